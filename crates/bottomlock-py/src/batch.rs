@@ -96,7 +96,15 @@ pub fn simulate_sensors<'py>(
         .detach(|| {
             truth.view().validate()?;
             model.validate()?;
-            sensors::simulate(&truth.view(), &geometry.inner, &model, &schedule.view(), sampling, &key)
+            sensors::simulate(
+                &truth.view(),
+                &geometry.inner,
+                &model,
+                &model,
+                &schedule.view(),
+                sampling,
+                &key,
+            )
         })
         .map_err(raise)?;
 

@@ -231,6 +231,7 @@ fn one_run(batch: &Batch<'_>, index: usize) -> Result<Vec<ArmRecord>, NavError> 
         &batch.truth,
         batch.geometry,
         batch.simulated,
+        batch.assumed,
         &schedule,
         batch.options.sampling,
         &key,

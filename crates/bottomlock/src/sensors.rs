@@ -262,7 +262,7 @@ pub struct Streams {
     pub gps: Vec<GpsSample>,
 }
 
-/// Draws every stream of one run.
+/// Draws every stream of one run; a reading carries the standard deviation that `claimed` says, whatever made its error.
 ///
 /// # Errors
 /// [`NavError`] for a truth, a model or a schedule that makes no sense (truth and model are taken as validated by the caller).
@@ -270,6 +270,7 @@ pub fn simulate(
     truth: &Truth<'_>,
     geometry: &BeamGeometry,
     model: &Model,
+    claimed: &Model,
     schedule: &Schedule<'_>,
     sampling: Sampling,
     key: &RunKey,
@@ -285,7 +286,7 @@ pub fn simulate(
     let mut initial = true_state(truth, 0);
     initial.inject(&-initial_error(model, key));
     initial.time_ns = truth.time_ns[0];
-    let dvl = dvl_streams(truth, geometry, model, schedule, key)?;
+    let dvl = dvl_streams(truth, geometry, model, claimed, schedule, key)?;
     Ok(Streams {
         initial,
         imu,
@@ -295,9 +296,9 @@ pub fn simulate(
         beam_bias_mps: dvl.bias,
         scale_factor: dvl.scale,
         first_dvl: dvl.first,
-        depth: depth_stream(truth, model, schedule.depth_time_ns, key)?,
-        attitude: attitude_stream(truth, model, schedule.magnetometer_time_ns, key)?,
-        gps: gps_stream(truth, model, schedule.gps_time_ns, key)?,
+        depth: depth_stream(truth, model, claimed, schedule.depth_time_ns, key)?,
+        attitude: attitude_stream(truth, model, claimed, schedule.magnetometer_time_ns, key)?,
+        gps: gps_stream(truth, model, claimed, schedule.gps_time_ns, key)?,
     })
 }
 
@@ -399,6 +400,7 @@ fn dvl_streams(
     truth: &Truth<'_>,
     geometry: &BeamGeometry,
     model: &Model,
+    claimed: &Model,
     schedule: &Schedule<'_>,
     key: &RunKey,
 ) -> Result<DvlStreams, NavError> {
@@ -438,7 +440,7 @@ fn dvl_streams(
         let mut ping = BeamSample {
             time_ns,
             velocity_mps: [f64::NAN; MAX_BEAMS],
-            sd_mps: [dvl.beam_noise_sd_mps; MAX_BEAMS],
+            sd_mps: [claimed.dvl.beam_noise_sd_mps; MAX_BEAMS],
             valid,
         };
         for beam in 0..geometry.beams() {
@@ -462,14 +464,25 @@ fn dvl_streams(
     Ok(out)
 }
 
-fn depth_stream(truth: &Truth<'_>, model: &Model, times: &[i64], key: &RunKey) -> Result<Vec<DepthSample>, NavError> {
+fn depth_stream(
+    truth: &Truth<'_>,
+    model: &Model,
+    claimed: &Model,
+    times: &[i64],
+    key: &RunKey,
+) -> Result<Vec<DepthSample>, NavError> {
     let mut normals = Normals::new(key, Stream::Depth, 0);
     let sd_m = model.depth.sd_m;
+    let claimed_sd_m = claimed.depth.sd_m;
     times
         .iter()
         .map(|&time_ns| {
             let depth_m = truth.at("depth", time_ns)?.position_t_m.z + sd_m * normals.one();
-            Ok(DepthSample { time_ns, depth_m, sd_m })
+            Ok(DepthSample {
+                time_ns,
+                depth_m,
+                sd_m: claimed_sd_m,
+            })
         })
         .collect()
 }
@@ -477,6 +490,7 @@ fn depth_stream(truth: &Truth<'_>, model: &Model, times: &[i64], key: &RunKey) -
 fn attitude_stream(
     truth: &Truth<'_>,
     model: &Model,
+    claimed: &Model,
     times: &[i64],
     key: &RunKey,
 ) -> Result<Vec<AttitudeSample>, NavError> {
@@ -492,14 +506,20 @@ fn attitude_stream(
             Ok(AttitudeSample {
                 time_ns,
                 attitude_t_p: Rot::from_quaternion_wxyz([quaternion.w, quaternion.i, quaternion.j, quaternion.k]),
-                roll_pitch_sd_rad: tilt,
-                yaw_sd_rad: magnetometer.yaw_sd_rad,
+                roll_pitch_sd_rad: claimed.magnetometer.roll_pitch_sd_rad,
+                yaw_sd_rad: claimed.magnetometer.yaw_sd_rad,
             })
         })
         .collect()
 }
 
-fn gps_stream(truth: &Truth<'_>, model: &Model, times: &[i64], key: &RunKey) -> Result<Vec<GpsSample>, NavError> {
+fn gps_stream(
+    truth: &Truth<'_>,
+    model: &Model,
+    claimed: &Model,
+    times: &[i64],
+    key: &RunKey,
+) -> Result<Vec<GpsSample>, NavError> {
     let mut position = Normals::new(key, Stream::GpsPosition, 0);
     let mut velocity = Normals::new(key, Stream::GpsVelocity, 0);
     let gps = model.gps;
@@ -511,9 +531,9 @@ fn gps_stream(truth: &Truth<'_>, model: &Model, times: &[i64], key: &RunKey) -> 
             Ok(GpsSample {
                 time_ns,
                 position_t_m: (instant.position_t_m + position.each(&gps.position_sd_m)).into(),
-                position_sd_m: gps.position_sd_m,
+                position_sd_m: claimed.gps.position_sd_m,
                 velocity_t_mps: (velocity_t + velocity.each(&gps.velocity_sd_mps)).into(),
-                velocity_sd_mps: gps.velocity_sd_mps,
+                velocity_sd_mps: claimed.gps.velocity_sd_mps,
             })
         })
         .collect()
