@@ -1,9 +1,9 @@
 """Check that docs/equations.md, the code and the tests speak of the same equations.
 
-Three rules: the table of the 2017 paper has each of Eqs 1-49 once; every path in a row exists, and what
-follows `::` stands in that file; every equation and erratum cited in crates/ and python/ has its row. A citation
-without a year, or with 2017 before it on the line, means Tal et al. 2017; 2015 means Klein & Diamant 2015; any
-other year is another work and is passed over.
+Three rules: the table of the 2017 paper has each of Eqs 1-49 once; every path in a row exists, and
+what follows `::` stands in that file; every equation and erratum cited in crates/ and python/ has its row.
+A citation without a year, or with 2017 before it on the line, means Tal et al. 2017; 2015 means Klein &
+Diamant 2015; any other year is another work and is passed over.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parent.parent
 TABLE = "docs/equations.md"
 FIRST, LAST = 1, 49
 
-_SECTION = re.compile(r"^## .*\b(2015|2017|[Ee]rrata)\b")
+_SECTION = re.compile(r"^## (?:Equations of .*\b(2015|2017)|(Errata))\b")
 _ROW = re.compile(r"^\|\s*(E?\d+(?:\s*[-–]\s*\d+)?)\s*\|(.*)\|\s*$")
 _PATH = re.compile(r"`((?:crates|python|tests|tools|docs|data)/[^`:]+)(?:::([^`]+))?`")
 _NUMBER = r"\(?\d{1,2}\)?(?![\d.]*\.\d)(?!\d)"
@@ -53,22 +53,21 @@ def read_table(root: Path) -> Table:
     for line_number, line in enumerate((root / TABLE).read_text(encoding="utf-8").splitlines(), start=1):
         if line.startswith("## "):
             heading = _SECTION.match(line)
-            section = heading[1].lower() if heading else ""
+            section = (heading[1] or heading[2]) if heading else ""
         row = _ROW.match(line)
         if row is None or not section:
             continue
         place = f"{TABLE}:{line_number}"
-        if section == "errata":
+        if section == "Errata":
             errata.add(row[1])
         else:
             for number in numbers(row[1]):
                 if number in equations[section]:
                     complaints.append(f"{place}: Eq. {number} has two rows")
                 equations[section].add(number)
-        paths = _PATH.findall(row[2])
-        complaints.extend(f"{place}: {problem}" for problem in _missing(root, paths))
+        complaints.extend(f"{place}: {problem}" for problem in _missing(root, _PATH.findall(row[2])))
         if section == "2017":
-            complaints.extend(f"{place}: row {row[1]} {problem}" for problem in _unwitnessed(paths))
+            complaints.extend(f"{place}: Eq. {row[1]} {problem}" for problem in _unwitnessed(root, row[2]))
     absent = sorted(set(range(FIRST, LAST + 1)) - equations["2017"])
     complaints.extend(f"{TABLE}: Eq. {number} has no row" for number in absent)
     return Table(equations, errata, complaints)
@@ -84,11 +83,18 @@ def _missing(root: Path, paths: list[tuple[str, str]]) -> list[str]:
     return problems
 
 
-def _unwitnessed(paths: list[tuple[str, str]]) -> list[str]:
-    """A row needs a place in the code and a test, which may be a module's own `mod tests`."""
-    problems = [] if any(path.startswith(("crates/", "python/")) for path, _ in paths) else ["names no code"]
-    if not any("tests" in path or "test" in name for path, name in paths):
+def _unwitnessed(root: Path, row: str) -> list[str]:
+    """A row's code cell names a place in the product, its test cell a test function by name."""
+    _what, _form, code, test, _errata = row.split("|")
+    problems = [] if re.search(r"`(?:crates|python)/", code) else ["names no code"]
+    tests = _PATH.findall(test)
+    if not tests:
         problems.append("names no test")
+    for path, name in tests:
+        file = root / path
+        text = file.read_text(encoding="utf-8") if file.is_file() else ""
+        if text and not re.search(rf"\b(?:fn|def) {re.escape(name)}\b", text):
+            problems.append(f"names a test that is no function: {path}::{name}")
     return problems
 
 
