@@ -176,7 +176,7 @@ fn rank(case: &Case) -> Option<usize> {
 const AXES: InformationPort = InformationPort::Axes;
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 40_000, max_global_rejects: 1_000_000, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 100_000, max_global_rejects: 10_000_000, ..ProptestConfig::default() })]
 
     /// Non-redundant masks, with DVL states and lever arms: the four are one.
     #[test]
@@ -193,7 +193,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 40_000, max_global_rejects: 1_000_000, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 100_000, max_global_rejects: 10_000_000, ..ProptestConfig::default() })]
 
     /// Any mask, redundant ones too, where the port knows velocity alone: no DVL states, one place for all transducers.
     #[test]
@@ -214,7 +214,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 20_000, max_global_rejects: 1_000_000, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 20_000, max_global_rejects: 10_000_000, ..ProptestConfig::default() })]
 
     /// Since the NIS is the same, the joint gate decides the same.
     #[test]
