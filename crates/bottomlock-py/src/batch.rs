@@ -5,8 +5,9 @@ use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::error_model::{Coefficients, dense_noise};
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::imu::{EarthTerms, Inertial, Sampling};
-use bottomlock::sensors::{self, RunKey, Schedule, Truth};
+use bottomlock::sensors::{self, RunKey, Schedule};
 use bottomlock::state::NavState;
+use bottomlock::truth::Truth;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 

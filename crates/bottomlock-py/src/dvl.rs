@@ -1,9 +1,8 @@
 //! Beam geometry and velocity from beams.
 
+use bottomlock::dvl::fix::{FixOutcome, PingContext, VelocityFix, VelocityPrior, solve};
 use bottomlock::dvl::geometry::{self as core, BeamMotion, BeamSample, Janus, MAX_BEAMS};
-use bottomlock::dvl::partial::{
-    Assumptions, Component, FixOutcome, Method, PingContext, Reason, VelocityFix, VelocityPrior, solve,
-};
+use bottomlock::dvl::partial::{Assumptions, Component, Method, Reason};
 use bottomlock::frames::{Rot, Vec3};
 use nalgebra::{Matrix3, Vector3};
 use numpy::PyArrayDyn;

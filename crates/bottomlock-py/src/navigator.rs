@@ -2,12 +2,12 @@
 
 use bottomlock::batch::arm;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
-use bottomlock::filter::{Sensor, UpdateReport, Verdict};
+use bottomlock::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, VelocitySample};
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::imu::ImuSample;
 use bottomlock::layout::DIM;
-use bottomlock::run::{self as core, Event, HeadingSample, VelocitySample};
-use bottomlock::sensors::{AttitudeSample, DepthSample, GpsSample};
+use bottomlock::report::{Sensor, UpdateReport, Verdict};
+use bottomlock::run as core;
 use bottomlock::state::{Covariance, NavState};
 use nalgebra::{Matrix3, Vector4};
 use numpy::PyArrayDyn;

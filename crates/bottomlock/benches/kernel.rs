@@ -3,60 +3,28 @@
 //! `predict/structured` against `predict/dense` is the house's bar (at least 4 times); both work on the same data, first order at
 //! every step.
 
+// Helpers outside `#[test]` functions fail loudly too.
+#![allow(clippy::unwrap_used)]
+
 use std::hint::black_box;
 
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::dvl::partial::{Assumptions, BeamNoise, Method, plan};
-use bottomlock::earth::Environment;
 use bottomlock::error_model::{Coefficients, Interval, ProcessNoise, dense_noise};
-use bottomlock::filter::{Eskf, Sensor};
+use bottomlock::filter::Eskf;
 use bottomlock::frames::Vec3;
 use bottomlock::imu::{EarthTerms, ImuSample, Inertial, Kinematics};
 use bottomlock::lane::Four;
 use bottomlock::layout::DIM;
 use bottomlock::model::*;
+use bottomlock::report::Sensor;
 use bottomlock::state::NavState;
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix3, SMatrix};
 
 type Dense = SMatrix<f64, DIM, DIM>;
 const DT: f64 = 1.0 / 150.0;
-
-fn model() -> Model {
-    Model {
-        environment: Environment::normal(0.5725, 0.0),
-        imu: ImuModel {
-            accel_noise_mps_rts: 0.0012,
-            gyro_noise_rad_rts: 9.9e-5,
-            accel_bias_sd_mps2: 4.9e-3,
-            gyro_bias_sd_radps: 1.45e-5,
-            accel_bias_walk_mps2_rts: 1e-5,
-            gyro_bias_walk_radps_rts: 4.9e-7,
-        },
-        dvl: DvlModel {
-            beam_noise_sd_mps: 0.042,
-            beam_bias_sd_mps: 0.005,
-            beam_bias_walk_mps_rts: 5e-5,
-            scale_factor_sd: 0.007,
-            scale_factor_walk_rts: 5e-5,
-        },
-        initial: InitialModel {
-            position_sd_m: [2.0; 3],
-            attitude_sd_rad: [0.01, 0.01, 0.02],
-            velocity_sd_mps: [0.05; 3],
-        },
-        depth: DepthModel { sd_m: 0.02 },
-        magnetometer: MagnetometerModel {
-            yaw_sd_rad: 0.1,
-            roll_pitch_sd_rad: 0.02,
-        },
-        gps: GpsModel {
-            position_sd_m: [2.0; 3],
-            velocity_sd_mps: [0.1; 3],
-        },
-    }
-}
 
 fn moving() -> (Kinematics<f64>, Inertial<f64>, EarthTerms, ProcessNoise) {
     let mut state = NavState::at_rest(0);
@@ -68,15 +36,15 @@ fn moving() -> (Kinematics<f64>, Inertial<f64>, EarthTerms, ProcessNoise) {
     (
         state.kinematics(),
         inertial,
-        EarthTerms::from(&model().environment),
-        model().process_noise(true),
+        EarthTerms::from(&Model::table_2().environment),
+        Model::table_2().process_noise(true),
     )
 }
 
 fn predict(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("predict");
     let (kinematics, inertial, earth, noise) = moving();
-    let start = model().initial_covariance(true);
+    let start = Model::table_2().initial_covariance(true);
 
     group.bench_function("structured", |bencher| {
         let (mut p, mut k) = (start, kinematics);
@@ -102,7 +70,7 @@ fn predict(criterion: &mut Criterion) {
         });
     });
     group.bench_function("structured_10_hz", |bencher| {
-        let mut filter = Eskf::new(NavState::at_rest(0), &model(), &Options::default()).unwrap();
+        let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &Options::default()).unwrap();
         let sample = |time_ns| ImuSample {
             time_ns,
             rate_p_radps: Vec3::from_array(inertial.rate_p_radps),
@@ -146,7 +114,7 @@ fn update(criterion: &mut Criterion) {
             sd_mps: [0.042; MAX_BEAMS],
             valid: BeamMask::all(beams),
         };
-        let filter = Eskf::new(NavState::at_rest(0), &model(), &Options::default()).unwrap();
+        let filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &Options::default()).unwrap();
         group.bench_function(format!("tight_{beams}"), |bencher| {
             bencher.iter(|| {
                 let mut filter = filter.clone();

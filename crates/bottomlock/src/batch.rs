@@ -3,13 +3,15 @@
 use crate::dvl::geometry::{BeamGeometry, BeamMask};
 use crate::dvl::partial::Method;
 use crate::error::NavError;
-use crate::filter::{Sensor, UpdateReport, nees};
+use crate::events::Event;
 use crate::frames::Vec3;
 use crate::layout::{ATTITUDE, DIM};
 use crate::model::{Model, Options};
-use crate::run::{BeamAiding, Event, Navigator};
-use crate::sensors::{RunKey, Schedule, Streams, Truth, simulate, true_state};
+use crate::report::{Sensor, UpdateReport, nees};
+use crate::run::{BeamAiding, Navigator};
+use crate::sensors::{RunKey, Schedule, Streams, simulate};
 use crate::state::NavState;
+use crate::truth::{Truth, true_state};
 
 /// A way of aiding, by its short name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -26,14 +26,17 @@ pub mod dvl;
 pub mod earth;
 pub mod error;
 pub mod error_model;
+pub mod events;
 pub mod filter;
 pub mod frames;
 pub mod imu;
 pub mod lane;
 pub mod layout;
 pub mod model;
+pub mod report;
 pub mod run;
 pub mod sensors;
 pub mod state;
+pub mod truth;
 
 pub use error::NavError;

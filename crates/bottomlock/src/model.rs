@@ -100,6 +100,45 @@ pub struct Model {
 }
 
 impl Model {
+    /// Table 2 of Tal et al. 2017 as read in `docs/equations.md`, at the latitude of Haifa.
+    #[must_use]
+    pub fn table_2() -> Self {
+        let degree = std::f64::consts::PI / 180.0;
+        let root_hour = 60.0;
+        Self {
+            environment: Environment::normal(32.8 * degree, 0.0),
+            imu: ImuModel {
+                accel_noise_mps_rts: 0.072 / root_hour,
+                gyro_noise_rad_rts: 0.34 * degree / root_hour,
+                accel_bias_sd_mps2: 0.5e-3 * 9.806_65,
+                gyro_bias_sd_radps: 3.0 * degree / 3600.0,
+                accel_bias_walk_mps2_rts: 1e-5,
+                gyro_bias_walk_radps_rts: 2.8e-5 * degree,
+            },
+            dvl: DvlModel {
+                beam_noise_sd_mps: 0.042,
+                beam_bias_sd_mps: 0.005,
+                beam_bias_walk_mps_rts: 5e-5,
+                scale_factor_sd: 0.007,
+                scale_factor_walk_rts: 5e-5,
+            },
+            initial: InitialModel {
+                position_sd_m: [2.0; 3],
+                attitude_sd_rad: [0.01, 0.01, 0.02],
+                velocity_sd_mps: [0.05; 3],
+            },
+            depth: DepthModel { sd_m: 0.02 },
+            magnetometer: MagnetometerModel {
+                yaw_sd_rad: 0.1,
+                roll_pitch_sd_rad: 0.02,
+            },
+            gps: GpsModel {
+                position_sd_m: [2.0; 3],
+                velocity_sd_mps: [0.1; 3],
+            },
+        }
+    }
+
     /// Checks every number.
     ///
     /// # Errors

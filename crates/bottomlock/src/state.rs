@@ -122,7 +122,7 @@ mod tests {
     /// inject() and error_of() are inverse to each other, near the vertical too.
     #[test]
     fn inject_inverts_error_of() {
-        for pitch in [0.2, 1.569, -1.5707] {
+        for pitch in [0.2, 1.569, -1.569] {
             let mut state = NavState::at_rest(0);
             state.attitude_t_p = Rot::from_euler_rad(0.3, pitch, -2.0);
             let truth_error = ErrorVector::from_fn(|i, _| 0.01 * (i as f64 - 7.0));

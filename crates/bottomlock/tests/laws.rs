@@ -1,57 +1,26 @@
 //! Laws across modules: streaming = batch, bits, the 15-state filter, perfect sensors, hostile input.
 
+// Helpers outside `#[test]` functions fail loudly too.
+#![allow(clippy::unwrap_used)]
+
 use bottomlock::NavError;
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::batch::{ARMS, Batch, arm, run_batch};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use bottomlock::earth::Environment;
 use bottomlock::error_model::{Coefficients, dense_noise};
+use bottomlock::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, VelocitySample};
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::imu::{EarthTerms, ImuSample, Inertial, Sampling};
 use bottomlock::layout::DIM;
 use bottomlock::model::*;
-use bottomlock::run::{BeamAiding, Event, HeadingSample, Navigator, VelocitySample};
-use bottomlock::sensors::{AttitudeSample, DepthSample, GpsSample, RunKey, Schedule, Truth, simulate};
+use bottomlock::run::{BeamAiding, Navigator};
+use bottomlock::sensors::{RunKey, Schedule, simulate};
 use bottomlock::state::{Covariance, NavState};
+use bottomlock::truth::Truth;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use proptest::prelude::*;
 
 const SECOND: i64 = 1_000_000_000;
-
-fn table_2() -> Model {
-    Model {
-        environment: Environment::normal(0.5725, 0.0),
-        imu: ImuModel {
-            accel_noise_mps_rts: 0.0012,
-            gyro_noise_rad_rts: 9.9e-5,
-            accel_bias_sd_mps2: 4.9e-3,
-            gyro_bias_sd_radps: 1.45e-5,
-            accel_bias_walk_mps2_rts: 1e-5,
-            gyro_bias_walk_radps_rts: 4.9e-7,
-        },
-        dvl: DvlModel {
-            beam_noise_sd_mps: 0.042,
-            beam_bias_sd_mps: 0.005,
-            beam_bias_walk_mps_rts: 5e-5,
-            scale_factor_sd: 0.007,
-            scale_factor_walk_rts: 5e-5,
-        },
-        initial: InitialModel {
-            position_sd_m: [2.0; 3],
-            attitude_sd_rad: [0.01, 0.01, 0.02],
-            velocity_sd_mps: [0.05; 3],
-        },
-        depth: DepthModel { sd_m: 0.02 },
-        magnetometer: MagnetometerModel {
-            yaw_sd_rad: 0.1,
-            roll_pitch_sd_rad: 0.02,
-        },
-        gps: GpsModel {
-            position_sd_m: [2.0; 3],
-            velocity_sd_mps: [0.1; 3],
-        },
-    }
-}
 
 fn perfect() -> Model {
     Model {
@@ -67,7 +36,7 @@ fn perfect() -> Model {
             position_sd_m: [0.0; 3],
             velocity_sd_mps: [0.0; 3],
         },
-        ..table_2()
+        ..Model::table_2()
     }
 }
 
@@ -83,7 +52,7 @@ struct Turn {
 
 impl Turn {
     fn new(seconds: i64, yaw_rate: f64) -> Self {
-        let environment = table_2().environment;
+        let environment = Model::table_2().environment;
         let (earth, gravity) = (
             environment.earth_rate_t_radps().0,
             Vector3::new(0.0, 0.0, environment.gravity_mps2),
@@ -218,7 +187,7 @@ fn bits_do_not_depend_on_threads_or_chunks() {
     let (turn, epochs, model, options, geometry) = (
         Turn::new(8, 0.05),
         Epochs::new(8),
-        table_2(),
+        Model::table_2(),
         Options::default(),
         janus(),
     );
@@ -253,7 +222,7 @@ fn bits_do_not_depend_on_threads_or_chunks() {
 /// Switching a sensor off shifts no other stream, and a lost beam is drawn like the others.
 #[test]
 fn streams_are_independent() {
-    let (turn, mut epochs, model, geometry) = (Turn::new(5, 0.05), Epochs::new(5), table_2(), janus());
+    let (turn, mut epochs, model, geometry) = (Turn::new(5, 0.05), Epochs::new(5), Model::table_2(), janus());
     let key = RunKey {
         seed: 1,
         trajectory: 2,
@@ -288,7 +257,7 @@ fn streaming_is_batch_bit_for_bit() {
     let (turn, epochs, model, options, geometry) = (
         Turn::new(8, 0.05),
         Epochs::new(8),
-        table_2(),
+        Model::table_2(),
         Options::default(),
         janus(),
     );
@@ -344,7 +313,7 @@ fn streaming_is_batch_bit_for_bit() {
 /// Perfect sensors return the truth, for both meanings of an IMU sample, with aids at odd times splitting the steps.
 #[test]
 fn perfect_sensors_return_the_truth() {
-    let (turn, epochs, assumed, geometry) = (Turn::new(60, 0.05), Epochs::new(60), table_2(), janus());
+    let (turn, epochs, assumed, geometry) = (Turn::new(60, 0.05), Epochs::new(60), Model::table_2(), janus());
     for sampling in [Sampling::Instantaneous, Sampling::Averaged] {
         let options = Options {
             sampling,
@@ -377,7 +346,7 @@ type P15 = SMatrix<f64, 15, 15>;
 /// The 15-state filter, written out densely, is the 20-state filter with frozen DVL blocks.
 #[test]
 fn fifteen_states_are_twenty_with_frozen_dvl() {
-    let (turn, model, geometry) = (Turn::new(4, 0.05), table_2(), janus());
+    let (turn, model, geometry) = (Turn::new(4, 0.05), Model::table_2(), janus());
     let epochs = Epochs::new(4);
     let options = Options {
         estimate_dvl: false,
@@ -475,7 +444,7 @@ fn disorder_in_time_is_refused() {
         NavState::at_rest(0),
         janus(),
         BeamAiding::Tight,
-        &table_2(),
+        &Model::table_2(),
         &Options::default(),
     )
     .unwrap();
@@ -512,7 +481,14 @@ fn gate_per_row_drops_the_bad_beam() {
         gate: Gate::PerRow,
         ..Options::default()
     };
-    let mut navigator = Navigator::new(NavState::at_rest(0), janus(), BeamAiding::Tight, &table_2(), &options).unwrap();
+    let mut navigator = Navigator::new(
+        NavState::at_rest(0),
+        janus(),
+        BeamAiding::Tight,
+        &Model::table_2(),
+        &options,
+    )
+    .unwrap();
     let imu = ImuSample {
         time_ns: 1,
         rate_p_radps: Vec3::zeros(),
@@ -533,7 +509,7 @@ fn gate_per_row_drops_the_bad_beam() {
         .unwrap();
     assert_eq!(
         verdicts,
-        vec![bottomlock::filter::Verdict::AcceptedInPart { rejected_rows: 2 }]
+        vec![bottomlock::report::Verdict::AcceptedInPart { rejected_rows: 2 }]
     );
     assert!(navigator.state().velocity_p_mps.0.norm() < 0.01);
 }
@@ -597,7 +573,7 @@ proptest! {
     #[test]
     fn hostile_input_never_panics(events in prop::collection::vec(event(), 1..40), index in 0_usize..ARMS.len(), slow in any::<bool>()) {
         let options = Options { covariance_period_ns: if slow { 100_000_000 } else { 0 }, ..Options::default() };
-        let mut navigator = Navigator::new(NavState::at_rest(0), janus(), ARMS[index].aiding, &table_2(), &options).unwrap();
+        let mut navigator = Navigator::new(NavState::at_rest(0), janus(), ARMS[index].aiding, &Model::table_2(), &options).unwrap();
         for event in &events {
             let failed = navigator.push(event, &mut |_| {}).is_err();
             let finite = navigator.state().validate().is_ok();
@@ -611,7 +587,7 @@ proptest! {
     /// After any honest sequence of updates P is symmetric to the bit and its diagonal positive.
     #[test]
     fn covariance_stays_symmetric(masks in prop::collection::vec(0_usize..16, 1..30), index in 0_usize..ARMS.len()) {
-        let mut navigator = Navigator::new(NavState::at_rest(0), janus(), ARMS[index].aiding, &table_2(), &Options::default()).unwrap();
+        let mut navigator = Navigator::new(NavState::at_rest(0), janus(), ARMS[index].aiding, &Model::table_2(), &Options::default()).unwrap();
         for (k, mask) in masks.iter().enumerate() {
             let time_ns = (k as i64 + 1) * 100_000_000;
             let imu = ImuSample { time_ns, rate_p_radps: Vec3::new(0.01, 0.0, 0.05), force_p_mps2: Vec3::new(0.0, 0.1, -9.8) };

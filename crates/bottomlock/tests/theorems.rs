@@ -4,14 +4,20 @@
 //! form through the full covariance. With redundant beams the same holds where the filter has no DVL states; with them the closure
 //! row of a fourth beam tells tight coupling something about the beam biases that a velocity cannot carry.
 
+// Helpers outside `#[test]` functions fail loudly too.
+#![allow(clippy::unwrap_used)]
+
+use std::f64::consts::TAU;
+
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::dvl::partial::Method;
 use bottomlock::earth::Environment;
+use bottomlock::events::Event;
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::imu::ImuSample;
 use bottomlock::layout::{DIM, DVL_BIAS};
 use bottomlock::model::*;
-use bottomlock::run::{BeamAiding, Event, Navigator};
+use bottomlock::run::{BeamAiding, Navigator};
 use bottomlock::state::{Covariance, NavState};
 use nalgebra::{Matrix3, Vector3, Vector4};
 use proptest::prelude::*;
@@ -81,7 +87,7 @@ fn geometry() -> impl Strategy<Value = BeamGeometry> {
         .prop_map(|(beams, angles, levers, turn)| {
             let tilts: Vec<f64> = angles.iter().take(beams).map(|a| a.0).collect();
             let azimuths: Vec<f64> = (0..beams)
-                .map(|k| turn + 6.2831 * k as f64 / beams as f64 + angles[k].1)
+                .map(|k| turn + TAU * k as f64 / beams as f64 + angles[k].1)
                 .collect();
             let levers: Vec<_> = (0..beams)
                 .map(|k| Vec3::new(levers[3 * k], levers[3 * k + 1], levers[3 * k + 2]))

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 
+use super::fix::*;
 use super::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use super::partial::*;
 use crate::frames::{Platform, Rot, Vec3};
