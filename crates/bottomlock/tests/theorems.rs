@@ -82,7 +82,7 @@ fn geometry() -> impl Strategy<Value = BeamGeometry> {
         3_usize..=5,
         prop::collection::vec((0.2_f64..0.7, -0.25_f64..0.25), 5),
         prop::collection::vec(-1.0_f64..1.0, 15),
-        0.0_f64..6.28,
+        0.0_f64..TAU,
     )
         .prop_map(|(beams, angles, levers, turn)| {
             let tilts: Vec<f64> = angles.iter().take(beams).map(|a| a.0).collect();

@@ -273,7 +273,7 @@ fn nullified_sway(mut rows: Rows, beams: LeastSquares, assumptions: &Assumptions
     Ok(FixPlan::whole(Method::NullifiedSway, solution))
 }
 
-/// VB, Eqs. (23)–(30): missing beams, lowest number first, are virtualised until the rank is 3.
+/// VB, Eqs. (23)–(30): missing beams are virtualised until the rank is 3.
 ///
 /// σ_v3 = n_f √(b₃ᵀ P_vv b₃) with the whole P_vv (erratum E6).
 fn virtual_beam(
@@ -287,19 +287,21 @@ fn virtual_beam(
 ) -> Result<FixPlan, NavError> {
     positive("virtual_beam_factor", factor)?;
     let mut chosen = [None; 2];
-    let mut rank = beams.rank;
-    for beam in (0..geometry.beams()).filter(|&beam| !valid.contains(beam)) {
-        let slot = 3 - rank;
-        if slot == 0 {
-            break;
+    let (mut rank, mut null) = (beams.rank, beams.null);
+    while rank < 3 {
+        // The missing beam that looks most along the unseen axes keeps the system best conditioned; the lowest number among equals.
+        let reach = |beam: usize| (null.transpose() * geometry.direction_p(beam)).norm();
+        let mut best = None;
+        for beam in (0..geometry.beams()).filter(|&beam| !valid.contains(beam)) {
+            if reach(beam) > best.map_or(1e-7, |other| reach(other) * (1.0 + 1e-9)) {
+                best = Some(beam);
+            }
         }
-        let index = chosen.iter().filter(|c| c.is_some()).count();
-        let mut trial = rows.clone();
-        trial.put(VIRTUAL_SLOT + index, *geometry.direction_p(beam), 1.0);
-        let new_rank = trial.null_space().0;
-        if new_rank > rank {
-            (rows, rank, chosen[index]) = (trial, new_rank, Some(beam));
-        }
+        let Some(beam) = best else { break };
+        let index = usize::from(chosen[0].is_some());
+        rows.put(VIRTUAL_SLOT + index, *geometry.direction_p(beam), 1.0);
+        chosen[index] = Some(beam);
+        (rank, null) = rows.null_space();
     }
     if rank < 3 {
         return Ok(FixPlan::refused(method, Reason::OutsideRowSpace, beams));

@@ -177,7 +177,11 @@ fn selector_is_nullified_sway_in_disguise() {
 fn one_beam() {
     let vb = fix(Method::VirtualBeam, &[1], &Assumptions::default());
     assert!((0..3).all(|k| vb.plan.is_solved(k)));
-    assert_eq!(vb.plan.virtual_beams, [Some(0), Some(2)]);
+    assert_eq!(
+        vb.plan.virtual_beams,
+        [Some(3), Some(0)],
+        "the opposite beam first, then the lowest number of equals"
+    );
     let nsv = fix(Method::NullifiedSway, &[1], &Assumptions::default());
     assert_eq!(
         nsv.plan.components,
