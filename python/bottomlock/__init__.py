@@ -1,8 +1,9 @@
 """Aided inertial navigation with whatever Doppler velocity log beams are left.
 
-Frames: tangent north-east-down, fixed to the Earth; platform forward-right-down. Quaternions are scalar first and map platform
-to tangent. SI units and radians; time is integer nanoseconds. Errors are true minus estimate. Beams are numbered from 1 in text
-and columns and from 0 in arrays.
+Frames: tangent north-east-down, fixed to the Earth; platform forward-right-down. Quaternions are scalar first
+and map platform
+to tangent. SI units and radians; time is integer nanoseconds. Errors are true minus estimate. Beams are
+numbered from 1 in text and columns and from 0 in arrays.
 """
 
 import importlib

@@ -1,10 +1,26 @@
-"""Typed contract of the compiled kernel. SI units, radians, int64 nanoseconds; tangent NED, platform FRD, quaternions scalar first."""
+"""Typed contract of the compiled kernel.
+
+SI units, radians, int64 nanoseconds; tangent NED, platform FRD, quaternions scalar first.
+"""
 
 from typing import Any, Final, Literal, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+__all__ = [
+    "ARMS",
+    "EARTH_RATE_RADPS",
+    "BeamGeometry",
+    "KernelError",
+    "Navigator",
+    "__version__",
+    "error_model",
+    "normal_gravity_mps2",
+    "run_batch",
+    "simulate_sensors",
+    "solve_velocity",
+]
 __version__: Final[str]
 EARTH_RATE_RADPS: Final[float]
 ARMS: Final[tuple[str, ...]]
@@ -201,7 +217,9 @@ class Navigator:
         arm: str = "tc",
         covariance: ArrayLike | None = None,
     ) -> Navigator: ...
-    def push_imu(self, time_ns: int, rate_p_radps: ArrayLike, force_p_mps2: ArrayLike) -> list[ReportDict]: ...
+    def push_imu(
+        self, time_ns: int, rate_p_radps: ArrayLike, force_p_mps2: ArrayLike
+    ) -> list[ReportDict]: ...
     def push_imu_block(
         self, time_ns: ArrayLike, rate_p_radps: ArrayLike, force_p_mps2: ArrayLike
     ) -> list[ReportDict]: ...

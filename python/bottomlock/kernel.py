@@ -179,7 +179,8 @@ def solve_velocity(
         One row per ping. Lost beams and unobservable components are values, not errors.
 
     Raises:
-        KernelError: for a wrong shape or type, an unknown method, or a valid beam without a finite velocity; the message names
+        KernelError: for a wrong shape or type, an unknown method, or a valid beam without a finite velocity;
+        the message names
             row and beam.
 
     Examples:
@@ -190,7 +191,11 @@ def solve_velocity(
         >>> float(fixes.velocity_p_mps[0, 0].round(6)), COMPONENT_STATUS[fixes.component[0, 1]]
         (2.0, 'outside_row_space')
     """
-    sd = np.broadcast_to(np.asarray(beam_sd_mps, dtype=np.float64), (geometry.beams,)) if np.ndim(beam_sd_mps) == 0 else beam_sd_mps
+    sd = (
+        np.broadcast_to(np.asarray(beam_sd_mps, dtype=np.float64), (geometry.beams,))
+        if np.ndim(beam_sd_mps) == 0
+        else beam_sd_mps
+    )
     solution = _kernel.solve_velocity(
         geometry,
         velocity_mps,

@@ -114,13 +114,17 @@ class Dvl(_Section):
         if self.configuration == "directions" and not self.directions:
             raise ValueError("configuration 'directions' needs directions, one unit vector per beam")
         if self.lever_arms_m is not None and len(self.lever_arms_m) != self.beams:
-            raise ValueError(f"lever_arms_m has {len(self.lever_arms_m)} entries, expected {self.beams}, one per beam")
+            raise ValueError(
+                f"lever_arms_m has {len(self.lever_arms_m)} entries, expected {self.beams}, one per beam"
+            )
         for beam in (*self.beams_lost, *(beam for outage in self.outages for beam in outage.beams)):
             if beam > self.beams:
                 raise ValueError(f"lost beam {beam} does not exist, expected 1 to {self.beams}")
         for outage in self.outages:
             if outage.to_s <= outage.from_s:
-                raise ValueError(f"outage ends at {outage.to_s} s, expected after its start at {outage.from_s} s")
+                raise ValueError(
+                    f"outage ends at {outage.to_s} s, expected after its start at {outage.from_s} s"
+                )
         return self
 
 
@@ -248,7 +252,9 @@ class Scenario(_Section):
             ScenarioError: for a number out of range or an unknown or repeated arm.
         """
         change: dict[str, Any] = {"runs": runs, "seed": seed, "arms": None if arms is None else tuple(arms)}
-        content = self.campaign.model_dump() | {key: value for key, value in change.items() if value is not None}
+        content = self.campaign.model_dump() | {
+            key: value for key, value in change.items() if value is not None
+        }
         try:
             return self.model_copy(update={"campaign": Campaign.model_validate(content)})
         except ValidationError as error:
@@ -266,7 +272,9 @@ class Scenario(_Section):
             },
             "imu": {
                 "accel_noise_mps_rts": units.per_rt_s_from_per_rt_h(imu.accel_noise_mps_per_rt_h),
-                "gyro_noise_rad_rts": units.rad_from_deg(units.per_rt_s_from_per_rt_h(imu.gyro_noise_deg_per_rt_h)),
+                "gyro_noise_rad_rts": units.rad_from_deg(
+                    units.per_rt_s_from_per_rt_h(imu.gyro_noise_deg_per_rt_h)
+                ),
                 "accel_bias_sd_mps2": units.mps2_from_mg(imu.accel_bias_mg),
                 "gyro_bias_sd_radps": units.radps_from_deg_per_h(imu.gyro_bias_deg_per_h),
                 "accel_bias_walk_mps2_rts": imu.accel_bias_walk_mps2_per_rt_s,
@@ -311,7 +319,12 @@ _UNITS = (
     ("_deg_per_s", "deg/s"), ("_kg_per_m3", "kg/m³"), ("_m2ps2", "m²/s²"), ("_percent", "%"), ("_mps", "m/s"),
     ("_deg", "deg"), ("_mg", "mg"), ("_hz", "Hz"), ("_pa", "Pa"), ("_s", "s"), ("_m", "m"),
 )  # fmt: skip
-_BOUNDS = {"greater_than": ("gt", ">"), "greater_than_equal": ("ge", ">="), "less_than": ("lt", "<"), "less_than_equal": ("le", "<=")}
+_BOUNDS = {
+    "greater_than": ("gt", ">"),
+    "greater_than_equal": ("ge", ">="),
+    "less_than": ("lt", "<"),
+    "less_than_equal": ("le", "<="),
+}
 
 
 def _unit_of(key: str) -> str:
@@ -321,13 +334,19 @@ def _unit_of(key: str) -> str:
 def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
     for part in path:
         field = model.model_fields.get(str(part))
-        if field is None or not isinstance(field.annotation, type) or not issubclass(field.annotation, BaseModel):
+        if (
+            field is None
+            or not isinstance(field.annotation, type)
+            or not issubclass(field.annotation, BaseModel)
+        ):
             break
         model = field.annotation
     return list(model.model_fields)
 
 
-def explain(error: ValidationError, place: str, content: Mapping[str, Any], model: type[BaseModel] | None = None) -> str:
+def explain(
+    error: ValidationError, place: str, content: Mapping[str, Any], model: type[BaseModel] | None = None
+) -> str:
     """One line per fault: place, key, value found, what was expected, unit."""
     lines = []
     for fault in error.errors():
@@ -348,7 +367,9 @@ def explain(error: ValidationError, place: str, content: Mapping[str, Any], mode
         elif kind == "value_error":
             lines.append(f"{place}: {key + ': ' if key else ''}{context['error']}")
         else:
-            lines.append(f"{place}: '{key}' is {value!r}, expected {fault['msg'].removeprefix('Input should be ')}{unit}")
+            lines.append(
+                f"{place}: '{key}' is {value!r}, expected {fault['msg'].removeprefix('Input should be ')}{unit}"
+            )
     del content
     return "\n".join(dict.fromkeys(lines))
 
@@ -360,7 +381,9 @@ def packaged_scenarios() -> dict[str, str]:
     ['figure_eight', 'lawn_mower', 'straight']
     """
     folder = resources.files("bottomlock") / "scenarios"
-    names = sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+    names = sorted(
+        entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")
+    )
     return {name: load_scenario(name).description for name in names}
 
 
@@ -373,7 +396,8 @@ def load_scenario(source: str | Path) -> Scenario:
     """A scenario from a packaged name or a TOML file.
 
     Raises:
-        ScenarioError: for a file that is not there or cannot be read, ill-formed TOML (with line and column), a missing or
+        ScenarioError: for a file that is not there or cannot be read, ill-formed TOML (with line and column),
+        a missing or
             unknown key, or a value out of range; one line per fault.
     """
     path = Path(source)
@@ -423,7 +447,9 @@ def copy_scenario(name: str, destination: Path) -> Path:
     """
     text = _packaged_text(name)
     if text is None:
-        raise ScenarioError(f"no packaged scenario is called '{name}' (packaged: {', '.join(packaged_scenarios())})")
+        raise ScenarioError(
+            f"no packaged scenario is called '{name}' (packaged: {', '.join(packaged_scenarios())})"
+        )
     try:
         with destination.open("x", encoding="utf-8") as file:
             file.write(text)

@@ -21,7 +21,8 @@ RUNS: Mapping[str, pl.DataType] = {
     "fixes_accepted": pl.Int64(),
     "fixes_rejected": pl.Int64(),
 }
-"""A row per trajectory, run and arm: RMS over time and final norms of the error vectors; `nis_mean` is null without fixes."""
+"""A row per trajectory, run and arm: RMS over time and final norms of the error vectors; `nis_mean` is null
+without fixes."""
 
 ENSEMBLE: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -36,7 +37,8 @@ ENSEMBLE: Mapping[str, pl.DataType] = {
     "position_rms_m": pl.Float64(),
     "nees": pl.Float64(),
 }
-"""A row per trajectory, arm and second: RMS over runs with its 95 % bootstrap interval, mean NEES of the whole state."""
+"""A row per trajectory, arm and second: RMS over runs with its 95 % bootstrap interval, mean NEES of the whole
+state."""
 
 CONSISTENCY: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -50,8 +52,8 @@ CONSISTENCY: Mapping[str, pl.DataType] = {
     "part_inside": pl.Float64(),
     "verdict": pl.String(),
 }
-"""A row per trajectory, arm and kind of NEES: mean over runs and time, the 95 % chi-squared band of the mean over runs at one
-time, the part of the times at which it lies inside, and the verdict on the mean over time."""
+"""A row per trajectory, arm and kind of NEES: mean over runs and time, the 95 % chi-squared band of the mean
+over runs at one time, the part of the times at which it lies inside, and the verdict on the mean over time."""
 
 SAMPLES: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),

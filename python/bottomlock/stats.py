@@ -52,7 +52,7 @@ def runs_table(norms: pl.DataFrame, counts: pl.DataFrame) -> pl.DataFrame:
 
 
 def bootstrap_rms(squares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """95 % percentile interval of the RMS over the first axis (runs), by a bootstrap that depends on nothing but the data.
+    """95 % bootstrap interval of the RMS over the first axis (runs); it depends on nothing but the data.
 
     Whole runs are drawn, so the times of a run stay together.
 
@@ -74,7 +74,10 @@ def ensemble_table(norms: pl.DataFrame) -> pl.DataFrame:
         ordered = group.sort("run", "time_ns")
         times = ordered["time_ns"].unique().sort()
         shape = (-1, len(times))
-        squares = {name: ordered[name].to_numpy().reshape(shape) ** 2 for name in ("velocity_mps", "attitude_deg", "position_m")}
+        squares = {
+            name: ordered[name].to_numpy().reshape(shape) ** 2
+            for name in ("velocity_mps", "attitude_deg", "position_m")
+        }
         velocity_lo, velocity_hi = bootstrap_rms(squares["velocity_mps"])
         attitude_lo, attitude_hi = bootstrap_rms(squares["attitude_deg"])
         parts.append(
@@ -113,8 +116,8 @@ def nees_band(degrees: int, runs: int, probability: float = 0.95) -> tuple[float
 def consistency_table(norms: pl.DataFrame, *, full_degrees: int) -> pl.DataFrame:
     """A row per trajectory, arm and kind of NEES (`schema.CONSISTENCY`).
 
-    The verdict is on the mean over time, held against the band of the mean over runs: it is conservative, since the mean over
-    time scatters less than the value at one time.
+    The verdict is on the mean over time, held against the band of the mean over runs: it is conservative,
+    since the mean over time scatters less than the value at one time.
     """
     rows = []
     for (trajectory, arm), group in norms.group_by("trajectory", "arm", maintain_order=True):
@@ -124,17 +127,21 @@ def consistency_table(norms: pl.DataFrame, *, full_degrees: int) -> pl.DataFrame
             at_time = group.group_by("time_ns").agg(pl.col(quantity).mean()).sort("time_ns")[quantity]
             mean = float(np.mean(at_time.to_numpy()))
             inside = float(np.mean((at_time.to_numpy() >= low) & (at_time.to_numpy() <= high)))
-            verdict = "consistent" if low <= mean <= high else ("overconfident" if mean > high else "too cautious")
+            verdict = (
+                "consistent" if low <= mean <= high else ("overconfident" if mean > high else "too cautious")
+            )
             rows.append((trajectory, arm, quantity, degrees, runs, mean, low, high, inside, verdict))
     return pl.DataFrame(rows, schema=dict(CONSISTENCY), orient="row")
 
 
 def summary_table(ensemble: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:
-    """What a person wants to see at the end: RMS over runs at the last second, NEES and gate, per trajectory and arm."""
+    """RMS over runs at the last second, NEES and gate, per trajectory and arm: what a person wants to see."""
     last = ensemble.group_by("trajectory", "arm", maintain_order=True).last()
     gate = runs.group_by("trajectory", "arm", maintain_order=True).agg(
         pl.col("nees_mean").mean(),
         pl.col("nis_mean").mean(),
-        (pl.col("fixes_rejected").sum() / (pl.col("fixes_accepted") + pl.col("fixes_rejected")).sum()).alias("rejected_part"),
+        (pl.col("fixes_rejected").sum() / (pl.col("fixes_accepted") + pl.col("fixes_rejected")).sum()).alias(
+            "rejected_part"
+        ),
     )
     return last.drop("nees").join(gate, on=["trajectory", "arm"], maintain_order="left")

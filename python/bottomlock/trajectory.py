@@ -1,8 +1,9 @@
 """Truth, and analytic motions with exact derivatives.
 
-A motion is its Euler angles and body velocity as functions of time with exact first derivatives; angular rate and specific
-force follow from the mechanisation itself, position by Gauss-Legendre quadrature of R v (exact to rounding). So a perfect
-IMU led through the strapdown step returns the motion.
+A motion is its Euler angles and body velocity as functions of time with exact first derivatives; angular rate
+and specific
+force follow from the mechanisation itself, position by Gauss-Legendre quadrature of R v (exact to rounding).
+So a perfect IMU led through the strapdown step returns the motion.
 """
 
 import math
@@ -63,14 +64,19 @@ class Truth:
         norms = np.linalg.norm(self.attitude_t_p, axis=1)
         bad = np.flatnonzero(np.abs(norms - 1.0) > 1e-6)
         if bad.size:
-            raise DataError(f"truth attitude_t_p has norm {norms[bad[0]]:.6g} at row {bad[0]}, expected 1 (scalar first)")
+            raise DataError(
+                f"truth attitude_t_p has norm {norms[bad[0]]:.6g} at row {bad[0]}, expected 1 (scalar first)"
+            )
 
     @classmethod
-    def from_arrays(cls, *, latitude_rad: float, gravity_mps2: float, time_ns: ArrayLike, **arrays: ArrayLike) -> Self:
+    def from_arrays(
+        cls, *, latitude_rad: float, gravity_mps2: float, time_ns: ArrayLike, **arrays: ArrayLike
+    ) -> Self:
         """A truth from array-likes under the attributes' names.
 
         Raises:
-            DataError: for a wrong name or shape, time that does not increase, numbers that are not finite, or quaternions
+            DataError: for a wrong name or shape, time that does not increase, numbers that are not finite, or
+            quaternions
                 that are not of length 1.
         """
         wanted = {field.name for field in fields(cls)} - {"time_ns", "latitude_rad", "gravity_mps2"}
@@ -79,8 +85,12 @@ class Truth:
         times = np.ascontiguousarray(time_ns)
         if not np.issubdtype(times.dtype, np.integer):
             raise DataError("truth time_ns must be integer nanoseconds")
-        values: dict[str, Any] = {name: np.ascontiguousarray(value, np.float64) for name, value in arrays.items()}
-        return cls(time_ns=times.astype(np.int64), latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, **values)
+        values: dict[str, Any] = {
+            name: np.ascontiguousarray(value, np.float64) for name, value in arrays.items()
+        }
+        return cls(
+            time_ns=times.astype(np.int64), latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, **values
+        )
 
     def kernel_arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays as the kernel wants them."""
@@ -106,9 +116,9 @@ Motion = Callable[[Array], Attitudes]
 
 
 def smootherstep(x: Array) -> tuple[Array, Array, Array, Array]:
-    """Rise from 0 to 1 over x in [0, 1] with three vanishing derivatives at both ends: integral, value, slope, curvature.
+    """Integral, value, slope and curvature of a rise from 0 to 1 over x in [0, 1], three derivatives zero at its ends.
 
-    >>> [float(part) for part in smootherstep(np.array(1.0))]
+    >>> [abs(float(part)) for part in smootherstep(np.array(1.0))]
     [0.5, 1.0, 0.0, 0.0]
     """
     y = np.clip(x, 0.0, 1.0)
@@ -173,16 +183,20 @@ def _constant_turn(settings: Trajectory) -> Motion:
 
 
 def _figure_eight(settings: Trajectory) -> Motion:
-    """One whole circle to starboard, one to port; the reversal is centred, so both turn by 360 degrees less half a blend."""
+    """One whole circle to starboard, one to port; the reversal is centred between them."""
     half = settings.duration_s / 2.0
     rate = 2.0 * math.pi / half
     yaw_rate = Profile(((half - _BLEND_S, 2.0 * _BLEND_S, -2.0 * rate),), base=rate)
-    return _motion(settings, yaw_rate=yaw_rate, pitch=Profile((), base=-math.radians(settings.dive_angle_deg)))
+    return _motion(
+        settings, yaw_rate=yaw_rate, pitch=Profile((), base=-math.radians(settings.dive_angle_deg))
+    )
 
 
 def _lawn_mower(settings: Trajectory) -> Motion:
     dive = math.radians(settings.dive_angle_deg)
-    pitch = Profile(((settings.dive_s - _BLEND_S, _BLEND_S, dive),), base=-dive) if dive > 0.0 else Profile(())
+    pitch = (
+        Profile(((settings.dive_s - _BLEND_S, _BLEND_S, dive),), base=-dive) if dive > 0.0 else Profile(())
+    )
     changes = []
     start, sense = settings.dive_s + settings.leg_s, 1.0
     # The rate is full between the blends, so that a half turn takes its time less one blend at the full rate.
@@ -206,16 +220,25 @@ def analytic_motion(settings: Trajectory) -> Motion:
     """The motion of a trajectory section as a function of time in seconds.
 
     Raises:
-        DataError: where the motion cannot be flown (a half turn shorter than its blends, sideslip as large as the speed).
+        DataError: where the motion cannot be flown (a half turn shorter than its blends, sideslip as large as
+        the speed).
     """
     if settings.kind == "lawn_mower" and settings.turn_s <= 2.0 * _BLEND_S:
         raise DataError(f"trajectory.turn_s is {settings.turn_s} s, expected more than {2.0 * _BLEND_S} s")
     if settings.kind == "lawn_mower" and settings.dive_angle_deg > 0.0 and settings.dive_s < _BLEND_S:
-        raise DataError(f"trajectory.dive_s is {settings.dive_s} s, expected at least {_BLEND_S} s for a dive")
+        raise DataError(
+            f"trajectory.dive_s is {settings.dive_s} s, expected at least {_BLEND_S} s for a dive"
+        )
     motion = _MOTIONS[settings.kind](settings)
-    probe = motion(np.linspace(0.0, settings.duration_s, 1001))
-    if not np.isfinite(probe.velocity_p_mps).all() or (probe.velocity_p_mps[:, 0] < 0.1 * settings.speed_mps).any():
-        raise DataError("trajectory.sway_gain_m times the yaw rate is as large as trajectory.speed_mps: it cannot be flown")
+    with np.errstate(invalid="ignore"):
+        probe = motion(np.linspace(0.0, settings.duration_s, 1001))
+    if (
+        not np.isfinite(probe.velocity_p_mps).all()
+        or (probe.velocity_p_mps[:, 0] < 0.1 * settings.speed_mps).any()
+    ):
+        raise DataError(
+            "trajectory.sway_gain_m times the yaw rate is as large as trajectory.speed_mps: it cannot be flown"
+        )
     return motion
 
 
@@ -223,7 +246,9 @@ def _rotation(state: Attitudes) -> Rotation:
     return Rotation.from_euler("ZYX", np.stack([state.yaw_rad, state.pitch_rad, state.roll_rad], axis=-1))
 
 
-def readings(state: Attitudes, *, latitude_rad: float, gravity_mps2: float, earth_rate_radps: float) -> tuple[Array, Array]:
+def readings(
+    state: Attitudes, *, latitude_rad: float, gravity_mps2: float, earth_rate_radps: float
+) -> tuple[Array, Array]:
     """Perfect gyro and accelerometer readings of a motion, each (n, 3), platform frame.
 
     omega_ip = omega_tp + R' omega_ie;  f = dv/dt + (omega_ip + R' omega_ie) x v - R' g.
@@ -280,7 +305,7 @@ def make_truth(scenario: Scenario, gravity_mps2: float) -> Truth:
     nodes, weights = np.polynomial.legendre.leggauss(4)
     steps = np.diff(time_s)
     moved = np.zeros((len(steps), 3))
-    for node, weight in zip(nodes, weights, strict=True):
+    for node, weight in zip(nodes.tolist(), weights.tolist(), strict=True):
         inner = motion(time_s[:-1] + 0.5 * steps * (1.0 + node))
         moved += 0.5 * weight * steps[:, None] * _rotation(inner).apply(inner.velocity_p_mps)
     position = np.vstack([np.zeros(3), np.cumsum(moved, axis=0)])

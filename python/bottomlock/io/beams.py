@@ -52,8 +52,11 @@ class InstrumentFile(BaseModel):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         needed = {
-            "x": ("tilt_deg",), "+": ("tilt_deg",), "angles": ("tilts_deg", "azimuths_deg"), "directions": ("directions",),
-        }[self.configuration]  # fmt: skip
+            "x": ("tilt_deg",),
+            "+": ("tilt_deg",),
+            "angles": ("tilts_deg", "azimuths_deg"),
+            "directions": ("directions",),
+        }[self.configuration]
         for key in needed:
             if getattr(self, key) is None:
                 raise ValueError(f"configuration '{self.configuration}' needs {key}")
@@ -98,7 +101,9 @@ def _text_of(source: str | Path) -> tuple[str, str]:
     packaged = resources.files("bottomlock") / "geometries" / f"{source}.toml"
     if packaged.is_file():
         return packaged.read_text(encoding="utf-8"), f"geometry {source}"
-    names = sorted(e.name.removesuffix(".toml") for e in (resources.files("bottomlock") / "geometries").iterdir())
+    names = sorted(
+        e.name.removesuffix(".toml") for e in (resources.files("bottomlock") / "geometries").iterdir()
+    )
     raise ScenarioError(f"geometry '{source}' is neither a file nor packaged (packaged: {', '.join(names)})")
 
 
@@ -106,7 +111,8 @@ def read_geometry(source: str | Path) -> Instrument:
     """A DVL from a TOML file or a packaged name.
 
     Raises:
-        ScenarioError: for a file that cannot be read, ill-formed TOML, an unknown or missing key, a value out of range, or
+        ScenarioError: for a file that cannot be read, ill-formed TOML, an unknown or missing key, a value out
+        of range, or
             directions that are not unit vectors.
 
     Examples:
@@ -122,7 +128,10 @@ def read_geometry(source: str | Path) -> Instrument:
         settings = InstrumentFile.model_validate(content)
     except ValidationError as error:
         raise ScenarioError(explain(error, place, content, InstrumentFile)) from error
-    mounting = [math.radians(a) for a in (settings.mounting_roll_deg, settings.mounting_pitch_deg, settings.mounting_yaw_deg)]
+    mounting = [
+        math.radians(a)
+        for a in (settings.mounting_roll_deg, settings.mounting_pitch_deg, settings.mounting_yaw_deg)
+    ]
     extra = {
         "lever_arms_p_m": settings.lever_arms_m,
         "mounting_rpy_rad": mounting,
@@ -143,7 +152,9 @@ def read_geometry(source: str | Path) -> Instrument:
     noise = settings.beam_noise_mps
     sd = np.full(geometry.beams, noise) if isinstance(noise, float) else np.array(noise)
     if sd.shape != (geometry.beams,):
-        raise ScenarioError(f"{place}: 'beam_noise_mps' has {len(sd)} entries, expected {geometry.beams}, one per beam")
+        raise ScenarioError(
+            f"{place}: 'beam_noise_mps' has {len(sd)} entries, expected {geometry.beams}, one per beam"
+        )
     return Instrument(geometry=geometry, beam_sd_mps=sd, columns=settings.columns)
 
 
@@ -162,7 +173,9 @@ def _table(path: Path) -> pl.DataFrame:
 def _numbers(table: pl.DataFrame, name: str, place: str, dtype: pl.DataType) -> pl.Series:
     if name not in table.columns:
         close = ", ".join(table.columns[:12])
-        raise DataError(f"{place}: column '{name}' is missing (there are {close}{', ...' if len(table.columns) > 12 else ''})")
+        raise DataError(
+            f"{place}: column '{name}' is missing (there are {close}{', ...' if len(table.columns) > 12 else ''})"
+        )
     column = table[name]
     if column.dtype == pl.String:
         column = column.str.strip_chars()
@@ -170,7 +183,9 @@ def _numbers(table: pl.DataFrame, name: str, place: str, dtype: pl.DataType) -> 
         numbers = column.cast(dtype, strict=False)
         bad = (numbers.is_null() & ~empty).arg_true()
         if len(bad):
-            raise DataError(f"{place}: row {bad[0]}, column '{name}' is '{column[int(bad[0])]}', expected a number")
+            raise DataError(
+                f"{place}: row {bad[0]}, column '{name}' is '{column[int(bad[0])]}', expected a number"
+            )
         return numbers
     if not column.dtype.is_numeric() and column.dtype != pl.Boolean:
         raise DataError(f"{place}: column '{name}' is {column.dtype}, expected numbers")
@@ -194,7 +209,9 @@ def _times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int6
     if steps.size:
         row = int(steps[0]) + 1
         what = "repeats the time" if times[row] == times[row - 1] else "goes back in time from that"
-        raise DataError(f"{place}: row {row}, column '{columns.time}' is {times[row]} ns and {what} of row {row - 1}")
+        raise DataError(
+            f"{place}: row {row}, column '{columns.time}' is {times[row]} ns and {what} of row {row - 1}"
+        )
     return times
 
 
@@ -202,11 +219,12 @@ def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) 
     """Pings from CSV or Parquet.
 
     The documented columns are `time_ns`, `beam1_mps` ..., `beam1_valid` ... (0/1 or true/false) and, optionally,
-    `prior_surge_mps`, `prior_sway_mps`, `prior_heave_mps` with `prior_surge_sd_mps` ...; a map in the geometry file names others.
-    Rows are counted from 0, without the header.
+    `prior_surge_mps`, `prior_sway_mps`, `prior_heave_mps` with `prior_surge_sd_mps` ...; a map in the geometry
+    file names others. Rows are counted from 0, without the header.
 
     Raises:
-        DataError: naming file, row and column: for a file that cannot be read, a missing column, a number that is none, a time
+        DataError: naming file, row and column: for a file that cannot be read, a missing column, a number that
+        is none, a time
             that repeats or goes back, a valid beam without a finite velocity, or a log without rows.
     """
     place = str(path)
@@ -218,10 +236,13 @@ def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) 
     valid_names = columns.valid or tuple(f"beam{k + 1}_valid" for k in range(beams))
     for kind, names in (("velocity", velocity_names), ("valid", valid_names)):
         if len(names) != beams:
-            raise DataError(f"{place}: columns.{kind} names {len(names)} columns, expected {beams}, one per beam")
+            raise DataError(
+                f"{place}: columns.{kind} names {len(names)} columns, expected {beams}, one per beam"
+            )
     time_ns = _times(table, columns, place)
     velocity = np.stack(
-        [_numbers(table, n, place, pl.Float64()).fill_null(math.nan).to_numpy() for n in velocity_names], axis=1
+        [_numbers(table, n, place, pl.Float64()).fill_null(math.nan).to_numpy() for n in velocity_names],
+        axis=1,
     )
     flags = []
     for name in valid_names:
@@ -231,7 +252,9 @@ def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) 
         series = _numbers(table, name, place, pl.Float64())
         bad = (series.is_null() | ~series.is_in([0.0, 1.0])).arg_true()
         if len(bad):
-            raise DataError(f"{place}: row {bad[0]}, column '{name}' is {series[int(bad[0])]}, expected 0, 1, true or false")
+            raise DataError(
+                f"{place}: row {bad[0]}, column '{name}' is {series[int(bad[0])]}, expected 0, 1, true or false"
+            )
         flags.append(series.to_numpy() == 1.0)
     valid = np.stack(flags, axis=1)
     wrong = np.argwhere(valid & ~np.isfinite(velocity))
@@ -253,6 +276,8 @@ def _prior(table: pl.DataFrame, place: str) -> tuple[NDArray[np.float64] | None,
     for name, column in zip(names, values, strict=True):
         bad = np.flatnonzero(~np.isfinite(column) | (column <= 0.0 if "_sd_" in name else False))
         if bad.size:
-            raise DataError(f"{place}: row {bad[0]}, column '{name}' is {column[bad[0]]}, expected a finite number")
+            raise DataError(
+                f"{place}: row {bad[0]}, column '{name}' is {column[bad[0]]}, expected a finite number"
+            )
     stacked = np.stack(values, axis=1)
     return stacked[:, :3], stacked[:, 3:]

@@ -1,0 +1,130 @@
+"""The command as a new user runs it, with mistakes."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import bottomlock
+
+RUN = ["run", "straight", "--runs", "2", "--arms", "lc,tc", "--threads", "1"]
+
+
+def command(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Runs `bottomlock` in a process of its own."""
+    call = [sys.executable, "-m", "bottomlock", *arguments]
+    return subprocess.run(call, capture_output=True, text=True, check=False, cwd=cwd, timeout=120)
+
+
+def test_run_writes_tables_and_prints_one(tmp_path: Path) -> None:
+    """The whole way: scenario name to tables on disk and a table on the screen."""
+    done = command(*RUN, "--out", str(tmp_path / "o"))
+    assert done.returncode == 0, done.stderr
+    assert "straight: RMS over runs at the end" in done.stdout
+    assert pl.read_parquet(tmp_path / "o" / "runs.parquet").height == 4
+    assert json.loads((tmp_path / "o" / "manifest.json").read_text(encoding="utf-8"))["status"] == "complete"
+    again = command(*RUN, "--out", str(tmp_path / "o"))
+    assert again.returncode == 0
+    assert (
+        again.stdout.split("s; tables")[0].rsplit("\n", 1)[0]
+        == done.stdout.split("s; tables")[0].rsplit("\n", 1)[0]
+    )
+
+
+def test_scenarios_lists_and_copies(tmp_path: Path) -> None:
+    """A copied scenario runs as it is."""
+    listed = command("scenarios")
+    assert all(name in listed.stdout for name in ("straight", "figure_eight", "lawn_mower"))
+    assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "straight.toml").is_file()
+    again = command("scenarios", "--copy", "straight", cwd=tmp_path)
+    assert again.returncode == 2
+    assert "exists already" in again.stderr
+
+
+def test_fix_turns_pings_into_velocities(tmp_path: Path) -> None:
+    """Beams of a known velocity come back as that velocity, with status and covariance."""
+    janus = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
+    beams = janus.beam_velocities([[2.0, 0.1, -0.05]] * 3)
+    valid = np.array([[1, 1, 1, 1], [1, 1, 1, 0], [1, 1, 0, 0]])
+    columns = {"time_ns": [1, 2, 3]}
+    columns |= {f"beam{k + 1}_mps": beams[:, k] for k in range(4)} | {
+        f"beam{k + 1}_valid": valid[:, k] for k in range(4)
+    }
+    pl.DataFrame(columns).write_csv(tmp_path / "log.csv")
+    out = tmp_path / "fixes.parquet"
+    done = command(
+        "fix", str(tmp_path / "log.csv"), "--geometry", "x_janus_20", "--method", "plcf", "--out", str(out)
+    )
+    assert done.returncode == 0, done.stderr
+    fixes = pl.read_parquet(out)
+    assert fixes["surge_mps"].to_numpy() == pytest.approx([2.0, 2.0, 2.0])
+    assert fixes["sway_mps"].to_list()[2] is None
+    assert fixes["status"].to_list() == ["fix", "fix", "partial"]
+    assert fixes["sway_status"].to_list()[2] == "outside_row_space"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "strait", "--out", "o"], "did you mean 'straight'"),
+        (["run", "--out", "o"], "no scenario is named"),
+        (["run", "straight"], "--out"),
+        (["run", "straight", "--out", "o", "--arms", "tc,tcc"], "unknown arm 'tcc'"),
+        (["run", "straight", "--out", "o", "--runs", "0"], "'runs' is 0, expected >= 1"),
+        (["run", "straight", "--out", "o", "--runs", "many"], "many"),
+        (["run", "straight", "--out", "o", "--threads", "-1"], "--threads is -1"),
+        (["run", "straight", "--out", "/proc/nowhere"], "cannot be written"),
+        (["run", "straight", "--out", "o", "--runz", "3"], "--runz"),
+        (["scenarios", "--copy", "bent"], "no packaged scenario"),
+        (
+            ["fix", "none.csv", "--geometry", "x_janus_20", "--method", "lc", "--out", "f.parquet"],
+            "no such file",
+        ),
+        (
+            ["fix", "none.csv", "--geometry", "y_janus", "--method", "lc", "--out", "f.parquet"],
+            "neither a file nor packaged",
+        ),
+        (
+            ["fix", "none.csv", "--geometry", "x_janus_20", "--method", "lc", "--out", "f.csv"],
+            "ends in .parquet",
+        ),
+        (["fly"], "fly"),
+    ],
+)
+def test_mistakes_end_with_code_2_and_one_line(arguments: list[str], words: str, tmp_path: Path) -> None:
+    """Exit code 2, the place named on one line, no traceback, nothing written."""
+    done = command(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    message = [line for line in done.stderr.splitlines() if line.startswith("bottomlock: ")]
+    assert len(message) == 1
+    assert words in message[0]
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_method_without_its_prior_says_so(tmp_path: Path) -> None:
+    """Virtual beams need the velocity that the INS expects."""
+    columns = {
+        "time_ns": [1],
+        **{f"beam{k}_mps": [0.1] for k in range(1, 5)},
+        **{f"beam{k}_valid": [int(k < 3)] for k in range(1, 5)},
+    }
+    pl.DataFrame(columns).write_csv(tmp_path / "log.csv")
+    done = command(
+        "fix", "log.csv", "--geometry", "x_janus_20", "--method", "vb", "--out", "f.parquet", cwd=tmp_path
+    )
+    assert done.returncode == 2
+    assert "needs the columns prior_surge_mps" in done.stderr
+    assert not (tmp_path / "f.parquet").exists()
+
+
+def test_importing_the_package_stays_light() -> None:
+    """A vehicle's computer may want the kernel alone: no polars, no matplotlib, no pydantic."""
+    code = "import sys, bottomlock; print(sorted({'polars', 'matplotlib', 'pydantic', 'scipy'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

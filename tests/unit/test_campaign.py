@@ -1,0 +1,137 @@
+"""A campaign on disk: same bits whatever the way, nothing half-written, nothing overwritten unasked."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from bottomlock import campaign
+from bottomlock.campaign import Progress, run_campaign
+from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.scenario import Scenario, load_scenario
+from bottomlock.schema import CONSISTENCY, ENSEMBLE, RUNS, check
+
+TABLES = ("runs.parquet", "ensemble.parquet", "consistency.parquet")
+
+
+def short(runs: int = 5, name: str = "straight") -> Scenario:
+    """Ten seconds of a packaged scenario with three arms."""
+    scenario = load_scenario(name).with_overrides(runs=runs, arms=["ins", "lc", "tc"])
+    return scenario.model_copy(
+        update={"trajectory": scenario.trajectory.model_copy(update={"duration_s": 10.0})}
+    )
+
+
+@pytest.fixture
+def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two runs a chunk."""
+    monkeypatch.setattr(campaign, "CHUNK_STEPS", 2 * 1501 * 3)
+
+
+def same_tables(one: Path, two: Path) -> None:
+    """The tables hold the same bits."""
+    for name in TABLES:
+        assert pl.read_parquet(one / name).equals(pl.read_parquet(two / name), null_equal=True), name
+
+
+def test_tables_and_manifest(tmp_path: Path) -> None:
+    """The columns are those that are promised, and the manifest says what decided the numbers."""
+    results = run_campaign([short()], tmp_path / "o", threads=1)
+    check(pl.read_parquet(tmp_path / "o" / "runs.parquet"), RUNS, place="runs")
+    check(pl.read_parquet(tmp_path / "o" / "ensemble.parquet"), ENSEMBLE, place="ensemble")
+    check(pl.read_parquet(tmp_path / "o" / "consistency.parquet"), CONSISTENCY, place="consistency")
+    assert results.runs.height == 15
+    assert results.ensemble.height == 30
+    manifest = json.loads((tmp_path / "o" / "manifest.json").read_text(encoding="utf-8"))
+    options = manifest["scenarios"]["straight"]["options"]
+    assert manifest["status"] == "complete"
+    assert options["virtual_beam_factor"] == 1.0
+    assert options["nullified_sway_var_m2ps2"] == 1e-3
+    assert options["gate"] == "joint"
+    assert manifest["scenarios"]["straight"]["seed"] == 2017
+
+
+@pytest.mark.usefixtures("small_chunks")
+def test_bits_do_not_depend_on_threads_or_interruption(tmp_path: Path) -> None:
+    """One thread, two threads, and a campaign broken off after its first chunk and resumed: the same tables."""
+    run_campaign([short()], tmp_path / "one", threads=1)
+    run_campaign([short()], tmp_path / "two", threads=2)
+    same_tables(tmp_path / "one", tmp_path / "two")
+
+    def stop(_: Progress) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign([short()], tmp_path / "broken", threads=1, tell=stop)
+    finished = sorted((tmp_path / "broken" / "chunks" / "straight").glob("samples-*"))
+    stamps = [path.stat().st_mtime_ns for path in finished]
+    assert len(finished) == 1
+    run_campaign([short()], tmp_path / "broken", threads=2)
+    assert [path.stat().st_mtime_ns for path in finished] == stamps, "a finished chunk is not flown again"
+    same_tables(tmp_path / "one", tmp_path / "broken")
+
+
+def test_chunk_size_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Any cutting gives the same tables."""
+    run_campaign([short()], tmp_path / "whole", threads=1)
+    monkeypatch.setattr(campaign, "CHUNK_STEPS", 1)
+    run_campaign([short()], tmp_path / "single", threads=1)
+    same_tables(tmp_path / "whole", tmp_path / "single")
+
+
+def test_more_runs_extend_fewer(tmp_path: Path) -> None:
+    """Run k is run k, however many there are."""
+    few = run_campaign([short(3)], tmp_path / "o", threads=1)
+    more = run_campaign([short(5)], tmp_path / "o", threads=1)
+    assert more.runs.filter(pl.col("run") < 3).equals(few.runs)
+
+
+def test_foreign_directories_stay_as_they_are(tmp_path: Path) -> None:
+    """Another campaign, a stranger's files, a file in place of a directory: refused, unless forced over a campaign."""
+    out = tmp_path / "o"
+    run_campaign([short()], out, threads=1)
+    before = (out / "runs.parquet").read_bytes()
+    with pytest.raises(OutputError, match="another configuration"):
+        run_campaign([short().with_overrides(seed=1)], out, threads=1)
+    assert (out / "runs.parquet").read_bytes() == before
+    run_campaign([short().with_overrides(seed=1)], out, threads=1, force=True)
+    assert (out / "runs.parquet").read_bytes() != before
+    stranger = tmp_path / "stranger"
+    stranger.mkdir()
+    (stranger / "thesis.tex").write_text("years of work", encoding="utf-8")
+    for force in (False, True):
+        with pytest.raises(OutputError, match="holds no campaign of ours"):
+            run_campaign([short()], stranger, threads=1, force=force)
+    assert (stranger / "thesis.tex").exists()
+    with pytest.raises(OutputError, match="holds no campaign of ours"):
+        run_campaign([short()], stranger / "thesis.tex", threads=1)
+    with pytest.raises(ScenarioError, match="different names"):
+        run_campaign([short(), short()], tmp_path / "p", threads=1)
+
+
+@pytest.mark.parametrize(
+    "fault", [OSError(28, "No space left on device"), PermissionError(13, "Permission denied")]
+)
+def test_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: OSError) -> None:
+    """A disk that fills while a table is written leaves no part of it, and the message names the file."""
+
+    def fail(_frame: pl.DataFrame, file: Path, **_: object) -> None:
+        file.write_bytes(b"half")
+        raise fault
+
+    monkeypatch.setattr(pl.DataFrame, "write_parquet", fail)
+    with pytest.raises(OutputError, match=r"samples-.*cannot be written"):
+        run_campaign([short()], tmp_path / "o", threads=1)
+    leftovers = [path for path in (tmp_path / "o").rglob("*") if path.is_file()]
+    assert [path.name for path in leftovers] == ["manifest.json"]
+
+
+def test_progress_counts_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each chunk is told once, in order."""
+    monkeypatch.setattr(campaign, "CHUNK_STEPS", 2 * 1501 * 3)
+    heard: list[int] = []
+    listen: Callable[[Progress], None] = lambda state: heard.append(state.runs_done)  # noqa: E731
+    run_campaign([short()], tmp_path / "o", threads=1, tell=listen)
+    assert heard == [2, 4, 5]

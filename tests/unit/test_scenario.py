@@ -1,0 +1,120 @@
+"""Scenarios: what is accepted, in which units, and how a fault is reported."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.scenario import copy_scenario, load_scenario, packaged_scenarios, parse_scenario
+
+TEXT = """
+name = "t"
+[trajectory]
+kind = "straight"
+[imu]
+accel_bias_mg = 0.5
+gyro_bias_deg_per_h = 3.0
+accel_noise_mps_per_rt_h = 0.072
+gyro_noise_deg_per_rt_h = 0.34
+[dvl]
+beam_noise_mps = 0.042
+"""
+
+
+def test_table_2_in_si() -> None:
+    """Every number of Table 2 arrives in SI: a slip of a unit cannot hide."""
+    model = load_scenario("straight").kernel_model(9.8)
+    assert model["imu"]["accel_noise_mps_rts"] == pytest.approx(0.0012)
+    assert model["imu"]["gyro_noise_rad_rts"] == pytest.approx(np.deg2rad(0.00567), rel=1e-3)
+    assert model["imu"]["accel_bias_sd_mps2"] == pytest.approx(4.903e-3, rel=1e-3)
+    assert model["imu"]["gyro_bias_sd_radps"] == pytest.approx(1.4544e-5, rel=1e-3)
+    assert model["imu"]["gyro_bias_walk_radps_rts"] == pytest.approx(4.887e-7, rel=1e-3)
+    assert model["dvl"]["scale_factor_sd"] == pytest.approx(0.007)
+    assert model["dvl"]["scale_factor_walk_rts"] == pytest.approx(5e-5)
+    assert model["initial"]["attitude_sd_rad"] == pytest.approx([0.00995, 0.00995, 0.0199], rel=1e-2)
+    assert model["depth"]["sd_m"] == pytest.approx(0.0193, rel=1e-2)
+
+
+def test_packaged_scenarios_load() -> None:
+    """The three of the paper ship, each with beams 3 and 4 lost throughout."""
+    assert list(packaged_scenarios()) == ["figure_eight", "lawn_mower", "straight"]
+    for name in packaged_scenarios():
+        scenario = load_scenario(name)
+        assert scenario.name == name
+        assert scenario.dvl.beams_lost == (3, 4)
+        assert not scenario.depth.enabled
+        assert not scenario.magnetometer.enabled
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("beam_noise_mps = 0.042", ""), "'dvl.beam_noise_mps' is missing"),
+        (
+            ("beam_noise_mps = 0.042", "beam_noise_mps = -1.0"),
+            "'dvl.beam_noise_mps' is -1.0, expected > 0.0 m/s",
+        ),
+        (("beam_noise_mps = 0.042", "beam_noise_mps = nan"), "'dvl.beam_noise_mps' is nan"),
+        (("beam_noise_mps = 0.042", 'beam_noise_mps = "loud"'), "'dvl.beam_noise_mps' is 'loud'"),
+        (
+            ("gyro_bias_deg_per_h", "gyro_bias_dph"),
+            "unknown key 'imu.gyro_bias_dph', did you mean 'gyro_bias_deg_per_h'",
+        ),
+        (("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\ntilt_rad = 0.3"), "did you mean 'tilt_deg'"),
+        (
+            ("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\ntilt_deg = 95"),
+            "'dvl.tilt_deg' is 95, expected < 90.0 deg",
+        ),
+        (
+            ("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\nbeams_lost = [5]"),
+            "lost beam 5 does not exist, expected 1 to 4",
+        ),
+        (('kind = "straight"', 'kind = "spiral"'), "'trajectory.kind' is 'spiral'"),
+        (("[dvl]\nbeam_noise_mps = 0.042", ""), "no [dvl] section"),
+        (("name = ", "name == "), "not valid TOML"),
+        (("[imu]", '[campaign]\narms = ["tc", "tc"]\n[imu]'), "arm 'tc' is named twice"),
+        (("[imu]", '[campaign]\narms = ["tcc"]\n[imu]'), "unknown arm 'tcc', did you mean 'tc'"),
+        (("[imu]", '[filter]\ngate = "wide"\n[imu]'), "'filter.gate' is 'wide'"),
+    ],
+)
+def test_faults_name_key_value_range_and_unit(change: tuple[str, str], message: str) -> None:
+    """A user must find the line to mend from the message alone."""
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(TEXT.replace(*change), place="t.toml")
+    assert message in str(caught.value)
+    assert all(line.startswith("t.toml: ") for line in str(caught.value).splitlines())
+
+
+def test_unknown_name_suggests(tmp_path: Path) -> None:
+    """A slip of the pen in a packaged name is answered by the nearest name; a directory is no file."""
+    with pytest.raises(ScenarioError, match="did you mean 'straight'"):
+        load_scenario("strait")
+    with pytest.raises(ScenarioError, match="neither a file"):
+        load_scenario(tmp_path)
+
+
+def test_copy_never_overwrites(tmp_path: Path) -> None:
+    """An edited scenario is the user's work."""
+    path = copy_scenario("straight", tmp_path / "mine.toml")
+    assert load_scenario(path) == load_scenario("straight")
+    path.write_text("mine", encoding="utf-8")
+    with pytest.raises(OutputError, match="exists already"):
+        copy_scenario("straight", path)
+    assert path.read_text(encoding="utf-8") == "mine"
+    with pytest.raises(OutputError, match="cannot be written"):
+        copy_scenario("straight", tmp_path / "no" / "such" / "place.toml")
+    with pytest.raises(ScenarioError, match="no packaged scenario"):
+        copy_scenario("bent", tmp_path / "x.toml")
+
+
+def test_content_hash_follows_the_numbers_only() -> None:
+    """Words, arms and the number of runs do not change a run's numbers; everything else may."""
+    scenario = parse_scenario(TEXT, place="t")
+    same = scenario.with_overrides(runs=7, arms=["tc"]).model_copy(update={"description": "words"})
+    assert same.content_hash() == scenario.content_hash()
+    assert scenario.with_overrides(seed=8).content_hash() != scenario.content_hash()
+    other = parse_scenario(TEXT.replace("0.042", "0.043"), place="t")
+    assert other.content_hash() != scenario.content_hash()
+    with pytest.raises(ScenarioError, match="'runs' is 0, expected >= 1"):
+        scenario.with_overrides(runs=0)

@@ -1,0 +1,87 @@
+"""Statistics against values worked by hand."""
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock import stats
+from bottomlock.errors import DataError
+from bottomlock.schema import ENSEMBLE, FIXES_COUNTS, RUNS, SAMPLES, check
+
+
+def samples() -> pl.DataFrame:
+    """Two runs, one arm, two times: velocity errors 3-4-0 and 0, then 0-0-5 and 0."""
+    zero = dict.fromkeys((name for name in SAMPLES if name.startswith(("err_", "sd_"))), 0.0)
+    rows = []
+    for run, time_s, surge, sway, heave in (
+        (0, 1, 3.0, 4.0, 0.0),
+        (0, 2, 0.0, 0.0, 0.0),
+        (1, 1, 0.0, 0.0, 5.0),
+        (1, 2, 0.0, 0.0, 1.0),
+    ):
+        errors = {
+            "err_velocity_surge_mps": surge,
+            "err_velocity_sway_mps": sway,
+            "err_velocity_heave_mps": heave,
+        }
+        keys = {"trajectory": "t", "run": run, "arm": "tc", "time_ns": time_s * 10**9}
+        rows.append(
+            keys
+            | zero
+            | errors
+            | {"err_misalignment_north_rad": np.pi / 180.0, "nees": 20.0, "nees_velocity_attitude": 6.0}
+        )
+    return check(pl.DataFrame(rows, schema=dict(SAMPLES)), SAMPLES, place="test")
+
+
+def counts() -> pl.DataFrame:
+    """Fixes of the two runs."""
+    return pl.DataFrame(
+        [("t", 0, "tc", 2.0, 2, 0), ("t", 1, "tc", None, 0, 0)], schema=dict(FIXES_COUNTS), orient="row"
+    )
+
+
+def test_runs_table_by_hand() -> None:
+    """RMS over time and last value of the norms; no fix leaves a null, not a NaN."""
+    table = check(stats.runs_table(stats.error_norms(samples()), counts()), RUNS, place="runs")
+    assert table["velocity_rms_mps"].to_list() == pytest.approx([np.sqrt(12.5), np.sqrt(13.0)])
+    assert table["velocity_final_mps"].to_list() == pytest.approx([0.0, 1.0])
+    assert table["attitude_rms_deg"].to_list() == pytest.approx([1.0, 1.0])
+    assert table["nis_mean"].to_list() == [2.0, None]
+
+
+def test_ensemble_by_hand() -> None:
+    """RMS over runs at each second, inside its bootstrap interval."""
+    table = check(stats.ensemble_table(stats.error_norms(samples())), ENSEMBLE, place="ensemble")
+    assert table["time_s"].to_list() == [1.0, 2.0]
+    assert table["velocity_rms_mps"].to_list() == pytest.approx([5.0, np.sqrt(0.5)])
+    assert table["velocity_rms_lo_mps"].to_list() == pytest.approx([5.0, 0.0])
+    assert table["velocity_rms_hi_mps"].to_list() == pytest.approx([5.0, 1.0])
+
+
+def test_bootstrap_covers_as_it_says() -> None:
+    """A 95 % interval of an RMS over 100 normal runs holds the true value 95 times in 100 (here 400 trials, 3 sigma)."""
+    generator = np.random.default_rng(20170222)
+    squares = generator.normal(size=(100, 400)) ** 2
+    low, high = stats.bootstrap_rms(squares)
+    inside = np.mean((low <= 1.0) & (high >= 1.0))
+    assert 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / 400) - 0.02 < inside < 0.99
+
+
+def test_consistency_verdicts() -> None:
+    """A NEES at its expectation is consistent; ten times that is overconfident; a tenth is too cautious."""
+    norms = stats.error_norms(samples())
+    for factor, verdict in ((1.0, "consistent"), (10.0, "overconfident"), (0.1, "too cautious")):
+        scaled = norms.with_columns(pl.col("nees", "nees_velocity_attitude") * factor)
+        table = stats.consistency_table(scaled, full_degrees=20)
+        assert table["verdict"].to_list() == [verdict, verdict]
+
+
+def test_schema_names_the_column() -> None:
+    """A foreign table is refused by the name of its first fault."""
+    with pytest.raises(DataError, match="column 'run' is missing"):
+        check(pl.DataFrame({"a": [1]}), RUNS.__class__({"run": pl.Int64()}), place="x")
+    with pytest.raises(DataError, match="column 'run' is String, expected Int64"):
+        check(pl.DataFrame({"run": ["1"]}), {"run": pl.Int64()}, place="x")
+    with pytest.raises(DataError, match="column 'b' is unknown"):
+        check(pl.DataFrame({"run": [1], "b": [1]}), {"run": pl.Int64()}, place="x")

@@ -1,0 +1,168 @@
+"""Analytic truth: a perfect IMU returns it, and it moves as its scenario says."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bottomlock import kernel
+from bottomlock.campaign import geometry_of, gravity_of
+from bottomlock.errors import DataError
+from bottomlock.scenario import Scenario, load_scenario
+from bottomlock.sensors import schedule
+from bottomlock.trajectory import Truth, make_truth
+
+NAMES = ("straight", "figure_eight", "lawn_mower", "constant_turn")
+
+
+def scenario_of(name: str) -> Scenario:
+    """A packaged scenario, or the straight one bent into a constant turn."""
+    if name != "constant_turn":
+        return load_scenario(name)
+    straight = load_scenario("straight")
+    return straight.model_copy(
+        update={"trajectory": straight.trajectory.model_copy(update={"kind": "constant_turn"})}
+    )
+
+
+def truth_of(name: str) -> tuple[Scenario, Truth]:
+    """Scenario and truth."""
+    scenario = scenario_of(name)
+    return scenario, make_truth(scenario, gravity_of(scenario))
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("sampling", ["instantaneous", "averaged"])
+def test_perfect_imu_returns_the_truth(name: str, sampling: str) -> None:
+    """Position within 1 cm and attitude within 1e-6 rad after 250 s: truth and strapdown are the same equations."""
+    scenario, truth = truth_of(name)
+    model = scenario.kernel_model(truth.gravity_mps2)
+    perfect = {
+        section: values
+        if section == "environment"
+        else {key: np.zeros(3) if np.ndim(value) else 0.0 for key, value in values.items()}
+        for section, values in model.items()
+    }
+    result = kernel.run_batch(
+        geometry_of(scenario),
+        truth.kernel_arrays(),  # type: ignore[arg-type]
+        perfect,  # type: ignore[arg-type]
+        model,  # type: ignore[arg-type]
+        {**scenario.kernel_options(), "imu_sampling": sampling},  # type: ignore[arg-type]
+        schedule(scenario, truth),  # type: ignore[arg-type]
+        ["ins"],
+        seed=1,
+        trajectory_key=2,
+        first_run=0,
+        runs=1,
+        threads=1,
+    )
+    last = result["error"][0, 0, -1]
+    assert np.linalg.norm(last[:3]) < 0.01
+    assert np.linalg.norm(last[3:6]) < 1e-6
+
+
+def mean_step(truth: Truth, k: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Central differences of attitude and tangent velocity at sample k: body rate and tangent acceleration."""
+    dt = (truth.time_ns[k + 1] - truth.time_ns[k - 1]) * 1e-9
+    before, here, after = (Rotation.from_quat(truth.attitude_t_p[j][[1, 2, 3, 0]]) for j in (k - 1, k, k + 1))
+    rate = (before.inv() * after).as_rotvec() / dt
+    acceleration = (after.apply(truth.velocity_p_mps[k + 1]) - before.apply(truth.velocity_p_mps[k - 1])) / dt
+    assert here is not None
+    return rate, acceleration
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_readings_agree_with_differences_of_the_states(name: str) -> None:
+    """An independent look: rates and forces from differences of attitude and velocity, not from the formulas."""
+    scenario, truth = truth_of(name)
+    latitude, earth_rate = truth.latitude_rad, 7.292115e-5
+    earth_t = earth_rate * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
+    for k in range(100, len(truth.time_ns) - 100, 997):
+        rotation = Rotation.from_quat(truth.attitude_t_p[k][[1, 2, 3, 0]])
+        rate, acceleration = mean_step(truth, k)
+        assert truth.omega_p_radps[k] == pytest.approx(rate + rotation.inv().apply(earth_t), abs=2e-6)
+        velocity_t = rotation.apply(truth.velocity_p_mps[k])
+        force_t = (
+            acceleration + 2.0 * np.cross(earth_t, velocity_t) - np.array([0.0, 0.0, truth.gravity_mps2])
+        )
+        assert rotation.apply(truth.force_p_mps2[k]) == pytest.approx(force_t, abs=2e-5)
+    assert scenario.imu.rate_hz == 150.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_speed_is_two_metres_a_second(name: str) -> None:
+    """Surge gives way to sway, so that the speed is the scenario's."""
+    _, truth = truth_of(name)
+    assert np.linalg.norm(truth.velocity_p_mps, axis=1) == pytest.approx(2.0, abs=1e-12)
+
+
+def test_figure_eight_closes_and_dives() -> None:
+    """One circle each way at a constant dive rate: heading comes back, depth grows by v sin(5 deg) t."""
+    _, truth = truth_of("figure_eight")
+    yaw, pitch, _ = Rotation.from_quat(truth.attitude_t_p[-1][[1, 2, 3, 0]]).as_euler("ZYX", degrees=True)
+    assert yaw == pytest.approx(0.0, abs=1e-6)
+    assert pitch == pytest.approx(-5.0)
+    assert np.hypot(*truth.position_t_m[-1, :2]) < 30.0
+    assert 40.0 < truth.position_t_m[-1, 2] < 45.0
+
+
+def test_lawn_mower_dives_first_then_mows_level() -> None:
+    """The dive ends at 30 s; each turn is a half turn; depth is then constant."""
+    _, truth = truth_of("lawn_mower")
+    level = truth.time_ns >= 30 * 10**9
+    assert np.ptp(truth.position_t_m[level, 2]) < 1e-9
+    yaw = np.unwrap(Rotation.from_quat(truth.attitude_t_p[:, [1, 2, 3, 0]]).as_euler("ZYX")[:, 0])
+    at = lambda second: np.rad2deg(yaw[second * 150])  # noqa: E731
+    assert at(69) == pytest.approx(0.0, abs=1e-9)
+    assert at(91) == pytest.approx(180.0, abs=1e-9)
+    assert at(151) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_truth_refuses_nonsense() -> None:
+    """Wrong shapes, disorder in time, and quaternions that are none are named with their row."""
+    _, truth = truth_of("straight")
+    arrays = {name: value[:5] for name, value in truth.kernel_arrays().items() if name != "time_ns"}
+    make = lambda times, **change: Truth.from_arrays(  # noqa: E731
+        latitude_rad=0.5, gravity_mps2=9.8, time_ns=times, **{**arrays, **change}
+    )
+    make([0, 1, 2, 3, 4])
+    with pytest.raises(DataError, match="does not increase at row 2"):
+        make([0, 1, 1, 3, 4])
+    with pytest.raises(DataError, match="integer nanoseconds"):
+        make([0.0, 1.0, 2.0, 3.0, 4.0])
+    with pytest.raises(DataError, match=r"velocity_p_mps has shape \(4, 3\)"):
+        make([0, 1, 2, 3, 4], velocity_p_mps=arrays["velocity_p_mps"][:4])
+    with pytest.raises(DataError, match="norm 2 at row 0"):
+        make([0, 1, 2, 3, 4], attitude_t_p=2.0 * arrays["attitude_t_p"])
+    with pytest.raises(DataError, match="not finite at row 0"):
+        make([0, 1, 2, 3, 4], force_p_mps2=np.full((5, 3), np.nan))
+
+
+def test_a_turn_that_cannot_be_flown_is_refused() -> None:
+    """Sideslip as large as the speed, and a half turn shorter than its blends."""
+    scenario = load_scenario("lawn_mower")
+    for change, message in (
+        ({"turn_s": 8.0}, "turn_s"),
+        ({"sway_gain_m": 10.0}, "sway_gain_m"),
+        ({"dive_s": 2.0}, "dive_s"),
+    ):
+        settings = scenario.trajectory.model_copy(update=change)
+        with pytest.raises(DataError, match=message):
+            make_truth(scenario.model_copy(update={"trajectory": settings}), 9.8)
+
+
+def test_schedule_follows_rates_and_outages() -> None:
+    """DVL at 1 Hz from 1 s; beams lost throughout or for a while; sensors that are off have no epochs."""
+    scenario, truth = truth_of("straight")
+    plan = schedule(scenario, truth)
+    assert plan["dvl_time_ns"].tolist() == [k * 10**9 for k in range(1, 251)]
+    assert plan["beam_valid"].all(axis=0).tolist() == [True, True, False, False]
+    assert all(len(plan[f"{name}_time_ns"]) == 0 for name in ("depth", "magnetometer", "gps"))
+    outage = {"beams": (1,), "from_s": 10.0, "to_s": 20.0}
+    dvl = type(scenario.dvl).model_validate(
+        {**scenario.dvl.model_dump(), "beams_lost": (), "outages": (outage,)}
+    )
+    valid = schedule(scenario.model_copy(update={"dvl": dvl}), truth)["beam_valid"]
+    assert np.flatnonzero(~valid[:, 0]).tolist() == list(range(9, 19))
+    assert valid[:, 1:].all()
