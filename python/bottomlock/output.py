@@ -31,8 +31,13 @@ def _write(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def write_parquet(path: Path, frame: pl.DataFrame) -> None:
-    """A table to Parquet, whole or not at all."""
-    _write(path, lambda temporary: frame.write_parquet(temporary, compression="lz4", statistics=False))
+    """A table to Parquet, whole or not at all.
+
+    Uncompressed: noise does not compress, and compressing it costs more than writing it.
+    """
+    _write(
+        path, lambda temporary: frame.write_parquet(temporary, compression="uncompressed", statistics=False)
+    )
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:

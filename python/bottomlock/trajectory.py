@@ -294,7 +294,7 @@ def make_truth(scenario: Scenario, gravity_mps2: float) -> Truth:
     time_ns = sample_times_ns(scenario.trajectory.duration_s, scenario.imu.rate_hz)
     if len(time_ns) < 2:
         raise DataError("trajectory.duration_s is shorter than one IMU interval")
-    time_s = time_ns * 1e-9
+    time_s = np.asarray(time_ns * 1e-9, np.float64)
     latitude_rad = math.radians(scenario.environment.latitude_deg)
     earth_rate = EARTH_RATE_RADPS if scenario.environment.earth_rotation else 0.0
     state = motion(time_s)

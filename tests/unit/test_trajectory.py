@@ -48,7 +48,7 @@ def test_perfect_imu_returns_the_truth(name: str, sampling: str) -> None:
         truth.kernel_arrays(),  # type: ignore[arg-type]
         perfect,  # type: ignore[arg-type]
         model,  # type: ignore[arg-type]
-        {**scenario.kernel_options(), "imu_sampling": sampling},  # type: ignore[arg-type]
+        scenario.kernel_options() | {"imu_sampling": sampling},  # type: ignore[arg-type]
         schedule(scenario, truth),  # type: ignore[arg-type]
         ["ins"],
         seed=1,
@@ -113,19 +113,18 @@ def test_lawn_mower_dives_first_then_mows_level() -> None:
     level = truth.time_ns >= 30 * 10**9
     assert np.ptp(truth.position_t_m[level, 2]) < 1e-9
     yaw = np.unwrap(Rotation.from_quat(truth.attitude_t_p[:, [1, 2, 3, 0]]).as_euler("ZYX")[:, 0])
-    at = lambda second: np.rad2deg(yaw[second * 150])  # noqa: E731
-    assert at(69) == pytest.approx(0.0, abs=1e-9)
-    assert at(91) == pytest.approx(180.0, abs=1e-9)
-    assert at(151) == pytest.approx(0.0, abs=1e-6)
+    for second, heading in ((69, 0.0), (91, 180.0), (151, 0.0)):
+        assert np.rad2deg(yaw[second * 150]) == pytest.approx(heading, abs=1e-6)
 
 
 def test_truth_refuses_nonsense() -> None:
     """Wrong shapes, disorder in time, and quaternions that are none are named with their row."""
     _, truth = truth_of("straight")
     arrays = {name: value[:5] for name, value in truth.kernel_arrays().items() if name != "time_ns"}
-    make = lambda times, **change: Truth.from_arrays(  # noqa: E731
-        latitude_rad=0.5, gravity_mps2=9.8, time_ns=times, **{**arrays, **change}
-    )
+
+    def make(times: list[int] | list[float], **change: NDArray[np.float64]) -> Truth:
+        return Truth.from_arrays(latitude_rad=0.5, gravity_mps2=9.8, time_ns=times, **(arrays | change))
+
     make([0, 1, 2, 3, 4])
     with pytest.raises(DataError, match="does not increase at row 2"):
         make([0, 1, 1, 3, 4])
