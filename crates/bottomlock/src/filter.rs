@@ -142,6 +142,11 @@ impl Eskf {
         Ok(())
     }
 
+    /// Takes note of a rate before the first step, for lever arms.
+    pub fn note_rate(&mut self, sample: &ImuSample) {
+        self.last_rate_p_radps = sample.rate_p_radps.0;
+    }
+
     fn propagate_covariance(&mut self) {
         let second_order = self.covariance_period_s > 0.0;
         self.interval

@@ -131,6 +131,9 @@ impl Navigator {
             time_ns: now_ns,
             ..*sample
         });
+        if self.last_imu.is_none() {
+            self.filter.note_rate(&last);
+        }
         while let Some(event) = self
             .waiting
             .front()

@@ -242,7 +242,8 @@ fn positive(field: &'static str, value: f64) -> Result<f64, NavError> {
 fn checked_prior(prior_cov: Option<&Matrix3<f64>>) -> Result<Option<&Matrix3<f64>>, NavError> {
     if let Some(cov) = prior_cov {
         require_finite("prior cov_m2ps2", 0, cov.as_slice())?;
-        if (0..3).any(|k| cov[(k, k)] <= 0.0) {
+        let symmetric = (cov - cov.transpose()).amax() <= 1e-9 * cov.amax();
+        if !symmetric || cov.cholesky().is_none() {
             return Err(NavError::NotPositiveDefinite {
                 matrix: "prior cov_m2ps2",
                 time_ns: 0,
