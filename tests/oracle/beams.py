@@ -63,7 +63,8 @@ def beam_noise(A: Array, levers: Array, gyro_sd: float, sd: Array) -> Array:
     Printed with b_i on both sides only, which gives the diagonal; element (i, j) pairs b_i with b_j.
     """
     rows = np.array([b @ skew(lever) for b, lever in zip(A, levers, strict=True)])
-    return gyro_sd**2 * rows @ rows.T + np.diag(sd**2)
+    noise: Array = gyro_sd**2 * rows @ rows.T + np.diag(sd**2)
+    return noise
 
 
 def beam_noise_small_levers(sd: Array) -> Array:

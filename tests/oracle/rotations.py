@@ -62,7 +62,8 @@ def matrix_from_quaternion(q: Array) -> Array:
     """Rotation matrix of a quaternion (w, x, y, z): Rodrigues' formula (w² − |n|²) I + 2 n nᵀ + 2 w [n×], over |q|²."""
     w, n = q[0], q[1:]
     numerator = (w * w - n @ n) * np.eye(3) + 2 * np.outer(n, n) + 2 * w * skew(n)
-    return numerator / (w * w + n @ n)
+    rotation: Array = numerator / (w * w + n @ n)
+    return rotation
 
 
 def quaternion_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Array:

@@ -31,6 +31,8 @@ def test_virtual_beam_is_a_third_row() -> None:
     velocity, cov = generic(B[2], paper.third_beam(B, PRIOR), sd3**2)
     np.testing.assert_allclose(paper.virtual_beam_velocity(B, Y1, Y2, PRIOR), velocity, atol=1e-12)
     np.testing.assert_allclose(paper.virtual_beam_covariance(B, SD1, SD2, sd3), cov, rtol=1e-12, atol=1e-14)
+    by_propagation = paper.virtual_beam_covariance_by_propagation(B, SD1, SD2, sd3)
+    np.testing.assert_allclose(by_propagation, cov, rtol=1e-10, atol=1e-13)
 
 
 def test_printed_third_beam_sd_forgets_correlation() -> None:

@@ -1,0 +1,141 @@
+"""Which pair of beams gives which component, method by method: errata E2 and E3, and what is said where nothing is."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bottomlock
+from bottomlock.kernel import COMPONENT_STATUS, STATUS
+from tests.oracle import beams as oracle
+
+JANUS = bottomlock.BeamGeometry.janus(oracle.TILT_RAD)
+VELOCITY = np.array([2.0, 0.15, -0.1])
+PAIRS = list(combinations((1, 2, 3, 4), 2))
+AXIS_OF_PAIR = {(1, 2): 0, (3, 4): 0, (1, 4): 1, (2, 3): 1, (1, 3): 2, (2, 4): 2}
+
+
+def solve(beams: tuple[int, ...], method: str, **more: Any) -> bottomlock.VelocityFixes:  # noqa: ANN401
+    """One noise-free ping with only `beams` left; lost beams read NaN."""
+    valid = np.array([[beam in beams for beam in (1, 2, 3, 4)]])
+    y = np.where(valid, oracle.x_janus() @ VELOCITY, np.nan)
+    return bottomlock.solve_velocity(JANUS, y, valid, method=method, beam_sd_mps=0.042, **more)
+
+
+def prior(sd_mps: float = 0.1) -> dict[str, Any]:
+    """A prior that knows the velocity exactly but does not say so."""
+    return {"prior_velocity_p_mps": VELOCITY[None], "prior_cov_m2ps2": np.eye(3)[None] * sd_mps**2}
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_partial_loose_gives_the_axis_in_the_row_space(pair: tuple[int, int]) -> None:
+    """Erratum E3: surge for (1,2) and (3,4), sway for (1,4) and (2,3), heave for the opposite pairs."""
+    fix = solve(pair, "plcf")
+    axis = AXIS_OF_PAIR[pair]
+    solved = [COMPONENT_STATUS[code] == "solved" for code in fix.component[0]]
+    assert solved == [k == axis for k in range(3)]
+    assert fix.velocity_p_mps[0, axis] == pytest.approx(VELOCITY[axis], abs=1e-14)
+    rows = oracle.x_janus()[[pair[0] - 1, pair[1] - 1]]
+    inverse = np.linalg.pinv(rows)
+    assert fix.cov_m2ps2[0, axis, axis] == pytest.approx(
+        (inverse @ inverse.T)[axis, axis] * 0.042**2, rel=1e-12
+    )
+    assert STATUS[fix.status[0]] == "partial"
+    assert fix.rank[0] == 2
+
+
+@pytest.mark.parametrize("pair", [(1, 4), (2, 3)])
+def test_nullified_sway_refuses_lateral_pairs(pair: tuple[int, int]) -> None:
+    """Erratum E2: both beams share b_x and b_z, so A₀ of Eq. 31 has rank 1 and a zero sway says nothing new."""
+    fix = solve(pair, "nsv")
+    assert STATUS[fix.status[0]] == "unobservable"
+    assert [COMPONENT_STATUS[code] for code in fix.component[0]] == ["constraint_singular"] * 3
+    assert np.isnan(fix.velocity_p_mps).all()
+    assert np.isnan(fix.cov_m2ps2).all()
+
+
+@pytest.mark.parametrize("pair", [(1, 2), (3, 4), (1, 3), (2, 4)])
+def test_nullified_sway_inverts_the_other_pairs(pair: tuple[int, int]) -> None:
+    """Eq. 33 for the pairs where A₀ is regular, by the oracle's own inverse."""
+    rows = oracle.x_janus()[[pair[0] - 1, pair[1] - 1]]
+    u, w = np.linalg.inv(rows[:, [0, 2]]) @ rows @ VELOCITY
+    fix = solve(pair, "nsv")
+    assert STATUS[fix.status[0]] == "fix"
+    np.testing.assert_allclose(fix.velocity_p_mps[0], [u, 0.0, w], atol=1e-13)
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_virtual_beam_returns_a_right_prior(pair: tuple[int, int]) -> None:
+    """VB solves every pair; where prior and beams agree the result is the truth, whichever beam is made up."""
+    fix = solve(pair, "vb", **prior())
+    assert STATUS[fix.status[0]] == "fix"
+    np.testing.assert_allclose(fix.velocity_p_mps[0], VELOCITY, atol=1e-12)
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_virtual_heave_never_hands_the_prior_back(pair: tuple[int, int]) -> None:
+    """VHV measures heave only where the beams do (opposite pairs, where its row adds nothing to the horizontal)."""
+    fix = solve(pair, "vhv", **prior())
+    names = [COMPONENT_STATUS[code] for code in fix.component[0]]
+    if AXIS_OF_PAIR[pair] == 2:
+        assert names == ["outside_row_space", "outside_row_space", "solved"]
+    else:
+        assert names == ["solved", "solved", "prior_only"]
+    solved = np.array([name == "solved" for name in names])
+    np.testing.assert_allclose(fix.velocity_p_mps[0][solved], VELOCITY[solved], atol=1e-12)
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_least_squares_refuses_two_beams(pair: tuple[int, int]) -> None:
+    """LC needs three independent beams: two are a status with its reason, not an error and not a number."""
+    fix = solve(pair, "lc")
+    assert STATUS[fix.status[0]] == "unobservable"
+    assert {COMPONENT_STATUS[code] for code in fix.component[0]} == {"outside_row_space"}
+
+
+@pytest.mark.parametrize("method", sorted(bottomlock.METHODS))
+def test_an_empty_mask_is_a_status(method: str) -> None:
+    """No bottom in range is daily life at sea: a row of its own, with the reason, and no error."""
+    fix = solve((), method, **prior())
+    assert STATUS[fix.status[0]] == "too_few_beams"
+    assert {COMPONENT_STATUS[code] for code in fix.component[0]} == {"no_beams"}
+    assert fix.rank[0] == 0
+    assert np.isnan(fix.velocity_p_mps).all()
+    assert not fix.beams_used.any()
+
+
+@pytest.mark.parametrize("method", ["vb", "vhv"])
+def test_a_missing_prior_is_a_status(method: str) -> None:
+    """VB and VHV live on the prior: without one they say so, per component."""
+    fix = solve((1, 2), method)
+    assert STATUS[fix.status[0]] == "prior_required"
+    assert {COMPONENT_STATUS[code] for code in fix.component[0]} == {"prior_required"}
+
+
+@pytest.mark.parametrize("method", sorted(bottomlock.METHODS))
+def test_three_beams_are_plain_least_squares_for_every_method(method: str) -> None:
+    """With a full rank there is nothing to make up: all methods give the same velocity and covariance."""
+    fix, plain = solve((1, 2, 4), method, **prior()), solve((1, 2, 4), "lc")
+    np.testing.assert_allclose(fix.velocity_p_mps, plain.velocity_p_mps, atol=1e-12)
+    np.testing.assert_allclose(fix.cov_m2ps2, plain.cov_m2ps2, rtol=1e-10)
+
+
+def test_one_lost_beam_of_three_is_partial_already() -> None:
+    """A three-beam instrument has no beam to spare: two left see a plane, and what lies across it has no value."""
+    three = bottomlock.BeamGeometry.from_angles(np.full(3, 0.35), np.deg2rad([0, 120, 240]))
+    y = three.beam_velocities(VELOCITY[None])
+    fix = bottomlock.solve_velocity(three, y, [[True, True, False]], method="plcf", beam_sd_mps=0.042)
+    assert fix.rank[0] == 2
+    assert STATUS[fix.status[0]] != "fix"
+
+
+def test_coplanar_beams_are_not_three() -> None:
+    """Three beams in one plane measure two axes: rank 2 and a refusal, never a number from a singular matrix."""
+    flat = bottomlock.BeamGeometry.from_angles([0.35, 0.35, 0.0], np.deg2rad([0, 180, 0]))
+    y = flat.beam_velocities(VELOCITY[None])
+    fix = bottomlock.solve_velocity(flat, y, [[True] * 3], method="lc", beam_sd_mps=0.042)
+    assert fix.rank[0] == 2
+    assert STATUS[fix.status[0]] == "unobservable"
