@@ -141,7 +141,6 @@ def test_beam_update_is_the_textbook_update(
     assert reports[0]["nis"] == pytest.approx(kalman.nis(H, P, R, residual), rel=1e-7, abs=1e-9)
 
 
-@pytest.mark.xfail(strict=True, reason="the filter knows a rate only after its first step")
 def test_ping_at_the_first_sample_uses_its_rate() -> None:
     """A ping at the time of the very first IMU sample has that sample's rate for its lever arms, as any later one."""
     model = settings.table_2()
