@@ -1,0 +1,108 @@
+"""Guidance: what course, speed and pitch to fly, from where the vehicle believes it is.
+
+Two laws for the horizontal plane: line of sight with look-ahead on the path, and constant bearing on a
+target that moves along it (Breivik and Fossen 2009, sections 4 and 5). The vertical plane flies a depth
+profile by pitch.
+"""
+
+from collections.abc import Callable
+from typing import Literal, TypeAlias
+
+from bottomlock.plant.lanes import Lane, Maths
+from bottomlock.plant.vehicle import Vehicle
+
+Law: TypeAlias = Literal["line_of_sight", "constant_bearing"]
+Segment: TypeAlias = tuple[Lane, Lane, Lane, Lane, Lane, Lane]
+Target: TypeAlias = tuple[Lane, Lane, Lane, Lane, Lane]
+Course: TypeAlias = tuple[Lane, Lane, Lane]
+
+
+def segment_frame(
+    north: Lane, east: Lane, segment: Segment[Lane], maths: Maths[Lane]
+) -> tuple[Lane, Lane, Lane]:
+    """Signed distance to the right of a segment (m), the path's heading beside the vehicle and its turn
+    angle (rad).
+
+    The segment is (north, east, cos, sin, heading, curvature) at its start; curvature 0 is a straight line,
+    positive turns right. One formula serves both: e = (2 b - k (a² + b²)) / (1 + S), S² = (k a)² + (1 - k
+    b)².
+    """
+    start_n, start_e, cosine, sine, heading, curvature = segment
+    delta_n, delta_e = north - start_n, east - start_e
+    along = cosine * delta_n + sine * delta_e
+    beside = cosine * delta_e - sine * delta_n
+    turned, inner = curvature * along, 1.0 - curvature * beside
+    distance = maths.sqrt(turned * turned + inner * inner)
+    offset = (2.0 * beside - curvature * (along * along + beside * beside)) / (1.0 + distance)
+    turn = maths.atan2(turned, inner)
+    return offset, heading + turn, turn
+
+
+def line_of_sight(
+    vehicle: Vehicle, speed_mps: float, maths: Maths[Lane]
+) -> Callable[[Lane, Lane, Segment[Lane], Target[Lane]], Course[Lane]]:
+    """Build the line-of-sight law: (north, east, segment, target) -> (course rad, course rate rad/s, speed
+    m/s).
+    """
+    ahead = vehicle.guidance.look_ahead
+    atan2 = maths.atan2
+
+    def law(north: Lane, east: Lane, segment: Segment[Lane], target: Target[Lane]) -> Course[Lane]:
+        offset, heading, _ = segment_frame(north, east, segment, maths)
+        course = heading + atan2(-offset, ahead + 0.0 * offset)
+        return course, speed_mps * segment[5], speed_mps + 0.0 * offset
+
+    return law
+
+
+def constant_bearing(
+    vehicle: Vehicle, speed_mps: float, maths: Maths[Lane]
+) -> Callable[[Lane, Lane, Segment[Lane], Target[Lane]], Course[Lane]]:
+    """Build the constant-bearing law: fly the target's velocity plus an approach velocity along the line to
+    it.
+
+    The target is (north, east, velocity north, velocity east, course rate); the approach speed grows to its
+    limit with distance over the look-ahead (Breivik and Fossen 2009, Eqs 29 and 30).
+    """
+    ahead2 = vehicle.guidance.look_ahead**2
+    approach, ceiling = vehicle.guidance.approach_speed, vehicle.limits.max_speed
+    floor = vehicle.limits.min_speed
+    sqrt, atan2, clip = maths.sqrt, maths.atan2, maths.clip
+
+    def law(north: Lane, east: Lane, segment: Segment[Lane], target: Target[Lane]) -> Course[Lane]:
+        target_n, target_e, velocity_n, velocity_e, rate = target
+        gap_n, gap_e = target_n - north, target_e - east
+        pull = approach / sqrt(gap_n * gap_n + gap_e * gap_e + ahead2)
+        wanted_n, wanted_e = velocity_n + pull * gap_n, velocity_e + pull * gap_e
+        speed = sqrt(wanted_n * wanted_n + wanted_e * wanted_e)
+        return atan2(wanted_e, wanted_n), rate, clip(speed, floor, ceiling)
+
+    return law
+
+
+def depth_by_pitch(
+    vehicle: Vehicle, maths: Maths[Lane]
+) -> Callable[[Lane, Lane, Lane, Lane, Lane], tuple[Lane, Lane]]:
+    """Build the depth loop: (wanted depth, wanted sink rate, depth, speed, integral) -> (pitch rad,
+    integral's rate).
+
+    Pitch is minus the arcsine of the wanted sink rate over the speed. The integral (m s) carries the trim
+    pitch that buoyancy and the angle of attack ask for; at the pitch limit it bleeds as the attitude
+    controllers' does.
+    """
+    gains = vehicle.guidance
+    gain, integral_gain = gains.depth_gain, gains.depth_integral
+    steepest, floor = gains.max_pitch, vehicle.limits.min_speed
+    ceiling = vehicle.limits.max_speed
+    bleed = gain / integral_gain
+    clip, asin, sin = maths.clip, maths.asin, maths.sin
+
+    def law(wanted: Lane, sink: Lane, depth: Lane, speed: Lane, integral: Lane) -> tuple[Lane, Lane]:
+        error = wanted - depth
+        rate = sink + gain * error + integral_gain * integral
+        pace = clip(speed, floor, ceiling)
+        pitch = -asin(clip(rate / pace, -0.99, 0.99))
+        given = clip(pitch, -steepest, steepest)
+        return given, error + bleed * (rate + pace * sin(given)) * (-1.0)
+
+    return law
