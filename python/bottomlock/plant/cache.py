@@ -59,7 +59,7 @@ def load_passage(key: str) -> Passage | None:
     """The kept passage, or None when there is none or the file is damaged."""
     path = cache_folder() / f"{key}.npz"
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             return Passage(**{name: archive[name] for name in _ARRAYS})
     except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile):
         return None
@@ -79,7 +79,7 @@ def store_passage(key: str, passage: Passage) -> None:
     try:
         with os.fdopen(handle, "wb") as file:
             np.savez(file, **{name: getattr(passage, name) for name in _ARRAYS})
-        os.replace(temporary, folder / f"{key}.npz")
+        Path(temporary).replace(folder / f"{key}.npz")
     except OSError:
         Path(temporary).unlink(missing_ok=True)
     except BaseException:

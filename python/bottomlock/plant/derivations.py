@@ -125,3 +125,23 @@ def fin_lift_slope(aspect_ratio: float) -> float:
     2001, Eq. 4.42).
     """
     return 1.0 / (1.0 / (2.0 * math.pi * 0.9) + 1.0 / (math.pi * aspect_ratio))
+
+
+def uniform_inertia(hull: Hull, mass_kg: float) -> tuple[float, float]:
+    """Roll and pitch inertia (kg m²) about the centre of buoyancy of a mass spread evenly through the hull."""
+    x = np.linspace(0.0, hull.length, 20001)
+    area = np.pi * myring_radius_m(hull, x) ** 2
+    station = hull.centre_of_buoyancy_from_nose - x
+    density = mass_kg / float(trapezoid(area, x))
+    half_square = area / (4.0 * np.pi)
+    roll = density * float(trapezoid(2.0 * area * half_square, x))
+    return roll, density * float(trapezoid(area * (station**2 + half_square), x))
+
+
+def rolling_friction_kgm2(hull: Hull, density_kgpm3: float, friction: float) -> float:
+    """Skin friction of a hull turning about its axis, K = -k |p| p: rho/2 c_f times the integral of 2 pi R⁴
+    dx.
+    """
+    x = np.linspace(0.0, hull.length, 20001)
+    radius = myring_radius_m(hull, x)
+    return 0.5 * density_kgpm3 * friction * float(trapezoid(2.0 * np.pi * radius**4, x))

@@ -5,52 +5,68 @@ target that moves along it (Breivik and Fossen 2009, sections 4 and 5). The vert
 profile by pitch.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal, TypeAlias
 
 from bottomlock.plant.lanes import Lane, Maths
 from bottomlock.plant.vehicle import Vehicle
 
 Law: TypeAlias = Literal["line_of_sight", "constant_bearing"]
-Segment: TypeAlias = tuple[Lane, Lane, Lane, Lane, Lane, Lane]
+Segment: TypeAlias = Sequence[Lane]
+"""The present segment's start (north, east, cos, sin, heading, curvature), the next one's, and the blend's
+length (m).
+"""
+
 Target: TypeAlias = tuple[Lane, Lane, Lane, Lane, Lane]
 Course: TypeAlias = tuple[Lane, Lane, Lane]
 
 
-def segment_frame(
-    north: Lane, east: Lane, segment: Segment[Lane], maths: Maths[Lane]
-) -> tuple[Lane, Lane, Lane]:
-    """Signed distance to the right of a segment (m), the path's heading beside the vehicle and its turn
-    angle (rad).
+def offset_and_heading(
+    north: Lane,
+    east: Lane,
+    start: tuple[Lane, Lane, Lane, Lane, Lane, Lane],
+    maths: Maths[Lane],
+) -> tuple[Lane, Lane]:
+    """Signed distance to the right of a line or arc (m), and the path's heading abeam of the vehicle (rad).
 
-    The segment is (north, east, cos, sin, heading, curvature) at its start; curvature 0 is a straight line,
-    positive turns right. One formula serves both: e = (2 b - k (a² + b²)) / (1 + S), S² = (k a)² + (1 - k
-    b)².
+    The start is (north, east, cos, sin, heading, curvature); curvature 0 is a straight line, positive turns
+    right. One formula serves both: e = (2 b - k (a² + b²)) / (1 + S), S² = (k a)² + (1 - k b)², with a
+    along and b beside.
     """
-    start_n, start_e, cosine, sine, heading, curvature = segment
+    start_n, start_e, cosine, sine, heading, curvature = start
     delta_n, delta_e = north - start_n, east - start_e
     along = cosine * delta_n + sine * delta_e
     beside = cosine * delta_e - sine * delta_n
     turned, inner = curvature * along, 1.0 - curvature * beside
     distance = maths.sqrt(turned * turned + inner * inner)
     offset = (2.0 * beside - curvature * (along * along + beside * beside)) / (1.0 + distance)
-    turn = maths.atan2(turned, inner)
-    return offset, heading + turn, turn
+    return offset, heading + maths.atan2(turned, inner)
 
 
 def line_of_sight(
     vehicle: Vehicle, speed_mps: float, maths: Maths[Lane]
 ) -> Callable[[Lane, Lane, Segment[Lane], Target[Lane]], Course[Lane]]:
-    """Build the line-of-sight law: (north, east, segment, target) -> (course rad, course rate rad/s, speed
+    """Build the line-of-sight law: (north, east, segments, target) -> (course rad, course rate rad/s, speed
     m/s).
+
+    The courses for the present and the next segment are blended over the joint by a smooth step of the way
+    past it, so the command has no jump, and the instant at which the next pair of segments is taken up does
+    not matter.
     """
     ahead = vehicle.guidance.look_ahead
-    atan2 = maths.atan2
+    atan2, clip, wrap = maths.atan2, maths.clip, maths.wrap
 
     def law(north: Lane, east: Lane, segment: Segment[Lane], target: Target[Lane]) -> Course[Lane]:
-        offset, heading, _ = segment_frame(north, east, segment, maths)
+        n0, e0, cos0, sin0, heading0, curvature0, n1, e1, cos1, sin1, heading1, curvature1, blend = segment
+        offset, heading = offset_and_heading(north, east, (n0, e0, cos0, sin0, heading0, curvature0), maths)
         course = heading + atan2(-offset, ahead + 0.0 * offset)
-        return course, speed_mps * segment[5], speed_mps + 0.0 * offset
+        offset, heading = offset_and_heading(north, east, (n1, e1, cos1, sin1, heading1, curvature1), maths)
+        following = heading + atan2(-offset, ahead + 0.0 * offset)
+        x = clip((cos1 * (north - n1) + sin1 * (east - e1)) / blend + 0.5, 0.0, 1.0)
+        weight = x * x * (3.0 - 2.0 * x)
+        course = course + weight * wrap(following - course)
+        curvature = curvature0 + weight * (curvature1 - curvature0)
+        return course, speed_mps * curvature, speed_mps + 0.0 * offset
 
     return law
 

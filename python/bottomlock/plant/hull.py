@@ -67,6 +67,7 @@ def hull_wrench(
     """
     hull = vehicle.hull
     axial, lift, arm, roll = hull.axial_drag, hull.lift, hull.centre_of_pressure_x, hull.roll_drag
+    turn_pitch, turn_yaw = hull.pitch_drag, hull.yaw_drag
     strips = cross_flow_strips(vehicle)
     sqrt = maths.sqrt
 
@@ -74,8 +75,8 @@ def hull_wrench(
         ahead = abs(u)
         side = -lift * ahead * (v + arm * r)
         heave = -lift * ahead * (w - arm * q)
-        yaw = arm * side
-        pitch = -arm * heave
+        yaw = arm * side - turn_yaw * abs(r) * r
+        pitch = -arm * heave - turn_pitch * abs(q) * q
         for x, k in strips:
             across = v + x * r
             down = w - x * q
@@ -100,6 +101,8 @@ def hull_damping_matrix(vehicle: Vehicle, nu_r: FloatArray) -> FloatArray:
     matrix = np.zeros((6, 6))
     matrix[0, 0] = hull.axial_drag * abs(u)
     matrix[3, 3] = hull.roll_drag * abs(p)
+    matrix[4, 4] = hull.pitch_drag * abs(q)
+    matrix[5, 5] = hull.yaw_drag * abs(r)
     lines = [(hull.centre_of_pressure_x, hull.lift * abs(u))]
     lines += [(x, k * float(np.hypot(v + x * r, w - x * q))) for x, k in cross_flow_strips(vehicle)]
     for x, k in lines:

@@ -1,13 +1,17 @@
 """Paths in the horizontal plane: straight lines and arcs, and the target that runs along them."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
 
 from bottomlock.errors import ScenarioError
 from bottomlock.plant.lanes import FloatArray, IntArray
+
+_BLEND_M = 2.0
 
 
 @dataclass(frozen=True)
@@ -23,7 +27,7 @@ class PathSegment:
     length_m: float
 
     def row(self) -> tuple[float, float, float, float, float, float]:
-        """The numbers guidance reads: north, east, cos, sin, heading, curvature."""
+        """The segment's start as guidance reads it: north, east, cos, sin, heading, curvature."""
         heading = self.heading_rad
         return self.north_m, self.east_m, math.cos(heading), math.sin(heading), heading, self.curvature_pm
 
@@ -38,6 +42,27 @@ class PathSegment:
             self.east_m + chord * math.sin(bearing),
             self.heading_rad + turn,
         )
+
+
+def guide_rows(segments: Sequence[PathSegment]) -> list[tuple[float, ...]]:
+    """Per segment what guidance reads: its start, the next one's start, and the length of the blend between
+    them.
+
+    After the last segment the path runs straight on.
+    """
+    last = segments[-1]
+    beyond = PathSegment(*last.at(last.length_m), 0.0, _BLEND_M * 4.0)
+    rows: list[tuple[float, ...]] = []
+    for present, following in pairwise([*segments, beyond]):
+        blend = min(_BLEND_M, 0.5 * present.length_m, 0.5 * following.length_m)
+        rows.append((*present.row(), *following.row(), blend))
+    return rows
+
+
+def passed(row: Sequence[float], north_m: float, east_m: float) -> bool:
+    """True when the joint after a segment, and the blend over it, lie behind the vehicle."""
+    north, east, cosine, sine, blend = row[6], row[7], row[8], row[9], row[12]
+    return cosine * (north_m - north) + sine * (east_m - east) >= 0.5 * blend
 
 
 class PathBuilder:

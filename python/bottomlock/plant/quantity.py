@@ -23,7 +23,7 @@ UNITS: dict[str, dict[str, float]] = {
     "inertia": {"kg m2": 1.0},
     "density": {"kg/m3": 1.0},
     "quadratic drag": {"kg/m": 1.0},
-    "quadratic roll drag": {"kg m2": 1.0},
+    "quadratic rotary drag": {"kg m2": 1.0},
     "angle": {"rad": 1.0, "deg": _DEGREE},
     "angular rate": {"rad/s": 1.0, "deg/s": _DEGREE},
     "slope per angle": {"1/rad": 1.0, "1/deg": 1.0 / _DEGREE},
@@ -101,7 +101,7 @@ Inertia = Annotated[float, _any("inertia")]
 PositiveInertia = Annotated[float, _positive("inertia")]
 PositiveDensity = Annotated[float, _positive("density")]
 QuadraticDrag = Annotated[float, _not_negative("quadratic drag")]
-RollDrag = Annotated[float, _not_negative("quadratic roll drag")]
+RotaryDrag = Annotated[float, _not_negative("quadratic rotary drag")]
 Angle = Annotated[float, _any("angle")]
 PositiveAngle = Annotated[float, _positive("angle", maximum=math.pi)]
 PositiveAngularRate = Annotated[float, _positive("angular rate")]

@@ -1,16 +1,16 @@
 """Swim a mission: one vehicle, flown on the truth, from its trim to the end."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import model
-from bottomlock.plant.guidance import segment_frame
 from bottomlock.plant.integrate import attitude_by_rates, hermite, runge_kutta_step
 from bottomlock.plant.lanes import ARRAY, SCALAR, FloatArray, IntArray
 from bottomlock.plant.mission import Mission
-from bottomlock.plant.path import PathSegment
+from bottomlock.plant.path import guide_rows, passed
 from bottomlock.plant.trim import start_state
 from bottomlock.plant.vehicle import Vehicle
 
@@ -36,17 +36,9 @@ class Passage:
     segment: IntArray
 
 
-def next_segment(segments: tuple[PathSegment, ...], index: int, north_m: float, east_m: float) -> int:
-    """The segment to follow from here: moves on when the vehicle has passed the end of the present one."""
-    while index < len(segments) - 1:
-        segment = segments[index]
-        row = segment.row()
-        _, _, turn = segment_frame(north_m, east_m, row, SCALAR)
-        curvature = segment.curvature_pm
-        straight_on = row[2] * (north_m - row[0]) + row[3] * (east_m - row[1])
-        travelled = straight_on if curvature == 0.0 else turn / curvature
-        if travelled < segment.length_m:
-            break
+def next_segment(rows: Sequence[Sequence[float]], index: int, north_m: float, east_m: float) -> int:
+    """The segment to follow from here: moves on past every joint that lies behind the vehicle."""
+    while index < len(rows) - 1 and passed(rows[index], north_m, east_m):
         index += 1
     return index
 
@@ -72,8 +64,7 @@ def swim(
     One step of RK4 spans `samples_per_step` samples (1/30 s at 150 Hz), or a sample spans
     `steps_per_sample` steps when finer steps are wanted. Between steps the states follow by cubic Hermite
     interpolation and the accelerations from the equations of motion at the interpolated states. Raises
-    `ScenarioError` when the depth profile leaves the vehicle's range or the duration is not a whole number
-    of steps' samples.
+    `ScenarioError` when speed or depth leave the vehicle's range.
     """
     _check(vehicle, mission)
     step_s = samples_per_step / (steps_per_sample * imu_rate_hz)
@@ -95,38 +86,30 @@ def swim(
     state = start_state(vehicle, mission, gravity_mps2)
     if mission.stuck is not None:
         state[model.FINS.start + mission.stuck.fin - 1] = mission.stuck.angle_rad
-    index = next_segment(mission.segments, 0, state[0], state[1])
-    segment = mission.segments[index].row()
+    guides = guide_rows(mission.segments)
+    index = next_segment(guides, 0, state[0], state[1])
+    segment = guides[index]
     first = rates(state, rows[0], segment, NO_ERROR)
-    states, starts, ends, indices = [state], [first], [], [index]
+    states, derivatives, indices = [state], [first], [index]
     for number in range(steps):
-        before, state = (
-            state,
-            advance(state, first, rows[2 * number + 1], rows[2 * number + 2], segment, NO_ERROR),
-        )
-        last = rates(state, rows[2 * number + 2], segment, NO_ERROR)
+        middle, end = rows[2 * number + 1], rows[2 * number + 2]
+        before, state = state, advance(state, first, middle, end, segment, NO_ERROR)
+        last = rates(state, end, segment, NO_ERROR)
         renew_attitude(before, first, state, last)
         first = last
         if (number + 1) % ticks == 0:
-            following = next_segment(mission.segments, index, state[0], state[1])
-            if following != index:
-                index, segment = following, mission.segments[following].row()
-                first = rates(state, rows[2 * number + 2], segment, NO_ERROR)
+            index = next_segment(guides, index, state[0], state[1])
+            segment = guides[index]
         states.append(state)
-        starts.append(first)
-        ends.append(last)
+        derivatives.append(last)
         indices.append(index)
-    every = _dense(
-        np.array(states), np.array(starts), np.array(ends), step_s, samples_per_step, steps_per_sample
-    )
+    every = _dense(np.array(states), np.array(derivatives), step_s, samples_per_step, steps_per_sample)
     chosen = np.repeat(np.array(indices), samples_per_step)[::steps_per_sample]
     return _passage(vehicle, mission, every[: count + 1], chosen[: count + 1], imu_rate_hz, gravity_mps2)
 
 
-def _dense(
-    states: FloatArray, starts: FloatArray, ends: FloatArray, step_s: float, parts: int, stride: int
-) -> FloatArray:
-    between = hermite(states[:-1], starts[:-1], states[1:], ends, step_s, parts)
+def _dense(states: FloatArray, derivatives: FloatArray, step_s: float, parts: int, stride: int) -> FloatArray:
+    between = hermite(states[:-1], derivatives[:-1], states[1:], derivatives[1:], step_s, parts)
     every = np.concatenate([between.reshape(-1, states.shape[1]), states[-1:]])[::stride]
     every[:, model.ATTITUDE] /= np.linalg.norm(every[:, model.ATTITUDE], axis=1, keepdims=True)
     return every
@@ -149,12 +132,11 @@ def _passage(
         stuck=mission.stuck,
     )
     rows = list(mission.timetable(np.arange(len(states)) / imu_rate_hz).T)
-    table = np.array([segment.row() for segment in mission.segments])[indices]
-    north, east, cosine, sine, heading, curvature = table.T
+    segment = tuple(np.array(guide_rows(mission.segments))[indices].T)
     nothing = np.zeros(len(states))
     columns = list(states.T)
     error = (nothing,) * 9
-    derivative = rates(columns, rows, (north, east, cosine, sine, heading, curvature), error)
+    derivative = rates(columns, rows, segment, error)
     water = model.water_velocity_p(columns, rows)
     return Passage(
         time_ns=sample_times_ns(mission.duration_s, imu_rate_hz)[: len(states)],

@@ -12,6 +12,7 @@ from bottomlock.plant.autopilot import Mixer
 from bottomlock.plant.equations import acceleration
 from bottomlock.plant.lanes import SCALAR, FloatArray
 from bottomlock.plant.mission import Mission, straight
+from bottomlock.plant.path import guide_rows
 from bottomlock.plant.vehicle import Vehicle
 
 _TOLERANCE = 1e-9
@@ -139,7 +140,7 @@ def eigenvalues(vehicle: Vehicle, speed_mps: float, gravity_mps2: float, *, clos
         vehicle, SCALAR, speed_mps=speed_mps, law="line_of_sight", gravity_mps2=gravity_mps2
     )
     row = [float(value) for value in mission.timetable(np.array([0.0]))[0]]
-    segment, error = mission.segments[0].row(), (0.0,) * 9
+    segment, error = guide_rows(mission.segments)[0], (0.0,) * 9
     q0, _, q2, _ = start[model.ATTITUDE]
     # columns turn a small platform rotation into the change of the quaternion's components, about a pitched
     # attitude

@@ -52,7 +52,9 @@ class Hull(_Table):
     lift: qty.QuadraticDrag
     centre_of_pressure_x: qty.Length
     cross_flow_drag: qty.NotNegativeNumber
-    roll_drag: qty.RollDrag
+    roll_drag: qty.RotaryDrag
+    pitch_drag: qty.RotaryDrag
+    yaw_drag: qty.RotaryDrag
 
 
 class AddedMass(_Table):
