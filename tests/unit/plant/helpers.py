@@ -1,7 +1,7 @@
 """Ways to move a vehicle by hand: fixed fins and shaft, or the autopilot from a given state."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -21,17 +21,18 @@ def coast(
     vehicle: Vehicle,
     state: Sequence[float],
     *,
-    fins_rad: Sequence[float],
+    fins_rad: Sequence[float] | FloatArray | Callable[[FloatArray], FloatArray],
     shaft_rps: float,
     duration_s: float,
     step_s: float = 0.02,
     current_t_mps: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> FloatArray:
-    """Swim open loop from a state (position, attitude, nu: 13); the states at every step, (n, 13)."""
+    """Swim from a state (position, attitude, nu: 13) with fins held, or set anew each step; the states (n,
+    13).
+    """
     nu_dot = acceleration(vehicle, GRAVITY_MPS2, SCALAR)
-    held = tuple(float(angle) for angle in fins_rad)
 
-    def rates(x: FloatArray) -> FloatArray:
+    def rates(x: FloatArray, held: tuple[float, ...]) -> FloatArray:
         q0, q1, q2, q3, u, v, w, p, q, r = (float(value) for value in x[3:])
         accel = nu_dot((q0, q1, q2, q3), (u, v, w, p, q, r), held, shaft_rps, current_t_mps, (0.0, 0.0, 0.0))  # type: ignore[arg-type]
         turn = 0.5 * np.array(
@@ -47,10 +48,11 @@ def coast(
     x = np.array(state, dtype=np.float64)
     track = [x]
     for _ in range(round(duration_s / step_s)):
-        k1 = rates(x)
-        k2 = rates(x + 0.5 * step_s * k1)
-        k3 = rates(x + 0.5 * step_s * k2)
-        k4 = rates(x + step_s * k3)
+        held = tuple(float(angle) for angle in (fins_rad(x) if callable(fins_rad) else fins_rad))
+        k1 = rates(x, held)
+        k2 = rates(x + 0.5 * step_s * k1, held)
+        k3 = rates(x + 0.5 * step_s * k2, held)
+        k4 = rates(x + step_s * k3, held)
         x = x + step_s / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
         x[3:7] /= np.linalg.norm(x[3:7])
         track.append(x)
@@ -82,7 +84,7 @@ def pilot(
         vehicle, SCALAR, speed_mps=mission.speed_mps, law=mission.law, gravity_mps2=GRAVITY_MPS2
     )
     steps = round(duration_s / step_s)
-    rows = mission.timetable(0.5 * step_s * np.arange(2 * steps + 1)).tolist()
+    rows = mission.timetable(0.5 * step_s * np.arange(2 * steps + 1, dtype=np.float64)).tolist()
     advance = runge_kutta_step(rates, SCALAR, step_s)
     segment = guide_rows(mission.segments)[0]
     present = [float(value) for value in state]
@@ -91,4 +93,4 @@ def pilot(
         first = rates(present, rows[2 * number], segment, NO_ERROR)
         present = advance(present, first, rows[2 * number + 1], rows[2 * number + 2], segment, NO_ERROR)
         track.append(present)
-    return step_s * np.arange(steps + 1), np.array(track)
+    return step_s * np.arange(steps + 1, dtype=np.float64), np.array(track, dtype=np.float64)

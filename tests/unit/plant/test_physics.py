@@ -1,5 +1,7 @@
 """Laws the equations of motion must keep, at any state."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 
 from bottomlock.plant import Vehicle, load_vehicle
 from bottomlock.plant.equations import acceleration, to_platform, to_tangent
-from bottomlock.plant.fins import fin_wrench
+from bottomlock.plant.fins import fin_wrench, lift_and_drag
 from bottomlock.plant.hull import hull_damping_matrix, hull_wrench
 from bottomlock.plant.lanes import ARRAY, SCALAR, FloatArray
 from bottomlock.plant.matrices import (
@@ -41,17 +43,9 @@ def _nu_dot(
     shaft: float,
     water: FloatArray,
 ) -> FloatArray:
-    function = acceleration(vehicle, GRAVITY_MPS2, SCALAR)
-    return np.array(
-        function(
-            tuple(quaternion.tolist()),
-            tuple(nu.tolist()),
-            tuple(fins.tolist()),
-            shaft,
-            tuple(water.tolist()),
-            (0.0,) * 3,
-        )  # type: ignore[arg-type]
-    )
+    function: Callable[..., tuple[float, ...]] = acceleration(vehicle, GRAVITY_MPS2, SCALAR)
+    parts = (tuple(part.tolist()) for part in (quaternion, nu, fins))
+    return np.array(function(*parts, shaft, tuple(water.tolist()), (0.0,) * 3))
 
 
 @given(names, velocities)
@@ -171,10 +165,15 @@ def test_arrays_and_floats_give_the_same_motion(
     vehicle, quaternion = VEHICLES["tauv"], quaternion / np.linalg.norm(quaternion)
     alone = _nu_dot(vehicle, quaternion, nu, fins, 12.0, np.array([0.1, -0.2, 0.0]))
     spread = [np.full(3, value) for value in (*quaternion, *nu, *fins)]
-    together = acceleration(vehicle, GRAVITY_MPS2, ARRAY)(
-        tuple(spread[:4]), tuple(spread[4:10]), tuple(spread[10:]), np.full(3, 12.0),
-        (np.full(3, 0.1), np.full(3, -0.2), np.zeros(3)), (np.zeros(3),) * 3,
-    )  # type: ignore[arg-type]  # fmt: skip
+    function: Callable[..., tuple[FloatArray, ...]] = acceleration(vehicle, GRAVITY_MPS2, ARRAY)
+    together = function(
+        tuple(spread[:4]),
+        tuple(spread[4:10]),
+        tuple(spread[10:]),
+        np.full(3, 12.0),
+        (np.full(3, 0.1), np.full(3, -0.2), np.zeros(3)),
+        (np.zeros(3),) * 3,
+    )
     for one, many in zip(alone, together, strict=True):
         assert np.allclose(many, one, rtol=1e-10, atol=1e-10 * max(1.0, float(np.abs(alone).max())))
 
@@ -182,8 +181,6 @@ def test_arrays_and_floats_give_the_same_motion(
 @pytest.mark.parametrize("angle_deg", [0.0, 5.0, 15.0, 25.0, 40.0, 90.0, 135.0, 180.0])
 def test_fin_lift_is_odd_and_stalls(tauv: Vehicle, angle_deg: float) -> None:
     """Linear below the stall, a flat plate beyond it; drag is even and never negative."""
-    from bottomlock.plant.fins import lift_and_drag
-
     coefficients = lift_and_drag(tauv, SCALAR)
     angle = np.deg2rad(angle_deg)
     lift, drag = coefficients(float(angle))

@@ -23,6 +23,7 @@ from bottomlock.plant import (
 from bottomlock.plant.ideal_sensors import EARTH_RATE_RADPS
 from bottomlock.plant.lanes import FloatArray
 from bottomlock.plant.matrices import rotation_t_p
+from bottomlock.trajectory import Truth
 from tests.unit.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
 
 NAMES = ("straight", "figure_eight", "lawn_mower")
@@ -142,19 +143,22 @@ def test_flights_come_back_from_the_cache_bit_for_bit(
 ) -> None:
     monkeypatch.setenv("BOTTOMLOCK_CACHE", str(tmp_path / "kept"))
     mission = straight(duration_s=3.0)
-    settings = {"latitude_rad": LATITUDE_RAD, "gravity_mps2": GRAVITY_MPS2}
-    flown = fly(tauv, mission, **settings)
+
+    def flown_now() -> Truth:
+        return fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2).truth
+
+    flown = flown_now()
     (kept,) = (tmp_path / "kept").iterdir()
     monkeypatch.setattr("bottomlock.plant.truth.swim", lambda *_, **__: pytest.fail("not from the cache"))
-    again = fly(tauv, mission, **settings)
-    assert (again.truth.force_p_mps2 == flown.truth.force_p_mps2).all()
+    again = flown_now()
+    assert (again.force_p_mps2 == flown.force_p_mps2).all()
     assert cache.passage_key(tauv, mission, g=1.0) != cache.passage_key(
         tauv, replace(mission, speed_mps=1.9), g=1.0
     )
     monkeypatch.undo()
     monkeypatch.setenv("BOTTOMLOCK_CACHE", str(tmp_path / "kept"))
     kept.write_bytes(kept.read_bytes()[:100])
-    assert (fly(tauv, mission, **settings).truth.force_p_mps2 == flown.truth.force_p_mps2).all()
+    assert (flown_now().force_p_mps2 == flown.force_p_mps2).all()
 
 
 def test_a_cross_current_makes_ground_sway(tauv: Vehicle) -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import Vehicle, derivations, load_vehicle, packaged_vehicles
+from bottomlock.plant.hull import myring_radius_m
 from bottomlock.plant.trim import check_stability
 from bottomlock.plant.vehicle import parse_vehicle
 from tests.unit.plant.helpers import GRAVITY_MPS2
@@ -183,7 +184,7 @@ def test_every_coefficient_of_the_packaged_files_has_a_source() -> None:
 def test_fin_area_and_radius_follow_from_span_and_chord(tauv: Vehicle) -> None:
     hull_radius = float(
         np.mean(
-            derivations.myring_radius_m(
+            myring_radius_m(
                 tauv.hull, np.array([tauv.hull.centre_of_buoyancy_from_nose - tauv.fins.position_x])
             )
         )
