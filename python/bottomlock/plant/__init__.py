@@ -1,5 +1,4 @@
-"""The plant: a six-degrees-of-freedom vehicle that swims missions over a seabed, and the truth it leaves
-behind.
+"""A vehicle in six degrees of freedom that swims missions over a seabed, and the truth it leaves behind.
 
 Frames: tangent NED fixed to the Earth, platform FRD at the centre of buoyancy. SI and radians throughout;
 SNAME notation for coefficients. The way from file to truth: `load_vehicle` -> a `Mission` -> `fly` ->

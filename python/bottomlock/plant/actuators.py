@@ -16,8 +16,9 @@ class StuckFin:
 
 
 def fin_servo(vehicle: Vehicle, maths: Maths[Lane]) -> Callable[[Lane, Lane], Lane]:
-    """Build the rate of a fin (rad/s) from its command and its angle (rad): lag, then rate limit, on a
-    clipped command.
+    """Build the rate of a fin (rad/s) from its command and its angle (rad).
+
+    The command is clipped, then comes the lag, then the rate limit.
     """
     servo = vehicle.fin_actuator
     limit, rate, corner = servo.max_deflection, servo.max_rate, 1.0 / servo.time_constant

@@ -144,8 +144,9 @@ def altitude_loss(
 
 
 def replayed(time_ns: IntArray, recorded_time_ns: IntArray, recorded_valid: BoolArray) -> BoolArray:
-    """(E, B) validity of the latest recorded ping at each time; the record is repeated end to end when too
-    short.
+    """(E, B) validity of the latest recorded ping at each time.
+
+    A record that is too short is repeated end to end.
 
     Raises `ScenarioError` when the record is empty, unordered or of the wrong shape.
     """

@@ -27,8 +27,9 @@ from bottomlock.plant.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class TruthBlock:
-    """The truth of all runs over one control step: its samples after the step before, up to and including
-    its end.
+    """The truth of all runs over one control step.
+
+    Its samples are those after the step before, up to and including its own end.
 
     time_ns (S,); position_t_m (runs, S, 3), attitude_t_p (runs, S, 4) scalar first, velocity_p_mps,
     omega_p_radps (inertial) and force_p_mps2 (runs, S, 3). The first block holds the sample at time zero
@@ -45,9 +46,7 @@ class TruthBlock:
 
 @dataclass(frozen=True)
 class Belief:
-    """What the navigation believes at the end of a block: position_t_m, attitude_t_p, velocity_p_mps, each
-    (runs, ·).
-    """
+    """What the navigation believes at a block's end: position, attitude, velocity, each (runs, ·)."""
 
     position_t_m: FloatArray
     attitude_t_p: FloatArray
@@ -58,8 +57,9 @@ Navigate: TypeAlias = Callable[[TruthBlock], Belief]
 
 
 def navigation_error(block: TruthBlock, belief: Belief) -> FloatArray:
-    """True minus believed at the block's end, (runs, 9): position_t m, velocity_t m/s, roll, pitch, yaw
-    rad.
+    """True minus believed at the block's end, (runs, 9).
+
+    Columns: position_t m, velocity_t m/s, roll, pitch, yaw rad.
     """
     true = (block.position_t_m[:, -1], block.attitude_t_p[:, -1], block.velocity_p_mps[:, -1])
     angles = euler_rad(true[1]) - euler_rad(belief.attitude_t_p)

@@ -39,8 +39,9 @@ def hull_integrals(hull: Hull, points: int = 20001) -> HullIntegrals:
 
 
 def lamb_factors(length_m: float, diameter_m: float) -> tuple[float, float, float]:
-    """Lamb's k1, k2 and k' of a prolate spheroid (Lamb 1932, section 114; Imlay 1961; Fossen 2021, section
-    8.4.2).
+    """Lamb's k1, k2 and k' of a prolate spheroid.
+
+    Sources: Lamb 1932, section 114; Imlay 1961; Fossen 2021, section 8.4.2.
     """
     eccentricity2 = 1.0 - (diameter_m / length_m) ** 2
     e = math.sqrt(eccentricity2)
@@ -59,8 +60,7 @@ def lamb_factors(length_m: float, diameter_m: float) -> tuple[float, float, floa
 def strip_added_mass(
     hull: Hull, density_kgpm3: float, fin_station_m: float, fin_chord_m: float, fin_tip_radius_m: float
 ) -> tuple[float, float, float]:
-    """Cross-flow added mass by strips: (-y_vdot kg, -y_rdot kg m, -n_rdot kg m²), positive masses about the
-    origin.
+    """Cross-flow added mass by strips: -y_vdot (kg), -y_rdot (kg m), -n_rdot (kg m²) about the origin.
 
     A bare section has rho pi R²; along the fins' chord the section is a circle with a cross of fins, which
     has rho pi (a² - R² + R⁴ / a²) with a the tip radius (Newman 1977, section 4.14; Prestero 2001, Eq.
@@ -83,8 +83,9 @@ def strip_added_mass(
 
 
 def cross_fins_roll_added_inertia(density_kgpm3: float, fin_chord_m: float, fin_tip_radius_m: float) -> float:
-    """-k_pdot of four equal fins along their chord, kg m²: (2/pi) rho a⁴ per length (Prestero 2001, Eq.
-    4.10).
+    """-k_pdot of four equal fins along their chord, kg m²: (2/pi) rho a⁴ per length.
+
+    Source: Prestero 2001, Eq. (4.10).
     """
     return 2.0 / math.pi * density_kgpm3 * fin_tip_radius_m**4 * fin_chord_m
 
@@ -97,8 +98,10 @@ def axial_drag_kgpm(
     viscosity_m2ps: float,
     allowance: float,
 ) -> float:
-    """Hull drag X = -k u|u|: ITTC-57 friction, Hoerner's form factor of a body of revolution, roughness
-    allowance.
+    """Hull drag k of X = -k u|u|, kg/m.
+
+    ITTC-57 friction, Hoerner's form factor of a body of revolution, and an allowance for roughness and
+    appendages.
     """
     reynolds = speed_mps * hull.length / viscosity_m2ps
     friction = 0.075 / (math.log10(reynolds) - 2.0) ** 2
@@ -121,27 +124,15 @@ def body_lift_kgpm(hull: Hull, density_kgpm3: float) -> tuple[float, float]:
 
 
 def fin_lift_slope(aspect_ratio: float) -> float:
-    """Hoerner's lift slope of a low-aspect wing, per rad: 1 / (1 / (2 pi 0.9) + 1 / (pi AR)) (Prestero
-    2001, Eq. 4.42).
+    """Hoerner's lift slope of a low-aspect wing, per rad.
+
+    1 / (1 / (2 pi 0.9) + 1 / (pi AR)); Prestero 2001, Eq. (4.42).
     """
     return 1.0 / (1.0 / (2.0 * math.pi * 0.9) + 1.0 / (math.pi * aspect_ratio))
 
 
 def uniform_inertia(hull: Hull, mass_kg: float) -> tuple[float, float]:
-    """Roll and pitch inertia (kg m²) about the centre of buoyancy of a mass spread evenly through the hull."""
-    x = np.linspace(0.0, hull.length, 20001)
-    area = np.pi * myring_radius_m(hull, x) ** 2
-    station = hull.centre_of_buoyancy_from_nose - x
-    density = mass_kg / float(trapezoid(area, x))
-    half_square = area / (4.0 * np.pi)
-    roll = density * float(trapezoid(2.0 * area * half_square, x))
-    return roll, density * float(trapezoid(area * (station**2 + half_square), x))
-
-
-def rolling_friction_kgm2(hull: Hull, density_kgpm3: float, friction: float) -> float:
-    """Skin friction of a hull turning about its axis, K = -k |p| p: rho/2 c_f times the integral of 2 pi R⁴
-    dx.
-    """
+    """Roll and pitch inertia (kg m²) about the centre of buoyancy of a mass spread evenly through the hull.""""""
     x = np.linspace(0.0, hull.length, 20001)
     radius = myring_radius_m(hull, x)
     return 0.5 * density_kgpm3 * friction * float(trapezoid(2.0 * np.pi * radius**4, x))

@@ -46,8 +46,7 @@ def offset_and_heading(
 def line_of_sight(
     vehicle: Vehicle, speed_mps: float, maths: Maths[Lane]
 ) -> Callable[[Lane, Lane, Segment[Lane], Target[Lane]], Course[Lane]]:
-    """Build the line-of-sight law: (north, east, segments, target) -> (course rad, course rate rad/s, speed
-    m/s).
+    """Build line of sight: (north, east, segments, target) -> (course rad, its rate rad/s, speed m/s).
 
     The courses for the present and the next segment are blended over the joint by a smooth step of the way
     past it, so the command has no jump, and the instant at which the next pair of segments is taken up does
@@ -56,7 +55,7 @@ def line_of_sight(
     ahead = vehicle.guidance.look_ahead
     atan2, clip, wrap = maths.atan2, maths.clip, maths.wrap
 
-    def law(north: Lane, east: Lane, segment: Segment[Lane], target: Target[Lane]) -> Course[Lane]:
+    def law(north: Lane, east: Lane, segment: Segment[Lane], _target: Target[Lane]) -> Course[Lane]:
         n0, e0, cos0, sin0, heading0, curvature0, n1, e1, cos1, sin1, heading1, curvature1, blend = segment
         offset, heading = offset_and_heading(north, east, (n0, e0, cos0, sin0, heading0, curvature0), maths)
         course = heading + atan2(-offset, ahead + 0.0 * offset)
@@ -72,10 +71,9 @@ def line_of_sight(
 
 
 def constant_bearing(
-    vehicle: Vehicle, speed_mps: float, maths: Maths[Lane]
+    vehicle: Vehicle, maths: Maths[Lane]
 ) -> Callable[[Lane, Lane, Segment[Lane], Target[Lane]], Course[Lane]]:
-    """Build the constant-bearing law: fly the target's velocity plus an approach velocity along the line to
-    it.
+    """Build constant bearing: fly the target's velocity plus an approach velocity towards it.
 
     The target is (north, east, velocity north, velocity east, course rate); the approach speed grows to its
     limit with distance over the look-ahead (Breivik and Fossen 2009, Eqs 29 and 30).
@@ -85,7 +83,7 @@ def constant_bearing(
     floor = vehicle.limits.min_speed
     sqrt, atan2, clip = maths.sqrt, maths.atan2, maths.clip
 
-    def law(north: Lane, east: Lane, segment: Segment[Lane], target: Target[Lane]) -> Course[Lane]:
+    def law(north: Lane, east: Lane, _segment: Segment[Lane], target: Target[Lane]) -> Course[Lane]:
         target_n, target_e, velocity_n, velocity_e, rate = target
         gap_n, gap_e = target_n - north, target_e - east
         pull = approach / sqrt(gap_n * gap_n + gap_e * gap_e + ahead2)
@@ -99,8 +97,7 @@ def constant_bearing(
 def depth_by_pitch(
     vehicle: Vehicle, maths: Maths[Lane]
 ) -> Callable[[Lane, Lane, Lane, Lane, Lane], tuple[Lane, Lane]]:
-    """Build the depth loop: (wanted depth, wanted sink rate, depth, speed, integral) -> (pitch rad,
-    integral's rate).
+    """Build the depth loop: (wanted depth, sink rate, depth, speed, integral) -> (pitch, integral's rate).
 
     Pitch is minus the arcsine of the wanted sink rate over the speed. The integral (m s) carries the trim
     pitch that buoyancy and the angle of attack ask for; at the pitch limit it bleeds as the attitude

@@ -1,5 +1,4 @@
-"""Drag and lift of the hull: axial drag, body lift at the centre of pressure, cross-flow drag by strips,
-roll drag.
+"""Drag and lift of the hull: axial drag, body lift, cross-flow drag by strips, rotary drag.
 
 Every term acts against the local velocity where it acts, so each takes energy from the vehicle at any state.
 """
@@ -37,8 +36,7 @@ def myring_radius_m(hull: Hull, from_nose_m: FloatArray) -> FloatArray:
 
 
 def cross_flow_strips(vehicle: Vehicle, count: int = STRIPS) -> list[Strip]:
-    """Gauss-Legendre strips along the hull: (station x from the origin in m, drag weight rho/2 Cd d dx in
-    kg/m).
+    """Gauss-Legendre strips along the hull: (station x m, drag weight rho/2 Cd d dx in kg/m).
 
     The weights carry the hull's diameter as it varies along Myring's shape; they are scaled so that the
     total is that of the exact plan area.
@@ -93,8 +91,9 @@ def hull_wrench(
 
 
 def hull_damping_matrix(vehicle: Vehicle, nu_r: FloatArray) -> FloatArray:
-    """D(nu_r), shape (6, 6), with D(nu_r) nu_r = minus the hull's damping wrench; symmetric, never
-    negative.
+    """D(nu_r) of the hull, shape (6, 6), symmetric and never negative.
+
+    D(nu_r) nu_r is minus the hull's damping wrench.
     """
     hull = vehicle.hull
     u, v, w, p, q, r = nu_r

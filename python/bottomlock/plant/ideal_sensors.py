@@ -1,6 +1,4 @@
-"""What ideal inertial sensors feel on a passage: specific force and inertial rate, from the same
-derivative.
-"""
+"""What ideal inertial sensors feel on a passage, from the very derivative that moved it."""
 
 import numpy as np
 

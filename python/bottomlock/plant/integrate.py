@@ -14,8 +14,7 @@ def runge_kutta_step(
     maths: Maths[Lane],
     step_s: float,
 ) -> Callable[[list[Lane], list[Lane], Row[Lane], Row[Lane], Segment[Lane], Error[Lane]], list[Lane]]:
-    """Build one classical RK4 step: (state, its derivative, rows at half and full step, segment, error) ->
-    next state.
+    """Build one RK4 step: (state, derivative, rows at half and full step, segment, error) -> next state.
 
     The quaternion is brought back to unit length; RK4 leaves it within step⁵ of that anyway.
     """
@@ -86,8 +85,9 @@ def hermite(
     step_s: float,
     parts: int,
 ) -> FloatArray:
-    """Values at `parts` equal fractions of each step, the step's start included: (steps, ..., m) -> (steps,
-    parts, ..., m).
+    """Values at equal fractions of each step: (steps, ..., m) -> (steps, parts, ..., m).
+
+    The step's start is included, its end is the next step's start.
 
     Cubic Hermite: error step⁴ / 384 times the fourth derivative, the order of the steps themselves.
     """

@@ -31,9 +31,7 @@ def rigid_body_mass_matrix(vehicle: Vehicle) -> FloatArray:
 
 
 def added_mass_matrix(vehicle: Vehicle) -> FloatArray:
-    """M_A, shape (6, 6), symmetric; Fossen 2021, Eq. (6.45) for a body with two planes of symmetry and a
-    tail.
-    """
+    """M_A, shape (6, 6), symmetric, of a body with two planes of symmetry; Fossen 2021, Eq. (6.45)."""
     added = vehicle.added_mass
     matrix = -np.diag([added.x_udot, added.y_vdot, added.z_wdot, added.k_pdot, added.m_qdot, added.n_rdot])
     matrix[1, 5] = matrix[5, 1] = -added.y_rdot

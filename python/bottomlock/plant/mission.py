@@ -1,6 +1,4 @@
-"""Missions: a path, a depth profile and a speed for so long; the three of the 2017 paper, and a user's
-waypoints.
-"""
+"""Missions: a path, a depth profile and a speed for so long; the 2017 paper's three and a user's own."""
 
 import math
 from dataclasses import dataclass, field
@@ -48,9 +46,7 @@ class DepthProfile:
 
 @dataclass(frozen=True)
 class Mission:
-    """What one vehicle shall do: path, depth, speed over ground (m/s), duration (s), guidance law, current,
-    faults.
-    """
+    """What a vehicle shall do: path, depth, speed over ground (m/s), duration (s), law, current, faults."""
 
     name: str
     segments: tuple[PathSegment, ...]
@@ -145,8 +141,7 @@ def waypoint_mission(
     law: Law = "line_of_sight",
     current: Current | None = None,
 ) -> Mission:
-    """A user's way: straight legs through waypoints (n, 2: north, east in m) with corners rounded to a
-    radius.
+    """A user's way: straight legs through waypoints (n, 2: north, east in m), corners rounded.
 
     Without a duration the mission ends when the path does. Raises `ScenarioError` for impossible waypoints.
     """

@@ -1,5 +1,4 @@
-"""The vehicle under way: rigid body, actuators, autopilot and guidance as one system of differential
-equations.
+"""The vehicle under way: body, actuators, autopilot and guidance as one system of equations.
 
 State (28): position_t 0:3, attitude_t_p 3:7, nu 7:13, fins 13:17, shaft 17, then the autopilot's memory:
 roll 18:20, pitch 20:22, yaw 22:24, speed 24:26 (each integral, filtered rate error), crab angle 26, depth
@@ -59,7 +58,11 @@ def derivative(
     )
     speed_law = speed_pid(pilot.speed, vehicle.propeller.max_speed, maths)
     mix: Callable[[Lane, Lane, Lane], Four[Lane]] = fin_commands(vehicle)
-    steer = (line_of_sight if law == "line_of_sight" else constant_bearing)(vehicle, speed_mps, maths)
+    steer = (
+        line_of_sight(vehicle, speed_mps, maths)
+        if law == "line_of_sight"
+        else constant_bearing(vehicle, maths)
+    )
     dive = depth_by_pitch(vehicle, maths)
     limits = vehicle.limits
     cruise, slowest, fastest = limits.cruise_speed, limits.min_speed, limits.max_speed

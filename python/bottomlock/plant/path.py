@@ -16,9 +16,7 @@ _BLEND_M = 2.0
 
 @dataclass(frozen=True)
 class PathSegment:
-    """A line or an arc of at most a quarter turn: start (m), heading there (rad), curvature (1/m, right
-    positive).
-    """
+    """A line or an arc of at most a quarter turn: start (m), heading (rad), curvature (1/m, right +)."""
 
     north_m: float
     east_m: float
@@ -45,8 +43,7 @@ class PathSegment:
 
 
 def guide_rows(segments: Sequence[PathSegment]) -> list[tuple[float, ...]]:
-    """Per segment what guidance reads: its start, the next one's start, and the length of the blend between
-    them.
+    """Per segment what guidance reads: its start, the next one's start, and the blend between them (m).
 
     After the last segment the path runs straight on.
     """
@@ -123,8 +120,9 @@ def through_waypoints(waypoints_m: FloatArray, turn_radius_m: float) -> list[Pat
 
 
 def target_along(segments: list[PathSegment], speed_mps: float, time_s: FloatArray) -> FloatArray:
-    """A target running along the path at constant speed: rows (north, east, velocity N, velocity E, turn
-    rate), (n, 5).
+    """A target running along the path at constant speed, (n, 5).
+
+    Columns: north, east (m), velocity north, east (m/s), turn rate (rad/s).
 
     Beyond the last segment it runs on along the last heading.
     """
@@ -146,9 +144,7 @@ def target_along(segments: list[PathSegment], speed_mps: float, time_s: FloatArr
 
 
 def cross_track_m(segments: list[PathSegment], position_ne_m: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Distance to the nearest point of the path (n,), positive to the right, and the nearest segment's
-    index (n,).
-    """
+    """Distance to the path (n,), positive to the right, and the nearest segment's index (n,)."""
     points = np.asarray(position_ne_m, dtype=np.float64)
     best = np.full(len(points), np.inf)
     signed = np.full(len(points), np.nan)

@@ -47,9 +47,9 @@ def _checked(
 ) -> Callable[[Any], float]:
     units = UNITS[dimension]
 
-    def convert(entry: Any) -> float:
+    def convert(entry: object) -> float:
         if not isinstance(entry, dict):
-            raise ValueError("expected a table { value, unit, source }")
+            raise ValueError("expected a table { value, unit, source }")  # noqa: TRY004 - pydantic reports ValueError
         unknown = sorted(set(entry) - {"value", "unit", "source"})
         if unknown:
             raise ValueError(f"unknown key '{unknown[0]}'; expected value, unit, source")

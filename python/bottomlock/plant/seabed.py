@@ -47,8 +47,9 @@ class PlaneSeabed:
 
 @dataclass(frozen=True)
 class GridSeabed:
-    """Depths (rows north, columns east) on an even grid, bilinear between; beyond the edges there is no
-    bottom.
+    """Depths (rows north, columns east) on an even grid, bilinear between.
+
+    Beyond the edges there is no bottom.
     """
 
     north_m: FloatArray
@@ -93,8 +94,9 @@ class GridSeabed:
         return (np.asarray(place_m) - float(axis_m[0])) / step, step
 
     def intersect(self, origin_t_m: FloatArray, direction_t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Range (m) and cosine of incidence of the first hit, by marching to a bracket and bisecting; NaN
-        if none.
+        """Range (m) and cosine of incidence of the first hit; NaN if there is none.
+
+        Marches to a bracket, then bisects.
         """
         origin, direction = np.broadcast_arrays(origin_t_m, direction_t)
         shape = origin.shape[:-1]
@@ -164,9 +166,7 @@ def load_grid(path: Path) -> GridSeabed:
 
 @dataclass(frozen=True)
 class Footprints:
-    """Where beams meet the bottom: range (E, B) in m and angle of incidence (E, B) in rad; NaN without a
-    bottom.
-    """
+    """Where beams meet the bottom: range (E, B) m and incidence (E, B) rad; NaN without a bottom."""
 
     range_m: FloatArray
     incidence_rad: FloatArray

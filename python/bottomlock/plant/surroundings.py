@@ -1,6 +1,4 @@
-"""What the aiding sensors other than the DVL meet: the surface, the Earth's magnetic field, and the sea
-above.
-"""
+"""What the other aiding sensors meet: the surface, the Earth's magnetic field, the sea above."""
 
 import math
 from dataclasses import dataclass
@@ -21,8 +19,9 @@ def gps_times_ns(
     antenna_depth_m: float = 0.3,
     acquire_s: float = 5.0,
 ) -> IntArray:
-    """Times of GPS fixes, ns: at the rate, once the vehicle has been above the antenna's depth for the
-    acquire time.
+    """Times of GPS fixes, ns.
+
+    At the rate, once the vehicle has been above the antenna's depth for the acquire time.
     """
     if rate_hz <= 0.0 or acquire_s < 0.0:
         raise ScenarioError("gps: rate_hz must be positive and acquire_s must not be negative")
@@ -87,8 +86,9 @@ def world_magnetic_model(
 
 @dataclass(frozen=True)
 class Iron:
-    """The vehicle's own magnetism: hard iron (nT, platform) and soft iron (3, 3) that turns and stretches
-    the field.
+    """The vehicle's own magnetism.
+
+    Hard iron (nT, platform) adds to the field, soft iron (3, 3) turns and stretches it.
     """
 
     hard_p_nt: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -116,8 +116,9 @@ def magnetic_heading_error_rad(
 
 @dataclass(frozen=True)
 class Pressure:
-    """How pressure is taken for depth: true and assumed density (kg/m³), tide (m, + is high water) and
-    barometer (Pa).
+    """How pressure is taken for depth.
+
+    True and assumed density (kg/m³), tide (m, positive at high water), barometer (Pa).
 
     A sensor that assumes a density and a mean sea level reads depth with a scale and an offset.
     """

@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -20,6 +20,8 @@ from bottomlock.plant.mission import (
     waypoint_mission,
 )
 from bottomlock.plant.seabed import PlaneSeabed, Seabed, load_grid, rolling_seabed
+
+Table = TypeVar("Table")
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -145,9 +147,8 @@ class WaypointsTable(_MissionTable):
         )
 
 
-MissionTable = Annotated[
-    StraightTable | FigureEightTable | LawnMowerTable | WaypointsTable, Field(discriminator="kind")
-]
+AnyMission: TypeAlias = StraightTable | FigureEightTable | LawnMowerTable | WaypointsTable
+MissionTable = Annotated[AnyMission, Field(discriminator="kind")]
 
 
 class FlatSeabedTable(_Table):
@@ -176,10 +177,11 @@ class GridSeabedTable(_Table):
     path: Path
 
 
-SeabedTable = Annotated[FlatSeabedTable | RollingSeabedTable | GridSeabedTable, Field(discriminator="kind")]
+AnySeabed: TypeAlias = FlatSeabedTable | RollingSeabedTable | GridSeabedTable
+SeabedTable = Annotated[AnySeabed, Field(discriminator="kind")]
 
-_MISSIONS: TypeAdapter[Any] = TypeAdapter(MissionTable)
-_SEABEDS: TypeAdapter[Any] = TypeAdapter(SeabedTable)
+_MISSIONS: TypeAdapter[AnyMission] = TypeAdapter(MissionTable)
+_SEABEDS: TypeAdapter[AnySeabed] = TypeAdapter(SeabedTable)
 
 
 def mission_from_table(table: dict[str, Any], label: str) -> Mission:
@@ -215,7 +217,7 @@ def seabed_from_table(table: dict[str, Any], label: str) -> Seabed:
     return load_grid(read.path)
 
 
-def _validated(adapter: TypeAdapter[Any], table: dict[str, Any], label: str) -> Any:
+def _validated(adapter: TypeAdapter[Table], table: dict[str, Any], label: str) -> Table:
     try:
         return adapter.validate_python(table)
     except ValidationError as error:

@@ -20,9 +20,7 @@ _TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class Trim:
-    """Level straight flight at one speed through the water: attitude, velocity, fins and shaft that hold
-    it.
-    """
+    """Level straight flight at one speed: attitude, velocity, fins and shaft that hold it."""
 
     speed_mps: float
     pitch_rad: float
@@ -128,8 +126,7 @@ def start_state(vehicle: Vehicle, mission: Mission, gravity_mps2: float) -> list
 
 
 def eigenvalues(vehicle: Vehicle, speed_mps: float, gravity_mps2: float, *, closed_loop: bool) -> FloatArray:
-    """Eigenvalues (1/s) of motion about straight level flight, by central differences of the equations of
-    motion.
+    """Eigenvalues (1/s) of motion about level flight, by central differences of the equations.
 
     Closed loop: everything but the way along the path and the quaternion's length. Open loop: fins and
     shaft held, nu, roll and pitch only (heading, position and depth are free integrators).
@@ -163,8 +160,7 @@ def eigenvalues(vehicle: Vehicle, speed_mps: float, gravity_mps2: float, *, clos
 
 
 def check_stability(vehicle: Vehicle, gravity_mps2: float) -> None:
-    """Refuse a vehicle whose trim, flown by its own autopilot, is unstable at its slowest, cruise or
-    fastest speed.
+    """Refuse a vehicle that its own autopilot cannot hold at its slowest, cruise or fastest speed.
 
     Raises `ScenarioError` with the speed and the growth rate.
     """

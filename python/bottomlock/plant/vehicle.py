@@ -94,9 +94,7 @@ class FinActuator(_Table):
 
 
 class Propeller(_Table):
-    """Open-water line K = K0 + K1 J, hull interaction, shaft limits and lag; rotation +1 turns clockwise
-    seen from aft.
-    """
+    """Open-water line K = K0 + K1 J, hull interaction, limits; rotation +1 is clockwise from aft."""
 
     diameter: qty.PositiveLength
     thrust_at_rest: qty.PositiveNumber

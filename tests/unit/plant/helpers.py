@@ -27,9 +27,7 @@ def coast(
     step_s: float = 0.02,
     current_t_mps: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> FloatArray:
-    """Swim from a state (position, attitude, nu: 13) with fins held, or set anew each step; the states (n,
-    13).
-    """
+    """Swim from a state (position, attitude, nu: 13) with fins held or set each step; states (n, 13)."""
     nu_dot = acceleration(vehicle, GRAVITY_MPS2, SCALAR)
 
     def rates(x: FloatArray, held: tuple[float, ...]) -> FloatArray:

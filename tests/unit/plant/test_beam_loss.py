@@ -1,6 +1,4 @@
-"""Beam loss: limits by hand, Markov chains by their stationary law, independence of run order, recorded
-patterns.
-"""
+"""Beam loss: limits by hand, Markov chains by their law, independence of run order, recordings."""
 
 import numpy as np
 import pytest
@@ -54,8 +52,9 @@ def test_senseless_outages_are_named(outage: Outage, words: str) -> None:
 @pytest.mark.statistical
 @pytest.mark.parametrize("period_s", [0.2, 1.0])
 def test_markov_dropout_has_its_means_at_any_ping_rate(period_s: float) -> None:
-    """Availability up/(up+down) and mean outage length; 5 sigma of the correlated mean, and 5 % on the
-    length.
+    """Availability up / (up + down) and mean outage length.
+
+    Bounds: 5 sigma of the correlated mean, and 5 % on the length.
     """
     dropout = MarkovDropout(mean_up_s=20.0, mean_down_s=8.0)
     times = (np.arange(3000) * period_s * 1e9).astype(np.int64)

@@ -1,6 +1,4 @@
-"""Flying on an estimate: perfect estimates change nothing, wrong ones lead the true vehicle astray by what
-they say.
-"""
+"""Flying on an estimate: a perfect one changes nothing, a wrong one leads the vehicle astray."""
 
 import numpy as np
 import pytest
@@ -59,9 +57,7 @@ def test_a_position_error_puts_the_vehicle_beside_its_path(tauv: Vehicle) -> Non
 
 
 def test_a_heading_error_crabs_but_holds_the_believed_path(tauv: Vehicle) -> None:
-    """With yaw off by 3 deg and ground velocity known, the crab estimate absorbs the error: the path is
-    still held.
-    """
+    """With yaw off by 3 deg and ground velocity known, the crab estimate absorbs the error."""
     fleet = _fleet(tauv, straight(duration_s=120.0), 1)
     half = 0.5 * np.deg2rad(3.0)
     turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])

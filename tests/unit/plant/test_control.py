@@ -122,9 +122,7 @@ def test_heading_step(tauv: Vehicle) -> None:
 
 
 def test_roll_upset(tauv: Vehicle) -> None:
-    """Thrown 15 deg to the side the vehicle is upright again within 8 s, on its own weight and the roll
-    loop.
-    """
+    """Thrown 15 deg to the side the vehicle is upright again within 8 s, on weight and the roll loop."""
     state = start_state(tauv, straight(), GRAVITY_MPS2)
     half = np.deg2rad(7.5)
     q0, _, q2, _ = state[3:7]

@@ -51,8 +51,9 @@ def test_terminal_speed_balances_drag_and_thrust(tauv: Vehicle) -> None:
 
 
 def test_turning_radius_from_linear_derivatives(tauv: Vehicle) -> None:
-    """Steady turn of the linear sway-yaw equations, for a small rudder, within 10 % (cross-flow drag does
-    the rest).
+    """Steady turn of the linear sway-yaw equations within 5 %.
+
+    The rudder is so small that cross-flow drag is almost linear.
 
     Y_v v + (Y_r - m - m_x) U r = -Y_d d and N_v v + N_r r = -N_d d per unit of U², with
     hull, fins, Munk moment and the body's own centripetal force worked out one by one.
@@ -87,9 +88,7 @@ def test_turning_radius_from_linear_derivatives(tauv: Vehicle) -> None:
 
 
 def test_turning_radius_at_a_working_rudder(tauv: Vehicle) -> None:
-    """At 5 deg cross-flow drag has stiffened the turn: four lengths, give or take one, with some drift
-    outwards.
-    """
+    """At 5 deg cross-flow drag has stiffened the turn: four lengths, give or take one."""
     steady = trim(tauv, 2.0, GRAVITY_MPS2)
     held = np.array(steady.fins_rad) + fins_of(tauv, yaw_rad=math.radians(5.0))
     track = coast(tauv, at_speed(2.0), fins_rad=held, shaft_rps=steady.shaft_rps, duration_s=60.0)
@@ -100,9 +99,7 @@ def test_turning_radius_at_a_working_rudder(tauv: Vehicle) -> None:
 
 
 def test_pitch_moment_at_an_angle_of_attack(tauv: Vehicle) -> None:
-    """At 3 deg and 2 m/s: Munk (m_z - m_x) u w, less the fins' and the hull's lift at their arms, within 5
-    %.
-    """
+    """At 3 deg and 2 m/s: the Munk moment less fins' and hull's lift at their arms, within 5 %."""
     speed, angle = 2.0, math.radians(3.0)
     u, w = speed * math.cos(angle), speed * math.sin(angle)
     hull, fins, density = tauv.hull, tauv.fins, tauv.water.density

@@ -1,6 +1,7 @@
 """Paths: lines and arcs by one formula, waypoints with rounded corners, and a target that runs along."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -52,7 +53,7 @@ def test_a_line_is_an_arc_without_curvature() -> None:
 def test_waypoint_corners_are_rounded_and_joined(radius: float) -> None:
     points = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 80.0], [20.0, 80.0]])
     segments = through_waypoints(points, radius)
-    for before, after in zip(segments, segments[1:], strict=False):
+    for before, after in pairwise(segments):
         north, east, heading = before.at(before.length_m)
         assert (north, east) == pytest.approx((after.north_m, after.east_m), abs=1e-9)
         assert math.remainder(heading - after.heading_rad, 2 * math.pi) == pytest.approx(0.0, abs=1e-12)
@@ -86,9 +87,7 @@ def test_target_runs_along_at_constant_speed() -> None:
 
 
 def test_the_command_is_continuous_over_every_joint() -> None:
-    """Course and course rate do not depend on which of two neighbouring pairs of segments is in use at a
-    joint's end.
-    """
+    """The command does not depend on which of two neighbouring pairs is in use at a joint's end."""
     vehicle, mission = load_vehicle("tauv"), lawn_mower()
     law = line_of_sight(vehicle, 2.0, SCALAR)
     rows = guide_rows(mission.segments)

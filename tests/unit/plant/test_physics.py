@@ -78,9 +78,7 @@ def test_hull_damping_matrix_is_symmetric_and_never_negative(name: str, nu: Floa
 def test_components_equal_the_vectorial_form(
     name: str, quaternion: FloatArray, nu: FloatArray, fins: FloatArray, shaft: float
 ) -> None:
-    """M nu' = tau - C_RB nu - C_A nu - D nu - g, with matrices built independently of the written-out
-    components.
-    """
+    """M nu' = tau - C_RB nu - C_A nu - D nu - g, with matrices built apart from the components."""
     vehicle, quaternion = VEHICLES[name], quaternion / np.linalg.norm(quaternion)
     thrust, torque = propeller_wrench(vehicle, SCALAR)(float(nu[0]), shaft)
     tau = np.array(fin_wrench(vehicle, SCALAR)(*nu.tolist(), tuple(fins.tolist())))
@@ -105,9 +103,7 @@ def _energy(vehicle: Vehicle, position_d_m: float, quaternion: FloatArray, nu: F
 def test_energy_never_grows_without_thrust(
     name: str, quaternion: FloatArray, nu: FloatArray, fins: FloatArray
 ) -> None:
-    """Kinetic energy of body and water plus weight and buoyancy: its rate is the power of drag, never
-    positive.
-    """
+    """Kinetic energy of body and water plus weight and buoyancy: its rate is drag's power."""
     vehicle, quaternion = VEHICLES[name], quaternion / np.linalg.norm(quaternion)
     rate = _nu_dot(vehicle, quaternion, nu, fins, 0.0, np.zeros(3))
     mass = rigid_body_mass_matrix(vehicle) + added_mass_matrix(vehicle)

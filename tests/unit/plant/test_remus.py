@@ -1,6 +1,4 @@
-"""REMUS 100 against what is published: combined coefficients, steady speed, and Prestero's own equations as
-oracle.
-"""
+"""REMUS 100 against what is published: coefficients, speed, and Prestero's equations as oracle."""
 
 import math
 import sys
@@ -32,9 +30,7 @@ XUDOT, YVDOT, YRDOT, NVDOT, NRDOT = -0.93, -35.5, 1.93, 1.93, -4.88
 def _prestero(
     speed_mps: float, rudder: Callable[[float, FloatArray], float]
 ) -> Callable[[float, FloatArray], FloatArray]:
-    """Prestero's sway-yaw-surge equations; positive rudder here turns to starboard (his sign is the
-    opposite).
-    """
+    """Prestero's sway-yaw-surge equations; positive rudder turns to starboard (his sign is opposite)."""
     thrust = -XUU * speed_mps**2
     sway_yaw = np.linalg.inv(np.array([[MASS - YVDOT, -YRDOT], [-NVDOT, IZZ - NRDOT]]))
 
@@ -114,8 +110,9 @@ def _turn(remus: Vehicle, rudder_deg: float) -> tuple[float, float, float]:
 def test_turning_circle_against_prestero(
     remus: Vehicle, rudder_deg: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Radius within 30 % of his equations as printed, and within 12 % once his hull's lift sees the turn as
-    well.
+    """Radius within 30 % of his equations as printed.
+
+    Within 12 % once his hull's lift sees the turn as well.
 
     So the hull's inflow explains most of the difference; the rest is lift that tilts forward at the fins,
     which keeps this vehicle faster in a turn.
@@ -197,7 +194,7 @@ def test_depth_step_against_prestero(remus: Vehicle) -> None:
         return float(np.clip(1.2 * (wanted - pitch) - 0.9 * rate, -limit, limit)) + steady.modes_rad[1]
 
     def rates(x: FloatArray, fin: float) -> FloatArray:
-        depth, pitch, w, q = x
+        _, pitch, w, q = x
         heave = -131.0 * w * abs(w) - 0.632 * q * abs(q) + (MASS - 5.22) * speed * q - 28.6 * speed * w
         heave += 9.64 * speed**2 * fin - lift_surplus * math.cos(pitch)
         moment = 3.18 * w * abs(w) - 188.0 * q * abs(q) - 2.0 * speed * q + 24.0 * speed * w

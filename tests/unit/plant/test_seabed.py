@@ -32,9 +32,7 @@ def test_flat_bottom_from_level_flight() -> None:
 
 
 def test_roll_brings_one_side_nearer_the_vertical() -> None:
-    """Rolled 20 deg to starboard, port beams lengthen less than starboard ones shorten: by hand, beam by
-    beam.
-    """
+    """Rolled 20 deg to starboard: ranges and incidence by hand, beam by beam."""
     half = 0.5 * TILT
     rolled = np.array([[math.cos(half), math.sin(half), 0.0, 0.0]])
     prints = footprints(PlaneSeabed(50.0), np.array([[0.0, 0.0, 20.0]]), rolled, _janus())

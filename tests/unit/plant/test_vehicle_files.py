@@ -1,6 +1,4 @@
-"""Vehicle files: every number has a unit and a source, derived ones recompute, and bad ones are refused in
-words.
-"""
+"""Vehicle files: every number has unit and source, derived ones recompute, bad ones are refused."""
 
 import copy
 import math
@@ -89,7 +87,7 @@ def test_lamb_factors_of_known_spheroids() -> None:
     assert near_sphere[:2] == pytest.approx((0.5, 0.5), abs=2e-3)
 
 
-def _set(tables: dict[str, Any], path: str, **entries: Any) -> None:
+def _set(tables: dict[str, Any], path: str, **entries: object) -> None:
     *parents, last = path.split(".")
     place = tables
     for parent in parents:
@@ -147,14 +145,12 @@ def test_a_bare_number_is_refused(tables: dict[str, Any]) -> None:
 
 
 def test_a_missing_file_is_named() -> None:
-    with pytest.raises(ScenarioError, match="'nautilus': neither a packaged vehicle .*tauv.* nor a file"):
+    with pytest.raises(ScenarioError, match=r"'nautilus': neither a packaged vehicle .*tauv.* nor a file"):
         load_vehicle("nautilus")
 
 
 def test_an_unstable_trim_is_refused(tables: dict[str, Any]) -> None:
-    """Without rate feedback a stiff pitch loop oscillates ever wider: a spiral nobody should simulate
-    unawares.
-    """
+    """Without rate feedback a stiff pitch loop oscillates ever wider."""
     _set(tables, "autopilot.pitch.derivative", value=0.0)
     _set(tables, "autopilot.pitch.proportional", value=30.0)
     with pytest.raises(ScenarioError, match=r"trim at .* m/s is unstable under its autopilot"):
@@ -163,7 +159,7 @@ def test_an_unstable_trim_is_refused(tables: dict[str, Any]) -> None:
 
 def test_a_trim_beyond_the_shaft_is_refused(tables: dict[str, Any]) -> None:
     _set(tables, "propeller.max_speed", value=400.0)
-    with pytest.raises(ScenarioError, match="needs the shaft at .* rpm, beyond its limit"):
+    with pytest.raises(ScenarioError, match=r"needs the shaft at .* rpm, beyond its limit"):
         check_stability(parse_vehicle(tables, "bad"), GRAVITY_MPS2)
 
 
