@@ -132,7 +132,21 @@ def fin_lift_slope(aspect_ratio: float) -> float:
 
 
 def uniform_inertia(hull: Hull, mass_kg: float) -> tuple[float, float]:
-    """Roll and pitch inertia (kg m²) about the centre of buoyancy of a mass spread evenly through the hull.""""""
+    """Roll and pitch inertia (kg m²) about the origin of a mass spread evenly through the hull."""
+    x = np.linspace(0.0, hull.length, 20001)
+    area = np.pi * myring_radius_m(hull, x) ** 2
+    station = hull.centre_of_buoyancy_from_nose - x
+    density = mass_kg / float(trapezoid(area, x))
+    half_square = area / (4.0 * np.pi)
+    roll = density * float(trapezoid(2.0 * area * half_square, x))
+    return roll, density * float(trapezoid(area * (station**2 + half_square), x))
+
+
+def rolling_friction_kgm2(hull: Hull, density_kgpm3: float, friction: float) -> float:
+    """Skin friction of a hull turning about its axis: k of K = -k |p| p, kg m².
+
+    rho/2 c_f times the integral of 2 pi R⁴ dx.
+    """
     x = np.linspace(0.0, hull.length, 20001)
     radius = myring_radius_m(hull, x)
     return 0.5 * density_kgpm3 * friction * float(trapezoid(2.0 * np.pi * radius**4, x))
