@@ -111,7 +111,11 @@ pub enum NavError {
 /// # Errors
 /// [`NavError::NotFinite`] that names the field and the time.
 pub(crate) fn require_finite(field: &'static str, time_ns: i64, values: &[f64]) -> Result<(), NavError> {
-    if values.iter().all(|value| value.is_finite()) { Ok(()) } else { Err(NavError::NotFinite { field, time_ns }) }
+    if values.iter().all(|value| value.is_finite()) {
+        Ok(())
+    } else {
+        Err(NavError::NotFinite { field, time_ns })
+    }
 }
 
 /// Checks that a standard deviation or variance is finite and not negative.
@@ -122,7 +126,11 @@ pub(crate) fn require_non_negative(field: &'static str, value: f64) -> Result<()
     if value.is_finite() && value >= 0.0 {
         Ok(())
     } else {
-        Err(NavError::OutOfRange { field, value, expected: "a finite number >= 0" })
+        Err(NavError::OutOfRange {
+            field,
+            value,
+            expected: "a finite number >= 0",
+        })
     }
 }
 
@@ -134,6 +142,10 @@ pub(crate) fn require_positive(field: &'static str, value: f64) -> Result<(), Na
     if value.is_finite() && value > 0.0 {
         Ok(())
     } else {
-        Err(NavError::OutOfRange { field, value, expected: "a finite number > 0" })
+        Err(NavError::OutOfRange {
+            field,
+            value,
+            expected: "a finite number > 0",
+        })
     }
 }

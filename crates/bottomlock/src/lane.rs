@@ -92,7 +92,11 @@ pub(crate) fn scale<T: Lane>(a: V3<T>, s: T) -> V3<T> {
 
 #[inline(always)]
 pub(crate) fn cross<T: Lane>(a: V3<T>, b: V3<T>) -> V3<T> {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 #[inline(always)]
@@ -125,7 +129,11 @@ pub(crate) fn mat_mul<T: Lane>(a: &M3<T>, b: &M3<T>) -> M3<T> {
 /// A + s B.
 #[inline(always)]
 pub(crate) fn mat_axpy<T: Lane>(a: &M3<T>, s: T, b: &M3<T>) -> M3<T> {
-    [add(a[0], scale(b[0], s)), add(a[1], scale(b[1], s)), add(a[2], scale(b[2], s))]
+    [
+        add(a[0], scale(b[0], s)),
+        add(a[1], scale(b[1], s)),
+        add(a[2], scale(b[2], s)),
+    ]
 }
 
 /// The cross-product matrix `[a×]`.

@@ -40,7 +40,10 @@ pub const BLOCKS: [(&str, Range<usize>); 7] = [
 /// Name of the block to which state `index` belongs, for messages.
 #[must_use]
 pub fn block_name(index: usize) -> &'static str {
-    BLOCKS.iter().find(|(_, range)| range.contains(&index)).map_or("unknown", |(name, _)| name)
+    BLOCKS
+        .iter()
+        .find(|(_, range)| range.contains(&index))
+        .map_or("unknown", |(name, _)| name)
 }
 
 #[cfg(test)]

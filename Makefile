@@ -1,0 +1,85 @@
+# The same verbs by hand, in hooks and in CI: demo, test, lint, bench, golden, develop, clean.
+#
+#   make demo RUNS=200      a larger campaign
+#   make test VENV=/tmp/v   another environment
+#   make test WORKERS=1     one test process
+VENV    ?= .venv
+PYTHON  ?= python3
+WORKERS ?= auto
+RUNS    ?= 20
+OUT     ?= out/demo
+
+bin := $(VENV)/bin
+pip := $(bin)/python -m pip --disable-pip-version-check --quiet
+
+# Whatever ends in the wheel; a change to any of it rebuilds and reinstalls.
+wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Cargo.toml Cargo.lock .cargo/config.toml \
+    $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*') \
+    $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
+
+.PHONY: demo test test-rust test-python lint lint-rust lint-python bench golden develop clean
+.DELETE_ON_ERROR:
+
+# The three trajectories of the paper with beams 3 and 4 lost: prints the table of RMS errors, writes Parquet.
+demo: $(VENV)/.installed
+	rm -rf $(OUT)
+	$(bin)/bottomlock run straight figure_eight lawn_mower --runs $(RUNS) --out $(OUT)
+
+# Python first: it fails soonest. Both halves see a release build of the extension and one target directory.
+test: test-python test-rust
+
+test-python: $(VENV)/.installed $(VENV)/.tools
+	$(bin)/python -m pytest -n $(WORKERS) --doctest-modules --pyargs bottomlock tests
+
+# Unit, integration and documentation tests of every crate.
+test-rust:
+	cargo test --workspace --locked
+
+lint: lint-rust lint-python
+
+lint-rust:
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --locked -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
+
+lint-python: $(VENV)/.installed $(VENV)/.tools
+	$(bin)/ruff check .
+	$(bin)/ruff format --check .
+	$(bin)/mypy
+	$(bin)/python -m mypy.stubtest bottomlock._kernel --mypy-config-file pyproject.toml
+	PYTHONPATH=python $(bin)/lint-imports --no-cache
+	$(bin)/python tools/check_equations.py
+
+bench: $(VENV)/.installed $(VENV)/.tools
+	cargo bench --workspace --locked
+	$(bin)/python -m pytest --benchmark-enable --benchmark-only tests
+
+# Rewrites the golden files; every number that moves goes into the CHANGELOG under "Numbers".
+golden: $(VENV)/.installed
+	$(bin)/python tools/update_golden.py
+
+# An editable install for daily work: Python edits take effect at once, Rust edits after another `make develop`.
+develop: $(VENV)/.tools
+	$(pip) install --upgrade --no-build-isolation --editable .
+	touch $(VENV)/.installed
+
+clean:
+	cargo clean
+	rm -rf $(VENV) out .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks
+
+$(VENV)/pyvenv.cfg:
+	@command -v cargo >/dev/null || { echo "make: cargo not found; install Rust 1.89 or later (rustup.rs)" >&2; exit 2; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	    { echo "make: $(PYTHON) is older than 3.11; name another one: make PYTHON=python3.12" >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+
+# A release build of the extension, with the locked crates, installed as users get it.
+$(VENV)/.installed: $(wheel_sources) | $(VENV)/pyvenv.cfg
+	$(pip) install .
+	touch $@
+
+# The pinned tools alone: asking pip for ".[dev]" would build the wheel a second time.
+$(VENV)/.tools: pyproject.toml | $(VENV)/pyvenv.cfg
+	$(bin)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["dev"], sep="\n")' > $(VENV)/dev.txt
+	$(pip) install --requirement $(VENV)/dev.txt
+	touch $@

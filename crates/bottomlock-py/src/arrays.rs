@@ -1,0 +1,110 @@
+//! Python arrays, lists and scalars to plain vectors and back, with shapes checked in the user's words.
+
+use numpy::{
+    Element, IntoPyArray, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
+    PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::errors::refuse;
+
+/// A contiguous copy with its shape.
+pub struct Array<T> {
+    pub shape: Vec<usize>,
+    pub values: Vec<T>,
+}
+
+fn shape_text(shape: &[Option<usize>]) -> String {
+    let parts: Vec<String> = shape.iter().map(|n| n.map_or("n".into(), |n| n.to_string())).collect();
+    format!("({}{})", parts.join(", "), if shape.len() == 1 { "," } else { "" })
+}
+
+fn convert<T: Element + Copy>(
+    name: &str,
+    value: &Bound<'_, PyAny>,
+    kinds: &str,
+    dtype: &str,
+    shape: &[Option<usize>],
+) -> PyResult<Array<T>> {
+    let numpy = value.py().import("numpy")?;
+    let array = numpy
+        .call_method1("asarray", (value,))
+        .map_err(|_| refuse(format!("{name} is not an array of numbers")))?;
+    let untyped = array.cast::<PyUntypedArray>()?;
+    let kind = char::from(untyped.dtype().kind());
+    if !kinds.contains(kind) {
+        let given = untyped.dtype().str()?;
+        return Err(refuse(format!("{name} has dtype {given}, expected {dtype}")));
+    }
+    let found = untyped.shape().to_vec();
+    let fits = found.len() == shape.len()
+        && found
+            .iter()
+            .zip(shape)
+            .all(|(n, want)| want.is_none_or(|want| *n == want));
+    if !fits {
+        let given: Vec<Option<usize>> = found.iter().copied().map(Some).collect();
+        return Err(refuse(format!(
+            "{name} has shape {}, expected {}",
+            shape_text(&given),
+            shape_text(shape)
+        )));
+    }
+    let typed: PyReadonlyArrayDyn<'_, T> = array.call_method1("astype", (dtype,))?.extract()?;
+    Ok(Array {
+        shape: found,
+        values: typed.as_array().iter().copied().collect(),
+    })
+}
+
+/// Numbers.
+pub fn floats(name: &str, value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Array<f64>> {
+    convert(name, value, "fiu", "float64", shape)
+}
+
+/// Integer nanoseconds: a float is refused, since it would lose them.
+pub fn times(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<i64>> {
+    let empty = value.len().is_ok_and(|count| count == 0);
+    if empty {
+        return Ok(Vec::new());
+    }
+    Ok(convert::<i64>(name, value, "iu", "int64", &[None])?.values)
+}
+
+/// Truth values.
+pub fn booleans(name: &str, value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Array<bool>> {
+    convert(name, value, "b", "bool", shape)
+}
+
+/// Rows of a fixed width.
+pub fn rows<const N: usize>(name: &str, value: &Bound<'_, PyAny>, count: Option<usize>) -> PyResult<Vec<[f64; N]>> {
+    let array = floats(name, value, &[count, Some(N)])?;
+    Ok(array
+        .values
+        .chunks_exact(N)
+        .map(|row| std::array::from_fn(|k| row[k]))
+        .collect())
+}
+
+/// A vector of fixed length.
+pub fn vector<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
+    let array = floats(name, value, &[Some(N)])?;
+    Ok(std::array::from_fn(|k| array.values[k]))
+}
+
+/// Item of a dict, with an error that names it.
+pub fn item<'py>(dict: &Bound<'py, PyDict>, owner: &str, key: &str) -> PyResult<Bound<'py, PyAny>> {
+    dict.get_item(key)?
+        .ok_or_else(|| refuse(format!("{owner} lacks the key '{key}'")))
+}
+
+/// A new array of a shape.
+pub fn array<'py, T: Element>(py: Python<'py>, values: Vec<T>, shape: &[usize]) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    values.into_pyarray(py).reshape(shape.to_vec())
+}
+
+/// A new array of rows.
+pub fn from_rows<'py, const N: usize>(py: Python<'py>, rows: &[[f64; N]]) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    array(py, rows.iter().flatten().copied().collect(), &[rows.len(), N])
+}

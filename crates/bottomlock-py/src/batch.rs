@@ -1,0 +1,305 @@
+//! Sensor streams and batches of runs × arms.
+
+use bottomlock::batch::{ArmRecord, Batch, arm, run_batch as core_batch};
+use bottomlock::dvl::geometry::BeamMask;
+use bottomlock::error_model::{Coefficients, dense_noise};
+use bottomlock::frames::{Rot, Vec3};
+use bottomlock::imu::{EarthTerms, Inertial, Sampling};
+use bottomlock::sensors::{self, RunKey, Schedule};
+use bottomlock::state::NavState;
+use bottomlock::truth::Truth;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{array, from_rows, item, rows, times, vector};
+use crate::dvl::BeamGeometry;
+use crate::errors::raise;
+use crate::settings::{self, OwnedSchedule};
+
+struct OwnedTruth {
+    time_ns: Vec<i64>,
+    position_t_m: Vec<[f64; 3]>,
+    attitude_t_p: Vec<[f64; 4]>,
+    velocity_p_mps: Vec<[f64; 3]>,
+    omega_p_radps: Vec<[f64; 3]>,
+    force_p_mps2: Vec<[f64; 3]>,
+}
+
+impl OwnedTruth {
+    fn new(dict: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let get = |key| item(dict, "truth", key);
+        let time_ns = times("truth.time_ns", &get("time_ns")?)?;
+        let count = Some(time_ns.len());
+        Ok(Self {
+            position_t_m: rows("truth.position_t_m", &get("position_t_m")?, count)?,
+            attitude_t_p: rows("truth.attitude_t_p", &get("attitude_t_p")?, count)?,
+            velocity_p_mps: rows("truth.velocity_p_mps", &get("velocity_p_mps")?, count)?,
+            omega_p_radps: rows("truth.omega_p_radps", &get("omega_p_radps")?, count)?,
+            force_p_mps2: rows("truth.force_p_mps2", &get("force_p_mps2")?, count)?,
+            time_ns,
+        })
+    }
+
+    fn view(&self) -> Truth<'_> {
+        Truth {
+            time_ns: &self.time_ns,
+            position_t_m: &self.position_t_m,
+            attitude_t_p: &self.attitude_t_p,
+            velocity_p_mps: &self.velocity_p_mps,
+            omega_p_radps: &self.omega_p_radps,
+            force_p_mps2: &self.force_p_mps2,
+        }
+    }
+}
+
+impl OwnedSchedule {
+    fn view(&self) -> Schedule<'_> {
+        let masks: &[BeamMask] = if self.by_run {
+            &self.beam_valid[..self.dvl_time_ns.len()]
+        } else {
+            &self.beam_valid
+        };
+        Schedule {
+            dvl_time_ns: &self.dvl_time_ns,
+            beam_valid: masks,
+            depth_time_ns: &self.depth_time_ns,
+            magnetometer_time_ns: &self.magnetometer_time_ns,
+            gps_time_ns: &self.gps_time_ns,
+        }
+    }
+}
+
+/// Draws every sensor stream of one run as arrays.
+#[pyfunction]
+#[pyo3(signature = (geometry, truth, model, schedule, *, seed, trajectory_key, run, imu_sampling="instantaneous"))]
+pub fn simulate_sensors<'py>(
+    py: Python<'py>,
+    geometry: &BeamGeometry,
+    truth: &Bound<'py, PyDict>,
+    model: &Bound<'py, PyDict>,
+    schedule: &Bound<'py, PyDict>,
+    seed: u64,
+    trajectory_key: u64,
+    run: u64,
+    imu_sampling: &str,
+) -> PyResult<Bound<'py, PyDict>> {
+    let truth = OwnedTruth::new(truth)?;
+    let model = settings::model(model)?;
+    let beams = geometry.inner.beams();
+    let schedule = settings::schedule(schedule, beams, 1)?;
+    let sampling: Sampling = settings::sampling(imu_sampling)?;
+    let key = RunKey {
+        seed,
+        trajectory: trajectory_key,
+        run,
+    };
+    let streams = py
+        .detach(|| {
+            truth.view().validate()?;
+            model.validate()?;
+            sensors::simulate(
+                &truth.view(),
+                &geometry.inner,
+                &model,
+                &model,
+                &schedule.view(),
+                sampling,
+                &key,
+            )
+        })
+        .map_err(raise)?;
+
+    let out = PyDict::new(py);
+    let vectors = |values: Vec<[f64; 3]>| from_rows(py, &values);
+    let put_times = |name: &str, values: Vec<i64>| -> PyResult<()> {
+        let count = values.len();
+        out.set_item(name, array(py, values, &[count])?)
+    };
+    let put_scalars = |name: &str, values: Vec<f64>| -> PyResult<()> {
+        let count = values.len();
+        out.set_item(name, array(py, values, &[count])?)
+    };
+    let initial = PyDict::new(py);
+    put_state(py, &initial, &streams.initial)?;
+    out.set_item("initial", initial)?;
+    put_times("imu_time_ns", streams.imu.iter().map(|s| s.time_ns).collect())?;
+    out.set_item(
+        "imu_rate_p_radps",
+        vectors(streams.imu.iter().map(|s| s.rate_p_radps.to_array()).collect())?,
+    )?;
+    out.set_item(
+        "imu_force_p_mps2",
+        vectors(streams.imu.iter().map(|s| s.force_p_mps2.to_array()).collect())?,
+    )?;
+    out.set_item("accel_bias_p_mps2", from_rows(py, &streams.accel_bias_p_mps2)?)?;
+    out.set_item("gyro_bias_p_radps", from_rows(py, &streams.gyro_bias_p_radps)?)?;
+    put_times("dvl_time_ns", streams.pings.iter().map(|p| p.time_ns).collect())?;
+    let epochs = streams.pings.len();
+    let readings = streams
+        .pings
+        .iter()
+        .flat_map(|p| p.velocity_mps[..beams].to_vec())
+        .collect();
+    out.set_item("dvl_velocity_mps", array::<f64>(py, readings, &[epochs, beams])?)?;
+    let flags = streams
+        .pings
+        .iter()
+        .flat_map(|p| (0..beams).map(|b| p.valid.contains(b)).collect::<Vec<_>>())
+        .collect();
+    out.set_item("dvl_valid", array::<bool>(py, flags, &[epochs, beams])?)?;
+    let bias = streams.beam_bias_mps.iter().flat_map(|b| b[..beams].to_vec()).collect();
+    out.set_item("dvl_bias_mps", array::<f64>(py, bias, &[epochs, beams])?)?;
+    put_scalars("dvl_scale_factor", streams.scale_factor.clone())?;
+    put_times("depth_time_ns", streams.depth.iter().map(|s| s.time_ns).collect())?;
+    put_scalars("depth_m", streams.depth.iter().map(|s| s.depth_m).collect())?;
+    put_times(
+        "magnetometer_time_ns",
+        streams.attitude.iter().map(|s| s.time_ns).collect(),
+    )?;
+    let attitudes: Vec<[f64; 4]> = streams
+        .attitude
+        .iter()
+        .map(|s| s.attitude_t_p.to_quaternion_wxyz())
+        .collect();
+    out.set_item("magnetometer_attitude_t_p", from_rows(py, &attitudes)?)?;
+    put_times("gps_time_ns", streams.gps.iter().map(|s| s.time_ns).collect())?;
+    out.set_item(
+        "gps_position_t_m",
+        vectors(streams.gps.iter().map(|s| s.position_t_m.to_array()).collect())?,
+    )?;
+    out.set_item(
+        "gps_velocity_t_mps",
+        vectors(streams.gps.iter().map(|s| s.velocity_t_mps.to_array()).collect())?,
+    )?;
+    Ok(out)
+}
+
+/// Puts the fields of a state into a dict.
+pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> PyResult<()> {
+    let three = |value: [f64; 3]| array(py, value.to_vec(), &[3]);
+    out.set_item("time_ns", state.time_ns)?;
+    out.set_item("position_t_m", three(state.position_t_m.to_array())?)?;
+    out.set_item(
+        "attitude_t_p",
+        array(py, state.attitude_t_p.to_quaternion_wxyz().to_vec(), &[4])?,
+    )?;
+    out.set_item("velocity_p_mps", three(state.velocity_p_mps.to_array())?)?;
+    out.set_item("accel_bias_p_mps2", three(state.accel_bias_p_mps2.to_array())?)?;
+    out.set_item("gyro_bias_p_radps", three(state.gyro_bias_p_radps.to_array())?)?;
+    out.set_item("dvl_bias_mps", array(py, state.dvl_bias_mps.as_slice().to_vec(), &[4])?)?;
+    out.set_item("dvl_scale_factor", state.dvl_scale_factor)
+}
+
+/// Works off runs × arms; the bits do not depend on the number of threads.
+#[pyfunction]
+#[pyo3(signature = (geometry, truth, simulated, assumed, options, schedule, arms, *, seed, trajectory_key, first_run, runs,
+    threads))]
+pub fn run_batch<'py>(
+    py: Python<'py>,
+    geometry: &BeamGeometry,
+    truth: &Bound<'py, PyDict>,
+    simulated: &Bound<'py, PyDict>,
+    assumed: &Bound<'py, PyDict>,
+    options: &Bound<'py, PyDict>,
+    schedule: &Bound<'py, PyDict>,
+    arms: Vec<String>,
+    seed: u64,
+    trajectory_key: u64,
+    first_run: u64,
+    runs: usize,
+    threads: usize,
+) -> PyResult<Bound<'py, PyDict>> {
+    let truth = OwnedTruth::new(truth)?;
+    let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
+    let options = settings::options(options)?;
+    let schedule = settings::schedule(schedule, geometry.inner.beams(), runs)?;
+    let arms = arms
+        .iter()
+        .map(|name| arm(name).map_err(raise))
+        .collect::<PyResult<Vec<_>>>()?;
+    let batch = Batch {
+        truth: truth.view(),
+        geometry: &geometry.inner,
+        simulated: &simulated,
+        assumed: &assumed,
+        options: &options,
+        schedule: schedule.view(),
+        masks_of_run: schedule.by_run.then_some(&schedule.beam_valid[..]),
+        sample_time_ns: &schedule.sample_time_ns,
+        arms: &arms,
+        seed,
+        trajectory_key,
+        first_run,
+        runs,
+    };
+    let records = py.detach(|| core_batch(&batch, threads)).map_err(raise)?;
+
+    let samples = schedule.sample_time_ns.len();
+    let all: Vec<&ArmRecord> = records.iter().flatten().collect();
+    let wide = |field: fn(&ArmRecord) -> &Vec<[f64; 9]>| {
+        let values = all
+            .iter()
+            .flat_map(|record| field(record).iter().flatten().copied())
+            .collect();
+        array::<f64>(py, values, &[runs, arms.len(), samples, 9])
+    };
+    let series = |field: fn(&ArmRecord) -> &Vec<f64>| {
+        let values = all.iter().flat_map(|record| field(record).iter().copied()).collect();
+        array::<f64>(py, values, &[runs, arms.len(), samples])
+    };
+    let counts = |field: fn(&ArmRecord) -> u64| {
+        let values = all.iter().map(|record| field(record) as i64).collect();
+        array::<i64>(py, values, &[runs, arms.len()])
+    };
+    let out = PyDict::new(py);
+    out.set_item("error", wide(|record| &record.error)?)?;
+    out.set_item("sd", wide(|record| &record.sd)?)?;
+    out.set_item("nees", series(|record| &record.nees)?)?;
+    out.set_item(
+        "nees_velocity_attitude",
+        series(|record| &record.nees_velocity_attitude)?,
+    )?;
+    out.set_item(
+        "nis_mean",
+        array::<f64>(
+            py,
+            all.iter().map(|record| record.nis_mean).collect(),
+            &[runs, arms.len()],
+        )?,
+    )?;
+    out.set_item("fixes_accepted", counts(|record| record.fixes_accepted)?)?;
+    out.set_item("fixes_rejected", counts(|record| record.fixes_rejected)?)?;
+    Ok(out)
+}
+
+/// The dense F of Eq. 9 and the noise density G Q Gᵀ at a state and rate.
+#[pyfunction]
+#[pyo3(signature = (model, *, attitude_t_p, velocity_p_mps, rate_p_radps, force_p_mps2))]
+pub fn error_model<'py>(
+    py: Python<'py>,
+    model: &Bound<'py, PyDict>,
+    attitude_t_p: &Bound<'py, PyAny>,
+    velocity_p_mps: &Bound<'py, PyAny>,
+    rate_p_radps: &Bound<'py, PyAny>,
+    force_p_mps2: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let model = settings::model(model)?;
+    model.validate().map_err(raise)?;
+    let mut state = NavState::at_rest(0);
+    state.attitude_t_p = Rot::from_quaternion_wxyz(vector("attitude_t_p", attitude_t_p)?);
+    state.velocity_p_mps = Vec3::from_array(vector("velocity_p_mps", velocity_p_mps)?);
+    state.validate().map_err(raise)?;
+    let inertial = Inertial {
+        rate_p_radps: vector("rate_p_radps", rate_p_radps)?,
+        force_p_mps2: vector("force_p_mps2", force_p_mps2)?,
+    };
+    let earth = EarthTerms::from(&model.environment);
+    let coefficients = Coefficients::at(&state.kinematics(), &inertial, &earth);
+    let out = PyDict::new(py);
+    out.set_item("f", from_rows(py, &coefficients.dense(&earth))?)?;
+    out.set_item(
+        "q",
+        from_rows(py, &dense_noise(&coefficients, &model.process_noise(true)))?,
+    )?;
+    Ok(out)
+}

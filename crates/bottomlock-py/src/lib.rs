@@ -1,0 +1,35 @@
+//! Python bindings of the bottomlock kernel: check, detach, map errors; no formula.
+
+use pyo3::prelude::*;
+
+mod arrays;
+mod batch;
+mod dvl;
+mod errors;
+mod navigator;
+mod settings;
+
+/// Compiled kernel of bottomlock; use it through `bottomlock`.
+#[pymodule]
+mod _kernel {
+    #[pymodule_export]
+    use super::batch::{error_model, run_batch, simulate_sensors};
+    #[pymodule_export]
+    use super::dvl::{BeamGeometry, solve_velocity};
+    #[pymodule_export]
+    use super::errors::KernelError;
+    #[pymodule_export]
+    use super::navigator::Navigator;
+    #[pymodule_export]
+    use super::settings::normal_gravity_mps2;
+
+    use super::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.add("EARTH_RATE_RADPS", bottomlock::earth::EARTH_RATE_RADPS)?;
+        let arms: Vec<&str> = bottomlock::batch::ARMS.iter().map(|arm| arm.name).collect();
+        module.add("ARMS", pyo3::types::PyTuple::new(module.py(), arms)?)
+    }
+}

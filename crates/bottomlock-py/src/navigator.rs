@@ -1,0 +1,310 @@
+//! The streaming navigator.
+
+use bottomlock::batch::arm;
+use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
+use bottomlock::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, VelocitySample};
+use bottomlock::frames::{Rot, Vec3};
+use bottomlock::imu::ImuSample;
+use bottomlock::layout::DIM;
+use bottomlock::report::{Sensor, UpdateReport, Verdict};
+use bottomlock::run as core;
+use bottomlock::state::{Covariance, NavState};
+use nalgebra::{Matrix3, Vector4};
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use crate::arrays::{array, booleans, floats, item, rows, times, vector};
+use crate::batch::put_state;
+use crate::dvl::BeamGeometry;
+use crate::errors::raise;
+use crate::settings;
+
+/// An aided inertial navigator, fed a sample at a time.
+#[pyclass(module = "bottomlock._kernel")]
+pub struct Navigator {
+    inner: core::Navigator,
+    beams: usize,
+}
+
+fn initial_state(dict: &Bound<'_, PyDict>) -> PyResult<NavState> {
+    let get = |key| item(dict, "initial", key);
+    let three = |key: &str| -> PyResult<[f64; 3]> {
+        match dict.get_item(key)? {
+            Some(value) => vector(&format!("initial.{key}"), &value),
+            None => Ok([0.0; 3]),
+        }
+    };
+    let mut state = NavState::at_rest(get("time_ns")?.extract()?);
+    state.position_t_m = Vec3::from_array(vector("initial.position_t_m", &get("position_t_m")?)?);
+    let quaternion: [f64; 4] = vector("initial.attitude_t_p", &get("attitude_t_p")?)?;
+    let norm = quaternion.iter().map(|q| q * q).sum::<f64>().sqrt();
+    if !((norm - 1.0).abs() < 1e-6) {
+        return Err(crate::errors::refuse(format!(
+            "initial.attitude_t_p has norm {norm}, expected 1 (scalar first)"
+        )));
+    }
+    state.attitude_t_p = Rot::from_quaternion_wxyz(quaternion);
+    state.velocity_p_mps = Vec3::from_array(vector("initial.velocity_p_mps", &get("velocity_p_mps")?)?);
+    state.accel_bias_p_mps2 = Vec3::from_array(three("accel_bias_p_mps2")?);
+    state.gyro_bias_p_radps = Vec3::from_array(three("gyro_bias_p_radps")?);
+    if let Some(value) = dict.get_item("dvl_bias_mps")? {
+        state.dvl_bias_mps = Vector4::from(vector::<4>("initial.dvl_bias_mps", &value)?);
+    }
+    if let Some(value) = dict.get_item("dvl_scale_factor")? {
+        state.dvl_scale_factor = value.extract()?;
+    }
+    Ok(state)
+}
+
+#[pymethods]
+impl Navigator {
+    #[new]
+    #[pyo3(signature = (geometry, model, options, initial, *, arm="tc", covariance=None))]
+    fn new(
+        geometry: &BeamGeometry,
+        model: &Bound<'_, PyDict>,
+        options: &Bound<'_, PyDict>,
+        initial: &Bound<'_, PyDict>,
+        arm: &str,
+        covariance: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let aiding = self::arm(arm).map_err(raise)?.aiding;
+        let (model, options) = (settings::model(model)?, settings::options(options)?);
+        let mut inner = core::Navigator::new(
+            initial_state(initial)?,
+            geometry.inner.clone(),
+            aiding,
+            &model,
+            &options,
+        )
+        .map_err(raise)?;
+        if let Some(value) = covariance {
+            let values = floats("covariance", value, &[Some(DIM), Some(DIM)])?.values;
+            inner
+                .filter_mut()
+                .set_covariance(&Covariance::from_row_slice(&values))
+                .map_err(raise)?;
+        }
+        Ok(Self {
+            inner,
+            beams: geometry.inner.beams(),
+        })
+    }
+
+    #[pyo3(signature = (time_ns, rate_p_radps, force_p_mps2))]
+    fn push_imu<'py>(
+        &mut self,
+        py: Python<'py>,
+        time_ns: i64,
+        rate_p_radps: &Bound<'py, PyAny>,
+        force_p_mps2: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let sample = ImuSample {
+            time_ns,
+            rate_p_radps: Vec3::from_array(vector("rate_p_radps", rate_p_radps)?),
+            force_p_mps2: Vec3::from_array(vector("force_p_mps2", force_p_mps2)?),
+        };
+        self.push(py, &[Event::Imu(sample)])
+    }
+
+    #[pyo3(signature = (time_ns, rate_p_radps, force_p_mps2))]
+    fn push_imu_block<'py>(
+        &mut self,
+        py: Python<'py>,
+        time_ns: &Bound<'py, PyAny>,
+        rate_p_radps: &Bound<'py, PyAny>,
+        force_p_mps2: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let stamps = times("time_ns", time_ns)?;
+        let rates = rows::<3>("rate_p_radps", rate_p_radps, Some(stamps.len()))?;
+        let forces = rows::<3>("force_p_mps2", force_p_mps2, Some(stamps.len()))?;
+        let events: Vec<Event> = stamps
+            .into_iter()
+            .zip(rates.into_iter().zip(forces))
+            .map(|(time_ns, (rate, force))| {
+                Event::Imu(ImuSample {
+                    time_ns,
+                    rate_p_radps: Vec3::from_array(rate),
+                    force_p_mps2: Vec3::from_array(force),
+                })
+            })
+            .collect();
+        self.push(py, &events)
+    }
+
+    #[pyo3(signature = (time_ns, velocity_mps, valid, *, sd_mps))]
+    fn push_beams<'py>(
+        &mut self,
+        py: Python<'py>,
+        time_ns: i64,
+        velocity_mps: &Bound<'py, PyAny>,
+        valid: &Bound<'py, PyAny>,
+        sd_mps: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let count = &[Some(self.beams)];
+        let mut ping = BeamSample {
+            time_ns,
+            velocity_mps: [f64::NAN; MAX_BEAMS],
+            sd_mps: [f64::NAN; MAX_BEAMS],
+            valid: settings::mask(&booleans("valid", valid, count)?.values),
+        };
+        ping.velocity_mps[..self.beams].copy_from_slice(&floats("velocity_mps", velocity_mps, count)?.values);
+        ping.sd_mps[..self.beams].copy_from_slice(&floats("sd_mps", sd_mps, count)?.values);
+        self.push(py, &[Event::Beams(ping)])
+    }
+
+    #[pyo3(signature = (time_ns, velocity_p_mps, *, cov_m2ps2))]
+    fn push_velocity<'py>(
+        &mut self,
+        py: Python<'py>,
+        time_ns: i64,
+        velocity_p_mps: &Bound<'py, PyAny>,
+        cov_m2ps2: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let cov = floats("cov_m2ps2", cov_m2ps2, &[Some(3), Some(3)])?.values;
+        let sample = VelocitySample {
+            time_ns,
+            velocity_p_mps: Vec3::from_array(vector("velocity_p_mps", velocity_p_mps)?),
+            cov_m2ps2: Matrix3::from_row_slice(&cov),
+        };
+        self.push(py, &[Event::Velocity(sample)])
+    }
+
+    #[pyo3(signature = (time_ns, depth_m, *, sd_m))]
+    fn push_depth<'py>(
+        &mut self,
+        py: Python<'py>,
+        time_ns: i64,
+        depth_m: f64,
+        sd_m: f64,
+    ) -> PyResult<Bound<'py, PyList>> {
+        self.push(py, &[Event::Depth(DepthSample { time_ns, depth_m, sd_m })])
+    }
+
+    #[pyo3(signature = (time_ns, attitude_t_p, *, roll_pitch_sd_rad, yaw_sd_rad))]
+    fn push_attitude<'py>(
+        &mut self,
+        py: Python<'py>,
+        time_ns: i64,
+        attitude_t_p: &Bound<'py, PyAny>,
+        roll_pitch_sd_rad: f64,
+        yaw_sd_rad: f64,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let attitude_t_p = Rot::from_quaternion_wxyz(vector("attitude_t_p", attitude_t_p)?);
+        self.push(
+            py,
+            &[Event::Attitude(AttitudeSample {
+                time_ns,
+                attitude_t_p,
+                roll_pitch_sd_rad,
+                yaw_sd_rad,
+            })],
+        )
+    }
+
+    #[pyo3(signature = (time_ns, yaw_rad, *, sd_rad))]
+    fn push_heading<'py>(
+        &mut self,
+        py: Python<'py>,
+        time_ns: i64,
+        yaw_rad: f64,
+        sd_rad: f64,
+    ) -> PyResult<Bound<'py, PyList>> {
+        self.push(
+            py,
+            &[Event::Heading(HeadingSample {
+                time_ns,
+                yaw_rad,
+                sd_rad,
+            })],
+        )
+    }
+
+    #[pyo3(signature = (time_ns, position_t_m, velocity_t_mps, *, position_sd_m, velocity_sd_mps))]
+    fn push_gps<'py>(
+        &mut self,
+        py: Python<'py>,
+        time_ns: i64,
+        position_t_m: &Bound<'py, PyAny>,
+        velocity_t_mps: &Bound<'py, PyAny>,
+        position_sd_m: &Bound<'py, PyAny>,
+        velocity_sd_mps: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let sample = GpsSample {
+            time_ns,
+            position_t_m: Vec3::from_array(vector("position_t_m", position_t_m)?),
+            position_sd_m: vector("position_sd_m", position_sd_m)?,
+            velocity_t_mps: Vec3::from_array(vector("velocity_t_mps", velocity_t_mps)?),
+            velocity_sd_mps: vector("velocity_sd_mps", velocity_sd_mps)?,
+        };
+        self.push(py, &[Event::Gps(sample)])
+    }
+
+    fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let out = PyDict::new(py);
+        put_state(py, &out, &self.inner.state())?;
+        Ok(out)
+    }
+
+    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        array(py, self.inner.covariance().as_slice().to_vec(), &[DIM, DIM])
+    }
+}
+
+impl Navigator {
+    fn push<'py>(&mut self, py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyList>> {
+        let inner = &mut self.inner;
+        let mut reports = Vec::new();
+        py.detach(|| {
+            events
+                .iter()
+                .try_for_each(|event| inner.push(event, &mut |report| reports.push(*report)))
+        })
+        .map_err(raise)?;
+        PyList::new(
+            py,
+            reports
+                .iter()
+                .map(|report| report_dict(py, report))
+                .collect::<PyResult<Vec<_>>>()?,
+        )
+    }
+}
+
+fn report_dict<'py>(py: Python<'py>, report: &UpdateReport) -> PyResult<Bound<'py, PyDict>> {
+    let sensor = match report.sensor {
+        Sensor::Beams => "beams",
+        Sensor::Velocity => "velocity",
+        Sensor::Depth => "depth",
+        Sensor::Attitude => "attitude",
+        Sensor::Heading => "heading",
+        Sensor::GpsPosition => "gps_position",
+        Sensor::GpsVelocity => "gps_velocity",
+    };
+    let (verdict, rejected) = match report.verdict {
+        Verdict::Accepted => ("accepted", 0),
+        Verdict::AcceptedInPart { rejected_rows } => ("accepted_in_part", rejected_rows),
+        Verdict::Rejected => ("rejected", u8::MAX),
+        Verdict::NoInformation => ("no_information", 0),
+    };
+    let rows = report.rows;
+    let covariance = (0..rows * rows)
+        .map(|k| report.covariance[(k / rows, k % rows)])
+        .collect();
+    let out = PyDict::new(py);
+    out.set_item("sensor", sensor)?;
+    out.set_item("time_ns", report.time_ns)?;
+    out.set_item(
+        "residual",
+        array::<f64>(py, report.residual.as_slice()[..rows].to_vec(), &[rows])?,
+    )?;
+    out.set_item("covariance", array::<f64>(py, covariance, &[rows, rows])?)?;
+    out.set_item("degrees", report.degrees)?;
+    out.set_item("nis", report.nis)?;
+    out.set_item("threshold", report.threshold)?;
+    out.set_item("verdict", verdict)?;
+    let flags = (0..rows).map(|k| rejected & (1 << k) != 0).collect();
+    out.set_item("rejected_rows", array::<bool>(py, flags, &[rows])?)?;
+    Ok(out)
+}

@@ -1,0 +1,208 @@
+//! Models, options and schedules from dicts.
+
+use bottomlock::dvl::geometry::BeamMask;
+use bottomlock::dvl::partial::Assumptions;
+use bottomlock::earth::Environment;
+use bottomlock::frames::Vec3;
+use bottomlock::imu::Sampling;
+use bottomlock::model::{
+    DepthModel, DvlModel, Gate, GpsModel, ImuModel, InformationPort, InitialModel, MagnetometerModel, Model, Options,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{booleans, item, times, vector};
+use crate::errors::refuse;
+
+fn section<'py>(dict: &Bound<'py, PyDict>, owner: &str, key: &str) -> PyResult<Bound<'py, PyDict>> {
+    item(dict, owner, key)?
+        .cast_into::<PyDict>()
+        .map_err(|_| refuse(format!("{owner}.{key} is not a dict")))
+}
+
+fn number(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<f64> {
+    item(dict, owner, key)?
+        .extract()
+        .map_err(|_| refuse(format!("{owner}.{key} is not a number")))
+}
+
+fn text(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<String> {
+    item(dict, owner, key)?
+        .extract()
+        .map_err(|_| refuse(format!("{owner}.{key} is not a text")))
+}
+
+fn triple(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<[f64; 3]> {
+    vector(&format!("{owner}.{key}"), &item(dict, owner, key)?)
+}
+
+/// The environment of a model.
+pub fn environment(dict: &Bound<'_, PyDict>) -> PyResult<Environment> {
+    Ok(Environment {
+        latitude_rad: number(dict, "environment", "latitude_rad")?,
+        gravity_mps2: number(dict, "environment", "gravity_mps2")?,
+        earth_rate_radps: number(dict, "environment", "earth_rate_radps")?,
+    })
+}
+
+/// A whole model.
+pub fn model(dict: &Bound<'_, PyDict>) -> PyResult<Model> {
+    let part = |key| section(dict, "model", key);
+    let (imu, dvl, initial) = (part("imu")?, part("dvl")?, part("initial")?);
+    let (depth, magnetometer, gps) = (part("depth")?, part("magnetometer")?, part("gps")?);
+    Ok(Model {
+        environment: environment(&part("environment")?)?,
+        imu: ImuModel {
+            accel_noise_mps_rts: number(&imu, "imu", "accel_noise_mps_rts")?,
+            gyro_noise_rad_rts: number(&imu, "imu", "gyro_noise_rad_rts")?,
+            accel_bias_sd_mps2: number(&imu, "imu", "accel_bias_sd_mps2")?,
+            gyro_bias_sd_radps: number(&imu, "imu", "gyro_bias_sd_radps")?,
+            accel_bias_walk_mps2_rts: number(&imu, "imu", "accel_bias_walk_mps2_rts")?,
+            gyro_bias_walk_radps_rts: number(&imu, "imu", "gyro_bias_walk_radps_rts")?,
+        },
+        dvl: DvlModel {
+            beam_noise_sd_mps: number(&dvl, "dvl", "beam_noise_sd_mps")?,
+            beam_bias_sd_mps: number(&dvl, "dvl", "beam_bias_sd_mps")?,
+            beam_bias_walk_mps_rts: number(&dvl, "dvl", "beam_bias_walk_mps_rts")?,
+            scale_factor_sd: number(&dvl, "dvl", "scale_factor_sd")?,
+            scale_factor_walk_rts: number(&dvl, "dvl", "scale_factor_walk_rts")?,
+        },
+        initial: InitialModel {
+            position_sd_m: triple(&initial, "initial", "position_sd_m")?,
+            attitude_sd_rad: triple(&initial, "initial", "attitude_sd_rad")?,
+            velocity_sd_mps: triple(&initial, "initial", "velocity_sd_mps")?,
+        },
+        depth: DepthModel {
+            sd_m: number(&depth, "depth", "sd_m")?,
+        },
+        magnetometer: MagnetometerModel {
+            yaw_sd_rad: number(&magnetometer, "magnetometer", "yaw_sd_rad")?,
+            roll_pitch_sd_rad: number(&magnetometer, "magnetometer", "roll_pitch_sd_rad")?,
+        },
+        gps: GpsModel {
+            position_sd_m: triple(&gps, "gps", "position_sd_m")?,
+            velocity_sd_mps: triple(&gps, "gps", "velocity_sd_mps")?,
+        },
+    })
+}
+
+/// What an IMU sample means.
+pub fn sampling(name: &str) -> PyResult<Sampling> {
+    match name {
+        "instantaneous" => Ok(Sampling::Instantaneous),
+        "averaged" => Ok(Sampling::Averaged),
+        other => Err(refuse(format!(
+            "imu_sampling is '{other}', expected 'instantaneous' or 'averaged'"
+        ))),
+    }
+}
+
+/// Filter options.
+pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
+    let probability = number(dict, "options", "gate_probability")?;
+    let gate = match text(dict, "options", "gate")?.as_str() {
+        "joint" => Gate::Joint { probability },
+        "per_row" => Gate::PerRow,
+        "off" => Gate::Off,
+        other => {
+            return Err(refuse(format!(
+                "options.gate is '{other}', expected 'joint', 'per_row' or 'off'"
+            )));
+        }
+    };
+    let information_port = match text(dict, "options", "information_port")?.as_str() {
+        "axes" => InformationPort::Axes,
+        "full" => InformationPort::Full,
+        other => {
+            return Err(refuse(format!(
+                "options.information_port is '{other}', expected 'axes' or 'full'"
+            )));
+        }
+    };
+    let lever = |key: &str| -> PyResult<_> {
+        if dict.contains(key)? {
+            triple(dict, "options", key).map(Vec3::from_array)
+        } else {
+            Ok(Vec3::zeros())
+        }
+    };
+    Ok(Options {
+        gate,
+        covariance_period_ns: item(dict, "options", "covariance_period_ns")?
+            .extract()
+            .map_err(|_| refuse("options.covariance_period_ns is not an integer number of nanoseconds"))?,
+        sampling: sampling(&text(dict, "options", "imu_sampling")?)?,
+        estimate_dvl: item(dict, "options", "estimate_dvl")?
+            .extract()
+            .map_err(|_| refuse("options.estimate_dvl is not True or False"))?,
+        assumptions: Assumptions {
+            virtual_beam_factor: number(dict, "options", "virtual_beam_factor")?,
+            nullified_sway_var_m2ps2: number(dict, "options", "nullified_sway_var_m2ps2")?,
+            weak_sway_var_m2ps2: number(dict, "options", "weak_sway_var_m2ps2")?,
+        },
+        information_port,
+        depth_lever_p_m: lever("depth_lever_p_m")?,
+        gps_lever_p_m: lever("gps_lever_p_m")?,
+    })
+}
+
+/// Epochs of all sensors, owned.
+pub struct OwnedSchedule {
+    pub dvl_time_ns: Vec<i64>,
+    pub beam_valid: Vec<BeamMask>,
+    /// True where `beam_valid` holds the masks of every run, one after the other.
+    pub by_run: bool,
+    pub depth_time_ns: Vec<i64>,
+    pub magnetometer_time_ns: Vec<i64>,
+    pub gps_time_ns: Vec<i64>,
+    pub sample_time_ns: Vec<i64>,
+}
+
+/// A schedule for a number of runs.
+pub fn schedule(dict: &Bound<'_, PyDict>, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
+    let epochs_of = |key: &str| times(&format!("schedule.{key}"), &item(dict, "schedule", key)?);
+    let dvl_time_ns = epochs_of("dvl_time_ns")?;
+    let valid = item(dict, "schedule", "beam_valid")?;
+    let dimensions: usize = valid.getattr("ndim").and_then(|n| n.extract()).unwrap_or(2);
+    let by_run = dimensions == 3;
+    let epochs = Some(dvl_time_ns.len());
+    let flags = if by_run {
+        booleans("schedule.beam_valid", &valid, &[Some(runs), epochs, Some(beams)])?
+    } else {
+        booleans("schedule.beam_valid", &valid, &[epochs, Some(beams)])?
+    };
+    Ok(OwnedSchedule {
+        beam_valid: flags.values.chunks_exact(beams.max(1)).map(mask).collect(),
+        by_run,
+        dvl_time_ns,
+        depth_time_ns: epochs_of("depth_time_ns")?,
+        magnetometer_time_ns: epochs_of("magnetometer_time_ns")?,
+        gps_time_ns: epochs_of("gps_time_ns")?,
+        sample_time_ns: epochs_of("sample_time_ns")?,
+    })
+}
+
+/// A mask from its flags.
+pub fn mask(flags: &[bool]) -> BeamMask {
+    flags
+        .iter()
+        .enumerate()
+        .filter(|(_, flag)| **flag)
+        .map(|(beam, _)| beam)
+        .collect()
+}
+
+/// Normal gravity at a latitude and depth, m/s² (Somigliana's formula with WGS 84, plus 2.226e-6 1/s² times depth).
+#[pyfunction]
+#[pyo3(signature = (latitude_rad, depth_m=0.0))]
+pub fn normal_gravity_mps2(latitude_rad: f64, depth_m: f64) -> PyResult<f64> {
+    let gravity = bottomlock::earth::normal_gravity_mps2(latitude_rad, depth_m);
+    Environment {
+        latitude_rad,
+        gravity_mps2: gravity,
+        earth_rate_radps: 0.0,
+    }
+    .validate()
+    .map_err(crate::errors::raise)?;
+    Ok(gravity)
+}

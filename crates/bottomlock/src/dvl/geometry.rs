@@ -1,0 +1,314 @@
+//! Beam directions, lever arms and the beam model (Eqs. 12–16) for any number of beams from 1 to [`MAX_BEAMS`].
+
+use nalgebra::Vector3;
+
+use crate::error::{NavError, require_finite, require_positive};
+use crate::frames::{Dvl, Platform, Rot, Vec3};
+use crate::layout::BIASED_BEAMS;
+
+/// Largest number of beams of one instrument.
+pub const MAX_BEAMS: usize = 8;
+
+/// Which beams returned a valid velocity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+pub struct BeamMask(u8);
+
+impl BeamMask {
+    /// No beam.
+    pub const NONE: Self = Self(0);
+
+    /// The first `count` beams.
+    #[must_use]
+    pub fn all(count: usize) -> Self {
+        (0..count.min(MAX_BEAMS)).collect()
+    }
+    /// True where beam `index` (counted from 0) is in the mask.
+    #[must_use]
+    pub fn contains(self, index: usize) -> bool {
+        index < MAX_BEAMS && self.0 & (1 << index) != 0
+    }
+    /// Number of beams in the mask.
+    #[must_use]
+    pub fn count(self) -> usize {
+        self.0.count_ones() as usize
+    }
+    /// The indices of the beams, counted from 0, rising.
+    pub fn iter(self) -> impl Iterator<Item = usize> {
+        (0..MAX_BEAMS).filter(move |&index| self.contains(index))
+    }
+    /// The beams in both masks.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+}
+
+impl FromIterator<usize> for BeamMask {
+    fn from_iter<I: IntoIterator<Item = usize>>(indices: I) -> Self {
+        Self(
+            indices
+                .into_iter()
+                .filter(|&index| index < MAX_BEAMS)
+                .fold(0, |bits, index| bits | 1 << index),
+        )
+    }
+}
+
+/// How the four beams of a Janus stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Janus {
+    /// Azimuths 45°, 135°, 225°, 315° (Eq. 14).
+    X,
+    /// Azimuths 0°, 90°, 180°, 270°.
+    Plus,
+}
+
+/// Beam directions and lever arms, resolved in the platform frame.
+///
+/// ```
+/// use bottomlock::dvl::geometry::{BeamGeometry, Janus};
+/// let geometry = BeamGeometry::janus(Janus::X, 20_f64.to_radians()).unwrap();
+/// assert_eq!(geometry.beams(), 4);
+/// // Beam 1 looks forward, right and down.
+/// assert!(geometry.direction_p(0).iter().all(|&c| c > 0.0));
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct BeamGeometry {
+    directions_p: Vec<Vector3<f64>>,
+    lever_arms_p_m: Vec<Vector3<f64>>,
+    sound_speed_scale: f64,
+}
+
+impl BeamGeometry {
+    /// Beams along given unit vectors in the DVL frame.
+    ///
+    /// # Errors
+    /// [`NavError::WrongCount`] for 0 or more than [`MAX_BEAMS`] beams, [`NavError::NotUnit`] for a vector whose length is not 1.
+    pub fn from_directions(directions_d: &[Vec3<Dvl>]) -> Result<Self, NavError> {
+        if directions_d.is_empty() || directions_d.len() > MAX_BEAMS {
+            return Err(NavError::WrongCount {
+                field: "beams",
+                got: directions_d.len(),
+                expected: format!("1 to {MAX_BEAMS}"),
+            });
+        }
+        for (index, direction) in directions_d.iter().enumerate() {
+            let norm = direction.0.norm();
+            if !((norm - 1.0).abs() <= 1e-6) {
+                return Err(NavError::NotUnit { beam: index + 1, norm });
+            }
+        }
+        Ok(Self {
+            directions_p: directions_d.iter().map(|direction| direction.0.normalize()).collect(),
+            lever_arms_p_m: vec![Vector3::zeros(); directions_d.len()],
+            sound_speed_scale: 1.0,
+        })
+    }
+
+    /// Beams by tilt from the vertical and azimuth from the bow, rad (Eq. 13; erratum E9: the angle is a tilt).
+    ///
+    /// # Errors
+    /// As [`BeamGeometry::from_directions`]; [`NavError::NotFinite`] for an angle that is not finite.
+    pub fn from_angles(tilts_rad: &[f64], azimuths_rad: &[f64]) -> Result<Self, NavError> {
+        if tilts_rad.len() != azimuths_rad.len() {
+            return Err(NavError::WrongCount {
+                field: "azimuths_rad",
+                got: azimuths_rad.len(),
+                expected: format!("{} as for the tilts", tilts_rad.len()),
+            });
+        }
+        require_finite("tilts_rad", 0, tilts_rad)?;
+        require_finite("azimuths_rad", 0, azimuths_rad)?;
+        let directions: Vec<_> = tilts_rad
+            .iter()
+            .zip(azimuths_rad)
+            .map(|(tilt, azimuth)| Vec3::new(azimuth.cos() * tilt.sin(), azimuth.sin() * tilt.sin(), tilt.cos()))
+            .collect();
+        Self::from_directions(&directions)
+    }
+
+    /// Four beams of equal tilt, rad (Eqs. 13 and 14).
+    ///
+    /// # Errors
+    /// [`NavError::NotFinite`] for a tilt that is not finite.
+    pub fn janus(layout: Janus, tilt_rad: f64) -> Result<Self, NavError> {
+        let first = match layout {
+            Janus::X => std::f64::consts::FRAC_PI_4,
+            Janus::Plus => 0.0,
+        };
+        let azimuths = [0.0, 1.0, 2.0, 3.0].map(|quarter| first + quarter * std::f64::consts::FRAC_PI_2);
+        Self::from_angles(&[tilt_rad; 4], &azimuths)
+    }
+
+    /// Turns the beams from the DVL frame to the platform frame by the mounting.
+    #[must_use]
+    pub fn mounted(mut self, mounting: Rot<Platform, Dvl>) -> Self {
+        for direction in &mut self.directions_p {
+            *direction = (mounting * Vec3::<Dvl>::from(*direction)).0;
+        }
+        self
+    }
+
+    /// Sets the place of each transducer in the platform frame, m.
+    ///
+    /// # Errors
+    /// [`NavError::WrongCount`] or [`NavError::NotFinite`].
+    pub fn with_lever_arms(mut self, lever_arms_p_m: &[Vec3<Platform>]) -> Result<Self, NavError> {
+        if lever_arms_p_m.len() != self.beams() {
+            return Err(NavError::WrongCount {
+                field: "lever_arms_p_m",
+                got: lever_arms_p_m.len(),
+                expected: format!("{}, one for each beam", self.beams()),
+            });
+        }
+        for lever_arm in lever_arms_p_m {
+            require_finite("lever_arms_p_m", 0, &lever_arm.to_array())?;
+        }
+        self.lever_arms_p_m = lever_arms_p_m.iter().map(|lever_arm| lever_arm.0).collect();
+        Ok(self)
+    }
+
+    /// Sets the ratio of the sound speed that the instrument assumes to the true one: it multiplies every reading (Eq. 12).
+    ///
+    /// # Errors
+    /// [`NavError::OutOfRange`] unless positive and finite.
+    pub fn with_sound_speed_scale(mut self, sound_speed_scale: f64) -> Result<Self, NavError> {
+        require_positive("sound_speed_scale", sound_speed_scale)?;
+        self.sound_speed_scale = sound_speed_scale;
+        Ok(self)
+    }
+
+    /// Number of beams.
+    #[must_use]
+    pub fn beams(&self) -> usize {
+        self.directions_p.len()
+    }
+    /// Direction of a beam (counted from 0), platform frame.
+    #[must_use]
+    pub fn direction_p(&self, beam: usize) -> &Vector3<f64> {
+        &self.directions_p[beam]
+    }
+    /// Place of a transducer, platform frame, m.
+    #[must_use]
+    pub fn lever_arm_p_m(&self, beam: usize) -> &Vector3<f64> {
+        &self.lever_arms_p_m[beam]
+    }
+    /// Ratio of the assumed to the true sound speed.
+    #[must_use]
+    pub fn sound_speed_scale(&self) -> f64 {
+        self.sound_speed_scale
+    }
+
+    /// What beam `beam` reads without noise (Eq. 15, as a dot product: erratum E6), m/s, before the sound-speed scale.
+    #[must_use]
+    pub fn beam_velocity_mps(&self, beam: usize, motion: &BeamMotion) -> f64 {
+        let point = motion.velocity_p_mps * (1.0 + motion.scale_factor)
+            + motion.rate_tp_p_radps.cross(&self.lever_arms_p_m[beam]);
+        let bias = if beam < BIASED_BEAMS {
+            motion.beam_bias_mps[beam]
+        } else {
+            0.0
+        };
+        self.directions_p[beam].dot(&point) + bias
+    }
+}
+
+/// What a beam reading depends on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BeamMotion {
+    /// Velocity over ground, platform frame, m/s.
+    pub velocity_p_mps: Vector3<f64>,
+    /// Angular rate against the tangent frame, platform frame, rad/s.
+    pub rate_tp_p_radps: Vector3<f64>,
+    /// Bias of each of the first four beams, m/s; further beams have none.
+    pub beam_bias_mps: [f64; BIASED_BEAMS],
+    /// Scale factor error.
+    pub scale_factor: f64,
+}
+
+/// One ping.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BeamSample {
+    /// Time of validity, ns.
+    pub time_ns: i64,
+    /// Beam velocities, m/s; entries of invalid beams mean nothing and may be NaN.
+    pub velocity_mps: [f64; MAX_BEAMS],
+    /// Noise of each beam, 1 sigma, m/s.
+    pub sd_mps: [f64; MAX_BEAMS],
+    /// Which beams are valid.
+    pub valid: BeamMask,
+}
+
+impl BeamSample {
+    /// Checks that every valid beam exists and carries a finite velocity and a positive standard deviation.
+    ///
+    /// # Errors
+    /// [`NavError::BadBeam`] with the beam and the time.
+    pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
+        for beam in self.valid.iter() {
+            let bad = |field, value| NavError::BadBeam {
+                beam: beam + 1,
+                time_ns: self.time_ns,
+                field,
+                value,
+            };
+            if beam >= geometry.beams() {
+                return Err(bad("number", (beam + 1) as f64));
+            }
+            if !self.velocity_mps[beam].is_finite() {
+                return Err(bad("velocity", self.velocity_mps[beam]));
+            }
+            if !(self.sd_mps[beam].is_finite() && self.sd_mps[beam] > 0.0) {
+                return Err(bad("standard deviation", self.sd_mps[beam]));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eqs. 13 and 14 by hand: beam 2 of the x-Janus looks aft and right.
+    #[test]
+    fn second_beam_of_the_x_janus() {
+        let tilt = 20_f64.to_radians();
+        let geometry = BeamGeometry::janus(Janus::X, tilt).unwrap();
+        let side = tilt.sin() / 2_f64.sqrt();
+        assert!((geometry.direction_p(1) - Vector3::new(-side, side, tilt.cos())).norm() < 1e-15);
+    }
+
+    /// Eq. 15 by hand: yaw rate on a lever arm ahead moves the transducer to starboard.
+    #[test]
+    fn lever_arm_sees_the_yaw_rate() {
+        let geometry = BeamGeometry::from_directions(&[Vec3::new(0.0, 1.0, 0.0)])
+            .and_then(|g| g.with_lever_arms(&[Vec3::new(1.5, 0.0, 0.0)]))
+            .unwrap();
+        let motion = BeamMotion {
+            velocity_p_mps: Vector3::new(2.0, 0.1, 0.0),
+            rate_tp_p_radps: Vector3::new(0.0, 0.0, 0.2),
+            beam_bias_mps: [0.01, 0.0, 0.0, 0.0],
+            scale_factor: 0.5,
+        };
+        assert!((geometry.beam_velocity_mps(0, &motion) - (0.15 + 0.3 + 0.01)).abs() < 1e-15);
+    }
+
+    /// A direction that is not a unit vector names its beam.
+    #[test]
+    fn a_long_direction_is_refused() {
+        let result = BeamGeometry::from_directions(&[Vec3::new(0.0, 0.0, 1.0), Vec3::new(0.0, 0.0, 2.0)]);
+        assert_eq!(result, Err(NavError::NotUnit { beam: 2, norm: 2.0 }));
+        assert!(BeamGeometry::from_directions(&[Vec3::new(f64::NAN, 0.0, 1.0)]).is_err());
+        assert!(BeamGeometry::from_directions(&[]).is_err());
+    }
+
+    /// A mask is a set of small numbers.
+    #[test]
+    fn masks() {
+        let mask: BeamMask = [0, 2, 9].into_iter().collect();
+        assert_eq!(mask.iter().collect::<Vec<_>>(), vec![0, 2]);
+        assert_eq!(BeamMask::all(4).count(), 4);
+        assert!(!mask.contains(100));
+    }
+}

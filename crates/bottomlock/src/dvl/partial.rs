@@ -1,0 +1,367 @@
+//! The extended loosely coupled methods and the selector (Eqs. 23–49): one least-squares core, different extra rows.
+//!
+//! | Method | Extra row | What it reports |
+//! |---|---|---|
+//! | virtual beam (VB) | `b_j · v = b_j · v_prior` for missing beams, until the rank is 3 | all axes, or it refuses |
+//! | nullified sway (NSV) | `e_y · v = 0` | all axes, or it refuses (erratum E2) |
+//! | partial loose coupling (PLCF) | none | the platform axes inside the row space (erratum E3) |
+//! | virtual heave (VHV) | `e_z · v = w_prior` | as PLCF; never the prior's own heave |
+//! | selector | – | per axis the least variance of these four |
+//! | information | none | the observable principal axes |
+//! | weak sway | `e_y · v = 0` with a large variance | the observable principal axes |
+//!
+//! With three independent beams or more every method is plain least squares.
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+use super::geometry::{BeamGeometry, BeamMask, MAX_BEAMS};
+use super::velocity::{Gain, HEAVE_SLOT, LeastSquares, Rows, SWAY_SLOT, VIRTUAL_SLOT, least_squares};
+use crate::error::{NavError, require_finite};
+
+/// Covariance of the beam readings, beam by beam, (m/s)².
+pub type BeamNoise = SMatrix<f64, MAX_BEAMS, MAX_BEAMS>;
+
+/// How a velocity is made of the beams that are left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Method {
+    /// Weighted least squares on three independent beams or more (LC).
+    LeastSquares,
+    /// VB, Sect. 3.1, with the correlation of Eq. 26 neglected and n_f in its place.
+    VirtualBeam,
+    /// VB with the exact cross-covariance of Eq. 26 (inside a filter identical to tight coupling).
+    VirtualBeamExact,
+    /// NSV, Sect. 3.2.
+    NullifiedSway,
+    /// PLCF, Sect. 3.3.
+    PartialLoose,
+    /// VHV, Sect. 3.4.
+    VirtualHeave,
+    /// The selector, Eqs. 48 and 49.
+    Selector,
+    /// The rank-deficient least-squares information.
+    Information,
+    /// Least squares on the beams and a sway row of large variance.
+    WeakSway,
+}
+
+/// Parameters of the methods.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Assumptions {
+    /// n_f of Eq. 28.
+    pub virtual_beam_factor: f64,
+    /// ε of Eq. 36, (m/s)².
+    pub nullified_sway_var_m2ps2: f64,
+    /// Variance of the weak sway row, (m/s)² per epoch.
+    pub weak_sway_var_m2ps2: f64,
+}
+
+impl Default for Assumptions {
+    /// n_f = 1 (no compensation), ε = 1e-3 and a weak sway row of 2 (m/s)².
+    fn default() -> Self {
+        Self {
+            virtual_beam_factor: 1.0,
+            nullified_sway_var_m2ps2: 1e-3,
+            weak_sway_var_m2ps2: 2.0,
+        }
+    }
+}
+
+/// Why a component has no value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reason {
+    /// No beam is valid.
+    NoBeams,
+    /// No combination of the rows measures it.
+    OutsideRowSpace,
+    /// The method's own row adds no direction to those of the beams, so its system is singular.
+    ConstraintSingular,
+    /// The method needs a prior velocity and none was given.
+    PriorRequired,
+    /// The method would hand back the prior.
+    PriorOnly,
+}
+
+/// One axis of a fix.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Component {
+    /// It has a value.
+    Solved,
+    /// It has none, for this reason.
+    Unobservable(Reason),
+}
+
+/// What the filter takes from a fix.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Port {
+    /// The solved platform components.
+    Components,
+    /// The observable principal axes.
+    Axes,
+}
+
+/// How a fix follows from the row values, with its covariance: everything but the values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FixPlan {
+    /// Velocity = gain · row values.
+    pub gain: Gain,
+    /// Covariance of the fix; meaningful for solved components, or along the observed axes.
+    pub covariance: Matrix3<f64>,
+    /// Surge, sway, heave.
+    pub components: [Component; 3],
+    /// Which method each component comes from.
+    pub sources: [Method; 3],
+    /// The least-squares solution behind it, for ports that take axes.
+    pub solution: LeastSquares,
+    /// The missing beams that were virtualised, by slot.
+    pub virtual_beams: [Option<usize>; 2],
+    /// What the filter takes.
+    pub port: Port,
+}
+
+impl FixPlan {
+    fn refused(method: Method, reason: Reason, solution: LeastSquares) -> Self {
+        Self {
+            gain: Gain::zeros(),
+            covariance: Matrix3::zeros(),
+            components: [Component::Unobservable(reason); 3],
+            sources: [method; 3],
+            solution,
+            virtual_beams: [None; 2],
+            port: Port::Components,
+        }
+    }
+
+    fn whole(method: Method, solution: LeastSquares) -> Self {
+        Self::by_axis(method, solution, |_| None)
+    }
+
+    /// Solved where the row space holds the axis, unless `withheld` says why not.
+    fn by_axis(method: Method, solution: LeastSquares, withheld: impl Fn(usize) -> Option<Reason>) -> Self {
+        let components = std::array::from_fn(|k| match withheld(k) {
+            Some(reason) => Component::Unobservable(reason),
+            None if solution.sees(&axis(k)) => Component::Solved,
+            None => Component::Unobservable(Reason::OutsideRowSpace),
+        });
+        Self {
+            gain: solution.gain,
+            covariance: solution.covariance,
+            components,
+            sources: [method; 3],
+            solution,
+            virtual_beams: [None; 2],
+            port: Port::Components,
+        }
+    }
+
+    /// True where component `k` has a value.
+    #[must_use]
+    pub fn is_solved(&self, k: usize) -> bool {
+        self.components[k] == Component::Solved
+    }
+}
+
+fn axis(k: usize) -> Vector3<f64> {
+    Vector3::ith(k, 1.0)
+}
+
+fn beam_rows(geometry: &BeamGeometry, valid: BeamMask, noise: &BeamNoise) -> Rows {
+    let mut rows = Rows::empty();
+    for beam in valid.iter().filter(|&beam| beam < geometry.beams()) {
+        rows.directions[beam] = Some(*geometry.direction_p(beam));
+    }
+    rows.noise.fixed_view_mut::<MAX_BEAMS, MAX_BEAMS>(0, 0).copy_from(noise);
+    rows
+}
+
+/// Decides what `method` makes of the valid beams.
+///
+/// `prior_cov` is the covariance of the prior velocity; VB and VHV need it. Lost beams and unobservable axes are values.
+///
+/// # Errors
+/// [`NavError::NotPositiveDefinite`] where the beam noise is not a covariance; [`NavError::OutOfRange`] or
+/// [`NavError::NotFinite`] for a bad assumption or prior.
+pub fn plan(
+    method: Method,
+    geometry: &BeamGeometry,
+    valid: BeamMask,
+    noise: &BeamNoise,
+    prior_cov: Option<&Matrix3<f64>>,
+    assumptions: &Assumptions,
+) -> Result<FixPlan, NavError> {
+    let beams = beam_rows(geometry, valid, noise);
+    let solution = least_squares(&beams)?;
+    if solution.rank == 0 {
+        return Ok(FixPlan::refused(method, Reason::NoBeams, solution));
+    }
+    if solution.rank == 3 && method != Method::Information {
+        return Ok(FixPlan::whole(method, solution));
+    }
+    match method {
+        Method::LeastSquares => Ok(FixPlan::refused(method, Reason::OutsideRowSpace, solution)),
+        Method::PartialLoose => Ok(FixPlan::whole(method, solution)),
+        Method::Information => Ok(FixPlan {
+            port: Port::Axes,
+            ..FixPlan::whole(method, solution)
+        }),
+        Method::WeakSway => {
+            let mut rows = beams;
+            rows.put(
+                SWAY_SLOT,
+                axis(1),
+                positive("weak_sway_var_m2ps2", assumptions.weak_sway_var_m2ps2)?,
+            );
+            Ok(FixPlan {
+                port: Port::Axes,
+                ..FixPlan::whole(method, least_squares(&rows)?)
+            })
+        }
+        Method::NullifiedSway => nullified_sway(beams, solution, assumptions),
+        Method::VirtualBeam | Method::VirtualBeamExact => {
+            let factor = if method == Method::VirtualBeam {
+                assumptions.virtual_beam_factor
+            } else {
+                1.0
+            };
+            match checked_prior(prior_cov)? {
+                None => Ok(FixPlan::refused(method, Reason::PriorRequired, solution)),
+                Some(prior) => virtual_beam(method, geometry, valid, beams, solution, prior, factor),
+            }
+        }
+        Method::VirtualHeave => match checked_prior(prior_cov)? {
+            None => Ok(FixPlan::refused(method, Reason::PriorRequired, solution)),
+            Some(prior) => virtual_heave(beams, solution, prior),
+        },
+        Method::Selector => selector(geometry, valid, noise, prior_cov, assumptions, solution),
+    }
+}
+
+fn positive(field: &'static str, value: f64) -> Result<f64, NavError> {
+    crate::error::require_positive(field, value).map(|()| value)
+}
+
+fn checked_prior(prior_cov: Option<&Matrix3<f64>>) -> Result<Option<&Matrix3<f64>>, NavError> {
+    if let Some(cov) = prior_cov {
+        require_finite("prior cov_m2ps2", 0, cov.as_slice())?;
+        if (0..3).any(|k| cov[(k, k)] <= 0.0) {
+            return Err(NavError::NotPositiveDefinite {
+                matrix: "prior cov_m2ps2",
+                time_ns: 0,
+            });
+        }
+    }
+    Ok(prior_cov)
+}
+
+/// NSV, Eqs. (31)–(36), as a weighted row in place of a deleted column.
+///
+/// Erratum E2: singular where the beams already fix the sway, as pairs (1,4) and (2,3) of the x-Janus do.
+fn nullified_sway(mut rows: Rows, beams: LeastSquares, assumptions: &Assumptions) -> Result<FixPlan, NavError> {
+    rows.put(
+        SWAY_SLOT,
+        axis(1),
+        positive("nullified_sway_var_m2ps2", assumptions.nullified_sway_var_m2ps2)?,
+    );
+    let solution = least_squares(&rows)?;
+    if solution.rank < 3 {
+        let reason = if solution.rank == beams.rank {
+            Reason::ConstraintSingular
+        } else {
+            Reason::OutsideRowSpace
+        };
+        return Ok(FixPlan::refused(Method::NullifiedSway, reason, beams));
+    }
+    Ok(FixPlan::whole(Method::NullifiedSway, solution))
+}
+
+/// VB, Eqs. (23)–(30): missing beams are virtualised until the rank is 3.
+///
+/// σ_v3 = n_f √(b₃ᵀ P_vv b₃) with the whole P_vv (erratum E6).
+fn virtual_beam(
+    method: Method,
+    geometry: &BeamGeometry,
+    valid: BeamMask,
+    mut rows: Rows,
+    beams: LeastSquares,
+    prior_cov: &Matrix3<f64>,
+    factor: f64,
+) -> Result<FixPlan, NavError> {
+    positive("virtual_beam_factor", factor)?;
+    let mut chosen = [None; 2];
+    let (mut rank, mut null) = (beams.rank, beams.null);
+    while rank < 3 {
+        // The missing beam that looks most along the unseen axes keeps the system best conditioned; the lowest number among equals.
+        let reach = |beam: usize| (null.transpose() * geometry.direction_p(beam)).norm();
+        let mut best = None;
+        for beam in (0..geometry.beams()).filter(|&beam| !valid.contains(beam)) {
+            if reach(beam) > best.map_or(1e-7, |other| reach(other) * (1.0 + 1e-9)) {
+                best = Some(beam);
+            }
+        }
+        let Some(beam) = best else { break };
+        let index = usize::from(chosen[0].is_some());
+        rows.put(VIRTUAL_SLOT + index, *geometry.direction_p(beam), 1.0);
+        chosen[index] = Some(beam);
+        (rank, null) = rows.null_space();
+    }
+    if rank < 3 {
+        return Ok(FixPlan::refused(method, Reason::OutsideRowSpace, beams));
+    }
+    for (i, first) in chosen.iter().enumerate() {
+        for (j, second) in chosen.iter().enumerate() {
+            if let (Some(first), Some(second)) = (first, second) {
+                let shared = geometry
+                    .direction_p(*first)
+                    .dot(&(prior_cov * geometry.direction_p(*second)));
+                rows.noise[(VIRTUAL_SLOT + i, VIRTUAL_SLOT + j)] = factor * factor * shared;
+            }
+        }
+    }
+    Ok(FixPlan {
+        virtual_beams: chosen,
+        ..FixPlan::whole(method, least_squares(&rows)?)
+    })
+}
+
+/// VHV, Eqs. (44)–(47), with the plus sign of erratum E1.
+fn virtual_heave(mut rows: Rows, beams: LeastSquares, prior_cov: &Matrix3<f64>) -> Result<FixPlan, NavError> {
+    if beams.sees(&axis(2)) {
+        return Ok(FixPlan::whole(Method::VirtualHeave, beams));
+    }
+    rows.put(HEAVE_SLOT, axis(2), prior_cov[(2, 2)]);
+    let withheld = |k: usize| (k == 2).then_some(Reason::PriorOnly);
+    Ok(FixPlan::by_axis(Method::VirtualHeave, least_squares(&rows)?, withheld))
+}
+
+/// The selector, Eqs. (48) and (49): per axis the least variance; the covariance is diagonal.
+fn selector(
+    geometry: &BeamGeometry,
+    valid: BeamMask,
+    noise: &BeamNoise,
+    prior_cov: Option<&Matrix3<f64>>,
+    assumptions: &Assumptions,
+    beams: LeastSquares,
+) -> Result<FixPlan, NavError> {
+    const CANDIDATES: [Method; 4] = [
+        Method::VirtualBeam,
+        Method::NullifiedSway,
+        Method::PartialLoose,
+        Method::VirtualHeave,
+    ];
+    let mut chosen = FixPlan::refused(Method::Selector, Reason::OutsideRowSpace, beams);
+    for method in CANDIDATES {
+        let candidate = plan(method, geometry, valid, noise, prior_cov, assumptions)?;
+        if method == Method::VirtualBeam {
+            chosen.virtual_beams = candidate.virtual_beams;
+        }
+        for k in 0..3 {
+            let better = !chosen.is_solved(k) || candidate.covariance[(k, k)] < chosen.covariance[(k, k)];
+            if candidate.is_solved(k) && better {
+                chosen.gain.set_row(k, &candidate.gain.row(k));
+                chosen.covariance[(k, k)] = candidate.covariance[(k, k)];
+                chosen.components[k] = Component::Solved;
+                chosen.sources[k] = method;
+            }
+        }
+    }
+    Ok(chosen)
+}

@@ -1,0 +1,310 @@
+//! Witnesses of the partial-beam methods: the papers' closed forms, refusals, invariances, proptest over geometries.
+
+use nalgebra::{Matrix3, Vector3};
+use proptest::prelude::*;
+
+use super::fix::*;
+use super::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
+use super::partial::*;
+use crate::frames::{Platform, Rot, Vec3};
+
+const SIGMA: [f64; 4] = [0.042, 0.05, 0.03, 0.06];
+
+fn janus() -> BeamGeometry {
+    BeamGeometry::janus(Janus::X, 20_f64.to_radians()).unwrap()
+}
+
+fn ping(values: &[f64], valid: &[usize]) -> BeamSample {
+    let mut ping = BeamSample {
+        time_ns: 0,
+        velocity_mps: [f64::NAN; MAX_BEAMS],
+        sd_mps: [f64::NAN; MAX_BEAMS],
+        valid: valid.iter().copied().collect(),
+    };
+    for &beam in valid {
+        ping.velocity_mps[beam] = values[beam];
+        ping.sd_mps[beam] = SIGMA[beam];
+    }
+    ping
+}
+
+fn prior() -> VelocityPrior {
+    let a = Matrix3::new(0.2, 0.03, -0.01, 0.0, 0.3, 0.05, 0.02, 0.0, 0.15);
+    VelocityPrior {
+        velocity_p_mps: Vec3::new(1.9, 0.07, -0.04),
+        cov_m2ps2: a * a.transpose(),
+    }
+}
+
+fn fix(method: Method, valid: &[usize], assumptions: &Assumptions) -> VelocityFix {
+    let context = PingContext {
+        prior: Some(prior()),
+        ..Default::default()
+    };
+    match solve(
+        method,
+        &janus(),
+        &ping(&[0.55, -0.45, 0.2, 0.3], valid),
+        &context,
+        assumptions,
+    )
+    .unwrap()
+    {
+        FixOutcome::Fix(fix) | FixOutcome::Unobservable(fix) => fix,
+        other => panic!("no fix: {other:?}"),
+    }
+}
+
+/// Eqs. 25, 28 (with the whole P) and 30 for beams 1 and 2: the inverse of the square matrix.
+#[test]
+fn virtual_beam_closed_form() {
+    let assumptions = Assumptions {
+        virtual_beam_factor: 1.7,
+        ..Default::default()
+    };
+    let fix = fix(Method::VirtualBeam, &[0, 1], &assumptions);
+    let geometry = janus();
+    let b3 = geometry.direction_p(2);
+    let a = Matrix3::from_rows(&[
+        geometry.direction_p(0).transpose(),
+        geometry.direction_p(1).transpose(),
+        b3.transpose(),
+    ]);
+    let inverse = a.try_inverse().unwrap();
+    let expected = inverse * Vector3::new(0.55, -0.45, b3.dot(&prior().velocity_p_mps.0));
+    let sigma3 = 1.7 * (b3.dot(&(prior().cov_m2ps2 * b3))).sqrt();
+    let r = Matrix3::from_diagonal(&Vector3::new(SIGMA[0].powi(2), SIGMA[1].powi(2), sigma3.powi(2)));
+    assert!((fix.velocity_p_mps.0 - expected).amax() < 1e-12);
+    assert!((fix.plan.covariance - inverse * r * inverse.transpose()).amax() < 1e-12);
+}
+
+/// Eqs. 33 and 35 for beams 1 and 2; the row of variance ε adds its own share, known in closed form.
+#[test]
+fn nullified_sway_closed_form() {
+    let fix = fix(
+        Method::NullifiedSway,
+        &[0, 1],
+        &Assumptions {
+            nullified_sway_var_m2ps2: 1e-6,
+            ..Default::default()
+        },
+    );
+    let (b1, b2) = (*janus().direction_p(0), *janus().direction_p(1));
+    let determinant = b1.x * b2.z - b1.z * b2.x;
+    let solve = |y1: f64, y2: f64| {
+        (
+            (b2.z * y1 - b1.z * y2) / determinant,
+            (b1.x * y2 - b2.x * y1) / determinant,
+        )
+    };
+    let (u, w) = solve(0.55, -0.45);
+    assert!((fix.velocity_p_mps.0 - Vector3::new(u, 0.0, w)).amax() < 1e-12);
+    let ((u1, w1), (u2, w2), (us, ws)) = (solve(1.0, 0.0), solve(0.0, 1.0), solve(-b1.y, -b2.y));
+    let (s1, s2) = (SIGMA[0].powi(2), SIGMA[1].powi(2));
+    let printed = [
+        (0, 0, u1 * u1 * s1 + u2 * u2 * s2),
+        (2, 2, w1 * w1 * s1 + w2 * w2 * s2),
+        (0, 2, u1 * w1 * s1 + u2 * w2 * s2),
+    ];
+    let share = [us * us, ws * ws, us * ws];
+    for ((i, j, value), extra) in printed.into_iter().zip(share) {
+        assert!((fix.plan.covariance[(i, j)] - value - 1e-6 * extra).abs() < 1e-12);
+    }
+    assert!((fix.plan.covariance[(1, 1)] - 1e-6).abs() < 1e-15);
+}
+
+/// Eqs. 40 and 41 for beams 1 and 2.
+#[test]
+fn partial_loose_closed_form() {
+    let fix = fix(Method::PartialLoose, &[0, 1], &Assumptions::default());
+    let b11 = janus().direction_p(0).x;
+    assert!((fix.velocity_p_mps.0.x - 1.0 / (2.0 * b11)).abs() < 1e-12);
+    let expected = (SIGMA[0].powi(2) + SIGMA[1].powi(2)) / (4.0 * b11 * b11);
+    assert!((fix.plan.covariance[(0, 0)] - expected).abs() < 1e-12);
+    assert_eq!(fix.plan.components[1], Component::Unobservable(Reason::OutsideRowSpace));
+}
+
+/// Eq. 45 and Eq. 46 with the plus sign (erratum E1) for beams 1 and 2.
+#[test]
+fn virtual_heave_closed_form() {
+    let fix = fix(Method::VirtualHeave, &[0, 1], &Assumptions::default());
+    let b1 = *janus().direction_p(0);
+    let v = 0.1 / (2.0 * b1.y) - b1.z / b1.y * -0.04;
+    assert!((fix.velocity_p_mps.0.y - v).abs() < 1e-12);
+    let own = (SIGMA[0].powi(2) + SIGMA[1].powi(2)) / (4.0 * b1.y * b1.y);
+    let heave = (b1.z / b1.y).powi(2) * prior().cov_m2ps2[(2, 2)];
+    assert!((fix.plan.covariance[(1, 1)] - own - heave).abs() < 1e-12);
+    assert_eq!(fix.plan.components[2], Component::Unobservable(Reason::PriorOnly));
+}
+
+/// Erratum E3: what the six pairs of an x-Janus give without help; erratum E2: where NSV is singular.
+#[test]
+fn pairs_of_the_x_janus() {
+    for (pair, solved, nsv) in [
+        ([0, 1], 0, true),
+        ([2, 3], 0, true),
+        ([0, 3], 1, false),
+        ([1, 2], 1, false),
+        ([0, 2], 2, true),
+        ([1, 3], 2, true),
+    ] {
+        let plcf = fix(Method::PartialLoose, &pair, &Assumptions::default());
+        for k in 0..3 {
+            assert_eq!(plcf.plan.is_solved(k), k == solved, "pair {pair:?}, axis {k}");
+        }
+        let nullified = fix(Method::NullifiedSway, &pair, &Assumptions::default());
+        assert_eq!((0..3).all(|k| nullified.plan.is_solved(k)), nsv, "pair {pair:?}");
+        if !nsv {
+            assert_eq!(
+                nullified.plan.components,
+                [Component::Unobservable(Reason::ConstraintSingular); 3]
+            );
+        }
+    }
+}
+
+/// The selector takes the least variance per axis: NSV's ε wins the sway (erratum E4), surge is the same for all.
+#[test]
+fn selector_is_nullified_sway_in_disguise() {
+    let fix = fix(Method::Selector, &[0, 1], &Assumptions::default());
+    assert_eq!(fix.plan.sources[1], Method::NullifiedSway);
+    assert!((fix.plan.covariance[(0, 1)]).abs() < 1e-300, "Eq. 49 is diagonal");
+    assert!(fix.velocity_p_mps.0.y.abs() < 1e-12);
+}
+
+/// One beam: VB completes it with two virtual beams, the others say why they cannot.
+#[test]
+fn one_beam() {
+    let vb = fix(Method::VirtualBeam, &[1], &Assumptions::default());
+    assert!((0..3).all(|k| vb.plan.is_solved(k)));
+    assert_eq!(
+        vb.plan.virtual_beams,
+        [Some(3), Some(0)],
+        "the opposite beam first, then the lowest number of equals"
+    );
+    let nsv = fix(Method::NullifiedSway, &[1], &Assumptions::default());
+    assert_eq!(
+        nsv.plan.components,
+        [Component::Unobservable(Reason::OutsideRowSpace); 3]
+    );
+    assert_eq!(
+        fix(Method::Information, &[1], &Assumptions::default())
+            .plan
+            .solution
+            .rank,
+        1
+    );
+}
+
+/// Without a beam, and without a prior, the outcome says so.
+#[test]
+fn nothing_to_solve_with() {
+    let empty = ping(&[], &[]);
+    let context = PingContext::default();
+    let outcome = solve(Method::VirtualBeam, &janus(), &empty, &context, &Assumptions::default()).unwrap();
+    assert_eq!(outcome, FixOutcome::TooFewBeams);
+    let two = ping(&[0.1, 0.2], &[0, 1]);
+    let outcome = solve(Method::VirtualBeam, &janus(), &two, &context, &Assumptions::default()).unwrap();
+    assert_eq!(outcome, FixOutcome::PriorRequired);
+}
+
+fn direction() -> impl Strategy<Value = Vector3<f64>> {
+    (0.1_f64..0.8, -3.1_f64..3.1)
+        .prop_map(|(tilt, azimuth)| Vector3::new(azimuth.cos() * tilt.sin(), azimuth.sin() * tilt.sin(), tilt.cos()))
+}
+
+const ALL: [Method; 9] = [
+    Method::LeastSquares,
+    Method::VirtualBeam,
+    Method::VirtualBeamExact,
+    Method::NullifiedSway,
+    Method::PartialLoose,
+    Method::VirtualHeave,
+    Method::Selector,
+    Method::Information,
+    Method::WeakSway,
+];
+
+fn outcome_of(method: Method, geometry: &BeamGeometry, ping: &BeamSample, prior: VelocityPrior) -> FixOutcome {
+    let context = PingContext {
+        prior: Some(prior),
+        ..Default::default()
+    };
+    solve(method, geometry, ping, &context, &Assumptions::default()).unwrap()
+}
+
+fn velocity_of(outcome: &FixOutcome) -> Option<&VelocityFix> {
+    match outcome {
+        FixOutcome::Fix(fix) | FixOutcome::Unobservable(fix) => Some(fix),
+        _ => None,
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(3000))]
+
+    /// Any geometry, mask and values: a finite answer or a reason, never a panic, and a covariance that is no less than zero.
+    #[test]
+    fn never_panics(directions in prop::collection::vec(direction(), 1..=MAX_BEAMS), bits in 0_usize..256,
+                    values in prop::array::uniform8(-1e3_f64..1e3)) {
+        let tagged: Vec<_> = directions.iter().map(|d| Vec3::from(*d)).collect();
+        let geometry = BeamGeometry::from_directions(&tagged).unwrap();
+        let valid: BeamMask = (0..directions.len()).filter(|k| bits & (1 << k) != 0).collect();
+        let ping = BeamSample { time_ns: 0, velocity_mps: values, sd_mps: [0.05; MAX_BEAMS], valid };
+        for method in ALL {
+            if let Some(fix) = velocity_of(&outcome_of(method, &geometry, &ping, prior())) {
+                prop_assert!(fix.velocity_p_mps.is_finite());
+                for k in 0..3 {
+                    prop_assert!(!fix.plan.is_solved(k) || fix.plan.covariance[(k, k)] > 0.0);
+                }
+            }
+        }
+    }
+
+    /// Renumbering the beams changes nothing (VB's choice of virtual beam depends on the numbers, so it is left out where it
+    /// has a choice).
+    #[test]
+    fn renumbering_changes_nothing(bits in 1_usize..16, values in prop::array::uniform4(-3.0_f64..3.0), shift in 1_usize..4) {
+        let order: Vec<usize> = (0..4).map(|k| (k + shift) % 4).collect();
+        let geometry = janus();
+        let turned: Vec<_> = order.iter().map(|&k| Vec3::from(*geometry.direction_p(k))).collect();
+        let turned = BeamGeometry::from_directions(&turned).unwrap();
+        let sample = |order: &[usize]| {
+            let mut ping = BeamSample { time_ns: 0, velocity_mps: [0.0; 8], sd_mps: [1.0; 8],
+                valid: (0..4).filter(|&k| bits & (1 << order[k]) != 0).collect() };
+            for k in 0..4 {
+                (ping.velocity_mps[k], ping.sd_mps[k]) = (values[order[k]], SIGMA[order[k]]);
+            }
+            ping
+        };
+        for method in ALL.into_iter().filter(|m| !matches!(m, Method::VirtualBeam | Method::VirtualBeamExact | Method::Selector)) {
+            let (one, two) = (outcome_of(method, &geometry, &sample(&[0, 1, 2, 3]), prior()),
+                              outcome_of(method, &turned, &sample(&order), prior()));
+            let (one, two) = (velocity_of(&one).unwrap(), velocity_of(&two).unwrap());
+            prop_assert_eq!(one.plan.components, two.plan.components);
+            prop_assert!((one.velocity_p_mps.0 - two.velocity_p_mps.0).amax() < 1e-10);
+            prop_assert!((one.plan.covariance - two.plan.covariance).amax() < 1e-10);
+        }
+    }
+
+    /// Turning the mounting turns the fix: beams, prior and answer all by the same rotation (methods without platform axes).
+    #[test]
+    fn turning_the_mounting_turns_the_fix(bits in 1_usize..16, values in prop::array::uniform4(-3.0_f64..3.0),
+                                          turn in prop::array::uniform3(-3.0_f64..3.0)) {
+        let rotation = Rot::<Platform, crate::frames::Dvl>::exp(Vector3::from(turn));
+        let matrix = rotation.matrix();
+        let valid: Vec<usize> = (0..4).filter(|k| bits & (1 << k) != 0).collect();
+        let sample = ping(&values, &valid);
+        let turned_prior = VelocityPrior {
+            velocity_p_mps: Vec3::from(matrix * prior().velocity_p_mps.0),
+            cov_m2ps2: matrix * prior().cov_m2ps2 * matrix.transpose(),
+        };
+        for method in [Method::LeastSquares, Method::VirtualBeam, Method::VirtualBeamExact, Method::Information] {
+            let (one, two) = (outcome_of(method, &janus(), &sample, prior()),
+                              outcome_of(method, &janus().mounted(rotation), &sample, turned_prior));
+            let (one, two) = (velocity_of(&one).unwrap(), velocity_of(&two).unwrap());
+            prop_assert!((matrix * one.velocity_p_mps.0 - two.velocity_p_mps.0).amax() < 1e-9);
+            prop_assert!((matrix * one.plan.covariance * matrix.transpose() - two.plan.covariance).amax() < 1e-9);
+        }
+    }
+}

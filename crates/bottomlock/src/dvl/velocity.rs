@@ -1,0 +1,268 @@
+//! Velocity by weighted least squares from any set of rows (Eqs. 17–21), and the axes it leaves unobserved.
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+use super::geometry::MAX_BEAMS;
+use crate::error::NavError;
+
+/// Slots of the row table: the beams, two virtual beams, the sway row and the heave row.
+pub const SLOTS: usize = MAX_BEAMS + 4;
+/// First slot of the virtual beams.
+pub const VIRTUAL_SLOT: usize = MAX_BEAMS;
+/// Slot of the row "sway is zero".
+pub const SWAY_SLOT: usize = MAX_BEAMS + 2;
+/// Slot of the row "heave is the prior's".
+pub const HEAVE_SLOT: usize = MAX_BEAMS + 3;
+
+/// Covariance of the row noise, slot by slot.
+pub type SlotNoise = SMatrix<f64, SLOTS, SLOTS>;
+/// Maps row values to a velocity.
+pub type Gain = SMatrix<f64, 3, SLOTS>;
+
+/// Below this part of a unit vector outside the row space a direction counts as inside it.
+pub const ROW_SPACE_TOLERANCE: f64 = 1e-9;
+
+/// A table of rows `direction · v = value + noise`; a slot without direction is empty.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rows {
+    /// Direction of each row in the platform frame; `None` for an empty slot.
+    pub directions: [Option<Vector3<f64>>; SLOTS],
+    /// Noise covariance; only the entries of filled slots count.
+    pub noise: SlotNoise,
+}
+
+impl Rows {
+    /// No rows.
+    #[must_use]
+    pub fn empty() -> Self {
+        Self {
+            directions: [None; SLOTS],
+            noise: SlotNoise::zeros(),
+        }
+    }
+
+    /// Puts a row with uncorrelated noise into a slot.
+    pub fn put(&mut self, slot: usize, direction: Vector3<f64>, variance: f64) {
+        self.directions[slot] = Some(direction);
+        self.noise[(slot, slot)] = variance;
+    }
+
+    /// Orthonormal basis of what the rows do not see (columns), and their rank.
+    #[must_use]
+    pub fn null_space(&self) -> (usize, Matrix3<f64>) {
+        let mut a = SMatrix::<f64, SLOTS, 3>::zeros();
+        for (slot, direction) in self.directions.iter().enumerate() {
+            if let Some(direction) = direction {
+                a.set_row(slot, &direction.transpose());
+            }
+        }
+        // Gram–Schmidt on the rows, largest remainder first: three steps at most, no iteration to fail.
+        let mut basis = Vec::with_capacity(3);
+        while basis.len() < 3 {
+            let (mut best, mut size) = (0, 0.0);
+            for slot in 0..SLOTS {
+                let norm = a.row(slot).norm();
+                if norm > size {
+                    (best, size) = (slot, norm);
+                }
+            }
+            if size < 1e-7 {
+                break;
+            }
+            let mut axis: Vector3<f64> = a.row(best).transpose() / size;
+            for earlier in &basis {
+                axis -= *earlier * axis.dot(earlier);
+            }
+            let axis = axis.normalize();
+            for slot in 0..SLOTS {
+                let along = a.row(slot).transpose().dot(&axis);
+                let remainder = a.row(slot) - axis.transpose() * along;
+                a.set_row(slot, &remainder);
+            }
+            basis.push(axis);
+        }
+        (basis.len(), complement(&basis))
+    }
+}
+
+/// Orthonormal columns that complete an orthonormal set; unused columns are zero.
+fn complement(basis: &[Vector3<f64>]) -> Matrix3<f64> {
+    let mut null = Matrix3::zeros();
+    match basis {
+        [] => null.fill_with_identity(),
+        [a] => {
+            // The axis least along a makes the best start.
+            let start = if a.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
+            let first = a.cross(&start).normalize();
+            null.set_column(0, &first);
+            null.set_column(1, &a.cross(&first));
+        }
+        [a, b] => null.set_column(0, &a.cross(b).normalize()),
+        _ => {}
+    }
+    null
+}
+
+/// A weighted least-squares solution: velocity = gain · values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LeastSquares {
+    /// The minimum-norm gain (the weighted pseudo-inverse A⁺), one column per slot.
+    pub gain: Gain,
+    /// A⁺ R A⁺ᵀ; zero along the unobserved axes.
+    pub covariance: Matrix3<f64>,
+    /// Number of observed axes.
+    pub rank: usize,
+    /// Unobserved axes, orthonormal columns (the first `3 − rank`).
+    pub null: Matrix3<f64>,
+}
+
+impl LeastSquares {
+    /// True where the rows determine the velocity along `axis`.
+    #[must_use]
+    pub fn sees(&self, axis: &Vector3<f64>) -> bool {
+        (self.null.transpose() * axis).norm() < ROW_SPACE_TOLERANCE
+    }
+
+    /// Observable principal axes (columns, the first `rank`) and their variances.
+    #[must_use]
+    pub fn principal_axes(&self) -> (Matrix3<f64>, Vector3<f64>) {
+        // A large variance along the null space separates it from the observed axes, whatever their size.
+        let large = 1.0 + 1e3 * self.covariance.trace();
+        let eigen = (self.covariance + self.null * self.null.transpose() * large).symmetric_eigen();
+        let mut order = [0, 1, 2];
+        order.sort_by(|&i, &j| eigen.eigenvalues[i].total_cmp(&eigen.eigenvalues[j]));
+        let mut axes = Matrix3::zeros();
+        let mut variances = Vector3::zeros();
+        for (to, &from) in order.iter().take(self.rank).enumerate() {
+            let axis: Vector3<f64> = eigen.eigenvectors.column(from).into();
+            // What rounding left of the null space does not belong to an observed axis.
+            let axis = (axis - self.null * (self.null.transpose() * axis)).normalize();
+            axes.set_column(to, &axis);
+            variances[to] = (axis.transpose() * self.covariance * axis)[0];
+        }
+        (axes, variances)
+    }
+}
+
+/// Solves the rows by weighted least squares (Eqs. 17 and 19; the minimum-norm solution where they do not see all axes).
+///
+/// # Source
+/// Tal et al. 2017, Eqs. (17)–(21), with the order of factors of erratum E6: v = (AᵀWA)⁻¹AᵀW y, W = R⁻¹.
+///
+/// # Errors
+/// [`NavError::NotPositiveDefinite`] where the noise covariance of the filled rows is not positive definite.
+pub fn least_squares(rows: &Rows) -> Result<LeastSquares, NavError> {
+    let (rank, null) = rows.null_space();
+    if rank == 0 {
+        return Ok(LeastSquares {
+            gain: Gain::zeros(),
+            covariance: Matrix3::zeros(),
+            rank,
+            null,
+        });
+    }
+    // Filled rows by rising variance: a triangularisation loses digits where a heavy row comes last.
+    let mut slots: Vec<usize> = (0..SLOTS).filter(|&slot| rows.directions[slot].is_some()).collect();
+    slots.sort_by(|&i, &j| rows.noise[(i, i)].total_cmp(&rows.noise[(j, j)]));
+    let count = slots.len();
+
+    let mut noise = SlotNoise::identity();
+    let mut stacked = SMatrix::<f64, { SLOTS + 2 }, 3>::zeros();
+    for (i, &slot) in slots.iter().enumerate() {
+        for (j, &other) in slots.iter().enumerate() {
+            noise[(i, j)] = rows.noise[(slot, other)];
+        }
+        if let Some(direction) = rows.directions[slot] {
+            stacked.set_row(i, &direction.transpose());
+        }
+    }
+    let not_definite = NavError::NotPositiveDefinite {
+        matrix: "beam noise covariance",
+        time_ns: 0,
+    };
+    let factor = noise.cholesky().ok_or(not_definite.clone())?.unpack();
+    let whiten = factor.try_inverse_lower().ok_or(not_definite.clone())?;
+    let top = whiten * stacked.fixed_rows::<SLOTS>(0);
+    stacked.fixed_rows_mut::<SLOTS>(0).copy_from(&top);
+    // Rows along the unseen axes, orthogonal to all others, make the minimum-norm solution the least-squares one. Their weight
+    // is that of the other rows, so that the triangular factor is well scaled.
+    let weight = top.norm().max(f64::MIN_POSITIVE) / (count.max(1) as f64).sqrt();
+    for k in 0..3 - rank {
+        stacked.set_row(SLOTS + k, &(null.column(k).transpose() * weight));
+    }
+    let qr = stacked.qr();
+    let (q, r) = (qr.q(), qr.r());
+    let solved = r.solve_upper_triangular(&q.transpose()).ok_or(not_definite)?;
+    let compact = solved.fixed_columns::<SLOTS>(0) * whiten;
+    let mut gain = Gain::zeros();
+    for (i, &slot) in slots.iter().enumerate() {
+        gain.set_column(slot, &compact.column(i));
+    }
+    let covariance = gain * rows.noise * gain.transpose();
+    Ok(LeastSquares {
+        gain,
+        covariance: (covariance + covariance.transpose()) * 0.5,
+        rank,
+        null,
+    })
+}
+
+/// Inverse of a lower triangular matrix by forward substitution (used to whiten rows, never on a covariance).
+trait LowerInverse: Sized {
+    fn try_inverse_lower(&self) -> Option<Self>;
+}
+
+impl LowerInverse for SlotNoise {
+    fn try_inverse_lower(&self) -> Option<Self> {
+        self.solve_lower_triangular(&Self::identity())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(directions: &[[f64; 3]], variance: f64) -> Rows {
+        let mut rows = Rows::empty();
+        for (slot, &direction) in directions.iter().enumerate() {
+            rows.put(slot, Vector3::from(direction), variance);
+        }
+        rows
+    }
+
+    /// Hand-worked: two rows along x average, one row along y stands alone, z is unseen.
+    #[test]
+    fn averages_what_is_seen_twice() {
+        let solution = least_squares(&rows(&[[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], 0.04)).unwrap();
+        assert_eq!(solution.rank, 2);
+        assert!((solution.covariance[(0, 0)] - 0.02).abs() < 1e-16);
+        assert!((solution.covariance[(1, 1)] - 0.04).abs() < 1e-16);
+        assert!(solution.covariance[(2, 2)].abs() < 1e-16);
+        assert!(solution.sees(&Vector3::x()) && solution.sees(&Vector3::y()) && !solution.sees(&Vector3::z()));
+        assert!((solution.gain[(0, 0)] - 0.5).abs() < 1e-15);
+    }
+
+    /// Principal axes diagonalise the observed part.
+    #[test]
+    fn principal_axes_diagonalise() {
+        let s = 0.5_f64.sqrt();
+        let solution = least_squares(&rows(&[[1.0, 0.0, 0.0], [s, s, 0.0]], 0.04)).unwrap();
+        let (axes, variances) = solution.principal_axes();
+        let rebuilt = axes * Matrix3::from_diagonal(&variances) * axes.transpose();
+        assert!((rebuilt - solution.covariance).amax() < 1e-15);
+        assert!(axes.column(2).norm() < 1e-15);
+    }
+
+    /// No rows at all see nothing, and that is no error.
+    #[test]
+    fn nothing_sees_nothing() {
+        let solution = least_squares(&Rows::empty()).unwrap();
+        assert_eq!((solution.rank, solution.gain), (0, Gain::zeros()));
+    }
+
+    /// A zero variance is refused, not divided by.
+    #[test]
+    fn zero_variance_is_an_error() {
+        assert!(least_squares(&rows(&[[1.0, 0.0, 0.0]], 0.0)).is_err());
+    }
+}

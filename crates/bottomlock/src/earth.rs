@@ -1,0 +1,110 @@
+//! Earth rate, gravity and the environment of a mission.
+
+use crate::error::{NavError, require_finite, require_positive};
+use crate::frames::{Tangent, Vec3};
+
+/// Rotation rate of the Earth (WGS 84), rad/s.
+pub const EARTH_RATE_RADPS: f64 = 7.292_115e-5;
+
+/// Growth of gravity with depth in sea water, 1/s².
+///
+/// Free-air gradient 3.086e-6 less 4πGρ = 8.6e-7 for water of 1025 kg/m³ above the point (Poisson's equation; Turcotte &
+/// Schubert, *Geodynamics*, sect. 5).
+pub const GRAVITY_DEPTH_GRADIENT_PS2: f64 = 2.226e-6;
+
+/// Normal gravity at a geodetic latitude and a depth below the ellipsoid, m/s².
+///
+/// # Source
+/// Somigliana's formula with the constants of WGS 84 (Groves 2013, Eq. 2.134), plus a linear depth term.
+///
+/// ```
+/// let equator = bottomlock::earth::normal_gravity_mps2(0.0, 0.0);
+/// assert!((equator - 9.780_325_335_9).abs() < 1e-12);
+/// ```
+#[must_use]
+pub fn normal_gravity_mps2(latitude_rad: f64, depth_m: f64) -> f64 {
+    let s2 = latitude_rad.sin().powi(2);
+    9.780_325_335_9 * (1.0 + 0.001_931_853 * s2) / (1.0 - 0.006_694_379_990_14 * s2).sqrt()
+        + GRAVITY_DEPTH_GRADIENT_PS2 * depth_m
+}
+
+/// What the mechanisation must know of the Earth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Environment {
+    /// Geodetic latitude, rad.
+    pub latitude_rad: f64,
+    /// Gravity along tangent z (down), m/s²; constant over a mission.
+    pub gravity_mps2: f64,
+    /// Earth rate, rad/s; zero for a non-rotating Earth.
+    pub earth_rate_radps: f64,
+}
+
+impl Environment {
+    /// Normal gravity at the given latitude and depth, rotating Earth.
+    #[must_use]
+    pub fn normal(latitude_rad: f64, depth_m: f64) -> Self {
+        Self {
+            latitude_rad,
+            gravity_mps2: normal_gravity_mps2(latitude_rad, depth_m),
+            earth_rate_radps: EARTH_RATE_RADPS,
+        }
+    }
+
+    /// Earth rate resolved in the tangent frame, rad/s.
+    #[must_use]
+    pub fn earth_rate_t_radps(&self) -> Vec3<Tangent> {
+        Vec3::new(
+            self.earth_rate_radps * self.latitude_rad.cos(),
+            0.0,
+            -self.earth_rate_radps * self.latitude_rad.sin(),
+        )
+    }
+
+    /// Checks that the numbers make sense.
+    ///
+    /// # Errors
+    /// [`NavError::OutOfRange`] or [`NavError::NotFinite`].
+    pub fn validate(&self) -> Result<(), NavError> {
+        require_finite("environment.earth_rate_radps", 0, &[self.earth_rate_radps])?;
+        require_positive("environment.gravity_mps2", self.gravity_mps2)?;
+        if !(self.latitude_rad.abs() <= std::f64::consts::FRAC_PI_2) {
+            return Err(NavError::OutOfRange {
+                field: "environment.latitude_rad",
+                value: self.latitude_rad,
+                expected: "-pi/2 to pi/2",
+            });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The pole's value is tabulated by WGS 84.
+    #[test]
+    fn gravity_at_the_pole() {
+        let pole = normal_gravity_mps2(std::f64::consts::FRAC_PI_2, 0.0);
+        assert!((pole - 9.832_184_937_9).abs() < 2e-8, "{pole}");
+    }
+
+    /// At the north pole the Earth turns about the upward vertical, which is −z.
+    #[test]
+    fn earth_rate_points_up_at_the_pole() {
+        let rate = Environment::normal(std::f64::consts::FRAC_PI_2, 0.0).earth_rate_t_radps();
+        assert!((rate.0.z + EARTH_RATE_RADPS).abs() < 1e-20);
+        assert!(rate.0.x.abs() < 1e-20);
+    }
+
+    /// A latitude in degrees is caught.
+    #[test]
+    fn latitude_in_degrees_is_refused() {
+        let environment = Environment {
+            latitude_rad: 32.8,
+            gravity_mps2: 9.8,
+            earth_rate_radps: 0.0,
+        };
+        assert!(matches!(environment.validate(), Err(NavError::OutOfRange { .. })));
+    }
+}

@@ -1,0 +1,355 @@
+//! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
+
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use crate::aiding::{Innovation, Motion};
+use crate::earth::Environment;
+use crate::error::{NavError, require_finite};
+use crate::error_model::{Coefficients, Interval, ProcessNoise};
+use crate::frames::{Rot, Vec3};
+use crate::imu::{EarthTerms, ImuSample, Inertial, Kinematics, Sampling};
+use crate::layout::{DIM, VELOCITY, block_name};
+use crate::model::{Gate, GateTable, MAX_ROWS, Model, Options};
+use crate::report::{Sensor, UpdateReport, Verdict};
+use crate::state::{Covariance, ErrorVector, NavState};
+
+/// The filter: state, covariance and the interval since the covariance was last brought up to date.
+#[derive(Debug, Clone)]
+pub struct Eskf {
+    state: NavState,
+    kinematics: Kinematics<f64>,
+    covariance: Covariance,
+    interval: Interval<f64>,
+    /// ω_ip of the last reading, bias included.
+    last_rate_p_radps: Vector3<f64>,
+    last_step_s: f64,
+    earth: EarthTerms,
+    earth_rate_t_radps: Vector3<f64>,
+    noise: ProcessNoise,
+    gate: GateTable,
+    sampling: Sampling,
+    covariance_period_s: f64,
+}
+
+impl Eskf {
+    /// A filter at an initial state.
+    ///
+    /// # Errors
+    /// [`NavError`] for a model, an option or a state that makes no sense.
+    pub fn new(state: NavState, model: &Model, options: &Options) -> Result<Self, NavError> {
+        model.validate()?;
+        options.validate()?;
+        state.validate()?;
+        let environment: &Environment = &model.environment;
+        Ok(Self {
+            kinematics: state.kinematics(),
+            state,
+            covariance: model.initial_covariance(options.estimate_dvl),
+            interval: Interval::default(),
+            last_rate_p_radps: Vector3::zeros(),
+            last_step_s: 0.0,
+            earth: EarthTerms::from(environment),
+            earth_rate_t_radps: environment.earth_rate_t_radps().0,
+            noise: model.process_noise(options.estimate_dvl),
+            gate: GateTable::new(options.gate)?,
+            sampling: options.sampling,
+            covariance_period_s: options.covariance_period_ns as f64 * 1e-9,
+        })
+    }
+
+    /// Replaces the covariance (symmetric, m², rad², … in the order of [`crate::layout`]).
+    ///
+    /// # Errors
+    /// [`NavError::NotPositiveDefinite`] unless positive definite apart from frozen states (zero rows).
+    pub fn set_covariance(&mut self, covariance: &Covariance) -> Result<(), NavError> {
+        require_finite("covariance", self.state.time_ns, covariance.as_slice())?;
+        let symmetric = (covariance + covariance.transpose()) * 0.5;
+        if (symmetric - covariance).amax() > 1e-9 * covariance.amax() {
+            return Err(NavError::NotPositiveDefinite {
+                matrix: "covariance (not symmetric)",
+                time_ns: self.state.time_ns,
+            });
+        }
+        require_positive_definite(&symmetric, self.state.time_ns)?;
+        self.covariance = symmetric;
+        self.interval = Interval::default();
+        Ok(())
+    }
+
+    /// The estimate.
+    #[must_use]
+    pub fn state(&self) -> NavState {
+        let mut state = self.state;
+        state.position_t_m = Vec3::from_array(self.kinematics.position_t_m);
+        state.attitude_t_p = Rot::from_quaternion_wxyz(self.kinematics.attitude_t_p);
+        state.velocity_p_mps = Vec3::from_array(self.kinematics.velocity_p_mps);
+        state
+    }
+
+    /// The covariance at the time of the state; asking changes nothing.
+    #[must_use]
+    pub fn covariance(&self) -> Covariance {
+        let (mut covariance, mut interval) = (self.covariance, self.interval);
+        interval.propagate(
+            &mut covariance.data.0,
+            &self.noise,
+            &self.earth,
+            self.covariance_period_s > 0.0,
+        );
+        covariance
+    }
+
+    /// One strapdown step from `start` to `end`, and the covariance where its interval is full.
+    ///
+    /// # Errors
+    /// [`NavError::TimeNotIncreasing`]; [`NavError::NotFinite`] where the state has run out of numbers.
+    pub fn predict(&mut self, start: &ImuSample, end: &ImuSample) -> Result<(), NavError> {
+        let dt_s = (end.time_ns - start.time_ns) as f64 * 1e-9;
+        if dt_s <= 0.0 {
+            return Err(NavError::TimeNotIncreasing {
+                stream: "imu",
+                time_ns: end.time_ns,
+                previous_ns: start.time_ns,
+            });
+        }
+        let first = match self.sampling {
+            Sampling::Instantaneous => self.corrected(start),
+            Sampling::Averaged => self.corrected(end),
+        };
+        let last = self.corrected(end);
+        if self.interval.needs_start() {
+            self.interval
+                .start(Coefficients::at(&self.kinematics, &first, &self.earth));
+        }
+        self.kinematics.step(&first, &last, dt_s, &self.earth);
+        self.interval
+            .extend(Coefficients::at(&self.kinematics, &last, &self.earth), dt_s);
+        self.state.time_ns = end.time_ns;
+        self.last_rate_p_radps = end.rate_p_radps.0;
+        self.last_step_s = dt_s;
+        if !(self.kinematics.position_t_m[0] + self.kinematics.position_t_m[1] + self.kinematics.position_t_m[2])
+            .is_finite()
+        {
+            return Err(NavError::NotFinite {
+                field: "state position_t_m",
+                time_ns: end.time_ns,
+            });
+        }
+        // Half a step of slack, so that rounding of the sample times does not lengthen the interval by a step.
+        if self.interval.duration_s() + 0.5 * dt_s >= self.covariance_period_s {
+            self.propagate_covariance();
+        }
+        Ok(())
+    }
+
+    fn propagate_covariance(&mut self) {
+        let second_order = self.covariance_period_s > 0.0;
+        self.interval
+            .propagate(&mut self.covariance.data.0, &self.noise, &self.earth, second_order);
+    }
+
+    fn corrected(&self, sample: &ImuSample) -> Inertial<f64> {
+        Inertial {
+            rate_p_radps: (sample.rate_p_radps - self.state.gyro_bias_p_radps).to_array(),
+            force_p_mps2: (sample.force_p_mps2 - self.state.accel_bias_p_mps2).to_array(),
+        }
+    }
+
+    /// Runs `function` with the motion at the current time, for the expected readings of a sensor.
+    pub fn with_motion<T>(&self, function: impl FnOnce(&Motion<'_>) -> T) -> T {
+        let state = self.state();
+        let gyro_variance = if self.last_step_s > 0.0 {
+            self.noise.gyro / self.last_step_s
+        } else {
+            0.0
+        };
+        function(&Motion {
+            state: &state,
+            rate_ip_p_radps: self.last_rate_p_radps - state.gyro_bias_p_radps.0,
+            earth_rate_t_radps: self.earth_rate_t_radps,
+            gyro_variance,
+        })
+    }
+
+    /// Covariance of the whole state with the velocity (20×3) and of the velocity itself, brought up to date.
+    pub fn velocity_covariance(&mut self) -> SMatrix<f64, DIM, 3> {
+        self.propagate_covariance();
+        self.covariance.fixed_columns::<3>(VELOCITY).into_owned()
+    }
+
+    /// Gates an innovation, corrects the state and the covariance, and reports.
+    ///
+    /// # Errors
+    /// [`NavError::NotFinite`] for a residual or noise that is not finite; [`NavError::NotPositiveDefinite`] where a factorisation
+    /// fails.
+    pub fn update(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<UpdateReport, NavError> {
+        self.propagate_covariance();
+        require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
+        require_finite("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
+        match innovation.rows {
+            0 => Ok(UpdateReport::empty(sensor, self.state.time_ns)),
+            1 => self.fuse::<1>(innovation, sensor),
+            2 => self.fuse::<2>(innovation, sensor),
+            3 => self.fuse::<3>(innovation, sensor),
+            4 => self.fuse::<4>(innovation, sensor),
+            5 => self.fuse::<5>(innovation, sensor),
+            6 => self.fuse::<6>(innovation, sensor),
+            7 => self.fuse::<7>(innovation, sensor),
+            _ => self.fuse::<MAX_ROWS>(innovation, sensor),
+        }
+    }
+
+    /// The correlated innovation of exact VB has a singular S: its rows are turned to the `rank` axes that carry information.
+    ///
+    /// # Errors
+    /// As [`Eskf::update`].
+    pub fn update_correlated(
+        &mut self,
+        innovation: &Innovation,
+        rank: usize,
+        sensor: Sensor,
+    ) -> Result<UpdateReport, NavError> {
+        self.propagate_covariance();
+        let h = innovation.jacobian.fixed_rows::<3>(0).into_owned();
+        let cross = innovation
+            .cross
+            .unwrap_or_else(SMatrix::zeros)
+            .fixed_columns::<3>(0)
+            .into_owned();
+        let noise = innovation.noise.fixed_view::<3, 3>(0, 0).into_owned();
+        let half = h * cross;
+        let s = h * self.covariance * h.transpose() + half + half.transpose() + noise;
+        let eigen = ((s + s.transpose()) * 0.5).symmetric_eigen();
+        let mut order = [0, 1, 2];
+        order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
+        let mut turned = Innovation {
+            rows: rank,
+            degrees: rank,
+            ..Innovation::empty()
+        };
+        let mut axes = SMatrix::<f64, MAX_ROWS, 3>::zeros();
+        for (row, &from) in order.iter().take(rank).enumerate() {
+            axes.set_row(row, &eigen.eigenvectors.column(from).transpose());
+        }
+        turned.residual = axes * innovation.residual.fixed_rows::<3>(0);
+        turned.jacobian = axes * h;
+        turned.noise = axes * noise * axes.transpose();
+        turned.cross = Some(cross * axes.transpose());
+        self.update(&turned, sensor)
+    }
+
+    fn fuse<const M: usize>(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<UpdateReport, NavError> {
+        let z = innovation.residual.fixed_rows::<M>(0).into_owned();
+        let h = innovation.jacobian.fixed_rows::<M>(0).into_owned();
+        let r = innovation.noise.fixed_view::<M, M>(0, 0).into_owned();
+        let cross = innovation.cross.map(|cross| cross.fixed_columns::<M>(0).into_owned());
+        let p = self.covariance;
+
+        let ph = p * h.transpose();
+        let mut s = h * ph + r;
+        if let Some(c) = &cross {
+            let half = h * c;
+            s += half + half.transpose();
+        }
+        let factor = s.cholesky().ok_or(NavError::NotPositiveDefinite {
+            matrix: "innovation covariance",
+            time_ns: self.state.time_ns,
+        })?;
+        let mut report = UpdateReport {
+            rows: M,
+            degrees: innovation.degrees,
+            nis: z.dot(&factor.solve(&z)),
+            threshold: self.gate.threshold(innovation.degrees),
+            verdict: Verdict::Accepted,
+            ..UpdateReport::empty(sensor, self.state.time_ns)
+        };
+        report.residual.fixed_rows_mut::<M>(0).copy_from(&z);
+        report.covariance.fixed_view_mut::<M, M>(0, 0).copy_from(&s);
+
+        match self.gate.gate {
+            Gate::Off => {}
+            Gate::Joint { .. } => {
+                if report.nis > report.threshold {
+                    report.verdict = Verdict::Rejected;
+                    return Ok(report);
+                }
+            }
+            Gate::PerRow => {
+                let rejected: u8 = (0..M)
+                    .filter(|&k| z[k] * z[k] > 9.0 * s[(k, k)])
+                    .fold(0, |bits, k| bits | 1 << k);
+                if rejected != 0 {
+                    let kept = innovation.select(|row| rejected & (1 << row) == 0);
+                    if kept.rows == 0 {
+                        report.verdict = Verdict::Rejected;
+                        return Ok(report);
+                    }
+                    self.update(&kept, sensor)?;
+                    report.verdict = Verdict::AcceptedInPart {
+                        rejected_rows: rejected,
+                    };
+                    return Ok(report);
+                }
+            }
+        }
+
+        let reach = cross.map_or(ph, |c| ph + c);
+        let gain = factor.solve(&reach.transpose()).transpose();
+        // Joseph's form, its (I − K H) P expanded to products of rank M.
+        let mut joseph = p - gain * ph.transpose();
+        joseph -= (joseph * h.transpose()) * gain.transpose();
+        joseph += gain * r * gain.transpose();
+        if let Some(c) = &cross {
+            let shared = (c - gain * (h * c)) * gain.transpose();
+            joseph -= shared + shared.transpose();
+        }
+        let updated = (joseph + joseph.transpose()) * 0.5;
+        require_positive_definite(&updated, self.state.time_ns)?;
+        self.covariance = updated;
+        self.feed_back(&(gain * z));
+        Ok(report)
+    }
+
+    fn feed_back(&mut self, error: &ErrorVector) {
+        let mut state = self.state();
+        state.inject(error);
+        self.state = state;
+        self.kinematics = state.kinematics();
+        self.interval.corrected();
+    }
+}
+
+/// Cholesky's factorisation with frozen states (zero variance) left out.
+fn active_factor(covariance: &Covariance) -> Option<nalgebra::Cholesky<f64, nalgebra::Const<DIM>>> {
+    let mut matrix = *covariance;
+    for k in 0..DIM {
+        if matrix[(k, k)] == 0.0 && matrix.column(k).amax() == 0.0 {
+            matrix[(k, k)] = 1.0;
+        }
+    }
+    // Scaling to unit diagonal keeps metres and radians per second from hiding each other.
+    let scale = SVector::<f64, DIM>::from_fn(|k, _| {
+        if matrix[(k, k)] > 0.0 {
+            matrix[(k, k)].sqrt().recip()
+        } else {
+            0.0
+        }
+    });
+    for j in 0..DIM {
+        for i in 0..DIM {
+            matrix[(i, j)] *= scale[i] * scale[j];
+        }
+    }
+    matrix.cholesky()
+}
+
+fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<(), NavError> {
+    if active_factor(covariance).is_some() {
+        return Ok(());
+    }
+    let negative = (0..DIM).find(|&k| covariance[(k, k)] < 0.0);
+    Err(NavError::NotPositiveDefinite {
+        matrix: negative.map_or("state covariance", block_name),
+        time_ns,
+    })
+}

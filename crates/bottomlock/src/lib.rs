@@ -1,0 +1,42 @@
+//! Aided inertial navigation with whatever Doppler velocity log beams are left.
+//!
+//! # Frames, units, signs
+//! The tangent frame is north–east–down, fixed to the Earth; the platform frame is forward–right–down. `attitude_t_p` maps
+//! platform vectors to the tangent frame. Units are SI, angles are radians, time is integer nanoseconds. The error state is
+//! true minus estimate (Eq. 1), with R = Exp([ρ×]) R̂ for the attitude.
+//!
+//! # Order of the error state
+//! Position (tangent), misalignment ρ (tangent), velocity (platform), accelerometer bias, gyro bias, four beam biases, scale
+//! factor: 20 states; see [`layout`].
+//!
+//! # Equations of Tal, Klein & Katz 2017
+//! | Equations | Module |
+//! |---|---|
+//! | 1–11 | [`state`], [`error_model`] |
+//! | 12–16 | [`dvl::geometry`], [`sensors`] |
+//! | 17–21 | [`dvl::velocity`] |
+//! | 18, 22 | [`aiding`] |
+//! | 23–49 | [`dvl::partial`] |
+//!
+//! The papers' misprints are listed in `docs/equations.md`; the right forms stand here.
+
+pub mod aiding;
+pub mod batch;
+pub mod dvl;
+pub mod earth;
+pub mod error;
+pub mod error_model;
+pub mod events;
+pub mod filter;
+pub mod frames;
+pub mod imu;
+pub mod lane;
+pub mod layout;
+pub mod model;
+pub mod report;
+pub mod run;
+pub mod sensors;
+pub mod state;
+pub mod truth;
+
+pub use error::NavError;

@@ -1,0 +1,104 @@
+//! What became of a measurement, and how right the filter was about itself.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::model::MAX_ROWS;
+use crate::state::{Covariance, ErrorVector};
+
+/// Which sensor an update came from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Sensor {
+    /// Beams of the DVL.
+    Beams,
+    /// A velocity in the platform frame.
+    Velocity,
+    /// Depth.
+    Depth,
+    /// Attitude.
+    Attitude,
+    /// Heading alone.
+    Heading,
+    /// GPS position.
+    GpsPosition,
+    /// GPS velocity.
+    GpsVelocity,
+}
+
+/// What became of a measurement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Verdict {
+    /// All rows were used.
+    Accepted,
+    /// The gate rejected some rows (bit per row) and the others were used.
+    AcceptedInPart {
+        /// Bit k is set where row k was rejected.
+        rejected_rows: u8,
+    },
+    /// The gate rejected the whole.
+    Rejected,
+    /// It carried no information: no row to use.
+    NoInformation,
+}
+
+/// The record of one measurement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UpdateReport {
+    /// Which sensor.
+    pub sensor: Sensor,
+    /// Time of validity, ns.
+    pub time_ns: i64,
+    /// Number of rows.
+    pub rows: usize,
+    /// Degrees of freedom of the normalised innovation squared.
+    pub degrees: usize,
+    /// Innovation.
+    pub residual: SVector<f64, MAX_ROWS>,
+    /// Its covariance S.
+    pub covariance: SMatrix<f64, MAX_ROWS, MAX_ROWS>,
+    /// Normalised innovation squared zᵀS⁻¹z of all rows.
+    pub nis: f64,
+    /// What the gate compared it with (infinite without a joint gate).
+    pub threshold: f64,
+    /// What became of it.
+    pub verdict: Verdict,
+}
+
+impl UpdateReport {
+    pub(crate) fn empty(sensor: Sensor, time_ns: i64) -> Self {
+        Self {
+            sensor,
+            time_ns,
+            rows: 0,
+            degrees: 0,
+            residual: SVector::zeros(),
+            covariance: SMatrix::zeros(),
+            nis: 0.0,
+            threshold: f64::INFINITY,
+            verdict: Verdict::NoInformation,
+        }
+    }
+
+    /// True where the measurement, or a part of it, corrected the state.
+    #[must_use]
+    pub fn was_used(&self) -> bool {
+        matches!(self.verdict, Verdict::Accepted | Verdict::AcceptedInPart { .. })
+    }
+}
+
+/// Normalised estimation error squared over the states `from..to`; `None` where P is not positive definite there.
+///
+/// Frozen states (zero variance) are left out.
+#[must_use]
+pub fn nees(covariance: &Covariance, error: &ErrorVector, from: usize, to: usize) -> Option<f64> {
+    let mut block = Covariance::identity();
+    let mut part = ErrorVector::zeros();
+    for i in (from..to).filter(|&i| covariance[(i, i)] > 0.0) {
+        let scale = covariance[(i, i)].sqrt().recip();
+        part[i] = error[i] * scale;
+        for j in (from..to).filter(|&j| covariance[(j, j)] > 0.0) {
+            block[(i, j)] = covariance[(i, j)] * scale * covariance[(j, j)].sqrt().recip();
+        }
+    }
+    let factor = block.cholesky()?;
+    Some(part.dot(&factor.solve(&part)))
+}

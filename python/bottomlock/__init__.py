@@ -1,0 +1,78 @@
+"""Aided inertial navigation with whatever Doppler velocity log beams are left.
+
+Frames: tangent north-east-down, fixed to the Earth; platform forward-right-down. Quaternions are scalar first and map platform
+to tangent. SI units and radians; time is integer nanoseconds. Errors are true minus estimate. Beams are numbered from 1 in text
+and columns and from 0 in arrays.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from bottomlock.errors import BottomlockError, DataError, OutputError, ScenarioError
+from bottomlock.kernel import (
+    ARMS,
+    METHODS,
+    BeamGeometry,
+    KernelError,
+    Navigator,
+    VelocityFixes,
+    kernel_version,
+    normal_gravity_mps2,
+    run_batch,
+    simulate_sensors,
+    solve_velocity,
+)
+
+if TYPE_CHECKING:
+    from bottomlock.campaign import run_campaign
+    from bottomlock.io.beams import read_beams, read_geometry
+    from bottomlock.scenario import Scenario, load_scenario, packaged_scenarios
+    from bottomlock.sensors import schedule
+    from bottomlock.trajectory import Truth, make_truth
+
+__version__ = kernel_version()
+
+__all__ = [
+    "ARMS",
+    "METHODS",
+    "BeamGeometry",
+    "BottomlockError",
+    "DataError",
+    "KernelError",
+    "Navigator",
+    "OutputError",
+    "Scenario",
+    "ScenarioError",
+    "Truth",
+    "VelocityFixes",
+    "load_scenario",
+    "make_truth",
+    "normal_gravity_mps2",
+    "packaged_scenarios",
+    "read_beams",
+    "read_geometry",
+    "run_batch",
+    "run_campaign",
+    "schedule",
+    "simulate_sensors",
+    "solve_velocity",
+]
+
+# What pulls in polars, pydantic or scipy comes only when used: a vehicle's computer may want the kernel alone.
+_LAZY = {
+    "Scenario": "bottomlock.scenario",
+    "Truth": "bottomlock.trajectory",
+    "load_scenario": "bottomlock.scenario",
+    "make_truth": "bottomlock.trajectory",
+    "packaged_scenarios": "bottomlock.scenario",
+    "read_beams": "bottomlock.io.beams",
+    "read_geometry": "bottomlock.io.beams",
+    "run_campaign": "bottomlock.campaign",
+    "schedule": "bottomlock.sensors",
+}
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - a module's attributes are anything
+    if name in _LAZY:
+        return getattr(importlib.import_module(_LAZY[name]), name)
+    raise AttributeError(f"module 'bottomlock' has no attribute '{name}'")

@@ -1,0 +1,279 @@
+"""Typed contract of the compiled kernel. SI units, radians, int64 nanoseconds; tangent NED, platform FRD, quaternions scalar first."""
+
+from typing import Any, Final, Literal, TypedDict, final, type_check_only
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__version__: Final[str]
+EARTH_RATE_RADPS: Final[float]
+ARMS: Final[tuple[str, ...]]
+
+class KernelError(ValueError):
+    """Bad input to the kernel, in one line that names the field, row or time and what was expected."""
+
+@type_check_only
+class EnvironmentDict(TypedDict):
+    latitude_rad: float
+    gravity_mps2: float
+    earth_rate_radps: float
+
+@type_check_only
+class ImuDict(TypedDict):
+    accel_noise_mps_rts: float
+    gyro_noise_rad_rts: float
+    accel_bias_sd_mps2: float
+    gyro_bias_sd_radps: float
+    accel_bias_walk_mps2_rts: float
+    gyro_bias_walk_radps_rts: float
+
+@type_check_only
+class DvlDict(TypedDict):
+    beam_noise_sd_mps: float
+    beam_bias_sd_mps: float
+    beam_bias_walk_mps_rts: float
+    scale_factor_sd: float
+    scale_factor_walk_rts: float
+
+@type_check_only
+class InitialDict(TypedDict):
+    position_sd_m: ArrayLike
+    attitude_sd_rad: ArrayLike
+    velocity_sd_mps: ArrayLike
+
+@type_check_only
+class DepthDict(TypedDict):
+    sd_m: float
+
+@type_check_only
+class MagnetometerDict(TypedDict):
+    yaw_sd_rad: float
+    roll_pitch_sd_rad: float
+
+@type_check_only
+class GpsDict(TypedDict):
+    position_sd_m: ArrayLike
+    velocity_sd_mps: ArrayLike
+
+@type_check_only
+class ModelDict(TypedDict):
+    environment: EnvironmentDict
+    imu: ImuDict
+    dvl: DvlDict
+    initial: InitialDict
+    depth: DepthDict
+    magnetometer: MagnetometerDict
+    gps: GpsDict
+
+@type_check_only
+class OptionsDict(TypedDict):
+    gate: str
+    gate_probability: float
+    covariance_period_ns: int
+    imu_sampling: str
+    estimate_dvl: bool
+    virtual_beam_factor: float
+    nullified_sway_var_m2ps2: float
+    weak_sway_var_m2ps2: float
+    information_port: str
+
+@type_check_only
+class ScheduleDict(TypedDict):
+    dvl_time_ns: NDArray[np.int64]
+    beam_valid: NDArray[np.bool_]
+    depth_time_ns: NDArray[np.int64]
+    magnetometer_time_ns: NDArray[np.int64]
+    gps_time_ns: NDArray[np.int64]
+    sample_time_ns: NDArray[np.int64]
+
+@type_check_only
+class TruthDict(TypedDict):
+    time_ns: NDArray[np.int64]
+    position_t_m: NDArray[np.float64]
+    attitude_t_p: NDArray[np.float64]
+    velocity_p_mps: NDArray[np.float64]
+    omega_p_radps: NDArray[np.float64]
+    force_p_mps2: NDArray[np.float64]
+
+@type_check_only
+class StateDict(TypedDict):
+    time_ns: int
+    position_t_m: NDArray[np.float64]
+    attitude_t_p: NDArray[np.float64]
+    velocity_p_mps: NDArray[np.float64]
+    accel_bias_p_mps2: NDArray[np.float64]
+    gyro_bias_p_radps: NDArray[np.float64]
+    dvl_bias_mps: NDArray[np.float64]
+    dvl_scale_factor: float
+
+@type_check_only
+class ReportDict(TypedDict):
+    sensor: str
+    time_ns: int
+    residual: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    degrees: int
+    nis: float
+    threshold: float
+    verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information"]
+    rejected_rows: NDArray[np.bool_]
+
+@type_check_only
+class SolutionDict(TypedDict):
+    velocity_p_mps: NDArray[np.float64]
+    cov_m2ps2: NDArray[np.float64]
+    observed_velocity_p_mps: NDArray[np.float64]
+    information_s2pm2: NDArray[np.float64]
+    component: NDArray[np.uint8]
+    status: NDArray[np.uint8]
+    beams_used: NDArray[np.bool_]
+    rank: NDArray[np.uint8]
+    source: NDArray[np.uint8]
+
+@type_check_only
+class BatchDict(TypedDict):
+    error: NDArray[np.float64]
+    sd: NDArray[np.float64]
+    nees: NDArray[np.float64]
+    nees_velocity_attitude: NDArray[np.float64]
+    nis_mean: NDArray[np.float64]
+    fixes_accepted: NDArray[np.int64]
+    fixes_rejected: NDArray[np.int64]
+
+@final
+class BeamGeometry:
+    """Directions and lever arms of the beams of a DVL."""
+
+    def __new__(
+        cls,
+        directions_d: ArrayLike,
+        *,
+        lever_arms_p_m: ArrayLike | None = None,
+        mounting_rpy_rad: ArrayLike | None = None,
+        sound_speed_scale: float = 1.0,
+    ) -> BeamGeometry: ...
+    @staticmethod
+    def janus(
+        tilt_rad: float,
+        *,
+        configuration: str = "x",
+        lever_arms_p_m: ArrayLike | None = None,
+        mounting_rpy_rad: ArrayLike | None = None,
+        sound_speed_scale: float = 1.0,
+    ) -> BeamGeometry: ...
+    @staticmethod
+    def from_angles(
+        tilt_rad: ArrayLike,
+        azimuth_rad: ArrayLike,
+        *,
+        lever_arms_p_m: ArrayLike | None = None,
+        mounting_rpy_rad: ArrayLike | None = None,
+        sound_speed_scale: float = 1.0,
+    ) -> BeamGeometry: ...
+    @property
+    def directions_p(self) -> NDArray[np.float64]: ...
+    @property
+    def lever_arms_p_m(self) -> NDArray[np.float64]: ...
+    @property
+    def beams(self) -> int: ...
+    @property
+    def sound_speed_scale(self) -> float: ...
+    def beam_velocities(
+        self,
+        velocity_p_mps: ArrayLike,
+        *,
+        rate_tp_p_radps: ArrayLike | None = None,
+        beam_bias_mps: ArrayLike | None = None,
+        scale_factor: float = 0.0,
+    ) -> NDArray[np.float64]: ...
+
+@final
+class Navigator:
+    """An aided inertial navigator, fed a sample at a time."""
+
+    def __new__(
+        cls,
+        geometry: BeamGeometry,
+        model: ModelDict,
+        options: OptionsDict,
+        initial: StateDict | dict[str, Any],
+        *,
+        arm: str = "tc",
+        covariance: ArrayLike | None = None,
+    ) -> Navigator: ...
+    def push_imu(self, time_ns: int, rate_p_radps: ArrayLike, force_p_mps2: ArrayLike) -> list[ReportDict]: ...
+    def push_imu_block(
+        self, time_ns: ArrayLike, rate_p_radps: ArrayLike, force_p_mps2: ArrayLike
+    ) -> list[ReportDict]: ...
+    def push_beams(
+        self, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike, *, sd_mps: ArrayLike
+    ) -> list[ReportDict]: ...
+    def push_velocity(
+        self, time_ns: int, velocity_p_mps: ArrayLike, *, cov_m2ps2: ArrayLike
+    ) -> list[ReportDict]: ...
+    def push_depth(self, time_ns: int, depth_m: float, *, sd_m: float) -> list[ReportDict]: ...
+    def push_attitude(
+        self, time_ns: int, attitude_t_p: ArrayLike, *, roll_pitch_sd_rad: float, yaw_sd_rad: float
+    ) -> list[ReportDict]: ...
+    def push_heading(self, time_ns: int, yaw_rad: float, *, sd_rad: float) -> list[ReportDict]: ...
+    def push_gps(
+        self,
+        time_ns: int,
+        position_t_m: ArrayLike,
+        velocity_t_mps: ArrayLike,
+        *,
+        position_sd_m: ArrayLike,
+        velocity_sd_mps: ArrayLike,
+    ) -> list[ReportDict]: ...
+    def state(self) -> StateDict: ...
+    def covariance(self) -> NDArray[np.float64]: ...
+
+def solve_velocity(
+    geometry: BeamGeometry,
+    velocity_mps: ArrayLike,
+    valid: ArrayLike,
+    *,
+    method: str,
+    beam_sd_mps: ArrayLike,
+    prior_velocity_p_mps: ArrayLike | None = None,
+    prior_cov_m2ps2: ArrayLike | None = None,
+    rate_tp_p_radps: ArrayLike | None = None,
+    virtual_beam_factor: float = 1.0,
+    nullified_sway_var_m2ps2: float = 1e-3,
+    weak_sway_var_m2ps2: float = 2.0,
+) -> SolutionDict: ...
+def simulate_sensors(
+    geometry: BeamGeometry,
+    truth: TruthDict,
+    model: ModelDict,
+    schedule: ScheduleDict,
+    *,
+    seed: int,
+    trajectory_key: int,
+    run: int,
+    imu_sampling: str = "instantaneous",
+) -> dict[str, Any]: ...
+def run_batch(
+    geometry: BeamGeometry,
+    truth: TruthDict,
+    simulated: ModelDict,
+    assumed: ModelDict,
+    options: OptionsDict,
+    schedule: ScheduleDict,
+    arms: list[str],
+    *,
+    seed: int,
+    trajectory_key: int,
+    first_run: int,
+    runs: int,
+    threads: int,
+) -> BatchDict: ...
+def error_model(
+    model: ModelDict,
+    *,
+    attitude_t_p: ArrayLike,
+    velocity_p_mps: ArrayLike,
+    rate_p_radps: ArrayLike,
+    force_p_mps2: ArrayLike,
+) -> dict[str, NDArray[np.float64]]: ...
+def normal_gravity_mps2(latitude_rad: float, depth_m: float = 0.0) -> float: ...

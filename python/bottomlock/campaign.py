@@ -1,0 +1,280 @@
+"""A Monte Carlo campaign: scenarios x runs x arms to tables, in chunks that survive an interruption.
+
+Chunk boundaries depend on the scenario alone, never on threads; a run's numbers depend on nothing but the seed, the
+trajectory's name and the run's number. So any cutting, any number of threads and any resumption give the same bits.
+"""
+
+import hashlib
+import json
+import platform
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from bottomlock import kernel, stats
+from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.output import read_json, write_json, write_parquet
+from bottomlock.scenario import Scenario
+from bottomlock.schema import FIXES_COUNTS, SAMPLES
+from bottomlock.sensors import schedule
+from bottomlock.trajectory import make_truth
+
+CHUNK_STEPS = 3_000_000
+"""Filter steps of one kernel call: about half a second on one core, so that progress and interruption stay lively."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a campaign tells while it runs."""
+
+    trajectory: str
+    runs_done: int
+    runs_total: int
+
+
+@dataclass(frozen=True)
+class Results:
+    """The tables of a finished campaign."""
+
+    runs: pl.DataFrame
+    ensemble: pl.DataFrame
+    consistency: pl.DataFrame
+    manifest: dict[str, Any]
+
+
+@dataclass
+class _Clock:
+    """Wall time inside and outside the kernel."""
+
+    started: float = field(default_factory=time.perf_counter)
+    kernel_s: float = 0.0
+
+    @property
+    def wall_s(self) -> float:
+        return time.perf_counter() - self.started
+
+
+def trajectory_key(name: str) -> int:
+    """Key of a trajectory's random numbers: the first eight bytes of the SHA-256 of its name.
+
+    >>> trajectory_key("straight") == trajectory_key("straight") != trajectory_key("lawn_mower")
+    True
+    """
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
+
+
+def configuration_hash(scenarios: Sequence[Scenario]) -> str:
+    """SHA-256 of all that decides the numbers of a campaign, apart from the number of runs."""
+    content = [(s.name, s.content_hash(), s.campaign.seed, list(s.campaign.arms)) for s in scenarios]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def gravity_of(scenario: Scenario) -> float:
+    """Gravity of a scenario in m/s²: as stated, or normal gravity at its latitude and depth."""
+    environment = scenario.environment
+    if environment.gravity != "normal":
+        return float(environment.gravity)
+    return kernel.normal_gravity_mps2(float(np.deg2rad(environment.latitude_deg)), environment.depth_m)
+
+
+def geometry_of(scenario: Scenario) -> kernel.BeamGeometry:
+    """The beams of a scenario.
+
+    Raises:
+        ScenarioError: for directions that are not unit vectors.
+    """
+    dvl = scenario.dvl
+    mounting = np.deg2rad([dvl.mounting_roll_deg, dvl.mounting_pitch_deg, dvl.mounting_yaw_deg])
+    try:
+        if dvl.configuration == "directions":
+            return kernel.BeamGeometry(
+                dvl.directions or (), lever_arms_p_m=dvl.lever_arms_m, mounting_rpy_rad=mounting,
+                sound_speed_scale=dvl.sound_speed_scale,
+            )  # fmt: skip
+        if dvl.configuration == "angles":
+            return kernel.BeamGeometry.from_angles(
+                np.deg2rad(dvl.tilts_deg or ()), np.deg2rad(dvl.azimuths_deg or ()), lever_arms_p_m=dvl.lever_arms_m,
+                mounting_rpy_rad=mounting, sound_speed_scale=dvl.sound_speed_scale,
+            )  # fmt: skip
+        return kernel.BeamGeometry.janus(
+            float(np.deg2rad(dvl.tilt_deg)), configuration=dvl.configuration, lever_arms_p_m=dvl.lever_arms_m,
+            mounting_rpy_rad=mounting, sound_speed_scale=dvl.sound_speed_scale,
+        )  # fmt: skip
+    except kernel.KernelError as error:
+        raise ScenarioError(f"scenario {scenario.name}: dvl: {error}") from error
+
+
+def _chunk_frames(
+    result: dict[str, Any], *, name: str, arms: Sequence[str], first_run: int, sample_time_ns: np.ndarray[Any, Any]
+) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Samples and fix counts of one kernel call as tables."""
+    runs, arm_count, samples = result["nees"].shape
+    keys = pl.DataFrame({"run": np.repeat(np.arange(first_run, first_run + runs), arm_count), "arm": list(arms) * runs})
+    counts = keys.with_columns(
+        pl.lit(name).alias("trajectory"),
+        pl.Series("nis_mean", result["nis_mean"].reshape(-1)).fill_nan(None),
+        pl.Series("fixes_accepted", result["fixes_accepted"].reshape(-1)),
+        pl.Series("fixes_rejected", result["fixes_rejected"].reshape(-1)),
+    ).select(list(FIXES_COUNTS))
+    values = np.concatenate([result["error"], result["sd"]], axis=-1).reshape(-1, 18)
+    columns = dict(zip([name for name in SAMPLES if name.startswith(("err_", "sd_"))], values.T, strict=True))
+    frame = pl.DataFrame(
+        {
+            "run": np.repeat(keys["run"].to_numpy(), samples),
+            "arm": np.repeat(np.arange(runs * arm_count) % arm_count, samples),
+            "time_ns": np.tile(sample_time_ns, runs * arm_count),
+            **columns,
+            "nees": result["nees"].reshape(-1),
+            "nees_velocity_attitude": result["nees_velocity_attitude"].reshape(-1),
+        }
+    )
+    names = pl.col("arm").replace_strict(range(arm_count), list(arms), return_dtype=pl.String)
+    return frame.with_columns(names, pl.lit(name).alias("trajectory")).select(list(SAMPLES)), counts
+
+
+def _prepare(out: Path, scenarios: Sequence[Scenario], *, force: bool) -> None:
+    """Makes sure that the directory is ours: empty, or of the same configuration."""
+    manifest_path = out / "manifest.json"
+    try:
+        occupied = out.exists() and (not out.is_dir() or any(out.iterdir()))
+    except OSError as error:
+        raise OutputError(f"{out}: cannot be read ({error.strerror})") from error
+    if occupied:
+        manifest = read_json(manifest_path) if out.is_dir() else None
+        if manifest is None or "configuration_hash" not in manifest:
+            raise OutputError(f"{out}: is not empty and holds no campaign of ours; choose another directory")
+        same = manifest["configuration_hash"] == configuration_hash(scenarios)
+        if (not same or manifest.get("version") != kernel.kernel_version()) and not force:
+            what = "another configuration" if not same else f"version {manifest.get('version')}"
+            raise OutputError(f"{out}: holds a campaign of {what}; choose another directory or use --force to start over")
+        if force:
+            for part in ("chunks", "runs.parquet", "ensemble.parquet", "consistency.parquet", "manifest.json"):
+                path = out / part
+                shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+
+
+def _manifest(scenarios: Sequence[Scenario], clock: _Clock, *, status: str, threads: int) -> dict[str, Any]:
+    wall = clock.wall_s
+    return {
+        "status": status,
+        "version": kernel.kernel_version(),
+        "versions": {"python": platform.python_version(), "numpy": np.__version__, "polars": pl.__version__},
+        "configuration_hash": configuration_hash(scenarios),
+        "threads": threads,
+        "wall_time_s": round(wall, 3),
+        "kernel_time_s": round(clock.kernel_s, 3),
+        "python_share": round(1.0 - clock.kernel_s / wall, 4) if wall > 0.0 else None,
+        "nees_degrees": {s.name: 20 if s.filter.estimate_dvl else 15 for s in scenarios},
+        "scenarios": {
+            s.name: {
+                "seed": s.campaign.seed,
+                "runs": s.campaign.runs,
+                "arms": list(s.campaign.arms),
+                "trajectory_key": str(trajectory_key(s.name)),
+                "configuration": s.model_dump(mode="json"),
+                "options": s.kernel_options(),
+            }
+            for s in scenarios
+        },
+    }
+
+
+def _fly(scenario: Scenario, folder: Path, clock: _Clock, *, threads: int, tell: Callable[[Progress], None]) -> None:
+    """Works off the chunks of one scenario that are not there yet."""
+    gravity = gravity_of(scenario)
+    truth = make_truth(scenario, gravity)
+    geometry, model, plan = geometry_of(scenario), scenario.kernel_model(gravity), schedule(scenario, truth)
+    arms, runs = list(scenario.campaign.arms), scenario.campaign.runs
+    chunk = max(1, CHUNK_STEPS // (len(truth.time_ns) * len(arms)))
+    for first in range(0, runs, chunk):
+        count = min(chunk, runs - first)
+        stem = f"{first:08d}-{first + count - 1:08d}.parquet"
+        counts_path = folder / f"counts-{stem}"
+        if not counts_path.exists():
+            started = time.perf_counter()
+            result: Any = kernel.run_batch(
+                geometry, truth.kernel_arrays(), model, model, scenario.kernel_options(), plan, arms,  # type: ignore[arg-type]
+                seed=scenario.campaign.seed, trajectory_key=trajectory_key(scenario.name), first_run=first, runs=count,
+                threads=threads,
+            )  # fmt: skip
+            clock.kernel_s += time.perf_counter() - started
+            samples, counts = _chunk_frames(
+                result, name=scenario.name, arms=arms, first_run=first, sample_time_ns=plan["sample_time_ns"]
+            )
+            # The counts come last: a chunk is finished when they are there.
+            write_parquet(folder / f"samples-{stem}", samples)
+            write_parquet(counts_path, counts)
+        tell(Progress(scenario.name, first + count, runs))
+
+
+def _tables(scenario: Scenario, folder: Path) -> tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]:
+    """Statistics of one scenario from its chunks; only the norms are held in memory."""
+    runs = scenario.campaign.runs
+
+    def chunks(kind: str) -> list[Path]:
+        paths = sorted(folder.glob(f"{kind}-*.parquet"))
+        return [path for path in paths if int(path.stem.split("-")[2]) < runs]
+
+    norms = pl.concat([stats.error_norms(pl.read_parquet(path)) for path in chunks("samples")])
+    counts = pl.concat([pl.read_parquet(path) for path in chunks("counts")])
+    # A shorter last chunk of an earlier, shorter campaign may stand beside the whole one.
+    keys = ["run", "arm"]
+    norms = norms.unique([*keys, "time_ns"], keep="first", maintain_order=True)
+    counts = counts.unique(keys, keep="first", maintain_order=True)
+    degrees = 20 if scenario.filter.estimate_dvl else 15
+    return (
+        stats.runs_table(norms, counts),
+        stats.ensemble_table(norms),
+        stats.consistency_table(norms, full_degrees=degrees),
+    )
+
+
+def run_campaign(
+    scenarios: Sequence[Scenario],
+    out: Path,
+    *,
+    threads: int = 0,
+    force: bool = False,
+    tell: Callable[[Progress], None] = lambda _: None,
+) -> Results:
+    """Runs or resumes a campaign and writes its tables to `out`.
+
+    Writes `runs.parquet`, `ensemble.parquet`, `consistency.parquet`, `manifest.json` and the samples in `chunks/`. Finished
+    chunks are kept by an interruption and skipped on resumption.
+
+    Args:
+        scenarios: what to fly, with different names.
+        out: directory; new, empty, or of the same configuration.
+        threads: 0 for as many as there are cores. The numbers do not depend on it.
+        force: start over in a directory of another configuration.
+        tell: hears of every finished chunk.
+
+    Raises:
+        ScenarioError: for two scenarios of one name.
+        OutputError: for a directory that is not ours or cannot be written.
+        KernelError: for input that the kernel refuses, naming run and arm.
+    """
+    names = [scenario.name for scenario in scenarios]
+    if not names or len(set(names)) != len(names):
+        raise ScenarioError(f"expected scenarios of different names, got {names}")
+    _prepare(out, scenarios, force=force)
+    clock = _Clock()
+    write_json(out / "manifest.json", _manifest(scenarios, clock, status="running", threads=threads))
+    parts = []
+    for scenario in scenarios:
+        folder = out / "chunks" / scenario.name
+        _fly(scenario, folder, clock, threads=threads, tell=tell)
+        parts.append(_tables(scenario, folder))
+    runs, ensemble, consistency = (pl.concat(tables) for tables in zip(*parts, strict=True))
+    write_parquet(out / "runs.parquet", runs)
+    write_parquet(out / "ensemble.parquet", ensemble)
+    write_parquet(out / "consistency.parquet", consistency)
+    manifest = _manifest(scenarios, clock, status="complete", threads=threads)
+    write_json(out / "manifest.json", manifest)
+    return Results(runs=runs, ensemble=ensemble, consistency=consistency, manifest=manifest)

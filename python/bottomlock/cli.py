@@ -1,0 +1,216 @@
+"""The command `bottomlock`: campaigns, packaged scenarios, velocity fixes from logs."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import cyclopts
+import numpy as np
+import polars as pl
+from cyclopts import App, Parameter
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from bottomlock import __version__, campaign, stats
+from bottomlock.errors import BottomlockError, DataError, OutputError, ScenarioError
+from bottomlock.io.beams import read_beams, read_geometry
+from bottomlock.kernel import KernelError, solve_velocity
+from bottomlock.output import write_parquet
+from bottomlock.scenario import Scenario, copy_scenario, load_scenario, packaged_scenarios
+
+EXIT_USAGE = 2
+EXIT_INTERRUPTED = 130
+
+console = Console(stderr=False)
+errors = Console(stderr=True, soft_wrap=True, highlight=False)
+
+app = App(
+    name="bottomlock",
+    help="Aided inertial navigation with whatever Doppler velocity log beams are left.",
+    version=__version__,
+    console=console,
+)
+
+
+class _Rate(ProgressColumn):
+    """Runs per second."""
+
+    def render(self, task: Task) -> Text:
+        return Text(f"{task.speed:.1f} runs/s" if task.speed else "- runs/s")
+
+
+def _split(arms: str | None) -> list[str] | None:
+    return None if arms is None else [arm.strip() for arm in arms.split(",") if arm.strip()]
+
+
+def _number(value: float | None, digits: int) -> str:
+    if value is None or not np.isfinite(value):
+        return "-"
+    return f"{value:.{digits}f}" if abs(value) < 1e4 else f"{value:.2e}"
+
+
+def _summary(results: campaign.Results) -> Table:
+    table = Table(title="RMS over runs at the end (95 % interval)", title_justify="left")
+    for name in ("trajectory", "arm"):
+        table.add_column(name)
+    for name in ("velocity m/s", "interval", "attitude deg", "position m", "NEES", "NIS", "rejected"):
+        table.add_column(name, justify="right")
+    previous = None
+    for row in stats.summary_table(results.ensemble, results.runs).iter_rows(named=True):
+        if previous is not None and row["trajectory"] != previous:
+            table.add_section()
+        interval = f"{_number(row['velocity_rms_lo_mps'], 3)} .. {_number(row['velocity_rms_hi_mps'], 3)}"
+        part = row["rejected_part"]
+        table.add_row(
+            row["trajectory"] if row["trajectory"] != previous else "",
+            row["arm"],
+            _number(row["velocity_rms_mps"], 3),
+            interval,
+            _number(row["attitude_rms_deg"], 3),
+            _number(row["position_rms_m"], 1),
+            _number(row["nees_mean"], 1),
+            _number(row["nis_mean"], 2),
+            "-" if part is None or not np.isfinite(part) else f"{100.0 * part:.2f} %",
+        )
+        previous = row["trajectory"]
+    return table
+
+
+def _fly(scenarios: list[Scenario], out: Path, *, threads: int, force: bool) -> campaign.Results:
+    total = sum(scenario.campaign.runs for scenario in scenarios)
+    columns = (
+        TextColumn("{task.description:>14}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _Rate(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=errors, transient=False) as progress:
+        task = progress.add_task("flying", total=total)
+        done = dict.fromkeys((scenario.name for scenario in scenarios), 0)
+
+        def tell(state: campaign.Progress) -> None:
+            done[state.trajectory] = state.runs_done
+            progress.update(task, completed=sum(done.values()), description=state.trajectory)
+
+        return campaign.run_campaign(scenarios, out, threads=threads, force=force, tell=tell)
+
+
+@app.command
+def run(
+    *scenario: str,
+    out: Annotated[Path, Parameter(help="Directory for the results: new, or of the same campaign to resume.")],
+    runs: Annotated[int | None, Parameter(help="Number of runs; the scenario's own by default.")] = None,
+    seed: Annotated[int | None, Parameter(help="Seed; the scenario's own by default.")] = None,
+    threads: Annotated[int, Parameter(help="Threads; 0 for as many as there are cores.")] = 0,
+    arms: Annotated[str | None, Parameter(help="Arms, separated by commas; the scenario's own by default.")] = None,
+    force: Annotated[bool, Parameter(negative="", help="Start over in a directory of another campaign.")] = False,
+) -> None:
+    """Flies a Monte Carlo campaign and prints the table of RMS errors.
+
+    Parameters
+    ----------
+    scenario
+        Packaged names (see `bottomlock scenarios`) or TOML files, one or more.
+    """
+    if not scenario:
+        raise ScenarioError("no scenario is named; `bottomlock scenarios` lists those that ship")
+    if threads < 0:
+        raise ScenarioError(f"--threads is {threads}, expected 0 or more")
+    loaded = [load_scenario(name).with_overrides(runs=runs, seed=seed, arms=_split(arms)) for name in scenario]
+    try:
+        results = _fly(loaded, out, threads=threads, force=force)
+    except KeyboardInterrupt:
+        errors.print(f"interrupted; finished chunks are kept in {out}: the same command resumes")
+        sys.exit(EXIT_INTERRUPTED)
+    console.print(_summary(results))
+    manifest = results.manifest
+    first = loaded[0].filter
+    console.print(
+        f"n_f {first.virtual_beam_factor:g}, ε {first.nullified_sway_var_m2ps2:g} m²/s², gate {first.gate}; "
+        f"{manifest['wall_time_s']:.1f} s, of which Python {100.0 * (manifest['python_share'] or 0.0):.1f} %; tables in {out}"
+    )
+
+
+@app.command
+def scenarios(
+    *,
+    copy: Annotated[str | None, Parameter(help="Write this packaged scenario out to edit.")] = None,
+    to: Annotated[Path | None, Parameter(help="Where to; NAME.toml here by default.")] = None,
+) -> None:
+    """Lists the packaged scenarios, or copies one."""
+    if copy is not None:
+        console.print(f"wrote {copy_scenario(copy, to or Path(f'{copy}.toml'))}")
+        return
+    table = Table()
+    table.add_column("scenario")
+    table.add_column("what it is")
+    for name, description in packaged_scenarios().items():
+        table.add_row(name, description)
+    console.print(table)
+
+
+@app.command
+def fix(
+    log: Path,
+    *,
+    geometry: Annotated[str, Parameter(help="TOML file of the DVL, or a packaged name.")],
+    method: Annotated[str, Parameter(help="lc, vb, nsv, plcf, vhv, elc, info or weak_sway.")],
+    out: Annotated[Path, Parameter(help="Parquet file for the fixes.")],
+) -> None:
+    """Turns recorded pings into velocity fixes with covariance, status and the beams used.
+
+    Parameters
+    ----------
+    log
+        CSV or Parquet with the columns time_ns, beam1_mps ..., beam1_valid ...; the geometry file may map others.
+    """
+    if out.suffix.lower() != ".parquet":
+        raise OutputError(f"{out}: expected a name that ends in .parquet")
+    instrument = read_geometry(geometry)
+    pings = read_beams(log, beams=instrument.geometry.beams, columns=instrument.columns)
+    cov = None if pings.prior_sd_mps is None else pings.prior_sd_mps[:, :, None] ** 2 * np.eye(3)
+    fixes = solve_velocity(
+        instrument.geometry,
+        pings.velocity_mps,
+        pings.valid,
+        method=method,
+        beam_sd_mps=instrument.beam_sd_mps,
+        prior_velocity_p_mps=pings.prior_velocity_p_mps,
+        prior_cov_m2ps2=cov,
+    )
+    frame = fixes.to_frame(pings.time_ns)
+    if (frame["status"] == "prior_required").any() and pings.prior_velocity_p_mps is None:
+        raise DataError(
+            f"{log}: method '{method}' needs the columns prior_surge_mps, prior_sway_mps, prior_heave_mps and their sds"
+        )
+    write_parquet(out, frame)
+    table = Table(title=f"{frame.height} pings, method {method}", title_justify="left")
+    for name in ("beams", "status", "pings"):
+        table.add_column(name, justify="right" if name == "pings" else "left")
+    count = pl.sum_horizontal(pl.col("^beam[0-9]+_used$").cast(pl.Int64)).alias("beams")
+    for row in frame.group_by(count, "status").len().sort("beams", "status", descending=[True, False]).iter_rows():
+        table.add_row(*(str(value) for value in row))
+    console.print(table)
+    console.print(f"wrote {out}")
+
+
+def _fail(message: str) -> NoReturn:
+    for line in message.splitlines():
+        errors.print(f"bottomlock: {line}", markup=False)
+    sys.exit(EXIT_USAGE)
+
+
+def main() -> None:
+    """Entry point: faults of usage and data end with exit code 2 and a line that names the place."""
+    try:
+        app(exit_on_error=False, print_error=False)
+    except cyclopts.CycloptsError as error:
+        _fail(" ".join(str(error).split()) + "; see `bottomlock --help`")
+    except (BottomlockError, KernelError) as error:
+        _fail(str(error))
+    except KeyboardInterrupt:
+        sys.exit(EXIT_INTERRUPTED)

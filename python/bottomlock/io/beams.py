@@ -1,0 +1,258 @@
+"""Recorded pings and instrument files: CSV or Parquet and TOML to checked arrays."""
+
+import math
+import tomllib
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from bottomlock.errors import DataError, ScenarioError
+from bottomlock.kernel import BeamGeometry, KernelError
+from bottomlock.scenario import explain
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Vector = tuple[Finite, Finite, Finite]
+
+
+class Columns(BaseModel):
+    """Which columns of a log mean what; the defaults are the documented ones."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    time: str = "time_ns"
+    time_unit: Literal["ns", "us", "ms", "s"] = "ns"
+    velocity: tuple[str, ...] | None = None
+    valid: tuple[str, ...] | None = None
+    velocity_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
+
+
+class InstrumentFile(BaseModel):
+    """A DVL as a TOML file states it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    name: str = ""
+    configuration: Literal["x", "+", "angles", "directions"]
+    tilt_deg: Annotated[float, Field(gt=0, lt=90)] | None = None
+    tilts_deg: tuple[Annotated[float, Field(gt=-90, lt=90)], ...] | None = None
+    azimuths_deg: tuple[Annotated[float, Field(ge=-360, le=360)], ...] | None = None
+    directions: tuple[Vector, ...] | None = None
+    lever_arms_m: tuple[Vector, ...] | None = None
+    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    sound_speed_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
+    beam_noise_mps: tuple[Annotated[float, Field(gt=0)], ...] | Annotated[float, Field(gt=0)]
+    columns: Columns = Columns()
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        needed = {
+            "x": ("tilt_deg",), "+": ("tilt_deg",), "angles": ("tilts_deg", "azimuths_deg"), "directions": ("directions",),
+        }[self.configuration]  # fmt: skip
+        for key in needed:
+            if getattr(self, key) is None:
+                raise ValueError(f"configuration '{self.configuration}' needs {key}")
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class Instrument:
+    """Geometry, beam noise and column map of a DVL."""
+
+    geometry: BeamGeometry
+    beam_sd_mps: NDArray[np.float64]
+    columns: Columns
+
+
+@dataclass(frozen=True, eq=False)
+class Pings:
+    """Recorded pings.
+
+    Attributes:
+        time_ns: (n,) int64, rising.
+        velocity_mps: (n, beams); entries of invalid beams may be NaN.
+        valid: (n, beams).
+        prior_velocity_p_mps: (n, 3), or None where the log has none.
+        prior_sd_mps: (n, 3), or None where the log has none.
+    """
+
+    time_ns: NDArray[np.int64]
+    velocity_mps: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+    prior_velocity_p_mps: NDArray[np.float64] | None
+    prior_sd_mps: NDArray[np.float64] | None
+
+
+def _text_of(source: str | Path) -> tuple[str, str]:
+    path = Path(source)
+    if path.is_file():
+        try:
+            return path.read_text(encoding="utf-8"), str(path)
+        except (OSError, UnicodeDecodeError) as error:
+            raise ScenarioError(f"{path}: cannot be read as text ({error})") from error
+    packaged = resources.files("bottomlock") / "geometries" / f"{source}.toml"
+    if packaged.is_file():
+        return packaged.read_text(encoding="utf-8"), f"geometry {source}"
+    names = sorted(e.name.removesuffix(".toml") for e in (resources.files("bottomlock") / "geometries").iterdir())
+    raise ScenarioError(f"geometry '{source}' is neither a file nor packaged (packaged: {', '.join(names)})")
+
+
+def read_geometry(source: str | Path) -> Instrument:
+    """A DVL from a TOML file or a packaged name.
+
+    Raises:
+        ScenarioError: for a file that cannot be read, ill-formed TOML, an unknown or missing key, a value out of range, or
+            directions that are not unit vectors.
+
+    Examples:
+        >>> read_geometry("linkquest_caves").geometry.beams
+        4
+    """
+    text, place = _text_of(source)
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"{place}: not valid TOML: {error}") from error
+    try:
+        settings = InstrumentFile.model_validate(content)
+    except ValidationError as error:
+        raise ScenarioError(explain(error, place, content, InstrumentFile)) from error
+    mounting = [math.radians(a) for a in (settings.mounting_roll_deg, settings.mounting_pitch_deg, settings.mounting_yaw_deg)]
+    extra = {
+        "lever_arms_p_m": settings.lever_arms_m,
+        "mounting_rpy_rad": mounting,
+        "sound_speed_scale": settings.sound_speed_scale,
+    }
+    try:
+        if settings.configuration == "directions":
+            geometry = BeamGeometry(settings.directions or (), **extra)  # type: ignore[arg-type]
+        elif settings.configuration == "angles":
+            geometry = BeamGeometry.from_angles(
+                np.deg2rad(settings.tilts_deg or ()), np.deg2rad(settings.azimuths_deg or ()), **extra  # type: ignore[arg-type]
+            )  # fmt: skip
+        else:
+            tilt = math.radians(settings.tilt_deg or 0.0)
+            geometry = BeamGeometry.janus(tilt, configuration=settings.configuration, **extra)  # type: ignore[arg-type]
+    except KernelError as error:
+        raise ScenarioError(f"{place}: {error}") from error
+    noise = settings.beam_noise_mps
+    sd = np.full(geometry.beams, noise) if isinstance(noise, float) else np.array(noise)
+    if sd.shape != (geometry.beams,):
+        raise ScenarioError(f"{place}: 'beam_noise_mps' has {len(sd)} entries, expected {geometry.beams}, one per beam")
+    return Instrument(geometry=geometry, beam_sd_mps=sd, columns=settings.columns)
+
+
+def _table(path: Path) -> pl.DataFrame:
+    if not path.is_file():
+        raise DataError(f"{path}: no such file")
+    try:
+        if path.suffix.lower() in {".parquet", ".pq"}:
+            return pl.read_parquet(path)
+        # Text first: a number that cannot be read is then reported with its row, not dropped.
+        return pl.read_csv(path, infer_schema=False)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise DataError(f"{path}: cannot be read ({str(error).splitlines()[0]})") from error
+
+
+def _numbers(table: pl.DataFrame, name: str, place: str, dtype: pl.DataType) -> pl.Series:
+    if name not in table.columns:
+        close = ", ".join(table.columns[:12])
+        raise DataError(f"{place}: column '{name}' is missing (there are {close}{', ...' if len(table.columns) > 12 else ''})")
+    column = table[name]
+    if column.dtype == pl.String:
+        column = column.str.strip_chars()
+        empty = column.is_null() | (column == "") | (column.str.to_lowercase() == "nan")
+        numbers = column.cast(dtype, strict=False)
+        bad = (numbers.is_null() & ~empty).arg_true()
+        if len(bad):
+            raise DataError(f"{place}: row {bad[0]}, column '{name}' is '{column[int(bad[0])]}', expected a number")
+        return numbers
+    if not column.dtype.is_numeric() and column.dtype != pl.Boolean:
+        raise DataError(f"{place}: column '{name}' is {column.dtype}, expected numbers")
+    return column.cast(dtype)
+
+
+_NS = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
+
+
+def _times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int64]:
+    if columns.time_unit == "ns":
+        series = _numbers(table, columns.time, place, pl.Int64())
+    else:
+        seconds = _numbers(table, columns.time, place, pl.Float64())
+        series = (seconds * _NS[columns.time_unit]).round().cast(pl.Int64)
+    missing = series.is_null().arg_true()
+    if len(missing):
+        raise DataError(f"{place}: row {missing[0]}, column '{columns.time}' has no time")
+    times = series.to_numpy()
+    steps = np.flatnonzero(np.diff(times) <= 0)
+    if steps.size:
+        row = int(steps[0]) + 1
+        what = "repeats the time" if times[row] == times[row - 1] else "goes back in time from that"
+        raise DataError(f"{place}: row {row}, column '{columns.time}' is {times[row]} ns and {what} of row {row - 1}")
+    return times
+
+
+def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) -> Pings:
+    """Pings from CSV or Parquet.
+
+    The documented columns are `time_ns`, `beam1_mps` ..., `beam1_valid` ... (0/1 or true/false) and, optionally,
+    `prior_surge_mps`, `prior_sway_mps`, `prior_heave_mps` with `prior_surge_sd_mps` ...; a map in the geometry file names others.
+    Rows are counted from 0, without the header.
+
+    Raises:
+        DataError: naming file, row and column: for a file that cannot be read, a missing column, a number that is none, a time
+            that repeats or goes back, a valid beam without a finite velocity, or a log without rows.
+    """
+    place = str(path)
+    columns = columns or Columns()
+    table = _table(Path(path))
+    if not table.height:
+        raise DataError(f"{place}: has no rows")
+    velocity_names = columns.velocity or tuple(f"beam{k + 1}_mps" for k in range(beams))
+    valid_names = columns.valid or tuple(f"beam{k + 1}_valid" for k in range(beams))
+    for kind, names in (("velocity", velocity_names), ("valid", valid_names)):
+        if len(names) != beams:
+            raise DataError(f"{place}: columns.{kind} names {len(names)} columns, expected {beams}, one per beam")
+    time_ns = _times(table, columns, place)
+    velocity = np.stack(
+        [_numbers(table, n, place, pl.Float64()).fill_null(math.nan).to_numpy() for n in velocity_names], axis=1
+    )
+    flags = []
+    for name in valid_names:
+        if name in table.columns and table[name].dtype == pl.String:
+            words = {"true": "1", "false": "0"}
+            table = table.with_columns(pl.col(name).str.to_lowercase().replace(words))
+        series = _numbers(table, name, place, pl.Float64())
+        bad = (series.is_null() | ~series.is_in([0.0, 1.0])).arg_true()
+        if len(bad):
+            raise DataError(f"{place}: row {bad[0]}, column '{name}' is {series[int(bad[0])]}, expected 0, 1, true or false")
+        flags.append(series.to_numpy() == 1.0)
+    valid = np.stack(flags, axis=1)
+    wrong = np.argwhere(valid & ~np.isfinite(velocity))
+    if wrong.size:
+        row, beam = (int(index) for index in wrong[0])
+        raise DataError(
+            f"{place}: row {row}, column '{velocity_names[beam]}' is not finite, but beam {beam + 1} is flagged valid"
+        )
+    prior_velocity, prior_sd = _prior(table, place)
+    return Pings(time_ns, velocity * columns.velocity_scale, valid, prior_velocity, prior_sd)
+
+
+def _prior(table: pl.DataFrame, place: str) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
+    axes = ("surge", "sway", "heave")
+    if not any(name.startswith("prior_") for name in table.columns):
+        return None, None
+    names = [f"prior_{axis}_mps" for axis in axes] + [f"prior_{axis}_sd_mps" for axis in axes]
+    values = [_numbers(table, name, place, pl.Float64()).fill_null(math.nan).to_numpy() for name in names]
+    for name, column in zip(names, values, strict=True):
+        bad = np.flatnonzero(~np.isfinite(column) | (column <= 0.0 if "_sd_" in name else False))
+        if bad.size:
+            raise DataError(f"{place}: row {bad[0]}, column '{name}' is {column[bad[0]]}, expected a finite number")
+    stacked = np.stack(values, axis=1)
+    return stacked[:, :3], stacked[:, 3:]

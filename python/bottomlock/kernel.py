@@ -1,0 +1,207 @@
+"""The only importer of the compiled kernel: arrays in, arrays out."""
+
+import difflib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bottomlock import _kernel
+from bottomlock._kernel import (
+    ARMS,
+    EARTH_RATE_RADPS,
+    BeamGeometry,
+    KernelError,
+    Navigator,
+    error_model,
+    normal_gravity_mps2,
+    run_batch,
+    simulate_sensors,
+)
+
+if TYPE_CHECKING:
+    import polars as pl
+
+__all__ = [
+    "ARMS",
+    "COMPONENT_STATUS",
+    "EARTH_RATE_RADPS",
+    "METHODS",
+    "STATUS",
+    "BeamGeometry",
+    "KernelError",
+    "Navigator",
+    "VelocityFixes",
+    "error_model",
+    "kernel_version",
+    "normal_gravity_mps2",
+    "run_batch",
+    "simulate_sensors",
+    "solve_velocity",
+]
+
+METHODS = {
+    "lc": "least_squares",
+    "vb": "virtual_beam",
+    "nsv": "nullified_sway",
+    "plcf": "partial_loose",
+    "vhv": "virtual_heave",
+    "elc": "selector",
+    "info": "information",
+    "weak_sway": "weak_sway",
+}
+"""Short method names and the kernel's."""
+
+STATUS = ("fix", "partial", "unobservable", "too_few_beams", "prior_required")
+"""What became of a ping, by the kernel's code."""
+
+COMPONENT_STATUS = (
+    "solved",
+    "no_beams",
+    "outside_row_space",
+    "constraint_singular",
+    "prior_required",
+    "prior_only",
+)
+"""What became of a component, by the kernel's code."""
+
+SOURCES = ("none", "lc", "vb", "nsv", "plcf", "vhv", "info", "weak_sway")
+"""Which method a component comes from, by the kernel's code."""
+
+
+def kernel_version() -> str:
+    """Version of the compiled kernel."""
+    return _kernel.__version__
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityFixes:
+    """Velocities solved from pings, one row per ping.
+
+    Attributes:
+        velocity_p_mps: (n, 3) surge, sway, heave in the platform frame; NaN where a component is not solved.
+        cov_m2ps2: (n, 3, 3) covariance of the solved components; NaN elsewhere.
+        observed_velocity_p_mps: (n, 3) minimum-norm velocity along what the rows see.
+        information_s2pm2: (n, 3, 3) information matrix of the rows, of rank `rank`.
+        component: (n, 3) codes of `COMPONENT_STATUS`.
+        status: (n,) codes of `STATUS`.
+        beams_used: (n, beams).
+        rank: (n,) number of observed axes.
+        source: (n, 3) codes of `SOURCES`.
+    """
+
+    velocity_p_mps: NDArray[np.float64]
+    cov_m2ps2: NDArray[np.float64]
+    observed_velocity_p_mps: NDArray[np.float64]
+    information_s2pm2: NDArray[np.float64]
+    component: NDArray[np.uint8]
+    status: NDArray[np.uint8]
+    beams_used: NDArray[np.bool_]
+    rank: NDArray[np.uint8]
+    source: NDArray[np.uint8]
+
+    def to_frame(self, time_ns: NDArray[np.int64] | None = None) -> "pl.DataFrame":
+        """A table with the columns of `schema.FIXES`; unsolved values are null."""
+        import polars as pl  # noqa: PLC0415 - `import bottomlock` stays light
+
+        axes = ("surge", "sway", "heave")
+        count = len(self.status)
+        columns: dict[str, Any] = {
+            "time_ns": np.arange(count, dtype=np.int64) if time_ns is None else time_ns,
+            "status": [STATUS[code] for code in self.status],
+            "rank": self.rank,
+        }
+        for k, axis in enumerate(axes):
+            columns[f"{axis}_mps"] = self.velocity_p_mps[:, k]
+        for k, axis in enumerate(axes):
+            columns[f"{axis}_status"] = [COMPONENT_STATUS[code] for code in self.component[:, k]]
+        for k, axis in enumerate(axes):
+            columns[f"{axis}_source"] = [SOURCES[code] for code in self.source[:, k]]
+        for k, first in enumerate(axes):
+            for other in range(k, 3):
+                columns[f"cov_{first}_{axes[other]}_m2ps2"] = self.cov_m2ps2[:, k, other]
+        for beam in range(self.beams_used.shape[1]):
+            columns[f"beam{beam + 1}_used"] = self.beams_used[:, beam]
+        floats = [name for name, value in columns.items() if getattr(value, "dtype", None) == np.float64]
+        return pl.DataFrame(columns).with_columns(pl.col(floats).fill_nan(None))
+
+
+def method_name(name: str) -> str:
+    """The kernel's name of a method given by its short or long name.
+
+    Raises:
+        KernelError: for a name that is neither.
+
+    Examples:
+        >>> method_name("nsv")
+        'nullified_sway'
+    """
+    if name in METHODS.values():
+        return name
+    if name in METHODS:
+        return METHODS[name]
+    close = difflib.get_close_matches(name, [*METHODS, *METHODS.values()], n=1)
+    hint = f", did you mean '{close[0]}'?" if close else ""
+    raise KernelError(f"unknown method '{name}'{hint} (known: {', '.join(METHODS)})")
+
+
+def solve_velocity(
+    geometry: BeamGeometry,
+    velocity_mps: ArrayLike,
+    valid: ArrayLike,
+    *,
+    method: str,
+    beam_sd_mps: ArrayLike,
+    prior_velocity_p_mps: ArrayLike | None = None,
+    prior_cov_m2ps2: ArrayLike | None = None,
+    rate_tp_p_radps: ArrayLike | None = None,
+    virtual_beam_factor: float = 1.0,
+    nullified_sway_var_m2ps2: float = 1e-3,
+    weak_sway_var_m2ps2: float = 2.0,
+) -> VelocityFixes:
+    """Solves pings for the platform velocity with whatever beams are valid (Tal et al. 2017, Eqs 17-49).
+
+    Args:
+        geometry: the beams.
+        velocity_mps: (n, beams) beam velocities; entries of invalid beams are ignored and may be NaN.
+        valid: (n, beams) bool.
+        method: lc, vb, nsv, plcf, vhv, elc, info or weak_sway, or the long name.
+        beam_sd_mps: (beams,) noise of the beams, 1 sigma, or one number for all.
+        prior_velocity_p_mps: (n, 3) velocity that the INS expects, for vb, vhv and elc.
+        prior_cov_m2ps2: (n, 3, 3) its covariance.
+        rate_tp_p_radps: (n, 3) angular rate against the tangent frame, for lever arms.
+        virtual_beam_factor: n_f of Eq. 28.
+        nullified_sway_var_m2ps2: epsilon of Eq. 36.
+        weak_sway_var_m2ps2: variance of the weak sway row.
+
+    Returns:
+        One row per ping. Lost beams and unobservable components are values, not errors.
+
+    Raises:
+        KernelError: for a wrong shape or type, an unknown method, or a valid beam without a finite velocity; the message names
+            row and beam.
+
+    Examples:
+        >>> import numpy as np
+        >>> janus = BeamGeometry.janus(np.deg2rad(20.0))
+        >>> beams = janus.beam_velocities([[2.0, 0.1, 0.0]])
+        >>> fixes = solve_velocity(janus, beams, [[True, True, False, False]], method="plcf", beam_sd_mps=0.042)
+        >>> float(fixes.velocity_p_mps[0, 0].round(6)), COMPONENT_STATUS[fixes.component[0, 1]]
+        (2.0, 'outside_row_space')
+    """
+    sd = np.broadcast_to(np.asarray(beam_sd_mps, dtype=np.float64), (geometry.beams,)) if np.ndim(beam_sd_mps) == 0 else beam_sd_mps
+    solution = _kernel.solve_velocity(
+        geometry,
+        velocity_mps,
+        valid,
+        method=method_name(method),
+        beam_sd_mps=sd,
+        prior_velocity_p_mps=prior_velocity_p_mps,
+        prior_cov_m2ps2=prior_cov_m2ps2,
+        rate_tp_p_radps=rate_tp_p_radps,
+        virtual_beam_factor=virtual_beam_factor,
+        nullified_sway_var_m2ps2=nullified_sway_var_m2ps2,
+        weak_sway_var_m2ps2=weak_sway_var_m2ps2,
+    )
+    return VelocityFixes(**solution)

@@ -1,0 +1,101 @@
+"""Tables that pass between the rooms and go to disk: column names, types, meanings."""
+
+from collections.abc import Mapping
+
+import polars as pl
+
+from bottomlock.errors import DataError
+
+RUNS: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "run": pl.Int64(),
+    "arm": pl.String(),
+    "velocity_rms_mps": pl.Float64(),
+    "attitude_rms_deg": pl.Float64(),
+    "position_rms_m": pl.Float64(),
+    "velocity_final_mps": pl.Float64(),
+    "attitude_final_deg": pl.Float64(),
+    "position_final_m": pl.Float64(),
+    "nees_mean": pl.Float64(),
+    "nis_mean": pl.Float64(),
+    "fixes_accepted": pl.Int64(),
+    "fixes_rejected": pl.Int64(),
+}
+"""A row per trajectory, run and arm: RMS over time and final norms of the error vectors; `nis_mean` is null without fixes."""
+
+ENSEMBLE: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "arm": pl.String(),
+    "time_s": pl.Float64(),
+    "velocity_rms_mps": pl.Float64(),
+    "velocity_rms_lo_mps": pl.Float64(),
+    "velocity_rms_hi_mps": pl.Float64(),
+    "attitude_rms_deg": pl.Float64(),
+    "attitude_rms_lo_deg": pl.Float64(),
+    "attitude_rms_hi_deg": pl.Float64(),
+    "position_rms_m": pl.Float64(),
+    "nees": pl.Float64(),
+}
+"""A row per trajectory, arm and second: RMS over runs with its 95 % bootstrap interval, mean NEES of the whole state."""
+
+CONSISTENCY: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "arm": pl.String(),
+    "quantity": pl.String(),
+    "degrees": pl.Int64(),
+    "runs": pl.Int64(),
+    "mean": pl.Float64(),
+    "band_lo": pl.Float64(),
+    "band_hi": pl.Float64(),
+    "part_inside": pl.Float64(),
+    "verdict": pl.String(),
+}
+"""A row per trajectory, arm and kind of NEES: mean over runs and time, the 95 % chi-squared band of the mean over runs at one
+time, the part of the times at which it lies inside, and the verdict on the mean over time."""
+
+SAMPLES: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "run": pl.Int64(),
+    "arm": pl.String(),
+    "time_ns": pl.Int64(),
+    **{f"err_position_{axis}_m": pl.Float64() for axis in ("north", "east", "down")},
+    **{f"err_misalignment_{axis}_rad": pl.Float64() for axis in ("north", "east", "down")},
+    **{f"err_velocity_{axis}_mps": pl.Float64() for axis in ("surge", "sway", "heave")},
+    **{f"sd_position_{axis}_m": pl.Float64() for axis in ("north", "east", "down")},
+    **{f"sd_misalignment_{axis}_rad": pl.Float64() for axis in ("north", "east", "down")},
+    **{f"sd_velocity_{axis}_mps": pl.Float64() for axis in ("surge", "sway", "heave")},
+    "nees": pl.Float64(),
+    "nees_velocity_attitude": pl.Float64(),
+}
+"""A row per trajectory, run, arm and second: error (true minus estimate) and claimed standard deviation."""
+
+FIXES_COUNTS: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "run": pl.Int64(),
+    "arm": pl.String(),
+    "nis_mean": pl.Float64(),
+    "fixes_accepted": pl.Int64(),
+    "fixes_rejected": pl.Int64(),
+}
+"""A row per trajectory, run and arm: what the gate made of the DVL's fixes."""
+
+
+def check(frame: pl.DataFrame, columns: Mapping[str, pl.DataType], *, place: str) -> pl.DataFrame:
+    """The frame itself, if it has exactly these columns in this order and of these types.
+
+    Raises:
+        DataError: naming the place, the column and what was expected.
+
+    Examples:
+        >>> check(pl.DataFrame({"run": [1]}), {"run": pl.Int64()}, place="runs.parquet").shape
+        (1, 1)
+    """
+    for name, dtype in columns.items():
+        if name not in frame.columns:
+            raise DataError(f"{place}: column '{name}' is missing, expected {', '.join(columns)}")
+        if frame.schema[name] != dtype:
+            raise DataError(f"{place}: column '{name}' is {frame.schema[name]}, expected {dtype}")
+    extra = [name for name in frame.columns if name not in columns]
+    if extra:
+        raise DataError(f"{place}: column '{extra[0]}' is unknown, expected {', '.join(columns)}")
+    return frame.select(list(columns))

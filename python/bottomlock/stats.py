@@ -1,0 +1,140 @@
+"""Statistics of a campaign: data frames in, data frames out."""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from bottomlock.schema import CONSISTENCY, ENSEMBLE, RUNS
+
+DEGREES_PER_RADIAN = 180.0 / np.pi
+BOOTSTRAP_RESAMPLES = 1000
+BOOTSTRAP_SEED = 20170222
+
+
+def _norm(prefix: str) -> pl.Expr:
+    return pl.sum_horizontal(pl.col(f"^{prefix}.*$") ** 2).sqrt()
+
+
+def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
+    """Norms of the velocity, misalignment and position errors beside their keys and the NEES."""
+    return samples.select(
+        "trajectory",
+        "run",
+        "arm",
+        "time_ns",
+        _norm("err_velocity_").alias("velocity_mps"),
+        (_norm("err_misalignment_") * DEGREES_PER_RADIAN).alias("attitude_deg"),
+        _norm("err_position_").alias("position_m"),
+        "nees",
+        "nees_velocity_attitude",
+    )
+
+
+def _rms(column: str) -> pl.Expr:
+    return (pl.col(column) ** 2).mean().sqrt()
+
+
+def runs_table(norms: pl.DataFrame, counts: pl.DataFrame) -> pl.DataFrame:
+    """A row per trajectory, run and arm (`schema.RUNS`)."""
+    keys = ["trajectory", "run", "arm"]
+    ordered = norms.sort("time_ns", maintain_order=True)
+    table = ordered.group_by(keys, maintain_order=True).agg(
+        _rms("velocity_mps").alias("velocity_rms_mps"),
+        _rms("attitude_deg").alias("attitude_rms_deg"),
+        _rms("position_m").alias("position_rms_m"),
+        pl.col("velocity_mps").last().alias("velocity_final_mps"),
+        pl.col("attitude_deg").last().alias("attitude_final_deg"),
+        pl.col("position_m").last().alias("position_final_m"),
+        pl.col("nees").mean().alias("nees_mean"),
+    )
+    return table.join(counts, on=keys, how="left", maintain_order="left").select(list(RUNS))
+
+
+def bootstrap_rms(squares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """95 % percentile interval of the RMS over the first axis (runs), by a bootstrap that depends on nothing but the data.
+
+    Whole runs are drawn, so the times of a run stay together.
+
+    >>> low, high = bootstrap_rms(np.ones((5, 2)))
+    >>> low.tolist(), high.tolist()
+    ([1.0, 1.0], [1.0, 1.0])
+    """
+    runs = squares.shape[0]
+    generator = np.random.default_rng(BOOTSTRAP_SEED)
+    weights = generator.multinomial(runs, np.full(runs, 1.0 / runs), size=BOOTSTRAP_RESAMPLES) / runs
+    low, high = np.percentile(np.sqrt(weights @ squares), [2.5, 97.5], axis=0)
+    return low, high
+
+
+def ensemble_table(norms: pl.DataFrame) -> pl.DataFrame:
+    """A row per trajectory, arm and second (`schema.ENSEMBLE`)."""
+    parts = []
+    for (trajectory, arm), group in norms.group_by("trajectory", "arm", maintain_order=True):
+        ordered = group.sort("run", "time_ns")
+        times = ordered["time_ns"].unique().sort()
+        shape = (-1, len(times))
+        squares = {name: ordered[name].to_numpy().reshape(shape) ** 2 for name in ("velocity_mps", "attitude_deg", "position_m")}
+        velocity_lo, velocity_hi = bootstrap_rms(squares["velocity_mps"])
+        attitude_lo, attitude_hi = bootstrap_rms(squares["attitude_deg"])
+        parts.append(
+            pl.DataFrame(
+                {
+                    "trajectory": [trajectory] * len(times),
+                    "arm": [arm] * len(times),
+                    "time_s": times.to_numpy() * 1e-9,
+                    "velocity_rms_mps": np.sqrt(squares["velocity_mps"].mean(axis=0)),
+                    "velocity_rms_lo_mps": velocity_lo,
+                    "velocity_rms_hi_mps": velocity_hi,
+                    "attitude_rms_deg": np.sqrt(squares["attitude_deg"].mean(axis=0)),
+                    "attitude_rms_lo_deg": attitude_lo,
+                    "attitude_rms_hi_deg": attitude_hi,
+                    "position_rms_m": np.sqrt(squares["position_m"].mean(axis=0)),
+                    "nees": ordered["nees"].to_numpy().reshape(shape).mean(axis=0),
+                },
+                schema=dict(ENSEMBLE),
+            )
+        )
+    return pl.concat(parts)
+
+
+def nees_band(degrees: int, runs: int, probability: float = 0.95) -> tuple[float, float]:
+    """Band of the mean of `runs` independent NEES values of an honest filter.
+
+    >>> low, high = nees_band(6, 200)
+    >>> round(low, 2), round(high, 2)
+    (5.53, 6.49)
+    """
+    tails = (0.5 * (1.0 - probability), 0.5 * (1.0 + probability))
+    low, high = chi2.ppf(tails, degrees * runs) / runs
+    return float(low), float(high)
+
+
+def consistency_table(norms: pl.DataFrame, *, full_degrees: int) -> pl.DataFrame:
+    """A row per trajectory, arm and kind of NEES (`schema.CONSISTENCY`).
+
+    The verdict is on the mean over time, held against the band of the mean over runs: it is conservative, since the mean over
+    time scatters less than the value at one time.
+    """
+    rows = []
+    for (trajectory, arm), group in norms.group_by("trajectory", "arm", maintain_order=True):
+        runs = group["run"].n_unique()
+        for quantity, degrees in (("nees_velocity_attitude", 6), ("nees", full_degrees)):
+            low, high = nees_band(degrees, runs)
+            at_time = group.group_by("time_ns").agg(pl.col(quantity).mean()).sort("time_ns")[quantity]
+            mean = float(np.mean(at_time.to_numpy()))
+            inside = float(np.mean((at_time.to_numpy() >= low) & (at_time.to_numpy() <= high)))
+            verdict = "consistent" if low <= mean <= high else ("overconfident" if mean > high else "too cautious")
+            rows.append((trajectory, arm, quantity, degrees, runs, mean, low, high, inside, verdict))
+    return pl.DataFrame(rows, schema=dict(CONSISTENCY), orient="row")
+
+
+def summary_table(ensemble: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:
+    """What a person wants to see at the end: RMS over runs at the last second, NEES and gate, per trajectory and arm."""
+    last = ensemble.group_by("trajectory", "arm", maintain_order=True).last()
+    gate = runs.group_by("trajectory", "arm", maintain_order=True).agg(
+        pl.col("nees_mean").mean(),
+        pl.col("nis_mean").mean(),
+        (pl.col("fixes_rejected").sum() / (pl.col("fixes_accepted") + pl.col("fixes_rejected")).sum()).alias("rejected_part"),
+    )
+    return last.drop("nees").join(gate, on=["trajectory", "arm"], maintain_order="left")

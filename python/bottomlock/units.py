@@ -1,0 +1,44 @@
+"""Human units of the TOML files to SI; one name per unit, no default."""
+
+import math
+
+STANDARD_GRAVITY_MPS2 = 9.80665
+_SECONDS_PER_HOUR = 3600.0
+
+
+def rad_from_deg(angle_deg: float) -> float:
+    """Degrees to radians.
+
+    >>> round(rad_from_deg(180.0), 6)
+    3.141593
+    """
+    return math.radians(angle_deg)
+
+
+def radps_from_deg_per_h(rate_deg_per_h: float) -> float:
+    """Degrees per hour to rad/s."""
+    return math.radians(rate_deg_per_h) / _SECONDS_PER_HOUR
+
+
+def mps2_from_mg(acceleration_mg: float) -> float:
+    """Milli-g to m/s² (standard gravity)."""
+    return acceleration_mg * 1e-3 * STANDARD_GRAVITY_MPS2
+
+
+def per_rt_s_from_per_rt_h(density: float) -> float:
+    """A random walk per root hour to one per root second.
+
+    >>> per_rt_s_from_per_rt_h(0.072)
+    0.0012
+    """
+    return density / math.sqrt(_SECONDS_PER_HOUR)
+
+
+def fraction_from_percent(part_percent: float) -> float:
+    """Percent to a plain fraction."""
+    return part_percent * 1e-2
+
+
+def ns_from_s(time_s: float) -> int:
+    """Seconds to integer nanoseconds, rounded."""
+    return round(time_s * 1e9)

@@ -1,0 +1,65 @@
+"""The Kalman filter as a textbook writes it: dense matrices, plain inverses, nothing exploited."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import expm
+
+from tests.oracle.rotations import Array
+
+
+def predict(P: Array, Phi: Array, Qd: Array) -> Array:
+    """P⁻ = Φ P Φᵀ + Qd."""
+    return Phi @ P @ Phi.T + Qd
+
+
+def van_loan(F: Array, GQG: Array, dt_s: float) -> tuple[Array, Array]:
+    """Φ and Qd of a constant F over dt, from one matrix exponential (Van Loan 1978)."""
+    n = len(F)
+    block = np.zeros((2 * n, 2 * n))
+    block[:n, :n] = -F
+    block[:n, n:] = GQG
+    block[n:, n:] = F.T
+    exponential = expm(block * dt_s)
+    Phi = exponential[n:, n:].T
+    return Phi, Phi @ exponential[:n, n:]
+
+
+def update(x: Array, P: Array, H: Array, R: Array, residual: Array) -> tuple[Array, Array]:
+    """Correction of an estimate x by a residual z − h(x̂) with independent noise."""
+    S = H @ P @ H.T + R
+    K = P @ H.T @ np.linalg.inv(S)
+    return x + K @ residual, (np.eye(len(P)) - K @ H) @ P
+
+
+def update_correlated(
+    x: Array, P: Array, H: Array, R: Array, C: Array, residual: Array
+) -> tuple[Array, Array]:
+    """The same when the noise n of z = H δx + n goes with the state error: C = E[δx nᵀ] (n × m).
+
+    S = H P Hᵀ + H C + Cᵀ Hᵀ + R, K = (P Hᵀ + C) S⁻¹, P⁺ = P − K S Kᵀ.
+    """
+    S = H @ P @ H.T + H @ C + C.T @ H.T + R
+    K = (P @ H.T + C) @ np.linalg.inv(S)
+    return x + K @ residual, P - K @ S @ K.T
+
+
+def update_information(
+    x: Array, P: Array, H: Array, information: Array, residual: Array
+) -> tuple[Array, Array]:
+    """Correction by an information matrix J in place of R⁻¹, which may have rank below its size.
+
+    P⁺ = (P⁻¹ + Hᵀ J H)⁻¹, x⁺ = x + P⁺ Hᵀ J residual.
+    """
+    P_new = np.linalg.inv(np.linalg.inv(P) + H.T @ information @ H)
+    return x + P_new @ H.T @ information @ residual, P_new
+
+
+def nis(H: Array, P: Array, R: Array, residual: Array) -> float:
+    """Normalised innovation squared."""
+    return float(residual @ np.linalg.inv(H @ P @ H.T + R) @ residual)
+
+
+def nees(error: Array, P: Array) -> float:
+    """Normalised estimation error squared."""
+    return float(error @ np.linalg.inv(P) @ error)

@@ -1,0 +1,187 @@
+"""The textbook filter, its discretisation, the chi-squared bands and gravity, each on cases with a known answer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.integrate import quad, quad_vec
+from scipy.linalg import expm
+
+from tests.oracle import beams, chi_squared, error_model, gravity, kalman, mechanisation
+from tests.oracle.rotations import Array, matrix_from_euler
+
+
+def covariance(rng: np.random.Generator, n: int) -> Array:
+    """A random positive definite matrix."""
+    root = rng.normal(size=(n, n))
+    return root @ root.T + 0.1 * np.eye(n)
+
+
+def test_scalar_update_by_hand() -> None:
+    """Hand-worked: prior variance 4, reading variance 1, residual 10: gain 0.8, estimate 8, variance 0.8."""
+    x, P = kalman.update(np.zeros(1), np.array([[4.0]]), np.eye(1), np.eye(1), np.array([10.0]))
+    assert x[0] == pytest.approx(8.0)
+    assert P[0, 0] == pytest.approx(0.8)
+    assert kalman.nis(np.eye(1), np.array([[4.0]]), np.eye(1), np.array([10.0])) == pytest.approx(20.0)
+
+
+def test_information_form_equals_the_gain_form() -> None:
+    """Two textbook forms of one update agree, so neither is mistyped."""
+    rng = np.random.default_rng(1)
+    P, R, H = covariance(rng, 5), covariance(rng, 2), rng.normal(size=(2, 5))
+    residual = rng.normal(size=2)
+    gain = kalman.update(np.zeros(5), P, H, R, residual)
+    information = kalman.update_information(np.zeros(5), P, H, np.linalg.inv(R), residual)
+    np.testing.assert_allclose(gain[0], information[0], atol=1e-12)
+    np.testing.assert_allclose(gain[1], information[1], atol=1e-12)
+
+
+def test_correlated_update_is_conditioning_of_a_joint_gaussian() -> None:
+    """The state error and the reading are jointly Gaussian; the update is the conditional mean and covariance."""
+    rng = np.random.default_rng(2)
+    joint = covariance(rng, 6)
+    P, C, R = joint[:4, :4], joint[:4, 4:], joint[4:, 4:]
+    H, residual = rng.normal(size=(2, 4)), rng.normal(size=2)
+    to_reading = np.hstack([H, np.eye(2)])
+    to_state = np.hstack([np.eye(4), np.zeros((4, 2))])
+    S, cross = to_reading @ joint @ to_reading.T, to_state @ joint @ to_reading.T
+    x, P_new = kalman.update_correlated(np.zeros(4), P, H, R, C, residual)
+    np.testing.assert_allclose(x, cross @ np.linalg.inv(S) @ residual, atol=1e-12)
+    np.testing.assert_allclose(P_new, P - cross @ np.linalg.inv(S) @ cross.T, atol=1e-12)
+
+
+def test_exact_virtual_beam_is_tight_coupling() -> None:
+    """Erratum E5: a virtual beam made of the prior, with its true cross-covariance, adds nothing to the two beams."""
+    rng = np.random.default_rng(3)
+    A, P = beams.x_janus()[:3], covariance(rng, 3)
+    R_beams = np.diag([0.042**2, 0.05**2])
+    residual = rng.normal(size=2)
+    tight = kalman.update(np.zeros(3), P, A[:2], R_beams, residual)
+    # The virtual reading is b₃·v̂ = b₃·v − b₃·δv, so its noise is −b₃·δv and its residual is zero.
+    R = np.zeros((3, 3))
+    R[:2, :2] = R_beams
+    R[2, 2] = A[2] @ P @ A[2]
+    C = np.zeros((3, 3))
+    C[:, 2] = -P @ A[2]
+    to_velocity = np.linalg.inv(A)
+    noise, cross = to_velocity @ R @ to_velocity.T, C @ to_velocity.T
+    loose = to_velocity @ np.array([*residual, 0.0])
+    # S is singular here (the third reading is certain), so condition on the row space of the beams alone.
+    S = P + cross + cross.T + noise
+    gain = (P + cross) @ np.linalg.pinv(S, rcond=1e-10)
+    np.testing.assert_allclose(gain @ loose, tight[0], atol=1e-9)
+    np.testing.assert_allclose(P - gain @ S @ gain.T, tight[1], atol=1e-9)
+
+
+def test_rank_deficient_information_is_tight_coupling() -> None:
+    """The information AᵀR⁻¹A of two beams through a velocity port equals the two beams."""
+    rng = np.random.default_rng(5)
+    A, P, R = beams.x_janus()[:2], covariance(rng, 3), np.diag([0.1, 0.2])
+    y = rng.normal(size=2)
+    tight = kalman.update(np.zeros(3), P, A, R, y)
+    information = A.T @ np.linalg.inv(R) @ A
+    port = kalman.update_information(np.zeros(3), P, np.eye(3), information, np.linalg.pinv(A) @ y)
+    np.testing.assert_allclose(port[0], tight[0], atol=1e-11)
+    np.testing.assert_allclose(port[1], tight[1], atol=1e-11)
+
+
+def system() -> tuple[Array, Array]:
+    """F and G Q Gᵀ of the papers' sensor at a tilted place."""
+    R, v = matrix_from_euler(0.1, 0.2, 1.0), np.array([2.0, 0.1, -0.2])
+    F = error_model.f_full(
+        R, v, np.array([0.01, 0.02, 0.1]), np.array([0, 0, 9.8]), mechanisation.earth_rate_tangent(0.57)
+    )
+    G = error_model.g_full(R, v)
+    Q = error_model.noise_density(1.2e-3, 9.9e-5, 1e-5, 4.9e-7, 5e-5, 5e-5)
+    return F, G @ Q @ G.T
+
+
+def test_van_loan_equals_its_integral() -> None:
+    """Qd = ∫ e^{Fs} GQGᵀ e^{Fᵀs} ds by quadrature, and Φ by its own exponential."""
+    F, GQG = system()
+    Phi, Qd = kalman.van_loan(F, GQG, 0.5)
+    np.testing.assert_allclose(Phi, expm(F * 0.5), atol=1e-13)
+    integral, _ = quad_vec(lambda s: expm(F * s) @ GQG @ expm(F * s).T, 0.0, 0.5, epsrel=1e-12)
+    np.testing.assert_allclose(Qd, integral, rtol=1e-9, atol=1e-18)
+
+
+def test_van_loan_satisfies_the_lyapunov_identity() -> None:
+    """F Qd + Qd Fᵀ + GQGᵀ = Φ GQGᵀ Φᵀ, since both sides are the derivative of Qd by time."""
+    F, GQG = system()
+    Phi, Qd = kalman.van_loan(F, GQG, 0.1)
+    np.testing.assert_allclose(F @ Qd + Qd @ F.T + GQG, Phi @ GQG @ Phi.T, atol=1e-17)
+
+
+def test_prediction_twice_is_prediction_over_both() -> None:
+    """Two steps with Φ and Qd equal one of double length: the law of composition."""
+    F, GQG = system()
+    P = covariance(np.random.default_rng(6), 20)
+    once, twice = kalman.van_loan(F, GQG, 0.1), kalman.van_loan(F, GQG, 0.2)
+    two_steps = kalman.predict(kalman.predict(P, *once), *once)
+    np.testing.assert_allclose(two_steps, kalman.predict(P, *twice), rtol=1e-11, atol=1e-11)
+
+
+def test_average_band_of_textbooks() -> None:
+    """Bar-Shalom's example: 50 runs of a four-state NEES stay within 3.26 and 4.82 at 95 %."""
+    lo, hi = chi_squared.average_band(4, 50)
+    assert lo == pytest.approx(3.255, abs=0.01)
+    assert hi == pytest.approx(4.820, abs=0.01)
+
+
+def test_bands_let_true_chi_squared_pass_at_their_rate() -> None:
+    """The checks' own false alarms, on correlated Gaussian errors with the right covariance, 200 ensembles, seed 5."""
+    rng = np.random.default_rng(5)
+    runs, steps, dof, ensembles, memory = 50, 60, 3, 200, 0.8
+    lo, hi = chi_squared.average_band(dof, runs)
+    fraction_alarms = mean_alarms = 0
+    for _ in range(ensembles):
+        errors = np.empty((runs, steps, dof))
+        errors[:, 0] = rng.normal(size=(runs, dof))
+        for k in range(1, steps):
+            fresh = rng.normal(size=(runs, dof))
+            errors[:, k] = memory * errors[:, k - 1] + np.sqrt(1 - memory**2) * fresh
+        nees = np.sum(errors**2, axis=2)
+        mean = nees.mean(axis=0)
+        inside = np.mean((mean > lo) & (mean < hi))
+        n = chi_squared.independent_samples(nees)
+        fraction_alarms += inside < chi_squared.least_fraction_inside(n)
+        band = chi_squared.mean_band(nees.mean(axis=1), dof)
+        mean_alarms += not band[0] < nees.mean() < band[1]
+    # 0.1 % asked: 0.2 expected. Five would be a chance of 2e-3 even at 0.5 %.
+    assert fraction_alarms <= 5
+    # 5 % asked: 10 expected, binomial 99.8 % interval.
+    assert stats.binom(ensembles, 0.05).ppf(1e-3) <= mean_alarms <= stats.binom(ensembles, 0.05).ppf(0.999)
+
+
+def test_bands_catch_an_overconfident_filter() -> None:
+    """A covariance 20 % too small in every variance raises NEES by 25 %: both checks must fail it."""
+    rng = np.random.default_rng(7)
+    nees = np.sum(rng.normal(size=(200, 50, 6)) ** 2, axis=2) / 0.8
+    lo, hi = chi_squared.average_band(6, 200)
+    mean = nees.mean(axis=0)
+    inside = np.mean((mean > lo) & (mean < hi))
+    assert inside < chi_squared.least_fraction_inside(chi_squared.independent_samples(nees))
+    assert nees.mean() > chi_squared.mean_band(nees.mean(axis=1), 6)[1]
+
+
+def test_gravity_of_the_defining_table() -> None:
+    """WGS 84 by definition at equator and pole, and its tabulated mean over the ellipsoid, 9.797 643 222 2 m/s²."""
+    assert gravity.somigliana(0.0) == pytest.approx(9.7803253359, abs=1e-12)
+    assert gravity.somigliana(np.pi / 2) == pytest.approx(9.8321849378, abs=1e-12)
+    e2 = gravity.FLATTENING * (2 - gravity.FLATTENING)
+
+    def area(latitude_rad: float) -> float:
+        return float(np.cos(latitude_rad) / (1 - e2 * np.sin(latitude_rad) ** 2) ** 2)
+
+    total, _ = quad(area, 0, np.pi / 2, epsabs=1e-13)
+    weighted, _ = quad(lambda x: gravity.somigliana(x) * area(x), 0, np.pi / 2, epsabs=1e-12)
+    assert weighted / total == pytest.approx(9.7976432222, abs=1e-9)
+
+
+def test_gravity_grows_with_depth_in_the_sea() -> None:
+    """3.086e-6 − 4πGρ = 2.226e-6 m/s² per metre at 1025 kg/m³: 2.2 mm/s² per kilometre, not the free-air 3.1."""
+    assert gravity.depth_gradient() == pytest.approx(2.226e-6, abs=1e-9)
+    assert gravity.normal_gravity(0.5, 1000.0) - gravity.normal_gravity(0.5, 0.0) == pytest.approx(
+        2.226e-3, abs=1e-6
+    )

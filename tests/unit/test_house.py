@@ -1,0 +1,152 @@
+"""The house keeps its promises: commands in the README, one version, files that ship, one way into the kernel."""
+
+from __future__ import annotations
+
+import ast
+import importlib.metadata
+import importlib.resources
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bottomlock
+from tools import check_equations
+
+# What tools leave beside the sources, and the extension, which is built and not copied.
+GENERATED = {".pyc", ".so", ".pyd", ".dylib"}
+
+
+def toml(path: Path) -> dict[str, Any]:
+    return tomllib.loads(path.read_text(encoding="utf-8"))
+
+
+def fenced(readme: str, heading: str, language: str = "") -> list[str]:
+    """Fenced blocks of one language under a heading of the README."""
+    section = readme.split(f"\n## {heading}\n", 1)[1].split("\n## ", 1)[0]
+    return [body for tag, body in re.findall(r"```(\w*)\n(.*?)```", section, re.DOTALL) if tag == language]
+
+
+@pytest.fixture(scope="module")
+def readme(root: Path) -> str:
+    return (root / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("heading", "command"), [("Run it", "make demo"), ("Test it", "make test")])
+def test_the_first_command_of_the_readme(root: Path, readme: str, heading: str, command: str) -> None:
+    """A newcomer pastes the first block under each heading: one line, and a target that exists."""
+    assert fenced(readme, heading)[0].strip() == command
+    target = command.removeprefix("make ")
+    assert re.search(rf"^{target}:", (root / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def test_readme_example_runs(readme: str) -> None:
+    """The example under "Velocity from recorded beams" solves the surge of beams 1 and 2 and nothing else."""
+    (example,) = fenced(readme, "Velocity from recorded beams", "python")
+    names: dict[str, Any] = {}
+    exec(compile(example, "README.md", "exec"), names)
+    velocity = np.asarray(names["fix"].velocity_p_mps)
+    assert velocity[0, 0] == pytest.approx(2.0, abs=1e-12)
+    assert np.isnan(velocity[0, 1:]).all()
+
+
+def test_readme_names_every_arm(readme: str) -> None:
+    from bottomlock.kernel import ARMS
+
+    assert re.findall(r"^\| `(\w+)` \|", readme, re.MULTILINE) == list(ARMS)
+
+
+def test_versions_agree(root: Path) -> None:
+    """Cargo.toml has the one version; everything that repeats it must follow."""
+    version = toml(root / "Cargo.toml")["workspace"]["package"]["version"]
+    assert importlib.metadata.version("bottomlock") == version
+    assert bottomlock.__version__ == version
+    citation = (root / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(r"^version: (.*)$", citation, re.MULTILINE)[1] == version  # type: ignore[index]
+    locked = {package["name"]: package["version"] for package in toml(root / "Cargo.lock")["package"]}
+    assert locked["bottomlock"] == locked["bottomlock-py"] == version
+
+
+def test_every_package_file_ships(root: Path) -> None:
+    """Scenarios, stub and marker are read at run time or by type checkers, so the wheel must hold them all."""
+    source = root / "python" / "bottomlock"
+    shipped = importlib.resources.files("bottomlock")
+    expected = [
+        path.relative_to(source)
+        for path in source.rglob("*")
+        if path.is_file() and path.suffix not in GENERATED and not path.name.startswith(".")
+    ]
+    assert len(expected) > 3
+    missing = [str(path) for path in expected if not shipped.joinpath(*path.parts).is_file()]
+    assert missing == []
+
+
+def test_licences_ship() -> None:
+    """Both licences ask to go with every copy."""
+    shipped = {Path(str(path)).name for path in importlib.metadata.files("bottomlock") or []}
+    assert {"LICENSE", "LICENSE-MIT", "LICENSE-APACHE"} <= shipped
+
+
+def test_kernel_has_one_importer(root: Path) -> None:
+    """All Python goes through bottomlock.kernel, which checks shapes in the user's words."""
+    importers = set()
+    for path in (root / "python" / "bottomlock").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            match node:
+                case ast.ImportFrom(module=module, names=names):
+                    found = [module or "", *(f"{module}.{alias.name}" for alias in names)]
+                case ast.Import(names=names):
+                    found = [alias.name for alias in names]
+                case _:
+                    continue
+            if "bottomlock._kernel" in found:
+                importers.add(path.name)
+    assert importers == {"kernel.py"}
+
+
+def test_sound_speed_scale() -> None:
+    """Eq. 12: an instrument that assumes 1 % too much sound speed reads 1 % too much, and the geometry undoes it."""
+    scaled = bottomlock.BeamGeometry.janus(np.deg2rad(20.0), sound_speed_scale=1.01)
+    plain = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
+    velocity = np.array([[2.0, -0.1, 0.3]])
+    readings = 1.01 * plain.beam_velocities(velocity)
+    valid = np.ones((1, 4), dtype=bool)
+    fix = bottomlock.solve_velocity(
+        scaled, readings, valid, method="least_squares", beam_sd_mps=np.full(4, 0.04)
+    )
+    np.testing.assert_allclose(fix.velocity_p_mps, velocity, rtol=0.0, atol=1e-12)
+
+
+def test_equations_are_in_order() -> None:
+    """Every equation of the paper has its place and its witness, and every citation its row."""
+    table = check_equations.read_table(check_equations.ROOT)
+    assert table.complaints + check_equations.check_citations(check_equations.ROOT, table) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Eq. 46", [46]),
+        ("Eqs. (31)–(36)", [31, 32, 33, 34, 35, 36]),
+        ("Eqs. 25, 28 (whole) and 30", [25, 28]),
+        ("Eqs 13 and 14", [13, 14]),
+        ("Groves 2013, Eq. 5.84", []),
+    ],
+)
+def test_citations_are_read(text: str, expected: list[int]) -> None:
+    """The forms in which the sources cite; a list broken by words keeps its first part."""
+    found = check_equations._CITATION.search(text)
+    assert (check_equations.numbers(found[1]) if found else []) == expected
+
+
+def test_an_unknown_equation_is_noticed(tmp_path: Path) -> None:
+    source = tmp_path / "crates" / "lib.rs"
+    source.parent.mkdir()
+    (tmp_path / "python").mkdir()
+    source.write_text("// Eq. 50 is not in the paper\n", encoding="utf-8")
+    table = check_equations.Table({"2017": set(range(1, 50)), "2015": set()}, set(), [])
+    (complaint,) = check_equations.check_citations(tmp_path, table)
+    assert complaint == "crates/lib.rs:1: cites Eq. 50 of 2017, which has no row in docs/equations.md"
