@@ -23,6 +23,7 @@ from bottomlock.plant.swim import TICK_S, next_segment, sample_times_ns
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import start_state
 from bottomlock.plant.vehicle import Vehicle
+from bottomlock.scenario import EARTH_RATE_RADPS
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,7 @@ class Fleet:
         runs: int,
         latitude_rad: float,
         gravity_mps2: float,
+        earth_rate_radps: float = EARTH_RATE_RADPS,
         imu_rate_hz: float = 150.0,
         samples_per_step: int = 5,
     ) -> None:
@@ -97,6 +99,7 @@ class Fleet:
         self.mission = mission
         self.runs = runs
         self._latitude_rad, self._gravity_mps2 = latitude_rad, gravity_mps2
+        self._earth_rate_radps = earth_rate_radps
         self._parts = samples_per_step
         self._step_s = samples_per_step / imu_rate_hz
         self._steps_per_tick = max(1, round(TICK_S / self._step_s))
@@ -189,6 +192,7 @@ class Fleet:
             np.stack(nu_dot, axis=1),
             latitude_rad=self._latitude_rad,
             gravity_mps2=self._gravity_mps2,
+            earth_rate_radps=self._earth_rate_radps,
         )
         shape = (self.runs, count, 3)
         return TruthBlock(

@@ -5,12 +5,14 @@ import numpy as np
 from bottomlock.plant.equations import to_platform
 from bottomlock.plant.lanes import FloatArray
 
-EARTH_RATE_RADPS = 7.292115e-5
-"""Rotation of the Earth, WGS 84."""
-
 
 def inertial_measurements(
-    state: FloatArray, acceleration: FloatArray, *, latitude_rad: float, gravity_mps2: float
+    state: FloatArray,
+    acceleration: FloatArray,
+    *,
+    latitude_rad: float,
+    gravity_mps2: float,
+    earth_rate_radps: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Inertial rate w_ip (rad/s) and specific force (m/s²), both (N, 3), platform frame.
 
@@ -18,8 +20,8 @@ def inertial_measurements(
     equations of motion; w_ip = w_tp + R' w_ie.
     """
     q0, q1, q2, q3 = state[:, 3:7].T
-    north = np.full_like(q0, EARTH_RATE_RADPS * np.cos(latitude_rad))
-    down = np.full_like(q0, -EARTH_RATE_RADPS * np.sin(latitude_rad))
+    north = np.full_like(q0, earth_rate_radps * np.cos(latitude_rad))
+    down = np.full_like(q0, -earth_rate_radps * np.sin(latitude_rad))
     level = np.zeros_like(q0)
     earth_p = np.stack(to_platform(q0, q1, q2, q3, north, level, down), axis=1)
     gravity_p = np.stack(to_platform(q0, q1, q2, q3, level, level, level + gravity_mps2), axis=1)

@@ -8,6 +8,7 @@ from bottomlock.plant.mission import Mission
 from bottomlock.plant.swim import Passage, swim
 from bottomlock.plant.trim import check_stability
 from bottomlock.plant.vehicle import Vehicle
+from bottomlock.scenario import EARTH_RATE_RADPS
 from bottomlock.trajectory import Truth
 
 
@@ -21,10 +22,20 @@ class Flight:
     truth: Truth
 
 
-def truth_of(passage: Passage, *, latitude_rad: float, gravity_mps2: float) -> Truth:
+def truth_of(
+    passage: Passage,
+    *,
+    latitude_rad: float,
+    gravity_mps2: float,
+    earth_rate_radps: float = EARTH_RATE_RADPS,
+) -> Truth:
     """The truth of a passage; specific force and inertial rate come from the passage's own accelerations."""
     omega, force = inertial_measurements(
-        passage.state, passage.acceleration, latitude_rad=latitude_rad, gravity_mps2=gravity_mps2
+        passage.state,
+        passage.acceleration,
+        latitude_rad=latitude_rad,
+        gravity_mps2=gravity_mps2,
+        earth_rate_radps=earth_rate_radps,
     )
     return Truth(
         time_ns=passage.time_ns,
@@ -44,6 +55,7 @@ def fly(
     *,
     latitude_rad: float,
     gravity_mps2: float,
+    earth_rate_radps: float = EARTH_RATE_RADPS,
     imu_rate_hz: float = 150.0,
     use_cache: bool = True,
 ) -> Flight:
@@ -66,5 +78,7 @@ def fly(
         passage = swim(vehicle, mission, gravity_mps2=gravity_mps2, imu_rate_hz=imu_rate_hz)
         if use_cache:
             store_passage(key, passage)
-    truth = truth_of(passage, latitude_rad=latitude_rad, gravity_mps2=gravity_mps2)
+    truth = truth_of(
+        passage, latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, earth_rate_radps=earth_rate_radps
+    )
     return Flight(vehicle, mission, passage, truth)

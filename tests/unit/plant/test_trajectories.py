@@ -20,9 +20,9 @@ from bottomlock.plant import (
     swim,
     telemetry,
 )
-from bottomlock.plant.ideal_sensors import EARTH_RATE_RADPS
 from bottomlock.plant.lanes import FloatArray
 from bottomlock.plant.matrices import rotation_t_p
+from bottomlock.scenario import EARTH_RATE_RADPS
 from bottomlock.trajectory import Truth
 from tests.unit.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
 
