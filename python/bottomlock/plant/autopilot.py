@@ -23,7 +23,7 @@ def attitude_pid(
     The function takes the error (rad), the rate error (rad/s), the integral (rad s), the filtered rate
     error (rad/s) and the scale (cruise speed / speed)², and returns the equivalent fin angle (rad) and the
     derivatives of the two states. Anti-windup by back-calculation: the limit's overshoot bleeds the
-    integrator over the tracking time (Åström and Hägglund 2006, section 3.5).
+    integrator over the tracking time (Åström and Hägglund 2006).
     """
     proportional, integral_gain, derivative = gains.proportional, gains.integral, gains.derivative
     limit, bleed, corner = (

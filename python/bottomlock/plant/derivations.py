@@ -41,7 +41,7 @@ def hull_integrals(hull: Hull, points: int = 20001) -> HullIntegrals:
 def lamb_factors(length_m: float, diameter_m: float) -> tuple[float, float, float]:
     """Lamb's k1, k2 and k' of a prolate spheroid.
 
-    Sources: Lamb 1932, section 114; Imlay 1961; Fossen 2021, section 8.4.2.
+    Sources: Lamb 1932; Imlay 1961; Fossen 2021.
     """
     eccentricity2 = 1.0 - (diameter_m / length_m) ** 2
     e = math.sqrt(eccentricity2)
@@ -63,8 +63,8 @@ def strip_added_mass(
     """Cross-flow added mass by strips: -y_vdot (kg), -y_rdot (kg m), -n_rdot (kg m²) about the origin.
 
     A bare section has rho pi R²; along the fins' chord the section is a circle with a cross of fins, which
-    has rho pi (a² - R² + R⁴ / a²) with a the tip radius (Newman 1977, section 4.14; Prestero 2001, Eq.
-    4.6). A cross has the same added mass at any roll angle, so the formula serves + and x.
+    has rho pi (a² - R² + R⁴ / a²) with a the tip radius (Newman 1977; Prestero 2001). A cross has the same
+    added mass at any roll angle, so the formula serves + and x.
     """
     x = np.linspace(0.0, hull.length, 20001)
     radius = myring_radius_m(hull, x)
@@ -85,7 +85,7 @@ def strip_added_mass(
 def cross_fins_roll_added_inertia(density_kgpm3: float, fin_chord_m: float, fin_tip_radius_m: float) -> float:
     """-k_pdot of four equal fins along their chord, kg m²: (2/pi) rho a⁴ per length.
 
-    Source: Prestero 2001, Eq. (4.10).
+    Source: Prestero 2001.
     """
     return 2.0 / math.pi * density_kgpm3 * fin_tip_radius_m**4 * fin_chord_m
 
@@ -114,7 +114,7 @@ def body_lift_kgpm(hull: Hull, density_kgpm3: float) -> tuple[float, float]:
     """Hoerner's lift of a streamlined body: (k in Y = -k|u|v, centre of pressure x from the origin, m).
 
     k = rho d² c / 2 with c = 0.003 (l/d) per degree; it acts at 0.65 l from the nose (Hoerner 1965, chapter
-    13; Prestero 2001, section 4.3).
+    13; Prestero 2001).
     """
     slope = 0.003 * hull.length / hull.diameter * 180.0 / math.pi
     return (
@@ -126,7 +126,7 @@ def body_lift_kgpm(hull: Hull, density_kgpm3: float) -> tuple[float, float]:
 def fin_lift_slope(aspect_ratio: float) -> float:
     """Hoerner's lift slope of a low-aspect wing, per rad.
 
-    1 / (1 / (2 pi 0.9) + 1 / (pi AR)); Prestero 2001, Eq. (4.42).
+    1 / (1 / (2 pi 0.9) + 1 / (pi AR)); Prestero 2001.
     """
     return 1.0 / (1.0 / (2.0 * math.pi * 0.9) + 1.0 / (math.pi * aspect_ratio))
 

@@ -1,6 +1,6 @@
 """The equations of motion on components: from rigid body and actuators to their time derivatives.
 
-M nu_r' + C_RB(nu_r) nu_r + C_A(nu_r) nu_r + D(nu_r) nu_r + g(eta) = tau (Fossen 2021, section 10.3, for an
+M nu_r' + C_RB(nu_r) nu_r + C_A(nu_r) nu_r + D(nu_r) nu_r + g(eta) = tau (Fossen 2021, for an
 irrotational current), in the platform frame with its origin at the centre of buoyancy. The rotation of the
 Earth turns the frame far too slowly to push the vehicle; it enters the ideal sensors (`truth`), not the
 forces.

@@ -18,7 +18,7 @@ def lift_and_drag(vehicle: Vehicle, maths: Maths[Lane]) -> Callable[[Lane], tupl
 
     Below stall the lift is linear and the drag the usual polar; past it the fin is a flat plate (C_L = 2
     |sin a| sin a cos a, C_D = 2 sin² a). The two blend smoothly over the stall width, after Beard and
-    McLain 2012, Eqs (4.9) to (4.11), with a tanh for the blend.
+    McLain 2012, chapter 4, with a tanh for the blend.
     """
     fins = vehicle.fins
     slope, base, stall = fins.lift_slope, fins.zero_lift_drag, fins.stall_angle

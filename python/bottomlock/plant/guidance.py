@@ -1,7 +1,7 @@
 """Guidance: what course, speed and pitch to fly, from where the vehicle believes it is.
 
 Two laws for the horizontal plane: line of sight with look-ahead on the path, and constant bearing on a
-target that moves along it (Breivik and Fossen 2009, sections 4 and 5). The vertical plane flies a depth
+target that moves along it (Breivik and Fossen 2009). The vertical plane flies a depth
 profile by pitch.
 """
 
@@ -76,7 +76,7 @@ def constant_bearing(
     """Build constant bearing: fly the target's velocity plus an approach velocity towards it.
 
     The target is (north, east, velocity north, velocity east, course rate); the approach speed grows to its
-    limit with distance over the look-ahead (Breivik and Fossen 2009, Eqs 29 and 30).
+    limit with distance over the look-ahead (Breivik and Fossen 2009).
     """
     ahead2 = vehicle.guidance.look_ahead**2
     approach, ceiling = vehicle.guidance.approach_speed, vehicle.limits.max_speed

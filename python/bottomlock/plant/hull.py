@@ -19,7 +19,7 @@ STRIPS = 6
 
 
 def myring_radius_m(hull: Hull, from_nose_m: FloatArray) -> FloatArray:
-    """Hull radius at stations aft of the nose tip, m (Myring 1976; Prestero 2001, Eqs 2.1 and 2.2)."""
+    """Hull radius at stations aft of the nose tip, m (Myring 1976; Prestero 2001)."""
     nose, tail, length, diameter = hull.nose_length, hull.tail_length, hull.length, hull.diameter
     x = np.asarray(from_nose_m, dtype=np.float64)
     fore = np.clip((x - nose) / nose, -1.0, 0.0)
@@ -59,8 +59,8 @@ def hull_wrench(
     """Build the hull's damping wrench as a function of velocity relative to the water.
 
     The function takes (u, v, w, p, q, r) in the platform frame (m/s, rad/s) and returns (X, Y, Z, K, M, N)
-    in N, N m. Sources: axial drag and body lift as Prestero 2001, section 4.2, with the lift's inflow taken
-    at its centre of pressure; cross-flow drag by strip theory, Fossen 2021, Eqs (6.91) and (6.92), with the
+    in N, N m. Sources: axial drag and body lift as Prestero 2001, with the lift's inflow taken
+    at its centre of pressure; cross-flow drag by strip theory, Fossen 2021, chapter 6, with the
     resultant cross flow.
     """
     hull = vehicle.hull

@@ -23,7 +23,7 @@ def centre_of_gravity_p_m(vehicle: Vehicle) -> FloatArray:
 
 
 def rigid_body_mass_matrix(vehicle: Vehicle) -> FloatArray:
-    """M_RB about the centre of buoyancy, shape (6, 6); Fossen 2021, Eq. (3.49)."""
+    """M_RB about the centre of buoyancy, shape (6, 6); Fossen 2021, chapter 3."""
     body = vehicle.rigid_body
     coupling = body.mass * skew(centre_of_gravity_p_m(vehicle))
     inertia = np.diag([body.inertia_xx, body.inertia_yy, body.inertia_zz])
@@ -31,7 +31,7 @@ def rigid_body_mass_matrix(vehicle: Vehicle) -> FloatArray:
 
 
 def added_mass_matrix(vehicle: Vehicle) -> FloatArray:
-    """M_A, shape (6, 6), symmetric, of a body with two planes of symmetry; Fossen 2021, Eq. (6.45)."""
+    """M_A, shape (6, 6), symmetric, of a body with two planes of symmetry; Fossen 2021, chapter 6."""
     added = vehicle.added_mass
     matrix = -np.diag([added.x_udot, added.y_vdot, added.z_wdot, added.k_pdot, added.m_qdot, added.n_rdot])
     matrix[1, 5] = matrix[5, 1] = -added.y_rdot
@@ -40,7 +40,7 @@ def added_mass_matrix(vehicle: Vehicle) -> FloatArray:
 
 
 def rigid_body_coriolis_matrix(vehicle: Vehicle, nu: FloatArray) -> FloatArray:
-    """C_RB in the form free of linear velocity, shape (6, 6), skew; Fossen 2021, Eq. (3.63).
+    """C_RB in the form free of linear velocity, shape (6, 6), skew; Fossen 2021, chapter 3.
 
     This form keeps M_RB and C_RB valid for the velocity relative to an irrotational current.
     """
@@ -53,7 +53,7 @@ def rigid_body_coriolis_matrix(vehicle: Vehicle, nu: FloatArray) -> FloatArray:
 
 
 def added_mass_coriolis_matrix(vehicle: Vehicle, nu_r: FloatArray) -> FloatArray:
-    """C_A(nu_r), shape (6, 6), skew; Fossen 2021, Eq. (6.43)."""
+    """C_A(nu_r), shape (6, 6), skew; Fossen 2021, chapter 6."""
     momentum = added_mass_matrix(vehicle) @ nu_r
     linear, angular = skew(momentum[:3]), skew(momentum[3:])
     return np.block([[np.zeros((3, 3)), -linear], [-linear, -angular]])
@@ -72,7 +72,7 @@ def rotation_t_p(quaternion_t_p: FloatArray) -> FloatArray:
 
 
 def restoring_vector(vehicle: Vehicle, quaternion_t_p: FloatArray, gravity_mps2: float) -> FloatArray:
-    """g(eta), shape (6,): what weight and buoyancy need to be held, N and N m; Fossen 2021, Eq. (4.6)."""
+    """g(eta), shape (6,): what weight and buoyancy need to be held, N and N m; Fossen 2021, chapter 4."""
     body = vehicle.rigid_body
     weight = body.mass * gravity_mps2
     buoyancy = vehicle.water.density * body.displaced_volume * gravity_mps2

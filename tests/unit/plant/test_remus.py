@@ -17,7 +17,7 @@ from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import trim
 from tests.unit.plant.helpers import GRAVITY_MPS2, at_speed, coast, fins_of
 
-# Prestero 2001, tables 4.1 to 4.4: combined coefficients. Y_vv is printed -1.31e3, ten times Z_ww of the
+# Prestero 2001: combined coefficients. Y_vv is printed -1.31e3, ten times Z_ww of the
 # same round
 # hull; taken as -131. X_uu is replaced by the drag of Allen et al. 2000 so that both models share a speed.
 MASS, IZZ = 30.48, 3.45
@@ -181,7 +181,7 @@ def test_zig_zag_against_prestero(remus: Vehicle) -> None:
 def test_depth_step_against_prestero(remus: Vehicle) -> None:
     """Five metres down under one plain depth law: the largest difference in depth stays below 0.4 m for 60 s.
 
-    His heave-pitch equations (tables 4.1 to 4.4 of Prestero 2001) at constant surge.
+    His heave-pitch equations (Prestero 2001) at constant surge.
     """
     speed, weight = 1.54, 299.0
     steady = trim(remus, speed, GRAVITY_MPS2)

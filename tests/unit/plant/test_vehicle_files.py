@@ -80,7 +80,7 @@ def test_strip_theory_agrees_with_lamb_on_a_bare_hull(tauv: Vehicle) -> None:
 
 
 def test_lamb_factors_of_known_spheroids() -> None:
-    """Lamb 1932, section 114, table: a/b = 5.01 gives 0.059 and 0.895; a sphere gives one half."""
+    """Lamb 1932, his table of spheroids: a/b = 5.01 gives 0.059 and 0.895; a sphere gives one half."""
     k1, k2, k_rotation = derivations.lamb_factors(5.01, 1.0)
     assert (k1, k2, k_rotation) == pytest.approx((0.059, 0.895, 0.701), abs=2e-3)
     near_sphere = derivations.lamb_factors(1.001, 1.0)
