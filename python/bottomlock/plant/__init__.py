@@ -1,0 +1,41 @@
+"""A vehicle in six degrees of freedom that swims missions over a seabed, and the truth it leaves behind.
+
+Frames: tangent NED fixed to the Earth, platform FRD at the centre of buoyancy. SI and radians throughout;
+SNAME notation for coefficients. The way from file to truth: `load_vehicle` -> a `Mission` -> `fly` ->
+`Flight.truth`.
+"""
+
+from bottomlock.plant.actuators import StuckFin
+from bottomlock.plant.current import Current
+from bottomlock.plant.mission import (
+    DepthProfile,
+    Mission,
+    figure_eight,
+    lawn_mower,
+    straight,
+    waypoint_mission,
+)
+from bottomlock.plant.swim import Passage, swim
+from bottomlock.plant.telemetry import telemetry
+from bottomlock.plant.truth import Flight, fly, truth_of
+from bottomlock.plant.vehicle import Vehicle, load_vehicle, packaged_vehicles
+
+__all__ = [
+    "Current",
+    "DepthProfile",
+    "Flight",
+    "Mission",
+    "Passage",
+    "StuckFin",
+    "Vehicle",
+    "figure_eight",
+    "fly",
+    "lawn_mower",
+    "load_vehicle",
+    "packaged_vehicles",
+    "straight",
+    "swim",
+    "telemetry",
+    "truth_of",
+    "waypoint_mission",
+]

@@ -1,0 +1,182 @@
+"""Which beams return: range and incidence, schedules, Markov dropouts, altitude loss and recorded patterns.
+
+Every rule yields a validity array; rules combine by "and". Rules that depend on chance are drawn per run
+and beam from their own stream, so run k alone equals run k in the campaign.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.errors import ScenarioError
+from bottomlock.plant.lanes import FloatArray, IntArray
+from bottomlock.plant.seabed import Footprints
+
+BoolArray = NDArray[np.bool_]
+
+_MARKOV_STREAM = 0xB1
+_ALTITUDE_STREAM = 0xA1
+_FOREVER_S = 9e9
+
+
+@dataclass(frozen=True)
+class ReturnLimits:
+    """Ranges (m) and greatest incidence (rad) at which a beam returns."""
+
+    min_range_m: float
+    max_range_m: float
+    max_incidence_rad: float = 0.5 * np.pi
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.min_range_m < self.max_range_m or not 0.0 < self.max_incidence_rad <= 0.5 * np.pi:
+            raise ScenarioError(
+                "beam limits: expected 0 <= min < max range and an incidence within 0 to 90 deg"
+            )
+
+    def valid(self, footprints: Footprints) -> BoolArray:
+        """(E, B): True where the beam meets the bottom within range and not too obliquely."""
+        reach = footprints.range_m
+        met = np.isfinite(reach)
+        reach = np.where(met, reach, np.inf)
+        oblique = np.where(met, footprints.incidence_rad, np.pi)
+        return (
+            met
+            & (reach >= self.min_range_m)
+            & (reach <= self.max_range_m)
+            & (oblique <= self.max_incidence_rad)
+        )
+
+
+@dataclass(frozen=True)
+class Outage:
+    """Beams (1 to B) lost from start_s (included) to end_s (excluded)."""
+
+    beams: tuple[int, ...]
+    start_s: float
+    end_s: float
+
+
+def scheduled(time_ns: IntArray, beams: int, outages: Sequence[Outage]) -> BoolArray:
+    """(E, B) validity under outages; raises `ScenarioError` naming an outage that makes no sense."""
+    valid = np.ones((len(time_ns), beams), dtype=np.bool_)
+    for number, outage in enumerate(outages, start=1):
+        for beam in outage.beams:
+            if not 1 <= beam <= beams:
+                raise ScenarioError(f"outage {number}: beam {beam} does not exist; expected 1 to {beams}")
+        if not outage.end_s > outage.start_s:
+            raise ScenarioError(
+                f"outage {number}: end_s {outage.end_s:g} must be after start_s {outage.start_s:g}"
+            )
+        within = (time_ns >= round(outage.start_s * 1e9)) & (
+            time_ns < round(min(outage.end_s, _FOREVER_S) * 1e9)
+        )
+        for beam in outage.beams:
+            valid[within, beam - 1] = False
+    return valid
+
+
+@dataclass(frozen=True)
+class MarkovDropout:
+    """A beam that is up for mean_up_s and down for mean_down_s on average, memoryless in between."""
+
+    mean_up_s: float
+    mean_down_s: float
+
+    def __post_init__(self) -> None:
+        if not (self.mean_up_s > 0.0 and self.mean_down_s > 0.0):
+            raise ScenarioError("Markov dropout: mean_up_s and mean_down_s must be positive")
+
+    @property
+    def availability(self) -> float:
+        """Share of the time the beam is up."""
+        return self.mean_up_s / (self.mean_up_s + self.mean_down_s)
+
+    def states(self, time_ns: IntArray, uniforms: FloatArray) -> BoolArray:
+        """Up or down at the times, from uniforms (..., E); the chain begins in its steady state.
+
+        The exact two-state chain: P(up | up, dt) = a + (1 - a) exp(-dt (1/up + 1/down)), so the means hold
+        whatever the ping rate.
+        """
+        share = self.availability
+        rate = 1.0 / self.mean_up_s + 1.0 / self.mean_down_s
+        memory = np.exp(-np.diff(time_ns) * 1e-9 * rate)
+        up = np.empty(uniforms.shape, dtype=np.bool_)
+        up[..., 0] = uniforms[..., 0] < share
+        for index, kept in enumerate(memory, start=1):
+            chance = share + np.where(up[..., index - 1], 1.0 - share, -share) * kept
+            up[..., index] = uniforms[..., index] < chance
+        return up
+
+
+def markov_valid(
+    time_ns: IntArray,
+    dropouts: Sequence[MarkovDropout | None],
+    *,
+    seed: int,
+    trajectory_key: int,
+    first_run: int,
+    runs: int,
+) -> BoolArray:
+    """(runs, E, B) validity of independent beams; None for a beam that never drops out."""
+    valid = np.ones((runs, len(time_ns), len(dropouts)), dtype=np.bool_)
+    for beam, dropout in enumerate(dropouts):
+        if dropout is not None:
+            draws = _uniforms(time_ns, seed, trajectory_key, first_run, runs, _MARKOV_STREAM, beam)
+            valid[:, :, beam] = dropout.states(time_ns, draws)
+    return valid
+
+
+def altitude_loss(
+    time_ns: IntArray,
+    beams: int,
+    dropout: MarkovDropout,
+    *,
+    seed: int,
+    trajectory_key: int,
+    first_run: int,
+    runs: int,
+) -> BoolArray:
+    """(runs, E, B) validity when all beams are lost together."""
+    draws = _uniforms(time_ns, seed, trajectory_key, first_run, runs, _ALTITUDE_STREAM, 0)
+    return np.repeat(dropout.states(time_ns, draws)[:, :, None], beams, axis=2)
+
+
+def replayed(time_ns: IntArray, recorded_time_ns: IntArray, recorded_valid: BoolArray) -> BoolArray:
+    """(E, B) validity of the latest recorded ping at each time.
+
+    A record that is too short is repeated end to end.
+
+    Raises `ScenarioError` when the record is empty, unordered or of the wrong shape.
+    """
+    stamps, pattern = np.asarray(recorded_time_ns), np.asarray(recorded_valid, dtype=np.bool_)
+    if pattern.ndim != 2 or len(stamps) != len(pattern) or len(stamps) < 2:
+        raise ScenarioError(
+            f"recorded validity: {len(stamps)} times and a pattern of shape {pattern.shape}; expected (pings, beams)"
+        )
+    steps = np.diff(stamps)
+    if (steps <= 0).any():
+        row = int(np.flatnonzero(steps <= 0)[0]) + 2
+        raise ScenarioError(f"recorded validity: the time of row {row} is not after that of row {row - 1}")
+    period = int(stamps[-1] - stamps[0] + np.median(steps))
+    phase = (np.asarray(time_ns) - int(time_ns[0])) % period + int(stamps[0])
+    return np.asarray(pattern[np.searchsorted(stamps, phase, side="right") - 1])
+
+
+def combine(*rules: BoolArray) -> BoolArray:
+    """A beam returns when every rule lets it: (E, B) and (runs, E, B) arrays joined by "and"."""
+    valid = rules[0]
+    for rule in rules[1:]:
+        valid = valid & rule
+    return np.ascontiguousarray(valid)
+
+
+def _uniforms(
+    time_ns: IntArray, seed: int, trajectory_key: int, first_run: int, runs: int, stream: int, beam: int
+) -> FloatArray:
+    draws = np.empty((runs, len(time_ns)))
+    for index in range(runs):
+        key = [seed, trajectory_key & 0xFFFFFFFF, trajectory_key >> 32, first_run + index, stream, beam]
+        draws[index] = np.random.Generator(np.random.Philox(np.random.SeedSequence(key))).random(len(time_ns))
+    return draws

@@ -1,0 +1,87 @@
+"""Passages kept on disk under a hash of everything that makes them."""
+
+import hashlib
+import json
+import os
+import sys
+import tempfile
+import zipfile
+from dataclasses import asdict
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from bottomlock.plant.mission import Mission
+from bottomlock.plant.swim import Passage
+from bottomlock.plant.vehicle import Vehicle
+
+_ARRAYS = ("time_ns", "state", "acceleration", "water_velocity_p_mps", "segment")
+
+
+def cache_folder() -> Path:
+    """Where passages are kept: BOTTOMLOCK_CACHE if set, else the platform's own cache folder."""
+    chosen = os.environ.get("BOTTOMLOCK_CACHE")
+    if chosen:
+        return Path(chosen)
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "bottomlock" / "passages"
+
+
+def passage_key(vehicle: Vehicle, mission: Mission, **settings: float) -> str:
+    """SHA-256 over vehicle, mission, settings and the plant's own source, as 64 hex digits."""
+    content = {
+        "vehicle": vehicle.model_dump(mode="json"),
+        "mission": asdict(mission),
+        "settings": settings,
+        "source": _source_digest(),
+        "numpy": np.__version__,
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+@lru_cache(maxsize=1)
+def _source_digest() -> str:
+    digest = hashlib.sha256()
+    for entry in sorted(resources.files("bottomlock.plant").iterdir(), key=lambda item: item.name):
+        if entry.name.endswith(".py"):
+            digest.update(entry.name.encode() + b"\0" + entry.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def load_passage(key: str) -> Passage | None:
+    """The kept passage, or None when there is none or the file is damaged."""
+    path = cache_folder() / f"{key}.npz"
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            return Passage(**{name: archive[name] for name in _ARRAYS})
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile):
+        return None
+
+
+def store_passage(key: str, passage: Passage) -> None:
+    """Keep a passage: written beside its place, then moved there in one step.
+
+    A cache that cannot be written is no reason to fail a run: the passage is in memory anyway.
+    """
+    folder = cache_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=folder, suffix=".partial")
+    except OSError:
+        return
+    try:
+        with os.fdopen(handle, "wb") as file:
+            np.savez(file, **{name: getattr(passage, name) for name in _ARRAYS})
+        Path(temporary).replace(folder / f"{key}.npz")
+    except OSError:
+        Path(temporary).unlink(missing_ok=True)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,227 @@
+"""Flying on an estimate: many runs side by side, each led astray by its own navigation error.
+
+The navigation filter lives elsewhere; at every control step it is handed the truth of the step just swum
+(from which it simulates its sensors) and answers where it believes each vehicle is. Guidance and control
+then fly on that belief.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from bottomlock.errors import ScenarioError
+from bottomlock.plant import model
+from bottomlock.plant.equations import acceleration, to_tangent
+from bottomlock.plant.ideal_sensors import inertial_measurements
+from bottomlock.plant.integrate import attitude_by_rates, hermite, runge_kutta_step
+from bottomlock.plant.lanes import ARRAY, FloatArray, IntArray
+from bottomlock.plant.mission import Mission
+from bottomlock.plant.path import cross_track_m, guide_rows
+from bottomlock.plant.swim import TICK_S, next_segment, sample_times_ns
+from bottomlock.plant.telemetry import euler_rad
+from bottomlock.plant.trim import start_state
+from bottomlock.plant.vehicle import Vehicle
+from bottomlock.scenario import EARTH_RATE_RADPS
+
+
+@dataclass(frozen=True)
+class TruthBlock:
+    """The truth of all runs over one control step.
+
+    Its samples are those after the step before, up to and including its own end.
+
+    time_ns (S,); position_t_m (runs, S, 3), attitude_t_p (runs, S, 4) scalar first, velocity_p_mps,
+    omega_p_radps (inertial) and force_p_mps2 (runs, S, 3). The first block holds the sample at time zero
+    alone.
+    """
+
+    time_ns: IntArray
+    position_t_m: FloatArray
+    attitude_t_p: FloatArray
+    velocity_p_mps: FloatArray
+    omega_p_radps: FloatArray
+    force_p_mps2: FloatArray
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What the navigation believes at a block's end: position, attitude, velocity, each (runs, ·)."""
+
+    position_t_m: FloatArray
+    attitude_t_p: FloatArray
+    velocity_p_mps: FloatArray
+
+
+Navigate: TypeAlias = Callable[[TruthBlock], Belief]
+
+
+def navigation_error(block: TruthBlock, belief: Belief) -> FloatArray:
+    """True minus believed at the block's end, (runs, 9).
+
+    Columns: position_t m, velocity_t m/s, roll, pitch, yaw rad.
+    """
+    true = (block.position_t_m[:, -1], block.attitude_t_p[:, -1], block.velocity_p_mps[:, -1])
+    angles = euler_rad(true[1]) - euler_rad(belief.attitude_t_p)
+    angles -= 2.0 * np.pi * np.round(angles / (2.0 * np.pi))
+    velocity = _tangent(true[1], true[2]) - _tangent(belief.attitude_t_p, belief.velocity_p_mps)
+    error = np.concatenate([true[0] - belief.position_t_m, velocity, angles], axis=1)
+    if not np.isfinite(error).all():
+        run = int(np.flatnonzero(~np.isfinite(error).all(axis=1))[0])
+        raise ScenarioError(f"run {run}: the estimate at {block.time_ns[-1] * 1e-9:.2f} s is not finite")
+    return error
+
+
+def _tangent(attitude_t_p: FloatArray, velocity_p: FloatArray) -> FloatArray:
+    q0, q1, q2, q3 = attitude_t_p.T
+    u, v, w = velocity_p.T
+    return np.stack(to_tangent(q0, q1, q2, q3, u, v, w), axis=1)
+
+
+class Fleet:
+    """Runs of one mission side by side; state arrays of shape (runs,)."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        mission: Mission,
+        *,
+        runs: int,
+        latitude_rad: float,
+        gravity_mps2: float,
+        earth_rate_radps: float = EARTH_RATE_RADPS,
+        imu_rate_hz: float = 150.0,
+        samples_per_step: int = 5,
+    ) -> None:
+        if runs < 1:
+            raise ScenarioError(f"runs: expected at least 1, got {runs}")
+        self.mission = mission
+        self.runs = runs
+        self._latitude_rad, self._gravity_mps2 = latitude_rad, gravity_mps2
+        self._earth_rate_radps = earth_rate_radps
+        self._parts = samples_per_step
+        self._step_s = samples_per_step / imu_rate_hz
+        self._steps_per_tick = max(1, round(TICK_S / self._step_s))
+        ticks = -(-mission.duration_s // (self._steps_per_tick * self._step_s))
+        steps = int(ticks) * self._steps_per_tick
+        times = 0.5 * self._step_s * np.arange(2 * steps + 1, dtype=np.float64)
+        self._rows = [list(row) for row in mission.timetable(times)]
+        self._time_ns = sample_times_ns(steps * self._step_s, imu_rate_hz)
+        self._nu_dot = acceleration(vehicle, gravity_mps2, ARRAY)
+        self._rates = model.derivative(
+            vehicle,
+            ARRAY,
+            speed_mps=mission.speed_mps,
+            law=mission.law,
+            gravity_mps2=gravity_mps2,
+            stuck=mission.stuck,
+        )
+        self._advance = runge_kutta_step(self._rates, ARRAY, self._step_s)
+        self._renew = attitude_by_rates(ARRAY, self._step_s)
+        start = start_state(vehicle, mission, gravity_mps2)
+        if mission.stuck is not None:
+            start[model.FINS.start + mission.stuck.fin - 1] = mission.stuck.angle_rad
+        self._state = [np.full(runs, value) for value in start]
+        self._guides = guide_rows(mission.segments)
+        self._segments = np.array(self._guides)
+        self._index = np.zeros(runs, dtype=np.int64)
+        self._error = np.zeros((runs, 9))
+        self._step = 0
+        self.last_step = steps
+
+    @property
+    def finished(self) -> bool:
+        """True when the mission's duration has been swum."""
+        return self._step >= self.last_step
+
+    @property
+    def state(self) -> FloatArray:
+        """The present state, (runs, 28), laid out as in `model`."""
+        return np.stack(self._state, axis=1)
+
+    def believe(self, error: FloatArray) -> None:
+        """Set the navigation error (runs, 9) that guidance and control fly on until the next call."""
+        self._error = np.asarray(error, dtype=np.float64)
+
+    def start(self) -> TruthBlock:
+        """The truth at time zero."""
+        return self._block(self.state[:, None, :], 0)
+
+    def swim_tick(self) -> TruthBlock:
+        """Swim to the next guidance tick (0.2 s) and return the truth of the way there."""
+        self._switch()
+        segment = tuple(self._segments[self._index].T)
+        error = tuple(self._error.T)
+        first_sample = self._step * self._parts
+        pieces = []
+        first = self._rates(self._state, self._rows[2 * self._step], segment, error)  # type: ignore[arg-type]
+        for _ in range(self._steps_per_tick):
+            middle, end = self._rows[2 * self._step + 1], self._rows[2 * self._step + 2]
+            after = self._advance(self._state, first, middle, end, segment, error)  # type: ignore[arg-type]
+            last = self._rates(after, end, segment, error)  # type: ignore[arg-type]
+            self._renew(self._state, first, after, last)
+            ends = [np.stack(values, axis=1)[None] for values in (self._state, first, after, last)]
+            pieces.append(hermite(ends[0], ends[1], ends[2], ends[3], self._step_s, self._parts)[0])
+            self._state, first = after, last
+            self._step += 1
+        samples = np.concatenate([*pieces, self.state[None]])[1:]
+        samples[..., model.ATTITUDE] /= np.linalg.norm(samples[..., model.ATTITUDE], axis=-1, keepdims=True)
+        return self._block(np.moveaxis(samples, 0, 1), first_sample + 1)
+
+    def _switch(self) -> None:
+        believed = self.state[:, :2] - self._error[:, :2]
+        for run in range(self.runs):
+            north, east = float(believed[run, 0]), float(believed[run, 1])
+            self._index[run] = next_segment(self._guides, int(self._index[run]), north, east)
+
+    def _block(self, samples: FloatArray, first_sample: int) -> TruthBlock:
+        count = samples.shape[1]
+        which = np.arange(first_sample, first_sample + count)
+        times = which * (self._step_s / self._parts)
+        rows = np.tile(self.mission.timetable(times), (self.runs, 1)).T
+        flat = list(samples.reshape(-1, model.SIZE).T)
+        q0, q1, q2, q3, u, v, w, p, q, r = flat[3:13]
+        _, _, sink = to_tangent(q0, q1, q2, q3, u, v, w)
+        water = (rows[0] + rows[4] * flat[2], rows[1] + rows[5] * flat[2], 0.0 * u)
+        swell = (rows[2] + rows[4] * sink, rows[3] + rows[5] * sink, 0.0 * u)
+        fins = (flat[13], flat[14], flat[15], flat[16])
+        nu_dot = self._nu_dot((q0, q1, q2, q3), (u, v, w, p, q, r), fins, flat[17], water, swell)
+        omega, force = inertial_measurements(
+            samples.reshape(-1, model.SIZE),
+            np.stack(nu_dot, axis=1),
+            latitude_rad=self._latitude_rad,
+            gravity_mps2=self._gravity_mps2,
+            earth_rate_radps=self._earth_rate_radps,
+        )
+        shape = (self.runs, count, 3)
+        return TruthBlock(
+            time_ns=self._time_ns[which],
+            position_t_m=samples[..., 0:3].copy(),
+            attitude_t_p=samples[..., 3:7].copy(),
+            velocity_p_mps=samples[..., 7:10].copy(),
+            omega_p_radps=omega.reshape(shape),
+            force_p_mps2=force.reshape(shape),
+        )
+
+
+def fly_on_estimate(fleet: Fleet, navigate: Navigate) -> Iterator[TruthBlock]:
+    """Swim a fleet to the end on what `navigate` believes, yielding the truth block by block.
+
+    `navigate` is called once per block, the first with the truth at time zero; the error it leaves is held
+    until the next. Raises `ScenarioError` naming run and time when a belief is not finite.
+    """
+    block = fleet.start()
+    fleet.believe(navigation_error(block, navigate(block)))
+    yield block
+    while not fleet.finished:
+        block = fleet.swim_tick()
+        fleet.believe(navigation_error(block, navigate(block)))
+        yield block
+
+
+def straying_m(mission: Mission, position_t_m: FloatArray) -> FloatArray:
+    """Root mean square distance of the true vehicles from the path, per run: (runs, N, 3) -> (runs,), m."""
+    segments = list(mission.segments)
+    offsets = [cross_track_m(segments, run[:, :2])[0] for run in np.asarray(position_t_m)]
+    return np.array([float(np.sqrt(np.mean(offset**2))) for offset in offsets])

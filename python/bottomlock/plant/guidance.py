@@ -1,0 +1,121 @@
+"""Guidance: what course, speed and pitch to fly, from where the vehicle believes it is.
+
+Two laws for the horizontal plane: line of sight with look-ahead on the path, and constant bearing on a
+target that moves along it (Breivik and Fossen 2009). The vertical plane flies a depth
+profile by pitch.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Literal, TypeAlias
+
+from bottomlock.plant.lanes import Lane, Maths
+from bottomlock.plant.vehicle import Vehicle
+
+Law: TypeAlias = Literal["line_of_sight", "constant_bearing"]
+Segment: TypeAlias = Sequence[Lane]
+"""The present segment's start (north, east, cos, sin, heading, curvature), the next one's, and the blend's
+length (m).
+"""
+
+Target: TypeAlias = tuple[Lane, Lane, Lane, Lane, Lane]
+Course: TypeAlias = tuple[Lane, Lane, Lane]
+
+
+def offset_and_heading(
+    north: Lane,
+    east: Lane,
+    start: tuple[Lane, Lane, Lane, Lane, Lane, Lane],
+    maths: Maths[Lane],
+) -> tuple[Lane, Lane]:
+    """Signed distance to the right of a line or arc (m), and the path's heading abeam of the vehicle (rad).
+
+    The start is (north, east, cos, sin, heading, curvature); curvature 0 is a straight line, positive turns
+    right. One formula serves both: e = (2 b - k (a² + b²)) / (1 + S), S² = (k a)² + (1 - k b)², with a
+    along and b beside.
+    """
+    start_n, start_e, cosine, sine, heading, curvature = start
+    delta_n, delta_e = north - start_n, east - start_e
+    along = cosine * delta_n + sine * delta_e
+    beside = cosine * delta_e - sine * delta_n
+    turned, inner = curvature * along, 1.0 - curvature * beside
+    distance = maths.sqrt(turned * turned + inner * inner)
+    offset = (2.0 * beside - curvature * (along * along + beside * beside)) / (1.0 + distance)
+    return offset, heading + maths.atan2(turned, inner)
+
+
+def line_of_sight(
+    vehicle: Vehicle, speed_mps: float, maths: Maths[Lane]
+) -> Callable[[Lane, Lane, Segment[Lane], Target[Lane]], Course[Lane]]:
+    """Build line of sight: (north, east, segments, target) -> (course rad, its rate rad/s, speed m/s).
+
+    The courses for the present and the next segment are blended over the joint by a smooth step of the way
+    past it, so the command has no jump, and the instant at which the next pair of segments is taken up does
+    not matter.
+    """
+    ahead = vehicle.guidance.look_ahead
+    atan2, clip, wrap = maths.atan2, maths.clip, maths.wrap
+
+    def law(north: Lane, east: Lane, segment: Segment[Lane], _target: Target[Lane]) -> Course[Lane]:
+        n0, e0, cos0, sin0, heading0, curvature0, n1, e1, cos1, sin1, heading1, curvature1, blend = segment
+        offset, heading = offset_and_heading(north, east, (n0, e0, cos0, sin0, heading0, curvature0), maths)
+        course = heading + atan2(-offset, ahead + 0.0 * offset)
+        offset, heading = offset_and_heading(north, east, (n1, e1, cos1, sin1, heading1, curvature1), maths)
+        following = heading + atan2(-offset, ahead + 0.0 * offset)
+        x = clip((cos1 * (north - n1) + sin1 * (east - e1)) / blend + 0.5, 0.0, 1.0)
+        weight = x * x * (3.0 - 2.0 * x)
+        course = course + weight * wrap(following - course)
+        curvature = curvature0 + weight * (curvature1 - curvature0)
+        return course, speed_mps * curvature, speed_mps + 0.0 * offset
+
+    return law
+
+
+def constant_bearing(
+    vehicle: Vehicle, maths: Maths[Lane]
+) -> Callable[[Lane, Lane, Segment[Lane], Target[Lane]], Course[Lane]]:
+    """Build constant bearing: fly the target's velocity plus an approach velocity towards it.
+
+    The target is (north, east, velocity north, velocity east, course rate); the approach speed grows to its
+    limit with distance over the look-ahead (Breivik and Fossen 2009).
+    """
+    ahead2 = vehicle.guidance.look_ahead**2
+    approach, ceiling = vehicle.guidance.approach_speed, vehicle.limits.max_speed
+    floor = vehicle.limits.min_speed
+    sqrt, atan2, clip = maths.sqrt, maths.atan2, maths.clip
+
+    def law(north: Lane, east: Lane, _segment: Segment[Lane], target: Target[Lane]) -> Course[Lane]:
+        target_n, target_e, velocity_n, velocity_e, rate = target
+        gap_n, gap_e = target_n - north, target_e - east
+        pull = approach / sqrt(gap_n * gap_n + gap_e * gap_e + ahead2)
+        wanted_n, wanted_e = velocity_n + pull * gap_n, velocity_e + pull * gap_e
+        speed = sqrt(wanted_n * wanted_n + wanted_e * wanted_e)
+        return atan2(wanted_e, wanted_n), rate, clip(speed, floor, ceiling)
+
+    return law
+
+
+def depth_by_pitch(
+    vehicle: Vehicle, maths: Maths[Lane]
+) -> Callable[[Lane, Lane, Lane, Lane, Lane], tuple[Lane, Lane]]:
+    """Build the depth loop: (wanted depth, sink rate, depth, speed, integral) -> (pitch, integral's rate).
+
+    Pitch is minus the arcsine of the wanted sink rate over the speed. The integral (m s) carries the trim
+    pitch that buoyancy and the angle of attack ask for; at the pitch limit it bleeds as the attitude
+    controllers' does.
+    """
+    gains = vehicle.guidance
+    gain, integral_gain = gains.depth_gain, gains.depth_integral
+    steepest, floor = gains.max_pitch, vehicle.limits.min_speed
+    ceiling = vehicle.limits.max_speed
+    bleed = gain / integral_gain
+    clip, asin, sin = maths.clip, maths.asin, maths.sin
+
+    def law(wanted: Lane, sink: Lane, depth: Lane, speed: Lane, integral: Lane) -> tuple[Lane, Lane]:
+        error = wanted - depth
+        rate = sink + gain * error + integral_gain * integral
+        pace = clip(speed, floor, ceiling)
+        pitch = -asin(clip(rate / pace, -0.99, 0.99))
+        given = clip(pitch, -steepest, steepest)
+        return given, error + bleed * (rate + pace * sin(given)) * (-1.0)
+
+    return law

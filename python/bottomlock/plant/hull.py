@@ -1,0 +1,111 @@
+"""Drag and lift of the hull: axial drag, body lift, cross-flow drag by strips, rotary drag.
+
+Every term acts against the local velocity where it acts, so each takes energy from the vehicle at any state.
+"""
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+from scipy.integrate import trapezoid
+
+from bottomlock.plant.lanes import FloatArray, Lane, Maths
+from bottomlock.plant.vehicle import Hull, Vehicle
+
+Wrench: TypeAlias = tuple[Lane, Lane, Lane, Lane, Lane, Lane]
+Strip: TypeAlias = tuple[float, float]
+
+STRIPS = 6
+
+
+def myring_radius_m(hull: Hull, from_nose_m: FloatArray) -> FloatArray:
+    """Hull radius at stations aft of the nose tip, m (Myring 1976; Prestero 2001)."""
+    nose, tail, length, diameter = hull.nose_length, hull.tail_length, hull.length, hull.diameter
+    x = np.asarray(from_nose_m, dtype=np.float64)
+    fore = np.clip((x - nose) / nose, -1.0, 0.0)
+    nose_radius = 0.5 * diameter * (1.0 - fore**2) ** (1.0 / hull.nose_exponent)
+    aft = np.clip(x - (length - tail), 0.0, tail)
+    slope = np.tan(hull.tail_angle)
+    tail_radius = (
+        0.5 * diameter
+        - (1.5 * diameter / tail**2 - slope / tail) * aft**2
+        + (diameter / tail**3 - slope / tail**2) * aft**3
+    )
+    inside = (x >= 0.0) & (x <= length)
+    return np.where(inside, np.maximum(np.where(x < nose, nose_radius, tail_radius), 0.0), 0.0)
+
+
+def cross_flow_strips(vehicle: Vehicle, count: int = STRIPS) -> list[Strip]:
+    """Gauss-Legendre strips along the hull: (station x m, drag weight rho/2 Cd d dx in kg/m).
+
+    The weights carry the hull's diameter as it varies along Myring's shape; they are scaled so that the
+    total is that of the exact plan area.
+    """
+    hull = vehicle.hull
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    from_nose = 0.5 * hull.length * (nodes + 1.0)
+    widths = 0.5 * hull.length * weights * 2.0 * myring_radius_m(hull, from_nose)
+    fine = np.linspace(0.0, hull.length, 4001)
+    plan_area = float(trapezoid(2.0 * myring_radius_m(hull, fine), fine))
+    widths *= plan_area / float(widths.sum())
+    drag = 0.5 * vehicle.water.density * hull.cross_flow_drag * widths
+    stations = hull.centre_of_buoyancy_from_nose - from_nose
+    return [(float(x), float(k)) for x, k in zip(stations, drag, strict=True)]
+
+
+def hull_wrench(
+    vehicle: Vehicle, maths: Maths[Lane]
+) -> Callable[[Lane, Lane, Lane, Lane, Lane, Lane], Wrench[Lane]]:
+    """Build the hull's damping wrench as a function of velocity relative to the water.
+
+    The function takes (u, v, w, p, q, r) in the platform frame (m/s, rad/s) and returns (X, Y, Z, K, M, N)
+    in N, N m. Sources: axial drag and body lift as Prestero 2001, with the lift's inflow taken
+    at its centre of pressure; cross-flow drag by strip theory, Fossen 2021, chapter 6, with the
+    resultant cross flow.
+    """
+    hull = vehicle.hull
+    axial, lift, arm, roll = hull.axial_drag, hull.lift, hull.centre_of_pressure_x, hull.roll_drag
+    turn_pitch, turn_yaw = hull.pitch_drag, hull.yaw_drag
+    strips = cross_flow_strips(vehicle)
+    sqrt = maths.sqrt
+
+    def wrench(u: Lane, v: Lane, w: Lane, p: Lane, q: Lane, r: Lane) -> Wrench[Lane]:
+        ahead = abs(u)
+        side = -lift * ahead * (v + arm * r)
+        heave = -lift * ahead * (w - arm * q)
+        yaw = arm * side - turn_yaw * abs(r) * r
+        pitch = -arm * heave - turn_pitch * abs(q) * q
+        for x, k in strips:
+            across = v + x * r
+            down = w - x * q
+            pull = k * sqrt(across * across + down * down)
+            across = pull * across
+            down = pull * down
+            side = side - across
+            heave = heave - down
+            yaw = yaw - x * across
+            pitch = pitch + x * down
+        return -axial * ahead * u, side, heave, -roll * abs(p) * p, pitch, yaw
+
+    return wrench
+
+
+def hull_damping_matrix(vehicle: Vehicle, nu_r: FloatArray) -> FloatArray:
+    """D(nu_r) of the hull, shape (6, 6), symmetric and never negative.
+
+    D(nu_r) nu_r is minus the hull's damping wrench.
+    """
+    hull = vehicle.hull
+    u, v, w, p, q, r = nu_r
+    matrix = np.zeros((6, 6))
+    matrix[0, 0] = hull.axial_drag * abs(u)
+    matrix[3, 3] = hull.roll_drag * abs(p)
+    matrix[4, 4] = hull.pitch_drag * abs(q)
+    matrix[5, 5] = hull.yaw_drag * abs(r)
+    lines = [(hull.centre_of_pressure_x, hull.lift * abs(u))]
+    lines += [(x, k * float(np.hypot(v + x * r, w - x * q))) for x, k in cross_flow_strips(vehicle)]
+    for x, k in lines:
+        sideways = np.array([0.0, 1.0, 0.0, 0.0, 0.0, x])
+        downward = np.array([0.0, 0.0, 1.0, 0.0, -x, 0.0])
+        matrix += k * (np.outer(sideways, sideways) + np.outer(downward, downward))
+    return matrix

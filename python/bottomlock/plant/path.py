@@ -1,0 +1,170 @@
+"""Paths in the horizontal plane: straight lines and arcs, and the target that runs along them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+
+from bottomlock.errors import ScenarioError
+from bottomlock.plant.lanes import FloatArray, IntArray
+
+_BLEND_M = 2.0
+
+
+@dataclass(frozen=True)
+class PathSegment:
+    """A line or an arc of at most a quarter turn: start (m), heading (rad), curvature (1/m, right +)."""
+
+    north_m: float
+    east_m: float
+    heading_rad: float
+    curvature_pm: float
+    length_m: float
+
+    def row(self) -> tuple[float, float, float, float, float, float]:
+        """The segment's start as guidance reads it: north, east, cos, sin, heading, curvature."""
+        heading = self.heading_rad
+        return self.north_m, self.east_m, math.cos(heading), math.sin(heading), heading, self.curvature_pm
+
+    def at(self, distance_m: float) -> tuple[float, float, float]:
+        """North (m), east (m) and heading (rad) after a distance along the segment."""
+        turn = self.curvature_pm * distance_m
+        half = 0.5 * turn
+        chord = distance_m * (1.0 if half == 0.0 else math.sin(half) / half)
+        bearing = self.heading_rad + half
+        return (
+            self.north_m + chord * math.cos(bearing),
+            self.east_m + chord * math.sin(bearing),
+            self.heading_rad + turn,
+        )
+
+
+def guide_rows(segments: Sequence[PathSegment]) -> list[tuple[float, ...]]:
+    """Per segment what guidance reads: its start, the next one's start, and the blend between them (m).
+
+    After the last segment the path runs straight on.
+    """
+    last = segments[-1]
+    beyond = PathSegment(*last.at(last.length_m), 0.0, _BLEND_M * 4.0)
+    rows: list[tuple[float, ...]] = []
+    for present, following in pairwise([*segments, beyond]):
+        blend = min(_BLEND_M, 0.5 * present.length_m, 0.5 * following.length_m)
+        rows.append((*present.row(), *following.row(), blend))
+    return rows
+
+
+def passed(row: Sequence[float], north_m: float, east_m: float) -> bool:
+    """True when the joint after a segment, and the blend over it, lie behind the vehicle."""
+    north, east, cosine, sine, blend = row[6], row[7], row[8], row[9], row[12]
+    return cosine * (north_m - north) + sine * (east_m - east) >= 0.5 * blend
+
+
+class PathBuilder:
+    """Lays segments end to end from a start."""
+
+    def __init__(self, north_m: float = 0.0, east_m: float = 0.0, heading_rad: float = 0.0) -> None:
+        self._pose = (north_m, east_m, heading_rad)
+        self.segments: list[PathSegment] = []
+
+    def line(self, length_m: float) -> Self:
+        """Go straight on."""
+        return self._append(0.0, length_m)
+
+    def arc(self, radius_m: float, turn_rad: float) -> Self:
+        """Turn by an angle, positive to the right, in pieces of at most a quarter turn."""
+        pieces = max(1, math.ceil(abs(turn_rad) / (0.5 * math.pi) - 1e-9))
+        for _ in range(pieces):
+            self._append(math.copysign(1.0 / radius_m, turn_rad), radius_m * abs(turn_rad) / pieces)
+        return self
+
+    def _append(self, curvature: float, length: float) -> Self:
+        segment = PathSegment(*self._pose, curvature, length)
+        self.segments.append(segment)
+        self._pose = segment.at(length)
+        return self
+
+
+def through_waypoints(waypoints_m: FloatArray, turn_radius_m: float) -> list[PathSegment]:
+    """Lines through waypoints (n, 2: north, east), corners rounded by arcs that touch both legs.
+
+    Raises `ScenarioError` naming the waypoint whose legs are too short for the arc, or that repeats its
+    predecessor.
+    """
+    points = np.asarray(waypoints_m, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.isfinite(points).all():
+        raise ScenarioError("waypoints: expected at least two rows of finite north, east in metres")
+    legs = np.diff(points, axis=0)
+    lengths = np.hypot(legs[:, 0], legs[:, 1])
+    for repeated in np.flatnonzero(lengths <= 0.0):
+        raise ScenarioError(f"waypoint {repeated + 2}: the same place as waypoint {repeated + 1}")
+    headings = np.arctan2(legs[:, 1], legs[:, 0])
+    turns = np.arctan2(np.sin(np.diff(headings)), np.cos(np.diff(headings)))
+    cut = np.zeros(len(points))
+    cut[1:-1] = turn_radius_m * np.tan(0.5 * np.abs(turns))
+    builder = PathBuilder(float(points[0, 0]), float(points[0, 1]), float(headings[0]))
+    for index, length in enumerate(lengths):
+        straight = float(length - cut[index] - cut[index + 1])
+        if straight < 0.0:
+            raise ScenarioError(
+                f"waypoint {index + 2}: the leg of {length:.1f} m is too short "
+                f"for turns of radius {turn_radius_m:g} m"
+            )
+        if straight > 0.0:
+            builder.line(straight)
+        if index < len(turns) and turns[index] != 0.0:
+            builder.arc(turn_radius_m, float(turns[index]))
+    return builder.segments
+
+
+def target_along(segments: list[PathSegment], speed_mps: float, time_s: FloatArray) -> FloatArray:
+    """A target running along the path at constant speed, (n, 5).
+
+    Columns: north, east (m), velocity north, east (m/s), turn rate (rad/s).
+
+    Beyond the last segment it runs on along the last heading.
+    """
+    ends = np.cumsum([segment.length_m for segment in segments])
+    distance = speed_mps * np.asarray(time_s)
+    which = np.minimum(np.searchsorted(ends, distance, side="right"), len(segments) - 1)
+    table = np.array([(s.north_m, s.east_m, s.heading_rad, s.curvature_pm, s.length_m) for s in segments])
+    north, east, heading, curvature, length = table[which].T
+    inside = distance - (ends[which] - length)
+    on_path = np.minimum(inside, length)
+    half = 0.5 * curvature * on_path
+    chord = on_path * np.sinc(half / np.pi)
+    bearing, leaving = heading + half, heading + 2.0 * half
+    beyond = inside - on_path
+    north = north + chord * np.cos(bearing) + beyond * np.cos(leaving)
+    east = east + chord * np.sin(bearing) + beyond * np.sin(leaving)
+    rate = np.where(beyond > 0.0, 0.0, speed_mps * curvature)
+    return np.stack([north, east, speed_mps * np.cos(leaving), speed_mps * np.sin(leaving), rate], axis=1)
+
+
+def cross_track_m(segments: list[PathSegment], position_ne_m: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Distance to the path (n,), positive to the right, and the nearest segment's index (n,)."""
+    points = np.asarray(position_ne_m, dtype=np.float64)
+    best = np.full(len(points), np.inf)
+    signed = np.full(len(points), np.nan)
+    nearest = np.zeros(len(points), dtype=np.int64)
+    for index, segment in enumerate(segments):
+        n0, e0, cosine, sine, _, curvature = segment.row()
+        dn, de = points[:, 0] - n0, points[:, 1] - e0
+        along, beside = cosine * dn + sine * de, cosine * de - sine * dn
+        turned, inner = curvature * along, 1.0 - curvature * beside
+        distance = np.hypot(turned, inner)
+        offset = (2.0 * beside - curvature * (along**2 + beside**2)) / (1.0 + distance)
+        travelled = (
+            along if curvature == 0.0 else np.arctan2(turned, inner) / abs(curvature) * np.sign(curvature)
+        )
+        overshoot = np.maximum(np.maximum(-travelled, travelled - segment.length_m), 0.0)
+        gap = np.hypot(offset, overshoot)
+        better = gap < best
+        best, signed, nearest = (
+            np.where(better, gap, best),
+            np.where(better, np.copysign(gap, offset), signed),
+            np.where(better, index, nearest),
+        )
+    return signed, nearest

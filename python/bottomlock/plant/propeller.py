@@ -1,0 +1,29 @@
+"""Thrust and torque of the propeller against shaft speed, with hull interaction."""
+
+from collections.abc import Callable
+
+from bottomlock.plant.lanes import Lane, Maths
+from bottomlock.plant.vehicle import Vehicle
+
+
+def propeller_wrench(vehicle: Vehicle, maths: Maths[Lane]) -> Callable[[Lane, Lane], tuple[Lane, Lane]]:
+    """Build net thrust X (N) and roll moment K (N m) from speed u (m/s) and shaft n (rev/s).
+
+    T = rho D⁴ (K_T0 n|n| + K_T1 |n| V_a / D), V_a = (1 - w) u, and the hull gets (1 - t) T; the torque
+    alike with D⁵ and opposite to the rotation (Fossen 2021, chapter 9, linear in the advance
+    number). A stopped shaft gives nothing.
+    """
+    prop = vehicle.propeller
+    density, diameter = vehicle.water.density, prop.diameter
+    advance = (1.0 - prop.wake_fraction) / diameter
+    thrust = density * diameter**4 * (1.0 - prop.thrust_deduction)
+    thrust_0, thrust_1 = thrust * prop.thrust_at_rest, thrust * prop.thrust_slope * advance
+    torque = -prop.rotation * density * diameter**5
+    torque_0, torque_1 = torque * prop.torque_at_rest, torque * prop.torque_slope * advance
+    del maths  # products only: the same line serves floats and arrays
+
+    def wrench(u: Lane, shaft: Lane) -> tuple[Lane, Lane]:
+        turning = abs(shaft)
+        return turning * (thrust_0 * shaft + thrust_1 * u), turning * (torque_0 * shaft + torque_1 * u)
+
+    return wrench

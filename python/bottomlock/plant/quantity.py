@@ -1,0 +1,120 @@
+"""Coefficients as people write them: a value, its unit, and where it comes from.
+
+In a vehicle file every coefficient is an inline table `{ value = 20, unit = "deg", source = "..." }`. The
+types below check the unit against the dimension the model needs and hand on a plain SI float.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
+
+_DEGREE = math.pi / 180.0
+_RPM = 1.0 / 60.0
+
+UNITS: dict[str, dict[str, float]] = {
+    "number": {"1": 1.0, "percent": 0.01},
+    "length": {"m": 1.0, "mm": 1e-3},
+    "area": {"m2": 1.0, "cm2": 1e-4},
+    "volume": {"m3": 1.0, "l": 1e-3},
+    "mass": {"kg": 1.0},
+    "added mass moment": {"kg m": 1.0},
+    "inertia": {"kg m2": 1.0},
+    "density": {"kg/m3": 1.0},
+    "quadratic drag": {"kg/m": 1.0},
+    "quadratic rotary drag": {"kg m2": 1.0},
+    "angle": {"rad": 1.0, "deg": _DEGREE},
+    "angular rate": {"rad/s": 1.0, "deg/s": _DEGREE},
+    "slope per angle": {"1/rad": 1.0, "1/deg": 1.0 / _DEGREE},
+    "shaft speed": {"rev/s": 1.0, "rpm": _RPM},
+    "shaft acceleration": {"rev/s2": 1.0, "rpm/s": _RPM},
+    "speed": {"m/s": 1.0},
+    "time": {"s": 1.0},
+    "per time": {"1/s": 1.0},
+    "per time squared": {"1/s2": 1.0},
+    "fin angle per angle": {"1": 1.0},
+    "fin angle per angle second": {"1/s": 1.0},
+    "fin angle per angular rate": {"s": 1.0},
+    "shaft speed per speed": {"rev/m": 1.0},
+    "shaft speed per distance": {"rev/(m s)": 1.0},
+    "shaft speed per acceleration": {"rev s/m": 1.0},
+}
+
+
+def _checked(
+    dimension: str, *, minimum: float | None, exclusive: bool, maximum: float | None
+) -> Callable[[Any], float]:
+    units = UNITS[dimension]
+
+    def convert(entry: object) -> float:
+        if not isinstance(entry, dict):
+            raise ValueError("expected a table { value, unit, source }")  # noqa: TRY004 - pydantic reports ValueError
+        unknown = sorted(set(entry) - {"value", "unit", "source"})
+        if unknown:
+            raise ValueError(f"unknown key '{unknown[0]}'; expected value, unit, source")
+        for key in ("value", "unit", "source"):
+            if key not in entry:
+                raise ValueError(f"'{key}' is missing")
+        value, unit, source = entry["value"], entry["unit"], entry["source"]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ValueError(f"value {value!r} is not a finite number")
+        if unit not in units:
+            raise ValueError(f"unit '{unit}' is not a unit of {dimension}; expected {' or '.join(units)}")
+        if not isinstance(source, str) or not source.strip():
+            raise ValueError("'source' is empty: say where the value comes from")
+        si = float(value) * units[unit]
+        if minimum is not None and (si < minimum or (exclusive and si == minimum)):
+            raise ValueError(f"{value:g} {unit} must be {'above' if exclusive else 'at least'} {minimum:g}")
+        if maximum is not None and si > maximum:
+            raise ValueError(f"{value:g} {unit} is above the limit of {maximum:g} (SI)")
+        return si
+
+    return convert
+
+
+def _any(dimension: str) -> BeforeValidator:
+    return BeforeValidator(_checked(dimension, minimum=None, exclusive=False, maximum=None))
+
+
+def _positive(dimension: str, maximum: float | None = None) -> BeforeValidator:
+    return BeforeValidator(_checked(dimension, minimum=0.0, exclusive=True, maximum=maximum))
+
+
+def _not_negative(dimension: str, maximum: float | None = None) -> BeforeValidator:
+    return BeforeValidator(_checked(dimension, minimum=0.0, exclusive=False, maximum=maximum))
+
+
+Number = Annotated[float, _any("number")]
+PositiveNumber = Annotated[float, _positive("number")]
+NotNegativeNumber = Annotated[float, _not_negative("number")]
+Fraction = Annotated[float, _not_negative("number", maximum=1.0)]
+Length = Annotated[float, _any("length")]
+PositiveLength = Annotated[float, _positive("length")]
+NotNegativeLength = Annotated[float, _not_negative("length")]
+PositiveArea = Annotated[float, _positive("area")]
+PositiveVolume = Annotated[float, _positive("volume")]
+Mass = Annotated[float, _any("mass")]
+PositiveMass = Annotated[float, _positive("mass")]
+AddedMassMoment = Annotated[float, _any("added mass moment")]
+Inertia = Annotated[float, _any("inertia")]
+PositiveInertia = Annotated[float, _positive("inertia")]
+PositiveDensity = Annotated[float, _positive("density")]
+QuadraticDrag = Annotated[float, _not_negative("quadratic drag")]
+RotaryDrag = Annotated[float, _not_negative("quadratic rotary drag")]
+Angle = Annotated[float, _any("angle")]
+PositiveAngle = Annotated[float, _positive("angle", maximum=math.pi)]
+PositiveAngularRate = Annotated[float, _positive("angular rate")]
+PositiveSlope = Annotated[float, _positive("slope per angle")]
+PositiveShaftSpeed = Annotated[float, _positive("shaft speed")]
+PositiveShaftAcceleration = Annotated[float, _positive("shaft acceleration")]
+PositiveSpeed = Annotated[float, _positive("speed")]
+PositiveTime = Annotated[float, _positive("time")]
+PerTime = Annotated[float, _positive("per time")]
+PerTimeSquared = Annotated[float, _positive("per time squared")]
+FinPerAngle = Annotated[float, _positive("fin angle per angle")]
+FinPerAngleSecond = Annotated[float, _positive("fin angle per angle second")]
+FinPerRate = Annotated[float, _not_negative("fin angle per angular rate")]
+ShaftPerSpeed = Annotated[float, _positive("shaft speed per speed")]
+ShaftPerDistance = Annotated[float, _positive("shaft speed per distance")]
+ShaftPerAcceleration = Annotated[float, _not_negative("shaft speed per acceleration")]

@@ -1,0 +1,195 @@
+"""The seabed under the beams: flat, sloped or gridded; range and incidence of every beam of every ping."""
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from bottomlock.errors import ScenarioError
+from bottomlock.plant.lanes import FloatArray
+from bottomlock.plant.matrices import rotation_t_p
+
+_MARCH_STEPS = 256
+_BISECTIONS = 40
+
+
+class Seabed(Protocol):
+    """A bottom that rays can hit."""
+
+    def intersect(self, origin_t_m: FloatArray, direction_t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Range (m) and cosine of incidence where rays (..., 3) first hit; NaN where they do not."""
+        ...
+
+
+@dataclass(frozen=True)
+class PlaneSeabed:
+    """Depth = depth_m + slope_north north + slope_east east; slopes positive when it deepens that way."""
+
+    depth_m: float
+    slope_north: float = 0.0
+    slope_east: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([self.depth_m, self.slope_north, self.slope_east]).all() or self.depth_m <= 0.0:
+            raise ScenarioError("seabed: depth_m must be positive and the slopes finite")
+
+    def intersect(self, origin_t_m: FloatArray, direction_t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Range (m) and cosine of incidence where rays (..., 3) hit; NaN for rays that run along or away."""
+        normal = np.array([-self.slope_north, -self.slope_east, 1.0])
+        closing = direction_t @ normal
+        height = self.depth_m - origin_t_m @ normal
+        hits = (closing > 0.0) & (height >= 0.0)
+        reach = np.where(hits, height / np.where(hits, closing, 1.0), np.nan)
+        return reach, np.where(hits, closing / np.linalg.norm(normal), np.nan)
+
+
+@dataclass(frozen=True)
+class GridSeabed:
+    """Depths (rows north, columns east) on an even grid, bilinear between.
+
+    Beyond the edges there is no bottom.
+    """
+
+    north_m: FloatArray
+    east_m: FloatArray
+    depth_m: FloatArray
+
+    def __post_init__(self) -> None:
+        north, east, depth = (
+            np.asarray(a, dtype=np.float64) for a in (self.north_m, self.east_m, self.depth_m)
+        )
+        for name, axis in (("north_m", north), ("east_m", east)):
+            if axis.ndim != 1 or len(axis) < 2 or not (np.diff(axis) > 0.0).all():
+                raise ScenarioError(f"seabed grid: {name} must hold at least two rising values")
+            if not np.allclose(np.diff(axis), axis[1] - axis[0], rtol=1e-6):
+                raise ScenarioError(f"seabed grid: {name} must be evenly spaced")
+        if depth.shape != (len(north), len(east)):
+            raise ScenarioError(
+                f"seabed grid: depth_m has shape {depth.shape}, expected ({len(north)}, {len(east)})"
+            )
+        if not np.isfinite(depth).all():
+            row, column = np.argwhere(~np.isfinite(depth))[0]
+            raise ScenarioError(f"seabed grid: depth_m at row {row + 1}, column {column + 1} is not finite")
+
+    def depth_at(self, north_m: FloatArray, east_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Depth (m) and its slopes to the north and east at places; NaN beyond the edges."""
+        depth = np.asarray(self.depth_m)
+        row, row_step = self._locate(north_m, self.north_m)
+        column, column_step = self._locate(east_m, self.east_m)
+        i = np.clip(np.nan_to_num(np.floor(row)), 0, depth.shape[0] - 2).astype(np.int64)
+        j = np.clip(np.nan_to_num(np.floor(column)), 0, depth.shape[1] - 2).astype(np.int64)
+        a, b = row - i, column - j
+        d00, d01, d10, d11 = depth[i, j], depth[i, j + 1], depth[i + 1, j], depth[i + 1, j + 1]
+        value = (1 - a) * ((1 - b) * d00 + b * d01) + a * ((1 - b) * d10 + b * d11)
+        slope_north = ((1 - b) * (d10 - d00) + b * (d11 - d01)) / row_step
+        slope_east = ((1 - a) * (d01 - d00) + a * (d11 - d10)) / column_step
+        inside = (row >= 0) & (row <= depth.shape[0] - 1) & (column >= 0) & (column <= depth.shape[1] - 1)
+        return np.where(inside, value, np.nan), slope_north, slope_east
+
+    @staticmethod
+    def _locate(place_m: FloatArray, axis_m: FloatArray) -> tuple[FloatArray, float]:
+        step = float(axis_m[1] - axis_m[0])
+        return (np.asarray(place_m) - float(axis_m[0])) / step, step
+
+    def intersect(self, origin_t_m: FloatArray, direction_t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Range (m) and cosine of incidence of the first hit; NaN if there is none.
+
+        Marches to a bracket, then bisects.
+        """
+        origin, direction = np.broadcast_arrays(origin_t_m, direction_t)
+        shape = origin.shape[:-1]
+        origin, direction = origin.reshape(-1, 3), direction.reshape(-1, 3)
+        falling = direction[:, 2] > 0.0
+        deepest = float(np.max(self.depth_m))
+        furthest = np.where(
+            falling, (deepest - origin[:, 2]) / np.where(falling, direction[:, 2], 1.0), np.nan
+        )
+        furthest = np.where(furthest > 0.0, furthest, np.nan) * (1.0 + 1e-12)
+        fractions = np.linspace(0.0, 1.0, _MARCH_STEPS + 1)
+        gaps = self._gap(origin[:, None], direction[:, None], furthest[:, None] * fractions)
+        under = (gaps[:, 1:] <= 0.0) & (gaps[:, :-1] > 0.0)
+        found = under.any(axis=1)
+        first = under.argmax(axis=1)
+        low, high = furthest * fractions[first], furthest * fractions[first + 1]
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            above = self._gap(origin, direction, middle) > 0.0
+            low, high = np.where(above, middle, low), np.where(above, high, middle)
+        reach = np.where(found, 0.5 * (low + high), np.nan)
+        spot = origin + reach[:, None] * direction
+        _, slope_north, slope_east = self.depth_at(spot[:, 0], spot[:, 1])
+        normal = np.stack([-slope_north, -slope_east, np.ones_like(slope_north)], axis=1)
+        cosine = np.abs((direction * normal).sum(axis=1)) / np.linalg.norm(normal, axis=1)
+        return reach.reshape(shape), np.where(found, cosine, np.nan).reshape(shape)
+
+    def _gap(self, origin: FloatArray, direction: FloatArray, distance: FloatArray) -> FloatArray:
+        spot = origin + distance[..., None] * direction
+        depth, _, _ = self.depth_at(spot[..., 0], spot[..., 1])
+        return np.asarray(depth - spot[..., 2])
+
+
+def rolling_seabed(
+    *, depth_m: float, relief_m: float, wavelength_m: float, half_width_m: float, spacing_m: float = 5.0
+) -> GridSeabed:
+    """A small grid of our own: crossed sine swells of a given relief (m, crest to mean) and wavelength."""
+    if min(depth_m, wavelength_m, half_width_m, spacing_m) <= 0.0 or not 0.0 <= relief_m < depth_m:
+        raise ScenarioError("rolling seabed: lengths must be positive and the relief less than the depth")
+    count = 2 * int(np.ceil(half_width_m / spacing_m)) + 1
+    axis: FloatArray = spacing_m * (np.arange(count, dtype=np.float64) - count // 2)
+    phase = 2.0 * np.pi * axis / wavelength_m
+    swell = 0.5 * relief_m * (np.sin(phase)[:, None] + np.sin(0.7 * phase)[None, :])
+    return GridSeabed(north_m=axis, east_m=axis, depth_m=depth_m + swell)
+
+
+def load_grid(path: Path) -> GridSeabed:
+    """Read a user's grid: TOML with north_m, east_m and depth_m (rows north), or .npz with the same names.
+
+    Raises `ScenarioError` naming the file and what is missing or malformed.
+    """
+    names = ("north_m", "east_m", "depth_m")
+    try:
+        tables: dict[str, Any]
+        if path.suffix == ".npz":
+            with np.load(path, allow_pickle=False) as archive:
+                tables = {name: np.asarray(archive[name], dtype=np.float64) for name in names}
+        else:
+            content = tomllib.loads(path.read_text(encoding="utf-8"))
+            tables = {name: np.asarray(content[name], dtype=np.float64) for name in names}
+    except KeyError as error:
+        raise ScenarioError(f"seabed grid {path}: {error} is missing; expected {', '.join(names)}") from error
+    except (OSError, ValueError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"seabed grid {path}: cannot be read: {error}") from error
+    return GridSeabed(**tables)
+
+
+@dataclass(frozen=True)
+class Footprints:
+    """Where beams meet the bottom: range (E, B) m and incidence (E, B) rad; NaN without a bottom."""
+
+    range_m: FloatArray
+    incidence_rad: FloatArray
+
+
+def footprints(
+    seabed: Seabed,
+    position_t_m: FloatArray,
+    attitude_t_p: FloatArray,
+    directions_p: FloatArray,
+    lever_arms_p_m: FloatArray | None = None,
+) -> Footprints:
+    """Cast every beam of every ping onto the seabed.
+
+    Positions (E, 3) and attitudes (E, 4) at the pings, beam directions and lever arms (B, 3) in the
+    platform frame.
+    """
+    directions = np.asarray(directions_p, dtype=np.float64)
+    arms = (
+        np.zeros_like(directions) if lever_arms_p_m is None else np.asarray(lever_arms_p_m, dtype=np.float64)
+    )
+    rotation = np.moveaxis(rotation_t_p(np.asarray(attitude_t_p).T), -1, 0)
+    rays = np.einsum("eij,bj->ebi", rotation, directions)
+    origins = np.asarray(position_t_m)[:, None, :] + np.einsum("eij,bj->ebi", rotation, arms)
+    reach, cosine = seabed.intersect(origins, rays)
+    return Footprints(reach, np.arccos(np.clip(cosine, -1.0, 1.0)))

@@ -1,0 +1,166 @@
+"""Swim a mission: one vehicle, flown on the truth, from its trim to the end."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bottomlock.errors import ScenarioError
+from bottomlock.plant import model
+from bottomlock.plant.integrate import attitude_by_rates, hermite, runge_kutta_step
+from bottomlock.plant.lanes import ARRAY, SCALAR, FloatArray, IntArray
+from bottomlock.plant.mission import Mission
+from bottomlock.plant.path import guide_rows, passed
+from bottomlock.plant.trim import start_state
+from bottomlock.plant.vehicle import Vehicle
+
+TICK_S = 0.2
+"""Guidance looks for the next segment this often, at instants that do not depend on the integration step."""
+
+NO_ERROR = (0.0,) * 9
+
+
+@dataclass(frozen=True)
+class Passage:
+    """A vehicle's whole state at the samples' times.
+
+    time_ns (N,), state (N, 28) laid out as in `model`, acceleration (N, 6) = nu' in m/s² and rad/s², water
+    (N, 3) = velocity relative to the water in the platform frame, segment (N,) = index of the path's
+    segment in use.
+    """
+
+    time_ns: IntArray
+    state: FloatArray
+    acceleration: FloatArray
+    water_velocity_p_mps: FloatArray
+    segment: IntArray
+
+
+def next_segment(rows: Sequence[Sequence[float]], index: int, north_m: float, east_m: float) -> int:
+    """The segment to follow from here: moves on past every joint that lies behind the vehicle."""
+    while index < len(rows) - 1 and passed(rows[index], north_m, east_m):
+        index += 1
+    return index
+
+
+def sample_times_ns(duration_s: float, imu_rate_hz: float) -> IntArray:
+    """Sample times from 0 to the duration, both included: round(k 1e9 / rate), int64 ns."""
+    count = round(duration_s * imu_rate_hz) + 1
+    times: IntArray = np.rint(np.arange(count) * (1e9 / imu_rate_hz)).astype(np.int64)
+    return times
+
+
+def swim(
+    vehicle: Vehicle,
+    mission: Mission,
+    *,
+    gravity_mps2: float,
+    imu_rate_hz: float = 150.0,
+    samples_per_step: int = 5,
+    steps_per_sample: int = 1,
+) -> Passage:
+    """Integrate the equations of motion over a mission and sample them at the IMU's rate.
+
+    One step of RK4 spans `samples_per_step` samples (1/30 s at 150 Hz), or a sample spans
+    `steps_per_sample` steps when finer steps are wanted. Between steps the states follow by cubic Hermite
+    interpolation and the accelerations from the equations of motion at the interpolated states. Raises
+    `ScenarioError` when speed or depth leave the vehicle's range.
+    """
+    _check(vehicle, mission)
+    step_s = samples_per_step / (steps_per_sample * imu_rate_hz)
+    count = round(mission.duration_s * imu_rate_hz)
+    steps = -(-count * steps_per_sample // samples_per_step)
+    ticks = max(1, round(TICK_S / step_s))
+    table = mission.timetable(0.5 * step_s * np.arange(2 * steps + 1, dtype=np.float64))
+    rows = table.tolist()
+    rates = model.derivative(
+        vehicle,
+        SCALAR,
+        speed_mps=mission.speed_mps,
+        law=mission.law,
+        gravity_mps2=gravity_mps2,
+        stuck=mission.stuck,
+    )
+    advance = runge_kutta_step(rates, SCALAR, step_s)
+    renew_attitude = attitude_by_rates(SCALAR, step_s)
+    state = start_state(vehicle, mission, gravity_mps2)
+    if mission.stuck is not None:
+        state[model.FINS.start + mission.stuck.fin - 1] = mission.stuck.angle_rad
+    guides = guide_rows(mission.segments)
+    index = next_segment(guides, 0, state[0], state[1])
+    segment = guides[index]
+    first = rates(state, rows[0], segment, NO_ERROR)
+    states, derivatives, indices = [state], [first], [index]
+    for number in range(steps):
+        middle, end = rows[2 * number + 1], rows[2 * number + 2]
+        before, state = state, advance(state, first, middle, end, segment, NO_ERROR)
+        last = rates(state, end, segment, NO_ERROR)
+        renew_attitude(before, first, state, last)
+        first = last
+        if (number + 1) % ticks == 0:
+            index = next_segment(guides, index, state[0], state[1])
+            segment = guides[index]
+        states.append(state)
+        derivatives.append(last)
+        indices.append(index)
+    every = _dense(np.array(states), np.array(derivatives), step_s, samples_per_step, steps_per_sample)
+    chosen = np.repeat(np.array(indices), samples_per_step)[::steps_per_sample]
+    return _passage(vehicle, mission, every[: count + 1], chosen[: count + 1], imu_rate_hz, gravity_mps2)
+
+
+def _dense(states: FloatArray, derivatives: FloatArray, step_s: float, parts: int, stride: int) -> FloatArray:
+    between = hermite(states[:-1], derivatives[:-1], states[1:], derivatives[1:], step_s, parts)
+    every = np.concatenate([between.reshape(-1, states.shape[1]), states[-1:]])[::stride]
+    every[:, model.ATTITUDE] /= np.linalg.norm(every[:, model.ATTITUDE], axis=1, keepdims=True)
+    return every
+
+
+def _passage(
+    vehicle: Vehicle,
+    mission: Mission,
+    states: FloatArray,
+    indices: IntArray,
+    imu_rate_hz: float,
+    gravity_mps2: float,
+) -> Passage:
+    rates = model.derivative(
+        vehicle,
+        ARRAY,
+        speed_mps=mission.speed_mps,
+        law=mission.law,
+        gravity_mps2=gravity_mps2,
+        stuck=mission.stuck,
+    )
+    rows = list(mission.timetable(np.arange(len(states)) / imu_rate_hz).T)
+    segment = tuple(np.array(guide_rows(mission.segments))[indices].T)
+    nothing = np.zeros(len(states))
+    columns = list(states.T)
+    error = (nothing,) * 9
+    derivative = rates(columns, rows, segment, error)
+    water = model.water_velocity_p(columns, rows)
+    return Passage(
+        time_ns=sample_times_ns(mission.duration_s, imu_rate_hz)[: len(states)],
+        state=states,
+        acceleration=np.stack(derivative[model.NU], axis=1),
+        water_velocity_p_mps=np.stack(water, axis=1),
+        segment=indices,
+    )
+
+
+def _check(vehicle: Vehicle, mission: Mission) -> None:
+    limits = vehicle.limits
+    if not limits.min_speed <= mission.speed_mps <= limits.max_speed:
+        raise ScenarioError(
+            f"mission {mission.name}: speed {mission.speed_mps:g} m/s is outside the vehicle's "
+            f"{limits.min_speed:g} to {limits.max_speed:g} m/s"
+        )
+    depth, _ = mission.depth.at(np.linspace(0.0, mission.duration_s, 1001))
+    for value in (float(depth.min()), float(depth.max())):
+        if not 0.0 <= value <= limits.max_depth:
+            raise ScenarioError(
+                f"mission {mission.name}: depth {value:.1f} m is outside 0 to {limits.max_depth:g} m"
+            )
+    if mission.duration_s <= 0.0:
+        raise ScenarioError(
+            f"mission {mission.name}: duration must be positive, got {mission.duration_s:g} s"
+        )

@@ -1,0 +1,94 @@
+"""Ways to move a vehicle by hand: fixed fins and shaft, or the autopilot from a given state."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from bottomlock.plant import Mission, Vehicle, model
+from bottomlock.plant.autopilot import Mixer
+from bottomlock.plant.equations import acceleration, to_tangent
+from bottomlock.plant.integrate import runge_kutta_step
+from bottomlock.plant.lanes import SCALAR, FloatArray
+from bottomlock.plant.path import guide_rows
+from bottomlock.plant.swim import NO_ERROR
+
+GRAVITY_MPS2 = 9.795
+LATITUDE_RAD = math.radians(32.8)
+
+
+def coast(
+    vehicle: Vehicle,
+    state: Sequence[float],
+    *,
+    fins_rad: Sequence[float] | FloatArray | Callable[[FloatArray], FloatArray],
+    shaft_rps: float,
+    duration_s: float,
+    step_s: float = 0.02,
+    current_t_mps: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> FloatArray:
+    """Swim from a state (position, attitude, nu: 13) with fins held or set each step; states (n, 13)."""
+    nu_dot = acceleration(vehicle, GRAVITY_MPS2, SCALAR)
+
+    def rates(x: FloatArray, held: tuple[float, ...]) -> FloatArray:
+        q0, q1, q2, q3, u, v, w, p, q, r = (float(value) for value in x[3:])
+        accel = nu_dot((q0, q1, q2, q3), (u, v, w, p, q, r), held, shaft_rps, current_t_mps, (0.0, 0.0, 0.0))  # type: ignore[arg-type]
+        turn = 0.5 * np.array(
+            [
+                -q1 * p - q2 * q - q3 * r,
+                q0 * p + q2 * r - q3 * q,
+                q0 * q + q3 * p - q1 * r,
+                q0 * r + q1 * q - q2 * p,
+            ]
+        )
+        return np.concatenate([to_tangent(q0, q1, q2, q3, u, v, w), turn, accel])
+
+    x = np.array(state, dtype=np.float64)
+    track = [x]
+    for _ in range(round(duration_s / step_s)):
+        held = tuple(float(angle) for angle in (fins_rad(x) if callable(fins_rad) else fins_rad))
+        k1 = rates(x, held)
+        k2 = rates(x + 0.5 * step_s * k1, held)
+        k3 = rates(x + 0.5 * step_s * k2, held)
+        k4 = rates(x + step_s * k3, held)
+        x = x + step_s / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+        x[3:7] /= np.linalg.norm(x[3:7])
+        track.append(x)
+    return np.array(track)
+
+
+def fins_of(
+    vehicle: Vehicle, *, roll_rad: float = 0.0, pitch_rad: float = 0.0, yaw_rad: float = 0.0
+) -> FloatArray:
+    """Fin deflections of equivalent roll, pitch and yaw deflections."""
+    return Mixer.of(vehicle).fins_rad(np.array([roll_rad, pitch_rad, yaw_rad]))
+
+
+def at_speed(speed_mps: float) -> list[float]:
+    """Level, northbound at 20 m, at a speed."""
+    return [0.0, 0.0, 20.0, 1.0, 0.0, 0.0, 0.0, speed_mps, 0.0, 0.0, 0.0, 0.0, 0.0]
+
+
+def pilot(
+    vehicle: Vehicle,
+    mission: Mission,
+    state: Sequence[float],
+    *,
+    duration_s: float,
+    step_s: float = 1.0 / 30.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Fly the mission's first segment closed loop from a whole state (28): times and states."""
+    rates = model.derivative(
+        vehicle, SCALAR, speed_mps=mission.speed_mps, law=mission.law, gravity_mps2=GRAVITY_MPS2
+    )
+    steps = round(duration_s / step_s)
+    rows = mission.timetable(0.5 * step_s * np.arange(2 * steps + 1, dtype=np.float64)).tolist()
+    advance = runge_kutta_step(rates, SCALAR, step_s)
+    segment = guide_rows(mission.segments)[0]
+    present = [float(value) for value in state]
+    track = [present]
+    for number in range(steps):
+        first = rates(present, rows[2 * number], segment, NO_ERROR)
+        present = advance(present, first, rows[2 * number + 1], rows[2 * number + 2], segment, NO_ERROR)
+        track.append(present)
+    return step_s * np.arange(steps + 1, dtype=np.float64), np.array(track, dtype=np.float64)

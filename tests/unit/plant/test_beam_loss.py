@@ -1,0 +1,132 @@
+"""Beam loss: limits by hand, Markov chains by their law, independence of run order, recordings."""
+
+import numpy as np
+import pytest
+
+from bottomlock.errors import ScenarioError
+from bottomlock.plant.beam_loss import (
+    MarkovDropout,
+    Outage,
+    ReturnLimits,
+    altitude_loss,
+    combine,
+    markov_valid,
+    replayed,
+    scheduled,
+)
+from bottomlock.plant.seabed import Footprints
+
+PINGS_NS = np.arange(250, dtype=np.int64) * 1_000_000_000
+KEYS = {"seed": 7, "trajectory_key": 2**63 + 11}
+
+
+def test_limits_cut_near_far_oblique_and_missing() -> None:
+    prints = Footprints(
+        range_m=np.array([[0.2, 10.0, 90.0, 30.0, np.nan]]),
+        incidence_rad=np.array([[0.1, 0.1, 0.1, 1.3, np.nan]]),
+    )
+    limits = ReturnLimits(min_range_m=0.5, max_range_m=80.0, max_incidence_rad=1.0)
+    assert limits.valid(prints).tolist() == [[False, True, False, False, False]]
+
+
+def test_schedule_includes_its_start_and_excludes_its_end() -> None:
+    valid = scheduled(PINGS_NS, 4, [Outage((3, 4), 10.0, 20.0)])
+    assert valid[:, :2].all()
+    assert valid[9].all()
+    assert not valid[10:20, 2:].any()
+    assert valid[20].all()
+
+
+@pytest.mark.parametrize(
+    ("outage", "words"),
+    [
+        (Outage((5,), 0.0, 1.0), "outage 1: beam 5 does not exist; expected 1 to 4"),
+        (Outage((1,), 2.0, 2.0), "outage 1: end_s 2 must be after start_s 2"),
+    ],
+)
+def test_senseless_outages_are_named(outage: Outage, words: str) -> None:
+    with pytest.raises(ScenarioError, match=words):
+        scheduled(PINGS_NS, 4, [outage])
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("period_s", [0.2, 1.0])
+def test_markov_dropout_has_its_means_at_any_ping_rate(period_s: float) -> None:
+    """Availability up / (up + down) and mean outage length.
+
+    Bounds: 5 sigma of the correlated mean, and 5 % on the length.
+    """
+    dropout = MarkovDropout(mean_up_s=20.0, mean_down_s=8.0)
+    times = (np.arange(3000) * period_s * 1e9).astype(np.int64)
+    valid = markov_valid(times, [dropout], first_run=0, runs=200, **KEYS)[:, :, 0]
+    share, correlation_s = 20.0 / 28.0, 1.0 / (1 / 20.0 + 1 / 8.0)
+    spread = np.sqrt(share * (1 - share) * 2.0 * max(correlation_s, period_s) / (200 * 3000 * period_s))
+    assert valid.mean() == pytest.approx(share, abs=5.0 * spread)
+    falls = (~valid[:, 1:] & valid[:, :-1]).sum()
+    outage_s = (~valid).sum() * period_s / falls
+    memory = np.exp(-period_s / correlation_s)
+    by_hand = period_s / ((1.0 - memory) * share)
+    assert outage_s == pytest.approx(by_hand, rel=0.05)
+
+
+def test_run_k_alone_equals_run_k_in_the_campaign() -> None:
+    dropouts = [MarkovDropout(10.0, 5.0), None, MarkovDropout(10.0, 5.0), MarkovDropout(30.0, 2.0)]
+    together = markov_valid(PINGS_NS, dropouts, first_run=0, runs=6, **KEYS)
+    alone = markov_valid(PINGS_NS, dropouts, first_run=4, runs=1, **KEYS)
+    assert together.shape == (6, 250, 4)
+    assert (together[4] == alone[0]).all()
+    assert together[:, :, 1].all()
+    assert (together[:, :, 0] != together[:, :, 2]).any()
+    assert (together[0] != together[1]).any()
+
+
+def test_switching_one_beam_off_moves_no_other() -> None:
+    dropout = MarkovDropout(10.0, 5.0)
+    both = markov_valid(PINGS_NS, [dropout, dropout], first_run=0, runs=2, **KEYS)
+    one = markov_valid(PINGS_NS, [None, dropout], first_run=0, runs=2, **KEYS)
+    assert (both[:, :, 1] == one[:, :, 1]).all()
+
+
+def test_altitude_loss_takes_all_beams() -> None:
+    valid = altitude_loss(PINGS_NS, 4, MarkovDropout(20.0, 20.0), first_run=0, runs=3, **KEYS)
+    assert (valid.all(axis=2) | (~valid).all(axis=2)).all()
+    assert not valid.all()
+
+
+def test_a_recorded_pattern_is_replayed_and_repeated() -> None:
+    stamps = np.array([100, 101, 102, 103], dtype=np.int64) * 1_000_000_000
+    pattern = np.array([[1, 1], [1, 0], [0, 0], [1, 1]], dtype=bool)
+    valid = replayed(PINGS_NS[:9], stamps, pattern)
+    assert (valid == pattern[np.arange(9) % 4]).all()
+
+
+@pytest.mark.parametrize(
+    ("stamps", "pattern", "words"),
+    [
+        ([0, 1], np.ones((3, 4), bool), r"2 times and a pattern of shape \(3, 4\)"),
+        ([0, 2, 1], np.ones((3, 4), bool), "row 3 is not after that of row 2"),
+    ],
+)
+def test_bad_recordings_are_named(stamps: list[int], pattern: np.ndarray, words: str) -> None:
+    with pytest.raises(ScenarioError, match=words):
+        replayed(PINGS_NS, np.array(stamps, dtype=np.int64), pattern)
+
+
+def test_rules_combine_by_and() -> None:
+    fixed = scheduled(PINGS_NS, 4, [Outage((1,), 0.0, 9.0)])
+    chance = markov_valid(PINGS_NS, [None, MarkovDropout(5.0, 5.0), None, None], first_run=0, runs=2, **KEYS)
+    both = combine(fixed, chance)
+    assert both.shape == (2, 250, 4)
+    assert both.flags.c_contiguous
+    assert (both == (fixed[None] & chance)).all()
+
+
+@pytest.mark.parametrize("limits", [(-1.0, 5.0, 1.0), (5.0, 5.0, 1.0), (1.0, 5.0, 2.0)])
+def test_bad_limits_are_refused(limits: tuple[float, float, float]) -> None:
+    with pytest.raises(ScenarioError, match="beam limits"):
+        ReturnLimits(*limits)
+
+
+def test_bad_dropouts_are_refused() -> None:
+    with pytest.raises(ScenarioError, match="must be positive"):
+        MarkovDropout(0.0, 5.0)

@@ -1,0 +1,109 @@
+"""Flying on an estimate: a perfect one changes nothing, a wrong one leads the vehicle astray."""
+
+import numpy as np
+import pytest
+
+from bottomlock.errors import ScenarioError
+from bottomlock.plant import Mission, Vehicle, fly, lawn_mower, straight
+from bottomlock.plant.closed_loop import (
+    Belief,
+    Fleet,
+    TruthBlock,
+    fly_on_estimate,
+    navigation_error,
+    straying_m,
+)
+from tests.unit.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
+
+
+def _fleet(vehicle: Vehicle, mission: Mission, runs: int) -> Fleet:
+    return Fleet(vehicle, mission, runs=runs, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2)
+
+
+def _perfect(block: TruthBlock) -> Belief:
+    return Belief(block.position_t_m[:, -1], block.attitude_t_p[:, -1], block.velocity_p_mps[:, -1])
+
+
+def test_perfect_estimates_fly_the_open_loop_truth(tauv: Vehicle) -> None:
+    mission = lawn_mower(duration_s=60.0)
+    fleet = _fleet(tauv, mission, 3)
+    blocks = list(fly_on_estimate(fleet, _perfect))
+    truth = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False).truth
+    assert (np.concatenate([block.time_ns for block in blocks]) == truth.time_ns).all()
+    for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "omega_p_radps", "force_p_mps2"):
+        together = np.concatenate([getattr(block, name) for block in blocks], axis=1)
+        assert np.allclose(together, getattr(truth, name)[None], atol=1e-8), name
+
+
+def test_a_position_error_puts_the_vehicle_beside_its_path(tauv: Vehicle) -> None:
+    """Each run goes astray by its own error: believed on the path, truly offset the other way."""
+    offsets = np.array([-2.0, 0.0, 3.0])
+    fleet = _fleet(tauv, straight(duration_s=120.0), 3)
+
+    def shifted(block: TruthBlock) -> Belief:
+        perfect = _perfect(block)
+        return Belief(
+            perfect.position_t_m + offsets[:, None] * [0.0, 1.0, 0.0],
+            perfect.attitude_t_p,
+            perfect.velocity_p_mps,
+        )
+
+    blocks = list(fly_on_estimate(fleet, shifted))
+    assert blocks[-1].position_t_m[:, -1, 1] == pytest.approx(-offsets, abs=0.05)
+    places = np.concatenate([block.position_t_m for block in blocks], axis=1)
+    cost = straying_m(fleet.mission, places)
+    assert cost[1] < 0.01
+    assert 1.0 < cost[0] < cost[2] < 3.0
+
+
+def test_a_heading_error_crabs_but_holds_the_believed_path(tauv: Vehicle) -> None:
+    """With yaw off by 3 deg and ground velocity known, the crab estimate absorbs the error."""
+    fleet = _fleet(tauv, straight(duration_s=120.0), 1)
+    half = 0.5 * np.deg2rad(3.0)
+    turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+
+    def twisted(block: TruthBlock) -> Belief:
+        perfect = _perfect(block)
+        w, x, y, z = perfect.attitude_t_p.T
+        c, s = turn[0], turn[3]
+        attitude = np.stack([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w], axis=1)
+        # the same tangent velocity seen from the twisted attitude
+        u, v, d = perfect.velocity_p_mps.T
+        angle = 2.0 * half
+        velocity = np.stack(
+            [np.cos(angle) * u + np.sin(angle) * v, np.cos(angle) * v - np.sin(angle) * u, d], axis=1
+        )
+        return Belief(perfect.position_t_m, attitude, velocity)
+
+    blocks = list(fly_on_estimate(fleet, twisted))
+    assert abs(blocks[-1].position_t_m[0, -1, 1]) < 0.2
+
+
+def test_navigation_error_is_true_minus_believed(tauv: Vehicle) -> None:
+    fleet = _fleet(tauv, straight(duration_s=2.0), 2)
+    block = fleet.start()
+    perfect = _perfect(block)
+    error = navigation_error(
+        block, Belief(perfect.position_t_m - 1.0, perfect.attitude_t_p, perfect.velocity_p_mps)
+    )
+    assert np.allclose(error[:, :3], 1.0)
+    assert np.allclose(error[:, 3:], 0.0)
+
+
+def test_a_lost_estimate_is_named(tauv: Vehicle) -> None:
+    fleet = _fleet(tauv, straight(duration_s=2.0), 3)
+
+    def lost(block: TruthBlock) -> Belief:
+        perfect = _perfect(block)
+        place = perfect.position_t_m.copy()
+        if block.time_ns[-1] >= 1_000_000_000:
+            place[1] = np.nan
+        return Belief(place, perfect.attitude_t_p, perfect.velocity_p_mps)
+
+    with pytest.raises(ScenarioError, match=r"run 1: the estimate at 1\.00 s is not finite"):
+        list(fly_on_estimate(fleet, lost))
+
+
+def test_no_runs_are_refused(tauv: Vehicle) -> None:
+    with pytest.raises(ScenarioError, match="expected at least 1, got 0"):
+        _fleet(tauv, straight(), 0)

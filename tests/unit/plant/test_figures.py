@@ -1,0 +1,48 @@
+"""The flight figure draws what it is given, the same bytes each time, and names what is missing."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock.errors import OutputError
+from bottomlock.figures import flight_figure, save_figure
+from bottomlock.plant import Flight, telemetry
+
+
+@pytest.fixture(scope="module")
+def validity() -> pl.DataFrame:
+    time_ns = np.arange(251, dtype=np.int64) * 1_000_000_000
+    return pl.DataFrame(
+        {"time_ns": time_ns, **{f"beam_{beam}_valid": time_ns % (beam + 1) == 0 for beam in range(1, 5)}}
+    )
+
+
+@pytest.mark.parametrize("name", ["straight", "figure_eight", "lawn_mower"])
+def test_a_flight_is_drawn_the_same_twice(
+    flights: dict[str, Flight], validity: pl.DataFrame, tmp_path: Path, name: str
+) -> None:
+    frame = telemetry(flights[name], every=75)
+    for copy in ("one", "two"):
+        save_figure(flight_figure(frame, validity), tmp_path / f"{copy}.svg")
+    first = (tmp_path / "one.svg").read_bytes()
+    assert first == (tmp_path / "two.svg").read_bytes()
+    assert len(flight_figure(frame, validity).axes) == 6
+    assert len(flight_figure(frame).axes) == 5
+
+
+def test_missing_columns_are_named(flights: dict[str, Flight], validity: pl.DataFrame) -> None:
+    frame = telemetry(flights["straight"], every=750)
+    with pytest.raises(OutputError, match="column 'depth_m' is missing"):
+        flight_figure(frame.drop("depth_m"))
+    with pytest.raises(OutputError, match="needs time_ns"):
+        flight_figure(frame, validity.drop("time_ns"))
+
+
+def test_an_unwritable_place_is_named(flights: dict[str, Flight], tmp_path: Path) -> None:
+    figure = flight_figure(telemetry(flights["straight"], every=750))
+    with pytest.raises(OutputError, match=r"nowhere.*cannot be written"):
+        save_figure(figure, tmp_path / "nowhere" / "x.svg")
+    with pytest.raises(OutputError, match="cannot be written"):
+        save_figure(figure, tmp_path / "x.tape")

@@ -1,0 +1,109 @@
+"""GPS at the surface, the magnetometer's heading error, and what pressure makes of depth."""
+
+import math
+import sys
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bottomlock.errors import ScenarioError
+from bottomlock.plant.surroundings import (
+    Iron,
+    MagneticField,
+    Pressure,
+    gps_times_ns,
+    magnetic_heading_error_rad,
+    world_magnetic_model,
+)
+
+FIELD = MagneticField(math.radians(5.0), math.radians(60.0), 48_000.0)
+
+
+def _headings(count: int = 8) -> np.ndarray[Any, np.dtype[np.float64]]:
+    half = 0.5 * 2.0 * np.pi * np.arange(count) / count
+    return np.stack([np.cos(half), np.zeros(count), np.zeros(count), np.sin(half)], axis=1)
+
+
+def test_gps_needs_the_surface_and_time_to_lock() -> None:
+    time = np.arange(0, 60_000_000_001, 100_000_000, dtype=np.int64)
+    depth = np.where((time >= 20_000_000_000) & (time < 40_000_000_000), 0.1, 5.0)
+    fixes = gps_times_ns(time, depth, rate_hz=1.0, acquire_s=5.0)
+    assert (fixes == np.arange(25, 40) * 1_000_000_000).all()
+
+
+def test_gps_below_gives_nothing() -> None:
+    time = np.arange(100, dtype=np.int64) * 1_000_000_000
+    assert len(gps_times_ns(time, np.full(100, 3.0), rate_hz=1.0)) == 0
+
+
+def test_declination_left_out_is_the_heading_error() -> None:
+    errors = magnetic_heading_error_rad(FIELD, Iron(), _headings(), assumed_declination_rad=0.0)
+    assert errors == pytest.approx(-math.radians(5.0))
+    known = magnetic_heading_error_rad(FIELD, Iron(), _headings(), assumed_declination_rad=math.radians(5.0))
+    assert known == pytest.approx(0.0, abs=1e-12)
+
+
+def test_hard_iron_swings_once_round_the_compass() -> None:
+    """A fixed field ahead of h adds h / H sin(magnetic heading) to first order (deviation coefficient B)."""
+    level = FIELD.strength_nt * math.cos(FIELD.inclination_rad)
+    iron = Iron(hard_p_nt=(0.01 * level, 0.0, 0.0))
+    errors = magnetic_heading_error_rad(
+        FIELD, iron, _headings(36), assumed_declination_rad=FIELD.declination_rad
+    )
+    heading = 2.0 * np.pi * np.arange(36) / 36 - FIELD.declination_rad
+    assert np.allclose(errors, -0.01 * np.sin(heading), atol=2e-4)
+
+
+def test_soft_iron_swings_twice_round_the_compass() -> None:
+    iron = Iron(soft=((1.02, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+    errors = magnetic_heading_error_rad(
+        FIELD, iron, _headings(36), assumed_declination_rad=FIELD.declination_rad
+    )
+    heading = 2.0 * np.pi * np.arange(36) / 36 - FIELD.declination_rad
+    assert np.allclose(np.abs(errors), np.abs(0.01 * np.sin(2.0 * heading)), atol=3e-4)
+
+
+def test_the_world_magnetic_model_comes_from_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    class GeoMag:
+        def calculate(self, *, glat: float, glon: float, alt: float, time: float) -> SimpleNamespace:
+            assert (round(glat), round(glon), alt) == (33, 35, 0.0)
+            if time > 2030.0:
+                raise ValueError("date")
+            return SimpleNamespace(d=4.9, i=50.0, f=44_000.0)
+
+    module = ModuleType("pygeomag")
+    module.GeoMag = GeoMag  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "pygeomag", module)
+    field = world_magnetic_model(math.radians(33.0), math.radians(35.0), 2026.5)
+    assert field.declination_rad == pytest.approx(math.radians(4.9))
+    with pytest.raises(ScenarioError, match="refuses 2040"):
+        world_magnetic_model(math.radians(33.0), math.radians(35.0), 2040.0)
+
+
+def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pygeomag", None)
+    with pytest.raises(ScenarioError, match=r"bottomlock\[magnetic\]"):
+        world_magnetic_model(0.5, 0.5, 2026.0)
+
+
+def test_depth_errors_by_hand() -> None:
+    """1 % denser water reads 1 % deep; half a metre of high tide reads half a metre deep."""
+    depth = np.array([0.0, 50.0, 100.0])
+    dense = Pressure(density_kgpm3=1030.0, assumed_density_kgpm3=1030.0 / 1.01)
+    assert dense.depth_error_m(depth, 9.8) == pytest.approx(0.01 * depth)
+    assert Pressure(tide_m=0.5).depth_error_m(depth, 9.8) == pytest.approx(0.5)
+    low = Pressure(barometric_offset_pa=-1026.0 * 9.8)
+    assert low.depth_error_m(depth, 9.8) == pytest.approx(-1.0)
+
+
+def test_the_papers_pressure_noise_is_two_centimetres() -> None:
+    assert Pressure().noise_to_depth_sd_m(194.0, 9.8) == pytest.approx(0.0193, abs=1e-4)
+
+
+def test_senseless_settings_are_refused() -> None:
+    with pytest.raises(ScenarioError, match="densities"):
+        Pressure(density_kgpm3=0.0)
+    with pytest.raises(ScenarioError, match="rate_hz"):
+        gps_times_ns(np.zeros(2, dtype=np.int64), np.zeros(2), rate_hz=0.0)

@@ -1,0 +1,75 @@
+"""Missions and seabeds from TOML tables: human units in, SI out, wrong keys named."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bottomlock.errors import ScenarioError
+from bottomlock.plant import straight
+from bottomlock.plant.seabed import GridSeabed, PlaneSeabed
+from bottomlock.plant.tables import mission_from_table, seabed_from_table
+
+
+@pytest.mark.parametrize("kind", ["straight", "figure_eight", "lawn_mower"])
+def test_the_three_missions_by_name(kind: str) -> None:
+    mission = mission_from_table({"kind": kind}, kind)
+    assert (mission.name, mission.duration_s, mission.speed_mps) == (kind, 250.0, 2.0)
+
+
+def test_defaults_are_those_of_the_python_functions() -> None:
+    assert mission_from_table({"kind": "straight"}, "x") == straight()
+
+
+def test_a_full_waypoint_table() -> None:
+    mission = mission_from_table(
+        {
+            "kind": "waypoints",
+            "name": "harbour",
+            "waypoints_m": [[0, 0], [100, 0], [100, 50]],
+            "turn_radius_m": 12,
+            "depth_profile": [[0, 5], [30, 8]],
+            "guidance": "constant_bearing",
+            "current": {"speed_mps": 0.3, "towards_deg": 90},
+            "stuck_fin": {"fin": 3, "angle_deg": 4},
+        },
+        "harbour",
+    )
+    assert mission.law == "constant_bearing"
+    assert mission.current.mean_mps == pytest.approx((0.0, 0.3), abs=1e-15)
+    assert mission.stuck is not None
+    assert mission.stuck.angle_rad == pytest.approx(math.radians(4.0))
+    assert mission.duration_s == pytest.approx((150.0 - (2.0 - math.pi / 2) * 12.0) / 2.0)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"kind": "spiral"}, "trajectory bad: .*spiral"),
+        ({"kind": "straight", "sped_mps": 2}, r"straight\.sped_mps"),
+        ({"kind": "straight", "speed_mps": -1}, r"straight\.speed_mps: .*greater than 0"),
+        (
+            {"kind": "waypoints", "name": "x", "waypoints_m": [[0, 0]], "depth_profile": [[0, 1]]},
+            "waypoints_m",
+        ),
+        ({"kind": "straight", "stuck_fin": {"fin": 5, "angle_deg": 0}}, r"stuck_fin\.fin"),
+        ({"kind": "straight", "current": {"speed_mps": float("nan")}}, r"current\.speed_mps"),
+    ],
+)
+def test_wrong_keys_are_named(table: dict[str, Any], words: str) -> None:
+    with pytest.raises(ScenarioError, match=words):
+        mission_from_table(table, "bad")
+
+
+def test_seabeds(tmp_path: Path) -> None:
+    plane = seabed_from_table({"kind": "plane", "depth_m": 60, "slope_north_deg": 5}, "x")
+    assert plane == PlaneSeabed(60.0, math.tan(math.radians(5.0)), 0.0)
+    rolling = seabed_from_table({"kind": "rolling", "depth_m": 60, "relief_m": 4, "wavelength_m": 90}, "x")
+    assert isinstance(rolling, GridSeabed)
+    np.savez(tmp_path / "own.npz", north_m=rolling.north_m, east_m=rolling.east_m, depth_m=rolling.depth_m)
+    own = seabed_from_table({"kind": "grid", "path": str(tmp_path / "own.npz")}, "x")
+    assert isinstance(own, GridSeabed)
+    with pytest.raises(ScenarioError, match=r"seabed x: plane\.depth_m"):
+        seabed_from_table({"kind": "plane", "depth_m": -60}, "x")
