@@ -59,8 +59,8 @@ def test_what_linearisation_costs_tight_coupling_on_the_straight_line() -> None:
 
     The block −[R v̂ ×] turns a drifted v̂_E times the yaw error into north: the filter claims an uncertainty of north
     position that does not exist (14.8 m for 11.8 m after 250 s). Mean square of error over sigma 0.71 over time, 0.42
-    at the end (0.69 and 0.42 over 1200 runs), where 1 is right; with yaw known to 1e-4 rad it is 0.99. No state claims too
-    much, and NEES of velocity and attitude stays in its band.
+    at the end (0.69 and 0.42 over 1200 runs), where 1 is right; with yaw known to 1e-4 rad it is 0.99. No state
+    claims too much, and NEES of velocity and attitude stays in its band.
     """
     squares = ensembles.fly("straight", ARMS).squares("tc")
     for state in range(9):
