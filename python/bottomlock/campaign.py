@@ -88,25 +88,22 @@ def geometry_of(scenario: Scenario) -> kernel.BeamGeometry:
     """The beams of a scenario.
 
     Raises:
-        ScenarioError: for directions that are not unit vectors.
+        ScenarioError: for directions that are not unit vectors, and beams that lie in a plane.
     """
     dvl = scenario.dvl
-    mounting = np.deg2rad([dvl.mounting_roll_deg, dvl.mounting_pitch_deg, dvl.mounting_yaw_deg])
     try:
-        if dvl.configuration == "directions":
-            return kernel.BeamGeometry(
-                dvl.directions or (), lever_arms_p_m=dvl.lever_arms_m, mounting_rpy_rad=mounting,
-                sound_speed_scale=dvl.sound_speed_scale,
-            )  # fmt: skip
-        if dvl.configuration == "angles":
-            return kernel.BeamGeometry.from_angles(
-                np.deg2rad(dvl.tilts_deg or ()), np.deg2rad(dvl.azimuths_deg or ()), lever_arms_p_m=dvl.lever_arms_m,
-                mounting_rpy_rad=mounting, sound_speed_scale=dvl.sound_speed_scale,
-            )  # fmt: skip
-        return kernel.BeamGeometry.janus(
-            float(np.deg2rad(dvl.tilt_deg)), configuration=dvl.configuration, lever_arms_p_m=dvl.lever_arms_m,
-            mounting_rpy_rad=mounting, sound_speed_scale=dvl.sound_speed_scale,
-        )  # fmt: skip
+        return kernel.make_geometry(
+            dvl.configuration,
+            tilt_rad=float(np.deg2rad(dvl.tilt_deg)),
+            tilts_rad=np.deg2rad(dvl.tilts_deg or ()),
+            azimuths_rad=np.deg2rad(dvl.azimuths_deg or ()),
+            directions=dvl.directions,
+            lever_arms_p_m=dvl.lever_arms_m,
+            mounting_rpy_rad=np.deg2rad(
+                [dvl.mounting_roll_deg, dvl.mounting_pitch_deg, dvl.mounting_yaw_deg]
+            ),
+            sound_speed_scale=dvl.sound_speed_scale,
+        )
     except kernel.KernelError as error:
         raise ScenarioError(f"scenario {scenario.name}: dvl: {error}") from error
 

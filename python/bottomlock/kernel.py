@@ -1,4 +1,22 @@
-"""The only importer of the compiled kernel: arrays in, arrays out."""
+"""The only importer of the compiled kernel: arrays in, arrays out.
+
+Examples:
+    A vehicle at rest, aided by two beams at 1 Hz:
+
+    >>> import numpy as np
+    >>> from bottomlock.scenario import load_scenario
+    >>> scenario, gravity = load_scenario("straight"), normal_gravity_mps2(0.57)
+    >>> initial = {"time_ns": 0, "position_t_m": [0, 0, 0], "attitude_t_p": [1, 0, 0, 0], "velocity_p_mps": [0, 0, 0]}
+    >>> janus = BeamGeometry.janus(np.deg2rad(20.0))
+    >>> navigator = Navigator(janus, scenario.kernel_model(gravity), scenario.kernel_options(), initial, arm="tc")
+    >>> for k in range(151):
+    ...     _ = navigator.push_imu(k * 6_666_667, [0.0, 0.0, 0.0], [0.0, 0.0, -gravity])
+    >>> reports = navigator.push_beams(
+    ...     150 * 6_666_667, np.zeros(4), np.array([True, True, False, False]), sd_mps=np.full(4, 0.042)
+    ... )
+    >>> reports[0]["verdict"], bool(np.linalg.norm(navigator.state()["velocity_p_mps"]) < 0.01)
+    ('accepted', True)
+"""
 
 import difflib
 from dataclasses import dataclass
@@ -35,6 +53,7 @@ __all__ = [
     "VelocityFixes",
     "error_model",
     "kernel_version",
+    "make_geometry",
     "normal_gravity_mps2",
     "run_batch",
     "simulate_sensors",
@@ -144,6 +163,59 @@ def method_name(name: str) -> str:
     close = difflib.get_close_matches(name, [*METHODS, *METHODS.values()], n=1)
     hint = f", did you mean '{close[0]}'?" if close else ""
     raise KernelError(f"unknown method '{name}'{hint} (known: {', '.join(METHODS)})")
+
+
+def make_geometry(
+    configuration: str,
+    *,
+    tilt_rad: float | None = None,
+    tilts_rad: ArrayLike | None = None,
+    azimuths_rad: ArrayLike | None = None,
+    directions: ArrayLike | None = None,
+    lever_arms_p_m: ArrayLike | None = None,
+    mounting_rpy_rad: ArrayLike | None = None,
+    sound_speed_scale: float = 1.0,
+) -> BeamGeometry:
+    """The beams of a configuration "x", "+", "angles" or "directions", as the TOML files name them.
+
+    Raises:
+        KernelError: for what a configuration lacks, directions that are not unit vectors, and three or more beams in a
+            plane or on a line: a slip in an azimuth, not an instrument.
+
+    Examples:
+        >>> make_geometry("+", tilt_rad=0.35).rank
+        3
+    """
+    if configuration == "directions" and directions is not None:
+        geometry = BeamGeometry(
+            directions,
+            lever_arms_p_m=lever_arms_p_m,
+            mounting_rpy_rad=mounting_rpy_rad,
+            sound_speed_scale=sound_speed_scale,
+        )
+    elif configuration == "angles" and tilts_rad is not None and azimuths_rad is not None:
+        geometry = BeamGeometry.from_angles(
+            tilts_rad,
+            azimuths_rad,
+            lever_arms_p_m=lever_arms_p_m,
+            mounting_rpy_rad=mounting_rpy_rad,
+            sound_speed_scale=sound_speed_scale,
+        )
+    elif tilt_rad is not None:
+        geometry = BeamGeometry.janus(
+            tilt_rad,
+            configuration=configuration,
+            lever_arms_p_m=lever_arms_p_m,
+            mounting_rpy_rad=mounting_rpy_rad,
+            sound_speed_scale=sound_speed_scale,
+        )
+    else:
+        raise KernelError(f"configuration '{configuration}' lacks its tilts, azimuths or directions")
+    if geometry.beams >= 3 and geometry.rank < 3:
+        raise KernelError(
+            f"the {geometry.beams} beams see only {geometry.rank} directions, expected 3: check azimuths and tilts"
+        )
+    return geometry
 
 
 def solve_velocity(

@@ -104,6 +104,10 @@ def test_geometry_files(tmp_path: Path) -> None:
             "configuration = 'directions'\ndirections = [[0, 0, 2]]\nbeam_noise_mps = 0.01\n",
             "direction of beam 1 has norm 2",
         ),
+        (
+            "configuration = 'angles'\ntilts_deg = [20, 0, -20]\nazimuths_deg = [0, 0, 0]\nbeam_noise_mps = 0.01\n",
+            "see only 2 directions, expected 3",
+        ),
         ("configuration = ", "not valid TOML"),
     ):
         with pytest.raises(ScenarioError, match=message):

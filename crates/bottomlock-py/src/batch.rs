@@ -69,7 +69,10 @@ impl OwnedSchedule {
     }
 }
 
-/// Draws every sensor stream of one run as arrays.
+/// Draws every sensor stream of one run as arrays, with the true errors behind them.
+///
+/// The streams are keyed by (seed, trajectory_key, run): run k alone is run k of a campaign, and a sensor that is switched off
+/// shifts no other. Raises KernelError for a truth, a model or a schedule that makes no sense, naming the field and the time.
 #[pyfunction]
 #[pyo3(signature = (geometry, truth, model, schedule, *, seed, trajectory_key, run, imu_sampling="instantaneous"))]
 pub fn simulate_sensors<'py>(
@@ -190,7 +193,11 @@ pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> P
     out.set_item("dvl_scale_factor", state.dvl_scale_factor)
 }
 
-/// Works off runs × arms; the bits do not depend on the number of threads.
+/// Works off runs × arms on the same sensor errors; the bits do not depend on the number of threads.
+///
+/// Returns error and sd (runs, arms, samples, 9): position (tangent, m), misalignment (tangent, rad), velocity (platform, m/s),
+/// true minus estimate; nees and nees_velocity_attitude (runs, arms, samples); nis_mean (NaN without fixes), fixes_accepted and
+/// fixes_rejected (runs, arms). The GIL is released. Raises KernelError naming the field, or the run and the arm.
 #[pyfunction]
 #[pyo3(signature = (geometry, truth, simulated, assumed, options, schedule, arms, *, seed, trajectory_key, first_run, runs,
     threads))]

@@ -13,7 +13,18 @@ use crate::arrays::{array, booleans, floats, from_rows, rows, vector};
 use crate::errors::{raise, refuse};
 use crate::settings::mask;
 
-/// Directions and lever arms of the beams of a DVL.
+/// Directions and lever arms of the beams of a DVL, 1 to 8 beams.
+///
+/// Args:
+///     directions_d: (beams, 3) unit vectors in the DVL's own frame.
+///     lever_arms_p_m: (beams, 3) place of each transducer in the platform frame; zero by default.
+///     mounting_rpy_rad: (3,) roll, pitch, yaw (z-y-x) of the DVL frame in the platform frame; zero by default.
+///     sound_speed_scale: sound speed that the instrument assumes over the true one.
+///
+/// Raises:
+///     KernelError: for a wrong shape, no beam or more than 8, or a direction that is not a unit vector, naming the beam.
+///
+/// Source: Tal et al. 2017, Eqs. 12-16.
 #[pyclass(frozen, module = "bottomlock._kernel")]
 pub struct BeamGeometry {
     pub inner: core::BeamGeometry,
@@ -61,6 +72,8 @@ impl BeamGeometry {
         finish(geometry, lever_arms_p_m, mounting_rpy_rad, sound_speed_scale)
     }
 
+    /// Four beams of equal tilt from the vertical, rad: "x" at azimuths 45, 135, 225, 315 deg, "+" at 0, 90, 180, 270 deg
+    /// (Eqs. 13 and 14).
     #[staticmethod]
     #[pyo3(signature = (tilt_rad, *, configuration="x", lever_arms_p_m=None, mounting_rpy_rad=None, sound_speed_scale=1.0))]
     fn janus(
@@ -79,6 +92,7 @@ impl BeamGeometry {
         finish(geometry, lever_arms_p_m, mounting_rpy_rad, sound_speed_scale)
     }
 
+    /// Beams by tilt from the vertical and azimuth from the bow towards starboard, each (beams,), rad (Eq. 13).
     #[staticmethod]
     #[pyo3(signature = (tilt_rad, azimuth_rad, *, lever_arms_p_m=None, mounting_rpy_rad=None, sound_speed_scale=1.0))]
     fn from_angles(
@@ -94,6 +108,7 @@ impl BeamGeometry {
         finish(geometry, lever_arms_p_m, mounting_rpy_rad, sound_speed_scale)
     }
 
+    /// (beams, 3) unit vectors in the platform frame, mounting applied.
     #[getter]
     fn directions_p<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let values: Vec<[f64; 3]> = (0..self.inner.beams())
@@ -102,6 +117,7 @@ impl BeamGeometry {
         from_rows(py, &values)
     }
 
+    /// (beams, 3) place of each transducer in the platform frame, m.
     #[getter]
     fn lever_arms_p_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let values: Vec<[f64; 3]> = (0..self.inner.beams())
@@ -110,16 +126,31 @@ impl BeamGeometry {
         from_rows(py, &values)
     }
 
+    /// Number of beams.
     #[getter]
     fn beams(&self) -> usize {
         self.inner.beams()
     }
 
+    /// Number of independent directions: 3 where all beams together determine a velocity.
+    #[getter]
+    fn rank(&self) -> usize {
+        self.inner.rank()
+    }
+
+    /// Sound speed that the instrument assumes over the true one.
     #[getter]
     fn sound_speed_scale(&self) -> f64 {
         self.inner.sound_speed_scale()
     }
 
+    /// What the beams read without noise (Eq. 15), (n, beams), m/s.
+    ///
+    /// Args:
+    ///     velocity_p_mps: (n, 3) velocity over ground, platform frame.
+    ///     rate_tp_p_radps: (n, 3) angular rate against the tangent frame, for the lever arms; zero by default.
+    ///     beam_bias_mps: (beams,) bias of each beam; zero by default.
+    ///     scale_factor: scale factor error.
     #[pyo3(signature = (velocity_p_mps, *, rate_tp_p_radps=None, beam_bias_mps=None, scale_factor=0.0))]
     fn beam_velocities<'py>(
         &self,

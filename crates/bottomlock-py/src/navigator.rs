@@ -20,7 +20,23 @@ use crate::dvl::BeamGeometry;
 use crate::errors::raise;
 use crate::settings;
 
-/// An aided inertial navigator, fed a sample at a time.
+/// An aided inertial navigator, fed a sample at a time: the very filter of a campaign, bit for bit.
+///
+/// A measurement between two IMU samples waits for the later one; the step is then split at the measurement's own time.
+///
+/// Args:
+///     geometry: the beams.
+///     model: environment and sensor errors in SI (`Scenario.kernel_model`).
+///     options: filter options (`Scenario.kernel_options`).
+///     initial: time_ns, position_t_m, attitude_t_p (scalar first), velocity_p_mps; biases and scale factor are optional.
+///     arm: what to make of the beams: ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info or weak_sway.
+///     covariance: (20, 20) covariance at the start; the model's by default.
+///
+/// Every push returns the reports of the measurements that it worked off: innovation, its covariance, NIS, verdict.
+///
+/// Raises:
+///     KernelError: for numbers that are not finite, wrong shapes, and time that does not increase within a stream or lies
+///         before the filter's; the sample is then not taken.
 #[pyclass(module = "bottomlock._kernel")]
 pub struct Navigator {
     inner: core::Navigator,
@@ -108,6 +124,7 @@ impl Navigator {
         self.push(py, &[Event::Imu(sample)])
     }
 
+    /// Many inertial readings: time_ns (n,) int64, rate_p_radps (n, 3), force_p_mps2 (n, 3).
     #[pyo3(signature = (time_ns, rate_p_radps, force_p_mps2))]
     fn push_imu_block<'py>(
         &mut self,
@@ -133,6 +150,7 @@ impl Navigator {
         self.push(py, &events)
     }
 
+    /// A ping: velocity_mps, valid and sd_mps, each (beams,); entries of invalid beams may be NaN.
     #[pyo3(signature = (time_ns, velocity_mps, valid, *, sd_mps))]
     fn push_beams<'py>(
         &mut self,
@@ -154,6 +172,7 @@ impl Navigator {
         self.push(py, &[Event::Beams(ping)])
     }
 
+    /// A velocity that an instrument solved itself: (3,) in the platform frame, with its (3, 3) covariance.
     #[pyo3(signature = (time_ns, velocity_p_mps, *, cov_m2ps2))]
     fn push_velocity<'py>(
         &mut self,
@@ -171,6 +190,7 @@ impl Navigator {
         self.push(py, &[Event::Velocity(sample)])
     }
 
+    /// A depth below the tangent plane's origin, m.
     #[pyo3(signature = (time_ns, depth_m, *, sd_m))]
     fn push_depth<'py>(
         &mut self,
@@ -182,6 +202,7 @@ impl Navigator {
         self.push(py, &[Event::Depth(DepthSample { time_ns, depth_m, sd_m })])
     }
 
+    /// An attitude (4,), scalar first, with the standard deviations of its Euler angles.
     #[pyo3(signature = (time_ns, attitude_t_p, *, roll_pitch_sd_rad, yaw_sd_rad))]
     fn push_attitude<'py>(
         &mut self,
@@ -203,6 +224,7 @@ impl Navigator {
         )
     }
 
+    /// A yaw angle alone, rad.
     #[pyo3(signature = (time_ns, yaw_rad, *, sd_rad))]
     fn push_heading<'py>(
         &mut self,
@@ -221,6 +243,7 @@ impl Navigator {
         )
     }
 
+    /// A GPS position and velocity in the tangent frame, each (3,), with standard deviations (3,).
     #[pyo3(signature = (time_ns, position_t_m, velocity_t_mps, *, position_sd_m, velocity_sd_mps))]
     fn push_gps<'py>(
         &mut self,
@@ -241,12 +264,14 @@ impl Navigator {
         self.push(py, &[Event::Gps(sample)])
     }
 
+    /// The estimate at the time of the last IMU sample.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
         put_state(py, &out, &self.inner.state())?;
         Ok(out)
     }
 
+    /// The (20, 20) covariance at that time; asking changes nothing.
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         array(py, self.inner.covariance().as_slice().to_vec(), &[DIM, DIM])
     }

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.kernel import BeamGeometry, KernelError
+from bottomlock.kernel import BeamGeometry, KernelError, make_geometry
 from bottomlock.scenario import explain
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -128,25 +128,19 @@ def read_geometry(source: str | Path) -> Instrument:
         settings = InstrumentFile.model_validate(content)
     except ValidationError as error:
         raise ScenarioError(explain(error, place, content, InstrumentFile)) from error
-    mounting = [
-        math.radians(a)
-        for a in (settings.mounting_roll_deg, settings.mounting_pitch_deg, settings.mounting_yaw_deg)
-    ]
-    extra = {
-        "lever_arms_p_m": settings.lever_arms_m,
-        "mounting_rpy_rad": mounting,
-        "sound_speed_scale": settings.sound_speed_scale,
-    }
     try:
-        if settings.configuration == "directions":
-            geometry = BeamGeometry(settings.directions or (), **extra)  # type: ignore[arg-type]
-        elif settings.configuration == "angles":
-            geometry = BeamGeometry.from_angles(
-                np.deg2rad(settings.tilts_deg or ()), np.deg2rad(settings.azimuths_deg or ()), **extra  # type: ignore[arg-type]
-            )  # fmt: skip
-        else:
-            tilt = math.radians(settings.tilt_deg or 0.0)
-            geometry = BeamGeometry.janus(tilt, configuration=settings.configuration, **extra)  # type: ignore[arg-type]
+        geometry = make_geometry(
+            settings.configuration,
+            tilt_rad=None if settings.tilt_deg is None else math.radians(settings.tilt_deg),
+            tilts_rad=np.deg2rad(settings.tilts_deg or ()),
+            azimuths_rad=np.deg2rad(settings.azimuths_deg or ()),
+            directions=settings.directions,
+            lever_arms_p_m=settings.lever_arms_m,
+            mounting_rpy_rad=np.deg2rad(
+                [settings.mounting_roll_deg, settings.mounting_pitch_deg, settings.mounting_yaw_deg]
+            ),
+            sound_speed_scale=settings.sound_speed_scale,
+        )
     except KernelError as error:
         raise ScenarioError(f"{place}: {error}") from error
     noise = settings.beam_noise_mps

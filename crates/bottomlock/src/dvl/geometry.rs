@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::velocity::Rows;
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Dvl, Platform, Rot, Vec3};
 use crate::layout::BIASED_BEAMS;
@@ -183,6 +184,15 @@ impl BeamGeometry {
     pub fn beams(&self) -> usize {
         self.directions_p.len()
     }
+    /// Number of independent directions: 3 where all beams together determine a velocity.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        let mut rows = Rows::empty();
+        for (beam, direction) in self.directions_p.iter().enumerate() {
+            rows.put(beam, *direction, 1.0);
+        }
+        rows.null_space().0
+    }
     /// Direction of a beam (counted from 0), platform frame.
     #[must_use]
     pub fn direction_p(&self, beam: usize) -> &Vector3<f64> {
@@ -292,6 +302,15 @@ mod tests {
             scale_factor: 0.5,
         };
         assert!((geometry.beam_velocity_mps(0, &motion) - (0.15 + 0.3 + 0.01)).abs() < 1e-15);
+    }
+
+    /// Three beams in a plane see two directions, however many they are.
+    #[test]
+    fn rank_counts_directions() {
+        let tilt = 0.4;
+        assert_eq!(BeamGeometry::janus(Janus::X, tilt).unwrap().rank(), 3);
+        let flat = BeamGeometry::from_angles(&[tilt, 0.0, -tilt], &[0.3; 3]).unwrap();
+        assert_eq!(flat.rank(), 2);
     }
 
     /// A direction that is not a unit vector names its beam.
