@@ -48,7 +48,7 @@ def test_readme_example_runs(readme: str) -> None:
     (example,) = fenced(readme, "Velocity from recorded beams", "python")
     names: dict[str, Any] = {}
     exec(compile(example, "README.md", "exec"), names)
-    velocity = np.asarray(names["fix"].velocity_p_mps)
+    velocity = np.asarray(names["fixes"].velocity_p_mps)
     assert velocity[0, 0] == pytest.approx(2.0, abs=1e-12)
     assert np.isnan(velocity[0, 1:]).all()
 
