@@ -20,10 +20,12 @@ import polars as pl
 from bottomlock import kernel, stats
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.output import read_json, write_json, write_parquet
-from bottomlock.scenario import Scenario
+from bottomlock.plant import Flight, Mission, fly, load_vehicle
+from bottomlock.plant.tables import mission_from_table
+from bottomlock.scenario import EARTH_RATE_RADPS, Scenario
 from bottomlock.schema import FIXES_COUNTS, SAMPLES
 from bottomlock.sensors import schedule
-from bottomlock.trajectory import make_truth
+from bottomlock.trajectory import Truth, make_truth
 
 CHUNK_STEPS = 6_000_000
 """Filter steps of one kernel call: a second or two of one core, so that progress and interruption stay lively."""
@@ -82,6 +84,41 @@ def gravity_of(scenario: Scenario) -> float:
     if environment.gravity != "normal":
         return float(environment.gravity)
     return kernel.normal_gravity_mps2(float(np.deg2rad(environment.latitude_deg)), environment.depth_m)
+
+
+def mission_of(scenario: Scenario) -> Mission:
+    """The mission that the vehicle swims: the trajectory section with the keys of `[mission]` over it.
+
+    Raises:
+        ScenarioError: for a kind that the vehicle does not know, and for wrong keys of `[mission]`.
+    """
+    settings = scenario.trajectory
+    table = {"kind": settings.kind, "speed_mps": settings.speed_mps, "duration_s": settings.duration_s}
+    return mission_from_table(table | scenario.mission, scenario.name)
+
+
+def flight_of(scenario: Scenario, gravity_mps2: float) -> Flight:
+    """The vehicle's flight through a scenario; read from the cache where it was swum before.
+
+    Raises:
+        ScenarioError: for a vehicle or mission that makes no sense.
+    """
+    environment = scenario.environment
+    return fly(
+        load_vehicle(scenario.trajectory.vehicle),
+        mission_of(scenario),
+        latitude_rad=float(np.deg2rad(environment.latitude_deg)),
+        gravity_mps2=gravity_mps2,
+        earth_rate_radps=EARTH_RATE_RADPS if environment.earth_rotation else 0.0,
+        imu_rate_hz=scenario.imu.rate_hz,
+    )
+
+
+def truth_of(scenario: Scenario, gravity_mps2: float) -> Truth:
+    """The truth of a scenario: analytic, or swum by the vehicle."""
+    if scenario.trajectory.source == "vehicle":
+        return flight_of(scenario, gravity_mps2).truth
+    return make_truth(scenario, gravity_mps2)
 
 
 def geometry_of(scenario: Scenario) -> kernel.BeamGeometry:
@@ -213,7 +250,7 @@ def _fly(
 ) -> int:
     """Works off the chunks of one scenario that are not there yet; the number of truth samples."""
     gravity = gravity_of(scenario)
-    truth = make_truth(scenario, gravity)
+    truth = truth_of(scenario, gravity)
     geometry, model, plan = geometry_of(scenario), scenario.kernel_model(gravity), schedule(scenario, truth)
     arms, runs = list(scenario.campaign.arms), scenario.campaign.runs
     for first, count, stem in _chunks(scenario, len(truth.time_ns)):

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import cyclopts
 import numpy as np
@@ -24,10 +24,14 @@ from rich.text import Text
 
 from bottomlock import __version__, campaign, stats
 from bottomlock.errors import BottomlockError, DataError, OutputError, ScenarioError
+from bottomlock.figures import flight_figure, save_figure
 from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.kernel import KernelError, solve_velocity
 from bottomlock.output import write_parquet
+from bottomlock.plant import telemetry
 from bottomlock.scenario import Scenario, copy_scenario, load_scenario, packaged_scenarios
+from bottomlock.sensors import schedule
+from bottomlock.trajectory import Truth
 
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
@@ -155,6 +159,55 @@ def run(
         f"n_f {settings.virtual_beam_factor:g}, ε {settings.nullified_sway_var_m2ps2:g} m²/s², gate {settings.gate}."
     )
     console.print(f"{manifest['wall_time_s']:.1f} s; tables in {out}")
+
+
+@app.command
+def fly(
+    *scenario: str,
+    out: Annotated[Path, Parameter(help="Directory for tables and figures.")],
+    vehicle: Annotated[
+        str | None, Parameter(help="Packaged vehicle or TOML file; the scenario's own by default.")
+    ] = None,
+) -> None:
+    """Swims scenarios with the vehicle: truth and telemetry to Parquet, one figure per trajectory.
+
+    Parameters
+    ----------
+    scenario
+        Packaged names or TOML files, one or more.
+    """
+    if not scenario:
+        raise ScenarioError("no scenario is named; `bottomlock scenarios` lists those that ship")
+    for name in scenario:
+        loaded = load_scenario(name)
+        change = {"source": "vehicle", "vehicle": vehicle or loaded.trajectory.vehicle}
+        loaded = loaded.model_copy(update={"trajectory": loaded.trajectory.model_copy(update=change)})
+        flight = campaign.flight_of(loaded, campaign.gravity_of(loaded))
+        frame = telemetry(flight)
+        plan = schedule(loaded, flight.truth)
+        beams = {f"beam_{k + 1}_valid": plan["beam_valid"][:, k] for k in range(loaded.dvl.beams)}
+        write_parquet(out / f"{loaded.name}_truth.parquet", pl.DataFrame(_wide(flight.truth)))
+        write_parquet(out / f"{loaded.name}_telemetry.parquet", frame)
+        figure = flight_figure(frame, pl.DataFrame({"time_ns": plan["dvl_time_ns"], **beams}))
+        save_figure(figure, out / f"{loaded.name}.png")
+        legs = frame.filter("leg") if frame["leg"].any() else frame
+        astray = float(np.sqrt(np.mean(legs["cross_track_m"].to_numpy() ** 2)))
+        speed, sway = (frame[f"{part}_mps"].to_numpy() for part in ("speed", "sway"))
+        console.print(
+            f"{loaded.name}: {speed.mean():.3f} m/s, cross-track {astray:.2f} m rms, "
+            f"greatest sway {np.abs(sway).max():.3f} m/s"
+        )
+    console.print(f"tables and figures in {out}")
+
+
+def _wide(truth: Truth) -> dict[str, np.ndarray[Any, Any]]:
+    """A truth as columns: one per component."""
+    columns: dict[str, np.ndarray[Any, Any]] = {"time_ns": truth.time_ns}
+    for name, values in truth.kernel_arrays().items():
+        if name != "time_ns":
+            axes = "wxyz" if values.shape[1] == 4 else "xyz"
+            columns |= {f"{name}_{axis}": values[:, k] for k, axis in enumerate(axes)}
+    return columns
 
 
 @app.command

@@ -32,7 +32,9 @@ class _Section(BaseModel):
 class Trajectory(_Section):
     """The true motion."""
 
-    kind: Literal["straight", "constant_turn", "figure_eight", "lawn_mower"]
+    kind: Literal["straight", "constant_turn", "figure_eight", "lawn_mower", "waypoints"]
+    source: Literal["analytic", "vehicle"] = "analytic"
+    vehicle: str = "tauv"
     duration_s: Annotated[float, Field(gt=0, le=86_400)] = 250.0
     speed_mps: Positive = 2.0
     heading_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
@@ -228,6 +230,7 @@ class Scenario(_Section):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
     description: str = ""
     trajectory: Trajectory
+    mission: dict[str, Any] = {}
     environment: Environment = Environment()
     imu: Imu
     dvl: Dvl

@@ -220,9 +220,13 @@ def analytic_motion(settings: Trajectory) -> Motion:
     """The motion of a trajectory section as a function of time in seconds.
 
     Raises:
-        DataError: where the motion cannot be flown (a half turn shorter than its blends, sideslip as large as
-        the speed).
+        DataError: for waypoints, and where the motion cannot be flown: a half turn shorter than its blends, sideslip as
+            large as the speed.
     """
+    if settings.kind not in _MOTIONS:
+        raise DataError(
+            f"trajectory.kind '{settings.kind}' has no analytic motion: set trajectory.source = 'vehicle'"
+        )
     if settings.kind == "lawn_mower" and settings.turn_s <= 2.0 * _BLEND_S:
         raise DataError(f"trajectory.turn_s is {settings.turn_s} s, expected more than {2.0 * _BLEND_S} s")
     if settings.kind == "lawn_mower" and settings.dive_angle_deg > 0.0 and settings.dive_s < _BLEND_S:

@@ -68,6 +68,25 @@ def test_fix_turns_pings_into_velocities(tmp_path: Path) -> None:
     assert fixes["sway_status"].to_list()[2] == "outside_row_space"
 
 
+def test_fly_swims_a_scenario(tmp_path: Path) -> None:
+    """Truth, telemetry and a figure; and the campaign flies on the vehicle where the scenario says so."""
+    assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
+    path = tmp_path / "straight.toml"
+    text = path.read_text(encoding="utf-8").replace(
+        "duration_s = 250.0", 'duration_s = 20.0\nsource = "vehicle"'
+    )
+    path.write_text(text, encoding="utf-8")
+    done = command("fly", "straight.toml", "--out", "o", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "straight: 2.000 m/s" in done.stdout
+    assert (tmp_path / "o" / "straight.png").stat().st_size > 10_000
+    truth = pl.read_parquet(tmp_path / "o" / "straight_truth.parquet")
+    assert truth.height == 3001
+    assert "attitude_t_p_w" in truth.columns
+    flown = command("run", "straight.toml", "--out", "c", "--runs", "2", "--arms", "tc", cwd=tmp_path)
+    assert flown.returncode == 0, flown.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -93,7 +112,9 @@ def test_fix_turns_pings_into_velocities(tmp_path: Path) -> None:
             ["fix", "none.csv", "--geometry", "x_janus_20", "--method", "lc", "--out", "f.csv"],
             "ends in .parquet",
         ),
-        (["fly"], "fly"),
+        (["fly", "--out", "o"], "no scenario is named"),
+        (["fly", "straight", "--out", "o", "--vehicle", "whale"], "whale"),
+        (["swim"], "swim"),
     ],
 )
 def test_mistakes_end_with_code_2_and_one_line(arguments: list[str], words: str, tmp_path: Path) -> None:
