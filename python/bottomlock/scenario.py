@@ -5,7 +5,7 @@ import hashlib
 import json
 import math
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -261,7 +261,7 @@ class Scenario(_Section):
         try:
             return self.model_copy(update={"campaign": Campaign.model_validate(content)})
         except ValidationError as error:
-            raise ScenarioError(explain(error, f"scenario {self.name}: campaign", content)) from error
+            raise ScenarioError(explain(error, f"scenario {self.name}: campaign")) from error
 
     def kernel_model(self, gravity_mps2: float) -> dict[str, Any]:
         """Environment and sensor errors in SI, as the kernel wants them."""
@@ -347,9 +347,7 @@ def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str
     return list(model.model_fields)
 
 
-def explain(
-    error: ValidationError, place: str, content: Mapping[str, Any], model: type[BaseModel] | None = None
-) -> str:
+def explain(error: ValidationError, place: str, model: type[BaseModel] | None = None) -> str:
     """One line per fault: place, key, value found, what was expected, unit."""
     lines = []
     for fault in error.errors():
@@ -373,7 +371,6 @@ def explain(
             lines.append(
                 f"{place}: '{key}' is {value!r}, expected {fault['msg'].removeprefix('Input should be ')}{unit}"
             )
-    del content
     return "\n".join(dict.fromkeys(lines))
 
 
@@ -438,7 +435,7 @@ def parse_scenario(text: str, *, place: str) -> Scenario:
     try:
         return Scenario.model_validate(content)
     except ValidationError as error:
-        raise ScenarioError(explain(error, place, content)) from error
+        raise ScenarioError(explain(error, place)) from error
 
 
 def copy_scenario(name: str, destination: Path) -> Path:

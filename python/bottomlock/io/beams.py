@@ -127,7 +127,7 @@ def read_geometry(source: str | Path) -> Instrument:
     try:
         settings = InstrumentFile.model_validate(content)
     except ValidationError as error:
-        raise ScenarioError(explain(error, place, content, InstrumentFile)) from error
+        raise ScenarioError(explain(error, place, InstrumentFile)) from error
     try:
         geometry = make_geometry(
             settings.configuration,
