@@ -3,7 +3,7 @@
 SI units, radians, int64 nanoseconds; tangent NED, platform FRD, quaternions scalar first.
 """
 
-from typing import Any, Final, Literal, TypedDict, final, type_check_only
+from typing import Any, Final, Literal, NotRequired, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,7 @@ __all__ = [
     "ARMS",
     "EARTH_RATE_RADPS",
     "BeamGeometry",
+    "ClosedLoop",
     "KernelError",
     "Navigator",
     "__version__",
@@ -98,8 +99,11 @@ class ScheduleDict(TypedDict):
     dvl_time_ns: NDArray[np.int64]
     beam_valid: NDArray[np.bool_]
     depth_time_ns: NDArray[np.int64]
+    depth_offset_m: NotRequired[NDArray[np.float64]]
     magnetometer_time_ns: NDArray[np.int64]
+    yaw_offset_rad: NotRequired[NDArray[np.float64]]
     gps_time_ns: NDArray[np.int64]
+    gps_heard: NotRequired[NDArray[np.bool_]]
     sample_time_ns: NDArray[np.int64]
 
 @type_check_only
@@ -110,6 +114,19 @@ class TruthDict(TypedDict):
     velocity_p_mps: NDArray[np.float64]
     omega_p_radps: NDArray[np.float64]
     force_p_mps2: NDArray[np.float64]
+
+@type_check_only
+class StartDict(TypedDict):
+    time_ns: int
+    position_t_m: NDArray[np.float64]
+    attitude_t_p: NDArray[np.float64]
+    velocity_p_mps: NDArray[np.float64]
+
+@type_check_only
+class BeliefDict(TypedDict):
+    position_t_m: NDArray[np.float64]
+    attitude_t_p: NDArray[np.float64]
+    velocity_p_mps: NDArray[np.float64]
 
 @type_check_only
 class StateDict(TypedDict):
@@ -247,6 +264,28 @@ class Navigator:
     ) -> list[ReportDict]: ...
     def state(self) -> StateDict: ...
     def covariance(self) -> NDArray[np.float64]: ...
+
+@final
+class ClosedLoop:
+    """Runs side by side whose truth depends on their own estimates."""
+
+    def __new__(
+        cls,
+        geometry: BeamGeometry,
+        simulated: ModelDict,
+        assumed: ModelDict,
+        options: OptionsDict,
+        arms: list[str],
+        start: StartDict,
+        *,
+        seed: int,
+        trajectory_key: int,
+        first_run: int,
+        threads: int,
+    ) -> ClosedLoop: ...
+    def advance(self, truth: TruthDict, schedule: ScheduleDict) -> None: ...
+    def belief(self, arm: int = 0) -> BeliefDict: ...
+    def results(self) -> BatchDict: ...
 
 def solve_velocity(
     geometry: BeamGeometry,

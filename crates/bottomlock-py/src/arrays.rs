@@ -79,7 +79,17 @@ pub fn booleans(name: &str, value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -
 
 /// Rows of a fixed width.
 pub fn rows<const N: usize>(name: &str, value: &Bound<'_, PyAny>, count: Option<usize>) -> PyResult<Vec<[f64; N]>> {
-    let array = floats(name, value, &[count, Some(N)])?;
+    stacked(name, value, &[count])
+}
+
+/// Rows of a fixed width under leading axes, one after the other.
+pub fn stacked<const N: usize>(
+    name: &str,
+    value: &Bound<'_, PyAny>,
+    leading: &[Option<usize>],
+) -> PyResult<Vec<[f64; N]>> {
+    let shape: Vec<Option<usize>> = leading.iter().copied().chain([Some(N)]).collect();
+    let array = floats(name, value, &shape)?;
     Ok(array
         .values
         .chunks_exact(N)

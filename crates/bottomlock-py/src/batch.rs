@@ -1,7 +1,6 @@
 //! Sensor streams and batches of runs × arms.
 
 use bottomlock::batch::{ArmRecord, Batch, arm, run_batch as core_batch};
-use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::error_model::{Coefficients, dense_noise};
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::imu::{EarthTerms, Inertial, Sampling};
@@ -11,12 +10,13 @@ use bottomlock::truth::Truth;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, from_rows, item, rows, times, vector};
+use crate::arrays::{array, from_rows, item, stacked, times, vector};
 use crate::dvl::BeamGeometry;
 use crate::errors::raise;
-use crate::settings::{self, OwnedSchedule};
+use crate::settings;
 
-struct OwnedTruth {
+/// The truths of one or more runs over the same times.
+pub struct OwnedTruth {
     time_ns: Vec<i64>,
     position_t_m: Vec<[f64; 3]>,
     attitude_t_p: Vec<[f64; 4]>,
@@ -26,45 +26,42 @@ struct OwnedTruth {
 }
 
 impl OwnedTruth {
+    /// One truth: arrays of (samples, ·).
     fn new(dict: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let get = |key| item(dict, "truth", key);
-        let time_ns = times("truth.time_ns", &get("time_ns")?)?;
-        let count = Some(time_ns.len());
+        let time_ns = times("truth.time_ns", &item(dict, "truth", "time_ns")?)?;
+        let samples = [Some(time_ns.len())];
+        Self::read(dict, time_ns, &samples)
+    }
+
+    /// A truth for each run: arrays of (runs, samples, ·).
+    pub fn of_runs(dict: &Bound<'_, PyDict>, runs: usize) -> PyResult<Self> {
+        let time_ns = times("truth.time_ns", &item(dict, "truth", "time_ns")?)?;
+        let leading = [Some(runs), Some(time_ns.len())];
+        Self::read(dict, time_ns, &leading)
+    }
+
+    fn read(dict: &Bound<'_, PyDict>, time_ns: Vec<i64>, leading: &[Option<usize>]) -> PyResult<Self> {
+        let three = |key: &str| stacked::<3>(&format!("truth.{key}"), &item(dict, "truth", key)?, leading);
         Ok(Self {
-            position_t_m: rows("truth.position_t_m", &get("position_t_m")?, count)?,
-            attitude_t_p: rows("truth.attitude_t_p", &get("attitude_t_p")?, count)?,
-            velocity_p_mps: rows("truth.velocity_p_mps", &get("velocity_p_mps")?, count)?,
-            omega_p_radps: rows("truth.omega_p_radps", &get("omega_p_radps")?, count)?,
-            force_p_mps2: rows("truth.force_p_mps2", &get("force_p_mps2")?, count)?,
+            position_t_m: three("position_t_m")?,
+            attitude_t_p: stacked("truth.attitude_t_p", &item(dict, "truth", "attitude_t_p")?, leading)?,
+            velocity_p_mps: three("velocity_p_mps")?,
+            omega_p_radps: three("omega_p_radps")?,
+            force_p_mps2: three("force_p_mps2")?,
             time_ns,
         })
     }
 
-    fn view(&self) -> Truth<'_> {
+    /// The truth of one run.
+    pub fn of(&self, run: usize) -> Truth<'_> {
+        let part = run * self.time_ns.len()..(run + 1) * self.time_ns.len();
         Truth {
             time_ns: &self.time_ns,
-            position_t_m: &self.position_t_m,
-            attitude_t_p: &self.attitude_t_p,
-            velocity_p_mps: &self.velocity_p_mps,
-            omega_p_radps: &self.omega_p_radps,
-            force_p_mps2: &self.force_p_mps2,
-        }
-    }
-}
-
-impl OwnedSchedule {
-    fn view(&self) -> Schedule<'_> {
-        let masks: &[BeamMask] = if self.by_run {
-            &self.beam_valid[..self.dvl_time_ns.len()]
-        } else {
-            &self.beam_valid
-        };
-        Schedule {
-            dvl_time_ns: &self.dvl_time_ns,
-            beam_valid: masks,
-            depth_time_ns: &self.depth_time_ns,
-            magnetometer_time_ns: &self.magnetometer_time_ns,
-            gps_time_ns: &self.gps_time_ns,
+            position_t_m: &self.position_t_m[part.clone()],
+            attitude_t_p: &self.attitude_t_p[part.clone()],
+            velocity_p_mps: &self.velocity_p_mps[part.clone()],
+            omega_p_radps: &self.omega_p_radps[part.clone()],
+            force_p_mps2: &self.force_p_mps2[part],
         }
     }
 }
@@ -98,14 +95,14 @@ pub fn simulate_sensors<'py>(
     };
     let streams = py
         .detach(|| {
-            truth.view().validate()?;
+            truth.of(0).validate()?;
             model.validate()?;
             sensors::simulate(
-                &truth.view(),
+                &truth.of(0),
                 &geometry.inner,
                 &model,
                 &model,
-                &schedule.view(),
+                &schedule.of(0),
                 sampling,
                 &key,
             )
@@ -224,14 +221,14 @@ pub fn run_batch<'py>(
         .iter()
         .map(|name| arm(name).map_err(raise))
         .collect::<PyResult<Vec<_>>>()?;
+    let schedules: Vec<Schedule<'_>> = (0..runs).map(|run| schedule.of(run)).collect();
     let batch = Batch {
-        truth: truth.view(),
+        truth: truth.of(0),
         geometry: &geometry.inner,
         simulated: &simulated,
         assumed: &assumed,
         options: &options,
-        schedule: schedule.view(),
-        masks_of_run: schedule.by_run.then_some(&schedule.beam_valid[..]),
+        schedules: &schedules,
         sample_time_ns: &schedule.sample_time_ns,
         arms: &arms,
         seed,
@@ -241,22 +238,24 @@ pub fn run_batch<'py>(
     };
     let records = py.detach(|| core_batch(&batch, threads)).map_err(raise)?;
 
-    let samples = schedule.sample_time_ns.len();
+    records_dict(py, &records, schedule.sample_time_ns.len())
+}
+
+/// The records of runs × arms as arrays.
+pub fn records_dict<'py>(py: Python<'py>, records: &[Vec<ArmRecord>], samples: usize) -> PyResult<Bound<'py, PyDict>> {
+    let (runs, arms) = (records.len(), records.first().map_or(0, Vec::len));
     let all: Vec<&ArmRecord> = records.iter().flatten().collect();
     let wide = |field: fn(&ArmRecord) -> &Vec<[f64; 9]>| {
-        let values = all
-            .iter()
-            .flat_map(|record| field(record).iter().flatten().copied())
-            .collect();
-        array::<f64>(py, values, &[runs, arms.len(), samples, 9])
+        let values = all.iter().flat_map(|record| field(record).iter().flatten().copied());
+        array::<f64>(py, values.collect(), &[runs, arms, samples, 9])
     };
     let series = |field: fn(&ArmRecord) -> &Vec<f64>| {
-        let values = all.iter().flat_map(|record| field(record).iter().copied()).collect();
-        array::<f64>(py, values, &[runs, arms.len(), samples])
+        let values = all.iter().flat_map(|record| field(record).iter().copied());
+        array::<f64>(py, values.collect(), &[runs, arms, samples])
     };
     let counts = |field: fn(&ArmRecord) -> u64| {
-        let values = all.iter().map(|record| field(record) as i64).collect();
-        array::<i64>(py, values, &[runs, arms.len()])
+        let values = all.iter().map(|record| field(record) as i64);
+        array::<i64>(py, values.collect(), &[runs, arms])
     };
     let out = PyDict::new(py);
     out.set_item("error", wide(|record| &record.error)?)?;
@@ -266,14 +265,8 @@ pub fn run_batch<'py>(
         "nees_velocity_attitude",
         series(|record| &record.nees_velocity_attitude)?,
     )?;
-    out.set_item(
-        "nis_mean",
-        array::<f64>(
-            py,
-            all.iter().map(|record| record.nis_mean).collect(),
-            &[runs, arms.len()],
-        )?,
-    )?;
+    let nis = all.iter().map(|record| record.nis_mean).collect();
+    out.set_item("nis_mean", array::<f64>(py, nis, &[runs, arms])?)?;
     out.set_item("fixes_accepted", counts(|record| record.fixes_accepted)?)?;
     out.set_item("fixes_rejected", counts(|record| record.fixes_rejected)?)?;
     Ok(out)

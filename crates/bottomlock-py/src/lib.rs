@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 
 mod arrays;
 mod batch;
+mod closed_loop;
 mod dvl;
 mod errors;
 mod navigator;
@@ -14,6 +15,8 @@ mod settings;
 mod _kernel {
     #[pymodule_export]
     use super::batch::{error_model, run_batch, simulate_sensors};
+    #[pymodule_export]
+    use super::closed_loop::ClosedLoop;
     #[pymodule_export]
     use super::dvl::{BeamGeometry, solve_velocity};
     #[pymodule_export]

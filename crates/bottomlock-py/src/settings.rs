@@ -8,10 +8,11 @@ use bottomlock::imu::Sampling;
 use bottomlock::model::{
     DepthModel, DvlModel, Gate, GpsModel, ImuModel, InformationPort, InitialModel, MagnetometerModel, Model, Options,
 };
+use bottomlock::sensors::Schedule;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{booleans, item, times, vector};
+use crate::arrays::{booleans, floats, item, times, vector};
 use crate::errors::refuse;
 
 fn section<'py>(dict: &Bound<'py, PyDict>, owner: &str, key: &str) -> PyResult<Bound<'py, PyDict>> {
@@ -149,13 +150,84 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
 /// Epochs of all sensors, owned.
 pub struct OwnedSchedule {
     pub dvl_time_ns: Vec<i64>,
-    pub beam_valid: Vec<BeamMask>,
-    /// True where `beam_valid` holds the masks of every run, one after the other.
-    pub by_run: bool,
+    pub beam_valid: PerRun<BeamMask>,
     pub depth_time_ns: Vec<i64>,
+    pub depth_offset_m: PerRun<f64>,
     pub magnetometer_time_ns: Vec<i64>,
-    pub gps_time_ns: Vec<i64>,
+    pub yaw_offset_rad: PerRun<f64>,
+    /// Of every run, or one for all.
+    pub gps_time_ns: Vec<Vec<i64>>,
     pub sample_time_ns: Vec<i64>,
+}
+
+impl OwnedSchedule {
+    /// What one run meets.
+    pub fn of(&self, run: usize) -> Schedule<'_> {
+        Schedule {
+            dvl_time_ns: &self.dvl_time_ns,
+            beam_valid: self.beam_valid.of(run),
+            depth_time_ns: &self.depth_time_ns,
+            depth_offset_m: self.depth_offset_m.of(run),
+            magnetometer_time_ns: &self.magnetometer_time_ns,
+            yaw_offset_rad: self.yaw_offset_rad.of(run),
+            gps_time_ns: &self.gps_time_ns[run.min(self.gps_time_ns.len() - 1)],
+        }
+    }
+}
+
+/// Values of each epoch, the same for every run or each run's own.
+pub struct PerRun<T> {
+    values: Vec<T>,
+    epochs: usize,
+    by_run: bool,
+}
+
+impl<T> PerRun<T> {
+    /// The values of one run.
+    pub fn of(&self, run: usize) -> &[T] {
+        if self.by_run {
+            &self.values[run * self.epochs..(run + 1) * self.epochs]
+        } else {
+            &self.values
+        }
+    }
+}
+
+/// The shape (epochs, ..) or (runs, epochs, ..) of values that may differ by run.
+fn per_run_shape(value: &Bound<'_, PyAny>, runs: usize, of_one: &[Option<usize>]) -> (bool, Vec<Option<usize>>) {
+    let dimensions: usize = value.getattr("ndim").and_then(|n| n.extract()).unwrap_or(of_one.len());
+    let by_run = dimensions == of_one.len() + 1;
+    let leading = by_run.then_some(Some(runs));
+    (by_run, leading.into_iter().chain(of_one.iter().copied()).collect())
+}
+
+fn offsets(dict: &Bound<'_, PyDict>, key: &str, runs: usize, epochs: usize) -> PyResult<PerRun<f64>> {
+    let Some(value) = dict.get_item(key)? else {
+        return Ok(PerRun {
+            values: vec![0.0; epochs],
+            epochs,
+            by_run: false,
+        });
+    };
+    let (by_run, shape) = per_run_shape(&value, runs, &[Some(epochs)]);
+    let values = floats(&format!("schedule.{key}"), &value, &shape)?.values;
+    Ok(PerRun { values, epochs, by_run })
+}
+
+/// The GPS epochs at which each run hears the satellites.
+fn heard_only(dict: &Bound<'_, PyDict>, time_ns: Vec<i64>, runs: usize) -> PyResult<Vec<Vec<i64>>> {
+    let Some(value) = dict.get_item("gps_heard")? else {
+        return Ok(vec![time_ns]);
+    };
+    let epochs = time_ns.len();
+    let (by_run, shape) = per_run_shape(&value, runs, &[Some(epochs)]);
+    let values = booleans("schedule.gps_heard", &value, &shape)?.values;
+    let heard = PerRun { values, epochs, by_run };
+    let of_run = |run| -> Vec<i64> {
+        let pairs = time_ns.iter().zip(heard.of(run));
+        pairs.filter(|(_, heard)| **heard).map(|(&t, _)| t).collect()
+    };
+    Ok((0..if by_run { runs } else { 1 }).map(of_run).collect())
 }
 
 /// A schedule for a number of runs.
@@ -163,21 +235,23 @@ pub fn schedule(dict: &Bound<'_, PyDict>, beams: usize, runs: usize) -> PyResult
     let epochs_of = |key: &str| times(&format!("schedule.{key}"), &item(dict, "schedule", key)?);
     let dvl_time_ns = epochs_of("dvl_time_ns")?;
     let valid = item(dict, "schedule", "beam_valid")?;
-    let dimensions: usize = valid.getattr("ndim").and_then(|n| n.extract()).unwrap_or(2);
-    let by_run = dimensions == 3;
-    let epochs = Some(dvl_time_ns.len());
-    let flags = if by_run {
-        booleans("schedule.beam_valid", &valid, &[Some(runs), epochs, Some(beams)])?
-    } else {
-        booleans("schedule.beam_valid", &valid, &[epochs, Some(beams)])?
-    };
+    let epochs = dvl_time_ns.len();
+    let (by_run, shape) = per_run_shape(&valid, runs, &[Some(epochs), Some(beams)]);
+    let flags = booleans("schedule.beam_valid", &valid, &shape)?;
+    let (depth_time_ns, magnetometer_time_ns) = (epochs_of("depth_time_ns")?, epochs_of("magnetometer_time_ns")?);
+    let gps_time_ns = heard_only(dict, epochs_of("gps_time_ns")?, runs)?;
     Ok(OwnedSchedule {
-        beam_valid: flags.values.chunks_exact(beams.max(1)).map(mask).collect(),
-        by_run,
+        beam_valid: PerRun {
+            values: flags.values.chunks_exact(beams.max(1)).map(mask).collect(),
+            epochs,
+            by_run,
+        },
         dvl_time_ns,
-        depth_time_ns: epochs_of("depth_time_ns")?,
-        magnetometer_time_ns: epochs_of("magnetometer_time_ns")?,
-        gps_time_ns: epochs_of("gps_time_ns")?,
+        depth_offset_m: offsets(dict, "depth_offset_m", runs, depth_time_ns.len())?,
+        depth_time_ns,
+        yaw_offset_rad: offsets(dict, "yaw_offset_rad", runs, magnetometer_time_ns.len())?,
+        magnetometer_time_ns,
+        gps_time_ns,
         sample_time_ns: epochs_of("sample_time_ns")?,
     })
 }

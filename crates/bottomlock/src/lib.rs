@@ -22,6 +22,7 @@
 
 pub mod aiding;
 pub mod batch;
+pub mod closed_loop;
 pub mod dvl;
 pub mod earth;
 pub mod error;
@@ -37,6 +38,9 @@ pub mod report;
 pub mod run;
 pub mod sensors;
 pub mod state;
+mod suite;
 pub mod truth;
+pub mod voyage;
+mod workers;
 
 pub use error::NavError;

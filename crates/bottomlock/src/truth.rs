@@ -23,7 +23,23 @@ pub struct Truth<'a> {
     pub force_p_mps2: &'a [[f64; 3]],
 }
 
-impl Truth<'_> {
+impl<'a> Truth<'a> {
+    /// A part of it.
+    ///
+    /// # Panics
+    /// For a range outside the samples, as slices do.
+    #[must_use]
+    pub fn part(&self, samples: std::ops::Range<usize>) -> Truth<'a> {
+        Truth {
+            time_ns: &self.time_ns[samples.clone()],
+            position_t_m: &self.position_t_m[samples.clone()],
+            attitude_t_p: &self.attitude_t_p[samples.clone()],
+            velocity_p_mps: &self.velocity_p_mps[samples.clone()],
+            omega_p_radps: &self.omega_p_radps[samples.clone()],
+            force_p_mps2: &self.force_p_mps2[samples],
+        }
+    }
+
     /// Checks lengths, times and finiteness.
     ///
     /// # Errors

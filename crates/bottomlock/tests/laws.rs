@@ -6,6 +6,7 @@
 use bottomlock::NavError;
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::batch::{ARMS, Batch, arm, run_batch};
+use bottomlock::closed_loop::{ClosedLoop, Common, Stretch};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::error_model::{Coefficients, dense_noise};
 use bottomlock::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, VelocitySample};
@@ -16,7 +17,7 @@ use bottomlock::model::*;
 use bottomlock::run::{BeamAiding, Navigator};
 use bottomlock::sensors::{RunKey, Schedule, simulate};
 use bottomlock::state::{Covariance, NavState};
-use bottomlock::truth::Truth;
+use bottomlock::truth::{Truth, true_state};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use proptest::prelude::*;
 
@@ -138,6 +139,7 @@ impl Epochs {
             depth_time_ns: &self.depth,
             magnetometer_time_ns: &self.magnetometer,
             gps_time_ns: &self.gps,
+            ..Schedule::default()
         }
     }
 }
@@ -145,6 +147,7 @@ impl Epochs {
 fn batch<'a>(
     turn: &'a Turn,
     epochs: &'a Epochs,
+    schedules: &'a [Schedule<'a>],
     model: &'a Model,
     options: &'a Options,
     geometry: &'a BeamGeometry,
@@ -155,8 +158,7 @@ fn batch<'a>(
         simulated: model,
         assumed: model,
         options,
-        schedule: epochs.schedule(),
-        masks_of_run: None,
+        schedules,
         sample_time_ns: &epochs.samples,
         arms: &ARMS,
         seed: 2017,
@@ -181,6 +183,98 @@ fn bits(records: &[Vec<bottomlock::batch::ArmRecord>]) -> Vec<u64> {
     .collect()
 }
 
+/// The truth in pieces, as a vehicle that flies on its estimate hands it out, yields the bits of the whole.
+#[test]
+fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
+    let (turn, epochs, model, geometry) = (Turn::new(8, 0.05), Epochs::new(8), Model::table_2(), janus());
+    for sampling in [Sampling::Instantaneous, Sampling::Averaged] {
+        let options = Options {
+            sampling,
+            ..Options::default()
+        };
+        let schedules = [epochs.schedule()];
+        let whole = batch(&turn, &epochs, &schedules, &model, &options, &geometry);
+        let common = Common {
+            geometry: &geometry,
+            simulated: &model,
+            assumed: &model,
+            options: &options,
+            arms: &ARMS,
+            seed: whole.seed,
+            trajectory_key: whole.trajectory_key,
+            first_run: 0,
+        };
+        let truth = turn.truth();
+        let starts = vec![true_state(&truth, 0); whole.runs];
+        let mut pieces = ClosedLoop::new(&common, &starts, 2).unwrap();
+        let ends = [0, 1, 7, 300, 301, 900, truth.time_ns.len() - 1];
+        for pair in ends.windows(2) {
+            let within = |times: &[i64]| -> Vec<i64> {
+                let (first, last) = (truth.time_ns[pair[0]], truth.time_ns[pair[1]]);
+                times.iter().copied().filter(|&t| t > first && t <= last).collect()
+            };
+            let (dvl, depth) = (within(&epochs.dvl), within(&epochs.depth));
+            let (magnetometer, gps) = (within(&epochs.magnetometer), within(&epochs.gps));
+            let skipped = epochs.dvl.iter().take_while(|&&t| t <= truth.time_ns[pair[0]]).count();
+            let schedule = Schedule {
+                dvl_time_ns: &dvl,
+                beam_valid: &epochs.masks[skipped..skipped + dvl.len()],
+                depth_time_ns: &depth,
+                magnetometer_time_ns: &magnetometer,
+                gps_time_ns: &gps,
+                ..Schedule::default()
+            };
+            let stretch = Stretch {
+                truth: truth.part(pair[0]..pair[1] + 1),
+                schedule,
+            };
+            pieces
+                .advance(&vec![stretch; whole.runs], &within(&epochs.samples))
+                .unwrap();
+        }
+        assert_eq!(bits(&run_batch(&whole, 1).unwrap()), bits(&pieces.records()));
+        let lost = pieces.advance(&[], &[]).unwrap_err();
+        assert!(lost.to_string().contains("one per run"), "{lost}");
+    }
+}
+
+/// What the surroundings add moves the reading by just that, and no other stream.
+#[test]
+fn offsets_move_their_own_reading_alone() {
+    let (turn, epochs, model, geometry) = (Turn::new(8, 0.05), Epochs::new(8), Model::table_2(), janus());
+    let key = RunKey {
+        seed: 1,
+        trajectory: 2,
+        run: 3,
+    };
+    let (depth, yaw) = (vec![0.5; epochs.depth.len()], vec![0.1; epochs.magnetometer.len()]);
+    let off = Schedule {
+        depth_offset_m: &depth,
+        yaw_offset_rad: &yaw,
+        ..epochs.schedule()
+    };
+    let draw = |schedule: &Schedule<'_>| {
+        let sampling = Sampling::Instantaneous;
+        simulate(&turn.truth(), &geometry, &model, &model, schedule, sampling, &key)
+    };
+    let (ideal, moved) = (draw(&epochs.schedule()).unwrap(), draw(&off).unwrap());
+    for (a, b) in ideal.depth.iter().zip(&moved.depth) {
+        assert!((b.depth_m - a.depth_m - 0.5).abs() < 1e-12);
+    }
+    for (a, b) in ideal.attitude.iter().zip(&moved.attitude) {
+        let [roll, pitch, turned] = b.attitude_t_p.to_euler_rad();
+        let [roll_0, pitch_0, yaw_0] = a.attitude_t_p.to_euler_rad();
+        let apart = [roll - roll_0, pitch - pitch_0, turned - yaw_0 - 0.1];
+        assert!(apart.iter().all(|angle| angle.abs() < 1e-12), "{apart:?}");
+    }
+    assert!(ideal.imu == moved.imu && ideal.gps == moved.gps && ideal.scale_factor == moved.scale_factor);
+    let short = Schedule {
+        depth_offset_m: &depth[1..],
+        ..epochs.schedule()
+    };
+    assert!(draw(&short).unwrap_err().to_string().contains("depth_offset_m"));
+}
+
 /// Same seed, same bits: one thread, two threads, and any cutting into chunks.
 #[test]
 fn bits_do_not_depend_on_threads_or_chunks() {
@@ -191,7 +285,8 @@ fn bits_do_not_depend_on_threads_or_chunks() {
         Options::default(),
         janus(),
     );
-    let whole = batch(&turn, &epochs, &model, &options, &geometry);
+    let schedules = [epochs.schedule()];
+    let whole = batch(&turn, &epochs, &schedules, &model, &options, &geometry);
     let one = run_batch(&whole, 1).unwrap();
     assert_eq!(bits(&one), bits(&run_batch(&whole, 2).unwrap()));
     let mut chunks = run_batch(
@@ -261,7 +356,8 @@ fn streaming_is_batch_bit_for_bit() {
         Options::default(),
         janus(),
     );
-    let whole = batch(&turn, &epochs, &model, &options, &geometry);
+    let schedules = [epochs.schedule()];
+    let whole = batch(&turn, &epochs, &schedules, &model, &options, &geometry);
     let records = run_batch(&whole, 1).unwrap();
     for (index, arm) in ARMS.iter().enumerate() {
         let key = RunKey {
@@ -321,11 +417,12 @@ fn perfect_sensors_return_the_truth() {
         };
         let simulated = perfect();
         let arms = [arm("ins").unwrap(), arm("tc").unwrap()];
+        let schedules = [epochs.schedule()];
         let whole = Batch {
             simulated: &simulated,
             arms: &arms,
             runs: 1,
-            ..batch(&turn, &epochs, &assumed, &options, &geometry)
+            ..batch(&turn, &epochs, &schedules, &assumed, &options, &geometry)
         };
         for record in &run_batch(&whole, 1).unwrap()[0] {
             let last = record.error.last().unwrap();

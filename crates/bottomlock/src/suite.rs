@@ -1,0 +1,309 @@
+//! One run's sensors with their errors, fed the truth as it unfolds (Eqs. 12, 15 and Table 2).
+//!
+//! Every stream is its own ChaCha8 stream under the key (campaign seed, trajectory, run): run k alone equals run k of a campaign,
+//! a sensor switched off shifts no other, and lost beams are drawn like the others.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+
+use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamMotion, BeamSample, MAX_BEAMS};
+use crate::error::NavError;
+use crate::events::{AttitudeSample, DepthSample, GpsSample};
+use crate::frames::{Rot, Tangent, Vec3};
+use crate::imu::{ImuSample, Sampling};
+use crate::layout::{self, BIASED_BEAMS};
+use crate::model::Model;
+use crate::sensors::RunKey;
+use crate::state::{ErrorVector, NavState};
+use crate::truth::Truth;
+
+#[derive(Debug, Clone, Copy)]
+#[repr(u64)]
+enum Stream {
+    Initial = 1,
+    AccelNoise = 2,
+    GyroNoise = 3,
+    AccelBias = 4,
+    GyroBias = 5,
+    DvlScale = 6,
+    Depth = 7,
+    Magnetometer = 8,
+    GpsPosition = 9,
+    GpsVelocity = 10,
+    /// Plus the beam's index.
+    BeamNoise = 100,
+    /// Plus the beam's index.
+    BeamBias = 200,
+}
+
+#[derive(Debug, Clone)]
+struct Normals(ChaCha8Rng);
+
+impl Normals {
+    fn new(key: &RunKey, stream: Stream, index: usize) -> Self {
+        let mut seed = [0; 32];
+        seed[..8].copy_from_slice(&key.seed.to_le_bytes());
+        seed[8..16].copy_from_slice(&key.trajectory.to_le_bytes());
+        seed[16..24].copy_from_slice(&key.run.to_le_bytes());
+        seed[24..].copy_from_slice(b"botmlock");
+        let mut generator = ChaCha8Rng::from_seed(seed);
+        generator.set_stream(stream as u64 + index as u64);
+        Self(generator)
+    }
+    fn one(&mut self) -> f64 {
+        StandardNormal.sample(&mut self.0)
+    }
+    fn three(&mut self, sd: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| sd * self.one())
+    }
+    fn each(&mut self, sd: &[f64; 3]) -> Vector3<f64> {
+        Vector3::from_fn(|k, _| sd[k] * self.one())
+    }
+}
+
+/// A navigator's start: the truth less an error drawn from the model.
+pub(crate) fn drawn_start(truth: &NavState, model: &Model, key: &RunKey) -> NavState {
+    let mut normals = Normals::new(key, Stream::Initial, 0);
+    let mut error = ErrorVector::zeros();
+    let blocks = [
+        (layout::POSITION, model.initial.position_sd_m),
+        (layout::ATTITUDE, model.initial.attitude_sd_rad),
+        (layout::VELOCITY, model.initial.velocity_sd_mps),
+    ];
+    for (start, sd) in blocks {
+        error.fixed_rows_mut::<3>(start).copy_from(&normals.each(&sd));
+    }
+    let mut state = *truth;
+    state.inject(&-error);
+    state
+}
+
+/// The sensors of one run; each reading is drawn from the truth at its time.
+///
+/// `at` is the truth around the present: the whole of it, or a window that moves along with it.
+#[derive(Debug, Clone)]
+pub(crate) struct SensorSuite {
+    model: Model,
+    claimed: Model,
+    sampling: Sampling,
+    inertial: Inertial,
+    dvl: Dvl,
+    depth: Normals,
+    magnetometer: Normals,
+    gps_position: Normals,
+    gps_velocity: Normals,
+}
+
+#[derive(Debug, Clone)]
+struct Inertial {
+    accel_noise: Normals,
+    gyro_noise: Normals,
+    accel_walk: Normals,
+    gyro_walk: Normals,
+    accel_bias: Vector3<f64>,
+    gyro_bias: Vector3<f64>,
+    started: bool,
+}
+
+#[derive(Debug, Clone)]
+struct Dvl {
+    noise: Vec<Normals>,
+    walk: Vec<Normals>,
+    scale_walk: Normals,
+    bias_mps: [f64; MAX_BEAMS],
+    scale_factor: f64,
+    previous_ns: i64,
+}
+
+impl SensorSuite {
+    /// Sensors that are as `model` says and claim the standard deviations of `claimed`.
+    pub(crate) fn new(
+        model: &Model,
+        claimed: &Model,
+        sampling: Sampling,
+        beams: usize,
+        first_ns: i64,
+        key: &RunKey,
+    ) -> Self {
+        let of = |stream| Normals::new(key, stream, 0);
+        let of_beams = |stream| -> Vec<Normals> { (0..beams).map(|beam| Normals::new(key, stream, beam)).collect() };
+        let (mut accel_walk, mut gyro_walk) = (of(Stream::AccelBias), of(Stream::GyroBias));
+        let (mut walk, mut scale_walk) = (of_beams(Stream::BeamBias), of(Stream::DvlScale));
+        let mut bias_mps = [0.0; MAX_BEAMS];
+        for (bias, normals) in bias_mps.iter_mut().zip(&mut walk) {
+            *bias = model.dvl.beam_bias_sd_mps * normals.one();
+        }
+        Self {
+            model: *model,
+            claimed: *claimed,
+            sampling,
+            inertial: Inertial {
+                accel_noise: of(Stream::AccelNoise),
+                gyro_noise: of(Stream::GyroNoise),
+                accel_bias: accel_walk.three(model.imu.accel_bias_sd_mps2),
+                gyro_bias: gyro_walk.three(model.imu.gyro_bias_sd_radps),
+                accel_walk,
+                gyro_walk,
+                started: false,
+            },
+            dvl: Dvl {
+                noise: of_beams(Stream::BeamNoise),
+                walk,
+                scale_factor: model.dvl.scale_factor_sd * scale_walk.one(),
+                scale_walk,
+                bias_mps,
+                previous_ns: first_ns,
+            },
+            depth: of(Stream::Depth),
+            magnetometer: of(Stream::Magnetometer),
+            gps_position: of(Stream::GpsPosition),
+            gps_velocity: of(Stream::GpsVelocity),
+        }
+    }
+
+    /// Puts the true errors as they stand into a true state.
+    pub(crate) fn errors_into(&self, truth: &mut NavState) {
+        truth.accel_bias_p_mps2 = Vec3::from(self.inertial.accel_bias);
+        truth.gyro_bias_p_radps = Vec3::from(self.inertial.gyro_bias);
+        truth.dvl_bias_mps = nalgebra::Vector4::from_fn(|beam, _| self.dvl.bias_mps[beam]);
+        truth.dvl_scale_factor = self.dvl.scale_factor;
+    }
+
+    /// True bias of every beam, m/s, and the scale factor, as they stand.
+    pub(crate) fn dvl_errors(&self) -> ([f64; MAX_BEAMS], f64) {
+        (self.dvl.bias_mps, self.dvl.scale_factor)
+    }
+
+    /// True biases of accelerometers (m/s²) and gyros (rad/s), as they stand.
+    pub(crate) fn imu_errors(&self) -> ([f64; 3], [f64; 3]) {
+        (self.inertial.accel_bias.into(), self.inertial.gyro_bias.into())
+    }
+
+    /// The inertial reading at sample k of the truth; samples come in order, each once.
+    pub(crate) fn imu(&mut self, at: &Truth<'_>, k: usize) -> ImuSample {
+        let (imu, own) = (&self.model.imu, &mut self.inertial);
+        let neighbour = k.max(1);
+        let root_dt = ((at.time_ns[neighbour] - at.time_ns[neighbour - 1]) as f64 * 1e-9).sqrt();
+        if own.started {
+            own.accel_bias += own.accel_walk.three(imu.accel_bias_walk_mps2_rts * root_dt);
+            own.gyro_bias += own.gyro_walk.three(imu.gyro_bias_walk_radps_rts * root_dt);
+        }
+        let (rate, force) = if self.sampling == Sampling::Averaged && own.started {
+            mean_readings(at, &self.model, k)
+        } else {
+            (Vector3::from(at.omega_p_radps[k]), Vector3::from(at.force_p_mps2[k]))
+        };
+        own.started = true;
+        ImuSample {
+            time_ns: at.time_ns[k],
+            rate_p_radps: (rate + own.gyro_bias + own.gyro_noise.three(imu.gyro_noise_rad_rts / root_dt)).into(),
+            force_p_mps2: (force + own.accel_bias + own.accel_noise.three(imu.accel_noise_mps_rts / root_dt)).into(),
+        }
+    }
+
+    /// The ping at a time.
+    pub(crate) fn ping(
+        &mut self,
+        at: &Truth<'_>,
+        geometry: &BeamGeometry,
+        time_ns: i64,
+        valid: BeamMask,
+    ) -> Result<BeamSample, NavError> {
+        let (dvl, own) = (&self.model.dvl, &mut self.dvl);
+        let instant = at.at("dvl", time_ns)?;
+        let root_dt = ((time_ns - own.previous_ns) as f64 * 1e-9).sqrt();
+        own.previous_ns = time_ns;
+        own.scale_factor += dvl.scale_factor_walk_rts * root_dt * own.scale_walk.one();
+        for (bias, normals) in own.bias_mps.iter_mut().zip(&mut own.walk) {
+            *bias += dvl.beam_bias_walk_mps_rts * root_dt * normals.one();
+        }
+        let earth = Vec3::from(self.model.environment.earth_rate_t_radps().0);
+        let motion = BeamMotion {
+            velocity_p_mps: instant.velocity_p_mps,
+            rate_tp_p_radps: instant.omega_p_radps - (instant.attitude_t_p.inverse() * earth).0,
+            beam_bias_mps: [0.0; BIASED_BEAMS],
+            scale_factor: own.scale_factor,
+        };
+        let mut ping = BeamSample {
+            time_ns,
+            velocity_mps: [f64::NAN; MAX_BEAMS],
+            sd_mps: [self.claimed.dvl.beam_noise_sd_mps; MAX_BEAMS],
+            valid,
+        };
+        for (beam, normals) in own.noise.iter_mut().enumerate() {
+            let reading = geometry.beam_velocity_mps(beam, &motion) + own.bias_mps[beam];
+            let error = dvl.beam_noise_sd_mps * normals.one();
+            ping.velocity_mps[beam] = (reading + error) * geometry.sound_speed_scale();
+        }
+        Ok(ping)
+    }
+
+    /// The depth reading at a time, off by what density, tide and barometer do to it.
+    pub(crate) fn depth(&mut self, at: &Truth<'_>, time_ns: i64, offset_m: f64) -> Result<DepthSample, NavError> {
+        let true_m = at.at("depth", time_ns)?.position_t_m.z;
+        Ok(DepthSample {
+            time_ns,
+            depth_m: true_m + offset_m + self.model.depth.sd_m * self.depth.one(),
+            sd_m: self.claimed.depth.sd_m,
+        })
+    }
+
+    /// The attitude reading at a time, its yaw off by what declination and iron do to it.
+    pub(crate) fn attitude(
+        &mut self,
+        at: &Truth<'_>,
+        time_ns: i64,
+        yaw_offset_rad: f64,
+    ) -> Result<AttitudeSample, NavError> {
+        let magnetometer = self.model.magnetometer;
+        let [roll, pitch, yaw] = at.at("magnetometer", time_ns)?.attitude_t_p.to_euler_rad();
+        let tilt = magnetometer.roll_pitch_sd_rad;
+        let error = self.magnetometer.each(&[tilt, tilt, magnetometer.yaw_sd_rad]);
+        let quaternion =
+            UnitQuaternion::from_euler_angles(roll + error.x, pitch + error.y, yaw + yaw_offset_rad + error.z);
+        Ok(AttitudeSample {
+            time_ns,
+            attitude_t_p: Rot::from_quaternion_wxyz([quaternion.w, quaternion.i, quaternion.j, quaternion.k]),
+            roll_pitch_sd_rad: self.claimed.magnetometer.roll_pitch_sd_rad,
+            yaw_sd_rad: self.claimed.magnetometer.yaw_sd_rad,
+        })
+    }
+
+    /// The GPS reading at a time.
+    pub(crate) fn gps(&mut self, at: &Truth<'_>, time_ns: i64) -> Result<GpsSample, NavError> {
+        let (gps, claimed) = (self.model.gps, self.claimed.gps);
+        let instant = at.at("gps", time_ns)?;
+        let velocity_t = (instant.attitude_t_p * Vec3::from(instant.velocity_p_mps)).0;
+        Ok(GpsSample {
+            time_ns,
+            position_t_m: (instant.position_t_m + self.gps_position.each(&gps.position_sd_m)).into(),
+            position_sd_m: claimed.position_sd_m,
+            velocity_t_mps: (velocity_t + self.gps_velocity.each(&gps.velocity_sd_mps)).into(),
+            velocity_sd_mps: claimed.velocity_sd_mps,
+        })
+    }
+}
+
+/// The mean rate and force since the last sample that lead the strapdown step from truth to truth.
+fn mean_readings(truth: &Truth<'_>, model: &Model, k: usize) -> (Vector3<f64>, Vector3<f64>) {
+    let dt = (truth.time_ns[k] - truth.time_ns[k - 1]) as f64 * 1e-9;
+    let earth = model.environment.earth_rate_t_radps().0;
+    let (before, after) = (truth.attitude(k - 1), truth.attitude(k));
+    let turn = before.inverse() * Rot::<Tangent, Tangent>::exp(earth * dt) * after;
+    let (r0, r1) = (before.matrix(), after.matrix());
+    let (v0, v1) = (
+        r0 * Vector3::from(truth.velocity_p_mps[k - 1]),
+        r1 * Vector3::from(truth.velocity_p_mps[k]),
+    );
+    let gravity = Vector3::new(0.0, 0.0, model.environment.gravity_mps2);
+    let needed = (v1 - v0) / dt - gravity + earth.cross(&(v0 + v1));
+    let mean: Matrix3<f64> = (r0 + r1) * 0.5;
+    // The mean of two neighbouring rotations is invertible unless they are half a turn apart.
+    let force = mean
+        .lu()
+        .solve(&needed)
+        .unwrap_or_else(|| Vector3::from(truth.force_p_mps2[k]));
+    (turn.log() / dt, force)
+}

@@ -1,0 +1,64 @@
+//! Threads for work that does not depend on their number.
+
+use crate::error::NavError;
+
+/// As many threads as asked for; one, or the feature `parallel` left out, works in the caller's.
+#[derive(Debug)]
+pub(crate) struct Workers {
+    #[cfg(feature = "parallel")]
+    pool: Option<rayon::ThreadPool>,
+}
+
+#[cfg(feature = "parallel")]
+impl Workers {
+    /// `threads` threads; 0 for as many as there are cores.
+    pub(crate) fn new(threads: usize) -> Result<Self, NavError> {
+        if threads == 1 {
+            return Ok(Self { pool: None });
+        }
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        Ok(Self {
+            pool: Some(pool.map_err(|_| NavError::OutOfRange {
+                field: "threads",
+                value: threads as f64,
+                expected: "a number of threads that the system can start",
+            })?),
+        })
+    }
+
+    /// Works on every item; the results come in order, and of several errors the first by order.
+    pub(crate) fn each<I: Send, T: Send>(
+        &self,
+        items: &mut [I],
+        work: impl Fn(usize, &mut I) -> Result<T, NavError> + Sync + Send,
+    ) -> Result<Vec<T>, NavError> {
+        use rayon::prelude::*;
+        let Some(pool) = &self.pool else {
+            return items.iter_mut().enumerate().map(|(k, item)| work(k, item)).collect();
+        };
+        let parallel = || {
+            items
+                .par_iter_mut()
+                .enumerate()
+                .map(|(k, item)| work(k, item))
+                .collect()
+        };
+        let results: Vec<Result<T, NavError>> = pool.install(parallel);
+        results.into_iter().collect()
+    }
+}
+
+#[cfg(not(feature = "parallel"))]
+impl Workers {
+    pub(crate) fn new(_threads: usize) -> Result<Self, NavError> {
+        Ok(Self {})
+    }
+
+    pub(crate) fn each<I, T>(
+        &self,
+        items: &mut [I],
+        work: impl Fn(usize, &mut I) -> Result<T, NavError>,
+    ) -> Result<Vec<T>, NavError> {
+        items.iter_mut().enumerate().map(|(k, item)| work(k, item)).collect()
+    }
+}
