@@ -26,10 +26,12 @@ from bottomlock.kernel import (
 
 if TYPE_CHECKING:
     from bottomlock.campaign import run_campaign
+    from bottomlock.conditions import schedule
     from bottomlock.io.beams import read_beams, read_geometry
     from bottomlock.scenario import Scenario, load_scenario, packaged_scenarios
-    from bottomlock.sensors import schedule
+    from bottomlock.streams import sensor_streams
     from bottomlock.trajectory import Truth, make_truth
+    from bottomlock.world import World, make_world
 
 __version__ = kernel_version()
 
@@ -46,8 +48,10 @@ __all__ = [
     "ScenarioError",
     "Truth",
     "VelocityFixes",
+    "World",
     "load_scenario",
     "make_truth",
+    "make_world",
     "normal_gravity_mps2",
     "packaged_scenarios",
     "read_beams",
@@ -55,6 +59,7 @@ __all__ = [
     "run_batch",
     "run_campaign",
     "schedule",
+    "sensor_streams",
     "simulate_sensors",
     "solve_velocity",
 ]
@@ -63,13 +68,16 @@ __all__ = [
 _LAZY = {
     "Scenario": "bottomlock.scenario",
     "Truth": "bottomlock.trajectory",
+    "World": "bottomlock.world",
     "load_scenario": "bottomlock.scenario",
     "make_truth": "bottomlock.trajectory",
+    "make_world": "bottomlock.world",
     "packaged_scenarios": "bottomlock.scenario",
     "read_beams": "bottomlock.io.beams",
     "read_geometry": "bottomlock.io.beams",
     "run_campaign": "bottomlock.campaign",
-    "schedule": "bottomlock.sensors",
+    "schedule": "bottomlock.conditions",
+    "sensor_streams": "bottomlock.streams",
 }
 
 

@@ -267,7 +267,7 @@ class Navigator:
 
 @final
 class ClosedLoop:
-    """Runs side by side whose truth depends on their own estimates."""
+    """Vehicles side by side whose truth depends on their own estimates."""
 
     def __new__(
         cls,
@@ -278,6 +278,7 @@ class ClosedLoop:
         arms: list[str],
         start: StartDict,
         *,
+        own_vehicles: bool,
         seed: int,
         trajectory_key: int,
         first_run: int,

@@ -18,25 +18,30 @@ import numpy as np
 import polars as pl
 
 from bottomlock import kernel, stats
+from bottomlock.conditions import schedule
 from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.feedback import fly_on_estimates
 from bottomlock.output import read_json, write_json, write_parquet
-from bottomlock.plant import Flight, Mission, fly, load_vehicle
-from bottomlock.plant.tables import mission_from_table
-from bottomlock.scenario import EARTH_RATE_RADPS, Scenario
+from bottomlock.plant import Flight
+from bottomlock.plant.closed_loop import cross_track_m
+from bottomlock.scenario import Scenario
 from bottomlock.schema import FIXES_COUNTS, SAMPLES
-from bottomlock.sensors import schedule
-from bottomlock.trajectory import Truth, make_truth
+from bottomlock.trajectory import Truth
+from bottomlock.world import World, make_world, trajectory_key
 
 CHUNK_STEPS = 6_000_000
 """Filter steps of one kernel call: a second or two of one core, so that progress and interruption stay lively."""
 
+FLEET_VEHICLES = 512
+"""Vehicles that fly on estimates side by side: more cost less each, and more is lost with an unfinished chunk."""
+
 
 @dataclass(frozen=True)
 class Progress:
-    """What a campaign tells while it runs."""
+    """What a campaign tells while it runs; runs under way count in part."""
 
     trajectory: str
-    runs_done: int
+    runs_done: float
     runs_total: int
 
 
@@ -63,86 +68,13 @@ class _Clock:
         return time.perf_counter() - self.started
 
 
-def trajectory_key(name: str) -> int:
-    """Key of a trajectory's random numbers: the first eight bytes of the SHA-256 of its name.
-
-    >>> trajectory_key("straight") == trajectory_key("straight") != trajectory_key("lawn_mower")
-    True
-    """
-    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
-
-
-def configuration_hash(scenarios: Sequence[Scenario]) -> str:
+def configuration_hash(worlds: Sequence[World]) -> str:
     """SHA-256 of all that decides the numbers of a campaign, apart from the number of runs."""
-    content = [(s.name, s.content_hash(), s.campaign.seed, list(s.campaign.arms)) for s in scenarios]
+    content = [
+        (w.scenario.name, w.fingerprint(), w.scenario.campaign.seed, list(w.scenario.campaign.arms))
+        for w in worlds
+    ]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
-
-
-def gravity_of(scenario: Scenario) -> float:
-    """Gravity of a scenario in m/s²: as stated, or normal gravity at its latitude and depth."""
-    environment = scenario.environment
-    if environment.gravity != "normal":
-        return float(environment.gravity)
-    return kernel.normal_gravity_mps2(float(np.deg2rad(environment.latitude_deg)), environment.depth_m)
-
-
-def mission_of(scenario: Scenario) -> Mission:
-    """The mission that the vehicle swims: the trajectory section with the keys of `[mission]` over it.
-
-    Raises:
-        ScenarioError: for a kind that the vehicle does not know, and for wrong keys of `[mission]`.
-    """
-    settings = scenario.trajectory
-    table = {"kind": settings.kind, "speed_mps": settings.speed_mps, "duration_s": settings.duration_s}
-    return mission_from_table(table | scenario.mission, scenario.name)
-
-
-def flight_of(scenario: Scenario, gravity_mps2: float) -> Flight:
-    """The vehicle's flight through a scenario; read from the cache where it was swum before.
-
-    Raises:
-        ScenarioError: for a vehicle or mission that makes no sense.
-    """
-    environment = scenario.environment
-    return fly(
-        load_vehicle(scenario.trajectory.vehicle),
-        mission_of(scenario),
-        latitude_rad=float(np.deg2rad(environment.latitude_deg)),
-        gravity_mps2=gravity_mps2,
-        earth_rate_radps=EARTH_RATE_RADPS if environment.earth_rotation else 0.0,
-        imu_rate_hz=scenario.imu.rate_hz,
-    )
-
-
-def truth_of(scenario: Scenario, gravity_mps2: float) -> Truth:
-    """The truth of a scenario: analytic, or swum by the vehicle."""
-    if scenario.trajectory.source == "vehicle":
-        return flight_of(scenario, gravity_mps2).truth
-    return make_truth(scenario, gravity_mps2)
-
-
-def geometry_of(scenario: Scenario) -> kernel.BeamGeometry:
-    """The beams of a scenario.
-
-    Raises:
-        ScenarioError: for directions that are not unit vectors, and beams that lie in a plane.
-    """
-    dvl = scenario.dvl
-    try:
-        return kernel.make_geometry(
-            dvl.configuration,
-            tilt_rad=float(np.deg2rad(dvl.tilt_deg)),
-            tilts_rad=np.deg2rad(dvl.tilts_deg or ()),
-            azimuths_rad=np.deg2rad(dvl.azimuths_deg or ()),
-            directions=dvl.directions,
-            lever_arms_p_m=dvl.lever_arms_m,
-            mounting_rpy_rad=np.deg2rad(
-                [dvl.mounting_roll_deg, dvl.mounting_pitch_deg, dvl.mounting_yaw_deg]
-            ),
-            sound_speed_scale=dvl.sound_speed_scale,
-        )
-    except kernel.KernelError as error:
-        raise ScenarioError(f"scenario {scenario.name}: dvl: {error}") from error
 
 
 def _chunk_frames(
@@ -153,16 +85,24 @@ def _chunk_frames(
     first_run: int,
     sample_time_ns: np.ndarray[Any, Any],
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Samples and fix counts of one kernel call as tables."""
+    """Samples and fix counts of one kernel call as tables; its `cross_track_m` (runs, arms, ticks) may be None."""
     runs, arm_count, samples = result["nees"].shape
     keys = pl.DataFrame(
         {"run": np.repeat(np.arange(first_run, first_run + runs), arm_count), "arm": list(arms) * runs}
+    )
+    offset = result["cross_track_m"]
+    astray = (
+        np.full((2, runs, arm_count), np.nan)
+        if offset is None
+        else np.stack([np.sqrt((offset**2).mean(axis=-1)), np.abs(offset).max(axis=-1)])
     )
     counts = keys.with_columns(
         pl.lit(name).alias("trajectory"),
         pl.Series("nis_mean", result["nis_mean"].reshape(-1)).fill_nan(None),
         pl.Series("fixes_accepted", result["fixes_accepted"].reshape(-1)),
         pl.Series("fixes_rejected", result["fixes_rejected"].reshape(-1)),
+        pl.Series("cross_track_rms_m", astray[0].reshape(-1)).fill_nan(None),
+        pl.Series("cross_track_max_m", astray[1].reshape(-1)).fill_nan(None),
     ).select(list(FIXES_COUNTS))
     values = np.concatenate([result["error"], result["sd"]], axis=-1).reshape(-1, 18)
     columns = dict(zip([name for name in SAMPLES if name.startswith(("err_", "sd_"))], values.T, strict=True))
@@ -180,7 +120,7 @@ def _chunk_frames(
     return frame.with_columns(names, pl.lit(name).alias("trajectory")).select(list(SAMPLES)), counts
 
 
-def _prepare(out: Path, scenarios: Sequence[Scenario], *, force: bool) -> None:
+def _prepare(out: Path, worlds: Sequence[World], *, force: bool) -> None:
     """Makes sure that the directory is ours: empty, or of the same configuration."""
     manifest_path = out / "manifest.json"
     try:
@@ -191,7 +131,7 @@ def _prepare(out: Path, scenarios: Sequence[Scenario], *, force: bool) -> None:
         manifest = read_json(manifest_path) if out.is_dir() else None
         if manifest is None or "configuration_hash" not in manifest:
             raise OutputError(f"{out}: is not empty and holds no campaign of ours; choose another directory")
-        same = manifest["configuration_hash"] == configuration_hash(scenarios)
+        same = manifest["configuration_hash"] == configuration_hash(worlds)
         if (not same or manifest.get("version") != kernel.kernel_version()) and not force:
             what = "another configuration" if not same else f"version {manifest.get('version')}"
             raise OutputError(
@@ -209,12 +149,13 @@ def _prepare(out: Path, scenarios: Sequence[Scenario], *, force: bool) -> None:
                 shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
 
 
-def _manifest(scenarios: Sequence[Scenario], clock: _Clock, *, status: str, threads: int) -> dict[str, Any]:
+def _manifest(worlds: Sequence[World], clock: _Clock, *, status: str, threads: int) -> dict[str, Any]:
+    scenarios = [world.scenario for world in worlds]
     return {
         "status": status,
         "version": kernel.kernel_version(),
         "versions": {"python": platform.python_version(), "numpy": np.__version__, "polars": pl.__version__},
-        "configuration_hash": configuration_hash(scenarios),
+        "configuration_hash": configuration_hash(worlds),
         "threads": threads,
         "wall_time_s": round(clock.wall_s, 3),
         "kernel_time_s": round(clock.kernel_s, 3),
@@ -237,46 +178,124 @@ def _manifest(scenarios: Sequence[Scenario], clock: _Clock, *, status: str, thre
     }
 
 
-def _chunks(scenario: Scenario, steps: int) -> list[tuple[int, int, str]]:
-    """First run, number of runs and file name of each chunk."""
-    runs = scenario.campaign.runs
-    size = max(1, CHUNK_STEPS // (steps * len(scenario.campaign.arms)))
-    starts = range(0, runs, size)
-    return [(k, min(size, runs - k), f"{k:08d}-{min(k + size, runs) - 1:08d}.parquet") for k in starts]
+@dataclass(frozen=True)
+class _Chunk:
+    """Runs that are flown and written together."""
+
+    first_run: int
+    runs: int
+
+    @property
+    def stem(self) -> str:
+        return f"{self.first_run:08d}-{self.first_run + self.runs - 1:08d}.parquet"
+
+
+def _chunks(scenario: Scenario) -> list[_Chunk]:
+    """The chunks of a scenario: they depend on it alone."""
+    trajectory, settings = scenario.trajectory, scenario.campaign
+    steps = round(trajectory.duration_s * scenario.imu.rate_hz) + 1
+    size = CHUNK_STEPS // (steps * len(settings.arms))
+    if trajectory.feedback == "estimate":
+        size = FLEET_VEHICLES // (len(settings.arms) if trajectory.pilot == "own" else 1)
+    size = max(1, size)
+    return [_Chunk(first, min(size, settings.runs - first)) for first in range(0, settings.runs, size)]
+
+
+class _OnTruth:
+    """Chunks of runs that share one truth."""
+
+    def __init__(self, world: World) -> None:
+        flight = world.flight() if world.vehicle is not None else None
+        self._world = world
+        self._truth: Truth = world.truth() if flight is None else flight.truth
+        self._offset_m = None if flight is None else _offset_m(flight)
+
+    def __call__(self, chunk: _Chunk, threads: int, _tell: Callable[[float], None]) -> dict[str, Any]:
+        world, scenario = self._world, self._world.scenario
+        key = trajectory_key(scenario.name)
+        plan: Any = schedule(
+            world, self._truth, trajectory_key=key, first_run=chunk.first_run, runs=chunk.runs
+        )
+        model: Any = scenario.kernel_model(world.gravity_mps2)
+        options: Any = scenario.kernel_options()
+        truth: Any = self._truth.kernel_arrays()
+        result = kernel.run_batch(
+            world.geometry, truth, model, model, options, plan, list(scenario.campaign.arms),
+            seed=scenario.campaign.seed, trajectory_key=key, first_run=chunk.first_run, runs=chunk.runs,
+            threads=threads,
+        )  # fmt: skip
+        offset = (
+            None
+            if self._offset_m is None
+            else np.broadcast_to(
+                self._offset_m, (chunk.runs, len(scenario.campaign.arms), len(self._offset_m))
+            )
+        )
+        return {**result, "cross_track_m": offset, "sample_time_ns": plan["sample_time_ns"]}
+
+
+class _OnEstimate:
+    """Chunks of runs whose vehicles fly on what they believe."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def __call__(self, chunk: _Chunk, threads: int, tell: Callable[[float], None]) -> dict[str, Any]:
+        scenario = self._world.scenario
+        return fly_on_estimates(
+            self._world,
+            scenario.campaign.arms,
+            pilot=scenario.trajectory.pilot,
+            trajectory_key=trajectory_key(scenario.name),
+            first_run=chunk.first_run,
+            runs=chunk.runs,
+            threads=threads,
+            tell=tell,
+        )
+
+
+def _offset_m(flight: Flight) -> np.ndarray[Any, Any]:
+    """Cross-track error of a flight on the truth, five times a second as of those on an estimate."""
+    passage = flight.passage
+    every = max(1, round(len(passage.time_ns) / (flight.mission.duration_s * 5.0)))
+    return cross_track_m(flight.mission, passage.segment[::every], passage.state[::every, :3])
 
 
 def _fly(
-    scenario: Scenario, folder: Path, clock: _Clock, *, threads: int, tell: Callable[[Progress], None]
-) -> int:
-    """Works off the chunks of one scenario that are not there yet; the number of truth samples."""
-    gravity = gravity_of(scenario)
-    truth = truth_of(scenario, gravity)
-    geometry, model, plan = geometry_of(scenario), scenario.kernel_model(gravity), schedule(scenario, truth)
-    arms, runs = list(scenario.campaign.arms), scenario.campaign.runs
-    for first, count, stem in _chunks(scenario, len(truth.time_ns)):
-        counts_path = folder / f"counts-{stem}"
+    world: World, folder: Path, clock: _Clock, *, threads: int, tell: Callable[[Progress], None]
+) -> None:
+    """Works off the chunks of one scenario that are not there yet."""
+    scenario = world.scenario
+    fly: _OnTruth | _OnEstimate | None = None
+    for chunk in _chunks(scenario):
+        counts_path = folder / f"counts-{chunk.stem}"
         if not counts_path.exists():
+            if fly is None:
+                fly = (_OnEstimate if scenario.trajectory.feedback == "estimate" else _OnTruth)(world)
+
+            def part(done: float, chunk: _Chunk = chunk) -> None:
+                tell(Progress(scenario.name, chunk.first_run + chunk.runs * done, scenario.campaign.runs))
+
             started = time.perf_counter()
-            result: Any = kernel.run_batch(
-                geometry, truth.kernel_arrays(), model, model, scenario.kernel_options(), plan, arms,  # type: ignore[arg-type]
-                seed=scenario.campaign.seed, trajectory_key=trajectory_key(scenario.name), first_run=first, runs=count,
-                threads=threads,
-            )  # fmt: skip
+            result = fly(chunk, threads, part)
             clock.kernel_s += time.perf_counter() - started
             samples, counts = _chunk_frames(
-                result, name=scenario.name, arms=arms, first_run=first, sample_time_ns=plan["sample_time_ns"]
+                result,
+                name=scenario.name,
+                arms=scenario.campaign.arms,
+                first_run=chunk.first_run,
+                sample_time_ns=result["sample_time_ns"],
             )
             # The counts come last: a chunk is finished when they are there.
-            write_parquet(folder / f"samples-{stem}", samples)
+            write_parquet(folder / f"samples-{chunk.stem}", samples)
             write_parquet(counts_path, counts)
             clock.batch_s += time.perf_counter() - started
-        tell(Progress(scenario.name, first + count, runs))
-    return len(truth.time_ns)
+        tell(Progress(scenario.name, chunk.first_run + chunk.runs, scenario.campaign.runs))
 
 
-def _tables(scenario: Scenario, folder: Path, steps: int) -> tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]:
+def _tables(scenario: Scenario, folder: Path) -> tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]:
     """Statistics of one scenario from its chunks; only the norms are held in memory."""
-    stems = [stem for _, _, stem in _chunks(scenario, steps)]
+    stems = [chunk.stem for chunk in _chunks(scenario)]
     norms = pl.concat([stats.error_norms(pl.read_parquet(folder / f"samples-{stem}")) for stem in stems])
     counts = pl.concat([pl.read_parquet(folder / f"counts-{stem}") for stem in stems])
     degrees = 20 if scenario.filter.estimate_dvl else 15
@@ -308,25 +327,26 @@ def run_campaign(
         tell: hears of every finished chunk.
 
     Raises:
-        ScenarioError: for two scenarios of one name.
+        ScenarioError: for two scenarios of one name, and for what `make_world` refuses.
         OutputError: for a directory that is not ours or cannot be written.
         KernelError: for input that the kernel refuses, naming run and arm.
     """
     names = [scenario.name for scenario in scenarios]
     if not names or len(set(names)) != len(names):
         raise ScenarioError(f"expected scenarios of different names, got {names}")
-    _prepare(out, scenarios, force=force)
+    worlds = [make_world(scenario) for scenario in scenarios]
+    _prepare(out, worlds, force=force)
     clock = _Clock()
-    write_json(out / "manifest.json", _manifest(scenarios, clock, status="running", threads=threads))
+    write_json(out / "manifest.json", _manifest(worlds, clock, status="running", threads=threads))
     parts = []
-    for scenario in scenarios:
-        folder = out / "chunks" / scenario.name
-        steps = _fly(scenario, folder, clock, threads=threads, tell=tell)
-        parts.append(_tables(scenario, folder, steps))
+    for world in worlds:
+        folder = out / "chunks" / world.scenario.name
+        _fly(world, folder, clock, threads=threads, tell=tell)
+        parts.append(_tables(world.scenario, folder))
     runs, ensemble, consistency = (pl.concat(tables) for tables in zip(*parts, strict=True))
     write_parquet(out / "runs.parquet", runs)
     write_parquet(out / "ensemble.parquet", ensemble)
     write_parquet(out / "consistency.parquet", consistency)
-    manifest = _manifest(scenarios, clock, status="complete", threads=threads)
+    manifest = _manifest(worlds, clock, status="complete", threads=threads)
     write_json(out / "manifest.json", manifest)
     return Results(runs=runs, ensemble=ensemble, consistency=consistency, manifest=manifest)

@@ -23,6 +23,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bottomlock import __version__, campaign, stats
+from bottomlock.conditions import met
 from bottomlock.errors import BottomlockError, DataError, OutputError, ScenarioError
 from bottomlock.figures import flight_figure, save_figure
 from bottomlock.io.beams import read_beams, read_geometry
@@ -30,8 +31,9 @@ from bottomlock.kernel import KernelError, solve_velocity
 from bottomlock.output import write_parquet
 from bottomlock.plant import telemetry
 from bottomlock.scenario import Scenario, copy_scenario, load_scenario, packaged_scenarios
-from bottomlock.sensors import schedule
+from bottomlock.streams import sensor_streams
 from bottomlock.trajectory import Truth
+from bottomlock.world import World, make_world, trajectory_key
 
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
@@ -76,7 +78,10 @@ def _summary(results: campaign.Results) -> list[Table]:
             padding=(0, 1, 0, 0),
         )
         table.add_column("arm", no_wrap=True)
-        for name in ("v m/s", "95 %", "att deg", "pos m", "NEES", "NIS", "rej %"):
+        settings = results.manifest["scenarios"][trajectory]["configuration"]["trajectory"]
+        astray = settings["feedback"] == "estimate"
+        names = ["v m/s", "95 %", "att deg", "pos m", "NEES", "astray m" if astray else "NIS", "rej %"]
+        for name in names:
             table.add_column(name, justify="right", no_wrap=True)
         for row in rows.iter_rows(named=True):
             low, high = _number(row["velocity_rms_lo_mps"], 3), _number(row["velocity_rms_hi_mps"], 3)
@@ -88,7 +93,7 @@ def _summary(results: campaign.Results) -> list[Table]:
                 _number(row["attitude_rms_deg"], 3),
                 _number(row["position_rms_m"], 1),
                 _number(row["nees_mean"], 1),
-                _number(row["nis_mean"], 2),
+                _number(row["cross_track_rms_m"], 1) if astray else _number(row["nis_mean"], 2),
                 "-" if part is None or not np.isfinite(part) else f"{100.0 * part:.2f}",
             )
         tables.append(table)
@@ -107,7 +112,7 @@ def _fly(scenarios: list[Scenario], out: Path, *, threads: int, force: bool) -> 
     )
     with Progress(*columns, console=errors, transient=False) as progress:
         task = progress.add_task("flying", total=total)
-        done = dict.fromkeys((scenario.name for scenario in scenarios), 0)
+        done = dict.fromkeys((scenario.name for scenario in scenarios), 0.0)
 
         def tell(state: campaign.Progress) -> None:
             done[state.trajectory] = state.runs_done
@@ -154,6 +159,10 @@ def run(
     for table in _summary(results):
         console.print(table)
     manifest, settings = results.manifest, loaded[0].filter
+    if any(one.trajectory.feedback == "estimate" for one in loaded):
+        console.print(
+            "The vehicle flew on its estimate; astray is its true cross-track error, rms over way and runs."
+        )
     console.print(
         f"NEES of an honest filter is {20 if settings.estimate_dvl else 15}, NIS the number of fused rows. "
         f"n_f {settings.virtual_beam_factor:g}, ε {settings.nullified_sway_var_m2ps2:g} m²/s², gate {settings.gate}."
@@ -168,6 +177,9 @@ def fly(
     vehicle: Annotated[
         str | None, Parameter(help="Packaged vehicle or TOML file; the scenario's own by default.")
     ] = None,
+    sensors: Annotated[
+        int | None, Parameter(help="Write what the sensors of this run read, a table per sensor.")
+    ] = None,
 ) -> None:
     """Swims scenarios with the vehicle: truth and telemetry to Parquet, one figure per trajectory.
 
@@ -178,18 +190,22 @@ def fly(
     """
     if not scenario:
         raise ScenarioError("no scenario is named; `bottomlock scenarios` lists those that ship")
+    if sensors is not None and sensors < 0:
+        raise ScenarioError(f"--sensors is {sensors}, expected the number of a run, 0 or more")
     for name in scenario:
         loaded = load_scenario(name)
-        change = {"source": "vehicle", "vehicle": vehicle or loaded.trajectory.vehicle}
-        loaded = loaded.model_copy(update={"trajectory": loaded.trajectory.model_copy(update=change)})
-        flight = campaign.flight_of(loaded, campaign.gravity_of(loaded))
-        frame = telemetry(flight)
-        plan = schedule(loaded, flight.truth)
-        beams = {f"beam_{k + 1}_valid": plan["beam_valid"][:, k] for k in range(loaded.dvl.beams)}
+        change = {"source": "vehicle"} | ({} if vehicle is None else {"vehicle": vehicle})
+        loaded = loaded.with_trajectory(**change)
+        world = make_world(loaded)
+        flight = world.flight()
+        frame, beams = telemetry(flight), _beams(world, flight.truth)
         write_parquet(out / f"{loaded.name}_truth.parquet", pl.DataFrame(_wide(flight.truth)))
         write_parquet(out / f"{loaded.name}_telemetry.parquet", frame)
-        figure = flight_figure(frame, pl.DataFrame({"time_ns": plan["dvl_time_ns"], **beams}))
-        save_figure(figure, out / f"{loaded.name}.png")
+        write_parquet(out / f"{loaded.name}_beams.parquet", beams)
+        save_figure(flight_figure(frame, beams), out / f"{loaded.name}.png")
+        if sensors is not None:
+            for sensor, readings in sensor_streams(world, flight.truth, run=sensors).items():
+                write_parquet(out / f"{loaded.name}_run{sensors}_{sensor}.parquet", readings)
         legs = frame.filter("leg") if frame["leg"].any() else frame
         astray = float(np.sqrt(np.mean(legs["cross_track_m"].to_numpy() ** 2)))
         speed, sway = (frame[f"{part}_mps"].to_numpy() for part in ("speed", "sway"))
@@ -198,6 +214,19 @@ def fly(
             f"greatest sway {np.abs(sway).max():.3f} m/s"
         )
     console.print(f"tables and figures in {out}")
+
+
+def _beams(world: World, truth: Truth) -> pl.DataFrame:
+    """Which beams return in the first run and, over a seabed, from how far (m) and how obliquely (rad)."""
+    plan, hits = met(world, truth, trajectory_key=trajectory_key(world.scenario.name))
+    valid = plan["beam_valid"].reshape(-1, world.geometry.beams)
+    columns = {"time_ns": plan["dvl_time_ns"]}
+    for k in range(world.geometry.beams):
+        columns[f"beam{k + 1}_valid"] = valid[:, k]
+        if hits is not None:
+            columns[f"beam{k + 1}_range_m"] = hits.range_m[:, k]
+            columns[f"beam{k + 1}_incidence_rad"] = hits.incidence_rad[:, k]
+    return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
 def _wide(truth: Truth) -> dict[str, np.ndarray[Any, Any]]:

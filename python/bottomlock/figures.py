@@ -1,5 +1,7 @@
 """Figures: data frames in, files out; no statistics are computed here."""
 
+import itertools
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +29,12 @@ _BLUE, _ORANGE, _GREEN, _PURPLE, _GREY = "#0072b2", "#d55e00", "#009e73", "#cc79
 _FINS = (_BLUE, _ORANGE, _GREEN, _PURPLE)
 
 
-def flight_figure(telemetry: pl.DataFrame, validity: pl.DataFrame | None = None) -> Figure:
-    """Draw one trajectory: plan view, depth, speed, flow angles, fin angles and which beams returned.
+def flight_figure(telemetry: pl.DataFrame, beams: pl.DataFrame | None = None) -> Figure:
+    """Draw one trajectory: plan view, depth, speed, flow angles, fin angles, ranges and which beams returned.
 
-    Args: telemetry: the columns of `bottomlock.plant.telemetry`, SI and rad. validity: `time_ns` and a
-    boolean column `beam_1_valid`, `beam_2_valid`, ... per beam; the strip is left out without it.
+    Args: telemetry: the columns of `bottomlock.plant.telemetry`, SI and rad. beams: `time_ns` and a boolean
+    column `beam1_valid`, `beam2_valid`, ... per beam, and `beam1_range_m`, ... over a seabed; the strip
+    and the ranges are left out without them.
 
     Raises:
         OutputError: a column is missing.
@@ -41,21 +44,27 @@ def flight_figure(telemetry: pl.DataFrame, validity: pl.DataFrame | None = None)
     )
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(11.0, 7.5), layout="constrained")
-        rows = 4 if validity is None else 5
-        heights = [1.2, 1.0, 1.2, 1.2, 0.7][:rows]
-        grid = figure.add_gridspec(rows, 2, width_ratios=[1.0, 1.25], height_ratios=heights)
-        _plan(figure.add_subplot(grid[:, 0]), telemetry)
+        draw: list[tuple[float, Callable[[Axes], None]]] = [
+            (1.2, lambda axes: _depth(axes, time_s, telemetry)),
+            (1.0, lambda axes: _speed(axes, time_s, telemetry)),
+            (1.2, lambda axes: _flow(axes, time_s, telemetry)),
+            (1.2, lambda axes: _fins(axes, time_s, telemetry)),
+        ]
+        if beams is not None:
+            if "beam1_range_m" in beams.columns:
+                draw.append((1.2, lambda axes: _ranges(axes, beams)))
+            draw.append((0.7, lambda axes: _strip(axes, beams)))
         time_s = telemetry["time_ns"].to_numpy() * 1e-9
-        panels = [figure.add_subplot(grid[0, 1])]
-        panels += [figure.add_subplot(grid[row, 1], sharex=panels[0]) for row in range(1, rows)]
-        _depth(panels[0], time_s, telemetry)
-        _speed(panels[1], time_s, telemetry)
-        _flow(panels[2], time_s, telemetry)
-        _fins(panels[3], time_s, telemetry)
-        if validity is not None:
-            _strip(panels[4], validity)
-        for panel in panels[:-1]:
-            panel.tick_params(labelbottom=False)
+        grid = figure.add_gridspec(
+            len(draw), 2, width_ratios=[1.0, 1.25], height_ratios=[height for height, _ in draw]
+        )
+        _plan(figure.add_subplot(grid[:, 0]), telemetry)
+        panels: list[Axes] = []
+        for row, (_, fill) in enumerate(draw):
+            panels.append(figure.add_subplot(grid[row, 1], sharex=panels[0] if panels else None))
+            fill(panels[-1])
+        for axes in panels[:-1]:
+            axes.tick_params(labelbottom=False)
         panels[-1].set_xlabel("time, s")
         panels[0].set_xlim(float(time_s[0]), float(time_s[-1]))
         figure.suptitle(str(telemetry["trajectory"][0]).replace("_", " "))
@@ -130,23 +139,42 @@ def _fins(axes: Axes, time_s: np.ndarray[Any, Any], telemetry: pl.DataFrame) -> 
         angle = np.rad2deg(telemetry[f"fin_{index}_rad"].to_numpy())
         axes.plot(time_s, angle, color=colour, linewidth=1.0, label=str(index))
     axes.set_ylabel("fins, deg")
+    _room_above(axes)
     axes.legend(loc="upper right", ncols=4)
 
 
+def _ranges(axes: Axes, beams: pl.DataFrame) -> None:
+    """Range to the seabed of every beam; thin where it does not return."""
+    time_s = beams["time_ns"].to_numpy() * 1e-9
+    numbers = [name[4:].split("_")[0] for name in beams.columns if name.endswith("_range_m")]
+    for number, colour in zip(numbers, itertools.cycle(_FINS), strict=False):
+        reach = beams[f"beam{number}_range_m"].fill_null(np.nan).to_numpy()
+        returned = np.where(beams[f"beam{number}_valid"].to_numpy(), reach, np.nan)
+        axes.plot(time_s, reach, color=colour, linewidth=0.6, alpha=0.6)
+        axes.plot(time_s, returned, color=colour, linewidth=1.8, label=number)
+    axes.set_ylabel("range, m")
+    _room_above(axes)
+    axes.legend(loc="upper right", ncols=8)
+
+
+def _room_above(axes: Axes) -> None:
+    """Headroom for a legend over lines that fill the panel."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.35 * (high - low))
+
+
 def _strip(axes: Axes, validity: pl.DataFrame) -> None:
-    names = [name for name in validity.columns if name.startswith("beam_") and name.endswith("_valid")]
+    names = [name for name in validity.columns if name.startswith("beam") and name.endswith("_valid")]
     if "time_ns" not in validity.columns or not names:
         raise OutputError(
-            "figure: the validity frame needs time_ns and columns beam_1_valid, beam_2_valid, ..."
+            "figure: the validity frame needs time_ns and columns beam1_valid, beam2_valid, ..."
         )
     time_s = validity["time_ns"].to_numpy() * 1e-9
     for row, name in enumerate(names, start=1):
         returned = validity[name].to_numpy().astype(bool)
         axes.plot(time_s[returned], np.full(int(returned.sum()), row), "|", color=_GREEN, markersize=6.0)
         axes.plot(time_s[~returned], np.full(int((~returned).sum()), row), "|", color=_ORANGE, markersize=6.0)
-    axes.set_yticks(
-        range(1, len(names) + 1), [name.removesuffix("_valid").replace("_", " ") for name in names]
-    )
+    axes.set_yticks(range(1, len(names) + 1), [f"beam {name[4:].removesuffix('_valid')}" for name in names])
     axes.set_ylim(len(names) + 0.6, 0.4)
     axes.grid(visible=False)
     axes.set_title("green: returned, orange: lost", fontsize=8.0, loc="right", pad=2.0)

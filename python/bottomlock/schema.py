@@ -20,9 +20,11 @@ RUNS: Mapping[str, pl.DataType] = {
     "nis_mean": pl.Float64(),
     "fixes_accepted": pl.Int64(),
     "fixes_rejected": pl.Int64(),
+    "cross_track_rms_m": pl.Float64(),
+    "cross_track_max_m": pl.Float64(),
 }
 """A row per trajectory, run and arm: RMS over time and final norms of the error vectors; `nis_mean` is null
-without fixes."""
+without fixes. The cross-track error is that of the true vehicle; it is null for an analytic truth."""
 
 ENSEMBLE: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -78,8 +80,10 @@ FIXES_COUNTS: Mapping[str, pl.DataType] = {
     "nis_mean": pl.Float64(),
     "fixes_accepted": pl.Int64(),
     "fixes_rejected": pl.Int64(),
+    "cross_track_rms_m": pl.Float64(),
+    "cross_track_max_m": pl.Float64(),
 }
-"""A row per trajectory, run and arm: what the gate made of the DVL's fixes."""
+"""A row per trajectory, run and arm: what the gate made of the DVL's fixes, and how far astray the vehicle went."""
 
 
 def check(frame: pl.DataFrame, columns: Mapping[str, pl.DataType], *, place: str) -> pl.DataFrame:

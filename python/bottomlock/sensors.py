@@ -1,25 +1,24 @@
-"""When each sensor measures and which beams return, as the kernel wants it."""
-
-from typing import Any
+"""When each sensor measures, and which beams its settings alone take away."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.errors import DataError
-from bottomlock.scenario import Dvl, Scenario
-from bottomlock.trajectory import Truth
+from bottomlock.sections import Dvl
 
 
-def epochs_ns(truth: Truth, rate_hz: float) -> NDArray[np.int64]:
-    """Epochs at a rate inside the truth; the first comes one interval after its start."""
-    first, last = int(truth.time_ns[0]), int(truth.time_ns[-1])
+def epochs_ns(first_ns: int, last_ns: int, rate_hz: float) -> NDArray[np.int64]:
+    """Epochs at a rate up to the last time, included; the first comes one interval after the first time.
+
+    >>> epochs_ns(0, 2_000_000_000, 1.0).tolist()
+    [1000000000, 2000000000]
+    """
     period = 1e9 / rate_hz
-    count = int((last - first) / period + 1e-9)
-    return first + np.round(np.arange(1, count + 1) * period).astype(np.int64)
+    count = int((last_ns - first_ns) / period + 1e-9)
+    return first_ns + np.round(np.arange(1, count + 1) * period).astype(np.int64)
 
 
 def beam_valid(dvl: Dvl, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(epochs, beams) true where a beam returns.
+    """(epochs, beams) true where a beam is neither lost throughout nor in an outage.
 
     >>> from bottomlock.scenario import load_scenario
     >>> beam_valid(load_scenario("straight").dvl, np.array([10**9])).tolist()
@@ -33,28 +32,3 @@ def beam_valid(dvl: Dvl, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
         for beam in outage.beams:
             valid[within, beam - 1] = False
     return valid
-
-
-def schedule(scenario: Scenario, truth: Truth) -> dict[str, Any]:
-    """Epochs of every sensor, the beams that return, and a sample every second.
-
-    Raises:
-        DataError: for a truth of less than a second.
-    """
-    empty = np.zeros(0, dtype=np.int64)
-    dvl_time_ns = epochs_ns(truth, scenario.dvl.rate_hz)
-    sample_time_ns = epochs_ns(truth, 1.0)
-    if not len(sample_time_ns):
-        raise DataError("the truth is shorter than a second: there is nothing to record")
-
-    def of(section: Any) -> NDArray[np.int64]:  # noqa: ANN401 - the three sections share only these two fields
-        return epochs_ns(truth, section.rate_hz) if section.enabled else empty
-
-    return {
-        "dvl_time_ns": dvl_time_ns,
-        "beam_valid": beam_valid(scenario.dvl, dvl_time_ns),
-        "depth_time_ns": of(scenario.depth),
-        "magnetometer_time_ns": of(scenario.magnetometer),
-        "gps_time_ns": of(scenario.gps),
-        "sample_time_ns": sample_time_ns,
-    }

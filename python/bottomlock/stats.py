@@ -143,5 +143,6 @@ def summary_table(ensemble: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:
         (pl.col("fixes_rejected").sum() / (pl.col("fixes_accepted") + pl.col("fixes_rejected")).sum()).alias(
             "rejected_part"
         ),
+        _rms("cross_track_rms_m").alias("cross_track_rms_m"),
     )
     return last.drop("nees").join(gate, on=["trajectory", "arm"], maintain_order="left")

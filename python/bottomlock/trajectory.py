@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
-from bottomlock.scenario import EARTH_RATE_RADPS, Scenario, Trajectory
+from bottomlock.scenario import EARTH_RATE_RADPS, Scenario
+from bottomlock.sections import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -7,24 +7,22 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from bottomlock import kernel
-from bottomlock.campaign import geometry_of, gravity_of
+from bottomlock.conditions import schedule
+from bottomlock.plant import swim
 from bottomlock.scenario import load_scenario
-from bottomlock.sensors import schedule
-from bottomlock.trajectory import make_truth
+from bottomlock.world import make_world
+from tests.analytic import analytic_world
 
 
 @pytest.fixture(scope="module")
 def flight() -> dict[str, Any]:
     """Ten seconds of the straight trajectory."""
-    scenario = load_scenario("straight")
-    scenario = scenario.model_copy(
-        update={"trajectory": scenario.trajectory.model_copy(update={"duration_s": 10.0})}
-    )
-    gravity = gravity_of(scenario)
-    truth, model = make_truth(scenario, gravity), scenario.kernel_model(gravity)
+    world = analytic_world("straight", duration_s=10.0)
+    scenario, truth = world.scenario, world.truth()
+    model = scenario.kernel_model(world.gravity_mps2)
     return {
-        "geometry": geometry_of(scenario), "truth": truth.kernel_arrays(), "simulated": model, "assumed": model,
-        "options": scenario.kernel_options(), "schedule": schedule(scenario, truth), "seed": 1, "trajectory_key": 2,
+        "geometry": world.geometry, "truth": truth.kernel_arrays(), "simulated": model, "assumed": model,
+        "options": scenario.kernel_options(), "schedule": schedule(world, truth), "seed": 1, "trajectory_key": 2,
         "first_run": 0,
     }  # fmt: skip
 
@@ -45,3 +43,14 @@ def test_solve_ten_thousand_pings(benchmark: BenchmarkFixture, method: str) -> N
     valid = generator.random((10_000, 4)) < 0.8
     fixes = benchmark(kernel.solve_velocity, janus, beams, valid, method=method, beam_sd_mps=0.042)
     assert len(fixes.status) == 10_000
+
+
+@pytest.mark.parametrize("name", ["straight", "figure_eight", "lawn_mower"])
+def test_swim(benchmark: BenchmarkFixture, name: str) -> None:
+    """A truth from nothing: 250 s of the vehicle at the IMU's rate."""
+    world = make_world(load_scenario(name))
+    vehicle, mission = world.vehicle, world.mission
+    assert vehicle is not None
+    assert mission is not None
+    passage = benchmark(swim, vehicle, mission, gravity_mps2=world.gravity_mps2)
+    assert len(passage.time_ns) == 37_501

@@ -73,7 +73,6 @@ def test_fly_swims_a_scenario(tmp_path: Path) -> None:
     assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
     path = tmp_path / "straight.toml"
     text = path.read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 20.0")
-    text = text.replace('source = "analytic"', 'source = "vehicle"')
     path.write_text(text, encoding="utf-8")
     done = command("fly", "straight.toml", "--out", "o", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

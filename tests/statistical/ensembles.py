@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
-
 import bottomlock
-from bottomlock import sensors
+from tests.analytic import analytic_world
 from tests.oracle.rotations import Array
 
 # Fixed before the first run was flown: the day the paper appeared.
@@ -48,17 +46,16 @@ def fly(
     every_s: int = 5,
     changes: tuple[tuple[str, Any], ...] = (),
 ) -> Ensemble:
-    """Flies a packaged scenario; `changes` are filter settings other than the packaged ones."""
-    scenario = bottomlock.load_scenario(name)
-    gravity = bottomlock.normal_gravity_mps2(float(np.deg2rad(scenario.environment.latitude_deg)), 0.0)
-    truth = bottomlock.make_truth(scenario, gravity)
-    schedule = sensors.schedule(scenario, truth)
+    """Flies a packaged scenario on its analytic truth; `changes` are filter settings other than the packaged ones."""
+    world = analytic_world(name)
+    scenario, truth = world.scenario, world.truth()
+    schedule = bottomlock.schedule(world, truth)
     schedule["sample_time_ns"] = schedule["sample_time_ns"][every_s - 1 :: every_s]
     options = scenario.kernel_options() | dict(changes)
-    model: Any = scenario.kernel_model(gravity)
+    model: Any = scenario.kernel_model(world.gravity_mps2)
     arrays: Any = truth.kernel_arrays()
     batch: Any = bottomlock.run_batch(
-        bottomlock.BeamGeometry.janus(float(np.deg2rad(scenario.dvl.tilt_deg))),
+        world.geometry,
         arrays,
         model,
         model,

@@ -19,9 +19,7 @@ TABLES = ("runs.parquet", "ensemble.parquet", "consistency.parquet")
 def short(runs: int = 5, name: str = "straight") -> Scenario:
     """Ten seconds of a packaged scenario with three arms."""
     scenario = load_scenario(name).with_overrides(runs=runs, arms=["ins", "lc", "tc"])
-    return scenario.model_copy(
-        update={"trajectory": scenario.trajectory.model_copy(update={"duration_s": 10.0})}
-    )
+    return scenario.with_trajectory(duration_s=10.0)
 
 
 @pytest.fixture
@@ -131,7 +129,7 @@ def test_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, f
 def test_progress_counts_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each chunk is told once, in order."""
     monkeypatch.setattr(campaign, "CHUNK_STEPS", 2 * 1501 * 3)
-    heard: list[int] = []
+    heard: list[float] = []
     listen: Callable[[Progress], None] = lambda state: heard.append(state.runs_done)  # noqa: E731
     run_campaign([short()], tmp_path / "o", threads=1, tell=listen)
     assert heard == [2, 4, 5]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import bottomlock
+from tests.analytic import analytic
 from tests.oracle import truth
 from tests.oracle.mechanisation import earth_rate_tangent, integrate
 from tests.oracle.rotations import Array, log_rotation, matrix_from_quaternion
@@ -49,7 +50,7 @@ def test_packaged_truth_obeys_the_differential_equation(name: str) -> None:
     """The package's own truths, 40 s of each, through an eighth-order integrator that shares no code with them."""
     from scipy.interpolate import CubicSpline
 
-    scenario = bottomlock.load_scenario(name)
+    scenario = analytic(name)
     motion = bottomlock.make_truth(scenario, settings.GRAVITY)
     last = 40 * 150
     t = motion.time_ns[: last + 20] * 1e-9

@@ -37,11 +37,13 @@ def test_table_2_in_si() -> None:
 
 
 def test_packaged_scenarios_load() -> None:
-    """The three of the paper ship, each with beams 3 and 4 lost throughout."""
-    assert list(packaged_scenarios()) == ["figure_eight", "lawn_mower", "straight"]
-    for name in packaged_scenarios():
+    """The three of the paper ship, each swum by the vehicle with beams 3 and 4 lost throughout; and a slope."""
+    assert list(packaged_scenarios()) == ["figure_eight", "lawn_mower", "slope", "straight"]
+    for name in ("figure_eight", "lawn_mower", "straight"):
         scenario = load_scenario(name)
         assert scenario.name == name
+        assert scenario.trajectory.source == "vehicle"
+        assert scenario.trajectory.feedback == "truth"
         assert scenario.dvl.beams_lost == (3, 4)
         assert not scenario.depth.enabled
         assert not scenario.magnetometer.enabled
@@ -76,6 +78,37 @@ def test_packaged_scenarios_load() -> None:
         (("[imu]", '[campaign]\narms = ["tc", "tc"]\n[imu]'), "arm 'tc' is named twice"),
         (("[imu]", '[campaign]\narms = ["tcc"]\n[imu]'), "unknown arm 'tcc', did you mean 'tc'"),
         (("[imu]", '[filter]\ngate = "wide"\n[imu]'), "'filter.gate' is 'wide'"),
+        (
+            ('kind = "straight"', 'kind = "straight"\nsway_gain_m = 0.6'),
+            "'sway_gain_m' belongs to source = \"analytic\"",
+        ),
+        (
+            ('kind = "straight"', 'kind = "straight"\nsource = "analytic"\nvehicle = "tauv"'),
+            "'vehicle' belongs to source = \"vehicle\"",
+        ),
+        (('kind = "straight"', 'kind = "constant_turn"'), 'source = "analytic" alone'),
+        (('kind = "straight"', 'kind = "waypoints"\nsource = "analytic"'), 'source = "vehicle" alone'),
+        (('kind = "straight"', 'kind = "straight"\nfeedback = "hope"'), "'trajectory.feedback' is 'hope'"),
+        (('kind = "straight"', 'kind = "straight"\npilot = "tcc"'), "did you mean 'tc'"),
+        (("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\nmax_range_m = 50"), "no [seabed] to range to"),
+        (
+            ("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\nmin_range_m = 5\nmax_range_m = 3"),
+            "expected less than max_range_m",
+        ),
+        (
+            (
+                "beam_noise_mps = 0.042",
+                "beam_noise_mps = 0.042\ndropouts = [{beams = [1], mean_up_s = 0, mean_down_s = 1}]",
+            ),
+            "'dvl.dropouts.0.mean_up_s' is 0, expected > 0.0 s",
+        ),
+        (
+            (
+                "beam_noise_mps = 0.042",
+                "beam_noise_mps = 0.042\ndropouts = [{beams = [1, 1], mean_up_s = 2, mean_down_s = 1}]",
+            ),
+            "beam 1 stands in two dropouts",
+        ),
     ],
 )
 def test_faults_name_key_value_range_and_unit(change: tuple[str, str], message: str) -> None:
@@ -84,6 +117,27 @@ def test_faults_name_key_value_range_and_unit(change: tuple[str, str], message: 
         parse_scenario(TEXT.replace(*change), place="t.toml")
     assert message in str(caught.value)
     assert all(line.startswith("t.toml: ") for line in str(caught.value).splitlines())
+
+
+def test_parts_that_contradict_each_other_are_refused() -> None:
+    """A mission that nobody swims, and a pilot who is not aboard."""
+    analytic = TEXT.replace("[imu]", 'source = "analytic"\n[mission]\ndepth_m = 5.0\n[imu]')
+    with pytest.raises(ScenarioError, match="an analytic truth flies none"):
+        parse_scenario(analytic, place="t.toml")
+    absent = TEXT.replace("[imu]", 'pilot = "lc"\n[campaign]\narms = ["tc"]\n[imu]')
+    with pytest.raises(ScenarioError, match=r"trajectory\.pilot is 'lc', expected \"own\" or one of"):
+        parse_scenario(absent, place="t.toml")
+
+
+def test_another_source_drops_what_only_the_old_one_knew() -> None:
+    """From vehicle to analytic and back: no key is left that the source does not know."""
+    packaged = load_scenario("lawn_mower")
+    assert packaged.mission
+    exact = packaged.with_trajectory(source="analytic", leg_s=30.0)
+    assert (exact.trajectory.source, exact.trajectory.leg_s, exact.mission) == ("analytic", 30.0, {})
+    assert exact.with_trajectory(source="vehicle").trajectory.kind == "lawn_mower"
+    with pytest.raises(ScenarioError, match="'leg_s' belongs to source"):
+        packaged.with_trajectory(leg_s=30.0)
 
 
 def test_unknown_name_suggests(tmp_path: Path) -> None:

@@ -37,7 +37,9 @@ def samples() -> pl.DataFrame:
 def counts() -> pl.DataFrame:
     """Fixes of the two runs."""
     return pl.DataFrame(
-        [("t", 0, "tc", 2.0, 2, 0), ("t", 1, "tc", None, 0, 0)], schema=dict(FIXES_COUNTS), orient="row"
+        [("t", 0, "tc", 2.0, 2, 0, 1.0, 2.0), ("t", 1, "tc", None, 0, 0, None, None)],
+        schema=dict(FIXES_COUNTS),
+        orient="row",
     )
 
 

@@ -6,36 +6,27 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
-from bottomlock.campaign import geometry_of, gravity_of
+from bottomlock.conditions import schedule
 from bottomlock.errors import DataError
-from bottomlock.scenario import Scenario, load_scenario
-from bottomlock.sensors import schedule
+from bottomlock.scenario import Scenario
 from bottomlock.trajectory import Truth, make_truth
+from tests.analytic import analytic, analytic_world
 
 NAMES = ("straight", "figure_eight", "lawn_mower", "constant_turn")
 
 
-def scenario_of(name: str) -> Scenario:
-    """A packaged scenario, or the straight one bent into a constant turn."""
-    if name != "constant_turn":
-        return load_scenario(name)
-    straight = load_scenario("straight")
-    return straight.model_copy(
-        update={"trajectory": straight.trajectory.model_copy(update={"kind": "constant_turn"})}
-    )
-
-
 def truth_of(name: str) -> tuple[Scenario, Truth]:
     """Scenario and truth."""
-    scenario = scenario_of(name)
-    return scenario, make_truth(scenario, gravity_of(scenario))
+    world = analytic_world(name)
+    return world.scenario, world.truth()
 
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("sampling", ["instantaneous", "averaged"])
 def test_perfect_imu_returns_the_truth(name: str, sampling: str) -> None:
     """Position within 1 cm and attitude within 1e-6 rad after 250 s: truth and strapdown are the same equations."""
-    scenario, truth = truth_of(name)
+    world = analytic_world(name)
+    scenario, truth = world.scenario, world.truth()
     model = scenario.kernel_model(truth.gravity_mps2)
     perfect = {
         section: values
@@ -44,12 +35,12 @@ def test_perfect_imu_returns_the_truth(name: str, sampling: str) -> None:
         for section, values in model.items()
     }
     result = kernel.run_batch(
-        geometry_of(scenario),
+        world.geometry,
         truth.kernel_arrays(),  # type: ignore[arg-type]
         perfect,  # type: ignore[arg-type]
         model,  # type: ignore[arg-type]
         scenario.kernel_options() | {"imu_sampling": sampling},  # type: ignore[arg-type]
-        schedule(scenario, truth),  # type: ignore[arg-type]
+        schedule(world, truth),  # type: ignore[arg-type]
         ["ins"],
         seed=1,
         trajectory_key=2,
@@ -140,7 +131,7 @@ def test_truth_refuses_nonsense() -> None:
 
 def test_a_turn_that_cannot_be_flown_is_refused() -> None:
     """Sideslip as large as the speed, and a half turn shorter than its blends."""
-    scenario = load_scenario("lawn_mower")
+    scenario = analytic("lawn_mower")
     for change, message in (
         ({"turn_s": 8.0}, "turn_s"),
         ({"sway_gain_m": 10.0}, "sway_gain_m"),
@@ -149,19 +140,3 @@ def test_a_turn_that_cannot_be_flown_is_refused() -> None:
         settings = scenario.trajectory.model_copy(update=change)
         with pytest.raises(DataError, match=message):
             make_truth(scenario.model_copy(update={"trajectory": settings}), 9.8)
-
-
-def test_schedule_follows_rates_and_outages() -> None:
-    """DVL at 1 Hz from 1 s; beams lost throughout or for a while; sensors that are off have no epochs."""
-    scenario, truth = truth_of("straight")
-    plan = schedule(scenario, truth)
-    assert plan["dvl_time_ns"].tolist() == [k * 10**9 for k in range(1, 251)]
-    assert plan["beam_valid"].all(axis=0).tolist() == [True, True, False, False]
-    assert all(len(plan[f"{name}_time_ns"]) == 0 for name in ("depth", "magnetometer", "gps"))
-    outage = {"beams": (1,), "from_s": 10.0, "to_s": 20.0}
-    dvl = type(scenario.dvl).model_validate(
-        {**scenario.dvl.model_dump(), "beams_lost": (), "outages": (outage,)}
-    )
-    valid = schedule(scenario.model_copy(update={"dvl": dvl}), truth)["beam_valid"]
-    assert np.flatnonzero(~valid[:, 0]).tolist() == list(range(9, 19))
-    assert valid[:, 1:].all()

@@ -1,7 +1,7 @@
-//! Runs that are steered on their own estimates.
+//! Vehicles that are steered on their own estimates.
 
-use bottomlock::batch::arm;
-use bottomlock::closed_loop::{self as core, Common, Stretch};
+use bottomlock::batch::{Arm, ArmRecord, arm};
+use bottomlock::closed_loop::{self as core, Common, Departure, Stretch};
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::state::NavState;
 use pyo3::prelude::*;
@@ -13,7 +13,7 @@ use crate::dvl::BeamGeometry;
 use crate::errors::{raise, refuse};
 use crate::settings;
 
-/// Runs side by side whose truth depends on their own estimates: the caller steers them and tells where they went.
+/// Vehicles side by side whose truth depends on their own estimates: the caller steers them and tells where they went.
 ///
 /// The sensor errors of run k are those of run k of a campaign; led along the truth of a campaign, in whatever pieces, a run
 /// yields the campaign's bits.
@@ -22,8 +22,10 @@ use crate::settings;
 ///     geometry: the beams.
 ///     simulated, assumed: what the sensors are, and what the filters take them to be (`Scenario.kernel_model`).
 ///     options: filter options (`Scenario.kernel_options`).
-///     arms: ways of aiding, side by side in every run.
-///     start: the truth at the start: time_ns, position_t_m (runs, 3), attitude_t_p (runs, 4), velocity_p_mps (runs, 3).
+///     arms: ways of aiding.
+///     start: the truth at the start: time_ns, position_t_m (n, 3), attitude_t_p (n, 4), velocity_p_mps (n, 3).
+///     own_vehicles: false for a vehicle per run with all arms aboard; true for one per run and arm, the arms of a run one after
+///         the other.
 ///     seed, trajectory_key, first_run: key of the random numbers.
 ///     threads: 0 for as many as there are cores; the bits do not depend on it.
 ///
@@ -33,15 +35,17 @@ use crate::settings;
 pub struct ClosedLoop {
     inner: core::ClosedLoop,
     beams: usize,
-    runs: usize,
+    vehicles: usize,
     arms: usize,
+    arms_aboard: usize,
     samples: usize,
 }
 
 #[pymethods]
 impl ClosedLoop {
     #[new]
-    #[pyo3(signature = (geometry, simulated, assumed, options, arms, start, *, seed, trajectory_key, first_run, threads))]
+    #[pyo3(signature = (geometry, simulated, assumed, options, arms, start, *, own_vehicles, seed, trajectory_key, first_run,
+        threads))]
     fn new(
         geometry: &BeamGeometry,
         simulated: &Bound<'_, PyDict>,
@@ -49,6 +53,7 @@ impl ClosedLoop {
         options: &Bound<'_, PyDict>,
         arms: Vec<String>,
         start: &Bound<'_, PyDict>,
+        own_vehicles: bool,
         seed: u64,
         trajectory_key: u64,
         first_run: u64,
@@ -66,28 +71,44 @@ impl ClosedLoop {
             simulated: &simulated,
             assumed: &assumed,
             options: &options,
-            arms: &arms,
             seed,
             trajectory_key,
-            first_run,
         };
+        let crews: Vec<&[Arm]> = if own_vehicles {
+            arms.chunks(1).collect()
+        } else {
+            vec![&arms]
+        };
+        if crews.is_empty() || starts.len() % crews.len() != 0 {
+            let (vehicles, crews) = (starts.len(), crews.len());
+            return Err(refuse(format!(
+                "start has {vehicles} rows, expected a multiple of {crews} arms"
+            )));
+        }
+        let depart = |(k, &start): (usize, &NavState)| Departure {
+            run: first_run + (k / crews.len()) as u64,
+            start,
+            arms: crews[k % crews.len()],
+        };
+        let departures: Vec<_> = starts.iter().enumerate().map(depart).collect();
         Ok(Self {
-            inner: core::ClosedLoop::new(&common, &starts, threads).map_err(raise)?,
+            inner: core::ClosedLoop::new(&common, &departures, threads).map_err(raise)?,
             beams: geometry.inner.beams(),
-            runs: starts.len(),
+            vehicles: starts.len(),
             arms: arms.len(),
+            arms_aboard: crews[0].len(),
             samples: 0,
         })
     }
 
-    /// Leads every run along the truth since the last call: (runs, samples, ·), its first sample the last of the call before.
+    /// Leads every vehicle along the truth since the last call: (n, samples, ·), its first sample the last of the call before.
     ///
     /// `schedule` is that of `run_batch`, with the epochs after the first sample (in the first call: at or after it); beam_valid,
-    /// depth_offset_m, yaw_offset_rad and gps_heard may lead with an axis of runs. Raises KernelError, naming run and arm.
+    /// depth_offset_m, yaw_offset_rad and gps_heard may lead with an axis of vehicles. Raises KernelError, naming run and arm.
     fn advance(&mut self, py: Python<'_>, truth: &Bound<'_, PyDict>, schedule: &Bound<'_, PyDict>) -> PyResult<()> {
-        let truths = OwnedTruth::of_runs(truth, self.runs)?;
-        let schedule = settings::schedule(schedule, self.beams, self.runs)?;
-        let stretches: Vec<Stretch<'_>> = (0..self.runs)
+        let truths = OwnedTruth::of_runs(truth, self.vehicles)?;
+        let schedule = settings::schedule(schedule, self.beams, self.vehicles)?;
+        let stretches: Vec<Stretch<'_>> = (0..self.vehicles)
             .map(|run| Stretch {
                 truth: truths.of(run),
                 schedule: schedule.of(run),
@@ -100,13 +121,13 @@ impl ClosedLoop {
         Ok(())
     }
 
-    /// What an arm believes: position_t_m (runs, 3), attitude_t_p (runs, 4), velocity_p_mps (runs, 3).
+    /// What an arm aboard believes: position_t_m (n, 3), attitude_t_p (n, 4), velocity_p_mps (n, 3).
     ///
     /// Raises KernelError for an arm that is not there.
     #[pyo3(signature = (arm=0))]
     fn belief<'py>(&self, py: Python<'py>, arm: usize) -> PyResult<Bound<'py, PyDict>> {
-        if arm >= self.arms {
-            return Err(refuse(format!("arm is {arm}, expected less than {}", self.arms)));
+        if arm >= self.arms_aboard {
+            return Err(refuse(format!("arm is {arm}, expected less than {}", self.arms_aboard)));
         }
         let states = self.inner.beliefs(arm);
         let out = PyDict::new(py);
@@ -120,7 +141,9 @@ impl ClosedLoop {
 
     /// What the arms have yielded so far, as `run_batch` returns it.
     fn results<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        records_dict(py, &self.inner.records(), self.samples)
+        let flat: Vec<ArmRecord> = self.inner.records().into_iter().flatten().collect();
+        let by_run: Vec<Vec<ArmRecord>> = flat.chunks(self.arms).map(<[ArmRecord]>::to_vec).collect();
+        records_dict(py, &by_run, self.samples)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Runs whose truth depends on their own estimates: whoever steers asks where each believes it is, and tells where it went.
+//! Vehicles that are steered on their estimates: whoever steers asks where each believes it is, and tells where it went.
 
 use crate::batch::Arm;
 use crate::dvl::geometry::BeamGeometry;
@@ -10,7 +10,18 @@ use crate::truth::Truth;
 use crate::voyage::{ArmRecord, Voyage};
 use crate::workers::Workers;
 
-/// What the runs of a closed loop have in common.
+/// A vehicle about to leave: the run whose sensor errors it has, where it truly is, and the arms aboard.
+#[derive(Debug, Clone, Copy)]
+pub struct Departure<'a> {
+    /// Number of the run.
+    pub run: u64,
+    /// True state at the start.
+    pub start: NavState,
+    /// Ways of aiding, side by side.
+    pub arms: &'a [Arm],
+}
+
+/// What the vehicles of a closed loop have in common.
 #[derive(Debug, Clone, Copy)]
 pub struct Common<'a> {
     /// The beams.
@@ -21,17 +32,13 @@ pub struct Common<'a> {
     pub assumed: &'a Model,
     /// Filter options.
     pub options: &'a Options,
-    /// Ways of aiding, side by side in every run.
-    pub arms: &'a [Arm],
     /// Seed of the campaign.
     pub seed: u64,
     /// Key of the trajectory.
     pub trajectory_key: u64,
-    /// Number of the first run.
-    pub first_run: u64,
 }
 
-/// The way that one run went since the last time it was asked.
+/// The way that one vehicle went since the last time it was asked.
 #[derive(Debug, Clone, Copy)]
 pub struct Stretch<'a> {
     /// Truth, from the last sample of the stretch before (or the start) to its own end.
@@ -40,7 +47,7 @@ pub struct Stretch<'a> {
     pub schedule: Schedule<'a>,
 }
 
-/// Runs under way, each steered on what one of its arms believes.
+/// Vehicles under way, each steered on what one of the arms aboard believes.
 ///
 /// The sensor errors of run k are those of run k of a campaign: with the same truth it yields the same bits.
 #[derive(Debug)]
@@ -50,45 +57,39 @@ pub struct ClosedLoop {
 }
 
 impl ClosedLoop {
-    /// A run for each true state at the start.
+    /// A vehicle for each departure.
     ///
     /// # Errors
     /// [`NavError`] for models, options, starts and numbers of threads that make no sense.
-    pub fn new(common: &Common<'_>, starts: &[NavState], threads: usize) -> Result<Self, NavError> {
+    pub fn new(common: &Common<'_>, departures: &[Departure<'_>], threads: usize) -> Result<Self, NavError> {
         common.simulated.validate()?;
-        let begin = |(k, start): (usize, &NavState)| {
-            start.validate()?;
+        let begin = |departure: &Departure<'_>| {
+            departure.start.validate()?;
             let key = RunKey {
                 seed: common.seed,
                 trajectory: common.trajectory_key,
-                run: common.first_run + k as u64,
+                run: departure.run,
             };
-            Voyage::new(
-                start,
-                common.geometry,
-                common.simulated,
-                common.assumed,
-                common.options,
-                common.arms,
-                &key,
-            )
+            let (simulated, assumed) = (common.simulated, common.assumed);
+            let (start, arms) = (&departure.start, departure.arms);
+            Voyage::new(start, common.geometry, simulated, assumed, common.options, arms, &key)
         };
         Ok(Self {
-            voyages: starts.iter().enumerate().map(begin).collect::<Result<_, _>>()?,
+            voyages: departures.iter().map(begin).collect::<Result<_, _>>()?,
             workers: Workers::new(threads)?,
         })
     }
 
-    /// Leads every run along its stretch.
+    /// Leads every vehicle along its stretch.
     ///
     /// # Errors
-    /// As [`Voyage::advance`], and for a number of stretches other than that of the runs.
+    /// As [`Voyage::advance`], and for a number of stretches other than that of the vehicles.
     pub fn advance(&mut self, stretches: &[Stretch<'_>], sample_time_ns: &[i64]) -> Result<(), NavError> {
         if stretches.len() != self.voyages.len() {
             return Err(NavError::WrongCount {
                 field: "stretches",
                 got: stretches.len(),
-                expected: format!("{}, one per run", self.voyages.len()),
+                expected: format!("{}, one per vehicle", self.voyages.len()),
             });
         }
         self.workers.each(&mut self.voyages, |k, voyage| {
@@ -98,13 +99,13 @@ impl ClosedLoop {
         Ok(())
     }
 
-    /// What an arm believes in every run; empty for an arm that is not there.
+    /// What an arm believes aboard every vehicle; empty for an arm that is not there.
     #[must_use]
     pub fn beliefs(&self, arm: usize) -> Vec<NavState> {
         self.voyages.iter().filter_map(|voyage| voyage.state(arm)).collect()
     }
 
-    /// What the arms of every run have yielded.
+    /// What the arms of every vehicle have yielded.
     #[must_use]
     pub fn records(&self) -> Vec<Vec<ArmRecord>> {
         self.voyages.iter().map(Voyage::records).collect()

@@ -6,7 +6,7 @@
 use bottomlock::NavError;
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::batch::{ARMS, Batch, arm, run_batch};
-use bottomlock::closed_loop::{ClosedLoop, Common, Stretch};
+use bottomlock::closed_loop::{ClosedLoop, Common, Departure, Stretch};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::error_model::{Coefficients, dense_noise};
 use bottomlock::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, VelocitySample};
@@ -199,14 +199,17 @@ fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
             simulated: &model,
             assumed: &model,
             options: &options,
-            arms: &ARMS,
             seed: whole.seed,
             trajectory_key: whole.trajectory_key,
-            first_run: 0,
         };
         let truth = turn.truth();
-        let starts = vec![true_state(&truth, 0); whole.runs];
-        let mut pieces = ClosedLoop::new(&common, &starts, 2).unwrap();
+        let departure = |run| Departure {
+            run,
+            start: true_state(&truth, 0),
+            arms: &ARMS,
+        };
+        let departures: Vec<_> = (0..whole.runs as u64).map(departure).collect();
+        let mut pieces = ClosedLoop::new(&common, &departures, 2).unwrap();
         let ends = [0, 1, 7, 300, 301, 900, truth.time_ns.len() - 1];
         for pair in ends.windows(2) {
             let within = |times: &[i64]| -> Vec<i64> {
@@ -234,7 +237,7 @@ fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
         }
         assert_eq!(bits(&run_batch(&whole, 1).unwrap()), bits(&pieces.records()));
         let lost = pieces.advance(&[], &[]).unwrap_err();
-        assert!(lost.to_string().contains("one per run"), "{lost}");
+        assert!(lost.to_string().contains("one per vehicle"), "{lost}");
     }
 }
 

@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from bottomlock.errors import DataError, ScenarioError
+from bottomlock.faults import explain
 from bottomlock.kernel import BeamGeometry, KernelError, make_geometry
-from bottomlock.scenario import explain
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
@@ -209,6 +210,36 @@ def _times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int6
     return times
 
 
+def _flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.bool_]:
+    flags = []
+    for name in names:
+        if name in table.columns and table[name].dtype == pl.String:
+            words = {"true": "1", "false": "0"}
+            table = table.with_columns(pl.col(name).str.to_lowercase().replace(words))
+        series = _numbers(table, name, place, pl.Float64())
+        bad = (series.is_null() | ~series.is_in([0.0, 1.0])).arg_true()
+        if len(bad):
+            raise DataError(
+                f"{place}: row {bad[0]}, column '{name}' is {series[int(bad[0])]}, expected 0, 1, true or false"
+            )
+        flags.append(series.to_numpy() == 1.0)
+    return np.stack(flags, axis=1)
+
+
+def read_validity(path: Path, *, beams: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Times (n,) and which beams returned (n, beams) of a log with the columns `time_ns` and `beam1_valid` ....
+
+    Raises:
+        DataError: naming file, row and column: for a file that cannot be read, a missing column, a time that repeats or
+            goes back, a flag that is none, or fewer than two rows.
+    """
+    table = _table(path)
+    if table.height < 2:
+        raise DataError(f"{path}: has {table.height} rows, expected 2 or more")
+    names = [f"beam{k + 1}_valid" for k in range(beams)]
+    return _times(table, Columns(), str(path)), _flags(table, names, str(path))
+
+
 def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) -> Pings:
     """Pings from CSV or Parquet.
 
@@ -238,19 +269,7 @@ def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) 
         [_numbers(table, n, place, pl.Float64()).fill_null(math.nan).to_numpy() for n in velocity_names],
         axis=1,
     )
-    flags = []
-    for name in valid_names:
-        if name in table.columns and table[name].dtype == pl.String:
-            words = {"true": "1", "false": "0"}
-            table = table.with_columns(pl.col(name).str.to_lowercase().replace(words))
-        series = _numbers(table, name, place, pl.Float64())
-        bad = (series.is_null() | ~series.is_in([0.0, 1.0])).arg_true()
-        if len(bad):
-            raise DataError(
-                f"{place}: row {bad[0]}, column '{name}' is {series[int(bad[0])]}, expected 0, 1, true or false"
-            )
-        flags.append(series.to_numpy() == 1.0)
-    valid = np.stack(flags, axis=1)
+    valid = _flags(table, valid_names, place)
     wrong = np.argwhere(valid & ~np.isfinite(velocity))
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])

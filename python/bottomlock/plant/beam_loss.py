@@ -18,6 +18,7 @@ BoolArray = NDArray[np.bool_]
 
 _MARKOV_STREAM = 0xB1
 _ALTITUDE_STREAM = 0xA1
+_RANGE_STREAM = 0xD1
 _FOREVER_S = 9e9
 
 
@@ -172,11 +173,25 @@ def combine(*rules: BoolArray) -> BoolArray:
     return np.ascontiguousarray(valid)
 
 
+def noisy_ranges(range_m: FloatArray, sd_m: float, *, seed: int, trajectory_key: int, run: int) -> FloatArray:
+    """Ranges (E, B) as a DVL reads them: white noise of a standard deviation, drawn per run and beam."""
+    noise = [
+        generator(seed, trajectory_key, run, _RANGE_STREAM, beam).standard_normal(len(range_m))
+        for beam in range(range_m.shape[1])
+    ]
+    return np.asarray(range_m + sd_m * np.stack(noise, axis=1))
+
+
+def generator(seed: int, trajectory_key: int, run: int, stream: int, beam: int) -> np.random.Generator:
+    """The random numbers of one stream of one beam of one run."""
+    key = [seed, trajectory_key & 0xFFFFFFFF, trajectory_key >> 32, run, stream, beam]
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence(key)))
+
+
 def _uniforms(
     time_ns: IntArray, seed: int, trajectory_key: int, first_run: int, runs: int, stream: int, beam: int
 ) -> FloatArray:
-    draws = np.empty((runs, len(time_ns)))
-    for index in range(runs):
-        key = [seed, trajectory_key & 0xFFFFFFFF, trajectory_key >> 32, first_run + index, stream, beam]
-        draws[index] = np.random.Generator(np.random.Philox(np.random.SeedSequence(key))).random(len(time_ns))
-    return draws
+    numbers = range(first_run, first_run + runs)
+    return np.stack(
+        [generator(seed, trajectory_key, run, stream, beam).random(len(time_ns)) for run in numbers]
+    )

@@ -14,11 +14,12 @@ import numpy as np
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import model
 from bottomlock.plant.equations import acceleration, to_tangent
+from bottomlock.plant.guidance import offset_and_heading
 from bottomlock.plant.ideal_sensors import inertial_measurements
 from bottomlock.plant.integrate import attitude_by_rates, hermite, runge_kutta_step
 from bottomlock.plant.lanes import ARRAY, FloatArray, IntArray
 from bottomlock.plant.mission import Mission
-from bottomlock.plant.path import cross_track_m, guide_rows
+from bottomlock.plant.path import guide_rows
 from bottomlock.plant.swim import TICK_S, next_segment, sample_times_ns
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import start_state
@@ -140,6 +141,11 @@ class Fleet:
         """The present state, (runs, 28), laid out as in `model`."""
         return np.stack(self._state, axis=1)
 
+    @property
+    def segment(self) -> IntArray:
+        """The path segment that each run follows, (runs,)."""
+        return self._index.copy()
+
     def believe(self, error: FloatArray) -> None:
         """Set the navigation error (runs, 9) that guidance and control fly on until the next call."""
         self._error = np.asarray(error, dtype=np.float64)
@@ -220,8 +226,13 @@ def fly_on_estimate(fleet: Fleet, navigate: Navigate) -> Iterator[TruthBlock]:
         yield block
 
 
-def straying_m(mission: Mission, position_t_m: FloatArray) -> FloatArray:
-    """Root mean square distance of the true vehicles from the path, per run: (runs, N, 3) -> (runs,), m."""
-    segments = list(mission.segments)
-    offsets = [cross_track_m(segments, run[:, :2])[0] for run in np.asarray(position_t_m)]
-    return np.array([float(np.sqrt(np.mean(offset**2))) for offset in offsets])
+def cross_track_m(mission: Mission, segment: IntArray, position_t_m: FloatArray) -> FloatArray:
+    """Distance from the path segment in use, positive to the right: segments (...,), positions (..., 3) -> (...,), m.
+
+    Lines and arcs run on beyond their ends: a vehicle gone far astray is judged by the segment that it follows,
+    not by whichever lies nearest.
+    """
+    start = np.array([part.row() for part in mission.segments])[segment]
+    north, east = position_t_m[..., 0], position_t_m[..., 1]
+    offset, _ = offset_and_heading(north, east, tuple(np.moveaxis(start, -1, 0)), ARRAY)
+    return np.asarray(offset)

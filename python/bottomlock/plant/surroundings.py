@@ -5,37 +5,39 @@ from dataclasses import dataclass
 from importlib import import_module
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError
 from bottomlock.plant.lanes import FloatArray, IntArray
 from bottomlock.plant.matrices import rotation_t_p
 
+BoolArray = NDArray[np.bool_]
 
-def gps_times_ns(
-    time_ns: IntArray,
-    depth_m: FloatArray,
-    *,
-    rate_hz: float,
-    antenna_depth_m: float = 0.3,
-    acquire_s: float = 5.0,
-) -> IntArray:
-    """Times of GPS fixes, ns.
 
-    At the rate, once the vehicle has been above the antenna's depth for the acquire time.
+class GpsReception:
+    """Where GPS is heard: once the antenna has been above water for the time that a fix takes.
+
+    Fed stretches of truth in order; a vehicle that begins at the surface has its fix already.
     """
-    if rate_hz <= 0.0 or acquire_s < 0.0:
-        raise ScenarioError("gps: rate_hz must be positive and acquire_s must not be negative")
-    time = np.asarray(time_ns)
-    up = np.asarray(depth_m) <= antenna_depth_m
-    # the time of the last sample still under water, carried forward
-    under = np.where(up, np.iinfo(np.int64).min // 2, time)
-    since = time - np.maximum.accumulate(under)
-    locked = up & (since >= round(acquire_s * 1e9))
-    count = int(np.floor((time[-1] - time[0]) * 1e-9 * rate_hz)) + 1
-    fixes = time[0] + np.rint(np.arange(count) * (1e9 / rate_hz)).astype(np.int64)
-    nearest = np.minimum(np.searchsorted(time, fixes), len(time) - 1)
-    chosen: IntArray = fixes[locked[nearest]]
-    return chosen
+
+    def __init__(self, antenna_depth_m: float = 0.3, acquire_s: float = 5.0) -> None:
+        if not acquire_s >= 0.0:
+            raise ScenarioError(f"gps: acquire_s is {acquire_s:g}, expected >= 0 s")
+        self._antenna_depth_m, self._acquire_ns = antenna_depth_m, round(acquire_s * 1e9)
+        self._last_under_ns: IntArray | None = None
+
+    def heard(self, time_ns: IntArray, depth_m: FloatArray, epochs_ns: IntArray) -> BoolArray:
+        """(runs, epochs): true where a fix is heard; depths (runs, samples) at times (samples,)."""
+        up = depth_m <= self._antenna_depth_m
+        if self._last_under_ns is None:
+            self._last_under_ns = np.full(len(depth_m), np.iinfo(np.int64).min // 2)
+        # the time of the last sample under water, carried forward
+        under = np.maximum(np.where(up, np.iinfo(np.int64).min // 2, time_ns), self._last_under_ns[:, None])
+        last_under = np.maximum.accumulate(under, axis=1)
+        self._last_under_ns = last_under[:, -1]
+        nearest = np.minimum(np.searchsorted(time_ns, epochs_ns), len(time_ns) - 1)
+        heard: BoolArray = up[:, nearest] & (epochs_ns - last_under[:, nearest] >= self._acquire_ns)
+        return heard
 
 
 @dataclass(frozen=True)
@@ -141,7 +143,3 @@ class Pressure:
         """Depth read minus true depth below mean sea level, m."""
         read = self.pressure_pa(depth_m, gravity_mps2) / (self.assumed_density_kgpm3 * gravity_mps2)
         return np.asarray(read - np.asarray(depth_m))
-
-    def noise_to_depth_sd_m(self, noise_sd_pa: float, gravity_mps2: float) -> float:
-        """Standard deviation of depth (m) of a pressure noise (Pa): 194 Pa is about 2 cm."""
-        return noise_sd_pa / (self.assumed_density_kgpm3 * gravity_mps2)

@@ -66,7 +66,7 @@ def swim(
     interpolation and the accelerations from the equations of motion at the interpolated states. Raises
     `ScenarioError` when speed or depth leave the vehicle's range.
     """
-    _check(vehicle, mission)
+    check_mission(vehicle, mission)
     step_s = samples_per_step / (steps_per_sample * imu_rate_hz)
     count = round(mission.duration_s * imu_rate_hz)
     steps = -(-count * steps_per_sample // samples_per_step)
@@ -147,7 +147,12 @@ def _passage(
     )
 
 
-def _check(vehicle: Vehicle, mission: Mission) -> None:
+def check_mission(vehicle: Vehicle, mission: Mission) -> None:
+    """Refuse a mission that leaves the vehicle's range of speed or depth.
+
+    Raises:
+        ScenarioError: naming the mission, what leaves the range, and the range.
+    """
     limits = vehicle.limits
     if not limits.min_speed <= mission.speed_mps <= limits.max_speed:
         raise ScenarioError(

@@ -9,9 +9,9 @@ from bottomlock.plant.closed_loop import (
     Belief,
     Fleet,
     TruthBlock,
+    cross_track_m,
     fly_on_estimate,
     navigation_error,
-    straying_m,
 )
 from tests.unit.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
 
@@ -49,11 +49,16 @@ def test_a_position_error_puts_the_vehicle_beside_its_path(tauv: Vehicle) -> Non
         )
 
     blocks = list(fly_on_estimate(fleet, shifted))
-    assert blocks[-1].position_t_m[:, -1, 1] == pytest.approx(-offsets, abs=0.05)
-    places = np.concatenate([block.position_t_m for block in blocks], axis=1)
-    cost = straying_m(fleet.mission, places)
-    assert cost[1] < 0.01
-    assert 1.0 < cost[0] < cost[2] < 3.0
+    last = blocks[-1].position_t_m[:, -1]
+    assert last[:, 1] == pytest.approx(-offsets, abs=0.05)
+    assert cross_track_m(fleet.mission, fleet.segment, last) == pytest.approx(-offsets, abs=0.05)
+
+
+def test_astray_is_told_by_the_segment_in_use() -> None:
+    """Beside the second leg of a mown lawn, but still on the first: the whole way to the first counts."""
+    mission = lawn_mower(leg_m=80.0, spacing_m=30.0)
+    place = np.array([[40.0, 30.0, 0.0], [40.0, 1.5, 0.0]])
+    assert cross_track_m(mission, np.array([1, 1]), place) == pytest.approx([30.0, 1.5])
 
 
 def test_a_heading_error_crabs_but_holds_the_believed_path(tauv: Vehicle) -> None:

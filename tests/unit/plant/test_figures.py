@@ -15,7 +15,7 @@ from bottomlock.plant import Flight, telemetry
 def validity() -> pl.DataFrame:
     time_ns = np.arange(251, dtype=np.int64) * 1_000_000_000
     return pl.DataFrame(
-        {"time_ns": time_ns, **{f"beam_{beam}_valid": time_ns % (beam + 1) == 0 for beam in range(1, 5)}}
+        {"time_ns": time_ns, **{f"beam{beam}_valid": time_ns % (beam + 1) == 0 for beam in range(1, 5)}}
     )
 
 

@@ -2,6 +2,7 @@
 
 import math
 import sys
+from itertools import pairwise
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -10,10 +11,10 @@ import pytest
 
 from bottomlock.errors import ScenarioError
 from bottomlock.plant.surroundings import (
+    GpsReception,
     Iron,
     MagneticField,
     Pressure,
-    gps_times_ns,
     magnetic_heading_error_rad,
     world_magnetic_model,
 )
@@ -26,16 +27,32 @@ def _headings(count: int = 8) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.stack([np.cos(half), np.zeros(count), np.zeros(count), np.sin(half)], axis=1)
 
 
+EPOCHS = np.arange(1, 61, dtype=np.int64) * 1_000_000_000
+TIME = np.arange(0, 60_000_000_001, 100_000_000, dtype=np.int64)
+UP = np.where((TIME >= 20_000_000_000) & (TIME < 40_000_000_000), 0.1, 5.0)
+
+
 def test_gps_needs_the_surface_and_time_to_lock() -> None:
-    time = np.arange(0, 60_000_000_001, 100_000_000, dtype=np.int64)
-    depth = np.where((time >= 20_000_000_000) & (time < 40_000_000_000), 0.1, 5.0)
-    fixes = gps_times_ns(time, depth, rate_hz=1.0, acquire_s=5.0)
-    assert (fixes == np.arange(25, 40) * 1_000_000_000).all()
+    """Two runs: one comes up for twenty seconds, the other never does."""
+    heard = GpsReception(acquire_s=5.0).heard(TIME, np.stack([UP, np.full(601, 3.0)]), EPOCHS)
+    assert (EPOCHS[heard[0]] == np.arange(25, 40) * 1_000_000_000).all()
+    assert not heard[1].any()
 
 
-def test_gps_below_gives_nothing() -> None:
-    time = np.arange(100, dtype=np.int64) * 1_000_000_000
-    assert len(gps_times_ns(time, np.full(100, 3.0), rate_hz=1.0)) == 0
+def test_gps_in_pieces_is_gps_in_one() -> None:
+    reception, cuts = GpsReception(acquire_s=5.0), [0, 1, 150, 223, 250, 251, 600]
+    parts = []
+    for first, last in pairwise(cuts):
+        time = TIME[first : last + 1]
+        within = EPOCHS[(time[0] < EPOCHS) & (time[-1] >= EPOCHS)]
+        parts.append(reception.heard(time, UP[None, first : last + 1], within))
+    whole = GpsReception(acquire_s=5.0).heard(TIME, UP[None], EPOCHS)
+    assert (np.concatenate(parts, axis=1) == whole).all()
+
+
+def test_gps_has_its_fix_where_the_mission_begins_at_the_surface() -> None:
+    heard = GpsReception(acquire_s=5.0).heard(TIME, np.where(TIME < 3_000_000_000, 0.0, 5.0)[None], EPOCHS)
+    assert (EPOCHS[heard[0]] == np.array([1, 2]) * 1_000_000_000).all()
 
 
 def test_declination_left_out_is_the_heading_error() -> None:
@@ -98,12 +115,8 @@ def test_depth_errors_by_hand() -> None:
     assert low.depth_error_m(depth, 9.8) == pytest.approx(-1.0)
 
 
-def test_the_papers_pressure_noise_is_two_centimetres() -> None:
-    assert Pressure().noise_to_depth_sd_m(194.0, 9.8) == pytest.approx(0.0193, abs=1e-4)
-
-
 def test_senseless_settings_are_refused() -> None:
     with pytest.raises(ScenarioError, match="densities"):
         Pressure(density_kgpm3=0.0)
-    with pytest.raises(ScenarioError, match="rate_hz"):
-        gps_times_ns(np.zeros(2, dtype=np.int64), np.zeros(2), rate_hz=0.0)
+    with pytest.raises(ScenarioError, match=r"acquire_s is -1, expected >= 0 s"):
+        GpsReception(acquire_s=-1.0)

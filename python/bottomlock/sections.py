@@ -1,0 +1,295 @@
+"""The sections of a scenario file, in human units, each checked as it is read."""
+
+import difflib
+import math
+from collections.abc import Iterable
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+ARM_NAMES = ("ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "vb_exact", "info", "weak_sway")
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Triple = tuple[NonNegative, NonNegative, NonNegative]
+Vector = tuple[Finite, Finite, Finite]
+
+
+class Section(BaseModel):
+    """A section: unknown keys are refused, values stay as they were read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+
+
+_ANALYTIC_KEYS = (
+    "heading_deg", "yaw_rate_deg_per_s", "dive_angle_deg", "dive_s", "leg_s", "turn_s", "sway_gain_m",
+)  # fmt: skip
+_VEHICLE_KEYS = ("vehicle", "feedback", "pilot")
+
+
+class Trajectory(Section):
+    """The true motion: swum by a vehicle, or analytic.
+
+    `feedback` says what guidance and control of the vehicle fly on: the truth, or the estimate of `pilot`, an arm; or
+    "own", each arm's own vehicle.
+    """
+
+    kind: Literal["straight", "constant_turn", "figure_eight", "lawn_mower", "waypoints"]
+    source: Literal["vehicle", "analytic"] = "vehicle"
+    vehicle: str = "tauv"
+    feedback: Literal["truth", "estimate"] = "truth"
+    pilot: str = "own"
+    duration_s: Annotated[float, Field(gt=0, le=86_400)] = 250.0
+    speed_mps: Positive = 2.0
+    heading_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    yaw_rate_deg_per_s: Annotated[float, Field(gt=0, le=90)] = 3.0
+    dive_angle_deg: Annotated[float, Field(ge=0, le=60)] = 5.0
+    dive_s: NonNegative = 30.0
+    leg_s: Positive = 40.0
+    turn_s: Positive = 20.0
+    sway_gain_m: Annotated[float, Field(ge=-10, le=10)] = 0.6
+
+    @model_validator(mode="after")
+    def _of_one_source(self) -> Self:
+        strange = _ANALYTIC_KEYS if self.source == "vehicle" else _VEHICLE_KEYS
+        for key in strange:
+            if key in self.model_fields_set:
+                other = "analytic" if self.source == "vehicle" else "vehicle"
+                raise ValueError(
+                    f'\'{key}\' belongs to source = "{other}", and the source is "{self.source}"'
+                    + ("; [mission] shapes what the vehicle swims" if self.source == "vehicle" else "")
+                )
+        if self.source == "vehicle" and self.kind == "constant_turn":
+            raise ValueError("kind 'constant_turn' exists with source = \"analytic\" alone")
+        if self.source == "analytic" and self.kind == "waypoints":
+            raise ValueError("kind 'waypoints' exists with source = \"vehicle\" alone")
+        if self.pilot != "own":
+            check_arms([self.pilot])
+        return self
+
+
+class Environment(Section):
+    """Where on the Earth, and when; longitude and decimal year serve the magnetic field alone."""
+
+    latitude_deg: Annotated[float, Field(ge=-90, le=90)] = 32.8
+    longitude_deg: Annotated[float, Field(ge=-180, le=360)] = 35.0
+    year: Annotated[float, Field(ge=1900, le=2100)] = 2026.0
+    gravity: Literal["normal"] | Positive = "normal"
+    depth_m: Finite = 0.0
+    earth_rotation: bool = True
+
+
+class Imu(Section):
+    """Inertial measurement unit: rate and errors (1 sigma)."""
+
+    rate_hz: Annotated[float, Field(gt=0, le=10_000)] = 150.0
+    sampling: Literal["instantaneous", "averaged"] = "instantaneous"
+    accel_bias_mg: NonNegative
+    gyro_bias_deg_per_h: NonNegative
+    accel_noise_mps_per_rt_h: NonNegative
+    gyro_noise_deg_per_rt_h: NonNegative
+    accel_bias_walk_mps2_per_rt_s: NonNegative = 0.0
+    gyro_bias_walk_deg_per_s_per_rt_s: NonNegative = 0.0
+
+
+class Outage(Section):
+    """Beams that do not return between two times."""
+
+    beams: tuple[Annotated[int, Field(ge=1, le=8)], ...]
+    from_s: NonNegative = 0.0
+    to_s: Positive = math.inf
+
+
+class Dropout(Section):
+    """Beams that come and go by chance, each by itself: mean times up and down, memoryless in between."""
+
+    beams: tuple[Annotated[int, Field(ge=1, le=8)], ...]
+    mean_up_s: Positive
+    mean_down_s: Positive
+
+
+class AltitudeLoss(Section):
+    """All beams lost together by chance: mean times up and down."""
+
+    mean_up_s: Positive
+    mean_down_s: Positive
+
+
+class Dvl(Section):
+    """Doppler velocity log: geometry, rate, errors (1 sigma), limits over the seabed, and which beams are lost.
+
+    Every rule of loss must let a beam through: lost throughout, outages, dropouts, altitude loss, the validity of a
+    recorded log (`replay_validity`, repeated end to end), and range and incidence where there is a seabed.
+    """
+
+    rate_hz: Annotated[float, Field(gt=0, le=100)] = 1.0
+    configuration: Literal["x", "+", "angles", "directions"] = "x"
+    tilt_deg: Annotated[float, Field(gt=0, lt=90)] = 20.0
+    tilts_deg: tuple[Annotated[float, Field(gt=-90, lt=90)], ...] | None = None
+    azimuths_deg: tuple[Annotated[float, Field(ge=-360, le=360)], ...] | None = None
+    directions: tuple[Vector, ...] | None = None
+    lever_arms_m: tuple[Vector, ...] | None = None
+    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    sound_speed_scale: Positive = 1.0
+    beam_noise_mps: Positive
+    beam_bias_mps: NonNegative = 0.0
+    beam_bias_walk_mps_per_rt_s: NonNegative = 0.0
+    scale_factor_percent: NonNegative = 0.0
+    scale_factor_walk_percent_per_rt_s: NonNegative = 0.0
+    min_range_m: NonNegative = 0.0
+    max_range_m: Annotated[float, Field(gt=0)] = math.inf
+    max_incidence_deg: Annotated[float, Field(gt=0, le=90)] = 90.0
+    range_noise_m: NonNegative = 0.0
+    beams_lost: tuple[Annotated[int, Field(ge=1, le=8)], ...] = ()
+    outages: tuple[Outage, ...] = ()
+    dropouts: tuple[Dropout, ...] = ()
+    altitude_loss: AltitudeLoss | None = None
+    replay_validity: str | None = None
+
+    @property
+    def beams(self) -> int:
+        """Number of beams."""
+        if self.configuration == "angles":
+            return len(self.azimuths_deg or ())
+        if self.configuration == "directions":
+            return len(self.directions or ())
+        return 4
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.configuration == "angles" and (
+            not self.azimuths_deg or not self.tilts_deg or len(self.azimuths_deg) != len(self.tilts_deg)
+        ):
+            raise ValueError("configuration 'angles' needs azimuths_deg and tilts_deg of the same length")
+        if self.configuration == "directions" and not self.directions:
+            raise ValueError("configuration 'directions' needs directions, one unit vector per beam")
+        if self.lever_arms_m is not None and len(self.lever_arms_m) != self.beams:
+            raise ValueError(
+                f"lever_arms_m has {len(self.lever_arms_m)} entries, expected {self.beams}, one per beam"
+            )
+        named = [*self.beams_lost, *(beam for outage in self.outages for beam in outage.beams)]
+        coming_and_going = [beam for dropout in self.dropouts for beam in dropout.beams]
+        for beam in named + coming_and_going:
+            if beam > self.beams:
+                raise ValueError(f"lost beam {beam} does not exist, expected 1 to {self.beams}")
+        for outage in self.outages:
+            if outage.to_s <= outage.from_s:
+                raise ValueError(
+                    f"outage ends at {outage.to_s} s, expected after its start at {outage.from_s} s"
+                )
+        for beam in coming_and_going:
+            if coming_and_going.count(beam) > 1:
+                raise ValueError(f"beam {beam} stands in two dropouts, expected one at most")
+        if self.min_range_m >= self.max_range_m:
+            raise ValueError(
+                f"min_range_m is {self.min_range_m}, expected less than max_range_m {self.max_range_m}"
+            )
+        return self
+
+
+class Depth(Section):
+    """Depth sensor: noise, and what density, tide and barometer add to its reading.
+
+    The sensor takes its pressure for depth with `water_density_kg_per_m3`; the water itself has
+    `true_density_kg_per_m3`, by default the same.
+    """
+
+    enabled: bool = True
+    rate_hz: Positive = 0.25
+    noise_pa: Positive = 194.0
+    water_density_kg_per_m3: Positive = 1025.0
+    true_density_kg_per_m3: Positive | None = None
+    tide_m: Finite = 0.0
+    barometric_offset_pa: Finite = 0.0
+
+
+class Magnetometer(Section):
+    """Magnetometer and tilt sensor as an attitude sensor: noise, and what declination and iron add to its yaw.
+
+    `declination_deg` is the field's own, with inclination and strength; "wmm" takes all three from the World Magnetic
+    Model. `assumed_declination_deg` is what the compass corrects for, by default the true one.
+    """
+
+    enabled: bool = True
+    rate_hz: Positive = 0.5
+    yaw_noise_deg: Positive = 5.72
+    roll_pitch_noise_deg: Positive = 1.15
+    declination_deg: Annotated[float, Field(ge=-180, le=180)] | Literal["wmm"] = 0.0
+    inclination_deg: Annotated[float, Field(gt=-90, lt=90)] = 49.0
+    field_nt: Positive = 45_000.0
+    assumed_declination_deg: Annotated[float, Field(ge=-180, le=180)] | None = None
+    hard_iron_nt: Vector = (0.0, 0.0, 0.0)
+    soft_iron: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+class Gps(Section):
+    """GPS receiver: heard at the surface alone, some time after the antenna has come up."""
+
+    enabled: bool = True
+    rate_hz: Positive = 1.0
+    position_noise_m: tuple[Positive, Positive, Positive] = (2.0, 2.0, 4.0)
+    velocity_noise_mps: tuple[Positive, Positive, Positive] = (0.1, 0.1, 0.2)
+    antenna_depth_m: Finite = 0.3
+    acquire_s: NonNegative = 5.0
+
+
+class Initial(Section):
+    """Uncertainty of the initial state, 1 sigma."""
+
+    position_m: Triple = (2.0, 2.0, 2.0)
+    velocity_mps: Triple = (0.05, 0.05, 0.05)
+    roll_deg: NonNegative = 0.573
+    pitch_deg: NonNegative = 0.573
+    yaw_deg: NonNegative = 1.146
+
+
+class Filter(Section):
+    """Filter options.
+
+    The paper gives neither n_f nor ε. n_f = 1 is its Eq. 28 with nothing added; ε = 1e-3 m²/s² is a sway of 3 cm/s,
+    "close to zero" without pressing real beams out of the gate. Neither is fitted to a result.
+    """
+
+    gate: Literal["joint", "per_row", "off"] = "joint"
+    gate_probability: Annotated[float, Field(gt=0, lt=1)] = 0.9973
+    covariance_rate_hz: NonNegative = 10.0
+    estimate_dvl: bool = True
+    virtual_beam_factor: Positive = 1.0
+    nullified_sway_var_m2ps2: Positive = 1e-3
+    weak_sway_var_m2ps2: Positive = 2.0
+    information_port: Literal["axes", "full"] = "axes"
+
+
+def check_arms(arms: Iterable[str]) -> None:
+    """Refuses unknown and repeated arms and an empty list.
+
+    Raises:
+        ValueError: with the names that are known.
+    """
+    seen: set[str] = set()
+    for arm in arms:
+        if arm not in ARM_NAMES:
+            close = difflib.get_close_matches(arm, ARM_NAMES, n=1)
+            hint = f", did you mean '{close[0]}'?" if close else ""
+            raise ValueError(f"unknown arm '{arm}'{hint} (known: {', '.join(ARM_NAMES)})")
+        if arm in seen:
+            raise ValueError(f"arm '{arm}' is named twice")
+        seen.add(arm)
+    if not seen:
+        raise ValueError(f"no arm is named, expected one or more of {', '.join(ARM_NAMES)}")
+
+
+class Campaign(Section):
+    """How many runs of what."""
+
+    runs: Annotated[int, Field(ge=1, le=10_000_000)] = 100
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
+    arms: tuple[str, ...] = ARM_NAMES
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        check_arms(self.arms)
+        return self

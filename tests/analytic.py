@@ -1,0 +1,26 @@
+"""The packaged scenarios on analytic truths: exact motions for tests that need a known one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bottomlock.scenario import Scenario, load_scenario
+from bottomlock.world import World, make_world
+
+_SHAPES: dict[str, dict[str, Any]] = {
+    "straight": {},
+    "constant_turn": {},
+    "figure_eight": {"dive_angle_deg": 5.0, "sway_gain_m": 0.6},
+    "lawn_mower": {"dive_angle_deg": 10.0, "dive_s": 30.0, "leg_s": 40.0, "turn_s": 20.0, "sway_gain_m": 0.6},
+}
+
+
+def analytic(name: str, **change: Any) -> Scenario:  # noqa: ANN401 - any key of the section
+    """A packaged scenario, or the straight one bent into a constant turn, on its analytic truth."""
+    packaged = load_scenario("straight" if name == "constant_turn" else name)
+    return packaged.with_trajectory(source="analytic", kind=name, **_SHAPES[name], **change)
+
+
+def analytic_world(name: str, **change: Any) -> World:  # noqa: ANN401 - any key of the section
+    """Its world."""
+    return make_world(analytic(name, **change))

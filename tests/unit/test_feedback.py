@@ -1,0 +1,101 @@
+"""Vehicles that fly on their estimates: the same bits however they are grouped, and what going astray costs."""
+
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock import campaign
+from bottomlock.campaign import run_campaign
+from bottomlock.errors import ScenarioError
+from bottomlock.feedback import fly_on_estimates
+from bottomlock.scenario import Scenario, load_scenario
+from bottomlock.world import make_world
+from tests.analytic import analytic_world
+
+
+def scenario(name: str = "lawn_mower", *, seconds: float = 12.0, **campaign_keys: object) -> Scenario:
+    """A short flight on the estimate."""
+    packaged = load_scenario(name)
+    short = packaged.with_trajectory(feedback="estimate", duration_s=seconds)
+    return short.model_copy(update={"campaign": packaged.campaign.model_copy(update=campaign_keys)})
+
+
+def test_bits_do_not_depend_on_company() -> None:
+    """Run 3 of TC is the same among seven runs and two arms, alone, and as pilot of a crew."""
+    world = make_world(scenario())
+    key: Any = {"trajectory_key": 5, "threads": 2}
+    crowd = fly_on_estimates(world, ["ins", "tc"], pilot="own", first_run=0, runs=7, **key)
+    alone = fly_on_estimates(world, ["tc"], pilot="tc", first_run=3, runs=1, **key)
+    crew = fly_on_estimates(world, ["ins", "tc"], pilot="tc", first_run=3, runs=1, **key)
+    for name in ("error", "sd", "nees", "cross_track_m"):
+        assert np.array_equal(crowd[name][3, 1], alone[name][0, 0]), name
+        assert np.array_equal(crew[name][0, 1], alone[name][0, 0]), name
+    assert not np.array_equal(crowd["error"][3, 0], crew["error"][0, 0]), (
+        "the passenger rides another vehicle"
+    )
+
+
+def test_cross_track_is_the_error_that_guidance_cannot_see() -> None:
+    """On the straight, the vehicle steers its believed cross-track to zero: the true one is the east error.
+
+    Up to what the error drifts, at some 0.1 m/s, while the loop takes it up, in some 5 s.
+    """
+    world = make_world(scenario("straight", seconds=60.0))
+    flown = fly_on_estimates(world, ["lc"], pilot="own", trajectory_key=5, first_run=0, runs=6, threads=1)
+    east_error = flown["error"][:, 0, -1, 1]
+    assert flown["cross_track_m"].shape == (6, 1, 301)
+    assert flown["cross_track_m"][:, 0, -1] == pytest.approx(east_error, abs=0.5)
+    assert np.abs(east_error).max() > 2.0
+
+
+def test_a_campaign_tells_what_going_astray_costs(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ANN401
+    """Per run and arm in the table; cut into chunks, interrupted or not, the same tables."""
+    flight = scenario(runs=3, arms=("ins", "tc"))
+    whole = run_campaign([flight], tmp_path / "whole", threads=1).runs
+    assert whole["cross_track_rms_m"].null_count() == 0
+    assert whole["cross_track_rms_m"].n_unique() == 6
+    monkeypatch.setattr(campaign, "FLEET_VEHICLES", 2)
+    heard: list[float] = []
+    cut = run_campaign(
+        [flight], tmp_path / "cut", threads=2, tell=lambda state: heard.append(state.runs_done)
+    ).runs
+    assert cut.equals(whole)
+    assert heard == sorted(heard)
+    assert heard[-1] == 3.0
+    assert len(heard) > 6, "progress comes inside a chunk, too"
+
+
+def test_on_the_truth_every_arm_has_the_same_track(tmp_path: Any) -> None:  # noqa: ANN401
+    """One truth for all: one cross-track error; an analytic truth has no path to stray from."""
+    swum = run_campaign(
+        [
+            load_scenario("lawn_mower")
+            .with_trajectory(duration_s=12.0)
+            .with_overrides(runs=2, arms=["ins", "tc"])
+        ],
+        tmp_path / "swum",
+        threads=1,
+    ).runs
+    assert swum["cross_track_rms_m"].n_unique() == 1
+    assert swum["cross_track_rms_m"][0] < 0.2
+    exact = analytic_world("straight", duration_s=12.0).scenario.with_overrides(runs=1, arms=["tc"])
+    assert run_campaign([exact], tmp_path / "exact", threads=1).runs["cross_track_rms_m"].to_list() == [None]
+
+
+def test_an_analytic_truth_cannot_be_steered() -> None:
+    with pytest.raises(ScenarioError, match="its truth is analytic"):
+        fly_on_estimates(
+            analytic_world("straight"), ["tc"], pilot="own", trajectory_key=0, first_run=0, runs=1
+        )
+
+
+@pytest.mark.slow
+def test_the_better_the_navigation_the_less_astray(tmp_path: Any) -> None:  # noqa: ANN401
+    """A dive and a leg, thirty runs: INS alone strays far, LC least; chosen before the first run was flown."""
+    flight = scenario(seconds=100.0, runs=30, arms=("ins", "lc", "tc"))
+    runs = run_campaign([flight], tmp_path / "o", threads=1).runs
+    astray = dict(runs.group_by("arm").agg((pl.col("cross_track_rms_m") ** 2).mean().sqrt()).iter_rows())
+    assert astray["lc"] < astray["tc"]
+    assert astray["ins"] > 5.0 * astray["tc"]
