@@ -41,7 +41,7 @@ def hull_integrals(hull: Hull, points: int = 20001) -> HullIntegrals:
 def lamb_factors(length_m: float, diameter_m: float) -> tuple[float, float, float]:
     """Lamb's k1, k2 and k' of a prolate spheroid.
 
-    Sources: Lamb 1932; Imlay 1961; Fossen 2021.
+    Sources: Lamb 1932 and Imlay 1961, as in MSS imlay61.m, which refers to Fossen 2021, section 8.4.2.
     """
     eccentricity2 = 1.0 - (diameter_m / length_m) ** 2
     e = math.sqrt(eccentricity2)
@@ -63,8 +63,8 @@ def strip_added_mass(
     """Cross-flow added mass by strips: -y_vdot (kg), -y_rdot (kg m), -n_rdot (kg m²) about the origin.
 
     A bare section has rho pi R²; along the fins' chord the section is a circle with a cross of fins, which
-    has rho pi (a² - R² + R⁴ / a²) with a the tip radius (Newman 1977; Prestero 2001). A cross has the same
-    added mass at any roll angle, so the formula serves + and x.
+    has rho pi (a² - R² + R⁴ / a²) with a the tip radius (Prestero 2001, Eqs. 4.18 to 4.20, after Newman 1977
+    and Blevins 1979). A cross has the same added mass at any roll angle, so the formula serves + and x.
     """
     x = np.linspace(0.0, hull.length, 20001)
     radius = myring_radius_m(hull, x)
@@ -85,7 +85,7 @@ def strip_added_mass(
 def cross_fins_roll_added_inertia(density_kgpm3: float, fin_chord_m: float, fin_tip_radius_m: float) -> float:
     """-k_pdot of four equal fins along their chord, kg m²: (2/pi) rho a⁴ per length.
 
-    Source: Prestero 2001.
+    Source: Prestero 2001, Eq. 4.21, after Blevins 1979.
     """
     return 2.0 / math.pi * density_kgpm3 * fin_tip_radius_m**4 * fin_chord_m
 
@@ -100,8 +100,8 @@ def axial_drag_kgpm(
 ) -> float:
     """Hull drag k of X = -k u|u|, kg/m.
 
-    ITTC-57 friction, Hoerner's form factor of a body of revolution, and an allowance for roughness and
-    appendages.
+    ITTC-57 friction (as in MSS XuuITTC.m), Hoerner's form factor of a body of revolution (Fluid-Dynamic Drag,
+    1965; equation number not verified), and an allowance for roughness and appendages.
     """
     reynolds = speed_mps * hull.length / viscosity_m2ps
     friction = 0.075 / (math.log10(reynolds) - 2.0) ** 2
@@ -113,8 +113,8 @@ def axial_drag_kgpm(
 def body_lift_kgpm(hull: Hull, density_kgpm3: float) -> tuple[float, float]:
     """Hoerner's lift of a streamlined body: (k in Y = -k|u|v, centre of pressure x from the origin, m).
 
-    k = rho d² c / 2 with c = 0.003 (l/d) per degree; it acts at 0.65 l from the nose (Hoerner 1965, chapter
-    13; Prestero 2001).
+    k = rho d² c / 2 with c = 0.003 (l/d) per degree, stated for l/d from 6.7 to 10; it acts at 0.65 l from the
+    nose (Prestero 2001, Eqs. 4.27 to 4.35, after Hoerner and Borst, Fluid-Dynamic Lift, 1985, page 13-3).
     """
     slope = 0.003 * hull.length / hull.diameter * 180.0 / math.pi
     return (
@@ -126,7 +126,7 @@ def body_lift_kgpm(hull: Hull, density_kgpm3: float) -> tuple[float, float]:
 def fin_lift_slope(aspect_ratio: float) -> float:
     """Hoerner's lift slope of a low-aspect wing, per rad.
 
-    1 / (1 / (2 pi 0.9) + 1 / (pi AR)); Prestero 2001.
+    1 / (1 / (2 pi 0.9) + 1 / (pi AR)); Prestero 2001, Eq. 4.38, after Hoerner and Borst 1985, page 3-2.
     """
     return 1.0 / (1.0 / (2.0 * math.pi * 0.9) + 1.0 / (math.pi * aspect_ratio))
 

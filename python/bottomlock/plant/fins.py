@@ -17,8 +17,8 @@ def lift_and_drag(vehicle: Vehicle, maths: Maths[Lane]) -> Callable[[Lane], tupl
     """Build C_L and C_D of one fin as functions of its angle of attack, rad.
 
     Below stall the lift is linear and the drag the usual polar; past it the fin is a flat plate (C_L = 2
-    |sin a| sin a cos a, C_D = 2 sin² a). The two blend smoothly over the stall width, after Beard and
-    McLain 2012, chapter 4, with a tanh for the blend.
+    |sin a| sin a cos a, C_D = 2 sin² a). The two blend smoothly over the stall width: Beard and McLain 2012
+    as in MSS coeffLiftDrag.m, here with the plate's drag and a tanh for the blend.
     """
     fins = vehicle.fins
     slope, base, stall = fins.lift_slope, fins.zero_lift_drag, fins.stall_angle
@@ -44,7 +44,7 @@ def fin_wrench(vehicle: Vehicle, maths: Maths[Lane]) -> Callable[..., Wrench[Lan
 
     The function takes (u, v, w, p, q, r) relative to the water in the platform frame (m/s, rad/s) and the
     tuple of deflections (rad), and returns (X, Y, Z, K, M, N) in N, N m. Each fin sees the inflow at its
-    own centre, so fins damp yaw, pitch and roll by themselves.
+    own centre (Prestero 2001, Eq. 4.40, all terms kept), so fins damp yaw, pitch and roll by themselves.
     """
     fins = vehicle.fins
     x, radius = fins.position_x, fins.centre_radius

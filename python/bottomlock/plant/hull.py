@@ -19,7 +19,10 @@ STRIPS = 6
 
 
 def myring_radius_m(hull: Hull, from_nose_m: FloatArray) -> FloatArray:
-    """Hull radius at stations aft of the nose tip, m (Myring 1976; Prestero 2001)."""
+    """Hull radius at stations aft of the nose tip, m.
+
+    Myring 1976 as Prestero 2001, Eqs. 2.1 and 2.2, without his offsets: nose and tail are whole.
+    """
     nose, tail, length, diameter = hull.nose_length, hull.tail_length, hull.length, hull.diameter
     x = np.asarray(from_nose_m, dtype=np.float64)
     fore = np.clip((x - nose) / nose, -1.0, 0.0)
@@ -59,9 +62,9 @@ def hull_wrench(
     """Build the hull's damping wrench as a function of velocity relative to the water.
 
     The function takes (u, v, w, p, q, r) in the platform frame (m/s, rad/s) and returns (X, Y, Z, K, M, N)
-    in N, N m. Sources: axial drag and body lift as Prestero 2001, with the lift's inflow taken
-    at its centre of pressure; cross-flow drag by strip theory, Fossen 2021, chapter 6, with the
-    resultant cross flow.
+    in N, N m. Sources: axial drag as Prestero 2001, Eq. 4.5; body lift as his Eqs. 4.33 to 4.36, with the
+    inflow taken at the centre of pressure; cross-flow drag by strips as his Eq. 4.8 and MSS crossFlowDrag.m,
+    with the resultant cross flow.
     """
     hull = vehicle.hull
     axial, lift, arm, roll = hull.axial_drag, hull.lift, hull.centre_of_pressure_x, hull.roll_drag

@@ -40,7 +40,7 @@ def added_mass_matrix(vehicle: Vehicle) -> FloatArray:
 
 
 def rigid_body_coriolis_matrix(vehicle: Vehicle, nu: FloatArray) -> FloatArray:
-    """C_RB in the form free of linear velocity, shape (6, 6), skew; Fossen 2021, chapter 3.
+    """C_RB in the form free of linear velocity, shape (6, 6), skew; Fossen 2021, section 3.3.1, as MSS rbody.m.
 
     This form keeps M_RB and C_RB valid for the velocity relative to an irrotational current.
     """
@@ -53,7 +53,7 @@ def rigid_body_coriolis_matrix(vehicle: Vehicle, nu: FloatArray) -> FloatArray:
 
 
 def added_mass_coriolis_matrix(vehicle: Vehicle, nu_r: FloatArray) -> FloatArray:
-    """C_A(nu_r), shape (6, 6), skew; Fossen 2021, chapter 6."""
+    """C_A(nu_r), shape (6, 6), skew; as MSS m2c.m of M_A, which names Theorem 3.2 of Fossen."""
     momentum = added_mass_matrix(vehicle) @ nu_r
     linear, angular = skew(momentum[:3]), skew(momentum[3:])
     return np.block([[np.zeros((3, 3)), -linear], [-linear, -angular]])
@@ -72,7 +72,7 @@ def rotation_t_p(quaternion_t_p: FloatArray) -> FloatArray:
 
 
 def restoring_vector(vehicle: Vehicle, quaternion_t_p: FloatArray, gravity_mps2: float) -> FloatArray:
-    """g(eta), shape (6,): what weight and buoyancy need to be held, N and N m; Fossen 2021, chapter 4."""
+    """g(eta), shape (6,): what weight and buoyancy need to be held, N and N m; as MSS gRvect.m."""
     body = vehicle.rigid_body
     weight = body.mass * gravity_mps2
     buoyancy = vehicle.water.density * body.displaced_volume * gravity_mps2

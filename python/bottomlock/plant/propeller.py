@@ -10,8 +10,8 @@ def propeller_wrench(vehicle: Vehicle, maths: Maths[Lane]) -> Callable[[Lane, La
     """Build net thrust X (N) and roll moment K (N m) from speed u (m/s) and shaft n (rev/s).
 
     T = rho D⁴ (K_T0 n|n| + K_T1 |n| V_a / D), V_a = (1 - w) u, and the hull gets (1 - t) T; the torque
-    alike with D⁵ and opposite to the rotation (Fossen 2021, chapter 9, linear in the advance
-    number). A stopped shaft gives nothing.
+    alike with D⁵ and opposite to the rotation (linear in the advance number, as MSS remus100.m). A stopped
+    shaft gives nothing.
     """
     prop = vehicle.propeller
     density, diameter = vehicle.water.density, prop.diameter
