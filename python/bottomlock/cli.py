@@ -151,6 +151,8 @@ def run(
     loaded = [
         load_scenario(name).with_overrides(runs=runs, seed=seed, arms=_split(arms)) for name in scenario
     ]
+    for one in loaded:
+        make_world(one)  # a fault shows before a progress bar does
     try:
         results = _fly(loaded, out, threads=threads, force=force)
     except KeyboardInterrupt:

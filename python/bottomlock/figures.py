@@ -131,7 +131,8 @@ def _flow(axes: Axes, time_s: np.ndarray[Any, Any], telemetry: pl.DataFrame) -> 
     ):
         axes.plot(time_s, np.rad2deg(telemetry[column].to_numpy()), color=colour, label=label)
     axes.set_ylabel("through the\nwater, deg")
-    axes.legend(loc="best", ncols=2)
+    _room_above(axes)
+    axes.legend(loc="upper right", ncols=2)
 
 
 def _fins(axes: Axes, time_s: np.ndarray[Any, Any], telemetry: pl.DataFrame) -> None:

@@ -1,14 +1,16 @@
 """Missions, currents and seabeds as a scenario's TOML gives them: human units in the keys, SI out."""
 
+import difflib
 import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bottomlock.errors import ScenarioError
+from bottomlock.faults import explain
 from bottomlock.plant.actuators import StuckFin
 from bottomlock.plant.current import Current
 from bottomlock.plant.mission import (
@@ -21,7 +23,7 @@ from bottomlock.plant.mission import (
 )
 from bottomlock.plant.seabed import PlaneSeabed, Seabed, load_grid, rolling_seabed
 
-Table = TypeVar("Table")
+Table = TypeVar("Table", bound=BaseModel)
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -148,7 +150,12 @@ class WaypointsTable(_MissionTable):
 
 
 AnyMission: TypeAlias = StraightTable | FigureEightTable | LawnMowerTable | WaypointsTable
-MissionTable = Annotated[AnyMission, Field(discriminator="kind")]
+_MISSIONS: dict[str, type[AnyMission]] = {
+    "straight": StraightTable,
+    "figure_eight": FigureEightTable,
+    "lawn_mower": LawnMowerTable,
+    "waypoints": WaypointsTable,
+}
 
 
 class FlatSeabedTable(_Table):
@@ -178,10 +185,11 @@ class GridSeabedTable(_Table):
 
 
 AnySeabed: TypeAlias = FlatSeabedTable | RollingSeabedTable | GridSeabedTable
-SeabedTable = Annotated[AnySeabed, Field(discriminator="kind")]
-
-_MISSIONS: TypeAdapter[AnyMission] = TypeAdapter(MissionTable)
-_SEABEDS: TypeAdapter[AnySeabed] = TypeAdapter(SeabedTable)
+_SEABEDS: dict[str, type[AnySeabed]] = {
+    "plane": FlatSeabedTable,
+    "rolling": RollingSeabedTable,
+    "grid": GridSeabedTable,
+}
 
 
 def mission_from_table(table: dict[str, Any], label: str) -> Mission:
@@ -190,7 +198,7 @@ def mission_from_table(table: dict[str, Any], label: str) -> Mission:
     >>> mission_from_table({"kind": "straight", "duration_s": 10}, "demo").duration_s
     10.0
     """
-    read = _validated(_MISSIONS, table, f"trajectory {label}")
+    read = _validated(_MISSIONS, table, f"scenario {label}: mission")
     stuck = read.stuck_fin
     mission: Mission = read.build()
     return replace(
@@ -203,7 +211,7 @@ def mission_from_table(table: dict[str, Any], label: str) -> Mission:
 
 def seabed_from_table(table: dict[str, Any], label: str) -> Seabed:
     """Build a seabed from its table; raises `ScenarioError` naming the label and every wrong key."""
-    read = _validated(_SEABEDS, table, f"seabed {label}")
+    read = _validated(_SEABEDS, table, f"scenario {label}: seabed")
     if isinstance(read, FlatSeabedTable):
         north, east = (math.tan(math.radians(slope)) for slope in (read.slope_north_deg, read.slope_east_deg))
         return PlaneSeabed(read.depth_m, north, east)
@@ -217,11 +225,13 @@ def seabed_from_table(table: dict[str, Any], label: str) -> Seabed:
     return load_grid(read.path)
 
 
-def _validated(adapter: TypeAdapter[Table], table: dict[str, Any], label: str) -> Table:
+def _validated(kinds: dict[str, type[Table]], table: dict[str, Any], place: str) -> Table:
+    kind = table.get("kind")
+    if kind not in kinds:
+        close = difflib.get_close_matches(str(kind), kinds, n=1)
+        hint = f", did you mean '{close[0]}'?" if close else f" (known: {', '.join(kinds)})"
+        raise ScenarioError(f"{place}: 'kind' is {kind!r}{hint}")
     try:
-        return adapter.validate_python(table)
+        return kinds[kind].model_validate(table)
     except ValidationError as error:
-        faults = "; ".join(
-            f"{'.'.join(str(part) for part in item['loc'])}: {item['msg']}" for item in error.errors()
-        )
-        raise ScenarioError(f"{label}: {faults}") from error
+        raise ScenarioError(explain(error, place, kinds[kind])) from error
