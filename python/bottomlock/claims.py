@@ -110,7 +110,14 @@ def _row(claim: Claim, flown: Mapping[str, _Flown], paper: Paper) -> tuple[Any, 
         return (*head, None, None, None, NOT_TESTABLE, str(reason))
     low, high = estimate.interval
     verdict = _verdict(claim, low, high)
-    return (*head, estimate.ours, low, high, verdict, _note(claim, estimate, verdict, flown[claim.trajectory]))
+    return (
+        *head,
+        estimate.ours,
+        low,
+        high,
+        verdict,
+        _note(claim, estimate, verdict, flown[claim.trajectory]),
+    )
 
 
 def _trajectories(claim: Claim) -> list[str]:
@@ -165,9 +172,7 @@ def _estimate(claim: Claim, flown: Mapping[str, _Flown]) -> _Estimate:
             return _ordering(claim, here, flown[claim.than_trajectory or claim.trajectory])
         case DriftClaim(pattern="oscillating"):
             turns, legs = _turns_and_legs(here)
-            return here.rms(claim.quantity, claim.arm, turns).over(
-                here.rms(claim.quantity, claim.arm, legs)
-            )
+            return here.rms(claim.quantity, claim.arm, turns).over(here.rms(claim.quantity, claim.arm, legs))
         case DriftClaim():
             start, end = claim.window_s or (0.0, 0.0)
             return here.at(claim.quantity, claim.arm, end).over(here.at(claim.quantity, claim.arm, start))

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
 from bottomlock.study_figures.palette import stroke
@@ -38,32 +37,30 @@ def coincident(lines: dict[str, NDArray[np.float64]], tolerance: float = 1e-4) -
     return [tuple(group) for group in groups]
 
 
-def spread(wanted: Sequence[float], gap: float, low: float, high: float) -> list[float]:
-    """Places near the wanted ones, in their order, at least a gap apart and between low and high.
+def spread(wanted: Sequence[float], heights: Sequence[float], low: float, high: float) -> list[float]:
+    """Places near the wanted ones, in their order, so that things of these heights centred there do not overlap.
 
-    The least-squares nearest places: neighbours that collide move as one block. Where the room is too small for the
-    gap, the gap shrinks.
+    The least-squares nearest places: neighbours that collide move as one block. Where the room is too small, all
+    shrink alike.
 
-    >>> [round(place, 2) for place in spread([0.5, 0.5, 0.9], 0.1, 0.0, 1.0)]
+    >>> [round(place, 2) for place in spread([0.5, 0.5, 0.9], [0.1, 0.1, 0.1], 0.0, 1.0)]
     [0.45, 0.55, 0.9]
     """
-    count = len(wanted)
-    if count == 0:
-        return []
-    gap = min(gap, (high - low) / max(1, count - 1))
-    order = sorted(range(count), key=lambda k: (wanted[k], k))
-    # Without the gaps the places only have to rise: pool what does not.
+    order = sorted(range(len(wanted)), key=lambda k: (wanted[k], k))
+    sizes = np.array([heights[k] for k in order]) * min(1.0, (high - low) / max(sum(heights), 1e-9))
+    offsets = np.cumsum(sizes) - 0.5 * sizes
+    # Less the room of those below, the places only have to rise: pool what does not.
     blocks: list[tuple[float, int]] = []
     for rank, k in enumerate(order):
-        mean, size = wanted[k] - rank * gap, 1
+        mean, size = wanted[k] - offsets[rank], 1
         while blocks and blocks[-1][0] > mean:
             before, length = blocks.pop()
             mean, size = (before * length + mean * size) / (length + size), length + size
         blocks.append((mean, size))
     rising = [mean for mean, size in blocks for _ in range(size)]
-    places = [0.0] * count
+    places = [0.0] * len(wanted)
     for rank, k in enumerate(order):
-        places[k] = float(np.clip(rising[rank], low, high - (count - 1) * gap)) + rank * gap
+        places[k] = float(np.clip(rising[rank], low, high - sizes.sum()) + offsets[rank])
     return places
 
 
@@ -72,27 +69,59 @@ def label_ends(axes: Axes, lines: Sequence[Line], *, size: float = 8.0) -> None:
 
     Limits, scale and position of the axes must be final.
     """
-    height_pt = axes.get_position().height * axes.get_figure(root=True).get_figheight() * 72.0  # type: ignore[union-attr]
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    row = 1.25 * size / (axes.get_position().height * figure.get_figheight() * 72.0)
     to_axes = axes.transData + axes.transAxes.inverted()
-    ends = [float(to_axes.transform((line.x[-1], line.y[-1]))[1]) for line in lines]
-    places = spread(np.clip(ends, 0.0, 1.0).tolist(), 1.25 * size / height_pt, -0.02, 1.04)
-    margin = blended_transform_factory(axes.transAxes, axes.transAxes)
-    for line, end, place in zip(lines, ends, places, strict=True):
+    ends = [float(np.clip(to_axes.transform((line.x[-1], line.y[-1]))[1], 0.0, 1.0)) for line in lines]
+    names = [wrapped(line.arms) for line in lines]
+    places = spread(ends, [row * (1 + name.count("\n")) for name in names], -0.05, 1.05)
+    for line, name, end, place in zip(lines, names, ends, places, strict=True):
         colour = stroke(line.arms[0]).colour
         axes.plot(
-            [1.005, 1.02, 1.035, 1.045], [np.clip(end, 0, 1), np.clip(end, 0, 1), place, place],
-            transform=margin, color=colour, linewidth=0.7, clip_on=False, solid_capstyle="butt", zorder=1,
+            [1.005, 1.02, 1.035, 1.045], [end, end, place, place],
+            transform=axes.transAxes, color=colour, linewidth=0.7, clip_on=False, solid_capstyle="butt", zorder=1,
         )  # fmt: skip
         axes.text(
-            1.052, place, wrapped(line.arms), transform=margin, color=colour, fontsize=size,
-            va="center_baseline", ha="left", clip_on=False,
+            1.052, place, name, transform=axes.transAxes, color=colour, fontsize=size,
+            va="center", ha="left", linespacing=1.1, clip_on=False,
         )  # fmt: skip
 
 
-def wrapped(arms: Sequence[str]) -> str:
-    """The arms of one line as a name: "tc = info".
+def label_points(axes: Axes, lines: Sequence[Line], *, size: float = 8.0) -> None:
+    """Writes each line's arms in the right margin, joined to its last point, wherever in the axes that lies."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    row = 1.25 * size / (axes.get_position().height * figure.get_figheight() * 72.0)
+    to_axes = axes.transData + axes.transAxes.inverted()
+    ends = [to_axes.transform((line.x[-1], line.y[-1])) for line in lines]
+    names = [wrapped(line.arms) for line in lines]
+    heights = [row * (1 + name.count("\n")) for name in names]
+    places = spread([float(end[1]) for end in ends], heights, -0.05, 1.05)
+    for line, name, end, place in zip(lines, names, ends, places, strict=True):
+        colour = stroke(line.arms[0]).colour
+        axes.plot(
+            [end[0], 1.02, 1.045], [end[1], place, place],
+            transform=axes.transAxes, color=colour, linewidth=0.6, alpha=0.8, clip_on=False, zorder=2,
+        )  # fmt: skip
+        axes.text(
+            1.052, place, name, transform=axes.transAxes, color=colour, fontsize=size,
+            va="center", ha="left", linespacing=1.1, clip_on=False,
+        )  # fmt: skip
+
+
+def wrapped(arms: Sequence[str], width: int = 20) -> str:
+    """The arms of one line as a name, broken where it would leave the figure.
 
     >>> wrapped(["tc", "info"])
     'tc = info'
+    >>> wrapped(["tc", "vb_exact", "info", "consistent"])
+    'tc = vb_exact = info\\n= consistent'
     """
-    return " = ".join(arms)
+    rows = [arms[0]]
+    for arm in arms[1:]:
+        if len(rows[-1]) + 3 + len(arm) <= width:
+            rows[-1] += f" = {arm}"
+        else:
+            rows.append(f"= {arm}")
+    return "\n".join(rows)

@@ -87,7 +87,7 @@ def stroke(arm: str) -> Stroke:
 
 def draw_order(arms: list[str]) -> list[str]:
     """The arms with solid lines first, so that a dashed one shows on the solid one that it falls together with."""
-    return sorted(arms, key=lambda arm: (stroke(arm).dash != "-", arm))
+    return sorted(arms, key=lambda arm: stroke(arm).dash != "-")
 
 
 def new_figure(height_in: float = HEIGHT_IN, width_in: float = WIDTH_IN) -> Figure:
@@ -126,7 +126,9 @@ def inline_svg(svg: str, name: str, words: str) -> str:
     body = re.sub(r'\bid="', f'id="{name}-', body)
     body = re.sub(r'href="#', f'href="#{name}-', body)
     body = re.sub(r"url\(#", f"url(#{name}-", body)
-    body = body.replace(f"fill: {PAPER}", "fill: none").replace(INK, "var(--ink)").replace(FAINT, "var(--faint)")
+    body = (
+        body.replace(f"fill: {PAPER}", "fill: none").replace(INK, "var(--ink)").replace(FAINT, "var(--faint)")
+    )
     quoted = words.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
     return body.replace("<svg", f'<svg role="img" aria-label="{quoted}"', 1)
 

@@ -1,0 +1,85 @@
+"""What to use when, read off the tables: which arms may be believed, and which of those errs least."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+
+from bottomlock.study import Errors, Study
+
+REFERENCES = {"ins": "no beam at all", "lc": "all beams, none lost"}
+"""Arms that stand beside the comparison: what happens without help, and what four beams give."""
+
+CLOSE = 1.05
+"""Arms within 5 % of the best are called as good as it."""
+
+
+@dataclass(frozen=True)
+class Advice:
+    """One trajectory: RMS of the velocity error at the end for each arm, and what follows."""
+
+    trajectory: str
+    rms_mps: Mapping[str, float]
+    believable: tuple[str, ...]
+    """Not overconfident in velocity and attitude, the references left out; the best first."""
+    deceptive: tuple[str, ...]
+    """Overconfident, the references left out; the smallest error first."""
+
+    @property
+    def best(self) -> tuple[str, ...]:
+        """The believable arm of least error and those as good as it."""
+        if not self.believable:
+            return ()
+        least = self.rms_mps[self.believable[0]]
+        return tuple(arm for arm in self.believable if self.rms_mps[arm] <= CLOSE * least)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The arm to take when the trajectory is not known beforehand."""
+
+    believable: tuple[str, ...]
+    """On every trajectory."""
+    best: tuple[str, ...]
+    worst_ratio: float
+    """The greatest ratio of its error to that of the best believable arm, over the trajectories."""
+    worst_trajectory: str
+
+
+def advise(study: Study, errors: Mapping[str, Errors]) -> list[Advice]:
+    """What the tables say about each trajectory."""
+    advice = []
+    for name in study.trajectories:
+        verdicts = study.consistency.filter(
+            (pl.col("trajectory") == name) & (pl.col("quantity") == "nees_velocity_attitude")
+        )
+        verdict = dict(zip(verdicts["arm"], verdicts["verdict"], strict=True))
+        rms = {
+            arm: float(np.sqrt(np.mean(errors[name].velocity_mps[arm][:, -1] ** 2)))
+            for arm in study.arms(name)
+        }
+        arms = sorted((arm for arm in rms if arm not in REFERENCES), key=lambda arm: rms[arm])
+        advice.append(
+            Advice(
+                trajectory=name,
+                rms_mps=rms,
+                believable=tuple(arm for arm in arms if verdict[arm] != "overconfident"),
+                deceptive=tuple(arm for arm in arms if verdict[arm] == "overconfident"),
+            )
+        )
+    return advice
+
+
+def choose(advice: list[Advice]) -> Choice | None:
+    """The arm that is believable on every trajectory and never far from the best; None where there is none."""
+    common = [arm for arm in advice[0].rms_mps if all(arm in part.believable for part in advice)]
+    if not common:
+        return None
+    ratios = {
+        arm: [part.rms_mps[arm] / part.rms_mps[part.believable[0]] for part in advice] for arm in common
+    }
+    least = min(max(of_arm) for of_arm in ratios.values())
+    best = tuple(arm for arm in common if max(ratios[arm]) <= CLOSE * least)
+    worst = int(np.argmax(ratios[best[0]]))
+    return Choice(tuple(common), best, ratios[best[0]][worst], advice[worst].trajectory)
