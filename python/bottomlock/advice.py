@@ -21,6 +21,7 @@ class Advice:
 
     trajectory: str
     rms_mps: Mapping[str, float]
+    attitude_rms_deg: Mapping[str, float]
     believable: tuple[str, ...]
     """Not overconfident in velocity and attitude, the references left out; the best first."""
     deceptive: tuple[str, ...]
@@ -33,6 +34,12 @@ class Advice:
             return ()
         least = self.rms_mps[self.believable[0]]
         return tuple(arm for arm in self.believable if self.rms_mps[arm] <= CLOSE * least)
+
+    @property
+    def attitude_range_deg(self) -> tuple[float, float]:
+        """Least and greatest misalignment of the believable arms."""
+        values = [self.attitude_rms_deg[arm] for arm in self.believable]
+        return min(values), max(values)
 
 
 @dataclass(frozen=True)
@@ -55,20 +62,30 @@ def advise(study: Study, errors: Mapping[str, Errors]) -> list[Advice]:
             (pl.col("trajectory") == name) & (pl.col("quantity") == "nees_velocity_attitude")
         )
         verdict = dict(zip(verdicts["arm"], verdicts["verdict"], strict=True))
-        rms = {
-            arm: float(np.sqrt(np.mean(errors[name].velocity_mps[arm][:, -1] ** 2)))
-            for arm in study.arms(name)
-        }
+        rms, attitude = (
+            {arm: float(np.sqrt(np.mean(norms[arm][:, -1] ** 2))) for arm in study.arms(name)}
+            for norms in (errors[name].velocity_mps, errors[name].attitude_deg)
+        )
         arms = sorted((arm for arm in rms if arm not in REFERENCES), key=lambda arm: rms[arm])
         advice.append(
             Advice(
                 trajectory=name,
                 rms_mps=rms,
+                attitude_rms_deg=attitude,
                 believable=tuple(arm for arm in arms if verdict[arm] != "overconfident"),
                 deceptive=tuple(arm for arm in arms if verdict[arm] == "overconfident"),
             )
         )
     return advice
+
+
+def warnings(advice: list[Advice]) -> dict[str, list[str]]:
+    """For each arm that is best somewhere: the trajectories on which it is overconfident, where there are any."""
+    found: dict[str, list[str]] = {}
+    for arm in dict.fromkeys(arm for part in advice for arm in part.best):
+        if bad := [part.trajectory for part in advice if arm in part.deceptive]:
+            found[arm] = bad
+    return found
 
 
 def choose(advice: list[Advice]) -> Choice | None:

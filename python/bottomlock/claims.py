@@ -20,6 +20,8 @@ from bottomlock.study import Array, Errors, Study
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
 LEAST_RUNS = 10
 """Fewer runs give no interval worth the name."""
+TURN_RATE_RADPS = np.deg2rad(2.0)
+"""Above it the course changes by intent; the paper's turns are half circles in some 20 s."""
 
 
 class _NotTestableError(Exception):
@@ -32,7 +34,8 @@ class _Estimate:
 
     ours: float
     draws: Array
-    note: str = ""
+    pair: tuple[str, str] | None = None
+    """Of several pairs the worst, which the number is of."""
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -103,8 +106,6 @@ def _row(claim: Claim, flown: Mapping[str, _Flown], paper: Paper) -> tuple[Any, 
     try:
         for name in _trajectories(claim):
             _comparable(name, flown, paper)
-        if claim.quantity == "bias":
-            raise _NotTestableError("the tables hold no errors of the biases")
         estimate = _estimate(claim, flown)
     except _NotTestableError as reason:
         return (*head, None, None, None, NOT_TESTABLE, str(reason))
@@ -159,6 +160,8 @@ def _comparable(name: str, flown: Mapping[str, _Flown], paper: Paper) -> None:
 
 def _estimate(claim: Claim, flown: Mapping[str, _Flown]) -> _Estimate:
     here = flown[claim.trajectory]
+    if claim.quantity == "bias":
+        raise _NotTestableError("the tables hold no errors of the biases")
     match claim:
         case ValueClaim():
             return here.at(claim.quantity, claim.arm, claim.time_s)
@@ -187,9 +190,8 @@ def _ordering(claim: OrderingClaim, here: _Flown, there: _Flown) -> _Estimate:
         for pair in claim.pairs
     }
     worst = max(ratios, key=lambda pair: ratios[pair].ours)
-    words = f"{worst[0]} / {worst[1]}" if here is there else f"{worst[0]} here / there"
     draws = np.max(np.stack([ratio.draws for ratio in ratios.values()]), axis=0)
-    return _Estimate(ratios[worst].ours, draws, f"worst pair {words}" if len(ratios) > 1 else "")
+    return _Estimate(ratios[worst].ours, draws, worst if len(ratios) > 1 else None)
 
 
 def _turns_and_legs(flown: _Flown) -> tuple[list[int], list[int]]:
@@ -207,7 +209,7 @@ def _turns_and_legs(flown: _Flown) -> tuple[list[int], list[int]]:
                 np.gradient(path["east_m"].to_numpy(), clock), np.gradient(path["north_m"].to_numpy(), clock)
             )
             rate = np.abs(np.gradient(np.unwrap(course), clock))
-            turning = np.interp(time_s, clock, rate) > 0.5 * rate.max()
+            turning = np.interp(time_s, clock, rate) > TURN_RATE_RADPS
             return _after(time_s, turning, settings["dive_s"])
     if settings.get("source") != "analytic":
         raise _NotTestableError("the turns of the vehicle's path are not in the tables (no truth.parquet)")
@@ -227,7 +229,7 @@ def _verdict(claim: Claim, low: float, high: float) -> str:
     match claim:
         case ValueClaim() | ImprovementClaim():
             good = low - claim.half_digit <= claim.printed <= high + claim.half_digit
-        case OrderingClaim(relation="less"):
+        case OrderingClaim(relation="better"):
             if low <= 1.0 <= high:
                 return NOT_TESTABLE
             good = high < 1.0
@@ -242,21 +244,24 @@ def _verdict(claim: Claim, low: float, high: float) -> str:
 
 def _note(claim: Claim, estimate: _Estimate, verdict: str, flown: _Flown) -> str:
     """What the tables say about a claim that they do not bear out."""
+    parts, arms = [], claim.arms
+    if estimate.pair is not None:
+        arms = list(dict.fromkeys(estimate.pair))
+        parts.append(f"worst is {' / '.join(arms)}")
     if verdict == REPRODUCED:
-        return estimate.note
-    parts = [estimate.note]
+        return "; ".join(parts)
     if verdict == NOT_TESTABLE:
         parts.append(f"{flown.weights.shape[1]} runs do not tell the two apart")
     if isinstance(claim, ValueClaim):
         parts.append(f"ours is {estimate.ours / claim.printed:.3g} times the printed")
     if isinstance(claim, ImprovementClaim):
-        unit = "m/s" if claim.quantity == "velocity" else "°"
+        unit = " m/s" if claim.quantity == "velocity" else "°"
         last = {arm: flown.at(claim.quantity, arm, claim.time_s).ours for arm in claim.arms}
-        parts.append(", ".join(f"{arm} is at {value:.3g} {unit}" for arm, value in last.items()))
-    for arm in claim.arms:
+        parts.append(", ".join(f"{arm} is at {value:.3g}{unit}" for arm, value in last.items()))
+    for arm in arms:
         parts.extend(_gate_and_nees(flown, arm))
     if claim.quantity == "attitude":
-        arm = claim.arms[0]
+        arm = arms[0]
         whole, heading = (
             np.sqrt(np.mean(matrix[arm][:, -1] ** 2))
             for matrix in (flown.errors.attitude_deg, flown.errors.heading_deg)
@@ -269,11 +274,21 @@ def _gate_and_nees(flown: _Flown, arm: str) -> list[str]:
     """Whether an arm loses its fixes to its own gate, and whether it is overconfident."""
     here = (pl.col("trajectory") == flown.trajectory) & (pl.col("arm") == arm)
     runs = flown.study.runs.filter(here)
-    rejected, accepted = runs["fixes_rejected"].sum(), runs["fixes_accepted"].sum()
+    rejected, accepted = int(runs["fixes_rejected"].sum()), int(runs["fixes_accepted"].sum())
     words = []
     if rejected > 0.02 * (rejected + accepted):
         words.append(f"{arm}'s gate rejects {100.0 * rejected / (rejected + accepted):.0f} % of its fixes")
     honesty = flown.study.consistency.filter(here & (pl.col("quantity") == "nees_velocity_attitude"))
     if honesty.height and honesty["verdict"][0] == "overconfident":
-        words.append(f"{arm}'s NEES of velocity and attitude is {honesty['mean'][0]:.3g}, honest is 6")
+        mean, degrees = _rounded(honesty["mean"][0]), honesty["degrees"][0]
+        words.append(f"{arm}'s NEES of velocity and attitude is {mean}, honest is {degrees}")
     return words
+
+
+def _rounded(value: float) -> str:
+    """Three significant digits, thousands apart.
+
+    >>> _rounded(11.04), _rounded(1_734_211.0)
+    ('11', '1 730 000')
+    """
+    return f"{float(f'{value:.3g}'):,.15g}".replace(",", " ")

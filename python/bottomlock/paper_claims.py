@@ -1,4 +1,4 @@
-"""What the paper claims, as the packaged `paper/claims.toml` states it: numbers, orderings, drifts, and our readings."""
+"""What the paper claims, as the packaged `paper/claims.toml` states it: numbers, orderings, drifts, our readings."""
 
 import tomllib
 from importlib import resources
@@ -70,7 +70,7 @@ class OrderingClaim(_Claim):
     kind: Literal["ordering"]
     better: list[str]
     worse: list[str]
-    relation: Literal["less", "equal"]
+    relation: Literal["better", "equal"]
     time_s: float
     tolerance: float = 0.0
     than_trajectory: str | None = None

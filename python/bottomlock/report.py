@@ -9,11 +9,11 @@ from typing import Any
 import jinja2
 import numpy as np
 import polars as pl
-from matplotlib.figure import Figure
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
-from bottomlock.advice import REFERENCES, advise, choose
-from bottomlock.claims import claims_table
+from bottomlock.advice import REFERENCES, advise, choose, warnings
+from bottomlock.claims import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, claims_table
 from bottomlock.output import write_bytes, write_parquet, write_text
 from bottomlock.paper_claims import Claim, ImprovementClaim, Paper, ValueClaim, load_paper
 from bottomlock.stats import summary_table
@@ -164,6 +164,7 @@ def _content(
         "references": REFERENCES,
         "advice": advice,
         "choice": choose(advice),
+        "warnings": warnings(advice),
         "final": {name: _final_rows(study, name) for name in study.trajectories},
         "consistency": {
             name: list(study.consistency.filter(pl.col("trajectory") == name).iter_rows(named=True))
@@ -172,7 +173,8 @@ def _content(
         "paper": paper,
         "claims": _claim_rows(paper, claims),
         "verdicts": {
-            str(row[0]): int(row[1]) for row in claims["verdict"].value_counts().sort("verdict").iter_rows()
+            word: int((claims["verdict"] == word).sum())
+            for word in (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)
         },
         "sweep": None if study.sweep is None else list(study.sweep.iter_rows(named=True)),
         "settings": _settings(study),
@@ -195,7 +197,7 @@ def _claim_rows(paper: Paper, claims: pl.DataFrame) -> dict[str, list[dict[str, 
     rows: dict[str, list[dict[str, Any]]] = {}
     for row in claims.iter_rows(named=True):
         claim = by_id[row["claim"]]
-        unit = ""
+        unit = " ×"
         if isinstance(claim, ImprovementClaim):
             unit = " %"
         elif isinstance(claim, ValueClaim):

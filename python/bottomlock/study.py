@@ -153,7 +153,8 @@ def _manifest(folder: Path) -> dict[str, Any]:
         )
     if manifest.get("status") != "complete":
         raise DataError(
-            f"{path}: the campaign is not finished (status '{manifest.get('status')}'); the same `bottomlock run` resumes it"
+            f"{path}: the campaign is not finished (status '{manifest.get('status')}'); "
+            f"the same `bottomlock run` resumes it"
         )
     for name, scenario in manifest["scenarios"].items():
         for key in ("runs", "seed", "arms", "configuration"):
@@ -199,9 +200,9 @@ def _tiling(folder: Path, runs: int) -> list[tuple[Path, int, int]]:
     """Chunks that hold each run once; a campaign that grew leaves shorter ones beside them."""
     found: dict[int, list[int]] = {}
     for path in folder.glob("samples-*-*.parquet"):
-        first, last = path.stem.split("-")[1:3]
-        if first.isdigit() and last.isdigit() and int(last) < runs:
-            found.setdefault(int(first), []).append(int(last))
+        numbers = path.stem.split("-")[1:]
+        if len(numbers) == 2 and all(part.isdigit() for part in numbers) and int(numbers[1]) < runs:
+            found.setdefault(int(numbers[0]), []).append(int(numbers[1]))
     chain, run = [], 0
     while run < runs:
         if run not in found:

@@ -78,8 +78,8 @@ def nees_figure(ensemble: pl.DataFrame, consistency: pl.DataFrame, trajectory: s
         _draw(axes, lines)
         _scale(axes, np.array(list(nees.values())), [float(band["band_lo"][0]), float(band["band_hi"][0])])
         axes.text(
-            0.01, 1.02, f"grey: an honest filter, 95 % ({band['degrees'][0]} states, {band['runs'][0]} runs)",
-            transform=axes.transAxes, fontsize=7.5, color=INK, va="bottom",
+            0.0, 1.02, f"grey: an honest filter, 95 % ({band['degrees'][0]} states, {band['runs'][0]} runs)",
+            transform=axes.transAxes, fontsize=8.5, color=INK, va="bottom",
         )  # fmt: skip
         label_ends(axes, lines)
     return figure
@@ -94,10 +94,10 @@ def _by_arm(rows: pl.DataFrame, column: str) -> dict[str, Array]:
 
 def _axes(label: str, time_s: Array) -> tuple[Figure, Axes]:
     figure = new_figure()
-    axes = figure.add_axes((0.115, 0.115, 0.645, 0.80))
+    axes = figure.add_axes((0.115, 0.12, 0.645, 0.785))
     axes.set_xlim(0.0, float(time_s[-1]))
     axes.set_xlabel("time, s")
-    axes.set_title(label, loc="left", fontsize=9.0, pad=14.0 if "NEES" in label else 6.0)
+    axes.set_title(label, loc="left", pad=16.0 if "NEES" in label else 6.0)
     return figure, axes
 
 

@@ -8,7 +8,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from bottomlock.study import COMPONENTS, Errors
 from bottomlock.study_figures.curves import plain_number
-from bottomlock.study_figures.labels import Line, coincident, label_points
+from bottomlock.study_figures.labels import Line, coincident, label_ends
 from bottomlock.study_figures.palette import FAINT, INK, STYLE, draw_order, new_figure, stroke
 
 _MARKERS = {
@@ -28,7 +28,7 @@ def claimed_figure(errors: Errors, arms: list[str]) -> Figure:
     paths = {arm: np.concatenate([claimed[arm], made[arm]]) for arm in draw_order(arms)}
     with mpl.rc_context(STYLE):
         figure = new_figure()
-        axes = figure.add_axes((0.115, 0.125, 0.645, 0.79))
+        axes = figure.add_axes((0.115, 0.125, 0.645, 0.785))
         axes.set_xscale("log")
         axes.set_yscale("log")
         every = np.concatenate(list(paths.values()))
@@ -42,8 +42,8 @@ def claimed_figure(errors: Errors, arms: list[str]) -> Figure:
             axis.set_minor_formatter(NullFormatter())
         axes.plot([low, high], [low, high], color=INK, linewidth=1.0, zorder=1)
         axes.fill_between([low, high], [low, high], [high, high], color=FAINT, alpha=0.14, linewidth=0.0)
-        axes.set_title("velocity error made, m/s RMS (shaded: more than claimed)", loc="left", fontsize=9.0)
-        axes.set_xlabel("velocity error claimed (standard deviation), m/s RMS")
+        axes.set_title("velocity error made, m/s RMS (shaded: more than claimed)", loc="left")
+        axes.set_xlabel("velocity error claimed, m/s RMS")
         lines = []
         for group in coincident(paths):
             for arm in group:
@@ -60,7 +60,7 @@ def claimed_figure(errors: Errors, arms: list[str]) -> Figure:
                 zorder=4,
             )
             lines.append(Line(group, claimed[group[0]], made[group[0]]))
-        label_points(axes, lines)
+        label_ends(axes, lines)
     return figure
 
 
@@ -95,13 +95,13 @@ def normalised_figure(errors: Errors, arms: list[str]) -> Figure:
         )
         axes.xaxis.set_major_formatter(FuncFormatter(plain_number))
         axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.set_xlabel("error / claimed standard deviation, RMS (right of 1: claims too much)")
+        axes.set_xlabel("error / claimed deviation, RMS (right of 1: claims too much)")
         marks = [
             Line2D([], [], color=FAINT, marker=marker, linestyle="", markersize=5.0, label=label)
             for marker, label in _MARKERS.values()
         ]
         figure.legend(
-            handles=marks, loc="upper left", bbox_to_anchor=(0.175, 1.0), ncols=3, frameon=False, fontsize=8.0,
+            handles=marks, loc="upper left", bbox_to_anchor=(0.175, 1.0), ncols=3, frameon=False, fontsize=9.0,
             handletextpad=0.2, columnspacing=1.4,
         )  # fmt: skip
     return figure

@@ -64,8 +64,8 @@ def spread(wanted: Sequence[float], heights: Sequence[float], low: float, high: 
     return places
 
 
-def label_ends(axes: Axes, lines: Sequence[Line], *, size: float = 8.0) -> None:
-    """Writes each line's arms beside its end, in the margin right of the axes.
+def label_ends(axes: Axes, lines: Sequence[Line], *, size: float = 9.0) -> None:
+    """Writes each line's arms in the right margin, joined to the line's last point.
 
     Limits, scale and position of the axes must be final.
     """
@@ -73,36 +73,17 @@ def label_ends(axes: Axes, lines: Sequence[Line], *, size: float = 8.0) -> None:
     assert figure is not None
     row = 1.25 * size / (axes.get_position().height * figure.get_figheight() * 72.0)
     to_axes = axes.transData + axes.transAxes.inverted()
-    ends = [float(np.clip(to_axes.transform((line.x[-1], line.y[-1]))[1], 0.0, 1.0)) for line in lines]
-    names = [wrapped(line.arms) for line in lines]
-    places = spread(ends, [row * (1 + name.count("\n")) for name in names], -0.05, 1.05)
-    for line, name, end, place in zip(lines, names, ends, places, strict=True):
-        colour = stroke(line.arms[0]).colour
-        axes.plot(
-            [1.005, 1.02, 1.035, 1.045], [end, end, place, place],
-            transform=axes.transAxes, color=colour, linewidth=0.7, clip_on=False, solid_capstyle="butt", zorder=1,
-        )  # fmt: skip
-        axes.text(
-            1.052, place, name, transform=axes.transAxes, color=colour, fontsize=size,
-            va="center", ha="left", linespacing=1.1, clip_on=False,
-        )  # fmt: skip
-
-
-def label_points(axes: Axes, lines: Sequence[Line], *, size: float = 8.0) -> None:
-    """Writes each line's arms in the right margin, joined to its last point, wherever in the axes that lies."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    row = 1.25 * size / (axes.get_position().height * figure.get_figheight() * 72.0)
-    to_axes = axes.transData + axes.transAxes.inverted()
-    ends = [to_axes.transform((line.x[-1], line.y[-1])) for line in lines]
+    ends = [np.clip(to_axes.transform((line.x[-1], line.y[-1])), 0.0, 1.0) for line in lines]
     names = [wrapped(line.arms) for line in lines]
     heights = [row * (1 + name.count("\n")) for name in names]
     places = spread([float(end[1]) for end in ends], heights, -0.05, 1.05)
-    for line, name, end, place in zip(lines, names, ends, places, strict=True):
+    for line, name, (across, up), place in zip(lines, names, ends, places, strict=True):
         colour = stroke(line.arms[0]).colour
+        at_edge = across > 0.99
+        leader = ([1.005, 1.02, 1.035, 1.045], [up, up, place, place])
         axes.plot(
-            [end[0], 1.02, 1.045], [end[1], place, place],
-            transform=axes.transAxes, color=colour, linewidth=0.6, alpha=0.8, clip_on=False, zorder=2,
+            *(leader if at_edge else ([across, 1.02, 1.045], [up, place, place])),
+            transform=axes.transAxes, color=colour, linewidth=0.7, alpha=1.0 if at_edge else 0.8, clip_on=False,
         )  # fmt: skip
         axes.text(
             1.052, place, name, transform=axes.transAxes, color=colour, fontsize=size,
@@ -110,13 +91,13 @@ def label_points(axes: Axes, lines: Sequence[Line], *, size: float = 8.0) -> Non
         )  # fmt: skip
 
 
-def wrapped(arms: Sequence[str], width: int = 20) -> str:
-    """The arms of one line as a name, broken where it would leave the figure.
+def wrapped(arms: Sequence[str], width: int = 14) -> str:
+    r"""The arms of one line as a name, broken where it would leave the figure.
 
     >>> wrapped(["tc", "info"])
     'tc = info'
     >>> wrapped(["tc", "vb_exact", "info", "consistent"])
-    'tc = vb_exact = info\\n= consistent'
+    'tc = vb_exact\n= info\n= consistent'
     """
     rows = [arms[0]]
     for arm in arms[1:]:

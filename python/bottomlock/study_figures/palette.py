@@ -47,11 +47,15 @@ STYLE: Any = {
     "svg.hashsalt": "bottomlock",
     "svg.fonttype": "path",
     "font.family": "DejaVu Sans",
-    "font.size": 9.0,
+    "font.size": 10.0,
     "text.color": INK,
     "axes.labelcolor": INK,
     "axes.edgecolor": FAINT,
     "axes.linewidth": 0.8,
+    "axes.titlesize": 10.0,
+    "axes.labelsize": 10.0,
+    "xtick.labelsize": 9.0,
+    "ytick.labelsize": 9.0,
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": FAINT,
@@ -70,7 +74,7 @@ STYLE: Any = {
     "path.simplify": True,
 }
 
-WIDTH_IN, HEIGHT_IN = 5.6, 4.0
+WIDTH_IN, HEIGHT_IN = 5.6, 4.1
 """Small enough that the text can still be read when a telephone shows the figure."""
 
 

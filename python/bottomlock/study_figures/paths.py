@@ -27,7 +27,7 @@ def paths_figure(paths: pl.DataFrame, trajectories: list[str]) -> Figure:
         for column, name in enumerate(trajectories):
             path = paths.filter(pl.col("trajectory") == name).sort("time_ns")
             plan, depth = figure.add_subplot(grid[0, column]), figure.add_subplot(grid[1, column])
-            plan.set_title(name.replace("_", " "), loc="left", fontsize=10.0)
+            plan.set_title(name.replace("_", " "), loc="left")
             _plan(plan, path)
             depth.plot(path["time_ns"].to_numpy() * 1e-9, path["depth_m"], color=_PATH, linewidth=1.5)
             depth.set_ylim(deepest * 1.08, shallowest - 0.08 * deepest)
@@ -50,7 +50,7 @@ def _plan(axes: Axes, path: pl.DataFrame) -> None:
         axes.plot(east[index], north[index], marker, color=colour, markersize=size, clip_on=False, zorder=3)
         axes.annotate(
             name, (east[index], north[index]), xytext=(8, 0), textcoords="offset points", va="center",
-            color=INK, fontsize=8.0,
+            color=INK, fontsize=9.0,
         )  # fmt: skip
     axes.set_xlabel("east, m")
     axes.tick_params(color=FAINT)
