@@ -166,10 +166,7 @@ def _content(
         "choice": choose(advice),
         "warnings": warnings(advice),
         "final": {name: _final_rows(study, name) for name in study.trajectories},
-        "consistency": {
-            name: list(study.consistency.filter(pl.col("trajectory") == name).iter_rows(named=True))
-            for name in study.trajectories
-        },
+        "consistency": {name: _consistency_rows(study, name) for name in study.trajectories},
         "paper": paper,
         "claims": _claim_rows(paper, claims),
         "verdicts": {
@@ -187,8 +184,17 @@ def _final_rows(study: Study, name: str) -> list[dict[str, Any]]:
     table = summary_table(study.ensemble, study.runs).filter(pl.col("trajectory") == name)
     verdicts = study.consistency.filter(
         (pl.col("trajectory") == name) & (pl.col("quantity") == "nees_velocity_attitude")
-    ).select("arm", "verdict")
+    ).select("arm", "verdict", pl.col("mean").alias("nees_velocity_attitude"))
     return list(table.join(verdicts, on="arm", how="left", maintain_order="left").iter_rows(named=True))
+
+
+def _consistency_rows(study: Study, name: str) -> list[dict[str, Any]]:
+    """A row per arm: what its two kinds of NEES say, under `part` (velocity and attitude) and `whole`."""
+    rows: dict[str, dict[str, Any]] = {}
+    for row in study.consistency.filter(pl.col("trajectory") == name).iter_rows(named=True):
+        key = "whole" if row["quantity"] == "nees" else "part"
+        rows.setdefault(row["arm"], {"arm": row["arm"]})[key] = row
+    return list(rows.values())
 
 
 def _claim_rows(paper: Paper, claims: pl.DataFrame) -> dict[str, list[dict[str, Any]]]:

@@ -22,7 +22,7 @@ from bottomlock.errors import DataError, OutputError
 from bottomlock.kernel import ARMS as KERNEL_ARMS
 from bottomlock.report import ARM_WORDS, make_report, number
 from bottomlock.schema import SWEEP
-from bottomlock.study import read_errors, read_study
+from bottomlock.study import Array, read_errors, read_study
 from bottomlock.study_figures import palette
 from bottomlock.study_figures.labels import spread
 from tests.unit.synthetic_study import ARMS, edit_manifest, write_study
@@ -283,10 +283,41 @@ def test_labels_never_overlap(wanted: list[tuple[float, float]]) -> None:
     assert max(places) <= 1.05
 
 
-def _luminance(colour: str) -> float:
+def _linear(colour: str) -> Array:
     channels = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
-    linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
-    return float(linear @ [0.2126, 0.7152, 0.0722])
+    return np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+
+
+def _luminance(colour: str) -> float:
+    return float(_linear(colour) @ [0.2126, 0.7152, 0.0722])
+
+
+# How much of linear red, green and blue an eye sees: Machado, Oliveira and Fernandes 2009, severity 1.
+EYES = {
+    "all three cones": np.eye(3),
+    "no green cones": np.array(
+        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
+    ),
+    "no red cones": np.array(
+        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
+    ),
+}
+
+
+def _lab(linear: Array) -> Array:
+    """CIE 1976 L*a*b* under D65; a difference of 1 can just be told side by side."""
+    to_xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+    part = to_xyz @ np.clip(linear, 0.0, 1.0) / np.array([0.9505, 1.0, 1.089])
+    root = np.where(part > 0.008856, np.cbrt(part), 7.787 * part + 16.0 / 116.0)
+    return np.array([116.0 * root[1] - 16.0, 500.0 * (root[0] - root[1]), 200.0 * (root[1] - root[2])])
+
+
+@pytest.mark.parametrize("eye", EYES)
+def test_colours_stay_apart_for_every_eye(eye: str) -> None:
+    """Any two arms differ by 14 and more, for those who see no red or no green as well."""
+    seen = {arm: _lab(EYES[eye] @ _linear(look.colour)) for arm, look in palette.ARMS.items()}
+    for one, other in itertools.combinations(seen, 2):
+        assert np.linalg.norm(seen[one] - seen[other]) >= 14.0, (one, other)
 
 
 @pytest.mark.parametrize("arm", sorted(palette.ARMS))

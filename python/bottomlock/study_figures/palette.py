@@ -21,22 +21,22 @@ class Stroke:
 _DOTS, _DASHES, _DASH_DOT, _LONG = (0, (1, 1.4)), (0, (4, 1.6)), (0, (4, 1.4, 1, 1.4)), (0, (8, 2))
 
 ARMS = {
-    "ins": Stroke("#7f7f7f"),
-    "lc": Stroke("#6a7480", _LONG),
-    "tc": Stroke("#0072b2"),
-    "vb": Stroke("#d55e00"),
-    "nsv": Stroke("#009e73"),
-    "plcf": Stroke("#c26fa0"),
-    "vhv": Stroke("#b07d00"),
-    "elc": Stroke("#6f9410", _DASHES),
-    "vb_exact": Stroke("#3f8fd9", _DASHES),
-    "info": Stroke("#0f93a8", _DOTS),
-    "weak_sway": Stroke("#7a5fd0"),
-    "sway_current": Stroke("#d6336c"),
-    "consistent": Stroke("#9a5b43", _DASH_DOT),
+    "ins": Stroke("#999194"),
+    "lc": Stroke("#696c70", _LONG),
+    "tc": Stroke("#5394ec"),
+    "vb": Stroke("#fa632e"),
+    "nsv": Stroke("#129e64"),
+    "plcf": Stroke("#b24397"),
+    "vhv": Stroke("#a05200", _DASH_DOT),
+    "elc": Stroke("#75a131", _DASHES),
+    "vb_exact": Stroke("#4f65c6", _DASHES),
+    "info": Stroke("#4191bc", _DOTS),
+    "weak_sway": Stroke("#8952ff"),
+    "sway_current": Stroke("#f64f60"),
+    "consistent": Stroke("#7d6331"),
 }
-"""Hues after Okabe and Ito (2008), of middle lightness so that they read on white and on black; arms that fall together
-by their nature (tc, vb_exact, info; nsv, elc) differ in dash, so that colour never stands alone."""
+"""Of middle lightness, so that they read on white and on black, and far apart to the colour-blind too (the tests say
+how far); arms that fall together by their nature (tc, vb_exact, info; nsv, elc) differ in dash as well."""
 
 _OTHERS = ("#5c7a99", "#a8683a", "#8a7f1e", "#a35bb0", "#3e8a5a")
 
@@ -86,7 +86,7 @@ def stroke(arm: str) -> Stroke:
     """
     if arm in ARMS:
         return ARMS[arm]
-    return Stroke(_OTHERS[zlib.crc32(arm.encode()) % len(_OTHERS)], _DASH_DOT)
+    return Stroke(_OTHERS[zlib.crc32(arm.encode()) % len(_OTHERS)], (0, (6, 1.4, 1, 1.4, 1, 1.4)))
 
 
 def draw_order(arms: list[str]) -> list[str]:

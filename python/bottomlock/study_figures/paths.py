@@ -25,7 +25,7 @@ def paths_figure(paths: pl.DataFrame, trajectories: list[str]) -> Figure:
         deepest = max(float(paths["depth_m"].max()), 1.0)  # type: ignore[arg-type]
         shallowest = min(float(paths["depth_m"].min()), 0.0)  # type: ignore[arg-type]
         for column, name in enumerate(trajectories):
-            path = paths.filter(pl.col("trajectory") == name).sort("time_ns")
+            path = _thinned(paths.filter(pl.col("trajectory") == name).sort("time_ns"))
             plan, depth = figure.add_subplot(grid[0, column]), figure.add_subplot(grid[1, column])
             plan.set_title(name.replace("_", " "), loc="left")
             _plan(plan, path)
@@ -36,6 +36,12 @@ def paths_figure(paths: pl.DataFrame, trajectories: list[str]) -> Figure:
                 plan.set_ylabel("north, m")
                 depth.set_ylabel("depth, m")
     return figure
+
+
+def _thinned(path: pl.DataFrame, points: int = 1000) -> pl.DataFrame:
+    """No more points than the eye can use, the last one among them."""
+    step = max(1, -(-path.height // points))
+    return pl.concat([path.gather_every(step), path.tail(1)]).unique("time_ns", maintain_order=True)
 
 
 def _plan(axes: Axes, path: pl.DataFrame) -> None:
