@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from bottomlock.study import Errors, Study
+from bottomlock.study import Errors, Study, locked_out
 
 REFERENCES = {"ins": "no beam at all", "lc": "all beams, none lost"}
 """Arms that stand beside the comparison: what happens without help, and what four beams give."""
@@ -23,9 +23,11 @@ class Advice:
     rms_mps: Mapping[str, float]
     attitude_rms_deg: Mapping[str, float]
     believable: tuple[str, ...]
-    """Not overconfident in velocity and attitude, the references left out; the best first."""
-    deceptive: tuple[str, ...]
-    """Overconfident, the references left out; the smallest error first."""
+    """Neither overconfident in velocity and attitude nor ever locked out, references left out; the best first."""
+    overconfident: tuple[str, ...]
+    """References left out; the smallest error first."""
+    locked_out: Mapping[str, int]
+    """Runs in which an arm's own gate locks it out; the arms to which that happens."""
 
     @property
     def best(self) -> tuple[str, ...]:
@@ -67,23 +69,26 @@ def advise(study: Study, errors: Mapping[str, Errors]) -> list[Advice]:
             for norms in (errors[name].velocity_mps, errors[name].attitude_deg)
         )
         arms = sorted((arm for arm in rms if arm not in REFERENCES), key=lambda arm: rms[arm])
+        lost = {arm: count for arm in arms if (count := locked_out(study, name, arm))}
+        bad = tuple(arm for arm in arms if verdict[arm] == "overconfident")
         advice.append(
             Advice(
                 trajectory=name,
                 rms_mps=rms,
                 attitude_rms_deg=attitude,
-                believable=tuple(arm for arm in arms if verdict[arm] != "overconfident"),
-                deceptive=tuple(arm for arm in arms if verdict[arm] == "overconfident"),
+                believable=tuple(arm for arm in arms if arm not in bad and arm not in lost),
+                overconfident=bad,
+                locked_out=lost,
             )
         )
     return advice
 
 
 def warnings(advice: list[Advice]) -> dict[str, list[str]]:
-    """For each arm that is best somewhere: the trajectories on which it is overconfident, where there are any."""
+    """For each arm that is best somewhere: the trajectories on which it is not believable, where there are any."""
     found: dict[str, list[str]] = {}
     for arm in dict.fromkeys(arm for part in advice for arm in part.best):
-        if bad := [part.trajectory for part in advice if arm in part.deceptive]:
+        if bad := [part.trajectory for part in advice if arm not in part.believable]:
             found[arm] = bad
     return found
 

@@ -15,13 +15,17 @@ import polars as pl
 from bottomlock.paper_claims import Claim, DriftClaim, ImprovementClaim, OrderingClaim, Paper, ValueClaim
 from bottomlock.schema import CLAIMS
 from bottomlock.stats import BOOTSTRAP_RESAMPLES, BOOTSTRAP_SEED
-from bottomlock.study import Array, Errors, Study
+from bottomlock.study import Array, Errors, Study, locked_out
 
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
 LEAST_RUNS = 10
 """Fewer runs give no interval worth the name."""
+GREATEST_SPAN = 2.0
+"""An interval that spans a greater factor rests on a few runs; that a printed number meets it shows nothing."""
 TURN_RATE_RADPS = np.deg2rad(2.0)
 """Above it the course changes by intent; the paper's turns are half circles in some 20 s."""
+
+_UNPRINTED = {"vb": ("virtual_beam_factor", "n_f"), "nsv": ("nullified_sway_var_m2ps2", "ε")}
 
 
 class _NotTestableError(Exception):
@@ -229,6 +233,9 @@ def _verdict(claim: Claim, low: float, high: float) -> str:
     match claim:
         case ValueClaim() | ImprovementClaim():
             good = low - claim.half_digit <= claim.printed <= high + claim.half_digit
+            least, greatest = _as_ratios(claim, low, high)
+            if good and greatest > GREATEST_SPAN * least:
+                return NOT_TESTABLE
         case OrderingClaim(relation="better"):
             if low <= 1.0 <= high:
                 return NOT_TESTABLE
@@ -242,6 +249,15 @@ def _verdict(claim: Claim, low: float, high: float) -> str:
     return REPRODUCED if good else NOT_REPRODUCED
 
 
+def _as_ratios(claim: ValueClaim | ImprovementClaim, low: float, high: float) -> tuple[float, float]:
+    """The interval as one of errors, or of the ratio of errors behind a percentage."""
+    if isinstance(claim, ValueClaim):
+        return low, high
+    if claim.formula == "excess":
+        return 1.0 + 0.01 * low, 1.0 + 0.01 * high
+    return 1.0 - 0.01 * high, 1.0 - 0.01 * low
+
+
 def _note(claim: Claim, estimate: _Estimate, verdict: str, flown: _Flown) -> str:
     """What the tables say about a claim that they do not bear out."""
     parts, arms = [], claim.arms
@@ -250,16 +266,14 @@ def _note(claim: Claim, estimate: _Estimate, verdict: str, flown: _Flown) -> str
         parts.append(f"worst is {' / '.join(arms)}")
     if verdict == REPRODUCED:
         return "; ".join(parts)
-    if verdict == NOT_TESTABLE:
-        parts.append(f"{flown.weights.shape[1]} runs do not tell the two apart")
-    if isinstance(claim, ValueClaim):
-        parts.append(f"ours is {estimate.ours / claim.printed:.3g} times the printed")
-    if isinstance(claim, ImprovementClaim):
-        unit = " m/s" if claim.quantity == "velocity" else "°"
-        last = {arm: flown.at(claim.quantity, arm, claim.time_s).ours for arm in claim.arms}
-        parts.append(", ".join(f"{arm} is at {value:.3g}{unit}" for arm, value in last.items()))
+    runs = flown.weights.shape[1]
+    if isinstance(claim, ValueClaim | ImprovementClaim):
+        parts.extend(_distance(claim, estimate, verdict, flown))
+    elif verdict == NOT_TESTABLE:
+        parts.append(f"{runs} runs do not tell the two apart")
     for arm in arms:
         parts.extend(_gate_and_nees(flown, arm))
+        parts.extend(_own_setting(flown, arm))
     if claim.quantity == "attitude":
         arm = arms[0]
         whole, heading = (
@@ -270,19 +284,51 @@ def _note(claim: Claim, estimate: _Estimate, verdict: str, flown: _Flown) -> str
     return "; ".join(part for part in parts if part)
 
 
+def _distance(
+    claim: ValueClaim | ImprovementClaim, estimate: _Estimate, verdict: str, flown: _Flown
+) -> list[str]:
+    """How far off the printed number is, and how few runs would scatter so far; the paper gives no number of runs."""
+    runs = flown.weights.shape[1]
+    if isinstance(claim, ValueClaim):
+        words = [f"ours is {estimate.ours / claim.printed:.3g} times the printed"]
+    else:
+        unit = " m/s" if claim.quantity == "velocity" else "°"
+        last = {arm: flown.at(claim.quantity, arm, claim.time_s).ours for arm in claim.arms}
+        words = [", ".join(f"{arm} is at {value:.3g}{unit}" for arm, value in last.items())]
+    if verdict == NOT_TESTABLE:
+        squares = flown.errors.of(claim.quantity)[claim.arm][:, flown.index(claim.time_s)] ** 2
+        share = 100.0 * float(squares.max() / squares.sum())
+        return [*words, f"one run of {runs} makes {share:.0f} % of the mean square, the interval rests on it"]
+    of_one_run = float(np.var(estimate.draws)) * runs
+    excess = ((claim.printed - estimate.ours) / 1.96) ** 2 - of_one_run / runs
+    fewest = of_one_run / excess if excess > 0.0 else 0.0
+    if fewest >= 2.0:
+        words.append(f"means of {fewest:.0f} runs or fewer scatter so far")
+    return words
+
+
 def _gate_and_nees(flown: _Flown, arm: str) -> list[str]:
     """Whether an arm loses its fixes to its own gate, and whether it is overconfident."""
     here = (pl.col("trajectory") == flown.trajectory) & (pl.col("arm") == arm)
     runs = flown.study.runs.filter(here)
     rejected, accepted = int(runs["fixes_rejected"].sum()), int(runs["fixes_accepted"].sum())
     words = []
-    if rejected > 0.02 * (rejected + accepted):
+    if lost := locked_out(flown.study, flown.trajectory, arm):
+        words.append(f"{arm}'s gate locks it out in {lost} of {runs.height} runs")
+    elif rejected > 0.02 * (rejected + accepted):
         words.append(f"{arm}'s gate rejects {100.0 * rejected / (rejected + accepted):.0f} % of its fixes")
     honesty = flown.study.consistency.filter(here & (pl.col("quantity") == "nees_velocity_attitude"))
     if honesty.height and honesty["verdict"][0] == "overconfident":
         mean, degrees = _rounded(honesty["mean"][0]), honesty["degrees"][0]
         words.append(f"{arm}'s NEES of velocity and attitude is {mean}, honest is {degrees}")
     return words
+
+
+def _own_setting(flown: _Flown, arm: str) -> list[str]:
+    """What we had to choose for an arm, since the paper does not print it."""
+    name, symbol = _UNPRINTED.get(arm, ("", ""))
+    value = flown.study.configuration(flown.trajectory).get("filter", {}).get(name)
+    return [] if value is None else [f"{symbol} is {value:g} here, the paper prints none"]
 
 
 def _rounded(value: float) -> str:

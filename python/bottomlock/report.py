@@ -17,7 +17,7 @@ from bottomlock.claims import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, claims_t
 from bottomlock.output import write_bytes, write_parquet, write_text
 from bottomlock.paper_claims import Claim, ImprovementClaim, Paper, ValueClaim, load_paper
 from bottomlock.stats import summary_table
-from bottomlock.study import Errors, Study, read_errors, read_study
+from bottomlock.study import Errors, Study, locked_out, read_errors, read_study
 from bottomlock.study_figures.curves import nees_figure, rms_figure
 from bottomlock.study_figures.honesty import claimed_figure, normalised_figure
 from bottomlock.study_figures.palette import inline_svg, png_bytes, stroke, svg_text
@@ -185,7 +185,8 @@ def _final_rows(study: Study, name: str) -> list[dict[str, Any]]:
     verdicts = study.consistency.filter(
         (pl.col("trajectory") == name) & (pl.col("quantity") == "nees_velocity_attitude")
     ).select("arm", "verdict", pl.col("mean").alias("nees_velocity_attitude"))
-    return list(table.join(verdicts, on="arm", how="left", maintain_order="left").iter_rows(named=True))
+    rows = table.join(verdicts, on="arm", how="left", maintain_order="left").iter_rows(named=True)
+    return [row | {"locked_out": locked_out(study, name, row["arm"])} for row in rows]
 
 
 def _consistency_rows(study: Study, name: str) -> list[dict[str, Any]]:

@@ -103,6 +103,13 @@ def read_study(folder: Path) -> Study:
     )
 
 
+def locked_out(study: Study, trajectory: str, arm: str) -> int:
+    """Number of runs in which the gate of an arm rejects more than half of its fixes: it flies on without them."""
+    runs = study.runs.filter((pl.col("trajectory") == trajectory) & (pl.col("arm") == arm))
+    lost = runs["fixes_rejected"] > runs["fixes_accepted"]
+    return int(lost.sum())
+
+
 def read_errors(study: Study, trajectory: str) -> Errors:
     """The errors of one trajectory from its chunks; only norms are held in memory.
 

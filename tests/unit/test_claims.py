@@ -106,6 +106,24 @@ def test_a_value_is_widened_by_its_last_digit(tmp_path: Path) -> None:
         assert one(table, "t1-velocity-ins")["verdict"] == verdict
 
 
+def test_a_value_that_rests_on_a_few_runs_is_not_testable(tmp_path: Path) -> None:
+    """One run far off stretches the interval over the printed number: that is no reproduction."""
+    size = sized({("straight", "nsv"): 0.1})
+    row = one(judged(write_study(tmp_path / "c", size, scatter=2.5)), "t1-velocity-nsv")
+    assert row["hi"] > 2.0 * row["lo"]
+    assert row["verdict"] == NOT_TESTABLE
+    assert "one run of 40 makes" in row["note"]
+
+
+def test_a_note_tells_how_few_runs_scatter_so_far(tmp_path: Path) -> None:
+    """The paper gives no number of runs: with n of them its mean would scatter by one run's spread over √n."""
+    size = sized({("straight", "ins"): 40.0})
+    row = one(judged(write_study(tmp_path / "c", size, runs=200)), "t1-velocity-ins")
+    spread = (row["hi"] - row["lo"]) / 3.92 * np.sqrt(200.0)
+    count = float(row["note"].split("means of ")[1].split(" runs")[0])
+    assert 1.96 * spread * np.sqrt(1.0 / count + 1.0 / 200.0) == pytest.approx(6.0, rel=0.15)
+
+
 @pytest.mark.parametrize(
     ("claim", "changed", "ours", "verdict"),
     [
@@ -151,6 +169,31 @@ def test_an_ordering_of_many_stands_or_falls_with_its_worst_pair(tmp_path: Path)
     row = one(judged(write_study(tmp_path / "c", size)), "t2-velocity-all-better-than-ins")
     assert row["verdict"] == NOT_REPRODUCED
     assert row["note"].startswith("worst is vhv / ins")
+
+
+def test_a_note_tells_what_was_measured(tmp_path: Path) -> None:
+    """Gate, NEES and the setting that the paper leaves open, each only where there is something to say."""
+    folder = write_study(tmp_path / "c", sized({("lawn_mower", "vb"): 5.0}))
+    here = (pl.col("trajectory") == "lawn_mower") & (pl.col("arm") == "vb")
+    assert one(judged(folder), "t3-velocity-vb")["note"] == (
+        "ours is 10 times the printed; n_f is 1 here, the paper prints none"
+    )
+    runs = pl.read_parquet(folder / "runs.parquet")
+    runs = runs.with_columns(fixes_rejected=pl.when(here).then(250).otherwise("fixes_rejected"))
+    runs.write_parquet(folder / "runs.parquet")
+    table = pl.read_parquet(folder / "consistency.parquet")
+    table = table.with_columns(
+        verdict=pl.when(here).then(pl.lit("overconfident")).otherwise("verdict"),
+        mean=pl.when(here).then(4321.0).otherwise("mean"),
+    )
+    table.write_parquet(folder / "consistency.parquet")
+    note = one(judged(folder), "t3-velocity-vb")["note"]
+    assert "vb's gate rejects 50 % of its fixes" in note
+    runs.with_columns(fixes_rejected=pl.when(here).then(251).otherwise("fixes_rejected")).write_parquet(
+        folder / "runs.parquet"
+    )
+    assert "vb's gate locks it out in 40 of 40 runs" in one(judged(folder), "t3-velocity-vb")["note"]
+    assert "vb's NEES of velocity and attitude is 4 320, honest is 6" in note
 
 
 @pytest.mark.parametrize(("scale", "verdict"), [(0.5, REPRODUCED), (2.0, NOT_REPRODUCED)])

@@ -170,11 +170,26 @@ def test_the_advice_follows_the_tables(tmp_path: Path) -> None:
     _overconfident(folder, "lawn_mower", "nsv")
     parts = advice()
     assert [part.best for part in parts] == [("nsv",), ("nsv",), ("tc",)]
-    assert parts[2].deceptive == ("nsv",)
+    assert parts[2].overconfident == ("nsv",)
     second = choose(parts)
     assert second is not None
     assert (second.best, second.worst_trajectory) == (("tc",), "straight")
     assert second.worst_ratio == pytest.approx(4.0)
+
+
+def test_an_arm_that_locks_itself_out_is_not_advised(tmp_path: Path) -> None:
+    """One run in twelve is enough: the mean does not show it, and at sea there is one run."""
+    folder = write_study(tmp_path / "c", trajectories=["straight"], arms=["ins", "tc", "nsv"], runs=12)
+    path = folder / "runs.parquet"
+    here = (pl.col("arm") == "nsv") & (pl.col("run") == 7)
+    rejected = pl.when(here).then(240).otherwise("fixes_rejected").alias("fixes_rejected")
+    accepted = pl.when(here).then(10).otherwise("fixes_accepted").alias("fixes_accepted")
+    pl.read_parquet(path).with_columns(rejected, accepted).write_parquet(path)
+    study = read_study(folder)
+    (part,) = advise(study, {"straight": read_errors(study, "straight")})
+    assert part.believable == ("tc",)
+    assert part.locked_out == {"nsv": 1}
+    assert "Locked out by their own gate" in make_report(folder).page.read_text(encoding="utf-8")
 
 
 def test_errors_are_read_back_run_by_run(tmp_path: Path) -> None:

@@ -82,7 +82,7 @@ def stroke(arm: str) -> Stroke:
     """Colour and dash of an arm; an arm that is not in `ARMS` gets its own by its name.
 
     >>> stroke("tc").colour, stroke("something_new") == stroke("something_new")
-    ('#0072b2', True)
+    ('#5394ec', True)
     """
     if arm in ARMS:
         return ARMS[arm]
