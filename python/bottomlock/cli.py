@@ -30,6 +30,7 @@ from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.kernel import KernelError, solve_velocity
 from bottomlock.output import write_parquet
 from bottomlock.plant import telemetry
+from bottomlock.report import make_report
 from bottomlock.scenario import Scenario, copy_scenario, load_scenario, packaged_scenarios
 from bottomlock.streams import sensor_streams
 from bottomlock.trajectory import Truth
@@ -304,6 +305,23 @@ def fix(
         table.add_row(*(str(value) for value in row))
     console.print(table)
     console.print(f"wrote {out}")
+
+
+@app.command
+def report(directory: Path) -> None:
+    """Makes report.html, figures and the verdicts on the paper's claims from a campaign's tables.
+
+    Parameters
+    ----------
+    directory
+        Where `bottomlock run` has written a finished campaign.
+    """
+    made = make_report(directory)
+    verdicts = made.claims["verdict"].value_counts().sort("verdict")
+    console.print(
+        "the paper's claims: " + ", ".join(f"{count} {word}" for word, count in verdicts.iter_rows())
+    )
+    console.print(f"wrote {made.page}, {len(made.figures)} figures and tables/claims.parquet")
 
 
 def _fail(message: str) -> NoReturn:

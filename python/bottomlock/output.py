@@ -46,6 +46,20 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
     _write(path, lambda temporary: _write_text(temporary, text))
 
 
+def write_text(path: Path, text: str) -> None:
+    """Text to a file in UTF-8, whole or not at all."""
+    _write(path, lambda temporary: _write_text(temporary, text))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Bytes to a file, whole or not at all."""
+
+    def write(temporary: Path) -> None:
+        temporary.write_bytes(content)
+
+    _write(path, write)
+
+
 def _write_text(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8")
 

@@ -86,6 +86,42 @@ FIXES_COUNTS: Mapping[str, pl.DataType] = {
 """A row per trajectory, run and arm: what the gate made of the DVL's fixes, and how far astray the vehicle went."""
 
 
+PATHS: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "time_ns": pl.Int64(),
+    "north_m": pl.Float64(),
+    "east_m": pl.Float64(),
+    "depth_m": pl.Float64(),
+}
+"""A row per trajectory and time: where the vehicle truly was."""
+
+SWEEP: Mapping[str, pl.DataType] = {
+    "parameter": pl.String(),
+    "value": pl.Float64(),
+    "trajectory": pl.String(),
+    "arm": pl.String(),
+    "velocity_rms_mps": pl.Float64(),
+    "attitude_rms_deg": pl.Float64(),
+    "nees_mean": pl.Float64(),
+    "rejected_part": pl.Float64(),
+}
+"""A row per value of a swept setting, trajectory and arm; `rejected_part` is null without fixes."""
+
+CLAIMS: Mapping[str, pl.DataType] = {
+    "claim": pl.String(),
+    "trajectory": pl.String(),
+    "quantity": pl.String(),
+    "paper": pl.Float64(),
+    "ours": pl.Float64(),
+    "lo": pl.Float64(),
+    "hi": pl.Float64(),
+    "verdict": pl.String(),
+    "note": pl.String(),
+}
+"""A row per claim of the paper: the printed number (null where it prints an ordering), ours with its 95 % bootstrap
+interval (null where it cannot be tested), the verdict and what was measured about it."""
+
+
 def check(frame: pl.DataFrame, columns: Mapping[str, pl.DataType], *, place: str) -> pl.DataFrame:
     """The frame itself, if it has exactly these columns in this order and of these types.
 

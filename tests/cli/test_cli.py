@@ -35,6 +35,26 @@ def test_run_writes_tables_and_prints_one(tmp_path: Path) -> None:
     )
 
 
+def test_report_is_made_from_the_directory(tmp_path: Path) -> None:
+    """A small real campaign to a page; the same again over it."""
+    assert command(*RUN, "--out", str(tmp_path / "o")).returncode == 0
+    done = command("report", "o", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "the paper's claims: " in done.stdout
+    assert "straight" in (tmp_path / "o" / "report.html").read_text(encoding="utf-8")
+    first = (tmp_path / "o" / "report.html").read_bytes()
+    assert command("report", "o", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "o" / "report.html").read_bytes() == first
+
+
+def test_report_of_a_foreign_directory(tmp_path: Path) -> None:
+    (tmp_path / "note.txt").write_text("mine", encoding="utf-8")
+    done = command("report", str(tmp_path))
+    assert done.returncode == 2
+    assert done.stderr.startswith("bottomlock: ")
+    assert "holds no campaign of ours" in done.stderr
+
+
 def test_scenarios_lists_and_copies(tmp_path: Path) -> None:
     """A copied scenario runs as it is."""
     listed = command("scenarios")

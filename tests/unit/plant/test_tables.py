@@ -71,5 +71,5 @@ def test_seabeds(tmp_path: Path) -> None:
     np.savez(tmp_path / "own.npz", north_m=rolling.north_m, east_m=rolling.east_m, depth_m=rolling.depth_m)
     own = seabed_from_table({"kind": "grid", "path": str(tmp_path / "own.npz")}, "x")
     assert isinstance(own, GridSeabed)
-    with pytest.raises(ScenarioError, match="scenario x: seabed: 'depth_m' is -60, expected > 0.0 m"):
+    with pytest.raises(ScenarioError, match=r"scenario x: seabed: 'depth_m' is -60, expected > 0\.0 m"):
         seabed_from_table({"kind": "plane", "depth_m": -60}, "x")

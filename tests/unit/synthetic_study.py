@@ -1,0 +1,118 @@
+"""A campaign's directory made of whole cloth: the tests say which errors an arm makes and what it claims."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import itertools
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from bottomlock import stats
+from bottomlock.schema import CONSISTENCY, ENSEMBLE, FIXES_COUNTS, RUNS, SAMPLES
+from tests.analytic import analytic
+
+TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
+ARMS = ("ins", "lc", "tc", "vb", "nsv", "plcf", "vhv")
+TIMES_S = np.array([1.0, *range(5, 251, 5)])
+
+# Velocity error in m/s and misalignment in degrees at each time, for a trajectory and an arm.
+Size = Callable[[str, str, np.ndarray[Any, Any]], tuple[Any, Any]]
+
+
+def quiet(_: str, arm: str, time_s: np.ndarray[Any, Any]) -> tuple[Any, Any]:
+    """The INS drifts to 34 m/s; the others err by 0.1 m/s; nobody's attitude changes."""
+    return (34.0 * time_s / 250.0 if arm == "ins" else 0.1), 1.4
+
+
+def write_study(
+    folder: Path,
+    size: Size = quiet,
+    *,
+    runs: int = 40,
+    trajectories: Sequence[str] = TRAJECTORIES,
+    arms: Sequence[str] = ARMS,
+    scatter: float = 0.3,
+    own_scatter: float = 0.0,
+    chunks: int = 2,
+) -> Path:
+    """Writes every table of a finished campaign.
+
+    The root mean square over runs of an arm's error is `size`, to the last digit. Runs scatter about it by the part
+    `scatter`, the same for all arms of a run, and by `own_scatter`, each arm for itself.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    tables: dict[str, list[pl.DataFrame]] = {"runs": [], "ensemble": [], "consistency": []}
+    for number, name in enumerate(trajectories):
+        samples = _samples(name, size, arms, runs, (scatter, own_scatter), number)
+        bounds = np.linspace(0, runs, chunks + 1).astype(int)
+        for first, end in itertools.pairwise(bounds):
+            path = folder / "chunks" / name / f"samples-{first:08d}-{end - 1:08d}.parquet"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            samples.filter(pl.col("run").is_between(int(first), int(end) - 1)).write_parquet(path)
+        norms = stats.error_norms(samples)
+        tables["runs"].append(stats.runs_table(norms, _counts(name, arms, runs)))
+        tables["ensemble"].append(stats.ensemble_table(norms))
+        tables["consistency"].append(stats.consistency_table(norms, full_degrees=20))
+    for (name, parts), columns in zip(tables.items(), (RUNS, ENSEMBLE, CONSISTENCY), strict=True):
+        pl.concat(parts).cast(dict(columns)).write_parquet(folder / f"{name}.parquet")  # type: ignore[arg-type]
+    manifest = {
+        "status": "complete",
+        "version": importlib.metadata.version("bottomlock"),
+        "configuration_hash": "0" * 64,
+        "scenarios": {
+            name: {
+                "seed": 1,
+                "runs": runs,
+                "arms": list(arms),
+                "configuration": analytic(name).model_dump(mode="json"),
+            }
+            for name in trajectories
+        },
+    }
+    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    return folder
+
+
+def edit_manifest(folder: Path, edit: Callable[[dict[str, Any]], object]) -> None:
+    """Changes the manifest in place."""
+    path = folder / "manifest.json"
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    edit(manifest)
+    path.write_text(json.dumps(manifest), encoding="utf-8")
+
+
+def _samples(
+    name: str, size: Size, arms: Sequence[str], runs: int, scatter: tuple[float, float], seed: int
+) -> pl.DataFrame:
+    generator = np.random.default_rng(seed)
+    shared = generator.normal(size=runs)
+    parts = []
+    for arm in arms:
+        factor = np.exp(scatter[0] * shared + scatter[1] * generator.normal(size=runs))
+        factor /= np.sqrt(np.mean(factor**2))
+        velocity, attitude = (np.broadcast_to(part, TIMES_S.shape) for part in size(name, arm, TIMES_S))
+        count = runs * TIMES_S.size
+        columns: dict[str, Any] = {column: np.zeros(count) for column in SAMPLES if column.startswith("err_")}
+        columns |= {column: np.ones(count) for column in SAMPLES if column.startswith("sd_")}
+        columns["err_velocity_surge_mps"] = np.outer(factor, velocity).ravel()
+        columns["err_misalignment_down_rad"] = np.deg2rad(np.outer(factor, attitude)).ravel()
+        columns |= {"nees": np.full(count, 20.0), "nees_velocity_attitude": np.full(count, 6.0)}
+        columns |= {"trajectory": [name] * count, "arm": [arm] * count}
+        columns["run"] = np.repeat(np.arange(runs), TIMES_S.size)
+        columns["time_ns"] = np.tile((TIMES_S * 1e9).astype(np.int64), runs)
+        parts.append(pl.DataFrame(columns).select(list(SAMPLES)))
+    return pl.concat(parts)
+
+
+def _counts(name: str, arms: Sequence[str], runs: int) -> pl.DataFrame:
+    rows = [
+        (name, run, arm, None if arm == "ins" else 2.0, 0 if arm == "ins" else 250, 0, 0.1, 0.2)
+        for run in range(runs)
+        for arm in arms
+    ]
+    return pl.DataFrame(rows, schema=dict(FIXES_COUNTS), orient="row")

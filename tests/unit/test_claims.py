@@ -1,0 +1,338 @@
+"""Verdicts follow from the tables: whoever changes the data changes the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock.claims import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, claims_table
+from bottomlock.errors import DataError
+from bottomlock.paper_claims import load_paper, parse_paper
+from bottomlock.schema import CLAIMS, PATHS, check
+from bottomlock.study import Array, read_errors, read_study
+from tests.unit.synthetic_study import ARMS, Size, edit_manifest, quiet, write_study
+
+PAPER = load_paper()
+
+
+def judged(folder: Path) -> pl.DataFrame:
+    study = read_study(folder)
+    return claims_table(study, {name: read_errors(study, name) for name in study.trajectories}, PAPER)
+
+
+def one(table: pl.DataFrame, claim: str) -> dict[str, Any]:
+    return table.row(by_predicate=pl.col("claim") == claim, named=True)
+
+
+def sized(velocity: dict[tuple[str, str], Any], attitude: dict[tuple[str, str], Any] | None = None) -> Size:
+    """The quiet campaign with some arms of some trajectories changed."""
+
+    def size(trajectory: str, arm: str, time_s: Array) -> tuple[Any, Any]:
+        plain_velocity, plain_attitude = quiet(trajectory, arm, time_s)
+        here = velocity.get((trajectory, arm), plain_velocity)
+        there = (attitude or {}).get((trajectory, arm), plain_attitude)
+        return here(time_s) if callable(here) else here, there(time_s) if callable(there) else there
+
+    return size
+
+
+@pytest.mark.parametrize(
+    ("claim", "printed"),
+    [
+        ("t1-velocity-ins", 34.0),
+        ("t1-velocity-nsv", 0.05),
+        ("t1-velocity-plcf-improvement", 131.0),
+        ("t1-attitude-ins", 1.4),
+        ("t1-attitude-nsv-improvement", 33.0),
+        ("t1-attitude-vb-improvement", 33.0),
+        ("t2-velocity-ins", 31.8),
+        ("t2-velocity-plcf", 1.2),
+        ("t2-attitude-ins", 1.26),
+        ("t2-attitude-plcf-improvement", 26.0),
+        ("t3-velocity-ins", 36.5),
+        ("t3-velocity-vb", 0.5),
+        ("t3-attitude-ins", 1.29),
+        ("t3-attitude-nsv-improvement", 38.0),
+        ("t3-attitude-nsv-over-tc", 12.0),
+    ],
+)
+def test_every_printed_number_is_there(claim: str, printed: float) -> None:
+    """All numbers of Section 4.2, and no other numbers."""
+    numbers = {entry.id: entry.printed for entry in PAPER.claim if entry.kind in {"value", "improvement"}}
+    assert numbers[claim] == printed
+    assert len(numbers) == 15
+
+
+def test_the_table_is_as_the_schema_says(tmp_path: Path) -> None:
+    """A row per claim in the paper's order; each interval holds its number."""
+    table = check(judged(write_study(tmp_path / "c")), CLAIMS, place="claims")
+    assert table["claim"].to_list() == [claim.id for claim in PAPER.claim]
+    tested = table.filter(pl.col("verdict") != NOT_TESTABLE)
+    assert tested.height > 25
+    assert (tested["lo"] <= tested["ours"] + 1e-9).all()
+    assert (tested["ours"] <= tested["hi"] + 1e-9).all()
+    assert table.filter(pl.col("verdict") == NOT_TESTABLE)["ours"].null_count() >= 2
+
+
+def test_not_reproduced_has_a_reason(tmp_path: Path) -> None:
+    """What is not borne out says what was measured instead."""
+    table = judged(write_study(tmp_path / "c"))
+    notes = table.filter(
+        (pl.col("verdict") == NOT_REPRODUCED) & ~pl.col("quantity").str.contains("velocity_.*ratio")
+    )["note"]
+    assert notes.len() > 0
+    assert (notes.str.len_chars() > 0).all()
+
+
+@pytest.mark.parametrize(("drift", "verdict"), [(34.0, REPRODUCED), (50.0, NOT_REPRODUCED)])
+def test_a_value_follows_the_data(tmp_path: Path, drift: float, verdict: str) -> None:
+    """34 m/s lies in the interval of 34 and not in that of 50."""
+    size = sized({("straight", "ins"): lambda time_s: drift * time_s / 250.0})
+    row = one(judged(write_study(tmp_path / "c", size)), "t1-velocity-ins")
+    assert row["ours"] == pytest.approx(drift)
+    assert row["verdict"] == verdict
+
+
+def test_a_value_is_widened_by_its_last_digit(tmp_path: Path) -> None:
+    """Without scatter the interval has no width: 33.6 rounds to the printed 34 and 33.4 does not."""
+    for drift, verdict in ((33.6, REPRODUCED), (33.4, NOT_REPRODUCED)):
+        size = sized({("straight", "ins"): drift})
+        table = judged(write_study(tmp_path / f"{drift}", size, scatter=0.0))
+        assert one(table, "t1-velocity-ins")["verdict"] == verdict
+
+
+def test_a_value_that_rests_on_a_few_runs_is_not_testable(tmp_path: Path) -> None:
+    """One run far off stretches the interval over the printed number: that is no reproduction."""
+    size = sized({("straight", "nsv"): 0.1})
+    row = one(judged(write_study(tmp_path / "c", size, scatter=2.5)), "t1-velocity-nsv")
+    assert row["hi"] > 2.0 * row["lo"]
+    assert row["verdict"] == NOT_TESTABLE
+    assert "one run of 40 makes" in row["note"]
+
+
+def test_a_note_tells_how_few_runs_scatter_so_far(tmp_path: Path) -> None:
+    """The paper gives no number of runs: with n of them its mean would scatter by one run's spread over √n."""
+    size = sized({("straight", "ins"): 40.0})
+    row = one(judged(write_study(tmp_path / "c", size, runs=200)), "t1-velocity-ins")
+    spread = (row["hi"] - row["lo"]) / 3.92 * np.sqrt(200.0)
+    count = float(row["note"].split("means of ")[1].split(" runs")[0])
+    assert 1.96 * spread * np.sqrt(1.0 / count + 1.0 / 200.0) == pytest.approx(6.0, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("claim", "changed", "ours", "verdict"),
+    [
+        ("t1-velocity-plcf-improvement", {("straight", "plcf"): 34.0 / 2.31}, 131.0, REPRODUCED),
+        ("t1-velocity-plcf-improvement", {("straight", "plcf"): 17.0}, 100.0, NOT_REPRODUCED),
+    ],
+)
+def test_an_excess_is_of_the_reference_over_the_arm(
+    tmp_path: Path, claim: str, changed: dict[tuple[str, str], Any], ours: float, verdict: str
+) -> None:
+    """131 % cannot be a reduction; it is INS / PLCF − 1."""
+    row = one(judged(write_study(tmp_path / "c", sized(changed))), claim)
+    assert row["ours"] == pytest.approx(ours)
+    assert row["verdict"] == verdict
+
+
+@pytest.mark.parametrize(("attitude", "verdict"), [(1.4 * 0.67, REPRODUCED), (1.4 * 0.8, NOT_REPRODUCED)])
+def test_a_reduction_follows_the_data(tmp_path: Path, attitude: float, verdict: str) -> None:
+    """Paired runs: the interval of the percentage is narrow although the runs scatter widely."""
+    size = sized({}, {("straight", "nsv"): attitude})
+    row = one(judged(write_study(tmp_path / "c", size, scatter=0.5)), "t1-attitude-nsv-improvement")
+    assert row["verdict"] == verdict
+    assert row["hi"] - row["lo"] < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("nsv", "own_scatter", "verdict"),
+    [(0.05, 0.1, REPRODUCED), (0.2, 0.1, NOT_REPRODUCED), (0.1, 0.3, NOT_TESTABLE)],
+)
+def test_an_ordering_follows_the_data(tmp_path: Path, nsv: float, own_scatter: float, verdict: str) -> None:
+    """Below 1 it holds, above it is the other way about, astride the runs cannot tell."""
+    size = sized({("straight", "nsv"): nsv})
+    row = one(
+        judged(write_study(tmp_path / "c", size, own_scatter=own_scatter)), "t1-velocity-nsv-better-than-tc"
+    )
+    assert row["verdict"] == verdict
+    assert ("do not tell" in row["note"]) == (verdict == NOT_TESTABLE)
+
+
+def test_an_ordering_of_many_stands_or_falls_with_its_worst_pair(tmp_path: Path) -> None:
+    """One arm worse than the INS is enough, and the note names it."""
+    size = sized({("figure_eight", "vhv"): 60.0})
+    row = one(judged(write_study(tmp_path / "c", size)), "t2-velocity-all-better-than-ins")
+    assert row["verdict"] == NOT_REPRODUCED
+    assert row["note"].startswith("worst is vhv / ins")
+
+
+def test_a_note_tells_what_was_measured(tmp_path: Path) -> None:
+    """Gate, NEES and the setting that the paper leaves open, each only where there is something to say."""
+    folder = write_study(tmp_path / "c", sized({("lawn_mower", "vb"): 5.0}))
+    here = (pl.col("trajectory") == "lawn_mower") & (pl.col("arm") == "vb")
+    assert one(judged(folder), "t3-velocity-vb")["note"] == (
+        "ours is 10 times the printed; n_f is 1 here, the paper prints none"
+    )
+    runs = pl.read_parquet(folder / "runs.parquet")
+    runs = runs.with_columns(fixes_rejected=pl.when(here).then(250).otherwise("fixes_rejected"))
+    runs.write_parquet(folder / "runs.parquet")
+    table = pl.read_parquet(folder / "consistency.parquet")
+    table = table.with_columns(
+        verdict=pl.when(here).then(pl.lit("overconfident")).otherwise("verdict"),
+        mean=pl.when(here).then(4321.0).otherwise("mean"),
+    )
+    table.write_parquet(folder / "consistency.parquet")
+    note = one(judged(folder), "t3-velocity-vb")["note"]
+    assert "vb's gate rejects 50 % of its fixes" in note
+    runs.with_columns(fixes_rejected=pl.when(here).then(251).otherwise("fixes_rejected")).write_parquet(
+        folder / "runs.parquet"
+    )
+    assert "vb's gate locks it out in 40 of 40 runs" in one(judged(folder), "t3-velocity-vb")["note"]
+    assert "vb's NEES of velocity and attitude is 4 320, honest is 6" in note
+
+
+@pytest.mark.parametrize(("scale", "verdict"), [(0.5, REPRODUCED), (2.0, NOT_REPRODUCED)])
+def test_an_ordering_across_trajectories(tmp_path: Path, scale: float, verdict: str) -> None:
+    """Each arm against itself on trajectory 1."""
+    size = sized({("figure_eight", arm): 0.1 * scale for arm in ARMS if arm != "ins"})
+    assert one(judged(write_study(tmp_path / "c", size)), "t2-velocity-better-than-t1")["verdict"] == verdict
+
+
+@pytest.mark.parametrize(("plcf", "verdict"), [(1.41, REPRODUCED), (1.6, NOT_REPRODUCED)])
+def test_an_equality_has_a_tolerance(tmp_path: Path, plcf: float, verdict: str) -> None:
+    """PLCF the same as TC: within 5 %."""
+    size = sized({}, {("figure_eight", "plcf"): plcf})
+    assert one(judged(write_study(tmp_path / "c", size)), "t2-attitude-plcf-as-tc")["verdict"] == verdict
+
+
+def _dive(time_s: Array) -> Array:
+    return np.asarray(0.1 + 0.4 * np.minimum(time_s, 30.0) / 30.0)
+
+
+def _steady(time_s: Array) -> Array:
+    return 0.1 + 0.02 * np.maximum(time_s - 30.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("curve", "in_dive", "after"),
+    [(_dive, REPRODUCED, REPRODUCED), (_steady, NOT_REPRODUCED, NOT_REPRODUCED)],
+)
+def test_a_drift_follows_the_data(
+    tmp_path: Path, curve: Callable[[Array], Array], in_dive: str, after: str
+) -> None:
+    """Rising in the dive and level after it, or the other way about."""
+    table = judged(write_study(tmp_path / "c", sized({("lawn_mower", "vb"): curve})))
+    assert one(table, "t3-velocity-vb-drifts-in-the-dive")["verdict"] == in_dive
+    assert one(table, "t3-velocity-vb-level-after-the-dive")["verdict"] == after
+
+
+def _in_turns(time_s: Array) -> Array:
+    return np.where(np.mod(time_s - 30.0, 60.0) > 40.0, 0.2, 0.1)
+
+
+@pytest.mark.parametrize(("curve", "verdict"), [(_in_turns, REPRODUCED), (0.1, NOT_REPRODUCED)])
+@pytest.mark.parametrize("with_path", [False, True])
+def test_turns_come_from_the_timetable_or_from_the_path(
+    tmp_path: Path, curve: Callable[[Array], Array] | float, verdict: str, with_path: bool
+) -> None:
+    """Errors twice as large in the turns oscillate; both sources find the same turns."""
+    folder = write_study(tmp_path / "c", sized({("lawn_mower", "nsv"): curve}))
+    if with_path:
+        time_s = np.arange(0.0, 251.0)
+        course = np.pi / 20.0 * np.cumsum((np.mod(time_s - 30.0, 60.0) > 40.0) & (time_s > 30.0))
+        paths = pl.DataFrame(
+            {
+                "trajectory": ["lawn_mower"] * time_s.size,
+                "time_ns": (time_s * 1e9).astype(np.int64),
+                "north_m": np.cumsum(2.0 * np.cos(course)),
+                "east_m": np.cumsum(2.0 * np.sin(course)),
+                "depth_m": np.minimum(time_s, 30.0),
+            }
+        )
+        check(paths, PATHS, place="truth").write_parquet(folder / "truth.parquet")
+    row = one(judged(folder), "t3-velocity-nsv-oscillates")
+    assert row["verdict"] == verdict
+    assert row["ours"] == pytest.approx(2.0 if verdict == REPRODUCED else 1.0, rel=0.1)
+
+
+def test_the_vehicle_keeps_no_timetable(tmp_path: Path) -> None:
+    """On the vehicle the turns are where it swims them, so without its path there is no telling."""
+    folder = write_study(tmp_path / "c")
+    edit_manifest(
+        folder,
+        lambda m: m["scenarios"]["lawn_mower"]["configuration"]["trajectory"].update(source="vehicle"),
+    )
+    row = one(judged(folder), "t3-velocity-nsv-oscillates")
+    assert (row["verdict"], "no truth.parquet" in row["note"]) == (NOT_TESTABLE, True)
+
+
+def test_what_was_not_flown_is_not_testable(tmp_path: Path) -> None:
+    """Trajectories and arms that are absent, and biases, of which the tables hold nothing."""
+    folder = write_study(tmp_path / "c", trajectories=["straight"], arms=["ins", "tc", "nsv"])
+    table = judged(folder)
+    assert one(table, "t1-velocity-ins")["verdict"] == REPRODUCED
+    for claim, note in (
+        ("t2-velocity-ins", "trajectory figure_eight was not flown"),
+        ("t1-velocity-plcf-worst", "arm vb was not flown"),
+        ("t1-bias-observable", "no errors of the biases"),
+    ):
+        row = one(table, claim)
+        assert row["verdict"] == NOT_TESTABLE
+        assert note in row["note"]
+        assert row["ours"] is None
+
+
+def test_another_setup_is_not_the_papers(tmp_path: Path) -> None:
+    """Half the beam noise makes other numbers: no claim on that trajectory is judged."""
+    folder = write_study(tmp_path / "c")
+    edit_manifest(
+        folder, lambda m: m["scenarios"]["straight"]["configuration"]["dvl"].update(beam_noise_mps=0.021)
+    )
+    table = judged(folder).filter(pl.col("trajectory") == "straight")
+    assert table["verdict"].unique().to_list() == [NOT_TESTABLE]
+    assert "dvl.beam_noise_mps is 0.021 here and 0.042 in the paper" in table["note"][0]
+
+
+def test_few_runs_are_not_an_interval(tmp_path: Path) -> None:
+    table = judged(write_study(tmp_path / "c", runs=9))
+    assert table["verdict"].unique().to_list() == [NOT_TESTABLE]
+    assert table["note"][0].startswith("9 runs give no interval")
+
+
+def test_the_packaged_scenarios_are_the_papers_setup(tmp_path: Path) -> None:
+    """The keys under [setup] exist and agree; otherwise everything would be not testable without a sound."""
+    table = judged(write_study(tmp_path / "c"))
+    assert table.filter(pl.col("note").str.contains("in the paper"))["claim"].to_list() == []
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("claim = [", "paper.toml: "),
+        ("source = 1", "paper.toml: "),
+        ("[[claim]]\nkind = 'guess'", "paper.toml: "),
+    ],
+)
+def test_a_claims_file_that_makes_no_sense(text: str, message: str) -> None:
+    with pytest.raises(DataError, match=message):
+        parse_paper(text, place="paper.toml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('id = "t1-velocity-nsv"', 'id = "t1-velocity-ins"', "two claims are called 't1-velocity-ins'"),
+        ("\nlevel = ", "\nflat = ", "rule 'level' has no words"),
+        ("window_s = [125.0, 250.0]\n", "", "pattern 'level' needs window_s"),
+    ],
+)
+def test_a_claims_file_that_contradicts_itself(root: Path, old: str, new: str, message: str) -> None:
+    text = (root / "python" / "bottomlock" / "paper" / "claims.toml").read_text(encoding="utf-8")
+    assert old in text
+    with pytest.raises(DataError, match=message):
+        parse_paper(text.replace(old, new, 1), place="claims.toml")

@@ -1,0 +1,367 @@
+"""The report is made from the tables alone, is one page, and says what is wrong with a directory."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import re
+import shutil
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bottomlock.advice import Advice, advise, choose
+from bottomlock.errors import DataError, OutputError
+from bottomlock.kernel import ARMS as KERNEL_ARMS
+from bottomlock.report import ARM_WORDS, make_report, number
+from bottomlock.schema import SWEEP
+from bottomlock.study import Array, read_errors, read_study
+from bottomlock.study_figures import palette
+from bottomlock.study_figures.labels import spread
+from tests.unit.synthetic_study import ARMS, edit_manifest, write_study
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A directory with everything that a campaign may have, and its report."""
+    folder = write_study(tmp_path_factory.mktemp("study") / "c", arms=[*ARMS, "quite_new"], runs=12)
+    time_s = np.arange(0.0, 251.0)
+    pl.DataFrame(
+        {
+            "trajectory": ["straight"] * time_s.size,
+            "time_ns": (time_s * 1e9).astype(np.int64),
+            "north_m": 2.0 * time_s,
+            "east_m": 0.0 * time_s,
+            "depth_m": 0.0 * time_s,
+        }
+    ).write_parquet(folder / "truth.parquet")
+    pl.DataFrame(
+        [("virtual_beam_factor", 10.0, "straight", "vb", 0.1, 1.3, 19.9, None)],
+        schema=dict(SWEEP),
+        orient="row",
+    ).write_parquet(folder / "sweep.parquet")
+    make_report(folder)
+    return folder
+
+
+def files(folder: Path) -> dict[str, str]:
+    """Hash of everything that a report writes."""
+    names = [folder / "report.html", *folder.glob("figures/*"), *folder.glob("tables/*")]
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in names}
+
+
+class _Page(HTMLParser):
+    """Collects what a self-contained page may not have twice, or at all."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.tags: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value or "")
+            if name in {"href", "src", "xlink:href"}:
+                self.links.append(value or "")
+
+
+def test_writes_page_figures_and_claims(made: Path) -> None:
+    """Figure 8, and five figures for each trajectory, each as PNG and SVG."""
+    kinds = ("velocity", "attitude", "nees", "claimed", "normalised")
+    names = {f"{kind}_{name}" for kind in kinds for name in ("straight", "figure_eight", "lawn_mower")}
+    names.add("trajectories")
+    assert {path.name for path in (made / "figures").iterdir()} == {
+        f"{name}.{suffix}" for name in names for suffix in ("svg", "png")
+    }
+    assert pl.read_parquet(made / "tables" / "claims.parquet").height > 30
+
+
+def test_the_page_stands_alone(made: Path) -> None:
+    """No script, no address outside, no link to nowhere, no id twice."""
+    page = _Page()
+    text = (made / "report.html").read_text(encoding="utf-8")
+    page.feed(text)
+    assert "script" not in page.tags
+    assert page.tags.count("svg") == 16
+    assert len(page.ids) == len(set(page.ids))
+    assert {link for link in page.links if not link.startswith("#")} == set()
+    assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
+    assert "@import" not in text
+    assert not re.search(r"url\((?!#)", text)
+
+
+def test_the_page_says_what_it_found(made: Path) -> None:
+    """Summary, every claim's verdict, an arm that no one has heard of, the sweep, settings, manifest."""
+    text = (made / "report.html").read_text(encoding="utf-8")
+    table = pl.read_parquet(made / "tables" / "claims.parquet")
+    for row in table.iter_rows(named=True):
+        section = text.split(f'<tr id="{row["claim"]}">')[1].split("</tr>")[0]
+        assert row["verdict"] in section
+    for words in ("quite_new", "What to use when", "virtual_beam_factor", "dvl.beam_noise_mps", "seed"):
+        assert words in text
+    assert "nan" not in re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL).lower().split("manifest.json")[0]
+
+
+def test_the_page_takes_the_readers_colours(made: Path) -> None:
+    """Ink and paper of the figures are the page's, so that a dark page has no white boxes and no black text."""
+    text = (made / "report.html").read_text(encoding="utf-8")
+    assert "prefers-color-scheme: dark" in text
+    figures = "".join(re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL))
+    assert palette.INK not in figures
+    assert palette.PAPER not in figures
+
+
+def test_same_tables_same_bytes(made: Path, tmp_path: Path) -> None:
+    """In another directory and at another time."""
+    copy = tmp_path / "elsewhere"
+    shutil.copytree(made, copy, ignore=shutil.ignore_patterns("report.html", "figures", "tables"))
+    make_report(copy)
+    assert files(copy) == files(made)
+
+
+def test_without_truth_and_sweep(tmp_path: Path) -> None:
+    """They are a campaign's to have or not; one trajectory and two arms make a report as well."""
+    folder = write_study(tmp_path / "c", trajectories=["lawn_mower"], arms=["ins", "tc"], runs=2)
+    report = make_report(folder)
+    text = report.page.read_text(encoding="utf-8")
+    assert "no truth.parquet" in text
+    assert 'id="sweep"' not in text
+    assert len(report.figures) == 10
+
+
+def test_references_are_not_advice(tmp_path: Path) -> None:
+    """A campaign of references alone advises nothing and still has its page."""
+    folder = write_study(tmp_path / "c", trajectories=["straight"], arms=["ins", "lc"], runs=2)
+    assert "No arm is believable" in make_report(folder).page.read_text(encoding="utf-8")
+
+
+def _overconfident(folder: Path, trajectory: str, arm: str) -> None:
+    path = folder / "consistency.parquet"
+    here = (pl.col("trajectory") == trajectory) & (pl.col("arm") == arm)
+    verdict = pl.when(here).then(pl.lit("overconfident")).otherwise("verdict").alias("verdict")
+    pl.read_parquet(path).with_columns(verdict).write_parquet(path)
+
+
+def test_the_advice_follows_the_tables(tmp_path: Path) -> None:
+    """The best believable arm wins; once it is overconfident somewhere it is no advice for everywhere."""
+
+    def size(trajectory: str, arm: str, _: np.ndarray[Any, Any]) -> tuple[Any, Any]:
+        return {"nsv": 0.05, "tc": 0.2, "plcf": 2.0}.get(arm, 30.0), 1.0 + (trajectory == "straight")
+
+    folder = write_study(tmp_path / "c", size, runs=12, arms=["ins", "tc", "nsv", "plcf"])
+
+    def advice() -> list[Advice]:
+        study = read_study(folder)
+        return advise(study, {name: read_errors(study, name) for name in study.trajectories})
+
+    first = choose(advice())
+    assert first is not None
+    assert first.best == ("nsv",)
+    _overconfident(folder, "lawn_mower", "nsv")
+    parts = advice()
+    assert [part.best for part in parts] == [("nsv",), ("nsv",), ("tc",)]
+    assert parts[2].overconfident == ("nsv",)
+    second = choose(parts)
+    assert second is not None
+    assert (second.best, second.worst_trajectory) == (("tc",), "straight")
+    assert second.worst_ratio == pytest.approx(4.0)
+
+
+def test_an_arm_that_locks_itself_out_is_not_advised(tmp_path: Path) -> None:
+    """One run in twelve is enough: the mean does not show it, and at sea there is one run."""
+    folder = write_study(tmp_path / "c", trajectories=["straight"], arms=["ins", "tc", "nsv"], runs=12)
+    path = folder / "runs.parquet"
+    here = (pl.col("arm") == "nsv") & (pl.col("run") == 7)
+    rejected = pl.when(here).then(240).otherwise("fixes_rejected").alias("fixes_rejected")
+    accepted = pl.when(here).then(10).otherwise("fixes_accepted").alias("fixes_accepted")
+    pl.read_parquet(path).with_columns(rejected, accepted).write_parquet(path)
+    study = read_study(folder)
+    (part,) = advise(study, {"straight": read_errors(study, "straight")})
+    assert part.believable == ("tc",)
+    assert part.locked_out == {"nsv": 1}
+    assert "Locked out by their own gate" in make_report(folder).page.read_text(encoding="utf-8")
+
+
+def test_errors_are_read_back_run_by_run(tmp_path: Path) -> None:
+    """Cut into chunks or not, with chunks of a smaller campaign beside them: the same errors in the same order."""
+    whole = write_study(tmp_path / "a", runs=12, chunks=1)
+    cut = write_study(tmp_path / "b", runs=12, chunks=3)
+    folder = cut / "chunks" / "straight"
+    shutil.copy(folder / "samples-00000004-00000007.parquet", folder / "samples-00000004-00000006.parquet")
+    errors = [read_errors(read_study(place), "straight") for place in (whole, cut)]
+    for arm in ARMS:
+        np.testing.assert_array_equal(errors[0].velocity_mps[arm], errors[1].velocity_mps[arm])
+        np.testing.assert_allclose(errors[0].ratio_rms[arm], errors[1].ratio_rms[arm], rtol=1e-12)
+    assert errors[0].velocity_mps["ins"].shape[0] == 12
+
+
+def _damage(name: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / name).write_bytes(b"not a table")
+
+
+def _fewer_rows(folder: Path) -> None:
+    path = folder / "chunks" / "straight" / "samples-00000000-00000003.parquet"
+    pl.read_parquet(path).head(-1).write_parquet(path)
+
+
+def _without_column(folder: Path) -> None:
+    path = folder / "chunks" / "straight" / "samples-00000000-00000003.parquet"
+    pl.read_parquet(path).drop("nees").write_parquet(path)
+
+
+def _other_arms(folder: Path) -> None:
+    path = folder / "ensemble.parquet"
+    pl.read_parquet(path).filter(pl.col("arm") != "tc").write_parquet(path)
+
+
+def _stranger(folder: Path) -> None:
+    path = folder / "runs.parquet"
+    frame = pl.read_parquet(path)
+    pl.concat([frame, frame.with_columns(trajectory=pl.lit("elsewhere"))]).write_parquet(path)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (shutil.rmtree, "no such directory"),
+        (lambda folder: (folder / "manifest.json").unlink(), "holds no campaign of ours"),
+        (lambda folder: (folder / "manifest.json").write_text("{}"), "holds no campaign of ours"),
+        (_damage("manifest.json"), "cannot be read as JSON"),
+        (
+            lambda folder: edit_manifest(folder, lambda m: m.update(version="0.0.1")),
+            "of version 0.0.1 and this is",
+        ),
+        (lambda folder: edit_manifest(folder, lambda m: m.update(status="running")), "is not finished"),
+        (
+            lambda folder: edit_manifest(folder, lambda m: m["scenarios"]["straight"].pop("runs")),
+            "scenario 'straight' lacks 'runs'",
+        ),
+        (lambda folder: (folder / "ensemble.parquet").unlink(), "ensemble.parquet: is missing"),
+        (_damage("runs.parquet"), "runs.parquet: cannot be read"),
+        (_damage("sweep.parquet"), "sweep.parquet: cannot be read"),
+        (
+            lambda folder: pl.DataFrame({"north_m": [0.0]}).write_parquet(folder / "truth.parquet"),
+            "truth.parquet: column 'trajectory' is missing",
+        ),
+        (_other_arms, "ensemble.parquet: trajectory 'straight' has the arms"),
+        (_stranger, "runs.parquet: trajectory 'elsewhere' is not in the manifest"),
+        (
+            lambda folder: (folder / "chunks" / "straight" / "samples-00000004-00000007.parquet").unlink(),
+            "the chunk that begins with run 4 is missing, 8 runs are expected",
+        ),
+        (lambda folder: shutil.rmtree(folder / "chunks"), "the chunk that begins with run 0 is missing"),
+        (_damage("chunks/straight/samples-00000000-00000003.parquet"), "cannot be read as the table"),
+        (_fewer_rows, "expected 4 runs × 3 arms × 51 times"),
+        (_without_column, "nees"),
+    ],
+)
+def test_a_spoilt_directory_is_named(tmp_path: Path, spoil: Callable[[Path], object], message: str) -> None:
+    """One line that names the file and what is wrong; nothing is written."""
+    folder = write_study(tmp_path / "c", trajectories=["straight"], arms=["ins", "tc", "nsv"], runs=8)
+    spoil(folder)
+    with pytest.raises(DataError, match=re.escape(message)) as caught:
+        make_report(folder)
+    assert "\n" not in str(caught.value)
+    assert str(folder) in str(caught.value)
+    assert not (folder / "report.html").exists()
+    assert not (folder / "figures").exists()
+
+
+def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
+    folder = write_study(tmp_path / "c", trajectories=["straight"], arms=["ins", "tc"], runs=2)
+    (folder / "figures").write_text("in the way")
+    with pytest.raises(OutputError, match="figures"):
+        make_report(folder)
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 1.0), st.sampled_from([0.04, 0.08])), min_size=1, max_size=13))
+def test_labels_never_overlap(wanted: list[tuple[float, float]]) -> None:
+    """Wherever the lines end, names stand apart, in the lines' order, and inside the margin."""
+    heights = [height for _, height in wanted]
+    places = spread([place for place, _ in wanted], heights, -0.05, 1.05)
+    order = sorted(range(len(wanted)), key=lambda k: places[k])
+    room = min(1.0, 1.1 / sum(heights))
+    for below, above in itertools.pairwise(order):
+        assert places[above] - places[below] >= room * 0.5 * (heights[above] + heights[below]) - 1e-9
+        assert wanted[below][0] <= wanted[above][0]
+    assert min(places) >= -0.05
+    assert max(places) <= 1.05
+
+
+def _linear(colour: str) -> Array:
+    channels = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
+    return np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+
+
+def _luminance(colour: str) -> float:
+    return float(_linear(colour) @ [0.2126, 0.7152, 0.0722])
+
+
+# How much of linear red, green and blue an eye sees: Machado, Oliveira and Fernandes 2009, severity 1.
+EYES = {
+    "all three cones": np.eye(3),
+    "no green cones": np.array(
+        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
+    ),
+    "no red cones": np.array(
+        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
+    ),
+}
+
+
+def _lab(linear: Array) -> Array:
+    """CIE 1976 L*a*b* under D65; a difference of 1 can just be told side by side."""
+    to_xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+    part = to_xyz @ np.clip(linear, 0.0, 1.0) / np.array([0.9505, 1.0, 1.089])
+    root = np.where(part > 0.008856, np.cbrt(part), 7.787 * part + 16.0 / 116.0)
+    return np.array([116.0 * root[1] - 16.0, 500.0 * (root[0] - root[1]), 200.0 * (root[1] - root[2])])
+
+
+@pytest.mark.parametrize("eye", EYES)
+def test_colours_stay_apart_for_every_eye(eye: str) -> None:
+    """Any two arms differ by 14 and more, for those who see no red or no green as well."""
+    seen = {arm: _lab(EYES[eye] @ _linear(look.colour)) for arm, look in palette.ARMS.items()}
+    for one, other in itertools.combinations(seen, 2):
+        assert np.linalg.norm(seen[one] - seen[other]) >= 14.0, (one, other)
+
+
+@pytest.mark.parametrize("arm", sorted(palette.ARMS))
+def test_colours_read_on_white_and_on_black(arm: str) -> None:
+    """Contrast of 3 and more, what WCAG asks of graphics, on paper and on the dark page."""
+    own = _luminance(palette.stroke(arm).colour)
+    assert 1.05 / (own + 0.05) >= 3.0
+    assert (own + 0.05) / (_luminance("#12161b") + 0.05) >= 3.0
+
+
+def test_every_arm_has_its_colour_and_its_words() -> None:
+    """No two the same; an arm that the kernel gains has to get both."""
+    looks = [look.colour for look in palette.ARMS.values()]
+    assert len(set(looks)) == len(looks)
+    assert set(KERNEL_ARMS) <= set(palette.ARMS)
+    assert set(palette.ARMS) == set(ARM_WORDS)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (9.996, "10.0"),
+        (-4.76, "−4.76"),
+        (123456.0, "1.2×10⁵"),
+        (3e-7, "3.0×10⁻⁷"),
+        (float("inf"), "–"),
+        (None, "–"),
+    ],
+)
+def test_numbers_are_written_for_people(value: float | None, text: str) -> None:
+    assert number(value) == text
