@@ -1,12 +1,12 @@
 # The same verbs by hand, in hooks and in CI: demo, test, lint, bench, golden, develop, clean.
 #
-#   make demo RUNS=200      a larger campaign
+#   make demo RUNS=500      a larger campaign
 #   make test VENV=/tmp/v   another environment
 #   make test WORKERS=1     one test process
 VENV    ?= .venv
 PYTHON  ?= python3
 WORKERS ?= auto
-RUNS    ?= 20
+RUNS    ?= 50
 OUT     ?= out/demo
 
 bin := $(VENV)/bin
@@ -20,10 +20,10 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
 .PHONY: demo test test-rust test-python lint lint-rust lint-python bench golden develop clean
 .DELETE_ON_ERROR:
 
-# The three trajectories of the paper with beams 3 and 4 lost: prints the table of RMS errors, writes Parquet.
+# The paper's study: campaign, sweep and report.
 demo: $(VENV)/.installed
 	rm -rf $(OUT)
-	$(bin)/bottomlock run straight figure_eight lawn_mower --runs $(RUNS) --out $(OUT)
+	$(bin)/bottomlock reproduce --runs $(RUNS) --out $(OUT)
 
 # Python first: it fails soonest. Both halves see a release build of the extension and one target directory.
 test: test-python test-rust

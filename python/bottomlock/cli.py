@@ -1,6 +1,8 @@
 """The command `bottomlock`: campaigns, packaged scenarios, velocity fixes from logs."""
 
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -23,6 +25,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bottomlock import __version__, campaign, stats
+from bottomlock import reproduce as whole_study
 from bottomlock.conditions import met
 from bottomlock.errors import BottomlockError, DataError, OutputError, ScenarioError
 from bottomlock.figures import flight_figure, save_figure
@@ -30,8 +33,8 @@ from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.kernel import KernelError, solve_velocity
 from bottomlock.output import write_parquet
 from bottomlock.plant import telemetry
-from bottomlock.report import make_report
-from bottomlock.scenario import Scenario, copy_scenario, load_scenario, packaged_scenarios
+from bottomlock.report import Report, make_report
+from bottomlock.scenario import copy_scenario, load_scenario, packaged_scenarios
 from bottomlock.streams import sensor_streams
 from bottomlock.trajectory import Truth
 from bottomlock.world import World, make_world, trajectory_key
@@ -101,8 +104,9 @@ def _summary(results: campaign.Results) -> list[Table]:
     return tables
 
 
-def _fly(scenarios: list[Scenario], out: Path, *, threads: int, force: bool) -> campaign.Results:
-    total = sum(scenario.campaign.runs for scenario in scenarios)
+@contextmanager
+def _progress(total: float) -> Iterator[Callable[[campaign.Progress], None]]:
+    """A bar over runs, with rate and time left; what it yields takes the progress of any number of trajectories."""
     columns = (
         TextColumn("{task.description:>12}"),
         BarColumn(),
@@ -113,13 +117,18 @@ def _fly(scenarios: list[Scenario], out: Path, *, threads: int, force: bool) -> 
     )
     with Progress(*columns, console=errors, transient=False) as progress:
         task = progress.add_task("flying", total=total)
-        done = dict.fromkeys((scenario.name for scenario in scenarios), 0.0)
+        done: dict[str, float] = {}
 
         def tell(state: campaign.Progress) -> None:
             done[state.trajectory] = state.runs_done
             progress.update(task, completed=sum(done.values()), description=state.trajectory)
 
-        return campaign.run_campaign(scenarios, out, threads=threads, force=force, tell=tell)
+        yield tell
+
+
+def _interrupted(out: Path) -> NoReturn:
+    errors.print(f"interrupted; finished chunks are kept in {out}: the same command resumes")
+    sys.exit(EXIT_INTERRUPTED)
 
 
 @app.command
@@ -155,10 +164,10 @@ def run(
     for one in loaded:
         make_world(one)  # a fault shows before a progress bar does
     try:
-        results = _fly(loaded, out, threads=threads, force=force)
+        with _progress(sum(one.campaign.runs for one in loaded)) as tell:
+            results = campaign.run_campaign(loaded, out, threads=threads, force=force, tell=tell)
     except KeyboardInterrupt:
-        errors.print(f"interrupted; finished chunks are kept in {out}: the same command resumes")
-        sys.exit(EXIT_INTERRUPTED)
+        _interrupted(out)
     for table in _summary(results):
         console.print(table)
     manifest, settings = results.manifest, loaded[0].filter
@@ -308,6 +317,28 @@ def fix(
 
 
 @app.command
+def reproduce(
+    *,
+    out: Annotated[Path, Parameter(help="Directory for the study: new, or of the same study to resume.")],
+    runs: Annotated[int, Parameter(help="Runs of each trajectory.")] = whole_study.RUNS,
+    seed: Annotated[int | None, Parameter(help="Seed; the scenarios' own by default.")] = None,
+    threads: Annotated[int, Parameter(help="Threads; 0 for as many as there are cores.")] = 0,
+    force: Annotated[
+        bool, Parameter(negative="", help="Start over in a directory of another study.")
+    ] = False,
+) -> None:
+    """Flies the whole study of the 2017 paper, judges its claims, and writes the report."""
+    if threads < 0:
+        raise ScenarioError(f"--threads is {threads}, expected 0 or more")
+    try:
+        with _progress(whole_study.study_runs(runs)) as tell:
+            made = whole_study.reproduce(out, runs=runs, seed=seed, threads=threads, force=force, tell=tell)
+    except KeyboardInterrupt:
+        _interrupted(out)
+    _say(made)
+
+
+@app.command
 def report(directory: Path) -> None:
     """Makes report.html, figures and the verdicts on the paper's claims from a campaign's tables.
 
@@ -316,7 +347,10 @@ def report(directory: Path) -> None:
     directory
         Where `bottomlock run` has written a finished campaign.
     """
-    made = make_report(directory)
+    _say(make_report(directory))
+
+
+def _say(made: Report) -> None:
     verdicts = made.claims["verdict"].value_counts().sort("verdict")
     console.print(
         "the paper's claims: " + ", ".join(f"{count} {word}" for word, count in verdicts.iter_rows())

@@ -97,7 +97,7 @@ PATHS: Mapping[str, pl.DataType] = {
 
 SWEEP: Mapping[str, pl.DataType] = {
     "parameter": pl.String(),
-    "value": pl.Float64(),
+    "value": pl.String(),
     "trajectory": pl.String(),
     "arm": pl.String(),
     "velocity_rms_mps": pl.Float64(),

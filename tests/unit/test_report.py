@@ -43,7 +43,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         }
     ).write_parquet(folder / "truth.parquet")
     pl.DataFrame(
-        [("virtual_beam_factor", 10.0, "straight", "vb", 0.1, 1.3, 19.9, None)],
+        [("virtual_beam_factor", "10", "straight", "vb", 0.1, 1.3, 19.9, None)],
         schema=dict(SWEEP),
         orient="row",
     ).write_parquet(folder / "sweep.parquet")

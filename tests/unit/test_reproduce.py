@@ -1,0 +1,59 @@
+"""The whole study in one call: campaign, sweep, report; resumed, the same bytes."""
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from bottomlock import reproduce as whole
+from bottomlock import sweep
+from bottomlock.campaign import Progress
+from bottomlock.schema import SWEEP, check
+from bottomlock.sweep import SETTINGS, Setting
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One trajectory, one value of each setting."""
+    monkeypatch.setattr(whole, "TRAJECTORIES", ("straight",))
+    few = tuple(Setting(s.parameter, s.values[-1:], s.arms[:1], s.change) for s in SETTINGS)
+    monkeypatch.setattr(sweep, "SETTINGS", few)
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.slow
+def test_an_interrupted_study_ends_as_an_uninterrupted_one(tmp_path: Path) -> None:
+    """Stopped in the middle of the sweep and resumed: the same page, byte for byte, but for the clock's words."""
+    total = whole.study_runs(12)
+    heard: dict[str, float] = {}
+
+    def hear(state: Progress) -> None:
+        heard[state.trajectory] = state.runs_done
+
+    whole.reproduce(tmp_path / "whole", runs=12, threads=1, tell=hear)
+    assert sum(heard.values()) == total
+
+    def stop(state: Progress) -> None:
+        if state.trajectory.startswith("sweep 3"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        whole.reproduce(tmp_path / "broken", runs=12, threads=2, tell=stop)
+    assert not (tmp_path / "broken" / "report.html").exists()
+    whole.reproduce(tmp_path / "broken", runs=12, threads=2)
+    for name in ("runs.parquet", "sweep.parquet", "tables/claims.parquet", "figures/velocity_straight.svg"):
+        assert (tmp_path / "broken" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.slow
+def test_every_setting_is_swept_and_moves_something(tmp_path: Path) -> None:
+    """A row for each value, trajectory and arm; each setting reaches the filter or the sea."""
+    made = whole.reproduce(tmp_path / "o", runs=10, threads=1)
+    table = check(pl.read_parquet(tmp_path / "o" / "sweep.parquet"), SWEEP, place="sweep")
+    assert table["parameter"].to_list() == [setting.parameter for setting in SETTINGS]
+    assert "n_f of VB" in made.page.read_text(encoding="utf-8")
+    main = pl.read_parquet(tmp_path / "o" / "ensemble.parquet").group_by("arm").last()
+    for row in table.iter_rows(named=True):
+        here = main.filter(pl.col("arm") == row["arm"])["velocity_rms_mps"][0]
+        assert row["velocity_rms_mps"] != pytest.approx(here, rel=1e-6), row["parameter"]
