@@ -18,6 +18,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock import kernel, stats
+from bottomlock.choices import choice_counts, merged
 from bottomlock.conditions import schedule
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.feedback import fly_on_estimates
@@ -25,7 +26,7 @@ from bottomlock.output import read_json, write_json, write_parquet
 from bottomlock.plant import Flight
 from bottomlock.plant.closed_loop import cross_track_m
 from bottomlock.scenario import Scenario
-from bottomlock.schema import FIXES_COUNTS, SAMPLES
+from bottomlock.schema import FIXES_COUNTS, PATHS, SAMPLES
 from bottomlock.trajectory import Truth
 from bottomlock.world import World, make_world, trajectory_key
 
@@ -34,6 +35,9 @@ CHUNK_STEPS = 6_000_000
 
 FLEET_VEHICLES = 512
 """Vehicles that fly on estimates side by side: more cost less each, and more is lost with an unfinished chunk."""
+
+
+_TIMES = ("sample_time_ns", "dvl_time_ns")
 
 
 @dataclass(frozen=True)
@@ -143,6 +147,8 @@ def _prepare(out: Path, worlds: Sequence[World], *, force: bool) -> None:
                 "runs.parquet",
                 "ensemble.parquet",
                 "consistency.parquet",
+                "choices.parquet",
+                "truth.parquet",
                 "manifest.json",
             ):
                 path = out / part
@@ -231,7 +237,7 @@ class _OnTruth:
                 self._offset_m, (chunk.runs, len(scenario.campaign.arms), len(self._offset_m))
             )
         )
-        return {**result, "cross_track_m": offset, "sample_time_ns": plan["sample_time_ns"]}
+        return {**result, "cross_track_m": offset, **{key: plan[key] for key in _TIMES}}
 
 
 class _OnEstimate:
@@ -286,14 +292,21 @@ def _fly(
                 first_run=chunk.first_run,
                 sample_time_ns=result["sample_time_ns"],
             )
+            choices = choice_counts(
+                result["choice"],
+                trajectory=scenario.name,
+                arms=scenario.campaign.arms,
+                dvl_time_ns=result["dvl_time_ns"],
+            )
             # The counts come last: a chunk is finished when they are there.
             write_parquet(folder / f"samples-{chunk.stem}", samples)
+            write_parquet(folder / f"choices-{chunk.stem}", choices)
             write_parquet(counts_path, counts)
             clock.batch_s += time.perf_counter() - started
         tell(Progress(scenario.name, chunk.first_run + chunk.runs, scenario.campaign.runs))
 
 
-def _tables(scenario: Scenario, folder: Path) -> tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]:
+def _tables(scenario: Scenario, folder: Path) -> tuple[pl.DataFrame, ...]:
     """Statistics of one scenario from its chunks; only the norms are held in memory."""
     stems = [chunk.stem for chunk in _chunks(scenario)]
     norms = pl.concat([stats.error_norms(pl.read_parquet(folder / f"samples-{stem}")) for stem in stems])
@@ -303,7 +316,20 @@ def _tables(scenario: Scenario, folder: Path) -> tuple[pl.DataFrame, pl.DataFram
         stats.runs_table(norms, counts),
         stats.ensemble_table(norms),
         stats.consistency_table(norms, full_degrees=degrees),
+        merged([pl.read_parquet(folder / f"choices-{stem}") for stem in stems]),
     )
+
+
+def _paths(worlds: Sequence[World]) -> pl.DataFrame:
+    """Where the vehicle is each second on the truth (`schema.PATHS`); runs that fly on the estimate go astray of it."""
+    parts = []
+    for world in worlds:
+        truth = world.truth()
+        every = slice(None, None, max(1, round(world.scenario.imu.rate_hz)))
+        north, east, depth = truth.position_t_m[every].T
+        columns = {"time_ns": truth.time_ns[every], "north_m": north, "east_m": east, "depth_m": depth}
+        parts.append(pl.DataFrame(columns).with_columns(pl.lit(world.scenario.name).alias("trajectory")))
+    return pl.concat(parts).select(list(PATHS))
 
 
 def run_campaign(
@@ -343,10 +369,12 @@ def run_campaign(
         folder = out / "chunks" / world.scenario.name
         _fly(world, folder, clock, threads=threads, tell=tell)
         parts.append(_tables(world.scenario, folder))
-    runs, ensemble, consistency = (pl.concat(tables) for tables in zip(*parts, strict=True))
+    runs, ensemble, consistency, choices = (pl.concat(tables) for tables in zip(*parts, strict=True))
     write_parquet(out / "runs.parquet", runs)
     write_parquet(out / "ensemble.parquet", ensemble)
     write_parquet(out / "consistency.parquet", consistency)
+    write_parquet(out / "choices.parquet", choices)
+    write_parquet(out / "truth.parquet", _paths(worlds))
     manifest = _manifest(worlds, clock, status="complete", threads=threads)
     write_json(out / "manifest.json", manifest)
     return Results(runs=runs, ensemble=ensemble, consistency=consistency, manifest=manifest)
