@@ -7,7 +7,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock import campaign
+from bottomlock import plan
 from bottomlock.campaign import Progress, run_campaign
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.scenario import Scenario, load_scenario
@@ -25,7 +25,7 @@ def short(runs: int = 5, name: str = "straight") -> Scenario:
 @pytest.fixture
 def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runs a chunk."""
-    monkeypatch.setattr(campaign, "CHUNK_STEPS", 2 * 1501 * 3)
+    monkeypatch.setattr(plan, "CHUNK_STEPS", 2 * 1501 * 3)
 
 
 def same_tables(one: Path, two: Path) -> None:
@@ -74,7 +74,7 @@ def test_bits_do_not_depend_on_threads_or_interruption(tmp_path: Path) -> None:
 def test_chunk_size_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Any cutting gives the same tables."""
     run_campaign([short()], tmp_path / "whole", threads=1)
-    monkeypatch.setattr(campaign, "CHUNK_STEPS", 1)
+    monkeypatch.setattr(plan, "CHUNK_STEPS", 1)
     run_campaign([short()], tmp_path / "single", threads=1)
     same_tables(tmp_path / "whole", tmp_path / "single")
 
@@ -128,7 +128,7 @@ def test_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, f
 
 def test_progress_counts_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each chunk is told once, in order."""
-    monkeypatch.setattr(campaign, "CHUNK_STEPS", 2 * 1501 * 3)
+    monkeypatch.setattr(plan, "CHUNK_STEPS", 2 * 1501 * 3)
     heard: list[float] = []
     listen: Callable[[Progress], None] = lambda state: heard.append(state.runs_done)  # noqa: E731
     run_campaign([short()], tmp_path / "o", threads=1, tell=listen)
