@@ -149,7 +149,12 @@ def nees_band(degrees: int, runs: int, probability: float = 0.95) -> tuple[float
 
 
 def consistency_rows(
-    trajectory: str, arm: str, nees_at_time: Mapping[str, NDArray[np.float64]], *, runs: int, full_degrees: int
+    trajectory: str,
+    arm: str,
+    nees_at_time: Mapping[str, NDArray[np.float64]],
+    *,
+    runs: int,
+    full_degrees: int,
 ) -> pl.DataFrame:
     """A row per kind of NEES of one arm (`schema.CONSISTENCY`).
 

@@ -1,6 +1,6 @@
-"""From chunks on disk to tables, in memory that does not grow with the number of runs times arms."""
+"""From chunks on disk to tables, one arm in memory at a time."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,13 +10,13 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock import stats
+from bottomlock.blocks import open_blocks
 from bottomlock.directory import MANIFEST, TABLES, read_counts, read_samples
 from bottomlock.errors import DataError
 from bottomlock.output import write_json, write_parquet
-from bottomlock.plan import Plan
+from bottomlock.plan import Plan, Span
 
-VALUES_HELD = 32_000_000
-"""Error norms in memory at a time, 256 MB; more takes further passes over the chunks."""
+_NEES = ("nees", "nees_velocity_attitude")
 
 Tables = tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame]
 
@@ -53,16 +53,24 @@ def finish(out: Path, plans: Sequence[Plan], manifest: dict[str, Any]) -> Result
 
 
 def _tables(out: Path, plan: Plan) -> Tables:
-    """The tables of one scenario: runs chunk by chunk, what goes over the runs block by block."""
-    runs, time_ns = _runs(out, plan)
-    ensemble: list[list[pl.DataFrame]] = [[] for _ in plan.arms]
-    nees: list[list[NDArray[np.float64]]] = [[] for _ in plan.arms]
-    for arms, times in _blocks(plan, len(time_ns)):
-        block = _norms(out, plan, arms, times, len(time_ns))
-        for k, values in zip(range(arms.start, arms.stop), block, strict=True):
-            errors = dict(zip(stats.NORMS, values, strict=True))
-            ensemble[k].append(stats.ensemble_rows(plan.name, plan.arms[k], time_ns[times], errors))
-            nees[k].append(np.stack([errors[name].mean(axis=0) for name in _NEES]))
+    """The tables of one scenario: runs chunk by chunk, what goes over the runs arm by arm."""
+    runs: list[pl.DataFrame] = []
+    spans = plan.spans()
+    time_ns = _times(read_samples(out, plan, spans[0]), plan, spans[0])
+    ensemble: list[pl.DataFrame] = []
+    nees: dict[str, list[NDArray[np.float64]]] = {arm: [] for arm in plan.arms}
+    with open_blocks(out, plan, len(time_ns)) as blocks:
+        for span in spans:
+            samples = read_samples(out, plan, span)
+            if not np.array_equal(_times(samples, plan, span), time_ns):
+                raise DataError(f"{out}: chunk {span.stem} of {plan.name} has other times than the first one")
+            norms = stats.error_norms(samples)
+            runs.append(stats.runs_table(norms, read_counts(out, plan, span)))
+            blocks.put(span, norms)
+        for block in blocks.blocks:
+            arm, errors = plan.arms[block.arm], blocks.get(block)
+            ensemble.append(stats.ensemble_rows(plan.name, arm, time_ns[block.times], errors))
+            nees[arm].append(np.stack([errors[name].mean(axis=0) for name in _NEES]))
     consistency = [
         stats.consistency_rows(
             plan.name,
@@ -71,53 +79,11 @@ def _tables(out: Path, plan: Plan) -> Tables:
             runs=plan.runs,
             full_degrees=plan.nees_degrees,
         )
-        for arm, means in zip(plan.arms, nees, strict=True)
+        for arm, means in nees.items()
     ]
-    return runs, pl.concat([part for parts in ensemble for part in parts]), pl.concat(consistency)
+    return pl.concat(runs), pl.concat(ensemble), pl.concat(consistency)
 
 
-_NEES = ("nees", "nees_velocity_attitude")
-
-
-def _runs(out: Path, plan: Plan) -> tuple[pl.DataFrame, NDArray[np.int64]]:
-    """The table of runs, and the times of the samples, which all chunks share."""
-    parts: list[pl.DataFrame] = []
-    shared: NDArray[np.int64] | None = None
-    for span in plan.spans():
-        samples = read_samples(out, plan, span)
-        time_ns = samples["time_ns"].head(samples.height // (span.runs * len(plan.arms))).to_numpy()
-        if shared is not None and not np.array_equal(time_ns, shared):
-            raise DataError(f"{out}: chunk {span.stem} of {plan.name} has other times than those before it")
-        shared = time_ns
-        parts.append(stats.runs_table(stats.error_norms(samples), read_counts(out, plan, span)))
-    assert shared is not None
-    return pl.concat(parts), shared
-
-
-def _blocks(plan: Plan, times: int) -> Iterator[tuple[slice, slice]]:
-    """Arms and times whose norms are held together: whole arms if one fits, else an arm's times in parts.
-
-    The cutting depends on the scenario alone, so that the last bit does not depend on the machine's memory.
-    """
-    per_time = len(stats.NORMS) * plan.runs
-    arms_at_once = VALUES_HELD // (per_time * times)
-    times_at_once = times if arms_at_once else max(1, VALUES_HELD // per_time)
-    arms_at_once = max(1, arms_at_once)
-    for arm in range(0, len(plan.arms), arms_at_once):
-        for time in range(0, times, times_at_once):
-            yield (
-                slice(arm, min(arm + arms_at_once, len(plan.arms))),
-                slice(time, min(time + times_at_once, times)),
-            )
-
-
-def _norms(out: Path, plan: Plan, arms: slice, times: slice, all_times: int) -> NDArray[np.float64]:
-    """Error norms of all runs, (arms, norms, runs, times)."""
-    held = np.empty((arms.stop - arms.start, len(stats.NORMS), plan.runs, times.stop - times.start))
-    for span in plan.spans():
-        norms = stats.error_norms(read_samples(out, plan, span))
-        shape = (span.runs, len(plan.arms), all_times)
-        for k, name in enumerate(stats.NORMS):
-            chunk = norms[name].to_numpy().reshape(shape)[:, arms, times]
-            held[:, k, span.first_run : span.first_run + span.runs] = chunk.swapaxes(0, 1)
-    return held
+def _times(samples: pl.DataFrame, plan: Plan, span: Span) -> NDArray[np.int64]:
+    """Times of the samples of each run and arm."""
+    return samples["time_ns"].head(samples.height // (span.runs * len(plan.arms))).to_numpy()
