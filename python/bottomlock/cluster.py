@@ -104,9 +104,12 @@ class DaskEngine:
 
     def _done(self, futures: list[Any]) -> Iterator[Any]:
         try:
-            yield from wait(futures, timeout=POLL_S, return_when="FIRST_COMPLETED").done
+            with self._client.as_current():
+                done = wait(futures, timeout=POLL_S, return_when="FIRST_COMPLETED").done
         except TimeoutError:
             self._look_after()
+        else:
+            yield from done
 
     def _look_after(self) -> None:
         """Gives up when there has been no worker for long."""
@@ -163,7 +166,8 @@ def open_cluster(scheduler: str | None, *, workers: int) -> Iterator[DaskEngine]
                 processes=True,
                 dashboard_address=None,
                 memory_limit=0,
-                silence_logs=logging.ERROR,
+                # What matters comes back as an exception.
+                silence_logs=logging.CRITICAL,
             ) as cluster,
             Client(cluster, set_as_default=False) as client,
         ):
@@ -171,10 +175,8 @@ def open_cluster(scheduler: str | None, *, workers: int) -> Iterator[DaskEngine]
         return
     try:
         client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise EngineError(
-            f"scheduler {scheduler}: does not answer ({str(error).splitlines()[0]}); expected such as tcp://host:8786"
-        ) from error
+    except OSError as error:
+        raise EngineError(f"scheduler {scheduler}: does not answer ({str(error).splitlines()[0]})") from error
     with client:
         try:
             client.wait_for_workers(1, timeout=PATIENCE_S)

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from functools import partial
 from importlib.util import find_spec
 from typing import Protocol
+from urllib.parse import urlsplit
 
 from bottomlock.chunks import Chunk, Flown, fly_chunk
 from bottomlock.errors import EngineError
@@ -46,10 +47,20 @@ def check_engine(name: str, *, threads: int = 0, scheduler: str | None = None) -
         raise EngineError(f"engine '{name}' is not known, expected {' or '.join(ENGINES)}")
     if scheduler is not None and name != "dask":
         raise EngineError(f"scheduler {scheduler} is given with engine '{name}': only dask has schedulers")
+    if scheduler is not None and not _is_address(scheduler):
+        raise EngineError(f"scheduler '{scheduler}': expected an address such as tcp://host:8786")
     if scheduler is not None and threads:
         raise EngineError(f"threads are given with scheduler {scheduler}, whose workers bring their own")
     if name == "dask" and find_spec("distributed") is None:
         raise EngineError("engine 'dask' needs the package distributed: pip install 'bottomlock[dask]'")
+
+
+def _is_address(text: str) -> bool:
+    try:
+        parts = urlsplit(text)
+        return parts.scheme in {"tcp", "tls"} and bool(parts.hostname) and parts.port is not None
+    except ValueError:
+        return False
 
 
 @contextmanager
