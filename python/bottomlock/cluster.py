@@ -164,7 +164,8 @@ def open_cluster(scheduler: str | None, *, workers: int) -> Iterator[DaskEngine]
                 n_workers=workers or CPU_COUNT,
                 threads_per_worker=1,
                 processes=True,
-                dashboard_address=None,
+                # Any free port, for this machine alone: campaigns side by side do not quarrel over one.
+                dashboard_address="127.0.0.1:0",
                 memory_limit=0,
                 # What matters comes back as an exception.
                 silence_logs=logging.CRITICAL,
