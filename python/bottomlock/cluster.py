@@ -6,6 +6,7 @@ time: the scheduler gives them to another one.
 """
 
 import logging
+import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dask.system import CPU_COUNT
-from distributed import Client, LocalCluster, wait
+from distributed import Client, LocalCluster, Worker, WorkerPlugin, wait
 
 from bottomlock import kernel
 from bottomlock.chunks import Chunk, Flown, fly_chunk
@@ -147,6 +148,13 @@ class DaskEngine:
         return answer.flown
 
 
+class _Deaf(WorkerPlugin):  # type: ignore[misc] # distributed is untyped
+    """A worker that leaves Ctrl-C to the client, which then closes it, instead of dying aloud."""
+
+    def setup(self, worker: Worker) -> None:  # noqa: ARG002 - as distributed calls it
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def _words(versions: dict[str, str]) -> str:
     return ", ".join(f"{name} {version}" for name, version in versions.items())
 
@@ -172,6 +180,7 @@ def open_cluster(scheduler: str | None, *, workers: int) -> Iterator[DaskEngine]
             ) as cluster,
             Client(cluster, set_as_default=False) as client,
         ):
+            client.register_plugin(_Deaf())
             yield DaskEngine(client, "the local cluster")
         return
     try:

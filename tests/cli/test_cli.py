@@ -1,8 +1,11 @@
 """The command as a new user runs it, with mistakes."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +100,29 @@ def test_the_dask_engine_on_this_machine(tmp_path: Path) -> None:
     for name in ("runs", "ensemble", "consistency"):
         one, two = (tmp_path / folder / f"{name}.parquet" for folder in ("plain", "cluster"))
         assert one.read_bytes() == two.read_bytes(), name
+
+
+@pytest.mark.slow
+def test_ctrl_c_on_a_cluster_of_this_machine(tmp_path: Path) -> None:
+    """The terminal sends it to all processes: one line about it, and finished chunks are kept."""
+    pytest.importorskip("distributed", reason="not installed: pip install 'bottomlock[dask]'")
+    call = ["run", "straight", "--runs", "5000", "--engine", "dask", "--threads", "2", "--out", "o"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "bottomlock", *call],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    while not list(tmp_path.glob("o/chunks/straight/counts-*")) and process.poll() is None:
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert stdout == ""
+    (line,) = (line for line in stderr.splitlines() if "runs/s" not in line)
+    assert line == "interrupted; finished chunks are kept in o: the same command resumes"
 
 
 def test_scenarios_lists_and_copies(tmp_path: Path) -> None:
