@@ -65,17 +65,8 @@ def run_campaign(
         EngineError: for an engine that is not there or breaks down.
         KernelError: for input that the kernel refuses, naming run and arm.
     """
-    worlds = _worlds(scenarios)
-    clock = Clock()
-
-    def manifest(status: str) -> dict[str, Any]:
-        return describe(worlds, status=status, threads=threads, engine=engine, shard=None, clock=clock)
-
-    with open_engine(engine, threads=threads, scheduler=scheduler) as opened:
-        prepare(out, configuration_hash(worlds), force=force)
-        write_json(out / MANIFEST, manifest("running"))
-        _fly(_chunks(worlds), out, opened, clock, tell)
-    return finish(out, [Plan.of(world.scenario) for world in worlds], manifest("complete"))
+    plans, manifest = _flown(scenarios, out, None, threads, engine, scheduler, force=force, tell=tell)
+    return finish(out, plans, manifest("complete"))
 
 
 def run_shard(
@@ -97,19 +88,36 @@ def run_shard(
     Returns:
         The manifest.
     """
+    _, manifest = _flown(scenarios, out, shard, threads, engine, scheduler, force=force, tell=tell)
+    finished = manifest("shard")
+    write_json(out / MANIFEST, finished)
+    return finished
+
+
+def _flown(
+    scenarios: Sequence[Scenario],
+    out: Path,
+    shard: Shard | None,
+    threads: int,
+    engine: str,
+    scheduler: str | None,
+    *,
+    force: bool,
+    tell: Callable[[Progress], None],
+) -> tuple[list[Plan], Callable[[str], dict[str, Any]]]:
+    """Flies what is not there yet; returns the plans, and the manifest for a status."""
     worlds = _worlds(scenarios)
     clock = Clock()
 
     def manifest(status: str) -> dict[str, Any]:
         return describe(worlds, status=status, threads=threads, engine=engine, shard=shard, clock=clock)
 
+    # The engine comes first: nothing is written, let alone removed, for a cluster that is not there.
     with open_engine(engine, threads=threads, scheduler=scheduler) as opened:
         prepare(out, configuration_hash(worlds), shard=shard, force=force)
         write_json(out / MANIFEST, manifest("running"))
         _fly(_chunks(worlds, shard), out, opened, clock, tell)
-    finished = manifest("shard")
-    write_json(out / MANIFEST, finished)
-    return finished
+    return [Plan.of(world.scenario) for world in worlds], manifest
 
 
 def runs_to_fly(scenarios: Sequence[Scenario], shard: Shard | None = None) -> int:

@@ -31,12 +31,15 @@ def prepare(out: Path, configuration: str, *, shard: Shard | None = None, force:
         DataError: for a manifest that cannot be read.
     """
     try:
-        if out.is_dir():
-            _sweep_up(out)
-        occupied = out.exists() and (not out.is_dir() or any(out.iterdir()))
+        # A manifest that was never finished is all that a process leaves that is ended at once: as good as empty.
+        unfinished = set(out.glob(f".{MANIFEST}.*.part"))
+        occupied = out.exists() and (
+            not out.is_dir() or any(path not in unfinished for path in out.iterdir())
+        )
     except OSError as error:
         raise OutputError(f"{out}: cannot be read ({error.strerror})") from error
     if not occupied:
+        _sweep_up(out)
         return
     manifest = read_json(out / MANIFEST) if out.is_dir() else None
     if manifest is None or "configuration_hash" not in manifest:
@@ -44,6 +47,7 @@ def prepare(out: Path, configuration: str, *, shard: Shard | None = None, force:
     other = _difference(manifest, configuration, shard)
     if other is not None and not force:
         raise OutputError(f"{out}: holds {other}; choose another directory or use --force to start over")
+    _sweep_up(out)
     if force:
         for part in _OURS:
             path = out / part

@@ -82,6 +82,15 @@ def test_ended_before_the_manifest_was_there(tmp_path: Path) -> None:
     assert [path.name for path in out.glob(".*")] == []
 
 
+def test_a_stranger_s_hidden_files_stay(tmp_path: Path) -> None:
+    """Nothing is swept up in a directory that is not ours, whatever its files are called."""
+    theirs = tmp_path / ".runs.parquet.4711.part"
+    theirs.write_text("not ours", encoding="utf-8")
+    with pytest.raises(OutputError, match="holds no campaign of ours"):
+        run_campaign([short()], tmp_path, threads=1, force=True)
+    assert theirs.exists()
+
+
 def test_what_is_found_is_told_apart(tmp_path: Path) -> None:
     """A bar has to know which runs were there before, or it promises too much."""
     heard: list[Progress] = []
