@@ -304,6 +304,10 @@ def fix(
     console.print(f"wrote {out}")
 
 
+# By name: they are imported when they are called for, and the other commands start without them.
+app.command("bottomlock.studies:masks", name="masks")
+
+
 def _fail(message: str) -> NoReturn:
     for line in message.splitlines():
         errors.print(f"bottomlock: {line}", markup=False)
