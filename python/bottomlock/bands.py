@@ -2,8 +2,6 @@
 
 from scipy.stats import chi2
 
-from bottomlock.stats import nees_band
-
 CONSISTENT, OVERCONFIDENT, CAUTIOUS = "consistent", "overconfident", "too cautious"
 VERDICTS = (CONSISTENT, OVERCONFIDENT, CAUTIOUS)
 
@@ -20,6 +18,20 @@ def each_probability(false_alarm: float, tests: int) -> float:
     if not 0.0 < false_alarm < 1.0 or tests < 1:
         raise ValueError(f"false alarm {false_alarm} of {tests} tests, expected 0 to 1 of one or more")
     return 1.0 - false_alarm / tests
+
+
+def mean_band(degrees: float, values: int, probability: float) -> tuple[float, float]:
+    """Band of the mean of independent chi-squared values: `values` times the mean has `degrees` · `values` degrees.
+
+    `degrees` may be a mean where the number of rows differs from value to value.
+
+    >>> low, high = mean_band(6, 200, 0.95)
+    >>> round(low, 2), round(high, 2)
+    (5.53, 6.49)
+    """
+    tails = (0.5 * (1.0 - probability), 0.5 * (1.0 + probability))
+    low, high = chi2.ppf(tails, degrees * values) / values
+    return float(low), float(high)
 
 
 def verdict(low: float, least: float, greatest: float, high: float) -> str:
@@ -42,5 +54,5 @@ def detectable_factor(degrees: int, runs: int, probability: float, power: float 
     >>> round(detectable_factor(6, 100, 0.95), 3)
     1.202
     """
-    _, high = nees_band(degrees, runs, probability)
+    _, high = mean_band(degrees, runs, probability)
     return float(high * runs / chi2.ppf(1.0 - power, degrees * runs))

@@ -305,7 +305,8 @@ def fix(
 
 
 # By name: they are imported when they are called for, and the other commands start without them.
-app.command("bottomlock.studies:masks", name="masks")
+app.command("bottomlock.studies:masks", name="masks", help="Flies every partial mask, dropouts and a slope.")
+app.command("bottomlock.studies:certify", name="certify", help="Writes the honesty certificate.")
 
 
 def _fail(message: str) -> NoReturn:

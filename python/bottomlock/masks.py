@@ -75,10 +75,15 @@ def configuration(scenarios: Sequence[Scenario]) -> str:
     )
 
 
-def mean_beams(case: cases.Case, runs: int) -> float:
+def mean_beams(case: cases.Case) -> float:
     """Beams that return per ping, on average over the way and the runs."""
     world = make_world(case.scenario)
-    plan = schedule(world, world.truth(), trajectory_key=trajectory_key(case.scenario.name), runs=runs)
+    plan = schedule(
+        world,
+        world.truth(),
+        trajectory_key=trajectory_key(case.scenario.name),
+        runs=case.scenario.campaign.runs,
+    )
     return float(plan["beam_valid"].sum(axis=-1).mean())
 
 

@@ -46,6 +46,11 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
     _write(path, lambda temporary: _write_text(temporary, text))
 
 
+def write_text(path: Path, text: str) -> None:
+    """Text in UTF-8, whole or not at all."""
+    _write(path, lambda temporary: _write_text(temporary, text))
+
+
 def _write_text(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8")
 

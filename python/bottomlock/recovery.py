@@ -16,7 +16,6 @@ from bottomlock import bands, cases, study
 from bottomlock.errors import ScenarioError
 from bottomlock.output import write_parquet
 from bottomlock.scenario import Scenario
-from bottomlock.stats import nees_band
 from bottomlock.stepping import Fix, Readings
 from bottomlock.trajectory import Truth
 from bottomlock.world import World, make_world
@@ -193,7 +192,7 @@ def summary(table: pl.DataFrame) -> pl.DataFrame:
         allowed = int(binom.ppf(each, runs, by_run["jump_chance"].mean()))
         nis = group.group_by("epoch").agg(pl.col("nis").mean(), pl.col("degrees").mean()).sort("epoch")
         degrees = round(float(nis["degrees"].to_numpy().mean()))
-        low, high = nees_band(degrees, runs, each)
+        low, high = bands.mean_band(degrees, runs, each)
         means = dict(zip(nis["epoch"].to_list(), nis["nis"].to_list(), strict=True))
         back = _back_at([low <= means.get(epoch, np.nan) <= high for epoch in range(1, EPOCHS + 1)])
         rows.append(

@@ -1,11 +1,12 @@
 """The commands `bottomlock masks` and `bottomlock certify`: studies over many campaigns."""
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import polars as pl
 from cyclopts import Parameter
 from rich import box
@@ -14,8 +15,12 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from bottomlock import masks as mask_study
-from bottomlock import recovery, study
+from bottomlock import bands, recovery, study
+from bottomlock import certify as certificate_study
+from bottomlock.cases import VARYING
+from bottomlock.certificate import arms_summary
 from bottomlock.errors import ScenarioError
+from bottomlock.expected import departures, read_expectations
 from bottomlock.scenario import Scenario, load_scenario
 
 console = Console(stderr=False)
@@ -40,9 +45,7 @@ def _load(
         raise ScenarioError("no scenario is named; `bottomlock scenarios` lists those that ship")
     if threads < 0:
         raise ScenarioError(f"--threads is {threads}, expected 0 or more")
-    loaded = [
-        load_scenario(name).with_overrides(runs=runs, seed=seed, arms=_split(arms)) for name in names
-    ]
+    loaded = [load_scenario(name).with_overrides(runs=runs, seed=seed, arms=_split(arms)) for name in names]
     found = [scenario.name for scenario in loaded]
     if len(set(found)) != len(found):
         raise ScenarioError(f"expected scenarios of different names, got {found}")
@@ -60,10 +63,13 @@ def _progress(out: Path) -> Iterator[Progress]:
         raise
 
 
-def _number(value: float | None, digits: int) -> str:
-    if value is None:
+def _number(value: float | None, digits: int = 3) -> str:
+    """Three digits or so, in six places at the most."""
+    if value is None or not np.isfinite(value):
         return "-"
-    return f"{value:.{digits}f}" if abs(value) < 1e4 else f"{value:.0e}"
+    if abs(value) >= 1e4:
+        return f"{value:.0e}".replace("e+0", "e").replace("e+", "e")
+    return f"{value:.{max(0, digits - int(np.log10(max(1.0, abs(value)))))}f}"
 
 
 def _table(title: str, left: Sequence[str], right: Sequence[str]) -> Table:
@@ -75,27 +81,30 @@ def _table(title: str, left: Sequence[str], right: Sequence[str]) -> Table:
     return table
 
 
-def mask_tables(table: pl.DataFrame) -> Iterator[Table]:
-    """A table per trajectory and case, narrow enough for 80 columns."""
+_SHORT = {bands.CONSISTENT: "good", bands.OVERCONFIDENT: "over", bands.CAUTIOUS: "cautious"}
+
+
+def mask_tables(table: pl.DataFrame, returning: Mapping[tuple[str, str], float]) -> Iterator[Table]:
+    """A table per trajectory and case, narrow enough for 80 columns; `returning` has the mean beams of varying cases."""
     for (trajectory, case, beams), rows in table.group_by("trajectory", "case", "beams", maintain_order=True):
-        title = (
-            f"{trajectory}, {case}" if beams == "varying" else f"{trajectory}, beams {beams}"
-        ) + ": RMS over runs at the end"
+        mean = returning.get((str(trajectory), str(case)))
+        what = f"beams {beams}" if mean is None else f"{case} ({mean:.1f} beams a ping)"
+        title = f"{trajectory}, {what}: RMS over runs at the end"
         shown = _table(title, ["arm"], ["v m/s", "95 %", "att deg", "pos m", "NEES", "NEES 6", "rej %"])
         shown.add_column("verdict", no_wrap=True)
         for row in rows.iter_rows(named=True):
-            low, high = (_number(row[f"velocity_rms_{end}_mps"], 2) for end in ("lo", "hi"))
+            low, high = (_number(row[f"velocity_rms_{end}_mps"]) for end in ("lo", "hi"))
             rejected = row["rejected_part"]
             shown.add_row(
                 row["arm"],
-                _number(row["velocity_rms_mps"], 3),
-                f"{low}..{high}",
+                _number(row["velocity_rms_mps"]),
+                f"{low} .. {high}",
                 _number(row["attitude_rms_deg"], 2),
-                _number(row["position_rms_m"], 1),
+                _number(row["position_rms_m"], 2),
                 _number(row["nees_mean"], 1),
                 _number(row["nees_velocity_attitude_mean"], 1),
                 "-" if rejected is None else f"{100.0 * rejected:.1f}",
-                row["verdict"],
+                _SHORT[row["verdict"]],
             )
         yield shown
 
@@ -146,8 +155,7 @@ def masks(
         Packaged names (see `bottomlock scenarios`) or TOML files, one or more.
     """
     loaded = _load(scenario, runs, seed, arms, threads)
-    for one in loaded:
-        mask_study.select(mask_study.all_cases(one), _split(cases))
+    chosen = [mask_study.select(mask_study.all_cases(one), _split(cases)) for one in loaded]
     outages = _split(cases) is None and all(recovery.two_beam_outages(one) for one in loaded)
     configuration = mask_study.configuration(loaded)
     study.claim(out, mask_study.KIND, configuration, parts=mask_study.PARTS, force=force)
@@ -165,9 +173,18 @@ def masks(
 
         table = mask_study.run_masks(loaded, out, wanted=_split(cases), threads=threads, tell=flown)
         summary = recovery.run_recovery(loaded, out, tell=back)[1] if outages else None
-    for shown in mask_tables(table):
+    returning = {
+        (case.scenario.name, case.name): mask_study.mean_beams(case)
+        for found in chosen
+        for case in found
+        if case.beams == VARYING
+    }
+    for shown in mask_tables(table, returning):
         console.print(shown)
-    console.print("NEES: whole state (20, or 15 without the DVL's); NEES 6: velocity and attitude; verdict on it.")
+    console.print(
+        "NEES is that of the whole state, NEES 6 of velocity and attitude; the verdict is on the latter: good "
+        "(consistent), over(confident) or too cautious."
+    )
     if summary is not None:
         for shown in recovery_tables(summary):
             console.print(shown)
@@ -181,3 +198,80 @@ def masks(
     )  # fmt: skip
     console.print(f"tables in {out}")
     sys.stdout.flush()
+
+
+TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
+
+
+def certify(
+    *scenario: str,
+    out: Out,
+    runs: Annotated[int, Parameter(help="Number of runs of each cell.")] = 100,
+    seed: Seed = None,
+    threads: Threads = 0,
+    arms: Arms = None,
+    masks: Annotated[
+        str | None, Parameter(help="Sets of returning beams, such as 1234,123,12; every one by default.")
+    ] = None,
+    asserted: Annotated[
+        Path | None,
+        Parameter(name="--assert", help="TOML file of expected verdicts: a departure ends with exit code 1."),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Writes the honesty certificate: arms x masks x trajectories, NEES and NIS with verdicts.
+
+    Parameters
+    ----------
+    scenario
+        Packaged names or TOML files; the three trajectories of the paper by default.
+    """
+    expectations = None if asserted is None else read_expectations(asserted)
+    loaded = _load(scenario or TRAJECTORIES, runs, seed, arms, threads)
+    if len({one.dvl.beams for one in loaded}) != 1:
+        raise ScenarioError("expected scenarios whose instruments have the same number of beams")
+    sets = certificate_study.parse_masks(masks, loaded[0].dvl.beams)
+    given = {"--runs": runs, "--seed": seed, "--arms": arms, "--masks": masks}
+    options = " ".join(f"{name} {value}" for name, value in given.items() if value is not None)
+    command = " ".join(["bottomlock certify", *scenario, "--out DIR", options])
+    configuration = certificate_study.configuration(loaded, sets)
+    study.claim(out, certificate_study.KIND, configuration, parts=certificate_study.PARTS, force=force)
+    with _progress(out) as progress:
+        task = progress.add_task("", total=None)
+
+        def finished(cell: str, done: int, total: int) -> None:
+            progress.update(task, description=cell, completed=done, total=total)
+
+        table = certificate_study.certify(loaded, sets, out, command=command, threads=threads, tell=finished)
+    study.write_manifest(out, certificate_study.KIND, configuration, status="complete", command=command)
+    console.print(arms_table(table))
+    console.print(
+        "Cells consistent / overconfident / too cautious; certified where all three are consistent."
+    )
+    console.print(
+        f"false-alarm rate of the whole: {certificate_study.FALSE_ALARM:.0%}; certificate.md in {out}"
+    )
+    if expectations is not None:
+        found = departures(table, expectations)
+        for line in found:
+            errors.print(f"bottomlock: {line}", markup=False)
+        if found:
+            sys.exit(EXIT_DEPARTURE)
+        console.print("every verdict is as expected")
+
+
+EXIT_DEPARTURE = 1
+
+
+def arms_table(table: pl.DataFrame) -> Table:
+    """The summary of a certificate, an arm a line."""
+    shown = _table("Honesty certificate", ["arm"], ["cells", "certified", "NEES 6", "NEES", "NIS"])
+    for row in arms_summary(table).iter_rows(named=True):
+        counts = [
+            " / ".join(
+                str(row[f"{quantity}_{part}"] or 0) for part in ("consistent", "overconfident", "cautious")
+            )
+            for quantity in ("nees_velocity_attitude", "nees", "nis")
+        ]
+        shown.add_row(row["arm"], str(row["cells"]), str(row["certified"]), *counts)
+    return shown

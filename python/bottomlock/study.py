@@ -50,7 +50,8 @@ def claim(out: Path, kind: str, configuration: str, *, parts: Iterable[str], for
                 f"{out}: is not empty and holds no {kind} study of ours; choose another directory"
             )
         same = (
-            manifest.get("configuration_hash") == configuration and manifest.get("version") == kernel_version()
+            manifest.get("configuration_hash") == configuration
+            and manifest.get("version") == kernel_version()
         )
         if not same and not force:
             raise OutputError(
