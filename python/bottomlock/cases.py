@@ -18,8 +18,8 @@ MEAN_UP_S, MEAN_DOWN_S = 20.0, 10.0
 """Dropouts of every beam by itself: two thirds of the time up, and every mask occurs, now and then that without any."""
 
 SLOPE_BELOW_START_M = 48.0
-SLOPE_NORTH_DEG, SLOPE_EAST_DEG = 2.0, 12.0
-SLOPE_MAX_RANGE_M, SLOPE_MAX_INCIDENCE_DEG = 64.0, 70.0
+SLOPE_NORTH_DEG, SLOPE_EAST_DEG = 1.0, 12.0
+SLOPE_MAX_RANGE_M, SLOPE_MAX_INCIDENCE_DEG = 60.0, 70.0
 """A seabed that falls away to the east and a little to the north: downhill beams go out of range first. The altitude is
 chosen so that each packaged trajectory begins with four beams and loses some on its way."""
 

@@ -1,8 +1,8 @@
 """The consistency matrix: arms x masks x trajectories, NEES and NIS against chi-squared bands at one false-alarm rate.
 
-NEES at neighbouring times of a run is nearly the same number, so a mean over time has no chi-squared band. It is judged at a
-few fixed times, each against the exact band of a mean over independent runs; all bands of the matrix together are widened by
-Bonferroni's inequality, which holds for any dependence between times, arms, masks and trajectories.
+NEES at neighbouring times of a run is nearly the same number, so a mean over time has no chi-squared band. It is judged
+at a few fixed times, each against the exact band of a mean over independent runs; the bands of the whole matrix are
+widened by Bonferroni's inequality, which holds for any dependence between times, arms, masks and trajectories.
 """
 
 from collections.abc import Callable, Sequence
@@ -152,7 +152,7 @@ def fly_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame
     model: Any = scenario.kernel_model(world.gravity_mps2)
     options: Any = scenario.kernel_options()
     arrays: Any = truth.kernel_arrays()
-    batch = kernel.run_batch(
+    batch: Any = kernel.run_batch(
         world.geometry, arrays, model, model, options, plan, arms,
         seed=scenario.campaign.seed, trajectory_key=key, first_run=0, runs=runs, threads=threads,
     )  # fmt: skip
@@ -162,7 +162,7 @@ def fly_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame
     for index, arm in enumerate(arms):
         place = (scenario.name, case.beams, arm)
         for quantity, degrees in (("nees_velocity_attitude", 6), ("nees", full)):
-            values = batch[quantity][:, index].mean(axis=0)  # type: ignore[literal-required]
+            values = batch[quantity][:, index].mean(axis=0)
             rows += [
                 (*place, quantity, time_s, degrees, runs, runs, float(mean))
                 for time_s, mean in zip(times_s, values, strict=True)
@@ -190,7 +190,7 @@ def judge(means: pl.DataFrame) -> pl.DataFrame:
     rows = []
     for key, group in means.group_by(keys, maintain_order=True):
         *_, degrees, _, values = key
-        low, high = bands.mean_band(float(degrees), int(values), each)  # type: ignore[arg-type]
+        low, high = bands.mean_band(float(degrees), int(values), each)
         found = group["mean"].to_numpy()
         least, greatest = float(found.min()), float(found.max())
         rows.append(

@@ -87,7 +87,7 @@ def departures(table: pl.DataFrame, expectations: tuple[Expectation, ...]) -> li
             if not good:
                 found.append(
                     f"{row['trajectory']}, beams {row['beams']}, {row['arm']}, {wanted.quantity}: {row['verdict']} "
-                    f"({row['least']:.2f} to {row['greatest']:.2f}, band {row['band_lo']:.2f} to {row['band_hi']:.2f}), "
-                    f"expected {wanted.verdict}"
+                    f"({row['least']:.2f} to {row['greatest']:.2f}, "
+                    f"band {row['band_lo']:.2f} to {row['band_hi']:.2f}), expected {wanted.verdict}"
                 )
     return found

@@ -1,7 +1,7 @@
 """What each method is worth under every partial mask: the same table for all of them, on the same runs.
 
-One campaign per case (a mask from first to last, dropouts by chance, loss over a slope) in a folder of its own, all with the
-scenarios' own names and so with the same random streams: a difference between two cases is a paired difference.
+One campaign per case (a mask from first to last, dropouts by chance, loss over a slope) in a folder of its own, all
+with the scenarios' own names and so with the same random streams: a difference between two cases is a paired difference.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,9 +27,9 @@ MASKS = {
     "nees_mean": pl.Float64(), "nees_velocity_attitude_mean": pl.Float64(), "verdict": pl.String(),
     "rejected_part": pl.Float64(),
 }  # fmt: skip
-"""A row per trajectory, case and arm: RMS over runs at the last second with a 95 % bootstrap interval, mean over runs and time of
-the NEES of the whole state and of velocity and attitude, the verdict on the latter, and the part of the fixes that the gate
-rejected (null without fixes)."""
+"""A row per trajectory, case and arm: RMS over runs at the last second with a 95 % bootstrap interval, mean over runs
+and time of the NEES of the whole state and of velocity and attitude, the verdict on the latter, and the part of the
+fixes that the gate rejected (null without fixes)."""
 
 
 def all_cases(scenario: Scenario) -> list[cases.Case]:
@@ -98,7 +98,8 @@ def run_masks(
     """Flies the cases and writes `masks.parquet` to `out`; finished chunks there are kept.
 
     Args:
-        scenarios: what to fly, of different names; their own rules of beam loss are replaced, and their vehicles fly on the truth.
+        scenarios: what to fly, of different names; their own rules of beam loss are replaced, and their vehicles fly
+            on the truth.
         out: directory, claimed by the caller (`study.claim`).
         wanted: names of cases; all for None.
         threads: 0 for as many as there are cores.

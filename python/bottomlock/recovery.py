@@ -1,8 +1,8 @@
-"""What an arm does when beams come back: the step of its velocity, and its innovations, at the first fixes of full lock.
+"""What an arm does when beams come back: the step of its velocity and its innovations at the first fixes of full lock.
 
-For a minute in mid-way two beams return, before and after it all. An honest filter knows how far it has drifted: the step of
-its estimate stays within three of its claimed standard deviations, and the normalised innovations squared are chi-squared
-from the first fix on.
+For a minute in mid-way two beams return, before and after it all. An honest filter knows how far it has drifted: the
+step of its estimate stays within three of its claimed standard deviations, and the normalised innovations squared are
+chi-squared from the first fix on.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -14,6 +14,7 @@ from scipy.stats import binom, chi2, norm
 
 from bottomlock import bands, cases, study
 from bottomlock.errors import ScenarioError
+from bottomlock.kernel import kernel_version
 from bottomlock.output import write_parquet
 from bottomlock.scenario import Scenario
 from bottomlock.stepping import Fix, Readings
@@ -42,9 +43,9 @@ RECOVERY = {
     "nis": pl.Float64(), "degrees": pl.Int64(), "band_lo": pl.Float64(), "band_hi": pl.Float64(),
     "inside": pl.Boolean(), "used": pl.Boolean(),
 }  # fmt: skip
-"""A row per trajectory, mask, arm, run and epoch after the beams are back: step of the velocity estimate, standard deviation
-claimed before it, greatest ratio of the two over the axes, the chance of a ratio above three for an honest filter, and NIS with
-its band."""
+"""A row per trajectory, mask, arm, run and epoch after the beams are back: step of the velocity estimate, standard
+deviation claimed before it, greatest ratio of the two over the axes, the chance of a ratio above three for an honest
+filter, and NIS with its band."""
 
 SUMMARY = {
     "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "arm": pl.String(),
@@ -53,8 +54,8 @@ SUMMARY = {
     "degrees": pl.Int64(), "band_lo": pl.Float64(), "band_hi": pl.Float64(),
     "back_at_epoch": pl.Int64(), "rejected_part": pl.Float64(), "recovered": pl.Boolean(),
 }  # fmt: skip
-"""A row per trajectory, mask and arm: runs with a step above three sigma and how many chance allows, mean NIS over runs at each
-epoch, its band, the epoch from which it stays there (null: not within five), and both together."""
+"""A row per trajectory, mask and arm: runs with a step above three sigma and how many chance allows, mean NIS over runs
+at each epoch, its band, the epoch from which it stays there (null: not within five), and both together."""
 
 
 def two_beam_outages(scenario: Scenario) -> list[cases.Case]:
@@ -106,7 +107,7 @@ def run_recovery(
         worlds = [make_world(case.scenario) for case in outages]
         settings = scenario.campaign
         truth: Truth | None = None
-        name = study.configuration_hash([study.kernel_version(), worlds[0].fingerprint(), settings.arms])[:12]
+        name = study.configuration_hash([kernel_version(), worlds[0].fingerprint(), settings.arms])[:12]
         for first in range(0, settings.runs, BLOCK):
             runs = range(first, min(first + BLOCK, settings.runs))
             path = out / "recovery" / scenario.name / f"{name}-{runs[0]:06d}-{runs[-1]:06d}.parquet"
@@ -136,7 +137,8 @@ def _rows(
         rule = world.scenario.dvl.outages[0]
         lost = (times >= rule.from_s * 1e9) & (times < rule.to_s * 1e9)
         valid = np.ones((len(times), world.geometry.beams), dtype=np.bool_)
-        valid[np.ix_(lost, [beam - 1 for beam in rule.beams])] = False
+        for beam in rule.beams:
+            valid[lost, beam - 1] = False
         first = int(np.flatnonzero(lost)[-1]) + 1
         for arm in world.scenario.campaign.arms:
             if arm == "ins":
@@ -178,7 +180,7 @@ def jump_chance(fix: Fix) -> float:
 
 
 def summary(table: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory, mask and arm (`SUMMARY`), the bands so that the whole table has the stated false-alarm rate."""
+    """A row per trajectory, mask and arm (`SUMMARY`), the bands widened for the false-alarm rate of the whole."""
     keys = ["trajectory", "case", "beams", "arm"]
     groups = list(table.group_by(keys, maintain_order=True))
     each = bands.each_probability(FALSE_ALARM, len(groups) * (EPOCHS + 1))

@@ -67,13 +67,14 @@ class Readings:
                 f"expected a divisor of imu.rate_hz {scenario.imu.rate_hz:g}"
             )
         self.world = world
-        self._model: Any = scenario.kernel_model(world.gravity_mps2)
+        model: Any = scenario.kernel_model(world.gravity_mps2)
+        self._model = model
         self._options: Any = scenario.kernel_options()
         arrays: Any = truth.kernel_arrays()
         self._drawn = kernel.simulate_sensors(
             world.geometry,
             arrays,
-            self._model,
+            model,
             plan,
             seed=scenario.campaign.seed,
             trajectory_key=key,

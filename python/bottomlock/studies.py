@@ -14,11 +14,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from bottomlock import masks as mask_study
 from bottomlock import bands, recovery, study
 from bottomlock import certify as certificate_study
+from bottomlock import masks as mask_study
+from bottomlock.campaign import Progress as Campaigning
 from bottomlock.cases import VARYING
-from bottomlock.certificate import arms_summary
+from bottomlock.certificate import arms_summary, counts_of
 from bottomlock.errors import ScenarioError
 from bottomlock.expected import departures, read_expectations
 from bottomlock.scenario import Scenario, load_scenario
@@ -85,13 +86,13 @@ _SHORT = {bands.CONSISTENT: "good", bands.OVERCONFIDENT: "over", bands.CAUTIOUS:
 
 
 def mask_tables(table: pl.DataFrame, returning: Mapping[tuple[str, str], float]) -> Iterator[Table]:
-    """A table per trajectory and case, narrow enough for 80 columns; `returning` has the mean beams of varying cases."""
+    """A table per trajectory and case, narrow enough for 80 columns; `returning`: mean beams of those that vary."""
     for (trajectory, case, beams), rows in table.group_by("trajectory", "case", "beams", maintain_order=True):
         mean = returning.get((str(trajectory), str(case)))
         what = f"beams {beams}" if mean is None else f"{case} ({mean:.1f} beams a ping)"
         title = f"{trajectory}, {what}: RMS over runs at the end"
         shown = _table(title, ["arm"], ["v m/s", "95 %", "att deg", "pos m", "NEES", "NEES 6", "rej %"])
-        shown.add_column("verdict", no_wrap=True)
+        shown.add_column("", no_wrap=True)
         for row in rows.iter_rows(named=True):
             low, high = (_number(row[f"velocity_rms_{end}_mps"]) for end in ("lo", "hi"))
             rejected = row["rejected_part"]
@@ -162,7 +163,7 @@ def masks(
     with _progress(out) as progress:
         task = progress.add_task("", total=1.0)
 
-        def flown(case: str, state: mask_study.Progress) -> None:
+        def flown(case: str, state: Campaigning) -> None:
             progress.update(
                 task, description=f"{state.trajectory} {case}", completed=state.runs_done / state.runs_total
             )
@@ -246,7 +247,7 @@ def certify(
     study.write_manifest(out, certificate_study.KIND, configuration, status="complete", command=command)
     console.print(arms_table(table))
     console.print(
-        "Cells consistent / overconfident / too cautious; certified where all three are consistent."
+        "Cells consistent / overconfident / too cautious; certified: NEES 6 consistent and nothing overconfident."
     )
     console.print(
         f"false-alarm rate of the whole: {certificate_study.FALSE_ALARM:.0%}; certificate.md in {out}"
@@ -267,11 +268,5 @@ def arms_table(table: pl.DataFrame) -> Table:
     """The summary of a certificate, an arm a line."""
     shown = _table("Honesty certificate", ["arm"], ["cells", "certified", "NEES 6", "NEES", "NIS"])
     for row in arms_summary(table).iter_rows(named=True):
-        counts = [
-            " / ".join(
-                str(row[f"{quantity}_{part}"] or 0) for part in ("consistent", "overconfident", "cautious")
-            )
-            for quantity in ("nees_velocity_attitude", "nees", "nis")
-        ]
-        shown.add_row(row["arm"], str(row["cells"]), str(row["certified"]), *counts)
+        shown.add_row(row["arm"], str(row["cells"]), str(row["certified"]), *counts_of(row))
     return shown
