@@ -1,7 +1,7 @@
 """What each method is worth under every partial mask: the same table for all of them, on the same runs.
 
 One campaign per case (a mask from first to last, dropouts by chance, loss over a slope) in a folder of its own, all
-with the scenarios' own names and so with the same random streams: a difference between two cases is a paired difference.
+with the scenarios' own names and so with the same random streams: differences between cases are paired.
 """
 
 from collections.abc import Callable, Sequence
