@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock import bands, cases, kernel, study
+from bottomlock import bands, cases, kernel, study_folder
 from bottomlock.certificate import CERTIFICATE, markdown
 from bottomlock.conditions import schedule
 from bottomlock.errors import ScenarioError
@@ -22,7 +22,7 @@ from bottomlock.stepping import Readings
 from bottomlock.world import World, make_world, trajectory_key
 
 KIND = "certificate"
-PARTS = ("cells", "certificate.parquet", "certificate.md", study.MANIFEST)
+PARTS = ("cells", "certificate.parquet", "certificate.md", study_folder.MANIFEST)
 FALSE_ALARM = 0.01
 TIMES = 5
 BLIND = ("ins", "lc")
@@ -64,7 +64,7 @@ def configuration(scenarios: Sequence[Scenario], masks: Sequence[tuple[int, ...]
     content = [
         (s.name, make_world(s).fingerprint(), list(s.campaign.arms), s.campaign.runs) for s in scenarios
     ]
-    return study.configuration_hash([content, [list(mask) for mask in masks], TIMES, FALSE_ALARM])
+    return study_folder.configuration_hash([content, [list(mask) for mask in masks], TIMES, FALSE_ALARM])
 
 
 def certify(
@@ -81,7 +81,7 @@ def certify(
     Args:
         scenarios: trajectories, of different names; their runs, seed and arms count.
         masks: sets of returning beams, as `cases.masks` gives them.
-        out: directory, claimed by the caller (`study.claim`).
+        out: directory, claimed by the caller (`study_folder.claim`).
         command: what to type to have the same again, for the text.
         threads: 0 for as many as there are cores. The numbers do not depend on it.
         tell: hears of every finished cell.
@@ -117,7 +117,7 @@ def certify(
         "tests": means.height,
         "false_alarm": FALSE_ALARM,
         "each_probability": bands.each_probability(FALSE_ALARM, means.height),
-        "versions": study.versions(),
+        "versions": study_folder.versions(),
         "configuration_hash": configuration(scenarios, masks),
         "command": command,
     }

@@ -305,8 +305,10 @@ def fix(
 
 
 # By name: they are imported when they are called for, and the other commands start without them.
-app.command("bottomlock.studies:masks", name="masks", help="Flies every partial mask, dropouts and a slope.")
-app.command("bottomlock.studies:certify", name="certify", help="Writes the honesty certificate.")
+app.command(
+    "bottomlock.study_commands:masks", name="masks", help="Flies every partial mask, dropouts and a slope."
+)
+app.command("bottomlock.study_commands:certify", name="certify", help="Writes the honesty certificate.")
 
 
 def _fail(message: str) -> NoReturn:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import polars as pl
 
-from bottomlock import cases, stats, study
+from bottomlock import cases, stats, study_folder
 from bottomlock.campaign import Progress, run_campaign
 from bottomlock.conditions import schedule
 from bottomlock.errors import ScenarioError
@@ -18,7 +18,14 @@ from bottomlock.scenario import Scenario
 from bottomlock.world import make_world, trajectory_key
 
 KIND = "masks"
-PARTS = ("cases", "recovery", "masks.parquet", "recovery.parquet", "recovery_summary.parquet", study.MANIFEST)
+PARTS = (
+    "cases",
+    "recovery",
+    "masks.parquet",
+    "recovery.parquet",
+    "recovery_summary.parquet",
+    study_folder.MANIFEST,
+)
 
 MASKS = {
     "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "arm": pl.String(),
@@ -70,7 +77,7 @@ def select(found: Sequence[cases.Case], wanted: Sequence[str] | None) -> list[ca
 def configuration(scenarios: Sequence[Scenario]) -> str:
     """Hash of what decides a study's numbers, apart from the number of runs and the choice of cases."""
     worlds = [make_world(scenario) for scenario in scenarios]
-    return study.configuration_hash(
+    return study_folder.configuration_hash(
         [(w.scenario.name, w.fingerprint(), list(w.scenario.campaign.arms)) for w in worlds]
     )
 
@@ -100,7 +107,7 @@ def run_masks(
     Args:
         scenarios: what to fly, of different names; their own rules of beam loss are replaced, and their vehicles fly
             on the truth.
-        out: directory, claimed by the caller (`study.claim`).
+        out: directory, claimed by the caller (`study_folder.claim`).
         wanted: names of cases; all for None.
         threads: 0 for as many as there are cores.
         tell: hears the case and how far its campaign is.

@@ -47,7 +47,7 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Text in UTF-8, whole or not at all."""
+    """Text to a file in UTF-8, whole or not at all."""
     _write(path, lambda temporary: _write_text(temporary, text))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 from scipy.stats import binom, chi2, norm
 
-from bottomlock import bands, cases, study
+from bottomlock import bands, cases, study_folder
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import kernel_version
 from bottomlock.output import write_parquet
@@ -107,7 +107,9 @@ def run_recovery(
         worlds = [make_world(case.scenario) for case in outages]
         settings = scenario.campaign
         truth: Truth | None = None
-        name = study.configuration_hash([kernel_version(), worlds[0].fingerprint(), settings.arms])[:12]
+        name = study_folder.configuration_hash([kernel_version(), worlds[0].fingerprint(), settings.arms])[
+            :12
+        ]
         for first in range(0, settings.runs, BLOCK):
             runs = range(first, min(first + BLOCK, settings.runs))
             path = out / "recovery" / scenario.name / f"{name}-{runs[0]:06d}-{runs[-1]:06d}.parquet"

@@ -139,7 +139,8 @@ class Readings:
 
     def _watched(self, navigator: kernel.Navigator, k: int, valid: NDArray[np.bool_]) -> Iterator[Fix]:
         before_mps, before_cov = navigator.state()["velocity_p_mps"], navigator.covariance()
-        reports = [report for report in self._ping(navigator, k, valid) if report["degrees"] > 0]
+        pushed = self._ping(navigator, k, valid)
+        reports = [one for one in pushed if one["sensor"] == "beams" and one["degrees"] > 0]
         after_cov = navigator.covariance()
         for report in reports[:1]:
             yield Fix(

@@ -2,8 +2,8 @@
 
 Two trajectories, four beams and two, eight arms, 60 runs. All means together are judged at a false-alarm rate of 1 %
 (Bonferroni, `bottomlock.bands`): right code fails in one of a hundred seeds at the most, by the honest arms. The
-overconfident ones exceed their bands by factors, not by a margin. Seed, number of runs and verdicts were written down before
-the first run; nothing was widened afterwards.
+overconfident ones exceed their bands by factors, not by a margin. Seed, number of runs and verdicts were written down
+before the first run; nothing was widened afterwards.
 """
 
 from __future__ import annotations

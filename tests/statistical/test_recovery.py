@@ -1,7 +1,7 @@
 """Full lock after a minute of two beams: no jump above three sigma, NIS in its band within five epochs.
 
-Three pairs (fore-and-aft on one side, diagonal, lateral) on the two trajectories, 20 runs. One false-alarm rate of 1 % for the
-whole summary (`recovery.FALSE_ALARM`). Seed and number of runs fixed before the first run.
+All six pairs on two trajectories, 20 runs. One false-alarm rate of 1 % for the whole summary (`recovery.FALSE_ALARM`).
+Seed and number of runs were fixed before the first run.
 """
 
 from __future__ import annotations

@@ -16,9 +16,9 @@ def short(name: str = "straight", seconds: float = 20.0) -> Scenario:
     return load_scenario(name).with_trajectory(duration_s=seconds, feedback="truth")
 
 
-def valid(scenario: Scenario, runs: int = 1) -> np.ndarray:  # type: ignore[type-arg]
+def valid(scenario: Scenario, runs: int = 1) -> np.ndarray:
     world = make_world(scenario)
-    flags: np.ndarray = schedule(world, world.truth(), runs=runs)["beam_valid"]  # type: ignore[type-arg]
+    flags: np.ndarray = schedule(world, world.truth(), runs=runs)["beam_valid"]
     return flags
 
 

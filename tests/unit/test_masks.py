@@ -5,7 +5,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock import masks, study
+from bottomlock import masks, study_folder
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.scenario import Scenario, load_scenario
 from bottomlock.schema import check
@@ -77,19 +77,19 @@ def test_wrong_cases_and_instruments(tmp_path: Path) -> None:
 
 def test_directories_are_claimed_not_taken(tmp_path: Path) -> None:
     """New, empty or the same study; a stranger's files stay, even with force; another configuration needs force."""
-    study.claim(tmp_path / "o", "masks", "a", parts=masks.PARTS)
+    study_folder.claim(tmp_path / "o", "masks", "a", parts=masks.PARTS)
     (tmp_path / "o" / "masks.parquet").write_bytes(b"old")
-    study.claim(tmp_path / "o", "masks", "a", parts=masks.PARTS)
+    study_folder.claim(tmp_path / "o", "masks", "a", parts=masks.PARTS)
     assert (tmp_path / "o" / "masks.parquet").exists()
     with pytest.raises(OutputError, match="another configuration or version"):
-        study.claim(tmp_path / "o", "masks", "b", parts=masks.PARTS)
+        study_folder.claim(tmp_path / "o", "masks", "b", parts=masks.PARTS)
     with pytest.raises(OutputError, match="holds no certificate study"):
-        study.claim(tmp_path / "o", "certificate", "a", parts=())
-    study.claim(tmp_path / "o", "masks", "b", parts=masks.PARTS, force=True)
+        study_folder.claim(tmp_path / "o", "certificate", "a", parts=())
+    study_folder.claim(tmp_path / "o", "masks", "b", parts=masks.PARTS, force=True)
     assert not (tmp_path / "o" / "masks.parquet").exists()
     (tmp_path / "s").mkdir()
     (tmp_path / "s" / "thesis.tex").write_text("years of work", encoding="utf-8")
     for force in (False, True):
         with pytest.raises(OutputError, match="holds no masks study of ours"):
-            study.claim(tmp_path / "s", "masks", "a", parts=("thesis.tex",), force=force)
+            study_folder.claim(tmp_path / "s", "masks", "a", parts=("thesis.tex",), force=force)
     assert (tmp_path / "s" / "thesis.tex").exists()

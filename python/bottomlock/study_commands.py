@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from bottomlock import bands, recovery, study
+from bottomlock import bands, recovery, study_folder
 from bottomlock import certify as certificate_study
 from bottomlock import masks as mask_study
 from bottomlock.campaign import Progress as Campaigning
@@ -159,7 +159,7 @@ def masks(
     chosen = [mask_study.select(mask_study.all_cases(one), _split(cases)) for one in loaded]
     outages = _split(cases) is None and all(recovery.two_beam_outages(one) for one in loaded)
     configuration = mask_study.configuration(loaded)
-    study.claim(out, mask_study.KIND, configuration, parts=mask_study.PARTS, force=force)
+    study_folder.claim(out, mask_study.KIND, configuration, parts=mask_study.PARTS, force=force)
     with _progress(out) as progress:
         task = progress.add_task("", total=1.0)
 
@@ -193,7 +193,7 @@ def masks(
             "Worst over the pairs of beams. NIS is the mean over runs at the first and fifth fix of full lock; "
             f"the whole summary says 'not recovered' of an honest filter in {recovery.FALSE_ALARM:.0%} of studies."
         )
-    study.write_manifest(
+    study_folder.write_manifest(
         out, mask_study.KIND, configuration, status="complete",
         runs={one.name: one.campaign.runs for one in loaded}, seed={one.name: one.campaign.seed for one in loaded},
     )  # fmt: skip
@@ -236,7 +236,7 @@ def certify(
     options = " ".join(f"{name} {value}" for name, value in given.items() if value is not None)
     command = " ".join(["bottomlock certify", *scenario, "--out DIR", options])
     configuration = certificate_study.configuration(loaded, sets)
-    study.claim(out, certificate_study.KIND, configuration, parts=certificate_study.PARTS, force=force)
+    study_folder.claim(out, certificate_study.KIND, configuration, parts=certificate_study.PARTS, force=force)
     with _progress(out) as progress:
         task = progress.add_task("", total=None)
 
@@ -244,7 +244,9 @@ def certify(
             progress.update(task, description=cell, completed=done, total=total)
 
         table = certificate_study.certify(loaded, sets, out, command=command, threads=threads, tell=finished)
-    study.write_manifest(out, certificate_study.KIND, configuration, status="complete", command=command)
+    study_folder.write_manifest(
+        out, certificate_study.KIND, configuration, status="complete", command=command
+    )
     console.print(arms_table(table))
     console.print(
         "Cells consistent / overconfident / too cautious; certified: NEES 6 consistent and nothing overconfident."
