@@ -134,7 +134,8 @@ def run_masks(
             [one.scenario for one in same], out / "cases" / case.name, threads=threads, tell=told
         )
         parts.append(gather(case, results.runs, results.ensemble, results.consistency))
-    table = pl.concat(parts).sort("trajectory", maintain_order=True)
+    flown = pl.concat(parts)
+    table = pl.concat([flown.filter(pl.col("trajectory") == scenario.name) for scenario in scenarios])
     write_parquet(out / "masks.parquet", table)
     return table
 

@@ -116,7 +116,7 @@ def recovery_tables(summary: pl.DataFrame) -> Iterator[Table]:
         shown = _table(
             f"{trajectory}: beams back after {recovery.OUTAGE_S:g} s of two",
             ["arm"],
-            ["step/sigma", "runs > 3", "NIS 1", "NIS 5", "of", "back at", "rej %", "pairs recovered"],
+            ["step/σ", "runs > 3", "NIS 1", "NIS 5", "of", "back", "rej %", "pairs"],
         )
         for (arm,), pairs in rows.group_by("arm", maintain_order=True):
             back = pairs["back_at_epoch"]
@@ -190,7 +190,8 @@ def masks(
         for shown in recovery_tables(summary):
             console.print(shown)
         console.print(
-            "Worst over the pairs of beams. NIS is the mean over runs at the first and fifth fix of full lock; "
+            "Worst over the pairs of beams: step of velocity over its claimed σ, mean NIS over runs at the first and "
+            "fifth fix of full lock, the fix from which it stays in its band, the pairs where both are in order; "
             f"the whole summary says 'not recovered' of an honest filter in {recovery.FALSE_ALARM:.0%} of studies."
         )
     study_folder.write_manifest(

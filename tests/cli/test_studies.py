@@ -8,7 +8,7 @@ import pytest
 
 from tests.cli.test_cli import command
 
-SHORT = ["--runs", "2", "--threads", "1", "--arms", "ins,tc"]
+SHORT = ["--runs", "2", "--threads", "1", "--arms", "ins,weak_sway"]
 
 
 @pytest.fixture
@@ -49,11 +49,11 @@ def test_certify_exit_codes(tmp_path: Path, scenario: Path) -> None:
     assert (tmp_path / "o" / "certificate.md").read_text(encoding="utf-8").startswith("# Honesty certificate")
     assert pl.read_parquet(tmp_path / "o" / "certificate.parquet").height == 2 + 3 + 3
     for verdict, code in (("not overconfident", 0), ("overconfident", 1)):
-        text = f'[[expect]]\narms = ["tc"]\nbeams = ["1,2"]\nverdict = "{verdict}"\n'
+        text = f'[[expect]]\narms = ["weak_sway"]\nbeams = ["1,2"]\nverdict = "{verdict}"\n'
         (tmp_path / "expected.toml").write_text(text, encoding="utf-8")
         done = command(*call, "--assert", "expected.toml", cwd=tmp_path)
         assert done.returncode == code
-        assert ("straight, beams 1,2, tc" in done.stderr) is (code == 1)
+        assert ("straight, beams 1,2, weak_sway" in done.stderr) is (code == 1)
 
 
 @pytest.mark.parametrize(
