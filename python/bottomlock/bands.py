@@ -52,7 +52,7 @@ def detectable_factor(degrees: int, runs: int, probability: float, power: float 
     with `power` for c = limit · runs / quantile(1 − power).
 
     >>> round(detectable_factor(6, 100, 0.95), 3)
-    1.202
+    1.204
     """
     _, high = mean_band(degrees, runs, probability)
     return float(high * runs / chi2.ppf(1.0 - power, degrees * runs))
