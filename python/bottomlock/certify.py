@@ -111,7 +111,7 @@ def certify(
         "trajectories": [scenario.name for scenario in scenarios],
         "arms": list(first.campaign.arms),
         "beams": [cases.beam_list(mask) for mask in masks],
-        "seed": first.campaign.seed,
+        "seed": ", ".join(dict.fromkeys(str(scenario.campaign.seed) for scenario in scenarios)),
         "times_s": means["time_s"].drop_nulls().unique().sort().to_list(),
         "degrees": 20 if first.filter.estimate_dvl else 15,
         "tests": means.height,

@@ -1,6 +1,7 @@
 """Verdicts that a certificate is held against: a TOML file of expectations, and the cells that depart from them."""
 
 import tomllib
+from collections.abc import Collection
 from pathlib import Path
 from typing import Literal
 
@@ -55,12 +56,38 @@ def read_expectations(path: Path) -> tuple[Expectation, ...]:
     return read.expect
 
 
+def check_names(
+    expectations: tuple[Expectation, ...],
+    *,
+    arms: Collection[str],
+    trajectories: Collection[str],
+    beams: Collection[str],
+) -> None:
+    """Refuses an expectation of what is not in a certificate: it would pass unseen.
+
+    Raises:
+        DataError: naming the arm, trajectory or mask.
+    """
+    for wanted in expectations:
+        for column, names, known in (
+            ("arm", wanted.arms, arms),
+            ("trajectory", wanted.trajectories, trajectories),
+            ("beams", wanted.beams, beams),
+        ):
+            for name in names:
+                if name not in known:
+                    raise DataError(f"expected verdicts: {column} '{name}' is not in the certificate")
+
+
 def departures(table: pl.DataFrame, expectations: tuple[Expectation, ...]) -> list[str]:
     """The cells whose verdict is another than expected, a line each.
 
     Raises:
-        DataError: for an arm, trajectory or mask that the table does not hold: it would pass unseen.
+        DataError: as `check_names`, and for a combination that the table does not hold.
     """
+    check_names(
+        expectations, arms=set(table["arm"]), trajectories=set(table["trajectory"]), beams=set(table["beams"])
+    )
     found = []
     for wanted in expectations:
         rows = table.filter(pl.col("quantity") == wanted.quantity)
@@ -69,9 +96,6 @@ def departures(table: pl.DataFrame, expectations: tuple[Expectation, ...]) -> li
             ("trajectory", wanted.trajectories),
             ("beams", wanted.beams),
         ):
-            for name in names:
-                if name not in rows[column].to_list():
-                    raise DataError(f"expected verdicts: {column} '{name}' is not in the certificate")
             if names:
                 rows = rows.filter(pl.col(column).is_in(names))
         if rows.is_empty():

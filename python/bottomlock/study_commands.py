@@ -18,10 +18,10 @@ from bottomlock import bands, recovery, study_folder
 from bottomlock import certify as certificate_study
 from bottomlock import masks as mask_study
 from bottomlock.campaign import Progress as Campaigning
-from bottomlock.cases import VARYING
+from bottomlock.cases import VARYING, beam_list
 from bottomlock.certificate import arms_summary, counts_of
 from bottomlock.errors import ScenarioError
-from bottomlock.expected import departures, read_expectations
+from bottomlock.expected import check_names, departures, read_expectations
 from bottomlock.scenario import Scenario, load_scenario
 
 console = Console(stderr=False)
@@ -156,8 +156,9 @@ def masks(
         Packaged names (see `bottomlock scenarios`) or TOML files, one or more.
     """
     loaded = _load(scenario, runs, seed, arms, threads)
-    chosen = [mask_study.select(mask_study.all_cases(one), _split(cases)) for one in loaded]
-    outages = _split(cases) is None and all(recovery.two_beam_outages(one) for one in loaded)
+    wanted = _split(cases)
+    chosen = [mask_study.select(mask_study.all_cases(one), wanted) for one in loaded]
+    outages = wanted is None and _room_for_outages(loaded)
     configuration = mask_study.configuration(loaded)
     study_folder.claim(out, mask_study.KIND, configuration, parts=mask_study.PARTS, force=force)
     with _progress(out) as progress:
@@ -172,7 +173,7 @@ def masks(
             total = max(one.campaign.runs for one in loaded)
             progress.update(task, description=f"{trajectory} recovery", completed=done / total)
 
-        table = mask_study.run_masks(loaded, out, wanted=_split(cases), threads=threads, tell=flown)
+        table = mask_study.run_masks(loaded, out, wanted=wanted, threads=threads, tell=flown)
         summary = recovery.run_recovery(loaded, out, tell=back)[1] if outages else None
     returning = {
         (case.scenario.name, case.name): mask_study.mean_beams(case)
@@ -199,7 +200,17 @@ def masks(
         runs={one.name: one.campaign.runs for one in loaded}, seed={one.name: one.campaign.seed for one in loaded},
     )  # fmt: skip
     console.print(f"tables in {out}")
-    sys.stdout.flush()
+
+
+def _room_for_outages(scenarios: Sequence[Scenario]) -> bool:
+    """Whether recovery can be flown; says why where it cannot, since the masks are worth having without it."""
+    try:
+        for scenario in scenarios:
+            recovery.two_beam_outages(scenario)
+    except ScenarioError as error:
+        errors.print(f"no recovery is flown: {error}", markup=False)
+        return False
+    return True
 
 
 TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
@@ -233,6 +244,13 @@ def certify(
     if len({one.dvl.beams for one in loaded}) != 1:
         raise ScenarioError("expected scenarios whose instruments have the same number of beams")
     sets = certificate_study.parse_masks(masks, loaded[0].dvl.beams)
+    if expectations is not None:
+        check_names(
+            expectations,
+            arms={arm for one in loaded for arm in one.campaign.arms},
+            trajectories={one.name for one in loaded},
+            beams={beam_list(mask) for mask in sets},
+        )
     given = {"--runs": runs, "--seed": seed, "--arms": arms, "--masks": masks}
     options = " ".join(f"{name} {value}" for name, value in given.items() if value is not None)
     command = " ".join(["bottomlock certify", *scenario, "--out DIR", options])

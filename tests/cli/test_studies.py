@@ -83,3 +83,24 @@ def test_mistakes_end_with_code_2_and_one_line(arguments: list[str], words: str,
     assert words in message[0]
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_a_typo_in_expectations_shows_before_anything_flies(tmp_path: Path) -> None:
+    (tmp_path / "expected.toml").write_text(
+        '[[expect]]\narms = ["weak_sway"]\nbeams = ["12"]\nverdict = "consistent"\n', encoding="utf-8"
+    )
+    done = command("certify", "--out", "o", "--assert", "expected.toml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "beams '12' is not in the certificate" in done.stderr
+    assert not (tmp_path / "o").exists()
+
+
+def test_masks_without_room_for_an_outage(tmp_path: Path, scenario: Path) -> None:
+    """A scenario too short for a minute of two beams still has its masks, and the reason is told."""
+    text = scenario.read_text(encoding="utf-8").replace("duration_s = 80.0", "duration_s = 10.0")
+    scenario.write_text(text, encoding="utf-8")
+    done = command("masks", str(scenario), "--out", "o", *SHORT, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "no recovery is flown: scenario straight: lasts 10 s, expected 70 s or more" in done.stderr
+    assert (tmp_path / "o" / "masks.parquet").exists()
+    assert not (tmp_path / "o" / "recovery.parquet").exists()
