@@ -165,6 +165,6 @@ def _matrices(table: pl.DataFrame) -> Iterator[str]:
 def _cell(row: Mapping[str, Any] | None, quantity: str) -> str:
     if row is None:
         return ""
-    value = decisive(row)
-    shown = f"{value / row['degrees']:.3f}" if quantity == "nis" and value < 100.0 else number(value)
+    value = decisive(row) / (row["degrees"] if quantity == "nis" else 1.0)
+    shown = f"{value:.3f}" if quantity == "nis" and value < 10.0 else number(value)
     return shown + _MARKS[row["verdict"]]

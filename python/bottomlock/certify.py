@@ -112,7 +112,7 @@ def certify(
         "arms": list(first.campaign.arms),
         "beams": [cases.beam_list(mask) for mask in masks],
         "seed": ", ".join(dict.fromkeys(str(scenario.campaign.seed) for scenario in scenarios)),
-        "times_s": means["time_s"].drop_nulls().unique().sort().to_list(),
+        "times_s": [f"{time_s:g}" for time_s in means["time_s"].drop_nulls().unique().sort()],
         "degrees": 20 if first.filter.estimate_dvl else 15,
         "tests": means.height,
         "false_alarm": FALSE_ALARM,

@@ -68,7 +68,7 @@ def test_the_text_says_what_was_run_and_found() -> None:
     facts = {
         "trajectories": ["straight"], "arms": ["tc", "vb"], "beams": ["1,2"], "seed": 7,
         "versions": {"bottomlock": "0.1.0"}, "configuration_hash": "f" * 64, "command": "bottomlock certify",
-        "degrees": 20, "times_s": [125.0, 250.0], "tests": 10, "each_probability": 0.999, "false_alarm": 0.01,
+        "degrees": 20, "times_s": ["125", "250"], "tests": 10, "each_probability": 0.999, "false_alarm": 0.01,
     }  # fmt: skip
     text = markdown(certify.judge(found), facts)
     for words in (
@@ -77,6 +77,10 @@ def test_the_text_says_what_was_run_and_found() -> None:
     ):  # fmt: skip
         assert words in text
     assert "{" not in text
+    # NIS is shown over its number of rows, large ones too.
+    nis = (pl.col("arm") == "vb") & (pl.col("quantity") == "nis")
+    large = certify.judge(found.with_columns(pl.when(nis).then(500.0).otherwise("mean").alias("mean")))
+    assert "| 1,2 | 1.000 | 250 ▲ |" in markdown(large, facts)
     assert "\n\n\n" not in text
 
 
