@@ -63,6 +63,7 @@ def test_report_of_a_foreign_directory(tmp_path: Path) -> None:
     assert "holds no campaign of ours" in done.stderr
 
 
+@pytest.mark.slow
 def test_shards_merge_to_the_table_of_one_run(tmp_path: Path) -> None:
     """Two directories, one `merge`, and the very bytes and numbers of the campaign flown in one go."""
     assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
