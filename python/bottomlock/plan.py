@@ -47,9 +47,9 @@ class Plan:
         """The plan of a scenario.
 
         >>> from bottomlock.scenario import load_scenario
-        >>> plan = Plan.of(load_scenario("straight").with_overrides(runs=20))
+        >>> plan = Plan.of(load_scenario("straight").with_overrides(runs=200, arms=["tc"]))
         >>> [span.runs for span in plan.spans()]
-        [14, 6]
+        [159, 41]
         """
         trajectory, settings = scenario.trajectory, scenario.campaign
         steps = round(trajectory.duration_s * scenario.imu.rate_hz) + 1
