@@ -12,7 +12,6 @@ from bottomlock.scenario import load_scenario
 from bottomlock.schema import SWEEP, check
 from bottomlock.sweep import SETTINGS, Setting
 
-
 RARE = "gate reopens after refusals in a row"
 
 
