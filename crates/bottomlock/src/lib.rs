@@ -34,6 +34,7 @@ pub mod imu;
 pub mod lane;
 pub mod layout;
 pub mod model;
+pub mod observability;
 pub mod report;
 pub mod run;
 pub mod sensors;

@@ -1,0 +1,181 @@
+//! What an aided navigator can estimate from a motion: stacked measurement rows, rank, and the states that stay in the dark.
+//!
+//! The rows H(t_k) Φ(t_k, t_0) over a window are stacked and judged by their singular values; the Gramian of Klein & Diamant
+//! 2015, Eq. (1), is the same matrix squared, which costs half the digits, and is kept for comparison. Columns are scaled by
+//! what a state moves over the window, so that metres, radians and micro-g stand on one footing.
+//!
+//! Three linear models share the machinery: [`full`] is this project's 20-state filter along any truth (or its first 15
+//! states), [`paper`] the 2015 model with its closed-form transition matrix, in both signs of its measurement matrix.
+//!
+//! # Frames and units
+//! As in [`crate::layout`]; SI throughout. The basis of the unobservable subspace is in SI as well.
+
+pub mod full;
+pub mod history;
+mod magnus;
+pub mod paper;
+pub mod rank;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::dvl::geometry::{BeamGeometry, BeamMask};
+use crate::error::NavError;
+use crate::truth::Truth;
+
+/// Which sensors aid; rows of all of them are stacked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Aiding {
+    /// The platform velocity from an instrument without beams.
+    pub velocity: bool,
+    /// Beams that return.
+    pub beams: BeamMask,
+    /// Depth.
+    pub depth: bool,
+    /// Roll, pitch and yaw.
+    pub attitude: bool,
+    /// Yaw alone.
+    pub heading: bool,
+    /// Position, three axes.
+    pub gps_position: bool,
+    /// Velocity in the tangent frame.
+    pub gps_velocity: bool,
+}
+
+impl Aiding {
+    /// Checks that there is something to observe with, and that the beams exist.
+    ///
+    /// # Errors
+    /// [`NavError::WrongCount`] for an empty set, [`NavError::BadBeam`] for a beam that the geometry lacks.
+    pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
+        if *self == Self::default() {
+            return Err(NavError::WrongCount {
+                field: "aiding sensors",
+                got: 0,
+                expected: "at least one of velocity, a beam, depth, attitude, heading, gps_position, gps_velocity"
+                    .into(),
+            });
+        }
+        if let Some(beam) = self.beams.iter().find(|&beam| beam >= geometry.beams()) {
+            return Err(NavError::BadBeam {
+                beam: beam + 1,
+                time_ns: 0,
+                field: "number",
+                value: (beam + 1) as f64,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Measurement rows at one time, and how the states have moved until then.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Epoch {
+    /// Time, ns.
+    pub time_ns: i64,
+    /// Φ(t, t_0), dimensions of the state.
+    pub transition: DMatrix<f64>,
+    /// The same from half as many samples: the difference bounds the error of the quadrature.
+    pub coarse: DMatrix<f64>,
+    /// H(t), one row per measurement.
+    pub rows: DMatrix<f64>,
+    /// What a row reads when the states change by their scales: m/s, m or rad.
+    pub row_scale: DVector<f64>,
+    /// Covariance of the measurement.
+    pub noise: DMatrix<f64>,
+}
+
+/// A linear system over a window: what [`rank::observe`] judges.
+#[derive(Debug, Clone, PartialEq)]
+pub struct System {
+    /// Name of each state.
+    pub names: Vec<String>,
+    /// Kind of each state, which sets its scale.
+    pub kinds: Vec<Kind>,
+    /// Gravity, m/s²: couples tilt to velocity.
+    pub gravity_mps2: f64,
+    /// Largest speed over the window, m/s: couples the scale factor to velocity.
+    pub speed_mps: f64,
+    /// Measurement times, rising; the first is t_0.
+    pub epochs: Vec<Epoch>,
+}
+
+/// What a state measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Position, m.
+    Position,
+    /// Misalignment, rad.
+    Tilt,
+    /// Velocity or a beam's bias, m/s.
+    Velocity,
+    /// Accelerometer bias, m/s².
+    AccelBias,
+    /// Gyro bias, rad/s.
+    GyroBias,
+    /// Scale factor of the velocity.
+    ScaleFactor,
+}
+
+impl System {
+    /// Number of states.
+    #[must_use]
+    pub fn states(&self) -> usize {
+        self.names.len()
+    }
+
+    /// The size of each state that changes a velocity by 1 m/s in `duration_s`: tilt 1/(g T), accelerometer bias 1/T, gyro bias
+    /// 2/(g T²), position T.
+    #[must_use]
+    pub fn scales(&self, duration_s: f64) -> DVector<f64> {
+        let speed = if self.speed_mps > 0.1 { self.speed_mps } else { 1.0 };
+        DVector::from_iterator(
+            self.states(),
+            self.kinds.iter().map(|kind| match kind {
+                Kind::Position => duration_s,
+                Kind::Tilt => 1.0 / (self.gravity_mps2 * duration_s),
+                Kind::Velocity => 1.0,
+                Kind::AccelBias => 1.0 / duration_s,
+                Kind::GyroBias => 2.0 / (self.gravity_mps2 * duration_s * duration_s),
+                Kind::ScaleFactor => 1.0 / speed,
+            }),
+        )
+    }
+}
+
+/// Times at which the window is measured: truth samples, the first at or after every period.
+///
+/// # Errors
+/// [`NavError::OutOfRange`] for a period that is not positive, [`NavError::WrongCount`] where fewer than two epochs fit.
+pub(crate) fn epoch_samples(truth: &Truth<'_>, period_ns: i64) -> Result<Vec<usize>, NavError> {
+    truth.validate()?;
+    if period_ns <= 0 {
+        return Err(NavError::OutOfRange {
+            field: "period_ns",
+            value: period_ns as f64,
+            expected: "a positive number of nanoseconds",
+        });
+    }
+    let (first, last) = (truth.time_ns[0], truth.time_ns[truth.time_ns.len() - 1]);
+    let mut samples = Vec::new();
+    let mut wanted = first;
+    while wanted <= last {
+        let sample = truth.time_ns.partition_point(|&t| t < wanted);
+        samples.push(sample);
+        // A gap in the truth is no reason to measure one sample twice.
+        while wanted <= truth.time_ns[sample] {
+            wanted += period_ns;
+        }
+    }
+    if samples.len() < 2 {
+        return Err(NavError::WrongCount {
+            field: "epochs of the window",
+            got: samples.len(),
+            expected: "at least 2: a longer window or a shorter period_ns".into(),
+        });
+    }
+    Ok(samples)
+}
+
+#[cfg(test)]
+#[path = "tests.rs"]
+mod tests;
