@@ -16,8 +16,10 @@ __all__ = [
     "KernelError",
     "Navigator",
     "__version__",
+    "covariance_history",
     "error_model",
     "normal_gravity_mps2",
+    "observe",
     "run_batch",
     "simulate_sensors",
     "solve_velocity",
@@ -172,6 +174,41 @@ class BatchDict(TypedDict):
     nis_mean: NDArray[np.float64]
     fixes_accepted: NDArray[np.int64]
     fixes_rejected: NDArray[np.int64]
+
+@type_check_only
+class AidingDict(TypedDict):
+    velocity: bool
+    beams: NDArray[np.bool_]
+    depth: bool
+    attitude: bool
+    heading: bool
+    gps_position: bool
+    gps_velocity: bool
+
+@type_check_only
+class ObservabilityDict(TypedDict):
+    states: list[str]
+    rank: int
+    decided: bool
+    gap: float
+    singular_values: NDArray[np.float64]
+    noise_floor: float
+    basis: NDArray[np.float64]
+    pivots: NDArray[np.int64]
+    hidden: NDArray[np.float64]
+    scales: NDArray[np.float64]
+    gramian: NDArray[np.float64]
+    rows: NDArray[np.float64]
+    epoch_time_ns: NDArray[np.int64]
+    epoch_rank: NotRequired[NDArray[np.int64]]
+    epoch_gap: NotRequired[NDArray[np.float64]]
+    epoch_decided: NotRequired[NDArray[np.bool_]]
+
+@type_check_only
+class CovarianceDict(TypedDict):
+    states: list[str]
+    time_ns: NDArray[np.int64]
+    covariance: NDArray[np.float64]
 
 @final
 class BeamGeometry:
@@ -337,3 +374,23 @@ def error_model(
     force_p_mps2: ArrayLike,
 ) -> dict[str, NDArray[np.float64]]: ...
 def normal_gravity_mps2(latitude_rad: float, depth_m: float = 0.0) -> float: ...
+def observe(
+    geometry: BeamGeometry,
+    truth: TruthDict | dict[str, Any],
+    model: ModelDict | dict[str, Any],
+    aidings: list[AidingDict] | list[dict[str, Any]],
+    *,
+    kind: str = "full",
+    period_ns: int = 1_000_000_000,
+    scale: ArrayLike | None = None,
+    growing: bool = False,
+) -> list[ObservabilityDict]: ...
+def covariance_history(
+    geometry: BeamGeometry,
+    truth: TruthDict | dict[str, Any],
+    model: ModelDict | dict[str, Any],
+    aiding: AidingDict | dict[str, Any],
+    *,
+    kind: str = "full",
+    period_ns: int = 1_000_000_000,
+) -> CovarianceDict: ...
