@@ -8,7 +8,7 @@ use crate::aiding::{self, Innovation, Motion};
 use crate::dvl::geometry::{BeamGeometry, BeamSample, MAX_BEAMS};
 use crate::error::NavError;
 use crate::frames::Vec3;
-use crate::layout::{ACCEL_BIAS, DIM, DVL_BIAS, GYRO_BIAS, VELOCITY};
+use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DVL_BIAS, DVL_SCALE, GYRO_BIAS, POSITION, VELOCITY};
 use crate::model::Model;
 use crate::truth::{Truth, true_state};
 
@@ -39,14 +39,15 @@ pub const NAMES: [&str; DIM] = [
 /// Number of states without the DVL's own.
 pub const INERTIAL: usize = DVL_BIAS;
 
-pub(super) fn kind(index: usize) -> Kind {
+fn kind(index: usize) -> Kind {
     match index {
-        0..3 => Kind::Position,
-        3..VELOCITY => Kind::Tilt,
+        POSITION..ATTITUDE => Kind::Position,
+        ATTITUDE..VELOCITY => Kind::Tilt,
+        VELOCITY..ACCEL_BIAS => Kind::Velocity,
         ACCEL_BIAS..GYRO_BIAS => Kind::AccelBias,
         GYRO_BIAS..DVL_BIAS => Kind::GyroBias,
-        19 => Kind::ScaleFactor,
-        _ => Kind::Velocity,
+        DVL_BIAS..DVL_SCALE => Kind::BeamBias,
+        _ => Kind::ScaleFactor,
     }
 }
 

@@ -106,8 +106,10 @@ pub enum Kind {
     Position,
     /// Misalignment, rad.
     Tilt,
-    /// Velocity or a beam's bias, m/s.
+    /// Velocity, m/s.
     Velocity,
+    /// A beam's bias, m/s.
+    BeamBias,
     /// Accelerometer bias, m/s².
     AccelBias,
     /// Gyro bias, rad/s.
@@ -133,7 +135,7 @@ impl System {
             self.kinds.iter().map(|kind| match kind {
                 Kind::Position => duration_s,
                 Kind::Tilt => 1.0 / (self.gravity_mps2 * duration_s),
-                Kind::Velocity => 1.0,
+                Kind::Velocity | Kind::BeamBias => 1.0,
                 Kind::AccelBias => 1.0 / duration_s,
                 Kind::GyroBias => 2.0 / (self.gravity_mps2 * duration_s * duration_s),
                 Kind::ScaleFactor => 1.0 / speed,

@@ -122,8 +122,8 @@ pub fn observe(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Resul
             *scale *= factor;
         }
     }
-    let (mut matrix, mut difference) = stack(system, epochs, &scales);
-    if !(difference.is_finite() && matrix.iter().all(|value| value.is_finite())) {
+    let (mut matrix, change) = stack(system, epochs, &scales);
+    if !(change.is_finite() && matrix.iter().all(|value| value.is_finite())) {
         return Err(NavError::NotFinite {
             field: "stacked rows of the window",
             time_ns: system.epochs[epochs - 1].time_ns,
@@ -154,7 +154,7 @@ pub fn observe(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Resul
         matrix.column_mut(k).unscale_mut(lengths[k]);
         scales[k] /= lengths[k];
     }
-    difference = stack(system, epochs, &scales).1;
+    let difference = stack(system, epochs, &scales).1;
     let triangle = matrix.qr().r();
     let svd = triangle.svd(false, true);
     let values = svd.singular_values;
@@ -202,6 +202,7 @@ fn naming_order(system: &System) -> Vec<usize> {
         Kind::GyroBias => 3,
         Kind::AccelBias => 4,
         Kind::ScaleFactor => 5,
+        Kind::BeamBias => 6,
     };
     let mut order: Vec<usize> = (0..system.states()).collect();
     order.sort_by_key(|&k| place(system.kinds[k]));
