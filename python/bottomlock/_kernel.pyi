@@ -191,6 +191,7 @@ class ObservabilityDict(TypedDict):
     rank: int
     decided: bool
     gap: float
+    widest_step: float
     singular_values: NDArray[np.float64]
     noise_floor: float
     basis: NDArray[np.float64]

@@ -90,8 +90,9 @@ class Finding:
     Attributes:
         states: names of the n states.
         rank: number of singular values above the noise floor.
-        decided: true where the gap supports the rank.
+        decided: true where the gap is at least `LEAST_GAP` and at least `widest_step`.
         gap: smallest kept over largest dropped singular value (or the noise floor).
+        widest_step: largest ratio between neighbours among the kept ones.
         singular_values: (n,) of the stack with rows and columns scaled, falling.
         noise_floor: what rounding and quadrature can make of a zero.
         basis: (n - rank, n) unobservable directions in SI, reduced row echelon form.
@@ -110,6 +111,7 @@ class Finding:
     rank: int
     decided: bool
     gap: float
+    widest_step: float
     singular_values: Array
     noise_floor: float
     basis: Array
@@ -239,6 +241,7 @@ def observe(
             rank=found["rank"],
             decided=found["decided"],
             gap=found["gap"],
+            widest_step=found["widest_step"],
             singular_values=found["singular_values"],
             noise_floor=found["noise_floor"],
             basis=found["basis"],

@@ -75,7 +75,7 @@ fn matrix<'py>(py: Python<'py>, m: &DMatrix<f64>) -> PyResult<Bound<'py, PyArray
 
 /// Rank, gap and unobservable subspace of a window for each aiding set.
 ///
-/// Each result has states, rank, decided, gap, singular_values (n,), noise_floor, basis (k, n) in SI with its pivots (k,), hidden
+/// Each result has states, rank, decided, gap, widest_step, singular_values (n,), noise_floor, basis (k, n) in SI with its pivots (k,), hidden
 /// (n,), scales (n,), gramian (n, n) of 2015, Eq. (1), rows (m, n) and epoch_time_ns; with `growing` also epoch_rank and epoch_gap
 /// of the window that ends at each epoch. Raises KernelError for an empty aiding set, a window of one epoch, a motion with NaN.
 #[pyfunction]
@@ -155,6 +155,7 @@ fn result<'py>(
     out.set_item("rank", whole.rank)?;
     out.set_item("decided", whole.decided)?;
     out.set_item("gap", whole.gap)?;
+    out.set_item("widest_step", whole.widest_step)?;
     out.set_item("singular_values", vector(whole.singular_values.as_slice())?)?;
     out.set_item("noise_floor", whole.noise_floor)?;
     out.set_item("basis", matrix(py, &whole.basis)?)?;

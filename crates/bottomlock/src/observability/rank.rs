@@ -2,7 +2,9 @@
 //!
 //! Singular values of the scaled stack, not of the Gramian: squaring would push what is weakly observable below rounding. A rank
 //! is claimed only where the smallest kept value stands a thousand times above the largest dropped one and above what the
-//! quadrature and rounding can have made of a zero (Weyl's bound); otherwise it is undecided, and the values speak for themselves.
+//! quadrature and rounding can have made of a zero (Weyl's bound), and where no step between kept values is wider than that gap:
+//! a window whose values come down in wider steps than it has left above the noise may hide a further one below it. Otherwise
+//! the rank is undecided, and the values speak for themselves.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,10 +19,12 @@ pub const LEAST_GAP: f64 = 1e3;
 pub struct Observability {
     /// Number of singular values above the noise.
     pub rank: usize,
-    /// True where the gap supports the rank.
+    /// True where the gap is at least [`LEAST_GAP`] and at least `widest_step`.
     pub decided: bool,
     /// Smallest kept over largest dropped singular value, or over the noise floor where that is larger or nothing is dropped.
     pub gap: f64,
+    /// Largest ratio between neighbours among the kept singular values; 1 for fewer than two.
+    pub widest_step: f64,
     /// Singular values of the scaled stack, falling.
     pub singular_values: DVector<f64>,
     /// What rounding and quadrature can make of a zero singular value.
@@ -177,13 +181,16 @@ pub fn observe(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Resul
     } else {
         0.0
     };
+    let kept = &singular_values.as_slice()[..rank];
+    let widest_step = kept.windows(2).map(|pair| pair[0] / pair[1]).fold(1.0, f64::max);
     let null = DMatrix::from_fn(states - rank, states, |i, j| vectors[(order[rank + i], j)]);
     let hidden = DVector::from_iterator(states, null.column_iter().map(|column| column.norm()));
     let (basis, pivots) = echelon(null, &scales, &naming_order(system));
     Ok(Observability {
         rank,
-        decided: gap >= LEAST_GAP,
+        decided: gap >= LEAST_GAP.max(widest_step),
         gap,
+        widest_step,
         singular_values,
         noise_floor,
         basis,
