@@ -382,7 +382,7 @@ def observe(
     aidings: list[AidingDict] | list[dict[str, Any]],
     *,
     kind: str = "full",
-    period_ns: int = 1_000_000_000,
+    period_ns: int = ...,
     scale: ArrayLike | None = None,
     growing: bool = False,
 ) -> list[ObservabilityDict]: ...
@@ -393,5 +393,5 @@ def covariance_history(
     aiding: AidingDict | dict[str, Any],
     *,
     kind: str = "full",
-    period_ns: int = 1_000_000_000,
+    period_ns: int = ...,
 ) -> CovarianceDict: ...

@@ -53,7 +53,7 @@ def steady(rate_radps: float, start_s: float = 0.0) -> Angle:
 
 
 def swing(size_rad: float, rate_radps: float) -> Angle:
-    """size · sin(rate · t)."""
+    """An angle that swings: size · sin(rate · t)."""
 
     def angle(time_s: Array) -> tuple[Array, Array]:
         phase = rate_radps * time_s
@@ -63,7 +63,7 @@ def swing(size_rad: float, rate_radps: float) -> Angle:
 
 
 def dip(size_rad: float, rate_radps: float) -> Angle:
-    """size · (1 - cos(rate · t)): starts level and comes back."""
+    """An angle that leaves zero and comes back: size · (1 - cos(rate · t))."""
 
     def angle(time_s: Array) -> tuple[Array, Array]:
         phase = rate_radps * time_s

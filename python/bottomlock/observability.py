@@ -1,4 +1,4 @@
-"""What can be estimated from a motion with given beams and sensors: rank, unobservable directions, predicted deviations.
+"""What can be estimated from a motion with given beams and sensors: rank, hidden directions, predicted deviations.
 
 The stacked rows H(t_k) Phi(t_k, t_0) over the window of a truth are judged by their singular values (Klein & Diamant
 2015, Eqs 1-3); the covariance analysis beside it is what the filter itself would claim.
@@ -218,7 +218,8 @@ def observe(
         kind: the model; the 2015 model takes velocity and depth alone and knows no Earth rate.
         earth_rate_radps: Earth rate that the truth was made with; 0 for an Earth at rest.
         period_s: interval between measurements.
-        scale: (n,) factors on the scales of the states; the rank does not depend on them.
+        scale: (n,) factors on the natural scales of the states, in place of columns brought to one length; the rank
+            does not depend on them.
         growing: also judge the window that ends at each epoch.
 
     Raises:
@@ -277,12 +278,14 @@ class Deviations:
     @property
     def sd(self) -> Array:
         """(e, n) standard deviations."""
-        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2).clip(min=0.0))
+        variances: Array = np.diagonal(self.covariance, axis1=1, axis2=2).clip(min=0.0)
+        return np.asarray(np.sqrt(variances))
 
     def sd_along(self, direction: ArrayLike) -> Array:
         """(e,) standard deviation of the linear function `direction` · x of the error."""
         along = np.asarray(direction, dtype=np.float64)
-        return np.sqrt(np.einsum("i,eij,j->e", along, self.covariance, along).clip(min=0.0))
+        variances: Array = np.einsum("i,eij,j->e", along, self.covariance, along).clip(min=0.0)
+        return np.asarray(np.sqrt(variances))
 
 
 def deviations(

@@ -169,8 +169,8 @@ def paper_histories(model: Mapping[str, Any]) -> tuple[pl.DataFrame, pl.DataFram
     """Histories behind figures 1-6: claimed deviations (`schema.DEVIATIONS`) and ranks (`schema.RANKS`).
 
     Args:
-        model: sensor errors in SI (`Scenario.kernel_model`); the initial biases become the paper's 3 mg and 3 deg/h, and
-            the Earth rests.
+        model: sensor errors in SI (`Scenario.kernel_model`); the initial biases become the paper's 3 mg and
+            3 deg/h, and the Earth rests.
     """
     sd_rows: list[pl.DataFrame] = []
     rank_rows: list[pl.DataFrame] = []
@@ -253,13 +253,9 @@ def mask_table(
         earth_rate_radps: Earth rate that the truth was made with.
         period_s: interval between measurements.
     """
-    sets = [
-        replace(other, beams=mask) for other, mask in itertools.product(others, masks(geometry.beams))
-    ]
+    sets = [replace(other, beams=mask) for other, mask in itertools.product(others, masks(geometry.beams))]
     found = observe(truth, geometry, sets, kind=kind, earth_rate_radps=earth_rate_radps, period_s=period_s)
-    rows = [
-        table_row(case, aiding, motion, kind, one) for aiding, one in zip(sets, found, strict=True)
-    ]
+    rows = [table_row(case, aiding, motion, kind, one) for aiding, one in zip(sets, found, strict=True)]
     return _frame(rows, schema.OBSERVABILITY)
 
 

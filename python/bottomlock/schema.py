@@ -137,8 +137,8 @@ OBSERVABILITY: Mapping[str, pl.DataType] = {
     "unobservable": pl.List(pl.String()),
     "singular_values": pl.List(pl.Float64()),
 }
-"""A row per window, aiding set and model: the rank (null where it is undecided), the exact one where it is known, the one
-that a paper prints, the gap between kept and dropped singular values, and the unobservable directions in words."""
+"""A row per window, aiding set and model: the rank (null where it is undecided), the exact one where it is known,
+the one that a paper prints, the gap between kept and dropped singular values, and the hidden directions in words."""
 
 DEVIATIONS: Mapping[str, pl.DataType] = {
     "case": pl.String(),
@@ -160,6 +160,19 @@ RANKS: Mapping[str, pl.DataType] = {
     "printed_rank": pl.Int64(),
 }
 """A row per case, motion, model and time: the rank of the window from the start until then."""
+
+
+PLAN: Mapping[str, pl.DataType] = {
+    "manoeuvre": pl.String(),
+    "aiding": pl.String(),
+    "state": pl.String(),
+    "verdict": pl.String(),
+    "sd_before": pl.Float64(),
+    "sd_after": pl.Float64(),
+    "part_left": pl.Float64(),
+}
+"""A row per manoeuvre and state: whether the manoeuvre makes the state observable by itself ("observable", "hidden",
+"undecided"), and what the filter would claim before and after it, SI."""
 
 
 def check(frame: pl.DataFrame, columns: Mapping[str, pl.DataType], *, place: str) -> pl.DataFrame:

@@ -1,8 +1,8 @@
 """Ranks in exact arithmetic: the rows H(t) Φ(t, t₀) as power series with rational coefficients, eliminated exactly.
 
-For a motion that is analytic over the window, H Φ u = 0 on the window if and only if every coefficient of its power series
-at the start gives zero, so the rank of the coefficients is the rank of the window. Motions are sines and cosines of rational
-angles from zero, whose series are rational. A quiet leg before has a nilpotent F, hence an exact Φ.
+For a motion that is analytic over the window, H Φ u = 0 on the window if and only if every coefficient of its power
+series at the start gives zero, so the rank of the coefficients is the rank of the window. Motions are sines and cosines
+of rational angles from zero, whose series are rational. A quiet leg before has a nilpotent F, hence an exact Φ.
 
 Numbers are either `fractions.Fraction` or integers modulo a prime of 61 bits: the rank modulo a prime never exceeds the
 rational one, and falls short only if the prime divides every largest minor.
@@ -29,18 +29,22 @@ class Field:
         self.prime = prime
 
     def number(self, value: Fraction | int) -> Any:  # noqa: ANN401 - one of two kinds of number
+        """A number of this kind."""
         exact = Fraction(value)
         if self.prime is None:
             return exact
         return exact.numerator * pow(exact.denominator, -1, self.prime) % self.prime
 
     def reduce(self, m: Matrix) -> Matrix:
+        """The canonical form of every entry."""
         return m if self.prime is None else m % self.prime
 
     def inverse(self, value: Any) -> Any:  # noqa: ANN401
+        """The reciprocal."""
         return 1 / value if self.prime is None else pow(int(value), -1, self.prime)
 
     def matrix(self, rows: Sequence[Sequence[Fraction | int]]) -> Matrix:
+        """A matrix from rows."""
         out = np.empty((len(rows), len(rows[0])), dtype=object)
         for i, row in enumerate(rows):
             for j, value in enumerate(row):
@@ -48,9 +52,11 @@ class Field:
         return out
 
     def zeros(self, rows: int, columns: int) -> Matrix:
+        """Nothing but zeros."""
         return self.matrix([[0] * columns] * rows)
 
     def eye(self, size: int) -> Matrix:
+        """The identity."""
         return self.matrix([[int(i == j) for j in range(size)] for i in range(size)])
 
 
@@ -199,7 +205,9 @@ def rank(field: Field, rows: Matrix) -> int:
     return done
 
 
-def observability_rows(field: Field, f: Series, h: Series, order: int, before: Matrix | None = None) -> Matrix:
+def observability_rows(
+    field: Field, f: Series, h: Series, order: int, before: Matrix | None = None
+) -> Matrix:
     """Coefficients of H Φ up to `order`, times the Φ of what came before, stacked."""
     images = product(field, h[: order + 1], transition(field, f, order))
     stacked = np.vstack(images)

@@ -13,7 +13,13 @@ import pytest
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
 from bottomlock.manoeuvres import MANOEUVRES, fly
 from bottomlock.observability import Aiding, observe
-from bottomlock.observability_study import CONSTANT, PAPER_CASES, QUIET, THREE_AIDINGS, mask_table
+from bottomlock.observability_study import (
+    PAPER_CASES,
+    QUIET,
+    THREE_AIDINGS,
+    PaperCase,
+    mask_table,
+)
 from tests.oracle.observability_series import (
     PRIMES,
     Field,
@@ -34,7 +40,8 @@ GRAVITY, RATE = Q(157, 16), Q(1, 57)
 ORDER = 27
 # 2 · 8² + 31² = 33²: unit vectors with rational components, 20.05° from the vertical.
 DIRECTIONS = {
-    k: (Q(8 * x, 33), Q(8 * y, 33), Q(31, 33)) for k, (x, y) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)])
+    k: (Q(8 * x, 33), Q(8 * y, 33), Q(31, 33))
+    for k, (x, y) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)])
 }
 LEVERS = {k: (Q(1, 2), Q(k, 8), Q(1, 4)) for k in range(4)}
 # Ω in tangent axes at the latitude whose cosine is 4/5 and sine 3/5.
@@ -66,9 +73,9 @@ def paper_rank(
 
 
 @pytest.mark.parametrize("case", PAPER_CASES, ids=lambda case: case.name)
-def test_the_six_cases_in_exact_arithmetic(case) -> None:  # type: ignore[no-untyped-def]
+def test_the_six_cases_in_exact_arithmetic(case: PaperCase) -> None:
     """What the package calls exact is exact, for both windows, both signs and two primes."""
-    for window, kind in itertools.product((CONSTANT, QUIET), ("paper", "paper_printed")):
+    for window, kind in case.exact:
         found = {
             paper_rank(
                 Field(prime), case.axis, int(case.speed_mps),
@@ -155,7 +162,7 @@ def test_every_mask_by_manoeuvre_by_aiding(name: str, turning: bool) -> None:
 
 
 def test_lever_arms_have_their_columns() -> None:
-    """Eq. 22 in full: with lever arms of different lengths a turning Earth reaches the beams' misalignment columns too."""
+    """Eq. 22 in full: with lever arms a turning Earth reaches the beams' misalignment columns too."""
     name = "figure_eight"
     truth = fly(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=EARTH_RATE_RADPS)
     sets = [Aiding(beams=mask) for mask in ((1, 2), (1, 2, 3), (1, 2, 3, 4))]

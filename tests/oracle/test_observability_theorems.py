@@ -25,7 +25,7 @@ def turn(yaw: sp.Expr) -> sp.Matrix:
 def residuals(
     T: sp.Matrix, v_t: sp.Matrix, error: tuple[sp.Matrix, ...], sign: int
 ) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix]:
-    """What Eq. 4 of the 2015 paper leaves of an error that is claimed to be a solution, and what the DVL reads of it."""
+    """What Eq. 4 of the 2015 paper leaves of a claimed solution, and what the DVL reads of it."""
     velocity, tilt, accel_bias, gyro_bias = error
     force = v_t.diff(t) - g * DOWN
     in_velocity = velocity.diff(t) - (-cross(force) * tilt + T * accel_bias)

@@ -96,7 +96,8 @@ pub fn gramian(system: &System) -> DMatrix<f64> {
 
 /// Judges the first `epochs` epochs of a window (2015, Eqs. 2 and 3).
 ///
-/// `rescale` multiplies the scale of each state: a rank must not depend on it.
+/// `rescale` multiplies the natural scale of each state, and columns are then left at the length that this gives them: a rank must
+/// not depend on it.
 ///
 /// # Errors
 /// [`NavError::WrongCount`] for fewer than two epochs or a scale vector of another length; [`NavError::OutOfRange`] for a scale that
@@ -146,17 +147,14 @@ pub fn observe(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Resul
             expected: "> 0: the aiding set reads no state of the model",
         });
     }
-    // Columns of one length: no scaling is more than √n worse for the condition (van der Sluis 1969).
-    let lengths = DVector::from_iterator(
-        states,
-        matrix.column_iter().map(|column| {
-            let norm = column.norm();
-            if norm > 1e-9 * size { norm } else { size }
-        }),
-    );
-    for k in 0..states {
-        matrix.column_mut(k).unscale_mut(lengths[k]);
-        scales[k] /= lengths[k];
+    if rescale.is_none() {
+        // Columns of one length: no scaling is more than √n worse for the condition (van der Sluis 1969).
+        for k in 0..states {
+            let norm = matrix.column(k).norm();
+            let length = if norm > 1e-9 * size { norm } else { size };
+            matrix.column_mut(k).unscale_mut(length);
+            scales[k] /= length;
+        }
     }
     let difference = stack(system, epochs, &scales).1;
     let triangle = matrix.qr().r();

@@ -191,8 +191,8 @@ fn scaling_moves_no_rank() {
     let rank = whole(&system).rank;
     for factors in [
         [1e3; 15],
-        std::array::from_fn(|k| [1e-3, 57.3, 60.0, 1e6, 3600.0][k / 3]),
-        std::array::from_fn(|k| if k % 2 == 0 { 1e-4 } else { 1e4 }),
+        std::array::from_fn(|k| [1e-3, 57.3, 60.0, 9.8, 3600.0][k / 3]),
+        std::array::from_fn(|k| if k % 2 == 0 { 1e-2 } else { 1e2 }),
     ] {
         let found = observe(&system, system.epochs.len(), Some(&factors)).unwrap();
         assert_eq!(found.rank, rank);
