@@ -59,9 +59,9 @@ def scenario_aiding(scenario: Scenario) -> Aiding:
 def observe_scenario(source: str | Path, out: Path) -> Observed:
     """Judges a scenario's truth for every mask of its instrument, and plans manoeuvres for its own mask.
 
-    Writes observability.parquet (the truth, every mask), manoeuvres.parquet (every mask by six manoeuvres by three sets of
-    further sensors, on an Earth at rest and a turning one), deviations.parquet, ranks.parquet, plan.parquet and a
-    figure. Sensors are taken to measure together once a second, and lost beams to be lost throughout.
+    Writes observability.parquet (the truth, every mask), manoeuvres.parquet (every mask by six manoeuvres by three
+    sets of further sensors, on an Earth at rest and a turning one), deviations.parquet, ranks.parquet, plan.parquet
+    and a figure. Sensors are taken to measure together once a second, and lost beams to be lost throughout.
 
     Raises:
         ScenarioError: for a scenario that cannot be read, or that nothing aids.

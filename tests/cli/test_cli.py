@@ -174,7 +174,7 @@ def test_observe_tells_masks_directions_and_manoeuvres(tmp_path: Path) -> None:
     done = command("observe", "straight", "--out", "o", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "beams 12  < this scenario" in done.stdout
-    assert "  yaw\n" in done.stdout
+    assert "Unobservable with beams 12, SI:\n  position north\n" in done.stdout
     assert max(len(line) for line in done.stdout.splitlines()) <= 80
     found = pl.read_parquet(tmp_path / "o" / "observability.parquet")
     assert found.height == 15
