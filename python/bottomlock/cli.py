@@ -31,8 +31,8 @@ from bottomlock.errors import BottomlockError, DataError, OutputError, ScenarioE
 from bottomlock.figures import flight_figure, save_figure
 from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.kernel import KernelError, solve_velocity
-from bottomlock.observability import Aiding
-from bottomlock.observability_report import Observed, observe_paper, observe_scenario
+from bottomlock.observability_report import observe_paper, observe_scenario
+from bottomlock.observability_screen import screen
 from bottomlock.output import write_parquet
 from bottomlock.plant import telemetry
 from bottomlock.report import Report, make_report
@@ -379,67 +379,9 @@ def observe(
     if paper == (case is not None):
         raise ScenarioError("expected either a scenario or --paper")
     made = observe_paper(out) if case is None else observe_scenario(case, out)
-    if made.own is None or made.manoeuvres is None:
-        console.print(_paper_cases(made))
-    else:
-        console.print("Rank by the beams that return (? is undecided).", _masks(made, made.own))
-        console.print(f"Unobservable with {made.own.name}, SI:")
-        for direction in made.table.filter(mask=made.own.mask)["unobservable"].explode().drop_nulls():
-            console.print(f"  {direction}", highlight=False)
-        console.print()
-        console.print(
-            f"Deviation left by a manoeuvre of about a minute with {made.own.name}, % of the initial"
-        )
-        console.print("(* the state is unobservable, ? undecided).", _plan(made.manoeuvres))
+    for part in screen(made):
+        console.print(part, highlight=False)
     console.print(f"wrote tables and {len(made.figures)} figures to {out}")
-
-
-def _plain_table(left: tuple[str, ...], right: tuple[str, ...]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for name in left:
-        table.add_column(name)
-    for name in right:
-        table.add_column(name, justify="right", no_wrap=True)
-    return table
-
-
-def _rank(row: dict[str, Any]) -> str:
-    return "?" if row["rank"] is None else str(row["rank"])
-
-
-def _paper_cases(made: Observed) -> Table:
-    """A block of rows per case: what is printed, then each window and sign of H."""
-    table = _plain_table(("case",), ("printed", "exact", "computed", "gap", "verdict"))
-    last = None
-    for row in made.table.iter_rows(named=True):
-        if row["case"] != last:
-            table.add_row(row["case"], str(row["printed_rank"]), "", "", "", "")
-            last = row["case"]
-        sign = row["model"].removeprefix("2015, ")
-        words = (f"  {row['motion']}, {sign}", "", str(row["expected_rank"]), _rank(row), f"{row['gap']:.0e}")
-        table.add_row(*words, row["verdict"].removesuffix(" than printed"))
-    return table
-
-
-def _masks(made: Observed, own: Aiding) -> Table:
-    table = _plain_table(("aiding",), ("rank", "of", "gap"))
-    for row in made.table.iter_rows(named=True):
-        mark = "  < this scenario" if row["mask"] == own.mask else ""
-        table.add_row(row["aiding"] + mark, _rank(row), str(row["states"]), f"{row['gap']:.0e}")
-    return table
-
-
-def _plan(manoeuvres: pl.DataFrame) -> Table:
-    names = manoeuvres["manoeuvre"].unique(maintain_order=True).to_list()
-    table = _plain_table(("state",), tuple(name.replace("_", "\n") for name in names))
-    signs = {"observable": "", "hidden": "*", "undecided": "?"}
-    for (state,), rows in manoeuvres.group_by("state", maintain_order=True):
-        cells = (
-            _number(None if part is None else 100.0 * part, 0) + signs[verdict]
-            for part, verdict in rows.select("part_left", "verdict").iter_rows()
-        )
-        table.add_row(str(state), *cells)
-    return table
 
 
 def _fail(message: str) -> NoReturn:

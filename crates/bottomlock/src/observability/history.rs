@@ -29,7 +29,7 @@ pub struct History {
 /// Covariances of this project's filter along a truth.
 ///
 /// # Errors
-/// As [`full::system`]; [`NavError::NotPositiveDefinite`] where an innovation covariance cannot be factorised.
+/// As [`full::systems`]; [`NavError::NotPositiveDefinite`] where an innovation covariance cannot be factorised.
 pub fn of_filter(
     truth: &Truth<'_>,
     geometry: &BeamGeometry,
