@@ -115,7 +115,7 @@ fn run(
     let mut k = 0;
     for epoch in &system.epochs {
         while truth.time_ns[k] < epoch.time_ns {
-            let limit = (truth.time_ns[k] + STEP_NS).min(epoch.time_ns);
+            let limit = truth.time_ns[k].saturating_add(STEP_NS).min(epoch.time_ns);
             let next = truth
                 .time_ns
                 .partition_point(|&t| t <= limit)

@@ -144,10 +144,14 @@ impl System {
     }
 }
 
+/// Most epochs of a window: what a sensor gives in an hour and more, and what fits into memory for many masks.
+const MOST_EPOCHS: usize = 5000;
+
 /// Times at which the window is measured: truth samples, the first at or after every period.
 ///
 /// # Errors
-/// [`NavError::OutOfRange`] for a period that is not positive, [`NavError::WrongCount`] where fewer than two epochs fit.
+/// [`NavError::OutOfRange`] for a period that is not positive, [`NavError::WrongCount`] where fewer than two epochs fit or
+/// more than 5000.
 pub(crate) fn epoch_samples(truth: &Truth<'_>, period_ns: i64) -> Result<Vec<usize>, NavError> {
     truth.validate()?;
     if period_ns <= 0 {
@@ -163,9 +167,19 @@ pub(crate) fn epoch_samples(truth: &Truth<'_>, period_ns: i64) -> Result<Vec<usi
     while wanted <= last {
         let sample = truth.time_ns.partition_point(|&t| t < wanted);
         samples.push(sample);
-        // A gap in the truth is no reason to measure one sample twice.
-        while wanted <= truth.time_ns[sample] {
-            wanted += period_ns;
+        if samples.len() > MOST_EPOCHS {
+            return Err(NavError::WrongCount {
+                field: "epochs of the window",
+                got: samples.len(),
+                expected: format!("at most {MOST_EPOCHS}: a shorter window or a longer period_ns"),
+            });
+        }
+        // A gap in the truth is no reason to measure one sample twice: the next multiple of the period after it.
+        let behind = i128::from(truth.time_ns[sample]) - i128::from(wanted);
+        let next = i128::from(wanted) + (behind / i128::from(period_ns) + 1) * i128::from(period_ns);
+        match i64::try_from(next) {
+            Ok(time_ns) => wanted = time_ns,
+            Err(_) => break,
         }
     }
     if samples.len() < 2 {

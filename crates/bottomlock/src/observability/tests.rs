@@ -297,6 +297,11 @@ fn refusals() {
         judge(&truth, &beams(4), 0),
         Err(NavError::OutOfRange { field: "period_ns", .. })
     ));
+    assert!(judge(&truth, &beams(4), i64::MAX).is_err());
+    assert!(judge(&truth, &beams(4), 1).is_ok(), "every sample, at once");
+    let long = Turn::new(0.0, 1.0, 600, 10);
+    let many = judge(&long.truth(), &beams(4), 1);
+    assert!(matches!(many, Err(NavError::WrongCount { got: 5001, .. })));
     let mut broken = Turn::new(0.0, 1.0, 10, 10);
     broken.velocity[7][1] = f64::NAN;
     assert!(matches!(
