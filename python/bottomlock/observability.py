@@ -16,7 +16,7 @@ Examples:
     >>> whole.rank, half.rank
     (8, 6)
     >>> whole.unobservable[3]
-    'tilt north - g·accel bias y'
+    'tilt north + g·accel bias y'
 """
 
 import math
