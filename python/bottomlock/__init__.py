@@ -9,7 +9,7 @@ numbered from 1 in text and columns and from 0 in arrays.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from bottomlock.errors import BottomlockError, DataError, OutputError, ScenarioError
+from bottomlock.errors import BottomlockError, DataError, EngineError, OutputError, ScenarioError
 from bottomlock.kernel import (
     ARMS,
     METHODS,
@@ -25,9 +25,11 @@ from bottomlock.kernel import (
 )
 
 if TYPE_CHECKING:
-    from bottomlock.campaign import run_campaign
+    from bottomlock.campaign import run_campaign, run_shard
     from bottomlock.conditions import schedule
     from bottomlock.io.beams import read_beams, read_geometry
+    from bottomlock.merge import merge_shards
+    from bottomlock.plan import Shard
     from bottomlock.scenario import Scenario, load_scenario, packaged_scenarios
     from bottomlock.streams import sensor_streams
     from bottomlock.trajectory import Truth, make_truth
@@ -41,23 +43,27 @@ __all__ = [
     "BeamGeometry",
     "BottomlockError",
     "DataError",
+    "EngineError",
     "KernelError",
     "Navigator",
     "OutputError",
     "Scenario",
     "ScenarioError",
+    "Shard",
     "Truth",
     "VelocityFixes",
     "World",
     "load_scenario",
     "make_truth",
     "make_world",
+    "merge_shards",
     "normal_gravity_mps2",
     "packaged_scenarios",
     "read_beams",
     "read_geometry",
     "run_batch",
     "run_campaign",
+    "run_shard",
     "schedule",
     "sensor_streams",
     "simulate_sensors",
@@ -67,15 +73,18 @@ __all__ = [
 # What pulls in polars, pydantic or scipy comes only when used: a vehicle's computer may want the kernel alone.
 _LAZY = {
     "Scenario": "bottomlock.scenario",
+    "Shard": "bottomlock.plan",
     "Truth": "bottomlock.trajectory",
     "World": "bottomlock.world",
     "load_scenario": "bottomlock.scenario",
     "make_truth": "bottomlock.trajectory",
     "make_world": "bottomlock.world",
+    "merge_shards": "bottomlock.merge",
     "packaged_scenarios": "bottomlock.scenario",
     "read_beams": "bottomlock.io.beams",
     "read_geometry": "bottomlock.io.beams",
     "run_campaign": "bottomlock.campaign",
+    "run_shard": "bottomlock.campaign",
     "schedule": "bottomlock.conditions",
     "sensor_streams": "bottomlock.streams",
 }

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = [
     "ARMS",
     "EARTH_RATE_RADPS",
+    "MEMBERS",
     "BeamGeometry",
     "ClosedLoop",
     "KernelError",
@@ -27,6 +28,7 @@ __all__ = [
 __version__: Final[str]
 EARTH_RATE_RADPS: Final[float]
 ARMS: Final[tuple[str, ...]]
+MEMBERS: Final[tuple[str, ...]]
 
 class KernelError(ValueError):
     """Bad input to the kernel, in one line that names the field, row or time and what was expected."""
@@ -85,6 +87,18 @@ class ModelDict(TypedDict):
     gps: GpsDict
 
 @type_check_only
+class WaterDict(TypedDict):
+    current_sd_mps: float
+    current_time_s: float
+    sway_gain_m: float
+    sway_gain_sd_m: float
+    trim_sd_mps: float
+    trim_time_s: float
+    slip_sd_mps: float
+    slip_time_s: float
+    slip_epochs: float
+
+@type_check_only
 class OptionsDict(TypedDict):
     gate: str
     gate_probability: float
@@ -95,6 +109,7 @@ class OptionsDict(TypedDict):
     nullified_sway_var_m2ps2: float
     weak_sway_var_m2ps2: float
     information_port: str
+    water: NotRequired[WaterDict]
 
 @type_check_only
 class ScheduleDict(TypedDict):
@@ -142,6 +157,18 @@ class StateDict(TypedDict):
     dvl_scale_factor: float
 
 @type_check_only
+class WaterStateDict(TypedDict):
+    current_t_mps: NDArray[np.float64]
+    sway_gain_m: float
+    trim_heave_mps: float
+    sway_slip_mps: float
+    heave_slip_mps: float
+    sway_slip_sd_mps: float
+    heave_slip_sd_mps: float
+    restarts: int
+    covariance: NDArray[np.float64]
+
+@type_check_only
 class ReportDict(TypedDict):
     sensor: str
     time_ns: int
@@ -152,6 +179,7 @@ class ReportDict(TypedDict):
     threshold: float
     verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information"]
     rejected_rows: NDArray[np.bool_]
+    choice: dict[str, Any] | None
 
 @type_check_only
 class SolutionDict(TypedDict):
@@ -174,6 +202,7 @@ class BatchDict(TypedDict):
     nis_mean: NDArray[np.float64]
     fixes_accepted: NDArray[np.int64]
     fixes_rejected: NDArray[np.int64]
+    choice: NDArray[np.uint8]
 
 @type_check_only
 class AidingDict(TypedDict):
@@ -302,6 +331,7 @@ class Navigator:
     ) -> list[ReportDict]: ...
     def state(self) -> StateDict: ...
     def covariance(self) -> NDArray[np.float64]: ...
+    def water(self) -> WaterStateDict | None: ...
 
 @final
 class ClosedLoop:

@@ -1,8 +1,6 @@
 """The command `bottomlock`: campaigns, packaged scenarios, velocity fixes from logs."""
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -10,42 +8,29 @@ import cyclopts
 import numpy as np
 import polars as pl
 from cyclopts import App, Parameter
-from rich import box
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
-from rich.text import Text
 
-from bottomlock import __version__, campaign, stats
+from bottomlock import __version__, campaign
 from bottomlock import reproduce as whole_study
 from bottomlock.conditions import met
+from bottomlock.engine import ENGINES, check_engine
 from bottomlock.errors import BottomlockError, DataError, OutputError, ScenarioError
 from bottomlock.figures import flight_figure, save_figure
 from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.kernel import KernelError, solve_velocity
-from bottomlock.observability_report import observe_paper, observe_scenario
-from bottomlock.observability_screen import screen
+from bottomlock.merge import merge_shards
 from bottomlock.output import write_parquet
+from bottomlock.plan import Shard
 from bottomlock.plant import telemetry
 from bottomlock.report import Report, make_report
 from bottomlock.scenario import copy_scenario, load_scenario, packaged_scenarios
+from bottomlock.screen import conclude, console, errors, flying
 from bottomlock.streams import sensor_streams
 from bottomlock.trajectory import Truth
 from bottomlock.world import World, make_world, trajectory_key
 
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
-
-console = Console(stderr=False)
-errors = Console(stderr=True, soft_wrap=True, highlight=False)
 
 app = App(
     name="bottomlock",
@@ -55,77 +40,8 @@ app = App(
 )
 
 
-class _Rate(ProgressColumn):
-    """Runs per second."""
-
-    def render(self, task: Task) -> Text:
-        return Text(f"{task.speed:.1f} runs/s" if task.speed else "- runs/s")
-
-
 def _split(arms: str | None) -> list[str] | None:
     return None if arms is None else [arm.strip() for arm in arms.split(",") if arm.strip()]
-
-
-def _number(value: float | None, digits: int) -> str:
-    if value is None or not np.isfinite(value):
-        return "-"
-    return f"{value:.{digits}f}" if abs(value) < 1e4 else f"{value:.1e}"
-
-
-def _summary(results: campaign.Results) -> list[Table]:
-    """A table per trajectory, narrow enough for 80 columns."""
-    summary = stats.summary_table(results.ensemble, results.runs)
-    tables = []
-    for (trajectory,), rows in summary.group_by("trajectory", maintain_order=True):
-        table = Table(
-            title=f"{trajectory}: RMS over runs at the end",
-            title_justify="left",
-            box=box.SIMPLE_HEAD,
-            padding=(0, 1, 0, 0),
-        )
-        table.add_column("arm", no_wrap=True)
-        settings = results.manifest["scenarios"][trajectory]["configuration"]["trajectory"]
-        astray = settings["feedback"] == "estimate"
-        names = ["v m/s", "95 %", "att deg", "pos m", "NEES", "astray m" if astray else "NIS", "rej %"]
-        for name in names:
-            table.add_column(name, justify="right", no_wrap=True)
-        for row in rows.iter_rows(named=True):
-            low, high = _number(row["velocity_rms_lo_mps"], 3), _number(row["velocity_rms_hi_mps"], 3)
-            part = row["rejected_part"]
-            table.add_row(
-                row["arm"],
-                _number(row["velocity_rms_mps"], 3),
-                f"{low} .. {high}",
-                _number(row["attitude_rms_deg"], 3),
-                _number(row["position_rms_m"], 1),
-                _number(row["nees_mean"], 1),
-                _number(row["cross_track_rms_m"], 1) if astray else _number(row["nis_mean"], 2),
-                "-" if part is None or not np.isfinite(part) else f"{100.0 * part:.2f}",
-            )
-        tables.append(table)
-    return tables
-
-
-@contextmanager
-def _progress(total: float) -> Iterator[Callable[[campaign.Progress], None]]:
-    """A bar over runs, with rate and time left; what it yields takes the progress of any number of trajectories."""
-    columns = (
-        TextColumn("{task.description:>12}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        _Rate(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=errors, transient=False) as progress:
-        task = progress.add_task("flying", total=total)
-        done: dict[str, float] = {}
-
-        def tell(state: campaign.Progress) -> None:
-            done[state.trajectory] = state.runs_done
-            progress.update(task, completed=sum(done.values()), description=state.trajectory)
-
-        yield tell
 
 
 def _interrupted(out: Path) -> NoReturn:
@@ -148,6 +64,16 @@ def run(
     force: Annotated[
         bool, Parameter(negative="", help="Start over in a directory of another campaign.")
     ] = False,
+    shard: Annotated[
+        str | None,
+        Parameter(help="k/n: fly every n-th chunk from the k-th; `bottomlock merge` joins the shards."),
+    ] = None,
+    engine: Annotated[
+        str, Parameter(help=f"{' or '.join(ENGINES)}: this process, or the workers of a cluster.")
+    ] = "local",
+    scheduler: Annotated[
+        str | None, Parameter(help="Dask scheduler, tcp://host:port; without it, processes on this machine.")
+    ] = None,
 ) -> None:
     """Flies a Monte Carlo campaign and prints the table of RMS errors.
 
@@ -163,25 +89,45 @@ def run(
     loaded = [
         load_scenario(name).with_overrides(runs=runs, seed=seed, arms=_split(arms)) for name in scenario
     ]
+    part = None if shard is None else Shard.parse(shard)
+    check_engine(engine, threads=threads, scheduler=scheduler)
     for one in loaded:
         make_world(one)  # a fault shows before a progress bar does
+    settings: Any = {"threads": threads, "engine": engine, "scheduler": scheduler, "force": force}
     try:
-        with _progress(sum(one.campaign.runs for one in loaded)) as tell:
-            results = campaign.run_campaign(loaded, out, threads=threads, force=force, tell=tell)
+        with flying(campaign.runs_to_fly(loaded, part)) as tell:
+            if part is None:
+                results = campaign.run_campaign(loaded, out, tell=tell, **settings)
+            else:
+                manifest = campaign.run_shard(loaded, out, part, tell=tell, **settings)
     except KeyboardInterrupt:
         _interrupted(out)
-    for table in _summary(results):
-        console.print(table)
-    manifest, settings = results.manifest, loaded[0].filter
-    if any(one.trajectory.feedback == "estimate" for one in loaded):
+    if part is None:
+        conclude(results, out)
+    else:
         console.print(
-            "The vehicle flew on its estimate; astray is its true cross-track error, rms over way and runs."
+            f"shard {part} in {out}, {manifest['wall_time_s']:.1f} s; `bottomlock merge` joins all {part.n}"
         )
-    console.print(
-        f"NEES of an honest filter is {20 if settings.estimate_dvl else 15}, NIS the number of fused rows. "
-        f"n_f {settings.virtual_beam_factor:g}, ε {settings.nullified_sway_var_m2ps2:g} m²/s², gate {settings.gate}."
-    )
-    console.print(f"{manifest['wall_time_s']:.1f} s; tables in {out}")
+
+
+@app.command
+def merge(
+    out: Path,
+    *shards: Path,
+    force: Annotated[
+        bool, Parameter(negative="", help="Start over in a directory of another campaign.")
+    ] = False,
+) -> None:
+    """Joins the shards of a campaign: the tables are those of the campaign flown in one go.
+
+    Parameters
+    ----------
+    out
+        Directory for the results.
+    shards
+        Directories of all shards, in any order.
+    """
+    conclude(merge_shards(out, shards, force=force), out)
 
 
 @app.command
@@ -333,7 +279,7 @@ def reproduce(
     if threads < 0:
         raise ScenarioError(f"--threads is {threads}, expected 0 or more")
     try:
-        with _progress(whole_study.study_runs(runs)) as tell:
+        with flying(whole_study.study_runs(runs)) as tell:
             made = whole_study.reproduce(out, runs=runs, seed=seed, threads=threads, force=force, tell=tell)
     except KeyboardInterrupt:
         _interrupted(out)
@@ -360,28 +306,16 @@ def _say(made: Report) -> None:
     console.print(f"wrote {made.page}, {len(made.figures)} figures and tables/claims.parquet")
 
 
-@app.command
-def observe(
-    case: str | None = None,
-    *,
-    out: Annotated[Path, Parameter(help="Directory for tables and figures.")],
-    paper: Annotated[
-        bool, Parameter(negative="", help="The six cases of Klein & Diamant 2015 instead of a scenario.")
-    ] = False,
-) -> None:
-    """Tells what can be estimated along a scenario's truth, for every mask of its beams, and by which manoeuvre.
-
-    Parameters
-    ----------
-    case
-        Packaged scenario (see `bottomlock scenarios`) or TOML file.
-    """
-    if paper == (case is not None):
-        raise ScenarioError("expected either a scenario or --paper")
-    made = observe_paper(out) if case is None else observe_scenario(case, out)
-    for part in screen(made):
-        console.print(part, highlight=False)
-    console.print(f"wrote tables and {len(made.figures)} figures to {out}")
+# By name: they are imported when they are called for, and the other commands start without them.
+app.command(
+    "bottomlock.study_commands:masks", name="masks", help="Flies every partial mask, dropouts and a slope."
+)
+app.command("bottomlock.study_commands:certify", name="certify", help="Writes the honesty certificate.")
+app.command(
+    "bottomlock.observe_command:observe",
+    name="observe",
+    help="Tells what can be estimated, and by which manoeuvre.",
+)
 
 
 def _fail(message: str) -> NoReturn:

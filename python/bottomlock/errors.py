@@ -17,3 +17,7 @@ class DataError(BottomlockError):
 
 class OutputError(BottomlockError):
     """An output directory that cannot be written or belongs to something else."""
+
+
+class EngineError(BottomlockError):
+    """A way to compute that is not there, or has broken down."""

@@ -45,7 +45,7 @@ def fly_on_estimates(
 
     Returns:
         As `kernel.run_batch`, with `cross_track_m` (runs, arms, ticks), the distance of the true vehicle from the path
-        segment that it follows, positive to the right, and `sample_time_ns`.
+        segment that it follows, positive to the right, `sample_time_ns` and `dvl_time_ns`.
 
     Raises:
         ScenarioError: for an analytic truth.
@@ -94,7 +94,7 @@ def fly_on_estimates(
         threads=threads,
     )
     steering = 0 if own else list(arms).index(pilot)
-    before, sampled = begin, []
+    before, sampled, pinged = begin, [], []
 
     def navigate(block: TruthBlock) -> Belief:
         nonlocal before
@@ -103,6 +103,7 @@ def fly_on_estimates(
             plan, _ = conditions.along(stretch["time_ns"], stretch["position_t_m"], stretch["attitude_t_p"])
             loop.advance(stretch, plan)  # type: ignore[arg-type]
             sampled.append(plan["sample_time_ns"])
+            pinged.append(plan["dvl_time_ns"])
             before = block
         return Belief(**loop.belief(steering))
 
@@ -117,6 +118,7 @@ def fly_on_estimates(
             offset.reshape(runs, vehicles_per_run, -1), (runs, len(arms), len(offsets))
         ),
         "sample_time_ns": np.concatenate(sampled),
+        "dvl_time_ns": np.concatenate(pinged),
     }
 
 

@@ -29,6 +29,7 @@ from bottomlock import _kernel
 from bottomlock._kernel import (
     ARMS,
     EARTH_RATE_RADPS,
+    MEMBERS,
     BeamGeometry,
     ClosedLoop,
     KernelError,
@@ -48,8 +49,11 @@ __all__ = [
     "ARMS",
     "COMPONENT_STATUS",
     "EARTH_RATE_RADPS",
+    "MEMBERS",
     "METHODS",
+    "SOURCES",
     "STATUS",
+    "WHY",
     "BeamGeometry",
     "ClosedLoop",
     "KernelError",
@@ -93,6 +97,13 @@ COMPONENT_STATUS = (
 
 SOURCES = ("none", "lc", "vb", "nsv", "plcf", "vhv", "info", "weak_sway")
 """Which method a component comes from, by the kernel's code."""
+
+
+WHY = ("beams_know_best", "knows_most", "beams_contradict")
+"""Why a filter of the consistent selector leads, by the kernel's code."""
+
+NO_CHOICE = 255
+"""The kernel's code where an arm does not choose."""
 
 
 def kernel_version() -> str:

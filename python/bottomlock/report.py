@@ -18,6 +18,7 @@ from bottomlock.output import write_bytes, write_parquet, write_text
 from bottomlock.paper_claims import Claim, ImprovementClaim, Paper, ValueClaim, load_paper
 from bottomlock.stats import summary_table
 from bottomlock.study import Errors, Study, locked_out, read_errors, read_study
+from bottomlock.study_figures.choices import choices_figure
 from bottomlock.study_figures.curves import nees_figure, rms_figure
 from bottomlock.study_figures.honesty import claimed_figure, normalised_figure
 from bottomlock.study_figures.palette import inline_svg, png_bytes, stroke, svg_text
@@ -36,7 +37,7 @@ ARM_WORDS = {
     "info": "the observable principal axes through a velocity port",
     "weak_sway": "sway is zero, weakly",
     "sway_current": "sway in proportion to the yaw rate, relative to water whose current is estimated",
-    "consistent": "an assumption kept as long as the beams agree with it",
+    "consistent": "the most informative of tc, weak_sway and sway_current that the beams do not contradict",
 }
 """What each arm does with the beams; an arm that is not named here is shown without words."""
 
@@ -136,6 +137,10 @@ def drawings(study: Study, errors: Mapping[str, Errors], paper: Paper) -> list[D
                 name,
             ),
         ]
+        chosen = None if study.choices is None else choices_figure(study.choices, name)
+        if chosen is not None:
+            words = "What the arms that choose have chosen: share of the runs at each ping."
+            found.append(Drawing(f"choices_{name}", words, chosen, name))
     return found
 
 

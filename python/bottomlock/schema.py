@@ -95,6 +95,16 @@ PATHS: Mapping[str, pl.DataType] = {
 }
 """A row per trajectory and time: where the vehicle truly was."""
 
+CHOICES: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "arm": pl.String(),
+    "time_ns": pl.Int64(),
+    "component": pl.String(),
+    "source": pl.String(),
+    "runs": pl.Int64(),
+}
+"""A row per trajectory, arm that chooses, ping, component and source: in how many runs it was chosen."""
+
 SWEEP: Mapping[str, pl.DataType] = {
     "parameter": pl.String(),
     "value": pl.String(),

@@ -7,7 +7,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-ARM_NAMES = ("ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "vb_exact", "info", "weak_sway")
+ARM_NAMES = (
+    "ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "vb_exact", "info", "weak_sway", "sway_current",
+    "consistent",
+)  # fmt: skip
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -246,6 +249,23 @@ class Initial(Section):
     yaw_deg: NonNegative = 1.146
 
 
+class Water(Section):
+    """What the arm sway_current assumes of the motion through the water before it measures, 1 sigma.
+
+    A torpedo of 3 m at 2 m/s; docs/arms/sway_current.md says where each number comes from.
+    """
+
+    current_sd_mps: NonNegative = 0.3
+    current_time_s: Positive = 21_600.0
+    sway_gain_m: Finite = 0.6
+    sway_gain_sd_m: NonNegative = 0.3
+    trim_sd_mps: NonNegative = 0.03
+    trim_time_s: Positive = 3600.0
+    slip_sd_mps: Positive = 0.02
+    slip_time_s: Positive = 5.0
+    slip_epochs: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 20.0
+
+
 class Filter(Section):
     """Filter options.
 
@@ -261,6 +281,7 @@ class Filter(Section):
     nullified_sway_var_m2ps2: Positive = 1e-3
     weak_sway_var_m2ps2: Positive = 2.0
     information_port: Literal["axes", "full"] = "axes"
+    water: Water = Water()
 
 
 def check_arms(arms: Iterable[str]) -> None:

@@ -1,5 +1,7 @@
 """Statistics of a campaign: data frames in, data frames out."""
 
+from collections.abc import Iterator, Mapping
+
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
@@ -10,6 +12,12 @@ from bottomlock.schema import CONSISTENCY, ENSEMBLE, RUNS
 DEGREES_PER_RADIAN = 180.0 / np.pi
 BOOTSTRAP_RESAMPLES = 1000
 BOOTSTRAP_SEED = 20170222
+
+WEIGHTS_HELD = 8_000_000
+"""Bootstrap weights in memory at a time, 64 MB: up to 8,000 runs they are drawn at once."""
+
+NORMS = ("velocity_mps", "attitude_deg", "position_m", "nees", "nees_velocity_attitude")
+"""What `error_norms` makes of the samples."""
 
 
 def _norm(prefix: str) -> pl.Expr:
@@ -62,43 +70,70 @@ def bootstrap_rms(squares: NDArray[np.float64]) -> tuple[NDArray[np.float64], ND
     """
     runs = squares.shape[0]
     generator = np.random.default_rng(BOOTSTRAP_SEED)
-    weights = generator.multinomial(runs, np.full(runs, 1.0 / runs), size=BOOTSTRAP_RESAMPLES) / runs
-    low, high = np.percentile(np.sqrt(weights @ squares), [2.5, 97.5], axis=0)
+    at_once = max(1, WEIGHTS_HELD // runs)
+    drawn = []
+    # One generator over all blocks: the draws are those of a single call.
+    for first in range(0, BOOTSTRAP_RESAMPLES, at_once):
+        size = min(at_once, BOOTSTRAP_RESAMPLES - first)
+        weights = generator.multinomial(runs, np.full(runs, 1.0 / runs), size=size) / runs
+        drawn.append(np.sqrt(weights @ squares))
+    low, high = np.percentile(np.concatenate(drawn), [2.5, 97.5], axis=0)
     return low, high
 
 
+def ensemble_rows(
+    trajectory: str, arm: str, time_ns: NDArray[np.int64], errors: Mapping[str, NDArray[np.float64]]
+) -> pl.DataFrame:
+    """A row per second of one arm (`schema.ENSEMBLE`).
+
+    Args:
+        trajectory: its name.
+        arm: its name.
+        time_ns: (times,).
+        errors: `velocity_mps`, `attitude_deg`, `position_m` and `nees`, (runs, times) each.
+    """
+    squares = {name: errors[name] ** 2 for name in ("velocity_mps", "attitude_deg", "position_m")}
+    velocity_lo, velocity_hi = bootstrap_rms(squares["velocity_mps"])
+    attitude_lo, attitude_hi = bootstrap_rms(squares["attitude_deg"])
+    return pl.DataFrame(
+        {
+            "trajectory": [trajectory] * len(time_ns),
+            "arm": [arm] * len(time_ns),
+            "time_s": time_ns * 1e-9,
+            "velocity_rms_mps": np.sqrt(squares["velocity_mps"].mean(axis=0)),
+            "velocity_rms_lo_mps": velocity_lo,
+            "velocity_rms_hi_mps": velocity_hi,
+            "attitude_rms_deg": np.sqrt(squares["attitude_deg"].mean(axis=0)),
+            "attitude_rms_lo_deg": attitude_lo,
+            "attitude_rms_hi_deg": attitude_hi,
+            "position_rms_m": np.sqrt(squares["position_m"].mean(axis=0)),
+            "nees": errors["nees"].mean(axis=0),
+        },
+        schema=dict(ENSEMBLE),
+    )
+
+
 def ensemble_table(norms: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory, arm and second (`schema.ENSEMBLE`)."""
-    parts = []
+    """A row per trajectory, arm and second (`schema.ENSEMBLE`), from norms that are all in memory."""
+    return pl.concat(
+        [ensemble_rows(trajectory, arm, time_ns, errors) for trajectory, arm, time_ns, errors in _arms(norms)]
+    )
+
+
+def _arms(
+    norms: pl.DataFrame,
+) -> Iterator[tuple[str, str, NDArray[np.int64], dict[str, NDArray[np.float64]]]]:
+    """Trajectory, arm, times and the errors as (runs, times)."""
     for (trajectory, arm), group in norms.group_by("trajectory", "arm", maintain_order=True):
         ordered = group.sort("run", "time_ns")
-        times = ordered["time_ns"].unique().sort()
-        shape = (-1, len(times))
-        squares = {
-            name: ordered[name].to_numpy().reshape(shape) ** 2
-            for name in ("velocity_mps", "attitude_deg", "position_m")
-        }
-        velocity_lo, velocity_hi = bootstrap_rms(squares["velocity_mps"])
-        attitude_lo, attitude_hi = bootstrap_rms(squares["attitude_deg"])
-        parts.append(
-            pl.DataFrame(
-                {
-                    "trajectory": [trajectory] * len(times),
-                    "arm": [arm] * len(times),
-                    "time_s": times.to_numpy() * 1e-9,
-                    "velocity_rms_mps": np.sqrt(squares["velocity_mps"].mean(axis=0)),
-                    "velocity_rms_lo_mps": velocity_lo,
-                    "velocity_rms_hi_mps": velocity_hi,
-                    "attitude_rms_deg": np.sqrt(squares["attitude_deg"].mean(axis=0)),
-                    "attitude_rms_lo_deg": attitude_lo,
-                    "attitude_rms_hi_deg": attitude_hi,
-                    "position_rms_m": np.sqrt(squares["position_m"].mean(axis=0)),
-                    "nees": ordered["nees"].to_numpy().reshape(shape).mean(axis=0),
-                },
-                schema=dict(ENSEMBLE),
-            )
+        time_ns = ordered["time_ns"].unique().sort().to_numpy()
+        shape = (-1, len(time_ns))
+        yield (
+            str(trajectory),
+            str(arm),
+            time_ns,
+            {name: ordered[name].to_numpy().reshape(shape) for name in NORMS},
         )
-    return pl.concat(parts)
 
 
 def nees_band(degrees: int, runs: int, probability: float = 0.95) -> tuple[float, float]:
@@ -113,25 +148,47 @@ def nees_band(degrees: int, runs: int, probability: float = 0.95) -> tuple[float
     return float(low), float(high)
 
 
-def consistency_table(norms: pl.DataFrame, *, full_degrees: int) -> pl.DataFrame:
-    """A row per trajectory, arm and kind of NEES (`schema.CONSISTENCY`).
+def consistency_rows(
+    trajectory: str,
+    arm: str,
+    nees_at_time: Mapping[str, NDArray[np.float64]],
+    *,
+    runs: int,
+    full_degrees: int,
+) -> pl.DataFrame:
+    """A row per kind of NEES of one arm (`schema.CONSISTENCY`).
 
     The verdict is on the mean over time, held against the band of the mean over runs: it is conservative,
     since the mean over time scatters less than the value at one time.
+
+    Args:
+        trajectory: its name.
+        arm: its name.
+        nees_at_time: means over the runs of `nees_velocity_attitude` and `nees`, (times,) each.
+        runs: how many runs the means are of.
+        full_degrees: degrees of freedom of `nees`.
     """
     rows = []
-    for (trajectory, arm), group in norms.group_by("trajectory", "arm", maintain_order=True):
-        runs = group["run"].n_unique()
-        for quantity, degrees in (("nees_velocity_attitude", 6), ("nees", full_degrees)):
-            low, high = nees_band(degrees, runs)
-            at_time = group.group_by("time_ns").agg(pl.col(quantity).mean()).sort("time_ns")[quantity]
-            mean = float(np.mean(at_time.to_numpy()))
-            inside = float(np.mean((at_time.to_numpy() >= low) & (at_time.to_numpy() <= high)))
-            verdict = (
-                "consistent" if low <= mean <= high else ("overconfident" if mean > high else "too cautious")
-            )
-            rows.append((trajectory, arm, quantity, degrees, runs, mean, low, high, inside, verdict))
+    for quantity, degrees in (("nees_velocity_attitude", 6), ("nees", full_degrees)):
+        low, high = nees_band(degrees, runs)
+        at_time = nees_at_time[quantity]
+        mean = float(np.mean(at_time))
+        inside = float(np.mean((at_time >= low) & (at_time <= high)))
+        verdict = (
+            "consistent" if low <= mean <= high else ("overconfident" if mean > high else "too cautious")
+        )
+        rows.append((trajectory, arm, quantity, degrees, runs, mean, low, high, inside, verdict))
     return pl.DataFrame(rows, schema=dict(CONSISTENCY), orient="row")
+
+
+def consistency_table(norms: pl.DataFrame, *, full_degrees: int) -> pl.DataFrame:
+    """A row per trajectory, arm and kind of NEES (`schema.CONSISTENCY`), from norms that are all in memory."""
+    parts = []
+    for trajectory, arm, _, errors in _arms(norms):
+        at_time = {name: errors[name].mean(axis=0) for name in ("nees", "nees_velocity_attitude")}
+        runs = len(errors["nees"])
+        parts.append(consistency_rows(trajectory, arm, at_time, runs=runs, full_degrees=full_degrees))
+    return pl.concat(parts)
 
 
 def summary_table(ensemble: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:

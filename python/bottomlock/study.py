@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.output import read_json
-from bottomlock.schema import CONSISTENCY, ENSEMBLE, PATHS, RUNS, SAMPLES, SWEEP, check
+from bottomlock.schema import CHOICES, CONSISTENCY, ENSEMBLE, PATHS, RUNS, SAMPLES, SWEEP, check
 from bottomlock.stats import DEGREES_PER_RADIAN
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ class Errors:
 
 @dataclass(frozen=True)
 class Study:
-    """The tables of a finished campaign; truth and sweep where the directory has them."""
+    """The tables of a finished campaign; truth, sweep and choices where the directory has them."""
 
     folder: Path
     manifest: dict[str, Any]
@@ -60,6 +60,7 @@ class Study:
     consistency: pl.DataFrame
     paths: pl.DataFrame | None
     sweep: pl.DataFrame | None
+    choices: pl.DataFrame | None
 
     @property
     def trajectories(self) -> list[str]:
@@ -100,6 +101,7 @@ def read_study(folder: Path) -> Study:
         consistency=consistency,
         paths=_optional(folder / "truth.parquet", PATHS),
         sweep=_optional(folder / "sweep.parquet", SWEEP),
+        choices=_optional(folder / "choices.parquet", CHOICES),
     )
 
 

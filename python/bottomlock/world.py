@@ -38,6 +38,13 @@ class World:
     recorded: tuple[NDArray[np.int64], NDArray[np.bool_]] | None
     field: MagneticField | None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the beams, which belong to the kernel: what is sent elsewhere takes no file along but its content."""
+        return {name: value for name, value in vars(self).items() if name != "geometry"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state | {"geometry": geometry_of(state["scenario"])})
+
     @property
     def latitude_rad(self) -> float:
         """Geodetic latitude."""

@@ -1,8 +1,11 @@
 """The command as a new user runs it, with mistakes."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +21,11 @@ def command(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedPro
     """Runs `bottomlock` in a process of its own."""
     call = [sys.executable, "-m", "bottomlock", *arguments]
     return subprocess.run(call, capture_output=True, text=True, check=False, cwd=cwd, timeout=120)
+
+
+def shown(done: subprocess.CompletedProcess[str]) -> str:
+    """The table on the screen, without the seconds below it."""
+    return done.stdout.split("NEES of an honest filter")[0]
 
 
 def test_run_writes_tables_and_prints_one(tmp_path: Path) -> None:
@@ -53,6 +61,69 @@ def test_report_of_a_foreign_directory(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert done.stderr.startswith("bottomlock: ")
     assert "holds no campaign of ours" in done.stderr
+
+
+@pytest.mark.slow
+def test_shards_merge_to_the_table_of_one_run(tmp_path: Path) -> None:
+    """Two directories, one `merge`, and the very bytes and numbers of the campaign flown in one go."""
+    assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
+    path = tmp_path / "straight.toml"
+    path.write_text(
+        path.read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 20.0"), encoding="utf-8"
+    )
+    # Chunks of 333 runs with six arms.
+    call = ["run", "straight.toml", "--runs", "400", "--arms", "lc,tc,vb,nsv,plcf,info", "--out"]
+    whole = command(*call, "whole", cwd=tmp_path)
+    for k in (1, 2):
+        part = command(*call, f"part{k}", "--shard", f"{k}/2", cwd=tmp_path)
+        assert part.returncode == 0, part.stderr
+        assert f"shard {k}/2 in part{k}" in part.stdout
+    early = command("report", "part1", cwd=tmp_path)
+    assert early.returncode == 2
+    merged = command("merge", "joined", "part1", "part2", cwd=tmp_path)
+    assert merged.returncode == 0, merged.stderr
+    assert shown(merged) == shown(whole)
+    for name in ("runs", "ensemble", "consistency"):
+        one, two = (tmp_path / folder / f"{name}.parquet" for folder in ("whole", "joined"))
+        assert one.read_bytes() == two.read_bytes(), name
+
+
+@pytest.mark.slow
+def test_the_dask_engine_on_this_machine(tmp_path: Path) -> None:
+    """Processes of their own, no word of theirs on the screen, and the same bytes."""
+    pytest.importorskip("distributed", reason="not installed: pip install 'bottomlock[dask]'")
+    plain = command(*RUN, "--out", str(tmp_path / "plain"))
+    call = [*RUN[:-2], "--engine", "dask", "--threads", "2", "--out", str(tmp_path / "cluster")]
+    done = command(*call)
+    assert done.returncode == 0, done.stderr
+    assert shown(done) == shown(plain)
+    assert [line for line in done.stderr.splitlines() if "runs/s" not in line] == []
+    for name in ("runs", "ensemble", "consistency"):
+        one, two = (tmp_path / folder / f"{name}.parquet" for folder in ("plain", "cluster"))
+        assert one.read_bytes() == two.read_bytes(), name
+
+
+@pytest.mark.slow
+def test_ctrl_c_on_a_cluster_of_this_machine(tmp_path: Path) -> None:
+    """The terminal sends it to all processes: one line about it, and finished chunks are kept."""
+    pytest.importorskip("distributed", reason="not installed: pip install 'bottomlock[dask]'")
+    call = ["run", "straight", "--runs", "5000", "--engine", "dask", "--threads", "2", "--out", "o"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "bottomlock", *call],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    while not list(tmp_path.glob("o/chunks/straight/counts-*")) and process.poll() is None:
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert stdout == ""
+    (line,) = (line for line in stderr.splitlines() if "runs/s" not in line)
+    assert line == "interrupted; finished chunks are kept in o: the same command resumes"
 
 
 def test_scenarios_lists_and_copies(tmp_path: Path) -> None:
@@ -117,6 +188,16 @@ def test_fly_swims_a_scenario(tmp_path: Path) -> None:
         (["run", "straight", "--out", "o", "--threads", "-1"], "--threads is -1"),
         (["run", "straight", "--out", "/proc/nowhere"], "cannot be written"),
         (["run", "straight", "--out", "o", "--runz", "3"], "--runz"),
+        (["run", "straight", "--out", "o", "--shard", "4/3"], "expected k/n with 1 <= k <= n"),
+        (["run", "straight", "--out", "o", "--engine", "spark"], "engine 'spark' is not known"),
+        (["run", "straight", "--out", "o", "--scheduler", "tcp://a:1"], "only dask has schedulers"),
+        (
+            ["run", "straight", "--out", "o", "--engine", "dask", "--scheduler", "a"],
+            "such as tcp://host:8786",
+        ),
+        (["merge", "o"], "no shard is named"),
+        (["merge", "o", "none"], "none: holds no campaign of ours"),
+        (["merge"], "--out"),
         (["scenarios", "--copy", "bent"], "no packaged scenario"),
         (
             ["fix", "none.csv", "--geometry", "x_janus_20", "--method", "lc", "--out", "f.parquet"],

@@ -4,6 +4,7 @@ use bottomlock::batch::{ArmRecord, Batch, arm, run_batch as core_batch};
 use bottomlock::error_model::{Coefficients, dense_noise};
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::imu::{EarthTerms, Inertial, Sampling};
+use bottomlock::report::Choice;
 use bottomlock::sensors::{self, RunKey, Schedule};
 use bottomlock::state::NavState;
 use bottomlock::truth::Truth;
@@ -11,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{array, from_rows, item, stacked, times, vector};
-use crate::dvl::BeamGeometry;
+use crate::dvl::{BeamGeometry, source_code};
 use crate::errors::raise;
 use crate::settings;
 
@@ -194,7 +195,8 @@ pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> P
 ///
 /// Returns error and sd (runs, arms, samples, 9): position (tangent, m), misalignment (tangent, rad), velocity (platform, m/s),
 /// true minus estimate; nees and nees_velocity_attitude (runs, arms, samples); nis_mean (NaN without fixes), fixes_accepted and
-/// fixes_rejected (runs, arms). The GIL is released. Raises KernelError naming the field, or the run and the arm.
+/// fixes_rejected (runs, arms); choice (runs, arms, pings, 3), what an arm that chooses has chosen: codes of SOURCES for surge,
+/// sway and heave, or of MEMBERS and of why, and 255 where there is no choice. The GIL is released. Raises KernelError naming the field, or the run and the arm.
 #[pyfunction]
 #[pyo3(signature = (geometry, truth, simulated, assumed, options, schedule, arms, *, seed, trajectory_key, first_run, runs,
     threads))]
@@ -241,6 +243,17 @@ pub fn run_batch<'py>(
     records_dict(py, &records, schedule.sample_time_ns.len())
 }
 
+/// Where an arm does not choose.
+const NO_CHOICE: u8 = u8::MAX;
+
+/// Sources of surge, sway and heave; or the leading filter, why it leads, and nothing.
+fn choice_code(choice: &Choice) -> [u8; 3] {
+    match choice {
+        Choice::Components(sources) => sources.map(|source| source.map_or(0, source_code)),
+        Choice::Member { member, why, .. } => [*member as u8, *why as u8, NO_CHOICE],
+    }
+}
+
 /// The records of runs × arms as arrays.
 pub fn records_dict<'py>(py: Python<'py>, records: &[Vec<ArmRecord>], samples: usize) -> PyResult<Bound<'py, PyDict>> {
     let (runs, arms) = (records.len(), records.first().map_or(0, Vec::len));
@@ -269,6 +282,12 @@ pub fn records_dict<'py>(py: Python<'py>, records: &[Vec<ArmRecord>], samples: u
     out.set_item("nis_mean", array::<f64>(py, nis, &[runs, arms])?)?;
     out.set_item("fixes_accepted", counts(|record| record.fixes_accepted)?)?;
     out.set_item("fixes_rejected", counts(|record| record.fixes_rejected)?)?;
+    let pings = all.iter().map(|record| record.choices.len()).max().unwrap_or(0);
+    let codes = all.iter().flat_map(|record| {
+        let made = record.choices.iter().map(choice_code);
+        made.chain(std::iter::repeat([NO_CHOICE; 3])).take(pings).flatten()
+    });
+    out.set_item("choice", array::<u8>(py, codes.collect(), &[runs, arms, pings, 3])?)?;
     Ok(out)
 }
 

@@ -226,7 +226,7 @@ fn reason_code(component: Component) -> u8 {
     }
 }
 
-fn source_code(method: Method) -> u8 {
+pub fn source_code(method: Method) -> u8 {
     match method {
         Method::LeastSquares => 1,
         Method::VirtualBeam | Method::VirtualBeamExact => 2,

@@ -35,6 +35,8 @@ mod _kernel {
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("EARTH_RATE_RADPS", bottomlock::earth::EARTH_RATE_RADPS)?;
+        let members = bottomlock::bank::MEMBERS.map(|(name, _)| name);
+        module.add("MEMBERS", pyo3::types::PyTuple::new(module.py(), members)?)?;
         let arms: Vec<&str> = bottomlock::batch::ARMS.iter().map(|arm| arm.name).collect();
         module.add("ARMS", pyo3::types::PyTuple::new(module.py(), arms)?)
     }

@@ -1,14 +1,15 @@
 //! The streaming navigator.
 
+use bottomlock::bank::{Guide, MEMBERS};
 use bottomlock::batch::arm;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, VelocitySample};
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::imu::ImuSample;
 use bottomlock::layout::DIM;
-use bottomlock::report::{Sensor, UpdateReport, Verdict};
-use bottomlock::run as core;
+use bottomlock::report::{Choice, Sensor, UpdateReport, Verdict, Why};
 use bottomlock::state::{Covariance, NavState};
+use bottomlock::water::{self, WATER};
 use nalgebra::{Matrix3, Vector4};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
@@ -16,7 +17,7 @@ use pyo3::types::{PyDict, PyList};
 
 use crate::arrays::{array, booleans, floats, item, rows, times, vector};
 use crate::batch::put_state;
-use crate::dvl::BeamGeometry;
+use crate::dvl::{BeamGeometry, source_code};
 use crate::errors::raise;
 use crate::settings;
 
@@ -29,7 +30,8 @@ use crate::settings;
 ///     model: environment and sensor errors in SI (`Scenario.kernel_model`).
 ///     options: filter options (`Scenario.kernel_options`).
 ///     initial: time_ns, position_t_m, attitude_t_p (scalar first), velocity_p_mps; biases and scale factor are optional.
-///     arm: what to make of the beams: ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info or weak_sway.
+///     arm: what to make of the beams: ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info, weak_sway or
+///         sway_current.
 ///     covariance: (20, 20) covariance at the start; the model's by default.
 ///
 /// Every push returns the reports of the measurements that it worked off: innovation, its covariance, NIS, verdict.
@@ -39,7 +41,7 @@ use crate::settings;
 ///         before the filter's; the sample is then not taken.
 #[pyclass(module = "bottomlock._kernel")]
 pub struct Navigator {
-    inner: core::Navigator,
+    inner: Guide,
     beams: usize,
 }
 
@@ -87,18 +89,11 @@ impl Navigator {
     ) -> PyResult<Self> {
         let aiding = self::arm(arm).map_err(raise)?.aiding;
         let (model, options) = (settings::model(model)?, settings::options(options)?);
-        let mut inner = core::Navigator::new(
-            initial_state(initial)?,
-            geometry.inner.clone(),
-            aiding,
-            &model,
-            &options,
-        )
-        .map_err(raise)?;
+        let mut inner =
+            Guide::new(initial_state(initial)?, &geometry.inner, aiding, &model, &options).map_err(raise)?;
         if let Some(value) = covariance {
             let values = floats("covariance", value, &[Some(DIM), Some(DIM)])?.values;
             inner
-                .filter_mut()
                 .set_covariance(&Covariance::from_row_slice(&values))
                 .map_err(raise)?;
         }
@@ -275,6 +270,31 @@ impl Navigator {
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         array(py, self.inner.covariance().as_slice().to_vec(), &[DIM, DIM])
     }
+
+    /// What the arm "sway_current" knows of the motion through the water, as of the last update; None with other arms.
+    ///
+    /// current_t_mps (2,) north and east of where the vehicle believes north to be; the gain and the trim; slips with the sigmas
+    /// learned for them; how often the assumptions were begun anew; and the (6, 6) covariance of current north, current east,
+    /// gain, trim, sway slip, heave slip.
+    fn water<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(block) = self.inner.water() else {
+            return Ok(None);
+        };
+        let (estimate, slip_sd_mps) = (block.estimate(), block.variance().map(f64::sqrt));
+        let out = PyDict::new(py);
+        let current = vec![estimate[water::CURRENT], estimate[water::CURRENT + 1]];
+        out.set_item("current_t_mps", array::<f64>(py, current, &[2])?)?;
+        out.set_item("sway_gain_m", estimate[water::GAIN])?;
+        out.set_item("trim_heave_mps", estimate[water::TRIM])?;
+        out.set_item("sway_slip_mps", estimate[water::SWAY])?;
+        out.set_item("heave_slip_mps", estimate[water::HEAVE])?;
+        out.set_item("sway_slip_sd_mps", slip_sd_mps[water::SWAY])?;
+        out.set_item("heave_slip_sd_mps", slip_sd_mps[water::HEAVE])?;
+        out.set_item("restarts", block.restarts())?;
+        let covariance = block.covariance().as_slice().to_vec();
+        out.set_item("covariance", array(py, covariance, &[WATER, WATER])?)?;
+        Ok(Some(out))
+    }
 }
 
 impl Navigator {
@@ -306,6 +326,8 @@ fn report_dict<'py>(py: Python<'py>, report: &UpdateReport) -> PyResult<Bound<'p
         Sensor::Heading => "heading",
         Sensor::GpsPosition => "gps_position",
         Sensor::GpsVelocity => "gps_velocity",
+        Sensor::Sway => "sway",
+        Sensor::Heave => "heave",
     };
     let (verdict, rejected) = match report.verdict {
         Verdict::Accepted => ("accepted", 0),
@@ -331,5 +353,37 @@ fn report_dict<'py>(py: Python<'py>, report: &UpdateReport) -> PyResult<Bound<'p
     out.set_item("verdict", verdict)?;
     let flags = (0..rows).map(|k| rejected & (1 << k) != 0).collect();
     out.set_item("rejected_rows", array::<bool>(py, flags, &[rows])?)?;
+    out.set_item(
+        "choice",
+        report.choice.map(|choice| choice_dict(py, &choice)).transpose()?,
+    )?;
+    Ok(out)
+}
+
+fn choice_dict<'py>(py: Python<'py>, choice: &Choice) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    match choice {
+        Choice::Components(sources) => {
+            for (axis, source) in ["surge", "sway", "heave"].into_iter().zip(sources) {
+                out.set_item(axis, source.map_or(0, source_code))?;
+            }
+        }
+        Choice::Member {
+            member,
+            why,
+            statistic,
+            threshold,
+        } => {
+            let why = match why {
+                Why::BeamsKnowBest => "beams_know_best",
+                Why::KnowsMost => "knows_most",
+                Why::BeamsContradict => "beams_contradict",
+            };
+            out.set_item("member", MEMBERS[*member].0)?;
+            out.set_item("why", why)?;
+            out.set_item("statistic", *statistic)?;
+            out.set_item("threshold", *threshold)?;
+        }
+    }
     Ok(out)
 }

@@ -9,6 +9,7 @@ use bottomlock::model::{
     DepthModel, DvlModel, Gate, GpsModel, ImuModel, InformationPort, InitialModel, MagnetometerModel, Model, Options,
 };
 use bottomlock::sensors::Schedule;
+use bottomlock::water::WaterPrior;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -127,8 +128,27 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
             Ok(Vec3::zeros())
         }
     };
+    let water = match dict.get_item("water")? {
+        None => WaterPrior::default(),
+        Some(_) => {
+            let water = section(dict, "options", "water")?;
+            let of = |key| number(&water, "options.water", key);
+            WaterPrior {
+                current_sd_mps: of("current_sd_mps")?,
+                current_time_s: of("current_time_s")?,
+                sway_gain_m: of("sway_gain_m")?,
+                sway_gain_sd_m: of("sway_gain_sd_m")?,
+                trim_sd_mps: of("trim_sd_mps")?,
+                trim_time_s: of("trim_time_s")?,
+                slip_sd_mps: of("slip_sd_mps")?,
+                slip_time_s: of("slip_time_s")?,
+                slip_epochs: of("slip_epochs")?,
+            }
+        }
+    };
     Ok(Options {
         gate,
+        water,
         covariance_period_ns: item(dict, "options", "covariance_period_ns")?
             .extract()
             .map_err(|_| refuse("options.covariance_period_ns is not an integer number of nanoseconds"))?,

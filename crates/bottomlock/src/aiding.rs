@@ -98,15 +98,15 @@ pub struct Motion<'a> {
 }
 
 impl Motion<'_> {
-    fn rotation(&self) -> Matrix3<f64> {
+    pub(crate) fn rotation(&self) -> Matrix3<f64> {
         self.state.attitude_t_p.matrix()
     }
     /// ω_tp = ω_ip − Rᵀω_ie.
-    fn rate_tp(&self) -> Vector3<f64> {
+    pub(crate) fn rate_tp(&self) -> Vector3<f64> {
         self.rate_ip_p_radps - self.rotation().transpose() * self.earth_rate_t_radps
     }
     /// ∂ω_tp/∂ρ = −Rᵀ[ω_ie×]; ∂ω_tp/∂b_g = −I.
-    fn rate_by_misalignment(&self) -> Matrix3<f64> {
+    pub(crate) fn rate_by_misalignment(&self) -> Matrix3<f64> {
         -self.rotation().transpose() * skew(&self.earth_rate_t_radps)
     }
 }

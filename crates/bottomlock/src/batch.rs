@@ -1,5 +1,6 @@
 //! Runs × arms: every arm of a run sees the same streams; results are placed by index.
 
+use crate::bank::Aiding;
 use crate::dvl::geometry::BeamGeometry;
 use crate::dvl::partial::Method;
 use crate::error::NavError;
@@ -18,66 +19,76 @@ pub struct Arm {
     /// Short name.
     pub name: &'static str,
     /// What it makes of the beams.
-    pub aiding: BeamAiding,
+    pub aiding: Aiding,
     /// True where it sees every beam, lost or not: the reference.
     pub all_beams: bool,
 }
 
 /// Every arm.
-pub const ARMS: [Arm; 11] = [
+pub const ARMS: [Arm; 13] = [
     Arm {
         name: "ins",
-        aiding: BeamAiding::None,
+        aiding: Aiding::One(BeamAiding::None),
         all_beams: false,
     },
     Arm {
         name: "lc",
-        aiding: BeamAiding::Loose(Method::LeastSquares),
+        aiding: Aiding::One(BeamAiding::Loose(Method::LeastSquares)),
         all_beams: true,
     },
     Arm {
         name: "tc",
-        aiding: BeamAiding::Tight,
+        aiding: Aiding::One(BeamAiding::Tight),
         all_beams: false,
     },
     Arm {
         name: "vb",
-        aiding: BeamAiding::Loose(Method::VirtualBeam),
+        aiding: Aiding::One(BeamAiding::Loose(Method::VirtualBeam)),
         all_beams: false,
     },
     Arm {
         name: "nsv",
-        aiding: BeamAiding::Loose(Method::NullifiedSway),
+        aiding: Aiding::One(BeamAiding::Loose(Method::NullifiedSway)),
         all_beams: false,
     },
     Arm {
         name: "plcf",
-        aiding: BeamAiding::Loose(Method::PartialLoose),
+        aiding: Aiding::One(BeamAiding::Loose(Method::PartialLoose)),
         all_beams: false,
     },
     Arm {
         name: "vhv",
-        aiding: BeamAiding::Loose(Method::VirtualHeave),
+        aiding: Aiding::One(BeamAiding::Loose(Method::VirtualHeave)),
         all_beams: false,
     },
     Arm {
         name: "elc",
-        aiding: BeamAiding::Loose(Method::Selector),
+        aiding: Aiding::One(BeamAiding::Loose(Method::Selector)),
         all_beams: false,
     },
     Arm {
         name: "vb_exact",
-        aiding: BeamAiding::Loose(Method::VirtualBeamExact),
+        aiding: Aiding::One(BeamAiding::Loose(Method::VirtualBeamExact)),
         all_beams: false,
     },
     Arm {
         name: "info",
-        aiding: BeamAiding::Loose(Method::Information),
+        aiding: Aiding::One(BeamAiding::Loose(Method::Information)),
         all_beams: false,
     },
     Arm {
         name: "weak_sway",
-        aiding: BeamAiding::Loose(Method::WeakSway),
+        aiding: Aiding::One(BeamAiding::Loose(Method::WeakSway)),
+        all_beams: false,
+    },
+    Arm {
+        name: "sway_current",
+        aiding: Aiding::One(BeamAiding::SwayCurrent),
+        all_beams: false,
+    },
+    Arm {
+        name: "consistent",
+        aiding: Aiding::Consistent,
         all_beams: false,
     },
 ];
@@ -93,7 +104,7 @@ pub fn arm(name: &str) -> Result<Arm, NavError> {
         .ok_or_else(|| NavError::UnknownName {
             what: "arm",
             name: name.into(),
-            expected: "ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info, weak_sway",
+            expected: "ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info, weak_sway, sway_current, consistent",
         })
 }
 

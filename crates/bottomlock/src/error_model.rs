@@ -5,6 +5,8 @@
 //!
 //! Sources: Tal et al. 2017, Eqs. (3)–(6), (9)–(11); F₃₂ and F₃₃ after Miller, Farrell et al. 2010, as erratum E8 states.
 
+mod carry;
+
 use crate::imu::{EarthTerms, Inertial, Kinematics};
 use crate::lane::{Lane, M3, V3, add, cross, mat_axpy, mat_mul, mul, scale, skew, sub, tmul, zero3};
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DVL_BIAS, DVL_SCALE, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};

@@ -1,5 +1,7 @@
 //! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
 
+mod assume;
+
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::aiding::{Innovation, Motion};
@@ -12,6 +14,8 @@ use crate::layout::{DIM, VELOCITY, block_name};
 use crate::model::{Gate, GateTable, MAX_ROWS, Model, Options};
 use crate::report::{Sensor, UpdateReport, Verdict};
 use crate::state::{Covariance, ErrorVector, NavState};
+use crate::water::WATER;
+use crate::water_block::{Update, WaterBlock};
 
 /// The filter: state, covariance and the interval since the covariance was last brought up to date.
 #[derive(Debug, Clone)]
@@ -29,6 +33,8 @@ pub struct Eskf {
     gate: GateTable,
     sampling: Sampling,
     covariance_period_s: f64,
+    /// Further states, in the arm that makes assumptions on the motion through the water.
+    water: Option<Box<WaterBlock>>,
 }
 
 impl Eskf {
@@ -54,7 +60,21 @@ impl Eskf {
             gate: GateTable::new(options.gate)?,
             sampling: options.sampling,
             covariance_period_s: options.covariance_period_ns as f64 * 1e-9,
+            water: None,
         })
+    }
+
+    /// The same filter with further states beside its own, or without.
+    #[must_use]
+    pub fn with_water(mut self, water: Option<WaterBlock>) -> Self {
+        self.water = water.map(Box::new);
+        self
+    }
+
+    /// The further states, at the time of the last update or propagation of the covariance.
+    #[must_use]
+    pub fn water(&self) -> Option<&WaterBlock> {
+        self.water.as_deref()
     }
 
     /// Replaces the covariance (symmetric, m², rad², … in the order of [`crate::layout`]).
@@ -149,6 +169,9 @@ impl Eskf {
 
     fn propagate_covariance(&mut self) {
         let second_order = self.covariance_period_s > 0.0;
+        if let Some(water) = &mut self.water {
+            water.propagate(&self.interval, &self.earth, second_order);
+        }
         self.interval
             .propagate(&mut self.covariance.data.0, &self.noise, &self.earth, second_order);
     }
@@ -193,14 +216,14 @@ impl Eskf {
         require_finite("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
         match innovation.rows {
             0 => Ok(UpdateReport::empty(sensor, self.state.time_ns)),
-            1 => self.fuse::<1>(innovation, sensor),
-            2 => self.fuse::<2>(innovation, sensor),
-            3 => self.fuse::<3>(innovation, sensor),
-            4 => self.fuse::<4>(innovation, sensor),
-            5 => self.fuse::<5>(innovation, sensor),
-            6 => self.fuse::<6>(innovation, sensor),
-            7 => self.fuse::<7>(innovation, sensor),
-            _ => self.fuse::<MAX_ROWS>(innovation, sensor),
+            1 => self.fuse::<1>(innovation, sensor, None),
+            2 => self.fuse::<2>(innovation, sensor, None),
+            3 => self.fuse::<3>(innovation, sensor, None),
+            4 => self.fuse::<4>(innovation, sensor, None),
+            5 => self.fuse::<5>(innovation, sensor, None),
+            6 => self.fuse::<6>(innovation, sensor, None),
+            7 => self.fuse::<7>(innovation, sensor, None),
+            _ => self.fuse::<MAX_ROWS>(innovation, sensor, None),
         }
     }
 
@@ -243,7 +266,13 @@ impl Eskf {
         self.update(&turned, sensor)
     }
 
-    fn fuse<const M: usize>(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<UpdateReport, NavError> {
+    /// `shared` is the covariance of the further states with the noise, where there is any.
+    fn fuse<const M: usize>(
+        &mut self,
+        innovation: &Innovation,
+        sensor: Sensor,
+        shared: Option<&SMatrix<f64, WATER, M>>,
+    ) -> Result<UpdateReport, NavError> {
         let z = innovation.residual.fixed_rows::<M>(0).into_owned();
         let h = innovation.jacobian.fixed_rows::<M>(0).into_owned();
         let r = innovation.noise.fixed_view::<M, M>(0, 0).into_owned();
@@ -311,6 +340,17 @@ impl Eskf {
         let updated = (joseph + joseph.transpose()) * 0.5;
         require_positive_definite(&updated, self.state.time_ns)?;
         self.covariance = updated;
+        if let Some(water) = &mut self.water {
+            let update = Update {
+                z: &z,
+                h: &h,
+                s: &s,
+                factor: &factor,
+                reach: &reach,
+                gain: &gain,
+            };
+            water.follow(&update, &shared.copied().unwrap_or_else(SMatrix::zeros));
+        }
         self.feed_back(&(gain * z));
         Ok(report)
     }

@@ -7,7 +7,7 @@
 //!
 //! # Order of the error state
 //! Position (tangent), misalignment ρ (tangent), velocity (platform), accelerometer bias, gyro bias, four beam biases, scale
-//! factor: 20 states; see [`layout`].
+//! factor: 20 states; see [`layout`]. One way of aiding has six more beside them; see [`water`].
 //!
 //! # Equations of Tal, Klein & Katz 2017
 //! | Equations | Module |
@@ -23,6 +23,7 @@
 //! The papers' misprints are listed in `docs/equations.md`; the right forms stand here.
 
 pub mod aiding;
+pub mod bank;
 pub mod batch;
 pub mod closed_loop;
 pub mod dvl;
@@ -43,7 +44,10 @@ pub mod sensors;
 pub mod state;
 mod suite;
 pub mod truth;
+mod twin;
 pub mod voyage;
+pub mod water;
+pub mod water_block;
 mod workers;
 
 pub use error::NavError;

@@ -11,6 +11,7 @@ use crate::frames::Vec3;
 use crate::imu::Sampling;
 use crate::layout;
 use crate::state::Covariance;
+use crate::water::WaterPrior;
 
 /// Errors of the inertial sensors, 1 sigma, per axis.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -267,6 +268,15 @@ impl GateTable {
         Ok(Self { gate, quantiles })
     }
 
+    /// A gate that lets everything pass.
+    #[must_use]
+    pub fn open() -> Self {
+        Self {
+            gate: Gate::Off,
+            quantiles: [f64::INFINITY; MAX_ROWS],
+        }
+    }
+
     /// Threshold of the normalised innovation squared for a number of degrees of freedom.
     #[must_use]
     pub fn threshold(&self, degrees: usize) -> f64 {
@@ -299,6 +309,8 @@ pub struct Options {
     pub assumptions: Assumptions,
     /// What the information form hands over.
     pub information_port: InformationPort,
+    /// What is assumed of the motion through the water.
+    pub water: WaterPrior,
     /// Place of the depth sensor and of the GPS antenna, platform frame, m.
     pub depth_lever_p_m: Vec3<crate::frames::Platform>,
     /// Place of the GPS antenna, platform frame, m.
@@ -315,6 +327,7 @@ impl Default for Options {
             estimate_dvl: true,
             assumptions: Assumptions::default(),
             information_port: InformationPort::Axes,
+            water: WaterPrior::default(),
             depth_lever_p_m: Vec3::zeros(),
             gps_lever_p_m: Vec3::zeros(),
         }
@@ -331,6 +344,7 @@ impl Options {
         require_positive("virtual_beam_factor", self.assumptions.virtual_beam_factor)?;
         require_positive("nullified_sway_var_m2ps2", self.assumptions.nullified_sway_var_m2ps2)?;
         require_positive("weak_sway_var_m2ps2", self.assumptions.weak_sway_var_m2ps2)?;
+        self.water.validate()?;
         let levers: Vector3<f64> = self.depth_lever_p_m.0 + self.gps_lever_p_m.0;
         require_finite("lever arm", 0, levers.as_slice())?;
         GateTable::new(self.gate).map(|_| ())

@@ -2,6 +2,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use crate::dvl::partial::Method;
 use crate::model::MAX_ROWS;
 use crate::state::{Covariance, ErrorVector};
 
@@ -22,6 +23,10 @@ pub enum Sensor {
     GpsPosition,
     /// GPS velocity.
     GpsVelocity,
+    /// The assumption on sway through the water.
+    Sway,
+    /// The assumption on heave through the water.
+    Heave,
 }
 
 /// What became of a measurement.
@@ -38,6 +43,35 @@ pub enum Verdict {
     Rejected,
     /// It carried no information: no row to use.
     NoInformation,
+}
+
+/// What an arm that chooses has chosen at a ping.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Choice {
+    /// Where surge, sway and heave come from; none where a component is not solved.
+    Components([Option<Method>; 3]),
+    /// Which filter leads.
+    Member {
+        /// Its place in [`crate::bank::MEMBERS`].
+        member: usize,
+        /// The reason.
+        why: Why,
+        /// Hausman's statistic of the assumption that decided.
+        statistic: f64,
+        /// What it was compared with.
+        threshold: f64,
+    },
+}
+
+/// Why a filter leads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Why {
+    /// No assumption adds anything to the beams.
+    BeamsKnowBest,
+    /// It knows the velocity best, and the beams do not contradict it.
+    KnowsMost,
+    /// The beams contradict every assumption that would add to them.
+    BeamsContradict,
 }
 
 /// The record of one measurement.
@@ -61,6 +95,8 @@ pub struct UpdateReport {
     pub threshold: f64,
     /// What became of it.
     pub verdict: Verdict,
+    /// What was chosen, where the arm chooses.
+    pub choice: Option<Choice>,
 }
 
 impl UpdateReport {
@@ -75,6 +111,7 @@ impl UpdateReport {
             nis: 0.0,
             threshold: f64::INFINITY,
             verdict: Verdict::NoInformation,
+            choice: None,
         }
     }
 

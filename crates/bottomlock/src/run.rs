@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::aiding;
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
@@ -13,8 +13,10 @@ use crate::filter::Eskf;
 use crate::imu::{ImuSample, Sampling};
 use crate::layout::VELOCITY;
 use crate::model::{InformationPort, Model, Options};
-use crate::report::{Sensor, UpdateReport};
+use crate::report::{Choice, Sensor, UpdateReport};
 use crate::state::{Covariance, NavState};
+use crate::twin::Filters;
+use crate::water_block::WaterBlock;
 
 /// What the navigator makes of the beams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -25,6 +27,8 @@ pub enum BeamAiding {
     Tight,
     /// A velocity solved from the beams (LC and ELC).
     Loose(Method),
+    /// A row per valid beam, then sway and heave through the water with the current as states.
+    SwayCurrent,
 }
 
 /// A filter with its beam aiding, fed in order of time.
@@ -32,7 +36,7 @@ pub enum BeamAiding {
 /// A measurement between two IMU samples waits for the later one; the step is then split at the measurement's own time.
 #[derive(Debug, Clone)]
 pub struct Navigator {
-    filter: Eskf,
+    filters: Filters,
     geometry: BeamGeometry,
     aiding: BeamAiding,
     options: Options,
@@ -54,8 +58,9 @@ impl Navigator {
         options: &Options,
     ) -> Result<Self, NavError> {
         let filter = Eskf::new(initial, model, options)?;
+        let water = (aiding == BeamAiding::SwayCurrent).then(|| WaterBlock::new(&options.water));
         Ok(Self {
-            filter,
+            filters: Filters::new(filter, water),
             geometry,
             aiding,
             options: *options,
@@ -68,18 +73,41 @@ impl Navigator {
     /// The estimate at the time of the last IMU sample.
     #[must_use]
     pub fn state(&self) -> NavState {
-        self.filter.state()
+        self.filters.best().state()
     }
 
     /// Its covariance; asking changes nothing.
     #[must_use]
     pub fn covariance(&self) -> Covariance {
-        self.filter.covariance()
+        self.filters.best().covariance()
     }
 
-    /// The filter, to set a covariance.
+    /// The filter that makes no assumption: the only one but in the arm [`BeamAiding::SwayCurrent`].
     pub fn filter_mut(&mut self) -> &mut Eskf {
-        &mut self.filter
+        &mut self.filters.beams_alone
+    }
+
+    /// Replaces the covariance; what was assumed and learned of the motion through the water is forgotten.
+    ///
+    /// # Errors
+    /// As [`Eskf::set_covariance`].
+    pub fn set_covariance(&mut self, covariance: &Covariance) -> Result<(), NavError> {
+        self.filters.beams_alone.set_covariance(covariance)?;
+        if self.aiding == BeamAiding::SwayCurrent {
+            self.filters.begin(WaterBlock::new(&self.options.water));
+        }
+        Ok(())
+    }
+
+    /// The velocity, platform frame, m/s, and its covariance, (m/s)², as the last update left them.
+    pub(crate) fn velocity(&self) -> (Vector3<f64>, Matrix3<f64>) {
+        self.filters.best().velocity()
+    }
+
+    /// The current and the slip through the water, where the arm estimates them.
+    #[must_use]
+    pub fn water(&self) -> Option<&WaterBlock> {
+        self.filters.best().water()
     }
 
     /// Takes an event; `report` hears of every measurement that is worked off by it.
@@ -90,7 +118,7 @@ impl Navigator {
     pub fn push(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
         event.validate(&self.geometry)?;
         let (time_ns, (stream, index)) = (event.time_ns(), event.stream());
-        let now_ns = self.filter.state().time_ns;
+        let now_ns = self.filters.beams_alone.state().time_ns;
         let newest_waiting = self.waiting.back().map(Event::time_ns);
         if let Some(previous_ns) = self.last_ns[index].filter(|&previous_ns| time_ns <= previous_ns) {
             return Err(NavError::TimeNotIncreasing {
@@ -126,13 +154,13 @@ impl Navigator {
 
     fn advance(&mut self, sample: &ImuSample, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
         // Before the first sample the motion is taken as that of the first sample.
-        let now_ns = self.filter.state().time_ns;
+        let now_ns = self.filters.beams_alone.state().time_ns;
         let mut last = self.last_imu.unwrap_or(ImuSample {
             time_ns: now_ns,
             ..*sample
         });
         if self.last_imu.is_none() {
-            self.filter.note_rate(&last);
+            self.filters.note_rate(&last);
         }
         while let Some(event) = self
             .waiting
@@ -146,87 +174,87 @@ impl Navigator {
                     Sampling::Instantaneous => ImuSample::between(&last, sample, time_ns),
                     Sampling::Averaged => ImuSample { time_ns, ..*sample },
                 };
-                self.filter.predict(&last, &middle)?;
+                self.filters.predict(&last, &middle)?;
                 last = middle;
             }
             self.waiting.pop_front();
             self.aid(&event, report)?;
         }
         if sample.time_ns > last.time_ns {
-            self.filter.predict(&last, sample)?;
+            self.filters.predict(&last, sample)?;
         }
         self.last_imu = Some(*sample);
         Ok(())
     }
 
     fn aid(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
-        let filter = &mut self.filter;
-        let state = filter.state();
+        let options = self.options;
+        let filters = &mut self.filters;
         match event {
             Event::Imu(_) => {}
             Event::Beams(ping) => {
                 if let Some(outcome) = self.aid_with_beams(ping)? {
                     report(&outcome);
                 }
+                let full_lock = self.geometry.rank_of(ping.valid) == 3;
+                self.filters.assume(full_lock, &mut *report)?;
             }
-            Event::Velocity(sample) => {
-                let innovation = aiding::velocity(&state, &sample.velocity_p_mps, &sample.cov_m2ps2);
-                report(&filter.update(&innovation, Sensor::Velocity)?);
-            }
-            Event::Depth(sample) => {
-                let innovation = aiding::depth(&state, sample.depth_m, sample.sd_m, &self.options.depth_lever_p_m);
-                report(&filter.update(&innovation, Sensor::Depth)?);
-            }
-            Event::Attitude(sample) => {
-                let innovation = aiding::attitude(
-                    &state,
+            Event::Velocity(sample) => report(&filters.update(Sensor::Velocity, |filter| {
+                aiding::velocity(&filter.state(), &sample.velocity_p_mps, &sample.cov_m2ps2)
+            })?),
+            Event::Depth(sample) => report(&filters.update(Sensor::Depth, |filter| {
+                aiding::depth(&filter.state(), sample.depth_m, sample.sd_m, &options.depth_lever_p_m)
+            })?),
+            Event::Attitude(sample) => report(&filters.update(Sensor::Attitude, |filter| {
+                aiding::attitude(
+                    &filter.state(),
                     &sample.attitude_t_p,
                     sample.roll_pitch_sd_rad,
                     sample.yaw_sd_rad,
-                );
-                report(&filter.update(&innovation, Sensor::Attitude)?);
-            }
-            Event::Heading(sample) => {
-                let innovation = aiding::heading(&state, sample.yaw_rad, sample.sd_rad);
-                report(&filter.update(&innovation.unwrap_or_else(aiding::Innovation::empty), Sensor::Heading)?);
-            }
+                )
+            })?),
+            Event::Heading(sample) => report(&filters.update(Sensor::Heading, |filter| {
+                aiding::heading(&filter.state(), sample.yaw_rad, sample.sd_rad)
+                    .unwrap_or_else(aiding::Innovation::empty)
+            })?),
             Event::Gps(sample) => {
-                let lever = self.options.gps_lever_p_m;
-                let position = aiding::gps_position(&state, &sample.position_t_m, &sample.position_sd_m, &lever);
-                report(&filter.update(&position, Sensor::GpsPosition)?);
-                let velocity = filter.with_motion(|motion| {
-                    aiding::gps_velocity(motion, &sample.velocity_t_mps, &sample.velocity_sd_mps, &lever)
-                });
-                report(&filter.update(&velocity, Sensor::GpsVelocity)?);
+                let lever = options.gps_lever_p_m;
+                report(&filters.update(Sensor::GpsPosition, |filter| {
+                    aiding::gps_position(&filter.state(), &sample.position_t_m, &sample.position_sd_m, &lever)
+                })?);
+                report(&filters.update(Sensor::GpsVelocity, |filter| {
+                    filter.with_motion(|motion| {
+                        aiding::gps_velocity(motion, &sample.velocity_t_mps, &sample.velocity_sd_mps, &lever)
+                    })
+                })?);
             }
         }
         Ok(())
     }
 
     fn aid_with_beams(&mut self, ping: &BeamSample) -> Result<Option<UpdateReport>, NavError> {
-        let BeamAiding::Loose(method) = self.aiding else {
-            if self.aiding == BeamAiding::None {
-                return Ok(None);
+        let geometry = &self.geometry;
+        let terms_of = |filter: &Eskf| filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
+        let method = match self.aiding {
+            BeamAiding::None => return Ok(None),
+            BeamAiding::Tight | BeamAiding::SwayCurrent => {
+                return self
+                    .filters
+                    .update(Sensor::Beams, |filter| aiding::tightly_coupled(&terms_of(filter), ping))
+                    .map(Some);
             }
-            let terms = self
-                .filter
-                .with_motion(|motion| aiding::beam_terms(motion, &self.geometry, ping));
-            return self
-                .filter
-                .update(&aiding::tightly_coupled(&terms, ping), Sensor::Beams)
-                .map(Some);
+            BeamAiding::Loose(method) => method,
         };
-        let terms = self
-            .filter
-            .with_motion(|motion| aiding::beam_terms(motion, &self.geometry, ping));
-        let p_xv = self.filter.velocity_covariance();
+        let filter = &mut self.filters.beams_alone;
+        let terms = terms_of(filter);
+        let p_xv = filter.velocity_covariance();
         let prior_cov: Matrix3<f64> = p_xv.fixed_rows::<3>(VELOCITY).into_owned();
-        let state = self.filter.state();
+        let state = filter.state();
         // The gain works on readings divided by 1 + SF.
         let noise = terms.noise / (1.0 + state.dvl_scale_factor).powi(2);
         let fix: FixPlan = plan(
             method,
-            &self.geometry,
+            geometry,
             ping.valid,
             &noise,
             Some(&prior_cov),
@@ -239,14 +267,18 @@ impl Navigator {
             InformationPort::Axes
         };
         let cross = exact.then_some(&p_xv);
-        let innovation = aiding::loosely_coupled(&state, &self.geometry, &terms, &fix, port, cross);
+        let innovation = aiding::loosely_coupled(&state, geometry, &terms, &fix, port, cross);
         if exact {
             let virtual_count = fix.virtual_beams.iter().flatten().count();
-            return self
-                .filter
+            return filter
                 .update_correlated(&innovation, 3 - virtual_count, Sensor::Beams)
                 .map(Some);
         }
-        self.filter.update(&innovation, Sensor::Beams).map(Some)
+        let mut report = filter.update(&innovation, Sensor::Beams)?;
+        if method == Method::Selector {
+            let source = |k: usize| fix.is_solved(k).then_some(fix.sources[k]);
+            report.choice = Some(Choice::Components(std::array::from_fn(source)));
+        }
+        Ok(Some(report))
     }
 }

@@ -1,13 +1,13 @@
 //! One run: its sensors, and every arm beside it, led along a truth; the whole of it, or as it unfolds.
 
+use crate::bank::Guide;
 use crate::batch::Arm;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::error::NavError;
 use crate::events::Event;
 use crate::layout::{ATTITUDE, DIM};
 use crate::model::{Model, Options};
-use crate::report::{Sensor, UpdateReport, nees};
-use crate::run::Navigator;
+use crate::report::{Choice, Sensor, UpdateReport, nees};
 use crate::sensors::{RunKey, Schedule};
 use crate::state::NavState;
 use crate::suite::{SensorSuite, drawn_start};
@@ -30,12 +30,14 @@ pub struct ArmRecord {
     pub fixes_accepted: u64,
     /// DVL fixes rejected by the gate.
     pub fixes_rejected: u64,
+    /// What was chosen at each ping, of an arm that chooses.
+    pub choices: Vec<Choice>,
 }
 
 #[derive(Debug, Clone)]
 struct Lane {
     arm: Arm,
-    navigator: Navigator,
+    guide: Guide,
     record: ArmRecord,
     nis_sum: f64,
 }
@@ -43,7 +45,8 @@ struct Lane {
 impl Lane {
     fn push(&mut self, event: &Event) -> Result<(), NavError> {
         let (record, nis_sum) = (&mut self.record, &mut self.nis_sum);
-        self.navigator.push(event, &mut |report: &UpdateReport| {
+        self.guide.push(event, &mut |report: &UpdateReport| {
+            record.choices.extend(report.choice);
             if report.sensor == Sensor::Beams && report.rows > 0 {
                 *nis_sum += report.nis;
                 if report.was_used() {
@@ -56,8 +59,8 @@ impl Lane {
     }
 
     fn sample(&mut self, truth: &NavState) -> Result<(), NavError> {
-        let error = truth.error_of(&self.navigator.state());
-        let covariance = self.navigator.covariance();
+        let error = truth.error_of(&self.guide.state());
+        let covariance = self.guide.covariance();
         let nees_of = |from, to| {
             nees(&covariance, &error, from, to).ok_or(NavError::NotPositiveDefinite {
                 matrix: "state covariance",
@@ -100,11 +103,11 @@ impl Voyage {
     ) -> Result<Self, NavError> {
         let initial = drawn_start(start, simulated, key);
         let lanes = arms.iter().map(|&arm| {
-            let navigator = Navigator::new(initial, geometry.clone(), arm.aiding, assumed, options)
+            let guide = Guide::new(initial, geometry, arm.aiding, assumed, options)
                 .map_err(|source| in_run(key.run, &arm, source))?;
             Ok(Lane {
                 arm,
-                navigator,
+                guide,
                 record: ArmRecord::default(),
                 nis_sum: 0.0,
             })
@@ -128,7 +131,7 @@ impl Voyage {
     /// The estimate of an arm.
     #[must_use]
     pub fn state(&self, arm: usize) -> Option<NavState> {
-        self.lanes.get(arm).map(|lane| lane.navigator.state())
+        self.lanes.get(arm).map(|lane| lane.guide.state())
     }
 
     /// Leads sensors and filters along a stretch of the truth.

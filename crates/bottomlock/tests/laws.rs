@@ -5,6 +5,7 @@
 
 use bottomlock::NavError;
 use bottomlock::aiding::{beam_terms, tightly_coupled};
+use bottomlock::bank::Guide;
 use bottomlock::batch::{ARMS, Batch, arm, run_batch};
 use bottomlock::closed_loop::{ClosedLoop, Common, Departure, Stretch};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
@@ -378,7 +379,7 @@ fn streaming_is_batch_bit_for_bit() {
             &key,
         )
         .unwrap();
-        let mut navigator = Navigator::new(streams.initial, geometry.clone(), arm.aiding, &model, &options).unwrap();
+        let mut navigator = Guide::new(streams.initial, &geometry, arm.aiding, &model, &options).unwrap();
         let mut events: Vec<Event> = streams.imu.iter().copied().map(Event::Imu).collect();
         let all = BeamMask::all(4);
         events.extend(streams.pings.iter().map(|p| {
@@ -673,7 +674,7 @@ proptest! {
     #[test]
     fn hostile_input_never_panics(events in prop::collection::vec(event(), 1..40), index in 0_usize..ARMS.len(), slow in any::<bool>()) {
         let options = Options { covariance_period_ns: if slow { 100_000_000 } else { 0 }, ..Options::default() };
-        let mut navigator = Navigator::new(NavState::at_rest(0), janus(), ARMS[index].aiding, &Model::table_2(), &options).unwrap();
+        let mut navigator = Guide::new(NavState::at_rest(0), &janus(), ARMS[index].aiding, &Model::table_2(), &options).unwrap();
         for event in &events {
             let failed = navigator.push(event, &mut |_| {}).is_err();
             let finite = navigator.state().validate().is_ok();
@@ -687,7 +688,7 @@ proptest! {
     /// After any honest sequence of updates P is symmetric to the bit and its diagonal positive.
     #[test]
     fn covariance_stays_symmetric(masks in prop::collection::vec(0_usize..16, 1..30), index in 0_usize..ARMS.len()) {
-        let mut navigator = Navigator::new(NavState::at_rest(0), janus(), ARMS[index].aiding, &Model::table_2(), &Options::default()).unwrap();
+        let mut navigator = Guide::new(NavState::at_rest(0), &janus(), ARMS[index].aiding, &Model::table_2(), &Options::default()).unwrap();
         for (k, mask) in masks.iter().enumerate() {
             let time_ns = (k as i64 + 1) * 100_000_000;
             let imu = ImuSample { time_ns, rate_p_radps: Vec3::new(0.01, 0.0, 0.05), force_p_mps2: Vec3::new(0.0, 0.1, -9.8) };

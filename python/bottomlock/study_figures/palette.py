@@ -33,7 +33,7 @@ ARMS = {
     "info": Stroke("#4191bc", _DOTS),
     "weak_sway": Stroke("#8952ff"),
     "sway_current": Stroke("#f64f60"),
-    "consistent": Stroke("#7d6331"),
+    "consistent": Stroke("#7d6331", _DASHES),
 }
 """Of middle lightness, so that they read on white and on black, and far apart to the colour-blind too (the tests say
 how far); arms that fall together by their nature (tc, vb_exact, info; nsv, elc) differ in dash as well."""

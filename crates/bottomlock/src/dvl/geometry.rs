@@ -187,9 +187,16 @@ impl BeamGeometry {
     /// Number of independent directions: 3 where all beams together determine a velocity.
     #[must_use]
     pub fn rank(&self) -> usize {
+        self.rank_of(BeamMask::all(self.beams()))
+    }
+    /// Number of independent directions among some beams.
+    #[must_use]
+    pub fn rank_of(&self, valid: BeamMask) -> usize {
         let mut rows = Rows::empty();
         for (beam, direction) in self.directions_p.iter().enumerate() {
-            rows.put(beam, *direction, 1.0);
+            if valid.contains(beam) {
+                rows.put(beam, *direction, 1.0);
+            }
         }
         rows.null_space().0
     }

@@ -1,0 +1,87 @@
+//! Updates that are judged elsewhere, and assumptions that are judged here.
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+use super::Eskf;
+use crate::aiding::Innovation;
+use crate::error::{NavError, require_finite};
+use crate::layout::{DIM, VELOCITY};
+use crate::model::{Gate, GateTable, MAX_ROWS};
+use crate::report::{Sensor, UpdateReport, Verdict};
+use crate::water::WaterRow;
+
+/// Chi-squared of three degrees at one in a million: asked at every epoch, it must not be met by chance in a mission.
+const EXCLUDED: f64 = 30.665;
+
+impl Eskf {
+    /// The velocity, platform frame, m/s, and its covariance, (m/s)², as the last update left them.
+    pub(crate) fn velocity(&self) -> (Vector3<f64>, Matrix3<f64>) {
+        let own = self.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY).into_owned();
+        (Vector3::from(self.kinematics.velocity_p_mps), own)
+    }
+
+    /// True where the velocity of `other` cannot be by this filter's own covariance; never with the gate off.
+    pub(crate) fn excludes_velocity_of(&self, other: &Self) -> bool {
+        let (velocity, own) = self.velocity();
+        let gap = other.velocity().0 - velocity;
+        self.gate.gate != Gate::Off
+            && own
+                .cholesky()
+                .is_some_and(|factor| gap.dot(&factor.solve(&gap)) > EXCLUDED)
+    }
+
+    /// Takes what another filter's gate let pass, without a gate of its own.
+    ///
+    /// # Errors
+    /// As [`Eskf::update`].
+    pub fn follow(&mut self, innovation: &Innovation, sensor: Sensor, verdict: Verdict) -> Result<(), NavError> {
+        let rejected = match verdict {
+            Verdict::Accepted => 0,
+            Verdict::AcceptedInPart { rejected_rows } => rejected_rows,
+            Verdict::Rejected | Verdict::NoInformation => u8::MAX,
+        };
+        let own = std::mem::replace(&mut self.gate, GateTable::open());
+        let outcome = if rejected == 0 {
+            self.update(innovation, sensor)
+        } else {
+            self.update(&innovation.select(|row| rejected & (1 << row) == 0), sensor)
+        };
+        self.gate = own;
+        outcome.map(|_| ())
+    }
+
+    /// Gates an assumption on the motion through the water and takes it; without further states it carries no information.
+    ///
+    /// With `learn` its innovation also tells the variance of the slip.
+    ///
+    /// # Errors
+    /// As [`Eskf::update`].
+    pub fn assume(&mut self, row: &WaterRow, sensor: Sensor, learn: bool) -> Result<UpdateReport, NavError> {
+        self.propagate_covariance();
+        let Some(water) = &mut self.water else {
+            return Ok(UpdateReport::empty(sensor, self.state.time_ns));
+        };
+        water.begin_epoch(row);
+        // The further states count as noise that is correlated with the error state.
+        let (cross, variance, shared) = water.as_noise(row);
+        let mut innovation = Innovation {
+            rows: 1,
+            degrees: 1,
+            ..Innovation::empty()
+        };
+        innovation.residual[0] = row.residual;
+        innovation.jacobian.set_row(0, &row.by_state.transpose());
+        innovation.noise[(0, 0)] = variance;
+        let mut columns = SMatrix::<f64, DIM, MAX_ROWS>::zeros();
+        columns.set_column(0, &cross);
+        innovation.cross = Some(columns);
+        require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
+        require_finite("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
+        let report = self.fuse::<1>(&innovation, sensor, Some(&shared))?;
+        if let Some(water) = &mut self.water {
+            let normalised = learn.then_some(report.nis.min(report.threshold));
+            water.end_epoch(row, report.covariance[(0, 0)], normalised);
+        }
+        Ok(report)
+    }
+}

@@ -1,0 +1,104 @@
+//! One filter, or two side by side: one on the measurements alone and one that also makes assumptions.
+//!
+//! An assumption that is wrong makes a filter sure of a wrong velocity, and its gate then locks the beams out. So the filter
+//! with assumptions has no gate for measurements: it takes what the filter without them takes, neither more nor less.
+
+use crate::aiding::Innovation;
+use crate::error::NavError;
+use crate::filter::Eskf;
+use crate::imu::ImuSample;
+use crate::report::{Sensor, UpdateReport};
+use crate::water::{heave_row, sway_row};
+use crate::water_block::WaterBlock;
+
+/// The filters of a navigator.
+#[derive(Debug, Clone)]
+pub(crate) struct Filters {
+    /// The filter on the measurements alone.
+    pub(crate) beams_alone: Eskf,
+    /// The filter with assumptions.
+    informed: Option<Box<Eskf>>,
+}
+
+impl Filters {
+    /// One filter; a second one where there are further states.
+    pub(crate) fn new(filter: Eskf, water: Option<WaterBlock>) -> Self {
+        let mut filters = Self {
+            beams_alone: filter,
+            informed: None,
+        };
+        water.into_iter().for_each(|water| filters.begin(water));
+        filters
+    }
+
+    /// Begins the assumptions: the filter with them starts from the one without.
+    pub(crate) fn begin(&mut self, water: WaterBlock) {
+        self.informed = Some(Box::new(self.beams_alone.clone().with_water(Some(water))));
+    }
+
+    /// The filter that knows most.
+    pub(crate) fn best(&self) -> &Eskf {
+        self.informed.as_deref().unwrap_or(&self.beams_alone)
+    }
+
+    pub(crate) fn predict(&mut self, start: &ImuSample, end: &ImuSample) -> Result<(), NavError> {
+        self.beams_alone.predict(start, end)?;
+        self.informed
+            .as_mut()
+            .map_or(Ok(()), |filter| filter.predict(start, end))
+    }
+
+    pub(crate) fn note_rate(&mut self, sample: &ImuSample) {
+        self.beams_alone.note_rate(sample);
+        if let Some(filter) = &mut self.informed {
+            filter.note_rate(sample);
+        }
+    }
+
+    /// A measurement, with the innovation as each filter sees it; the report is that of the filter on measurements alone.
+    pub(crate) fn update(
+        &mut self,
+        sensor: Sensor,
+        innovation_of: impl Fn(&Eskf) -> Innovation,
+    ) -> Result<UpdateReport, NavError> {
+        let report = self.beams_alone.update(&innovation_of(&self.beams_alone), sensor)?;
+        if let Some(filter) = &mut self.informed {
+            let innovation = innovation_of(filter);
+            filter.follow(&innovation, sensor, report.verdict)?;
+        }
+        Ok(report)
+    }
+
+    /// True where the measurements alone exclude the velocity with assumptions.
+    ///
+    /// What right assumptions add makes the covariance smaller, so the two velocities differ by less than the covariance of the
+    /// measurements alone allows.
+    fn assumptions_failed(&self) -> bool {
+        self.informed
+            .as_ref()
+            .is_some_and(|informed| self.beams_alone.excludes_velocity_of(informed))
+    }
+
+    /// Sway and heave through the water, each with a gate of its own; their variances are learned at full lock.
+    pub(crate) fn assume(&mut self, full_lock: bool, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+        if self.assumptions_failed()
+            && let Some(water) = self.best().water().map(WaterBlock::restarted)
+        {
+            self.begin(water);
+        }
+        let Some(filter) = &mut self.informed else {
+            return Ok(());
+        };
+        for sensor in [Sensor::Heave, Sensor::Sway] {
+            let Some(water) = filter.water().map(|block| *block.estimate()) else {
+                return Ok(());
+            };
+            let row = filter.with_motion(|motion| match sensor {
+                Sensor::Heave => heave_row(motion, &water),
+                _ => sway_row(motion, &water),
+            });
+            report(&filter.assume(&row, sensor, full_lock)?);
+        }
+        Ok(())
+    }
+}

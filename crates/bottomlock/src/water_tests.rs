@@ -1,0 +1,135 @@
+//! The rows by hand, against differences, and blind to the yaw.
+
+use super::*;
+use crate::frames::{Rot, Vec3};
+use crate::state::{ErrorVector, NavState};
+
+const EARTH: [f64; 3] = [6.1e-5, 0.0, -4.0e-5];
+
+fn motion(state: &NavState, rate_p_radps: [f64; 3]) -> Motion<'_> {
+    Motion {
+        state,
+        rate_ip_p_radps: Vector3::from(rate_p_radps) - state.gyro_bias_p_radps.0,
+        earth_rate_t_radps: Vector3::from(EARTH),
+        gyro_variance: 1e-6,
+    }
+}
+
+fn example(pitch_deg: f64) -> (NavState, WaterVector) {
+    let mut state = NavState::at_rest(0);
+    state.attitude_t_p = Rot::from_euler_rad(0.4, pitch_deg.to_radians(), -1.1);
+    state.velocity_p_mps = Vec3::new(2.0, 0.2, -0.1);
+    state.gyro_bias_p_radps = Vec3::new(1e-3, 2e-3, -1e-3);
+    (state, WaterVector::from([0.3, -0.2, 0.7, 0.02, -0.01, 0.015]))
+}
+
+type RowOf = fn(&Motion<'_>, &WaterVector) -> WaterRow;
+const ROWS: [(&str, RowOf); 2] = [("sway", sway_row), ("heave", heave_row)];
+
+/// Hand-worked: heading north at 2 m/s in a current of 0.3 m/s to the east the sway over ground is 0.3; turning to starboard at
+/// 0.05 rad/s about a pivot 0.6 m ahead takes 0.03 from it. Heading east, a current of 0.2 m/s to the north pushes to port.
+#[test]
+fn a_cross_current_and_a_turn_by_hand() {
+    let mut state = NavState::at_rest(0);
+    let still = |state: &NavState, rate: [f64; 3], water: &WaterVector| {
+        let motion = Motion {
+            earth_rate_t_radps: Vector3::zeros(),
+            ..motion(state, rate)
+        };
+        sway_row(&motion, water).residual
+    };
+    let mut water = WaterVector::from([0.0, 0.3, 0.6, 0.0, 0.0, 0.0]);
+    state.velocity_p_mps = Vec3::new(2.0, 0.3, 0.0);
+    assert!(still(&state, [0.0; 3], &water).abs() < 1e-15);
+    state.velocity_p_mps = Vec3::new(2.0, 0.27, 0.0);
+    assert!(still(&state, [0.0, 0.0, 0.05], &water).abs() < 1e-15);
+    assert!((still(&state, [0.0; 3], &water) - 0.03).abs() < 1e-15);
+
+    state.attitude_t_p = Rot::from_euler_rad(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+    state.velocity_p_mps = Vec3::new(2.0, -0.2, 0.0);
+    water[CURRENT] = 0.2;
+    assert!(still(&state, [0.0; 3], &water).abs() < 1e-15);
+}
+
+/// Bow down by 30° a current ahead of 0.4 m/s has a part of 0.2 m/s along the platform's vertical; the trim adds to it.
+#[test]
+fn heave_by_hand() {
+    let mut state = NavState::at_rest(0);
+    state.attitude_t_p = Rot::from_euler_rad(0.0, -30.0_f64.to_radians(), 0.0);
+    state.velocity_p_mps = Vec3::new(2.0, 0.0, -0.2 - 0.014);
+    let water = WaterVector::from([0.4, 0.0, 0.6, -0.014, 0.0, 0.0]);
+    let row = heave_row(&motion(&state, [0.0; 3]), &water);
+    assert!(row.residual.abs() < 1e-15, "{}", row.residual);
+}
+
+/// H against central differences when the estimate moves, also where the vehicle stands on end.
+#[test]
+fn rows_are_the_derivatives() {
+    for pitch in [0.0, 12.0, -70.0, 89.9, -89.9, 90.0] {
+        let (state, water) = example(pitch);
+        for (name, row_of) in ROWS {
+            let at = |error: &ErrorVector, by: &WaterVector| {
+                let (mut state, mut water) = (state, water);
+                state.inject(error);
+                inject(&mut water, error[ATTITUDE + 2], by);
+                row_of(&motion(&state, [0.1, -0.2, 0.3]), &water).residual
+            };
+            let row = row_of(&motion(&state, [0.1, -0.2, 0.3]), &water);
+            let (none, step) = (WaterVector::zeros(), 1e-5);
+            for j in 0..DIM {
+                let error = ErrorVector::ith(j, step);
+                let slope = (at(&-error, &none) - at(&error, &none)) / (2.0 * step);
+                assert!(
+                    (slope - row.by_state[j]).abs() < 1e-9,
+                    "{name}, pitch {pitch}, state {j}"
+                );
+            }
+            for j in 0..WATER {
+                let by = WaterVector::ith(j, step);
+                let zero = ErrorVector::zeros();
+                let slope = (at(&zero, &-by) - at(&zero, &by)) / (2.0 * step);
+                assert!(
+                    (slope - row.by_water[j]).abs() < 1e-9,
+                    "{name}, pitch {pitch}, further state {j}"
+                );
+            }
+        }
+    }
+}
+
+/// Whatever the current is believed to be, no row tells the yaw anything beyond the Earth's rotation.
+#[test]
+fn the_yaw_is_not_learned() {
+    for current in [[0.0, 0.0], [0.3, -0.2], [-1.0, 2.0]] {
+        let (state, mut water) = example(5.0);
+        (water[CURRENT], water[CURRENT + 1]) = (current[0], current[1]);
+        for (name, row_of) in ROWS {
+            let row = row_of(&motion(&state, [0.1, -0.2, 0.3]), &water);
+            assert!(row.by_state[ATTITUDE + 2].abs() < 1e-4, "{name}");
+        }
+    }
+}
+
+/// Every number is checked, by name.
+#[test]
+fn priors_are_checked() {
+    type Change = fn(&mut WaterPrior);
+    let changes: [(&str, Change); 9] = [
+        ("water.current_sd_mps", |prior| prior.current_sd_mps = -0.1),
+        ("water.current_time_s", |prior| prior.current_time_s = 0.0),
+        ("water.sway_gain_m", |prior| prior.sway_gain_m = f64::NAN),
+        ("water.sway_gain_sd_m", |prior| prior.sway_gain_sd_m = f64::NAN),
+        ("water.trim_sd_mps", |prior| prior.trim_sd_mps = f64::INFINITY),
+        ("water.trim_time_s", |prior| prior.trim_time_s = -1.0),
+        ("water.slip_sd_mps", |prior| prior.slip_sd_mps = 0.0),
+        ("water.slip_time_s", |prior| prior.slip_time_s = f64::NAN),
+        ("water.slip_epochs", |prior| prior.slip_epochs = 0.5),
+    ];
+    assert_eq!(WaterPrior::default().validate(), Ok(()));
+    for (field, change) in changes {
+        let mut prior = WaterPrior::default();
+        change(&mut prior);
+        let message = prior.validate().unwrap_err().to_string();
+        assert!(message.contains(field), "{message}");
+    }
+}

@@ -1,0 +1,245 @@
+//! Laws of the arm that assumes sway and heave through the water: what it may do to tight coupling, and what it may not.
+
+// Helpers outside `#[test]` functions fail loudly too.
+#![allow(clippy::unwrap_used)]
+
+use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
+use bottomlock::events::Event;
+use bottomlock::frames::Vec3;
+use bottomlock::imu::ImuSample;
+use bottomlock::model::{Gate, Model, Options};
+use bottomlock::report::{Sensor, UpdateReport, Verdict};
+use bottomlock::run::{BeamAiding, Navigator};
+use bottomlock::state::NavState;
+use bottomlock::water::WaterPrior;
+use proptest::prelude::*;
+
+const SECONDS: i64 = 40;
+const STEP_NS: i64 = 20_000_000;
+
+/// A second of flight for each ping: a level turn, and beams that read the sway named, with what a test adds to them.
+#[derive(Debug, Clone)]
+struct Flight {
+    sway_mps: f64,
+    heave_mps: f64,
+    rate_radps: f64,
+    mask: BeamMask,
+    /// The mask of the second half.
+    mask_later: BeamMask,
+    initial_velocity_sd_mps: f64,
+    disturbance_mps: Vec<f64>,
+}
+
+impl Flight {
+    fn calm(sway_mps: f64) -> Self {
+        Self {
+            sway_mps,
+            heave_mps: 0.0,
+            rate_radps: 0.05,
+            mask: [0, 1].into_iter().collect(),
+            mask_later: [0, 1].into_iter().collect(),
+            initial_velocity_sd_mps: 0.05,
+            disturbance_mps: vec![0.0],
+        }
+    }
+}
+
+struct Outcome {
+    navigator: Navigator,
+    reports: Vec<UpdateReport>,
+}
+
+impl Outcome {
+    fn of(&self, sensor: Sensor) -> Vec<UpdateReport> {
+        self.reports.iter().filter(|r| r.sensor == sensor).copied().collect()
+    }
+}
+
+fn fly(aiding: BeamAiding, flight: &Flight, options: &Options) -> Outcome {
+    let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
+    let mut model = Model::table_2();
+    model.initial.velocity_sd_mps = [flight.initial_velocity_sd_mps; 3];
+    let mut initial = NavState::at_rest(0);
+    initial.velocity_p_mps = Vec3::new(2.0, flight.sway_mps, flight.heave_mps);
+    let mut navigator = Navigator::new(initial, geometry.clone(), aiding, &model, options).unwrap();
+    let mut reports = Vec::new();
+    let mut hear = |report: &UpdateReport| reports.push(*report);
+    let gravity = model.environment.gravity_mps2;
+    let rate = flight.rate_radps;
+    for k in 0..=SECONDS * 1_000_000_000 / STEP_NS {
+        let time_ns = k * STEP_NS;
+        let imu = ImuSample {
+            time_ns,
+            rate_p_radps: Vec3::new(0.0, 0.0, rate),
+            force_p_mps2: Vec3::new(-rate * flight.sway_mps, rate * 2.0, -gravity),
+        };
+        navigator.push(&Event::Imu(imu), &mut hear).unwrap();
+        if time_ns > 0 && time_ns % 1_000_000_000 == 0 {
+            let epoch = (time_ns / 1_000_000_000) as usize;
+            let mut ping = BeamSample {
+                time_ns,
+                velocity_mps: [0.0; MAX_BEAMS],
+                sd_mps: [0.042; MAX_BEAMS],
+                valid: if epoch as i64 * 2 > SECONDS {
+                    flight.mask_later
+                } else {
+                    flight.mask
+                },
+            };
+            for beam in 0..4 {
+                let d = geometry.direction_p(beam);
+                let disturbance = flight.disturbance_mps[(epoch * 4 + beam) % flight.disturbance_mps.len()];
+                ping.velocity_mps[beam] = 2.0 * d.x + flight.sway_mps * d.y + flight.heave_mps * d.z + disturbance;
+            }
+            navigator.push(&Event::Beams(ping), &mut hear).unwrap();
+        }
+    }
+    Outcome { navigator, reports }
+}
+
+fn with_prior(prior: WaterPrior) -> Options {
+    Options {
+        water: prior,
+        ..Options::default()
+    }
+}
+
+/// An assumption of no weight is no assumption: with variances of 1e12 (m/s)² the arm is tight coupling.
+#[test]
+fn infinite_variances_make_tight_coupling() {
+    let prior = WaterPrior {
+        current_sd_mps: 1e6,
+        sway_gain_sd_m: 1e6,
+        trim_sd_mps: 1e6,
+        slip_sd_mps: 1e6,
+        ..WaterPrior::default()
+    };
+    let flight = Flight::calm(0.2);
+    let tight = fly(BeamAiding::Tight, &flight, &with_prior(prior));
+    let arm = fly(BeamAiding::SwayCurrent, &flight, &with_prior(prior));
+    assert!(arm.of(Sensor::Sway).iter().all(|r| r.verdict == Verdict::Accepted));
+    let error = tight.navigator.state().error_of(&arm.navigator.state());
+    assert!(error.amax() < 1e-9, "{error}");
+    let (p, q) = (tight.navigator.covariance(), arm.navigator.covariance());
+    for k in 0..p.nrows() {
+        assert!((p[(k, k)] - q[(k, k)]).abs() <= 1e-9 * p[(k, k)], "state {k}");
+    }
+}
+
+/// What the gate rejects leaves no trace: state and covariance are those of tight coupling bit for bit.
+#[test]
+fn a_rejected_assumption_leaves_every_bit() {
+    let sure = WaterPrior {
+        current_sd_mps: 0.0,
+        sway_gain_m: 0.0,
+        sway_gain_sd_m: 0.0,
+        trim_sd_mps: 0.0,
+        slip_sd_mps: 1e-4,
+        ..WaterPrior::default()
+    };
+    // All beams, so that sway and heave over ground are known, and far from what is assumed.
+    let flight = Flight {
+        mask: BeamMask::all(4),
+        mask_later: BeamMask::all(4),
+        heave_mps: 0.5,
+        rate_radps: 0.0,
+        ..Flight::calm(0.5)
+    };
+    for gate in [Gate::Joint { probability: 0.9973 }, Gate::PerRow] {
+        let options = Options {
+            gate,
+            ..with_prior(sure)
+        };
+        let tight = fly(BeamAiding::Tight, &flight, &options);
+        let arm = fly(BeamAiding::SwayCurrent, &flight, &options);
+        for sensor in [Sensor::Sway, Sensor::Heave] {
+            let verdicts = arm.of(sensor);
+            assert_eq!(verdicts.len(), SECONDS as usize);
+            assert!(verdicts.iter().all(|report| report.verdict == Verdict::Rejected));
+        }
+        assert_eq!(tight.navigator.state(), arm.navigator.state());
+        assert_eq!(tight.navigator.covariance(), arm.navigator.covariance());
+    }
+}
+
+/// Two beams on a straight leg cannot tell a current that is said to be none from a drift: the arm is as wrong as its assumption.
+/// When all beams are back and say otherwise, the assumption is begun anew, and the arm comes back to what they say.
+#[test]
+fn a_failed_assumption_is_begun_anew() {
+    let none = WaterPrior {
+        current_sd_mps: 1e-3,
+        sway_gain_sd_m: 1e-3,
+        ..WaterPrior::default()
+    };
+    let flight = Flight {
+        rate_radps: 0.0,
+        initial_velocity_sd_mps: 1.0,
+        ..Flight::calm(0.5)
+    };
+    let partial = fly(BeamAiding::SwayCurrent, &flight, &with_prior(none));
+    assert!(partial.navigator.state().velocity_p_mps.0.y.abs() < 0.1);
+    assert_eq!(partial.navigator.water().unwrap().restarts(), 0);
+
+    let later = Flight {
+        mask_later: BeamMask::all(4),
+        ..flight
+    };
+    for gate in [Gate::Joint { probability: 0.9973 }, Gate::PerRow] {
+        let options = Options {
+            gate,
+            ..with_prior(none)
+        };
+        let arm = fly(BeamAiding::SwayCurrent, &later, &options);
+        let tight = fly(BeamAiding::Tight, &later, &options);
+        assert!(arm.navigator.water().unwrap().restarts() > 0);
+        let gap = arm.navigator.state().velocity_p_mps.0 - tight.navigator.state().velocity_p_mps.0;
+        assert!(gap.norm() < 0.1, "{gap}");
+        assert_eq!(arm.of(Sensor::Beams), tight.of(Sensor::Beams));
+    }
+}
+
+prop_compose! {
+    fn prior()(exponents in prop::array::uniform5(-4.0_f64..2.0), gain in -3.0_f64..3.0,
+               times in prop::array::uniform3(-1.0_f64..5.0), epochs in 1.0_f64..100.0) -> WaterPrior {
+        let ten = |x: f64| 10.0_f64.powf(x);
+        WaterPrior {
+            current_sd_mps: ten(exponents[0]),
+            current_time_s: ten(times[0]),
+            sway_gain_m: gain,
+            sway_gain_sd_m: ten(exponents[1]),
+            trim_sd_mps: ten(exponents[2]),
+            trim_time_s: ten(times[1]),
+            slip_sd_mps: ten(exponents[3]),
+            slip_time_s: ten(times[2]),
+            slip_epochs: epochs,
+        }
+    }
+}
+
+prop_compose! {
+    fn flight()(sd_exponent in -2.0_f64..1.0, later_bits in 0_usize..16, sway_mps in -2.0_f64..2.0, heave_mps in -1.0_f64..1.0, rate_radps in -0.3_f64..0.3, bits in 0_usize..16,
+                disturbance_mps in prop::collection::vec(-1.0_f64..1.0, 1..40)) -> Flight {
+        let mask_of = |bits: usize| (0..4).filter(|k| bits & (1 << k) != 0).collect();
+        let (mask, mask_later) = (mask_of(bits), mask_of(later_bits));
+        Flight { sway_mps, heave_mps, rate_radps, mask, mask_later, initial_velocity_sd_mps: 10.0_f64.powf(sd_exponent), disturbance_mps }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    /// However wrong the prior and however wild the beams, each ping is judged as tight coupling judges it, bit for bit: an
+    /// assumption can lock nothing out. And no number ever stops being one.
+    #[test]
+    fn beams_are_judged_without_the_assumption(prior in prior(), flight in flight()) {
+        let options = with_prior(prior);
+        let tight = fly(BeamAiding::Tight, &flight, &options);
+        let arm = fly(BeamAiding::SwayCurrent, &flight, &options);
+        prop_assert_eq!(tight.of(Sensor::Beams), arm.of(Sensor::Beams));
+        prop_assert!(arm.navigator.state().validate().is_ok());
+        prop_assert!(arm.navigator.covariance().iter().all(|x| x.is_finite()));
+        let water = arm.navigator.water().unwrap();
+        prop_assert!(water.estimate().iter().chain(water.covariance().iter()).all(|x| x.is_finite()));
+        prop_assert!(water.variance().iter().all(|&x| x >= 0.0));
+    }
+}

@@ -1,0 +1,48 @@
+"""Full lock after a minute of two beams: no jump above three sigma, NIS in its band within five epochs.
+
+All six pairs on two trajectories, 20 runs. One false-alarm rate of 1 % for the whole summary (`recovery.FALSE_ALARM`).
+Seed and number of runs were fixed before the first run.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from bottomlock import recovery
+from bottomlock.scenario import load_scenario
+
+pytestmark = [pytest.mark.statistical, pytest.mark.slow]
+
+SEED = 20170222
+RUNS = 20
+HONEST = ("tc", "info", "vb_exact", "weak_sway")
+
+
+@pytest.fixture(scope="module")
+def summary(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
+    out: Path = tmp_path_factory.mktemp("recovery")
+    scenarios = [
+        load_scenario(name).with_overrides(runs=RUNS, seed=SEED, arms=[*HONEST, "vb"])
+        for name in ("straight", "figure_eight")
+    ]
+    return recovery.run_recovery(scenarios, out)[1]
+
+
+@pytest.mark.parametrize("arm", HONEST)
+def test_honest_arms_recover(summary: pl.DataFrame, arm: str) -> None:
+    """Every pair on both trajectories, from the first fix on: there is nothing to come back from."""
+    rows = summary.filter(pl.col("arm") == arm)
+    assert rows.height == 12
+    assert rows["recovered"].all(), rows.filter(~pl.col("recovered"))
+    assert (rows["jumps"] <= rows["jumps_allowed"]).all()
+    assert (rows["back_at_epoch"] == 1).all()
+
+
+def test_the_virtual_beam_does_not(summary: pl.DataFrame) -> None:
+    """With n_f = 1 it was sure of itself for a minute: its gate now refuses good fixes, and NIS stays high."""
+    rows = summary.filter(pl.col("arm") == "vb")
+    assert not rows.filter(pl.col("trajectory") == "straight")["recovered"].any()
+    assert rows["rejected_part"].to_numpy().max() > 0.2

@@ -1,0 +1,156 @@
+"""The arm sway_current with beams 1 and 2: right about itself in a world as assumed, useful where it is not.
+
+The seed is that of `ensembles`; the vehicle's runs were seen while the prior was chosen, the drawn worlds' were not.
+Bands of mean NEES come from the spread between runs
+(Student's t); each is two-sided at 1 %, so a right filter fails one of the six checks of the drawn worlds in 6 % of
+campaigns.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bottomlock
+from bottomlock.sections import Water
+from tests.oracle import chi_squared
+from tests.oracle.rotations import Array
+from tests.property import settings
+from tests.statistical import ensembles, worlds
+
+pytestmark = [pytest.mark.statistical, pytest.mark.slow]
+
+ARMS = ("lc", "tc", "nsv", "elc", "sway_current")
+PATHS = {
+    "straight": worlds.straight,
+    "figure_eight": worlds.figure_eight,
+    "lawn_mower": worlds.lawn_mower,
+}
+CROSS_MPS = 0.3
+
+
+def prior() -> dict[str, Any]:
+    """The packaged prior."""
+    return Water().model_dump()
+
+
+@lru_cache(maxsize=4)
+def drawn(path: str, runs: int = 200) -> dict[str, Array]:
+    """A world for each run, every 5 s; NEES (runs, T) of velocity and attitude and of all states, and errors."""
+    rng = np.random.default_rng(ensembles.SEED)
+    model = settings.table_2()
+    schedule = settings.schedule(worlds.SECONDS, lost=(3, 4))
+    schedule["sample_time_ns"] = schedule["sample_time_ns"][5::5]
+    options: Any = settings.options(gate="joint", gate_probability=0.9973) | {"water": prior()}
+    batches: list[Any] = [
+        bottomlock.run_batch(
+            bottomlock.BeamGeometry.janus(np.deg2rad(20.0)),
+            worlds.draw(rng, prior(), PATHS[path]),  # type: ignore[arg-type]
+            model,
+            model,
+            options,
+            schedule,
+            ["sway_current"],
+            seed=ensembles.SEED,
+            trajectory_key=19,
+            first_run=run,
+            runs=1,
+            threads=1,
+        )
+        for run in range(runs)
+    ]
+    return {
+        key: np.concatenate([batch[key][:, 0] for batch in batches])
+        for key in ("nees", "nees_velocity_attitude")
+    }
+
+
+@lru_cache(maxsize=6)
+def swum(name: str, current_mps: float, runs: int = 100) -> dict[str, Any]:
+    """The vehicle in still water, or in a current that sets to the east."""
+    packaged = bottomlock.load_scenario(name)
+    current = {"speed_mps": current_mps, "towards_deg": 90.0}
+    world = bottomlock.make_world(
+        packaged.model_copy(update={"mission": packaged.mission | {"current": current}})
+    )
+    truth = world.truth()
+    schedule: Any = bottomlock.schedule(world, truth)
+    schedule["sample_time_ns"] = schedule["sample_time_ns"][4::5]
+    model: Any = packaged.kernel_model(world.gravity_mps2)
+    options: Any = packaged.kernel_options()
+    arrays: Any = truth.kernel_arrays()
+    batch: Any = bottomlock.run_batch(
+        world.geometry, arrays, model, model, options, schedule, list(ARMS),
+        seed=ensembles.SEED, trajectory_key=17, first_run=0, runs=runs, threads=1,
+    )  # fmt: skip
+    return dict(batch)
+
+
+def mean_square(batch: dict[str, Any], arm: str) -> Array:
+    """Mean over time of the squared velocity error, run by run, (m/s)²."""
+    error = batch["error"][:, ARMS.index(arm), :, 6:9]
+    squares: Array = np.mean(np.sum(error**2, axis=-1), axis=-1)
+    return squares
+
+
+@pytest.mark.parametrize("path", list(PATHS))
+@pytest.mark.parametrize(("key", "degrees"), [("nees_velocity_attitude", 6), ("nees", 20)])
+def test_right_about_itself_in_worlds_as_assumed(path: str, key: str, degrees: int) -> None:
+    """Current, gain, trim and slip drawn for each run from the very prior: NEES in its two-sided band."""
+    nees = drawn(path)[key]
+    low, high = chi_squared.mean_band(nees.mean(axis=1), degrees, 0.99)
+    assert low < nees.mean() < high
+
+
+@pytest.mark.parametrize("name", ["figure_eight", "lawn_mower"])
+def test_better_than_tight_coupling_in_still_water(name: str) -> None:
+    """Below TC's velocity RMS by far more than chance: the paired difference is beyond five of its standard errors."""
+    batch = swum(name, 0.0)
+    gain = mean_square(batch, "tc") - mean_square(batch, "sway_current")
+    assert gain.mean() > 5 * gain.std(ddof=1) / np.sqrt(len(gain))
+    assert mean_square(batch, "sway_current").mean() < 0.25 * mean_square(batch, "tc").mean()
+
+
+@pytest.mark.parametrize("name", list(PATHS))
+def test_holds_in_a_cross_current(name: str) -> None:
+    """0.3 m/s across: still far below TC, while NSV and the printed selector are wrong by metres a second."""
+    batch = swum(name, CROSS_MPS)
+    ours, tight = mean_square(batch, "sway_current").mean(), mean_square(batch, "tc").mean()
+    assert ours < 0.25 * tight
+    for arm in ("nsv", "elc"):
+        assert mean_square(batch, arm).mean() > 10 * tight
+        assert np.median(batch["nees_velocity_attitude"][:, ARMS.index(arm)].mean(axis=1)) > 60
+
+
+@pytest.mark.parametrize("current_mps", [0.0, CROSS_MPS])
+@pytest.mark.parametrize("name", list(PATHS))
+def test_never_claims_too_much_on_the_vehicle(name: str, current_mps: float) -> None:
+    """The vehicle slips less, and its current changes less, than the prior has it: NEES below its mean, not above.
+
+    Means seen, of 6: 5.0 to 5.4. A filter that claims a sigma more than a sixth too large would fall below 4.4.
+    """
+    batch = swum(name, current_mps)
+    nees = batch["nees_velocity_attitude"][:, ARMS.index("sway_current")]
+    assert 4.4 < nees.mean() < chi_squared.mean_band(nees.mean(axis=1), 6)[1]
+    whole = batch["nees"][:, ARMS.index("sway_current")]
+    assert whole.mean() < chi_squared.mean_band(whole.mean(axis=1), 20)[1]
+
+
+@pytest.mark.parametrize("name", list(PATHS))
+def test_the_yaw_is_no_better_known_than_by_tight_coupling(name: str) -> None:
+    """A current and a yaw turned together change no reading: the claimed yaw must not shrink by what the current is."""
+    batch = swum(name, CROSS_MPS)
+    sd = batch["sd"][:, :, -1, 5].mean(axis=0)
+    assert sd[ARMS.index("sway_current")] > 0.97 * sd[ARMS.index("tc")]
+
+
+@pytest.mark.parametrize("name", list(PATHS))
+def test_locks_out_what_tight_coupling_locks_out(name: str) -> None:
+    """Fixes accepted and rejected are TC's, run by run."""
+    batch = swum(name, CROSS_MPS)
+    ours, tight = ARMS.index("sway_current"), ARMS.index("tc")
+    for key in ("fixes_accepted", "fixes_rejected"):
+        np.testing.assert_array_equal(batch[key][:, ours], batch[key][:, tight])

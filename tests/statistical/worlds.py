@@ -1,0 +1,97 @@
+"""Worlds drawn from what the arm sway_current assumes: current, sway gain, trim and slip differ from run to run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from scipy.integrate import cumulative_simpson
+from scipy.interpolate import CubicSpline
+
+from tests.oracle.mechanisation import earth_rate_tangent
+from tests.oracle.rotations import Array
+
+GRAVITY_MPS2 = 9.8
+LATITUDE_RAD = 0.5725
+SECONDS = 250
+RATE_HZ = 50.0
+SPEED_MPS = 2.0
+
+Yaw = Callable[[Array], tuple[Array, Array, Array]]
+
+
+def straight(t: Array) -> tuple[Array, Array, Array]:
+    """Yaw, its rate and its acceleration: none."""
+    return np.zeros_like(t), np.zeros_like(t), np.zeros_like(t)
+
+
+def figure_eight(t: Array) -> tuple[Array, Array, Array]:
+    """Yaw swings ±2.4 rad with a period of 125 s: turning nearly all the time."""
+    w = 2 * np.pi / 125
+    return 2.4 * np.cos(w * t) - 2.4, -2.4 * w * np.sin(w * t), -2.4 * w**2 * np.cos(w * t)
+
+
+def lawn_mower(t: Array) -> tuple[Array, Array, Array]:
+    """Legs of 40 s and half turns of 20 s, to starboard and to port by turns, smooth at both ends."""
+    yaw, rate, acceleration = np.zeros_like(t), np.zeros_like(t), np.zeros_like(t)
+    for number, start in enumerate(range(40, SECONDS, 60)):
+        part = np.clip((t - start) / 20, 0, 1)
+        side = (-1) ** number * np.pi / 20
+        yaw += side * 20 * (part - np.sin(2 * np.pi * part) / (2 * np.pi))
+        rate += side * (1 - np.cos(2 * np.pi * part))
+        acceleration += side * 2 * np.pi / 20 * np.sin(2 * np.pi * part)
+    return yaw, rate, acceleration
+
+
+def _gauss_markov(rng: np.random.Generator, sd: float, time_s: float) -> CubicSpline:
+    """A sample at 5 Hz, drawn in the long run's spread, smooth in between so that it can be flown."""
+    step_s = 0.2
+    t = np.arange(0, SECONDS + step_s, step_s)
+    left = np.exp(-step_s / time_s)
+    drawn = rng.normal(size=len(t)) * sd * np.sqrt(1 - left**2)
+    x = np.empty_like(t)
+    x[0] = rng.normal() * sd
+    for k in range(1, len(t)):
+        x[k] = left * x[k - 1] + drawn[k]
+    return CubicSpline(t, x)
+
+
+def draw(rng: np.random.Generator, prior: Mapping[str, float], yaw: Yaw) -> dict[str, Any]:
+    """The arrays of a truth: 2 m/s ahead through the water, level; sway and heave as the prior has them."""
+    time_ns = np.round(np.arange(int(SECONDS * RATE_HZ) + 1) * 1e9 / RATE_HZ).astype(np.int64)
+    t = time_ns * 1e-9
+    psi, rate, acceleration = yaw(t)
+    north, east = (_gauss_markov(rng, prior["current_sd_mps"], prior["current_time_s"]) for _ in range(2))
+    trim = _gauss_markov(rng, prior["trim_sd_mps"], prior["trim_time_s"])
+    sway, heave = (_gauss_markov(rng, prior["slip_sd_mps"], prior["slip_time_s"]) for _ in range(2))
+    gain = prior["sway_gain_m"] + rng.normal() * prior["sway_gain_sd_m"]
+
+    c, s = np.cos(psi), np.sin(psi)
+    ahead, across = c * north(t) + s * east(t), c * east(t) - s * north(t)
+    velocity = np.stack([SPEED_MPS + ahead, across - gain * rate + sway(t), trim(t) + heave(t)], axis=-1)
+    change = np.stack(
+        [
+            rate * across + c * north(t, 1) + s * east(t, 1),
+            -rate * ahead + c * east(t, 1) - s * north(t, 1) - gain * acceleration + sway(t, 1),
+            trim(t, 1) + heave(t, 1),
+        ],
+        axis=-1,
+    )
+    zero, one = np.zeros_like(t), np.ones_like(t)
+    rotation = np.stack(
+        [np.stack(row, axis=-1) for row in ([c, -s, zero], [s, c, zero], [zero, zero, one])], axis=1
+    )
+    earth_p = np.einsum("tij,i->tj", rotation, earth_rate_tangent(LATITUDE_RAD))
+    omega = np.stack([zero, zero, rate], axis=-1) + earth_p
+    # v̇ = f + Rᵀg − (ω_ip + Rᵀω_ie) × v, level.
+    force = change + np.cross(omega + earth_p, velocity) - np.array([0.0, 0.0, GRAVITY_MPS2])
+    velocity_t = np.einsum("tij,tj->ti", rotation, velocity)
+    return {
+        "time_ns": time_ns,
+        "position_t_m": cumulative_simpson(velocity_t, x=t, axis=0, initial=0),
+        "attitude_t_p": np.stack([np.cos(psi / 2), zero, zero, np.sin(psi / 2)], axis=-1),
+        "velocity_p_mps": velocity,
+        "omega_p_radps": omega,
+        "force_p_mps2": force,
+    }

@@ -1,0 +1,65 @@
+"""Bands by hand: tabulated chi-squared quantiles, Bonferroni's arithmetic, and what a band can see."""
+
+import numpy as np
+import pytest
+
+from bottomlock.bands import detectable_factor, each_probability, mean_band, verdict
+
+
+@pytest.mark.parametrize(
+    ("degrees", "values", "low", "high"),
+    [(1, 100, 74.222, 129.561), (2, 50, 74.222, 129.561), (5, 2, 3.247, 20.483), (0.5, 20, 3.247, 20.483)],
+)
+def test_mean_band_from_the_printed_table(degrees: float, values: int, low: float, high: float) -> None:
+    """Quantiles 2.5 and 97.5 % of chi-squared with 100 and 10 degrees, as every table prints them, over the number."""
+    assert mean_band(degrees, values, 0.95) == pytest.approx((low / values, high / values), rel=2e-5)
+
+
+def test_bonferroni() -> None:
+    """A hundredth shared by four tests is a quarter of a hundredth each; no number of tests is refused quietly."""
+    assert each_probability(0.01, 4) == pytest.approx(0.9975)
+    for false_alarm, tests in ((0.0, 3), (1.0, 3), (0.01, 0)):
+        with pytest.raises(ValueError, match="expected 0 to 1"):
+            each_probability(false_alarm, tests)
+
+
+def test_the_family_rate_holds_for_dependent_tests() -> None:
+    """Honest matrices of five correlated times and four shared arms alarm at most as often as stated (2000 of them).
+
+    The tests share all their noise in the extreme; the rate is then far below the stated one, never above: 0.05 and
+    three sigma of its binomial.
+    """
+    generator = np.random.default_rng(20170222)
+    low, high = mean_band(6, 40, each_probability(0.05, 20))
+    alarms = 0
+    for _ in range(2000):
+        common = generator.normal(size=(40, 6, 1))
+        own = generator.normal(size=(40, 6, 20))
+        nees = ((0.6 * common + 0.8 * own) ** 2).sum(axis=1).mean(axis=0)
+        alarms += bool((nees < low).any() or (nees > high).any())
+    assert alarms / 2000 < 0.05 + 3.0 * np.sqrt(0.05 * 0.95 / 2000)
+    # And it is not vacuous: tests that are nearly independent use most of the allowance.
+    assert alarms / 2000 > 0.015
+
+
+@pytest.mark.parametrize(
+    ("least", "greatest", "expected"),
+    [
+        (5.5, 6.5, "consistent"),
+        (5.0, 7.0, "consistent"),
+        (5.5, 7.1, "overconfident"),
+        (4.9, 6.5, "too cautious"),
+        (4.9, 7.1, "overconfident"),
+    ],
+)
+def test_verdicts(least: float, greatest: float, expected: str) -> None:
+    """Overconfidence at one time outweighs caution at another: it is the fault that does harm."""
+    assert verdict(5.0, least, greatest, 7.0) == expected
+
+
+def test_detectable_factor_is_detected() -> None:
+    """Errors of that much more variance than claimed pass the limit nine times in ten (4000 trials, three sigma)."""
+    factor = detectable_factor(6, 30, 0.99)
+    _, high = mean_band(6, 30, 0.99)
+    means = factor * np.random.default_rng(3).chisquare(6 * 30, size=4000) / 30
+    assert np.mean(means > high) == pytest.approx(0.9, abs=3.0 * np.sqrt(0.09 / 4000))

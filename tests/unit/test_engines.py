@@ -1,0 +1,322 @@
+"""Engines: a cluster whose workers die gives the bits of one thread, and what is not there is said in a line."""
+
+import logging
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bottomlock import campaign, engine, plan
+from bottomlock.campaign import Progress, run_campaign, run_shard
+from bottomlock.chunks import Chunk, fly_chunk
+from bottomlock.engine import check_engine
+from bottomlock.errors import EngineError
+from bottomlock.kernel import KernelError
+from bottomlock.merge import merge_shards
+from bottomlock.plan import Shard, Span
+from bottomlock.scenario import load_scenario
+from bottomlock.world import make_world
+from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
+
+needs_dask = pytest.mark.skipif(
+    find_spec("distributed") is None,
+    reason="the package distributed is not installed: pip install 'bottomlock[dask]'",
+)
+pytestmark = [
+    # Sockets of processes that are killed on purpose.
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+]
+
+RUNS = 40
+
+
+@pytest.fixture(autouse=True)
+def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two runs a chunk."""
+    monkeypatch.setattr(plan, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The campaign of one thread."""
+    out = tmp_path_factory.mktemp("engines") / "whole"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+        run_campaign([short(RUNS)], out, threads=1)
+    return out
+
+
+@pytest.fixture(scope="module")
+def processes() -> Iterator[Any]:
+    """A cluster of two processes on this machine."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        dashboard_address="127.0.0.1:0",
+        memory_limit=0,
+        silence_logs=logging.CRITICAL,
+    ) as cluster:
+        yield cluster
+
+
+@pytest.fixture
+def threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """A cluster of one thread in this very process, in which anything can be replaced."""
+    distributed = pytest.importorskip("distributed")
+    from bottomlock import cluster
+
+    monkeypatch.setattr(cluster, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(cluster, "POLL_S", 0.1)
+    with distributed.LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp://",
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+        silence_logs=logging.CRITICAL,
+    ) as small:
+        yield small
+
+
+@needs_dask
+@pytest.mark.slow
+def test_a_worker_that_is_killed_changes_no_bit(tmp_path: Path, processes: Any, whole: Path) -> None:  # noqa: ANN401
+    """Two workers, one ended by SIGKILL after the third chunk: the other one, and its successor, fly all."""
+    victim = next(iter(processes.workers.values())).pid
+    heard: list[float] = []
+
+    def kill(state: Progress) -> None:
+        heard.append(state.runs_done)
+        if len(heard) == 3:
+            os.kill(victim, signal.SIGKILL)
+
+    out = tmp_path / "o"
+    results = run_campaign(
+        [short(RUNS)], out, engine="dask", scheduler=processes.scheduler_address, tell=kill
+    )
+    same_bits(whole, out)
+    assert len(heard) == RUNS // 2
+    assert results.manifest["engine"] == "dask"
+    with pytest.raises(ProcessLookupError):
+        os.kill(victim, 0)
+
+
+@needs_dask
+@pytest.mark.slow
+def test_broken_off_on_a_cluster_and_resumed_without(tmp_path: Path, processes: Any, whole: Path) -> None:  # noqa: ANN401
+    """What a cluster has finished counts on this machine, too, and the other way round; shards can be flown by one."""
+    address = processes.scheduler_address
+
+    def stop(state: Progress) -> None:
+        if state.runs_done >= 6:
+            raise KeyboardInterrupt
+
+    out = tmp_path / "o"
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign([short(RUNS)], out, engine="dask", scheduler=address, tell=stop)
+    assert len(list(out.glob("chunks/*/counts-*"))) == 3
+    run_campaign([short(RUNS)], out, threads=2)
+    same_bits(whole, out)
+    for k, settings in ((1, {"threads": 1}), (2, {"engine": "dask", "scheduler": address})):
+        run_shard([short(RUNS)], tmp_path / str(k), Shard(k, 2), **settings)
+    merge_shards(tmp_path / "m", [tmp_path / "1", tmp_path / "2"])
+    same_bits(whole, tmp_path / "m")
+
+
+@needs_dask
+@pytest.mark.slow
+def test_vehicles_that_fly_on_estimates_travel_too(
+    tmp_path: Path,
+    processes: Any,  # noqa: ANN401
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Over a seabed: everything that a scenario names goes to the worker with the chunk."""
+    packaged = load_scenario("slope").with_overrides(runs=3, arms=["ins", "tc"])
+    flight = packaged.with_trajectory(feedback="estimate", duration_s=12.0)
+    monkeypatch.setattr(plan, "FLEET_VEHICLES", 2)
+    run_campaign([flight], tmp_path / "one", threads=1)
+    run_campaign([flight], tmp_path / "two", engine="dask", scheduler=processes.scheduler_address)
+    same_bits(tmp_path / "one", tmp_path / "two")
+
+
+@needs_dask
+def test_what_the_kernel_refuses_comes_back(
+    tmp_path: Path,
+    threads: Any,  # noqa: ANN401
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As the kernel's own error; chunks that were finished before are kept."""
+    from bottomlock import cluster
+
+    def refuse(chunk: Chunk, **settings: Any) -> object:  # noqa: ANN401
+        if chunk.span.first_run == 2:
+            raise KernelError("run 2, arm tc: not finite")
+        return fly_chunk(chunk, **settings)
+
+    monkeypatch.setattr(cluster, "fly_chunk", refuse)
+    with pytest.raises(KernelError, match="run 2, arm tc: not finite"):
+        run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address)
+    assert [path.name for path in tmp_path.glob("chunks/*/counts-*")] == ["counts-00000000-00000001.parquet"]
+
+
+@needs_dask
+def test_a_fault_on_the_cluster_names_the_chunk(
+    tmp_path: Path,
+    threads: Any,  # noqa: ANN401
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from bottomlock import cluster
+
+    monkeypatch.setattr(cluster, "fly_chunk", lambda *_, **__: 1 / 0)
+    words = r"straight, chunk 00000000-00000001.parquet: scheduler .* failed \(ZeroDivisionError: division by zero\)"
+    with pytest.raises(EngineError, match=words):
+        run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address)
+
+
+@needs_dask
+def test_workers_of_another_version_are_refused(
+    tmp_path: Path,
+    threads: Any,  # noqa: ANN401
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Their bits would differ, and nobody would know."""
+    from bottomlock import cluster
+
+    ours = cluster._versions()
+    answers = iter([ours | {"numpy": "1.26.0"}])
+    monkeypatch.setattr(cluster, "_versions", lambda: next(answers, ours))
+    with pytest.raises(
+        EngineError, match=r"a worker of .* has .*numpy 1\.26\.0.*, expected .*bits would differ"
+    ):
+        run_campaign([short(2)], tmp_path, engine="dask", scheduler=threads.scheduler_address)
+    assert not list(tmp_path.glob("chunks/*/*"))
+
+
+@needs_dask
+def test_a_cluster_without_workers(tmp_path: Path, threads: Any) -> None:  # noqa: ANN401
+    """Said after a while, before anything is written; and when the last one leaves in mid-campaign."""
+
+    def leave(_: Progress) -> None:
+        threads.scale(0)
+
+    with pytest.raises(EngineError, match=r"has had no worker for .* the same command resumes"):
+        run_campaign(
+            [short()], tmp_path / "o", engine="dask", scheduler=threads.scheduler_address, tell=leave
+        )
+    with pytest.raises(EngineError, match="no worker in"):
+        run_campaign([short()], tmp_path / "p", engine="dask", scheduler=threads.scheduler_address)
+    assert not (tmp_path / "p").exists()
+
+
+@needs_dask
+def test_a_scheduler_that_goes_away(tmp_path: Path, threads: Any) -> None:  # noqa: ANN401
+    """The message says that the same command resumes, and so it does."""
+
+    def leave(_: Progress) -> None:
+        threads.close()
+
+    with pytest.raises(EngineError, match="the same command resumes"):
+        run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address, tell=leave)
+    assert run_campaign([short()], tmp_path, threads=1).runs.height == 15
+
+
+@needs_dask
+def test_a_scheduler_that_does_not_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is written before the engine is there."""
+    from bottomlock import cluster
+
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.2)
+    with pytest.raises(EngineError, match="does not answer"):
+        run_campaign([short()], tmp_path / "o", engine="dask", scheduler="tcp://127.0.0.1:9")
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"name": "spark"}, "engine 'spark' is not known, expected local or dask"),
+        ({"name": "local", "scheduler": "tcp://a:1"}, "given with engine 'local': only dask"),
+        ({"name": "dask", "scheduler": "nowhere"}, "expected an address such as tcp://host:8786"),
+        ({"name": "dask", "scheduler": "http://a:1"}, "expected an address such as"),
+        ({"name": "dask", "scheduler": "tcp://a:port"}, "expected an address such as"),
+        ({"name": "dask", "scheduler": "tcp://a:1", "threads": 2}, "whose workers bring their own"),
+    ],
+)
+def test_settings_without_effect(settings: dict[str, Any], words: str) -> None:
+    """A setting that is read and does nothing is a trap."""
+    with pytest.raises(EngineError, match=words):
+        check_engine(**settings)
+
+
+def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bottomlock.engine.find_spec", lambda _: None)
+    with pytest.raises(EngineError, match=r"pip install 'bottomlock\[dask\]'"):
+        check_engine("dask")
+
+
+def test_the_extra_is_imported_only_when_asked_for(tmp_path: Path) -> None:
+    """Neither the command nor a local campaign pulls it in."""
+    code = (
+        "import sys; from pathlib import Path; import bottomlock.cli; from bottomlock import run_campaign;"
+        "from tests.unit.small_campaign import short; run_campaign([short(1)], Path(sys.argv[1]), threads=1);"
+        "print(sorted({'dask', 'distributed', 'tornado'} & set(sys.modules)))"
+    )
+    call = [sys.executable, "-c", code, str(tmp_path / "o")]
+    done = subprocess.run(call, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_an_engine_may_finish_in_any_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, whole: Path
+) -> None:
+    """The tables are those of the runs in order."""
+
+    class Backwards(engine.LocalEngine):
+        def fly(self, chunks: Any, tell: Any) -> Any:  # noqa: ANN401
+            return super().fly(list(reversed(chunks)), tell)
+
+    monkeypatch.setattr(engine, "LocalEngine", Backwards)
+    run_campaign([short(RUNS)], tmp_path / "o", threads=1)
+    same_bits(whole, tmp_path / "o")
+
+
+@pytest.mark.parametrize("name", ["straight", "slope"])
+def test_a_world_travels_without_its_beams(name: str) -> None:
+    """The kernel's geometry cannot be pickled, and is made again; the content is the same."""
+    import pickle
+
+    world = make_world(load_scenario(name))
+    copy = pickle.loads(pickle.dumps(Chunk(world, Span(0, 2)))).world
+    assert copy.fingerprint() == world.fingerprint()
+    assert copy.geometry.directions_p.tolist() == world.geometry.directions_p.tolist()
+    assert len(pickle.dumps(world)) < 100_000, "it goes along with every chunk"
+
+
+def test_failing_to_write_calls_off_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The engine is closed when a chunk cannot be kept."""
+    closed: list[bool] = []
+
+    class Watched(engine.LocalEngine):
+        def fly(self, chunks: Any, tell: Any) -> Any:  # noqa: ANN401
+            try:
+                yield from super().fly(chunks, tell)
+            finally:
+                closed.append(True)
+
+    def refuse(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(engine, "LocalEngine", Watched)
+    monkeypatch.setattr(campaign, "write_chunk", refuse)
+    with pytest.raises(OSError, match="No space left"):
+        run_campaign([short()], tmp_path, threads=1)
+    assert closed == [True]

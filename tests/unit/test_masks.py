@@ -1,0 +1,95 @@
+"""The study of masks on disk: pairs, tables, resumption."""
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from bottomlock import masks, study_folder
+from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.scenario import Scenario, load_scenario
+from bottomlock.schema import check
+
+NUMBERS = [name for name, dtype in masks.MASKS.items() if dtype == pl.Float64()]
+
+
+def short(runs: int = 2) -> Scenario:
+    scenario = load_scenario("straight").with_overrides(runs=runs, arms=["ins", "lc", "tc"])
+    return scenario.with_trajectory(duration_s=10.0)
+
+
+def three_beams() -> Scenario:
+    """An instrument of three beams, 120 degrees apart."""
+    scenario = short()
+    change = {
+        "configuration": "angles",
+        "tilts_deg": (25.0,) * 3,
+        "azimuths_deg": (0.0, 120.0, 240.0),
+        "beams_lost": (),
+    }
+    return scenario.model_copy(update={"dvl": scenario.dvl.model_copy(update=change)})
+
+
+def test_every_case_has_its_rows(tmp_path: Path) -> None:
+    """Fifteen masks, dropouts and slope; the reference and the INS are the same in all, bit for bit: runs are pairs."""
+    table = masks.run_masks([short()], tmp_path, threads=1)
+    check(pl.read_parquet(tmp_path / "masks.parquet"), masks.MASKS, place="masks")
+    assert table["case"].n_unique() == 17
+    assert table.height == 17 * 3
+    for arm in ("ins", "lc"):
+        rows = table.filter(pl.col("arm") == arm).select(NUMBERS)
+        assert rows.n_unique() == 1
+    assert table.filter(pl.col("arm") == "tc").select("velocity_rms_mps").n_unique() > 14
+    assert table.filter(pl.col("arm") == "ins")["rejected_part"].null_count() == 17
+
+
+def test_three_beam_instruments(tmp_path: Path) -> None:
+    """Their masks are one and two beams; with all three they are whole."""
+    table = masks.run_masks([three_beams()], tmp_path, wanted=["123", "12", "3"], threads=1)
+    assert table["beams"].unique(maintain_order=True).to_list() == ["1,2,3", "1,2", "3"]
+    assert len(masks.all_cases(three_beams())) == 7 + 2
+
+
+def test_a_study_resumes(tmp_path: Path) -> None:
+    """A study broken off after a case keeps it, and ends in the same table."""
+    whole = masks.run_masks([short()], tmp_path / "whole", wanted=["12", "dropouts"], threads=1)
+
+    def stop(_case: str, _progress: object) -> None:
+        raise KeyboardInterrupt
+
+    out = tmp_path / "broken"
+    with pytest.raises(KeyboardInterrupt):
+        masks.run_masks([short()], out, wanted=["12", "dropouts"], threads=1, tell=stop)
+    (chunk,) = (out / "cases" / "beams_12" / "chunks" / "straight").glob("samples-*")
+    stamp = chunk.stat().st_mtime_ns
+    again = masks.run_masks([short()], out, wanted=["12", "dropouts"], threads=1)
+    assert chunk.stat().st_mtime_ns == stamp
+    assert again.equals(whole, null_equal=True)
+
+
+def test_wrong_cases_and_instruments(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"unknown case '15' \(known: 1234, 123, "):
+        masks.run_masks([short()], tmp_path, wanted=["12", "15"])
+    other = three_beams().model_copy(update={"name": "other"})
+    with pytest.raises(ScenarioError, match="same number of beams"):
+        masks.run_masks([short(), other], tmp_path)
+
+
+def test_directories_are_claimed_not_taken(tmp_path: Path) -> None:
+    """New, empty or the same study; a stranger's files stay, even with force; another configuration needs force."""
+    study_folder.claim(tmp_path / "o", "masks", "a", parts=masks.PARTS)
+    (tmp_path / "o" / "masks.parquet").write_bytes(b"old")
+    study_folder.claim(tmp_path / "o", "masks", "a", parts=masks.PARTS)
+    assert (tmp_path / "o" / "masks.parquet").exists()
+    with pytest.raises(OutputError, match="another configuration or version"):
+        study_folder.claim(tmp_path / "o", "masks", "b", parts=masks.PARTS)
+    with pytest.raises(OutputError, match="holds no certificate study"):
+        study_folder.claim(tmp_path / "o", "certificate", "a", parts=())
+    study_folder.claim(tmp_path / "o", "masks", "b", parts=masks.PARTS, force=True)
+    assert not (tmp_path / "o" / "masks.parquet").exists()
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / "thesis.tex").write_text("years of work", encoding="utf-8")
+    for force in (False, True):
+        with pytest.raises(OutputError, match="holds no masks study of ours"):
+            study_folder.claim(tmp_path / "s", "masks", "a", parts=("thesis.tex",), force=force)
+    assert (tmp_path / "s" / "thesis.tex").exists()

@@ -1,0 +1,68 @@
+"""The streaming navigator meets what the campaign's run meets, fix by fix."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bottomlock import kernel
+from bottomlock.conditions import schedule
+from bottomlock.errors import ScenarioError
+from bottomlock.scenario import Scenario, load_scenario
+from bottomlock.stepping import Readings
+from bottomlock.world import make_world, trajectory_key
+
+ARMS = ["lc", "tc", "vb", "elc", "vb_exact", "info", "weak_sway"]
+
+
+def aided() -> Scenario:
+    """Thirty seconds with every aid, so that their order counts as well."""
+    scenario = load_scenario("straight").with_trajectory(duration_s=30.0)
+    on = {
+        name: getattr(scenario, name).model_copy(update={"enabled": True})
+        for name in ("depth", "magnetometer")
+    }
+    gps = scenario.gps.model_copy(update={"enabled": True, "antenna_depth_m": 1e3, "acquire_s": 0.0})
+    return scenario.model_copy(update=on | {"gps": gps})
+
+
+def test_fixes_are_those_of_the_batch() -> None:
+    """Mean NIS and the count of fixes equal the batch's, with depth, magnetometer and GPS in between."""
+    world = make_world(aided())
+    truth, scenario = world.truth(), world.scenario
+    key = trajectory_key(scenario.name)
+    plan: Any = schedule(world, truth, trajectory_key=key)
+    model: Any = scenario.kernel_model(world.gravity_mps2)
+    options: Any = scenario.kernel_options()
+    arrays: Any = truth.kernel_arrays()
+    batch = kernel.run_batch(
+        world.geometry, arrays, model, model, options, plan, ARMS,
+        seed=scenario.campaign.seed, trajectory_key=key, first_run=2, runs=1, threads=1,
+    )  # fmt: skip
+    readings = Readings(world, truth, run=2)
+    assert len(plan["gps_time_ns"]) == 30
+    for index, arm in enumerate(ARMS):
+        fixes = list(readings.fixes(arm, readings.valid, range(30)))
+        assert len(fixes) == batch["fixes_accepted"][0, index] + batch["fixes_rejected"][0, index]
+        assert sum(fix.used for fix in fixes) == batch["fixes_accepted"][0, index]
+        assert np.mean([fix.nis for fix in fixes]) == pytest.approx(batch["nis_mean"][0, index], rel=1e-12)
+
+
+def test_a_fix_steps_and_shrinks() -> None:
+    """Only the watched pings are told of; the claimed sigma does not grow, and the step is the estimate's own."""
+    world = make_world(aided())
+    readings = Readings(world, world.truth(), run=0)
+    (fix,) = readings.fixes("tc", readings.valid, [7])
+    assert fix.time_ns == 8_000_000_000
+    assert fix.degrees == 2
+    assert (fix.after_sd_mps <= fix.before_sd_mps).all()
+    assert 0.0 < np.abs(fix.step_p_mps).max() < 0.5
+
+
+def test_pings_between_samples_are_refused() -> None:
+    """At 4 Hz every other ping falls between two samples of 150 Hz: its step would hold motion as well."""
+    scenario = load_scenario("straight").with_trajectory(duration_s=5.0)
+    scenario = scenario.model_copy(update={"dvl": scenario.dvl.model_copy(update={"rate_hz": 4.0})})
+    world = make_world(scenario)
+    with pytest.raises(ScenarioError, match="expected a divisor"):
+        Readings(world, world.truth(), run=0)
