@@ -213,6 +213,19 @@ class AidingDict(TypedDict):
     heading: bool
     gps_position: bool
     gps_velocity: bool
+    depth_lever_p_m: NotRequired[ArrayLike]
+    gps_lever_p_m: NotRequired[ArrayLike]
+
+@type_check_only
+class HeardDict(TypedDict):
+    time_ns: NDArray[np.int64]
+    beams: NDArray[np.bool_]
+    velocity: NDArray[np.bool_]
+    depth: NDArray[np.bool_]
+    attitude: NDArray[np.bool_]
+    heading: NDArray[np.bool_]
+    gps_position: NDArray[np.bool_]
+    gps_velocity: NDArray[np.bool_]
 
 @type_check_only
 class ObservabilityDict(TypedDict):
@@ -413,6 +426,7 @@ def observe(
     *,
     kind: str = "full",
     period_ns: int = ...,
+    schedule: HeardDict | dict[str, Any] | None = None,
     scale: ArrayLike | None = None,
     growing: bool = False,
 ) -> list[ObservabilityDict]: ...
@@ -424,4 +438,5 @@ def covariance_history(
     *,
     kind: str = "full",
     period_ns: int = ...,
+    schedule: HeardDict | dict[str, Any] | None = None,
 ) -> CovarianceDict: ...

@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bottomlock import kernel
 from bottomlock.errors import DataError
+from bottomlock.observability_schedule import SENSORS, Schedule
 from bottomlock.trajectory import Array, Truth
 from bottomlock.units import ns_from_s
 
@@ -41,7 +42,7 @@ LEAST_GAP = 1e3
 
 @dataclass(frozen=True)
 class Aiding:
-    """What aids the inertial navigation; beams are numbered from 1.
+    """What aids the inertial navigation; beams are numbered from 1, lever arms lie in the platform frame (m).
 
     Examples:
         >>> Aiding(beams=(1, 2), depth=True).name
@@ -55,6 +56,8 @@ class Aiding:
     heading: bool = False
     gps_position: bool = False
     gps_velocity: bool = False
+    depth_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gps_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def mask(self) -> str:
@@ -64,7 +67,7 @@ class Aiding:
     @property
     def name(self) -> str:
         """The sensors in words."""
-        others = [field.name for field in fields(self) if field.name != "beams" and getattr(self, field.name)]
+        others = [name for name in SENSORS if getattr(self, name)]
         words = [f"beams {self.mask}"] if self.beams else []
         return " + ".join(words + [other.replace("_", " ") for other in others]) or "nothing"
 
@@ -82,6 +85,13 @@ class Aiding:
         flags = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "beams"}
         return flags | {"beams": np.isin(np.arange(beams) + 1, self.beams)}
 
+    @classmethod
+    def heard(cls, schedule: Schedule) -> "Aiding":
+        """Every beam and sensor that is heard at least once."""
+        beams = tuple(int(beam) + 1 for beam in np.flatnonzero(schedule.beams.any(axis=0)))
+        flags: dict[str, Any] = {name: bool(schedule.others[name].any()) for name in SENSORS}
+        return cls(beams=beams, **flags)
+
 
 @dataclass(frozen=True, eq=False)
 class Finding:
@@ -90,7 +100,8 @@ class Finding:
     Attributes:
         states: names of the n states.
         rank: number of singular values above the noise floor.
-        decided: true where the gap is at least `LEAST_GAP` and at least `widest_step`.
+        decided: true where the gap is at least `LEAST_GAP` and at least `widest_step`, and no dropped value stands out
+            of rounding.
         gap: smallest kept over largest dropped singular value (or the noise floor).
         widest_step: largest ratio between neighbours among the kept ones.
         singular_values: (n,) of the stack with rows and columns scaled, falling.
@@ -206,6 +217,7 @@ def observe(
     kind: Kind = "full",
     earth_rate_radps: float = kernel.EARTH_RATE_RADPS,
     period_s: float = 1.0,
+    schedule: Schedule | None = None,
     scale: ArrayLike | None = None,
     growing: bool = False,
 ) -> list[Finding]:
@@ -218,6 +230,7 @@ def observe(
         kind: the model; the 2015 model takes velocity and depth alone and knows no Earth rate.
         earth_rate_radps: Earth rate that the truth was made with; 0 for an Earth at rest.
         period_s: interval between measurements.
+        schedule: what is heard when, in place of the period; a sensor reads where it is in the set and heard.
         scale: (n,) factors on the natural scales of the states, in place of columns brought to one length; the rank
             does not depend on them.
         growing: also judge the window that ends at each epoch.
@@ -233,6 +246,7 @@ def observe(
         [aiding.kernel_dict(geometry.beams) for aiding in aidings],
         kind=kind,
         period_ns=ns_from_s(period_s),
+        schedule=None if schedule is None else schedule.kernel_dict(),
         scale=scale,
         growing=growing,
     )
@@ -296,16 +310,18 @@ def deviations(
     *,
     kind: Kind = "full",
     period_s: float = 1.0,
+    schedule: Schedule | None = None,
 ) -> Deviations:
     """Standard deviations that the filter would claim along a truth, by covariance analysis without drawing an error.
 
     Args:
         truth: any truth.
         geometry: the beams.
-        aiding: sensors, all at the same epochs.
+        aiding: sensors.
         model: sensor errors in SI (`Scenario.kernel_model`).
         kind: the model.
-        period_s: interval between measurements.
+        period_s: interval between measurements, all sensors at once.
+        schedule: what is heard when, in place of the period.
 
     Raises:
         KernelError: as `observe`.
@@ -326,6 +342,7 @@ def deviations(
         aiding.kernel_dict(geometry.beams),
         kind=kind,
         period_ns=ns_from_s(period_s),
+        schedule=None if schedule is None else schedule.kernel_dict(),
     )
     return Deviations(
         states=tuple(history["states"]), time_ns=history["time_ns"], covariance=history["covariance"]

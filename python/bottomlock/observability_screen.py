@@ -7,7 +7,6 @@ import polars as pl
 from rich import box
 from rich.table import Table
 
-from bottomlock.observability import Aiding
 from bottomlock.observability_report import Observed
 
 _SIGNS = {"observable": "", "hidden": "*", "undecided": "?"}
@@ -20,11 +19,11 @@ def screen(made: Observed) -> Iterator[str | Table]:
         return
     yield "Rank by the beams that return (? is undecided)."
     yield _masks(made.table, made.own)
-    yield f"Unobservable with {made.own.name}, SI:"
-    for direction in made.table.filter(mask=made.own.mask)["unobservable"].explode().drop_nulls():
+    yield f"Unobservable with {made.own}, SI:"
+    for direction in made.table.filter(aiding=made.own)["unobservable"].explode().drop_nulls():
         yield f"  {direction}"
     yield ""
-    yield f"Deviation left by a manoeuvre of about a minute with {made.own.name}, % of the initial"
+    yield f"Deviation left by a manoeuvre of about a minute with {made.manoeuvres['aiding'][0]}, % of the initial"
     yield "(* the state is unobservable, ? undecided)."
     yield _plan(made.manoeuvres)
 
@@ -60,10 +59,10 @@ def _cases(rows: pl.DataFrame) -> Table:
     return table
 
 
-def _masks(rows: pl.DataFrame, own: Aiding) -> Table:
+def _masks(rows: pl.DataFrame, own: str) -> Table:
     table = _plain("aiding", "rank", "of", "gap")
     for row in rows.iter_rows(named=True):
-        mark = "  < this scenario" if row["mask"] == own.mask else ""
+        mark = "  < this scenario" if row["aiding"] == own else ""
         table.add_row(row["aiding"] + mark, _rank(row), str(row["states"]), f"{row['gap']:.0e}")
     return table
 

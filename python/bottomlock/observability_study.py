@@ -12,6 +12,7 @@ from bottomlock import schema
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
 from bottomlock.manoeuvres import MANOEUVRES, Manoeuvre, fly, motion_of, steady
 from bottomlock.observability import Aiding, Finding, Kind, deviations, observe
+from bottomlock.observability_schedule import Schedule
 from bottomlock.trajectory import Truth
 from bottomlock.units import mps2_from_mg, radps_from_deg_per_h
 
@@ -113,6 +114,7 @@ def table_row(
         "mask": aiding.mask,
         "motion": motion,
         "model": MODELS[kind],
+        "window_s": float(found.time_ns[-1] - found.time_ns[0]) * 1e-9,
         "states": len(found.states),
         "rank": found.rank if found.decided else None,
         "expected_rank": expected_rank,
@@ -241,6 +243,7 @@ def mask_table(
     kind: Kind = "full",
     earth_rate_radps: float = EARTH_RATE_RADPS,
     period_s: float = 1.0,
+    schedule: Schedule | None = None,
 ) -> pl.DataFrame:
     """Rank and unobservable directions of a truth for every mask of an instrument, each with further sensors.
 
@@ -252,9 +255,18 @@ def mask_table(
         kind: the model.
         earth_rate_radps: Earth rate that the truth was made with.
         period_s: interval between measurements.
+        schedule: what is heard when, in place of the period.
     """
     sets = [replace(other, beams=mask) for other, mask in itertools.product(others, masks(geometry.beams))]
-    found = observe(truth, geometry, sets, kind=kind, earth_rate_radps=earth_rate_radps, period_s=period_s)
+    found = observe(
+        truth,
+        geometry,
+        sets,
+        kind=kind,
+        earth_rate_radps=earth_rate_radps,
+        period_s=period_s,
+        schedule=schedule,
+    )
     rows = [table_row(case, aiding, motion, kind, one) for aiding, one in zip(sets, found, strict=True)]
     return _frame(rows, schema.OBSERVABILITY)
 
@@ -271,21 +283,56 @@ def manoeuvre_table(
     earth_rates_radps: Sequence[float] = (0.0, EARTH_RATE_RADPS),
     rate_hz: float = 50.0,
 ) -> pl.DataFrame:
-    """Every mask by every manoeuvre by every set of further sensors, on an Earth at rest and a turning one."""
-    frames = []
+    """Every mask by every manoeuvre by every set of further sensors, on an Earth at rest and a turning one.
+
+    What the window of a manoeuvre leaves undecided is judged over windows four and sixteen times as long: the
+    manoeuvres are analytic, so that no window of theirs has another rank, but the Earth's turn shows better in a
+    longer one. The column window_s says which window it was.
+    """
+    sets = [replace(other, beams=mask) for other, mask in itertools.product(others, masks(geometry.beams))]
+    rows = []
     for manoeuvre, earth_rate_radps in itertools.product(manoeuvres, earth_rates_radps):
-        frames.append(
-            mask_table(
-                fly(manoeuvre, rate_hz=rate_hz, earth_rate_radps=earth_rate_radps),
-                geometry,
-                others,
-                case="Earth turning" if earth_rate_radps else "Earth at rest",
-                motion=manoeuvre.name,
-                earth_rate_radps=earth_rate_radps,
-                period_s=2.0,
-            )
+        found = _decide(manoeuvre, geometry, sets, earth_rate_radps=earth_rate_radps, rate_hz=rate_hz)
+        case = "Earth turning" if earth_rate_radps else "Earth at rest"
+        rows += [
+            table_row(case, aiding, manoeuvre.name, "full", one)
+            for aiding, one in zip(sets, found, strict=True)
+        ]
+    return _frame(rows, schema.OBSERVABILITY)
+
+
+_LONGER, _EPOCHS = (1.0, 4.0, 16.0), 32
+"""Windows in lengths of the manoeuvre, and intervals between the epochs of each."""
+
+
+def _decide(
+    manoeuvre: Manoeuvre,
+    geometry: BeamGeometry,
+    sets: Sequence[Aiding],
+    *,
+    earth_rate_radps: float,
+    rate_hz: float,
+) -> list[Finding]:
+    """Each set in the shortest of the windows that decides it, or in the longest."""
+    found: dict[int, Finding] = {}
+    open_sets = list(range(len(sets)))
+    for factor in _LONGER:
+        window_s = factor * manoeuvre.duration_s
+        truth = fly(
+            replace(manoeuvre, duration_s=window_s), rate_hz=rate_hz, earth_rate_radps=earth_rate_radps
         )
-    return pl.concat(frames)
+        judged = observe(
+            truth,
+            geometry,
+            [sets[k] for k in open_sets],
+            earth_rate_radps=earth_rate_radps,
+            period_s=window_s / _EPOCHS,
+        )
+        found |= dict(zip(open_sets, judged, strict=True))
+        open_sets = [k for k in open_sets if not found[k].decided]
+        if not open_sets:
+            break
+    return [found[k] for k in range(len(sets))]
 
 
 def _frame(rows: Sequence[Mapping[str, Any]], table: Mapping[str, pl.DataType]) -> pl.DataFrame:

@@ -33,4 +33,5 @@ def observe(
     made = observe_paper(out) if case is None else observe_scenario(case, out)
     for part in screen(made):
         console.print(part, highlight=False)
-    console.print(f"wrote tables and {len(made.figures)} figures to {out}", soft_wrap=True)
+    figures = "a figure" if len(made.figures) == 1 else f"{len(made.figures)} figures"
+    console.print(f"wrote tables and {figures} to {out}", soft_wrap=True)

@@ -8,7 +8,8 @@ import polars as pl
 from bottomlock import schema
 from bottomlock.kernel import BeamGeometry
 from bottomlock.manoeuvres import MANOEUVRES, Manoeuvre, fly
-from bottomlock.observability import Aiding, Finding, deviations, observe
+from bottomlock.observability import Aiding, Finding, Kind, deviations, observe
+from bottomlock.observability_schedule import Schedule
 
 
 def plan(
@@ -17,17 +18,21 @@ def plan(
     model: Mapping[str, Any],
     *,
     manoeuvres: Iterable[Manoeuvre] = tuple(MANOEUVRES.values()),
+    kind: Kind = "full",
     period_s: float = 1.0,
+    rates_hz: Mapping[str, float] | None = None,
     rate_hz: float = 50.0,
 ) -> pl.DataFrame:
     """Every state after every manoeuvre: observable or not, and the standard deviation that the filter would claim.
 
     Args:
         geometry: the beams.
-        aiding: the beams that return and what else aids, all at the same epochs.
+        aiding: the beams that return and what else aids.
         model: sensor errors and environment in SI (`Scenario.kernel_model`): where the filter starts from.
         manoeuvres: what may be flown.
-        period_s: interval between measurements.
+        kind: "full", or "inertial" for a filter that does not estimate the DVL's errors.
+        period_s: interval between measurements, all sensors at once.
+        rates_hz: in place of the period a rate for each sensor, "beams" among them (`Schedule.regular`).
         rate_hz: rate at which the motion is sampled.
 
     Returns:
@@ -56,22 +61,22 @@ def plan(
             gravity_mps2=environment["gravity_mps2"],
             earth_rate_radps=environment["earth_rate_radps"],
         )
+        measured: Any = {"kind": kind, "period_s": period_s}
+        if rates_hz is not None:
+            measured["schedule"] = Schedule.regular(truth.time_ns, geometry.beams, rates_hz)
         (found,) = observe(
-            truth,
-            geometry,
-            [aiding],
-            earth_rate_radps=environment["earth_rate_radps"],
-            period_s=period_s,
+            truth, geometry, [aiding], earth_rate_radps=environment["earth_rate_radps"], **measured
         )
-        history = deviations(truth, geometry, aiding, dict(model), period_s=period_s)
-        before, after = _initial_sd(model), history.sd[-1]
+        history = deviations(truth, geometry, aiding, dict(model), **measured)
+        count = len(found.states)
+        before, after = _initial_sd(model)[:count], history.sd[-1, :count]
         frames.append(
             pl.DataFrame(
                 {
-                    "manoeuvre": [manoeuvre.name] * len(found.states),
-                    "aiding": [aiding.name] * len(found.states),
+                    "manoeuvre": [manoeuvre.name] * count,
+                    "aiding": [aiding.name] * count,
                     "state": found.states,
-                    "verdict": [_word(found, k) for k in range(len(found.states))],
+                    "verdict": [_word(found, k) for k in range(count)],
                     "sd_before": before,
                     "sd_after": after,
                     "part_left": [a / b if b > 0.0 else None for a, b in zip(after, before, strict=True)],

@@ -138,6 +138,7 @@ OBSERVABILITY: Mapping[str, pl.DataType] = {
     "mask": pl.String(),
     "motion": pl.String(),
     "model": pl.String(),
+    "window_s": pl.Float64(),
     "states": pl.Int64(),
     "rank": pl.Int64(),
     "expected_rank": pl.Int64(),
@@ -147,8 +148,9 @@ OBSERVABILITY: Mapping[str, pl.DataType] = {
     "unobservable": pl.List(pl.String()),
     "singular_values": pl.List(pl.Float64()),
 }
-"""A row per window, aiding set and model: the rank (null where it is undecided), the exact one where it is known,
-the one that a paper prints, the gap between kept and dropped singular values, and the hidden directions in words."""
+"""A row per window, aiding set and model: the length of the window, the rank (null where it is undecided), the exact
+one where it is known, the one that a paper prints, the gap between kept and dropped singular values, and the hidden
+directions in words."""
 
 DEVIATIONS: Mapping[str, pl.DataType] = {
     "case": pl.String(),

@@ -2,14 +2,14 @@
 
 use bottomlock::observability::history::{self, History};
 use bottomlock::observability::paper::{self, Sensors, Sign};
-use bottomlock::observability::rank::{self, Observability};
-use bottomlock::observability::{Aiding, System, full};
+use bottomlock::observability::rank::{self, Observability, Progress};
+use bottomlock::observability::{Aiding, Epochs, System, full};
 use nalgebra::DMatrix;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::arrays::{array, booleans, floats, item};
+use crate::arrays::{array, booleans, floats, item, times, vector};
 use crate::batch::OwnedTruth;
 use crate::dvl::BeamGeometry;
 use crate::errors::{raise, refuse};
@@ -41,6 +41,12 @@ fn aiding(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Aiding> {
             .extract()
             .map_err(|_| refuse(format!("aiding.{key} is not True or False")))
     };
+    let lever = |key: &str| -> PyResult<[f64; 3]> {
+        match dict.get_item(key)? {
+            None => Ok([0.0; 3]),
+            Some(value) => vector(&format!("aiding.{key}"), &value),
+        }
+    };
     let mask = booleans("aiding.beams", &item(dict, "aiding", "beams")?, &[Some(beams)])?;
     Ok(Aiding {
         velocity: flag("velocity")?,
@@ -50,7 +56,48 @@ fn aiding(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Aiding> {
         heading: flag("heading")?,
         gps_position: flag("gps_position")?,
         gps_velocity: flag("gps_velocity")?,
+        depth_lever_p_m: lever("depth_lever_p_m")?,
+        gps_lever_p_m: lever("gps_lever_p_m")?,
     })
+}
+
+/// What is heard at each epoch of a schedule: time_ns (e,), beams (e, n) and a column (e,) for each other sensor.
+fn heard(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Vec<(i64, Aiding)>> {
+    let times = times("schedule.time_ns", &item(dict, "schedule", "time_ns")?)?;
+    let count = Some(times.len());
+    let column = |key: &str| -> PyResult<Vec<bool>> {
+        Ok(booleans(&format!("schedule.{key}"), &item(dict, "schedule", key)?, &[count])?.values)
+    };
+    let masks = booleans(
+        "schedule.beams",
+        &item(dict, "schedule", "beams")?,
+        &[count, Some(beams)],
+    )?;
+    let (velocity, depth, attitude) = (column("velocity")?, column("depth")?, column("attitude")?);
+    let (heading, gps_position) = (column("heading")?, column("gps_position")?);
+    let gps_velocity = column("gps_velocity")?;
+    let at = |(k, &time_ns): (usize, &i64)| {
+        let set = Aiding {
+            velocity: velocity[k],
+            beams: settings::mask(&masks.values[k * beams..(k + 1) * beams]),
+            depth: depth[k],
+            attitude: attitude[k],
+            heading: heading[k],
+            gps_position: gps_position[k],
+            gps_velocity: gps_velocity[k],
+            ..Aiding::default()
+        };
+        (time_ns, set)
+    };
+    Ok(times.iter().enumerate().map(at).collect())
+}
+
+/// A schedule or, without one, a period; the 2015 model knows the period alone.
+fn schedule(given: Option<&Bound<'_, PyDict>>, beams: usize, kind: &Kind) -> PyResult<Option<Vec<(i64, Aiding)>>> {
+    if given.is_some() && matches!(kind, Kind::Paper(_)) {
+        return Err(refuse("schedule: the 2015 model is measured at a period alone"));
+    }
+    given.map(|dict| heard(dict, beams)).transpose()
 }
 
 /// The paper's model has a DVL and a pressure sensor and no other.
@@ -78,8 +125,13 @@ fn matrix<'py>(py: Python<'py>, m: &DMatrix<f64>) -> PyResult<Bound<'py, PyArray
 /// Each result has states, rank, decided, gap, widest_step, singular_values (n,), noise_floor, basis (k, n) in SI with its pivots (k,), hidden
 /// (n,), scales (n,), gramian (n, n) of 2015, Eq. (1), rows (m, n) and epoch_time_ns; with `growing` also epoch_rank and epoch_gap
 /// of the window that ends at each epoch. Raises KernelError for an empty aiding set, a window of one epoch, a motion with NaN.
+///
+/// `schedule` (time_ns (e,), beams (e, n) and columns (e,) velocity, depth, attitude, heading, gps_position, gps_velocity) says at
+/// which times which sensors of a set are heard, in place of the period.
 #[pyfunction]
-#[pyo3(signature = (geometry, truth, model, aidings, *, kind="full", period_ns=1_000_000_000, scale=None, growing=false))]
+#[pyo3(signature = (
+    geometry, truth, model, aidings, *, kind="full", period_ns=1_000_000_000, schedule=None, scale=None, growing=false
+))]
 pub fn observe<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
@@ -88,10 +140,13 @@ pub fn observe<'py>(
     aidings: Vec<Bound<'py, PyDict>>,
     kind: &str,
     period_ns: i64,
+    schedule: Option<&Bound<'py, PyDict>>,
     scale: Option<&Bound<'py, PyAny>>,
     growing: bool,
 ) -> PyResult<Bound<'py, PyList>> {
     let (truth, model, kind) = (OwnedTruth::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
+    let heard = self::schedule(schedule, geometry.inner.beams(), &kind)?;
+    let epochs = heard.as_deref().map_or(Epochs::Every(period_ns), Epochs::Heard);
     let sets = aidings
         .iter()
         .map(|dict| aiding(dict, geometry.inner.beams()))
@@ -111,7 +166,7 @@ pub fn observe<'py>(
         .detach(|| {
             let systems = match kind {
                 Kind::Filter { estimate_dvl } => {
-                    full::systems(&truth.of(0), &geometry.inner, &model, &sets, estimate_dvl, period_ns)?
+                    full::systems(&truth.of(0), &geometry.inner, &model, &sets, estimate_dvl, epochs)?
                 }
                 Kind::Paper(_) => sensors
                     .iter()
@@ -121,12 +176,12 @@ pub fn observe<'py>(
             systems
                 .into_iter()
                 .map(|system| {
-                    let epochs = system.epochs.len();
-                    let whole = rank::observe(&system, epochs, scale.as_deref())?;
-                    let ends = if growing { 2..epochs + 1 } else { 0..0 };
-                    let parts = ends
-                        .map(|end| rank::observe(&system, end, scale.as_deref()))
-                        .collect::<Result<Vec<_>, _>>()?;
+                    let whole = rank::observe(&system, system.epochs.len(), scale.as_deref())?;
+                    let parts = if growing {
+                        rank::growing(&system, scale.as_deref())?
+                    } else {
+                        Vec::new()
+                    };
                     Ok((system, whole, parts))
                 })
                 .collect::<Result<Vec<_>, _>>()
@@ -143,7 +198,7 @@ fn result<'py>(
     py: Python<'py>,
     system: &System,
     whole: &Observability,
-    parts: &[Observability],
+    parts: &[Progress],
 ) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     let vector = |values: &[f64]| array(py, values.to_vec(), &[values.len()]);
@@ -184,7 +239,7 @@ fn result<'py>(
 /// `kind` as for `observe`; "full" and "inertial" are the filter itself (20 states, the DVL's frozen in "inertial"). Raises KernelError
 /// as `observe` does.
 #[pyfunction]
-#[pyo3(signature = (geometry, truth, model, aiding, *, kind="full", period_ns=1_000_000_000))]
+#[pyo3(signature = (geometry, truth, model, aiding, *, kind="full", period_ns=1_000_000_000, schedule=None))]
 pub fn covariance_history<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
@@ -193,8 +248,11 @@ pub fn covariance_history<'py>(
     aiding: &Bound<'py, PyDict>,
     kind: &str,
     period_ns: i64,
+    schedule: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (truth, model, kind) = (OwnedTruth::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
+    let heard = self::schedule(schedule, geometry.inner.beams(), &kind)?;
+    let epochs = heard.as_deref().map_or(Epochs::Every(period_ns), Epochs::Heard);
     let set = self::aiding(aiding, geometry.inner.beams())?;
     let sensors = match kind {
         Kind::Paper(sign) => Some(paper_sensors(&set, sign)?),
@@ -204,7 +262,7 @@ pub fn covariance_history<'py>(
     let history: History = py
         .detach(|| match sensors {
             Some(sensors) => history::of_paper(&truth.of(0), &model, &sensors, period_ns),
-            None => history::of_filter(&truth.of(0), &geometry.inner, &model, &set, estimate_dvl, period_ns),
+            None => history::of_filter(&truth.of(0), &geometry.inner, &model, &set, estimate_dvl, epochs),
         })
         .map_err(raise)?;
     let states = history.covariance.first().map_or(0, DMatrix::nrows);

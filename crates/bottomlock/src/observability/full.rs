@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::magnus::{self, Block, MOVING};
-use super::{Aiding, Epoch, Kind, System, epoch_samples};
+use super::{Aiding, Epoch, Epochs, Kind, System, epoch_samples, heard_samples};
 use crate::aiding::{self, Innovation, Motion};
 use crate::dvl::geometry::{BeamGeometry, BeamSample, MAX_BEAMS};
 use crate::error::NavError;
@@ -64,16 +64,23 @@ pub fn systems(
     model: &Model,
     aidings: &[Aiding],
     estimate_dvl: bool,
-    period_ns: i64,
+    epochs: Epochs<'_>,
 ) -> Result<Vec<System>, NavError> {
     model.validate()?;
     aidings.iter().try_for_each(|aiding| aiding.validate(geometry))?;
-    let samples = epoch_samples(truth, period_ns)?;
+    let samples = match epochs {
+        Epochs::Every(period_ns) => epoch_samples(truth, period_ns)?,
+        Epochs::Heard(heard) => heard_samples(truth, heard)?,
+    };
     let states = if estimate_dvl { DIM } else { INERTIAL };
     let moved = transitions(truth, model, &samples, states);
     let system = |aiding: &Aiding| {
         let epoch = |(index, &k): (usize, &usize)| -> Epoch {
-            let (rows, row_scale, noise) = rows(truth, k, geometry, model, aiding);
+            let read = match epochs {
+                Epochs::Every(_) => *aiding,
+                Epochs::Heard(heard) => aiding.and(&heard[index].1),
+            };
+            let (rows, row_scale, noise) = rows(truth, k, geometry, model, &read);
             let (transition, coarse) = moved[index].clone();
             Epoch {
                 time_ns: truth.time_ns[k],
@@ -156,7 +163,6 @@ fn rows(
         earth_rate_t_radps: model.environment.earth_rate_t_radps().0,
         gyro_variance: 0.0,
     };
-    let lever = Vec3::zeros();
     let mut parts: Vec<(Innovation, f64)> = Vec::new();
     if which.velocity {
         let variance = model.dvl.beam_noise_sd_mps.powi(2);
@@ -174,6 +180,7 @@ fn rows(
         parts.push((aiding::tightly_coupled(&terms, &ping), 1.0));
     }
     if which.depth {
+        let lever = Vec3::from_array(which.depth_lever_p_m);
         parts.push((aiding::depth(&state, 0.0, model.depth.sd_m, &lever), duration_s));
     }
     if which.attitude {
@@ -191,14 +198,15 @@ fn rows(
     {
         parts.push((row, tilt));
     }
+    let antenna = Vec3::from_array(which.gps_lever_p_m);
     if which.gps_position {
-        let row = aiding::gps_position(&state, &state.position_t_m, &model.gps.position_sd_m, &lever);
+        let row = aiding::gps_position(&state, &state.position_t_m, &model.gps.position_sd_m, &antenna);
         parts.push((row, duration_s));
     }
     if which.gps_velocity {
         let measured = state.attitude_t_p * state.velocity_p_mps;
         parts.push((
-            aiding::gps_velocity(&motion, &measured, &model.gps.velocity_sd_mps, &lever),
+            aiding::gps_velocity(&motion, &measured, &model.gps.velocity_sd_mps, &antenna),
             1.0,
         ));
     }

@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Aiding, System, full, magnus, paper};
+use super::{Aiding, Epochs, System, full, magnus, paper};
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
 use crate::error_model::{Coefficients, dense_noise};
@@ -36,9 +36,9 @@ pub fn of_filter(
     model: &Model,
     aiding: &Aiding,
     estimate_dvl: bool,
-    period_ns: i64,
+    epochs: Epochs<'_>,
 ) -> Result<History, NavError> {
-    let mut systems = full::systems(truth, geometry, model, &[*aiding], true, period_ns)?;
+    let mut systems = full::systems(truth, geometry, model, &[*aiding], true, epochs)?;
     let system = systems.remove(0);
     let initial = model.initial_covariance(estimate_dvl);
     let noise = model.process_noise(estimate_dvl);

@@ -19,11 +19,11 @@ pub mod rank;
 use nalgebra::{DMatrix, DVector};
 
 use crate::dvl::geometry::{BeamGeometry, BeamMask};
-use crate::error::NavError;
+use crate::error::{NavError, require_finite};
 use crate::truth::Truth;
 
 /// Which sensors aid; rows of all of them are stacked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Aiding {
     /// The platform velocity from an instrument without beams.
     pub velocity: bool,
@@ -39,15 +39,31 @@ pub struct Aiding {
     pub gps_position: bool,
     /// Velocity in the tangent frame.
     pub gps_velocity: bool,
+    /// Place of the depth sensor in the platform frame, m.
+    pub depth_lever_p_m: [f64; 3],
+    /// Place of the GPS antenna in the platform frame, m.
+    pub gps_lever_p_m: [f64; 3],
+}
+
+/// When a window is measured, and by what.
+#[derive(Debug, Clone, Copy)]
+pub enum Epochs<'a> {
+    /// All sensors of the aiding set at once, from the first truth sample on, every so many ns.
+    Every(i64),
+    /// At these times, ns, what is heard of the aiding set: a sensor that is in one and not in the other reads nothing.
+    Heard(&'a [(i64, Aiding)]),
 }
 
 impl Aiding {
     /// Checks that there is something to observe with, and that the beams exist.
     ///
     /// # Errors
-    /// [`NavError::WrongCount`] for an empty set, [`NavError::BadBeam`] for a beam that the geometry lacks.
+    /// [`NavError::WrongCount`] for an empty set, [`NavError::BadBeam`] for a beam that the geometry lacks,
+    /// [`NavError::NotFinite`] for a lever arm.
     pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
-        if *self == Self::default() {
+        require_finite("aiding depth_lever_p_m", 0, &self.depth_lever_p_m)?;
+        require_finite("aiding gps_lever_p_m", 0, &self.gps_lever_p_m)?;
+        if self.is_empty() {
             return Err(NavError::WrongCount {
                 field: "aiding sensors",
                 got: 0,
@@ -64,6 +80,32 @@ impl Aiding {
             });
         }
         Ok(())
+    }
+
+    /// True where no sensor is in the set.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        let without_levers = Self {
+            depth_lever_p_m: [0.0; 3],
+            gps_lever_p_m: [0.0; 3],
+            ..*self
+        };
+        without_levers == Self::default()
+    }
+
+    /// The sensors in both sets; lever arms are those of the first.
+    #[must_use]
+    pub fn and(&self, heard: &Self) -> Self {
+        Self {
+            velocity: self.velocity && heard.velocity,
+            beams: self.beams.and(heard.beams),
+            depth: self.depth && heard.depth,
+            attitude: self.attitude && heard.attitude,
+            heading: self.heading && heard.heading,
+            gps_position: self.gps_position && heard.gps_position,
+            gps_velocity: self.gps_velocity && heard.gps_velocity,
+            ..*self
+        }
     }
 }
 
@@ -147,6 +189,57 @@ impl System {
 /// Most epochs of a window: what a sensor gives in an hour and more, and what fits into memory for many masks.
 const MOST_EPOCHS: usize = 5000;
 
+fn too_many(epochs: usize) -> NavError {
+    NavError::WrongCount {
+        field: "epochs of the window",
+        got: epochs,
+        expected: format!("at most {MOST_EPOCHS}: a shorter window or a longer period_ns"),
+    }
+}
+
+fn too_few(epochs: usize) -> NavError {
+    NavError::WrongCount {
+        field: "epochs of the window",
+        got: epochs,
+        expected: "at least 2: a longer window or a shorter period_ns".into(),
+    }
+}
+
+/// Truth samples of a schedule: the first at or after every time.
+///
+/// # Errors
+/// [`NavError::TimeNotIncreasing`], also for two times within one sample interval; [`NavError::OutsideTruth`];
+/// [`NavError::WrongCount`] for fewer than two epochs or more than 5000.
+pub(crate) fn heard_samples(truth: &Truth<'_>, heard: &[(i64, Aiding)]) -> Result<Vec<usize>, NavError> {
+    truth.validate()?;
+    let (first_ns, last_ns) = (truth.time_ns[0], truth.time_ns[truth.time_ns.len() - 1]);
+    let mut samples: Vec<usize> = Vec::new();
+    for (index, &(time_ns, _)) in heard.iter().enumerate() {
+        if time_ns < first_ns || time_ns > last_ns {
+            return Err(NavError::OutsideTruth {
+                stream: "schedule",
+                time_ns,
+                first_ns,
+                last_ns,
+            });
+        }
+        let sample = truth.time_ns.partition_point(|&t| t < time_ns);
+        if samples.last().is_some_and(|&before| before >= sample) {
+            return Err(NavError::TimeNotIncreasing {
+                stream: "schedule (in steps of a truth sample)",
+                time_ns,
+                previous_ns: heard[index - 1].0,
+            });
+        }
+        samples.push(sample);
+    }
+    match samples.len() {
+        count @ (0 | 1) => Err(too_few(count)),
+        count if count > MOST_EPOCHS => Err(too_many(count)),
+        _ => Ok(samples),
+    }
+}
+
 /// Times at which the window is measured: truth samples, the first at or after every period.
 ///
 /// # Errors
@@ -168,11 +261,7 @@ pub(crate) fn epoch_samples(truth: &Truth<'_>, period_ns: i64) -> Result<Vec<usi
         let sample = truth.time_ns.partition_point(|&t| t < wanted);
         samples.push(sample);
         if samples.len() > MOST_EPOCHS {
-            return Err(NavError::WrongCount {
-                field: "epochs of the window",
-                got: samples.len(),
-                expected: format!("at most {MOST_EPOCHS}: a shorter window or a longer period_ns"),
-            });
+            return Err(too_many(samples.len()));
         }
         // A gap in the truth is no reason to measure one sample twice: the next multiple of the period after it.
         let behind = i128::from(truth.time_ns[sample]) - i128::from(wanted);
@@ -183,11 +272,7 @@ pub(crate) fn epoch_samples(truth: &Truth<'_>, period_ns: i64) -> Result<Vec<usi
         }
     }
     if samples.len() < 2 {
-        return Err(NavError::WrongCount {
-            field: "epochs of the window",
-            got: samples.len(),
-            expected: "at least 2: a longer window or a shorter period_ns".into(),
-        });
+        return Err(too_few(samples.len()));
     }
     Ok(samples)
 }

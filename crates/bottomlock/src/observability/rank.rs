@@ -3,8 +3,10 @@
 //! Singular values of the scaled stack, not of the Gramian: squaring would push what is weakly observable below rounding. A rank
 //! is claimed only where the smallest kept value stands a thousand times above the largest dropped one and above what the
 //! quadrature and rounding can have made of a zero (Weyl's bound), and where no step between kept values is wider than that gap:
-//! a window whose values come down in wider steps than it has left above the noise may hide a further one below it. Otherwise
-//! the rank is undecided, and the values speak for themselves.
+//! a window whose values come down in wider steps than it has left above the noise may hide a further one below it; nor where a
+//! dropped value stands out of rounding and the gap is not far wider than those steps, since it may be a state that is seen too
+//! weakly. Otherwise the rank is undecided, and the
+//! values speak for themselves.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -14,12 +16,16 @@ use crate::error::{NavError, require_positive};
 /// Smallest ratio of kept to dropped singular values for which a rank is claimed.
 pub const LEAST_GAP: f64 = 1e3;
 
+/// A dropped value so many times above the next one, and above an ulp of the largest, stands out.
+const STANDING_OUT: f64 = 10.0;
+
 /// A window's verdict.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observability {
     /// Number of singular values above the noise.
     pub rank: usize,
-    /// True where the gap is at least [`LEAST_GAP`] and at least `widest_step`.
+    /// True where the gap is at least [`LEAST_GAP`] and at least `widest_step`, and no dropped value stands out
+    /// (unless the gap is [`LEAST_GAP`] times wider than any step between kept values, so that it is no further step).
     pub decided: bool,
     /// Smallest kept over largest dropped singular value, or over the noise floor where that is larger or nothing is dropped.
     pub gap: f64,
@@ -179,6 +185,9 @@ pub fn observe(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Resul
     } else {
         0.0
     };
+    // Zeros come out alike, near an ulp of the largest; one well above the next is perhaps no zero.
+    let next = singular_values.get(rank + 1).copied().unwrap_or(0.0);
+    let stands_out = dropped > STANDING_OUT * next.max(f64::EPSILON * singular_values[0]);
     let kept = &singular_values.as_slice()[..rank];
     let widest_step = kept.windows(2).map(|pair| pair[0] / pair[1]).fold(1.0, f64::max);
     let null = DMatrix::from_fn(states - rank, states, |i, j| vectors[(order[rank + i], j)]);
@@ -186,7 +195,7 @@ pub fn observe(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Resul
     let (basis, pivots) = echelon(null, &scales, &naming_order(system));
     Ok(Observability {
         rank,
-        decided: gap >= LEAST_GAP.max(widest_step),
+        decided: gap >= LEAST_GAP.max(widest_step) && (!stands_out || gap >= LEAST_GAP * widest_step),
         gap,
         widest_step,
         singular_values,
@@ -196,6 +205,45 @@ pub fn observe(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Resul
         hidden,
         scales,
     })
+}
+
+/// Rank, gap and claim of a window that ends at an epoch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// Number of singular values above the noise.
+    pub rank: usize,
+    /// As [`Observability::gap`]; infinite where nothing has been read yet.
+    pub gap: f64,
+    /// As [`Observability::decided`].
+    pub decided: bool,
+}
+
+/// Judges the windows that end at each epoch from the second on; where nothing has been read yet the rank is zero.
+///
+/// # Errors
+/// As [`observe`].
+pub fn growing(system: &System, rescale: Option<&[f64]>) -> Result<Vec<Progress>, NavError> {
+    let silent = system
+        .epochs
+        .iter()
+        .take_while(|epoch| epoch.rows.amax() == 0.0)
+        .count();
+    (2..=system.epochs.len())
+        .map(|end| {
+            if end <= silent {
+                return Ok(Progress {
+                    rank: 0,
+                    gap: f64::INFINITY,
+                    decided: true,
+                });
+            }
+            observe(system, end, rescale).map(|found| Progress {
+                rank: found.rank,
+                gap: found.gap,
+                decided: found.decided,
+            })
+        })
+        .collect()
 }
 
 /// States in the order in which they are wanted as names of a direction: misalignment first, since the others follow from it.

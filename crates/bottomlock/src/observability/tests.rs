@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::history::{of_filter, of_paper};
 use super::paper::{Sensors, Sign};
-use super::rank::{LEAST_GAP, Observability, gramian, observe, rows};
-use super::{Aiding, System, full, paper};
+use super::rank::{LEAST_GAP, Observability, gramian, growing, observe, rows};
+use super::{Aiding, Epochs, System, full, paper};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, Janus};
 use crate::error::NavError;
 use crate::frames::{Platform, Rot, Tangent};
@@ -86,9 +86,16 @@ fn whole(system: &System) -> Observability {
 }
 
 fn inertial(turn: &Turn, aiding: &Aiding) -> System {
-    full::systems(&turn.truth(), &janus(), &model(), &[*aiding], false, SECOND_NS)
-        .unwrap()
-        .remove(0)
+    full::systems(
+        &turn.truth(),
+        &janus(),
+        &model(),
+        &[*aiding],
+        false,
+        Epochs::Every(SECOND_NS),
+    )
+    .unwrap()
+    .remove(0)
 }
 
 fn paper_dvl(turn: &Turn, sign: Sign) -> System {
@@ -223,7 +230,7 @@ fn hidden_directions_keep_their_deviation() {
     quiet.imu.gyro_noise_rad_rts = 0.0;
     quiet.imu.accel_bias_walk_mps2_rts = 0.0;
     quiet.imu.gyro_bias_walk_radps_rts = 0.0;
-    let history = of_filter(&truth, &geometry, &quiet, &aiding, false, SECOND_NS).unwrap();
+    let history = of_filter(&truth, &geometry, &quiet, &aiding, false, Epochs::Every(SECOND_NS)).unwrap();
     let last = &history.covariance[history.covariance.len() - 1];
     let first = quiet.initial_covariance(false);
     // Yaw is hidden altogether (and grows with the gyro's bias), heave is not.
@@ -265,7 +272,8 @@ fn refusals() {
     let turn = Turn::new(0.0, 1.0, 10, 10);
     let (truth, geometry, model) = (turn.truth(), janus(), model());
     let judge = |truth: &Truth<'_>, aiding: &Aiding, period| {
-        full::systems(truth, &geometry, &model, &[*aiding], true, period).map(|systems| whole(&systems[0]))
+        full::systems(truth, &geometry, &model, &[*aiding], true, Epochs::Every(period))
+            .map(|systems| whole(&systems[0]))
     };
     let empty = judge(&truth, &Aiding::default(), SECOND_NS);
     assert!(matches!(
@@ -313,7 +321,7 @@ fn refusals() {
         depth: false,
     };
     assert!(paper::system(&truth, &model, &none, SECOND_NS).is_err());
-    let system = &full::systems(&truth, &geometry, &model, &[beams(4)], true, SECOND_NS).unwrap()[0];
+    let system = &full::systems(&truth, &geometry, &model, &[beams(4)], true, Epochs::Every(SECOND_NS)).unwrap()[0];
     assert!(observe(system, 1, None).is_err());
     assert!(observe(system, 12, None).is_err());
     assert!(observe(system, 11, Some(&[1.0])).is_err());
@@ -334,4 +342,67 @@ fn rows_of_zeros_are_refused() {
             ..
         })
     ));
+}
+
+/// A schedule on which everything is heard is the period; silence at first has rank zero, and what is heard later counts.
+#[test]
+fn schedules() {
+    let turn = Turn::new(0.05, 2.0, 20, 10);
+    let (truth, geometry, model) = (turn.truth(), janus(), model());
+    let set = Aiding {
+        depth: true,
+        ..beams(4)
+    };
+    let judge = |heard: &[(i64, Aiding)]| {
+        full::systems(&truth, &geometry, &model, &[set], true, Epochs::Heard(heard)).map(|mut all| all.remove(0))
+    };
+    let always: Vec<(i64, Aiding)> = (0..=20).map(|k| (k * SECOND_NS, set)).collect();
+    let periodic = full::systems(&truth, &geometry, &model, &[set], true, Epochs::Every(SECOND_NS)).unwrap();
+    assert_eq!(judge(&always).unwrap(), periodic[0]);
+    // Beams alone, and only from 10 s on: what the set has and the schedule has not reads nothing.
+    let late: Vec<(i64, Aiding)> = always
+        .iter()
+        .map(|&(time_ns, _)| {
+            let heard = if time_ns < 10 * SECOND_NS {
+                Aiding::default()
+            } else {
+                beams(4)
+            };
+            (time_ns, heard)
+        })
+        .collect();
+    let system = judge(&late).unwrap();
+    let steps = growing(&system, None).unwrap();
+    assert_eq!(steps.len(), 20);
+    assert!(steps[..8].iter().all(|step| step.rank == 0 && step.decided));
+    let alone = full::systems(&truth, &geometry, &model, &[beams(4)], true, Epochs::Every(SECOND_NS)).unwrap();
+    assert_eq!(steps[19].rank, whole(&alone[0]).rank);
+    // A silent schedule, times that fall, times outside, one epoch.
+    let silent: Vec<(i64, Aiding)> = (0..5).map(|k| (k * SECOND_NS, Aiding::default())).collect();
+    assert!(observe(&judge(&silent).unwrap(), 5, None).is_err());
+    assert!(matches!(
+        judge(&[always[3], always[2]]),
+        Err(NavError::TimeNotIncreasing { .. })
+    ));
+    assert!(matches!(
+        judge(&[(0, set), (1, set), (2, set)]),
+        Err(NavError::TimeNotIncreasing { .. })
+    ));
+    assert!(matches!(
+        judge(&[(-1, set), (0, set)]),
+        Err(NavError::OutsideTruth { stream: "schedule", .. })
+    ));
+    assert!(matches!(judge(&always[..1]), Err(NavError::WrongCount { got: 1, .. })));
+    let bent = Aiding {
+        gps_lever_p_m: [0.0, f64::NAN, 0.0],
+        ..set
+    };
+    assert!(bent.validate(&geometry).is_err());
+    assert!(
+        Aiding {
+            depth_lever_p_m: [1.0; 3],
+            ..Aiding::default()
+        }
+        .is_empty()
+    );
 }
