@@ -188,7 +188,7 @@ def observe_paper(out: Path) -> Observed:
     for case in PAPER_CASES:
         path = out / "figures" / f"{names[case.name]}.png"
         title = f"{case.name} (Klein & Diamant 2015, figure {case.figure})"
-        hidden = _hidden_words(table.filter(case=case.name, model=MODELS["paper"]))
+        hidden = _hidden_words(table.filter(case=case.name, model=case.model("paper")))
         save_figure(deviation_figure(sds, ranks, case.name, title=title, hidden=hidden), _made(path))
         paths.append(path)
     return Observed(table, None, None, tuple(paths))

@@ -49,7 +49,7 @@ def _cases(rows: pl.DataFrame) -> Table:
             table.add_row(row["case"], str(row["printed_rank"]), "", "", "", "")
             last = row["case"]
         table.add_row(
-            f"  {row['motion']}, {row['model'].removeprefix('2015, ')}",
+            "  " + row["motion"] + row["model"].removeprefix("2015"),
             "",
             str(row["expected_rank"]),
             _rank(row),

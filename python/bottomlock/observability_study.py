@@ -61,6 +61,10 @@ class PaperCase:
         """The sign of H concerns the DVL alone."""
         return ("paper", "paper_printed") if self.aiding.velocity else ("paper",)
 
+    def model(self, kind: Kind) -> str:
+        """The model in words; the pressure sensor has no sign to tell."""
+        return MODELS[kind] if self.aiding.velocity else "2015"
+
     def manoeuvre(self, window: str) -> Manoeuvre:
         """The motion: constant over the window, or after a quiet leg (rest, or straight at the same speed)."""
         start_s = _QUIET_S if window == QUIET else 0.0
@@ -152,6 +156,7 @@ def paper_table() -> pl.DataFrame:
                     expected_rank=case.exact[window, kind], printed_rank=case.printed_rank,
                     verdict=_paper_verdict(found, case.printed_rank),
                 )
+                | {"model": case.model(kind)}
             )  # fmt: skip
     return _frame(rows, schema.OBSERVABILITY)
 
@@ -182,7 +187,7 @@ def paper_histories(model: Mapping[str, Any]) -> tuple[pl.DataFrame, pl.DataFram
             history = deviations(truth, _ANY_BEAMS, case.aiding, _paper_errors(model, truth), kind="paper")
             for k, state in enumerate(history.states):
                 columns = {"time_ns": history.time_ns, "sd": history.sd[:, k]}
-                labels = {"case": case.name, "motion": window, "model": MODELS["paper"], "state": state}
+                labels = {"case": case.name, "motion": window, "model": case.model("paper"), "state": state}
                 sd_rows.append(_labelled(columns, labels, schema.DEVIATIONS))
             for kind in case.models:
                 (found,) = _look(case, window, kind, growing=True)
@@ -191,7 +196,7 @@ def paper_histories(model: Mapping[str, Any]) -> tuple[pl.DataFrame, pl.DataFram
                     "rank": _asked(found.rank_history)[1:],
                     "decided": _asked(found.decided_history)[1:],
                 }
-                labels = {"case": case.name, "motion": window, "model": MODELS[kind]}
+                labels = {"case": case.name, "motion": window, "model": case.model(kind)}
                 rank_rows.append(
                     _labelled(columns, labels | {"printed_rank": case.printed_rank}, schema.RANKS)
                 )

@@ -10,7 +10,7 @@ rational one, and falls short only if the prime divides every largest minor.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -222,7 +222,7 @@ def paper_system(
     field: Field, motion: Motion, gravity: Fraction, order: int, *, sign: int
 ) -> tuple[Series, Series, Series]:
     """F of Eq. 4 of Klein & Diamant 2015 (15 states), H of Eq. 10 with `sign`, and H of Eq. 13."""
-    R, v = _rotation_and_velocity(field, motion, order + 2)
+    R, v = rotation_and_velocity(field, motion, order + 2)
     v_t = product(field, R, v)
     g = constant(field, field.matrix([[0], [0], [gravity]]), order + 2)
     f_t = add(field, (1, derivative(field, v_t)), (-1, g))
@@ -245,7 +245,7 @@ def paper_system(
     return F, H_dvl, H_ps
 
 
-def _rotation_and_velocity(field: Field, motion: Motion, order: int) -> tuple[Series, Series]:
+def rotation_and_velocity(field: Field, motion: Motion, order: int) -> tuple[Series, Series]:
     yaw, pitch, velocity = motion
     R = rotation(field, scalar(field, yaw, order), scalar(field, pitch, order))
     padded = [*velocity, *([[Fraction(0)] * 3] * order)][: order + 1]
@@ -254,9 +254,9 @@ def _rotation_and_velocity(field: Field, motion: Motion, order: int) -> tuple[Se
 
 def filter_system(
     field: Field, motion: Motion, gravity: Fraction, earth_rate_t: Sequence[Fraction], order: int
-) -> tuple[Series, Callable[..., Series]]:
-    """F of Eqs. 4 and 9 of Tal et al. 2017 (20 states), and a function that makes H of beams, depth and attitude."""
-    R, v = _rotation_and_velocity(field, motion, order + 2)
+) -> Series:
+    """F of Eqs. 4 and 9 of Tal et al. 2017 (20 states)."""
+    R, v = rotation_and_velocity(field, motion, order + 2)
     to_body = transpose(R)
     spin = product(field, to_body, derivative(field, R))  # [ω_tp×]
     n = order + 1
@@ -266,7 +266,7 @@ def filter_system(
     gravity_cross = crosses(field, constant(field, field.matrix([[0], [0], [gravity]]), order + 2))
     v_cross = crosses(field, v)
     eye = constant(field, field.eye(3), n)
-    F = assemble(
+    return assemble(
         field, 20, n,
         {
             (0, 3): (-1, crosses(field, product(field, R, v))),
@@ -287,41 +287,3 @@ def filter_system(
             (6, 12): (-1, v_cross),
         },
     )  # fmt: skip
-    by_misalignment = product(field, to_body, earth_cross)
-
-    def rows(
-        directions: dict[int, Sequence[Fraction]],
-        *,
-        levers: dict[int, Sequence[Fraction]] | None = None,
-        depth: bool = False,
-        attitude: bool = False,
-    ) -> Series:
-        """Eq. 22 in full: beams by index, their lever arms, depth and attitude."""
-        out = []
-        for k in range(n):
-            parts = []
-            first = int(k == 0)
-            for beam, direction in directions.items():
-                b = field.matrix([list(direction)])
-                row = field.zeros(1, 20)
-                row[:, 6:9] = b * first
-                lever = field.matrix([[x] for x in (levers or {}).get(beam, (0, 0, 0))])
-                b_lever = field.reduce(b @ cross(lever))  # bᵀ[l×]
-                row[:, 12:15] = b_lever * first
-                row[:, 3:6] = field.reduce(b_lever @ by_misalignment[k])
-                if beam < 4:
-                    row[0, 15 + beam] = field.number(first)
-                row[0, 19] = field.reduce(b @ v[k])[0, 0]
-                parts.append(row)
-            if depth:
-                row = field.zeros(1, 20)
-                row[0, 2] = field.number(first)
-                parts.append(row)
-            if attitude:
-                row = field.zeros(3, 20)
-                row[:, 3:6] = field.eye(3) * first
-                parts.append(row)
-            out.append(field.reduce(np.vstack(parts)))
-        return out
-
-    return F, rows

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,8 +20,9 @@ from bottomlock.observability_study import (
     QUIET,
     THREE_AIDINGS,
     PaperCase,
-    mask_table,
+    manoeuvre_table,
 )
+from tests.oracle.observability_rows import ZERO, Rows, stacked
 from tests.oracle.observability_series import (
     PRIMES,
     Field,
@@ -116,10 +119,12 @@ def exact_rows(name: str, turning: bool, lever: bool) -> Matrix:
     """Coefficients of the rows of four beams, depth and attitude, (order, sensor rows, states), modulo a prime."""
     field = Field(PRIMES[0])
     earth = EARTH if turning else [Q(0)] * 3
-    F, h = filter_system(field, MOTIONS[name], GRAVITY, earth, ORDER)
-    H = h(DIRECTIONS, levers=LEVERS if lever else None, depth=True, attitude=True)
-    stacked = observability_rows(field, F, H, ORDER)
-    return stacked.reshape(-1, 8, 20)
+    F = filter_system(field, MOTIONS[name], GRAVITY, earth, ORDER)
+    rows = Rows(field, MOTIONS[name], earth, ORDER)
+    arms = LEVERS if lever else dict.fromkeys(DIRECTIONS, ZERO)
+    beams = [rows.beam(k, direction, arms[k]) for k, direction in DIRECTIONS.items()]
+    H = stacked(field, *beams, rows.depth(), rows.attitude())
+    return observability_rows(field, F, H, ORDER).reshape(-1, 8, 20)
 
 
 def exact_rank(name: str, aiding: Aiding, *, turning: bool, lever: bool = False, order: int = ORDER) -> int:
@@ -134,31 +139,108 @@ def geometry(*, lever: bool = False, beams: int = 4) -> BeamGeometry:
     return BeamGeometry(directions, lever_arms_p_m=levers)
 
 
-@pytest.mark.parametrize("turning", [False, True], ids=["Earth at rest", "Earth turning"])
+EARTHS = pytest.mark.parametrize("turning", [False, True], ids=["Earth at rest", "Earth turning"])
+
+
+@EARTHS
 @pytest.mark.parametrize("name", MOTIONS)
 def test_every_mask_by_manoeuvre_by_aiding(name: str, turning: bool) -> None:
-    """15 masks × 3 sets of further sensors: where the kernel claims a rank it is the exact one."""
-    earth = EARTH_RATE_RADPS if turning else 0.0
-    truth = fly(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=earth)
+    """15 masks × 3 sets of further sensors: the table claims the exact rank, and says where it claims none."""
+    table = manoeuvre_table(
+        geometry(), manoeuvres=[MANOEUVRES[name]], earth_rates_radps=[EARTH_RATE_RADPS if turning else 0.0]
+    )
     masks = [mask for count in range(1, 5) for mask in itertools.combinations((1, 2, 3, 4), count)]
     sets = [
         Aiding(beams=mask, depth=more.depth, attitude=more.attitude)
         for more, mask in itertools.product(THREE_AIDINGS, masks)
     ]
     undecided = []
-    for aiding, found in zip(
-        sets, observe(truth, geometry(), sets, earth_rate_radps=earth, period_s=2.0), strict=True
-    ):
+    for aiding, row in zip(sets, table.iter_rows(named=True), strict=True):
+        assert row["aiding"] == aiding.name
         expected = exact_rank(name, aiding, turning=turning)
         assert exact_rank(name, aiding, turning=turning, order=ORDER - 3) == expected, "the order is too low"
-        if found.decided:
-            assert found.gap >= 1e3
-            assert found.rank == expected, aiding.name
+        if row["verdict"] == "decided":
+            assert row["gap"] >= 1e3
+            assert row["rank"] == expected, aiding.name
+        else:
+            assert row["rank"] is None
+            undecided.append(aiding.name)
+    # Two of the twelve states that a single beam sees in a constant turn stand below double precision in any window.
+    single = [f"beams {beam}" for beam in (1, 2, 3, 4)]
+    assert undecided == (single if (name, turning) == ("yaw_turn", True) else [])
+
+
+OTHER_SETS = (
+    Aiding(heading=True),
+    Aiding(heading=True, depth=True),
+    Aiding(beams=(1, 2), heading=True),
+    Aiding(beams=(1, 2, 3, 4), heading=True),
+    Aiding(gps_position=True),
+    Aiding(gps_velocity=True),
+    Aiding(gps_position=True, gps_velocity=True),
+    Aiding(beams=(1,), gps_position=True),
+    Aiding(beams=(1, 2, 3), gps_velocity=True, depth=True),
+    Aiding(beams=(1, 2, 3, 4), gps_position=True, gps_velocity=True, heading=True),
+)
+DEPTH_ARM, ANTENNA = (Q(3, 2), Q(1, 4), Q(-1, 8)), (Q(-1, 2), Q(1, 8), Q(-3, 4))
+
+
+@cache
+def other_rows(name: str, turning: bool, lever: bool) -> Matrix:
+    """As `exact_rows`, of four beams, depth, heading, GPS position and velocity: 12 rows to an order."""
+    field = Field(PRIMES[0])
+    earth = EARTH if turning else [Q(0)] * 3
+    F = filter_system(field, MOTIONS[name], GRAVITY, earth, ORDER)
+    rows = Rows(field, MOTIONS[name], earth, ORDER)
+    depth_arm, antenna = (DEPTH_ARM, ANTENNA) if lever else (ZERO, ZERO)
+    H = stacked(
+        field,
+        *(rows.beam(k, direction) for k, direction in DIRECTIONS.items()),
+        rows.depth(depth_arm),
+        rows.heading(),
+        rows.gps_position(antenna),
+        rows.gps_velocity(antenna),
+    )
+    return observability_rows(field, F, H, ORDER).reshape(-1, 12, 20)
+
+
+def other_rank(name: str, aiding: Aiding, *, turning: bool, lever: bool, order: int = ORDER) -> int:
+    kept = [beam - 1 for beam in aiding.beams] + [4] * aiding.depth + [5] * aiding.heading
+    kept += [6, 7, 8] * aiding.gps_position + [9, 10, 11] * aiding.gps_velocity
+    return rank(Field(PRIMES[0]), other_rows(name, turning, lever)[: order + 1][:, kept].reshape(-1, 20))
+
+
+@EARTHS
+@pytest.mark.parametrize("lever", [False, True], ids=["at the centre", "with lever arms"])
+@pytest.mark.parametrize("name", MOTIONS)
+def test_heading_and_gps(name: str, lever: bool, turning: bool) -> None:
+    """The rows of heading, GPS position and GPS velocity, with and without lever arms."""
+    truth = fly(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=EARTH_RATE_RADPS if turning else 0.0)
+    arms: dict[str, Any] = {}
+    if lever:
+        arms = {
+            "depth_lever_p_m": tuple(map(float, DEPTH_ARM)),
+            "gps_lever_p_m": tuple(map(float, ANTENNA)),
+        }
+    sets = [replace(aiding, **arms) for aiding in OTHER_SETS]
+    found = observe(
+        truth, geometry(), sets, earth_rate_radps=EARTH_RATE_RADPS if turning else 0.0, period_s=2.0
+    )
+    undecided = []
+    for aiding, one in zip(sets, found, strict=True):
+        expected = other_rank(name, aiding, turning=turning, lever=lever)
+        assert other_rank(name, aiding, turning=turning, lever=lever, order=ORDER - 3) == expected
+        if one.decided:
+            assert one.gap >= 1e3
+            assert one.rank == expected, aiding.name
         else:
             undecided.append(aiding.name)
-    # What the Earth's rate alone shows lies at the edge of double precision for one beam, and for two in a turn.
-    allowed = {"hover": 4, "straight": 4, "yaw_turn": 16, "dive_and_turn": 5} if turning else {}
-    assert len(undecided) <= allowed.get(name, 0), undecided
+    # A heading sees of the Earth's turn in a minute what is close to the last digit.
+    known = {
+        "yaw_turn": ["heading", "depth + heading"],
+        "figure_eight": ["heading", "depth + heading", "beams 12 + heading", "beams 1234 + heading"],
+    }
+    assert undecided == (known.get(name, []) if turning else [])
 
 
 def test_lever_arms_have_their_columns() -> None:
@@ -171,17 +253,31 @@ def test_lever_arms_have_their_columns() -> None:
             assert found.rank == exact_rank(name, aiding, turning=True, lever=True), aiding.name
 
 
-def test_three_beam_instruments() -> None:
-    """The seven masks of three beams: biases of beams that are not there are hidden, and the count agrees."""
-    truth = fly(MANOEUVRES["figure_eight"], rate_hz=50.0)
-    table = mask_table(
-        truth, geometry(beams=3), [Aiding(depth=True)], case="three beams", earth_rate_radps=0.0, period_s=2.0
+@EARTHS
+@pytest.mark.parametrize("name", MOTIONS)
+def test_three_beam_instruments(name: str, turning: bool) -> None:
+    """The seven masks of three beams: biases of beams that are not there are hidden, and every claim is exact."""
+    table = manoeuvre_table(
+        geometry(beams=3),
+        manoeuvres=[MANOEUVRES[name]],
+        earth_rates_radps=[EARTH_RATE_RADPS if turning else 0.0],
     )
-    assert table.height == 7
+    assert table.height == 7 * 3
+    undecided = []
     for row in table.iter_rows(named=True):
-        aiding = Aiding(beams=tuple(int(beam) for beam in row["mask"]), depth=True)
-        assert row["rank"] == exact_rank("figure_eight", aiding, turning=False), row["mask"]
+        aiding = Aiding(
+            beams=tuple(int(beam) for beam in row["mask"]),
+            depth="depth" in row["aiding"],
+            attitude="attitude" in row["aiding"],
+        )
+        assert row["aiding"] == aiding.name
+        if row["rank"] is None:
+            undecided.append(row["aiding"])
+            continue
+        assert row["rank"] == exact_rank(name, aiding, turning=turning), row["aiding"]
         assert "beam bias 4" in row["unobservable"]
+    single = [f"beams {beam}" for beam in (1, 2, 3)]
+    assert undecided == (single if (name, turning) == ("yaw_turn", True) else [])
 
 
 def test_the_latitude_of_the_oracle_is_that_of_the_truth() -> None:
