@@ -231,8 +231,8 @@ def observe(
         earth_rate_radps: Earth rate that the truth was made with; 0 for an Earth at rest.
         period_s: interval between measurements.
         schedule: what is heard when, in place of the period; a sensor reads where it is in the set and heard.
-        scale: (n,) factors on the natural scales of the states, in place of columns brought to one length; the rank
-            does not depend on them.
+        scale: (n,) factors on the natural scales of the states, as other units would have them, before columns are
+            brought to one length; the rank does not depend on them.
         growing: also judge the window that ends at each epoch.
 
     Raises:

@@ -150,8 +150,13 @@ def _scale(axes: Axes, values: Array) -> None:
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high < 100.0 * low else (1.0,)))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.yaxis.set_minor_formatter(NullFormatter())
-    else:
+    elif high > 1.5 * low:
         axes.set_ylim(0.0, 1.08 * high)
+    else:
+        # Hardly any change: from zero the lines would be one; a tenth of their size fills the panel at least.
+        middle, half = 0.5 * (low + high), max(0.6 * (high - low), 0.05 * high)
+        axes.set_ylim(middle - half, middle + half)
+        axes.yaxis.set_major_locator(MaxNLocator(nbins=5))
 
 
 def _label(axes: Axes, lines: Sequence[_Line]) -> None:
@@ -162,9 +167,10 @@ def _label(axes: Axes, lines: Sequence[_Line]) -> None:
     ends: list[tuple[str, str, float]] = []
     for line in lines:
         up = float(np.clip(to_axes.transform((line.time_s[-1], line.value[-1]))[1], 0.0, 1.0))
-        twin = [other for other in ends if other[0] == line.name and abs(other[2] - up) < 0.03]
-        if not twin:
-            ends.append((line.name, line.colour, up))
+        alike = [other for other in ends if other[0] == line.name]
+        if not any(abs(other[2] - up) < 0.03 for other in alike):
+            dashed = alike and line.dash != _DASHES[0]
+            ends.append((f"{line.name}, dashed" if dashed else line.name, line.colour, up))
     size = 8.5
     row = 1.2 * size / (axes.get_position().height * figure.get_figheight() * 72.0)
     places = spread([up for _, _, up in ends], [row] * len(ends), -0.05, 1.08)
@@ -201,7 +207,7 @@ def _draw_rank(axes: Axes, ranks: pl.DataFrame, windows: Sequence[str]) -> None:
     if len(printed):
         axes.axhline(float(printed[0]), color=_GREY, linewidth=0.8)
         end = lines[0].time_s
-        lines.append(_Line("printed", _GREY, "-", end, np.full(len(end), float(printed[0]))))
+        lines.append(_Line("rank in print", _GREY, "-", end, np.full(len(end), float(printed[0]))))
     top = max(float(np.nanmax(line.value)) for line in lines)
     axes.set_ylim(0.0, top + 1.0)
     axes.set_xlim(0.0, float(lines[0].time_s[-1]))

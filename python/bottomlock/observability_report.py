@@ -12,6 +12,7 @@ from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.figures import save_figure
 from bottomlock.observability import Aiding, Finding, Kind, deviations, observe
 from bottomlock.observability_figures import deviation_figure, figure_names
+from bottomlock.observability_masks import mask_figure
 from bottomlock.observability_schedule import Schedule
 from bottomlock.observability_study import (
     MODELS,
@@ -82,7 +83,7 @@ def observe_scenario(source: str | Path, out: Path) -> Observed:
 
     Writes observability.parquet (the truth, every mask; a further row where beams come and go), manoeuvres.parquet
     (every mask by six manoeuvres by three sets of further sensors, on an Earth at rest and a turning one),
-    deviations.parquet, ranks.parquet, plan.parquet and a figure. Every sensor is heard when it is heard in the
+    deviations.parquet, ranks.parquet, plan.parquet and two figures. Every sensor is heard when it is heard in the
     campaign's first run (`scenario_schedule`); the truth is the one swum on the truth. Manoeuvres are planned with
     all the beams that ever return, and without GPS if anything else aids.
 
@@ -132,10 +133,12 @@ def observe_scenario(source: str | Path, out: Path) -> Observed:
         sds, ranks, scenario.name, title=f"{scenario.name.replace('_', ' ')}, aided by {own_name}"
     )
     tables = {"observability": table, "deviations": sds, "ranks": ranks, "plan": manoeuvres}
-    _write(out, tables | {"manoeuvres": manoeuvre_table(geometry)})
-    path = out / "figures" / f"{scenario.name}.png"
-    save_figure(figure, _made(path))
-    return Observed(table, own_name, manoeuvres, (path,))
+    every_mask = manoeuvre_table(geometry)
+    _write(out, tables | {"manoeuvres": every_mask})
+    paths = tuple(out / "figures" / f"{name}.png" for name in (scenario.name, "masks_by_manoeuvres"))
+    save_figure(figure, _made(paths[0]))
+    save_figure(mask_figure(every_mask, title="masks by manoeuvres, 20 states"), paths[1])
+    return Observed(table, own_name, manoeuvres, paths)
 
 
 MOST_EPOCHS = 5000

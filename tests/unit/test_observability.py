@@ -16,7 +16,7 @@ from bottomlock import schema
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry, KernelError, Navigator, error_model
 from bottomlock.manoeuvres import MANOEUVRES, Manoeuvre, dip, fly, motion_of, steady, swing
-from bottomlock.observability import LEAST_GAP, Aiding, deviations, observe
+from bottomlock.observability import LEAST_GAP, Aiding, Finding, deviations, observe
 from bottomlock.observability_figures import deviation_figure
 from bottomlock.observability_report import observe_scenario
 from bottomlock.observability_study import PAPER_CASES, paper_histories, paper_table
@@ -53,23 +53,49 @@ def eight() -> Truth:
     return fly(MANOEUVRES["figure_eight"], rate_hz=50.0)
 
 
+BLOCKS = [3, 3, 3, 3, 3, 4, 1]
+UNITS = {
+    "minutes for seconds": np.repeat([1.0, 1.0, 60.0, 3600.0, 60.0, 60.0, 1.0], BLOCKS),
+    "degrees, g and per cent": np.repeat([1.0, 57.3, 1.0, 1.0 / 9.8, 57.3, 1.0, 100.0], BLOCKS),
+    "nautical miles, mrad, deg/h": np.repeat([5.4e-4, 1e3, 1.0, 1.0 / 9.8e-3, 2.1e5, 1.0, 100.0], BLOCKS),
+}
+
+
+@pytest.mark.parametrize("earth", [0.0, EARTH_RATE_RADPS], ids=["Earth at rest", "Earth turning"])
 @pytest.mark.parametrize("name", MANOEUVRES)
-def test_scaling_changes_no_rank(name: str) -> None:
-    """Minutes for seconds; degrees, g and per cent; a decade at random: rank and claim stay."""
-    truth = fly(MANOEUVRES[name], rate_hz=150.0)
+def test_scaling_changes_no_rank(name: str, earth: float) -> None:
+    """Other units, and five decades to either side at random: rank, claim and gap stay."""
+    truth = fly(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=earth)
     rng = np.random.default_rng(7)
-    blocks = [3, 3, 3, 3, 3, 4, 1]
-    minutes = np.repeat([1.0, 1.0, 60.0, 3600.0, 60.0, 60.0, 1.0], blocks)
-    human = np.repeat([1.0, 57.3, 1.0, 1.0 / 9.8, 57.3, 1.0, 100.0], blocks)
-    for aiding in (ALL, Aiding(beams=(1, 2), depth=True)):
-        (plain,) = observe(truth, JANUS, [aiding], earth_rate_radps=0.0)
-        for scale in (minutes, human, 1.0 / human, 10.0 ** rng.uniform(-1, 1, 20)):
-            (scaled,) = observe(truth, JANUS, [aiding], earth_rate_radps=0.0, scale=scale)
+    draws = [10.0 ** rng.uniform(-5.0, 5.0, 20) for _ in range(12)]
+    sets = [ALL, Aiding(beams=(1, 2), depth=True), Aiding(beams=(1, 2, 3), depth=True, attitude=True)]
+
+    def judge(scale: np.ndarray[Any, Any] | None = None) -> list[Finding]:
+        return observe(truth, JANUS, sets, earth_rate_radps=earth, period_s=2.0, scale=scale)
+
+    for scale in (*UNITS.values(), *(1.0 / unit for unit in UNITS.values()), *draws):
+        for plain, scaled in zip(judge(), judge(scale), strict=True):
+            assert plain.decided
+            assert scaled.decided
             assert scaled.rank == plain.rank
             assert scaled.gap >= LEAST_GAP
-        # Far beyond any units the rank still stands, though the values come too close to the noise for a claim.
-        (wild,) = observe(truth, JANUS, [aiding], earth_rate_radps=0.0, scale=10.0 ** rng.uniform(-2, 2, 20))
-        assert wild.rank == plain.rank
+            assert 0.2 < scaled.gap / plain.gap < 5.0
+            assert scaled.unobservable == plain.unobservable
+
+
+@pytest.mark.parametrize("name", MANOEUVRES)
+def test_the_rank_is_not_made_by_our_scales(name: str) -> None:
+    """NumPy on the stack in natural scales, a decade to either side at random and no column brought to length."""
+    truth = fly(MANOEUVRES[name], rate_hz=150.0)
+    window_s = float(truth.time_ns[-1]) * 1e-9
+    tilt, speed = 1.0 / (truth.gravity_mps2 * window_s), max(1.0, float(truth.velocity_p_mps[0, 0]))
+    natural = np.repeat([window_s, tilt, 1.0, 1.0 / window_s, 2.0 * tilt / window_s, 1.0, 1.0 / speed], BLOCKS)
+    rng = np.random.default_rng(3)
+    for found in observe(truth, JANUS, [ALL, Aiding(beams=(1, 2))], earth_rate_radps=0.0):
+        for _ in range(12):
+            scaled = found.rows * natural * 10.0 ** rng.uniform(-1.0, 1.0, 20)
+            values = np.linalg.svd(scaled, compute_uv=False)
+            assert values[found.rank - 1] / values[found.rank] >= LEAST_GAP
 
 
 @pytest.mark.parametrize(("name", "earth"), list(itertools.product(MANOEUVRES, (0.0, EARTH_RATE_RADPS))))

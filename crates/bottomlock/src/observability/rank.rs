@@ -102,8 +102,8 @@ pub fn gramian(system: &System) -> DMatrix<f64> {
 
 /// Judges the first `epochs` epochs of a window (2015, Eqs. 2 and 3).
 ///
-/// `rescale` multiplies the natural scale of each state, and columns are then left at the length that this gives them: a rank must
-/// not depend on it.
+/// `rescale` multiplies the natural scale of each state, as other units would, before columns are brought to one length: a rank
+/// must not depend on it.
 ///
 /// # Errors
 /// [`NavError::WrongCount`] for fewer than two epochs or a scale vector of another length; [`NavError::OutOfRange`] for a scale that
@@ -145,7 +145,10 @@ pub fn observe(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Resul
         // Zero rows change nothing and leave room for every right singular vector.
         matrix = matrix.insert_rows(count, states - count, 0.0);
     }
-    let size = matrix.norm();
+    let factor = |k: usize| rescale.map_or(1.0, |factors| factors[k]);
+    let lengths: Vec<f64> = matrix.column_iter().map(|column| column.norm()).collect();
+    // In natural scales: what is seen does not depend on the units.
+    let size = (0..states).map(|k| (lengths[k] / factor(k)).powi(2)).sum::<f64>().sqrt();
     if !(size > 0.0) {
         return Err(NavError::OutOfRange {
             field: "norm of the stacked rows",
@@ -153,14 +156,11 @@ pub fn observe(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Resul
             expected: "> 0: the aiding set reads no state of the model",
         });
     }
-    if rescale.is_none() {
-        // Columns of one length: no scaling is more than √n worse for the condition (van der Sluis 1969).
-        for k in 0..states {
-            let norm = matrix.column(k).norm();
-            let length = if norm > 1e-9 * size { norm } else { size };
-            matrix.column_mut(k).unscale_mut(length);
-            scales[k] /= length;
-        }
+    // Columns of one length: no scaling is more than √n better for the condition (van der Sluis 1969).
+    for (k, &seen) in lengths.iter().enumerate() {
+        let length = if seen > 1e-9 * size * factor(k) { seen } else { size * factor(k) };
+        matrix.column_mut(k).unscale_mut(length);
+        scales[k] /= length;
     }
     let difference = stack(system, epochs, &scales).1;
     let triangle = matrix.qr().r();
