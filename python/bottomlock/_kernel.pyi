@@ -202,6 +202,8 @@ class BatchDict(TypedDict):
     nis_mean: NDArray[np.float64]
     fixes_accepted: NDArray[np.int64]
     fixes_rejected: NDArray[np.int64]
+    final_bias_error: NDArray[np.float64]
+    final_bias_sd: NDArray[np.float64]
     choice: NDArray[np.uint8]
 
 @type_check_only

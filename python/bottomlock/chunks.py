@@ -16,7 +16,7 @@ from bottomlock.feedback import fly_on_estimates
 from bottomlock.plan import Span
 from bottomlock.plant import Flight
 from bottomlock.plant.closed_loop import cross_track_m
-from bottomlock.schema import FIXES_COUNTS, SAMPLES
+from bottomlock.schema import BIASES, OUTCOMES, SAMPLES
 from bottomlock.trajectory import Truth
 from bottomlock.world import World, trajectory_key
 
@@ -36,7 +36,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Flown:
-    """The tables of a chunk (`schema.SAMPLES`, `CHOICES`, `FIXES_COUNTS`), seconds in the kernel and altogether."""
+    """The tables of a chunk (`schema.SAMPLES`, `CHOICES`, `OUTCOMES`), seconds in the kernel and altogether."""
 
     samples: pl.DataFrame
     choices: pl.DataFrame
@@ -175,7 +175,12 @@ def _frames(
         pl.Series("fixes_rejected", result["fixes_rejected"].reshape(-1)),
         pl.Series("cross_track_rms_m", astray[0].reshape(-1)).fill_nan(None),
         pl.Series("cross_track_max_m", astray[1].reshape(-1)).fill_nan(None),
-    ).select(list(FIXES_COUNTS))
+        *(
+            pl.Series(f"{kind}_{bias}", result[key][:, :, k].reshape(-1)).fill_nan(None)
+            for kind, key in (("err", "final_bias_error"), ("sd", "final_bias_sd"))
+            for k, bias in enumerate(BIASES)
+        ),
+    ).select(list(OUTCOMES))
     values = np.concatenate([result["error"], result["sd"]], axis=-1).reshape(-1, 18)
     columns = dict(zip([name for name in SAMPLES if name.startswith(("err_", "sd_"))], values.T, strict=True))
     frame = pl.DataFrame(

@@ -12,7 +12,15 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.paper_claims import Claim, DriftClaim, ImprovementClaim, OrderingClaim, Paper, ValueClaim
+from bottomlock.paper_claims import (
+    BiasClaim,
+    Claim,
+    DriftClaim,
+    ImprovementClaim,
+    OrderingClaim,
+    Paper,
+    ValueClaim,
+)
 from bottomlock.schema import CLAIMS
 from bottomlock.stats import BOOTSTRAP_RESAMPLES, BOOTSTRAP_SEED
 from bottomlock.study import Array, Errors, Study, locked_out
@@ -24,6 +32,9 @@ GREATEST_SPAN = 2.0
 """An interval that spans a greater factor rests on a few runs; that a printed number meets it shows nothing."""
 TURN_RATE_RADPS = np.deg2rad(2.0)
 """Above it the course changes by intent; the paper's turns are half circles in some 20 s."""
+
+UNAIDED = "ins"
+"""The arm whose error of a bias is the bias itself: nothing corrects it."""
 
 _UNPRINTED = {"vb": ("virtual_beam_factor", "n_f"), "nsv": ("nullified_sway_var_m2ps2", "ε")}
 
@@ -38,8 +49,8 @@ class _Estimate:
 
     ours: float
     draws: Array
-    pair: tuple[str, str] | None = None
-    """Of several pairs the worst, which the number is of."""
+    worst: tuple[str, ...] | None = None
+    """Of several arms, pairs of arms, or arms and biases the worst, which the number is of."""
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -75,6 +86,17 @@ class _Flown:
 
     def at(self, quantity: str, arm: str, time_s: float) -> _Estimate:
         return self.rms(quantity, arm, [self.index(time_s)])
+
+    def bias_left(self, arm: str, bias: str) -> _Estimate:
+        """RMS over runs of an arm's error of a bias at the end, as a part of the bias itself."""
+        rms = []
+        for name in (arm, UNAIDED):
+            here = (pl.col("trajectory") == self.trajectory) & (pl.col("arm") == name)
+            squares = self.study.runs.filter(here).sort("run")[f"err_{bias}"].to_numpy() ** 2
+            if squares.size == 0:
+                raise _NotTestableError(f"arm {name} was not flown")
+            rms.append(_Estimate(float(np.sqrt(squares.mean())), np.sqrt(self.weights @ squares)))
+        return rms[0].over(rms[1])
 
     def index(self, time_s: float) -> int:
         found = np.flatnonzero(np.abs(self.errors.time_s - time_s) < 1e-6)
@@ -126,7 +148,7 @@ def _row(claim: Claim, flown: Mapping[str, _Flown], paper: Paper) -> tuple[Any, 
 
 
 def _trajectories(claim: Claim) -> list[str]:
-    other = claim.than_trajectory if isinstance(claim, OrderingClaim) else None
+    other = claim.than_trajectory if isinstance(claim, OrderingClaim | BiasClaim) else None
     return [claim.trajectory, *([] if other is None else [other])]
 
 
@@ -143,6 +165,10 @@ def _quantity(claim: Claim) -> str:
             return f"{claim.quantity}_ratio"
         case DriftClaim():
             return f"{claim.quantity}_growth_ratio"
+        case BiasClaim(pattern="more"):
+            return "bias_ratio"
+        case BiasClaim():
+            return "bias_part_left"
 
 
 def _comparable(name: str, flown: Mapping[str, _Flown], paper: Paper) -> None:
@@ -164,8 +190,6 @@ def _comparable(name: str, flown: Mapping[str, _Flown], paper: Paper) -> None:
 
 def _estimate(claim: Claim, flown: Mapping[str, _Flown]) -> _Estimate:
     here = flown[claim.trajectory]
-    if claim.quantity == "bias":
-        raise _NotTestableError("the tables hold no errors of the biases")
     match claim:
         case ValueClaim():
             return here.at(claim.quantity, claim.arm, claim.time_s)
@@ -183,19 +207,44 @@ def _estimate(claim: Claim, flown: Mapping[str, _Flown]) -> _Estimate:
         case DriftClaim():
             start, end = claim.window_s or (0.0, 0.0)
             return here.at(claim.quantity, claim.arm, end).over(here.at(claim.quantity, claim.arm, start))
+        case BiasClaim(pattern="more"):
+            there = flown[claim.than_trajectory or claim.trajectory]
+            return _worst(
+                {(arm,): _all_left(here, arm, claim).over(_all_left(there, arm, claim)) for arm in claim.arms}
+            )
+        case BiasClaim():
+            left: dict[tuple[str, ...], _Estimate] = {
+                (arm, bias): here.bias_left(arm, bias) for arm in claim.arms for bias in claim.biases
+            }
+            return _worst(left, least=claim.pattern == "hidden")
+
+
+def _all_left(flown: _Flown, arm: str, claim: BiasClaim) -> _Estimate:
+    """Root of the mean squared part that is left of each bias."""
+    parts = [flown.bias_left(arm, bias) for bias in claim.biases]
+    return _Estimate(
+        float(np.sqrt(np.mean([part.ours**2 for part in parts]))),
+        np.sqrt(np.mean([part.draws**2 for part in parts], axis=0)),
+    )
+
+
+def _worst(ratios: Mapping[tuple[str, ...], _Estimate], *, least: bool = False) -> _Estimate:
+    """The greatest of several, or the least, in each resample as well; named if there was a choice."""
+    pick, best = (np.min, min) if least else (np.max, max)
+    name = best(ratios, key=lambda key: ratios[key].ours)
+    draws = pick(np.stack([ratio.draws for ratio in ratios.values()]), axis=0)
+    return _Estimate(ratios[name].ours, draws, name if len(ratios) > 1 else None)
 
 
 def _ordering(claim: OrderingClaim, here: _Flown, there: _Flown) -> _Estimate:
-    """The worst ratio better / worse of all pairs, in each resample; an equality has one pair."""
-    ratios = {
+    """The worst ratio better / worse of all pairs; an equality has one pair."""
+    ratios: dict[tuple[str, ...], _Estimate] = {
         pair: here.at(claim.quantity, pair[0], claim.time_s).over(
             there.at(claim.quantity, pair[1], claim.time_s)
         )
         for pair in claim.pairs
     }
-    worst = max(ratios, key=lambda pair: ratios[pair].ours)
-    draws = np.max(np.stack([ratio.draws for ratio in ratios.values()]), axis=0)
-    return _Estimate(ratios[worst].ours, draws, worst if len(ratios) > 1 else None)
+    return _worst(ratios)
 
 
 def _turns_and_legs(flown: _Flown) -> tuple[list[int], list[int]]:
@@ -236,12 +285,14 @@ def _verdict(claim: Claim, low: float, high: float) -> str:
             least, greatest = _as_ratios(claim, low, high)
             if good and greatest > GREATEST_SPAN * least:
                 return NOT_TESTABLE
-        case OrderingClaim(relation="better"):
+        case OrderingClaim(relation="better") | BiasClaim(pattern="observable" | "more"):
             if low <= 1.0 <= high:
                 return NOT_TESTABLE
             good = high < 1.0
         case OrderingClaim():
             good = low <= 1.0 + claim.tolerance and high >= 1.0 / (1.0 + claim.tolerance)
+        case BiasClaim():
+            good = high >= 1.0 - claim.tolerance
         case DriftClaim(pattern="level"):
             good = low <= 1.0 + claim.tolerance
         case DriftClaim():
@@ -261,9 +312,10 @@ def _as_ratios(claim: ValueClaim | ImprovementClaim, low: float, high: float) ->
 def _note(claim: Claim, estimate: _Estimate, verdict: str, flown: _Flown) -> str:
     """What the tables say about a claim that they do not bear out."""
     parts, arms = [], claim.arms
-    if estimate.pair is not None:
-        arms = list(dict.fromkeys(estimate.pair))
-        parts.append(f"worst is {' / '.join(arms)}")
+    if estimate.worst is not None:
+        names = list(dict.fromkeys(estimate.worst))
+        arms = [name for name in names if name in claim.arms]
+        parts.append(f"worst is {' / '.join(names)}")
     if verdict == REPRODUCED:
         return "; ".join(parts)
     runs = flown.weights.shape[1]

@@ -14,7 +14,7 @@ from bottomlock.chunks import Flown
 from bottomlock.errors import DataError, OutputError
 from bottomlock.output import read_json, write_parquet
 from bottomlock.plan import Plan, Shard, Span
-from bottomlock.schema import CHOICES, FIXES_COUNTS, SAMPLES, check
+from bottomlock.schema import CHOICES, OUTCOMES, SAMPLES, check
 
 MANIFEST = "manifest.json"
 TABLES = ("runs.parquet", "ensemble.parquet", "consistency.parquet", "choices.parquet")
@@ -170,13 +170,13 @@ def read_choices(out: Path, plan: Plan, span: Span) -> pl.DataFrame:
 
 
 def read_counts(out: Path, plan: Plan, span: Span) -> pl.DataFrame:
-    """The fix counts of a chunk (`schema.FIXES_COUNTS`).
+    """The fix counts of a chunk (`schema.OUTCOMES`).
 
     Raises:
         DataError: for a file that is missing or damaged.
     """
     _, _, path = _paths(out, plan.name, span)
-    return check(_read(path), FIXES_COUNTS, place=str(path))
+    return check(_read(path), OUTCOMES, place=str(path))
 
 
 def _read(path: Path) -> pl.DataFrame:

@@ -24,6 +24,7 @@ PARTS = (
     "masks.parquet",
     "recovery.parquet",
     "recovery_summary.parquet",
+    "masks.md",
     study_folder.MANIFEST,
 )
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bottomlock.errors import DataError
+from bottomlock.schema import BIASES
 
 Number = float | list[float] | bool | str
 
@@ -113,7 +114,25 @@ class DriftClaim(_Claim):
         return [self.arm]
 
 
-Claim = ValueClaim | ImprovementClaim | OrderingClaim | DriftClaim
+class BiasClaim(_Claim):
+    """What is left of the IMU's biases at the end, as parts of the bias itself (the error without aiding)."""
+
+    kind: Literal["bias"]
+    arms: list[str]
+    biases: list[str]
+    """Of `schema.BIASES`."""
+    pattern: Literal["observable", "hidden", "more"]
+    """Each shrinks; none shrinks; all together shrink more than on another trajectory."""
+    tolerance: float = 0.0
+    than_trajectory: str | None = None
+
+    @property
+    def rule(self) -> str:
+        """Name of the rule of the verdict."""
+        return self.pattern
+
+
+Claim = ValueClaim | ImprovementClaim | OrderingClaim | DriftClaim | BiasClaim
 
 
 class PaperTrajectory(BaseModel):
@@ -172,5 +191,17 @@ def parse_paper(text: str, *, place: str) -> Paper:
             raise DataError(f"{place}: claim '{claim.id}': rule '{claim.rule}' has no words under [rules]")
         if isinstance(claim, DriftClaim) and claim.pattern != "oscillating" and claim.window_s is None:
             raise DataError(f"{place}: claim '{claim.id}': pattern '{claim.pattern}' needs window_s")
+        if isinstance(claim, BiasClaim):
+            _check_biases(claim, place)
         seen.add(claim.id)
     return paper
+
+
+def _check_biases(claim: BiasClaim, place: str) -> None:
+    for bias in claim.biases:
+        if bias not in BIASES:
+            raise DataError(
+                f"{place}: claim '{claim.id}': unknown bias '{bias}', expected one of {', '.join(BIASES)}"
+            )
+    if (claim.pattern == "more") != (claim.than_trajectory is not None):
+        raise DataError(f"{place}: claim '{claim.id}': pattern 'more', and it alone, needs than_trajectory")

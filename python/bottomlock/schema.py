@@ -6,6 +6,16 @@ import polars as pl
 
 from bottomlock.errors import DataError
 
+BIASES = (
+    *(f"accel_bias_{axis}_mps2" for axis in "xyz"),
+    *(f"gyro_bias_{axis}_radps" for axis in "xyz"),
+)
+"""The biases of the IMU in the platform frame, in the kernel's order."""
+
+_BIAS_COLUMNS: Mapping[str, pl.DataType] = {
+    f"{kind}_{bias}": pl.Float64() for kind in ("err", "sd") for bias in BIASES
+}
+
 RUNS: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
     "run": pl.Int64(),
@@ -22,9 +32,11 @@ RUNS: Mapping[str, pl.DataType] = {
     "fixes_rejected": pl.Int64(),
     "cross_track_rms_m": pl.Float64(),
     "cross_track_max_m": pl.Float64(),
+    **_BIAS_COLUMNS,
 }
 """A row per trajectory, run and arm: RMS over time and final norms of the error vectors; `nis_mean` is null
-without fixes. The cross-track error is that of the true vehicle; it is null for an analytic truth."""
+without fixes. The cross-track error is that of the true vehicle; it is null for an analytic truth. Errors of the
+biases (true minus estimate) and their claimed standard deviations are those of the last sample."""
 
 ENSEMBLE: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -73,7 +85,7 @@ SAMPLES: Mapping[str, pl.DataType] = {
 }
 """A row per trajectory, run, arm and second: error (true minus estimate) and claimed standard deviation."""
 
-FIXES_COUNTS: Mapping[str, pl.DataType] = {
+OUTCOMES: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
     "run": pl.Int64(),
     "arm": pl.String(),
@@ -82,8 +94,10 @@ FIXES_COUNTS: Mapping[str, pl.DataType] = {
     "fixes_rejected": pl.Int64(),
     "cross_track_rms_m": pl.Float64(),
     "cross_track_max_m": pl.Float64(),
+    **_BIAS_COLUMNS,
 }
-"""A row per trajectory, run and arm: what the gate made of the DVL's fixes, and how far astray the vehicle went."""
+"""A row per trajectory, run and arm: what the gate made of the DVL's fixes, how far astray the vehicle went, and how
+well the IMU's biases are known in the end."""
 
 
 PATHS: Mapping[str, pl.DataType] = {

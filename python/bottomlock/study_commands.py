@@ -22,6 +22,8 @@ from bottomlock.cases import VARYING, beam_list
 from bottomlock.certificate import arms_summary, counts_of
 from bottomlock.errors import ScenarioError
 from bottomlock.expected import check_names, departures, read_expectations
+from bottomlock.masks_text import markdown, worst_of_pairs
+from bottomlock.output import write_text
 from bottomlock.scenario import Scenario, load_scenario
 
 console = Console(stderr=False)
@@ -112,25 +114,24 @@ def mask_tables(table: pl.DataFrame, returning: Mapping[tuple[str, str], float])
 
 def recovery_tables(summary: pl.DataFrame) -> Iterator[Table]:
     """A table per trajectory: an arm a line, the worst over the pairs."""
-    for (trajectory,), rows in summary.group_by("trajectory", maintain_order=True):
+    for (trajectory,), rows in worst_of_pairs(summary).group_by("trajectory", maintain_order=True):
         shown = _table(
             f"{trajectory}: beams back after {recovery.OUTAGE_S:g} s of two",
             ["arm"],
             ["step/σ", "runs > 3", "NIS 1", "NIS 5", "of", "back", "rej %", "pairs"],
         )
-        for (arm,), pairs in rows.group_by("arm", maintain_order=True):
-            back = pairs["back_at_epoch"]
-            good = int(pairs["recovered"].to_numpy().sum())
+        for row in rows.iter_rows(named=True):
+            back = row["back_at_epoch"]
             shown.add_row(
-                str(arm),
-                _number(pairs["step_sigmas_max"].to_numpy().max(), 2),
-                str(int(pairs["jumps"].to_numpy().sum())),
-                _number(pairs["nis_1"].to_numpy().max(), 1),
-                _number(pairs["nis_5"].to_numpy().max(), 1),
-                str(pairs["degrees"][0]),
-                "never" if back.null_count() else str(back.to_numpy().max()),
-                f"{100.0 * pairs['rejected_part'].to_numpy().max():.1f}",
-                f"{good} of {pairs.height}",
+                row["arm"],
+                _number(row["step_sigmas_max"], 2),
+                str(row["jumps"]),
+                _number(row["nis_1"], 1),
+                _number(row["nis_5"], 1),
+                str(row["degrees"]),
+                "never" if back is None else str(back),
+                f"{100.0 * row['rejected_part']:.1f}",
+                f"{row['pairs_recovered']} of {row['pairs']}",
             )
         yield shown
 
@@ -175,6 +176,7 @@ def masks(
 
         table = mask_study.run_masks(loaded, out, wanted=wanted, threads=threads, tell=flown)
         summary = recovery.run_recovery(loaded, out, tell=back)[1] if outages else None
+    write_text(out / "masks.md", markdown(table, summary))
     returning = {
         (case.scenario.name, case.name): mask_study.mean_beams(case)
         for found in chosen

@@ -31,6 +31,8 @@ def test_masks_prints_and_writes(tmp_path: Path, scenario: Path) -> None:
     assert "…" not in done.stdout
     out = tmp_path / "o"
     assert pl.read_parquet(out / "masks.parquet").height == 17 * 2
+    text = (out / "masks.md").read_text(encoding="utf-8")
+    assert text.count("| 1,2 |") == 1
     assert pl.read_parquet(out / "recovery.parquet").height == 6 * 2 * 5
     manifest = json.loads((out / "study.json").read_text(encoding="utf-8"))
     assert manifest["status"] == "complete"

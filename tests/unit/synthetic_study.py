@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock import stats
-from bottomlock.schema import CONSISTENCY, ENSEMBLE, FIXES_COUNTS, RUNS, SAMPLES
+from bottomlock.schema import BIASES, CONSISTENCY, ENSEMBLE, OUTCOMES, RUNS, SAMPLES
 from tests.analytic import analytic
 
 TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
@@ -110,9 +110,14 @@ def _samples(
 
 
 def _counts(name: str, arms: Sequence[str], runs: int) -> pl.DataFrame:
+    """Every fix accepted; aided arms leave half of each bias on the straight and a fifth elsewhere."""
+    left = 0.5 if name == "straight" else 0.2
+    sizes = np.random.default_rng(len(name)).normal(size=(runs, len(BIASES)))
     rows = [
         (name, run, arm, None if arm == "ins" else 2.0, 0 if arm == "ins" else 250, 0, 0.1, 0.2)
+        + tuple(sizes[run] * (1.0 if arm == "ins" else left))
+        + (1.0,) * len(BIASES)
         for run in range(runs)
         for arm in arms
     ]
-    return pl.DataFrame(rows, schema=dict(FIXES_COUNTS), orient="row")
+    return pl.DataFrame(rows, schema=dict(OUTCOMES), orient="row")

@@ -89,7 +89,9 @@ def test_the_rank_is_not_made_by_our_scales(name: str) -> None:
     truth = fly(MANOEUVRES[name], rate_hz=150.0)
     window_s = float(truth.time_ns[-1]) * 1e-9
     tilt, speed = 1.0 / (truth.gravity_mps2 * window_s), max(1.0, float(truth.velocity_p_mps[0, 0]))
-    natural = np.repeat([window_s, tilt, 1.0, 1.0 / window_s, 2.0 * tilt / window_s, 1.0, 1.0 / speed], BLOCKS)
+    natural = np.repeat(
+        [window_s, tilt, 1.0, 1.0 / window_s, 2.0 * tilt / window_s, 1.0, 1.0 / speed], BLOCKS
+    )
     rng = np.random.default_rng(3)
     for found in observe(truth, JANUS, [ALL, Aiding(beams=(1, 2))], earth_rate_radps=0.0):
         for _ in range(12):

@@ -6,7 +6,7 @@ import pytest
 
 from bottomlock import stats
 from bottomlock.errors import DataError
-from bottomlock.schema import ENSEMBLE, FIXES_COUNTS, RUNS, SAMPLES, check
+from bottomlock.schema import ENSEMBLE, OUTCOMES, RUNS, SAMPLES, check
 
 
 def samples() -> pl.DataFrame:
@@ -37,8 +37,11 @@ def samples() -> pl.DataFrame:
 def counts() -> pl.DataFrame:
     """Fixes of the two runs."""
     return pl.DataFrame(
-        [("t", 0, "tc", 2.0, 2, 0, 1.0, 2.0), ("t", 1, "tc", None, 0, 0, None, None)],
-        schema=dict(FIXES_COUNTS),
+        [
+            ("t", 0, "tc", 2.0, 2, 0, 1.0, 2.0, *([0.1] * 12)),
+            ("t", 1, "tc", None, 0, 0, None, None, *([None] * 12)),
+        ],
+        schema=dict(OUTCOMES),
         orient="row",
     )
 

@@ -8,6 +8,7 @@ use bottomlock::report::Choice;
 use bottomlock::sensors::{self, RunKey, Schedule};
 use bottomlock::state::NavState;
 use bottomlock::truth::Truth;
+use bottomlock::voyage::BiasRecord;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -195,7 +196,8 @@ pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> P
 ///
 /// Returns error and sd (runs, arms, samples, 9): position (tangent, m), misalignment (tangent, rad), velocity (platform, m/s),
 /// true minus estimate; nees and nees_velocity_attitude (runs, arms, samples); nis_mean (NaN without fixes), fixes_accepted and
-/// fixes_rejected (runs, arms); choice (runs, arms, pings, 3), what an arm that chooses has chosen: codes of SOURCES for surge,
+/// fixes_rejected (runs, arms); final_bias_error and final_bias_sd (runs, arms, 6): biases of accelerometers (m/s²) and gyros
+/// (rad/s) at the last sample, NaN without samples; choice (runs, arms, pings, 3), what an arm that chooses has chosen: codes of SOURCES for surge,
 /// sway and heave, or of MEMBERS and of why, and 255 where there is no choice. The GIL is released. Raises KernelError naming the field, or the run and the arm.
 #[pyfunction]
 #[pyo3(signature = (geometry, truth, simulated, assumed, options, schedule, arms, *, seed, trajectory_key, first_run, runs,
@@ -282,6 +284,14 @@ pub fn records_dict<'py>(py: Python<'py>, records: &[Vec<ArmRecord>], samples: u
     out.set_item("nis_mean", array::<f64>(py, nis, &[runs, arms])?)?;
     out.set_item("fixes_accepted", counts(|record| record.fixes_accepted)?)?;
     out.set_item("fixes_rejected", counts(|record| record.fixes_rejected)?)?;
+    let biases = |field: fn(&BiasRecord) -> [f64; 6]| {
+        let values = all
+            .iter()
+            .flat_map(|record| record.biases.as_ref().map_or([f64::NAN; 6], field));
+        array::<f64>(py, values.collect(), &[runs, arms, 6])
+    };
+    out.set_item("final_bias_error", biases(|biases| biases.error)?)?;
+    out.set_item("final_bias_sd", biases(|biases| biases.sd)?)?;
     let pings = all.iter().map(|record| record.choices.len()).max().unwrap_or(0);
     let codes = all.iter().flat_map(|record| {
         let made = record.choices.iter().map(choice_code);

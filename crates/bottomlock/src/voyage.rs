@@ -5,7 +5,7 @@ use crate::batch::Arm;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::error::NavError;
 use crate::events::Event;
-use crate::layout::{ATTITUDE, DIM};
+use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM};
 use crate::model::{Model, Options};
 use crate::report::{Choice, Sensor, UpdateReport, nees};
 use crate::sensors::{RunKey, Schedule};
@@ -32,6 +32,17 @@ pub struct ArmRecord {
     pub fixes_rejected: u64,
     /// What was chosen at each ping, of an arm that chooses.
     pub choices: Vec<Choice>,
+    /// How well the IMU's biases are known at the last sample; none without samples.
+    pub biases: Option<BiasRecord>,
+}
+
+/// Errors of the biases of accelerometers (m/s²) and gyros (rad/s), x, y, z each.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BiasRecord {
+    /// True minus estimate.
+    pub error: [f64; 6],
+    /// Standard deviation claimed for each.
+    pub sd: [f64; 6],
 }
 
 #[derive(Debug, Clone)]
@@ -73,6 +84,10 @@ impl Lane {
             .push(nees_of(ATTITUDE, ATTITUDE + 6)?);
         self.record.error.push(std::array::from_fn(|i| error[i]));
         self.record.sd.push(std::array::from_fn(|i| covariance[(i, i)].sqrt()));
+        self.record.biases = Some(BiasRecord {
+            error: std::array::from_fn(|i| error[ACCEL_BIAS + i]),
+            sd: std::array::from_fn(|i| covariance[(ACCEL_BIAS + i, ACCEL_BIAS + i)].sqrt()),
+        });
         Ok(())
     }
 }

@@ -148,7 +148,10 @@ pub fn observe(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Resul
     let factor = |k: usize| rescale.map_or(1.0, |factors| factors[k]);
     let lengths: Vec<f64> = matrix.column_iter().map(|column| column.norm()).collect();
     // In natural scales: what is seen does not depend on the units.
-    let size = (0..states).map(|k| (lengths[k] / factor(k)).powi(2)).sum::<f64>().sqrt();
+    let size = (0..states)
+        .map(|k| (lengths[k] / factor(k)).powi(2))
+        .sum::<f64>()
+        .sqrt();
     if !(size > 0.0) {
         return Err(NavError::OutOfRange {
             field: "norm of the stacked rows",
@@ -158,7 +161,11 @@ pub fn observe(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Resul
     }
     // Columns of one length: no scaling is more than √n better for the condition (van der Sluis 1969).
     for (k, &seen) in lengths.iter().enumerate() {
-        let length = if seen > 1e-9 * size * factor(k) { seen } else { size * factor(k) };
+        let length = if seen > 1e-9 * size * factor(k) {
+            seen
+        } else {
+            size * factor(k)
+        };
         matrix.column_mut(k).unscale_mut(length);
         scales[k] /= length;
     }
