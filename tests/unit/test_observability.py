@@ -291,6 +291,7 @@ def test_figures_have_a_panel_for_every_group() -> None:
         deviation_figure(sds.drop("case"), ranks, "x", title="")
 
 
+@pytest.mark.slow
 def test_a_scenario_to_tables_and_a_figure(tmp_path: Path) -> None:
     scenario = tmp_path / "short.toml"
     assert load_scenario("straight").name == "straight"

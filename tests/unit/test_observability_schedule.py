@@ -158,6 +158,7 @@ def test_rates_and_silence_reach_the_schedule() -> None:
     assert own == Aiding(beams=(1, 2), depth=True, attitude=True)
 
 
+@pytest.mark.slow
 def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
     """Its own row stands beside the mask on which all beams would stay, and shows no more than that."""
     path = tmp_path / "gaps.toml"
@@ -178,6 +179,7 @@ def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
     assert sway[-1] < 0.5 * sway[30]
 
 
+@pytest.mark.slow
 def test_a_filter_without_the_dvls_errors_has_fifteen_states(tmp_path: Path) -> None:
     path = tmp_path / "fifteen.toml"
     path.write_text(short(filter={"estimate_dvl": False}), encoding="utf-8")
