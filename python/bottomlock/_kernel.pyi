@@ -102,6 +102,7 @@ class WaterDict(TypedDict):
 class OptionsDict(TypedDict):
     gate: str
     gate_probability: float
+    gate_reopen_fixes: NotRequired[int]
     covariance_period_ns: int
     imu_sampling: str
     estimate_dvl: bool
@@ -178,6 +179,7 @@ class ReportDict(TypedDict):
     nis: float
     threshold: float
     verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information"]
+    widened: float | None
     rejected_rows: NDArray[np.bool_]
     choice: dict[str, Any] | None
 

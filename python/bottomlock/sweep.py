@@ -51,6 +51,12 @@ SETTINGS = (
     ),
     Setting("gate", ("joint", "per_row", "off"), ("tc", "vb", "nsv", "vhv", "elc"), _filter("gate")),
     Setting(
+        "gate reopens after refusals in a row",
+        (0, 5),
+        ("lc", "tc", "vb", "nsv", "vhv", "elc", "consistent"),
+        _filter("gate_reopen_fixes"),
+    ),
+    Setting(
         "initial attitude, times Table 2", (0.5, 1.0, 2.0), ("ins", "tc", "nsv", "plcf"), _initial_attitude
     ),
     Setting("current to the east, m/s", (0.0, 0.1, 0.3), ("tc", "nsv", "elc", "weak_sway"), _cross_current),

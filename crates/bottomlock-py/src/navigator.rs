@@ -351,6 +351,7 @@ fn report_dict<'py>(py: Python<'py>, report: &UpdateReport) -> PyResult<Bound<'p
     out.set_item("nis", report.nis)?;
     out.set_item("threshold", report.threshold)?;
     out.set_item("verdict", verdict)?;
+    out.set_item("widened", report.widened)?;
     let flags = (0..rows).map(|k| rejected & (1 << k) != 0).collect();
     out.set_item("rejected_rows", array::<bool>(py, flags, &[rows])?)?;
     out.set_item(

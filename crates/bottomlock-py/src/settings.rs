@@ -146,8 +146,15 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
             }
         }
     };
+    let gate_reopen_fixes = match dict.get_item("gate_reopen_fixes")? {
+        None => Options::default().gate_reopen_fixes,
+        Some(fixes) => fixes
+            .extract()
+            .map_err(|_| refuse("options.gate_reopen_fixes is not a whole number, 0 or more"))?,
+    };
     Ok(Options {
         gate,
+        gate_reopen_fixes,
         water,
         covariance_period_ns: item(dict, "options", "covariance_period_ns")?
             .extract()

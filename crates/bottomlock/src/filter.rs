@@ -1,6 +1,9 @@
 //! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
 
 mod assume;
+mod reopen;
+
+use reopen::Refusals;
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -31,6 +34,8 @@ pub struct Eskf {
     earth_rate_t_radps: Vector3<f64>,
     noise: ProcessNoise,
     gate: GateTable,
+    gate_reopen_fixes: u32,
+    refusals: Refusals,
     sampling: Sampling,
     covariance_period_s: f64,
     /// Further states, in the arm that makes assumptions on the motion through the water.
@@ -58,6 +63,8 @@ impl Eskf {
             earth_rate_t_radps: environment.earth_rate_t_radps().0,
             noise: model.process_noise(options.estimate_dvl),
             gate: GateTable::new(options.gate)?,
+            gate_reopen_fixes: options.gate_reopen_fixes,
+            refusals: Refusals::default(),
             sampling: options.sampling,
             covariance_period_s: options.covariance_period_ns as f64 * 1e-9,
             water: None,
@@ -305,7 +312,6 @@ impl Eskf {
             Gate::Joint { .. } => {
                 if report.nis > report.threshold {
                     report.verdict = Verdict::Rejected;
-                    return Ok(report);
                 }
             }
             Gate::PerRow => {
@@ -316,15 +322,23 @@ impl Eskf {
                     let kept = innovation.select(|row| rejected & (1 << row) == 0);
                     if kept.rows == 0 {
                         report.verdict = Verdict::Rejected;
+                    } else {
+                        self.update(&kept, sensor)?;
+                        report.verdict = Verdict::AcceptedInPart {
+                            rejected_rows: rejected,
+                        };
                         return Ok(report);
                     }
-                    self.update(&kept, sensor)?;
-                    report.verdict = Verdict::AcceptedInPart {
-                        rejected_rows: rejected,
-                    };
-                    return Ok(report);
                 }
             }
+        }
+        let is_rejected = report.verdict == Verdict::Rejected;
+        if is_rejected && (self.gate_reopen_fixes == 0 || !self.is_explicable(&z, &h, &s, report.threshold)) {
+            return Ok(report);
+        }
+        self.reopen(&mut report);
+        if is_rejected {
+            return Ok(report);
         }
 
         let reach = cross.map_or(ph, |c| ph + c);

@@ -299,6 +299,9 @@ pub enum InformationPort {
 pub struct Options {
     /// Innovation gate.
     pub gate: Gate,
+    /// After so many refused fixes of velocity in a row the covariance of the inertial states is
+    /// widened by what they showed; 0 for never.
+    pub gate_reopen_fixes: u32,
     /// Interval of the covariance propagation, ns; zero for every IMU step.
     pub covariance_period_ns: i64,
     /// What an IMU sample means.
@@ -318,10 +321,11 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// Joint gate at 99.73 %, covariance at 10 Hz, 20 states.
+    /// Joint gate at 99.73 % that reopens after five refusals in a row, covariance at 10 Hz, 20 states.
     fn default() -> Self {
         Self {
             gate: Gate::Joint { probability: 0.9973 },
+            gate_reopen_fixes: 5,
             covariance_period_ns: 100_000_000,
             sampling: Sampling::Instantaneous,
             estimate_dvl: true,
@@ -341,6 +345,13 @@ impl Options {
     /// [`NavError::OutOfRange`] or [`NavError::NotFinite`] that names the field.
     pub fn validate(&self) -> Result<(), NavError> {
         require_non_negative("covariance_period_ns", self.covariance_period_ns as f64)?;
+        if self.gate_reopen_fixes == 1 {
+            return Err(NavError::OutOfRange {
+                field: "gate_reopen_fixes",
+                value: 1.0,
+                expected: "0 (never), or 2 or more",
+            });
+        }
         require_positive("virtual_beam_factor", self.assumptions.virtual_beam_factor)?;
         require_positive("nullified_sway_var_m2ps2", self.assumptions.nullified_sway_var_m2ps2)?;
         require_positive("weak_sway_var_m2ps2", self.assumptions.weak_sway_var_m2ps2)?;

@@ -95,6 +95,8 @@ pub struct UpdateReport {
     pub threshold: f64,
     /// What became of it.
     pub verdict: Verdict,
+    /// By what the covariance of the inertial states was multiplied after it, where the gate had refused one fix too many.
+    pub widened: Option<f64>,
     /// What was chosen, where the arm chooses.
     pub choice: Option<Choice>,
 }
@@ -111,6 +113,7 @@ impl UpdateReport {
             nis: 0.0,
             threshold: f64::INFINITY,
             verdict: Verdict::NoInformation,
+            widened: None,
             choice: None,
         }
     }

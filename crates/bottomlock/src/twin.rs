@@ -36,6 +36,13 @@ impl Filters {
         self.informed = Some(Box::new(self.beams_alone.clone().with_water(Some(water))));
     }
 
+    /// Begins the assumptions again from the measurements alone and from the prior.
+    fn begin_anew(&mut self) {
+        if let Some(water) = self.best().water().map(WaterBlock::restarted) {
+            self.begin(water);
+        }
+    }
+
     /// The filter that knows most.
     pub(crate) fn best(&self) -> &Eskf {
         self.informed.as_deref().unwrap_or(&self.beams_alone)
@@ -62,7 +69,10 @@ impl Filters {
         innovation_of: impl Fn(&Eskf) -> Innovation,
     ) -> Result<UpdateReport, NavError> {
         let report = self.beams_alone.update(&innovation_of(&self.beams_alone), sensor)?;
-        if let Some(filter) = &mut self.informed {
+        if report.widened.is_some() {
+            // What was assumed rests on a state that was wrong.
+            self.begin_anew();
+        } else if let Some(filter) = &mut self.informed {
             let innovation = innovation_of(filter);
             filter.follow(&innovation, sensor, report.verdict)?;
         }
@@ -81,10 +91,8 @@ impl Filters {
 
     /// Sway and heave through the water, each with a gate of its own; their variances are learned at full lock.
     pub(crate) fn assume(&mut self, full_lock: bool, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
-        if self.assumptions_failed()
-            && let Some(water) = self.best().water().map(WaterBlock::restarted)
-        {
-            self.begin(water);
+        if self.assumptions_failed() {
+            self.begin_anew();
         }
         let Some(filter) = &mut self.informed else {
             return Ok(());

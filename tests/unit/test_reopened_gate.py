@@ -1,0 +1,73 @@
+"""The navigator says when it widens, an accepted fix starts the count anew, and a setting of one is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bottomlock
+from tests.property import settings
+
+JANUS = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
+LEVEL = [0.0, 0.0, -settings.GRAVITY]
+AWAY_MPS = [2.0 * second for second in range(1, 13)]
+
+
+def navigator(fixes: int, arm: str = "lc") -> bottomlock.Navigator:
+    """At rest and level to a centiradian, so sure of it that a fix which runs away by 2 m/s a second is refused."""
+    initial: Any = {
+        "time_ns": 0,
+        "position_t_m": np.zeros(3),
+        "attitude_t_p": np.array([1.0, 0.0, 0.0, 0.0]),
+        "velocity_p_mps": np.zeros(3),
+    }
+    options = settings.options(gate="joint", gate_reopen_fixes=fixes)
+    return bottomlock.Navigator(JANUS, settings.table_2(), options, initial, arm=arm)
+
+
+def fly(nav: bottomlock.Navigator, speeds_mps: list[float], beam_4_mps: float = 0.0) -> list[dict[str, Any]]:
+    """A ping a second of a vehicle that the beams see at these speeds; the reports of the beams."""
+    reports: list[dict[str, Any]] = []
+    for k in range(10 * len(speeds_mps) + 1):
+        nav.push_imu(k * 100_000_000, np.zeros(3), np.array(LEVEL))
+        if k and k % 10 == 0:
+            y = JANUS.beam_velocities(np.array([[speeds_mps[k // 10 - 1], 0.0, 0.0]]))[0]
+            y[3] += beam_4_mps
+            heard: Any = nav.push_beams(k * 100_000_000, y, np.ones(4, dtype=bool), sd_mps=np.full(4, 0.042))
+            reports += [report for report in heard if report["sensor"] == "beams"]
+    return reports
+
+
+def test_a_row_of_refusals_widens_by_what_it_showed() -> None:
+    """Three refused at three: the factor is the mean of NIS over the degrees, and the next fix is taken."""
+    reports = fly(navigator(3), AWAY_MPS[:4])
+    assert [report["verdict"] for report in reports] == ["rejected"] * 3 + ["accepted"]
+    factor = np.mean([report["nis"] / report["degrees"] for report in reports[:3]])
+    assert [report["widened"] for report in reports] == [None, None, pytest.approx(factor), None]
+
+
+def test_a_fix_in_between_starts_anew() -> None:
+    reports = fly(navigator(3), [2.0, 4.0, 0.0, 8.0, 10.0, 0.0])
+    assert [report["verdict"][:3] for report in reports] == ["rej", "rej", "acc"] * 2
+    assert all(report["widened"] is None for report in reports)
+
+
+def test_never_is_never() -> None:
+    reports = fly(navigator(0), AWAY_MPS)
+    assert {report["verdict"] for report in reports} == {"rejected"}
+
+
+def test_beams_that_contradict_each_other_stay_refused() -> None:
+    """One beam off by 3 m/s: no velocity explains four such beams, so no width of the covariance lets them in."""
+    reports = fly(navigator(3, arm="tc"), [0.0] * 30, beam_4_mps=3.0)
+    assert {report["verdict"] for report in reports} == {"rejected"}
+
+
+@pytest.mark.parametrize(
+    ("fixes", "message"), [(1, "gate_reopen_fixes"), (-1, "whole number"), (2.5, "whole number")]
+)
+def test_settings_that_make_no_sense(fixes: Any, message: str) -> None:  # noqa: ANN401 - wrong on purpose
+    with pytest.raises(bottomlock.KernelError, match=message):
+        navigator(fixes)
