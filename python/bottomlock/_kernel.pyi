@@ -17,8 +17,10 @@ __all__ = [
     "KernelError",
     "Navigator",
     "__version__",
+    "covariance_history",
     "error_model",
     "normal_gravity_mps2",
+    "observe",
     "run_batch",
     "simulate_sensors",
     "solve_velocity",
@@ -206,6 +208,55 @@ class BatchDict(TypedDict):
     final_bias_sd: NDArray[np.float64]
     choice: NDArray[np.uint8]
 
+@type_check_only
+class AidingDict(TypedDict):
+    velocity: bool
+    beams: NDArray[np.bool_]
+    depth: bool
+    attitude: bool
+    heading: bool
+    gps_position: bool
+    gps_velocity: bool
+    depth_lever_p_m: NotRequired[ArrayLike]
+    gps_lever_p_m: NotRequired[ArrayLike]
+
+@type_check_only
+class HeardDict(TypedDict):
+    time_ns: NDArray[np.int64]
+    beams: NDArray[np.bool_]
+    velocity: NDArray[np.bool_]
+    depth: NDArray[np.bool_]
+    attitude: NDArray[np.bool_]
+    heading: NDArray[np.bool_]
+    gps_position: NDArray[np.bool_]
+    gps_velocity: NDArray[np.bool_]
+
+@type_check_only
+class ObservabilityDict(TypedDict):
+    states: list[str]
+    rank: int
+    decided: bool
+    gap: float
+    widest_step: float
+    singular_values: NDArray[np.float64]
+    noise_floor: float
+    basis: NDArray[np.float64]
+    pivots: NDArray[np.int64]
+    hidden: NDArray[np.float64]
+    scales: NDArray[np.float64]
+    gramian: NDArray[np.float64]
+    rows: NDArray[np.float64]
+    epoch_time_ns: NDArray[np.int64]
+    epoch_rank: NotRequired[NDArray[np.int64]]
+    epoch_gap: NotRequired[NDArray[np.float64]]
+    epoch_decided: NotRequired[NDArray[np.bool_]]
+
+@type_check_only
+class CovarianceDict(TypedDict):
+    states: list[str]
+    time_ns: NDArray[np.int64]
+    covariance: NDArray[np.float64]
+
 @final
 class BeamGeometry:
     """Directions and lever arms of the beams of a DVL."""
@@ -371,3 +422,25 @@ def error_model(
     force_p_mps2: ArrayLike,
 ) -> dict[str, NDArray[np.float64]]: ...
 def normal_gravity_mps2(latitude_rad: float, depth_m: float = 0.0) -> float: ...
+def observe(
+    geometry: BeamGeometry,
+    truth: TruthDict | dict[str, Any],
+    model: ModelDict | dict[str, Any],
+    aidings: list[AidingDict] | list[dict[str, Any]],
+    *,
+    kind: str = "full",
+    period_ns: int = ...,
+    schedule: HeardDict | dict[str, Any] | None = None,
+    scale: ArrayLike | None = None,
+    growing: bool = False,
+) -> list[ObservabilityDict]: ...
+def covariance_history(
+    geometry: BeamGeometry,
+    truth: TruthDict | dict[str, Any],
+    model: ModelDict | dict[str, Any],
+    aiding: AidingDict | dict[str, Any],
+    *,
+    kind: str = "full",
+    period_ns: int = ...,
+    schedule: HeardDict | dict[str, Any] | None = None,
+) -> CovarianceDict: ...

@@ -311,6 +311,11 @@ app.command(
     "bottomlock.study_commands:masks", name="masks", help="Flies every partial mask, dropouts and a slope."
 )
 app.command("bottomlock.study_commands:certify", name="certify", help="Writes the honesty certificate.")
+app.command(
+    "bottomlock.observe_command:observe",
+    name="observe",
+    help="Tells what can be estimated, and by which manoeuvre.",
+)
 
 
 def _fail(message: str) -> NoReturn:

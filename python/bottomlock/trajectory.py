@@ -299,12 +299,44 @@ def make_truth(scenario: Scenario, gravity_mps2: float) -> Truth:
     time_ns = sample_times_ns(scenario.trajectory.duration_s, scenario.imu.rate_hz)
     if len(time_ns) < 2:
         raise DataError("trajectory.duration_s is shorter than one IMU interval")
+    return sample_motion(
+        motion,
+        time_ns,
+        latitude_rad=math.radians(scenario.environment.latitude_deg),
+        gravity_mps2=gravity_mps2,
+        earth_rate_radps=EARTH_RATE_RADPS if scenario.environment.earth_rotation else 0.0,
+        depth_m=scenario.environment.depth_m,
+    )
+
+
+def sample_motion(
+    motion: Motion,
+    time_ns: NDArray[np.int64],
+    *,
+    latitude_rad: float,
+    gravity_mps2: float,
+    earth_rate_radps: float,
+    depth_m: float = 0.0,
+) -> Truth:
+    """The truth of a motion at given times (n,), int64 and rising; it starts at the origin, at `depth_m`.
+
+    Raises:
+        DataError: for fewer than two times, times that do not rise, and a motion that is not finite.
+
+    Examples:
+        >>> def drift(t):
+        ...     zero, still = np.zeros_like(t), np.zeros((len(t), 3))
+        ...     return Attitudes(zero, zero, zero, zero, zero, zero, still + [1.0, 0.0, 0.0], still)
+        >>> truth = sample_motion(
+        ...     drift, np.array([0, 10**9]), latitude_rad=0.0, gravity_mps2=9.8, earth_rate_radps=0.0
+        ... )
+        >>> truth.position_t_m[-1].round(9).tolist()
+        [1.0, 0.0, 0.0]
+    """
     time_s = np.asarray(time_ns * 1e-9, np.float64)
-    latitude_rad = math.radians(scenario.environment.latitude_deg)
-    earth_rate = EARTH_RATE_RADPS if scenario.environment.earth_rotation else 0.0
     state = motion(time_s)
     omega, force = readings(
-        state, latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, earth_rate_radps=earth_rate
+        state, latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, earth_rate_radps=earth_rate_radps
     )
     # Four Gauss-Legendre nodes a step leave far less than rounding.
     nodes, weights = np.polynomial.legendre.leggauss(4)
@@ -314,7 +346,7 @@ def make_truth(scenario: Scenario, gravity_mps2: float) -> Truth:
         inner = motion(time_s[:-1] + 0.5 * steps * (1.0 + node))
         moved += 0.5 * weight * steps[:, None] * _rotation(inner).apply(inner.velocity_p_mps)
     position = np.vstack([np.zeros(3), np.cumsum(moved, axis=0)])
-    position[:, 2] += scenario.environment.depth_m
+    position[:, 2] += depth_m
     return Truth(
         time_ns=time_ns,
         position_t_m=position,

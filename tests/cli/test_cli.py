@@ -248,3 +248,32 @@ def test_importing_the_package_stays_light() -> None:
     code = "import sys, bottomlock; print(sorted({'polars', 'matplotlib', 'pydantic', 'scipy'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_observe_tells_masks_directions_and_manoeuvres(tmp_path: Path) -> None:
+    """The scenario's own mask is marked, what it hides is named, and tables and a figure are on disk."""
+    done = command("observe", "straight", "--out", "o", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "beams 12  < this scenario" in done.stdout
+    assert "Unobservable with beams 12, SI:\n  position north\n" in done.stdout
+    assert max(len(line) for line in done.stdout.splitlines()) <= 80
+    found = pl.read_parquet(tmp_path / "o" / "observability.parquet")
+    assert found.height == 15
+    assert pl.read_parquet(tmp_path / "o" / "manoeuvres.parquet").height == 15 * 6 * 3 * 2
+    assert (tmp_path / "o" / "figures" / "straight.png").is_file()
+
+
+def test_observe_the_papers_cases(tmp_path: Path) -> None:
+    """Fifteen windows, six figures, one table."""
+    done = command("observe", "--paper", "--out", str(tmp_path / "o"))
+    assert done.returncode == 0, done.stderr
+    assert "DVL, turn at 10 m/s" in done.stdout
+    assert pl.read_parquet(tmp_path / "o" / "observability.parquet").height == 15
+    assert len(list((tmp_path / "o" / "figures").glob("*.png"))) == 6
+
+
+def test_observe_wants_one_thing(tmp_path: Path) -> None:
+    for arguments in ((), ("straight", "--paper")):
+        done = command("observe", *arguments, "--out", str(tmp_path / "o"))
+        assert done.returncode == 2
+        assert "expected either a scenario or --paper" in done.stderr

@@ -29,7 +29,7 @@ pub struct OwnedTruth {
 
 impl OwnedTruth {
     /// One truth: arrays of (samples, ·).
-    fn new(dict: &Bound<'_, PyDict>) -> PyResult<Self> {
+    pub fn new(dict: &Bound<'_, PyDict>) -> PyResult<Self> {
         let time_ns = times("truth.time_ns", &item(dict, "truth", "time_ns")?)?;
         let samples = [Some(time_ns.len())];
         Self::read(dict, time_ns, &samples)

@@ -8,6 +8,7 @@ mod closed_loop;
 mod dvl;
 mod errors;
 mod navigator;
+mod observability;
 mod settings;
 
 /// Compiled kernel of bottomlock; use it through `bottomlock`.
@@ -23,6 +24,8 @@ mod _kernel {
     use super::errors::KernelError;
     #[pymodule_export]
     use super::navigator::Navigator;
+    #[pymodule_export]
+    use super::observability::{covariance_history, observe};
     #[pymodule_export]
     use super::settings::normal_gravity_mps2;
 

@@ -18,6 +18,8 @@
 //! | 18, 22 | [`aiding`] |
 //! | 23–49 | [`dvl::partial`] |
 //!
+//! Klein & Diamant 2015, Eqs. 1–6, 10, 13–15: [`observability`].
+//!
 //! The papers' misprints are listed in `docs/equations.md`; the right forms stand here.
 
 pub mod aiding;
@@ -35,6 +37,7 @@ pub mod imu;
 pub mod lane;
 pub mod layout;
 pub mod model;
+pub mod observability;
 pub mod report;
 pub mod run;
 pub mod sensors;

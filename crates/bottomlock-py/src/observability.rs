@@ -1,0 +1,281 @@
+//! Observability of a window and covariance analysis along a truth.
+
+use bottomlock::observability::history::{self, History};
+use bottomlock::observability::paper::{self, Sensors, Sign};
+use bottomlock::observability::rank::{self, Observability, Progress};
+use bottomlock::observability::{Aiding, Epochs, System, full};
+use nalgebra::DMatrix;
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use crate::arrays::{array, booleans, floats, item, times, vector};
+use crate::batch::OwnedTruth;
+use crate::dvl::BeamGeometry;
+use crate::errors::{raise, refuse};
+use crate::settings;
+
+/// A linear model of the errors.
+enum Kind {
+    Filter { estimate_dvl: bool },
+    Paper(Sign),
+}
+
+impl Kind {
+    fn parse(name: &str) -> PyResult<Self> {
+        match name {
+            "full" => Ok(Self::Filter { estimate_dvl: true }),
+            "inertial" => Ok(Self::Filter { estimate_dvl: false }),
+            "paper" => Ok(Self::Paper(Sign::Consistent)),
+            "paper_printed" => Ok(Self::Paper(Sign::Printed)),
+            other => Err(refuse(format!(
+                "kind is '{other}', expected 'full', 'inertial', 'paper' or 'paper_printed'"
+            ))),
+        }
+    }
+}
+
+fn aiding(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Aiding> {
+    let flag = |key: &str| -> PyResult<bool> {
+        item(dict, "aiding", key)?
+            .extract()
+            .map_err(|_| refuse(format!("aiding.{key} is not True or False")))
+    };
+    let lever = |key: &str| -> PyResult<[f64; 3]> {
+        match dict.get_item(key)? {
+            None => Ok([0.0; 3]),
+            Some(value) => vector(&format!("aiding.{key}"), &value),
+        }
+    };
+    let mask = booleans("aiding.beams", &item(dict, "aiding", "beams")?, &[Some(beams)])?;
+    Ok(Aiding {
+        velocity: flag("velocity")?,
+        beams: settings::mask(&mask.values),
+        depth: flag("depth")?,
+        attitude: flag("attitude")?,
+        heading: flag("heading")?,
+        gps_position: flag("gps_position")?,
+        gps_velocity: flag("gps_velocity")?,
+        depth_lever_p_m: lever("depth_lever_p_m")?,
+        gps_lever_p_m: lever("gps_lever_p_m")?,
+    })
+}
+
+/// What is heard at each epoch of a schedule: time_ns (e,), beams (e, n) and a column (e,) for each other sensor.
+fn heard(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Vec<(i64, Aiding)>> {
+    let times = times("schedule.time_ns", &item(dict, "schedule", "time_ns")?)?;
+    let count = Some(times.len());
+    let column = |key: &str| -> PyResult<Vec<bool>> {
+        Ok(booleans(&format!("schedule.{key}"), &item(dict, "schedule", key)?, &[count])?.values)
+    };
+    let masks = booleans(
+        "schedule.beams",
+        &item(dict, "schedule", "beams")?,
+        &[count, Some(beams)],
+    )?;
+    let (velocity, depth, attitude) = (column("velocity")?, column("depth")?, column("attitude")?);
+    let (heading, gps_position) = (column("heading")?, column("gps_position")?);
+    let gps_velocity = column("gps_velocity")?;
+    let at = |(k, &time_ns): (usize, &i64)| {
+        let set = Aiding {
+            velocity: velocity[k],
+            beams: settings::mask(&masks.values[k * beams..(k + 1) * beams]),
+            depth: depth[k],
+            attitude: attitude[k],
+            heading: heading[k],
+            gps_position: gps_position[k],
+            gps_velocity: gps_velocity[k],
+            ..Aiding::default()
+        };
+        (time_ns, set)
+    };
+    Ok(times.iter().enumerate().map(at).collect())
+}
+
+/// A schedule or, without one, a period; the 2015 model knows the period alone.
+fn schedule(given: Option<&Bound<'_, PyDict>>, beams: usize, kind: &Kind) -> PyResult<Option<Vec<(i64, Aiding)>>> {
+    if given.is_some() && matches!(kind, Kind::Paper(_)) {
+        return Err(refuse("schedule: the 2015 model is measured at a period alone"));
+    }
+    given.map(|dict| heard(dict, beams)).transpose()
+}
+
+/// The paper's model has a DVL and a pressure sensor and no other.
+fn paper_sensors(aiding: &Aiding, sign: Sign) -> PyResult<Sensors> {
+    let known = Aiding {
+        velocity: aiding.velocity,
+        depth: aiding.depth,
+        ..Aiding::default()
+    };
+    if *aiding != known {
+        return Err(refuse("aiding: the 2015 model takes velocity and depth alone"));
+    }
+    Ok(Sensors {
+        velocity: aiding.velocity.then_some(sign),
+        depth: aiding.depth,
+    })
+}
+
+fn matrix<'py>(py: Python<'py>, m: &DMatrix<f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    array(py, m.transpose().as_slice().to_vec(), &[m.nrows(), m.ncols()])
+}
+
+/// Rank, gap and unobservable subspace of a window for each aiding set.
+///
+/// Each result has states, rank, decided, gap, widest_step, singular_values (n,), noise_floor, basis (k, n) in SI with its pivots (k,), hidden
+/// (n,), scales (n,), gramian (n, n) of 2015, Eq. (1), rows (m, n) and epoch_time_ns; with `growing` also epoch_rank and epoch_gap
+/// of the window that ends at each epoch. Raises KernelError for an empty aiding set, a window of one epoch, a motion with NaN.
+///
+/// `schedule` (time_ns (e,), beams (e, n) and columns (e,) velocity, depth, attitude, heading, gps_position, gps_velocity) says at
+/// which times which sensors of a set are heard, in place of the period.
+#[pyfunction]
+#[pyo3(signature = (
+    geometry, truth, model, aidings, *, kind="full", period_ns=1_000_000_000, schedule=None, scale=None, growing=false
+))]
+pub fn observe<'py>(
+    py: Python<'py>,
+    geometry: &BeamGeometry,
+    truth: &Bound<'py, PyDict>,
+    model: &Bound<'py, PyDict>,
+    aidings: Vec<Bound<'py, PyDict>>,
+    kind: &str,
+    period_ns: i64,
+    schedule: Option<&Bound<'py, PyDict>>,
+    scale: Option<&Bound<'py, PyAny>>,
+    growing: bool,
+) -> PyResult<Bound<'py, PyList>> {
+    let (truth, model, kind) = (OwnedTruth::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
+    let heard = self::schedule(schedule, geometry.inner.beams(), &kind)?;
+    let epochs = heard.as_deref().map_or(Epochs::Every(period_ns), Epochs::Heard);
+    let sets = aidings
+        .iter()
+        .map(|dict| aiding(dict, geometry.inner.beams()))
+        .collect::<PyResult<Vec<_>>>()?;
+    let scale = scale
+        .map(|value| floats("scale", value, &[None]))
+        .transpose()?
+        .map(|given| given.values);
+    let sensors = match kind {
+        Kind::Paper(sign) => sets
+            .iter()
+            .map(|set| paper_sensors(set, sign))
+            .collect::<PyResult<Vec<_>>>()?,
+        Kind::Filter { .. } => Vec::new(),
+    };
+    let judged = py
+        .detach(|| {
+            let systems = match kind {
+                Kind::Filter { estimate_dvl } => {
+                    full::systems(&truth.of(0), &geometry.inner, &model, &sets, estimate_dvl, epochs)?
+                }
+                Kind::Paper(_) => sensors
+                    .iter()
+                    .map(|set| paper::system(&truth.of(0), &model, set, period_ns))
+                    .collect::<Result<Vec<_>, _>>()?,
+            };
+            systems
+                .into_iter()
+                .map(|system| {
+                    let whole = rank::observe(&system, system.epochs.len(), scale.as_deref())?;
+                    let parts = if growing {
+                        rank::growing(&system, scale.as_deref())?
+                    } else {
+                        Vec::new()
+                    };
+                    Ok((system, whole, parts))
+                })
+                .collect::<Result<Vec<_>, _>>()
+        })
+        .map_err(raise)?;
+    let out = PyList::empty(py);
+    for (system, whole, parts) in &judged {
+        out.append(result(py, system, whole, parts)?)?;
+    }
+    Ok(out)
+}
+
+fn result<'py>(
+    py: Python<'py>,
+    system: &System,
+    whole: &Observability,
+    parts: &[Progress],
+) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    let vector = |values: &[f64]| array(py, values.to_vec(), &[values.len()]);
+    let counts = |values: Vec<i64>| {
+        let count = values.len();
+        array(py, values, &[count])
+    };
+    out.set_item("states", &system.names)?;
+    out.set_item("rank", whole.rank)?;
+    out.set_item("decided", whole.decided)?;
+    out.set_item("gap", whole.gap)?;
+    out.set_item("widest_step", whole.widest_step)?;
+    out.set_item("singular_values", vector(whole.singular_values.as_slice())?)?;
+    out.set_item("noise_floor", whole.noise_floor)?;
+    out.set_item("basis", matrix(py, &whole.basis)?)?;
+    out.set_item("pivots", counts(whole.pivots.iter().map(|&k| k as i64).collect())?)?;
+    out.set_item("hidden", vector(whole.hidden.as_slice())?)?;
+    out.set_item("scales", vector(whole.scales.as_slice())?)?;
+    out.set_item("gramian", matrix(py, &rank::gramian(system))?)?;
+    out.set_item("rows", matrix(py, &rank::rows(system))?)?;
+    let times = system.epochs.iter().map(|epoch| epoch.time_ns).collect();
+    out.set_item("epoch_time_ns", counts(times)?)?;
+    if !parts.is_empty() {
+        // One epoch is no window: its rank is not told.
+        let padded =
+            std::iter::once((-1, f64::NAN, false)).chain(parts.iter().map(|p| (p.rank as i64, p.gap, p.decided)));
+        let padded: Vec<_> = padded.collect();
+        out.set_item("epoch_rank", counts(padded.iter().map(|p| p.0).collect())?)?;
+        out.set_item("epoch_gap", vector(&padded.iter().map(|p| p.1).collect::<Vec<_>>())?)?;
+        let decided: Vec<bool> = padded.iter().map(|p| p.2).collect();
+        out.set_item("epoch_decided", array(py, decided, &[padded.len()])?)?;
+    }
+    Ok(out)
+}
+
+/// Covariances that a filter would claim along a truth, by covariance analysis: time_ns (e,), covariance (e, n, n), states.
+///
+/// `kind` as for `observe`; "full" and "inertial" are the filter itself (20 states, the DVL's frozen in "inertial"). Raises KernelError
+/// as `observe` does.
+#[pyfunction]
+#[pyo3(signature = (geometry, truth, model, aiding, *, kind="full", period_ns=1_000_000_000, schedule=None))]
+pub fn covariance_history<'py>(
+    py: Python<'py>,
+    geometry: &BeamGeometry,
+    truth: &Bound<'py, PyDict>,
+    model: &Bound<'py, PyDict>,
+    aiding: &Bound<'py, PyDict>,
+    kind: &str,
+    period_ns: i64,
+    schedule: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (truth, model, kind) = (OwnedTruth::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
+    let heard = self::schedule(schedule, geometry.inner.beams(), &kind)?;
+    let epochs = heard.as_deref().map_or(Epochs::Every(period_ns), Epochs::Heard);
+    let set = self::aiding(aiding, geometry.inner.beams())?;
+    let sensors = match kind {
+        Kind::Paper(sign) => Some(paper_sensors(&set, sign)?),
+        Kind::Filter { .. } => None,
+    };
+    let estimate_dvl = matches!(kind, Kind::Filter { estimate_dvl: true });
+    let history: History = py
+        .detach(|| match sensors {
+            Some(sensors) => history::of_paper(&truth.of(0), &model, &sensors, period_ns),
+            None => history::of_filter(&truth.of(0), &geometry.inner, &model, &set, estimate_dvl, epochs),
+        })
+        .map_err(raise)?;
+    let states = history.covariance.first().map_or(0, DMatrix::nrows);
+    let names: Vec<&str> = match sensors {
+        Some(_) => paper::NAMES[15 - states..].to_vec(),
+        None => full::NAMES.to_vec(),
+    };
+    let out = PyDict::new(py);
+    let epochs = history.time_ns.len();
+    out.set_item("states", names)?;
+    out.set_item("time_ns", array(py, history.time_ns, &[epochs])?)?;
+    // Covariances are symmetric: columns are rows.
+    let values = history.covariance.iter().flat_map(|p| p.as_slice().to_vec()).collect();
+    out.set_item("covariance", array::<f64>(py, values, &[epochs, states, states])?)?;
+    Ok(out)
+}

@@ -1,0 +1,282 @@
+//! What an aided navigator can estimate from a motion: stacked measurement rows, rank, and the states that stay in the dark.
+//!
+//! The rows H(t_k) Φ(t_k, t_0) over a window are stacked and judged by their singular values; the Gramian of Klein & Diamant
+//! 2015, Eq. (1), is the same matrix squared, which costs half the digits, and is kept for comparison. Columns are scaled by
+//! what a state moves over the window, so that metres, radians and micro-g stand on one footing.
+//!
+//! Three linear models share the machinery: [`full`] is this project's 20-state filter along any truth (or its first 15
+//! states), [`paper`] the 2015 model with its closed-form transition matrix, in both signs of its measurement matrix.
+//!
+//! # Frames and units
+//! As in [`crate::layout`]; SI throughout. The basis of the unobservable subspace is in SI as well.
+
+pub mod full;
+pub mod history;
+mod magnus;
+pub mod paper;
+pub mod rank;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::dvl::geometry::{BeamGeometry, BeamMask};
+use crate::error::{NavError, require_finite};
+use crate::truth::Truth;
+
+/// Which sensors aid; rows of all of them are stacked.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Aiding {
+    /// The platform velocity from an instrument without beams.
+    pub velocity: bool,
+    /// Beams that return.
+    pub beams: BeamMask,
+    /// Depth.
+    pub depth: bool,
+    /// Roll, pitch and yaw.
+    pub attitude: bool,
+    /// Yaw alone.
+    pub heading: bool,
+    /// Position, three axes.
+    pub gps_position: bool,
+    /// Velocity in the tangent frame.
+    pub gps_velocity: bool,
+    /// Place of the depth sensor in the platform frame, m.
+    pub depth_lever_p_m: [f64; 3],
+    /// Place of the GPS antenna in the platform frame, m.
+    pub gps_lever_p_m: [f64; 3],
+}
+
+/// When a window is measured, and by what.
+#[derive(Debug, Clone, Copy)]
+pub enum Epochs<'a> {
+    /// All sensors of the aiding set at once, from the first truth sample on, every so many ns.
+    Every(i64),
+    /// At these times, ns, what is heard of the aiding set: a sensor that is in one and not in the other reads nothing.
+    Heard(&'a [(i64, Aiding)]),
+}
+
+impl Aiding {
+    /// Checks that there is something to observe with, and that the beams exist.
+    ///
+    /// # Errors
+    /// [`NavError::WrongCount`] for an empty set, [`NavError::BadBeam`] for a beam that the geometry lacks,
+    /// [`NavError::NotFinite`] for a lever arm.
+    pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
+        require_finite("aiding depth_lever_p_m", 0, &self.depth_lever_p_m)?;
+        require_finite("aiding gps_lever_p_m", 0, &self.gps_lever_p_m)?;
+        if self.is_empty() {
+            return Err(NavError::WrongCount {
+                field: "aiding sensors",
+                got: 0,
+                expected: "at least one of velocity, a beam, depth, attitude, heading, gps_position, gps_velocity"
+                    .into(),
+            });
+        }
+        if let Some(beam) = self.beams.iter().find(|&beam| beam >= geometry.beams()) {
+            return Err(NavError::BadBeam {
+                beam: beam + 1,
+                time_ns: 0,
+                field: "number",
+                value: (beam + 1) as f64,
+            });
+        }
+        Ok(())
+    }
+
+    /// True where no sensor is in the set.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        let without_levers = Self {
+            depth_lever_p_m: [0.0; 3],
+            gps_lever_p_m: [0.0; 3],
+            ..*self
+        };
+        without_levers == Self::default()
+    }
+
+    /// The sensors in both sets; lever arms are those of the first.
+    #[must_use]
+    pub fn and(&self, heard: &Self) -> Self {
+        Self {
+            velocity: self.velocity && heard.velocity,
+            beams: self.beams.and(heard.beams),
+            depth: self.depth && heard.depth,
+            attitude: self.attitude && heard.attitude,
+            heading: self.heading && heard.heading,
+            gps_position: self.gps_position && heard.gps_position,
+            gps_velocity: self.gps_velocity && heard.gps_velocity,
+            ..*self
+        }
+    }
+}
+
+/// Measurement rows at one time, and how the states have moved until then.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Epoch {
+    /// Time, ns.
+    pub time_ns: i64,
+    /// Φ(t, t_0), dimensions of the state.
+    pub transition: DMatrix<f64>,
+    /// The same from half as many samples: the difference bounds the error of the quadrature.
+    pub coarse: DMatrix<f64>,
+    /// H(t), one row per measurement.
+    pub rows: DMatrix<f64>,
+    /// What a row reads when the states change by their scales: m/s, m or rad.
+    pub row_scale: DVector<f64>,
+    /// Covariance of the measurement.
+    pub noise: DMatrix<f64>,
+}
+
+/// A linear system over a window: what [`rank::observe`] judges.
+#[derive(Debug, Clone, PartialEq)]
+pub struct System {
+    /// Name of each state.
+    pub names: Vec<String>,
+    /// Kind of each state, which sets its scale.
+    pub kinds: Vec<Kind>,
+    /// Gravity, m/s²: couples tilt to velocity.
+    pub gravity_mps2: f64,
+    /// Largest speed over the window, m/s: couples the scale factor to velocity.
+    pub speed_mps: f64,
+    /// Measurement times, rising; the first is t_0.
+    pub epochs: Vec<Epoch>,
+}
+
+/// What a state measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Position, m.
+    Position,
+    /// Misalignment, rad.
+    Tilt,
+    /// Velocity, m/s.
+    Velocity,
+    /// A beam's bias, m/s.
+    BeamBias,
+    /// Accelerometer bias, m/s².
+    AccelBias,
+    /// Gyro bias, rad/s.
+    GyroBias,
+    /// Scale factor of the velocity.
+    ScaleFactor,
+}
+
+impl System {
+    /// Number of states.
+    #[must_use]
+    pub fn states(&self) -> usize {
+        self.names.len()
+    }
+
+    /// The size of each state that changes a velocity by 1 m/s in `duration_s`: tilt 1/(g T), accelerometer bias 1/T, gyro bias
+    /// 2/(g T²), position T.
+    #[must_use]
+    pub fn scales(&self, duration_s: f64) -> DVector<f64> {
+        let speed = if self.speed_mps > 0.1 { self.speed_mps } else { 1.0 };
+        DVector::from_iterator(
+            self.states(),
+            self.kinds.iter().map(|kind| match kind {
+                Kind::Position => duration_s,
+                Kind::Tilt => 1.0 / (self.gravity_mps2 * duration_s),
+                Kind::Velocity | Kind::BeamBias => 1.0,
+                Kind::AccelBias => 1.0 / duration_s,
+                Kind::GyroBias => 2.0 / (self.gravity_mps2 * duration_s * duration_s),
+                Kind::ScaleFactor => 1.0 / speed,
+            }),
+        )
+    }
+}
+
+/// Most epochs of a window: what a sensor gives in an hour and more, and what fits into memory for many masks.
+const MOST_EPOCHS: usize = 5000;
+
+fn too_many(epochs: usize) -> NavError {
+    NavError::WrongCount {
+        field: "epochs of the window",
+        got: epochs,
+        expected: format!("at most {MOST_EPOCHS}: a shorter window or a longer period_ns"),
+    }
+}
+
+fn too_few(epochs: usize) -> NavError {
+    NavError::WrongCount {
+        field: "epochs of the window",
+        got: epochs,
+        expected: "at least 2: a longer window or a shorter period_ns".into(),
+    }
+}
+
+/// Truth samples of a schedule: the first at or after every time.
+///
+/// # Errors
+/// [`NavError::TimeNotIncreasing`], also for two times within one sample interval; [`NavError::OutsideTruth`];
+/// [`NavError::WrongCount`] for fewer than two epochs or more than 5000.
+pub(crate) fn heard_samples(truth: &Truth<'_>, heard: &[(i64, Aiding)]) -> Result<Vec<usize>, NavError> {
+    truth.validate()?;
+    let (first_ns, last_ns) = (truth.time_ns[0], truth.time_ns[truth.time_ns.len() - 1]);
+    let mut samples: Vec<usize> = Vec::new();
+    for (index, &(time_ns, _)) in heard.iter().enumerate() {
+        if time_ns < first_ns || time_ns > last_ns {
+            return Err(NavError::OutsideTruth {
+                stream: "schedule",
+                time_ns,
+                first_ns,
+                last_ns,
+            });
+        }
+        let sample = truth.time_ns.partition_point(|&t| t < time_ns);
+        if samples.last().is_some_and(|&before| before >= sample) {
+            return Err(NavError::TimeNotIncreasing {
+                stream: "schedule (in steps of a truth sample)",
+                time_ns,
+                previous_ns: heard[index - 1].0,
+            });
+        }
+        samples.push(sample);
+    }
+    match samples.len() {
+        count @ (0 | 1) => Err(too_few(count)),
+        count if count > MOST_EPOCHS => Err(too_many(count)),
+        _ => Ok(samples),
+    }
+}
+
+/// Times at which the window is measured: truth samples, the first at or after every period.
+///
+/// # Errors
+/// [`NavError::OutOfRange`] for a period that is not positive, [`NavError::WrongCount`] where fewer than two epochs fit or
+/// more than 5000.
+pub(crate) fn epoch_samples(truth: &Truth<'_>, period_ns: i64) -> Result<Vec<usize>, NavError> {
+    truth.validate()?;
+    if period_ns <= 0 {
+        return Err(NavError::OutOfRange {
+            field: "period_ns",
+            value: period_ns as f64,
+            expected: "a positive number of nanoseconds",
+        });
+    }
+    let (first, last) = (truth.time_ns[0], truth.time_ns[truth.time_ns.len() - 1]);
+    let mut samples = Vec::new();
+    let mut wanted = first;
+    while wanted <= last {
+        let sample = truth.time_ns.partition_point(|&t| t < wanted);
+        samples.push(sample);
+        if samples.len() > MOST_EPOCHS {
+            return Err(too_many(samples.len()));
+        }
+        // A gap in the truth is no reason to measure one sample twice: the next multiple of the period after it.
+        let behind = i128::from(truth.time_ns[sample]) - i128::from(wanted);
+        let next = i128::from(wanted) + (behind / i128::from(period_ns) + 1) * i128::from(period_ns);
+        match i64::try_from(next) {
+            Ok(time_ns) => wanted = time_ns,
+            Err(_) => break,
+        }
+    }
+    if samples.len() < 2 {
+        return Err(too_few(samples.len()));
+    }
+    Ok(samples)
+}
+
+#[cfg(test)]
+#[path = "tests.rs"]
+mod tests;

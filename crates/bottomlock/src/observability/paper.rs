@@ -1,0 +1,262 @@
+//! The 15-state model of Klein & Diamant 2015 with its closed-form transition matrix, and both signs of its measurement matrix.
+//!
+//! States in the paper's order: position and velocity error in the tangent frame, misalignment, accelerometer bias, gyro bias;
+//! a bias adds to the error's rate. The Earth does not turn. With the velocity alone the position is left out: 12 states.
+//!
+//! The integrals of 2015, Eq. (6) come from the truth itself: the specific force is the acceleration less gravity, so S and P are
+//! closed in velocity and position, and what remains is quadrature of rotations by Hermite's rule, whose derivatives are known.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+use super::full::largest_speed;
+use super::magnus::Point;
+use super::{Epoch, Kind, System, epoch_samples};
+use crate::earth::Environment;
+use crate::error::NavError;
+use crate::frames::skew;
+use crate::model::Model;
+use crate::truth::Truth;
+
+/// Names of the states.
+pub const NAMES: [&str; 15] = [
+    "position north",
+    "position east",
+    "position down",
+    "velocity north",
+    "velocity east",
+    "velocity down",
+    "tilt north",
+    "tilt east",
+    "yaw",
+    "accel bias x",
+    "accel bias y",
+    "accel bias z",
+    "gyro bias x",
+    "gyro bias y",
+    "gyro bias z",
+];
+
+const POSITION: usize = 0;
+const VELOCITY: usize = 3;
+const TILT: usize = 6;
+const ACCEL_BIAS: usize = 9;
+const GYRO_BIAS: usize = 12;
+
+/// Sign of the misalignment block of the DVL's rows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sign {
+    /// As 2015, Eqs. 9, 10 and 14 print it: −T(v×).
+    Printed,
+    /// As it follows from 2015, Eq. 4: +T(v×) (erratum E12).
+    Consistent,
+}
+
+/// What aids.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sensors {
+    /// DVL velocity (2015, Eq. 10), with the sign of its misalignment block.
+    pub velocity: Option<Sign>,
+    /// Depth (2015, Eq. 13).
+    pub depth: bool,
+}
+
+/// The integrals of 2015, Eq. (6) at a time.
+struct Integrals {
+    duration_s: f64,
+    p: Matrix3<f64>,
+    q: Matrix3<f64>,
+    t: Matrix3<f64>,
+    s: Matrix3<f64>,
+    r: Matrix3<f64>,
+    m: Matrix3<f64>,
+}
+
+impl Integrals {
+    /// Φ(t, t₀) of 2015, Eq. (5).
+    fn transition(&self) -> DMatrix<f64> {
+        let mut phi = DMatrix::identity(15, 15);
+        let mut put = |row: usize, column: usize, block: &Matrix3<f64>| {
+            phi.view_mut((row, column), (3, 3)).copy_from(block);
+        };
+        put(POSITION, VELOCITY, &(Matrix3::identity() * self.duration_s));
+        put(POSITION, TILT, &self.p);
+        put(POSITION, ACCEL_BIAS, &self.q);
+        put(POSITION, GYRO_BIAS, &self.t);
+        put(VELOCITY, TILT, &self.s);
+        put(VELOCITY, ACCEL_BIAS, &self.r);
+        put(VELOCITY, GYRO_BIAS, &self.m);
+        put(TILT, GYRO_BIAS, &self.r);
+        phi
+    }
+}
+
+/// ∫ over a step by the values and derivatives at its ends; exact for cubics.
+fn hermite(h: f64, a: &Matrix3<f64>, b: &Matrix3<f64>, da: &Matrix3<f64>, db: &Matrix3<f64>) -> Matrix3<f64> {
+    (a + b) * (0.5 * h) + (da - db) * (h * h / 12.0)
+}
+
+/// Φ(t_k, t_0) at each of `samples`, the first of which is t_0; `thinned` uses every second truth sample.
+fn transitions(truth: &Truth<'_>, samples: &[usize], environment: &Environment, thinned: bool) -> Vec<DMatrix<f64>> {
+    let first = samples[0];
+    let gravity = Vector3::new(0.0, 0.0, environment.gravity_mps2);
+    let start = Point::at(truth, first, environment);
+    let position_of = |k: usize| Vector3::from(truth.position_t_m[k]);
+    let elapsed = |k: usize| (truth.time_ns[k] - truth.time_ns[first]) as f64 * 1e-9;
+    // S = −∫[f×] and P = ∫S in closed form: f = v̇ − g.
+    let s_at = |k: usize, point: &Point| -skew(&(point.velocity_t - start.velocity_t - gravity * elapsed(k)));
+    let p_at = |k: usize| {
+        let t = elapsed(k);
+        -skew(&(position_of(k) - position_of(first) - start.velocity_t * t - gravity * (0.5 * t * t)))
+    };
+    let force = |point: &Point| skew(&(point.acceleration_t - gravity));
+
+    let zero = Matrix3::zeros();
+    let mut now = Integrals {
+        duration_s: 0.0,
+        p: zero,
+        q: zero,
+        t: zero,
+        s: zero,
+        r: zero,
+        m: zero,
+    };
+    // J = ∫ S T, so that M = S R − J by parts.
+    let mut j = zero;
+    let mut out = vec![now.transition()];
+    let mut point = Point::at(truth, first, environment);
+    let mut k = first;
+    for &target in &samples[1..] {
+        while k < target {
+            let mut next = k + 1;
+            if thinned && k + 2 <= target {
+                let (a, b) = (elapsed(k + 1) - elapsed(k), elapsed(k + 2) - elapsed(k + 1));
+                if (a - b).abs() <= 0.1 * a.max(b) {
+                    next = k + 2;
+                }
+            }
+            let end = Point::at(truth, next, environment);
+            let h = elapsed(next) - elapsed(k);
+            let s = s_at(next, &end);
+            let r = now.r
+                + hermite(
+                    h,
+                    &point.rotation,
+                    &end.rotation,
+                    &point.rotation_rate,
+                    &end.rotation_rate,
+                );
+            let q = now.q + hermite(h, &now.r, &r, &point.rotation, &end.rotation);
+            let slope = |s: &Matrix3<f64>, at: &Point| -force(at) * at.rotation + s * at.rotation_rate;
+            j += hermite(
+                h,
+                &(now.s * point.rotation),
+                &(s * end.rotation),
+                &slope(&now.s, &point),
+                &slope(&s, &end),
+            );
+            let m = s * r - j;
+            let t = now.t + hermite(h, &now.m, &m, &(-force(&point) * now.r), &(-force(&end) * r));
+            now = Integrals {
+                duration_s: elapsed(next),
+                p: p_at(next),
+                q,
+                t,
+                s,
+                r,
+                m,
+            };
+            point = end;
+            k = next;
+        }
+        out.push(now.transition());
+    }
+    out
+}
+
+/// Φ between two truth samples.
+pub(super) fn transition(truth: &Truth<'_>, from: usize, to: usize, environment: &Environment) -> DMatrix<f64> {
+    let mut pair = transitions(truth, &[from, to], environment, false);
+    pair.pop().unwrap_or_else(|| DMatrix::identity(15, 15))
+}
+
+/// The window of a truth as a linear system in the paper's states.
+///
+/// The environment's Earth rate is not part of the paper's model: a truth with it keeps its velocities, and the force that the model
+/// sees is the one that gives them on an Earth at rest.
+///
+/// # Errors
+/// [`NavError`] for a truth or a model that makes no sense, or no sensor.
+pub fn system(truth: &Truth<'_>, model: &Model, sensors: &Sensors, period_ns: i64) -> Result<System, NavError> {
+    model.validate()?;
+    if sensors.velocity.is_none() && !sensors.depth {
+        return Err(NavError::WrongCount {
+            field: "aiding sensors",
+            got: 0,
+            expected: "velocity, depth or both: the 2015 model has no others".into(),
+        });
+    }
+    let samples = epoch_samples(truth, period_ns)?;
+    let duration_s = (truth.time_ns[truth.time_ns.len() - 1] - truth.time_ns[0]) as f64 * 1e-9;
+    let dropped = if sensors.depth { 0 } else { VELOCITY };
+    let keep = 15 - dropped;
+    let square = |m: &DMatrix<f64>| m.view((dropped, dropped), (keep, keep)).into_owned();
+    let fine = transitions(truth, &samples, &model.environment, false);
+    let coarse = transitions(truth, &samples, &model.environment, true);
+    let mut epochs = Vec::with_capacity(samples.len());
+    for (index, &k) in samples.iter().enumerate() {
+        let (rows, row_scale, noise) = rows(truth, k, model, sensors, duration_s);
+        epochs.push(Epoch {
+            time_ns: truth.time_ns[k],
+            transition: square(&fine[index]),
+            coarse: square(&coarse[index]),
+            rows: rows.columns(dropped, keep).into_owned(),
+            row_scale,
+            noise,
+        });
+    }
+    Ok(System {
+        names: NAMES[dropped..].iter().map(ToString::to_string).collect(),
+        kinds: (dropped..15)
+            .map(|index| match index {
+                0..3 => Kind::Position,
+                3..6 => Kind::Velocity,
+                6..9 => Kind::Tilt,
+                9..12 => Kind::AccelBias,
+                _ => Kind::GyroBias,
+            })
+            .collect(),
+        gravity_mps2: model.environment.gravity_mps2,
+        speed_mps: largest_speed(truth),
+        epochs,
+    })
+}
+
+/// H of 2015, Eqs. (10) and (13).
+fn rows(
+    truth: &Truth<'_>,
+    k: usize,
+    model: &Model,
+    sensors: &Sensors,
+    duration_s: f64,
+) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
+    let count = 3 * usize::from(sensors.velocity.is_some()) + usize::from(sensors.depth);
+    let mut h = DMatrix::zeros(count, 15);
+    let mut scale = DVector::from_element(count, 1.0);
+    let mut noise = DMatrix::identity(count, count) * model.dvl.beam_noise_sd_mps.powi(2);
+    if let Some(sign) = sensors.velocity {
+        let to_body = truth.attitude(k).matrix().transpose();
+        let velocity_t = to_body.transpose() * Vector3::from(truth.velocity_p_mps[k]);
+        let turned = to_body * skew(&velocity_t);
+        h.view_mut((0, VELOCITY), (3, 3)).copy_from(&to_body);
+        h.view_mut((0, TILT), (3, 3)).copy_from(&match sign {
+            Sign::Printed => -turned,
+            Sign::Consistent => turned,
+        });
+    }
+    if sensors.depth {
+        h[(count - 1, POSITION + 2)] = 1.0;
+        scale[count - 1] = duration_s;
+        noise[(count - 1, count - 1)] = model.depth.sd_m.powi(2);
+    }
+    (h, scale, noise)
+}

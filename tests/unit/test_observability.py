@@ -1,0 +1,326 @@
+"""What must hold of the observability of any window: scales, directions, histories, refusals."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bottomlock import schema
+from bottomlock.errors import DataError, ScenarioError
+from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry, KernelError, Navigator, error_model
+from bottomlock.manoeuvres import MANOEUVRES, Manoeuvre, dip, fly, motion_of, steady, swing
+from bottomlock.observability import LEAST_GAP, Aiding, Finding, deviations, observe
+from bottomlock.observability_figures import deviation_figure
+from bottomlock.observability_report import observe_scenario
+from bottomlock.observability_study import PAPER_CASES, paper_histories, paper_table
+from bottomlock.planner import best, plan
+from bottomlock.scenario import load_scenario
+from bottomlock.trajectory import Truth
+from tests.oracle.error_model import f_full
+from tests.oracle.rotations import matrix_from_quaternion
+
+JANUS = BeamGeometry.janus(np.deg2rad(20.0))
+ALL = Aiding(beams=(1, 2, 3, 4))
+
+
+def model(truth: Truth, earth_rate_radps: float = 0.0) -> dict[str, Any]:
+    found = load_scenario("straight").kernel_model(truth.gravity_mps2)
+    found["environment"] |= {"latitude_rad": truth.latitude_rad, "earth_rate_radps": earth_rate_radps}
+    return found
+
+
+def without_noise(truth: Truth) -> dict[str, Any]:
+    """Errors that are constant: what is learned is kept."""
+    found = model(truth)
+    for key in found["imu"]:
+        if "noise" in key or "walk" in key:
+            found["imu"][key] = 0.0
+    for key in found["dvl"]:
+        if "walk" in key:
+            found["dvl"][key] = 0.0
+    return found
+
+
+@pytest.fixture(scope="module")
+def eight() -> Truth:
+    return fly(MANOEUVRES["figure_eight"], rate_hz=50.0)
+
+
+BLOCKS = [3, 3, 3, 3, 3, 4, 1]
+UNITS = {
+    "minutes for seconds": np.repeat([1.0, 1.0, 60.0, 3600.0, 60.0, 60.0, 1.0], BLOCKS),
+    "degrees, g and per cent": np.repeat([1.0, 57.3, 1.0, 1.0 / 9.8, 57.3, 1.0, 100.0], BLOCKS),
+    "nautical miles, mrad, deg/h": np.repeat([5.4e-4, 1e3, 1.0, 1.0 / 9.8e-3, 2.1e5, 1.0, 100.0], BLOCKS),
+}
+
+
+@pytest.mark.parametrize("earth", [0.0, EARTH_RATE_RADPS], ids=["Earth at rest", "Earth turning"])
+@pytest.mark.parametrize("name", MANOEUVRES)
+def test_scaling_changes_no_rank(name: str, earth: float) -> None:
+    """Other units, and five decades to either side at random: rank, claim and gap stay."""
+    truth = fly(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=earth)
+    rng = np.random.default_rng(7)
+    draws = [10.0 ** rng.uniform(-5.0, 5.0, 20) for _ in range(12)]
+    sets = [ALL, Aiding(beams=(1, 2), depth=True), Aiding(beams=(1, 2, 3), depth=True, attitude=True)]
+
+    def judge(scale: np.ndarray[Any, Any] | None = None) -> list[Finding]:
+        return observe(truth, JANUS, sets, earth_rate_radps=earth, period_s=2.0, scale=scale)
+
+    for scale in (*UNITS.values(), *(1.0 / unit for unit in UNITS.values()), *draws):
+        for plain, scaled in zip(judge(), judge(scale), strict=True):
+            assert plain.decided
+            assert scaled.decided
+            assert scaled.rank == plain.rank
+            assert scaled.gap >= LEAST_GAP
+            assert 0.2 < scaled.gap / plain.gap < 5.0
+            assert scaled.unobservable == plain.unobservable
+
+
+@pytest.mark.parametrize("name", MANOEUVRES)
+def test_the_rank_is_not_made_by_our_scales(name: str) -> None:
+    """NumPy on the stack in natural scales, a decade to either side at random and no column brought to length."""
+    truth = fly(MANOEUVRES[name], rate_hz=150.0)
+    window_s = float(truth.time_ns[-1]) * 1e-9
+    tilt, speed = 1.0 / (truth.gravity_mps2 * window_s), max(1.0, float(truth.velocity_p_mps[0, 0]))
+    natural = np.repeat(
+        [window_s, tilt, 1.0, 1.0 / window_s, 2.0 * tilt / window_s, 1.0, 1.0 / speed], BLOCKS
+    )
+    rng = np.random.default_rng(3)
+    for found in observe(truth, JANUS, [ALL, Aiding(beams=(1, 2))], earth_rate_radps=0.0):
+        for _ in range(12):
+            scaled = found.rows * natural * 10.0 ** rng.uniform(-1.0, 1.0, 20)
+            values = np.linalg.svd(scaled, compute_uv=False)
+            assert values[found.rank - 1] / values[found.rank] >= LEAST_GAP
+
+
+@pytest.mark.parametrize(("name", "earth"), list(itertools.product(MANOEUVRES, (0.0, EARTH_RATE_RADPS))))
+def test_hidden_directions_give_zero_output(name: str, earth: float) -> None:
+    """Propagated through the model a direction of the basis reads nothing, to 1e-8 of what its states read alone."""
+    truth = fly(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=earth)
+    sets = [ALL, Aiding(beams=(1, 2)), Aiding(beams=(1, 2, 3), depth=True)]
+    for found in observe(truth, JANUS, sets, earth_rate_radps=earth):
+        assert found.basis.shape == (20 - found.rank, 20)
+        for row in found.basis:
+            size = float(np.linalg.norm(row / found.scales))
+            assert np.linalg.norm(found.rows @ row) <= 1e-8 * size
+
+
+def test_numbers_match_numpy(eight: Truth) -> None:
+    """The singular values are those of the stack as another library sees it, and the Gramian is the stack squared."""
+    (found,) = observe(eight, JANUS, [ALL], earth_rate_radps=0.0)
+    scaled = found.rows * found.scales
+    np.testing.assert_allclose(
+        np.linalg.svd(scaled, compute_uv=False), found.singular_values, rtol=1e-8, atol=1e-13
+    )
+    # Interior epochs weigh one second, the two at the ends half of it.
+    beams = 4
+    weights = np.ones(len(found.time_ns))
+    weights[[0, -1]] = 0.5
+    weighted = found.rows * np.repeat(weights, beams)[:, None]
+    np.testing.assert_allclose(found.gramian, weighted.T @ found.rows, rtol=1e-9, atol=1e-9)
+
+
+@given(
+    speed=st.floats(0.0, 5.0), size=st.floats(0.0, 1.0), rate=st.floats(0.01, 0.5), turn=st.floats(-0.2, 0.2),
+    turning=st.booleans(),
+)  # fmt: skip
+def test_transition_is_the_integral_of_the_error_model(
+    speed: float, size: float, rate: float, turn: float, turning: bool
+) -> None:
+    """Φ of the window by a fine Runge–Kutta integration of the oracle's F, for random motions."""
+    earth = EARTH_RATE_RADPS if turning else 0.0
+    motion = motion_of(speed, yaw=steady(turn), pitch=dip(-size, rate))
+    truth = fly(Manoeuvre("m", "", motion, 4.0), rate_hz=100.0, earth_rate_radps=earth)
+    (found,) = observe(truth, JANUS, [Aiding(gps_position=True)], earth_rate_radps=earth, period_s=4.0)
+    gravity_t = np.array([0.0, 0.0, truth.gravity_mps2])
+    earth_t = earth * np.array([np.cos(truth.latitude_rad), 0.0, -np.sin(truth.latitude_rad)])
+
+    def f(k: int) -> Any:  # noqa: ANN401 - a matrix
+        R = matrix_from_quaternion(truth.attitude_t_p[k])
+        return f_full(R, truth.velocity_p_mps[k], truth.omega_p_radps[k], gravity_t, earth_t)
+
+    phi, h = np.eye(20), 0.02
+    for k in range(0, len(truth.time_ns) - 1, 2):
+        a, b, c = f(k), f(k + 1), f(k + 2)
+        k1 = a @ phi
+        k2 = b @ (phi + h / 2 * k1)
+        k3 = b @ (phi + h / 2 * k2)
+        k4 = c @ (phi + h * k3)
+        phi = phi + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    np.testing.assert_allclose(found.rows[3:, :], phi[:3], rtol=1e-5, atol=1e-6)
+
+
+def test_error_model_is_the_filters(eight: Truth) -> None:
+    """The oracle's F, against which Φ is judged, is the F that the filter flies on."""
+    k = 777
+    ours = error_model(
+        model(eight),  # type: ignore[arg-type]
+        attitude_t_p=eight.attitude_t_p[k], velocity_p_mps=eight.velocity_p_mps[k],
+        rate_p_radps=eight.omega_p_radps[k], force_p_mps2=eight.force_p_mps2[k],
+    )  # fmt: skip
+    R = matrix_from_quaternion(eight.attitude_t_p[k])
+    theirs = f_full(
+        R,
+        eight.velocity_p_mps[k],
+        eight.omega_p_radps[k],
+        np.array([0, 0, eight.gravity_mps2]),
+        np.zeros(3),
+    )
+    np.testing.assert_allclose(ours["f"], theirs, atol=1e-12)
+
+
+@pytest.mark.parametrize("beams", [(1, 2, 3, 4), (1, 2)])
+def test_deviations_are_the_filters(eight: Truth, beams: tuple[int, ...]) -> None:
+    """Covariance analysis against the navigator itself, fed perfect readings."""
+    aiding = Aiding(beams=beams)
+    errors = model(eight)
+    predicted = deviations(eight, JANUS, aiding, errors)
+    options = load_scenario("straight").kernel_options()
+    initial = {
+        "time_ns": 0,
+        "position_t_m": [0, 0, 0],
+        "attitude_t_p": eight.attitude_t_p[0],
+        "velocity_p_mps": eight.velocity_p_mps[0],
+    }
+    navigator = Navigator(JANUS, errors, options, initial, arm="tc")  # type: ignore[arg-type]
+    valid = np.isin(np.arange(4) + 1, beams)
+    readings = JANUS.beam_velocities(eight.velocity_p_mps)
+    sd = np.full(4, errors["dvl"]["beam_noise_sd_mps"])
+    for k, time_ns in enumerate(eight.time_ns.tolist()):
+        navigator.push_imu(time_ns, eight.omega_p_radps[k], eight.force_p_mps2[k])
+        if time_ns in predicted.time_ns:
+            navigator.push_beams(time_ns, readings[k], valid, sd_mps=sd)
+    claimed = np.sqrt(np.diag(navigator.covariance()))
+    np.testing.assert_allclose(predicted.sd[-1], claimed, rtol=0.01)
+
+
+def test_what_is_hidden_learns_nothing_and_what_is_seen_does(eight: Truth) -> None:
+    """The information uᵀP⁻¹u along a hidden direction stays what it was; along observable states it grows."""
+    errors = without_noise(eight)
+    for aiding in (ALL, Aiding(beams=(1, 2), depth=True)):
+        (found,) = observe(eight, JANUS, [aiding], kind="inertial", earth_rate_radps=0.0)
+        history = deviations(eight, JANUS, aiding, errors, kind="inertial")
+        # Constant errors: the covariance at the end, carried back to the start, is what learning left of the initial.
+        initial = np.array([*[2.0] * 3, *errors["initial"]["attitude_sd_rad"], *[0.05] * 3])
+        initial = np.append(
+            initial,
+            [*[errors["imu"]["accel_bias_sd_mps2"]] * 3, *[errors["imu"]["gyro_bias_sd_radps"]] * 3],
+        )
+        noise_sd = np.full(len(found.rows), errors["dvl"]["beam_noise_sd_mps"])
+        if aiding.depth:
+            noise_sd[len(aiding.beams) :: len(aiding.beams) + 1] = errors["depth"]["sd_m"]
+        white = found.rows / noise_sd[:, None] * initial
+        learned = np.linalg.inv(np.eye(15) + white.T @ white)
+        for row in found.basis:
+            u = row / initial
+            assert u @ np.linalg.solve(learned, u) == pytest.approx(u @ u, rel=1e-6)
+        # The filter's own history: states that are observable by themselves lose most of their deviation.
+        names = history.states[:15]
+        for state in ("tilt north", "tilt east", "accel bias z"):
+            assert state in found.observable_states
+            k = names.index(state)
+            assert history.sd[-1, k] < 0.25 * initial[k]
+        # Yaw is hidden from the DVL: nothing is learned, the gyro's bias adds to it.
+        yaw = history.sd[:, 5]
+        assert (yaw >= 0.999 * errors["initial"]["attitude_sd_rad"][2]).all()
+
+
+def test_small_gaps_are_undecided_and_show_their_values() -> None:
+    """One beam on a turning Earth: the last state stands above the noise by a factor of ten."""
+    truth = fly(MANOEUVRES["hover"], rate_hz=50.0, earth_rate_radps=EARTH_RATE_RADPS)
+    (found,) = observe(truth, JANUS, [Aiding(beams=(1,))], period_s=2.0)
+    assert found.gap < LEAST_GAP
+    assert not found.decided
+    assert found.verdict == "undecided"
+    assert len(found.singular_values) == 20
+
+
+def test_refusals_name_what_is_wrong(eight: Truth) -> None:
+    with pytest.raises(KernelError, match="aiding sensors: got 0, expected at least one of velocity"):
+        observe(eight, JANUS, [Aiding()])
+    with pytest.raises(KernelError, match="epochs of the window: got 1, expected at least 2"):
+        observe(eight, JANUS, [ALL], period_s=100.0)
+    with pytest.raises(KernelError, match="period_ns is -1"):
+        observe(eight, JANUS, [ALL], period_s=-1e-9)
+    with pytest.raises(DataError, match="there is no beam 5, expected 1 to 4"):
+        observe(eight, JANUS, [Aiding(beams=(1, 5))])
+    with pytest.raises(DataError, match="named twice"):
+        observe(eight, JANUS, [Aiding(beams=(1, 1))])
+    with pytest.raises(KernelError, match=r"scale: got 3, expected 20"):
+        observe(eight, JANUS, [ALL], scale=[1.0, 1.0, 1.0])
+    with pytest.raises(KernelError, match="the 2015 model takes velocity and depth alone"):
+        observe(eight, JANUS, [ALL], kind="paper")
+    with pytest.raises(KernelError, match="kind is 'theirs'"):
+        observe(eight, JANUS, [ALL], kind="theirs")  # type: ignore[arg-type]
+    broken = eight.velocity_p_mps.copy()
+    broken[17, 1] = np.nan
+    object.__setattr__(eight, "velocity_p_mps", broken)
+    with pytest.raises(KernelError, match="truth velocity_p_mps at 340000000 ns is not finite"):
+        observe(eight, JANUS, [ALL])
+    object.__setattr__(eight, "velocity_p_mps", np.nan_to_num(broken))
+
+
+def test_a_joint_outside_the_window_is_refused() -> None:
+    late = Manoeuvre("late", "", motion_of(1.0, yaw=swing(0.1, 0.1)), 10.0, joints_s=(20.0,))
+    with pytest.raises(DataError, match="joint at 20 s lies outside"):
+        fly(late)
+
+
+def test_the_papers_table_is_what_the_documentation_says() -> None:
+    """Computed is exact in every cell, and the six printed ranks are judged as written in docs/observability.md."""
+    table = schema.check(paper_table(), schema.OBSERVABILITY, place="paper")
+    assert (table["rank"] == table["expected_rank"]).all()
+    assert (table["gap"] >= LEAST_GAP).all()
+    held = table.filter(verdict="as printed")["case"].unique().to_list()
+    assert set(held) == {case.name for case in PAPER_CASES} - {"DVL, turn at 10 m/s"}
+
+
+def test_figures_have_a_panel_for_every_group() -> None:
+    sds, ranks = paper_histories(load_scenario("straight").kernel_model(9.8125))
+    for case in PAPER_CASES:
+        figure = deviation_figure(sds, ranks, case.name, title=case.name, hidden=["yaw"])
+        assert len(figure.axes) == (6 if case.aiding.velocity else 7)
+    with pytest.raises(DataError, match="column 'case' is missing"):
+        deviation_figure(sds.drop("case"), ranks, "x", title="")
+
+
+@pytest.mark.slow
+def test_a_scenario_to_tables_and_a_figure(tmp_path: Path) -> None:
+    scenario = tmp_path / "short.toml"
+    assert load_scenario("straight").name == "straight"
+    text = (Path(schema.__file__).parent / "scenarios" / "straight.toml").read_text(encoding="utf-8")
+    scenario.write_text(text.replace("duration_s = 250.0", "duration_s = 20.0"), encoding="utf-8")
+    made = observe_scenario(scenario, tmp_path / "o")
+    table = pl.read_parquet(tmp_path / "o" / "observability.parquet")
+    assert table.columns == list(schema.OBSERVABILITY)
+    assert table["mask"].to_list()[:5] == ["1", "2", "3", "4", "12"]
+    assert made.own == "beams 12"
+    assert all(path.is_file() for path in made.figures)
+
+
+def test_a_scenario_that_nothing_aids_is_refused(tmp_path: Path) -> None:
+    """Every beam lost and no other sensor."""
+    text = (Path(schema.__file__).parent / "scenarios" / "straight.toml").read_text(encoding="utf-8")
+    changed = text.replace("beams_lost = [3, 4]", "beams_lost = [1, 2, 3, 4]")
+    assert changed != text
+    (tmp_path / "blind.toml").write_text(changed, encoding="utf-8")
+    with pytest.raises(ScenarioError, match="nothing aids it, no beam returns and no other sensor is heard"):
+        observe_scenario(tmp_path / "blind.toml", tmp_path / "o")
+
+
+def test_a_plan_says_what_a_manoeuvre_brings() -> None:
+    """With all beams, straight flight leaves a tilt mixed with the accelerometer's bias; an eight parts them."""
+    truth = fly(MANOEUVRES["hover"], rate_hz=10.0)
+    table = plan(JANUS, ALL, model(truth), manoeuvres=[MANOEUVRES["straight"], MANOEUVRES["figure_eight"]])
+    verdicts = dict(table.filter(state="tilt north").select("manoeuvre", "verdict").iter_rows())
+    assert verdicts == {"straight": "hidden", "figure_eight": "observable"}
+    chosen = dict(best(table).select("state", "manoeuvre").iter_rows())
+    assert chosen["tilt north"] == "figure_eight"
+    assert chosen["accel bias y"] == "figure_eight"
