@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = [
     "ARMS",
     "EARTH_RATE_RADPS",
+    "FIX_STATUS",
     "MEMBERS",
     "BeamGeometry",
     "ClosedLoop",
@@ -21,6 +22,7 @@ __all__ = [
     "error_model",
     "normal_gravity_mps2",
     "observe",
+    "replay_log",
     "run_batch",
     "simulate_sensors",
     "solve_velocity",
@@ -28,6 +30,7 @@ __all__ = [
 __version__: Final[str]
 EARTH_RATE_RADPS: Final[float]
 ARMS: Final[tuple[str, ...]]
+FIX_STATUS: Final[tuple[str, ...]]
 MEMBERS: Final[tuple[str, ...]]
 
 class KernelError(ValueError):
@@ -99,6 +102,14 @@ class WaterDict(TypedDict):
     slip_epochs: float
 
 @type_check_only
+class RobustDict(TypedDict):
+    closure_gate: NotRequired[float | None]
+    beam_gate: NotRequired[float | None]
+    tail: Literal["gaussian", "student_t", "huber"]
+    student_t_degrees: NotRequired[float]
+    huber_threshold: NotRequired[float]
+
+@type_check_only
 class OptionsDict(TypedDict):
     gate: str
     gate_probability: float
@@ -111,6 +122,9 @@ class OptionsDict(TypedDict):
     weak_sway_var_m2ps2: float
     information_port: str
     water: NotRequired[WaterDict]
+    robust: NotRequired[RobustDict | None]
+    depth_lever_p_m: NotRequired[ArrayLike]
+    gps_lever_p_m: NotRequired[ArrayLike]
 
 @type_check_only
 class ScheduleDict(TypedDict):
@@ -181,6 +195,7 @@ class ReportDict(TypedDict):
     verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information"]
     widened: float | None
     rejected_rows: NDArray[np.bool_]
+    beam_weight: NDArray[np.float64] | None
     choice: dict[str, Any] | None
 
 @type_check_only
@@ -256,6 +271,63 @@ class CovarianceDict(TypedDict):
     states: list[str]
     time_ns: NDArray[np.int64]
     covariance: NDArray[np.float64]
+class LogDict(TypedDict):
+    imu_time_ns: NDArray[np.int64]
+    force_p_mps2: ArrayLike
+    omega_p_radps: ArrayLike
+    dvl_time_ns: NDArray[np.int64]
+    beam_velocity_mps: ArrayLike
+    beam_valid: NDArray[np.bool_]
+    beam_sd_mps: NotRequired[ArrayLike]
+    depth_time_ns: NDArray[np.int64]
+    depth_m: ArrayLike
+    heading_time_ns: NDArray[np.int64]
+    heading_rad: ArrayLike
+    attitude_time_ns: NDArray[np.int64]
+    attitude_rpy_rad: ArrayLike
+    gps_time_ns: NDArray[np.int64]
+    gps_position_t_m: ArrayLike
+
+@type_check_only
+class LogStartDict(TypedDict):
+    time_ns: int
+    position_t_m: ArrayLike
+    attitude_t_p: ArrayLike
+    velocity_p_mps: ArrayLike
+    accel_bias_mps2: NotRequired[ArrayLike]
+    gyro_bias_radps: NotRequired[ArrayLike]
+    covariance: NotRequired[ArrayLike | None]
+
+@type_check_only
+class ReplayDict(TypedDict):
+    sample_time_ns: NDArray[np.int64]
+    position_t_m: NDArray[np.float64]
+    attitude_t_p: NDArray[np.float64]
+    velocity_p_mps: NDArray[np.float64]
+    accel_bias_mps2: NDArray[np.float64]
+    gyro_bias_radps: NDArray[np.float64]
+    dvl_bias_mps: NDArray[np.float64]
+    dvl_scale: NDArray[np.float64]
+    sd: NDArray[np.float64]
+    nis: NDArray[np.float64]
+    nis_dof: NDArray[np.uint8]
+    fix_status: NDArray[np.uint8]
+    innovation_mps: NDArray[np.float64]
+    innovation_sd_mps: NDArray[np.float64]
+    beam_weight: NDArray[np.float64]
+    choice: NDArray[np.uint8]
+    unused: dict[Literal["before_start", "after_end"], dict[str, int]]
+    covariance: NotRequired[NDArray[np.float64]]
+    smoothed_position_t_m: NotRequired[NDArray[np.float64]]
+    smoothed_attitude_t_p: NotRequired[NDArray[np.float64]]
+    smoothed_velocity_p_mps: NotRequired[NDArray[np.float64]]
+    smoothed_accel_bias_mps2: NotRequired[NDArray[np.float64]]
+    smoothed_gyro_bias_radps: NotRequired[NDArray[np.float64]]
+    smoothed_dvl_bias_mps: NotRequired[NDArray[np.float64]]
+    smoothed_dvl_scale: NotRequired[NDArray[np.float64]]
+    smoothed_sd: NotRequired[NDArray[np.float64]]
+    smoothed_covariance: NotRequired[NDArray[np.float64]]
+    smoother_bytes: NotRequired[NDArray[np.int64]]
 
 @final
 class BeamGeometry:
@@ -346,6 +418,10 @@ class Navigator:
         position_sd_m: ArrayLike,
         velocity_sd_mps: ArrayLike,
     ) -> list[ReportDict]: ...
+    def push_position(
+        self, time_ns: int, position_t_m: ArrayLike, *, position_sd_m: ArrayLike
+    ) -> list[ReportDict]: ...
+    def refused(self) -> dict[str, int]: ...
     def state(self) -> StateDict: ...
     def covariance(self) -> NDArray[np.float64]: ...
     def water(self) -> WaterStateDict | None: ...
@@ -398,6 +474,19 @@ def simulate_sensors(
     run: int,
     imu_sampling: str = "instantaneous",
 ) -> dict[str, Any]: ...
+def replay_log(
+    geometry: BeamGeometry,
+    model: ModelDict,
+    options: OptionsDict,
+    arms: list[str],
+    log: LogDict,
+    start: LogStartDict,
+    *,
+    sample_time_ns: ArrayLike,
+    smooth: bool = False,
+    covariances: bool = False,
+    threads: int = 1,
+) -> ReplayDict: ...
 def run_batch(
     geometry: BeamGeometry,
     truth: TruthDict,

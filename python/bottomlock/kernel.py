@@ -29,6 +29,7 @@ from bottomlock import _kernel
 from bottomlock._kernel import (
     ARMS,
     EARTH_RATE_RADPS,
+    FIX_STATUS,
     MEMBERS,
     BeamGeometry,
     ClosedLoop,
@@ -38,6 +39,7 @@ from bottomlock._kernel import (
     error_model,
     normal_gravity_mps2,
     observe,
+    replay_log,
     run_batch,
     simulate_sensors,
 )
@@ -49,6 +51,7 @@ __all__ = [
     "ARMS",
     "COMPONENT_STATUS",
     "EARTH_RATE_RADPS",
+    "FIX_STATUS",
     "MEMBERS",
     "METHODS",
     "SOURCES",
@@ -65,6 +68,7 @@ __all__ = [
     "make_geometry",
     "normal_gravity_mps2",
     "observe",
+    "replay_log",
     "run_batch",
     "simulate_sensors",
     "solve_velocity",

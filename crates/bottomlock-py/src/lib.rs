@@ -9,6 +9,8 @@ mod dvl;
 mod errors;
 mod navigator;
 mod observability;
+mod replay;
+mod report;
 mod settings;
 
 /// Compiled kernel of bottomlock; use it through `bottomlock`.
@@ -27,6 +29,8 @@ mod _kernel {
     #[pymodule_export]
     use super::observability::{covariance_history, observe};
     #[pymodule_export]
+    use super::replay::replay_log;
+    #[pymodule_export]
     use super::settings::normal_gravity_mps2;
 
     use super::*;
@@ -37,6 +41,10 @@ mod _kernel {
         module.add("EARTH_RATE_RADPS", bottomlock::earth::EARTH_RATE_RADPS)?;
         let members = bottomlock::bank::MEMBERS.map(|(name, _)| name);
         module.add("MEMBERS", pyo3::types::PyTuple::new(module.py(), members)?)?;
+        module.add(
+            "FIX_STATUS",
+            pyo3::types::PyTuple::new(module.py(), bottomlock::replay::FIX_STATUS)?,
+        )?;
         let arms: Vec<&str> = bottomlock::batch::ARMS.iter().map(|arm| arm.name).collect();
         module.add("ARMS", pyo3::types::PyTuple::new(module.py(), arms)?)
     }

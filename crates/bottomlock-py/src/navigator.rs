@@ -1,13 +1,14 @@
 //! The streaming navigator.
 
-use bottomlock::bank::{Guide, MEMBERS};
+use bottomlock::bank::Guide;
 use bottomlock::batch::arm;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
-use bottomlock::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, VelocitySample};
+use bottomlock::events::{
+    AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, PositionSample, STREAM_NAMES, VelocitySample,
+};
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::imu::ImuSample;
 use bottomlock::layout::DIM;
-use bottomlock::report::{Choice, Sensor, UpdateReport, Verdict, Why};
 use bottomlock::state::{Covariance, NavState};
 use bottomlock::water::{self, WATER};
 use nalgebra::{Matrix3, Vector4};
@@ -17,13 +18,15 @@ use pyo3::types::{PyDict, PyList};
 
 use crate::arrays::{array, booleans, floats, item, rows, times, vector};
 use crate::batch::put_state;
-use crate::dvl::{BeamGeometry, source_code};
+use crate::dvl::BeamGeometry;
 use crate::errors::raise;
+use crate::report::report_dict;
 use crate::settings;
 
 /// An aided inertial navigator, fed a sample at a time: the very filter of a campaign, bit for bit.
 ///
-/// A measurement between two IMU samples waits for the later one; the step is then split at the measurement's own time.
+/// A measurement between two IMU samples waits for the later one; the step is then split at the measurement's own time. What comes
+/// later than that is refused with an error, and counted in `refused`.
 ///
 /// Args:
 ///     geometry: the beams.
@@ -55,14 +58,7 @@ fn initial_state(dict: &Bound<'_, PyDict>) -> PyResult<NavState> {
     };
     let mut state = NavState::at_rest(get("time_ns")?.extract()?);
     state.position_t_m = Vec3::from_array(vector("initial.position_t_m", &get("position_t_m")?)?);
-    let quaternion: [f64; 4] = vector("initial.attitude_t_p", &get("attitude_t_p")?)?;
-    let norm = quaternion.iter().map(|q| q * q).sum::<f64>().sqrt();
-    if !((norm - 1.0).abs() < 1e-6) {
-        return Err(crate::errors::refuse(format!(
-            "initial.attitude_t_p has norm {norm}, expected 1 (scalar first)"
-        )));
-    }
-    state.attitude_t_p = Rot::from_quaternion_wxyz(quaternion);
+    state.attitude_t_p = settings::attitude("initial.attitude_t_p", &get("attitude_t_p")?)?;
     state.velocity_p_mps = Vec3::from_array(vector("initial.velocity_p_mps", &get("velocity_p_mps")?)?);
     state.accel_bias_p_mps2 = Vec3::from_array(three("accel_bias_p_mps2")?);
     state.gyro_bias_p_radps = Vec3::from_array(three("gyro_bias_p_radps")?);
@@ -228,14 +224,12 @@ impl Navigator {
         yaw_rad: f64,
         sd_rad: f64,
     ) -> PyResult<Bound<'py, PyList>> {
-        self.push(
-            py,
-            &[Event::Heading(HeadingSample {
-                time_ns,
-                yaw_rad,
-                sd_rad,
-            })],
-        )
+        let sample = HeadingSample {
+            time_ns,
+            yaw_rad,
+            sd_rad,
+        };
+        self.push(py, &[Event::Heading(sample)])
     }
 
     /// A GPS position and velocity in the tangent frame, each (3,), with standard deviations (3,).
@@ -257,6 +251,36 @@ impl Navigator {
             velocity_sd_mps: vector("velocity_sd_mps", velocity_sd_mps)?,
         };
         self.push(py, &[Event::Gps(sample)])
+    }
+
+    /// A position alone in the tangent frame (3,), with its standard deviations (3,).
+    #[pyo3(signature = (time_ns, position_t_m, *, position_sd_m))]
+    fn push_position<'py>(
+        &mut self,
+        py: Python<'py>,
+        time_ns: i64,
+        position_t_m: &Bound<'py, PyAny>,
+        position_sd_m: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let sample = PositionSample {
+            time_ns,
+            position_t_m: Vec3::from_array(vector("position_t_m", position_t_m)?),
+            position_sd_m: vector("position_sd_m", position_sd_m)?,
+        };
+        self.push(py, &[Event::Position(sample)])
+    }
+
+    /// How many samples of each stream came too late and were refused.
+    ///
+    /// A sample is late where its time of validity lies before the last IMU sample, or not after the one before it of its own
+    /// stream. A sensor with latency needs the IMU to be held back by as much; a log is best replayed in order of validity.
+    fn refused<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let out = PyDict::new(py);
+        let counts = STREAM_NAMES.iter().zip(self.inner.refused());
+        counts
+            .into_iter()
+            .try_for_each(|(name, count)| out.set_item(name, count))?;
+        Ok(out)
     }
 
     /// The estimate at the time of the last IMU sample.
@@ -311,80 +335,8 @@ impl Navigator {
             py,
             reports
                 .iter()
-                .map(|report| report_dict(py, report))
+                .map(|report| report_dict(py, report, self.beams))
                 .collect::<PyResult<Vec<_>>>()?,
         )
     }
-}
-
-fn report_dict<'py>(py: Python<'py>, report: &UpdateReport) -> PyResult<Bound<'py, PyDict>> {
-    let sensor = match report.sensor {
-        Sensor::Beams => "beams",
-        Sensor::Velocity => "velocity",
-        Sensor::Depth => "depth",
-        Sensor::Attitude => "attitude",
-        Sensor::Heading => "heading",
-        Sensor::GpsPosition => "gps_position",
-        Sensor::GpsVelocity => "gps_velocity",
-        Sensor::Sway => "sway",
-        Sensor::Heave => "heave",
-    };
-    let (verdict, rejected) = match report.verdict {
-        Verdict::Accepted => ("accepted", 0),
-        Verdict::AcceptedInPart { rejected_rows } => ("accepted_in_part", rejected_rows),
-        Verdict::Rejected => ("rejected", u8::MAX),
-        Verdict::NoInformation => ("no_information", 0),
-    };
-    let rows = report.rows;
-    let covariance = (0..rows * rows)
-        .map(|k| report.covariance[(k / rows, k % rows)])
-        .collect();
-    let out = PyDict::new(py);
-    out.set_item("sensor", sensor)?;
-    out.set_item("time_ns", report.time_ns)?;
-    out.set_item(
-        "residual",
-        array::<f64>(py, report.residual.as_slice()[..rows].to_vec(), &[rows])?,
-    )?;
-    out.set_item("covariance", array::<f64>(py, covariance, &[rows, rows])?)?;
-    out.set_item("degrees", report.degrees)?;
-    out.set_item("nis", report.nis)?;
-    out.set_item("threshold", report.threshold)?;
-    out.set_item("verdict", verdict)?;
-    out.set_item("widened", report.widened)?;
-    let flags = (0..rows).map(|k| rejected & (1 << k) != 0).collect();
-    out.set_item("rejected_rows", array::<bool>(py, flags, &[rows])?)?;
-    out.set_item(
-        "choice",
-        report.choice.map(|choice| choice_dict(py, &choice)).transpose()?,
-    )?;
-    Ok(out)
-}
-
-fn choice_dict<'py>(py: Python<'py>, choice: &Choice) -> PyResult<Bound<'py, PyDict>> {
-    let out = PyDict::new(py);
-    match choice {
-        Choice::Components(sources) => {
-            for (axis, source) in ["surge", "sway", "heave"].into_iter().zip(sources) {
-                out.set_item(axis, source.map_or(0, source_code))?;
-            }
-        }
-        Choice::Member {
-            member,
-            why,
-            statistic,
-            threshold,
-        } => {
-            let why = match why {
-                Why::BeamsKnowBest => "beams_know_best",
-                Why::KnowsMost => "knows_most",
-                Why::BeamsContradict => "beams_contradict",
-            };
-            out.set_item("member", MEMBERS[*member].0)?;
-            out.set_item("why", why)?;
-            out.set_item("statistic", *statistic)?;
-            out.set_item("threshold", *threshold)?;
-        }
-    }
-    Ok(out)
 }

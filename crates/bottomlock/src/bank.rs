@@ -13,11 +13,12 @@ use nalgebra::{Matrix3, Vector3};
 use crate::dvl::geometry::BeamGeometry;
 use crate::dvl::partial::Method;
 use crate::error::NavError;
-use crate::events::Event;
+use crate::events::{Event, STREAMS};
 use crate::model::{Gate, GateTable, Model, Options};
 use crate::report::{Choice, Sensor, UpdateReport, Why};
 use crate::run::{BeamAiding, Navigator};
 use crate::state::{Covariance, NavState};
+use crate::twin::Filters;
 use crate::water_block::WaterBlock;
 
 /// The filters of the selector; the first makes no assumption.
@@ -39,6 +40,17 @@ pub enum Aiding {
     One(BeamAiding),
     /// The consistent selector over [`MEMBERS`].
     Consistent,
+}
+
+impl Aiding {
+    /// True where each row of an update is a beam, in the order of the beams.
+    #[must_use]
+    pub fn rows_are_beams(self) -> bool {
+        matches!(
+            self,
+            Self::One(BeamAiding::Tight | BeamAiding::SwayCurrent) | Self::Consistent
+        )
+    }
 }
 
 /// What leads a vehicle: a navigator, or a choice of several.
@@ -91,6 +103,23 @@ impl Guide {
         match self {
             Self::One(navigator) => navigator,
             Self::Consistent(bank) => &bank.members[bank.chosen],
+        }
+    }
+
+    /// The filters of a guide that has one navigator; a choice has no filter of its own to smooth.
+    pub(crate) fn filters(&mut self) -> Option<&mut Filters> {
+        match self {
+            Self::One(navigator) => Some(navigator.filters()),
+            Self::Consistent(_) => None,
+        }
+    }
+
+    /// How many events of each stream came too late and were refused.
+    #[must_use]
+    pub fn refused(&self) -> &[u64; STREAMS] {
+        match self {
+            Self::One(navigator) => navigator.refused(),
+            Self::Consistent(bank) => bank.members[0].refused(),
         }
     }
 

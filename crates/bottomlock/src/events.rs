@@ -7,6 +7,11 @@ use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
 use crate::imu::ImuSample;
 
+/// Number of streams within which time rises.
+pub const STREAMS: usize = 7;
+/// Their names.
+pub const STREAM_NAMES: [&str; STREAMS] = ["imu", "dvl", "velocity", "depth", "attitude", "heading", "gps"];
+
 /// A depth reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthSample {
@@ -44,6 +49,17 @@ pub struct GpsSample {
     pub velocity_t_mps: Vec3<Tangent>,
     /// 1 sigma, m/s.
     pub velocity_sd_mps: [f64; 3],
+}
+
+/// A position alone: a receiver that gives no velocity, or an acoustic fix.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PositionSample {
+    /// Time of validity, ns.
+    pub time_ns: i64,
+    /// Position, tangent frame, m.
+    pub position_t_m: Vec3<Tangent>,
+    /// 1 sigma, m.
+    pub position_sd_m: [f64; 3],
 }
 
 /// A velocity that an instrument solved itself.
@@ -85,6 +101,8 @@ pub enum Event {
     Heading(HeadingSample),
     /// GPS position and velocity.
     Gps(GpsSample),
+    /// GPS position without velocity.
+    Position(PositionSample),
 }
 
 impl Event {
@@ -99,20 +117,22 @@ impl Event {
             Self::Attitude(sample) => sample.time_ns,
             Self::Heading(sample) => sample.time_ns,
             Self::Gps(sample) => sample.time_ns,
+            Self::Position(sample) => sample.time_ns,
         }
     }
 
     /// Name and number of the stream that the event belongs to.
     pub(crate) fn stream(&self) -> (&'static str, usize) {
-        match self {
-            Self::Imu(_) => ("imu", 0),
-            Self::Beams(_) => ("dvl", 1),
-            Self::Velocity(_) => ("velocity", 2),
-            Self::Depth(_) => ("depth", 3),
-            Self::Attitude(_) => ("attitude", 4),
-            Self::Heading(_) => ("heading", 5),
-            Self::Gps(_) => ("gps", 6),
-        }
+        let index = match self {
+            Self::Imu(_) => 0,
+            Self::Beams(_) => 1,
+            Self::Velocity(_) => 2,
+            Self::Depth(_) => 3,
+            Self::Attitude(_) => 4,
+            Self::Heading(_) => 5,
+            Self::Gps(_) | Self::Position(_) => 6,
+        };
+        (STREAM_NAMES[index], index)
     }
 
     /// Checks the numbers of the event.
@@ -149,6 +169,13 @@ impl Event {
                 require_finite("gps velocity_t_mps", time, &sample.velocity_t_mps.to_array())?;
                 let mut sds = sample.position_sd_m.iter().chain(&sample.velocity_sd_mps);
                 sds.try_for_each(|&sd| require_positive("gps sd", sd))
+            }
+            Self::Position(sample) => {
+                require_finite("gps position_t_m", time, &sample.position_t_m.to_array())?;
+                sample
+                    .position_sd_m
+                    .iter()
+                    .try_for_each(|&sd| require_positive("gps sd", sd))
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use crate::dvl::geometry::MAX_BEAMS;
 use crate::dvl::partial::Method;
 use crate::model::MAX_ROWS;
 use crate::state::{Covariance, ErrorVector};
@@ -99,6 +100,8 @@ pub struct UpdateReport {
     pub widened: Option<f64>,
     /// What was chosen, where the arm chooses.
     pub choice: Option<Choice>,
+    /// Weight of each beam where outliers are looked for: 0 for one that was taken out, NaN for one that was lost.
+    pub beam_weight: Option<[f64; MAX_BEAMS]>,
 }
 
 impl UpdateReport {
@@ -115,6 +118,7 @@ impl UpdateReport {
             verdict: Verdict::NoInformation,
             widened: None,
             choice: None,
+            beam_weight: None,
         }
     }
 

@@ -8,12 +8,13 @@ use crate::aiding;
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::dvl::partial::{FixPlan, Method, plan};
 use crate::error::NavError;
-use crate::events::Event;
+use crate::events::{Event, STREAMS};
 use crate::filter::Eskf;
 use crate::imu::{ImuSample, Sampling};
 use crate::layout::VELOCITY;
 use crate::model::{InformationPort, Model, Options};
-use crate::report::{Choice, Sensor, UpdateReport};
+use crate::report::{Choice, Sensor, UpdateReport, Verdict};
+use crate::robust::{self, Screened};
 use crate::state::{Covariance, NavState};
 use crate::twin::Filters;
 use crate::water_block::WaterBlock;
@@ -42,7 +43,8 @@ pub struct Navigator {
     options: Options,
     last_imu: Option<ImuSample>,
     waiting: VecDeque<Event>,
-    last_ns: [Option<i64>; 7],
+    last_ns: [Option<i64>; STREAMS],
+    refused: [u64; STREAMS],
 }
 
 impl Navigator {
@@ -66,7 +68,8 @@ impl Navigator {
             options: *options,
             last_imu: None,
             waiting: VecDeque::new(),
-            last_ns: [None; 7],
+            last_ns: [None; STREAMS],
+            refused: [0; STREAMS],
         })
     }
 
@@ -85,6 +88,11 @@ impl Navigator {
     /// The filter that makes no assumption: the only one but in the arm [`BeamAiding::SwayCurrent`].
     pub fn filter_mut(&mut self) -> &mut Eskf {
         &mut self.filters.beams_alone
+    }
+
+    /// The filters, for a smoother.
+    pub(crate) fn filters(&mut self) -> &mut Filters {
+        &mut self.filters
     }
 
     /// Replaces the covariance; what was assumed and learned of the motion through the water is forgotten.
@@ -119,37 +127,32 @@ impl Navigator {
         event.validate(&self.geometry)?;
         let (time_ns, (stream, index)) = (event.time_ns(), event.stream());
         let now_ns = self.filters.beams_alone.state().time_ns;
-        let newest_waiting = self.waiting.back().map(Event::time_ns);
-        if let Some(previous_ns) = self.last_ns[index].filter(|&previous_ns| time_ns <= previous_ns) {
+        let repeated_ns = self.last_ns[index].filter(|&previous_ns| time_ns <= previous_ns);
+        if let Some(previous_ns) = repeated_ns.or((time_ns < now_ns).then_some(now_ns)) {
+            self.refused[index] += 1;
             return Err(NavError::TimeNotIncreasing {
                 stream,
                 time_ns,
                 previous_ns,
             });
         }
-        if time_ns < now_ns {
-            return Err(NavError::TimeNotIncreasing {
-                stream,
-                time_ns,
-                previous_ns: now_ns,
-            });
-        }
         match event {
             Event::Imu(sample) => self.advance(sample, report)?,
             _ if self.last_imu.is_some_and(|last| last.time_ns == time_ns) => self.aid(event, report)?,
             _ => {
-                if let Some(previous_ns) = newest_waiting.filter(|&previous_ns| time_ns < previous_ns) {
-                    return Err(NavError::TimeNotIncreasing {
-                        stream,
-                        time_ns,
-                        previous_ns,
-                    });
-                }
-                self.waiting.push_back(*event);
+                // Sensors that wait for the same IMU sample need not arrive in order.
+                let place = self.waiting.partition_point(|other| other.time_ns() <= time_ns);
+                self.waiting.insert(place, *event);
             }
         }
         self.last_ns[index] = Some(time_ns);
         Ok(())
+    }
+
+    /// How many events of each stream came too late and were refused, in the order of [`crate::events::STREAM_NAMES`].
+    #[must_use]
+    pub fn refused(&self) -> &[u64; STREAMS] {
+        &self.refused
     }
 
     fn advance(&mut self, sample: &ImuSample, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
@@ -162,6 +165,7 @@ impl Navigator {
         if self.last_imu.is_none() {
             self.filters.note_rate(&last);
         }
+        let interval_s = (sample.time_ns - last.time_ns) as f64 * 1e-9;
         while let Some(event) = self
             .waiting
             .front()
@@ -175,6 +179,7 @@ impl Navigator {
                     Sampling::Averaged => ImuSample { time_ns, ..*sample },
                 };
                 self.filters.predict(&last, &middle)?;
+                self.filters.note_interval(interval_s);
                 last = middle;
             }
             self.waiting.pop_front();
@@ -182,6 +187,7 @@ impl Navigator {
         }
         if sample.time_ns > last.time_ns {
             self.filters.predict(&last, sample)?;
+            self.filters.note_interval(interval_s);
         }
         self.last_imu = Some(*sample);
         Ok(())
@@ -193,7 +199,15 @@ impl Navigator {
         match event {
             Event::Imu(_) => {}
             Event::Beams(ping) => {
-                if let Some(outcome) = self.aid_with_beams(ping)? {
+                let screened = self.screen(ping)?;
+                let ping = screened.map_or(*ping, |screened| screened.ping);
+                if let Some(mut outcome) = self.aid_with_beams(&ping)? {
+                    if let Some(screened) = screened {
+                        outcome.beam_weight = Some(screened.weight);
+                        if screened.took_all() {
+                            outcome.verdict = Verdict::Rejected;
+                        }
+                    }
                     report(&outcome);
                 }
                 let full_lock = self.geometry.rank_of(ping.valid) == 3;
@@ -228,8 +242,23 @@ impl Navigator {
                     })
                 })?);
             }
+            Event::Position(sample) => report(&filters.update(Sensor::GpsPosition, |filter| {
+                let lever = &options.gps_lever_p_m;
+                aiding::gps_position(&filter.state(), &sample.position_t_m, &sample.position_sd_m, lever)
+            })?),
         }
         Ok(())
+    }
+
+    /// What is left of a ping where outliers are looked for, as the filter on measurements alone sees it.
+    fn screen(&mut self, ping: &BeamSample) -> Result<Option<Screened>, NavError> {
+        if self.options.robust.is_off() || self.aiding == BeamAiding::None {
+            return Ok(None);
+        }
+        let (geometry, filter) = (&self.geometry, &mut self.filters.beams_alone);
+        let covariance = filter.covariance_now();
+        let terms = filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
+        robust::screen(&self.options.robust, geometry, &covariance, &terms, ping).map(Some)
     }
 
     fn aid_with_beams(&mut self, ping: &BeamSample) -> Result<Option<UpdateReport>, NavError> {

@@ -3,21 +3,33 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::Eskf;
-use crate::aiding::Innovation;
+use crate::aiding::{Innovation, Repeats, RowJacobian};
 use crate::error::{NavError, require_finite};
 use crate::layout::{DIM, VELOCITY};
 use crate::model::{Gate, GateTable, MAX_ROWS};
 use crate::report::{Sensor, UpdateReport, Verdict};
-use crate::water::WaterRow;
+use crate::state::Covariance;
+use crate::water::{WATER, WaterRow};
 
 /// Chi-squared of three degrees at one in a million: asked at every epoch, it must not be met by chance in a mission.
 const EXCLUDED: f64 = 30.665;
 
 impl Eskf {
+    /// Takes note of the time between two readings: a step that a measurement splits is shorter, the gyro's noise is not larger.
+    pub(crate) fn note_interval(&mut self, interval_s: f64) {
+        self.last_step_s = interval_s;
+    }
+
     /// The velocity, platform frame, m/s, and its covariance, (m/s)², as the last update left them.
     pub(crate) fn velocity(&self) -> (Vector3<f64>, Matrix3<f64>) {
         let own = self.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY).into_owned();
         (Vector3::from(self.kinematics.velocity_p_mps), own)
+    }
+
+    /// The covariance, brought up to date as an update will bring it.
+    pub(crate) fn covariance_now(&mut self) -> Covariance {
+        self.propagate_covariance();
+        self.covariance
     }
 
     /// True where the velocity of `other` cannot be by this filter's own covariance; never with the gate off.
@@ -75,6 +87,12 @@ impl Eskf {
         let mut columns = SMatrix::<f64, DIM, MAX_ROWS>::zeros();
         columns.set_column(0, &cross);
         innovation.cross = Some(columns);
+        let mut by_water = SMatrix::<f64, MAX_ROWS, WATER>::zeros();
+        by_water.set_row(0, &row.by_water.transpose());
+        innovation.repeats = Some(Box::new(Repeats {
+            by_state: RowJacobian::zeros(),
+            by_water,
+        }));
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
         require_finite("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
         let report = self.fuse::<1>(&innovation, sensor, Some(&shared))?;
