@@ -8,8 +8,11 @@ import pytest
 from bottomlock import reproduce as whole
 from bottomlock import sweep
 from bottomlock.campaign import Progress
+from bottomlock.scenario import load_scenario
 from bottomlock.schema import SWEEP, check
 from bottomlock.sweep import SETTINGS, Setting
+
+RARE = "gate reopens after refusals in a row"
 
 
 @pytest.fixture
@@ -55,5 +58,17 @@ def test_every_setting_is_swept_and_moves_something(tmp_path: Path) -> None:
     assert "n_f of VB" in made.page.read_text(encoding="utf-8")
     main = pl.read_parquet(tmp_path / "o" / "ensemble.parquet").group_by("arm").last()
     for row in table.iter_rows(named=True):
+        if row["parameter"] == RARE:
+            continue
         here = main.filter(pl.col("arm") == row["arm"])["velocity_rms_mps"][0]
         assert row["velocity_rms_mps"] != pytest.approx(here, rel=1e-6), row["parameter"]
+
+
+def test_a_gate_that_reopens_reaches_the_filter() -> None:
+    """It moves nothing in runs without a lock-out, so the options are looked at instead."""
+    setting = next(setting for setting in SETTINGS if setting.parameter == RARE)
+    scenario = load_scenario("straight")
+    fixes = [
+        setting.change(scenario, value).kernel_options()["gate_reopen_fixes"] for value in setting.values
+    ]
+    assert fixes == [0, 5]

@@ -73,13 +73,10 @@ impl Eskf {
         }
     }
 
-    /// Multiplies the covariance of position, attitude, velocity and the IMU's biases; correlations stay.
+    /// Multiplies the covariance of position, attitude, velocity and the IMU's biases among themselves: noise is added to them.
     fn widen(&mut self, factor: f64) {
-        let by = factor.sqrt();
-        for k in 0..DVL_BIAS {
-            self.covariance.row_mut(k).scale_mut(by);
-            self.covariance.column_mut(k).scale_mut(by);
-        }
+        let mut inertial = self.covariance.fixed_view_mut::<DVL_BIAS, DVL_BIAS>(0, 0);
+        inertial *= factor;
     }
 }
 
