@@ -132,8 +132,8 @@ def folder(recordings: Path) -> Path:
 
 def flown(folder: Path, number: int, *, lost: tuple[int, ...] = (), depth: bool = True) -> tuple[Any, Array]:
     """What the arms yield at every reference, and the reference."""
-    assumed, log, start, position, time_ns = section(folder, number)
-    log = dict(log)
+    assumed, recorded, start, position, time_ns = section(folder, number)
+    log: Any = dict(recorded)
     log["beam_valid"] = log["beam_valid"].copy()
     log["beam_valid"][:, [beam - 1 for beam in lost]] = False
     if not depth:
