@@ -57,7 +57,7 @@ def disturbed(drawn: tuple[list[float], float, int]) -> Array:
 def test_student_t_is_the_variational_update(
     P: Array, drawn: tuple[list[float], float, int], mask: list[bool], degrees: float
 ) -> None:
-    """State, covariance and weights of Agamennoni's update in twenty dimensions; ours works in as many as there are beams.
+    """State, covariance and weights of Agamennoni's update in twenty dimensions; ours works in those of the beams.
 
     The scale that it is given holds what Student's t tells less than a Gaussian: (ν + 3)/(ν + 1) in the variance.
     """

@@ -1,4 +1,4 @@
-"""Runs whose beams err by Student's t of three degrees, and the same runs with Gaussian beams, flown in several ways."""
+"""Runs whose beams err by Student's t of three degrees, and the same with Gaussian beams, flown in several ways."""
 
 from __future__ import annotations
 
