@@ -36,6 +36,13 @@ EXTRA = {
 }
 """Columns that some formats fill, Float64, null where a record holds none."""
 
+EXTRA_PER_BEAM = {
+    "noise_dbm": "background noise at the transducer",
+    "range_confidence": "the instrument's own figure for its range",
+    "delay_s": "when the echo's centre came, after the record's own time stamp's trigger",
+}
+"""The same per beam: beam1_noise_dbm ...."""
+
 
 @dataclass(frozen=True, eq=False)
 class BeamTable:
@@ -52,7 +59,7 @@ class BeamTable:
         instrument_valid: (n,) int8: 1 and 0 as the instrument judges its velocity, -1 where it does not say.
         arrival_ns: (n,) int64, host clock; None where the file has none.
         stale: (n,) bool: the beams repeat those of the record before, unchanged; their `valid` is then false.
-        extra: columns of `EXTRA`, (n,) each.
+        extra: columns of `EXTRA` and, with the beam's number before it, of `EXTRA_PER_BEAM`, (n,) each.
     """
 
     time_ns: Integers
@@ -153,7 +160,7 @@ class BeamTable:
             instrument_valid=verdict.cast(pl.Int8).fill_null(-1).to_numpy(),
             arrival_ns=None if arrival.null_count() else arrival.to_numpy(),
             stale=flags("stale"),
-            extra={name: floats(name) for name in EXTRA if name in frame.columns},
+            extra={name: floats(name) for name in _extra_names(beams) if name in frame.columns},
         )
         wrong = np.argwhere(table.valid & ~np.isfinite(table.velocity_mps))
         if wrong.size:
@@ -162,6 +169,10 @@ class BeamTable:
                 f"{place}: row {row}, column 'beam{beam + 1}_mps' is not finite, but the beam is flagged valid"
             )
         return table
+
+
+def _extra_names(beams: int) -> list[str]:
+    return [*EXTRA, *(f"beam{k + 1}_{what}" for what in EXTRA_PER_BEAM for k in range(beams))]
 
 
 @dataclass
