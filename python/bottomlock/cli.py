@@ -311,6 +311,9 @@ app.command(
     "bottomlock.study_commands:masks", name="masks", help="Flies every partial mask, dropouts and a slope."
 )
 app.command("bottomlock.study_commands:certify", name="certify", help="Writes the honesty certificate.")
+app.command(
+    "bottomlock.convert_command:convert", name="convert", help="Converts a recorded DVL log to a beam table."
+)
 
 
 def _fail(message: str) -> NoReturn:

@@ -21,7 +21,7 @@ import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, lost, refuse_empty
 
 NAME = "pd0"
 _BEAMS = 4
@@ -205,7 +205,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     if found and not pings:
         raise DataError(
             f"{place}: none of {len(found)} ensembles has bottom track (data type 0600h); "
-            "switch it on (BP1) and record it (PD0)"
+            f"switch it on (BP1) and record it (PD0){lost(account)}"
         )
     if pings and not counts[0] and not options.instrument_only:
         frame = FRAMES[max(range(len(FRAMES)), key=counts.__getitem__)]
