@@ -170,7 +170,11 @@ def df21(
     head = struct.pack("<BBI6sHHII3f", 1, 36, 4711, clock, 2500, 4, 0, status, 1500.0, 12.0, 1.5)
     beams = [*velocity, 10.0, 10.1, 10.2, 10.3, 0.01, 0.02, 0.03, 0.04]
     beams += [0.013] * 4 + [-0.04] * 4 + [0.002] * 4
-    return head + struct.pack("<24f", *beams) + struct.pack("<20f", *axes, 0.011, 0.012, 0.013, 0.014, *[0.01] * 12)
+    return (
+        head
+        + struct.pack("<24f", *beams)
+        + struct.pack("<20f", *axes, 0.011, 0.012, 0.013, 0.014, *[0.01] * 12)
+    )
 
 
 def df20(*, valid: bool = True) -> bytes:
@@ -178,8 +182,8 @@ def df20(*, valid: bool = True) -> bytes:
     head = bytearray(78)
     clock = bytes([121, 4, 1, 0, 0, 10])
     struct.pack_into(
-        "<BBHI6sHHhIHhhH", head, 0, 1, 78, 1 << 5 | 1 << 8 | 1 << 9, 4711, clock, 2500, 15000, 1200, 100, 9000, 150, -250,
-        4 << 12 | 2 << 10,
+        "<BBHI6sHHhIHhhH", head, 0, 1, 78, 1 << 5 | 1 << 8 | 1 << 9, 4711, clock, 2500, 15000, 1200, 100, 9000, 150,
+        -250, 4 << 12 | 2 << 10,
     )  # fmt: skip
     struct.pack_into("<b", head, 60, -3)
     beams = (100, -100, 50, -50, 2000, 2100, 2200, 2300, 5, 6, 7, 8)
@@ -189,14 +193,26 @@ def df20(*, valid: bool = True) -> bytes:
 
 def nucleus(step: int = 0, *, status: int = 0x7FFF, velocity: Sequence[float] = (0.1, 0.2, 0.3)) -> bytes:
     """A Nucleus bottom-track record, `step` seconds after a time of 2023."""
-    head = struct.pack("<4B3I2I3f", 2, 36, 1, 0, 1_690_000_000 + step, 250_000, status, 4711, 0, 1500.0, 12.0, 1.5)
+    head = struct.pack(
+        "<4B3I2I3f", 2, 36, 1, 0, 1_690_000_000 + step, 250_000, status, 4711, 0, 1500.0, 12.0, 1.5
+    )
     numbers = [*velocity, 5.0, 5.1, 5.2, 0.01, 0.02, 0.03, 0.004, 0.005, 0.006, 0.02, 0.02, 0.02]
     return head + struct.pack("<23f", *numbers, 1.0, -0.5, 0.25, 0.011, 0.012, 0.013, 0.005, 0.02)
 
 
 def pnorbt(beam: int, *, tagged: bool, velocity: float = 0.25, second: float = 35.3341) -> bytes:
     """A Nortek beam line, plain or tagged."""
-    values = (str(beam), "040721", f"1313{second:07.4f}", "23.961", "-48.122", f"{velocity:.5f}", "0.01", "5.0", "0x1F")
+    values = (
+        str(beam),
+        "040721",
+        f"1313{second:07.4f}",
+        "23.961",
+        "-48.122",
+        f"{velocity:.5f}",
+        "0.01",
+        "5.0",
+        "0x1F",
+    )
     tags = ("BEAM", "DATE", "TIME", "DT1", "DT2", "BV", "FOM", "DIST", "STAT")
     fields = [f"{tag}={value}" for tag, value in zip(tags, values, strict=True)] if tagged else values
     return nmea(f"PNORBT{int(tagged)},{','.join(fields)}".encode())
@@ -206,13 +222,20 @@ PD6 = (
     b":SA, -2.31, +0.92,236.59\r\n:TS,21040713133533,35.0,+25.0,   0.0,1500.0,  0\r\n"
     b":BI,   -32,   +22,    +0,   -93,A\r\n:BS,   -32,   +22,    +0,A\r\n:BE,   +19,   +20,   +28,A\r\n"
 )
-PD6_LOGGED = b'Timestamp(s),SensorID,RawLine,CmdOrNote\r\n1762421966.54,DVL,":BI,   -32,   +22,+88888,   -93,V",RESP\r\n'
+PD6_LOGGED = (
+    b"Timestamp(s),SensorID,RawLine,CmdOrNote\r\n"
+    b'1762421966.54,DVL,":BI,   -32,   +22,+88888,   -93,V",RESP\r\n'
+)
 """As a logger's CSV holds PD6."""
 
 
 def pd4() -> bytes:
     """A whole PD4 record."""
-    body = struct.pack("<BBHB", 0x7D, 0, 45, 0x41) + struct.pack("<4h4H", 1, 2, 3, 4, 100, 101, 102, 103) + bytes(24)
+    body = (
+        struct.pack("<BBHB", 0x7D, 0, 45, 0x41)
+        + struct.pack("<4h4H", 1, 2, 3, 4, 100, 101, 102, 103)
+        + bytes(24)
+    )
     return body + struct.pack("<H", sum(body) & 0xFFFF)
 
 
@@ -224,7 +247,11 @@ def seeds() -> dict[str, list[bytes]]:
             a50_report(0, version="json_v3.1") + b'{"ts":49056.8,"x":1.2,"type":"position_local","format":"json_v3"}\n',
             a50_report(0, version="json_v2") + a50_report(0, version="json_v2").rstrip() + a50_report(2),
         ],
-        "waterlinked-serial": [SERIAL, SERIAL + SERIAL_OLD, wl_sentence(b"wrp,49056.809,0.41,0.15,1.23,0.4,1,2,3,0") + SERIAL],
+        "waterlinked-serial": [
+            SERIAL,
+            SERIAL + SERIAL_OLD,
+            wl_sentence(b"wrp,49056.809,0.41,0.15,1.23,0.4,1,2,3,0") + SERIAL,
+        ],
         "nortek-ascii": [
             PNORBT0,
             b"".join(pnorbt(k, tagged=False) for k in range(1, 5)),
@@ -238,8 +265,14 @@ def seeds() -> dict[str, list[bytes]]:
             pd0_ensemble(1, frame=3) + pd0_ensemble(2, frame=3, century=True),
         ],
         "nortek-dvl": [nortek_frame(0x1B, df21()), nortek_frame(0x1B, df21(1)) + nortek_frame(0x1D, df21(2))],
-        "nortek-ad2cp": [nortek_frame(0x17, df20(), 0x10), nortek_frame(0xA0, b"GETCLOCKSTR", 0x10) + nortek_frame(0x17, df20(valid=False), 0x10)],
-        "nucleus": [nortek_frame(0xB4, nucleus(), 0x20), nortek_frame(0xD2, bytes(40), 0x20) + nortek_frame(0xB4, nucleus(1), 0x20)],
+        "nortek-ad2cp": [
+            nortek_frame(0x17, df20(), 0x10),
+            nortek_frame(0xA0, b"GETCLOCKSTR", 0x10) + nortek_frame(0x17, df20(valid=False), 0x10),
+        ],
+        "nucleus": [
+            nortek_frame(0xB4, nucleus(), 0x20),
+            nortek_frame(0xD2, bytes(40), 0x20) + nortek_frame(0xB4, nucleus(1), 0x20),
+        ],
         "pd6": [PD6, PD6_LOGGED],
         "pd4": [pd4() + pd4()],
     }  # fmt: skip

@@ -19,7 +19,9 @@ console = Console(stderr=False)
 def convert(
     file: Path,
     *,
-    to: Annotated[Path, Parameter(help="Parquet file for the beam table; its account goes beside it as JSON.")],
+    to: Annotated[
+        Path, Parameter(help="Parquet file for the beam table; its account goes beside it as JSON.")
+    ],
     format: Annotated[  # noqa: A002 - the option's name
         str | None, Parameter(help=f"Of the file; found from its content by default: {', '.join(NAMES)}.")
     ] = None,
@@ -34,7 +36,8 @@ def convert(
         bool, Parameter(negative="", help="Leave beams valid that repeat the report before, unchanged.")
     ] = False,
     negate_beams: Annotated[
-        bool, Parameter(negative="", help="Turn the sign of the beams: they are positive away from the bottom.")
+        bool,
+        Parameter(negative="", help="Turn the sign of the beams: they are positive away from the bottom."),
     ] = False,
     ignore_checksum: Annotated[
         bool, Parameter(negative="", help="Keep text records whose checksum does not fit, flagged.")
@@ -93,7 +96,9 @@ def _reason(name: str, reason: Reason) -> str:
 def tell(recording: Recording) -> None:
     """Prints what was read and what was not."""
     table, account = recording.table, recording.account
-    lines = [f"{recording.format}: {account.read} records read, {table.rows} pings kept, {account.lost} skipped"]
+    lines = [
+        f"{recording.format}: {account.read} records read, {table.rows} pings kept, {account.lost} skipped"
+    ]
     if table.rows:
         seconds = (int(table.time_ns[-1]) - int(table.time_ns[0])) * 1e-9
         lines.append(f"{seconds:.1f} s on the clock: {recording.clock} (time of {recording.time_of})")
@@ -103,7 +108,9 @@ def tell(recording: Recording) -> None:
         lines.append(f"beams valid, of {table.beams}: {', '.join(parts)}")
     said = table.instrument_valid
     if (said >= 0).any():
-        lines.append(f"the instrument's own velocity ({recording.frame}): {(said == 1).sum()} of {table.rows} valid")
+        lines.append(
+            f"the instrument's own velocity ({recording.frame}): {(said == 1).sum()} of {table.rows} valid"
+        )
     lines += recording.corrected
     lines += recording.notes
     if recording.geometry:

@@ -36,7 +36,11 @@ def literal_ensembles(data: bytes) -> list[Literal]:
             at += 1
             continue
         size = u16(data, at + 2)
-        if at + size + 2 > len(data) or size < 8 or sum(data[at : at + size]) % 65_536 != u16(data, at + size):
+        if (
+            at + size + 2 > len(data)
+            or size < 8
+            or sum(data[at : at + size]) % 65_536 != u16(data, at + size)
+        ):
             at += 1
             continue
         record = data[at : at + size]

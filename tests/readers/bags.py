@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 
 TILT = math.radians(22.5)
-UNIT = np.array([[math.sin(TILT) * math.cos(a), math.sin(TILT) * math.sin(a), math.cos(TILT)] for a in np.pi / 180 * np.array([45, 135, 225, 315])])
+UNIT = np.array(
+    [
+        [math.sin(TILT) * math.cos(a), math.sin(TILT) * math.sin(a), math.cos(TILT)]
+        for a in np.pi / 180 * np.array([45, 135, 225, 315])
+    ]
+)
 VELOCITY = np.array([1.0, -0.25, 0.125])
 
 

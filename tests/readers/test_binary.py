@@ -9,15 +9,17 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.io import nortek_ad2cp, nortek_dvl, nucleus, pd0
-from bottomlock.io.nortek_frames import frames
 from bottomlock.io.beam_table import Account
+from bottomlock.io.nortek_frames import frames
 from bottomlock.io.rows import Options
 from tools import reader_seeds as seeds
 
 
 def test_pd0_beams() -> None:
     """Beam coordinates: mm/s as they stand, range 0 is none, attitude and clock from the variable leader."""
-    recording = pd0.read(seeds.pd0_ensemble(1) + seeds.pd0_ensemble(2, velocity=(100, -32768, 250, -250)), "log")
+    recording = pd0.read(
+        seeds.pd0_ensemble(1) + seeds.pd0_ensemble(2, velocity=(100, -32768, 250, -250)), "log"
+    )
     table = recording.table
     np.testing.assert_allclose(table.velocity_mps[0], [0.1, -0.1, 0.25, -0.25])
     assert table.valid.tolist() == [[True] * 4, [True, False, True, True]]
@@ -50,7 +52,9 @@ def test_pd0_without_beams(frame: int, code: str) -> None:
     """Other coordinates are refused with advice, or give the vehicle's velocity on request."""
     data = seeds.pd0_ensemble(1, frame=frame, velocity=(100, -200, 50, 7))
     data += seeds.pd0_ensemble(2, frame=frame, velocity=(100, -200, 50, -32768))
-    with pytest.raises(DataError, match=rf"{code}xxx\) hold no beam velocities; set the instrument to beam coordinates"):
+    with pytest.raises(
+        DataError, match=rf"{code}xxx\) hold no beam velocities; set the instrument to beam coordinates"
+    ):
         pd0.read(data, "log")
     recording = pd0.read(data, "log", Options(instrument_only=True))
     assert recording.table.beams == 0
@@ -97,13 +101,17 @@ def test_pd0_without_bottom_track() -> None:
 
 def test_df21() -> None:
     """Beams, axes and their figures of merit; distances are vertical; a lost beam by its status bit."""
-    data = seeds.nortek_frame(0x1B, seeds.df21()) + seeds.nortek_frame(0x1B, seeds.df21(1, status=0xFFFFF & ~0b10_0010))
+    data = seeds.nortek_frame(0x1B, seeds.df21()) + seeds.nortek_frame(
+        0x1B, seeds.df21(1, status=0xFFFFF & ~0b10_0010)
+    )
     recording = nortek_dvl.read(data, "log")
     table = recording.table
     # 1 May 2021 00:00:10.25: months count from 0, years from 1900.
     assert table.time_ns.tolist() == [1_619_827_210_250_000_000, 1_619_827_211_250_000_000]
     np.testing.assert_allclose(table.velocity_mps[0], [0.1, 0.2, 0.3, 0.4], rtol=1e-6)
-    np.testing.assert_allclose(table.range_m[0] * math.cos(math.radians(25)), [10, 10.1, 10.2, 10.3], rtol=1e-6)
+    np.testing.assert_allclose(
+        table.range_m[0] * math.cos(math.radians(25)), [10, 10.1, 10.2, 10.3], rtol=1e-6
+    )
     assert table.valid.tolist() == [[True] * 4, [True, False, True, True]]
     assert math.isnan(table.range_m[1, 1])
     np.testing.assert_allclose(table.instrument_mps[0], [1.0, -0.5, 0.25], rtol=1e-6)
@@ -133,7 +141,8 @@ def test_df21_beside_other_records() -> None:
 def test_a_sign_that_goes_against_the_instrument_is_told() -> None:
     """Beams whose mean goes against z, with z to the bottom: the note names the option that turns them."""
     falling = [
-        seeds.nortek_frame(0x1B, seeds.df21(k, velocity=[-0.1 * k] * 4, axes=(0, 0, 0.1 * k, 0.1 * k))) for k in range(25)
+        seeds.nortek_frame(0x1B, seeds.df21(k, velocity=[-0.1 * k] * 4, axes=(0, 0, 0.1 * k, 0.1 * k)))
+        for k in range(25)
     ]
     notes = nortek_dvl.read(b"".join(falling), "log").notes
     assert any("against the instrument's z" in note for note in notes)
@@ -154,7 +163,9 @@ def test_df20() -> None:
 
 def test_nucleus() -> None:
     """Three beams: two of three valid is partial already."""
-    data = seeds.nortek_frame(0xB4, seeds.nucleus(), 0x20) + seeds.nortek_frame(0xB4, seeds.nucleus(1, status=0x7FFD), 0x20)
+    data = seeds.nortek_frame(0xB4, seeds.nucleus(), 0x20) + seeds.nortek_frame(
+        0xB4, seeds.nucleus(1, status=0x7FFD), 0x20
+    )
     recording = nucleus.read(data, "log")
     table = recording.table
     assert table.beams == 3

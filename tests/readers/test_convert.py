@@ -13,6 +13,7 @@ import pytest
 
 from bottomlock import cli
 from bottomlock.io.beam_table import read_account, read_beam_table
+from tests.readers import bags
 from tools import reader_seeds as seeds
 
 
@@ -95,7 +96,9 @@ def test_nothing_is_overwritten_in_silence(tmp_path: Path, convert: Run) -> None
     ],
     ids=["text", "csv", "empty", "no such format", "another format", "pd6", "pd4", "earth", "no bag"],
 )
-def test_refusals_are_one_line(tmp_path: Path, content: bytes, arguments: tuple[str, ...], message: str, convert: Run) -> None:
+def test_refusals_are_one_line(
+    tmp_path: Path, content: bytes, arguments: tuple[str, ...], message: str, convert: Run
+) -> None:
     """Exit code 2, a line that names the file, no table."""
     log, to = tmp_path / "log.bin", tmp_path / "beams.parquet"
     if content.startswith(b"a,b"):
@@ -116,6 +119,18 @@ def test_places_that_are_wrong(tmp_path: Path, convert: Run) -> None:
     folder = convert(tmp_path, "--to", tmp_path / "b.parquet", "--format", "pd0")
     assert "is a folder, expected a file" in folder.stderr
     assert "expected a name that ends in .parquet" in convert(tmp_path, "--to", tmp_path / "b.csv").stderr
+
+
+def test_a_bag_that_is_a_folder(tmp_path: Path, convert: Run) -> None:
+    """A ROS 2 bag is a folder: its hash is that of its files."""
+    pytest.importorskip("rosbags", reason="bags need the extra bottomlock[ros]")
+    bag, to = bags.write_ros2(tmp_path / "dive", 3), tmp_path / "beams.parquet"
+    done = convert(bag, "--to", to)
+    assert done.returncode == 0, done.stderr
+    assert len(read_account(to)["source_sha256"]) == 64
+    table = read_beam_table(to)
+    assert table.rows == 3
+    assert table.arrival_ns is not None
 
 
 TABLE = "t,u1,u2,u3,g1,g2,g3,r1,r2,r3\n1.5,100,200,300,1,1,0,5,6,\n2.5,110,210,,1,1,0,5,6,7\n"

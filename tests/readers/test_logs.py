@@ -48,7 +48,9 @@ def test_riverpro_against_a_literal_reader(logs: Path) -> None:
     assert table.rows == len(literal) == 273
     assert np.bincount(table.beams_valid, minlength=5).tolist() == [0, 0, 0, 3, 270]
     velocity = np.array([e.velocity_mmps for e in literal], dtype=float)
-    np.testing.assert_allclose(table.velocity_mps, np.where(velocity == -32768, np.nan, velocity * 1e-3), rtol=1e-12)
+    np.testing.assert_allclose(
+        table.velocity_mps, np.where(velocity == -32768, np.nan, velocity * 1e-3), rtol=1e-12
+    )
     ranges = np.array([e.range_cm for e in literal], dtype=float)
     np.testing.assert_allclose(table.range_m, np.where(ranges == 0, np.nan, ranges * 1e-2), rtol=1e-12)
 
@@ -60,7 +62,10 @@ def _gps(ensemble: Literal) -> tuple[float, float] | None:
         if kind == 0x2022 and struct.unpack_from("<H", data, 2)[0] == 105:
             # Fourteen bytes before the sentence: its name, then course, T, course, M, knots, N, km/h, K, mode.
             start = len(data) - 21
-            course, kph = struct.unpack_from("<f", data, start)[0], struct.unpack_from("<f", data, start + 15)[0]
+            course, kph = (
+                struct.unpack_from("<f", data, start)[0],
+                struct.unpack_from("<f", data, start + 15)[0],
+            )
             if 0.0 <= course <= 360.0 and 0.0 <= kph < 100.0:
                 found = (course, kph / 3.6)
     return found
@@ -113,7 +118,10 @@ def test_glider_in_earth_coordinates(logs: Path) -> None:
 
 def test_glider_with_a_bad_checksum(logs: Path) -> None:
     """The damaged ensemble is told with its place, in the refusal too."""
-    with pytest.raises(DataError, match=r"none of 2 ensembles has bottom track.*skipped: 1 bad checksum \(first at byte 446\)"):
+    with pytest.raises(
+        DataError,
+        match=r"none of 2 ensembles has bottom track.*skipped: 1 bad checksum \(first at byte 446\)",
+    ):
         read_recording(logs / "pd0_glider" / "LB180210_3_corrupted.PD0")
 
 
@@ -122,7 +130,7 @@ def test_robosub_has_no_beams(logs: Path) -> None:
     path, columns = logs / "robosub" / "night2_dvl.csv", logs / "robosub" / "columns.toml"
     with pytest.raises(DataError, match=r"'Time,velocityA,velocityB,velocityC', names no documented columns"):
         read_recording(path)
-    with pytest.raises(DataError, match="no beam velocities.*--instrument-only"):
+    with pytest.raises(DataError, match=r"no beam velocities.*--instrument-only"):
         read_recording(path, options=Options(columns=str(columns)))
     table = read_recording(path, options=Options(columns=str(columns), instrument_only=True)).table
     assert (table.rows, table.beams) == (436, 0)

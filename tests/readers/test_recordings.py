@@ -1,4 +1,4 @@
-"""Recordings that may not be republished: read whole, counted as their descriptions count them, signs as found there."""
+"""Recordings that may not be republished: read whole, counted as described, signs as found there."""
 
 from __future__ import annotations
 
@@ -110,7 +110,10 @@ def test_caves_signs(recordings: Path) -> None:
     )
     assert np.abs(fixes.velocity_p_mps - table.instrument_mps)[asked].max() < 2e-4
     depth = np.loadtxt(
-        file(recordings, "caves_girona_linkquest", "depth_sensor.csv"), delimiter=",", skiprows=1, usecols=(2, 3)
+        file(recordings, "caves_girona_linkquest", "depth_sensor.csv"),
+        delimiter=",",
+        skiprows=1,
+        usecols=(2, 3),
     )
     # Depth over ten seconds against the integral of z: slope near one, and positive.
     time_s = (table.time_ns[asked] - table.time_ns[0]) * 1e-9
@@ -190,7 +193,9 @@ def test_pd6_counts(recordings: Path) -> None:
     """642 good :BI of which 404 valid; refused with advice; NUL bytes and merged lines are counted."""
     path = file(recordings, "pd6_hover_h1000", "dvl_raw_lines_20251106_173912.csv")
     assert detect(path) == "pd6"
-    with pytest.raises(DataError, match=r"PD6 holds no beam velocities \(642 velocities :BI, 404 of them valid, \d+ damaged"):
+    with pytest.raises(
+        DataError, match=r"PD6 holds no beam velocities \(642 velocities :BI, 404 of them valid, \d+ damaged"
+    ):
         read_recording(path)
     recording = read_recording(path, options=Options(instrument_only=True))
     assert (recording.table.instrument_valid == 1).sum() == 404

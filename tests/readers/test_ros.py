@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from tests.readers import bags
 KINDS = ("ros1", "ros2", "mcap folder", "mcap file")
 
 
-def bag(kind: str, folder: Path, steps: int = 4, **changed: object) -> Path:
+def bag(kind: str, folder: Path, steps: int = 4, **changed: Any) -> Path:  # noqa: ANN401 - fields of any message
     """A bag of a kind."""
     if kind == "ros1":
         return bags.write_ros1(folder / "dive.bag", steps, **changed)
@@ -49,7 +50,9 @@ def test_every_kind_of_bag_gives_the_same_pings(kind: str, tmp_path: Path) -> No
 def test_what_a_message_says_of_itself(tmp_path: Path) -> None:
     """Water track is not ground; a variance of -1 among others is a lost beam; unfilled beams are none."""
     water = bags.write_ros1(tmp_path / "w.bag", 2, velocity_mode=2)
-    with pytest.raises(DataError, match=r"no marine_acoustic_msgs/msg/Dvl could be read; there are 2 velocity through"):
+    with pytest.raises(
+        DataError, match=r"no marine_acoustic_msgs/msg/Dvl could be read; there are 2 velocity through"
+    ):
         read_recording(water)
     spread = np.array([1e-4, -1.0, 1e-4, 1e-4], dtype=np.float32)
     recording = read_recording(bags.write_ros1(tmp_path / "v.bag", 2, beam_velocity_covar=spread))
@@ -64,6 +67,15 @@ def test_what_a_message_says_of_itself(tmp_path: Path) -> None:
     assert any("--negate-beams" in note for note in recording.notes)
     turned = read_recording(tmp_path / "b.bag", options=Options(negate_beams=True))
     np.testing.assert_allclose(turned.table.velocity_mps[0], bags.UNIT @ bags.VELOCITY, atol=1e-7)
+
+
+def fault_of(path: Path) -> str | None:
+    """What is said against a bag, or None where it gives pings."""
+    try:
+        assert read_recording(path).table.rows > 0
+    except DataError as error:
+        return str(error)
+    return None
 
 
 def test_topics(tmp_path: Path) -> None:
@@ -90,8 +102,5 @@ def test_a_damaged_bag_ends_in_one_line(kind: str, tmp_path: Path) -> None:
         for at in rng.integers(16, len(data), size=4):
             data[at] = rng.integers(256)
         file.write_bytes(data)
-        try:
-            assert read_recording(path).table.rows > 0
-        except DataError as error:
-            assert "\n" not in str(error)
-            assert path.name in str(error)
+        fault = fault_of(path)
+        assert fault is None or ("\n" not in fault and path.name in fault)

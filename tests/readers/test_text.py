@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -65,7 +66,9 @@ def test_json_stale_repeat() -> None:
 def test_json_merged_and_cut_lines() -> None:
     """Two reports on a line are both read; after a report that is cut off, the next on its line is found."""
     one, two, three = (seeds.a50_report(k).strip() for k in range(3))
-    recording = waterlinked_json.read(one + two + b"\n" + three[:90] + seeds.a50_report(3) + b'{"time":1', "log")
+    recording = waterlinked_json.read(
+        one + two + b"\n" + three[:90] + seeds.a50_report(3) + b'{"time":1', "log"
+    )
     assert recording.table.velocity_mps[:, 0].tolist() == [0.0, 0.001, 0.003]
     account = recording.account
     assert account.flagged["merged line, all of it read"].first == 1
@@ -84,7 +87,7 @@ def test_json_merged_and_cut_lines() -> None:
         ({"time": float("nan")}, "no interval"),
     ],
 )
-def test_json_reports_that_are_none(change: dict[str, object], reason: str) -> None:
+def test_json_reports_that_are_none(change: dict[str, Any], reason: str) -> None:
     """A report without what makes a ping is counted, and a log of nothing else is refused."""
     with pytest.raises(DataError, match=f"no velocity report.*{reason}.*line 1"):
         waterlinked_json.read(seeds.a50_report(0, **change), "log")
@@ -104,7 +107,9 @@ def test_serial_documented_examples() -> None:
 
 def test_serial_lost_beams_and_bad_checksums() -> None:
     """Distance -1 is a lost beam; a changed character a bad checksum, which can be let through."""
-    lost = seeds.SERIAL.replace(b"wru,2,2.200,1.40,-56,-98*18\r\n", seeds.wl_sentence(b"wru,2,0.000,-1.00,-56,-98"))
+    lost = seeds.SERIAL.replace(
+        b"wru,2,2.200,1.40,-56,-98*18\r\n", seeds.wl_sentence(b"wru,2,0.000,-1.00,-56,-98")
+    )
     assert waterlinked_serial.read(lost, "log").table.valid.tolist() == [[True, True, False, True]]
     bad = seeds.SERIAL.replace(b"2.200", b"2.300")
     recording = waterlinked_serial.read(bad, "log")
@@ -118,12 +123,15 @@ def test_serial_lost_beams_and_bad_checksums() -> None:
 
 @pytest.mark.parametrize(
     ("sentence", "good"),
-    [(b"wrx,125,0.05,0.01,0.001,0.5,0.1,y*6e", False), (b"wrx,112.83,0.007,0.017,0.006,0.000,0.93,y,0*d2", True)],
+    [
+        (b"wrx,125,0.05,0.01,0.001,0.5,0.1,y*6e", False),
+        (b"wrx,112.83,0.007,0.017,0.006,0.000,0.93,y,0*d2", True),
+    ],
 )
 def test_serial_deprecated(sentence: bytes, good: bool) -> None:
     """`wrx` alone has no beams: refused with advice, or the instrument's velocity; one of seven fields is told."""
     if good:
-        with pytest.raises(DataError, match="no beams.*firmware to 2.1"):
+        with pytest.raises(DataError, match=r"no beams.*firmware to 2\.1"):
             waterlinked_serial.read(sentence, "log")
         table = waterlinked_serial.read(sentence, "log", Options(instrument_only=True)).table
         assert table.beams == 0
@@ -184,7 +192,7 @@ def test_dvkfc_documented_example() -> None:
 
 
 def test_linkquest_signs() -> None:
-    """z up as recorded: beams negated and (x, -y, -z), so that b . v holds with the packaged geometry."""
+    """Upward z as recorded: beams negated and (x, -y, -z), so that b . v holds with the packaged geometry."""
     recording = linkquest.read(seeds.linkquest_log(), "log")
     table = recording.table
     np.testing.assert_allclose(table.velocity_mps[0], [-0.1, 0.2, 0.3, -0.4])
@@ -210,7 +218,9 @@ def test_linkquest_arrival_out_of_range() -> None:
 
 def test_pd6_is_refused_with_advice() -> None:
     """No beams in PD6: the message counts what is there and says what to change."""
-    with pytest.raises(DataError, match=r"PD6 holds no beam velocities \(1 velocities :BI, 1 of them valid\); set the instr"):
+    with pytest.raises(
+        DataError, match=r"PD6 holds no beam velocities \(1 velocities :BI, 1 of them valid\); set the instr"
+    ):
         pd6.read(seeds.PD6, "log")
     recording = pd6.read(seeds.PD6_LOGGED, "log", Options(instrument_only=True))
     np.testing.assert_allclose(recording.table.instrument_mps, [[-0.032, 0.022, np.nan]])
@@ -220,5 +230,7 @@ def test_pd6_is_refused_with_advice() -> None:
 
 def test_pd4_is_refused_with_advice() -> None:
     """Binary records without beams are counted too."""
-    with pytest.raises(DataError, match=r"hold no beam velocities \(2 PD4 or PD5 records\); set the instrument to PD0"):
+    with pytest.raises(
+        DataError, match=r"hold no beam velocities \(2 PD4 or PD5 records\); set the instrument to PD0"
+    ):
         pd6.read_binary(seeds.pd4() + b"\x7d" + seeds.pd4(), "log")

@@ -52,7 +52,7 @@ BYTES = (
     Format(nortek_ascii.NAME, "Nortek $PNORBT0, $PNORBT1", nortek_ascii.sniff, nortek_ascii.read),
     Format(cerulean.NAME, "Cerulean Tracker 650 $DVKFC", cerulean.sniff, cerulean.read),
     Format(waterlinked_json.NAME, "Water Linked TCP, JSON v1 to v3", waterlinked_json.sniff, waterlinked_json.read),
-    Format(waterlinked_serial.NAME, "Water Linked serial, wrz and wru", waterlinked_serial.sniff, waterlinked_serial.read),
+    Format(waterlinked_serial.NAME, "Water Linked serial, wrz, wru", waterlinked_serial.sniff, waterlinked_serial.read),
     Format(pd6.NAME, "Teledyne PD6 text (no beams: refused with advice)", pd6.sniff, pd6.read),
     Format(pd6.NAME_BINARY, "Teledyne PD3, PD4, PD5 (no beams: refused)", pd6.sniff_binary, pd6.read_binary),
     Format(nucleus.NAME, "Nortek Nucleus1000, binary", nucleus.sniff, nucleus.read),

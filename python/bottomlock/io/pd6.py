@@ -1,18 +1,17 @@
 """Records without beam velocities: PD6 (text), PD3, PD4, PD5 (binary). They are counted, and refused with advice.
 
 PD6's own velocity can be had with `instrument_only`: `:BI` holds x, y, z and error in mm/s, blank-padded, with A or V
-for its validity; +88888 and -32768 stand for none. A good sentence fills its line, or the quoted field of a logger's CSV.
+for its validity; +88888 and -32768 stand for none. A good sentence fills its line, or the quoted field of a logger's
+CSV.
 """
 
 import re
 import struct
 from typing import NamedTuple
 
-import numpy as np
-
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty, running_sums
 from bottomlock.io.sentences import LONGEST_LINE, lines_of, number, show
 
 NAME = "pd6"
@@ -89,7 +88,13 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             account.skip("without a time of the logging host", v.position)
         else:
             rows.add(
-                v.position, v.host_ns, (), (), instrument=v.velocity_mps, verdict=int(v.valid), arrival_ns=v.host_ns
+                v.position,
+                v.host_ns,
+                (),
+                (),
+                instrument=v.velocity_mps,
+                verdict=int(v.valid),
+                arrival_ns=v.host_ns,
             )
     table = rows.finish()
     refuse_empty(account, place, ":BI sentence with a host's time")
@@ -111,21 +116,20 @@ _BINARY = {0x7D: "PD4 or PD5", 0x7E: "PD3"}
 def binary_records(data: bytes) -> dict[str, int]:
     """How many whole PD3, PD4 and PD5 records there are, by kind: their sums fit."""
     counts: dict[str, int] = {}
-    sums = np.concatenate([[0], np.cumsum(np.frombuffer(data, dtype=np.uint8), dtype=np.int64)])
+    sums = running_sums(data)
     at = 0
     while (start := _BINARY_START.search(data, at)) and start.start() + 6 <= len(data):
         at = start.start()
         # PD3 has a fixed length; PD4 (45) and PD5 (86) state theirs.
         size = 55 if data[at] == 0x7E else struct.unpack_from("<H", data, at + 2)[0]
         end = at + size
-        if (data[at] == 0x7D and size not in {45, 86}) or end + 2 > len(data):
-            at += 1
-        elif int(sums[end] - sums[at]) & 0xFFFF != struct.unpack_from("<H", data, end)[0]:
-            at += 1
-        else:
+        possible = (data[at] == 0x7E or size in {45, 86}) and end + 2 <= len(data)
+        if possible and (int(sums[end]) - int(sums[at])) & 0xFFFF == struct.unpack_from("<H", data, end)[0]:
             kind = _BINARY[data[at]]
             counts[kind] = counts.get(kind, 0) + 1
             at = end + 2
+        else:
+            at += 1
     return counts
 
 

@@ -80,7 +80,9 @@ def _messages(path: Path, options: Options, place: str) -> Iterator[tuple[int, A
             raise DataError(f"{place}: topics {', '.join(topics)} hold {TYPES[0]}; choose one with --topic")
         if not connections:
             wanted = f"topic '{options.topic}' with " if options.topic else "topic of "
-            others = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:12]) or "none"
+            others = (
+                ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:12]) or "none"
+            )
             raise DataError(f"{place}: no {wanted}{TYPES[0]}; topics: {others}")
         for connection, arrival_ns, raw in reader.messages(connections=connections):
             yield arrival_ns, reader.deserialize(raw, connection.msgtype)
@@ -147,7 +149,9 @@ def _add(rows: Rows, position: int, arrival_ns: int, message: Any, geometry: lis
     if any(map(any, unit)):
         geometry.append(unit)
     if sum(good) != message.num_good_beams:
-        account.flag("num_good_beams disagrees with the beams", position, f"{message.num_good_beams} and {sum(good)}")
+        account.flag(
+            "num_good_beams disagrees with the beams", position, f"{message.num_good_beams} and {sum(good)}"
+        )
     spread = [float(message.velocity_covar[k]) for k in (0, 4, 8)]
     axes = (float(message.velocity.x), float(message.velocity.y), float(message.velocity.z))
     rows.add(

@@ -8,9 +8,11 @@ import math
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import NO_TIME_NS, Account, BeamTable, Floats
@@ -147,7 +149,7 @@ class Rows:
     def _rising(self) -> Sequence[int]:
         """Indices of the longest strictly rising run of times; the others are counted."""
         times = self.time_ns
-        if all(a < b for a, b in zip(times, times[1:], strict=False)):
+        if all(a < b for a, b in pairwise(times)):
             return range(len(times))
         keep = longest_rising(times)
         kept = set(keep)
@@ -185,6 +187,16 @@ def longest_rising(times: Sequence[int]) -> list[int]:
     return found[::-1]
 
 
+def running_sums(data: bytes) -> NDArray[np.uint16]:
+    """Sums of all bytes before each place, modulo 65536: a 16-bit checksum of any piece is then two look-ups.
+
+    However many false headers a file has, no byte is added up twice.
+    """
+    sums = np.zeros(len(data) + 1, dtype=np.uint16)
+    np.cumsum(np.frombuffer(data, dtype=np.uint8), dtype=np.uint16, out=sums[1:])
+    return sums
+
+
 def lost(account: Account) -> str:
     """What was skipped, as the end of a message; "" where nothing was.
 
@@ -194,7 +206,8 @@ def lost(account: Account) -> str:
     '; skipped: 1 bad checksum (first at byte 446)'
     """
     parts = [
-        f"{reason.count} {name} (first at {account.unit} {reason.first})" for name, reason in account.skipped.items()
+        f"{reason.count} {name} (first at {account.unit} {reason.first})"
+        for name, reason in account.skipped.items()
     ]
     return f"; skipped: {', '.join(parts)}" if parts else ""
 

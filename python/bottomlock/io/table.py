@@ -63,12 +63,14 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
     if valid is None:
         valid = tuple(f"beam{k + 1}_valid" for k in range(len(velocity)))
     if len(valid) != len(velocity):
-        raise DataError(f"{place}: columns.valid names {len(valid)} columns, expected {len(velocity)}, one per beam")
+        raise DataError(
+            f"{place}: columns.valid names {len(valid)} columns, expected {len(velocity)}, one per beam"
+        )
     if not velocity and not options.instrument_only:
         known = ", ".join(frame.columns[:12])
         raise DataError(
-            f"{place}: no beam velocities: there is no column 'beam1_mps', and no map names others (there are {known}); "
-            "record per-beam velocities, or convert the instrument's own with a map's 'instrument' and --instrument-only"
+            f"{place}: no beam velocities: no column 'beam1_mps', and no map that names others (there are {known}); "
+            "record the beams, or convert the instrument's own velocity, mapped as 'instrument', with --instrument-only"
         )
 
     def floats(names: tuple[str, ...] | None, width: int) -> Floats:
@@ -91,7 +93,9 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
         )
     instrument = floats(columns.instrument, 3) * columns.velocity_scale
     verdict = (
-        None if columns.instrument_valid is None else read_flags(frame, (columns.instrument_valid,), place)[:, 0]
+        None
+        if columns.instrument_valid is None
+        else read_flags(frame, (columns.instrument_valid,), place)[:, 0]
     )
     account = Account(unit="row", read=frame.height)
     rows = Rows(beams, account)
