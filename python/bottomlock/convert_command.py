@@ -6,6 +6,7 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from bottomlock.errors import OutputError
@@ -14,6 +15,7 @@ from bottomlock.io.formats import NAMES, read_recording
 from bottomlock.io.rows import Options
 
 console = Console(stderr=False)
+SHOWN = 28
 
 
 def convert(
@@ -89,8 +91,9 @@ def _fates(account: Account) -> Table | None:
 
 
 def _reason(name: str, reason: Reason) -> str:
-    """A reason, with what the first record of it looked like; brackets are no markup here."""
-    return f"{name}: {reason.detail}".replace("[", r"\[") if reason.detail else name
+    """A reason, with how the first record of it begins: the account beside the table has more."""
+    short = reason.detail if len(reason.detail) <= SHOWN else reason.detail[: SHOWN - 1] + "…"
+    return escape(f"{name}: {short}" if short else name)
 
 
 def tell(recording: Recording) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -119,6 +120,21 @@ def test_places_that_are_wrong(tmp_path: Path, convert: Run) -> None:
     folder = convert(tmp_path, "--to", tmp_path / "b.parquet", "--format", "pd0")
     assert "is a folder, expected a file" in folder.stderr
     assert "expected a name that ends in .parquet" in convert(tmp_path, "--to", tmp_path / "b.csv").stderr
+
+
+def test_the_examples_of_the_documentation(
+    tmp_path: Path, root: Path, command: Run, monkeypatch: Any
+) -> None:
+    """The commands of docs/formats.md run as they stand, and the first says what the page says."""
+    page = (root / "docs" / "formats.md").read_text(encoding="utf-8")
+    (tmp_path / "data").symlink_to(root / "data")
+    monkeypatch.chdir(tmp_path)
+    blocks = page.split("```")
+    first, second = blocks[1].strip().splitlines()
+    (third,) = re.findall(r"`(bottomlock convert data/logs/robosub[^`]*)`", page)
+    done = [command(*line.split()[1:]) for line in (first, second, third)]
+    assert [one.returncode for one in done] == [0, 0, 0], [one.stderr for one in done]
+    assert done[0].stdout == blocks[3].lstrip() + "wrote out/beams.parquet and beams.json\n"
 
 
 def test_a_bag_that_is_a_folder(tmp_path: Path, convert: Run) -> None:
