@@ -123,7 +123,7 @@ def test_places_that_are_wrong(tmp_path: Path, convert: Run) -> None:
 
 
 def test_the_examples_of_the_documentation(
-    tmp_path: Path, root: Path, command: Run, monkeypatch: Any
+    tmp_path: Path, root: Path, command: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The commands of docs/formats.md run as they stand, and the first says what the page says."""
     page = (root / "docs" / "formats.md").read_text(encoding="utf-8")

@@ -113,7 +113,7 @@ class _Clock:
 
 
 def _is_velocity(report: dict[str, Any], position: int, account: Account) -> bool:
-    kind = report.get("type", "velocity" if "vx" in report else None)
+    kind = report.get("type", "velocity" if {"vx", "transducers"} & report.keys() else None)
     if report.get("tracking_mode", "bottom") != "bottom" or kind == "velocity_water":
         account.pass_by("velocity through the water", position)
         return False
@@ -197,6 +197,8 @@ def _add(
     valid = [b is not None and b.get("beam_valid") is True for b in beams]
     if None in beams:
         rows.account.flag("transducer missing", position)
+    if any(b is not None and not isinstance(b.get("beam_valid"), bool) for b in beams):
+        rows.account.flag("transducer without beam_valid", position)
     # All beams lost reads alike from ping to ping without being a repeat.
     stale = stale and any(valid)
     if stale:
