@@ -38,9 +38,9 @@ OPTIONS = (
     Options(keep_stale=True, ignore_checksum=True, negate_beams=True),
 )
 INTERESTING = (
-    b"\x00", b"\xff", b"\x7f\x7f", b"\xa5", b"\n", b",", b"*", b"$", b"-", b"nan", b"inf", b"1e999", b"-1", b"{", b"}",
-    b"[", b'"', b":", b"=", b"wr", b"\x00\x80", b"\xff\x7f", b"\xff\xff\xff\xff", b"9" * 30, b"99999999999999999999",
-    b"null", b"true", b"1e-400", b"\r\n\r\n", b"$PNORBT0,", b"wru,0,",
+    b"\x00", b"\xff", b"\x7f\x7f", b"\xa5", b"\n", b",", b"*", b"$", b"-", b"nan", b"inf", b"1e999", b"-1", b"+-", b"{",
+    b"}", b"[", b'"', b":", b"=", b"wr", b"\x00\x80", b"\xff\x7f", b"\xff\xff\xff\xff", b"9" * 30,
+    b"99999999999999999999", b"null", b"true", b"1e-400", b"\r\n\r\n", b"$PNORBT0,", b"wru,0,",
 )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
+from bottomlock.io.sentences import show
 from bottomlock.output import read_json, write_json, write_parquet
 
 Floats = NDArray[np.float64]
@@ -208,11 +209,11 @@ class Account:
     flagged: dict[str, Reason] = field(default_factory=dict)
     other: dict[str, Reason] = field(default_factory=dict)
 
-    def skip(self, reason: str, position: int, detail: str = "") -> None:
-        """Counts a record that is lost."""
+    def skip(self, reason: str, position: int, detail: str | bytes = "") -> None:
+        """Counts a record that is lost; of bytes, the first record's beginning is shown."""
         _count(self.skipped, reason, position, detail)
 
-    def flag(self, reason: str, position: int, detail: str = "") -> None:
+    def flag(self, reason: str, position: int, detail: str | bytes = "") -> None:
         """Counts a record that is kept, but not as it stands."""
         _count(self.flagged, reason, position, detail)
 
@@ -245,11 +246,11 @@ class Account:
         }
 
 
-def _count(reasons: dict[str, Reason], name: str, position: int, detail: str) -> None:
+def _count(reasons: dict[str, Reason], name: str, position: int, detail: str | bytes) -> None:
     if name in reasons:
         reasons[name].count += 1
     else:
-        reasons[name] = Reason(1, position, detail)
+        reasons[name] = Reason(1, position, show(detail) if isinstance(detail, bytes) else detail)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import re
 
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
-from bottomlock.io.sentences import LONGEST_LINE, crc8_31, hexadecimal, lines_of, number, show, whole, xor_of
+from bottomlock.io.sentences import LONGEST_LINE, crc8_31, hexadecimal, lines_of, number, whole, xor_of
 
 NAME = "cerulean-dvkfc"
 _BEAMS = 3
@@ -52,7 +52,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     for position, line in lines_of(data):
         account.read += 1
         if len(line) > LONGEST_LINE:
-            account.skip("line too long", position, show(line))
+            account.skip("line too long", position, line)
             continue
         at = 0
         while match := _SENTENCE.search(line, at):
@@ -61,23 +61,23 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             text, given = match.group(1), hexadecimal(match.group(2))
             if given not in {xor_of(text), crc8_31(text)}:
                 if not options.ignore_checksum:
-                    account.skip("bad checksum", position, show(match.group()))
+                    account.skip("bad checksum", position, match.group())
                     continue
-                account.flag("bad checksum, kept as asked", position, show(match.group()))
+                account.flag("bad checksum, kept as asked", position, match.group())
             fields = text.split(b",")
             if fields[0] != b"DVKFC":
                 account.pass_by("$" + fields[0].decode("ascii"), position)
                 continue
             found = _read_fields(fields)
             if found is None:
-                account.skip("sentence with wrong fields or version", position, show(text))
+                account.skip("sentence with wrong fields or version", position, text)
                 continue
             _add(rows, position, *found)
         if at == 0:
-            account.skip("truncated" if b"$" in line else "not a sentence", position, show(line))
+            account.skip("truncated" if b"$" in line else "not a sentence", position, line)
         elif line[at:].strip():
             account.read += 1
-            account.skip("truncated", position, show(line[at:]))
+            account.skip("truncated", position, line[at:])
     table = rows.finish(negate=options.negate_beams)
     refuse_empty(account, place, "$DVKFC sentence")
     return Recording(

@@ -8,7 +8,7 @@ velocity becomes (x, -y, -z), forward-right-down if x is forward and the recorde
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
-from bottomlock.io.sentences import lines_of, number, show, whole
+from bottomlock.io.sentences import lines_of, number, whole
 
 NAME = "linkquest-csv"
 _BEAMS = 4
@@ -62,7 +62,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         fields = line.split(b",")
         if len(fields) != width:
             reason = "truncated" if len(fields) < width else "merged line"
-            account.skip(reason, position, show(line))
+            account.skip(reason, position, line)
             continue
         good = [_FLAGS.get(fields[at[f"dataGood{k}"]]) for k in range(_BEAMS)]
         verdict = _FLAGS.get(fields[at["velocityInstFlag"]])
@@ -71,7 +71,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             number(fields[at[name]]) for name in _NEEDED if name != "header.stamp" and "Good" not in name
         ]
         if time_ns is None or verdict is None or None in good or None in found:
-            account.skip("a field that is no number", position, show(line))
+            account.skip("a field that is no number", position, line)
             continue
         values = [NAN if v is None else v for v in found]
         altitude, sound = values[12], values[13]

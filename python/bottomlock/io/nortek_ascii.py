@@ -10,7 +10,7 @@ import re
 
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
-from bottomlock.io.sentences import LONGEST_LINE, hexadecimal, lines_of, number, show, whole, xor_of
+from bottomlock.io.sentences import LONGEST_LINE, hexadecimal, lines_of, number, whole, xor_of
 
 NAME = "nortek-ascii"
 MOST_BEAMS = 4
@@ -79,7 +79,7 @@ def _lines(data: bytes, account: Account, *, trust: bool) -> list[tuple[int, int
         at = 0
         account.read += 1
         if len(line) > LONGEST_LINE:
-            account.skip("line too long", position, show(line))
+            account.skip("line too long", position, line)
             continue
         while match := _SENTENCE.search(line, at):
             account.read += at > 0
@@ -87,23 +87,23 @@ def _lines(data: bytes, account: Account, *, trust: bool) -> list[tuple[int, int
             text = match.group(1)
             if xor_of(text) != hexadecimal(match.group(2)):
                 if not trust:
-                    account.skip("bad checksum", position, show(match.group()))
+                    account.skip("bad checksum", position, match.group())
                     continue
-                account.flag("bad checksum, kept as asked", position, show(match.group()))
+                account.flag("bad checksum, kept as asked", position, match.group())
             name, *fields = text.split(b",")
             if name not in {b"PNORBT0", b"PNORBT1"}:
                 account.pass_by("$" + name.decode("ascii"), position)
                 continue
             beam = _beam(fields)
             if beam is None:
-                account.skip("beam line with wrong fields", position, show(text))
+                account.skip("beam line with wrong fields", position, text)
             else:
                 found.append((position, *beam))
         if at == 0:
-            account.skip("truncated" if b"$" in line else "not a sentence", position, show(line))
+            account.skip("truncated" if b"$" in line else "not a sentence", position, line)
         elif line[at:].strip():
             account.read += 1
-            account.skip("truncated", position, show(line[at:]))
+            account.skip("truncated", position, line[at:])
     return found
 
 

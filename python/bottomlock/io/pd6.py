@@ -12,7 +12,7 @@ from typing import NamedTuple
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty, running_sums
-from bottomlock.io.sentences import LONGEST_LINE, lines_of, number, show
+from bottomlock.io.sentences import LONGEST_LINE, lines_of, number
 
 NAME = "pd6"
 NAME_BINARY = "pd4"
@@ -60,9 +60,9 @@ def velocities(data: bytes, account: Account) -> list[Velocity]:
             host_ns = None if host is None else round(host * 1e9)
             found.append(Velocity(position, host_ns, (x, y, z), match.group(5) == b"A"))
         elif len(starts) > 1 or (starts and not text.startswith(b":")):
-            account.skip("merged line", position, show(line))
+            account.skip("merged line", position, line)
         elif not starts or starts[0] == b"BI" or not text.startswith(b":" + starts[0]):
-            account.skip("mangled line", position, show(line))
+            account.skip("mangled line", position, line)
         else:
             account.pass_by(":" + starts[0].decode("ascii"), position)
     return found

@@ -14,6 +14,7 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Recording
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.sentences import printable
 
 NAME = "ros"
 TYPES = ("marine_acoustic_msgs/msg/Dvl", "acoustic_msgs/msg/Dvl")
@@ -77,13 +78,15 @@ def _messages(path: Path, options: Options, place: str) -> Iterator[tuple[int, A
         if options.topic is not None:
             connections = [c for c in connections if c.topic == options.topic]
         elif len(topics) > 1:
-            raise DataError(f"{place}: topics {', '.join(topics)} hold {TYPES[0]}; choose one with --topic")
+            raise DataError(
+                f"{place}: topics {printable(', '.join(topics))} hold {TYPES[0]}; choose one with --topic"
+            )
         if not connections:
             wanted = f"topic '{options.topic}' with " if options.topic else "topic of "
             others = (
                 ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:12]) or "none"
             )
-            raise DataError(f"{place}: no {wanted}{TYPES[0]}; topics: {others}")
+            raise DataError(f"{place}: no {wanted}{TYPES[0]}; topics: {printable(others)}")
         for connection, arrival_ns, raw in reader.messages(connections=connections):
             yield arrival_ns, reader.deserialize(raw, connection.msgtype)
 
@@ -105,10 +108,10 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
         raise
     # A damaged bag raises whatever the library's parts raise; the user needs the file's name and the reason.
     except Exception as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        reason = printable(str(error).splitlines()[0])[:200] if str(error) else type(error).__name__
         if not rows.time_ns:
             raise DataError(f"{place}: cannot be read as a bag ({reason})") from error
-        account.skip("the bag breaks off here", account.read + 1, reason[:200])
+        account.skip("the bag breaks off here", account.read + 1, reason)
     table = rows.finish(negate=options.negate_beams)
     refuse_empty(account, place, TYPES[0])
     unit = np.array(geometry[0]) if geometry else np.zeros((_BEAMS, 3))

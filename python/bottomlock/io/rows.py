@@ -108,13 +108,11 @@ class Rows:
             column.append(value)
 
     def finish(self, *, negate: bool = False) -> BeamTable:
-        """The table; rows whose time does not fit a rising sequence are left out, as few as possible.
-
-        Raises:
-            DataError: where nothing is left.
-        """
+        """The table; rows whose time does not fit a rising sequence are left out, as few as possible."""
         keep = self._rising()
         self.account.kept = len(keep)
+        if not keep:
+            return _empty(self.beams)
         n = len(self.time_ns)
 
         def pick(values: Sequence[Any]) -> Sequence[Any]:
@@ -159,6 +157,21 @@ class Rows:
                 reason = "time repeats" if time in standing else "time out of order"
                 self.account.skip(reason, self.position[k], f"{time} ns")
         return keep
+
+
+def _empty(beams: int) -> BeamTable:
+    """A table without rows."""
+    none = np.empty((0, beams))
+    return BeamTable(
+        time_ns=np.empty(0, dtype=np.int64),
+        velocity_mps=none,
+        valid=np.empty((0, beams), dtype=bool),
+        range_m=none,
+        quality=none,
+        sd_mps=none,
+        instrument_mps=np.empty((0, 3)),
+        instrument_valid=np.empty(0, dtype=np.int8),
+    )
 
 
 def longest_rising(times: Sequence[int]) -> list[int]:

@@ -1,5 +1,6 @@
 """Lines of text records and their checksums."""
 
+import io
 from collections.abc import Iterator
 
 LONGEST_LINE = 4096
@@ -8,15 +9,24 @@ LONGEST_LINE = 4096
 
 def lines_of(data: bytes) -> Iterator[tuple[int, bytes]]:
     """Lines that are not empty, with their number from 1, without line ends, blanks and NULs around them."""
-    for number, line in enumerate(data.split(b"\n"), 1):
-        text = line.strip(b"\r \t\x00")
+    # Line by line: a split of the whole would hold a long log twice.
+    for number, line in enumerate(io.BytesIO(data), 1):
+        text = line.strip(b"\r\n \t\x00")
         if text:
             yield number, text
 
 
 def show(line: bytes) -> str:
     """The beginning of a line as it may stand in a report."""
-    text = line[:60].decode("ascii", "backslashreplace")
+    return printable(line[:60].decode("ascii", "backslashreplace"))
+
+
+def printable(text: str) -> str:
+    r"""Text from a file without characters that would break a line or a terminal.
+
+    >>> printable("a\nb")
+    'a\\x0ab'
+    """
     return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
 
 
@@ -35,9 +45,14 @@ def number(text: bytes) -> float | None:
 
 
 def whole(text: bytes) -> int | None:
-    """A whole number of at most 20 digits, or None."""
+    """A whole number of at most 20 characters, or None.
+
+    >>> whole(b" -7 "), whole(b"+-7"), whole(b"7.0"), whole(b"1_0")
+    (-7, None, None, None)
+    """
     text = text.strip()
-    return int(text) if len(text) <= 20 and text.lstrip(b"+-").isdigit() and text.count(b"-") < 2 else None
+    digits = text[1:] if text[:1] in {b"+", b"-"} else text
+    return int(text) if len(text) <= 20 and digits.isdigit() else None
 
 
 def xor_of(text: bytes) -> int:

@@ -10,7 +10,7 @@ from typing import Any
 
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
-from bottomlock.io.sentences import lines_of, show
+from bottomlock.io.sentences import lines_of
 
 NAME = "waterlinked-json"
 _BEAMS = 4
@@ -40,7 +40,7 @@ def _objects(line: bytes, position: int, account: Account) -> list[dict[str, Any
     """The JSON objects of a line: one, or more where line ends were lost."""
     if len(line) > _LONGEST:
         account.read += 1
-        account.skip("line too long", position, show(line))
+        account.skip("line too long", position, line)
         return []
     text = line.decode("utf-8", "replace")
     found: list[dict[str, Any]] = []
@@ -63,7 +63,7 @@ def _objects(line: bytes, position: int, account: Account) -> list[dict[str, Any
             at += 1
     account.read += len(found) + damaged
     if damaged:
-        account.skip("merged line" if found else "truncated", position, show(line))
+        account.skip("merged line" if found else "truncated", position, line)
     elif len(found) > 1:
         account.flag("merged line, all of it read", position)
     return found

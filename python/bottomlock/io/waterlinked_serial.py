@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
-from bottomlock.io.sentences import LONGEST_LINE, crc8_07, hexadecimal, lines_of, number, show, whole
+from bottomlock.io.sentences import LONGEST_LINE, crc8_07, hexadecimal, lines_of, number, whole
 
 NAME = "waterlinked-serial"
 _BEAMS = 4
@@ -50,7 +50,7 @@ def _sentences(line: bytes, position: int, account: Account, *, trust: bool) -> 
     """The fields of the good sentences in a line; what else stands there is counted."""
     if len(line) > LONGEST_LINE:
         account.read += 1
-        account.skip("line too long", position, show(line))
+        account.skip("line too long", position, line)
         return []
     found: list[list[bytes]] = []
     at = 0
@@ -61,23 +61,23 @@ def _sentences(line: bytes, position: int, account: Account, *, trust: bool) -> 
         if not good and inner > 0:
             # A sentence that was cut off, then a whole one: look again from the second.
             account.read += 1
-            account.skip("merged line", position, show(line))
+            account.skip("merged line", position, line)
             at = match.start() + inner
             continue
         account.read += 1
         if good or trust:
             found.append(text.split(b","))
             if not good:
-                account.flag("bad checksum, kept as asked", position, show(text))
+                account.flag("bad checksum, kept as asked", position, text)
         else:
-            account.skip("bad checksum", position, show(match.group()))
+            account.skip("bad checksum", position, match.group())
         at = match.end()
     if at == 0:
         account.read += 1
-        account.skip("truncated" if b"wr" in line else "not a sentence", position, show(line))
+        account.skip("truncated" if b"wr" in line else "not a sentence", position, line)
     elif line[at:].strip():
         account.read += 1
-        account.skip("truncated", position, show(line[at:]))
+        account.skip("truncated", position, line[at:])
     return found
 
 
@@ -115,13 +115,13 @@ def _pings(data: bytes, account: Account, *, trust: bool) -> list[_Ping]:
             if kind in {b"wrz", b"wrx"}:
                 ping = _velocity(fields, position)
                 if ping is None:
-                    account.skip("velocity report with wrong fields", position, show(b",".join(fields)))
+                    account.skip("velocity report with wrong fields", position, b",".join(fields))
                 else:
                     pings.append(ping)
             elif kind == b"wru":
                 transducer = _transducer(fields)
                 if transducer is None:
-                    account.skip("transducer report with wrong fields", position, show(b",".join(fields)))
+                    account.skip("transducer report with wrong fields", position, b",".join(fields))
                 elif not pings:
                     account.skip("transducer report before any velocity", position)
                 elif transducer[0] in pings[-1].beams:
