@@ -114,9 +114,9 @@ def test_no_input_makes_a_reader_hang(name: str) -> None:
     """A megabyte of false starts costs seconds at most: a byte is looked at a bounded number of times."""
     form: Format = FORMS[name]
     for data in ADVERSARIES[name]:
-        start = time.perf_counter()
+        start = time.process_time()
         assert fuzz_readers.try_one(form, data, PLAIN) is None
-        assert time.perf_counter() - start < 20.0
+        assert time.process_time() - start < 20.0
 
 
 @given(st.lists(st.integers(-5, 5), max_size=12))
