@@ -316,6 +316,9 @@ app.command(
     name="observe",
     help="Tells what can be estimated, and by which manoeuvre.",
 )
+app.command(
+    "bottomlock.convert_command:convert", name="convert", help="Converts a recorded DVL log to a beam table."
+)
 
 
 def _fail(message: str) -> NoReturn:
