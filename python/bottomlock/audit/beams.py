@@ -70,7 +70,7 @@ def judge_beams(
     findings: list[Finding] = []
     matrix, matched = None, None
     solved = full & log.solved
-    if log.instrument_mps is not None and log.beams >= 3:
+    if log.instrument_mps is not None and log.own_frame and log.beams >= 3:
         matrix = find_matrix(log.velocity_mps[solved], log.instrument_mps[solved])
     if matrix is not None and matrix.observable.all():
         if stated is not None:
@@ -95,7 +95,7 @@ def judge_beams(
     weights = null_space(rows)
     closures = [closure_of(column, readings) for column in weights.T]
     for closure in closures:
-        findings += _closure_findings(closure)
+        findings += closure_findings(closure)
     slope, blamed = None, []
     if closures:
         velocity = readings @ np.linalg.pinv(rows).T
@@ -107,7 +107,7 @@ def judge_beams(
 
 
 def _unobservable(log: BeamLog, matrix: Matrix | None, pings: int) -> list[Finding]:
-    if log.instrument_mps is None or log.beams < 3:
+    if log.instrument_mps is None or not log.own_frame or log.beams < 3:
         return []
     if matrix is None:
         return [
@@ -316,7 +316,8 @@ def _order_words(order: Order) -> str:
     return " and ".join(parts)
 
 
-def _closure_findings(closure: Closure) -> list[Finding]:
+def closure_findings(closure: Closure) -> list[Finding]:
+    """A closure that is biased, or whose tails are heavier than Gaussian ones."""
     found = []
     if abs(closure.median_mps) > max(MATERIAL_MPS, SIGMAS * closure.median_sd_mps):
         found.append(

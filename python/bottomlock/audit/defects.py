@@ -69,11 +69,14 @@ def unchanged(log: BeamLog) -> NDArray[np.bool_]:
 
 
 def stale_findings(log: BeamLog, same: NDArray[np.bool_]) -> list[Finding]:
-    """Whole pings that repeat unchanged, more often than chance lets readings of this resolution coincide."""
-    if not same.any():
+    """Whole pings that repeat unchanged, more often than chance lets readings of this resolution coincide.
+
+    A reader that has marked them has taken their flags away; they count all the same.
+    """
+    if not same.any() or not log.beams:
         return []
     y = log.velocity_mps
-    used = log.valid & np.isfinite(y) & (y != 0.0)
+    used = (log.valid | same[:, None]) & np.isfinite(y) & (y != 0.0)
     both = used[1:] & used[:-1]
     alone = [
         float(np.mean(y[1:, k][both[:, k] & ~same[1:]] == y[:-1, k][both[:, k] & ~same[1:]]))

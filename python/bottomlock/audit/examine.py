@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.audit import defects
-from bottomlock.audit.beams import BeamVerdict, judge_beams
+from bottomlock.audit.beams import BeamVerdict, closure_findings, judge_beams
+from bottomlock.audit.closure import closure_of
 from bottomlock.audit.depth import DepthRate, depth_findings, depth_rate
 from bottomlock.audit.findings import Finding, ranked
 from bottomlock.audit.logs import BeamLog, Depths, Inertial, Reference, read_log
+from bottomlock.audit.matrix import LEAST_PINGS
 from bottomlock.audit.mounting import Mounting, find_mounting
 from bottomlock.audit.sits import mounting_findings
 from bottomlock.errors import DataError
@@ -32,6 +34,7 @@ class Audit:
         mounting: how the DVL sits, or None.
         findings: ranked, the worst first.
         geometry_name: what the log was compared with, or None.
+        stated: (beams, 3) its directions, or None.
     """
 
     log: BeamLog
@@ -41,6 +44,7 @@ class Audit:
     mounting: Mounting | None
     findings: list[Finding]
     geometry_name: str | None
+    stated: NDArray[np.float64] | None = None
 
 
 def audit_log(
@@ -75,31 +79,56 @@ def audit_log(
     """
     if stated is not None and log.beams and stated.beams != log.beams:
         raise DataError(f"{log.place}: has {log.beams} beams, but the geometry has {stated.beams}")
+    wanted = None if stated is None or not log.beams else np.asarray(stated.directions_p)
     findings = defects.time_findings(log)
     same = defects.unchanged(log)
+    if log.stale is not None:
+        same = same | log.stale
     copies = defects.copy_findings(log)
     findings += defects.stale_findings(log, same) + defects.zero_findings(log) + copies
     findings += defects.range_findings(log) + defects.verdict_findings(log)
     whole = log.full & ~same
-    if log.beams:
+    if log.beams >= 1:
         whole &= (log.velocity_mps != 0.0).all(axis=1)
-        verdict = judge_beams(
-            log, whole, None if stated is None else np.asarray(stated.directions_p), [one.beams for one in copies]
-        )
+        verdict = judge_beams(log, whole, wanted, [one.beams for one in copies])
     else:
         verdict = BeamVerdict(full=np.zeros(log.pings, dtype=bool))
-    findings += verdict.findings
+    findings += verdict.findings + converter_findings(log)
+    own = None if log.error_velocity_mps is None else log.error_velocity_mps
+    if own is not None and not log.beams and np.isfinite(own).sum() >= LEAST_PINGS:
+        closure = closure_of(np.ones(1), own[np.isfinite(own)][:, None])
+        verdict.closures.append(closure)
+        findings += closure_findings(closure)
     velocity, when = _velocity(log, verdict, whole)
     depth, mounting = None, None
     if when.any():
         rising = _rising(log.time_ns, when)
-        if depths is not None:
+        if depths is not None and log.own_frame:
             depth = depth_rate(log.time_ns[rising], velocity[rising], depths, reference)
             findings += depth_findings(depth)
-        if reference is not None:
+        if reference is not None and log.own_frame:
             mounting = find_mounting(log.time_ns[rising], velocity[rising], reference, imu)
             findings += mounting_findings(mounting)
-    return Audit(log, same, verdict, depth, mounting, ranked(findings), geometry_name)
+    return Audit(log, same, verdict, depth, mounting, ranked(findings), geometry_name, wanted)
+
+
+def converter_findings(log: BeamLog) -> list[Finding]:
+    """What the reader of the recording lost or marked, from the account beside the table."""
+    found = []
+    for fate, words in (("skipped", "gave no row"), ("flagged", "are kept, but not as they stand")):
+        reasons = log.beside.get(fate, {})
+        read = float(log.beside.get("records_read", 0) or 1)
+        for name, reason in (reasons if isinstance(reasons, dict) else {}).items():
+            count = int(reason["count"])
+            found.append(
+                Finding(
+                    f"reader_{fate}", "note", float(count), "records", min(count / read, 1.0),
+                    f"{count} of {read:.0f} records of the recording {words}: {name}.",
+                    f"First: {', '.join(f'{k} {v}' for k, v in reason.items() if k != 'count')}.",
+                    "See the account beside the table.",
+                )
+            )  # fmt: skip
+    return found
 
 
 def _velocity(

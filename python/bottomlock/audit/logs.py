@@ -31,6 +31,8 @@ class BeamLog:
         instrument_valid: (n,) its verdict on that velocity, or None.
         columns: map of the columns that were read, or None for the documented names.
         beside: what the converter wrote in the JSON file beside the table; empty where there is none.
+        stale: (n,) pings that the reader has marked as unchanged repeats (and taken the flags from), or None.
+        error_velocity_mps: (n,) closure that the instrument gives in place of beams, NaN where none, or None.
     """
 
     place: str
@@ -42,6 +44,8 @@ class BeamLog:
     instrument_valid: NDArray[np.bool_] | None = None
     columns: Columns | None = None
     beside: dict[str, Any] = field(default_factory=dict)
+    stale: NDArray[np.bool_] | None = None
+    error_velocity_mps: NDArray[np.float64] | None = None
 
     @property
     def beams(self) -> int:
@@ -62,6 +66,11 @@ class BeamLog:
     def full(self) -> NDArray[np.bool_]:
         """(n,) every beam is flagged valid and finite."""
         return np.asarray((self.valid & np.isfinite(self.velocity_mps)).all(axis=1))
+
+    @property
+    def own_frame(self) -> bool:
+        """The instrument's velocity is in its own frame, not turned to the ship's or the Earth's."""
+        return self.beside.get("instrument_frame", "frd") not in {"earth", "ship"}
 
     @property
     def solved(self) -> NDArray[np.bool_]:
@@ -150,6 +159,11 @@ def _flags(table: pl.DataFrame, name: str, place: str) -> NDArray[np.bool_]:
     return np.asarray(flags == 1.0)
 
 
+def _filled(table: pl.DataFrame, name: str) -> bool:
+    """The column is there and holds something."""
+    return name in table.columns and table[name].null_count() < table.height
+
+
 def _columns_of(table: pl.DataFrame, ending: str) -> list[str]:
     found = [name for name in table.columns if re.fullmatch(rf"beam[1-8]_{ending}", name)]
     return sorted(found, key=lambda name: int(name[4]))
@@ -172,7 +186,7 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
     place, table = str(path), read_table(path)
     mapped = columns is not None and columns.velocity is not None and columns.velocity[0] in table.columns
     chosen = columns if mapped and columns is not None else Columns()
-    names = list(chosen.velocity or _columns_of(table, "mps"))
+    names = list(chosen.velocity or [n for n in _columns_of(table, "mps") if _filled(table, n)])
     flags = list(chosen.valid or [name.replace("_mps", "_valid") for name in names])
     time_ns = times(table, chosen, place)
     empty = np.zeros((table.height, 0))
@@ -185,25 +199,25 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
             f"{place}: row {row}, column '{names[beam]}' is not finite, but beam {beam + 1} is flagged valid"
         )
     own = [f"instrument_{axis}_mps" for axis in AXES]
-    has_own = all(name in table.columns for name in own) and not all(
-        table[name].null_count() == table.height for name in own
-    )
+    has_own = all(_filled(table, name) for name in own)
     instrument = np.stack([numbers(table, n, place) for n in own], axis=1) if has_own else None
     verdict = None
-    if has_own and "instrument_valid" in table.columns and not table["instrument_valid"].null_count():
+    if has_own and _filled(table, "instrument_valid"):
         verdict = _flags(table, "instrument_valid", place)
-    if not names and instrument is None:
+    if not names and instrument is None and not _filled(table, "error_velocity_mps"):
         raise DataError(
             f"{place}: has neither beam1_mps ... nor instrument_x_mps, instrument_y_mps, instrument_z_mps; "
             "`bottomlock convert` makes such a table, or a geometry file maps the columns"
         )
-    ranges = _columns_of(table, "range_m")
+    ranges = [name for name in _columns_of(table, "range_m") if _filled(table, name)]
     reach = None
-    if len(ranges) == len(names) > 0 and any(table[name].null_count() < table.height for name in ranges):
+    if len(ranges) == len(names) > 0:
         reach = np.stack([numbers(table, n, place) for n in ranges], axis=1)
     return BeamLog(
         place, time_ns, velocity * chosen.velocity_scale, valid, reach, instrument, verdict,
         chosen if mapped else None, _beside(Path(path)),
+        _flags(table, "stale", place) if "stale" in table.columns else None,
+        numbers(table, "error_velocity_mps", place) if _filled(table, "error_velocity_mps") else None,
     )  # fmt: skip
 
 
