@@ -1,6 +1,6 @@
 """Judgement on the beams of a log: which matrix, which order, which beam is off its place."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,13 @@ from bottomlock.audit.closure import (
     closure_of,
     closure_slope,
     null_space,
+    null_space_cov,
     suspects,
 )
 from bottomlock.audit.findings import SIGNIFICANCE, Finding, beam_words
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS, Matrix, find_matrix, tilt
-from bottomlock.audit.orders import NEAR_RAD, Match, Order, match, orders_by_closure
+from bottomlock.audit.orders import NEAR_RAD, Match, Order, closing_combination, match, orders_by_closure
 from bottomlock.audit.robust import Array
 
 SIGMAS = 5.0
@@ -78,31 +79,40 @@ def judge_beams(
             findings += _match_findings(matrix, matched, stated, copies)
         else:
             findings += _self_findings(matrix, copies)
-        findings += _scale_findings(matrix) + _bias_findings(matrix)
+        findings += _scale_findings(matrix)
         rows = matrix.rows
     else:
         findings += _unobservable(log, matrix, int(solved.sum()))
         rows = None if stated is None else np.array(stated)
     orders: list[Order] = []
     same_way = bool(copies) or any(one.kind == "identical_beams" for one in findings)
-    if rows is None or full.sum() < LEAST_PINGS or same_way:
+    if full.sum() < LEAST_PINGS or same_way:
         return BeamVerdict(full, matrix, matched, rows, findings=findings)
     readings = log.velocity_mps[full]
+    if rows is None:
+        found, closures = _combination_findings(readings)
+        return BeamVerdict(full, matrix, closures=closures, findings=findings + found)
     if log.beams >= 4:
         orders = orders_by_closure(readings, rows)
         found, rows = _order_findings(orders, rows)
         findings += found
     weights = null_space(rows)
     closures = [closure_of(column, readings) for column in weights.T]
-    for closure in closures:
-        findings += closure_findings(closure)
-    slope, blamed = None, []
+    slope, blamed, moves = None, [], []
     if closures:
         velocity = readings @ np.linalg.pinv(rows).T
         slope = closure_slope(closures[0].values_mps, velocity, np.flatnonzero(full))
+        if slope is not None and matrix is not None and rows is matrix.rows:
+            unsure = null_space_cov(rows, matrix.resampled, weights[:, 0])
+            slope = replace(slope, cov=slope.cov + unsure)
         if slope is not None and slope.p_value < SIGNIFICANCE:
             blamed = suspects(slope, weights[:, 0], rows)
-            findings += _slope_findings(slope, blamed, rows, velocity)
+            moves = _slope_findings(slope, blamed, rows, velocity)
+    biases = [] if matrix is None or rows is not matrix.rows else _bias_findings(matrix, closures)
+    findings += moves + biases
+    for closure in closures:
+        # A closure that moves with the velocity has a median that means nothing; a bias that is named is named once.
+        findings += closure_findings(closure, unbiased=bool(moves or biases))
     return BeamVerdict(full, matrix, matched, rows, closures, slope, blamed, orders, findings)
 
 
@@ -161,7 +171,7 @@ def _match_findings(
                 "Use the geometry file that this audit writes, or mend the column map.", tuple(k + 1 for k in moved),
             )
         )  # fmt: skip
-    flipped = [int(k) for k in np.flatnonzero(matched.sign < 0)]
+    flipped = [int(k) for k in np.flatnonzero(matched.sign < 0) if int(k) not in twins]
     if flipped:
         everything = len(flipped) == len(matched.sign)
         words = (
@@ -266,17 +276,67 @@ def _scale_findings(matrix: Matrix) -> list[Finding]:
     ]  # fmt: skip
 
 
-def _bias_findings(matrix: Matrix) -> list[Finding]:
-    sure = np.abs(matrix.bias_mps) > np.maximum(MATERIAL_MPS, SIGMAS * matrix.bias_sd_mps)
+def _bias_findings(matrix: Matrix, closures: list[Closure]) -> list[Finding]:
+    """Beams that are biased against the instrument's own velocity.
+
+    The regression sees the biases that look like a velocity, the closure sees the rest; together they are whole. A bias that
+    the instrument has taken into its velocity is not seen by the first: then only the closure speaks.
+    """
+    if not (np.abs(matrix.bias_mps) > np.maximum(MATERIAL_MPS, SIGMAS * matrix.bias_sd_mps)).any():
+        return []
+    bias, variance = matrix.bias_mps.copy(), matrix.bias_sd_mps**2
+    for one in closures:
+        share = one.weights / float(one.weights @ one.weights)
+        bias += share * one.median_mps
+        variance = variance + (share * one.median_sd_mps) ** 2
+    sd = np.sqrt(variance)
     return [
         Finding(
-            "beam_bias", "warning", float(1e3 * matrix.bias_mps[k]), "mm/s", float(min(abs(matrix.bias_mps[k]), 1.0)),
-            f"Beam {k + 1} reads {1e3 * matrix.bias_mps[k]:+.1f} mm/s where the instrument's velocity asks for zero.",
-            f"± {1e3 * matrix.bias_sd_mps[k]:.1g} mm/s.",
+            "beam_bias", "warning", float(1e3 * bias[k]), "mm/s", float(min(abs(bias[k]), 1.0)),
+            f"Beam {k + 1} reads {1e3 * bias[k]:+.1f} mm/s where the instrument's velocity and the other beams ask for zero.",
+            f"± {1e3 * sd[k]:.1g} mm/s. What the instrument has taken into its own velocity is not in it.",
             "Subtract it, or let the filter estimate beam biases.", (int(k) + 1,),
         )
-        for k in np.flatnonzero(sure)
+        for k in np.flatnonzero(np.abs(bias) > np.maximum(MATERIAL_MPS, SIGMAS * sd))
     ]  # fmt: skip
+
+
+FREE = (
+    "Closure leaves 9 of the 12 numbers of four beams free: every turn, mirror and stretch of the whole closes alike; "
+    "state a geometry, or record the instrument's velocity beside the beams."
+)
+
+
+def _combination_findings(readings: Array) -> tuple[list[Finding], list[Closure]]:
+    """What beams say with neither a velocity nor a stated geometry: which of them face each other."""
+    if readings.shape[1] < 4:
+        note = Finding(
+            "beams_alone", "note", 0.0, "", 0.0,
+            "Three beams without a velocity or a geometry beside them say nothing of their directions.",
+            "They have no closure.", "State a geometry.",
+        )  # fmt: skip
+        return [note], []
+    best = closing_combination(readings)
+    listed = " ".join(f"{w:+.2f}" for w in best.weights)
+    evidence = f"Weights {listed}; a unit combination closes to {1e3 * best.spread_mps:.1f} mm/s, the next best to {1e3 * best.next_mps:.1f}. {FREE}"
+    if best.next_mps < 2.0 * best.spread_mps:
+        return [
+            Finding(
+                "beams_alone", "note", best.spread_mps, "m/s", 0.0,
+                "No combination of the beams closes clearly better than the others: nothing of their order is observable in this log.",
+                evidence, "Record surge, sway and heave well above the noise.",
+            )
+        ], []  # fmt: skip
+    pairs = [np.flatnonzero(best.weights > 0.5), np.flatnonzero(best.weights < -0.5)]
+    faces = readings.shape[1] == 4 and all(len(pair) == 2 for pair in pairs)
+    words = (
+        f"The beams close as those of a Janus do in which {beam_words(pairs[0])} face each other, and {beam_words(pairs[1])}."
+        if faces
+        else f"The beams close with weights {listed}, which are not those of a Janus."
+    )
+    closure = closure_of(best.weights, readings)
+    note = Finding("beams_alone", "note" if faces else "warning", best.spread_mps, "m/s", 0.0, words, evidence, "Compare with the maker's numbering.")
+    return [note, *closure_findings(closure)], [closure]
 
 
 def _order_findings(orders: list[Order], rows: Array) -> tuple[list[Finding], Array]:
@@ -316,10 +376,10 @@ def _order_words(order: Order) -> str:
     return " and ".join(parts)
 
 
-def closure_findings(closure: Closure) -> list[Finding]:
-    """A closure that is biased, or whose tails are heavier than Gaussian ones."""
+def closure_findings(closure: Closure, *, unbiased: bool = False) -> list[Finding]:
+    """A closure that is biased (unless that is explained), or whose tails are heavier than Gaussian ones."""
     found = []
-    if abs(closure.median_mps) > max(MATERIAL_MPS, SIGMAS * closure.median_sd_mps):
+    if not unbiased and abs(closure.median_mps) > max(MATERIAL_MPS, SIGMAS * closure.median_sd_mps):
         found.append(
             Finding(
                 "closure_bias", "warning", 1e3 * closure.median_mps, "mm/s", min(abs(closure.median_mps), 1.0),
@@ -359,7 +419,7 @@ def _slope_findings(slope: Slope, blamed: list[Suspect], rows: Array, velocity: 
         ways = []
         if one.p_turned > 0.01:
             ways.append(
-                f"beam {one.beam + 1} turned by {np.rad2deg(one.angle_rad):.1f} deg "
+                f"beam {one.beam + 1} turned by {np.rad2deg(one.angle_rad):.1f} ± {np.rad2deg(one.angle_sd_rad):.1g} deg "
                 f"({np.rad2deg(one.tilt_change_rad):+.1f} deg of it tilt; p {one.p_turned:.2g})"
             )
         if one.p_scaled > 0.01:

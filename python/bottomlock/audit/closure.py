@@ -125,20 +125,35 @@ class Suspect:
 
     beam: int
     angle_rad: float
+    angle_sd_rad: float
     tilt_change_rad: float
     scale: float
     p_turned: float
     p_scaled: float
 
 
+def null_space_cov(rows: Array, resampled: Array, weights: Array) -> Array:
+    """(3, 3) covariance that the uncertainty of the rows gives the slope of the closure `weights` (beams,).
+
+    The null space n_r of a resampled matrix A_r, seen by the true beams A, has the slope n_rᵀ A.
+    """
+    slopes = []
+    for copy in resampled:
+        n = null_space(copy)
+        k = int(np.argmax(np.abs(weights @ n)))
+        slopes.append((n[:, k] * (weights @ weights) / (weights @ n[:, k])) @ rows)
+    return np.atleast_2d(np.cov(np.array(slopes), rowvar=False))
+
+
 def suspects(slope: Slope, weights: Array, rows: Array) -> list[Suspect]:
     """Beams that could each alone explain the slope, the best first.
 
-    If beam k alone is off, `A_true − A` has the one row a / n_k. A turned beam keeps its length (one test); a beam with a
+    If beam k alone is off by δ, the velocity of least squares is A⁺ (A + e_k δᵀ) v too, and the slope a on *it* obeys
+    (n − A⁺ᵀ a)ᵀ (A + e_k δᵀ) = 0, so that δ = a / (n − A⁺ᵀ a)_k. A turned beam keeps its length (one test); a beam with a
     wrong scale keeps its direction (two tests).
     """
     found = []
-    for beam, weight in enumerate(weights):
+    for beam, weight in enumerate(weights - np.linalg.pinv(rows).T @ slope.slope):
         if abs(weight) < 0.1:
             continue
         delta, cov, row = slope.slope / weight, slope.cov / weight**2, rows[beam]
@@ -154,5 +169,8 @@ def suspects(slope: Slope, weights: Array, rows: Array) -> list[Suspect]:
         turned = float(np.arctan2(np.hypot(along[0], along[1]), along[2]))
         before = float(np.arctan2(np.hypot(unit[0], unit[1]), unit[2]))
         scale = float(unit @ delta) / length
-        found.append(Suspect(beam, float(np.arccos(cosine)), turned - before, scale, p_turned, p_scaled))
+        way = along - cosine * unit
+        way = way / max(float(np.linalg.norm(way)), 1e-12)
+        angle_sd = float(np.sqrt(way @ cov @ way)) / length
+        found.append(Suspect(beam, float(np.arccos(cosine)), angle_sd, turned - before, scale, p_turned, p_scaled))
     return sorted(found, key=lambda one: -max(one.p_turned, one.p_scaled))

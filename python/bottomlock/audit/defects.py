@@ -12,6 +12,8 @@ from bottomlock.audit.robust import Array
 
 GAP = 2.5
 """A step of more than this many usual ones is a gap."""
+_NEAREST = 60
+"""How many of the values nearest to zero tell how often zero ought to occur."""
 
 
 def time_findings(log: BeamLog) -> list[Finding]:
@@ -110,9 +112,9 @@ def zero_findings(log: BeamLog) -> list[Finding]:
         if not zeros:
             continue
         quantum = _quantum(y)
-        near = np.abs(y[(y != 0.0)])
-        # As many zeros as the five values next to it on each side have each: what a vehicle at rest would show.
-        usual = float(np.sum(near < 5.5 * quantum)) / 10.0 if quantum > 0.0 else 0.0
+        near = np.sort(np.abs(y[y != 0.0]))[:_NEAREST]
+        # As many as the values next to zero have each: a vehicle at rest reads zero honestly.
+        usual = near.size * quantum / (2.0 * near[-1] + quantum) if near.size else 0.0
         if poisson.sf(zeros - 1, 1.5 * usual + 1e-3) > SIGNIFICANCE:
             continue
         part = zeros / y.size
@@ -130,11 +132,9 @@ def zero_findings(log: BeamLog) -> list[Finding]:
 
 
 def _quantum(y: Array) -> float:
-    """Resolution of recorded values: 0 where nearly all of them differ."""
-    values = np.unique(np.round(y[np.isfinite(y)], 9))
-    if values.size < 2 or values.size > 0.9 * y.size:
-        return 0.0
-    return float(np.quantile(np.diff(values), 0.1))
+    """Resolution of recorded values: the least step between two that differ."""
+    steps = np.diff(np.unique(np.round(y[np.isfinite(y)], 9)))
+    return float(steps.min()) if steps.size else 0.0
 
 
 def range_findings(log: BeamLog) -> list[Finding]:
@@ -183,13 +183,16 @@ def copy_findings(log: BeamLog) -> list[Finding]:
     return found
 
 
-def verdict_findings(log: BeamLog) -> list[Finding]:
-    """Where the instrument's verdict and its beams part: refused with all beams, given with fewer than three."""
+def verdict_findings(log: BeamLog, same: NDArray[np.bool_]) -> list[Finding]:
+    """Where the instrument's verdict and its beams part: refused with all beams, given with fewer than three.
+
+    Stale pings are left out: a reader may have taken their flags away.
+    """
     if log.instrument_valid is None or not log.beams:
         return []
     count = log.valid.sum(axis=1)
     found = []
-    refused = (count == log.beams) & ~log.instrument_valid
+    refused = (count == log.beams) & ~log.instrument_valid & ~same
     if refused.any():
         part = float(refused.sum() / max((count == log.beams).sum(), 1))
         found.append(
@@ -200,7 +203,7 @@ def verdict_findings(log: BeamLog) -> list[Finding]:
                 "A flag per beam does not make a good ping: gate by closure and by innovation as well.",
             )
         )  # fmt: skip
-    given = (count < min(3, log.beams)) & log.instrument_valid
+    given = (count < min(3, log.beams)) & log.instrument_valid & ~same
     if given.any():
         found.append(
             Finding(

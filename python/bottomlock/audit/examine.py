@@ -86,7 +86,7 @@ def audit_log(
         same = same | log.stale
     copies = defects.copy_findings(log)
     findings += defects.stale_findings(log, same) + defects.zero_findings(log) + copies
-    findings += defects.range_findings(log) + defects.verdict_findings(log)
+    findings += defects.range_findings(log) + defects.verdict_findings(log, same)
     whole = log.full & ~same
     if log.beams >= 1:
         whole &= (log.velocity_mps != 0.0).all(axis=1)

@@ -47,7 +47,16 @@ def match(found: Array, stated: Array) -> Match:
     turns += [
         Rotation.from_euler("x", 180.0, degrees=True) * turn for turn in [Rotation.identity(), *turns]
     ]
-    best = min((_assign(found, stated, turn) for turn in turns), key=lambda one: float(one.off_rad.max()))
+    tried = [_assign(found, stated, turn) for turn in turns]
+    # Of turns that fit alike (a Janus fits every quarter turn) the one that leaves the order and turns least.
+    best = min(
+        tried,
+        key=lambda one: (
+            round(float(one.off_rad.max()), 2),
+            int(np.sum(one.beam != np.arange(len(found)))) + int(np.sum(one.sign < 0)),
+            one.turn.magnitude(),
+        ),
+    )
     if best.off_rad.max() > 0.5 * plain.off_rad.max():
         return plain
     moved = best.sign[:, None] * stated[best.beam]
@@ -122,3 +131,35 @@ def _swapped(order: range | tuple[int, ...], pair: tuple[int, int]) -> tuple[int
 
 def _flipped(sign: tuple[int, ...], beams: list[int]) -> tuple[int, ...]:
     return tuple(-s if k in beams else s for k, s in enumerate(sign))
+
+
+@dataclass(frozen=True, eq=False)
+class Combination:
+    """The combination of beams that closes best without any geometry: weights (beams,) and the spreads that tell how surely.
+
+    `spread_mps` is the robust sigma of the combination scaled to unit length, `next_mps` that of the next best.
+    """
+
+    weights: Array
+    spread_mps: float
+    next_mps: float
+
+
+def closing_combination(readings_mps: Array) -> Combination:
+    """The direction of least spread of readings (n, beams): the null space of whatever geometry made them.
+
+    Weights are drawn towards the quieter beams where these are not equally noisy. The spread is taken about zero, for a
+    closure without bias is zero; wild pings are weighted down.
+    """
+    weights = np.ones(len(readings_mps))
+    for _ in range(20):
+        values, vectors = np.linalg.eigh((readings_mps * weights[:, None]).T @ readings_mps / weights.sum())
+        least = readings_mps @ vectors[:, 0]
+        update = 1.0 / np.maximum(np.abs(least) / (2.0 * max(sigma(least), 1e-9)), 1.0) ** 2
+        if np.max(np.abs(update - weights)) < 1e-6:
+            break
+        weights = update
+    first = vectors[:, 0]
+    largest = int(np.argmax(np.abs(first) > 0.99 * np.abs(first).max()))
+    following = sigma(readings_mps @ vectors[:, 1])
+    return Combination(first / first[largest], sigma(readings_mps @ first), max(following, float(np.sqrt(values[1]))))
