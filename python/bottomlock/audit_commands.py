@@ -26,17 +26,23 @@ def audit(
     *,
     out: Annotated[Path, Parameter(help="Directory for audit.json, tables, figures and audit.html.")],
     geometry: Annotated[
-        str | None, Parameter(help="Geometry to compare with: a packaged name or TOML file; its column map is used.")
+        str | None,
+        Parameter(help="Geometry to compare with: a packaged name or TOML file; its column map is used."),
     ] = None,
     attitude: Annotated[
         Path | None,
-        Parameter(help="CSV or Parquet: time_ns, roll_rad, pitch_rad, yaw_rad, and velocity_north_mps ... if there."),
+        Parameter(
+            help="CSV or Parquet: time_ns, roll_rad, pitch_rad, yaw_rad, and velocity_north_mps ... if there."
+        ),
     ] = None,
     imu: Annotated[
-        Path | None, Parameter(help="CSV or Parquet: time_ns, force_x_mps2 ..., omega_x_radps ..., forward-right-down.")
+        Path | None,
+        Parameter(help="CSV or Parquet: time_ns, force_x_mps2 ..., omega_x_radps ..., forward-right-down."),
     ] = None,
     depth: Annotated[Path | None, Parameter(help="CSV or Parquet: time_ns, depth_m.")] = None,
-    write: Annotated[Path | None, Parameter(help="Write the geometry that was found to this TOML file.")] = None,
+    write: Annotated[
+        Path | None, Parameter(help="Write the geometry that was found to this TOML file.")
+    ] = None,
 ) -> None:
     """Says what a log tells of its DVL: directions, order, signs, closure, defects, mounting; ranked, with numbers.
 
@@ -71,25 +77,33 @@ def shown(made: Audit) -> list[str | Table]:
     beams = ", ".join(f"{count} with {log.beams - k}" for k, count in enumerate(counts) if count)
     parts: list[str | Table] = [
         f"{log.place}: {log.pings} pings in {log.time_s.max():.1f} s"
-        + (f"; beams valid: {beams}; {int(verdict.full.sum())} full pings used" if log.beams else "; no beams")
+        + (
+            f"; beams valid: {beams}; {int(verdict.full.sum())} full pings used"
+            if log.beams
+            else "; no beams"
+        )
     ]
     if verdict.matrix is not None:
         parts.append(_beams(made))
-    for one in verdict.closures:
-        parts.append(
-            f"closure ({' '.join(f'{w:+.2f}' for w in one.weights)}): median |e| {1e3 * one.median_abs_mps:.1f}, robust sigma "
-            f"{1e3 * one.sigma_mps:.1f}, 95 % {1e3 * one.p95_mps:.0f}, 99 % {1e3 * one.p99_mps:.0f}, "
-            f"largest {1e3 * one.max_mps:.0f} mm/s"
-        )
+    parts += [
+        f"closure ({' '.join(f'{w:+.2f}' for w in one.weights)}): median |e| {1e3 * one.median_abs_mps:.1f}, "
+        f"robust sigma {1e3 * one.sigma_mps:.1f}, 95 % {1e3 * one.p95_mps:.0f}, 99 % {1e3 * one.p99_mps:.0f}, "
+        f"largest {1e3 * one.max_mps:.0f} mm/s"
+        for one in verdict.closures
+    ]
     if log.beams == 3:
         parts.append("three beams have no closure: nothing checks them but a reference")
     if made.mounting is not None and made.mounting.follows:
         m = made.mounting
-        rpy = ", ".join(f"{np.rad2deg(v):+.2f} ± {np.rad2deg(s):.2g}" for v, s in zip(m.rpy_rad, m.misalignment_sd_rad, strict=True))
+        rpy = ", ".join(
+            f"{np.rad2deg(v):+.2f} ± {np.rad2deg(s):.2g}"
+            for v, s in zip(m.rpy_rad, m.misalignment_sd_rad, strict=True)
+        )
         arm = ", ".join(f"{v:+.2f} ± {s:.2g}" for v, s in zip(m.lever_arm_p_m, m.lever_arm_sd_m, strict=True))
         parts.append(
             f"mounting, from {m.way}: roll, pitch, yaw {rpy} deg; lever arm {arm} m; clock offset "
-            f"{m.clock_offset_s:+.3f} ± {m.clock_offset_sd_s:.2g} s; scale {100.0 * m.scale:+.2f} ± {100.0 * m.scale_sd:.2g} %"
+            f"{m.clock_offset_s:+.3f} ± {m.clock_offset_sd_s:.2g} s; scale {100.0 * m.scale:+.2f} ± "
+            f"{100.0 * m.scale_sd:.2g} %"
         )
     parts.append("" if made.findings else "nothing was found")
     for number, finding in enumerate(made.findings, start=1):

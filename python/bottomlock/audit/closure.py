@@ -1,11 +1,12 @@
 """Closure: the combinations of the beams that no velocity can move, and what they say of the instrument.
 
-With A (beams, 3) and N its left null space, `Nᵀ y = Nᵀ (bias + noise)`: for a Janus, reading 1 − 2 + 3 − 4 round the circle.
-A closure that moves *with* the velocity says that the beams do not sit as A says: `E[n · y | v] = nᵀ (A_true − A) v`.
+With A (beams, 3) and N its left null space, `Nᵀ y = Nᵀ (bias + noise)`: for a Janus, reading 1 − 2 + 3 − 4 round the
+circle. A closure that moves *with* the velocity says that the beams do not sit as A says: `E[n · y | v] = nᵀ (A_true
+− A) v`.
 
-What closure alone cannot tell: A and A·T have the same null space for every invertible T (3, 3). Of the 12 numbers of four
-beams 9 are thus free; unit length of the beams leaves 5 (three turns of the whole, two stretches that trade tilt against
-azimuth). Of 24 orders of four Janus beams it tells 3 classes of 8 apart; of four biases one combination.
+What closure alone cannot tell: A and A·T have the same null space for every invertible T (3, 3). Of the 12 numbers
+of four beams 9 are thus free; unit length of the beams leaves 5 (three turns of the whole, two stretches that trade
+tilt against azimuth). Of 24 orders of four Janus beams it tells 3 classes of 8 apart; of four biases one combination.
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ GAUSSIAN_BEYOND_3 = float(2.0 * norm.sf(3.0))
 
 
 def null_space(rows: Array) -> Array:
-    """(beams, beams − 3) combinations that no velocity moves, each scaled so that the first of its largest entries is 1.
+    """(beams, beams − 3) combinations that no velocity moves, the first of the largest entries of each scaled to 1.
 
     >>> null_space(np.array([[1.0, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]])).round(9).T.tolist()
     [[1.0, -1.0, 1.0, -1.0]]
@@ -36,8 +37,8 @@ def null_space(rows: Array) -> Array:
 class Closure:
     """Statistics of the closure over full pings, m/s.
 
-    `beyond_3_sigma` is the part beyond three robust sigmas: 0.0027 for Gaussian noise. `white_sigma_mps` is the part of the
-    spread that changes from ping to ping, from first differences.
+    `beyond_3_sigma` is the part beyond three robust sigmas: 0.0027 for Gaussian noise. `white_sigma_mps` is the part
+    of the spread that changes from ping to ping, from first differences.
     """
 
     weights: Array
@@ -93,13 +94,15 @@ class Slope:
 
     @property
     def p_value(self) -> float:
-        """Chance of a slope this large where the beams sit as assumed (Hotelling's T², for the covariance is of blocks)."""
+        """Chance of a slope this large where the beams sit as assumed (Hotelling's T²: the covariance is of blocks)."""
         free = BLOCKS - 1
-        return float(f.sf(self.slope @ np.linalg.solve(self.cov, self.slope) * (free - 2) / (3 * free), 3, free - 2))
+        return float(
+            f.sf(self.slope @ np.linalg.solve(self.cov, self.slope) * (free - 2) / (3 * free), 3, free - 2)
+        )
 
 
 def closure_slope(values_mps: Array, velocity_mps: Array, row: NDArray[np.int64]) -> Slope | None:
-    """Slope of the closure (n,) on the velocity (n, 3) of full pings with row numbers (n,) in the log; None from too few.
+    """Slope of the closure (n,) on the velocity (n, 3) of full pings at rows (n,) of the log; None from too few.
 
     The velocity of the same ping carries the noise of the same beams, which correlates with the closure as soon as one
     beam is noisier than another. The mean of the pings before and after shares the motion and not the noise: it is the
@@ -110,9 +113,7 @@ def closure_slope(values_mps: Array, velocity_mps: Array, row: NDArray[np.int64]
         return None
     one = np.ones((inner.size, 1))
     beside = 0.5 * (velocity_mps[inner - 1] + velocity_mps[inner + 1])
-    fit = fit_linear(
-        np.hstack([velocity_mps[inner], one]), values_mps[inner], np.hstack([beside, one])
-    )
+    fit = fit_linear(np.hstack([velocity_mps[inner], one]), values_mps[inner], np.hstack([beside, one]))
     copies = fit.resampled[:, :3]
     return Slope(
         fit.parameters[:3], np.atleast_2d(np.cov(copies, rowvar=False)) + 1e-18 * np.eye(3), inner.size
@@ -149,8 +150,8 @@ def suspects(slope: Slope, weights: Array, rows: Array) -> list[Suspect]:
     """Beams that could each alone explain the slope, the best first.
 
     If beam k alone is off by δ, the velocity of least squares is A⁺ (A + e_k δᵀ) v too, and the slope a on *it* obeys
-    (n − A⁺ᵀ a)ᵀ (A + e_k δᵀ) = 0, so that δ = a / (n − A⁺ᵀ a)_k. A turned beam keeps its length (one test); a beam with a
-    wrong scale keeps its direction (two tests).
+    (n − A⁺ᵀ a)ᵀ (A + e_k δᵀ) = 0, so that δ = a / (n − A⁺ᵀ a)_k. A turned beam keeps its length (one test); a beam
+    with a wrong scale keeps its direction (two tests).
     """
     found = []
     for beam, weight in enumerate(weights - np.linalg.pinv(rows).T @ slope.slope):
@@ -172,5 +173,7 @@ def suspects(slope: Slope, weights: Array, rows: Array) -> list[Suspect]:
         way = along - cosine * unit
         way = way / max(float(np.linalg.norm(way)), 1e-12)
         angle_sd = float(np.sqrt(way @ cov @ way)) / length
-        found.append(Suspect(beam, float(np.arccos(cosine)), angle_sd, turned - before, scale, p_turned, p_scaled))
+        found.append(
+            Suspect(beam, float(np.arccos(cosine)), angle_sd, turned - before, scale, p_turned, p_scaled)
+        )
     return sorted(found, key=lambda one: -max(one.p_turned, one.p_scaled))

@@ -1,4 +1,4 @@
-"""Defects of a log that need no geometry: times, stale pings, zeros that stand for nothing, channels that are copies."""
+"""Defects of a log that need no geometry: times, stale pings, zeros that stand for nothing, copied channels."""
 
 import itertools
 
@@ -34,7 +34,8 @@ def time_findings(log: BeamLog) -> list[Finding]:
                     kind, "fault", float(where.sum()), "pings", part,
                     f"{where.sum()} of {log.pings} pings {words}.",
                     f"First in row {first}: {log.time_ns[first]} ns after {log.time_ns[first - 1]} ns.",
-                    "Take the instrument's time of validity instead of the host's, or drop these rows before `bottomlock fix`.",
+                    "Take the instrument's time of validity instead of the host's, or drop these rows before "
+                    "`bottomlock fix`.",
                 )
             )  # fmt: skip
     rising = steps[steps > 0.0]
@@ -52,14 +53,15 @@ def time_findings(log: BeamLog) -> list[Finding]:
                 "time_gaps", "warning" if part > 0.01 else "note", float(gaps.size), "gaps", part,
                 f"{gaps.size} {'gap' if gaps.size == 1 else 'gaps'} in time, together {missing:.3g} s of {span:.4g} s.",
                 f"A usual step is {usual:.4g} s; the longest is {steps[worst]:.4g} s, before row {worst + 1}.",
-                "Nothing, if the instrument was silent there; a filter coasts over them. Look for lost lines of the recording else.",
+                "Nothing, if the instrument was silent there; a filter coasts over them. Look for lost lines of "
+                "the recording else.",
             )
         )  # fmt: skip
     return found
 
 
 def unchanged(log: BeamLog) -> NDArray[np.bool_]:
-    """(n,) a ping repeats all readings and flags of the ping before it, with two readings that are not zero at least."""
+    """(n,) a ping repeats all readings and flags of the ping before it; two readings at least are not zero."""
     same = np.zeros(log.pings, dtype=bool)
     if log.beams == 0:
         return same
@@ -97,8 +99,10 @@ def stale_findings(log: BeamLog, same: NDArray[np.bool_]) -> list[Finding]:
         Finding(
             "stale_pings", "fault" if part > 0.01 else "warning", float(count), "pings", part,
             f"{count} pings ({100.0 * part:.2g} %) repeat the whole ping before them unchanged.",
-            f"{by_chance:.2g} would by chance; first in row {int(np.flatnonzero(same)[0])}, longest run {int(runs.max())} pings.",
-            "Drop them: each counts an old reading as a new one, with an old velocity and a variance that is too small.",
+            f"{by_chance:.2g} would by chance; first in row {int(np.flatnonzero(same)[0])}, longest run "
+            f"{int(runs.max())} pings.",
+            "Drop them: each counts an old reading as a new one, with an old velocity and a variance that is "
+            "too small.",
         )
     ]  # fmt: skip
 
@@ -121,7 +125,8 @@ def zero_findings(log: BeamLog) -> list[Finding]:
         found.append(
             Finding(
                 "zero_as_valid", "fault", float(zeros), "pings", part,
-                f"Beam {k + 1} is flagged valid with a velocity of exactly zero in {zeros} pings ({100.0 * part:.2g} %).",
+                f"Beam {k + 1} is flagged valid with a velocity of exactly zero in {zeros} pings "
+                f"({100.0 * part:.2g} %).",
                 f"{usual:.2g} would be usual beside values {quantum:.2g} m/s apart; "
                 f"first in row {int(np.flatnonzero(log.valid[:, k] & (log.velocity_mps[:, k] == 0.0))[0])}.",
                 "Treat zero as lost: clear the flag where the velocity is exactly zero.",
@@ -174,9 +179,11 @@ def copy_findings(log: BeamLog) -> list[Finding]:
                 found.append(
                     Finding(
                         "identical_beams", "fault", part, "of pings", part,
-                        f"{beam_words([i, j]).capitalize()} hold {words} in {100.0 * part:.3g} % of {moving.sum()} pings.",
+                        f"{beam_words([i, j]).capitalize()} hold {words} in {100.0 * part:.3g} % of "
+                        f"{moving.sum()} pings.",
                         "Two transducers never agree to the last digit.",
-                        "Look for a column that is read twice; until it is found use one of the two and treat the other as lost.",
+                        "Look for a column that is read twice; until it is found use one of the two and treat "
+                        "the other as lost.",
                         (i + 1, j + 1),
                     )
                 )  # fmt: skip
@@ -198,7 +205,8 @@ def verdict_findings(log: BeamLog, same: NDArray[np.bool_]) -> list[Finding]:
         found.append(
             Finding(
                 "refused_by_instrument", "note" if part < 0.2 else "warning", float(refused.sum()), "pings", part,
-                f"The instrument refuses its velocity in {refused.sum()} pings with all {log.beams} beams valid ({100.0 * part:.3g} %).",
+                f"The instrument refuses its velocity in {refused.sum()} pings with all {log.beams} beams valid "
+                f"({100.0 * part:.3g} %).",
                 f"First in row {int(np.flatnonzero(refused)[0])}.",
                 "A flag per beam does not make a good ping: gate by closure and by innovation as well.",
             )

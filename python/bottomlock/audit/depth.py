@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from bottomlock.audit.findings import Finding
@@ -25,9 +26,9 @@ class DepthRate:
 
 
 def depth_rate(
-    time_ns: Array, velocity_mps: Array, depths: Depths, reference: Reference | None
+    time_ns: NDArray[np.int64], velocity_mps: Array, depths: Depths, reference: Reference | None
 ) -> DepthRate | None:
-    """Slope of the depth change on the integrated z velocity (n, 3) of pings at times (n,); None where they overlap too little.
+    """Slope of the depth change on the integrated z of velocities (n, 3) at times (n,); None from too little overlap.
 
     With an attitude the whole velocity is levelled; without, z is taken for down, and pitch × surge leaks in.
     """
@@ -73,14 +74,16 @@ def depth_findings(rate: DepthRate | None) -> list[Finding]:
         else " There is no attitude beside it: pitch times surge is in it, and moves the slope."
     )
     evidence = (
-        f"Slope {rate.slope:+.2f} ± {rate.slope_sd:.2g}, correlation {rate.correlation:+.2f} over {rate.windows} windows "
+        f"Slope {rate.slope:+.2f} ± {rate.slope_sd:.2g}, correlation {rate.correlation:+.2f} over "
+        f"{rate.windows} windows "
         f"of {WINDOW_S:g} s.{caveat}"
     )
     if abs(rate.correlation) < 0.3 or abs(rate.slope) < 5.0 * rate.slope_sd:
         return [
             Finding(
                 "depth_not_observable", "note", rate.slope, "", 0.0,
-                "Neither the sign of z nor the vertical scale is observable in this log: the depth hardly follows the heave.",
+                "Neither the sign of z nor the vertical scale is observable in this log: the depth hardly "
+                "follows the heave.",
                 evidence, "Record a dive or a climb.",
             )
         ]  # fmt: skip

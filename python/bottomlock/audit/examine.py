@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.audit import defects
-from bottomlock.audit.beams import BeamVerdict, closure_findings, judge_beams
-from bottomlock.audit.closure import closure_of
+from bottomlock.audit.beams import BeamVerdict, judge_beams
+from bottomlock.audit.closure import Closure, closure_of
+from bottomlock.audit.closure_words import closure_findings
 from bottomlock.audit.depth import DepthRate, depth_findings, depth_rate
 from bottomlock.audit.findings import Finding, ranked
 from bottomlock.audit.logs import BeamLog, Depths, Inertial, Reference, read_log
 from bottomlock.audit.matrix import LEAST_PINGS
 from bottomlock.audit.mounting import Mounting, find_mounting
+from bottomlock.audit.signature import find_signature, signature_findings
 from bottomlock.audit.sits import mounting_findings
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
@@ -109,6 +111,10 @@ def audit_log(
         if reference is not None and log.own_frame:
             mounting = find_mounting(log.time_ns[rising], velocity[rising], reference, imu)
             findings += mounting_findings(mounting)
+            if mounting is None or not mounting.follows:
+                findings += signature_findings(
+                    find_signature(log.time_ns[rising], velocity[rising], reference, imu)
+                )
     return Audit(log, same, verdict, depth, mounting, ranked(findings), geometry_name, wanted)
 
 
@@ -179,6 +185,17 @@ def audit_file(
     )  # fmt: skip
 
 
+_OF_MATRIX = (
+    "directions", "direction_sd_rad", "tilt_rad", "tilt_sd_rad", "azimuth_rad", "azimuth_sd_rad", "scale", "scale_sd",
+    "bias_mps", "bias_sd_mps", "residual_mps", "way", "pings", "observable",
+)  # fmt: skip
+
+
+def _closure_numbers(closure: Closure) -> dict[str, Any]:
+    kept = {key: value for key, value in vars(closure).items() if key != "values_mps"}
+    return dict(_plain(kept | {"beam_sigma_mps": closure.beam_sigma_mps}))
+
+
 def numbers_of(audit: Audit) -> dict[str, Any]:
     """Everything that was found, as JSON holds it: SI units and radians."""
     log, verdict = audit.log, audit.verdict
@@ -197,18 +214,14 @@ def numbers_of(audit: Audit) -> dict[str, Any]:
         "converted": _plain(log.beside),
         "matrix": None,
         "match": None,
-        "closure": [_plain({k: v for k, v in vars(c).items() if k != "values_mps"} | {"beam_sigma_mps": c.beam_sigma_mps}) for c in verdict.closures],
+        "closure": [_closure_numbers(one) for one in verdict.closures],
         "closure_slope": None,
         "depth_rate": None if audit.depth is None else _plain(vars(audit.depth)),
         "mounting": None if audit.mounting is None else _plain(vars(audit.mounting)),
     }  # fmt: skip
     if verdict.matrix is not None:
         m = verdict.matrix
-        names = (
-            "directions direction_sd_rad tilt_rad tilt_sd_rad azimuth_rad azimuth_sd_rad scale scale_sd bias_mps "
-            "bias_sd_mps residual_mps way pings observable"
-        ).split()
-        content["matrix"] = _plain({name: getattr(m, name) for name in names})
+        content["matrix"] = _plain({name: getattr(m, name) for name in _OF_MATRIX})
     if verdict.match is not None:
         one = verdict.match
         content["match"] = _plain(
@@ -219,7 +232,7 @@ def numbers_of(audit: Audit) -> dict[str, Any]:
     return content
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:  # noqa: ANN401 - what JSON holds is any of six types
     """Arrays and numpy numbers to lists and numbers; NaN to None."""
     if isinstance(value, Mapping):
         return {str(key): _plain(one) for key, one in value.items()}

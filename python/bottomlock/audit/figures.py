@@ -1,4 +1,4 @@
-"""Figures of an audit: how the closure is spread, when it is bad, which beams return, how the fit against a reference sits."""
+"""Figures of an audit: how the closure is spread, when it is bad, which beams return, where they look."""
 
 import matplotlib as mpl
 import numpy as np
@@ -19,7 +19,7 @@ _STATE_COLOURS = (GREEN, ORANGE, "#8952ff", INK)
 
 
 def closure_figure(audit: Audit) -> Figure | None:
-    """Histogram of the first closure, on a logarithmic scale, with the Gaussian that its middle suggests; None without one."""
+    """Histogram of the first closure on a logarithmic scale, and the Gaussian that its middle suggests; or None."""
     if not audit.verdict.closures:
         return None
     closure = audit.verdict.closures[0]
@@ -33,7 +33,13 @@ def closure_figure(audit: Audit) -> Figure | None:
         axes.hist(1e3 * inside, bins=list(1e3 * edges), color=BLUE, alpha=0.75, label="recorded")
         middle = 0.5 * (edges[1:] + edges[:-1])
         expected = norm.pdf(middle, closure.median_mps, spread) * len(values) * (edges[1] - edges[0])
-        axes.plot(1e3 * middle, expected, color=INK, linewidth=1.4, label=f"Gaussian of its robust sigma, {1e3 * spread:.3g} mm/s")
+        axes.plot(
+            1e3 * middle,
+            expected,
+            color=INK,
+            linewidth=1.4,
+            label=f"Gaussian of its robust sigma, {1e3 * spread:.3g} mm/s",
+        )
         axes.set_yscale("log")
         axes.set_ylim(0.5, 12.0 * max(float(np.histogram(inside, edges)[0].max()), float(expected.max())))
         axes.set_xlabel("closure, mm/s (what lies beyond is counted in the outermost bars)")
@@ -43,16 +49,19 @@ def closure_figure(audit: Audit) -> Figure | None:
 
 
 def residual_figure(audit: Audit) -> Figure | None:
-    """The closure against time, and below it how far every beam jumps from the median of five pings; None without beams.
+    """The closure against time; below it how far every beam jumps from the median of five pings; or None.
 
-    The closure of four beams is one number a ping: shared out over the beams it would be the same picture four times. What
-    tells the beams apart is how each behaves in time.
+    The closure of four beams is one number a ping: shared out over the beams it would be the same picture four
+    times. What tells the beams apart is how each behaves in time.
     """
     verdict, log = audit.verdict, audit.log
     if not log.beams or verdict.full.sum() < 5:
         return None
     time_s = log.time_s[verdict.full]
-    panels = [(f"beam {k + 1}", COLOURS[k], values) for k, values in enumerate(jumps(log.velocity_mps[verdict.full]).T)]
+    panels = [
+        (f"beam {k + 1}", COLOURS[k], values)
+        for k, values in enumerate(jumps(log.velocity_mps[verdict.full]).T)
+    ]
     if verdict.closures:
         panels.insert(0, ("closure", INK, verdict.closures[0].values_mps))
     with mpl.rc_context(STYLE):
@@ -69,7 +78,9 @@ def residual_figure(audit: Audit) -> Figure | None:
             axes.set_ylim(-1.2e3 * limit, 1.2e3 * limit)
         figure.axes[-1].set_xlabel("time, s")
         figure.axes[0].set_title(
-            "mm/s; beams: jump from the median of five pings; orange ticks lie beyond the frame", loc="right", fontsize=8.5
+            "mm/s; beams: jump from the median of five pings; orange ticks lie beyond the frame",
+            loc="right",
+            fontsize=8.5,
         )
     return figure
 
@@ -89,7 +100,9 @@ def validity_figure(audit: Audit) -> Figure | None:
     if not log.beams:
         return None
     state = np.where(log.valid, 0, 1)
-    state = np.where(log.valid & (log.velocity_mps == 0.0), 3, state)
+    blamed = {k - 1 for one in audit.findings if one.kind == "zero_as_valid" for k in one.beams}
+    named = np.isin(np.arange(log.beams), list(blamed))
+    state = np.where(log.valid & (log.velocity_mps == 0.0) & named, 3, state)
     state = np.where(audit.unchanged[:, None], 2, state)
     # At most 1500 columns, each showing the worst of its pings: what is rare must not vanish between pixels.
     order = np.array([0, 1, 2, 3])
@@ -115,7 +128,7 @@ def validity_figure(audit: Audit) -> Figure | None:
 
 
 def geometry_figure(audit: Audit) -> Figure | None:
-    """Found beams from above, as points at their tilt, with the stated ones as rings; None where directions are not observable."""
+    """Found beams from above, points at their tilt, and the stated ones as rings; None where not observable."""
     matrix = audit.verdict.matrix
     if matrix is None or not matrix.observable.all():
         return None
@@ -129,13 +142,20 @@ def geometry_figure(audit: Audit) -> Figure | None:
         axes.set_ylim(0.0, 1.35 * float(np.rad2deg(tilt).max()))
         if audit.stated is not None:
             lean, turn = _polar(np.where(audit.stated[:, 2:3] < 0.0, -audit.stated, audit.stated))
-            axes.plot(turn, np.rad2deg(lean), "o", markersize=15, markerfacecolor="none", color=GREY, label="stated")
+            axes.plot(
+                turn, np.rad2deg(lean), "o", markersize=15, markerfacecolor="none", color=GREY, label="stated"
+            )
             axes.legend(loc="lower right", bbox_to_anchor=(1.12, -0.08), frameon=False, fontsize=8.5)
         for k in range(len(tilt)):
             flipped = matrix.directions[k, 2] < 0.0
-            axes.plot(azimuth[k], np.rad2deg(tilt[k]), "x" if flipped else "o", color=COLOURS[k], markersize=8)
+            axes.plot(
+                azimuth[k], np.rad2deg(tilt[k]), "x" if flipped else "o", color=COLOURS[k], markersize=8
+            )
             axes.annotate(
-                f"{k + 1}{' (−)' if flipped else ''}", (azimuth[k], np.rad2deg(tilt[k])), xytext=(8, 8), textcoords="offset points"
+                f"{k + 1}{' (−)' if flipped else ''}",
+                (azimuth[k], np.rad2deg(tilt[k])),
+                xytext=(8, 8),
+                textcoords="offset points",
             )
         axes.tick_params(labelsize=8.0)
         axes.spines["polar"].set_visible(False)

@@ -4,13 +4,18 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Literal
 
+import numpy as np
 import polars as pl
 
 Weight = Literal["fault", "warning", "note"]
 WEIGHTS: tuple[Weight, ...] = ("fault", "warning", "note")
 
 SIGNIFICANCE = 1e-5
-"""Every test's chance to cry wolf in a clean log. An audit makes fewer than 50 tests: 1 in 2000 clean logs is accused."""
+"""Every test's chance to cry wolf in a clean log. An audit makes fewer than 50: 1 in 2000 clean logs is accused."""
+
+SIGMAS = 5.0
+MATERIAL_RAD, MATERIAL_SCALE, MATERIAL_MPS = np.deg2rad(0.5), 0.005, 0.002
+"""What is smaller is left unsaid, however sure: 0.5° of tilt is 2 % of surge at 25°; 0.5 % of scale; 2 mm/s of bias."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +65,7 @@ FINDINGS = {
 
 def findings_table(findings: list[Finding]) -> pl.DataFrame:
     """A row per finding, in the order given."""
-    rows = [
-        {"rank": k + 1, **asdict(one), "beams": list(one.beams)} for k, one in enumerate(findings)
-    ]
+    rows = [{"rank": k + 1, **asdict(one), "beams": list(one.beams)} for k, one in enumerate(findings)]
     return pl.DataFrame(rows, schema=pl.Schema(FINDINGS))
 
 

@@ -15,10 +15,11 @@ SURE = 5.0
 
 
 def geometry_text(audit: Audit) -> str:
-    """The TOML of the found geometry: directions in the order and with the signs of the log, noise, scale, mounting, lever arm.
+    """The TOML of the found geometry: directions in the order and signs of the log, noise, scale, mounting, lever arm.
 
     Raises:
-        DataError: where the log gives no directions (no beams; or neither a velocity beside them nor a stated geometry).
+        DataError: where the log gives no directions (no beams; or neither a velocity beside them nor a stated
+            geometry).
     """
     log, verdict = audit.log, audit.verdict
     if verdict.rows is None:
@@ -43,7 +44,11 @@ def geometry_text(audit: Audit) -> str:
         "directions = [  # unit vectors along which a reading is positive, in the order of the log",
     ]
     for k, row in enumerate(unit):
-        sd = "" if not found or verdict.matrix is None else f" ± {np.rad2deg(verdict.matrix.direction_sd_rad[k]):.2g}"
+        sd = (
+            ""
+            if not found or verdict.matrix is None
+            else f" ± {np.rad2deg(verdict.matrix.direction_sd_rad[k]):.2g}"
+        )
         told = f"tilt {np.rad2deg(tilt(row)):.3f}, azimuth {np.rad2deg(azimuth(row)):.3f} deg{sd}"
         lines.append(f"    {_vector(row, 9)},  # beam {k + 1}: {told}")
     lines.append("]")
@@ -52,7 +57,9 @@ def geometry_text(audit: Audit) -> str:
         common = float(np.mean(m.scale))
         alike = float(np.ptp(m.scale)) < 0.01
         if alike and abs(common - 1.0) > max(0.005, SURE * float(np.mean(m.scale_sd))):
-            lines.append(f"sound_speed_scale = {common:.6f}  # the beams read this times what the velocity says")
+            lines.append(
+                f"sound_speed_scale = {common:.6f}  # the beams read this times what the velocity says"
+            )
     lines.append(f"beam_noise_mps = {_noise(audit):.4g}  # m/s per beam, 1 sigma, robust")
     lines += _mounting_lines(audit)
     if log.columns is not None and log.columns.velocity is not None:
@@ -72,7 +79,9 @@ def _noise(audit: Audit) -> float:
         return max(float(np.median([one.beam_sigma_mps for one in audit.verdict.closures])), 1e-6)
     readings = audit.log.velocity_mps[audit.verdict.full]
     if len(readings) < 3:
-        raise DataError(f"{audit.log.place}: no geometry can be written: too few full pings to tell the beam noise")
+        raise DataError(
+            f"{audit.log.place}: no geometry can be written: too few full pings to tell the beam noise"
+        )
     bent = np.diff(readings, n=2, axis=0) / np.sqrt(6.0)
     return max(float(np.mean([sigma(column) for column in bent.T])), 1e-6)
 

@@ -50,7 +50,7 @@ class BeamLog:
     @property
     def beams(self) -> int:
         """Number of beams."""
-        return self.velocity_mps.shape[1]
+        return int(self.velocity_mps.shape[1])
 
     @property
     def pings(self) -> int:
@@ -170,7 +170,7 @@ def _columns_of(table: pl.DataFrame, ending: str) -> list[str]:
 
 
 def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
-    """A beam table (columns `time_ns`, `beam1_mps`, `beam1_valid`, ..., `instrument_x_mps`, ...), or a log by a column map.
+    """A beam table (`time_ns`, `beam1_mps`, `beam1_valid`, ..., `instrument_x_mps`, ...), or a log by a column map.
 
     A log with the instrument's velocity alone has no beams. A velocity that is not finite counts as invalid only where
     its flag says so.
@@ -180,7 +180,8 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
         columns: map of other names, from a geometry file.
 
     Raises:
-        DataError: naming file, row and column, for what cannot be read, a flag that is none, a valid beam without a finite
+        DataError: naming file, row and column, for what cannot be read, a flag that is none, a valid beam without a
+            finite
             velocity, or a log with neither beams nor the instrument's velocity.
     """
     place, table = str(path), read_table(path)
@@ -285,7 +286,7 @@ def _block(table: pl.DataFrame, names: list[str], place: str) -> NDArray[np.floa
 
 
 def read_reference(path: str | Path) -> Reference:
-    """Attitude from `time_ns`, `roll_rad`, `pitch_rad`, `yaw_rad` and, if there, `velocity_north_mps`, `_east_`, `_down_`.
+    """Attitude from `time_ns`, `roll_rad`, `pitch_rad`, `yaw_rad` and, if there, `velocity_north_mps` ....
 
     Raises:
         DataError: naming file, row and column, for what is missing, not finite, or a time that does not rise.

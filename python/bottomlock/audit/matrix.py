@@ -1,13 +1,14 @@
-"""The matrix between the beams and the instrument's own velocity: directions, order, signs, scale and bias of each beam.
+"""The matrix between the beams and the instrument's own velocity: directions, order, signs, scale, bias.
 
-The instrument computes its velocity from the beams. What stands between them is therefore the matrix that the instrument
-*uses*; that it is also how the transducers sit is another question, which `closure` and an independent velocity answer.
+The instrument computes its velocity from the beams. What stands between them is therefore the matrix that the
+instrument *uses*; that it is also how the transducers sit is another question, which `closure` and an independent
+velocity answer.
 
 Two regressions give it. Where the instrument solves by least squares without weights, `v = A⁺ y + c` holds to rounding:
-the velocity regressed on the readings gives A⁺, and A is its pseudo-inverse, whatever the noise of the beams (which is in
-the readings *and* in the velocity, and so falls out). The other way round, `y = A v + bias`, is biased where the beams
-are not equally noisy, because the velocity carries their noise; but it does not need the instrument to use these
-readings and nothing else. The first is taken where it fits far better than the second, the second else.
+the velocity regressed on the readings gives A⁺, and A is its pseudo-inverse, whatever the noise of the beams (which
+is in the readings *and* in the velocity, and so falls out). The other way round, `y = A v + bias`, is biased where
+the beams are not equally noisy, because the velocity carries their noise; but it does not need the instrument to use
+these readings and nothing else. The first is taken where it fits far better than the second, the second else.
 """
 
 from dataclasses import dataclass

@@ -55,9 +55,7 @@ class Motion:
             RotationSpline(self.time_s, turns) if slow else Slerp(self.time_s, turns)
         )
         self._velocity = (
-            None
-            if reference.velocity_t_mps is None
-            else CubicSpline(self.time_s, reference.velocity_t_mps)
+            None if reference.velocity_t_mps is None else CubicSpline(self.time_s, reference.velocity_t_mps)
         )
         self._imu_s: Array | None = None
         if imu is not None:
@@ -129,7 +127,7 @@ class ImuAlignment:
 
 
 def align_imu(reference: Reference, imu: Inertial) -> ImuAlignment | None:
-    """Clock offset and axes of the IMU from its turns against the attitude's; None where they do not overlap by 30 s."""
+    """Clock offset and axes of the IMU from its turns against the attitude's; None from less than 30 s in common."""
     zero = int(reference.time_ns[0])
     time_s, own_s = (reference.time_ns - zero) * 1e-9, (imu.time_ns - zero) * 1e-9
     stride = max(1, round(0.5 / float(np.median(np.diff(time_s)))))

@@ -5,9 +5,9 @@ With v_n and attitude C of the platform and its rate ω, all at the time t + τ 
     v_d(t) = (1 + s) R_pdᵀ (Cᵀ v_n + ω × l)                                   (velocity beside the log)
     Δ[C (R_pd v_d / (1 + s) − ω × l)] = ∫ (C (f − b) + g + a) dt               (IMU and attitude beside the log)
 
-where R_pd turns DVL axes to platform axes, l is the lever arm from the reference's point to the DVL, b an accelerometer bias
-and a a constant error of level in the tangent frame. The second form lives on accelerations and turns: what the motion
-does not excite keeps the spread of its wide prior and is called not observable.
+where R_pd turns DVL axes to platform axes, l is the lever arm from the reference's point to the DVL, b an
+accelerometer bias and a a constant error of level in the tangent frame. The second form lives on accelerations and
+turns: what the motion does not excite keeps the spread of its wide prior and is called not observable.
 """
 
 import itertools
@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.audit.logs import Inertial, Reference
@@ -81,7 +82,7 @@ _TURNS = [
 
 
 def find_mounting(
-    time_ns: Array, velocity_d_mps: Array, reference: Reference, imu: Inertial | None
+    time_ns: NDArray[np.int64], velocity_d_mps: Array, reference: Reference, imu: Inertial | None
 ) -> Mounting | None:
     """Misalignment, lever arm, clock offset and scale of the instrument's velocity (n, 3) at times (n,) int64.
 
@@ -148,11 +149,19 @@ def _against_velocity(
     prior = np.array([1.0] * 3 + [5.0] * 3 + [2.0, 0.3])
     fit = fit_nonlinear(residuals, np.zeros(8), scale=scale, prior_sd=prior)
     rate = motion.rate_p_radps(time_s + first_offset)
-    return _mounting("velocity and attitude beside the log", fit, start, first_offset, rate, velocity, aligned)
+    return _mounting(
+        "velocity and attitude beside the log", fit, start, first_offset, rate, velocity, aligned
+    )
 
 
 def _mounting(
-    way: str, fit: NonlinearFit, start: Array, offset: float, rate: Array, signal: Array, aligned: ImuAlignment | None
+    way: str,
+    fit: NonlinearFit,
+    start: Array,
+    offset: float,
+    rate: Array,
+    signal: Array,
+    aligned: ImuAlignment | None,
 ) -> Mounting:
     sd = np.sqrt(np.diag(fit.cov))
     left = np.array([sigma(column) for column in fit.residuals.T])
@@ -186,7 +195,8 @@ def _against_imu(
     own_s = np.asarray((imu.time_ns - zero_ns) * 1e-9) - offset_s
     turn = motion.attitude(own_s).as_matrix()
     step = np.diff(own_s, prepend=own_s[0])
-    gained = np.cumsum((np.einsum("nij,nj->ni", turn, imu.force_p_mps2) + [0, 0, GRAVITY_MPS2]) * step[:, None], axis=0)
+    pull = np.array([0.0, 0.0, GRAVITY_MPS2])
+    gained = np.cumsum((np.einsum("nij,nj->ni", turn, imu.force_p_mps2) + pull) * step[:, None], axis=0)
     leaned = np.cumsum(turn * step[:, None, None], axis=0)
 
     usual = float(np.median(np.diff(time_s)))
@@ -200,7 +210,9 @@ def _against_imu(
 
     def integrated(series: Array, at: Array) -> Array:
         flat = series.reshape(len(series), -1)
-        return np.stack([np.interp(at, own_s, column) for column in flat.T], axis=1).reshape(-1, *series.shape[1:])
+        return np.stack([np.interp(at, own_s, column) for column in flat.T], axis=1).reshape(
+            -1, *series.shape[1:]
+        )
 
     def windows(offset: float) -> tuple[Array, Array, Array, Array, Array, Array]:
         a, b = time_s[first] + offset, time_s[last] + offset
@@ -237,4 +249,12 @@ def _against_imu(
     prior = np.array([1.0] * 3 + [5.0] * 3 + [2.0, 0.3] + [0.3] * 3 + [0.1] * 2)
     fit = fit_nonlinear(residuals, np.zeros(13), scale=scale, prior_sd=prior)
     rate = motion.rate_p_radps(time_s + first_offset)
-    return _mounting("IMU and attitude beside the log", fit, start, first_offset, rate, velocity[last] - velocity[first], aligned)
+    return _mounting(
+        "IMU and attitude beside the log",
+        fit,
+        start,
+        first_offset,
+        rate,
+        velocity[last] - velocity[first],
+        aligned,
+    )

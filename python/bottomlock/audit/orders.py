@@ -37,16 +37,14 @@ class Match:
 def match(found: Array, stated: Array) -> Match:
     """The simplest order, signs and turn of the whole that bring stated directions (beams, 3) to found ones.
 
-    No turn is tried while each channel has a stated beam of its own (or one that another channel also shows) within 15°;
-    then turns about z and mirrored axes of the instrument's frame.
+    No turn is tried while each channel has a stated beam of its own (or one that another channel also shows) within
+    15°; then turns about z and mirrored axes of the instrument's frame.
     """
     plain = _assign(found, stated, Rotation.identity())
     if np.all(plain.off_rad < NEAR_RAD) or np.sum(plain.off_rad > NEAR_RAD) <= len(found) // 4:
         return plain
     turns = [Rotation.from_euler("z", angle, degrees=True) for angle in range(15, 360, 15)]
-    turns += [
-        Rotation.from_euler("x", 180.0, degrees=True) * turn for turn in [Rotation.identity(), *turns]
-    ]
+    turns += [Rotation.from_euler("x", 180.0, degrees=True) * turn for turn in [Rotation.identity(), *turns]]
     tried = [_assign(found, stated, turn) for turn in turns]
     # Of turns that fit alike (a Janus fits every quarter turn) the one that leaves the order and turns least.
     best = min(
@@ -135,7 +133,7 @@ def _flipped(sign: tuple[int, ...], beams: list[int]) -> tuple[int, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Combination:
-    """The combination of beams that closes best without any geometry: weights (beams,) and the spreads that tell how surely.
+    """The combination of beams that closes best: weights (beams,), and the spreads that tell how surely.
 
     `spread_mps` is the robust sigma of the combination scaled to unit length, `next_mps` that of the next best.
     """
@@ -162,4 +160,6 @@ def closing_combination(readings_mps: Array) -> Combination:
     first = vectors[:, 0]
     largest = int(np.argmax(np.abs(first) > 0.99 * np.abs(first).max()))
     following = sigma(readings_mps @ vectors[:, 1])
-    return Combination(first / first[largest], sigma(readings_mps @ first), max(following, float(np.sqrt(values[1]))))
+    return Combination(
+        first / first[largest], sigma(readings_mps @ first), max(following, float(np.sqrt(values[1])))
+    )

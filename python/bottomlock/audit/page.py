@@ -42,8 +42,12 @@ def beams_table(audit: Audit) -> pl.DataFrame:
     for k in range(log.beams):
         row: dict[str, float | int | None] = {"beam": k + 1, "valid_part": float(log.valid[:, k].mean())}
         for name in ("tilt", "azimuth"):
-            row[f"{name}_deg"] = None if matrix is None else float(np.rad2deg(getattr(matrix, f"{name}_rad")[k]))
-            row[f"{name}_sd_deg"] = None if matrix is None else float(np.rad2deg(getattr(matrix, f"{name}_sd_rad")[k]))
+            row[f"{name}_deg"] = (
+                None if matrix is None else float(np.rad2deg(getattr(matrix, f"{name}_rad")[k]))
+            )
+            row[f"{name}_sd_deg"] = (
+                None if matrix is None else float(np.rad2deg(getattr(matrix, f"{name}_sd_rad")[k]))
+            )
         row["scale"] = None if matrix is None else float(matrix.scale[k])
         row["scale_sd"] = None if matrix is None else float(matrix.scale_sd[k])
         row["bias_mps"] = None if matrix is None else float(matrix.bias_mps[k])

@@ -65,8 +65,8 @@ def huber_weights(residuals: Array) -> Array:
 def fit_linear(X: Array, Y: Array, Z: Array | None = None) -> LinearFit:
     """Huber fit of Y (n, k) on X (n, p), by reweighting; with instruments Z (n, p), two-stage least squares.
 
-    Instruments are needed where the noise of X is correlated with the noise of Y: Z must share the signal of X and none of
-    its noise.
+    Instruments are needed where the noise of X is correlated with the noise of Y: Z must share the signal of X and
+    none of its noise.
 
     Source: Huber 1981, section 7.8; blocks of consecutive rows are resampled (Künsch 1989), so that noise which lasts
     over several pings does not make the answer look too sure.

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from bottomlock.audit.findings import Finding
+from bottomlock.audit.findings import SIGMAS, Finding
 from bottomlock.audit.motion import ImuAlignment
 from bottomlock.audit.mounting import LIMITS, Mounting
 
-SIGMAS = 5.0
 AXES = ("x", "y", "z")
 TURNS = ("roll", "pitch", "yaw")
 
@@ -17,14 +16,16 @@ def mounting_findings(mounting: Mounting | None) -> list[Finding]:
         return []
     m = mounting
     basis = (
-        f"From {m.way}, {m.instants} instants; residual {', '.join(f'{1e3 * value:.0f}' for value in m.residual_mps)} mm/s; "
+        f"From {m.way}, {m.instants} instants; residual "
+        f"{', '.join(f'{1e3 * value:.0f}' for value in m.residual_mps)} mm/s; "
         f"{100.0 * m.explained:.0f} % of the motion explained."
     )
     if not m.follows:
         return [
             Finding(
                 "mounting_not_observable", "note", m.explained, "", 0.0,
-                "Misalignment, lever arm, clock offset and scale are not observable in this log: the velocity does not follow "
+                "Misalignment, lever arm, clock offset and scale are not observable in this log: the velocity "
+                "does not follow "
                 "what was recorded beside it.",
                 basis, "Record accelerations, turns and speeds well above the noise of the instrument.",
             )
@@ -46,7 +47,8 @@ def mounting_findings(mounting: Mounting | None) -> list[Finding]:
         found.append(
             Finding(
                 "clock_offset", "fault", m.clock_offset_s, "s", min(abs(m.clock_offset_s), 1.0),
-                f"The DVL's clock is {abs(m.clock_offset_s):.3f} s {'behind' if m.clock_offset_s > 0.0 else 'ahead of'} the reference's: "
+                f"The DVL's clock is {abs(m.clock_offset_s):.3f} s "
+                f"{'behind' if m.clock_offset_s > 0.0 else 'ahead of'} the reference's: "
                 f"reference time is DVL time {m.clock_offset_s:+.3f} s.",
                 f"± {m.clock_offset_sd_s:.2g} s. {basis}", "Enter it as the clock offset of the DVL.",
             )
@@ -79,16 +81,21 @@ def _misalignment(m: Mounting, basis: str) -> list[Finding]:
     )
     blind = [k for k in range(3) if sd[k] > LIMITS["misalignment_rad"]]
     found = [
-        _not_observable(f"Misalignment about {AXES[k]} ({TURNS[k]})", f"± {np.rad2deg(sd[k]):.2g} deg", "speed across that axis")
+        _not_observable(f"Misalignment about {AXES[k]} ({TURNS[k]})", f"± {np.rad2deg(sd[k]):.2g} "
+            "deg", "speed across that axis")
         for k in blind
     ]  # fmt: skip
-    sure = [k for k in range(3) if k not in blind and abs(m.rpy_rad[k]) > max(np.deg2rad(0.05), SIGMAS * sd[k])]
+    sure = [
+        k for k in range(3) if k not in blind and abs(m.rpy_rad[k]) > max(np.deg2rad(0.05), SIGMAS * sd[k])
+    ]
     if sure:
         size = float(np.rad2deg(np.linalg.norm(m.rpy_rad[sure])))
         found.append(
             Finding(
-                "misalignment", "fault" if size > 1.0 else "warning", size, "deg", float(np.sin(np.deg2rad(min(size, 90.0)))),
-                f"The DVL is turned against the platform: {listed} deg ({', '.join(TURNS[k] for k in sure)} beyond doubt).",
+                "misalignment", "fault" if size > 1.0 else "warning", size, "deg",
+                float(np.sin(np.deg2rad(min(size, 90.0)))),
+                f"The DVL is turned against the platform: {listed} deg ({', '.join(TURNS[k] for k in sure)} "
+                "beyond doubt).",
                 basis, "Enter it as the mounting of the DVL; the geometry file of this audit holds it.",
             )
         )  # fmt: skip
@@ -128,9 +135,11 @@ def _imu_findings(imu: ImuAlignment | None) -> list[Finding]:
         found.append(
             Finding(
                 "imu_axes", "fault", float(len(turned)), "axes", 1.0,
-                f"The IMU's {' and '.join(turned)} {'axis points' if len(turned) == 1 else 'axes point'} the other way than the attitude's"
+                f"The IMU's {' and '.join(turned)} {'axis points' if len(turned) == 1 else 'axes point'} the "
+                "other way than the attitude's"
                 f"{': its frame is left-handed' if left else ''}.",
-                f"Turns of the IMU against the attitude: diagonal {', '.join(f'{imu.matrix[k, k]:+.3f}' for k in range(3))}.",
+                f"Turns of the IMU against the attitude: diagonal "
+                f"{', '.join(f'{imu.matrix[k, k]:+.3f}' for k in range(3))}.",
                 "Turn it round, accelerometer and gyro both.",
             )
         )  # fmt: skip
@@ -138,7 +147,8 @@ def _imu_findings(imu: ImuAlignment | None) -> list[Finding]:
         found.append(
             Finding(
                 "imu_clock_offset", "fault", imu.offset_s, "s", min(abs(imu.offset_s), 1.0),
-                f"The IMU's clock is {abs(imu.offset_s):.3f} s {'ahead of' if imu.offset_s > 0.0 else 'behind'} the attitude's.",
+                f"The IMU's clock is {abs(imu.offset_s):.3f} s {'ahead of' if imu.offset_s > 0.0 else 'behind'} "
+                "the attitude's.",
                 f"± {imu.offset_sd_s:.2g} s, from the turns that both see.", "Enter it as the clock offset of the IMU.",
             )
         )  # fmt: skip

@@ -28,7 +28,9 @@ def motion(rng: np.random.Generator, pings: int, step_s: float = 0.2) -> Array:
     out = np.zeros((pings, 3))
     for axis, size in enumerate((0.35, 0.25, 0.2)):
         for _ in range(5):
-            out[:, axis] += size * rng.normal() * 0.7 * np.sin(2 * np.pi * t / rng.uniform(8.0, 60.0) + rng.uniform(0, 7))
+            out[:, axis] += (
+                size * rng.normal() * 0.7 * np.sin(2 * np.pi * t / rng.uniform(8.0, 60.0) + rng.uniform(0, 7))
+            )
     out[:, 0] += 0.6
     return out
 
@@ -52,7 +54,7 @@ def make_log(
     decimals: int | None = 4,
     velocity: Array | None = None,
 ) -> BeamLog:
-    """A log: beams sit as `physical`, the instrument solves with `used` by least squares; `unequal`: beam 1 is five times noisier."""
+    """A log: beams sit as `physical`, the instrument solves with `used`; `unequal`: beam 1 is five times noisier."""
     rng = np.random.default_rng(seed)
     physical = janus() if physical is None else physical
     used = physical if used is None else used
