@@ -1,4 +1,4 @@
-"""What a DVL reads that sits turned, away from the reference point, with a clock of its own; by matrices written out."""
+"""What a DVL reads that sits turned and away from the reference point; by matrices written out."""
 
 from __future__ import annotations
 

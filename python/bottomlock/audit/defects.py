@@ -8,7 +8,7 @@ from scipy.stats import poisson
 
 from bottomlock.audit.findings import SIGNIFICANCE, Finding, beam_words
 from bottomlock.audit.logs import BeamLog
-from bottomlock.audit.robust import Array
+from bottomlock.audit.robust import Array, sigma
 
 GAP = 2.5
 """A step of more than this many usual ones is a gap."""
@@ -108,7 +108,7 @@ def stale_findings(log: BeamLog, same: NDArray[np.bool_]) -> list[Finding]:
 
 
 def zero_findings(log: BeamLog) -> list[Finding]:
-    """Beams flagged valid with a velocity of exactly zero, more often than their neighbouring values occur."""
+    """Beams flagged valid at exactly zero: more often than the values next to zero occur, and out of place in time."""
     found = []
     for k in range(log.beams):
         y = log.velocity_mps[log.valid[:, k], k]
@@ -116,10 +116,11 @@ def zero_findings(log: BeamLog) -> list[Finding]:
         if not zeros:
             continue
         quantum = _quantum(y)
-        near = np.sort(np.abs(y[y != 0.0]))[:_NEAREST]
-        # As many as the values next to zero have each: a vehicle at rest reads zero honestly.
-        usual = near.size * quantum / (2.0 * near[-1] + quantum) if near.size else 0.0
-        if poisson.sf(zeros - 1, 1.5 * usual + 1e-3) > SIGNIFICANCE:
+        reach = float(np.sort(np.abs(y[y != 0.0]))[:_NEAREST][-1]) if zeros < y.size else 0.0
+        # As many as the values next to zero have each: readings that pass through zero hit it honestly.
+        near = int(np.sum((np.abs(y) <= reach) & (y != 0.0)))
+        usual = near * quantum / max(2.0 * reach, quantum) if quantum else 0.0
+        if poisson.sf(zeros - 1, 1.5 * usual + 1e-3) > SIGNIFICANCE or _out_of_place(y) < max(2, 0.3 * zeros):
             continue
         part = zeros / y.size
         found.append(
@@ -134,6 +135,22 @@ def zero_findings(log: BeamLog) -> list[Finding]:
             )
         )  # fmt: skip
     return found
+
+
+def _out_of_place(y: Array) -> int:
+    """How many zeros stand between readings that are far from zero, by the usual step from ping to ping.
+
+    A vehicle at rest, or an instrument that rounds small velocities away, reads zero among small values.
+    """
+    rows = np.arange(y.size)
+    other = rows[y != 0.0]
+    if other.size < 3:
+        return 0
+    step = max(sigma(np.diff(y[other])), _quantum(y))
+    at = np.searchsorted(other, rows[y == 0.0])
+    before = np.abs(y[other[np.maximum(at - 1, 0)]])
+    after = np.abs(y[other[np.minimum(at, other.size - 1)]])
+    return int(np.sum(np.minimum(before, after) > 5.0 * step))
 
 
 def _quantum(y: Array) -> float:

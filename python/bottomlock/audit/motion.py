@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation, RotationSpline, Slerp
@@ -13,6 +14,14 @@ from bottomlock.audit.robust import Array, fit_nonlinear
 
 SLOW_S = 0.3
 """Attitude in steps longer than this is joined by a smooth spline, in shorter ones by shortest arcs."""
+
+
+def integral(values: Array, time_s: Array) -> Array:
+    """(n, ...) integral of samples (n, ...) from the first time on, by trapezia.
+
+    Plain sums would be half a step late: 5 ms at a turn of 1°/s lean gravity by 1 mm/s².
+    """
+    return np.asarray(cumulative_trapezoid(values, time_s, axis=0, initial=0.0))
 
 
 def _running_product(angles: Array) -> Rotation:
@@ -61,9 +70,8 @@ class Motion:
         if imu is not None:
             self._imu_s = np.asarray((imu.time_ns - zero_ns) * 1e-9)
             self._imu_offset_s = imu_offset_s
-            steps = np.diff(self._imu_s, prepend=self._imu_s[0])[:, None]
-            self._angle = np.cumsum(imu.omega_p_radps * steps, axis=0)
-            self._join(imu.omega_p_radps * steps)
+            self._angle = integral(imu.omega_p_radps, self._imu_s)
+            self._join(np.diff(self._angle, axis=0, prepend=np.zeros((1, 3))))
 
     def _join(self, angles: Array) -> None:
         """Attitude from the gyro's turns, led back to the reference's by a correction that changes slowly.
@@ -139,7 +147,7 @@ def align_imu(reference: Reference, imu: Inertial) -> ImuAlignment | None:
     turns = Rotation.from_euler("ZYX", reference.rpy_rad[picked][:, ::-1])
     span = np.diff(edges)[:, None]
     wanted = (turns[:-1].inv() * turns[1:]).as_rotvec() / span
-    angle = np.cumsum(imu.omega_p_radps * np.diff(own_s, prepend=own_s[0])[:, None], axis=0)
+    angle = integral(imu.omega_p_radps, own_s)
 
     def turned(offset: float) -> Array:
         at = np.stack([np.interp(edges + offset, own_s, column) for column in angle.T], axis=1)

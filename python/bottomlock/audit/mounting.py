@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.audit.logs import Inertial, Reference
-from bottomlock.audit.motion import ImuAlignment, Motion, align_imu
+from bottomlock.audit.motion import ImuAlignment, Motion, align_imu, integral
 from bottomlock.audit.robust import Array, NonlinearFit, fit_nonlinear, sigma
 
 GRAVITY_MPS2 = 9.81
@@ -194,10 +194,9 @@ def _against_imu(
 ) -> Mounting | None:  # fmt: skip
     own_s = np.asarray((imu.time_ns - zero_ns) * 1e-9) - offset_s
     turn = motion.attitude(own_s).as_matrix()
-    step = np.diff(own_s, prepend=own_s[0])
     pull = np.array([0.0, 0.0, GRAVITY_MPS2])
-    gained = np.cumsum((np.einsum("nij,nj->ni", turn, imu.force_p_mps2) + pull) * step[:, None], axis=0)
-    leaned = np.cumsum(turn * step[:, None, None], axis=0)
+    gained = integral(np.einsum("nij,nj->ni", turn, imu.force_p_mps2) + pull, own_s)
+    leaned = integral(turn, own_s)
 
     usual = float(np.median(np.diff(time_s)))
     stride, hop = max(1, round(WINDOW_S / usual)), max(1, round(0.5 * WINDOW_S / usual))

@@ -30,7 +30,7 @@ def test_null_space_is_that_of_the_minors(seed: int) -> None:
 
 @given(st.integers(0, 10_000))
 def test_matrix_is_found_whatever_the_noise_of_the_beams(seed: int) -> None:
-    """v = A⁺ y holds exactly, so A is found exactly: noise is in the readings and in the velocity alike."""
+    """As v = A⁺ y holds exactly, A is found exactly: noise is in the readings and in the velocity alike."""
     rng = np.random.default_rng(seed)
     rows = beams(seed)
     y = oracle.readings(rows, rng.normal(size=(120, 3))) + rng.normal(size=(120, 4)) * rng.uniform(
@@ -72,7 +72,7 @@ def test_suspect_is_exact_without_noise(seed: int, beam: int, turned: float) -> 
 
 
 def test_slope_needs_instruments() -> None:
-    """One noisy beam makes the closure move with the velocity of the same ping; neighbouring pings do not share its noise."""
+    """One noisy beam makes the closure move with the velocity of its ping; neighbours do not share its noise."""
     rng = np.random.default_rng(0)
     rows = janus()
     y = motion(rng, 4000) @ rows.T + rng.normal(size=(4000, 4)) * [0.3, 0.03, 0.03, 0.03]

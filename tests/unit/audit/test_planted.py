@@ -47,7 +47,7 @@ def zeros(log: BeamLog, beam: int, rows: range) -> BeamLog:
 def test_channels_against_the_velocity(
     order: list[int], sign: list[int] | None, expected: tuple[str, tuple[int, ...]]
 ) -> None:
-    """With the instrument's velocity beside them every order and sign of the channels is told, the mirrored ones too."""
+    """With the instrument's velocity beside them every order and sign is told, the mirrored ones too."""
     assert found(channels(make_log(1), order, sign)) == {expected}
 
 
@@ -64,10 +64,9 @@ def test_closure_alone_sees_neighbours_swapped_but_not_opposite_beams() -> None:
     assert found(channels(log, [0, 1, 2, 3], [-1] * 4)) == set()
     assert found(channels(log, [0, 1, 2, 3], [1, 1, -1, 1])) == {("sign_flipped", (3,))}
     (swapped,) = audit_log(channels(log, [1, 0, 2, 3]), stated=STATED).findings
-    # Four exchanges of neighbours have the same closure, and the finding names each of them.
+    # Exchanging 3 and 4 has the same closure as exchanging 1 and 2; the other two pairs have another.
     assert swapped.kind == "swapped_beams"
-    for pair in ("1 and 2", "2 and 3", "3 and 4", "1 and 4"):
-        assert pair in swapped.words
+    assert swapped.words.endswith("beams 1 and 2 exchanged; or beams 3 and 4 exchanged.")
     assert "cannot choose" in swapped.advice
 
 
@@ -114,7 +113,9 @@ def test_instrument_of_another_scale() -> None:
 def test_bias_of_one_channel() -> None:
     """The regression sees the part that looks like a velocity, the closure the rest: the bias is whole."""
     log = make_log(8)
-    audit = audit_log(replace(log, velocity_mps=log.velocity_mps + [0.0, 0.02, 0.0, 0.0]), stated=STATED)
+    audit = audit_log(
+        replace(log, velocity_mps=log.velocity_mps + np.array([0.0, 0.02, 0.0, 0.0])), stated=STATED
+    )
     assert kinds(audit.findings) == {("beam_bias", (2,))}
     assert audit.findings[0].size == pytest.approx(20.0, abs=1.0)
 
