@@ -27,7 +27,9 @@ from bottomlock.kernel import (
 if TYPE_CHECKING:
     from bottomlock.campaign import run_campaign, run_shard
     from bottomlock.conditions import schedule
+    from bottomlock.io.beam_table import read_beam_table
     from bottomlock.io.beams import read_beams, read_geometry
+    from bottomlock.io.formats import read_recording
     from bottomlock.merge import merge_shards
     from bottomlock.plan import Shard
     from bottomlock.scenario import Scenario, load_scenario, packaged_scenarios
@@ -59,8 +61,10 @@ __all__ = [
     "merge_shards",
     "normal_gravity_mps2",
     "packaged_scenarios",
+    "read_beam_table",
     "read_beams",
     "read_geometry",
+    "read_recording",
     "run_batch",
     "run_campaign",
     "run_shard",
@@ -81,8 +85,10 @@ _LAZY = {
     "make_world": "bottomlock.world",
     "merge_shards": "bottomlock.merge",
     "packaged_scenarios": "bottomlock.scenario",
+    "read_beam_table": "bottomlock.io.beam_table",
     "read_beams": "bottomlock.io.beams",
     "read_geometry": "bottomlock.io.beams",
+    "read_recording": "bottomlock.io.formats",
     "run_campaign": "bottomlock.campaign",
     "run_shard": "bottomlock.campaign",
     "schedule": "bottomlock.conditions",

@@ -312,6 +312,9 @@ app.command(
 )
 app.command("bottomlock.study_commands:certify", name="certify", help="Writes the honesty certificate.")
 app.command("bottomlock.audit_commands:audit", name="audit", help="Says what a log tells of its DVL.")
+app.command(
+    "bottomlock.convert_command:convert", name="convert", help="Converts a recorded DVL log to a beam table."
+)
 
 
 def _fail(message: str) -> NoReturn:

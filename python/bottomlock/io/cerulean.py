@@ -27,7 +27,12 @@ def sniff(head: bytes) -> bool:
 def _read_fields(fields: list[bytes]) -> tuple[int, list[float]] | None:
     """Time (ns since start) and the eighteen numbers of the cones; None where the sentence is not as published."""
     marks = (fields[5], fields[12], fields[19]) if len(fields) == _FIELDS else ()
-    if marks != (b"[A]", b"[B]", b"[C]") or fields[1] != _VERSION or fields[26] != _END or whole(fields[2]) is None:
+    if (
+        marks != (b"[A]", b"[B]", b"[C]")
+        or fields[1] != _VERSION
+        or fields[26] != _END
+        or whole(fields[2]) is None
+    ):
         return None
     time_s = number(fields[4])
     numbers = [number(text) for start in (6, 13, 20) for text in fields[start : start + 6]]
@@ -83,10 +88,8 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         clock="seconds since the instrument's start",
         time_of="record",
         quality="velocity confidence as recorded",
-        geometry="cerulean_tracker650",
         notes=[
-            "the sentence has no flag: a cone counts as valid where its range confidence is 25 or more, "
-            "below which the maker calls it certainly false",
+            "a cone has no flag: it counts as valid from a range confidence of 25 on, as the maker advises",
             "the sentence carries no velocity of the instrument's own",
         ],
     )

@@ -38,7 +38,9 @@ def _columns(header: bytes, place: str) -> dict[str, int]:
     at = {name: k for k, name in enumerate(names)}
     for name in _NEEDED:
         if name not in at:
-            raise DataError(f"{place}: column 'field.{name}' is missing, expected a log of a LinkQuest NavQuest")
+            raise DataError(
+                f"{place}: column 'field.{name}' is missing, expected a log of a LinkQuest NavQuest"
+            )
     return at
 
 
@@ -65,7 +67,9 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         good = [_FLAGS.get(fields[at[f"dataGood{k}"]]) for k in range(_BEAMS)]
         verdict = _FLAGS.get(fields[at["velocityInstFlag"]])
         time_ns = whole(fields[at["header.stamp"]])
-        found = [number(fields[at[name]]) for name in _NEEDED if name != "header.stamp" and "Good" not in name]
+        found = [
+            number(fields[at[name]]) for name in _NEEDED if name != "header.stamp" and "Good" not in name
+        ]
         if time_ns is None or verdict is None or None in good or None in found:
             account.skip("a field that is no number", position, show(line))
             continue

@@ -73,12 +73,20 @@ def _coordinates(frame: Frame) -> int:
 def _add(rows: Rows, frame: Frame) -> None:
     """A record to the table."""
     data = frame.data
-    _, offset, config, _, clock, hundred_us, sound, _, _, heading, pitch, roll, beams = _HEAD.unpack_from(data)
+    _, offset, config, _, clock, hundred_us, sound, _, _, heading, pitch, roll, beams = _HEAD.unpack_from(
+        data
+    )
     scale = struct.unpack_from("<b", data, _SCALE_AT)[0]
     count = beams >> 12
     parts = [bool(config & bit) for bit in (_VELOCITY, _DISTANCE, _FOM)]
     size = count * (4 * parts[0] + 4 * parts[1] + 2 * parts[2])
-    if count != _BEAMS or not all(parts) or offset < _LEAST or offset + size > len(data) or not -9 <= scale <= 0:
+    if (
+        count != _BEAMS
+        or not all(parts)
+        or offset < _LEAST
+        or offset + size > len(data)
+        or not -9 <= scale <= 0
+    ):
         rows.account.skip("bottom track of another layout", frame.position, f"{count} beams, offset {offset}")
         return
     time_ns = struct_tm_ns(clock, hundred_us)

@@ -84,7 +84,10 @@ def _add(rows: Rows, frame: Frame) -> None:
         time_ns,
         [v if v > NO_VELOCITY_MPS + 1e-3 else NAN for v in velocity],
         [ok and v > NO_VELOCITY_MPS + 1e-3 for v, ok in zip(velocity, good[:4], strict=True)],
-        range_m=[d / math.cos(TILT_RAD) if ok and d > 0.0 else NAN for d, ok in zip(distance, good[4:8], strict=True)],
+        range_m=[
+            d / math.cos(TILT_RAD) if ok and d > 0.0 else NAN
+            for d, ok in zip(distance, good[4:8], strict=True)
+        ],
         sd=[f if ok and f < NO_FOM_MPS else NAN for f, ok in zip(fom, good[8:12], strict=True)],
         instrument=(*axes[:2], sum(ups) / len(ups)) if known else (NAN, NAN, NAN),
         verdict=int(known),
@@ -105,7 +108,7 @@ def vertical_note(table: BeamTable) -> list[str]:
     agreement = float(mean @ up) / math.sqrt(float(mean @ mean) * float(up @ up) + 1e-30)
     if agreement > -0.5:
         return []
+    against = f"the mean of the beams goes against the instrument's z (correlation {agreement:.2f})"
     return [
-        f"the mean of the beams goes against the instrument's z (correlation {agreement:.2f}): check the sign "
-        "with `bottomlock audit`, and convert with --negate-beams if z points to the bottom"
+        f"{against}: check with `bottomlock audit`; if z points to the bottom, convert with --negate-beams"
     ]

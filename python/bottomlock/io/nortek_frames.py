@@ -55,22 +55,22 @@ class _Sums:
     """Checksums of any piece of the bytes in constant time, from running sums of even and odd bytes."""
 
     def __init__(self, data: bytes) -> None:
-        raw = np.frombuffer(data, dtype=np.uint8).astype(np.int64)
-        weight = np.where(np.arange(len(raw)) % 2 == 0, 1, 256)
-        # Two alignments: words that begin at an even and at an odd place.
-        self._sums = [
-            np.concatenate([[0], np.cumsum(raw * weight)]),
-            np.concatenate([[0], np.cumsum(raw * (257 - weight))]),
-        ]
-        self._raw = raw
+        self._data = data
+        raw = np.frombuffer(data, dtype=np.uint8)
+        # Two alignments: words that begin at an even and at an odd place. Sums modulo 65536, as the checksum is.
+        self._sums = [np.zeros(len(data) + 1, dtype=np.uint16) for _ in range(2)]
+        for low, sums in enumerate(self._sums):
+            weighted = raw.astype(np.uint16)
+            weighted[1 - low :: 2] <<= 8
+            np.cumsum(weighted, dtype=np.uint16, out=sums[1:])
 
     def of(self, start: int, size: int) -> int:
         """Nortek's checksum of `size` bytes from `start`."""
         sums = self._sums[start % 2]
-        total = 0xB58C + int(sums[start + size] - sums[start])
+        total = 0xB58C + int(sums[start + size]) - int(sums[start])
         if size % 2:
             # The last byte was added as a low one.
-            total += 255 * int(self._raw[start + size - 1])
+            total += 255 * self._data[start + size - 1]
         return total & 0xFFFF
 
 

@@ -15,13 +15,10 @@ import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.beam_table import Account, BeamTable, Recording
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, lost, refuse_empty, running_sums
 
 NAME = "pd0"
 _BEAMS = 4
@@ -152,8 +149,7 @@ def _ensemble(data: bytes, at: int, size: int, offsets: Sequence[int]) -> Ensemb
 
 def ensembles(data: bytes, account: Account) -> list[Ensemble]:
     """Every whole ensemble of a file; the account tells of the others and of bytes between."""
-    # A sum from the beginning makes each checksum two look-ups, however many false headers a file has.
-    sums = np.concatenate([[0], np.cumsum(np.frombuffer(data, dtype=np.uint8), dtype=np.int64)])
+    sums = running_sums(data)
     found = []
     at = told = 0  # the bytes before `told` are accounted for
     while (at := data.find(b"\x7f\x7f", at)) >= 0:
@@ -168,7 +164,7 @@ def ensembles(data: bytes, account: Account) -> list[Ensemble]:
         end = at + size
         if end + 2 > len(data):
             account.skip("truncated", at, f"{len(data) - at} of {size + 2} bytes")
-        elif int(sums[end] - sums[at]) & 0xFFFF != _WORD.unpack_from(data, end)[0]:
+        elif (int(sums[end]) - int(sums[at])) & 0xFFFF != _WORD.unpack_from(data, end)[0]:
             account.skip("bad checksum", at, f"{size + 2} bytes")
         else:
             ensemble = _ensemble(data, at, size, offsets)
@@ -205,7 +201,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     if found and not pings:
         raise DataError(
             f"{place}: none of {len(found)} ensembles has bottom track (data type 0600h); "
-            "switch it on (BP1) and record it (PD0)"
+            f"switch it on (BP1) and record it (PD0){lost(account)}"
         )
     if pings and not counts[0] and not options.instrument_only:
         frame = FRAMES[max(range(len(FRAMES)), key=counts.__getitem__)]
@@ -239,7 +235,13 @@ def _add(rows: Rows, e: Ensemble, time_ns: int) -> None:
     if e.frame == 0:
         valid = [math.isfinite(v) for v in velocity]
         rows.add(
-            e.position, time_ns, velocity, valid, range_m=e.range_m or None, quality=e.correlation or None, extra=extra
+            e.position,
+            time_ns,
+            velocity,
+            valid,
+            range_m=e.range_m or None,
+            quality=e.correlation or None,
+            extra=extra,
         )
         return
     # The bottom's velocity in the instrument's axes is the vehicle's with its sign turned.
@@ -261,7 +263,7 @@ _VEHICLE = {1: _from_ship, 2: _from_ship, 3: _from_earth}
 _TABLE_FRAMES = ("none", "frd", "frd", "ned")
 
 
-def _recording(table: Any, account: Account, pings: Sequence[Ensemble], frame: int) -> Recording:
+def _recording(table: BeamTable, account: Account, pings: Sequence[Ensemble], frame: int) -> Recording:
     first = pings[0]
     angle = {0: 15, 1: 20, 2: 30}.get(first.config >> 8 & 3)
     angle = first.angle_deg if angle is None and 0 < first.angle_deg < 60 else angle
@@ -270,7 +272,9 @@ def _recording(table: Any, account: Account, pings: Sequence[Ensemble], frame: i
     if up:
         notes.append("the instrument says that it looks up: the packaged geometry looks down")
     if frame == 1:
-        notes.append("instrument axes (y towards beam 3, x towards beam 2) are taken as forward and starboard")
+        notes.append(
+            "instrument axes (y towards beam 3, x towards beam 2) are taken as forward and starboard"
+        )
     if frame:
         notes.append("no beam velocities: the table holds the instrument's velocity alone")
     return Recording(
@@ -283,7 +287,9 @@ def _recording(table: Any, account: Account, pings: Sequence[Ensemble], frame: i
         quality="correlation, counts 0 to 255" if frame == 0 else "",
         corrected=[]
         if frame == 0
-        else [f"{FRAMES[frame]} axes (starboard or east, forward or north, up) of the bottom to those of the vehicle"],
+        else [
+            f"{FRAMES[frame]} axes (starboard or east, forward or north, up) of the bottom to those of the vehicle"
+        ],
         geometry=f"teledyne_{angle}" if frame == 0 and angle in {20, 30} and not up else "",
         notes=notes,
         facts={"coordinates": FRAMES[frame], "beam_angle_deg": angle, "looks_up": up},

@@ -8,12 +8,14 @@ import math
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, BeamTable, Floats
+from bottomlock.io.beam_table import NO_TIME_NS, Account, BeamTable, Floats
 
 NAN = math.nan
 _EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
@@ -82,6 +84,9 @@ class Rows:
         if not _EARLIEST_NS < time_ns < _LATEST_NS:
             self.account.skip("time out of range", position, f"{time_ns} ns")
             return
+        if arrival_ns is not None and not _EARLIEST_NS < arrival_ns < _LATEST_NS:
+            self.account.flag("arrival time out of range", position, f"{arrival_ns} ns")
+            arrival_ns = None
         if any(good and not math.isfinite(v) for v, good in zip(velocity, valid, strict=True)):
             self.account.flag("valid beam without a finite velocity", position)
             valid = [good and math.isfinite(v) for v, good in zip(velocity, valid, strict=True)]
@@ -131,7 +136,9 @@ class Rows:
             sd_mps=floats(self.sd, self.beams),
             instrument_mps=floats(self.instrument, 3),
             instrument_valid=np.array(pick(self.verdict), dtype=np.int8),
-            arrival_ns=None if any(t is None for t in arrival) else np.array(arrival, dtype=np.int64),
+            arrival_ns=None
+            if all(t is None for t in arrival)
+            else np.array([NO_TIME_NS if t is None else t for t in arrival], dtype=np.int64),
             stale=np.array(pick(self.stale), dtype=bool),
             extra={
                 name: floats([(v,) for v in (*column, *([NAN] * (n - len(column))))], 1)[:, 0]
@@ -142,7 +149,7 @@ class Rows:
     def _rising(self) -> Sequence[int]:
         """Indices of the longest strictly rising run of times; the others are counted."""
         times = self.time_ns
-        if all(a < b for a, b in zip(times, times[1:], strict=False)):
+        if all(a < b for a, b in pairwise(times)):
             return range(len(times))
         keep = longest_rising(times)
         kept = set(keep)
@@ -180,6 +187,31 @@ def longest_rising(times: Sequence[int]) -> list[int]:
     return found[::-1]
 
 
+def running_sums(data: bytes) -> NDArray[np.uint16]:
+    """Sums of all bytes before each place, modulo 65536: a 16-bit checksum of any piece is then two look-ups.
+
+    However many false headers a file has, no byte is added up twice.
+    """
+    sums = np.zeros(len(data) + 1, dtype=np.uint16)
+    np.cumsum(np.frombuffer(data, dtype=np.uint8), dtype=np.uint16, out=sums[1:])
+    return sums
+
+
+def lost(account: Account) -> str:
+    """What was skipped, as the end of a message; "" where nothing was.
+
+    >>> account = Account(unit="byte")
+    >>> account.skip("bad checksum", 446)
+    >>> lost(account)
+    '; skipped: 1 bad checksum (first at byte 446)'
+    """
+    parts = [
+        f"{reason.count} {name} (first at {account.unit} {reason.first})"
+        for name, reason in account.skipped.items()
+    ]
+    return f"; skipped: {', '.join(parts)}" if parts else ""
+
+
 def refuse_empty(account: Account, place: str, what: str) -> None:
     """Raises a DataError that says what was found instead of pings, where there are none.
 
@@ -188,9 +220,6 @@ def refuse_empty(account: Account, place: str, what: str) -> None:
     """
     if account.kept:
         return
-    reasons = [
-        f"{reason.count} {name} (first at {account.unit} {reason.first})"
-        for name, reason in {**account.skipped, **account.other}.items()
-    ]
-    found = "; ".join(reasons) if reasons else "no record of that format"
-    raise DataError(f"{place}: no {what} could be read: {found}")
+    others = ", ".join(f"{reason.count} {name}" for name, reason in account.other.items())
+    found = f"; there are {others}" if others else ""
+    raise DataError(f"{place}: no {what} could be read{found}{lost(account)}")

@@ -118,7 +118,13 @@ def _is_velocity(report: dict[str, Any], position: int, account: Account) -> boo
         account.pass_by("velocity through the water", position)
         return False
     if kind != "velocity":
-        name = kind if isinstance(kind, str) and kind else "reply" if "response_to" in report else "unknown object"
+        name = (
+            kind
+            if isinstance(kind, str) and kind
+            else "reply"
+            if "response_to" in report
+            else "unknown object"
+        )
         account.pass_by(name[:40], position)
         return False
     return True
