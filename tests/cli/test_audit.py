@@ -127,6 +127,10 @@ def test_refusals(planted: Path, tmp_path: Path) -> None:
         ((planted, "--geometry", "nosuch", "--out", out), "neither a file nor packaged"),
         ((planted, "--write", tmp_path / "g.txt", "--out", out), "ends in .toml"),
         ((alone, "--write", toml, "--out", out), "9 of 12 numbers free; state a geometry"),
+        (
+            (alone, "--geometry", "x_janus_20", "--write", toml, "--out", out),
+            "closure cannot choose between others",
+        ),
         ((planted, "--attitude", planted, "--out", out), "column 'roll_rad' is missing"),
     ):
         done = bottomlock("audit", *arguments)
@@ -135,3 +139,25 @@ def test_refusals(planted: Path, tmp_path: Path) -> None:
         assert "Traceback" not in done.stderr
     assert not out.exists()
     assert not toml.exists()
+
+
+def test_the_worked_example_runs(root: Path, tmp_path: Path) -> None:
+    """The commands of docs/audit.md, and what the page says that they say."""
+    page = (root / "docs" / "audit.md").read_text(encoding="utf-8")
+    commands = page.split("```console\n")[1].split("```")[0].strip().splitlines()
+    (tmp_path / "data").symlink_to(root / "data")
+    said = []
+    for command in commands:
+        words = command.split()
+        assert words[0] == "bottomlock"
+        done = subprocess.run(
+            [sys.executable, "-m", *words], capture_output=True, text=True, check=False, cwd=tmp_path
+        )
+        assert done.returncode == 0, done.stderr
+        said.append(" ".join(done.stdout.split()))
+    quoted = page.split("The second command says\n")[1].split("\nwhich is right")[0]
+    assert " ".join(quoted.split()) in said[1].replace(
+        "Median |e| 34.0, robust sigma 51.1, 95 % 239, 99 % 381, largest 892 mm/s.", ""
+    )
+    assert "fault" not in said[2]
+    assert pl.read_parquet(tmp_path / "out" / "river_fixes.parquet").height == 273

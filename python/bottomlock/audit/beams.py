@@ -48,6 +48,7 @@ class BeamVerdict:
         slope: of the first closure on the velocity, or None.
         suspects: single beams that would explain the slope; empty where it is not significant.
         orders: orders by closure, the best first; empty where they were not tried.
+        ambiguous: another order explains the closure as simply as the one that `rows` is in.
         findings: in no order.
     """
 
@@ -59,6 +60,7 @@ class BeamVerdict:
     slope: Slope | None = None
     suspects: list[Suspect] = field(default_factory=list)
     orders: list[Order] = field(default_factory=list)
+    ambiguous: bool = False
     findings: list[Finding] = field(default_factory=list)
 
 
@@ -92,6 +94,7 @@ def judge_beams(
         findings += unobservable_findings(log, matrix, int(solved.sum()))
         rows = None if stated is None else np.array(stated)
     orders: list[Order] = []
+    ambiguous = False
     same_way = bool(copies) or any(one.kind == "identical_beams" for one in findings)
     if full.sum() < LEAST_PINGS or same_way:
         return BeamVerdict(full, matrix, matched, rows, findings=findings)
@@ -101,7 +104,7 @@ def judge_beams(
         return BeamVerdict(full, matrix, closures=closures, findings=findings + found)
     if log.beams >= 4:
         orders = orders_by_closure(readings, rows)
-        found, rows = order_findings(orders, rows)
+        found, rows, ambiguous = order_findings(orders, rows)
         findings += found
     weights = null_space(rows)
     closures = [closure_of(column, readings) for column in weights.T]
@@ -120,4 +123,4 @@ def judge_beams(
     for closure in closures:
         # A closure that moves with the velocity has a median that means nothing; a bias that is named is named once.
         findings += closure_findings(closure, unbiased=bool(moves or biases))
-    return BeamVerdict(full, matrix, matched, rows, closures, slope, blamed, orders, findings)
+    return BeamVerdict(full, matrix, matched, rows, closures, slope, blamed, orders, ambiguous, findings)

@@ -71,12 +71,15 @@ def combination_findings(readings: Array) -> tuple[list[Finding], list[Closure]]
     return [note, *closure_findings(closure)], [closure]
 
 
-def order_findings(orders: list[Order], rows: Array) -> tuple[list[Finding], Array]:
-    """The simplest order in which the beams close far better than in this one, if any, and the rows in that order."""
+def order_findings(orders: list[Order], rows: Array) -> tuple[list[Finding], Array, bool]:
+    """The simplest order in which the beams close far better than in this one, if any.
+
+    Returns the findings, the rows in that order, and whether other orders explain the closure as simply.
+    """
     plain = next(one for one in orders if one.steps == 0)
     best = min(orders, key=lambda one: one.closure_mps)
     if best.closure_mps > 0.5 * plain.closure_mps:
-        return [], rows
+        return [], rows, False
     equal = [one for one in orders if one.closure_mps < 1.1 * best.closure_mps]
     fewest = min(one.steps for one in equal)
     simple = [one for one in equal if one.steps == fewest]
@@ -96,7 +99,7 @@ def order_findings(orders: list[Order], rows: Array) -> tuple[list[Finding], Arr
         else "Use the geometry file that this audit writes.",
         tuple(sorted(k + 1 for k in moved)),
     )  # fmt: skip
-    return [finding], np.array(chosen.sign)[:, None] * rows[list(chosen.beam)]
+    return [finding], np.array(chosen.sign)[:, None] * rows[list(chosen.beam)], len(simple) > 1
 
 
 def _order_words(order: Order) -> str:
@@ -132,7 +135,7 @@ def closure_findings(closure: Closure, *, unbiased: bool = False) -> list[Findin
                 "heavy_tails", "warning", closure.beyond_3_sigma, "of pings", closure.beyond_3_sigma,
                 f"The closure has heavy tails: {100.0 * closure.beyond_3_sigma:.2g} % of {closure.pings} pings "
                 "lie beyond three robust "
-                f"sigmas, {GAUSSIAN_BEYOND_3:.2%} would if the noise were Gaussian.",
+                f"sigmas, {100.0 * GAUSSIAN_BEYOND_3:.2f} % would if the noise were Gaussian.",
                 f"Median |e| {1e3 * closure.median_abs_mps:.1f}, robust sigma {1e3 * closure.sigma_mps:.1f}, 95 "
                 f"% {1e3 * closure.p95_mps:.0f}, "
                 f"99 % {1e3 * closure.p99_mps:.0f}, largest {1e3 * closure.max_mps:.0f} mm/s.",

@@ -29,6 +29,11 @@ def geometry_text(audit: Audit) -> str:
             else "beams alone leave 9 of 12 numbers free; state a geometry with --geometry"
         )
         raise DataError(f"{log.place}: no geometry can be written: {why}")
+    if verdict.ambiguous:
+        raise DataError(
+            f"{log.place}: no geometry can be written: the stated order does not close, and closure cannot choose "
+            "between others; state the right one with --geometry"
+        )
     length = np.linalg.norm(verdict.rows, axis=1)
     unit = verdict.rows / length[:, None]
     found = verdict.matrix is not None and bool(verdict.matrix.observable.all())
@@ -70,7 +75,7 @@ def geometry_text(audit: Audit) -> str:
 
 
 def _vector(values: Sequence[float] | Array, digits: int) -> str:
-    return "[" + ", ".join(f"{float(value):.{digits}f}" for value in values) + "]"
+    return "[" + ", ".join(f"{round(float(value), digits) + 0.0:.{digits}f}" for value in values) + "]"
 
 
 def _noise(audit: Audit) -> float:

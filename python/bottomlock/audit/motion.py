@@ -137,7 +137,8 @@ class ImuAlignment:
 def align_imu(reference: Reference, imu: Inertial) -> ImuAlignment | None:
     """Clock offset and axes of the IMU from its turns against the attitude's; None from less than 30 s in common."""
     zero = int(reference.time_ns[0])
-    time_s, own_s = (reference.time_ns - zero) * 1e-9, (imu.time_ns - zero) * 1e-9
+    time_s = np.asarray((reference.time_ns - zero) * 1e-9, dtype=np.float64)
+    own_s = np.asarray((imu.time_ns - zero) * 1e-9, dtype=np.float64)
     stride = max(1, round(0.5 / float(np.median(np.diff(time_s)))))
     edges = time_s[::stride]
     edges = edges[(edges > own_s[0] + 3.0) & (edges < own_s[-1] - 3.0)]

@@ -65,7 +65,7 @@ def test_suspect_is_exact_without_noise(seed: int, beam: int, turned: float) -> 
     true[beam] = [np.cos(azimuth) * np.sin(tilt), np.sin(azimuth) * np.sin(tilt), np.cos(tilt)]
     n = null_space(rows)[:, 0]
     v = np.eye(3)
-    slope = np.linalg.solve(v @ true.T @ np.linalg.pinv(rows).T, v @ true.T @ n)
+    slope = np.asarray(np.linalg.solve(v @ true.T @ np.linalg.pinv(rows).T, v @ true.T @ n), dtype=np.float64)
     (found,) = (one for one in suspects(Slope(slope, 1e-8 * np.eye(3), 1), n, rows) if one.beam == beam)
     assert found.tilt_change_rad == pytest.approx(turned, abs=1e-9)
     assert found.angle_rad == pytest.approx(abs(turned), abs=1e-6)
