@@ -127,20 +127,27 @@ def _beams(made: Audit) -> Table:
         title=f"beams: {matrix.way}, {matrix.pings} pings, residual {1e3 * matrix.residual_mps:.2g} mm/s",
         title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0),
     )  # fmt: skip
-    names = ["tilt deg", "azimuth deg", "scale", "bias mm/s", "valid %"]
     matched = made.verdict.match is not None
-    table.add_column("beam", no_wrap=True)
-    for name in [*names, *(["stated", "off deg"] if matched else [])]:
-        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("", no_wrap=True)
+    names = [
+        "tilt deg",
+        "±",
+        "azimuth",
+        "±",
+        "scale",
+        "bias mm/s",
+        "valid %",
+        *(["is", "off deg"] if matched else []),
+    ]
+    for name in names:
+        table.add_column(name, justify="right", no_wrap=True, style="dim" if name == "±" else None)
     for row in beams_table(made).iter_rows(named=True):
         cells = [
             str(row["beam"]),
-            f"{row['tilt_deg']:.2f} ± {row['tilt_sd_deg']:.1g}",
-            f"{row['azimuth_deg']:.2f} ± {row['azimuth_sd_deg']:.1g}",
-            f"{row['scale']:.4f} ± {row['scale_sd']:.0e}",
-            f"{1e3 * row['bias_mps']:.2f} ± {1e3 * row['bias_sd_mps']:.1g}",
-            f"{100.0 * row['valid_part']:.1f}",
-        ]
+            f"{row['tilt_deg']:.3f}", f"{row['tilt_sd_deg']:.1g}",
+            f"{row['azimuth_deg'] + 0.0:.3f}", f"{row['azimuth_sd_deg']:.1g}",
+            f"{row['scale']:.4f}", f"{round(1e3 * row['bias_mps'], 2) + 0.0:.2f}", f"{100.0 * row['valid_part']:.1f}",
+        ]  # fmt: skip
         if matched:
             cells += [f"{'-' if row['stated_sign'] < 0 else ''}{row['stated_beam']}", f"{row['off_deg']:.2f}"]
         table.add_row(*cells)

@@ -8,7 +8,7 @@ from scipy.stats import poisson
 
 from bottomlock.audit.findings import SIGNIFICANCE, Finding, beam_words
 from bottomlock.audit.logs import BeamLog
-from bottomlock.audit.robust import Array, sigma
+from bottomlock.audit.robust import Array
 
 GAP = 2.5
 """A step of more than this many usual ones is a gap."""
@@ -138,15 +138,15 @@ def zero_findings(log: BeamLog) -> list[Finding]:
 
 
 def _out_of_place(y: Array) -> int:
-    """How many zeros stand between readings that are far from zero, by the usual step from ping to ping.
+    """How many zeros stand between readings that are more than five steps of resolution from zero.
 
-    A vehicle at rest, or an instrument that rounds small velocities away, reads zero among small values.
+    A vehicle at rest reads zero among values of a step or two.
     """
     rows = np.arange(y.size)
     other = rows[y != 0.0]
     if other.size < 3:
         return 0
-    step = max(sigma(np.diff(y[other])), _quantum(y))
+    step = _quantum(y)
     at = np.searchsorted(other, rows[y == 0.0])
     before = np.abs(y[other[np.maximum(at - 1, 0)]])
     after = np.abs(y[other[np.minimum(at, other.size - 1)]])

@@ -86,23 +86,44 @@ def match_findings(
                 words, place, "Use the geometry file that this audit writes.", tuple(k + 1 for k in flipped),
             )
         )  # fmt: skip
-    for k in np.flatnonzero(matched.off_rad > np.maximum(MATERIAL_RAD, SIGMAS * matrix.direction_sd_rad)):
-        if int(k) in twins:
-            continue
-        expected = matched.turn.apply(matched.sign[k] * stated[matched.beam[k]])
-        change = matrix.tilt_rad[k] - tilt(expected)
-        found.append(
+    return found + _tilt_findings(matrix, matched, stated, twins, place)
+
+
+def _tilt_findings(
+    matrix: Matrix, matched: Match, stated: Array, twins: set[int], place: str
+) -> list[Finding]:
+    """Beams that do not look where they are stated; one finding if all of them are off by the same tilt."""
+    expected = matched.turn.apply(matched.sign[:, None] * stated[matched.beam])
+    sure = matched.off_rad > np.maximum(MATERIAL_RAD, SIGMAS * matrix.direction_sd_rad)
+    off = [int(k) for k in np.flatnonzero(sure) if int(k) not in twins]
+    # From the axis that the beam leans away from, so that a reversed beam leans like the others.
+    lean, meant = (np.minimum(tilt(v), np.pi - tilt(v)) for v in (matrix.directions, expected))
+    change = lean - meant
+    alike = float(np.ptp(change)) < 0.5 * MATERIAL_RAD
+    if len(off) == len(sure) and alike and bool((matched.off_rad < 1.2 * np.abs(change)).all()):
+        size = float(np.rad2deg(np.mean(change)))
+        return [
             Finding(
-                "mistilted_beam", "fault", float(np.rad2deg(matched.off_rad[k])), "deg",
-                float(np.sin(matched.off_rad[k])),
-                f"Beam {k + 1} looks {np.rad2deg(matched.off_rad[k]):.2f} deg off its stated direction "
-                f"(tilt {np.rad2deg(matrix.tilt_rad[k]):.2f} deg instead of {np.rad2deg(tilt(expected)):.2f}).",
-                f"± {np.rad2deg(matrix.direction_sd_rad[k]):.2g} deg; {np.rad2deg(change):+.2f} deg of it is "
-                f"tilt. {place}",
-                "This is the matrix that the instrument uses; correct the stated geometry.", (int(k) + 1,),
+                "wrong_tilt", "fault", size, "deg", abs(float(np.sin(np.mean(change)))),
+                f"Every beam leans {np.rad2deg(lean.mean()):.2f} deg from the vertical, "
+                f"not {np.rad2deg(meant.mean()):.2f} as stated.",
+                f"± {np.rad2deg(matrix.direction_sd_rad.max()):.2g} deg. {place}",
+                "This is the matrix that the instrument uses; correct the stated tilt.",
+                tuple(k + 1 for k in off),
             )
-        )  # fmt: skip
-    return found
+        ]  # fmt: skip
+    return [
+        Finding(
+            "mistilted_beam", "fault", float(np.rad2deg(matched.off_rad[k])), "deg",
+            float(np.sin(matched.off_rad[k])),
+            f"Beam {k + 1} looks {np.rad2deg(matched.off_rad[k]):.2f} deg off its stated direction "
+            f"(it leans {np.rad2deg(lean[k]):.2f} deg instead of {np.rad2deg(meant[k]):.2f}).",
+            f"± {np.rad2deg(matrix.direction_sd_rad[k]):.2g} deg; {np.rad2deg(change[k]):+.2f} deg of it is tilt. "
+            f"{place}",
+            "This is the matrix that the instrument uses; correct the stated geometry.", (k + 1,),
+        )
+        for k in off
+    ]  # fmt: skip
 
 
 def _same_way(matrix: Matrix, copies: list[tuple[int, ...]]) -> list[Finding]:

@@ -96,7 +96,7 @@ def _misalignment(m: Mounting, basis: str) -> list[Finding]:
                 float(np.sin(np.deg2rad(min(size, 90.0)))),
                 f"The DVL is turned against the platform: {listed} deg ({', '.join(TURNS[k] for k in sure)} "
                 "beyond doubt).",
-                basis, "Enter it as the mounting of the DVL; the geometry file of this audit holds it.",
+                basis, "Enter it as the mounting of the DVL.",
             )
         )  # fmt: skip
     return found
@@ -120,7 +120,7 @@ def _lever_arm(m: Mounting, basis: str) -> list[Finding]:
         Finding(
             "lever_arm", "warning", size, "m", min(float(size * np.linalg.norm(m.rate_rms_radps)), 1.0),
             f"The DVL sits {listed} m from {point}.", f"Rates {rates} deg/s rms. {basis}",
-            "Enter it as the lever arm of the DVL; the geometry file of this audit holds it.",
+            "Enter it as the lever arm of the DVL.",
         )
     ]  # fmt: skip
 
