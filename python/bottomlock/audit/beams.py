@@ -40,7 +40,7 @@ class BeamVerdict:
     """What the beams of a log say.
 
     Attributes:
-        full: (n,) pings that were used: every beam valid, not stale, none exactly zero.
+        full: (n,) pings that were used: every beam valid, not stale, no zero of a beam that reads zero for lost.
         matrix: the beams as the instrument's velocity sees them, or None.
         match: of the matrix with the stated geometry, or None.
         rows: (beams, 3) geometry that the rest was judged with, in the order and with the signs of the log; or None.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, f, norm
 
-from bottomlock.audit.robust import BLOCKS, Array, fit_linear, sigma
+from bottomlock.audit.robust import BLOCKS, Array, fit_linear, resolution, sigma
 
 GAUSSIAN_BEYOND_3 = float(2.0 * norm.sf(3.0))
 
@@ -37,7 +37,8 @@ def null_space(rows: Array) -> Array:
 class Closure:
     """Statistics of the closure over full pings, m/s.
 
-    `beyond_3_sigma` is the part beyond three robust sigmas: 0.0027 for Gaussian noise. `white_sigma_mps` is the part
+    `beyond_3_sigma` is the part beyond three robust sigmas and two steps of resolution: 0.0027 for Gaussian noise.
+    `white_sigma_mps` is the part
     of the spread that changes from ping to ping, from first differences.
     """
 
@@ -65,6 +66,8 @@ def closure_of(weights: Array, readings_mps: Array) -> Closure:
     values = readings_mps @ weights
     size = np.abs(values)
     spread, middle = sigma(values), float(np.median(values))
+    # A median of rounded values is a step off as easily as not; three sigmas of it are that much less.
+    coarse = 2.0 * max(resolution(column) for column in readings_mps.T)
     pages = np.array_split(values, max(1, min(25, len(values) // 8)))
     # Medians of consecutive parts: noise that lasts over several pings widens them as it should.
     middle_sd = float(1.2533 * np.std([np.median(page) for page in pages], ddof=1) / np.sqrt(len(pages)))
@@ -80,7 +83,7 @@ def closure_of(weights: Array, readings_mps: Array) -> Closure:
         p95_mps=float(np.quantile(size, 0.95)),
         p99_mps=float(np.quantile(size, 0.99)),
         max_mps=float(size.max()),
-        beyond_3_sigma=float(np.mean(np.abs(values - middle) > 3.0 * max(spread, 1e-12))),
+        beyond_3_sigma=float(np.mean(np.abs(values - middle) > 3.0 * max(spread, 1e-12) + coarse)),
     )
 
 

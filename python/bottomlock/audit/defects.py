@@ -8,7 +8,7 @@ from scipy.stats import poisson
 
 from bottomlock.audit.findings import SIGNIFICANCE, Finding, beam_words
 from bottomlock.audit.logs import BeamLog
-from bottomlock.audit.robust import Array
+from bottomlock.audit.robust import Array, resolution
 
 GAP = 2.5
 """A step of more than this many usual ones is a gap."""
@@ -115,7 +115,7 @@ def zero_findings(log: BeamLog) -> list[Finding]:
         zeros = int(np.sum(y == 0.0))
         if not zeros:
             continue
-        quantum = _quantum(y)
+        quantum = resolution(y)
         reach = float(np.sort(np.abs(y[y != 0.0]))[:_NEAREST][-1]) if zeros < y.size else 0.0
         # As many as the values next to zero have each: readings that pass through zero hit it honestly.
         near = int(np.sum((np.abs(y) <= reach) & (y != 0.0)))
@@ -146,17 +146,11 @@ def _out_of_place(y: Array) -> int:
     other = rows[y != 0.0]
     if other.size < 3:
         return 0
-    step = _quantum(y)
+    step = resolution(y)
     at = np.searchsorted(other, rows[y == 0.0])
     before = np.abs(y[other[np.maximum(at - 1, 0)]])
     after = np.abs(y[other[np.minimum(at, other.size - 1)]])
     return int(np.sum(np.minimum(before, after) > 5.0 * step))
-
-
-def _quantum(y: Array) -> float:
-    """Resolution of recorded values: the least step between two that differ."""
-    steps = np.diff(np.unique(np.round(y[np.isfinite(y)], 9)))
-    return float(steps.min()) if steps.size else 0.0
 
 
 def range_findings(log: BeamLog) -> list[Finding]:

@@ -87,11 +87,13 @@ def audit_log(
     if log.stale is not None:
         same = same | log.stale
     copies = defects.copy_findings(log)
-    findings += defects.stale_findings(log, same) + defects.zero_findings(log) + copies
+    zeros = defects.zero_findings(log)
+    findings += defects.stale_findings(log, same) + zeros + copies
     findings += defects.range_findings(log) + defects.verdict_findings(log, same)
     whole = log.full & ~same
     if log.beams >= 1:
-        whole &= (log.velocity_mps != 0.0).all(axis=1)
+        named = [beam - 1 for one in zeros for beam in one.beams]
+        whole &= (log.velocity_mps[:, named] != 0.0).all(axis=1)
         verdict = judge_beams(log, whole, wanted, [one.beams for one in copies])
     else:
         verdict = BeamVerdict(full=np.zeros(log.pings, dtype=bool))
@@ -187,7 +189,7 @@ def audit_file(
 
 _OF_MATRIX = (
     "directions", "direction_sd_rad", "tilt_rad", "tilt_sd_rad", "azimuth_rad", "azimuth_sd_rad", "scale", "scale_sd",
-    "bias_mps", "bias_sd_mps", "residual_mps", "way", "pings", "observable",
+    "bias_mps", "bias_sd_mps", "residual_mps", "moved_mps", "way", "pings", "observable",
 )  # fmt: skip
 
 

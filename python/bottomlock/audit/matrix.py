@@ -24,6 +24,8 @@ LEAST_PINGS = 40
 READINGS_TO_VELOCITY = "velocity regressed on readings"
 VELOCITY_TO_READINGS = "readings regressed on velocity"
 FAR_BETTER = 0.2
+LEAST_MOTION = 0.3
+"""Residuals of more than this part of the motion bias a regression by a tenth of it: rounding, or a vehicle at rest."""
 OBSERVABLE_RAD = np.deg2rad(2.0)
 """A direction with a larger standard deviation is not observable in this log."""
 
@@ -38,6 +40,7 @@ class Matrix:
         bias_mps: (beams,) what a beam reads at zero velocity; its part that looks like a velocity is lost.
         bias_sd_mps: (beams,).
         residual_mps: robust sigma of the residuals.
+        moved_mps: robust sigma of the velocity along the axis in which it varies least.
         way: which regression was taken.
         pings: how many went in.
     """
@@ -47,6 +50,7 @@ class Matrix:
     bias_mps: Array
     bias_sd_mps: Array
     residual_mps: float
+    moved_mps: float
     way: str
     pings: int
 
@@ -74,8 +78,9 @@ class Matrix:
 
     @property
     def observable(self) -> NDArray[np.bool_]:
-        """(beams,) the log moves enough to tell the direction."""
-        return np.asarray((self.direction_sd_rad < OBSERVABLE_RAD) & (self.scale > 0.1))
+        """(beams,) the log moves enough to tell the direction, and well above what is left unexplained."""
+        moves = self.residual_mps < LEAST_MOTION * self.moved_mps
+        return np.asarray((self.direction_sd_rad < OBSERVABLE_RAD) & (self.scale > 0.1) & moves)
 
     @property
     def tilt_rad(self) -> Array:
@@ -146,7 +151,9 @@ def find_matrix(readings_mps: Array, velocity_mps: Array) -> Matrix | None:
         rows, copies = to_readings.parameters[:3].T, np.swapaxes(to_readings.resampled[:, :3], 1, 2)
         offset, offsets = to_readings.parameters[3], to_readings.resampled[:, 3]
         way, residual = VELOCITY_TO_READINGS, forward
-    return Matrix(rows, copies, offset, np.std(offsets, axis=0), residual, way, count)
+    axes = np.linalg.svd(velocity_mps - np.median(velocity_mps, axis=0), full_matrices=False)[2]
+    moved = min(sigma(column) for column in (velocity_mps @ axes.T).T)
+    return Matrix(rows, copies, offset, np.std(offsets, axis=0), residual, moved, way, count)
 
 
 def _inverse(parameters: Array) -> Array:

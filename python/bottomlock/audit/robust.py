@@ -27,6 +27,16 @@ def sigma(values: Array) -> float:
     return float(median_abs_deviation(values, scale="normal")) if values.size > 1 else 0.0
 
 
+def resolution(values: Array) -> float:
+    """Step in which values were recorded: the least difference between two that differ; 0 where all are the same.
+
+    >>> resolution(np.array([0.003, 0.001, 0.001, 0.008]))
+    0.002
+    """
+    steps = np.diff(np.unique(np.round(values[np.isfinite(values)], 9)))
+    return float(np.round(steps.min(), 9)) if steps.size else 0.0
+
+
 def blocks_of(rows: int) -> NDArray[np.int64]:
     """(rows,) number of the block of each row: `BLOCKS` runs of consecutive rows, or fewer of two rows or more.
 

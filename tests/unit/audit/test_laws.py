@@ -44,13 +44,13 @@ def test_matrix_is_found_whatever_the_noise_of_the_beams(seed: int) -> None:
 
 
 def test_closure_statistics_by_hand() -> None:
-    """Readings that close to 1, −1, 1, −1 and once to 10."""
-    values = np.array([1.0, -1.0] * 10 + [10.0])
+    """Readings that close to 1, −1, 1, −1 and once to 20."""
+    values = np.array([1.0, -1.0] * 10 + [20.0])
     y = np.zeros((21, 4))
     y[:, 0] = values
     one = closure_of(np.array([1.0, -1.0, 1.0, -1.0]), y)
     assert one.median_abs_mps == 1.0
-    assert one.max_mps == 10.0
+    assert one.max_mps == 20.0
     assert one.median_mps == 1.0
     assert one.beyond_3_sigma == pytest.approx(1.0 / 21.0)
     assert one.beam_sigma_mps == pytest.approx(one.sigma_mps / 2.0)
