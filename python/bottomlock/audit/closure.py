@@ -38,8 +38,7 @@ class Closure:
     """Statistics of the closure over full pings, m/s.
 
     `beyond_3_sigma` is the part beyond three robust sigmas and two steps of resolution: 0.0027 for Gaussian noise.
-    `white_sigma_mps` is the part
-    of the spread that changes from ping to ping, from first differences.
+    `white_sigma_mps` is the part of the spread that changes from ping to ping, from first differences.
     """
 
     weights: Array
