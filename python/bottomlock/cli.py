@@ -311,6 +311,7 @@ app.command(
     "bottomlock.study_commands:masks", name="masks", help="Flies every partial mask, dropouts and a slope."
 )
 app.command("bottomlock.study_commands:certify", name="certify", help="Writes the honesty certificate.")
+app.command("bottomlock.audit_commands:audit", name="audit", help="Says what a log tells of its DVL.")
 app.command(
     "bottomlock.observe_command:observe",
     name="observe",

@@ -1,0 +1,106 @@
+"""The depth rate against the heave of the beams: which way z points, and the scale of what is vertical."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from bottomlock.audit.findings import Finding
+from bottomlock.audit.logs import Depths, Reference
+from bottomlock.audit.robust import Array, fit_linear
+
+WINDOW_S = 5.0
+
+
+@dataclass(frozen=True)
+class DepthRate:
+    """Change of depth = slope × integrated downward velocity over windows; `levelled` with an attitude beside it."""
+
+    slope: float
+    slope_sd: float
+    correlation: float
+    rms_mps: float
+    windows: int
+    levelled: bool
+
+
+def depth_rate(
+    time_ns: NDArray[np.int64], velocity_mps: Array, depths: Depths, reference: Reference | None
+) -> DepthRate | None:
+    """Slope of the depth change on the integrated z of velocities (n, 3) at times (n,); None from too little overlap.
+
+    With an attitude the whole velocity is levelled; without, z is taken for down, and pitch × surge leaks in.
+    """
+    time_s = time_ns * 1e-9
+    depth_s = depths.time_ns * 1e-9
+    inside = (time_s >= depth_s[0]) & (time_s <= depth_s[-1])
+    if reference is not None:
+        own = reference.time_ns * 1e-9
+        inside &= (time_s >= own[0]) & (time_s <= own[-1])
+    time_s, velocity = time_s[inside], velocity_mps[inside]
+    if len(time_s) < 50:
+        return None
+    down = velocity[:, 2]
+    if reference is not None:
+        turn = Slerp(reference.time_ns * 1e-9, Rotation.from_euler("ZYX", reference.rpy_rad[:, ::-1]))(time_s)
+        down = turn.apply(velocity)[:, 2]
+    path = np.concatenate([[0.0], np.cumsum(0.5 * (down[1:] + down[:-1]) * np.diff(time_s))])
+    edges = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], WINDOW_S))
+    # A window over a gap of the log integrates what was not measured.
+    usable = np.diff(time_s[edges]) < 2.0 * WINDOW_S
+    moved = np.diff(path[edges])[usable]
+    sunk = np.diff(np.interp(time_s[edges], depth_s, depths.depth_m))[usable]
+    if len(moved) < 20 or np.std(moved) < 1e-6:
+        return None
+    fit = fit_linear(np.stack([moved, np.ones_like(moved)], axis=1), sunk)
+    return DepthRate(
+        slope=float(fit.parameters[0]),
+        slope_sd=float(np.std(fit.resampled[:, 0])),
+        correlation=float(np.corrcoef(moved, sunk)[0, 1]),
+        rms_mps=float(np.sqrt(np.mean(fit.residuals**2)) / WINDOW_S),
+        windows=len(moved),
+        levelled=reference is not None,
+    )
+
+
+def depth_findings(rate: DepthRate | None) -> list[Finding]:
+    """A z axis that points up; a vertical scale that is off, with the caveat that pitch makes."""
+    if rate is None:
+        return []
+    caveat = (
+        ""
+        if rate.levelled
+        else " There is no attitude beside it: pitch times surge is in it, and moves the slope."
+    )
+    evidence = (
+        f"Slope {rate.slope:+.2f} ± {rate.slope_sd:.2g}, correlation {rate.correlation:+.2f} over "
+        f"{rate.windows} windows "
+        f"of {WINDOW_S:g} s.{caveat}"
+    )
+    if abs(rate.correlation) < 0.3 or abs(rate.slope) < 5.0 * rate.slope_sd:
+        return [
+            Finding(
+                "depth_not_observable", "note", rate.slope, "", 0.0,
+                "Neither the sign of z nor the vertical scale is observable in this log: the depth hardly "
+                "follows the heave.",
+                evidence, "Record a dive or a climb.",
+            )
+        ]  # fmt: skip
+    if rate.slope < 0.0:
+        return [
+            Finding(
+                "z_points_up", "fault", rate.slope, "", 1.0,
+                "The z axis of the velocity points up: the depth grows when it is negative.", evidence,
+                "Turn the frame (x forward, y right, z down) before fusing it.",
+            )
+        ]  # fmt: skip
+    if rate.levelled and abs(rate.slope - 1.0) > max(0.03, 5.0 * rate.slope_sd):
+        return [
+            Finding(
+                "vertical_scale", "warning", 100.0 * (rate.slope - 1.0), "%", min(abs(rate.slope - 1.0), 1.0),
+                f"The depth changes {rate.slope:.3f} times as fast as the vertical velocity says.", evidence,
+                "Check the tilt of the beams and the sound speed.",
+            )
+        ]  # fmt: skip
+    return []

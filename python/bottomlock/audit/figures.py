@@ -1,0 +1,170 @@
+"""Figures of an audit: how the closure is spread, when it is bad, which beams return, where they look."""
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from scipy.ndimage import median_filter
+from scipy.stats import norm
+
+from bottomlock.audit.examine import Audit
+from bottomlock.audit.robust import Array, sigma
+from bottomlock.study_figures.palette import FAINT, INK, STYLE
+
+BLUE, ORANGE, GREEN, GREY = "#5394ec", "#fa632e", "#129e64", "#999194"
+COLOURS = (BLUE, ORANGE, GREEN, "#b24397", "#a05200", "#8952ff", "#4191bc", "#7d6331")
+_STATES = ("returned", "lost", "stale", "zero")
+_STATE_COLOURS = (GREEN, ORANGE, "#8952ff", INK)
+
+
+def closure_figure(audit: Audit) -> Figure | None:
+    """Histogram of the first closure on a logarithmic scale, and the Gaussian that its middle suggests; or None."""
+    if not audit.verdict.closures:
+        return None
+    closure = audit.verdict.closures[0]
+    values, spread = closure.values_mps, max(closure.sigma_mps, 1e-6)
+    reach = max(6.0 * spread, float(np.quantile(np.abs(values), 0.998)))
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(5.6, 3.6), layout="constrained")
+        axes = figure.add_subplot()
+        edges = np.linspace(-reach, reach, 81)
+        inside = np.clip(values, -reach, reach)
+        axes.hist(1e3 * inside, bins=list(1e3 * edges), color=BLUE, alpha=0.75, label="recorded")
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        expected = norm.pdf(middle, closure.median_mps, spread) * len(values) * (edges[1] - edges[0])
+        axes.plot(
+            1e3 * middle,
+            expected,
+            color=INK,
+            linewidth=1.4,
+            label=f"Gaussian of its robust sigma, {1e3 * spread:.3g} mm/s",
+        )
+        axes.set_yscale("log")
+        axes.set_ylim(0.5, 12.0 * max(float(np.histogram(inside, edges)[0].max()), float(expected.max())))
+        axes.set_xlabel("closure, mm/s (what lies beyond is counted in the outermost bars)")
+        axes.set_ylabel("pings")
+        axes.legend(loc="upper right", frameon=False, fontsize=8.5)
+    return figure
+
+
+def residual_figure(audit: Audit) -> Figure | None:
+    """The closure against time; below it how far every beam jumps from the median of five pings; or None.
+
+    The closure of four beams is one number a ping: shared out over the beams it would be the same picture four
+    times. What tells the beams apart is how each behaves in time.
+    """
+    verdict, log = audit.verdict, audit.log
+    if not log.beams or verdict.full.sum() < 5:
+        return None
+    time_s = log.time_s[verdict.full]
+    panels = [
+        (f"beam {k + 1}", COLOURS[k], values)
+        for k, values in enumerate(jumps(log.velocity_mps[verdict.full]).T)
+    ]
+    if verdict.closures:
+        panels.insert(0, ("closure", INK, verdict.closures[0].values_mps))
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(9.0, 0.9 + 0.9 * len(panels)), layout="constrained")
+        for axes, (name, colour, values) in zip(
+            np.atleast_1d(figure.subplots(len(panels), 1, sharex=True)), panels, strict=True
+        ):
+            limit = max(5.0 * sigma(values), float(np.quantile(np.abs(values), 0.97)), 1e-5)
+            beyond = np.abs(values) > limit
+            inside = 1e3 * np.clip(values, -limit, limit)
+            axes.plot(time_s[~beyond], inside[~beyond], ".", markersize=2.0, color=colour, rasterized=True)
+            axes.plot(time_s[beyond], inside[beyond], "|", markersize=5, color=ORANGE, rasterized=True)
+            axes.set_ylabel(name)
+            axes.set_ylim(-1.2e3 * limit, 1.2e3 * limit)
+        figure.axes[-1].set_xlabel("time, s")
+        figure.axes[0].set_title(
+            "mm/s; beams: jump from the median of five pings; orange ticks lie beyond the frame",
+            loc="right",
+            fontsize=8.5,
+        )
+    return figure
+
+
+def jumps(readings_mps: Array) -> Array:
+    """(n, beams) readings less the median of the five pings about them: what no vehicle does.
+
+    >>> jumps(np.array([[0.0], [0.0], [0.0], [9.0], [0.0], [0.0]])).ravel().tolist()
+    [0.0, 0.0, 0.0, 9.0, 0.0, 0.0]
+    """
+    return np.asarray(readings_mps - median_filter(readings_mps, size=(5, 1), mode="nearest"))
+
+
+def validity_figure(audit: Audit) -> Figure | None:
+    """A strip per beam over time: returned, lost, stale, or exactly zero though flagged valid; None without beams."""
+    log = audit.log
+    if not log.beams:
+        return None
+    state = np.where(log.valid, 0, 1)
+    blamed = {k - 1 for one in audit.findings if one.kind == "zero_as_valid" for k in one.beams}
+    named = np.isin(np.arange(log.beams), list(blamed))
+    state = np.where(log.valid & (log.velocity_mps == 0.0) & named, 3, state)
+    state = np.where(audit.unchanged[:, None], 2, state)
+    # At most 1500 columns, each showing the worst of its pings: what is rare must not vanish between pixels.
+    order = np.array([0, 1, 2, 3])
+    count = min(1500, log.pings)
+    edges = np.linspace(0, log.pings, count + 1).astype(int)[:-1]
+    worst = np.maximum.reduceat(order[state], edges, axis=0)
+    there = [k for k in range(4) if (state == k).any()]
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(9.0, 0.9 + 0.33 * log.beams), layout="constrained")
+        axes: Axes = figure.add_subplot()
+        axes.imshow(
+            worst.T, aspect="auto", interpolation="nearest", cmap=ListedColormap(_STATE_COLOURS), vmin=-0.5, vmax=3.5,
+            extent=(0.0, float(log.pings), log.beams + 0.5, 0.5),
+        )  # fmt: skip
+        axes.set_yticks(range(1, log.beams + 1), [f"beam {k + 1}" for k in range(log.beams)])
+        axes.grid(visible=False)
+        axes.set_xlabel("ping")
+        for k in there:
+            share = 100.0 * float(np.mean(state == k))
+            axes.plot([], [], "s", color=_STATE_COLOURS[k], label=f"{_STATES[k]} {share:.2g} %")
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, fontsize=8.5)
+    return figure
+
+
+def geometry_figure(audit: Audit) -> Figure | None:
+    """Found beams from above, points at their tilt, and the stated ones as rings; None where not observable."""
+    matrix = audit.verdict.matrix
+    if matrix is None or not matrix.observable.all():
+        return None
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(4.4, 4.4), layout="constrained")
+        axes = figure.add_subplot(projection="polar")
+        axes.set_theta_zero_location("N")  # type: ignore[attr-defined]
+        axes.set_theta_direction(-1)  # type: ignore[attr-defined]
+        shown = np.where(matrix.directions[:, 2:3] < 0.0, -matrix.directions, matrix.directions)
+        tilt, azimuth = _polar(shown)
+        axes.set_ylim(0.0, 1.35 * float(np.rad2deg(tilt).max()))
+        if audit.stated is not None:
+            lean, turn = _polar(np.where(audit.stated[:, 2:3] < 0.0, -audit.stated, audit.stated))
+            axes.plot(
+                turn, np.rad2deg(lean), "o", markersize=15, markerfacecolor="none", color=GREY, label="stated"
+            )
+            axes.legend(loc="lower right", bbox_to_anchor=(1.12, -0.08), frameon=False, fontsize=8.5)
+        for k in range(len(tilt)):
+            flipped = matrix.directions[k, 2] < 0.0
+            axes.plot(
+                azimuth[k], np.rad2deg(tilt[k]), "x" if flipped else "o", color=COLOURS[k], markersize=8
+            )
+            axes.annotate(
+                f"{k + 1}{' (−)' if flipped else ''}",
+                (azimuth[k], np.rad2deg(tilt[k])),
+                xytext=(8, 8),
+                textcoords="offset points",
+            )
+        axes.tick_params(labelsize=8.0)
+        axes.spines["polar"].set_visible(False)
+        axes.set_rlabel_position(157.5)  # type: ignore[attr-defined]
+        axes.yaxis.grid(visible=True, color=FAINT, alpha=0.4)
+        axes.set_title("beams from above: azimuth from x towards y, tilt in deg", fontsize=9.0)
+    return figure
+
+
+def _polar(vectors: Array) -> tuple[Array, Array]:
+    tilt = np.arctan2(np.hypot(vectors[:, 0], vectors[:, 1]), vectors[:, 2])
+    return np.asarray(tilt), np.asarray(np.arctan2(vectors[:, 1], vectors[:, 0]))

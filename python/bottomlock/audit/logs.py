@@ -1,0 +1,320 @@
+"""Logs as an audit reads them: defects of time and velocity are kept, for they are what it looks for."""
+
+import json
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from bottomlock.errors import DataError
+from bottomlock.io.beams import Columns
+
+_NS = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False)
+class BeamLog:
+    """Pings as recorded.
+
+    Attributes:
+        place: what to call it in messages.
+        time_ns: (n,) int64, in the order of the file; it may repeat or go back.
+        velocity_mps: (n, beams) readings, NaN where there is none; beams may be 0.
+        valid: (n, beams) the instrument's flags.
+        range_m: (n, beams), or None.
+        instrument_mps: (n, 3) the instrument's own velocity in its own frame, or None.
+        instrument_valid: (n,) its verdict on that velocity, or None.
+        columns: map of the columns that were read, or None for the documented names.
+        beside: what the converter wrote in the JSON file beside the table; empty where there is none.
+        stale: (n,) pings that the reader has marked as unchanged repeats (and taken the flags from), or None.
+        error_velocity_mps: (n,) closure that the instrument gives in place of beams, NaN where none, or None.
+    """
+
+    place: str
+    time_ns: NDArray[np.int64]
+    velocity_mps: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+    range_m: NDArray[np.float64] | None = None
+    instrument_mps: NDArray[np.float64] | None = None
+    instrument_valid: NDArray[np.bool_] | None = None
+    columns: Columns | None = None
+    beside: dict[str, Any] = field(default_factory=dict)
+    stale: NDArray[np.bool_] | None = None
+    error_velocity_mps: NDArray[np.float64] | None = None
+
+    @property
+    def beams(self) -> int:
+        """Number of beams."""
+        return int(self.velocity_mps.shape[1])
+
+    @property
+    def pings(self) -> int:
+        """Number of pings."""
+        return len(self.time_ns)
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """(n,) seconds from the first ping."""
+        return np.asarray((self.time_ns - self.time_ns[0]) * 1e-9, dtype=np.float64)
+
+    @property
+    def full(self) -> NDArray[np.bool_]:
+        """(n,) every beam is flagged valid and finite."""
+        return np.asarray((self.valid & np.isfinite(self.velocity_mps)).all(axis=1))
+
+    @property
+    def own_frame(self) -> bool:
+        """The instrument's velocity is in its own frame, not turned to the ship's or the Earth's."""
+        return self.beside.get("instrument_frame", "frd") not in {"earth", "ship"}
+
+    @property
+    def solved(self) -> NDArray[np.bool_]:
+        """(n,) the instrument gives a velocity and stands by it."""
+        if self.instrument_mps is None:
+            return np.zeros(self.pings, dtype=bool)
+        finite = np.isfinite(self.instrument_mps).all(axis=1)
+        return np.asarray(finite if self.instrument_valid is None else finite & self.instrument_valid)
+
+
+def read_table(path: str | Path) -> pl.DataFrame:
+    """A CSV or Parquet file as it stands.
+
+    Raises:
+        DataError: for a file that is not there, cannot be read or has no rows.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise DataError(f"{path}: no such file")
+    try:
+        parquet = path.suffix.lower() in {".parquet", ".pq"}
+        table = pl.read_parquet(path) if parquet else pl.read_csv(path, infer_schema=False)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise DataError(f"{path}: cannot be read ({str(error).splitlines()[0]})") from error
+    if not table.height:
+        raise DataError(f"{path}: has no rows")
+    return table
+
+
+def numbers(table: pl.DataFrame, name: str, place: str) -> NDArray[np.float64]:
+    """A column as floats, NaN where it is empty.
+
+    Raises:
+        DataError: naming column and row, for a column that is missing or a cell that is no number.
+    """
+    return np.asarray(
+        _series(table, name, place, pl.Float64()).fill_null(float("nan")).to_numpy(), dtype=np.float64
+    )
+
+
+def _series(table: pl.DataFrame, name: str, place: str, dtype: pl.DataType) -> pl.Series:
+    if name not in table.columns:
+        known = ", ".join(table.columns[:12]) + (", ..." if len(table.columns) > 12 else "")
+        raise DataError(f"{place}: column '{name}' is missing (there are {known})")
+    column = table[name]
+    if column.dtype == pl.String:
+        lower = column.str.strip_chars().str.to_lowercase()
+        empty = column.is_null() | lower.is_in(["", "nan"])
+        words = lower.replace({"true": "1", "false": "0"})
+        cast = words.cast(dtype, strict=False)
+        bad = (cast.is_null() & ~empty).arg_true()
+        if len(bad):
+            raise DataError(
+                f"{place}: row {bad[0]}, column '{name}' is '{column[int(bad[0])]}', expected a number"
+            )
+        return cast
+    if not column.dtype.is_numeric() and column.dtype != pl.Boolean:
+        raise DataError(f"{place}: column '{name}' is {column.dtype}, expected numbers")
+    return column.cast(dtype)
+
+
+def times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int64]:
+    """The column of times in nanoseconds, in the order of the file.
+
+    Raises:
+        DataError: naming column and row, for a time that is missing or no number.
+    """
+    if columns.time_unit == "ns":
+        series = _series(table, columns.time, place, pl.Int64())
+    else:
+        seconds = _series(table, columns.time, place, pl.Float64())
+        series = (seconds * _NS[columns.time_unit]).round().cast(pl.Int64)
+    missing = series.is_null().arg_true()
+    if len(missing):
+        raise DataError(f"{place}: row {missing[0]}, column '{columns.time}' has no time")
+    return np.asarray(series.to_numpy(), dtype=np.int64)
+
+
+def _flags(table: pl.DataFrame, name: str, place: str) -> NDArray[np.bool_]:
+    flags = numbers(table, name, place)
+    wrong = np.flatnonzero((flags != 0.0) & (flags != 1.0))
+    if wrong.size:
+        raise DataError(
+            f"{place}: row {wrong[0]}, column '{name}' is {flags[wrong[0]]:g}, expected 0, 1, true or false"
+        )
+    return np.asarray(flags == 1.0)
+
+
+def _filled(table: pl.DataFrame, name: str) -> bool:
+    """The column is there and holds something."""
+    return name in table.columns and table[name].null_count() < table.height
+
+
+def _columns_of(table: pl.DataFrame, ending: str) -> list[str]:
+    found = [name for name in table.columns if re.fullmatch(rf"beam[1-8]_{ending}", name)]
+    return sorted(found, key=lambda name: int(name[4]))
+
+
+def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
+    """A beam table (`time_ns`, `beam1_mps`, `beam1_valid`, ..., `instrument_x_mps`, ...), or a log by a column map.
+
+    A log with the instrument's velocity alone has no beams. A velocity that is not finite counts as invalid only where
+    its flag says so.
+
+    Args:
+        path: CSV or Parquet.
+        columns: map of other names, from a geometry file.
+
+    Raises:
+        DataError: naming file, row and column, for what cannot be read, a flag that is none, a valid beam without a
+            finite
+            velocity, or a log with neither beams nor the instrument's velocity.
+    """
+    place, table = str(path), read_table(path)
+    mapped = columns is not None and columns.velocity is not None and columns.velocity[0] in table.columns
+    chosen = columns if mapped and columns is not None else Columns()
+    names = list(chosen.velocity or [n for n in _columns_of(table, "mps") if _filled(table, n)])
+    flags = list(chosen.valid or [name.replace("_mps", "_valid") for name in names])
+    time_ns = times(table, chosen, place)
+    empty = np.zeros((table.height, 0))
+    velocity = np.stack([numbers(table, n, place) for n in names], axis=1) if names else empty
+    valid = np.stack([_flags(table, n, place) for n in flags], axis=1) if names else empty.astype(bool)
+    wrong = np.argwhere(valid & ~np.isfinite(velocity))
+    if wrong.size:
+        row, beam = (int(index) for index in wrong[0])
+        raise DataError(
+            f"{place}: row {row}, column '{names[beam]}' is not finite, but beam {beam + 1} is flagged valid"
+        )
+    own = [f"instrument_{axis}_mps" for axis in AXES]
+    has_own = all(_filled(table, name) for name in own)
+    instrument = np.stack([numbers(table, n, place) for n in own], axis=1) if has_own else None
+    verdict = None
+    if has_own and _filled(table, "instrument_valid"):
+        verdict = _flags(table, "instrument_valid", place)
+    if not names and instrument is None and not _filled(table, "error_velocity_mps"):
+        raise DataError(
+            f"{place}: has neither beam1_mps ... nor instrument_x_mps, instrument_y_mps, instrument_z_mps; "
+            "`bottomlock convert` makes such a table, or a geometry file maps the columns"
+        )
+    ranges = [name for name in _columns_of(table, "range_m") if _filled(table, name)]
+    reach = None
+    if len(ranges) == len(names) > 0:
+        reach = np.stack([numbers(table, n, place) for n in ranges], axis=1)
+    return BeamLog(
+        place, time_ns, velocity * chosen.velocity_scale, valid, reach, instrument, verdict,
+        chosen if mapped else None, _beside(Path(path)),
+        _flags(table, "stale", place) if "stale" in table.columns else None,
+        numbers(table, "error_velocity_mps", place) if _filled(table, "error_velocity_mps") else None,
+    )  # fmt: skip
+
+
+def _beside(path: Path) -> dict[str, Any]:
+    """What the converter says of the table; a file that is not its own is left alone."""
+    try:
+        content = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Attitude beside the log, with velocity where the file has it.
+
+    Attributes:
+        time_ns: (m,) int64, rising.
+        rpy_rad: (m, 3) roll, pitch, yaw of the platform against north, east, down.
+        velocity_t_mps: (m, 3) north, east, down, or None.
+    """
+
+    time_ns: NDArray[np.int64]
+    rpy_rad: NDArray[np.float64]
+    velocity_t_mps: NDArray[np.float64] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Inertial:
+    """IMU beside the log: time_ns (m,), force_p_mps2 (m, 3), omega_p_radps (m, 3), in the platform frame."""
+
+    time_ns: NDArray[np.int64]
+    force_p_mps2: NDArray[np.float64]
+    omega_p_radps: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Depths:
+    """Depth beside the log: time_ns (m,), depth_m (m,), positive down."""
+
+    time_ns: NDArray[np.int64]
+    depth_m: NDArray[np.float64]
+
+
+def _rising(table: pl.DataFrame, place: str) -> NDArray[np.int64]:
+    time_ns = times(table, Columns(), place)
+    steps = np.flatnonzero(np.diff(time_ns) <= 0)
+    if steps.size:
+        row = int(steps[0]) + 1
+        raise DataError(
+            f"{place}: row {row}, column 'time_ns' is {time_ns[row]} ns, expected more than in row {row - 1}"
+        )
+    return time_ns
+
+
+def _block(table: pl.DataFrame, names: list[str], place: str) -> NDArray[np.float64]:
+    block = np.stack([numbers(table, name, place) for name in names], axis=1)
+    wrong = np.argwhere(~np.isfinite(block))
+    if wrong.size:
+        row, column = (int(index) for index in wrong[0])
+        raise DataError(
+            f"{place}: row {row}, column '{names[column]}' is {block[row, column]}, expected a finite number"
+        )
+    return block
+
+
+def read_reference(path: str | Path) -> Reference:
+    """Attitude from `time_ns`, `roll_rad`, `pitch_rad`, `yaw_rad` and, if there, `velocity_north_mps` ....
+
+    Raises:
+        DataError: naming file, row and column, for what is missing, not finite, or a time that does not rise.
+    """
+    place, table = str(path), read_table(path)
+    names = [f"velocity_{axis}_mps" for axis in ("north", "east", "down")]
+    velocity = _block(table, names, place) if any(name in table.columns for name in names) else None
+    return Reference(
+        _rising(table, place), _block(table, ["roll_rad", "pitch_rad", "yaw_rad"], place), velocity
+    )
+
+
+def read_inertial(path: str | Path) -> Inertial:
+    """IMU from `time_ns`, `force_x_mps2` ... and `omega_x_radps` ..., platform frame (forward, right, down).
+
+    Raises:
+        DataError: as `read_reference`.
+    """
+    place, table = str(path), read_table(path)
+    force, omega = [f"force_{a}_mps2" for a in AXES], [f"omega_{a}_radps" for a in AXES]
+    return Inertial(_rising(table, place), _block(table, force, place), _block(table, omega, place))
+
+
+def read_depths(path: str | Path) -> Depths:
+    """Depth from `time_ns` and `depth_m`.
+
+    Raises:
+        DataError: as `read_reference`.
+    """
+    place, table = str(path), read_table(path)
+    return Depths(_rising(table, place), _block(table, ["depth_m"], place)[:, 0])

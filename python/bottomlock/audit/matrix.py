@@ -1,0 +1,161 @@
+"""The matrix between the beams and the instrument's own velocity: directions, order, signs, scale, bias.
+
+The instrument computes its velocity from the beams. What stands between them is therefore the matrix that the
+instrument *uses*; that it is also how the transducers sit is another question, which `closure` and an independent
+velocity answer.
+
+Two regressions give it. Where the instrument solves by least squares without weights, `v = A⁺ y + c` holds to rounding:
+the velocity regressed on the readings gives A⁺, and A is its pseudo-inverse, whatever the noise of the beams (which
+is in the readings *and* in the velocity, and so falls out). The other way round, `y = A v + bias`, is biased where
+the beams are not equally noisy, because the velocity carries their noise; but it does not need the instrument to use
+these readings and nothing else. The first is taken where it fits far better than the second, the second else.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.audit.robust import Array, fit_linear, sigma
+
+LEAST_PINGS = 40
+"""Fewer full pings than this say nothing that could be relied on."""
+
+READINGS_TO_VELOCITY = "velocity regressed on readings"
+VELOCITY_TO_READINGS = "readings regressed on velocity"
+FAR_BETTER = 0.2
+LEAST_MOTION = 0.3
+"""Residuals of more than this part of the motion bias a regression by a tenth of it: rounding, or a vehicle at rest."""
+OBSERVABLE_RAD = np.deg2rad(2.0)
+"""A direction with a larger standard deviation is not observable in this log."""
+
+
+@dataclass(frozen=True, eq=False)
+class Matrix:
+    """The beams as the instrument's velocity sees them.
+
+    Attributes:
+        rows: (beams, 3) row i is scale × direction of beam i.
+        resampled: (r, beams, 3) bootstrapped copies.
+        bias_mps: (beams,) what a beam reads at zero velocity; its part that looks like a velocity is lost.
+        bias_sd_mps: (beams,).
+        residual_mps: robust sigma of the residuals.
+        moved_mps: robust sigma of the velocity along the axis in which it varies least.
+        way: which regression was taken.
+        pings: how many went in.
+    """
+
+    rows: Array
+    resampled: Array
+    bias_mps: Array
+    bias_sd_mps: Array
+    residual_mps: float
+    moved_mps: float
+    way: str
+    pings: int
+
+    @property
+    def scale(self) -> Array:
+        """(beams,) length of each row: 1 where the instrument reports what its beams read."""
+        return np.asarray(np.linalg.norm(self.rows, axis=1))
+
+    @property
+    def scale_sd(self) -> Array:
+        """(beams,)."""
+        return np.asarray(np.std(np.linalg.norm(self.resampled, axis=2), axis=0))
+
+    @property
+    def directions(self) -> Array:
+        """(beams, 3) unit vectors in the frame of the instrument's velocity."""
+        return self.rows / np.maximum(self.scale, 1e-12)[:, None]
+
+    @property
+    def direction_sd_rad(self) -> Array:
+        """(beams,) standard deviation of a direction: root mean square angle to the copies."""
+        length = np.maximum(np.linalg.norm(self.resampled, axis=2), 1e-12)
+        cosine = np.einsum("rbi,bi->rb", self.resampled, self.directions) / length
+        return np.asarray(np.sqrt(np.mean(np.arccos(np.clip(cosine, -1.0, 1.0)) ** 2, axis=0)))
+
+    @property
+    def observable(self) -> NDArray[np.bool_]:
+        """(beams,) the log moves enough to tell the direction, and well above what is left unexplained."""
+        moves = self.residual_mps < LEAST_MOTION * self.moved_mps
+        return np.asarray((self.direction_sd_rad < OBSERVABLE_RAD) & (self.scale > 0.1) & moves)
+
+    @property
+    def tilt_rad(self) -> Array:
+        """(beams,) from the z axis; more than π/2 where a reading is positive away from it."""
+        return tilt(self.directions)
+
+    @property
+    def azimuth_rad(self) -> Array:
+        """(beams,) from x towards y."""
+        return azimuth(self.directions)
+
+    @property
+    def tilt_sd_rad(self) -> Array:
+        """(beams,)."""
+        return np.asarray(np.std(tilt(self.resampled), axis=0))
+
+    @property
+    def azimuth_sd_rad(self) -> Array:
+        """(beams,)."""
+        off = azimuth(self.resampled) - self.azimuth_rad
+        return np.asarray(np.std((off + np.pi) % (2.0 * np.pi) - np.pi, axis=0))
+
+
+def tilt(vectors: Array) -> Array:
+    """Angle from the z axis of vectors (..., 3).
+
+    >>> np.rad2deg(tilt(np.array([1.0, 0.0, 1.0]))).round(6).item()
+    45.0
+    """
+    return np.asarray(np.arctan2(np.hypot(vectors[..., 0], vectors[..., 1]), vectors[..., 2]))
+
+
+def azimuth(vectors: Array) -> Array:
+    """Angle from x towards y of vectors (..., 3).
+
+    >>> np.rad2deg(azimuth(np.array([0.0, 1.0, 1.0]))).round(6).item()
+    90.0
+    """
+    return np.asarray(np.arctan2(vectors[..., 1], vectors[..., 0]))
+
+
+def find_matrix(readings_mps: Array, velocity_mps: Array) -> Matrix | None:
+    """The matrix that stands between readings (n, beams) and the instrument's velocity (n, 3); None from too few pings.
+
+    Examples:
+        >>> rng = np.random.default_rng(1)
+        >>> A = np.array([[0.3, 0, 0.95], [0, 0.3, 0.95], [-0.3, 0, 0.95], [0, -0.3, 0.95]])
+        >>> readings = rng.normal(size=(200, 3)) @ A.T + rng.normal(size=(200, 4)) * [0.3, 0.1, 0.1, 0.1]
+        >>> found = find_matrix(readings, readings @ np.linalg.pinv(A).T)
+        >>> found.way, bool(np.abs(found.rows - A).max() < 1e-12)
+        ('velocity regressed on readings', True)
+    """
+    count = len(readings_mps)
+    if count < LEAST_PINGS or readings_mps.shape[1] < 3:
+        return None
+    one = np.ones((count, 1))
+    to_readings = fit_linear(np.hstack([velocity_mps, one]), readings_mps)
+    to_velocity = fit_linear(np.hstack([readings_mps, one]), velocity_mps)
+    forward = float(np.mean([sigma(column) for column in to_readings.residuals.T]))
+    backward = float(np.mean([sigma(column) for column in to_velocity.residuals.T]))
+    if backward < FAR_BETTER * forward:
+        rows = _inverse(to_velocity.parameters)
+        copies = _inverse(to_velocity.resampled)
+        offset = -np.einsum("...bi,...i->...b", rows, to_velocity.parameters[-1])
+        offsets = -np.einsum("rbi,ri->rb", copies, to_velocity.resampled[:, -1])
+        way, residual = READINGS_TO_VELOCITY, backward
+    else:
+        rows, copies = to_readings.parameters[:3].T, np.swapaxes(to_readings.resampled[:, :3], 1, 2)
+        offset, offsets = to_readings.parameters[3], to_readings.resampled[:, 3]
+        way, residual = VELOCITY_TO_READINGS, forward
+    axes = np.linalg.svd(velocity_mps - np.median(velocity_mps, axis=0), full_matrices=False)[2]
+    moved = min(sigma(column) for column in (velocity_mps @ axes.T).T)
+    return Matrix(rows, copies, offset, np.std(offsets, axis=0), residual, moved, way, count)
+
+
+def _inverse(parameters: Array) -> Array:
+    """(..., beams + 1, 3) coefficients of the readings to (..., beams, 3) rows of the beams."""
+    return np.asarray(np.linalg.pinv(np.swapaxes(parameters[..., :-1, :], -1, -2), rcond=1e-9))

@@ -1,0 +1,165 @@
+"""Which channel of the log is which beam of a stated geometry: order, signs, and what is left over as a tilt."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.transform import Rotation
+
+from bottomlock.audit.closure import null_space
+from bottomlock.audit.robust import Array, sigma
+
+NEAR_RAD = np.deg2rad(15.0)
+"""A beam within this of a stated one is that beam, mistilted; two beams within it of each other look the same way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """How found directions fit stated ones: channel k reads sign[k] × the stated beam `beam[k]`, off by `off_rad[k]`.
+
+    `turn` takes stated directions to found ones as a whole; it is the identity unless nothing fits without it.
+    """
+
+    beam: NDArray[np.int64]
+    sign: NDArray[np.int64]
+    off_rad: Array
+    turn: Rotation
+
+    @property
+    def as_stated(self) -> bool:
+        """Order and signs are the stated ones, and nothing is turned as a whole."""
+        plain = np.array_equal(self.beam, np.arange(len(self.beam))) and bool((self.sign > 0).all())
+        return plain and self.turn.magnitude() < 1e-9
+
+
+def match(found: Array, stated: Array) -> Match:
+    """The simplest order, signs and turn of the whole that bring stated directions (beams, 3) to found ones.
+
+    No turn is tried while each channel has a stated beam of its own (or one that another channel also shows) within
+    15°; then turns about z and mirrored axes of the instrument's frame.
+    """
+    plain = _assign(found, stated, Rotation.identity())
+    if np.all(plain.off_rad < NEAR_RAD) or np.sum(plain.off_rad > NEAR_RAD) <= len(found) // 4:
+        return plain
+    turns = [Rotation.from_euler("z", angle, degrees=True) for angle in range(15, 360, 15)]
+    turns += [Rotation.from_euler("x", 180.0, degrees=True) * turn for turn in [Rotation.identity(), *turns]]
+    tried = [_assign(found, stated, turn) for turn in turns]
+    # Of turns that fit alike (a Janus fits every quarter turn) the one that leaves the order and turns least.
+    best = min(
+        tried,
+        key=lambda one: (
+            round(float(one.off_rad.max()), 2),
+            int(np.sum(one.beam != np.arange(len(found)))) + int(np.sum(one.sign < 0)),
+            one.turn.magnitude(),
+        ),
+    )
+    if best.off_rad.max() > 0.5 * plain.off_rad.max():
+        return plain
+    moved = best.sign[:, None] * stated[best.beam]
+    turn, _ = Rotation.align_vectors(found, moved)
+    return _assign(found, stated, turn)
+
+
+def _assign(found: Array, stated: Array, turn: Rotation) -> Match:
+    cosine = found @ turn.apply(stated).T
+    angle = np.arccos(np.clip(np.abs(cosine), -1.0, 1.0))
+    channel, beam = linear_sum_assignment(angle**2)
+    order = np.empty(len(found), dtype=np.int64)
+    order[channel] = beam
+    # A channel that shows another channel's beam is an identical beam, not a mistilted one.
+    nearest = np.argmin(angle, axis=1)
+    rows = np.arange(len(found))
+    copy = (angle[rows, order] > NEAR_RAD) & (angle[rows, nearest] < NEAR_RAD)
+    order = np.where(copy, nearest, order)
+    sign = np.where(cosine[rows, order] < 0.0, -1, 1)
+    return Match(order, sign, angle[rows, order], turn)
+
+
+@dataclass(frozen=True)
+class Order:
+    """Channel k reads sign[k] × beam[k]; `closure_mps` is the robust sigma of the closure that this gives.
+
+    `steps` counts swaps and flips: the fewest explain best.
+    """
+
+    beam: tuple[int, ...]
+    sign: tuple[int, ...]
+    steps: int
+    closure_mps: float
+
+
+def orders_by_closure(readings_mps: Array, stated: Array) -> list[Order]:
+    """Every order within two swaps or flips of the stated one with its closure over full pings, the least first.
+
+    Closure tells orders apart only by what they do to the null space: those that do the same have the same closure
+    and follow by the number of their steps.
+    """
+    beams = len(stated)
+    pairs = list(itertools.combinations(range(beams), 2))
+    swaps = [_swapped(range(beams), pair) for pair in pairs]
+    twice = [_swapped(order, pair) for order in swaps for pair in pairs]
+    plain, straight = tuple(range(beams)), (1,) * beams
+    flips = [_flipped(straight, [k]) for k in range(beams)]
+    flips_two = [_flipped(straight, list(pair)) for pair in pairs]
+    steps: dict[tuple[tuple[int, ...], tuple[int, ...]], int] = {(plain, straight): 0}
+    for count, candidates in (
+        (1, [*((swap, straight) for swap in swaps), *((plain, flip) for flip in flips)]),
+        (2, [*((two, straight) for two in twice), *((plain, flip) for flip in flips_two)]),
+        (2, [(swap, flip) for swap in swaps for flip in flips]),
+    ):
+        for candidate in candidates:
+            steps.setdefault(candidate, count)
+    found = []
+    for (beam, sign), count in steps.items():
+        weights = null_space(np.array(sign)[:, None] * stated[list(beam)])
+        if weights.size:
+            values = readings_mps @ (weights / np.linalg.norm(weights, axis=0))
+            spread = float(np.sqrt(np.mean([sigma(column) ** 2 for column in values.T])))
+            found.append(Order(beam, sign, count, spread))
+    return sorted(found, key=lambda one: (round(one.closure_mps, 9), one.steps))
+
+
+def _swapped(order: range | tuple[int, ...], pair: tuple[int, int]) -> tuple[int, ...]:
+    new = list(order)
+    new[pair[0]], new[pair[1]] = new[pair[1]], new[pair[0]]
+    return tuple(new)
+
+
+def _flipped(sign: tuple[int, ...], beams: list[int]) -> tuple[int, ...]:
+    return tuple(-s if k in beams else s for k, s in enumerate(sign))
+
+
+@dataclass(frozen=True, eq=False)
+class Combination:
+    """The combination of beams that closes best: weights (beams,), and the spreads that tell how surely.
+
+    `spread_mps` is the robust sigma of the combination scaled to unit length, `next_mps` that of the next best.
+    """
+
+    weights: Array
+    spread_mps: float
+    next_mps: float
+
+
+def closing_combination(readings_mps: Array) -> Combination:
+    """The direction of least spread of readings (n, beams): the null space of whatever geometry made them.
+
+    Weights are drawn towards the quieter beams where these are not equally noisy. The spread is taken about zero, for a
+    closure without bias is zero; wild pings are weighted down.
+    """
+    weights = np.ones(len(readings_mps))
+    for _ in range(20):
+        values, vectors = np.linalg.eigh((readings_mps * weights[:, None]).T @ readings_mps / weights.sum())
+        least = readings_mps @ vectors[:, 0]
+        update = 1.0 / np.maximum(np.abs(least) / (2.0 * max(sigma(least), 1e-9)), 1.0) ** 2
+        if np.max(np.abs(update - weights)) < 1e-6:
+            break
+        weights = update
+    first = vectors[:, 0]
+    largest = int(np.argmax(np.abs(first) > 0.99 * np.abs(first).max()))
+    following = sigma(readings_mps @ vectors[:, 1])
+    return Combination(
+        first / first[largest], sigma(readings_mps @ first), max(following, float(np.sqrt(values[1])))
+    )

@@ -1,0 +1,109 @@
+"""An audit as tables, figures and one page."""
+
+import json
+from pathlib import Path
+
+import jinja2
+import numpy as np
+import polars as pl
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from bottomlock.audit import figures
+from bottomlock.audit.examine import Audit, numbers_of
+from bottomlock.audit.findings import findings_table
+from bottomlock.output import write_bytes, write_json, write_parquet, write_text
+from bottomlock.study_figures.palette import inline_svg, png_bytes, svg_text
+
+CAPTIONS = {
+    "closure": "Closure of the full pings against the Gaussian that its middle suggests.",
+    "residuals": "Closure against time, and what every beam does on its own.",
+    "validity": "Which beams return; each column shows the worst of its pings.",
+    "geometry": "Where the beams look, found from the log.",
+}
+"""What each figure shows, by its file's name."""
+
+
+def drawings(audit: Audit) -> dict[str, Figure]:
+    """The figures that this audit gives, by name."""
+    made = {
+        "closure": figures.closure_figure(audit),
+        "residuals": figures.residual_figure(audit),
+        "validity": figures.validity_figure(audit),
+        "geometry": figures.geometry_figure(audit),
+    }
+    return {name: figure for name, figure in made.items() if figure is not None}
+
+
+def beams_table(audit: Audit) -> pl.DataFrame:
+    """A row per beam: tilt, azimuth, scale and bias with standard deviations, stated beam, share of valid pings."""
+    log, matrix, matched = audit.log, audit.verdict.matrix, audit.verdict.match
+    rows = []
+    for k in range(log.beams):
+        row: dict[str, float | int | None] = {"beam": k + 1, "valid_part": float(log.valid[:, k].mean())}
+        for name in ("tilt", "azimuth"):
+            row[f"{name}_deg"] = (
+                None if matrix is None else float(np.rad2deg(getattr(matrix, f"{name}_rad")[k]))
+            )
+            row[f"{name}_sd_deg"] = (
+                None if matrix is None else float(np.rad2deg(getattr(matrix, f"{name}_sd_rad")[k]))
+            )
+        row["scale"] = None if matrix is None else float(matrix.scale[k])
+        row["scale_sd"] = None if matrix is None else float(matrix.scale_sd[k])
+        row["bias_mps"] = None if matrix is None else float(matrix.bias_mps[k])
+        row["bias_sd_mps"] = None if matrix is None else float(matrix.bias_sd_mps[k])
+        row["observable"] = None if matrix is None else int(matrix.observable[k])
+        row["stated_beam"] = None if matched is None else int(matched.beam[k]) + 1
+        row["stated_sign"] = None if matched is None else int(matched.sign[k])
+        row["off_deg"] = None if matched is None else float(np.rad2deg(matched.off_rad[k]))
+        rows.append(row)
+    integers = {"beam", "observable", "stated_beam", "stated_sign"}
+    names = list(rows[0]) if rows else ["beam", "valid_part"]
+    return pl.DataFrame(rows, schema={n: pl.Int64() if n in integers else pl.Float64() for n in names})
+
+
+def closure_table(audit: Audit) -> pl.DataFrame:
+    """A row per full ping and closure: time and value, m/s."""
+    verdict = audit.verdict
+    times = audit.log.time_ns[verdict.full]
+    frames = [
+        pl.DataFrame({"time_ns": times, "closure": np.full(len(times), k + 1), "closure_mps": one.values_mps})
+        for k, one in enumerate(verdict.closures)
+        if len(one.values_mps) == len(times)
+    ]
+    empty = pl.DataFrame(schema={"time_ns": pl.Int64(), "closure": pl.Int64(), "closure_mps": pl.Float64()})
+    return pl.concat([empty, *frames])
+
+
+def write_audit(audit: Audit, out: Path, *, html: bool = True) -> list[Path]:
+    """Writes audit.json, findings.parquet, beams.parquet, closure.parquet, the figures and audit.html.
+
+    The same log gives the same bytes.
+
+    Raises:
+        OutputError: where the directory cannot be written.
+    """
+    content = numbers_of(audit)
+    write_json(out / "audit.json", content)
+    write_parquet(out / "findings.parquet", findings_table(audit.findings))
+    write_parquet(out / "beams.parquet", beams_table(audit))
+    write_parquet(out / "closure.parquet", closure_table(audit))
+    written = [out / name for name in ("audit.json", "findings.parquet", "beams.parquet", "closure.parquet")]
+    inline = []
+    for name, figure in drawings(audit).items():
+        svg = svg_text(figure)
+        write_bytes(out / f"{name}.png", png_bytes(figure))
+        write_text(out / f"{name}.svg", svg)
+        written += [out / f"{name}.png", out / f"{name}.svg"]
+        inline.append((name, Markup(inline_svg(svg, f"audit_{name}", CAPTIONS[name])), CAPTIONS[name]))  # noqa: S704
+    if html:
+        environment = jinja2.Environment(
+            loader=jinja2.PackageLoader("bottomlock"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+        )
+        page = environment.get_template("audit.html.j2").render(
+            audit=audit, figures=inline, beams=beams_table(audit).to_dicts(), numbers=content,
+            dump=json.dumps(content, indent=2, sort_keys=True), deg=lambda value: float(np.rad2deg(value)),
+        )  # fmt: skip
+        write_text(out / "audit.html", page)
+        written.append(out / "audit.html")
+    return written

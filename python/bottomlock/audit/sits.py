@@ -1,0 +1,155 @@
+"""How the DVL sits, said in words: what is observable, what not and why, what to enter."""
+
+import numpy as np
+
+from bottomlock.audit.findings import SIGMAS, Finding
+from bottomlock.audit.motion import ImuAlignment
+from bottomlock.audit.mounting import LIMITS, Mounting
+
+AXES = ("x", "y", "z")
+TURNS = ("roll", "pitch", "yaw")
+
+
+def mounting_findings(mounting: Mounting | None) -> list[Finding]:
+    """Misalignment, lever arm, clock offset and scale that differ from none, and what the motion does not show."""
+    if mounting is None:
+        return []
+    m = mounting
+    basis = (
+        f"From {m.way}, {m.instants} instants; residual "
+        f"{', '.join(f'{1e3 * value:.0f}' for value in m.residual_mps)} mm/s; "
+        f"{100.0 * m.explained:.0f} % of the motion explained."
+    )
+    if not m.follows:
+        return [
+            Finding(
+                "mounting_not_observable", "note", m.explained, "", 0.0,
+                "Misalignment, lever arm, clock offset and scale are not observable in this log: the velocity "
+                "does not follow "
+                "what was recorded beside it.",
+                basis, "Record accelerations, turns and speeds well above the noise of the instrument.",
+            )
+        ]  # fmt: skip
+    found = _imu_findings(m.imu)
+    if m.mirrored:
+        found.append(
+            Finding(
+                "left_handed", "fault", 1.0, "", 1.0,
+                "The instrument's velocity is in a left-handed frame: it fits with its y axis turned round.", basis,
+                "Turn y round before fusing it.",
+            )
+        )  # fmt: skip
+    found += _misalignment(m, basis)
+    found += _lever_arm(m, basis)
+    if m.clock_offset_sd_s > LIMITS["clock_offset_s"]:
+        found.append(_not_observable("The clock offset", f"± {m.clock_offset_sd_s:.2g} s", "speed changes"))
+    elif abs(m.clock_offset_s) > max(0.02, SIGMAS * m.clock_offset_sd_s):
+        found.append(
+            Finding(
+                "clock_offset", "fault", m.clock_offset_s, "s", min(abs(m.clock_offset_s), 1.0),
+                f"The DVL's clock is {abs(m.clock_offset_s):.3f} s "
+                f"{'behind' if m.clock_offset_s > 0.0 else 'ahead of'} the reference's: "
+                f"reference time is DVL time {m.clock_offset_s:+.3f} s.",
+                f"± {m.clock_offset_sd_s:.2g} s. {basis}", "Enter it as the clock offset of the DVL.",
+            )
+        )  # fmt: skip
+    if m.scale_sd > LIMITS["scale"]:
+        found.append(_not_observable("The scale", f"± {100.0 * m.scale_sd:.2g} %", "speed"))
+    elif abs(m.scale) > max(0.002, SIGMAS * m.scale_sd):
+        found.append(
+            Finding(
+                "velocity_scale", "warning", 100.0 * m.scale, "%", abs(m.scale),
+                f"The DVL reads {100.0 * m.scale:+.2f} % against the reference.",
+                f"± {100.0 * m.scale_sd:.2g} %. {basis}", "Check the sound speed; let the filter estimate the scale.",
+            )
+        )  # fmt: skip
+    return found
+
+
+def _not_observable(what: str, sd: str, lacks: str) -> Finding:
+    return Finding(
+        "not_observable", "note", 0.0, "", 0.0, f"{what} is not observable in this log.",
+        f"{sd} is all that it leaves.", f"Record more {lacks}.",
+    )  # fmt: skip
+
+
+def _misalignment(m: Mounting, basis: str) -> list[Finding]:
+    sd = m.misalignment_sd_rad
+    listed = ", ".join(
+        f"{name} {np.rad2deg(value):+.2f} ± {np.rad2deg(spread):.2g}"
+        for name, value, spread in zip(TURNS, m.rpy_rad, sd, strict=True)
+    )
+    blind = [k for k in range(3) if sd[k] > LIMITS["misalignment_rad"]]
+    found = [
+        _not_observable(f"Misalignment about {AXES[k]} ({TURNS[k]})", f"± {np.rad2deg(sd[k]):.2g} "
+            "deg", "speed across that axis")
+        for k in blind
+    ]  # fmt: skip
+    sure = [
+        k for k in range(3) if k not in blind and abs(m.rpy_rad[k]) > max(np.deg2rad(0.05), SIGMAS * sd[k])
+    ]
+    if sure:
+        size = float(np.rad2deg(np.linalg.norm(m.rpy_rad[sure])))
+        found.append(
+            Finding(
+                "misalignment", "fault" if size > 1.0 else "warning", size, "deg",
+                float(np.sin(np.deg2rad(min(size, 90.0)))),
+                f"The DVL is turned against the platform: {listed} deg ({', '.join(TURNS[k] for k in sure)} "
+                "beyond doubt).",
+                basis, "Enter it as the mounting of the DVL.",
+            )
+        )  # fmt: skip
+    return found
+
+
+def _lever_arm(m: Mounting, basis: str) -> list[Finding]:
+    sd = m.lever_arm_sd_m
+    listed = ", ".join(
+        f"{axis} {value:+.2f} ± {spread:.2g}" if spread <= LIMITS["lever_arm_m"] else f"{axis} not observable"
+        for axis, value, spread in zip(AXES, m.lever_arm_p_m, sd, strict=True)
+    )
+    rates = ", ".join(f"{np.rad2deg(value):.2g}" for value in m.rate_rms_radps)
+    seen = [k for k in range(3) if sd[k] <= LIMITS["lever_arm_m"]]
+    point = "the IMU" if m.way.startswith("IMU") else "the point whose velocity the reference gives"
+    if not seen:
+        return [_not_observable("The lever arm", f"± {sd.min():.2g} m (rates {rates} deg/s rms)", "turns")]
+    if not any(abs(m.lever_arm_p_m[k]) > max(0.02, SIGMAS * sd[k]) for k in seen):
+        return []
+    size = float(np.linalg.norm(m.lever_arm_p_m[seen]))
+    return [
+        Finding(
+            "lever_arm", "warning", size, "m", min(float(size * np.linalg.norm(m.rate_rms_radps)), 1.0),
+            f"The DVL sits {listed} m from {point}.", f"Rates {rates} deg/s rms. {basis}",
+            "Enter it as the lever arm of the DVL.",
+        )
+    ]  # fmt: skip
+
+
+def _imu_findings(imu: ImuAlignment | None) -> list[Finding]:
+    if imu is None or imu.rate_rms_radps < 5.0 * imu.residual_radps:
+        return []
+    found = []
+    turned = [AXES[k] for k in range(3) if imu.matrix[k, k] < -0.5]
+    if turned:
+        left = np.linalg.det(imu.matrix) < 0.0
+        found.append(
+            Finding(
+                "imu_axes", "fault", float(len(turned)), "axes", 1.0,
+                f"The IMU's {' and '.join(turned)} {'axis points' if len(turned) == 1 else 'axes point'} the "
+                "other way than the attitude's"
+                f"{': its frame is left-handed' if left else ''}.",
+                f"Turns of the IMU against the attitude: diagonal "
+                f"{', '.join(f'{imu.matrix[k, k]:+.3f}' for k in range(3))}.",
+                "Turn it round, accelerometer and gyro both.",
+            )
+        )  # fmt: skip
+    if abs(imu.offset_s) > max(0.01, SIGMAS * imu.offset_sd_s) and imu.offset_sd_s < 0.05:
+        found.append(
+            Finding(
+                "imu_clock_offset", "fault", imu.offset_s, "s", min(abs(imu.offset_s), 1.0),
+                f"The IMU's clock is {abs(imu.offset_s):.3f} s {'ahead of' if imu.offset_s > 0.0 else 'behind'} "
+                "the attitude's.",
+                f"± {imu.offset_sd_s:.2g} s, from the turns that both see.", "Enter it as the clock offset of the IMU.",
+            )
+        )  # fmt: skip
+    return found

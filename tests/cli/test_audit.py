@@ -1,0 +1,163 @@
+"""The command `bottomlock audit`: what it writes, what it says, and how it refuses."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock.audit.logs import BeamLog
+from bottomlock.io.beams import read_geometry
+from tests.unit.audit.synthetic import channels, janus, make_log, stale
+
+
+def bottomlock(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "bottomlock", *(str(one) for one in arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def table(log: BeamLog) -> pl.DataFrame:
+    columns: dict[str, object] = {"time_ns": log.time_ns}
+    for k in range(log.beams):
+        columns[f"beam{k + 1}_mps"] = log.velocity_mps[:, k]
+        columns[f"beam{k + 1}_valid"] = log.valid[:, k]
+    if log.instrument_mps is not None:
+        columns |= {f"instrument_{axis}_mps": log.instrument_mps[:, k] for k, axis in enumerate("xyz")}
+    return pl.DataFrame(columns)
+
+
+@pytest.fixture
+def planted(tmp_path: Path) -> Path:
+    """Beams 1 and 2 swapped, and sixteen stale pings."""
+    path = tmp_path / "dive.parquet"
+    table(stale(channels(make_log(1), [1, 0, 2, 3]), list(range(300, 348, 3)))).write_parquet(path)
+    return path
+
+
+def test_what_is_written_and_said(planted: Path, tmp_path: Path) -> None:
+    out, toml = tmp_path / "out", tmp_path / "found.toml"
+    done = bottomlock("audit", planted, "--geometry", "x_janus_20", "--out", out, "--write", toml)
+    assert done.returncode == 0, done.stderr
+    assert "channel 1 is beam 2, channel 2 is beam 1" in " ".join(done.stdout.split())
+    assert "16 pings" in done.stdout
+    found = json.loads((out / "audit.json").read_text())
+    kinds = [one["kind"] for one in found["findings"]]
+    # Stated 20°, found 22°; the order is wrong as well.
+    assert kinds == ["swapped_beams", "wrong_tilt", "stale_pings"]
+    np.testing.assert_allclose(np.rad2deg(found["matrix"]["tilt_rad"]), 22.0, atol=0.02)
+    assert pl.read_parquet(out / "findings.parquet").height == len(kinds)
+    assert pl.read_parquet(out / "beams.parquet")["stated_beam"].to_list() == [2, 1, 3, 4]
+    assert pl.read_parquet(out / "closure.parquet").height == found["full_pings_used"]
+    for name in ("closure", "residuals", "validity", "geometry"):
+        assert (out / f"{name}.png").stat().st_size > 5000
+        assert (out / f"{name}.svg").read_text().startswith("<?xml")
+    page = (out / "audit.html").read_text()
+    assert page.count("<svg") == 4
+    assert "http://" not in page.replace("http://www.w3.org", "")
+
+
+def test_the_geometry_that_is_written_is_read(planted: Path, tmp_path: Path) -> None:
+    """`bottomlock fix` takes it, and solves what the instrument solved."""
+    toml = tmp_path / "found.toml"
+    assert bottomlock("audit", planted, "--out", tmp_path / "out", "--write", toml).returncode == 0
+    instrument = read_geometry(toml)
+    np.testing.assert_allclose(instrument.geometry.directions_p, janus()[[1, 0, 2, 3]], atol=3e-4)
+    assert instrument.beam_sd_mps == pytest.approx(0.01, rel=0.15)
+    fixes = tmp_path / "fixes.parquet"
+    done = bottomlock("fix", planted, "--geometry", toml, "--method", "lc", "--out", fixes)
+    assert done.returncode == 0, done.stderr
+    own = pl.read_parquet(planted)["instrument_x_mps"].to_numpy()
+    assert np.abs(pl.read_parquet(fixes)["surge_mps"].to_numpy() - own).max() < 2e-3
+
+
+def test_the_same_log_gives_the_same_bytes(planted: Path, tmp_path: Path) -> None:
+    for name in ("first", "second"):
+        assert bottomlock("audit", planted, "--out", tmp_path / name).returncode == 0
+    for path in sorted((tmp_path / "first").iterdir()):
+        assert path.read_bytes() == (tmp_path / "second" / path.name).read_bytes(), path.name
+
+
+def test_columns_of_a_geometry_file_are_used_and_handed_on(tmp_path: Path) -> None:
+    log = make_log(2)
+    names = {f"beam{k + 1}_mps": f"radial{k}" for k in range(4)}
+    table(log).rename(names).with_columns(time_ns=pl.col("time_ns") * 1e-9).rename(
+        {"time_ns": "t"}
+    ).write_csv(tmp_path / "log.csv")
+    (tmp_path / "mine.toml").write_text(
+        'configuration = "x"\ntilt_deg = 22.0\nbeam_noise_mps = 0.02\n[columns]\ntime = "t"\ntime_unit = "s"\n'
+        'velocity = ["radial0", "radial1", "radial2", "radial3"]\n'
+        'valid = ["beam1_valid", "beam2_valid", "beam3_valid", "beam4_valid"]\n'
+    )
+    found = tmp_path / "found.toml"
+    done = bottomlock(
+        "audit",
+        tmp_path / "log.csv",
+        "--geometry",
+        tmp_path / "mine.toml",
+        "--out",
+        tmp_path / "out",
+        "--write",
+        found,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "nothing was found" in done.stdout
+    assert tomllib.loads(found.read_text())["columns"]["velocity"] == [
+        "radial0",
+        "radial1",
+        "radial2",
+        "radial3",
+    ]
+
+
+def test_refusals(planted: Path, tmp_path: Path) -> None:
+    """One line that names the place, exit code 2, nothing written."""
+    alone = tmp_path / "alone.parquet"
+    pl.read_parquet(planted).drop("instrument_x_mps", "instrument_y_mps", "instrument_z_mps").write_parquet(
+        alone
+    )
+    out, toml = tmp_path / "none", tmp_path / "g.toml"
+    for arguments, words in (
+        ((tmp_path / "nowhere.parquet", "--out", out), "no such file"),
+        ((planted, "--geometry", "nosuch", "--out", out), "neither a file nor packaged"),
+        ((planted, "--write", tmp_path / "g.txt", "--out", out), "ends in .toml"),
+        ((alone, "--write", toml, "--out", out), "9 of 12 numbers free; state a geometry"),
+        (
+            (alone, "--geometry", "x_janus_20", "--write", toml, "--out", out),
+            "closure cannot choose between others",
+        ),
+        ((planted, "--attitude", planted, "--out", out), "column 'roll_rad' is missing"),
+    ):
+        done = bottomlock("audit", *arguments)
+        assert done.returncode == 2, done.stdout
+        assert words in " ".join(done.stderr.split())
+        assert "Traceback" not in done.stderr
+    assert not out.exists()
+    assert not toml.exists()
+
+
+def test_the_worked_example_runs(root: Path, tmp_path: Path) -> None:
+    """The commands of docs/audit.md, and what the page says that they say."""
+    page = (root / "docs" / "audit.md").read_text(encoding="utf-8")
+    commands = page.split("```console\n")[1].split("```")[0].strip().splitlines()
+    (tmp_path / "data").symlink_to(root / "data")
+    said = []
+    for command in commands:
+        words = command.split()
+        assert words[0] == "bottomlock"
+        done = subprocess.run(
+            [sys.executable, "-m", *words], capture_output=True, text=True, check=False, cwd=tmp_path
+        )
+        assert done.returncode == 0, done.stderr
+        said.append(" ".join(done.stdout.split()))
+    quoted = page.split("The second command says\n")[1].split("\nwhich is right")[0]
+    assert " ".join(quoted.split()) in said[1].replace(
+        "Median |e| 34.0, robust sigma 51.1, 95 % 239, 99 % 381, largest 892 mm/s.", ""
+    )
+    assert "fault" not in said[2]
+    assert pl.read_parquet(tmp_path / "out" / "river_fixes.parquet").height == 273

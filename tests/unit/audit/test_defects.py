@@ -1,0 +1,138 @@
+"""Defects that need no geometry, one by one, on logs small enough to count by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock.audit import defects
+from bottomlock.audit.examine import audit_file, converter_findings
+from bottomlock.audit.logs import BeamLog, read_depths, read_inertial, read_log, read_reference
+from bottomlock.errors import DataError
+
+
+def log(time_s: list[float], y: np.ndarray[tuple[int, int], np.dtype[np.float64]] | None = None) -> BeamLog:
+    values = np.arange(4.0 * len(time_s)).reshape(-1, 4) + 1.0 if y is None else y
+    return BeamLog(
+        "hand", np.round(np.array(time_s) * 1e9).astype(np.int64), values, np.ones(values.shape, bool)
+    )
+
+
+def test_times_that_repeat_go_back_and_jump() -> None:
+    found = {one.kind: one for one in defects.time_findings(log([0, 1, 2, 2, 3, 4, 3.5, 5, 6, 60, 61]))}
+    assert set(found) == {"time_repeats", "time_goes_back", "time_gaps"}
+    assert "row 3" in found["time_repeats"].evidence
+    assert "row 6" in found["time_goes_back"].evidence
+    assert "before row 9" in found["time_gaps"].evidence
+    assert found["time_gaps"].weight == "warning"
+
+
+def test_even_times_are_not_named() -> None:
+    assert defects.time_findings(log([0.0, 0.2, 0.41, 0.6, 0.8])) == []
+
+
+def test_unchanged_pings() -> None:
+    """Row 2 repeats row 1; row 4 repeats row 3 in three beams only; row 5 is all zero like row 6."""
+    y = np.array(
+        [[1, 2, 3, 4], [5, 6, 7, 8], [5, 6, 7, 8], [1, 1, 1, 1], [1, 1, 1, 2], [0, 0, 0, 0], [0, 0, 0, 0]]
+    )
+    assert np.flatnonzero(defects.unchanged(log(list(range(7)), y.astype(float)))).tolist() == [2]
+
+
+def test_ranges_and_verdict() -> None:
+    base = log(list(range(6)))
+    reach = np.full((6, 4), 5.0)
+    reach[2, 1] = 0.0
+    valid = base.valid.copy()
+    valid[4, :2] = False
+    told = BeamLog(
+        "hand", base.time_ns, base.velocity_mps, valid, reach, np.ones((6, 3)),
+        np.array([True, False, True, True, True, True]),
+    )  # fmt: skip
+    (no_range,) = defects.range_findings(told)
+    assert (no_range.beams, no_range.size) == ((2,), 1.0)
+    kinds = {one.kind: one for one in defects.verdict_findings(told, np.zeros(6, dtype=bool))}
+    assert set(kinds) == {"refused_by_instrument", "velocity_without_beams"}
+    assert "row 1" in kinds["refused_by_instrument"].evidence
+    assert "row 4" in kinds["velocity_without_beams"].evidence
+
+
+def test_account_of_the_reader_is_told() -> None:
+    beside = {"records_read": 100, "skipped": {"bad checksum": {"count": 3, "first_byte": 77}}, "flagged": {}}
+    one = BeamLog("hand", np.arange(3), np.ones((3, 4)), np.ones((3, 4), bool), beside=beside)
+    (found,) = converter_findings(one)
+    assert found.words == "3 of 100 records of the recording gave no row: bad checksum."
+    assert "first_byte 77" in found.evidence
+
+
+def write(path: Path, **columns: object) -> Path:
+    pl.DataFrame(columns).write_csv(path)
+    return path
+
+
+def test_log_from_a_table(tmp_path: Path) -> None:
+    path = write(
+        tmp_path / "log.csv", time_ns=[0, 5, 5], beam1_mps=[0.1, 0.2, None], beam1_valid=[True, True, False],
+        instrument_x_mps=[1.0, 2.0, 3.0], instrument_y_mps=[0.0, 0.0, 0.0], instrument_z_mps=[0.0, None, 0.0],
+    )  # fmt: skip
+    read = read_log(path)
+    assert (read.beams, read.pings) == (1, 3)
+    assert read.full.tolist() == [True, True, False]
+    assert read.solved.tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize(
+    ("columns", "match"),
+    [
+        ({"time_ns": [0, 1]}, "neither beam1_mps"),
+        (
+            {"time_ns": [0, 1], "beam1_mps": [1.0, None], "beam1_valid": [1, 1]},
+            "row 1, column 'beam1_mps' is not",
+        ),
+        (
+            {"time_ns": [0, 1], "beam1_mps": [1.0, 2.0], "beam1_valid": [1, 2]},
+            "row 1, column 'beam1_valid' is 2",
+        ),
+        (
+            {"time_ns": [0, 1], "beam1_mps": ["a", "2.0"], "beam1_valid": [1, 1]},
+            "row 0, column 'beam1_mps' is 'a'",
+        ),
+        (
+            {"time_ns": [0, None], "beam1_mps": [1.0, 2.0], "beam1_valid": [1, 1]},
+            "row 1, column 'time_ns' has no time",
+        ),
+        ({"time_ns": [0, 1], "beam1_mps": [1.0, 2.0]}, "column 'beam1_valid' is missing"),
+    ],
+)
+def test_bad_logs_are_refused(tmp_path: Path, columns: dict[str, list[object]], match: str) -> None:
+    path = write(tmp_path / "log.csv", **columns)
+    with pytest.raises(DataError, match=match):
+        read_log(path)
+
+
+def test_bad_neighbours_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="row 1, column 'time_ns' is 0 ns, expected more than in row 0"):
+        read_depths(write(tmp_path / "depth.csv", time_ns=[0, 0], depth_m=[1.0, 2.0]))
+    with pytest.raises(DataError, match="column 'force_x_mps2' is missing"):
+        read_inertial(write(tmp_path / "imu.csv", time_ns=[0, 1]))
+    with pytest.raises(DataError, match="row 1, column 'pitch_rad' is nan"):
+        read_reference(
+            write(
+                tmp_path / "att.csv",
+                time_ns=[0, 1],
+                roll_rad=[0.0, 0.0],
+                pitch_rad=[0.0, None],
+                yaw_rad=[0.0, 0.0],
+            )
+        )
+    with pytest.raises(DataError, match="no such file"):
+        audit_file(tmp_path / "nowhere.parquet")
+
+
+def test_beams_and_geometry_that_differ_in_number(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.csv", time_ns=[0, 1], beam1_mps=[1.0, 2.0], beam1_valid=[1, 1])
+    with pytest.raises(DataError, match="has 1 beams, but the geometry has 4"):
+        audit_file(path, geometry="x_janus_20")

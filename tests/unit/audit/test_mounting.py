@@ -1,0 +1,135 @@
+"""How a DVL sits: what was planted is found within its own standard deviations, and what cannot be seen is said."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from bottomlock.audit.depth import depth_findings, depth_rate
+from bottomlock.audit.logs import Depths, Inertial, Reference
+from bottomlock.audit.mounting import GRAVITY_MPS2, LIMITS, Mounting, find_mounting
+from bottomlock.audit.sits import mounting_findings
+from tests.oracle import mounting as oracle
+from tests.oracle.rotations import Array
+
+ANGLES = tuple(np.deg2rad([0.6, -0.4, 1.5]))
+ARM = np.array([-1.2, 0.3, 0.4])
+SCALE, OFFSET_S, SD_MPS = 0.01, 0.35, 0.004
+
+
+@lru_cache
+def streams(lively: float, seconds: int = 300) -> tuple[Array, Array, Array, Array, Array]:
+    """Reference at 5 Hz (times, rpy, velocity) and IMU at 50 Hz (force, rate)."""
+    t = np.arange(0.0, seconds, 0.2)
+    rpy = np.array([oracle.angles(s, lively) for s in t])
+    velocity = np.array(
+        [oracle.turn(*oracle.angles(s, lively)) @ oracle.surge_sway_heave(s, lively) for s in t]
+    )
+    fine = np.arange(0.0, seconds, 0.02)
+    force = np.array([oracle.specific_force(s, lively, GRAVITY_MPS2) for s in fine])
+    rate = np.array([oracle.rate(s, lively) for s in fine])
+    return t, rpy, velocity, force, rate
+
+
+def plant(seed: int, *, lively: float = 1.0, with_velocity: bool, flip: bool = False) -> Mounting:
+    """A DVL at 2 Hz whose clock is OFFSET_S behind, and what stands beside it."""
+    t, rpy, velocity, force, rate = streams(lively)
+    rng = np.random.default_rng(seed)
+    own = np.arange(2.0, 295.0, 0.5)
+    reads = np.array(
+        [
+            oracle.dvl_reads(s + OFFSET_S, lively, mounted=oracle.turn(*ANGLES), arm=ARM, scale=SCALE)
+            for s in own
+        ]
+    )
+    reads = (reads + SD_MPS * rng.normal(size=reads.shape)) * ([1, -1, 1] if flip else [1, 1, 1])
+    fine_ns = (np.arange(len(force)) * 20_000_000).astype(np.int64)
+    found = find_mounting(
+        np.round(own * 1e9).astype(np.int64), reads,
+        Reference(np.round(t * 1e9).astype(np.int64), rpy, velocity if with_velocity else None),
+        Inertial(fine_ns, force, rate),
+    )  # fmt: skip
+    assert found is not None
+    return found
+
+
+def misses(found: Mounting) -> Array:
+    """Every quantity's error in its own standard deviations: roll, pitch, yaw, arm, clock, scale."""
+    rpy = (found.rpy_rad - ANGLES) / found.misalignment_sd_rad
+    arm = (found.lever_arm_p_m - ARM) / found.lever_arm_sd_m
+    rest = [
+        (found.clock_offset_s - OFFSET_S) / found.clock_offset_sd_s,
+        (found.scale - SCALE) / found.scale_sd,
+    ]
+    return np.concatenate([rpy, arm, rest])
+
+
+@pytest.mark.parametrize("with_velocity", [True, False])
+def test_a_lively_vehicle_shows_everything(with_velocity: bool) -> None:
+    """Eight quantities within five of their deviations, and these deviations small enough to be of use."""
+    found = plant(1, with_velocity=with_velocity)
+    assert np.abs(misses(found)).max() < 5.0
+    assert found.misalignment_sd_rad.max() < np.deg2rad(0.5)
+    assert found.lever_arm_sd_m.max() < 0.1
+    assert found.clock_offset_sd_s < 0.01
+    kinds = {one.kind for one in mounting_findings(found)}
+    assert {"misalignment", "lever_arm", "clock_offset"} <= kinds
+    assert "not_observable" not in kinds
+
+
+def test_deviations_are_honest() -> None:
+    """Twelve logs, eight quantities each: their normalised errors have a mean square near 1."""
+    off = np.array([misses(plant(seed, with_velocity=True)) for seed in range(12)])
+    assert 0.5 < float(np.mean(off**2)) < 2.0
+
+
+def test_a_straight_course_shows_no_lever_arm() -> None:
+    """Without turns ω × l is nothing, and roll about the course turns nothing into anything."""
+    found = plant(2, lively=0.0, with_velocity=True)
+    assert (found.lever_arm_sd_m > LIMITS["lever_arm_m"]).all()
+    assert found.misalignment_sd_rad[0] > LIMITS["misalignment_rad"]
+    words = " ".join(one.words for one in mounting_findings(found))
+    for what in ("The lever arm", "Misalignment about x (roll)", "The clock offset"):
+        assert f"{what} is not observable in this log." in words or not found.follows
+    assert "DVL sits" not in words
+
+
+def test_a_left_handed_frame() -> None:
+    found = plant(3, with_velocity=True, flip=True)
+    assert found.mirrored
+    assert "left_handed" in {one.kind for one in mounting_findings(found)}
+    np.testing.assert_allclose(found.lever_arm_p_m, ARM, atol=0.05)
+
+
+def test_imu_with_an_axis_turned_round() -> None:
+    """The gyro's y axis against the attitude's: found, named, and the IMU is not used."""
+    t, rpy, velocity, force, rate = streams(1.0)
+    own = np.arange(2.0, 295.0, 0.5)
+    reads = np.array([oracle.dvl_reads(s, 1.0, mounted=np.eye(3), arm=np.zeros(3), scale=0.0) for s in own])
+    flip = np.array([1.0, -1.0, 1.0])
+    found = find_mounting(
+        np.round(own * 1e9).astype(np.int64), reads,
+        Reference(np.round(t * 1e9).astype(np.int64), rpy, velocity),
+        Inertial((np.arange(len(force)) * 20_000_000).astype(np.int64), force * flip, rate * flip),
+    )  # fmt: skip
+    assert found is not None
+    (named,) = (one for one in mounting_findings(found) if one.kind == "imu_axes")
+    assert (
+        named.words == "The IMU's y axis points the other way than the attitude's: its frame is left-handed."
+    )
+    assert np.abs(found.lever_arm_p_m).max() < 0.05
+
+
+@pytest.mark.parametrize(("up", "kind"), [(False, set()), (True, {"z_points_up"})])
+def test_depth_tells_which_way_z_points(up: bool, kind: set[str]) -> None:
+    t = np.arange(0.0, 400.0, 0.4)
+    w = 0.2 * np.sin(t / 15.0)
+    depth = 10.0 + np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * 0.4)])
+    time_ns = np.round(t * 1e9).astype(np.int64)
+    velocity = np.stack([np.full_like(t, 0.5), 0.0 * t, -w if up else w], axis=1)
+    velocity += 0.01 * np.random.default_rng(1).normal(size=velocity.shape)
+    assert {
+        one.kind for one in depth_findings(depth_rate(time_ns, velocity, Depths(time_ns, depth), None))
+    } == kind
