@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = [
     "ARMS",
     "EARTH_RATE_RADPS",
+    "FIX_STATUS",
     "MEMBERS",
     "BeamGeometry",
     "ClosedLoop",
@@ -19,6 +20,7 @@ __all__ = [
     "__version__",
     "error_model",
     "normal_gravity_mps2",
+    "replay_log",
     "run_batch",
     "simulate_sensors",
     "solve_velocity",
@@ -26,6 +28,7 @@ __all__ = [
 __version__: Final[str]
 EARTH_RATE_RADPS: Final[float]
 ARMS: Final[tuple[str, ...]]
+FIX_STATUS: Final[tuple[str, ...]]
 MEMBERS: Final[tuple[str, ...]]
 
 class KernelError(ValueError):
@@ -202,6 +205,53 @@ class BatchDict(TypedDict):
     fixes_rejected: NDArray[np.int64]
     choice: NDArray[np.uint8]
 
+@type_check_only
+class LogDict(TypedDict):
+    imu_time_ns: NDArray[np.int64]
+    force_p_mps2: ArrayLike
+    omega_p_radps: ArrayLike
+    dvl_time_ns: NDArray[np.int64]
+    beam_velocity_mps: ArrayLike
+    beam_valid: NDArray[np.bool_]
+    beam_sd_mps: NotRequired[ArrayLike]
+    depth_time_ns: NDArray[np.int64]
+    depth_m: ArrayLike
+    heading_time_ns: NDArray[np.int64]
+    heading_rad: ArrayLike
+    attitude_time_ns: NDArray[np.int64]
+    attitude_rpy_rad: ArrayLike
+    gps_time_ns: NDArray[np.int64]
+    gps_position_t_m: ArrayLike
+
+@type_check_only
+class LogStartDict(TypedDict):
+    time_ns: int
+    position_t_m: ArrayLike
+    attitude_t_p: ArrayLike
+    velocity_p_mps: ArrayLike
+    accel_bias_mps2: NotRequired[ArrayLike]
+    gyro_bias_radps: NotRequired[ArrayLike]
+    covariance: NotRequired[ArrayLike | None]
+
+@type_check_only
+class ReplayDict(TypedDict):
+    sample_time_ns: NDArray[np.int64]
+    position_t_m: NDArray[np.float64]
+    attitude_t_p: NDArray[np.float64]
+    velocity_p_mps: NDArray[np.float64]
+    accel_bias_mps2: NDArray[np.float64]
+    gyro_bias_radps: NDArray[np.float64]
+    dvl_bias_mps: NDArray[np.float64]
+    dvl_scale: NDArray[np.float64]
+    sd: NDArray[np.float64]
+    nis: NDArray[np.float64]
+    nis_dof: NDArray[np.uint8]
+    fix_status: NDArray[np.uint8]
+    innovation_mps: NDArray[np.float64]
+    innovation_sd_mps: NDArray[np.float64]
+    choice: NDArray[np.uint8]
+    unused: dict[Literal["before_start", "after_end"], dict[str, int]]
+
 @final
 class BeamGeometry:
     """Directions and lever arms of the beams of a DVL."""
@@ -291,6 +341,9 @@ class Navigator:
         position_sd_m: ArrayLike,
         velocity_sd_mps: ArrayLike,
     ) -> list[ReportDict]: ...
+    def push_position(
+        self, time_ns: int, position_t_m: ArrayLike, *, position_sd_m: ArrayLike
+    ) -> list[ReportDict]: ...
     def state(self) -> StateDict: ...
     def covariance(self) -> NDArray[np.float64]: ...
     def water(self) -> WaterStateDict | None: ...
@@ -343,6 +396,17 @@ def simulate_sensors(
     run: int,
     imu_sampling: str = "instantaneous",
 ) -> dict[str, Any]: ...
+def replay_log(
+    geometry: BeamGeometry,
+    model: ModelDict,
+    options: OptionsDict,
+    arms: list[str],
+    log: LogDict,
+    start: LogStartDict,
+    *,
+    sample_time_ns: ArrayLike,
+    threads: int = 1,
+) -> ReplayDict: ...
 def run_batch(
     geometry: BeamGeometry,
     truth: TruthDict,

@@ -29,6 +29,7 @@ from bottomlock import _kernel
 from bottomlock._kernel import (
     ARMS,
     EARTH_RATE_RADPS,
+    FIX_STATUS,
     MEMBERS,
     BeamGeometry,
     ClosedLoop,
@@ -36,6 +37,7 @@ from bottomlock._kernel import (
     Navigator,
     error_model,
     normal_gravity_mps2,
+    replay_log,
     run_batch,
     simulate_sensors,
 )
@@ -47,6 +49,7 @@ __all__ = [
     "ARMS",
     "COMPONENT_STATUS",
     "EARTH_RATE_RADPS",
+    "FIX_STATUS",
     "MEMBERS",
     "METHODS",
     "SOURCES",
@@ -61,6 +64,7 @@ __all__ = [
     "kernel_version",
     "make_geometry",
     "normal_gravity_mps2",
+    "replay_log",
     "run_batch",
     "simulate_sensors",
     "solve_velocity",

@@ -244,10 +244,10 @@ pub fn run_batch<'py>(
 }
 
 /// Where an arm does not choose.
-const NO_CHOICE: u8 = u8::MAX;
+pub const NO_CHOICE: u8 = u8::MAX;
 
 /// Sources of surge, sway and heave; or the leading filter, why it leads, and nothing.
-fn choice_code(choice: &Choice) -> [u8; 3] {
+pub fn choice_code(choice: &Choice) -> [u8; 3] {
     match choice {
         Choice::Components(sources) => sources.map(|source| source.map_or(0, source_code)),
         Choice::Member { member, why, .. } => [*member as u8, *why as u8, NO_CHOICE],

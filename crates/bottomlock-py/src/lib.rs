@@ -8,6 +8,7 @@ mod closed_loop;
 mod dvl;
 mod errors;
 mod navigator;
+mod replay;
 mod settings;
 
 /// Compiled kernel of bottomlock; use it through `bottomlock`.
@@ -24,6 +25,8 @@ mod _kernel {
     #[pymodule_export]
     use super::navigator::Navigator;
     #[pymodule_export]
+    use super::replay::replay_log;
+    #[pymodule_export]
     use super::settings::normal_gravity_mps2;
 
     use super::*;
@@ -34,6 +37,10 @@ mod _kernel {
         module.add("EARTH_RATE_RADPS", bottomlock::earth::EARTH_RATE_RADPS)?;
         let members = bottomlock::bank::MEMBERS.map(|(name, _)| name);
         module.add("MEMBERS", pyo3::types::PyTuple::new(module.py(), members)?)?;
+        module.add(
+            "FIX_STATUS",
+            pyo3::types::PyTuple::new(module.py(), bottomlock::replay::FIX_STATUS)?,
+        )?;
         let arms: Vec<&str> = bottomlock::batch::ARMS.iter().map(|arm| arm.name).collect();
         module.add("ARMS", pyo3::types::PyTuple::new(module.py(), arms)?)
     }

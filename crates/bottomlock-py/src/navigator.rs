@@ -3,7 +3,9 @@
 use bottomlock::bank::{Guide, MEMBERS};
 use bottomlock::batch::arm;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
-use bottomlock::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, VelocitySample};
+use bottomlock::events::{
+    AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, PositionSample, VelocitySample,
+};
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::imu::ImuSample;
 use bottomlock::layout::DIM;
@@ -55,14 +57,7 @@ fn initial_state(dict: &Bound<'_, PyDict>) -> PyResult<NavState> {
     };
     let mut state = NavState::at_rest(get("time_ns")?.extract()?);
     state.position_t_m = Vec3::from_array(vector("initial.position_t_m", &get("position_t_m")?)?);
-    let quaternion: [f64; 4] = vector("initial.attitude_t_p", &get("attitude_t_p")?)?;
-    let norm = quaternion.iter().map(|q| q * q).sum::<f64>().sqrt();
-    if !((norm - 1.0).abs() < 1e-6) {
-        return Err(crate::errors::refuse(format!(
-            "initial.attitude_t_p has norm {norm}, expected 1 (scalar first)"
-        )));
-    }
-    state.attitude_t_p = Rot::from_quaternion_wxyz(quaternion);
+    state.attitude_t_p = settings::attitude("initial.attitude_t_p", &get("attitude_t_p")?)?;
     state.velocity_p_mps = Vec3::from_array(vector("initial.velocity_p_mps", &get("velocity_p_mps")?)?);
     state.accel_bias_p_mps2 = Vec3::from_array(three("accel_bias_p_mps2")?);
     state.gyro_bias_p_radps = Vec3::from_array(three("gyro_bias_p_radps")?);
@@ -228,14 +223,12 @@ impl Navigator {
         yaw_rad: f64,
         sd_rad: f64,
     ) -> PyResult<Bound<'py, PyList>> {
-        self.push(
-            py,
-            &[Event::Heading(HeadingSample {
-                time_ns,
-                yaw_rad,
-                sd_rad,
-            })],
-        )
+        let sample = HeadingSample {
+            time_ns,
+            yaw_rad,
+            sd_rad,
+        };
+        self.push(py, &[Event::Heading(sample)])
     }
 
     /// A GPS position and velocity in the tangent frame, each (3,), with standard deviations (3,).
@@ -257,6 +250,23 @@ impl Navigator {
             velocity_sd_mps: vector("velocity_sd_mps", velocity_sd_mps)?,
         };
         self.push(py, &[Event::Gps(sample)])
+    }
+
+    /// A position alone in the tangent frame (3,), with its standard deviations (3,).
+    #[pyo3(signature = (time_ns, position_t_m, *, position_sd_m))]
+    fn push_position<'py>(
+        &mut self,
+        py: Python<'py>,
+        time_ns: i64,
+        position_t_m: &Bound<'py, PyAny>,
+        position_sd_m: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let sample = PositionSample {
+            time_ns,
+            position_t_m: Vec3::from_array(vector("position_t_m", position_t_m)?),
+            position_sd_m: vector("position_sd_m", position_sd_m)?,
+        };
+        self.push(py, &[Event::Position(sample)])
     }
 
     /// The estimate at the time of the last IMU sample.

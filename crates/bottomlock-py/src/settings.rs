@@ -3,7 +3,7 @@
 use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::dvl::partial::Assumptions;
 use bottomlock::earth::Environment;
-use bottomlock::frames::Vec3;
+use bottomlock::frames::{Platform, Rot, Tangent, Vec3};
 use bottomlock::imu::Sampling;
 use bottomlock::model::{
     DepthModel, DvlModel, Gate, GpsModel, ImuModel, InformationPort, InitialModel, MagnetometerModel, Model, Options,
@@ -36,6 +36,16 @@ fn text(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<String> {
 
 fn triple(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<[f64; 3]> {
     vector(&format!("{owner}.{key}"), &item(dict, owner, key)?)
+}
+
+/// A unit quaternion, scalar first.
+pub fn attitude(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Rot<Tangent, Platform>> {
+    let quaternion: [f64; 4] = vector(name, value)?;
+    let norm = quaternion.iter().map(|q| q * q).sum::<f64>().sqrt();
+    if !((norm - 1.0).abs() < 1e-6) {
+        return Err(refuse(format!("{name} has norm {norm}, expected 1 (scalar first)")));
+    }
+    Ok(Rot::from_quaternion_wxyz(quaternion))
 }
 
 /// The environment of a model.

@@ -41,6 +41,17 @@ pub enum Aiding {
     Consistent,
 }
 
+impl Aiding {
+    /// True where each row of an update is a beam, in the order of the beams.
+    #[must_use]
+    pub fn rows_are_beams(self) -> bool {
+        matches!(
+            self,
+            Self::One(BeamAiding::Tight | BeamAiding::SwayCurrent) | Self::Consistent
+        )
+    }
+}
+
 /// What leads a vehicle: a navigator, or a choice of several.
 #[derive(Debug, Clone)]
 pub enum Guide {

@@ -93,6 +93,36 @@ pub enum NavError {
         /// What is known.
         expected: &'static str,
     },
+    /// An error in one row of a log.
+    #[error("{stream} row {row}: {source}")]
+    InRow {
+        /// Which stream.
+        stream: &'static str,
+        /// Row, counted from 0.
+        row: usize,
+        /// What is wrong.
+        #[source]
+        source: Box<NavError>,
+    },
+    /// An error of one arm that flies along a log.
+    #[error("arm {arm}: {source}")]
+    InArm {
+        /// Arm name.
+        arm: &'static str,
+        /// What happened.
+        #[source]
+        source: Box<NavError>,
+    },
+    /// A sample of a log that the log does not reach.
+    #[error("sample time {time_ns} ns lies outside the replay ({first_ns} to {last_ns} ns, start to last imu row)")]
+    OutsideLog {
+        /// The offending time.
+        time_ns: i64,
+        /// Start.
+        first_ns: i64,
+        /// Last inertial reading.
+        last_ns: i64,
+    },
     /// An error in one arm of one run of a batch.
     #[error("run {run}, arm {arm}: {source}")]
     InRun {

@@ -46,6 +46,17 @@ pub struct GpsSample {
     pub velocity_sd_mps: [f64; 3],
 }
 
+/// A position alone: a receiver that gives no velocity, or an acoustic fix.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PositionSample {
+    /// Time of validity, ns.
+    pub time_ns: i64,
+    /// Position, tangent frame, m.
+    pub position_t_m: Vec3<Tangent>,
+    /// 1 sigma, m.
+    pub position_sd_m: [f64; 3],
+}
+
 /// A velocity that an instrument solved itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VelocitySample {
@@ -85,6 +96,8 @@ pub enum Event {
     Heading(HeadingSample),
     /// GPS position and velocity.
     Gps(GpsSample),
+    /// GPS position without velocity.
+    Position(PositionSample),
 }
 
 impl Event {
@@ -99,6 +112,7 @@ impl Event {
             Self::Attitude(sample) => sample.time_ns,
             Self::Heading(sample) => sample.time_ns,
             Self::Gps(sample) => sample.time_ns,
+            Self::Position(sample) => sample.time_ns,
         }
     }
 
@@ -111,7 +125,7 @@ impl Event {
             Self::Depth(_) => ("depth", 3),
             Self::Attitude(_) => ("attitude", 4),
             Self::Heading(_) => ("heading", 5),
-            Self::Gps(_) => ("gps", 6),
+            Self::Gps(_) | Self::Position(_) => ("gps", 6),
         }
     }
 
@@ -149,6 +163,13 @@ impl Event {
                 require_finite("gps velocity_t_mps", time, &sample.velocity_t_mps.to_array())?;
                 let mut sds = sample.position_sd_m.iter().chain(&sample.velocity_sd_mps);
                 sds.try_for_each(|&sd| require_positive("gps sd", sd))
+            }
+            Self::Position(sample) => {
+                require_finite("gps position_t_m", time, &sample.position_t_m.to_array())?;
+                sample
+                    .position_sd_m
+                    .iter()
+                    .try_for_each(|&sd| require_positive("gps sd", sd))
             }
         }
     }

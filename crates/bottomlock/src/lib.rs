@@ -35,6 +35,7 @@ pub mod imu;
 pub mod lane;
 pub mod layout;
 pub mod model;
+pub mod replay;
 pub mod report;
 pub mod run;
 pub mod sensors;

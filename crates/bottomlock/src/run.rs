@@ -162,6 +162,7 @@ impl Navigator {
         if self.last_imu.is_none() {
             self.filters.note_rate(&last);
         }
+        let interval_s = (sample.time_ns - last.time_ns) as f64 * 1e-9;
         while let Some(event) = self
             .waiting
             .front()
@@ -175,6 +176,7 @@ impl Navigator {
                     Sampling::Averaged => ImuSample { time_ns, ..*sample },
                 };
                 self.filters.predict(&last, &middle)?;
+                self.filters.note_interval(interval_s);
                 last = middle;
             }
             self.waiting.pop_front();
@@ -182,6 +184,7 @@ impl Navigator {
         }
         if sample.time_ns > last.time_ns {
             self.filters.predict(&last, sample)?;
+            self.filters.note_interval(interval_s);
         }
         self.last_imu = Some(*sample);
         Ok(())
@@ -228,6 +231,10 @@ impl Navigator {
                     })
                 })?);
             }
+            Event::Position(sample) => report(&filters.update(Sensor::GpsPosition, |filter| {
+                let lever = &options.gps_lever_p_m;
+                aiding::gps_position(&filter.state(), &sample.position_t_m, &sample.position_sd_m, lever)
+            })?),
         }
         Ok(())
     }

@@ -55,6 +55,13 @@ impl Filters {
         }
     }
 
+    pub(crate) fn note_interval(&mut self, interval_s: f64) {
+        self.beams_alone.note_interval(interval_s);
+        if let Some(filter) = &mut self.informed {
+            filter.note_interval(interval_s);
+        }
+    }
+
     /// A measurement, with the innovation as each filter sees it; the report is that of the filter on measurements alone.
     pub(crate) fn update(
         &mut self,

@@ -14,6 +14,11 @@ use crate::water::WaterRow;
 const EXCLUDED: f64 = 30.665;
 
 impl Eskf {
+    /// Takes note of the time between two readings: a step that a measurement splits is shorter, the gyro's noise is not larger.
+    pub(crate) fn note_interval(&mut self, interval_s: f64) {
+        self.last_step_s = interval_s;
+    }
+
     /// The velocity, platform frame, m/s, and its covariance, (m/s)², as the last update left them.
     pub(crate) fn velocity(&self) -> (Vector3<f64>, Matrix3<f64>) {
         let own = self.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY).into_owned();

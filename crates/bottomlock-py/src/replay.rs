@@ -1,0 +1,316 @@
+//! A recorded log through the event loop.
+
+use bottomlock::batch::arm;
+use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
+use bottomlock::events::{AttitudeSample, DepthSample, HeadingSample, PositionSample};
+use bottomlock::frames::{Rot, Vec3};
+use bottomlock::imu::ImuSample;
+use bottomlock::layout::DIM;
+use bottomlock::model::Model;
+use bottomlock::replay::{self as core, Log, PingRecord, Replay, STREAM_NAMES, STREAMS, Track};
+use bottomlock::state::{Covariance, NavState};
+use numpy::Element;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{array, booleans, floats, item, rows, times, vector};
+use crate::batch::{NO_CHOICE, choice_code};
+use crate::dvl::BeamGeometry;
+use crate::errors::{raise, refuse};
+use crate::settings;
+
+struct OwnedLog {
+    imu: Vec<ImuSample>,
+    pings: Vec<BeamSample>,
+    depth: Vec<DepthSample>,
+    attitude: Vec<AttitudeSample>,
+    heading: Vec<HeadingSample>,
+    gps: Vec<PositionSample>,
+}
+
+impl OwnedLog {
+    fn read(dict: &Bound<'_, PyDict>, beams: usize, model: &Model) -> PyResult<Self> {
+        let of = |key: &str| item(dict, "log", key);
+        let stamps = |key: &str| times(&format!("log.{key}"), &of(key)?);
+        let three = |key: &str, count: usize| -> PyResult<Vec<[f64; 3]>> {
+            let value = of(key)?;
+            if count == 0 && value.len()? == 0 {
+                return Ok(Vec::new());
+            }
+            rows::<3>(&format!("log.{key}"), &value, Some(count))
+        };
+        let one =
+            |key: &str, count: usize| Ok::<_, PyErr>(floats(&format!("log.{key}"), &of(key)?, &[Some(count)])?.values);
+
+        let imu_ns = stamps("imu_time_ns")?;
+        let (rates, forces) = (
+            three("omega_p_radps", imu_ns.len())?,
+            three("force_p_mps2", imu_ns.len())?,
+        );
+        let imu = (0..imu_ns.len())
+            .map(|k| ImuSample {
+                time_ns: imu_ns[k],
+                rate_p_radps: Vec3::from_array(rates[k]),
+                force_p_mps2: Vec3::from_array(forces[k]),
+            })
+            .collect();
+
+        let (depth_ns, heading_ns) = (stamps("depth_time_ns")?, stamps("heading_time_ns")?);
+        let (depth_m, yaw_rad) = (one("depth_m", depth_ns.len())?, one("heading_rad", heading_ns.len())?);
+        let depth = (depth_ns.into_iter().zip(depth_m))
+            .map(|(time_ns, depth_m)| DepthSample {
+                time_ns,
+                depth_m,
+                sd_m: model.depth.sd_m,
+            })
+            .collect();
+        let heading = (heading_ns.into_iter().zip(yaw_rad))
+            .map(|(time_ns, yaw_rad)| HeadingSample {
+                time_ns,
+                yaw_rad,
+                sd_rad: model.magnetometer.yaw_sd_rad,
+            })
+            .collect();
+
+        let attitude_ns = stamps("attitude_time_ns")?;
+        let angles = three("attitude_rpy_rad", attitude_ns.len())?;
+        let attitude = (attitude_ns.into_iter().zip(angles))
+            .map(|(time_ns, [roll, pitch, yaw])| AttitudeSample {
+                time_ns,
+                attitude_t_p: Rot::from_euler_rad(roll, pitch, yaw),
+                roll_pitch_sd_rad: model.magnetometer.roll_pitch_sd_rad,
+                yaw_sd_rad: model.magnetometer.yaw_sd_rad,
+            })
+            .collect();
+
+        let gps_ns = stamps("gps_time_ns")?;
+        let places = three("gps_position_t_m", gps_ns.len())?;
+        let gps = (gps_ns.into_iter().zip(places))
+            .map(|(time_ns, place)| PositionSample {
+                time_ns,
+                position_t_m: Vec3::from_array(place),
+                position_sd_m: model.gps.position_sd_m,
+            })
+            .collect();
+        Ok(Self {
+            imu,
+            pings: Self::pings(dict, beams, model)?,
+            depth,
+            attitude,
+            heading,
+            gps,
+        })
+    }
+
+    fn pings(dict: &Bound<'_, PyDict>, beams: usize, model: &Model) -> PyResult<Vec<BeamSample>> {
+        let time_ns = times("log.dvl_time_ns", &item(dict, "log", "dvl_time_ns")?)?;
+        let shape = &[Some(time_ns.len()), Some(beams)];
+        let velocity = floats("log.beam_velocity_mps", &item(dict, "log", "beam_velocity_mps")?, shape)?.values;
+        let valid = booleans("log.beam_valid", &item(dict, "log", "beam_valid")?, shape)?.values;
+        let sd = match dict.get_item("beam_sd_mps")? {
+            None => vec![model.dvl.beam_noise_sd_mps; velocity.len()],
+            Some(value) => floats("log.beam_sd_mps", &value, shape)?.values,
+        };
+        let of_ping = |(k, time_ns): (usize, i64)| {
+            let part = k * beams..(k + 1) * beams;
+            let mut ping = BeamSample {
+                time_ns,
+                velocity_mps: [f64::NAN; MAX_BEAMS],
+                sd_mps: [f64::NAN; MAX_BEAMS],
+                valid: settings::mask(&valid[part.clone()]),
+            };
+            ping.velocity_mps[..beams].copy_from_slice(&velocity[part.clone()]);
+            ping.sd_mps[..beams].copy_from_slice(&sd[part]);
+            ping
+        };
+        Ok(time_ns.into_iter().enumerate().map(of_ping).collect())
+    }
+
+    fn log(&self) -> Log<'_> {
+        Log {
+            imu: &self.imu,
+            pings: &self.pings,
+            depth: &self.depth,
+            attitude: &self.attitude,
+            heading: &self.heading,
+            gps: &self.gps,
+        }
+    }
+}
+
+/// State and, where given, covariance at the start.
+fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
+    let get = |key: &str| item(dict, "start", key);
+    let three = |key: &str| Ok::<_, PyErr>(Vec3::from_array(vector::<3>(&format!("start.{key}"), &get(key)?)?));
+    let time_ns = get("time_ns")?
+        .extract()
+        .map_err(|_| refuse("start.time_ns is not an integer number of nanoseconds"))?;
+    let mut state = NavState::at_rest(time_ns);
+    state.position_t_m = Vec3::from_array(vector("start.position_t_m", &get("position_t_m")?)?);
+    state.attitude_t_p = settings::attitude("start.attitude_t_p", &get("attitude_t_p")?)?;
+    state.velocity_p_mps = three("velocity_p_mps")?;
+    if dict.contains("accel_bias_mps2")? {
+        state.accel_bias_p_mps2 = three("accel_bias_mps2")?;
+    }
+    if dict.contains("gyro_bias_radps")? {
+        state.gyro_bias_p_radps = three("gyro_bias_radps")?;
+    }
+    let covariance = match dict.get_item("covariance")? {
+        Some(value) if !value.is_none() => {
+            let values = floats("start.covariance", &value, &[Some(DIM), Some(DIM)])?.values;
+            Some(Covariance::from_row_slice(&values))
+        }
+        _ => None,
+    };
+    Ok((state, covariance))
+}
+
+/// Flies arms side by side along a recorded log; the very filters of a campaign and of `Navigator`, bit for bit.
+///
+/// Streams need not share instants: the log is merged by time of validity (ties: IMU, DVL, depth, attitude, heading, GPS), and a
+/// measurement between two inertial readings splits the strapdown step at its own time. Rows before the start or after the last
+/// inertial reading move no filter and are counted in `unused`.
+///
+/// Args:
+///     geometry: the beams.
+///     model: environment and what is assumed of the sensors, SI; also the standard deviations of depth, heading
+///         (magnetometer.yaw_sd_rad), attitude and GPS position, and of the beams where the log has none.
+///     options: filter options.
+///     arms: names of `ARMS`; each sees the log's valid beams and no others, lc too.
+///     log: imu_time_ns (N,) int64 with force_p_mps2 (N, 3) and omega_p_radps (N, 3), rate against inertial space;
+///         dvl_time_ns (E,) with beam_velocity_mps and beam_valid (E, B) and optionally beam_sd_mps (E, B);
+///         depth_time_ns, depth_m; heading_time_ns, heading_rad; attitude_time_ns, attitude_rpy_rad (., 3);
+///         gps_time_ns, gps_position_t_m (., 3). Each time rises strictly; any but the inertial stream may be empty.
+///     start: time_ns, position_t_m (3,), attitude_t_p (4,) scalar first, velocity_p_mps (3,); optionally accel_bias_mps2 and
+///         gyro_bias_radps (3,), and covariance (20, 20) in place of the model's.
+///     sample_time_ns: (T,) int64, rising; the state at the first inertial reading at or after each is recorded.
+///     threads: 0 for as many as there are cores; the bits do not depend on it.
+///
+/// Returns:
+///     sample_time_ns (T,), the times of the recorded states; position_t_m, velocity_p_mps, accel_bias_mps2, gyro_bias_radps
+///     (A, T, 3), attitude_t_p (A, T, 4), dvl_bias_mps (A, T, 4), dvl_scale (A, T), sd (A, T, 20); nis (A, E), NaN without a fix,
+///     nis_dof and fix_status (codes of FIX_STATUS) (A, E); innovation_mps and innovation_sd_mps (A, E, B), NaN where the beam
+///     was not a row; choice (A, E, 3) as in run_batch; unused, rows by stream before the start and after the end.
+///
+/// Raises:
+///     KernelError: in one line that names the field, or stream, row and time.
+#[pyfunction]
+#[pyo3(signature = (geometry, model, options, arms, log, start, *, sample_time_ns, threads=1))]
+pub fn replay_log<'py>(
+    py: Python<'py>,
+    geometry: &BeamGeometry,
+    model: &Bound<'py, PyDict>,
+    options: &Bound<'py, PyDict>,
+    arms: Vec<String>,
+    log: &Bound<'py, PyDict>,
+    start: &Bound<'py, PyDict>,
+    sample_time_ns: &Bound<'py, PyAny>,
+    threads: usize,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (model, options) = (settings::model(model)?, settings::options(options)?);
+    let beams = geometry.inner.beams();
+    let log = OwnedLog::read(log, beams, &model)?;
+    let (state, covariance) = self::start(start)?;
+    let sample_time_ns = times("sample_time_ns", sample_time_ns)?;
+    let arms = arms
+        .iter()
+        .map(|name| arm(name).map_err(raise))
+        .collect::<PyResult<Vec<_>>>()?;
+    let request = Replay {
+        log: log.log(),
+        geometry: &geometry.inner,
+        model: &model,
+        options: &options,
+        start: state,
+        covariance: covariance.as_ref(),
+        arms: &arms,
+        sample_time_ns: &sample_time_ns,
+    };
+    let replayed = py.detach(|| core::replay(&request, threads)).map_err(raise)?;
+
+    let out = PyDict::new(py);
+    let reached = replayed.tracks.first().map_or(&[][..], |track| &track.states);
+    let reached_ns: Vec<i64> = reached.iter().map(|state| state.time_ns).collect();
+    out.set_item("sample_time_ns", array(py, reached_ns, &[reached.len()])?)?;
+    let samples = sample_time_ns.len();
+    put_states(py, &out, "", &replayed.tracks, samples, |track| {
+        (&track.states, &track.sd)
+    })?;
+    put_pings(&out, &replayed.tracks, log.pings.len(), beams)?;
+    let unused = PyDict::new(py);
+    for (key, counts) in [
+        ("before_start", replayed.unused.before_start),
+        ("after_end", replayed.unused.after_end),
+    ] {
+        let by_stream = PyDict::new(py);
+        (0..STREAMS).try_for_each(|k| by_stream.set_item(STREAM_NAMES[k], counts[k]))?;
+        unused.set_item(key, by_stream)?;
+    }
+    out.set_item("unused", unused)?;
+    Ok(out)
+}
+
+type Series<'a> = (&'a Vec<NavState>, &'a Vec<[f64; DIM]>);
+
+/// States of arms × samples, each key with a prefix.
+fn put_states<'py>(
+    py: Python<'py>,
+    out: &Bound<'py, PyDict>,
+    prefix: &str,
+    tracks: &[Track],
+    samples: usize,
+    of: impl Fn(&Track) -> Series<'_>,
+) -> PyResult<()> {
+    let put = |key: &str, width: &[usize], value: &dyn Fn(&NavState) -> Vec<f64>| {
+        let values: Vec<f64> = tracks
+            .iter()
+            .flat_map(|track| of(track).0.iter().flat_map(value))
+            .collect();
+        let shape: Vec<usize> = [tracks.len(), samples]
+            .into_iter()
+            .chain(width.iter().copied())
+            .collect();
+        out.set_item(format!("{prefix}{key}"), array(py, values, &shape)?)
+    };
+    put("position_t_m", &[3], &|s| s.position_t_m.to_array().to_vec())?;
+    put("attitude_t_p", &[4], &|s| s.attitude_t_p.to_quaternion_wxyz().to_vec())?;
+    put("velocity_p_mps", &[3], &|s| s.velocity_p_mps.to_array().to_vec())?;
+    put("accel_bias_mps2", &[3], &|s| s.accel_bias_p_mps2.to_array().to_vec())?;
+    put("gyro_bias_radps", &[3], &|s| s.gyro_bias_p_radps.to_array().to_vec())?;
+    put("dvl_bias_mps", &[4], &|s| s.dvl_bias_mps.as_slice().to_vec())?;
+    put("dvl_scale", &[], &|s| vec![s.dvl_scale_factor])?;
+    let sd: Vec<f64> = tracks
+        .iter()
+        .flat_map(|track| of(track).1.iter().flatten().copied())
+        .collect();
+    out.set_item(format!("{prefix}sd"), array(py, sd, &[tracks.len(), samples, DIM])?)
+}
+
+/// What became of each ping, of arms × pings.
+fn put_pings<'py>(out: &Bound<'py, PyDict>, tracks: &[Track], pings: usize, beams: usize) -> PyResult<()> {
+    fn put<'py, T: Element>(
+        out: &Bound<'py, PyDict>,
+        key: &str,
+        tracks: &[Track],
+        shape: &[usize],
+        of: impl Fn(&PingRecord) -> Vec<T>,
+    ) -> PyResult<()> {
+        let values = tracks
+            .iter()
+            .flat_map(|track| track.pings.iter().flat_map(&of))
+            .collect();
+        out.set_item(key, array(out.py(), values, shape)?)
+    }
+    let (flat, wide) = ([tracks.len(), pings], [tracks.len(), pings, beams]);
+    put(out, "nis", tracks, &flat, |ping| vec![ping.nis])?;
+    put(out, "nis_dof", tracks, &flat, |ping| vec![ping.degrees as u8])?;
+    put(out, "fix_status", tracks, &flat, |ping| vec![ping.status as u8])?;
+    put(out, "innovation_mps", tracks, &wide, |ping| {
+        ping.innovation_mps[..beams].to_vec()
+    })?;
+    put(out, "innovation_sd_mps", tracks, &wide, |ping| {
+        ping.innovation_sd_mps[..beams].to_vec()
+    })?;
+    let choice = |ping: &PingRecord| ping.choice.as_ref().map_or([NO_CHOICE; 3], choice_code).to_vec();
+    put(out, "choice", tracks, &[tracks.len(), pings, 3], choice)
+}

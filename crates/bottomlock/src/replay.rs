@@ -1,0 +1,351 @@
+//! A recorded log through the event loop: every arm beside the others, each fed the same events in order of validity.
+//!
+//! # Asynchronous streams
+//! Sensors measure when they measure. The log is merged by time of validity, so nothing in it is late: a reading that reached the
+//! host late stands where it was valid. Between two inertial readings the [`crate::run::Navigator`] splits the strapdown step at
+//! the measurement's own time, with the readings interpolated (instantaneous sampling) or held (averaged sampling).
+//!
+//! What lies before the start, or after the last inertial reading, moves no filter and is counted in [`Unused`].
+
+use crate::bank::Guide;
+use crate::batch::Arm;
+use crate::dvl::geometry::{BeamGeometry, BeamSample, MAX_BEAMS};
+use crate::error::NavError;
+use crate::events::{AttitudeSample, DepthSample, Event, HeadingSample, PositionSample};
+use crate::imu::ImuSample;
+use crate::layout::DIM;
+use crate::model::{Model, Options};
+use crate::report::{Choice, Sensor, UpdateReport, Verdict};
+use crate::state::{Covariance, NavState};
+use crate::workers::Workers;
+
+/// Number of streams of a log.
+pub const STREAMS: usize = 6;
+/// Their names, in the order in which measurements of the same time are taken.
+pub const STREAM_NAMES: [&str; STREAMS] = ["imu", "dvl", "depth", "attitude", "heading", "gps"];
+
+/// A recorded log: each stream rising in time, any of them but the inertial one may be empty.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Log<'a> {
+    /// Inertial readings.
+    pub imu: &'a [ImuSample],
+    /// Pings.
+    pub pings: &'a [BeamSample],
+    /// Depths.
+    pub depth: &'a [DepthSample],
+    /// Attitudes.
+    pub attitude: &'a [AttitudeSample],
+    /// Headings.
+    pub heading: &'a [HeadingSample],
+    /// Positions.
+    pub gps: &'a [PositionSample],
+}
+
+impl Log<'_> {
+    fn len(&self, stream: usize) -> usize {
+        [
+            self.imu.len(),
+            self.pings.len(),
+            self.depth.len(),
+            self.attitude.len(),
+            self.heading.len(),
+            self.gps.len(),
+        ][stream]
+    }
+
+    fn get(&self, stream: usize, row: usize) -> Option<Event> {
+        match stream {
+            0 => self.imu.get(row).copied().map(Event::Imu),
+            1 => self.pings.get(row).copied().map(Event::Beams),
+            2 => self.depth.get(row).copied().map(Event::Depth),
+            3 => self.attitude.get(row).copied().map(Event::Attitude),
+            4 => self.heading.get(row).copied().map(Event::Heading),
+            _ => self.gps.get(row).copied().map(Event::Position),
+        }
+    }
+
+    /// Checks every number, and that time rises within each stream.
+    ///
+    /// # Errors
+    /// [`NavError::InRow`] that names stream, row and what is wrong with it.
+    pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
+        for stream in 0..STREAMS {
+            let mut previous_ns = None;
+            for row in 0..self.len(stream) {
+                let Some(event) = self.get(stream, row) else { break };
+                let in_row = |source| NavError::InRow {
+                    stream: STREAM_NAMES[stream],
+                    row,
+                    source: Box::new(source),
+                };
+                event.validate(geometry).map_err(in_row)?;
+                let time_ns = event.time_ns();
+                if let Some(previous_ns) = previous_ns.filter(|&previous_ns| time_ns <= previous_ns) {
+                    return Err(in_row(NavError::TimeNotIncreasing {
+                        stream: STREAM_NAMES[stream],
+                        time_ns,
+                        previous_ns,
+                    }));
+                }
+                previous_ns = Some(time_ns);
+            }
+        }
+        Ok(())
+    }
+
+    /// The events from a time on, in order of time; at the same time in order of [`STREAM_NAMES`].
+    fn events_from(&self, start_ns: i64) -> impl Iterator<Item = Event> {
+        let log = *self;
+        let mut next: [usize; STREAMS] = std::array::from_fn(|stream| {
+            let before = |row: usize| log.get(stream, row).is_some_and(|event| event.time_ns() < start_ns);
+            (0..log.len(stream)).take_while(|&row| before(row)).count()
+        });
+        std::iter::from_fn(move || {
+            let heads = (0..STREAMS).filter_map(|stream| Some((stream, log.get(stream, next[stream])?)));
+            let (stream, event) = heads.min_by_key(|(_, event)| event.time_ns())?;
+            next[stream] += 1;
+            Some(event)
+        })
+    }
+
+    /// What a replay from `start_ns` cannot use.
+    fn unused(&self, start_ns: i64, last_ns: i64) -> Unused {
+        let mut unused = Unused::default();
+        for stream in 0..STREAMS {
+            let times = (0..self.len(stream)).filter_map(|row| Some(self.get(stream, row)?.time_ns()));
+            for time_ns in times {
+                unused.before_start[stream] += usize::from(time_ns < start_ns);
+                unused.after_end[stream] += usize::from(time_ns > last_ns);
+            }
+        }
+        unused
+    }
+}
+
+/// Rows of each stream that moved no filter, in the order of [`STREAM_NAMES`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Unused {
+    /// Earlier than the start.
+    pub before_start: [usize; STREAMS],
+    /// Later than the last inertial reading, to which alone a filter can be led.
+    pub after_end: [usize; STREAMS],
+}
+
+/// What is flown along a log.
+#[derive(Debug, Clone, Copy)]
+pub struct Replay<'a> {
+    /// The log.
+    pub log: Log<'a>,
+    /// The beams.
+    pub geometry: &'a BeamGeometry,
+    /// What the filter assumes of the sensors.
+    pub model: &'a Model,
+    /// Filter options.
+    pub options: &'a Options,
+    /// State at the start.
+    pub start: NavState,
+    /// Covariance at the start; the model's without.
+    pub covariance: Option<&'a Covariance>,
+    /// Ways of aiding; each sees the valid beams of the log and no others, the reference arm too.
+    pub arms: &'a [Arm],
+    /// Times at which states are recorded, ns, rising; the first inertial reading at or after each counts.
+    pub sample_time_ns: &'a [i64],
+}
+
+/// What became of a ping.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum FixStatus {
+    /// It reached no filter, or the arm makes nothing of beams.
+    #[default]
+    None,
+    /// All of it was used.
+    Accepted,
+    /// The gate rejected some rows.
+    AcceptedInPart,
+    /// The gate rejected it.
+    Rejected,
+    /// The arm could make nothing of the beams that were left.
+    NoInformation,
+}
+
+/// The names of [`FixStatus`] in order.
+pub const FIX_STATUS: [&str; 5] = ["none", "accepted", "accepted_in_part", "rejected", "no_information"];
+
+/// What one arm made of one ping.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PingRecord {
+    /// What became of it.
+    pub status: FixStatus,
+    /// Normalised innovation squared; NaN without a fix.
+    pub nis: f64,
+    /// Its degrees of freedom.
+    pub degrees: usize,
+    /// Innovation of each beam, m/s; NaN where the beam was not a row of the update.
+    pub innovation_mps: [f64; MAX_BEAMS],
+    /// Its standard deviation by the filter, m/s.
+    pub innovation_sd_mps: [f64; MAX_BEAMS],
+    /// What was chosen, of an arm that chooses.
+    pub choice: Option<Choice>,
+}
+
+impl Default for PingRecord {
+    fn default() -> Self {
+        Self {
+            status: FixStatus::None,
+            nis: f64::NAN,
+            degrees: 0,
+            innovation_mps: [f64::NAN; MAX_BEAMS],
+            innovation_sd_mps: [f64::NAN; MAX_BEAMS],
+            choice: None,
+        }
+    }
+}
+
+impl PingRecord {
+    fn new(report: &UpdateReport, ping: &BeamSample, rows_are_beams: bool) -> Self {
+        let mut record = Self {
+            status: match report.verdict {
+                Verdict::Accepted => FixStatus::Accepted,
+                Verdict::AcceptedInPart { .. } => FixStatus::AcceptedInPart,
+                Verdict::Rejected => FixStatus::Rejected,
+                Verdict::NoInformation => FixStatus::NoInformation,
+            },
+            choice: report.choice,
+            ..Self::default()
+        };
+        if report.rows > 0 {
+            record.nis = report.nis;
+            record.degrees = report.degrees;
+        }
+        if rows_are_beams {
+            for (row, beam) in ping.valid.iter().enumerate().take(report.rows) {
+                record.innovation_mps[beam] = report.residual[row];
+                record.innovation_sd_mps[beam] = report.covariance[(row, row)].sqrt();
+            }
+        }
+        record
+    }
+}
+
+/// What one arm yields.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Track {
+    /// Estimate at each sample.
+    pub states: Vec<NavState>,
+    /// Standard deviation of each error state there.
+    pub sd: Vec<[f64; DIM]>,
+    /// A record for each ping of the log.
+    pub pings: Vec<PingRecord>,
+}
+
+/// What a replay yields.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Replayed {
+    /// A track for each arm, in their order.
+    pub tracks: Vec<Track>,
+    /// Rows that moved no filter.
+    pub unused: Unused,
+}
+
+/// Flies every arm along the log, on `threads` threads; the bits do not depend on their number.
+///
+/// Each arm ends as a [`Guide`] does that is fed the same events one by one, bit for bit.
+///
+/// # Errors
+/// [`NavError::InRow`] for a row that makes no sense; [`NavError::WrongCount`] for a log without an inertial reading after the
+/// start; [`NavError::OutsideLog`] or [`NavError::TimeNotIncreasing`] for sample times; [`NavError::InArm`] for what goes wrong
+/// under way.
+pub fn replay(request: &Replay<'_>, threads: usize) -> Result<Replayed, NavError> {
+    let (log, start_ns) = (&request.log, request.start.time_ns);
+    log.validate(request.geometry)?;
+    let last_ns = match log.imu.last() {
+        Some(last) if last.time_ns >= start_ns => last.time_ns,
+        _ => {
+            return Err(NavError::WrongCount {
+                field: "imu rows at or after the start",
+                got: 0,
+                expected: "1 or more".into(),
+            });
+        }
+    };
+    check_samples(request.sample_time_ns, start_ns, last_ns)?;
+    let mut arms = request.arms.to_vec();
+    let tracks = Workers::new(threads)?.each(&mut arms, |_, arm| {
+        fly(request, arm).map_err(|source| NavError::InArm {
+            arm: arm.name,
+            source: Box::new(source),
+        })
+    })?;
+    Ok(Replayed {
+        tracks,
+        unused: log.unused(start_ns, last_ns),
+    })
+}
+
+fn check_samples(sample_time_ns: &[i64], first_ns: i64, last_ns: i64) -> Result<(), NavError> {
+    if let Some(pair) = sample_time_ns.windows(2).find(|pair| pair[1] <= pair[0]) {
+        return Err(NavError::TimeNotIncreasing {
+            stream: "sample",
+            time_ns: pair[1],
+            previous_ns: pair[0],
+        });
+    }
+    match sample_time_ns.iter().find(|&&t| t < first_ns || t > last_ns) {
+        None => Ok(()),
+        Some(&time_ns) => Err(NavError::OutsideLog {
+            time_ns,
+            first_ns,
+            last_ns,
+        }),
+    }
+}
+
+fn fly(request: &Replay<'_>, arm: &Arm) -> Result<Track, NavError> {
+    let (model, options) = (request.model, request.options);
+    let mut guide = Guide::new(request.start, request.geometry, arm.aiding, model, options)?;
+    if let Some(covariance) = request.covariance {
+        guide.set_covariance(covariance)?;
+    }
+    let pings = request.log.pings;
+    let mut track = Track {
+        pings: vec![PingRecord::default(); pings.len()],
+        ..Track::default()
+    };
+    let mut samples = request.sample_time_ns.iter().peekable();
+    let mut reached_ns = None;
+    for event in request.log.events_from(request.start.time_ns) {
+        if let Event::Imu(reading) = event {
+            // All that was valid at the last reading has been taken by now.
+            record(&guide, reached_ns, &mut samples, &mut track);
+            reached_ns = Some(reading.time_ns);
+        }
+        guide.push(&event, &mut |report| {
+            if report.sensor == Sensor::Beams
+                && let Ok(index) = pings.binary_search_by_key(&report.time_ns, |ping| ping.time_ns)
+            {
+                track.pings[index] = PingRecord::new(report, &pings[index], arm.aiding.rows_are_beams());
+            }
+        })?;
+    }
+    record(&guide, reached_ns, &mut samples, &mut track);
+    Ok(track)
+}
+
+/// Records the state for every sample time that the last inertial reading has reached.
+fn record<'a>(
+    guide: &Guide,
+    reached_ns: Option<i64>,
+    samples: &mut std::iter::Peekable<impl Iterator<Item = &'a i64>>,
+    track: &mut Track,
+) {
+    let Some(reached_ns) = reached_ns else { return };
+    while samples.next_if(|&&sample_ns| sample_ns <= reached_ns).is_some() {
+        let covariance = guide.covariance();
+        track.states.push(guide.state());
+        track.sd.push(std::array::from_fn(|k| covariance[(k, k)].sqrt()));
+    }
+}
+
+#[cfg(test)]
+#[path = "replay_tests.rs"]
+mod tests;

@@ -1,0 +1,187 @@
+"""A log through the kernel: streaming, bit for bit; any number of threads; bad rows named."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import bottomlock
+from bottomlock.kernel import FIX_STATUS
+from tests.oracle import truth
+from tests.property import settings
+
+if TYPE_CHECKING:
+    from bottomlock._kernel import LogDict, LogStartDict, ReplayDict
+
+SECONDS = 12
+JANUS = bottomlock.BeamGeometry.janus(np.deg2rad(20), lever_arms_p_m=np.tile([-1.8, 0.0, 0.1], (4, 1)))
+SENSORS = [("dvl", 937), ("depth", 411), ("heading", 1303), ("gps", 3001)]
+
+
+def recording() -> tuple[LogDict, LogStartDict]:
+    """Streams of a figure-eight whose measurements never fall on an inertial reading; beams come and go."""
+    motion: Any = truth.make(yaw=truth.figure_eight_yaw, seconds=SECONDS, rate_hz=50.0)
+    epochs = {
+        name: np.arange(period, SECONDS * 1000, period, dtype=np.int64) * 1_000_000 + 77
+        for name, period in SENSORS
+    }
+    rng = np.random.default_rng(3)
+    valid = rng.random((len(epochs["dvl"]), 4)) < 0.7
+    schedule: Any = {
+        "dvl_time_ns": epochs["dvl"],
+        "beam_valid": valid,
+        "depth_time_ns": epochs["depth"],
+        "magnetometer_time_ns": epochs["heading"],
+        "gps_time_ns": epochs["gps"],
+        "sample_time_ns": motion["time_ns"][:1],
+    }
+    streams = bottomlock.simulate_sensors(
+        JANUS, motion, settings.table_2(), schedule, seed=1, trajectory_key=2, run=0
+    )
+    w, x, y, z = streams["magnetometer_attitude_t_p"].T
+    log: LogDict = {
+        "imu_time_ns": streams["imu_time_ns"],
+        "force_p_mps2": streams["imu_force_p_mps2"],
+        "omega_p_radps": streams["imu_rate_p_radps"],
+        "dvl_time_ns": epochs["dvl"],
+        "beam_velocity_mps": np.where(valid, streams["dvl_velocity_mps"], np.nan),
+        "beam_valid": valid,
+        "beam_sd_mps": rng.uniform(0.02, 0.08, valid.shape),
+        "depth_time_ns": epochs["depth"],
+        "depth_m": streams["depth_m"],
+        "heading_time_ns": epochs["heading"],
+        "heading_rad": np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2)),
+        "attitude_time_ns": np.empty(0, dtype=np.int64),
+        "attitude_rpy_rad": np.empty((0, 3)),
+        "gps_time_ns": epochs["gps"],
+        "gps_position_t_m": streams["gps_position_t_m"],
+    }
+    initial = streams["initial"]
+    start: LogStartDict = {
+        "time_ns": initial["time_ns"],
+        "position_t_m": initial["position_t_m"],
+        "attitude_t_p": initial["attitude_t_p"],
+        "velocity_p_mps": initial["velocity_p_mps"],
+    }
+    return log, start
+
+
+LOG, START = recording()
+
+
+def replayed(log: LogDict = LOG, arms: tuple[str, ...] = bottomlock.ARMS, **more: Any) -> ReplayDict:  # noqa: ANN401
+    return bottomlock.replay_log(
+        JANUS,
+        settings.table_2(),
+        settings.options(gate="joint"),
+        list(arms),
+        log,
+        more.pop("start", START),
+        sample_time_ns=more.pop("sample_time_ns", np.arange(1, SECONDS + 1) * 1_000_000_000),
+        **more,
+    )
+
+
+@pytest.mark.parametrize("arm", bottomlock.ARMS)
+def test_replay_is_the_streaming_navigator(arm: str) -> None:
+    """The log pushed sample by sample, in order of validity, ends in the replay's state bit for bit, NIS and all."""
+    model = settings.table_2()
+    nav = bottomlock.Navigator(JANUS, model, settings.options(gate="joint"), {**START}, arm=arm)
+    queue = [(int(t), 0, k) for k, t in enumerate(LOG["imu_time_ns"])]
+    for stream, (name, _) in enumerate(SENSORS, start=1):
+        times: Any = LOG[f"{name}_time_ns"]  # type: ignore[literal-required]
+        queue += [(int(t), stream, k) for k, t in enumerate(times)]
+    log: Any = LOG
+    nis = np.full(len(LOG["dvl_time_ns"]), np.nan)
+    for t, stream, k in sorted(queue):
+        if stream == 0:
+            reports = nav.push_imu(t, log["omega_p_radps"][k], log["force_p_mps2"][k])
+        elif stream == 1:
+            y, valid, sd = log["beam_velocity_mps"][k], log["beam_valid"][k], log["beam_sd_mps"][k]
+            reports = nav.push_beams(t, y, valid, sd_mps=sd)
+        elif stream == 2:
+            reports = nav.push_depth(t, log["depth_m"][k], sd_m=model["depth"]["sd_m"])
+        elif stream == 3:
+            reports = nav.push_heading(t, log["heading_rad"][k], sd_rad=model["magnetometer"]["yaw_sd_rad"])
+        else:
+            place = log["gps_position_t_m"][k]
+            reports = nav.push_position(t, place, position_sd_m=model["gps"]["position_sd_m"])
+        for report in reports:
+            if report["sensor"] == "beams" and len(report["residual"]):
+                nis[np.searchsorted(LOG["dvl_time_ns"], report["time_ns"])] = report["nis"]
+    out, state = replayed(arms=(arm,)), nav.state()
+    for key, value in (
+        ("position_t_m", state["position_t_m"]),
+        ("attitude_t_p", state["attitude_t_p"]),
+        ("velocity_p_mps", state["velocity_p_mps"]),
+        ("accel_bias_mps2", state["accel_bias_p_mps2"]),
+        ("gyro_bias_radps", state["gyro_bias_p_radps"]),
+        ("dvl_bias_mps", state["dvl_bias_mps"]),
+        ("dvl_scale", state["dvl_scale_factor"]),
+        ("sd", np.sqrt(np.diag(nav.covariance()))),
+    ):
+        np.testing.assert_array_equal(out[key][0, -1], value, err_msg=key)  # type: ignore[literal-required]
+    np.testing.assert_array_equal(out["nis"][0], nis)
+
+
+def test_threads_company_and_repeats_change_no_bit() -> None:
+    """Each arm flies alone: neither who else flies nor on how many threads is felt."""
+    one = replayed()
+    for other in (replayed(), replayed(threads=2), replayed(threads=5)):
+        for key, values in one.items():
+            np.testing.assert_array_equal(values, other[key], err_msg=key)  # type: ignore[literal-required]
+    alone = replayed(arms=("plcf",))
+    np.testing.assert_array_equal(alone["sd"][0], one["sd"][bottomlock.ARMS.index("plcf")])
+
+
+def test_pings_tell_what_became_of_them() -> None:
+    """TC has a row for each valid beam, LC a fix where three are valid, INS takes none."""
+    out = replayed(arms=("ins", "lc", "tc"))
+    valid: Any = LOG["beam_valid"]
+    names = np.array(FIX_STATUS)[out["fix_status"]]
+    assert set(names[0]) == {"none"}
+    assert np.isnan(out["nis"][0]).all()
+    np.testing.assert_array_equal(names[1] == "no_information", valid.sum(axis=1) < 3)
+    np.testing.assert_array_equal(np.isfinite(out["innovation_mps"][2]), valid)
+    np.testing.assert_array_equal(out["nis_dof"][2], valid.sum(axis=1))
+    assert np.isnan(out["innovation_mps"][1]).all()
+    assert out["unused"]["before_start"]["dvl"] == 0
+    assert out["sample_time_ns"][0] == 1_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"depth_m": np.full(len(LOG["depth_time_ns"]), np.nan)}, r"depth row 0: depth_m at 411000077 ns"),
+        ({"dvl_time_ns": LOG["dvl_time_ns"][::-1]}, r"dvl row 1: dvl time \d+ ns does not come after"),
+        (
+            {"beam_valid": np.ones((3, 4), dtype=bool)},
+            r"log\.beam_valid has shape \(3, 4\), expected \(12, 4\)",
+        ),
+        ({"beam_sd_mps": np.zeros((12, 4))}, r"dvl row 0: beam \d at .* standard deviation is 0"),
+        ({"imu_time_ns": LOG["imu_time_ns"] * 1.0}, r"log\.imu_time_ns has dtype float64, expected int64"),
+        (
+            {"gps_position_t_m": np.zeros((2, 3))},
+            r"log\.gps_position_t_m has shape \(2, 3\), expected \(3, 3\)",
+        ),
+    ],
+)
+def test_bad_rows_are_named(change: dict[str, Any], message: str) -> None:
+    """One line with stream, row and what was expected."""
+    with pytest.raises(bottomlock.KernelError, match=message) as caught:
+        replayed({**LOG, **change})  # type: ignore[typeddict-item]
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_keys_and_bad_starts_are_named() -> None:
+    log = {key: value for key, value in LOG.items() if key != "depth_m"}
+    with pytest.raises(bottomlock.KernelError, match="log lacks the key 'depth_m'"):
+        replayed(log)  # type: ignore[arg-type]
+    with pytest.raises(bottomlock.KernelError, match=r"start\.attitude_t_p has norm 2"):
+        replayed(start={**START, "attitude_t_p": [2.0, 0.0, 0.0, 0.0]})
+    with pytest.raises(bottomlock.KernelError, match="outside the replay"):
+        replayed(sample_time_ns=[99_000_000_000])
+    with pytest.raises(bottomlock.KernelError, match="unknown arm 'tcc'"):
+        replayed(arms=("tcc",))
