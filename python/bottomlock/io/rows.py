@@ -1,0 +1,196 @@
+"""Pings as a reader finds them, gathered to a beam table.
+
+A reader adds what a record says, with its position; here it is decided what every table promises: times that rise, a
+finite velocity where a beam is valid, and an account of whatever does not fit.
+"""
+
+import math
+from bisect import bisect_left
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from bottomlock.errors import DataError
+from bottomlock.io.beam_table import Account, BeamTable, Floats
+
+NAN = math.nan
+_EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user may ask of a reader.
+
+    Attributes:
+        instrument_only: take records without beam velocities, for the instrument's own velocity.
+        keep_stale: leave beams valid that repeat the record before.
+        negate_beams: beam velocities are positive away from the bottom in this file.
+        ignore_checksum: keep text records whose checksum does not fit, flagged.
+        topic: of a bag or MCAP file with several.
+        columns: TOML file with the column map of a table.
+    """
+
+    instrument_only: bool = False
+    keep_stale: bool = False
+    negate_beams: bool = False
+    ignore_checksum: bool = False
+    topic: str | None = None
+    columns: str | None = None
+
+
+PLAIN = Options()
+
+
+@dataclass
+class Rows:
+    """A growing table; `add` takes a ping, `finish` makes the arrays."""
+
+    beams: int
+    account: Account
+    time_ns: list[int] = field(default_factory=list)
+    position: list[int] = field(default_factory=list)
+    velocity: list[Sequence[float]] = field(default_factory=list)
+    valid: list[Sequence[bool]] = field(default_factory=list)
+    range_m: list[Sequence[float]] = field(default_factory=list)
+    quality: list[Sequence[float]] = field(default_factory=list)
+    sd: list[Sequence[float]] = field(default_factory=list)
+    instrument: list[Sequence[float]] = field(default_factory=list)
+    verdict: list[int] = field(default_factory=list)
+    arrival_ns: list[int | None] = field(default_factory=list)
+    stale: list[bool] = field(default_factory=list)
+    extra: dict[str, list[float]] = field(default_factory=dict)
+
+    def add(
+        self,
+        position: int,
+        time_ns: int,
+        velocity: Sequence[float],
+        valid: Sequence[bool],
+        *,
+        range_m: Sequence[float] | None = None,
+        quality: Sequence[float] | None = None,
+        sd: Sequence[float] | None = None,
+        instrument: Sequence[float] = (NAN, NAN, NAN),
+        verdict: int = -1,
+        arrival_ns: int | None = None,
+        stale: bool = False,
+        extra: dict[str, float] | None = None,
+    ) -> None:
+        """Takes a ping; a valid beam without a finite velocity loses its validity, and the account says so."""
+        if not _EARLIEST_NS < time_ns < _LATEST_NS:
+            self.account.skip("time out of range", position, f"{time_ns} ns")
+            return
+        if any(good and not math.isfinite(v) for v, good in zip(velocity, valid, strict=True)):
+            self.account.flag("valid beam without a finite velocity", position)
+            valid = [good and math.isfinite(v) for v, good in zip(velocity, valid, strict=True)]
+        none = (NAN,) * self.beams
+        self.position.append(position)
+        self.time_ns.append(time_ns)
+        self.velocity.append(velocity)
+        self.valid.append(valid)
+        self.range_m.append(none if range_m is None else range_m)
+        self.quality.append(none if quality is None else quality)
+        self.sd.append(none if sd is None else sd)
+        self.instrument.append(instrument)
+        self.verdict.append(verdict)
+        self.arrival_ns.append(arrival_ns)
+        self.stale.append(stale)
+        for name, value in (extra or {}).items():
+            column = self.extra.setdefault(name, [])
+            column.extend([NAN] * (len(self.time_ns) - 1 - len(column)))
+            column.append(value)
+
+    def finish(self, *, negate: bool = False) -> BeamTable:
+        """The table; rows whose time does not fit a rising sequence are left out, as few as possible.
+
+        Raises:
+            DataError: where nothing is left.
+        """
+        keep = self._rising()
+        self.account.kept = len(keep)
+        n = len(self.time_ns)
+
+        def pick(values: Sequence[Any]) -> Sequence[Any]:
+            return values if len(keep) == n else [values[k] for k in keep]
+
+        def floats(values: Sequence[Sequence[float]], width: int) -> Floats:
+            array = np.array(pick(values), dtype=np.float64).reshape(len(keep), width)
+            # An infinity is no measurement either: the table knows only numbers and none.
+            return np.where(np.isfinite(array), array, np.nan)
+
+        arrival = pick(self.arrival_ns)
+        velocity = floats(self.velocity, self.beams)
+        return BeamTable(
+            time_ns=np.array(pick(self.time_ns), dtype=np.int64),
+            velocity_mps=-velocity if negate else velocity,
+            valid=np.array(pick(self.valid), dtype=bool).reshape(len(keep), self.beams),
+            range_m=floats(self.range_m, self.beams),
+            quality=floats(self.quality, self.beams),
+            sd_mps=floats(self.sd, self.beams),
+            instrument_mps=floats(self.instrument, 3),
+            instrument_valid=np.array(pick(self.verdict), dtype=np.int8),
+            arrival_ns=None if any(t is None for t in arrival) else np.array(arrival, dtype=np.int64),
+            stale=np.array(pick(self.stale), dtype=bool),
+            extra={
+                name: floats([(v,) for v in (*column, *([NAN] * (n - len(column))))], 1)[:, 0]
+                for name, column in self.extra.items()
+            },
+        )
+
+    def _rising(self) -> Sequence[int]:
+        """Indices of the longest strictly rising run of times; the others are counted."""
+        times = self.time_ns
+        if all(a < b for a, b in zip(times, times[1:], strict=False)):
+            return range(len(times))
+        keep = longest_rising(times)
+        kept = set(keep)
+        standing = {times[k] for k in keep}
+        for k, time in enumerate(times):
+            if k not in kept:
+                reason = "time repeats" if time in standing else "time out of order"
+                self.account.skip(reason, self.position[k], f"{time} ns")
+        return keep
+
+
+def longest_rising(times: Sequence[int]) -> list[int]:
+    """Indices of a longest strictly rising subsequence (patience sorting, n log n).
+
+    One wild time in the future costs its own row, not all that follow.
+
+    >>> longest_rising([1, 2, 99, 3, 3, 4])
+    [0, 1, 3, 5]
+    """
+    tails: list[int] = []  # least time that ends a rising run of each length
+    ends: list[int] = []  # and its index
+    before = [-1] * len(times)
+    for k, time in enumerate(times):
+        place = bisect_left(tails, time)
+        if place < len(tails) and tails[place] == time:
+            continue  # the first of equal times stands
+        before[k] = ends[place - 1] if place else -1
+        tails[place : place + 1] = [time]
+        ends[place : place + 1] = [k]
+    found = []
+    k = ends[-1] if ends else -1
+    while k >= 0:
+        found.append(k)
+        k = before[k]
+    return found[::-1]
+
+
+def refuse_empty(account: Account, place: str, what: str) -> None:
+    """Raises a DataError that says what was found instead of pings, where there are none.
+
+    Raises:
+        DataError: naming the file, and why each record was skipped.
+    """
+    if account.kept:
+        return
+    reasons = [
+        f"{reason.count} {name} (first at {account.unit} {reason.first})"
+        for name, reason in {**account.skipped, **account.other}.items()
+    ]
+    found = "; ".join(reasons) if reasons else "no record of that format"
+    raise DataError(f"{place}: no {what} could be read: {found}")

@@ -1,0 +1,100 @@
+"""Lines of text records and their checksums."""
+
+from collections.abc import Iterator
+
+LONGEST_LINE = 4096
+"""No instrument's sentence is longer; what is, is not one, and is not searched."""
+
+
+def lines_of(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Lines that are not empty, with their number from 1, without line ends, blanks and NULs around them."""
+    for number, line in enumerate(data.split(b"\n"), 1):
+        text = line.strip(b"\r \t\x00")
+        if text:
+            yield number, text
+
+
+def show(line: bytes) -> str:
+    """The beginning of a line as it may stand in a report."""
+    text = line[:60].decode("ascii", "backslashreplace")
+    return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+
+
+def number(text: bytes) -> float | None:
+    """A decimal number, or None for anything else (also for the words that Python would take for one).
+
+    >>> number(b" -0.5"), number(b"nan"), number(b"1_0"), number(b"")
+    (-0.5, None, None, None)
+    """
+    if b"n" in text or b"N" in text or b"_" in text:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def whole(text: bytes) -> int | None:
+    """A whole number of at most 20 digits, or None."""
+    text = text.strip()
+    return int(text) if len(text) <= 20 and text.lstrip(b"+-").isdigit() and text.count(b"-") < 2 else None
+
+
+def xor_of(text: bytes) -> int:
+    """NMEA 0183: the exclusive or of the bytes between `$` and `*`.
+
+    >>> hex(xor_of(b"PNORBT0,1,040721,131335.3341,23.961,-48.122,-32.76800,10.00000,0.00,0x00000000"))
+    '0x48'
+    """
+    value = 0
+    for byte in text:
+        value ^= byte
+    return value
+
+
+def _crc8_table(polynomial: int) -> bytes:
+    table = []
+    for start in range(256):
+        value = start
+        for _ in range(8):
+            value = (value << 1) ^ polynomial if value & 0x80 else value << 1
+        table.append(value & 0xFF)
+    return bytes(table)
+
+
+_CRC8_07, _CRC8_31 = _crc8_table(0x107), _crc8_table(0x131)
+
+
+def _crc8(text: bytes, table: bytes) -> int:
+    value = 0
+    for byte in text:
+        value = table[value ^ byte]
+    return value
+
+
+def crc8_07(text: bytes) -> int:
+    """CRC-8, polynomial 0x07, start 0, as Water Linked computes it.
+
+    >>> hex(crc8_07(b"wru,0,0.070,1.10,-40,-95"))
+    '0x9c'
+    """
+    return _crc8(text, _CRC8_07)
+
+
+def crc8_31(text: bytes) -> int:
+    """CRC-8, polynomial 0x31, start 0, not reflected."""
+    return _crc8(text, _CRC8_31)
+
+
+def hexadecimal(text: bytes) -> int | None:
+    """Hexadecimal digits to a number, or None; without sign, blanks or underscores.
+
+    >>> hexadecimal(b"9c"), hexadecimal(b"+1"), hexadecimal(b"")
+    (156, None, None)
+    """
+    if not text or len(text) > 16 or not text.isalnum():
+        return None
+    try:
+        return int(text, 16)
+    except ValueError:
+        return None

@@ -1,0 +1,103 @@
+"""The beam table: what goes in comes out, and a table that is none is refused by name."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock.errors import DataError
+from bottomlock.io.beam_table import (
+    Account,
+    BeamTable,
+    Recording,
+    read_account,
+    read_beam_table,
+    write_recording,
+)
+from bottomlock.io.beams import read_beams
+
+
+def small() -> BeamTable:
+    """Two pings of three beams; the second has lost a beam and has no verdict."""
+    nan = np.nan
+    return BeamTable(
+        time_ns=np.array([10, 20], dtype=np.int64),
+        velocity_mps=np.array([[0.1, 0.2, 0.3], [0.4, nan, 0.6]]),
+        valid=np.array([[True, True, True], [True, False, True]]),
+        range_m=np.array([[1.0, 2.0, 3.0], [1.0, nan, 3.0]]),
+        quality=np.full((2, 3), nan),
+        sd_mps=np.array([[0.01, 0.02, 0.03], [nan, nan, nan]]),
+        instrument_mps=np.array([[1.0, 0.0, -0.1], [nan, nan, nan]]),
+        instrument_valid=np.array([1, -1], dtype=np.int8),
+        extra={"heading_rad": np.array([0.5, nan])},
+    )
+
+
+def recording(table: BeamTable) -> Recording:
+    """The table with an account of one lost record."""
+    account = Account(unit="byte", read=3, kept=table.rows)
+    account.skip("bad checksum", 117, "7f 7f")
+    return Recording("pd0", table, account, frame="ship", clock="UTC", time_of="record")
+
+
+def test_there_and_back(tmp_path: Path) -> None:
+    """Parquet holds null where the record held nothing, and reading gives the same arrays."""
+    source, to = tmp_path / "dive.pd0", tmp_path / "beams.parquet"
+    source.write_bytes(b"raw")
+    write_recording(recording(small()), to, source=source)
+    frame = pl.read_parquet(to)
+    assert frame["beam2_mps"].to_list() == [0.2, None]
+    assert frame["instrument_valid"].to_list() == [True, None]
+    assert frame["arrival_ns"].to_list() == [None, None]
+    back = read_beam_table(to)
+    for name in (
+        "time_ns",
+        "velocity_mps",
+        "valid",
+        "range_m",
+        "sd_mps",
+        "instrument_mps",
+        "instrument_valid",
+    ):
+        np.testing.assert_array_equal(getattr(back, name), getattr(small(), name))
+    np.testing.assert_array_equal(back.extra["heading_rad"], small().extra["heading_rad"])
+    assert back.arrival_ns is None
+    account = read_account(to)
+    assert account["skipped"] == {"bad checksum": {"count": 1, "first_byte": 117, "first": "7f 7f"}}
+    assert account["source_sha256"] == hashlib.sha256(b"raw").hexdigest()
+
+
+def test_the_reader_of_pings_takes_it(tmp_path: Path) -> None:
+    """`bottomlock fix` reads the columns that `convert` writes."""
+    source, to = tmp_path / "dive.pd0", tmp_path / "beams.parquet"
+    source.write_bytes(b"raw")
+    write_recording(recording(small()), to, source=source)
+    pings = read_beams(to, beams=3)
+    np.testing.assert_array_equal(pings.valid, small().valid)
+    np.testing.assert_array_equal(pings.velocity_mps, small().velocity_mps)
+
+
+def test_faults_are_named(tmp_path: Path) -> None:
+    """A table of something else, a time that stands still, a valid beam without velocity."""
+    frame = small().to_frame()
+    path = tmp_path / "b.parquet"
+    for changed, message in (
+        (frame.drop("beam2_valid"), "column 'beam2_valid' is missing"),
+        (
+            frame.with_columns(time_ns=pl.lit(5, dtype=pl.Int64)),
+            "row 1, column 'time_ns' is 5 ns and does not rise",
+        ),
+        (frame.with_columns(time_ns=pl.lit(None, dtype=pl.Int64)), "row 0, column 'time_ns' has no time"),
+        (frame.with_columns(beam2_valid=pl.lit(value=True)), "row 1, column 'beam2_mps' is not finite"),
+        (frame.with_columns(beam1_mps=pl.lit("x")), "column 'beam1_mps' is String, expected Float64"),
+    ):
+        changed.write_parquet(path)
+        with pytest.raises(DataError, match=message):
+            read_beam_table(path)
+    with pytest.raises(DataError, match="no such file"):
+        read_beam_table(tmp_path / "none.parquet")
+    path.write_bytes(b"not parquet")
+    with pytest.raises(DataError, match="cannot be read"):
+        read_beam_table(path)
