@@ -239,7 +239,7 @@ def fly(case: Case, prepared: Prepared, asked: WhatIf | None, *, threads: int = 
         make_log(case, prepared, valid),
         start,
         sample_time_ns=prepared.sample_time_ns,
-        smooth=case.replay.smooth,
+        **({"smooth": True} if case.replay.smooth else {}),
         threads=threads,
     )
     return Flight(prepared, valid, result)

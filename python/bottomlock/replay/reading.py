@@ -1,10 +1,12 @@
 """Reads the streams of a case into a `Dive`."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from bottomlock.errors import DataError
+from bottomlock.io.beam_table import read_beam_table
 from bottomlock.io.beams import Instrument, read_beams, read_geometry
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
@@ -13,11 +15,13 @@ from bottomlock.replay.dive import (
     Attitudes,
     Beams,
     Depths,
+    Dive,
     Fields,
+    Flags,
     Floats,
     Inertial,
     Positions,
-    Dive,
+    Times,
     Truthlike,
 )
 from bottomlock.replay.stream_sections import (
@@ -140,8 +144,10 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
         timed = row_times(pings.time_ns, len(pings.time_ns), dvl.clock, place=str(dvl.file))
         kept = timed.rows[:: dvl.every]
         clocks["dvl"] = replace(timed.report, kept=len(kept))
-        sd = np.broadcast_to(instrument.beam_sd_mps, (len(kept), geometry.beams))
         velocity, valid = pings.velocity_mps[kept], pings.valid[kept]
+        sd = np.broadcast_to(instrument.beam_sd_mps, velocity.shape)
+        if dvl.beam_noise_from == "recording":
+            sd = _recorded_noise(dvl.file, kept, valid)
         return Beams(timed.time_ns[:: dvl.every], velocity, valid, np.ascontiguousarray(sd))
     assert dvl.velocity is not None  # the section demands it
     values, timed, table = read_stream(dvl, dvl.velocity)
@@ -159,6 +165,19 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
     valid = np.repeat(heard[:, None], geometry.beams, axis=1)
     sd = np.broadcast_to(instrument.beam_sd_mps, projected.shape)
     return Beams(timed.time_ns, projected, valid, np.ascontiguousarray(sd), velocity_d)
+
+
+def _recorded_noise(file: Path, rows: Times, valid: Flags) -> Floats:
+    """(n, B) the instrument's own figure of merit of each beam; of lost beams, where it has none, any positive number."""
+    sd = read_beam_table(file).sd_mps[rows]
+    wrong = np.argwhere(valid & ~(sd > 0.0))
+    if wrong.size:
+        row, beam = (int(index) for index in wrong[0])
+        raise DataError(
+            f"{file}: row {rows[row]}, column 'beam{beam + 1}_sd_mps' is {sd[row, beam]}, expected more than 0: "
+            'dvl.beam_noise_from = "recording" needs it of every valid beam'
+        )
+    return np.asarray(np.where(sd > 0.0, sd, 1.0))
 
 
 def _depths(depth: DepthStream, clocks: dict[str, ClockReport]) -> Depths:
@@ -187,7 +206,7 @@ def _fields(stream: MagnetometerStream, clocks: dict[str, ClockReport]) -> Field
 
 def _coordinates(
     stream: Positioned, key: str, clocks: dict[str, ClockReport]
-) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], dict[str, Floats]]:
+) -> tuple[Times, dict[str, Floats]]:
     """Every column that a positioned stream names, by what it is, as it stands there."""
     named = {
         part: name
@@ -202,7 +221,7 @@ def _coordinates(
     return timed.time_ns, {part: values[:, k] for k, part in enumerate(named)}
 
 
-def _origin(case: Case, placed: dict[str, tuple[np.ndarray[tuple[int], np.dtype[np.int64]], dict[str, Floats]]]) -> Place | None:
+def _origin(case: Case, placed: dict[str, tuple[Times, dict[str, Floats]]]) -> Place | None:
     """Where the tangent plane touches: as the case says, else at the first latitude of the reference or the GPS."""
     said = case.origin
     if said.latitude_deg is not None and said.longitude_deg is not None:
@@ -233,7 +252,7 @@ def _tangent(stream: Positioned, table: dict[str, Floats], origin: Place | None)
 
 def _reference(
     stream: Reference,
-    placed: tuple[np.ndarray[tuple[int], np.dtype[np.int64]], dict[str, Floats]],
+    placed: tuple[Times, dict[str, Floats]],
     origin: Place | None,
     inertial: Inertial,
 ) -> Truthlike:
