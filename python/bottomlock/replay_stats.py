@@ -99,6 +99,7 @@ def ensemble_table(samples: pl.DataFrame, start_ns: int) -> pl.DataFrame:
     return table.with_columns(seconds).select(list(REPLAY_ENSEMBLE))
 
 
+_FATES = ("accepted", "in_part", "rejected")
 _NAMED = (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
 
 
@@ -107,6 +108,7 @@ def summary_table(runs: pl.DataFrame) -> pl.DataFrame:
     return runs.group_by("case", "what_if", "arm", "pass", maintain_order=True).agg(
         pl.len().alias("runs"),
         *(pl.col(name).median() for name in REPLAY_RUNS if name.endswith(("_m", "_percent", "_mps", "_deg", "_rms", "_mean"))),
+        sum((pl.col(f"fixes_{name}") for name in _FATES), pl.lit(0)).median().cast(pl.Int64).alias("fixes"),
         (pl.col("fixes_rejected").sum() / (pl.col("fixes_accepted") + pl.col("fixes_in_part") + pl.col("fixes_rejected")).sum()).alias("rejected_part"),
     )
 
