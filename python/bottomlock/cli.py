@@ -310,6 +310,11 @@ def _say(made: Report) -> None:
 app.command(
     "bottomlock.study_commands:masks", name="masks", help="Flies every partial mask, dropouts and a slope."
 )
+app.command(
+    "bottomlock.replay_commands:replay",
+    name="replay",
+    help="Navigates a recorded dive again, with fewer beams too.",
+)
 app.command("bottomlock.study_commands:certify", name="certify", help="Writes the honesty certificate.")
 
 

@@ -61,7 +61,9 @@ def read_replay(folder: Path) -> Tables:
         try:
             return pl.read_parquet(folder / f"{name}.parquet")
         except (OSError, pl.exceptions.PolarsError) as error:
-            raise DataError(f"{folder / name}.parquet: cannot be read ({str(error).splitlines()[0]})") from error
+            raise DataError(
+                f"{folder / name}.parquet: cannot be read ({str(error).splitlines()[0]})"
+            ) from error
 
     names = ("runs", "ensemble", "samples", "innovations", "pings")
     path = table("reference") if (folder / "reference.parquet").is_file() else None
@@ -107,7 +109,7 @@ def drawings(tables: Tables) -> list[Drawing]:
             validity_figure(tables.pings, start_ns, words=f"beams that returned, from beam 1 down{tail}"),
         )
     ]
-    for question in manifest["what_if"]:
+    for question, _ in manifest["what_if"]:
         samples = tables.samples.filter(pl.col("what_if") == question)
         innovations = tables.innovations.filter(pl.col("what_if") == question)
         title = f"{manifest['case'].replace('_', ' ')}, {question.replace('_', ' ')}{tail}"
@@ -137,8 +139,10 @@ def drawings(tables: Tables) -> list[Drawing]:
 
 def _near_and_far(samples: pl.DataFrame, arms: list[str]) -> tuple[list[str], list[str]]:
     """Arms that fit on one map, and those that would shrink it to a dot."""
-    end = samples.filter(pl.col("pass") == FORWARD).group_by("arm", maintain_order=True).agg(
-        (pl.col("north_m") ** 2 + pl.col("east_m") ** 2).sqrt().max().alias("reach")
+    end = (
+        samples.filter(pl.col("pass") == FORWARD)
+        .group_by("arm", maintain_order=True)
+        .agg((pl.col("north_m") ** 2 + pl.col("east_m") ** 2).sqrt().max().alias("reach"))
     )
     reach = dict(end.iter_rows())
     usual = float(end["reach"].median())  # type: ignore[arg-type]
@@ -154,9 +158,12 @@ def _content(tables: Tables) -> dict[str, Any]:
         "recorded": RECORDED,
         "summary": {
             question: list(summary.filter(pl.col("what_if") == question).iter_rows(named=True))
-            for question in manifest["what_if"]
+            for question, _ in manifest["what_if"]
         },
-        "best": {question: _best(summary.filter(pl.col("what_if") == question)) for question in manifest["what_if"]},
+        "best": {
+            question: _best(summary.filter(pl.col("what_if") == question))
+            for question, _ in manifest["what_if"]
+        },
         "arm_words": ARM_WORDS,
         "dump": json.dumps(manifest, indent=2, sort_keys=True, ensure_ascii=False),
     }

@@ -69,8 +69,14 @@ REPLAY_ENSEMBLE: Mapping[str, pl.DataType] = {
     "pass": pl.String(),
     "time_s": pl.Float64(),
     "runs": pl.Int64(),
-    **{f"{name}_rms_{unit}": pl.Float64() for name, unit in (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))},
-    **{f"{name}_sd_{unit}": pl.Float64() for name, unit in (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))},
+    **{
+        f"{name}_rms_{unit}": pl.Float64()
+        for name, unit in (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
+    },
+    **{
+        f"{name}_sd_{unit}": pl.Float64()
+        for name, unit in (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
+    },
 }
 """A row per question, arm, pass and second from the start: RMS over runs of the errors' norms, and of those claimed."""
 

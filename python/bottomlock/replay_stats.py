@@ -26,14 +26,21 @@ def _components(kind: str, what: str) -> list[str]:
 def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
     """Norms of the errors and of the claimed deviations, with the mean square of their ratio over the three axes."""
     columns = []
-    for what, unit, scale in (("position", "m", 1.0), ("velocity", "mps", 1.0), ("misalignment", "deg", DEGREES_PER_RADIAN)):
+    for what, unit, scale in (
+        ("position", "m", 1.0),
+        ("velocity", "mps", 1.0),
+        ("misalignment", "deg", DEGREES_PER_RADIAN),
+    ):
         name = "attitude" if what == "misalignment" else what
         columns += [
             (_norm("err", what) * scale).alias(f"{name}_{unit}"),
             (_norm("sd", what) * scale).alias(f"{name}_sd_{unit}"),
             (
                 sum(
-                    ((pl.col(e) / pl.col(s)) ** 2 for e, s in zip(_components("err", what), _components("sd", what), strict=True)),
+                    (
+                        (pl.col(e) / pl.col(s)) ** 2
+                        for e, s in zip(_components("err", what), _components("sd", what), strict=True)
+                    ),
                     pl.lit(0.0),
                 )
                 / 3.0
@@ -52,7 +59,9 @@ def runs_table(
     """A row per question, run, arm and pass (`replay_schema.REPLAY_RUNS`)."""
     norms = error_norms(samples)
     first, last = samples["time_ns"].min(), samples["time_ns"].max()
-    distance = None if path is None else _distance(path.filter(pl.col("time_ns").is_between(first - 10**9, last)))  # type: ignore[operator]
+    distance = (
+        None if path is None else _distance(path.filter(pl.col("time_ns").is_between(first - 10**9, last)))
+    )  # type: ignore[operator]
     table = norms.group_by(_KEYS, maintain_order=True).agg(
         pl.col("position_m").last().alias("position_final_m"),
         _rms("position_m").alias("position_rms_m"),
@@ -61,18 +70,27 @@ def runs_table(
         pl.col("attitude_deg").last().alias("attitude_final_deg"),
         _rms("attitude_deg").alias("attitude_rms_deg"),
         # The first row stands at the start, where the deviations are the start's own.
-        *(pl.col(f"{name}_ratio2").slice(1).mean().sqrt().alias(f"{name}_ratio_rms") for name in ("position", "velocity", "attitude")),
+        *(
+            pl.col(f"{name}_ratio2").slice(1).mean().sqrt().alias(f"{name}_ratio_rms")
+            for name in ("position", "velocity", "attitude")
+        ),
     )
     gate = innovations.group_by("case", "what_if", "run", "arm", maintain_order=True).agg(
         pl.col("nis").mean().alias("nis_mean"),
         pl.col("degrees").filter(pl.col("nis").is_not_null()).mean().alias("nis_degrees_mean"),
         *(
             (pl.col("status") == status).sum().cast(pl.Int64).alias(f"fixes_{name}")
-            for status, name in (("accepted", "accepted"), ("accepted_in_part", "in_part"), ("rejected", "rejected"))
+            for status, name in (
+                ("accepted", "accepted"),
+                ("accepted_in_part", "in_part"),
+                ("rejected", "rejected"),
+            )
         ),
     )
     beams = pings.with_columns(pl.sum_horizontal(pl.col("^beam[0-9]+_valid$").cast(pl.Int64)).alias("beams"))
-    returning = beams.group_by("case", "what_if", "run", maintain_order=True).agg(pl.col("beams").mean().alias("beams_mean"))
+    returning = beams.group_by("case", "what_if", "run", maintain_order=True).agg(
+        pl.col("beams").mean().alias("beams_mean")
+    )
     joined = table.join(gate, on=["case", "what_if", "run", "arm"], how="left", maintain_order="left").join(
         returning, on=["case", "what_if", "run"], how="left", maintain_order="left"
     )
@@ -107,9 +125,16 @@ def summary_table(runs: pl.DataFrame) -> pl.DataFrame:
     """A row per question, arm and pass: medians over the runs, for a terminal and a report."""
     return runs.group_by("case", "what_if", "arm", "pass", maintain_order=True).agg(
         pl.len().alias("runs"),
-        *(pl.col(name).median() for name in REPLAY_RUNS if name.endswith(("_m", "_percent", "_mps", "_deg", "_rms", "_mean"))),
+        *(
+            pl.col(name).median()
+            for name in REPLAY_RUNS
+            if name.endswith(("_m", "_percent", "_mps", "_deg", "_rms", "_mean"))
+        ),
         sum((pl.col(f"fixes_{name}") for name in _FATES), pl.lit(0)).median().cast(pl.Int64).alias("fixes"),
-        (pl.col("fixes_rejected").sum() / (pl.col("fixes_accepted") + pl.col("fixes_in_part") + pl.col("fixes_rejected")).sum()).alias("rejected_part"),
+        (
+            pl.col("fixes_rejected").sum()
+            / (pl.col("fixes_accepted") + pl.col("fixes_in_part") + pl.col("fixes_rejected")).sum()
+        ).alias("rejected_part"),
     )
 
 

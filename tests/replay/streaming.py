@@ -73,7 +73,10 @@ def stream(
             quaternion = np.roll(Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat(), 1)
             sds_of = model["magnetometer"]
             reports = navigator.push_attitude(
-                time_ns, quaternion, roll_pitch_sd_rad=sds_of["roll_pitch_sd_rad"], yaw_sd_rad=sds_of["yaw_sd_rad"]
+                time_ns,
+                quaternion,
+                roll_pitch_sd_rad=sds_of["roll_pitch_sd_rad"],
+                yaw_sd_rad=sds_of["yaw_sd_rad"],
             )
         else:
             raise AssertionError("positions without velocity are not streamed here")
@@ -82,7 +85,10 @@ def stream(
                 nis[np.searchsorted(log["dvl_time_ns"], report["time_ns"])] = report["nis"]
     record()
     return {
-        **{name: np.array([state[name] for state in states]) for name in ("position_t_m", "attitude_t_p", "velocity_p_mps")},
+        **{
+            name: np.array([state[name] for state in states])
+            for name in ("position_t_m", "attitude_t_p", "velocity_p_mps")
+        },
         "sd": np.array(sds),
         "nis": nis,
     }

@@ -131,7 +131,9 @@ def read_geometry(source: str | Path) -> Instrument:
         settings = InstrumentFile.model_validate(content)
     except ValidationError as error:
         raise ScenarioError(explain(error, place, InstrumentFile)) from error
-    mounting = np.deg2rad([settings.mounting_roll_deg, settings.mounting_pitch_deg, settings.mounting_yaw_deg])
+    mounting = np.deg2rad(
+        [settings.mounting_roll_deg, settings.mounting_pitch_deg, settings.mounting_yaw_deg]
+    )
     try:
         geometry = make_geometry(
             settings.configuration,

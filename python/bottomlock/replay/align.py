@@ -250,7 +250,7 @@ def _course(moment: _Moment) -> tuple[float, float, str]:
     across = float(np.sqrt(2.0) * max(stream.position_sd_m[:2]))
     if way < 2.0 * across:
         raise DataError(
-            f"start.heading = \"gps_course\": the antenna moved {way:.2f} m over the window, expected more than "
+            f'start.heading = "gps_course": the antenna moved {way:.2f} m over the window, expected more than '
             f"{2.0 * across:.2f} m, twice its own uncertainty: no course to take"
         )
     words = f"course of the GPS over {way:.1f} m, the bow taken to point along it"
@@ -263,7 +263,7 @@ def _gyrocompass(moment: _Moment, roll: float, pitch: float) -> tuple[float, flo
     rate = mean_over(window.omega_p_radps, "imu", moment.case.start.window_s)
     if float(np.linalg.norm(rate.value)) > STILL_RATE_RADPS:
         raise DataError(
-            f"start.heading = \"gyrocompass\": the vehicle turns {np.rad2deg(np.linalg.norm(rate.value)):.3g} deg/s over "
+            f'start.heading = "gyrocompass": the vehicle turns {np.rad2deg(np.linalg.norm(rate.value)):.3g} deg/s over '
             f"the window, expected less than {np.rad2deg(STILL_RATE_RADPS):.2g}: it needs a vehicle at rest"
         )
     north, east, _ = _level_frame(roll, pitch, rate.value)
@@ -272,7 +272,7 @@ def _gyrocompass(moment: _Moment, roll: float, pitch: float) -> tuple[float, flo
     error = float(np.hypot(moment.imu.gyro_bias_sd_radps, rate.sd.max()))
     if error > 0.5 * horizontal:
         raise DataError(
-            f"start.heading = \"gyrocompass\": the mean rate is known to {error:.2g} rad/s (bias and scatter), and the "
+            f'start.heading = "gyrocompass": the mean rate is known to {error:.2g} rad/s (bias and scatter), and the '
             f"Earth's horizontal rate here is {horizontal:.2g} rad/s, expected twice as much: the gyros are too poor, or "
             "start.window_s too short"
         )
@@ -322,7 +322,7 @@ def _velocity(moment: _Moment) -> tuple[Floats, Floats, str]:
     )
     if not np.isfinite(fix.velocity_p_mps).all():
         raise DataError(
-            f"start.velocity = \"beams\": the last ping before the start, {(moment.start_ns - beams.time_ns[row]) * 1e-9:.3f} s "
+            f'start.velocity = "beams": the last ping before the start, {(moment.start_ns - beams.time_ns[row]) * 1e-9:.3f} s '
             "before it, has too few beams for a velocity"
         )
     age = (moment.start_ns - int(beams.time_ns[row])) * 1e-9

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -145,6 +146,23 @@ class Case(Section):
         for key, there in has.items():
             if getattr(self.start, key) == FROM_REFERENCE and not there:
                 raise ValueError(f'start.{key} = "reference", but [reference] has no columns for it')
+
+    def with_overrides(
+        self, *, arms: Iterable[str] | None = None, runs: int | None = None, seed: int | None = None
+    ) -> Self:
+        """The same case with other arms, number of draws or seed.
+
+        Raises:
+            ScenarioError: for a number out of range or an unknown or repeated arm.
+        """
+        change = {"arms": None if arms is None else tuple(arms), "runs": runs, "seed": seed}
+        content = self.replay.model_dump() | {
+            key: value for key, value in change.items() if value is not None
+        }
+        try:
+            return self.model_copy(update={"replay": Settings.model_validate(content)})
+        except ValidationError as error:
+            raise ScenarioError(explain(error, f"case {self.name}: replay", Settings)) from error
 
     @property
     def semi_synthetic(self) -> tuple[str, ...]:

@@ -140,9 +140,7 @@ def _even_through(
     return even + first, float(stray[worst]) * 1e-9
 
 
-def _rising(
-    times: NDArray[np.int64], clock: Clock, place: str
-) -> tuple[NDArray[np.int64], Fault, Fault]:
+def _rising(times: NDArray[np.int64], clock: Clock, place: str) -> tuple[NDArray[np.int64], Fault, Fault]:
     """Rows whose time is later than every one before; the others counted, or refused."""
     before = np.maximum.accumulate(times)[:-1]
     rises = np.concatenate([[True], times[1:] > before])
@@ -151,7 +149,9 @@ def _rising(
     back = late[times[late] < before[late - 1]]
     if late.size and clock.unordered == "refuse":
         row = int(late[0])
-        what = "repeats the time before it" if row in same else f"goes back from {before[row - 1] * 1e-9:.6f} s"
+        what = (
+            "repeats the time before it" if row in same else f"goes back from {before[row - 1] * 1e-9:.6f} s"
+        )
         raise DataError(
             f"{place}: row {row}, {times[row] * 1e-9:.6f} s, {what} ({same.size} rows repeat a time, {back.size} go "
             'back); clock.unordered = "drop" leaves such rows out'

@@ -41,8 +41,13 @@ def samples_table(case: Case, what_if: str, flight: Flight) -> pl.DataFrame:
     for name, states in passes(flight.result).items():
         for index, arm in enumerate(case.replay.arms):
             one = {key: values[index] for key, values in states.items()}
-            columns = _keys(case, what_if, prepared, len(prepared.sample_time_ns)) | {"arm": arm, "pass": name}
-            columns |= {"time_ns": prepared.sample_time_ns} | _estimate(one, prepared.dive) | _errors(one, prepared)
+            columns = _keys(case, what_if, prepared, len(prepared.sample_time_ns)) | {
+                "arm": arm,
+                "pass": name,
+            }
+            columns |= (
+                {"time_ns": prepared.sample_time_ns} | _estimate(one, prepared.dive) | _errors(one, prepared)
+            )
             frame = pl.DataFrame(
                 {key: columns[key] for key in REPLAY_SAMPLES}, schema=dict(REPLAY_SAMPLES), strict=True
             )
@@ -77,7 +82,10 @@ def _errors(states: Mapping[str, Floats], prepared: Prepared) -> dict[str, Float
     columns: dict[str, Floats] = {}
     for k, axis in enumerate(_NED):
         columns |= {f"err_position_{axis}_m": position[:, k], f"sd_position_{axis}_m": sd[:, k]}
-        columns |= {f"err_misalignment_{axis}_rad": attitude[:, k], f"sd_misalignment_{axis}_rad": sd[:, 3 + k]}
+        columns |= {
+            f"err_misalignment_{axis}_rad": attitude[:, k],
+            f"sd_misalignment_{axis}_rad": sd[:, 3 + k],
+        }
     for k, axis in enumerate(_AXES):
         columns |= {f"err_velocity_{axis}_mps": velocity[:, k], f"sd_velocity_{axis}_mps": sd[:, 6 + k]}
     return columns

@@ -81,13 +81,21 @@ class DvlStream(Mounted):
         if self.source == "beams":
             for key in ("axes", "velocity_scale", "valid", "velocity_unit", "noise"):
                 if key in self.model_fields_set:
-                    raise ValueError(f"'{key}' belongs to source = \"velocity\"; recorded beams stay as they are")
+                    raise ValueError(
+                        f"'{key}' belongs to source = \"velocity\"; recorded beams stay as they are"
+                    )
             if "clock" in self.model_fields_set and self.clock.column is None:
-                raise ValueError("recorded beams have stamps: clock.column, in nanoseconds 'time_ns' by default")
+                raise ValueError(
+                    "recorded beams have stamps: clock.column, in nanoseconds 'time_ns' by default"
+                )
         elif "clock" not in self.model_fields_set:
             raise ValueError("source = \"velocity\" needs a 'clock'")
-        if self.beam_noise_from == "recording" and (self.source != "beams" or self.beam_noise_mps is not None):
-            raise ValueError('beam_noise_from = "recording" belongs to source = "beams" without beam_noise_mps')
+        if self.beam_noise_from == "recording" and (
+            self.source != "beams" or self.beam_noise_mps is not None
+        ):
+            raise ValueError(
+                'beam_noise_from = "recording" belongs to source = "beams" without beam_noise_mps'
+            )
         return self
 
 
@@ -110,13 +118,13 @@ class WhatIf(Section):
     def _asks_something(self) -> Self:
         if self.name == "recorded":
             raise ValueError("the name 'recorded' is taken: it is the recording with nothing lost")
-        if not (
-            self.beams_lost or self.outages or self.dropouts or self.altitude_loss or self.validity_of
-        ):
+        if not (self.beams_lost or self.outages or self.dropouts or self.altitude_loss or self.validity_of):
             raise ValueError(f"what_if '{self.name}' takes no beam away")
         for outage in self.outages:
             if not outage.to_s > outage.from_s:
-                raise ValueError(f"an outage from {outage.from_s} s to {outage.to_s} s, expected it to end later")
+                raise ValueError(
+                    f"an outage from {outage.from_s} s to {outage.to_s} s, expected it to end later"
+                )
         coming_and_going = [beam for dropout in self.dropouts for beam in dropout.beams]
         for beam in coming_and_going:
             if coming_and_going.count(beam) > 1:

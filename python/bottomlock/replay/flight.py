@@ -136,8 +136,13 @@ def _within(case: Case, dive: Dive) -> Dive:
     if case.replay.duration_s is None:
         return dive
     inertial = dive.inertial
-    rows = slice(0, int(np.searchsorted(inertial.time_ns, inertial.time_ns[0] + round(case.replay.duration_s * 1e9) + 1)))
-    shorter = type(inertial)(inertial.time_ns[rows], inertial.force_p_mps2[rows], inertial.omega_p_radps[rows])
+    rows = slice(
+        0,
+        int(np.searchsorted(inertial.time_ns, inertial.time_ns[0] + round(case.replay.duration_s * 1e9) + 1)),
+    )
+    shorter = type(inertial)(
+        inertial.time_ns[rows], inertial.force_p_mps2[rows], inertial.omega_p_radps[rows]
+    )
     return replace(dive, inertial=shorter)
 
 
@@ -199,7 +204,10 @@ def make_log(case: Case, prepared: Prepared, valid: Flags) -> dict[str, Any]:
             log |= {"heading_time_ns": dive.attitudes.time_ns[rows], "heading_rad": angles[:, 2].copy()}
     if dive.positions is not None and case.gps is not None and case.gps.aids:
         rows = heard(dive.positions.time_ns)
-        log |= {"gps_time_ns": dive.positions.time_ns[rows], "gps_position_t_m": dive.positions.position_t_m[rows]}
+        log |= {
+            "gps_time_ns": dive.positions.time_ns[rows],
+            "gps_position_t_m": dive.positions.position_t_m[rows],
+        }
     return log
 
 

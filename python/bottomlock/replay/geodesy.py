@@ -30,7 +30,9 @@ def _pymap3d() -> Any:  # noqa: ANN401 - an extra, imported when positions are g
     return pymap3d
 
 
-def tangent_from_geodetic(latitude_rad: ArrayLike, longitude_rad: ArrayLike, height_m: ArrayLike, at: Place) -> Floats:
+def tangent_from_geodetic(
+    latitude_rad: ArrayLike, longitude_rad: ArrayLike, height_m: ArrayLike, at: Place
+) -> Floats:
     """(n, 3) north, east, down in m, of the plane that touches the Earth at a place.
 
     Raises:

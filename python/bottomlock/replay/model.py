@@ -28,7 +28,9 @@ class ImuModel:
         """From a section in human units."""
         return cls(
             accel_noise_mps_rts=units.per_rt_s_from_per_rt_h(errors.accel_noise_mps_per_rt_h),
-            gyro_noise_rad_rts=units.rad_from_deg(units.per_rt_s_from_per_rt_h(errors.gyro_noise_deg_per_rt_h)),
+            gyro_noise_rad_rts=units.rad_from_deg(
+                units.per_rt_s_from_per_rt_h(errors.gyro_noise_deg_per_rt_h)
+            ),
             accel_bias_sd_mps2=units.mps2_from_mg(errors.accel_bias_mg),
             gyro_bias_sd_radps=units.radps_from_deg_per_h(errors.gyro_bias_deg_per_h),
             accel_bias_walk_mps2_rts=errors.accel_bias_walk_mps2_per_rt_s,

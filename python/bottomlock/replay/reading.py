@@ -108,7 +108,11 @@ def _inertial(imu: ImuStream, clocks: dict[str, ClockReport], notes: list[str]) 
     clocks["imu"] = timed.report
     force, rate = values[:, :3] * FORCE_SI[imu.force_unit], values[:, 3:6] * RATE_SI[imu.rate_unit]
     if any(imu.increments):
-        over_s = values[:, 6] if imu.interval is not None else np.full(len(values), 1.0 / (imu.clock.rate_hz or 1.0))
+        over_s = (
+            values[:, 6]
+            if imu.interval is not None
+            else np.full(len(values), 1.0 / (imu.clock.rate_hz or 1.0))
+        )
         wrong = np.flatnonzero(~(over_s > 0.0))
         if wrong.size:
             row = int(timed.rows[wrong[0]])
@@ -186,7 +190,9 @@ def _depths(depth: DepthStream, clocks: dict[str, ClockReport]) -> Depths:
     if depth.unit in LENGTH_SI:
         metres = values[:, 0] * LENGTH_SI[depth.unit]
     else:
-        metres = values[:, 0] * PRESSURE_SI[depth.unit] / (depth.water_density_kg_per_m3 * STANDARD_GRAVITY_MPS2)
+        metres = (
+            values[:, 0] * PRESSURE_SI[depth.unit] / (depth.water_density_kg_per_m3 * STANDARD_GRAVITY_MPS2)
+        )
     return Depths(timed.time_ns, (-metres if depth.up else metres) + depth.offset_m)
 
 
@@ -225,12 +231,16 @@ def _origin(case: Case, placed: dict[str, tuple[Times, dict[str, Floats]]]) -> P
     """Where the tangent plane touches: as the case says, else at the first latitude of the reference or the GPS."""
     said = case.origin
     if said.latitude_deg is not None and said.longitude_deg is not None:
-        return Place(float(np.deg2rad(said.latitude_deg)), float(np.deg2rad(said.longitude_deg)), said.height_m)
+        return Place(
+            float(np.deg2rad(said.latitude_deg)), float(np.deg2rad(said.longitude_deg)), said.height_m
+        )
     for key in ("reference", "gps"):
         stream = getattr(case, key)
         if stream is not None and stream.geodetic:
             table, unit = placed[key][1], ANGLE_SI[stream.angle_unit]
-            return Place(float(table["latitude"][0] * unit), float(table["longitude"][0] * unit), said.height_m)
+            return Place(
+                float(table["latitude"][0] * unit), float(table["longitude"][0] * unit), said.height_m
+            )
     return None
 
 

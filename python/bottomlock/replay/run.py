@@ -1,6 +1,7 @@
 """Replays a case: every question and draw, tables, manifest; nothing half-written, the same bits on repeat."""
 
 import hashlib
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -107,7 +108,10 @@ def describe(
         "wall_time_s": round(wall_s, 3),
         "runs": draws_of(case),
         "arms": list(case.replay.arms),
-        "what_if": {RECORDED: "nothing taken away"} | {asked.name: asked.words() for asked in case.what_if},
+        "what_if": [
+            [RECORDED, "nothing taken away"],
+            *([asked.name, asked.words()] for asked in case.what_if),
+        ],
         "semi_synthetic": list(case.semi_synthetic),
         "reference_note": "" if case.reference is None else case.reference.note,
         "has_reference": dive.reference is not None,
@@ -136,17 +140,27 @@ def _sha256(path: Path) -> str:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
 
 
-def prepare_folder(out: Path, *, force: bool = False) -> None:
-    """Makes sure that a directory is ours: new, empty, or a replay's, which is then replaced.
+def prepare_folder(out: Path, configuration: str, *, force: bool = False) -> None:
+    """Makes sure that a directory is ours: new, empty, or a replay's of the same case, which is then made anew.
+
+    With `force` another replay's files are removed.
 
     Raises:
-        OutputError: for anything else, unless `force`.
+        OutputError: for anything else in its place.
     """
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return
     manifest = read_json(out / MANIFEST) if out.is_dir() else None
-    if not out.is_dir() or ((manifest is None or manifest.get("kind") != KIND) and not force):
+    if manifest is None or manifest.get("kind") != KIND:
         raise OutputError(f"{out}: is not empty and holds no replay of ours; choose another directory")
+    if manifest.get("configuration_hash") != configuration:
+        if not force:
+            raise OutputError(
+                f"{out}: holds a replay of another configuration; choose another directory or use --force to start over"
+            )
+        shutil.rmtree(out / "figures", ignore_errors=True)
+        for name in (*(f"{table}.parquet" for table in TABLES), "reference.parquet", "report.html", MANIFEST):
+            (out / name).unlink(missing_ok=True)
 
 
 def write_replay(replayed: Replayed, out: Path) -> None:

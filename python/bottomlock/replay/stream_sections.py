@@ -250,7 +250,9 @@ class Reference(Positioned):
         if self.velocity_ned is not None and self.velocity_body is not None:
             raise ValueError("the velocity is given twice, as 'velocity_ned' and as 'velocity_body'")
         if self.velocity_ned is not None and not self.turned:
-            raise ValueError("'velocity_ned' needs 'roll', 'pitch' and 'yaw': errors are counted in platform axes")
+            raise ValueError(
+                "'velocity_ned' needs 'roll', 'pitch' and 'yaw': errors are counted in platform axes"
+            )
         if any(self.lever_arm_m) and not self.turned:
             raise ValueError("'lever_arm_m' needs 'roll', 'pitch' and 'yaw' to turn it")
         if not (self.placed or self.turned or self.velocity_body is not None):

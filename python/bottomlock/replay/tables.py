@@ -109,7 +109,9 @@ def read_stream(
     """
     place = str(stream.file)
     table = read_table(stream.file)
-    timed = row_times(column_stamps(table, stream.clock, place=place), table.height, stream.clock, place=place)
+    timed = row_times(
+        column_stamps(table, stream.clock, place=place), table.height, stream.clock, place=place
+    )
     values = np.stack([column_numbers(table, name, place=place) for name in names], axis=1)
     whole = np.isfinite(values).all(axis=1)
     hollow = timed.rows[~whole[timed.rows]]

@@ -54,7 +54,9 @@ def mounted(values: Floats, axes: Axes, mounting_rpy_rad: ArrayLike) -> Floats:
     return np.asarray(from_angles(*np.asarray(mounting_rpy_rad)).apply(flip(values, axes)))
 
 
-def platform_attitude(attitude: Rotation, frame: str, mounting_rpy_rad: ArrayLike, yaw_offset_rad: float) -> Rotation:
+def platform_attitude(
+    attitude: Rotation, frame: str, mounting_rpy_rad: ArrayLike, yaw_offset_rad: float
+) -> Rotation:
     """Attitudes of the platform from those of a sensor on it.
 
     Args:
