@@ -251,6 +251,17 @@ class ReplayDict(TypedDict):
     innovation_sd_mps: NDArray[np.float64]
     choice: NDArray[np.uint8]
     unused: dict[Literal["before_start", "after_end"], dict[str, int]]
+    covariance: NotRequired[NDArray[np.float64]]
+    smoothed_position_t_m: NotRequired[NDArray[np.float64]]
+    smoothed_attitude_t_p: NotRequired[NDArray[np.float64]]
+    smoothed_velocity_p_mps: NotRequired[NDArray[np.float64]]
+    smoothed_accel_bias_mps2: NotRequired[NDArray[np.float64]]
+    smoothed_gyro_bias_radps: NotRequired[NDArray[np.float64]]
+    smoothed_dvl_bias_mps: NotRequired[NDArray[np.float64]]
+    smoothed_dvl_scale: NotRequired[NDArray[np.float64]]
+    smoothed_sd: NotRequired[NDArray[np.float64]]
+    smoothed_covariance: NotRequired[NDArray[np.float64]]
+    smoother_bytes: NotRequired[NDArray[np.int64]]
 
 @final
 class BeamGeometry:
@@ -405,6 +416,8 @@ def replay_log(
     start: LogStartDict,
     *,
     sample_time_ns: ArrayLike,
+    smooth: bool = False,
+    covariances: bool = False,
     threads: int = 1,
 ) -> ReplayDict: ...
 def run_batch(

@@ -7,7 +7,7 @@ use bottomlock::frames::{Rot, Vec3};
 use bottomlock::imu::ImuSample;
 use bottomlock::layout::DIM;
 use bottomlock::model::Model;
-use bottomlock::replay::{self as core, Log, PingRecord, Replay, STREAM_NAMES, STREAMS, Track};
+use bottomlock::replay::{self as core, Log, PingRecord, Replay, STREAM_NAMES, STREAMS, Series, Track};
 use bottomlock::state::{Covariance, NavState};
 use numpy::Element;
 use pyo3::prelude::*;
@@ -184,18 +184,23 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
 ///     start: time_ns, position_t_m (3,), attitude_t_p (4,) scalar first, velocity_p_mps (3,); optionally accel_bias_mps2 and
 ///         gyro_bias_radps (3,), and covariance (20, 20) in place of the model's.
 ///     sample_time_ns: (T,) int64, rising; the state at the first inertial reading at or after each is recorded.
+///     smooth: also smooth every arm over the whole log (fixed interval); "consistent" cannot be, and is refused.
+///     covariances: also return the (20, 20) covariance of each sample.
 ///     threads: 0 for as many as there are cores; the bits do not depend on it.
 ///
 /// Returns:
 ///     sample_time_ns (T,), the times of the recorded states; position_t_m, velocity_p_mps, accel_bias_mps2, gyro_bias_radps
 ///     (A, T, 3), attitude_t_p (A, T, 4), dvl_bias_mps (A, T, 4), dvl_scale (A, T), sd (A, T, 20); nis (A, E), NaN without a fix,
 ///     nis_dof and fix_status (codes of FIX_STATUS) (A, E); innovation_mps and innovation_sd_mps (A, E, B), NaN where the beam
-///     was not a row; choice (A, E, 3) as in run_batch; unused, rows by stream before the start and after the end.
+///     was not a row; choice (A, E, 3) as in run_batch; unused, rows by stream before the start and after the end. With smooth the
+///     keys of the estimate and sd again with the prefix smoothed_, and smoother_bytes (A,), what each arm kept for the way back.
+///     With covariances the key covariance (A, T, 20, 20), and smoothed_covariance.
 ///
 /// Raises:
 ///     KernelError: in one line that names the field, or stream, row and time.
 #[pyfunction]
-#[pyo3(signature = (geometry, model, options, arms, log, start, *, sample_time_ns, threads=1))]
+#[pyo3(signature = (geometry, model, options, arms, log, start, *, sample_time_ns, smooth=false, covariances=false,
+    threads=1))]
 pub fn replay_log<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
@@ -205,6 +210,8 @@ pub fn replay_log<'py>(
     log: &Bound<'py, PyDict>,
     start: &Bound<'py, PyDict>,
     sample_time_ns: &Bound<'py, PyAny>,
+    smooth: bool,
+    covariances: bool,
     threads: usize,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (model, options) = (settings::model(model)?, settings::options(options)?);
@@ -225,17 +232,23 @@ pub fn replay_log<'py>(
         covariance: covariance.as_ref(),
         arms: &arms,
         sample_time_ns: &sample_time_ns,
+        smooth,
+        covariances,
     };
     let replayed = py.detach(|| core::replay(&request, threads)).map_err(raise)?;
 
     let out = PyDict::new(py);
-    let reached = replayed.tracks.first().map_or(&[][..], |track| &track.states);
+    let reached = replayed.tracks.first().map_or(&[][..], |track| &track.filtered.states);
     let reached_ns: Vec<i64> = reached.iter().map(|state| state.time_ns).collect();
     out.set_item("sample_time_ns", array(py, reached_ns, &[reached.len()])?)?;
-    let samples = sample_time_ns.len();
-    put_states(py, &out, "", &replayed.tracks, samples, |track| {
-        (&track.states, &track.sd)
-    })?;
+    put_series(&out, "", &replayed.tracks, covariances, |track| &track.filtered)?;
+    if smooth {
+        put_series(&out, "smoothed_", &replayed.tracks, covariances, |track| {
+            &track.smoothed
+        })?;
+        let bytes: Vec<i64> = replayed.tracks.iter().map(|track| track.tape_bytes as i64).collect();
+        out.set_item("smoother_bytes", array(py, bytes, &[arms.len()])?)?;
+    }
     put_pings(&out, &replayed.tracks, log.pings.len(), beams)?;
     let unused = PyDict::new(py);
     for (key, counts) in [
@@ -250,40 +263,60 @@ pub fn replay_log<'py>(
     Ok(out)
 }
 
-type Series<'a> = (&'a Vec<NavState>, &'a Vec<[f64; DIM]>);
-
-/// States of arms × samples, each key with a prefix.
-fn put_states<'py>(
-    py: Python<'py>,
-    out: &Bound<'py, PyDict>,
+/// Estimates of arms × samples, each key with a prefix.
+fn put_series(
+    out: &Bound<'_, PyDict>,
     prefix: &str,
     tracks: &[Track],
-    samples: usize,
-    of: impl Fn(&Track) -> Series<'_>,
+    covariances: bool,
+    of: impl Fn(&Track) -> &Series,
 ) -> PyResult<()> {
-    let put = |key: &str, width: &[usize], value: &dyn Fn(&NavState) -> Vec<f64>| {
-        let values: Vec<f64> = tracks
-            .iter()
-            .flat_map(|track| of(track).0.iter().flat_map(value))
-            .collect();
+    let samples = tracks.first().map_or(0, |track| of(track).states.len());
+    let put = |key: &str, width: &[usize], values: Vec<f64>| {
         let shape: Vec<usize> = [tracks.len(), samples]
             .into_iter()
             .chain(width.iter().copied())
             .collect();
-        out.set_item(format!("{prefix}{key}"), array(py, values, &shape)?)
+        out.set_item(format!("{prefix}{key}"), array(out.py(), values, &shape)?)
     };
-    put("position_t_m", &[3], &|s| s.position_t_m.to_array().to_vec())?;
-    put("attitude_t_p", &[4], &|s| s.attitude_t_p.to_quaternion_wxyz().to_vec())?;
-    put("velocity_p_mps", &[3], &|s| s.velocity_p_mps.to_array().to_vec())?;
-    put("accel_bias_mps2", &[3], &|s| s.accel_bias_p_mps2.to_array().to_vec())?;
-    put("gyro_bias_radps", &[3], &|s| s.gyro_bias_p_radps.to_array().to_vec())?;
-    put("dvl_bias_mps", &[4], &|s| s.dvl_bias_mps.as_slice().to_vec())?;
-    put("dvl_scale", &[], &|s| vec![s.dvl_scale_factor])?;
-    let sd: Vec<f64> = tracks
-        .iter()
-        .flat_map(|track| of(track).1.iter().flatten().copied())
-        .collect();
-    out.set_item(format!("{prefix}sd"), array(py, sd, &[tracks.len(), samples, DIM])?)
+    let states = |value: &dyn Fn(&NavState) -> Vec<f64>| -> Vec<f64> {
+        tracks
+            .iter()
+            .flat_map(|track| of(track).states.iter().flat_map(value))
+            .collect()
+    };
+    put("position_t_m", &[3], states(&|s| s.position_t_m.to_array().to_vec()))?;
+    put(
+        "attitude_t_p",
+        &[4],
+        states(&|s| s.attitude_t_p.to_quaternion_wxyz().to_vec()),
+    )?;
+    put(
+        "velocity_p_mps",
+        &[3],
+        states(&|s| s.velocity_p_mps.to_array().to_vec()),
+    )?;
+    put(
+        "accel_bias_mps2",
+        &[3],
+        states(&|s| s.accel_bias_p_mps2.to_array().to_vec()),
+    )?;
+    put(
+        "gyro_bias_radps",
+        &[3],
+        states(&|s| s.gyro_bias_p_radps.to_array().to_vec()),
+    )?;
+    put("dvl_bias_mps", &[4], states(&|s| s.dvl_bias_mps.as_slice().to_vec()))?;
+    put("dvl_scale", &[], states(&|s| vec![s.dvl_scale_factor]))?;
+    let sd = tracks.iter().flat_map(|track| of(track).sd.iter().flatten().copied());
+    put("sd", &[DIM], sd.collect())?;
+    if covariances {
+        let entries = tracks
+            .iter()
+            .flat_map(|track| of(track).covariances.iter().flat_map(|p| p.iter().copied()));
+        put("covariance", &[DIM, DIM], entries.collect())?;
+    }
+    Ok(())
 }
 
 /// What became of each ping, of arms × pings.

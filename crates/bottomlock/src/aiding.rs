@@ -1,5 +1,7 @@
 //! Each aiding sensor as an innovation: residual, Jacobian, noise (Eqs. 7, 18, 22 in the full form of erratum E7).
 
+mod innovation;
+
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use crate::dvl::geometry::{BeamGeometry, BeamMotion, BeamSample};
@@ -10,79 +12,10 @@ use crate::layout::{ATTITUDE, BIASED_BEAMS, DIM, DVL_BIAS, DVL_SCALE, GYRO_BIAS,
 use crate::model::{InformationPort, MAX_ROWS};
 use crate::state::NavState;
 
+pub use self::innovation::{Innovation, Repeats};
+
 /// Jacobian of up to [`MAX_ROWS`] rows.
 pub type RowJacobian = SMatrix<f64, MAX_ROWS, DIM>;
-
-/// A measurement as the filter takes it: z = H δx + n.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Innovation {
-    /// Number of rows in use.
-    pub rows: usize,
-    /// Degrees of freedom for the gate (rows that carry information).
-    pub degrees: usize,
-    /// Measured minus expected.
-    pub residual: SVector<f64, MAX_ROWS>,
-    /// H, one row per measurement row.
-    pub jacobian: RowJacobian,
-    /// Covariance of n.
-    pub noise: SMatrix<f64, MAX_ROWS, MAX_ROWS>,
-    /// E[δx nᵀ] where the noise is correlated with the state error (Eq. 26).
-    pub cross: Option<SMatrix<f64, DIM, MAX_ROWS>>,
-}
-
-impl Innovation {
-    pub(crate) fn empty() -> Self {
-        Self {
-            rows: 0,
-            degrees: 0,
-            residual: SVector::zeros(),
-            jacobian: RowJacobian::zeros(),
-            noise: SMatrix::zeros(),
-            cross: None,
-        }
-    }
-
-    fn vector(residual: Vector3<f64>, noise: &Matrix3<f64>) -> Self {
-        let mut innovation = Self {
-            rows: 3,
-            degrees: 3,
-            ..Self::empty()
-        };
-        innovation.residual.fixed_rows_mut::<3>(0).copy_from(&residual);
-        innovation.noise.fixed_view_mut::<3, 3>(0, 0).copy_from(noise);
-        innovation
-    }
-
-    fn put(&mut self, column: usize, block: &Matrix3<f64>) {
-        self.jacobian.fixed_view_mut::<3, 3>(0, column).copy_from(block);
-    }
-
-    /// The rows for which `keep` holds.
-    #[must_use]
-    pub(crate) fn select(&self, keep: impl Fn(usize) -> bool) -> Self {
-        let kept: Vec<usize> = (0..self.rows).filter(|&row| keep(row)).collect();
-        let mut out = Self {
-            rows: kept.len(),
-            degrees: kept.len(),
-            ..Self::empty()
-        };
-        for (to, &from) in kept.iter().enumerate() {
-            out.residual[to] = self.residual[from];
-            out.jacobian.set_row(to, &self.jacobian.row(from));
-            for (column, &other) in kept.iter().enumerate() {
-                out.noise[(to, column)] = self.noise[(from, other)];
-            }
-        }
-        out.cross = self.cross.map(|cross| {
-            let mut kept_cross = SMatrix::<f64, DIM, MAX_ROWS>::zeros();
-            for (to, &from) in kept.iter().enumerate() {
-                kept_cross.set_column(to, &cross.column(from));
-            }
-            kept_cross
-        });
-        out
-    }
-}
 
 /// The state of motion at a measurement.
 #[derive(Debug, Clone, Copy)]
@@ -173,7 +106,7 @@ pub fn tightly_coupled(terms: &BeamTerms, ping: &BeamSample) -> Innovation {
         residual: terms.residual.into(),
         jacobian: terms.jacobian,
         noise: terms.noise,
-        cross: None,
+        ..Innovation::empty()
     };
     all.select(|beam| ping.valid.contains(beam))
 }
@@ -255,6 +188,12 @@ pub fn loosely_coupled(
                     .fixed_columns_mut::<3>(0)
                     .copy_from(&(-p_xv * repeated.transpose()));
                 innovation.cross = Some(cross);
+                let mut by_state = RowJacobian::zeros();
+                by_state.fixed_view_mut::<3, 3>(0, VELOCITY).copy_from(&-repeated);
+                innovation.repeats = Some(Box::new(Repeats {
+                    by_state,
+                    by_water: SMatrix::zeros(),
+                }));
             }
         }
         Port::Axes => {

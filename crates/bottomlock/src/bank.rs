@@ -18,6 +18,7 @@ use crate::model::{Gate, GateTable, Model, Options};
 use crate::report::{Choice, Sensor, UpdateReport, Why};
 use crate::run::{BeamAiding, Navigator};
 use crate::state::{Covariance, NavState};
+use crate::twin::Filters;
 use crate::water_block::WaterBlock;
 
 /// The filters of the selector; the first makes no assumption.
@@ -102,6 +103,14 @@ impl Guide {
         match self {
             Self::One(navigator) => navigator,
             Self::Consistent(bank) => &bank.members[bank.chosen],
+        }
+    }
+
+    /// The filters of a guide that has one navigator; a choice has no filter of its own to smooth.
+    pub(crate) fn filters(&mut self) -> Option<&mut Filters> {
+        match self {
+            Self::One(navigator) => Some(navigator.filters()),
+            Self::Consistent(_) => None,
         }
     }
 

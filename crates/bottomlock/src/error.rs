@@ -123,6 +123,12 @@ pub enum NavError {
         /// Last inertial reading.
         last_ns: i64,
     },
+    /// An arm that no smoother can go back over.
+    #[error("a choice between filters has no smoother of its own: smooth the arms that it chooses from, {instead}")]
+    NoSmoother {
+        /// Which arms to smooth in its place.
+        instead: &'static str,
+    },
     /// An error in one arm of one run of a batch.
     #[error("run {run}, arm {arm}: {source}")]
     InRun {

@@ -1,18 +1,22 @@
 //! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
 
 mod assume;
+mod definite;
+mod record;
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, Vector3};
 
+use self::definite::require_positive_definite;
 use crate::aiding::{Innovation, Motion};
 use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
 use crate::error_model::{Coefficients, Interval, ProcessNoise};
 use crate::frames::{Rot, Vec3};
 use crate::imu::{EarthTerms, ImuSample, Inertial, Kinematics, Sampling};
-use crate::layout::{DIM, VELOCITY, block_name};
+use crate::layout::{DIM, VELOCITY};
 use crate::model::{Gate, GateTable, MAX_ROWS, Model, Options};
 use crate::report::{Sensor, UpdateReport, Verdict};
+use crate::smoother::Tape;
 use crate::state::{Covariance, ErrorVector, NavState};
 use crate::water::WATER;
 use crate::water_block::{Update, WaterBlock};
@@ -35,6 +39,8 @@ pub struct Eskf {
     covariance_period_s: f64,
     /// Further states, in the arm that makes assumptions on the motion through the water.
     water: Option<Box<WaterBlock>>,
+    /// What a smoother goes back over, where there is to be one.
+    tape: Option<Box<Tape>>,
 }
 
 impl Eskf {
@@ -61,6 +67,7 @@ impl Eskf {
             sampling: options.sampling,
             covariance_period_s: options.covariance_period_ns as f64 * 1e-9,
             water: None,
+            tape: None,
         })
     }
 
@@ -169,6 +176,7 @@ impl Eskf {
 
     fn propagate_covariance(&mut self) {
         let second_order = self.covariance_period_s > 0.0;
+        self.record_transition();
         if let Some(water) = &mut self.water {
             water.propagate(&self.interval, &self.earth, second_order);
         }
@@ -263,6 +271,7 @@ impl Eskf {
         turned.jacobian = axes * h;
         turned.noise = axes * noise * axes.transpose();
         turned.cross = Some(cross * axes.transpose());
+        turned.repeats = innovation.repeats.as_ref().map(|repeats| repeats.turned(&axes));
         self.update(&turned, sensor)
     }
 
@@ -340,6 +349,7 @@ impl Eskf {
         let updated = (joseph + joseph.transpose()) * 0.5;
         require_positive_definite(&updated, self.state.time_ns)?;
         self.covariance = updated;
+        let mut own_gain = None;
         if let Some(water) = &mut self.water {
             let update = Update {
                 z: &z,
@@ -349,7 +359,10 @@ impl Eskf {
                 reach: &reach,
                 gain: &gain,
             };
-            water.follow(&update, &shared.copied().unwrap_or_else(SMatrix::zeros));
+            own_gain = Some(water.follow(&update, &shared.copied().unwrap_or_else(SMatrix::zeros)));
+        }
+        if self.tape.is_some() {
+            self.record_update(innovation, &z, &factor, &gain, own_gain.as_ref());
         }
         self.feed_back(&(gain * z));
         Ok(report)
@@ -362,39 +375,4 @@ impl Eskf {
         self.kinematics = state.kinematics();
         self.interval.corrected();
     }
-}
-
-/// Cholesky's factorisation with frozen states (zero variance) left out.
-fn active_factor(covariance: &Covariance) -> Option<nalgebra::Cholesky<f64, nalgebra::Const<DIM>>> {
-    let mut matrix = *covariance;
-    for k in 0..DIM {
-        if matrix[(k, k)] == 0.0 && matrix.column(k).amax() == 0.0 {
-            matrix[(k, k)] = 1.0;
-        }
-    }
-    // Scaling to unit diagonal keeps metres and radians per second from hiding each other.
-    let scale = SVector::<f64, DIM>::from_fn(|k, _| {
-        if matrix[(k, k)] > 0.0 {
-            matrix[(k, k)].sqrt().recip()
-        } else {
-            0.0
-        }
-    });
-    for j in 0..DIM {
-        for i in 0..DIM {
-            matrix[(i, j)] *= scale[i] * scale[j];
-        }
-    }
-    matrix.cholesky()
-}
-
-fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<(), NavError> {
-    if active_factor(covariance).is_some() {
-        return Ok(());
-    }
-    let negative = (0..DIM).find(|&k| covariance[(k, k)] < 0.0);
-    Err(NavError::NotPositiveDefinite {
-        matrix: negative.map_or("state covariance", block_name),
-        time_ns,
-    })
 }

@@ -39,6 +39,7 @@ pub mod replay;
 pub mod report;
 pub mod run;
 pub mod sensors;
+pub mod smoother;
 pub mod state;
 mod suite;
 pub mod truth;

@@ -17,6 +17,7 @@ use crate::layout::DIM;
 use crate::model::{Model, Options};
 use crate::report::{Choice, Sensor, UpdateReport, Verdict};
 use crate::state::{Covariance, NavState};
+use crate::twin::Filters;
 use crate::workers::Workers;
 
 /// Number of streams of a log.
@@ -150,6 +151,10 @@ pub struct Replay<'a> {
     pub arms: &'a [Arm],
     /// Times at which states are recorded, ns, rising; the first inertial reading at or after each counts.
     pub sample_time_ns: &'a [i64],
+    /// Whether every arm is smoothed too.
+    pub smooth: bool,
+    /// Whether covariances are kept beside the standard deviations.
+    pub covariances: bool,
 }
 
 /// What became of a ping.
@@ -227,15 +232,40 @@ impl PingRecord {
     }
 }
 
-/// What one arm yields.
+/// Estimates at the samples.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Track {
+pub struct Series {
     /// Estimate at each sample.
     pub states: Vec<NavState>,
     /// Standard deviation of each error state there.
     pub sd: Vec<[f64; DIM]>,
+    /// Covariance there; empty where it was not asked for.
+    pub covariances: Vec<Covariance>,
+}
+
+impl Series {
+    fn push(&mut self, state: NavState, covariance: &Covariance, keep_covariance: bool) {
+        self.states.push(state);
+        // Rounding may leave a variance of zero a hair below it where the log fixes a state altogether.
+        self.sd
+            .push(std::array::from_fn(|k| covariance[(k, k)].max(0.0).sqrt()));
+        if keep_covariance {
+            self.covariances.push(*covariance);
+        }
+    }
+}
+
+/// What one arm yields.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Track {
+    /// The filter at each sample: what was known then.
+    pub filtered: Series,
+    /// What the whole log says of each sample; empty where it was not asked for.
+    pub smoothed: Series,
     /// A record for each ping of the log.
     pub pings: Vec<PingRecord>,
+    /// Bytes that the smoother's tape took.
+    pub tape_bytes: usize,
 }
 
 /// What a replay yields.
@@ -254,7 +284,7 @@ pub struct Replayed {
 /// # Errors
 /// [`NavError::InRow`] for a row that makes no sense; [`NavError::WrongCount`] for a log without an inertial reading after the
 /// start; [`NavError::OutsideLog`] or [`NavError::TimeNotIncreasing`] for sample times; [`NavError::InArm`] for what goes wrong
-/// under way.
+/// under way, and for an arm that is to be smoothed and cannot be.
 pub fn replay(request: &Replay<'_>, threads: usize) -> Result<Replayed, NavError> {
     let (log, start_ns) = (&request.log, request.start.time_ns);
     log.validate(request.geometry)?;
@@ -306,6 +336,12 @@ fn fly(request: &Replay<'_>, arm: &Arm) -> Result<Track, NavError> {
     if let Some(covariance) = request.covariance {
         guide.set_covariance(covariance)?;
     }
+    if request.smooth {
+        let filters = guide.filters().ok_or(NavError::NoSmoother {
+            instead: "tc, weak_sway, sway_current",
+        })?;
+        filters.begin_tape();
+    }
     let pings = request.log.pings;
     let mut track = Track {
         pings: vec![PingRecord::default(); pings.len()],
@@ -316,7 +352,13 @@ fn fly(request: &Replay<'_>, arm: &Arm) -> Result<Track, NavError> {
     for event in request.log.events_from(request.start.time_ns) {
         if let Event::Imu(reading) = event {
             // All that was valid at the last reading has been taken by now.
-            record(&guide, reached_ns, &mut samples, &mut track);
+            record(
+                &mut guide,
+                reached_ns,
+                &mut samples,
+                request.covariances,
+                &mut track.filtered,
+            );
             reached_ns = Some(reading.time_ns);
         }
         guide.push(&event, &mut |report| {
@@ -327,25 +369,41 @@ fn fly(request: &Replay<'_>, arm: &Arm) -> Result<Track, NavError> {
             }
         })?;
     }
-    record(&guide, reached_ns, &mut samples, &mut track);
+    record(
+        &mut guide,
+        reached_ns,
+        &mut samples,
+        request.covariances,
+        &mut track.filtered,
+    );
+    if let Some(tape) = guide.filters().and_then(Filters::take_tape) {
+        track.tape_bytes = tape.bytes();
+        for sample in tape.smooth()? {
+            track
+                .smoothed
+                .push(sample.state, &sample.covariance, request.covariances);
+        }
+    }
     Ok(track)
 }
 
 /// Records the state for every sample time that the last inertial reading has reached.
 fn record<'a>(
-    guide: &Guide,
+    guide: &mut Guide,
     reached_ns: Option<i64>,
     samples: &mut std::iter::Peekable<impl Iterator<Item = &'a i64>>,
-    track: &mut Track,
+    keep_covariances: bool,
+    filtered: &mut Series,
 ) {
     let Some(reached_ns) = reached_ns else { return };
     while samples.next_if(|&&sample_ns| sample_ns <= reached_ns).is_some() {
-        let covariance = guide.covariance();
-        track.states.push(guide.state());
-        track.sd.push(std::array::from_fn(|k| covariance[(k, k)].sqrt()));
+        filtered.push(guide.state(), &guide.covariance(), keep_covariances);
+        if let Some(filters) = guide.filters() {
+            filters.record_sample();
+        }
     }
 }
 
 #[cfg(test)]
 #[path = "replay_tests.rs"]
-mod tests;
+pub(crate) mod tests;

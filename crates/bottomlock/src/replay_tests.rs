@@ -125,6 +125,8 @@ impl Recording {
             covariance: None,
             arms: &ARMS,
             sample_time_ns,
+            smooth: false,
+            covariances: true,
         }
     }
 }
@@ -162,10 +164,14 @@ fn replay_is_streaming_bit_for_bit() {
                     })
                     .unwrap();
             }
-            assert_eq!(track.states.last(), Some(&guide.state()), "{}", arm.name);
-            let sd: [f64; DIM] = std::array::from_fn(|k| guide.covariance()[(k, k)].sqrt());
-            assert_eq!(track.sd.last(), Some(&sd), "{}", arm.name);
-            assert_eq!(track.states.len(), 3);
+            assert_eq!(track.filtered.states.last(), Some(&guide.state()), "{}", arm.name);
+            assert_eq!(
+                track.filtered.covariances.last(),
+                Some(&guide.covariance()),
+                "{}",
+                arm.name
+            );
+            assert_eq!(track.filtered.states.len(), 3);
             let seen = track.pings.iter().filter(|ping| ping.status != FixStatus::None).count();
             assert_eq!(seen, pings, "{}", arm.name);
         }
@@ -186,7 +192,7 @@ fn odd_times_cost_nothing() {
         if !matches!(arm.name, "ins" | "lc" | "tc" | "info" | "vb_exact" | "plcf") {
             continue; // These assume something of sway or heave that the turn does not do.
         }
-        let state = track.states[0];
+        let state = track.filtered.states[0];
         let angle = 0.05 * 20.0_f64;
         let place = Vec3::new(angle.sin(), 1.0 - angle.cos(), 0.0) * 40.0;
         assert!(
@@ -240,7 +246,7 @@ fn what_is_not_used_is_counted() {
     assert_eq!(out.unused.after_end[0], 0);
     assert_eq!(out.unused.after_end[1], 1);
     let tc = &out.tracks[2];
-    assert_eq!(tc.states[0].time_ns, 1_000 * MS);
+    assert_eq!(tc.filtered.states[0].time_ns, 1_000 * MS);
     let used: Vec<bool> = tc.pings.iter().map(|ping| ping.status != FixStatus::None).collect();
     assert_eq!(used, [false, true, true, false]);
 }

@@ -87,6 +87,11 @@ impl Navigator {
         &mut self.filters.beams_alone
     }
 
+    /// The filters, for a smoother.
+    pub(crate) fn filters(&mut self) -> &mut Filters {
+        &mut self.filters
+    }
+
     /// Replaces the covariance; what was assumed and learned of the motion through the water is forgotten.
     ///
     /// # Errors

@@ -8,6 +8,7 @@ use crate::error::NavError;
 use crate::filter::Eskf;
 use crate::imu::ImuSample;
 use crate::report::{Sensor, UpdateReport};
+use crate::smoother::Tape;
 use crate::water::{heave_row, sway_row};
 use crate::water_block::WaterBlock;
 
@@ -52,6 +53,30 @@ impl Filters {
         self.beams_alone.note_rate(sample);
         if let Some(filter) = &mut self.informed {
             filter.note_rate(sample);
+        }
+    }
+
+    /// Begins tapes for a smoother.
+    pub(crate) fn begin_tape(&mut self) {
+        self.beams_alone.begin_tape();
+        if let Some(filter) = &mut self.informed {
+            filter.begin_tape();
+        }
+    }
+
+    /// Marks a sample on the tapes: assumptions that begin anew take over the tape of the filter without them.
+    pub(crate) fn record_sample(&mut self) {
+        self.beams_alone.record_sample();
+        if let Some(filter) = &mut self.informed {
+            filter.record_sample();
+        }
+    }
+
+    /// Takes the tape of the filter that knows most.
+    pub(crate) fn take_tape(&mut self) -> Option<Tape> {
+        match &mut self.informed {
+            Some(filter) => filter.take_tape(),
+            None => self.beams_alone.take_tape(),
         }
     }
 

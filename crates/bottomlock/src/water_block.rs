@@ -136,8 +136,12 @@ impl WaterBlock {
         )
     }
 
-    /// Follows an update of the error state; `shared` is E[δw nᵀ].
-    pub(crate) fn follow<const M: usize>(&mut self, update: &Update<'_, M>, shared: &SMatrix<f64, WATER, M>) {
+    /// Follows an update of the error state and returns the gain; `shared` is E[δw nᵀ].
+    pub(crate) fn follow<const M: usize>(
+        &mut self,
+        update: &Update<'_, M>,
+        shared: &SMatrix<f64, WATER, M>,
+    ) -> SMatrix<f64, WATER, M> {
         let own_reach = self.cross.transpose() * update.h.transpose() + shared;
         let own_gain = update.factor.solve(&own_reach.transpose()).transpose();
         // Joseph's form in S: an error of a gain enters squared.
@@ -147,6 +151,17 @@ impl WaterBlock {
         self.own += half + half.transpose();
         let yaw_rad = (update.gain.row(ATTITUDE + 2) * update.z)[0];
         inject(&mut self.estimate, yaw_rad, &(own_gain * update.z));
+        own_gain
+    }
+
+    /// What is left of each state after `duration_s`.
+    pub(crate) fn decay(&self, duration_s: f64) -> WaterVector {
+        self.prior.decay(duration_s)
+    }
+
+    /// E[δx δwᵀ].
+    pub(crate) fn cross(&self) -> &SMatrix<f64, DIM, WATER> {
+        &self.cross
     }
 }
 

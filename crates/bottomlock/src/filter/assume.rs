@@ -3,12 +3,12 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::Eskf;
-use crate::aiding::Innovation;
+use crate::aiding::{Innovation, Repeats, RowJacobian};
 use crate::error::{NavError, require_finite};
 use crate::layout::{DIM, VELOCITY};
 use crate::model::{Gate, GateTable, MAX_ROWS};
 use crate::report::{Sensor, UpdateReport, Verdict};
-use crate::water::WaterRow;
+use crate::water::{WATER, WaterRow};
 
 /// Chi-squared of three degrees at one in a million: asked at every epoch, it must not be met by chance in a mission.
 const EXCLUDED: f64 = 30.665;
@@ -80,6 +80,12 @@ impl Eskf {
         let mut columns = SMatrix::<f64, DIM, MAX_ROWS>::zeros();
         columns.set_column(0, &cross);
         innovation.cross = Some(columns);
+        let mut by_water = SMatrix::<f64, MAX_ROWS, WATER>::zeros();
+        by_water.set_row(0, &row.by_water.transpose());
+        innovation.repeats = Some(Box::new(Repeats {
+            by_state: RowJacobian::zeros(),
+            by_water,
+        }));
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
         require_finite("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
         let report = self.fuse::<1>(&innovation, sensor, Some(&shared))?;

@@ -1,0 +1,111 @@
+//! A measurement as the filter takes it, whatever sensor it comes from.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use super::RowJacobian;
+use crate::layout::DIM;
+use crate::model::MAX_ROWS;
+use crate::water::WATER;
+
+/// A measurement as the filter takes it: z = H δx + n.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Innovation {
+    /// Number of rows in use.
+    pub rows: usize,
+    /// Degrees of freedom for the gate (rows that carry information).
+    pub degrees: usize,
+    /// Measured minus expected.
+    pub residual: SVector<f64, MAX_ROWS>,
+    /// H, one row per measurement row.
+    pub jacobian: RowJacobian,
+    /// Covariance of n.
+    pub noise: SMatrix<f64, MAX_ROWS, MAX_ROWS>,
+    /// E[δx nᵀ] where the noise is correlated with the state error (Eq. 26).
+    pub cross: Option<SMatrix<f64, DIM, MAX_ROWS>>,
+    /// Why it is, for a smoother.
+    pub repeats: Option<Box<Repeats>>,
+}
+
+/// Errors that the filter carries and that the noise repeats: n = D δx + D_w δw + independent.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Repeats {
+    /// D.
+    pub by_state: RowJacobian,
+    /// D_w, by the states of [`crate::water`].
+    pub by_water: SMatrix<f64, MAX_ROWS, WATER>,
+}
+
+impl Repeats {
+    /// The same of rows that are `axes` times these.
+    pub(crate) fn turned(&self, axes: &SMatrix<f64, MAX_ROWS, 3>) -> Box<Self> {
+        Box::new(Self {
+            by_state: axes * self.by_state.fixed_rows::<3>(0),
+            by_water: axes * self.by_water.fixed_rows::<3>(0),
+        })
+    }
+}
+
+impl Innovation {
+    pub(crate) fn empty() -> Self {
+        Self {
+            rows: 0,
+            degrees: 0,
+            residual: SVector::zeros(),
+            jacobian: RowJacobian::zeros(),
+            noise: SMatrix::zeros(),
+            cross: None,
+            repeats: None,
+        }
+    }
+
+    pub(super) fn vector(residual: Vector3<f64>, noise: &Matrix3<f64>) -> Self {
+        let mut innovation = Self {
+            rows: 3,
+            degrees: 3,
+            ..Self::empty()
+        };
+        innovation.residual.fixed_rows_mut::<3>(0).copy_from(&residual);
+        innovation.noise.fixed_view_mut::<3, 3>(0, 0).copy_from(noise);
+        innovation
+    }
+
+    pub(super) fn put(&mut self, column: usize, block: &Matrix3<f64>) {
+        self.jacobian.fixed_view_mut::<3, 3>(0, column).copy_from(block);
+    }
+
+    /// The rows for which `keep` holds.
+    #[must_use]
+    pub(crate) fn select(&self, keep: impl Fn(usize) -> bool) -> Self {
+        let kept: Vec<usize> = (0..self.rows).filter(|&row| keep(row)).collect();
+        let mut out = Self {
+            rows: kept.len(),
+            degrees: kept.len(),
+            ..Self::empty()
+        };
+        for (to, &from) in kept.iter().enumerate() {
+            out.residual[to] = self.residual[from];
+            out.jacobian.set_row(to, &self.jacobian.row(from));
+            for (column, &other) in kept.iter().enumerate() {
+                out.noise[(to, column)] = self.noise[(from, other)];
+            }
+        }
+        out.cross = self.cross.map(|cross| {
+            let mut kept_cross = SMatrix::<f64, DIM, MAX_ROWS>::zeros();
+            for (to, &from) in kept.iter().enumerate() {
+                kept_cross.set_column(to, &cross.column(from));
+            }
+            kept_cross
+        });
+        out.repeats = self.repeats.as_ref().map(|repeats| {
+            let mut selection = SMatrix::<f64, MAX_ROWS, MAX_ROWS>::zeros();
+            kept.iter()
+                .enumerate()
+                .for_each(|(to, &from)| selection[(to, from)] = 1.0);
+            Box::new(Repeats {
+                by_state: selection * repeats.by_state,
+                by_water: selection * repeats.by_water,
+            })
+        });
+        out
+    }
+}
