@@ -316,6 +316,9 @@ app.command(
     help="Navigates a recorded dive again, with fewer beams too.",
 )
 app.command("bottomlock.study_commands:certify", name="certify", help="Writes the honesty certificate.")
+app.command(
+    "bottomlock.convert_command:convert", name="convert", help="Converts a recorded DVL log to a beam table."
+)
 
 
 def _fail(message: str) -> NoReturn:

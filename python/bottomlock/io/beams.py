@@ -31,6 +31,12 @@ class Columns(BaseModel):
     velocity: tuple[str, ...] | None = None
     valid: tuple[str, ...] | None = None
     velocity_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
+    # What `bottomlock convert` keeps beside the beams; a fix needs none of it.
+    range: tuple[str, ...] | None = None
+    quality: tuple[str, ...] | None = None
+    sd: tuple[str, ...] | None = None
+    instrument: tuple[str, ...] | None = None
+    instrument_valid: str | None = None
 
 
 class InstrumentFile(BaseModel):
@@ -156,7 +162,12 @@ def read_geometry(source: str | Path) -> Instrument:
     return Instrument(geometry=geometry, beam_sd_mps=sd, columns=settings.columns, mounting_rpy_rad=mounting)
 
 
-def _table(path: Path) -> pl.DataFrame:
+def read_table(path: Path) -> pl.DataFrame:
+    """CSV (as text) or Parquet as a table.
+
+    Raises:
+        DataError: for a file that is not there or cannot be read.
+    """
     if not path.is_file():
         raise DataError(f"{path}: no such file")
     try:
@@ -193,7 +204,12 @@ def _numbers(table: pl.DataFrame, name: str, place: str, dtype: pl.DataType) -> 
 _NS = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
 
 
-def _times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int64]:
+def read_times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int64]:
+    """The times of a table, ns (n,), rising.
+
+    Raises:
+        DataError: naming row and column, for a time that is missing, repeats or goes back.
+    """
     if columns.time_unit == "ns":
         series = _numbers(table, columns.time, place, pl.Int64())
     else:
@@ -213,7 +229,21 @@ def _times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int6
     return times
 
 
-def _flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.bool_]:
+def column_numbers(table: pl.DataFrame, name: str, place: str) -> NDArray[np.float64]:
+    """A column as numbers (n,), NaN where it is empty.
+
+    Raises:
+        DataError: naming row and column, for a column that is missing or an entry that is no number.
+    """
+    return _numbers(table, name, place, pl.Float64()).fill_null(math.nan).to_numpy()
+
+
+def read_flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.bool_]:
+    """Columns of 0, 1, true or false as (n, columns).
+
+    Raises:
+        DataError: naming row and column, for anything else.
+    """
     flags = []
     for name in names:
         if name in table.columns and table[name].dtype == pl.String:
@@ -236,11 +266,11 @@ def read_validity(path: Path, *, beams: int) -> tuple[NDArray[np.int64], NDArray
         DataError: naming file, row and column: for a file that cannot be read, a missing column, a time that repeats or
             goes back, a flag that is none, or fewer than two rows.
     """
-    table = _table(path)
+    table = read_table(path)
     if table.height < 2:
         raise DataError(f"{path}: has {table.height} rows, expected 2 or more")
     names = [f"beam{k + 1}_valid" for k in range(beams)]
-    return _times(table, Columns(), str(path)), _flags(table, names, str(path))
+    return read_times(table, Columns(), str(path)), read_flags(table, names, str(path))
 
 
 def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) -> Pings:
@@ -257,7 +287,7 @@ def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) 
     """
     place = str(path)
     columns = columns or Columns()
-    table = _table(Path(path))
+    table = read_table(Path(path))
     if not table.height:
         raise DataError(f"{place}: has no rows")
     velocity_names = columns.velocity or tuple(f"beam{k + 1}_mps" for k in range(beams))
@@ -267,12 +297,12 @@ def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) 
             raise DataError(
                 f"{place}: columns.{kind} names {len(names)} columns, expected {beams}, one per beam"
             )
-    time_ns = _times(table, columns, place)
+    time_ns = read_times(table, columns, place)
     velocity = np.stack(
         [_numbers(table, n, place, pl.Float64()).fill_null(math.nan).to_numpy() for n in velocity_names],
         axis=1,
     )
-    valid = _flags(table, valid_names, place)
+    valid = read_flags(table, valid_names, place)
     wrong = np.argwhere(valid & ~np.isfinite(velocity))
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])

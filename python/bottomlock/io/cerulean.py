@@ -83,7 +83,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         clock="seconds since the instrument's start",
         time_of="record",
         quality="velocity confidence as recorded",
-        geometry="cerulean_tracker650",
+        geometry="",
         notes=[
             "the sentence has no flag: a cone counts as valid where its range confidence is 25 or more, "
             "below which the maker calls it certainly false",

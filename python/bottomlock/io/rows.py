@@ -180,6 +180,20 @@ def longest_rising(times: Sequence[int]) -> list[int]:
     return found[::-1]
 
 
+def lost(account: Account) -> str:
+    """What was skipped, as the end of a message; "" where nothing was.
+
+    >>> account = Account(unit="byte")
+    >>> account.skip("bad checksum", 446)
+    >>> lost(account)
+    '; skipped: 1 bad checksum (first at byte 446)'
+    """
+    parts = [
+        f"{reason.count} {name} (first at {account.unit} {reason.first})" for name, reason in account.skipped.items()
+    ]
+    return f"; skipped: {', '.join(parts)}" if parts else ""
+
+
 def refuse_empty(account: Account, place: str, what: str) -> None:
     """Raises a DataError that says what was found instead of pings, where there are none.
 
@@ -188,9 +202,6 @@ def refuse_empty(account: Account, place: str, what: str) -> None:
     """
     if account.kept:
         return
-    reasons = [
-        f"{reason.count} {name} (first at {account.unit} {reason.first})"
-        for name, reason in {**account.skipped, **account.other}.items()
-    ]
-    found = "; ".join(reasons) if reasons else "no record of that format"
-    raise DataError(f"{place}: no {what} could be read: {found}")
+    others = ", ".join(f"{reason.count} {name}" for name, reason in account.other.items())
+    found = f"; there are {others}" if others else ""
+    raise DataError(f"{place}: no {what} could be read{found}{lost(account)}")

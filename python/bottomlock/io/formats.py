@@ -1,0 +1,141 @@
+"""The formats that `bottomlock convert` knows, and which one a file is in."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from bottomlock.errors import DataError
+from bottomlock.io import (
+    cerulean,
+    linkquest,
+    nortek_ad2cp,
+    nortek_ascii,
+    nortek_dvl,
+    nucleus,
+    pd0,
+    pd6,
+    ros,
+    table,
+    waterlinked_json,
+    waterlinked_serial,
+)
+from bottomlock.io.beam_table import Recording
+from bottomlock.io.rows import PLAIN, Options
+from bottomlock.io.sentences import show
+
+_HEAD = 65_536
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of bytes: how it is named, what it is, and who knows and reads it."""
+
+    name: str
+    title: str
+    sniff: Callable[[bytes], bool]
+    read: Callable[[bytes, str, Options], Recording]
+
+
+@dataclass(frozen=True)
+class PathFormat:
+    """A format that a library reads from its path."""
+
+    name: str
+    title: str
+    sniff: Callable[[Path, bytes], bool]
+    read: Callable[[Path, str, Options], Recording]
+
+
+# From the surest mark to the weakest: the first that fits is taken. Nucleus before AD2CP: both begin with A5 records.
+BYTES = (
+    Format(linkquest.NAME, "LinkQuest NavQuest, CSV of a ROS log", linkquest.sniff, linkquest.read),
+    Format(nortek_ascii.NAME, "Nortek $PNORBT0, $PNORBT1", nortek_ascii.sniff, nortek_ascii.read),
+    Format(cerulean.NAME, "Cerulean Tracker 650 $DVKFC", cerulean.sniff, cerulean.read),
+    Format(waterlinked_json.NAME, "Water Linked TCP, JSON v1 to v3", waterlinked_json.sniff, waterlinked_json.read),
+    Format(waterlinked_serial.NAME, "Water Linked serial, wrz and wru", waterlinked_serial.sniff, waterlinked_serial.read),
+    Format(pd6.NAME, "Teledyne PD6 text (no beams: refused with advice)", pd6.sniff, pd6.read),
+    Format(pd6.NAME_BINARY, "Teledyne PD3, PD4, PD5 (no beams: refused)", pd6.sniff_binary, pd6.read_binary),
+    Format(nucleus.NAME, "Nortek Nucleus1000, binary", nucleus.sniff, nucleus.read),
+    Format(nortek_dvl.NAME, "Nortek DVL500/1000, DF21 and DF22", nortek_dvl.sniff, nortek_dvl.read),
+    Format(nortek_ad2cp.NAME, "Nortek AD2CP bottom track, DF20", nortek_ad2cp.sniff, nortek_ad2cp.read),
+    Format(pd0.NAME, "Teledyne PD0, bottom track", pd0.sniff, pd0.read),
+)  # fmt: skip
+PATHS = (
+    PathFormat(ros.NAME, "marine_acoustic_msgs/Dvl in ROS 1/2 bags, MCAP", ros.sniff_path, ros.read_path),
+    PathFormat(table.NAME, "CSV or Parquet, with a column map", table.sniff_path, table.read_path),
+)
+NAMES = tuple(one.name for one in (*BYTES, *PATHS))
+
+
+def _content(path: Path) -> bytes:
+    """The bytes of a file.
+
+    Raises:
+        DataError: where it cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def detect(path: Path) -> str:
+    """Name of the format that a file is in.
+
+    Raises:
+        DataError: for a file that is not there, or in none of the formats.
+    """
+    if not path.exists():
+        raise DataError(f"{path}: no such file")
+    head = b"" if path.is_dir() else _head(path)
+    for by_path in PATHS:
+        if by_path.sniff(path, head):
+            return by_path.name
+    for by_bytes in BYTES:
+        if by_bytes.sniff(head):
+            return by_bytes.name
+    if path.suffix.lower() in {".csv", ".txt"} and b"," in head.split(b"\n", 1)[0] and head.isascii():
+        columns = show(head.split(b"\n", 1)[0])
+        raise DataError(
+            f"{path}: its first line, '{columns}', names no documented columns (time_ns, beam1_mps, beam1_valid ...); "
+            "map yours with --columns MAP.toml, or name the format with --format"
+        )
+    raise DataError(
+        f"{path}: is in no format that is known by its content ({', '.join(NAMES)}); name it with --format, "
+        "or map its columns with --columns"
+    )
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with path.open("rb") as stream:
+            return stream.read(_HEAD)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def read_recording(path: str | Path, *, format: str | None = None, options: Options = PLAIN) -> Recording:  # noqa: A002
+    """The pings of a recorded file, whatever it was recorded in.
+
+    Arguments: `format` is one of `NAMES`, found from the content where it is None; a column map means a table.
+
+    Raises:
+        DataError: for a file that cannot be read, an unknown format, or a file without pings: naming the file and
+            what was found instead.
+        ScenarioError: for a bad column map.
+    """
+    place = Path(path)
+    if format is not None and format not in NAMES:
+        raise DataError(f"--format is '{format}', expected one of {', '.join(NAMES)}")
+    name = format or (table.NAME if options.columns is not None else detect(place))
+    for by_path in PATHS:
+        if by_path.name == name:
+            if not place.exists():
+                raise DataError(f"{place}: no such file")
+            return by_path.read(place, str(place), options)
+    (by_bytes,) = (one for one in BYTES if one.name == name)
+    if place.is_dir():
+        raise DataError(f"{place}: is a folder, expected a file")
+    if not place.exists():
+        raise DataError(f"{place}: no such file")
+    return by_bytes.read(_content(place), str(place), options)

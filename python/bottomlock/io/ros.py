@@ -1,0 +1,181 @@
+"""`marine_acoustic_msgs/Dvl` from ROS 1 and ROS 2 bags and MCAP files, through the library rosbags.
+
+By the message's definition its stamp is the time of validity and z points where the instrument looks. It has no
+validity per beam: a velocity that is not finite stands for a lost beam, and a variance of -1 where others have one.
+"""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bottomlock.errors import DataError
+from bottomlock.io.beam_table import Account, BeamTable, Recording
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+
+NAME = "ros"
+TYPES = ("marine_acoustic_msgs/msg/Dvl", "acoustic_msgs/msg/Dvl")
+_BEAMS = 4
+_BOTTOM, _WATER = 1, 2
+_ROS1, _MCAP, _SQLITE = b"#ROSBAG V2.0", b"\x89MCAP0\r\n", b"SQLite format 3\x00"
+# ROS 2 bags in SQLite hold no definitions: the fields as the package publishes them, for those.
+DEFINITION = """
+std_msgs/Header header
+uint8 velocity_mode
+uint8 dvl_type
+geometry_msgs/Vector3 velocity
+float64[9] velocity_covar
+float64 altitude
+float64 course_gnd
+float64 speed_gnd
+uint8 num_good_beams
+float32 sound_speed
+bool beam_ranges_valid
+bool beam_velocities_valid
+geometry_msgs/Vector3[4] beam_unit_vec
+float64[4] range
+float32[4] range_covar
+float32[4] beam_quality
+float32[4] beam_velocity
+float32[4] beam_velocity_covar
+"""
+
+
+def sniff_path(path: Path, head: bytes) -> bool:
+    """Whether a file or folder looks like a bag."""
+    return (path.is_dir() and (path / "metadata.yaml").is_file()) or head.startswith((_ROS1, _MCAP, _SQLITE))
+
+
+def typestore(latest: bool = True) -> Any:  # noqa: ANN401, FBT001, FBT002 - the library's own object
+    """The library's store of message types with ours in it.
+
+    Raises:
+        DataError: where the library is not installed.
+    """
+    try:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise DataError(
+            "bags and MCAP files need the library rosbags: python -m pip install 'bottomlock[ros]'"
+        ) from error
+    store = get_typestore(Stores.LATEST if latest else Stores.ROS1_NOETIC)
+    for name in TYPES:
+        store.register(get_types_from_msg(DEFINITION, name))
+    return store
+
+
+def _messages(path: Path, options: Options, place: str) -> Iterator[tuple[int, Any]]:
+    """Arrival time and message of the bag's only topic of these types, or of the one asked for."""
+    store = typestore()
+    from rosbags.highlevel import AnyReader  # noqa: PLC0415 - an extra; typestore has told if it is not there
+
+    with AnyReader([path], default_typestore=store) as reader:
+        connections = [c for c in reader.connections if c.msgtype in TYPES]
+        topics = sorted({c.topic for c in connections})
+        if options.topic is not None:
+            connections = [c for c in connections if c.topic == options.topic]
+        elif len(topics) > 1:
+            raise DataError(f"{place}: topics {', '.join(topics)} hold {TYPES[0]}; choose one with --topic")
+        if not connections:
+            wanted = f"topic '{options.topic}' with " if options.topic else "topic of "
+            others = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:12]) or "none"
+            raise DataError(f"{place}: no {wanted}{TYPES[0]}; topics: {others}")
+        for connection, arrival_ns, raw in reader.messages(connections=connections):
+            yield arrival_ns, reader.deserialize(raw, connection.msgtype)
+
+
+def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
+    """The pings of a bag.
+
+    Raises:
+        DataError: for a bag that the library cannot read, without or with several such topics, or without pings.
+    """
+    account = Account(unit="message")
+    rows = Rows(_BEAMS, account)
+    geometry: list[list[list[float]]] = []
+    try:
+        for position, (arrival_ns, message) in enumerate(_messages(path, options, place), 1):
+            account.read += 1
+            _add(rows, position, arrival_ns, message, geometry)
+    except DataError:
+        raise
+    # A damaged bag raises whatever the library's parts raise; the user needs the file's name and the reason.
+    except Exception as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        if not rows.time_ns:
+            raise DataError(f"{place}: cannot be read as a bag ({reason})") from error
+        account.skip("the bag breaks off here", account.read + 1, reason[:200])
+    table = rows.finish(negate=options.negate_beams)
+    refuse_empty(account, place, TYPES[0])
+    unit = np.array(geometry[0]) if geometry else np.zeros((_BEAMS, 3))
+    return Recording(
+        format=NAME,
+        table=table,
+        account=account,
+        frame="frd",
+        clock="the message's header, nanoseconds since 1970",
+        time_of="validity",
+        quality="beam_quality as recorded; its meaning is the driver's",
+        notes=_notes(table, unit, same=all(one == geometry[0] for one in geometry)),
+        facts={"beam_unit_vec": np.round(unit, 9).tolist()},
+    )
+
+
+def _add(rows: Rows, position: int, arrival_ns: int, message: Any, geometry: list[Any]) -> None:  # noqa: ANN401
+    """A message to the table."""
+    account = rows.account
+    if message.velocity_mode == _WATER:
+        account.pass_by("velocity through the water", position)
+        return
+    if message.velocity_mode != _BOTTOM:
+        account.flag("velocity mode is not stated", position, f"velocity_mode = {message.velocity_mode}")
+    stamp = message.header.stamp
+    velocity = [float(v) for v in message.beam_velocity]
+    variance = [float(v) for v in message.beam_velocity_covar]
+    ranges = [float(v) for v in message.range]
+    some_known = any(v > 0.0 for v in variance)
+    good = [
+        bool(message.beam_velocities_valid) and math.isfinite(v) and not (some_known and c < 0.0)
+        for v, c in zip(velocity, variance, strict=True)
+    ]
+    unit = [[float(b.x), float(b.y), float(b.z)] for b in message.beam_unit_vec]
+    if any(good) and not any(map(any, unit)) and not any(velocity):
+        account.flag("driver fills in no beams", position)
+        good = [False] * _BEAMS
+    if any(map(any, unit)):
+        geometry.append(unit)
+    if sum(good) != message.num_good_beams:
+        account.flag("num_good_beams disagrees with the beams", position, f"{message.num_good_beams} and {sum(good)}")
+    spread = [float(message.velocity_covar[k]) for k in (0, 4, 8)]
+    axes = (float(message.velocity.x), float(message.velocity.y), float(message.velocity.z))
+    rows.add(
+        position,
+        int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec),
+        velocity,
+        good,
+        range_m=[r if message.beam_ranges_valid and r > 0.0 else NAN for r in ranges],
+        quality=[float(q) for q in message.beam_quality],
+        sd=[math.sqrt(v) if v > 0.0 else NAN for v in variance],
+        instrument=axes,
+        verdict=int(all(math.isfinite(v) for v in axes) and message.num_good_beams >= 3),
+        arrival_ns=int(arrival_ns),
+        extra={
+            "altitude_m": float(message.altitude) if message.altitude > 0.0 else NAN,
+            "instrument_sd_mps": math.sqrt(max(spread)) if min(spread) > 0.0 else NAN,
+            "sound_speed_mps": float(message.sound_speed) if message.sound_speed > 0.0 else NAN,
+        },
+    )
+
+
+def _notes(table: BeamTable, unit: np.ndarray[Any, Any], *, same: bool) -> list[str]:
+    notes = ["the message has no flag for its velocity: it counts as valid with three good beams or more"]
+    if not same:
+        notes.append("beam_unit_vec changes within the recording: facts hold the first")
+    whole = table.valid.all(axis=1) & np.isfinite(table.instrument_mps).all(axis=1)
+    if whole.any() and unit.any():
+        expected, found = table.instrument_mps[whole] @ unit.T, table.velocity_mps[whole]
+        if float((expected * found).sum()) < -0.5 * float((expected * expected).sum()):
+            notes.append("beam velocities go against beam_unit_vec . velocity: convert with --negate-beams")
+    return notes

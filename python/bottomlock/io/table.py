@@ -1,0 +1,122 @@
+"""Plain tables, CSV or Parquet: the documented columns, or others by a column map.
+
+The map is a TOML file, or the `[columns]` of a geometry file. Signs are taken to be ours already.
+"""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+
+from bottomlock.errors import DataError, ScenarioError
+from bottomlock.faults import explain
+from bottomlock.io.beam_table import Account, Floats, Recording
+from bottomlock.io.beams import Columns, column_numbers, read_flags, read_table, read_times
+from bottomlock.io.rows import PLAIN, Options, Rows, refuse_empty
+
+NAME = "table"
+
+
+def sniff_path(path: Path, head: bytes) -> bool:
+    """Whether a file is Parquet, or CSV with the documented columns."""
+    if head.startswith(b"PAR1"):
+        return True
+    names = {name.strip() for name in head.split(b"\n", 1)[0].split(b",")}
+    return path.suffix.lower() == ".csv" and {b"time_ns", b"beam1_mps", b"beam1_valid"} <= names
+
+
+def read_map(path: Path) -> Columns:
+    """A column map from a TOML file, at its top or under `[columns]`.
+
+    Raises:
+        ScenarioError: for a file that cannot be read, ill-formed TOML, or an unknown key.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"{path}: cannot be read as text ({error})") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"{path}: not valid TOML: {error}") from error
+    try:
+        return Columns.model_validate(content.get("columns", content))
+    except ValidationError as error:
+        raise ScenarioError(explain(error, str(path), Columns)) from error
+
+
+def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
+    """A table of pings.
+
+    Raises:
+        DataError: naming file, row and column, as `read_beams`; without beam columns where the instrument's velocity
+            alone is not asked for.
+        ScenarioError: for a bad column map.
+    """
+    columns = Columns() if options.columns is None else read_map(Path(options.columns))
+    frame = read_table(path)
+    if not frame.height:
+        raise DataError(f"{place}: has no rows")
+    velocity, valid = columns.velocity, columns.valid
+    if velocity is None:
+        count = sum(f"beam{k + 1}_mps" in frame.columns for k in range(8))
+        velocity = tuple(f"beam{k + 1}_mps" for k in range(count))
+    if valid is None:
+        valid = tuple(f"beam{k + 1}_valid" for k in range(len(velocity)))
+    if len(valid) != len(velocity):
+        raise DataError(f"{place}: columns.valid names {len(valid)} columns, expected {len(velocity)}, one per beam")
+    if not velocity and not options.instrument_only:
+        known = ", ".join(frame.columns[:12])
+        raise DataError(
+            f"{place}: no beam velocities: there is no column 'beam1_mps', and no map names others (there are {known}); "
+            "record per-beam velocities, or convert the instrument's own with a map's 'instrument' and --instrument-only"
+        )
+
+    def floats(names: tuple[str, ...] | None, width: int) -> Floats:
+        if names is None:
+            return np.full((frame.height, width), np.nan)
+        if len(names) != width:
+            raise DataError(f"{place}: the column map names {', '.join(names)}, expected {width} columns")
+        parts = [column_numbers(frame, name, place) for name in names]
+        return np.stack(parts, axis=1) if parts else np.empty((frame.height, 0))
+
+    beams = len(velocity)
+    time_ns = read_times(frame, columns, place)
+    scaled = floats(velocity, beams) * columns.velocity_scale
+    flags = read_flags(frame, valid, place) if beams else np.empty((frame.height, 0), dtype=bool)
+    wrong = np.argwhere(flags & ~np.isfinite(scaled))
+    if wrong.size:
+        row, beam = (int(index) for index in wrong[0])
+        raise DataError(
+            f"{place}: row {row}, column '{velocity[beam]}' is not finite, but beam {beam + 1} is flagged valid"
+        )
+    instrument = floats(columns.instrument, 3) * columns.velocity_scale
+    verdict = (
+        None if columns.instrument_valid is None else read_flags(frame, (columns.instrument_valid,), place)[:, 0]
+    )
+    account = Account(unit="row", read=frame.height)
+    rows = Rows(beams, account)
+    per_beam = [floats(names, beams) for names in (columns.range, columns.quality, columns.sd)]
+    for k in range(frame.height):
+        rows.add(
+            k,
+            int(time_ns[k]),
+            scaled[k].tolist(),
+            flags[k].tolist(),
+            range_m=per_beam[0][k].tolist(),
+            quality=per_beam[1][k].tolist(),
+            sd=per_beam[2][k].tolist(),
+            instrument=instrument[k].tolist(),
+            verdict=-1 if verdict is None else int(verdict[k]),
+        )
+    table = rows.finish(negate=options.negate_beams)
+    refuse_empty(account, place, "row")
+    return Recording(
+        format=NAME,
+        table=table,
+        account=account,
+        frame="as recorded" if columns.instrument else "none",
+        clock=f"column '{columns.time}' in {columns.time_unit}",
+        time_of="record",
+        quality="as recorded" if columns.quality else "",
+        notes=[] if beams else ["no beam velocities: the table holds the instrument's velocity alone"],
+    )

@@ -1,0 +1,215 @@
+"""Readers of text records: documented examples, what is lost is counted with its line, nothing is made up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bottomlock.errors import DataError
+from bottomlock.io import cerulean, linkquest, nortek_ascii, pd6, waterlinked_json, waterlinked_serial
+from bottomlock.io.rows import Options
+from tools import reader_seeds as seeds
+
+
+def test_json_v1_has_no_clock() -> None:
+    """Time is the sum of the intervals; a lost beam has neither range nor validity."""
+    recording = waterlinked_json.read(seeds.a50_report(0) + seeds.a50_report(1, lost=[2]), "log")
+    table = recording.table
+    assert table.time_ns.tolist() == [100_000_000, 200_000_000]
+    assert table.valid.tolist() == [[True] * 4, [True, True, False, True]]
+    np.testing.assert_allclose(table.velocity_mps[0], [0.0, 0.1, 0.2, 0.3])
+    assert table.velocity_mps[1, 2] == 0.0, "as recorded: an instrument's zero is the audit's business"
+    assert math.isnan(table.range_m[1, 2])
+    assert table.range_m[0].tolist() == [2.0, 2.1, 2.2, 2.3]
+    assert table.instrument_mps[0].tolist() == [0.5, -0.25, 0.125]
+    assert table.instrument_valid.tolist() == [1, 1]
+    assert table.extra["beam2_noise_dbm"].tolist() == [-90.0, -90.0]
+    assert recording.time_of == "record"
+    assert "no clock" in recording.notes[0]
+
+
+def test_json_v3_has_the_time_of_validity() -> None:
+    """Microseconds since 1970; dead reckoning and velocity through the water are no pings."""
+    log = (
+        seeds.a50_report(0, version="json_v3.1")
+        + b'{"ts":1.0,"x":2.0,"type":"position_local","format":"json_v3.1"}\n'
+        + b'{"response_to":"reset_dead_reckoning","success":true,"type":"response"}\n'
+        + seeds.a50_report(1, version="json_v3.2", tracking_mode="water")
+        + seeds.a50_report(2, version="json_v3.1", type="velocity_water")
+        + seeds.a50_report(3, version="json_v3.1")
+    )
+    recording = waterlinked_json.read(log, "log")
+    assert recording.table.time_ns.tolist() == [1_638_191_471_563_017_000, 1_638_191_471_863_017_000]
+    assert recording.time_of == "validity"
+    other = {name: (one.count, one.first) for name, one in recording.account.other.items()}
+    assert other == {"position_local": (1, 2), "response": (1, 3), "velocity through the water": (2, 4)}
+
+
+def test_json_stale_repeat() -> None:
+    """A block that repeats unchanged is no new measurement; the row stays, and the user may have its beams back."""
+    log = seeds.a50_report(0) + seeds.a50_report(0) + seeds.a50_report(1)
+    recording = waterlinked_json.read(log, "log")
+    assert recording.table.stale is not None
+    assert recording.table.stale.tolist() == [False, True, False]
+    assert recording.table.beams_valid.tolist() == [4, 0, 4]
+    assert recording.account.flagged["stale repeat"].first == 2
+    kept = waterlinked_json.read(log, "log", Options(keep_stale=True))
+    assert kept.table.beams_valid.tolist() == [4, 4, 4]
+    # Beams that are all lost read alike from ping to ping without being a repeat.
+    lost = seeds.a50_report(0, lost=range(4))
+    assert "stale repeat" not in waterlinked_json.read(lost + lost, "log").account.flagged
+
+
+def test_json_merged_and_cut_lines() -> None:
+    """Two reports on a line are both read; after a report that is cut off, the next on its line is found."""
+    one, two, three = (seeds.a50_report(k).strip() for k in range(3))
+    recording = waterlinked_json.read(one + two + b"\n" + three[:90] + seeds.a50_report(3) + b'{"time":1', "log")
+    assert recording.table.velocity_mps[:, 0].tolist() == [0.0, 0.001, 0.003]
+    account = recording.account
+    assert account.flagged["merged line, all of it read"].first == 1
+    assert (account.skipped["merged line"].count, account.skipped["merged line"].first) == (1, 2)
+    assert account.skipped["truncated"].first == 3
+    assert account.read == 5
+    assert "missing from that sum" in recording.notes[1]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"transducers": 3}, "transducers are not a list"),
+        ({"transducers": [{"id": 7}]}, "transducers are not a list"),
+        ({"time": None}, "no interval"),
+        ({"time": float("nan")}, "no interval"),
+    ],
+)
+def test_json_reports_that_are_none(change: dict[str, object], reason: str) -> None:
+    """A report without what makes a ping is counted, and a log of nothing else is refused."""
+    with pytest.raises(DataError, match=f"no velocity report.*{reason}.*line 1"):
+        waterlinked_json.read(seeds.a50_report(0, **change), "log")
+
+
+def test_serial_documented_examples() -> None:
+    """The maker's examples: CRC-8 good, one measurement of four beams, time of validity 7 µs."""
+    recording = waterlinked_serial.read(seeds.SERIAL, "log")
+    table = recording.table
+    assert table.time_ns.tolist() == [7000]
+    assert table.velocity_mps.tolist() == [[0.07, -0.5, 2.2, 1.8]]
+    assert table.range_m.tolist() == [[1.1, 1.25, 1.4, 1.35]]
+    assert table.quality.tolist() == [[-40.0, -62.0, -56.0, -58.0]]
+    assert table.instrument_mps.tolist() == [[0.12, -0.4, 2.0]]
+    assert recording.account.lost == 0
+
+
+def test_serial_lost_beams_and_bad_checksums() -> None:
+    """Distance -1 is a lost beam; a changed character a bad checksum, which can be let through."""
+    lost = seeds.SERIAL.replace(b"wru,2,2.200,1.40,-56,-98*18\r\n", seeds.wl_sentence(b"wru,2,0.000,-1.00,-56,-98"))
+    assert waterlinked_serial.read(lost, "log").table.valid.tolist() == [[True, True, False, True]]
+    bad = seeds.SERIAL.replace(b"2.200", b"2.300")
+    recording = waterlinked_serial.read(bad, "log")
+    assert recording.table.valid.tolist() == [[True, True, False, True]]
+    assert recording.account.skipped["bad checksum"].first == 4
+    assert recording.account.flagged["transducer report missing"].count == 1
+    trusted = waterlinked_serial.read(bad, "log", Options(ignore_checksum=True))
+    assert trusted.table.velocity_mps[0, 2] == 2.3
+    assert trusted.account.flagged["bad checksum, kept as asked"].count == 1
+
+
+@pytest.mark.parametrize(
+    ("sentence", "good"),
+    [(b"wrx,125,0.05,0.01,0.001,0.5,0.1,y*6e", False), (b"wrx,112.83,0.007,0.017,0.006,0.000,0.93,y,0*d2", True)],
+)
+def test_serial_deprecated(sentence: bytes, good: bool) -> None:
+    """`wrx` alone has no beams: refused with advice, or the instrument's velocity; one of seven fields is told."""
+    if good:
+        with pytest.raises(DataError, match="no beams.*firmware to 2.1"):
+            waterlinked_serial.read(sentence, "log")
+        table = waterlinked_serial.read(sentence, "log", Options(instrument_only=True)).table
+        assert table.beams == 0
+        assert table.instrument_mps.tolist() == [[0.007, 0.017, 0.006]]
+    else:
+        with pytest.raises(DataError, match=r"velocity report with wrong fields \(first at line 1\)"):
+            waterlinked_serial.read(sentence, "log")
+
+
+def test_serial_merged_line() -> None:
+    """A sentence that runs into the next: the first is counted, the second is read."""
+    log = b"wrz,0.12,-0.4" + seeds.SERIAL
+    recording = waterlinked_serial.read(log, "log")
+    assert recording.table.rows == 1
+    assert recording.account.skipped["merged line"].first == 1
+
+
+def test_pnorbt_plain_and_tagged() -> None:
+    """Both forms give the same ping; the recorded example is a beam without bottom."""
+    plain = b"".join(seeds.pnorbt(k, tagged=False, velocity=0.1 * k) for k in range(1, 5))
+    tagged = b"".join(seeds.pnorbt(k, tagged=True, velocity=0.1 * k) for k in range(1, 5))
+    for log in (plain, tagged):
+        table = nortek_ascii.read(log, "log").table
+        # 7 April 2021 13:13:35.3341: the date is MMDDYY.
+        assert table.time_ns.tolist() == [1_617_801_215_334_100_000]
+        np.testing.assert_allclose(table.velocity_mps, [[0.1, 0.2, 0.3, 0.4]])
+        np.testing.assert_allclose(table.range_m, 5.0 / math.cos(math.radians(25.0)))
+        np.testing.assert_allclose(table.extra["beam3_delay_s"], 0.023961)
+    table = nortek_ascii.read(seeds.PNORBT0, "log").table
+    assert table.valid.tolist() == [[False]]
+    assert np.isnan([table.velocity_mps, table.range_m, table.sd_mps]).all()
+
+
+def test_pnorbt_missing_line() -> None:
+    """A beam whose line is lost is lost; the ping says so."""
+    lines = [seeds.pnorbt(k, tagged=False, second=s) for s in (1.0, 2.0) for k in range(1, 5)]
+    lines[5] = lines[5].replace(b"0.25", b"0.35")
+    recording = nortek_ascii.read(b"".join(lines), "log")
+    assert recording.table.valid.tolist() == [[True] * 4, [True, False, True, True]]
+    assert recording.account.skipped["bad checksum"].first == 6
+    assert recording.account.flagged["beam line missing"].first == 5
+
+
+def test_dvkfc_documented_example() -> None:
+    """Three cones; range confidences under 25 are no detections, as the maker says."""
+    recording = cerulean.read(seeds.DVKFC, "log")
+    table = recording.table
+    assert table.time_ns.tolist() == [3_801_552_000_000]
+    assert table.beams == 3
+    assert table.valid.tolist() == [[False] * 3]
+    np.testing.assert_allclose(table.quality, 6.283185)
+    better = seeds.DVKFC.replace(b"3.450820,0.000000", b"125.0000,-0.75000").strip()[1:-3]
+    table = cerulean.read(seeds.nmea(better), "log").table
+    assert table.valid.tolist() == [[False, True, False]]
+    assert table.velocity_mps[0, 1] == -0.75
+    with pytest.raises(DataError, match="1 bad checksum"):
+        cerulean.read(seeds.DVKFC.replace(b"*2A", b"*2B"), "log")
+
+
+def test_linkquest_signs() -> None:
+    """z up as recorded: beams negated and (x, -y, -z), so that b . v holds with the packaged geometry."""
+    recording = linkquest.read(seeds.linkquest_log(), "log")
+    table = recording.table
+    np.testing.assert_allclose(table.velocity_mps[0], [-0.1, 0.2, 0.3, -0.4])
+    np.testing.assert_allclose(table.instrument_mps[0], [0.5, 0.6, -0.07])
+    assert table.valid.tolist() == [[True] * 4, [False, True, True, True]]
+    assert math.isnan(table.range_m[1, 0])
+    assert table.arrival_ns is not None
+    assert (table.arrival_ns - table.time_ns).tolist() == [800_000, 800_000]
+    cut = seeds.linkquest_log(3).splitlines()
+    log = b"\n".join([cut[0], cut[1], cut[2][:40], cut[3] + cut[3]])
+    account = linkquest.read(log, "log").account
+    assert (account.skipped["truncated"].first, account.skipped["merged line"].first) == (3, 4)
+
+
+def test_pd6_is_refused_with_advice() -> None:
+    """No beams in PD6: the message counts what is there and says what to change."""
+    with pytest.raises(DataError, match=r"PD6 holds no beam velocities \(1 velocities :BI, 1 of them valid\); set the instr"):
+        pd6.read(seeds.PD6, "log")
+    recording = pd6.read(seeds.PD6_LOGGED, "log", Options(instrument_only=True))
+    np.testing.assert_allclose(recording.table.instrument_mps, [[-0.032, 0.022, np.nan]])
+    assert recording.table.instrument_valid.tolist() == [0]
+    assert recording.table.time_ns.tolist() == [1_762_421_966_540_000_000]
+
+
+def test_pd4_is_refused_with_advice() -> None:
+    """Binary records without beams are counted too."""
+    with pytest.raises(DataError, match=r"hold no beam velocities \(2 PD4 or PD5 records\); set the instrument to PD0"):
+        pd6.read_binary(seeds.pd4() + b"\x7d" + seeds.pd4(), "log")

@@ -1,0 +1,245 @@
+"""Small records of every format, made here: what tests of the readers and the fuzzer start from.
+
+The writers below are the formats' documents turned round, and share no code with the readers.
+"""
+
+import json
+import struct
+from collections.abc import Sequence
+
+SERIAL = (
+    b"wrz,0.120,-0.400,2.000,y,1.30,1.855,1e-07;0;1.4;0;1.2;0;0.2;0;1e+09,7,14,123.00,1*50\r\n"
+    b"wru,0,0.070,1.10,-40,-95*9c\r\n"
+    b"wru,1,-0.500,1.25,-62,-104*f0\r\n"
+    b"wru,2,2.200,1.40,-56,-98*18\r\n"
+    b"wru,3,1.800,1.35,-58,-96*a3\r\n"
+)
+"""The maker's documented examples of one measurement."""
+SERIAL_OLD = b"wrx,112.83,0.007,0.017,0.006,0.000,0.93,y,0*d2\r\nwrt,15.00,15.20,14.90,-1.00*71\r\n"
+DVKFC = (
+    b"$DVKFC,24577,35060,0.100000,3801.552000,[A],60,1000,0.500000,4.381214,0.000000,6.283185,"
+    b"[B],60,1000,0.500000,3.450820,0.000000,6.283185,[C],60,1000,0.500000,3.839504,0.000000,6.283185,0x0055AAFF*2A\r\n"
+)
+"""The maker's documented example."""
+PNORBT0 = b"$PNORBT0,1,040721,131335.3341,23.961,-48.122,-32.76800,10.00000,0.00,0x00000000*48\r\n"
+"""A recorded example, of a beam without bottom."""
+
+
+def crc8(text: bytes, polynomial: int = 0x07) -> int:
+    """CRC-8 bit by bit."""
+    value = 0
+    for byte in text:
+        value ^= byte
+        for _ in range(8):
+            value = (value << 1 ^ polynomial) & 0xFF if value & 0x80 else value << 1
+    return value
+
+
+def wl_sentence(text: bytes) -> bytes:
+    """A Water Linked sentence with its checksum."""
+    return text + b"*%02x\r\n" % crc8(text)
+
+
+def nmea(text: bytes) -> bytes:
+    """A sentence with `$` and the exclusive or."""
+    value = 0
+    for byte in text:
+        value ^= byte
+    return b"$" + text + b"*%02X\r\n" % value
+
+
+def a50_report(step: int, *, version: str = "json_v1", lost: Sequence[int] = (), **changed: object) -> bytes:
+    """One line of the TCP stream; every report differs from the one before."""
+    transducers = [
+        {
+            "id": k,
+            "velocity": 0.0 if k in lost else 0.1 * k + 0.001 * step,
+            "distance": -1.0 if k in lost else 2.0 + 0.1 * k,
+            "rssi": -30.0 - k,
+            "nsd": -90.0,
+            "beam_valid": k not in lost,
+        }
+        for k in range(4)
+    ]
+    report: dict[str, object] = {
+        "time": 100.0,
+        "vx": 0.5,
+        "vy": -0.25,
+        "vz": 0.125,
+        "fom": 0.002,
+        "altitude": 1.8,
+        "transducers": transducers,
+        "velocity_valid": len(lost) < 2,
+        "status": 0,
+        "format": version,
+    }
+    if version != "json_v1":
+        report["type"] = "velocity"
+    if version.startswith("json_v3"):
+        report["time_of_validity"] = 1_638_191_471_563_017 + 100_000 * step
+        report["time_of_transmission"] = 1_638_191_471_752_336 + 100_000 * step
+    return json.dumps(report | changed, separators=(",", ":")).encode() + b"\n"
+
+
+def linkquest_log(rows: int = 2) -> bytes:
+    """A header as the recording has it, and pings of a + Janus, the second without beam 1."""
+    four = range(4)
+    names = ["%time", "field.header.seq", "field.header.stamp"]
+    names += [f"field.dataGood{k}" for k in four] + [f"field.altitudeBeam{k}" for k in four]
+    names += [f"field.bottomVelocityBeam{k}" for k in four] + [f"field.velocityInst{k}" for k in range(3)]
+    names += ["field.velocityInstFlag", "field.altitude", "field.soundSpeed"]
+    lines = [",".join(names)]
+    for row in range(rows):
+        good = int(row != 1)
+        stamp = 1372687208633787539 + row * 350_000_000
+        values = [stamp + 800_000, 1245 + row, stamp, good, 1, 1, 1, 2.0 * good, 2.1, 2.2, 2.3]
+        values += [0.1 * good, -0.2, -0.3, 0.4, 0.5, -0.6, 0.07, 1, 2.0, 1500.0]
+        lines.append(",".join(map(str, values)))
+    return "\n".join(lines).encode() + b"\n"
+
+
+def pd0_ensemble(
+    number: int = 1,
+    *,
+    frame: int = 0,
+    velocity: Sequence[int] = (100, -100, 250, -250),
+    ranges: Sequence[int] = (1000, 1010, 1020, 0),
+    fine: Sequence[int] | None = None,
+    bottom: bool = True,
+    century: bool = False,
+) -> bytes:
+    """An ensemble: leaders, bottom track (mm/s, cm) and perhaps the high-resolution velocity (0.01 mm/s)."""
+    fixed = bytearray(59)
+    struct.pack_into("<HBBH", fixed, 0, 0x0000, 50, 1, 0x4100 | 0x0B)
+    fixed[8], fixed[25], fixed[58] = 4, frame << 3 | 7, 20
+    variable = bytearray(65)
+    second, hundredth = divmod(number * 50, 100)
+    clock = bytes([21, 4, 7, 13, 13, second % 60, hundredth])
+    struct.pack_into("<HH", variable, 0, 0x0080, number)
+    variable[4:11] = clock
+    struct.pack_into("<HHHhh", variable, 14, 1500, 0, 9000, 150, -250)
+    if century:
+        variable[57:65] = bytes([20]) + clock
+    types = [bytes(fixed), bytes(variable)]
+    if bottom:
+        track = bytearray(81)
+        struct.pack_into("<H", track, 0, 0x0600)
+        struct.pack_into("<4H4h4B", track, 16, *ranges, *velocity, 200, 201, 202, 203)
+        types.append(bytes(track))
+    if fine is not None:
+        types.append(struct.pack("<H4i", 0x5803, *fine) + bytes(52))
+    return pd0_wrap(types)
+
+
+def pd0_wrap(types: Sequence[bytes]) -> bytes:
+    """Data types with header, offsets and checksum."""
+    at, offsets = 6 + 2 * len(types), []
+    for one in types:
+        offsets.append(at)
+        at += len(one)
+    head = struct.pack("<BBHBB", 0x7F, 0x7F, at, 0, len(types)) + struct.pack(f"<{len(types)}H", *offsets)
+    body = head + b"".join(types)
+    return body + struct.pack("<H", sum(body) & 0xFFFF)
+
+
+def nortek_sum(data: bytes) -> int:
+    """Nortek's checksum, word by word."""
+    total = 0xB58C
+    for k in range(0, len(data) - 1, 2):
+        total += data[k] | data[k + 1] << 8
+    if len(data) % 2:
+        total += data[-1] << 8
+    return total & 0xFFFF
+
+
+def nortek_frame(kind: int, data: bytes, family: int = 0x16) -> bytes:
+    """A record with header and checksums."""
+    head = struct.pack("<4BHH", 0xA5, 10, kind, family, len(data), nortek_sum(data))
+    return head + struct.pack("<H", nortek_sum(head)) + data
+
+
+def df21(
+    step: int = 0,
+    *,
+    velocity: Sequence[float] = (0.1, 0.2, 0.3, 0.4),
+    status: int = 0xFFFFF,
+    axes: Sequence[float] = (1.0, -0.5, 0.2, 0.3),
+) -> bytes:
+    """A DVL's bottom-track record: 10 s after midnight on 1 May 2021 and `step` seconds."""
+    clock = bytes([121, 4, 1, 0, 0, 10 + step])
+    head = struct.pack("<BBI6sHHII3f", 1, 36, 4711, clock, 2500, 4, 0, status, 1500.0, 12.0, 1.5)
+    beams = [*velocity, 10.0, 10.1, 10.2, 10.3, 0.01, 0.02, 0.03, 0.04]
+    beams += [0.013] * 4 + [-0.04] * 4 + [0.002] * 4
+    return head + struct.pack("<24f", *beams) + struct.pack("<20f", *axes, 0.011, 0.012, 0.013, 0.014, *[0.01] * 12)
+
+
+def df20(*, valid: bool = True) -> bytes:
+    """A profiler's bottom-track record in beam coordinates, of 78 bytes and the beams."""
+    head = bytearray(78)
+    clock = bytes([121, 4, 1, 0, 0, 10])
+    struct.pack_into(
+        "<BBHI6sHHhIHhhH", head, 0, 1, 78, 1 << 5 | 1 << 8 | 1 << 9, 4711, clock, 2500, 15000, 1200, 100, 9000, 150, -250,
+        4 << 12 | 2 << 10,
+    )  # fmt: skip
+    struct.pack_into("<b", head, 60, -3)
+    beams = (100, -100, 50, -50, 2000, 2100, 2200, 2300, 5, 6, 7, 8)
+    filler = (-10117, -10117, -10117, -10117, -1022, -1022, -1022, -1022, *[65535] * 4)
+    return bytes(head) + struct.pack("<4i4i4H", *(beams if valid else filler))
+
+
+def nucleus(step: int = 0, *, status: int = 0x7FFF, velocity: Sequence[float] = (0.1, 0.2, 0.3)) -> bytes:
+    """A Nucleus bottom-track record, `step` seconds after a time of 2023."""
+    head = struct.pack("<4B3I2I3f", 2, 36, 1, 0, 1_690_000_000 + step, 250_000, status, 4711, 0, 1500.0, 12.0, 1.5)
+    numbers = [*velocity, 5.0, 5.1, 5.2, 0.01, 0.02, 0.03, 0.004, 0.005, 0.006, 0.02, 0.02, 0.02]
+    return head + struct.pack("<23f", *numbers, 1.0, -0.5, 0.25, 0.011, 0.012, 0.013, 0.005, 0.02)
+
+
+def pnorbt(beam: int, *, tagged: bool, velocity: float = 0.25, second: float = 35.3341) -> bytes:
+    """A Nortek beam line, plain or tagged."""
+    values = (str(beam), "040721", f"1313{second:07.4f}", "23.961", "-48.122", f"{velocity:.5f}", "0.01", "5.0", "0x1F")
+    tags = ("BEAM", "DATE", "TIME", "DT1", "DT2", "BV", "FOM", "DIST", "STAT")
+    fields = [f"{tag}={value}" for tag, value in zip(tags, values, strict=True)] if tagged else values
+    return nmea(f"PNORBT{int(tagged)},{','.join(fields)}".encode())
+
+
+PD6 = (
+    b":SA, -2.31, +0.92,236.59\r\n:TS,21040713133533,35.0,+25.0,   0.0,1500.0,  0\r\n"
+    b":BI,   -32,   +22,    +0,   -93,A\r\n:BS,   -32,   +22,    +0,A\r\n:BE,   +19,   +20,   +28,A\r\n"
+)
+PD6_LOGGED = b'Timestamp(s),SensorID,RawLine,CmdOrNote\r\n1762421966.54,DVL,":BI,   -32,   +22,+88888,   -93,V",RESP\r\n'
+"""As a logger's CSV holds PD6."""
+
+
+def pd4() -> bytes:
+    """A whole PD4 record."""
+    body = struct.pack("<BBHB", 0x7D, 0, 45, 0x41) + struct.pack("<4h4H", 1, 2, 3, 4, 100, 101, 102, 103) + bytes(24)
+    return body + struct.pack("<H", sum(body) & 0xFFFF)
+
+
+def seeds() -> dict[str, list[bytes]]:
+    """Inputs by name of format: good records, a few of each."""
+    return {
+        "waterlinked-json": [
+            a50_report(0) + a50_report(1, lost=[2]),
+            a50_report(0, version="json_v3.1") + b'{"ts":49056.8,"x":1.2,"type":"position_local","format":"json_v3"}\n',
+            a50_report(0, version="json_v2") + a50_report(0, version="json_v2").rstrip() + a50_report(2),
+        ],
+        "waterlinked-serial": [SERIAL, SERIAL + SERIAL_OLD, wl_sentence(b"wrp,49056.809,0.41,0.15,1.23,0.4,1,2,3,0") + SERIAL],
+        "nortek-ascii": [
+            PNORBT0,
+            b"".join(pnorbt(k, tagged=False) for k in range(1, 5)),
+            b"".join(pnorbt(k, tagged=True) for k in range(1, 4)),
+        ],
+        "cerulean-dvkfc": [DVKFC, DVKFC + nmea(b"DVPDL,373550,1000,200000,0,0,0,0,0,0,0")],
+        "linkquest-csv": [linkquest_log()],
+        "pd0": [
+            pd0_ensemble(1),
+            pd0_ensemble(1, fine=(10_000, -10_000, 25_000, -25_000)) + pd0_ensemble(2, bottom=False),
+            pd0_ensemble(1, frame=3) + pd0_ensemble(2, frame=3, century=True),
+        ],
+        "nortek-dvl": [nortek_frame(0x1B, df21()), nortek_frame(0x1B, df21(1)) + nortek_frame(0x1D, df21(2))],
+        "nortek-ad2cp": [nortek_frame(0x17, df20(), 0x10), nortek_frame(0xA0, b"GETCLOCKSTR", 0x10) + nortek_frame(0x17, df20(valid=False), 0x10)],
+        "nucleus": [nortek_frame(0xB4, nucleus(), 0x20), nortek_frame(0xD2, bytes(40), 0x20) + nortek_frame(0xB4, nucleus(1), 0x20)],
+        "pd6": [PD6, PD6_LOGGED],
+        "pd4": [pd4() + pd4()],
+    }  # fmt: skip
