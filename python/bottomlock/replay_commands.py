@@ -1,4 +1,4 @@
-"""The command `bottomlock replay`: a recorded dive navigated again, with the beams that it had and with fewer."""
+"""The commands `bottomlock replay` and `bottomlock score`: recorded dives with the beams that they had and with fewer."""
 
 import sys
 from pathlib import Path
@@ -12,8 +12,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from bottomlock.errors import ScenarioError
+from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.io.beams import read_beams, read_geometry
+from bottomlock.output import write_parquet
 from bottomlock.replay.case import load_case
+from bottomlock.replay.leave_out import Walk, over_sets
+from bottomlock.replay.leave_out import leave_out as leave_beams_out
 from bottomlock.replay.run import Replayed, draws_of, prepare_folder, replay_case, write_replay
 from bottomlock.replay_report import make_replay_report
 from bottomlock.replay_stats import summary_table
@@ -75,6 +79,68 @@ def replay(
         sys.exit(EXIT_INTERRUPTED)
     conclude(replayed)
     console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {page}")
+
+
+def score(
+    log: Path,
+    *,
+    geometry: Annotated[str, Parameter(help="TOML file of the DVL, or a packaged name.")],
+    leave_out: Annotated[int, Parameter(help="How many beams are left out at a time.")] = 1,
+    out: Annotated[Path | None, Parameter(help="Parquet file for the scores of every set of beams.")] = None,
+    walk_mps_per_rt_s: Annotated[float, Parameter(help="Random walk of the velocity, for methods with a prior.")] = 0.1,
+    closure_gate: Annotated[
+        float, Parameter(help="Pings whose closure strays by more of its robust sigmas are no reference; 0 for all.")
+    ] = 3.0,
+) -> None:
+    """Leaves beams out of recorded pings that have them all, and says how far off each method is without them.
+
+    Parameters
+    ----------
+    log
+        Beam table of `bottomlock convert`, or CSV or Parquet as the geometry file maps it.
+    """
+    if out is not None and out.suffix.lower() != ".parquet":
+        raise OutputError(f"{out}: expected a name that ends in .parquet")
+    if not (np.isfinite(walk_mps_per_rt_s) and walk_mps_per_rt_s > 0.0):
+        raise ScenarioError(f"--walk-mps-per-rt-s is {walk_mps_per_rt_s}, expected more than 0 m/s/√s")
+    if not closure_gate >= 0.0:
+        raise ScenarioError(f"--closure-gate is {closure_gate}, expected 0 or more")
+    instrument = read_geometry(geometry)
+    pings = read_beams(log, beams=instrument.geometry.beams, columns=instrument.columns)
+    scores = leave_beams_out(
+        instrument.geometry,
+        pings.time_ns,
+        pings.velocity_mps,
+        pings.valid,
+        instrument.beam_sd_mps,
+        beams=leave_out,
+        walk=Walk(walk_mps_rts=walk_mps_per_rt_s),
+        closure_gate=closure_gate or None,
+    )
+    if out is not None:
+        write_parquet(out, scores)
+    table = Table(
+        title=f"{log.name}: {leave_out} of {instrument.geometry.beams} beams left out of {scores['pings'][0]} pings",
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+    )
+    for name in ("method", "component"):
+        table.add_column(name, no_wrap=True)
+    for name in ("sets", "median m/s", "rms m/s", "p95 m/s", "claimed", "made/cl."):
+        table.add_column(name, justify="right", no_wrap=True)
+    for row in over_sets(scores).iter_rows(named=True):
+        numbers = (row[name] for name in ("median_mps", "rms_mps", "p95_mps", "claimed_mps", "ratio_robust"))
+        table.add_row(
+            row["method"], row["component"], f"{row['sets_solved']}/{row['sets']}", *(_number(value) for value in numbers)
+        )
+    console.print(table)
+    console.print(
+        "Medians over the sets of beams that a method solves. surge, sway, heave: against least squares of all beams; "
+        "beam: against the reading of the beam left out. made/cl.: 1.4826 × median of error over claimed, honest is 1."
+    )
+    if out is not None:
+        console.print(f"wrote {out}")
 
 
 def _number(value: float | None, digits: int = 3) -> str:

@@ -99,6 +99,7 @@ def error_figure(ensemble: pl.DataFrame, *, arms: Sequence[str], words: str, whi
         which: pass.
     """
     rows = ensemble.filter((pl.col("pass") == which) & pl.col("arm").is_in(list(arms)))
+    arms = [arm for arm in arms if arm in set(rows["arm"])]
     shown = [q for q in _QUANTITIES if rows[f"{q[0]}_rms_{q[1]}"].is_not_null().any()]
     with mpl.rc_context(STYLE):
         height = 0.75 + 2.05 * len(shown)

@@ -1,6 +1,6 @@
 """Tables of a replay: estimates, errors against the reference, innovations, and the beams that the filters had."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -25,33 +25,24 @@ from scipy.spatial.transform import Rotation
 _NED, _AXES, _ANGLES = ("north", "east", "down"), ("surge", "sway", "heave"), ("roll", "pitch", "yaw")
 
 
-def passes(result: Mapping[str, Any]) -> dict[str, dict[str, Floats]]:
-    """States of the forward pass and, where there is one, of the smoother, by the same names."""
+def passes(case: Case, flight: Flight) -> Iterator[tuple[str, str, dict[str, Floats]]]:
+    """Pass, arm and states of every arm's forward pass and of every smoothed one, by the same names."""
     names = ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd")
-    found = {FORWARD: {name: np.asarray(result[name]) for name in names}}
-    if "smoothed_sd" in result:
-        found[SMOOTHED] = {name: np.asarray(result[f"smoothed_{name}"]) for name in names}
-    return found
+    for index, arm in enumerate(case.replay.arms):
+        yield FORWARD, arm, {name: np.asarray(flight.result[name][index]) for name in names}
+    for index, arm in enumerate(flight.smoothed_arms):
+        yield SMOOTHED, arm, {name: np.asarray(flight.smoothed[f"smoothed_{name}"][index]) for name in names}
 
 
 def samples_table(case: Case, what_if: str, flight: Flight) -> pl.DataFrame:
     """A row per arm, pass and time (`replay_schema.REPLAY_SAMPLES`)."""
     parts = []
     prepared = flight.prepared
-    for name, states in passes(flight.result).items():
-        for index, arm in enumerate(case.replay.arms):
-            one = {key: values[index] for key, values in states.items()}
-            columns = _keys(case, what_if, prepared, len(prepared.sample_time_ns)) | {
-                "arm": arm,
-                "pass": name,
-            }
-            columns |= (
-                {"time_ns": prepared.sample_time_ns} | _estimate(one, prepared.dive) | _errors(one, prepared)
-            )
-            frame = pl.DataFrame(
-                {key: columns[key] for key in REPLAY_SAMPLES}, schema=dict(REPLAY_SAMPLES), strict=True
-            )
-            parts.append(frame)
+    for name, arm, states in passes(case, flight):
+        columns = _keys(case, what_if, prepared, len(prepared.sample_time_ns)) | {"arm": arm, "pass": name}
+        columns |= {"time_ns": prepared.sample_time_ns}
+        columns |= _estimate(states, prepared.dive) | _errors(states, prepared)
+        parts.append(pl.DataFrame({key: columns[key] for key in REPLAY_SAMPLES}, schema=dict(REPLAY_SAMPLES)))
     return pl.concat(parts).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 

@@ -1,5 +1,6 @@
 """One flight along a recording: what chance decides is drawn, the start aligned, beams taken away, every arm flown."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,6 +18,10 @@ from bottomlock.replay.turning import quaternions, to_angles
 from bottomlock.replay.whatif import read_recorded, returned
 from bottomlock.io.beams import read_geometry
 from scipy.spatial.transform import Rotation
+
+
+UNSMOOTHED = ("consistent",)
+"""Arms that choose between filters have no smoother of their own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +54,16 @@ class Prepared:
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """What the kernel made of one question in one draw: its dict, and the beams that it had."""
+    """What the kernel made of one question in one draw: its dicts, and the beams that it had.
+
+    `result` is of the forward pass of every arm; `smoothed` has the smoothed states of `smoothed_arms`.
+    """
 
     prepared: Prepared
     valid: Flags
-    result: dict[str, Any]
+    result: Mapping[str, Any]
+    smoothed_arms: tuple[str, ...]
+    smoothed: Mapping[str, Any]
 
 
 def prepare(case: Case, dive: Dive, run: int, residuals: Floats | None = None) -> Prepared:
@@ -164,7 +174,7 @@ def _sample_times(case: Case, dive: Dive, start_ns: int) -> tuple[Times, Times]:
     return reached[kept], rows[kept] if rows.size else rows
 
 
-def make_log(case: Case, prepared: Prepared, valid: Flags) -> dict[str, Any]:
+def make_log(case: Case, prepared: Prepared, valid: Flags) -> Any:  # noqa: ANN401 - the kernel's dict
     """The log as the kernel wants it, from the start of the navigation on."""
     dive, start_ns = prepared.dive, prepared.alignment.time_ns
     inertial, beams = dive.inertial, dive.beams
@@ -231,7 +241,7 @@ def fly(case: Case, prepared: Prepared, asked: WhatIf | None, *, threads: int = 
             run=prepared.run,
         )
     alignment = prepared.alignment
-    start = {
+    start: Any = {
         "time_ns": alignment.time_ns,
         "position_t_m": alignment.position_t_m,
         "attitude_t_p": quaternions(alignment.attitude),
@@ -239,15 +249,27 @@ def fly(case: Case, prepared: Prepared, asked: WhatIf | None, *, threads: int = 
         "accel_bias_mps2": np.zeros(3),
         "gyro_bias_radps": np.zeros(3),
     }
-    result = replay_log(
-        prepared.dive.instrument.geometry,
-        prepared.model,
-        prepared.options,
-        list(case.replay.arms),
-        make_log(case, prepared, valid),
-        start,
-        sample_time_ns=prepared.sample_time_ns,
-        **({"smooth": True} if case.replay.smooth else {}),
-        threads=threads,
+    log = make_log(case, prepared, valid)
+
+    def flown(arms: list[str], *, smooth: bool) -> Any:  # noqa: ANN401 - the kernel's dict
+        model: Any = prepared.model
+        return replay_log(
+            prepared.dive.instrument.geometry,
+            model,
+            prepared.options,
+            arms,
+            log,
+            start,
+            sample_time_ns=prepared.sample_time_ns,
+            smooth=smooth,
+            threads=threads,
+        )
+
+    smoothed_arms = tuple(arm for arm in case.replay.arms if arm not in UNSMOOTHED) if case.replay.smooth else ()
+    return Flight(
+        prepared=prepared,
+        valid=valid,
+        result=flown(list(case.replay.arms), smooth=False),
+        smoothed_arms=smoothed_arms,
+        smoothed=flown(list(smoothed_arms), smooth=True) if smoothed_arms else {},
     )
-    return Flight(prepared, valid, result)
