@@ -47,11 +47,17 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> 
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
+def code(name: object) -> str:
+    """A name in code."""
+    return f"`{name!s}`"
+
+
 def akit_runs(data: Path, scratch: Path, *, draws: int = 1, arms: str = "", **which: bool) -> pl.DataFrame:
     """The table of runs of every section."""
     lines = f"runs = {draws}\n" + (f"arms = {arms}\n" if arms else "")
     parts = [
-        replay_case(akit_case(data, scratch, section, replay=lines, **which), threads=0).runs for section in SECTIONS
+        replay_case(akit_case(data, scratch, section, replay=lines, **which), threads=0).runs
+        for section in SECTIONS
     ]
     return pl.concat(parts)
 
@@ -65,7 +71,9 @@ def full_velocity(data: Path, scratch: Path) -> str:
     for section in SECTIONS:
         name = f"akit_{section:02d}"
         of = {
-            key: frame.filter((pl.col("case") == name) & (pl.col("arm") == arm) & (pl.col("pass") == which)).row(0, named=True)
+            key: frame.filter(
+                (pl.col("case") == name) & (pl.col("arm") == arm) & (pl.col("pass") == which)
+            ).row(0, named=True)
             for key, frame, arm, which in (
                 ("lc", aided, "lc", FORWARD), ("smooth", aided, "lc", SMOOTHED), ("ins", alone, "ins", FORWARD),
             )
@@ -80,8 +88,8 @@ def full_velocity(data: Path, scratch: Path) -> str:
             ]
         )  # fmt: skip
     head = [
-        "Section", "way, m", "end, m", "end, % of way", "RMS, m", "RMS smoothed, m", "velocity RMS, m/s", "smoothed, m/s",
-        "INS alone, end, m",
+        "Section", "way, m", "end, m", "end, % of way", "RMS, m", "RMS smoothed, m", "velocity RMS, m/s",
+        "smoothed, m/s", "INS alone, end, m",
     ]  # fmt: skip
     series = pl.Series(percents)
     words = f"\nMedian {number(series.median())} %, greatest {number(series.max())} % of the way.\n"  # type: ignore[arg-type]
@@ -90,7 +98,9 @@ def full_velocity(data: Path, scratch: Path) -> str:
 
 def questions(runs: pl.DataFrame) -> str:
     """Every arm, forward and smoothed: error at the end in percent of the way, for every question; and honesty."""
-    total = runs.filter((pl.col("arm") == "tc") & (pl.col("pass") == FORWARD) & (pl.col("what_if") == RECORDED)).height
+    total = runs.filter(
+        (pl.col("arm") == "tc") & (pl.col("pass") == FORWARD) & (pl.col("what_if") == RECORDED)
+    ).height
     parts = [f"{total} flights a cell (sections × draws); semi-synthetic.\n"]
     for which in (FORWARD, SMOOTHED):
         rows = []
@@ -106,13 +116,15 @@ def questions(runs: pl.DataFrame) -> str:
                     cells.append(f"{number(percent.median(), 2)} ({number(percent.max(), 2)})")  # type: ignore[arg-type]
                 else:
                     cells.append(number(cell["position_rms_m"].median()))  # type: ignore[arg-type]
-            rows.append([f"`{arm}`", *cells])
+            rows.append([code(arm), *cells])
         title = (
             "Forward: position error at the end, % of the way, median (greatest)."
             if which == FORWARD
             else "Smoothed: position error over the section, m RMS, median."
         )
-        parts.append(f"{title}\n\n" + table(["Arm", *(question.replace("_", " ") for question in QUESTIONS)], rows))
+        parts.append(
+            f"{title}\n\n" + table(["Arm", *(question.replace("_", " ") for question in QUESTIONS)], rows)
+        )
     return "\n".join(parts)
 
 
@@ -123,12 +135,26 @@ def honesty(runs: pl.DataFrame, question: str = "lost_34") -> str:
         one = runs.filter(
             (pl.col("arm") == arm) & (pl.col("pass") == FORWARD) & (pl.col("what_if") == question)
         )
-        names = ("position_rms_m", "velocity_rms_mps", "attitude_rms_deg", "position_ratio_rms", "velocity_ratio_rms")
+        names = (
+            "position_rms_m",
+            "velocity_rms_mps",
+            "attitude_rms_deg",
+            "position_ratio_rms",
+            "velocity_ratio_rms",
+        )
         numbers = [number(one[name].median()) for name in names]  # type: ignore[arg-type]
         fixes = sum(int(one[f"fixes_{fate}"].sum()) for fate in ("accepted", "in_part", "rejected"))
         rejected = f"{100.0 * int(one['fixes_rejected'].sum()) / fixes:.1f}" if fixes else "–"
-        rows.append([f"`{arm}`", *numbers, rejected])
-    head = ["Arm", "position RMS, m", "velocity RMS, m/s", "attitude RMS, °", "made/claimed: position", "velocity", "rejected, %"]
+        rows.append([code(arm), *numbers, rejected])
+    head = [
+        "Arm",
+        "position RMS, m",
+        "velocity RMS, m/s",
+        "attitude RMS, °",
+        "made/claimed: position",
+        "velocity",
+        "rejected, %",
+    ]
     return table(head, rows)
 
 
@@ -143,8 +169,8 @@ def against_tc(runs: pl.DataFrame) -> str:
             one = forward.filter((pl.col("arm") == arm) & (pl.col("what_if") == question))
             joined = one.join(base, on=["case", "what_if", "run"])
             ratio = joined["position_rms_m"] / joined["tc"]
-            cells.append(f"{ratio.median():.3f} ({int((ratio > 1.0).sum())}/{len(ratio)})")
-        rows.append([f"`{arm}`", *cells])
+            cells.append(f"{number(ratio.median())} ({int((ratio > 1.0).sum())}/{len(ratio)})")
+        rows.append([code(arm), *cells])
     return table(["Arm", *(question.replace("_", " ") for question in QUESTIONS)], rows)
 
 
@@ -157,7 +183,10 @@ def caves(data: Path, beams: int) -> str:
         columns=instrument.columns,
     )
     parts = []
-    for gate, words in ((3.0, "Pings whose closure is within 3 robust sigma"), (None, "Every ping of four valid beams")):
+    for gate, words in (
+        (3.0, "Pings whose closure is within 3 robust sigma"),
+        (None, "Every ping of four valid beams"),
+    ):
         scores = leave_out(
             instrument.geometry, pings.time_ns, pings.velocity_mps, pings.valid, instrument.beam_sd_mps,
             beams=beams, closure_gate=gate,
@@ -165,9 +194,11 @@ def caves(data: Path, beams: int) -> str:
         rows = []
         summary = over_sets(scores)
         for method in summary["method"].unique(maintain_order=True):
-            cells = [f"`{method}`"]
+            cells = [code(method)]
             for component in ("surge", "sway", "heave", "beam"):
-                row = summary.filter((pl.col("method") == method) & (pl.col("component") == component)).row(0, named=True)
+                row = summary.filter((pl.col("method") == method) & (pl.col("component") == component)).row(
+                    0, named=True
+                )
                 if row["sets_solved"] == 0:
                     cells += ["–", "–"]
                     continue
@@ -175,7 +206,17 @@ def caves(data: Path, beams: int) -> str:
                 cells.append(f"{1e3 * row['median_mps']:.0f} / {1e3 * row['rms_mps']:.0f}{partly}")
                 cells.append(number(row["ratio_robust"], 2))
             rows.append(cells)
-        head = ["Method", "surge, mm/s", "÷", "sway, mm/s", "÷", "heave, mm/s", "÷", "beam left out, mm/s", "÷"]
+        head = [
+            "Method",
+            "surge, mm/s",
+            "÷",
+            "sway, mm/s",
+            "÷",
+            "heave, mm/s",
+            "÷",
+            "beam left out, mm/s",
+            "÷",
+        ]
         parts.append(f"{words}: {int(scores['pings'][0])}.\n\n" + table(head, rows))
     return "\n".join(parts)
 
@@ -187,10 +228,12 @@ def replaced(page: str, tables: dict[str, str]) -> str:
         SystemExit: for a mark that the page lacks.
     """
     for name, text in tables.items():
-        pattern = re.compile(rf"(<!-- table {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-        if not pattern.search(page):
+        pattern = re.compile(rf"(<!-- table {name} -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+        match = pattern.search(page)
+        if match is None:
             raise SystemExit(f"{PAGE}: has no mark for the table '{name}'")
-        page = pattern.sub(lambda match, text=text: match[1] + "\n" + text + "\n" + match[2], page)
+        begin, end = match.start(2), match.start(3)
+        page = f"{page[:begin]}\n{text}\n{page[end:]}"
     return page
 
 

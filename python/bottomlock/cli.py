@@ -315,7 +315,7 @@ app.command(
     name="replay",
     help="Navigates a recorded dive again, with fewer beams too.",
 )
-app.command("bottomlock.replay_commands:score", name="score", help="Leaves beams out of recorded pings, scores methods.")
+app.command("bottomlock.replay_commands:score", name="score", help="Leaves beams out of recorded pings.")
 app.command("bottomlock.study_commands:certify", name="certify", help="Writes the honesty certificate.")
 app.command(
     "bottomlock.convert_command:convert", name="convert", help="Converts a recorded DVL log to a beam table."

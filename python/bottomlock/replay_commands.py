@@ -1,4 +1,4 @@
-"""The commands `bottomlock replay` and `bottomlock score`: recorded dives with the beams that they had and with fewer."""
+"""The commands `bottomlock replay` and `bottomlock score`: recorded dives with all their beams and with fewer."""
 
 import sys
 from pathlib import Path
@@ -87,9 +87,14 @@ def score(
     geometry: Annotated[str, Parameter(help="TOML file of the DVL, or a packaged name.")],
     leave_out: Annotated[int, Parameter(help="How many beams are left out at a time.")] = 1,
     out: Annotated[Path | None, Parameter(help="Parquet file for the scores of every set of beams.")] = None,
-    walk_mps_per_rt_s: Annotated[float, Parameter(help="Random walk of the velocity, for methods with a prior.")] = 0.1,
+    walk_mps_per_rt_s: Annotated[
+        float, Parameter(help="Random walk of the velocity, for methods with a prior.")
+    ] = 0.1,
     closure_gate: Annotated[
-        float, Parameter(help="Pings whose closure strays by more of its robust sigmas are no reference; 0 for all.")
+        float,
+        Parameter(
+            help="Pings whose closure strays by more of its robust sigmas are no reference; 0 for all."
+        ),
     ] = 3.0,
 ) -> None:
     """Leaves beams out of recorded pings that have them all, and says how far off each method is without them.
@@ -132,7 +137,10 @@ def score(
     for row in over_sets(scores).iter_rows(named=True):
         numbers = (row[name] for name in ("median_mps", "rms_mps", "p95_mps", "claimed_mps", "ratio_robust"))
         table.add_row(
-            row["method"], row["component"], f"{row['sets_solved']}/{row['sets']}", *(_number(value) for value in numbers)
+            row["method"],
+            row["component"],
+            f"{row['sets_solved']}/{row['sets']}",
+            *(_number(value) for value in numbers),
         )
     console.print(table)
     console.print(

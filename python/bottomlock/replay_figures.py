@@ -144,7 +144,7 @@ def _one_error(axes: Axes, rows: pl.DataFrame, arms: Sequence[str], name: str, u
 
 
 def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, arm: str, words: str) -> Figure:
-    """Innovation of every beam of one arm (first draw) with the ±2 sigma that the filter claims; rejected pings hollow."""
+    """Innovations of the beams of one arm (first draw) with the ±2 sigma that it claims; rejected pings hollow."""
     rows = innovations.filter((pl.col("arm") == arm) & (pl.col("run") == innovations["run"].min()))
     beams = sum(name.endswith("_innovation_mps") for name in rows.columns)
     time_s = (rows["time_ns"].to_numpy() - start_ns) * 1e-9
@@ -177,7 +177,7 @@ def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, arm: str, wor
             spans.append(float(np.nanpercentile(heard, 99.0)) if np.isfinite(heard).any() else 0.0)
             if not np.isfinite(value).any():
                 axes.text(0.5, 0.5, "no row", transform=axes.transAxes, ha="center", va="center", color=FAINT)
-        reach = 1.15 * max(max(spans), 1e-3)
+        reach = 1.15 * max(*spans, 1e-3)
         panels[-1].set_ylim(-reach, reach)
         panels[-1].set_xlim(float(time_s[0]), float(time_s[-1]))
         panels[-1].set_xlabel("time from the start, s")
@@ -189,7 +189,7 @@ def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, arm: str, wor
 def nis_figure(
     innovations: pl.DataFrame, start_ns: int, *, arms: Sequence[str], words: str, window: int = 30
 ) -> Figure:
-    """NIS over its degrees of freedom, mean over a sliding window of pings (first draw), with the 95 % band of that mean."""
+    """NIS over its degrees of freedom, sliding mean over pings (first draw), with the 95 % band of that mean."""
     first = innovations.filter(pl.col("run") == innovations["run"].min())
     lines: dict[str, Floats] = {}
     times: dict[str, Floats] = {}
@@ -224,7 +224,7 @@ def nis_figure(
             fontsize=9.5,
         )
         axes.set_xlabel("time from the start, s")
-        drawn = []
+        drawn: list[Line] = []
         for arm, line in lines.items():
             alike = next(
                 (d for d in drawn if len(d.y) == len(line) and np.allclose(d.y, line, rtol=1e-2)), None

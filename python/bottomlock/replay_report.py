@@ -65,9 +65,16 @@ def read_replay(folder: Path) -> Tables:
                 f"{folder / name}.parquet: cannot be read ({str(error).splitlines()[0]})"
             ) from error
 
-    names = ("runs", "ensemble", "samples", "innovations", "pings")
     path = table("reference") if (folder / "reference.parquet").is_file() else None
-    return Tables(manifest, *(table(name) for name in names), path)
+    return Tables(
+        manifest=manifest,
+        runs=table("runs"),
+        ensemble=table("ensemble"),
+        samples=table("samples"),
+        innovations=table("innovations"),
+        pings=table("pings"),
+        path=path,
+    )
 
 
 def make_replay_report(folder: Path) -> Path:
@@ -129,10 +136,12 @@ def drawings(tables: Tables) -> list[Drawing]:
         arm = next((arm for arm in BEAM_ROWS if arm in manifest["arms"]), None)
         if arm is not None:
             drawn = innovation_figure(innovations, start_ns, arm=arm, words=f"{title}, arm {arm}")
-            words = f"Innovations of each beam, arm {arm}{tail}; shaded: ±2 sigma as the filter claims; hollow: rejected."
+            words = (
+                f"Innovations of each beam, arm {arm}{tail}; shaded: ±2 sigma as claimed; hollow: rejected."
+            )
             found.append(Drawing(f"innovations_{question}", words, drawn, question))
         drawn = nis_figure(innovations, start_ns, arms=manifest["arms"], words=title)
-        words = f"NIS over its degrees of freedom{tail}: above the band the beams surprise the filter more than it claims."
+        words = f"NIS over its degrees of freedom{tail}: above the band an arm claims more than it knows."
         found.append(Drawing(f"nis_{question}", words, drawn, question))
     return found
 

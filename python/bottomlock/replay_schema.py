@@ -59,8 +59,8 @@ REPLAY_SAMPLES: Mapping[str, pl.DataType] = {
     **{f"sd_misalignment_{axis}_rad": pl.Float64() for axis in ("north", "east", "down")},
     **{f"sd_velocity_{axis}_mps": pl.Float64() for axis in ("surge", "sway", "heave")},
 }
-"""A row per question, run, arm, pass and time: the estimate, its error (reference minus estimate, null where the reference
-says nothing) and its claimed deviation. Latitude, longitude and height are null without an origin on the Earth."""
+"""A row per question, run, arm, pass and time: the estimate, its error (reference minus estimate, null where there is
+no reference) and its claimed deviation. Latitude, longitude and height are null without an origin on the Earth."""
 
 REPLAY_ENSEMBLE: Mapping[str, pl.DataType] = {
     "case": pl.String(),

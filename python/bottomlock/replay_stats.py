@@ -54,14 +54,16 @@ def _rms(column: str) -> pl.Expr:
 
 
 def runs_table(
-    samples: pl.DataFrame, innovations: pl.DataFrame, pings: pl.DataFrame, path: pl.DataFrame | None
+    samples: pl.DataFrame,
+    innovations: pl.DataFrame,
+    pings: pl.DataFrame,
+    path: pl.DataFrame | None,
+    start_ns: int,
 ) -> pl.DataFrame:
-    """A row per question, run, arm and pass (`replay_schema.REPLAY_RUNS`)."""
+    """A row per question, run, arm and pass (`replay_schema.REPLAY_RUNS`); the way counts from the start."""
     norms = error_norms(samples)
-    first, last = samples["time_ns"].min(), samples["time_ns"].max()
-    distance = (
-        None if path is None else _distance(path.filter(pl.col("time_ns").is_between(first - 10**9, last)))
-    )  # type: ignore[operator]
+    reached = pl.col("time_ns").is_between(start_ns, pl.lit(samples["time_ns"].max()))
+    distance = None if path is None else _distance(path.filter(reached))
     table = norms.group_by(_KEYS, maintain_order=True).agg(
         pl.col("position_m").last().alias("position_final_m"),
         _rms("position_m").alias("position_rms_m"),

@@ -7,10 +7,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import BeamGeometry, Navigator
 
+Times = NDArray[np.int64]
 STREAMS = ("imu", "dvl", "depth", "attitude", "heading", "gps")
 TIMES = ("imu_time_ns", "dvl_time_ns", "depth_time_ns", "attitude_time_ns", "heading_time_ns", "gps_time_ns")
 
@@ -26,12 +28,12 @@ def events(log: dict[str, Any]) -> Iterator[tuple[int, int, int]]:
 
 def stream(
     geometry: BeamGeometry,
-    model: dict[str, Any],
-    options: dict[str, Any],
+    model: Any,  # noqa: ANN401 - the kernel's own dicts
+    options: Any,  # noqa: ANN401
     arm: str,
     log: dict[str, Any],
     start: dict[str, Any],
-    sample_time_ns: Any,
+    sample_time_ns: Times,
 ) -> dict[str, Any]:
     """States and deviations of one arm at the sample times, and what became of each ping."""
     initial = {
@@ -42,20 +44,20 @@ def stream(
     }
     navigator = Navigator(geometry, model, options, initial, arm=arm)
     states: list[dict[str, Any]] = []
-    sds = []
+    sds: list[Any] = []
     nis = np.full(len(log["dvl_time_ns"]), np.nan)
     wanted = list(sample_time_ns)
-    reached = None
+    reached: int | None = None
 
-    def record() -> None:
-        while wanted and reached is not None and wanted[0] <= reached:
+    def record(reached_ns: int | None) -> None:
+        while wanted and reached_ns is not None and wanted[0] <= reached_ns:
             wanted.pop(0)
             states.append(dict(navigator.state()))
             sds.append(np.sqrt(np.diagonal(navigator.covariance())))
 
     for time_ns, kind, row in events(log):
         if STREAMS[kind] == "imu":
-            record()
+            record(reached)
             reached = time_ns
             reports = navigator.push_imu(time_ns, log["omega_p_radps"][row], log["force_p_mps2"][row])
         elif STREAMS[kind] == "dvl":
@@ -83,7 +85,7 @@ def stream(
         for report in reports:
             if report["sensor"] in {"beams", "velocity"}:
                 nis[np.searchsorted(log["dvl_time_ns"], report["time_ns"])] = report["nis"]
-    record()
+    record(reached)
     return {
         **{
             name: np.array([state[name] for state in states])

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from bottomlock.errors import DataError
 from bottomlock.kernel import EARTH_RATE_RADPS, solve_velocity
 from bottomlock.replay.case import FROM_REFERENCE, Case
+from bottomlock.replay.dive import Dive, Floats, Inertial, Times
 from bottomlock.replay.model import ImuModel
-from bottomlock.replay.dive import Floats, Inertial, Dive, Times
-from bottomlock.replay.still import Mean, mean_over, scatter_of_mean
+from bottomlock.replay.still import mean_over
 from bottomlock.replay.turning import from_angles, to_angles
 
 LISTENS = {"levelling", "magnetometer", "gps_course", "gyrocompass"}
@@ -20,7 +20,7 @@ PING_AGE_S = 5.0
 COURSE_SLIP_RAD = np.deg2rad(3.0)
 """How far the bow points off the course, 1 sigma: sideslip and current, of which GPS knows nothing."""
 STILL_RATE_RADPS = np.deg2rad(0.05)
-"""A gyrocompass is refused when the vehicle turns more over the window, on average, than this: 12 times the Earth's rate."""
+"""A gyrocompass is refused when the vehicle turns faster than this over the window: 12 times the Earth's rate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,8 @@ def align(case: Case, dive: Dive, imu: ImuModel, gravity_mps2: float) -> Alignme
     """The state at the start, as the case's [start] asks.
 
     Raises:
-        DataError: naming the section, where a source has no data at the start, listens longer than there is, or is of no use
+        DataError: naming the section, where a source has no data at the start, listens longer than there is, or is
+        of no use
             in the motion at hand.
     """
     start_ns, row = start_time(case, dive)
@@ -113,8 +114,8 @@ def start_time(case: Case, dive: Dive) -> tuple[int, int | None]:
         earliest = int(times[0]) + round(start.at_s * 1e9)
         if listens and start.at_s < start.window_s:
             raise DataError(
-                f"start.at_s is {start.at_s:g} s, expected {start.window_s:g} s (start.window_s) or more: the alignment "
-                "listens before the start"
+                f"start.at_s is {start.at_s:g} s, expected {start.window_s:g} s (start.window_s) or more: the "
+                "alignment listens before the start"
             )
     if earliest >= times[-1]:
         raise DataError(
@@ -273,8 +274,8 @@ def _gyrocompass(moment: _Moment, roll: float, pitch: float) -> tuple[float, flo
     if error > 0.5 * horizontal:
         raise DataError(
             f'start.heading = "gyrocompass": the mean rate is known to {error:.2g} rad/s (bias and scatter), and the '
-            f"Earth's horizontal rate here is {horizontal:.2g} rad/s, expected twice as much: the gyros are too poor, or "
-            "start.window_s too short"
+            f"Earth's horizontal rate here is {horizontal:.2g} rad/s, expected twice as much: the gyros are too poor, "
+            "or start.window_s too short"
         )
     return heading, error / horizontal, f"gyrocompass over {moment.case.start.window_s:g} s"
 
@@ -322,8 +323,8 @@ def _velocity(moment: _Moment) -> tuple[Floats, Floats, str]:
     )
     if not np.isfinite(fix.velocity_p_mps).all():
         raise DataError(
-            f'start.velocity = "beams": the last ping before the start, {(moment.start_ns - beams.time_ns[row]) * 1e-9:.3f} s '
-            "before it, has too few beams for a velocity"
+            f'start.velocity = "beams": the ping {(moment.start_ns - beams.time_ns[row]) * 1e-9:.3f} s before the '
+            "start, has too few beams for a velocity"
         )
     age = (moment.start_ns - int(beams.time_ns[row])) * 1e-9
     # The vehicle may have changed its speed since: what the case states covers that.

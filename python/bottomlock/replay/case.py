@@ -44,9 +44,10 @@ class Origin(Section):
 class Start(Section):
     """The state at the start, where each part comes from, and how well it is known (1 sigma).
 
-    A standard deviation that is left out is the one that the alignment works out and states. `at_s` counts from the first
-    inertial reading; without it the navigation starts there, or with the reference where parts come from it. `window_s` is
-    how long the alignment listens. `draw` moves every run's start by errors drawn from these standard deviations.
+    A standard deviation that is left out is the one that the alignment works out and states. `at_s` counts from the
+    first inertial reading; without it the navigation starts there, or with the reference where parts come from it.
+    `window_s` is how long the alignment listens. `draw` moves every run's start by errors drawn from these standard
+    deviations.
     """
 
     at_s: NonNegative | None = None
@@ -214,7 +215,8 @@ def load_case(path: str | Path) -> Case:
     """A case from a TOML file; the files that it names are looked for from its own folder.
 
     Raises:
-        ScenarioError: for a file that is not there or cannot be read, ill-formed TOML, a missing or unknown key, or a value
+        ScenarioError: for a file that is not there or cannot be read, ill-formed TOML, a missing or unknown key, or
+        a value
             out of range; one line per fault.
     """
     path = Path(path)

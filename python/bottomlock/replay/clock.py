@@ -88,7 +88,8 @@ def row_times(stamps_ns: NDArray[np.int64] | None, rows: int, clock: Clock, *, p
         place: file, for errors.
 
     Raises:
-        DataError: naming row and time, for rows that repeat a time or go back where they are not declared to be dropped,
+        DataError: naming row and time, for rows that repeat a time or go back where they are not declared to be
+        dropped,
             and for stamps that stray from an even rate by more than was declared.
     """
     strays = None

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import polars as pl
+from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import FIX_STATUS
 from bottomlock.replay.case import Case
@@ -20,7 +21,6 @@ from bottomlock.replay_schema import (
     innovations_schema,
     pings_schema,
 )
-from scipy.spatial.transform import Rotation
 
 _NED, _AXES, _ANGLES = ("north", "east", "down"), ("surge", "sway", "heave"), ("roll", "pitch", "yaw")
 
@@ -85,8 +85,8 @@ def _errors(states: Mapping[str, Floats], prepared: Prepared) -> dict[str, Float
 def errors_of(states: Mapping[str, Floats], prepared: Prepared) -> tuple[Floats, Floats, Floats]:
     """Errors of position (tangent frame), velocity (platform) and attitude (ρ, tangent), (T, 3) each.
 
-    The estimates stand at inertial readings, the reference at its own times, up to a reading's step earlier: the estimate
-    is carried back over it with its own velocity and the rate that the gyros read.
+    The estimates stand at inertial readings, the reference at its own times, up to a reading's step earlier: the
+    estimate is carried back over it with its own velocity and the rate that the gyros read.
     """
     count = len(prepared.sample_time_ns)
     nothing = np.full((count, 3), np.nan)

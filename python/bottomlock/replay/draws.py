@@ -30,7 +30,8 @@ def closure_directions(geometry: BeamGeometry) -> Floats:
     They span the null space of the transposed geometry matrix A, A the (B, 3) beam directions: n · A v = 0 for every v.
 
     Examples:
-        The four beams of a Janus have one, of alternating signs and length 1, so that its residual scatters as one beam:
+        The four beams of a Janus have one, of alternating signs and length 1, so that its residual scatters as one
+        beam:
 
         >>> closure_directions(BeamGeometry.janus(0.35)).round(3).tolist()
         [[0.5, -0.5, 0.5, -0.5]]
@@ -43,7 +44,7 @@ def closure_directions(geometry: BeamGeometry) -> Floats:
 
 
 def closure_residuals(geometry: BeamGeometry, velocity_mps: Floats, valid: Flags) -> Floats:
-    """(m,) residuals, m/s, of the pings whose every beam is valid, around their median: each as large as one beam's error."""
+    """(m,) residuals, m/s, of the pings of all beams around their median: each as large as one beam's error."""
     whole = valid.all(axis=1)
     residuals = velocity_mps[whole] @ closure_directions(geometry).T
     return np.asarray((residuals - np.median(residuals, axis=0)).ravel())

@@ -23,8 +23,8 @@ class BeamNoise(Section):
     """Noise put on projected beams, drawn from the case's seed: white, or from real closure residuals.
 
     "closure" draws, with replacement, from the closure residuals of the pings of `of` that have every beam: the reading
-    along the one combination of beams that no velocity can cause, whose spread is that of a single beam. `scale` stretches
-    either.
+    along the one combination of beams that no velocity can cause, whose spread is that of a single beam. `scale`
+    stretches either.
     """
 
     kind: Literal["none", "white", "closure"] = "none"
@@ -53,10 +53,10 @@ class DvlErrors(Section):
 class DvlStream(Mounted):
     """Beams as recorded (source "beams"), or projected from the instrument's velocity ("velocity", semi-synthetic).
 
-    `geometry` is a TOML file of the instrument or a packaged name: directions, mounting, lever arms, noise of the beams,
-    and the columns of recorded beams. A beam table of `bottomlock convert` needs no clock. A velocity, three columns in
-    the instrument's own frame after `axes`, is divided by `velocity_scale` and projected on the geometry's directions
-    before its mounting; an empty or zero-flagged row (`valid`) is a ping without beams.
+    `geometry` is a TOML file of the instrument or a packaged name: directions, mounting, lever arms, noise of the
+    beams, and the columns of recorded beams. A beam table of `bottomlock convert` needs no clock. A velocity, three
+    columns in the instrument's own frame after `axes`, is divided by `velocity_scale` and projected on the
+    geometry's directions before its mounting; an empty or zero-flagged row (`valid`) is a ping without beams.
     """
 
     source: Literal["beams", "velocity"] = "beams"
@@ -102,8 +102,9 @@ class DvlStream(Mounted):
 class WhatIf(Section):
     """A question: which beams would not have returned. Rules combine, each must let a beam through.
 
-    Times are seconds from the start of the navigation. `validity_of` takes the pattern of another recording, repeated end
-    to end, from `validity_from_s` on; `dropouts` and `altitude_loss` are Markov chains drawn from the case's seed.
+    Times are seconds from the start of the navigation. `validity_of` takes the pattern of another recording,
+    repeated end to end, from `validity_from_s` on; `dropouts` and `altitude_loss` are Markov chains drawn from the
+    case's seed.
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]

@@ -5,20 +5,19 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
-from bottomlock.kernel import KernelError, replay_log
+from bottomlock.io.beams import read_geometry
+from bottomlock.kernel import replay_log
 from bottomlock.replay import draws
 from bottomlock.replay.align import Alignment, align
 from bottomlock.replay.case import Case
-from bottomlock.replay.dive import Beams, Dive, Flags, Floats, Times
+from bottomlock.replay.dive import Dive, Flags, Floats, Times
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kernel_options
 from bottomlock.replay.turning import quaternions, to_angles
 from bottomlock.replay.whatif import read_recorded, returned
-from bottomlock.io.beams import read_geometry
-from scipy.spatial.transform import Rotation
-
 
 UNSMOOTHED = ("consistent",)
 """Arms that choose between filters have no smoother of their own."""
@@ -253,10 +252,11 @@ def fly(case: Case, prepared: Prepared, asked: WhatIf | None, *, threads: int = 
 
     def flown(arms: list[str], *, smooth: bool) -> Any:  # noqa: ANN401 - the kernel's dict
         model: Any = prepared.model
+        options: Any = prepared.options
         return replay_log(
             prepared.dive.instrument.geometry,
             model,
-            prepared.options,
+            options,
             arms,
             log,
             start,
@@ -265,7 +265,9 @@ def fly(case: Case, prepared: Prepared, asked: WhatIf | None, *, threads: int = 
             threads=threads,
         )
 
-    smoothed_arms = tuple(arm for arm in case.replay.arms if arm not in UNSMOOTHED) if case.replay.smooth else ()
+    smoothed_arms = (
+        tuple(arm for arm in case.replay.arms if arm not in UNSMOOTHED) if case.replay.smooth else ()
+    )
     return Flight(
         prepared=prepared,
         valid=valid,

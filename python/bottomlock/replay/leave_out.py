@@ -1,8 +1,9 @@
 """Leave beams out of recorded pings that have them all, and see how far each method's velocity is off without them.
 
-A ping whose every beam returned, and fits the others, is its own reference: the velocity of all beams by least squares, and
-the reading of the beam that a method was not shown. Methods without a prior see the ping alone. Methods with one see, too,
-the velocity that a random walk carries over from the pings before, every one of them with all its beams.
+A ping whose every beam returned, and fits the others, is its own reference: the velocity of all beams by least
+squares, and the reading of the beam that a method was not shown. Methods without a prior see the ping alone. Methods
+with one see, too, the velocity that a random walk carries over from the pings before, every one of them with all its
+beams.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,13 +15,13 @@ import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
-from bottomlock.replay.draws import closure_directions
 from bottomlock.replay.dive import Flags, Floats, Times
+from bottomlock.replay.draws import closure_directions
 
 ALONE = ("lc", "nsv", "plcf", "weak_sway")
-"""Methods that need no inertial system: least squares, sway zero, the components that are determined, the weak sway row."""
+"""Methods that need no INS: least squares, sway zero, the components that are determined, the weak sway row."""
 WITH_PRIOR = ("vb", "vhv", "info")
-"""Methods that need a velocity to expect; here a random walk's. The information form is fused with it as a Kalman update."""
+"""Methods that need a velocity to expect, here a random walk's; with it the information form is a Kalman update."""
 
 SCORES: Mapping[str, pl.DataType] = {
     "left_out": pl.String(),
@@ -35,8 +36,9 @@ SCORES: Mapping[str, pl.DataType] = {
     "ratio_rms": pl.Float64(),
     "ratio_robust": pl.Float64(),
 }
-"""A row per set of beams left out, method and component: pings, how many of them the method solved, and of those the median,
-RMS and 95th percentile of the error, the median of what was claimed, and error over claimed, as RMS and as 1.4826 × median."""
+"""A row per set of beams left out, method and component: pings, how many of them the method solved, and of those the
+median, RMS and 95th percentile of the error, the median of what was claimed, and error over claimed, RMS and 1.4826 ×
+median."""
 
 
 SAME_MPS = 1e-6
@@ -109,18 +111,22 @@ def leave_out(
         sd_mps: (B,) noise of the beams, 1 sigma.
         beams: how many are left out at a time.
         walk: of the prior.
-        closure_gate: pings whose closure residual is greater than so many of its sigmas are no reference and are not scored;
+        closure_gate: pings whose closure residual is greater than so many of its sigmas are no reference and are not
+        scored;
             None scores all. The sigma is the robust one of the recording itself.
 
     Returns:
-        Components surge, sway and heave against least squares of all beams, and "beam": the reading of each beam that was
-        left out against what the method's velocity says of it, the only score that shares no noise with the method.
+        Components surge, sway and heave against least squares of all beams, and "beam": the reading of each beam
+        that was left out against what the method's velocity says of it, the only score that shares no noise with the
+        method.
 
     Raises:
         DataError: for an instrument without redundant beams, or a recording without a ping of all beams.
     """
     if geometry.beams <= geometry.rank or geometry.rank < 3:
-        raise DataError(f"{geometry.beams} beams of rank {geometry.rank} hold no redundancy: there is nothing to leave out")
+        raise DataError(
+            f"{geometry.beams} beams of rank {geometry.rank} hold no redundancy: there is nothing to leave out"
+        )
     if not 1 <= beams < geometry.beams:
         raise DataError(f"{beams} beams to leave out, expected 1 to {geometry.beams - 1}")
     priors = random_walk(geometry, time_ns, velocity_mps, valid, sd_mps, walk or Walk())
@@ -145,7 +151,7 @@ def reference_pings(
     geometry: BeamGeometry, velocity_mps: Floats, valid: Flags, closure_gate: float | None
 ) -> Flags:
     """(n,) pings of all beams whose closure is not an outlier."""
-    every = valid.all(axis=1)
+    every = np.asarray(valid.all(axis=1))
     if closure_gate is None or not every.any():
         return np.asarray(every)
     closure = np.where(every[:, None], velocity_mps, 0.0) @ closure_directions(geometry).T
@@ -173,7 +179,7 @@ def _solve(
     cov = np.linalg.inv(np.linalg.inv(priors.cov_m2ps2) + information)
     innovation = fixes.observed_velocity_p_mps - priors.velocity_p_mps
     gain = cov @ information
-    return priors.velocity_p_mps + np.einsum("nij,nj->ni", gain, innovation), cov
+    return np.asarray(priors.velocity_p_mps + np.einsum("nij,nj->ni", gain, innovation)), np.asarray(cov)
 
 
 def _response(

@@ -8,7 +8,7 @@ import numpy as np
 from bottomlock import units
 from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2
 from bottomlock.replay.case import Case
-from bottomlock.replay.dive import Floats, Dive
+from bottomlock.replay.dive import Dive, Floats
 from bottomlock.replay.stream_sections import ImuErrors
 
 

@@ -10,7 +10,6 @@ from bottomlock.io.beam_table import read_beam_table
 from bottomlock.io.beams import Instrument, read_beams, read_geometry
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
-from bottomlock.replay.geodesy import Place, tangent_from_geodetic
 from bottomlock.replay.dive import (
     Attitudes,
     Beams,
@@ -24,6 +23,7 @@ from bottomlock.replay.dive import (
     Times,
     Truthlike,
 )
+from bottomlock.replay.geodesy import Place, tangent_from_geodetic
 from bottomlock.replay.stream_sections import (
     AttitudeStream,
     DepthStream,
@@ -52,7 +52,8 @@ def read_dive(case: Case) -> Dive:
 
     Raises:
         ScenarioError: for a geometry file that makes no sense.
-        DataError: naming file, row, column or time: for what cannot be read, rows out of order or gaps of the IMU that are
+        DataError: naming file, row, column or time: for what cannot be read, rows out of order or gaps of the IMU
+        that are
             not declared, and a recording without an origin for its latitudes.
     """
     clocks: dict[str, ClockReport] = {}
@@ -135,7 +136,7 @@ def _refuse_long_gaps(imu: ImuStream, report: ClockReport) -> None:
     if longest > imu.bridge_gaps_s:
         fault = report.jumps if report.jumps.count else report.gaps
         raise DataError(
-            f"{imu.file}: the IMU is silent for {longest:.4g} s at the longest (steps longer than {report.gap_s:.4g} s: "
+            f"{imu.file}: the IMU is silent for {longest:.4g} s at the longest (steps over {report.gap_s:.4g} s: "
             f"{fault.words}), expected none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s"
         )
 
@@ -164,7 +165,7 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
     directions_d = from_angles(*instrument.mounting_rpy_rad).inv().apply(geometry.directions_p)
     projected = velocity_d @ directions_d.T
     notes.append(
-        f"dvl: {len(velocity_d)} pings of {geometry.beams} beams projected from the instrument's velocity (semi-synthetic)"
+        f"dvl: {len(velocity_d)} pings of {geometry.beams} beams projected from the velocity (semi-synthetic)"
     )
     valid = np.repeat(heard[:, None], geometry.beams, axis=1)
     sd = np.broadcast_to(instrument.beam_sd_mps, projected.shape)
@@ -172,7 +173,7 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
 
 
 def _recorded_noise(file: Path, rows: Times, valid: Flags) -> Floats:
-    """(n, B) the instrument's own figure of merit of each beam; of lost beams, where it has none, any positive number."""
+    """(n, B) the instrument's own figure of merit of each beam; any positive number where a lost beam has none."""
     sd = read_beam_table(file).sd_mps[rows]
     wrong = np.argwhere(valid & ~(sd > 0.0))
     if wrong.size:

@@ -81,7 +81,7 @@ def replay_case(
     tables = {name: pl.concat(frames) for name, frames in parts.items()}
     path = compare.path_table(dive)
     return Replayed(
-        runs=runs_table(tables["samples"], tables["innovations"], tables["pings"], path),
+        runs=runs_table(tables["samples"], tables["innovations"], tables["pings"], path, start_ns),
         ensemble=ensemble_table(tables["samples"], start_ns),
         path=path,
         manifest=describe(case, dive, alignments, threads=threads, wall_s=time.perf_counter() - started),

@@ -35,7 +35,8 @@ def mean_over(values: Floats, section: str, window_s: float) -> Mean:
 def scatter_of_mean(values: Floats) -> Floats:
     """(3,) standard deviation of the mean, from the means of ten consecutive blocks.
 
-    Readings of a vehicle in waves are not independent of one another; means over a tenth of the window are, more or less.
+    Readings of a vehicle in waves are not independent of one another; means over a tenth of the window are, more or
+    less.
 
     >>> scatter_of_mean(np.tile([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], (50, 1))).tolist()
     [0.0, 0.0, 0.0]

@@ -28,11 +28,11 @@ def check_axes(axes: Axes) -> None:
 class Clock(Section):
     """When the rows of a table are valid: by a column, by their number at an even rate, or both.
 
-    With `column` alone its stamps count. With `rate_hz` alone row k stands at `start_s` + k/rate. With both the rows are
-    taken at an even rate and the stamps, a host's, say only where the first of them stands; the stamps may then stray from
-    it by `steady_within_s`. `offset_s` is added: it takes the stream's clock to the case's. A step of more than `gap_s` is a
-    gap (by default three median steps), of more than `jump_s` a jump of the clock. Rows that repeat a time or go back are
-    refused, or left out where `unordered` says "drop".
+    With `column` alone its stamps count. With `rate_hz` alone row k stands at `start_s` + k/rate. With both the rows
+    are taken at an even rate and the stamps, a host's, say only where the first of them stands; the stamps may then
+    stray from it by `steady_within_s`. `offset_s` is added: it takes the stream's clock to the case's. A step of
+    more than `gap_s` is a gap (by default three median steps), of more than `jump_s` a jump of the clock. Rows that
+    repeat a time or go back are refused, or left out where `unordered` says "drop".
     """
 
     column: str | None = None
@@ -91,9 +91,9 @@ class ImuStream(Mounted):
     """Inertial sensors: specific force and angular rate, or their increments over an interval.
 
     Increments ("m/s", "rad", "deg") are divided by the column `interval` (s), or by 1/`rate_hz` of the clock; they are
-    means over the step that they end, and the filter takes them so. A gap is refused unless it is at most `bridge_gaps_s`
-    long: the strapdown then crosses it on a straight line between its ends, and the report says so. `degrade` adds errors
-    of a poorer instrument, drawn from the case's seed.
+    means over the step that they end, and the filter takes them so. A gap is refused unless it is at most
+    `bridge_gaps_s` long: the strapdown then crosses it on a straight line between its ends, and the report says so.
+    `degrade` adds errors of a poorer instrument, drawn from the case's seed.
     """
 
     force: Names
@@ -224,7 +224,7 @@ class GpsStream(Positioned):
 
 
 class Reference(Positioned):
-    """What errors are measured against: any of position, velocity and attitude, of a point at `lever_arm_m` from the IMU.
+    """What errors are measured against: position, velocity, attitude, of a point at `lever_arm_m` from the IMU.
 
     `note` stands in the report, for instance that the reference is made from the same sensors.
     """

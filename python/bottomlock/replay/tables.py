@@ -113,7 +113,7 @@ def read_stream(
         column_stamps(table, stream.clock, place=place), table.height, stream.clock, place=place
     )
     values = np.stack([column_numbers(table, name, place=place) for name in names], axis=1)
-    whole = np.isfinite(values).all(axis=1)
+    whole = np.asarray(np.isfinite(values).all(axis=1))
     hollow = timed.rows[~whole[timed.rows]]
     if hollow.size and not optional:
         row = int(hollow[0])
