@@ -100,6 +100,14 @@ class WaterDict(TypedDict):
     slip_epochs: float
 
 @type_check_only
+class RobustDict(TypedDict):
+    closure_gate: NotRequired[float | None]
+    beam_gate: NotRequired[float | None]
+    tail: Literal["gaussian", "student_t", "huber"]
+    student_t_degrees: NotRequired[float]
+    huber_threshold: NotRequired[float]
+
+@type_check_only
 class OptionsDict(TypedDict):
     gate: str
     gate_probability: float
@@ -111,6 +119,9 @@ class OptionsDict(TypedDict):
     weak_sway_var_m2ps2: float
     information_port: str
     water: NotRequired[WaterDict]
+    robust: NotRequired[RobustDict | None]
+    depth_lever_p_m: NotRequired[ArrayLike]
+    gps_lever_p_m: NotRequired[ArrayLike]
 
 @type_check_only
 class ScheduleDict(TypedDict):
@@ -180,6 +191,7 @@ class ReportDict(TypedDict):
     threshold: float
     verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information"]
     rejected_rows: NDArray[np.bool_]
+    beam_weight: NDArray[np.float64] | None
     choice: dict[str, Any] | None
 
 @type_check_only
@@ -249,6 +261,7 @@ class ReplayDict(TypedDict):
     fix_status: NDArray[np.uint8]
     innovation_mps: NDArray[np.float64]
     innovation_sd_mps: NDArray[np.float64]
+    beam_weight: NDArray[np.float64]
     choice: NDArray[np.uint8]
     unused: dict[Literal["before_start", "after_end"], dict[str, int]]
     covariance: NotRequired[NDArray[np.float64]]

@@ -9,6 +9,7 @@ mod dvl;
 mod errors;
 mod navigator;
 mod replay;
+mod report;
 mod settings;
 
 /// Compiled kernel of bottomlock; use it through `bottomlock`.

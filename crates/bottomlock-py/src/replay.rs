@@ -192,7 +192,8 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
 ///     sample_time_ns (T,), the times of the recorded states; position_t_m, velocity_p_mps, accel_bias_mps2, gyro_bias_radps
 ///     (A, T, 3), attitude_t_p (A, T, 4), dvl_bias_mps (A, T, 4), dvl_scale (A, T), sd (A, T, 20); nis (A, E), NaN without a fix,
 ///     nis_dof and fix_status (codes of FIX_STATUS) (A, E); innovation_mps and innovation_sd_mps (A, E, B), NaN where the beam
-///     was not a row; choice (A, E, 3) as in run_batch; unused, rows by stream before the start and after the end. With smooth the
+///     was not a row; beam_weight (A, E, B), 1 where the reading counted in full, less where a heavy tail lessened it, 0 where a gate
+///     took it out, NaN where it was lost; choice (A, E, 3) as in run_batch; unused, rows by stream before the start and after the end. With smooth the
 ///     keys of the estimate and sd again with the prefix smoothed_, and smoother_bytes (A,), what each arm kept for the way back.
 ///     With covariances the key covariance (A, T, 20, 20), and smoothed_covariance.
 ///
@@ -343,6 +344,9 @@ fn put_pings<'py>(out: &Bound<'py, PyDict>, tracks: &[Track], pings: usize, beam
     })?;
     put(out, "innovation_sd_mps", tracks, &wide, |ping| {
         ping.innovation_sd_mps[..beams].to_vec()
+    })?;
+    put(out, "beam_weight", tracks, &wide, |ping| {
+        ping.beam_weight[..beams].to_vec()
     })?;
     let choice = |ping: &PingRecord| ping.choice.as_ref().map_or([NO_CHOICE; 3], choice_code).to_vec();
     put(out, "choice", tracks, &[tracks.len(), pings, 3], choice)

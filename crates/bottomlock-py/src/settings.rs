@@ -8,6 +8,7 @@ use bottomlock::imu::Sampling;
 use bottomlock::model::{
     DepthModel, DvlModel, Gate, GpsModel, ImuModel, InformationPort, InitialModel, MagnetometerModel, Model, Options,
 };
+use bottomlock::robust::{Robust, Tail};
 use bottomlock::sensors::Schedule;
 use bottomlock::water::WaterPrior;
 use pyo3::prelude::*;
@@ -158,6 +159,7 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
     };
     Ok(Options {
         gate,
+        robust: robust(dict)?,
         water,
         covariance_period_ns: item(dict, "options", "covariance_period_ns")?
             .extract()
@@ -174,6 +176,40 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
         information_port,
         depth_lever_p_m: lever("depth_lever_p_m")?,
         gps_lever_p_m: lever("gps_lever_p_m")?,
+    })
+}
+
+/// What is done against outliers among the beams; nothing where the options say nothing.
+fn robust(options: &Bound<'_, PyDict>) -> PyResult<Robust> {
+    if options.get_item("robust")?.is_none_or(|value| value.is_none()) {
+        return Ok(Robust::default());
+    }
+    let dict = section(options, "options", "robust")?;
+    let gate = |key: &str| -> PyResult<Option<f64>> {
+        match dict.get_item(key)? {
+            Some(value) if !value.is_none() => number(&dict, "options.robust", key).map(Some),
+            _ => Ok(None),
+        }
+    };
+    let of = |key| number(&dict, "options.robust", key);
+    let tail = match text(&dict, "options.robust", "tail")?.as_str() {
+        "gaussian" => Tail::Gaussian,
+        "student_t" => Tail::StudentT {
+            degrees: of("student_t_degrees")?,
+        },
+        "huber" => Tail::Huber {
+            threshold: of("huber_threshold")?,
+        },
+        other => {
+            return Err(refuse(format!(
+                "options.robust.tail is '{other}', expected 'gaussian', 'student_t' or 'huber'"
+            )));
+        }
+    };
+    Ok(Robust {
+        closure_gate: gate("closure_gate")?,
+        beam_gate: gate("beam_gate")?,
+        tail,
     })
 }
 

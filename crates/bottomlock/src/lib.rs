@@ -37,6 +37,7 @@ pub mod layout;
 pub mod model;
 pub mod replay;
 pub mod report;
+pub mod robust;
 pub mod run;
 pub mod sensors;
 pub mod smoother;

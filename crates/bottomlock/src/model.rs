@@ -10,6 +10,7 @@ use crate::error_model::ProcessNoise;
 use crate::frames::Vec3;
 use crate::imu::Sampling;
 use crate::layout;
+use crate::robust::Robust;
 use crate::state::Covariance;
 use crate::water::WaterPrior;
 
@@ -311,6 +312,8 @@ pub struct Options {
     pub information_port: InformationPort,
     /// What is assumed of the motion through the water.
     pub water: WaterPrior,
+    /// What is done against outliers among the beams.
+    pub robust: Robust,
     /// Place of the depth sensor and of the GPS antenna, platform frame, m.
     pub depth_lever_p_m: Vec3<crate::frames::Platform>,
     /// Place of the GPS antenna, platform frame, m.
@@ -328,6 +331,7 @@ impl Default for Options {
             assumptions: Assumptions::default(),
             information_port: InformationPort::Axes,
             water: WaterPrior::default(),
+            robust: Robust::default(),
             depth_lever_p_m: Vec3::zeros(),
             gps_lever_p_m: Vec3::zeros(),
         }
@@ -345,6 +349,7 @@ impl Options {
         require_positive("nullified_sway_var_m2ps2", self.assumptions.nullified_sway_var_m2ps2)?;
         require_positive("weak_sway_var_m2ps2", self.assumptions.weak_sway_var_m2ps2)?;
         self.water.validate()?;
+        self.robust.validate()?;
         let levers: Vector3<f64> = self.depth_lever_p_m.0 + self.gps_lever_p_m.0;
         require_finite("lever arm", 0, levers.as_slice())?;
         GateTable::new(self.gate).map(|_| ())

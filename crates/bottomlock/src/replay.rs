@@ -7,130 +7,23 @@
 //!
 //! What lies before the start, or after the last inertial reading, moves no filter and is counted in [`Unused`].
 
+mod log;
+mod ping;
+
 use crate::bank::Guide;
 use crate::batch::Arm;
-use crate::dvl::geometry::{BeamGeometry, BeamSample, MAX_BEAMS};
+use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
-use crate::events::{AttitudeSample, DepthSample, Event, HeadingSample, PositionSample};
-use crate::imu::ImuSample;
+use crate::events::Event;
 use crate::layout::DIM;
 use crate::model::{Model, Options};
-use crate::report::{Choice, Sensor, UpdateReport, Verdict};
+use crate::report::Sensor;
 use crate::state::{Covariance, NavState};
 use crate::twin::Filters;
 use crate::workers::Workers;
 
-/// Number of streams of a log.
-pub const STREAMS: usize = 6;
-/// Their names, in the order in which measurements of the same time are taken.
-pub const STREAM_NAMES: [&str; STREAMS] = ["imu", "dvl", "depth", "attitude", "heading", "gps"];
-
-/// A recorded log: each stream rising in time, any of them but the inertial one may be empty.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Log<'a> {
-    /// Inertial readings.
-    pub imu: &'a [ImuSample],
-    /// Pings.
-    pub pings: &'a [BeamSample],
-    /// Depths.
-    pub depth: &'a [DepthSample],
-    /// Attitudes.
-    pub attitude: &'a [AttitudeSample],
-    /// Headings.
-    pub heading: &'a [HeadingSample],
-    /// Positions.
-    pub gps: &'a [PositionSample],
-}
-
-impl Log<'_> {
-    fn len(&self, stream: usize) -> usize {
-        [
-            self.imu.len(),
-            self.pings.len(),
-            self.depth.len(),
-            self.attitude.len(),
-            self.heading.len(),
-            self.gps.len(),
-        ][stream]
-    }
-
-    fn get(&self, stream: usize, row: usize) -> Option<Event> {
-        match stream {
-            0 => self.imu.get(row).copied().map(Event::Imu),
-            1 => self.pings.get(row).copied().map(Event::Beams),
-            2 => self.depth.get(row).copied().map(Event::Depth),
-            3 => self.attitude.get(row).copied().map(Event::Attitude),
-            4 => self.heading.get(row).copied().map(Event::Heading),
-            _ => self.gps.get(row).copied().map(Event::Position),
-        }
-    }
-
-    /// Checks every number, and that time rises within each stream.
-    ///
-    /// # Errors
-    /// [`NavError::InRow`] that names stream, row and what is wrong with it.
-    pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
-        for stream in 0..STREAMS {
-            let mut previous_ns = None;
-            for row in 0..self.len(stream) {
-                let Some(event) = self.get(stream, row) else { break };
-                let in_row = |source| NavError::InRow {
-                    stream: STREAM_NAMES[stream],
-                    row,
-                    source: Box::new(source),
-                };
-                event.validate(geometry).map_err(in_row)?;
-                let time_ns = event.time_ns();
-                if let Some(previous_ns) = previous_ns.filter(|&previous_ns| time_ns <= previous_ns) {
-                    return Err(in_row(NavError::TimeNotIncreasing {
-                        stream: STREAM_NAMES[stream],
-                        time_ns,
-                        previous_ns,
-                    }));
-                }
-                previous_ns = Some(time_ns);
-            }
-        }
-        Ok(())
-    }
-
-    /// The events from a time on, in order of time; at the same time in order of [`STREAM_NAMES`].
-    fn events_from(&self, start_ns: i64) -> impl Iterator<Item = Event> {
-        let log = *self;
-        let mut next: [usize; STREAMS] = std::array::from_fn(|stream| {
-            let before = |row: usize| log.get(stream, row).is_some_and(|event| event.time_ns() < start_ns);
-            (0..log.len(stream)).take_while(|&row| before(row)).count()
-        });
-        std::iter::from_fn(move || {
-            let heads = (0..STREAMS).filter_map(|stream| Some((stream, log.get(stream, next[stream])?)));
-            let (stream, event) = heads.min_by_key(|(_, event)| event.time_ns())?;
-            next[stream] += 1;
-            Some(event)
-        })
-    }
-
-    /// What a replay from `start_ns` cannot use.
-    fn unused(&self, start_ns: i64, last_ns: i64) -> Unused {
-        let mut unused = Unused::default();
-        for stream in 0..STREAMS {
-            let times = (0..self.len(stream)).filter_map(|row| Some(self.get(stream, row)?.time_ns()));
-            for time_ns in times {
-                unused.before_start[stream] += usize::from(time_ns < start_ns);
-                unused.after_end[stream] += usize::from(time_ns > last_ns);
-            }
-        }
-        unused
-    }
-}
-
-/// Rows of each stream that moved no filter, in the order of [`STREAM_NAMES`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Unused {
-    /// Earlier than the start.
-    pub before_start: [usize; STREAMS],
-    /// Later than the last inertial reading, to which alone a filter can be led.
-    pub after_end: [usize; STREAMS],
-}
+pub use self::log::{Log, STREAM_NAMES, STREAMS, Unused};
+pub use self::ping::{FIX_STATUS, FixStatus, PingRecord};
 
 /// What is flown along a log.
 #[derive(Debug, Clone, Copy)]
@@ -155,81 +48,6 @@ pub struct Replay<'a> {
     pub smooth: bool,
     /// Whether covariances are kept beside the standard deviations.
     pub covariances: bool,
-}
-
-/// What became of a ping.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum FixStatus {
-    /// It reached no filter, or the arm makes nothing of beams.
-    #[default]
-    None,
-    /// All of it was used.
-    Accepted,
-    /// The gate rejected some rows.
-    AcceptedInPart,
-    /// The gate rejected it.
-    Rejected,
-    /// The arm could make nothing of the beams that were left.
-    NoInformation,
-}
-
-/// The names of [`FixStatus`] in order.
-pub const FIX_STATUS: [&str; 5] = ["none", "accepted", "accepted_in_part", "rejected", "no_information"];
-
-/// What one arm made of one ping.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PingRecord {
-    /// What became of it.
-    pub status: FixStatus,
-    /// Normalised innovation squared; NaN without a fix.
-    pub nis: f64,
-    /// Its degrees of freedom.
-    pub degrees: usize,
-    /// Innovation of each beam, m/s; NaN where the beam was not a row of the update.
-    pub innovation_mps: [f64; MAX_BEAMS],
-    /// Its standard deviation by the filter, m/s.
-    pub innovation_sd_mps: [f64; MAX_BEAMS],
-    /// What was chosen, of an arm that chooses.
-    pub choice: Option<Choice>,
-}
-
-impl Default for PingRecord {
-    fn default() -> Self {
-        Self {
-            status: FixStatus::None,
-            nis: f64::NAN,
-            degrees: 0,
-            innovation_mps: [f64::NAN; MAX_BEAMS],
-            innovation_sd_mps: [f64::NAN; MAX_BEAMS],
-            choice: None,
-        }
-    }
-}
-
-impl PingRecord {
-    fn new(report: &UpdateReport, ping: &BeamSample, rows_are_beams: bool) -> Self {
-        let mut record = Self {
-            status: match report.verdict {
-                Verdict::Accepted => FixStatus::Accepted,
-                Verdict::AcceptedInPart { .. } => FixStatus::AcceptedInPart,
-                Verdict::Rejected => FixStatus::Rejected,
-                Verdict::NoInformation => FixStatus::NoInformation,
-            },
-            choice: report.choice,
-            ..Self::default()
-        };
-        if report.rows > 0 {
-            record.nis = report.nis;
-            record.degrees = report.degrees;
-        }
-        if rows_are_beams {
-            for (row, beam) in ping.valid.iter().enumerate().take(report.rows) {
-                record.innovation_mps[beam] = report.residual[row];
-                record.innovation_sd_mps[beam] = report.covariance[(row, row)].sqrt();
-            }
-        }
-        record
-    }
 }
 
 /// Estimates at the samples.

@@ -3,7 +3,10 @@
 use super::*;
 use crate::batch::ARMS;
 use crate::dvl::geometry::{BeamMask, BeamMotion, Janus};
+use crate::dvl::geometry::{BeamSample, MAX_BEAMS};
+use crate::events::{AttitudeSample, DepthSample, HeadingSample, PositionSample};
 use crate::frames::{Rot, Vec3};
+use crate::imu::ImuSample;
 use crate::imu::Sampling;
 use nalgebra::Vector3;
 

@@ -2,6 +2,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use crate::dvl::geometry::MAX_BEAMS;
 use crate::dvl::partial::Method;
 use crate::model::MAX_ROWS;
 use crate::state::{Covariance, ErrorVector};
@@ -97,6 +98,8 @@ pub struct UpdateReport {
     pub verdict: Verdict,
     /// What was chosen, where the arm chooses.
     pub choice: Option<Choice>,
+    /// Weight of each beam where outliers are looked for: 0 for one that was taken out, NaN for one that was lost.
+    pub beam_weight: Option<[f64; MAX_BEAMS]>,
 }
 
 impl UpdateReport {
@@ -112,6 +115,7 @@ impl UpdateReport {
             threshold: f64::INFINITY,
             verdict: Verdict::NoInformation,
             choice: None,
+            beam_weight: None,
         }
     }
 

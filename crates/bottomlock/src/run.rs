@@ -13,7 +13,8 @@ use crate::filter::Eskf;
 use crate::imu::{ImuSample, Sampling};
 use crate::layout::VELOCITY;
 use crate::model::{InformationPort, Model, Options};
-use crate::report::{Choice, Sensor, UpdateReport};
+use crate::report::{Choice, Sensor, UpdateReport, Verdict};
+use crate::robust::{self, Screened};
 use crate::state::{Covariance, NavState};
 use crate::twin::Filters;
 use crate::water_block::WaterBlock;
@@ -201,7 +202,15 @@ impl Navigator {
         match event {
             Event::Imu(_) => {}
             Event::Beams(ping) => {
-                if let Some(outcome) = self.aid_with_beams(ping)? {
+                let screened = self.screen(ping)?;
+                let ping = screened.map_or(*ping, |screened| screened.ping);
+                if let Some(mut outcome) = self.aid_with_beams(&ping)? {
+                    if let Some(screened) = screened {
+                        outcome.beam_weight = Some(screened.weight);
+                        if screened.took_all() {
+                            outcome.verdict = Verdict::Rejected;
+                        }
+                    }
                     report(&outcome);
                 }
                 let full_lock = self.geometry.rank_of(ping.valid) == 3;
@@ -242,6 +251,17 @@ impl Navigator {
             })?),
         }
         Ok(())
+    }
+
+    /// What is left of a ping where outliers are looked for, as the filter on measurements alone sees it.
+    fn screen(&mut self, ping: &BeamSample) -> Result<Option<Screened>, NavError> {
+        if self.options.robust.is_off() || self.aiding == BeamAiding::None {
+            return Ok(None);
+        }
+        let (geometry, filter) = (&self.geometry, &mut self.filters.beams_alone);
+        let covariance = filter.covariance_now();
+        let terms = filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
+        robust::screen(&self.options.robust, geometry, &covariance, &terms, ping).map(Some)
     }
 
     fn aid_with_beams(&mut self, ping: &BeamSample) -> Result<Option<UpdateReport>, NavError> {

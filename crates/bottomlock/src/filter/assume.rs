@@ -8,6 +8,7 @@ use crate::error::{NavError, require_finite};
 use crate::layout::{DIM, VELOCITY};
 use crate::model::{Gate, GateTable, MAX_ROWS};
 use crate::report::{Sensor, UpdateReport, Verdict};
+use crate::state::Covariance;
 use crate::water::{WATER, WaterRow};
 
 /// Chi-squared of three degrees at one in a million: asked at every epoch, it must not be met by chance in a mission.
@@ -23,6 +24,12 @@ impl Eskf {
     pub(crate) fn velocity(&self) -> (Vector3<f64>, Matrix3<f64>) {
         let own = self.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY).into_owned();
         (Vector3::from(self.kinematics.velocity_p_mps), own)
+    }
+
+    /// The covariance, brought up to date as an update will bring it.
+    pub(crate) fn covariance_now(&mut self) -> Covariance {
+        self.propagate_covariance();
+        self.covariance
     }
 
     /// True where the velocity of `other` cannot be by this filter's own covariance; never with the gate off.

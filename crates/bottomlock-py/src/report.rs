@@ -1,0 +1,85 @@
+//! What became of a measurement, as a dict.
+
+use bottomlock::bank::MEMBERS;
+use bottomlock::report::{Choice, Sensor, UpdateReport, Verdict, Why};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::array;
+use crate::dvl::source_code;
+
+/// A report of an instrument with so many beams.
+pub fn report_dict<'py>(py: Python<'py>, report: &UpdateReport, beams: usize) -> PyResult<Bound<'py, PyDict>> {
+    let sensor = match report.sensor {
+        Sensor::Beams => "beams",
+        Sensor::Velocity => "velocity",
+        Sensor::Depth => "depth",
+        Sensor::Attitude => "attitude",
+        Sensor::Heading => "heading",
+        Sensor::GpsPosition => "gps_position",
+        Sensor::GpsVelocity => "gps_velocity",
+        Sensor::Sway => "sway",
+        Sensor::Heave => "heave",
+    };
+    let (verdict, rejected) = match report.verdict {
+        Verdict::Accepted => ("accepted", 0),
+        Verdict::AcceptedInPart { rejected_rows } => ("accepted_in_part", rejected_rows),
+        Verdict::Rejected => ("rejected", u8::MAX),
+        Verdict::NoInformation => ("no_information", 0),
+    };
+    let rows = report.rows;
+    let covariance = (0..rows * rows)
+        .map(|k| report.covariance[(k / rows, k % rows)])
+        .collect();
+    let out = PyDict::new(py);
+    out.set_item("sensor", sensor)?;
+    out.set_item("time_ns", report.time_ns)?;
+    out.set_item(
+        "residual",
+        array::<f64>(py, report.residual.as_slice()[..rows].to_vec(), &[rows])?,
+    )?;
+    out.set_item("covariance", array::<f64>(py, covariance, &[rows, rows])?)?;
+    out.set_item("degrees", report.degrees)?;
+    out.set_item("nis", report.nis)?;
+    out.set_item("threshold", report.threshold)?;
+    out.set_item("verdict", verdict)?;
+    let flags = (0..rows).map(|k| rejected & (1 << k) != 0).collect();
+    out.set_item("rejected_rows", array::<bool>(py, flags, &[rows])?)?;
+    let weight = report
+        .beam_weight
+        .map(|weight| array::<f64>(py, weight[..beams].to_vec(), &[beams]));
+    out.set_item("beam_weight", weight.transpose()?)?;
+    out.set_item(
+        "choice",
+        report.choice.map(|choice| choice_dict(py, &choice)).transpose()?,
+    )?;
+    Ok(out)
+}
+
+fn choice_dict<'py>(py: Python<'py>, choice: &Choice) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    match choice {
+        Choice::Components(sources) => {
+            for (axis, source) in ["surge", "sway", "heave"].into_iter().zip(sources) {
+                out.set_item(axis, source.map_or(0, source_code))?;
+            }
+        }
+        Choice::Member {
+            member,
+            why,
+            statistic,
+            threshold,
+        } => {
+            let why = match why {
+                Why::BeamsKnowBest => "beams_know_best",
+                Why::KnowsMost => "knows_most",
+                Why::BeamsContradict => "beams_contradict",
+            };
+            out.set_item("member", MEMBERS[*member].0)?;
+            out.set_item("why", why)?;
+            out.set_item("statistic", *statistic)?;
+            out.set_item("threshold", *threshold)?;
+        }
+    }
+    Ok(out)
+}

@@ -1,0 +1,118 @@
+//! A recorded log: its streams, merged by time of validity.
+
+use crate::dvl::geometry::{BeamGeometry, BeamSample};
+use crate::error::NavError;
+use crate::events::{AttitudeSample, DepthSample, Event, HeadingSample, PositionSample};
+use crate::imu::ImuSample;
+
+/// Number of streams of a log.
+pub const STREAMS: usize = 6;
+/// Their names, in the order in which measurements of the same time are taken.
+pub const STREAM_NAMES: [&str; STREAMS] = ["imu", "dvl", "depth", "attitude", "heading", "gps"];
+
+/// A recorded log: each stream rising in time, any of them but the inertial one may be empty.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Log<'a> {
+    /// Inertial readings.
+    pub imu: &'a [ImuSample],
+    /// Pings.
+    pub pings: &'a [BeamSample],
+    /// Depths.
+    pub depth: &'a [DepthSample],
+    /// Attitudes.
+    pub attitude: &'a [AttitudeSample],
+    /// Headings.
+    pub heading: &'a [HeadingSample],
+    /// Positions.
+    pub gps: &'a [PositionSample],
+}
+
+impl Log<'_> {
+    pub(crate) fn len(&self, stream: usize) -> usize {
+        [
+            self.imu.len(),
+            self.pings.len(),
+            self.depth.len(),
+            self.attitude.len(),
+            self.heading.len(),
+            self.gps.len(),
+        ][stream]
+    }
+
+    pub(crate) fn get(&self, stream: usize, row: usize) -> Option<Event> {
+        match stream {
+            0 => self.imu.get(row).copied().map(Event::Imu),
+            1 => self.pings.get(row).copied().map(Event::Beams),
+            2 => self.depth.get(row).copied().map(Event::Depth),
+            3 => self.attitude.get(row).copied().map(Event::Attitude),
+            4 => self.heading.get(row).copied().map(Event::Heading),
+            _ => self.gps.get(row).copied().map(Event::Position),
+        }
+    }
+
+    /// Checks every number, and that time rises within each stream.
+    ///
+    /// # Errors
+    /// [`NavError::InRow`] that names stream, row and what is wrong with it.
+    pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
+        for stream in 0..STREAMS {
+            let mut previous_ns = None;
+            for row in 0..self.len(stream) {
+                let Some(event) = self.get(stream, row) else { break };
+                let in_row = |source| NavError::InRow {
+                    stream: STREAM_NAMES[stream],
+                    row,
+                    source: Box::new(source),
+                };
+                event.validate(geometry).map_err(in_row)?;
+                let time_ns = event.time_ns();
+                if let Some(previous_ns) = previous_ns.filter(|&previous_ns| time_ns <= previous_ns) {
+                    return Err(in_row(NavError::TimeNotIncreasing {
+                        stream: STREAM_NAMES[stream],
+                        time_ns,
+                        previous_ns,
+                    }));
+                }
+                previous_ns = Some(time_ns);
+            }
+        }
+        Ok(())
+    }
+
+    /// The events from a time on, in order of time; at the same time in order of [`STREAM_NAMES`].
+    pub(super) fn events_from(&self, start_ns: i64) -> impl Iterator<Item = Event> {
+        let log = *self;
+        let mut next: [usize; STREAMS] = std::array::from_fn(|stream| {
+            let before = |row: usize| log.get(stream, row).is_some_and(|event| event.time_ns() < start_ns);
+            (0..log.len(stream)).take_while(|&row| before(row)).count()
+        });
+        std::iter::from_fn(move || {
+            let heads = (0..STREAMS).filter_map(|stream| Some((stream, log.get(stream, next[stream])?)));
+            let (stream, event) = heads.min_by_key(|(_, event)| event.time_ns())?;
+            next[stream] += 1;
+            Some(event)
+        })
+    }
+
+    /// What a replay from `start_ns` cannot use.
+    pub(super) fn unused(&self, start_ns: i64, last_ns: i64) -> Unused {
+        let mut unused = Unused::default();
+        for stream in 0..STREAMS {
+            let times = (0..self.len(stream)).filter_map(|row| Some(self.get(stream, row)?.time_ns()));
+            for time_ns in times {
+                unused.before_start[stream] += usize::from(time_ns < start_ns);
+                unused.after_end[stream] += usize::from(time_ns > last_ns);
+            }
+        }
+        unused
+    }
+}
+
+/// Rows of each stream that moved no filter, in the order of [`STREAM_NAMES`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Unused {
+    /// Earlier than the start.
+    pub before_start: [usize; STREAMS],
+    /// Later than the last inertial reading, to which alone a filter can be led.
+    pub after_end: [usize; STREAMS],
+}

@@ -1,0 +1,261 @@
+//! The gates and the weights by hand, and what one wild beam may do.
+
+use super::*;
+use crate::aiding::{Motion, beam_terms};
+use crate::dvl::geometry::{BeamMotion, Janus};
+use crate::frames::Vec3;
+use crate::layout::VELOCITY;
+use crate::model::Model;
+use crate::state::NavState;
+use nalgebra::Vector3;
+use proptest::prelude::*;
+
+const SD: f64 = 0.04;
+
+struct Case {
+    geometry: BeamGeometry,
+    state: NavState,
+    covariance: Covariance,
+    ping: BeamSample,
+}
+
+/// A Janus at 2 m/s whose velocity is known to `velocity_sd`, with readings off by `error`.
+fn case(velocity_sd: f64, error: [f64; 4]) -> Case {
+    let geometry = BeamGeometry::janus(Janus::X, 30_f64.to_radians()).unwrap();
+    let mut state = NavState::at_rest(0);
+    state.velocity_p_mps = Vec3::new(2.0, 0.1, 0.0);
+    let motion = BeamMotion {
+        velocity_p_mps: state.velocity_p_mps.0,
+        rate_tp_p_radps: Vector3::zeros(),
+        beam_bias_mps: [0.0; 4],
+        scale_factor: 0.0,
+    };
+    let mut covariance = Model::table_2().initial_covariance(false);
+    (0..3).for_each(|k| covariance[(VELOCITY + k, VELOCITY + k)] = velocity_sd.powi(2));
+    let mut ping = BeamSample {
+        time_ns: 0,
+        velocity_mps: [f64::NAN; MAX_BEAMS],
+        sd_mps: [SD; MAX_BEAMS],
+        valid: BeamMask::all(4),
+    };
+    (0..4).for_each(|beam| ping.velocity_mps[beam] = geometry.beam_velocity_mps(beam, &motion) + error[beam]);
+    Case {
+        geometry,
+        state,
+        covariance,
+        ping,
+    }
+}
+
+impl Case {
+    fn terms(&self, ping: &BeamSample) -> BeamTerms {
+        let motion = Motion {
+            state: &self.state,
+            rate_ip_p_radps: Vector3::zeros(),
+            earth_rate_t_radps: Vector3::zeros(),
+            gyro_variance: 0.0,
+        };
+        beam_terms(&motion, &self.geometry, ping)
+    }
+
+    fn rows(&self) -> Rows {
+        Rows::new(&self.covariance, &self.terms(&self.ping), &self.ping)
+    }
+
+    fn screened(&self, robust: &Robust) -> Screened {
+        screen(
+            robust,
+            &self.geometry,
+            &self.covariance,
+            &self.terms(&self.ping),
+            &self.ping,
+        )
+        .unwrap()
+    }
+
+    /// The correction of the velocity by what is left of the ping.
+    fn correction(&self, robust: &Robust) -> Vector3<f64> {
+        let ping = self.screened(robust).ping;
+        if ping.valid.iter().next().is_none() {
+            return Vector3::zeros();
+        }
+        let rows = Rows::new(&self.covariance, &self.terms(&ping), &ping);
+        let h = tightly_coupled(&self.terms(&ping), &ping)
+            .jacobian
+            .rows(0, rows.z.len())
+            .into_owned();
+        let x = self.covariance * h.transpose() * rows.weight(&rows.r, 0).unwrap() * &rows.z;
+        Vector3::new(x[VELOCITY], x[VELOCITY + 1], x[VELOCITY + 2])
+    }
+}
+
+fn nis(rows: &Rows) -> f64 {
+    rows.z.dot(&(rows.weight(&rows.r, 0).unwrap() * &rows.z))
+}
+
+/// By hand: in a Janus b₁ − b₂ + b₃ − b₄ = 0, so closure is (e₁ − e₂ + e₃ − e₄)² / 4σ², whatever the velocity is.
+#[test]
+fn closure_of_a_janus() {
+    for velocity_sd in [1e-3, 0.1, 10.0] {
+        let error = [0.05, -0.02, 0.03, 0.01];
+        let one = case(velocity_sd, error);
+        let (statistic, degrees) = one.rows().closure(&one.geometry, 0).unwrap();
+        assert_eq!(degrees, 1);
+        assert!((statistic - 0.09_f64.powi(2) / (4.0 * SD * SD)).abs() < 1e-9);
+        let mut moved = case(velocity_sd, error);
+        moved.state.velocity_p_mps = Vec3::new(-3.0, 1.0, 0.5);
+        assert!((moved.rows().closure(&moved.geometry, 0).unwrap().0 - statistic).abs() < 1e-9);
+    }
+    let mut three = case(0.1, [0.1, 0.0, 0.0, 0.0]);
+    three.ping.valid = [0, 1, 3].into_iter().collect();
+    assert_eq!(three.rows().closure(&three.geometry, 0).unwrap(), (0.0, 0));
+}
+
+/// The statistic of a beam is by how much the NIS falls when that beam is left out, worked out by leaving it out.
+#[test]
+fn leave_one_out_is_leaving_one_out() {
+    let whole = case(0.07, [0.05, -0.12, 0.03, 0.3]);
+    let doubts = whole.rows().leave_one_out(0).unwrap();
+    for beam in 0..4 {
+        let mut without = case(0.07, [0.05, -0.12, 0.03, 0.3]);
+        without.ping.valid = (0..4).filter(|&other| other != beam).collect();
+        assert!((doubts[beam] - (nis(&whole.rows()) - nis(&without.rows()))).abs() < 1e-9);
+    }
+}
+
+/// Four equal beams cannot say which of them is wild; the navigator's prediction can, and closure lets it.
+#[test]
+fn the_wild_beam_is_the_one_that_goes() {
+    let gates = [
+        Robust {
+            closure_gate: Some(0.9973),
+            ..Robust::default()
+        },
+        Robust {
+            beam_gate: Some(0.9973),
+            ..Robust::default()
+        },
+    ];
+    for robust in gates {
+        for wild in 0..4 {
+            let mut error = [0.02, -0.01, 0.015, -0.02];
+            error[wild] += 1.7;
+            let out = case(0.1, error).screened(&robust);
+            let weights: [f64; 4] = std::array::from_fn(|beam| if beam == wild { 0.0 } else { 1.0 });
+            assert_eq!(out.weight[..4], weights, "beam {wild}");
+            assert!(!out.ping.valid.contains(wild) && !out.took_all());
+        }
+        assert_eq!(
+            case(0.1, [0.02, -0.01, 0.015, -0.02]).screened(&robust).weight[..4],
+            [1.0; 4]
+        );
+    }
+    // A single beam that the navigator does not believe: nothing is left, and it says so.
+    let mut one = case(0.01, [1.7, 0.0, 0.0, 0.0]);
+    one.ping.valid = [0].into_iter().collect();
+    assert!(one.screened(&gates[1]).took_all());
+    assert!(!one.screened(&gates[0]).took_all(), "one beam contradicts no other");
+}
+
+/// A vertical beam alone, its velocity known to p: the weight solves the scalar equation w = (ν + 1) / (ν + E[n²]/σ²), with
+/// n | z of mean z σ²/w / (p² + σ²/w) and variance p² σ²/w / (p² + σ²/w).
+#[test]
+fn student_weight_of_one_beam() {
+    let (p, z, degrees) = (0.1, 0.9, 4.0);
+    let mut one = case(p, [0.0; 4]);
+    one.geometry = BeamGeometry::from_directions(&[Vec3::new(0.0, 0.0, 1.0)]).unwrap();
+    one.ping.velocity_mps[0] = z;
+    one.ping.valid = BeamMask::all(1);
+    let robust = Robust {
+        tail: Tail::StudentT { degrees },
+        ..Robust::default()
+    };
+    let w = one.screened(&robust).weight[0];
+    let noise = SD * SD / w;
+    let (mean, variance) = (z * noise / (p * p + noise), p * p * noise / (p * p + noise));
+    assert!((w - (degrees + 1.0) / (degrees + (mean * mean + variance) / (SD * SD))).abs() < 1e-7);
+    assert!(w < 0.1);
+}
+
+/// As ν grows, and as the threshold of Huber grows, the ping is left as it was.
+#[test]
+fn thin_tails_are_the_kalman_update() {
+    let one = case(0.1, [0.05, -0.12, 0.03, 0.3]);
+    let plain = one.correction(&Robust::default());
+    let student = one.correction(&Robust {
+        tail: Tail::StudentT { degrees: 1e12 },
+        ..Robust::default()
+    });
+    assert!((student - plain).norm() < 1e-10);
+    let huber = one.screened(&Robust {
+        tail: Tail::Huber { threshold: 1e9 },
+        ..Robust::default()
+    });
+    assert_eq!(huber.ping.sd_mps[..4], one.ping.sd_mps[..4]);
+    assert!(Robust::default().is_off());
+}
+
+/// Options that make no sense are named.
+#[test]
+fn bad_options_are_named() {
+    let text = |robust: Robust| robust.validate().unwrap_err().to_string();
+    assert!(
+        text(Robust {
+            closure_gate: Some(1.0),
+            ..Robust::default()
+        })
+        .contains("robust.closure_gate is 1")
+    );
+    assert!(
+        text(Robust {
+            beam_gate: Some(f64::NAN),
+            ..Robust::default()
+        })
+        .contains("robust.beam_gate")
+    );
+    assert!(
+        text(Robust {
+            tail: Tail::StudentT { degrees: 0.0 },
+            ..Robust::default()
+        })
+        .contains("student_t_degrees")
+    );
+    assert!(
+        text(Robust {
+            tail: Tail::Huber { threshold: -1.0 },
+            ..Robust::default()
+        })
+        .contains("huber_threshold")
+    );
+}
+
+proptest! {
+    /// Full lock and one beam off by anything at all. The correction is P Hᵀ S⁻¹ z, so it is bounded where each entry of S⁻¹ z is:
+    /// by k/σ for Huber, by (ν + 1)/(2√ν σ) for Student's t, by √c/σ for a beam's own gate and by 2√c/σ for closure with c the
+    /// quantile. The Kalman update knows no bound: it moves in proportion.
+    #[test]
+    fn one_wild_beam_moves_the_estimate_by_a_bound(
+        wild in 0_usize..4,
+        size in -3.0..6.0_f64,
+        sign in prop::bool::ANY,
+        velocity_sd in 0.01..0.5_f64,
+    ) {
+        let mut error = [0.0; 4];
+        error[wild] = 10_f64.powf(size) * if sign { 1.0 } else { -1.0 };
+        let one = case(velocity_sd, error);
+        let pull: f64 = (0..4).map(|beam| velocity_sd.powi(2) * one.geometry.direction_p(beam).norm() / SD).sum();
+        let (gate, root) = (Some(0.9973), quantile(1, 0.9973).sqrt());
+        for (robust, bound) in [
+            (Robust { tail: Tail::StudentT { degrees: 4.0 }, ..Robust::default() }, 1.25),
+            (Robust { tail: Tail::Huber { threshold: 1.5 }, ..Robust::default() }, 1.5),
+            (Robust { beam_gate: gate, ..Robust::default() }, root),
+            (Robust { closure_gate: gate, ..Robust::default() }, 2.0 * root),
+        ] {
+            let moved = one.correction(&robust).norm();
+            prop_assert!(moved <= bound * pull * (1.0 + 1e-6), "{robust:?} moves {moved}");
+        }
+        let plain = one.correction(&Robust::default()).norm() / error[wild].abs();
+        let unit = case(velocity_sd, [1.0, 0.0, 0.0, 0.0]).correction(&Robust::default()).norm();
+        prop_assert!((plain / unit - 1.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,43 @@
+"""Updates with heavy-tailed noise as their papers write them: dense, in the space of the state, nothing exploited."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import optimize
+
+from tests.oracle import kalman
+from tests.oracle.rotations import Array
+
+
+def student_t(P: Array, H: Array, sd: Array, z: Array, degrees: float) -> tuple[Array, Array, Array]:
+    """Correction, covariance and weights of the variational update (Agamennoni et al. 2012), one weight per reading.
+
+    In turn: the state given the weights, a Kalman update with variances sd²/w; the weights given the state,
+    w = (ν + 1) / (ν + E[(z − H x)²]/sd²), the expectation over the state's own posterior.
+    """
+    w = np.ones(len(z))
+    for _ in range(2000):
+        x, posterior = kalman.update(np.zeros(len(P)), P, H, np.diag(sd**2 / w), z)
+        expected = (z - H @ x) ** 2 + np.diag(H @ posterior @ H.T)
+        w = (degrees + 1) / (degrees + expected / sd**2)
+    x, posterior = kalman.update(np.zeros(len(P)), P, H, np.diag(sd**2 / w), z)
+    return x, posterior, w
+
+
+def huber(P: Array, H: Array, sd: Array, z: Array, threshold: float) -> Array:
+    """The state that minimises ½ xᵀP⁻¹x + Σ ρ((z − H x)/sd), ρ quadratic within the threshold and linear beyond it.
+
+    By a general minimiser that knows nothing of weights, over y with x = L y and P = L Lᵀ.
+    """
+    root = np.linalg.cholesky(P)
+
+    def cost(y: Array) -> tuple[float, Array]:
+        r = (z - H @ (root @ y)) / sd
+        inside = np.abs(r) <= threshold
+        rho = np.where(inside, r**2 / 2, threshold * (np.abs(r) - threshold / 2))
+        slope = np.where(inside, r, threshold * np.sign(r))
+        return float(y @ y / 2 + rho.sum()), y - root.T @ (H.T @ (slope / sd))
+
+    found = optimize.minimize(cost, np.zeros(len(P)), jac=True, method="BFGS", options={"gtol": 1e-11})
+    x: Array = root @ found.x
+    return x

@@ -1,0 +1,124 @@
+"""Robust updates against the literal ones of the papers, and what they may never do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+import bottomlock
+from tests.oracle import beams, heavy_tails
+from tests.oracle.rotations import Array
+from tests.property import settings
+from tests.property.test_filter_laws import error_of, initial, state_covariances
+
+A = beams.x_janus()
+SD = np.array([0.03, 0.04, 0.05, 0.04])
+OFF: dict[str, Any] = {"tail": "gaussian"}
+
+
+def pushed(robust: dict[str, Any] | None, P: Array, noise: Array, valid: Array, arm: str = "tc") -> Any:  # noqa: ANN401
+    """Correction, covariance after and report of one ping, residual and Jacobian of its valid beams."""
+    model = settings.table_2()
+    model["environment"]["earth_rate_radps"] = 0.0
+    options: Any = settings.options() | ({} if robust is None else {"robust": robust})
+    start = initial(np.array([2.0, 0.1, -0.1]), np.array([1.0, 0.0, 0.0, 0.0]))
+    nav = bottomlock.Navigator(bottomlock.BeamGeometry(A), model, options, start, arm=arm, covariance=P)
+    nav.push_imu(0, np.zeros(3), np.array([0.0, 0.0, -settings.GRAVITY]))
+    before = nav.state()
+    v, bias, scale = np.asarray(before["velocity_p_mps"]), before["dvl_bias_mps"], before["dvl_scale_factor"]
+    expected = np.array(
+        [beams.beam_velocity(A[i], v, np.zeros(3), np.zeros(3), bias[i], scale) for i in range(4)]
+    )
+    (report,) = nav.push_beams(0, expected + noise, valid, sd_mps=SD)
+    H = beams.h_tight(A, v, np.zeros((4, 3)), scale)[valid]
+    return error_of(nav.state(), before), nav.covariance(), report, H
+
+
+noises = st.tuples(st.lists(st.floats(-0.15, 0.15), min_size=4, max_size=4), st.floats(-3, 3), st.integers(0, 3))
+masks = st.lists(st.booleans(), min_size=4, max_size=4).filter(any)
+
+
+def disturbed(drawn: tuple[list[float], float, int]) -> Array:
+    """Small errors of all beams and a large one of a single beam."""
+    noise = np.array(drawn[0])
+    noise[drawn[2]] += drawn[1]
+    return noise
+
+
+@given(P=state_covariances(), drawn=noises, mask=masks, degrees=st.floats(2, 20))
+@hypothesis_settings(max_examples=60, deadline=None)
+def test_student_t_is_the_variational_update(
+    P: Array, drawn: tuple[list[float], float, int], mask: list[bool], degrees: float
+) -> None:
+    """State, covariance and weights of Agamennoni's update in twenty dimensions; ours works in as many as there are beams."""
+    noise, valid = disturbed(drawn), np.array(mask)
+    got, after, report, H = pushed({"tail": "student_t", "student_t_degrees": degrees}, P, noise, valid)
+    x, posterior, w = heavy_tails.student_t(P, H, SD[valid], noise[valid], degrees)
+    sd = np.sqrt(np.diag(P))
+    np.testing.assert_allclose(report["beam_weight"][valid], w, rtol=1e-5)
+    np.testing.assert_allclose(got / sd, x / sd, atol=1e-5)
+    np.testing.assert_allclose(after / np.outer(sd, sd), posterior / np.outer(sd, sd), atol=1e-5)
+    assert np.isnan(report["beam_weight"][~valid]).all()
+
+
+@given(P=state_covariances(), drawn=noises, mask=masks, threshold=st.floats(0.5, 3))
+@hypothesis_settings(max_examples=60, deadline=None)
+def test_huber_minimises_its_cost(
+    P: Array, drawn: tuple[list[float], float, int], mask: list[bool], threshold: float
+) -> None:
+    """The weights stand still where the cost is least; its minimum is one, so it does not matter how it is found."""
+    noise, valid = disturbed(drawn), np.array(mask)
+    got, _, _, H = pushed({"tail": "huber", "huber_threshold": threshold}, P, noise, valid)
+    x = heavy_tails.huber(P, H, SD[valid], noise[valid], threshold)
+    sd = np.sqrt(np.diag(P))
+    np.testing.assert_allclose(got / sd, x / sd, atol=1e-4)
+
+
+@pytest.mark.parametrize("arm", ["tc", "lc", "info", "vb_exact", "plcf"])
+def test_off_is_off_bit_for_bit(arm: str) -> None:
+    """No options, None and a Gaussian without gates: the same update to the last bit."""
+    P = np.diag(np.array([2.0] * 3 + [0.01] * 3 + [0.1] * 3 + [5e-3] * 3 + [1e-5] * 3 + [5e-3] * 4 + [7e-3]) ** 2)
+    noise, valid = np.array([0.1, -0.05, 0.02, 0.3]), np.ones(4, bool)
+    plain = pushed(None, P, noise, valid, arm)
+    for robust in (OFF, {"tail": "gaussian", "beam_gate": None}):
+        other = pushed(robust, P, noise, valid, arm)
+        np.testing.assert_array_equal(other[0], plain[0])
+        np.testing.assert_array_equal(other[1], plain[1])
+        assert other[2]["beam_weight"] is None
+
+
+@given(P=state_covariances(), drawn=noises, mask=masks)
+@hypothesis_settings(max_examples=40, deadline=None)
+def test_three_names_stay_one_update(P: Array, drawn: tuple[list[float], float, int], mask: list[bool]) -> None:
+    """Tight coupling, information form and exact virtual beam take the same screened ping: the identity survives.
+
+    Up to three beams, as without: a fourth tells tight coupling of the beam biases, of which a velocity knows nothing.
+    """
+    noise, valid = disturbed(drawn), np.array(mask)
+    valid[3] &= not valid[:3].all()
+    robust = {"tail": "student_t", "student_t_degrees": 4.0, "beam_gate": 0.9973, "closure_gate": 0.9973}
+    sd = np.sqrt(np.diag(P))
+    tight = pushed(robust, P, noise, valid)[0] / sd
+    for arm in ("info", "vb_exact"):
+        np.testing.assert_allclose(pushed(robust, P, noise, valid, arm)[0] / sd, tight, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("robust", "message"),
+    [
+        ({"tail": "cauchy"}, r"options\.robust\.tail is 'cauchy', expected 'gaussian', 'student_t' or 'huber'"),
+        ({"tail": "student_t"}, "student_t_degrees"),
+        ({"tail": "student_t", "student_t_degrees": -1.0}, r"robust\.student_t_degrees is -1"),
+        ({"tail": "gaussian", "beam_gate": 1.5}, r"robust\.beam_gate is 1\.5, expected strictly between"),
+        ({}, "tail"),
+    ],
+)
+def test_bad_options_are_named(robust: dict[str, Any], message: str) -> None:
+    P = np.eye(20) * 1e-4
+    with pytest.raises(bottomlock.KernelError, match=message):
+        pushed(robust, P, np.zeros(4), np.ones(4, bool))
