@@ -92,6 +92,7 @@ heading = "reference"
 position = "reference"
 velocity = "reference"
 {start}
+{robust}
 [replay]
 {replay}
 {what_if}
@@ -121,6 +122,12 @@ NOISE = """
 noise = {{ kind = "closure", of = {{ file = "{caves}", geometry = "linkquest_caves" }} }}
 beam_noise_mps = 0.0224  # the closure's robust sigma of a beam, 20 mm/s, and the velocity's own 10 mm/s
 """
+ROBUST = """
+[robust]
+closure_gate = 0.9973
+beam_gate = 0.9973
+tail = "student_t"
+"""
 WHAT_IF = """
 [[what_if]]
 name = "lost_34"
@@ -149,6 +156,7 @@ def akit_case(
     degraded: bool = False,
     asks: bool = False,
     depth: bool = True,
+    robust: bool = False,
     replay: str = "",
 ) -> Case:
     """A section as a case.
@@ -161,6 +169,7 @@ def akit_case(
         degraded: the IMU and the start are made those of the paper's Table 2.
         asks: with the questions (beams 3 and 4 lost, outages, the caves' pattern), else as recorded alone.
         depth: with the altitude of the reference as a depth sensor.
+        robust: beams are gated one by one and their noise taken for Student's t.
         replay: lines for the section [replay].
     """
     geometry = scratch / "akit_dvl.toml"
@@ -176,5 +185,6 @@ def akit_case(
         depth=DEPTH.format(**common) if depth else "",
         what_if=WHAT_IF.format(caves=caves) if asks else "",
         replay=replay,
+        robust=ROBUST if robust else "",
     )
     return parse_case(text, place=f"akit section {section}")

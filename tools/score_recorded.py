@@ -24,7 +24,7 @@ from tools.akit import SECTIONS, akit_case
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "recorded.md"
-DRAWS = 5
+DRAWS = 3
 QUESTIONS = (RECORDED, "lost_34", "outage_60", "outage_120", "outage_300", "caves")
 
 
@@ -52,9 +52,10 @@ def code(name: object) -> str:
     return f"`{name!s}`"
 
 
-def akit_runs(data: Path, scratch: Path, *, draws: int = 1, arms: str = "", **which: bool) -> pl.DataFrame:
+def akit_runs(data: Path, scratch: Path, *, draws: int = 1, arms: str = "", smooth: bool = True, **which: bool
+) -> pl.DataFrame:
     """The table of runs of every section."""
-    lines = f"runs = {draws}\n" + (f"arms = {arms}\n" if arms else "")
+    lines = f"runs = {draws}\nsmooth = {str(smooth).lower()}\n" + (f"arms = {arms}\n" if arms else "")
     parts = [
         replay_case(akit_case(data, scratch, section, replay=lines, **which), threads=0).runs
         for section in SECTIONS
@@ -174,6 +175,25 @@ def against_tc(runs: pl.DataFrame) -> str:
     return table(["Arm", *(question.replace("_", " ") for question in QUESTIONS)], rows)
 
 
+def robust(plain: pl.DataFrame, sturdy: pl.DataFrame) -> str:
+    """Without and with gates of single beams and Student's t: end of the way in %, median (greatest), for two questions."""
+    rows = []
+    for arm in ("lc", "tc", "vb_exact", "info", "weak_sway", "sway_current", "consistent"):
+        cells = []
+        for question in (RECORDED, "lost_34", "caves"):
+            for frame in (plain, sturdy):
+                cell = frame.filter(
+                    (pl.col("arm") == arm) & (pl.col("what_if") == question) & (pl.col("pass") == FORWARD)
+                )
+                percent = cell["position_final_percent"]
+                cells.append(f"{number(percent.median(), 2)} ({number(percent.max(), 2)})")  # type: ignore[arg-type]
+        rows.append([code(arm), *cells])
+    head = ["Arm"]
+    for question in (RECORDED, "lost 34", "caves"):
+        head += [question, f"{question}, robust"]
+    return table(head, rows)
+
+
 def caves(data: Path, beams: int) -> str:
     """Beams left out of the caves' pings."""
     instrument = read_geometry("linkquest_caves")
@@ -246,9 +266,15 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
         noisy = akit_runs(asked.data, scratch, draws=DRAWS, noisy=True, asks=True)
+        sturdy = akit_runs(asked.data, scratch, draws=DRAWS, smooth=False, noisy=True, robust=True, asks=True)
+        poor_sturdy = akit_runs(
+            asked.data, scratch, draws=DRAWS, smooth=False, noisy=True, degraded=True, robust=True, asks=True
+        )
         poor = akit_runs(asked.data, scratch, draws=DRAWS, noisy=True, degraded=True, asks=True)
         tables = {
             "full": full_velocity(asked.data, scratch),
+            "robust": robust(noisy, sturdy),
+            "degraded-robust": robust(poor, poor_sturdy),
             "noisy": questions(noisy),
             "noisy-honesty": honesty(noisy),
             "noisy-tc": against_tc(noisy),

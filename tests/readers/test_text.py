@@ -199,6 +199,15 @@ def test_linkquest_signs() -> None:
     assert (account.skipped["truncated"].first, account.skipped["merged line"].first) == (3, 4)
 
 
+def test_linkquest_arrival_out_of_range() -> None:
+    """An arrival that no clock can hold is dropped for its ping alone, and told."""
+    lines = seeds.linkquest_log(3).splitlines()
+    lines[2] = b"9" * 20 + lines[2][lines[2].index(b",") :]
+    recording = linkquest.read(b"\n".join(lines), "log")
+    assert recording.account.flagged["arrival time out of range"].first == 3
+    assert recording.table.to_frame()["arrival_ns"].is_null().to_list() == [False, True, False]
+
+
 def test_pd6_is_refused_with_advice() -> None:
     """No beams in PD6: the message counts what is there and says what to change."""
     with pytest.raises(DataError, match=r"PD6 holds no beam velocities \(1 velocities :BI, 1 of them valid\); set the instr"):

@@ -25,6 +25,9 @@ Flags = NDArray[np.bool_]
 MOST_BEAMS = 8
 """The kernel's bound."""
 
+NO_TIME_NS = -(2**63)
+"""Stands in `BeamTable.arrival_ns` for a ping without."""
+
 EXTRA = {
     "altitude_m": "distance to the bottom that the instrument states, along its own vertical",
     "instrument_sd_mps": "the instrument's own figure of merit of its velocity, 1 sigma",
@@ -57,7 +60,7 @@ class BeamTable:
         sd_mps: (n, beams): the instrument's own figure of merit per beam, 1 sigma; NaN where none.
         instrument_mps: (n, 3): the instrument's own velocity in the frame that the account names; NaN where none.
         instrument_valid: (n,) int8: 1 and 0 as the instrument judges its velocity, -1 where it does not say.
-        arrival_ns: (n,) int64, host clock; None where the file has none.
+        arrival_ns: (n,) int64, host clock, `NO_TIME_NS` where a ping has none; None where the file has none.
         stale: (n,) bool: the beams repeat those of the record before, unchanged; their `valid` is then false.
         extra: columns of `EXTRA` and, with the beam's number before it, of `EXTRA_PER_BEAM`, (n,) each.
     """
@@ -101,9 +104,8 @@ class BeamTable:
         columns |= {f"instrument_{axis}_mps": self.instrument_mps[:, k] for k, axis in enumerate("xyz")}
         said = pl.Series(self.instrument_valid)
         columns["instrument_valid"] = pl.select(pl.when(said >= 0).then(said == 1)).to_series()
-        columns["arrival_ns"] = pl.Series(
-            [None] * self.rows if self.arrival_ns is None else self.arrival_ns, dtype=pl.Int64
-        )
+        arrival = np.full(self.rows, NO_TIME_NS) if self.arrival_ns is None else self.arrival_ns
+        columns["arrival_ns"] = pl.Series(arrival).replace(NO_TIME_NS, None)
         columns["stale"] = np.zeros(self.rows, dtype=bool) if self.stale is None else self.stale
         columns |= dict(self.extra)
         return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
@@ -158,7 +160,9 @@ class BeamTable:
             sd_mps=per_beam("sd_mps"),
             instrument_mps=np.stack([floats(f"instrument_{axis}_mps") for axis in "xyz"], axis=1),
             instrument_valid=verdict.cast(pl.Int8).fill_null(-1).to_numpy(),
-            arrival_ns=None if arrival.null_count() else arrival.to_numpy(),
+            arrival_ns=None
+            if arrival.null_count() == frame.height
+            else arrival.fill_null(NO_TIME_NS).to_numpy(),
             stale=flags("stale"),
             extra={name: floats(name) for name in _extra_names(beams) if name in frame.columns},
         )

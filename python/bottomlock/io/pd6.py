@@ -39,7 +39,7 @@ class Velocity(NamedTuple):
 
 def sniff(head: bytes) -> bool:
     """Whether the beginning of a file looks like PD6."""
-    return len(set(_START.findall(head))) >= 3
+    return len(set(_START.findall(head))) >= 3 or _VELOCITY.search(head) is not None
 
 
 def velocities(data: bytes, account: Account) -> list[Velocity]:
@@ -104,6 +104,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
 
 
+_BINARY_START = re.compile(rb"[\x7d\x7e]")
 _BINARY = {0x7D: "PD4 or PD5", 0x7E: "PD3"}
 
 
@@ -112,13 +113,8 @@ def binary_records(data: bytes) -> dict[str, int]:
     counts: dict[str, int] = {}
     sums = np.concatenate([[0], np.cumsum(np.frombuffer(data, dtype=np.uint8), dtype=np.int64)])
     at = 0
-    while at + 6 <= len(data):
-        places = [p for p in (data.find(bytes([byte]), at) for byte in _BINARY) if p >= 0]
-        if not places:
-            break
-        at = min(places)
-        if at + 6 > len(data):
-            break
+    while (start := _BINARY_START.search(data, at)) and start.start() + 6 <= len(data):
+        at = start.start()
         # PD3 has a fixed length; PD4 (45) and PD5 (86) state theirs.
         size = 55 if data[at] == 0x7E else struct.unpack_from("<H", data, at + 2)[0]
         end = at + size

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, BeamTable, Floats
+from bottomlock.io.beam_table import NO_TIME_NS, Account, BeamTable, Floats
 
 NAN = math.nan
 _EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
@@ -82,6 +82,9 @@ class Rows:
         if not _EARLIEST_NS < time_ns < _LATEST_NS:
             self.account.skip("time out of range", position, f"{time_ns} ns")
             return
+        if arrival_ns is not None and not _EARLIEST_NS < arrival_ns < _LATEST_NS:
+            self.account.flag("arrival time out of range", position, f"{arrival_ns} ns")
+            arrival_ns = None
         if any(good and not math.isfinite(v) for v, good in zip(velocity, valid, strict=True)):
             self.account.flag("valid beam without a finite velocity", position)
             valid = [good and math.isfinite(v) for v, good in zip(velocity, valid, strict=True)]
@@ -131,7 +134,9 @@ class Rows:
             sd_mps=floats(self.sd, self.beams),
             instrument_mps=floats(self.instrument, 3),
             instrument_valid=np.array(pick(self.verdict), dtype=np.int8),
-            arrival_ns=None if any(t is None for t in arrival) else np.array(arrival, dtype=np.int64),
+            arrival_ns=None
+            if all(t is None for t in arrival)
+            else np.array([NO_TIME_NS if t is None else t for t in arrival], dtype=np.int64),
             stale=np.array(pick(self.stale), dtype=bool),
             extra={
                 name: floats([(v,) for v in (*column, *([NAN] * (n - len(column))))], 1)[:, 0]

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from bottomlock.errors import ScenarioError
 from bottomlock.faults import explain
-from bottomlock.replay.dvl_sections import DvlStream, WhatIf
+from bottomlock.replay.dvl_sections import DvlStream, Robust, WhatIf
 from bottomlock.replay.stream_sections import (
     AttitudeStream,
     DepthStream,
@@ -115,6 +115,7 @@ class Case(Section):
     reference: Reference | None = None
     start: Start
     filter: Filter = Filter()
+    robust: Robust | None = None
     replay: Settings = Settings()
     what_if: tuple[WhatIf, ...] = ()
 

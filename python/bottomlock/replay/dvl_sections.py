@@ -99,6 +99,20 @@ class DvlStream(Mounted):
         return self
 
 
+class Robust(Section):
+    """What is done against beams that err more than a Gaussian does, before an arm makes anything of a ping.
+
+    Gates by closure and by single beams, as the probability with which a good one passes, and the tail of the beams' noise.
+    Without the section nothing is done.
+    """
+
+    closure_gate: Annotated[float, Field(gt=0, lt=1)] | None = None
+    beam_gate: Annotated[float, Field(gt=0, lt=1)] | None = None
+    tail: Literal["gaussian", "student_t", "huber"] = "gaussian"
+    student_t_degrees: Positive = 4.0
+    huber_threshold: Positive = 1.345
+
+
 class WhatIf(Section):
     """A question: which beams would not have returned. Rules combine, each must let a beam through.
 

@@ -99,6 +99,8 @@ def kernel_options(case: Case) -> dict[str, Any]:
         "covariance_period_ns": units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0,
         "imu_sampling": "averaged" if case.imu.averaged else "instantaneous",
     }
+    if case.robust is not None:
+        options["robust"] = case.robust.model_dump()
     if case.depth is not None:
         options["depth_lever_p_m"] = list(case.depth.lever_arm_m)
     if case.gps is not None:

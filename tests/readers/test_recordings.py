@@ -1,0 +1,207 @@
+"""Recordings that may not be republished: read whole, counted as their descriptions count them, signs as found there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bottomlock.errors import DataError
+from bottomlock.io.beams import read_geometry
+from bottomlock.io.formats import detect, read_recording
+from bottomlock.io.rows import Options
+from bottomlock.kernel import solve_velocity
+from tests.oracle.pd0 import literal_ensembles
+
+pytestmark = pytest.mark.recordings
+KEEP = Options(keep_stale=True)
+
+
+def file(recordings: Path, folder: str, name: str) -> Path:
+    """A recording; skips where this one is absent."""
+    path = recordings / folder / name
+    if not path.is_file():
+        pytest.skip(f"no recording {path}")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "reports", "beams", "valid", "stale"),
+    [
+        ("out20210528.txt", 250, [0, 0, 0, 1, 249], 0.996, 16),
+        ("out20210528_circle.txt", 662, [7, 0, 1, 9, 645], 0.914, 59),
+        ("out20210528_straight+turn360.txt", 342, [0, 0, 0, 0, 342], 0.971, 22),
+        ("out_still_60s.txt", 674, [0, 0, 0, 0, 674], 1.0, 621),
+    ],
+)
+def test_a50_counts(
+    recordings: Path, name: str, reports: int, beams: list[int], valid: float, stale: int
+) -> None:
+    """Reports, valid beams, the instrument's verdict and stale repeats; nothing is lost."""
+    path = file(recordings, "a50_waterlinked_json", name)
+    assert detect(path) == "waterlinked-json"
+    recording = read_recording(path, options=KEEP)
+    table = recording.table
+    assert table.rows == recording.account.read == reports
+    assert recording.account.lost == 0
+    assert np.bincount(table.beams_valid, minlength=5).tolist() == beams
+    assert (table.instrument_valid == 1).mean() == pytest.approx(valid, abs=5e-4)
+    assert recording.account.flagged["stale repeat"].count == stale
+    without = read_recording(path).table
+    assert without.stale is not None
+    assert without.stale.sum() == stale
+    assert not without.valid[without.stale].any()
+
+
+def test_a50_stale_share_as_described(recordings: Path) -> None:
+    """6 to 9 % of the valid reports of 28 May repeat the one before."""
+    for name in ("out20210528.txt", "out20210528_circle.txt", "out20210528_straight+turn360.txt"):
+        table = read_recording(file(recordings, "a50_waterlinked_json", name)).table
+        assert table.stale is not None
+        assert 0.055 < table.stale[table.instrument_valid == 1].mean() < 0.09
+
+
+def test_a50_signs(recordings: Path) -> None:
+    """The packaged geometry gives the instrument's own velocity from its beams: 2 cm/s in the 95th percentile.
+
+    The firmware filters and weights, so the agreement is no better than a few mm/s in the middle. A wrong sign or order
+    of beams is off by the speed itself.
+    """
+    path = file(recordings, "a50_waterlinked_json", "out20210528_circle.txt")
+    recording = read_recording(path)
+    table = recording.table
+    instrument = read_geometry(recording.geometry)
+    asked = table.valid.all(axis=1) & (table.instrument_valid == 1)
+    fixes = solve_velocity(
+        instrument.geometry, table.velocity_mps, table.valid, method="lc", beam_sd_mps=instrument.beam_sd_mps
+    )
+    away = np.linalg.norm(fixes.velocity_p_mps - table.instrument_mps, axis=1)[asked]
+    speed = np.linalg.norm(table.instrument_mps[asked], axis=1)
+    assert np.median(away) < 0.005
+    assert np.quantile(away, 0.95) < 0.02
+    assert np.quantile(speed, 0.95) > 0.1
+
+
+def test_caves_counts(recordings: Path) -> None:
+    """The first half of the caves: 2,782 pings on 977 s, and the shares of the whole."""
+    path = file(recordings, "caves_girona_linkquest", "dvl_linkquest.csv")
+    assert detect(path) == "linkquest-csv"
+    recording = read_recording(path)
+    table = recording.table
+    assert table.rows == recording.account.read == path.read_bytes().count(b"\n") - 1
+    assert recording.account.lost == 0
+    counts = np.bincount(table.beams_valid, minlength=5)
+    assert counts[:2].sum() == 0
+    assert counts[4] / table.rows == pytest.approx(0.862, abs=0.03)
+    lost = ~table.valid
+    assert (table.velocity_mps[lost] == 0.0).all(), "a lost beam reads exactly 0, and is kept so"
+    assert np.isnan(table.range_m[lost]).mean() == pytest.approx(0.78, abs=0.1)
+
+
+def test_caves_signs(recordings: Path) -> None:
+    """Beams and the instrument's velocity agree by the packaged geometry, and z points down: depth rises with it."""
+    recording = read_recording(file(recordings, "caves_girona_linkquest", "dvl_linkquest.csv"))
+    table = recording.table
+    instrument = read_geometry(recording.geometry)
+    asked = (table.beams_valid >= 3) & (table.instrument_valid == 1)
+    fixes = solve_velocity(
+        instrument.geometry, table.velocity_mps, table.valid, method="lc", beam_sd_mps=instrument.beam_sd_mps
+    )
+    assert np.abs(fixes.velocity_p_mps - table.instrument_mps)[asked].max() < 2e-4
+    depth = np.loadtxt(
+        file(recordings, "caves_girona_linkquest", "depth_sensor.csv"), delimiter=",", skiprows=1, usecols=(2, 3)
+    )
+    # Depth over ten seconds against the integral of z: slope near one, and positive.
+    time_s = (table.time_ns[asked] - table.time_ns[0]) * 1e-9
+    down = np.concatenate([[0], np.cumsum(np.diff(time_s) * table.instrument_mps[asked][1:, 2])])
+    deep = np.interp(table.time_ns[asked] * 1e-9, depth[:, 0] * 1e-9, depth[:, 1])
+    step = np.searchsorted(time_s, time_s + 10.0).clip(max=len(time_s) - 1)
+    change, integral = deep[step] - deep, down[step] - down
+    slope = float(integral @ change / (integral @ integral))
+    assert 0.5 < slope < 1.5
+    assert np.corrcoef(integral, change)[0, 1] > 0.6
+
+
+@pytest.mark.parametrize(
+    ("name", "beams"),
+    [("RiverPro_test01.PD0", [0, 0, 0, 3, 270]), ("vmdas02_os.ENR", [0, 0, 1, 0, 689])],
+)
+def test_pd0_in_beam_coordinates(recordings: Path, name: str, beams: list[int]) -> None:
+    """Pings by the number of beams, and nothing skipped."""
+    recording = read_recording(file(recordings, "pd0_nortek_mhkit", name))
+    assert np.bincount(recording.table.beams_valid, minlength=5).tolist() == beams
+    assert recording.account.lost == 0
+    assert not recording.account.other
+
+
+@pytest.mark.parametrize(
+    ("folder", "name", "frame", "solutions"),
+    [
+        ("pd0_nortek_mhkit", "winriver01.PD0", "ship", (251, 11, 0)),
+        ("pd0_nortek_mhkit", "winriver02.PD0", "ship", (75, 0, 0)),
+        ("pd0_nortek_mhkit", "winriver02_transect.PD0", "ship", (563, 47, 221)),
+        ("pd0_nortek_mhkit", "RDI_withBT.000", "earth", (898, 3, 820)),
+        ("pd0_ooi_glider", "LA100204.PD0", "earth", (49, 2, 1)),
+        ("pd0_ooi_glider", "LA101636.PD0", "earth", (51, 7, 1)),
+    ],
+)
+def test_pd0_in_other_coordinates(
+    recordings: Path, folder: str, name: str, frame: str, solutions: tuple[int, int, int]
+) -> None:
+    """Refused with the number of pings and what to set; the instrument's velocity of four, three and no beams."""
+    path = file(recordings, folder, name)
+    with pytest.raises(DataError, match=rf"{sum(solutions)} pings in {frame} coordinates .*EX00000"):
+        read_recording(path)
+    recording = read_recording(path, options=Options(instrument_only=True))
+    known = recording.table.instrument_valid == 1
+    four = known & np.isfinite(recording.table.extra["error_velocity_mps"])
+    assert (four.sum(), (known & ~four).sum(), (~known).sum()) == solutions
+
+
+@pytest.mark.parametrize("name", ["winriver02_transect.PD0", "RDI_withBT.000"])
+def test_pd0_against_a_literal_reader(recordings: Path, name: str) -> None:
+    """The byte-by-byte reader finds the same ensembles: none dropped at the end, no false one among the bytes."""
+    path = file(recordings, "pd0_nortek_mhkit", name)
+    literal = literal_ensembles(path.read_bytes())
+    recording = read_recording(path, options=Options(instrument_only=True))
+    cut = recording.account.skipped.get("truncated")
+    assert recording.account.read - (cut.count if cut else 0) == len(literal)
+    velocity = np.array([e.velocity_mmps for e in literal if e.velocity_mmps is not None], dtype=float)
+    error = np.where(velocity[:, 3] == -32768, np.nan, velocity[:, 3] * 1e-3)
+    np.testing.assert_allclose(recording.table.extra["error_velocity_mps"], error, rtol=1e-12)
+
+
+def test_ad2cp_without_bottom(recordings: Path) -> None:
+    """159 bottom-track records, invalid throughout; other records counted, the cut end told."""
+    recording = read_recording(file(recordings, "pd0_nortek_mhkit", "VelEchoBT01.ad2cp"))
+    assert recording.format == "nortek-ad2cp"
+    assert (recording.table.rows, recording.table.valid.sum()) == (159, 0)
+    assert recording.account.skipped["truncated"].count == 1
+    assert {name: one.count for name, one in recording.account.other.items()} == {
+        "text": 1,
+        "interleaved burst": 160,
+        "burst profile": 160,
+        "echo sounder": 159,
+    }
+
+
+def test_pd6_counts(recordings: Path) -> None:
+    """642 good :BI of which 404 valid; refused with advice; NUL bytes and merged lines are counted."""
+    path = file(recordings, "pd6_hover_h1000", "dvl_raw_lines_20251106_173912.csv")
+    assert detect(path) == "pd6"
+    with pytest.raises(DataError, match=r"PD6 holds no beam velocities \(642 velocities :BI, 404 of them valid, \d+ damaged"):
+        read_recording(path)
+    recording = read_recording(path, options=Options(instrument_only=True))
+    assert (recording.table.instrument_valid == 1).sum() == 404
+    assert np.isnan(recording.table.instrument_mps[recording.table.instrument_valid == 0]).all()
+    assert recording.account.skipped["merged line"].count > 0
+
+
+@pytest.mark.parametrize(("name", "rows"), [("night1", 722), ("night2", 436), ("stationary", 600)])
+def test_robosub_counts(recordings: Path, root: Path, name: str, rows: int) -> None:
+    """Velocities alone, by a column map."""
+    columns = root / "data" / "logs" / "robosub" / "columns.toml"
+    path = file(recordings, "robosub_eecs568", f"{name}_dvl.csv")
+    recording = read_recording(path, options=Options(columns=str(columns), instrument_only=True))
+    assert (recording.table.rows, recording.table.beams) == (rows, 0)

@@ -1,0 +1,131 @@
+"""Readers under damage: a table that keeps its promises or an error of one line, quickly, whatever the bytes."""
+
+from __future__ import annotations
+
+import itertools
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bottomlock.errors import DataError
+from bottomlock.io.formats import BYTES, Format
+from bottomlock.io.rows import PLAIN, Options, longest_rising
+from tools import fuzz_readers, reader_seeds
+
+FORMS = {form.name: form for form in BYTES}
+SEEDS = reader_seeds.seeds()
+NAMES = sorted(SEEDS)
+
+
+def test_every_format_of_bytes_has_seeds() -> None:
+    """A new reader has to come with records for the fuzzer."""
+    assert set(SEEDS) == set(FORMS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_seeds_are_known_by_their_content_alone(name: str) -> None:
+    """The first format whose mark fits is the right one, for every seed."""
+    for data in SEEDS[name]:
+        assert next(form.name for form in BYTES if form.sniff(data)) == name
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_a_seed_gives_is_sound(name: str) -> None:
+    """Seeds are read, or refused because the format holds no beams."""
+    for data, options in itertools.product(SEEDS[name], fuzz_readers.OPTIONS):
+        assert fuzz_readers.try_one(FORMS[name], data, options) is None
+
+
+def test_short_fuzzing() -> None:
+    """Twenty thousand mutated records over all readers: no finding. The long run is tools/fuzz_readers.py."""
+    counts, faults = fuzz_readers.run(20_000, 60.0, seed=7, found=None)
+    assert faults == []
+    assert min(counts.values()) > 100
+
+
+@given(st.sampled_from(NAMES), st.binary(max_size=600), st.data())
+def test_any_bytes_between_records(name: str, noise: bytes, data: st.DataObject) -> None:
+    """Bytes of any kind, put anywhere into a good record."""
+    seed = data.draw(st.sampled_from(SEEDS[name]))
+    at = data.draw(st.integers(0, len(seed)))
+    for options in fuzz_readers.OPTIONS:
+        assert fuzz_readers.try_one(FORMS[name], seed[:at] + noise + seed[at:], options) is None
+
+
+@given(st.sampled_from(NAMES), st.data())
+def test_any_cut(name: str, data: st.DataObject) -> None:
+    """A record cut at any place, at both ends."""
+    seed = data.draw(st.sampled_from(SEEDS[name]))
+    start = data.draw(st.integers(0, len(seed)))
+    end = data.draw(st.integers(start, len(seed)))
+    assert fuzz_readers.try_one(FORMS[name], seed[start:end], PLAIN) is None
+
+
+@given(st.sampled_from([name for name in NAMES if name not in {"pd6", "pd4"}]), st.data())
+def test_records_are_counted_whole(name: str, data: st.DataObject) -> None:
+    """A flipped bit loses no record in silence: what is not in the table or unchanged is in the account."""
+    seed = SEEDS[name][0]
+    options = Options(instrument_only=False)
+    whole = FORMS[name].read(seed, "log", options)
+    at = data.draw(st.integers(0, len(seed) - 1))
+    flipped = bytearray(seed)
+    flipped[at] ^= 1 << data.draw(st.integers(0, 7))
+    try:
+        found = FORMS[name].read(bytes(flipped), "log", options)
+    except DataError:
+        return
+    told = found.account.skipped or found.account.flagged
+    assert found.table.rows >= whole.table.rows or told
+
+
+ADVERSARIES = {
+    "pd0": [b"\x7f\x7f" * 500_000, (b"\x7f\x7f\xff\xff\x00\x01\x08\x00\x00\x00" * 100_000)],
+    "nortek-dvl": [b"\xa5" * 1_000_000, reader_seeds.nortek_frame(0x1B, b"")[:8].ljust(10, b"\0") * 100_000],
+    "nortek-ad2cp": [b"\xa5\x0a" * 500_000],
+    "nucleus": [b"\xa5\x0a\xb4\x20" * 250_000],
+    "waterlinked-json": [b"[" * 60_000, b'{"time":' * 8_000, b'{"time":1,"transducers":[' * 40_000, b"{" * 1_000_000],
+    "waterlinked-serial": [b"wrz," * 250_000, b"wrz,1\n" * 150_000, (b"wr" * 2_000 + b"\n") * 200],
+    "nortek-ascii": [b"$PNOR," * 160_000, (b"$PNOR," * 600 + b"\n") * 250],
+    "cerulean-dvkfc": [b"$DVKFC," * 140_000, (b"$DVKF" * 800 + b"\n") * 250],
+    "linkquest-csv": [reader_seeds.linkquest_log() + b"," * 1_000_000, reader_seeds.linkquest_log() + b"1,\n" * 300_000],
+    "pd6": [b":BI,+" * 200_000, b':BI,"' * 200_000, (b"1.0,x,:" * 500 + b"\n") * 250, b":BI," + b" " * 4000 + b"\n"],
+    "pd4": [b"\x7d" * 1_000_000, b"\x7d\x00\x2d\x00" * 250_000],
+}
+
+
+@pytest.mark.parametrize("name", sorted(ADVERSARIES))
+def test_no_input_makes_a_reader_hang(name: str) -> None:
+    """A megabyte of false starts costs seconds at most: no reader looks at a byte more than a bounded number of times."""
+    form: Format = FORMS[name]
+    for data in ADVERSARIES[name]:
+        start = time.perf_counter()
+        assert fuzz_readers.try_one(form, data, PLAIN) is None
+        assert time.perf_counter() - start < 20.0
+
+
+@given(st.lists(st.integers(-5, 5), max_size=12))
+def test_longest_rising_run(times: list[int]) -> None:
+    """As long as the best of all subsets, and rising."""
+    found = longest_rising(times)
+    chosen = [times[k] for k in found]
+    assert all(a < b for a, b in itertools.pairwise(chosen))
+    assert list(found) == sorted(set(found))
+    lengths = [1] * len(times)
+    for k in range(len(times)):
+        lengths[k] = 1 + max((lengths[j] for j in range(k) if times[j] < times[k]), default=0)
+    assert len(found) == max(lengths, default=0)
+
+
+def test_times_that_do_not_rise_cost_their_own_rows() -> None:
+    """One wild time in the future is one lost ping, and a repeated time another."""
+    lines = [reader_seeds.a50_report(k, version="json_v3") for k in range(6)]
+    wild = reader_seeds.a50_report(2, version="json_v3", time_of_validity=4_000_000_000_000_000)
+    twice = reader_seeds.a50_report(3, version="json_v3", vx=0.7)
+    recording = FORMS["waterlinked-json"].read(b"".join([*lines[:2], wild, lines[3], twice, *lines[4:]]), "log", PLAIN)
+    assert recording.table.rows == 5
+    skipped = recording.account.skipped
+    assert (skipped["time out of order"].first, skipped["time repeats"].first) == (3, 5)
+    assert np.all(np.diff(recording.table.time_ns) > 0)
