@@ -83,7 +83,7 @@ def stream(
         else:
             raise AssertionError("positions without velocity are not streamed here")
         for report in reports:
-            if report["sensor"] in {"beams", "velocity"}:
+            if report["sensor"] in {"beams", "velocity"} and report["verdict"] != "no_information":
                 nis[np.searchsorted(log["dvl_time_ns"], report["time_ns"])] = report["nis"]
     record(reached)
     return {
