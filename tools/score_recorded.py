@@ -24,7 +24,7 @@ from tools.akit import SECTIONS, akit_case
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "recorded.md"
-DRAWS = 3
+DRAWS = 1
 QUESTIONS = (RECORDED, "lost_34", "outage_60", "outage_120", "outage_300", "caves")
 
 
