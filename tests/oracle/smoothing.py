@@ -1,7 +1,8 @@
 """Fixed-interval smoothing without a recursion: the joint covariance of the whole history, conditioned on all readings.
 
-e_k is the error of the nominal state at epoch k, after what an update fed back: e_k = Φ_k e_{k−1} + w_k − c_k. A reading at
-epoch k has the innovation z_k = H_k (e_k + c_k) + n_k, taken before the feedback c_k. Cost grows with the cube of the history.
+e_k is the error of the nominal state at epoch k, after what an update fed back: e_k = Φ_k e_{k−1} + w_k − c_k. A
+reading at epoch k has the innovation z_k = H_k (e_k + c_k) + n_k, taken before the feedback c_k. Cost grows with the
+cube of the history.
 """
 
 from __future__ import annotations

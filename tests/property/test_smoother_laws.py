@@ -116,7 +116,9 @@ def flow(state: StateDict) -> tuple[Array, Array]:
 def history(log: Any, start: Any) -> tuple[Array, list[smoothing.Epoch]]:  # noqa: ANN401
     """The epochs of a log as the oracle wants them, about the states of a streaming navigator."""
     model = still_earth()
-    nav = bottomlock.Navigator(bottomlock.BeamGeometry(A), model, settings.options(covariance_period_ns=0), start)
+    nav = bottomlock.Navigator(
+        bottomlock.BeamGeometry(A), model, settings.options(covariance_period_ns=0), start
+    )
     imu, dvl = model["imu"], model["dvl"]
     W = error_model.noise_density(
         imu["accel_noise_mps_rts"],
@@ -195,7 +197,9 @@ def test_laws_of_the_smoother(arm: str, period_ns: int, seed: int, every: int, s
         assert np.linalg.eigvalsh((filtered - smoothed) / scale).min() > -1e-9
         assert np.linalg.eigvalsh(smoothed / scale).min() > -1e-9
     last = len(log["imu_time_ns"]) - 1
-    end = replayed(log, start, [arm], covariance_period_ns=period_ns, sample_time_ns=log["imu_time_ns"][last:])
+    end = replayed(
+        log, start, [arm], covariance_period_ns=period_ns, sample_time_ns=log["imu_time_ns"][last:]
+    )
     for key in ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd", "covariance"):
         np.testing.assert_array_equal(end["smoothed_" + key], end[key])  # type: ignore[literal-required]
 

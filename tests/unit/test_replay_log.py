@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -185,3 +187,10 @@ def test_missing_keys_and_bad_starts_are_named() -> None:
         replayed(sample_time_ns=[99_000_000_000])
     with pytest.raises(bottomlock.KernelError, match="unknown arm 'tcc'"):
         replayed(arms=("tcc",))
+
+
+def test_the_example_of_the_page_runs(root: Path) -> None:
+    """docs/event_loop.md shows the whole call; its own assertions are the test."""
+    text = (root / "docs" / "event_loop.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    exec(compile(example, "docs/event_loop.md", "exec"), {})

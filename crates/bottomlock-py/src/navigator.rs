@@ -4,7 +4,7 @@ use bottomlock::bank::Guide;
 use bottomlock::batch::arm;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::events::{
-    AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, PositionSample, VelocitySample,
+    AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, PositionSample, STREAM_NAMES, VelocitySample,
 };
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::imu::ImuSample;
@@ -25,7 +25,8 @@ use crate::settings;
 
 /// An aided inertial navigator, fed a sample at a time: the very filter of a campaign, bit for bit.
 ///
-/// A measurement between two IMU samples waits for the later one; the step is then split at the measurement's own time.
+/// A measurement between two IMU samples waits for the later one; the step is then split at the measurement's own time. What comes
+/// later than that is refused with an error, and counted in `refused`.
 ///
 /// Args:
 ///     geometry: the beams.
@@ -267,6 +268,19 @@ impl Navigator {
             position_sd_m: vector("position_sd_m", position_sd_m)?,
         };
         self.push(py, &[Event::Position(sample)])
+    }
+
+    /// How many samples of each stream came too late and were refused.
+    ///
+    /// A sample is late where its time of validity lies before the last IMU sample, or not after the one before it of its own
+    /// stream. A sensor with latency needs the IMU to be held back by as much; a log is best replayed in order of validity.
+    fn refused<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let out = PyDict::new(py);
+        let counts = STREAM_NAMES.iter().zip(self.inner.refused());
+        counts
+            .into_iter()
+            .try_for_each(|(name, count)| out.set_item(name, count))?;
+        Ok(out)
     }
 
     /// The estimate at the time of the last IMU sample.

@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::dvl::geometry::BeamGeometry;
 use crate::dvl::partial::Method;
 use crate::error::NavError;
-use crate::events::Event;
+use crate::events::{Event, STREAMS};
 use crate::model::{Gate, GateTable, Model, Options};
 use crate::report::{Choice, Sensor, UpdateReport, Why};
 use crate::run::{BeamAiding, Navigator};
@@ -111,6 +111,15 @@ impl Guide {
         match self {
             Self::One(navigator) => Some(navigator.filters()),
             Self::Consistent(_) => None,
+        }
+    }
+
+    /// How many events of each stream came too late and were refused.
+    #[must_use]
+    pub fn refused(&self) -> &[u64; STREAMS] {
+        match self {
+            Self::One(navigator) => navigator.refused(),
+            Self::Consistent(bank) => bank.members[0].refused(),
         }
     }
 

@@ -7,6 +7,11 @@ use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
 use crate::imu::ImuSample;
 
+/// Number of streams within which time rises.
+pub const STREAMS: usize = 7;
+/// Their names.
+pub const STREAM_NAMES: [&str; STREAMS] = ["imu", "dvl", "velocity", "depth", "attitude", "heading", "gps"];
+
 /// A depth reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthSample {
@@ -118,15 +123,16 @@ impl Event {
 
     /// Name and number of the stream that the event belongs to.
     pub(crate) fn stream(&self) -> (&'static str, usize) {
-        match self {
-            Self::Imu(_) => ("imu", 0),
-            Self::Beams(_) => ("dvl", 1),
-            Self::Velocity(_) => ("velocity", 2),
-            Self::Depth(_) => ("depth", 3),
-            Self::Attitude(_) => ("attitude", 4),
-            Self::Heading(_) => ("heading", 5),
-            Self::Gps(_) | Self::Position(_) => ("gps", 6),
-        }
+        let index = match self {
+            Self::Imu(_) => 0,
+            Self::Beams(_) => 1,
+            Self::Velocity(_) => 2,
+            Self::Depth(_) => 3,
+            Self::Attitude(_) => 4,
+            Self::Heading(_) => 5,
+            Self::Gps(_) | Self::Position(_) => 6,
+        };
+        (STREAM_NAMES[index], index)
     }
 
     /// Checks the numbers of the event.

@@ -8,6 +8,7 @@ use crate::events::{AttitudeSample, DepthSample, HeadingSample, PositionSample};
 use crate::frames::{Rot, Vec3};
 use crate::imu::ImuSample;
 use crate::imu::Sampling;
+use crate::report::UpdateReport;
 use nalgebra::Vector3;
 
 const MS: i64 = 1_000_000;
@@ -234,6 +235,48 @@ fn a_split_step_does_not_make_the_gyro_worse() {
         (sds[1] / sds[0] - 1.0).abs() < 1e-6 && (sds[2] / sds[0] - 1.0).abs() < 5e-3,
         "{sds:?}"
     );
+}
+
+/// Live, sensors that wait for the same IMU sample may arrive in any order; what is late is refused, counted and changes nothing.
+#[test]
+fn arrival_out_of_order() {
+    let recording = steady_turn(3);
+    let options = Options::default();
+    let arm = crate::batch::arm("consistent").unwrap();
+    let mut guides = [(); 2].map(|()| {
+        Guide::new(
+            recording.start,
+            &recording.geometry,
+            arm.aiding,
+            &recording.model,
+            &options,
+        )
+        .unwrap()
+    });
+    let (imu, depth) = (recording.imu[20], recording.depth[0]);
+    let mut ping = recording.pings[0];
+    ping.time_ns = depth.time_ns + 5;
+    let waiting = [Event::Depth(depth), Event::Beams(ping)];
+    let quiet = &mut |_: &UpdateReport| {};
+    for (guide, order) in guides.iter_mut().zip([[0, 1], [1, 0]]) {
+        guide.push(&Event::Imu(recording.imu[0]), quiet).unwrap();
+        order.iter().for_each(|&k| guide.push(&waiting[k], quiet).unwrap());
+        guide.push(&Event::Imu(imu), quiet).unwrap();
+    }
+    assert_eq!(guides[0].state(), guides[1].state());
+    assert_eq!(guides[0].covariance(), guides[1].covariance());
+    let before = guides[0].state();
+    let late = DepthSample {
+        time_ns: depth.time_ns + 9,
+        ..depth
+    };
+    let error = guides[0].push(&Event::Depth(late), quiet).unwrap_err().to_string();
+    assert_eq!(error, "depth time 40000380 ns does not come after 200000000 ns");
+    assert_eq!(
+        (guides[0].refused()[3], guides[0].refused().iter().sum::<u64>()),
+        (1, 1)
+    );
+    assert_eq!(guides[0].state(), before);
 }
 
 /// A start in the middle and a tail beyond the inertial readings: counted by stream, never used.

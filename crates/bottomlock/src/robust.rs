@@ -20,7 +20,9 @@
 //! stand still:
 //! - Student's t with ν degrees: w_i = (ν + 1) / (ν + E[n_i²] / D_i), with the posterior variance of n_i in E[n_i²]: the variational
 //!   filter of Agamennoni, Nieto & Nebot, Approximate inference in state-space models with heavy-tailed noise, IEEE Trans. Signal
-//!   Processing 60 (2012), with a weight for each beam;
+//!   Processing 60 (2012), with a weight for each beam. D_i is the beam's variance times (ν + 3)/(ν + 1): the weights have a mean of
+//!   1, but a reading of Student's t tells of its location only (ν + 1)/(ν + 3) of what a Gaussian one tells (its Fisher
+//!   information), and the filter would claim the rest;
 //! - Huber: w_i = min(1, k / |n̂_i / σ_i|), k in standard deviations (Karlgaard & Schaub, Huber-based divided difference filtering,
 //!   J. Guidance, Control, and Dynamics 30 (2007)).
 
@@ -45,7 +47,7 @@ pub enum Tail {
     Gaussian,
     /// Student's t.
     StudentT {
-        /// ν; the Gaussian as ν grows.
+        /// ν, 1 or more; the Gaussian as ν grows.
         degrees: f64,
     },
     /// A Gaussian whose tails are exponential.
@@ -86,7 +88,12 @@ impl Robust {
         }
         match self.tail {
             Tail::Gaussian => Ok(()),
-            Tail::StudentT { degrees } => require_positive("robust.student_t_degrees", degrees),
+            Tail::StudentT { degrees } if degrees.is_finite() && degrees >= 1.0 => Ok(()),
+            Tail::StudentT { degrees } => Err(NavError::OutOfRange {
+                field: "robust.student_t_degrees",
+                value: degrees,
+                expected: "a finite number >= 1",
+            }),
             Tail::Huber { threshold } => require_positive("robust.huber_threshold", threshold),
         }
     }
@@ -103,7 +110,8 @@ impl Robust {
 pub struct Screened {
     /// The ping without the beams that were taken out, and with the standard deviations of those that were weighted.
     pub ping: BeamSample,
-    /// Weight of each beam; 0 where it was taken out, NaN where it was lost before.
+    /// The share of its information that each beam keeps, 1 at most: its variance over the one that it has now. 0 where it was
+    /// taken out, NaN where it was lost before.
     pub weight: [f64; MAX_BEAMS],
 }
 
@@ -177,28 +185,31 @@ impl Rows {
         Ok((gap.dot(&factor.solve(&gap)), redundant.len()))
     }
 
-    /// The weights that stand still, one for each row.
-    fn weights(&self, own: &DVector<f64>, tail: Tail, time_ns: i64) -> Result<DVector<f64>, NavError> {
-        let mut w = DVector::repeat(own.len(), 1.0);
+    /// The variances of the beams' own noise once the weights stand still; `own` are those in R.
+    fn weighted(&self, own: &DVector<f64>, tail: Tail, time_ns: i64) -> Result<DVector<f64>, NavError> {
+        let scale = match tail {
+            Tail::StudentT { degrees } => own * ((degrees + 3.0) / (degrees + 1.0)),
+            Tail::Gaussian | Tail::Huber { .. } => own.clone(),
+        };
+        let mut widened = scale.clone();
         for _ in 0..ITERATIONS {
-            let widened = own.component_div(&w);
             let inverse = self.weight(&(&self.r + DMatrix::from_diagonal(&(&widened - own))), time_ns)?;
             let noise = widened.component_mul(&(&inverse * &self.z));
             let next = DVector::from_fn(own.len(), |i, _| match tail {
-                Tail::Gaussian => 1.0,
+                Tail::Gaussian => own[i],
                 Tail::StudentT { degrees } => {
                     let variance = widened[i] - widened[i].powi(2) * inverse[(i, i)];
-                    (degrees + 1.0) / (degrees + (noise[i].powi(2) + variance.max(0.0)) / own[i])
+                    scale[i] * (degrees + (noise[i].powi(2) + variance.max(0.0)) / scale[i]) / (degrees + 1.0)
                 }
-                Tail::Huber { threshold } => (threshold / (noise[i].abs() / own[i].sqrt())).min(1.0),
+                Tail::Huber { threshold } => scale[i] * (noise[i].abs() / scale[i].sqrt() / threshold).max(1.0),
             });
-            let moved = (0..own.len()).fold(0.0, |most: f64, i| most.max((next[i] / w[i] - 1.0).abs()));
-            w = next;
+            let moved = (0..own.len()).fold(0.0, |most: f64, i| most.max((next[i] / widened[i] - 1.0).abs()));
+            widened = next;
             if moved < STANDSTILL {
                 break;
             }
         }
-        Ok(w)
+        Ok(widened)
     }
 }
 
@@ -249,10 +260,10 @@ pub fn screen(
         let own = DVector::from_fn(rows.beams.len(), |i, _| {
             (ping.sd_mps[rows.beams[i]] / geometry.sound_speed_scale()).powi(2)
         });
-        let weights = rows.weights(&own, robust.tail, time_ns)?;
-        for (&beam, &weight) in rows.beams.iter().zip(weights.iter()) {
-            out.weight[beam] = weight;
-            out.ping.sd_mps[beam] = ping.sd_mps[beam] / weight.sqrt();
+        let widened = rows.weighted(&own, robust.tail, time_ns)?;
+        for (i, &beam) in rows.beams.iter().enumerate() {
+            out.weight[beam] = own[i] / widened[i];
+            out.ping.sd_mps[beam] = widened[i].sqrt() * geometry.sound_speed_scale();
         }
     }
     Ok(out)

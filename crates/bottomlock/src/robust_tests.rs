@@ -157,8 +157,8 @@ fn the_wild_beam_is_the_one_that_goes() {
     assert!(!one.screened(&gates[0]).took_all(), "one beam contradicts no other");
 }
 
-/// A vertical beam alone, its velocity known to p: the weight solves the scalar equation w = (ν + 1) / (ν + E[n²]/σ²), with
-/// n | z of mean z σ²/w / (p² + σ²/w) and variance p² σ²/w / (p² + σ²/w).
+/// A vertical beam alone, its velocity known to p: with D = σ² (ν + 3)/(ν + 1) the weight solves the scalar equation
+/// w = (ν + 1) / (ν + E[n²]/D), n | z of mean z N / (p² + N) and variance p² N / (p² + N), N = D/w.
 #[test]
 fn student_weight_of_one_beam() {
     let (p, z, degrees) = (0.1, 0.9, 4.0);
@@ -170,11 +170,12 @@ fn student_weight_of_one_beam() {
         tail: Tail::StudentT { degrees },
         ..Robust::default()
     };
-    let w = one.screened(&robust).weight[0];
-    let noise = SD * SD / w;
+    let screened = one.screened(&robust);
+    let (scale, noise) = (SD * SD * 7.0 / 5.0, screened.ping.sd_mps[0].powi(2));
     let (mean, variance) = (z * noise / (p * p + noise), p * p * noise / (p * p + noise));
-    assert!((w - (degrees + 1.0) / (degrees + (mean * mean + variance) / (SD * SD))).abs() < 1e-7);
-    assert!(w < 0.1);
+    let w = (degrees + 1.0) / (degrees + (mean * mean + variance) / scale);
+    assert!((noise / (scale / w) - 1.0).abs() < 1e-7);
+    assert!((screened.weight[0] - SD * SD / noise).abs() < 1e-12 && screened.weight[0] < 0.1);
 }
 
 /// As ν grows, and as the threshold of Huber grows, the ping is left as it was.
@@ -191,7 +192,7 @@ fn thin_tails_are_the_kalman_update() {
         tail: Tail::Huber { threshold: 1e9 },
         ..Robust::default()
     });
-    assert_eq!(huber.ping.sd_mps[..4], one.ping.sd_mps[..4]);
+    assert!((0..4).all(|beam| huber.weight[beam] == 1.0));
     assert!(Robust::default().is_off());
 }
 
@@ -231,7 +232,7 @@ fn bad_options_are_named() {
 
 proptest! {
     /// Full lock and one beam off by anything at all. The correction is P Hᵀ S⁻¹ z, so it is bounded where each entry of S⁻¹ z is:
-    /// by k/σ for Huber, by (ν + 1)/(2√ν σ) for Student's t, by √c/σ for a beam's own gate and by 2√c/σ for closure with c the
+    /// by k/σ for Huber, by less than (ν + 1)/(2√ν σ) for Student's t, by √c/σ for a beam's own gate and by 2√c/σ for closure with c the
     /// quantile. The Kalman update knows no bound: it moves in proportion.
     #[test]
     fn one_wild_beam_moves_the_estimate_by_a_bound(
@@ -253,6 +254,8 @@ proptest! {
         ] {
             let moved = one.correction(&robust).norm();
             prop_assert!(moved <= bound * pull * (1.0 + 1e-6), "{robust:?} moves {moved}");
+            let weights = one.screened(&robust).weight;
+            prop_assert!(weights[..4].iter().all(|weight| (0.0..=1.0).contains(weight)), "{weights:?}");
         }
         let plain = one.correction(&Robust::default()).norm() / error[wild].abs();
         let unit = case(velocity_sd, [1.0, 0.0, 0.0, 0.0]).correction(&Robust::default()).norm();

@@ -8,7 +8,7 @@ use crate::aiding;
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::dvl::partial::{FixPlan, Method, plan};
 use crate::error::NavError;
-use crate::events::Event;
+use crate::events::{Event, STREAMS};
 use crate::filter::Eskf;
 use crate::imu::{ImuSample, Sampling};
 use crate::layout::VELOCITY;
@@ -43,7 +43,8 @@ pub struct Navigator {
     options: Options,
     last_imu: Option<ImuSample>,
     waiting: VecDeque<Event>,
-    last_ns: [Option<i64>; 7],
+    last_ns: [Option<i64>; STREAMS],
+    refused: [u64; STREAMS],
 }
 
 impl Navigator {
@@ -67,7 +68,8 @@ impl Navigator {
             options: *options,
             last_imu: None,
             waiting: VecDeque::new(),
-            last_ns: [None; 7],
+            last_ns: [None; STREAMS],
+            refused: [0; STREAMS],
         })
     }
 
@@ -125,37 +127,32 @@ impl Navigator {
         event.validate(&self.geometry)?;
         let (time_ns, (stream, index)) = (event.time_ns(), event.stream());
         let now_ns = self.filters.beams_alone.state().time_ns;
-        let newest_waiting = self.waiting.back().map(Event::time_ns);
-        if let Some(previous_ns) = self.last_ns[index].filter(|&previous_ns| time_ns <= previous_ns) {
+        let repeated_ns = self.last_ns[index].filter(|&previous_ns| time_ns <= previous_ns);
+        if let Some(previous_ns) = repeated_ns.or((time_ns < now_ns).then_some(now_ns)) {
+            self.refused[index] += 1;
             return Err(NavError::TimeNotIncreasing {
                 stream,
                 time_ns,
                 previous_ns,
             });
         }
-        if time_ns < now_ns {
-            return Err(NavError::TimeNotIncreasing {
-                stream,
-                time_ns,
-                previous_ns: now_ns,
-            });
-        }
         match event {
             Event::Imu(sample) => self.advance(sample, report)?,
             _ if self.last_imu.is_some_and(|last| last.time_ns == time_ns) => self.aid(event, report)?,
             _ => {
-                if let Some(previous_ns) = newest_waiting.filter(|&previous_ns| time_ns < previous_ns) {
-                    return Err(NavError::TimeNotIncreasing {
-                        stream,
-                        time_ns,
-                        previous_ns,
-                    });
-                }
-                self.waiting.push_back(*event);
+                // Sensors that wait for the same IMU sample need not arrive in order.
+                let place = self.waiting.partition_point(|other| other.time_ns() <= time_ns);
+                self.waiting.insert(place, *event);
             }
         }
         self.last_ns[index] = Some(time_ns);
         Ok(())
+    }
+
+    /// How many events of each stream came too late and were refused, in the order of [`crate::events::STREAM_NAMES`].
+    #[must_use]
+    pub fn refused(&self) -> &[u64; STREAMS] {
+        &self.refused
     }
 
     fn advance(&mut self, sample: &ImuSample, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
