@@ -116,8 +116,10 @@ def test_score_of_a_beam_table(tmp_path: Path) -> None:
     janus = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
     rng = np.random.default_rng(2)
     beams = janus.beam_velocities(np.tile([1.0, 0.1, 0.0], (200, 1))) + rng.standard_normal((200, 4)) * 0.04
-    columns = {"time_ns": np.arange(200) * 1_000_000_000}
-    columns |= {f"beam{k + 1}_mps": beams[:, k] for k in range(4)} | {f"beam{k + 1}_valid": [True] * 200 for k in range(4)}
+    columns: dict[str, Any] = {"time_ns": np.arange(200) * 1_000_000_000}
+    columns |= {f"beam{k + 1}_mps": beams[:, k] for k in range(4)} | {
+        f"beam{k + 1}_valid": [True] * 200 for k in range(4)
+    }
     pl.DataFrame(columns).write_parquet(tmp_path / "beams.parquet")
     arguments = ("score", str(tmp_path / "beams.parquet"), "--geometry", "x_janus_20", "--leave-out", "2")
     done = command(*arguments, "--out", str(tmp_path / "scores.parquet"))

@@ -1,4 +1,4 @@
-"""WGS 84 by the book: geodetic to Earth-centred coordinates, and back by iteration; a tangent plane by its three axes."""
+"""WGS 84 by the book: geodetic to Earth-centred coordinates, and back by iteration; a tangent plane by its axes."""
 
 from __future__ import annotations
 
@@ -40,6 +40,8 @@ def geodetic(point: Array) -> tuple[float, float, float]:
     return float(latitude), float(np.arctan2(y, x)), float(height)
 
 
-def geodetic_of_ned(ned: Array, home: Array, latitude_deg: float, longitude_deg: float) -> tuple[float, float, float]:
+def geodetic_of_ned(
+    ned: Array, home: Array, latitude_deg: float, longitude_deg: float
+) -> tuple[float, float, float]:
     """Latitude, longitude (rad) and height (m) of a point in the tangent plane of a place."""
     return geodetic(home + axes(np.deg2rad(latitude_deg), np.deg2rad(longitude_deg)).T @ ned)

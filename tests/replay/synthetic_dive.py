@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -116,14 +115,20 @@ def write(folder: Path, extra: str = "") -> Path:
     force = true["force_p_mps2"] @ (flip @ M.T).T / 9.80665e-3
     rate = np.rad2deg(true["omega_p_radps"] @ (flip @ M.T).T)
     pl.DataFrame(
-        {"t_ms": t * 1e3, **dict(zip("fa fb fc".split(), force.T, strict=True)), **dict(zip("ga gb gc".split(), rate.T, strict=True))}
+        {
+            "t_ms": t * 1e3,
+            **dict(zip(("fa", "fb", "fc"), force.T, strict=True)),
+            **dict(zip(("ga", "gb", "gc"), rate.T, strict=True)),
+        }
     ).write_csv(folder / "imu.csv", float_precision=14)
 
     rows = slice(25, None, 50)  # 1 Hz, half a second after the reference
     C = matrix_from_euler(*np.deg2rad(MOUNTING_RPY_DEG))
     at_dvl = true["velocity_p_mps"] + np.cross(rate_tp, LEVER_DVL_M)
     velocity = 1.01 * (at_dvl @ C)[rows] * [1.0, -1.0, -1.0] * 1e3
-    pl.DataFrame({"time": t[rows] + DVL_CLOCK_S, **dict(zip("uvw", velocity.T, strict=True))}).write_parquet(folder / "dvl.parquet")
+    pl.DataFrame({"time": t[rows] + DVL_CLOCK_S, **dict(zip("uvw", velocity.T, strict=True))}).write_parquet(
+        folder / "dvl.parquet"
+    )
 
     quarter = np.round(np.arange(0.0, SECONDS, 0.25) * RATE_HZ).astype(int)
     # Height above the ellipsoid is 12 m at the origin, and the sensor says altitude: depth is 12 m less it.
@@ -135,7 +140,9 @@ def write(folder: Path, extra: str = "") -> Path:
     point_v = true["velocity_p_mps"] + np.cross(rate_tp, LEVER_REFERENCE_M)
     v_t = np.array([r @ v for r, v in zip(R, point_v, strict=True)])[each]
     home = geodesy.ecef(np.deg2rad(LATITUDE_DEG), np.deg2rad(LONGITUDE_DEG), 12.0)
-    lat, lon, h = np.array([geodesy.geodetic_of_ned(p, home, LATITUDE_DEG, LONGITUDE_DEG) for p in point[each]]).T
+    lat, lon, h = np.array(
+        [geodesy.geodetic_of_ned(p, home, LATITUDE_DEG, LONGITUDE_DEG) for p in point[each]]
+    ).T
     yaw = np.rad2deg(truth.figure_eight_yaw(t)[0])[each]
     pl.DataFrame(
         {
@@ -157,6 +164,6 @@ def replace(path: Path, old: str, new: str) -> Path:
     return path
 
 
-def rows_of(table: Any, **where: Any) -> pl.DataFrame:
+def rows_of(table: pl.DataFrame, **where: str | float) -> pl.DataFrame:
     """Rows of a table with these values."""
     return table.filter(*(pl.col(key) == value for key, value in where.items()))

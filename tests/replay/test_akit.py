@@ -1,4 +1,4 @@
-"""The A-KIT sections: full velocity against the reference, INS alone, and two beams, by the limits written beforehand."""
+"""The A-KIT sections: full velocity against the reference, INS alone, two beams, by limits written beforehand."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.replay import compare, flight
+from bottomlock.replay import flight
+from bottomlock.replay.dive import Dive
+from bottomlock.replay.model import gravity_mps2
 from bottomlock.replay.reading import read_dive
 from bottomlock.replay.run import Replayed, replay_case
+from bottomlock.replay.turning import quaternions
 from tests.oracle.rotations import exp_rotation, matrix_from_quaternion, skew
 from tests.replay.streaming import stream
 from tools.akit import LAG_S, REFERENCE_LEVER_M, SECTIONS, akit_case
@@ -74,7 +77,9 @@ def test_ins_alone_drifts_as_the_recordings_say(data: Path, scratch: Path, secti
 
 
 @pytest.mark.parametrize("section", SECTIONS)
-def test_tight_coupling_is_information_form_is_exact_virtual_beam(data: Path, scratch: Path, section: int) -> None:
+def test_tight_coupling_is_information_form_is_exact_virtual_beam(
+    data: Path, scratch: Path, section: int
+) -> None:
     """On real data too, with two beams: every state to 1e-9 of its size (positions of hundreds of metres)."""
     samples = two_beams(data, scratch, section).samples.filter(pl.col("what_if") == "lost_34")
     columns = [name for name in samples.columns if name.endswith(("_m", "_mps", "_rad", "_deg"))]
@@ -85,20 +90,21 @@ def test_tight_coupling_is_information_form_is_exact_virtual_beam(data: Path, sc
 
 
 def test_replay_of_a_section_is_streaming_bit_for_bit(data: Path, scratch: Path) -> None:
-    case = akit_case(data, scratch, 5, asks=True, replay='smooth = false\narms = ["tc", "sway_current"]\nduration_s = 60.0')
+    case = akit_case(
+        data, scratch, 5, asks=True, replay='smooth = false\narms = ["tc", "sway_current"]\nduration_s = 60.0'
+    )
     prepared = flight.prepare(case, read_dive(case), 0)
     flown = flight.fly(case, prepared, case.what_if[0])
     start = {
         "time_ns": prepared.alignment.time_ns,
         "position_t_m": prepared.alignment.position_t_m,
-        "attitude_t_p": flight.quaternions(prepared.alignment.attitude),
+        "attitude_t_p": quaternions(prepared.alignment.attitude),
         "velocity_p_mps": prepared.alignment.velocity_p_mps,
     }
     log = flight.make_log(case, prepared, flown.valid)
     for index, arm in enumerate(case.replay.arms):
-        pushed = stream(
-            prepared.dive.instrument.geometry, prepared.model, prepared.options, arm, log, start, prepared.sample_time_ns
-        )  # fmt: skip
+        geometry = prepared.dive.instrument.geometry
+        pushed = stream(geometry, prepared.model, prepared.options, arm, log, start, prepared.sample_time_ns)
         for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd", "nis"):
             np.testing.assert_array_equal(flown.result[name][index], pushed[name])
 
@@ -107,17 +113,19 @@ def test_replay_of_a_section_is_streaming_bit_for_bit(data: Path, scratch: Path)
 def test_where_the_accelerometers_are(data: Path, scratch: Path, section: int) -> None:
     """Velocity increments over a second, integrated from the readings, against those of the reference's point.
 
-    v_imu = v_reference − ω × l: the lever arm l by least squares, within 5 cm of what the cases say; sections with turns.
+    v_imu = v_reference − ω × l: the lever arm l by least squares, within 5 cm of what the cases say.
     """
     case = akit_case(data, scratch, section)
-    dive = read_dive(case.model_copy(update={"reference": case.reference.model_copy(update={"lever_arm_m": (0.0,) * 3})}))  # type: ignore[union-attr]
+    dive = read_dive(
+        case.model_copy(update={"reference": case.reference.model_copy(update={"lever_arm_m": (0.0,) * 3})})
+    )  # type: ignore[union-attr]
     inertial, reference = dive.inertial, dive.reference
     assert reference is not None
     assert reference.attitude is not None
     assert reference.velocity_p_mps is not None
     R = reference.attitude.as_matrix()
     v_t = np.einsum("nij,nj->ni", R, reference.velocity_p_mps)
-    gravity = np.array([0.0, 0.0, flight.gravity_mps2(case, dive)])
+    gravity = np.array([0.0, 0.0, gravity_mps2(case, dive)])
     first = np.searchsorted(inertial.time_ns, reference.time_ns, side="right")
     rows = np.flatnonzero((reference.time_ns >= 0) & (first + 101 < len(inertial.time_ns)))[:-1]
     design, residual = [], []
@@ -143,13 +151,15 @@ def test_reference_stands_where_its_clock_says(data: Path, scratch: Path) -> Non
             case = akit_case(data, scratch, section)
             assert case.reference is not None
             clock = case.reference.clock.model_copy(update={"offset_s": LAG_S[section] + shift})
-            dive = read_dive(case.model_copy(update={"reference": case.reference.model_copy(update={"clock": clock})}))
+            dive = read_dive(
+                case.model_copy(update={"reference": case.reference.model_copy(update={"clock": clock})})
+            )
             errors[shift] = _turn_error(dive)
         assert errors[0.0] < 5e-5
         assert min(errors[-0.02], errors[0.02]) > 5 * errors[0.0]
 
 
-def _turn_error(dive: compare.Dive) -> float:
+def _turn_error(dive: Dive) -> float:
     """RMS difference, rad, between the reference's turn over a second and that of the gyros, Earth's rate taken off."""
     reference = dive.reference
     assert reference is not None
@@ -163,6 +173,8 @@ def _turn_error(dive: compare.Dive) -> float:
         for rate in dive.inertial.omega_p_radps[first[k] : first[k] + 100]:
             turn = turn @ exp_rotation(rate * 0.01)
         apart = (R[k].T @ R[k + 1]).T @ turn
-        angle = np.array([apart[2, 1] - apart[1, 2], apart[0, 2] - apart[2, 0], apart[1, 0] - apart[0, 1]]) / 2.0
+        angle = (
+            np.array([apart[2, 1] - apart[1, 2], apart[0, 2] - apart[2, 0], apart[1, 0] - apart[0, 1]]) / 2.0
+        )
         squares.append(angle - R[k].T @ earth)
     return float(np.sqrt(np.mean(np.square(squares))))

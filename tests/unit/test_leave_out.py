@@ -30,7 +30,9 @@ def test_one_ping_by_hand() -> None:
     scores = leave_out(
         JANUS, np.zeros(1, dtype=np.int64), beams, np.ones((1, 4), dtype=bool), SD, beams=1, closure_gate=None
     )
-    row = scores.filter((pl.col("left_out") == "3") & (pl.col("method") == "lc") & (pl.col("component") == "beam"))
+    row = scores.filter(
+        (pl.col("left_out") == "3") & (pl.col("method") == "lc") & (pl.col("component") == "beam")
+    )
     assert row["median_mps"][0] == pytest.approx(0.04)
     # The beams of a Janus predict the fourth with the noise of three, each with weight one: √(3 + 1) σ.
     assert row["claimed_mps"][0] == pytest.approx(0.04)
@@ -62,7 +64,9 @@ def test_honest_methods_are_found_honest(beams: int) -> None:
     3,000 pings, paired with one another through the prior: 5 % is five of the ratio's sigmas or more.
     """
     time_ns, _, readings = walking()
-    scores = leave_out(JANUS, time_ns, readings, np.ones((3000, 4), dtype=bool), SD, beams=beams, closure_gate=None)
+    scores = leave_out(
+        JANUS, time_ns, readings, np.ones((3000, 4), dtype=bool), SD, beams=beams, closure_gate=None
+    )
     told = scores.filter(pl.col("method").is_in(["lc", "plcf", "info"]) & pl.col("ratio_rms").is_not_null())
     assert told.height >= 20
     np.testing.assert_allclose(told["ratio_rms"], 1.0, atol=0.05)
@@ -91,6 +95,10 @@ def test_outliers_are_no_reference() -> None:
 def test_what_has_no_redundancy_is_refused() -> None:
     three = BeamGeometry.from_angles([0.4] * 3, [0.0, 2.0, 4.0])
     with pytest.raises(DataError, match="no redundancy"):
-        leave_out(three, np.zeros(1, dtype=np.int64), np.zeros((1, 3)), np.ones((1, 3), dtype=bool), SD[:3], beams=1)
+        leave_out(
+            three, np.zeros(1, dtype=np.int64), np.zeros((1, 3)), np.ones((1, 3), dtype=bool), SD[:3], beams=1
+        )
     with pytest.raises(DataError, match="expected 1 to 3"):
-        leave_out(JANUS, np.zeros(1, dtype=np.int64), np.zeros((1, 4)), np.ones((1, 4), dtype=bool), SD, beams=4)
+        leave_out(
+            JANUS, np.zeros(1, dtype=np.int64), np.zeros((1, 4)), np.ones((1, 4), dtype=bool), SD, beams=4
+        )

@@ -41,7 +41,7 @@ heading = "gyrocompass"
         ('clock = { column = "t" }', "clock = { offset_s = 1.0 }", "a clock needs 'column'"),
         ('clock = { column = "t" }', 'clock = { column = "t", start_s = 1.0 }', "'start_s' is given beside 'column'"),
         ('rate = ["wx", "wy", "wz"]', 'rate = ["wx", "wy", "wz"]\naxes = ["x", "x", "z"]', "each of x, y, z once"),
-        ('rate = ["wx", "wy", "wz"]', 'rate = ["wx", "wy", "wz"]\nrate_unit = "rad"', "are increments: give 'interval'"),
+        ('rate = ["wx", "wy", "wz"]', 'rate = ["wx", "wy", "wz"]\nrate_unit = "rad"', "increments: give 'interval'"),
         ('rate = ["wx", "wy", "wz"]', 'rate = ["wx", "wy", "wz"]\ninterval = "dt"', "no unit is that of an increment"),
         ('geometry = "x_janus_20"', 'geometry = "x_janus_20"\nsource = "velocity"', "'velocity'"),
         ('geometry = "x_janus_20"', 'geometry = "x_janus_20"\nvelocity_scale = 1.1', "recorded beams stay as they are"),
@@ -59,7 +59,7 @@ heading = "gyrocompass"
             "expected it to end later",
         ),
         ("[start]", '[replay]\narms = ["tc", "tcc"]\n[start]', "unknown arm 'tcc', did you mean 'tc'"),
-        ("[start]", "[gps]\nfile = \"g.csv\"\nclock = { column = \"t\" }\n[start]", "no position"),
+        ("[start]", '[gps]\nfile = "g.csv"\nclock = { column = "t" }\n[start]', "no position"),
     ],
 )  # fmt: skip
 def test_faults_name_key_and_expectation(old: str, new: str, message: str) -> None:
@@ -87,7 +87,9 @@ def test_missing_and_broken_files(tmp_path: Path) -> None:
 
 def test_hash_is_of_what_decides_the_numbers() -> None:
     case = parse_case(LEAST, place="case")
-    worded = parse_case(LEAST.replace('name = "dive"', 'name = "dive"\ndescription = "other words"'), place="case")
+    worded = parse_case(
+        LEAST.replace('name = "dive"', 'name = "dive"\ndescription = "other words"'), place="case"
+    )
     assert worded.content_hash() == case.content_hash()
     assert case.with_overrides(seed=5).content_hash() != case.content_hash()
 

@@ -1,4 +1,4 @@
-"""Times of a stream: gaps, jumps, repeats and steps back are counted, with the first place; nothing is repaired unasked."""
+"""Times of a stream: gaps, jumps, repeats and steps back are counted with the first place; nothing is repaired."""
 
 from __future__ import annotations
 
@@ -34,7 +34,10 @@ def test_by_hand() -> None:
 
 @pytest.mark.parametrize(
     ("times", "message"),
-    [(stamps(0, 1, 1), "log: row 2, 1.000000 s, repeats"), (stamps(0, 5, 3), "log: row 2, 3.000000 s, goes back from 5")],
+    [
+        (stamps(0, 1, 1), "log: row 2, 1.000000 s, repeats"),
+        (stamps(0, 5, 3), "log: row 2, 3.000000 s, goes back from 5"),
+    ],
 )
 def test_disorder_is_refused_unless_declared(times: np.ndarray, message: str) -> None:
     with pytest.raises(DataError, match=message):

@@ -22,7 +22,9 @@ S = 1_000_000_000
 TIMES = np.arange(100, dtype=np.int64) * S + 5 * S
 
 
-def mask(asked: WhatIf, *, run: int = 0, seed: int = 1, times: np.ndarray = TIMES, name: str = "case") -> np.ndarray:
+def mask(
+    asked: WhatIf, *, run: int = 0, seed: int = 1, times: np.ndarray = TIMES, name: str = "case"
+) -> np.ndarray:
     return returned(asked, times, 4, start_ns=5 * S, name=name, seed=seed, run=run)
 
 
@@ -54,7 +56,9 @@ def test_pattern_of_another_recording(tmp_path: Path) -> None:
 def test_chain_is_up_and_down_as_long_as_asked() -> None:
     """40,000 pings: 30 % down, in stretches of 6 s on average (the exponential, seen once a second)."""
     times = np.arange(40_000, dtype=np.int64) * S + 5 * S
-    asked = WhatIf.model_validate({"name": "c", "dropouts": [{"beams": [2], "mean_up_s": 14.0, "mean_down_s": 6.0}]})
+    asked = WhatIf.model_validate(
+        {"name": "c", "dropouts": [{"beams": [2], "mean_up_s": 14.0, "mean_down_s": 6.0}]}
+    )
     valid = mask(asked, times=times)
     assert valid[:, [0, 2, 3]].all()
     # Share of the time: its standard deviation is 0.0095 here (2,000 cycles); 4 of them pass 1 test in 16,000 wrongly.
@@ -80,7 +84,7 @@ def test_no_velocity_closes_wrongly(tilt: float, roll: float, velocity: list[flo
 
 
 def test_closure_residuals_scatter_as_one_beam() -> None:
-    """White noise of 30 mm/s on 4,000 pings of any velocity: the residuals' deviation is 30 mm/s within 4 of its sigmas."""
+    """White noise of 30 mm/s on 4,000 pings of any velocity: the residuals scatter by 30 mm/s to 4 sigma."""
     rng = np.random.default_rng(11)
     janus = BeamGeometry.janus(0.4)
     beams = janus.beam_velocities(rng.uniform(-2, 2, (4000, 3))) + rng.standard_normal((4000, 4)) * 0.03
@@ -100,7 +104,10 @@ def test_poorer_imu_has_the_errors_of_the_table() -> None:
     time_ns = np.arange(50_000, dtype=np.int64) * 10_000_000
     still = Inertial(time_ns, np.zeros((50_000, 3)), np.zeros((50_000, 3)))
     errors = ImuErrors(
-        accel_bias_mg=0.5, gyro_bias_deg_per_h=3.0, accel_noise_mps_per_rt_h=0.072, gyro_noise_deg_per_rt_h=0.34
+        accel_bias_mg=0.5,
+        gyro_bias_deg_per_h=3.0,
+        accel_noise_mps_per_rt_h=0.072,
+        gyro_noise_deg_per_rt_h=0.34,
     )
     shaken = draws.poorer(still, errors, seed=3, key=4, run=0)
     for values, density in ((shaken.force_p_mps2, 0.0012), (shaken.omega_p_radps, np.deg2rad(0.34 / 60))):
@@ -108,4 +115,6 @@ def test_poorer_imu_has_the_errors_of_the_table() -> None:
         assert (values - values.mean(axis=0)).std() == pytest.approx(density / np.sqrt(0.01), rel=0.01)
     again = draws.poorer(still, errors, seed=3, key=4, run=0)
     assert np.array_equal(again.force_p_mps2, shaken.force_p_mps2)
-    assert not np.array_equal(draws.poorer(still, errors, seed=3, key=4, run=1).force_p_mps2, shaken.force_p_mps2)
+    assert not np.array_equal(
+        draws.poorer(still, errors, seed=3, key=4, run=1).force_p_mps2, shaken.force_p_mps2
+    )
