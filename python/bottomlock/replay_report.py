@@ -77,6 +77,16 @@ def read_replay(folder: Path) -> Tables:
     )
 
 
+def is_replay(folder: Path) -> bool:
+    """Whether a directory holds a replay.
+
+    Raises:
+        DataError: for a manifest that cannot be read.
+    """
+    manifest = read_json(folder / "manifest.json")
+    return manifest is not None and manifest.get("kind") == "replay"
+
+
 def make_replay_report(folder: Path) -> Path:
     """Writes `report.html` and `figures/` from the tables of a replay.
 

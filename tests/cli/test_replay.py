@@ -70,6 +70,13 @@ def test_repeats_bit_for_bit(out: Path, root: Path, tmp_path: Path) -> None:
         assert (tmp_path / "again" / path.relative_to(out)).read_bytes() == path.read_bytes(), path.name
 
 
+def test_report_is_made_again_from_the_tables(out: Path) -> None:
+    page = (out / "report.html").read_bytes()
+    (out / "report.html").unlink()
+    assert command("report", str(out)).returncode == 0
+    assert (out / "report.html").read_bytes() == page
+
+
 def test_directory_of_something_else(out: Path, root: Path, tmp_path: Path) -> None:
     """Another case's directory is kept unless `--force`; a foreign one is kept in any case."""
     case = str(root / EXAMPLE / "case.toml")

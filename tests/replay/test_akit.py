@@ -116,9 +116,9 @@ def test_where_the_accelerometers_are(data: Path, scratch: Path, section: int) -
     v_imu = v_reference − ω × l: the lever arm l by least squares, within 5 cm of what the cases say.
     """
     case = akit_case(data, scratch, section)
-    dive = read_dive(
-        case.model_copy(update={"reference": case.reference.model_copy(update={"lever_arm_m": (0.0,) * 3})})
-    )  # type: ignore[union-attr]
+    assert case.reference is not None
+    there = case.reference.model_copy(update={"lever_arm_m": (0.0, 0.0, 0.0)})
+    dive = read_dive(case.model_copy(update={"reference": there}))
     inertial, reference = dive.inertial, dive.reference
     assert reference is not None
     assert reference.attitude is not None
