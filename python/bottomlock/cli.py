@@ -22,6 +22,7 @@ from bottomlock.merge import merge_shards
 from bottomlock.output import write_parquet
 from bottomlock.plan import Shard
 from bottomlock.plant import telemetry
+from bottomlock.replay_report import is_replay, make_replay_report
 from bottomlock.report import Report, make_report
 from bottomlock.scenario import copy_scenario, load_scenario, packaged_scenarios
 from bottomlock.screen import conclude, console, errors, flying
@@ -288,14 +289,17 @@ def reproduce(
 
 @app.command
 def report(directory: Path) -> None:
-    """Makes report.html, figures and the verdicts on the paper's claims from a campaign's tables.
+    """Makes report.html and figures from the tables of a campaign or a replay; of a campaign, the paper's claims too.
 
     Parameters
     ----------
     directory
-        Where `bottomlock run` has written a finished campaign.
+        Where `bottomlock run` has written a finished campaign, or `bottomlock replay` a replay.
     """
-    _say(make_report(directory))
+    if is_replay(directory):
+        console.print(f"wrote {make_replay_report(directory)}")
+    else:
+        _say(make_report(directory))
 
 
 def _say(made: Report) -> None:
@@ -310,6 +314,12 @@ def _say(made: Report) -> None:
 app.command(
     "bottomlock.study_commands:masks", name="masks", help="Flies every partial mask, dropouts and a slope."
 )
+app.command(
+    "bottomlock.replay_commands:replay",
+    name="replay",
+    help="Navigates a recorded dive again, with fewer beams too.",
+)
+app.command("bottomlock.replay_commands:score", name="score", help="Leaves beams out of recorded pings.")
 app.command("bottomlock.study_commands:certify", name="certify", help="Writes the honesty certificate.")
 app.command("bottomlock.audit_commands:audit", name="audit", help="Says what a log tells of its DVL.")
 app.command(

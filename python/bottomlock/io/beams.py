@@ -1,5 +1,6 @@
 """Recorded pings and instrument files: CSV or Parquet and TOML to checked arrays."""
 
+import dataclasses
 import math
 import tomllib
 from collections.abc import Sequence
@@ -72,11 +73,12 @@ class InstrumentFile(BaseModel):
 
 @dataclass(frozen=True, eq=False)
 class Instrument:
-    """Geometry, beam noise and column map of a DVL."""
+    """Geometry, beam noise and column map of a DVL; the mounting (roll, pitch, yaw) is already in the geometry."""
 
     geometry: BeamGeometry
     beam_sd_mps: NDArray[np.float64]
     columns: Columns
+    mounting_rpy_rad: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +137,9 @@ def read_geometry(source: str | Path) -> Instrument:
         settings = InstrumentFile.model_validate(content)
     except ValidationError as error:
         raise ScenarioError(explain(error, place, InstrumentFile)) from error
+    mounting = np.deg2rad(
+        [settings.mounting_roll_deg, settings.mounting_pitch_deg, settings.mounting_yaw_deg]
+    )
     try:
         geometry = make_geometry(
             settings.configuration,
@@ -143,9 +148,7 @@ def read_geometry(source: str | Path) -> Instrument:
             azimuths_rad=np.deg2rad(settings.azimuths_deg or ()),
             directions=settings.directions,
             lever_arms_p_m=settings.lever_arms_m,
-            mounting_rpy_rad=np.deg2rad(
-                [settings.mounting_roll_deg, settings.mounting_pitch_deg, settings.mounting_yaw_deg]
-            ),
+            mounting_rpy_rad=mounting,
             sound_speed_scale=settings.sound_speed_scale,
         )
     except KernelError as error:
@@ -156,7 +159,7 @@ def read_geometry(source: str | Path) -> Instrument:
         raise ScenarioError(
             f"{place}: 'beam_noise_mps' has {len(sd)} entries, expected {geometry.beams}, one per beam"
         )
-    return Instrument(geometry=geometry, beam_sd_mps=sd, columns=settings.columns)
+    return Instrument(geometry=geometry, beam_sd_mps=sd, columns=settings.columns, mounting_rpy_rad=mounting)
 
 
 def read_table(path: Path) -> pl.DataFrame:

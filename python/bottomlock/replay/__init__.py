@@ -1,0 +1,30 @@
+"""Recorded dives navigated again: case file, alignment, what-if masks, arms side by side against a reference.
+
+Examples:
+    The least that a case file says:
+
+    >>> from bottomlock.replay.case import parse_case
+    >>> case = parse_case(
+    ...     '''
+    ... name = "dive_07"
+    ... [imu]
+    ... file = "imu.parquet"
+    ... clock = { column = "t", unit = "s" }
+    ... force = ["ax", "ay", "az"]
+    ... rate = ["wx", "wy", "wz"]
+    ... [imu.errors]
+    ... accel_bias_mg = 0.5
+    ... gyro_bias_deg_per_h = 3.0
+    ... accel_noise_mps_per_rt_h = 0.072
+    ... gyro_noise_deg_per_rt_h = 0.34
+    ... [dvl]
+    ... file = "beams.parquet"
+    ... geometry = "x_janus_20"
+    ... [start]
+    ... heading = "gyrocompass"
+    ... ''',
+    ...     place="example",
+    ... )
+    >>> case.dvl.source, case.replay.arms[:3]
+    ('beams', ('ins', 'lc', 'tc'))
+"""

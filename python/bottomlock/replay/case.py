@@ -1,0 +1,261 @@
+"""The case file: a recording, how to read it, how to start and what to ask, validated before anything is read."""
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from bottomlock.errors import ScenarioError
+from bottomlock.faults import explain
+from bottomlock.replay.dvl_sections import DvlStream, Robust, WhatIf
+from bottomlock.replay.stream_sections import (
+    AttitudeStream,
+    DepthStream,
+    GpsStream,
+    ImuStream,
+    MagnetometerStream,
+    Reference,
+)
+from bottomlock.sections import ARM_NAMES, Filter, Finite, NonNegative, Positive, Section, Vector, check_arms
+
+Angles = tuple[Finite, Finite, Finite]
+FROM_REFERENCE = "reference"
+
+
+class Origin(Section):
+    """Where the tangent plane touches the Earth; without coordinates, at the first position of the reference or GPS."""
+
+    latitude_deg: Annotated[float, Field(ge=-90, le=90)] | None = None
+    longitude_deg: Annotated[float, Field(ge=-180, le=360)] | None = None
+    height_m: Finite = 0.0
+    gravity: Literal["normal"] | Positive = "normal"
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if self.longitude_deg is not None and self.latitude_deg is None:
+            raise ValueError("'longitude_deg' is given without 'latitude_deg'")
+        return self
+
+
+class Start(Section):
+    """The state at the start, where each part comes from, and how well it is known (1 sigma).
+
+    A standard deviation that is left out is the one that the alignment works out and states. `at_s` counts from the
+    first inertial reading; without it the navigation starts there, or with the reference where parts come from it.
+    `window_s` is how long the alignment listens. `draw` moves every run's start by errors drawn from these standard
+    deviations.
+    """
+
+    at_s: NonNegative | None = None
+    window_s: Positive = 10.0
+    level: Literal["levelling", "attitude", "reference", "given"] = "levelling"
+    heading: Literal["magnetometer", "gps_course", "gyrocompass", "attitude", "reference", "given"]
+    roll_deg: Finite = 0.0
+    pitch_deg: Finite = 0.0
+    heading_deg: Finite = 0.0
+    level_sd_deg: Positive | None = None
+    heading_sd_deg: Positive | None = None
+    position: Literal["given", "reference", "gps"] = "given"
+    position_m: Vector = (0.0, 0.0, 0.0)
+    position_sd_m: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 0.0)
+    velocity: Literal["given", "reference", "beams"] = "given"
+    velocity_mps: Vector = (0.0, 0.0, 0.0)
+    velocity_sd_mps: tuple[Positive, Positive, Positive] = (0.05, 0.05, 0.05)
+    draw: bool = False
+
+    @property
+    def from_reference(self) -> bool:
+        """Whether a part of the start is the reference's."""
+        return FROM_REFERENCE in {self.level, self.heading, self.position, self.velocity}
+
+    @model_validator(mode="after")
+    def _sds_of_what_is_given(self) -> Self:
+        if self.heading in {"given", FROM_REFERENCE} and self.heading_sd_deg is None:
+            self._lacks("heading", self.heading)
+        if self.level in {"given", FROM_REFERENCE} and self.level_sd_deg is None:
+            self._lacks("level", self.level)
+        return self
+
+    def _lacks(self, part: str, source: str) -> None:
+        raise ValueError(f"{part} = \"{source}\" needs '{part}_sd_deg': nobody else can say how good it is")
+
+
+class Settings(Section):
+    """Arms, seed, number of draws, and the spacing of the output where no reference sets it."""
+
+    arms: tuple[str, ...] = ARM_NAMES
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
+    runs: Annotated[int, Field(ge=1, le=10_000)] = 1
+    smooth: bool = True
+    sample_s: Positive = 1.0
+    duration_s: Positive | None = None
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        check_arms(self.arms)
+        return self
+
+
+class Case(Section):
+    """A whole case."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
+    description: str = ""
+    origin: Origin = Origin()
+    imu: ImuStream
+    dvl: DvlStream
+    depth: DepthStream | None = None
+    attitude: AttitudeStream | None = None
+    magnetometer: MagnetometerStream | None = None
+    gps: GpsStream | None = None
+    reference: Reference | None = None
+    start: Start
+    filter: Filter = Filter()
+    robust: Robust | None = None
+    replay: Settings = Settings()
+    what_if: tuple[WhatIf, ...] = ()
+
+    @model_validator(mode="after")
+    def _parts_agree(self) -> Self:
+        streams = {
+            "attitude": self.attitude, "magnetometer": self.magnetometer, "reference": self.reference,
+            "gps_course": self.gps, "gps": self.gps,
+        }  # fmt: skip
+        for key in ("level", "heading", "position", "velocity"):
+            source = getattr(self.start, key)
+            if source in streams and streams[source] is None:
+                section = "gps" if source == "gps_course" else source
+                raise ValueError(f'start.{key} = "{source}" needs a section [{section}]')
+        if self.reference is not None:
+            self._reference_has(self.reference)
+        names = [asked.name for asked in self.what_if]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"what_if '{name}' stands there twice")
+        return self
+
+    def _reference_has(self, reference: Reference) -> None:
+        has = {
+            "level": reference.turned,
+            "heading": reference.turned,
+            "position": reference.placed,
+            "velocity": reference.velocity_ned is not None or reference.velocity_body is not None,
+        }
+        for key, there in has.items():
+            if getattr(self.start, key) == FROM_REFERENCE and not there:
+                raise ValueError(f'start.{key} = "reference", but [reference] has no columns for it')
+
+    def with_overrides(
+        self, *, arms: Iterable[str] | None = None, runs: int | None = None, seed: int | None = None
+    ) -> Self:
+        """The same case with other arms, number of draws or seed.
+
+        Raises:
+            ScenarioError: for a number out of range or an unknown or repeated arm.
+        """
+        change = {"arms": None if arms is None else tuple(arms), "runs": runs, "seed": seed}
+        content = self.replay.model_dump() | {
+            key: value for key, value in change.items() if value is not None
+        }
+        try:
+            return self.model_copy(update={"replay": Settings.model_validate(content)})
+        except ValidationError as error:
+            raise ScenarioError(explain(error, f"case {self.name}: replay", Settings)) from error
+
+    @property
+    def semi_synthetic(self) -> tuple[str, ...]:
+        """What of the measurements was not measured so, in words; empty for a recording as it is."""
+        words = []
+        if self.dvl.source == "velocity":
+            words.append("beams projected from the instrument's velocity")
+            if self.dvl.noise.kind == "white":
+                words.append(f"white beam noise of {self.dvl.noise.sd_mps:g} m/s added")
+            elif self.dvl.noise.kind == "closure":
+                words.append("beam noise added, drawn from the closure residuals of another recording")
+        if self.imu.degrade is not None:
+            words.append("errors of a poorer IMU added")
+        if self.start.draw:
+            words.append("errors of the start drawn")
+        return tuple(words)
+
+    @property
+    def drawn(self) -> bool:
+        """Whether the seed decides anything."""
+        return bool(
+            self.start.draw
+            or self.imu.degrade
+            or self.dvl.noise.kind != "none"
+            or any(asked.by_chance for asked in self.what_if)
+        )
+
+    def files(self) -> dict[str, Path]:
+        """Every file that the case reads, by what it is."""
+        named: dict[str, Path] = {}
+        for key in ("imu", "dvl", "depth", "attitude", "magnetometer", "gps", "reference"):
+            stream = getattr(self, key)
+            if stream is not None:
+                named[key] = stream.file
+        if self.dvl.noise.of is not None:
+            named["dvl.noise"] = self.dvl.noise.of.file
+        for asked in self.what_if:
+            if asked.validity_of is not None:
+                named[f"what_if.{asked.name}"] = asked.validity_of.file
+        return named
+
+    def content_hash(self) -> str:
+        """SHA-256 of everything that decides the numbers, files by name alone (the manifest has their own hashes)."""
+        content = json.dumps(self.model_dump(mode="json", exclude={"description"}), sort_keys=True)
+        return hashlib.sha256(content.encode()).hexdigest()
+
+
+def load_case(path: str | Path) -> Case:
+    """A case from a TOML file; the files that it names are looked for from its own folder.
+
+    Raises:
+        ScenarioError: for a file that is not there or cannot be read, ill-formed TOML, a missing or unknown key, or
+        a value
+            out of range; one line per fault.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ScenarioError(f"{path}: no such case file")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"{path}: cannot be read as text ({error})") from error
+    return parse_case(text, place=str(path), folder=path.parent)
+
+
+def parse_case(text: str, *, place: str, folder: Path | None = None) -> Case:
+    """A case from TOML text; `place` names it in errors.
+
+    Raises:
+        ScenarioError: as `load_case`.
+    """
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"{place}: not valid TOML: {error}") from error
+    if folder is not None:
+        _from_folder(content, folder)
+    try:
+        return Case.model_validate(content)
+    except ValidationError as error:
+        raise ScenarioError(explain(error, place, Case)) from error
+
+
+def _from_folder(table: dict[str, Any], folder: Path) -> None:
+    """Makes every relative `file`, and every `geometry` that is a file's name, relative to the case's folder."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            _from_folder(value, folder)
+        elif isinstance(value, list):
+            for entry in value:
+                if isinstance(entry, dict):
+                    _from_folder(entry, folder)
+        elif isinstance(value, str) and (key == "file" or (key == "geometry" and value.endswith(".toml"))):
+            table[key] = str(folder / value)

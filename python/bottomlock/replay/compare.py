@@ -1,0 +1,161 @@
+"""Tables of a replay: estimates, errors against the reference, innovations, and the beams that the filters had."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import polars as pl
+from scipy.spatial.transform import Rotation
+
+from bottomlock.kernel import FIX_STATUS
+from bottomlock.replay.case import Case
+from bottomlock.replay.dive import Dive, Floats, Times
+from bottomlock.replay.flight import Flight, Prepared
+from bottomlock.replay.geodesy import geodetic_from_tangent
+from bottomlock.replay.turning import from_quaternions, to_angles
+from bottomlock.replay_schema import (
+    FORWARD,
+    PATH,
+    REPLAY_SAMPLES,
+    SMOOTHED,
+    innovations_schema,
+    pings_schema,
+)
+
+_NED, _AXES, _ANGLES = ("north", "east", "down"), ("surge", "sway", "heave"), ("roll", "pitch", "yaw")
+
+
+def passes(case: Case, flight: Flight) -> Iterator[tuple[str, str, dict[str, Floats]]]:
+    """Pass, arm and states of every arm's forward pass and of every smoothed one, by the same names."""
+    names = ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd")
+    for index, arm in enumerate(case.replay.arms):
+        yield FORWARD, arm, {name: np.asarray(flight.result[name][index]) for name in names}
+    for index, arm in enumerate(flight.smoothed_arms):
+        yield SMOOTHED, arm, {name: np.asarray(flight.smoothed[f"smoothed_{name}"][index]) for name in names}
+
+
+def samples_table(case: Case, what_if: str, flight: Flight) -> pl.DataFrame:
+    """A row per arm, pass and time (`replay_schema.REPLAY_SAMPLES`)."""
+    parts = []
+    prepared = flight.prepared
+    for name, arm, states in passes(case, flight):
+        columns = _keys(case, what_if, prepared, len(prepared.sample_time_ns)) | {"arm": arm, "pass": name}
+        columns |= {"time_ns": prepared.sample_time_ns}
+        columns |= _estimate(states, prepared.dive) | _errors(states, prepared)
+        parts.append(pl.DataFrame({key: columns[key] for key in REPLAY_SAMPLES}, schema=dict(REPLAY_SAMPLES)))
+    return pl.concat(parts).with_columns(pl.col(pl.Float64).fill_nan(None))
+
+
+def _keys(case: Case, what_if: str, prepared: Prepared, count: int) -> dict[str, Any]:
+    return {"case": [case.name] * count, "what_if": what_if, "run": prepared.run}
+
+
+def _estimate(states: Mapping[str, Floats], dive: Dive) -> dict[str, Floats]:
+    position, angles = states["position_t_m"], np.rad2deg(to_angles(from_quaternions(states["attitude_t_p"])))
+    columns = {f"{axis}_m": position[:, k] for k, axis in enumerate(_NED)}
+    columns |= {f"{axis}_deg": angles[:, k] for k, axis in enumerate(_ANGLES)}
+    columns |= {f"{axis}_mps": states["velocity_p_mps"][:, k] for k, axis in enumerate(_AXES)}
+    nowhere = np.full(len(position), np.nan)
+    latitude = longitude = height = nowhere
+    if dive.origin is not None:
+        latitude, longitude, height = geodetic_from_tangent(position, dive.origin)
+    return columns | {
+        "latitude_deg": np.rad2deg(latitude),
+        "longitude_deg": np.rad2deg(longitude),
+        "height_m": height,
+    }
+
+
+def _errors(states: Mapping[str, Floats], prepared: Prepared) -> dict[str, Floats]:
+    """Errors (reference minus estimate) and claimed deviations, NaN where the reference says nothing."""
+    position, velocity, attitude = errors_of(states, prepared)
+    sd = states["sd"]
+    columns: dict[str, Floats] = {}
+    for k, axis in enumerate(_NED):
+        columns |= {f"err_position_{axis}_m": position[:, k], f"sd_position_{axis}_m": sd[:, k]}
+        columns |= {
+            f"err_misalignment_{axis}_rad": attitude[:, k],
+            f"sd_misalignment_{axis}_rad": sd[:, 3 + k],
+        }
+    for k, axis in enumerate(_AXES):
+        columns |= {f"err_velocity_{axis}_mps": velocity[:, k], f"sd_velocity_{axis}_mps": sd[:, 6 + k]}
+    return columns
+
+
+def errors_of(states: Mapping[str, Floats], prepared: Prepared) -> tuple[Floats, Floats, Floats]:
+    """Errors of position (tangent frame), velocity (platform) and attitude (ρ, tangent), (T, 3) each.
+
+    The estimates stand at inertial readings, the reference at its own times, up to a reading's step earlier: the
+    estimate is carried back over it with its own velocity and the rate that the gyros read.
+    """
+    count = len(prepared.sample_time_ns)
+    nothing = np.full((count, 3), np.nan)
+    reference = prepared.dive.reference
+    if reference is None:
+        return nothing, nothing, nothing
+    rows = prepared.rows
+    back_s = (prepared.sample_time_ns - reference.time_ns[rows])[:, None] * 1e-9
+    inertial = prepared.dive.inertial
+    rate = inertial.omega_p_radps[np.searchsorted(inertial.time_ns, prepared.sample_time_ns)]
+    attitude = from_quaternions(states["attitude_t_p"])
+    there = attitude * Rotation.from_rotvec(-rate * back_s)
+    position = velocity = misalignment = nothing
+    if reference.position_t_m is not None:
+        carried = states["position_t_m"] - attitude.apply(states["velocity_p_mps"]) * back_s
+        position = reference.position_t_m[rows] - carried
+    if reference.velocity_p_mps is not None:
+        velocity = reference.velocity_p_mps[rows] - states["velocity_p_mps"]
+    if reference.attitude is not None:
+        misalignment = (reference.attitude[rows] * there.inv()).as_rotvec()
+    return position, velocity, misalignment
+
+
+def innovations_table(case: Case, what_if: str, flight: Flight) -> pl.DataFrame:
+    """A row per arm and ping (`replay_schema.innovations_schema`)."""
+    prepared, result = flight.prepared, flight.result
+    times = prepared.dive.beams.time_ns[prepared.pings]
+    beams = flight.valid.shape[1]
+    schema = innovations_schema(beams)
+    parts = []
+    for index, arm in enumerate(case.replay.arms):
+        columns = _keys(case, what_if, prepared, len(times)) | {
+            "arm": arm,
+            "time_ns": times,
+            "status": [FIX_STATUS[code] for code in result["fix_status"][index]],
+            "nis": result["nis"][index],
+            "degrees": result["nis_dof"][index].astype(np.int64),
+        }
+        for k in range(beams):
+            columns[f"beam{k + 1}_innovation_mps"] = result["innovation_mps"][index][:, k]
+            columns[f"beam{k + 1}_innovation_sd_mps"] = result["innovation_sd_mps"][index][:, k]
+        parts.append(pl.DataFrame({key: columns[key] for key in schema}, schema=schema))
+    return pl.concat(parts).with_columns(pl.col(pl.Float64).fill_nan(None))
+
+
+def pings_table(case: Case, what_if: str, flight: Flight) -> pl.DataFrame:
+    """A row per ping (`replay_schema.pings_schema`)."""
+    prepared = flight.prepared
+    beams = prepared.dive.beams
+    times, velocity = beams.time_ns[prepared.pings], beams.velocity_mps[prepared.pings]
+    columns = _keys(case, what_if, prepared, len(times)) | {"time_ns": times}
+    for k in range(velocity.shape[1]):
+        columns[f"beam{k + 1}_mps"] = velocity[:, k]
+        columns[f"beam{k + 1}_valid"] = flight.valid[:, k]
+    schema = pings_schema(velocity.shape[1])
+    frame = pl.DataFrame({key: columns[key] for key in schema}, schema=schema)
+    return frame.with_columns(pl.col(pl.Float64).fill_nan(None))
+
+
+def path_table(dive: Dive) -> pl.DataFrame | None:
+    """Where the reference was (`replay_schema.PATH`), or None without positions."""
+    reference = dive.reference
+    if reference is None or reference.position_t_m is None:
+        return None
+    position = reference.position_t_m
+    latitude = longitude = np.full(len(position), np.nan)
+    if dive.origin is not None:
+        latitude, longitude, _ = geodetic_from_tangent(position, dive.origin)
+    columns: dict[str, Floats | Times] = {"time_ns": reference.time_ns}
+    columns |= {f"{axis}_m": position[:, k] for k, axis in enumerate(_NED)}
+    columns |= {"latitude_deg": np.rad2deg(latitude), "longitude_deg": np.rad2deg(longitude)}
+    return pl.DataFrame(columns, schema=dict(PATH)).with_columns(pl.col(pl.Float64).fill_nan(None))

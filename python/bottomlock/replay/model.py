@@ -1,0 +1,108 @@
+"""What the filter of a replay assumes, in SI as the kernel wants it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bottomlock import units
+from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2
+from bottomlock.replay.case import Case
+from bottomlock.replay.dive import Dive, Floats
+from bottomlock.replay.stream_sections import ImuErrors
+
+
+@dataclass(frozen=True)
+class ImuModel:
+    """Errors of the inertial sensors, 1 sigma, SI."""
+
+    accel_noise_mps_rts: float
+    gyro_noise_rad_rts: float
+    accel_bias_sd_mps2: float
+    gyro_bias_sd_radps: float
+    accel_bias_walk_mps2_rts: float
+    gyro_bias_walk_radps_rts: float
+
+    @classmethod
+    def of(cls, errors: ImuErrors) -> "ImuModel":
+        """From a section in human units."""
+        return cls(
+            accel_noise_mps_rts=units.per_rt_s_from_per_rt_h(errors.accel_noise_mps_per_rt_h),
+            gyro_noise_rad_rts=units.rad_from_deg(
+                units.per_rt_s_from_per_rt_h(errors.gyro_noise_deg_per_rt_h)
+            ),
+            accel_bias_sd_mps2=units.mps2_from_mg(errors.accel_bias_mg),
+            gyro_bias_sd_radps=units.radps_from_deg_per_h(errors.gyro_bias_deg_per_h),
+            accel_bias_walk_mps2_rts=errors.accel_bias_walk_mps2_per_rt_s,
+            gyro_bias_walk_radps_rts=units.rad_from_deg(errors.gyro_bias_walk_deg_per_s_per_rt_s),
+        )
+
+
+def imu_model(case: Case) -> ImuModel:
+    """What the filter assumes of the inertial sensors; of a degraded one, the errors of both added in squares."""
+    own = ImuModel.of(case.imu.errors)
+    if case.imu.degrade is None:
+        return own
+    added = ImuModel.of(case.imu.degrade)
+    names = list(ImuModel.__dataclass_fields__)
+    return ImuModel(**{name: float(np.hypot(getattr(own, name), getattr(added, name))) for name in names})
+
+
+def gravity_mps2(case: Case, dive: Dive) -> float:
+    """Gravity at the start: the case's own, or normal gravity at the latitude and the mean depth of the dive."""
+    if case.origin.gravity != "normal":
+        return float(case.origin.gravity)
+    depth = 0.0
+    if dive.depths is not None:
+        depth = float(dive.depths.depth_m.mean())
+    elif dive.reference is not None and dive.reference.position_t_m is not None:
+        depth = float(dive.reference.position_t_m[:, 2].mean())
+    return normal_gravity_mps2(dive.latitude_rad, depth)
+
+
+def kernel_model(
+    case: Case, dive: Dive, imu: ImuModel, initial: dict[str, Floats], gravity: float
+) -> dict[str, Any]:
+    """Environment, sensor errors and uncertainty of the start, as the kernel wants them."""
+    dvl, gps, attitude = case.dvl.errors, case.gps, case.attitude
+    return {
+        "environment": {
+            "latitude_rad": dive.latitude_rad,
+            "gravity_mps2": gravity,
+            "earth_rate_radps": EARTH_RATE_RADPS,
+        },
+        "imu": dict(vars(imu)),
+        "dvl": {
+            "beam_noise_sd_mps": float(dive.instrument.beam_sd_mps.mean()),
+            "beam_bias_sd_mps": dvl.beam_bias_mps,
+            "beam_bias_walk_mps_rts": dvl.beam_bias_walk_mps_per_rt_s,
+            "scale_factor_sd": units.fraction_from_percent(dvl.scale_factor_percent),
+            "scale_factor_walk_rts": units.fraction_from_percent(dvl.scale_factor_walk_percent_per_rt_s),
+        },
+        "initial": {name: values.tolist() for name, values in initial.items()},
+        "depth": {"sd_m": 1.0 if case.depth is None else case.depth.sd_m},
+        "magnetometer": {
+            "yaw_sd_rad": units.rad_from_deg(5.0 if attitude is None else attitude.yaw_sd_deg),
+            "roll_pitch_sd_rad": units.rad_from_deg(1.0 if attitude is None else attitude.roll_pitch_sd_deg),
+        },
+        "gps": {
+            "position_sd_m": [2.0, 2.0, 4.0] if gps is None else list(gps.position_sd_m),
+            "velocity_sd_mps": [0.1, 0.1, 0.2],
+        },
+    }
+
+
+def kernel_options(case: Case) -> dict[str, Any]:
+    """Filter options as the kernel wants them."""
+    rate_hz = case.filter.covariance_rate_hz
+    options = case.filter.model_dump(exclude={"covariance_rate_hz"}) | {
+        "covariance_period_ns": units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0,
+        "imu_sampling": "averaged" if case.imu.averaged else "instantaneous",
+    }
+    if case.robust is not None:
+        options["robust"] = case.robust.model_dump()
+    if case.depth is not None:
+        options["depth_lever_p_m"] = list(case.depth.lever_arm_m)
+    if case.gps is not None:
+        options["gps_lever_p_m"] = list(case.gps.lever_arm_m)
+    return options

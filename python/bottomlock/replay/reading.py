@@ -1,0 +1,289 @@
+"""Reads the streams of a case into a `Dive`."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from bottomlock.errors import DataError
+from bottomlock.io.beam_table import read_beam_table
+from bottomlock.io.beams import Instrument, read_beams, read_geometry
+from bottomlock.replay.case import Case
+from bottomlock.replay.clock import ClockReport, row_times
+from bottomlock.replay.dive import (
+    Attitudes,
+    Beams,
+    Depths,
+    Dive,
+    Fields,
+    Flags,
+    Floats,
+    Inertial,
+    Positions,
+    Times,
+    Truthlike,
+)
+from bottomlock.replay.geodesy import Place, tangent_from_geodetic
+from bottomlock.replay.stream_sections import (
+    AttitudeStream,
+    DepthStream,
+    ImuStream,
+    MagnetometerStream,
+    Mounted,
+    Positioned,
+    Reference,
+)
+from bottomlock.replay.tables import column_numbers, read_stream
+from bottomlock.replay.turning import flip, from_angles, handedness, mounted, platform_attitude
+from bottomlock.units import STANDARD_GRAVITY_MPS2
+
+FORCE_SI = {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2, "m/s": 1.0}
+RATE_SI = {
+    "rad/s": 1.0, "deg/s": np.pi / 180.0, "deg/h": np.pi / 648_000.0, "rad": 1.0, "deg": np.pi / 180.0,
+}  # fmt: skip
+ANGLE_SI = {"rad": 1.0, "deg": np.pi / 180.0}
+SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
+LENGTH_SI = {"m": 1.0, "cm": 1e-2}
+PRESSURE_SI = {"Pa": 1.0, "kPa": 1e3, "bar": 1e5, "dbar": 1e4}
+
+
+def read_dive(case: Case) -> Dive:
+    """Every stream of a case, in SI and on one clock.
+
+    Raises:
+        ScenarioError: for a geometry file that makes no sense.
+        DataError: naming file, row, column or time: for what cannot be read, rows out of order or gaps of the IMU
+        that are
+            not declared, and a recording without an origin for its latitudes.
+    """
+    clocks: dict[str, ClockReport] = {}
+    notes: list[str] = []
+    inertial = _inertial(case.imu, clocks, notes)
+    instrument = read_geometry(case.dvl.geometry)
+    if case.dvl.beam_noise_mps is not None:
+        sd = np.full(instrument.geometry.beams, case.dvl.beam_noise_mps)
+        instrument = replace(instrument, beam_sd_mps=sd)
+    beams = _beams(case, instrument, clocks, notes)
+    placed = {
+        key: _coordinates(stream, key, clocks)
+        for key, stream in (("gps", case.gps), ("reference", case.reference))
+        if stream is not None
+    }
+    origin = _origin(case, placed)
+    reference = None
+    if case.reference is not None:
+        reference = _reference(case.reference, placed["reference"], origin, inertial)
+    positions = None
+    if case.gps is not None:
+        time_ns, table = placed["gps"]
+        positions = Positions(time_ns, _tangent(case.gps, table, origin))
+    latitude_deg = case.origin.latitude_deg
+    latitude = origin.latitude_rad if origin is not None else np.deg2rad(latitude_deg or 0.0)
+    if origin is None and latitude_deg is None:
+        raise DataError(
+            "origin.latitude_deg is missing: gravity and the Earth's rate need it where no position says"
+        )
+    return Dive(
+        inertial=inertial,
+        beams=beams,
+        instrument=instrument,
+        depths=None if case.depth is None else _depths(case.depth, clocks),
+        attitudes=None if case.attitude is None else _attitudes(case.attitude, clocks),
+        fields=None if case.magnetometer is None else _fields(case.magnetometer, clocks),
+        positions=positions,
+        reference=reference,
+        origin=origin,
+        latitude_rad=float(latitude),
+        clocks=clocks,
+        notes=tuple(notes),
+    )
+
+
+def _mounting(stream: Mounted | AttitudeStream) -> Floats:
+    return np.deg2rad([stream.mounting_roll_deg, stream.mounting_pitch_deg, stream.mounting_yaw_deg])
+
+
+def _inertial(imu: ImuStream, clocks: dict[str, ClockReport], notes: list[str]) -> Inertial:
+    names = [*imu.force, *imu.rate, *([imu.interval] if imu.interval is not None else [])]
+    values, timed, _ = read_stream(imu, names, optional=False)
+    clocks["imu"] = timed.report
+    force, rate = values[:, :3] * FORCE_SI[imu.force_unit], values[:, 3:6] * RATE_SI[imu.rate_unit]
+    if any(imu.increments):
+        over_s = (
+            values[:, 6]
+            if imu.interval is not None
+            else np.full(len(values), 1.0 / (imu.clock.rate_hz or 1.0))
+        )
+        wrong = np.flatnonzero(~(over_s > 0.0))
+        if wrong.size:
+            row = int(timed.rows[wrong[0]])
+            raise DataError(
+                f"{imu.file}: row {row}, column '{imu.interval}' is {over_s[wrong[0]]:g} s, expected more than 0"
+            )
+        force = force / over_s[:, None] if imu.increments[0] else force
+        rate = rate / over_s[:, None] if imu.increments[1] else rate
+    _refuse_long_gaps(imu, timed.report)
+    if handedness(imu.axes) < 0:
+        notes.append(f"imu: axes {', '.join(imu.axes)} turn a left-handed sensor into forward–right–down")
+    if timed.report.gaps.count:
+        notes.append(f"imu: gaps crossed on a straight line: {timed.report.gaps.words}")
+    mounting = _mounting(imu)
+    return Inertial(timed.time_ns, mounted(force, imu.axes, mounting), mounted(rate, imu.axes, mounting))
+
+
+def _refuse_long_gaps(imu: ImuStream, report: ClockReport) -> None:
+    longest = max((fault.longest_s or 0.0) for fault in (report.gaps, report.jumps))
+    if longest > imu.bridge_gaps_s:
+        fault = report.jumps if report.jumps.count else report.gaps
+        raise DataError(
+            f"{imu.file}: the IMU is silent for {longest:.4g} s at the longest (steps over {report.gap_s:.4g} s: "
+            f"{fault.words}), expected none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s"
+        )
+
+
+def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], notes: list[str]) -> Beams:
+    dvl, geometry = case.dvl, instrument.geometry
+    if dvl.source == "beams":
+        columns = instrument.columns
+        pings = read_beams(dvl.file, beams=geometry.beams, columns=columns)
+        timed = row_times(pings.time_ns, len(pings.time_ns), dvl.clock, place=str(dvl.file))
+        kept = timed.rows[:: dvl.every]
+        clocks["dvl"] = replace(timed.report, kept=len(kept))
+        velocity, valid = pings.velocity_mps[kept], pings.valid[kept]
+        sd = np.broadcast_to(instrument.beam_sd_mps, velocity.shape)
+        if dvl.beam_noise_from == "recording":
+            sd = _recorded_noise(dvl.file, kept, valid)
+        return Beams(timed.time_ns[:: dvl.every], velocity, valid, np.ascontiguousarray(sd))
+    assert dvl.velocity is not None  # the section demands it
+    values, timed, table = read_stream(dvl, dvl.velocity)
+    clocks["dvl"] = timed.report
+    velocity_d = flip(values * SPEED_SI[dvl.velocity_unit], dvl.axes) / dvl.velocity_scale
+    heard = np.ones(len(velocity_d), dtype=np.bool_)
+    if dvl.valid is not None:
+        heard = column_numbers(table, dvl.valid, place=str(dvl.file))[timed.rows] == 1.0
+    # In the instrument's frame: its mounting is undone on both sides of the product.
+    directions_d = from_angles(*instrument.mounting_rpy_rad).inv().apply(geometry.directions_p)
+    projected = velocity_d @ directions_d.T
+    notes.append(
+        f"dvl: {len(velocity_d)} pings of {geometry.beams} beams projected from the velocity (semi-synthetic)"
+    )
+    valid = np.repeat(heard[:, None], geometry.beams, axis=1)
+    sd = np.broadcast_to(instrument.beam_sd_mps, projected.shape)
+    return Beams(timed.time_ns, projected, valid, np.ascontiguousarray(sd), velocity_d)
+
+
+def _recorded_noise(file: Path, rows: Times, valid: Flags) -> Floats:
+    """(n, B) the instrument's own figure of merit of each beam; any positive number where a lost beam has none."""
+    sd = read_beam_table(file).sd_mps[rows]
+    wrong = np.argwhere(valid & ~(sd > 0.0))
+    if wrong.size:
+        row, beam = (int(index) for index in wrong[0])
+        raise DataError(
+            f"{file}: row {rows[row]}, column 'beam{beam + 1}_sd_mps' is {sd[row, beam]}, expected more than 0: "
+            'dvl.beam_noise_from = "recording" needs it of every valid beam'
+        )
+    return np.asarray(np.where(sd > 0.0, sd, 1.0))
+
+
+def _depths(depth: DepthStream, clocks: dict[str, ClockReport]) -> Depths:
+    values, timed, _ = read_stream(depth, [depth.column])
+    clocks["depth"] = timed.report
+    if depth.unit in LENGTH_SI:
+        metres = values[:, 0] * LENGTH_SI[depth.unit]
+    else:
+        metres = (
+            values[:, 0] * PRESSURE_SI[depth.unit] / (depth.water_density_kg_per_m3 * STANDARD_GRAVITY_MPS2)
+        )
+    return Depths(timed.time_ns, (-metres if depth.up else metres) + depth.offset_m)
+
+
+def _attitudes(stream: AttitudeStream, clocks: dict[str, ClockReport]) -> Attitudes:
+    values, timed, _ = read_stream(stream, [stream.roll, stream.pitch, stream.yaw])
+    clocks["attitude"] = timed.report
+    sensor = from_angles(*(values * ANGLE_SI[stream.unit]).T)
+    offset = float(np.deg2rad(stream.yaw_offset_deg))
+    return Attitudes(timed.time_ns, platform_attitude(sensor, stream.frame, _mounting(stream), offset))
+
+
+def _fields(stream: MagnetometerStream, clocks: dict[str, ClockReport]) -> Fields:
+    values, timed, _ = read_stream(stream, stream.field)
+    clocks["magnetometer"] = timed.report
+    return Fields(timed.time_ns, mounted(values - np.array(stream.hard_iron), stream.axes, _mounting(stream)))
+
+
+def _coordinates(
+    stream: Positioned, key: str, clocks: dict[str, ClockReport]
+) -> tuple[Times, dict[str, Floats]]:
+    """Every column that a positioned stream names, by what it is, as it stands there."""
+    named = {
+        part: name
+        for part in ("latitude", "longitude", "height", "north", "east", "down", "roll", "pitch", "yaw")
+        if isinstance(name := getattr(stream, part, None), str)
+    }
+    for part in ("velocity_ned", "velocity_body"):
+        triple = getattr(stream, part, None)
+        named |= {} if triple is None else {f"{part}.{k}": name for k, name in enumerate(triple)}
+    values, timed, _ = read_stream(stream, list(named.values()))
+    clocks[key] = timed.report
+    return timed.time_ns, {part: values[:, k] for k, part in enumerate(named)}
+
+
+def _origin(case: Case, placed: dict[str, tuple[Times, dict[str, Floats]]]) -> Place | None:
+    """Where the tangent plane touches: as the case says, else at the first latitude of the reference or the GPS."""
+    said = case.origin
+    if said.latitude_deg is not None and said.longitude_deg is not None:
+        return Place(
+            float(np.deg2rad(said.latitude_deg)), float(np.deg2rad(said.longitude_deg)), said.height_m
+        )
+    for key in ("reference", "gps"):
+        stream = getattr(case, key)
+        if stream is not None and stream.geodetic:
+            table, unit = placed[key][1], ANGLE_SI[stream.angle_unit]
+            return Place(
+                float(table["latitude"][0] * unit), float(table["longitude"][0] * unit), said.height_m
+            )
+    return None
+
+
+def _tangent(stream: Positioned, table: dict[str, Floats], origin: Place | None) -> Floats:
+    """(n, 3) positions in the tangent frame; the down of a stream without one is 0."""
+    count = len(next(iter(table.values())))
+    if stream.geodetic:
+        if origin is None:
+            raise DataError(f"{stream.file}: has latitudes, but origin.longitude_deg is missing")
+        unit = ANGLE_SI[stream.angle_unit]
+        if "down" in table:
+            height = origin.height_m - table["down"]
+        else:
+            height = table.get("height", np.full(count, origin.height_m))
+        return tangent_from_geodetic(table["latitude"] * unit, table["longitude"] * unit, height, origin)
+    down = table["down"] if "down" in table else -table["height"] if "height" in table else np.zeros(count)
+    return np.stack([table["north"], table["east"], down], axis=1)
+
+
+def _reference(
+    stream: Reference,
+    placed: tuple[Times, dict[str, Floats]],
+    origin: Place | None,
+    inertial: Inertial,
+) -> Truthlike:
+    """The reference carried from its own point to the IMU."""
+    time_ns, table = placed
+    lever = np.array(stream.lever_arm_m)
+    attitude = None
+    if stream.turned:
+        unit = ANGLE_SI[stream.attitude_unit]
+        attitude = from_angles(*(table[part] * unit for part in ("roll", "pitch", "yaw")))
+    position = _tangent(stream, table, origin) if stream.placed else None
+    velocity = None
+    for part in ("velocity_ned", "velocity_body"):
+        if f"{part}.0" in table:
+            velocity = np.stack([table[f"{part}.{k}"] for k in range(3)], axis=1)
+            if part == "velocity_ned" and attitude is not None:
+                velocity = attitude.inv().apply(velocity)
+    if lever.any() and attitude is not None:
+        position = None if position is None else position - attitude.apply(lever)
+        # The gyro reading nearest in time; the Earth's rate on a lever of metres is below a mm/s.
+        nearest = np.clip(np.searchsorted(inertial.time_ns, time_ns), 0, len(inertial.time_ns) - 1)
+        velocity = None if velocity is None else velocity - np.cross(inertial.omega_p_radps[nearest], lever)
+    return Truthlike(time_ns, position, velocity, attitude)

@@ -1,0 +1,115 @@
+"""Tables of a replay: column names, types, meanings."""
+
+from collections.abc import Mapping
+
+import polars as pl
+
+FORWARD, SMOOTHED = "forward", "smoothed"
+RECORDED = "recorded"
+"""Name of the question that takes nothing away."""
+
+KEYS: Mapping[str, pl.DataType] = {
+    "case": pl.String(),
+    "what_if": pl.String(),
+    "run": pl.Int64(),
+    "arm": pl.String(),
+}
+
+REPLAY_RUNS: Mapping[str, pl.DataType] = {
+    **KEYS,
+    "pass": pl.String(),
+    "position_final_m": pl.Float64(),
+    "position_final_percent": pl.Float64(),
+    "position_rms_m": pl.Float64(),
+    "velocity_final_mps": pl.Float64(),
+    "velocity_rms_mps": pl.Float64(),
+    "attitude_final_deg": pl.Float64(),
+    "attitude_rms_deg": pl.Float64(),
+    "position_ratio_rms": pl.Float64(),
+    "velocity_ratio_rms": pl.Float64(),
+    "attitude_ratio_rms": pl.Float64(),
+    "distance_m": pl.Float64(),
+    "beams_mean": pl.Float64(),
+    "nis_mean": pl.Float64(),
+    "nis_degrees_mean": pl.Float64(),
+    "fixes_accepted": pl.Int64(),
+    "fixes_in_part": pl.Int64(),
+    "fixes_rejected": pl.Int64(),
+}
+"""A row per question, run, arm and pass (forward or smoothed): norms of the errors against the reference, null without
+one; the error at the end in percent of the distance that the reference went; ratios are RMS over time and axes of error
+over claimed deviation, 1 when the filter is right about itself. NIS and counts are those of the forward pass."""
+
+REPLAY_SAMPLES: Mapping[str, pl.DataType] = {
+    **KEYS,
+    "pass": pl.String(),
+    "time_ns": pl.Int64(),
+    "north_m": pl.Float64(),
+    "east_m": pl.Float64(),
+    "down_m": pl.Float64(),
+    "latitude_deg": pl.Float64(),
+    "longitude_deg": pl.Float64(),
+    "height_m": pl.Float64(),
+    **{f"{axis}_deg": pl.Float64() for axis in ("roll", "pitch", "yaw")},
+    **{f"{axis}_mps": pl.Float64() for axis in ("surge", "sway", "heave")},
+    **{f"err_position_{axis}_m": pl.Float64() for axis in ("north", "east", "down")},
+    **{f"err_misalignment_{axis}_rad": pl.Float64() for axis in ("north", "east", "down")},
+    **{f"err_velocity_{axis}_mps": pl.Float64() for axis in ("surge", "sway", "heave")},
+    **{f"sd_position_{axis}_m": pl.Float64() for axis in ("north", "east", "down")},
+    **{f"sd_misalignment_{axis}_rad": pl.Float64() for axis in ("north", "east", "down")},
+    **{f"sd_velocity_{axis}_mps": pl.Float64() for axis in ("surge", "sway", "heave")},
+}
+"""A row per question, run, arm, pass and time: the estimate, its error (reference minus estimate, null where there is
+no reference) and its claimed deviation. Latitude, longitude and height are null without an origin on the Earth."""
+
+REPLAY_ENSEMBLE: Mapping[str, pl.DataType] = {
+    "case": pl.String(),
+    "what_if": pl.String(),
+    "arm": pl.String(),
+    "pass": pl.String(),
+    "time_s": pl.Float64(),
+    "runs": pl.Int64(),
+    **{
+        f"{name}_rms_{unit}": pl.Float64()
+        for name, unit in (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
+    },
+    **{
+        f"{name}_sd_{unit}": pl.Float64()
+        for name, unit in (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
+    },
+}
+"""A row per question, arm, pass and second from the start: RMS over runs of the errors' norms, and of those claimed."""
+
+
+def innovations_schema(beams: int) -> dict[str, pl.DataType]:
+    """A row per question, run, arm and ping: what became of it, NIS, and the innovation of each beam that was a row."""
+    return {
+        **KEYS,
+        "time_ns": pl.Int64(),
+        "status": pl.String(),
+        "nis": pl.Float64(),
+        "degrees": pl.Int64(),
+        **{f"beam{k + 1}_innovation_mps": pl.Float64() for k in range(beams)},
+        **{f"beam{k + 1}_innovation_sd_mps": pl.Float64() for k in range(beams)},
+    }
+
+
+def pings_schema(beams: int) -> dict[str, pl.DataType]:
+    """A row per question, run and ping: the beams as the filters had them."""
+    return {
+        **{name: dtype for name, dtype in KEYS.items() if name != "arm"},
+        "time_ns": pl.Int64(),
+        **{f"beam{k + 1}_mps": pl.Float64() for k in range(beams)},
+        **{f"beam{k + 1}_valid": pl.Boolean() for k in range(beams)},
+    }
+
+
+PATH: Mapping[str, pl.DataType] = {
+    "time_ns": pl.Int64(),
+    "north_m": pl.Float64(),
+    "east_m": pl.Float64(),
+    "down_m": pl.Float64(),
+    "latitude_deg": pl.Float64(),
+    "longitude_deg": pl.Float64(),
+}
+"""A row per row of the reference: where it was."""

@@ -1,0 +1,139 @@
+"""`bottomlock replay` and `bottomlock score` as a new user runs them: the worked example, and mistakes."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+import bottomlock
+
+EXAMPLE = "data/logs/robosub"
+
+
+def command(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Runs `bottomlock` in a process of its own."""
+    call = [sys.executable, "-m", "bottomlock", *arguments]
+    return subprocess.run(call, capture_output=True, text=True, check=False, cwd=cwd, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def out(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The worked example of docs/replay.md, run as it stands there."""
+    folder = tmp_path_factory.mktemp("replay") / "robosub"
+    done = command("replay", f"{EXAMPLE}/case.toml", "--out", str(folder), cwd=root)
+    assert done.returncode == 0, done.stderr
+    assert "robosub_night2, lost_34, semi-synthetic: beams 3, 4 lost throughout" in done.stdout
+    assert "Semi-synthetic: beams projected from the instrument's velocity." in done.stdout
+    return folder
+
+
+def test_example_is_what_the_documentation_runs(root: Path) -> None:
+    text = (root / "docs" / "replay.md").read_text(encoding="utf-8")
+    assert f"bottomlock replay {EXAMPLE}/case.toml --out out/robosub" in text
+
+
+def test_python_example_of_the_documentation_runs(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (root / "docs" / "replay.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    monkeypatch.chdir(root)
+    names: dict[str, Any] = {}
+    exec(compile(example, "docs/replay.md", "exec"), names)
+    assert names["replayed"].runs.height > 40
+
+
+def test_example_writes_tables_report_and_manifest(out: Path) -> None:
+    runs = pl.read_parquet(out / "runs.parquet")
+    assert runs["what_if"].unique(maintain_order=True).to_list() == ["recorded", "lost_34", "outage", "chain"]
+    assert runs["position_final_m"].null_count() == runs.height  # there is no position to compare with
+    manifest = json.loads((out / "manifest.json").read_text(encoding="utf-8"))
+    assert manifest["files"]["imu"]["sha256"].startswith("078e9723")
+    assert 0.01 < manifest["clocks"]["imu"]["strays_s"] < 0.015  # the host's jitter, told
+    pings = pl.read_parquet(out / "pings.parquet").filter(pl.col("what_if") == "lost_34")
+    assert not pings["beam3_valid"].any()
+    assert "semi-synthetic" in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_repeats_bit_for_bit(out: Path, root: Path, tmp_path: Path) -> None:
+    """The same command elsewhere, on one thread: the same tables and the same figures."""
+    case = str(root / EXAMPLE / "case.toml")
+    assert command("replay", case, "--out", str(tmp_path / "again"), "--threads", "1").returncode == 0
+    for path in [*out.glob("*.parquet"), *out.glob("figures/*.svg")]:
+        assert (tmp_path / "again" / path.relative_to(out)).read_bytes() == path.read_bytes(), path.name
+
+
+def test_report_is_made_again_from_the_tables(out: Path) -> None:
+    page = (out / "report.html").read_bytes()
+    (out / "report.html").unlink()
+    assert command("report", str(out)).returncode == 0
+    assert (out / "report.html").read_bytes() == page
+
+
+def test_directory_of_something_else(out: Path, root: Path, tmp_path: Path) -> None:
+    """Another case's directory is kept unless `--force`; a foreign one is kept in any case."""
+    case = str(root / EXAMPLE / "case.toml")
+    mine = tmp_path / "copy"
+    shutil.copytree(out, mine)
+    done = command("replay", case, "--out", str(mine), "--seed", "5")
+    assert done.returncode == 2
+    assert "holds a replay of another configuration" in done.stderr
+    assert (mine / "runs.parquet").read_bytes() == (out / "runs.parquet").read_bytes()
+    foreign = tmp_path / "foreign"
+    foreign.mkdir()
+    (foreign / "note.txt").write_text("mine", encoding="utf-8")
+    done = command("replay", case, "--out", str(foreign), "--force")
+    assert done.returncode == 2
+    assert "holds no replay of ours" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('column = "data"', 'column = "depth"', "column 'depth' is missing"),
+        ('"night2_depth.csv"', '"night3_depth.csv"', "night3_depth.csv: no such file"),
+        ("rate_hz = 62.5 }  #", "rate_hz = 60.0 }  #", "rows are missing, or the rate is another"),
+        ("at_s = 1.0", "at_s = 100.0", "before the start at 100.000 s"),
+        ("latitude_deg = 42.29", "", "origin.latitude_deg is missing"),
+        ("beams_lost = [3, 4]", "beams_lost = [3, 5]", "beam 5 does not exist"),
+        ('geometry = "dvl.toml"', 'geometry = "x_janus"', "is neither a file nor packaged"),
+    ],
+)
+def test_mistakes_end_with_a_line(root: Path, tmp_path: Path, old: str, new: str, message: str) -> None:
+    shutil.copytree(root / EXAMPLE, tmp_path / "case")
+    path = tmp_path / "case" / "case.toml"
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    done = command("replay", str(path), "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_score_of_a_beam_table(tmp_path: Path) -> None:
+    janus = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
+    rng = np.random.default_rng(2)
+    beams = janus.beam_velocities(np.tile([1.0, 0.1, 0.0], (200, 1))) + rng.standard_normal((200, 4)) * 0.04
+    columns: dict[str, Any] = {"time_ns": np.arange(200) * 1_000_000_000}
+    columns |= {f"beam{k + 1}_mps": beams[:, k] for k in range(4)} | {
+        f"beam{k + 1}_valid": [True] * 200 for k in range(4)
+    }
+    pl.DataFrame(columns).write_parquet(tmp_path / "beams.parquet")
+    arguments = ("score", str(tmp_path / "beams.parquet"), "--geometry", "x_janus_20", "--leave-out", "2")
+    done = command(*arguments, "--out", str(tmp_path / "scores.parquet"))
+    assert done.returncode == 0, done.stderr
+    assert "2 of 4 beams left out of" in done.stdout
+    scores = pl.read_parquet(tmp_path / "scores.parquet")
+    assert scores.height == 6 * 7 * 4
+    done = command(*arguments[:-1], "7")
+    assert done.returncode == 2
+    assert "7 beams to leave out, expected 1 to 3" in done.stderr

@@ -1,0 +1,96 @@
+"""A log pushed through `Navigator` one reading after the other: what a replay has to equal, bit for bit."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bottomlock.kernel import BeamGeometry, Navigator
+
+Times = NDArray[np.int64]
+STREAMS = ("imu", "dvl", "depth", "attitude", "heading", "gps")
+TIMES = ("imu_time_ns", "dvl_time_ns", "depth_time_ns", "attitude_time_ns", "heading_time_ns", "gps_time_ns")
+
+
+def events(log: dict[str, Any]) -> Iterator[tuple[int, int, int]]:
+    """Time, stream and row in order of time, at the same time in the order of `STREAMS`."""
+
+    def of(stream: int, key: str) -> list[tuple[int, int, int]]:
+        return [(int(t), stream, row) for row, t in enumerate(log[key])]
+
+    return iter(heapq.merge(*(of(stream, key) for stream, key in enumerate(TIMES))))
+
+
+def stream(
+    geometry: BeamGeometry,
+    model: Any,  # noqa: ANN401 - the kernel's own dicts
+    options: Any,  # noqa: ANN401
+    arm: str,
+    log: dict[str, Any],
+    start: dict[str, Any],
+    sample_time_ns: Times,
+) -> dict[str, Any]:
+    """States and deviations of one arm at the sample times, and what became of each ping."""
+    initial = {
+        "time_ns": start["time_ns"],
+        "position_t_m": start["position_t_m"],
+        "attitude_t_p": start["attitude_t_p"],
+        "velocity_p_mps": start["velocity_p_mps"],
+    }
+    navigator = Navigator(geometry, model, options, initial, arm=arm)
+    states: list[dict[str, Any]] = []
+    sds: list[Any] = []
+    nis = np.full(len(log["dvl_time_ns"]), np.nan)
+    wanted = list(sample_time_ns)
+    reached: int | None = None
+
+    def record(reached_ns: int | None) -> None:
+        while wanted and reached_ns is not None and wanted[0] <= reached_ns:
+            wanted.pop(0)
+            states.append(dict(navigator.state()))
+            sds.append(np.sqrt(np.diagonal(navigator.covariance())))
+
+    for time_ns, kind, row in events(log):
+        if STREAMS[kind] == "imu":
+            record(reached)
+            reached = time_ns
+            reports = navigator.push_imu(time_ns, log["omega_p_radps"][row], log["force_p_mps2"][row])
+        elif STREAMS[kind] == "dvl":
+            reports = navigator.push_beams(
+                time_ns, log["beam_velocity_mps"][row], log["beam_valid"][row], sd_mps=log["beam_sd_mps"][row]
+            )
+        elif STREAMS[kind] == "depth":
+            reports = navigator.push_depth(time_ns, float(log["depth_m"][row]), sd_m=model["depth"]["sd_m"])
+        elif STREAMS[kind] == "heading":
+            reports = navigator.push_heading(
+                time_ns, float(log["heading_rad"][row]), sd_rad=model["magnetometer"]["yaw_sd_rad"]
+            )
+        elif STREAMS[kind] == "attitude":
+            roll, pitch, yaw = log["attitude_rpy_rad"][row]
+            quaternion = np.roll(Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat(), 1)
+            sds_of = model["magnetometer"]
+            reports = navigator.push_attitude(
+                time_ns,
+                quaternion,
+                roll_pitch_sd_rad=sds_of["roll_pitch_sd_rad"],
+                yaw_sd_rad=sds_of["yaw_sd_rad"],
+            )
+        else:
+            raise AssertionError("positions without velocity are not streamed here")
+        for report in reports:
+            if report["sensor"] in {"beams", "velocity"} and report["verdict"] != "no_information":
+                nis[np.searchsorted(log["dvl_time_ns"], report["time_ns"])] = report["nis"]
+    record(reached)
+    return {
+        **{
+            name: np.array([state[name] for state in states])
+            for name in ("position_t_m", "attitude_t_p", "velocity_p_mps")
+        },
+        "sd": np.array(sds),
+        "nis": nis,
+    }

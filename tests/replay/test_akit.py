@@ -1,0 +1,180 @@
+"""The A-KIT sections: full velocity against the reference, INS alone, two beams, by limits written beforehand."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock.replay import flight
+from bottomlock.replay.dive import Dive
+from bottomlock.replay.model import gravity_mps2
+from bottomlock.replay.reading import read_dive
+from bottomlock.replay.run import Replayed, replay_case
+from bottomlock.replay.turning import quaternions
+from tests.oracle.rotations import exp_rotation, matrix_from_quaternion, skew
+from tests.replay.streaming import stream
+from tools.akit import LAG_S, REFERENCE_LEVER_M, SECTIONS, akit_case
+
+pytestmark = pytest.mark.recordings
+
+MOST_PERCENT, MEDIAN_PERCENT = 0.6, 0.3
+DRIFT_M = (32.0, 282.0)
+"""What the recordings' README found for INS alone after 400 s."""
+
+
+@pytest.fixture(scope="module")
+def data(recordings: Path) -> Path:
+    for folder in ("akit_snapir", "caves_girona_linkquest"):
+        if not (recordings / folder).is_dir():
+            pytest.skip(f"no recording {recordings / folder}")
+    return recordings
+
+
+@cache
+def full(data: Path, scratch: Path) -> pl.DataFrame:
+    """Every section with every beam, arms ins, lc and tc."""
+    lines = 'arms = ["ins", "lc", "tc"]'
+    return pl.concat([replay_case(akit_case(data, scratch, s, replay=lines)).runs for s in SECTIONS])
+
+
+@cache
+def two_beams(data: Path, scratch: Path, section: int) -> Replayed:
+    """A section without beams 3 and 4, no noise added."""
+    lines = 'smooth = false\narms = ["tc", "info", "vb_exact"]'
+    return replay_case(akit_case(data, scratch, section, asks=True, replay=lines))
+
+
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("akit")
+
+
+def test_full_velocity_against_the_reference(data: Path, scratch: Path) -> None:
+    """At most 0.6 % of the way at the end on each section, and 0.3 % in the median."""
+    percent = full(data, scratch).filter((pl.col("arm") == "lc") & (pl.col("pass") == "forward"))
+    found = dict(percent.select("case", "position_final_percent").iter_rows())
+    assert max(found.values()) <= MOST_PERCENT, found
+    assert np.median(list(found.values())) <= MEDIAN_PERCENT, found
+
+
+def test_smoother_is_no_worse_than_the_filter(data: Path, scratch: Path) -> None:
+    """Velocity over the section, median over the sections."""
+    rows = full(data, scratch).filter(pl.col("arm") == "lc")
+    median = dict(rows.group_by("pass").agg(pl.col("velocity_rms_mps").median()).iter_rows())
+    assert median["smoothed"] <= median["forward"]
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_ins_alone_drifts_as_the_recordings_say(data: Path, scratch: Path, section: int) -> None:
+    """No depth, no beams: a wrong sign, clock or axis would be kilometres."""
+    case = akit_case(data, scratch, section, depth=False, replay='smooth = false\narms = ["ins"]')
+    (end,) = replay_case(case).runs["position_final_m"]
+    assert DRIFT_M[0] <= end <= DRIFT_M[1]
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_tight_coupling_is_information_form_is_exact_virtual_beam(
+    data: Path, scratch: Path, section: int
+) -> None:
+    """On real data too, with two beams: every state to 1e-9 of its size (positions of hundreds of metres)."""
+    samples = two_beams(data, scratch, section).samples.filter(pl.col("what_if") == "lost_34")
+    columns = [name for name in samples.columns if name.endswith(("_m", "_mps", "_rad", "_deg"))]
+    tc = samples.filter(pl.col("arm") == "tc").select(columns).to_numpy()
+    for arm in ("info", "vb_exact"):
+        other = samples.filter(pl.col("arm") == arm).select(columns).to_numpy()
+        np.testing.assert_allclose(other, tc, rtol=1e-9, atol=1e-9)
+
+
+def test_replay_of_a_section_is_streaming_bit_for_bit(data: Path, scratch: Path) -> None:
+    case = akit_case(
+        data, scratch, 5, asks=True, replay='smooth = false\narms = ["tc", "sway_current"]\nduration_s = 60.0'
+    )
+    prepared = flight.prepare(case, read_dive(case), 0)
+    flown = flight.fly(case, prepared, case.what_if[0])
+    start = {
+        "time_ns": prepared.alignment.time_ns,
+        "position_t_m": prepared.alignment.position_t_m,
+        "attitude_t_p": quaternions(prepared.alignment.attitude),
+        "velocity_p_mps": prepared.alignment.velocity_p_mps,
+    }
+    log = flight.make_log(case, prepared, flown.valid)
+    for index, arm in enumerate(case.replay.arms):
+        geometry = prepared.dive.instrument.geometry
+        pushed = stream(geometry, prepared.model, prepared.options, arm, log, start, prepared.sample_time_ns)
+        for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd", "nis"):
+            np.testing.assert_array_equal(flown.result[name][index], pushed[name])
+
+
+@pytest.mark.parametrize("section", [1, 3, 10])
+def test_where_the_accelerometers_are(data: Path, scratch: Path, section: int) -> None:
+    """Velocity increments over a second, integrated from the readings, against those of the reference's point.
+
+    v_imu = v_reference − ω × l: the lever arm l by least squares, within 5 cm of what the cases say.
+    """
+    case = akit_case(data, scratch, section)
+    assert case.reference is not None
+    there = case.reference.model_copy(update={"lever_arm_m": (0.0, 0.0, 0.0)})
+    dive = read_dive(case.model_copy(update={"reference": there}))
+    inertial, reference = dive.inertial, dive.reference
+    assert reference is not None
+    assert reference.attitude is not None
+    assert reference.velocity_p_mps is not None
+    R = reference.attitude.as_matrix()
+    v_t = np.einsum("nij,nj->ni", R, reference.velocity_p_mps)
+    gravity = np.array([0.0, 0.0, gravity_mps2(case, dive)])
+    first = np.searchsorted(inertial.time_ns, reference.time_ns, side="right")
+    rows = np.flatnonzero((reference.time_ns >= 0) & (first + 101 < len(inertial.time_ns)))[:-1]
+    design, residual = [], []
+    for k in rows:
+        attitude, increment = R[k], np.zeros(3)
+        for j in range(first[k], first[k] + 100):
+            turn = exp_rotation(inertial.omega_p_radps[j] * 0.01)
+            increment = increment + 0.5 * (attitude + attitude @ turn) @ inertial.force_p_mps2[j] * 0.01
+            attitude = attitude @ turn
+        increment = increment + gravity
+        rate = [inertial.omega_p_radps[first[i] - 3 : first[i] + 3].mean(axis=0) for i in (k, k + 1)]
+        design.append(R[k] @ skew(rate[0]) - R[k + 1] @ skew(rate[1]))
+        residual.append(increment - (v_t[k + 1] - v_t[k]))
+    lever, *_ = np.linalg.lstsq(np.concatenate(design), np.concatenate(residual), rcond=None)
+    np.testing.assert_allclose(lever, REFERENCE_LEVER_M, atol=0.05)
+
+
+def test_reference_stands_where_its_clock_says(data: Path, scratch: Path) -> None:
+    """Turns between rows of the reference are those of the gyros to a few hundredths of a degree, at this lag alone."""
+    for section in (1, 7):
+        errors = {}
+        for shift in (-0.02, 0.0, 0.02):
+            case = akit_case(data, scratch, section)
+            assert case.reference is not None
+            clock = case.reference.clock.model_copy(update={"offset_s": LAG_S[section] + shift})
+            dive = read_dive(
+                case.model_copy(update={"reference": case.reference.model_copy(update={"clock": clock})})
+            )
+            errors[shift] = _turn_error(dive)
+        assert errors[0.0] < 5e-5
+        assert min(errors[-0.02], errors[0.02]) > 5 * errors[0.0]
+
+
+def _turn_error(dive: Dive) -> float:
+    """RMS difference, rad, between the reference's turn over a second and that of the gyros, Earth's rate taken off."""
+    reference = dive.reference
+    assert reference is not None
+    assert reference.attitude is not None
+    earth = 7.292115e-5 * np.array([np.cos(dive.latitude_rad), 0.0, -np.sin(dive.latitude_rad)])
+    R = [matrix_from_quaternion(q) for q in np.roll(reference.attitude.as_quat(), 1, axis=1)]
+    first = np.searchsorted(dive.inertial.time_ns, reference.time_ns, side="right")
+    squares = []
+    for k in range(5, 390):
+        turn = np.eye(3)
+        for rate in dive.inertial.omega_p_radps[first[k] : first[k] + 100]:
+            turn = turn @ exp_rotation(rate * 0.01)
+        apart = (R[k].T @ R[k + 1]).T @ turn
+        angle = (
+            np.array([apart[2, 1] - apart[1, 2], apart[0, 2] - apart[2, 0], apart[1, 0] - apart[0, 1]]) / 2.0
+        )
+        squares.append(angle - R[k].T @ earth)
+    return float(np.sqrt(np.mean(np.square(squares))))

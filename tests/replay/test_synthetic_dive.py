@@ -1,0 +1,180 @@
+"""A dive of known truth through the whole path: what was written in odd units and frames comes back as it was."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock.replay import flight
+from bottomlock.replay.case import Case, load_case
+from bottomlock.replay.reading import read_dive
+from bottomlock.replay.run import Replayed, replay_case, write_replay
+from bottomlock.replay.turning import quaternions
+from bottomlock.replay_report import make_replay_report
+from tests.oracle.rotations import matrix_from_quaternion
+from tests.replay import synthetic_dive
+from tests.replay.streaming import stream
+
+ASKED = """
+[replay]
+arms = ["ins", "lc", "tc", "info", "vb_exact", "consistent"]
+[[what_if]]
+name = "lost_34"
+beams_lost = [3, 4]
+[[what_if]]
+name = "outage"
+outages = [{ beams = [1, 2, 3, 4], from_s = 20.0, to_s = 50.0 }]
+"""
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
+    return load_case(synthetic_dive.write(tmp_path_factory.mktemp("dive"), ASKED))
+
+
+@pytest.fixture(scope="module")
+def replayed(case: Case) -> Replayed:
+    return replay_case(case)
+
+
+def test_readings_come_back_in_si(case: Case) -> None:
+    """Axes, units, mounting, clocks, lever arms and scale undone: every stream is that of the truth, to rounding."""
+    true, dive = synthetic_dive.motion(), read_dive(case)
+    np.testing.assert_array_equal(dive.inertial.time_ns, true["time_ns"])
+    np.testing.assert_allclose(dive.inertial.force_p_mps2, true["force_p_mps2"], atol=1e-9)
+    np.testing.assert_allclose(dive.inertial.omega_p_radps, true["omega_p_radps"], atol=1e-12)
+    rows = slice(25, None, 50)
+    np.testing.assert_array_equal(dive.beams.time_ns, true["time_ns"][rows])
+    earth = 7.292115e-5 * np.array([np.cos(np.deg2rad(32.8)), 0.0, -np.sin(np.deg2rad(32.8))])
+    R = [matrix_from_quaternion(q) for q in true["attitude_t_p"]]
+    rate_tp = np.array([w - r.T @ earth for w, r in zip(true["omega_p_radps"], R, strict=True)])
+    beams = dive.instrument.geometry.beam_velocities(true["velocity_p_mps"], rate_tp_p_radps=rate_tp)[rows]
+    np.testing.assert_allclose(dive.beams.velocity_mps, beams, atol=1e-9)
+    assert dive.reference is not None
+    assert dive.reference.position_t_m is not None
+    assert dive.reference.velocity_p_mps is not None
+    assert dive.depths is not None
+    each = slice(0, None, 50)
+    np.testing.assert_array_equal(dive.reference.time_ns, true["time_ns"][each])
+    np.testing.assert_allclose(dive.reference.position_t_m, true["position_t_m"][each], atol=1e-6)
+    # The reference is carried to the IMU with what the gyros read, the Earth's rate included: 7e-5 rad/s on 1.6 m.
+    np.testing.assert_allclose(dive.reference.velocity_p_mps, true["velocity_p_mps"][each], atol=2e-4)
+    np.testing.assert_allclose(dive.depths.depth_m[::4], true["position_t_m"][:-1:50, 2], atol=1e-9)
+
+
+def test_perfect_readings_navigate_back_to_the_truth(replayed: Replayed) -> None:
+    """With all beams the error at the end is centimetres on 120 m, and millimetres per second in velocity."""
+    rows = synthetic_dive.rows_of(replayed.runs, what_if="recorded", arm="lc")
+    assert rows["position_final_m"].to_numpy().max() < 0.15
+    assert rows["velocity_rms_mps"].to_numpy().max() < 0.003
+    np.testing.assert_allclose(rows["distance_m"], 120.0, rtol=1e-3)
+
+
+def test_positions_on_the_earth(replayed: Replayed) -> None:
+    """Latitude and longitude of the estimate are those of its tangent coordinates, by the book."""
+    from tests.oracle import geodesy
+
+    home = geodesy.ecef(np.deg2rad(32.8), np.deg2rad(35.0), 12.0)
+    for row in replayed.samples.sample(20, seed=1).iter_rows(named=True):
+        ned = np.array([row["north_m"], row["east_m"], row["down_m"]])
+        latitude, longitude, height = geodesy.geodetic_of_ned(ned, home, 32.8, 35.0)
+        assert row["latitude_deg"] == pytest.approx(np.rad2deg(latitude), abs=1e-11)
+        assert row["longitude_deg"] == pytest.approx(np.rad2deg(longitude), abs=1e-11)
+        assert row["height_m"] == pytest.approx(height, abs=1e-6)
+
+
+def test_equal_to_streaming_bit_for_bit(case: Case) -> None:
+    """Every arm as if its log were pushed through `Navigator` reading by reading."""
+    prepared = flight.prepare(case, read_dive(case), 0)
+    for asked in (None, *case.what_if):
+        flown = flight.fly(case, prepared, asked, threads=2)
+        log = flight.make_log(case, prepared, flown.valid)
+        start = {
+            "time_ns": prepared.alignment.time_ns,
+            "position_t_m": prepared.alignment.position_t_m,
+            "attitude_t_p": quaternions(prepared.alignment.attitude),
+            "velocity_p_mps": prepared.alignment.velocity_p_mps,
+        }
+        for index, arm in enumerate(case.replay.arms):
+            pushed = stream(
+                prepared.dive.instrument.geometry,
+                prepared.model,
+                prepared.options,
+                arm,
+                log,
+                start,
+                prepared.sample_time_ns,
+            )
+            for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd", "nis"):
+                np.testing.assert_array_equal(
+                    flown.result[name][index], pushed[name], err_msg=f"{arm} {name}"
+                )
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_repeats_bit_for_bit(case: Case, replayed: Replayed, threads: int) -> None:
+    again = replay_case(case, threads=threads)
+    for name in ("runs", "ensemble", "samples", "innovations", "pings"):
+        assert getattr(again, name).equals(getattr(replayed, name)), name
+
+
+def test_outage_takes_the_beams_away_and_gives_them_back(replayed: Replayed) -> None:
+    pings = synthetic_dive.rows_of(replayed.pings, what_if="outage")
+    since_s = pings["time_ns"].to_numpy() * 1e-9
+    inside = (since_s >= 20.0) & (since_s < 50.0)
+    valid = pings.select(pl.col("^beam._valid$")).to_numpy()
+    assert not valid[inside].any()
+    assert valid[~inside].all()
+
+
+def test_smoother_joins_the_outage(replayed: Replayed) -> None:
+    """In the middle of 30 s without a beam the smoother has both ends and claims less than the filter."""
+    middle = 35_000_000_000
+    claimed = {}
+    for which in ("forward", "smoothed"):
+        row = synthetic_dive.rows_of(
+            replayed.samples, what_if="outage", arm="tc", time_ns=middle, **{"pass": which}
+        )
+        claimed[which] = row.select("sd_position_north_m", "sd_position_east_m").to_numpy().max()
+    assert claimed["smoothed"] < claimed["forward"]
+
+
+def test_output_says_semi_synthetic_everywhere(replayed: Replayed, tmp_path: Path) -> None:
+    write_replay(replayed, tmp_path)
+    page = make_replay_report(tmp_path).read_text(encoding="utf-8")
+    manifest = json.loads((tmp_path / "manifest.json").read_text(encoding="utf-8"))
+    assert manifest["semi_synthetic"] == ["beams projected from the instrument's velocity"]
+    captions = page.count("<figcaption>")
+    assert captions >= 13
+    assert page.count("semi-synthetic") >= captions
+    for name in ("runs", "ensemble", "samples", "innovations", "pings", "reference"):
+        assert (tmp_path / f"{name}.parquet").is_file()
+    assert make_replay_report(tmp_path).read_text(encoding="utf-8") == page
+
+
+def test_draws_are_keyed(tmp_path: Path) -> None:
+    """Noise, chains and starts are those of the seed and the draw, whatever is asked beside them."""
+    extra = """
+[replay]
+arms = ["tc"]
+runs = 2
+smooth = false
+[[what_if]]
+name = "chain"
+dropouts = [{ beams = [1, 2], mean_up_s = 5.0, mean_down_s = 5.0 }]
+"""
+    path = synthetic_dive.write(tmp_path, extra)
+    synthetic_dive.replace(
+        path, 'geometry = "dvl.toml"\n', 'geometry = "dvl.toml"\nnoise = { kind = "white", sd_mps = 0.01 }\n'
+    )
+    both = replay_case(load_case(path))
+    alone = replay_case(load_case(synthetic_dive.replace(path, "runs = 2", "runs = 1")))
+    first = both.pings.filter(pl.col("run") == 0)
+    assert alone.pings.equals(first)
+    assert not first["beam1_mps"].equals(both.pings.filter(pl.col("run") == 1)["beam1_mps"])
+    other = replay_case(load_case(path).with_overrides(seed=1))
+    assert not other.pings.equals(first)

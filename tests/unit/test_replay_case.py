@@ -1,0 +1,103 @@
+"""Case files: what is refused, in which words, and what follows from what is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bottomlock.errors import ScenarioError
+from bottomlock.replay.case import load_case, parse_case
+
+LEAST = """
+name = "dive"
+[imu]
+file = "imu.csv"
+clock = { column = "t" }
+force = ["ax", "ay", "az"]
+rate = ["wx", "wy", "wz"]
+[imu.errors]
+accel_bias_mg = 0.5
+gyro_bias_deg_per_h = 3.0
+accel_noise_mps_per_rt_h = 0.07
+gyro_noise_deg_per_rt_h = 0.3
+[dvl]
+file = "beams.parquet"
+geometry = "x_janus_20"
+[start]
+heading = "gyrocompass"
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("force =", "forces =", "unknown key 'imu.forces', did you mean 'force'"),
+        ('heading = "gyrocompass"', "", "'start.heading' is missing"),
+        ('heading = "gyrocompass"', 'heading = "given"', "needs 'heading_sd_deg'"),
+        ('heading = "gyrocompass"', 'heading = "magnetometer"', r"needs a section \[magnetometer\]"),
+        ('heading = "gyrocompass"', 'heading = "gps_course"', r"needs a section \[gps\]"),
+        ('heading = "gyrocompass"', 'heading = "reference"\nheading_sd_deg = 1.0', r"needs a section \[reference\]"),
+        ('clock = { column = "t" }', "clock = { offset_s = 1.0 }", "a clock needs 'column'"),
+        ('clock = { column = "t" }', 'clock = { column = "t", start_s = 1.0 }', "'start_s' is given beside 'column'"),
+        ('rate = ["wx", "wy", "wz"]', 'rate = ["wx", "wy", "wz"]\naxes = ["x", "x", "z"]', "each of x, y, z once"),
+        ('rate = ["wx", "wy", "wz"]', 'rate = ["wx", "wy", "wz"]\nrate_unit = "rad"', "increments: give 'interval'"),
+        ('rate = ["wx", "wy", "wz"]', 'rate = ["wx", "wy", "wz"]\ninterval = "dt"', "no unit is that of an increment"),
+        ('geometry = "x_janus_20"', 'geometry = "x_janus_20"\nsource = "velocity"', "'velocity'"),
+        ('geometry = "x_janus_20"', 'geometry = "x_janus_20"\nvelocity_scale = 1.1', "recorded beams stay as they are"),
+        ('geometry = "x_janus_20"', 'geometry = "x_janus_20"\nmounting_yaw_deg = 45.0', "stands in its geometry file"),
+        ("[start]", '[[what_if]]\nname = "nothing"\n[start]', "takes no beam away"),
+        ("[start]", '[[what_if]]\nname = "recorded"\nbeams_lost = [1]\n[start]', "the name 'recorded' is taken"),
+        (
+            "[start]",
+            '[[what_if]]\nname = "a"\nbeams_lost = [1]\n[[what_if]]\nname = "a"\nbeams_lost = [2]\n[start]',
+            "'a' stands there twice",
+        ),
+        (
+            "[start]",
+            '[[what_if]]\nname = "a"\noutages = [{ beams = [1], from_s = 9.0, to_s = 3.0 }]\n[start]',
+            "expected it to end later",
+        ),
+        ("[start]", '[replay]\narms = ["tc", "tcc"]\n[start]', "unknown arm 'tcc', did you mean 'tc'"),
+        ("[start]", '[gps]\nfile = "g.csv"\nclock = { column = "t" }\n[start]', "no position"),
+    ],
+)  # fmt: skip
+def test_faults_name_key_and_expectation(old: str, new: str, message: str) -> None:
+    assert old in LEAST
+    with pytest.raises(ScenarioError, match=message) as caught:
+        parse_case(LEAST.replace(old, new, 1), place="case.toml")
+    assert str(caught.value).startswith("case.toml: ")
+
+
+def test_files_are_looked_for_from_the_case(tmp_path: Path) -> None:
+    path = tmp_path / "case.toml"
+    path.write_text(LEAST.replace('"x_janus_20"', '"own.toml"'), encoding="utf-8")
+    case = load_case(path)
+    assert case.imu.file == tmp_path / "imu.csv"
+    assert case.dvl.geometry == str(tmp_path / "own.toml")
+
+
+def test_missing_and_broken_files(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="no such case file"):
+        load_case(tmp_path / "none.toml")
+    (tmp_path / "bad.toml").write_text("name = ", encoding="utf-8")
+    with pytest.raises(ScenarioError, match="not valid TOML"):
+        load_case(tmp_path / "bad.toml")
+
+
+def test_hash_is_of_what_decides_the_numbers() -> None:
+    case = parse_case(LEAST, place="case")
+    worded = parse_case(
+        LEAST.replace('name = "dive"', 'name = "dive"\ndescription = "other words"'), place="case"
+    )
+    assert worded.content_hash() == case.content_hash()
+    assert case.with_overrides(seed=5).content_hash() != case.content_hash()
+
+
+def test_what_is_semi_synthetic_is_said() -> None:
+    case = parse_case(LEAST, place="case")
+    assert case.semi_synthetic == ()
+    assert not case.drawn
+    poorer = LEAST.replace("[dvl]", "[imu.degrade]\naccel_bias_mg = 1.0\ngyro_bias_deg_per_h = 1.0\n"
+                           "accel_noise_mps_per_rt_h = 0.1\ngyro_noise_deg_per_rt_h = 0.1\n[dvl]")  # fmt: skip
+    assert parse_case(poorer, place="case").semi_synthetic == ("errors of a poorer IMU added",)

@@ -1,0 +1,197 @@
+"""Streams of a case into SI: increments, frames, gaps, empty rows, and what each fault is told with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bottomlock.errors import DataError
+from bottomlock.replay import flight
+from bottomlock.replay.case import parse_case
+from bottomlock.replay.reading import read_dive
+from bottomlock.replay.turning import flip, from_angles, handedness, platform_attitude, quaternions, to_angles
+from tests.oracle import geodesy
+from tests.oracle.rotations import matrix_from_euler
+
+CASE = """
+name = "dive"
+[origin]
+latitude_deg = 32.8
+longitude_deg = 35.0
+[imu]
+file = "imu.csv"
+clock = { column = "t" }
+force = ["ax", "ay", "az"]
+rate = ["wx", "wy", "wz"]
+[imu.errors]
+accel_bias_mg = 0.5
+gyro_bias_deg_per_h = 3.0
+accel_noise_mps_per_rt_h = 0.07
+gyro_noise_deg_per_rt_h = 0.3
+[dvl]
+file = "beams.parquet"
+geometry = "x_janus_20"
+[start]
+heading = "given"
+heading_sd_deg = 1.0
+level = "given"
+level_sd_deg = 1.0
+[replay]
+smooth = false
+arms = ["tc"]
+"""
+
+
+def tables(folder: Path, times: list[float] | None = None, **columns: list[float]) -> None:
+    """An IMU at rest at 10 Hz and pings of a vehicle at rest at 1 Hz."""
+    t = np.arange(51) / 10.0 if times is None else np.array(times)
+    rest = {"ax": 0.0, "ay": 0.0, "az": -9.8, "wx": 0.0, "wy": 0.0, "wz": 0.0}
+    pl.DataFrame(
+        {"t": t, "dt": np.full(len(t), 0.1)}
+        | {key: np.full(len(t), value) for key, value in rest.items()}
+        | columns
+    ).write_csv(folder / "imu.csv")
+    pings = {"time_ns": np.arange(5, dtype=np.int64) * 1_000_000_000}
+    beams = {
+        f"beam{k + 1}_{what}": [value] * 5
+        for k in range(4)
+        for what, value in (("mps", 0.0), ("valid", True))
+    }
+    pl.DataFrame(pings | beams).write_parquet(folder / "beams.parquet")  # type: ignore[arg-type]
+
+
+def changed(*pairs: tuple[str, str], extra: str = "") -> str:
+    text = CASE + extra
+    for old, new in pairs:
+        assert old in text
+        text = text.replace(old, new, 1)
+    return text
+
+
+def test_increments_are_divided_by_their_interval(tmp_path: Path) -> None:
+    tables(tmp_path, az=[-0.98] * 51, wz=[0.02] * 51)
+    units = 'force_unit = "m/s"\nrate_unit = "rad"\ninterval = "dt"\nrate ='
+    dive = read_dive(parse_case(changed(("rate =", units)), place="case", folder=tmp_path))
+    np.testing.assert_allclose(dive.inertial.force_p_mps2[:, 2], -9.8)
+    np.testing.assert_allclose(dive.inertial.omega_p_radps[:, 2], 0.2)
+    case = parse_case(changed(("rate =", units)), place="case", folder=tmp_path)
+    assert flight.kernel_options(case)["imu_sampling"] == "averaged"
+
+
+def test_gap_of_the_imu_is_refused_unless_declared(tmp_path: Path) -> None:
+    times = [k / 10.0 for k in range(30)] + [4.0 + k / 10.0 for k in range(21)]
+    tables(tmp_path, times)
+    with pytest.raises(DataError, match=r"silent for 1.1 s .* first at row 30, 4.000 s"):
+        read_dive(parse_case(CASE, place="case", folder=tmp_path))
+    dive = read_dive(
+        parse_case(changed(("rate =", "bridge_gaps_s = 1.5\nrate =")), place="case", folder=tmp_path)
+    )
+    assert any("crossed on a straight line: 1, first at row 30" in note for note in dive.notes)
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ({"ay": [0.0] * 7 + [float("nan")] + [0.0] * 43}, "row 7, column 'ay' holds no number"),
+        ({"t": [0.1 * k for k in range(50)] + [1.0]}, "row 50, 1.000000 s, goes back"),
+    ],
+)
+def test_faults_name_file_row_and_column(
+    tmp_path: Path, columns: dict[str, list[float]], message: str
+) -> None:
+    tables(tmp_path, **columns)
+    with pytest.raises(DataError, match=message):
+        read_dive(parse_case(CASE, place="case", folder=tmp_path))
+
+
+def test_words_in_a_column_of_numbers(tmp_path: Path) -> None:
+    tables(tmp_path)
+    text = (tmp_path / "imu.csv").read_text(encoding="utf-8").splitlines()
+    text[4] = text[4].replace("-9.8", "off")
+    (tmp_path / "imu.csv").write_text("\n".join(text), encoding="utf-8")
+    with pytest.raises(DataError, match="row 3, column 'az' is 'off', expected a number"):
+        read_dive(parse_case(CASE, place="case", folder=tmp_path))
+
+
+def test_empty_rows_of_an_aid_are_left_out_and_counted(tmp_path: Path) -> None:
+    tables(tmp_path)
+    pl.DataFrame({"t": [0.0, 1.0, 2.0, 3.0], "p": [100.0, None, 300.0, None]}).write_csv(
+        tmp_path / "depth.csv"
+    )
+    depth = '[depth]\nfile = "depth.csv"\nclock = { column = "t" }\ncolumn = "p"\nunit = "kPa"\nsd_m = 0.1\n'
+    dive = read_dive(parse_case(CASE + depth, place="case", folder=tmp_path))
+    assert dive.depths is not None
+    np.testing.assert_allclose(dive.depths.depth_m, np.array([100e3, 300e3]) / (1025.0 * 9.80665))
+    report = dive.clocks["depth"]
+    assert (report.rows, report.kept, report.empty.count, report.empty.row) == (4, 2, 2, 1)
+
+
+def test_gps_and_attitude_aid_as_they_are_told(tmp_path: Path) -> None:
+    """Latitudes by the book become tangent metres; heading alone or the whole attitude reaches the filter."""
+    tables(tmp_path)
+    home = geodesy.ecef(np.deg2rad(32.8), np.deg2rad(35.0), 0.0)
+    places = [geodesy.geodetic_of_ned(np.array([10.0 * k, -5.0, 0.0]), home, 32.8, 35.0) for k in range(3)]
+    lat, lon, height = np.array(places).T
+    table = {"t": [0.5, 1.5, 2.5], "lat": np.rad2deg(lat), "lon": np.rad2deg(lon), "h": height}
+    pl.DataFrame(table).write_csv(tmp_path / "gps.csv", float_precision=14)
+    pl.DataFrame({"t": [0.2, 1.2], "r": [1.0, 2.0], "p": [3.0, 4.0], "y": [50.0, 60.0]}).write_csv(
+        tmp_path / "ahrs.csv"
+    )
+    extra = """
+[gps]
+file = "gps.csv"
+clock = { column = "t" }
+latitude = "lat"
+longitude = "lon"
+height = "h"
+lever_arm_m = [0.0, 0.0, -1.0]
+[attitude]
+file = "ahrs.csv"
+clock = { column = "t" }
+roll = "r"
+pitch = "p"
+yaw = "y"
+unit = "deg"
+yaw_offset_deg = 4.0
+aids = "heading"
+"""
+    for aids in ("heading", "attitude"):
+        case = parse_case(
+            changed(('aids = "heading"', f'aids = "{aids}"'), extra=extra), place="case", folder=tmp_path
+        )
+        prepared = flight.prepare(case, read_dive(case), 0)
+        log = flight.make_log(case, prepared, prepared.dive.beams.valid[prepared.pings])
+        np.testing.assert_allclose(log["gps_position_t_m"], [[0, -5, 0], [10, -5, 0], [20, -5, 0]], atol=1e-6)
+        assert prepared.options["gps_lever_p_m"] == [0.0, 0.0, -1.0]
+        if aids == "heading":
+            np.testing.assert_allclose(log["heading_rad"], np.deg2rad([54.0, 64.0]))
+            assert not len(log["attitude_time_ns"])
+        else:
+            np.testing.assert_allclose(
+                log["attitude_rpy_rad"], np.deg2rad([[1, 3, 54], [2, 4, 64]]), atol=1e-12
+            )
+        assert (flight.fly(case, prepared, None).result["fix_status"] == 1).any()
+
+
+@given(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
+def test_attitudes_go_there_and_back(roll: float, pitch: float, yaw: float) -> None:
+    """Angles to rotation as the literal matrix has it, and back; ENU and FLU angles name the same attitude."""
+    attitude = from_angles(roll, pitch, yaw)
+    np.testing.assert_allclose(attitude.as_matrix(), matrix_from_euler(roll, pitch, yaw), atol=1e-12)
+    np.testing.assert_allclose(to_angles(attitude), [roll, pitch, yaw], atol=1e-9)
+    assert quaternions(attitude)[0] == pytest.approx(attitude.as_quat()[3])
+    # Yaw from east, counter-clockwise; pitch positive bow down: the same vehicle in the other convention.
+    other = from_angles(roll, -pitch, 0.5 * np.pi - yaw)
+    turned = platform_attitude(other, "enu_flu", [0.0, 0.0, 0.0], 0.0)
+    np.testing.assert_allclose(turned.as_matrix(), attitude.as_matrix(), atol=1e-12)
+
+
+def test_axes_that_are_left_handed_are_noticed() -> None:
+    assert handedness(("x", "-y", "z")) == -1
+    assert handedness(("y", "x", "-z")) == 1
+    np.testing.assert_array_equal(flip(np.array([[1.0, 2.0, 3.0]]), ("-z", "x", "y")), [[-3.0, 1.0, 2.0]])

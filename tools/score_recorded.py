@@ -1,0 +1,300 @@
+"""Scores the recordings and writes the tables of docs/recorded.md: `python tools/score_recorded.py [DATA]`.
+
+DATA is the folder of the recordings, `../shared/data` beside the checkout by default. Every table stands between two
+marks in the page, and nothing else of it is touched. `--check` writes nothing and says whether the tables are these.
+"""
+
+import argparse
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bottomlock.io.beams import read_beams, read_geometry
+from bottomlock.replay.leave_out import leave_out, over_sets
+from bottomlock.replay.run import replay_case
+from bottomlock.replay_schema import FORWARD, RECORDED, SMOOTHED
+from tools.akit import SECTIONS, akit_case
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "recorded.md"
+DRAWS = 1
+QUESTIONS = (RECORDED, "lost_34", "outage_60", "outage_120", "outage_300", "caves")
+
+
+def recordings() -> Path:
+    """Where the recordings are, if nobody says."""
+    return Path(os.environ.get("BOTTOMLOCK_RECORDINGS", ROOT.parent / "shared" / "data"))
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Three digits, or a dash."""
+    if value is None:
+        return "–"
+    return f"{value:.{digits}g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
+    """A table in Markdown, numbers to the right."""
+    rule = ["---"] * left + ["---:"] * (len(head) - left)
+    lines = [head, rule, *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def code(name: object) -> str:
+    """A name in code."""
+    return f"`{name!s}`"
+
+
+def akit_runs(
+    data: Path, scratch: Path, *, draws: int = 1, arms: str = "", smooth: bool = True, **which: bool
+) -> pl.DataFrame:
+    """The table of runs of every section."""
+    lines = f"runs = {draws}\nsmooth = {str(smooth).lower()}\n" + (f"arms = {arms}\n" if arms else "")
+    parts = [
+        replay_case(akit_case(data, scratch, section, replay=lines, **which), threads=0).runs
+        for section in SECTIONS
+    ]
+    return pl.concat(parts)
+
+
+def full_velocity(data: Path, scratch: Path) -> str:
+    """LC with every beam and INS alone, section by section."""
+    arms = '["ins", "lc"]'
+    aided = akit_runs(data, scratch, arms=arms)
+    alone = akit_runs(data, scratch, arms='["ins"]', depth=False)
+    rows, percents = [], []
+    for section in SECTIONS:
+        name = f"akit_{section:02d}"
+        of = {
+            key: frame.filter(
+                (pl.col("case") == name) & (pl.col("arm") == arm) & (pl.col("pass") == which)
+            ).row(0, named=True)
+            for key, frame, arm, which in (
+                ("lc", aided, "lc", FORWARD), ("smooth", aided, "lc", SMOOTHED), ("ins", alone, "ins", FORWARD),
+            )
+        }  # fmt: skip
+        percents.append(of["lc"]["position_final_percent"])
+        rows.append(
+            [
+                str(section), number(of["lc"]["distance_m"]), number(of["lc"]["position_final_m"]),
+                number(of["lc"]["position_final_percent"]), number(of["lc"]["position_rms_m"]),
+                number(of["smooth"]["position_rms_m"]), number(of["lc"]["velocity_rms_mps"]),
+                number(of["smooth"]["velocity_rms_mps"]), number(of["ins"]["position_final_m"]),
+            ]
+        )  # fmt: skip
+    head = [
+        "Section", "way, m", "end, m", "end, % of way", "RMS, m", "RMS smoothed, m", "velocity RMS, m/s",
+        "smoothed, m/s", "INS alone, end, m",
+    ]  # fmt: skip
+    series = pl.Series(percents)
+    words = f"\nMedian {number(series.median())} %, greatest {number(series.max())} % of the way.\n"  # type: ignore[arg-type]
+    return table(head, rows) + words
+
+
+def questions(runs: pl.DataFrame) -> str:
+    """Every arm, forward and smoothed: error at the end in percent of the way, for every question; and honesty."""
+    total = runs.filter(
+        (pl.col("arm") == "tc") & (pl.col("pass") == FORWARD) & (pl.col("what_if") == RECORDED)
+    ).height
+    parts = [f"{total} flights a cell (sections × draws); semi-synthetic.\n"]
+    for which in (FORWARD, SMOOTHED):
+        rows = []
+        for arm in runs["arm"].unique(maintain_order=True):
+            one = runs.filter((pl.col("arm") == arm) & (pl.col("pass") == which))
+            if not one.height:
+                continue
+            cells = []
+            for question in QUESTIONS:
+                cell = one.filter(pl.col("what_if") == question)
+                if which == FORWARD:
+                    percent = cell["position_final_percent"]
+                    cells.append(f"{number(percent.median(), 2)} ({number(percent.max(), 2)})")  # type: ignore[arg-type]
+                else:
+                    cells.append(number(cell["position_rms_m"].median()))  # type: ignore[arg-type]
+            rows.append([code(arm), *cells])
+        title = (
+            "Forward: position error at the end, % of the way, median (greatest)."
+            if which == FORWARD
+            else "Smoothed: position error over the section, m RMS, median."
+        )
+        parts.append(
+            f"{title}\n\n" + table(["Arm", *(question.replace("_", " ") for question in QUESTIONS)], rows)
+        )
+    return "\n".join(parts)
+
+
+def honesty(runs: pl.DataFrame, question: str = "lost_34") -> str:
+    """One question in full: errors, error over claim, gate."""
+    rows = []
+    for arm in runs["arm"].unique(maintain_order=True):
+        one = runs.filter(
+            (pl.col("arm") == arm) & (pl.col("pass") == FORWARD) & (pl.col("what_if") == question)
+        )
+        names = (
+            "position_rms_m",
+            "velocity_rms_mps",
+            "attitude_rms_deg",
+            "position_ratio_rms",
+            "velocity_ratio_rms",
+        )
+        numbers = [number(one[name].median()) for name in names]  # type: ignore[arg-type]
+        fixes = sum(int(one[f"fixes_{fate}"].sum()) for fate in ("accepted", "in_part", "rejected"))
+        rejected = f"{100.0 * int(one['fixes_rejected'].sum()) / fixes:.1f}" if fixes else "–"
+        rows.append([code(arm), *numbers, rejected])
+    head = [
+        "Arm",
+        "position RMS, m",
+        "velocity RMS, m/s",
+        "attitude RMS, °",
+        "made/claimed: position",
+        "velocity",
+        "rejected, %",
+    ]
+    return table(head, rows)
+
+
+def against_tc(runs: pl.DataFrame) -> str:
+    """The arms that assume against TC: median of the paired ratio of the RMS position errors, and how often worse."""
+    rows = []
+    forward = runs.filter(pl.col("pass") == FORWARD)
+    base = forward.filter(pl.col("arm") == "tc").select("case", "what_if", "run", tc=pl.col("position_rms_m"))
+    for arm in ("weak_sway", "sway_current", "consistent"):
+        cells = []
+        for question in QUESTIONS:
+            one = forward.filter((pl.col("arm") == arm) & (pl.col("what_if") == question))
+            joined = one.join(base, on=["case", "what_if", "run"])
+            ratio = joined["position_rms_m"] / joined["tc"]
+            cells.append(
+                f"{number(float(np.median(ratio.to_numpy())))} ({int((ratio > 1.0).sum())}/{len(ratio)})"
+            )
+        rows.append([code(arm), *cells])
+    return table(["Arm", *(question.replace("_", " ") for question in QUESTIONS)], rows)
+
+
+def robust(plain: pl.DataFrame, sturdy: pl.DataFrame) -> str:
+    """Without and with gates of single beams and Student's t: end of the way in %, median (greatest)."""
+    rows = []
+    for arm in ("lc", "tc", "vb_exact", "info", "weak_sway", "sway_current", "consistent"):
+        cells = []
+        for question in (RECORDED, "lost_34", "caves"):
+            for frame in (plain, sturdy):
+                cell = frame.filter(
+                    (pl.col("arm") == arm) & (pl.col("what_if") == question) & (pl.col("pass") == FORWARD)
+                )
+                percent = cell["position_final_percent"]
+                cells.append(f"{number(percent.median(), 2)} ({number(percent.max(), 2)})")  # type: ignore[arg-type]
+        rows.append([code(arm), *cells])
+    head = ["Arm"]
+    for question in (RECORDED, "lost 34", "caves"):
+        head += [question, f"{question}, robust"]
+    return table(head, rows)
+
+
+def caves(data: Path, beams: int) -> str:
+    """Beams left out of the caves' pings."""
+    instrument = read_geometry("linkquest_caves")
+    pings = read_beams(
+        data / "caves_girona_linkquest" / "dvl_linkquest.csv",
+        beams=instrument.geometry.beams,
+        columns=instrument.columns,
+    )
+    parts = []
+    for gate, words in (
+        (3.0, "Pings whose closure is within 3 robust sigma"),
+        (None, "Every ping of four valid beams"),
+    ):
+        scores = leave_out(
+            instrument.geometry, pings.time_ns, pings.velocity_mps, pings.valid, instrument.beam_sd_mps,
+            beams=beams, closure_gate=gate,
+        )  # fmt: skip
+        rows = []
+        summary = over_sets(scores)
+        for method in summary["method"].unique(maintain_order=True):
+            cells = [code(method)]
+            for component in ("surge", "sway", "heave", "beam"):
+                row = summary.filter((pl.col("method") == method) & (pl.col("component") == component)).row(
+                    0, named=True
+                )
+                if row["sets_solved"] == 0:
+                    cells += ["–", "–"]
+                    continue
+                partly = "" if row["sets_solved"] == row["sets"] else f" [{row['sets_solved']}/{row['sets']}]"
+                cells.append(f"{1e3 * row['median_mps']:.0f} / {1e3 * row['rms_mps']:.0f}{partly}")
+                cells.append(number(row["ratio_robust"], 2))
+            rows.append(cells)
+        head = [
+            "Method",
+            "surge, mm/s",
+            "÷",
+            "sway, mm/s",
+            "÷",
+            "heave, mm/s",
+            "÷",
+            "beam left out, mm/s",
+            "÷",
+        ]
+        parts.append(f"{words}: {int(scores['pings'][0])}.\n\n" + table(head, rows))
+    return "\n".join(parts)
+
+
+def replaced(page: str, tables: dict[str, str]) -> str:
+    """The page with every table between its marks.
+
+    Raises:
+        SystemExit: for a mark that the page lacks.
+    """
+    for name, text in tables.items():
+        pattern = re.compile(rf"(<!-- table {name} -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+        match = pattern.search(page)
+        if match is None:
+            raise SystemExit(f"{PAGE}: has no mark for the table '{name}'")
+        begin, end = match.start(2), match.start(3)
+        page = f"{page[:begin]}\n{text}\n{page[end:]}"
+    return page
+
+
+def main() -> None:
+    """Scores everything and writes the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", nargs="?", type=Path, default=recordings())
+    parser.add_argument("--check", action="store_true")
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        scratch = Path(folder)
+        noisy = akit_runs(asked.data, scratch, draws=DRAWS, noisy=True, asks=True)
+        sturdy = akit_runs(asked.data, scratch, draws=DRAWS, smooth=False, noisy=True, robust=True, asks=True)
+        poor_sturdy = akit_runs(
+            asked.data, scratch, draws=DRAWS, smooth=False, noisy=True, degraded=True, robust=True, asks=True
+        )
+        poor = akit_runs(asked.data, scratch, draws=DRAWS, noisy=True, degraded=True, asks=True)
+        tables = {
+            "full": full_velocity(asked.data, scratch),
+            "robust": robust(noisy, sturdy),
+            "degraded-robust": robust(poor, poor_sturdy),
+            "noisy": questions(noisy),
+            "noisy-honesty": honesty(noisy),
+            "noisy-tc": against_tc(noisy),
+            "degraded": questions(poor),
+            "degraded-honesty": honesty(poor),
+            "degraded-tc": against_tc(poor),
+            "caves-1": caves(asked.data, 1),
+            "caves-2": caves(asked.data, 2),
+        }
+    page = PAGE.read_text(encoding="utf-8")
+    new = replaced(page, tables)
+    if asked.check:
+        raise SystemExit(0 if new == page else f"{PAGE}: the tables are others now")
+    PAGE.write_text(new, encoding="utf-8")
+    print(f"wrote {PAGE}")
+
+
+if __name__ == "__main__":
+    main()
