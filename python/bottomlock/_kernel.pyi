@@ -271,6 +271,8 @@ class CovarianceDict(TypedDict):
     states: list[str]
     time_ns: NDArray[np.int64]
     covariance: NDArray[np.float64]
+
+@type_check_only
 class LogDict(TypedDict):
     imu_time_ns: NDArray[np.int64]
     force_p_mps2: ArrayLike
