@@ -38,7 +38,7 @@ def number(value: float | None, digits: int = 3) -> str:
     """Three digits, or a dash."""
     if value is None:
         return "–"
-    return f"{value:.{digits}g}" if abs(value) < 1000 else f"{value:.0f}"
+    return f"{value:.{digits}g}" if abs(value) < 100 else f"{value:.0f}"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from bottomlock.errors import DataError
 from bottomlock.replay import flight
 from bottomlock.replay.case import parse_case
+from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_dive
 from bottomlock.replay.turning import flip, from_angles, handedness, platform_attitude, quaternions, to_angles
 from tests.oracle import geodesy
@@ -62,7 +63,7 @@ def tables(folder: Path, times: list[float] | None = None, **columns: list[float
         for k in range(4)
         for what, value in (("mps", 0.0), ("valid", True))
     }
-    pl.DataFrame(pings | beams).write_parquet(folder / "beams.parquet")  # type: ignore[arg-type]
+    pl.DataFrame(pings | beams).write_parquet(folder / "beams.parquet")
 
 
 def changed(*pairs: tuple[str, str], extra: str = "") -> str:
@@ -80,7 +81,7 @@ def test_increments_are_divided_by_their_interval(tmp_path: Path) -> None:
     np.testing.assert_allclose(dive.inertial.force_p_mps2[:, 2], -9.8)
     np.testing.assert_allclose(dive.inertial.omega_p_radps[:, 2], 0.2)
     case = parse_case(changed(("rate =", units)), place="case", folder=tmp_path)
-    assert flight.kernel_options(case)["imu_sampling"] == "averaged"
+    assert kernel_options(case)["imu_sampling"] == "averaged"
 
 
 def test_gap_of_the_imu_is_refused_unless_declared(tmp_path: Path) -> None:

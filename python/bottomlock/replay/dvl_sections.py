@@ -56,7 +56,8 @@ class DvlStream(Mounted):
     `geometry` is a TOML file of the instrument or a packaged name: directions, mounting, lever arms, noise of the
     beams, and the columns of recorded beams. A beam table of `bottomlock convert` needs no clock. A velocity, three
     columns in the instrument's own frame after `axes`, is divided by `velocity_scale` and projected on the
-    geometry's directions before its mounting; an empty or zero-flagged row (`valid`) is a ping without beams.
+    geometry's directions before its mounting; an empty row is no ping,
+    one that the column `valid` flags 0 a ping without beams.
     """
 
     source: Literal["beams", "velocity"] = "beams"
