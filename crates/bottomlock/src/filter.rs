@@ -1,6 +1,7 @@
 //! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
 
 mod assume;
+pub(crate) mod convoy;
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -110,7 +111,7 @@ impl Eskf {
     #[must_use]
     pub fn covariance(&self) -> Covariance {
         let (mut covariance, mut interval) = (self.covariance, self.interval);
-        interval.propagate(
+        interval.propagate_one(
             &mut covariance.data.0,
             &self.noise,
             &self.earth,
@@ -132,15 +133,8 @@ impl Eskf {
                 previous_ns: start.time_ns,
             });
         }
-        let first = match self.sampling {
-            Sampling::Instantaneous => self.corrected(start),
-            Sampling::Averaged => self.corrected(end),
-        };
-        let last = self.corrected(end);
-        if self.interval.needs_start() {
-            self.interval
-                .start(Coefficients::at(&self.kinematics, &first, &self.earth));
-        }
+        let (first, last) = (self.corrected(self.first_of(start, end)), self.corrected(end));
+        self.begin_interval(start, end);
         self.kinematics.step(&first, &last, dt_s, &self.earth);
         self.interval
             .extend(Coefficients::at(&self.kinematics, &last, &self.earth), dt_s);
@@ -150,16 +144,37 @@ impl Eskf {
         if !(self.kinematics.position_t_m[0] + self.kinematics.position_t_m[1] + self.kinematics.position_t_m[2])
             .is_finite()
         {
-            return Err(NavError::NotFinite {
-                field: "state position_t_m",
-                time_ns: end.time_ns,
-            });
+            return Err(Self::ran_out_of_numbers(end.time_ns));
         }
         // Half a step of slack, so that rounding of the sample times does not lengthen the interval by a step.
         if self.interval.duration_s() + 0.5 * dt_s >= self.covariance_period_s {
             self.propagate_covariance();
         }
         Ok(())
+    }
+
+    /// The sample that a step begins with.
+    fn first_of<'a>(&self, start: &'a ImuSample, end: &'a ImuSample) -> &'a ImuSample {
+        match self.sampling {
+            Sampling::Instantaneous => start,
+            Sampling::Averaged => end,
+        }
+    }
+
+    /// States the coefficients at the start of a step where they are not known yet.
+    fn begin_interval(&mut self, start: &ImuSample, end: &ImuSample) {
+        if self.interval.needs_start() {
+            let first = self.corrected(self.first_of(start, end));
+            self.interval
+                .start(Coefficients::at(&self.kinematics, &first, &self.earth));
+        }
+    }
+
+    fn ran_out_of_numbers(time_ns: i64) -> NavError {
+        NavError::NotFinite {
+            field: "state position_t_m",
+            time_ns,
+        }
     }
 
     /// Takes note of a rate before the first step, for lever arms.
@@ -173,7 +188,7 @@ impl Eskf {
             water.propagate(&self.interval, &self.earth, second_order);
         }
         self.interval
-            .propagate(&mut self.covariance.data.0, &self.noise, &self.earth, second_order);
+            .propagate_one(&mut self.covariance.data.0, &self.noise, &self.earth, second_order);
     }
 
     fn corrected(&self, sample: &ImuSample) -> Inertial<f64> {

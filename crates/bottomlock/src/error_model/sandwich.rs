@@ -1,0 +1,110 @@
+//! P ← Φ P Φᵀ: several filters in the lanes of vectors, or one filter with four columns in them.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{dispatch, f64x4};
+
+use super::transition::{FirstOrder, SecondOrder, Spread, Transition};
+use super::{Interval, ProcessNoise, add_half_noise};
+use crate::imu::EarthTerms;
+use crate::lane::{Lane, level};
+use crate::layout::{DIM, DYNAMIC};
+
+/// P ← Φ P Φᵀ for a symmetric P, result exactly symmetric.
+#[inline(always)]
+pub(super) fn sandwich<T: Lane>(p: &mut [[T; DIM]; DIM], phi: &impl Transition<T>) {
+    let zero = p[0][0].splat(0.0);
+    // Columns of the dynamic rows of Φ P.
+    let mut columns = [[zero; DYNAMIC]; DIM];
+    for j in 0..DIM {
+        columns[j] = phi.apply(&p[j]);
+    }
+    for i in 0..DYNAMIC {
+        let mut row = [zero; DIM];
+        for j in 0..DIM {
+            row[j] = columns[j][i];
+        }
+        let image = phi.apply(&row);
+        for k in 0..=i {
+            p[i][k] = image[k];
+            p[k][i] = image[k];
+        }
+        for j in DYNAMIC..DIM {
+            p[i][j] = row[j];
+            p[j][i] = row[j];
+        }
+    }
+}
+
+/// Columns side by side.
+const WIDTH: usize = 4;
+/// The dynamic rows, filled up to whole vectors.
+const ROWS: usize = DYNAMIC.next_multiple_of(WIDTH);
+
+/// [`sandwich`] of one filter: the same operations on every element, four elements at a time.
+#[inline(always)]
+fn sandwich_by_columns<S: Simd>(simd: S, p: &mut [[f64; DIM]; DIM], phi: &impl Spread) {
+    let zero = f64x4::simd_from(simd, 0.0);
+    let phi = phi.over(zero);
+    // Columns of the dynamic rows of Φ P, as in `sandwich`, and the same by rows.
+    let mut columns = [[0.0; ROWS]; DIM];
+    let mut rows = [[0.0; DIM]; DYNAMIC];
+    for j in (0..DIM).step_by(WIDTH) {
+        let mut x = [zero; DIM];
+        for i in 0..DIM {
+            // P is symmetric: four elements of a row stand in a row of the storage.
+            x[i] = f64x4::from_slice(simd, &p[i][j..j + WIDTH]);
+        }
+        let image = phi.apply(&x);
+        for i in 0..DYNAMIC {
+            image[i].store_slice(&mut rows[i][j..j + WIDTH]);
+            for lane in 0..WIDTH {
+                columns[j + lane][i] = image[i][lane];
+            }
+        }
+    }
+    for i in (0..ROWS).step_by(WIDTH) {
+        let mut x = [zero; DIM];
+        for j in 0..DIM {
+            x[j] = f64x4::from_slice(simd, &columns[j][i..i + WIDTH]);
+        }
+        let image = phi.apply(&x);
+        for lane in 0..WIDTH.min(DYNAMIC - i) {
+            for k in 0..=i + lane {
+                p[i + lane][k] = image[k][lane];
+                p[k][i + lane] = image[k][lane];
+            }
+        }
+    }
+    for i in 0..DYNAMIC {
+        for j in DYNAMIC..DIM {
+            p[i][j] = rows[i][j];
+            p[j][i] = rows[i][j];
+        }
+    }
+}
+
+impl Interval<f64> {
+    /// [`Interval::propagate`] for one filter, bit for bit, with its columns in the lanes of the machine's vectors.
+    pub fn propagate_one(
+        &mut self,
+        p: &mut [[f64; DIM]; DIM],
+        noise: &ProcessNoise,
+        earth: &EarthTerms,
+        second_order: bool,
+    ) {
+        if self.duration_s <= 0.0 {
+            return;
+        }
+        let mean = self.mean();
+        add_half_noise(p, &mean, noise, self.duration_s);
+        if second_order {
+            let phi = SecondOrder::new(&self.sum, self.duration_s, earth);
+            dispatch!(level(), simd => sandwich_by_columns(simd, p, &phi));
+        } else {
+            let phi = FirstOrder::new(&self.sum, self.duration_s, earth);
+            dispatch!(level(), simd => sandwich_by_columns(simd, p, &phi));
+        }
+        add_half_noise(p, &mean, noise, self.duration_s);
+        self.empty_again();
+    }
+}

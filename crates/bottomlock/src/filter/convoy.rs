@@ -1,0 +1,201 @@
+//! Filters side by side, over IMU samples between which nothing is measured.
+//!
+//! The arms of a run, and the runs of a batch, sit in the lanes of vectors; each lane does what [`Eskf::predict`] does, bit for
+//! bit, whoever its neighbours are. Only filters whose covariance falls due at the same steps sit together.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f64x4, f64x8};
+
+use super::Eskf;
+use crate::error::NavError;
+use crate::error_model::{Coefficients, Interval};
+use crate::imu::{ImuSample, Inertial, Kinematics, Sampling};
+use crate::lane::{Lane, Lanes, V3, WIDEST, gather, level, scatter, sub};
+use crate::layout::DIM;
+
+/// A filter and the samples that it takes; the first of them it has taken already.
+pub(crate) struct Seat<'a> {
+    pub(crate) filter: &'a mut Eskf,
+    pub(crate) samples: &'a [ImuSample],
+    /// What went wrong, and at which sample.
+    pub(crate) failure: Option<(usize, NavError)>,
+}
+
+impl Seat<'_> {
+    /// True where two filters do the same operations at the same steps; their samples are at the same times.
+    fn keeps_pace_with(&self, other: &Self) -> bool {
+        let (own, its) = (&*self.filter, &*other.filter);
+        own.interval.duration_s().to_bits() == its.interval.duration_s().to_bits()
+            && own.earth == its.earth
+            && own.noise == its.noise
+            && own.sampling == its.sampling
+            && own.covariance_period_s == its.covariance_period_s
+    }
+
+    fn predict_alone(&mut self) {
+        for (k, step) in self.samples.windows(2).enumerate() {
+            if let Err(error) = self.filter.predict(&step[0], &step[1]) {
+                self.failure = Some((k + 1, error));
+                return;
+            }
+        }
+    }
+}
+
+/// Leads every filter over its samples; all samples are at the same times, which rise.
+pub(crate) fn predict_together(seats: &mut [Seat<'_>]) {
+    let mut waiting: Vec<&mut Seat<'_>> = seats.iter_mut().collect();
+    while !waiting.is_empty() {
+        let leader = &waiting[0];
+        let (mut group, others): (Vec<_>, Vec<_>) = {
+            let together: Vec<bool> = waiting.iter().map(|seat| seat.keeps_pace_with(leader)).collect();
+            let (mut group, mut others) = (Vec::new(), Vec::new());
+            for (seat, joins) in waiting.into_iter().zip(together) {
+                if joins { group.push(seat) } else { others.push(seat) }
+            }
+            (group, others)
+        };
+        waiting = others;
+        for part in group.chunks_mut(width()) {
+            match part {
+                [alone] => alone.predict_alone(),
+                _ => dispatch!(level(), simd => board(simd, part)),
+            }
+        }
+    }
+}
+
+/// How many filters sit together: the widest vectors of the machine.
+pub(crate) fn width() -> usize {
+    match level() {
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512(_) => WIDEST,
+        _ => 4,
+    }
+}
+
+#[inline(always)]
+fn board<S: Simd>(simd: S, seats: &mut [&mut Seat<'_>]) {
+    if seats.len() > 4 {
+        fly::<S, f64x8<S>>(simd, seats);
+    } else {
+        fly::<S, f64x4<S>>(simd, seats);
+    }
+}
+
+#[inline(always)]
+fn corrected<T: Lane>(sample: &Inertial<T>, gyro_bias: V3<T>, accel_bias: V3<T>) -> Inertial<T> {
+    Inertial {
+        rate_p_radps: sub(sample.rate_p_radps, gyro_bias),
+        force_p_mps2: sub(sample.force_p_mps2, accel_bias),
+    }
+}
+
+/// The samples of all lanes at one time.
+#[inline(always)]
+fn readings<S: Simd, T: Lanes<S>>(simd: S, streams: &[&[ImuSample]; WIDEST], at: usize) -> Inertial<T> {
+    let mut rate = [T::gather(simd, |_| 0.0); 3];
+    let mut force = rate;
+    for axis in 0..3 {
+        rate[axis] = T::gather(simd, |k| streams[k][at].rate_p_radps.0[axis]);
+        force[axis] = T::gather(simd, |k| streams[k][at].force_p_mps2.0[axis]);
+    }
+    Inertial {
+        rate_p_radps: rate,
+        force_p_mps2: force,
+    }
+}
+
+/// At most as many filters as there are lanes; a lane left over repeats the last filter.
+#[inline(always)]
+fn fly<S: Simd, T: Lanes<S>>(simd: S, seats: &mut [&mut Seat<'_>]) {
+    let count = seats.len();
+    let place = |k: usize| k.min(count - 1);
+    for seat in seats.iter_mut() {
+        let (start, end) = (&seat.samples[0], &seat.samples[1]);
+        seat.filter.begin_interval(start, end);
+    }
+
+    let mut streams: [&[ImuSample]; WIDEST] = [seats[0].samples; WIDEST];
+    let mut kinematics = [[0.0; 19]; WIDEST];
+    let mut biases = [[0.0; 6]; WIDEST];
+    let mut intervals = [&seats[0].filter.interval; WIDEST];
+    for k in 0..WIDEST {
+        let (seat, filter) = (&seats[place(k)], &seats[place(k)].filter);
+        let (gyro, accel) = (filter.state.gyro_bias_p_radps.0, filter.state.accel_bias_p_mps2.0);
+        streams[k] = seat.samples;
+        kinematics[k] = filter.kinematics.to_array();
+        biases[k] = [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z];
+        intervals[k] = &filter.interval;
+    }
+    let mut interval: Interval<T> = Interval::gather(simd, &intervals);
+    let mut kinematics: Kinematics<T> = Kinematics::from_array(gather(simd, &kinematics));
+    let biases: [T; 6] = gather(simd, &biases);
+    let (gyro_bias, accel_bias) = ([biases[0], biases[1], biases[2]], [biases[3], biases[4], biases[5]]);
+    let mut p = [[T::gather(simd, |_| 0.0); DIM]; DIM];
+    for j in 0..DIM {
+        for i in 0..=j {
+            let both = T::gather(simd, |k| seats[place(k)].filter.covariance[(i, j)]);
+            p[j][i] = both;
+            p[i][j] = both;
+        }
+    }
+
+    let (earth, noise) = (seats[0].filter.earth, seats[0].filter.noise);
+    let (sampling, period_s) = (seats[0].filter.sampling, seats[0].filter.covariance_period_s);
+    let second_order = period_s > 0.0;
+    let samples = streams[0];
+    let mut first = corrected(&readings(simd, &streams, 0), gyro_bias, accel_bias);
+    let mut dt_s = 0.0;
+    for at in 1..samples.len() {
+        dt_s = (samples[at].time_ns - samples[at - 1].time_ns) as f64 * 1e-9;
+        let last = corrected(&readings(simd, &streams, at), gyro_bias, accel_bias);
+        if sampling == Sampling::Averaged {
+            first = last;
+        }
+        kinematics.step(&first, &last, dt_s, &earth);
+        interval.extend(Coefficients::at(&kinematics, &last, &earth), dt_s);
+        first = last;
+        let position = kinematics.position_t_m;
+        let sum = position[0] + position[1] + position[2];
+        if !sum.all_finite() {
+            note_failures(seats, &sum, at);
+        }
+        if interval.duration_s() + 0.5 * dt_s >= period_s {
+            for (k, seat) in seats.iter_mut().enumerate() {
+                if let Some(water) = &mut seat.filter.water {
+                    water.propagate(&interval.lane(k), &earth, second_order);
+                }
+            }
+            interval.propagate(&mut p, &noise, &earth, second_order);
+        }
+    }
+
+    let end = samples.len() - 1;
+    let kinematics = kinematics.to_array();
+    for (k, seat) in seats.iter_mut().enumerate() {
+        let reading = &seat.samples[end];
+        let filter = &mut *seat.filter;
+        filter.kinematics = Kinematics::from_array(scatter(&kinematics, k));
+        filter.interval = interval.lane(k);
+        filter.state.time_ns = reading.time_ns;
+        filter.last_rate_p_radps = reading.rate_p_radps.0;
+        filter.last_step_s = dt_s;
+        for j in 0..DIM {
+            for i in 0..DIM {
+                filter.covariance[(i, j)] = p[j][i].get(k);
+            }
+        }
+    }
+}
+
+/// Each lane's first sample at which its position is no number any more.
+#[cold]
+fn note_failures<S: Simd, T: Lanes<S>>(seats: &mut [&mut Seat<'_>], sum: &T, at: usize) {
+    for (k, seat) in seats.iter_mut().enumerate() {
+        if seat.failure.is_none() && !sum.get(k).is_finite() {
+            let time_ns = seat.samples[at].time_ns;
+            seat.failure = Some((at, Eskf::ran_out_of_numbers(time_ns)));
+        }
+    }
+}
