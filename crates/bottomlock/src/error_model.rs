@@ -11,7 +11,7 @@ mod side_by_side;
 mod transition;
 
 use crate::imu::{EarthTerms, Inertial, Kinematics};
-use crate::lane::{Lane, M3, V3, add, mat_axpy, mat_mul, mul, scale, skew, splat3, tmul, zero3};
+use crate::lane::{Lane, M3, V3, add, dot, mat_axpy, mat_mul, mul, scale, skew, splat3, tmul, zero3};
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DVL_BIAS, DVL_SCALE, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
 use sandwich::sandwich;
 use transition::{FirstOrder, SecondOrder, Transition};
@@ -199,14 +199,14 @@ impl<T: Lane> Interval<T> {
         if self.duration_s <= 0.0 {
             return;
         }
-        let mean = self.mean();
-        add_half_noise(p, &mean, noise, self.duration_s);
+        let half = HalfNoise::new(&self.mean(), noise, self.duration_s);
+        half.add_to(p);
         if second_order {
             sandwich(p, &SecondOrder::new(&self.sum, self.duration_s, earth));
         } else {
             sandwich(p, &FirstOrder::new(&self.sum, self.duration_s, earth));
         }
-        add_half_noise(p, &mean, noise, self.duration_s);
+        half.add_to(p);
         self.empty_again();
     }
 
@@ -245,39 +245,72 @@ impl<T: Lane> Interval<T> {
     }
 }
 
-/// P ← P + G Q Gᵀ T/2 (Eqs. 5 and 10; isotropic noise, so R Q Rᵀ = Q).
-#[inline(always)]
-fn add_half_noise<T: Lane>(p: &mut [[T; DIM]; DIM], mean: &Coefficients<T>, noise: &ProcessNoise, duration_s: f64) {
-    let half = 0.5 * duration_s;
-    let like = mean.velocity_p[0];
-    let gyro = like.splat(noise.gyro * half);
-    let lever = skew(mean.velocity_p);
-    for i in 0..3 {
-        p[ATTITUDE + i][ATTITUDE + i] += gyro;
-        p[VELOCITY + i][VELOCITY + i] += like.splat(noise.accel * half);
-        p[ACCEL_BIAS + i][ACCEL_BIAS + i] += like.splat(noise.accel_bias * half);
-        p[GYRO_BIAS + i][GYRO_BIAS + i] += like.splat(noise.gyro_bias * half);
-        for j in 0..3 {
-            // [v×][v×]ᵀ and [v×]Rᵀ: row i of the lever with row j of the other factor.
-            let own = lever[i][0] * lever[j][0] + lever[i][1] * lever[j][1] + lever[i][2] * lever[j][2];
-            p[VELOCITY + i][VELOCITY + j] += own * gyro;
-            let turn = mean.rotation[j];
-            let across = (lever[i][0] * turn[0] + lever[i][1] * turn[1] + lever[i][2] * turn[2]) * gyro;
-            p[VELOCITY + i][ATTITUDE + j] += across;
-            p[ATTITUDE + j][VELOCITY + i] += across;
+/// G Q Gᵀ T/2 (Eqs. 5 and 10; isotropic noise, so R Q Rᵀ = Q) as the blocks that are not zero.
+struct HalfNoise<T> {
+    attitude: T,
+    velocity: M3<T>,
+    accel: T,
+    /// Rows: velocity; columns: misalignment.
+    across: M3<T>,
+    accel_bias: T,
+    gyro_bias: T,
+    dvl_bias: T,
+    dvl_scale: T,
+}
+
+impl<T: Lane> HalfNoise<T> {
+    #[inline(always)]
+    fn new(mean: &Coefficients<T>, noise: &ProcessNoise, duration_s: f64) -> Self {
+        let half = 0.5 * duration_s;
+        let like = mean.velocity_p[0];
+        let gyro = like.splat(noise.gyro * half);
+        let lever = skew(mean.velocity_p);
+        let (mut velocity, mut across) = (zero3(like), zero3(like));
+        for i in 0..3 {
+            for j in 0..3 {
+                // [v×][v×]ᵀ and [v×]Rᵀ: row i of the lever with row j of the other factor.
+                velocity[i][j] = dot(lever[i], lever[j]) * gyro;
+                across[i][j] = dot(lever[i], mean.rotation[j]) * gyro;
+            }
+        }
+        Self {
+            attitude: gyro,
+            velocity,
+            accel: like.splat(noise.accel * half),
+            across,
+            accel_bias: like.splat(noise.accel_bias * half),
+            gyro_bias: like.splat(noise.gyro_bias * half),
+            dvl_bias: like.splat(noise.dvl_bias * half),
+            dvl_scale: like.splat(noise.dvl_scale * half),
         }
     }
-    for i in DVL_BIAS..DVL_SCALE {
-        p[i][i] += like.splat(noise.dvl_bias * half);
+
+    /// P ← P + G Q Gᵀ T/2.
+    #[inline(always)]
+    fn add_to(&self, p: &mut [[T; DIM]; DIM]) {
+        for i in 0..3 {
+            p[ATTITUDE + i][ATTITUDE + i] += self.attitude;
+            p[VELOCITY + i][VELOCITY + i] += self.accel;
+            p[ACCEL_BIAS + i][ACCEL_BIAS + i] += self.accel_bias;
+            p[GYRO_BIAS + i][GYRO_BIAS + i] += self.gyro_bias;
+            for j in 0..3 {
+                p[VELOCITY + i][VELOCITY + j] += self.velocity[i][j];
+                p[VELOCITY + i][ATTITUDE + j] += self.across[i][j];
+                p[ATTITUDE + j][VELOCITY + i] += self.across[i][j];
+            }
+        }
+        for i in DVL_BIAS..DVL_SCALE {
+            p[i][i] += self.dvl_bias;
+        }
+        p[DVL_SCALE][DVL_SCALE] += self.dvl_scale;
     }
-    p[DVL_SCALE][DVL_SCALE] += like.splat(noise.dvl_scale * half);
 }
 
 /// The dense noise density G Q Gᵀ at the mean coefficients, for inspection and tests.
 #[must_use]
 pub fn dense_noise(coefficients: &Coefficients<f64>, noise: &ProcessNoise) -> [[f64; DIM]; DIM] {
     let mut q = [[0.0; DIM]; DIM];
-    add_half_noise(&mut q, coefficients, noise, 2.0);
+    HalfNoise::new(coefficients, noise, 2.0).add_to(&mut q);
     q
 }
 

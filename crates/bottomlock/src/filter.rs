@@ -1,7 +1,7 @@
 //! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
 
 mod assume;
-pub(crate) mod convoy;
+pub mod convoy;
 
 use nalgebra::{SMatrix, SVector, Vector3};
 

@@ -311,11 +311,7 @@ impl<'a> Leg<'a> {
     pub(crate) fn seats(&mut self) -> impl Iterator<Item = Seat<'_>> {
         let samples = &self.readings[..];
         let filters = self.voyage.aboard.iter_mut().flat_map(|one| one.guide.filters_mut());
-        filters.map(move |filter| Seat {
-            filter,
-            samples,
-            failure: None,
-        })
+        filters.map(move |filter| Seat::new(filter, samples))
     }
 
     /// After the filters have taken the readings drawn; `failures` are those of the seats.

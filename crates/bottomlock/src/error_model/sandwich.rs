@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f64x4};
 
 use super::transition::{FirstOrder, SecondOrder, Spread, Transition};
-use super::{Interval, ProcessNoise, add_half_noise};
+use super::{HalfNoise, Interval, ProcessNoise};
 use crate::imu::EarthTerms;
 use crate::lane::{Lane, level};
 use crate::layout::{DIM, DYNAMIC};
@@ -12,17 +12,16 @@ use crate::layout::{DIM, DYNAMIC};
 /// P ← Φ P Φᵀ for a symmetric P, result exactly symmetric.
 #[inline(always)]
 pub(super) fn sandwich<T: Lane>(p: &mut [[T; DIM]; DIM], phi: &impl Transition<T>) {
-    let zero = p[0][0].splat(0.0);
-    // Columns of the dynamic rows of Φ P.
-    let mut columns = [[zero; DYNAMIC]; DIM];
-    for j in 0..DIM {
-        columns[j] = phi.apply(&p[j]);
-    }
-    for i in 0..DYNAMIC {
-        let mut row = [zero; DIM];
-        for j in 0..DIM {
-            row[j] = columns[j][i];
+    // Φ P, column by column, in its place: only the dynamic rows change.
+    for column in p.iter_mut() {
+        let image = phi.apply(column);
+        for i in 0..DYNAMIC {
+            column[i] = image[i];
         }
+    }
+    // (Φ P) Φᵀ, row by row; a row is read before anything is written that a later row would read.
+    for i in 0..DYNAMIC {
+        let row = row_of(p, i);
         let image = phi.apply(&row);
         for k in 0..=i {
             p[i][k] = image[k];
@@ -30,9 +29,17 @@ pub(super) fn sandwich<T: Lane>(p: &mut [[T; DIM]; DIM], phi: &impl Transition<T
         }
         for j in DYNAMIC..DIM {
             p[i][j] = row[j];
-            p[j][i] = row[j];
         }
     }
+}
+
+#[inline(always)]
+fn row_of<T: Lane>(columns: &[[T; DIM]; DIM], i: usize) -> [T; DIM] {
+    let mut row = columns[0];
+    for j in 0..DIM {
+        row[j] = columns[j][i];
+    }
+    row
 }
 
 /// Columns side by side.
@@ -95,8 +102,8 @@ impl Interval<f64> {
         if self.duration_s <= 0.0 {
             return;
         }
-        let mean = self.mean();
-        add_half_noise(p, &mean, noise, self.duration_s);
+        let half = HalfNoise::new(&self.mean(), noise, self.duration_s);
+        half.add_to(p);
         if second_order {
             let phi = SecondOrder::new(&self.sum, self.duration_s, earth);
             dispatch!(level(), simd => sandwich_by_columns(simd, p, &phi));
@@ -104,7 +111,7 @@ impl Interval<f64> {
             let phi = FirstOrder::new(&self.sum, self.duration_s, earth);
             dispatch!(level(), simd => sandwich_by_columns(simd, p, &phi));
         }
-        add_half_noise(p, &mean, noise, self.duration_s);
+        half.add_to(p);
         self.empty_again();
     }
 }

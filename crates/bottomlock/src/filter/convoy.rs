@@ -14,22 +14,40 @@ use crate::lane::{Lane, Lanes, V3, WIDEST, gather, level, scatter, sub};
 use crate::layout::DIM;
 
 /// A filter and the samples that it takes; the first of them it has taken already.
-pub(crate) struct Seat<'a> {
-    pub(crate) filter: &'a mut Eskf,
-    pub(crate) samples: &'a [ImuSample],
+#[derive(Debug)]
+pub struct Seat<'a> {
+    /// The filter.
+    pub filter: &'a mut Eskf,
+    /// Its samples.
+    pub samples: &'a [ImuSample],
     /// What went wrong, and at which sample.
-    pub(crate) failure: Option<(usize, NavError)>,
+    pub failure: Option<(usize, NavError)>,
 }
 
-impl Seat<'_> {
-    /// True where two filters do the same operations at the same steps; their samples are at the same times.
+impl<'a> Seat<'a> {
+    /// A filter with its samples, of which it has taken the first.
+    pub fn new(filter: &'a mut Eskf, samples: &'a [ImuSample]) -> Self {
+        Self {
+            filter,
+            samples,
+            failure: None,
+        }
+    }
+
+    /// True where two filters do the same operations at the same steps.
     fn keeps_pace_with(&self, other: &Self) -> bool {
         let (own, its) = (&*self.filter, &*other.filter);
-        own.interval.duration_s().to_bits() == its.interval.duration_s().to_bits()
+        let times = |seat: &Self| seat.samples.iter().map(|sample| sample.time_ns);
+        (std::ptr::eq(self.samples, other.samples) || times(self).eq(times(other)))
+            && own.interval.duration_s().to_bits() == its.interval.duration_s().to_bits()
             && own.earth == its.earth
             && own.noise == its.noise
             && own.sampling == its.sampling
             && own.covariance_period_s == its.covariance_period_s
+    }
+
+    fn times_rise(&self) -> bool {
+        self.samples.windows(2).all(|step| step[0].time_ns < step[1].time_ns)
     }
 
     fn predict_alone(&mut self) {
@@ -42,31 +60,34 @@ impl Seat<'_> {
     }
 }
 
-/// Leads every filter over its samples; all samples are at the same times, which rise.
-pub(crate) fn predict_together(seats: &mut [Seat<'_>]) {
+/// Leads every filter over its samples, as [`Eskf::predict`] does step by step.
+///
+/// What goes wrong for a filter is noted at its seat, and no other feels it. Filters whose samples are at the same times and whose
+/// covariances fall due together are led side by side.
+pub fn predict_together(seats: &mut [Seat<'_>]) {
     let mut waiting: Vec<&mut Seat<'_>> = seats.iter_mut().collect();
     while !waiting.is_empty() {
         let leader = &waiting[0];
-        let (mut group, others): (Vec<_>, Vec<_>) = {
-            let together: Vec<bool> = waiting.iter().map(|seat| seat.keeps_pace_with(leader)).collect();
-            let (mut group, mut others) = (Vec::new(), Vec::new());
-            for (seat, joins) in waiting.into_iter().zip(together) {
-                if joins { group.push(seat) } else { others.push(seat) }
-            }
-            (group, others)
-        };
+        let rise = leader.times_rise();
+        let joins: Vec<bool> = waiting.iter().map(|seat| seat.keeps_pace_with(leader)).collect();
+        let (mut group, mut others) = (Vec::new(), Vec::new());
+        for (seat, joins) in waiting.into_iter().zip(joins) {
+            if joins { group.push(seat) } else { others.push(seat) }
+        }
         waiting = others;
         for part in group.chunks_mut(width()) {
-            match part {
-                [alone] => alone.predict_alone(),
-                _ => dispatch!(level(), simd => board(simd, part)),
+            if part.len() == 1 || !rise || part[0].samples.len() < 2 {
+                part.iter_mut().for_each(|seat| seat.predict_alone());
+            } else {
+                dispatch!(level(), simd => board(simd, part));
             }
         }
     }
 }
 
 /// How many filters sit together: the widest vectors of the machine.
-pub(crate) fn width() -> usize {
+#[must_use]
+pub fn width() -> usize {
     match level() {
         #[cfg(target_arch = "x86_64")]
         Level::Avx512(_) => WIDEST,

@@ -1,0 +1,266 @@
+//! The Rust parties of `benches/compare.py`, over the same readings as all others; asked by line, answered by line.
+//!
+//! `parties FILE` reads little-endian doubles: the number of steps N and of pings; N + 1 inertial readings (time ns, rate, force);
+//! the pings (time ns, four beams); the start (attitude, velocity). A line on the input names a party; the answer is its time
+//! on a core in nanoseconds, the run-steps that it has done, and the lower triangle of one run's covariance at the end.
+
+// A tool that cannot go on says so and stops.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::hint::black_box;
+use std::io::BufRead;
+use std::time::Instant;
+
+use bottomlock::aiding::{beam_terms, tightly_coupled};
+use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
+use bottomlock::error_model::{Coefficients, ProcessNoise, dense_noise};
+use bottomlock::events::Event;
+use bottomlock::filter::Eskf;
+use bottomlock::filter::convoy::{Seat, predict_together};
+use bottomlock::frames::{Rot, Vec3};
+use bottomlock::imu::{EarthTerms, ImuSample, Inertial};
+use bottomlock::model::{Gate, Model, Options};
+use bottomlock::report::Sensor;
+use bottomlock::run::{BeamAiding, Navigator};
+use bottomlock::state::{Covariance, NavState};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f64x8};
+use nalgebra::SMatrix;
+
+const TENTH_NS: i64 = 100_000_000;
+const NOISE_SD_MPS: f64 = 0.042;
+const MOST_RUNS: usize = 32;
+
+struct Work {
+    imu: Vec<ImuSample>,
+    /// A copy for each of the most runs that fly side by side.
+    streams: Vec<Vec<ImuSample>>,
+    pings: Vec<BeamSample>,
+    start: NavState,
+    geometry: BeamGeometry,
+    model: Model,
+}
+
+impl Work {
+    fn read(path: &str) -> Self {
+        let bytes = std::fs::read(path).unwrap();
+        let mut numbers = bytes
+            .chunks_exact(8)
+            .map(|eight| f64::from_le_bytes(eight.try_into().unwrap()));
+        let mut next = || numbers.next().unwrap();
+        let (steps, pings) = (next() as usize, next() as usize);
+        let mut imu = Vec::new();
+        for _ in 0..=steps {
+            imu.push(ImuSample {
+                time_ns: next() as i64,
+                rate_p_radps: Vec3::new(next(), next(), next()),
+                force_p_mps2: Vec3::new(next(), next(), next()),
+            });
+        }
+        let ping = |_| BeamSample {
+            time_ns: next() as i64,
+            velocity_mps: std::array::from_fn(|beam| if beam < 4 { next() } else { f64::NAN }),
+            sd_mps: [NOISE_SD_MPS; MAX_BEAMS],
+            valid: BeamMask::all(4),
+        };
+        let pings = (0..pings).map(ping).collect();
+        let mut start = NavState::at_rest(imu[0].time_ns);
+        start.attitude_t_p = Rot::from_quaternion_wxyz([next(), next(), next(), next()]);
+        start.velocity_p_mps = Vec3::new(next(), next(), next());
+        Self {
+            streams: vec![imu.clone(); MOST_RUNS],
+            imu,
+            pings,
+            start,
+            geometry: BeamGeometry::janus(Janus::X, 20_f64.to_radians()).unwrap(),
+            model: Model::table_2(),
+        }
+    }
+
+    fn options(period_ns: i64) -> Options {
+        Options {
+            gate: Gate::Off,
+            covariance_period_ns: period_ns,
+            ..Options::default()
+        }
+    }
+
+    /// One run, fed an event at a time as in live use.
+    fn one(&self, period_ns: i64) -> Covariance {
+        let options = Self::options(period_ns);
+        let geometry = self.geometry.clone();
+        let mut navigator = Navigator::new(self.start, geometry, BeamAiding::Tight, &self.model, &options).unwrap();
+        let mut pings = self.pings.iter().peekable();
+        for sample in &self.imu {
+            navigator.push(&Event::Imu(*sample), &mut |_| {}).unwrap();
+            if let Some(ping) = pings.next_if(|ping| ping.time_ns == sample.time_ns) {
+                navigator.push(&Event::Beams(*ping), &mut |_| {}).unwrap();
+            }
+        }
+        navigator.covariance()
+    }
+
+    /// Many runs side by side, each with a copy of the readings.
+    fn many(&self, runs: usize, period_ns: i64) -> Covariance {
+        let one = Eskf::new(self.start, &self.model, &Self::options(period_ns)).unwrap();
+        let mut filters = vec![one; runs];
+        let streams = &self.streams[..runs];
+        let mut from = 0;
+        for ping in &self.pings {
+            let to = from
+                + self.imu[from..]
+                    .iter()
+                    .position(|sample| sample.time_ns == ping.time_ns)
+                    .unwrap();
+            self.lead(&mut filters, streams, from, to);
+            for filter in &mut filters {
+                let innovation =
+                    filter.with_motion(|motion| tightly_coupled(&beam_terms(motion, &self.geometry, ping), ping));
+                filter.update(&innovation, Sensor::Beams).unwrap();
+            }
+            from = to;
+        }
+        self.lead(&mut filters, streams, from, self.imu.len() - 1);
+        filters[runs - 1].covariance()
+    }
+
+    fn lead(&self, filters: &mut [Eskf], streams: &[Vec<ImuSample>], from: usize, to: usize) {
+        let pairs = filters.iter_mut().zip(streams);
+        let mut seats: Vec<_> = pairs
+            .map(|(filter, stream)| Seat::new(filter, &stream[from..=to]))
+            .collect();
+        predict_together(&mut seats);
+        assert!(seats.iter().all(|seat| seat.failure.is_none()));
+    }
+
+    /// The same filter as textbooks write it, with nalgebra's dense matrices.
+    fn dense(&self) -> Covariance {
+        type Dense = SMatrix<f64, 20, 20>;
+        let earth = EarthTerms::from(&self.model.environment);
+        let noise: ProcessNoise = self.model.process_noise(true);
+        let mut p = self.model.initial_covariance(true);
+        let mut state = self.start;
+        let mut kinematics = state.kinematics();
+        let mut pings = self.pings.iter().peekable();
+        let less_bias = |sample: &ImuSample, state: &NavState| Inertial {
+            rate_p_radps: (sample.rate_p_radps - state.gyro_bias_p_radps).to_array(),
+            force_p_mps2: (sample.force_p_mps2 - state.accel_bias_p_mps2).to_array(),
+        };
+        for step in self.imu.windows(2) {
+            let dt_s = (step[1].time_ns - step[0].time_ns) as f64 * 1e-9;
+            let (first, last) = (less_bias(&step[0], &state), less_bias(&step[1], &state));
+            let before = Coefficients::at(&kinematics, &first, &earth);
+            kinematics.step(&first, &last, dt_s, &earth);
+            let after = Coefficients::at(&kinematics, &last, &earth);
+            let (f0, f1) = (before.dense(&earth), after.dense(&earth));
+            let (q0, q1) = (dense_noise(&before, &noise), dense_noise(&after, &noise));
+            let phi = Dense::from_fn(|i, j| f64::from(u8::from(i == j)) + 0.5 * dt_s * (f0[i][j] + f1[i][j]));
+            let half = Dense::from_fn(|i, j| 0.25 * dt_s * (q0[i][j] + q1[i][j]));
+            p = phi * (p + half) * phi.transpose() + half;
+            let Some(ping) = pings.next_if(|ping| ping.time_ns == step[1].time_ns) else {
+                continue;
+            };
+            state.time_ns = ping.time_ns;
+            state.position_t_m = Vec3::from_array(kinematics.position_t_m);
+            state.attitude_t_p = Rot::from_quaternion_wxyz(kinematics.attitude_t_p);
+            state.velocity_p_mps = Vec3::from_array(kinematics.velocity_p_mps);
+            let mut h = SMatrix::<f64, 4, 20>::zeros();
+            let mut z = SMatrix::<f64, 4, 1>::zeros();
+            for beam in 0..4 {
+                let direction = self.geometry.direction_p(beam);
+                let along = direction.dot(&state.velocity_p_mps.0);
+                for k in 0..3 {
+                    h[(beam, 6 + k)] = direction[k] * (1.0 + state.dvl_scale_factor);
+                }
+                h[(beam, 15 + beam)] = 1.0;
+                h[(beam, 19)] = along;
+                let expected = along * (1.0 + state.dvl_scale_factor) + state.dvl_bias_mps[beam];
+                z[beam] = ping.velocity_mps[beam] - expected;
+            }
+            let r = SMatrix::<f64, 4, 4>::identity() * NOISE_SD_MPS.powi(2);
+            let s = h * p * h.transpose() + r;
+            let gain = p * h.transpose() * s.try_inverse().unwrap();
+            let left = Dense::identity() - gain * h;
+            p = left * p * left.transpose() + gain * r * gain.transpose();
+            state.inject(&(gain * z));
+            kinematics = state.kinematics();
+        }
+        p
+    }
+}
+
+/// Multiply–adds of one core: floating-point operations a second, in vectors as wide as the machine's.
+#[inline(always)]
+fn multiply_adds<S: Simd>(simd: S, rounds: usize) -> f64 {
+    let (factor, term) = (
+        f64x8::simd_from(simd, black_box(0.999_999)),
+        f64x8::simd_from(simd, black_box(1e-7)),
+    );
+    let mut sums = [f64x8::simd_from(simd, 1.0); 16];
+    for _ in 0..rounds {
+        for sum in &mut sums {
+            *sum = sum.mul_add(factor, term);
+        }
+    }
+    sums.iter().map(|sum| sum.as_slice().iter().sum::<f64>()).sum()
+}
+
+/// Time that this thread has had on a core, where the system tells; else time on the clock.
+struct Watch {
+    begin: Instant,
+    on_core: Option<u128>,
+}
+
+impl Watch {
+    fn on_core() -> Option<u128> {
+        let line = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+        line.split_whitespace().next()?.parse().ok()
+    }
+
+    fn start() -> Self {
+        Self {
+            begin: Instant::now(),
+            on_core: Self::on_core(),
+        }
+    }
+
+    fn nanoseconds(&self) -> u128 {
+        let now = Self::on_core();
+        let spent = now.zip(self.on_core).map(|(now, then)| now - then);
+        spent.unwrap_or_else(|| self.begin.elapsed().as_nanos())
+    }
+}
+
+fn main() {
+    let path = std::env::args()
+        .nth(1)
+        .unwrap_or_else(|| panic!("parties: name the file with the readings"));
+    let work = Work::read(&path);
+    let steps = work.imu.len() - 1;
+    for line in std::io::stdin().lock().lines() {
+        let line = line.unwrap();
+        let mut words = line.split_whitespace();
+        let party = words.next().unwrap_or("");
+        let runs: usize = words.next().map_or(1, |word| word.parse().unwrap());
+        let begin = Watch::start();
+        let covariance = match party {
+            "one" => work.one(0),
+            "one_10hz" => work.one(TENTH_NS),
+            "many" => work.many(runs, 0),
+            "many_10hz" => work.many(runs, TENTH_NS),
+            "dense" => work.dense(),
+            "peak" => {
+                let rounds = 2_000_000;
+                black_box(dispatch!(Level::new(), simd => multiply_adds(simd, rounds)));
+                let seconds = begin.nanoseconds() as f64 * 1e-9;
+                println!("{}", 2.0 * 8.0 * 16.0 * rounds as f64 / seconds);
+                continue;
+            }
+            _ => panic!("parties: no party of the name {party:?}"),
+        };
+        let nanoseconds = begin.nanoseconds();
+        let lower = (0..20).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        let numbers: Vec<_> = lower.map(|(i, j)| format!("{:e}", covariance[(i, j)])).collect();
+        println!("{nanoseconds} {} {}", runs * steps, numbers.join(" "));
+    }
+}
