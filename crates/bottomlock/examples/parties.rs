@@ -7,18 +7,20 @@
 // A tool that cannot go on says so and stops.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+use std::cell::Cell;
 use std::hint::black_box;
 use std::io::BufRead;
-use std::time::Instant;
+use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use bottomlock::error_model::{Coefficients, ProcessNoise, dense_noise};
+use bottomlock::error_model::{Coefficients, Interval, ProcessNoise, dense_noise};
 use bottomlock::events::Event;
 use bottomlock::filter::Eskf;
 use bottomlock::filter::convoy::{Seat, predict_together};
 use bottomlock::frames::{Rot, Vec3};
-use bottomlock::imu::{EarthTerms, ImuSample, Inertial};
+use bottomlock::imu::{EarthTerms, ImuSample, Inertial, Kinematics};
+use bottomlock::lane::Lane;
 use bottomlock::model::{Gate, Model, Options};
 use bottomlock::report::Sensor;
 use bottomlock::run::{BeamAiding, Navigator};
@@ -189,6 +191,107 @@ impl Work {
     }
 }
 
+/// A number that counts the additions, multiplications, divisions and roots that it goes through.
+#[derive(Clone, Copy)]
+struct Counted(f64);
+
+thread_local! {
+    static OPERATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+fn counted(value: f64) -> Counted {
+    OPERATIONS.set(OPERATIONS.get() + 1);
+    Counted(value)
+}
+
+impl Add for Counted {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        counted(self.0 + other.0)
+    }
+}
+
+impl Sub for Counted {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        counted(self.0 - other.0)
+    }
+}
+
+impl Mul for Counted {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        counted(self.0 * other.0)
+    }
+}
+
+impl AddAssign for Counted {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl Neg for Counted {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self(-self.0)
+    }
+}
+
+impl Lane for Counted {
+    fn splat(self, value: f64) -> Self {
+        Self(value)
+    }
+    fn sqrt(self) -> Self {
+        counted(self.0.sqrt())
+    }
+    fn recip(self) -> Self {
+        counted(self.0.recip())
+    }
+    fn any_above(self, limit: f64) -> bool {
+        self.0 > limit
+    }
+    fn all_finite(self) -> bool {
+        self.0.is_finite()
+    }
+    fn map(self, function: impl Fn(f64) -> f64) -> Self {
+        Self(function(self.0))
+    }
+}
+
+/// Floating-point operations of one step with its covariance, first order.
+fn operations_of_a_step(work: &Work) -> u64 {
+    let (earth, noise) = (
+        EarthTerms::from(&work.model.environment),
+        work.model.process_noise(true),
+    );
+    let (start, reading) = (work.start.kinematics(), &work.imu[0]);
+    let mut kinematics = Kinematics {
+        position_t_m: start.position_t_m.map(Counted),
+        attitude_t_p: start.attitude_t_p.map(Counted),
+        rotation_t_p: start.rotation_t_p.map(|row| row.map(Counted)),
+        velocity_p_mps: start.velocity_p_mps.map(Counted),
+    };
+    let inertial = Inertial {
+        rate_p_radps: reading.rate_p_radps.to_array().map(Counted),
+        force_p_mps2: reading.force_p_mps2.to_array().map(Counted),
+    };
+    let mut p = work
+        .model
+        .initial_covariance(true)
+        .data
+        .0
+        .map(|column| column.map(Counted));
+    let mut interval = Interval::empty(Counted(0.0));
+    interval.start(Coefficients::at(&kinematics, &inertial, &earth));
+    OPERATIONS.set(0);
+    kinematics.step(&inertial, &inertial, 1.0 / 150.0, &earth);
+    interval.extend(Coefficients::at(&kinematics, &inertial, &earth), 1.0 / 150.0);
+    interval.propagate(&mut p, &noise, &earth, false);
+    // The bias taken off six readings.
+    OPERATIONS.get() + 6
+}
+
 /// Multiply–adds of one core: floating-point operations a second, in vectors as wide as the machine's.
 #[inline(always)]
 fn multiply_adds<S: Simd>(simd: S, rounds: usize) -> f64 {
@@ -205,30 +308,18 @@ fn multiply_adds<S: Simd>(simd: S, rounds: usize) -> f64 {
     sums.iter().map(|sum| sum.as_slice().iter().sum::<f64>()).sum()
 }
 
-/// Time that this thread has had on a core, where the system tells; else time on the clock.
-struct Watch {
-    begin: Instant,
-    on_core: Option<u128>,
+/// Time that this thread has had on a core, ns.
+#[cfg(unix)]
+fn on_core_ns() -> i128 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    i128::from(time.tv_sec) * 1_000_000_000 + i128::from(time.tv_nsec)
 }
 
-impl Watch {
-    fn on_core() -> Option<u128> {
-        let line = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-        line.split_whitespace().next()?.parse().ok()
-    }
-
-    fn start() -> Self {
-        Self {
-            begin: Instant::now(),
-            on_core: Self::on_core(),
-        }
-    }
-
-    fn nanoseconds(&self) -> u128 {
-        let now = Self::on_core();
-        let spent = now.zip(self.on_core).map(|(now, then)| now - then);
-        spent.unwrap_or_else(|| self.begin.elapsed().as_nanos())
-    }
+/// Time on the clock, ns, where the system does not tell a thread's own.
+#[cfg(not(unix))]
+fn on_core_ns() -> i128 {
+    use std::time::{SystemTime, UNIX_EPOCH};
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as i128
 }
 
 fn main() {
@@ -242,23 +333,27 @@ fn main() {
         let mut words = line.split_whitespace();
         let party = words.next().unwrap_or("");
         let runs: usize = words.next().map_or(1, |word| word.parse().unwrap());
-        let begin = Watch::start();
+        let begin = on_core_ns();
         let covariance = match party {
             "one" => work.one(0),
             "one_10hz" => work.one(TENTH_NS),
             "many" => work.many(runs, 0),
             "many_10hz" => work.many(runs, TENTH_NS),
             "dense" => work.dense(),
+            "flops" => {
+                println!("{}", operations_of_a_step(&work));
+                continue;
+            }
             "peak" => {
                 let rounds = 2_000_000;
                 black_box(dispatch!(Level::new(), simd => multiply_adds(simd, rounds)));
-                let seconds = begin.nanoseconds() as f64 * 1e-9;
+                let seconds = (on_core_ns() - begin) as f64 * 1e-9;
                 println!("{}", 2.0 * 8.0 * 16.0 * rounds as f64 / seconds);
                 continue;
             }
             _ => panic!("parties: no party of the name {party:?}"),
         };
-        let nanoseconds = begin.nanoseconds();
+        let nanoseconds = on_core_ns() - begin;
         let lower = (0..20).flat_map(|i| (0..=i).map(move |j| (i, j)));
         let numbers: Vec<_> = lower.map(|(i, j)| format!("{:e}", covariance[(i, j)])).collect();
         println!("{nanoseconds} {} {}", runs * steps, numbers.join(" "));

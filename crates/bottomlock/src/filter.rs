@@ -2,8 +2,9 @@
 
 mod assume;
 pub mod convoy;
+mod correct;
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, Vector3};
 
 use crate::aiding::{Innovation, Motion};
 use crate::earth::Environment;
@@ -294,7 +295,7 @@ impl Eskf {
         let cross = innovation.cross.map(|cross| cross.fixed_columns::<M>(0).into_owned());
         let p = self.covariance;
 
-        let ph = p * h.transpose();
+        let ph = correct::reach(&p, &h);
         let mut s = h * ph + r;
         if let Some(c) = &cross {
             let half = h * c;
@@ -343,16 +344,13 @@ impl Eskf {
         }
 
         let reach = cross.map_or(ph, |c| ph + c);
-        let gain = factor.solve(&reach.transpose()).transpose();
-        // Joseph's form, its (I − K H) P expanded to products of rank M.
-        let mut joseph = p - gain * ph.transpose();
-        joseph -= (joseph * h.transpose()) * gain.transpose();
-        joseph += gain * r * gain.transpose();
+        let gain = correct::gain(&reach, &factor.l());
+        let mut joseph = correct::joseph(&p, &ph, &gain, &h, &r);
         if let Some(c) = &cross {
             let shared = (c - gain * (h * c)) * gain.transpose();
             joseph -= shared + shared.transpose();
         }
-        let updated = (joseph + joseph.transpose()) * 0.5;
+        let updated = correct::symmetric(&joseph);
         require_positive_definite(&updated, self.state.time_ns)?;
         self.covariance = updated;
         if let Some(water) = &mut self.water {
@@ -379,32 +377,8 @@ impl Eskf {
     }
 }
 
-/// Cholesky's factorisation with frozen states (zero variance) left out.
-fn active_factor(covariance: &Covariance) -> Option<nalgebra::Cholesky<f64, nalgebra::Const<DIM>>> {
-    let mut matrix = *covariance;
-    for k in 0..DIM {
-        if matrix[(k, k)] == 0.0 && matrix.column(k).amax() == 0.0 {
-            matrix[(k, k)] = 1.0;
-        }
-    }
-    // Scaling to unit diagonal keeps metres and radians per second from hiding each other.
-    let scale = SVector::<f64, DIM>::from_fn(|k, _| {
-        if matrix[(k, k)] > 0.0 {
-            matrix[(k, k)].sqrt().recip()
-        } else {
-            0.0
-        }
-    });
-    for j in 0..DIM {
-        for i in 0..DIM {
-            matrix[(i, j)] *= scale[i] * scale[j];
-        }
-    }
-    matrix.cholesky()
-}
-
 fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<(), NavError> {
-    if active_factor(covariance).is_some() {
+    if correct::is_positive_definite(covariance) {
         return Ok(());
     }
     let negative = (0..DIM).find(|&k| covariance[(k, k)] < 0.0);

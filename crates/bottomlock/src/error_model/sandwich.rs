@@ -3,32 +3,59 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f64x4};
 
-use super::transition::{FirstOrder, SecondOrder, Spread, Transition};
+use super::transition::{FirstOrder, Parts, SecondOrder, Spread, Transition};
 use super::{HalfNoise, Interval, ProcessNoise};
 use crate::imu::EarthTerms;
-use crate::lane::{Lane, level};
-use crate::layout::{DIM, DYNAMIC};
+use crate::lane::{Lane, V3, level};
+use crate::layout::{ATTITUDE, DIM, DYNAMIC, POSITION, VELOCITY};
 
 /// P ← Φ P Φᵀ for a symmetric P, result exactly symmetric.
+///
+/// In place. Velocity and position go before what they read: position reads old misalignment and velocity, velocity reads old
+/// misalignment.
 #[inline(always)]
 pub(super) fn sandwich<T: Lane>(p: &mut [[T; DIM]; DIM], phi: &impl Transition<T>) {
-    // Φ P, column by column, in its place: only the dynamic rows change.
+    // Φ P, column by column: only the dynamic rows change.
     for column in p.iter_mut() {
-        let image = phi.apply(column);
-        for i in 0..DYNAMIC {
-            column[i] = image[i];
+        put(column, POSITION, phi.position(&Parts::of(column)));
+    }
+    for column in p.iter_mut() {
+        put(column, VELOCITY, phi.velocity(&Parts::of(column)));
+    }
+    for column in p.iter_mut() {
+        put(column, ATTITUDE, phi.attitude(&Parts::of(column)));
+    }
+    // (Φ P) Φᵀ, row by row, below the diagonal; what is written above it no later row reads.
+    for i in POSITION..DYNAMIC {
+        mirror(p, i, POSITION, phi.position(&Parts::of(&row_of(p, i))));
+    }
+    for i in VELOCITY..DYNAMIC {
+        mirror(p, i, VELOCITY, phi.velocity(&Parts::of(&row_of(p, i))));
+    }
+    for i in ATTITUDE..DYNAMIC {
+        mirror(p, i, ATTITUDE, phi.attitude(&Parts::of(&row_of(p, i))));
+    }
+    for i in 0..DYNAMIC {
+        for j in DYNAMIC..DIM {
+            p[i][j] = p[j][i];
         }
     }
-    // (Φ P) Φᵀ, row by row; a row is read before anything is written that a later row would read.
-    for i in 0..DYNAMIC {
-        let row = row_of(p, i);
-        let image = phi.apply(&row);
-        for k in 0..=i {
-            p[i][k] = image[k];
-            p[k][i] = image[k];
-        }
-        for j in DYNAMIC..DIM {
-            p[i][j] = row[j];
+}
+
+#[inline(always)]
+fn put<T: Lane>(column: &mut [T; DIM], from: usize, image: V3<T>) {
+    column[from] = image[0];
+    column[from + 1] = image[1];
+    column[from + 2] = image[2];
+}
+
+/// Writes three elements of row i, as far as the diagonal, and their mirror images.
+#[inline(always)]
+fn mirror<T: Lane>(p: &mut [[T; DIM]; DIM], i: usize, from: usize, image: V3<T>) {
+    for k in 0..3 {
+        if from + k <= i {
+            p[i][from + k] = image[k];
+            p[from + k][i] = image[k];
         }
     }
 }

@@ -5,10 +5,47 @@ use crate::imu::EarthTerms;
 use crate::lane::{Lane, M3, V3, add, cross, mat_axpy, mat_mul, mul, scale, skew, splat3, sub, zero3};
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
 
-/// A transition matrix whose last eleven rows are the identity.
-pub(super) trait Transition<T> {
-    /// The dynamic rows of Φ x.
-    fn apply(&self, x: &[T; DIM]) -> [T; DYNAMIC];
+/// The part of a vector in error-state order that a transition reads.
+#[derive(Clone, Copy)]
+pub(super) struct Parts<T> {
+    r: V3<T>,
+    rho: V3<T>,
+    v: V3<T>,
+    ba: V3<T>,
+    bg: V3<T>,
+}
+
+impl<T: Lane> Parts<T> {
+    #[inline(always)]
+    pub(super) fn of(x: &[T; DIM]) -> Self {
+        Self {
+            r: part(x, POSITION),
+            rho: part(x, ATTITUDE),
+            v: part(x, VELOCITY),
+            ba: part(x, ACCEL_BIAS),
+            bg: part(x, GYRO_BIAS),
+        }
+    }
+}
+
+/// A transition matrix whose last eleven rows are the identity, by blocks of rows of Φ x.
+///
+/// Blocks are asked for one at a time, so that the coefficients of one stay in registers over many vectors.
+pub(super) trait Transition<T: Lane> {
+    /// The rows of position.
+    fn position(&self, x: &Parts<T>) -> V3<T>;
+    /// The rows of misalignment.
+    fn attitude(&self, x: &Parts<T>) -> V3<T>;
+    /// The rows of velocity.
+    fn velocity(&self, x: &Parts<T>) -> V3<T>;
+
+    /// All dynamic rows.
+    #[inline(always)]
+    fn apply(&self, x: &[T; DIM]) -> [T; DYNAMIC] {
+        let x = Parts::of(x);
+        let (r, rho, v) = (self.position(&x), self.attitude(&x), self.velocity(&x));
+        [r[0], r[1], r[2], rho[0], rho[1], rho[2], v[0], v[1], v[2]]
+    }
 }
 
 /// Φ = I + F T, F with its skew and identity blocks.
@@ -43,21 +80,19 @@ fn part<T: Lane>(x: &[T; DIM], start: usize) -> V3<T> {
     [x[start], x[start + 1], x[start + 2]]
 }
 
-#[inline(always)]
-fn join<T: Lane>(r: V3<T>, rho: V3<T>, v: V3<T>) -> [T; DYNAMIC] {
-    [r[0], r[1], r[2], rho[0], rho[1], rho[2], v[0], v[1], v[2]]
-}
-
 impl<T: Lane> Transition<T> for FirstOrder<T> {
     #[inline(always)]
-    fn apply(&self, x: &[T; DIM]) -> [T; DYNAMIC] {
-        let (r, rho, v) = (part(x, POSITION), part(x, ATTITUDE), part(x, VELOCITY));
-        let (ba, bg) = (part(x, ACCEL_BIAS), part(x, GYRO_BIAS));
-        let new_r = add(sub(r, cross(self.velocity_t, rho)), mul(&self.rotation, v));
-        let new_rho = sub(sub(rho, cross(self.earth, rho)), mul(&self.rotation, bg));
-        let new_v = sub(add(v, mul(&self.force, rho)), cross(self.swing, v));
-        let new_v = sub(sub(new_v, scale(ba, self.duration)), cross(self.velocity_p, bg));
-        join(new_r, new_rho, new_v)
+    fn position(&self, x: &Parts<T>) -> V3<T> {
+        add(sub(x.r, cross(self.velocity_t, x.rho)), mul(&self.rotation, x.v))
+    }
+    #[inline(always)]
+    fn attitude(&self, x: &Parts<T>) -> V3<T> {
+        sub(sub(x.rho, cross(self.earth, x.rho)), mul(&self.rotation, x.bg))
+    }
+    #[inline(always)]
+    fn velocity(&self, x: &Parts<T>) -> V3<T> {
+        let v = sub(add(x.v, mul(&self.force, x.rho)), cross(self.swing, x.v));
+        sub(sub(v, scale(x.ba, self.duration)), cross(self.velocity_p, x.bg))
     }
 }
 
@@ -125,15 +160,18 @@ impl<T: Lane> SecondOrder<T> {
 
 impl<T: Lane> Transition<T> for SecondOrder<T> {
     #[inline(always)]
-    fn apply(&self, x: &[T; DIM]) -> [T; DYNAMIC] {
-        let (r, rho, v) = (part(x, POSITION), part(x, ATTITUDE), part(x, VELOCITY));
-        let (ba, bg) = (part(x, ACCEL_BIAS), part(x, GYRO_BIAS));
-        let new_r = add(add(r, mul(&self.r_rho, rho)), mul(&self.r_v, v));
-        let new_r = add(add(new_r, mul(&self.r_ba, ba)), mul(&self.r_bg, bg));
-        let new_rho = add(add(rho, mul(&self.rho_rho, rho)), mul(&self.rho_bg, bg));
-        let new_v = add(add(v, mul(&self.v_rho, rho)), mul(&self.v_v, v));
-        let new_v = add(add(new_v, mul(&self.v_ba, ba)), mul(&self.v_bg, bg));
-        join(new_r, new_rho, new_v)
+    fn position(&self, x: &Parts<T>) -> V3<T> {
+        let r = add(add(x.r, mul(&self.r_rho, x.rho)), mul(&self.r_v, x.v));
+        add(add(r, mul(&self.r_ba, x.ba)), mul(&self.r_bg, x.bg))
+    }
+    #[inline(always)]
+    fn attitude(&self, x: &Parts<T>) -> V3<T> {
+        add(add(x.rho, mul(&self.rho_rho, x.rho)), mul(&self.rho_bg, x.bg))
+    }
+    #[inline(always)]
+    fn velocity(&self, x: &Parts<T>) -> V3<T> {
+        let v = add(add(x.v, mul(&self.v_rho, x.rho)), mul(&self.v_v, x.v));
+        add(add(v, mul(&self.v_ba, x.ba)), mul(&self.v_bg, x.bg))
     }
 }
 

@@ -10,7 +10,7 @@ use super::Eskf;
 use crate::error::NavError;
 use crate::error_model::{Coefficients, Interval};
 use crate::imu::{ImuSample, Inertial, Kinematics, Sampling};
-use crate::lane::{Lane, Lanes, V3, WIDEST, gather, level, scatter, sub};
+use crate::lane::{Lane, Lanes, V3, WIDEST, gather, level, scatter, splat3, sub};
 use crate::layout::DIM;
 
 /// A filter and the samples that it takes; the first of them it has taken already.
@@ -112,18 +112,26 @@ fn corrected<T: Lane>(sample: &Inertial<T>, gyro_bias: V3<T>, accel_bias: V3<T>)
     }
 }
 
-/// The samples of all lanes at one time.
+/// The samples of all lanes at one time; arms of a run have them in common.
 #[inline(always)]
-fn readings<S: Simd, T: Lanes<S>>(simd: S, streams: &[&[ImuSample]; WIDEST], at: usize) -> Inertial<T> {
-    let mut rate = [T::gather(simd, |_| 0.0); 3];
-    let mut force = rate;
-    for axis in 0..3 {
-        rate[axis] = T::gather(simd, |k| streams[k][at].rate_p_radps.0[axis]);
-        force[axis] = T::gather(simd, |k| streams[k][at].force_p_mps2.0[axis]);
+fn readings<S: Simd, T: Lanes<S>>(simd: S, streams: &[&[ImuSample]; WIDEST], at: usize, common: bool) -> Inertial<T> {
+    let zero = T::gather(simd, |_| 0.0);
+    let first = &streams[0][at];
+    if common {
+        return Inertial {
+            rate_p_radps: splat3(zero, first.rate_p_radps.to_array()),
+            force_p_mps2: splat3(zero, first.force_p_mps2.to_array()),
+        };
     }
+    let mut own = [[0.0; 6]; WIDEST];
+    for (own, stream) in own.iter_mut().zip(streams) {
+        let (rate, force) = (&stream[at].rate_p_radps.0, &stream[at].force_p_mps2.0);
+        *own = [rate.x, rate.y, rate.z, force.x, force.y, force.z];
+    }
+    let all: [T; 6] = gather(simd, &own);
     Inertial {
-        rate_p_radps: rate,
-        force_p_mps2: force,
+        rate_p_radps: [all[0], all[1], all[2]],
+        force_p_mps2: [all[3], all[4], all[5]],
     }
 }
 
@@ -166,11 +174,12 @@ fn fly<S: Simd, T: Lanes<S>>(simd: S, seats: &mut [&mut Seat<'_>]) {
     let (sampling, period_s) = (seats[0].filter.sampling, seats[0].filter.covariance_period_s);
     let second_order = period_s > 0.0;
     let samples = streams[0];
-    let mut first = corrected(&readings(simd, &streams, 0), gyro_bias, accel_bias);
+    let common = streams.iter().all(|stream| std::ptr::eq(*stream, samples));
+    let mut first = corrected(&readings(simd, &streams, 0, common), gyro_bias, accel_bias);
     let mut dt_s = 0.0;
     for at in 1..samples.len() {
         dt_s = (samples[at].time_ns - samples[at - 1].time_ns) as f64 * 1e-9;
-        let last = corrected(&readings(simd, &streams, at), gyro_bias, accel_bias);
+        let last = corrected(&readings(simd, &streams, at, common), gyro_bias, accel_bias);
         if sampling == Sampling::Averaged {
             first = last;
         }
