@@ -182,7 +182,7 @@ def _update(p, m, r, q, v, biases, directions, reading, variance):
     biases += error[9:20]
 
 
-@numba.njit(fastmath=True)
+@numba.njit(fastmath=True, cache=True)
 def fly(time_ns, rate, force, ping_ns, beams, directions, q0, v0, p0, noise, earth, gravity, beam_sd):
     """Mechanisation, covariance at every step and four beams at each ping; the covariance (20, 20) at the end."""
     p, room = p0.copy(), np.empty((9, 20))

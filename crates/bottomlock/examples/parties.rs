@@ -14,7 +14,7 @@ use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use bottomlock::error_model::{Coefficients, Interval, ProcessNoise, dense_noise};
+use bottomlock::error_model::{Coefficients, Interval, ProcessNoise};
 use bottomlock::events::Event;
 use bottomlock::filter::Eskf;
 use bottomlock::filter::convoy::{Seat, predict_together};
@@ -102,11 +102,10 @@ impl Work {
         navigator.covariance()
     }
 
-    /// Many runs side by side, each with a copy of the readings.
-    fn many(&self, runs: usize, period_ns: i64) -> Covariance {
+    /// Many filters side by side; `streams` are the readings of each, or of all.
+    fn many(&self, runs: usize, period_ns: i64, streams: &[Vec<ImuSample>]) -> Covariance {
         let one = Eskf::new(self.start, &self.model, &Self::options(period_ns)).unwrap();
         let mut filters = vec![one; runs];
-        let streams = &self.streams[..runs];
         let mut from = 0;
         for ping in &self.pings {
             let to = from
@@ -127,7 +126,7 @@ impl Work {
     }
 
     fn lead(&self, filters: &mut [Eskf], streams: &[Vec<ImuSample>], from: usize, to: usize) {
-        let pairs = filters.iter_mut().zip(streams);
+        let pairs = filters.iter_mut().zip(streams.iter().cycle());
         let mut seats: Vec<_> = pairs
             .map(|(filter, stream)| Seat::new(filter, &stream[from..=to]))
             .collect();
@@ -140,6 +139,13 @@ impl Work {
         type Dense = SMatrix<f64, 20, 20>;
         let earth = EarthTerms::from(&self.model.environment);
         let noise: ProcessNoise = self.model.process_noise(true);
+        let mut walks = Dense::zeros();
+        for k in 0..3 {
+            walks[(9 + k, 9 + k)] = noise.accel_bias;
+            walks[(12 + k, 12 + k)] = noise.gyro_bias;
+        }
+        (15..19).for_each(|k| walks[(k, k)] = noise.dvl_bias);
+        walks[(19, 19)] = noise.dvl_scale;
         let mut p = self.model.initial_covariance(true);
         let mut state = self.start;
         let mut kinematics = state.kinematics();
@@ -155,9 +161,16 @@ impl Work {
             kinematics.step(&first, &last, dt_s, &earth);
             let after = Coefficients::at(&kinematics, &last, &earth);
             let (f0, f1) = (before.dense(&earth), after.dense(&earth));
-            let (q0, q1) = (dense_noise(&before, &noise), dense_noise(&after, &noise));
-            let phi = Dense::from_fn(|i, j| f64::from(u8::from(i == j)) + 0.5 * dt_s * (f0[i][j] + f1[i][j]));
-            let half = Dense::from_fn(|i, j| 0.25 * dt_s * (q0[i][j] + q1[i][j]));
+            let mean = Dense::from_fn(|i, j| 0.5 * (f0[i][j] + f1[i][j]));
+            let phi = Dense::identity() + mean * dt_s;
+            // G stands in F: the columns of the accelerometers' and the gyros' biases, but for the sign.
+            let (accel, gyro) = (mean.fixed_columns::<3>(9), mean.fixed_columns::<3>(12));
+            let mut density = accel * accel.transpose() * noise.accel + gyro * gyro.transpose() * noise.gyro + walks;
+            // R Q Rᵀ is Q for isotropic noise, also where R is the mean of two rotations.
+            density
+                .fixed_view_mut::<3, 3>(3, 3)
+                .copy_from(&(SMatrix::<f64, 3, 3>::identity() * noise.gyro));
+            let half = density * (0.5 * dt_s);
             p = phi * (p + half) * phi.transpose() + half;
             let Some(ping) = pings.next_if(|ping| ping.time_ns == step[1].time_ns) else {
                 continue;
@@ -337,8 +350,10 @@ fn main() {
         let covariance = match party {
             "one" => work.one(0),
             "one_10hz" => work.one(TENTH_NS),
-            "many" => work.many(runs, 0),
-            "many_10hz" => work.many(runs, TENTH_NS),
+            "arms" => work.many(runs, 0, &work.streams[..1]),
+            "arms_10hz" => work.many(runs, TENTH_NS, &work.streams[..1]),
+            "many" => work.many(runs, 0, &work.streams[..runs]),
+            "many_10hz" => work.many(runs, TENTH_NS, &work.streams[..runs]),
             "dense" => work.dense(),
             "flops" => {
                 println!("{}", operations_of_a_step(&work));

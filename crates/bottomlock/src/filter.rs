@@ -4,6 +4,7 @@ mod assume;
 pub mod convoy;
 mod correct;
 
+use fearless_simd::{Simd, dispatch};
 use nalgebra::{SMatrix, Vector3};
 
 use crate::aiding::{Innovation, Motion};
@@ -12,6 +13,7 @@ use crate::error::{NavError, require_finite};
 use crate::error_model::{Coefficients, Interval, ProcessNoise};
 use crate::frames::{Rot, Vec3};
 use crate::imu::{EarthTerms, ImuSample, Inertial, Kinematics, Sampling};
+use crate::lane::level;
 use crate::layout::{DIM, VELOCITY, block_name};
 use crate::model::{Gate, GateTable, MAX_ROWS, Model, Options};
 use crate::report::{Sensor, UpdateReport, Verdict};
@@ -136,9 +138,7 @@ impl Eskf {
         }
         let (first, last) = (self.corrected(self.first_of(start, end)), self.corrected(end));
         self.begin_interval(start, end);
-        self.kinematics.step(&first, &last, dt_s, &self.earth);
-        self.interval
-            .extend(Coefficients::at(&self.kinematics, &last, &self.earth), dt_s);
+        dispatch!(level(), simd => self.integrate(simd, &first, &last, dt_s));
         self.state.time_ns = end.time_ns;
         self.last_rate_p_radps = end.rate_p_radps.0;
         self.last_step_s = dt_s;
@@ -152,6 +152,14 @@ impl Eskf {
             self.propagate_covariance();
         }
         Ok(())
+    }
+
+    /// State and coefficients over a step; compiled for the machine's own instructions.
+    #[inline(always)]
+    fn integrate<S: Simd>(&mut self, _simd: S, first: &Inertial<f64>, last: &Inertial<f64>, dt_s: f64) {
+        self.kinematics.step(first, last, dt_s, &self.earth);
+        self.interval
+            .extend(Coefficients::at(&self.kinematics, last, &self.earth), dt_s);
     }
 
     /// The sample that a step begins with.

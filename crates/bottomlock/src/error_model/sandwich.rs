@@ -129,16 +129,26 @@ impl Interval<f64> {
         if self.duration_s <= 0.0 {
             return;
         }
+        dispatch!(level(), simd => self.by_columns(simd, p, noise, earth, second_order));
+        self.empty_again();
+    }
+
+    #[inline(always)]
+    fn by_columns<S: Simd>(
+        &self,
+        simd: S,
+        p: &mut [[f64; DIM]; DIM],
+        noise: &ProcessNoise,
+        earth: &EarthTerms,
+        second_order: bool,
+    ) {
         let half = HalfNoise::new(&self.mean(), noise, self.duration_s);
         half.add_to(p);
         if second_order {
-            let phi = SecondOrder::new(&self.sum, self.duration_s, earth);
-            dispatch!(level(), simd => sandwich_by_columns(simd, p, &phi));
+            sandwich_by_columns(simd, p, &SecondOrder::new(&self.sum, self.duration_s, earth));
         } else {
-            let phi = FirstOrder::new(&self.sum, self.duration_s, earth);
-            dispatch!(level(), simd => sandwich_by_columns(simd, p, &phi));
+            sandwich_by_columns(simd, p, &FirstOrder::new(&self.sum, self.duration_s, earth));
         }
         half.add_to(p);
-        self.empty_again();
     }
 }

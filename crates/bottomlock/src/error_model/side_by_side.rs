@@ -65,13 +65,10 @@ impl<T: Lane> Interval<T> {
     where
         T: Lanes<S>,
     {
-        let last = match &self.last {
-            Some(last) => Some(Coefficients::from_array(scatter(&last.to_array(), k))),
-            None => None,
-        };
+        let last = self.last.as_ref();
         Interval {
             sum: Coefficients::from_array(scatter(&self.sum.to_array(), k)),
-            last,
+            last: last.map(|last| Coefficients::from_array(scatter(&last.to_array(), k))),
             duration_s: self.duration_s,
         }
     }

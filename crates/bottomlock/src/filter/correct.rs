@@ -32,12 +32,21 @@ fn store<S: Simd>(column: &Column<S>, into: &mut [f64; DIM]) {
     }
 }
 
-/// y ← y + a x, of the vectors from `first` on.
+/// y ← y + a x.
 #[inline(always)]
-fn add_scaled<S: Simd>(y: &mut Column<S>, a: f64, x: &Column<S>, first: usize) {
-    for k in first..VECTORS {
+fn add_scaled<S: Simd>(y: &mut Column<S>, a: f64, x: &Column<S>) {
+    for k in 0..VECTORS {
         y[k] += x[k] * a;
     }
+}
+
+#[inline(always)]
+fn divided<S: Simd>(column: Column<S>, divisor: f64) -> Column<S> {
+    let mut out = column;
+    for part in &mut out {
+        *part /= divisor;
+    }
+    out
 }
 
 /// A Bᵀ with B of few rows, as columns; columns of A that B does not reach are left out.
@@ -52,7 +61,7 @@ fn times_transposed<S: Simd, const M: usize>(
         let column = load(simd, &a[k]);
         for m in 0..M {
             if b[(m, k)] != 0.0 {
-                add_scaled(&mut sums[m], b[(m, k)], &column, 0);
+                add_scaled(&mut sums[m], b[(m, k)], &column);
             }
         }
     }
@@ -83,16 +92,16 @@ fn solve<S: Simd, const M: usize>(
     for i in 0..M {
         let mut own = load(simd, &reach.data.0[i]);
         for k in 0..i {
-            add_scaled(&mut own, -l[(i, k)], &x[k], 0);
+            add_scaled(&mut own, -l[(i, k)], &x[k]);
         }
-        x[i] = own.map(|part| part / l[(i, i)]);
+        x[i] = divided(own, l[(i, i)]);
     }
     for i in (0..M).rev() {
         let mut own = x[i];
         for k in i + 1..M {
-            add_scaled(&mut own, -l[(k, i)], &x[k], 0);
+            add_scaled(&mut own, -l[(k, i)], &x[k]);
         }
-        x[i] = own.map(|part| part / l[(i, i)]);
+        x[i] = divided(own, l[(i, i)]);
     }
     let mut out = SMatrix::zeros();
     for i in 0..M {
@@ -128,7 +137,7 @@ fn expanded<S: Simd, const M: usize>(
     }
     for m in 0..M {
         for n in 0..M {
-            add_scaled(&mut k_r[m], r[(n, m)], &k[n], 0);
+            add_scaled(&mut k_r[m], r[(n, m)], &k[n]);
         }
     }
     // (I − K H) P, column by column.
@@ -136,7 +145,7 @@ fn expanded<S: Simd, const M: usize>(
     for (j, column) in left.data.0.iter_mut().enumerate() {
         let mut own = load(simd, column);
         for m in 0..M {
-            add_scaled(&mut own, -ph[(j, m)], &k[m], 0);
+            add_scaled(&mut own, -ph[(j, m)], &k[m]);
         }
         store(&own, column);
     }
@@ -149,10 +158,10 @@ fn expanded<S: Simd, const M: usize>(
     for (j, column) in left.data.0.iter_mut().enumerate() {
         let mut own = load(simd, column);
         for m in 0..M {
-            add_scaled(&mut own, -gain[(j, m)], &rest[m], 0);
+            add_scaled(&mut own, -gain[(j, m)], &rest[m]);
         }
         for m in 0..M {
-            add_scaled(&mut own, gain[(j, m)], &k_r[m], 0);
+            add_scaled(&mut own, gain[(j, m)], &k_r[m]);
         }
         store(&own, column);
     }
@@ -197,23 +206,19 @@ fn factorises<S: Simd>(simd: S, covariance: &Covariance) -> bool {
         if scale[j] == 0.0 {
             continue;
         }
-        let first = j / WIDTH;
+        // The elements above the diagonal come out as zeros but for rounding, and nobody reads them.
         let mut own = load(simd, &covariance.data.0[j]);
-        for k in first..VECTORS {
-            own[k] = own[k] * (scales[k] * scale[j]);
+        for k in 0..VECTORS {
+            own[k] *= scales[k] * scale[j];
         }
-        for k in 0..j {
-            let across = factor[k][first][j % WIDTH];
-            add_scaled(&mut own, -across, &factor[k], first);
+        for column in &factor[..j] {
+            add_scaled(&mut own, -column[j / WIDTH][j % WIDTH], column);
         }
-        let pivot = own[first][j % WIDTH];
+        let pivot = own[j / WIDTH][j % WIDTH];
         if !(pivot > 0.0) {
             return false;
         }
-        let root = pivot.sqrt();
-        for k in first..VECTORS {
-            factor[j][k] = own[k] / root;
-        }
+        factor[j] = divided(own, pivot.sqrt());
     }
     true
 }
