@@ -4,7 +4,7 @@
 //! bit, whoever its neighbours are. Only filters whose covariance falls due at the same steps sit together.
 
 use fearless_simd::prelude::*;
-use fearless_simd::{Level, dispatch, f64x4, f64x8};
+use fearless_simd::{dispatch, f64x4, f64x8};
 
 use super::Eskf;
 use crate::error::NavError;
@@ -90,7 +90,7 @@ pub fn predict_together(seats: &mut [Seat<'_>]) {
 pub fn width() -> usize {
     match level() {
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512(_) => WIDEST,
+        fearless_simd::Level::Avx512(_) => WIDEST,
         _ => 4,
     }
 }
