@@ -51,11 +51,11 @@ def flight() -> dict[str, Any]:
 
 def memory(runs: int) -> tuple[float, float]:
     """Growth of the largest resident set by a batch, and the size of what it returns, MB; in a process of its own."""
-    code = (
-        "import sys; sys.path.insert(0, sys.argv[1]); import campaign; campaign.print_memory(int(sys.argv[2]))"
-    )
+    code = "import sys; sys.path.insert(0, sys.argv[1]); import campaign; campaign.print_memory(int(sys.argv[2]))"
     here = str(Path(__file__).resolve().parent)
-    answer = subprocess.run([sys.executable, "-c", code, here, str(runs)], check=True, capture_output=True, text=True)
+    answer = subprocess.run(
+        [sys.executable, "-c", code, here, str(runs)], check=True, capture_output=True, text=True
+    )
     grown, returned = answer.stdout.split()
     return float(grown), float(returned)
 
@@ -72,7 +72,9 @@ def print_memory(runs: int) -> None:
 
 def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--runs", type=int, default=96)
     options = parser.parse_args()
@@ -111,7 +113,9 @@ def main() -> int:
     ratio("cost of a run, 8 against 32", "kernel, 8 runs, 1 thread", "kernel, 32 runs, 1 thread", 4.0)
     # A run costs the same in a small and a large batch but for what a batch costs by itself.
     large, small = (np.array(times[f"kernel, {n} runs, 1 thread"]) for n in (32, 8))
-    print(f"  {'what a batch costs by itself, share of 8 runs':52}{spread(list((4 * small - large) / 3 / small))}")
+    print(
+        f"  {'what a batch costs by itself, share of 8 runs':52}{spread(list((4 * small - large) / 3 / small))}"
+    )
     big = [seconds(batch(512, 2)) for _ in range(2)]
     little = [16 * seconds(batch(32, 2)) for _ in range(4)]
     print(f"  {'cost of a run, 512 against 32, two threads':52}{np.median(big) / np.median(little):8.3g}")

@@ -3,9 +3,9 @@
     cargo build --release --example parties
     python benches/compare.py [--rounds 9] [--seconds 250]
 
-Every round times every party once, in turn; a figure is the median over the rounds, with the smallest and the largest, and each
-ratio is the median of the rounds' own ratios, so that what else the machine does falls on all alike. Times are those that the
-thread had on a core. The parties with 20 states must end with the same covariance, or the comparison fails.
+Every round times every party once, in turn; a figure is the median over the rounds, with the smallest and the largest,
+and each ratio is the median of the rounds' own ratios, so that what else the machine does falls on all alike. Times are
+those that the thread had on a core. The parties with 20 states must end with the same covariance, or it fails.
 
 Needs numba, python-ins and inslib beside the package; a party that is not installed is left out and named.
 """
@@ -68,7 +68,9 @@ class Readings:
         t = time_ns * 1e-9
         generator = np.random.default_rng(20170101)
         rate = np.stack([0.02 * np.sin(0.5 * t), 0.03 * np.cos(0.4 * t), 0.05 * np.sin(0.05 * t)], axis=1)
-        force = np.stack([0.05 * np.sin(0.3 * t), 0.1 * np.sin(0.05 * t), np.full(count, -gravity_mps2())], axis=1)
+        force = np.stack(
+            [0.05 * np.sin(0.3 * t), 0.1 * np.sin(0.05 * t), np.full(count, -gravity_mps2())], axis=1
+        )
         rate += generator.normal(scale=1e-3, size=rate.shape)
         force += generator.normal(scale=1e-2, size=force.shape)
         azimuth, tilt = np.deg2rad([45.0, 135.0, 225.0, 315.0]), 20.0 * DEGREE
@@ -114,7 +116,9 @@ class Rust:
             sys.exit("compare: build the Rust parties first: cargo build --release --example parties")
         path = folder / "readings.bin"
         readings.write(path)
-        self._process = subprocess.Popen([PARTIES, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self._process = subprocess.Popen(
+            [PARTIES, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
 
     def ask(self, line: str) -> list[float]:
         """The numbers that answer a line."""
@@ -232,7 +236,9 @@ def disagreement(covariance: Matrix, reference: Matrix) -> float:
 
 def main() -> int:
     """Time all parties, print figures and ratios, check the covariances."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--seconds", type=int, default=250)
     options = parser.parse_args()
@@ -291,7 +297,9 @@ def show(timings: dict[str, list[Timing]], peaks: list[float], flops: float) -> 
     print(f"\n  multiply-adds, GFLOP/s  {spread(peaks)}")
     rates = [flops / timing.step_us * 1e-3 for timing in timings["8 arms side by side"]]
     print(f"  8 arms, GFLOP/s         {spread(rates)}   ({flops:.0f} operations a step, updates not counted)")
-    print(f"  share of the peak       {spread([rate / peak for rate, peak in zip(rates, peaks, strict=True)])}")
+    print(
+        f"  share of the peak       {spread([rate / peak for rate, peak in zip(rates, peaks, strict=True)])}"
+    )
     print("\nratios: median [smallest, largest] of the rounds' own")
     for slower, faster in RATIOS:
         if slower in timings and faster in timings:

@@ -1,9 +1,9 @@
-"""How far the sigmas of a slower covariance are from a second-order reference at every step; prints the table of the docs.
+"""How far the sigmas of a slower covariance are from a second-order reference at every step; the table of the docs.
 
     python benches/covariance_rate.py
 
-Perfect sensors, so that only the propagation differs; the filter assumes Table 2. The reference propagates at every IMU step with
-the second-order transition (a covariance period of 1 ns).
+Perfect sensors, so that only the propagation differs; the filter assumes Table 2. The reference propagates at every IMU
+step with the second-order transition (a covariance period of 1 ns).
 """
 
 from __future__ import annotations
@@ -19,13 +19,19 @@ from bottomlock.conditions import schedule
 from tests.analytic import analytic_world
 
 RATE_HZ, SECONDS = 150, 250
-PERIODS_NS = {"150 Hz, first order": 0, "50 Hz": 20_000_000, "10 Hz": 100_000_000, "5 Hz": 200_000_000, "1 Hz": 1_000_000_000}
+PERIODS_NS = {
+    "150 Hz, first order": 0,
+    "50 Hz": 20_000_000,
+    "10 Hz": 100_000_000,
+    "5 Hz": 200_000_000,
+    "1 Hz": 1_000_000_000,
+}
 BLOCKS = {"position": slice(0, 3), "misalignment": slice(3, 6), "velocity": slice(6, 9)}
 Vectors = NDArray[np.float64]
 
 
 def rough_truth(gravity_mps2: float, earth_t_radps: Vectors) -> dict[str, Any]:
-    """Wave motion: 8 deg of roll at 0.2 Hz, 4 deg of pitch at 0.25 Hz, shaken by 0.5 deg at 3 Hz, yawing 20 deg at 0.05 Hz."""
+    """Waves: 8 deg of roll and 4 deg of pitch, shaken by 0.5 deg at 3 Hz, yawing 20 deg at 0.05 Hz."""
     fine = 8
     dt = 1.0 / (RATE_HZ * fine)
     t = np.arange(SECONDS * RATE_HZ * fine + 1) * dt
@@ -34,7 +40,9 @@ def rough_truth(gravity_mps2: float, earth_t_radps: Vectors) -> dict[str, Any]:
     pitch = np.deg2rad(4.0 * np.sin(0.25 * turn) + 0.5 * np.cos(3.1 * turn))
     yaw = np.deg2rad(20.0 * np.sin(0.05 * turn))
     attitude = Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=1))
-    velocity = np.stack([2.0 + 0.2 * np.sin(0.2 * turn), 0.1 * np.sin(0.25 * turn), 0.1 * np.cos(0.2 * turn)], axis=1)
+    velocity = np.stack(
+        [2.0 + 0.2 * np.sin(0.2 * turn), 0.1 * np.sin(0.25 * turn), 0.1 * np.cos(0.2 * turn)], axis=1
+    )
     rate_tp = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / dt
     rate_tp = np.vstack([rate_tp[:1], 0.5 * (rate_tp[:-1] + rate_tp[1:]), rate_tp[-1:]])
     earth_p = attitude.inv().apply(earth_t_radps)
@@ -58,7 +66,10 @@ def quiet(model: dict[str, Any]) -> dict[str, Any]:
     """The same model with sensors that have no errors; inputs of the filter stay as they are."""
     silent = ("noise", "_sd", "walk")
     return {
-        block: {key: np.zeros_like(value) if any(s in key for s in silent) else value for key, value in fields.items()}
+        block: {
+            key: np.zeros_like(value) if any(s in key for s in silent) else value
+            for key, value in fields.items()
+        }
         if isinstance(fields, dict)
         else fields
         for block, fields in model.items()

@@ -3,8 +3,10 @@
 //! The arms of a run, and the runs of a batch, sit in the lanes of vectors; each lane does what [`Eskf::predict`] does, bit for
 //! bit, whoever its neighbours are. Only filters whose covariance falls due at the same steps sit together.
 
+#[cfg(target_arch = "x86_64")]
+use fearless_simd::f64x8;
 use fearless_simd::prelude::*;
-use fearless_simd::{dispatch, f64x4, f64x8};
+use fearless_simd::{dispatch, f64x4};
 
 use super::Eskf;
 use crate::error::NavError;
@@ -79,7 +81,7 @@ pub fn predict_together(seats: &mut [Seat<'_>]) {
             if part.len() == 1 || !rise || part[0].samples.len() < 2 {
                 part.iter_mut().for_each(|seat| seat.predict_alone());
             } else {
-                dispatch!(level(), simd => board(simd, part));
+                board(part);
             }
         }
     }
@@ -95,12 +97,17 @@ pub fn width() -> usize {
     }
 }
 
-#[inline(always)]
-fn board<S: Simd>(simd: S, seats: &mut [&mut Seat<'_>]) {
-    if seats.len() > 4 {
-        fly::<S, f64x8<S>>(simd, seats);
-    } else {
-        fly::<S, f64x4<S>>(simd, seats);
+/// Eight where the machine has vectors of eight; else four, which keeps the code for narrower ones half as large.
+fn board(seats: &mut [&mut Seat<'_>]) {
+    match level() {
+        #[cfg(target_arch = "x86_64")]
+        fearless_simd::Level::Avx512(simd) if seats.len() > 4 => {
+            simd.vectorize(
+                #[inline(always)]
+                || fly::<_, f64x8<_>>(simd, seats),
+            );
+        }
+        _ => dispatch!(level(), simd => fly::<_, f64x4<_>>(simd, seats)),
     }
 }
 
