@@ -6,10 +6,15 @@
 //! Sources: Tal et al. 2017, Eqs. (3)–(6), (9)–(11); F₃₂ and F₃₃ after Miller, Farrell et al. 2010, as erratum E8 states.
 
 mod carry;
+mod sandwich;
+mod side_by_side;
+mod transition;
 
 use crate::imu::{EarthTerms, Inertial, Kinematics};
-use crate::lane::{Lane, M3, V3, add, cross, mat_axpy, mat_mul, mul, scale, skew, sub, tmul, zero3};
+use crate::lane::{Lane, M3, V3, add, dot, mat_axpy, mat_mul, mul, scale, skew, splat3, tmul, zero3};
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DVL_BIAS, DVL_SCALE, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
+use sandwich::sandwich;
+use transition::{FirstOrder, SecondOrder, Transition};
 
 /// Power spectral densities of the process noise (Eqs. 6 and 11): squares of the per-root-second figures.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -49,30 +54,31 @@ impl<T: Lane> Coefficients<T> {
     pub fn at(kinematics: &Kinematics<T>, inertial: &Inertial<T>, earth: &EarthTerms) -> Self {
         let rotation = kinematics.rotation_t_p;
         let velocity_p = kinematics.velocity_p_mps;
-        let zero = T::splat(0.0);
-        let rate_ie_t = earth.rate_t.map(T::splat);
-        let gravity_t = [zero, zero, T::splat(earth.gravity_mps2)];
-        // Rᵀ[g×] and Rᵀ[ω_ie×]: column j of [a×] is a × e_j.
-        let transposed_times_skew = |a: V3<T>| -> M3<T> {
-            let columns = [[zero, a[2], -a[1]], [-a[2], zero, a[0]], [a[1], -a[0], zero]].map(|c| tmul(&rotation, c));
-            std::array::from_fn(|i| std::array::from_fn(|j| columns[j][i]))
-        };
-        let earth_part = mat_mul(&skew(velocity_p), &transposed_times_skew(rate_ie_t));
+        let like = velocity_p[0];
+        let zero = like.splat(0.0);
+        let rate_ie_t = splat3(like, earth.rate_t);
+        let gravity_t = [zero, zero, like.splat(earth.gravity_mps2)];
+        let earth_part = mat_mul(&skew(velocity_p), &transposed_times_skew(&rotation, rate_ie_t));
         Self {
             velocity_t: mul(&rotation, velocity_p),
             rotation,
-            force: mat_axpy(&transposed_times_skew(gravity_t), T::splat(1.0), &earth_part),
+            force: mat_axpy(
+                &transposed_times_skew(&rotation, gravity_t),
+                like.splat(1.0),
+                &earth_part,
+            ),
             swing: add(inertial.rate_p_radps, tmul(&rotation, rate_ie_t)),
             velocity_p,
         }
     }
 
-    fn zero() -> Self {
-        let zero = [T::splat(0.0); 3];
+    #[inline(always)]
+    fn zero(like: T) -> Self {
+        let zero = [like.splat(0.0); 3];
         Self {
             velocity_t: zero,
-            rotation: zero3(),
-            force: zero3(),
+            rotation: zero3(like),
+            force: zero3(like),
             swing: zero,
             velocity_p: zero,
         }
@@ -89,19 +95,18 @@ impl<T: Lane> Coefficients<T> {
 
     /// The dense F of Eq. 9, for inspection and tests; `[row][column]`.
     pub fn dense(&self, earth: &EarthTerms) -> [[T; DIM]; DIM] {
-        let mut f = [[T::splat(0.0); DIM]; DIM];
+        let like = self.velocity_p[0];
+        let (zero, one, minus) = (like.splat(0.0), like.splat(1.0), like.splat(-1.0));
+        let mut f = [[zero; DIM]; DIM];
         let mut put = |row: usize, column: usize, block: M3<T>| {
             for i in 0..3 {
                 f[row + i][column..column + 3].copy_from_slice(&block[i]);
             }
         };
-        let minus = T::splat(-1.0);
-        let negative = |m: M3<T>| mat_axpy(&zero3(), minus, &m);
-        let one = T::splat(1.0);
-        let zero = T::splat(0.0);
+        let negative = |m: M3<T>| mat_axpy(&zero3(like), minus, &m);
         put(POSITION, ATTITUDE, negative(skew(self.velocity_t)));
         put(POSITION, VELOCITY, self.rotation);
-        put(ATTITUDE, ATTITUDE, negative(skew(earth.rate_t.map(T::splat))));
+        put(ATTITUDE, ATTITUDE, negative(skew(splat3(like, earth.rate_t))));
         put(ATTITUDE, GYRO_BIAS, negative(self.rotation));
         put(VELOCITY, ATTITUDE, self.force);
         put(VELOCITY, VELOCITY, negative(skew(self.swing)));
@@ -115,6 +120,16 @@ impl<T: Lane> Coefficients<T> {
     }
 }
 
+/// Rᵀ[a×]: column j of [a×] is a × e_j.
+#[inline(always)]
+fn transposed_times_skew<T: Lane>(rotation: &M3<T>, a: V3<T>) -> M3<T> {
+    let zero = a[0].splat(0.0);
+    let x = tmul(rotation, [zero, a[2], -a[1]]);
+    let y = tmul(rotation, [-a[2], zero, a[0]]);
+    let z = tmul(rotation, [a[1], -a[0], zero]);
+    [[x[0], y[0], z[0]], [x[1], y[1], z[1]], [x[2], y[2], z[2]]]
+}
+
 /// Integrates the coefficients over an interval by the trapezoidal rule.
 #[derive(Debug, Clone, Copy)]
 pub struct Interval<T> {
@@ -123,17 +138,24 @@ pub struct Interval<T> {
     duration_s: f64,
 }
 
-impl<T: Lane> Default for Interval<T> {
+impl Default for Interval<f64> {
     fn default() -> Self {
-        Self {
-            sum: Coefficients::zero(),
-            last: None,
-            duration_s: 0.0,
-        }
+        Self::empty(0.0)
     }
 }
 
 impl<T: Lane> Interval<T> {
+    /// An interval that has not begun, of lanes like `like`.
+    #[inline(always)]
+    #[must_use]
+    pub fn empty(like: T) -> Self {
+        Self {
+            sum: Coefficients::zero(like),
+            last: None,
+            duration_s: 0.0,
+        }
+    }
+
     /// Length of the interval so far, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
@@ -155,7 +177,7 @@ impl<T: Lane> Interval<T> {
     /// Adds a step of `dt_s` that ends with `coefficients`.
     #[inline(always)]
     pub fn extend(&mut self, coefficients: Coefficients<T>, dt_s: f64) {
-        let half = T::splat(0.5 * dt_s);
+        let half = coefficients.velocity_p[0].splat(0.5 * dt_s);
         let start = self.last.unwrap_or(coefficients);
         self.sum.add_scaled(&start, half);
         self.sum.add_scaled(&coefficients, half);
@@ -177,31 +199,39 @@ impl<T: Lane> Interval<T> {
         if self.duration_s <= 0.0 {
             return;
         }
-        let mean = self.mean();
-        add_half_noise(p, &mean, noise, self.duration_s);
+        let half = HalfNoise::new(&self.mean(), noise, self.duration_s);
+        half.add_to(p);
         if second_order {
             sandwich(p, &SecondOrder::new(&self.sum, self.duration_s, earth));
         } else {
             sandwich(p, &FirstOrder::new(&self.sum, self.duration_s, earth));
         }
-        add_half_noise(p, &mean, noise, self.duration_s);
-        self.sum = Coefficients::zero();
+        half.add_to(p);
+        self.empty_again();
+    }
+
+    #[inline(always)]
+    fn empty_again(&mut self) {
+        self.sum = Coefficients::zero(self.sum.velocity_p[0]);
         self.duration_s = 0.0;
     }
 
+    #[inline(always)]
     fn mean(&self) -> Coefficients<T> {
-        let mut mean = Coefficients::zero();
-        mean.add_scaled(&self.sum, T::splat(1.0 / self.duration_s));
+        let like = self.sum.velocity_p[0];
+        let mut mean = Coefficients::zero(like);
+        mean.add_scaled(&self.sum, like.splat(1.0 / self.duration_s));
         mean
     }
 
     /// Φ over the interval as a dense matrix `[row][column]`, for inspection and tests.
     #[must_use]
     pub fn dense_transition(&self, earth: &EarthTerms, second_order: bool) -> [[T; DIM]; DIM] {
-        let mut phi = [[T::splat(0.0); DIM]; DIM];
+        let like = self.sum.velocity_p[0];
+        let mut phi = [[like.splat(0.0); DIM]; DIM];
         for column in 0..DIM {
-            let mut unit = [T::splat(0.0); DIM];
-            unit[column] = T::splat(1.0);
+            let mut unit = [like.splat(0.0); DIM];
+            unit[column] = like.splat(1.0);
             let image = if second_order {
                 SecondOrder::new(&self.sum, self.duration_s, earth).apply(&unit)
             } else {
@@ -215,183 +245,72 @@ impl<T: Lane> Interval<T> {
     }
 }
 
-/// A transition matrix whose last eleven rows are the identity.
-trait Transition<T> {
-    /// The dynamic rows of Φ x.
-    fn apply(&self, x: &[T; DIM]) -> [T; DYNAMIC];
+/// G Q Gᵀ T/2 (Eqs. 5 and 10; isotropic noise, so R Q Rᵀ = Q) as the blocks that are not zero.
+struct HalfNoise<T> {
+    attitude: T,
+    velocity: M3<T>,
+    accel: T,
+    /// Rows: velocity; columns: misalignment.
+    across: M3<T>,
+    accel_bias: T,
+    gyro_bias: T,
+    dvl_bias: T,
+    dvl_scale: T,
 }
 
-/// Φ = I + F T, F with its skew and identity blocks.
-struct FirstOrder<T> {
-    velocity_t: V3<T>,
-    rotation: M3<T>,
-    earth: V3<T>,
-    force: M3<T>,
-    swing: V3<T>,
-    velocity_p: V3<T>,
-    duration: T,
-}
-
-impl<T: Lane> FirstOrder<T> {
+impl<T: Lane> HalfNoise<T> {
     #[inline(always)]
-    fn new(sum: &Coefficients<T>, duration_s: f64, earth: &EarthTerms) -> Self {
+    fn new(mean: &Coefficients<T>, noise: &ProcessNoise, duration_s: f64) -> Self {
+        let half = 0.5 * duration_s;
+        let like = mean.velocity_p[0];
+        let gyro = like.splat(noise.gyro * half);
+        let lever = skew(mean.velocity_p);
+        let (mut velocity, mut across) = (zero3(like), zero3(like));
+        for i in 0..3 {
+            for j in 0..3 {
+                // [v×][v×]ᵀ and [v×]Rᵀ: row i of the lever with row j of the other factor.
+                velocity[i][j] = dot(lever[i], lever[j]) * gyro;
+                across[i][j] = dot(lever[i], mean.rotation[j]) * gyro;
+            }
+        }
         Self {
-            velocity_t: sum.velocity_t,
-            rotation: sum.rotation,
-            earth: earth.rate_t.map(|w| T::splat(w * duration_s)),
-            force: sum.force,
-            swing: sum.swing,
-            velocity_p: sum.velocity_p,
-            duration: T::splat(duration_s),
+            attitude: gyro,
+            velocity,
+            accel: like.splat(noise.accel * half),
+            across,
+            accel_bias: like.splat(noise.accel_bias * half),
+            gyro_bias: like.splat(noise.gyro_bias * half),
+            dvl_bias: like.splat(noise.dvl_bias * half),
+            dvl_scale: like.splat(noise.dvl_scale * half),
         }
     }
-}
 
-#[inline(always)]
-fn part<T: Lane>(x: &[T; DIM], start: usize) -> V3<T> {
-    [x[start], x[start + 1], x[start + 2]]
-}
-
-#[inline(always)]
-fn join<T: Lane>(r: V3<T>, rho: V3<T>, v: V3<T>) -> [T; DYNAMIC] {
-    [r[0], r[1], r[2], rho[0], rho[1], rho[2], v[0], v[1], v[2]]
-}
-
-impl<T: Lane> Transition<T> for FirstOrder<T> {
+    /// P ← P + G Q Gᵀ T/2.
     #[inline(always)]
-    fn apply(&self, x: &[T; DIM]) -> [T; DYNAMIC] {
-        let (r, rho, v) = (part(x, POSITION), part(x, ATTITUDE), part(x, VELOCITY));
-        let (ba, bg) = (part(x, ACCEL_BIAS), part(x, GYRO_BIAS));
-        let new_r = add(sub(r, cross(self.velocity_t, rho)), mul(&self.rotation, v));
-        let new_rho = sub(sub(rho, cross(self.earth, rho)), mul(&self.rotation, bg));
-        let new_v = sub(add(v, mul(&self.force, rho)), cross(self.swing, v));
-        let new_v = sub(sub(new_v, scale(ba, self.duration)), cross(self.velocity_p, bg));
-        join(new_r, new_rho, new_v)
-    }
-}
-
-/// Φ = I + F T + (F T)²/2; the blocks are those of Φ − I.
-struct SecondOrder<T> {
-    r_rho: M3<T>,
-    r_v: M3<T>,
-    r_ba: M3<T>,
-    r_bg: M3<T>,
-    rho_rho: M3<T>,
-    rho_bg: M3<T>,
-    v_rho: M3<T>,
-    v_v: M3<T>,
-    v_ba: M3<T>,
-    v_bg: M3<T>,
-}
-
-impl<T: Lane> SecondOrder<T> {
-    #[inline(always)]
-    fn new(sum: &Coefficients<T>, duration_s: f64, earth: &EarthTerms) -> Self {
-        let (half, minus) = (T::splat(0.5), T::splat(-1.0));
-        let negative = |m: &M3<T>| mat_axpy(&zero3(), minus, m);
-        // Blocks of F T.
-        let a = negative(&skew(sum.velocity_t));
-        let b = sum.rotation;
-        let w = negative(&skew(earth.rate_t.map(|rate| T::splat(rate * duration_s))));
-        let n = negative(&sum.rotation);
-        let c = sum.force;
-        let d = negative(&skew(sum.swing));
-        let e = T::splat(-duration_s);
-        let g = negative(&skew(sum.velocity_p));
-        // Blocks of (F T)²/2 added to them.
-        let quadratic =
-            |x: &M3<T>, y: &M3<T>, z: &M3<T>, u: &M3<T>| mat_axpy(&mat_mul(x, y), T::splat(1.0), &mat_mul(z, u));
-        let identity_times = |s: T| {
-            let zero = T::splat(0.0);
-            [[s, zero, zero], [zero, s, zero], [zero, zero, s]]
-        };
-        Self {
-            r_rho: mat_axpy(&a, half, &quadratic(&a, &w, &b, &c)),
-            r_v: mat_axpy(&b, half, &mat_mul(&b, &d)),
-            r_ba: mat_axpy(&zero3(), half * e, &b),
-            r_bg: mat_axpy(&zero3(), half, &quadratic(&a, &n, &b, &g)),
-            rho_rho: mat_axpy(&w, half, &mat_mul(&w, &w)),
-            rho_bg: mat_axpy(&n, half, &mat_mul(&w, &n)),
-            v_rho: mat_axpy(&c, half, &quadratic(&c, &w, &d, &c)),
-            v_v: mat_axpy(&d, half, &mat_mul(&d, &d)),
-            v_ba: mat_axpy(&identity_times(e), half * e, &d),
-            v_bg: mat_axpy(&g, half, &quadratic(&c, &n, &d, &g)),
+    fn add_to(&self, p: &mut [[T; DIM]; DIM]) {
+        for i in 0..3 {
+            p[ATTITUDE + i][ATTITUDE + i] += self.attitude;
+            p[VELOCITY + i][VELOCITY + i] += self.accel;
+            p[ACCEL_BIAS + i][ACCEL_BIAS + i] += self.accel_bias;
+            p[GYRO_BIAS + i][GYRO_BIAS + i] += self.gyro_bias;
+            for j in 0..3 {
+                p[VELOCITY + i][VELOCITY + j] += self.velocity[i][j];
+                p[VELOCITY + i][ATTITUDE + j] += self.across[i][j];
+                p[ATTITUDE + j][VELOCITY + i] += self.across[i][j];
+            }
         }
-    }
-}
-
-impl<T: Lane> Transition<T> for SecondOrder<T> {
-    #[inline(always)]
-    fn apply(&self, x: &[T; DIM]) -> [T; DYNAMIC] {
-        let (r, rho, v) = (part(x, POSITION), part(x, ATTITUDE), part(x, VELOCITY));
-        let (ba, bg) = (part(x, ACCEL_BIAS), part(x, GYRO_BIAS));
-        let new_r = add(add(r, mul(&self.r_rho, rho)), mul(&self.r_v, v));
-        let new_r = add(add(new_r, mul(&self.r_ba, ba)), mul(&self.r_bg, bg));
-        let new_rho = add(add(rho, mul(&self.rho_rho, rho)), mul(&self.rho_bg, bg));
-        let new_v = add(add(v, mul(&self.v_rho, rho)), mul(&self.v_v, v));
-        let new_v = add(add(new_v, mul(&self.v_ba, ba)), mul(&self.v_bg, bg));
-        join(new_r, new_rho, new_v)
-    }
-}
-
-/// P ← Φ P Φᵀ for a symmetric P, result exactly symmetric.
-#[inline(always)]
-fn sandwich<T: Lane>(p: &mut [[T; DIM]; DIM], phi: &impl Transition<T>) {
-    let zero = T::splat(0.0);
-    // Columns of the dynamic rows of Φ P.
-    let mut columns = [[zero; DYNAMIC]; DIM];
-    for j in 0..DIM {
-        columns[j] = phi.apply(&p[j]);
-    }
-    for i in 0..DYNAMIC {
-        let mut row = [zero; DIM];
-        for j in 0..DIM {
-            row[j] = columns[j][i];
+        for i in DVL_BIAS..DVL_SCALE {
+            p[i][i] += self.dvl_bias;
         }
-        let image = phi.apply(&row);
-        for k in 0..=i {
-            p[i][k] = image[k];
-            p[k][i] = image[k];
-        }
-        for j in DYNAMIC..DIM {
-            p[i][j] = row[j];
-            p[j][i] = row[j];
-        }
+        p[DVL_SCALE][DVL_SCALE] += self.dvl_scale;
     }
-}
-
-/// P ← P + G Q Gᵀ T/2 (Eqs. 5 and 10; isotropic noise, so R Q Rᵀ = Q).
-#[inline(always)]
-fn add_half_noise<T: Lane>(p: &mut [[T; DIM]; DIM], mean: &Coefficients<T>, noise: &ProcessNoise, duration_s: f64) {
-    let half = 0.5 * duration_s;
-    let gyro = T::splat(noise.gyro * half);
-    let lever = skew(mean.velocity_p);
-    for i in 0..3 {
-        p[ATTITUDE + i][ATTITUDE + i] += gyro;
-        p[VELOCITY + i][VELOCITY + i] += T::splat(noise.accel * half);
-        p[ACCEL_BIAS + i][ACCEL_BIAS + i] += T::splat(noise.accel_bias * half);
-        p[GYRO_BIAS + i][GYRO_BIAS + i] += T::splat(noise.gyro_bias * half);
-        for j in 0..3 {
-            // [v×][v×]ᵀ and [v×]Rᵀ: row i of the lever with row j of the other factor.
-            let own = lever[i][0] * lever[j][0] + lever[i][1] * lever[j][1] + lever[i][2] * lever[j][2];
-            p[VELOCITY + i][VELOCITY + j] += own * gyro;
-            let turn = mean.rotation[j];
-            let across = (lever[i][0] * turn[0] + lever[i][1] * turn[1] + lever[i][2] * turn[2]) * gyro;
-            p[VELOCITY + i][ATTITUDE + j] += across;
-            p[ATTITUDE + j][VELOCITY + i] += across;
-        }
-    }
-    for i in DVL_BIAS..DVL_SCALE {
-        p[i][i] += T::splat(noise.dvl_bias * half);
-    }
-    p[DVL_SCALE][DVL_SCALE] += T::splat(noise.dvl_scale * half);
 }
 
 /// The dense noise density G Q Gᵀ at the mean coefficients, for inspection and tests.
 #[must_use]
 pub fn dense_noise(coefficients: &Coefficients<f64>, noise: &ProcessNoise) -> [[f64; DIM]; DIM] {
     let mut q = [[0.0; DIM]; DIM];
-    add_half_noise(&mut q, coefficients, noise, 2.0);
+    HalfNoise::new(coefficients, noise, 2.0).add_to(&mut q);
     q
 }
 

@@ -7,8 +7,9 @@ use super::*;
 use crate::earth::Environment;
 use crate::frames::{Rot, Vec3};
 use crate::imu::derivatives;
-use crate::lane::Four;
+use crate::lane::{Lanes, WIDEST, on_every_level};
 use crate::state::{Covariance, ErrorVector, NavState};
+use fearless_simd::{Simd, f64x4, f64x8};
 
 type Dense = SMatrix<f64, DIM, DIM>;
 
@@ -224,49 +225,45 @@ fn second_order_at_10_hz_beats_first_order_at_150_hz() {
     assert!(good < poor, "second order {good}, first order {poor}");
 }
 
-/// Four covariances side by side give the bits of four scalar ones.
-#[test]
-fn lanes_equal_scalars_bit_for_bit() {
-    let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
-    let scalar = |k: usize| {
-        let kinematics = state(0.3 + 0.1 * k as f64, 0.2, 1.0, [2.0, 0.1 * k as f64, 0.0]).kinematics();
-        let inertial = Inertial {
-            rate_p_radps: [0.01, 0.02, 0.05 * k as f64],
-            force_p_mps2: [0.1, 0.2, -9.8],
-        };
-        let mut interval = Interval::default();
-        interval.extend(Coefficients::at(&kinematics, &inertial, &earth), 0.1);
-        (kinematics, inertial, interval)
-    };
-    let wide3 = |f: &dyn Fn(usize) -> [f64; 3]| -> [Four; 3] {
-        std::array::from_fn(|i| Four::from(std::array::from_fn::<f64, 4, _>(|k| f(k)[i])))
-    };
-    let kinematics = Kinematics {
-        position_t_m: [Four::splat(0.0); 3],
-        attitude_t_p: std::array::from_fn(|i| {
-            Four::from(std::array::from_fn::<f64, 4, _>(|k| scalar(k).0.attitude_t_p[i]))
-        }),
-        rotation_t_p: std::array::from_fn(|i| wide3(&|k| scalar(k).0.rotation_t_p[i])),
-        velocity_p_mps: wide3(&|k| scalar(k).0.velocity_p_mps),
-    };
+fn flown(k: usize, earth: &EarthTerms) -> Interval<f64> {
+    let kinematics = state(0.3 + 0.1 * k as f64, 0.2, 1.0, [2.0, 0.1 * k as f64, 0.0]).kinematics();
     let inertial = Inertial {
-        rate_p_radps: wide3(&|k| scalar(k).1.rate_p_radps),
-        force_p_mps2: wide3(&|k| scalar(k).1.force_p_mps2),
+        rate_p_radps: [0.01, 0.02, 0.05 * k as f64],
+        force_p_mps2: [0.1, 0.2, -9.8],
     };
+    let mut interval = Interval::default();
+    interval.extend(Coefficients::at(&kinematics, &inertial, earth), 0.1);
+    interval
+}
+
+fn side_by_side<S: Simd, T: Lanes<S>>(simd: S) {
+    let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
+    let flown: [Interval<f64>; WIDEST] = std::array::from_fn(|k| flown(k, &earth));
     for second in [false, true] {
-        let mut interval = Interval::default();
-        interval.extend(Coefficients::at(&kinematics, &inertial, &earth), 0.1);
         let start = sample_covariance();
-        let mut p: [[Four; DIM]; DIM] = start.data.0.map(|column| column.map(Four::splat));
-        interval.propagate(&mut p, &NOISE, &earth, second);
-        for k in 0..4 {
-            let mut one = start;
-            scalar(k).2.clone().propagate(&mut one.data.0, &NOISE, &earth, second);
+        let mut lanes: Interval<T> = Interval::gather(simd, &flown.each_ref());
+        let zero = T::gather(simd, |_| 0.0);
+        let mut p = start.data.0.map(|column| column.map(|value| zero.splat(value)));
+        lanes.propagate(&mut p, &NOISE, &earth, second);
+        for k in 0..T::COUNT {
+            let (mut scalar, mut columns) = (start, start);
+            flown[k].clone().propagate(&mut scalar.data.0, &NOISE, &earth, second);
+            flown[k]
+                .clone()
+                .propagate_one(&mut columns.data.0, &NOISE, &earth, second);
             for i in 0..DIM {
                 for j in 0..DIM {
-                    assert_eq!(p[i][j].to_array()[k].to_bits(), one.data.0[i][j].to_bits());
+                    assert_eq!(p[i][j].get(k).to_bits(), scalar.data.0[i][j].to_bits());
+                    assert_eq!(columns.data.0[i][j].to_bits(), scalar.data.0[i][j].to_bits());
                 }
             }
         }
     }
+}
+
+/// Covariances side by side, and one covariance with its columns side by side, give the bits of scalar ones.
+#[test]
+fn lanes_equal_scalars_bit_for_bit() {
+    on_every_level!(simd => side_by_side::<_, f64x4<_>>(simd));
+    on_every_level!(simd => side_by_side::<_, f64x8<_>>(simd));
 }

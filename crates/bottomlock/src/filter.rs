@@ -1,13 +1,14 @@
 //! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
 
 mod assume;
-mod definite;
+pub mod convoy;
+mod correct;
 mod record;
 mod reopen;
 
+use fearless_simd::{Simd, dispatch};
 use nalgebra::{SMatrix, Vector3};
 
-use self::definite::require_positive_definite;
 use self::reopen::Refusals;
 use crate::aiding::{Innovation, Motion};
 use crate::earth::Environment;
@@ -15,7 +16,8 @@ use crate::error::{NavError, require_finite};
 use crate::error_model::{Coefficients, Interval, ProcessNoise};
 use crate::frames::{Rot, Vec3};
 use crate::imu::{EarthTerms, ImuSample, Inertial, Kinematics, Sampling};
-use crate::layout::{DIM, VELOCITY};
+use crate::lane::level;
+use crate::layout::{DIM, VELOCITY, block_name};
 use crate::model::{Gate, GateTable, MAX_ROWS, Model, Options};
 use crate::report::{Sensor, UpdateReport, Verdict};
 use crate::smoother::Tape;
@@ -123,7 +125,7 @@ impl Eskf {
     #[must_use]
     pub fn covariance(&self) -> Covariance {
         let (mut covariance, mut interval) = (self.covariance, self.interval);
-        interval.propagate(
+        interval.propagate_one(
             &mut covariance.data.0,
             &self.noise,
             &self.earth,
@@ -145,34 +147,54 @@ impl Eskf {
                 previous_ns: start.time_ns,
             });
         }
-        let first = match self.sampling {
-            Sampling::Instantaneous => self.corrected(start),
-            Sampling::Averaged => self.corrected(end),
-        };
-        let last = self.corrected(end);
-        if self.interval.needs_start() {
-            self.interval
-                .start(Coefficients::at(&self.kinematics, &first, &self.earth));
-        }
-        self.kinematics.step(&first, &last, dt_s, &self.earth);
-        self.interval
-            .extend(Coefficients::at(&self.kinematics, &last, &self.earth), dt_s);
+        let (first, last) = (self.corrected(self.first_of(start, end)), self.corrected(end));
+        self.begin_interval(start, end);
+        dispatch!(level(), simd => self.integrate(simd, &first, &last, dt_s));
         self.state.time_ns = end.time_ns;
         self.last_rate_p_radps = end.rate_p_radps.0;
         self.last_step_s = dt_s;
         if !(self.kinematics.position_t_m[0] + self.kinematics.position_t_m[1] + self.kinematics.position_t_m[2])
             .is_finite()
         {
-            return Err(NavError::NotFinite {
-                field: "state position_t_m",
-                time_ns: end.time_ns,
-            });
+            return Err(Self::ran_out_of_numbers(end.time_ns));
         }
         // Half a step of slack, so that rounding of the sample times does not lengthen the interval by a step.
         if self.interval.duration_s() + 0.5 * dt_s >= self.covariance_period_s {
             self.propagate_covariance();
         }
         Ok(())
+    }
+
+    /// State and coefficients over a step; compiled for the machine's own instructions.
+    #[inline(always)]
+    fn integrate<S: Simd>(&mut self, _simd: S, first: &Inertial<f64>, last: &Inertial<f64>, dt_s: f64) {
+        self.kinematics.step(first, last, dt_s, &self.earth);
+        self.interval
+            .extend(Coefficients::at(&self.kinematics, last, &self.earth), dt_s);
+    }
+
+    /// The sample that a step begins with.
+    fn first_of<'a>(&self, start: &'a ImuSample, end: &'a ImuSample) -> &'a ImuSample {
+        match self.sampling {
+            Sampling::Instantaneous => start,
+            Sampling::Averaged => end,
+        }
+    }
+
+    /// States the coefficients at the start of a step where they are not known yet.
+    fn begin_interval(&mut self, start: &ImuSample, end: &ImuSample) {
+        if self.interval.needs_start() {
+            let first = self.corrected(self.first_of(start, end));
+            self.interval
+                .start(Coefficients::at(&self.kinematics, &first, &self.earth));
+        }
+    }
+
+    fn ran_out_of_numbers(time_ns: i64) -> NavError {
+        NavError::NotFinite {
+            field: "state position_t_m",
+            time_ns,
+        }
     }
 
     /// Takes note of a rate before the first step, for lever arms.
@@ -187,7 +209,7 @@ impl Eskf {
             water.propagate(&self.interval, &self.earth, second_order);
         }
         self.interval
-            .propagate(&mut self.covariance.data.0, &self.noise, &self.earth, second_order);
+            .propagate_one(&mut self.covariance.data.0, &self.noise, &self.earth, second_order);
     }
 
     fn corrected(&self, sample: &ImuSample) -> Inertial<f64> {
@@ -294,7 +316,7 @@ impl Eskf {
         let cross = innovation.cross.map(|cross| cross.fixed_columns::<M>(0).into_owned());
         let p = self.covariance;
 
-        let ph = p * h.transpose();
+        let ph = correct::reach(&p, &h);
         let mut s = h * ph + r;
         if let Some(c) = &cross {
             let half = h * c;
@@ -350,16 +372,13 @@ impl Eskf {
         }
 
         let reach = cross.map_or(ph, |c| ph + c);
-        let gain = factor.solve(&reach.transpose()).transpose();
-        // Joseph's form, its (I − K H) P expanded to products of rank M.
-        let mut joseph = p - gain * ph.transpose();
-        joseph -= (joseph * h.transpose()) * gain.transpose();
-        joseph += gain * r * gain.transpose();
+        let gain = correct::gain(&reach, &factor.l());
+        let mut joseph = correct::joseph(&p, &ph, &gain, &h, &r);
         if let Some(c) = &cross {
             let shared = (c - gain * (h * c)) * gain.transpose();
             joseph -= shared + shared.transpose();
         }
-        let updated = (joseph + joseph.transpose()) * 0.5;
+        let updated = correct::symmetric(&joseph);
         require_positive_definite(&updated, self.state.time_ns)?;
         self.covariance = updated;
         let mut own_gain = None;
@@ -388,4 +407,15 @@ impl Eskf {
         self.kinematics = state.kinematics();
         self.interval.corrected();
     }
+}
+
+fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<(), NavError> {
+    if correct::is_positive_definite(covariance) {
+        return Ok(());
+    }
+    let negative = (0..DIM).find(|&k| covariance[(k, k)] < 0.0);
+    Err(NavError::NotPositiveDefinite {
+        matrix: negative.map_or("state covariance", block_name),
+        time_ns,
+    })
 }

@@ -8,7 +8,7 @@
 use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Vec3};
-use crate::lane::{Lane, M3, V3, add, cross, dot, mul, scale, sub, tmul};
+use crate::lane::{Lane, M3, V3, add, cross, dot, mul, scale, splat3, sub, tmul};
 
 /// One reading of the inertial measurement unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,7 +53,7 @@ pub enum Sampling {
 }
 
 /// Earth rate and gravity as the step needs them.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EarthTerms {
     pub(crate) rate_t: [f64; 3],
     pub(crate) gravity_mps2: f64,
@@ -90,6 +90,34 @@ pub struct Inertial<T> {
     pub force_p_mps2: [T; 3],
 }
 
+impl<T: Copy> Kinematics<T> {
+    /// All numbers in a row.
+    #[inline(always)]
+    pub(crate) fn to_array(self) -> [T; 19] {
+        let (r, q, m, v) = (
+            self.position_t_m,
+            self.attitude_t_p,
+            self.rotation_t_p,
+            self.velocity_p_mps,
+        );
+        [
+            r[0], r[1], r[2], q[0], q[1], q[2], q[3], m[0][0], m[0][1], m[0][2], m[1][0], m[1][1], m[1][2], m[2][0],
+            m[2][1], m[2][2], v[0], v[1], v[2],
+        ]
+    }
+
+    /// The inverse of [`Kinematics::to_array`].
+    #[inline(always)]
+    pub(crate) fn from_array(x: [T; 19]) -> Self {
+        Self {
+            position_t_m: [x[0], x[1], x[2]],
+            attitude_t_p: [x[3], x[4], x[5], x[6]],
+            rotation_t_p: [[x[7], x[8], x[9]], [x[10], x[11], x[12]], [x[13], x[14], x[15]]],
+            velocity_p_mps: [x[16], x[17], x[18]],
+        }
+    }
+}
+
 impl<T: Lane> Kinematics<T> {
     /// From position, attitude and velocity; the quaternion is normalised.
     pub fn new(position_t_m: [T; 3], attitude_t_p: [T; 4], velocity_p_mps: [T; 3]) -> Self {
@@ -105,18 +133,19 @@ impl<T: Lane> Kinematics<T> {
     /// One strapdown step of `dt_s` seconds from `start` to `end`.
     #[inline(always)]
     pub fn step(&mut self, start: &Inertial<T>, end: &Inertial<T>, dt_s: f64, earth: &EarthTerms) {
-        let half = T::splat(0.5 * dt_s);
-        let rate_ie_t = earth.rate_t.map(T::splat);
+        let like = self.velocity_p_mps[0];
+        let half = like.splat(0.5 * dt_s);
+        let rate_ie_t = splat3(like, earth.rate_t);
 
         // Rotation vector of a linearly varying rate: mean rate plus the coning term (Groves 2013, Eq. 5.84).
         let mean = scale(add(start.rate_p_radps, end.rate_p_radps), half);
         let coning = scale(
             cross(start.rate_p_radps, end.rate_p_radps),
-            T::splat(dt_s * dt_s / 12.0),
+            like.splat(dt_s * dt_s / 12.0),
         );
         let turn_p = quaternion_exp(add(mean, coning));
         // The tangent frame turns with the Earth: a small rotation on the other side.
-        let one = T::splat(1.0);
+        let one = like.splat(1.0);
         let half_turn_t = scale(rate_ie_t, -half);
         let turn_t = [one, half_turn_t[0], half_turn_t[1], half_turn_t[2]];
         let attitude = normalise(quaternion_mul(turn_t, quaternion_mul(self.attitude_t_p, turn_p)));
@@ -129,9 +158,9 @@ impl<T: Lane> Kinematics<T> {
             mul(&rotation, end.force_p_mps2),
         );
         let mut gain_t = scale(force_t, half);
-        gain_t[2] += T::splat(earth.gravity_mps2 * dt_s);
-        let middle_t = add(velocity_t, scale(gain_t, T::splat(0.5)));
-        let coriolis_t = scale(cross(rate_ie_t, middle_t), T::splat(-2.0 * dt_s));
+        gain_t[2] += like.splat(earth.gravity_mps2 * dt_s);
+        let middle_t = add(velocity_t, scale(gain_t, like.splat(0.5)));
+        let coriolis_t = scale(cross(rate_ie_t, middle_t), like.splat(-2.0 * dt_s));
         let new_velocity_t = add(add(velocity_t, gain_t), coriolis_t);
 
         self.position_t_m = add(self.position_t_m, scale(add(velocity_t, new_velocity_t), half));
@@ -150,9 +179,10 @@ pub fn derivatives<T: Lane>(
 ) -> ([T; 3], [T; 3], [T; 3]) {
     let rotation = &kinematics.rotation_t_p;
     let velocity = kinematics.velocity_p_mps;
-    let rate_ie_p = tmul(rotation, earth.rate_t.map(T::splat));
-    let zero = T::splat(0.0);
-    let gravity_p = tmul(rotation, [zero, zero, T::splat(earth.gravity_mps2)]);
+    let like = velocity[0];
+    let rate_ie_p = tmul(rotation, splat3(like, earth.rate_t));
+    let zero = like.splat(0.0);
+    let gravity_p = tmul(rotation, [zero, zero, like.splat(earth.gravity_mps2)]);
     let rate_tp = sub(inertial.rate_p_radps, rate_ie_p);
     let swing = cross(add(inertial.rate_p_radps, rate_ie_p), velocity);
     (
@@ -173,30 +203,47 @@ pub(crate) fn quaternion_mul<T: Lane>(a: [T; 4], b: [T; 4]) -> [T; 4] {
     ]
 }
 
+/// Square of half a rotation, rad², up to which the series serves: eight terms leave 4e-20 at half a radian.
+const SERIES_LIMIT: f64 = 0.25;
+
 /// Quaternion of a rotation vector, rad.
 #[inline(always)]
 pub(crate) fn quaternion_exp<T: Lane>(vector: V3<T>) -> [T; 4] {
-    let half_squared = dot(vector, vector) * T::splat(0.25);
-    let (cosine, sinc) = if half_squared.any_above(0.25) {
-        (half_squared.map(|h2| h2.sqrt().cos()), half_squared.map(sinc_of_square))
+    let half_squared = dot(vector, vector) * vector[0].splat(0.25);
+    // Each lane decides for itself: its bits must not depend on its neighbours.
+    let (cosine, sinc) = if half_squared.any_above(SERIES_LIMIT) {
+        (
+            half_squared.map(|h2| cosine_and_sinc(h2).0),
+            half_squared.map(|h2| cosine_and_sinc(h2).1),
+        )
     } else {
-        // Eight terms leave 4e-20 at half a radian.
-        let (mut cosine, mut sinc) = (T::splat(1.0), T::splat(1.0));
-        for k in (1..=8_u32).rev() {
-            let (n, x) = (f64::from(2 * k), half_squared);
-            cosine = T::splat(1.0) - x * cosine * T::splat(1.0 / (n * (n - 1.0)));
-            sinc = T::splat(1.0) - x * sinc * T::splat(1.0 / (n * (n + 1.0)));
-        }
-        (cosine, sinc)
+        series(half_squared)
     };
-    let factor = sinc * T::splat(0.5);
+    let factor = sinc * sinc.splat(0.5);
     [cosine, vector[0] * factor, vector[1] * factor, vector[2] * factor]
 }
 
-/// sin(x)/x of x², also at zero (lanes may differ widely).
-fn sinc_of_square(square: f64) -> f64 {
-    let x = square.sqrt();
-    if x < 1e-8 { 1.0 } else { x.sin() / x }
+/// cos x and sin(x)/x of x², for small x.
+#[inline(always)]
+fn series<T: Lane>(square: T) -> (T, T) {
+    let one = square.splat(1.0);
+    let (mut cosine, mut sinc) = (one, one);
+    for k in (1..=8_u32).rev() {
+        let n = f64::from(2 * k);
+        cosine = one - square * cosine * square.splat(1.0 / (n * (n - 1.0)));
+        sinc = one - square * sinc * square.splat(1.0 / (n * (n + 1.0)));
+    }
+    (cosine, sinc)
+}
+
+/// cos x and sin(x)/x of x².
+fn cosine_and_sinc(square: f64) -> (f64, f64) {
+    if square > SERIES_LIMIT {
+        let x = square.sqrt();
+        (x.cos(), x.sin() / x)
+    } else {
+        series(square)
+    }
 }
 
 #[inline(always)]
@@ -207,7 +254,7 @@ fn normalise<T: Lane>(q: [T; 4]) -> [T; 4] {
 
 #[inline(always)]
 fn rotation_matrix<T: Lane>([w, x, y, z]: [T; 4]) -> M3<T> {
-    let (one, two) = (T::splat(1.0), T::splat(2.0));
+    let (one, two) = (w.splat(1.0), w.splat(2.0));
     [
         [
             one - two * (y * y + z * z),
@@ -230,7 +277,8 @@ fn rotation_matrix<T: Lane>([w, x, y, z]: [T; 4]) -> M3<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lane::Four;
+    use crate::lane::{Lanes, on_every_level, scatter};
+    use fearless_simd::{Simd, f64x4, f64x8};
 
     fn still_earth() -> EarthTerms {
         EarthTerms {
@@ -285,28 +333,25 @@ mod tests {
         assert!((small[0] - exact.0).abs() < 1e-16 && (small[2] - exact.1).abs() < 1e-16);
     }
 
-    /// Four filters side by side give the bits of four scalar filters.
-    #[test]
-    fn lanes_equal_scalars_bit_for_bit() {
+    fn turning<S: Simd, T: Lanes<S>>(simd: S) {
         let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
-        let rate = |k: usize| [0.01 * k as f64, -0.02, 0.05];
+        // The last lane turns so fast that it leaves the series; its neighbours must not notice.
+        let rate = |k: usize| [0.01 * k as f64, -0.02, if k + 1 == T::COUNT { 200.0 } else { 0.05 }];
         let force = |k: usize| [0.1, 0.02 * k as f64, -9.8];
+        let zero = T::gather(simd, |_| 0.0);
         let mut lanes = Kinematics::new(
-            [Four::splat(0.0); 3],
-            [Four::splat(1.0), Four::splat(0.1), Four::splat(0.0), Four::splat(-0.3)],
-            [Four::splat(2.0), Four::splat(0.0), Four::splat(0.1)],
+            [zero; 3],
+            [1.0, 0.1, 0.0, -0.3].map(|q| zero.splat(q)),
+            [2.0, 0.0, 0.1].map(|v| zero.splat(v)),
         );
-        let wide = |f: &dyn Fn(usize) -> [f64; 3]| {
-            std::array::from_fn(|i| Four::from(std::array::from_fn::<f64, 4, _>(|k| f(k)[i])))
-        };
         let inertial = Inertial {
-            rate_p_radps: wide(&rate),
-            force_p_mps2: wide(&force),
+            rate_p_radps: std::array::from_fn(|i| T::gather(simd, |k| rate(k)[i])),
+            force_p_mps2: std::array::from_fn(|i| T::gather(simd, |k| force(k)[i])),
         };
         for _ in 0..50 {
             lanes.step(&inertial, &inertial, 1.0 / 150.0, &earth);
         }
-        for k in 0..4 {
+        for k in 0..T::COUNT {
             let mut one = Kinematics::new([0.0; 3], [1.0, 0.1, 0.0, -0.3], [2.0, 0.0, 0.1]);
             let inertial = Inertial {
                 rate_p_radps: rate(k),
@@ -315,16 +360,15 @@ mod tests {
             for _ in 0..50 {
                 one.step(&inertial, &inertial, 1.0 / 150.0, &earth);
             }
-            for i in 0..3 {
-                assert_eq!(
-                    lanes.position_t_m[i].to_array()[k].to_bits(),
-                    one.position_t_m[i].to_bits()
-                );
-                assert_eq!(
-                    lanes.velocity_p_mps[i].to_array()[k].to_bits(),
-                    one.velocity_p_mps[i].to_bits()
-                );
-            }
+            let own: [f64; 19] = scatter(&lanes.to_array(), k);
+            assert_eq!(own.map(f64::to_bits), one.to_array().map(f64::to_bits), "lane {k}");
         }
+    }
+
+    /// Filters side by side give the bits of scalar filters, whatever vectors the machine has.
+    #[test]
+    fn lanes_equal_scalars_bit_for_bit() {
+        on_every_level!(simd => turning::<_, f64x4<_>>(simd));
+        on_every_level!(simd => turning::<_, f64x8<_>>(simd));
     }
 }

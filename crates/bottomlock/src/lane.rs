@@ -1,29 +1,47 @@
 //! The lane type: one filter (`f64`) or several filters side by side (a vector of `f64`).
 //!
 //! Propagation is written once over [`Lane`]; a lane of a vector does the very operations of the scalar, in the same
-//! order and without fused multiply–add, so that lane results equal scalar results bit for bit.
+//! order and without fused multiply–add, so that lane results equal scalar results bit for bit. That holds on every
+//! machine: which vectors there are is found at run time ([`level`]), and baseline machines do the same operations in
+//! narrower ones.
 
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
+use std::sync::OnceLock;
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, f64x4, f64x8};
+
+/// The vectors of this machine: SSE2, AVX2 or AVX-512, NEON; found once.
+pub(crate) fn level() -> Level {
+    static LEVEL: OnceLock<Level> = OnceLock::new();
+    *LEVEL.get_or_init(Level::new)
+}
 
 /// One number per filter.
 pub trait Lane:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self> + AddAssign
 {
-    /// The same number in every lane.
-    fn splat(value: f64) -> Self;
+    /// The same number in every lane of a vector like this one; which number this one holds does not matter.
+    #[must_use]
+    fn splat(self, value: f64) -> Self;
     /// Square root, lane by lane.
+    #[must_use]
     fn sqrt(self) -> Self;
     /// Reciprocal, lane by lane.
+    #[must_use]
     fn recip(self) -> Self;
     /// True where some lane exceeds `limit`.
     fn any_above(self, limit: f64) -> bool;
+    /// True where every lane holds a finite number.
+    fn all_finite(self) -> bool;
     /// Applies a scalar function lane by lane (for rare paths only).
+    #[must_use]
     fn map(self, function: impl Fn(f64) -> f64) -> Self;
 }
 
 impl Lane for f64 {
     #[inline(always)]
-    fn splat(value: f64) -> Self {
+    fn splat(self, value: f64) -> Self {
         value
     }
     #[inline(always)]
@@ -39,36 +57,97 @@ impl Lane for f64 {
         self > limit
     }
     #[inline(always)]
+    fn all_finite(self) -> bool {
+        self.is_finite()
+    }
+    #[inline(always)]
     fn map(self, function: impl Fn(f64) -> f64) -> Self {
         function(self)
     }
 }
 
-/// Four filters side by side.
-pub type Four = wide::f64x4;
-
-impl Lane for Four {
-    #[inline(always)]
-    fn splat(value: f64) -> Self {
-        Four::splat(value)
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        Four::sqrt(self)
-    }
-    #[inline(always)]
-    fn recip(self) -> Self {
-        Four::splat(1.0) / self
-    }
-    #[inline(always)]
-    fn any_above(self, limit: f64) -> bool {
-        self.to_array().iter().any(|&value| value > limit)
-    }
-    #[inline(always)]
-    fn map(self, function: impl Fn(f64) -> f64) -> Self {
-        Four::from(self.to_array().map(function))
-    }
+/// Several filters side by side.
+pub trait Lanes<S: Simd>: Lane {
+    /// Number of filters.
+    const COUNT: usize;
+    /// A vector with `value(k)` in lane k.
+    fn gather(simd: S, value: impl Fn(usize) -> f64) -> Self;
+    /// The number in lane k.
+    fn get(&self, k: usize) -> f64;
 }
+
+/// The widest vector's number of lanes.
+pub(crate) const WIDEST: usize = 8;
+
+/// Numbers of several filters, `of` lane k, as vectors.
+#[inline(always)]
+pub(crate) fn gather<S: Simd, T: Lanes<S>, const M: usize>(simd: S, of: &[[f64; M]; WIDEST]) -> [T; M] {
+    let mut lanes = [T::gather(simd, |_| 0.0); M];
+    for i in 0..M {
+        lanes[i] = T::gather(simd, |k| of[k][i]);
+    }
+    lanes
+}
+
+/// The numbers in lane k.
+#[inline(always)]
+pub(crate) fn scatter<S: Simd, T: Lanes<S>, const M: usize>(lanes: &[T; M], k: usize) -> [f64; M] {
+    let mut own = [0.0; M];
+    for i in 0..M {
+        own[i] = lanes[i].get(k);
+    }
+    own
+}
+
+macro_rules! vectors {
+    ($vector:ident, $count:literal) => {
+        impl<S: Simd> Lane for $vector<S> {
+            #[inline(always)]
+            fn splat(self, value: f64) -> Self {
+                <Self as SimdBase<S>>::splat(self.simd, value)
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                <Self as SimdFloat<S>>::sqrt(self)
+            }
+            #[inline(always)]
+            fn recip(self) -> Self {
+                <Self as SimdBase<S>>::splat(self.simd, 1.0) / self
+            }
+            #[inline(always)]
+            fn any_above(self, limit: f64) -> bool {
+                self.simd_gt(<Self as SimdBase<S>>::splat(self.simd, limit))
+                    .any_true()
+            }
+            #[inline(always)]
+            fn all_finite(self) -> bool {
+                // ∞ − ∞ and NaN − NaN are NaN.
+                (self - self)
+                    .simd_eq(<Self as SimdBase<S>>::splat(self.simd, 0.0))
+                    .all_true()
+            }
+            #[inline(always)]
+            fn map(self, function: impl Fn(f64) -> f64) -> Self {
+                <Self as SimdBase<S>>::from_fn(self.simd, |k| function(self[k]))
+            }
+        }
+
+        impl<S: Simd> Lanes<S> for $vector<S> {
+            const COUNT: usize = $count;
+            #[inline(always)]
+            fn gather(simd: S, value: impl Fn(usize) -> f64) -> Self {
+                <Self as SimdBase<S>>::from_fn(simd, value)
+            }
+            #[inline(always)]
+            fn get(&self, k: usize) -> f64 {
+                self[k]
+            }
+        }
+    };
+}
+
+vectors!(f64x4, 4);
+vectors!(f64x8, 8);
 
 /// Three-vector of lanes.
 pub(crate) type V3<T> = [T; 3];
@@ -102,6 +181,12 @@ pub(crate) fn cross<T: Lane>(a: V3<T>, b: V3<T>) -> V3<T> {
 #[inline(always)]
 pub(crate) fn dot<T: Lane>(a: V3<T>, b: V3<T>) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The same numbers in every lane of vectors like `like`.
+#[inline(always)]
+pub(crate) fn splat3<T: Lane>(like: T, a: [f64; 3]) -> V3<T> {
+    [like.splat(a[0]), like.splat(a[1]), like.splat(a[2])]
 }
 
 /// M a.
@@ -139,12 +224,58 @@ pub(crate) fn mat_axpy<T: Lane>(a: &M3<T>, s: T, b: &M3<T>) -> M3<T> {
 /// The cross-product matrix `[a×]`.
 #[inline(always)]
 pub(crate) fn skew<T: Lane>(a: V3<T>) -> M3<T> {
-    let zero = T::splat(0.0);
+    let zero = a[0].splat(0.0);
     [[zero, -a[2], a[1]], [a[2], zero, -a[0]], [-a[1], a[0], zero]]
 }
 
-/// Zero matrix.
+/// Zero matrix of lanes like `like`.
 #[inline(always)]
-pub(crate) fn zero3<T: Lane>() -> M3<T> {
-    [[T::splat(0.0); 3]; 3]
+pub(crate) fn zero3<T: Lane>(like: T) -> M3<T> {
+    [[like.splat(0.0); 3]; 3]
+}
+
+/// Evaluates an expression with every kind of vector that this machine has.
+#[cfg(test)]
+macro_rules! on_every_level {
+    ($simd:ident => $check:expr) => {{
+        #[cfg(target_arch = "x86_64")]
+        {
+            if let Some($simd) = $crate::lane::level().as_sse2() {
+                $check;
+            }
+            if let Some($simd) = $crate::lane::level().as_avx2() {
+                $check;
+            }
+        }
+        fearless_simd::dispatch!($crate::lane::level(), $simd => $check);
+    }};
+}
+#[cfg(test)]
+pub(crate) use on_every_level;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check<S: Simd, T: Lanes<S>>(simd: S) {
+        let values = [4.0, -0.25, f64::INFINITY, 0.0, 2.0, f64::NAN, 1e-300, -7.0];
+        let lanes = T::gather(simd, |k| values[k]);
+        for (k, value) in values.into_iter().enumerate().take(T::COUNT) {
+            assert_eq!(lanes.get(k).to_bits(), value.to_bits());
+            assert_eq!(Lane::sqrt(lanes).get(k).to_bits() << 1, value.sqrt().to_bits() << 1);
+            assert_eq!(lanes.recip().get(k).to_bits(), (1.0 / value).to_bits());
+            assert_eq!(lanes.map(|x| x + 1.0).get(k).to_bits(), (value + 1.0).to_bits());
+            assert_eq!(lanes.splat(3.0).get(k).to_bits(), 3.0_f64.to_bits());
+        }
+        assert!(lanes.any_above(3.0) && !lanes.splat(3.0).any_above(3.0));
+        assert!(!lanes.all_finite() && lanes.splat(f64::MAX).all_finite());
+        assert!(!lanes.splat(f64::NAN).all_finite());
+    }
+
+    /// Every kind of vector does lane by lane what `f64` does, infinities and NaN included (whose sign is nobody's).
+    #[test]
+    fn vectors_do_what_scalars_do() {
+        on_every_level!(simd => check::<_, f64x4<_>>(simd));
+        on_every_level!(simd => check::<_, f64x8<_>>(simd));
+    }
 }

@@ -32,6 +32,7 @@ pub mod error;
 pub mod error_model;
 pub mod events;
 pub mod filter;
+mod fleet;
 pub mod frames;
 pub mod imu;
 pub mod lane;

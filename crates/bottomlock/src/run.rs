@@ -95,6 +95,22 @@ impl Navigator {
         &mut self.filters
     }
 
+    /// Every filter.
+    pub(crate) fn filters_mut(&mut self) -> impl Iterator<Item = &mut Eskf> {
+        self.filters.each_mut()
+    }
+
+    /// The last inertial reading.
+    pub(crate) fn last_imu(&self) -> Option<ImuSample> {
+        self.last_imu
+    }
+
+    /// Takes note that the filters have taken inertial readings up to `last`.
+    pub(crate) fn has_taken(&mut self, last: &ImuSample) {
+        self.last_imu = Some(*last);
+        self.last_ns[0] = Some(last.time_ns);
+    }
+
     /// Replaces the covariance; what was assumed and learned of the motion through the water is forgotten.
     ///
     /// # Errors

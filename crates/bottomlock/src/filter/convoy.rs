@@ -1,0 +1,238 @@
+//! Filters side by side, over IMU samples between which nothing is measured.
+//!
+//! The arms of a run, and the runs of a batch, sit in the lanes of vectors; each lane does what [`Eskf::predict`] does, bit for
+//! bit, whoever its neighbours are. Only filters whose covariance falls due at the same steps sit together.
+
+#[cfg(target_arch = "x86_64")]
+use fearless_simd::f64x8;
+use fearless_simd::prelude::*;
+use fearless_simd::{dispatch, f64x4};
+
+use super::Eskf;
+use crate::error::NavError;
+use crate::error_model::{Coefficients, Interval};
+use crate::imu::{ImuSample, Inertial, Kinematics, Sampling};
+use crate::lane::{Lane, Lanes, V3, WIDEST, gather, level, scatter, splat3, sub};
+use crate::layout::DIM;
+
+/// A filter and the samples that it takes; the first of them it has taken already.
+#[derive(Debug)]
+pub struct Seat<'a> {
+    /// The filter.
+    pub filter: &'a mut Eskf,
+    /// Its samples.
+    pub samples: &'a [ImuSample],
+    /// What went wrong, and at which sample.
+    pub failure: Option<(usize, NavError)>,
+}
+
+impl<'a> Seat<'a> {
+    /// A filter with its samples, of which it has taken the first.
+    pub fn new(filter: &'a mut Eskf, samples: &'a [ImuSample]) -> Self {
+        Self {
+            filter,
+            samples,
+            failure: None,
+        }
+    }
+
+    /// True where two filters do the same operations at the same steps.
+    fn keeps_pace_with(&self, other: &Self) -> bool {
+        let (own, its) = (&*self.filter, &*other.filter);
+        let times = |seat: &Self| seat.samples.iter().map(|sample| sample.time_ns);
+        (std::ptr::eq(self.samples, other.samples) || times(self).eq(times(other)))
+            && own.interval.duration_s().to_bits() == its.interval.duration_s().to_bits()
+            && own.earth == its.earth
+            && own.noise == its.noise
+            && own.sampling == its.sampling
+            && own.covariance_period_s == its.covariance_period_s
+    }
+
+    fn times_rise(&self) -> bool {
+        self.samples.windows(2).all(|step| step[0].time_ns < step[1].time_ns)
+    }
+
+    fn predict_alone(&mut self) {
+        for (k, step) in self.samples.windows(2).enumerate() {
+            if let Err(error) = self.filter.predict(&step[0], &step[1]) {
+                self.failure = Some((k + 1, error));
+                return;
+            }
+        }
+    }
+}
+
+/// Leads every filter over its samples, as [`Eskf::predict`] does step by step.
+///
+/// What goes wrong for a filter is noted at its seat, and no other feels it. Filters whose samples are at the same times and whose
+/// covariances fall due together are led side by side.
+pub fn predict_together(seats: &mut [Seat<'_>]) {
+    let mut waiting: Vec<&mut Seat<'_>> = seats.iter_mut().collect();
+    while !waiting.is_empty() {
+        let leader = &waiting[0];
+        let rise = leader.times_rise();
+        let joins: Vec<bool> = waiting.iter().map(|seat| seat.keeps_pace_with(leader)).collect();
+        let (mut group, mut others) = (Vec::new(), Vec::new());
+        for (seat, joins) in waiting.into_iter().zip(joins) {
+            if joins { group.push(seat) } else { others.push(seat) }
+        }
+        waiting = others;
+        for part in group.chunks_mut(width()) {
+            if part.len() == 1 || !rise || part[0].samples.len() < 2 {
+                part.iter_mut().for_each(|seat| seat.predict_alone());
+            } else {
+                board(part);
+            }
+        }
+    }
+}
+
+/// How many filters sit together: the widest vectors of the machine.
+#[must_use]
+pub fn width() -> usize {
+    match level() {
+        #[cfg(target_arch = "x86_64")]
+        fearless_simd::Level::Avx512(_) => WIDEST,
+        _ => 4,
+    }
+}
+
+/// Eight where the machine has vectors of eight; else four, which keeps the code for narrower ones half as large.
+fn board(seats: &mut [&mut Seat<'_>]) {
+    match level() {
+        #[cfg(target_arch = "x86_64")]
+        fearless_simd::Level::Avx512(simd) if seats.len() > 4 => {
+            simd.vectorize(
+                #[inline(always)]
+                || fly::<_, f64x8<_>>(simd, seats),
+            );
+        }
+        _ => dispatch!(level(), simd => fly::<_, f64x4<_>>(simd, seats)),
+    }
+}
+
+#[inline(always)]
+fn corrected<T: Lane>(sample: &Inertial<T>, gyro_bias: V3<T>, accel_bias: V3<T>) -> Inertial<T> {
+    Inertial {
+        rate_p_radps: sub(sample.rate_p_radps, gyro_bias),
+        force_p_mps2: sub(sample.force_p_mps2, accel_bias),
+    }
+}
+
+/// The samples of all lanes at one time; arms of a run have them in common.
+#[inline(always)]
+fn readings<S: Simd, T: Lanes<S>>(simd: S, streams: &[&[ImuSample]; WIDEST], at: usize, common: bool) -> Inertial<T> {
+    let zero = T::gather(simd, |_| 0.0);
+    let first = &streams[0][at];
+    if common {
+        return Inertial {
+            rate_p_radps: splat3(zero, first.rate_p_radps.to_array()),
+            force_p_mps2: splat3(zero, first.force_p_mps2.to_array()),
+        };
+    }
+    let mut own = [[0.0; 6]; WIDEST];
+    for (own, stream) in own.iter_mut().zip(streams) {
+        let (rate, force) = (&stream[at].rate_p_radps.0, &stream[at].force_p_mps2.0);
+        *own = [rate.x, rate.y, rate.z, force.x, force.y, force.z];
+    }
+    let all: [T; 6] = gather(simd, &own);
+    Inertial {
+        rate_p_radps: [all[0], all[1], all[2]],
+        force_p_mps2: [all[3], all[4], all[5]],
+    }
+}
+
+/// At most as many filters as there are lanes; a lane left over repeats the last filter.
+#[inline(always)]
+fn fly<S: Simd, T: Lanes<S>>(simd: S, seats: &mut [&mut Seat<'_>]) {
+    let count = seats.len();
+    let place = |k: usize| k.min(count - 1);
+    for seat in seats.iter_mut() {
+        let (start, end) = (&seat.samples[0], &seat.samples[1]);
+        seat.filter.begin_interval(start, end);
+    }
+
+    let mut streams: [&[ImuSample]; WIDEST] = [seats[0].samples; WIDEST];
+    let mut kinematics = [[0.0; 19]; WIDEST];
+    let mut biases = [[0.0; 6]; WIDEST];
+    let mut intervals = [&seats[0].filter.interval; WIDEST];
+    for k in 0..WIDEST {
+        let (seat, filter) = (&seats[place(k)], &seats[place(k)].filter);
+        let (gyro, accel) = (filter.state.gyro_bias_p_radps.0, filter.state.accel_bias_p_mps2.0);
+        streams[k] = seat.samples;
+        kinematics[k] = filter.kinematics.to_array();
+        biases[k] = [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z];
+        intervals[k] = &filter.interval;
+    }
+    let mut interval: Interval<T> = Interval::gather(simd, &intervals);
+    let mut kinematics: Kinematics<T> = Kinematics::from_array(gather(simd, &kinematics));
+    let biases: [T; 6] = gather(simd, &biases);
+    let (gyro_bias, accel_bias) = ([biases[0], biases[1], biases[2]], [biases[3], biases[4], biases[5]]);
+    let mut p = [[T::gather(simd, |_| 0.0); DIM]; DIM];
+    for j in 0..DIM {
+        for i in 0..=j {
+            let both = T::gather(simd, |k| seats[place(k)].filter.covariance[(i, j)]);
+            p[j][i] = both;
+            p[i][j] = both;
+        }
+    }
+
+    let (earth, noise) = (seats[0].filter.earth, seats[0].filter.noise);
+    let (sampling, period_s) = (seats[0].filter.sampling, seats[0].filter.covariance_period_s);
+    let second_order = period_s > 0.0;
+    let samples = streams[0];
+    let common = streams.iter().all(|stream| std::ptr::eq(*stream, samples));
+    let mut first = corrected(&readings(simd, &streams, 0, common), gyro_bias, accel_bias);
+    let mut dt_s = 0.0;
+    for at in 1..samples.len() {
+        dt_s = (samples[at].time_ns - samples[at - 1].time_ns) as f64 * 1e-9;
+        let last = corrected(&readings(simd, &streams, at, common), gyro_bias, accel_bias);
+        if sampling == Sampling::Averaged {
+            first = last;
+        }
+        kinematics.step(&first, &last, dt_s, &earth);
+        interval.extend(Coefficients::at(&kinematics, &last, &earth), dt_s);
+        first = last;
+        let position = kinematics.position_t_m;
+        let sum = position[0] + position[1] + position[2];
+        if !sum.all_finite() {
+            note_failures(seats, &sum, at);
+        }
+        if interval.duration_s() + 0.5 * dt_s >= period_s {
+            for (k, seat) in seats.iter_mut().enumerate() {
+                if let Some(water) = &mut seat.filter.water {
+                    water.propagate(&interval.lane(k), &earth, second_order);
+                }
+            }
+            interval.propagate(&mut p, &noise, &earth, second_order);
+        }
+    }
+
+    let end = samples.len() - 1;
+    let kinematics = kinematics.to_array();
+    for (k, seat) in seats.iter_mut().enumerate() {
+        let reading = &seat.samples[end];
+        let filter = &mut *seat.filter;
+        filter.kinematics = Kinematics::from_array(scatter(&kinematics, k));
+        filter.interval = interval.lane(k);
+        filter.state.time_ns = reading.time_ns;
+        filter.last_rate_p_radps = reading.rate_p_radps.0;
+        filter.last_step_s = dt_s;
+        for j in 0..DIM {
+            for i in 0..DIM {
+                filter.covariance[(i, j)] = p[j][i].get(k);
+            }
+        }
+    }
+}
+
+/// Each lane's first sample at which its position is no number any more.
+#[cold]
+fn note_failures<S: Simd, T: Lanes<S>>(seats: &mut [&mut Seat<'_>], sum: &T, at: usize) {
+    for (k, seat) in seats.iter_mut().enumerate() {
+        if seat.failure.is_none() && !sum.get(k).is_finite() {
+            let time_ns = seat.samples[at].time_ns;
+            seat.failure = Some((at, Eskf::ran_out_of_numbers(time_ns)));
+        }
+    }
+}
