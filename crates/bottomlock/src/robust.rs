@@ -35,7 +35,7 @@ use crate::error::{NavError, require_positive};
 use crate::state::Covariance;
 
 /// Steps of the iteration on the weights at most.
-const ITERATIONS: usize = 100;
+const ITERATIONS: usize = 5000;
 /// Change of a weight, relative, at which they stand still.
 const STANDSTILL: f64 = 1e-9;
 
