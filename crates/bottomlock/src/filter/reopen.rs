@@ -82,13 +82,7 @@ impl Eskf {
     /// since its assumption is, must not widen without end.
     fn greatest_factor(&self) -> f64 {
         let greatest = |block: usize| (block..block + 3).fold(0.0_f64, |most, k| most.max(self.covariance[(k, k)]));
-        let within = |sd: f64, variance: f64| {
-            if variance > 0.0 {
-                sd * sd / variance
-            } else {
-                f64::INFINITY
-            }
-        };
+        let within = |sd: f64, variance: f64| sd * sd / variance;
         within(WIDEST_ATTITUDE_RAD, greatest(ATTITUDE)).min(within(WIDEST_POSITION_M, greatest(POSITION)))
     }
 
