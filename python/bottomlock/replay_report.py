@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import polars as pl
 from markupsafe import Markup
 from matplotlib.figure import Figure
@@ -15,8 +14,8 @@ from bottomlock.output import read_json, write_bytes, write_text
 from bottomlock.replay_figures import error_figure, innovation_figure, map_figure, nis_figure, validity_figure
 from bottomlock.replay_schema import FORWARD, RECORDED, SMOOTHED
 from bottomlock.replay_stats import summary_table
-from bottomlock.report import ARM_WORDS, number
-from bottomlock.study_figures.palette import inline_svg, png_bytes, stroke, svg_text
+from bottomlock.report import ARM_WORDS, render
+from bottomlock.study_figures.palette import inline_svg, png_bytes, svg_text
 
 BEAM_ROWS = ("tc", "sway_current", "consistent")
 """Arms whose innovations are beams, the first that was flown is drawn."""
@@ -109,7 +108,7 @@ def make_replay_report(folder: Path) -> Path:
             }
         )
     page = folder / "report.html"
-    write_text(page, _render(_content(tables) | {"figures": inline}))
+    write_text(page, render("replay.html.j2", _content(tables) | {"figures": inline}))
     return page
 
 
@@ -192,18 +191,3 @@ def _best(rows: pl.DataFrame) -> dict[str, Any] | None:
     """The forward arm with the least position error at the end."""
     forward = rows.filter((pl.col("pass") == FORWARD) & pl.col("position_final_m").is_not_null())
     return forward.sort("position_final_m").row(0, named=True) if forward.height else None
-
-
-def _render(content: dict[str, Any]) -> str:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("bottomlock", "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters["number"] = number
-    environment.filters["colour"] = lambda arm: stroke(arm).colour
-    environment.filters["title"] = lambda name: str(name).replace("_", " ").capitalize()
-    return environment.get_template("replay.html.j2").render(content)

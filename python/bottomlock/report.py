@@ -92,7 +92,7 @@ def make_report(folder: Path) -> Report:
             }
         )
     page = folder / "report.html"
-    write_text(page, _render(_content(study, errors, paper, claims) | {"figures": inline}))
+    write_text(page, render("report.html.j2", _content(study, errors, paper, claims) | {"figures": inline}))
     return Report(page, paths, claims)
 
 
@@ -259,7 +259,8 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{rounded:.{decimals}f}".replace("-", "−")
 
 
-def _render(content: dict[str, Any]) -> str:
+def render(template: str, content: dict[str, Any]) -> str:
+    """A packaged page, its numbers, arms' colours and titles written as everywhere."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("bottomlock", "templates"),
         autoescape=True,
@@ -271,4 +272,4 @@ def _render(content: dict[str, Any]) -> str:
     environment.filters["number"] = number
     environment.filters["colour"] = lambda arm: stroke(arm).colour
     environment.filters["title"] = lambda name: str(name).replace("_", " ").capitalize()
-    return environment.get_template("report.html.j2").render(content)
+    return environment.get_template(template).render(content)

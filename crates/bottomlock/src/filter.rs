@@ -363,10 +363,9 @@ impl Eskf {
             }
         }
         let is_rejected = report.verdict == Verdict::Rejected;
-        if is_rejected && (self.gate_reopen_fixes == 0 || !self.is_explicable(&z, &h, &s, report.threshold)) {
-            return Ok(report);
+        if !is_rejected || self.is_explicable(&z, &h, &s, report.threshold) {
+            self.reopen(&mut report);
         }
-        self.reopen(&mut report);
         if is_rejected {
             return Ok(report);
         }

@@ -18,7 +18,7 @@
 //! # Heavy tails
 //! With D_i the beam's own variance, divided by a weight w_i, the estimate of its noise is n̂ = D W⁻¹ S⁻¹ z. Repeated until the weights
 //! stand still:
-//! - Student's t with ν degrees: w_i = (ν + 1) / (ν + E[n_i²] / D_i), with the posterior variance of n_i in E[n_i²]: the variational
+//! - Student's t with ν degrees: w_i = (ν + 1) / (ν + e_i / D_i), e_i the mean square of n_i, its posterior variance included: the variational
 //!   filter of Agamennoni, Nieto & Nebot, Approximate inference in state-space models with heavy-tailed noise, IEEE Trans. Signal
 //!   Processing 60 (2012), with a weight for each beam. D_i is the beam's variance times (ν + 3)/(ν + 1): the weights have a mean of
 //!   1, but a reading of Student's t tells of its location only (ν + 1)/(ν + 3) of what a Gaussian one tells (its Fisher
@@ -35,7 +35,7 @@ use crate::error::{NavError, require_positive};
 use crate::state::Covariance;
 
 /// Steps of the iteration on the weights at most.
-const ITERATIONS: usize = 100;
+const ITERATIONS: usize = 5000;
 /// Change of a weight, relative, at which they stand still.
 const STANDSTILL: f64 = 1e-9;
 

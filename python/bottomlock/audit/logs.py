@@ -11,9 +11,9 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.beams import Columns
+from bottomlock.io.beams import Columns, times_as_they_stand
+from bottomlock.io.columns import column_numbers, read_rows
 
-_NS = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
 AXES = ("x", "y", "z")
 
 
@@ -81,72 +81,9 @@ class BeamLog:
         return np.asarray(finite if self.instrument_valid is None else finite & self.instrument_valid)
 
 
-def read_table(path: str | Path) -> pl.DataFrame:
-    """A CSV or Parquet file as it stands.
-
-    Raises:
-        DataError: for a file that is not there, cannot be read or has no rows.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
-    try:
-        parquet = path.suffix.lower() in {".parquet", ".pq"}
-        table = pl.read_parquet(path) if parquet else pl.read_csv(path, infer_schema=False)
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise DataError(f"{path}: cannot be read ({str(error).splitlines()[0]})") from error
-    if not table.height:
-        raise DataError(f"{path}: has no rows")
-    return table
-
-
 def numbers(table: pl.DataFrame, name: str, place: str) -> NDArray[np.float64]:
-    """A column as floats, NaN where it is empty.
-
-    Raises:
-        DataError: naming column and row, for a column that is missing or a cell that is no number.
-    """
-    return np.asarray(
-        _series(table, name, place, pl.Float64()).fill_null(float("nan")).to_numpy(), dtype=np.float64
-    )
-
-
-def _series(table: pl.DataFrame, name: str, place: str, dtype: pl.DataType) -> pl.Series:
-    if name not in table.columns:
-        known = ", ".join(table.columns[:12]) + (", ..." if len(table.columns) > 12 else "")
-        raise DataError(f"{place}: column '{name}' is missing (there are {known})")
-    column = table[name]
-    if column.dtype == pl.String:
-        lower = column.str.strip_chars().str.to_lowercase()
-        empty = column.is_null() | lower.is_in(["", "nan"])
-        words = lower.replace({"true": "1", "false": "0"})
-        cast = words.cast(dtype, strict=False)
-        bad = (cast.is_null() & ~empty).arg_true()
-        if len(bad):
-            raise DataError(
-                f"{place}: row {bad[0]}, column '{name}' is '{column[int(bad[0])]}', expected a number"
-            )
-        return cast
-    if not column.dtype.is_numeric() and column.dtype != pl.Boolean:
-        raise DataError(f"{place}: column '{name}' is {column.dtype}, expected numbers")
-    return column.cast(dtype)
-
-
-def times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int64]:
-    """The column of times in nanoseconds, in the order of the file.
-
-    Raises:
-        DataError: naming column and row, for a time that is missing or no number.
-    """
-    if columns.time_unit == "ns":
-        series = _series(table, columns.time, place, pl.Int64())
-    else:
-        seconds = _series(table, columns.time, place, pl.Float64())
-        series = (seconds * _NS[columns.time_unit]).round().cast(pl.Int64)
-    missing = series.is_null().arg_true()
-    if len(missing):
-        raise DataError(f"{place}: row {missing[0]}, column '{columns.time}' has no time")
-    return np.asarray(series.to_numpy(), dtype=np.int64)
+    """A column as floats, NaN where it is empty; true and false are 1 and 0."""
+    return column_numbers(table, name, place, words=True)
 
 
 def _flags(table: pl.DataFrame, name: str, place: str) -> NDArray[np.bool_]:
@@ -184,12 +121,12 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
             finite
             velocity, or a log with neither beams nor the instrument's velocity.
     """
-    place, table = str(path), read_table(path)
+    place, table = str(path), read_rows(Path(path))
     mapped = columns is not None and columns.velocity is not None and columns.velocity[0] in table.columns
     chosen = columns if mapped and columns is not None else Columns()
     names = list(chosen.velocity or [n for n in _columns_of(table, "mps") if _filled(table, n)])
     flags = list(chosen.valid or [name.replace("_mps", "_valid") for name in names])
-    time_ns = times(table, chosen, place)
+    time_ns = times_as_they_stand(table, chosen, place)
     empty = np.zeros((table.height, 0))
     velocity = np.stack([numbers(table, n, place) for n in names], axis=1) if names else empty
     valid = np.stack([_flags(table, n, place) for n in flags], axis=1) if names else empty.astype(bool)
@@ -264,7 +201,7 @@ class Depths:
 
 
 def _rising(table: pl.DataFrame, place: str) -> NDArray[np.int64]:
-    time_ns = times(table, Columns(), place)
+    time_ns = times_as_they_stand(table, Columns(), place)
     steps = np.flatnonzero(np.diff(time_ns) <= 0)
     if steps.size:
         row = int(steps[0]) + 1
@@ -291,7 +228,7 @@ def read_reference(path: str | Path) -> Reference:
     Raises:
         DataError: naming file, row and column, for what is missing, not finite, or a time that does not rise.
     """
-    place, table = str(path), read_table(path)
+    place, table = str(path), read_rows(Path(path))
     names = [f"velocity_{axis}_mps" for axis in ("north", "east", "down")]
     velocity = _block(table, names, place) if any(name in table.columns for name in names) else None
     return Reference(
@@ -305,7 +242,7 @@ def read_inertial(path: str | Path) -> Inertial:
     Raises:
         DataError: as `read_reference`.
     """
-    place, table = str(path), read_table(path)
+    place, table = str(path), read_rows(Path(path))
     force, omega = [f"force_{a}_mps2" for a in AXES], [f"omega_{a}_radps" for a in AXES]
     return Inertial(_rising(table, place), _block(table, force, place), _block(table, omega, place))
 
@@ -316,5 +253,5 @@ def read_depths(path: str | Path) -> Depths:
     Raises:
         DataError: as `read_reference`.
     """
-    place, table = str(path), read_table(path)
+    place, table = str(path), read_rows(Path(path))
     return Depths(_rising(table, place), _block(table, ["depth_m"], place)[:, 0])

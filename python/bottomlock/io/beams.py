@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.faults import explain
+from bottomlock.io.columns import NS_OF, column_numbers, number_series, read_rows, read_table
 from bottomlock.kernel import BeamGeometry, KernelError, make_geometry
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -162,46 +163,21 @@ def read_geometry(source: str | Path) -> Instrument:
     return Instrument(geometry=geometry, beam_sd_mps=sd, columns=settings.columns, mounting_rpy_rad=mounting)
 
 
-def read_table(path: Path) -> pl.DataFrame:
-    """CSV (as text) or Parquet as a table.
+def times_as_they_stand(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int64]:
+    """The times of a table, ns (n,), in whatever order.
 
     Raises:
-        DataError: for a file that is not there or cannot be read.
+        DataError: naming row and column, for a time that is missing or no number.
     """
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
-    try:
-        if path.suffix.lower() in {".parquet", ".pq"}:
-            return pl.read_parquet(path)
-        # Text first: a number that cannot be read is then reported with its row, not dropped.
-        return pl.read_csv(path, infer_schema=False)
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise DataError(f"{path}: cannot be read ({str(error).splitlines()[0]})") from error
-
-
-def _numbers(table: pl.DataFrame, name: str, place: str, dtype: pl.DataType) -> pl.Series:
-    if name not in table.columns:
-        close = ", ".join(table.columns[:12])
-        raise DataError(
-            f"{place}: column '{name}' is missing (there are {close}{', ...' if len(table.columns) > 12 else ''})"
-        )
-    column = table[name]
-    if column.dtype == pl.String:
-        column = column.str.strip_chars()
-        empty = column.is_null() | (column == "") | (column.str.to_lowercase() == "nan")
-        numbers = column.cast(dtype, strict=False)
-        bad = (numbers.is_null() & ~empty).arg_true()
-        if len(bad):
-            raise DataError(
-                f"{place}: row {bad[0]}, column '{name}' is '{column[int(bad[0])]}', expected a number"
-            )
-        return numbers
-    if not column.dtype.is_numeric() and column.dtype != pl.Boolean:
-        raise DataError(f"{place}: column '{name}' is {column.dtype}, expected numbers")
-    return column.cast(dtype)
-
-
-_NS = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
+    if columns.time_unit == "ns":
+        series = number_series(table, columns.time, place, pl.Int64())
+    else:
+        units = number_series(table, columns.time, place, pl.Float64())
+        series = (units * NS_OF[columns.time_unit]).round().cast(pl.Int64)
+    missing = series.is_null().arg_true()
+    if len(missing):
+        raise DataError(f"{place}: row {missing[0]}, column '{columns.time}' has no time")
+    return np.asarray(series.to_numpy(), dtype=np.int64)
 
 
 def read_times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int64]:
@@ -210,15 +186,7 @@ def read_times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.
     Raises:
         DataError: naming row and column, for a time that is missing, repeats or goes back.
     """
-    if columns.time_unit == "ns":
-        series = _numbers(table, columns.time, place, pl.Int64())
-    else:
-        seconds = _numbers(table, columns.time, place, pl.Float64())
-        series = (seconds * _NS[columns.time_unit]).round().cast(pl.Int64)
-    missing = series.is_null().arg_true()
-    if len(missing):
-        raise DataError(f"{place}: row {missing[0]}, column '{columns.time}' has no time")
-    times = series.to_numpy()
+    times = times_as_they_stand(table, columns, place)
     steps = np.flatnonzero(np.diff(times) <= 0)
     if steps.size:
         row = int(steps[0]) + 1
@@ -227,15 +195,6 @@ def read_times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.
             f"{place}: row {row}, column '{columns.time}' is {times[row]} ns and {what} of row {row - 1}"
         )
     return times
-
-
-def column_numbers(table: pl.DataFrame, name: str, place: str) -> NDArray[np.float64]:
-    """A column as numbers (n,), NaN where it is empty.
-
-    Raises:
-        DataError: naming row and column, for a column that is missing or an entry that is no number.
-    """
-    return _numbers(table, name, place, pl.Float64()).fill_null(math.nan).to_numpy()
 
 
 def read_flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.bool_]:
@@ -249,7 +208,7 @@ def read_flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray
         if name in table.columns and table[name].dtype == pl.String:
             words = {"true": "1", "false": "0"}
             table = table.with_columns(pl.col(name).str.to_lowercase().replace(words))
-        series = _numbers(table, name, place, pl.Float64())
+        series = number_series(table, name, place, pl.Float64())
         bad = (series.is_null() | ~series.is_in([0.0, 1.0])).arg_true()
         if len(bad):
             raise DataError(
@@ -287,9 +246,7 @@ def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) 
     """
     place = str(path)
     columns = columns or Columns()
-    table = read_table(Path(path))
-    if not table.height:
-        raise DataError(f"{place}: has no rows")
+    table = read_rows(Path(path))
     velocity_names = columns.velocity or tuple(f"beam{k + 1}_mps" for k in range(beams))
     valid_names = columns.valid or tuple(f"beam{k + 1}_valid" for k in range(beams))
     for kind, names in (("velocity", velocity_names), ("valid", valid_names)):
@@ -299,7 +256,7 @@ def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) 
             )
     time_ns = read_times(table, columns, place)
     velocity = np.stack(
-        [_numbers(table, n, place, pl.Float64()).fill_null(math.nan).to_numpy() for n in velocity_names],
+        [column_numbers(table, n, place) for n in velocity_names],
         axis=1,
     )
     valid = read_flags(table, valid_names, place)
@@ -318,7 +275,7 @@ def _prior(table: pl.DataFrame, place: str) -> tuple[NDArray[np.float64] | None,
     if not any(name.startswith("prior_") for name in table.columns):
         return None, None
     names = [f"prior_{axis}_mps" for axis in axes] + [f"prior_{axis}_sd_mps" for axis in axes]
-    values = [_numbers(table, name, place, pl.Float64()).fill_null(math.nan).to_numpy() for name in names]
+    values = [column_numbers(table, name, place) for name in names]
     for name, column in zip(names, values, strict=True):
         bad = np.flatnonzero(~np.isfinite(column) | (column <= 0.0 if "_sd_" in name else False))
         if bad.size:

@@ -12,7 +12,8 @@ from pydantic import ValidationError
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.faults import explain
 from bottomlock.io.beam_table import Account, Floats, Recording
-from bottomlock.io.beams import Columns, column_numbers, read_flags, read_table, read_times
+from bottomlock.io.beams import Columns, read_flags, read_times
+from bottomlock.io.columns import column_numbers, read_table
 from bottomlock.io.rows import PLAIN, Options, Rows, refuse_empty
 
 NAME = "table"

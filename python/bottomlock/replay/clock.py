@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from bottomlock.errors import DataError
 from bottomlock.replay.stream_sections import Clock
 
-NS_OF = {"ns": 1.0, "us": 1e3, "ms": 1e6, "s": 1e9}
 MEDIANS_OF_A_GAP = 3.0
 """A step of more than so many median steps is a gap, where the case does not say how long one is."""
 

@@ -8,6 +8,7 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import read_beam_table
 from bottomlock.io.beams import Instrument, read_beams, read_geometry
+from bottomlock.io.columns import column_numbers
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
 from bottomlock.replay.dive import (
@@ -33,7 +34,7 @@ from bottomlock.replay.stream_sections import (
     Positioned,
     Reference,
 )
-from bottomlock.replay.tables import column_numbers, read_stream
+from bottomlock.replay.tables import read_stream
 from bottomlock.replay.turning import flip, from_angles, handedness, mounted, platform_attitude
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
@@ -160,7 +161,7 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
     velocity_d = flip(values * SPEED_SI[dvl.velocity_unit], dvl.axes) / dvl.velocity_scale
     heard = np.ones(len(velocity_d), dtype=np.bool_)
     if dvl.valid is not None:
-        heard = column_numbers(table, dvl.valid, place=str(dvl.file))[timed.rows] == 1.0
+        heard = column_numbers(table, dvl.valid, str(dvl.file))[timed.rows] == 1.0
     # In the instrument's frame: its mounting is undone on both sides of the product.
     directions_d = from_angles(*instrument.mounting_rpy_rad).inv().apply(geometry.directions_p)
     projected = velocity_d @ directions_d.T

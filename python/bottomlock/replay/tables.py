@@ -2,69 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.replay.clock import NS_OF, ClockReport, Fault, Timed, row_times
+from bottomlock.io.columns import NS_OF, column_numbers, named_column, numbers_of_text, read_rows
+from bottomlock.replay.clock import ClockReport, Fault, Timed, row_times
 from bottomlock.replay.stream_sections import Clock, Stream
-
-SHOWN = 12
-"""Columns that an error lists."""
-
-
-def read_table(path: Path) -> pl.DataFrame:
-    """A table; CSV as text, so that a number that cannot be read is told with its row.
-
-    Raises:
-        DataError: for a file that is not there, cannot be read, or has no rows.
-    """
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
-    try:
-        if path.suffix.lower() in {".parquet", ".pq"}:
-            table = pl.read_parquet(path)
-        else:
-            table = pl.read_csv(path, infer_schema=False)
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise DataError(f"{path}: cannot be read ({str(error).splitlines()[0]})") from error
-    if not table.height:
-        raise DataError(f"{path}: has no rows")
-    return table
-
-
-def column_numbers(table: pl.DataFrame, name: str, *, place: str) -> NDArray[np.float64]:
-    """(n,) numbers of a column, NaN where a cell is empty.
-
-    Raises:
-        DataError: for a column that is not there or a cell that is no number.
-    """
-    series = _column(table, name, place)
-    if series.dtype == pl.String:
-        series = _numbers_of_text(series, name, place, pl.Float64())
-    elif not series.dtype.is_numeric() and series.dtype != pl.Boolean:
-        raise DataError(f"{place}: column '{name}' is {series.dtype}, expected numbers")
-    return np.array(series.cast(pl.Float64()).fill_null(np.nan).to_numpy(), dtype=np.float64)
-
-
-def _column(table: pl.DataFrame, name: str, place: str) -> pl.Series:
-    if name not in table.columns:
-        known = ", ".join(table.columns[:SHOWN]) + (", ..." if len(table.columns) > SHOWN else "")
-        raise DataError(f"{place}: column '{name}' is missing (there are {known})")
-    return table[name]
-
-
-def _numbers_of_text(series: pl.Series, name: str, place: str, dtype: pl.DataType) -> pl.Series:
-    text = series.str.strip_chars()
-    empty = text.is_null() | (text == "") | (text.str.to_lowercase() == "nan")
-    numbers = text.cast(dtype, strict=False)
-    bad = (numbers.is_null() & ~empty).arg_true()
-    if len(bad):
-        raise DataError(f"{place}: row {bad[0]}, column '{name}' is '{text[int(bad[0])]}', expected a number")
-    return numbers
 
 
 def column_stamps(table: pl.DataFrame, clock: Clock, *, place: str) -> NDArray[np.int64] | None:
@@ -75,14 +21,14 @@ def column_stamps(table: pl.DataFrame, clock: Clock, *, place: str) -> NDArray[n
     """
     if clock.column is None:
         return None
-    series = _column(table, clock.column, place)
+    series = named_column(table, clock.column, place)
     if clock.unit == "ns":
         if series.dtype == pl.String:
-            series = _numbers_of_text(series, clock.column, place, pl.Int64())
+            series = numbers_of_text(series, clock.column, place, pl.Int64())
         missing = series.is_null().arg_true()
         if not len(missing) and series.dtype.is_integer():
             return np.array(series.cast(pl.Int64()).to_numpy(), dtype=np.int64)
-    stamps = column_numbers(table, clock.column, place=place)
+    stamps = column_numbers(table, clock.column, place)
     absent = np.flatnonzero(~np.isfinite(stamps))
     if absent.size:
         raise DataError(f"{place}: row {absent[0]}, column '{clock.column}' has no time")
@@ -108,11 +54,11 @@ def read_stream(
         DataError: for what cannot be read, rows out of order that are not declared, and a stream without a whole row.
     """
     place = str(stream.file)
-    table = read_table(stream.file)
+    table = read_rows(stream.file)
     timed = row_times(
         column_stamps(table, stream.clock, place=place), table.height, stream.clock, place=place
     )
-    values = np.stack([column_numbers(table, name, place=place) for name in names], axis=1)
+    values = np.stack([column_numbers(table, name, place) for name in names], axis=1)
     whole = np.asarray(np.isfinite(values).all(axis=1))
     hollow = timed.rows[~whole[timed.rows]]
     if hollow.size and not optional:

@@ -11,11 +11,16 @@
 use nalgebra::SMatrix;
 
 use super::Eskf;
-use crate::layout::{DIM, DVL_BIAS};
+use crate::layout::{ATTITUDE, DIM, DVL_BIAS, POSITION};
 use crate::report::{Sensor, UpdateReport, Verdict};
 
 /// An inertial covariance wider by this factor explains all that an inertial state can explain.
 const WIDEST: f64 = 1e6;
+
+/// Attitude sigma beyond which nothing is widened, rad.
+const WIDEST_ATTITUDE_RAD: f64 = 1.0;
+/// Position sigma beyond which nothing is widened, m.
+const WIDEST_POSITION_M: f64 = 1e6;
 
 /// Refusals in a row of the fixes of velocity.
 #[derive(Debug, Clone, Copy, Default)]
@@ -64,13 +69,21 @@ impl Eskf {
         if !matches!(report.sensor, Sensor::Beams | Sensor::Velocity) || self.gate_reopen_fixes == 0 {
             return;
         }
-        report.widened = self
-            .refusals
-            .count(report, self.gate_reopen_fixes)
+        let factor = self.refusals.count(report, self.gate_reopen_fixes);
+        report.widened = factor
+            .map(|factor| factor.min(self.greatest_factor()))
             .filter(|factor| *factor > 1.0);
         if let Some(factor) = report.widened {
             self.widen(factor);
         }
+    }
+
+    /// What leaves every attitude within a radian and every position within the sea: an arm that is wrong again and again,
+    /// since its assumption is, must not widen without end.
+    fn greatest_factor(&self) -> f64 {
+        let greatest = |block: usize| (block..block + 3).fold(0.0_f64, |most, k| most.max(self.covariance[(k, k)]));
+        let within = |sd: f64, variance: f64| sd * sd / variance;
+        within(WIDEST_ATTITUDE_RAD, greatest(ATTITUDE)).min(within(WIDEST_POSITION_M, greatest(POSITION)))
     }
 
     /// Multiplies the covariance of position, attitude, velocity and the IMU's biases among themselves: noise is added to them.

@@ -1,0 +1,101 @@
+"""Columns of CSV and Parquet files as numbers: missing columns and unreadable cells named, empty cells kept as such."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from bottomlock.errors import DataError
+
+NS_OF: Mapping[str, int] = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
+"""Nanoseconds of a unit of time."""
+
+_SHOWN = 12
+"""Columns that an error lists."""
+
+
+def read_table(path: Path) -> pl.DataFrame:
+    """CSV (as text) or Parquet as a table.
+
+    Raises:
+        DataError: for a file that is not there or cannot be read.
+    """
+    if not path.is_file():
+        raise DataError(f"{path}: no such file")
+    try:
+        if path.suffix.lower() in {".parquet", ".pq"}:
+            return pl.read_parquet(path)
+        # Text first: a number that cannot be read is then reported with its row, not dropped.
+        return pl.read_csv(path, infer_schema=False)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise DataError(f"{path}: cannot be read ({str(error).splitlines()[0]})") from error
+
+
+def read_rows(path: Path) -> pl.DataFrame:
+    """A table with a row at least.
+
+    Raises:
+        DataError: as `read_table`, and for a file without rows.
+    """
+    table = read_table(path)
+    if not table.height:
+        raise DataError(f"{path}: has no rows")
+    return table
+
+
+def named_column(table: pl.DataFrame, name: str, place: str) -> pl.Series:
+    """A column as it stands.
+
+    Raises:
+        DataError: for a column that is missing, with those that are there.
+    """
+    if name not in table.columns:
+        known = ", ".join(table.columns[:_SHOWN]) + (", ..." if len(table.columns) > _SHOWN else "")
+        raise DataError(f"{place}: column '{name}' is missing (there are {known})")
+    return table[name]
+
+
+def number_series(
+    table: pl.DataFrame, name: str, place: str, dtype: pl.DataType, *, words: bool = False
+) -> pl.Series:
+    """A column as numbers, null or NaN where a cell is empty; with `words`, true and false are 1 and 0.
+
+    Raises:
+        DataError: naming column and row, for a column that is missing or a cell that is no number.
+    """
+    column = named_column(table, name, place)
+    if column.dtype == pl.String:
+        return numbers_of_text(column, name, place, dtype, words=words)
+    if not column.dtype.is_numeric() and column.dtype != pl.Boolean:
+        raise DataError(f"{place}: column '{name}' is {column.dtype}, expected numbers")
+    return column.cast(dtype)
+
+
+def numbers_of_text(
+    column: pl.Series, name: str, place: str, dtype: pl.DataType, *, words: bool = False
+) -> pl.Series:
+    """Text as numbers, as `number_series`.
+
+    Raises:
+        DataError: naming column and row, for a cell that is no number.
+    """
+    text = column.str.strip_chars()
+    lower = text.str.to_lowercase()
+    empty = text.is_null() | lower.is_in(["", "nan"])
+    numbers = (lower.replace({"true": "1", "false": "0"}) if words else text).cast(dtype, strict=False)
+    bad = (numbers.is_null() & ~empty).arg_true()
+    if len(bad):
+        raise DataError(f"{place}: row {bad[0]}, column '{name}' is '{text[int(bad[0])]}', expected a number")
+    return numbers
+
+
+def column_numbers(table: pl.DataFrame, name: str, place: str, *, words: bool = False) -> NDArray[np.float64]:
+    """A column as numbers (n,), NaN where it is empty.
+
+    Raises:
+        DataError: as `number_series`.
+    """
+    series = number_series(table, name, place, pl.Float64(), words=words)
+    return np.array(series.fill_null(np.nan).to_numpy(), dtype=np.float64)
