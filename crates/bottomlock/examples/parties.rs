@@ -14,7 +14,7 @@ use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use bottomlock::error_model::{Coefficients, Interval, ProcessNoise};
+use bottomlock::error_model::{Coefficients, Partitioned, ProcessNoise, Span, Step};
 use bottomlock::events::Event;
 use bottomlock::filter::Eskf;
 use bottomlock::filter::convoy::{Seat, predict_together};
@@ -261,6 +261,9 @@ impl Lane for Counted {
     fn recip(self) -> Self {
         counted(self.0.recip())
     }
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        self * factor + term
+    }
     fn any_above(self, limit: f64) -> bool {
         self.0 > limit
     }
@@ -284,23 +287,20 @@ fn operations_of_a_step(work: &Work) -> u64 {
         attitude_t_p: start.attitude_t_p.map(Counted),
         rotation_t_p: start.rotation_t_p.map(|row| row.map(Counted)),
         velocity_p_mps: start.velocity_p_mps.map(Counted),
+        velocity_t_mps: start.velocity_t_mps.map(Counted),
     };
     let inertial = Inertial {
         rate_p_radps: reading.rate_p_radps.to_array().map(Counted),
         force_p_mps2: reading.force_p_mps2.to_array().map(Counted),
     };
-    let mut p = work
-        .model
-        .initial_covariance(true)
-        .data
-        .0
-        .map(|column| column.map(Counted));
-    let mut interval = Interval::empty(Counted(0.0));
-    interval.start(Coefficients::at(&kinematics, &inertial, &earth));
+    let covariance = work.model.initial_covariance(true);
+    let mut p = Partitioned::from_fn(Counted(0.0), |i, j| Counted(covariance[(i, j)]));
+    let mut interval = Step::begin(&kinematics, &inertial, &earth);
     OPERATIONS.set(0);
+    let before = kinematics;
     kinematics.step(&inertial, &inertial, 1.0 / 150.0, &earth);
-    interval.extend(Coefficients::at(&kinematics, &inertial, &earth), 1.0 / 150.0);
-    interval.propagate(&mut p, &noise, &earth, false);
+    interval.add(&Step::take(&before, &kinematics, &inertial, &earth), 1.0 / 150.0);
+    interval.propagate(&mut p, &kinematics, &noise, &earth);
     // The bias taken off six readings.
     OPERATIONS.get() + 6
 }
@@ -315,7 +315,7 @@ fn multiply_adds<S: Simd>(simd: S, rounds: usize) -> f64 {
     let mut sums = [f64x8::simd_from(simd, 1.0); 16];
     for _ in 0..rounds {
         for sum in &mut sums {
-            *sum = sum.mul_add(factor, term);
+            *sum = Lane::mul_add(*sum, factor, term);
         }
     }
     sums.iter().map(|sum| sum.as_slice().iter().sum::<f64>()).sum()

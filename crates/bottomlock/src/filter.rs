@@ -13,7 +13,7 @@ use self::reopen::Refusals;
 use crate::aiding::{Innovation, Motion};
 use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
-use crate::error_model::{Coefficients, Interval, ProcessNoise};
+use crate::error_model::{Interval, ProcessNoise};
 use crate::frames::{Rot, Vec3};
 use crate::imu::{EarthTerms, ImuSample, Inertial, Kinematics, Sampling};
 use crate::lane::level;
@@ -31,7 +31,7 @@ pub struct Eskf {
     state: NavState,
     kinematics: Kinematics<f64>,
     covariance: Covariance,
-    interval: Interval<f64>,
+    interval: Interval,
     /// ω_ip of the last reading, bias included.
     last_rate_p_radps: Vector3<f64>,
     last_step_s: f64,
@@ -125,12 +125,7 @@ impl Eskf {
     #[must_use]
     pub fn covariance(&self) -> Covariance {
         let (mut covariance, mut interval) = (self.covariance, self.interval);
-        interval.propagate_one(
-            &mut covariance.data.0,
-            &self.noise,
-            &self.earth,
-            self.covariance_period_s > 0.0,
-        );
+        interval.propagate(&mut covariance.data.0, &self.kinematics, &self.noise, &self.earth);
         covariance
     }
 
@@ -168,9 +163,9 @@ impl Eskf {
     /// State and coefficients over a step; compiled for the machine's own instructions.
     #[inline(always)]
     fn integrate<S: Simd>(&mut self, _simd: S, first: &Inertial<f64>, last: &Inertial<f64>, dt_s: f64) {
+        let before = self.kinematics;
         self.kinematics.step(first, last, dt_s, &self.earth);
-        self.interval
-            .extend(Coefficients::at(&self.kinematics, last, &self.earth), dt_s);
+        self.interval.extend(&before, &self.kinematics, last, dt_s, &self.earth);
     }
 
     /// The sample that a step begins with.
@@ -181,12 +176,13 @@ impl Eskf {
         }
     }
 
-    /// States the coefficients at the start of a step where they are not known yet.
+    /// Begins an interval where none is open.
     fn begin_interval(&mut self, start: &ImuSample, end: &ImuSample) {
-        if self.interval.needs_start() {
+        if matches!(self.interval, Interval::Open) {
             let first = self.corrected(self.first_of(start, end));
-            self.interval
-                .start(Coefficients::at(&self.kinematics, &first, &self.earth));
+            let many_steps = self.covariance_period_s > 0.0;
+            self.interval =
+                dispatch!(level(), _simd => Interval::begin(&self.kinematics, &first, &self.earth, many_steps));
         }
     }
 
@@ -203,13 +199,12 @@ impl Eskf {
     }
 
     fn propagate_covariance(&mut self) {
-        let second_order = self.covariance_period_s > 0.0;
         self.record_transition();
         if let Some(water) = &mut self.water {
-            water.propagate(&self.interval, &self.earth, second_order);
+            water.propagate(&self.interval, &self.kinematics, &self.earth);
         }
         self.interval
-            .propagate_one(&mut self.covariance.data.0, &self.noise, &self.earth, second_order);
+            .propagate(&mut self.covariance.data.0, &self.kinematics, &self.noise, &self.earth);
     }
 
     fn corrected(&self, sample: &ImuSample) -> Inertial<f64> {
@@ -404,7 +399,7 @@ impl Eskf {
         state.inject(error);
         self.state = state;
         self.kinematics = state.kinematics();
-        self.interval.corrected();
+        self.interval = Interval::Open;
     }
 }
 

@@ -8,7 +8,7 @@
 use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Vec3};
-use crate::lane::{Lane, M3, V3, add, cross, dot, mul, scale, splat3, sub, tmul};
+use crate::lane::{Lane, M3, V3, add, add_mul, add_scaled, cross, dot, mul, scale, splat3, sub, sub_cross, tmul};
 
 /// One reading of the inertial measurement unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,7 +79,12 @@ pub struct Kinematics<T> {
     pub rotation_t_p: [[T; 3]; 3],
     /// Velocity, platform frame, m/s.
     pub velocity_p_mps: [T; 3],
+    /// The same in the tangent frame, in which it is integrated.
+    pub velocity_t_mps: [T; 3],
 }
+
+/// Numbers of [`Kinematics`].
+pub(crate) const KINEMATICS: usize = 22;
 
 /// Bias-corrected inertial readings at one instant.
 #[derive(Debug, Clone, Copy)]
@@ -93,27 +98,24 @@ pub struct Inertial<T> {
 impl<T: Copy> Kinematics<T> {
     /// All numbers in a row.
     #[inline(always)]
-    pub(crate) fn to_array(self) -> [T; 19] {
-        let (r, q, m, v) = (
-            self.position_t_m,
-            self.attitude_t_p,
-            self.rotation_t_p,
-            self.velocity_p_mps,
-        );
+    pub(crate) fn to_array(self) -> [T; KINEMATICS] {
+        let (r, q, m) = (self.position_t_m, self.attitude_t_p, self.rotation_t_p);
+        let (v, u) = (self.velocity_p_mps, self.velocity_t_mps);
         [
             r[0], r[1], r[2], q[0], q[1], q[2], q[3], m[0][0], m[0][1], m[0][2], m[1][0], m[1][1], m[1][2], m[2][0],
-            m[2][1], m[2][2], v[0], v[1], v[2],
+            m[2][1], m[2][2], v[0], v[1], v[2], u[0], u[1], u[2],
         ]
     }
 
     /// The inverse of [`Kinematics::to_array`].
     #[inline(always)]
-    pub(crate) fn from_array(x: [T; 19]) -> Self {
+    pub(crate) fn from_array(x: [T; KINEMATICS]) -> Self {
         Self {
             position_t_m: [x[0], x[1], x[2]],
             attitude_t_p: [x[3], x[4], x[5], x[6]],
             rotation_t_p: [[x[7], x[8], x[9]], [x[10], x[11], x[12]], [x[13], x[14], x[15]]],
             velocity_p_mps: [x[16], x[17], x[18]],
+            velocity_t_mps: [x[19], x[20], x[21]],
         }
     }
 }
@@ -122,11 +124,13 @@ impl<T: Lane> Kinematics<T> {
     /// From position, attitude and velocity; the quaternion is normalised.
     pub fn new(position_t_m: [T; 3], attitude_t_p: [T; 4], velocity_p_mps: [T; 3]) -> Self {
         let attitude_t_p = normalise(attitude_t_p);
+        let rotation_t_p = rotation_matrix(attitude_t_p);
         Self {
             position_t_m,
             attitude_t_p,
-            rotation_t_p: rotation_matrix(attitude_t_p),
+            rotation_t_p,
             velocity_p_mps,
+            velocity_t_mps: mul(&rotation_t_p, velocity_p_mps),
         }
     }
 
@@ -135,36 +139,30 @@ impl<T: Lane> Kinematics<T> {
     pub fn step(&mut self, start: &Inertial<T>, end: &Inertial<T>, dt_s: f64, earth: &EarthTerms) {
         let like = self.velocity_p_mps[0];
         let half = like.splat(0.5 * dt_s);
-        let rate_ie_t = splat3(like, earth.rate_t);
 
         // Rotation vector of a linearly varying rate: mean rate plus the coning term (Groves 2013, Eq. 5.84).
         let mean = scale(add(start.rate_p_radps, end.rate_p_radps), half);
-        let coning = scale(
-            cross(start.rate_p_radps, end.rate_p_radps),
-            like.splat(dt_s * dt_s / 12.0),
-        );
-        let turn_p = quaternion_exp(add(mean, coning));
-        // The tangent frame turns with the Earth: a small rotation on the other side.
-        let one = like.splat(1.0);
-        let half_turn_t = scale(rate_ie_t, -half);
-        let turn_t = [one, half_turn_t[0], half_turn_t[1], half_turn_t[2]];
-        let attitude = normalise(quaternion_mul(turn_t, quaternion_mul(self.attitude_t_p, turn_p)));
+        let coning = cross(start.rate_p_radps, end.rate_p_radps);
+        let turn_p = quaternion_exp(add_scaled(mean, coning, like.splat(dt_s * dt_s / 12.0)));
+        // The tangent frame turns with the Earth: a small rotation on the other side, common to all lanes.
+        let half_turn_t = scale(earth.rate_t, -0.5 * dt_s);
+        let [w, x, y, z] = normalise([1.0, half_turn_t[0], half_turn_t[1], half_turn_t[2]]);
+        let turn_t = [like.splat(w), like.splat(x), like.splat(y), like.splat(z)];
+        let attitude = renormalise(quaternion_mul(turn_t, quaternion_mul(self.attitude_t_p, turn_p)));
         let rotation = rotation_matrix(attitude);
 
         // Velocity in the tangent frame: trapezoid of R f, gravity exact, Coriolis at the old velocity plus half the gain.
-        let velocity_t = mul(&self.rotation_t_p, self.velocity_p_mps);
-        let force_t = add(
-            mul(&self.rotation_t_p, start.force_p_mps2),
-            mul(&rotation, end.force_p_mps2),
-        );
-        let mut gain_t = scale(force_t, half);
+        let velocity_t = self.velocity_t_mps;
+        let force_t = mul(&self.rotation_t_p, start.force_p_mps2);
+        let mut gain_t = scale(add_mul(force_t, &rotation, end.force_p_mps2), half);
         gain_t[2] += like.splat(earth.gravity_mps2 * dt_s);
-        let middle_t = add(velocity_t, scale(gain_t, like.splat(0.5)));
-        let coriolis_t = scale(cross(rate_ie_t, middle_t), like.splat(-2.0 * dt_s));
-        let new_velocity_t = add(add(velocity_t, gain_t), coriolis_t);
+        let middle_t = add_scaled(velocity_t, gain_t, like.splat(0.5));
+        let twice_turn_t = splat3(like, scale(earth.rate_t, 2.0 * dt_s));
+        let new_velocity_t = sub_cross(add(velocity_t, gain_t), twice_turn_t, middle_t);
 
-        self.position_t_m = add(self.position_t_m, scale(add(velocity_t, new_velocity_t), half));
+        self.position_t_m = add_scaled(self.position_t_m, add(velocity_t, new_velocity_t), half);
         self.velocity_p_mps = tmul(&rotation, new_velocity_t);
+        self.velocity_t_mps = new_velocity_t;
         self.attitude_t_p = attitude;
         self.rotation_t_p = rotation;
     }
@@ -195,82 +193,92 @@ pub fn derivatives<T: Lane>(
 /// Product of two quaternions, scalar first.
 #[inline(always)]
 pub(crate) fn quaternion_mul<T: Lane>(a: [T; 4], b: [T; 4]) -> [T; 4] {
-    [
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    ]
+    let (u, v) = ([a[1], a[2], a[3]], [b[1], b[2], b[3]]);
+    let vector = add_scaled(add_scaled(cross(u, v), v, a[0]), u, b[0]);
+    [a[0].mul_add(b[0], -dot(u, v)), vector[0], vector[1], vector[2]]
 }
 
-/// Square of half a rotation, rad², up to which the series serves: eight terms leave 4e-20 at half a radian.
-const SERIES_LIMIT: f64 = 0.25;
+/// Square of half a rotation, rad², up to which four terms serve: the fifth is below 3e-17.
+const SERIES_LIMIT: f64 = 0.01;
 
 /// Quaternion of a rotation vector, rad.
 #[inline(always)]
 pub(crate) fn quaternion_exp<T: Lane>(vector: V3<T>) -> [T; 4] {
     let half_squared = dot(vector, vector) * vector[0].splat(0.25);
     // Each lane decides for itself: its bits must not depend on its neighbours.
-    let (cosine, sinc) = if half_squared.any_above(SERIES_LIMIT) {
+    let (cosine, half_sinc) = if half_squared.any_above(SERIES_LIMIT) {
         (
-            half_squared.map(|h2| cosine_and_sinc(h2).0),
-            half_squared.map(|h2| cosine_and_sinc(h2).1),
+            half_squared.map(|square| cosine_and_half_sinc(square).0),
+            half_squared.map(|square| cosine_and_half_sinc(square).1),
         )
     } else {
         series(half_squared)
     };
-    let factor = sinc * sinc.splat(0.5);
-    [cosine, vector[0] * factor, vector[1] * factor, vector[2] * factor]
+    let [x, y, z] = scale(vector, half_sinc);
+    [cosine, x, y, z]
 }
 
-/// cos x and sin(x)/x of x², for small x.
+/// cos x and sin(x)/2x of x², for small x.
 #[inline(always)]
 fn series<T: Lane>(square: T) -> (T, T) {
-    let one = square.splat(1.0);
-    let (mut cosine, mut sinc) = (one, one);
-    for k in (1..=8_u32).rev() {
-        let n = f64::from(2 * k);
-        cosine = one - square * cosine * square.splat(1.0 / (n * (n - 1.0)));
-        sinc = one - square * sinc * square.splat(1.0 / (n * (n + 1.0)));
-    }
-    (cosine, sinc)
+    (
+        polynomial(square, [1.0, -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0]),
+        polynomial(
+            square,
+            [0.5, -1.0 / 12.0, 1.0 / 240.0, -1.0 / 10_080.0, 1.0 / 725_760.0],
+        ),
+    )
 }
 
-/// cos x and sin(x)/x of x².
-fn cosine_and_sinc(square: f64) -> (f64, f64) {
+#[inline(always)]
+fn polynomial<T: Lane>(x: T, [a, b, c, d, e]: [f64; 5]) -> T {
+    let inner = x.mul_add(x.mul_add(x.splat(e), x.splat(d)), x.splat(c));
+    x.mul_add(x.mul_add(inner, x.splat(b)), x.splat(a))
+}
+
+/// cos x and sin(x)/2x of x².
+fn cosine_and_half_sinc(square: f64) -> (f64, f64) {
     if square > SERIES_LIMIT {
         let x = square.sqrt();
-        (x.cos(), x.sin() / x)
+        (x.cos(), 0.5 * x.sin() / x)
     } else {
         series(square)
     }
 }
 
 #[inline(always)]
-fn normalise<T: Lane>(q: [T; 4]) -> [T; 4] {
-    let factor = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt().recip();
+fn squared_norm<T: Lane>(q: [T; 4]) -> T {
+    q[3].mul_add(q[3], q[2].mul_add(q[2], q[1].mul_add(q[1], q[0] * q[0])))
+}
+
+#[inline(always)]
+fn times<T: Lane>(q: [T; 4], factor: T) -> [T; 4] {
     [q[0] * factor, q[1] * factor, q[2] * factor, q[3] * factor]
 }
 
 #[inline(always)]
+fn normalise<T: Lane>(q: [T; 4]) -> [T; 4] {
+    times(q, squared_norm(q).sqrt().recip())
+}
+
+/// Takes the rounding off a product of unit quaternions: one step of Newton's from 1 towards 1/|q|.
+#[inline(always)]
+fn renormalise<T: Lane>(q: [T; 4]) -> [T; 4] {
+    let half = q[0].splat(-0.5);
+    times(q, squared_norm(q).mul_add(half, half.splat(1.5)))
+}
+
+#[inline(always)]
 fn rotation_matrix<T: Lane>([w, x, y, z]: [T; 4]) -> M3<T> {
-    let (one, two) = (w.splat(1.0), w.splat(2.0));
+    let one = w.splat(1.0);
+    let (x2, y2, z2) = (x + x, y + y, z + z);
+    let (wx, wy, wz) = (w * x2, w * y2, w * z2);
+    let (xx, yy, zz) = (one - x * x2, y * y2, z * z2);
+    let (xy, xz, yz) = (x * y2, x * z2, y * z2);
     [
-        [
-            one - two * (y * y + z * z),
-            two * (x * y - w * z),
-            two * (x * z + w * y),
-        ],
-        [
-            two * (x * y + w * z),
-            one - two * (x * x + z * z),
-            two * (y * z - w * x),
-        ],
-        [
-            two * (x * z - w * y),
-            two * (y * z + w * x),
-            one - two * (x * x + y * y),
-        ],
+        [one - (yy + zz), xy - wz, xz + wy],
+        [xy + wz, xx - zz, yz - wx],
+        [xz - wy, yz + wx, xx - yy],
     ]
 }
 
@@ -360,7 +368,7 @@ mod tests {
             for _ in 0..50 {
                 one.step(&inertial, &inertial, 1.0 / 150.0, &earth);
             }
-            let own: [f64; 19] = scatter(&lanes.to_array(), k);
+            let own: [f64; KINEMATICS] = scatter(&lanes.to_array(), k);
             assert_eq!(own.map(f64::to_bits), one.to_array().map(f64::to_bits), "lane {k}");
         }
     }

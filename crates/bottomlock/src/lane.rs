@@ -1,9 +1,9 @@
 //! The lane type: one filter (`f64`) or several filters side by side (a vector of `f64`).
 //!
-//! Propagation is written once over [`Lane`]; a lane of a vector does the very operations of the scalar, in the same
-//! order and without fused multiply–add, so that lane results equal scalar results bit for bit. That holds on every
-//! machine: which vectors there are is found at run time ([`level`]), and baseline machines do the same operations in
-//! narrower ones.
+//! Propagation is written once over [`Lane`]; a lane of a vector does the very operations of the scalar in the same order,
+//! products and sums fused where the code says [`Lane::mul_add`] and nowhere else, so that lane results equal scalar results
+//! bit for bit. That holds on every machine: which vectors there are is found at run time ([`level`]), and a machine that cannot
+//! fuse works out the fused result in software, slowly.
 
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 use std::sync::OnceLock;
@@ -15,6 +15,23 @@ use fearless_simd::{Level, f64x4, f64x8};
 pub(crate) fn level() -> Level {
     static LEVEL: OnceLock<Level> = OnceLock::new();
     *LEVEL.get_or_init(Level::new)
+}
+
+/// True where the machine fuses products and sums by itself.
+#[inline(always)]
+fn fuses(level: Level) -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return matches!(level, Level::Avx2(_) | Level::Avx512(_));
+    #[cfg(target_arch = "aarch64")]
+    return matches!(level, Level::Neon(_));
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+    return false;
+}
+
+/// The fused result all the same; not inlined, since it is long and rare.
+#[inline(never)]
+fn in_software<S: Simd, T: SimdFloat<S>>(value: T, factor: T, term: T) -> T {
+    value.mul_add_precise(factor, term)
 }
 
 /// One number per filter.
@@ -30,6 +47,9 @@ pub trait Lane:
     /// Reciprocal, lane by lane.
     #[must_use]
     fn recip(self) -> Self;
+    /// `self` × `factor` + `term`, rounded once.
+    #[must_use]
+    fn mul_add(self, factor: Self, term: Self) -> Self;
     /// True where some lane exceeds `limit`.
     fn any_above(self, limit: f64) -> bool;
     /// True where every lane holds a finite number.
@@ -51,6 +71,10 @@ impl Lane for f64 {
     #[inline(always)]
     fn recip(self) -> Self {
         1.0 / self
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        f64::mul_add(self, factor, term)
     }
     #[inline(always)]
     fn any_above(self, limit: f64) -> bool {
@@ -115,6 +139,14 @@ macro_rules! vectors {
                 <Self as SimdBase<S>>::splat(self.simd, 1.0) / self
             }
             #[inline(always)]
+            fn mul_add(self, factor: Self, term: Self) -> Self {
+                if fuses(self.simd.level()) {
+                    <Self as SimdFloat<S>>::mul_add(self, factor, term)
+                } else {
+                    in_software(self, factor, term)
+                }
+            }
+            #[inline(always)]
             fn any_above(self, limit: f64) -> bool {
                 self.simd_gt(<Self as SimdBase<S>>::splat(self.simd, limit))
                     .any_true()
@@ -169,18 +201,41 @@ pub(crate) fn scale<T: Lane>(a: V3<T>, s: T) -> V3<T> {
     [a[0] * s, a[1] * s, a[2] * s]
 }
 
+/// a + b s.
+#[inline(always)]
+pub(crate) fn add_scaled<T: Lane>(a: V3<T>, b: V3<T>, s: T) -> V3<T> {
+    [b[0].mul_add(s, a[0]), b[1].mul_add(s, a[1]), b[2].mul_add(s, a[2])]
+}
+
+/// a × b.
 #[inline(always)]
 pub(crate) fn cross<T: Lane>(a: V3<T>, b: V3<T>) -> V3<T> {
     [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
+        a[1].mul_add(b[2], -(a[2] * b[1])),
+        a[2].mul_add(b[0], -(a[0] * b[2])),
+        a[0].mul_add(b[1], -(a[1] * b[0])),
+    ]
+}
+
+/// c − a × b.
+#[inline(always)]
+pub(crate) fn sub_cross<T: Lane>(c: V3<T>, a: V3<T>, b: V3<T>) -> V3<T> {
+    [
+        (-a[1]).mul_add(b[2], a[2].mul_add(b[1], c[0])),
+        (-a[2]).mul_add(b[0], a[0].mul_add(b[2], c[1])),
+        (-a[0]).mul_add(b[1], a[1].mul_add(b[0], c[2])),
     ]
 }
 
 #[inline(always)]
 pub(crate) fn dot<T: Lane>(a: V3<T>, b: V3<T>) -> T {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
+}
+
+/// c + a · b.
+#[inline(always)]
+fn add_dot<T: Lane>(c: T, a: V3<T>, b: V3<T>) -> T {
+    a[2].mul_add(b[2], a[1].mul_add(b[1], a[0].mul_add(b[0], c)))
 }
 
 /// The same numbers in every lane of vectors like `like`.
@@ -195,13 +250,38 @@ pub(crate) fn mul<T: Lane>(m: &M3<T>, a: V3<T>) -> V3<T> {
     [dot(m[0], a), dot(m[1], a), dot(m[2], a)]
 }
 
+/// c + M a.
+#[inline(always)]
+pub(crate) fn add_mul<T: Lane>(c: V3<T>, m: &M3<T>, a: V3<T>) -> V3<T> {
+    [add_dot(c[0], m[0], a), add_dot(c[1], m[1], a), add_dot(c[2], m[2], a)]
+}
+
+/// c − M a.
+#[inline(always)]
+pub(crate) fn sub_mul<T: Lane>(c: V3<T>, m: &M3<T>, a: V3<T>) -> V3<T> {
+    let minus = [-a[0], -a[1], -a[2]];
+    add_mul(c, m, minus)
+}
+
 /// Mᵀ a.
 #[inline(always)]
 pub(crate) fn tmul<T: Lane>(m: &M3<T>, a: V3<T>) -> V3<T> {
+    add_scaled(add_scaled(scale(m[0], a[0]), m[1], a[1]), m[2], a[2])
+}
+
+/// Mᵀ a + c.
+#[inline(always)]
+fn tmul_add<T: Lane>(m: &M3<T>, a: V3<T>, c: V3<T>) -> V3<T> {
+    add_scaled(add_scaled(add_scaled(c, m[0], a[0]), m[1], a[1]), m[2], a[2])
+}
+
+/// Mᵀ.
+#[inline(always)]
+pub(crate) fn transposed<T: Lane>(m: &M3<T>) -> M3<T> {
     [
-        m[0][0] * a[0] + m[1][0] * a[1] + m[2][0] * a[2],
-        m[0][1] * a[0] + m[1][1] * a[1] + m[2][1] * a[2],
-        m[0][2] * a[0] + m[1][2] * a[1] + m[2][2] * a[2],
+        [m[0][0], m[1][0], m[2][0]],
+        [m[0][1], m[1][1], m[2][1]],
+        [m[0][2], m[1][2], m[2][2]],
     ]
 }
 
@@ -215,9 +295,35 @@ pub(crate) fn mat_mul<T: Lane>(a: &M3<T>, b: &M3<T>) -> M3<T> {
 #[inline(always)]
 pub(crate) fn mat_axpy<T: Lane>(a: &M3<T>, s: T, b: &M3<T>) -> M3<T> {
     [
-        add(a[0], scale(b[0], s)),
-        add(a[1], scale(b[1], s)),
-        add(a[2], scale(b[2], s)),
+        add_scaled(a[0], b[0], s),
+        add_scaled(a[1], b[1], s),
+        add_scaled(a[2], b[2], s),
+    ]
+}
+
+/// −A.
+#[inline(always)]
+pub(crate) fn negative<T: Lane>(a: &M3<T>) -> M3<T> {
+    [
+        [-a[0][0], -a[0][1], -a[0][2]],
+        [-a[1][0], -a[1][1], -a[1][2]],
+        [-a[2][0], -a[2][1], -a[2][2]],
+    ]
+}
+
+/// s A.
+#[inline(always)]
+pub(crate) fn mat_scale<T: Lane>(s: T, a: &M3<T>) -> M3<T> {
+    [scale(a[0], s), scale(a[1], s), scale(a[2], s)]
+}
+
+/// A B + C.
+#[inline(always)]
+pub(crate) fn mat_mul_add<T: Lane>(a: &M3<T>, b: &M3<T>, c: &M3<T>) -> M3<T> {
+    [
+        tmul_add(b, a[0], c[0]),
+        tmul_add(b, a[1], c[1]),
+        tmul_add(b, a[2], c[2]),
     ]
 }
 
@@ -266,6 +372,9 @@ mod tests {
             assert_eq!(lanes.recip().get(k).to_bits(), (1.0 / value).to_bits());
             assert_eq!(lanes.map(|x| x + 1.0).get(k).to_bits(), (value + 1.0).to_bits());
             assert_eq!(lanes.splat(3.0).get(k).to_bits(), 3.0_f64.to_bits());
+            // 1/3 × 3 − 1 is a rounding where it is fused, and nothing where it is not.
+            let fused = lanes.splat(1.0 / 3.0).mul_add(lanes.splat(3.0), lanes.splat(-1.0));
+            assert_eq!(fused.get(k).to_bits(), (-f64::EPSILON / 4.0).to_bits());
         }
         assert!(lanes.any_above(3.0) && !lanes.splat(3.0).any_above(3.0));
         assert!(!lanes.all_finite() && lanes.splat(f64::MAX).all_finite());

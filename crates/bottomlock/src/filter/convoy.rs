@@ -10,8 +10,8 @@ use fearless_simd::{dispatch, f64x4};
 
 use super::Eskf;
 use crate::error::NavError;
-use crate::error_model::{Coefficients, Interval};
-use crate::imu::{ImuSample, Inertial, Kinematics, Sampling};
+use crate::error_model::{Partitioned, SideBySide, Step, Stretch};
+use crate::imu::{EarthTerms, ImuSample, Inertial, KINEMATICS, Kinematics, Sampling};
 use crate::lane::{Lane, Lanes, V3, WIDEST, gather, level, scatter, splat3, sub};
 use crate::layout::DIM;
 
@@ -99,15 +99,23 @@ pub fn width() -> usize {
 
 /// Eight where the machine has vectors of eight; else four, which keeps the code for narrower ones half as large.
 fn board(seats: &mut [&mut Seat<'_>]) {
+    let many_steps = seats[0].filter.covariance_period_s > 0.0;
     match level() {
         #[cfg(target_arch = "x86_64")]
         fearless_simd::Level::Avx512(simd) if seats.len() > 4 => {
             simd.vectorize(
                 #[inline(always)]
-                || fly::<_, f64x8<_>>(simd, seats),
+                || {
+                    if many_steps {
+                        fly::<_, f64x8<_>, Stretch<_>>(simd, seats);
+                    } else {
+                        fly::<_, f64x8<_>, Step<_>>(simd, seats);
+                    }
+                },
             );
         }
-        _ => dispatch!(level(), simd => fly::<_, f64x4<_>>(simd, seats)),
+        _ if many_steps => dispatch!(level(), simd => fly::<_, f64x4<_>, Stretch<_>>(simd, seats)),
+        _ => dispatch!(level(), simd => fly::<_, f64x4<_>, Step<_>>(simd, seats)),
     }
 }
 
@@ -144,68 +152,71 @@ fn readings<S: Simd, T: Lanes<S>>(simd: S, streams: &[&[ImuSample]; WIDEST], at:
 
 /// At most as many filters as there are lanes; a lane left over repeats the last filter.
 #[inline(always)]
-fn fly<S: Simd, T: Lanes<S>>(simd: S, seats: &mut [&mut Seat<'_>]) {
+fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Seat<'_>]) {
     let count = seats.len();
     let place = |k: usize| k.min(count - 1);
+    let mut intervals = Vec::with_capacity(WIDEST);
     for seat in seats.iter_mut() {
         let (start, end) = (&seat.samples[0], &seat.samples[1]);
         seat.filter.begin_interval(start, end);
+        intervals.extend(I::one(&seat.filter.interval));
     }
 
     let mut streams: [&[ImuSample]; WIDEST] = [seats[0].samples; WIDEST];
-    let mut kinematics = [[0.0; 19]; WIDEST];
+    let mut kinematics = [[0.0; KINEMATICS]; WIDEST];
     let mut biases = [[0.0; 6]; WIDEST];
-    let mut intervals = [&seats[0].filter.interval; WIDEST];
+    let mut starts = [intervals[0]; WIDEST];
     for k in 0..WIDEST {
         let (seat, filter) = (&seats[place(k)], &seats[place(k)].filter);
         let (gyro, accel) = (filter.state.gyro_bias_p_radps.0, filter.state.accel_bias_p_mps2.0);
         streams[k] = seat.samples;
         kinematics[k] = filter.kinematics.to_array();
         biases[k] = [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z];
-        intervals[k] = &filter.interval;
+        starts[k] = intervals[place(k)];
     }
-    let mut interval: Interval<T> = Interval::gather(simd, &intervals);
+    let mut interval = I::gathered(simd, &starts);
     let mut kinematics: Kinematics<T> = Kinematics::from_array(gather(simd, &kinematics));
     let biases: [T; 6] = gather(simd, &biases);
     let (gyro_bias, accel_bias) = ([biases[0], biases[1], biases[2]], [biases[3], biases[4], biases[5]]);
-    let mut p = [[T::gather(simd, |_| 0.0); DIM]; DIM];
-    for j in 0..DIM {
-        for i in 0..=j {
-            let both = T::gather(simd, |k| seats[place(k)].filter.covariance[(i, j)]);
-            p[j][i] = both;
-            p[i][j] = both;
-        }
-    }
+    let zero = T::gather(simd, |_| 0.0);
+    let mut p = Partitioned::from_fn(zero, |i, j| {
+        T::gather(simd, |k| seats[place(k)].filter.covariance[(i, j)])
+    });
 
     let (earth, noise) = (seats[0].filter.earth, seats[0].filter.noise);
     let (sampling, period_s) = (seats[0].filter.sampling, seats[0].filter.covariance_period_s);
-    let second_order = period_s > 0.0;
     let samples = streams[0];
     let common = streams.iter().all(|stream| std::ptr::eq(*stream, samples));
     let mut first = corrected(&readings(simd, &streams, 0, common), gyro_bias, accel_bias);
     let mut dt_s = 0.0;
+    let mut is_due = false;
     for at in 1..samples.len() {
         dt_s = (samples[at].time_ns - samples[at - 1].time_ns) as f64 * 1e-9;
         let last = corrected(&readings(simd, &streams, at, common), gyro_bias, accel_bias);
         if sampling == Sampling::Averaged {
             first = last;
         }
-        kinematics.step(&first, &last, dt_s, &earth);
-        interval.extend(Coefficients::at(&kinematics, &last, &earth), dt_s);
+        let mut after = kinematics;
+        after.step(&first, &last, dt_s, &earth);
+        let taken = I::take(&kinematics, &after, &last, &earth);
+        // The covariance comes a step late: its arithmetic fills the pauses in the chain of operations that the state is.
+        if is_due {
+            water_follows(seats, &interval, &kinematics, &earth);
+            interval.propagate(&mut p, &kinematics, &noise, &earth);
+        }
+        interval.add(&taken, dt_s);
+        kinematics = after;
         first = last;
         let position = kinematics.position_t_m;
         let sum = position[0] + position[1] + position[2];
         if !sum.all_finite() {
             note_failures(seats, &sum, at);
         }
-        if interval.duration_s() + 0.5 * dt_s >= period_s {
-            for (k, seat) in seats.iter_mut().enumerate() {
-                if let Some(water) = &mut seat.filter.water {
-                    water.propagate(&interval.lane(k), &earth, second_order);
-                }
-            }
-            interval.propagate(&mut p, &noise, &earth, second_order);
-        }
+        is_due = interval.duration_s() + 0.5 * dt_s >= period_s;
+    }
+    if is_due {
+        water_follows(seats, &interval, &kinematics, &earth);
+        interval.propagate(&mut p, &kinematics, &noise, &earth);
     }
 
     let end = samples.len() - 1;
@@ -218,10 +229,28 @@ fn fly<S: Simd, T: Lanes<S>>(simd: S, seats: &mut [&mut Seat<'_>]) {
         filter.state.time_ns = reading.time_ns;
         filter.last_rate_p_radps = reading.rate_p_radps.0;
         filter.last_step_s = dt_s;
-        for j in 0..DIM {
-            for i in 0..DIM {
-                filter.covariance[(i, j)] = p[j][i].get(k);
+        for i in 0..DIM {
+            for j in 0..=i {
+                let value = p.lower(i, j).get(k);
+                filter.covariance[(i, j)] = value;
+                filter.covariance[(j, i)] = value;
             }
+        }
+    }
+}
+
+/// The further states of those filters that have some, over an interval that has come to `end`.
+#[inline(always)]
+fn water_follows<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(
+    seats: &mut [&mut Seat<'_>],
+    interval: &I,
+    end: &Kinematics<T>,
+    earth: &EarthTerms,
+) {
+    for (k, seat) in seats.iter_mut().enumerate() {
+        if let Some(water) = &mut seat.filter.water {
+            let end = Kinematics::from_array(scatter(&end.to_array(), k));
+            water.propagate(&interval.lane(k), &end, earth);
         }
     }
 }
