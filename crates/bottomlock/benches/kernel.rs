@@ -51,11 +51,12 @@ fn predict(criterion: &mut Criterion) {
 
     group.bench_function("structured", |bencher| {
         let (mut p, mut k) = (start, kinematics);
+        let mut interval = Interval::begin(&k, &inertial, &earth, false);
         bencher.iter(|| {
+            let before = k;
             k.step(&inertial, &inertial, DT, &earth);
-            let mut interval = Interval::default();
-            interval.extend(Coefficients::at(&k, &inertial, &earth), DT);
-            interval.propagate_one(&mut p.data.0, &noise, &earth, false);
+            interval.extend(&before, &k, &inertial, DT, &earth);
+            interval.propagate(&mut p.data.0, &k, &noise, &earth);
             black_box(&p);
         });
     });
