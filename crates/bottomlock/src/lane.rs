@@ -98,6 +98,8 @@ pub trait Lanes<S: Simd>: Lane {
     fn gather(simd: S, value: impl Fn(usize) -> f64) -> Self;
     /// The number in lane k.
     fn get(&self, k: usize) -> f64;
+    /// All numbers; places beyond the lanes stay as they are.
+    fn put(&self, into: &mut [f64; WIDEST]);
 }
 
 /// The widest vector's number of lanes.
@@ -173,6 +175,10 @@ macro_rules! vectors {
             #[inline(always)]
             fn get(&self, k: usize) -> f64 {
                 self[k]
+            }
+            #[inline(always)]
+            fn put(&self, into: &mut [f64; WIDEST]) {
+                self.store_slice(&mut into[..$count]);
             }
         }
     };

@@ -38,8 +38,7 @@ pub trait Span<T: Lane>: Copy {
     #[inline(always)]
     fn propagate(&mut self, p: &mut Partitioned<T>, end: &Kinematics<T>, noise: &ProcessNoise, earth: &EarthTerms) {
         self.first_noise(noise).add_to(p);
-        p.sandwich(&self.transition(end, earth));
-        self.second_noise(end, noise).add_to(p);
+        p.sandwich(&self.transition(end, earth), &self.second_noise(end, noise));
         self.empty(end);
     }
 

@@ -1,17 +1,18 @@
 //! The process noise of half an interval (Eqs. 5, 6, 10 and 11).
 
 use super::{Partitioned, ProcessNoise};
-use crate::lane::{Lane, M3, V3, cross, scale};
+use crate::lane::{Lane, M3, V3, cross, scale, transposed};
 use crate::layout::{ACCEL_BIAS, ATTITUDE, BIASED_BEAMS, DIM, DVL_BIAS, DVL_SCALE, GYRO_BIAS, VELOCITY};
 
 /// G Q Gᵀ T/2 (isotropic noise, so R Q Rᵀ = Q) as the blocks that are not zero.
 #[derive(Clone, Copy)]
 pub struct HalfNoise<T> {
-    attitude: T,
+    /// On the diagonal.
+    pub(super) attitude: T,
     /// Below the diagonal and on it.
-    velocity: M3<T>,
-    /// Row i: velocity with element i of the misalignment.
-    across: M3<T>,
+    pub(super) velocity: M3<T>,
+    /// Row i: element i of the velocity with the misalignment.
+    pub(super) across: M3<T>,
     accel_bias: T,
     gyro_bias: T,
     dvl_bias: T,
@@ -37,11 +38,11 @@ impl<T: Lane> HalfNoise<T> {
                 [-(lever[1] * v[0]), accel + (x + z), zero],
                 [-(lever[2] * v[0]), -(lever[2] * v[1]), accel + (x + y)],
             ],
-            across: [
+            across: transposed(&[
                 cross(lever, rotation[0]),
                 cross(lever, rotation[1]),
                 cross(lever, rotation[2]),
-            ],
+            ]),
             accel_bias: like.splat(noise.accel_bias * half),
             gyro_bias: like.splat(noise.gyro_bias * half),
             dvl_bias: like.splat(noise.dvl_bias * half),
@@ -54,14 +55,22 @@ impl<T: Lane> HalfNoise<T> {
     pub(super) fn add_to(&self, p: &mut Partitioned<T>) {
         for i in 0..3 {
             p.dynamic[ATTITUDE + i][ATTITUDE + i] += self.attitude;
-            p.bias[i][i] += self.accel_bias;
-            p.bias[3 + i][3 + i] += self.gyro_bias;
             for j in 0..3 {
                 let (low, high) = (i.max(j), i.min(j));
                 p.dynamic[VELOCITY + i][VELOCITY + j] += self.velocity[low][high];
-                p.dynamic[VELOCITY + i][ATTITUDE + j] += self.across[j][i];
-                p.dynamic[ATTITUDE + j][VELOCITY + i] += self.across[j][i];
+                p.dynamic[VELOCITY + i][ATTITUDE + j] += self.across[i][j];
+                p.dynamic[ATTITUDE + j][VELOCITY + i] += self.across[i][j];
             }
+        }
+        self.add_to_steady(p);
+    }
+
+    /// Its random walks alone.
+    #[inline(always)]
+    pub(super) fn add_to_steady(&self, p: &mut Partitioned<T>) {
+        for i in 0..3 {
+            p.bias[i][i] += self.accel_bias;
+            p.bias[3 + i][3 + i] += self.gyro_bias;
         }
         for i in 0..BIASED_BEAMS {
             p.dvl[i][i] += self.dvl_bias;
@@ -79,8 +88,8 @@ impl<T: Lane> HalfNoise<T> {
             for j in 0..3 {
                 let (low, high) = (i.max(j), i.min(j));
                 p[VELOCITY + i][VELOCITY + j] += self.velocity[low][high];
-                p[VELOCITY + i][ATTITUDE + j] += self.across[j][i];
-                p[ATTITUDE + j][VELOCITY + i] += self.across[j][i];
+                p[VELOCITY + i][ATTITUDE + j] += self.across[i][j];
+                p[ATTITUDE + j][VELOCITY + i] += self.across[i][j];
             }
         }
         for i in DVL_BIAS..DVL_SCALE {

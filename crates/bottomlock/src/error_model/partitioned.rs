@@ -1,7 +1,8 @@
 //! A covariance by what the transition does to its parts, and P ← Φ P Φᵀ on it.
 
+use super::noise::HalfNoise;
 use super::transition::{Parts, Transition};
-use crate::lane::{Lane, V3};
+use crate::lane::{Lane, V3, add};
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DVL_BIAS, DYNAMIC, POSITION, VELOCITY};
 
 /// Accelerometer and gyro biases, which the dynamic states read.
@@ -99,13 +100,13 @@ impl<T: Lane> Partitioned<T> {
         }
     }
 
-    /// P ← Φ P Φᵀ, result exactly symmetric.
+    /// P ← Φ P Φᵀ + Q T/2, result exactly symmetric.
     ///
     /// By blocks of three rows, whose coefficients stay in registers over all columns. Where a column is worked on in place,
     /// velocity and position go before what they read: position reads old misalignment and velocity, velocity reads old
     /// misalignment.
     #[inline(always)]
-    pub fn sandwich(&mut self, phi: &impl Transition<T>) {
+    pub fn sandwich(&mut self, phi: &impl Transition<T>, noise: &HalfNoise<T>) {
         // Columns of Φ P: of the dynamic states beside P, since all of them read it; of the others in place.
         for j in 0..DYNAMIC {
             let own = phi.position(&self.dynamic_column(j));
@@ -131,16 +132,24 @@ impl<T: Lane> Partitioned<T> {
             let own = phi.attitude(&self.steady_column(j));
             put(&mut self.across[j], ATTITUDE, own);
         }
-        // (Φ P) Φᵀ, row by row, on and below the diagonal.
+        // (Φ P) Φᵀ, row by row, on and below the diagonal; what noise there is joins on the way.
         for i in POSITION..DYNAMIC {
             self.mirror(i, POSITION, phi.position(&self.row(i)));
         }
         for i in VELOCITY..DYNAMIC {
-            self.mirror(i, VELOCITY, phi.velocity(&self.row(i)));
+            let image = phi.velocity(&self.row(i));
+            self.mirror(i, VELOCITY, add(image, noise.velocity[i - VELOCITY]));
         }
-        for i in ATTITUDE..DYNAMIC {
-            self.mirror(i, ATTITUDE, phi.attitude(&self.row(i)));
+        for i in ATTITUDE..VELOCITY {
+            let mut image = phi.attitude(&self.row(i));
+            image[i - ATTITUDE] += noise.attitude;
+            self.mirror(i, ATTITUDE, image);
         }
+        for i in VELOCITY..DYNAMIC {
+            let image = phi.attitude(&self.row(i));
+            self.mirror(i, ATTITUDE, add(image, noise.across[i - VELOCITY]));
+        }
+        noise.add_to_steady(self);
     }
 
     /// What the transition reads of row i of Φ P: its dynamic columns and, in place already, its steady ones.

@@ -14,6 +14,7 @@ use crate::error_model::{Partitioned, SideBySide, Step, Stretch};
 use crate::imu::{EarthTerms, ImuSample, Inertial, KINEMATICS, Kinematics, Sampling};
 use crate::lane::{Lane, Lanes, V3, WIDEST, gather, level, scatter, splat3, sub};
 use crate::layout::DIM;
+use crate::state::Covariance;
 
 /// A filter and the samples that it takes; the first of them it has taken already.
 #[derive(Debug)]
@@ -138,15 +139,19 @@ fn readings<S: Simd, T: Lanes<S>>(simd: S, streams: &[&[ImuSample]; WIDEST], at:
             force_p_mps2: splat3(zero, first.force_p_mps2.to_array()),
         };
     }
-    let mut own = [[0.0; 6]; WIDEST];
-    for (own, stream) in own.iter_mut().zip(streams) {
-        let (rate, force) = (&stream[at].rate_p_radps.0, &stream[at].force_p_mps2.0);
-        *own = [rate.x, rate.y, rate.z, force.x, force.y, force.z];
-    }
-    let all: [T; 6] = gather(simd, &own);
+    let own = streams.map(|stream| &stream[at]);
+    let (rate, force) = (own.map(|own| &own.rate_p_radps.0), own.map(|own| &own.force_p_mps2.0));
     Inertial {
-        rate_p_radps: [all[0], all[1], all[2]],
-        force_p_mps2: [all[3], all[4], all[5]],
+        rate_p_radps: [
+            T::gather(simd, |k| rate[k].x),
+            T::gather(simd, |k| rate[k].y),
+            T::gather(simd, |k| rate[k].z),
+        ],
+        force_p_mps2: [
+            T::gather(simd, |k| force[k].x),
+            T::gather(simd, |k| force[k].y),
+            T::gather(simd, |k| force[k].z),
+        ],
     }
 }
 
@@ -179,9 +184,8 @@ fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Sea
     let biases: [T; 6] = gather(simd, &biases);
     let (gyro_bias, accel_bias) = ([biases[0], biases[1], biases[2]], [biases[3], biases[4], biases[5]]);
     let zero = T::gather(simd, |_| 0.0);
-    let mut p = Partitioned::from_fn(zero, |i, j| {
-        T::gather(simd, |k| seats[place(k)].filter.covariance[(i, j)])
-    });
+    let covariances: [&Covariance; WIDEST] = std::array::from_fn(|k| &seats[place(k)].filter.covariance);
+    let mut p = Partitioned::from_fn(zero, |i, j| T::gather(simd, |k| covariances[k].data.0[j][i]));
 
     let (earth, noise) = (seats[0].filter.earth, seats[0].filter.noise);
     let (sampling, period_s) = (seats[0].filter.sampling, seats[0].filter.covariance_period_s);
@@ -220,6 +224,17 @@ fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Sea
     }
 
     let end = samples.len() - 1;
+    let mut lanes = [0.0; WIDEST];
+    for i in 0..DIM {
+        for j in 0..=i {
+            p.lower(i, j).put(&mut lanes);
+            for (seat, value) in seats.iter_mut().zip(lanes) {
+                let covariance = &mut seat.filter.covariance.data.0;
+                covariance[j][i] = value;
+                covariance[i][j] = value;
+            }
+        }
+    }
     let kinematics = kinematics.to_array();
     for (k, seat) in seats.iter_mut().enumerate() {
         let reading = &seat.samples[end];
@@ -229,13 +244,6 @@ fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Sea
         filter.state.time_ns = reading.time_ns;
         filter.last_rate_p_radps = reading.rate_p_radps.0;
         filter.last_step_s = dt_s;
-        for i in 0..DIM {
-            for j in 0..=i {
-                let value = p.lower(i, j).get(k);
-                filter.covariance[(i, j)] = value;
-                filter.covariance[(j, i)] = value;
-            }
-        }
     }
 }
 
