@@ -1,14 +1,18 @@
 //! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
 
 mod assume;
+mod columns;
 pub mod convoy;
 mod correct;
+mod definite;
 mod record;
 mod reopen;
 
 use fearless_simd::{Simd, dispatch};
 use nalgebra::{SMatrix, Vector3};
 
+use self::correct::Expectation;
+use self::definite::is_positive_definite;
 use self::reopen::Refusals;
 use crate::aiding::{Innovation, Motion};
 use crate::earth::Environment;
@@ -310,32 +314,24 @@ impl Eskf {
         sensor: Sensor,
         shared: Option<&SMatrix<f64, WATER, M>>,
     ) -> Result<UpdateReport, NavError> {
-        let z = innovation.residual.fixed_rows::<M>(0).into_owned();
-        let h = innovation.jacobian.fixed_rows::<M>(0).into_owned();
-        let r = innovation.noise.fixed_view::<M, M>(0, 0).into_owned();
-        let cross = innovation.cross.map(|cross| cross.fixed_columns::<M>(0).into_owned());
-        let p = self.covariance;
-
-        let ph = correct::reach(&p, &h);
-        let mut s = h * ph + r;
-        if let Some(c) = &cross {
-            let half = h * c;
-            s += half + half.transpose();
-        }
-        let factor = s.cholesky().ok_or(NavError::NotPositiveDefinite {
+        let seen = Expectation::<M>::of(&self.covariance, innovation).ok_or(NavError::NotPositiveDefinite {
             matrix: "innovation covariance",
             time_ns: self.state.time_ns,
         })?;
         let mut report = UpdateReport {
             rows: M,
             degrees: innovation.degrees,
-            nis: z.dot(&factor.solve(&z)),
+            nis: seen.nis,
             threshold: self.gate.threshold(innovation.degrees),
             verdict: Verdict::Accepted,
             ..UpdateReport::empty(sensor, self.state.time_ns)
         };
-        report.residual.fixed_rows_mut::<M>(0).copy_from(&z);
-        report.covariance.fixed_view_mut::<M, M>(0, 0).copy_from(&s);
+        for n in 0..M {
+            report.residual[n] = innovation.residual[n];
+            for m in 0..M {
+                report.covariance[(m, n)] = seen.s[(m, n)];
+            }
+        }
 
         match self.gate.gate {
             Gate::Off => {}
@@ -346,7 +342,7 @@ impl Eskf {
             }
             Gate::PerRow => {
                 let rejected: u8 = (0..M)
-                    .filter(|&k| z[k] * z[k] > 9.0 * s[(k, k)])
+                    .filter(|&k| innovation.residual[k].powi(2) > 9.0 * seen.s[(k, k)])
                     .fold(0, |bits, k| bits | 1 << k);
                 if rejected != 0 {
                     let kept = innovation.select(|row| rejected & (1 << row) == 0);
@@ -363,40 +359,48 @@ impl Eskf {
             }
         }
         let is_rejected = report.verdict == Verdict::Rejected;
-        if !is_rejected || self.is_explicable(&z, &h, &s, report.threshold) {
+        if !is_rejected || self.is_explicable(innovation, &seen.s, report.threshold) {
             self.reopen(&mut report);
         }
         if is_rejected {
             return Ok(report);
         }
 
-        let reach = cross.map_or(ph, |c| ph + c);
-        let gain = correct::gain(&reach, &factor.l());
-        let mut joseph = correct::joseph(&p, &ph, &gain, &h, &r);
-        if let Some(c) = &cross {
-            let shared = (c - gain * (h * c)) * gain.transpose();
-            joseph -= shared + shared.transpose();
+        let correction = seen
+            .correct(&mut self.covariance, innovation)
+            .map_err(|refused| not_positive_definite(refused.negative, self.state.time_ns))?;
+        if self.water.is_some() || self.tape.is_some() {
+            self.follow_update(innovation, &seen, &correction.gain, shared);
         }
-        let updated = correct::symmetric(&joseph);
-        require_positive_definite(&updated, self.state.time_ns)?;
-        self.covariance = updated;
+        self.feed_back(&correction.error);
+        Ok(report)
+    }
+
+    /// The further states and the tape, where there are any, after an update of the error state.
+    fn follow_update<const M: usize>(
+        &mut self,
+        innovation: &Innovation,
+        seen: &Expectation<M>,
+        gain: &SMatrix<f64, DIM, M>,
+        shared: Option<&SMatrix<f64, WATER, M>>,
+    ) {
+        let z = innovation.residual.fixed_rows::<M>(0).into_owned();
+        let factor = seen.cholesky();
         let mut own_gain = None;
         if let Some(water) = &mut self.water {
             let update = Update {
                 z: &z,
-                h: &h,
-                s: &s,
+                h: &innovation.jacobian.fixed_rows::<M>(0).into_owned(),
+                s: &seen.s,
                 factor: &factor,
-                reach: &reach,
-                gain: &gain,
+                reach: &seen.reach,
+                gain,
             };
             own_gain = Some(water.follow(&update, &shared.copied().unwrap_or_else(SMatrix::zeros)));
         }
         if self.tape.is_some() {
-            self.record_update(innovation, &z, &factor, &gain, own_gain.as_ref());
+            self.record_update(innovation, &z, &factor, gain, own_gain.as_ref());
         }
-        self.feed_back(&(gain * z));
-        Ok(report)
     }
 
     fn feed_back(&mut self, error: &ErrorVector) {
@@ -409,12 +413,17 @@ impl Eskf {
 }
 
 fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<(), NavError> {
-    if correct::is_positive_definite(covariance) {
+    if is_positive_definite(covariance) {
         return Ok(());
     }
     let negative = (0..DIM).find(|&k| covariance[(k, k)] < 0.0);
-    Err(NavError::NotPositiveDefinite {
+    Err(not_positive_definite(negative, time_ns))
+}
+
+/// Names the block of a negative variance, where there is one.
+fn not_positive_definite(negative: Option<usize>, time_ns: i64) -> NavError {
+    NavError::NotPositiveDefinite {
         matrix: negative.map_or("state covariance", block_name),
         time_ns,
-    })
+    }
 }
