@@ -314,7 +314,9 @@ impl Eskf {
         sensor: Sensor,
         shared: Option<&SMatrix<f64, WATER, M>>,
     ) -> Result<UpdateReport, NavError> {
-        let seen = Expectation::<M>::of(&self.covariance, innovation).ok_or(NavError::NotPositiveDefinite {
+        // Borrowed where they were made: they are large.
+        let seen = Expectation::<M>::of(&self.covariance, innovation);
+        let seen = seen.as_ref().ok_or(NavError::NotPositiveDefinite {
             matrix: "innovation covariance",
             time_ns: self.state.time_ns,
         })?;
@@ -366,11 +368,12 @@ impl Eskf {
             return Ok(report);
         }
 
-        let correction = seen
-            .correct(&mut self.covariance, innovation)
+        let correction = seen.correct(&mut self.covariance, innovation);
+        let correction = correction
+            .as_ref()
             .map_err(|refused| not_positive_definite(refused.negative, self.state.time_ns))?;
         if self.water.is_some() || self.tape.is_some() {
-            self.follow_update(innovation, &seen, &correction.gain, shared);
+            self.follow_update(innovation, seen, &correction.gain, shared);
         }
         self.feed_back(&correction.error);
         Ok(report)
