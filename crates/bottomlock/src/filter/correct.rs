@@ -16,9 +16,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f64x4};
 use nalgebra::{Cholesky, Const, SMatrix};
 
-use super::columns::{
-    Column, VECTORS, WIDTH, add_scaled, load, load_part, scaled, store, store_part, transposed, zero,
-};
+use super::columns::{Column, VECTORS, WIDTH, load_part, store_part, transposed};
 use super::definite::factorises;
 use crate::aiding::{Innovation, RowJacobian};
 use crate::lane::level;
@@ -105,7 +103,7 @@ impl<const M: usize> Expectation<M> {
         let mut reach = SMatrix::zeros();
         let p_h = times_transposed::<S, M>(simd, &p.data.0, h, &reached);
         for m in 0..M {
-            store(&p_h[m], &mut reach.data.0[m]);
+            p_h[m].store(&mut reach.data.0[m]);
         }
         let mut s = times::<S, M>(simd, h, &reach.data.0, &reached);
         let mut noise = [[0.0; M]; M];
@@ -169,8 +167,8 @@ impl<const M: usize> Expectation<M> {
         innovation: &Innovation,
     ) -> Result<Correction<M>, Indefinite> {
         let gain = self.factor.solve(simd, &self.reach.data.0);
-        let mut updated = *p;
-        self.joseph(simd, &mut updated, innovation, &gain);
+        let mut updated = [[0.0; DIM]; DIM];
+        self.joseph(simd, p, innovation, &gain, &mut updated);
         halve(simd, &mut updated);
         if !factorises(simd, &updated) {
             return Err(Indefinite {
@@ -182,47 +180,54 @@ impl<const M: usize> Expectation<M> {
             gain: SMatrix::zeros(),
             error: ErrorVector::zeros(),
         };
-        let mut error = zero(simd);
+        let mut error = Column::zero(simd);
         for m in 0..M {
-            store(&gain[m], &mut correction.gain.data.0[m]);
-            add_scaled(&mut error, innovation.residual[m], &gain[m]);
+            gain[m].store(&mut correction.gain.data.0[m]);
+            error = error.plus(innovation.residual[m], &gain[m]);
         }
-        store(&error, &mut correction.error.data.0[0]);
+        error.store(&mut correction.error.data.0[0]);
         Ok(correction)
     }
 
     /// Joseph's form of a gain; not symmetric to the last bit.
     #[inline(always)]
-    fn joseph<S: Simd>(&self, simd: S, p: &mut [[f64; DIM]; DIM], innovation: &Innovation, gain: &[Column<S>; M]) {
-        let (mut minus_gain, mut gain_rows) = ([zero(simd); M], [[0.0; DIM]; M]);
+    fn joseph<S: Simd>(
+        &self,
+        simd: S,
+        p: &[[f64; DIM]; DIM],
+        innovation: &Innovation,
+        gain: &[Column<S>; M],
+        out: &mut [[f64; DIM]; DIM],
+    ) {
+        let (mut minus_gain, mut gain_rows) = ([Column::zero(simd); M], [[0.0; DIM]; M]);
         for m in 0..M {
-            store(&gain[m], &mut gain_rows[m]);
-            minus_gain[m] = scaled(-1.0, &gain[m]);
+            gain[m].store(&mut gain_rows[m]);
+            minus_gain[m] = gain[m].times(-1.0);
         }
-        for (j, column) in p.iter_mut().enumerate() {
-            let mut own = load(simd, column);
+        for (j, column) in out.iter_mut().enumerate() {
+            let mut own = Column::load(simd, &p[j]);
             for m in 0..M {
-                add_scaled(&mut own, self.reach[(j, m)], &minus_gain[m]);
+                own = own.plus(self.reach[(j, m)], &minus_gain[m]);
             }
-            store(&own, column);
+            own.store(column);
         }
         // A Hᵀ + C − K (R + H C), which is nothing but rounding errors where the gain is the best.
-        let mut rest = times_transposed::<S, M>(simd, p, &innovation.jacobian, &self.reached);
+        let mut rest = times_transposed::<S, M>(simd, out, &innovation.jacobian, &self.reached);
         for m in 0..M {
             for n in 0..M {
-                add_scaled(&mut rest[m], self.noise[m][n], &minus_gain[n]);
+                rest[m] = rest[m].plus(self.noise[m][n], &minus_gain[n]);
             }
             if let Some(cross) = &innovation.cross {
-                add_scaled(&mut rest[m], 1.0, &load(simd, &cross.data.0[m]));
+                rest[m] = rest[m].plus(1.0, &Column::load(simd, &cross.data.0[m]));
             }
-            rest[m] = scaled(-1.0, &rest[m]);
+            rest[m] = rest[m].times(-1.0);
         }
-        for (j, column) in p.iter_mut().enumerate() {
-            let mut own = load(simd, column);
+        for (j, column) in out.iter_mut().enumerate() {
+            let mut own = Column::load(simd, column);
             for m in 0..M {
-                add_scaled(&mut own, gain_rows[m][j], &rest[m]);
+                own = own.plus(gain_rows[m][j], &rest[m]);
             }
-            store(&own, column);
+            own.store(column);
         }
     }
 }
@@ -268,18 +273,18 @@ impl<const M: usize> Factor<M> {
     /// X S⁻¹.
     #[inline(always)]
     fn solve<S: Simd>(&self, simd: S, x: &[[f64; DIM]; M]) -> [Column<S>; M] {
-        let mut out = [zero(simd); M];
+        let mut out = [Column::zero(simd); M];
         for i in 0..M {
-            let mut own = load(simd, &x[i]);
+            let mut own = Column::load(simd, &x[i]);
             for k in 0..i {
-                add_scaled(&mut own, self.minus_l[k][i], &out[k]);
+                own = own.plus(self.minus_l[k][i], &out[k]);
             }
             out[i] = own;
         }
         for i in (0..M).rev() {
-            let mut own = scaled(self.inverse_d[i], &out[i]);
+            let mut own = out[i].times(self.inverse_d[i]);
             for k in i + 1..M {
-                add_scaled(&mut own, self.minus_l[i][k], &out[k]);
+                own = own.plus(self.minus_l[i][k], &out[k]);
             }
             out[i] = own;
         }
@@ -295,11 +300,11 @@ fn times_transposed<S: Simd, const M: usize>(
     h: &RowJacobian,
     reached: &Reached,
 ) -> [Column<S>; M] {
-    let mut sums = [zero(simd); M];
+    let mut sums = [Column::zero(simd); M];
     for &k in reached.states() {
-        let column = load(simd, &a[k]);
+        let column = Column::load(simd, &a[k]);
         for m in 0..M {
-            add_scaled(&mut sums[m], h.data.0[k][m], &column);
+            sums[m] = sums[m].plus(h.data.0[k][m], &column);
         }
     }
     sums

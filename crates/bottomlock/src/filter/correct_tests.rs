@@ -53,12 +53,12 @@ fn dense_joseph<const M: usize>(p: &Covariance, innovation: &Innovation, gain: &
 
 fn joseph<S: Simd, const M: usize>(simd: S, p: &Covariance, innovation: &Innovation, gain: &Tall<M>) -> Covariance {
     let seen = Expectation::<M>::within(simd, p, innovation).unwrap();
-    let mut columns = [zero(simd); M];
+    let mut columns = [Column::zero(simd); M];
     for m in 0..M {
-        columns[m] = load(simd, &gain.data.0[m]);
+        columns[m] = Column::load(simd, &gain.data.0[m]);
     }
-    let (mut lower, mut out) = (*p, Covariance::zeros());
-    seen.joseph(simd, &mut lower.data.0, innovation, &columns);
+    let (mut lower, mut out) = (Covariance::zeros(), Covariance::zeros());
+    seen.joseph(simd, &p.data.0, innovation, &columns, &mut lower.data.0);
     halve(simd, &mut lower.data.0);
     mirror(simd, &lower.data.0, &mut out.data.0);
     out

@@ -8,7 +8,7 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f64x4};
 
-use super::columns::{Column, VECTORS, WIDTH, load_part, zero};
+use super::columns::{VECTORS, WIDTH, load_part};
 use crate::lane::level;
 use crate::layout::DIM;
 use crate::state::Covariance;
@@ -38,14 +38,15 @@ pub(super) fn factorises<S: Simd>(simd: S, matrix: &[[f64; DIM]; DIM]) -> bool {
 
 /// Four columns of the factors; what stands above the diagonal means nothing.
 struct Panel<S: Simd> {
-    minus_l: [Column<S>; WIDTH],
-    l_d: [Column<S>; WIDTH],
+    minus_l: [[f64x4<S>; VECTORS]; WIDTH],
+    l_d: [[f64x4<S>; VECTORS]; WIDTH],
 }
 
 /// The columns `4 B..4 B + 4`, from those before them; nothing where a pivot is not positive.
 #[inline(always)]
 fn panel<S: Simd, const B: usize>(simd: S, matrix: &[[f64; DIM]; DIM], before: [&Panel<S>; B]) -> Option<Panel<S>> {
-    let mut own = [zero(simd); WIDTH];
+    let zero = [f64x4::simd_from(simd, 0.0); VECTORS];
+    let mut own = [zero; WIDTH];
     for q in 0..WIDTH {
         for v in B..VECTORS {
             own[q][v] = load_part(simd, &matrix[WIDTH * B + q], v);
@@ -70,7 +71,7 @@ fn panel<S: Simd, const B: usize>(simd: S, matrix: &[[f64; DIM]; DIM], before: [
             if !is_frozen(matrix, WIDTH * B + q) {
                 return None;
             }
-            own[q] = zero(simd);
+            own[q] = zero;
             inverse = f64x4::simd_from(simd, 0.0);
         }
         for v in B..VECTORS {
