@@ -108,6 +108,13 @@ fn update(criterion: &mut Criterion) {
                 black_box(filter.update(&innovation, Sensor::Beams).unwrap());
             });
         });
+        // The update by itself, on one filter: of noise so large that a million of them hardly change the covariance.
+        let mut innovation = filter.with_motion(|motion| tightly_coupled(&beam_terms(motion, &geometry, &ping), &ping));
+        innovation.noise *= 1e8;
+        group.bench_function(format!("alone_{beams}"), |bencher| {
+            let mut filter = filter.clone();
+            bencher.iter(|| black_box(filter.update(black_box(&innovation), Sensor::Beams).unwrap()));
+        });
     }
     group.finish();
 

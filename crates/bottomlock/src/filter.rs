@@ -1,14 +1,19 @@
 //! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
 
 mod assume;
+mod columns;
 pub mod convoy;
 mod correct;
+mod definite;
+mod fuse;
 mod record;
 mod reopen;
 
 use fearless_simd::{Simd, dispatch};
 use nalgebra::{SMatrix, Vector3};
 
+use self::definite::is_positive_definite;
+use self::fuse::not_positive_definite;
 use self::reopen::Refusals;
 use crate::aiding::{Innovation, Motion};
 use crate::earth::Environment;
@@ -17,13 +22,12 @@ use crate::error_model::{Interval, ProcessNoise};
 use crate::frames::{Rot, Vec3};
 use crate::imu::{EarthTerms, ImuSample, Inertial, Kinematics, Sampling};
 use crate::lane::level;
-use crate::layout::{DIM, VELOCITY, block_name};
-use crate::model::{Gate, GateTable, MAX_ROWS, Model, Options};
-use crate::report::{Sensor, UpdateReport, Verdict};
+use crate::layout::{DIM, VELOCITY};
+use crate::model::{GateTable, MAX_ROWS, Model, Options};
+use crate::report::{Sensor, UpdateReport};
 use crate::smoother::Tape;
-use crate::state::{Covariance, ErrorVector, NavState};
-use crate::water::WATER;
-use crate::water_block::{Update, WaterBlock};
+use crate::state::{Covariance, NavState};
+use crate::water_block::WaterBlock;
 
 /// The filter: state, covariance and the interval since the covariance was last brought up to date.
 #[derive(Debug, Clone)]
@@ -297,119 +301,12 @@ impl Eskf {
         turned.repeats = innovation.repeats.as_ref().map(|repeats| repeats.turned(&axes));
         self.update(&turned, sensor)
     }
-
-    /// `shared` is the covariance of the further states with the noise, where there is any.
-    fn fuse<const M: usize>(
-        &mut self,
-        innovation: &Innovation,
-        sensor: Sensor,
-        shared: Option<&SMatrix<f64, WATER, M>>,
-    ) -> Result<UpdateReport, NavError> {
-        let z = innovation.residual.fixed_rows::<M>(0).into_owned();
-        let h = innovation.jacobian.fixed_rows::<M>(0).into_owned();
-        let r = innovation.noise.fixed_view::<M, M>(0, 0).into_owned();
-        let cross = innovation.cross.map(|cross| cross.fixed_columns::<M>(0).into_owned());
-        let p = self.covariance;
-
-        let ph = correct::reach(&p, &h);
-        let mut s = h * ph + r;
-        if let Some(c) = &cross {
-            let half = h * c;
-            s += half + half.transpose();
-        }
-        let factor = s.cholesky().ok_or(NavError::NotPositiveDefinite {
-            matrix: "innovation covariance",
-            time_ns: self.state.time_ns,
-        })?;
-        let mut report = UpdateReport {
-            rows: M,
-            degrees: innovation.degrees,
-            nis: z.dot(&factor.solve(&z)),
-            threshold: self.gate.threshold(innovation.degrees),
-            verdict: Verdict::Accepted,
-            ..UpdateReport::empty(sensor, self.state.time_ns)
-        };
-        report.residual.fixed_rows_mut::<M>(0).copy_from(&z);
-        report.covariance.fixed_view_mut::<M, M>(0, 0).copy_from(&s);
-
-        match self.gate.gate {
-            Gate::Off => {}
-            Gate::Joint { .. } => {
-                if report.nis > report.threshold {
-                    report.verdict = Verdict::Rejected;
-                }
-            }
-            Gate::PerRow => {
-                let rejected: u8 = (0..M)
-                    .filter(|&k| z[k] * z[k] > 9.0 * s[(k, k)])
-                    .fold(0, |bits, k| bits | 1 << k);
-                if rejected != 0 {
-                    let kept = innovation.select(|row| rejected & (1 << row) == 0);
-                    if kept.rows == 0 {
-                        report.verdict = Verdict::Rejected;
-                    } else {
-                        self.update(&kept, sensor)?;
-                        report.verdict = Verdict::AcceptedInPart {
-                            rejected_rows: rejected,
-                        };
-                        return Ok(report);
-                    }
-                }
-            }
-        }
-        let is_rejected = report.verdict == Verdict::Rejected;
-        if !is_rejected || self.is_explicable(&z, &h, &s, report.threshold) {
-            self.reopen(&mut report);
-        }
-        if is_rejected {
-            return Ok(report);
-        }
-
-        let reach = cross.map_or(ph, |c| ph + c);
-        let gain = correct::gain(&reach, &factor.l());
-        let mut joseph = correct::joseph(&p, &ph, &gain, &h, &r);
-        if let Some(c) = &cross {
-            let shared = (c - gain * (h * c)) * gain.transpose();
-            joseph -= shared + shared.transpose();
-        }
-        let updated = correct::symmetric(&joseph);
-        require_positive_definite(&updated, self.state.time_ns)?;
-        self.covariance = updated;
-        let mut own_gain = None;
-        if let Some(water) = &mut self.water {
-            let update = Update {
-                z: &z,
-                h: &h,
-                s: &s,
-                factor: &factor,
-                reach: &reach,
-                gain: &gain,
-            };
-            own_gain = Some(water.follow(&update, &shared.copied().unwrap_or_else(SMatrix::zeros)));
-        }
-        if self.tape.is_some() {
-            self.record_update(innovation, &z, &factor, &gain, own_gain.as_ref());
-        }
-        self.feed_back(&(gain * z));
-        Ok(report)
-    }
-
-    fn feed_back(&mut self, error: &ErrorVector) {
-        let mut state = self.state();
-        state.inject(error);
-        self.state = state;
-        self.kinematics = state.kinematics();
-        self.interval = Interval::Open;
-    }
 }
 
 fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<(), NavError> {
-    if correct::is_positive_definite(covariance) {
+    if is_positive_definite(covariance) {
         return Ok(());
     }
     let negative = (0..DIM).find(|&k| covariance[(k, k)] < 0.0);
-    Err(NavError::NotPositiveDefinite {
-        matrix: negative.map_or("state covariance", block_name),
-        time_ns,
-    })
+    Err(not_positive_definite(negative, time_ns))
 }

@@ -187,6 +187,12 @@ macro_rules! vectors {
 vectors!(f64x4, 4);
 vectors!(f64x8, 8);
 
+/// c + a x, fused.
+#[inline(always)]
+pub(crate) fn plus<T: Lane>(c: T, a: f64, x: T) -> T {
+    x.mul_add(x.splat(a), c)
+}
+
 /// Three-vector of lanes.
 pub(crate) type V3<T> = [T; 3];
 /// Three-by-three matrix of lanes, row by row.
