@@ -1,9 +1,12 @@
 //! What became of a measurement, and how right the filter was about itself.
 
-use nalgebra::{SMatrix, SVector};
+use fearless_simd::{Simd, dispatch};
+use nalgebra::{Cholesky, SMatrix, SVector};
 
 use crate::dvl::geometry::MAX_BEAMS;
 use crate::dvl::partial::Method;
+use crate::lane::level;
+use crate::layout::DIM;
 use crate::model::MAX_ROWS;
 use crate::state::{Covariance, ErrorVector};
 
@@ -136,13 +139,43 @@ impl UpdateReport {
 pub fn nees(covariance: &Covariance, error: &ErrorVector, from: usize, to: usize) -> Option<f64> {
     let mut block = Covariance::identity();
     let mut part = ErrorVector::zeros();
+    // Zero for a frozen state, which leaves its row to the identity.
+    let mut scale = [0.0; DIM];
     for i in (from..to).filter(|&i| covariance[(i, i)] > 0.0) {
-        let scale = covariance[(i, i)].sqrt().recip();
-        part[i] = error[i] * scale;
-        for j in (from..to).filter(|&j| covariance[(j, j)] > 0.0) {
-            block[(i, j)] = covariance[(i, j)] * scale * covariance[(j, j)].sqrt().recip();
+        scale[i] = covariance[(i, i)].sqrt().recip();
+        part[i] = error[i] * scale[i];
+    }
+    for j in (from..to).filter(|&j| scale[j] > 0.0) {
+        for i in (from..to).filter(|&i| scale[i] > 0.0) {
+            block[(i, j)] = covariance[(i, j)] * scale[i] * scale[j];
         }
     }
-    let factor = block.cholesky()?;
-    Some(part.dot(&factor.solve(&part)))
+    let definite = dispatch!(level(), simd => factorise(simd, &mut block.data.0, from, to));
+    definite.then(|| part.dot(&Cholesky::pack_dirty(block).solve(&part)))
+}
+
+/// Cholesky factor, in the lower triangle, of a matrix that is the identity but for `from..to`; false where there is none.
+///
+/// nalgebra's operations in nalgebra's order, over columns of a length that the compiler knows.
+#[inline(always)]
+fn factorise<S: Simd>(_simd: S, columns: &mut [[f64; DIM]; DIM], from: usize, to: usize) -> bool {
+    for j in from..to {
+        let mut own = columns[j];
+        for earlier in &columns[from..j] {
+            let part = -earlier[j];
+            for i in 0..DIM {
+                own[i] += part * earlier[i];
+            }
+        }
+        if !(own[j] > 0.0) {
+            return false;
+        }
+        let pivot = own[j].sqrt();
+        for below in &mut own[j + 1..] {
+            *below /= pivot;
+        }
+        own[j] = pivot;
+        columns[j] = own;
+    }
+    true
 }

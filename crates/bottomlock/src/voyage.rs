@@ -312,14 +312,20 @@ impl<'a> Leg<'a> {
     pub(crate) fn draw(&mut self, count: usize) -> Result<(), NavError> {
         self.readings.clear();
         self.readings.extend(self.voyage.last_imu());
-        for k in self.next..self.next + count {
-            let reading = self.voyage.suite.imu(&self.truth, k);
-            if let (Err(source), Some(first)) = (reading.validate(), self.voyage.aboard.first()) {
-                return Err(in_run(self.voyage.run, &first.arm, source));
-            }
-            self.readings.push(reading);
+        let drawn = self.readings.len();
+        let readings = &mut self.readings;
+        self.voyage
+            .suite
+            .imus(&self.truth, self.next..self.next + count, |reading, _, _| {
+                readings.push(reading);
+            });
+        let bad = self.readings[drawn..]
+            .iter()
+            .find_map(|reading| reading.validate().err());
+        match (bad, self.voyage.aboard.first()) {
+            (Some(source), Some(first)) => Err(in_run(self.voyage.run, &first.arm, source)),
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// The filters of every arm, in their order, with the readings drawn.
