@@ -98,7 +98,8 @@ impl Inertial {
                 normals.fill(&mut rows[..count]);
             }
             for (row, k) in samples.by_ref().take(count).enumerate() {
-                let [accel_walk, gyro_walk, gyro_noise, accel_noise] = drawn.map(|rows| Vector3::from(rows[row]));
+                let [accel_walk, gyro_walk, gyro_noise, accel_noise] =
+                    drawn.each_ref().map(|rows| Vector3::from(rows[row]));
                 let root_dt = root_interval_s(at, k);
                 self.accel_bias += accel_walk * (model.imu.accel_bias_walk_mps2_rts * root_dt);
                 self.gyro_bias += gyro_walk * (model.imu.gyro_bias_walk_radps_rts * root_dt);
