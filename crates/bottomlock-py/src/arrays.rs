@@ -69,7 +69,7 @@ fn checked<'py, T: Element>(
     }
     // The dimensions have been checked, so a scalar does not become a row here.
     let contiguous = numpy.call_method1("ascontiguousarray", (array, dtype))?;
-    contiguous.extract().map_err(Into::into)
+    contiguous.extract()
 }
 
 fn convert<T: Element + Copy>(
