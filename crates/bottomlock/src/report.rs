@@ -1,7 +1,7 @@
 //! What became of a measurement, and how right the filter was about itself.
 
 use fearless_simd::{Simd, dispatch};
-use nalgebra::{Cholesky, SMatrix, SVector};
+use nalgebra::{SMatrix, SVector};
 
 use crate::dvl::geometry::MAX_BEAMS;
 use crate::dvl::partial::Method;
@@ -137,45 +137,58 @@ impl UpdateReport {
 /// Frozen states (zero variance) are left out.
 #[must_use]
 pub fn nees(covariance: &Covariance, error: &ErrorVector, from: usize, to: usize) -> Option<f64> {
-    let mut block = Covariance::identity();
-    let mut part = ErrorVector::zeros();
-    // Zero for a frozen state, which leaves its row to the identity.
+    dispatch!(level(), simd => normalised_square(simd, covariance, error, from, to))
+}
+
+/// [`nees`]: nalgebra's Cholesky operations in nalgebra's order, over columns of a length that the compiler knows.
+#[inline(always)]
+fn normalised_square<S: Simd>(
+    _simd: S,
+    covariance: &Covariance,
+    error: &ErrorVector,
+    from: usize,
+    to: usize,
+) -> Option<f64> {
+    // Zero for a frozen state and outside, where the matrix is the identity.
     let mut scale = [0.0; DIM];
+    let mut part = ErrorVector::zeros();
     for i in (from..to).filter(|&i| covariance[(i, i)] > 0.0) {
         scale[i] = covariance[(i, i)].sqrt().recip();
         part[i] = error[i] * scale[i];
     }
+    let mut factor = Covariance::identity();
+    let columns = &mut factor.data.0;
+    let mut whitened = part;
     for j in (from..to).filter(|&j| scale[j] > 0.0) {
-        for i in (from..to).filter(|&i| scale[i] > 0.0) {
-            block[(i, j)] = covariance[(i, j)] * scale[i] * scale[j];
+        let mut own = [0.0; DIM];
+        for i in 0..DIM {
+            own[i] = covariance.data.0[j][i] * scale[i] * scale[j];
         }
-    }
-    let definite = dispatch!(level(), simd => factorise(simd, &mut block.data.0, from, to));
-    definite.then(|| part.dot(&Cholesky::pack_dirty(block).solve(&part)))
-}
-
-/// Cholesky factor, in the lower triangle, of a matrix that is the identity but for `from..to`; false where there is none.
-///
-/// nalgebra's operations in nalgebra's order, over columns of a length that the compiler knows.
-#[inline(always)]
-fn factorise<S: Simd>(_simd: S, columns: &mut [[f64; DIM]; DIM], from: usize, to: usize) -> bool {
-    for j in from..to {
-        let mut own = columns[j];
         for earlier in &columns[from..j] {
-            let part = -earlier[j];
+            let share = -earlier[j];
             for i in 0..DIM {
-                own[i] += part * earlier[i];
+                own[i] += share * earlier[i];
             }
         }
         if !(own[j] > 0.0) {
-            return false;
+            return None;
         }
         let pivot = own[j].sqrt();
-        for below in &mut own[j + 1..] {
-            *below /= pivot;
+        own[..j].fill(0.0);
+        own[j] = 0.0;
+        let value = whitened[j] / pivot;
+        for i in 0..DIM {
+            own[i] /= pivot;
+            whitened[i] += -value * own[i];
         }
         own[j] = pivot;
+        whitened[j] = value;
         columns[j] = own;
     }
-    true
+    let mut solved = whitened;
+    for j in (from..to).rev() {
+        let known = factor.view_range(j + 1.., j).dot(&solved.rows_range(j + 1..));
+        solved[j] = (solved[j] - known) / factor[(j, j)];
+    }
+    Some(part.dot(&solved))
 }
