@@ -110,8 +110,18 @@ pub fn rows<const N: usize>(name: &str, value: &Bound<'_, PyAny>, count: Option<
     Ok(Rows::<N>::new(name, value, &[count])?.get()?.to_vec())
 }
 
+/// The numbers of an array that has the type and the shape already: what an event costs most in Python is asking numpy.
+fn ready_made<const N: usize>(value: &Bound<'_, PyAny>) -> Option<[f64; N]> {
+    let array = value.cast::<PyArrayDyn<f64>>().ok()?.try_readonly().ok()?;
+    let values = array.as_array();
+    (values.shape() == [N]).then(|| std::array::from_fn(|k| values[k]))
+}
+
 /// A vector of fixed length.
 pub fn vector<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
+    if let Some(values) = ready_made(value) {
+        return Ok(values);
+    }
     let array = floats(name, value, &[Some(N)])?;
     Ok(std::array::from_fn(|k| array.values[k]))
 }
