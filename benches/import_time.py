@@ -2,8 +2,8 @@
 
     python benches/import_time.py [--rounds 15]
 
-Each in a process of its own, in turn; times are those that the process had on a core, less those of an interpreter that imports
-nothing. Ratios are medians of the rounds' own.
+Each in a process of its own, in turn; times are those that the process had on a core. Ratios are medians of the rounds'
+own.
 """
 
 from __future__ import annotations

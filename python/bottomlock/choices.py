@@ -34,13 +34,13 @@ def choice_counts(
                 times.append(dvl_time_ns[seen])
                 counts.append(count[seen])
                 keys += [(arm, name, source)] * len(seen)
-    of_arm, component, source = zip(*keys, strict=True) if keys else ((), (), ())
+    of_arm, components, sources = zip(*keys, strict=True) if keys else ((), (), ())
     columns = {
         "trajectory": [trajectory] * len(keys),
         "arm": of_arm,
         "time_ns": np.concatenate(times),
-        "component": component,
-        "source": source,
+        "component": components,
+        "source": sources,
         "runs": np.concatenate(counts),
     }
     return pl.DataFrame(columns, schema_overrides=dict(CHOICES)).select(list(CHOICES))

@@ -3,17 +3,21 @@
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from bottomlock import kernel
 from bottomlock.conditions import schedule
 from tests.analytic import analytic_world
 
 MOST_BEYOND_MB = 10.0
+
+Floats = NDArray[np.float64]
 
 
 def flight(duration_s: float) -> dict[str, Any]:
@@ -56,13 +60,15 @@ def test_no_runs_and_no_arms_yield_empty_arrays() -> None:
 
 
 @pytest.mark.parametrize("make", [np.asfortranarray, lambda values: np.repeat(values, 2, axis=0)[::2]])
-def test_arrays_that_are_not_contiguous_give_the_same_bits(make: Any) -> None:
+def test_arrays_that_are_not_contiguous_give_the_same_bits(make: Callable[[Floats], Floats]) -> None:
     """The truth is read where it lies, or copied where it cannot be."""
     work = flight(10.0)
-    straight = kernel.run_batch(**work, arms=["tc"], runs=2, threads=1)
+    straight: dict[str, Any] = dict(kernel.run_batch(**work, arms=["tc"], runs=2, threads=1))
     truth = {key: value if value.ndim == 1 else make(value) for key, value in work["truth"].items()}
     assert not truth["force_p_mps2"].flags.c_contiguous
-    other = kernel.run_batch(**(work | {"truth": truth}), arms=["tc"], runs=2, threads=1)
+    other: dict[str, Any] = dict(
+        kernel.run_batch(**(work | {"truth": truth}), arms=["tc"], runs=2, threads=1)
+    )
     assert all(np.array_equal(straight[key], other[key], equal_nan=True) for key in straight)
 
 
