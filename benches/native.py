@@ -56,7 +56,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         for name, path in builds.items():
             compare.PARTIES = path
-            rust = compare.Rust(readings, Path(folder))
+            own = Path(folder) / name
+            own.mkdir()
+            rust = compare.Rust(readings, own)
             parties |= {(name, what): rust.party(line) for what, line in LINES.items()}
         for _ in range(options.rounds):
             for key, party in parties.items():
