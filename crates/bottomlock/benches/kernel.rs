@@ -17,11 +17,11 @@ use bottomlock::filter::Eskf;
 use bottomlock::filter::convoy::{Seat, predict_together};
 use bottomlock::frames::Vec3;
 use bottomlock::imu::{EarthTerms, ImuSample, Inertial, Kinematics};
-use bottomlock::layout::DIM;
+use bottomlock::layout::{ATTITUDE, DIM};
 use bottomlock::model::*;
-use bottomlock::report::Sensor;
+use bottomlock::report::{Sensor, nees};
 use bottomlock::sensors::{RunKey, Schedule, simulate};
-use bottomlock::state::NavState;
+use bottomlock::state::{ErrorVector, NavState};
 use bottomlock::truth::Truth;
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Matrix3, SMatrix};
@@ -142,6 +142,24 @@ fn update(criterion: &mut Criterion) {
             });
         });
     }
+    for beams in [1, 3, 4] {
+        let (valid, assumptions) = (BeamMask::all(beams), Assumptions::default());
+        group.bench_function(format!("elc_{beams}"), |bencher| {
+            bencher.iter(|| plan(Method::Selector, &geometry, valid, &noise, Some(&prior), &assumptions).unwrap());
+        });
+    }
+    group.finish();
+}
+
+/// What a recorded sample costs most: normalised squares of the whole error, and of misalignment and velocity.
+fn record(criterion: &mut Criterion) {
+    let (covariance, error) = (Model::table_2().initial_covariance(true), ErrorVector::repeat(1e-3));
+    let mut group = criterion.benchmark_group("nees");
+    for (name, from, to) in [("whole", 0, DIM), ("velocity_attitude", ATTITUDE, ATTITUDE + 6)] {
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| nees(black_box(&covariance), &error, from, to).unwrap());
+        });
+    }
     group.finish();
 }
 
@@ -243,8 +261,10 @@ fn runs(criterion: &mut Criterion) {
     group.bench_function("sensors", |bencher| {
         bencher.iter(|| simulate(&truth, &geometry, &model, &model, &schedule, options.sampling, &key).unwrap());
     });
+    // Without arms a batch draws its sensors and does nothing else.
     for names in [
-        &["tc"][..],
+        &[][..],
+        &["tc"],
         &["ins", "lc", "tc", "elc"],
         &["ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc"],
     ] {
@@ -263,7 +283,7 @@ fn runs(criterion: &mut Criterion) {
             first_run: 0,
             runs: 8,
         };
-        group.throughput(Throughput::Elements(8 * arms.len() as u64 * steps));
+        group.throughput(Throughput::Elements(8 * arms.len().max(1) as u64 * steps));
         group.bench_function(format!("eight_of_{}_arms", arms.len()), |bencher| {
             bencher.iter(|| run_batch(&batch, 1).unwrap());
         });
@@ -271,5 +291,5 @@ fn runs(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, predict, update, together, runs);
+criterion_group!(benches, predict, update, record, together, runs);
 criterion_main!(benches);

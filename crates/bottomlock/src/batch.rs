@@ -145,6 +145,28 @@ pub struct Batch<'a> {
 /// # Errors
 /// [`NavError`]; an error inside a run names the run and the arm.
 pub fn run_batch(batch: &Batch<'_>, threads: usize) -> Result<Vec<Vec<ArmRecord>>, NavError> {
+    let mut yielded = vec![Vec::new(); batch.runs];
+    run_batch_into(batch, threads, &mut yielded, |place, records| *place = records)?;
+    Ok(yielded)
+}
+
+/// As [`run_batch`]; `take` gets what each run yields, with its own place, as soon as the run is over, on the thread that flew it.
+///
+/// # Errors
+/// As [`run_batch`], and [`NavError::WrongCount`] for a number of places other than that of the runs.
+pub fn run_batch_into<P: Send>(
+    batch: &Batch<'_>,
+    threads: usize,
+    places: &mut [P],
+    take: impl Fn(&mut P, Vec<ArmRecord>) + Sync + Send,
+) -> Result<(), NavError> {
+    if places.len() != batch.runs {
+        return Err(NavError::WrongCount {
+            field: "places",
+            got: places.len(),
+            expected: format!("{}, one per run", batch.runs),
+        });
+    }
     batch.truth.validate()?;
     batch.simulated.validate()?;
     if batch.schedules.len() != 1 && batch.schedules.len() != batch.runs {
@@ -173,11 +195,16 @@ pub fn run_batch(batch: &Batch<'_>, threads: usize) -> Result<Vec<Vec<ArmRecord>
     }
     let workers = Workers::new(threads)?;
     let together = fleet::size(batch.arms, batch.runs, workers.threads()).get();
-    let mut groups: Vec<_> = (0..batch.runs).step_by(together).collect();
-    let results = workers.each(&mut groups, |_, first| {
-        Ok(some_runs(batch, *first..(*first + together).min(batch.runs)))
+    let mut groups: Vec<_> = places.chunks_mut(together).collect();
+    workers.each(&mut groups, |group, places| {
+        let first = group * together;
+        let yielded = some_runs(batch, first..first + places.len());
+        for (place, records) in places.iter_mut().zip(yielded) {
+            take(place, records?);
+        }
+        Ok(())
     })?;
-    results.into_iter().flatten().collect()
+    Ok(())
 }
 
 /// Runs that fly together; what each yields, or why it failed.

@@ -35,6 +35,7 @@ pub mod filter;
 mod fleet;
 pub mod frames;
 pub mod imu;
+mod keystream;
 pub mod lane;
 pub mod layout;
 pub mod model;

@@ -226,7 +226,7 @@ impl Navigator {
                     }
                     report(&outcome);
                 }
-                let full_lock = self.geometry.rank_of(ping.valid) == 3;
+                let full_lock = self.water().is_some() && self.geometry.rank_of(ping.valid) == 3;
                 self.filters.assume(full_lock, &mut *report)?;
             }
             Event::Velocity(sample) => report(&filters.update(Sensor::Velocity, |filter| {

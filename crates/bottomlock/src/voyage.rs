@@ -250,6 +250,8 @@ pub(crate) struct Leg<'a> {
     next: usize,
     /// The last reading that the filters have taken, and those that they take next.
     readings: Vec<ImuSample>,
+    /// How many of them are new.
+    drawn: usize,
 }
 
 impl<'a> Leg<'a> {
@@ -270,6 +272,7 @@ impl<'a> Leg<'a> {
             sample_time_ns,
             next,
             readings: Vec::new(),
+            drawn: 0,
         })
     }
 
@@ -281,7 +284,8 @@ impl<'a> Leg<'a> {
     /// Number of samples ahead before anything is measured between two of them, up to the one where something happens.
     pub(crate) fn clear_samples(&self) -> usize {
         let ahead_ns = self.ahead_ns();
-        if self.voyage.last_imu().is_none() {
+        // The first reading starts the filters, where there are any.
+        if self.voyage.last_imu().is_none() && !self.voyage.aboard.is_empty() {
             return 0;
         }
         let mut clear = ahead_ns.len();
@@ -312,14 +316,21 @@ impl<'a> Leg<'a> {
     pub(crate) fn draw(&mut self, count: usize) -> Result<(), NavError> {
         self.readings.clear();
         self.readings.extend(self.voyage.last_imu());
-        for k in self.next..self.next + count {
-            let reading = self.voyage.suite.imu(&self.truth, k);
-            if let (Err(source), Some(first)) = (reading.validate(), self.voyage.aboard.first()) {
-                return Err(in_run(self.voyage.run, &first.arm, source));
-            }
-            self.readings.push(reading);
+        let taken = self.readings.len();
+        self.drawn = count;
+        let readings = &mut self.readings;
+        self.voyage
+            .suite
+            .imus(&self.truth, self.next..self.next + count, |reading, _, _| {
+                readings.push(reading);
+            });
+        let bad = self.readings[taken..]
+            .iter()
+            .find_map(|reading| reading.validate().err());
+        match (bad, self.voyage.aboard.first()) {
+            (Some(source), Some(first)) => Err(in_run(self.voyage.run, &first.arm, source)),
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// The filters of every arm, in their order, with the readings drawn.
@@ -337,7 +348,7 @@ impl<'a> Leg<'a> {
         if let Some((arm, (_, source))) = failed.min_by_key(|(_, (at, _))| *at) {
             return Err(in_run(self.voyage.run, &arm, source));
         }
-        self.next += self.readings.len() - 1;
+        self.next += self.drawn;
         if let Some(&last) = self.readings.last() {
             self.voyage.aboard.iter_mut().for_each(|one| one.guide.has_taken(&last));
         }
