@@ -16,10 +16,7 @@ fn main() {
         ("filter", size_of::<Eskf>()),
         ("  of it covariance, all 20 x 20", size_of::<Covariance>()),
         ("  its lower triangle alone", 210 * 8),
-        (
-            "  of it interval since the last propagation",
-            size_of::<Interval<f64>>(),
-        ),
+        ("  of it interval since the last propagation", size_of::<Interval>()),
         ("  of it state", size_of::<NavState>()),
         ("  of it options", size_of::<Options>()),
         ("navigator around it", size_of::<Navigator>() - size_of::<Eskf>()),
