@@ -350,6 +350,8 @@ fn main() {
         let covariance = match party {
             "one" => work.one(0),
             "one_10hz" => work.one(TENTH_NS),
+            "alone" => work.many(1, 0, &work.streams[..1]),
+            "alone_10hz" => work.many(1, TENTH_NS, &work.streams[..1]),
             "arms" => work.many(runs, 0, &work.streams[..1]),
             "arms_10hz" => work.many(runs, TENTH_NS, &work.streams[..1]),
             "many" => work.many(runs, 0, &work.streams[..runs]),

@@ -5,6 +5,7 @@ pub mod convoy;
 mod correct;
 mod record;
 mod reopen;
+mod solo;
 
 use fearless_simd::{Simd, dispatch};
 use nalgebra::{SMatrix, Vector3};
@@ -136,11 +137,7 @@ impl Eskf {
     pub fn predict(&mut self, start: &ImuSample, end: &ImuSample) -> Result<(), NavError> {
         let dt_s = (end.time_ns - start.time_ns) as f64 * 1e-9;
         if dt_s <= 0.0 {
-            return Err(NavError::TimeNotIncreasing {
-                stream: "imu",
-                time_ns: end.time_ns,
-                previous_ns: start.time_ns,
-            });
+            return Err(Self::does_not_rise(end.time_ns, start.time_ns));
         }
         let (first, last) = (self.corrected(self.first_of(start, end)), self.corrected(end));
         self.begin_interval(start, end);
@@ -186,6 +183,16 @@ impl Eskf {
         }
     }
 
+    #[cold]
+    fn does_not_rise(time_ns: i64, previous_ns: i64) -> NavError {
+        NavError::TimeNotIncreasing {
+            stream: "imu",
+            time_ns,
+            previous_ns,
+        }
+    }
+
+    #[cold]
     fn ran_out_of_numbers(time_ns: i64) -> NavError {
         NavError::NotFinite {
             field: "state position_t_m",

@@ -1,111 +1,107 @@
-//! P ← Φ P Φᵀ of one filter, four columns and then four rows of its covariance in the lanes of vectors.
+//! Φ P Φᵀ of one filter: rows of its covariance, and then columns, lie in the lanes of vectors.
+//!
+//! A row of twenty is three vectors: `near` has states 1 to 8; `far` has state 0 and then states 9 to 15; `log` has the last four.
+//! State 0 stands apart so that the others with dynamics fill a vector: on and below the diagonal its own row has one element, and
+//! that alone is worked out as a single number.
 
-use fearless_simd::f64x4;
 use fearless_simd::prelude::*;
+use fearless_simd::{f64x4, f64x8, mask64x8};
 
-use super::ProcessNoise;
-use super::interval::Span;
-use super::transition::Spread;
-use crate::imu::{EarthTerms, Kinematics};
-use crate::layout::{DIM, DVL_BIAS, DYNAMIC};
+use super::transition::{Parts, Spread};
+use crate::lane::Lane;
+use crate::layout::{DVL_BIAS, DYNAMIC};
 
-/// Elements side by side.
-const WIDTH: usize = 4;
-const CHUNKS: usize = DIM / WIDTH;
-/// Dynamic rows that fill whole vectors; one is left over.
-const WHOLE: usize = DYNAMIC / WIDTH;
-const LEFT: usize = DYNAMIC - 1;
+/// States in `near`.
+pub(super) const NEAR: usize = DYNAMIC - 1;
+/// States in `log`.
+pub(super) const LOG: usize = 4;
+/// Rows that a transition reads: those of the dynamic states and of the inertial biases.
+pub(super) const READ: usize = DVL_BIAS;
 
-/// [`Span::propagate`] on a whole matrix, bit for bit.
-#[inline(always)]
-pub(super) fn propagate<S: Simd, I>(
-    simd: S,
-    interval: &mut I,
-    p: &mut [[f64; DIM]; DIM],
-    end: &Kinematics<f64>,
-    noise: &ProcessNoise,
-    earth: &EarthTerms,
-) where
-    for<'a> I: Span<f64, Phi<'a>: Spread> + 'a,
-{
-    interval.first_noise(noise).add_to_dense(p);
-    sandwich(simd, p, &interval.transition(end, earth));
-    interval.second_noise(end, noise).add_to_dense(p);
-    interval.empty(end);
+/// Φ P Φᵀ, without the parts that stay as they are.
+pub(super) struct Sandwich<S: Simd> {
+    /// The dynamic states with each other, row by row; of row 0, and of all others, without state 0.
+    pub(super) near: [f64x8<S>; DYNAMIC],
+    /// Dynamic rows with the steady states; state 0 of row 0, and nothing of use there in the others.
+    pub(super) far: [f64x8<S>; DYNAMIC],
+    /// Dynamic rows with the states of the log.
+    pub(super) log: [f64x4<S>; DYNAMIC],
+    /// Row k: steady state k (of `far`) with the dynamic states, without state 0.
+    pub(super) steady: [f64x8<S>; NEAR - 1],
 }
 
 /// The same operations on every element as [`super::Partitioned::sandwich`].
 #[inline(always)]
-fn sandwich<S: Simd>(simd: S, p: &mut [[f64; DIM]; DIM], phi: &impl Spread) {
-    let zero = f64x4::simd_from(simd, 0.0);
-    // Rows of Φ P, four elements at a time; P is symmetric, so they stand in a row of the storage.
-    let (mut x, mut rows) = ([[zero; DIM]; CHUNKS], [[zero; DYNAMIC]; CHUNKS]);
-    for c in 0..CHUNKS {
-        for i in 0..DVL_BIAS {
-            x[c][i] = f64x4::from_slice(simd, &p[i][c * WIDTH..(c + 1) * WIDTH]);
-        }
+pub(super) fn sandwich<S: Simd>(
+    simd: S,
+    near: &[f64x8<S>; READ],
+    far: &[f64x8<S>; READ],
+    log: &[f64x4<S>; READ],
+    phi: &impl Spread,
+) -> Sandwich<S> {
+    // Rows of Φ P.
+    let (near, mut far, log) = (phi.apply_over(near), phi.apply_over(far), phi.apply_over(log));
+    // Its columns below row 0.
+    let own = transposed([near[1], near[2], near[3], near[4], near[5], near[6], near[7], near[8]]);
+    let other = transposed([far[1], far[2], far[3], far[4], far[5], far[6], far[7], far[8]]);
+    // (Φ P) Φᵀ by rows side by side, right on and below the diagonal.
+    let image = phi.apply_over(&[
+        other[0], own[0], own[1], own[2], own[3], own[4], own[5], own[6], own[7], other[1], other[2], other[3],
+        other[4], other[5], other[6],
+    ]);
+    let below = [
+        image[1], image[2], image[3], image[4], image[5], image[6], image[7], image[8],
+    ];
+    let mut rows = [image[0]; DYNAMIC];
+    for (k, left) in transposed(below).into_iter().enumerate() {
+        rows[1 + k] = lanes(simd, 0xff << k & 0xff).select(below[k], left);
     }
-    phi.apply_over(&x, &mut rows);
-    // Its columns.
-    let mut columns = [[zero; WHOLE]; DIM];
-    for c in 0..CHUNKS {
-        for b in 0..WHOLE {
-            let block = [
-                rows[c][4 * b],
-                rows[c][4 * b + 1],
-                rows[c][4 * b + 2],
-                rows[c][4 * b + 3],
-            ];
-            for (k, column) in transposed(block).into_iter().enumerate() {
-                columns[c * WIDTH + k][b] = column;
-            }
-        }
-    }
-    let mut left = [0.0; DIM];
-    for c in 0..CHUNKS {
-        rows[c][LEFT].store_slice(&mut left[c * WIDTH..(c + 1) * WIDTH]);
-    }
-    // With the steady states that is all.
-    for i in 0..DYNAMIC {
-        for c in DYNAMIC / WIDTH..CHUNKS {
-            rows[c][i].store_slice(&mut p[i][c * WIDTH..(c + 1) * WIDTH]);
-        }
-    }
-    for j in DYNAMIC..DIM {
-        for b in 0..WHOLE {
-            columns[j][b].store_slice(&mut p[j][b * WIDTH..(b + 1) * WIDTH]);
-        }
-        p[j][LEFT] = left[j];
-    }
-    // (Φ P) Φᵀ by rows, right on and below the diagonal.
-    let (mut x, mut image) = ([[zero; DIM]; WHOLE], [[zero; DYNAMIC]; WHOLE]);
-    for b in 0..WHOLE {
-        for j in 0..DVL_BIAS {
-            x[b][j] = columns[j][b];
-        }
-    }
-    phi.apply_over(&x, &mut image);
-    for b in 0..WHOLE {
-        for k in 0..DYNAMIC {
-            image[b][k].store_slice(&mut p[k][b * WIDTH..(b + 1) * WIDTH]);
-        }
-    }
-    let image = phi.apply(&left);
-    for k in 0..DYNAMIC {
-        p[k][LEFT] = image[k];
-        for i in 0..k {
-            p[k][i] = p[i][k];
-        }
+    // Of row 0, its element on the diagonal.
+    let (x, y) = (near[0].as_array(), far[0].as_array());
+    let row = Parts {
+        r: [y[0], x[0], x[1]],
+        rho: [x[2], x[3], x[4]],
+        v: [x[5], x[6], x[7]],
+        ba: [y[1], y[2], y[3]],
+        bg: [y[4], y[5], y[6]],
+    };
+    far[0] = with_first(simd, far[0], phi.position(&row)[0]);
+    Sandwich {
+        near: rows,
+        far,
+        log,
+        steady: [other[1], other[2], other[3], other[4], other[5], other[6], other[7]],
     }
 }
 
+/// A mask of lanes by its bits.
 #[inline(always)]
-fn transposed<S: Simd>([a, b, c, d]: [f64x4<S>; 4]) -> [f64x4<S>; 4] {
-    let (ac, bd) = ((a.zip_low(c), a.zip_high(c)), (b.zip_low(d), b.zip_high(d)));
+pub(super) fn lanes<S: Simd>(simd: S, bits: u64) -> mask64x8<S> {
+    mask64x8::from_bitmask(simd, bits)
+}
+
+/// The vector with another number in its first lane.
+#[inline(always)]
+pub(super) fn with_first<S: Simd>(simd: S, vector: f64x8<S>, first: f64) -> f64x8<S> {
+    lanes(simd, 1).select(Lane::splat(vector, first), vector)
+}
+
+#[inline(always)]
+fn transposed<S: Simd>(rows: [f64x8<S>; 8]) -> [f64x8<S>; 8] {
+    halfway(halfway(halfway(rows)))
+}
+
+/// Like a pack of cards, thrice for a transposed matrix.
+#[inline(always)]
+fn halfway<S: Simd>([a, b, c, d, e, f, g, h]: [f64x8<S>; 8]) -> [f64x8<S>; 8] {
     [
-        ac.0.zip_low(bd.0),
-        ac.0.zip_high(bd.0),
-        ac.1.zip_low(bd.1),
-        ac.1.zip_high(bd.1),
+        a.zip_low(e),
+        a.zip_high(e),
+        b.zip_low(f),
+        b.zip_high(f),
+        c.zip_low(g),
+        c.zip_high(g),
+        d.zip_low(h),
+        d.zip_high(h),
     ]
 }

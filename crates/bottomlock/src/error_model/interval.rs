@@ -4,7 +4,7 @@ use fearless_simd::dispatch;
 
 use super::noise::HalfNoise;
 use super::transition::Transition;
-use super::{Partitioned, ProcessNoise, Step, Stretch, columns};
+use super::{Partitioned, ProcessNoise, Single, Step, Stretch};
 use crate::imu::{EarthTerms, Inertial, Kinematics};
 use crate::lane::{Lane, level};
 use crate::layout::{DIM, DYNAMIC};
@@ -119,10 +119,8 @@ impl Interval {
         }
         match self {
             Self::Open => {}
-            Self::Step(step) => dispatch!(level(), simd => columns::propagate(simd, step, p, end, noise, earth)),
-            Self::Stretch(stretch) => {
-                dispatch!(level(), simd => columns::propagate(simd, stretch, p, end, noise, earth))
-            }
+            Self::Step(step) => dispatch!(level(), simd => step.propagate_dense(simd, p, end, noise, earth)),
+            Self::Stretch(stretch) => dispatch!(level(), simd => stretch.propagate_dense(simd, p, end, noise, earth)),
         }
     }
 

@@ -7,15 +7,15 @@ use crate::layout::{ACCEL_BIAS, ATTITUDE, BIASED_BEAMS, DIM, DVL_BIAS, DVL_SCALE
 /// G Q Gᵀ T/2 (isotropic noise, so R Q Rᵀ = Q) as the blocks that are not zero.
 #[derive(Clone, Copy)]
 pub struct HalfNoise<T> {
-    attitude: T,
+    pub(super) attitude: T,
     /// Below the diagonal and on it.
-    velocity: M3<T>,
+    pub(super) velocity: M3<T>,
     /// Row i: velocity with element i of the misalignment.
-    across: M3<T>,
-    accel_bias: T,
-    gyro_bias: T,
-    dvl_bias: T,
-    dvl_scale: T,
+    pub(super) across: M3<T>,
+    pub(super) accel_bias: T,
+    pub(super) gyro_bias: T,
+    pub(super) dvl_bias: T,
+    pub(super) dvl_scale: T,
 }
 
 impl<T: Lane> HalfNoise<T> {

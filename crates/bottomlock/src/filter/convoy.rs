@@ -53,12 +53,7 @@ impl<'a> Seat<'a> {
     }
 
     fn predict_alone(&mut self) {
-        for (k, step) in self.samples.windows(2).enumerate() {
-            if let Err(error) = self.filter.predict(&step[0], &step[1]) {
-                self.failure = Some((k + 1, error));
-                return;
-            }
-        }
+        self.failure = self.filter.predict_along(self.samples).err();
     }
 }
 
@@ -120,7 +115,7 @@ fn board(seats: &mut [&mut Seat<'_>]) {
 }
 
 #[inline(always)]
-fn corrected<T: Lane>(sample: &Inertial<T>, gyro_bias: V3<T>, accel_bias: V3<T>) -> Inertial<T> {
+pub(super) fn corrected<T: Lane>(sample: &Inertial<T>, gyro_bias: V3<T>, accel_bias: V3<T>) -> Inertial<T> {
     Inertial {
         rate_p_radps: sub(sample.rate_p_radps, gyro_bias),
         force_p_mps2: sub(sample.force_p_mps2, accel_bias),
