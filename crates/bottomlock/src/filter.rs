@@ -14,7 +14,7 @@ use self::reopen::Refusals;
 use crate::aiding::{Innovation, Motion};
 use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
-use crate::error_model::{Interval, ProcessNoise};
+use crate::error_model::{Interval, ProcessNoise, Single};
 use crate::frames::{Rot, Vec3};
 use crate::imu::{EarthTerms, ImuSample, Inertial, Kinematics, Sampling};
 use crate::lane::level;
@@ -139,33 +139,43 @@ impl Eskf {
         if dt_s <= 0.0 {
             return Err(Self::does_not_rise(end.time_ns, start.time_ns));
         }
-        let (first, last) = (self.corrected(self.first_of(start, end)), self.corrected(end));
         self.begin_interval(start, end);
-        dispatch!(level(), simd => self.integrate(simd, &first, &last, dt_s));
+        dispatch!(level(), simd => self.advance(simd, start, end, dt_s))
+    }
+
+    /// The step, compiled for the machine's own instructions.
+    #[inline(always)]
+    fn advance<S: Simd>(&mut self, simd: S, start: &ImuSample, end: &ImuSample, dt_s: f64) -> Result<(), NavError> {
+        let (first, last) = (self.corrected(self.first_of(start, end)), self.corrected(end));
+        let before = self.kinematics;
+        self.kinematics.step(&first, &last, dt_s, &self.earth);
+        self.interval
+            .extend(&before, &self.kinematics, &last, dt_s, &self.earth);
         self.state.time_ns = end.time_ns;
         self.last_rate_p_radps = end.rate_p_radps.0;
         self.last_step_s = dt_s;
-        if !(self.kinematics.position_t_m[0] + self.kinematics.position_t_m[1] + self.kinematics.position_t_m[2])
-            .is_finite()
-        {
+        let [x, y, z] = self.kinematics.position_t_m;
+        if !(x + y + z).is_finite() {
             return Err(Self::ran_out_of_numbers(end.time_ns));
         }
         // Half a step of slack, so that rounding of the sample times does not lengthen the interval by a step.
         if self.interval.duration_s() + 0.5 * dt_s >= self.covariance_period_s {
-            self.propagate_covariance();
+            if self.tape.is_some() || self.water.is_some() {
+                self.propagate_covariance();
+                return Ok(());
+            }
+            let (p, end) = (&mut self.covariance.data.0, &self.kinematics);
+            match &mut self.interval {
+                Interval::Open => {}
+                Interval::Step(step) => step.propagate_dense(simd, p, end, &self.noise, &self.earth),
+                Interval::Stretch(stretch) => stretch.propagate_dense(simd, p, end, &self.noise, &self.earth),
+            }
         }
         Ok(())
     }
 
-    /// State and coefficients over a step; compiled for the machine's own instructions.
-    #[inline(always)]
-    fn integrate<S: Simd>(&mut self, _simd: S, first: &Inertial<f64>, last: &Inertial<f64>, dt_s: f64) {
-        let before = self.kinematics;
-        self.kinematics.step(first, last, dt_s, &self.earth);
-        self.interval.extend(&before, &self.kinematics, last, dt_s, &self.earth);
-    }
-
     /// The sample that a step begins with.
+    #[inline(always)]
     fn first_of<'a>(&self, start: &'a ImuSample, end: &'a ImuSample) -> &'a ImuSample {
         match self.sampling {
             Sampling::Instantaneous => start,
@@ -214,6 +224,7 @@ impl Eskf {
             .propagate(&mut self.covariance.data.0, &self.kinematics, &self.noise, &self.earth);
     }
 
+    #[inline(always)]
     fn corrected(&self, sample: &ImuSample) -> Inertial<f64> {
         Inertial {
             rate_p_radps: (sample.rate_p_radps - self.state.gyro_bias_p_radps).to_array(),

@@ -30,17 +30,26 @@ pub(super) struct Sandwich<S: Simd> {
     pub(super) steady: [f64x8<S>; NEAR - 1],
 }
 
-/// The same operations on every element as [`super::Partitioned::sandwich`].
+/// An array of what follows from each row that a transition reads; written out, since a loop keeps vectors in memory.
+macro_rules! each_row {
+    ($i:ident => $row:expr) => {
+        each_row!(@ $i $row; 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14)
+    };
+    (@ $i:ident $row:expr; $($k:literal)*) => {
+        [$({ const $i: usize = $k; $row }),*]
+    };
+}
+pub(super) use each_row;
+
+/// (Φ P) Φᵀ from the rows of Φ P; the same operations on every element as [`super::Partitioned::sandwich`].
 #[inline(always)]
-pub(super) fn sandwich<S: Simd>(
+pub(super) fn turned<S: Simd>(
     simd: S,
-    near: &[f64x8<S>; READ],
-    far: &[f64x8<S>; READ],
-    log: &[f64x4<S>; READ],
+    near: &[f64x8<S>; DYNAMIC],
+    mut far: [f64x8<S>; DYNAMIC],
+    log: [f64x4<S>; DYNAMIC],
     phi: &impl Spread,
 ) -> Sandwich<S> {
-    // Rows of Φ P.
-    let (near, mut far, log) = (phi.apply_over(near), phi.apply_over(far), phi.apply_over(log));
     // Its columns below row 0.
     let own = transposed([near[1], near[2], near[3], near[4], near[5], near[6], near[7], near[8]]);
     let other = transposed([far[1], far[2], far[3], far[4], far[5], far[6], far[7], far[8]]);

@@ -1,9 +1,11 @@
 //! The covariance of one filter by rows, and its propagation over an interval.
 
+use std::hint::black_box;
+
 use fearless_simd::prelude::*;
 use fearless_simd::{f64x4, f64x8};
 
-use super::columns::{LOG, NEAR, READ, Sandwich, lanes, sandwich, with_first};
+use super::columns::{LOG, NEAR, READ, Sandwich, each_row, lanes, turned, with_first};
 use super::noise::HalfNoise;
 use super::transition::Spread;
 use super::{Interval, ProcessNoise, Span, Step, Stretch};
@@ -95,19 +97,17 @@ trait Held<S: Simd> {
 /// P⁺ = Φ(P + Q₀ T/2)Φᵀ + Q₁ T/2, bit for bit what [`Span::propagate`] makes of it.
 #[inline(always)]
 fn propagate<S: Simd>(simd: S, p: &mut impl Held<S>, phi: &impl Spread, first: &NoiseRows, second: &NoiseRows) {
-    let zero = f64x8::simd_from(simd, 0.0);
-    let (mut near, mut far) = ([zero; READ], [zero; READ]);
-    let mut log = [f64x4::simd_from(simd, 0.0); READ];
-    for i in 0..READ {
-        near[i] = first.add_near(simd, i, p.near(simd, i));
-        far[i] = first.add_far(simd, i, with_first(simd, p.far(simd, i), p.first(i)));
-        log[i] = p.log(simd, i);
-    }
-    let mut new = sandwich(simd, &near, &far, &log, phi);
+    // Columns of Φ P, eight at a time. Each time anew, the coefficients come from memory: kept in registers, they push each
+    // other out.
+    let near = black_box(phi).apply_over(&each_row!(I => first.add_near(simd, I, p.near(simd, I))));
+    let read = each_row!(I => first.add_far(simd, I, with_first(simd, p.far(simd, I), p.first(I))));
+    let far = black_box(phi).apply_over(&read);
+    let log = black_box(phi).apply_over(&each_row!(I => p.log(simd, I)));
+    let mut new = turned(simd, &near, far, log, black_box(phi));
     for i in DYNAMIC..READ {
-        p.put_bias(i, new.steady[i - DYNAMIC], second.add_far(simd, i, far[i]));
+        p.put_bias(i, new.steady[i - DYNAMIC], second.add_far(simd, i, read[i]));
     }
-    for i in 0..DYNAMIC {
+    for i in ATTITUDE..DYNAMIC {
         new.near[i] = second.add_near(simd, i, new.near[i]);
     }
     p.put(&new);
