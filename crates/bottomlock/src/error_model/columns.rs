@@ -95,8 +95,9 @@ pub(super) fn with_first<S: Simd>(simd: S, vector: f64x8<S>, first: f64) -> f64x
     lanes(simd, 1).select(Lane::splat(vector, first), vector)
 }
 
+/// Columns of eight rows.
 #[inline(always)]
-fn transposed<S: Simd>(rows: [f64x8<S>; 8]) -> [f64x8<S>; 8] {
+pub(super) fn transposed<S: Simd>(rows: [f64x8<S>; 8]) -> [f64x8<S>; 8] {
     halfway(halfway(halfway(rows)))
 }
 

@@ -13,20 +13,20 @@ use crate::imu::{EarthTerms, Kinematics};
 use crate::layout::{ACCEL_BIAS, ATTITUDE, BIASED_BEAMS, DIM, DVL_BIAS, DVL_SCALE, DYNAMIC, GYRO_BIAS, VELOCITY};
 
 /// Dynamic rows to which there is noise.
-const NOISY: usize = DYNAMIC - ATTITUDE;
+pub(super) const NOISY: usize = DYNAMIC - ATTITUDE;
 /// What added to any number leaves its bits.
-const NOTHING: f64 = -0.0;
+pub(super) const NOTHING: f64 = -0.0;
 
 /// [`HalfNoise`] as it is added to rows.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(crate) struct NoiseRows {
     /// Of misalignment and velocity.
-    near: [[f64; NEAR]; NOISY],
-    accel_bias: f64,
-    gyro_bias: f64,
-    dvl_bias: f64,
-    dvl_scale: f64,
+    pub(super) near: [[f64; NEAR]; NOISY],
+    pub(super) accel_bias: f64,
+    pub(super) gyro_bias: f64,
+    pub(super) dvl_bias: f64,
+    pub(super) dvl_scale: f64,
 }
 
 impl NoiseRows {
@@ -145,6 +145,12 @@ impl Rows {
             rows.dvl[k] = p[DVL_BIAS + k][DVL_BIAS + k];
         }
         rows
+    }
+
+    /// P⁺ = Φ(P + Q₀ T/2)Φᵀ + Q₁ T/2.
+    #[inline(always)]
+    pub(super) fn propagate<S: Simd>(&mut self, simd: S, phi: &impl Spread, first: &NoiseRows, second: &NoiseRows) {
+        propagate(simd, self, phi, first, second);
     }
 
     /// Writes them into the whole matrix that they were taken from.
@@ -295,8 +301,6 @@ impl Halves {
 
 /// An interval of one filter alone.
 pub(crate) trait Single: Span<f64> + Into<Interval> {
-    /// That of a filter, if it is of this kind.
-    fn of(interval: &Interval) -> Option<Self>;
     /// Notes its noise, when it has come to `end`.
     fn note_noise(&self, halves: &mut Halves, end: &Kinematics<f64>, noise: &ProcessNoise);
     /// [`Span::propagate`] with that noise.
@@ -329,14 +333,6 @@ macro_rules! single {
         }
 
         impl Single for $kind<f64> {
-            #[inline(always)]
-            fn of(interval: &Interval) -> Option<Self> {
-                if let Interval::$kind(own) = interval {
-                    Some(*own)
-                } else {
-                    None
-                }
-            }
             #[inline(always)]
             fn note_noise(&self, halves: &mut Halves, end: &Kinematics<f64>, noise: &ProcessNoise) {
                 halves.$second.set(&self.second_noise(end, noise));

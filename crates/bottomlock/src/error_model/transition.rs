@@ -71,6 +71,16 @@ impl<'a, T: Lane> FirstOrder<'a, T> {
             minus_duration: like.splat(-duration_s),
         }
     }
+
+    /// From F T, ω_ie T and −T.
+    #[inline(always)]
+    pub(super) fn of(sum: &'a Coefficients<T>, earth: V3<T>, minus_duration: T) -> Self {
+        Self {
+            sum,
+            earth,
+            minus_duration,
+        }
+    }
 }
 
 #[inline(always)]

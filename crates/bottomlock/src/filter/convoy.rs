@@ -115,7 +115,7 @@ fn board(seats: &mut [&mut Seat<'_>]) {
 }
 
 #[inline(always)]
-pub(super) fn corrected<T: Lane>(sample: &Inertial<T>, gyro_bias: V3<T>, accel_bias: V3<T>) -> Inertial<T> {
+fn corrected<T: Lane>(sample: &Inertial<T>, gyro_bias: V3<T>, accel_bias: V3<T>) -> Inertial<T> {
     Inertial {
         rate_p_radps: sub(sample.rate_p_radps, gyro_bias),
         force_p_mps2: sub(sample.force_p_mps2, accel_bias),

@@ -1,108 +1,187 @@
-//! One filter over many IMU samples: what [`Eskf::predict`] does step by step, bit for bit, with all in reach of the loop.
+//! One filter over many IMU samples: what [`Eskf::predict`] does step by step, bit for bit.
+//!
+//! Eight steps are taken side by side as far as they do not wait for each other. Meanwhile the covariance goes on over the eight
+//! before: its arithmetic fills the pauses in the chain of rotations that the attitude is.
 
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::{Simd, dispatch, f64x8};
 
 use super::Eskf;
-use super::convoy::corrected;
 use crate::error::NavError;
-use crate::error_model::{Halves, Rows, Single, Step, Stretch};
-use crate::imu::{ImuSample, Inertial, Sampling};
-use crate::lane::level;
+use crate::error_model::{Halves, Interval, Last, Rows, Single, Span, Steps, Stretch};
+use crate::imu::course::{Ahead, Biases, Course, STEPS, Table, Wake};
+use crate::imu::{ImuSample, KINEMATICS, Kinematics};
+use crate::lane::{M3, level};
 
-/// Fewer steps than this are not worth the covariance's way into rows and back.
-const WORTH_ROWS: usize = 4;
+/// Fewer steps than this are not worth it.
+const WORTH_IT: usize = 4;
 
 impl Eskf {
     /// Takes all samples after the first, which it has taken already, or those up to where it fails.
     pub(super) fn predict_along(&mut self, samples: &[ImuSample]) -> Result<(), (usize, NavError)> {
+        let rising = samples
+            .windows(2)
+            .take_while(|step| step[0].time_ns < step[1].time_ns)
+            .count();
         // A smoother wants to see every transition.
-        if self.tape.is_some() || samples.len() <= WORTH_ROWS || samples[1].time_ns <= samples[0].time_ns {
-            for (k, step) in samples.windows(2).enumerate() {
-                self.predict(&step[0], &step[1]).map_err(|error| (k + 1, error))?;
-            }
-            return Ok(());
+        let mut taken = 0;
+        if self.tape.is_none() && rising >= WORTH_IT {
+            self.begin_interval(&samples[0], &samples[1]);
+            let flown = &samples[..=rising];
+            taken = match self.interval {
+                Interval::Step(step) if step.duration_s() <= 0.0 => {
+                    dispatch!(level(), simd => self.fly(simd, flown, EveryStep::of(simd, &step)))
+                }
+                Interval::Stretch(stretch) => dispatch!(level(), simd => self.fly(simd, flown, Stretches::of(stretch))),
+                _ => 0,
+            };
         }
-        self.begin_interval(&samples[0], &samples[1]);
-        if self.covariance_period_s > 0.0 {
-            dispatch!(level(), simd => self.fly::<_, Stretch<f64>>(simd, samples))
-        } else {
-            dispatch!(level(), simd => self.fly::<_, Step<f64>>(simd, samples))
+        for (k, step) in samples[taken..].windows(2).enumerate() {
+            self.predict(&step[0], &step[1])
+                .map_err(|error| (taken + k + 1, error))?;
         }
+        Ok(())
     }
 
+    /// Returns how many steps it has taken: all, or as many eights as go before one in which it would run out of numbers.
     #[inline(always)]
-    fn fly<S: Simd, I: Single>(&mut self, simd: S, samples: &[ImuSample]) -> Result<(), (usize, NavError)> {
-        let Some(mut interval) = I::of(&self.interval) else {
-            return Ok(());
+    fn fly<S: Simd>(&mut self, simd: S, samples: &[ImuSample], mut kind: impl Kind<S>) -> usize {
+        let biases = Biases {
+            gyro_p_radps: self.state.gyro_bias_p_radps.to_array(),
+            accel_p_mps2: self.state.accel_bias_p_mps2.to_array(),
         };
-        let (gyro_bias, accel_bias) = (
-            self.state.gyro_bias_p_radps.to_array(),
-            self.state.accel_bias_p_mps2.to_array(),
-        );
-        let (earth, noise, sampling) = (self.earth, self.noise, self.sampling);
-        let mut kinematics = self.kinematics;
+        let (earth, sampling, steps) = (self.earth, self.sampling, samples.len() - 1);
         let mut rows = Rows::of(&self.covariance.data.0);
-        let mut halves = Halves::NONE;
-        let mut first = corrected(&reading(&samples[0]), gyro_bias, accel_bias);
-        let (mut dt_s, mut is_due, mut end) = (0.0, false, samples.len() - 1);
-        let mut outcome = Ok(());
-        for at in 1..samples.len() {
-            let (previous_ns, time_ns) = (samples[at - 1].time_ns, samples[at].time_ns);
-            if time_ns <= previous_ns {
-                end = at - 1;
-                outcome = Err((at, Self::does_not_rise(time_ns, previous_ns)));
+        let mut wake = Wake::of(simd, &self.kinematics);
+        let mut motion = Table::<KINEMATICS>::EMPTY;
+        let mut attitude = self.kinematics.attitude_t_p;
+        let mut ahead = Ahead::EMPTY;
+        ahead.read(simd, &samples[..=STEPS.min(steps)], &biases, sampling, &earth);
+        for k in 0..STEPS.min(steps) {
+            ahead.turn(k, &mut attitude);
+        }
+        let (mut taken, mut dt_s) = (0, 0.0);
+        while taken < steps {
+            let count = STEPS.min(steps - taken);
+            let Some(course) = wake.follow(simd, &ahead, count, &earth) else {
                 break;
+            };
+            motion.put(&course.after.to_array());
+            kind.take(&course, self);
+            dt_s = ahead.dt_s(count - 1);
+            let next = &samples[taken + count..=(taken + count + STEPS).min(steps)];
+            if next.len() > 1 {
+                ahead.read(simd, next, &biases, sampling, &earth);
             }
-            dt_s = (time_ns - previous_ns) as f64 * 1e-9;
-            let last = corrected(&reading(&samples[at]), gyro_bias, accel_bias);
-            if sampling == Sampling::Averaged {
-                first = last;
-            }
-            let mut after = kinematics;
-            after.step(&first, &last, dt_s, &earth);
-            let taken = I::take(&kinematics, &after, &last, &earth);
-            // The covariance comes a step late: its arithmetic fills the pauses in the chain of operations that the state is,
-            // and what it reads as vectors was written, number by number, long enough ago.
-            if is_due {
-                if let Some(water) = &mut self.water {
-                    water.propagate(&interval.into(), &kinematics, &earth);
+            for k in 0..count {
+                if k + 1 < next.len() {
+                    ahead.turn(k, &mut attitude);
                 }
-                interval.propagate_rows(simd, &mut rows, &halves, &kinematics, &earth);
+                kind.propagate(simd, k, &motion, &mut rows, self);
             }
-            interval.add(&taken, dt_s);
-            kinematics = after;
-            first = last;
-            let [x, y, z] = kinematics.position_t_m;
-            if !(x + y + z).is_finite() {
-                (is_due, end) = (false, at);
-                outcome = Err((at, Self::ran_out_of_numbers(time_ns)));
-                break;
-            }
-            is_due = interval.duration_s() + 0.5 * dt_s >= self.covariance_period_s;
-            if is_due {
-                interval.note_noise(&mut halves, &kinematics, &noise);
-            }
+            taken += count;
         }
-        if is_due {
-            if let Some(water) = &mut self.water {
-                water.propagate(&interval.into(), &kinematics, &earth);
-            }
-            interval.propagate_rows(simd, &mut rows, &halves, &kinematics, &earth);
+        if taken > 0 {
+            let last = (taken - 1) % STEPS;
+            rows.put_into(&mut self.covariance.data.0);
+            self.kinematics = motion.kinematics(last);
+            self.interval = kind.interval(last);
+            self.state.time_ns = samples[taken].time_ns;
+            self.last_rate_p_radps = samples[taken].rate_p_radps.0;
+            self.last_step_s = dt_s;
         }
-        rows.put_into(&mut self.covariance.data.0);
-        self.kinematics = kinematics;
-        self.interval = interval.into();
-        self.state.time_ns = samples[end].time_ns;
-        self.last_rate_p_radps = samples[end].rate_p_radps.0;
-        self.last_step_s = dt_s;
-        outcome
+        taken
     }
 }
 
-#[inline(always)]
-fn reading(sample: &ImuSample) -> Inertial<f64> {
-    Inertial {
-        rate_p_radps: sample.rate_p_radps.to_array(),
-        force_p_mps2: sample.force_p_mps2.to_array(),
+/// How often the covariance is propagated.
+trait Kind<S: Simd> {
+    /// Takes eight steps.
+    fn take(&mut self, course: &Course<S>, filter: &Eskf);
+    /// Propagates the covariance over step k of them, where it is due.
+    fn propagate(&mut self, simd: S, k: usize, motion: &Table<KINEMATICS>, rows: &mut Rows, filter: &mut Eskf);
+    /// The interval after step k.
+    fn interval(&self, k: usize) -> Interval;
+}
+
+/// At every step.
+struct EveryStep<S: Simd> {
+    last: Last<S>,
+    steps: Steps,
+}
+
+impl<S: Simd> EveryStep<S> {
+    #[inline(always)]
+    fn of(simd: S, step: &crate::error_model::Step<f64>) -> Self {
+        Self {
+            last: Last::of(simd, step),
+            steps: Steps::EMPTY,
+        }
+    }
+}
+
+impl<S: Simd> Kind<S> for EveryStep<S> {
+    #[inline(always)]
+    fn take(&mut self, course: &Course<S>, filter: &Eskf) {
+        self.steps.take(course, &mut self.last, &filter.noise, &filter.earth);
+    }
+    #[inline(always)]
+    fn propagate(&mut self, simd: S, k: usize, motion: &Table<KINEMATICS>, rows: &mut Rows, filter: &mut Eskf) {
+        if let Some(water) = &mut filter.water {
+            water.propagate(&self.steps.interval(k), &motion.kinematics(k), &filter.earth);
+        }
+        self.steps.propagate(simd, k, rows);
+    }
+    #[inline(always)]
+    fn interval(&self, k: usize) -> Interval {
+        self.steps.empty_after(k)
+    }
+}
+
+/// Every so often.
+struct Stretches {
+    now: Stretch<f64>,
+    /// R at both ends of each step, summed; and its length.
+    taken: Table<10>,
+}
+
+impl Stretches {
+    #[inline(always)]
+    fn of(now: Stretch<f64>) -> Self {
+        Self {
+            now,
+            taken: Table::EMPTY,
+        }
+    }
+}
+
+impl<S: Simd> Kind<S> for Stretches {
+    #[inline(always)]
+    fn take(&mut self, course: &Course<S>, filter: &Eskf) {
+        let start = Kinematics {
+            rotation_t_p: course.rotation_before,
+            ..course.after
+        };
+        let [x, y, z]: M3<f64x8<S>> = Stretch::take(&start, &course.after, &course.end, &filter.earth);
+        self.taken
+            .put(&[x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2], course.dt_s]);
+    }
+    #[inline(always)]
+    fn propagate(&mut self, simd: S, k: usize, motion: &Table<KINEMATICS>, rows: &mut Rows, filter: &mut Eskf) {
+        let [a, b, c, d, e, f, g, h, i, dt_s] = self.taken.of(k);
+        self.now.add(&[[a, b, c], [d, e, f], [g, h, i]], dt_s);
+        if self.now.duration_s() + 0.5 * dt_s < filter.covariance_period_s {
+            return;
+        }
+        let end = motion.kinematics(k);
+        if let Some(water) = &mut filter.water {
+            water.propagate(&self.now.into(), &end, &filter.earth);
+        }
+        let mut halves = Halves::NONE;
+        self.now.note_noise(&mut halves, &end, &filter.noise);
+        self.now.propagate_rows(simd, rows, &halves, &end, &filter.earth);
+    }
+    #[inline(always)]
+    fn interval(&self, _k: usize) -> Interval {
+        self.now.into()
     }
 }
