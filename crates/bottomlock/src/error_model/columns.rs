@@ -5,10 +5,9 @@
 //! that alone is worked out as a single number.
 
 use fearless_simd::prelude::*;
-use fearless_simd::{f64x4, f64x8, mask64x8};
+use fearless_simd::{f64x8, mask64x8};
 
 use super::transition::{Parts, Spread};
-use crate::lane::Lane;
 use crate::layout::{DVL_BIAS, DYNAMIC};
 
 /// States in `near`.
@@ -18,16 +17,14 @@ pub(super) const LOG: usize = 4;
 /// Rows that a transition reads: those of the dynamic states and of the inertial biases.
 pub(super) const READ: usize = DVL_BIAS;
 
-/// Φ P Φᵀ, without the parts that stay as they are.
-pub(super) struct Sandwich<S: Simd> {
-    /// The dynamic states with each other, row by row; of row 0, and of all others, without state 0.
+/// Φ P Φᵀ in the dynamic states, and of the steady states with them; without state 0 but in its own row.
+pub(super) struct Turned<S: Simd> {
+    /// The dynamic states with each other, row by row.
     pub(super) near: [f64x8<S>; DYNAMIC],
-    /// Dynamic rows with the steady states; state 0 of row 0, and nothing of use there in the others.
-    pub(super) far: [f64x8<S>; DYNAMIC],
-    /// Dynamic rows with the states of the log.
-    pub(super) log: [f64x4<S>; DYNAMIC],
-    /// Row k: steady state k (of `far`) with the dynamic states, without state 0.
-    pub(super) steady: [f64x8<S>; NEAR - 1],
+    /// State 0 with itself.
+    pub(super) first: f64,
+    /// Row k: inertial bias k with the dynamic states.
+    pub(super) biases: [f64x8<S>; READ - DYNAMIC],
 }
 
 /// An array of what follows from each row that a transition reads; written out, since a loop keeps vectors in memory.
@@ -46,14 +43,13 @@ pub(super) use each_row;
 pub(super) fn turned<S: Simd>(
     simd: S,
     near: &[f64x8<S>; DYNAMIC],
-    mut far: [f64x8<S>; DYNAMIC],
-    log: [f64x4<S>; DYNAMIC],
+    far: &[f64x8<S>; DYNAMIC],
     phi: &impl Spread,
-) -> Sandwich<S> {
-    // Its columns below row 0.
+) -> Turned<S> {
+    // Columns below row 0.
     let own = transposed([near[1], near[2], near[3], near[4], near[5], near[6], near[7], near[8]]);
     let other = transposed([far[1], far[2], far[3], far[4], far[5], far[6], far[7], far[8]]);
-    // (Φ P) Φᵀ by rows side by side, right on and below the diagonal.
+    // Rows side by side, right on and below the diagonal.
     let image = phi.apply_over(&[
         other[0], own[0], own[1], own[2], own[3], own[4], own[5], own[6], own[7], other[1], other[2], other[3],
         other[4], other[5], other[6],
@@ -61,9 +57,10 @@ pub(super) fn turned<S: Simd>(
     let below = [
         image[1], image[2], image[3], image[4], image[5], image[6], image[7], image[8],
     ];
+    let left = transposed(below);
     let mut rows = [image[0]; DYNAMIC];
-    for (k, left) in transposed(below).into_iter().enumerate() {
-        rows[1 + k] = lanes(simd, 0xff << k & 0xff).select(below[k], left);
+    for k in 0..NEAR {
+        rows[1 + k] = lanes(simd, 0xff << k & 0xff).select(below[k], left[k]);
     }
     // Of row 0, its element on the diagonal.
     let (x, y) = (near[0].as_array(), far[0].as_array());
@@ -74,12 +71,10 @@ pub(super) fn turned<S: Simd>(
         ba: [y[1], y[2], y[3]],
         bg: [y[4], y[5], y[6]],
     };
-    far[0] = with_first(simd, far[0], phi.position(&row)[0]);
-    Sandwich {
+    Turned {
         near: rows,
-        far,
-        log,
-        steady: [other[1], other[2], other[3], other[4], other[5], other[6], other[7]],
+        first: phi.position(&row)[0],
+        biases: [other[1], other[2], other[3], other[4], other[5], other[6]],
     }
 }
 
@@ -87,12 +82,6 @@ pub(super) fn turned<S: Simd>(
 #[inline(always)]
 pub(super) fn lanes<S: Simd>(simd: S, bits: u64) -> mask64x8<S> {
     mask64x8::from_bitmask(simd, bits)
-}
-
-/// The vector with another number in its first lane.
-#[inline(always)]
-pub(super) fn with_first<S: Simd>(simd: S, vector: f64x8<S>, first: f64) -> f64x8<S> {
-    lanes(simd, 1).select(Lane::splat(vector, first), vector)
 }
 
 /// Columns of eight rows.

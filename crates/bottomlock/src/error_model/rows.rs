@@ -5,12 +5,12 @@ use std::hint::black_box;
 use fearless_simd::prelude::*;
 use fearless_simd::{f64x4, f64x8};
 
-use super::columns::{LOG, NEAR, READ, Sandwich, each_row, lanes, turned, with_first};
+use super::columns::{LOG, NEAR, READ, each_row, lanes, turned};
 use super::noise::HalfNoise;
 use super::transition::Spread;
 use super::{Interval, ProcessNoise, Span, Step, Stretch};
 use crate::imu::{EarthTerms, Kinematics};
-use crate::layout::{ACCEL_BIAS, ATTITUDE, BIASED_BEAMS, DIM, DVL_BIAS, DVL_SCALE, DYNAMIC, GYRO_BIAS, VELOCITY};
+use crate::layout::{ATTITUDE, BIASED_BEAMS, DIM, DVL_BIAS, DYNAMIC, VELOCITY};
 
 /// Dynamic rows to which there is noise.
 pub(super) const NOISY: usize = DYNAMIC - ATTITUDE;
@@ -23,8 +23,8 @@ pub(super) const NOTHING: f64 = -0.0;
 pub(crate) struct NoiseRows {
     /// Of misalignment and velocity.
     pub(super) near: [[f64; NEAR]; NOISY],
-    pub(super) accel_bias: f64,
-    pub(super) gyro_bias: f64,
+    /// Of the inertial biases, on the diagonal.
+    far: [[f64; NEAR]; READ - DYNAMIC],
     pub(super) dvl_bias: f64,
     pub(super) dvl_scale: f64,
 }
@@ -32,8 +32,7 @@ pub(crate) struct NoiseRows {
 impl NoiseRows {
     pub(crate) const NONE: Self = Self {
         near: [[NOTHING; NEAR]; NOISY],
-        accel_bias: NOTHING,
-        gyro_bias: NOTHING,
+        far: [[NOTHING; NEAR]; READ - DYNAMIC],
         dvl_bias: NOTHING,
         dvl_scale: NOTHING,
     };
@@ -49,10 +48,17 @@ impl NoiseRows {
                 self.near[j][VELOCITY - 1 + i] = half.across[j][i];
             }
         }
-        self.accel_bias = half.accel_bias;
-        self.gyro_bias = half.gyro_bias;
-        self.dvl_bias = half.dvl_bias;
-        self.dvl_scale = half.dvl_scale;
+        self.set_walks([half.accel_bias, half.gyro_bias, half.dvl_bias, half.dvl_scale]);
+    }
+
+    /// Random walks of the biases of accelerometers, gyros and beams, and of the scale factor.
+    #[inline(always)]
+    pub(super) fn set_walks(&mut self, [accel_bias, gyro_bias, dvl_bias, dvl_scale]: [f64; 4]) {
+        for i in 0..3 {
+            self.far[i][1 + i] = accel_bias;
+            self.far[3 + i][4 + i] = gyro_bias;
+        }
+        (self.dvl_bias, self.dvl_scale) = (dvl_bias, dvl_scale);
     }
 
     /// Noise of row i in `near`.
@@ -67,58 +73,19 @@ impl NoiseRows {
     /// Noise of row i in `far`: that of the inertial biases, on the diagonal.
     #[inline(always)]
     fn add_far<S: Simd>(&self, simd: S, i: usize, row: f64x8<S>) -> f64x8<S> {
-        if i < ACCEL_BIAS {
+        if i < DYNAMIC {
             return row;
         }
-        let noise = if i < GYRO_BIAS { self.accel_bias } else { self.gyro_bias };
-        let own = lanes(simd, 2 << (i - ACCEL_BIAS));
-        row + own.select(f64x8::simd_from(simd, noise), f64x8::simd_from(simd, NOTHING))
+        row + f64x8::load_array_ref(simd, &self.far[i - DYNAMIC])
     }
 }
 
-/// A symmetric covariance whose rows can be had as vectors (see [`super::columns`]).
-trait Held<S: Simd> {
-    /// States 1 to 8 of row i.
-    fn near(&self, simd: S, i: usize) -> f64x8<S>;
-    /// States 9 to 15 of row i, in the lanes after the first.
-    fn far(&self, simd: S, i: usize) -> f64x8<S>;
-    /// The last four states of row i.
-    fn log(&self, simd: S, i: usize) -> f64x4<S>;
-    /// State 0 with state i.
-    fn first(&self, i: usize) -> f64;
-    /// Puts a new row of an inertial bias.
-    fn put_bias(&mut self, i: usize, near: f64x8<S>, far: f64x8<S>);
-    /// Puts the new dynamic rows and all else that mirrors them.
-    fn put(&mut self, new: &Sandwich<S>);
-    /// Noise of the states of the log, on the diagonal.
-    fn add_dvl(&mut self, simd: S, first: &NoiseRows, second: &NoiseRows);
-}
-
-/// P⁺ = Φ(P + Q₀ T/2)Φᵀ + Q₁ T/2, bit for bit what [`Span::propagate`] makes of it.
-#[inline(always)]
-fn propagate<S: Simd>(simd: S, p: &mut impl Held<S>, phi: &impl Spread, first: &NoiseRows, second: &NoiseRows) {
-    // Columns of Φ P, eight at a time. Each time anew, the coefficients come from memory: kept in registers, they push each
-    // other out.
-    let near = black_box(phi).apply_over(&each_row!(I => first.add_near(simd, I, p.near(simd, I))));
-    let read = each_row!(I => first.add_far(simd, I, with_first(simd, p.far(simd, I), p.first(I))));
-    let far = black_box(phi).apply_over(&read);
-    let log = black_box(phi).apply_over(&each_row!(I => p.log(simd, I)));
-    let mut new = turned(simd, &near, far, log, black_box(phi));
-    for i in DYNAMIC..READ {
-        p.put_bias(i, new.steady[i - DYNAMIC], second.add_far(simd, i, read[i]));
-    }
-    for i in ATTITUDE..DYNAMIC {
-        new.near[i] = second.add_near(simd, i, new.near[i]);
-    }
-    p.put(&new);
-    p.add_dvl(simd, first, second);
-}
-
-/// The covariance of a filter that takes many steps: what of it changes, apart from mirror images.
+/// The covariance of one filter: what of it changes, apart from mirror images (see [`super::columns`] for its rows).
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub(crate) struct Rows {
     near: [[f64; NEAR]; READ],
+    /// The first lane counts in row 0 alone; in others it is what row 0 has of their state.
     far: [[f64; NEAR]; READ],
     log: [[f64; LOG]; READ],
     /// Variances of the states of the log; their covariances stay.
@@ -128,7 +95,7 @@ pub(crate) struct Rows {
 impl Rows {
     /// Of a whole matrix.
     #[inline(always)]
-    pub(crate) fn of(p: &[[f64; DIM]; DIM]) -> Self {
+    pub(crate) fn of<S: Simd>(simd: S, p: &[[f64; DIM]; DIM]) -> Self {
         let mut rows = Self {
             near: [[0.0; NEAR]; READ],
             far: [[0.0; NEAR]; READ],
@@ -136,56 +103,59 @@ impl Rows {
             dvl: [0.0; DIM - DVL_BIAS],
         };
         for i in 0..READ {
-            rows.near[i].copy_from_slice(&p[i][1..=NEAR]);
-            rows.far[i].copy_from_slice(&p[i][NEAR..2 * NEAR]);
-            rows.far[i][0] = p[i][0];
-            rows.log[i].copy_from_slice(&p[i][2 * NEAR..]);
+            f64x8::from_slice(simd, &p[i][1..=NEAR]).store_array(&mut rows.near[i]);
+            f64x8::from_slice(simd, &p[i][NEAR..2 * NEAR]).store_array(&mut rows.far[i]);
+            f64x4::from_slice(simd, &p[i][2 * NEAR..]).store_array(&mut rows.log[i]);
         }
+        let first = lanes(simd, 1).select(
+            f64x8::simd_from(simd, p[0][0]),
+            f64x8::load_array_ref(simd, &rows.far[0]),
+        );
+        first.store_array(&mut rows.far[0]);
         for k in 0..DIM - DVL_BIAS {
             rows.dvl[k] = p[DVL_BIAS + k][DVL_BIAS + k];
         }
         rows
     }
 
-    /// P⁺ = Φ(P + Q₀ T/2)Φᵀ + Q₁ T/2.
-    #[inline(always)]
-    pub(super) fn propagate<S: Simd>(&mut self, simd: S, phi: &impl Spread, first: &NoiseRows, second: &NoiseRows) {
-        propagate(simd, self, phi, first, second);
-    }
-
     /// Writes them into the whole matrix that they were taken from.
     #[inline(always)]
-    pub(crate) fn put_into(&self, p: &mut [[f64; DIM]; DIM]) {
+    pub(crate) fn put_into<S: Simd>(&self, simd: S, p: &mut [[f64; DIM]; DIM]) {
         for i in 0..READ {
-            p[i][NEAR..2 * NEAR].copy_from_slice(&self.far[i]);
-            p[i][1..=NEAR].copy_from_slice(&self.near[i]);
-            p[i][2 * NEAR..].copy_from_slice(&self.log[i]);
+            // State 8 of `near` overwrites the first lane of `far`.
+            f64x8::load_array_ref(simd, &self.far[i]).store_slice(&mut p[i][NEAR..2 * NEAR]);
+            f64x8::load_array_ref(simd, &self.near[i]).store_slice(&mut p[i][1..=NEAR]);
+            f64x4::load_array_ref(simd, &self.log[i]).store_slice(&mut p[i][2 * NEAR..]);
+        }
+        let low = transposed(self.logs(simd, 1));
+        let high = transposed(self.logs(simd, 1 + LOG));
+        for k in 0..LOG {
+            low[k].store_slice(&mut p[2 * NEAR + k][1..=LOG]);
+            high[k].store_slice(&mut p[2 * NEAR + k][1 + LOG..=NEAR]);
+        }
+        for i in 1..DYNAMIC {
+            p[DVL_BIAS][i] = self.far[i][NEAR - 1];
         }
         p[0][0] = self.far[0][0];
-        for i in 0..DYNAMIC {
-            for j in 1.max(i + 1)..DIM {
-                p[j][i] = p[i][j];
-            }
+        for i in 1..DIM {
+            p[i][0] = p[0][i];
         }
         for k in 0..DIM - DVL_BIAS {
             p[DVL_BIAS + k][DVL_BIAS + k] = self.dvl[k];
         }
     }
-}
 
-impl<S: Simd> Held<S> for Rows {
+    /// Four rows of `log`.
     #[inline(always)]
-    fn near(&self, simd: S, i: usize) -> f64x8<S> {
-        f64x8::load_array_ref(simd, &self.near[i])
+    fn logs<S: Simd>(&self, simd: S, from: usize) -> [f64x4<S>; LOG] {
+        let mut rows = [f64x4::simd_from(simd, 0.0); LOG];
+        for k in 0..LOG {
+            rows[k] = f64x4::load_array_ref(simd, &self.log[from + k]);
+        }
+        rows
     }
-    #[inline(always)]
-    fn far(&self, simd: S, i: usize) -> f64x8<S> {
-        f64x8::load_array_ref(simd, &self.far[i])
-    }
-    #[inline(always)]
-    fn log(&self, simd: S, i: usize) -> f64x4<S> {
-        f64x4::load_array_ref(simd, &self.log[i])
-    }
+
+    /// State 0 with state i.
     #[inline(always)]
     fn first(&self, i: usize) -> f64 {
         if i == 0 {
@@ -196,80 +166,55 @@ impl<S: Simd> Held<S> for Rows {
             self.far[0][1 + i - DYNAMIC]
         }
     }
+
+    /// P⁺ = Φ(P + Q₀ T/2)Φᵀ + Q₁ T/2, bit for bit what [`Span::propagate`] makes of it.
+    ///
+    /// A black box stands wherever registers are to be free again: else the compiler puts off arithmetic, or keeps coefficients
+    /// and rows, until they push each other out.
     #[inline(always)]
-    fn put_bias(&mut self, i: usize, near: f64x8<S>, far: f64x8<S>) {
-        near.store_array(&mut self.near[i]);
-        far.store_array(&mut self.far[i]);
-    }
-    #[inline(always)]
-    fn put(&mut self, new: &Sandwich<S>) {
+    pub(super) fn propagate<S: Simd>(&mut self, simd: S, phi: &impl Spread, first: &NoiseRows, second: &NoiseRows) {
+        // Φ P eight columns at a time; with the steady states that is all.
+        let log = black_box(phi).apply_over(&each_row!(I => f64x4::load_array_ref(simd, &self.log[I])));
         for i in 0..DYNAMIC {
-            new.near[i].store_array(&mut self.near[i]);
-            new.far[i].store_array(&mut self.far[i]);
-            new.log[i].store_array(&mut self.log[i]);
+            log[i].store_array(&mut self.log[i]);
         }
-    }
-    #[inline(always)]
-    fn add_dvl(&mut self, _simd: S, first: &NoiseRows, second: &NoiseRows) {
+        let rows = black_box(self);
+        // A mask that is not known beforehand is a masked load; one that is, is two shuffles.
+        let alone = lanes(simd, black_box(1));
+        let old = each_row!(I => {
+            let row = f64x8::load_array_ref(simd, &rows.far[I]);
+            let row = if I == 0 { row } else { alone.select(f64x8::simd_from(simd, rows.first(I)), row) };
+            first.add_far(simd, I, row)
+        });
+        let mut far = black_box(phi).apply_over(&old);
+        for i in 1..DYNAMIC {
+            far[i].store_array(&mut rows.far[i]);
+        }
+        for i in DYNAMIC..READ {
+            second.add_far(simd, i, old[i]).store_array(&mut rows.far[i]);
+        }
+        let rows = black_box(rows);
+        let near = black_box(phi)
+            .apply_over(&each_row!(I => first.add_near(simd, I, f64x8::load_array_ref(simd, &rows.near[I]))));
+        for i in 1..DYNAMIC {
+            far[i] = f64x8::load_array_ref(simd, &rows.far[i]);
+        }
+        // (Φ P) Φᵀ.
+        let new = turned(simd, &near, &far, black_box(phi));
+        for i in 0..DYNAMIC {
+            second.add_near(simd, i, new.near[i]).store_array(&mut rows.near[i]);
+        }
+        for i in DYNAMIC..READ {
+            new.biases[i - DYNAMIC].store_array(&mut rows.near[i]);
+        }
+        alone
+            .select(f64x8::simd_from(simd, new.first), far[0])
+            .store_array(&mut rows.far[0]);
         for noise in [first, second] {
-            for variance in &mut self.dvl[..BIASED_BEAMS] {
+            for variance in &mut rows.dvl[..BIASED_BEAMS] {
                 *variance += noise.dvl_bias;
             }
-            self.dvl[BIASED_BEAMS] += noise.dvl_scale;
-        }
-    }
-}
-
-impl<S: Simd> Held<S> for [[f64; DIM]; DIM] {
-    #[inline(always)]
-    fn near(&self, simd: S, i: usize) -> f64x8<S> {
-        f64x8::from_slice(simd, &self[i][1..=NEAR])
-    }
-    #[inline(always)]
-    fn far(&self, simd: S, i: usize) -> f64x8<S> {
-        f64x8::from_slice(simd, &self[i][NEAR..2 * NEAR])
-    }
-    #[inline(always)]
-    fn log(&self, simd: S, i: usize) -> f64x4<S> {
-        f64x4::from_slice(simd, &self[i][2 * NEAR..])
-    }
-    #[inline(always)]
-    fn first(&self, i: usize) -> f64 {
-        self[0][i]
-    }
-    #[inline(always)]
-    fn put_bias(&mut self, i: usize, near: f64x8<S>, far: f64x8<S>) {
-        // State 8 of `near` overwrites the lane of `far` that is none.
-        far.store_slice(&mut self[i][NEAR..2 * NEAR]);
-        near.store_slice(&mut self[i][1..=NEAR]);
-    }
-    #[inline(always)]
-    fn put(&mut self, new: &Sandwich<S>) {
-        for i in 0..DYNAMIC {
-            self.put_bias(i, new.near[i], new.far[i]);
-            new.log[i].store_slice(&mut self[i][2 * NEAR..]);
-        }
-        new.steady[NEAR - 2].store_slice(&mut self[DVL_BIAS][1..=NEAR]);
-        let (low, high) = (
-            transposed([new.log[1], new.log[2], new.log[3], new.log[4]]),
-            transposed([new.log[5], new.log[6], new.log[7], new.log[8]]),
-        );
-        for k in 0..LOG {
-            low[k].store_slice(&mut self[2 * NEAR + k][1..=LOG]);
-            high[k].store_slice(&mut self[2 * NEAR + k][1 + LOG..=NEAR]);
-        }
-        self[0][0] = new.far[0].as_array()[0];
-        for i in 1..DIM {
-            self[i][0] = self[0][i];
-        }
-    }
-    #[inline(always)]
-    fn add_dvl(&mut self, _simd: S, first: &NoiseRows, second: &NoiseRows) {
-        for noise in [first, second] {
-            for i in DVL_BIAS..DVL_SCALE {
-                self[i][i] += noise.dvl_bias;
-            }
-            self[DVL_SCALE][DVL_SCALE] += noise.dvl_scale;
+            rows.dvl[BIASED_BEAMS] += noise.dvl_scale;
         }
     }
 }
@@ -347,13 +292,7 @@ macro_rules! single {
                 end: &Kinematics<f64>,
                 earth: &EarthTerms,
             ) {
-                propagate(
-                    simd,
-                    rows,
-                    &self.transition(end, earth),
-                    &halves.first,
-                    &halves.$second,
-                );
+                rows.propagate(simd, &self.transition(end, earth), &halves.first, &halves.$second);
                 self.empty(end);
             }
             #[inline(always)]
@@ -367,13 +306,9 @@ macro_rules! single {
             ) {
                 let mut halves = Halves::NONE;
                 self.note_noise(&mut halves, end, noise);
-                propagate(
-                    simd,
-                    p,
-                    &self.transition(end, earth),
-                    &halves.first,
-                    &halves.$second,
-                );
+                let mut rows = Rows::of(simd, p);
+                rows.propagate(simd, &self.transition(end, earth), &halves.first, &halves.$second);
+                rows.put_into(simd, p);
                 self.empty(end);
             }
         }

@@ -97,8 +97,7 @@ impl Steps {
         let mut walks = Table::<4>::EMPTY;
         walks.put(&[half.accel_bias, half.gyro_bias, half.dvl_bias, half.dvl_scale]);
         for k in 0..STEPS {
-            let own = &mut self.noise[k];
-            [own.accel_bias, own.gyro_bias, own.dvl_bias, own.dvl_scale] = walks.of(k);
+            self.noise[k].set_walks(walks.of(k));
         }
     }
 

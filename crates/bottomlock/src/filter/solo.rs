@@ -50,7 +50,7 @@ impl Eskf {
             accel_p_mps2: self.state.accel_bias_p_mps2.to_array(),
         };
         let (earth, sampling, steps) = (self.earth, self.sampling, samples.len() - 1);
-        let mut rows = Rows::of(&self.covariance.data.0);
+        let mut rows = Rows::of(simd, &self.covariance.data.0);
         let mut wake = Wake::of(simd, &self.kinematics);
         let mut motion = Table::<KINEMATICS>::EMPTY;
         let mut attitude = self.kinematics.attitude_t_p;
@@ -82,7 +82,7 @@ impl Eskf {
         }
         if taken > 0 {
             let last = (taken - 1) % STEPS;
-            rows.put_into(&mut self.covariance.data.0);
+            rows.put_into(simd, &mut self.covariance.data.0);
             self.kinematics = motion.kinematics(last);
             self.interval = kind.interval(last);
             self.state.time_ns = samples[taken].time_ns;

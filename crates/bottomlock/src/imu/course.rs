@@ -41,21 +41,22 @@ impl<const M: usize> Table<M> {
     /// Number i of step k.
     #[inline(always)]
     pub(crate) fn at(&self, i: usize, k: usize) -> f64 {
-        self.0[i][k]
+        // Never out of bounds, which the compiler need not check then.
+        self.0[i][k % STEPS]
     }
     /// All numbers of step k.
     #[inline(always)]
     pub(crate) fn of(&self, k: usize) -> [f64; M] {
         let mut own = [0.0; M];
         for i in 0..M {
-            own[i] = self.0[i][k];
+            own[i] = self.at(i, k);
         }
         own
     }
     #[inline(always)]
     fn put_at(&mut self, k: usize, numbers: &[f64; M]) {
         for i in 0..M {
-            self.0[i][k] = numbers[i];
+            self.0[i][k % STEPS] = numbers[i];
         }
     }
 }
