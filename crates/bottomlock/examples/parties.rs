@@ -102,7 +102,7 @@ impl Work {
         navigator.covariance()
     }
 
-    /// Many filters side by side; `streams` are the readings of each, or of all.
+    /// Many filters side by side, or one alone, led from ping to ping; `streams` are the readings of each, or of all.
     fn many(&self, runs: usize, period_ns: i64, streams: &[Vec<ImuSample>]) -> Covariance {
         let one = Eskf::new(self.start, &self.model, &Self::options(period_ns)).unwrap();
         let mut filters = vec![one; runs];

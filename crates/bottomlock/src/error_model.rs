@@ -19,7 +19,7 @@ mod transition;
 pub use interval::{Interval, Span};
 pub use noise::HalfNoise;
 pub use partitioned::Partitioned;
-pub(crate) use rows::{Halves, Rows, Single};
+pub(crate) use rows::{Single, Underway};
 pub(crate) use side_by_side::SideBySide;
 pub use step::Step;
 pub(crate) use steps::{Last, Steps};

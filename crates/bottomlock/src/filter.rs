@@ -14,7 +14,7 @@ use self::reopen::Refusals;
 use crate::aiding::{Innovation, Motion};
 use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
-use crate::error_model::{Interval, ProcessNoise, Single};
+use crate::error_model::{Interval, ProcessNoise, Underway};
 use crate::frames::{Rot, Vec3};
 use crate::imu::{EarthTerms, ImuSample, Inertial, Kinematics, Sampling};
 use crate::lane::level;
@@ -31,7 +31,9 @@ use crate::water_block::{Update, WaterBlock};
 pub struct Eskf {
     state: NavState,
     kinematics: Kinematics<f64>,
+    /// As the last update left it, where it is underway since.
     covariance: Covariance,
+    underway: Option<Box<Underway>>,
     interval: Interval,
     /// ω_ip of the last reading, bias included.
     last_rate_p_radps: Vector3<f64>,
@@ -64,6 +66,7 @@ impl Eskf {
             kinematics: state.kinematics(),
             state,
             covariance: model.initial_covariance(options.estimate_dvl),
+            underway: None,
             interval: Interval::default(),
             last_rate_p_radps: Vector3::zeros(),
             last_step_s: 0.0,
@@ -108,6 +111,7 @@ impl Eskf {
         }
         require_positive_definite(&symmetric, self.state.time_ns)?;
         self.covariance = symmetric;
+        self.underway = None;
         self.interval = Interval::default();
         Ok(())
     }
@@ -126,6 +130,9 @@ impl Eskf {
     #[must_use]
     pub fn covariance(&self) -> Covariance {
         let (mut covariance, mut interval) = (self.covariance, self.interval);
+        if let Some(underway) = &self.underway {
+            dispatch!(level(), simd => underway.rows.put_into(simd, &mut covariance.data.0));
+        }
         interval.propagate(&mut covariance.data.0, &self.kinematics, &self.noise, &self.earth);
         covariance
     }
@@ -160,15 +167,19 @@ impl Eskf {
         }
         // Half a step of slack, so that rounding of the sample times does not lengthen the interval by a step.
         if self.interval.duration_s() + 0.5 * dt_s >= self.covariance_period_s {
-            if self.tape.is_some() || self.water.is_some() {
+            if self.tape.is_some() {
                 self.propagate_covariance();
                 return Ok(());
             }
-            let (p, end) = (&mut self.covariance.data.0, &self.kinematics);
-            match &mut self.interval {
-                Interval::Open => {}
-                Interval::Step(step) => step.propagate_dense(simd, p, end, &self.noise, &self.earth),
-                Interval::Stretch(stretch) => stretch.propagate_dense(simd, p, end, &self.noise, &self.earth),
+            if let Some(water) = &mut self.water {
+                water.propagate(&self.interval, &self.kinematics, &self.earth);
+            }
+            if self.underway.is_none() {
+                self.underway = Some(Box::new(Underway::of(simd, &self.covariance.data.0)));
+            }
+            if let Some(underway) = &mut self.underway {
+                self.interval
+                    .propagate_rows(simd, underway, &self.kinematics, &self.noise, &self.earth);
             }
         }
         Ok(())
@@ -215,7 +226,15 @@ impl Eskf {
         self.last_rate_p_radps = sample.rate_p_radps.0;
     }
 
+    /// The covariance as a whole, where it was underway.
+    fn gather_covariance(&mut self) {
+        if let Some(underway) = self.underway.take() {
+            dispatch!(level(), simd => underway.rows.put_into(simd, &mut self.covariance.data.0));
+        }
+    }
+
     fn propagate_covariance(&mut self) {
+        self.gather_covariance();
         self.record_transition();
         if let Some(water) = &mut self.water {
             water.propagate(&self.interval, &self.kinematics, &self.earth);

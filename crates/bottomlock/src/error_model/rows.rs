@@ -155,6 +155,11 @@ impl Rows {
         rows
     }
 
+    /// Element (i, j), both of them dynamic states but the first.
+    pub(crate) fn at(&self, i: usize, j: usize) -> f64 {
+        self.near[i][j - 1]
+    }
+
     /// State 0 with state i.
     #[inline(always)]
     fn first(&self, i: usize) -> f64 {
@@ -230,38 +235,41 @@ fn transposed<S: Simd>([a, b, c, d]: [f64x4<S>; 4]) -> [f64x4<S>; 4] {
     ]
 }
 
-/// The noise of both halves of an interval, worked out before it is needed.
+/// The noise of both halves of an interval.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Halves {
+struct Halves {
     first: NoiseRows,
     second: NoiseRows,
 }
 
-impl Halves {
-    pub(crate) const NONE: Self = Self {
-        first: NoiseRows::NONE,
-        second: NoiseRows::NONE,
-    };
+/// A covariance that is propagated again and again before anything else is asked of it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Underway {
+    pub(crate) rows: Rows,
+    halves: Halves,
+}
+
+impl Underway {
+    /// Of a whole matrix.
+    #[inline(always)]
+    pub(crate) fn of<S: Simd>(simd: S, p: &[[f64; DIM]; DIM]) -> Self {
+        Self {
+            rows: Rows::of(simd, p),
+            halves: Halves {
+                first: NoiseRows::NONE,
+                second: NoiseRows::NONE,
+            },
+        }
+    }
 }
 
 /// An interval of one filter alone.
 pub(crate) trait Single: Span<f64> + Into<Interval> {
-    /// Notes its noise, when it has come to `end`.
-    fn note_noise(&self, halves: &mut Halves, end: &Kinematics<f64>, noise: &ProcessNoise);
-    /// [`Span::propagate`] with that noise.
+    /// [`Span::propagate`], bit for bit.
     fn propagate_rows<S: Simd>(
         &mut self,
         simd: S,
-        rows: &mut Rows,
-        halves: &Halves,
-        end: &Kinematics<f64>,
-        earth: &EarthTerms,
-    );
-    /// [`Span::propagate`] on a whole matrix.
-    fn propagate_dense<S: Simd>(
-        &mut self,
-        simd: S,
-        p: &mut [[f64; DIM]; DIM],
+        p: &mut Underway,
         end: &Kinematics<f64>,
         noise: &ProcessNoise,
         earth: &EarthTerms,
@@ -279,36 +287,19 @@ macro_rules! single {
 
         impl Single for $kind<f64> {
             #[inline(always)]
-            fn note_noise(&self, halves: &mut Halves, end: &Kinematics<f64>, noise: &ProcessNoise) {
-                halves.$second.set(&self.second_noise(end, noise));
-                halves.first.set(&self.first_noise(noise));
-            }
-            #[inline(always)]
             fn propagate_rows<S: Simd>(
                 &mut self,
                 simd: S,
-                rows: &mut Rows,
-                halves: &Halves,
-                end: &Kinematics<f64>,
-                earth: &EarthTerms,
-            ) {
-                rows.propagate(simd, &self.transition(end, earth), &halves.first, &halves.$second);
-                self.empty(end);
-            }
-            #[inline(always)]
-            fn propagate_dense<S: Simd>(
-                &mut self,
-                simd: S,
-                p: &mut [[f64; DIM]; DIM],
+                p: &mut Underway,
                 end: &Kinematics<f64>,
                 noise: &ProcessNoise,
                 earth: &EarthTerms,
             ) {
-                let mut halves = Halves::NONE;
-                self.note_noise(&mut halves, end, noise);
-                let mut rows = Rows::of(simd, p);
-                rows.propagate(simd, &self.transition(end, earth), &halves.first, &halves.$second);
-                rows.put_into(simd, p);
+                let halves = &mut p.halves;
+                halves.$second.set(&self.second_noise(end, noise));
+                halves.first.set(&self.first_noise(noise));
+                p.rows
+                    .propagate(simd, &self.transition(end, earth), &halves.first, &halves.$second);
                 self.empty(end);
             }
         }
@@ -318,3 +309,7 @@ macro_rules! single {
 // The noise of both halves of a step is the same.
 single!(Step, first);
 single!(Stretch, second);
+
+#[cfg(test)]
+#[path = "rows_tests.rs"]
+mod tests;

@@ -153,6 +153,7 @@ fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Sea
     let mut intervals = Vec::with_capacity(WIDEST);
     for seat in seats.iter_mut() {
         let (start, end) = (&seat.samples[0], &seat.samples[1]);
+        seat.filter.gather_covariance();
         seat.filter.begin_interval(start, end);
         intervals.extend(I::one(&seat.filter.interval));
     }

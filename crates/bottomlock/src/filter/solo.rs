@@ -7,7 +7,7 @@ use fearless_simd::{Simd, dispatch, f64x8};
 
 use super::Eskf;
 use crate::error::NavError;
-use crate::error_model::{Halves, Interval, Last, Rows, Single, Span, Steps, Stretch};
+use crate::error_model::{Interval, Last, Single, Span, Step, Steps, Stretch, Underway};
 use crate::imu::course::{Ahead, Biases, Course, STEPS, Table, Wake};
 use crate::imu::{ImuSample, KINEMATICS, Kinematics};
 use crate::lane::{M3, level};
@@ -25,6 +25,7 @@ impl Eskf {
         // A smoother wants to see every transition.
         let mut taken = 0;
         if self.tape.is_none() && rising >= WORTH_IT {
+            self.gather_covariance();
             self.begin_interval(&samples[0], &samples[1]);
             let flown = &samples[..=rising];
             taken = match self.interval {
@@ -50,7 +51,7 @@ impl Eskf {
             accel_p_mps2: self.state.accel_bias_p_mps2.to_array(),
         };
         let (earth, sampling, steps) = (self.earth, self.sampling, samples.len() - 1);
-        let mut rows = Rows::of(simd, &self.covariance.data.0);
+        let mut covariance = Underway::of(simd, &self.covariance.data.0);
         let mut wake = Wake::of(simd, &self.kinematics);
         let mut motion = Table::<KINEMATICS>::EMPTY;
         let mut attitude = self.kinematics.attitude_t_p;
@@ -76,13 +77,13 @@ impl Eskf {
                 if k + 1 < next.len() {
                     ahead.turn(k, &mut attitude);
                 }
-                kind.propagate(simd, k, &motion, &mut rows, self);
+                kind.propagate(simd, k, &motion, &mut covariance, self);
             }
             taken += count;
         }
         if taken > 0 {
             let last = (taken - 1) % STEPS;
-            rows.put_into(simd, &mut self.covariance.data.0);
+            covariance.rows.put_into(simd, &mut self.covariance.data.0);
             self.kinematics = motion.kinematics(last);
             self.interval = kind.interval(last);
             self.state.time_ns = samples[taken].time_ns;
@@ -98,7 +99,7 @@ trait Kind<S: Simd> {
     /// Takes eight steps.
     fn take(&mut self, course: &Course<S>, filter: &Eskf);
     /// Propagates the covariance over step k of them, where it is due.
-    fn propagate(&mut self, simd: S, k: usize, motion: &Table<KINEMATICS>, rows: &mut Rows, filter: &mut Eskf);
+    fn propagate(&mut self, simd: S, k: usize, motion: &Table<KINEMATICS>, p: &mut Underway, filter: &mut Eskf);
     /// The interval after step k.
     fn interval(&self, k: usize) -> Interval;
 }
@@ -111,7 +112,7 @@ struct EveryStep<S: Simd> {
 
 impl<S: Simd> EveryStep<S> {
     #[inline(always)]
-    fn of(simd: S, step: &crate::error_model::Step<f64>) -> Self {
+    fn of(simd: S, step: &Step<f64>) -> Self {
         Self {
             last: Last::of(simd, step),
             steps: Steps::EMPTY,
@@ -125,11 +126,11 @@ impl<S: Simd> Kind<S> for EveryStep<S> {
         self.steps.take(course, &mut self.last, &filter.noise, &filter.earth);
     }
     #[inline(always)]
-    fn propagate(&mut self, simd: S, k: usize, motion: &Table<KINEMATICS>, rows: &mut Rows, filter: &mut Eskf) {
+    fn propagate(&mut self, simd: S, k: usize, motion: &Table<KINEMATICS>, p: &mut Underway, filter: &mut Eskf) {
         if let Some(water) = &mut filter.water {
             water.propagate(&self.steps.interval(k), &motion.kinematics(k), &filter.earth);
         }
-        self.steps.propagate(simd, k, rows);
+        self.steps.propagate(simd, k, &mut p.rows);
     }
     #[inline(always)]
     fn interval(&self, k: usize) -> Interval {
@@ -166,7 +167,7 @@ impl<S: Simd> Kind<S> for Stretches {
             .put(&[x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2], course.dt_s]);
     }
     #[inline(always)]
-    fn propagate(&mut self, simd: S, k: usize, motion: &Table<KINEMATICS>, rows: &mut Rows, filter: &mut Eskf) {
+    fn propagate(&mut self, simd: S, k: usize, motion: &Table<KINEMATICS>, p: &mut Underway, filter: &mut Eskf) {
         let [a, b, c, d, e, f, g, h, i, dt_s] = self.taken.of(k);
         self.now.add(&[[a, b, c], [d, e, f], [g, h, i]], dt_s);
         if self.now.duration_s() + 0.5 * dt_s < filter.covariance_period_s {
@@ -176,12 +177,14 @@ impl<S: Simd> Kind<S> for Stretches {
         if let Some(water) = &mut filter.water {
             water.propagate(&self.now.into(), &end, &filter.earth);
         }
-        let mut halves = Halves::NONE;
-        self.now.note_noise(&mut halves, &end, &filter.noise);
-        self.now.propagate_rows(simd, rows, &halves, &end, &filter.earth);
+        self.now.propagate_rows(simd, p, &end, &filter.noise, &filter.earth);
     }
     #[inline(always)]
     fn interval(&self, _k: usize) -> Interval {
         self.now.into()
     }
 }
+
+#[cfg(test)]
+#[path = "solo_tests.rs"]
+mod tests;
