@@ -246,8 +246,10 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         rust = Rust(readings, Path(folder))
         parties: dict[str, Party] = {
-            "one run": rust.party("one"),
-            "one run, 10 Hz": rust.party("one_10hz"),
+            "one run": rust.party("alone"),
+            "one run, 10 Hz": rust.party("alone_10hz"),
+            "one run, event by event": rust.party("one"),
+            "event by event, 10 Hz": rust.party("one_10hz"),
             "8 arms side by side": rust.party("arms 8"),
             "8 arms, 10 Hz": rust.party("arms_10hz 8"),
             "8 runs side by side": rust.party("many 8"),
@@ -276,7 +278,9 @@ RATIOS = [
     ("numba block", "8 runs side by side"),
     ("numba block", "32 runs side by side"),
     ("numba block", "one run"),
+    ("numba block", "one run, event by event"),
     ("nalgebra dense", "one run"),
+    ("nalgebra dense", "one run, event by event"),
     ("nalgebra dense", "32 runs side by side"),
     ("8 arms side by side", "8 arms, 10 Hz"),
     ("8 runs side by side", "8 runs, 10 Hz"),

@@ -102,7 +102,7 @@ impl Work {
         navigator.covariance()
     }
 
-    /// Many filters side by side; `streams` are the readings of each, or of all.
+    /// Many filters side by side, or one alone, led from ping to ping; `streams` are the readings of each, or of all.
     fn many(&self, runs: usize, period_ns: i64, streams: &[Vec<ImuSample>]) -> Covariance {
         let one = Eskf::new(self.start, &self.model, &Self::options(period_ns)).unwrap();
         let mut filters = vec![one; runs];
@@ -350,6 +350,8 @@ fn main() {
         let covariance = match party {
             "one" => work.one(0),
             "one_10hz" => work.one(TENTH_NS),
+            "alone" => work.many(1, 0, &work.streams[..1]),
+            "alone_10hz" => work.many(1, TENTH_NS, &work.streams[..1]),
             "arms" => work.many(runs, 0, &work.streams[..1]),
             "arms_10hz" => work.many(runs, TENTH_NS, &work.streams[..1]),
             "many" => work.many(runs, 0, &work.streams[..runs]),

@@ -9,16 +9,20 @@ mod columns;
 mod interval;
 mod noise;
 mod partitioned;
+mod rows;
 mod side_by_side;
 mod step;
+mod steps;
 mod stretch;
 mod transition;
 
 pub use interval::{Interval, Span};
 pub use noise::HalfNoise;
 pub use partitioned::Partitioned;
+pub(crate) use rows::{Single, Underway};
 pub(crate) use side_by_side::SideBySide;
 pub use step::Step;
+pub(crate) use steps::{Last, Steps};
 pub use stretch::Stretch;
 pub use transition::{Filled, FirstOrder, Parts, Transition};
 
@@ -142,7 +146,7 @@ impl<T: Lane> Coefficients<T> {
 #[must_use]
 pub fn dense_noise(coefficients: &Coefficients<f64>, noise: &ProcessNoise) -> [[f64; DIM]; DIM] {
     let mut q = [[0.0; DIM]; DIM];
-    HalfNoise::new(&coefficients.rotation, coefficients.velocity_p, noise, 2.0, 1.0).add_to_dense(&mut q);
+    HalfNoise::new(&coefficients.rotation, coefficients.velocity_p, noise, 1.0, 1.0).add_to_dense(&mut q);
     q
 }
 

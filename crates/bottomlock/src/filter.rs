@@ -8,6 +8,7 @@ mod definite;
 mod fuse;
 mod record;
 mod reopen;
+mod solo;
 
 use fearless_simd::{Simd, dispatch};
 use nalgebra::{SMatrix, Vector3};
@@ -18,7 +19,7 @@ use self::reopen::Refusals;
 use crate::aiding::{Innovation, Motion};
 use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
-use crate::error_model::{Interval, ProcessNoise};
+use crate::error_model::{Interval, ProcessNoise, Underway};
 use crate::frames::{Rot, Vec3};
 use crate::imu::{EarthTerms, ImuSample, Inertial, Kinematics, Sampling};
 use crate::lane::level;
@@ -34,7 +35,9 @@ use crate::water_block::WaterBlock;
 pub struct Eskf {
     state: NavState,
     kinematics: Kinematics<f64>,
+    /// As the last update left it, where it is underway since.
     covariance: Covariance,
+    underway: Option<Box<Underway>>,
     interval: Interval,
     /// ω_ip of the last reading, bias included.
     last_rate_p_radps: Vector3<f64>,
@@ -67,6 +70,7 @@ impl Eskf {
             kinematics: state.kinematics(),
             state,
             covariance: model.initial_covariance(options.estimate_dvl),
+            underway: None,
             interval: Interval::default(),
             last_rate_p_radps: Vector3::zeros(),
             last_step_s: 0.0,
@@ -111,6 +115,7 @@ impl Eskf {
         }
         require_positive_definite(&symmetric, self.state.time_ns)?;
         self.covariance = symmetric;
+        self.underway = None;
         self.interval = Interval::default();
         Ok(())
     }
@@ -129,6 +134,9 @@ impl Eskf {
     #[must_use]
     pub fn covariance(&self) -> Covariance {
         let (mut covariance, mut interval) = (self.covariance, self.interval);
+        if let Some(underway) = &self.underway {
+            dispatch!(level(), simd => underway.rows.put_into(simd, &mut covariance.data.0));
+        }
         interval.propagate(&mut covariance.data.0, &self.kinematics, &self.noise, &self.earth);
         covariance
     }
@@ -140,39 +148,49 @@ impl Eskf {
     pub fn predict(&mut self, start: &ImuSample, end: &ImuSample) -> Result<(), NavError> {
         let dt_s = (end.time_ns - start.time_ns) as f64 * 1e-9;
         if dt_s <= 0.0 {
-            return Err(NavError::TimeNotIncreasing {
-                stream: "imu",
-                time_ns: end.time_ns,
-                previous_ns: start.time_ns,
-            });
+            return Err(Self::does_not_rise(end.time_ns, start.time_ns));
         }
-        let (first, last) = (self.corrected(self.first_of(start, end)), self.corrected(end));
         self.begin_interval(start, end);
-        dispatch!(level(), simd => self.integrate(simd, &first, &last, dt_s));
+        dispatch!(level(), simd => self.advance(simd, start, end, dt_s))
+    }
+
+    /// The step, compiled for the machine's own instructions.
+    #[inline(always)]
+    fn advance<S: Simd>(&mut self, simd: S, start: &ImuSample, end: &ImuSample, dt_s: f64) -> Result<(), NavError> {
+        let (first, last) = (self.corrected(self.first_of(start, end)), self.corrected(end));
+        let before = self.kinematics;
+        self.kinematics.step(&first, &last, dt_s, &self.earth);
+        self.interval
+            .extend(&before, &self.kinematics, &last, dt_s, &self.earth);
         self.state.time_ns = end.time_ns;
         self.last_rate_p_radps = end.rate_p_radps.0;
         self.last_step_s = dt_s;
-        if !(self.kinematics.position_t_m[0] + self.kinematics.position_t_m[1] + self.kinematics.position_t_m[2])
-            .is_finite()
-        {
+        let [x, y, z] = self.kinematics.position_t_m;
+        if !(x + y + z).is_finite() {
             return Err(Self::ran_out_of_numbers(end.time_ns));
         }
         // Half a step of slack, so that rounding of the sample times does not lengthen the interval by a step.
         if self.interval.duration_s() + 0.5 * dt_s >= self.covariance_period_s {
-            self.propagate_covariance();
+            if self.tape.is_some() {
+                self.propagate_covariance();
+                return Ok(());
+            }
+            if let Some(water) = &mut self.water {
+                water.propagate(&self.interval, &self.kinematics, &self.earth);
+            }
+            if self.underway.is_none() {
+                self.underway = Some(Box::new(Underway::of(simd, &self.covariance.data.0)));
+            }
+            if let Some(underway) = &mut self.underway {
+                self.interval
+                    .propagate_rows(simd, underway, &self.kinematics, &self.noise, &self.earth);
+            }
         }
         Ok(())
     }
 
-    /// State and coefficients over a step; compiled for the machine's own instructions.
-    #[inline(always)]
-    fn integrate<S: Simd>(&mut self, _simd: S, first: &Inertial<f64>, last: &Inertial<f64>, dt_s: f64) {
-        let before = self.kinematics;
-        self.kinematics.step(first, last, dt_s, &self.earth);
-        self.interval.extend(&before, &self.kinematics, last, dt_s, &self.earth);
-    }
-
     /// The sample that a step begins with.
+    #[inline(always)]
     fn first_of<'a>(&self, start: &'a ImuSample, end: &'a ImuSample) -> &'a ImuSample {
         match self.sampling {
             Sampling::Instantaneous => start,
@@ -190,6 +208,16 @@ impl Eskf {
         }
     }
 
+    #[cold]
+    fn does_not_rise(time_ns: i64, previous_ns: i64) -> NavError {
+        NavError::TimeNotIncreasing {
+            stream: "imu",
+            time_ns,
+            previous_ns,
+        }
+    }
+
+    #[cold]
     fn ran_out_of_numbers(time_ns: i64) -> NavError {
         NavError::NotFinite {
             field: "state position_t_m",
@@ -202,7 +230,15 @@ impl Eskf {
         self.last_rate_p_radps = sample.rate_p_radps.0;
     }
 
+    /// The covariance as a whole, where it was underway.
+    fn gather_covariance(&mut self) {
+        if let Some(underway) = self.underway.take() {
+            dispatch!(level(), simd => underway.rows.put_into(simd, &mut self.covariance.data.0));
+        }
+    }
+
     fn propagate_covariance(&mut self) {
+        self.gather_covariance();
         self.record_transition();
         if let Some(water) = &mut self.water {
             water.propagate(&self.interval, &self.kinematics, &self.earth);
@@ -211,6 +247,7 @@ impl Eskf {
             .propagate(&mut self.covariance.data.0, &self.kinematics, &self.noise, &self.earth);
     }
 
+    #[inline(always)]
     fn corrected(&self, sample: &ImuSample) -> Inertial<f64> {
         Inertial {
             rate_p_radps: (sample.rate_p_radps - self.state.gyro_bias_p_radps).to_array(),

@@ -5,6 +5,8 @@
 //! The step is second order: rotation by the mean rate with the coning term of a linearly varying rate, specific force
 //! and position by the trapezoidal rule in the tangent frame, whose local errors telescope over a run.
 
+pub(crate) mod course;
+
 use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Vec3};
@@ -140,32 +142,64 @@ impl<T: Lane> Kinematics<T> {
         let like = self.velocity_p_mps[0];
         let half = like.splat(0.5 * dt_s);
 
-        // Rotation vector of a linearly varying rate: mean rate plus the coning term (Groves 2013, Eq. 5.84).
-        let mean = scale(add(start.rate_p_radps, end.rate_p_radps), half);
-        let coning = cross(start.rate_p_radps, end.rate_p_radps);
-        let turn_p = quaternion_exp(add_scaled(mean, coning, like.splat(dt_s * dt_s / 12.0)));
-        // The tangent frame turns with the Earth: a small rotation on the other side, common to all lanes.
-        let half_turn_t = scale(earth.rate_t, -0.5 * dt_s);
-        let [w, x, y, z] = normalise([1.0, half_turn_t[0], half_turn_t[1], half_turn_t[2]]);
+        let turn_p = platform_turn(start, end, half, like.splat(dt_s * dt_s / 12.0));
+        // Common to all lanes.
+        let [w, x, y, z] = frame_turn(scale(earth.rate_t, -0.5 * dt_s));
         let turn_t = [like.splat(w), like.splat(x), like.splat(y), like.splat(z)];
-        let attitude = renormalise(quaternion_mul(turn_t, quaternion_mul(self.attitude_t_p, turn_p)));
+        let attitude = turned(self.attitude_t_p, turn_t, turn_p);
         let rotation = rotation_matrix(attitude);
 
-        // Velocity in the tangent frame: trapezoid of R f, gravity exact, Coriolis at the old velocity plus half the gain.
-        let velocity_t = self.velocity_t_mps;
-        let force_t = mul(&self.rotation_t_p, start.force_p_mps2);
-        let mut gain_t = scale(add_mul(force_t, &rotation, end.force_p_mps2), half);
-        gain_t[2] += like.splat(earth.gravity_mps2 * dt_s);
-        let middle_t = add_scaled(velocity_t, gain_t, like.splat(0.5));
+        let fall = like.splat(earth.gravity_mps2 * dt_s);
+        let gain_t = gain(&self.rotation_t_p, start, &rotation, end, half, fall);
         let twice_turn_t = splat3(like, scale(earth.rate_t, 2.0 * dt_s));
-        let new_velocity_t = sub_cross(add(velocity_t, gain_t), twice_turn_t, middle_t);
-
-        self.position_t_m = add_scaled(self.position_t_m, add(velocity_t, new_velocity_t), half);
-        self.velocity_p_mps = tmul(&rotation, new_velocity_t);
-        self.velocity_t_mps = new_velocity_t;
+        (self.position_t_m, self.velocity_t_mps) =
+            drift(self.position_t_m, self.velocity_t_mps, gain_t, twice_turn_t, half);
+        self.velocity_p_mps = tmul(&rotation, self.velocity_t_mps);
         self.attitude_t_p = attitude;
         self.rotation_t_p = rotation;
     }
+}
+
+/// How the platform turns in a step: the rotation vector of a linearly varying rate is the mean rate plus the coning term
+/// (Groves 2013, Eq. 5.84), where `twelfth` is a twelfth of the step squared.
+#[inline(always)]
+fn platform_turn<T: Lane>(start: &Inertial<T>, end: &Inertial<T>, half: T, twelfth: T) -> [T; 4] {
+    let mean = scale(add(start.rate_p_radps, end.rate_p_radps), half);
+    let coning = cross(start.rate_p_radps, end.rate_p_radps);
+    quaternion_exp(add_scaled(mean, coning, twelfth))
+}
+
+/// How the tangent frame turns with the Earth: a small rotation on the other side.
+#[inline(always)]
+fn frame_turn<T: Lane>(half_turn_t: V3<T>) -> [T; 4] {
+    let one = half_turn_t[0].splat(1.0);
+    normalise([one, half_turn_t[0], half_turn_t[1], half_turn_t[2]])
+}
+
+/// The attitude after both.
+#[inline(always)]
+fn turned<T: Lane>(attitude: [T; 4], turn_t: [T; 4], turn_p: [T; 4]) -> [T; 4] {
+    renormalise(quaternion_mul(turn_t, quaternion_mul(attitude, turn_p)))
+}
+
+/// What a step adds to the velocity in the tangent frame: the trapezoid of R f, and gravity's exactly.
+#[inline(always)]
+fn gain<T: Lane>(before: &M3<T>, start: &Inertial<T>, after: &M3<T>, end: &Inertial<T>, half: T, fall: T) -> V3<T> {
+    let force_t = mul(before, start.force_p_mps2);
+    let mut gain_t = scale(add_mul(force_t, after, end.force_p_mps2), half);
+    gain_t[2] += fall;
+    gain_t
+}
+
+/// Position and velocity after a step: Coriolis at the old velocity plus half the gain.
+#[inline(always)]
+fn drift<T: Lane>(position_t: V3<T>, velocity_t: V3<T>, gain_t: V3<T>, twice_turn_t: V3<T>, half: T) -> (V3<T>, V3<T>) {
+    let middle_t = add_scaled(velocity_t, gain_t, half.splat(0.5));
+    let new_velocity_t = sub_cross(add(velocity_t, gain_t), twice_turn_t, middle_t);
+    (
+        add_scaled(position_t, add(velocity_t, new_velocity_t), half),
+        new_velocity_t,
+    )
 }
 
 /// Derivatives (ṙ in the tangent frame, body rate ω_tp, v̇ in the platform frame) of the mechanisation.

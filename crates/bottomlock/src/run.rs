@@ -173,9 +173,8 @@ impl Navigator {
 
     fn advance(&mut self, sample: &ImuSample, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
         // Before the first sample the motion is taken as that of the first sample.
-        let now_ns = self.filters.beams_alone.state().time_ns;
-        let mut last = self.last_imu.unwrap_or(ImuSample {
-            time_ns: now_ns,
+        let mut last = self.last_imu.unwrap_or_else(|| ImuSample {
+            time_ns: self.filters.beams_alone.state().time_ns,
             ..*sample
         });
         if self.last_imu.is_none() {

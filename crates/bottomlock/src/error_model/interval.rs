@@ -1,10 +1,10 @@
 //! The interval since the covariance was last brought up to date.
 
-use fearless_simd::dispatch;
+use fearless_simd::{Simd, dispatch};
 
 use super::noise::HalfNoise;
 use super::transition::Transition;
-use super::{Partitioned, ProcessNoise, Step, Stretch, columns};
+use super::{Partitioned, ProcessNoise, Single, Step, Stretch, Underway};
 use crate::imu::{EarthTerms, Inertial, Kinematics};
 use crate::lane::{Lane, level};
 use crate::layout::{DIM, DYNAMIC};
@@ -116,12 +116,27 @@ impl Interval {
         if self.duration_s() <= 0.0 {
             return;
         }
+        dispatch!(level(), simd => {
+            let mut underway = Underway::of(simd, p);
+            self.propagate_rows(simd, &mut underway, end, noise, earth);
+            underway.rows.put_into(simd, p);
+        });
+    }
+
+    /// The same for a covariance that is underway.
+    #[inline(always)]
+    pub(crate) fn propagate_rows<S: Simd>(
+        &mut self,
+        simd: S,
+        p: &mut Underway,
+        end: &Kinematics<f64>,
+        noise: &ProcessNoise,
+        earth: &EarthTerms,
+    ) {
         match self {
             Self::Open => {}
-            Self::Step(step) => dispatch!(level(), simd => columns::propagate(simd, step, p, end, noise, earth)),
-            Self::Stretch(stretch) => {
-                dispatch!(level(), simd => columns::propagate(simd, stretch, p, end, noise, earth))
-            }
+            Self::Step(step) => step.propagate_rows(simd, p, end, noise, earth),
+            Self::Stretch(stretch) => stretch.propagate_rows(simd, p, end, noise, earth),
         }
     }
 

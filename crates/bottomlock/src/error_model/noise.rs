@@ -13,26 +13,24 @@ pub struct HalfNoise<T> {
     pub(super) velocity: M3<T>,
     /// Row i: element i of the velocity with the misalignment.
     pub(super) across: M3<T>,
-    accel_bias: T,
-    gyro_bias: T,
-    dvl_bias: T,
-    dvl_scale: T,
+    pub(super) accel_bias: T,
+    pub(super) gyro_bias: T,
+    pub(super) dvl_bias: T,
+    pub(super) dvl_scale: T,
 }
 
 impl<T: Lane> HalfNoise<T> {
-    /// Noise of `duration_s`, where `rotation` and `velocity_p` are R and v times 1/√`weight`.
+    /// Noise of an interval of twice `half`, in seconds, where `rotation` and `velocity_p` are R and v times 1/√`weight`.
     #[inline(always)]
-    pub(super) fn new(rotation: &M3<T>, velocity_p: V3<T>, noise: &ProcessNoise, duration_s: f64, weight: f64) -> Self {
-        let half = 0.5 * duration_s;
-        let like = velocity_p[0];
+    pub(super) fn new(rotation: &M3<T>, velocity_p: V3<T>, noise: &ProcessNoise, half: T, weight: T) -> Self {
         let v = velocity_p;
-        let lever = scale(v, like.splat(noise.gyro * half * weight));
-        let accel = like.splat(noise.accel * half);
+        let lever = scale(v, half.splat(noise.gyro) * half * weight);
+        let accel = half.splat(noise.accel) * half;
         // [v×][v×]ᵀ = |v|² I − v vᵀ, and [v×]Rᵀ.
         let [x, y, z] = [lever[0] * v[0], lever[1] * v[1], lever[2] * v[2]];
-        let zero = like.splat(0.0);
+        let zero = half.splat(0.0);
         Self {
-            attitude: like.splat(noise.gyro * half),
+            attitude: half.splat(noise.gyro) * half,
             velocity: [
                 [accel + (y + z), zero, zero],
                 [-(lever[1] * v[0]), accel + (x + z), zero],
@@ -43,10 +41,10 @@ impl<T: Lane> HalfNoise<T> {
                 cross(lever, rotation[1]),
                 cross(lever, rotation[2]),
             ]),
-            accel_bias: like.splat(noise.accel_bias * half),
-            gyro_bias: like.splat(noise.gyro_bias * half),
-            dvl_bias: like.splat(noise.dvl_bias * half),
-            dvl_scale: like.splat(noise.dvl_scale * half),
+            accel_bias: half.splat(noise.accel_bias) * half,
+            gyro_bias: half.splat(noise.gyro_bias) * half,
+            dvl_bias: half.splat(noise.dvl_bias) * half,
+            dvl_scale: half.splat(noise.dvl_scale) * half,
         }
     }
 

@@ -120,7 +120,7 @@ impl<T: Lane> Start<T> {
 
 impl<T: Lane> Coefficients<T> {
     #[inline(always)]
-    fn to_array(self) -> [T; 27] {
+    pub(super) fn to_array(self) -> [T; 27] {
         let (a, r, f, w, v) = (self.velocity_t, self.rotation, self.force, self.swing, self.velocity_p);
         [
             a[0], a[1], a[2], r[0][0], r[0][1], r[0][2], r[1][0], r[1][1], r[1][2], r[2][0], r[2][1], r[2][2], f[0][0],
@@ -129,7 +129,7 @@ impl<T: Lane> Coefficients<T> {
     }
 
     #[inline(always)]
-    fn from_array(x: [T; 27]) -> Self {
+    pub(super) fn from_array(x: [T; 27]) -> Self {
         Self {
             velocity_t: vector(&x, 0),
             rotation: matrix(&x, 3),

@@ -66,10 +66,8 @@ impl<T: Lane> Span<T> for Step<T> {
 
     #[inline(always)]
     fn first_noise(&self, noise: &ProcessNoise) -> HalfNoise<T> {
-        // The sums are means times the duration; the noise goes with their squares.
-        let per_square = 1.0 / (self.duration_s * self.duration_s);
-        let (rotation, velocity_p) = (&self.sum.rotation, self.sum.velocity_p);
-        HalfNoise::new(rotation, velocity_p, noise, self.duration_s, per_square)
+        let duration = self.sum.velocity_p[0].splat(self.duration_s);
+        self.sum.noise(duration, noise)
     }
 
     #[inline(always)]
@@ -80,5 +78,20 @@ impl<T: Lane> Span<T> for Step<T> {
     #[inline(always)]
     fn empty(&mut self, _end: &Kinematics<T>) {
         self.duration_s = 0.0;
+    }
+}
+
+impl<T: Lane> Coefficients<T> {
+    /// The noise of half a step, where these are sums: means times the duration. The noise goes with their squares.
+    #[inline(always)]
+    pub(super) fn noise(&self, duration: T, noise: &ProcessNoise) -> HalfNoise<T> {
+        let half = duration * duration.splat(0.5);
+        HalfNoise::new(
+            &self.rotation,
+            self.velocity_p,
+            noise,
+            half,
+            (duration * duration).recip(),
+        )
     }
 }

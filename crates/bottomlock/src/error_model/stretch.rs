@@ -129,12 +129,12 @@ impl<T: Lane> Span<T> for Stretch<T> {
 
     #[inline(always)]
     fn first_noise(&self, noise: &ProcessNoise) -> HalfNoise<T> {
-        HalfNoise::new(&self.start.rotation, self.start.velocity_p, noise, self.duration_s, 1.0)
+        noise_of(&self.start.rotation, self.start.velocity_p, noise, self.duration_s)
     }
 
     #[inline(always)]
     fn second_noise(&self, end: &Kinematics<T>, noise: &ProcessNoise) -> HalfNoise<T> {
-        HalfNoise::new(&end.rotation_t_p, end.velocity_p_mps, noise, self.duration_s, 1.0)
+        noise_of(&end.rotation_t_p, end.velocity_p_mps, noise, self.duration_s)
     }
 
     #[inline(always)]
@@ -148,4 +148,16 @@ impl<T: Lane> Span<T> for Stretch<T> {
 #[inline(always)]
 fn sum<T: Lane>(a: &M3<T>, b: &M3<T>) -> M3<T> {
     [add(a[0], b[0]), add(a[1], b[1]), add(a[2], b[2])]
+}
+
+#[inline(always)]
+fn noise_of<T: Lane>(rotation: &M3<T>, velocity_p: V3<T>, noise: &ProcessNoise, duration_s: f64) -> HalfNoise<T> {
+    let like = velocity_p[0];
+    HalfNoise::new(
+        rotation,
+        velocity_p,
+        noise,
+        like.splat(0.5 * duration_s),
+        like.splat(1.0),
+    )
 }

@@ -3,7 +3,7 @@
 use super::Coefficients;
 use crate::imu::EarthTerms;
 use crate::lane::{Lane, M3, V3, add_mul, add_scaled, scale, splat3, sub_cross, sub_mul};
-use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
+use crate::layout::{ACCEL_BIAS, ATTITUDE, DVL_BIAS, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
 
 /// The part of a vector in error-state order that a transition reads.
 #[derive(Debug, Clone, Copy)]
@@ -22,7 +22,7 @@ pub struct Parts<T> {
 
 impl<T: Lane> Parts<T> {
     #[inline(always)]
-    pub(super) fn of(x: &[T; DIM]) -> Self {
+    pub(super) fn of<const N: usize>(x: &[T; N]) -> Self {
         Self {
             r: part(x, POSITION),
             rho: part(x, ATTITUDE),
@@ -46,7 +46,7 @@ pub trait Transition<T: Lane> {
 
     /// All dynamic rows.
     #[inline(always)]
-    fn apply(&self, x: &[T; DIM]) -> [T; DYNAMIC] {
+    fn apply<const N: usize>(&self, x: &[T; N]) -> [T; DYNAMIC] {
         let x = Parts::of(x);
         let (r, rho, v) = (self.position(&x), self.attitude(&x), self.velocity(&x));
         [r[0], r[1], r[2], rho[0], rho[1], rho[2], v[0], v[1], v[2]]
@@ -71,10 +71,20 @@ impl<'a, T: Lane> FirstOrder<'a, T> {
             minus_duration: like.splat(-duration_s),
         }
     }
+
+    /// From F T, ω_ie T and −T.
+    #[inline(always)]
+    pub(super) fn of(sum: &'a Coefficients<T>, earth: V3<T>, minus_duration: T) -> Self {
+        Self {
+            sum,
+            earth,
+            minus_duration,
+        }
+    }
 }
 
 #[inline(always)]
-fn part<T: Lane>(x: &[T; DIM], start: usize) -> V3<T> {
+fn part<T: Lane, const N: usize>(x: &[T; N], start: usize) -> V3<T> {
     [x[start], x[start + 1], x[start + 2]]
 }
 
@@ -130,8 +140,8 @@ impl<T: Lane> Transition<T> for Filled<T> {
 
 /// A transition of one filter whose numbers can be put into every lane of a vector.
 pub(super) trait Spread: Transition<f64> {
-    /// [`Transition::apply`] to vectors side by side.
-    fn apply_over<V: Lane>(&self, x: &[[V; DIM]], images: &mut [[V; DYNAMIC]]);
+    /// [`Transition::apply`] to vectors side by side, given what it reads of them.
+    fn apply_over<V: Lane>(&self, x: &[V; DVL_BIAS]) -> [V; DYNAMIC];
 }
 
 #[inline(always)]
@@ -141,8 +151,8 @@ fn over3<V: Lane>(like: V, m: &M3<f64>) -> M3<V> {
 
 impl Spread for FirstOrder<'_, f64> {
     #[inline(always)]
-    fn apply_over<V: Lane>(&self, x: &[[V; DIM]], images: &mut [[V; DYNAMIC]]) {
-        let like = x[0][0];
+    fn apply_over<V: Lane>(&self, x: &[V; DVL_BIAS]) -> [V; DYNAMIC] {
+        let like = x[0];
         let sum = Coefficients {
             velocity_t: splat3(like, self.sum.velocity_t),
             rotation: over3(like, &self.sum.rotation),
@@ -155,16 +165,14 @@ impl Spread for FirstOrder<'_, f64> {
             earth: splat3(like, self.earth),
             minus_duration: like.splat(self.minus_duration),
         };
-        for (image, x) in images.iter_mut().zip(x) {
-            *image = phi.apply(x);
-        }
+        phi.apply(x)
     }
 }
 
 impl Spread for Filled<f64> {
     #[inline(always)]
-    fn apply_over<V: Lane>(&self, x: &[[V; DIM]], images: &mut [[V; DYNAMIC]]) {
-        let like = x[0][0];
+    fn apply_over<V: Lane>(&self, x: &[V; DVL_BIAS]) -> [V; DYNAMIC] {
+        let like = x[0];
         let phi = Filled {
             r_rho: over3(like, &self.r_rho),
             r_v: over3(like, &self.r_v),
@@ -176,8 +184,6 @@ impl Spread for Filled<f64> {
             v_ba: over3(like, &self.v_ba),
             v_bg: over3(like, &self.v_bg),
         };
-        for (image, x) in images.iter_mut().zip(x) {
-            *image = phi.apply(x);
-        }
+        phi.apply(x)
     }
 }

@@ -54,12 +54,7 @@ impl<'a> Seat<'a> {
     }
 
     fn predict_alone(&mut self) {
-        for (k, step) in self.samples.windows(2).enumerate() {
-            if let Err(error) = self.filter.predict(&step[0], &step[1]) {
-                self.failure = Some((k + 1, error));
-                return;
-            }
-        }
+        self.failure = self.filter.predict_along(self.samples).err();
     }
 }
 
@@ -163,6 +158,7 @@ fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Sea
     let mut intervals = Vec::with_capacity(WIDEST);
     for seat in seats.iter_mut() {
         let (start, end) = (&seat.samples[0], &seat.samples[1]);
+        seat.filter.gather_covariance();
         seat.filter.begin_interval(start, end);
         intervals.extend(I::one(&seat.filter.interval));
     }
