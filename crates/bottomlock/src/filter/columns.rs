@@ -12,6 +12,18 @@ pub(super) const WIDTH: usize = 4;
 pub(super) const VECTORS: usize = DIM / WIDTH;
 const WIDE: usize = 8;
 
+/// a b + c, rounded once.
+///
+/// A function of its own within the dispatch: one instruction where the machine has it, and one call where it must be worked
+/// out, which is too long to stand at each of a thousand places.
+#[inline(always)]
+pub(super) fn fused<S: Simd, V: SimdFloat<S>>(simd: S, a: V, b: V, c: V) -> V {
+    simd.vectorize(
+        #[inline(always)]
+        || a.mul_add_precise(b, c),
+    )
+}
+
 /// A column of 20: two of the widest vectors and the rest.
 #[derive(Clone, Copy)]
 pub(super) struct Column<S: Simd> {
@@ -49,12 +61,14 @@ impl<S: Simd> Column<S> {
     /// This plus a x.
     #[inline(always)]
     pub(super) fn plus(self, a: f64, x: &Self) -> Self {
+        let simd = self.rest.simd;
+        let (wide, rest) = (f64x8::simd_from(simd, a), f64x4::simd_from(simd, a));
         Self {
             wide: [
-                x.wide[0].mul_add_precise(a, self.wide[0]),
-                x.wide[1].mul_add_precise(a, self.wide[1]),
+                fused(simd, x.wide[0], wide, self.wide[0]),
+                fused(simd, x.wide[1], wide, self.wide[1]),
             ],
-            rest: x.rest.mul_add_precise(a, self.rest),
+            rest: fused(simd, x.rest, rest, self.rest),
         }
     }
 

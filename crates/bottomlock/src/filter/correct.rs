@@ -16,7 +16,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f64x4};
 use nalgebra::{Cholesky, Const, SMatrix};
 
-use super::columns::{Column, VECTORS, WIDTH, load_part, store_part, transposed};
+use super::columns::{Column, VECTORS, WIDTH, fused, load_part, store_part, transposed};
 use super::definite::factorises;
 use crate::aiding::{Innovation, RowJacobian};
 use crate::lane::level;
@@ -319,7 +319,7 @@ fn times<S: Simd, const M: usize>(simd: S, h: &RowJacobian, x: &[[f64; DIM]], re
         for &k in reached.states() {
             let rows = f64x4::from_slice(simd, &h.data.0[k][from..from + WIDTH]);
             for n in 0..M {
-                sums[n] = rows.mul_add_precise(x[n][k], sums[n]);
+                sums[n] = fused(simd, rows, f64x4::simd_from(simd, x[n][k]), sums[n]);
             }
         }
         for n in 0..M {

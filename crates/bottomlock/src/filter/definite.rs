@@ -8,7 +8,7 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{dispatch, f64x4};
 
-use super::columns::{VECTORS, WIDTH, load_part};
+use super::columns::{VECTORS, WIDTH, fused, load_part};
 use crate::lane::level;
 use crate::layout::DIM;
 use crate::state::Covariance;
@@ -21,6 +21,15 @@ pub(super) fn is_positive_definite(covariance: &Covariance) -> bool {
 /// The same within a dispatch. Only the elements on and below the diagonal are read.
 #[inline(always)]
 pub(super) fn factorises<S: Simd>(simd: S, matrix: &[[f64; DIM]; DIM]) -> bool {
+    // Compiled once for all numbers of rows.
+    simd.vectorize(
+        #[inline(always)]
+        || all_panels(simd, matrix),
+    )
+}
+
+#[inline(always)]
+fn all_panels<S: Simd>(simd: S, matrix: &[[f64; DIM]; DIM]) -> bool {
     let Some(a) = panel::<S, 0>(simd, matrix, []) else {
         return false;
     };
@@ -55,9 +64,9 @@ fn panel<S: Simd, const B: usize>(simd: S, matrix: &[[f64; DIM]; DIM], before: [
     for panel in before {
         for k in 0..WIDTH {
             for q in 0..WIDTH {
-                let multiple = panel.l_d[k][B][q];
+                let multiple = f64x4::simd_from(simd, panel.l_d[k][B][q]);
                 for v in B..VECTORS {
-                    own[q][v] = panel.minus_l[k][v].mul_add_precise(multiple, own[q][v]);
+                    own[q][v] = fused(simd, panel.minus_l[k][v], multiple, own[q][v]);
                 }
             }
         }
@@ -78,9 +87,9 @@ fn panel<S: Simd, const B: usize>(simd: S, matrix: &[[f64; DIM]; DIM], before: [
             minus_l[q][v] = own[q][v] * inverse;
         }
         for later in q + 1..WIDTH {
-            let multiple = own[q][B][later];
+            let multiple = f64x4::simd_from(simd, own[q][B][later]);
             for v in B..VECTORS {
-                own[later][v] = minus_l[q][v].mul_add_precise(multiple, own[later][v]);
+                own[later][v] = fused(simd, minus_l[q][v], multiple, own[later][v]);
             }
         }
     }
