@@ -64,7 +64,7 @@ impl NoiseRows {
     /// Noise of row i in `near`.
     #[inline(always)]
     fn add_near<S: Simd>(&self, simd: S, i: usize, row: f64x8<S>) -> f64x8<S> {
-        if i < ATTITUDE || i >= DYNAMIC {
+        if !(ATTITUDE..DYNAMIC).contains(&i) {
             return row;
         }
         row + f64x8::load_array_ref(simd, &self.near[i - ATTITUDE])
