@@ -54,6 +54,8 @@ pub trait Span<T: Lane>: Copy {
 }
 
 /// The interval of one filter: a step where its covariance keeps up with every step, else a stretch of many.
+// There is one a filter, worked on at every step: a box would cost more than the room.
+#[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone, Copy, Default)]
 pub enum Interval {
     /// Not begun: the state has been corrected, or there was no reading yet.

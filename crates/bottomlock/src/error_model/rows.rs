@@ -64,7 +64,7 @@ impl NoiseRows {
     /// Noise of row i in `near`.
     #[inline(always)]
     fn add_near<S: Simd>(&self, simd: S, i: usize, row: f64x8<S>) -> f64x8<S> {
-        if i < ATTITUDE || i >= DYNAMIC {
+        if !(ATTITUDE..DYNAMIC).contains(&i) {
             return row;
         }
         row + f64x8::load_array_ref(simd, &self.near[i - ATTITUDE])
@@ -174,54 +174,64 @@ impl Rows {
 
     /// P⁺ = Φ(P + Q₀ T/2)Φᵀ + Q₁ T/2, bit for bit what [`Span::propagate`] makes of it.
     ///
-    /// A black box stands wherever registers are to be free again: else the compiler puts off arithmetic, or keeps coefficients
+    /// Memory is read [`anew`] wherever registers are to be free again: else the compiler puts off arithmetic, or keeps coefficients
     /// and rows, until they push each other out.
     #[inline(always)]
     pub(super) fn propagate<S: Simd>(&mut self, simd: S, phi: &impl Spread, first: &NoiseRows, second: &NoiseRows) {
         // Φ P eight columns at a time; with the steady states that is all.
-        let log = black_box(phi).apply_over(&each_row!(I => f64x4::load_array_ref(simd, &self.log[I])));
+        anew(phi);
+        let log = phi.apply_over(&each_row!(I => f64x4::load_array_ref(simd, &self.log[I])));
         for i in 0..DYNAMIC {
             log[i].store_array(&mut self.log[i]);
         }
-        let rows = black_box(self);
+        anew(&*self);
+        anew(phi);
         // A mask that is not known beforehand is a masked load; one that is, is two shuffles.
         let alone = lanes(simd, black_box(1));
         let old = each_row!(I => {
-            let row = f64x8::load_array_ref(simd, &rows.far[I]);
-            let row = if I == 0 { row } else { alone.select(f64x8::simd_from(simd, rows.first(I)), row) };
+            let row = f64x8::load_array_ref(simd, &self.far[I]);
+            let row = if I == 0 { row } else { alone.select(f64x8::simd_from(simd, self.first(I)), row) };
             first.add_far(simd, I, row)
         });
-        let mut far = black_box(phi).apply_over(&old);
+        let mut far = phi.apply_over(&old);
         for i in 1..DYNAMIC {
-            far[i].store_array(&mut rows.far[i]);
+            far[i].store_array(&mut self.far[i]);
         }
         for i in DYNAMIC..READ {
-            second.add_far(simd, i, old[i]).store_array(&mut rows.far[i]);
+            second.add_far(simd, i, old[i]).store_array(&mut self.far[i]);
         }
-        let rows = black_box(rows);
-        let near = black_box(phi)
-            .apply_over(&each_row!(I => first.add_near(simd, I, f64x8::load_array_ref(simd, &rows.near[I]))));
+        anew(&*self);
+        anew(phi);
+        let near = phi.apply_over(&each_row!(I => first.add_near(simd, I, f64x8::load_array_ref(simd, &self.near[I]))));
         for i in 1..DYNAMIC {
-            far[i] = f64x8::load_array_ref(simd, &rows.far[i]);
+            far[i] = f64x8::load_array_ref(simd, &self.far[i]);
         }
         // (Φ P) Φᵀ.
-        let new = turned(simd, &near, &far, black_box(phi));
+        anew(phi);
+        let new = turned(simd, &near, &far, phi);
         for i in 0..DYNAMIC {
-            second.add_near(simd, i, new.near[i]).store_array(&mut rows.near[i]);
+            second.add_near(simd, i, new.near[i]).store_array(&mut self.near[i]);
         }
         for i in DYNAMIC..READ {
-            new.biases[i - DYNAMIC].store_array(&mut rows.near[i]);
+            new.biases[i - DYNAMIC].store_array(&mut self.near[i]);
         }
         alone
             .select(f64x8::simd_from(simd, new.first), far[0])
-            .store_array(&mut rows.far[0]);
+            .store_array(&mut self.far[0]);
         for noise in [first, second] {
-            for variance in &mut rows.dvl[..BIASED_BEAMS] {
+            for variance in &mut self.dvl[..BIASED_BEAMS] {
                 *variance += noise.dvl_bias;
             }
-            rows.dvl[BIASED_BEAMS] += noise.dvl_scale;
+            self.dvl[BIASED_BEAMS] += noise.dvl_scale;
         }
     }
+}
+
+/// What follows reads memory anew. The address is not taken from the black box: stores whose address comes late let loads run ahead
+/// of them in vain.
+#[inline(always)]
+fn anew<T>(thing: &T) {
+    let _ = black_box(thing);
 }
 
 #[inline(always)]

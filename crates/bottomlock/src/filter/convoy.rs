@@ -66,7 +66,6 @@ pub fn predict_together(seats: &mut [Seat<'_>]) {
     let mut waiting: Vec<&mut Seat<'_>> = seats.iter_mut().collect();
     while !waiting.is_empty() {
         let leader = &waiting[0];
-        let rise = leader.times_rise();
         let joins: Vec<bool> = waiting.iter().map(|seat| seat.keeps_pace_with(leader)).collect();
         let (mut group, mut others) = (Vec::new(), Vec::new());
         for (seat, joins) in waiting.into_iter().zip(joins) {
@@ -74,7 +73,7 @@ pub fn predict_together(seats: &mut [Seat<'_>]) {
         }
         waiting = others;
         for part in group.chunks_mut(width()) {
-            if part.len() == 1 || !rise || part[0].samples.len() < 2 {
+            if part.len() == 1 || part[0].samples.len() < 2 || !part[0].times_rise() {
                 part.iter_mut().for_each(|seat| seat.predict_alone());
             } else {
                 board(part);
