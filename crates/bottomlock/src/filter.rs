@@ -10,7 +10,7 @@ mod record;
 mod reopen;
 mod solo;
 
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::Simd;
 use nalgebra::{SMatrix, Vector3};
 
 use self::definite::is_positive_definite;
@@ -22,7 +22,7 @@ use crate::error::{NavError, require_finite};
 use crate::error_model::{Interval, ProcessNoise, Underway};
 use crate::frames::{Rot, Vec3};
 use crate::imu::{EarthTerms, ImuSample, Inertial, Kinematics, Sampling};
-use crate::lane::level;
+use crate::lane::with_vectors;
 use crate::layout::{DIM, VELOCITY};
 use crate::model::{GateTable, MAX_ROWS, Model, Options};
 use crate::report::{Sensor, UpdateReport};
@@ -135,7 +135,7 @@ impl Eskf {
     pub fn covariance(&self) -> Covariance {
         let (mut covariance, mut interval) = (self.covariance, self.interval);
         if let Some(underway) = &self.underway {
-            dispatch!(level(), simd => underway.rows.put_into(simd, &mut covariance.data.0));
+            with_vectors!(simd => underway.rows.put_into(simd, &mut covariance.data.0));
         }
         interval.propagate(&mut covariance.data.0, &self.kinematics, &self.noise, &self.earth);
         covariance
@@ -151,7 +151,7 @@ impl Eskf {
             return Err(Self::does_not_rise(end.time_ns, start.time_ns));
         }
         self.begin_interval(start, end);
-        dispatch!(level(), simd => self.advance(simd, start, end, dt_s))
+        with_vectors!(simd => self.advance(simd, start, end, dt_s))
     }
 
     /// The step, compiled for the machine's own instructions.
@@ -203,8 +203,7 @@ impl Eskf {
         if matches!(self.interval, Interval::Open) {
             let first = self.corrected(self.first_of(start, end));
             let many_steps = self.covariance_period_s > 0.0;
-            self.interval =
-                dispatch!(level(), _simd => Interval::begin(&self.kinematics, &first, &self.earth, many_steps));
+            self.interval = with_vectors!(_simd => Interval::begin(&self.kinematics, &first, &self.earth, many_steps));
         }
     }
 
@@ -233,7 +232,7 @@ impl Eskf {
     /// The covariance as a whole, where it was underway.
     fn gather_covariance(&mut self) {
         if let Some(underway) = self.underway.take() {
-            dispatch!(level(), simd => underway.rows.put_into(simd, &mut self.covariance.data.0));
+            with_vectors!(simd => underway.rows.put_into(simd, &mut self.covariance.data.0));
         }
     }
 

@@ -5,10 +5,10 @@
 //! with a counter and a stream number of 64 bits each.
 
 use fearless_simd::prelude::*;
-use fearless_simd::{dispatch, u32x16};
+use fearless_simd::u32x16;
 use rand_chacha::rand_core::{Infallible, TryRng};
 
-use crate::lane::level;
+use crate::lane::with_vectors;
 
 /// Blocks of a refill.
 const BLOCKS: usize = 16;
@@ -45,7 +45,7 @@ impl Keystream {
 
     #[inline(never)]
     fn refill(&mut self) {
-        dispatch!(level(), simd => self.generate(simd));
+        with_vectors!(simd => self.generate(simd));
         self.block = self.block.wrapping_add(BLOCKS as u64);
         self.next = 0;
     }

@@ -11,11 +11,68 @@ use std::sync::OnceLock;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, f64x4, f64x8};
 
-/// The vectors of this machine: SSE2, AVX2 or AVX-512, NEON; found once.
-pub(crate) fn level() -> Level {
-    static LEVEL: OnceLock<Level> = OnceLock::new();
-    *LEVEL.get_or_init(Level::new)
+/// The vectors that code is made for: what lies between SSE2 and AVX2 is not worth a copy of everything.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Vectors {
+    #[cfg(target_arch = "x86_64")]
+    Avx512(fearless_simd::x86::Avx512),
+    #[cfg(target_arch = "x86_64")]
+    Avx2(fearless_simd::x86::Avx2),
+    #[cfg(target_arch = "x86_64")]
+    Sse2(fearless_simd::x86::Sse2),
+    #[cfg(not(target_arch = "x86_64"))]
+    Others(Level),
 }
+
+/// The vectors of this machine, found once.
+pub(crate) fn vectors() -> Vectors {
+    static VECTORS: OnceLock<Vectors> = OnceLock::new();
+    *VECTORS.get_or_init(|| of_level(Level::new()))
+}
+
+#[cfg(target_arch = "x86_64")]
+fn of_level(level: Level) -> Vectors {
+    match (level, level.as_sse2()) {
+        (Level::Avx512(token), _) => Vectors::Avx512(token),
+        (Level::Avx2(token), _) => Vectors::Avx2(token),
+        (_, Some(token)) => Vectors::Sse2(token),
+        (_, None) => unreachable!("every x86-64 has SSE2"),
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn of_level(level: Level) -> Vectors {
+    Vectors::Others(level)
+}
+
+/// Evaluates an expression, compiled for the vectors of this machine, with the token that stands for them.
+macro_rules! with_vectors {
+    ($simd:ident => $work:expr) => {
+        match $crate::lane::vectors() {
+            #[cfg(target_arch = "x86_64")]
+            $crate::lane::Vectors::Avx512($simd) => fearless_simd::Simd::vectorize(
+                $simd,
+                #[inline(always)]
+                || $work,
+            ),
+            #[cfg(target_arch = "x86_64")]
+            $crate::lane::Vectors::Avx2($simd) => fearless_simd::Simd::vectorize(
+                $simd,
+                #[inline(always)]
+                || $work,
+            ),
+            #[cfg(target_arch = "x86_64")]
+            $crate::lane::Vectors::Sse2($simd) => fearless_simd::Simd::vectorize(
+                $simd,
+                #[inline(always)]
+                || $work,
+            ),
+            #[cfg(not(target_arch = "x86_64"))]
+            $crate::lane::Vectors::Others(level) => fearless_simd::dispatch!(level, $simd => $work),
+        }
+    };
+}
+pub(crate) use with_vectors;
 
 /// True where the machine fuses products and sums by itself.
 #[inline(always)]
@@ -356,16 +413,21 @@ pub(crate) fn zero3<T: Lane>(like: T) -> M3<T> {
 #[cfg(test)]
 macro_rules! on_every_level {
     ($simd:ident => $check:expr) => {{
+        let level = fearless_simd::Level::new();
         #[cfg(target_arch = "x86_64")]
         {
-            if let Some($simd) = $crate::lane::level().as_sse2() {
+            if let Some($simd) = level.as_sse2() {
                 $check;
             }
-            if let Some($simd) = $crate::lane::level().as_avx2() {
+            if let Some($simd) = level.as_avx2() {
+                $check;
+            }
+            if let Some($simd) = level.as_avx512() {
                 $check;
             }
         }
-        fearless_simd::dispatch!($crate::lane::level(), $simd => $check);
+        #[cfg(not(target_arch = "x86_64"))]
+        fearless_simd::dispatch!(level, $simd => $check);
     }};
 }
 #[cfg(test)]

@@ -1,11 +1,11 @@
 //! What became of a measurement, and how right the filter was about itself.
 
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::Simd;
 use nalgebra::{SMatrix, SVector};
 
 use crate::dvl::geometry::MAX_BEAMS;
 use crate::dvl::partial::Method;
-use crate::lane::level;
+use crate::lane::with_vectors;
 use crate::layout::DIM;
 use crate::model::MAX_ROWS;
 use crate::state::{Covariance, ErrorVector};
@@ -137,7 +137,7 @@ impl UpdateReport {
 /// Frozen states (zero variance) are left out.
 #[must_use]
 pub fn nees(covariance: &Covariance, error: &ErrorVector, from: usize, to: usize) -> Option<f64> {
-    dispatch!(level(), simd => normalised_square(simd, covariance, error, from, to))
+    with_vectors!(simd => normalised_square(simd, covariance, error, from, to))
 }
 
 /// [`nees`]: nalgebra's Cholesky operations in nalgebra's order, over columns of a length that the compiler knows.

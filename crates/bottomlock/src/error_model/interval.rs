@@ -1,12 +1,12 @@
 //! The interval since the covariance was last brought up to date.
 
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::Simd;
 
 use super::noise::HalfNoise;
 use super::transition::Transition;
 use super::{Partitioned, ProcessNoise, Single, Step, Stretch, Underway};
 use crate::imu::{EarthTerms, Inertial, Kinematics};
-use crate::lane::{Lane, level};
+use crate::lane::{Lane, with_vectors};
 use crate::layout::{DIM, DYNAMIC};
 
 /// What an interval of one kind gathers, and the transition and noise that follow from it.
@@ -118,7 +118,7 @@ impl Interval {
         if self.duration_s() <= 0.0 {
             return;
         }
-        dispatch!(level(), simd => {
+        with_vectors!(simd => {
             let mut underway = Underway::of(simd, p);
             self.propagate_rows(simd, &mut underway, end, noise, earth);
             underway.rows.put_into(simd, p);
@@ -149,8 +149,8 @@ impl Interval {
         }
         match self {
             Self::Open => {}
-            Self::Step(step) => dispatch!(level(), _simd => step.carry(columns, end, earth)),
-            Self::Stretch(stretch) => dispatch!(level(), _simd => stretch.carry(columns, end, earth)),
+            Self::Step(step) => with_vectors!(_simd => step.carry(columns, end, earth)),
+            Self::Stretch(stretch) => with_vectors!(_simd => stretch.carry(columns, end, earth)),
         }
     }
 }

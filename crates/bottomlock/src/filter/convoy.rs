@@ -3,16 +3,16 @@
 //! The arms of a run, and the runs of a batch, sit in the lanes of vectors; each lane does what [`Eskf::predict`] does, bit for
 //! bit, whoever its neighbours are. Only filters whose covariance falls due at the same steps sit together.
 
+use fearless_simd::f64x4;
 #[cfg(target_arch = "x86_64")]
 use fearless_simd::f64x8;
 use fearless_simd::prelude::*;
-use fearless_simd::{dispatch, f64x4};
 
 use super::Eskf;
 use crate::error::NavError;
 use crate::error_model::{Partitioned, SideBySide, Step, Stretch};
 use crate::imu::{EarthTerms, ImuSample, Inertial, KINEMATICS, Kinematics, Sampling};
-use crate::lane::{Lane, Lanes, V3, WIDEST, gather, level, scatter, splat3, sub};
+use crate::lane::{Lane, Lanes, V3, Vectors, WIDEST, gather, scatter, splat3, sub, vectors, with_vectors};
 use crate::layout::DIM;
 use crate::state::Covariance;
 
@@ -85,9 +85,9 @@ pub fn predict_together(seats: &mut [Seat<'_>]) {
 /// How many filters sit together: the widest vectors of the machine.
 #[must_use]
 pub fn width() -> usize {
-    match level() {
+    match vectors() {
         #[cfg(target_arch = "x86_64")]
-        fearless_simd::Level::Avx512(_) => WIDEST,
+        Vectors::Avx512(_) => WIDEST,
         _ => 4,
     }
 }
@@ -95,9 +95,9 @@ pub fn width() -> usize {
 /// Eight where the machine has vectors of eight; else four, which keeps the code for narrower ones half as large.
 fn board(seats: &mut [&mut Seat<'_>]) {
     let many_steps = seats[0].filter.covariance_period_s > 0.0;
-    match level() {
+    match vectors() {
         #[cfg(target_arch = "x86_64")]
-        fearless_simd::Level::Avx512(simd) if seats.len() > 4 => {
+        Vectors::Avx512(simd) if seats.len() > 4 => {
             simd.vectorize(
                 #[inline(always)]
                 || {
@@ -109,8 +109,8 @@ fn board(seats: &mut [&mut Seat<'_>]) {
                 },
             );
         }
-        _ if many_steps => dispatch!(level(), simd => fly::<_, f64x4<_>, Stretch<_>>(simd, seats)),
-        _ => dispatch!(level(), simd => fly::<_, f64x4<_>, Step<_>>(simd, seats)),
+        _ if many_steps => with_vectors!(simd => fly::<_, f64x4<_>, Stretch<_>>(simd, seats)),
+        _ => with_vectors!(simd => fly::<_, f64x4<_>, Step<_>>(simd, seats)),
     }
 }
 

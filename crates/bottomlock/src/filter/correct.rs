@@ -12,14 +12,14 @@
 //! E (I − K H)ᵀ: what a sharp measurement says of a state keeps its digits, as in the dense product. Forms without A,
 //! P − K S Kᵀ and P − K Xᵀ − X Kᵀ + K S Kᵀ, leave differences of 2e-16 P there.
 
+use fearless_simd::f64x4;
 use fearless_simd::prelude::*;
-use fearless_simd::{dispatch, f64x4};
 use nalgebra::{Cholesky, Const, SMatrix};
 
 use super::columns::{Column, VECTORS, WIDTH, load_part, store_part, transposed};
 use super::definite::factorises;
 use crate::aiding::{Innovation, RowJacobian};
-use crate::lane::{level, plus};
+use crate::lane::{plus, with_vectors};
 use crate::layout::DIM;
 use crate::model::MAX_ROWS;
 use crate::state::{Covariance, ErrorVector};
@@ -93,7 +93,7 @@ impl Reached {
 impl<const M: usize> Expectation<M> {
     /// Nothing where S is not positive definite.
     pub(super) fn of(p: &Covariance, innovation: &Innovation) -> Option<Self> {
-        dispatch!(level(), simd => Self::within(simd, p, innovation))
+        with_vectors!(simd => Self::within(simd, p, innovation))
     }
 
     #[inline(always)]
@@ -156,7 +156,7 @@ impl<const M: usize> Expectation<M> {
 
     /// Corrects the covariance, where the result is proven to be one, and leaves it alone elsewhere.
     pub(super) fn correct(&self, p: &mut Covariance, innovation: &Innovation) -> Result<Correction<M>, Indefinite> {
-        dispatch!(level(), simd => self.correct_within(simd, &mut p.data.0, innovation))
+        with_vectors!(simd => self.correct_within(simd, &mut p.data.0, innovation))
     }
 
     #[inline(always)]

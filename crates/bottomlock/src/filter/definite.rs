@@ -5,17 +5,17 @@
 //! ed., theorem 10.7, after Demmel: whether the factorisation runs through is a matter of the smallest eigenvalue of the
 //! *scaled* matrix, whichever is factorised).
 
+use fearless_simd::f64x4;
 use fearless_simd::prelude::*;
-use fearless_simd::{dispatch, f64x4};
 
 use super::columns::{VECTORS, WIDTH, load_part};
-use crate::lane::{level, plus};
+use crate::lane::{plus, with_vectors};
 use crate::layout::DIM;
 use crate::state::Covariance;
 
 /// True where the factorisation of a symmetric matrix exists; states without variance are left out.
 pub(super) fn is_positive_definite(covariance: &Covariance) -> bool {
-    dispatch!(level(), simd => factorises(simd, &covariance.data.0))
+    with_vectors!(simd => factorises(simd, &covariance.data.0))
 }
 
 /// The same within a dispatch. Only the elements on and below the diagonal are read.

@@ -3,14 +3,14 @@
 //! Eight steps are taken side by side as far as they do not wait for each other. Meanwhile the covariance goes on over the eight
 //! before: its arithmetic fills the pauses in the chain of rotations that the attitude is.
 
-use fearless_simd::{Simd, dispatch, f64x8};
+use fearless_simd::{Simd, f64x8};
 
 use super::Eskf;
 use crate::error::NavError;
 use crate::error_model::{Interval, Last, Single, Span, Step, Steps, Stretch, Underway};
 use crate::imu::course::{Ahead, Biases, Course, STEPS, Table, Wake};
 use crate::imu::{ImuSample, KINEMATICS, Kinematics};
-use crate::lane::{M3, level};
+use crate::lane::{M3, with_vectors};
 
 /// Fewer steps than this are not worth it.
 const WORTH_IT: usize = 4;
@@ -30,9 +30,9 @@ impl Eskf {
             let flown = &samples[..=rising];
             taken = match self.interval {
                 Interval::Step(step) if step.duration_s() <= 0.0 => {
-                    dispatch!(level(), simd => self.fly(simd, flown, EveryStep::of(simd, &step)))
+                    with_vectors!(simd => self.fly(simd, flown, EveryStep::of(simd, &step)))
                 }
-                Interval::Stretch(stretch) => dispatch!(level(), simd => self.fly(simd, flown, Stretches::of(stretch))),
+                Interval::Stretch(stretch) => with_vectors!(simd => self.fly(simd, flown, Stretches::of(stretch))),
                 _ => 0,
             };
         }
