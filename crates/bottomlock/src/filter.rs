@@ -4,13 +4,21 @@ mod assume;
 mod columns;
 pub mod convoy;
 mod correct;
+<<<<<<< HEAD
 mod definite;
 mod fuse;
+=======
+mod predict;
+>>>>>>> speed-one
 mod record;
 mod reopen;
 mod solo;
 
+<<<<<<< HEAD
 use fearless_simd::Simd;
+=======
+use fearless_simd::dispatch;
+>>>>>>> speed-one
 use nalgebra::{SMatrix, Vector3};
 
 use self::definite::is_positive_definite;
@@ -21,11 +29,19 @@ use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
 use crate::error_model::{Interval, ProcessNoise, Underway};
 use crate::frames::{Rot, Vec3};
+<<<<<<< HEAD
 use crate::imu::{EarthTerms, ImuSample, Inertial, Kinematics, Sampling};
 use crate::lane::with_vectors;
 use crate::layout::{DIM, VELOCITY};
 use crate::model::{GateTable, MAX_ROWS, Model, Options};
 use crate::report::{Sensor, UpdateReport};
+=======
+use crate::imu::{EarthTerms, ImuSample, Kinematics, Sampling};
+use crate::lane::level;
+use crate::layout::{DIM, VELOCITY, block_name};
+use crate::model::{Gate, GateTable, MAX_ROWS, Model, Options};
+use crate::report::{Sensor, UpdateReport, Verdict};
+>>>>>>> speed-one
 use crate::smoother::Tape;
 use crate::state::{Covariance, NavState};
 use crate::water_block::WaterBlock;
@@ -141,6 +157,7 @@ impl Eskf {
         covariance
     }
 
+<<<<<<< HEAD
     /// One strapdown step from `start` to `end`, and the covariance where its interval is full.
     ///
     /// # Errors
@@ -224,11 +241,14 @@ impl Eskf {
         }
     }
 
+=======
+>>>>>>> speed-one
     /// Takes note of a rate before the first step, for lever arms.
     pub fn note_rate(&mut self, sample: &ImuSample) {
         self.last_rate_p_radps = sample.rate_p_radps.0;
     }
 
+<<<<<<< HEAD
     /// The covariance as a whole, where it was underway.
     fn gather_covariance(&mut self) {
         if let Some(underway) = self.underway.take() {
@@ -254,6 +274,8 @@ impl Eskf {
         }
     }
 
+=======
+>>>>>>> speed-one
     /// Runs `function` with the motion at the current time, for the expected readings of a sensor.
     pub fn with_motion<T>(&self, function: impl FnOnce(&Motion<'_>) -> T) -> T {
         let state = self.state();

@@ -317,6 +317,7 @@ fn rotation_matrix<T: Lane>([w, x, y, z]: [T; 4]) -> M3<T> {
 }
 
 #[cfg(test)]
+<<<<<<< HEAD
 mod tests {
     use super::*;
     use crate::lane::{Lanes, on_every_level, scatter};
@@ -432,3 +433,7 @@ mod tests {
         on_every_level!(simd => turning::<_, f64x8<_>>(simd));
     }
 }
+=======
+#[path = "imu/tests.rs"]
+mod tests;
+>>>>>>> speed-one

@@ -12,7 +12,7 @@ use super::Eskf;
 use crate::error::NavError;
 use crate::error_model::{Partitioned, SideBySide, Step, Stretch};
 use crate::imu::{EarthTerms, ImuSample, Inertial, KINEMATICS, Kinematics, Sampling};
-use crate::lane::{Lane, Lanes, V3, Vectors, WIDEST, gather, scatter, splat3, sub, vectors, with_vectors};
+use crate::lane::{Lane, Lanes, V3, Vectors, WIDEST, gather, scatter, splat3, sub, vectors};
 use crate::layout::DIM;
 use crate::state::Covariance;
 
@@ -92,25 +92,37 @@ pub fn width() -> usize {
     }
 }
 
-/// Eight where the machine has vectors of eight; else four, which keeps the code for narrower ones half as large.
 fn board(seats: &mut [&mut Seat<'_>]) {
     let many_steps = seats[0].filter.covariance_period_s > 0.0;
     match vectors() {
         #[cfg(target_arch = "x86_64")]
-        Vectors::Avx512(simd) if seats.len() > 4 => {
-            simd.vectorize(
-                #[inline(always)]
-                || {
-                    if many_steps {
-                        fly::<_, f64x8<_>, Stretch<_>>(simd, seats);
-                    } else {
-                        fly::<_, f64x8<_>, Step<_>>(simd, seats);
-                    }
-                },
-            );
+        Vectors::Avx512(simd) => simd.vectorize(
+            #[inline(always)]
+            || fly_any::<_, f64x8<_>>(simd, seats, many_steps),
+        ),
+        #[cfg(target_arch = "x86_64")]
+        Vectors::Avx2(simd) => simd.vectorize(
+            #[inline(always)]
+            || fly_any::<_, f64x4<_>>(simd, seats, many_steps),
+        ),
+        #[cfg(target_arch = "x86_64")]
+        Vectors::Sse2(simd) => simd.vectorize(
+            #[inline(always)]
+            || fly_any::<_, f64x4<_>>(simd, seats, many_steps),
+        ),
+        #[cfg(not(target_arch = "x86_64"))]
+        Vectors::Others(level) => {
+            fearless_simd::dispatch!(level, simd => fly_any::<_, f64x4<_>>(simd, seats, many_steps))
         }
-        _ if many_steps => with_vectors!(simd => fly::<_, f64x4<_>, Stretch<_>>(simd, seats)),
-        _ => with_vectors!(simd => fly::<_, f64x4<_>, Step<_>>(simd, seats)),
+    }
+}
+
+#[inline(always)]
+fn fly_any<S: Simd, T: Lanes<S>>(simd: S, seats: &mut [&mut Seat<'_>], many_steps: bool) {
+    if many_steps {
+        fly::<_, T, Stretch<T>>(simd, seats);
+    } else {
+        fly::<_, T, Step<T>>(simd, seats);
     }
 }
 
