@@ -1,12 +1,12 @@
 //! One step: the strapdown, and the covariance where its interval is full.
 
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::Simd;
 
 use super::Eskf;
 use crate::error::NavError;
 use crate::error_model::{Interval, Underway};
 use crate::imu::{ImuSample, Inertial, Sampling};
-use crate::lane::level;
+use crate::lane::with_vectors;
 
 impl Eskf {
     /// One strapdown step from `start` to `end`, and the covariance where its interval is full.
@@ -19,7 +19,7 @@ impl Eskf {
             return Err(Self::does_not_rise(end.time_ns, start.time_ns));
         }
         self.begin_interval(start, end);
-        dispatch!(level(), simd => self.advance(simd, start, end, dt_s))
+        with_vectors!(simd => self.advance(simd, start, end, dt_s))
     }
 
     /// The step, compiled for the machine's own instructions.
@@ -71,8 +71,7 @@ impl Eskf {
         if matches!(self.interval, Interval::Open) {
             let first = self.corrected(self.first_of(start, end));
             let many_steps = self.covariance_period_s > 0.0;
-            self.interval =
-                dispatch!(level(), _simd => Interval::begin(&self.kinematics, &first, &self.earth, many_steps));
+            self.interval = with_vectors!(_simd => Interval::begin(&self.kinematics, &first, &self.earth, many_steps));
         }
     }
 
@@ -96,7 +95,7 @@ impl Eskf {
     /// The covariance as a whole, where it was underway.
     pub(super) fn gather_covariance(&mut self) {
         if let Some(underway) = self.underway.take() {
-            dispatch!(level(), simd => underway.rows.put_into(simd, &mut self.covariance.data.0));
+            with_vectors!(simd => underway.rows.put_into(simd, &mut self.covariance.data.0));
         }
     }
 

@@ -48,13 +48,31 @@ fn steady_turn_closes_the_circle() {
     assert!((kinematics.velocity_p_mps[0] - speed).abs() < 1e-9);
 }
 
-/// Large rotations leave the series and stay right: half a turn about z.
+/// Large rotations leave the series and stay right: half a turn about z, and both sides of the limit.
 #[test]
-fn exponential_of_a_large_angle() {
+fn exponential_of_any_angle() {
     let q = quaternion_exp([0.0, 0.0, std::f64::consts::PI]);
     assert!(q[0].abs() < 1e-15 && (q[3] - 1.0).abs() < 1e-15);
-    let (small, exact) = (quaternion_exp([0.0, 0.9, 0.0]), (0.45_f64.cos(), 0.45_f64.sin()));
-    assert!((small[0] - exact.0).abs() < 1e-16 && (small[2] - exact.1).abs() < 1e-16);
+    for angle in [1e-9, 0.01, 0.19999, 0.2, 0.200_01, 0.9, 6.0] {
+        let q = quaternion_exp([0.0, angle, 0.0]);
+        let (sine, cosine) = (0.5_f64 * angle).sin_cos();
+        assert!((q[0] - cosine).abs() < 2e-16 && (q[2] - sine).abs() < 2e-16, "{angle}");
+    }
+}
+
+/// The quaternion stays a unit quaternion over a million steps, without a root.
+#[test]
+fn attitude_keeps_its_norm() {
+    let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
+    let mut kinematics = Kinematics::new([0.0; 3], [0.6, 0.1, -0.3, 0.7], [1.0, 0.0, 0.0]);
+    let inertial = Inertial {
+        rate_p_radps: [0.3, -0.2, 0.5],
+        force_p_mps2: [0.1, 0.2, -9.8],
+    };
+    for _ in 0..1_000_000 {
+        kinematics.step(&inertial, &inertial, 1.0 / 150.0, &earth);
+    }
+    assert!((squared_norm(kinematics.attitude_t_p) - 1.0).abs() < 1e-15);
 }
 
 fn turning<S: Simd, T: Lanes<S>>(simd: S) {
