@@ -32,6 +32,8 @@ use nalgebra::SMatrix;
 const TENTH_NS: i64 = 100_000_000;
 const NOISE_SD_MPS: f64 = 0.042;
 const MOST_RUNS: usize = 32;
+/// A party repeats its work for at least so long.
+const LEAST_NS: i128 = 30_000_000;
 
 struct Work {
     imu: Vec<ImuSample>,
@@ -84,6 +86,22 @@ impl Work {
             gate: Gate::Off,
             covariance_period_ns: period_ns,
             ..Options::default()
+        }
+    }
+
+    /// A party's work.
+    fn fly(&self, party: &str, runs: usize) -> Covariance {
+        match party {
+            "one" => self.one(0),
+            "one_10hz" => self.one(TENTH_NS),
+            "alone" => self.many(1, 0, &self.streams[..1]),
+            "alone_10hz" => self.many(1, TENTH_NS, &self.streams[..1]),
+            "arms" => self.many(runs, 0, &self.streams[..1]),
+            "arms_10hz" => self.many(runs, TENTH_NS, &self.streams[..1]),
+            "many" => self.many(runs, 0, &self.streams[..runs]),
+            "many_10hz" => self.many(runs, TENTH_NS, &self.streams[..runs]),
+            "dense" => self.dense(),
+            _ => panic!("parties: no party of the name {party:?}"),
         }
     }
 
@@ -346,33 +364,30 @@ fn main() {
         let mut words = line.split_whitespace();
         let party = words.next().unwrap_or("");
         let runs: usize = words.next().map_or(1, |word| word.parse().unwrap());
-        let begin = on_core_ns();
-        let covariance = match party {
-            "one" => work.one(0),
-            "one_10hz" => work.one(TENTH_NS),
-            "alone" => work.many(1, 0, &work.streams[..1]),
-            "alone_10hz" => work.many(1, TENTH_NS, &work.streams[..1]),
-            "arms" => work.many(runs, 0, &work.streams[..1]),
-            "arms_10hz" => work.many(runs, TENTH_NS, &work.streams[..1]),
-            "many" => work.many(runs, 0, &work.streams[..runs]),
-            "many_10hz" => work.many(runs, TENTH_NS, &work.streams[..runs]),
-            "dense" => work.dense(),
+        match party {
             "flops" => {
                 println!("{}", operations_of_a_step(&work));
                 continue;
             }
             "peak" => {
-                let rounds = 2_000_000;
+                let (rounds, begin) = (2_000_000, on_core_ns());
                 black_box(dispatch!(Level::new(), simd => multiply_adds(simd, rounds)));
                 let seconds = (on_core_ns() - begin) as f64 * 1e-9;
                 println!("{}", 2.0 * 8.0 * 16.0 * rounds as f64 / seconds);
                 continue;
             }
-            _ => panic!("parties: no party of the name {party:?}"),
-        };
+            _ => {}
+        }
+        // Once unmeasured: a run takes a few milliseconds, and caches and predictions are another party's.
+        let covariance = work.fly(party, runs);
+        let (begin, mut repeats) = (on_core_ns(), 0);
+        while repeats == 0 || on_core_ns() - begin < LEAST_NS {
+            black_box(work.fly(party, runs));
+            repeats += 1;
+        }
         let nanoseconds = on_core_ns() - begin;
         let lower = (0..20).flat_map(|i| (0..=i).map(move |j| (i, j)));
         let numbers: Vec<_> = lower.map(|(i, j)| format!("{:e}", covariance[(i, j)])).collect();
-        println!("{nanoseconds} {} {}", runs * steps, numbers.join(" "));
+        println!("{nanoseconds} {} {}", repeats * runs * steps, numbers.join(" "));
     }
 }

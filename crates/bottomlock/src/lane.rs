@@ -2,7 +2,7 @@
 //!
 //! Propagation is written once over [`Lane`]; a lane of a vector does the very operations of the scalar in the same order,
 //! products and sums fused where the code says [`Lane::mul_add`] and nowhere else, so that lane results equal scalar results
-//! bit for bit. That holds on every machine: which vectors there are is found at run time ([`vectors`]), and a machine that cannot
+//! bit for bit. That holds on every machine: which vectors there are is found at run time, and a machine that cannot
 //! fuse works out the fused result in software, slowly.
 
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
