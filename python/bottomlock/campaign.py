@@ -14,7 +14,7 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.chunks import Chunk
+from bottomlock.chunks import Chunk, true_course
 from bottomlock.directory import MANIFEST, TRUTH, is_finished, prepare, write_chunk
 from bottomlock.engine import Engine, open_engine
 from bottomlock.errors import ScenarioError
@@ -134,7 +134,7 @@ def _paths(worlds: Sequence[World]) -> pl.DataFrame:
     """Where the vehicle is each second on the truth (`schema.PATHS`); runs that fly on the estimate go astray of it."""
     parts = []
     for world in worlds:
-        truth = world.truth()
+        truth = true_course(world)
         every = slice(None, None, max(1, round(world.scenario.imu.rate_hz)))
         north, east, depth = truth.position_t_m[every].T
         columns = {"time_ns": truth.time_ns[every], "north_m": north, "east_m": east, "depth_m": depth}

@@ -1,7 +1,6 @@
 """What the arms that choose have chosen, counted over runs at each ping."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -20,7 +19,8 @@ def choice_counts(
 
     The selector of the paper has a source for each component, the consistent selector a filter and a reason.
     """
-    parts = []
+    times, counts = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    keys: list[tuple[str, str, str]] = []
     for number, arm in enumerate(arms):
         codes = choice[:, number]
         if not codes.size or (codes[..., 0] == NO_CHOICE).all():
@@ -31,12 +31,19 @@ def choice_counts(
             for code, source in enumerate(known):
                 count = (codes[..., k] == code).sum(axis=0)
                 seen = np.flatnonzero(count)
-                columns: dict[str, Any] = {"time_ns": dvl_time_ns[seen], "runs": count[seen]}
-                keys = {"trajectory": trajectory, "arm": arm, "component": name, "source": source}
-                literals = [pl.lit(value).alias(key) for key, value in keys.items()]
-                parts.append(pl.DataFrame(columns).with_columns(literals))
-    empty = pl.DataFrame(schema=dict(CHOICES))
-    return pl.concat([empty, *(part.select(list(CHOICES)).cast(dict(CHOICES)) for part in parts)])  # type: ignore[arg-type]
+                times.append(dvl_time_ns[seen])
+                counts.append(count[seen])
+                keys += [(arm, name, source)] * len(seen)
+    of_arm, components, sources = zip(*keys, strict=True) if keys else ((), (), ())
+    columns = {
+        "trajectory": [trajectory] * len(keys),
+        "arm": of_arm,
+        "time_ns": np.concatenate(times),
+        "component": components,
+        "source": sources,
+        "runs": np.concatenate(counts),
+    }
+    return pl.DataFrame(columns, schema_overrides=dict(CHOICES)).select(list(CHOICES))
 
 
 def merged(tables: Sequence[pl.DataFrame]) -> pl.DataFrame:

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -33,6 +34,11 @@ class Chunk:
         """The scenario's name."""
         return self.world.scenario.name
 
+    @property
+    def on_estimate(self) -> bool:
+        """Whether its vehicles fly on what they believe."""
+        return self.world.scenario.trajectory.feedback == "estimate"
+
 
 @dataclass(frozen=True)
 class Flown:
@@ -45,22 +51,30 @@ class Flown:
     work_s: float
 
 
-def fly_chunk(chunk: Chunk, *, threads: int = 1, tell: Callable[[float], None] = lambda _: None) -> Flown:
+def fly_chunk(
+    chunk: Chunk,
+    *,
+    threads: int = 1,
+    tell: Callable[[float], None] = lambda _: None,
+    turn: AbstractContextManager[Any] | None = None,
+) -> Flown:
     """Flies the runs of a chunk with every arm.
 
     Args:
         chunk: what to fly.
         threads: 0 for as many as there are cores. The numbers do not depend on it.
         tell: hears the part that is behind, 0 to 1, where a chunk takes its time.
+        turn: entered while the kernel works, which has all threads for itself.
 
     Raises:
         KernelError: for input that the kernel refuses, naming run and arm.
     """
     scenario = chunk.world.scenario
-    started = time.perf_counter()
-    fly = _on_estimate if scenario.trajectory.feedback == "estimate" else _on_truth
-    result = fly(chunk, threads, tell)
-    kernel_s = time.perf_counter() - started
+    fly = _on_estimate if chunk.on_estimate else _on_truth
+    with turn or nullcontext():
+        started = time.perf_counter()
+        result = fly(chunk, threads, tell)
+        kernel_s = time.perf_counter() - started
     samples, counts = _frames(
         result,
         name=scenario.name,
@@ -101,6 +115,11 @@ def _course(known: _Known) -> _Course:
         return _Course(world.truth(), None)
     flight = world.flight()
     return _Course(flight.truth, _offset_m(flight))
+
+
+def true_course(world: World) -> Truth:
+    """The truth of a world, remembered where its runs have been flown in this process."""
+    return _course(_Known(world.fingerprint(), world)).truth
 
 
 def _on_truth(chunk: Chunk, threads: int, _tell: Callable[[float], None]) -> dict[str, Any]:

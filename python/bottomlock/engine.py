@@ -1,9 +1,12 @@
 """Engines: what works off a list of chunks. Which one does it changes no bit."""
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from importlib.util import find_spec
+from threading import Lock
 from typing import Protocol
 from urllib.parse import urlsplit
 
@@ -23,7 +26,10 @@ class Engine(Protocol):
 
 
 class LocalEngine:
-    """One chunk after another in this process, each with the kernel's threads."""
+    """Chunks in this process, one after another, each with the kernel's threads.
+
+    While the tables of one are made and written, the next is in the kernel.
+    """
 
     def __init__(self, threads: int) -> None:
         """`threads`: 0 for as many as there are cores."""
@@ -33,8 +39,27 @@ class LocalEngine:
         self, chunks: Sequence[Chunk], tell: Callable[[Chunk, float], None]
     ) -> Iterator[tuple[Chunk, Flown]]:
         """In order."""
-        for chunk in chunks:
-            yield chunk, fly_chunk(chunk, threads=self._threads, tell=partial(tell, chunk))
+        pool, turn = ThreadPoolExecutor(max_workers=2), Lock()
+        ahead: deque[tuple[Chunk, Future[Flown]]] = deque()
+        try:
+            for chunk in chunks:
+                if chunk.on_estimate:
+                    # Long, and much of it in Python: it stays where an interruption reaches it.
+                    yield from _landed(ahead, 0)
+                    yield chunk, fly_chunk(chunk, threads=self._threads, tell=partial(tell, chunk))
+                    continue
+                ahead.append((chunk, pool.submit(fly_chunk, chunk, threads=self._threads, turn=turn)))
+                yield from _landed(ahead, 1)
+            yield from _landed(ahead, 0)
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _landed(ahead: deque[tuple[Chunk, Future[Flown]]], but: int) -> Iterator[tuple[Chunk, Flown]]:
+    """Waits for the chunks that are first in the queue, all but some."""
+    while len(ahead) > but:
+        chunk, flown = ahead.popleft()
+        yield chunk, flown.result()
 
 
 def check_engine(name: str, *, threads: int = 0, scheduler: str | None = None) -> None:

@@ -7,8 +7,11 @@ from typing import Any, Self
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.scenario import Scenario
 
-CHUNK_STEPS = 6_000_000
+CHUNK_STEPS = 12_000_000
 """Filter steps of one kernel call: a second or two of one core, so that progress and interruption stay lively."""
+
+EVEN_RUNS = 16
+"""Chunks of more runs hold a multiple of it: full lanes, and as much work for each thread."""
 
 FLEET_VEHICLES = 512
 """Vehicles that fly on estimates side by side: more cost less each, and more is lost with an unfinished chunk."""
@@ -47,9 +50,9 @@ class Plan:
         """The plan of a scenario.
 
         >>> from bottomlock.scenario import load_scenario
-        >>> plan = Plan.of(load_scenario("straight").with_overrides(runs=200, arms=["tc"]))
+        >>> plan = Plan.of(load_scenario("straight").with_overrides(runs=500, arms=["tc"]))
         >>> [span.runs for span in plan.spans()]
-        [159, 41]
+        [304, 196]
         """
         trajectory, settings = scenario.trajectory, scenario.campaign
         steps = round(trajectory.duration_s * scenario.imu.rate_hz) + 1
@@ -60,7 +63,7 @@ class Plan:
             name=scenario.name,
             arms=tuple(settings.arms),
             runs=settings.runs,
-            runs_per_chunk=max(1, size),
+            runs_per_chunk=max(1, size if size < EVEN_RUNS else size - size % EVEN_RUNS),
             nees_degrees=20 if scenario.filter.estimate_dvl else 15,
         )
 

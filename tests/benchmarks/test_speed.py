@@ -1,5 +1,9 @@
 """What Python sees: timed by `make bench`, run once as a test elsewhere; compare by ratio within one run."""
 
+import subprocess
+import sys
+from itertools import count
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -7,6 +11,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from bottomlock import kernel
+from bottomlock.campaign import run_campaign
 from bottomlock.conditions import schedule
 from bottomlock.plant import swim
 from bottomlock.scenario import load_scenario
@@ -32,6 +37,48 @@ def test_batch_of_one_arm(benchmark: BenchmarkFixture, flight: dict[str, Any], a
     """Eight runs of one arm on one thread."""
     result = benchmark(kernel.run_batch, **flight, arms=[arm], runs=8, threads=1)
     assert result["nees"].shape == (8, 1, 10)
+
+
+@pytest.mark.parametrize("runs", [0, 1, 8, 32])
+def test_batch_of_runs(benchmark: BenchmarkFixture, flight: dict[str, Any], runs: int) -> None:
+    """Eight arms on one thread; no run at all is what a call costs by itself."""
+    arms = ["ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc"]
+    result = benchmark(kernel.run_batch, **flight, arms=arms, runs=runs, threads=1)
+    assert result["nees"].shape == (runs, 8, 10)
+
+
+def test_noise_of_eight_runs(benchmark: BenchmarkFixture, flight: dict[str, Any]) -> None:
+    """A batch without arms draws its sensors and does nothing else."""
+    result = benchmark(kernel.run_batch, **flight, arms=[], runs=8, threads=1)
+    assert result["nees"].shape == (8, 0, 10)
+
+
+def test_push_one_inertial_reading(benchmark: BenchmarkFixture, flight: dict[str, Any]) -> None:
+    """A navigator fed from Python, event by event."""
+    truth = flight["truth"]
+    state = {key: truth[key][0] for key in ("position_t_m", "attitude_t_p", "velocity_p_mps")}
+    navigator = kernel.Navigator(
+        flight["geometry"], flight["assumed"], flight["options"], {"time_ns": 0, **state}, arm="tc"
+    )
+    rate, force, times = np.array([0.0, 0.0, 0.01]), np.array([0.0, 0.0, -9.79]), count(0, 6_666_667)
+    reports = benchmark(lambda: navigator.push_imu(next(times), rate, force))
+    assert reports == []
+
+
+def test_small_campaign(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
+    """Ten seconds, four runs, three arms: truth, noise, filters, Parquet, statistics."""
+    scenario = load_scenario("straight").with_overrides(runs=4, arms=["ins", "lc", "tc"])
+    short, number = scenario.with_trajectory(duration_s=10.0), count()
+    results = benchmark(lambda: run_campaign([short], tmp_path / str(next(number)), threads=1))
+    assert results.runs.height == 12
+
+
+@pytest.mark.parametrize("module", ["numpy", "bottomlock"])
+def test_import(benchmark: BenchmarkFixture, module: str) -> None:
+    """A fresh interpreter; `benches/import_time.py` has the ratio."""
+    command = [sys.executable, "-c", f"import {module}"]
+    finished = benchmark(subprocess.run, command, check=True)
+    assert finished.returncode == 0
 
 
 @pytest.mark.parametrize("method", ["lc", "plcf", "nsv", "info"])

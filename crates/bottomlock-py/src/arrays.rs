@@ -15,18 +15,34 @@ pub struct Array<T> {
     pub values: Vec<T>,
 }
 
+/// Rows of a fixed width under leading axes, one after the other: the caller's own memory where it is contiguous and of the right
+/// type, else a copy. Nobody may write to it while it is read without the GIL, as in numpy's own functions.
+pub struct Rows<'py, const N: usize>(PyReadonlyArrayDyn<'py, f64>);
+
+impl<'py, const N: usize> Rows<'py, N> {
+    pub fn new(name: &str, value: &Bound<'py, PyAny>, leading: &[Option<usize>]) -> PyResult<Self> {
+        let shape: Vec<Option<usize>> = leading.iter().copied().chain([Some(N)]).collect();
+        checked(name, value, "fiu", "float64", &shape).map(Self)
+    }
+
+    pub fn get(&self) -> PyResult<&[[f64; N]]> {
+        Ok(self.0.as_slice()?.as_chunks().0)
+    }
+}
+
 fn shape_text(shape: &[Option<usize>]) -> String {
     let parts: Vec<String> = shape.iter().map(|n| n.map_or("n".into(), |n| n.to_string())).collect();
     format!("({}{})", parts.join(", "), if shape.len() == 1 { "," } else { "" })
 }
 
-fn convert<T: Element + Copy>(
+/// A contiguous array of a type and a shape.
+fn checked<'py, T: Element>(
     name: &str,
-    value: &Bound<'_, PyAny>,
+    value: &Bound<'py, PyAny>,
     kinds: &str,
     dtype: &str,
     shape: &[Option<usize>],
-) -> PyResult<Array<T>> {
+) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let numpy = value.py().import("numpy")?;
     let array = numpy
         .call_method1("asarray", (value,))
@@ -51,10 +67,22 @@ fn convert<T: Element + Copy>(
             shape_text(shape)
         )));
     }
-    let typed: PyReadonlyArrayDyn<'_, T> = array.call_method1("astype", (dtype,))?.extract()?;
+    // The dimensions have been checked, so a scalar does not become a row here.
+    let contiguous = numpy.call_method1("ascontiguousarray", (array, dtype))?;
+    contiguous.extract()
+}
+
+fn convert<T: Element + Copy>(
+    name: &str,
+    value: &Bound<'_, PyAny>,
+    kinds: &str,
+    dtype: &str,
+    shape: &[Option<usize>],
+) -> PyResult<Array<T>> {
+    let typed = checked::<T>(name, value, kinds, dtype, shape)?;
     Ok(Array {
-        shape: found,
-        values: typed.as_array().iter().copied().collect(),
+        shape: typed.shape().to_vec(),
+        values: typed.as_slice()?.to_vec(),
     })
 }
 
@@ -79,26 +107,21 @@ pub fn booleans(name: &str, value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -
 
 /// Rows of a fixed width.
 pub fn rows<const N: usize>(name: &str, value: &Bound<'_, PyAny>, count: Option<usize>) -> PyResult<Vec<[f64; N]>> {
-    stacked(name, value, &[count])
+    Ok(Rows::<N>::new(name, value, &[count])?.get()?.to_vec())
 }
 
-/// Rows of a fixed width under leading axes, one after the other.
-pub fn stacked<const N: usize>(
-    name: &str,
-    value: &Bound<'_, PyAny>,
-    leading: &[Option<usize>],
-) -> PyResult<Vec<[f64; N]>> {
-    let shape: Vec<Option<usize>> = leading.iter().copied().chain([Some(N)]).collect();
-    let array = floats(name, value, &shape)?;
-    Ok(array
-        .values
-        .chunks_exact(N)
-        .map(|row| std::array::from_fn(|k| row[k]))
-        .collect())
+/// The numbers of an array that has the type and the shape already: what an event costs most in Python is asking numpy.
+fn ready_made<const N: usize>(value: &Bound<'_, PyAny>) -> Option<[f64; N]> {
+    let array = value.cast::<PyArrayDyn<f64>>().ok()?.try_readonly().ok()?;
+    let values = array.as_array();
+    (values.shape() == [N]).then(|| std::array::from_fn(|k| values[k]))
 }
 
 /// A vector of fixed length.
 pub fn vector<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
+    if let Some(values) = ready_made(value) {
+        return Ok(values);
+    }
     let array = floats(name, value, &[Some(N)])?;
     Ok(std::array::from_fn(|k| array.values[k]))
 }

@@ -1,72 +1,20 @@
 //! Sensor streams and batches of runs × arms.
 
-use bottomlock::batch::{ArmRecord, Batch, arm, run_batch as core_batch};
+use bottomlock::batch::{ArmRecord, Batch, arm, run_batch_into};
 use bottomlock::error_model::{Coefficients, dense_noise};
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::imu::{EarthTerms, Inertial, Sampling};
-use bottomlock::report::Choice;
 use bottomlock::sensors::{self, RunKey, Schedule};
 use bottomlock::state::NavState;
-use bottomlock::truth::Truth;
-use bottomlock::voyage::BiasRecord;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, from_rows, item, stacked, times, vector};
-use crate::dvl::{BeamGeometry, source_code};
+use crate::arrays::{array, from_rows, vector};
+use crate::dvl::BeamGeometry;
 use crate::errors::raise;
 use crate::settings;
-
-/// The truths of one or more runs over the same times.
-pub struct OwnedTruth {
-    time_ns: Vec<i64>,
-    position_t_m: Vec<[f64; 3]>,
-    attitude_t_p: Vec<[f64; 4]>,
-    velocity_p_mps: Vec<[f64; 3]>,
-    omega_p_radps: Vec<[f64; 3]>,
-    force_p_mps2: Vec<[f64; 3]>,
-}
-
-impl OwnedTruth {
-    /// One truth: arrays of (samples, ·).
-    pub fn new(dict: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let time_ns = times("truth.time_ns", &item(dict, "truth", "time_ns")?)?;
-        let samples = [Some(time_ns.len())];
-        Self::read(dict, time_ns, &samples)
-    }
-
-    /// A truth for each run: arrays of (runs, samples, ·).
-    pub fn of_runs(dict: &Bound<'_, PyDict>, runs: usize) -> PyResult<Self> {
-        let time_ns = times("truth.time_ns", &item(dict, "truth", "time_ns")?)?;
-        let leading = [Some(runs), Some(time_ns.len())];
-        Self::read(dict, time_ns, &leading)
-    }
-
-    fn read(dict: &Bound<'_, PyDict>, time_ns: Vec<i64>, leading: &[Option<usize>]) -> PyResult<Self> {
-        let three = |key: &str| stacked::<3>(&format!("truth.{key}"), &item(dict, "truth", key)?, leading);
-        Ok(Self {
-            position_t_m: three("position_t_m")?,
-            attitude_t_p: stacked("truth.attitude_t_p", &item(dict, "truth", "attitude_t_p")?, leading)?,
-            velocity_p_mps: three("velocity_p_mps")?,
-            omega_p_radps: three("omega_p_radps")?,
-            force_p_mps2: three("force_p_mps2")?,
-            time_ns,
-        })
-    }
-
-    /// The truth of one run.
-    pub fn of(&self, run: usize) -> Truth<'_> {
-        let part = run * self.time_ns.len()..(run + 1) * self.time_ns.len();
-        Truth {
-            time_ns: &self.time_ns,
-            position_t_m: &self.position_t_m[part.clone()],
-            attitude_t_p: &self.attitude_t_p[part.clone()],
-            velocity_p_mps: &self.velocity_p_mps[part.clone()],
-            omega_p_radps: &self.omega_p_radps[part.clone()],
-            force_p_mps2: &self.force_p_mps2[part],
-        }
-    }
-}
+use crate::truth::Truths;
+use crate::yields::{Place, Yields};
 
 /// Draws every sensor stream of one run as arrays, with the true errors behind them.
 ///
@@ -85,7 +33,8 @@ pub fn simulate_sensors<'py>(
     run: u64,
     imu_sampling: &str,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let truth = OwnedTruth::new(truth)?;
+    let truths = Truths::new(truth)?;
+    let truth = truths.of(0)?;
     let model = settings::model(model)?;
     let beams = geometry.inner.beams();
     let schedule = settings::schedule(schedule, beams, 1)?;
@@ -97,17 +46,9 @@ pub fn simulate_sensors<'py>(
     };
     let streams = py
         .detach(|| {
-            truth.of(0).validate()?;
+            truth.validate()?;
             model.validate()?;
-            sensors::simulate(
-                &truth.of(0),
-                &geometry.inner,
-                &model,
-                &model,
-                &schedule.of(0),
-                sampling,
-                &key,
-            )
+            sensors::simulate(&truth, &geometry.inner, &model, &model, &schedule.of(0), sampling, &key)
         })
         .map_err(raise)?;
 
@@ -198,7 +139,7 @@ pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> P
 /// true minus estimate; nees and nees_velocity_attitude (runs, arms, samples); nis_mean (NaN without fixes), fixes_accepted and
 /// fixes_rejected (runs, arms); final_bias_error and final_bias_sd (runs, arms, 6): biases of accelerometers (m/s²) and gyros
 /// (rad/s) at the last sample, NaN without samples; choice (runs, arms, pings, 3), what an arm that chooses has chosen: codes of SOURCES for surge,
-/// sway and heave, or of MEMBERS and of why, and 255 where there is no choice. The GIL is released. Raises KernelError naming the field, or the run and the arm.
+/// sway and heave, or of MEMBERS and of why, and 255 where there is no choice. The GIL is released, and nobody may write to the truth meanwhile. Raises KernelError naming the field, or the run and the arm.
 #[pyfunction]
 #[pyo3(signature = (geometry, truth, simulated, assumed, options, schedule, arms, *, seed, trajectory_key, first_run, runs,
     threads))]
@@ -217,7 +158,7 @@ pub fn run_batch<'py>(
     runs: usize,
     threads: usize,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let truth = OwnedTruth::new(truth)?;
+    let truths = Truths::new(truth)?;
     let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
     let options = settings::options(options)?;
     let schedule = settings::schedule(schedule, geometry.inner.beams(), runs)?;
@@ -227,7 +168,7 @@ pub fn run_batch<'py>(
         .collect::<PyResult<Vec<_>>>()?;
     let schedules: Vec<Schedule<'_>> = (0..runs).map(|run| schedule.of(run)).collect();
     let batch = Batch {
-        truth: truth.of(0),
+        truth: truths.of(0)?,
         geometry: &geometry.inner,
         simulated: &simulated,
         assumed: &assumed,
@@ -240,65 +181,17 @@ pub fn run_batch<'py>(
         first_run,
         runs,
     };
-    let records = py.detach(|| core_batch(&batch, threads)).map_err(raise)?;
-
-    records_dict(py, &records, schedule.sample_time_ns.len())
-}
-
-/// Where an arm does not choose.
-pub const NO_CHOICE: u8 = u8::MAX;
-
-/// Sources of surge, sway and heave; or the leading filter, why it leads, and nothing.
-pub fn choice_code(choice: &Choice) -> [u8; 3] {
-    match choice {
-        Choice::Components(sources) => sources.map(|source| source.map_or(0, source_code)),
-        Choice::Member { member, why, .. } => [*member as u8, *why as u8, NO_CHOICE],
-    }
-}
-
-/// The records of runs × arms as arrays.
-pub fn records_dict<'py>(py: Python<'py>, records: &[Vec<ArmRecord>], samples: usize) -> PyResult<Bound<'py, PyDict>> {
-    let (runs, arms) = (records.len(), records.first().map_or(0, Vec::len));
-    let all: Vec<&ArmRecord> = records.iter().flatten().collect();
-    let wide = |field: fn(&ArmRecord) -> &Vec<[f64; 9]>| {
-        let values = all.iter().flat_map(|record| field(record).iter().flatten().copied());
-        array::<f64>(py, values.collect(), &[runs, arms, samples, 9])
+    let mut yields = Yields::new(runs, arms.len(), schedule.sample_time_ns.len());
+    let mut places = yields.places();
+    let note = |places: &mut Vec<Place<'_>>, records: Vec<ArmRecord>| {
+        places
+            .iter_mut()
+            .zip(&records)
+            .for_each(|(place, record)| place.take(record));
     };
-    let series = |field: fn(&ArmRecord) -> &Vec<f64>| {
-        let values = all.iter().flat_map(|record| field(record).iter().copied());
-        array::<f64>(py, values.collect(), &[runs, arms, samples])
-    };
-    let counts = |field: fn(&ArmRecord) -> u64| {
-        let values = all.iter().map(|record| field(record) as i64);
-        array::<i64>(py, values.collect(), &[runs, arms])
-    };
-    let out = PyDict::new(py);
-    out.set_item("error", wide(|record| &record.error)?)?;
-    out.set_item("sd", wide(|record| &record.sd)?)?;
-    out.set_item("nees", series(|record| &record.nees)?)?;
-    out.set_item(
-        "nees_velocity_attitude",
-        series(|record| &record.nees_velocity_attitude)?,
-    )?;
-    let nis = all.iter().map(|record| record.nis_mean).collect();
-    out.set_item("nis_mean", array::<f64>(py, nis, &[runs, arms])?)?;
-    out.set_item("fixes_accepted", counts(|record| record.fixes_accepted)?)?;
-    out.set_item("fixes_rejected", counts(|record| record.fixes_rejected)?)?;
-    let biases = |field: fn(&BiasRecord) -> [f64; 6]| {
-        let values = all
-            .iter()
-            .flat_map(|record| record.biases.as_ref().map_or([f64::NAN; 6], field));
-        array::<f64>(py, values.collect(), &[runs, arms, 6])
-    };
-    out.set_item("final_bias_error", biases(|biases| biases.error)?)?;
-    out.set_item("final_bias_sd", biases(|biases| biases.sd)?)?;
-    let pings = all.iter().map(|record| record.choices.len()).max().unwrap_or(0);
-    let codes = all.iter().flat_map(|record| {
-        let made = record.choices.iter().map(choice_code);
-        made.chain(std::iter::repeat([NO_CHOICE; 3])).take(pings).flatten()
-    });
-    out.set_item("choice", array::<u8>(py, codes.collect(), &[runs, arms, pings, 3])?)?;
-    Ok(out)
+    py.detach(|| run_batch_into(&batch, threads, &mut places, note))
+        .map_err(raise)?;
+    yields.into_dict(py)
 }
 
 /// The dense F of Eq. 9 and the noise density G Q Gᵀ at a state and rate.

@@ -1,6 +1,6 @@
 //! Vehicles that are steered on their own estimates.
 
-use bottomlock::batch::{Arm, ArmRecord, arm};
+use bottomlock::batch::{Arm, arm};
 use bottomlock::closed_loop::{self as core, Common, Departure, Stretch};
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::state::NavState;
@@ -8,10 +8,11 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{array, from_rows, item, rows};
-use crate::batch::{OwnedTruth, records_dict};
 use crate::dvl::BeamGeometry;
 use crate::errors::{raise, refuse};
 use crate::settings;
+use crate::truth::Truths;
+use crate::yields::Yields;
 
 /// Vehicles side by side whose truth depends on their own estimates: the caller steers them and tells where they went.
 ///
@@ -106,14 +107,16 @@ impl ClosedLoop {
     /// `schedule` is that of `run_batch`, with the epochs after the first sample (in the first call: at or after it); beam_valid,
     /// depth_offset_m, yaw_offset_rad and gps_heard may lead with an axis of vehicles. Raises KernelError, naming run and arm.
     fn advance(&mut self, py: Python<'_>, truth: &Bound<'_, PyDict>, schedule: &Bound<'_, PyDict>) -> PyResult<()> {
-        let truths = OwnedTruth::of_runs(truth, self.vehicles)?;
+        let truths = Truths::of_runs(truth, self.vehicles)?;
         let schedule = settings::schedule(schedule, self.beams, self.vehicles)?;
         let stretches: Vec<Stretch<'_>> = (0..self.vehicles)
-            .map(|run| Stretch {
-                truth: truths.of(run),
-                schedule: schedule.of(run),
+            .map(|run| {
+                Ok(Stretch {
+                    truth: truths.of(run)?,
+                    schedule: schedule.of(run),
+                })
             })
-            .collect();
+            .collect::<PyResult<_>>()?;
         let inner = &mut self.inner;
         py.detach(|| inner.advance(&stretches, &schedule.sample_time_ns))
             .map_err(raise)?;
@@ -141,9 +144,14 @@ impl ClosedLoop {
 
     /// What the arms have yielded so far, as `run_batch` returns it.
     fn results<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let flat: Vec<ArmRecord> = self.inner.records().into_iter().flatten().collect();
-        let by_run: Vec<Vec<ArmRecord>> = flat.chunks(self.arms).map(<[ArmRecord]>::to_vec).collect();
-        records_dict(py, &by_run, self.samples)
+        let records = self.inner.records();
+        let flown = self.vehicles * self.arms_aboard;
+        let mut yields = Yields::new(flown / self.arms, self.arms, self.samples);
+        let places = yields.places();
+        for (mut place, record) in places.into_iter().flatten().zip(records.iter().flatten()) {
+            place.take(record);
+        }
+        yields.into_dict(py)
     }
 }
 

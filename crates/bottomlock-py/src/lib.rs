@@ -12,6 +12,8 @@ mod observability;
 mod replay;
 mod report;
 mod settings;
+mod truth;
+mod yields;
 
 /// Compiled kernel of bottomlock; use it through `bottomlock`.
 #[pymodule]

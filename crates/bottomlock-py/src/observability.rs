@@ -10,10 +10,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use crate::arrays::{array, booleans, floats, item, times, vector};
-use crate::batch::OwnedTruth;
 use crate::dvl::BeamGeometry;
 use crate::errors::{raise, refuse};
 use crate::settings;
+use crate::truth::Truths;
 
 /// A linear model of the errors.
 enum Kind {
@@ -144,7 +144,8 @@ pub fn observe<'py>(
     scale: Option<&Bound<'py, PyAny>>,
     growing: bool,
 ) -> PyResult<Bound<'py, PyList>> {
-    let (truth, model, kind) = (OwnedTruth::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
+    let (truths, model, kind) = (Truths::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
+    let truth = truths.of(0)?;
     let heard = self::schedule(schedule, geometry.inner.beams(), &kind)?;
     let epochs = heard.as_deref().map_or(Epochs::Every(period_ns), Epochs::Heard);
     let sets = aidings
@@ -166,11 +167,11 @@ pub fn observe<'py>(
         .detach(|| {
             let systems = match kind {
                 Kind::Filter { estimate_dvl } => {
-                    full::systems(&truth.of(0), &geometry.inner, &model, &sets, estimate_dvl, epochs)?
+                    full::systems(&truth, &geometry.inner, &model, &sets, estimate_dvl, epochs)?
                 }
                 Kind::Paper(_) => sensors
                     .iter()
-                    .map(|set| paper::system(&truth.of(0), &model, set, period_ns))
+                    .map(|set| paper::system(&truth, &model, set, period_ns))
                     .collect::<Result<Vec<_>, _>>()?,
             };
             systems
@@ -250,7 +251,8 @@ pub fn covariance_history<'py>(
     period_ns: i64,
     schedule: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let (truth, model, kind) = (OwnedTruth::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
+    let (truths, model, kind) = (Truths::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
+    let truth = truths.of(0)?;
     let heard = self::schedule(schedule, geometry.inner.beams(), &kind)?;
     let epochs = heard.as_deref().map_or(Epochs::Every(period_ns), Epochs::Heard);
     let set = self::aiding(aiding, geometry.inner.beams())?;
@@ -261,8 +263,8 @@ pub fn covariance_history<'py>(
     let estimate_dvl = matches!(kind, Kind::Filter { estimate_dvl: true });
     let history: History = py
         .detach(|| match sensors {
-            Some(sensors) => history::of_paper(&truth.of(0), &model, &sensors, period_ns),
-            None => history::of_filter(&truth.of(0), &geometry.inner, &model, &set, estimate_dvl, epochs),
+            Some(sensors) => history::of_paper(&truth, &model, &sensors, period_ns),
+            None => history::of_filter(&truth, &geometry.inner, &model, &set, estimate_dvl, epochs),
         })
         .map_err(raise)?;
     let states = history.covariance.first().map_or(0, DMatrix::nrows);

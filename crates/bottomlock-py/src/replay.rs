@@ -14,10 +14,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{array, booleans, floats, item, rows, times, vector};
-use crate::batch::{NO_CHOICE, choice_code};
 use crate::dvl::BeamGeometry;
 use crate::errors::{raise, refuse};
 use crate::settings;
+use crate::yields::{NO_CHOICE, choice_code};
 
 struct OwnedLog {
     imu: Vec<ImuSample>,

@@ -9,18 +9,21 @@
 use std::hint::black_box;
 
 use bottomlock::aiding::{beam_terms, tightly_coupled};
+use bottomlock::batch::{Batch, arm, run_batch};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::dvl::partial::{Assumptions, BeamNoise, Method, plan};
 use bottomlock::error_model::{Coefficients, Interval, ProcessNoise, dense_noise};
 use bottomlock::filter::Eskf;
+use bottomlock::filter::convoy::{Seat, predict_together};
 use bottomlock::frames::Vec3;
 use bottomlock::imu::{EarthTerms, ImuSample, Inertial, Kinematics};
-use bottomlock::lane::Four;
-use bottomlock::layout::DIM;
+use bottomlock::layout::{ATTITUDE, DIM};
 use bottomlock::model::*;
-use bottomlock::report::Sensor;
-use bottomlock::state::NavState;
-use criterion::{Criterion, criterion_group, criterion_main};
+use bottomlock::report::{Sensor, nees};
+use bottomlock::sensors::{RunKey, Schedule, simulate};
+use bottomlock::state::{ErrorVector, NavState};
+use bottomlock::truth::Truth;
+use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Matrix3, SMatrix};
 
 type Dense = SMatrix<f64, DIM, DIM>;
@@ -48,11 +51,12 @@ fn predict(criterion: &mut Criterion) {
 
     group.bench_function("structured", |bencher| {
         let (mut p, mut k) = (start, kinematics);
+        let mut interval = Interval::begin(&k, &inertial, &earth, false);
         bencher.iter(|| {
+            let before = k;
             k.step(&inertial, &inertial, DT, &earth);
-            let mut interval = Interval::default();
-            interval.extend(Coefficients::at(&k, &inertial, &earth), DT);
-            interval.propagate(&mut p.data.0, &noise, &earth, false);
+            interval.extend(&before, &k, &inertial, DT, &earth);
+            interval.propagate(&mut p.data.0, &k, &noise, &earth);
             black_box(&p);
         });
     });
@@ -82,25 +86,6 @@ fn predict(criterion: &mut Criterion) {
             time_ns += 6_666_667;
         });
     });
-    group.bench_function("four_lanes", |bencher| {
-        let mut p: [[Four; DIM]; DIM] = start.data.0.map(|column| column.map(Four::splat));
-        let mut k = Kinematics::new(
-            [Four::splat(0.0); 3],
-            kinematics.attitude_t_p.map(Four::splat),
-            kinematics.velocity_p_mps.map(Four::splat),
-        );
-        let wide = Inertial {
-            rate_p_radps: inertial.rate_p_radps.map(Four::splat),
-            force_p_mps2: inertial.force_p_mps2.map(Four::splat),
-        };
-        bencher.iter(|| {
-            k.step(&wide, &wide, DT, &earth);
-            let mut interval = Interval::default();
-            interval.extend(Coefficients::at(&k, &wide, &earth), DT);
-            interval.propagate(&mut p, &noise, &earth, false);
-            black_box(&p);
-        });
-    });
     group.finish();
 }
 
@@ -122,6 +107,13 @@ fn update(criterion: &mut Criterion) {
                     filter.with_motion(|motion| tightly_coupled(&beam_terms(motion, &geometry, &ping), &ping));
                 black_box(filter.update(&innovation, Sensor::Beams).unwrap());
             });
+        });
+        // The update by itself, on one filter: of noise so large that a million of them hardly change the covariance.
+        let mut innovation = filter.with_motion(|motion| tightly_coupled(&beam_terms(motion, &geometry, &ping), &ping));
+        innovation.noise *= 1e8;
+        group.bench_function(format!("alone_{beams}"), |bencher| {
+            let mut filter = filter.clone();
+            bencher.iter(|| black_box(filter.update(black_box(&innovation), Sensor::Beams).unwrap()));
         });
     }
     group.finish();
@@ -150,8 +142,154 @@ fn update(criterion: &mut Criterion) {
             });
         });
     }
+    for beams in [1, 3, 4] {
+        let (valid, assumptions) = (BeamMask::all(beams), Assumptions::default());
+        group.bench_function(format!("elc_{beams}"), |bencher| {
+            bencher.iter(|| plan(Method::Selector, &geometry, valid, &noise, Some(&prior), &assumptions).unwrap());
+        });
+    }
     group.finish();
 }
 
-criterion_group!(benches, predict, update);
+/// What a recorded sample costs most: normalised squares of the whole error, and of misalignment and velocity.
+fn record(criterion: &mut Criterion) {
+    let (covariance, error) = (Model::table_2().initial_covariance(true), ErrorVector::repeat(1e-3));
+    let mut group = criterion.benchmark_group("nees");
+    for (name, from, to) in [("whole", 0, DIM), ("velocity_attitude", ATTITUDE, ATTITUDE + 6)] {
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| nees(black_box(&covariance), &error, from, to).unwrap());
+        });
+    }
+    group.finish();
+}
+
+/// A hundred steps, runs side by side; divide by runs × 100 for the cost of a run-step.
+fn together(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("together");
+    let (_, inertial, ..) = moving();
+    let stream: Vec<_> = (0..=100)
+        .map(|k| ImuSample {
+            time_ns: k * 6_666_667,
+            rate_p_radps: Vec3::from_array(inertial.rate_p_radps),
+            force_p_mps2: Vec3::from_array(inertial.force_p_mps2),
+        })
+        .collect();
+    for (name, covariance_period_ns) in [("every_step", 0), ("10_hz", 100_000_000)] {
+        let options = Options {
+            covariance_period_ns,
+            ..Options::default()
+        };
+        let one = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
+        for runs in [1, 4, 8, 32] {
+            let streams = vec![stream.clone(); runs];
+            group.throughput(Throughput::Elements(100 * runs as u64));
+            group.bench_function(format!("{name}/{runs}"), |bencher| {
+                let start = || vec![one.clone(); runs];
+                let fly = |filters: &mut Vec<Eskf>| {
+                    let pairs = filters.iter_mut().zip(&streams);
+                    let mut seats: Vec<_> = pairs.map(|(filter, stream)| Seat::new(filter, stream)).collect();
+                    predict_together(&mut seats);
+                };
+                bencher.iter_batched_ref(start, fly, BatchSize::SmallInput);
+            });
+        }
+    }
+    group.finish();
+}
+
+/// A straight minute at 150 Hz, with a ping a second.
+struct Minute {
+    time_ns: Vec<i64>,
+    zero: Vec<[f64; 3]>,
+    attitude: Vec<[f64; 4]>,
+    velocity: Vec<[f64; 3]>,
+    force: Vec<[f64; 3]>,
+    dvl_time_ns: Vec<i64>,
+    beam_valid: Vec<BeamMask>,
+}
+
+impl Minute {
+    fn new() -> Self {
+        let count = 60 * 150 + 1;
+        let seconds: Vec<i64> = (1..60).map(|k| k * 1_000_000_000).collect();
+        Self {
+            time_ns: (0..count as i64).map(|k| k * 1_000_000_000 / 150).collect(),
+            zero: vec![[0.0; 3]; count],
+            attitude: vec![[1.0, 0.0, 0.0, 0.0]; count],
+            velocity: vec![[2.0, 0.0, 0.0]; count],
+            force: vec![[0.0, 0.0, -9.79]; count],
+            beam_valid: vec![BeamMask::all(2); seconds.len()],
+            dvl_time_ns: seconds,
+        }
+    }
+
+    fn truth(&self) -> Truth<'_> {
+        Truth {
+            time_ns: &self.time_ns,
+            position_t_m: &self.zero,
+            attitude_t_p: &self.attitude,
+            velocity_p_mps: &self.velocity,
+            omega_p_radps: &self.zero,
+            force_p_mps2: &self.force,
+        }
+    }
+
+    fn schedule(&self) -> Schedule<'_> {
+        Schedule {
+            dvl_time_ns: &self.dvl_time_ns,
+            beam_valid: &self.beam_valid,
+            ..Schedule::default()
+        }
+    }
+}
+
+fn runs(criterion: &mut Criterion) {
+    let (minute, geometry, model) = (
+        Minute::new(),
+        BeamGeometry::janus(Janus::X, 20_f64.to_radians()).unwrap(),
+        Model::table_2(),
+    );
+    let (truth, schedule, options) = (minute.truth(), minute.schedule(), Options::default());
+    let steps = (minute.time_ns.len() - 1) as u64;
+    let mut group = criterion.benchmark_group("run");
+    group.throughput(Throughput::Elements(steps));
+    let key = RunKey {
+        seed: 1,
+        trajectory: 2,
+        run: 3,
+    };
+    group.bench_function("sensors", |bencher| {
+        bencher.iter(|| simulate(&truth, &geometry, &model, &model, &schedule, options.sampling, &key).unwrap());
+    });
+    // Without arms a batch draws its sensors and does nothing else.
+    for names in [
+        &[][..],
+        &["tc"],
+        &["ins", "lc", "tc", "elc"],
+        &["ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc"],
+    ] {
+        let arms: Vec<_> = names.iter().map(|name| arm(name).unwrap()).collect();
+        let batch = Batch {
+            truth,
+            geometry: &geometry,
+            simulated: &model,
+            assumed: &model,
+            options: &options,
+            schedules: &[schedule],
+            sample_time_ns: &minute.dvl_time_ns,
+            arms: &arms,
+            seed: 1,
+            trajectory_key: 2,
+            first_run: 0,
+            runs: 8,
+        };
+        group.throughput(Throughput::Elements(8 * arms.len().max(1) as u64 * steps));
+        group.bench_function(format!("eight_of_{}_arms", arms.len()), |bencher| {
+            bencher.iter(|| run_batch(&batch, 1).unwrap());
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, predict, update, record, together, runs);
 criterion_main!(benches);

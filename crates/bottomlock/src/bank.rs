@@ -14,6 +14,8 @@ use crate::dvl::geometry::BeamGeometry;
 use crate::dvl::partial::Method;
 use crate::error::NavError;
 use crate::events::{Event, STREAMS};
+use crate::filter::Eskf;
+use crate::imu::ImuSample;
 use crate::model::{Gate, GateTable, Model, Options};
 use crate::report::{Choice, Sensor, UpdateReport, Why};
 use crate::run::{BeamAiding, Navigator};
@@ -121,6 +123,25 @@ impl Guide {
             Self::One(navigator) => navigator.refused(),
             Self::Consistent(bank) => bank.members[0].refused(),
         }
+    }
+
+    fn navigators_mut(&mut self) -> &mut [Navigator] {
+        match self {
+            Self::One(navigator) => std::slice::from_mut(navigator),
+            Self::Consistent(bank) => &mut bank.members,
+        }
+    }
+
+    /// Every filter.
+    pub(crate) fn filters_mut(&mut self) -> impl Iterator<Item = &mut Eskf> {
+        self.navigators_mut().iter_mut().flat_map(Navigator::filters_mut)
+    }
+
+    /// Takes note that every filter has taken inertial readings up to `last`, none of which came through [`Guide::push`].
+    pub(crate) fn has_taken(&mut self, last: &ImuSample) {
+        self.navigators_mut()
+            .iter_mut()
+            .for_each(|navigator| navigator.has_taken(last));
     }
 
     /// The estimate at the time of the last IMU sample.

@@ -1,14 +1,17 @@
 //! Runs × arms: every arm of a run sees the same streams; results are placed by index.
 
+use std::ops::Range;
+
 use crate::bank::Aiding;
 use crate::dvl::geometry::BeamGeometry;
 use crate::dvl::partial::Method;
 use crate::error::NavError;
+use crate::fleet::{self, lead};
 use crate::model::{Model, Options};
 use crate::run::BeamAiding;
 use crate::sensors::{RunKey, Schedule};
 use crate::truth::{Truth, true_state};
-use crate::voyage::Voyage;
+use crate::voyage::{Leg, Voyage};
 use crate::workers::Workers;
 
 pub use crate::voyage::ArmRecord;
@@ -142,6 +145,28 @@ pub struct Batch<'a> {
 /// # Errors
 /// [`NavError`]; an error inside a run names the run and the arm.
 pub fn run_batch(batch: &Batch<'_>, threads: usize) -> Result<Vec<Vec<ArmRecord>>, NavError> {
+    let mut yielded = vec![Vec::new(); batch.runs];
+    run_batch_into(batch, threads, &mut yielded, |place, records| *place = records)?;
+    Ok(yielded)
+}
+
+/// As [`run_batch`]; `take` gets what each run yields, with its own place, as soon as the run is over, on the thread that flew it.
+///
+/// # Errors
+/// As [`run_batch`], and [`NavError::WrongCount`] for a number of places other than that of the runs.
+pub fn run_batch_into<P: Send>(
+    batch: &Batch<'_>,
+    threads: usize,
+    places: &mut [P],
+    take: impl Fn(&mut P, Vec<ArmRecord>) + Sync + Send,
+) -> Result<(), NavError> {
+    if places.len() != batch.runs {
+        return Err(NavError::WrongCount {
+            field: "places",
+            got: places.len(),
+            expected: format!("{}, one per run", batch.runs),
+        });
+    }
     batch.truth.validate()?;
     batch.simulated.validate()?;
     if batch.schedules.len() != 1 && batch.schedules.len() != batch.runs {
@@ -168,20 +193,44 @@ pub fn run_batch(batch: &Batch<'_>, threads: usize) -> Result<Vec<Vec<ArmRecord>
             last_ns,
         });
     }
-    let mut runs: Vec<u64> = (0..batch.runs as u64).collect();
-    Workers::new(threads)?.each(&mut runs, |_, index| one_run(batch, *index))
+    let workers = Workers::new(threads)?;
+    let together = fleet::size(batch.arms, batch.runs, workers.threads()).get();
+    let mut groups: Vec<_> = places.chunks_mut(together).collect();
+    workers.each(&mut groups, |group, places| {
+        let first = group * together;
+        let yielded = some_runs(batch, first..first + places.len());
+        for (place, records) in places.iter_mut().zip(yielded) {
+            take(place, records?);
+        }
+        Ok(())
+    })?;
+    Ok(())
 }
 
-fn one_run(batch: &Batch<'_>, index: u64) -> Result<Vec<ArmRecord>, NavError> {
+/// Runs that fly together; what each yields, or why it failed.
+fn some_runs(batch: &Batch<'_>, runs: Range<usize>) -> Vec<Result<Vec<ArmRecord>, NavError>> {
+    let mut voyages: Vec<_> = runs.clone().map(|index| voyage(batch, index)).collect();
+    let legs = voyages.iter_mut().zip(runs).map(|(voyage, index)| {
+        let schedule = batch.schedules[index.min(batch.schedules.len() - 1)];
+        let voyage = voyage.as_mut().map_err(|error| error.clone())?;
+        Leg::new(voyage, batch.truth, schedule, batch.sample_time_ns)
+    });
+    let outcomes = lead(legs);
+    let yielded = voyages.into_iter().zip(outcomes);
+    yielded
+        .map(|(voyage, outcome)| outcome.and_then(|()| voyage.map(Voyage::into_records)))
+        .collect()
+}
+
+fn voyage(batch: &Batch<'_>, index: usize) -> Result<Voyage, NavError> {
     let key = RunKey {
         seed: batch.seed,
         trajectory: batch.trajectory_key,
-        run: batch.first_run + index,
+        run: batch.first_run + index as u64,
     };
-    let schedule = &batch.schedules[(index as usize).min(batch.schedules.len() - 1)];
     let start = true_state(&batch.truth, 0);
     let (simulated, assumed) = (batch.simulated, batch.assumed);
-    let mut voyage = Voyage::new(
+    Voyage::new(
         &start,
         batch.geometry,
         simulated,
@@ -189,7 +238,5 @@ fn one_run(batch: &Batch<'_>, index: u64) -> Result<Vec<ArmRecord>, NavError> {
         batch.options,
         batch.arms,
         &key,
-    )?;
-    voyage.advance(&batch.truth, schedule, batch.sample_time_ns)?;
-    Ok(voyage.records())
+    )
 }

@@ -3,11 +3,12 @@
 use crate::batch::Arm;
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
+use crate::fleet::{self, lead};
 use crate::model::{Model, Options};
 use crate::sensors::{RunKey, Schedule};
 use crate::state::NavState;
 use crate::truth::Truth;
-use crate::voyage::{ArmRecord, Voyage};
+use crate::voyage::{ArmRecord, Leg, Voyage};
 use crate::workers::Workers;
 
 /// A vehicle about to leave: the run whose sensor errors it has, where it truly is, and the arms aboard.
@@ -53,6 +54,8 @@ pub struct Stretch<'a> {
 #[derive(Debug)]
 pub struct ClosedLoop {
     voyages: Vec<Voyage>,
+    /// How many of them fly together.
+    together: usize,
     workers: Workers,
 }
 
@@ -74,9 +77,12 @@ impl ClosedLoop {
             let (start, arms) = (&departure.start, departure.arms);
             Voyage::new(start, common.geometry, simulated, assumed, common.options, arms, &key)
         };
+        let workers = Workers::new(threads)?;
+        let arms = departures.first().map_or(&[][..], |first| first.arms);
         Ok(Self {
             voyages: departures.iter().map(begin).collect::<Result<_, _>>()?,
-            workers: Workers::new(threads)?,
+            together: fleet::size(arms, departures.len(), workers.threads()).get(),
+            workers,
         })
     }
 
@@ -92,11 +98,16 @@ impl ClosedLoop {
                 expected: format!("{}, one per vehicle", self.voyages.len()),
             });
         }
-        self.workers.each(&mut self.voyages, |k, voyage| {
-            stretches[k].truth.validate()?;
-            voyage.advance(&stretches[k].truth, &stretches[k].schedule, sample_time_ns)
+        let together = self.together;
+        let mut groups: Vec<_> = self.voyages.chunks_mut(together).collect();
+        let outcomes = self.workers.each(&mut groups, |group, voyages| {
+            let own = stretches[group * together..].iter().zip(voyages.iter_mut());
+            Ok(lead(own.map(|(stretch, voyage)| {
+                stretch.truth.validate()?;
+                Leg::new(voyage, stretch.truth, stretch.schedule, sample_time_ns)
+            })))
         })?;
-        Ok(())
+        outcomes.into_iter().flatten().collect()
     }
 
     /// What an arm believes aboard every vehicle; empty for an arm that is not there.

@@ -7,8 +7,9 @@ use super::*;
 use crate::earth::Environment;
 use crate::frames::{Rot, Vec3};
 use crate::imu::derivatives;
-use crate::lane::Four;
+use crate::lane::{Lanes, WIDEST, gather, on_every_level};
 use crate::state::{Covariance, ErrorVector, NavState};
+use fearless_simd::{Simd, f64x4};
 
 type Dense = SMatrix<f64, DIM, DIM>;
 
@@ -139,20 +140,14 @@ fn noise_enters_like_the_biases() {
     assert!((dense(dense_noise(&coefficients, &noise)) - expected).amax() < 1e-12);
 }
 
-fn sample_interval(second: bool) -> (Interval<f64>, EarthTerms, Coefficients<f64>) {
+fn sample_coefficients() -> (EarthTerms, Coefficients<f64>) {
     let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
     let inertial = Inertial {
         rate_p_radps: [0.01, 0.02, 0.05],
         force_p_mps2: [0.1, 0.2, -9.8],
     };
-    let mut interval = Interval::default();
-    let steps = if second { 15 } else { 1 };
-    let coefficients = Coefficients::at(&state(0.3, -0.2, 1.0, [2.0, 0.1, -0.3]).kinematics(), &inertial, &earth);
-    interval.start(coefficients);
-    for _ in 0..steps {
-        interval.extend(coefficients, 1.0 / 150.0);
-    }
-    (interval, earth, coefficients)
+    let kinematics = state(0.3, -0.2, 1.0, [2.0, 0.1, -0.3]).kinematics();
+    (earth, Coefficients::at(&kinematics, &inertial, &earth))
 }
 
 fn sample_covariance() -> Covariance {
@@ -169,34 +164,95 @@ const NOISE: ProcessNoise = ProcessNoise {
     dvl_scale: 2.5e-9,
 };
 
-/// The structured product equals the dense one, for both orders, and its result is exactly symmetric.
-#[test]
-fn structured_equals_dense() {
-    for second in [false, true] {
-        let (mut interval, earth, coefficients) = sample_interval(second);
-        let duration = interval.duration_s();
-        let f = dense(coefficients.dense(&earth)) * duration;
-        let mut phi = Dense::identity() + f;
-        if second {
-            phi += f * f * 0.5;
-        }
-        assert!((dense(interval.dense_transition(&earth, second)) - phi).amax() < 1e-15);
-        let q = dense(dense_noise(&coefficients, &NOISE)) * duration;
-        let p = sample_covariance();
-        let expected = phi * (p + q * 0.5) * phi.transpose() + q * 0.5;
-        let mut structured = p;
-        interval.propagate(&mut structured.data.0, &NOISE, &earth, second);
-        assert!((structured - expected).amax() < 1e-15 * expected.amax().max(1.0) * 10.0);
-        assert_eq!(structured, structured.transpose());
-        assert_eq!(interval.duration_s(), 0.0);
+/// A dive through waves: readings that change fast, of vehicle k, at time `t`, s.
+fn wavy(k: usize, t: f64) -> Inertial<f64> {
+    let (w, k) = (18.0, k as f64);
+    Inertial {
+        rate_p_radps: [0.3 * (w * t).sin(), 0.02 * k - 0.2 * (w * t).cos(), 0.05],
+        force_p_mps2: [0.3 + 0.1 * k, 2.0 * (w * t).sin(), -9.7 + (w * t).cos()],
     }
+}
+
+/// A flight of `steps` steps of `dt_s`: the interval, its end, and the time-ordered product of the steps' own transitions.
+fn flown(k: usize, steps: usize, dt_s: f64, many_steps: bool) -> (Interval, Kinematics<f64>, Dense) {
+    let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
+    let mut kinematics = state(0.3 + 0.1 * k as f64, -0.2, 1.0, [2.0, 0.1 * k as f64, -0.3]).kinematics();
+    let mut interval = Interval::begin(&kinematics, &wavy(k, 0.0), &earth, many_steps);
+    let mut product = Dense::identity();
+    for n in 0..steps {
+        let (first, last) = (wavy(k, n as f64 * dt_s), wavy(k, (n + 1) as f64 * dt_s));
+        let (before, f0) = (kinematics, Coefficients::at(&kinematics, &first, &earth));
+        kinematics.step(&first, &last, dt_s, &earth);
+        interval.extend(&before, &kinematics, &last, dt_s, &earth);
+        let f1 = Coefficients::at(&kinematics, &last, &earth);
+        let f = (dense(f0.dense(&earth)) + dense(f1.dense(&earth))) * (0.5 * dt_s);
+        product = (Dense::identity() + f + f * f * 0.5) * product;
+    }
+    (interval, kinematics, product)
+}
+
+/// The largest difference of two transitions in standard deviations of a filter that is at work.
+fn gap_in_sigmas(a: &Dense, b: &Dense) -> f64 {
+    let sd = |k: usize| [0.1, 1e-3, 1e-2, 5e-3, 1.5e-5, 5e-3, 5e-3][k / 3];
+    let scaled = Dense::from_fn(|i, j| (a[(i, j)] - b[(i, j)]) * sd(j) / sd(i));
+    scaled.amax()
+}
+
+fn dense_transition(interval: &Interval, end: &Kinematics<f64>) -> Dense {
+    let mut phi = Dense::identity();
+    interval.carry(&mut phi.data.0, end, &EarthTerms::from(&Environment::normal(0.57, 0.0)));
+    phi
+}
+
+/// One step: Φ is I + F T with the mean of F at its ends, and the structured product is the dense one, exactly symmetric.
+#[test]
+fn a_step_is_the_dense_first_order() {
+    let dt_s = 1.0 / 150.0;
+    let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
+    let (mut interval, end, _) = flown(0, 1, dt_s, false);
+    let start = state(0.3, -0.2, 1.0, [2.0, 0.0, -0.3]).kinematics();
+    let f0 = Coefficients::at(&start, &wavy(0, 0.0), &earth);
+    let f1 = Coefficients::at(&end, &wavy(0, dt_s), &earth);
+    let phi = Dense::identity() + (dense(f0.dense(&earth)) + dense(f1.dense(&earth))) * (0.5 * dt_s);
+    assert!((dense_transition(&interval, &end) - phi).amax() < 1e-15);
+
+    // The noise at the means of R and v, half before and half after.
+    let mean = Coefficients::scaled_sum(&f0, &f1, 0.5);
+    let q = dense(dense_noise(&mean, &NOISE)) * dt_s;
+    let p = sample_covariance();
+    let expected = phi * (p + q * 0.5) * phi.transpose() + q * 0.5;
+    let mut structured = p;
+    interval.propagate(&mut structured.data.0, &end, &NOISE, &earth);
+    assert!((structured - expected).amax() < 1e-14 * expected.amax().max(1.0));
+    assert_eq!(structured, structured.transpose());
+    assert_eq!(interval.duration_s(), 0.0);
+}
+
+/// A stretch: its structured product is the dense one, with the noise of each end on its own side.
+#[test]
+fn a_stretch_is_its_dense_transition() {
+    let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
+    let (mut interval, end, _) = flown(0, 15, 1.0 / 150.0, true);
+    let phi = dense_transition(&interval, &end);
+    let start = state(0.3, -0.2, 1.0, [2.0, 0.0, -0.3]).kinematics();
+    let noise_at = |kinematics: &Kinematics<f64>| {
+        let coefficients = Coefficients::at(kinematics, &wavy(0, 0.0), &earth);
+        dense(dense_noise(&coefficients, &NOISE)) * (0.5 * interval.duration_s())
+    };
+    let p = sample_covariance();
+    let expected = phi * (p + noise_at(&start)) * phi.transpose() + noise_at(&end);
+    let mut structured = p;
+    interval.propagate(&mut structured.data.0, &end, &NOISE, &earth);
+    assert!((structured - expected).amax() < 1e-14 * expected.amax().max(1.0));
+    assert_eq!(structured, structured.transpose());
+    assert_eq!(interval.duration_s(), 0.0);
 }
 
 /// Van Loan's identity: the exact Qd solves F Qd + Qd Fᵀ + Q = Φ Q Φᵀ. The trapezoid's local error is of third order, so a
 /// step half as long must leave an eighth of the residual.
 #[test]
 fn trapezoidal_noise_satisfies_van_loan_to_its_order() {
-    let (_, earth, coefficients) = sample_interval(true);
+    let (earth, coefficients) = sample_coefficients();
     let f = dense(coefficients.dense(&earth));
     let q = dense(dense_noise(&coefficients, &NOISE));
     let residual = |duration: f64| {
@@ -212,61 +268,121 @@ fn trapezoidal_noise_satisfies_van_loan_to_its_order() {
     );
 }
 
-/// Averaged second order at 10 Hz is closer to the exact exponential than first order at 150 Hz.
+/// A stretch against the time-ordered product of 0.1 ms steps, while the platform shakes at 3 Hz: its local error is of third
+/// order, so a stretch half as long leaves an eighth; first order at every step of 150 Hz is far worse.
 #[test]
-fn second_order_at_10_hz_beats_first_order_at_150_hz() {
-    let (interval, earth, coefficients) = sample_interval(true);
-    let exact = (dense(coefficients.dense(&earth)) * 0.1).exp();
-    let second = dense(interval.dense_transition(&earth, true));
-    let (one, _, _) = sample_interval(false);
-    let first = dense(one.dense_transition(&earth, false)).pow(15);
-    let (good, poor) = ((second - exact).amax(), (first - exact).amax());
-    assert!(good < poor, "second order {good}, first order {poor}");
+fn a_stretch_follows_a_shaking_platform() {
+    let gap = |duration_s: f64| {
+        let (interval, end, exact) = flown(0, (duration_s * 1e4).round() as usize, 1e-4, true);
+        gap_in_sigmas(&dense_transition(&interval, &end), &exact)
+    };
+    let (long, short) = (gap(0.1), gap(0.05));
+    assert!(long < 1e-5, "{long}");
+    assert!(
+        (5.0..12.0).contains(&(long / short)),
+        "third order expected: {long} {short}"
+    );
+
+    let (_, _, exact) = flown(0, 1000, 1e-4, true);
+    let mut first_order = Dense::identity();
+    let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
+    let mut kinematics = state(0.3, -0.2, 1.0, [2.0, 0.0, -0.3]).kinematics();
+    for n in 0..15 {
+        let at = |n: usize| wavy(0, n as f64 / 150.0);
+        let mut step = Interval::begin(&kinematics, &at(n), &earth, false);
+        let before = kinematics;
+        kinematics.step(&at(n), &at(n + 1), 1.0 / 150.0, &earth);
+        step.extend(&before, &kinematics, &at(n + 1), 1.0 / 150.0, &earth);
+        first_order = dense_transition(&step, &kinematics) * first_order;
+    }
+    let poor = gap_in_sigmas(&first_order, &exact);
+    assert!(long < 0.1 * poor, "stretch {long}, first order {poor}");
 }
 
-/// Four covariances side by side give the bits of four scalar ones.
+/// At the vertical too: the stretch knows no Euler angles.
 #[test]
-fn lanes_equal_scalars_bit_for_bit() {
+fn a_stretch_holds_near_the_vertical() {
     let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
-    let scalar = |k: usize| {
-        let kinematics = state(0.3 + 0.1 * k as f64, 0.2, 1.0, [2.0, 0.1 * k as f64, 0.0]).kinematics();
-        let inertial = Inertial {
-            rate_p_radps: [0.01, 0.02, 0.05 * k as f64],
-            force_p_mps2: [0.1, 0.2, -9.8],
-        };
-        let mut interval = Interval::default();
-        interval.extend(Coefficients::at(&kinematics, &inertial, &earth), 0.1);
-        (kinematics, inertial, interval)
-    };
-    let wide3 = |f: &dyn Fn(usize) -> [f64; 3]| -> [Four; 3] {
-        std::array::from_fn(|i| Four::from(std::array::from_fn::<f64, 4, _>(|k| f(k)[i])))
-    };
-    let kinematics = Kinematics {
-        position_t_m: [Four::splat(0.0); 3],
-        attitude_t_p: std::array::from_fn(|i| {
-            Four::from(std::array::from_fn::<f64, 4, _>(|k| scalar(k).0.attitude_t_p[i]))
-        }),
-        rotation_t_p: std::array::from_fn(|i| wide3(&|k| scalar(k).0.rotation_t_p[i])),
-        velocity_p_mps: wide3(&|k| scalar(k).0.velocity_p_mps),
-    };
-    let inertial = Inertial {
-        rate_p_radps: wide3(&|k| scalar(k).1.rate_p_radps),
-        force_p_mps2: wide3(&|k| scalar(k).1.force_p_mps2),
-    };
-    for second in [false, true] {
-        let mut interval = Interval::default();
-        interval.extend(Coefficients::at(&kinematics, &inertial, &earth), 0.1);
-        let start = sample_covariance();
-        let mut p: [[Four; DIM]; DIM] = start.data.0.map(|column| column.map(Four::splat));
-        interval.propagate(&mut p, &NOISE, &earth, second);
-        for k in 0..4 {
-            let mut one = start;
-            scalar(k).2.clone().propagate(&mut one.data.0, &NOISE, &earth, second);
-            for i in 0..DIM {
-                for j in 0..DIM {
-                    assert_eq!(p[i][j].to_array()[k].to_bits(), one.data.0[i][j].to_bits());
-                }
+    let mut kinematics = state(89.9_f64.to_radians(), 0.4, -1.0, [2.0, 0.3, -0.1]).kinematics();
+    let reading = wavy(0, 0.0);
+    let mut interval = Interval::begin(&kinematics, &reading, &earth, true);
+    let mut exact = Dense::identity();
+    for _ in 0..1000 {
+        let (before, f) = (kinematics, Coefficients::at(&kinematics, &reading, &earth));
+        kinematics.step(&reading, &reading, 1e-4, &earth);
+        interval.extend(&before, &kinematics, &reading, 1e-4, &earth);
+        let f = (dense(f.dense(&earth)) + dense(Coefficients::at(&kinematics, &reading, &earth).dense(&earth))) * 5e-5;
+        exact = (Dense::identity() + f + f * f * 0.5) * exact;
+    }
+    let gap = gap_in_sigmas(&dense_transition(&interval, &kinematics), &exact);
+    assert!(gap < 1e-4, "{gap}");
+}
+
+/// The covariance of one filter in parts, propagated by scalars.
+fn by_scalars<I: Span<f64>>(
+    interval: &I,
+    p: &Covariance,
+    end: &Kinematics<f64>,
+    earth: &EarthTerms,
+) -> Partitioned<f64> {
+    let mut parts = Partitioned::from_fn(0.0, |i, j| p[(i, j)]);
+    let mut interval = *interval;
+    interval.propagate(&mut parts, end, &NOISE, earth);
+    parts
+}
+
+fn side_by_side<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(
+    simd: S,
+    many_steps: bool,
+    scalar: impl Fn(&Interval, &Covariance, &Kinematics<f64>, &EarthTerms) -> Partitioned<f64>,
+) {
+    let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
+    let flown: [_; WIDEST] =
+        std::array::from_fn(|k| flown(k, if many_steps { 15 } else { 1 }, 1.0 / 150.0, many_steps));
+    let start = sample_covariance();
+    let ones: Vec<I::One> = flown.iter().filter_map(|(interval, ..)| I::one(interval)).collect();
+    let mut lanes = I::gathered(simd, &std::array::from_fn(|k| ones[k]));
+    let ends = flown.map(|(_, end, _)| end.to_array());
+    let zero = T::gather(simd, |_| 0.0);
+    let mut p = Partitioned::from_fn(zero, |i, j| zero.splat(start[(i, j)]));
+    lanes.propagate(&mut p, &Kinematics::from_array(gather(simd, &ends)), &NOISE, &earth);
+    for k in 0..T::COUNT {
+        let (interval, end, _) = &flown[k];
+        let (expected, mut whole) = (scalar(interval, &start, end, &earth), start);
+        interval.clone().propagate(&mut whole.data.0, end, &NOISE, &earth);
+        for i in 0..DIM {
+            for j in 0..=i {
+                let bits = expected.lower(i, j).to_bits();
+                assert_eq!(p.lower(i, j).get(k).to_bits(), bits, "lane {k}, element {i} {j}");
+                assert_eq!(whole[(i, j)].to_bits(), bits, "one filter, element {i} {j}");
+                assert_eq!(whole[(j, i)].to_bits(), bits);
             }
         }
+    }
+}
+
+fn scalar_step(interval: &Interval, p: &Covariance, end: &Kinematics<f64>, earth: &EarthTerms) -> Partitioned<f64> {
+    let Interval::Step(step) = interval else {
+        panic!("no step")
+    };
+    by_scalars(step, p, end, earth)
+}
+
+fn scalar_stretch(interval: &Interval, p: &Covariance, end: &Kinematics<f64>, earth: &EarthTerms) -> Partitioned<f64> {
+    let Interval::Stretch(stretch) = interval else {
+        panic!("no stretch")
+    };
+    by_scalars(stretch, p, end, earth)
+}
+
+/// Covariances side by side, and one covariance with its columns side by side, give the bits of scalar ones.
+#[test]
+fn lanes_equal_scalars_bit_for_bit() {
+    on_every_level!(simd => side_by_side::<_, f64x4<_>, Step<_>>(simd, false, scalar_step));
+    on_every_level!(simd => side_by_side::<_, f64x4<_>, Stretch<_>>(simd, true, scalar_stretch));
+    #[cfg(target_arch = "x86_64")]
+    if let Some(simd) = fearless_simd::Level::new().as_avx512() {
+        side_by_side::<_, fearless_simd::f64x8<_>, Step<_>>(simd, false, scalar_step);
+        side_by_side::<_, fearless_simd::f64x8<_>, Stretch<_>>(simd, true, scalar_stretch);
     }
 }

@@ -1,35 +1,44 @@
 //! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
 
 mod assume;
+mod columns;
+pub mod convoy;
+mod correct;
 mod definite;
+mod fuse;
+mod predict;
 mod record;
 mod reopen;
+mod solo;
 
 use nalgebra::{SMatrix, Vector3};
 
-use self::definite::require_positive_definite;
+use self::definite::is_positive_definite;
+use self::fuse::not_positive_definite;
 use self::reopen::Refusals;
 use crate::aiding::{Innovation, Motion};
 use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
-use crate::error_model::{Coefficients, Interval, ProcessNoise};
+use crate::error_model::{Interval, ProcessNoise, Underway};
 use crate::frames::{Rot, Vec3};
-use crate::imu::{EarthTerms, ImuSample, Inertial, Kinematics, Sampling};
+use crate::imu::{EarthTerms, ImuSample, Kinematics, Sampling};
+use crate::lane::with_vectors;
 use crate::layout::{DIM, VELOCITY};
-use crate::model::{Gate, GateTable, MAX_ROWS, Model, Options};
-use crate::report::{Sensor, UpdateReport, Verdict};
+use crate::model::{GateTable, MAX_ROWS, Model, Options};
+use crate::report::{Sensor, UpdateReport};
 use crate::smoother::Tape;
-use crate::state::{Covariance, ErrorVector, NavState};
-use crate::water::WATER;
-use crate::water_block::{Update, WaterBlock};
+use crate::state::{Covariance, NavState};
+use crate::water_block::WaterBlock;
 
 /// The filter: state, covariance and the interval since the covariance was last brought up to date.
 #[derive(Debug, Clone)]
 pub struct Eskf {
     state: NavState,
     kinematics: Kinematics<f64>,
+    /// As the last update left it, where it is underway since.
     covariance: Covariance,
-    interval: Interval<f64>,
+    underway: Option<Box<Underway>>,
+    interval: Interval,
     /// ω_ip of the last reading, bias included.
     last_rate_p_radps: Vector3<f64>,
     last_step_s: f64,
@@ -61,6 +70,7 @@ impl Eskf {
             kinematics: state.kinematics(),
             state,
             covariance: model.initial_covariance(options.estimate_dvl),
+            underway: None,
             interval: Interval::default(),
             last_rate_p_radps: Vector3::zeros(),
             last_step_s: 0.0,
@@ -105,6 +115,7 @@ impl Eskf {
         }
         require_positive_definite(&symmetric, self.state.time_ns)?;
         self.covariance = symmetric;
+        self.underway = None;
         self.interval = Interval::default();
         Ok(())
     }
@@ -123,78 +134,16 @@ impl Eskf {
     #[must_use]
     pub fn covariance(&self) -> Covariance {
         let (mut covariance, mut interval) = (self.covariance, self.interval);
-        interval.propagate(
-            &mut covariance.data.0,
-            &self.noise,
-            &self.earth,
-            self.covariance_period_s > 0.0,
-        );
+        if let Some(underway) = &self.underway {
+            with_vectors!(simd => underway.rows.put_into(simd, &mut covariance.data.0));
+        }
+        interval.propagate(&mut covariance.data.0, &self.kinematics, &self.noise, &self.earth);
         covariance
-    }
-
-    /// One strapdown step from `start` to `end`, and the covariance where its interval is full.
-    ///
-    /// # Errors
-    /// [`NavError::TimeNotIncreasing`]; [`NavError::NotFinite`] where the state has run out of numbers.
-    pub fn predict(&mut self, start: &ImuSample, end: &ImuSample) -> Result<(), NavError> {
-        let dt_s = (end.time_ns - start.time_ns) as f64 * 1e-9;
-        if dt_s <= 0.0 {
-            return Err(NavError::TimeNotIncreasing {
-                stream: "imu",
-                time_ns: end.time_ns,
-                previous_ns: start.time_ns,
-            });
-        }
-        let first = match self.sampling {
-            Sampling::Instantaneous => self.corrected(start),
-            Sampling::Averaged => self.corrected(end),
-        };
-        let last = self.corrected(end);
-        if self.interval.needs_start() {
-            self.interval
-                .start(Coefficients::at(&self.kinematics, &first, &self.earth));
-        }
-        self.kinematics.step(&first, &last, dt_s, &self.earth);
-        self.interval
-            .extend(Coefficients::at(&self.kinematics, &last, &self.earth), dt_s);
-        self.state.time_ns = end.time_ns;
-        self.last_rate_p_radps = end.rate_p_radps.0;
-        self.last_step_s = dt_s;
-        if !(self.kinematics.position_t_m[0] + self.kinematics.position_t_m[1] + self.kinematics.position_t_m[2])
-            .is_finite()
-        {
-            return Err(NavError::NotFinite {
-                field: "state position_t_m",
-                time_ns: end.time_ns,
-            });
-        }
-        // Half a step of slack, so that rounding of the sample times does not lengthen the interval by a step.
-        if self.interval.duration_s() + 0.5 * dt_s >= self.covariance_period_s {
-            self.propagate_covariance();
-        }
-        Ok(())
     }
 
     /// Takes note of a rate before the first step, for lever arms.
     pub fn note_rate(&mut self, sample: &ImuSample) {
         self.last_rate_p_radps = sample.rate_p_radps.0;
-    }
-
-    fn propagate_covariance(&mut self) {
-        let second_order = self.covariance_period_s > 0.0;
-        self.record_transition();
-        if let Some(water) = &mut self.water {
-            water.propagate(&self.interval, &self.earth, second_order);
-        }
-        self.interval
-            .propagate(&mut self.covariance.data.0, &self.noise, &self.earth, second_order);
-    }
-
-    fn corrected(&self, sample: &ImuSample) -> Inertial<f64> {
-        Inertial {
-            rate_p_radps: (sample.rate_p_radps - self.state.gyro_bias_p_radps).to_array(),
-            force_p_mps2: (sample.force_p_mps2 - self.state.accel_bias_p_mps2).to_array(),
-        }
     }
 
     /// Runs `function` with the motion at the current time, for the expected readings of a sensor.
@@ -280,111 +229,12 @@ impl Eskf {
         turned.repeats = innovation.repeats.as_ref().map(|repeats| repeats.turned(&axes));
         self.update(&turned, sensor)
     }
+}
 
-    /// `shared` is the covariance of the further states with the noise, where there is any.
-    fn fuse<const M: usize>(
-        &mut self,
-        innovation: &Innovation,
-        sensor: Sensor,
-        shared: Option<&SMatrix<f64, WATER, M>>,
-    ) -> Result<UpdateReport, NavError> {
-        let z = innovation.residual.fixed_rows::<M>(0).into_owned();
-        let h = innovation.jacobian.fixed_rows::<M>(0).into_owned();
-        let r = innovation.noise.fixed_view::<M, M>(0, 0).into_owned();
-        let cross = innovation.cross.map(|cross| cross.fixed_columns::<M>(0).into_owned());
-        let p = self.covariance;
-
-        let ph = p * h.transpose();
-        let mut s = h * ph + r;
-        if let Some(c) = &cross {
-            let half = h * c;
-            s += half + half.transpose();
-        }
-        let factor = s.cholesky().ok_or(NavError::NotPositiveDefinite {
-            matrix: "innovation covariance",
-            time_ns: self.state.time_ns,
-        })?;
-        let mut report = UpdateReport {
-            rows: M,
-            degrees: innovation.degrees,
-            nis: z.dot(&factor.solve(&z)),
-            threshold: self.gate.threshold(innovation.degrees),
-            verdict: Verdict::Accepted,
-            ..UpdateReport::empty(sensor, self.state.time_ns)
-        };
-        report.residual.fixed_rows_mut::<M>(0).copy_from(&z);
-        report.covariance.fixed_view_mut::<M, M>(0, 0).copy_from(&s);
-
-        match self.gate.gate {
-            Gate::Off => {}
-            Gate::Joint { .. } => {
-                if report.nis > report.threshold {
-                    report.verdict = Verdict::Rejected;
-                }
-            }
-            Gate::PerRow => {
-                let rejected: u8 = (0..M)
-                    .filter(|&k| z[k] * z[k] > 9.0 * s[(k, k)])
-                    .fold(0, |bits, k| bits | 1 << k);
-                if rejected != 0 {
-                    let kept = innovation.select(|row| rejected & (1 << row) == 0);
-                    if kept.rows == 0 {
-                        report.verdict = Verdict::Rejected;
-                    } else {
-                        self.update(&kept, sensor)?;
-                        report.verdict = Verdict::AcceptedInPart {
-                            rejected_rows: rejected,
-                        };
-                        return Ok(report);
-                    }
-                }
-            }
-        }
-        let is_rejected = report.verdict == Verdict::Rejected;
-        if !is_rejected || self.is_explicable(&z, &h, &s, report.threshold) {
-            self.reopen(&mut report);
-        }
-        if is_rejected {
-            return Ok(report);
-        }
-
-        let reach = cross.map_or(ph, |c| ph + c);
-        let gain = factor.solve(&reach.transpose()).transpose();
-        // Joseph's form, its (I − K H) P expanded to products of rank M.
-        let mut joseph = p - gain * ph.transpose();
-        joseph -= (joseph * h.transpose()) * gain.transpose();
-        joseph += gain * r * gain.transpose();
-        if let Some(c) = &cross {
-            let shared = (c - gain * (h * c)) * gain.transpose();
-            joseph -= shared + shared.transpose();
-        }
-        let updated = (joseph + joseph.transpose()) * 0.5;
-        require_positive_definite(&updated, self.state.time_ns)?;
-        self.covariance = updated;
-        let mut own_gain = None;
-        if let Some(water) = &mut self.water {
-            let update = Update {
-                z: &z,
-                h: &h,
-                s: &s,
-                factor: &factor,
-                reach: &reach,
-                gain: &gain,
-            };
-            own_gain = Some(water.follow(&update, &shared.copied().unwrap_or_else(SMatrix::zeros)));
-        }
-        if self.tape.is_some() {
-            self.record_update(innovation, &z, &factor, &gain, own_gain.as_ref());
-        }
-        self.feed_back(&(gain * z));
-        Ok(report)
+fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<(), NavError> {
+    if is_positive_definite(covariance) {
+        return Ok(());
     }
-
-    fn feed_back(&mut self, error: &ErrorVector) {
-        let mut state = self.state();
-        state.inject(error);
-        self.state = state;
-        self.kinematics = state.kinematics();
-        self.interval.corrected();
-    }
+    let negative = (0..DIM).find(|&k| covariance[(k, k)] < 0.0);
+    Err(not_positive_definite(negative, time_ns))
 }

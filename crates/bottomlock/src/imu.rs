@@ -5,10 +5,12 @@
 //! The step is second order: rotation by the mean rate with the coning term of a linearly varying rate, specific force
 //! and position by the trapezoidal rule in the tangent frame, whose local errors telescope over a run.
 
+pub(crate) mod course;
+
 use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Vec3};
-use crate::lane::{Lane, M3, V3, add, cross, dot, mul, scale, sub, tmul};
+use crate::lane::{Lane, M3, V3, add, add_mul, add_scaled, cross, dot, mul, scale, splat3, sub, sub_cross, tmul};
 
 /// One reading of the inertial measurement unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,7 +55,7 @@ pub enum Sampling {
 }
 
 /// Earth rate and gravity as the step needs them.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EarthTerms {
     pub(crate) rate_t: [f64; 3],
     pub(crate) gravity_mps2: f64,
@@ -79,7 +81,12 @@ pub struct Kinematics<T> {
     pub rotation_t_p: [[T; 3]; 3],
     /// Velocity, platform frame, m/s.
     pub velocity_p_mps: [T; 3],
+    /// The same in the tangent frame, in which it is integrated.
+    pub velocity_t_mps: [T; 3],
 }
+
+/// Numbers of [`Kinematics`].
+pub(crate) const KINEMATICS: usize = 22;
 
 /// Bias-corrected inertial readings at one instant.
 #[derive(Debug, Clone, Copy)]
@@ -90,55 +97,109 @@ pub struct Inertial<T> {
     pub force_p_mps2: [T; 3],
 }
 
+impl<T: Copy> Kinematics<T> {
+    /// All numbers in a row.
+    #[inline(always)]
+    pub(crate) fn to_array(self) -> [T; KINEMATICS] {
+        let (r, q, m) = (self.position_t_m, self.attitude_t_p, self.rotation_t_p);
+        let (v, u) = (self.velocity_p_mps, self.velocity_t_mps);
+        [
+            r[0], r[1], r[2], q[0], q[1], q[2], q[3], m[0][0], m[0][1], m[0][2], m[1][0], m[1][1], m[1][2], m[2][0],
+            m[2][1], m[2][2], v[0], v[1], v[2], u[0], u[1], u[2],
+        ]
+    }
+
+    /// The inverse of [`Kinematics::to_array`].
+    #[inline(always)]
+    pub(crate) fn from_array(x: [T; KINEMATICS]) -> Self {
+        Self {
+            position_t_m: [x[0], x[1], x[2]],
+            attitude_t_p: [x[3], x[4], x[5], x[6]],
+            rotation_t_p: [[x[7], x[8], x[9]], [x[10], x[11], x[12]], [x[13], x[14], x[15]]],
+            velocity_p_mps: [x[16], x[17], x[18]],
+            velocity_t_mps: [x[19], x[20], x[21]],
+        }
+    }
+}
+
 impl<T: Lane> Kinematics<T> {
     /// From position, attitude and velocity; the quaternion is normalised.
     pub fn new(position_t_m: [T; 3], attitude_t_p: [T; 4], velocity_p_mps: [T; 3]) -> Self {
         let attitude_t_p = normalise(attitude_t_p);
+        let rotation_t_p = rotation_matrix(attitude_t_p);
         Self {
             position_t_m,
             attitude_t_p,
-            rotation_t_p: rotation_matrix(attitude_t_p),
+            rotation_t_p,
             velocity_p_mps,
+            velocity_t_mps: mul(&rotation_t_p, velocity_p_mps),
         }
     }
 
     /// One strapdown step of `dt_s` seconds from `start` to `end`.
     #[inline(always)]
     pub fn step(&mut self, start: &Inertial<T>, end: &Inertial<T>, dt_s: f64, earth: &EarthTerms) {
-        let half = T::splat(0.5 * dt_s);
-        let rate_ie_t = earth.rate_t.map(T::splat);
+        let like = self.velocity_p_mps[0];
+        let half = like.splat(0.5 * dt_s);
 
-        // Rotation vector of a linearly varying rate: mean rate plus the coning term (Groves 2013, Eq. 5.84).
-        let mean = scale(add(start.rate_p_radps, end.rate_p_radps), half);
-        let coning = scale(
-            cross(start.rate_p_radps, end.rate_p_radps),
-            T::splat(dt_s * dt_s / 12.0),
-        );
-        let turn_p = quaternion_exp(add(mean, coning));
-        // The tangent frame turns with the Earth: a small rotation on the other side.
-        let one = T::splat(1.0);
-        let half_turn_t = scale(rate_ie_t, -half);
-        let turn_t = [one, half_turn_t[0], half_turn_t[1], half_turn_t[2]];
-        let attitude = normalise(quaternion_mul(turn_t, quaternion_mul(self.attitude_t_p, turn_p)));
+        let turn_p = platform_turn(start, end, half, like.splat(dt_s * dt_s / 12.0));
+        // Common to all lanes.
+        let [w, x, y, z] = frame_turn(scale(earth.rate_t, -0.5 * dt_s));
+        let turn_t = [like.splat(w), like.splat(x), like.splat(y), like.splat(z)];
+        let attitude = turned(self.attitude_t_p, turn_t, turn_p);
         let rotation = rotation_matrix(attitude);
 
-        // Velocity in the tangent frame: trapezoid of R f, gravity exact, Coriolis at the old velocity plus half the gain.
-        let velocity_t = mul(&self.rotation_t_p, self.velocity_p_mps);
-        let force_t = add(
-            mul(&self.rotation_t_p, start.force_p_mps2),
-            mul(&rotation, end.force_p_mps2),
-        );
-        let mut gain_t = scale(force_t, half);
-        gain_t[2] += T::splat(earth.gravity_mps2 * dt_s);
-        let middle_t = add(velocity_t, scale(gain_t, T::splat(0.5)));
-        let coriolis_t = scale(cross(rate_ie_t, middle_t), T::splat(-2.0 * dt_s));
-        let new_velocity_t = add(add(velocity_t, gain_t), coriolis_t);
-
-        self.position_t_m = add(self.position_t_m, scale(add(velocity_t, new_velocity_t), half));
-        self.velocity_p_mps = tmul(&rotation, new_velocity_t);
+        let fall = like.splat(earth.gravity_mps2 * dt_s);
+        let gain_t = gain(&self.rotation_t_p, start, &rotation, end, half, fall);
+        let twice_turn_t = splat3(like, scale(earth.rate_t, 2.0 * dt_s));
+        (self.position_t_m, self.velocity_t_mps) =
+            drift(self.position_t_m, self.velocity_t_mps, gain_t, twice_turn_t, half);
+        self.velocity_p_mps = tmul(&rotation, self.velocity_t_mps);
         self.attitude_t_p = attitude;
         self.rotation_t_p = rotation;
     }
+}
+
+/// How the platform turns in a step: the rotation vector of a linearly varying rate is the mean rate plus the coning term
+/// (Groves 2013, Eq. 5.84), where `twelfth` is a twelfth of the step squared.
+#[inline(always)]
+fn platform_turn<T: Lane>(start: &Inertial<T>, end: &Inertial<T>, half: T, twelfth: T) -> [T; 4] {
+    let mean = scale(add(start.rate_p_radps, end.rate_p_radps), half);
+    let coning = cross(start.rate_p_radps, end.rate_p_radps);
+    quaternion_exp(add_scaled(mean, coning, twelfth))
+}
+
+/// How the tangent frame turns with the Earth: a small rotation on the other side.
+#[inline(always)]
+fn frame_turn<T: Lane>(half_turn_t: V3<T>) -> [T; 4] {
+    let one = half_turn_t[0].splat(1.0);
+    normalise([one, half_turn_t[0], half_turn_t[1], half_turn_t[2]])
+}
+
+/// The attitude after both.
+#[inline(always)]
+fn turned<T: Lane>(attitude: [T; 4], turn_t: [T; 4], turn_p: [T; 4]) -> [T; 4] {
+    renormalise(quaternion_mul(turn_t, quaternion_mul(attitude, turn_p)))
+}
+
+/// What a step adds to the velocity in the tangent frame: the trapezoid of R f, and gravity's exactly.
+#[inline(always)]
+fn gain<T: Lane>(before: &M3<T>, start: &Inertial<T>, after: &M3<T>, end: &Inertial<T>, half: T, fall: T) -> V3<T> {
+    let force_t = mul(before, start.force_p_mps2);
+    let mut gain_t = scale(add_mul(force_t, after, end.force_p_mps2), half);
+    gain_t[2] += fall;
+    gain_t
+}
+
+/// Position and velocity after a step: Coriolis at the old velocity plus half the gain.
+#[inline(always)]
+fn drift<T: Lane>(position_t: V3<T>, velocity_t: V3<T>, gain_t: V3<T>, twice_turn_t: V3<T>, half: T) -> (V3<T>, V3<T>) {
+    let middle_t = add_scaled(velocity_t, gain_t, half.splat(0.5));
+    let new_velocity_t = sub_cross(add(velocity_t, gain_t), twice_turn_t, middle_t);
+    (
+        add_scaled(position_t, add(velocity_t, new_velocity_t), half),
+        new_velocity_t,
+    )
 }
 
 /// Derivatives (ṙ in the tangent frame, body rate ω_tp, v̇ in the platform frame) of the mechanisation.
@@ -150,9 +211,10 @@ pub fn derivatives<T: Lane>(
 ) -> ([T; 3], [T; 3], [T; 3]) {
     let rotation = &kinematics.rotation_t_p;
     let velocity = kinematics.velocity_p_mps;
-    let rate_ie_p = tmul(rotation, earth.rate_t.map(T::splat));
-    let zero = T::splat(0.0);
-    let gravity_p = tmul(rotation, [zero, zero, T::splat(earth.gravity_mps2)]);
+    let like = velocity[0];
+    let rate_ie_p = tmul(rotation, splat3(like, earth.rate_t));
+    let zero = like.splat(0.0);
+    let gravity_p = tmul(rotation, [zero, zero, like.splat(earth.gravity_mps2)]);
     let rate_tp = sub(inertial.rate_p_radps, rate_ie_p);
     let swing = cross(add(inertial.rate_p_radps, rate_ie_p), velocity);
     (
@@ -165,166 +227,95 @@ pub fn derivatives<T: Lane>(
 /// Product of two quaternions, scalar first.
 #[inline(always)]
 pub(crate) fn quaternion_mul<T: Lane>(a: [T; 4], b: [T; 4]) -> [T; 4] {
-    [
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    ]
+    let (u, v) = ([a[1], a[2], a[3]], [b[1], b[2], b[3]]);
+    let vector = add_scaled(add_scaled(cross(u, v), v, a[0]), u, b[0]);
+    [a[0].mul_add(b[0], -dot(u, v)), vector[0], vector[1], vector[2]]
 }
+
+/// Square of half a rotation, rad², up to which four terms serve: the fifth is below 3e-17.
+const SERIES_LIMIT: f64 = 0.01;
 
 /// Quaternion of a rotation vector, rad.
 #[inline(always)]
 pub(crate) fn quaternion_exp<T: Lane>(vector: V3<T>) -> [T; 4] {
-    let half_squared = dot(vector, vector) * T::splat(0.25);
-    let (cosine, sinc) = if half_squared.any_above(0.25) {
-        (half_squared.map(|h2| h2.sqrt().cos()), half_squared.map(sinc_of_square))
+    let half_squared = dot(vector, vector) * vector[0].splat(0.25);
+    // Each lane decides for itself: its bits must not depend on its neighbours.
+    let (cosine, half_sinc) = if half_squared.any_above(SERIES_LIMIT) {
+        (
+            half_squared.map(|square| cosine_and_half_sinc(square).0),
+            half_squared.map(|square| cosine_and_half_sinc(square).1),
+        )
     } else {
-        // Eight terms leave 4e-20 at half a radian.
-        let (mut cosine, mut sinc) = (T::splat(1.0), T::splat(1.0));
-        for k in (1..=8_u32).rev() {
-            let (n, x) = (f64::from(2 * k), half_squared);
-            cosine = T::splat(1.0) - x * cosine * T::splat(1.0 / (n * (n - 1.0)));
-            sinc = T::splat(1.0) - x * sinc * T::splat(1.0 / (n * (n + 1.0)));
-        }
-        (cosine, sinc)
+        series(half_squared)
     };
-    let factor = sinc * T::splat(0.5);
-    [cosine, vector[0] * factor, vector[1] * factor, vector[2] * factor]
+    let [x, y, z] = scale(vector, half_sinc);
+    [cosine, x, y, z]
 }
 
-/// sin(x)/x of x², also at zero (lanes may differ widely).
-fn sinc_of_square(square: f64) -> f64 {
-    let x = square.sqrt();
-    if x < 1e-8 { 1.0 } else { x.sin() / x }
+/// cos x and sin(x)/2x of x², for small x.
+#[inline(always)]
+fn series<T: Lane>(square: T) -> (T, T) {
+    (
+        polynomial(square, [1.0, -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0]),
+        polynomial(
+            square,
+            [0.5, -1.0 / 12.0, 1.0 / 240.0, -1.0 / 10_080.0, 1.0 / 725_760.0],
+        ),
+    )
 }
 
 #[inline(always)]
-fn normalise<T: Lane>(q: [T; 4]) -> [T; 4] {
-    let factor = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt().recip();
+fn polynomial<T: Lane>(x: T, [a, b, c, d, e]: [f64; 5]) -> T {
+    let inner = x.mul_add(x.mul_add(x.splat(e), x.splat(d)), x.splat(c));
+    x.mul_add(x.mul_add(inner, x.splat(b)), x.splat(a))
+}
+
+/// cos x and sin(x)/2x of x².
+fn cosine_and_half_sinc(square: f64) -> (f64, f64) {
+    if square > SERIES_LIMIT {
+        let x = square.sqrt();
+        (x.cos(), 0.5 * x.sin() / x)
+    } else {
+        series(square)
+    }
+}
+
+#[inline(always)]
+fn squared_norm<T: Lane>(q: [T; 4]) -> T {
+    q[3].mul_add(q[3], q[2].mul_add(q[2], q[1].mul_add(q[1], q[0] * q[0])))
+}
+
+#[inline(always)]
+fn times<T: Lane>(q: [T; 4], factor: T) -> [T; 4] {
     [q[0] * factor, q[1] * factor, q[2] * factor, q[3] * factor]
 }
 
 #[inline(always)]
+fn normalise<T: Lane>(q: [T; 4]) -> [T; 4] {
+    times(q, squared_norm(q).sqrt().recip())
+}
+
+/// Takes the rounding off a product of unit quaternions: one step of Newton's from 1 towards 1/|q|.
+#[inline(always)]
+fn renormalise<T: Lane>(q: [T; 4]) -> [T; 4] {
+    let half = q[0].splat(-0.5);
+    times(q, squared_norm(q).mul_add(half, half.splat(1.5)))
+}
+
+#[inline(always)]
 fn rotation_matrix<T: Lane>([w, x, y, z]: [T; 4]) -> M3<T> {
-    let (one, two) = (T::splat(1.0), T::splat(2.0));
+    let one = w.splat(1.0);
+    let (x2, y2, z2) = (x + x, y + y, z + z);
+    let (wx, wy, wz) = (w * x2, w * y2, w * z2);
+    let (xx, yy, zz) = (one - x * x2, y * y2, z * z2);
+    let (xy, xz, yz) = (x * y2, x * z2, y * z2);
     [
-        [
-            one - two * (y * y + z * z),
-            two * (x * y - w * z),
-            two * (x * z + w * y),
-        ],
-        [
-            two * (x * y + w * z),
-            one - two * (x * x + z * z),
-            two * (y * z - w * x),
-        ],
-        [
-            two * (x * z - w * y),
-            two * (y * z + w * x),
-            one - two * (x * x + y * y),
-        ],
+        [one - (yy + zz), xy - wz, xz + wy],
+        [xy + wz, xx - zz, yz - wx],
+        [xz - wy, yz + wx, xx - yy],
     ]
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::lane::Four;
-
-    fn still_earth() -> EarthTerms {
-        EarthTerms {
-            rate_t: [0.0; 3],
-            gravity_mps2: 9.8,
-        }
-    }
-
-    /// Hand-worked: at rest the accelerometer reads −g and nothing moves.
-    #[test]
-    fn rest_stays_at_rest() {
-        let mut kinematics = Kinematics::new([0.0; 3], [1.0, 0.0, 0.0, 0.0], [0.0; 3]);
-        let inertial = Inertial {
-            rate_p_radps: [0.0; 3],
-            force_p_mps2: [0.0, 0.0, -9.8],
-        };
-        for _ in 0..1000 {
-            kinematics.step(&inertial, &inertial, 0.01, &still_earth());
-        }
-        assert!(kinematics.velocity_p_mps.iter().all(|v| v.abs() < 1e-12));
-        assert!(kinematics.position_t_m.iter().all(|r| r.abs() < 1e-12));
-    }
-
-    /// A steady turn: centripetal force u·r to starboard brings the vehicle back to its start after one circle; the
-    /// trapezoid leaves (r·dt)²/12 of the way, 2.1 µm.
-    #[test]
-    fn steady_turn_closes_the_circle() {
-        let (speed, rate, steps) = (2.0, 0.05, 20_000);
-        let dt = 2.0 * std::f64::consts::PI / rate / f64::from(steps);
-        let mut kinematics = Kinematics::new([0.0; 3], [1.0, 0.0, 0.0, 0.0], [speed, 0.0, 0.0]);
-        let inertial = Inertial {
-            rate_p_radps: [0.0, 0.0, rate],
-            force_p_mps2: [0.0, speed * rate, -9.8],
-        };
-        for _ in 0..steps {
-            kinematics.step(&inertial, &inertial, dt, &still_earth());
-        }
-        assert!(
-            kinematics.position_t_m.iter().all(|r| r.abs() < 2.1e-6),
-            "{:?}",
-            kinematics.position_t_m
-        );
-        assert!((kinematics.velocity_p_mps[0] - speed).abs() < 1e-9);
-    }
-
-    /// Large rotations leave the series and stay right: half a turn about z.
-    #[test]
-    fn exponential_of_a_large_angle() {
-        let q = quaternion_exp([0.0, 0.0, std::f64::consts::PI]);
-        assert!(q[0].abs() < 1e-15 && (q[3] - 1.0).abs() < 1e-15);
-        let (small, exact) = (quaternion_exp([0.0, 0.9, 0.0]), (0.45_f64.cos(), 0.45_f64.sin()));
-        assert!((small[0] - exact.0).abs() < 1e-16 && (small[2] - exact.1).abs() < 1e-16);
-    }
-
-    /// Four filters side by side give the bits of four scalar filters.
-    #[test]
-    fn lanes_equal_scalars_bit_for_bit() {
-        let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
-        let rate = |k: usize| [0.01 * k as f64, -0.02, 0.05];
-        let force = |k: usize| [0.1, 0.02 * k as f64, -9.8];
-        let mut lanes = Kinematics::new(
-            [Four::splat(0.0); 3],
-            [Four::splat(1.0), Four::splat(0.1), Four::splat(0.0), Four::splat(-0.3)],
-            [Four::splat(2.0), Four::splat(0.0), Four::splat(0.1)],
-        );
-        let wide = |f: &dyn Fn(usize) -> [f64; 3]| {
-            std::array::from_fn(|i| Four::from(std::array::from_fn::<f64, 4, _>(|k| f(k)[i])))
-        };
-        let inertial = Inertial {
-            rate_p_radps: wide(&rate),
-            force_p_mps2: wide(&force),
-        };
-        for _ in 0..50 {
-            lanes.step(&inertial, &inertial, 1.0 / 150.0, &earth);
-        }
-        for k in 0..4 {
-            let mut one = Kinematics::new([0.0; 3], [1.0, 0.1, 0.0, -0.3], [2.0, 0.0, 0.1]);
-            let inertial = Inertial {
-                rate_p_radps: rate(k),
-                force_p_mps2: force(k),
-            };
-            for _ in 0..50 {
-                one.step(&inertial, &inertial, 1.0 / 150.0, &earth);
-            }
-            for i in 0..3 {
-                assert_eq!(
-                    lanes.position_t_m[i].to_array()[k].to_bits(),
-                    one.position_t_m[i].to_bits()
-                );
-                assert_eq!(
-                    lanes.velocity_p_mps[i].to_array()[k].to_bits(),
-                    one.velocity_p_mps[i].to_bits()
-                );
-            }
-        }
-    }
-}
+#[path = "imu/tests.rs"]
+mod tests;

@@ -1,6 +1,8 @@
 //! What is assumed of the sensors and the filter's options: plain numbers in SI, checked once.
 
 use nalgebra::{Matrix4, Vector3};
+use std::cell::Cell;
+
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::dvl::partial::Assumptions;
@@ -260,11 +262,7 @@ impl GateTable {
                     expected: "strictly between 0 and 1",
                 });
             }
-            for (index, quantile) in quantiles.iter_mut().enumerate() {
-                if let Ok(distribution) = ChiSquared::new((index + 1) as f64) {
-                    *quantile = distribution.inverse_cdf(probability);
-                }
-            }
+            quantiles = chi_squared_quantiles(probability);
         }
         Ok(Self { gate, quantiles })
     }
@@ -283,6 +281,25 @@ impl GateTable {
     pub fn threshold(&self, degrees: usize) -> f64 {
         self.quantiles[degrees.clamp(1, MAX_ROWS) - 1]
     }
+}
+
+thread_local! {
+    /// The last probability asked for and its quantiles: every filter of a campaign asks for the same ones.
+    static QUANTILES: Cell<(f64, [f64; MAX_ROWS])> = const { Cell::new((f64::NAN, [f64::INFINITY; MAX_ROWS])) };
+}
+
+/// Quantiles of chi-squared for 1, 2, … [`MAX_ROWS`] degrees of freedom.
+fn chi_squared_quantiles(probability: f64) -> [f64; MAX_ROWS] {
+    let (known, mut quantiles) = QUANTILES.get();
+    if known != probability {
+        for (index, quantile) in quantiles.iter_mut().enumerate() {
+            if let Ok(distribution) = ChiSquared::new((index + 1) as f64) {
+                *quantile = distribution.inverse_cdf(probability);
+            }
+        }
+        QUANTILES.set((probability, quantiles));
+    }
+    quantiles
 }
 
 /// What the information form hands to the filter.

@@ -1,9 +1,12 @@
 //! What became of a measurement, and how right the filter was about itself.
 
+use fearless_simd::Simd;
 use nalgebra::{SMatrix, SVector};
 
 use crate::dvl::geometry::MAX_BEAMS;
 use crate::dvl::partial::Method;
+use crate::lane::with_vectors;
+use crate::layout::DIM;
 use crate::model::MAX_ROWS;
 use crate::state::{Covariance, ErrorVector};
 
@@ -134,15 +137,58 @@ impl UpdateReport {
 /// Frozen states (zero variance) are left out.
 #[must_use]
 pub fn nees(covariance: &Covariance, error: &ErrorVector, from: usize, to: usize) -> Option<f64> {
-    let mut block = Covariance::identity();
+    with_vectors!(simd => normalised_square(simd, covariance, error, from, to))
+}
+
+/// [`nees`]: nalgebra's Cholesky operations in nalgebra's order, over columns of a length that the compiler knows.
+#[inline(always)]
+fn normalised_square<S: Simd>(
+    _simd: S,
+    covariance: &Covariance,
+    error: &ErrorVector,
+    from: usize,
+    to: usize,
+) -> Option<f64> {
+    // Zero for a frozen state and outside, where the matrix is the identity.
+    let mut scale = [0.0; DIM];
     let mut part = ErrorVector::zeros();
     for i in (from..to).filter(|&i| covariance[(i, i)] > 0.0) {
-        let scale = covariance[(i, i)].sqrt().recip();
-        part[i] = error[i] * scale;
-        for j in (from..to).filter(|&j| covariance[(j, j)] > 0.0) {
-            block[(i, j)] = covariance[(i, j)] * scale * covariance[(j, j)].sqrt().recip();
-        }
+        scale[i] = covariance[(i, i)].sqrt().recip();
+        part[i] = error[i] * scale[i];
     }
-    let factor = block.cholesky()?;
-    Some(part.dot(&factor.solve(&part)))
+    let mut factor = Covariance::identity();
+    let columns = &mut factor.data.0;
+    let mut whitened = part;
+    for j in (from..to).filter(|&j| scale[j] > 0.0) {
+        let mut own = [0.0; DIM];
+        for i in 0..DIM {
+            own[i] = covariance.data.0[j][i] * scale[i] * scale[j];
+        }
+        for earlier in &columns[from..j] {
+            let share = -earlier[j];
+            for i in 0..DIM {
+                own[i] += share * earlier[i];
+            }
+        }
+        if !(own[j] > 0.0) {
+            return None;
+        }
+        let pivot = own[j].sqrt();
+        own[..j].fill(0.0);
+        own[j] = 0.0;
+        let value = whitened[j] / pivot;
+        for i in 0..DIM {
+            own[i] /= pivot;
+            whitened[i] += -value * own[i];
+        }
+        own[j] = pivot;
+        whitened[j] = value;
+        columns[j] = own;
+    }
+    let mut solved = whitened;
+    for j in (from..to).rev() {
+        let known = factor.view_range(j + 1.., j).dot(&solved.rows_range(j + 1..));
+        solved[j] = (solved[j] - known) / factor[(j, j)];
+    }
+    Some(part.dot(&solved))
 }

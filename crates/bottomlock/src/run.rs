@@ -95,6 +95,22 @@ impl Navigator {
         &mut self.filters
     }
 
+    /// Every filter.
+    pub(crate) fn filters_mut(&mut self) -> impl Iterator<Item = &mut Eskf> {
+        self.filters.each_mut()
+    }
+
+    /// The last inertial reading.
+    pub(crate) fn last_imu(&self) -> Option<ImuSample> {
+        self.last_imu
+    }
+
+    /// Takes note that the filters have taken inertial readings up to `last`.
+    pub(crate) fn has_taken(&mut self, last: &ImuSample) {
+        self.last_imu = Some(*last);
+        self.last_ns[0] = Some(last.time_ns);
+    }
+
     /// Replaces the covariance; what was assumed and learned of the motion through the water is forgotten.
     ///
     /// # Errors
@@ -157,9 +173,8 @@ impl Navigator {
 
     fn advance(&mut self, sample: &ImuSample, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
         // Before the first sample the motion is taken as that of the first sample.
-        let now_ns = self.filters.beams_alone.state().time_ns;
-        let mut last = self.last_imu.unwrap_or(ImuSample {
-            time_ns: now_ns,
+        let mut last = self.last_imu.unwrap_or_else(|| ImuSample {
+            time_ns: self.filters.beams_alone.state().time_ns,
             ..*sample
         });
         if self.last_imu.is_none() {
@@ -210,7 +225,7 @@ impl Navigator {
                     }
                     report(&outcome);
                 }
-                let full_lock = self.geometry.rank_of(ping.valid) == 3;
+                let full_lock = self.water().is_some() && self.geometry.rank_of(ping.valid) == 3;
                 self.filters.assume(full_lock, &mut *report)?;
             }
             Event::Velocity(sample) => report(&filters.update(Sensor::Velocity, |filter| {

@@ -140,12 +140,11 @@ pub fn simulate(
         attitude: Vec::new(),
         gps: Vec::new(),
     };
-    for k in 0..truth.time_ns.len() {
-        streams.imu.push(suite.imu(truth, k));
-        let (accel, gyro) = suite.imu_errors();
-        streams.accel_bias_p_mps2.push(accel);
-        streams.gyro_bias_p_radps.push(gyro);
-    }
+    suite.imus(truth, 0..truth.time_ns.len(), |reading, &accel_bias, &gyro_bias| {
+        streams.imu.push(reading);
+        streams.accel_bias_p_mps2.push(accel_bias.into());
+        streams.gyro_bias_p_radps.push(gyro_bias.into());
+    });
     for (&time_ns, &valid) in schedule.dvl_time_ns.iter().zip(schedule.beam_valid) {
         if let Some(previous) = streams.pings.last().filter(|last| time_ns <= last.time_ns) {
             return Err(NavError::TimeNotIncreasing {

@@ -3,15 +3,20 @@
 //! Every stream is its own ChaCha8 stream under the key (campaign seed, trajectory, run): run k alone equals run k of a campaign,
 //! a sensor switched off shifts no other, and lost beams are drawn like the others.
 
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+mod inertial;
+
+use std::ops::Range;
+
+use nalgebra::{UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
+use self::inertial::Inertial;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamMotion, BeamSample, MAX_BEAMS};
 use crate::error::NavError;
 use crate::events::{AttitudeSample, DepthSample, GpsSample};
-use crate::frames::{Rot, Tangent, Vec3};
+use crate::frames::{Rot, Vec3};
 use crate::imu::{ImuSample, Sampling};
 use crate::layout::{self, BIASED_BEAMS};
 use crate::model::Model;
@@ -38,25 +43,27 @@ enum Stream {
     BeamBias = 200,
 }
 
+/// The key of a run's generators; its streams are told apart by their numbers.
+fn seed(key: &RunKey) -> [u8; 32] {
+    let mut seed = [0; 32];
+    seed[..8].copy_from_slice(&key.seed.to_le_bytes());
+    seed[8..16].copy_from_slice(&key.trajectory.to_le_bytes());
+    seed[16..24].copy_from_slice(&key.run.to_le_bytes());
+    seed[24..].copy_from_slice(b"botmlock");
+    seed
+}
+
 #[derive(Debug, Clone)]
 struct Normals(ChaCha8Rng);
 
 impl Normals {
     fn new(key: &RunKey, stream: Stream, index: usize) -> Self {
-        let mut seed = [0; 32];
-        seed[..8].copy_from_slice(&key.seed.to_le_bytes());
-        seed[8..16].copy_from_slice(&key.trajectory.to_le_bytes());
-        seed[16..24].copy_from_slice(&key.run.to_le_bytes());
-        seed[24..].copy_from_slice(b"botmlock");
-        let mut generator = ChaCha8Rng::from_seed(seed);
+        let mut generator = ChaCha8Rng::from_seed(seed(key));
         generator.set_stream(stream as u64 + index as u64);
         Self(generator)
     }
     fn one(&mut self) -> f64 {
         StandardNormal.sample(&mut self.0)
-    }
-    fn three(&mut self, sd: f64) -> Vector3<f64> {
-        Vector3::from_fn(|_, _| sd * self.one())
     }
     fn each(&mut self, sd: &[f64; 3]) -> Vector3<f64> {
         Vector3::from_fn(|k, _| sd[k] * self.one())
@@ -97,17 +104,6 @@ pub(crate) struct SensorSuite {
 }
 
 #[derive(Debug, Clone)]
-struct Inertial {
-    accel_noise: Normals,
-    gyro_noise: Normals,
-    accel_walk: Normals,
-    gyro_walk: Normals,
-    accel_bias: Vector3<f64>,
-    gyro_bias: Vector3<f64>,
-    started: bool,
-}
-
-#[derive(Debug, Clone)]
 struct Dvl {
     noise: Vec<Normals>,
     walk: Vec<Normals>,
@@ -129,7 +125,6 @@ impl SensorSuite {
     ) -> Self {
         let of = |stream| Normals::new(key, stream, 0);
         let of_beams = |stream| -> Vec<Normals> { (0..beams).map(|beam| Normals::new(key, stream, beam)).collect() };
-        let (mut accel_walk, mut gyro_walk) = (of(Stream::AccelBias), of(Stream::GyroBias));
         let (mut walk, mut scale_walk) = (of_beams(Stream::BeamBias), of(Stream::DvlScale));
         let mut bias_mps = [0.0; MAX_BEAMS];
         for (bias, normals) in bias_mps.iter_mut().zip(&mut walk) {
@@ -139,15 +134,7 @@ impl SensorSuite {
             model: *model,
             claimed: *claimed,
             sampling,
-            inertial: Inertial {
-                accel_noise: of(Stream::AccelNoise),
-                gyro_noise: of(Stream::GyroNoise),
-                accel_bias: accel_walk.three(model.imu.accel_bias_sd_mps2),
-                gyro_bias: gyro_walk.three(model.imu.gyro_bias_sd_radps),
-                accel_walk,
-                gyro_walk,
-                started: false,
-            },
+            inertial: Inertial::new(&model.imu, key),
             dvl: Dvl {
                 noise: of_beams(Stream::BeamNoise),
                 walk,
@@ -176,31 +163,22 @@ impl SensorSuite {
         (self.dvl.bias_mps, self.dvl.scale_factor)
     }
 
-    /// True biases of accelerometers (m/s²) and gyros (rad/s), as they stand.
-    pub(crate) fn imu_errors(&self) -> ([f64; 3], [f64; 3]) {
-        (self.inertial.accel_bias.into(), self.inertial.gyro_bias.into())
-    }
-
     /// The inertial reading at sample k of the truth; samples come in order, each once.
     pub(crate) fn imu(&mut self, at: &Truth<'_>, k: usize) -> ImuSample {
-        let (imu, own) = (&self.model.imu, &mut self.inertial);
-        let neighbour = k.max(1);
-        let root_dt = ((at.time_ns[neighbour] - at.time_ns[neighbour - 1]) as f64 * 1e-9).sqrt();
-        if own.started {
-            own.accel_bias += own.accel_walk.three(imu.accel_bias_walk_mps2_rts * root_dt);
-            own.gyro_bias += own.gyro_walk.three(imu.gyro_bias_walk_radps_rts * root_dt);
-        }
-        let (rate, force) = if self.sampling == Sampling::Averaged && own.started {
-            mean_readings(at, &self.model, k)
-        } else {
-            (Vector3::from(at.omega_p_radps[k]), Vector3::from(at.force_p_mps2[k]))
-        };
-        own.started = true;
-        ImuSample {
-            time_ns: at.time_ns[k],
-            rate_p_radps: (rate + own.gyro_bias + own.gyro_noise.three(imu.gyro_noise_rad_rts / root_dt)).into(),
-            force_p_mps2: (force + own.accel_bias + own.accel_noise.three(imu.accel_noise_mps_rts / root_dt)).into(),
-        }
+        let mut readings = Vec::with_capacity(1);
+        self.imus(at, k..k + 1, |reading, _, _| readings.push(reading));
+        readings[0]
+    }
+
+    /// The inertial readings at samples of the truth, which come in order, each once; `take` gets each of them with the true
+    /// biases of accelerometers (m/s²) and gyros (rad/s).
+    pub(crate) fn imus(
+        &mut self,
+        at: &Truth<'_>,
+        samples: Range<usize>,
+        take: impl FnMut(ImuSample, &Vector3<f64>, &Vector3<f64>),
+    ) {
+        self.inertial.read(&self.model, self.sampling, at, samples, take);
     }
 
     /// The ping at a time.
@@ -284,26 +262,4 @@ impl SensorSuite {
             velocity_sd_mps: claimed.velocity_sd_mps,
         })
     }
-}
-
-/// The mean rate and force since the last sample that lead the strapdown step from truth to truth.
-fn mean_readings(truth: &Truth<'_>, model: &Model, k: usize) -> (Vector3<f64>, Vector3<f64>) {
-    let dt = (truth.time_ns[k] - truth.time_ns[k - 1]) as f64 * 1e-9;
-    let earth = model.environment.earth_rate_t_radps().0;
-    let (before, after) = (truth.attitude(k - 1), truth.attitude(k));
-    let turn = before.inverse() * Rot::<Tangent, Tangent>::exp(earth * dt) * after;
-    let (r0, r1) = (before.matrix(), after.matrix());
-    let (v0, v1) = (
-        r0 * Vector3::from(truth.velocity_p_mps[k - 1]),
-        r1 * Vector3::from(truth.velocity_p_mps[k]),
-    );
-    let gravity = Vector3::new(0.0, 0.0, model.environment.gravity_mps2);
-    let needed = (v1 - v0) / dt - gravity + earth.cross(&(v0 + v1));
-    let mean: Matrix3<f64> = (r0 + r1) * 0.5;
-    // The mean of two neighbouring rotations is invertible unless they are half a turn apart.
-    let force = mean
-        .lu()
-        .solve(&needed)
-        .unwrap_or_else(|| Vector3::from(truth.force_p_mps2[k]));
-    (turn.log() / dt, force)
 }

@@ -49,6 +49,11 @@ impl Filters {
         self.informed.as_deref().unwrap_or(&self.beams_alone)
     }
 
+    /// Every filter.
+    pub(crate) fn each_mut(&mut self) -> impl Iterator<Item = &mut Eskf> {
+        std::iter::once(&mut self.beams_alone).chain(self.informed.as_deref_mut())
+    }
+
     pub(crate) fn predict(&mut self, start: &ImuSample, end: &ImuSample) -> Result<(), NavError> {
         self.beams_alone.predict(start, end)?;
         self.informed

@@ -5,6 +5,9 @@ use crate::batch::Arm;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::error::NavError;
 use crate::events::Event;
+use crate::filter::convoy::Seat;
+use crate::fleet::lead;
+use crate::imu::ImuSample;
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM};
 use crate::model::{Model, Options};
 use crate::report::{Choice, Sensor, UpdateReport, nees};
@@ -45,15 +48,16 @@ pub struct BiasRecord {
     pub sd: [f64; 6],
 }
 
+/// An arm with its filters and what it has yielded.
 #[derive(Debug, Clone)]
-struct Lane {
+struct Aboard {
     arm: Arm,
     guide: Guide,
     record: ArmRecord,
     nis_sum: f64,
 }
 
-impl Lane {
+impl Aboard {
     fn push(&mut self, event: &Event) -> Result<(), NavError> {
         let (record, nis_sum) = (&mut self.record, &mut self.nis_sum);
         self.guide.push(event, &mut |report: &UpdateReport| {
@@ -67,6 +71,16 @@ impl Lane {
                 }
             }
         })
+    }
+
+    fn into_record(mut self) -> ArmRecord {
+        let fixes = self.record.fixes_accepted + self.record.fixes_rejected;
+        self.record.nis_mean = if fixes > 0 {
+            self.nis_sum / fixes as f64
+        } else {
+            f64::NAN
+        };
+        self.record
     }
 
     fn sample(&mut self, truth: &NavState) -> Result<(), NavError> {
@@ -98,7 +112,7 @@ pub struct Voyage {
     run: u64,
     geometry: BeamGeometry,
     suite: SensorSuite,
-    lanes: Vec<Lane>,
+    aboard: Vec<Aboard>,
     started: bool,
 }
 
@@ -117,10 +131,10 @@ impl Voyage {
         key: &RunKey,
     ) -> Result<Self, NavError> {
         let initial = drawn_start(start, simulated, key);
-        let lanes = arms.iter().map(|&arm| {
+        let aboard = arms.iter().map(|&arm| {
             let guide = Guide::new(initial, geometry, arm.aiding, assumed, options)
                 .map_err(|source| in_run(key.run, &arm, source))?;
-            Ok(Lane {
+            Ok(Aboard {
                 arm,
                 guide,
                 record: ArmRecord::default(),
@@ -138,7 +152,7 @@ impl Voyage {
                 start.time_ns,
                 key,
             ),
-            lanes: lanes.collect::<Result<_, _>>()?,
+            aboard: aboard.collect::<Result<_, _>>()?,
             started: false,
         })
     }
@@ -146,7 +160,7 @@ impl Voyage {
     /// The estimate of an arm.
     #[must_use]
     pub fn state(&self, arm: usize) -> Option<NavState> {
-        self.lanes.get(arm).map(|lane| lane.guide.state())
+        self.aboard.get(arm).map(|one| one.guide.state())
     }
 
     /// Leads sensors and filters along a stretch of the truth.
@@ -163,56 +177,33 @@ impl Voyage {
         schedule: &Schedule<'_>,
         sample_time_ns: &[i64],
     ) -> Result<(), NavError> {
-        schedule.validate()?;
-        let mut epochs = Epochs::new(schedule);
-        let mut samples = sample_time_ns.iter().peekable();
-        for k in usize::from(self.started)..truth.time_ns.len() {
-            let time_ns = truth.time_ns[k];
-            // What falls between two samples waits inside the navigator for the later one.
-            while let Some(epoch) = epochs.next_if(|epoch_ns| epoch_ns < time_ns) {
-                self.measure(truth, schedule, epoch)?;
-            }
-            let reading = Event::Imu(self.suite.imu(truth, k));
-            self.each(|lane| lane.push(&reading))?;
-            while let Some(epoch) = epochs.next_if(|epoch_ns| epoch_ns <= time_ns) {
-                self.measure(truth, schedule, epoch)?;
-            }
-            if samples.next_if(|&&sample_ns| sample_ns <= time_ns).is_some() {
-                let mut state = true_state(truth, k);
-                self.suite.errors_into(&mut state);
-                self.each(|lane| lane.sample(&state))?;
-            }
-        }
-        self.started = true;
-        // Only epochs beyond the stretch are left, and the truth refuses them.
-        while let Some(epoch) = epochs.next_if(|_| true) {
-            self.measure(truth, schedule, epoch)?;
-        }
-        Ok(())
+        lead([Leg::new(self, *truth, *schedule, sample_time_ns)])
+            .into_iter()
+            .collect()
     }
 
     /// What the arms have yielded, in their order.
     #[must_use]
     pub fn records(&self) -> Vec<ArmRecord> {
-        let of_lane = |lane: &Lane| {
-            let fixes = lane.record.fixes_accepted + lane.record.fixes_rejected;
-            ArmRecord {
-                nis_mean: if fixes > 0 {
-                    lane.nis_sum / fixes as f64
-                } else {
-                    f64::NAN
-                },
-                ..lane.record.clone()
-            }
-        };
-        self.lanes.iter().map(of_lane).collect()
+        self.clone().into_records()
     }
 
-    fn each(&mut self, mut work: impl FnMut(&mut Lane) -> Result<(), NavError>) -> Result<(), NavError> {
+    /// [`Voyage::records`] of a run that is over.
+    #[must_use]
+    pub fn into_records(self) -> Vec<ArmRecord> {
+        self.aboard.into_iter().map(Aboard::into_record).collect()
+    }
+
+    /// The last reading that the filters have taken.
+    fn last_imu(&self) -> Option<ImuSample> {
+        self.aboard.first().and_then(|one| one.guide.leader().last_imu())
+    }
+
+    fn each(&mut self, mut work: impl FnMut(&mut Aboard) -> Result<(), NavError>) -> Result<(), NavError> {
         let run = self.run;
-        self.lanes
+        self.aboard
             .iter_mut()
-            .try_for_each(|lane| work(lane).map_err(|source| in_run(run, &lane.arm, source)))
+            .try_for_each(|one| work(one).map_err(|source| in_run(run, &one.arm, source)))
     }
 
     fn measure(&mut self, truth: &Truth<'_>, schedule: &Schedule<'_>, (sensor, k): Epoch) -> Result<(), NavError> {
@@ -233,9 +224,9 @@ impl Voyage {
             Aid::Gps => Event::Gps(self.suite.gps(truth, schedule.gps_time_ns[k])?),
         };
         let all = BeamMask::all(self.geometry.beams());
-        self.each(|lane| match event {
-            Event::Beams(ping) if lane.arm.all_beams => lane.push(&Event::Beams(BeamSample { valid: all, ..ping })),
-            _ => lane.push(&event),
+        self.each(|one| match event {
+            Event::Beams(ping) if one.arm.all_beams => one.push(&Event::Beams(BeamSample { valid: all, ..ping })),
+            _ => one.push(&event),
         })
     }
 }
@@ -245,6 +236,153 @@ fn in_run(run: u64, arm: &Arm, source: NavError) -> NavError {
         run,
         arm: arm.name,
         source: Box::new(source),
+    }
+}
+
+/// A voyage on its way along a stretch of the truth.
+pub(crate) struct Leg<'a> {
+    voyage: &'a mut Voyage,
+    truth: Truth<'a>,
+    schedule: Schedule<'a>,
+    epochs: Epochs<'a>,
+    sample_time_ns: &'a [i64],
+    /// The sample of the truth that comes next.
+    next: usize,
+    /// The last reading that the filters have taken, and those that they take next.
+    readings: Vec<ImuSample>,
+    /// How many of them are new.
+    drawn: usize,
+}
+
+impl<'a> Leg<'a> {
+    /// At the start of a stretch; see [`Voyage::advance`].
+    pub(crate) fn new(
+        voyage: &'a mut Voyage,
+        truth: Truth<'a>,
+        schedule: Schedule<'a>,
+        sample_time_ns: &'a [i64],
+    ) -> Result<Self, NavError> {
+        schedule.validate()?;
+        let next = usize::from(voyage.started);
+        Ok(Self {
+            voyage,
+            truth,
+            schedule,
+            epochs: Epochs::new(&schedule),
+            sample_time_ns,
+            next,
+            readings: Vec::new(),
+            drawn: 0,
+        })
+    }
+
+    /// Times of the samples ahead, ns.
+    pub(crate) fn ahead_ns(&self) -> &'a [i64] {
+        &self.truth.time_ns[self.next..]
+    }
+
+    /// Number of samples ahead before anything is measured between two of them, up to the one where something happens.
+    pub(crate) fn clear_samples(&self) -> usize {
+        let ahead_ns = self.ahead_ns();
+        // The first reading starts the filters, where there are any.
+        if self.voyage.last_imu().is_none() && !self.voyage.aboard.is_empty() {
+            return 0;
+        }
+        let mut clear = ahead_ns.len();
+        if let Some(epoch_ns) = self.epochs.next_ns() {
+            let before = ahead_ns.partition_point(|&time_ns| time_ns < epoch_ns);
+            clear = before + usize::from(ahead_ns.get(before) == Some(&epoch_ns));
+        }
+        if let Some(&wanted_ns) = self.sample_time_ns.first() {
+            clear = clear.min(ahead_ns.partition_point(|&time_ns| time_ns < wanted_ns) + 1);
+        }
+        clear
+    }
+
+    /// One sample, with whatever is measured before it or at it.
+    pub(crate) fn step(&mut self) -> Result<(), NavError> {
+        let time_ns = self.truth.time_ns[self.next];
+        // What falls between two samples waits inside the navigator for the later one.
+        while let Some(epoch) = self.epochs.next_if(|epoch_ns| epoch_ns < time_ns) {
+            self.voyage.measure(&self.truth, &self.schedule, epoch)?;
+        }
+        let reading = Event::Imu(self.voyage.suite.imu(&self.truth, self.next));
+        self.voyage.each(|one| one.push(&reading))?;
+        self.next += 1;
+        self.arrive()
+    }
+
+    /// Draws the readings of clear samples.
+    pub(crate) fn draw(&mut self, count: usize) -> Result<(), NavError> {
+        self.readings.clear();
+        self.readings.extend(self.voyage.last_imu());
+        let taken = self.readings.len();
+        self.drawn = count;
+        let readings = &mut self.readings;
+        self.voyage
+            .suite
+            .imus(&self.truth, self.next..self.next + count, |reading, _, _| {
+                readings.push(reading);
+            });
+        let bad = self.readings[taken..]
+            .iter()
+            .find_map(|reading| reading.validate().err());
+        match (bad, self.voyage.aboard.first()) {
+            (Some(source), Some(first)) => Err(in_run(self.voyage.run, &first.arm, source)),
+            _ => Ok(()),
+        }
+    }
+
+    /// The filters of every arm, in their order, with the readings drawn.
+    pub(crate) fn seats(&mut self) -> impl Iterator<Item = Seat<'_>> {
+        let samples = &self.readings[..];
+        let filters = self.voyage.aboard.iter_mut().flat_map(|one| one.guide.filters_mut());
+        filters.map(move |filter| Seat::new(filter, samples))
+    }
+
+    /// After the filters have taken the readings drawn; `failures` are those of the seats.
+    pub(crate) fn land(&mut self, failures: Vec<Option<(usize, NavError)>>) -> Result<(), NavError> {
+        let arms = self.voyage.aboard.iter_mut();
+        let owners = arms.flat_map(|one| vec![one.arm; one.guide.filters_mut().count()]);
+        let failed = owners.zip(failures).filter_map(|(arm, failure)| Some((arm, failure?)));
+        if let Some((arm, (_, source))) = failed.min_by_key(|(_, (at, _))| *at) {
+            return Err(in_run(self.voyage.run, &arm, source));
+        }
+        self.next += self.drawn;
+        if let Some(&last) = self.readings.last() {
+            self.voyage.aboard.iter_mut().for_each(|one| one.guide.has_taken(&last));
+        }
+        self.arrive()
+    }
+
+    /// What is measured and recorded at the last sample taken.
+    fn arrive(&mut self) -> Result<(), NavError> {
+        let k = self.next - 1;
+        let time_ns = self.truth.time_ns[k];
+        while let Some(epoch) = self.epochs.next_if(|epoch_ns| epoch_ns <= time_ns) {
+            self.voyage.measure(&self.truth, &self.schedule, epoch)?;
+        }
+        if let Some((_, later)) = self
+            .sample_time_ns
+            .split_first()
+            .filter(|(first, _)| **first <= time_ns)
+        {
+            self.sample_time_ns = later;
+            let mut state = true_state(&self.truth, k);
+            self.voyage.suite.errors_into(&mut state);
+            self.voyage.each(|one| one.sample(&state))?;
+        }
+        Ok(())
+    }
+
+    /// The end of the stretch.
+    pub(crate) fn finish(&mut self) -> Result<(), NavError> {
+        self.voyage.started = true;
+        // Only epochs beyond the stretch are left, and the truth refuses them.
+        while let Some(epoch) = self.epochs.next_if(|_| true) {
+            self.voyage.measure(&self.truth, &self.schedule, epoch)?;
+        }
+        Ok(())
     }
 }
 
@@ -273,6 +411,11 @@ impl<'a> Epochs<'a> {
                 (Aid::Gps, schedule.gps_time_ns, 0),
             ],
         }
+    }
+
+    fn next_ns(&self) -> Option<i64> {
+        let nexts = self.streams.iter().filter_map(|(_, times, next)| times.get(*next));
+        nexts.min().copied()
     }
 
     fn next_if(&mut self, wanted: impl Fn(i64) -> bool) -> Option<Epoch> {

@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, Const, SMatrix};
 
 use crate::error_model::Interval;
-use crate::imu::EarthTerms;
+use crate::imu::{EarthTerms, Kinematics};
 use crate::layout::{ATTITUDE, DIM};
 use crate::water::{HEAVE, WATER, WaterCovariance, WaterPrior, WaterRow, WaterVector, inject};
 
@@ -80,9 +80,9 @@ impl WaterBlock {
         &self.own
     }
 
-    /// The block over an interval of the error state (before the interval is emptied).
-    pub(crate) fn propagate(&mut self, interval: &Interval<f64>, earth: &EarthTerms, second_order: bool) {
-        interval.carry(&mut self.cross.data.0, earth, second_order);
+    /// The block over an interval of the error state, which has come to `end` (before it is emptied).
+    pub(crate) fn propagate(&mut self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms) {
+        interval.carry(&mut self.cross.data.0, end, earth);
         let decay = self.prior.decay(interval.duration_s());
         self.since_s.add_scalar_mut(interval.duration_s());
         for k in 0..WATER {

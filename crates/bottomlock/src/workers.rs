@@ -26,6 +26,11 @@ impl Workers {
         })
     }
 
+    /// Number of threads.
+    pub(crate) fn threads(&self) -> usize {
+        self.pool.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
+    }
+
     /// Works on every item; the results come in order, and of several errors the first by order.
     pub(crate) fn each<I: Send, T: Send>(
         &self,
@@ -52,6 +57,10 @@ impl Workers {
 impl Workers {
     pub(crate) fn new(_threads: usize) -> Result<Self, NavError> {
         Ok(Self {})
+    }
+
+    pub(crate) fn threads(&self) -> usize {
+        1
     }
 
     pub(crate) fn each<I, T>(

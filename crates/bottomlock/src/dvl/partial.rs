@@ -190,6 +190,19 @@ pub fn plan(
 ) -> Result<FixPlan, NavError> {
     let beams = beam_rows(geometry, valid, noise);
     let solution = least_squares(&beams)?;
+    plan_beyond(method, geometry, valid, beams, solution, prior_cov, assumptions)
+}
+
+/// As [`plan`], of the rows of the beams and what they determine by themselves.
+fn plan_beyond(
+    method: Method,
+    geometry: &BeamGeometry,
+    valid: BeamMask,
+    beams: Rows,
+    solution: LeastSquares,
+    prior_cov: Option<&Matrix3<f64>>,
+    assumptions: &Assumptions,
+) -> Result<FixPlan, NavError> {
     if solution.rank == 0 {
         return Ok(FixPlan::refused(method, Reason::NoBeams, solution));
     }
@@ -231,7 +244,7 @@ pub fn plan(
             None => Ok(FixPlan::refused(method, Reason::PriorRequired, solution)),
             Some(prior) => virtual_heave(beams, solution, prior),
         },
-        Method::Selector => selector(geometry, valid, noise, prior_cov, assumptions, solution),
+        Method::Selector => selector(geometry, valid, &beams, prior_cov, assumptions, solution),
     }
 }
 
@@ -337,10 +350,10 @@ fn virtual_heave(mut rows: Rows, beams: LeastSquares, prior_cov: &Matrix3<f64>) 
 fn selector(
     geometry: &BeamGeometry,
     valid: BeamMask,
-    noise: &BeamNoise,
+    beams: &Rows,
     prior_cov: Option<&Matrix3<f64>>,
     assumptions: &Assumptions,
-    beams: LeastSquares,
+    solution: LeastSquares,
 ) -> Result<FixPlan, NavError> {
     const CANDIDATES: [Method; 4] = [
         Method::VirtualBeam,
@@ -348,9 +361,10 @@ fn selector(
         Method::PartialLoose,
         Method::VirtualHeave,
     ];
-    let mut chosen = FixPlan::refused(Method::Selector, Reason::OutsideRowSpace, beams);
+    let mut chosen = FixPlan::refused(Method::Selector, Reason::OutsideRowSpace, solution.clone());
     for method in CANDIDATES {
-        let candidate = plan(method, geometry, valid, noise, prior_cov, assumptions)?;
+        let (beams, solution) = (beams.clone(), solution.clone());
+        let candidate = plan_beyond(method, geometry, valid, beams, solution, prior_cov, assumptions)?;
         if method == Method::VirtualBeam {
             chosen.virtual_beams = candidate.virtual_beams;
         }

@@ -56,11 +56,12 @@ impl Rows {
                 a.set_row(slot, &direction.transpose());
             }
         }
+        let filled = || (0..SLOTS).filter(|&slot| self.directions[slot].is_some());
         // Gram–Schmidt on the rows, largest remainder first: three steps at most, no iteration to fail.
         let mut basis = Vec::with_capacity(3);
         while basis.len() < 3 {
             let (mut best, mut size) = (0, 0.0);
-            for slot in 0..SLOTS {
+            for slot in filled() {
                 let norm = a.row(slot).norm();
                 if norm > size {
                     (best, size) = (slot, norm);
@@ -74,7 +75,7 @@ impl Rows {
                 axis -= *earlier * axis.dot(earlier);
             }
             let axis = axis.normalize();
-            for slot in 0..SLOTS {
+            for slot in filled() {
                 let along = a.row(slot).transpose().dot(&axis);
                 let remainder = a.row(slot) - axis.transpose() * along;
                 a.set_row(slot, &remainder);
@@ -180,8 +181,9 @@ pub fn least_squares(rows: &Rows) -> Result<LeastSquares, NavError> {
         matrix: "beam noise covariance",
         time_ns: 0,
     };
-    let factor = noise.cholesky().ok_or(not_definite.clone())?.unpack();
-    let whiten = factor.try_inverse_lower().ok_or(not_definite.clone())?;
+    let Some(whiten) = whitening(noise, count) else {
+        return Err(not_definite);
+    };
     let top = whiten * stacked.fixed_rows::<SLOTS>(0);
     stacked.fixed_rows_mut::<SLOTS>(0).copy_from(&top);
     // Rows along the unseen axes, orthogonal to all others, make the minimum-norm solution the least-squares one. Their weight
@@ -207,15 +209,37 @@ pub fn least_squares(rows: &Rows) -> Result<LeastSquares, NavError> {
     })
 }
 
-/// Inverse of a lower triangular matrix by forward substitution (used to whiten rows, never on a covariance).
-trait LowerInverse: Sized {
-    fn try_inverse_lower(&self) -> Option<Self>;
-}
-
-impl LowerInverse for SlotNoise {
-    fn try_inverse_lower(&self) -> Option<Self> {
-        self.solve_lower_triangular(&Self::identity())
+/// Inverse of the Cholesky factor of a noise covariance of `count` rows, whitening them; `None` unless positive definite.
+///
+/// nalgebra's operations in nalgebra's order, without the empty slots.
+fn whitening(mut noise: SlotNoise, count: usize) -> Option<SlotNoise> {
+    for j in 0..count {
+        for k in 0..j {
+            let part = -noise[(j, k)];
+            for i in j..count {
+                noise[(i, j)] += part * noise[(i, k)];
+            }
+        }
+        if !(noise[(j, j)] > 0.0) {
+            return None;
+        }
+        let pivot = noise[(j, j)].sqrt();
+        noise[(j, j)] = pivot;
+        for i in j + 1..count {
+            noise[(i, j)] /= pivot;
+        }
     }
+    let mut inverse = SlotNoise::identity();
+    for column in 0..count {
+        for j in column..count {
+            inverse[(j, column)] /= noise[(j, j)];
+            let part = -inverse[(j, column)];
+            for i in j + 1..count {
+                inverse[(i, column)] += part * noise[(i, j)];
+            }
+        }
+    }
+    Some(inverse)
 }
 
 #[cfg(test)]

@@ -20,9 +20,12 @@ impl Eskf {
         self.last_step_s = interval_s;
     }
 
-    /// The velocity, platform frame, m/s, and its covariance, (m/s)², as the last update left them.
+    /// The velocity, platform frame, m/s, and its covariance, (m/s)², as the last update or propagation left them.
     pub(crate) fn velocity(&self) -> (Vector3<f64>, Matrix3<f64>) {
-        let own = self.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY).into_owned();
+        let own = Matrix3::from_fn(|i, j| match &self.underway {
+            Some(underway) => underway.rows.at(VELOCITY + i, VELOCITY + j),
+            None => self.covariance[(VELOCITY + i, VELOCITY + j)],
+        });
         (Vector3::from(self.kinematics.velocity_p_mps), own)
     }
 

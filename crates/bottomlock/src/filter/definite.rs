@@ -1,46 +1,98 @@
-//! Is a covariance positive definite, apart from states that are frozen?
+//! The proof that a covariance is positive definite: its factorisation L D Lᵀ has no pivot that is not positive.
+//!
+//! Metres and radians per second do not hide each other although nothing is scaled to unit diagonal: scaling multiplies each
+//! pivot by a positive number and the rounding errors with it (Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd
+//! ed., theorem 10.7, after Demmel: whether the factorisation runs through is a matter of the smallest eigenvalue of the
+//! *scaled* matrix, whichever is factorised).
 
-use nalgebra::SVector;
+use fearless_simd::f64x4;
+use fearless_simd::prelude::*;
 
-use crate::error::NavError;
-use crate::layout::{DIM, block_name};
+use super::columns::{VECTORS, WIDTH, load_part};
+use crate::lane::{plus, with_vectors};
+use crate::layout::DIM;
 use crate::state::Covariance;
 
-/// Cholesky's factorisation with frozen states (zero variance) left out.
-fn active_factor(covariance: &Covariance) -> Option<nalgebra::Cholesky<f64, nalgebra::Const<DIM>>> {
-    let mut matrix = *covariance;
-    for k in 0..DIM {
-        if matrix[(k, k)] == 0.0 && matrix.column(k).amax() == 0.0 {
-            matrix[(k, k)] = 1.0;
-        }
-    }
-    // Scaling to unit diagonal keeps metres and radians per second from hiding each other.
-    let scale = SVector::<f64, DIM>::from_fn(|k, _| {
-        if matrix[(k, k)] > 0.0 {
-            matrix[(k, k)].sqrt().recip()
-        } else {
-            0.0
-        }
-    });
-    for j in 0..DIM {
-        for i in 0..DIM {
-            matrix[(i, j)] *= scale[i] * scale[j];
-        }
-    }
-    matrix.cholesky()
+/// True where the factorisation of a symmetric matrix exists; states without variance are left out.
+pub(super) fn is_positive_definite(covariance: &Covariance) -> bool {
+    with_vectors!(simd => factorises(simd, &covariance.data.0))
 }
 
-/// Checks a covariance; the error names the block with a negative variance, where there is one.
-///
-/// # Errors
-/// [`NavError::NotPositiveDefinite`].
-pub(super) fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<(), NavError> {
-    if active_factor(covariance).is_some() {
-        return Ok(());
-    }
-    let negative = (0..DIM).find(|&k| covariance[(k, k)] < 0.0);
-    Err(NavError::NotPositiveDefinite {
-        matrix: negative.map_or("state covariance", block_name),
-        time_ns,
-    })
+/// The same within a dispatch. Only the elements on and below the diagonal are read.
+#[inline(always)]
+pub(super) fn factorises<S: Simd>(simd: S, matrix: &[[f64; DIM]; DIM]) -> bool {
+    let Some(a) = panel::<S, 0>(simd, matrix, []) else {
+        return false;
+    };
+    let Some(b) = panel::<S, 1>(simd, matrix, [&a]) else {
+        return false;
+    };
+    let Some(c) = panel::<S, 2>(simd, matrix, [&a, &b]) else {
+        return false;
+    };
+    let Some(d) = panel::<S, 3>(simd, matrix, [&a, &b, &c]) else {
+        return false;
+    };
+    panel::<S, 4>(simd, matrix, [&a, &b, &c, &d]).is_some()
 }
+
+/// Four columns of the factors; what stands above the diagonal means nothing.
+struct Panel<S: Simd> {
+    minus_l: [[f64x4<S>; VECTORS]; WIDTH],
+    l_d: [[f64x4<S>; VECTORS]; WIDTH],
+}
+
+/// The columns `4 B..4 B + 4`, from those before them; nothing where a pivot is not positive.
+#[inline(always)]
+fn panel<S: Simd, const B: usize>(simd: S, matrix: &[[f64; DIM]; DIM], before: [&Panel<S>; B]) -> Option<Panel<S>> {
+    let zero = [f64x4::simd_from(simd, 0.0); VECTORS];
+    let mut own = [zero; WIDTH];
+    for q in 0..WIDTH {
+        for v in B..VECTORS {
+            own[q][v] = load_part(simd, &matrix[WIDTH * B + q], v);
+        }
+    }
+    for panel in before {
+        for k in 0..WIDTH {
+            for q in 0..WIDTH {
+                let multiple = panel.l_d[k][B][q];
+                for v in B..VECTORS {
+                    own[q][v] = plus(own[q][v], multiple, panel.minus_l[k][v]);
+                }
+            }
+        }
+    }
+    let mut minus_l = own;
+    for q in 0..WIDTH {
+        let pivot = own[q][B][q];
+        // Products with the reciprocal: one division a pivot.
+        let mut inverse = f64x4::simd_from(simd, -1.0) / pivot;
+        if !(pivot > 0.0) {
+            if !is_frozen(matrix, WIDTH * B + q) {
+                return None;
+            }
+            own[q] = zero;
+            inverse = f64x4::simd_from(simd, 0.0);
+        }
+        for v in B..VECTORS {
+            minus_l[q][v] = own[q][v] * inverse;
+        }
+        for later in q + 1..WIDTH {
+            let multiple = own[q][B][later];
+            for v in B..VECTORS {
+                own[later][v] = plus(own[later][v], multiple, minus_l[q][v]);
+            }
+        }
+    }
+    Some(Panel { minus_l, l_d: own })
+}
+
+/// True for a state without variance. One that is correlated with others is no state.
+fn is_frozen(matrix: &[[f64; DIM]; DIM], state: usize) -> bool {
+    matrix[state][state..].iter().all(|element| *element == 0.0)
+        && matrix[..state].iter().all(|column| column[state] == 0.0)
+}
+
+#[cfg(test)]
+#[path = "definite_tests.rs"]
+mod tests;

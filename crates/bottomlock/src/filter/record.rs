@@ -88,8 +88,7 @@ impl Eskf {
     fn transition(&self) -> DMatrix<f64> {
         let states = self.states();
         let mut phi = Covariance::identity();
-        self.interval
-            .carry(&mut phi.data.0, &self.earth, self.covariance_period_s > 0.0);
+        self.interval.carry(&mut phi.data.0, &self.kinematics, &self.earth);
         let mut whole = DMatrix::identity(states, states);
         whole.view_mut((0, 0), (DIM, DIM)).copy_from(&phi);
         if let Some(water) = &self.water {
@@ -106,7 +105,7 @@ impl Eskf {
         joint.view_mut((0, 0), (DIM, DIM)).copy_from(&self.covariance());
         if let Some(water) = &self.water {
             let mut water = water.clone();
-            water.propagate(&self.interval, &self.earth, self.covariance_period_s > 0.0);
+            water.propagate(&self.interval, &self.kinematics, &self.earth);
             joint.view_mut((DIM, DIM), (WATER, WATER)).copy_from(water.covariance());
             joint.view_mut((0, DIM), (DIM, WATER)).copy_from(water.cross());
             joint

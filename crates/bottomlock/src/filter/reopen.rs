@@ -11,7 +11,8 @@
 use nalgebra::SMatrix;
 
 use super::Eskf;
-use crate::layout::{ATTITUDE, DIM, DVL_BIAS, POSITION};
+use crate::aiding::Innovation;
+use crate::layout::{ATTITUDE, DVL_BIAS, POSITION};
 use crate::report::{Sensor, UpdateReport, Verdict};
 
 /// An inertial covariance wider by this factor explains all that an inertial state can explain.
@@ -50,17 +51,17 @@ impl Eskf {
     /// True where an innovation, its covariance being `s`, would pass if the inertial states were known as badly as can be.
     pub(super) fn is_explicable<const M: usize>(
         &self,
-        z: &SMatrix<f64, M, 1>,
-        h: &SMatrix<f64, M, DIM>,
+        innovation: &Innovation,
         s: &SMatrix<f64, M, M>,
         threshold: f64,
     ) -> bool {
-        let by_inertial = h.fixed_columns::<DVL_BIAS>(0);
+        let z = innovation.residual.fixed_rows::<M>(0);
+        let by_inertial = innovation.jacobian.fixed_view::<M, DVL_BIAS>(0, 0);
         let inertial = self.covariance.fixed_view::<DVL_BIAS, DVL_BIAS>(0, 0);
         let widest = s + by_inertial * inertial * by_inertial.transpose() * WIDEST;
         widest
             .cholesky()
-            .is_some_and(|factor| !(z.dot(&factor.solve(z)) > threshold))
+            .is_some_and(|factor| !(z.dot(&factor.solve(&z)) > threshold))
     }
 
     /// Widens the covariance where the gate has refused one fix of velocity too many, and says so in the report.

@@ -1,0 +1,58 @@
+//! Truths as Python has them.
+
+use bottomlock::truth::Truth;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{Rows, item, times};
+
+/// The truths of one or more runs over the same times; the arrays are the caller's own wherever they are contiguous.
+pub struct Truths<'py> {
+    time_ns: Vec<i64>,
+    position_t_m: Rows<'py, 3>,
+    attitude_t_p: Rows<'py, 4>,
+    velocity_p_mps: Rows<'py, 3>,
+    omega_p_radps: Rows<'py, 3>,
+    force_p_mps2: Rows<'py, 3>,
+}
+
+impl<'py> Truths<'py> {
+    /// One truth: arrays of (samples, ·).
+    pub fn new(dict: &Bound<'py, PyDict>) -> PyResult<Self> {
+        let time_ns = times("truth.time_ns", &item(dict, "truth", "time_ns")?)?;
+        let samples = [Some(time_ns.len())];
+        Self::read(dict, time_ns, &samples)
+    }
+
+    /// A truth for each run: arrays of (runs, samples, ·).
+    pub fn of_runs(dict: &Bound<'py, PyDict>, runs: usize) -> PyResult<Self> {
+        let time_ns = times("truth.time_ns", &item(dict, "truth", "time_ns")?)?;
+        let leading = [Some(runs), Some(time_ns.len())];
+        Self::read(dict, time_ns, &leading)
+    }
+
+    fn read(dict: &Bound<'py, PyDict>, time_ns: Vec<i64>, leading: &[Option<usize>]) -> PyResult<Self> {
+        let three = |key: &str| Rows::<3>::new(&format!("truth.{key}"), &item(dict, "truth", key)?, leading);
+        Ok(Self {
+            position_t_m: three("position_t_m")?,
+            attitude_t_p: Rows::new("truth.attitude_t_p", &item(dict, "truth", "attitude_t_p")?, leading)?,
+            velocity_p_mps: three("velocity_p_mps")?,
+            omega_p_radps: three("omega_p_radps")?,
+            force_p_mps2: three("force_p_mps2")?,
+            time_ns,
+        })
+    }
+
+    /// The truth of one run.
+    pub fn of(&self, run: usize) -> PyResult<Truth<'_>> {
+        let part = run * self.time_ns.len()..(run + 1) * self.time_ns.len();
+        Ok(Truth {
+            time_ns: &self.time_ns,
+            position_t_m: &self.position_t_m.get()?[part.clone()],
+            attitude_t_p: &self.attitude_t_p.get()?[part.clone()],
+            velocity_p_mps: &self.velocity_p_mps.get()?[part.clone()],
+            omega_p_radps: &self.omega_p_radps.get()?[part.clone()],
+            force_p_mps2: &self.force_p_mps2.get()?[part],
+        })
+    }
+}

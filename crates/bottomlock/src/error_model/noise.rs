@@ -1,0 +1,98 @@
+//! The process noise of half an interval (Eqs. 5, 6, 10 and 11).
+
+use super::{Partitioned, ProcessNoise};
+use crate::lane::{Lane, M3, V3, cross, scale, transposed};
+use crate::layout::{ACCEL_BIAS, ATTITUDE, BIASED_BEAMS, DIM, DVL_BIAS, DVL_SCALE, GYRO_BIAS, VELOCITY};
+
+/// G Q Gᵀ T/2 (isotropic noise, so R Q Rᵀ = Q) as the blocks that are not zero.
+#[derive(Clone, Copy)]
+pub struct HalfNoise<T> {
+    /// On the diagonal.
+    pub(super) attitude: T,
+    /// Below the diagonal and on it.
+    pub(super) velocity: M3<T>,
+    /// Row i: element i of the velocity with the misalignment.
+    pub(super) across: M3<T>,
+    pub(super) accel_bias: T,
+    pub(super) gyro_bias: T,
+    pub(super) dvl_bias: T,
+    pub(super) dvl_scale: T,
+}
+
+impl<T: Lane> HalfNoise<T> {
+    /// Noise of an interval of twice `half`, in seconds, where `rotation` and `velocity_p` are R and v times 1/√`weight`.
+    #[inline(always)]
+    pub(super) fn new(rotation: &M3<T>, velocity_p: V3<T>, noise: &ProcessNoise, half: T, weight: T) -> Self {
+        let v = velocity_p;
+        let lever = scale(v, half.splat(noise.gyro) * half * weight);
+        let accel = half.splat(noise.accel) * half;
+        // [v×][v×]ᵀ = |v|² I − v vᵀ, and [v×]Rᵀ.
+        let [x, y, z] = [lever[0] * v[0], lever[1] * v[1], lever[2] * v[2]];
+        let zero = half.splat(0.0);
+        Self {
+            attitude: half.splat(noise.gyro) * half,
+            velocity: [
+                [accel + (y + z), zero, zero],
+                [-(lever[1] * v[0]), accel + (x + z), zero],
+                [-(lever[2] * v[0]), -(lever[2] * v[1]), accel + (x + y)],
+            ],
+            across: transposed(&[
+                cross(lever, rotation[0]),
+                cross(lever, rotation[1]),
+                cross(lever, rotation[2]),
+            ]),
+            accel_bias: half.splat(noise.accel_bias) * half,
+            gyro_bias: half.splat(noise.gyro_bias) * half,
+            dvl_bias: half.splat(noise.dvl_bias) * half,
+            dvl_scale: half.splat(noise.dvl_scale) * half,
+        }
+    }
+
+    /// P ← P + G Q Gᵀ T/2.
+    #[inline(always)]
+    pub(super) fn add_to(&self, p: &mut Partitioned<T>) {
+        for i in 0..3 {
+            p.dynamic[ATTITUDE + i][ATTITUDE + i] += self.attitude;
+            for j in 0..3 {
+                let (low, high) = (i.max(j), i.min(j));
+                p.dynamic[VELOCITY + i][VELOCITY + j] += self.velocity[low][high];
+                p.dynamic[VELOCITY + i][ATTITUDE + j] += self.across[i][j];
+                p.dynamic[ATTITUDE + j][VELOCITY + i] += self.across[i][j];
+            }
+        }
+        self.add_to_steady(p);
+    }
+
+    /// Its random walks alone.
+    #[inline(always)]
+    pub(super) fn add_to_steady(&self, p: &mut Partitioned<T>) {
+        for i in 0..3 {
+            p.bias[i][i] += self.accel_bias;
+            p.bias[3 + i][3 + i] += self.gyro_bias;
+        }
+        for i in 0..BIASED_BEAMS {
+            p.dvl[i][i] += self.dvl_bias;
+        }
+        p.dvl[BIASED_BEAMS][BIASED_BEAMS] += self.dvl_scale;
+    }
+
+    /// The same for a whole matrix.
+    #[inline(always)]
+    pub(super) fn add_to_dense(&self, p: &mut [[T; DIM]; DIM]) {
+        for i in 0..3 {
+            p[ATTITUDE + i][ATTITUDE + i] += self.attitude;
+            p[ACCEL_BIAS + i][ACCEL_BIAS + i] += self.accel_bias;
+            p[GYRO_BIAS + i][GYRO_BIAS + i] += self.gyro_bias;
+            for j in 0..3 {
+                let (low, high) = (i.max(j), i.min(j));
+                p[VELOCITY + i][VELOCITY + j] += self.velocity[low][high];
+                p[VELOCITY + i][ATTITUDE + j] += self.across[i][j];
+                p[ATTITUDE + j][VELOCITY + i] += self.across[i][j];
+            }
+        }
+        for i in DVL_BIAS..DVL_SCALE {
+            p[i][i] += self.dvl_bias;
+        }
+        p[DVL_SCALE][DVL_SCALE] += self.dvl_scale;
+    }
+}

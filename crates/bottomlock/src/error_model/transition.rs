@@ -1,0 +1,189 @@
+//! The transition Φ of the error state over an interval, kept as the blocks of Φ − I.
+
+use super::Coefficients;
+use crate::imu::EarthTerms;
+use crate::lane::{Lane, M3, V3, add_mul, add_scaled, scale, splat3, sub_cross, sub_mul};
+use crate::layout::{ACCEL_BIAS, ATTITUDE, DVL_BIAS, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
+
+/// The part of a vector in error-state order that a transition reads.
+#[derive(Debug, Clone, Copy)]
+pub struct Parts<T> {
+    /// Position.
+    pub r: V3<T>,
+    /// Misalignment.
+    pub rho: V3<T>,
+    /// Velocity.
+    pub v: V3<T>,
+    /// Accelerometer bias.
+    pub ba: V3<T>,
+    /// Gyro bias.
+    pub bg: V3<T>,
+}
+
+impl<T: Lane> Parts<T> {
+    #[inline(always)]
+    pub(super) fn of<const N: usize>(x: &[T; N]) -> Self {
+        Self {
+            r: part(x, POSITION),
+            rho: part(x, ATTITUDE),
+            v: part(x, VELOCITY),
+            ba: part(x, ACCEL_BIAS),
+            bg: part(x, GYRO_BIAS),
+        }
+    }
+}
+
+/// A transition matrix whose last eleven rows are the identity, by blocks of rows of Φ x.
+///
+/// Blocks are asked for one at a time, so that the coefficients of one stay in registers over many vectors.
+pub trait Transition<T: Lane> {
+    /// The rows of position.
+    fn position(&self, x: &Parts<T>) -> V3<T>;
+    /// The rows of misalignment.
+    fn attitude(&self, x: &Parts<T>) -> V3<T>;
+    /// The rows of velocity.
+    fn velocity(&self, x: &Parts<T>) -> V3<T>;
+
+    /// All dynamic rows.
+    #[inline(always)]
+    fn apply<const N: usize>(&self, x: &[T; N]) -> [T; DYNAMIC] {
+        let x = Parts::of(x);
+        let (r, rho, v) = (self.position(&x), self.attitude(&x), self.velocity(&x));
+        [r[0], r[1], r[2], rho[0], rho[1], rho[2], v[0], v[1], v[2]]
+    }
+}
+
+/// Φ = I + F T, F with its skew and identity blocks.
+#[derive(Debug, Clone, Copy)]
+pub struct FirstOrder<'a, T> {
+    sum: &'a Coefficients<T>,
+    earth: V3<T>,
+    minus_duration: T,
+}
+
+impl<'a, T: Lane> FirstOrder<'a, T> {
+    #[inline(always)]
+    pub(super) fn new(sum: &'a Coefficients<T>, duration_s: f64, earth: &EarthTerms) -> Self {
+        let like = sum.velocity_p[0];
+        Self {
+            sum,
+            earth: splat3(like, scale(earth.rate_t, duration_s)),
+            minus_duration: like.splat(-duration_s),
+        }
+    }
+
+    /// From F T, ω_ie T and −T.
+    #[inline(always)]
+    pub(super) fn of(sum: &'a Coefficients<T>, earth: V3<T>, minus_duration: T) -> Self {
+        Self {
+            sum,
+            earth,
+            minus_duration,
+        }
+    }
+}
+
+#[inline(always)]
+fn part<T: Lane, const N: usize>(x: &[T; N], start: usize) -> V3<T> {
+    [x[start], x[start + 1], x[start + 2]]
+}
+
+impl<T: Lane> Transition<T> for FirstOrder<'_, T> {
+    #[inline(always)]
+    fn position(&self, x: &Parts<T>) -> V3<T> {
+        add_mul(sub_cross(x.r, self.sum.velocity_t, x.rho), &self.sum.rotation, x.v)
+    }
+    #[inline(always)]
+    fn attitude(&self, x: &Parts<T>) -> V3<T> {
+        sub_mul(sub_cross(x.rho, self.earth, x.rho), &self.sum.rotation, x.bg)
+    }
+    #[inline(always)]
+    fn velocity(&self, x: &Parts<T>) -> V3<T> {
+        let v = add_scaled(sub_cross(x.v, self.sum.swing, x.v), x.ba, self.minus_duration);
+        sub_cross(add_mul(v, &self.sum.force, x.rho), self.sum.velocity_p, x.bg)
+    }
+}
+
+/// Φ with all its blocks filled; those of Φ − I are kept.
+#[derive(Debug, Clone, Copy)]
+pub struct Filled<T> {
+    pub(super) r_rho: M3<T>,
+    pub(super) r_v: M3<T>,
+    pub(super) r_ba: M3<T>,
+    pub(super) rho_rho: M3<T>,
+    pub(super) rho_bg: M3<T>,
+    pub(super) v_rho: M3<T>,
+    pub(super) v_v: M3<T>,
+    pub(super) v_ba: M3<T>,
+    pub(super) v_bg: M3<T>,
+}
+
+impl<T: Lane> Transition<T> for Filled<T> {
+    #[inline(always)]
+    fn position(&self, x: &Parts<T>) -> V3<T> {
+        add_mul(
+            add_mul(add_mul(x.r, &self.r_rho, x.rho), &self.r_v, x.v),
+            &self.r_ba,
+            x.ba,
+        )
+    }
+    #[inline(always)]
+    fn attitude(&self, x: &Parts<T>) -> V3<T> {
+        add_mul(add_mul(x.rho, &self.rho_rho, x.rho), &self.rho_bg, x.bg)
+    }
+    #[inline(always)]
+    fn velocity(&self, x: &Parts<T>) -> V3<T> {
+        let v = add_mul(add_mul(x.v, &self.v_rho, x.rho), &self.v_v, x.v);
+        add_mul(add_mul(v, &self.v_ba, x.ba), &self.v_bg, x.bg)
+    }
+}
+
+/// A transition of one filter whose numbers can be put into every lane of a vector.
+pub(super) trait Spread: Transition<f64> {
+    /// [`Transition::apply`] to vectors side by side, given what it reads of them.
+    fn apply_over<V: Lane>(&self, x: &[V; DVL_BIAS]) -> [V; DYNAMIC];
+}
+
+#[inline(always)]
+fn over3<V: Lane>(like: V, m: &M3<f64>) -> M3<V> {
+    [splat3(like, m[0]), splat3(like, m[1]), splat3(like, m[2])]
+}
+
+impl Spread for FirstOrder<'_, f64> {
+    #[inline(always)]
+    fn apply_over<V: Lane>(&self, x: &[V; DVL_BIAS]) -> [V; DYNAMIC] {
+        let like = x[0];
+        let sum = Coefficients {
+            velocity_t: splat3(like, self.sum.velocity_t),
+            rotation: over3(like, &self.sum.rotation),
+            force: over3(like, &self.sum.force),
+            swing: splat3(like, self.sum.swing),
+            velocity_p: splat3(like, self.sum.velocity_p),
+        };
+        let phi = FirstOrder {
+            sum: &sum,
+            earth: splat3(like, self.earth),
+            minus_duration: like.splat(self.minus_duration),
+        };
+        phi.apply(x)
+    }
+}
+
+impl Spread for Filled<f64> {
+    #[inline(always)]
+    fn apply_over<V: Lane>(&self, x: &[V; DVL_BIAS]) -> [V; DYNAMIC] {
+        let like = x[0];
+        let phi = Filled {
+            r_rho: over3(like, &self.r_rho),
+            r_v: over3(like, &self.r_v),
+            r_ba: over3(like, &self.r_ba),
+            rho_rho: over3(like, &self.rho_rho),
+            rho_bg: over3(like, &self.rho_bg),
+            v_rho: over3(like, &self.v_rho),
+            v_v: over3(like, &self.v_v),
+            v_ba: over3(like, &self.v_ba),
+            v_bg: over3(like, &self.v_bg),
+        };
+        phi.apply(x)
+    }
+}

@@ -1,0 +1,136 @@
+//! A filter led along a slice against the same filter led step by step: bits, failures and tapes.
+
+use crate::error::NavError;
+use crate::filter::Eskf;
+use crate::frames::{Rot, Vec3};
+use crate::imu::{ImuSample, Sampling};
+use crate::model::{Model, Options};
+use crate::state::NavState;
+use crate::water::WaterPrior;
+use crate::water_block::WaterBlock;
+
+const PERIODS_NS: [i64; 3] = [0, 20_000_000, 100_000_000];
+
+fn filter(period_ns: i64, sampling: Sampling, water: bool) -> Eskf {
+    let options = Options {
+        sampling,
+        covariance_period_ns: period_ns,
+        ..Options::default()
+    };
+    let mut start = NavState::at_rest(0);
+    start.velocity_p_mps = Vec3::new(2.0, 0.1, -0.05);
+    start.attitude_t_p = Rot::from_euler_rad(0.1, -0.2, 0.7);
+    start.gyro_bias_p_radps = Vec3::new(1e-5, 0.0, -2e-5);
+    let Ok(filter) = Eskf::new(start, &Model::table_2(), &options) else {
+        unreachable!("the model of the paper is a good one");
+    };
+    filter.with_water(water.then(|| WaterBlock::new(&WaterPrior::default())))
+}
+
+fn samples(count: usize) -> Vec<ImuSample> {
+    let sample = |at: usize| ImuSample {
+        time_ns: at as i64 * 6_666_667,
+        rate_p_radps: Vec3::new(0.01, 0.2 * (0.1 * at as f64).cos(), 0.02),
+        force_p_mps2: Vec3::new((at as f64).sin(), 0.1, -9.8),
+    };
+    (0..count).map(sample).collect()
+}
+
+fn step_by_step(filter: &mut Eskf, samples: &[ImuSample]) -> Result<(), (usize, NavError)> {
+    for (k, step) in samples.windows(2).enumerate() {
+        filter.predict(&step[0], &step[1]).map_err(|error| (k + 1, error))?;
+    }
+    Ok(())
+}
+
+/// All that a filter holds, NaN included.
+fn held(filter: &Eskf) -> Vec<u64> {
+    let mut numbers = filter.covariance().as_slice().to_vec();
+    numbers.extend(filter.kinematics.to_array());
+    numbers.extend(filter.last_rate_p_radps.iter());
+    numbers.extend([filter.last_step_s, filter.interval.duration_s()]);
+    numbers.extend(filter.velocity().1.iter());
+    if let Some(water) = filter.water() {
+        numbers.extend(water.estimate().iter().chain(water.covariance()).chain(water.cross()));
+    }
+    // Which of many NaN it is, is nobody's.
+    let bits = |x: f64| if x.is_nan() { u64::MAX } else { x.to_bits() };
+    numbers
+        .into_iter()
+        .map(bits)
+        .chain([filter.state.time_ns as u64])
+        .collect()
+}
+
+fn every_kind(check: impl Fn(Eskf)) {
+    for period_ns in PERIODS_NS {
+        for sampling in [Sampling::Instantaneous, Sampling::Averaged] {
+            for water in [false, true] {
+                check(filter(period_ns, sampling, water));
+            }
+        }
+    }
+}
+
+/// Slices of every length up to three eights, one after the other, so that a stretch goes on over their ends; and single steps
+/// between them, so that a covariance that is underway is taken over.
+#[test]
+fn slices_equal_steps() {
+    every_kind(|start| {
+        let all = samples(400);
+        let (mut along, mut apart) = (start.clone(), start);
+        let mut from = 0;
+        for length in 0..=25 {
+            let slice = &all[from..=from + length];
+            assert_eq!(along.predict_along(slice), Ok(()));
+            assert_eq!(step_by_step(&mut apart, slice), Ok(()));
+            assert_eq!(held(&along), held(&apart), "{length} steps");
+            from += length;
+            let next = &all[from..=from + 1];
+            assert_eq!(step_by_step(&mut along, next), Ok(()));
+            assert_eq!(step_by_step(&mut apart, next), Ok(()));
+            from += 1;
+        }
+    });
+}
+
+/// Readings that are no numbers, forces beyond all numbers and times that stand still, at every place.
+#[test]
+fn failures_are_those_of_steps() {
+    every_kind(|start| {
+        for at in 1..20 {
+            for what in 0..4 {
+                let mut broken = samples(20);
+                match what {
+                    0 => broken[at].force_p_mps2 = Vec3::new(0.0, f64::NAN, 0.0),
+                    1 => broken[at].rate_p_radps = Vec3::new(0.0, f64::NAN, 0.0),
+                    2 => broken[at].force_p_mps2 = Vec3::new(f64::MAX, f64::MAX, f64::MAX),
+                    _ => broken[at].time_ns = broken[at - 1].time_ns,
+                }
+                let (mut along, mut apart) = (start.clone(), start.clone());
+                let outcome = along.predict_along(&broken);
+                assert!(outcome.is_err());
+                assert_eq!(outcome, step_by_step(&mut apart, &broken));
+                assert_eq!(held(&along), held(&apart), "{what} at {at}");
+            }
+        }
+    });
+}
+
+/// A tape has every transition, and changes no bit.
+#[test]
+fn a_tape_sees_every_step() {
+    every_kind(|start| {
+        let all = samples(40);
+        let (mut along, mut apart, mut without) = (start.clone(), start.clone(), start);
+        along.begin_tape();
+        apart.begin_tape();
+        assert_eq!(along.predict_along(&all), Ok(()));
+        assert_eq!(step_by_step(&mut apart, &all), Ok(()));
+        assert_eq!(without.predict_along(&all), Ok(()));
+        assert_eq!(held(&along), held(&without));
+        let tape = along.take_tape();
+        assert!(tape.is_some());
+        assert_eq!(tape, apart.take_tape());
+    });
+}

@@ -1,0 +1,144 @@
+//! Filters side by side: the bits of each are those of the filter led alone, whoever its neighbours are.
+
+// Helpers outside `#[test]` functions fail loudly too.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use bottomlock::filter::Eskf;
+use bottomlock::filter::convoy::{Seat, predict_together, width};
+use bottomlock::frames::{Rot, Vec3};
+use bottomlock::imu::{ImuSample, Sampling};
+use bottomlock::model::{Model, Options};
+use bottomlock::state::NavState;
+use bottomlock::water::WaterPrior;
+use bottomlock::water_block::WaterBlock;
+use proptest::prelude::*;
+
+const STEP_NS: i64 = 6_666_667;
+
+fn filter(k: usize, options: &Options) -> Eskf {
+    let mut start = NavState::at_rest(0);
+    start.velocity_p_mps = Vec3::new(2.0, 0.1 * k as f64, -0.05);
+    start.attitude_t_p = Rot::from_euler_rad(0.1, -0.2, 0.7 * k as f64);
+    start.gyro_bias_p_radps = Vec3::new(1e-5 * k as f64, 0.0, -2e-5);
+    let water = (k % 3 == 1).then(|| WaterBlock::new(&WaterPrior::default()));
+    Eskf::new(start, &Model::table_2(), options).unwrap().with_water(water)
+}
+
+/// Readings of filter k; one in five spins, so that its rotation leaves the series that its neighbours' stays in.
+fn stream(k: usize, from: usize, to: usize) -> Vec<ImuSample> {
+    let spin = if k % 5 == 4 { 180.0 } else { 0.2 };
+    let sample = |at: usize| ImuSample {
+        time_ns: at as i64 * STEP_NS,
+        rate_p_radps: Vec3::new(0.01, spin * (0.1 * at as f64).cos(), 0.02 * k as f64),
+        force_p_mps2: Vec3::new((at as f64).sin(), 0.1, -9.8 + 0.01 * k as f64),
+    };
+    (from..=to).map(sample).collect()
+}
+
+fn bits(filter: &Eskf) -> Vec<u64> {
+    let state = filter.state();
+    let mut numbers = filter.covariance().as_slice().to_vec();
+    numbers.extend(state.position_t_m.to_array());
+    numbers.extend(state.attitude_t_p.to_quaternion_wxyz());
+    numbers.extend(state.velocity_p_mps.to_array());
+    if let Some(water) = filter.water() {
+        numbers.extend(water.estimate().iter().chain(water.covariance()));
+    }
+    numbers.into_iter().map(f64::to_bits).collect()
+}
+
+fn alone(mut filter: Eskf, samples: &[ImuSample]) -> Eskf {
+    for step in samples.windows(2) {
+        filter.predict(&step[0], &step[1]).unwrap();
+    }
+    filter
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Any number of filters, stretches, both meanings of a sample, every kind of covariance interval; filters that begin a step
+    /// later than the others, and whose covariance therefore falls due at other times, are among them.
+    #[test]
+    fn company_changes_no_bit(
+        count in 1_usize..20,
+        stretches in prop::collection::vec(1_usize..40, 1..4),
+        averaged in any::<bool>(),
+        period_ms in prop::sample::select(vec![0_i64, 20, 33, 100]),
+    ) {
+        let options = Options {
+            sampling: if averaged { Sampling::Averaged } else { Sampling::Instantaneous },
+            covariance_period_ns: period_ms * 1_000_000,
+            ..Options::default()
+        };
+        let early = |k: usize| k % 4 == 3;
+        let mut together: Vec<Eskf> = (0..count).map(|k| filter(k, &options)).collect();
+        let mut apart = together.clone();
+        for (k, filter) in together.iter_mut().enumerate().filter(|(k, _)| early(*k)) {
+            *filter = alone(filter.clone(), &stream(k, 0, 1));
+            apart[k] = filter.clone();
+        }
+        let mut from = 1;
+        for length in stretches {
+            let streams: Vec<_> = (0..count).map(|k| stream(k, from, from + length)).collect();
+            let mut seats: Vec<_> = together.iter_mut().zip(&streams).map(|(filter, own)| Seat::new(filter, own)).collect();
+            predict_together(&mut seats);
+            prop_assert!(seats.iter().all(|seat| seat.failure.is_none()));
+            for (k, own) in streams.iter().enumerate() {
+                apart[k] = alone(apart[k].clone(), own);
+                prop_assert_eq!(bits(&together[k]), bits(&apart[k]), "filter {} of {}", k, count);
+            }
+            from += length;
+        }
+    }
+}
+
+/// A filter that runs out of numbers says so at the step where it does alone; its neighbours go on to the same bits.
+#[test]
+fn a_failure_stays_at_its_seat() {
+    let options = Options::default();
+    let mut filters: Vec<Eskf> = (0..=width()).map(|k| filter(k, &options)).collect();
+    let mut streams: Vec<_> = (0..filters.len()).map(|k| stream(k, 0, 50)).collect();
+    streams[2][20].force_p_mps2 = Vec3::new(f64::MAX, f64::MAX, f64::MAX);
+    let apart: Vec<_> = filters
+        .iter()
+        .zip(&streams)
+        .enumerate()
+        .filter(|(k, _)| *k != 2)
+        .map(|(_, (f, s))| alone(f.clone(), s))
+        .collect();
+    let mut lonely = filters[2].clone();
+    let failure = streams[2]
+        .windows(2)
+        .enumerate()
+        .find_map(|(k, step)| Some((k + 1, lonely.predict(&step[0], &step[1]).err()?)));
+    let mut seats: Vec<_> = filters
+        .iter_mut()
+        .zip(&streams)
+        .map(|(filter, own)| Seat::new(filter, own))
+        .collect();
+    predict_together(&mut seats);
+    assert!(failure.is_some());
+    for (k, seat) in seats.iter().enumerate() {
+        assert_eq!(seat.failure, if k == 2 { failure.clone() } else { None });
+    }
+    filters.remove(2);
+    for (own, other) in filters.iter().zip(&apart) {
+        assert_eq!(bits(own), bits(other));
+    }
+}
+
+/// Samples that stand still are refused as by a filter alone, and a single sample is no step.
+#[test]
+fn times_that_do_not_rise_are_refused() {
+    let options = Options::default();
+    let mut filters: Vec<Eskf> = (0..3).map(|k| filter(k, &options)).collect();
+    let mut samples = stream(0, 0, 5);
+    samples[3].time_ns = samples[2].time_ns;
+    let mut seats: Vec<_> = filters.iter_mut().map(|filter| Seat::new(filter, &samples)).collect();
+    predict_together(&mut seats);
+    assert!(seats.iter().all(|seat| matches!(&seat.failure, Some((3, _)))));
+    let before = bits(&filters[0]);
+    predict_together(&mut [Seat::new(&mut filters[0], &samples[..1])]);
+    assert_eq!(bits(&filters[0]), before);
+}
