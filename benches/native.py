@@ -21,8 +21,8 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 LINES = {
-    "one run": "one",
-    "one run, 10 Hz": "one_10hz",
+    "one run, event by event": "one",
+    "event by event, 10 Hz": "one_10hz",
     "8 arms side by side": "arms 8",
     "8 arms, 10 Hz": "arms_10hz 8",
     "32 runs side by side": "many 32",
