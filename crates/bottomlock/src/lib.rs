@@ -35,7 +35,6 @@ pub mod filter;
 mod fleet;
 pub mod frames;
 pub mod imu;
-mod keystream;
 pub mod lane;
 pub mod layout;
 pub mod model;

@@ -107,7 +107,7 @@ impl Aboard {
 }
 
 /// A run under way.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Voyage {
     run: u64,
     geometry: BeamGeometry,
@@ -185,7 +185,7 @@ impl Voyage {
     /// What the arms have yielded, in their order.
     #[must_use]
     pub fn records(&self) -> Vec<ArmRecord> {
-        self.clone().into_records()
+        self.aboard.iter().cloned().map(Aboard::into_record).collect()
     }
 
     /// [`Voyage::records`] of a run that is over.

@@ -3,12 +3,10 @@
 use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
-use rand_distr::{Distribution, StandardNormal};
 
-use super::{Stream, seed};
+use super::{Normals, Stream};
 use crate::frames::{Rot, Tangent};
 use crate::imu::{ImuSample, Sampling};
-use crate::keystream::Keystream;
 use crate::model::{ImuModel, Model};
 use crate::sensors::RunKey;
 use crate::truth::Truth;
@@ -16,28 +14,8 @@ use crate::truth::Truth;
 /// Samples whose noise is drawn at a time.
 const AT_ONCE: usize = 64;
 
-/// Normal deviates by the thousand, the same ones as of [`super::Normals`].
-#[derive(Debug, Clone)]
-struct Normals(Keystream);
-
-impl Normals {
-    fn new(key: &RunKey, stream: Stream) -> Self {
-        Self(Keystream::new(&seed(key), stream as u64))
-    }
-    fn fill(&mut self, rows: &mut [[f64; 3]]) {
-        for value in rows.as_flattened_mut() {
-            *value = StandardNormal.sample(&mut self.0);
-        }
-    }
-    fn one_row(&mut self) -> Vector3<f64> {
-        let mut row = [[0.0; 3]];
-        self.fill(&mut row);
-        Vector3::from(row[0])
-    }
-}
-
 /// The inertial sensors of a run.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct Inertial {
     accel_noise: Normals,
     gyro_noise: Normals,
@@ -52,13 +30,13 @@ pub(super) struct Inertial {
 
 impl Inertial {
     pub(super) fn new(imu: &ImuModel, key: &RunKey) -> Self {
-        let of = |stream| Normals::new(key, stream);
+        let of = |stream| Normals::new(key, stream, 0);
         let (mut accel_walk, mut gyro_walk) = (of(Stream::AccelBias), of(Stream::GyroBias));
         Self {
             accel_noise: of(Stream::AccelNoise),
             gyro_noise: of(Stream::GyroNoise),
-            accel_bias: accel_walk.one_row() * imu.accel_bias_sd_mps2,
-            gyro_bias: gyro_walk.one_row() * imu.gyro_bias_sd_radps,
+            accel_bias: accel_walk.each(&[1.0; 3]) * imu.accel_bias_sd_mps2,
+            gyro_bias: gyro_walk.each(&[1.0; 3]) * imu.gyro_bias_sd_radps,
             accel_walk,
             gyro_walk,
             started: false,
@@ -76,7 +54,7 @@ impl Inertial {
     ) {
         if !self.started {
             let Some(first) = samples.next() else { return };
-            let (accel_noise, gyro_noise) = (self.accel_noise.one_row(), self.gyro_noise.one_row());
+            let (accel_noise, gyro_noise) = (self.accel_noise.each(&[1.0; 3]), self.gyro_noise.each(&[1.0; 3]));
             let truth = (
                 Vector3::from(at.omega_p_radps[first]),
                 Vector3::from(at.force_p_mps2[first]),
