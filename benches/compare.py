@@ -113,13 +113,13 @@ Party = Callable[[], Timing]
 class Rust:
     """The Rust parties in a process of their own, one answer a line."""
 
-    def __init__(self, readings: Readings, folder: Path) -> None:
-        if not PARTIES.exists():
+    def __init__(self, readings: Readings, folder: Path, program: Path = PARTIES) -> None:
+        if not program.exists():
             sys.exit("compare: build the Rust parties first: cargo build --release --example parties")
         path = folder / "readings.bin"
         readings.write(path)
         self._process = subprocess.Popen(
-            [PARTIES, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [program, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
 
     def ask(self, line: str) -> list[float]:

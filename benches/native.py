@@ -55,10 +55,9 @@ def main() -> int:
     timings: dict[tuple[str, str], list[compare.Timing]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for name, path in builds.items():
-            compare.PARTIES = path
             own = Path(folder) / name
             own.mkdir()
-            rust = compare.Rust(readings, own)
+            rust = compare.Rust(readings, own, path)
             parties |= {(name, what): rust.party(line) for what, line in LINES.items()}
         for _ in range(options.rounds):
             for key, party in parties.items():

@@ -145,9 +145,9 @@ impl<T: Lane> Coefficients<T> {
 /// The dense noise density G Q Gᵀ at the mean coefficients, for inspection and tests.
 #[must_use]
 pub fn dense_noise(coefficients: &Coefficients<f64>, noise: &ProcessNoise) -> [[f64; DIM]; DIM] {
-    let mut q = [[0.0; DIM]; DIM];
-    HalfNoise::new(&coefficients.rotation, coefficients.velocity_p, noise, 1.0, 1.0).add_to_dense(&mut q);
-    q
+    let mut parts = Partitioned::from_fn(0.0, |_, _| 0.0);
+    HalfNoise::new(&coefficients.rotation, coefficients.velocity_p, noise, 1.0, 1.0).add_to(&mut parts);
+    std::array::from_fn(|i| std::array::from_fn(|j| *parts.lower(i.max(j), i.min(j))))
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{f64x8, mask64x8};
 
 use super::transition::{Parts, Spread};
+use crate::lane::columns_of_eight;
 use crate::layout::{DVL_BIAS, DYNAMIC};
 
 /// States in `near`.
@@ -47,8 +48,8 @@ pub(super) fn turned<S: Simd>(
     phi: &impl Spread,
 ) -> Turned<S> {
     // Columns below row 0.
-    let own = transposed([near[1], near[2], near[3], near[4], near[5], near[6], near[7], near[8]]);
-    let other = transposed([far[1], far[2], far[3], far[4], far[5], far[6], far[7], far[8]]);
+    let own = columns_of_eight([near[1], near[2], near[3], near[4], near[5], near[6], near[7], near[8]]);
+    let other = columns_of_eight([far[1], far[2], far[3], far[4], far[5], far[6], far[7], far[8]]);
     // Rows side by side, right on and below the diagonal.
     let image = phi.apply_over(&[
         other[0], own[0], own[1], own[2], own[3], own[4], own[5], own[6], own[7], other[1], other[2], other[3],
@@ -57,7 +58,7 @@ pub(super) fn turned<S: Simd>(
     let below = [
         image[1], image[2], image[3], image[4], image[5], image[6], image[7], image[8],
     ];
-    let left = transposed(below);
+    let left = columns_of_eight(below);
     let mut rows = [image[0]; DYNAMIC];
     for k in 0..NEAR {
         rows[1 + k] = lanes(simd, 0xff << k & 0xff).select(below[k], left[k]);
@@ -82,25 +83,4 @@ pub(super) fn turned<S: Simd>(
 #[inline(always)]
 pub(super) fn lanes<S: Simd>(simd: S, bits: u64) -> mask64x8<S> {
     mask64x8::from_bitmask(simd, bits)
-}
-
-/// Columns of eight rows.
-#[inline(always)]
-pub(super) fn transposed<S: Simd>(rows: [f64x8<S>; 8]) -> [f64x8<S>; 8] {
-    halfway(halfway(halfway(rows)))
-}
-
-/// Like a pack of cards, thrice for a transposed matrix.
-#[inline(always)]
-fn halfway<S: Simd>([a, b, c, d, e, f, g, h]: [f64x8<S>; 8]) -> [f64x8<S>; 8] {
-    [
-        a.zip_low(e),
-        a.zip_high(e),
-        b.zip_low(f),
-        b.zip_high(f),
-        c.zip_low(g),
-        c.zip_high(g),
-        d.zip_low(h),
-        d.zip_high(h),
-    ]
 }

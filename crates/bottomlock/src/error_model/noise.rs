@@ -2,7 +2,7 @@
 
 use super::{Partitioned, ProcessNoise};
 use crate::lane::{Lane, M3, V3, cross, scale, transposed};
-use crate::layout::{ACCEL_BIAS, ATTITUDE, BIASED_BEAMS, DIM, DVL_BIAS, DVL_SCALE, GYRO_BIAS, VELOCITY};
+use crate::layout::{ATTITUDE, BIASED_BEAMS, VELOCITY};
 
 /// G Q Gᵀ T/2 (isotropic noise, so R Q Rᵀ = Q) as the blocks that are not zero.
 #[derive(Clone, Copy)]
@@ -74,25 +74,5 @@ impl<T: Lane> HalfNoise<T> {
             p.dvl[i][i] += self.dvl_bias;
         }
         p.dvl[BIASED_BEAMS][BIASED_BEAMS] += self.dvl_scale;
-    }
-
-    /// The same for a whole matrix.
-    #[inline(always)]
-    pub(super) fn add_to_dense(&self, p: &mut [[T; DIM]; DIM]) {
-        for i in 0..3 {
-            p[ATTITUDE + i][ATTITUDE + i] += self.attitude;
-            p[ACCEL_BIAS + i][ACCEL_BIAS + i] += self.accel_bias;
-            p[GYRO_BIAS + i][GYRO_BIAS + i] += self.gyro_bias;
-            for j in 0..3 {
-                let (low, high) = (i.max(j), i.min(j));
-                p[VELOCITY + i][VELOCITY + j] += self.velocity[low][high];
-                p[VELOCITY + i][ATTITUDE + j] += self.across[i][j];
-                p[ATTITUDE + j][VELOCITY + i] += self.across[i][j];
-            }
-        }
-        for i in DVL_BIAS..DVL_SCALE {
-            p[i][i] += self.dvl_bias;
-        }
-        p[DVL_SCALE][DVL_SCALE] += self.dvl_scale;
     }
 }

@@ -2,7 +2,7 @@
 
 use super::noise::HalfNoise;
 use super::transition::{Parts, Transition};
-use crate::lane::{Lane, V3, add};
+use crate::lane::{Lane, V3, add, three};
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DVL_BIAS, DYNAMIC, POSITION, VELOCITY};
 
 /// Accelerometer and gyro biases, which the dynamic states read.
@@ -177,11 +177,6 @@ impl<T: Lane> Partitioned<T> {
             }
         }
     }
-}
-
-#[inline(always)]
-fn three<T: Copy, const N: usize>(x: &[T; N], from: usize) -> V3<T> {
-    [x[from], x[from + 1], x[from + 2]]
 }
 
 #[inline(always)]

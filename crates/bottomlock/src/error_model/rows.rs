@@ -10,6 +10,7 @@ use super::noise::HalfNoise;
 use super::transition::Spread;
 use super::{Interval, ProcessNoise, Span, Step, Stretch};
 use crate::imu::{EarthTerms, Kinematics};
+use crate::lane::columns_of_four;
 use crate::layout::{ATTITUDE, BIASED_BEAMS, DIM, DVL_BIAS, DYNAMIC, VELOCITY};
 
 /// Dynamic rows to which there is noise.
@@ -127,8 +128,8 @@ impl Rows {
             f64x8::load_array_ref(simd, &self.near[i]).store_slice(&mut p[i][1..=NEAR]);
             f64x4::load_array_ref(simd, &self.log[i]).store_slice(&mut p[i][2 * NEAR..]);
         }
-        let low = transposed(self.logs(simd, 1));
-        let high = transposed(self.logs(simd, 1 + LOG));
+        let low = columns_of_four(self.logs(simd, 1));
+        let high = columns_of_four(self.logs(simd, 1 + LOG));
         for k in 0..LOG {
             low[k].store_slice(&mut p[2 * NEAR + k][1..=LOG]);
             high[k].store_slice(&mut p[2 * NEAR + k][1 + LOG..=NEAR]);
@@ -232,17 +233,6 @@ impl Rows {
 #[inline(always)]
 fn anew<T>(thing: &T) {
     let _ = black_box(thing);
-}
-
-#[inline(always)]
-fn transposed<S: Simd>([a, b, c, d]: [f64x4<S>; 4]) -> [f64x4<S>; 4] {
-    let (ac, bd) = ((a.zip_low(c), a.zip_high(c)), (b.zip_low(d), b.zip_high(d)));
-    [
-        ac.0.zip_low(bd.0),
-        ac.0.zip_high(bd.0),
-        ac.1.zip_low(bd.1),
-        ac.1.zip_high(bd.1),
-    ]
 }
 
 /// The noise of both halves of an interval.

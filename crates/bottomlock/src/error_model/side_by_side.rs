@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 
 use super::stretch::Start;
 use super::{Coefficients, Interval, Span, Step, Stretch};
-use crate::lane::{Lane, Lanes, M3, V3, WIDEST, gather, scatter};
+use crate::lane::{Lane, Lanes, M3, WIDEST, gather, scatter, three};
 
 /// Intervals of one kind that can sit side by side.
 pub(crate) trait SideBySide<S: Simd, T: Lanes<S>>: Span<T> {
@@ -82,13 +82,8 @@ impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for Stretch<T> {
 }
 
 #[inline(always)]
-fn vector<T: Copy, const N: usize>(x: &[T; N], from: usize) -> V3<T> {
-    [x[from], x[from + 1], x[from + 2]]
-}
-
-#[inline(always)]
 fn matrix<T: Copy, const N: usize>(x: &[T; N], from: usize) -> M3<T> {
-    [vector(x, from), vector(x, from + 3), vector(x, from + 6)]
+    [three(x, from), three(x, from + 3), three(x, from + 6)]
 }
 
 #[inline(always)]
@@ -110,9 +105,9 @@ impl<T: Lane> Start<T> {
     #[inline(always)]
     fn from_array(x: [T; 18]) -> Self {
         Self {
-            position_t: vector(&x, 0),
-            velocity_t: vector(&x, 3),
-            velocity_p: vector(&x, 6),
+            position_t: three(&x, 0),
+            velocity_t: three(&x, 3),
+            velocity_p: three(&x, 6),
             rotation: matrix(&x, 9),
         }
     }
@@ -131,11 +126,11 @@ impl<T: Lane> Coefficients<T> {
     #[inline(always)]
     pub(super) fn from_array(x: [T; 27]) -> Self {
         Self {
-            velocity_t: vector(&x, 0),
+            velocity_t: three(&x, 0),
             rotation: matrix(&x, 3),
             force: matrix(&x, 12),
-            swing: vector(&x, 21),
-            velocity_p: vector(&x, 24),
+            swing: three(&x, 21),
+            velocity_p: three(&x, 24),
         }
     }
 }

@@ -3,14 +3,14 @@
 use fearless_simd::f64x8;
 use fearless_simd::prelude::*;
 
-use super::columns::{NEAR, transposed};
+use super::columns::NEAR;
 use super::noise::HalfNoise;
 use super::rows::{NOISY, NOTHING, NoiseRows, Rows};
 use super::transition::{FirstOrder, Parts, Spread, Transition};
 use super::{Coefficients, Interval, ProcessNoise, Step};
 use crate::imu::EarthTerms;
 use crate::imu::course::{Course, STEPS, Table, before};
-use crate::lane::{Lane, V3, scale, splat3};
+use crate::lane::{Lane, V3, columns_of_eight, scale, splat3};
 use crate::layout::{ATTITUDE, DVL_BIAS, DYNAMIC, VELOCITY};
 
 /// Numbers of [`Coefficients`].
@@ -89,7 +89,7 @@ impl Steps {
             }
         }
         for i in 0..NOISY {
-            let rows = transposed(near[i]);
+            let rows = columns_of_eight(near[i]);
             for k in 0..STEPS {
                 rows[k].store_array(&mut self.noise[k].near[i]);
             }

@@ -2,7 +2,7 @@
 
 use super::Coefficients;
 use crate::imu::EarthTerms;
-use crate::lane::{Lane, M3, V3, add_mul, add_scaled, scale, splat3, sub_cross, sub_mul};
+use crate::lane::{Lane, M3, V3, add_mul, add_scaled, scale, splat3, sub_cross, sub_mul, three};
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DVL_BIAS, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
 
 /// The part of a vector in error-state order that a transition reads.
@@ -24,11 +24,11 @@ impl<T: Lane> Parts<T> {
     #[inline(always)]
     pub(super) fn of<const N: usize>(x: &[T; N]) -> Self {
         Self {
-            r: part(x, POSITION),
-            rho: part(x, ATTITUDE),
-            v: part(x, VELOCITY),
-            ba: part(x, ACCEL_BIAS),
-            bg: part(x, GYRO_BIAS),
+            r: three(x, POSITION),
+            rho: three(x, ATTITUDE),
+            v: three(x, VELOCITY),
+            ba: three(x, ACCEL_BIAS),
+            bg: three(x, GYRO_BIAS),
         }
     }
 }
@@ -81,11 +81,6 @@ impl<'a, T: Lane> FirstOrder<'a, T> {
             minus_duration,
         }
     }
-}
-
-#[inline(always)]
-fn part<T: Lane, const N: usize>(x: &[T; N], start: usize) -> V3<T> {
-    [x[start], x[start + 1], x[start + 2]]
 }
 
 impl<T: Lane> Transition<T> for FirstOrder<'_, T> {

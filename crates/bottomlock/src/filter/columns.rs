@@ -76,16 +76,3 @@ pub(super) fn load_part<S: Simd>(simd: S, column: &[f64; DIM], v: usize) -> f64x
 pub(super) fn store_part<S: Simd>(part: f64x4<S>, column: &mut [f64; DIM], v: usize) {
     part.store_slice(&mut column[v * WIDTH..(v + 1) * WIDTH]);
 }
-
-/// The transpose of four columns of four.
-#[inline(always)]
-pub(super) fn transposed<S: Simd>(block: [f64x4<S>; WIDTH]) -> [f64x4<S>; WIDTH] {
-    let (even_low, even_high) = (block[0].zip_low(block[2]), block[0].zip_high(block[2]));
-    let (odd_low, odd_high) = (block[1].zip_low(block[3]), block[1].zip_high(block[3]));
-    [
-        even_low.zip_low(odd_low),
-        even_low.zip_high(odd_low),
-        even_high.zip_low(odd_high),
-        even_high.zip_high(odd_high),
-    ]
-}

@@ -16,10 +16,10 @@ use fearless_simd::f64x4;
 use fearless_simd::prelude::*;
 use nalgebra::{Cholesky, Const, SMatrix};
 
-use super::columns::{Column, VECTORS, WIDTH, load_part, store_part, transposed};
+use super::columns::{Column, VECTORS, WIDTH, load_part, store_part};
 use super::definite::factorises;
 use crate::aiding::{Innovation, RowJacobian};
-use crate::lane::{plus, with_vectors};
+use crate::lane::{columns_of_four, plus, with_vectors};
 use crate::layout::DIM;
 use crate::model::MAX_ROWS;
 use crate::state::{Covariance, ErrorVector};
@@ -336,7 +336,7 @@ fn times<S: Simd, const M: usize>(simd: S, h: &RowJacobian, x: &[[f64; DIM]], re
 fn halve<S: Simd>(simd: S, matrix: &mut [[f64; DIM]; DIM]) {
     for b in 0..VECTORS {
         for v in b..VECTORS {
-            let above = transposed(block(simd, matrix, v, b));
+            let above = columns_of_four(block(simd, matrix, v, b));
             let mut below = block(simd, matrix, b, v);
             for q in 0..WIDTH {
                 below[q] = (below[q] + above[q]) * 0.5;
@@ -352,7 +352,7 @@ fn mirror<S: Simd>(simd: S, lower: &[[f64; DIM]; DIM], into: &mut [[f64; DIM]; D
     for b in 0..VECTORS {
         for v in b..VECTORS {
             let below = block(simd, lower, b, v);
-            let above = transposed(below);
+            let above = columns_of_four(below);
             for q in 0..WIDTH {
                 store_part(below[q], &mut into[WIDTH * b + q], v);
                 if v != b {
