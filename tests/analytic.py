@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from bottomlock.conditions import schedule
 from bottomlock.scenario import Scenario, load_scenario
 from bottomlock.world import World, make_world
 
@@ -24,3 +25,15 @@ def analytic(name: str, **change: Any) -> Scenario:  # noqa: ANN401 - any key of
 def analytic_world(name: str, **change: Any) -> World:  # noqa: ANN401 - any key of the section
     """Its world."""
     return make_world(analytic(name, **change))
+
+
+def batch_along(duration_s: float) -> dict[str, Any]:
+    """What `kernel.run_batch` wants, but for runs, arms and threads: the straight trajectory, for a while."""
+    world = analytic_world("straight", duration_s=duration_s)
+    scenario, truth = world.scenario, world.truth()
+    model = scenario.kernel_model(world.gravity_mps2)
+    return {
+        "geometry": world.geometry, "truth": truth.kernel_arrays(), "simulated": model, "assumed": model,
+        "options": scenario.kernel_options(), "schedule": schedule(world, truth), "seed": 1, "trajectory_key": 2,
+        "first_run": 0,
+    }  # fmt: skip

@@ -12,24 +12,16 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from bottomlock import kernel
 from bottomlock.campaign import run_campaign
-from bottomlock.conditions import schedule
 from bottomlock.plant import swim
 from bottomlock.scenario import load_scenario
 from bottomlock.world import make_world
-from tests.analytic import analytic_world
+from tests.analytic import batch_along
 
 
 @pytest.fixture(scope="module")
 def flight() -> dict[str, Any]:
     """Ten seconds of the straight trajectory."""
-    world = analytic_world("straight", duration_s=10.0)
-    scenario, truth = world.scenario, world.truth()
-    model = scenario.kernel_model(world.gravity_mps2)
-    return {
-        "geometry": world.geometry, "truth": truth.kernel_arrays(), "simulated": model, "assumed": model,
-        "options": scenario.kernel_options(), "schedule": schedule(world, truth), "seed": 1, "trajectory_key": 2,
-        "first_run": 0,
-    }  # fmt: skip
+    return batch_along(10.0)
 
 
 @pytest.mark.parametrize("arm", ["ins", "lc", "tc", "elc"])

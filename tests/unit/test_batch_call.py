@@ -12,29 +12,16 @@ import pytest
 from numpy.typing import NDArray
 
 from bottomlock import kernel
-from bottomlock.conditions import schedule
-from tests.analytic import analytic_world
+from tests.analytic import batch_along
 
 MOST_BEYOND_MB = 10.0
 
 Floats = NDArray[np.float64]
 
 
-def flight(duration_s: float) -> dict[str, Any]:
-    """The straight trajectory, for a while."""
-    world = analytic_world("straight", duration_s=duration_s)
-    scenario, truth = world.scenario, world.truth()
-    model = scenario.kernel_model(world.gravity_mps2)
-    return {
-        "geometry": world.geometry, "truth": truth.kernel_arrays(), "simulated": model, "assumed": model,
-        "options": scenario.kernel_options(), "schedule": schedule(world, truth), "seed": 1, "trajectory_key": 2,
-        "first_run": 0,
-    }  # fmt: skip
-
-
 def test_python_goes_on_meanwhile() -> None:
     """The kernel works without the GIL: a thread that wants it every millisecond gets it."""
-    work, ticks, done = flight(100.0), 0, threading.Event()
+    work, ticks, done = batch_along(100.0), 0, threading.Event()
 
     def tick() -> None:
         nonlocal ticks
@@ -54,7 +41,7 @@ def test_python_goes_on_meanwhile() -> None:
 
 def test_no_runs_and_no_arms_yield_empty_arrays() -> None:
     """Nothing to do is no error."""
-    work = flight(10.0)
+    work = batch_along(10.0)
     assert kernel.run_batch(**work, arms=["tc"], runs=0, threads=2)["error"].shape == (0, 1, 10, 9)
     assert kernel.run_batch(**work, arms=[], runs=3, threads=2)["error"].shape == (3, 0, 10, 9)
 
@@ -62,7 +49,7 @@ def test_no_runs_and_no_arms_yield_empty_arrays() -> None:
 @pytest.mark.parametrize("make", [np.asfortranarray, lambda values: np.repeat(values, 2, axis=0)[::2]])
 def test_arrays_that_are_not_contiguous_give_the_same_bits(make: Callable[[Floats], Floats]) -> None:
     """The truth is read where it lies, or copied where it cannot be."""
-    work = flight(10.0)
+    work = batch_along(10.0)
     straight: dict[str, Any] = dict(kernel.run_batch(**work, arms=["tc"], runs=2, threads=1))
     truth = {key: value if value.ndim == 1 else make(value) for key, value in work["truth"].items()}
     assert not truth["force_p_mps2"].flags.c_contiguous
@@ -74,7 +61,7 @@ def test_arrays_that_are_not_contiguous_give_the_same_bits(make: Callable[[Float
 
 def test_the_truth_is_left_as_it_was() -> None:
     """A kernel that reads the caller's arrays writes to none of them."""
-    work = flight(10.0)
+    work = batch_along(10.0)
     for values in work["truth"].values():
         values.flags.writeable = False
     kernel.run_batch(**work, arms=["tc"], runs=2, threads=2)
@@ -83,7 +70,7 @@ def test_the_truth_is_left_as_it_was() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="asks the kernel of Linux for the largest resident set")
 def test_many_runs_need_little_memory_beyond_what_they_yield() -> None:
     """512 runs: the filters of those in flight, and no second copy of the yield."""
-    work = flight(60.0)
+    work = batch_along(60.0)
     arms = ["ins", "lc", "tc", "elc"]
     kernel.run_batch(**work, arms=arms, runs=4, threads=2)
     before = resident_mb("VmRSS")
