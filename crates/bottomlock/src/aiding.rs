@@ -4,7 +4,7 @@ mod innovation;
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use crate::dvl::geometry::{BeamGeometry, BeamMotion, BeamSample};
+use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamMotion, BeamSample};
 use crate::dvl::partial::{BeamNoise, FixPlan, Port};
 use crate::dvl::velocity::{HEAVE_SLOT, SLOTS, SWAY_SLOT, VIRTUAL_SLOT};
 use crate::frames::{Platform, Rot, Tangent, Vec3, skew};
@@ -47,7 +47,7 @@ impl Motion<'_> {
 /// Residual, Jacobian and noise of every valid beam, indexed by beam.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BeamTerms {
-    residual: [f64; MAX_ROWS],
+    residual: SVector<f64, MAX_ROWS>,
     jacobian: RowJacobian,
     /// Eq. 20: sensor noise and the gyro noise that all beams share through their lever arms.
     pub noise: BeamNoise,
@@ -66,7 +66,7 @@ pub fn beam_terms(motion: &Motion<'_>, geometry: &BeamGeometry, ping: &BeamSampl
     let by_misalignment = motion.rate_by_misalignment();
     let scale = 1.0 / geometry.sound_speed_scale();
     let mut terms = BeamTerms {
-        residual: [0.0; MAX_ROWS],
+        residual: SVector::zeros(),
         jacobian: RowJacobian::zeros(),
         noise: BeamNoise::zeros(),
     };
@@ -100,15 +100,20 @@ pub fn beam_terms(motion: &Motion<'_>, geometry: &BeamGeometry, ping: &BeamSampl
 /// TC: one row per valid beam.
 #[must_use]
 pub fn tightly_coupled(terms: &BeamTerms, ping: &BeamSample) -> Innovation {
-    let all = Innovation {
-        rows: MAX_ROWS,
-        degrees: MAX_ROWS,
-        residual: terms.residual.into(),
+    let count = ping.valid.count();
+    if ping.valid != BeamMask::all(count) {
+        return Innovation::picked((&terms.residual, &terms.jacobian, &terms.noise), ping.valid.iter());
+    }
+    // Where no beam is missing before another, rows stand in their places already.
+    Innovation {
+        rows: count,
+        degrees: count,
+        residual: terms.residual,
         jacobian: terms.jacobian,
         noise: terms.noise,
-        ..Innovation::empty()
-    };
-    all.select(|beam| ping.valid.contains(beam))
+        cross: None,
+        repeats: None,
+    }
 }
 
 /// Variance of an unobserved axis where a port wants all three, (m/s)².
@@ -187,7 +192,7 @@ pub fn loosely_coupled(
                 cross
                     .fixed_columns_mut::<3>(0)
                     .copy_from(&(-p_xv * repeated.transpose()));
-                innovation.cross = Some(cross);
+                innovation.cross = Some(Box::new(cross));
                 let mut by_state = RowJacobian::zeros();
                 by_state.fixed_view_mut::<3, 3>(0, VELOCITY).copy_from(&-repeated);
                 innovation.repeats = Some(Box::new(Repeats {

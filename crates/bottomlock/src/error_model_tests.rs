@@ -345,7 +345,12 @@ fn side_by_side<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(
     let ends = flown.map(|(_, end, _)| end.to_array());
     let zero = T::gather(simd, |_| 0.0);
     let mut p = Partitioned::from_fn(zero, |i, j| zero.splat(start[(i, j)]));
-    lanes.propagate(&mut p, &Kinematics::from_array(gather(simd, &ends)), &NOISE, &earth);
+    lanes.propagate(
+        &mut p,
+        &Kinematics::from_array(gather(simd, ends.each_ref())),
+        &NOISE,
+        &earth,
+    );
     for k in 0..T::COUNT {
         let (interval, end, _) = &flown[k];
         let (expected, mut whole) = (scalar(interval, &start, end, &earth), start);

@@ -1,11 +1,13 @@
 //! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
 
+mod ahead;
 mod assume;
 mod columns;
 pub mod convoy;
 mod correct;
 mod definite;
 mod fuse;
+mod packed;
 mod predict;
 mod record;
 mod reopen;
@@ -15,6 +17,7 @@ use nalgebra::{SMatrix, Vector3};
 
 use self::definite::is_positive_definite;
 use self::fuse::not_positive_definite;
+use self::packed::Packed;
 use self::reopen::Refusals;
 use crate::aiding::{Innovation, Motion};
 use crate::earth::Environment;
@@ -36,7 +39,7 @@ pub struct Eskf {
     state: NavState,
     kinematics: Kinematics<f64>,
     /// As the last update left it, where it is underway since.
-    covariance: Covariance,
+    covariance: Packed,
     underway: Option<Box<Underway>>,
     interval: Interval,
     /// ω_ip of the last reading, bias included.
@@ -69,7 +72,7 @@ impl Eskf {
         Ok(Self {
             kinematics: state.kinematics(),
             state,
-            covariance: model.initial_covariance(options.estimate_dvl),
+            covariance: Packed::of(&model.initial_covariance(options.estimate_dvl)),
             underway: None,
             interval: Interval::default(),
             last_rate_p_radps: Vector3::zeros(),
@@ -114,7 +117,7 @@ impl Eskf {
             });
         }
         require_positive_definite(&symmetric, self.state.time_ns)?;
-        self.covariance = symmetric;
+        self.covariance = Packed::of(&symmetric);
         self.underway = None;
         self.interval = Interval::default();
         Ok(())
@@ -133,7 +136,7 @@ impl Eskf {
     /// The covariance at the time of the state; asking changes nothing.
     #[must_use]
     pub fn covariance(&self) -> Covariance {
-        let (mut covariance, mut interval) = (self.covariance, self.interval);
+        let (mut covariance, mut interval) = (self.covariance.whole(), self.interval);
         if let Some(underway) = &self.underway {
             with_vectors!(simd => underway.rows.put_into(simd, &mut covariance.data.0));
         }
@@ -165,7 +168,7 @@ impl Eskf {
     /// Covariance of the whole state with the velocity (20×3) and of the velocity itself, brought up to date.
     pub fn velocity_covariance(&mut self) -> SMatrix<f64, DIM, 3> {
         self.propagate_covariance();
-        self.covariance.fixed_columns::<3>(VELOCITY).into_owned()
+        self.covariance.whole().fixed_columns::<3>(VELOCITY).into_owned()
     }
 
     /// Gates an innovation, corrects the state and the covariance, and reports.
@@ -204,12 +207,14 @@ impl Eskf {
         let h = innovation.jacobian.fixed_rows::<3>(0).into_owned();
         let cross = innovation
             .cross
+            .as_deref()
+            .copied()
             .unwrap_or_else(SMatrix::zeros)
             .fixed_columns::<3>(0)
             .into_owned();
         let noise = innovation.noise.fixed_view::<3, 3>(0, 0).into_owned();
         let half = h * cross;
-        let s = h * self.covariance * h.transpose() + half + half.transpose() + noise;
+        let s = h * self.covariance.whole() * h.transpose() + half + half.transpose() + noise;
         let eigen = ((s + s.transpose()) * 0.5).symmetric_eigen();
         let mut order = [0, 1, 2];
         order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
@@ -225,7 +230,7 @@ impl Eskf {
         turned.residual = axes * innovation.residual.fixed_rows::<3>(0);
         turned.jacobian = axes * h;
         turned.noise = axes * noise * axes.transpose();
-        turned.cross = Some(cross * axes.transpose());
+        turned.cross = Some(Box::new(cross * axes.transpose()));
         turned.repeats = innovation.repeats.as_ref().map(|repeats| repeats.turned(&axes));
         self.update(&turned, sensor)
     }
@@ -237,4 +242,15 @@ fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<()
     }
     let negative = (0..DIM).find(|&k| covariance[(k, k)] < 0.0);
     Err(not_positive_definite(negative, time_ns))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Eskf;
+
+    /// Of thousands of filters in flight each takes no more than this.
+    #[test]
+    fn a_filter_takes_three_kilobytes() {
+        assert!(size_of::<Eskf>() <= 3000, "{} bytes", size_of::<Eskf>());
+    }
 }

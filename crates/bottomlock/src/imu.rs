@@ -139,24 +139,66 @@ impl<T: Lane> Kinematics<T> {
     /// One strapdown step of `dt_s` seconds from `start` to `end`.
     #[inline(always)]
     pub fn step(&mut self, start: &Inertial<T>, end: &Inertial<T>, dt_s: f64, earth: &EarthTerms) {
+        let attitude_t_p = Turn::of(start, end, dt_s, earth).after(self.attitude_t_p);
+        self.follow(attitude_t_p, start, end, dt_s, earth);
+    }
+
+    /// The rest of a step that ends in an attitude.
+    #[inline(always)]
+    pub(crate) fn follow(
+        &mut self,
+        attitude_t_p: [T; 4],
+        start: &Inertial<T>,
+        end: &Inertial<T>,
+        dt_s: f64,
+        earth: &EarthTerms,
+    ) {
         let like = self.velocity_p_mps[0];
         let half = like.splat(0.5 * dt_s);
-
-        let turn_p = platform_turn(start, end, half, like.splat(dt_s * dt_s / 12.0));
-        // Common to all lanes.
-        let [w, x, y, z] = frame_turn(scale(earth.rate_t, -0.5 * dt_s));
-        let turn_t = [like.splat(w), like.splat(x), like.splat(y), like.splat(z)];
-        let attitude = turned(self.attitude_t_p, turn_t, turn_p);
-        let rotation = rotation_matrix(attitude);
-
+        let rotation = rotation_matrix(attitude_t_p);
         let fall = like.splat(earth.gravity_mps2 * dt_s);
         let gain_t = gain(&self.rotation_t_p, start, &rotation, end, half, fall);
         let twice_turn_t = splat3(like, scale(earth.rate_t, 2.0 * dt_s));
         (self.position_t_m, self.velocity_t_mps) =
             drift(self.position_t_m, self.velocity_t_mps, gain_t, twice_turn_t, half);
         self.velocity_p_mps = tmul(&rotation, self.velocity_t_mps);
-        self.attitude_t_p = attitude;
+        self.attitude_t_p = attitude_t_p;
         self.rotation_t_p = rotation;
+    }
+}
+
+/// How the attitude changes in a step, which follows from the rates alone.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Turn<T> {
+    /// Of the tangent frame: common to all lanes.
+    frame: [f64; 4],
+    platform: [T; 4],
+}
+
+impl<T: Lane> Turn<T> {
+    #[inline(always)]
+    pub(crate) fn none(like: T) -> Self {
+        Self {
+            frame: [1.0, 0.0, 0.0, 0.0],
+            platform: [1.0, 0.0, 0.0, 0.0].map(|q| like.splat(q)),
+        }
+    }
+
+    #[inline(always)]
+    pub(crate) fn of(start: &Inertial<T>, end: &Inertial<T>, dt_s: f64, earth: &EarthTerms) -> Self {
+        let like = start.rate_p_radps[0];
+        Self {
+            frame: frame_turn(scale(earth.rate_t, -0.5 * dt_s)),
+            platform: platform_turn(start, end, like.splat(0.5 * dt_s), like.splat(dt_s * dt_s / 12.0)),
+        }
+    }
+
+    /// The attitude after it.
+    #[inline(always)]
+    pub(crate) fn after(&self, attitude_t_p: [T; 4]) -> [T; 4] {
+        let ([w, x, y, z], like) = (self.frame, attitude_t_p[0]);
+        let frame = [like.splat(w), like.splat(x), like.splat(y), like.splat(z)];
+        turned(attitude_t_p, frame, self.platform)
     }
 }
 

@@ -161,8 +161,12 @@ pub trait Lanes<S: Simd>: Lane {
     fn gather(simd: S, value: impl Fn(usize) -> f64) -> Self;
     /// The number in lane k.
     fn get(&self, k: usize) -> f64;
-    /// All numbers; places beyond the lanes stay as they are.
-    fn put(&self, into: &mut [f64; WIDEST]);
+    /// As many numbers as there are lanes.
+    fn load(simd: S, from: &[f64]) -> Self;
+    /// The same way back.
+    fn store(&self, into: &mut [f64]);
+    /// Turns as many vectors as there are lanes, rows of a square, into its columns.
+    fn turn(rows: &mut [Self; WIDEST]);
 }
 
 /// The widest vector's number of lanes.
@@ -170,12 +174,41 @@ pub(crate) const WIDEST: usize = 8;
 
 /// Numbers of several filters, `of` lane k, as vectors.
 #[inline(always)]
-pub(crate) fn gather<S: Simd, T: Lanes<S>, const M: usize>(simd: S, of: &[[f64; M]; WIDEST]) -> [T; M] {
-    let mut lanes = [T::gather(simd, |_| 0.0); M];
-    for i in 0..M {
-        lanes[i] = T::gather(simd, |k| of[k][i]);
+pub(crate) fn gather<S: Simd, T: Lanes<S>, const M: usize>(simd: S, of: [&[f64; M]; WIDEST]) -> [T; M] {
+    let zero = T::gather(simd, |_| 0.0);
+    let mut lanes = [zero; M];
+    for from in squares::<M>(T::COUNT) {
+        let mut square = [zero; WIDEST];
+        for k in 0..T::COUNT {
+            square[k] = T::load(simd, &of[k][from..from + T::COUNT]);
+        }
+        T::turn(&mut square);
+        for (lane, column) in lanes[from..from + T::COUNT].iter_mut().zip(square) {
+            *lane = column;
+        }
     }
     lanes
+}
+
+/// The inverse of [`gather`], for as many filters as there are places.
+#[inline(always)]
+pub(crate) fn scatter_into<S: Simd, T: Lanes<S>, const M: usize>(lanes: &[T; M], places: &mut [&mut [f64; M]]) {
+    for from in squares::<M>(T::COUNT) {
+        let mut square = [lanes[0]; WIDEST];
+        for (row, lane) in square.iter_mut().zip(&lanes[from..from + T::COUNT]) {
+            *row = *lane;
+        }
+        T::turn(&mut square);
+        for (k, place) in places.iter_mut().enumerate() {
+            square[k].store(&mut place[from..from + T::COUNT]);
+        }
+    }
+}
+
+/// Where squares of `side` begin that cover M numbers, no fewer; the last may overlap the one before.
+#[inline(always)]
+fn squares<const M: usize>(side: usize) -> impl Iterator<Item = usize> {
+    (0..M).step_by(side).map(move |from| from.min(M - side))
 }
 
 /// The numbers in lane k.
@@ -189,7 +222,7 @@ pub(crate) fn scatter<S: Simd, T: Lanes<S>, const M: usize>(lanes: &[T; M], k: u
 }
 
 macro_rules! vectors {
-    ($vector:ident, $count:literal) => {
+    ($vector:ident, $count:literal, $columns:ident) => {
         impl<S: Simd> Lane for $vector<S> {
             #[inline(always)]
             fn splat(self, value: f64) -> Self {
@@ -240,15 +273,25 @@ macro_rules! vectors {
                 self[k]
             }
             #[inline(always)]
-            fn put(&self, into: &mut [f64; WIDEST]) {
-                self.store_slice(&mut into[..$count]);
+            fn load(simd: S, from: &[f64]) -> Self {
+                Self::from_slice(simd, from)
+            }
+            #[inline(always)]
+            fn store(&self, into: &mut [f64]) {
+                self.store_slice(into);
+            }
+            #[inline(always)]
+            fn turn(rows: &mut [Self; WIDEST]) {
+                let mut square = [rows[0]; $count];
+                square.copy_from_slice(&rows[..$count]);
+                rows[..$count].copy_from_slice(&$columns(square));
             }
         }
     };
 }
 
-vectors!(f64x4, 4);
-vectors!(f64x8, 8);
+vectors!(f64x4, 4, columns_of_four);
+vectors!(f64x8, 8, columns_of_eight);
 
 /// c + a x, fused.
 #[inline(always)]

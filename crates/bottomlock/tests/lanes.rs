@@ -142,3 +142,32 @@ fn times_that_do_not_rise_are_refused() {
     predict_together(&mut [Seat::new(&mut filters[0], &samples[..1])]);
     assert_eq!(bits(&filters[0]), before);
 }
+
+/// Filters whose samples part on the way are led together as far as there, and each to the end of its own.
+#[test]
+fn samples_may_part_on_the_way() {
+    for period_ms in [0, 100] {
+        let options = Options {
+            covariance_period_ns: period_ms * 1_000_000,
+            ..Options::default()
+        };
+        let mut together: Vec<Eskf> = (0..5).map(|k| filter(k, &options)).collect();
+        let mut streams: Vec<_> = (0..5).map(|k| stream(k, 0, 60)).collect();
+        streams[1][37].time_ns += 1_000_000;
+        let apart: Vec<_> = together
+            .iter()
+            .zip(&streams)
+            .map(|(f, s)| alone(f.clone(), s))
+            .collect();
+        let mut seats: Vec<_> = together
+            .iter_mut()
+            .zip(&streams)
+            .map(|(filter, own)| Seat::new(filter, own))
+            .collect();
+        predict_together(&mut seats);
+        assert!(seats.iter().all(|seat| seat.failure.is_none()));
+        for (own, other) in together.iter().zip(&apart) {
+            assert_eq!(bits(own), bits(other));
+        }
+    }
+}

@@ -21,7 +21,7 @@ pub struct Innovation {
     /// Covariance of n.
     pub noise: SMatrix<f64, MAX_ROWS, MAX_ROWS>,
     /// E[δx nᵀ] where the noise is correlated with the state error (Eq. 26).
-    pub cross: Option<SMatrix<f64, DIM, MAX_ROWS>>,
+    pub cross: Option<Box<SMatrix<f64, DIM, MAX_ROWS>>>,
     /// Why it is, for a smoother.
     pub repeats: Option<Box<Repeats>>,
 }
@@ -73,34 +73,41 @@ impl Innovation {
         self.jacobian.fixed_view_mut::<3, 3>(0, column).copy_from(block);
     }
 
+    /// Those of up to [`MAX_ROWS`] rows that are named, which carry information each.
+    pub(super) fn picked(
+        (residual, jacobian, noise): (&SVector<f64, MAX_ROWS>, &RowJacobian, &SMatrix<f64, MAX_ROWS, MAX_ROWS>),
+        rows: impl Iterator<Item = usize> + Clone,
+    ) -> Self {
+        let mut out = Self::empty();
+        for (to, from) in rows.clone().enumerate() {
+            out.rows += 1;
+            out.residual[to] = residual[from];
+            out.jacobian.set_row(to, &jacobian.row(from));
+            for (column, other) in rows.clone().enumerate() {
+                out.noise[(to, column)] = noise[(from, other)];
+            }
+        }
+        out.degrees = out.rows;
+        out
+    }
+
     /// The rows for which `keep` holds.
     #[must_use]
     pub(crate) fn select(&self, keep: impl Fn(usize) -> bool) -> Self {
-        let kept: Vec<usize> = (0..self.rows).filter(|&row| keep(row)).collect();
-        let mut out = Self {
-            rows: kept.len(),
-            degrees: kept.len(),
-            ..Self::empty()
-        };
-        for (to, &from) in kept.iter().enumerate() {
-            out.residual[to] = self.residual[from];
-            out.jacobian.set_row(to, &self.jacobian.row(from));
-            for (column, &other) in kept.iter().enumerate() {
-                out.noise[(to, column)] = self.noise[(from, other)];
-            }
-        }
-        out.cross = self.cross.map(|cross| {
+        let kept = (0..self.rows).filter(|&row| keep(row));
+        let mut out = Self::picked((&self.residual, &self.jacobian, &self.noise), kept.clone());
+        out.cross = self.cross.as_ref().map(|cross| {
             let mut kept_cross = SMatrix::<f64, DIM, MAX_ROWS>::zeros();
-            for (to, &from) in kept.iter().enumerate() {
+            for (to, from) in kept.clone().enumerate() {
                 kept_cross.set_column(to, &cross.column(from));
             }
-            kept_cross
+            Box::new(kept_cross)
         });
         out.repeats = self.repeats.as_ref().map(|repeats| {
             let mut selection = SMatrix::<f64, MAX_ROWS, MAX_ROWS>::zeros();
-            kept.iter()
+            kept.clone()
                 .enumerate()
-                .for_each(|(to, &from)| selection[(to, from)] = 1.0);
+                .for_each(|(to, from)| selection[(to, from)] = 1.0);
             Box::new(Repeats {
                 by_state: selection * repeats.by_state,
                 by_water: selection * repeats.by_water,

@@ -34,7 +34,7 @@ impl BeamMask {
         self.0.count_ones() as usize
     }
     /// The indices of the beams, counted from 0, rising.
-    pub fn iter(self) -> impl Iterator<Item = usize> {
+    pub fn iter(self) -> impl Iterator<Item = usize> + Clone {
         (0..MAX_BEAMS).filter(move |&index| self.contains(index))
     }
     /// The beams in both masks.

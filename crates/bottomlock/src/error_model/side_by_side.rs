@@ -33,8 +33,8 @@ impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for Step<T> {
     #[inline(always)]
     fn gathered(simd: S, of: &[Step<f64>; WIDEST]) -> Self {
         Self {
-            sum: Coefficients::from_array(gather(simd, &of.map(|step| step.sum.to_array()))),
-            last: Coefficients::from_array(gather(simd, &of.map(|step| step.last.to_array()))),
+            sum: Coefficients::from_array(gather(simd, of.map(|step| step.sum.to_array()).each_ref())),
+            last: Coefficients::from_array(gather(simd, of.map(|step| step.last.to_array()).each_ref())),
             duration_s: of[0].duration_s,
         }
     }
@@ -63,9 +63,9 @@ impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for Stretch<T> {
 
     #[inline(always)]
     fn gathered(simd: S, of: &[Stretch<f64>; WIDEST]) -> Self {
-        let turned: [T; 9] = gather(simd, &of.map(|stretch| flat(&stretch.turned)));
+        let turned: [T; 9] = gather(simd, of.map(|stretch| flat(&stretch.turned)).each_ref());
         Self {
-            start: Start::from_array(gather(simd, &of.map(|stretch| stretch.start.to_array()))),
+            start: Start::from_array(gather(simd, of.map(|stretch| stretch.start.to_array()).each_ref())),
             turned: matrix(&turned, 0),
             duration_s: of[0].duration_s,
         }

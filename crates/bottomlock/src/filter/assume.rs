@@ -24,7 +24,7 @@ impl Eskf {
     pub(crate) fn velocity(&self) -> (Vector3<f64>, Matrix3<f64>) {
         let own = Matrix3::from_fn(|i, j| match &self.underway {
             Some(underway) => underway.rows.at(VELOCITY + i, VELOCITY + j),
-            None => self.covariance[(VELOCITY + i, VELOCITY + j)],
+            None => self.covariance.at(VELOCITY + i, VELOCITY + j),
         });
         (Vector3::from(self.kinematics.velocity_p_mps), own)
     }
@@ -32,7 +32,7 @@ impl Eskf {
     /// The covariance, brought up to date as an update will bring it.
     pub(crate) fn covariance_now(&mut self) -> Covariance {
         self.propagate_covariance();
-        self.covariance
+        self.covariance.whole()
     }
 
     /// True where the velocity of `other` cannot be by this filter's own covariance; never with the gate off.
@@ -89,7 +89,7 @@ impl Eskf {
         innovation.noise[(0, 0)] = variance;
         let mut columns = SMatrix::<f64, DIM, MAX_ROWS>::zeros();
         columns.set_column(0, &cross);
-        innovation.cross = Some(columns);
+        innovation.cross = Some(Box::new(columns));
         let mut by_water = SMatrix::<f64, MAX_ROWS, WATER>::zeros();
         by_water.set_row(0, &row.by_water.transpose());
         innovation.repeats = Some(Box::new(Repeats {

@@ -9,12 +9,13 @@ use fearless_simd::f64x8;
 use fearless_simd::prelude::*;
 
 use super::Eskf;
+use super::ahead::{Ahead, Streams};
+use super::packed::{PACKED, place as place_of};
 use crate::error::NavError;
 use crate::error_model::{Partitioned, SideBySide, Step, Stretch};
-use crate::imu::{EarthTerms, ImuSample, Inertial, KINEMATICS, Kinematics, Sampling};
-use crate::lane::{Lane, Lanes, V3, Vectors, WIDEST, gather, scatter, splat3, sub, vectors};
+use crate::imu::{EarthTerms, ImuSample, KINEMATICS, Kinematics};
+use crate::lane::{Lanes, Vectors, WIDEST, gather, scatter, scatter_into, three, vectors};
 use crate::layout::DIM;
-use crate::state::Covariance;
 
 /// A filter and the samples that it takes; the first of them it has taken already.
 #[derive(Debug)]
@@ -37,11 +38,17 @@ impl<'a> Seat<'a> {
         }
     }
 
-    /// True where two filters do the same operations at the same steps.
+    /// True where two filters do the same operations at the same steps, as far as the ends of their samples tell.
     fn keeps_pace_with(&self, other: &Self) -> bool {
         let (own, its) = (&*self.filter, &*other.filter);
-        let times = |seat: &Self| seat.samples.iter().map(|sample| sample.time_ns);
-        (std::ptr::eq(self.samples, other.samples) || times(self).eq(times(other)))
+        let ends = |seat: &Self| {
+            let [first, second, .., last] = seat.samples else {
+                return None;
+            };
+            Some([first.time_ns, second.time_ns, last.time_ns])
+        };
+        (std::ptr::eq(self.samples, other.samples)
+            || self.samples.len() == other.samples.len() && ends(self) == ends(other))
             && own.interval.duration_s().to_bits() == its.interval.duration_s().to_bits()
             && own.earth == its.earth
             && own.noise == its.noise
@@ -49,12 +56,12 @@ impl<'a> Seat<'a> {
             && own.covariance_period_s == its.covariance_period_s
     }
 
-    fn times_rise(&self) -> bool {
-        self.samples.windows(2).all(|step| step[0].time_ns < step[1].time_ns)
-    }
-
-    fn predict_alone(&mut self) {
-        self.failure = self.filter.predict_along(self.samples).err();
+    /// Takes what comes after sample `taken`, which it has taken already.
+    fn predict_alone(&mut self, taken: usize) {
+        if self.failure.is_none() {
+            let outcome = self.filter.predict_along(&self.samples[taken..]);
+            self.failure = outcome.err().map(|(at, error)| (taken + at, error));
+        }
     }
 }
 
@@ -75,11 +82,13 @@ pub fn predict_together(seats: &mut [Seat<'_>]) {
         for part in group.chunks_mut(width()) {
             // A smoother wants to see every transition.
             let watched = part.iter().any(|seat| seat.filter.tape.is_some());
-            if part.len() == 1 || watched || part[0].samples.len() < 2 || !part[0].times_rise() {
-                part.iter_mut().for_each(|seat| seat.predict_alone());
+            let begins = matches!(part[0].samples, [first, second, ..] if first.time_ns < second.time_ns);
+            let taken = if part.len() > 1 && !watched && begins {
+                board(part)
             } else {
-                board(part);
-            }
+                0
+            };
+            part.iter_mut().for_each(|seat| seat.predict_alone(taken));
         }
     }
 }
@@ -94,7 +103,7 @@ pub fn width() -> usize {
     }
 }
 
-fn board(seats: &mut [&mut Seat<'_>]) {
+fn board(seats: &mut [&mut Seat<'_>]) -> usize {
     let many_steps = seats[0].filter.covariance_period_s > 0.0;
     match vectors() {
         #[cfg(target_arch = "x86_64")]
@@ -120,52 +129,20 @@ fn board(seats: &mut [&mut Seat<'_>]) {
 }
 
 #[inline(always)]
-fn fly_any<S: Simd, T: Lanes<S>>(simd: S, seats: &mut [&mut Seat<'_>], many_steps: bool) {
+fn fly_any<S: Simd, T: Lanes<S>>(simd: S, seats: &mut [&mut Seat<'_>], many_steps: bool) -> usize {
     if many_steps {
-        fly::<_, T, Stretch<T>>(simd, seats);
+        fly::<_, T, Stretch<T>>(simd, seats)
     } else {
-        fly::<_, T, Step<T>>(simd, seats);
-    }
-}
-
-#[inline(always)]
-fn corrected<T: Lane>(sample: &Inertial<T>, gyro_bias: V3<T>, accel_bias: V3<T>) -> Inertial<T> {
-    Inertial {
-        rate_p_radps: sub(sample.rate_p_radps, gyro_bias),
-        force_p_mps2: sub(sample.force_p_mps2, accel_bias),
-    }
-}
-
-/// The samples of all lanes at one time; arms of a run have them in common.
-#[inline(always)]
-fn readings<S: Simd, T: Lanes<S>>(simd: S, streams: &[&[ImuSample]; WIDEST], at: usize, common: bool) -> Inertial<T> {
-    let zero = T::gather(simd, |_| 0.0);
-    let first = &streams[0][at];
-    if common {
-        return Inertial {
-            rate_p_radps: splat3(zero, first.rate_p_radps.to_array()),
-            force_p_mps2: splat3(zero, first.force_p_mps2.to_array()),
-        };
-    }
-    let own = streams.map(|stream| &stream[at]);
-    let (rate, force) = (own.map(|own| &own.rate_p_radps.0), own.map(|own| &own.force_p_mps2.0));
-    Inertial {
-        rate_p_radps: [
-            T::gather(simd, |k| rate[k].x),
-            T::gather(simd, |k| rate[k].y),
-            T::gather(simd, |k| rate[k].z),
-        ],
-        force_p_mps2: [
-            T::gather(simd, |k| force[k].x),
-            T::gather(simd, |k| force[k].y),
-            T::gather(simd, |k| force[k].z),
-        ],
+        fly::<_, T, Step<T>>(simd, seats)
     }
 }
 
 /// At most as many filters as there are lanes; a lane left over repeats the last filter.
+///
+/// Returns the last sample taken: that before times differ or do not rise. A filter that runs out of numbers on the way is led
+/// anew by itself, to the sample where it does.
 #[inline(always)]
-fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Seat<'_>]) {
+fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Seat<'_>]) -> usize {
     let count = seats.len();
     let place = |k: usize| k.min(count - 1);
     let mut intervals = Vec::with_capacity(WIDEST);
@@ -176,77 +153,72 @@ fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Sea
         intervals.extend(I::one(&seat.filter.interval));
     }
 
-    let mut streams: [&[ImuSample]; WIDEST] = [seats[0].samples; WIDEST];
+    let mut of: [&[ImuSample]; WIDEST] = [seats[0].samples; WIDEST];
     let mut kinematics = [[0.0; KINEMATICS]; WIDEST];
-    let mut biases = [[0.0; 6]; WIDEST];
+    let mut biases = [[0.0; WIDEST]; WIDEST];
     let mut starts = [intervals[0]; WIDEST];
     for k in 0..WIDEST {
         let (seat, filter) = (&seats[place(k)], &seats[place(k)].filter);
         let (gyro, accel) = (filter.state.gyro_bias_p_radps.0, filter.state.accel_bias_p_mps2.0);
-        streams[k] = seat.samples;
+        of[k] = seat.samples;
         kinematics[k] = filter.kinematics.to_array();
-        biases[k] = [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z];
+        biases[k] = [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z, 0.0, 0.0];
         starts[k] = intervals[place(k)];
     }
     let mut interval = I::gathered(simd, &starts);
-    let mut kinematics: Kinematics<T> = Kinematics::from_array(gather(simd, &kinematics));
-    let biases: [T; 6] = gather(simd, &biases);
-    let (gyro_bias, accel_bias) = ([biases[0], biases[1], biases[2]], [biases[3], biases[4], biases[5]]);
-    let zero = T::gather(simd, |_| 0.0);
-    let covariances: [&Covariance; WIDEST] = std::array::from_fn(|k| &seats[place(k)].filter.covariance);
-    let mut p = Partitioned::from_fn(zero, |i, j| T::gather(simd, |k| covariances[k].data.0[j][i]));
+    let mut kinematics: Kinematics<T> = Kinematics::from_array(gather(simd, kinematics.each_ref()));
+    let biases: [T; WIDEST] = gather(simd, biases.each_ref());
+    let mut covariances: [T; PACKED] = gather(simd, std::array::from_fn(|k| &seats[place(k)].filter.covariance.0));
+    let mut p = Partitioned::from_fn(biases[0], |i, j| covariances[place_of(i, j)]);
 
     let (earth, noise) = (seats[0].filter.earth, seats[0].filter.noise);
-    let (sampling, period_s) = (seats[0].filter.sampling, seats[0].filter.covariance_period_s);
-    let samples = streams[0];
-    let common = streams.iter().all(|stream| std::ptr::eq(*stream, samples));
-    let mut first = corrected(&readings(simd, &streams, 0, common), gyro_bias, accel_bias);
-    let mut dt_s = 0.0;
-    let mut is_due = false;
-    for at in 1..samples.len() {
-        dt_s = (samples[at].time_ns - samples[at - 1].time_ns) as f64 * 1e-9;
-        let last = corrected(&readings(simd, &streams, at, common), gyro_bias, accel_bias);
-        if sampling == Sampling::Averaged {
-            first = last;
+    let period_s = seats[0].filter.covariance_period_s;
+    let streams = Streams {
+        of,
+        gyro_bias_p_radps: three(&biases, 0),
+        accel_bias_p_mps2: three(&biases, 3),
+        sampling: seats[0].filter.sampling,
+    };
+    let mut ahead = Ahead::nothing(biases[0]);
+    let (mut taken, mut dt_s) = (0, 0.0);
+    loop {
+        let count = ahead.read(simd, &streams, taken, &earth);
+        if count == 0 {
+            break;
         }
-        let mut after = kinematics;
-        after.step(&first, &last, dt_s, &earth);
-        let taken = I::take(&kinematics, &after, &last, &earth);
-        // The covariance comes a step late: its arithmetic fills the pauses in the chain of operations that the state is.
-        if is_due {
-            water_follows(seats, &interval, &kinematics, &earth);
-            interval.propagate(&mut p, &kinematics, &noise, &earth);
-        }
-        interval.add(&taken, dt_s);
-        kinematics = after;
-        first = last;
-        let position = kinematics.position_t_m;
-        let sum = position[0] + position[1] + position[2];
-        if !sum.all_finite() {
-            note_failures(seats, &sum, at);
-        }
-        is_due = interval.duration_s() + 0.5 * dt_s >= period_s;
-    }
-    if is_due {
-        water_follows(seats, &interval, &kinematics, &earth);
-        interval.propagate(&mut p, &kinematics, &noise, &earth);
-    }
-
-    let end = samples.len() - 1;
-    let mut lanes = [0.0; WIDEST];
-    for i in 0..DIM {
-        for j in 0..=i {
-            p.lower(i, j).put(&mut lanes);
-            for (seat, value) in seats.iter_mut().zip(lanes) {
-                let covariance = &mut seat.filter.covariance.data.0;
-                covariance[j][i] = value;
-                covariance[i][j] = value;
+        let mut attitude = ahead.turn(0).after(kinematics.attitude_t_p);
+        for k in 0..count {
+            dt_s = ahead.dt_s(k);
+            let (start, end) = ahead.ends(k);
+            let next = ahead.turn((k + 1).min(count - 1)).after(attitude);
+            let before = kinematics;
+            kinematics.follow(attitude, start, end, dt_s, &earth);
+            interval.add(&I::take(&before, &kinematics, end, &earth), dt_s);
+            attitude = next;
+            if interval.duration_s() + 0.5 * dt_s >= period_s {
+                water_follows(seats, &interval, &kinematics, &earth);
+                interval.propagate(&mut p, &kinematics, &noise, &earth);
             }
         }
+        taken += count;
     }
+
+    let [x, y, z] = kinematics.position_t_m;
+    let lost = if (x + y + z).all_finite() {
+        Vec::new()
+    } else {
+        lost(seats, &(x + y + z))
+    };
+    for j in 0..DIM {
+        for i in j..DIM {
+            covariances[place_of(i, j)] = *p.lower(i, j);
+        }
+    }
+    let mut places: Vec<_> = seats.iter_mut().map(|seat| &mut seat.filter.covariance.0).collect();
+    scatter_into(&covariances, &mut places);
     let kinematics = kinematics.to_array();
     for (k, seat) in seats.iter_mut().enumerate() {
-        let reading = &seat.samples[end];
+        let reading = &seat.samples[taken];
         let filter = &mut *seat.filter;
         filter.kinematics = Kinematics::from_array(scatter(&kinematics, k));
         filter.interval = interval.lane(k);
@@ -254,6 +226,19 @@ fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Sea
         filter.last_rate_p_radps = reading.rate_p_radps.0;
         filter.last_step_s = dt_s;
     }
+    for (k, filter) in lost {
+        *seats[k].filter = filter;
+        seats[k].predict_alone(0);
+    }
+    taken
+}
+
+/// The filters whose numbers have run out, as they were before; their further states alone have gone on.
+#[cold]
+fn lost<S: Simd, T: Lanes<S>>(seats: &[&mut Seat<'_>], sum: &T) -> Vec<(usize, Eskf)> {
+    let is_lost = |(k, _): &(usize, &&mut Seat<'_>)| !sum.get(*k).is_finite();
+    let filters = seats.iter().enumerate().filter(is_lost);
+    filters.map(|(k, seat)| (k, seat.filter.clone())).collect()
 }
 
 /// The further states of those filters that have some, over an interval that has come to `end`.
@@ -268,17 +253,6 @@ fn water_follows<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(
         if let Some(water) = &mut seat.filter.water {
             let end = Kinematics::from_array(scatter(&end.to_array(), k));
             water.propagate(&interval.lane(k), &end, earth);
-        }
-    }
-}
-
-/// Each lane's first sample at which its position is no number any more.
-#[cold]
-fn note_failures<S: Simd, T: Lanes<S>>(seats: &mut [&mut Seat<'_>], sum: &T, at: usize) {
-    for (k, seat) in seats.iter_mut().enumerate() {
-        if seat.failure.is_none() && !sum.get(k).is_finite() {
-            let time_ns = seat.samples[at].time_ns;
-            seat.failure = Some((at, Eskf::ran_out_of_numbers(time_ns)));
         }
     }
 }

@@ -55,7 +55,8 @@ fn check<S: Simd, T: Lanes<S>>(simd: S) {
         let (mut together, mut alone) = (filters(period_ns), filters(period_ns));
         let pairs = together.iter_mut().zip(&streams);
         let mut seats: Vec<_> = pairs.map(|(filter, samples)| Seat::new(filter, samples)).collect();
-        fly_any::<S, T>(simd, &mut seats.iter_mut().collect::<Vec<_>>(), period_ns > 0);
+        let taken = fly_any::<S, T>(simd, &mut seats.iter_mut().collect::<Vec<_>>(), period_ns > 0);
+        assert_eq!(taken, SAMPLES - 1);
         assert!(seats.iter().all(|seat| seat.failure.is_none()));
         for (k, filter) in alone.iter_mut().enumerate() {
             for step in streams[k].windows(2) {

@@ -18,6 +18,7 @@ use nalgebra::{Cholesky, Const, SMatrix};
 
 use super::columns::{Column, VECTORS, WIDTH, load_part, store_part};
 use super::definite::factorises;
+use super::packed::Packed;
 use crate::aiding::{Innovation, RowJacobian};
 use crate::lane::{columns_of_four, plus, with_vectors};
 use crate::layout::DIM;
@@ -154,9 +155,15 @@ impl<const M: usize> Expectation<M> {
         Cholesky::pack_dirty(l)
     }
 
-    /// Corrects the covariance, where the result is proven to be one, and leaves it alone elsewhere.
-    pub(super) fn correct(&self, p: &mut Covariance, innovation: &Innovation) -> Result<Correction<M>, Indefinite> {
-        with_vectors!(simd => self.correct_within(simd, &mut p.data.0, innovation))
+    /// Replaces a covariance, `p` when it is whole, by the corrected one, where that is proven to be one, and leaves it alone
+    /// elsewhere; nothing is left of `p`.
+    pub(super) fn correct(
+        &self,
+        p: &mut Covariance,
+        innovation: &Innovation,
+        covariance: &mut Packed,
+    ) -> Result<Correction<M>, Indefinite> {
+        with_vectors!(simd => self.correct_within(simd, &mut p.data.0, innovation, covariance))
     }
 
     #[inline(always)]
@@ -165,17 +172,17 @@ impl<const M: usize> Expectation<M> {
         simd: S,
         p: &mut [[f64; DIM]; DIM],
         innovation: &Innovation,
+        covariance: &mut Packed,
     ) -> Result<Correction<M>, Indefinite> {
         let gain = self.factor.solve(simd, &self.reach.data.0);
-        let mut updated = [[0.0; DIM]; DIM];
-        self.joseph(simd, p, innovation, &gain, &mut updated);
-        halve(simd, &mut updated);
-        if !factorises(simd, &updated) {
+        self.joseph(simd, p, innovation, &gain);
+        halve(simd, p);
+        if !factorises(simd, p) {
             return Err(Indefinite {
-                negative: (0..DIM).find(|&k| updated[k][k] < 0.0),
+                negative: (0..DIM).find(|&k| p[k][k] < 0.0),
             });
         }
-        mirror(simd, &updated, p);
+        covariance.take(simd, p);
         let mut correction = Correction {
             gain: SMatrix::zeros(),
             error: ErrorVector::zeros(),
@@ -189,30 +196,23 @@ impl<const M: usize> Expectation<M> {
         Ok(correction)
     }
 
-    /// Joseph's form of a gain; not symmetric to the last bit.
+    /// Joseph's form of a gain, in place; not symmetric to the last bit.
     #[inline(always)]
-    fn joseph<S: Simd>(
-        &self,
-        simd: S,
-        p: &[[f64; DIM]; DIM],
-        innovation: &Innovation,
-        gain: &[Column<S>; M],
-        out: &mut [[f64; DIM]; DIM],
-    ) {
+    fn joseph<S: Simd>(&self, simd: S, p: &mut [[f64; DIM]; DIM], innovation: &Innovation, gain: &[Column<S>; M]) {
         let (mut minus_gain, mut gain_rows) = ([Column::zero(simd); M], [[0.0; DIM]; M]);
         for m in 0..M {
             gain[m].store(&mut gain_rows[m]);
             minus_gain[m] = gain[m].times(-1.0);
         }
-        for (j, column) in out.iter_mut().enumerate() {
-            let mut own = Column::load(simd, &p[j]);
+        for (j, column) in p.iter_mut().enumerate() {
+            let mut own = Column::load(simd, column);
             for m in 0..M {
                 own = own.plus(self.reach[(j, m)], &minus_gain[m]);
             }
             own.store(column);
         }
         // A Hᵀ + C − K (R + H C), which is nothing but rounding errors where the gain is the best.
-        let mut rest = times_transposed::<S, M>(simd, out, &innovation.jacobian, &self.reached);
+        let mut rest = times_transposed::<S, M>(simd, p, &innovation.jacobian, &self.reached);
         for m in 0..M {
             for n in 0..M {
                 rest[m] = rest[m].plus(self.noise[m][n], &minus_gain[n]);
@@ -222,7 +222,7 @@ impl<const M: usize> Expectation<M> {
             }
             rest[m] = rest[m].times(-1.0);
         }
-        for (j, column) in out.iter_mut().enumerate() {
+        for (j, column) in p.iter_mut().enumerate() {
             let mut own = Column::load(simd, column);
             for m in 0..M {
                 own = own.plus(gain_rows[m][j], &rest[m]);
@@ -341,23 +341,6 @@ fn halve<S: Simd>(simd: S, matrix: &mut [[f64; DIM]; DIM]) {
             for q in 0..WIDTH {
                 below[q] = (below[q] + above[q]) * 0.5;
                 store_part(below[q], &mut matrix[WIDTH * b + q], v);
-            }
-        }
-    }
-}
-
-/// Writes the whole of a symmetric matrix that is stated on and below the diagonal.
-#[inline(always)]
-fn mirror<S: Simd>(simd: S, lower: &[[f64; DIM]; DIM], into: &mut [[f64; DIM]; DIM]) {
-    for b in 0..VECTORS {
-        for v in b..VECTORS {
-            let below = block(simd, lower, b, v);
-            let above = columns_of_four(below);
-            for q in 0..WIDTH {
-                store_part(below[q], &mut into[WIDTH * b + q], v);
-                if v != b {
-                    store_part(above[q], &mut into[WIDTH * v + q], b);
-                }
             }
         }
     }

@@ -30,13 +30,14 @@ fn innovation<const M: usize>(seed: usize, is_correlated: bool) -> Innovation {
             innovation.noise[(m, n)] = if m == n { 0.5 } else { 0.02 * value(m * n, m + n) };
         }
     }
-    innovation.cross = is_correlated.then(|| SMatrix::from_fn(|i, m| if m < M { 0.003 * value(i, m) } else { 0.0 }));
+    innovation.cross =
+        is_correlated.then(|| Box::new(SMatrix::from_fn(|i, m| if m < M { 0.003 * value(i, m) } else { 0.0 })));
     innovation
 }
 
 /// H, R and C.
 fn parts<const M: usize>(innovation: &Innovation) -> (Rows<M>, Square<M>, Tall<M>) {
-    let cross = innovation.cross.unwrap_or_else(SMatrix::zeros);
+    let cross = innovation.cross.as_deref().copied().unwrap_or_else(SMatrix::zeros);
     (
         innovation.jacobian.fixed_rows::<M>(0).into_owned(),
         innovation.noise.fixed_view::<M, M>(0, 0).into_owned(),
@@ -57,11 +58,21 @@ fn joseph<S: Simd, const M: usize>(simd: S, p: &Covariance, innovation: &Innovat
     for m in 0..M {
         columns[m] = Column::load(simd, &gain.data.0[m]);
     }
-    let (mut lower, mut out) = (Covariance::zeros(), Covariance::zeros());
-    seen.joseph(simd, &p.data.0, innovation, &columns, &mut lower.data.0);
+    let mut lower = *p;
+    seen.joseph(simd, &mut lower.data.0, innovation, &columns);
     halve(simd, &mut lower.data.0);
-    mirror(simd, &lower.data.0, &mut out.data.0);
-    out
+    Packed::of(&lower).whole()
+}
+
+/// The corrected covariance, with what else becomes of the filter.
+fn corrected<const M: usize>(
+    seen: &Expectation<M>,
+    p: &Covariance,
+    innovation: &Innovation,
+) -> Result<(Covariance, Correction<M>), Indefinite> {
+    let mut covariance = Packed::of(p);
+    let correction = seen.correct(&mut p.clone(), innovation, &mut covariance)?;
+    Ok((covariance.whole(), correction))
 }
 
 fn bits(numbers: &[f64]) -> Vec<u64> {
@@ -84,8 +95,7 @@ fn check<const M: usize>() {
             assert!((seen.nis / z.dot(&factor.solve(&z)) - 1.0).abs() < 1e-12);
             assert!((seen.cholesky().l() - factor.l()).amax() < 1e-13);
 
-            let mut updated = p;
-            let correction = seen.correct(&mut updated, &innovation).ok().unwrap();
+            let (updated, correction) = corrected(&seen, &p, &innovation).ok().unwrap();
             assert!((correction.gain * s - reach).amax() < 1e-12);
             assert!((correction.error - correction.gain * z).amax() < 1e-14);
             assert!((updated - dense_joseph(&p, &innovation, &correction.gain)).amax() < 1e-13);
@@ -96,13 +106,13 @@ fn check<const M: usize>() {
 
             on_every_level!(simd => {
                 let own = Expectation::<M>::within(simd, &p, &innovation).unwrap();
-                let mut own_updated = p;
-                let own_correction = own.correct_within(simd, &mut own_updated.data.0, &innovation).ok().unwrap();
+                let (mut own_whole, mut own_updated) = (p, Packed::of(&p));
+                let own_correction = own.correct_within(simd, &mut own_whole.data.0, &innovation, &mut own_updated).ok().unwrap();
                 assert_eq!(bits(own.s.as_slice()), bits(seen.s.as_slice()));
                 assert_eq!(own.nis.to_bits(), seen.nis.to_bits());
                 assert_eq!(bits(own_correction.gain.as_slice()), bits(correction.gain.as_slice()));
                 assert_eq!(bits(own_correction.error.as_slice()), bits(correction.error.as_slice()));
-                assert_eq!(bits(own_updated.as_slice()), bits(updated.as_slice()));
+                assert_eq!(bits(own_updated.whole().as_slice()), bits(updated.as_slice()));
                 assert!((joseph(simd, &p, &innovation, &other) - dense).amax() < 1e-12);
             });
         }
@@ -126,9 +136,8 @@ fn an_update_is_the_dense_update() {
 fn lost(p: &Covariance, mut rows: Innovation, ratio: f64) -> f64 {
     rows.noise *= 1.0 / ratio;
     let (h, r, _) = parts::<4>(&rows);
-    let mut updated = *p;
     let seen = Expectation::<4>::of(p, &rows).unwrap();
-    seen.correct(&mut updated, &rows).ok().unwrap();
+    let (updated, _) = corrected(&seen, p, &rows).ok().unwrap();
     let expected = r - r * seen.s.try_inverse().unwrap() * r;
     (h * updated * h.transpose() - expected).amax() / r.amax()
 }
@@ -171,7 +180,7 @@ fn frozen_states_stay_frozen() {
     }
     let innovation = innovation::<4>(4, false);
     let seen = Expectation::<4>::of(&p, &innovation).unwrap();
-    let correction = seen.correct(&mut p, &innovation).ok().unwrap();
+    let (p, correction) = corrected(&seen, &p, &innovation).ok().unwrap();
     assert!(p.fixed_columns::<5>(15).iter().all(|element| *element == 0.0));
     assert!(p.fixed_rows::<5>(15).iter().all(|element| *element == 0.0));
     assert!(
@@ -187,7 +196,7 @@ fn frozen_states_stay_frozen() {
 /// noise of −2 makes S itself negative.
 #[test]
 fn what_is_no_covariance_is_refused() {
-    let mut p = Covariance::identity();
+    let p = Covariance::identity();
     let mut innovation = Innovation {
         rows: 1,
         degrees: 1,
@@ -196,9 +205,13 @@ fn what_is_no_covariance_is_refused() {
     innovation.jacobian[(0, 7)] = 1.0;
     innovation.noise[(0, 0)] = -0.5;
     let seen = Expectation::<1>::of(&p, &innovation).unwrap();
-    let refused = seen.correct(&mut p, &innovation).err().unwrap();
+    let mut covariance = Packed::of(&p);
+    let refused = seen
+        .correct(&mut p.clone(), &innovation, &mut covariance)
+        .err()
+        .unwrap();
     assert_eq!(refused.negative, Some(7));
-    assert_eq!(p, Covariance::identity());
+    assert_eq!(covariance.whole(), p);
     innovation.noise[(0, 0)] = -2.0;
     assert!(Expectation::<1>::of(&p, &innovation).is_none());
 }

@@ -4,13 +4,14 @@ use nalgebra::SMatrix;
 
 use super::Eskf;
 use super::correct::Expectation;
+use super::reopen::is_explicable;
 use crate::aiding::Innovation;
 use crate::error::NavError;
 use crate::error_model::Interval;
 use crate::layout::{DIM, block_name};
 use crate::model::Gate;
 use crate::report::{Sensor, UpdateReport, Verdict};
-use crate::state::ErrorVector;
+use crate::state::{Covariance, ErrorVector};
 use crate::water::WATER;
 use crate::water_block::Update;
 
@@ -23,7 +24,9 @@ impl Eskf {
         shared: Option<&SMatrix<f64, WATER, M>>,
     ) -> Result<UpdateReport, NavError> {
         // Borrowed where they were made: they are large.
-        let seen = Expectation::<M>::of(&self.covariance, innovation);
+        let mut p = Covariance::zeros();
+        self.covariance.put_into(&mut p);
+        let seen = Expectation::<M>::of(&p, innovation);
         let seen = seen.as_ref().ok_or(NavError::NotPositiveDefinite {
             matrix: "innovation covariance",
             time_ns: self.state.time_ns,
@@ -69,14 +72,14 @@ impl Eskf {
             }
         }
         let is_rejected = report.verdict == Verdict::Rejected;
-        if !is_rejected || self.is_explicable(innovation, &seen.s, report.threshold) {
+        if !is_rejected || is_explicable(&p, innovation, &seen.s, report.threshold) {
             self.reopen(&mut report);
         }
         if is_rejected {
             return Ok(report);
         }
 
-        let correction = seen.correct(&mut self.covariance, innovation);
+        let correction = seen.correct(&mut p, innovation, &mut self.covariance);
         let correction = correction
             .as_ref()
             .map_err(|refused| not_positive_definite(refused.negative, self.state.time_ns))?;

@@ -47,7 +47,7 @@ impl Eskf {
                 water.propagate(&self.interval, &self.kinematics, &self.earth);
             }
             if self.underway.is_none() {
-                self.underway = Some(Box::new(Underway::of(simd, &self.covariance.data.0)));
+                self.underway = Some(Box::new(Underway::of(simd, &self.covariance.whole().data.0)));
             }
             if let Some(underway) = &mut self.underway {
                 self.interval
@@ -95,7 +95,9 @@ impl Eskf {
     /// The covariance as a whole, where it was underway.
     pub(super) fn gather_covariance(&mut self) {
         if let Some(underway) = self.underway.take() {
-            with_vectors!(simd => underway.rows.put_into(simd, &mut self.covariance.data.0));
+            let mut whole = self.covariance.whole();
+            with_vectors!(simd => underway.rows.put_into(simd, &mut whole.data.0));
+            self.covariance.set(&whole);
         }
     }
 
@@ -105,8 +107,12 @@ impl Eskf {
         if let Some(water) = &mut self.water {
             water.propagate(&self.interval, &self.kinematics, &self.earth);
         }
-        self.interval
-            .propagate(&mut self.covariance.data.0, &self.kinematics, &self.noise, &self.earth);
+        if self.interval.duration_s() > 0.0 {
+            let mut whole = self.covariance.whole();
+            self.interval
+                .propagate(&mut whole.data.0, &self.kinematics, &self.noise, &self.earth);
+            self.covariance.set(&whole);
+        }
     }
 
     #[inline(always)]

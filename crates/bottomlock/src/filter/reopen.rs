@@ -14,6 +14,7 @@ use super::Eskf;
 use crate::aiding::Innovation;
 use crate::layout::{ATTITUDE, DVL_BIAS, POSITION};
 use crate::report::{Sensor, UpdateReport, Verdict};
+use crate::state::Covariance;
 
 /// An inertial covariance wider by this factor explains all that an inertial state can explain.
 const WIDEST: f64 = 1e6;
@@ -47,23 +48,23 @@ impl Refusals {
     }
 }
 
-impl Eskf {
-    /// True where an innovation, its covariance being `s`, would pass if the inertial states were known as badly as can be.
-    pub(super) fn is_explicable<const M: usize>(
-        &self,
-        innovation: &Innovation,
-        s: &SMatrix<f64, M, M>,
-        threshold: f64,
-    ) -> bool {
-        let z = innovation.residual.fixed_rows::<M>(0);
-        let by_inertial = innovation.jacobian.fixed_view::<M, DVL_BIAS>(0, 0);
-        let inertial = self.covariance.fixed_view::<DVL_BIAS, DVL_BIAS>(0, 0);
-        let widest = s + by_inertial * inertial * by_inertial.transpose() * WIDEST;
-        widest
-            .cholesky()
-            .is_some_and(|factor| !(z.dot(&factor.solve(&z)) > threshold))
-    }
+/// True where an innovation, its covariance being `s`, would pass if the inertial states were known as badly as can be.
+pub(super) fn is_explicable<const M: usize>(
+    p: &Covariance,
+    innovation: &Innovation,
+    s: &SMatrix<f64, M, M>,
+    threshold: f64,
+) -> bool {
+    let z = innovation.residual.fixed_rows::<M>(0);
+    let by_inertial = innovation.jacobian.fixed_view::<M, DVL_BIAS>(0, 0);
+    let inertial = p.fixed_view::<DVL_BIAS, DVL_BIAS>(0, 0);
+    let widest = s + by_inertial * inertial * by_inertial.transpose() * WIDEST;
+    widest
+        .cholesky()
+        .is_some_and(|factor| !(z.dot(&factor.solve(&z)) > threshold))
+}
 
+impl Eskf {
     /// Widens the covariance where the gate has refused one fix of velocity too many, and says so in the report.
     pub(super) fn reopen(&mut self, report: &mut UpdateReport) {
         // Assumptions stay refused, and what a depth sensor says may be wrong for a mission.
@@ -82,15 +83,14 @@ impl Eskf {
     /// What leaves every attitude within a radian and every position within the sea: an arm that is wrong again and again,
     /// since its assumption is, must not widen without end.
     fn greatest_factor(&self) -> f64 {
-        let greatest = |block: usize| (block..block + 3).fold(0.0_f64, |most, k| most.max(self.covariance[(k, k)]));
+        let greatest = |block: usize| (block..block + 3).fold(0.0_f64, |most, k| most.max(self.covariance.at(k, k)));
         let within = |sd: f64, variance: f64| sd * sd / variance;
         within(WIDEST_ATTITUDE_RAD, greatest(ATTITUDE)).min(within(WIDEST_POSITION_M, greatest(POSITION)))
     }
 
     /// Multiplies the covariance of position, attitude, velocity and the IMU's biases among themselves: noise is added to them.
     fn widen(&mut self, factor: f64) {
-        let mut inertial = self.covariance.fixed_view_mut::<DVL_BIAS, DVL_BIAS>(0, 0);
-        inertial *= factor;
+        self.covariance.scale_first(DVL_BIAS, factor);
     }
 }
 

@@ -51,7 +51,8 @@ impl Eskf {
             accel_p_mps2: self.state.accel_bias_p_mps2.to_array(),
         };
         let (earth, sampling, steps) = (self.earth, self.sampling, samples.len() - 1);
-        let mut covariance = Underway::of(simd, &self.covariance.data.0);
+        let mut whole = self.covariance.whole();
+        let mut covariance = Underway::of(simd, &whole.data.0);
         let mut wake = Wake::of(simd, &self.kinematics);
         let mut motion = Table::<KINEMATICS>::EMPTY;
         let mut attitude = self.kinematics.attitude_t_p;
@@ -83,7 +84,8 @@ impl Eskf {
         }
         if taken > 0 {
             let last = (taken - 1) % STEPS;
-            covariance.rows.put_into(simd, &mut self.covariance.data.0);
+            covariance.rows.put_into(simd, &mut whole.data.0);
+            self.covariance.set(&whole);
             self.kinematics = motion.kinematics(last);
             self.interval = kind.interval(last);
             self.state.time_ns = samples[taken].time_ns;

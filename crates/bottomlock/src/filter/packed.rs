@@ -1,0 +1,163 @@
+//! A symmetric covariance by its lower triangle: what a filter keeps from one update to the next.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{f64x4, f64x8, mask64x4, mask64x8};
+
+use super::columns::{VECTORS, WIDTH};
+use crate::lane::{columns_of_eight, columns_of_four, with_vectors};
+use crate::layout::DIM;
+use crate::state::Covariance;
+
+/// Elements on and below the diagonal.
+pub(super) const PACKED: usize = DIM * (DIM + 1) / 2;
+
+/// Elements on and below the diagonal, column by column.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Packed(pub(super) [f64; PACKED]);
+
+/// Where column j would begin if it were whole: the elements above the diagonal are in truth the end of the column before.
+const fn start(j: usize) -> usize {
+    j * (2 * DIM - 1 - j) / 2
+}
+
+/// Where element (i, j) on or below the diagonal is.
+#[inline(always)]
+pub(super) const fn place(i: usize, j: usize) -> usize {
+    start(j) + i
+}
+
+impl Packed {
+    /// Of a matrix that is stated on and below the diagonal at least.
+    pub(super) fn of(matrix: &Covariance) -> Self {
+        let mut packed = Self([0.0; PACKED]);
+        packed.set(matrix);
+        packed
+    }
+
+    pub(super) fn set(&mut self, matrix: &Covariance) {
+        with_vectors!(simd => self.take(simd, &matrix.data.0));
+    }
+
+    #[inline(always)]
+    pub(super) fn take<S: Simd>(&mut self, simd: S, matrix: &[[f64; DIM]; DIM]) {
+        // From the last to the first: each column's end overwrites what the one after it has from above the diagonal.
+        for j in (0..DIM).rev() {
+            let (column, own) = (&matrix[j], &mut self.0[start(j)..start(j) + DIM]);
+            f64x8::from_slice(simd, &column[..8]).store_slice(&mut own[..8]);
+            f64x8::from_slice(simd, &column[8..16]).store_slice(&mut own[8..16]);
+            f64x4::from_slice(simd, &column[16..]).store_slice(&mut own[16..]);
+        }
+    }
+
+    /// The whole matrix.
+    pub(super) fn whole(&self) -> Covariance {
+        let mut matrix = Covariance::zeros();
+        self.put_into(&mut matrix);
+        matrix
+    }
+
+    pub(super) fn put_into(&self, matrix: &mut Covariance) {
+        with_vectors!(simd => self.fill(simd, &mut matrix.data.0));
+    }
+
+    /// Every column is written as it will be read: else it would have to reach memory first.
+    #[inline(always)]
+    pub(super) fn fill<S: Simd>(&self, simd: S, matrix: &mut [[f64; DIM]; DIM]) {
+        let (a, b) = (triangle::<_, 0>(simd, &self.0), triangle::<_, 8>(simd, &self.0));
+        let mut below = [a[0]; 8];
+        let mut ends = [[f64x4::simd_from(simd, 0.0); WIDTH]; VECTORS];
+        for k in 0..8 {
+            below[k] = f64x8::from_slice(simd, &self.0[start(k) + 8..start(k) + 16]);
+        }
+        for j in 0..DIM {
+            ends[j / WIDTH][j % WIDTH] = f64x4::from_slice(simd, &self.0[start(j) + 16..start(j) + DIM]);
+        }
+        let left = columns_of_eight(below);
+        for k in 0..8 {
+            a[k].store_slice(&mut matrix[k][..8]);
+            below[k].store_slice(&mut matrix[k][8..16]);
+            left[k].store_slice(&mut matrix[8 + k][..8]);
+            b[k].store_slice(&mut matrix[8 + k][8..16]);
+        }
+        for j in 0..16 {
+            ends[j / WIDTH][j % WIDTH].store_slice(&mut matrix[j][16..]);
+        }
+        let last = ends[4];
+        for v in 0..VECTORS {
+            ends[v] = columns_of_four(ends[v]);
+        }
+        for k in 0..WIDTH {
+            let column = &mut matrix[16 + k];
+            ends[0][k].combine(ends[1][k]).store_slice(&mut column[..8]);
+            ends[2][k].combine(ends[3][k]).store_slice(&mut column[8..16]);
+            let below = mask64x4::from_bitmask(simd, 0xf << k & 0xf);
+            below.select(last[k], ends[4][k]).store_slice(&mut column[16..]);
+        }
+    }
+
+    /// Element (i, j).
+    pub(super) fn at(&self, i: usize, j: usize) -> f64 {
+        self.0[place(i.max(j), i.min(j))]
+    }
+
+    /// Multiplies the covariance of the first `states` states among themselves.
+    pub(super) fn scale_first(&mut self, states: usize, factor: f64) {
+        for j in 0..states {
+            self.0[place(j, j)..place(states, j)]
+                .iter_mut()
+                .for_each(|element| *element *= factor);
+        }
+    }
+}
+
+/// The eight states from `FROM` on among themselves.
+#[inline(always)]
+fn triangle<S: Simd, const FROM: usize>(simd: S, packed: &[f64; PACKED]) -> [f64x8<S>; 8] {
+    let mut columns = [f64x8::simd_from(simd, 0.0); 8];
+    for k in 0..8 {
+        let from = start(FROM + k) + FROM;
+        columns[k] = f64x8::from_slice(simd, &packed[from..from + 8]);
+    }
+    let above = columns_of_eight(columns);
+    for k in 0..8 {
+        columns[k] = mask64x8::from_bitmask(simd, 0xff << k & 0xff).select(columns[k], above[k]);
+    }
+    columns
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lane::on_every_level;
+
+    fn numbered() -> Covariance {
+        Covariance::from_fn(|i, j| (100 * i.max(j) + i.min(j)) as f64)
+    }
+
+    /// The triangle holds each element once, in the order of columns, and gives the matrix back.
+    #[test]
+    fn triangle_and_matrix_are_the_same() {
+        let matrix = numbered();
+        on_every_level!(simd => {
+            let mut packed = Packed([f64::NAN; PACKED]);
+            packed.take(simd, &matrix.data.0);
+            assert_eq!(packed.0[..3], [0.0, 100.0, 200.0]);
+            assert_eq!(packed.0[DIM..DIM + 2], [101.0, 201.0]);
+            assert_eq!(packed.0[PACKED - 1], 1919.0);
+            let mut back = Covariance::repeat(f64::NAN);
+            packed.fill(simd, &mut back.data.0);
+            assert_eq!(back, matrix);
+        });
+        let packed = Packed::of(&matrix);
+        assert_eq!((packed.at(7, 12), packed.at(12, 7)), (1207.0, 1207.0));
+    }
+
+    #[test]
+    fn only_the_first_states_are_scaled() {
+        let mut packed = Packed::of(&numbered());
+        packed.scale_first(15, 2.0);
+        let factor = |i: usize, j: usize| if i.max(j) < 15 { 2.0 } else { 1.0 };
+        let expected = Covariance::from_fn(|i, j| numbered()[(i, j)] * factor(i, j));
+        assert_eq!(packed.whole(), expected);
+    }
+}
