@@ -13,17 +13,18 @@ from pathlib import Path
 from typing import Any
 
 import polars as pl
+from threadpoolctl import threadpool_limits
 
-from bottomlock.chunks import Chunk, true_course
+from bottomlock.chunks import Chunk, Flown, true_course
 from bottomlock.directory import MANIFEST, TRUTH, is_finished, prepare, write_chunk
 from bottomlock.engine import Engine, open_engine
 from bottomlock.errors import ScenarioError
 from bottomlock.manifest import Clock, configuration_hash, describe
 from bottomlock.output import write_json, write_parquet
-from bottomlock.plan import Plan, Shard
+from bottomlock.plan import Plan, Shard, Span
 from bottomlock.scenario import Scenario
 from bottomlock.schema import PATHS
-from bottomlock.tabulate import Results, finish
+from bottomlock.tabulate import Results, finish, open_tallies
 from bottomlock.world import World, make_world
 
 
@@ -68,8 +69,13 @@ def run_campaign(
         EngineError: for an engine that is not there or breaks down.
         KernelError: for input that the kernel refuses, naming run and arm.
     """
-    plans, manifest = _flown(scenarios, out, None, threads, engine, scheduler, force=force, tell=tell)
-    return finish(out, plans, manifest("complete"))
+    with open_tallies(out, [Plan.of(scenario) for scenario in scenarios]) as tallies:
+
+        def note(name: str, span: Span, flown: Flown) -> None:
+            tallies[name].take(span, flown.samples, flown.counts, flown.choices)
+
+        manifest = _flown(scenarios, out, None, threads, engine, scheduler, force=force, tell=tell, note=note)
+        return finish(out, tallies, manifest("complete"))
 
 
 def run_shard(
@@ -91,7 +97,7 @@ def run_shard(
     Returns:
         The manifest.
     """
-    _, manifest = _flown(scenarios, out, shard, threads, engine, scheduler, force=force, tell=tell)
+    manifest = _flown(scenarios, out, shard, threads, engine, scheduler, force=force, tell=tell)
     finished = manifest("shard")
     write_json(out / MANIFEST, finished)
     return finished
@@ -107,8 +113,9 @@ def _flown(
     *,
     force: bool,
     tell: Callable[[Progress], None],
-) -> tuple[list[Plan], Callable[[str], dict[str, Any]]]:
-    """Flies what is not there yet; returns the plans, and the manifest for a status."""
+    note: Callable[[str, Span, Flown], None] = lambda _name, _span, _flown: None,
+) -> Callable[[str], dict[str, Any]]:
+    """Flies what is not there yet, while `note` hears of every chunk; returns the manifest for a status."""
     worlds = _worlds(scenarios)
     clock = Clock()
 
@@ -119,9 +126,9 @@ def _flown(
     with open_engine(engine, threads=threads, scheduler=scheduler) as opened:
         prepare(out, configuration_hash(worlds), shard=shard, force=force)
         write_json(out / MANIFEST, manifest("running"))
-        _fly(_chunks(worlds, shard), out, opened, clock, tell)
+        _fly(_chunks(worlds, shard), out, opened, clock, tell, note)
     write_parquet(out / TRUTH, _paths(worlds))
-    return [Plan.of(world.scenario) for world in worlds], manifest
+    return manifest
 
 
 def runs_to_fly(scenarios: Sequence[Scenario], shard: Shard | None = None) -> int:
@@ -146,7 +153,9 @@ def _worlds(scenarios: Sequence[Scenario]) -> list[World]:
     names = [scenario.name for scenario in scenarios]
     if not names or len(set(names)) != len(names):
         raise ScenarioError(f"expected scenarios of different names, got {names}")
-    return [make_world(scenario) for scenario in scenarios]
+    # Threads of the BLAS go on turning while they wait for work, on the cores that the kernel wants next.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return [make_world(scenario) for scenario in scenarios]
 
 
 def _chunks(worlds: Sequence[World], shard: Shard | None = None) -> list[Chunk]:
@@ -155,7 +164,12 @@ def _chunks(worlds: Sequence[World], shard: Shard | None = None) -> list[Chunk]:
 
 
 def _fly(
-    chunks: Sequence[Chunk], out: Path, engine: Engine, clock: Clock, tell: Callable[[Progress], None]
+    chunks: Sequence[Chunk],
+    out: Path,
+    engine: Engine,
+    clock: Clock,
+    tell: Callable[[Progress], None],
+    note: Callable[[str, Span, Flown], None],
 ) -> None:
     """Works off the chunks that are not there yet."""
     total = dict.fromkeys((chunk.name for chunk in chunks), 0)
@@ -179,6 +193,7 @@ def _fly(
         for chunk, flown in flying:
             started = time.perf_counter()
             write_chunk(out, chunk.name, chunk.span, flown)
+            note(chunk.name, chunk.span, flown)
             clock.kernel_s += flown.kernel_s
             clock.batch_s += flown.work_s + time.perf_counter() - started
             done[chunk.name] += chunk.span.runs

@@ -200,8 +200,12 @@ def _frames(
             for k, bias in enumerate(BIASES)
         ),
     ).select(list(OUTCOMES))
-    values = np.concatenate([result["error"], result["sd"]], axis=-1).reshape(-1, 18)
-    columns = dict(zip([name for name in SAMPLES if name.startswith(("err_", "sd_"))], values.T, strict=True))
+    # Columns as they lie in memory already, where they come from a batch.
+    columns = {
+        name: values[..., k].reshape(-1)
+        for prefix, values in (("err_", result["error"]), ("sd_", result["sd"]))
+        for k, name in enumerate(name for name in SAMPLES if name.startswith(prefix))
+    }
     frame = pl.DataFrame(
         {
             "run": np.repeat(keys["run"].to_numpy(), samples),

@@ -10,7 +10,7 @@ from bottomlock.errors import OutputError
 from bottomlock.manifest import Clock
 from bottomlock.output import read_json, write_json
 from bottomlock.plan import Plan, Shard
-from bottomlock.tabulate import Results, finish
+from bottomlock.tabulate import Results, finish, open_tallies
 
 Manifest = Mapping[str, Any]
 
@@ -57,7 +57,8 @@ def merge_shards(out: Path, directories: Sequence[Path], *, force: bool = False)
         if not is_finished(out, name, span):
             take_chunk(out, source, name, span)
     times = {"wall_time_s": round(merged["wall_time_s"] + clock.times()["wall_time_s"], 3)}
-    return finish(out, plans, merged | times)
+    with open_tallies(out, plans) as tallies:
+        return finish(out, tallies, merged | times)
 
 
 def _manifest(directory: Path) -> Manifest:

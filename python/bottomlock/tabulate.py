@@ -1,6 +1,7 @@
-"""From chunks on disk to tables, one arm in memory at a time."""
+"""From chunks to tables, one chunk and then one arm in memory at a time."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,9 +9,10 @@ from typing import Any
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from bottomlock import stats
-from bottomlock.blocks import open_blocks
+from bottomlock.blocks import Blocks, open_blocks
 from bottomlock.choices import merged
 from bottomlock.directory import MANIFEST, TABLES, read_choices, read_counts, read_samples
 from bottomlock.errors import DataError
@@ -32,60 +34,113 @@ class Results:
     manifest: dict[str, Any]
 
 
-def tabulate(out: Path, plans: Sequence[Plan]) -> Tables:
-    """Makes and writes the tables of a campaign whose chunks are all there: runs, ensemble, consistency, choices.
+class Tally:
+    """The tables of one scenario while its chunks come in, in any order."""
+
+    def __init__(self, out: Path, plan: Plan) -> None:
+        """For chunks that are in `out` or on their way there."""
+        self._out = out
+        self._plan = plan
+        self._open = ExitStack()
+        self._blocks: Blocks | None = None
+        self._time_ns = np.empty(0, dtype=np.int64)
+        self._runs: dict[Span, pl.DataFrame] = {}
+        self._choices: dict[Span, pl.DataFrame] = {}
+
+    def close(self) -> None:
+        """Lets go of what is held on disk."""
+        self._open.close()
+
+    def take(self, span: Span, samples: pl.DataFrame, counts: pl.DataFrame, choices: pl.DataFrame) -> None:
+        """A chunk's tables.
+
+        Raises:
+            DataError: for other times than those of the chunks before.
+            OutputError: on a full disk.
+        """
+        time_ns = samples["time_ns"].head(samples.height // (span.runs * len(self._plan.arms))).to_numpy()
+        if self._blocks is None:
+            self._time_ns = time_ns
+            self._blocks = self._open.enter_context(open_blocks(self._out, self._plan, len(time_ns)))
+        if not np.array_equal(time_ns, self._time_ns):
+            raise DataError(
+                f"{self._out}: chunk {span.stem} of {self._plan.name} has other times than the others"
+            )
+        norms = stats.error_norms(samples)
+        self._blocks.put(span, norms)
+        self._runs[span] = stats.runs_table(norms, counts)
+        self._choices[span] = choices
+
+    def tables(self) -> Tables:
+        """The tables, runs chunk by chunk, what goes over the runs arm by arm; chunks not taken yet are read from disk.
+
+        Raises:
+            DataError: for a chunk that is missing or damaged.
+        """
+        out, plan, spans = self._out, self._plan, self._plan.spans()
+        for span in spans:
+            if span not in self._runs:
+                self.take(
+                    span,
+                    read_samples(out, plan, span),
+                    read_counts(out, plan, span),
+                    read_choices(out, plan, span),
+                )
+        assert self._blocks is not None
+        ensemble: list[pl.DataFrame] = []
+        nees: dict[str, list[NDArray[np.float64]]] = {arm: [] for arm in plan.arms}
+        for block in self._blocks.blocks:
+            arm, errors = plan.arms[block.arm], self._blocks.get(block)
+            ensemble.append(stats.ensemble_rows(plan.name, arm, self._time_ns[block.times], errors))
+            nees[arm].append(np.stack([errors[name].mean(axis=0) for name in _NEES]))
+        consistency = [
+            stats.consistency_rows(
+                plan.name,
+                arm,
+                dict(zip(_NEES, np.concatenate(means, axis=1), strict=True)),
+                runs=plan.runs,
+                full_degrees=plan.nees_degrees,
+            )
+            for arm, means in nees.items()
+        ]
+        runs = pl.concat([self._runs[span] for span in spans])
+        return (
+            runs,
+            pl.concat(ensemble),
+            pl.concat(consistency),
+            merged([self._choices[span] for span in spans]),
+        )
+
+
+@contextmanager
+def open_tallies(out: Path, plans: Sequence[Plan]) -> Iterator[dict[str, Tally]]:
+    """The tallies of a campaign by scenario, for as long as they are needed."""
+    tallies = {plan.name: Tally(out, plan) for plan in plans}
+    try:
+        yield tallies
+    finally:
+        for tally in tallies.values():
+            tally.close()
+
+
+def tabulate(out: Path, tallies: Mapping[str, Tally]) -> Tables:
+    """Makes and writes the tables of a campaign: runs, ensemble, consistency, choices.
 
     Raises:
         DataError: for a chunk that is missing or damaged.
         OutputError: where the tables cannot be written.
     """
-    parts = [_tables(out, plan) for plan in plans]
+    # One thread of the BLAS: how many there are would move the last bits, and none is waited for.
+    with threadpool_limits(limits=1, user_api="blas"):
+        parts = [tally.tables() for tally in tallies.values()]
     runs, ensemble, consistency, choices = (pl.concat(tables) for tables in zip(*parts, strict=True))
     for name, table in zip(TABLES, (runs, ensemble, consistency, choices), strict=True):
         write_parquet(out / name, table)
     return runs, ensemble, consistency, choices
 
 
-def finish(out: Path, plans: Sequence[Plan], manifest: dict[str, Any]) -> Results:
+def finish(out: Path, tallies: Mapping[str, Tally], manifest: dict[str, Any]) -> Results:
     """The tables, and then the manifest that calls the campaign complete."""
-    runs, ensemble, consistency, _ = tabulate(out, plans)
+    runs, ensemble, consistency, _ = tabulate(out, tallies)
     write_json(out / MANIFEST, manifest)
     return Results(runs=runs, ensemble=ensemble, consistency=consistency, manifest=manifest)
-
-
-def _tables(out: Path, plan: Plan) -> Tables:
-    """The tables of one scenario: runs chunk by chunk, what goes over the runs arm by arm."""
-    runs: list[pl.DataFrame] = []
-    spans = plan.spans()
-    time_ns = _times(read_samples(out, plan, spans[0]), plan, spans[0])
-    ensemble: list[pl.DataFrame] = []
-    nees: dict[str, list[NDArray[np.float64]]] = {arm: [] for arm in plan.arms}
-    with open_blocks(out, plan, len(time_ns)) as blocks:
-        for span in spans:
-            samples = read_samples(out, plan, span)
-            if not np.array_equal(_times(samples, plan, span), time_ns):
-                raise DataError(f"{out}: chunk {span.stem} of {plan.name} has other times than the first one")
-            norms = stats.error_norms(samples)
-            runs.append(stats.runs_table(norms, read_counts(out, plan, span)))
-            blocks.put(span, norms)
-        for block in blocks.blocks:
-            arm, errors = plan.arms[block.arm], blocks.get(block)
-            ensemble.append(stats.ensemble_rows(plan.name, arm, time_ns[block.times], errors))
-            nees[arm].append(np.stack([errors[name].mean(axis=0) for name in _NEES]))
-    consistency = [
-        stats.consistency_rows(
-            plan.name,
-            arm,
-            dict(zip(_NEES, np.concatenate(means, axis=1), strict=True)),
-            runs=plan.runs,
-            full_degrees=plan.nees_degrees,
-        )
-        for arm, means in nees.items()
-    ]
-    choices = merged([read_choices(out, plan, span) for span in spans])
-    return pl.concat(runs), pl.concat(ensemble), pl.concat(consistency), choices
-
-
-def _times(samples: pl.DataFrame, plan: Plan, span: Span) -> NDArray[np.int64]:
-    """Times of the samples of each run and arm."""
-    return samples["time_ns"].head(samples.height // (span.runs * len(plan.arms))).to_numpy()

@@ -2,6 +2,7 @@
 
 use bottomlock::report::Choice;
 use bottomlock::voyage::{ArmRecord, BiasRecord};
+use numpy::PyArrayMethods;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -29,6 +30,7 @@ pub struct Yields {
     runs: usize,
     arms: usize,
     samples: usize,
+    /// Number by number, as the columns of a table are: they need not be gathered there.
     error: Vec<f64>,
     sd: Vec<f64>,
     nees: Vec<f64>,
@@ -44,8 +46,8 @@ pub struct Yields {
 
 /// The parts of the arrays that belong to a run and an arm.
 pub struct Place<'a> {
-    error: &'a mut [[f64; WIDE]],
-    sd: &'a mut [[f64; WIDE]],
+    error: [&'a mut [f64]; WIDE],
+    sd: [&'a mut [f64]; WIDE],
     nees: &'a mut [f64],
     nees_velocity_attitude: &'a mut [f64],
     nis_mean: &'a mut f64,
@@ -59,8 +61,10 @@ pub struct Place<'a> {
 impl Place<'_> {
     /// Notes what the arm has yielded.
     pub fn take(&mut self, record: &ArmRecord) {
-        self.error.copy_from_slice(&record.error);
-        self.sd.copy_from_slice(&record.sd);
+        for k in 0..WIDE {
+            put_column(self.error[k], &record.error, k);
+            put_column(self.sd[k], &record.sd, k);
+        }
         self.nees.copy_from_slice(&record.nees);
         self.nees_velocity_attitude
             .copy_from_slice(&record.nees_velocity_attitude);
@@ -72,6 +76,18 @@ impl Place<'_> {
         *self.bias_sd = biases(|biases| biases.sd);
         self.choices.extend(record.choices.iter().map(choice_code));
     }
+}
+
+fn put_column(column: &mut [f64], rows: &[[f64; WIDE]], k: usize) {
+    for (number, row) in column.iter_mut().zip(rows) {
+        *number = row[k];
+    }
+}
+
+/// As many parts of the same length as a sample has numbers.
+fn columns(numbers: &mut [f64]) -> [&mut [f64]; WIDE] {
+    let (each, mut rest) = (numbers.len() / WIDE, numbers);
+    std::array::from_fn(|_| rest.split_off_mut(..each).unwrap_or_default())
 }
 
 impl Yields {
@@ -98,8 +114,7 @@ impl Yields {
     /// The places of every run, arm by arm.
     pub fn places(&mut self) -> Vec<Vec<Place<'_>>> {
         let samples = self.samples;
-        let mut error = self.error.as_chunks_mut().0;
-        let mut sd = self.sd.as_chunks_mut().0;
+        let (mut error, mut sd) = (columns(&mut self.error), columns(&mut self.sd));
         let (mut nees, mut nees_velocity_attitude) = (&mut self.nees[..], &mut self.nees_velocity_attitude[..]);
         let mut nis_mean = self.nis_mean.iter_mut();
         let (mut accepted, mut rejected) = (self.fixes_accepted.iter_mut(), self.fixes_rejected.iter_mut());
@@ -108,8 +123,8 @@ impl Yields {
         let mut choices = self.choices.iter_mut();
         let mut next = || {
             Some(Place {
-                error: error.split_off_mut(..samples)?,
-                sd: sd.split_off_mut(..samples)?,
+                error: std::array::from_fn(|k| error[k].split_off_mut(..samples).unwrap_or_default()),
+                sd: std::array::from_fn(|k| sd[k].split_off_mut(..samples).unwrap_or_default()),
                 nees: nees.split_off_mut(..samples)?,
                 nees_velocity_attitude: nees_velocity_attitude.split_off_mut(..samples)?,
                 nis_mean: nis_mean.next()?,
@@ -135,8 +150,10 @@ impl Yields {
             own[..3 * choices.len()].copy_from_slice(choices.as_flattened());
         }
         let out = PyDict::new(py);
-        out.set_item("error", array(py, self.error, &[runs, arms, samples, WIDE])?)?;
-        out.set_item("sd", array(py, self.sd, &[runs, arms, samples, WIDE])?)?;
+        for (name, numbers) in [("error", self.error), ("sd", self.sd)] {
+            let by_number = array(py, numbers, &[WIDE, runs, arms, samples])?;
+            out.set_item(name, by_number.permute(Some([1_usize, 2, 3, 0].as_slice()))?)?;
+        }
         out.set_item("nees", array(py, self.nees, &[runs, arms, samples])?)?;
         out.set_item(
             "nees_velocity_attitude",

@@ -168,7 +168,7 @@ impl Eskf {
     /// Covariance of the whole state with the velocity (20×3) and of the velocity itself, brought up to date.
     pub fn velocity_covariance(&mut self) -> SMatrix<f64, DIM, 3> {
         self.propagate_covariance();
-        self.covariance.whole().fixed_columns::<3>(VELOCITY).into_owned()
+        self.covariance.columns(VELOCITY)
     }
 
     /// Gates an innovation, corrects the state and the covariance, and reports.

@@ -11,7 +11,8 @@ use crate::layout::DIM;
 /// Width of the blocks that are transposed and factored.
 pub(super) const WIDTH: usize = 4;
 pub(super) const VECTORS: usize = DIM / WIDTH;
-const WIDE: usize = 8;
+/// Width of the widest vectors.
+pub(super) const WIDE: usize = 8;
 
 /// A column of 20: two of the widest vectors and the rest.
 #[derive(Clone, Copy)]

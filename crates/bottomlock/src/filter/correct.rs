@@ -182,7 +182,7 @@ impl<const M: usize> Expectation<M> {
                 negative: (0..DIM).find(|&k| p[k][k] < 0.0),
             });
         }
-        covariance.take(simd, p);
+        covariance.set_within(simd, p);
         let mut correction = Correction {
             gain: SMatrix::zeros(),
             error: ErrorVector::zeros(),

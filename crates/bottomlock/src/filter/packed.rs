@@ -2,8 +2,9 @@
 
 use fearless_simd::prelude::*;
 use fearless_simd::{f64x4, f64x8, mask64x4, mask64x8};
+use nalgebra::SMatrix;
 
-use super::columns::{VECTORS, WIDTH};
+use super::columns::{VECTORS, WIDE, WIDTH};
 use crate::lane::{columns_of_eight, columns_of_four, with_vectors};
 use crate::layout::DIM;
 use crate::state::Covariance;
@@ -27,7 +28,7 @@ pub(super) const fn place(i: usize, j: usize) -> usize {
 }
 
 impl Packed {
-    /// Of a matrix that is stated on and below the diagonal at least.
+    /// Of a matrix, of which nothing above the diagonal is read.
     pub(super) fn of(matrix: &Covariance) -> Self {
         let mut packed = Self([0.0; PACKED]);
         packed.set(matrix);
@@ -35,17 +36,17 @@ impl Packed {
     }
 
     pub(super) fn set(&mut self, matrix: &Covariance) {
-        with_vectors!(simd => self.take(simd, &matrix.data.0));
+        with_vectors!(simd => self.set_within(simd, &matrix.data.0));
     }
 
     #[inline(always)]
-    pub(super) fn take<S: Simd>(&mut self, simd: S, matrix: &[[f64; DIM]; DIM]) {
+    pub(super) fn set_within<S: Simd>(&mut self, simd: S, matrix: &[[f64; DIM]; DIM]) {
         // From the last to the first: each column's end overwrites what the one after it has from above the diagonal.
         for j in (0..DIM).rev() {
             let (column, own) = (&matrix[j], &mut self.0[start(j)..start(j) + DIM]);
-            f64x8::from_slice(simd, &column[..8]).store_slice(&mut own[..8]);
-            f64x8::from_slice(simd, &column[8..16]).store_slice(&mut own[8..16]);
-            f64x4::from_slice(simd, &column[16..]).store_slice(&mut own[16..]);
+            f64x8::from_slice(simd, &column[..WIDE]).store_slice(&mut own[..WIDE]);
+            f64x8::from_slice(simd, &column[WIDE..2 * WIDE]).store_slice(&mut own[WIDE..2 * WIDE]);
+            f64x4::from_slice(simd, &column[2 * WIDE..]).store_slice(&mut own[2 * WIDE..]);
         }
     }
 
@@ -57,42 +58,47 @@ impl Packed {
     }
 
     pub(super) fn put_into(&self, matrix: &mut Covariance) {
-        with_vectors!(simd => self.fill(simd, &mut matrix.data.0));
+        with_vectors!(simd => self.put_within(simd, &mut matrix.data.0));
     }
 
     /// Every column is written as it will be read: else it would have to reach memory first.
     #[inline(always)]
-    pub(super) fn fill<S: Simd>(&self, simd: S, matrix: &mut [[f64; DIM]; DIM]) {
-        let (a, b) = (triangle::<_, 0>(simd, &self.0), triangle::<_, 8>(simd, &self.0));
-        let mut below = [a[0]; 8];
+    pub(super) fn put_within<S: Simd>(&self, simd: S, matrix: &mut [[f64; DIM]; DIM]) {
+        let (a, b) = (triangle::<_, 0>(simd, &self.0), triangle::<_, WIDE>(simd, &self.0));
+        let mut below = [a[0]; WIDE];
         let mut ends = [[f64x4::simd_from(simd, 0.0); WIDTH]; VECTORS];
-        for k in 0..8 {
-            below[k] = f64x8::from_slice(simd, &self.0[start(k) + 8..start(k) + 16]);
+        for k in 0..WIDE {
+            below[k] = f64x8::from_slice(simd, &self.0[start(k) + WIDE..start(k) + 2 * WIDE]);
         }
         for j in 0..DIM {
-            ends[j / WIDTH][j % WIDTH] = f64x4::from_slice(simd, &self.0[start(j) + 16..start(j) + DIM]);
+            ends[j / WIDTH][j % WIDTH] = f64x4::from_slice(simd, &self.0[start(j) + 2 * WIDE..start(j) + DIM]);
         }
         let left = columns_of_eight(below);
-        for k in 0..8 {
-            a[k].store_slice(&mut matrix[k][..8]);
-            below[k].store_slice(&mut matrix[k][8..16]);
-            left[k].store_slice(&mut matrix[8 + k][..8]);
-            b[k].store_slice(&mut matrix[8 + k][8..16]);
+        for k in 0..WIDE {
+            a[k].store_slice(&mut matrix[k][..WIDE]);
+            below[k].store_slice(&mut matrix[k][WIDE..2 * WIDE]);
+            left[k].store_slice(&mut matrix[WIDE + k][..WIDE]);
+            b[k].store_slice(&mut matrix[WIDE + k][WIDE..2 * WIDE]);
         }
-        for j in 0..16 {
-            ends[j / WIDTH][j % WIDTH].store_slice(&mut matrix[j][16..]);
+        for j in 0..2 * WIDE {
+            ends[j / WIDTH][j % WIDTH].store_slice(&mut matrix[j][2 * WIDE..]);
         }
         let last = ends[4];
         for v in 0..VECTORS {
             ends[v] = columns_of_four(ends[v]);
         }
         for k in 0..WIDTH {
-            let column = &mut matrix[16 + k];
-            ends[0][k].combine(ends[1][k]).store_slice(&mut column[..8]);
-            ends[2][k].combine(ends[3][k]).store_slice(&mut column[8..16]);
+            let column = &mut matrix[2 * WIDE + k];
+            ends[0][k].combine(ends[1][k]).store_slice(&mut column[..WIDE]);
+            ends[2][k].combine(ends[3][k]).store_slice(&mut column[WIDE..2 * WIDE]);
             let below = mask64x4::from_bitmask(simd, 0xf << k & 0xf);
-            below.select(last[k], ends[4][k]).store_slice(&mut column[16..]);
+            below.select(last[k], ends[4][k]).store_slice(&mut column[2 * WIDE..]);
         }
+    }
+
+    /// Columns from the one at `from` on.
+    pub(super) fn columns<const N: usize>(&self, from: usize) -> SMatrix<f64, DIM, N> {
+        SMatrix::from_fn(|i, k| self.at(i, from + k))
     }
 
     /// Element (i, j).
@@ -112,14 +118,14 @@ impl Packed {
 
 /// The eight states from `FROM` on among themselves.
 #[inline(always)]
-fn triangle<S: Simd, const FROM: usize>(simd: S, packed: &[f64; PACKED]) -> [f64x8<S>; 8] {
-    let mut columns = [f64x8::simd_from(simd, 0.0); 8];
-    for k in 0..8 {
+fn triangle<S: Simd, const FROM: usize>(simd: S, packed: &[f64; PACKED]) -> [f64x8<S>; WIDE] {
+    let mut columns = [f64x8::simd_from(simd, 0.0); WIDE];
+    for k in 0..WIDE {
         let from = start(FROM + k) + FROM;
-        columns[k] = f64x8::from_slice(simd, &packed[from..from + 8]);
+        columns[k] = f64x8::from_slice(simd, &packed[from..from + WIDE]);
     }
     let above = columns_of_eight(columns);
-    for k in 0..8 {
+    for k in 0..WIDE {
         columns[k] = mask64x8::from_bitmask(simd, 0xff << k & 0xff).select(columns[k], above[k]);
     }
     columns
@@ -140,16 +146,17 @@ mod tests {
         let matrix = numbered();
         on_every_level!(simd => {
             let mut packed = Packed([f64::NAN; PACKED]);
-            packed.take(simd, &matrix.data.0);
+            packed.set_within(simd, &matrix.data.0);
             assert_eq!(packed.0[..3], [0.0, 100.0, 200.0]);
             assert_eq!(packed.0[DIM..DIM + 2], [101.0, 201.0]);
             assert_eq!(packed.0[PACKED - 1], 1919.0);
             let mut back = Covariance::repeat(f64::NAN);
-            packed.fill(simd, &mut back.data.0);
+            packed.put_within(simd, &mut back.data.0);
             assert_eq!(back, matrix);
         });
         let packed = Packed::of(&matrix);
         assert_eq!((packed.at(7, 12), packed.at(12, 7)), (1207.0, 1207.0));
+        assert_eq!(packed.columns::<3>(6), matrix.fixed_columns::<3>(6));
     }
 
     #[test]
