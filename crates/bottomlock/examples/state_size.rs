@@ -8,14 +8,13 @@ use bottomlock::filter::Eskf;
 use bottomlock::imu::ImuSample;
 use bottomlock::model::Options;
 use bottomlock::run::Navigator;
-use bottomlock::state::{Covariance, NavState};
+use bottomlock::state::NavState;
 use bottomlock::voyage::Voyage;
 
 fn main() {
     let rows = [
         ("filter", size_of::<Eskf>()),
-        ("  of it covariance, all 20 x 20", size_of::<Covariance>()),
-        ("  its lower triangle alone", 210 * 8),
+        ("  of it covariance: the lower triangle", 210 * 8),
         ("  of it interval since the last propagation", size_of::<Interval>()),
         ("  of it state", size_of::<NavState>()),
         ("  of it options", size_of::<Options>()),
