@@ -53,13 +53,17 @@ def main() -> int:
     readings = compare.Readings.make(options.seconds)
     parties: dict[tuple[str, str], compare.Party] = {}
     timings: dict[tuple[str, str], list[compare.Timing]] = {}
+    processes: list[compare.Rust] = []
     with tempfile.TemporaryDirectory() as folder:
         for name, path in builds.items():
             own = Path(folder) / name
             own.mkdir()
             rust = compare.Rust(readings, own, path)
+            processes.append(rust)
             parties |= {(name, what): rust.party(line) for what, line in LINES.items()}
         for _ in range(options.rounds):
+            for rust in processes:
+                rust.renew()
             for key, party in parties.items():
                 timings.setdefault(key, []).append(party())
     print("us per run-step, ordinary; native; ratio: median [smallest, largest]")

@@ -7,7 +7,7 @@ use crate::imu::{EarthTerms, ImuSample, Inertial, Sampling, Turn};
 use crate::lane::{Lane, Lanes, V3, WIDEST, splat3, sub};
 
 /// Steps worked out at once.
-const BLOCK: usize = 8;
+const BLOCK: usize = 16;
 
 /// The samples of all lanes.
 pub(super) struct Streams<'a, T> {
@@ -75,6 +75,8 @@ pub(super) struct Ahead<T> {
     readings: [Inertial<T>; BLOCK + 1],
     turns: [Turn<T>; BLOCK],
     dt_s: [f64; BLOCK],
+    /// After the first.
+    attitude_t_p: [T; 4],
     is_averaged: bool,
 }
 
@@ -90,13 +92,21 @@ impl<T: Lane> Ahead<T> {
             readings: [rest; BLOCK + 1],
             turns: [Turn::none(like); BLOCK],
             dt_s: [0.0; BLOCK],
+            attitude_t_p: [zero; 4],
             is_averaged: false,
         }
     }
 
     /// The steps after sample `taken`, as far as the samples of all lanes go on together; how many.
     #[inline(always)]
-    pub(super) fn read<S: Simd>(&mut self, simd: S, streams: &Streams<'_, T>, taken: usize, earth: &EarthTerms) -> usize
+    pub(super) fn read<S: Simd>(
+        &mut self,
+        simd: S,
+        streams: &Streams<'_, T>,
+        taken: usize,
+        attitude_t_p: [T; 4],
+        earth: &EarthTerms,
+    ) -> usize
     where
         T: Lanes<S>,
     {
@@ -110,7 +120,12 @@ impl<T: Lane> Ahead<T> {
             let end = streams.corrected(simd, are_one, at);
             let dt_s = (streams.of[0][at].time_ns - streams.of[0][at - 1].time_ns) as f64 * 1e-9;
             let from = if self.is_averaged { end } else { start };
-            self.turns[count] = Turn::of(&from, &end, dt_s, earth);
+            let turn = Turn::of(&from, &end, dt_s, earth);
+            if count == 0 {
+                // Here, where there is other work while it comes.
+                self.attitude_t_p = turn.after(attitude_t_p);
+            }
+            self.turns[count] = turn;
             self.readings[count + 1] = end;
             self.dt_s[count] = dt_s;
             start = end;
@@ -119,6 +134,11 @@ impl<T: Lane> Ahead<T> {
         count
     }
 
+    /// The attitude after the first step.
+    #[inline(always)]
+    pub(super) fn attitude_t_p(&self) -> [T; 4] {
+        self.attitude_t_p
+    }
     #[inline(always)]
     pub(super) fn turn(&self, k: usize) -> &Turn<T> {
         &self.turns[k % BLOCK]

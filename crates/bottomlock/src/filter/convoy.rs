@@ -182,14 +182,15 @@ fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Sea
     let mut ahead = Ahead::nothing(biases[0]);
     let (mut taken, mut dt_s) = (0, 0.0);
     loop {
-        let count = ahead.read(simd, &streams, taken, &earth);
+        let count = ahead.read(simd, &streams, taken, kinematics.attitude_t_p, &earth);
         if count == 0 {
             break;
         }
-        let mut attitude = ahead.turn(0).after(kinematics.attitude_t_p);
+        let mut attitude = ahead.attitude_t_p();
         for k in 0..count {
             dt_s = ahead.dt_s(k);
             let (start, end) = ahead.ends(k);
+            // The chain of rotations goes a step ahead of the rest, which fills its pauses; what comes after the last is not used.
             let next = ahead.turn((k + 1).min(count - 1)).after(attitude);
             let before = kinematics;
             kinematics.follow(attitude, start, end, dt_s, &earth);
