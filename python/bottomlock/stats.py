@@ -69,19 +69,11 @@ def bootstrap_rms(squares: NDArray[np.float64]) -> tuple[NDArray[np.float64], ND
     >>> low.tolist(), high.tolist()
     ([1.0, 1.0], [1.0, 1.0])
     """
-    # Times are rows, which numpy sorts fast; of the sorted resamples few are needed, so roots come last.
-    drawn = np.concatenate([squares.T @ weights.T for weights in _weights(squares.shape[0])], axis=1)
+    drawn = np.sqrt(np.concatenate([squares.T @ weights.T for weights in _weights(squares.shape[0])], axis=1))
+    # Times are rows, which numpy sorts fast; rows that are sorted it partitions faster than rows in disorder.
     drawn.sort(axis=1)
-    return _root_quantile(drawn, 0.025), _root_quantile(drawn, 0.975)
-
-
-def _root_quantile(ordered: NDArray[np.float64], probability: float) -> NDArray[np.float64]:
-    """Quantile of the roots of rows that are in order, linear between them (type 7 of Hyndman and Fan 1996)."""
-    below, part = divmod(probability * (ordered.shape[1] - 1), 1.0)
-    first = int(below)
-    low, high = np.sqrt(ordered[:, first]), np.sqrt(ordered[:, first + 1])
-    roots: NDArray[np.float64] = low + (high - low) * part
-    return roots
+    low, high = np.percentile(drawn, [2.5, 97.5], axis=1)
+    return low, high
 
 
 def _weights(runs: int) -> Iterable[NDArray[np.float64]]:

@@ -37,19 +37,15 @@ class Results:
 class Tally:
     """The tables of one scenario while its chunks come in, in any order."""
 
-    def __init__(self, out: Path, plan: Plan) -> None:
-        """For chunks that are in `out` or on their way there."""
+    def __init__(self, out: Path, plan: Plan, opened: ExitStack) -> None:
+        """For chunks that are in `out` or on their way there; `opened` closes what is held on disk."""
         self._out = out
         self._plan = plan
-        self._open = ExitStack()
+        self._opened = opened
         self._blocks: Blocks | None = None
         self._time_ns = np.empty(0, dtype=np.int64)
         self._runs: dict[Span, pl.DataFrame] = {}
         self._choices: dict[Span, pl.DataFrame] = {}
-
-    def close(self) -> None:
-        """Lets go of what is held on disk."""
-        self._open.close()
 
     def take(self, span: Span, samples: pl.DataFrame, counts: pl.DataFrame, choices: pl.DataFrame) -> None:
         """A chunk's tables.
@@ -61,7 +57,7 @@ class Tally:
         time_ns = samples["time_ns"].head(samples.height // (span.runs * len(self._plan.arms))).to_numpy()
         if self._blocks is None:
             self._time_ns = time_ns
-            self._blocks = self._open.enter_context(open_blocks(self._out, self._plan, len(time_ns)))
+            self._blocks = self._opened.enter_context(open_blocks(self._out, self._plan, len(time_ns)))
         if not np.array_equal(time_ns, self._time_ns):
             raise DataError(
                 f"{self._out}: chunk {span.stem} of {self._plan.name} has other times than the others"
@@ -115,12 +111,8 @@ class Tally:
 @contextmanager
 def open_tallies(out: Path, plans: Sequence[Plan]) -> Iterator[dict[str, Tally]]:
     """The tallies of a campaign by scenario, for as long as they are needed."""
-    tallies = {plan.name: Tally(out, plan) for plan in plans}
-    try:
-        yield tallies
-    finally:
-        for tally in tallies.values():
-            tally.close()
+    with ExitStack() as opened:
+        yield {plan.name: Tally(out, plan, opened) for plan in plans}
 
 
 def tabulate(out: Path, tallies: Mapping[str, Tally]) -> Tables:

@@ -14,6 +14,9 @@ use std::sync::OnceLock;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, f64x4, f64x8};
 
+pub(crate) use self::algebra::*;
+pub(crate) use self::transpose::{columns_of_eight, columns_of_four, symmetric_of_eight};
+
 /// The vectors that code is made for: what lies between SSE2 and AVX2 is not worth a copy of everything.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Vectors {
@@ -47,9 +50,6 @@ fn of_level(level: Level) -> Vectors {
 fn of_level(level: Level) -> Vectors {
     Vectors::Others(level)
 }
-
-pub(crate) use self::algebra::*;
-pub(crate) use self::transpose::{columns_of_eight, columns_of_four};
 
 /// Evaluates an expression, compiled for the vectors of this machine, with the token that stands for them.
 macro_rules! with_vectors {

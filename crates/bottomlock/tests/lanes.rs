@@ -47,6 +47,11 @@ fn bits(filter: &Eskf) -> Vec<u64> {
     numbers.into_iter().map(f64::to_bits).collect()
 }
 
+fn seats<'a>(filters: &'a mut [Eskf], streams: &'a [Vec<ImuSample>]) -> Vec<Seat<'a>> {
+    let pairs = filters.iter_mut().zip(streams);
+    pairs.map(|(filter, own)| Seat::new(filter, own)).collect()
+}
+
 fn alone(mut filter: Eskf, samples: &[ImuSample]) -> Eskf {
     for step in samples.windows(2) {
         filter.predict(&step[0], &step[1]).unwrap();
@@ -81,7 +86,7 @@ proptest! {
         let mut from = 1;
         for length in stretches {
             let streams: Vec<_> = (0..count).map(|k| stream(k, from, from + length)).collect();
-            let mut seats: Vec<_> = together.iter_mut().zip(&streams).map(|(filter, own)| Seat::new(filter, own)).collect();
+            let mut seats = seats(&mut together, &streams);
             predict_together(&mut seats);
             prop_assert!(seats.iter().all(|seat| seat.failure.is_none()));
             for (k, own) in streams.iter().enumerate() {
@@ -112,11 +117,7 @@ fn a_failure_stays_at_its_seat() {
         .windows(2)
         .enumerate()
         .find_map(|(k, step)| Some((k + 1, lonely.predict(&step[0], &step[1]).err()?)));
-    let mut seats: Vec<_> = filters
-        .iter_mut()
-        .zip(&streams)
-        .map(|(filter, own)| Seat::new(filter, own))
-        .collect();
+    let mut seats = seats(&mut filters, &streams);
     predict_together(&mut seats);
     assert!(failure.is_some());
     for (k, seat) in seats.iter().enumerate() {
@@ -159,11 +160,7 @@ fn samples_may_part_on_the_way() {
             .zip(&streams)
             .map(|(f, s)| alone(f.clone(), s))
             .collect();
-        let mut seats: Vec<_> = together
-            .iter_mut()
-            .zip(&streams)
-            .map(|(filter, own)| Seat::new(filter, own))
-            .collect();
+        let mut seats = seats(&mut together, &streams);
         predict_together(&mut seats);
         assert!(seats.iter().all(|seat| seat.failure.is_none()));
         for (own, other) in together.iter().zip(&apart) {

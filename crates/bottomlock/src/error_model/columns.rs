@@ -8,7 +8,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{f64x8, mask64x8};
 
 use super::transition::{Parts, Spread};
-use crate::lane::columns_of_eight;
+use crate::lane::{columns_of_eight, symmetric_of_eight};
 use crate::layout::{DVL_BIAS, DYNAMIC};
 
 /// States in `near`.
@@ -55,14 +55,12 @@ pub(super) fn turned<S: Simd>(
         other[0], own[0], own[1], own[2], own[3], own[4], own[5], own[6], own[7], other[1], other[2], other[3],
         other[4], other[5], other[6],
     ]);
-    let below = [
-        image[1], image[2], image[3], image[4], image[5], image[6], image[7], image[8],
-    ];
-    let left = columns_of_eight(below);
-    let mut rows = [image[0]; DYNAMIC];
-    for k in 0..NEAR {
-        rows[1 + k] = lanes(simd, 0xff << k & 0xff).select(below[k], left[k]);
-    }
+    let [a, b, c, d, e, f, g, h] = symmetric_of_eight(
+        simd,
+        [
+            image[1], image[2], image[3], image[4], image[5], image[6], image[7], image[8],
+        ],
+    );
     // Of row 0, its element on the diagonal.
     let (x, y) = (near[0].as_array(), far[0].as_array());
     let row = Parts {
@@ -73,7 +71,7 @@ pub(super) fn turned<S: Simd>(
         bg: [y[4], y[5], y[6]],
     };
     Turned {
-        near: rows,
+        near: [image[0], a, b, c, d, e, f, g, h],
         first: phi.position(&row)[0],
         biases: [other[1], other[2], other[3], other[4], other[5], other[6]],
     }

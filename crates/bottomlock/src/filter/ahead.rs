@@ -12,38 +12,34 @@ const BLOCK: usize = 16;
 /// The samples of all lanes.
 pub(super) struct Streams<'a, T> {
     pub(super) of: [&'a [ImuSample]; WIDEST],
+    /// True where all lanes are arms of a run.
+    pub(super) are_one: bool,
     pub(super) gyro_bias_p_radps: V3<T>,
     pub(super) accel_bias_p_mps2: V3<T>,
     pub(super) sampling: Sampling,
 }
 
 impl<T> Streams<'_, T> {
-    /// True where all lanes are arms of a run.
-    #[inline(always)]
-    fn are_one(&self) -> bool {
-        self.of.iter().all(|stream| std::ptr::eq(*stream, self.of[0]))
-    }
-
     /// True where all lanes have a sample of this number, at the same time and after the one before it.
     #[inline(always)]
-    fn agree(&self, are_one: bool, at: usize) -> bool {
+    fn agree(&self, at: usize) -> bool {
         let samples = self.of[0];
         if at >= samples.len() {
             return false;
         }
         let time_ns = samples[at].time_ns;
-        let agreed = are_one || self.of.iter().all(|stream| stream[at].time_ns == time_ns);
+        let agreed = self.are_one || self.of.iter().all(|stream| stream[at].time_ns == time_ns);
         agreed && samples[at - 1].time_ns < time_ns
     }
 
     /// Readings less biases.
     #[inline(always)]
-    fn corrected<S: Simd>(&self, simd: S, are_one: bool, at: usize) -> Inertial<T>
+    fn corrected<S: Simd>(&self, simd: S, at: usize) -> Inertial<T>
     where
         T: Lanes<S>,
     {
         let (rate, force);
-        if are_one {
+        if self.are_one {
             let (like, one) = (self.gyro_bias_p_radps[0], &self.of[0][at]);
             rate = splat3(like, one.rate_p_radps.to_array());
             force = splat3(like, one.force_p_mps2.to_array());
@@ -75,8 +71,6 @@ pub(super) struct Ahead<T> {
     readings: [Inertial<T>; BLOCK + 1],
     turns: [Turn<T>; BLOCK],
     dt_s: [f64; BLOCK],
-    /// After the first.
-    attitude_t_p: [T; 4],
     is_averaged: bool,
 }
 
@@ -92,38 +86,36 @@ impl<T: Lane> Ahead<T> {
             readings: [rest; BLOCK + 1],
             turns: [Turn::none(like); BLOCK],
             dt_s: [0.0; BLOCK],
-            attitude_t_p: [zero; 4],
             is_averaged: false,
         }
     }
 
-    /// The steps after sample `taken`, as far as the samples of all lanes go on together; how many.
+    /// The steps after sample `taken`, as far as the samples of all lanes go on together: how many, and the attitude after the first.
     #[inline(always)]
     pub(super) fn read<S: Simd>(
         &mut self,
         simd: S,
         streams: &Streams<'_, T>,
         taken: usize,
-        attitude_t_p: [T; 4],
+        mut attitude_t_p: [T; 4],
         earth: &EarthTerms,
-    ) -> usize
+    ) -> (usize, [T; 4])
     where
         T: Lanes<S>,
     {
-        let are_one = streams.are_one();
-        let mut start = streams.corrected(simd, are_one, taken);
+        let mut start = streams.corrected(simd, taken);
         self.readings[0] = start;
         self.is_averaged = streams.sampling == Sampling::Averaged;
         let mut count = 0;
-        while count < BLOCK && streams.agree(are_one, taken + count + 1) {
+        while count < BLOCK && streams.agree(taken + count + 1) {
             let at = taken + count + 1;
-            let end = streams.corrected(simd, are_one, at);
+            let end = streams.corrected(simd, at);
             let dt_s = (streams.of[0][at].time_ns - streams.of[0][at - 1].time_ns) as f64 * 1e-9;
             let from = if self.is_averaged { end } else { start };
             let turn = Turn::of(&from, &end, dt_s, earth);
             if count == 0 {
                 // Here, where there is other work while it comes.
-                self.attitude_t_p = turn.after(attitude_t_p);
+                attitude_t_p = turn.after(attitude_t_p);
             }
             self.turns[count] = turn;
             self.readings[count + 1] = end;
@@ -131,14 +123,9 @@ impl<T: Lane> Ahead<T> {
             start = end;
             count += 1;
         }
-        count
+        (count, attitude_t_p)
     }
 
-    /// The attitude after the first step.
-    #[inline(always)]
-    pub(super) fn attitude_t_p(&self) -> [T; 4] {
-        self.attitude_t_p
-    }
     #[inline(always)]
     pub(super) fn turn(&self, k: usize) -> &Turn<T> {
         &self.turns[k % BLOCK]

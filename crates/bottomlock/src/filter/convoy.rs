@@ -174,6 +174,7 @@ fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Sea
     let (earth, noise) = (seats[0].filter.earth, seats[0].filter.noise);
     let period_s = seats[0].filter.covariance_period_s;
     let streams = Streams {
+        are_one: of.iter().all(|stream| std::ptr::eq(*stream, of[0])),
         of,
         gyro_bias_p_radps: three(&biases, 0),
         accel_bias_p_mps2: three(&biases, 3),
@@ -182,11 +183,10 @@ fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Sea
     let mut ahead = Ahead::nothing(biases[0]);
     let (mut taken, mut dt_s) = (0, 0.0);
     loop {
-        let count = ahead.read(simd, &streams, taken, kinematics.attitude_t_p, &earth);
+        let (count, mut attitude) = ahead.read(simd, &streams, taken, kinematics.attitude_t_p, &earth);
         if count == 0 {
             break;
         }
-        let mut attitude = ahead.attitude_t_p();
         for k in 0..count {
             dt_s = ahead.dt_s(k);
             let (start, end) = ahead.ends(k);
@@ -205,11 +205,7 @@ fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Sea
     }
 
     let [x, y, z] = kinematics.position_t_m;
-    let lost = if (x + y + z).all_finite() {
-        Vec::new()
-    } else {
-        lost(seats, &(x + y + z))
-    };
+    let lost = lost(seats, &(x + y + z));
     for j in 0..DIM {
         for i in j..DIM {
             covariances[place_of(i, j)] = *p.lower(i, j);
@@ -235,7 +231,6 @@ fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut Sea
 }
 
 /// The filters whose numbers have run out, as they were before; their further states alone have gone on.
-#[cold]
 fn lost<S: Simd, T: Lanes<S>>(seats: &[&mut Seat<'_>], sum: &T) -> Vec<(usize, Eskf)> {
     let is_lost = |(k, _): &(usize, &&mut Seat<'_>)| !sum.get(*k).is_finite();
     let filters = seats.iter().enumerate().filter(is_lost);

@@ -11,7 +11,7 @@ use crate::error_model::Interval;
 use crate::layout::{DIM, block_name};
 use crate::model::Gate;
 use crate::report::{Sensor, UpdateReport, Verdict};
-use crate::state::{Covariance, ErrorVector};
+use crate::state::ErrorVector;
 use crate::water::WATER;
 use crate::water_block::Update;
 
@@ -24,8 +24,7 @@ impl Eskf {
         shared: Option<&SMatrix<f64, WATER, M>>,
     ) -> Result<UpdateReport, NavError> {
         // Borrowed where they were made: they are large.
-        let mut p = Covariance::zeros();
-        self.covariance.put_into(&mut p);
+        let mut p = self.covariance.whole();
         let seen = Expectation::<M>::of(&p, innovation);
         let seen = seen.as_ref().ok_or(NavError::NotPositiveDefinite {
             matrix: "innovation covariance",

@@ -1,11 +1,11 @@
 //! A symmetric covariance by its lower triangle: what a filter keeps from one update to the next.
 
 use fearless_simd::prelude::*;
-use fearless_simd::{f64x4, f64x8, mask64x4, mask64x8};
+use fearless_simd::{f64x4, f64x8, mask64x4};
 use nalgebra::SMatrix;
 
 use super::columns::{VECTORS, WIDE, WIDTH};
-use crate::lane::{columns_of_eight, columns_of_four, with_vectors};
+use crate::lane::{columns_of_eight, columns_of_four, symmetric_of_eight, with_vectors};
 use crate::layout::DIM;
 use crate::state::Covariance;
 
@@ -53,12 +53,8 @@ impl Packed {
     /// The whole matrix.
     pub(super) fn whole(&self) -> Covariance {
         let mut matrix = Covariance::zeros();
-        self.put_into(&mut matrix);
-        matrix
-    }
-
-    pub(super) fn put_into(&self, matrix: &mut Covariance) {
         with_vectors!(simd => self.put_within(simd, &mut matrix.data.0));
+        matrix
     }
 
     /// Every column is written as it will be read: else it would have to reach memory first.
@@ -124,11 +120,7 @@ fn triangle<S: Simd, const FROM: usize>(simd: S, packed: &[f64; PACKED]) -> [f64
         let from = start(FROM + k) + FROM;
         columns[k] = f64x8::from_slice(simd, &packed[from..from + WIDE]);
     }
-    let above = columns_of_eight(columns);
-    for k in 0..WIDE {
-        columns[k] = mask64x8::from_bitmask(simd, 0xff << k & 0xff).select(columns[k], above[k]);
-    }
-    columns
+    symmetric_of_eight(simd, columns)
 }
 
 #[cfg(test)]
