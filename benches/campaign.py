@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from bottomlock import kernel, load_scenario, make_world, run_campaign
-from bottomlock.conditions import schedule
+from bottomlock.simulation.measurement_schedule import schedule
 
 ARMS = ["ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc"]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
-from bottomlock.conditions import schedule
+from bottomlock.simulation.measurement_schedule import schedule
 from tests.analytic import analytic_world
 
 RATE_HZ, SECONDS = 150, 250

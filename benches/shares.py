@@ -19,10 +19,10 @@ import numpy as np
 from campaign import ARMS, flight
 
 from bottomlock import kernel, load_scenario, make_world, run_campaign
-from bottomlock.chunks import Chunk, fly_chunk
-from bottomlock.directory import write_chunk
-from bottomlock.plan import Plan
-from bottomlock.tabulate import open_tallies, tabulate
+from bottomlock.campaign.aggregate import open_tallies, tabulate
+from bottomlock.campaign.chunk import Chunk, fly_chunk
+from bottomlock.campaign.directory import write_chunk
+from bottomlock.campaign.partition import Plan
 
 STEPS = 37_500
 

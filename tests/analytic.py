@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from bottomlock.conditions import schedule
-from bottomlock.scenario import Scenario, load_scenario
-from bottomlock.world import World, make_world
+from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.simulation.build import World, make_world
+from bottomlock.simulation.measurement_schedule import schedule
 
 _SHAPES: dict[str, dict[str, Any]] = {
     "straight": {},

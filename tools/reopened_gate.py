@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import bottomlock
-from bottomlock.world import trajectory_key
+from bottomlock.simulation.build import trajectory_key
 
 RUNS, SEED = 100, 2017
 ARMS = ("lc", "sway_current")

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.replay.leave_out import leave_out, over_sets
 from bottomlock.replay.run import replay_case
-from bottomlock.replay_schema import FORWARD, RECORDED, SMOOTHED
+from bottomlock.tables.replay import FORWARD, RECORDED, SMOOTHED
 from tools.akit import SECTIONS, akit_case
 
 ROOT = Path(__file__).resolve().parent.parent

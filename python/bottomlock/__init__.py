@@ -26,17 +26,17 @@ from bottomlock.kernel import (
 )
 
 if TYPE_CHECKING:
-    from bottomlock.campaign import run_campaign, run_shard
-    from bottomlock.conditions import schedule
+    from bottomlock.campaign.merge import merge_shards
+    from bottomlock.campaign.partition import Shard
+    from bottomlock.campaign.run import run_campaign, run_shard
+    from bottomlock.config.scenario import Scenario, load_scenario, packaged_scenarios
     from bottomlock.io.beam_table import read_beam_table
     from bottomlock.io.beams import read_beams, read_geometry
     from bottomlock.io.formats import read_recording
-    from bottomlock.merge import merge_shards
-    from bottomlock.plan import Shard
-    from bottomlock.scenario import Scenario, load_scenario, packaged_scenarios
-    from bottomlock.streams import sensor_streams
-    from bottomlock.trajectory import Truth, make_truth
-    from bottomlock.world import World, make_world
+    from bottomlock.simulation.build import World, make_world
+    from bottomlock.simulation.measurement_schedule import schedule
+    from bottomlock.simulation.sensor_streams import sensor_streams
+    from bottomlock.truth.trajectory import Truth, make_truth
 
 __version__ = kernel_version()
 
@@ -78,23 +78,23 @@ __all__ = [
 
 # What pulls in polars, pydantic or scipy comes only when used: a vehicle's computer may want the kernel alone.
 _LAZY = {
-    "Scenario": "bottomlock.scenario",
-    "Shard": "bottomlock.plan",
-    "Truth": "bottomlock.trajectory",
-    "World": "bottomlock.world",
-    "load_scenario": "bottomlock.scenario",
-    "make_truth": "bottomlock.trajectory",
-    "make_world": "bottomlock.world",
-    "merge_shards": "bottomlock.merge",
-    "packaged_scenarios": "bottomlock.scenario",
+    "Scenario": "bottomlock.config.scenario",
+    "Shard": "bottomlock.campaign.partition",
+    "Truth": "bottomlock.truth.trajectory",
+    "World": "bottomlock.simulation.build",
+    "load_scenario": "bottomlock.config.scenario",
+    "make_truth": "bottomlock.truth.trajectory",
+    "make_world": "bottomlock.simulation.build",
+    "merge_shards": "bottomlock.campaign.merge",
+    "packaged_scenarios": "bottomlock.config.scenario",
     "read_beam_table": "bottomlock.io.beam_table",
     "read_beams": "bottomlock.io.beams",
     "read_geometry": "bottomlock.io.beams",
     "read_recording": "bottomlock.io.formats",
-    "run_campaign": "bottomlock.campaign",
-    "run_shard": "bottomlock.campaign",
-    "schedule": "bottomlock.conditions",
-    "sensor_streams": "bottomlock.streams",
+    "run_campaign": "bottomlock.campaign.run",
+    "run_shard": "bottomlock.campaign.run",
+    "schedule": "bottomlock.simulation.measurement_schedule",
+    "sensor_streams": "bottomlock.simulation.sensor_streams",
 }
 
 

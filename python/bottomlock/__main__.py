@@ -1,6 +1,6 @@
 """`python -m bottomlock` is the command `bottomlock`."""
 
-from bottomlock.cli import main
+from bottomlock.cli.app import main
 
 if __name__ == "__main__":
     main()

@@ -4,7 +4,7 @@ Examples:
     A vehicle at rest, aided by two beams at 1 Hz:
 
     >>> import numpy as np
-    >>> from bottomlock.scenario import load_scenario
+    >>> from bottomlock.config.scenario import load_scenario
     >>> scenario, gravity = load_scenario("straight"), normal_gravity_mps2(0.57)
     >>> initial = {"time_ns": 0, "position_t_m": [0, 0, 0], "attitude_t_p": [1, 0, 0, 0], "velocity_p_mps": [0, 0, 0]}
     >>> janus = BeamGeometry.janus(np.deg2rad(20.0))

@@ -11,10 +11,10 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from bottomlock import kernel
-from bottomlock.campaign import run_campaign
+from bottomlock.campaign.run import run_campaign
+from bottomlock.config.scenario import load_scenario
 from bottomlock.plant import swim
-from bottomlock.scenario import load_scenario
-from bottomlock.world import make_world
+from bottomlock.simulation.build import make_world
 from tests.analytic import batch_along
 
 

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
-from bottomlock.manoeuvres import MANOEUVRES, fly
-from bottomlock.observability import Aiding, observe
-from bottomlock.observability_study import (
+from bottomlock.observability.analysis import Aiding, observe
+from bottomlock.observability.tables import (
     PAPER_CASES,
     QUIET,
     THREE_AIDINGS,
     PaperCase,
     manoeuvre_table,
 )
+from bottomlock.truth.manoeuvres import MANOEUVRES, fly
 from tests.oracle.observability_rows import ZERO, Rows, stacked
 from tests.oracle.observability_series import (
     PRIMES,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import polars as pl
 import pytest
 
-from bottomlock import cli
+from bottomlock.cli import app
 from bottomlock.io.beam_table import read_account, read_beam_table
 from tests.readers import bags
 from tools import reader_seeds as seeds
@@ -27,7 +27,7 @@ class Done(NamedTuple):
 
 
 Run = Callable[..., Done]
-APP = cli.app
+APP = app.app
 
 
 @pytest.fixture
@@ -35,10 +35,10 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     """Runs `bottomlock` with arguments, in this process."""
 
     def run(*arguments: str | Path) -> Done:
-        monkeypatch.setattr(cli, "app", functools.partial(APP, [str(one) for one in arguments]))
+        monkeypatch.setattr(app, "app", functools.partial(APP, [str(one) for one in arguments]))
         code = 0
         try:
-            cli.main()
+            app.main()
         except SystemExit as ended:
             code = int(ended.code or 0)
         return Done(code, *capsys.readouterr())

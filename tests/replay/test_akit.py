@@ -10,11 +10,11 @@ import polars as pl
 import pytest
 
 from bottomlock.replay import flight
+from bottomlock.replay.axes import quaternions
 from bottomlock.replay.dive import Dive
 from bottomlock.replay.model import gravity_mps2
 from bottomlock.replay.reading import read_dive
 from bottomlock.replay.run import Replayed, replay_case
-from bottomlock.replay.turning import quaternions
 from tests.oracle.rotations import exp_rotation, matrix_from_quaternion, skew
 from tests.replay.streaming import stream
 from tools.akit import LAG_S, REFERENCE_LEVER_M, SECTIONS, akit_case

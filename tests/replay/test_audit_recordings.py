@@ -8,9 +8,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.audit.examine import Audit, audit_file, audit_log
 from bottomlock.audit.logs import BeamLog, Inertial, Reference, read_depths
 from bottomlock.audit.mounting import Mounting, find_mounting
+from bottomlock.audit.run import Audit, audit_file, audit_log
 from bottomlock.io import linkquest, pd0, waterlinked_json
 from bottomlock.io.beam_table import write_recording
 

@@ -10,11 +10,11 @@ import polars as pl
 import pytest
 
 from bottomlock.replay import flight
+from bottomlock.replay.axes import quaternions
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.reading import read_dive
+from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.run import Replayed, replay_case, write_replay
-from bottomlock.replay.turning import quaternions
-from bottomlock.replay_report import make_replay_report
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.replay import synthetic_dive
 from tests.replay.streaming import stream

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bottomlock import BeamGeometry
-from bottomlock.audit.examine import audit_log
+from bottomlock.audit.run import audit_log
 from tests.unit.audit.synthetic import janus, make_log
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]

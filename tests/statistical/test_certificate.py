@@ -1,7 +1,8 @@
 """A small honesty certificate on every commit: the honest arms are consistent, the others shown for what they are.
 
 Two trajectories, four beams and two, ten arms, 60 runs. All means together are judged at a false-alarm rate of 1 %
-(Bonferroni, `bottomlock.bands`): right code fails in one of a hundred seeds at the most, by the honest arms. The
+(Bonferroni, `bottomlock.statistics.chi_squared`): right code fails in one of a hundred seeds at the most, by the honest
+arms. The
 overconfident ones exceed their bands by factors, not by a margin. Seed, number of runs and verdicts were written down
 before the first run; nothing was widened afterwards.
 """
@@ -13,11 +14,11 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock.certificate import CERTIFICATE
-from bottomlock.certify import FALSE_ALARM, certify
-from bottomlock.expected import departures, read_expectations
-from bottomlock.scenario import load_scenario
-from bottomlock.schema import check
+from bottomlock.config.scenario import load_scenario
+from bottomlock.studies.consistency import FALSE_ALARM, certify
+from bottomlock.studies.consistency_table import CERTIFICATE
+from bottomlock.studies.expected_verdicts import departures, read_expectations
+from bottomlock.tables.schema import check
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 

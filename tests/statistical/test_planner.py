@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel import BeamGeometry, run_batch
-from bottomlock.manoeuvres import MANOEUVRES, fly
-from bottomlock.observability import Aiding, deviations
-from bottomlock.scenario import load_scenario
+from bottomlock.observability.analysis import Aiding, deviations
+from bottomlock.truth.manoeuvres import MANOEUVRES, fly
 
 RUNS = 120
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock import recovery
-from bottomlock.scenario import load_scenario
+from bottomlock.config.scenario import load_scenario
+from bottomlock.studies import recovery
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import bottomlock
-from bottomlock.sections import Water
+from bottomlock.config.scenario_sections import Water
 from tests.oracle import chi_squared
 from tests.oracle.rotations import Array
 from tests.property import settings

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from bottomlock.scenario import Scenario, load_scenario
+from bottomlock.config.scenario import Scenario, load_scenario
 
 TABLES = ("runs.parquet", "ensemble.parquet", "consistency.parquet")
 

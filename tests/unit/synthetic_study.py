@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock import stats
-from bottomlock.schema import BIASES, CONSISTENCY, ENSEMBLE, OUTCOMES, RUNS, SAMPLES
+from bottomlock.statistics import campaign
+from bottomlock.tables.schema import BIASES, CONSISTENCY, ENSEMBLE, OUTCOMES, RUNS, SAMPLES
 from tests.analytic import analytic
 
 TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
@@ -54,10 +54,10 @@ def write_study(
             path = folder / "chunks" / name / f"samples-{first:08d}-{end - 1:08d}.parquet"
             path.parent.mkdir(parents=True, exist_ok=True)
             samples.filter(pl.col("run").is_between(int(first), int(end) - 1)).write_parquet(path)
-        norms = stats.error_norms(samples)
-        tables["runs"].append(stats.runs_table(norms, _counts(name, arms, runs)))
-        tables["ensemble"].append(stats.ensemble_table(norms))
-        tables["consistency"].append(stats.consistency_table(norms, full_degrees=20))
+        norms = campaign.error_norms(samples)
+        tables["runs"].append(campaign.runs_table(norms, _counts(name, arms, runs)))
+        tables["ensemble"].append(campaign.ensemble_table(norms))
+        tables["consistency"].append(campaign.consistency_table(norms, full_degrees=20))
     for (name, parts), columns in zip(tables.items(), (RUNS, ENSEMBLE, CONSISTENCY), strict=True):
         pl.concat(parts).cast(dict(columns)).write_parquet(folder / f"{name}.parquet")  # type: ignore[arg-type]
     manifest = {

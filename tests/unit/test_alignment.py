@@ -11,10 +11,10 @@ import pytest
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
 from bottomlock.replay.align import Alignment, align
+from bottomlock.replay.axes import from_angles, to_angles
 from bottomlock.replay.case import Case, parse_case
 from bottomlock.replay.dive import Attitudes, Beams, Dive, Fields, Inertial, Positions
 from bottomlock.replay.model import imu_model
-from bottomlock.replay.turning import from_angles, to_angles
 from tests.oracle.mechanisation import earth_rate_tangent
 from tests.oracle.rotations import Array, matrix_from_euler
 from tests.unit.test_replay_case import LEAST

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bottomlock.bands import detectable_factor, each_probability, mean_band, verdict
+from bottomlock.statistics.chi_squared import detectable_factor, each_probability, mean_band, verdict
 
 
 @pytest.mark.parametrize(

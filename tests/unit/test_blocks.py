@@ -7,12 +7,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock import blocks, plan, stats
-from bottomlock.blocks import open_blocks
-from bottomlock.campaign import run_campaign
+from bottomlock.campaign import error_blocks, partition
+from bottomlock.campaign.error_blocks import open_blocks
+from bottomlock.campaign.partition import Plan
+from bottomlock.campaign.run import run_campaign
 from bottomlock.errors import OutputError
-from bottomlock.plan import Plan
-from bottomlock.stats import NORMS
+from bottomlock.statistics import campaign
+from bottomlock.statistics.campaign import NORMS
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
 TIMES = 40
@@ -27,7 +28,7 @@ def norms(cut: Plan) -> dict[str, np.ndarray[tuple[int, int, int], np.dtype[np.f
 @pytest.mark.parametrize("held", [1, 600, 10**6])
 def test_what_is_put_is_got(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held: int) -> None:
     """One time a block, some, all: every norm of every run at its place, in any order of the chunks."""
-    monkeypatch.setattr(blocks, "VALUES_HELD", held)
+    monkeypatch.setattr(error_blocks, "VALUES_HELD", held)
     cut = Plan("s", ("a", "b"), runs=7, runs_per_chunk=3, nees_degrees=20)
     expected = norms(cut)
     with open_blocks(tmp_path, cut, TIMES) as turned:
@@ -44,7 +45,7 @@ def test_what_is_put_is_got(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hel
 
 def test_memory_is_that_of_a_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Twenty times as many values as may be held: no more than two blocks' worth at a time."""
-    monkeypatch.setattr(blocks, "VALUES_HELD", 50_000)
+    monkeypatch.setattr(error_blocks, "VALUES_HELD", 50_000)
     cut = Plan("s", ("a", "b"), runs=2_500, runs_per_chunk=50, nees_degrees=20)
     chunk = pl.DataFrame({name: np.zeros(50 * 2 * TIMES) for name in NORMS})
     with open_blocks(tmp_path, cut, TIMES) as turned:
@@ -60,9 +61,9 @@ def test_memory_is_that_of_a_block(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def test_tables_do_not_depend_on_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A campaign whose norms pass in blocks of two seconds has the same tables."""
-    monkeypatch.setattr(plan, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
     run_campaign([short()], tmp_path / "one", threads=1)
-    monkeypatch.setattr(blocks, "VALUES_HELD", 2 * 5 * len(NORMS))
+    monkeypatch.setattr(error_blocks, "VALUES_HELD", 2 * 5 * len(NORMS))
     run_campaign([short()], tmp_path / "two", threads=1)
     same_bits(tmp_path / "one", tmp_path / "two")
 
@@ -70,9 +71,9 @@ def test_tables_do_not_depend_on_blocks(tmp_path: Path, monkeypatch: pytest.Monk
 def test_the_bootstrap_draws_the_same_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """One stream of draws, however many are held; the products may round otherwise."""
     squares = np.random.default_rng(1).normal(size=(50, 4)) ** 2
-    whole = stats.bootstrap_rms(squares)
-    monkeypatch.setattr(stats, "WEIGHTS_HELD", 7 * 50)
-    assert np.allclose(stats.bootstrap_rms(squares), whole, rtol=1e-13, atol=0.0)
+    whole = campaign.bootstrap_rms(squares)
+    monkeypatch.setattr(campaign, "WEIGHTS_HELD", 7 * 50)
+    assert np.allclose(campaign.bootstrap_rms(squares), whole, rtol=1e-13, atol=0.0)
 
 
 def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:

@@ -7,17 +7,17 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock import plan
-from bottomlock.campaign import Progress, run_campaign
+from bottomlock.campaign import partition
+from bottomlock.campaign.run import Progress, run_campaign
 from bottomlock.errors import OutputError, ScenarioError
-from bottomlock.schema import CONSISTENCY, ENSEMBLE, RUNS, check
+from bottomlock.tables.schema import CONSISTENCY, ENSEMBLE, RUNS, check
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, TABLES, short
 
 
 @pytest.fixture
 def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runs a chunk."""
-    monkeypatch.setattr(plan, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
 
 
 def same_tables(one: Path, two: Path) -> None:
@@ -66,7 +66,7 @@ def test_bits_do_not_depend_on_threads_or_interruption(tmp_path: Path) -> None:
 def test_chunk_size_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Any cutting gives the same tables."""
     run_campaign([short()], tmp_path / "whole", threads=1)
-    monkeypatch.setattr(plan, "CHUNK_STEPS", 1)
+    monkeypatch.setattr(partition, "CHUNK_STEPS", 1)
     run_campaign([short()], tmp_path / "single", threads=1)
     same_tables(tmp_path / "whole", tmp_path / "single")
 
@@ -120,7 +120,7 @@ def test_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, f
 
 def test_progress_counts_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each chunk is told once, in order."""
-    monkeypatch.setattr(plan, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
     heard: list[float] = []
     listen: Callable[[Progress], None] = lambda state: heard.append(state.runs_done)  # noqa: E731
     run_campaign([short()], tmp_path / "o", threads=1, tell=listen)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from bottomlock import cases
-from bottomlock.conditions import schedule
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.scenario import Scenario, load_scenario
-from bottomlock.world import make_world
+from bottomlock.simulation.build import make_world
+from bottomlock.simulation.measurement_schedule import schedule
+from bottomlock.studies import cases
 
 KEPT = {"dvl", "seabed"}
 

@@ -5,11 +5,12 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock import bands, certify
-from bottomlock.certificate import arms_summary, decisive, markdown
+from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.expected import departures, read_expectations
-from bottomlock.scenario import load_scenario
+from bottomlock.statistics import chi_squared
+from bottomlock.studies import consistency
+from bottomlock.studies.consistency_table import arms_summary, decisive, markdown
+from bottomlock.studies.expected_verdicts import departures, read_expectations
 
 RUNS = 100
 
@@ -23,7 +24,7 @@ def means(**velocity_attitude: tuple[float, float]) -> pl.DataFrame:
             rows.append((*place, "nees_velocity_attitude", time_s, 6.0, RUNS, RUNS, value))
             rows.append((*place, "nees", time_s, 20.0, RUNS, RUNS, 20.0))
         rows.append((*place, "nis", None, 2.0, RUNS, RUNS * 250, 2.0))
-    return pl.DataFrame(rows, schema=certify._CELL, orient="row")
+    return pl.DataFrame(rows, schema=consistency._CELL, orient="row")
 
 
 def expect(tmp_path: Path, text: str) -> Path:
@@ -34,8 +35,8 @@ def expect(tmp_path: Path, text: str) -> Path:
 
 def test_bands_count_every_mean() -> None:
     """Three arms, two times of two quantities and one NIS: 15 means, so each band holds 1 − 0.01/15."""
-    table = certify.judge(means(tc=(6.0, 6.1), vb=(5.9, 9.0), nsv=(6.0, 3.0)))
-    low, high = bands.mean_band(6, RUNS, 1 - 0.01 / 15)
+    table = consistency.judge(means(tc=(6.0, 6.1), vb=(5.9, 9.0), nsv=(6.0, 3.0)))
+    low, high = chi_squared.mean_band(6, RUNS, 1 - 0.01 / 15)
     rows = {
         row["arm"]: row for row in table.filter(pl.col("quantity") == "nees_velocity_attitude").to_dicts()
     }
@@ -47,7 +48,9 @@ def test_bands_count_every_mean() -> None:
     ]
     assert [decisive(rows[arm]) for arm in ("tc", "vb", "nsv")] == [6.05, 9.0, 3.0]
     (nis,) = table.filter(pl.col("arm") == "tc", pl.col("quantity") == "nis").to_dicts()
-    assert (nis["band_lo"], nis["band_hi"]) == pytest.approx(bands.mean_band(2, RUNS * 250, 1 - 0.01 / 15))
+    assert (nis["band_lo"], nis["band_hi"]) == pytest.approx(
+        chi_squared.mean_band(2, RUNS * 250, 1 - 0.01 / 15)
+    )
 
 
 def test_certified_is_not_overconfident_and_consistent_in_velocity_and_attitude() -> None:
@@ -56,7 +59,7 @@ def test_certified_is_not_overconfident_and_consistent_in_velocity_and_attitude(
     nis = (pl.col("arm") == "weak_sway") & (pl.col("quantity") == "nis")
     whole = (pl.col("arm") == "info") & (pl.col("quantity") == "nees")
     table = table.with_columns(pl.when(nis).then(1.0).when(whole).then(30.0).otherwise("mean").alias("mean"))
-    rows = {row["arm"]: row for row in arms_summary(certify.judge(table)).to_dicts()}
+    rows = {row["arm"]: row for row in arms_summary(consistency.judge(table)).to_dicts()}
     assert [rows[arm]["certified"] for arm in ("tc", "weak_sway", "info")] == [1, 1, 0]
     assert rows["weak_sway"]["nis_cautious"] == 1
     assert rows["info"]["nees_overconfident"] == 1
@@ -70,7 +73,7 @@ def test_the_text_says_what_was_run_and_found() -> None:
         "versions": {"bottomlock": "0.1.0"}, "configuration_hash": "f" * 64, "command": "bottomlock certify",
         "degrees": 20, "times_s": ["125", "250"], "tests": 10, "each_probability": 0.999, "false_alarm": 0.01,
     }  # fmt: skip
-    text = markdown(certify.judge(found), facts)
+    text = markdown(consistency.judge(found), facts)
     for words in (
         "100 runs of each cell, seed 7", "bottomlock 0.1.0", "1 % at the most", "99.90000 %", "9.0 ▲",
         "- `tc`: straight: everywhere.", "- `vb`: straight: nowhere.", "What it does not say",
@@ -79,13 +82,13 @@ def test_the_text_says_what_was_run_and_found() -> None:
     assert "{" not in text
     # NIS is shown over its number of rows, large ones too.
     nis = (pl.col("arm") == "vb") & (pl.col("quantity") == "nis")
-    large = certify.judge(found.with_columns(pl.when(nis).then(500.0).otherwise("mean").alias("mean")))
+    large = consistency.judge(found.with_columns(pl.when(nis).then(500.0).otherwise("mean").alias("mean")))
     assert "| 1,2 | 1.000 | 250 ▲ |" in markdown(large, facts)
     assert "\n\n\n" not in text
 
 
 def test_departures_name_the_cell(tmp_path: Path) -> None:
-    table = certify.judge(means(tc=(6.0, 9.0), vb=(5.9, 9.0)))
+    table = consistency.judge(means(tc=(6.0, 9.0), vb=(5.9, 9.0)))
     wanted = read_expectations(
         expect(
             tmp_path,
@@ -114,7 +117,7 @@ def test_departures_name_the_cell(tmp_path: Path) -> None:
 )
 def test_wrong_expectations(text: str, words: str, tmp_path: Path) -> None:
     """An expectation that meets no cell would pass unseen, so it is a fault."""
-    table = certify.judge(means(tc=(6.0, 6.0)))
+    table = consistency.judge(means(tc=(6.0, 6.0)))
     with pytest.raises(DataError, match=words):
         departures(table, read_expectations(expect(tmp_path, text)))
 
@@ -124,13 +127,13 @@ def test_a_small_matrix_resumes(tmp_path: Path) -> None:
     scenario = (
         load_scenario("straight").with_trajectory(duration_s=10.0).with_overrides(runs=3, arms=["ins", "tc"])
     )
-    masks = certify.parse_masks("1234,1", 4)
-    table = certify.certify([scenario], masks, tmp_path, command="again", threads=1)
+    masks = consistency.parse_masks("1234,1", 4)
+    table = consistency.certify([scenario], masks, tmp_path, command="again", threads=1)
     assert table.height == 2 + 3 + 3
     stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "cells").iterdir()}
     assert len(stamps) == 2
-    assert certify.certify([scenario], masks, tmp_path, threads=1).equals(table)
+    assert consistency.certify([scenario], masks, tmp_path, threads=1).equals(table)
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "cells").iterdir()} == stamps
     for text in ("15", "21", ",", "1 2"):
         with pytest.raises(ScenarioError):
-            certify.parse_masks(text, 4)
+            consistency.parse_masks(text, 4)

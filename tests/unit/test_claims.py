@@ -11,11 +11,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.claims import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, claims_table
 from bottomlock.errors import DataError
-from bottomlock.paper_claims import load_paper, parse_paper
-from bottomlock.schema import CLAIMS, PATHS, check
-from bottomlock.study import Array, read_errors, read_study
+from bottomlock.paper.claims import load_paper, parse_paper
+from bottomlock.paper.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, claims_table
+from bottomlock.tables.results import Array, read_errors, read_study
+from bottomlock.tables.schema import CLAIMS, PATHS, check
 from tests.unit.synthetic_study import ARMS, Size, edit_manifest, quiet, write_study
 
 PAPER = load_paper()

@@ -8,12 +8,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.conditions import Conditions, met, schedule
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beams import read_beams
-from bottomlock.scenario import Scenario, load_scenario
-from bottomlock.streams import sensor_streams
-from bottomlock.world import World, make_world, trajectory_key
+from bottomlock.simulation.build import World, make_world, trajectory_key
+from bottomlock.simulation.measurement_schedule import Conditions, met, schedule
+from bottomlock.simulation.sensor_streams import sensor_streams
 
 SECOND = 1_000_000_000
 

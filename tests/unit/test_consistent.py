@@ -8,9 +8,9 @@ import polars as pl
 import pytest
 
 from bottomlock import kernel, run_campaign
-from bottomlock.choices import choice_counts, merged
-from bottomlock.scenario import load_scenario
-from bottomlock.schema import CHOICES, check
+from bottomlock.campaign.selector_counts import choice_counts, merged
+from bottomlock.config.scenario import load_scenario
+from bottomlock.tables.schema import CHOICES, check
 from tests.analytic import analytic
 from tests.property import settings
 

@@ -12,16 +12,16 @@ from typing import Any
 
 import pytest
 
-from bottomlock import campaign, engine, plan
-from bottomlock.campaign import Progress, run_campaign, run_shard
-from bottomlock.chunks import Chunk, fly_chunk
-from bottomlock.engine import check_engine
+from bottomlock.campaign import engine, partition, run
+from bottomlock.campaign.chunk import Chunk, fly_chunk
+from bottomlock.campaign.engine import check_engine
+from bottomlock.campaign.merge import merge_shards
+from bottomlock.campaign.partition import Shard, Span
+from bottomlock.campaign.run import Progress, run_campaign, run_shard
+from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import EngineError
 from bottomlock.kernel import KernelError
-from bottomlock.merge import merge_shards
-from bottomlock.plan import Shard, Span
-from bottomlock.scenario import load_scenario
-from bottomlock.world import make_world
+from bottomlock.simulation.build import make_world
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
 needs_dask = pytest.mark.skipif(
@@ -40,7 +40,7 @@ RUNS = 40
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runs a chunk."""
-    monkeypatch.setattr(plan, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The campaign of one thread."""
     out = tmp_path_factory.mktemp("engines") / "whole"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plan, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+        patch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
         run_campaign([short(RUNS)], out, threads=1)
     return out
 
@@ -71,10 +71,10 @@ def processes() -> Iterator[Any]:
 def threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """A cluster of one thread in this very process, in which anything can be replaced."""
     distributed = pytest.importorskip("distributed")
-    from bottomlock import cluster
+    from bottomlock.campaign import dask_engine
 
-    monkeypatch.setattr(cluster, "PATIENCE_S", 0.5)
-    monkeypatch.setattr(cluster, "POLL_S", 0.1)
+    monkeypatch.setattr(dask_engine, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(dask_engine, "POLL_S", 0.1)
     with distributed.LocalCluster(
         n_workers=1,
         threads_per_worker=1,
@@ -142,7 +142,7 @@ def test_vehicles_that_fly_on_estimates_travel_too(
     """Over a seabed: everything that a scenario names goes to the worker with the chunk."""
     packaged = load_scenario("slope").with_overrides(runs=3, arms=["ins", "tc"])
     flight = packaged.with_trajectory(feedback="estimate", duration_s=12.0)
-    monkeypatch.setattr(plan, "FLEET_VEHICLES", 2)
+    monkeypatch.setattr(partition, "FLEET_VEHICLES", 2)
     run_campaign([flight], tmp_path / "one", threads=1)
     run_campaign([flight], tmp_path / "two", engine="dask", scheduler=processes.scheduler_address)
     same_bits(tmp_path / "one", tmp_path / "two")
@@ -155,14 +155,14 @@ def test_what_the_kernel_refuses_comes_back(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """As the kernel's own error; chunks that were finished before are kept."""
-    from bottomlock import cluster
+    from bottomlock.campaign import dask_engine
 
     def refuse(chunk: Chunk, **settings: Any) -> object:  # noqa: ANN401
         if chunk.span.first_run == 2:
             raise KernelError("run 2, arm tc: not finite")
         return fly_chunk(chunk, **settings)
 
-    monkeypatch.setattr(cluster, "fly_chunk", refuse)
+    monkeypatch.setattr(dask_engine, "fly_chunk", refuse)
     with pytest.raises(KernelError, match="run 2, arm tc: not finite"):
         run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address)
     assert [path.name for path in tmp_path.glob("chunks/*/counts-*")] == ["counts-00000000-00000001.parquet"]
@@ -174,9 +174,9 @@ def test_a_fault_on_the_cluster_names_the_chunk(
     threads: Any,  # noqa: ANN401
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from bottomlock import cluster
+    from bottomlock.campaign import dask_engine
 
-    monkeypatch.setattr(cluster, "fly_chunk", lambda *_, **__: 1 / 0)
+    monkeypatch.setattr(dask_engine, "fly_chunk", lambda *_, **__: 1 / 0)
     words = r"straight, chunk 00000000-00000001.parquet: scheduler .* failed \(ZeroDivisionError: division by zero\)"
     with pytest.raises(EngineError, match=words):
         run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address)
@@ -189,11 +189,11 @@ def test_workers_of_another_version_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Their bits would differ, and nobody would know."""
-    from bottomlock import cluster
+    from bottomlock.campaign import dask_engine
 
-    ours = cluster._versions()
+    ours = dask_engine._versions()
     answers = iter([ours | {"numpy": "1.26.0"}])
-    monkeypatch.setattr(cluster, "_versions", lambda: next(answers, ours))
+    monkeypatch.setattr(dask_engine, "_versions", lambda: next(answers, ours))
     with pytest.raises(
         EngineError, match=r"a worker of .* has .*numpy 1\.26\.0.*, expected .*bits would differ"
     ):
@@ -232,9 +232,9 @@ def test_a_scheduler_that_goes_away(tmp_path: Path, threads: Any) -> None:  # no
 @needs_dask
 def test_a_scheduler_that_does_not_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is written before the engine is there."""
-    from bottomlock import cluster
+    from bottomlock.campaign import dask_engine
 
-    monkeypatch.setattr(cluster, "CONNECT_S", 0.2)
+    monkeypatch.setattr(dask_engine, "CONNECT_S", 0.2)
     with pytest.raises(EngineError, match="does not answer"):
         run_campaign([short()], tmp_path / "o", engine="dask", scheduler="tcp://127.0.0.1:9")
     assert not (tmp_path / "o").exists()
@@ -258,7 +258,7 @@ def test_settings_without_effect(settings: dict[str, Any], words: str) -> None:
 
 
 def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bottomlock.engine.find_spec", lambda _: None)
+    monkeypatch.setattr("bottomlock.campaign.engine.find_spec", lambda _: None)
     with pytest.raises(EngineError, match=r"pip install 'bottomlock\[dask\]'"):
         check_engine("dask")
 
@@ -266,7 +266,7 @@ def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
 def test_the_extra_is_imported_only_when_asked_for(tmp_path: Path) -> None:
     """Neither the command nor a local campaign pulls it in."""
     code = (
-        "import sys; from pathlib import Path; import bottomlock.cli; from bottomlock import run_campaign;"
+        "import sys; from pathlib import Path; import bottomlock.cli.app; from bottomlock import run_campaign;"
         "from tests.unit.small_campaign import short; run_campaign([short(1)], Path(sys.argv[1]), threads=1);"
         "print(sorted({'dask', 'distributed', 'tornado'} & set(sys.modules)))"
     )
@@ -316,7 +316,7 @@ def test_failing_to_write_calls_off_the_rest(tmp_path: Path, monkeypatch: pytest
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(engine, "LocalEngine", Watched)
-    monkeypatch.setattr(campaign, "write_chunk", refuse)
+    monkeypatch.setattr(run, "write_chunk", refuse)
     with pytest.raises(OSError, match="No space left"):
         run_campaign([short()], tmp_path, threads=1)
     assert closed == [True]

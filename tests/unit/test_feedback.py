@@ -6,12 +6,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock import plan
-from bottomlock.campaign import run_campaign
+from bottomlock.campaign import partition
+from bottomlock.campaign.closed_loop import fly_on_estimates
+from bottomlock.campaign.run import run_campaign
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.feedback import fly_on_estimates
-from bottomlock.scenario import Scenario, load_scenario
-from bottomlock.world import make_world
+from bottomlock.simulation.build import make_world
 from tests.analytic import analytic_world
 
 
@@ -56,7 +56,7 @@ def test_a_campaign_tells_what_going_astray_costs(tmp_path: Any, monkeypatch: py
     whole = run_campaign([flight], tmp_path / "whole", threads=1).runs
     assert whole["cross_track_rms_m"].null_count() == 0
     assert whole["cross_track_rms_m"].n_unique() == 6
-    monkeypatch.setattr(plan, "FLEET_VEHICLES", 2)
+    monkeypatch.setattr(partition, "FLEET_VEHICLES", 2)
     heard: list[float] = []
     cut = run_campaign(
         [flight], tmp_path / "cut", threads=2, tell=lambda state: heard.append(state.runs_done)

@@ -5,10 +5,10 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock import masks, study_folder
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import OutputError, ScenarioError
-from bottomlock.scenario import Scenario, load_scenario
-from bottomlock.schema import check
+from bottomlock.studies import masks, study_folder
+from bottomlock.tables.schema import check
 
 NUMBERS = [name for name, dtype in masks.MASKS.items() if dtype == pl.Float64()]
 

@@ -12,17 +12,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bottomlock import schema
+from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry, KernelError, Navigator, error_model
-from bottomlock.manoeuvres import MANOEUVRES, Manoeuvre, dip, fly, motion_of, steady, swing
-from bottomlock.observability import LEAST_GAP, Aiding, Finding, deviations, observe
-from bottomlock.observability_figures import deviation_figure
-from bottomlock.observability_report import observe_scenario
-from bottomlock.observability_study import PAPER_CASES, paper_histories, paper_table
-from bottomlock.planner import best, plan
-from bottomlock.scenario import load_scenario
-from bottomlock.trajectory import Truth
+from bottomlock.observability.analysis import LEAST_GAP, Aiding, Finding, deviations, observe
+from bottomlock.observability.figures import deviation_figure
+from bottomlock.observability.planner import best, plan
+from bottomlock.observability.report import observe_scenario
+from bottomlock.observability.tables import PAPER_CASES, paper_histories, paper_table
+from bottomlock.tables import schema
+from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, dip, fly, motion_of, steady, swing
+from bottomlock.truth.trajectory import Truth
 from tests.oracle.error_model import f_full
 from tests.oracle.rotations import matrix_from_quaternion
 

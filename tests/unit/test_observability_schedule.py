@@ -12,17 +12,17 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock import schema
+from bottomlock.config.scenario import load_scenario, parse_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import BeamGeometry, KernelError
-from bottomlock.manoeuvres import MANOEUVRES, fly
-from bottomlock.observability import Aiding, deviations, observe
-from bottomlock.observability_report import observe_scenario, scenario_schedule
-from bottomlock.observability_schedule import SENSORS, Schedule
-from bottomlock.planner import plan
-from bottomlock.scenario import load_scenario, parse_scenario
-from bottomlock.trajectory import Truth
-from bottomlock.world import make_world
+from bottomlock.observability.analysis import Aiding, deviations, observe
+from bottomlock.observability.planner import plan
+from bottomlock.observability.report import observe_scenario, scenario_schedule
+from bottomlock.observability.schedule import SENSORS, Schedule
+from bottomlock.simulation.build import make_world
+from bottomlock.tables import schema
+from bottomlock.truth.manoeuvres import MANOEUVRES, fly
+from bottomlock.truth.trajectory import Truth
 
 JANUS = BeamGeometry.janus(np.deg2rad(20.0))
 SECOND = 10**9

@@ -6,8 +6,10 @@ import numpy as np
 import polars as pl
 import pytest
 
+from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.recovery import (
+from bottomlock.simulation.run_events import Fix
+from bottomlock.studies.recovery import (
     EPOCHS,
     RECOVERY,
     SUMMARY,
@@ -16,9 +18,7 @@ from bottomlock.recovery import (
     summary,
     two_beam_outages,
 )
-from bottomlock.scenario import load_scenario
-from bottomlock.schema import check
-from bottomlock.stepping import Fix
+from bottomlock.tables.schema import check
 
 
 def fix(after: list[float], *, used: bool = True) -> Fix:

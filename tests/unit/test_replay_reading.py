@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from bottomlock.errors import DataError
 from bottomlock.replay import flight
+from bottomlock.replay.axes import flip, from_angles, handedness, platform_attitude, quaternions, to_angles
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_dive
-from bottomlock.replay.turning import flip, from_angles, handedness, platform_attitude, quaternions, to_angles
 from tests.oracle import geodesy
 from tests.oracle.rotations import matrix_from_euler
 

@@ -17,14 +17,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bottomlock.advice import Advice, advise, choose
 from bottomlock.errors import DataError, OutputError
+from bottomlock.figures import palette
+from bottomlock.figures.labels import spread
 from bottomlock.kernel import ARMS as KERNEL_ARMS
-from bottomlock.report import ARM_WORDS, make_report, number
-from bottomlock.schema import SWEEP
-from bottomlock.study import Array, read_errors, read_study
-from bottomlock.study_figures import palette
-from bottomlock.study_figures.labels import spread
+from bottomlock.pages.method_words import ARM_WORDS
+from bottomlock.pages.render import number
+from bottomlock.report.advice import Advice, advise, choose
+from bottomlock.report.page import make_report
+from bottomlock.tables.results import Array, read_errors, read_study
+from bottomlock.tables.schema import SWEEP
 from tests.unit.synthetic_study import ARMS, edit_manifest, write_study
 
 

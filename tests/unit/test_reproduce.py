@@ -5,12 +5,12 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock import reproduce as whole
-from bottomlock import sweep
-from bottomlock.campaign import Progress
-from bottomlock.scenario import load_scenario
-from bottomlock.schema import SWEEP, check
-from bottomlock.sweep import SETTINGS, Setting
+from bottomlock.campaign.run import Progress
+from bottomlock.config.scenario import load_scenario
+from bottomlock.studies import reproduce as whole
+from bottomlock.studies import sweep
+from bottomlock.studies.sweep import SETTINGS, Setting
+from bottomlock.tables.schema import SWEEP, check
 
 RARE = "gate reopens after refusals in a row"
 

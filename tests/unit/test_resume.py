@@ -10,9 +10,9 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock import plan
-from bottomlock.campaign import Progress, run_campaign
-from bottomlock.directory import MANIFEST
+from bottomlock.campaign import partition
+from bottomlock.campaign.directory import MANIFEST
+from bottomlock.campaign.run import Progress, run_campaign
 from bottomlock.errors import DataError, OutputError
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
@@ -22,10 +22,10 @@ RUNS = 400
 FLY = f"""
 import sys
 from pathlib import Path
-from bottomlock import plan
-from bottomlock.campaign import run_campaign
+from bottomlock.campaign import partition
+from bottomlock.campaign.run import run_campaign
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, short
-plan.CHUNK_STEPS = STEPS_OF_TWO_RUNS
+partition.CHUNK_STEPS = STEPS_OF_TWO_RUNS
 run_campaign([short({RUNS})], Path(sys.argv[1]), threads=1)
 """
 
@@ -33,7 +33,7 @@ run_campaign([short({RUNS})], Path(sys.argv[1]), threads=1)
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runs a chunk."""
-    monkeypatch.setattr(plan, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
 
 
 def finished(out: Path) -> dict[Path, int]:

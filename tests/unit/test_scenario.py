@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bottomlock.config.scenario import copy_scenario, load_scenario, packaged_scenarios, parse_scenario
 from bottomlock.errors import OutputError, ScenarioError
-from bottomlock.scenario import copy_scenario, load_scenario, packaged_scenarios, parse_scenario
 
 TEXT = """
 name = "t"

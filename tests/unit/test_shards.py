@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bottomlock import campaign, plan
-from bottomlock.campaign import run_campaign, run_shard, runs_to_fly
-from bottomlock.directory import MANIFEST
+from bottomlock.campaign import partition, run
+from bottomlock.campaign.directory import MANIFEST
+from bottomlock.campaign.merge import merge_shards
+from bottomlock.campaign.partition import Plan, Shard
+from bottomlock.campaign.run import run_campaign, run_shard, runs_to_fly
+from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError, OutputError, ScenarioError
-from bottomlock.merge import merge_shards
-from bottomlock.plan import Plan, Shard
-from bottomlock.scenario import Scenario
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
 N = 3
@@ -33,7 +33,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory, scenarios: list[Scenario]) -
     """The campaign in `whole` and its shards in `1`, `2`, `3`; not to be changed."""
     folder = tmp_path_factory.mktemp("shards")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plan, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+        patch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
         run_campaign(scenarios, folder / "whole", threads=2)
         for k in range(1, N + 1):
             run_shard(scenarios, folder / str(k), Shard(k, N), threads=1)
@@ -96,9 +96,9 @@ def test_a_merged_campaign_can_be_extended(
     tmp_path: Path, flown: Path, scenarios: list[Scenario], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As any other: its chunks are taken as they are."""
-    monkeypatch.setattr(plan, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
     merge_shards(tmp_path / "o", [flown / name for name in "123"])
-    monkeypatch.setattr(campaign, "write_chunk", lambda *_: pytest.fail("a chunk was flown again"))
+    monkeypatch.setattr(run, "write_chunk", lambda *_: pytest.fail("a chunk was flown again"))
     run_campaign(scenarios, tmp_path / "o", threads=1)
     same_bits(flown / "whole", tmp_path / "o")
 

@@ -4,9 +4,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock import stats
 from bottomlock.errors import DataError
-from bottomlock.schema import ENSEMBLE, OUTCOMES, RUNS, SAMPLES, check
+from bottomlock.statistics import campaign
+from bottomlock.tables.schema import ENSEMBLE, OUTCOMES, RUNS, SAMPLES, check
 
 
 def samples() -> pl.DataFrame:
@@ -48,7 +48,7 @@ def counts() -> pl.DataFrame:
 
 def test_runs_table_by_hand() -> None:
     """RMS over time and last value of the norms; no fix leaves a null, not a NaN."""
-    table = check(stats.runs_table(stats.error_norms(samples()), counts()), RUNS, place="runs")
+    table = check(campaign.runs_table(campaign.error_norms(samples()), counts()), RUNS, place="runs")
     assert table["velocity_rms_mps"].to_list() == pytest.approx([np.sqrt(12.5), np.sqrt(13.0)])
     assert table["velocity_final_mps"].to_list() == pytest.approx([0.0, 1.0])
     assert table["attitude_rms_deg"].to_list() == pytest.approx([1.0, 1.0])
@@ -57,7 +57,7 @@ def test_runs_table_by_hand() -> None:
 
 def test_ensemble_by_hand() -> None:
     """RMS over runs at each second, inside its bootstrap interval."""
-    table = check(stats.ensemble_table(stats.error_norms(samples())), ENSEMBLE, place="ensemble")
+    table = check(campaign.ensemble_table(campaign.error_norms(samples())), ENSEMBLE, place="ensemble")
     assert table["time_s"].to_list() == [1.0, 2.0]
     assert table["velocity_rms_mps"].to_list() == pytest.approx([5.0, np.sqrt(0.5)])
     assert table["velocity_rms_lo_mps"].to_list() == pytest.approx([5.0, 0.0])
@@ -68,17 +68,17 @@ def test_bootstrap_covers_as_it_says() -> None:
     """A 95 % interval of an RMS over 100 normal runs holds the true value 95 times in 100 (400 trials)."""
     generator = np.random.default_rng(20170222)
     squares = generator.normal(size=(100, 400)) ** 2
-    low, high = stats.bootstrap_rms(squares)
+    low, high = campaign.bootstrap_rms(squares)
     inside = np.mean((low <= 1.0) & (high >= 1.0))
     assert 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / 400) - 0.02 < inside < 0.99
 
 
 def test_consistency_verdicts() -> None:
     """A NEES at its expectation is consistent; ten times that is overconfident; a tenth is too cautious."""
-    norms = stats.error_norms(samples())
+    norms = campaign.error_norms(samples())
     for factor, verdict in ((1.0, "consistent"), (10.0, "overconfident"), (0.1, "too cautious")):
         scaled = norms.with_columns(pl.col("nees", "nees_velocity_attitude") * factor)
-        table = stats.consistency_table(scaled, full_degrees=20)
+        table = campaign.consistency_table(scaled, full_degrees=20)
         assert table["verdict"].to_list() == [verdict, verdict]
 
 

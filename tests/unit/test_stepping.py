@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from bottomlock import kernel
-from bottomlock.conditions import schedule
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.scenario import Scenario, load_scenario
-from bottomlock.stepping import Readings
-from bottomlock.world import make_world, trajectory_key
+from bottomlock.simulation.build import make_world, trajectory_key
+from bottomlock.simulation.measurement_schedule import schedule
+from bottomlock.simulation.run_events import Readings
 
 ARMS = ["lc", "tc", "vb", "elc", "vb_exact", "info", "weak_sway"]
 

@@ -9,8 +9,8 @@ import pytest
 from pydantic import ValidationError
 
 from bottomlock import kernel
-from bottomlock.scenario import load_scenario
-from bottomlock.sections import Water
+from bottomlock.config.scenario import load_scenario
+from bottomlock.config.scenario_sections import Water
 from tests.property import settings
 
 JANUS = kernel.BeamGeometry.janus(np.deg2rad(20.0))

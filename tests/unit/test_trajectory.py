@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
-from bottomlock.conditions import schedule
+from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError
-from bottomlock.scenario import Scenario
-from bottomlock.trajectory import Truth, make_truth
+from bottomlock.simulation.measurement_schedule import schedule
+from bottomlock.truth.trajectory import Truth, make_truth
 from tests.analytic import analytic, analytic_world
 
 NAMES = ("straight", "figure_eight", "lawn_mower", "constant_turn")

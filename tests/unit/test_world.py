@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
+from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.scenario import Scenario, load_scenario
-from bottomlock.world import make_world
+from bottomlock.simulation.build import make_world
 
 STRAIGHT = Path(__file__).resolve().parents[2] / "python" / "bottomlock"
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bottomlock.audit.beam_order import Match, Order, match, orders_by_closure
 from bottomlock.audit.closure import (
     Closure,
     Slope,
@@ -15,7 +16,7 @@ from bottomlock.audit.closure import (
     null_space_cov,
     suspects,
 )
-from bottomlock.audit.closure_words import (
+from bottomlock.audit.closure_findings import (
     closure_findings,
     combination_findings,
     order_findings,
@@ -24,14 +25,13 @@ from bottomlock.audit.closure_words import (
 from bottomlock.audit.findings import SIGNIFICANCE, Finding
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS, Matrix, find_matrix
-from bottomlock.audit.matrix_words import (
+from bottomlock.audit.matrix_findings import (
     bias_findings,
     match_findings,
     scale_findings,
     self_findings,
     unobservable_findings,
 )
-from bottomlock.audit.orders import Match, Order, match, orders_by_closure
 from bottomlock.audit.robust import Array
 
 

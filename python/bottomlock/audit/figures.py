@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from scipy.ndimage import median_filter
 from scipy.stats import norm
 
-from bottomlock.audit.examine import Audit
 from bottomlock.audit.robust import Array, sigma
-from bottomlock.study_figures.palette import FAINT, INK, STYLE
+from bottomlock.audit.run import Audit
+from bottomlock.figures.palette import FAINT, INK, STYLE
 
 BLUE, ORANGE, GREEN, GREY = "#5394ec", "#fa632e", "#129e64", "#999194"
 COLOURS = (BLUE, ORANGE, GREEN, "#b24397", "#a05200", "#8952ff", "#4191bc", "#7d6331")

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bottomlock.audit.examine import Audit
 from bottomlock.audit.matrix import azimuth, tilt
 from bottomlock.audit.mounting import LIMITS
 from bottomlock.audit.robust import Array, sigma
+from bottomlock.audit.run import Audit
 from bottomlock.errors import DataError
 
 SURE = 5.0

@@ -9,11 +9,11 @@ import polars as pl
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from bottomlock.atomic_write import write_bytes, write_json, write_parquet, write_text
 from bottomlock.audit import figures
-from bottomlock.audit.examine import Audit, numbers_of
 from bottomlock.audit.findings import findings_table
-from bottomlock.output import write_bytes, write_json, write_parquet, write_text
-from bottomlock.study_figures.palette import inline_svg, png_bytes, svg_text
+from bottomlock.audit.run import Audit, numbers_of
+from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
 
 CAPTIONS = {
     "closure": "Closure of the full pings against the Gaussian that its middle suggests.",
@@ -98,7 +98,10 @@ def write_audit(audit: Audit, out: Path, *, html: bool = True) -> list[Path]:
         inline.append((name, Markup(inline_svg(svg, f"audit_{name}", CAPTIONS[name])), CAPTIONS[name]))  # noqa: S704
     if html:
         environment = jinja2.Environment(
-            loader=jinja2.PackageLoader("bottomlock"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+            loader=jinja2.PackageLoader("bottomlock.pages"),
+            autoescape=True,
+            trim_blocks=True,
+            lstrip_blocks=True,
         )
         page = environment.get_template("audit.html.j2").render(
             audit=audit, figures=inline, beams=beams_table(audit).to_dicts(), numbers=content,

@@ -15,9 +15,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from bottomlock.atomic_write import read_json, write_json, write_parquet
 from bottomlock.errors import DataError
 from bottomlock.io.sentences import show
-from bottomlock.output import read_json, write_json, write_parquet
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -14,8 +14,8 @@ import polars as pl
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.faults import explain
 from bottomlock.io.columns import NS_OF, column_numbers, number_series, read_rows, read_table
 from bottomlock.kernel import BeamGeometry, KernelError, make_geometry
 
@@ -108,11 +108,11 @@ def _text_of(source: str | Path) -> tuple[str, str]:
             return path.read_text(encoding="utf-8"), str(path)
         except (OSError, UnicodeDecodeError) as error:
             raise ScenarioError(f"{path}: cannot be read as text ({error})") from error
-    packaged = resources.files("bottomlock") / "geometries" / f"{source}.toml"
+    packaged = resources.files("bottomlock.config") / "geometries" / f"{source}.toml"
     if packaged.is_file():
         return packaged.read_text(encoding="utf-8"), f"geometry {source}"
     names = sorted(
-        e.name.removesuffix(".toml") for e in (resources.files("bottomlock") / "geometries").iterdir()
+        e.name.removesuffix(".toml") for e in (resources.files("bottomlock.config") / "geometries").iterdir()
     )
     raise ScenarioError(f"geometry '{source}' is neither a file nor packaged (packaged: {', '.join(names)})")
 

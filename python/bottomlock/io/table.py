@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
+from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.faults import explain
 from bottomlock.io.beam_table import Account, Floats, Recording
 from bottomlock.io.beams import Columns, read_flags, read_times
 from bottomlock.io.columns import column_numbers, read_table

@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import model
 from bottomlock.plant.equations import acceleration, to_tangent
@@ -24,7 +25,6 @@ from bottomlock.plant.swim import TICK_S, next_segment, sample_times_ns
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import start_state
 from bottomlock.plant.vehicle import Vehicle
-from bottomlock.scenario import EARTH_RATE_RADPS
 
 
 @dataclass(frozen=True)

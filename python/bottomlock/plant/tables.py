@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
-from bottomlock.faults import explain
 from bottomlock.plant.actuators import StuckFin
 from bottomlock.plant.current import Current
 from bottomlock.plant.mission import (

@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 
+from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.plant.cache import load_passage, passage_key, store_passage
 from bottomlock.plant.ideal_sensors import inertial_measurements
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.swim import Passage, swim
 from bottomlock.plant.trim import check_stability
 from bottomlock.plant.vehicle import Vehicle
-from bottomlock.scenario import EARTH_RATE_RADPS
-from bottomlock.trajectory import Truth
+from bottomlock.truth.trajectory import Truth
 
 
 @dataclass(frozen=True)

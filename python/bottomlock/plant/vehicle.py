@@ -210,7 +210,7 @@ class Vehicle(_Table):
 
 def packaged_vehicles() -> list[str]:
     """Names of the vehicles that ship with the package, sorted."""
-    folder = resources.files("bottomlock") / "vehicles"
+    folder = resources.files("bottomlock.config") / "vehicles"
     return sorted(
         entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")
     )
@@ -251,7 +251,7 @@ def _fault(location: tuple[int | str, ...], message: str) -> str:
 
 def _read(name_or_path: str | Path) -> tuple[str, str]:
     if isinstance(name_or_path, str) and name_or_path in packaged_vehicles():
-        entry = resources.files("bottomlock") / "vehicles" / f"{name_or_path}.toml"
+        entry = resources.files("bottomlock.config") / "vehicles" / f"{name_or_path}.toml"
         return entry.read_text(encoding="utf-8"), name_or_path
     path = Path(name_or_path)
     if not path.is_file():

@@ -7,11 +7,11 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import EARTH_RATE_RADPS, solve_velocity
+from bottomlock.replay.axes import from_angles, to_angles
 from bottomlock.replay.case import FROM_REFERENCE, Case
 from bottomlock.replay.dive import Dive, Floats, Inertial, Times
 from bottomlock.replay.model import ImuModel
-from bottomlock.replay.still import mean_over
-from bottomlock.replay.turning import from_angles, to_angles
+from bottomlock.replay.window_mean import mean_over
 
 LISTENS = {"levelling", "magnetometer", "gps_course", "gyrocompass"}
 """Sources that need a window of readings before the start."""

@@ -9,8 +9,18 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
+from bottomlock.config.scenario_sections import (
+    ARM_NAMES,
+    Filter,
+    Finite,
+    NonNegative,
+    Positive,
+    Section,
+    Vector,
+    check_arms,
+)
+from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
-from bottomlock.faults import explain
 from bottomlock.replay.dvl_sections import DvlStream, Robust, WhatIf
 from bottomlock.replay.stream_sections import (
     AttitudeStream,
@@ -20,7 +30,6 @@ from bottomlock.replay.stream_sections import (
     MagnetometerStream,
     Reference,
 )
-from bottomlock.sections import ARM_NAMES, Filter, Finite, NonNegative, Positive, Section, Vector, check_arms
 
 Angles = tuple[Finite, Finite, Finite]
 FROM_REFERENCE = "reference"

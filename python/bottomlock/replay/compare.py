@@ -8,12 +8,12 @@ import polars as pl
 from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import FIX_STATUS
+from bottomlock.replay.axes import from_quaternions, to_angles
 from bottomlock.replay.case import Case
 from bottomlock.replay.dive import Dive, Floats, Times
-from bottomlock.replay.flight import Flight, Prepared
 from bottomlock.replay.geodesy import geodetic_from_tangent
-from bottomlock.replay.turning import from_quaternions, to_angles
-from bottomlock.replay_schema import (
+from bottomlock.replay.rerun import Flight, Prepared
+from bottomlock.tables.replay import (
     FORWARD,
     PATH,
     REPLAY_SAMPLES,

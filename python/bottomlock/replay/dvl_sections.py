@@ -6,8 +6,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from bottomlock.config.scenario_sections import AltitudeLoss, Dropout, NonNegative, Outage, Positive, Section
 from bottomlock.replay.stream_sections import Clock, Mounted, Names
-from bottomlock.sections import AltitudeLoss, Dropout, NonNegative, Outage, Positive, Section
 
 Beam = Annotated[int, Field(ge=1, le=8)]
 

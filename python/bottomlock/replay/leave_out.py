@@ -16,7 +16,7 @@ import polars as pl
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
 from bottomlock.replay.dive import Flags, Floats, Times
-from bottomlock.replay.draws import closure_directions
+from bottomlock.replay.random_errors import closure_directions
 
 ALONE = ("lc", "nsv", "plcf", "weak_sway")
 """Methods that need no INS: least squares, sway zero, the components that are determined, the weak sway row."""

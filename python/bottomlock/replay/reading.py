@@ -9,6 +9,7 @@ from bottomlock.errors import DataError
 from bottomlock.io.beam_table import read_beam_table
 from bottomlock.io.beams import Instrument, read_beams, read_geometry
 from bottomlock.io.columns import column_numbers
+from bottomlock.replay.axes import flip, from_angles, handedness, mounted, platform_attitude
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
 from bottomlock.replay.dive import (
@@ -25,6 +26,7 @@ from bottomlock.replay.dive import (
     Truthlike,
 )
 from bottomlock.replay.geodesy import Place, tangent_from_geodetic
+from bottomlock.replay.read_tables import read_stream
 from bottomlock.replay.stream_sections import (
     AttitudeStream,
     DepthStream,
@@ -34,8 +36,6 @@ from bottomlock.replay.stream_sections import (
     Positioned,
     Reference,
 )
-from bottomlock.replay.tables import read_stream
-from bottomlock.replay.turning import flip, from_angles, handedness, mounted, platform_attitude
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 FORCE_SI = {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2, "m/s": 1.0}

@@ -11,17 +11,17 @@ from typing import Any
 import polars as pl
 
 from bottomlock import kernel
+from bottomlock.atomic_write import read_json, write_json, write_parquet
 from bottomlock.errors import DataError, OutputError
-from bottomlock.manifest import library_versions
-from bottomlock.output import read_json, write_json, write_parquet
 from bottomlock.replay import compare, flight
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
 from bottomlock.replay.dive import Dive
 from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_dive
-from bottomlock.replay_schema import RECORDED
-from bottomlock.replay_stats import ensemble_table, runs_table
+from bottomlock.statistics.replay import ensemble_table, runs_table
+from bottomlock.tables.replay import RECORDED
+from bottomlock.tables.versions import library_versions
 
 MANIFEST = "manifest.json"
 TABLES = ("runs", "ensemble", "samples", "innovations", "pings")

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from bottomlock.sections import Finite, NonNegative, Positive, Section, Vector
+from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, Section, Vector
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Axes = tuple[Axis, Axis, Axis]

@@ -6,8 +6,8 @@ from bottomlock.errors import DataError
 from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.plant import beam_loss
 from bottomlock.replay.dive import Flags, Floats, Times
-from bottomlock.replay.draws import case_key
 from bottomlock.replay.dvl_sections import Recorded, WhatIf
+from bottomlock.replay.random_errors import case_key
 
 
 def returned(

@@ -9,8 +9,8 @@ import polars as pl
 import pytest
 
 from bottomlock.audit import defects
-from bottomlock.audit.examine import audit_file, converter_findings
 from bottomlock.audit.logs import BeamLog, read_depths, read_inertial, read_log, read_reference
+from bottomlock.audit.run import audit_file, converter_findings
 from bottomlock.errors import DataError
 
 

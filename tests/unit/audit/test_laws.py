@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bottomlock.audit.beam_order import match, orders_by_closure
 from bottomlock.audit.closure import Slope, closure_of, closure_slope, null_space, suspects
 from bottomlock.audit.matrix import READINGS_TO_VELOCITY, find_matrix
-from bottomlock.audit.orders import match, orders_by_closure
 from bottomlock.audit.robust import fit_linear
 from tests.oracle import closure as oracle
 from tests.unit.audit.synthetic import janus, motion

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bottomlock import BeamGeometry
-from bottomlock.audit.examine import audit_log
 from bottomlock.audit.logs import BeamLog
+from bottomlock.audit.run import audit_log
 from tests.unit.audit.synthetic import Array, channels, janus, kinds, make_log, stale
 
 STATED = BeamGeometry.janus(np.deg2rad(22.0))

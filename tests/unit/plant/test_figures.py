@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from bottomlock.errors import OutputError
-from bottomlock.figures import flight_figure, save_figure
+from bottomlock.figures.flight import flight_figure, save_figure
 from bottomlock.plant import Flight, telemetry
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import (
     Current,
@@ -22,8 +23,7 @@ from bottomlock.plant import (
 )
 from bottomlock.plant.lanes import FloatArray
 from bottomlock.plant.matrices import rotation_t_p
-from bottomlock.scenario import EARTH_RATE_RADPS
-from bottomlock.trajectory import Truth
+from bottomlock.truth.trajectory import Truth
 from tests.unit.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
 
 NAMES = ("straight", "figure_eight", "lawn_mower")

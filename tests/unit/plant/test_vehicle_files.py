@@ -19,7 +19,7 @@ from tests.unit.plant.helpers import GRAVITY_MPS2
 
 @pytest.fixture
 def tables() -> dict[str, Any]:
-    text = (resources.files("bottomlock") / "vehicles" / "tauv.toml").read_text(encoding="utf-8")
+    text = (resources.files("bottomlock.config") / "vehicles" / "tauv.toml").read_text(encoding="utf-8")
     return copy.deepcopy(tomllib.loads(text))
 
 
@@ -173,7 +173,9 @@ def test_every_coefficient_of_the_packaged_files_has_a_source() -> None:
         return sum(walk(row) for row in rows if isinstance(row, dict))
 
     for name in packaged_vehicles():
-        text = (resources.files("bottomlock") / "vehicles" / f"{name}.toml").read_text(encoding="utf-8")
+        text = (resources.files("bottomlock.config") / "vehicles" / f"{name}.toml").read_text(
+            encoding="utf-8"
+        )
         assert walk(tomllib.loads(text)) > 70
 
 

@@ -1,0 +1,249 @@
+"""An audit from end to end: the log, what is beside it, and everything that they say."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.audit import defects
+from bottomlock.audit.beams import BeamVerdict, judge_beams
+from bottomlock.audit.closure import Closure, closure_of
+from bottomlock.audit.closure_findings import closure_findings
+from bottomlock.audit.depth import DepthRate, depth_findings, depth_rate
+from bottomlock.audit.findings import Finding, ranked
+from bottomlock.audit.logs import BeamLog, Depths, Inertial, Reference, read_log
+from bottomlock.audit.matrix import LEAST_PINGS
+from bottomlock.audit.mounting import Mounting, find_mounting
+from bottomlock.audit.mounting_findings import mounting_findings
+from bottomlock.audit.signature import find_signature, signature_findings
+from bottomlock.errors import DataError
+from bottomlock.io.beams import read_geometry
+from bottomlock.kernel import BeamGeometry
+
+
+@dataclass(frozen=True, eq=False)
+class Audit:
+    """Everything an audit has found.
+
+    Attributes:
+        log: the pings.
+        unchanged: (n,) pings that repeat the one before them.
+        verdict: what the beams say.
+        depth: the depth rate against the heave, or None.
+        mounting: how the DVL sits, or None.
+        findings: ranked, the worst first.
+        geometry_name: what the log was compared with, or None.
+        stated: (beams, 3) its directions, or None.
+    """
+
+    log: BeamLog
+    unchanged: NDArray[np.bool_]
+    verdict: BeamVerdict
+    depth: DepthRate | None
+    mounting: Mounting | None
+    findings: list[Finding]
+    geometry_name: str | None
+    stated: NDArray[np.float64] | None = None
+
+
+def audit_log(
+    log: BeamLog,
+    *,
+    stated: BeamGeometry | None = None,
+    geometry_name: str | None = None,
+    reference: Reference | None = None,
+    imu: Inertial | None = None,
+    depths: Depths | None = None,
+) -> Audit:
+    """Audits a log that has been read.
+
+    Args:
+        log: from `bottomlock.audit.logs.read_log`.
+        stated: geometry to compare with, in the frame of the instrument's velocity.
+        geometry_name: what to call it.
+        reference, imu, depths: what was recorded beside the log.
+
+    Raises:
+        DataError: for a geometry with another number of beams than the log, or times that all coincide.
+
+    Examples:
+        >>> from bottomlock import BeamGeometry
+        >>> rng, janus = np.random.default_rng(3), BeamGeometry.janus(0.35)
+        >>> motion = rng.normal(size=(400, 3)) * [0.5, 0.3, 0.2]
+        >>> readings = janus.beam_velocities(motion) + 0.01 * rng.normal(size=(400, 4))
+        >>> own = readings @ np.linalg.pinv(janus.directions_p).T
+        >>> log = BeamLog("dive", np.arange(400) * 10**8, readings[:, [1, 0, 2, 3]], np.ones((400, 4), bool), None, own)
+        >>> [(one.kind, one.beams) for one in audit_log(log, stated=janus).findings]
+        [('swapped_beams', (1, 2))]
+    """
+    if stated is not None and log.beams and stated.beams != log.beams:
+        raise DataError(f"{log.place}: has {log.beams} beams, but the geometry has {stated.beams}")
+    wanted = None if stated is None or not log.beams else np.asarray(stated.directions_p)
+    findings = defects.time_findings(log)
+    same = defects.unchanged(log)
+    if log.stale is not None:
+        same = same | log.stale
+    copies = defects.copy_findings(log)
+    zeros = defects.zero_findings(log)
+    findings += defects.stale_findings(log, same) + zeros + copies
+    findings += defects.range_findings(log) + defects.verdict_findings(log, same)
+    whole = log.full & ~same
+    if log.beams >= 1:
+        named = [beam - 1 for one in zeros for beam in one.beams]
+        whole &= (log.velocity_mps[:, named] != 0.0).all(axis=1)
+        verdict = judge_beams(log, whole, wanted, [one.beams for one in copies])
+    else:
+        verdict = BeamVerdict(full=np.zeros(log.pings, dtype=bool))
+    findings += verdict.findings + converter_findings(log)
+    own = None if log.error_velocity_mps is None else log.error_velocity_mps
+    if own is not None and not log.beams and np.isfinite(own).sum() >= LEAST_PINGS:
+        closure = closure_of(np.ones(1), own[np.isfinite(own)][:, None])
+        verdict.closures.append(closure)
+        findings += closure_findings(closure)
+    velocity, when = _velocity(log, verdict, whole)
+    depth, mounting = None, None
+    if when.any():
+        rising = _rising(log.time_ns, when)
+        if depths is not None and log.own_frame:
+            depth = depth_rate(log.time_ns[rising], velocity[rising], depths, reference)
+            findings += depth_findings(depth)
+        if reference is not None and log.own_frame:
+            mounting = find_mounting(log.time_ns[rising], velocity[rising], reference, imu)
+            findings += mounting_findings(mounting)
+            if mounting is None or not mounting.follows:
+                findings += signature_findings(
+                    find_signature(log.time_ns[rising], velocity[rising], reference, imu)
+                )
+    return Audit(log, same, verdict, depth, mounting, ranked(findings), geometry_name, wanted)
+
+
+def converter_findings(log: BeamLog) -> list[Finding]:
+    """What the reader of the recording lost or marked, from the account beside the table."""
+    found = []
+    for fate, words in (("skipped", "gave no row"), ("flagged", "are kept, but not as they stand")):
+        reasons = log.beside.get(fate, {})
+        read = float(log.beside.get("records_read", 0) or 1)
+        for name, reason in (reasons if isinstance(reasons, dict) else {}).items():
+            count = int(reason["count"])
+            found.append(
+                Finding(
+                    f"reader_{fate}", "note", float(count), "records", min(count / read, 1.0),
+                    f"{count} of {read:.0f} records of the recording {words}: {name}.",
+                    f"First: {', '.join(f'{k} {v}' for k, v in reason.items() if k != 'count')}.",
+                    "See the account beside the table.",
+                )
+            )  # fmt: skip
+    return found
+
+
+def _velocity(
+    log: BeamLog, verdict: BeamVerdict, whole: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Velocity (n, 3) in the DVL's frame and where it holds: the instrument's own, else least squares of full pings."""
+    if log.instrument_mps is not None:
+        solved = log.solved
+        return log.instrument_mps, solved & whole if log.beams and (solved & whole).sum() > 100 else solved
+    if verdict.rows is None:
+        return np.zeros((log.pings, 3)), np.zeros(log.pings, dtype=bool)
+    return np.asarray(log.velocity_mps @ np.linalg.pinv(verdict.rows).T), whole
+
+
+def _rising(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Rows of the chosen pings whose time lies above all before them: what repeats or goes back has been reported."""
+    rows = np.flatnonzero(chosen)
+    before = np.concatenate([[np.iinfo(np.int64).min], np.maximum.accumulate(time_ns[rows])[:-1]])
+    return np.asarray(rows[time_ns[rows] > before])
+
+
+def audit_file(
+    path: str | Path,
+    *,
+    geometry: str | Path | None = None,
+    reference: Reference | None = None,
+    imu: Inertial | None = None,
+    depths: Depths | None = None,
+) -> Audit:
+    """Reads a log and audits it.
+
+    Args:
+        path: a beam table (CSV or Parquet), or a log whose columns the geometry file maps.
+        geometry: TOML file or packaged name to compare with.
+        reference, imu, depths: what was recorded beside the log.
+
+    Raises:
+        DataError: for a log that cannot be read or does not fit the geometry.
+        ScenarioError: for a geometry file that makes no sense.
+    """
+    instrument = None if geometry is None else read_geometry(geometry)
+    log = read_log(path, None if instrument is None else instrument.columns)
+    return audit_log(
+        log,
+        stated=None if instrument is None else instrument.geometry,
+        geometry_name=None if geometry is None else str(geometry),
+        reference=reference, imu=imu, depths=depths,
+    )  # fmt: skip
+
+
+_OF_MATRIX = (
+    "directions", "direction_sd_rad", "tilt_rad", "tilt_sd_rad", "azimuth_rad", "azimuth_sd_rad", "scale", "scale_sd",
+    "bias_mps", "bias_sd_mps", "residual_mps", "moved_mps", "way", "pings", "observable",
+)  # fmt: skip
+
+
+def _closure_numbers(closure: Closure) -> dict[str, Any]:
+    kept = {key: value for key, value in vars(closure).items() if key != "values_mps"}
+    return dict(_plain(kept | {"beam_sigma_mps": closure.beam_sigma_mps}))
+
+
+def numbers_of(audit: Audit) -> dict[str, Any]:
+    """Everything that was found, as JSON holds it: SI units and radians."""
+    log, verdict = audit.log, audit.verdict
+    content: dict[str, Any] = {
+        "log": log.place,
+        "geometry": audit.geometry_name,
+        "pings": log.pings,
+        "beams": log.beams,
+        "duration_s": float(log.time_s.max()),
+        "pings_by_valid_beams": {
+            str(k): int(np.sum(log.valid.sum(axis=1) == k)) for k in range(log.beams, -1, -1)
+        },
+        "full_pings_used": int(verdict.full.sum()),
+        "unchanged_pings": int(audit.unchanged.sum()),
+        "findings": [_plain(vars(one)) for one in audit.findings],
+        "converted": _plain(log.beside),
+        "matrix": None,
+        "match": None,
+        "closure": [_closure_numbers(one) for one in verdict.closures],
+        "closure_slope": None,
+        "depth_rate": None if audit.depth is None else _plain(vars(audit.depth)),
+        "mounting": None if audit.mounting is None else _plain(vars(audit.mounting)),
+    }  # fmt: skip
+    if verdict.matrix is not None:
+        m = verdict.matrix
+        content["matrix"] = _plain({name: getattr(m, name) for name in _OF_MATRIX})
+    if verdict.match is not None:
+        one = verdict.match
+        content["match"] = _plain(
+            {"beam": one.beam + 1, "sign": one.sign, "off_rad": one.off_rad, "turn_rad": one.turn.as_rotvec()}
+        )
+    if verdict.slope is not None:
+        content["closure_slope"] = _plain(vars(verdict.slope) | {"p_value": verdict.slope.p_value})
+    return content
+
+
+def _plain(value: object) -> Any:  # noqa: ANN401 - what JSON holds is any of six types
+    """Arrays and numpy numbers to lists and numbers; NaN to None."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if hasattr(value, "__dataclass_fields__"):
+        return _plain(vars(value))
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,1 @@
+"""The command `bottomlock`: one module a command family, imported when the command is called."""

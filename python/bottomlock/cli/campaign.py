@@ -1,0 +1,99 @@
+"""The commands `bottomlock run` and `bottomlock merge`."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from bottomlock.campaign import run as campaign
+from bottomlock.campaign.engine import ENGINES, check_engine
+from bottomlock.campaign.merge import merge_shards
+from bottomlock.campaign.partition import Shard
+from bottomlock.cli.campaign_output import conclude, flying
+from bottomlock.cli.console import console, interrupted
+from bottomlock.config.scenario import load_scenario
+from bottomlock.errors import ScenarioError
+from bottomlock.simulation.build import make_world
+
+
+def _split(arms: str | None) -> list[str] | None:
+    return None if arms is None else [arm.strip() for arm in arms.split(",") if arm.strip()]
+
+
+def run(
+    *scenario: str,
+    out: Annotated[
+        Path, Parameter(help="Directory for the results: new, or of the same campaign to resume.")
+    ],
+    runs: Annotated[int | None, Parameter(help="Number of runs; the scenario's own by default.")] = None,
+    seed: Annotated[int | None, Parameter(help="Seed; the scenario's own by default.")] = None,
+    threads: Annotated[int, Parameter(help="Threads; 0 for as many as there are cores.")] = 0,
+    arms: Annotated[
+        str | None, Parameter(help="Arms, separated by commas; the scenario's own by default.")
+    ] = None,
+    force: Annotated[
+        bool, Parameter(negative="", help="Start over in a directory of another campaign.")
+    ] = False,
+    shard: Annotated[
+        str | None,
+        Parameter(help="k/n: fly every n-th chunk from the k-th; `bottomlock merge` joins the shards."),
+    ] = None,
+    engine: Annotated[
+        str, Parameter(help=f"{' or '.join(ENGINES)}: this process, or the workers of a cluster.")
+    ] = "local",
+    scheduler: Annotated[
+        str | None, Parameter(help="Dask scheduler, tcp://host:port; without it, processes on this machine.")
+    ] = None,
+) -> None:
+    """Flies a Monte Carlo campaign and prints the table of RMS errors.
+
+    Parameters
+    ----------
+    scenario
+        Packaged names (see `bottomlock scenarios`) or TOML files, one or more.
+    """
+    if not scenario:
+        raise ScenarioError("no scenario is named; `bottomlock scenarios` lists those that ship")
+    if threads < 0:
+        raise ScenarioError(f"--threads is {threads}, expected 0 or more")
+    loaded = [
+        load_scenario(name).with_overrides(runs=runs, seed=seed, arms=_split(arms)) for name in scenario
+    ]
+    part = None if shard is None else Shard.parse(shard)
+    check_engine(engine, threads=threads, scheduler=scheduler)
+    for one in loaded:
+        make_world(one)  # a fault shows before a progress bar does
+    settings: Any = {"threads": threads, "engine": engine, "scheduler": scheduler, "force": force}
+    try:
+        with flying(campaign.runs_to_fly(loaded, part)) as tell:
+            if part is None:
+                results = campaign.run_campaign(loaded, out, tell=tell, **settings)
+            else:
+                manifest = campaign.run_shard(loaded, out, part, tell=tell, **settings)
+    except KeyboardInterrupt:
+        interrupted(out)
+    if part is None:
+        conclude(results, out)
+    else:
+        console.print(
+            f"shard {part} in {out}, {manifest['wall_time_s']:.1f} s; `bottomlock merge` joins all {part.n}"
+        )
+
+
+def merge(
+    out: Path,
+    *shards: Path,
+    force: Annotated[
+        bool, Parameter(negative="", help="Start over in a directory of another campaign.")
+    ] = False,
+) -> None:
+    """Joins the shards of a campaign: the tables are those of the campaign flown in one go.
+
+    Parameters
+    ----------
+    out
+        Directory for the results.
+    shards
+        Directories of all shards, in any order.
+    """
+    conclude(merge_shards(out, shards, force=force), out)

@@ -1,0 +1,116 @@
+"""What campaigns show in a terminal: a progress bar, then tables of RMS errors."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from rich import box
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+from rich.text import Text
+
+from bottomlock.campaign.aggregate import Results
+from bottomlock.campaign.run import Progress as CampaignProgress
+from bottomlock.cli.console import console, errors
+from bottomlock.statistics.campaign import summary_table
+
+
+class _Rate(ProgressColumn):
+    """Runs per second."""
+
+    def render(self, task: Task) -> Text:
+        return Text(f"{task.speed:.1f} runs/s" if task.speed else "- runs/s")
+
+
+def _number(value: float | None, digits: int) -> str:
+    if value is None or not np.isfinite(value):
+        return "-"
+    return f"{value:.{digits}f}" if abs(value) < 1e4 else f"{value:.1e}"
+
+
+def summary(results: Results) -> list[Table]:
+    """A table per trajectory, narrow enough for 80 columns."""
+    table_of_all = summary_table(results.ensemble, results.runs)
+    tables = []
+    for (trajectory,), rows in table_of_all.group_by("trajectory", maintain_order=True):
+        table = Table(
+            title=f"{trajectory}: RMS over runs at the end",
+            title_justify="left",
+            box=box.SIMPLE_HEAD,
+            padding=(0, 1, 0, 0),
+        )
+        table.add_column("arm", no_wrap=True)
+        settings = results.manifest["scenarios"][trajectory]["configuration"]["trajectory"]
+        astray = settings["feedback"] == "estimate"
+        names = ["v m/s", "95 %", "att deg", "pos m", "NEES", "astray m" if astray else "NIS", "rej %"]
+        for name in names:
+            table.add_column(name, justify="right", no_wrap=True)
+        for row in rows.iter_rows(named=True):
+            low, high = _number(row["velocity_rms_lo_mps"], 3), _number(row["velocity_rms_hi_mps"], 3)
+            part = row["rejected_part"]
+            table.add_row(
+                row["arm"],
+                _number(row["velocity_rms_mps"], 3),
+                f"{low} .. {high}",
+                _number(row["attitude_rms_deg"], 3),
+                _number(row["position_rms_m"], 1),
+                _number(row["nees_mean"], 1),
+                _number(row["cross_track_rms_m"], 1) if astray else _number(row["nis_mean"], 2),
+                "-" if part is None or not np.isfinite(part) else f"{100.0 * part:.2f}",
+            )
+        tables.append(table)
+    return tables
+
+
+def conclude(results: Results, out: Path) -> None:
+    """The tables, and what they were made with."""
+    for table in summary(results):
+        console.print(table)
+    manifest = results.manifest
+    scenarios = manifest["scenarios"]
+    if any(one["configuration"]["trajectory"]["feedback"] == "estimate" for one in scenarios.values()):
+        console.print(
+            "The vehicle flew on its estimate; astray is its true cross-track error, rms over way and runs."
+        )
+    first = manifest["order"][0]
+    options = scenarios[first]["options"]
+    console.print(
+        f"NEES of an honest filter is {manifest['nees_degrees'][first]}, NIS the number of fused rows. "
+        f"n_f {options['virtual_beam_factor']:g}, ε {options['nullified_sway_var_m2ps2']:g} m²/s², "
+        f"gate {options['gate']}."
+    )
+    console.print(f"{manifest['wall_time_s']:.1f} s; tables in {out}")
+
+
+@contextmanager
+def flying(total: float) -> Iterator[Callable[[CampaignProgress], None]]:
+    """A bar over runs, with rate and time left; what it yields takes the progress of any number of trajectories."""
+    columns = (
+        TextColumn("{task.description:>12}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _Rate(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=errors, transient=False) as progress:
+        task = progress.add_task("flying", total=total)
+        done: dict[str, float] = {}
+
+        def tell(state: CampaignProgress) -> None:
+            done[state.trajectory] = state.runs_done
+            if state.found:
+                # What was there before says nothing of the rate: the clock starts now.
+                progress.reset(task, completed=int(sum(done.values())))
+            progress.update(task, completed=sum(done.values()), description=state.trajectory)
+
+        yield tell

@@ -1,0 +1,37 @@
+"""The command `bottomlock observe`: what can be estimated along a scenario, or in the 2015 paper's cases."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.console import Console
+
+from bottomlock.errors import ScenarioError
+from bottomlock.observability.console import screen
+from bottomlock.observability.report import observe_paper, observe_scenario
+
+console = Console(stderr=False)
+
+
+def observe(
+    case: str | None = None,
+    *,
+    out: Annotated[Path, Parameter(help="Directory for tables and figures.")],
+    paper: Annotated[
+        bool, Parameter(negative="", help="The six cases of Klein & Diamant 2015 instead of a scenario.")
+    ] = False,
+) -> None:
+    """Tells what can be estimated along a scenario's truth, for every mask of its beams, and by which manoeuvre.
+
+    Parameters
+    ----------
+    case
+        Packaged scenario (see `bottomlock scenarios`) or TOML file.
+    """
+    if paper == (case is not None):
+        raise ScenarioError("expected either a scenario or --paper")
+    made = observe_paper(out) if case is None else observe_scenario(case, out)
+    for part in screen(made):
+        console.print(part, highlight=False)
+    figures = "a figure" if len(made.figures) == 1 else f"{len(made.figures)} figures"
+    console.print(f"wrote tables and {figures} to {out}", soft_wrap=True)

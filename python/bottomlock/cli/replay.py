@@ -1,0 +1,199 @@
+"""The commands `bottomlock replay` and `bottomlock score`: recorded dives with all their beams and with fewer."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import polars as pl
+from cyclopts import Parameter
+from rich import box
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from bottomlock.atomic_write import write_parquet
+from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.io.beams import read_beams, read_geometry
+from bottomlock.replay.case import load_case
+from bottomlock.replay.leave_out import Walk, over_sets
+from bottomlock.replay.leave_out import leave_out as leave_beams_out
+from bottomlock.replay.report import make_replay_report
+from bottomlock.replay.run import Replayed, draws_of, prepare_folder, replay_case, write_replay
+from bottomlock.statistics.replay import summary_table
+
+console = Console(stderr=False)
+errors = Console(stderr=True, soft_wrap=True, highlight=False)
+EXIT_INTERRUPTED = 130
+
+
+def replay(
+    case: Path,
+    *,
+    out: Annotated[Path, Parameter(help="Directory for tables and report: new, or of the same case.")],
+    arms: Annotated[
+        str | None, Parameter(help="Arms, separated by commas; the case's own by default.")
+    ] = None,
+    runs: Annotated[
+        int | None, Parameter(help="Draws of noise and chance; the case's own by default.")
+    ] = None,
+    seed: Annotated[int | None, Parameter(help="Seed; the case's own by default.")] = None,
+    threads: Annotated[int, Parameter(help="Threads; 0 for as many as there are cores.")] = 0,
+    force: Annotated[
+        bool, Parameter(negative="", help="Start over in a directory of another replay.")
+    ] = False,
+) -> None:
+    """Navigates a recorded dive again: every arm, with the beams as recorded and with those of every question.
+
+    Parameters
+    ----------
+    case
+        TOML file that names the tables, their columns, units and clocks, the start, and the questions.
+    """
+    if threads < 0:
+        raise ScenarioError(f"--threads is {threads}, expected 0 or more")
+    loaded = load_case(case).with_overrides(
+        arms=None if arms is None else [arm.strip() for arm in arms.split(",") if arm.strip()],
+        runs=runs,
+        seed=seed,
+    )
+    prepare_folder(out, loaded.content_hash(), force=force)
+    flights = draws_of(loaded) * (1 + len(loaded.what_if))
+    columns = (
+        TextColumn("replaying"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    try:
+        with Progress(*columns, console=errors) as progress:
+            task = progress.add_task("", total=flights)
+            replayed = replay_case(
+                loaded, threads=threads, tell=lambda done: progress.update(task, completed=done)
+            )
+            write_replay(replayed, out)
+        page = make_replay_report(out)
+    except KeyboardInterrupt:
+        errors.print(f"interrupted; nothing was written to {out}")
+        sys.exit(EXIT_INTERRUPTED)
+    conclude(replayed)
+    console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {page}")
+
+
+def score(
+    log: Path,
+    *,
+    geometry: Annotated[str, Parameter(help="TOML file of the DVL, or a packaged name.")],
+    leave_out: Annotated[int, Parameter(help="How many beams are left out at a time.")] = 1,
+    out: Annotated[Path | None, Parameter(help="Parquet file for the scores of every set of beams.")] = None,
+    walk_mps_per_rt_s: Annotated[
+        float, Parameter(help="Random walk of the velocity, for methods with a prior.")
+    ] = 0.1,
+    closure_gate: Annotated[
+        float,
+        Parameter(
+            help="Pings whose closure strays by more of its robust sigmas are no reference; 0 for all."
+        ),
+    ] = 3.0,
+) -> None:
+    """Leaves beams out of recorded pings that have them all, and says how far off each method is without them.
+
+    Parameters
+    ----------
+    log
+        Beam table of `bottomlock convert`, or CSV or Parquet as the geometry file maps it.
+    """
+    if out is not None and out.suffix.lower() != ".parquet":
+        raise OutputError(f"{out}: expected a name that ends in .parquet")
+    if not (np.isfinite(walk_mps_per_rt_s) and walk_mps_per_rt_s > 0.0):
+        raise ScenarioError(f"--walk-mps-per-rt-s is {walk_mps_per_rt_s}, expected more than 0 m/s/√s")
+    if not closure_gate >= 0.0:
+        raise ScenarioError(f"--closure-gate is {closure_gate}, expected 0 or more")
+    instrument = read_geometry(geometry)
+    pings = read_beams(log, beams=instrument.geometry.beams, columns=instrument.columns)
+    scores = leave_beams_out(
+        instrument.geometry,
+        pings.time_ns,
+        pings.velocity_mps,
+        pings.valid,
+        instrument.beam_sd_mps,
+        beams=leave_out,
+        walk=Walk(walk_mps_rts=walk_mps_per_rt_s),
+        closure_gate=closure_gate or None,
+    )
+    if out is not None:
+        write_parquet(out, scores)
+    table = Table(
+        title=f"{log.name}: {leave_out} of {instrument.geometry.beams} beams left out of {scores['pings'][0]} pings",
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+    )
+    for name in ("method", "component"):
+        table.add_column(name, no_wrap=True)
+    for name in ("sets", "median m/s", "rms m/s", "p95 m/s", "claimed", "made/cl."):
+        table.add_column(name, justify="right", no_wrap=True)
+    for row in over_sets(scores).iter_rows(named=True):
+        numbers = (row[name] for name in ("median_mps", "rms_mps", "p95_mps", "claimed_mps", "ratio_robust"))
+        table.add_row(
+            row["method"],
+            row["component"],
+            f"{row['sets_solved']}/{row['sets']}",
+            *(_number(value) for value in numbers),
+        )
+    console.print(table)
+    console.print(
+        "Medians over the sets of beams that a method solves. surge, sway, heave: against least squares of all beams; "
+        "beam: against the reading of the beam left out. made/cl.: 1.4826 × median of error over claimed, honest is 1."
+    )
+    if out is not None:
+        console.print(f"wrote {out}")
+
+
+def _number(value: float | None, digits: int = 3) -> str:
+    if value is None or not np.isfinite(value):
+        return "-"
+    if value != 0.0 and not 1e-3 <= abs(value) < 1e5:
+        return f"{value:.1e}"
+    return f"{value:.{digits}g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def conclude(replayed: Replayed) -> None:
+    """What came out, a table per question, narrow enough for 80 columns; and what is not as it was measured."""
+    manifest = replayed.manifest
+    for name, clock in manifest["clocks"].items():
+        faults = {
+            key: clock[key]
+            for key in ("gaps", "jumps", "repeats", "backward", "empty")
+            if clock[key] != "none"
+        }
+        for kind, words in faults.items():
+            console.print(f"{name}: {kind} {words}", highlight=False)
+    summary = summary_table(replayed.runs)
+    label = ", semi-synthetic" if manifest["semi_synthetic"] else ""
+    for question, words in manifest["what_if"]:
+        table = Table(
+            title=f"{manifest['case']}, {question}{label}: {words}",
+            title_justify="left",
+            box=box.SIMPLE_HEAD,
+            padding=(0, 1, 0, 0),
+        )
+        for name in ("arm", "pass"):
+            table.add_column(name, no_wrap=True)
+        against = ["end m", "% way", "v m/s", "att deg"] if manifest["has_reference"] else []
+        for name in [*against, "NIS", "of", "fixes", "rej %"]:
+            table.add_column(name, justify="right", no_wrap=True)
+        for row in summary.filter(pl.col("what_if") == question).iter_rows(named=True):
+            numbers = ["position_final_m", "position_final_percent", "velocity_rms_mps", "attitude_rms_deg"]
+            shown = [_number(row[name]) for name in numbers] if manifest["has_reference"] else []
+            part = row["rejected_part"]
+            table.add_row(
+                row["arm"], row["pass"], *shown, _number(row["nis_mean"]), _number(row["nis_degrees_mean"]),
+                str(row["fixes"]), "-" if not row["fixes"] else f"{100.0 * part:.1f}",
+            )  # fmt: skip
+        console.print(table)
+    if manifest["semi_synthetic"]:
+        console.print(f"Semi-synthetic: {'; '.join(manifest['semi_synthetic'])}.")
+    if manifest["reference_note"]:
+        console.print(f"About the reference: {manifest['reference_note']}")

@@ -1,0 +1,87 @@
+"""The command `bottomlock fly`: truth, telemetry and sensor streams of a scenario."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import polars as pl
+from cyclopts import Parameter
+
+from bottomlock.atomic_write import write_parquet
+from bottomlock.cli.console import console
+from bottomlock.config.scenario import load_scenario
+from bottomlock.errors import ScenarioError
+from bottomlock.figures.flight import flight_figure, save_figure
+from bottomlock.plant import telemetry
+from bottomlock.simulation.build import World, make_world, trajectory_key
+from bottomlock.simulation.measurement_schedule import met
+from bottomlock.simulation.sensor_streams import sensor_streams
+from bottomlock.truth.trajectory import Truth
+
+
+def fly(
+    *scenario: str,
+    out: Annotated[Path, Parameter(help="Directory for tables and figures.")],
+    vehicle: Annotated[
+        str | None, Parameter(help="Packaged vehicle or TOML file; the scenario's own by default.")
+    ] = None,
+    sensors: Annotated[
+        int | None, Parameter(help="Write what the sensors of this run read, a table per sensor.")
+    ] = None,
+) -> None:
+    """Swims scenarios with the vehicle: truth and telemetry to Parquet, one figure per trajectory.
+
+    Parameters
+    ----------
+    scenario
+        Packaged names or TOML files, one or more.
+    """
+    if not scenario:
+        raise ScenarioError("no scenario is named; `bottomlock scenarios` lists those that ship")
+    if sensors is not None and sensors < 0:
+        raise ScenarioError(f"--sensors is {sensors}, expected the number of a run, 0 or more")
+    for name in scenario:
+        loaded = load_scenario(name)
+        change = {"source": "vehicle"} | ({} if vehicle is None else {"vehicle": vehicle})
+        loaded = loaded.with_trajectory(**change)
+        world = make_world(loaded)
+        flight = world.flight()
+        frame, beams = telemetry(flight), _beams(world, flight.truth)
+        write_parquet(out / f"{loaded.name}_truth.parquet", pl.DataFrame(_wide(flight.truth)))
+        write_parquet(out / f"{loaded.name}_telemetry.parquet", frame)
+        write_parquet(out / f"{loaded.name}_beams.parquet", beams)
+        save_figure(flight_figure(frame, beams), out / f"{loaded.name}.png")
+        if sensors is not None:
+            for sensor, readings in sensor_streams(world, flight.truth, run=sensors).items():
+                write_parquet(out / f"{loaded.name}_run{sensors}_{sensor}.parquet", readings)
+        legs = frame.filter("leg") if frame["leg"].any() else frame
+        astray = float(np.sqrt(np.mean(legs["cross_track_m"].to_numpy() ** 2)))
+        speed, sway = (frame[f"{part}_mps"].to_numpy() for part in ("speed", "sway"))
+        console.print(
+            f"{loaded.name}: {speed.mean():.3f} m/s, cross-track {astray:.2f} m rms, "
+            f"greatest sway {np.abs(sway).max():.3f} m/s"
+        )
+    console.print(f"tables and figures in {out}")
+
+
+def _beams(world: World, truth: Truth) -> pl.DataFrame:
+    """Which beams return in the first run and, over a seabed, from how far (m) and how obliquely (rad)."""
+    plan, hits = met(world, truth, trajectory_key=trajectory_key(world.scenario.name))
+    valid = plan["beam_valid"].reshape(-1, world.geometry.beams)
+    columns = {"time_ns": plan["dvl_time_ns"]}
+    for k in range(world.geometry.beams):
+        columns[f"beam{k + 1}_valid"] = valid[:, k]
+        if hits is not None:
+            columns[f"beam{k + 1}_range_m"] = hits.range_m[:, k]
+            columns[f"beam{k + 1}_incidence_rad"] = hits.incidence_rad[:, k]
+    return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
+
+
+def _wide(truth: Truth) -> dict[str, np.ndarray[Any, Any]]:
+    """A truth as columns: one per component."""
+    columns: dict[str, np.ndarray[Any, Any]] = {"time_ns": truth.time_ns}
+    for name, values in truth.kernel_arrays().items():
+        if name != "time_ns":
+            axes = "wxyz" if values.shape[1] == 4 else "xyz"
+            columns |= {f"{name}_{axis}": values[:, k] for k, axis in enumerate(axes)}
+    return columns

@@ -1,0 +1,1 @@
+"""Scenario files: sections, validation, and what the package ships (scenarios, vehicles, geometries)."""

@@ -1,0 +1,260 @@
+"""Scenarios: TOML in human units to a frozen, validated `Scenario` with views in SI."""
+
+import difflib
+import hashlib
+import json
+import tomllib
+from collections.abc import Iterable
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from bottomlock import units
+from bottomlock.config.scenario_sections import (
+    Campaign,
+    Depth,
+    Dvl,
+    Environment,
+    Filter,
+    Gps,
+    Imu,
+    Initial,
+    Magnetometer,
+    Section,
+    Trajectory,
+)
+from bottomlock.config.validation import explain
+from bottomlock.errors import OutputError, ScenarioError
+
+EARTH_RATE_RADPS = 7.292115e-5
+
+
+class Scenario(Section):
+    """A whole scenario.
+
+    Examples:
+        >>> scenario = load_scenario("straight")
+        >>> scenario.dvl.beams_lost
+        (3, 4)
+        >>> round(scenario.kernel_model(9.8)["initial"]["attitude_sd_rad"][2], 3)
+        0.02
+    """
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
+    description: str = ""
+    trajectory: Trajectory
+    mission: dict[str, Any] = Field(default_factory=dict)
+    environment: Environment = Environment()
+    seabed: dict[str, Any] = Field(default_factory=dict)
+    imu: Imu
+    dvl: Dvl
+    depth: Depth = Depth(enabled=False)
+    magnetometer: Magnetometer = Magnetometer(enabled=False)
+    gps: Gps = Gps(enabled=False)
+    initial: Initial = Initial()
+    filter: Filter = Filter()
+    campaign: Campaign = Campaign()
+
+    @model_validator(mode="after")
+    def _parts_agree(self) -> Self:
+        if self.mission and self.trajectory.source == "analytic":
+            raise ValueError('[mission] is given, but an analytic truth flies none: source = "vehicle" does')
+        limits = {
+            "min_range_m",
+            "max_range_m",
+            "max_incidence_deg",
+            "range_noise_m",
+        } & self.dvl.model_fields_set
+        if limits and not self.seabed:
+            raise ValueError(f"dvl.{min(limits)} is given, but there is no [seabed] to range to")
+        if self.trajectory.pilot not in {"own", *self.campaign.arms}:
+            raise ValueError(
+                f"trajectory.pilot is '{self.trajectory.pilot}', expected \"own\" or one of the campaign's arms"
+            )
+        return self
+
+    def content_hash(self) -> str:
+        """SHA-256 of everything that decides the numbers (not the number of runs, the arms or the words)."""
+        content = self.model_dump(mode="json", exclude={"description": True, "campaign": {"runs", "arms"}})
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    def with_overrides(
+        self, *, runs: int | None = None, seed: int | None = None, arms: Iterable[str] | None = None
+    ) -> Self:
+        """The same scenario with another number of runs, seed or arms.
+
+        Raises:
+            ScenarioError: for a number out of range or an unknown or repeated arm.
+        """
+        change: dict[str, Any] = {"runs": runs, "seed": seed, "arms": None if arms is None else tuple(arms)}
+        content = self.campaign.model_dump() | {
+            key: value for key, value in change.items() if value is not None
+        }
+        try:
+            return self.model_copy(update={"campaign": Campaign.model_validate(content)})
+        except ValidationError as error:
+            raise ScenarioError(explain(error, f"scenario {self.name}: campaign", Campaign)) from error
+
+    def with_trajectory(self, **change: Any) -> Self:  # noqa: ANN401 - any key of the section
+        """The same scenario with other keys under `[trajectory]`; another source drops what only the old one knew.
+
+        Raises:
+            ScenarioError: for what `[trajectory]` refuses.
+        """
+        kept = {key: getattr(self.trajectory, key) for key in self.trajectory.model_fields_set}
+        moved = change.get("source", self.trajectory.source) != self.trajectory.source
+        if moved:
+            kept = {key: kept[key] for key in kept if key in {"kind", "duration_s", "speed_mps"}}
+        try:
+            trajectory = Trajectory.model_validate(kept | change)
+        except ValidationError as error:
+            raise ScenarioError(explain(error, f"scenario {self.name}: trajectory", Trajectory)) from error
+        return self.model_copy(update={"trajectory": trajectory} | ({"mission": {}} if moved else {}))
+
+    def kernel_model(self, gravity_mps2: float) -> dict[str, Any]:
+        """Environment and sensor errors in SI, as the kernel wants them."""
+        imu, dvl, initial = self.imu, self.dvl, self.initial
+        roll, pitch, yaw = initial.roll_deg, initial.pitch_deg, initial.yaw_deg
+        return {
+            "environment": {
+                "latitude_rad": units.rad_from_deg(self.environment.latitude_deg),
+                "gravity_mps2": gravity_mps2,
+                "earth_rate_radps": EARTH_RATE_RADPS if self.environment.earth_rotation else 0.0,
+            },
+            "imu": {
+                "accel_noise_mps_rts": units.per_rt_s_from_per_rt_h(imu.accel_noise_mps_per_rt_h),
+                "gyro_noise_rad_rts": units.rad_from_deg(
+                    units.per_rt_s_from_per_rt_h(imu.gyro_noise_deg_per_rt_h)
+                ),
+                "accel_bias_sd_mps2": units.mps2_from_mg(imu.accel_bias_mg),
+                "gyro_bias_sd_radps": units.radps_from_deg_per_h(imu.gyro_bias_deg_per_h),
+                "accel_bias_walk_mps2_rts": imu.accel_bias_walk_mps2_per_rt_s,
+                "gyro_bias_walk_radps_rts": units.rad_from_deg(imu.gyro_bias_walk_deg_per_s_per_rt_s),
+            },
+            "dvl": {
+                "beam_noise_sd_mps": dvl.beam_noise_mps,
+                "beam_bias_sd_mps": dvl.beam_bias_mps,
+                "beam_bias_walk_mps_rts": dvl.beam_bias_walk_mps_per_rt_s,
+                "scale_factor_sd": units.fraction_from_percent(dvl.scale_factor_percent),
+                "scale_factor_walk_rts": units.fraction_from_percent(dvl.scale_factor_walk_percent_per_rt_s),
+            },
+            "initial": {
+                "position_sd_m": list(initial.position_m),
+                "attitude_sd_rad": [units.rad_from_deg(angle) for angle in (roll, pitch, yaw)],
+                "velocity_sd_mps": list(initial.velocity_mps),
+            },
+            "depth": {"sd_m": self.depth.noise_pa / (self.depth.water_density_kg_per_m3 * gravity_mps2)},
+            "magnetometer": {
+                "yaw_sd_rad": units.rad_from_deg(self.magnetometer.yaw_noise_deg),
+                "roll_pitch_sd_rad": units.rad_from_deg(self.magnetometer.roll_pitch_noise_deg),
+            },
+            "gps": {
+                "position_sd_m": list(self.gps.position_noise_m),
+                "velocity_sd_mps": list(self.gps.velocity_noise_mps),
+            },
+        }
+
+    def kernel_options(self) -> dict[str, Any]:
+        """Filter options as the kernel wants them."""
+        rate_hz = self.filter.covariance_rate_hz
+        options = self.filter.model_dump(exclude={"covariance_rate_hz"})
+        return options | {
+            "covariance_period_ns": units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0,
+            "imu_sampling": self.imu.sampling,
+        }
+
+
+def packaged_scenarios() -> dict[str, str]:
+    """Names and descriptions of the scenarios that ship with the package.
+
+    >>> sorted(packaged_scenarios())
+    ['figure_eight', 'lawn_mower', 'slope', 'straight']
+    """
+    folder = resources.files("bottomlock.config") / "scenarios"
+    names = sorted(
+        entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")
+    )
+    return {name: load_scenario(name).description for name in names}
+
+
+def _packaged_text(name: str) -> str | None:
+    entry = resources.files("bottomlock.config") / "scenarios" / f"{name}.toml"
+    return entry.read_text(encoding="utf-8") if entry.is_file() else None
+
+
+def load_scenario(source: str | Path) -> Scenario:
+    """A scenario from a packaged name or a TOML file.
+
+    Raises:
+        ScenarioError: for a file that is not there or cannot be read, ill-formed TOML (with line and column),
+        a missing or
+            unknown key, or a value out of range; one line per fault.
+    """
+    path = Path(source)
+    packaged = _packaged_text(str(source)) if path.suffix != ".toml" else None
+    if packaged is not None:
+        return parse_scenario(packaged, place=f"scenario {source}")
+    if not path.is_file():
+        names = sorted(
+            entry.name.removesuffix(".toml")
+            for entry in (resources.files("bottomlock.config") / "scenarios").iterdir()
+            if entry.name.endswith(".toml")
+        )
+        close = difflib.get_close_matches(str(source), names, n=1)
+        hint = f", did you mean '{close[0]}'?" if close else f" (packaged: {', '.join(names)})"
+        raise ScenarioError(f"scenario '{source}' is neither a file nor a packaged scenario{hint}")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"{path}: cannot be read as text ({error})") from error
+    return parse_scenario(text, place=str(path), folder=path.parent)
+
+
+_FILES = (("seabed", "path"), ("dvl", "replay_validity"), ("trajectory", "vehicle"))
+"""Keys that may name a file; a relative one is meant from the scenario's own folder."""
+
+
+def parse_scenario(text: str, *, place: str, folder: Path | None = None) -> Scenario:
+    """A scenario from TOML text; `place` names it in errors, files that it names are looked for from `folder`.
+
+    Raises:
+        ScenarioError: as `load_scenario`.
+    """
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"{place}: not valid TOML: {error}") from error
+    if "dvl" not in content:
+        raise ScenarioError(f"{place}: there is no [dvl] section; a scenario needs one to aid the INS with")
+    for section, key in _FILES:
+        named = content.get(section, {}).get(key) if isinstance(content.get(section), dict) else None
+        if folder is not None and isinstance(named, str) and Path(named).suffix:
+            content[section][key] = str(folder / named)
+    try:
+        return Scenario.model_validate(content)
+    except ValidationError as error:
+        raise ScenarioError(explain(error, place, Scenario)) from error
+
+
+def copy_scenario(name: str, destination: Path) -> Path:
+    """Writes a packaged scenario out to edit; an existing file stays as it is.
+
+    Raises:
+        ScenarioError: for a name that is not packaged.
+        OutputError: where the destination exists or cannot be written.
+    """
+    text = _packaged_text(name)
+    if text is None:
+        raise ScenarioError(
+            f"no packaged scenario is called '{name}' (packaged: {', '.join(packaged_scenarios())})"
+        )
+    try:
+        with destination.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError as error:
+        raise OutputError(f"{destination}: exists already, nothing was overwritten") from error
+    except OSError as error:
+        raise OutputError(f"{destination}: cannot be written ({error.strerror})") from error
+    return destination

@@ -1,0 +1,135 @@
+"""Figures against time, one axes each: RMS error with its interval, and NEES with its band."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+import polars as pl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from bottomlock.figures.labels import Line, coincident, label_ends
+from bottomlock.figures.palette import FAINT, INK, STYLE, draw_order, new_figure, stroke
+from bottomlock.tables.results import Array
+
+LOG_SPREAD = 12.0
+"""Above this ratio between the largest and the smallest value a linear axis would hide the small ones."""
+
+_COLUMNS = {
+    "velocity": ("velocity_rms_mps", "velocity_rms_lo_mps", "velocity_rms_hi_mps"),
+    "attitude": ("attitude_rms_deg", "attitude_rms_lo_deg", "attitude_rms_hi_deg"),
+}
+_AXIS = {"velocity": "velocity error, m/s RMS", "attitude": "misalignment, degrees RMS"}
+
+
+def rms_figure(
+    ensemble: pl.DataFrame,
+    trajectory: str,
+    quantity: str,
+    printed: Sequence[tuple[str, float, float]] = (),
+) -> Figure:
+    """RMS over runs of all arms against time, 95 % bootstrap intervals shaded.
+
+    Args:
+        ensemble: `schema.ENSEMBLE`.
+        trajectory: one of its trajectories.
+        quantity: "velocity" or "attitude".
+        printed: arm, time in s and value of what a paper prints; drawn as hollow diamonds.
+    """
+    columns = _COLUMNS[quantity]
+    rows = ensemble.filter(pl.col("trajectory") == trajectory)
+    middle, low, high = (_by_arm(rows, column) for column in columns)
+    time_s = rows.filter(pl.col("arm") == rows["arm"][0])["time_s"].to_numpy()
+    with mpl.rc_context(STYLE):
+        figure, axes = _axes(_AXIS[quantity], time_s)
+        lines = []
+        _scale(axes, np.array([*low.values(), *high.values()]), [value for _, _, value in printed])
+        # Bands that lie on one another must not add up to a wall.
+        alpha = 0.14 if axes.get_yscale() == "log" else 0.06
+        for arms in coincident({arm: middle[arm] for arm in draw_order(list(middle))}):
+            axes.fill_between(
+                time_s, low[arms[0]], high[arms[0]], color=stroke(arms[0]).colour, alpha=alpha, linewidth=0.0
+            )
+            lines.append(Line(arms, time_s, middle[arms[0]]))
+        _draw(axes, lines)
+        for arm, at_s, value in printed:
+            axes.plot(
+                at_s, value, marker="D", markersize=5.5, markerfacecolor="none", markeredgewidth=1.3,
+                color=stroke(arm).colour, clip_on=False, zorder=4,
+            )  # fmt: skip
+        label_ends(axes, lines)
+    return figure
+
+
+def nees_figure(ensemble: pl.DataFrame, consistency: pl.DataFrame, trajectory: str) -> Figure:
+    """Mean NEES of the whole state against time, with the 95 % chi-squared band of an honest filter."""
+    rows = ensemble.filter(pl.col("trajectory") == trajectory)
+    band = consistency.filter((pl.col("trajectory") == trajectory) & (pl.col("quantity") == "nees"))
+    nees = _by_arm(rows, "nees")
+    time_s = rows.filter(pl.col("arm") == rows["arm"][0])["time_s"].to_numpy()
+    with mpl.rc_context(STYLE):
+        figure, axes = _axes("mean NEES of the whole state", time_s)
+        axes.axhspan(band["band_lo"][0], band["band_hi"][0], color=FAINT, alpha=0.35, linewidth=0.0)
+        lines = [
+            Line(arms, time_s, nees[arms[0]])
+            for arms in coincident({arm: nees[arm] for arm in draw_order(list(nees))})
+        ]
+        _draw(axes, lines)
+        _scale(axes, np.array(list(nees.values())), [float(band["band_lo"][0]), float(band["band_hi"][0])])
+        axes.text(
+            0.0, 1.02, f"grey: an honest filter, 95 % ({band['degrees'][0]} states, {band['runs'][0]} runs)",
+            transform=axes.transAxes, fontsize=8.5, color=INK, va="bottom",
+        )  # fmt: skip
+        label_ends(axes, lines)
+    return figure
+
+
+def _by_arm(rows: pl.DataFrame, column: str) -> dict[str, Array]:
+    return {
+        str(arm): part.sort("time_s")[column].to_numpy()
+        for (arm,), part in rows.group_by("arm", maintain_order=True)
+    }
+
+
+def _axes(label: str, time_s: Array) -> tuple[Figure, Axes]:
+    figure = new_figure()
+    axes = figure.add_axes((0.115, 0.12, 0.645, 0.785))
+    axes.set_xlim(0.0, float(time_s[-1]))
+    axes.set_xlabel("time, s")
+    axes.set_title(label, loc="left", pad=16.0 if "NEES" in label else 6.0)
+    return figure, axes
+
+
+def _draw(axes: Axes, lines: list[Line]) -> None:
+    """All arms of a line, the later ones dashed on top of the first."""
+    for line in lines:
+        for arm in line.arms:
+            look = stroke(arm)
+            axes.plot(line.x, line.y, color=look.colour, linestyle=look.dash, linewidth=1.5)
+
+
+def _scale(axes: Axes, curves: Array, marks: Sequence[float]) -> None:
+    """Limits with a little air; a logarithmic axis where the spread asks for it."""
+    values = np.append(curves.ravel(), marks)
+    finite = values[np.isfinite(values) & (values > 0.0)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.5, 1.0)
+    if high > LOG_SPREAD * low:
+        axes.set_yscale("log")
+        axes.set_ylim(low / 1.25, high * 1.25)
+        axes.yaxis.set_major_locator(LogLocator(numticks=12))
+        axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.grid(visible=True, which="minor", axis="y", alpha=0.10)
+    else:
+        air = 0.05 * (high - low) or 0.05 * high
+        axes.set_ylim(max(0.0, low - air), high + air)
+
+
+def plain_number(value: float, _: int) -> str:
+    """Powers of ten that a person reads at once: 0.01, 100, 10⁵.
+
+    >>> [plain_number(10.0**k, 0) for k in (-2, 0, 3, 6)]
+    ['0.01', '1', '1000', '$10^{6}$']
+    """
+    return f"{value:g}" if 1e-3 <= value <= 1e4 else f"$10^{{{round(np.log10(value))}}}$"

@@ -1,0 +1,108 @@
+"""Names at the ends of lines, nudged apart until none lies on another."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from bottomlock.figures.palette import stroke
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of a figure, drawn for all the arms that fall together on it."""
+
+    arms: tuple[str, ...]
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+
+
+def coincident(lines: dict[str, NDArray[np.float64]], tolerance: float = 1e-4) -> list[tuple[str, ...]]:
+    """Arms grouped where their lines agree to one part in ten thousand: these get one name together.
+
+    >>> one = np.ones(3)
+    >>> coincident({"tc": one, "info": one * (1 + 1e-9), "lc": 2 * one})
+    [('tc', 'info'), ('lc',)]
+    """
+    groups: list[list[str]] = []
+    for arm, line in lines.items():
+        for group in groups:
+            if np.allclose(line, lines[group[0]], rtol=tolerance, atol=0.0, equal_nan=True):
+                group.append(arm)
+                break
+        else:
+            groups.append([arm])
+    return [tuple(group) for group in groups]
+
+
+def spread(wanted: Sequence[float], heights: Sequence[float], low: float, high: float) -> list[float]:
+    """Places near the wanted ones, in their order, so that things of these heights centred there do not overlap.
+
+    The least-squares nearest places: neighbours that collide move as one block. Where the room is too small, all
+    shrink alike.
+
+    >>> [round(place, 2) for place in spread([0.5, 0.5, 0.9], [0.1, 0.1, 0.1], 0.0, 1.0)]
+    [0.45, 0.55, 0.9]
+    """
+    order = sorted(range(len(wanted)), key=lambda k: (wanted[k], k))
+    sizes = np.array([heights[k] for k in order]) * min(1.0, (high - low) / max(sum(heights), 1e-9))
+    offsets = np.cumsum(sizes) - 0.5 * sizes
+    # Less the room of those below, the places only have to rise: pool what does not.
+    blocks: list[tuple[float, int]] = []
+    for rank, k in enumerate(order):
+        mean, size = wanted[k] - offsets[rank], 1
+        while blocks and blocks[-1][0] > mean:
+            before, length = blocks.pop()
+            mean, size = (before * length + mean * size) / (length + size), length + size
+        blocks.append((mean, size))
+    rising = [mean for mean, size in blocks for _ in range(size)]
+    places = [0.0] * len(wanted)
+    for rank, k in enumerate(order):
+        places[k] = float(np.clip(rising[rank], low, high - sizes.sum()) + offsets[rank])
+    return places
+
+
+def label_ends(axes: Axes, lines: Sequence[Line], *, size: float = 9.0) -> None:
+    """Writes each line's arms in the right margin, joined to the line's last point.
+
+    Limits, scale and position of the axes must be final.
+    """
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    row = 1.25 * size / (axes.get_position().height * figure.get_figheight() * 72.0)
+    to_axes = axes.transData + axes.transAxes.inverted()
+    ends = [np.clip(to_axes.transform((line.x[-1], line.y[-1])), 0.0, 1.0) for line in lines]
+    names = [wrapped(line.arms) for line in lines]
+    heights = [row * (1 + name.count("\n")) for name in names]
+    places = spread([float(end[1]) for end in ends], heights, -0.05, 1.05)
+    for line, name, (across, up), place in zip(lines, names, ends, places, strict=True):
+        colour = stroke(line.arms[0]).colour
+        at_edge = across > 0.99
+        leader = ([1.005, 1.02, 1.035, 1.045], [up, up, place, place])
+        axes.plot(
+            *(leader if at_edge else ([across, 1.02, 1.045], [up, place, place])),
+            transform=axes.transAxes, color=colour, linewidth=0.7, alpha=1.0 if at_edge else 0.8, clip_on=False,
+        )  # fmt: skip
+        axes.text(
+            1.052, place, name, transform=axes.transAxes, color=colour, fontsize=size,
+            va="center", ha="left", linespacing=1.1, clip_on=False,
+        )  # fmt: skip
+
+
+def wrapped(arms: Sequence[str], width: int = 14) -> str:
+    r"""The arms of one line as a name, broken where it would leave the figure.
+
+    >>> wrapped(["tc", "info"])
+    'tc = info'
+    >>> wrapped(["tc", "vb_exact", "info", "consistent"])
+    'tc = vb_exact\n= info\n= consistent'
+    """
+    rows = [arms[0]]
+    for arm in arms[1:]:
+        if len(rows[-1]) + 3 + len(arm) <= width:
+            rows[-1] += f" = {arm}"
+        else:
+            rows.append(f"= {arm}")
+    return "\n".join(rows)

@@ -1,0 +1,62 @@
+"""The trajectories as they were flown: plan view and depth, beside one another."""
+
+import matplotlib as mpl
+import numpy as np
+import polars as pl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from bottomlock.figures.palette import ARMS, FAINT, INK, STYLE
+
+_PATH, _START, _END = ARMS["tc"].colour, ARMS["nsv"].colour, ARMS["vb"].colour
+
+
+def paths_figure(paths: pl.DataFrame, trajectories: list[str]) -> Figure:
+    """Plan view above depth for each trajectory.
+
+    Args:
+        paths: `schema.PATHS`.
+        trajectories: which of them, in this order.
+    """
+    with mpl.rc_context(STYLE):
+        columns = len(trajectories)
+        figure = Figure(figsize=(2.9 * columns + 0.3, 4.6), layout="constrained")
+        grid = figure.add_gridspec(2, columns, height_ratios=[2.6, 1.0])
+        deepest = max(float(paths["depth_m"].max()), 1.0)  # type: ignore[arg-type]
+        shallowest = min(float(paths["depth_m"].min()), 0.0)  # type: ignore[arg-type]
+        for column, name in enumerate(trajectories):
+            path = _thinned(paths.filter(pl.col("trajectory") == name).sort("time_ns"))
+            plan, depth = figure.add_subplot(grid[0, column]), figure.add_subplot(grid[1, column])
+            plan.set_title(name.replace("_", " "), loc="left")
+            _plan(plan, path)
+            depth.plot(path["time_ns"].to_numpy() * 1e-9, path["depth_m"], color=_PATH, linewidth=1.5)
+            depth.set_ylim(deepest * 1.08, shallowest - 0.08 * deepest)
+            depth.set_xlabel("time, s")
+            if column == 0:
+                plan.set_ylabel("north, m")
+                depth.set_ylabel("depth, m")
+    return figure
+
+
+def _thinned(path: pl.DataFrame, points: int = 1000) -> pl.DataFrame:
+    """No more points than the eye can use, the last one among them."""
+    step = max(1, -(-path.height // points))
+    return pl.concat([path.gather_every(step), path.tail(1)]).unique("time_ns", maintain_order=True)
+
+
+def _plan(axes: Axes, path: pl.DataFrame) -> None:
+    north, east = path["north_m"].to_numpy(), path["east_m"].to_numpy()
+    axes.plot(east, north, color=_PATH, linewidth=1.5)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.12)
+    closed = np.hypot(north[-1] - north[0], east[-1] - east[0]) < 0.1 * max(np.ptp(north), np.ptp(east))
+    names = ((0, "o", _START, "start, end" if closed else "start"), (-1, "s", _END, "" if closed else "end"))
+    for index, marker, colour, name in names:
+        size = 8.0 if closed and index == 0 else 5.5
+        axes.plot(east[index], north[index], marker, color=colour, markersize=size, clip_on=False, zorder=3)
+        axes.annotate(
+            name, (east[index], north[index]), xytext=(8, 0), textcoords="offset points", va="center",
+            color=INK, fontsize=9.0,
+        )  # fmt: skip
+    axes.set_xlabel("east, m")
+    axes.tick_params(color=FAINT)

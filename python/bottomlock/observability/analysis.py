@@ -1,0 +1,349 @@
+"""What can be estimated from a motion with given beams and sensors: rank, hidden directions, predicted deviations.
+
+The stacked rows H(t_k) Phi(t_k, t_0) over the window of a truth are judged by their singular values (Klein & Diamant
+2015, Eqs 1-3); the covariance analysis beside it is what the filter itself would claim.
+
+Examples:
+    Level flight on one heading leaves tilt and accelerometer bias mixed, and heading unknown; beams 1 and 2 alone
+    leave the sway in the dark as well:
+
+    >>> from bottomlock.truth.manoeuvres import MANOEUVRES, fly
+    >>> from bottomlock.kernel import BeamGeometry
+    >>> truth, janus = fly(MANOEUVRES["straight"], rate_hz=50.0), BeamGeometry.janus(0.35)
+    >>> whole, half = observe(
+    ...     truth, janus, [Aiding(beams=(1, 2, 3, 4)), Aiding(beams=(1, 2))], kind="inertial", earth_rate_radps=0.0
+    ... )
+    >>> whole.rank, half.rank
+    (8, 6)
+    >>> whole.unobservable[3]
+    'tilt north + g·accel bias y'
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bottomlock import kernel
+from bottomlock.errors import DataError
+from bottomlock.observability.schedule import SENSORS, Schedule
+from bottomlock.truth.trajectory import Array, Truth
+from bottomlock.units import ns_from_s
+
+Kind = Literal["full", "inertial", "paper", "paper_printed"]
+"""The filter's 20 states, its first 15, or the 2015 model with the consistent or the printed sign of H."""
+
+LEAST_GAP = 1e3
+"""A rank is claimed only with this ratio between the singular values that are kept and those that are dropped."""
+
+
+@dataclass(frozen=True)
+class Aiding:
+    """What aids the inertial navigation; beams are numbered from 1, lever arms lie in the platform frame (m).
+
+    Examples:
+        >>> Aiding(beams=(1, 2), depth=True).name
+        'beams 12 + depth'
+    """
+
+    beams: tuple[int, ...] = ()
+    velocity: bool = False
+    depth: bool = False
+    attitude: bool = False
+    heading: bool = False
+    gps_position: bool = False
+    gps_velocity: bool = False
+    depth_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gps_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def mask(self) -> str:
+        """The beams as a word: "12" for beams 1 and 2, "-" for none."""
+        return "".join(str(beam) for beam in self.beams) or "-"
+
+    @property
+    def name(self) -> str:
+        """The sensors in words."""
+        others = [name for name in SENSORS if getattr(self, name)]
+        words = [f"beams {self.mask}"] if self.beams else []
+        return " + ".join(words + [other.replace("_", " ") for other in others]) or "nothing"
+
+    def kernel_dict(self, beams: int) -> dict[str, Any]:
+        """As the kernel wants it, for an instrument of `beams` beams.
+
+        Raises:
+            DataError: for a beam that the instrument lacks or one that is named twice.
+        """
+        for beam in self.beams:
+            if not 1 <= beam <= beams:
+                raise DataError(f"aiding: there is no beam {beam}, expected 1 to {beams}")
+        if len(set(self.beams)) != len(self.beams):
+            raise DataError(f"aiding: a beam is named twice in {self.beams}")
+        flags = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "beams"}
+        return flags | {"beams": np.isin(np.arange(beams) + 1, self.beams)}
+
+    @classmethod
+    def heard(cls, schedule: Schedule) -> "Aiding":
+        """Every beam and sensor that is heard at least once."""
+        beams = tuple(int(beam) + 1 for beam in np.flatnonzero(schedule.beams.any(axis=0)))
+        flags: dict[str, Any] = {name: bool(schedule.others[name].any()) for name in SENSORS}
+        return cls(beams=beams, **flags)
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """The verdict on a window.
+
+    Attributes:
+        states: names of the n states.
+        rank: number of singular values above the noise floor.
+        decided: true where the gap is at least `LEAST_GAP` and at least `widest_step`, and no dropped value stands out
+            of rounding.
+        gap: smallest kept over largest dropped singular value (or the noise floor).
+        widest_step: largest ratio between neighbours among the kept ones.
+        singular_values: (n,) of the stack with rows and columns scaled, falling.
+        noise_floor: what rounding and quadrature can make of a zero.
+        basis: (n - rank, n) unobservable directions in SI, reduced row echelon form.
+        pivots: (n - rank,) the state with coefficient 1 in each direction.
+        hidden: (n,) part of each scaled state that is unobservable: 0 for a state that is observable by itself.
+        scales: (n,) scale of each state.
+        gramian: (n, n) Eq. 1 of Klein & Diamant 2015, SI, by the trapezoidal rule.
+        rows: (m, n) the stack in SI.
+        time_ns: (e,) epochs.
+        rank_history, gap_history, decided_history: (e,) of the window that ends at each epoch; rank -1 at the first;
+            None unless asked for.
+        gravity_mps2: gravity, which names the coefficients.
+    """
+
+    states: tuple[str, ...]
+    rank: int
+    decided: bool
+    gap: float
+    widest_step: float
+    singular_values: Array
+    noise_floor: float
+    basis: Array
+    pivots: NDArray[np.int64]
+    hidden: Array
+    scales: Array
+    gramian: Array
+    rows: Array
+    time_ns: NDArray[np.int64]
+    rank_history: NDArray[np.int64] | None
+    gap_history: Array | None
+    decided_history: NDArray[np.bool_] | None
+    gravity_mps2: float
+
+    @property
+    def verdict(self) -> str:
+        """The rank out of the states, or "undecided"."""
+        return f"{self.rank} of {len(self.states)}" if self.decided else "undecided"
+
+    @property
+    def unobservable(self) -> tuple[str, ...]:
+        """The unobservable directions in words; coefficients in SI, entries below 1e-6 of the largest left out."""
+        return tuple(
+            describe(row, self.states, self.scales, self.gravity_mps2, pivot=int(pivot))
+            for row, pivot in zip(self.basis, self.pivots, strict=True)
+        )
+
+    @property
+    def observable_states(self) -> tuple[str, ...]:
+        """States that are observable by themselves."""
+        return tuple(name for name, part in zip(self.states, self.hidden, strict=True) if part < 1e-6)
+
+
+def describe(
+    row: Array, states: Sequence[str], scales: Array, gravity_mps2: float, *, pivot: int | None = None
+) -> str:
+    """A direction in the state space in words, the pivot first; a coefficient of gravity is written g.
+
+    Examples:
+        >>> describe(np.array([-9.8, 1.0]), ["accel bias y", "tilt north"], np.ones(2), 9.8, pivot=1)
+        'tilt north - g·accel bias y'
+    """
+    sizes = np.abs(row / scales)
+    kept = [k for k in range(len(row)) if sizes[k] > 1e-6 * sizes.max()]
+    kept.sort(key=lambda k: (k != pivot, k))
+    words = ""
+    for k in kept:
+        size = abs(float(row[k]))
+        if math.isclose(size, 1.0, rel_tol=1e-6):
+            factor = ""
+        elif math.isclose(size, gravity_mps2, rel_tol=1e-6):
+            factor = "g·"
+        else:
+            factor = f"{size:.4g}·"
+        sign = "-" if row[k] < 0.0 else "+"
+        words += f" {sign} {factor}{states[k]}"
+    return words.removeprefix(" + ").strip()
+
+
+def _model(truth: Truth, earth_rate_radps: float) -> dict[str, Any]:
+    """A model with the truth's environment; deviations do not matter for a rank."""
+    three = [1.0, 1.0, 1.0]
+    return {
+        "environment": {
+            "latitude_rad": truth.latitude_rad,
+            "gravity_mps2": truth.gravity_mps2,
+            "earth_rate_radps": earth_rate_radps,
+        },
+        "imu": dict.fromkeys(
+            (
+                "accel_noise_mps_rts", "gyro_noise_rad_rts", "accel_bias_sd_mps2", "gyro_bias_sd_radps",
+                "accel_bias_walk_mps2_rts", "gyro_bias_walk_radps_rts",
+            ),
+            0.0,
+        ),
+        "dvl": {
+            "beam_noise_sd_mps": 1.0, "beam_bias_sd_mps": 0.0, "beam_bias_walk_mps_rts": 0.0,
+            "scale_factor_sd": 0.0, "scale_factor_walk_rts": 0.0,
+        },
+        "initial": {"position_sd_m": three, "attitude_sd_rad": three, "velocity_sd_mps": three},
+        "depth": {"sd_m": 1.0},
+        "magnetometer": {"yaw_sd_rad": 1.0, "roll_pitch_sd_rad": 1.0},
+        "gps": {"position_sd_m": three, "velocity_sd_mps": three},
+    }  # fmt: skip
+
+
+def observe(
+    truth: Truth,
+    geometry: kernel.BeamGeometry,
+    aidings: Sequence[Aiding],
+    *,
+    kind: Kind = "full",
+    earth_rate_radps: float = kernel.EARTH_RATE_RADPS,
+    period_s: float = 1.0,
+    schedule: Schedule | None = None,
+    scale: ArrayLike | None = None,
+    growing: bool = False,
+) -> list[Finding]:
+    """Judges the window of a truth for each of several aiding sets (Klein & Diamant 2015, Eqs 1-3).
+
+    Args:
+        truth: any truth; the window is all of it.
+        geometry: the beams.
+        aidings: sets of sensors.
+        kind: the model; the 2015 model takes velocity and depth alone and knows no Earth rate.
+        earth_rate_radps: Earth rate that the truth was made with; 0 for an Earth at rest.
+        period_s: interval between measurements.
+        schedule: what is heard when, in place of the period; a sensor reads where it is in the set and heard.
+        scale: (n,) factors on the natural scales of the states, as other units would have them, before columns are
+            brought to one length; the rank does not depend on them.
+        growing: also judge the window that ends at each epoch.
+
+    Raises:
+        KernelError: for an empty aiding set, a window of one epoch, a motion that is not finite.
+        DataError: for a beam that the instrument lacks.
+    """
+    results = kernel.observe(
+        geometry,
+        truth.kernel_arrays(),
+        _model(truth, earth_rate_radps),
+        [aiding.kernel_dict(geometry.beams) for aiding in aidings],
+        kind=kind,
+        period_ns=ns_from_s(period_s),
+        schedule=None if schedule is None else schedule.kernel_dict(),
+        scale=scale,
+        growing=growing,
+    )
+    return [
+        Finding(
+            states=tuple(found["states"]),
+            rank=found["rank"],
+            decided=found["decided"],
+            gap=found["gap"],
+            widest_step=found["widest_step"],
+            singular_values=found["singular_values"],
+            noise_floor=found["noise_floor"],
+            basis=found["basis"],
+            pivots=found["pivots"],
+            hidden=found["hidden"],
+            scales=found["scales"],
+            gramian=found["gramian"],
+            rows=found["rows"],
+            time_ns=found["epoch_time_ns"],
+            rank_history=found.get("epoch_rank"),
+            gap_history=found.get("epoch_gap"),
+            decided_history=found.get("epoch_decided"),
+            gravity_mps2=truth.gravity_mps2,
+        )
+        for found in results
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Deviations:
+    """What a filter would claim along a truth.
+
+    Attributes:
+        states: names of the n states.
+        time_ns: (e,) epochs.
+        covariance: (e, n, n) after the update of each epoch, SI.
+    """
+
+    states: tuple[str, ...]
+    time_ns: NDArray[np.int64]
+    covariance: Array
+
+    @property
+    def sd(self) -> Array:
+        """(e, n) standard deviations."""
+        variances: Array = np.diagonal(self.covariance, axis1=1, axis2=2).clip(min=0.0)
+        return np.asarray(np.sqrt(variances))
+
+    def sd_along(self, direction: ArrayLike) -> Array:
+        """(e,) standard deviation of the linear function `direction` · x of the error."""
+        along = np.asarray(direction, dtype=np.float64)
+        variances: Array = np.einsum("i,eij,j->e", along, self.covariance, along).clip(min=0.0)
+        return np.asarray(np.sqrt(variances))
+
+
+def deviations(
+    truth: Truth,
+    geometry: kernel.BeamGeometry,
+    aiding: Aiding,
+    model: dict[str, Any],
+    *,
+    kind: Kind = "full",
+    period_s: float = 1.0,
+    schedule: Schedule | None = None,
+) -> Deviations:
+    """Standard deviations that the filter would claim along a truth, by covariance analysis without drawing an error.
+
+    Args:
+        truth: any truth.
+        geometry: the beams.
+        aiding: sensors.
+        model: sensor errors in SI (`Scenario.kernel_model`).
+        kind: the model.
+        period_s: interval between measurements, all sensors at once.
+        schedule: what is heard when, in place of the period.
+
+    Raises:
+        KernelError: as `observe`.
+
+    Examples:
+        >>> from bottomlock.truth.manoeuvres import MANOEUVRES, fly
+        >>> from bottomlock.config.scenario import load_scenario
+        >>> truth, janus = fly(MANOEUVRES["straight"], rate_hz=50.0), kernel.BeamGeometry.janus(0.35)
+        >>> model = load_scenario("straight").kernel_model(truth.gravity_mps2)
+        >>> sd = deviations(truth, janus, Aiding(beams=(1, 2, 3, 4)), model).sd
+        >>> bool(sd[-1, 8] < sd[0, 8])
+        True
+    """
+    history = kernel.covariance_history(
+        geometry,
+        truth.kernel_arrays(),
+        model,
+        aiding.kernel_dict(geometry.beams),
+        kind=kind,
+        period_ns=ns_from_s(period_s),
+        schedule=None if schedule is None else schedule.kernel_dict(),
+    )
+    return Deviations(
+        states=tuple(history["states"]), time_ns=history["time_ns"], covariance=history["covariance"]
+    )

@@ -1,0 +1,73 @@
+"""Figure of masks by manoeuvres: how many states each shows."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+import polars as pl
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+
+from bottomlock.figures.palette import STYLE
+from bottomlock.tables import schema
+
+_SHADES = LinearSegmentedColormap.from_list("shades", ["#ffffff", "#8dbbdc", "#0072b2"])
+_INK, _UNDECIDED = "#333333", "#f3ddc9"
+
+
+def mask_figure(table: pl.DataFrame, *, title: str) -> Figure:
+    """Ranks of every mask (rows) by every manoeuvre (columns), a panel for each Earth and set of further sensors.
+
+    Args:
+        table: `schema.OBSERVABILITY` as `observability_study.manoeuvre_table` makes it.
+        title: words above the figure.
+
+    Raises:
+        DataError: for a table of other columns.
+    """
+    schema.check(table, schema.OBSERVABILITY, place="manoeuvres")
+    others = pl.col("aiding").str.replace(r"^beams \d+", "beams")
+    rows = table.with_columns(sensors=others)
+    earths, sensors, masks, motions = (
+        rows[name].unique(maintain_order=True).to_list() for name in ("case", "sensors", "mask", "motion")
+    )
+    height = 1.5 + len(earths) * (0.62 + 0.215 * len(masks))
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(9.4, height))
+        grid = figure.add_gridspec(
+            len(earths), len(sensors), left=0.075, right=0.99, top=1.0 - 0.85 / height, bottom=1.05 / height,
+            wspace=0.06, hspace=0.62 / (0.215 * len(masks)),
+        )  # fmt: skip
+        for i, earth in enumerate(earths):
+            for j, which in enumerate(sensors):
+                axes = figure.add_subplot(grid[i, j])
+                _panel(axes, rows.filter(case=earth, sensors=which), masks, motions)
+                axes.set_title(f"{earth}, {which}", loc="left", fontsize=9.0, pad=4.0)
+                axes.set_yticks(range(len(masks)), masks if j == 0 else [""] * len(masks))
+                words = [motion.replace("_", " ") for motion in motions] if i == len(earths) - 1 else []
+                axes.set_xticks(range(len(motions)), words or [""] * len(motions), rotation=40, ha="right")
+        figure.text(0.02, 1.0 - 0.24 / height, title, fontsize=11.0, color=_INK, va="center")
+        below = "number of the states that show; rows are the beams that return, ? is undecided"
+        figure.text(0.02, 1.0 - 0.46 / height, below, fontsize=8.5, color=_INK, va="center")
+    return figure
+
+
+def _panel(axes: Axes, rows: pl.DataFrame, masks: Sequence[str], motions: Sequence[str]) -> None:
+    states = rows["states"][0]
+    ranks = np.full((len(masks), len(motions)), np.nan)
+    for row in rows.iter_rows(named=True):
+        if row["rank"] is not None:
+            ranks[masks.index(row["mask"]), motions.index(row["motion"])] = row["rank"]
+    axes.set_facecolor(_UNDECIDED)
+    axes.imshow(ranks, cmap=_SHADES, vmin=0, vmax=states, aspect="auto")
+    for (i, j), rank in np.ndenumerate(ranks):
+        known = np.isfinite(rank)
+        axes.text(
+            j, i, f"{rank:.0f}" if known else "?", ha="center", va="center", fontsize=8.0,
+            color="white" if known and rank > 0.68 * states else _INK,
+        )  # fmt: skip
+    axes.tick_params(length=0, labelsize=8.0)
+    axes.grid(visible=False)
+    for edge in axes.spines.values():
+        edge.set_visible(False)

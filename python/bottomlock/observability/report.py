@@ -1,0 +1,228 @@
+"""Observability of a scenario, or of the 2015 paper's cases: tables and figures in a directory."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from bottomlock.atomic_write import write_parquet
+from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.figures.flight import save_figure
+from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
+from bottomlock.observability.figures import deviation_figure, figure_names
+from bottomlock.observability.mask_figure import mask_figure
+from bottomlock.observability.planner import plan
+from bottomlock.observability.schedule import Schedule
+from bottomlock.observability.tables import (
+    MODELS,
+    PAPER_CASES,
+    manoeuvre_table,
+    mask_table,
+    paper_histories,
+    paper_table,
+    table_row,
+)
+from bottomlock.simulation import measurement_schedule
+from bottomlock.simulation.build import World, make_world, trajectory_key
+from bottomlock.tables import schema
+from bottomlock.truth.trajectory import Truth
+
+_ERRORS_OF = "straight"
+"""The packaged scenario whose sensor errors stand behind figures 1-6: the 2015 paper prints initial biases alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """What was written, and the tables for the screen.
+
+    Attributes:
+        table: `schema.OBSERVABILITY`.
+        own: name of the aiding set of the scenario itself; None for the paper's cases.
+        manoeuvres: `schema.PLAN`, or None.
+        figures: paths.
+    """
+
+    table: pl.DataFrame
+    own: str | None
+    manoeuvres: pl.DataFrame | None
+    figures: tuple[Path, ...]
+
+
+def scenario_schedule(world: World, truth: Truth) -> tuple[Schedule, Schedule]:
+    """What the sensors of a scenario hear along a truth in the campaign's first run, and the same with every beam.
+
+    Rates, lost beams, outages, dropouts, loss by altitude, a recorded log's validity, range and incidence over a
+    seabed, and GPS at the surface alone: all as a campaign has them. In the second schedule every beam returns at
+    every ping.
+
+    Raises:
+        DataError: for a truth of less than a second.
+    """
+    plan = measurement_schedule.schedule(world, truth, trajectory_key=trajectory_key(world.scenario.name))
+    fixes = plan["gps_time_ns"]
+    fixes = fixes[plan["gps_heard"]] if len(fixes) else fixes
+    others = {
+        "depth": plan["depth_time_ns"],
+        "attitude": plan["magnetometer_time_ns"],
+        "gps_position": fixes,
+        "gps_velocity": fixes,
+    }
+    pings = plan["dvl_time_ns"]
+    valid = plan["beam_valid"].reshape(len(pings), world.geometry.beams)
+    flown, every = (
+        Schedule.of(truth.time_ns, dvl_time_ns=pings, beam_valid=beams, others=others)
+        for beams in (valid, np.ones_like(valid))
+    )
+    return flown, every
+
+
+def observe_scenario(source: str | Path, out: Path) -> Observed:
+    """Judges a scenario's truth for every mask of its instrument, and plans manoeuvres for its own mask.
+
+    Writes observability.parquet (the truth, every mask; a further row where beams come and go), manoeuvres.parquet
+    (every mask by six manoeuvres by three sets of further sensors, on an Earth at rest and a turning one),
+    deviations.parquet, ranks.parquet, plan.parquet and two figures. Every sensor is heard when it is heard in the
+    campaign's first run (`scenario_schedule`); the truth is the one swum on the truth. Manoeuvres are planned with
+    all the beams that ever return, and without GPS if anything else aids.
+
+    Raises:
+        ScenarioError: for a scenario that cannot be read, that nothing aids, or with more than 5000 epochs.
+        DataError: for a truth of less than a second.
+        OutputError: where the directory cannot be written.
+    """
+    scenario = load_scenario(source)
+    world = make_world(scenario)
+    truth, geometry = world.truth(), world.geometry
+    flown, every = scenario_schedule(world, truth)
+    own = Aiding.heard(flown)
+    if own == Aiding():
+        raise ScenarioError(
+            f"scenario {scenario.name}: nothing aids it, no beam returns and no other sensor is heard"
+        )
+    if len(every.time_ns) > MOST_EPOCHS:
+        raise ScenarioError(
+            f"scenario {scenario.name}: its sensors are heard at {len(every.time_ns)} times, expected at most "
+            f"{MOST_EPOCHS}: a shorter trajectory.duration_s or slower sensors"
+        )
+    kind: Kind = "full" if scenario.filter.estimate_dvl else "inertial"
+    model = scenario.kernel_model(world.gravity_mps2)
+    judged: Any = {"kind": kind, "earth_rate_radps": world.earth_rate_radps}
+    words = {"case": scenario.name, "motion": str(scenario.trajectory.kind)}
+    judged_masks: Any = words | judged
+    table = mask_table(truth, geometry, [own], schedule=every, **judged_masks)
+    own_name = own.name
+    # Beams that come and go have a row of their own beside the mask on which they would all stay.
+    heard = flown.beams[:, [beam - 1 for beam in own.beams]]
+    if not np.array_equal(heard, every.beams[:, : len(own.beams)]):
+        own_name += ", as they return"
+        (found,) = observe(truth, geometry, [own], schedule=flown, **judged)
+        row = table_row(words["case"], own, words["motion"], kind, found) | {"aiding": own_name}
+        table = pl.concat([table, pl.DataFrame([row], schema=dict(schema.OBSERVABILITY))])
+    history = deviations(truth, geometry, own, model, kind=kind, schedule=flown)
+    (found,) = observe(truth, geometry, [own], schedule=flown.gathered(_WINDOWS), growing=True, **judged)
+    labels = words | {"model": MODELS[kind]}
+    sds = pl.concat(
+        _with(pl.DataFrame({"time_ns": history.time_ns, "sd": history.sd[:, k]}), labels | {"state": state})
+        for k, state in enumerate(found.states)
+    ).select(list(schema.DEVIATIONS))
+    manoeuvres = plan(geometry, _planned(own), model, kind=kind, rates_hz=_rates_hz(scenario))
+    ranks = _ranks(found, labels)
+    figure = deviation_figure(
+        sds, ranks, scenario.name, title=f"{scenario.name.replace('_', ' ')}, aided by {own_name}"
+    )
+    tables = {"observability": table, "deviations": sds, "ranks": ranks, "plan": manoeuvres}
+    every_mask = manoeuvre_table(geometry)
+    _write(out, tables | {"manoeuvres": every_mask})
+    paths = tuple(out / "figures" / f"{name}.png" for name in (scenario.name, "masks_by_manoeuvres"))
+    save_figure(figure, _made(paths[0]))
+    save_figure(mask_figure(every_mask, title="masks by manoeuvres, 20 states"), paths[1])
+    return Observed(table, own_name, manoeuvres, paths)
+
+
+MOST_EPOCHS = 5000
+"""Epochs that the kernel takes in a window."""
+
+_WINDOWS = 120
+"""Windows of the rank's history."""
+
+
+def _planned(own: Aiding) -> Aiding:
+    """What a manoeuvre under water is planned with: GPS is heard at the surface alone."""
+    under_water = replace(own, gps_position=False, gps_velocity=False)
+    return own if under_water == Aiding() else under_water
+
+
+def _rates_hz(scenario: Scenario) -> dict[str, float]:
+    return {
+        "beams": scenario.dvl.rate_hz,
+        "depth": scenario.depth.rate_hz,
+        "attitude": scenario.magnetometer.rate_hz,
+        "gps_position": scenario.gps.rate_hz,
+        "gps_velocity": scenario.gps.rate_hz,
+    }
+
+
+def _ranks(found: Finding, labels: dict[str, str]) -> pl.DataFrame:
+    assert found.rank_history is not None
+    assert found.decided_history is not None
+    columns = {
+        "time_ns": found.time_ns[1:],
+        "rank": found.rank_history[1:],
+        "decided": found.decided_history[1:],
+    }
+    frame = _with(pl.DataFrame(columns), labels).with_columns(printed_rank=pl.lit(None, pl.Int64))
+    return frame.select(list(schema.RANKS))
+
+
+def observe_paper(out: Path) -> Observed:
+    """The six cases of Klein & Diamant 2015, both windows and both signs: tables and figures 1-6.
+
+    Raises:
+        OutputError: where the directory cannot be written.
+    """
+    table = paper_table()
+    model = load_scenario(_ERRORS_OF).kernel_model(9.8125)
+    sds, ranks = paper_histories(model)
+    _write(out, {"observability": table, "deviations": sds, "ranks": ranks})
+    names = figure_names([case.name for case in PAPER_CASES])
+    paths = []
+    for case in PAPER_CASES:
+        path = out / "figures" / f"{names[case.name]}.png"
+        title = f"{case.name} (Klein & Diamant 2015, figure {case.figure})"
+        hidden = _hidden_words(table.filter(case=case.name, model=case.model("paper")))
+        save_figure(deviation_figure(sds, ranks, case.name, title=title, hidden=hidden), _made(path))
+        paths.append(path)
+    return Observed(table, None, None, tuple(paths))
+
+
+_ROOM = 9
+"""Lines of words that a panel holds."""
+
+
+def _hidden_words(rows: pl.DataFrame) -> list[str]:
+    """Unobservable directions of each window; none where they would not fit."""
+    words: list[str] = []
+    for row in rows.iter_rows(named=True):
+        words += [f"{row['motion']}:"] if rows.height > 1 else []
+        words += [f"   {direction}" for direction in row["unobservable"]]
+    return words if len(words) <= _ROOM else []
+
+
+def _with(frame: pl.DataFrame, labels: dict[str, str]) -> pl.DataFrame:
+    return frame.with_columns(**{name: pl.lit(value) for name, value in labels.items()})
+
+
+def _made(path: Path) -> Path:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{path.parent}: cannot be made ({error.strerror})") from error
+    return path
+
+
+def _write(out: Path, tables: dict[str, pl.DataFrame]) -> None:
+    for name, frame in tables.items():
+        write_parquet(out / f"{name}.parquet", frame)

@@ -1,0 +1,344 @@
+"""Observability tables: the six cases of the 2015 paper, every mask along any truth, masks by manoeuvres."""
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import polars as pl
+
+from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
+from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
+from bottomlock.observability.schedule import Schedule
+from bottomlock.tables import schema
+from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, fly, motion_of, steady
+from bottomlock.truth.trajectory import Truth
+from bottomlock.units import mps2_from_mg, radps_from_deg_per_h
+
+DVL, PRESSURE = Aiding(velocity=True), Aiding(depth=True)
+CONSTANT, QUIET = "constant", "quiet leg first"
+MODELS: Mapping[Kind, str] = {
+    "full": "20 states",
+    "inertial": "15 states",
+    "paper": "2015, H with +",
+    "paper_printed": "2015, H as printed",
+}
+"""Models by the words of the tables."""
+
+_WINDOW_S, _QUIET_S, _RATE_RADPS = 240.0, 120.0, math.radians(1.0)
+
+
+@dataclass(frozen=True)
+class PaperCase:
+    """A case of Klein & Diamant 2015: what it prints, and what exact arithmetic gives for their model.
+
+    Attributes:
+        name: short name.
+        figure: number of its figure.
+        aiding: DVL or pressure sensor.
+        speed_mps: surge.
+        axis: "yaw", "pitch" or "" for a vehicle that does not turn.
+        printed_rank: states less the dimensions of the printed unobservable subspace.
+        exact: rank by exact arithmetic for (window, model); `tests/oracle` derives each.
+    """
+
+    name: str
+    figure: int
+    aiding: Aiding
+    speed_mps: float
+    axis: str
+    printed_rank: int
+    exact: Mapping[tuple[str, Kind], int]
+
+    @property
+    def windows(self) -> tuple[str, ...]:
+        """A vehicle at rest has no other leg."""
+        return (CONSTANT, QUIET) if self.axis else (CONSTANT,)
+
+    @property
+    def models(self) -> tuple[Kind, ...]:
+        """The sign of H concerns the DVL alone."""
+        return ("paper", "paper_printed") if self.aiding.velocity else ("paper",)
+
+    def model(self, kind: Kind) -> str:
+        """The model in words; the pressure sensor has no sign to tell."""
+        return MODELS[kind] if self.aiding.velocity else "2015"
+
+    def manoeuvre(self, window: str) -> Manoeuvre:
+        """The motion: constant over the window, or after a quiet leg (rest, or straight at the same speed)."""
+        start_s = _QUIET_S if window == QUIET else 0.0
+        angles = {self.axis: steady(_RATE_RADPS, start_s)} if self.axis else {}
+        return Manoeuvre(
+            name=self.name,
+            words=window,
+            motion=motion_of(self.speed_mps, **angles),
+            duration_s=_WINDOW_S,
+            joints_s=(start_s,) if self.axis and start_s > 0.0 else (),
+        )
+
+
+def _both(constant: int, quiet: int) -> dict[tuple[str, Kind], int]:
+    return {
+        (window, kind): rank
+        for window, rank in ((CONSTANT, constant), (QUIET, quiet))
+        for kind in ("paper", "paper_printed")
+    }
+
+
+PAPER_CASES: tuple[PaperCase, ...] = (
+    PaperCase("DVL, at rest", 1, DVL, 0.0, "", 8, _both(8, 8)),
+    PaperCase("DVL, yaw turn on the spot", 2, DVL, 0.0, "yaw", 10, _both(8, 10)),
+    PaperCase(
+        "DVL, turn at 10 m/s", 3, DVL, 10.0, "yaw", 11,
+        _both(8, 10) | {(CONSTANT, "paper_printed"): 9, (QUIET, "paper_printed"): 12},
+    ),
+    PaperCase("pressure, at rest", 4, PRESSURE, 0.0, "", 3, _both(3, 3)),
+    PaperCase("pressure, pitch turn on the spot", 5, PRESSURE, 0.0, "pitch", 4, _both(4, 4)),
+    PaperCase("pressure, turn at 10 m/s", 6, PRESSURE, 10.0, "yaw", 6, _both(5, 6)),
+)  # fmt: skip
+"""The six cases (2015, Eqs 27-39 and 46-56), in the order of their figures 1-6."""
+
+
+def table_row(
+    case: str,
+    aiding: Aiding,
+    motion: str,
+    kind: Kind,
+    found: Finding,
+    *,
+    expected_rank: int | None = None,
+    printed_rank: int | None = None,
+    verdict: str | None = None,
+) -> dict[str, Any]:
+    """A finding as a row of `schema.OBSERVABILITY`."""
+    return {
+        "case": case,
+        "aiding": aiding.name,
+        "mask": aiding.mask,
+        "motion": motion,
+        "model": MODELS[kind],
+        "window_s": float(found.time_ns[-1] - found.time_ns[0]) * 1e-9,
+        "states": len(found.states),
+        "rank": found.rank if found.decided else None,
+        "expected_rank": expected_rank,
+        "printed_rank": printed_rank,
+        "gap": found.gap,
+        "verdict": verdict or ("decided" if found.decided else "undecided"),
+        "unobservable": list(found.unobservable),
+        "singular_values": found.singular_values.tolist(),
+    }
+
+
+def _paper_verdict(found: Finding, printed: int) -> str:
+    if not found.decided:
+        return "undecided"
+    if found.rank == printed:
+        return "as printed"
+    return f"{'fewer' if found.rank < printed else 'more'} than printed"
+
+
+def paper_table() -> pl.DataFrame:
+    """The six cases of the 2015 paper, each window and sign: `schema.OBSERVABILITY`.
+
+    Examples:
+        >>> table = paper_table()
+        >>> table.filter(case="DVL, turn at 10 m/s")["rank"].to_list()
+        [8, 9, 10, 12]
+    """
+    rows = []
+    for case in PAPER_CASES:
+        for window, kind in itertools.product(case.windows, case.models):
+            (found,) = _look(case, window, kind)
+            rows.append(
+                table_row(
+                    case.name, case.aiding, window, kind, found,
+                    expected_rank=case.exact[window, kind], printed_rank=case.printed_rank,
+                    verdict=_paper_verdict(found, case.printed_rank),
+                )
+                | {"model": case.model(kind)}
+            )  # fmt: skip
+    return _frame(rows, schema.OBSERVABILITY)
+
+
+def _look(case: PaperCase, window: str, kind: Kind, *, growing: bool = False) -> list[Finding]:
+    truth = fly(case.manoeuvre(window), rate_hz=50.0)
+    return observe(
+        truth, _ANY_BEAMS, [case.aiding], kind=kind, earth_rate_radps=0.0, period_s=2.0, growing=growing
+    )
+
+
+_ANY_BEAMS = BeamGeometry.janus(math.radians(20.0))
+"""The 2015 model reads a velocity; no beam of this geometry is used."""
+
+
+def paper_histories(model: Mapping[str, Any]) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Histories behind figures 1-6: claimed deviations (`schema.DEVIATIONS`) and ranks (`schema.RANKS`).
+
+    Args:
+        model: sensor errors in SI (`Scenario.kernel_model`); the initial biases become the paper's 3 mg and
+            3 deg/h, and the Earth rests.
+    """
+    sd_rows: list[pl.DataFrame] = []
+    rank_rows: list[pl.DataFrame] = []
+    for case in PAPER_CASES:
+        for window in case.windows:
+            truth = fly(case.manoeuvre(window), rate_hz=50.0)
+            history = deviations(truth, _ANY_BEAMS, case.aiding, _paper_errors(model, truth), kind="paper")
+            for k, state in enumerate(history.states):
+                columns = {"time_ns": history.time_ns, "sd": history.sd[:, k]}
+                labels = {"case": case.name, "motion": window, "model": case.model("paper"), "state": state}
+                sd_rows.append(_labelled(columns, labels, schema.DEVIATIONS))
+            for kind in case.models:
+                (found,) = _look(case, window, kind, growing=True)
+                columns = {
+                    "time_ns": found.time_ns[1:],
+                    "rank": _asked(found.rank_history)[1:],
+                    "decided": _asked(found.decided_history)[1:],
+                }
+                labels = {"case": case.name, "motion": window, "model": case.model(kind)}
+                rank_rows.append(
+                    _labelled(columns, labels | {"printed_rank": case.printed_rank}, schema.RANKS)
+                )
+    return pl.concat(sd_rows), pl.concat(rank_rows)
+
+
+def _asked(history: Any) -> Any:  # noqa: ANN401 - an array of either kind
+    assert history is not None
+    return history
+
+
+def _labelled(
+    columns: Mapping[str, Any], labels: Mapping[str, Any], table: Mapping[str, pl.DataType]
+) -> pl.DataFrame:
+    frame = pl.DataFrame(columns).with_columns(**{name: pl.lit(value) for name, value in labels.items()})
+    return frame.select(pl.col(name).cast(dtype) for name, dtype in table.items())
+
+
+def _paper_errors(model: Mapping[str, Any], truth: Truth) -> dict[str, Any]:
+    imu = model["imu"] | {
+        "accel_bias_sd_mps2": mps2_from_mg(3.0),
+        "gyro_bias_sd_radps": radps_from_deg_per_h(3.0),
+    }
+    environment = {
+        "latitude_rad": truth.latitude_rad,
+        "gravity_mps2": truth.gravity_mps2,
+        "earth_rate_radps": 0.0,
+    }
+    return {**model, "imu": imu, "environment": environment}
+
+
+def masks(beams: int) -> list[tuple[int, ...]]:
+    """Every choice of at least one beam, fewest first.
+
+    >>> masks(3)
+    [(1,), (2,), (3,), (1, 2), (1, 3), (2, 3), (1, 2, 3)]
+    """
+    numbers = range(1, beams + 1)
+    return [mask for count in numbers for mask in itertools.combinations(numbers, count)]
+
+
+def mask_table(
+    truth: Truth,
+    geometry: BeamGeometry,
+    others: Sequence[Aiding],
+    *,
+    case: str,
+    motion: str = "",
+    kind: Kind = "full",
+    earth_rate_radps: float = EARTH_RATE_RADPS,
+    period_s: float = 1.0,
+    schedule: Schedule | None = None,
+) -> pl.DataFrame:
+    """Rank and unobservable directions of a truth for every mask of an instrument, each with further sensors.
+
+    Args:
+        truth: any truth.
+        geometry: the beams.
+        others: sensors beside the beams; their own beams are replaced.
+        case, motion: words for the table.
+        kind: the model.
+        earth_rate_radps: Earth rate that the truth was made with.
+        period_s: interval between measurements.
+        schedule: what is heard when, in place of the period.
+    """
+    sets = [replace(other, beams=mask) for other, mask in itertools.product(others, masks(geometry.beams))]
+    found = observe(
+        truth,
+        geometry,
+        sets,
+        kind=kind,
+        earth_rate_radps=earth_rate_radps,
+        period_s=period_s,
+        schedule=schedule,
+    )
+    rows = [table_row(case, aiding, motion, kind, one) for aiding, one in zip(sets, found, strict=True)]
+    return _frame(rows, schema.OBSERVABILITY)
+
+
+THREE_AIDINGS: tuple[Aiding, ...] = (Aiding(), Aiding(depth=True), Aiding(depth=True, attitude=True))
+"""What aids beside the beams: nothing, depth, depth and magnetometer."""
+
+
+def manoeuvre_table(
+    geometry: BeamGeometry,
+    *,
+    manoeuvres: Iterable[Manoeuvre] = tuple(MANOEUVRES.values()),
+    others: Sequence[Aiding] = THREE_AIDINGS,
+    earth_rates_radps: Sequence[float] = (0.0, EARTH_RATE_RADPS),
+    rate_hz: float = 50.0,
+) -> pl.DataFrame:
+    """Every mask by every manoeuvre by every set of further sensors, on an Earth at rest and a turning one.
+
+    What the window of a manoeuvre leaves undecided is judged over windows four and sixteen times as long: the
+    manoeuvres are analytic, so that no window of theirs has another rank, but the Earth's turn shows better in a
+    longer one. The column window_s says which window it was.
+    """
+    sets = [replace(other, beams=mask) for other, mask in itertools.product(others, masks(geometry.beams))]
+    rows = []
+    for manoeuvre, earth_rate_radps in itertools.product(manoeuvres, earth_rates_radps):
+        found = _decide(manoeuvre, geometry, sets, earth_rate_radps=earth_rate_radps, rate_hz=rate_hz)
+        case = "Earth turning" if earth_rate_radps else "Earth at rest"
+        rows += [
+            table_row(case, aiding, manoeuvre.name, "full", one)
+            for aiding, one in zip(sets, found, strict=True)
+        ]
+    return _frame(rows, schema.OBSERVABILITY)
+
+
+_LONGER, _EPOCHS = (1.0, 4.0, 16.0), 32
+"""Windows in lengths of the manoeuvre, and intervals between the epochs of each."""
+
+
+def _decide(
+    manoeuvre: Manoeuvre,
+    geometry: BeamGeometry,
+    sets: Sequence[Aiding],
+    *,
+    earth_rate_radps: float,
+    rate_hz: float,
+) -> list[Finding]:
+    """Each set in the shortest of the windows that decides it, or in the longest."""
+    found: dict[int, Finding] = {}
+    open_sets = list(range(len(sets)))
+    for factor in _LONGER:
+        window_s = factor * manoeuvre.duration_s
+        truth = fly(
+            replace(manoeuvre, duration_s=window_s), rate_hz=rate_hz, earth_rate_radps=earth_rate_radps
+        )
+        judged = observe(
+            truth,
+            geometry,
+            [sets[k] for k in open_sets],
+            earth_rate_radps=earth_rate_radps,
+            period_s=window_s / _EPOCHS,
+        )
+        found |= dict(zip(open_sets, judged, strict=True))
+        open_sets = [k for k in open_sets if not found[k].decided]
+        if not open_sets:
+            break
+    return [found[k] for k in range(len(sets))]
+
+
+def _frame(rows: Sequence[Mapping[str, Any]], table: Mapping[str, pl.DataType]) -> pl.DataFrame:
+    return pl.DataFrame(rows, schema=dict(table))

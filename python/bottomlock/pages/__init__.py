@@ -1,0 +1,1 @@
+"""HTML and Markdown pages: one environment, the templates, how numbers are written."""

@@ -1,0 +1,207 @@
+"""What the paper claims, as the packaged `paper/claims.toml` states it: numbers, orderings, drifts, our readings."""
+
+import tomllib
+from importlib import resources
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from bottomlock.errors import DataError
+from bottomlock.tables.schema import BIASES
+
+Number = float | list[float] | bool | str
+
+
+class _Claim(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    id: str
+    place: str
+    trajectory: str
+    quantity: Literal["velocity", "attitude", "bias"]
+    says: str
+    reading: str
+
+
+class ValueClaim(_Claim):
+    """RMS over runs of one arm at one time."""
+
+    kind: Literal["value"]
+    arm: str
+    printed: float
+    half_digit: float
+    time_s: float
+
+    @property
+    def rule(self) -> str:
+        """Name of the rule of the verdict."""
+        return "value"
+
+    @property
+    def arms(self) -> list[str]:
+        """The arms it speaks of."""
+        return [self.arm]
+
+
+class ImprovementClaim(_Claim):
+    """What one arm wins over another: `reduction` is 1 − arm/reference, `excess` reference/arm − 1."""
+
+    kind: Literal["improvement"]
+    arm: str
+    reference: str
+    formula: Literal["reduction", "excess"]
+    printed: float
+    half_digit: float
+    time_s: float
+
+    @property
+    def rule(self) -> str:
+        """Name of the rule of the verdict."""
+        return "improvement"
+
+    @property
+    def arms(self) -> list[str]:
+        """The arms it speaks of."""
+        return [self.arm, self.reference]
+
+
+class OrderingClaim(_Claim):
+    """Each of `better` against each of `worse`, or against itself on another trajectory."""
+
+    kind: Literal["ordering"]
+    better: list[str]
+    worse: list[str]
+    relation: Literal["better", "equal"]
+    time_s: float
+    tolerance: float = 0.0
+    than_trajectory: str | None = None
+
+    @property
+    def rule(self) -> str:
+        """Name of the rule of the verdict."""
+        return self.relation
+
+    @property
+    def arms(self) -> list[str]:
+        """The arms it speaks of."""
+        return [*self.better, *self.worse]
+
+    @property
+    def pairs(self) -> list[tuple[str, str]]:
+        """Better and worse, each with each."""
+        if self.than_trajectory is not None:
+            return [(arm, arm) for arm in self.better]
+        return [(better, worse) for better in self.better for worse in self.worse]
+
+
+class DriftClaim(_Claim):
+    """How the RMS of one arm goes over a window of time, or through the turns."""
+
+    kind: Literal["drift"]
+    arm: str
+    pattern: Literal["rising", "level", "oscillating"]
+    window_s: tuple[float, float] | None = None
+    tolerance: float = 0.0
+
+    @property
+    def rule(self) -> str:
+        """Name of the rule of the verdict."""
+        return self.pattern
+
+    @property
+    def arms(self) -> list[str]:
+        """The arms it speaks of."""
+        return [self.arm]
+
+
+class BiasClaim(_Claim):
+    """What is left of the IMU's biases at the end, as parts of the bias itself (the error without aiding)."""
+
+    kind: Literal["bias"]
+    arms: list[str]
+    biases: list[str]
+    """Of `schema.BIASES`."""
+    pattern: Literal["observable", "hidden", "more"]
+    """Each shrinks; none shrinks; all together shrink more than on another trajectory."""
+    tolerance: float = 0.0
+    than_trajectory: str | None = None
+
+    @property
+    def rule(self) -> str:
+        """Name of the rule of the verdict."""
+        return self.pattern
+
+
+Claim = ValueClaim | ImprovementClaim | OrderingClaim | DriftClaim | BiasClaim
+
+
+class PaperTrajectory(BaseModel):
+    """The paper's number of a trajectory and of its figures."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    number: int
+    kind: str
+    velocity_figure: int
+    attitude_figure: int
+
+
+class Paper(BaseModel):
+    """All claims, the rules of their verdicts and the setup that they hold for."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    source: str
+    rules: dict[str, str]
+    setup: dict[str, Number]
+    trajectories: dict[str, PaperTrajectory]
+    claim: list[Annotated[Claim, Field(discriminator="kind")]]
+
+
+def load_paper() -> Paper:
+    """The packaged claims.
+
+    >>> paper = load_paper()
+    >>> next(claim.printed for claim in paper.claim if claim.id == "t1-velocity-ins")
+    34.0
+    """
+    text = (resources.files("bottomlock.paper") / "claims.toml").read_text(encoding="utf-8")
+    return parse_paper(text, place="paper/claims.toml")
+
+
+def parse_paper(text: str, *, place: str) -> Paper:
+    """Claims from TOML text; `place` names it in errors.
+
+    Raises:
+        DataError: for ill-formed TOML, a missing or unknown key, a rule without words, and two claims of one id.
+    """
+    try:
+        paper = Paper.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise DataError(f"{place}: {error}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise DataError(f"{place}: {where}: {first['msg']}") from error
+    seen: set[str] = set()
+    for claim in paper.claim:
+        if claim.id in seen:
+            raise DataError(f"{place}: two claims are called '{claim.id}'")
+        if claim.rule not in paper.rules:
+            raise DataError(f"{place}: claim '{claim.id}': rule '{claim.rule}' has no words under [rules]")
+        if isinstance(claim, DriftClaim) and claim.pattern != "oscillating" and claim.window_s is None:
+            raise DataError(f"{place}: claim '{claim.id}': pattern '{claim.pattern}' needs window_s")
+        if isinstance(claim, BiasClaim):
+            _check_biases(claim, place)
+        seen.add(claim.id)
+    return paper
+
+
+def _check_biases(claim: BiasClaim, place: str) -> None:
+    for bias in claim.biases:
+        if bias not in BIASES:
+            raise DataError(
+                f"{place}: claim '{claim.id}': unknown bias '{bias}', expected one of {', '.join(BIASES)}"
+            )
+    if (claim.pattern == "more") != (claim.than_trajectory is not None):
+        raise DataError(f"{place}: claim '{claim.id}': pattern 'more', and it alone, needs than_trajectory")

@@ -1,0 +1,280 @@
+"""Figures of a replay: map, errors with what was claimed, innovations, NIS, which beams returned."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+import polars as pl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from bottomlock.figures.curves import plain_number
+from bottomlock.figures.labels import Line, coincident, label_ends
+from bottomlock.figures.palette import ARMS, FAINT, INK, STYLE, WIDTH_IN, draw_order, new_figure, stroke
+from bottomlock.tables.replay import FORWARD, SMOOTHED
+
+Floats = NDArray[np.float64]
+_BEAMS = tuple(
+    ARMS[arm].colour for arm in ("tc", "vb", "nsv", "plcf", "vhv", "elc", "weak_sway", "consistent")
+)
+_QUANTITIES = (
+    ("position", "m", "position, m"),
+    ("velocity", "mps", "velocity, m/s"),
+    ("attitude", "deg", "attitude, degrees"),
+)
+ORDERS = 6.0
+"""Orders of magnitude that an axis of errors shows at the most: an error that is 0 at the start says nothing."""
+
+
+def _left_title(figure: Figure, words: str) -> None:
+    figure.text(0.012, 0.992, words, ha="left", va="top", fontsize=10.0, color=INK)
+
+
+def map_figure(
+    samples: pl.DataFrame, path: pl.DataFrame | None, *, arms: Sequence[str], words: str
+) -> Figure:
+    """Plan view of the arms of one question (first draw), dashed where smoothed, and of the reference.
+
+    Args:
+        samples: `replay_schema.REPLAY_SAMPLES` of one question.
+        path: `replay_schema.PATH`, or None.
+        arms: which to draw.
+        words: what stands above it.
+    """
+    first = samples.filter(pl.col("run") == samples["run"].min())
+    with mpl.rc_context(STYLE):
+        figure = new_figure(height_in=4.6)
+        axes = figure.add_axes((0.125, 0.11, 0.635, 0.79))
+        if path is not None:
+            span = path.filter(pl.col("time_ns").is_between(first["time_ns"].min(), first["time_ns"].max()))
+            axes.plot(span["east_m"], span["north_m"], color=FAINT, linewidth=4.0, alpha=0.45, zorder=1)
+        ends = {}
+        for arm in draw_order(list(arms)):
+            for name, width, alpha in ((FORWARD, 1.3, 0.95), (SMOOTHED, 1.0, 0.55)):
+                rows = first.filter((pl.col("arm") == arm) & (pl.col("pass") == name))
+                if not rows.height:
+                    continue
+                dash = stroke(arm).dash if name == FORWARD else (0, (1.5, 1.2))
+                axes.plot(
+                    rows["east_m"],
+                    rows["north_m"],
+                    color=stroke(arm).colour,
+                    linewidth=width,
+                    alpha=alpha,
+                    linestyle=dash,
+                )
+                if name == FORWARD:
+                    ends[arm] = (rows["east_m"].to_numpy(), rows["north_m"].to_numpy())
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.margins(0.06)
+        start = first.row(0, named=True)
+        axes.plot(start["east_m"], start["north_m"], "o", color=INK, markersize=5.0, zorder=5)
+        axes.annotate(
+            "start",
+            (start["east_m"], start["north_m"]),
+            xytext=(6, 6),
+            textcoords="offset points",
+            fontsize=9.0,
+        )
+        axes.set_xlabel("east, m")
+        axes.set_ylabel("north, m")
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(MaxNLocator(6))
+        groups = coincident({arm: np.concatenate(way) for arm, way in ends.items()}, tolerance=2e-3)
+        label_ends(axes, [Line(group, *ends[group[0]]) for group in groups])
+        _left_title(figure, words)
+    return figure
+
+
+def error_figure(ensemble: pl.DataFrame, *, arms: Sequence[str], words: str, which: str = FORWARD) -> Figure:
+    """Errors against the reference, norms over axes and RMS over draws; thin and dotted what each arm claims.
+
+    Args:
+        ensemble: `replay_schema.REPLAY_ENSEMBLE` of one question.
+        arms: which to draw.
+        words: what stands above it.
+        which: pass.
+    """
+    rows = ensemble.filter((pl.col("pass") == which) & pl.col("arm").is_in(list(arms)))
+    arms = [arm for arm in arms if arm in set(rows["arm"])]
+    shown = [q for q in _QUANTITIES if rows[f"{q[0]}_rms_{q[1]}"].is_not_null().any()]
+    with mpl.rc_context(STYLE):
+        height = 0.75 + 2.05 * len(shown)
+        figure = new_figure(height_in=height)
+        each = (height - 0.85) / len(shown)
+        for index, (name, unit, label) in enumerate(shown):
+            bottom = (0.48 + (len(shown) - 1 - index) * each + 0.1) / height
+            axes = figure.add_axes((0.115, bottom, 0.645, (each - 0.28) / height))
+            _one_error(axes, rows, arms, name, unit)
+            axes.set_title(label, loc="left", fontsize=9.5)
+            if index == len(shown) - 1:
+                axes.set_xlabel("time from the start, s")
+            else:
+                axes.tick_params(labelbottom=False)
+        _left_title(figure, words)
+    return figure
+
+
+def _one_error(axes: Axes, rows: pl.DataFrame, arms: Sequence[str], name: str, unit: str) -> None:
+    made, claimed, time_s = {}, {}, np.zeros(0)
+    for arm in draw_order(list(arms)):
+        one = rows.filter(pl.col("arm") == arm)
+        time_s = one["time_s"].to_numpy()
+        made[arm] = one[f"{name}_rms_{unit}"].fill_null(np.nan).to_numpy()
+        claimed[arm] = one[f"{name}_sd_{unit}"].fill_null(np.nan).to_numpy()
+    axes.set_yscale("log")
+    every = np.concatenate([*made.values(), *claimed.values()])
+    every = every[np.isfinite(every) & (every > 0.0)]
+    high = float(every.max()) * 1.4
+    axes.set_ylim(max(float(np.percentile(every, 1.0)) / 1.5, high / 10.0**ORDERS), high)
+    axes.set_xlim(float(time_s[0]), float(time_s[-1]))
+    axes.yaxis.set_major_locator(LogLocator(numticks=6))
+    axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    lines = []
+    for group in coincident(made, tolerance=1e-2):
+        look = stroke(group[0])
+        axes.plot(time_s, claimed[group[0]], color=look.colour, linewidth=0.9, linestyle=(0, (1, 1.6)))
+        axes.plot(time_s, made[group[0]], color=look.colour, linewidth=1.3, linestyle=look.dash)
+        lines.append(Line(group, time_s, made[group[0]]))
+    label_ends(axes, lines)
+
+
+def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, arm: str, words: str) -> Figure:
+    """Innovations of the beams of one arm (first draw) with the ±2 sigma that it claims; rejected pings hollow."""
+    rows = innovations.filter((pl.col("arm") == arm) & (pl.col("run") == innovations["run"].min()))
+    beams = sum(name.endswith("_innovation_mps") for name in rows.columns)
+    time_s = (rows["time_ns"].to_numpy() - start_ns) * 1e-9
+    accepted = (rows["status"] != "rejected").to_numpy()
+    with mpl.rc_context(STYLE):
+        height = 0.8 + 0.95 * beams
+        figure = Figure(figsize=(WIDTH_IN, height))
+        panels = figure.subplots(beams, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+        figure.subplots_adjust(
+            left=0.145, right=0.985, top=1.0 - 0.36 / height, bottom=0.46 / height, hspace=0.12
+        )
+        spans = []
+        for k, axes in enumerate(panels):
+            value = rows[f"beam{k + 1}_innovation_mps"].fill_null(np.nan).to_numpy()
+            sd = rows[f"beam{k + 1}_innovation_sd_mps"].fill_null(np.nan).to_numpy()
+            axes.fill_between(time_s, -2.0 * sd, 2.0 * sd, color=FAINT, alpha=0.3, linewidth=0.0)
+            colour = _BEAMS[k % len(_BEAMS)]
+            axes.plot(time_s[accepted], value[accepted], ".", markersize=2.5, color=colour)
+            axes.plot(
+                time_s[~accepted],
+                value[~accepted],
+                "o",
+                markersize=3.0,
+                markerfacecolor="none",
+                markeredgewidth=0.7,
+                color=colour,
+            )
+            axes.text(0.008, 0.93, f"beam {k + 1}", transform=axes.transAxes, va="top", fontsize=9.0)
+            heard = np.abs(np.concatenate([value, 2.0 * sd]))
+            spans.append(float(np.nanpercentile(heard, 99.0)) if np.isfinite(heard).any() else 0.0)
+            if not np.isfinite(value).any():
+                axes.text(0.5, 0.5, "no row", transform=axes.transAxes, ha="center", va="center", color=FAINT)
+        reach = 1.15 * max(*spans, 1e-3)
+        panels[-1].set_ylim(-reach, reach)
+        panels[-1].set_xlim(float(time_s[0]), float(time_s[-1]))
+        panels[-1].set_xlabel("time from the start, s")
+        figure.text(0.008, 0.5, "innovation, m/s", rotation=90, va="center", fontsize=9.5)
+        _left_title(figure, words)
+    return figure
+
+
+def nis_figure(
+    innovations: pl.DataFrame, start_ns: int, *, arms: Sequence[str], words: str, window: int = 30
+) -> Figure:
+    """NIS over its degrees of freedom, sliding mean over pings (first draw), with the 95 % band of that mean."""
+    first = innovations.filter(pl.col("run") == innovations["run"].min())
+    lines: dict[str, Floats] = {}
+    times: dict[str, Floats] = {}
+    degrees = 1.0
+    for arm in draw_order(list(arms)):
+        rows = first.filter((pl.col("arm") == arm) & pl.col("nis").is_not_null() & (pl.col("degrees") > 0))
+        if rows.height < 2 * window:
+            continue
+        ratio = (rows["nis"] / rows["degrees"]).to_numpy()
+        lines[arm] = np.convolve(ratio, np.full(window, 1.0 / window), mode="valid")
+        times[arm] = (rows["time_ns"].to_numpy()[window - 1 :] - start_ns) * 1e-9
+        degrees = float(rows["degrees"].to_numpy().mean())
+    with mpl.rc_context(STYLE):
+        figure = new_figure(height_in=3.2)
+        axes = figure.add_axes((0.115, 0.15, 0.645, 0.72))
+        _left_title(figure, words)
+        if not lines:
+            axes.text(0.5, 0.5, "too few fixes", transform=axes.transAxes, ha="center", color=FAINT)
+            return figure
+        low, high = chi2.ppf([0.025, 0.975], window * degrees) / (window * degrees)
+        axes.axhspan(float(low), float(high), color=FAINT, alpha=0.35, linewidth=0.0)
+        axes.set_yscale("log")
+        every = np.concatenate(list(lines.values()))
+        axes.set_ylim(max(min(float(every.min()), 0.5) / 1.4, 1e-4), max(float(every.max()), 2.0) * 1.4)
+        axes.set_xlim(min(t[0] for t in times.values()), max(t[-1] for t in times.values()))
+        axes.yaxis.set_major_locator(LogLocator(numticks=8))
+        axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.set_title(
+            f"NIS over its degrees, mean of {window} pings (band: 95 % of an honest filter)",
+            loc="left",
+            fontsize=9.5,
+        )
+        axes.set_xlabel("time from the start, s")
+        drawn: list[Line] = []
+        for arm, line in lines.items():
+            alike = next(
+                (d for d in drawn if len(d.y) == len(line) and np.allclose(d.y, line, rtol=1e-2)), None
+            )
+            if alike is not None:
+                drawn[drawn.index(alike)] = Line((*alike.arms, arm), alike.x, alike.y)
+                continue
+            axes.plot(times[arm], line, color=stroke(arm).colour, linestyle=stroke(arm).dash, linewidth=1.2)
+            drawn.append(Line((arm,), times[arm], line))
+        label_ends(axes, drawn)
+    return figure
+
+
+def validity_figure(pings: pl.DataFrame, start_ns: int, *, words: str) -> Figure:
+    """Which beams the filters had, a strip for each beam and question (first draw)."""
+    first = pings.filter(pl.col("run") == pings["run"].min())
+    questions = first["what_if"].unique(maintain_order=True).to_list()
+    beams = sum(name.endswith("_valid") for name in first.columns)
+    with mpl.rc_context(STYLE):
+        height = 0.85 + 0.16 * (beams + 0.7) * len(questions)
+        figure = new_figure(height_in=height, width_in=2 * WIDTH_IN)
+        axes = figure.add_axes((0.13, 0.45 / height, 0.85, 1.0 - 0.85 / height))
+        ticks, labels = [], []
+        end = 1.0
+        for index, question in enumerate(questions):
+            rows = first.filter(pl.col("what_if") == question)
+            time_s = (rows["time_ns"].to_numpy() - start_ns) * 1e-9
+            steps = np.append(np.diff(time_s), np.median(np.diff(time_s)) if len(time_s) > 1 else 1.0)
+            end = max(end, float(time_s[-1] + steps[-1]))
+            base = index * (beams + 0.7)
+            for k in range(beams):
+                valid = rows[f"beam{k + 1}_valid"].to_numpy()
+                spans = _runs_of(valid, time_s, steps)
+                axes.broken_barh(spans, (base + k + 0.08, 0.84), color=_BEAMS[k % len(_BEAMS)], linewidth=0.0)
+            ticks.append(base + beams / 2.0)
+            labels.append(question.replace("_", " "))
+        axes.set_yticks(ticks, labels)
+        axes.set_ylim(len(questions) * (beams + 0.7), -0.3)
+        axes.set_xlim(0.0, end)
+        axes.grid(visible=False, axis="y")
+        axes.tick_params(axis="y", length=0.0)
+        axes.set_xlabel("time from the start, s")
+        _left_title(figure, words)
+    return figure
+
+
+def _runs_of(valid: NDArray[np.bool_], time_s: Floats, steps: Floats) -> list[tuple[float, float]]:
+    """Start and length of each stretch of valid pings."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], valid, [False]]).astype(np.int8)))
+    return [
+        (float(time_s[begin]), float(time_s[last - 1] + steps[last - 1] - time_s[begin]))
+        for begin, last in zip(edges[::2], edges[1::2], strict=True)
+    ]

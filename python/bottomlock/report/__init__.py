@@ -1,0 +1,1 @@
+"""The page of a finished campaign, and the advice drawn from it."""

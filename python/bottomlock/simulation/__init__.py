@@ -1,0 +1,1 @@
+"""From a scenario to what the kernel takes: build, measurement schedule, beam loss, sensor streams."""

@@ -1,0 +1,206 @@
+"""What a scenario stands for: its gravity, beams, vehicle, mission, seabed and magnetic field, built and checked."""
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock import kernel, units
+from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario
+from bottomlock.errors import DataError, ScenarioError
+from bottomlock.io.beams import read_validity
+from bottomlock.plant import Flight, Mission, Vehicle, fly, load_vehicle
+from bottomlock.plant.seabed import GridSeabed, Seabed
+from bottomlock.plant.surroundings import MagneticField, world_magnetic_model
+from bottomlock.plant.swim import check_mission
+from bottomlock.plant.tables import mission_from_table, seabed_from_table
+from bottomlock.plant.trim import check_stability
+from bottomlock.truth.trajectory import Truth, make_truth
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A scenario with everything that it names.
+
+    `vehicle` and `mission` are None for an analytic truth; `seabed`, `recorded` (times, ns, and validity) and `field`
+    where the scenario names none.
+    """
+
+    scenario: Scenario
+    gravity_mps2: float
+    geometry: kernel.BeamGeometry
+    vehicle: Vehicle | None
+    mission: Mission | None
+    seabed: Seabed | None
+    recorded: tuple[NDArray[np.int64], NDArray[np.bool_]] | None
+    field: MagneticField | None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the beams, which belong to the kernel: what is sent elsewhere takes no file along but its content."""
+        return {name: value for name, value in vars(self).items() if name != "geometry"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state | {"geometry": geometry_of(state["scenario"])})
+
+    @property
+    def latitude_rad(self) -> float:
+        """Geodetic latitude."""
+        return units.rad_from_deg(self.scenario.environment.latitude_deg)
+
+    @property
+    def earth_rate_radps(self) -> float:
+        """Earth rate; zero where the scenario stops the Earth."""
+        return EARTH_RATE_RADPS if self.scenario.environment.earth_rotation else 0.0
+
+    def fingerprint(self) -> str:
+        """SHA-256 of all that decides the numbers: the scenario, and the content of every file that it names."""
+        digest = hashlib.sha256(self.scenario.content_hash().encode())
+        if self.vehicle is not None:
+            digest.update(self.vehicle.model_dump_json().encode())
+        if isinstance(self.seabed, GridSeabed):
+            for axis in (self.seabed.north_m, self.seabed.east_m, self.seabed.depth_m):
+                digest.update(np.ascontiguousarray(axis, dtype=np.float64).tobytes())
+        for part in self.recorded or ():
+            digest.update(np.ascontiguousarray(part).tobytes())
+        return digest.hexdigest()
+
+    def flight(self) -> Flight:
+        """The vehicle's flight on the truth; read from the cache where it was swum before.
+
+        Raises:
+            ScenarioError: for an analytic truth, which no vehicle swims.
+        """
+        if self.vehicle is None or self.mission is None:
+            raise ScenarioError(f"scenario {self.scenario.name}: its truth is analytic, no vehicle swims it")
+        return fly(
+            self.vehicle,
+            self.mission,
+            latitude_rad=self.latitude_rad,
+            gravity_mps2=self.gravity_mps2,
+            earth_rate_radps=self.earth_rate_radps,
+            imu_rate_hz=self.scenario.imu.rate_hz,
+        )
+
+    def truth(self) -> Truth:
+        """The truth: analytic, or swum by the vehicle on the truth."""
+        if self.vehicle is None:
+            return make_truth(self.scenario, self.gravity_mps2)
+        return self.flight().truth
+
+
+def make_world(scenario: Scenario) -> World:
+    """Builds everything that a scenario names, so that a fault shows before anything runs.
+
+    Raises:
+        ScenarioError: for beams in a plane, a vehicle file with a fault or without a stable trim, a mission beyond the
+            vehicle's range, a seabed or a recorded log that cannot be read.
+
+    Examples:
+        >>> from bottomlock.config.scenario import load_scenario
+        >>> make_world(load_scenario("straight")).geometry.beams
+        4
+    """
+    gravity_mps2 = gravity_of(scenario)
+    vehicle = mission = None
+    if scenario.trajectory.source == "vehicle":
+        vehicle = load_vehicle(scenario.trajectory.vehicle)
+        mission = mission_of(scenario)
+        check_mission(vehicle, mission)
+        check_stability(vehicle, gravity_mps2)
+    return World(
+        scenario=scenario,
+        gravity_mps2=gravity_mps2,
+        geometry=geometry_of(scenario),
+        vehicle=vehicle,
+        mission=mission,
+        seabed=seabed_from_table(scenario.seabed, scenario.name) if scenario.seabed else None,
+        recorded=_recorded(scenario),
+        field=_field(scenario),
+    )
+
+
+def trajectory_key(name: str) -> int:
+    """Key of a trajectory's random numbers: the first eight bytes of the SHA-256 of its name.
+
+    >>> trajectory_key("straight") == trajectory_key("straight") != trajectory_key("lawn_mower")
+    True
+    """
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
+
+
+def gravity_of(scenario: Scenario) -> float:
+    """Gravity of a scenario in m/s²: as stated, or normal gravity at its latitude and depth."""
+    environment = scenario.environment
+    if environment.gravity != "normal":
+        return float(environment.gravity)
+    return kernel.normal_gravity_mps2(units.rad_from_deg(environment.latitude_deg), environment.depth_m)
+
+
+def mission_of(scenario: Scenario) -> Mission:
+    """The mission that the vehicle swims: the trajectory section with the keys of `[mission]` over it.
+
+    Raises:
+        ScenarioError: for wrong keys of `[mission]`.
+    """
+    settings = scenario.trajectory
+    table: dict[str, Any] = {"kind": settings.kind, "speed_mps": settings.speed_mps}
+    # A way through waypoints ends with its last, unless a duration is asked for.
+    if settings.kind == "waypoints":
+        table["name"] = scenario.name
+    if settings.kind != "waypoints" or "duration_s" in settings.model_fields_set:
+        table["duration_s"] = settings.duration_s
+    return replace(mission_from_table(table | scenario.mission, scenario.name), name=scenario.name)
+
+
+def geometry_of(scenario: Scenario) -> kernel.BeamGeometry:
+    """The beams of a scenario.
+
+    Raises:
+        ScenarioError: for directions that are not unit vectors, and beams that lie in a plane.
+    """
+    dvl = scenario.dvl
+    try:
+        return kernel.make_geometry(
+            dvl.configuration,
+            tilt_rad=units.rad_from_deg(dvl.tilt_deg),
+            tilts_rad=np.deg2rad(dvl.tilts_deg or ()),
+            azimuths_rad=np.deg2rad(dvl.azimuths_deg or ()),
+            directions=dvl.directions,
+            lever_arms_p_m=dvl.lever_arms_m,
+            mounting_rpy_rad=np.deg2rad(
+                [dvl.mounting_roll_deg, dvl.mounting_pitch_deg, dvl.mounting_yaw_deg]
+            ),
+            sound_speed_scale=dvl.sound_speed_scale,
+        )
+    except kernel.KernelError as error:
+        raise ScenarioError(f"scenario {scenario.name}: dvl: {error}") from error
+
+
+def _recorded(scenario: Scenario) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
+    path = scenario.dvl.replay_validity
+    if path is None:
+        return None
+    try:
+        return read_validity(Path(path), beams=scenario.dvl.beams)
+    except DataError as error:
+        raise ScenarioError(f"scenario {scenario.name}: dvl.replay_validity: {error}") from error
+
+
+def _field(scenario: Scenario) -> MagneticField | None:
+    compass, environment = scenario.magnetometer, scenario.environment
+    if not compass.enabled:
+        return None
+    if compass.declination_deg == "wmm":
+        return world_magnetic_model(
+            units.rad_from_deg(environment.latitude_deg),
+            units.rad_from_deg(environment.longitude_deg),
+            environment.year,
+        )
+    return MagneticField(
+        declination_rad=units.rad_from_deg(float(compass.declination_deg)),
+        inclination_rad=units.rad_from_deg(compass.inclination_deg),
+        strength_nt=compass.field_nt,
+    )

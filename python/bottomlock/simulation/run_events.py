@@ -1,0 +1,165 @@
+"""One run fed to a navigator an event at a time: what each DVL fix did to the estimate.
+
+A campaign keeps errors once a second and sums over fixes; what one fix did shows only in the streaming navigator, which
+ends in the same bits.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock import kernel
+from bottomlock.errors import ScenarioError
+from bottomlock.simulation.build import World, trajectory_key
+from bottomlock.simulation.measurement_schedule import schedule
+from bottomlock.truth.trajectory import Truth
+
+Floats = NDArray[np.float64]
+_VELOCITY = slice(6, 9)
+
+
+@dataclass(frozen=True, eq=False)
+class Fix:
+    """What one ping did.
+
+    Attributes:
+        time_ns: when.
+        step_p_mps: (3,) estimate of velocity after minus before, platform frame.
+        before_sd_mps: (3,) standard deviation claimed before.
+        after_sd_mps: (3,) and after.
+        nis: normalised innovation squared.
+        degrees: number of rows behind it.
+        used: whether the gate let any of it through.
+    """
+
+    time_ns: int
+    step_p_mps: Floats
+    before_sd_mps: Floats
+    after_sd_mps: Floats
+    nis: float
+    degrees: int
+    used: bool
+
+
+class Readings:
+    """What the sensors of one run read, with every beam returning: masks are laid over it afterwards.
+
+    Lost beams draw as well, so a mask changes nothing but which of the readings count.
+    """
+
+    def __init__(self, world: World, truth: Truth, *, run: int) -> None:
+        """Draws the readings of `run` as a campaign of this scenario does.
+
+        Raises:
+            ScenarioError: where a ping falls between two inertial samples: its step could not be told from the motion.
+        """
+        scenario = world.scenario
+        key = trajectory_key(scenario.name)
+        plan: Any = schedule(world, truth, trajectory_key=key, first_run=run)
+        self.valid: NDArray[np.bool_] = plan["beam_valid"].reshape(-1, world.geometry.beams)
+        plan["beam_valid"] = np.ones_like(self.valid)
+        if not np.isin(plan["dvl_time_ns"], truth.time_ns).all():
+            raise ScenarioError(
+                f"scenario {scenario.name}: dvl.rate_hz {scenario.dvl.rate_hz:g} puts pings between inertial samples, "
+                f"expected a divisor of imu.rate_hz {scenario.imu.rate_hz:g}"
+            )
+        self.world = world
+        model: Any = scenario.kernel_model(world.gravity_mps2)
+        self._model = model
+        self._options: Any = scenario.kernel_options()
+        arrays: Any = truth.kernel_arrays()
+        self._drawn = kernel.simulate_sensors(
+            world.geometry,
+            arrays,
+            model,
+            plan,
+            seed=scenario.campaign.seed,
+            trajectory_key=key,
+            run=run,
+            imu_sampling=scenario.imu.sampling,
+        )
+
+    @property
+    def ping_time_ns(self) -> NDArray[np.int64]:
+        """Times of the pings."""
+        times: NDArray[np.int64] = self._drawn["dvl_time_ns"]
+        return times
+
+    def fixes(self, arm: str, valid: NDArray[np.bool_], watched: Sequence[int]) -> Iterator[Fix]:
+        """Flies an arm with the beams of `valid`, (pings, beams), and tells of the pings whose numbers are `watched`.
+
+        Nothing is flown beyond the last of these. A ping that gives the arm nothing to fuse is not told of.
+        """
+        navigator = kernel.Navigator(
+            self.world.geometry, self._model, self._options, self._drawn["initial"], arm=arm
+        )
+        told, last_ns = set(watched), int(self.ping_time_ns[max(watched)])
+        # The reference flies with every beam, as in a campaign.
+        flags = np.ones_like(valid) if arm == "lc" else valid
+        flown = 0
+        imu_ns = self._drawn["imu_time_ns"]
+        for time_ns, sensor, k in self._events():
+            if time_ns > last_ns:
+                return
+            upto = int(np.searchsorted(imu_ns, time_ns, side="right"))
+            if upto > flown:
+                stretch = slice(flown, upto)
+                navigator.push_imu_block(
+                    imu_ns[stretch],
+                    self._drawn["imu_rate_p_radps"][stretch],
+                    self._drawn["imu_force_p_mps2"][stretch],
+                )
+                flown = upto
+            if sensor != "dvl":
+                self._aid(navigator, sensor, k, time_ns)
+            elif k in told:
+                yield from self._watched(navigator, k, flags[k])
+            else:
+                self._ping(navigator, k, flags[k])
+
+    def _events(self) -> list[tuple[int, str, int]]:
+        """Epochs in order of time; at the same time DVL before depth before magnetometer before GPS, as the kernel."""
+        order = ("dvl", "depth", "magnetometer", "gps")
+        events = [
+            (int(time_ns), rank, k)
+            for rank, sensor in enumerate(order)
+            for k, time_ns in enumerate(self._drawn[f"{sensor}_time_ns"])
+        ]
+        return [(time_ns, order[rank], k) for time_ns, rank, k in sorted(events)]
+
+    def _ping(self, navigator: kernel.Navigator, k: int, valid: NDArray[np.bool_]) -> list[Any]:
+        sd_mps = np.full(len(valid), self._model["dvl"]["beam_noise_sd_mps"])
+        reports: list[Any] = navigator.push_beams(
+            int(self.ping_time_ns[k]), self._drawn["dvl_velocity_mps"][k], valid, sd_mps=sd_mps
+        )
+        return reports
+
+    def _watched(self, navigator: kernel.Navigator, k: int, valid: NDArray[np.bool_]) -> Iterator[Fix]:
+        before_mps, before_cov = navigator.state()["velocity_p_mps"], navigator.covariance()
+        pushed = self._ping(navigator, k, valid)
+        reports = [one for one in pushed if one["sensor"] == "beams" and one["degrees"] > 0]
+        after_cov = navigator.covariance()
+        for report in reports[:1]:
+            yield Fix(
+                time_ns=int(self.ping_time_ns[k]),
+                step_p_mps=navigator.state()["velocity_p_mps"] - before_mps,
+                before_sd_mps=np.sqrt(np.diag(before_cov)[_VELOCITY]),
+                after_sd_mps=np.sqrt(np.diag(after_cov)[_VELOCITY]),
+                nis=report["nis"],
+                degrees=report["degrees"],
+                used=report["verdict"] in {"accepted", "accepted_in_part"},
+            )
+
+    def _aid(self, navigator: kernel.Navigator, sensor: str, k: int, time_ns: int) -> None:
+        drawn, model = self._drawn, self._model
+        if sensor == "depth":
+            navigator.push_depth(time_ns, float(drawn["depth_m"][k]), **model["depth"])
+        elif sensor == "magnetometer":
+            navigator.push_attitude(time_ns, drawn["magnetometer_attitude_t_p"][k], **model["magnetometer"])
+        else:
+            navigator.push_gps(
+                time_ns, drawn["gps_position_t_m"][k], drawn["gps_velocity_t_mps"][k], **model["gps"]
+            )

@@ -1,0 +1,73 @@
+"""The sensor streams of one run as tables: what its filters are fed, for a filter of one's own."""
+
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from bottomlock import kernel
+from bottomlock.plant.beam_loss import noisy_ranges
+from bottomlock.simulation.build import World, trajectory_key
+from bottomlock.simulation.measurement_schedule import met
+from bottomlock.truth.trajectory import Truth
+
+
+def sensor_streams(world: World, truth: Truth, *, run: int = 0) -> dict[str, pl.DataFrame]:
+    """What the sensors of a run read along a truth, a table per sensor; the very readings of that run in a campaign.
+
+    Returns:
+        Tables with time_ns and: `imu`, rate_{x,y,z}_radps and force_{x,y,z}_mps2 in the platform frame; `beams`, for
+        every beam beamK_mps, beamK_valid and, over a seabed, beamK_range_m, null where it does not return; `depth`,
+        depth_m; `attitude`, attitude_{w,x,y,z} from platform to tangent; `gps`, position_{north,east,down}_m and
+        velocity_{north,east,down}_mps. A sensor that is off has no rows.
+
+    Raises:
+        DataError: for a truth of less than a second.
+
+    Examples:
+        >>> from bottomlock.config.scenario import load_scenario
+        >>> from bottomlock.simulation.build import make_world
+        >>> world = make_world(load_scenario("straight").with_trajectory(duration_s=3.0))
+        >>> sensor_streams(world, world.truth())["beams"].select("time_ns", "beam1_valid", "beam3_mps").row(0)
+        (1000000000, True, None)
+    """
+    scenario = world.scenario
+    key: dict[str, Any] = {
+        "seed": scenario.campaign.seed,
+        "trajectory_key": trajectory_key(scenario.name),
+        "run": run,
+    }
+    plan, hits = met(world, truth, trajectory_key=key["trajectory_key"], first_run=run, runs=1)
+    arrays: Any = truth.kernel_arrays()
+    model: Any = scenario.kernel_model(world.gravity_mps2)
+    schedule: Any = plan
+    drawn = kernel.simulate_sensors(
+        world.geometry, arrays, model, schedule, imu_sampling=scenario.imu.sampling, **key
+    )
+    beams = {"time_ns": drawn["dvl_time_ns"]}
+    valid = drawn["dvl_valid"]
+    ranges = None if hits is None else noisy_ranges(hits.range_m, scenario.dvl.range_noise_m, **key)
+    for k in range(world.geometry.beams):
+        beams[f"beam{k + 1}_mps"] = np.where(valid[:, k], drawn["dvl_velocity_mps"][:, k], np.nan)
+        beams[f"beam{k + 1}_valid"] = valid[:, k]
+        if ranges is not None:
+            beams[f"beam{k + 1}_range_m"] = np.where(valid[:, k], ranges[:, k], np.nan)
+    imu = _columns("rate_{}_radps", "xyz", drawn["imu_rate_p_radps"])
+    imu |= _columns("force_{}_mps2", "xyz", drawn["imu_force_p_mps2"])
+    axes = ("north", "east", "down")
+    gps = _columns("position_{}_m", axes, drawn["gps_position_t_m"])
+    gps |= _columns("velocity_{}_mps", axes, drawn["gps_velocity_t_mps"])
+    return {
+        "imu": pl.DataFrame({"time_ns": drawn["imu_time_ns"]} | imu),
+        "beams": pl.DataFrame(beams).with_columns(pl.col(pl.Float64).fill_nan(None)),
+        "depth": pl.DataFrame({"time_ns": drawn["depth_time_ns"], "depth_m": drawn["depth_m"]}),
+        "attitude": pl.DataFrame(
+            {"time_ns": drawn["magnetometer_time_ns"]}
+            | _columns("attitude_{}", "wxyz", drawn["magnetometer_attitude_t_p"])
+        ),
+        "gps": pl.DataFrame({"time_ns": drawn["gps_time_ns"]} | gps),
+    }
+
+
+def _columns(name: str, axes: Any, values: np.ndarray[Any, Any]) -> dict[str, Any]:  # noqa: ANN401 - text or texts
+    return {name.format(axis): values[:, k] for k, axis in enumerate(axes)}

@@ -1,0 +1,1 @@
+"""Statistics from tables: expressions over data frames, no kernel calls, no figures."""

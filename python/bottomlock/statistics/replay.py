@@ -1,0 +1,145 @@
+"""Statistics of a replay: tables in, tables out."""
+
+import polars as pl
+
+from bottomlock.tables.replay import FORWARD, REPLAY_ENSEMBLE, REPLAY_RUNS
+from bottomlock.units import DEGREES_PER_RADIAN
+
+_KEYS = ["case", "what_if", "run", "arm", "pass"]
+_ERRORS = ("position", "velocity", "misalignment")
+
+
+def _norm(kind: str, what: str) -> pl.Expr:
+    # A row of which any component is missing has no norm.
+    return sum((pl.col(name) ** 2 for name in _components(kind, what)), pl.lit(0.0)).sqrt()
+
+
+def _components(kind: str, what: str) -> list[str]:
+    ends = {
+        "position": ("north_m", "east_m", "down_m"),
+        "misalignment": ("north_rad", "east_rad", "down_rad"),
+        "velocity": ("surge_mps", "sway_mps", "heave_mps"),
+    }[what]
+    return [f"{kind}_{what}_{end}" for end in ends]
+
+
+def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
+    """Norms of the errors and of the claimed deviations, with the mean square of their ratio over the three axes."""
+    columns = []
+    for what, unit, scale in (
+        ("position", "m", 1.0),
+        ("velocity", "mps", 1.0),
+        ("misalignment", "deg", DEGREES_PER_RADIAN),
+    ):
+        name = "attitude" if what == "misalignment" else what
+        columns += [
+            (_norm("err", what) * scale).alias(f"{name}_{unit}"),
+            (_norm("sd", what) * scale).alias(f"{name}_sd_{unit}"),
+            (
+                sum(
+                    (
+                        (pl.col(e) / pl.col(s)) ** 2
+                        for e, s in zip(_components("err", what), _components("sd", what), strict=True)
+                    ),
+                    pl.lit(0.0),
+                )
+                / 3.0
+            ).alias(f"{name}_ratio2"),
+        ]
+    return samples.select(*_KEYS, "time_ns", *columns)
+
+
+def _rms(column: str) -> pl.Expr:
+    return (pl.col(column) ** 2).mean().sqrt()
+
+
+def runs_table(
+    samples: pl.DataFrame,
+    innovations: pl.DataFrame,
+    pings: pl.DataFrame,
+    path: pl.DataFrame | None,
+    start_ns: int,
+) -> pl.DataFrame:
+    """A row per question, run, arm and pass (`replay_schema.REPLAY_RUNS`); the way counts from the start."""
+    norms = error_norms(samples)
+    reached = pl.col("time_ns").is_between(start_ns, pl.lit(samples["time_ns"].max()))
+    distance = None if path is None else _distance(path.filter(reached))
+    table = norms.group_by(_KEYS, maintain_order=True).agg(
+        pl.col("position_m").last().alias("position_final_m"),
+        _rms("position_m").alias("position_rms_m"),
+        pl.col("velocity_mps").last().alias("velocity_final_mps"),
+        _rms("velocity_mps").alias("velocity_rms_mps"),
+        pl.col("attitude_deg").last().alias("attitude_final_deg"),
+        _rms("attitude_deg").alias("attitude_rms_deg"),
+        # The first row stands at the start, where the deviations are the start's own.
+        *(
+            pl.col(f"{name}_ratio2").slice(1).mean().sqrt().alias(f"{name}_ratio_rms")
+            for name in ("position", "velocity", "attitude")
+        ),
+    )
+    gate = innovations.group_by("case", "what_if", "run", "arm", maintain_order=True).agg(
+        pl.col("nis").mean().alias("nis_mean"),
+        pl.col("degrees").filter(pl.col("nis").is_not_null()).mean().alias("nis_degrees_mean"),
+        *(
+            (pl.col("status") == status).sum().cast(pl.Int64).alias(f"fixes_{name}")
+            for status, name in (
+                ("accepted", "accepted"),
+                ("accepted_in_part", "in_part"),
+                ("rejected", "rejected"),
+            )
+        ),
+    )
+    beams = pings.with_columns(pl.sum_horizontal(pl.col("^beam[0-9]+_valid$").cast(pl.Int64)).alias("beams"))
+    returning = beams.group_by("case", "what_if", "run", maintain_order=True).agg(
+        pl.col("beams").mean().alias("beams_mean")
+    )
+    joined = table.join(gate, on=["case", "what_if", "run", "arm"], how="left", maintain_order="left").join(
+        returning, on=["case", "what_if", "run"], how="left", maintain_order="left"
+    )
+    joined = joined.with_columns(pl.lit(distance, dtype=pl.Float64).alias("distance_m"))
+    percent = (100.0 * pl.col("position_final_m") / pl.col("distance_m")).alias("position_final_percent")
+    return joined.with_columns(percent).select(list(REPLAY_RUNS))
+
+
+def _distance(path: pl.DataFrame) -> float:
+    """Length of the reference's way, m."""
+    steps = [pl.col(f"{axis}_m").diff() ** 2 for axis in ("north", "east", "down")]
+    return float(path.select(pl.sum_horizontal(steps).sqrt().sum()).item())
+
+
+def ensemble_table(samples: pl.DataFrame, start_ns: int) -> pl.DataFrame:
+    """A row per question, arm, pass and time (`replay_schema.REPLAY_ENSEMBLE`): RMS over the runs."""
+    norms = error_norms(samples)
+    table = norms.group_by("case", "what_if", "arm", "pass", "time_ns", maintain_order=True).agg(
+        pl.len().cast(pl.Int64).alias("runs"),
+        *(_rms(f"{name}_{unit}").alias(f"{name}_rms_{unit}") for name, unit in _NAMED),
+        *(_rms(f"{name}_sd_{unit}").alias(f"{name}_sd_{unit}") for name, unit in _NAMED),
+    )
+    seconds = ((pl.col("time_ns") - start_ns) * 1e-9).alias("time_s")
+    return table.with_columns(seconds).select(list(REPLAY_ENSEMBLE))
+
+
+_FATES = ("accepted", "in_part", "rejected")
+_NAMED = (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
+
+
+def summary_table(runs: pl.DataFrame) -> pl.DataFrame:
+    """A row per question, arm and pass: medians over the runs, for a terminal and a report."""
+    return runs.group_by("case", "what_if", "arm", "pass", maintain_order=True).agg(
+        pl.len().alias("runs"),
+        *(
+            pl.col(name).median()
+            for name in REPLAY_RUNS
+            if name.endswith(("_m", "_percent", "_mps", "_deg", "_rms", "_mean"))
+        ),
+        sum((pl.col(f"fixes_{name}") for name in _FATES), pl.lit(0)).median().cast(pl.Int64).alias("fixes"),
+        (
+            pl.col("fixes_rejected").sum()
+            / (pl.col("fixes_accepted") + pl.col("fixes_in_part") + pl.col("fixes_rejected")).sum()
+        ).alias("rejected_part"),
+    )
+
+
+def forward(frame: pl.DataFrame) -> pl.DataFrame:
+    """The rows of the forward pass."""
+    return frame.filter(pl.col("pass") == FORWARD)

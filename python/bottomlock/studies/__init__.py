@@ -1,0 +1,1 @@
+"""Studies over many campaigns: cases, masks, recovery, consistency, the sweep, the whole of the 2017 paper."""

@@ -1,0 +1,209 @@
+"""The consistency matrix: arms x masks x trajectories, NEES and NIS against chi-squared bands at one false-alarm rate.
+
+NEES at neighbouring times of a run is nearly the same number, so a mean over time has no chi-squared band. It is judged
+at a few fixed times, each against the exact band of a mean over independent runs; the bands of the whole matrix are
+widened by Bonferroni's inequality, which holds for any dependence between times, arms, masks and trajectories.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from bottomlock import kernel
+from bottomlock.atomic_write import write_parquet, write_text
+from bottomlock.config.scenario import Scenario
+from bottomlock.errors import ScenarioError
+from bottomlock.simulation.build import World, make_world, trajectory_key
+from bottomlock.simulation.measurement_schedule import schedule
+from bottomlock.simulation.run_events import Readings
+from bottomlock.statistics import chi_squared
+from bottomlock.studies import cases, study_folder
+from bottomlock.studies.consistency_table import CERTIFICATE, markdown
+
+KIND = "certificate"
+PARTS = ("cells", "certificate.parquet", "certificate.md", study_folder.MANIFEST)
+FALSE_ALARM = 0.01
+TIMES = 5
+BLIND = ("ins", "lc")
+"""Arms that do not look at which beams are lost: judged once, with all of them."""
+
+_CELL = {
+    "trajectory": pl.String(), "beams": pl.String(), "arm": pl.String(), "quantity": pl.String(),
+    "time_s": pl.Float64(), "degrees": pl.Float64(), "runs": pl.Int64(), "values": pl.Int64(), "mean": pl.Float64(),
+}  # fmt: skip
+"""A judged mean: over runs at one time, or over runs and fixes (`time_s` null)."""
+
+
+def parse_masks(text: str | None, beams: int) -> list[tuple[int, ...]]:
+    """Masks from `1234,12,1`; every one for None.
+
+    Raises:
+        ScenarioError: for what is not a set of beams of the instrument.
+
+    Examples:
+        >>> parse_masks("1234,13", 4)
+        [(1, 2, 3, 4), (1, 3)]
+    """
+    if text is None:
+        return cases.masks(beams)
+    known = {"".join(map(str, mask)): mask for mask in cases.masks(beams)}
+    names = list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    for name in names:
+        if name not in known:
+            raise ScenarioError(
+                f"'{name}' is no set of the beams 1 to {beams}, expected digits in rising order, such as 12"
+            )
+    if not names:
+        raise ScenarioError("no mask is named")
+    return [known[name] for name in names]
+
+
+def configuration(scenarios: Sequence[Scenario], masks: Sequence[tuple[int, ...]]) -> str:
+    """Hash of what decides the certificate."""
+    content = [
+        (s.name, make_world(s).fingerprint(), list(s.campaign.arms), s.campaign.runs) for s in scenarios
+    ]
+    return study_folder.configuration_hash([content, [list(mask) for mask in masks], TIMES, FALSE_ALARM])
+
+
+def certify(
+    scenarios: Sequence[Scenario],
+    masks: Sequence[tuple[int, ...]],
+    out: Path,
+    *,
+    command: str = "",
+    threads: int = 0,
+    tell: Callable[[str, int, int], None] = lambda _cell, _done, _total: None,
+) -> pl.DataFrame:
+    """Flies the matrix and writes `certificate.parquet` and `certificate.md` to `out`; finished cells there are kept.
+
+    Args:
+        scenarios: trajectories, of different names; their runs, seed and arms count.
+        masks: sets of returning beams, as `cases.masks` gives them.
+        out: directory, claimed by the caller (`study_folder.claim`).
+        command: what to type to have the same again, for the text.
+        threads: 0 for as many as there are cores. The numbers do not depend on it.
+        tell: hears of every finished cell.
+
+    Returns:
+        The table `certificate.CERTIFICATE`.
+
+    Raises:
+        ScenarioError: for a scenario or mask that makes no sense.
+        OutputError: where `out` cannot be written.
+        KernelError: for input that the kernel refuses, naming run and arm.
+    """
+    parts = []
+    total = len(scenarios) * len(masks)
+    for scenario in scenarios:
+        for mask in masks:
+            case = cases.masked(scenario, mask)
+            path = out / "cells" / f"{scenario.name}-{case.name}.parquet"
+            if not path.exists():
+                write_parquet(path, fly_cell(case, whole=len(mask) == scenario.dvl.beams, threads=threads))
+            parts.append(pl.read_parquet(path))
+            tell(f"{scenario.name} {case.name}", len(parts), total)
+    means = pl.concat(parts)
+    table = judge(means)
+    first = scenarios[0]
+    facts: dict[str, Any] = {
+        "trajectories": [scenario.name for scenario in scenarios],
+        "arms": list(first.campaign.arms),
+        "beams": [cases.beam_list(mask) for mask in masks],
+        "seed": ", ".join(dict.fromkeys(str(scenario.campaign.seed) for scenario in scenarios)),
+        "times_s": [f"{time_s:g}" for time_s in means["time_s"].drop_nulls().unique().sort()],
+        "degrees": 20 if first.filter.estimate_dvl else 15,
+        "tests": means.height,
+        "false_alarm": FALSE_ALARM,
+        "each_probability": chi_squared.each_probability(FALSE_ALARM, means.height),
+        "versions": study_folder.versions(),
+        "configuration_hash": configuration(scenarios, masks),
+        "command": command,
+    }
+    write_parquet(out / "certificate.parquet", table)
+    write_text(out / "certificate.md", markdown(table, facts))
+    return table
+
+
+def judged_times_s(duration_s: float) -> list[float]:
+    """Times at which NEES is judged: the ends of equal parts of the way, on the full second.
+
+    >>> judged_times_s(250.0)
+    [50.0, 100.0, 150.0, 200.0, 250.0]
+    """
+    times = {float(int(duration_s * (k + 1) / TIMES)) for k in range(TIMES)}
+    return sorted(time_s for time_s in times if time_s >= 1.0)
+
+
+def fly_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame:
+    """Every arm under one mask on one trajectory: the means that are to be judged."""
+    world = make_world(case.scenario)
+    scenario = world.scenario
+    truth = world.truth()
+    arms = [arm for arm in scenario.campaign.arms if whole or arm not in BLIND]
+    if not arms:
+        return pl.DataFrame(schema=_CELL)
+    key, runs = trajectory_key(scenario.name), scenario.campaign.runs
+    plan: Any = schedule(world, truth, trajectory_key=key)
+    seconds = plan["sample_time_ns"]
+    times_s = judged_times_s((seconds[-1] - truth.time_ns[0]) * 1e-9)
+    plan["sample_time_ns"] = truth.time_ns[0] + np.array([round(time_s * 1e9) for time_s in times_s])
+    model: Any = scenario.kernel_model(world.gravity_mps2)
+    options: Any = scenario.kernel_options()
+    arrays: Any = truth.kernel_arrays()
+    batch: Any = kernel.run_batch(
+        world.geometry, arrays, model, model, options, plan, arms,
+        seed=scenario.campaign.seed, trajectory_key=key, first_run=0, runs=runs, threads=threads,
+    )  # fmt: skip
+    rows_fused = _rows_fused(world, arms)
+    full = 20 if scenario.filter.estimate_dvl else 15
+    rows: list[tuple[Any, ...]] = []
+    for index, arm in enumerate(arms):
+        place = (scenario.name, case.beams, arm)
+        for quantity, degrees in (("nees_velocity_attitude", 6), ("nees", full)):
+            values = batch[quantity][:, index].mean(axis=0)
+            rows += [
+                (*place, quantity, time_s, degrees, runs, runs, float(mean))
+                for time_s, mean in zip(times_s, values, strict=True)
+            ]
+        fixes = int(batch["fixes_accepted"][:, index].sum() + batch["fixes_rejected"][:, index].sum())
+        if fixes and rows_fused[arm]:
+            # Every run has the same number of fixes under a mask that stays, so the mean of means is the mean.
+            mean = float(batch["nis_mean"][:, index].mean())
+            rows.append((*place, "nis", None, rows_fused[arm], runs, fixes, mean))
+    return pl.DataFrame(rows, schema=_CELL, orient="row")
+
+
+def _rows_fused(world: World, arms: Sequence[str]) -> dict[str, float]:
+    """Rows that each arm fuses per fix under the scenario's mask, from its first run; 0 for an arm without fixes."""
+    readings = Readings(world, world.truth(), run=0)
+    pings = range(len(readings.ping_time_ns))
+    degrees = {arm: [fix.degrees for fix in readings.fixes(arm, readings.valid, pings)] for arm in arms}
+    return {arm: float(np.mean(found)) if found else 0.0 for arm, found in degrees.items()}
+
+
+def judge(means: pl.DataFrame) -> pl.DataFrame:
+    """The table `certificate.CERTIFICATE` from the means of all cells: as many tests as there are means."""
+    each = chi_squared.each_probability(FALSE_ALARM, means.height)
+    keys = ["trajectory", "beams", "arm", "quantity", "degrees", "runs", "values"]
+    rows = []
+    for key, group in means.group_by(keys, maintain_order=True):
+        *_, degrees, _, values = key
+        low, high = chi_squared.mean_band(float(degrees), int(values), each)
+        found = group["mean"].to_numpy()
+        least, greatest = float(found.min()), float(found.max())
+        rows.append(
+            (
+                *key,
+                float(found.mean()),
+                least,
+                greatest,
+                low,
+                high,
+                chi_squared.verdict(low, least, greatest, high),
+            )
+        )
+    return pl.DataFrame(rows, schema=dict(CERTIFICATE), orient="row")

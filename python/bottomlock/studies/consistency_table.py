@@ -1,0 +1,172 @@
+"""The honesty certificate as a table and as a text for people."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import resources
+from typing import Any
+
+import polars as pl
+from jinja2 import Environment, StrictUndefined
+
+from bottomlock.statistics.chi_squared import CAUTIOUS, CONSISTENT, OVERCONFIDENT, detectable_factor
+
+CERTIFICATE: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "beams": pl.String(),
+    "arm": pl.String(),
+    "quantity": pl.String(),
+    "degrees": pl.Float64(),
+    "runs": pl.Int64(),
+    "values": pl.Int64(),
+    "mean": pl.Float64(),
+    "least": pl.Float64(),
+    "greatest": pl.Float64(),
+    "band_lo": pl.Float64(),
+    "band_hi": pl.Float64(),
+    "verdict": pl.String(),
+}
+"""A row per trajectory, mask, arm and quantity: expected value, number of runs, independent values behind each judged
+mean, mean over runs and times, the least and the greatest of the judged means, their band, and the verdict."""
+
+QUANTITIES = {
+    "nees_velocity_attitude": "NEES of velocity and attitude",
+    "nees": "NEES of the whole state",
+    "nis": "NIS of the DVL fixes",
+}
+_SUFFIX = {CONSISTENT: "consistent", OVERCONFIDENT: "overconfident", CAUTIOUS: "cautious"}
+_MARKS = {CONSISTENT: "", OVERCONFIDENT: " ▲", CAUTIOUS: " ▽"}
+
+
+def certified_cells(table: pl.DataFrame) -> pl.DataFrame:
+    """A row per arm, trajectory and mask with `certified`.
+
+    It is where the NEES of velocity and attitude is consistent and no quantity is overconfident.
+    """
+    core = (pl.col("quantity") == "nees_velocity_attitude") & (pl.col("verdict") != CONSISTENT)
+    return table.group_by("arm", "trajectory", "beams", maintain_order=True).agg(
+        (~(core.any() | (pl.col("verdict") == OVERCONFIDENT).any())).alias("certified")
+    )
+
+
+def arms_summary(table: pl.DataFrame) -> pl.DataFrame:
+    """A row per arm: cells (trajectory and mask), those certified, and the verdicts by quantity.
+
+    Columns: arm, cells, certified, and for each quantity Q: Q_consistent, Q_overconfident, Q_cautious.
+    """
+    summary = (
+        certified_cells(table)
+        .group_by("arm", maintain_order=True)
+        .agg(pl.len().alias("cells"), pl.col("certified").sum())
+    )
+    counts = [
+        ((pl.col("quantity") == quantity) & (pl.col("verdict") == verdict))
+        .sum()
+        .alias(f"{quantity}_{suffix}")
+        for quantity in QUANTITIES
+        for verdict, suffix in _SUFFIX.items()
+    ]
+    return summary.join(table.group_by("arm").agg(counts), on="arm", how="left", maintain_order="left")
+
+
+def counts_of(row: Mapping[str, Any]) -> list[str]:
+    """`consistent / overconfident / too cautious` for each quantity, from a row of `arms_summary`."""
+    return [
+        " / ".join(str(row[f"{quantity}_{suffix}"]) for suffix in _SUFFIX.values()) for quantity in QUANTITIES
+    ]
+
+
+def decisive(row: Mapping[str, Any]) -> float:
+    """The mean that decides a verdict: the greatest or least where it is outside, else the mean over the times."""
+    name = {OVERCONFIDENT: "greatest", CAUTIOUS: "least"}.get(row["verdict"], "mean")
+    return float(row[name])
+
+
+def number(value: float) -> str:
+    """Three digits or so.
+
+    >>> number(6.0), number(258.4), number(5.29e6)
+    ('6.0', '258', '5e6')
+    """
+    if abs(value) >= 1e4:
+        return f"{value:.0e}".replace("e+0", "e").replace("e+", "e")
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.1f}"
+
+
+def markdown(table: pl.DataFrame, facts: Mapping[str, Any]) -> str:
+    """The certificate as Markdown: what was run, how it is judged, the verdicts, and what it does not say.
+
+    `facts` are the names that the template uses besides the tables: trajectories, arms, beams, seed, versions,
+    configuration_hash, command, degrees (of the whole state), times_s, tests, each_probability, false_alarm.
+    """
+    runs, each = int(table["runs"].to_numpy().min()), facts["each_probability"]
+    text = (resources.files("bottomlock.pages") / "templates" / "certificate.md.j2").read_text(
+        encoding="utf-8"
+    )
+    # Markdown is not HTML: there is nothing to escape.
+    environment = Environment(undefined=StrictUndefined, autoescape=False, keep_trailing_newline=True)  # noqa: S701
+    return environment.from_string(text).render(
+        **facts,
+        runs=runs,
+        factor_velocity_attitude=detectable_factor(6, runs, each),
+        factor_whole=detectable_factor(facts["degrees"], runs, each),
+        arms_table="\n".join(_arms(table)),
+        certified_list="\n".join(_certified(table)),
+        matrices="\n".join(_matrices(table)).rstrip(),
+    )
+
+
+def _row(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _arms(table: pl.DataFrame) -> Iterator[str]:
+    yield _row(["arm", "cells", "certified", "velocity and attitude", "whole state", "NIS"])
+    yield _row(["---", "---:", "---:", "---:", "---:", "---:"])
+    for row in arms_summary(table).iter_rows(named=True):
+        yield _row([f"`{row['arm']}`", str(row["cells"]), str(row["certified"]), *counts_of(row)])
+
+
+def _certified(table: pl.DataFrame) -> Iterator[str]:
+    for (arm,), rows in certified_cells(table).group_by("arm", maintain_order=True):
+        parts = []
+        for (trajectory,), group in rows.group_by("trajectory", maintain_order=True):
+            good = [beams.replace(",", "") for beams in group.filter("certified")["beams"]]
+            bad = [beams.replace(",", "") for beams in group.filter(~pl.col("certified"))["beams"]]
+            if not bad or not good:
+                words = "nowhere" if bad else "everywhere"
+            elif len(good) > len(bad):
+                words = f"everywhere but {' '.join(bad)}"
+            else:
+                words = " ".join(good)
+            parts.append(f"{trajectory}: {words}")
+        yield f"- `{arm}`: {'; '.join(parts)}."
+
+
+def _matrices(table: pl.DataFrame) -> Iterator[str]:
+    arms = table["arm"].unique(maintain_order=True).to_list()
+    for quantity, words in QUANTITIES.items():
+        chosen = table.filter(pl.col("quantity") == quantity)
+        if chosen.is_empty():
+            continue
+        yield from (f"## {words}", "")
+        if quantity == "nis":
+            yield "Mean NIS over the number of fused rows: 1 where the claim is right."
+        else:
+            low, high = chosen["band_lo"][0], chosen["band_hi"][0]
+            yield f"Expected {chosen['degrees'][0]:g}, band {low:.2f} to {high:.2f}."
+        yield "▲ overconfident, ▽ too cautious, with the value that decides; no mark: consistent, mean over the times."
+        yield ""
+        for (trajectory,), rows in chosen.group_by("trajectory", maintain_order=True):
+            yield _row([str(trajectory), *arms])
+            yield _row(["---", *("---:" for _ in arms)])
+            for (beams,), group in rows.group_by("beams", maintain_order=True):
+                found = {row["arm"]: row for row in group.iter_rows(named=True)}
+                yield _row([str(beams), *(_cell(found.get(arm), quantity) for arm in arms)])
+            yield ""
+
+
+def _cell(row: Mapping[str, Any] | None, quantity: str) -> str:
+    if row is None:
+        return ""
+    value = decisive(row) / (row["degrees"] if quantity == "nis" else 1.0)
+    shown = f"{value:.3f}" if quantity == "nis" and value < 10.0 else number(value)
+    return shown + _MARKS[row["verdict"]]

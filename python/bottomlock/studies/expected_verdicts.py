@@ -1,0 +1,117 @@
+"""Verdicts that a certificate is held against: a TOML file of expectations, and the cells that depart from them."""
+
+import tomllib
+from collections.abc import Collection
+from pathlib import Path
+from typing import Literal
+
+import polars as pl
+from pydantic import ValidationError
+
+from bottomlock.config.scenario_sections import Section
+from bottomlock.config.validation import explain
+from bottomlock.errors import DataError
+from bottomlock.statistics.chi_squared import OVERCONFIDENT
+
+
+class Expectation(Section):
+    """What all cells of some arms, trajectories and masks are to show; an empty list means every one that is there.
+
+    "not overconfident" allows both of the other verdicts.
+    """
+
+    arms: tuple[str, ...]
+    trajectories: tuple[str, ...] = ()
+    beams: tuple[str, ...] = ()
+    quantity: Literal["nees_velocity_attitude", "nees", "nis"] = "nees_velocity_attitude"
+    verdict: Literal["consistent", "overconfident", "too cautious", "not overconfident"]
+
+
+class Expectations(Section):
+    """A file of expectations."""
+
+    expect: tuple[Expectation, ...]
+
+
+def read_expectations(path: Path) -> tuple[Expectation, ...]:
+    """The expectations in a TOML file.
+
+    Raises:
+        DataError: for a file that is not there, ill-formed TOML, unknown keys or verdicts, and an empty list.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise DataError(f"{path}: no such file of expected verdicts") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: cannot be read as text ({error})") from error
+    except tomllib.TOMLDecodeError as error:
+        raise DataError(f"{path}: not valid TOML: {error}") from error
+    try:
+        read = Expectations.model_validate(content)
+    except ValidationError as error:
+        raise DataError(explain(error, str(path), Expectations)) from error
+    if not read.expect:
+        raise DataError(f"{path}: expects nothing, expected one [[expect]] or more")
+    return read.expect
+
+
+def check_names(
+    expectations: tuple[Expectation, ...],
+    *,
+    arms: Collection[str],
+    trajectories: Collection[str],
+    beams: Collection[str],
+) -> None:
+    """Refuses an expectation of what is not in a certificate: it would pass unseen.
+
+    Raises:
+        DataError: naming the arm, trajectory or mask.
+    """
+    for wanted in expectations:
+        for column, names, known in (
+            ("arm", wanted.arms, arms),
+            ("trajectory", wanted.trajectories, trajectories),
+            ("beams", wanted.beams, beams),
+        ):
+            for name in names:
+                if name not in known:
+                    raise DataError(f"expected verdicts: {column} '{name}' is not in the certificate")
+
+
+def departures(table: pl.DataFrame, expectations: tuple[Expectation, ...]) -> list[str]:
+    """The cells whose verdict is another than expected, a line each.
+
+    Raises:
+        DataError: as `check_names`, and for a combination that the table does not hold.
+    """
+    check_names(
+        expectations, arms=set(table["arm"]), trajectories=set(table["trajectory"]), beams=set(table["beams"])
+    )
+    found = []
+    for wanted in expectations:
+        rows = table.filter(pl.col("quantity") == wanted.quantity)
+        for column, names in (
+            ("arm", wanted.arms),
+            ("trajectory", wanted.trajectories),
+            ("beams", wanted.beams),
+        ):
+            if names:
+                rows = rows.filter(pl.col(column).is_in(names))
+        if rows.is_empty():
+            raise DataError(
+                f"expected verdicts: no cell has arms {list(wanted.arms)} and beams {list(wanted.beams)}"
+            )
+        for row in rows.iter_rows(named=True):
+            good = (
+                row["verdict"] != OVERCONFIDENT
+                if wanted.verdict == "not overconfident"
+                else row["verdict"] == wanted.verdict
+            )
+            if not good:
+                found.append(
+                    f"{row['trajectory']}, beams {row['beams']}, {row['arm']}, {wanted.quantity}: {row['verdict']} "
+                    f"({row['least']:.2f} to {row['greatest']:.2f}, "
+                    f"band {row['band_lo']:.2f} to {row['band_hi']:.2f}), expected {wanted.verdict}"
+                )
+    return found

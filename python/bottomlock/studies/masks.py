@@ -1,0 +1,161 @@
+"""What each method is worth under every partial mask: the same table for all of them, on the same runs.
+
+One campaign per case (a mask from first to last, dropouts by chance, loss over a slope) in a folder of its own, all
+with the scenarios' own names and so with the same random streams: differences between cases are paired.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import polars as pl
+
+from bottomlock.atomic_write import write_parquet
+from bottomlock.campaign.run import Progress, run_campaign
+from bottomlock.config.scenario import Scenario
+from bottomlock.errors import ScenarioError
+from bottomlock.simulation.build import make_world, trajectory_key
+from bottomlock.simulation.measurement_schedule import schedule
+from bottomlock.statistics import campaign
+from bottomlock.studies import cases, study_folder
+
+KIND = "masks"
+PARTS = (
+    "cases",
+    "recovery",
+    "masks.parquet",
+    "recovery.parquet",
+    "recovery_summary.parquet",
+    "masks.md",
+    study_folder.MANIFEST,
+)
+
+MASKS = {
+    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "arm": pl.String(),
+    "velocity_rms_mps": pl.Float64(), "velocity_rms_lo_mps": pl.Float64(), "velocity_rms_hi_mps": pl.Float64(),
+    "attitude_rms_deg": pl.Float64(), "position_rms_m": pl.Float64(),
+    "nees_mean": pl.Float64(), "nees_velocity_attitude_mean": pl.Float64(), "verdict": pl.String(),
+    "rejected_part": pl.Float64(),
+}  # fmt: skip
+"""A row per trajectory, case and arm: RMS over runs at the last second with a 95 % bootstrap interval, mean over runs
+and time of the NEES of the whole state and of velocity and attitude, the verdict on the latter, and the part of the
+fixes that the gate rejected (null without fixes)."""
+
+
+def all_cases(scenario: Scenario) -> list[cases.Case]:
+    """Every beam, every partial mask, dropouts and the slope, in this order.
+
+    Raises:
+        ScenarioError: for an instrument of one beam, and for what `make_world` refuses.
+    """
+    beams = scenario.dvl.beams
+    if beams < 2:
+        raise ScenarioError(f"scenario {scenario.name}: an instrument of one beam has no partial masks")
+    start_m = float(make_world(cases.masked(scenario, (1,)).scenario).truth().position_t_m[0, 2])
+    fixed = [cases.masked(scenario, mask) for mask in cases.masks(beams)]
+    return [*fixed, cases.dropouts(scenario), cases.over_slope(scenario, start_m)]
+
+
+def select(found: Sequence[cases.Case], wanted: Sequence[str] | None) -> list[cases.Case]:
+    """The cases whose names are wanted, `beams_12` or plainly `12`; all of them for None.
+
+    Raises:
+        ScenarioError: for a name that no case has.
+    """
+    if wanted is None:
+        return list(found)
+    known = {case.name: case for case in found}
+    chosen = []
+    for name in dict.fromkeys(wanted):
+        case = known.get(name) or known.get(f"beams_{name}")
+        if case is None:
+            names = ", ".join(key.removeprefix("beams_") for key in known)
+            raise ScenarioError(f"unknown case '{name}' (known: {names})")
+        chosen.append(case)
+    if not chosen:
+        raise ScenarioError("no case is named")
+    return chosen
+
+
+def configuration(scenarios: Sequence[Scenario]) -> str:
+    """Hash of what decides a study's numbers, apart from the number of runs and the choice of cases."""
+    worlds = [make_world(scenario) for scenario in scenarios]
+    return study_folder.configuration_hash(
+        [(w.scenario.name, w.fingerprint(), list(w.scenario.campaign.arms)) for w in worlds]
+    )
+
+
+def mean_beams(case: cases.Case) -> float:
+    """Beams that return per ping, on average over the way and the runs."""
+    world = make_world(case.scenario)
+    plan = schedule(
+        world,
+        world.truth(),
+        trajectory_key=trajectory_key(case.scenario.name),
+        runs=case.scenario.campaign.runs,
+    )
+    return float(plan["beam_valid"].sum(axis=-1).mean())
+
+
+def run_masks(
+    scenarios: Sequence[Scenario],
+    out: Path,
+    *,
+    wanted: Sequence[str] | None = None,
+    threads: int = 0,
+    tell: Callable[[str, Progress], None] = lambda _case, _progress: None,
+) -> pl.DataFrame:
+    """Flies the cases and writes `masks.parquet` to `out`; finished chunks there are kept.
+
+    Args:
+        scenarios: what to fly, of different names; their own rules of beam loss are replaced, and their vehicles fly
+            on the truth.
+        out: directory, claimed by the caller (`study_folder.claim`).
+        wanted: names of cases; all for None.
+        threads: 0 for as many as there are cores.
+        tell: hears the case and how far its campaign is.
+
+    Returns:
+        The table `MASKS`.
+
+    Raises:
+        ScenarioError: for scenarios of one name, instruments of different beams, and unknown cases.
+        OutputError: where `out` cannot be written.
+        KernelError: for input that the kernel refuses, naming run and arm.
+    """
+    if len({scenario.dvl.beams for scenario in scenarios}) != 1:
+        raise ScenarioError("expected scenarios whose instruments have the same number of beams")
+    by_scenario = [select(all_cases(scenario), wanted) for scenario in scenarios]
+    parts = []
+    for same in zip(*by_scenario, strict=True):
+        case = same[0]
+
+        def told(progress: Progress, name: str = case.name) -> None:
+            tell(name, progress)
+
+        results = run_campaign(
+            [one.scenario for one in same], out / "cases" / case.name, threads=threads, tell=told
+        )
+        parts.append(gather(case, results.runs, results.ensemble, results.consistency))
+    flown = pl.concat(parts)
+    table = pl.concat([flown.filter(pl.col("trajectory") == scenario.name) for scenario in scenarios])
+    write_parquet(out / "masks.parquet", table)
+    return table
+
+
+def gather(
+    case: cases.Case, runs: pl.DataFrame, ensemble: pl.DataFrame, consistency: pl.DataFrame
+) -> pl.DataFrame:
+    """The rows of one case from the tables of its campaign."""
+    of_interest = consistency.filter(pl.col("quantity") == "nees_velocity_attitude").select(
+        "trajectory", "arm", pl.col("mean").alias("nees_velocity_attitude_mean"), "verdict"
+    )
+    return (
+        campaign.summary_table(ensemble, runs)
+        .join(of_interest, on=["trajectory", "arm"], how="left", maintain_order="left")
+        .with_columns(
+            pl.lit(case.name).alias("case"),
+            pl.lit(case.beams).alias("beams"),
+            pl.col("rejected_part").fill_nan(None),
+        )
+        .select(list(MASKS))
+    )

@@ -1,0 +1,108 @@
+"""The masks study in Markdown: velocity under every mask arm by arm, and how each arm takes beams that return."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import polars as pl
+
+from bottomlock.statistics import chi_squared
+
+_MARKS = {chi_squared.CONSISTENT: "", chi_squared.OVERCONFIDENT: " ▲", chi_squared.CAUTIOUS: " ▽"}
+
+
+def number(value: float) -> str:
+    """Three digits, at most three behind the point.
+
+    >>> number(0.0517), number(13.04), number(258.4), number(52_900.0)
+    ('0.052', '13.0', '258', '5e4')
+    """
+    if abs(value) >= 1e4:
+        return f"{value:.0e}".replace("e+0", "e").replace("e+", "e")
+    return (
+        f"{value:.{3 if abs(value) < 1.0 else 2 if abs(value) < 10.0 else 1 if abs(value) < 100.0 else 0}f}"
+    )
+
+
+def markdown(table: pl.DataFrame, summary: pl.DataFrame | None) -> str:
+    """The tables of a masks study, `masks.MASKS` and `recovery.SUMMARY` (None where no outage was flown)."""
+    runs = "" if summary is None else f"{summary['runs'].to_numpy().max()} runs each; "
+    lines = [
+        "## Velocity under every mask",
+        "",
+        (
+            "RMS over the runs at the end, m/s. ▲ overconfident, ▽ too cautious in the NEES of velocity and "
+            f"attitude, by the campaign's 95 % band; of {table.height} verdicts some fall outside by chance."
+        ),
+        "",
+        *_masks(table),
+    ]
+    if summary is not None:
+        lines += [
+            "## When the beams come back",
+            "",
+            (
+                f"The worst of the pairs, {runs}step: greatest step of the velocity estimate at the first five "
+                "fixes, in units of the σ claimed before it."
+            ),
+            "",
+            *_recovery(summary),
+        ]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def worst_of_pairs(summary: pl.DataFrame) -> pl.DataFrame:
+    """A row per trajectory and arm: of all pairs the worst of each column of `recovery.SUMMARY`."""
+    return summary.group_by("trajectory", "arm", maintain_order=True).agg(
+        pl.col("step_sigmas_max", "nis_1", "nis_5", "rejected_part").max(),
+        pl.col("jumps").sum(),
+        pl.col("degrees").first(),
+        # Null stands for "never".
+        pl.when(pl.col("back_at_epoch").is_not_null().all())
+        .then(pl.col("back_at_epoch").max())
+        .alias("back_at_epoch"),
+        pl.col("recovered").sum().alias("pairs_recovered"),
+        pl.len().alias("pairs"),
+    )
+
+
+def _row(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _masks(table: pl.DataFrame) -> Iterator[str]:
+    arms = table["arm"].unique(maintain_order=True).to_list()
+    for (trajectory,), rows in table.group_by("trajectory", maintain_order=True):
+        yield _row([str(trajectory), *(f"`{arm}`" for arm in arms)])
+        yield _row(["---", *("---:" for _ in arms)])
+        for (case, beams), group in rows.group_by("case", "beams", maintain_order=True):
+            found = {row["arm"]: row for row in group.iter_rows(named=True)}
+            name = str(beams) if str(case).startswith("beams_") else str(case)
+            yield _row([name, *(_cell(found.get(arm)) for arm in arms)])
+        yield ""
+
+
+def _cell(row: Mapping[str, Any] | None) -> str:
+    return "" if row is None else number(row["velocity_rms_mps"]) + _MARKS[row["verdict"]]
+
+
+def _recovery(summary: pl.DataFrame) -> Iterator[str]:
+    for (trajectory,), rows in worst_of_pairs(summary).group_by("trajectory", maintain_order=True):
+        heads = ["step, σ", "runs > 3 σ", "NIS 1", "NIS 5", "of", "back at", "rejected %", "recovered"]
+        yield _row([str(trajectory), *heads])
+        yield _row(["---", *("---:" for _ in heads)])
+        for row in rows.iter_rows(named=True):
+            back = row["back_at_epoch"]
+            yield _row(
+                [
+                    f"`{row['arm']}`",
+                    f"{row['step_sigmas_max']:.2f}",
+                    str(row["jumps"]),
+                    number(row["nis_1"]),
+                    number(row["nis_5"]),
+                    str(row["degrees"]),
+                    "never" if back is None else str(back),
+                    f"{100.0 * row['rejected_part']:.1f}",
+                    f"{row['pairs_recovered']} of {row['pairs']}",
+                ]
+            )
+        yield ""

@@ -1,0 +1,227 @@
+"""What an arm does when beams come back: the step of its velocity and its innovations at the first fixes of full lock.
+
+For a minute in mid-way two beams return, before and after it all. An honest filter knows how far it has drifted: the
+step of its estimate stays within three of its claimed standard deviations, and the normalised innovations squared are
+chi-squared from the first fix on.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from scipy.stats import binom, chi2, norm
+
+from bottomlock.atomic_write import write_parquet
+from bottomlock.config.scenario import Scenario
+from bottomlock.errors import ScenarioError
+from bottomlock.kernel import kernel_version
+from bottomlock.simulation.build import World, make_world
+from bottomlock.simulation.run_events import Fix, Readings
+from bottomlock.statistics import chi_squared
+from bottomlock.studies import cases, study_folder
+from bottomlock.truth.trajectory import Truth
+
+OUTAGE_S = 60.0
+EPOCHS = 5
+SIGMAS = 3.0
+FALSE_ALARM = 0.01
+"""Of the whole summary: the chance that an honest table says "no" anywhere."""
+
+RUN_BAND = 0.9973
+"""Band of one NIS of one run, the gate's own probability."""
+
+BLOCK = 10
+"""Runs of a part on disk: some seconds, so that little is lost by an interruption."""
+
+AXES = ("surge", "sway", "heave")
+RECOVERY = {
+    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "arm": pl.String(),
+    "run": pl.Int64(), "epoch": pl.Int64(), "time_s": pl.Float64(),
+    **{f"step_{axis}_mps": pl.Float64() for axis in AXES},
+    **{f"sd_{axis}_mps": pl.Float64() for axis in AXES},
+    "step_sigmas": pl.Float64(), "jump_chance": pl.Float64(),
+    "nis": pl.Float64(), "degrees": pl.Int64(), "band_lo": pl.Float64(), "band_hi": pl.Float64(),
+    "inside": pl.Boolean(), "used": pl.Boolean(),
+}  # fmt: skip
+"""A row per trajectory, mask, arm, run and epoch after the beams are back: step of the velocity estimate, standard
+deviation claimed before it, greatest ratio of the two over the axes, the chance of a ratio above three for an honest
+filter, and NIS with its band."""
+
+SUMMARY = {
+    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "arm": pl.String(),
+    "runs": pl.Int64(), "step_sigmas_max": pl.Float64(), "jumps": pl.Int64(), "jumps_allowed": pl.Int64(),
+    **{f"nis_{epoch}": pl.Float64() for epoch in range(1, EPOCHS + 1)},
+    "degrees": pl.Int64(), "band_lo": pl.Float64(), "band_hi": pl.Float64(),
+    "back_at_epoch": pl.Int64(), "rejected_part": pl.Float64(), "recovered": pl.Boolean(),
+}  # fmt: skip
+"""A row per trajectory, mask and arm: runs with a step above three sigma and how many chance allows, mean NIS over runs
+at each epoch, its band, the epoch from which it stays there (null: not within five), and both together."""
+
+
+def two_beam_outages(scenario: Scenario) -> list[cases.Case]:
+    """The scenario with every pair of beams alone for a minute in mid-way.
+
+    Raises:
+        ScenarioError: where there is no time for it, or where the instrument has no more than two beams.
+    """
+    duration_s = scenario.trajectory.duration_s
+    after_s = EPOCHS / scenario.dvl.rate_hz
+    if duration_s < OUTAGE_S + 2.0 * after_s:
+        raise ScenarioError(
+            f"scenario {scenario.name}: lasts {duration_s:g} s, expected {OUTAGE_S + 2.0 * after_s:g} s or more: "
+            f"an outage of {OUTAGE_S:g} s in mid-way and {EPOCHS} pings after it"
+        )
+    pairs = [mask for mask in cases.masks(scenario.dvl.beams, whole=False) if len(mask) == 2]
+    if not pairs:
+        raise ScenarioError(
+            f"scenario {scenario.name}: an instrument of {scenario.dvl.beams} beams, expected three or more: "
+            "with two there is nothing to recover from"
+        )
+    begin_s = 0.5 * (duration_s - OUTAGE_S)
+    return [cases.outage(scenario, pair, from_s=begin_s, to_s=begin_s + OUTAGE_S) for pair in pairs]
+
+
+def run_recovery(
+    scenarios: Sequence[Scenario],
+    out: Path,
+    *,
+    tell: Callable[[str, int], None] = lambda _trajectory, _runs: None,
+) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Flies the outages and writes `recovery.parquet` and `recovery_summary.parquet` to `out`; parts there are kept.
+
+    Args:
+        scenarios: what to fly; their runs, seed and arms count ("ins" is left out, it has no fixes).
+        out: directory, claimed by the caller.
+        tell: hears the trajectory and the number of runs that are behind.
+
+    Returns:
+        The tables `RECOVERY` and `SUMMARY`.
+
+    Raises:
+        ScenarioError: for what `two_beam_outages` and `Readings` refuse.
+        OutputError: where `out` cannot be written.
+    """
+    parts = []
+    for scenario in scenarios:
+        outages = two_beam_outages(scenario)
+        worlds = [make_world(case.scenario) for case in outages]
+        settings = scenario.campaign
+        truth: Truth | None = None
+        name = study_folder.configuration_hash([kernel_version(), worlds[0].fingerprint(), settings.arms])[
+            :12
+        ]
+        for first in range(0, settings.runs, BLOCK):
+            runs = range(first, min(first + BLOCK, settings.runs))
+            path = out / "recovery" / scenario.name / f"{name}-{runs[0]:06d}-{runs[-1]:06d}.parquet"
+            if path.exists():
+                frame = pl.read_parquet(path)
+            else:
+                truth = truth or worlds[0].truth()
+                rows = [row for run in runs for row in _rows(worlds, outages, truth, run)]
+                frame = pl.DataFrame(rows, schema=RECOVERY, orient="row")
+                write_parquet(path, frame)
+            parts.append(frame)
+            tell(scenario.name, runs[-1] + 1)
+    table = pl.concat(parts)
+    judged = summary(table)
+    write_parquet(out / "recovery.parquet", table)
+    write_parquet(out / "recovery_summary.parquet", judged)
+    return table, judged
+
+
+def _rows(
+    worlds: Sequence[World], outages: Sequence[cases.Case], truth: Truth, run: int
+) -> Iterator[tuple[object, ...]]:
+    """One run, drawn once, under every mask and arm."""
+    readings = Readings(worlds[0], truth, run=run)
+    times = readings.ping_time_ns
+    for world, case in zip(worlds, outages, strict=True):
+        rule = world.scenario.dvl.outages[0]
+        lost = (times >= rule.from_s * 1e9) & (times < rule.to_s * 1e9)
+        valid = np.ones((len(times), world.geometry.beams), dtype=np.bool_)
+        for beam in rule.beams:
+            valid[lost, beam - 1] = False
+        first = int(np.flatnonzero(lost)[-1]) + 1
+        for arm in world.scenario.campaign.arms:
+            if arm == "ins":
+                continue
+            fixes = readings.fixes(arm, valid, range(first, first + EPOCHS))
+            for fix in fixes:
+                epoch = int(np.searchsorted(times, fix.time_ns)) - first + 1
+                yield (world.scenario.name, case.name, case.beams, arm, run, epoch, *_measures(fix))
+
+
+def _measures(fix: Fix) -> tuple[object, ...]:
+    low, high = chi2.ppf([0.5 * (1.0 - RUN_BAND), 0.5 * (1.0 + RUN_BAND)], fix.degrees)
+    ratio = np.abs(fix.step_p_mps) / fix.before_sd_mps
+    return (
+        fix.time_ns * 1e-9,
+        *(float(step) for step in fix.step_p_mps),
+        *(float(sd) for sd in fix.before_sd_mps),
+        float(ratio.max()),
+        jump_chance(fix),
+        fix.nis,
+        fix.degrees,
+        float(low),
+        float(high),
+        bool(low <= fix.nis <= high),
+        fix.used,
+    )
+
+
+def jump_chance(fix: Fix) -> float:
+    """Chance, at most, that an honest filter's velocity steps by more than three claimed sigmas on some axis.
+
+    The step of an optimal update has the covariance P⁻ − P⁺, so an axis passes three sigmas of P⁻ with the chance
+    2 Φ(−3 / √(1 − P⁺/P⁻)), 0.27 % at the most; the sum over the axes bounds their union.
+    """
+    if not fix.used:
+        return 0.0
+    share = np.clip(1.0 - (fix.after_sd_mps / fix.before_sd_mps) ** 2, 1e-12, 1.0)
+    return float(np.sum(2.0 * norm.sf(SIGMAS / np.sqrt(share))))
+
+
+def summary(table: pl.DataFrame) -> pl.DataFrame:
+    """A row per trajectory, mask and arm (`SUMMARY`), the bands widened for the false-alarm rate of the whole."""
+    keys = ["trajectory", "case", "beams", "arm"]
+    groups = list(table.group_by(keys, maintain_order=True))
+    each = chi_squared.each_probability(FALSE_ALARM, len(groups) * (EPOCHS + 1))
+    rows = []
+    for key, group in groups:
+        by_run = group.group_by("run").agg(
+            pl.col("step_sigmas").max(), pl.col("jump_chance").sum().clip(0.0, 1.0)
+        )
+        runs = by_run.height
+        jumps = by_run.filter(pl.col("step_sigmas") > SIGMAS).height
+        allowed = int(binom.ppf(each, runs, by_run["jump_chance"].mean()))
+        nis = group.group_by("epoch").agg(pl.col("nis").mean(), pl.col("degrees").mean()).sort("epoch")
+        degrees = round(float(nis["degrees"].to_numpy().mean()))
+        low, high = chi_squared.mean_band(degrees, runs, each)
+        means = dict(zip(nis["epoch"].to_list(), nis["nis"].to_list(), strict=True))
+        back = _back_at([low <= means.get(epoch, np.nan) <= high for epoch in range(1, EPOCHS + 1)])
+        rows.append(
+            (
+                *key,
+                runs,
+                by_run["step_sigmas"].max(),
+                jumps,
+                allowed,
+                *(means.get(epoch) for epoch in range(1, EPOCHS + 1)),
+                degrees,
+                low,
+                high,
+                back,
+                1.0 - float(group["used"].to_numpy().mean()),
+                jumps <= allowed and back is not None,
+            )
+        )
+    return pl.DataFrame(rows, schema=SUMMARY, orient="row")
+
+
+def _back_at(inside: Sequence[bool]) -> int | None:
+    """The epoch, from 1, from which all are inside; None where the last is not."""
+    outside = [epoch for epoch, within in enumerate(inside, start=1) if not within]
+    if not outside:
+        return 1
+    return None if outside[-1] == len(inside) else outside[-1] + 1

@@ -1,0 +1,64 @@
+"""The whole of the 2017 study: campaign, sweep, report."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from bottomlock.atomic_write import write_parquet
+from bottomlock.campaign.run import Progress, run_campaign
+from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.report.page import Report, make_report
+from bottomlock.studies.sweep import run_sweep, sweep_cells
+
+TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
+RUNS = 500
+
+
+def sweep_runs(runs: int) -> int:
+    """Runs of each cell of the sweep: a tenth of the campaign's, within 10 to 50.
+
+    >>> sweep_runs(50), sweep_runs(500)
+    (10, 50)
+    """
+    return min(50, max(10, runs // 10))
+
+
+def reproduce(
+    out: Path,
+    *,
+    runs: int = RUNS,
+    seed: int | None = None,
+    arms: Sequence[str] | None = None,
+    threads: int = 0,
+    force: bool = False,
+    tell: Callable[[Progress], None] = lambda _: None,
+) -> Report:
+    """Flies the three trajectories with every arm, sweeps what the paper leaves open, and writes the report.
+
+    An interrupted study resumes; the numbers do not depend on interruptions or threads.
+
+    Args:
+        out: directory; new, empty, or of the same study.
+        runs: runs of each trajectory.
+        seed: seed of all; the scenarios' own by default.
+        arms: arms; the scenarios' own by default.
+        threads: 0 for as many as there are cores.
+        force: start over in a directory of another study.
+        tell: hears of the progress of the campaign and the sweep.
+
+    Raises:
+        As `run_campaign` and `make_report`.
+    """
+    scenarios: list[Scenario] = [
+        load_scenario(name).with_overrides(runs=runs, seed=seed, arms=arms) for name in TRAJECTORIES
+    ]
+    run_campaign(scenarios, out, threads=threads, force=force, tell=tell)
+    sweep = run_sweep(
+        scenarios, out / "sweep", runs=sweep_runs(runs), threads=threads, force=force, tell=tell
+    )
+    write_parquet(out / "sweep.parquet", sweep)
+    return make_report(out)
+
+
+def study_runs(runs: int) -> int:
+    """What the progress of a study counts up to."""
+    return len(TRAJECTORIES) * (runs + sweep_cells() * sweep_runs(runs))

@@ -1,0 +1,72 @@
+"""A study's directory: claimed when it is new, empty or of the same configuration; finished parts are kept."""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from bottomlock.atomic_write import read_json, write_json
+from bottomlock.errors import OutputError
+from bottomlock.kernel import kernel_version
+from bottomlock.tables.versions import library_versions
+
+MANIFEST = "study.json"
+
+
+def configuration_hash(content: Any) -> str:  # noqa: ANN401 - anything that JSON knows
+    """SHA-256 of what decides a study's numbers."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """What the numbers were made with."""
+    return {"bottomlock": kernel_version()} | library_versions()
+
+
+def claim(out: Path, kind: str, configuration: str, *, parts: Iterable[str], force: bool = False) -> None:
+    """Makes `out` the directory of this study; with `force` the `parts` of another of the same kind are removed.
+
+    Raises:
+        OutputError: for a directory that holds something else, or cannot be read or written.
+    """
+    try:
+        occupied = out.exists() and (not out.is_dir() or any(out.iterdir()))
+    except OSError as error:
+        raise OutputError(f"{out}: cannot be read ({error.strerror})") from error
+    if occupied:
+        manifest = read_json(out / MANIFEST) if out.is_dir() else None
+        if manifest is None or manifest.get("kind") != kind:
+            raise OutputError(
+                f"{out}: is not empty and holds no {kind} study of ours; choose another directory"
+            )
+        same = (
+            manifest.get("configuration_hash") == configuration
+            and manifest.get("version") == kernel_version()
+        )
+        if not same and not force:
+            raise OutputError(
+                f"{out}: holds a {kind} study of another configuration or version; "
+                "choose another directory or use --force to start over"
+            )
+        if force:
+            for part in parts:
+                path = out / part
+                shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    write_manifest(out, kind, configuration, status="running")
+
+
+def write_manifest(out: Path, kind: str, configuration: str, *, status: str, **more: Any) -> None:  # noqa: ANN401
+    """What the directory holds, for people and for the next command."""
+    write_json(
+        out / MANIFEST,
+        {
+            "kind": kind,
+            "status": status,
+            "version": kernel_version(),
+            "versions": versions(),
+            "configuration_hash": configuration,
+            **more,
+        },
+    )

@@ -1,0 +1,119 @@
+"""What the paper leaves open, one setting at a time moved off the scenario: how much hangs on it."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from bottomlock.campaign.run import Progress, run_campaign
+from bottomlock.config.scenario import Scenario
+from bottomlock.statistics.campaign import summary_table
+from bottomlock.tables.schema import SWEEP
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting with its values, and the arms that feel it."""
+
+    parameter: str
+    values: tuple[float | str, ...]
+    arms: tuple[str, ...]
+    change: Callable[[Scenario, Any], Scenario]
+
+
+def _filter(key: str) -> Callable[[Scenario, Any], Scenario]:
+    def change(scenario: Scenario, value: float | str) -> Scenario:
+        return scenario.model_copy(update={"filter": scenario.filter.model_copy(update={key: value})})
+
+    return change
+
+
+def _initial_attitude(scenario: Scenario, factor: float) -> Scenario:
+    initial = scenario.initial
+    scaled = {key: factor * getattr(initial, key) for key in ("roll_deg", "pitch_deg", "yaw_deg")}
+    return scenario.model_copy(update={"initial": initial.model_copy(update=scaled)})
+
+
+def _cross_current(scenario: Scenario, speed_mps: float) -> Scenario:
+    current = {"speed_mps": speed_mps, "towards_deg": 90.0}
+    return scenario.model_copy(update={"mission": scenario.mission | {"current": current}})
+
+
+SETTINGS = (
+    Setting("n_f of VB", (1.0, 3.0, 6.0, 10.0, 30.0), ("vb",), _filter("virtual_beam_factor")),
+    Setting(
+        "ε of NSV, m²/s²",
+        (1e-6, 1e-4, 1e-3, 1e-2, 1.0),
+        ("nsv", "elc"),
+        _filter("nullified_sway_var_m2ps2"),
+    ),
+    Setting("gate", ("joint", "per_row", "off"), ("tc", "vb", "nsv", "vhv", "elc"), _filter("gate")),
+    Setting(
+        "gate reopens after refusals in a row",
+        (0, 5),
+        ("lc", "tc", "vb", "nsv", "vhv", "elc", "consistent"),
+        _filter("gate_reopen_fixes"),
+    ),
+    Setting(
+        "initial attitude, times Table 2", (0.5, 1.0, 2.0), ("ins", "tc", "nsv", "plcf"), _initial_attitude
+    ),
+    Setting("current to the east, m/s", (0.0, 0.1, 0.3), ("tc", "nsv", "elc", "weak_sway"), _cross_current),
+)
+"""n_f, ε, gate, initial covariance and, by a current, sway."""
+
+
+def run_sweep(
+    scenarios: Sequence[Scenario],
+    out: Path,
+    *,
+    runs: int,
+    threads: int = 0,
+    force: bool = False,
+    tell: Callable[[Progress], None] = lambda _: None,
+) -> pl.DataFrame:
+    """Flies every setting's values on scenarios that the vehicle swims, with the same sensor errors for all.
+
+    Finished campaigns, one for each value under `out`, are kept by an interruption and not flown again.
+
+    Returns:
+        `schema.SWEEP`: RMS over runs at the end, mean NEES, part of the fixes rejected.
+
+    Raises:
+        As `run_campaign`.
+    """
+    parts = []
+    for folder, setting, value in _cells():
+        changed = [
+            setting.change(scenario.with_overrides(runs=runs, arms=setting.arms), value)
+            for scenario in scenarios
+        ]
+        results = run_campaign(
+            changed, out / folder, threads=threads, force=force, tell=_of_cell(f"sweep {folder}", tell)
+        )
+        summary = summary_table(results.ensemble, results.runs)
+        label = value if isinstance(value, str) else f"{value:g}"
+        parts.append(
+            summary.with_columns(
+                pl.lit(setting.parameter).alias("parameter"),
+                pl.lit(label).alias("value"),
+                pl.col("rejected_part").fill_nan(None),
+            ).select(list(SWEEP))
+        )
+    return pl.concat(parts)
+
+
+def _of_cell(cell: str, tell: Callable[[Progress], None]) -> Callable[[Progress], None]:
+    return lambda state: tell(replace(state, trajectory=f"{cell} {state.trajectory}"))
+
+
+def sweep_cells() -> int:
+    """Number of campaigns of a sweep."""
+    return sum(1 for _ in _cells())
+
+
+def _cells() -> Iterator[tuple[str, Setting, float | str]]:
+    for number, setting in enumerate(SETTINGS, start=1):
+        for value in setting.values:
+            yield f"{number}-{value}", setting, value

@@ -1,0 +1,1 @@
+"""True motions: the type, analytic trajectories with exact derivatives, short manoeuvres."""
