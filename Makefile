@@ -1,4 +1,4 @@
-# The same verbs by hand, in hooks and in CI: demo, test, lint, bench, golden, certificate, develop, clean.
+# The same verbs by hand, in hooks and in CI: demo, test, lint, bench, golden, consistency, develop, clean.
 #
 #   make demo RUNS=500      a larger campaign
 #   make test VENV=/tmp/v   another environment
@@ -17,7 +17,7 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*') \
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
-.PHONY: demo test test-rust test-python lint lint-rust lint-python bench golden certificate develop clean
+.PHONY: demo test test-rust test-python lint lint-rust lint-python bench golden consistency develop clean
 .DELETE_ON_ERROR:
 
 # The paper's study: campaign, sweep and report.
@@ -58,10 +58,10 @@ bench: $(VENV)/.installed $(VENV)/.tools
 golden: $(VENV)/.installed
 	$(bin)/python tools/update_golden.py
 
-# The honesty certificate of a release: some minutes of every core. A verdict other than expected fails.
-certificate: $(VENV)/.installed
-	$(bin)/bottomlock certify --out out/certificate --assert tests/statistical/expected_verdicts.toml
-	cp out/certificate/certificate.md docs/certificate.md
+# The consistency study of a release: some minutes of every core. A verdict other than expected fails.
+consistency: $(VENV)/.installed
+	$(bin)/bottomlock consistency --out out/consistency --assert tests/statistical/expected_verdicts.toml
+	cp out/consistency/consistency.md docs/consistency.md
 
 # An editable install for daily work: Python edits take effect at once, Rust edits after another `make develop`.
 develop: $(VENV)/.tools

@@ -22,7 +22,7 @@ import numpy as np
 from bottomlock import kernel, load_scenario, make_world, run_campaign
 from bottomlock.simulation.measurement_schedule import schedule
 
-ARMS = ["ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc"]
+METHODS = ["ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc"]
 
 
 def seconds(work: Callable[[], object]) -> tuple[float, float]:
@@ -45,7 +45,7 @@ def flight() -> dict[str, Any]:
     return {
         "geometry": world.geometry, "truth": truth.kernel_arrays(), "simulated": model, "assumed": model,
         "options": scenario.kernel_options(), "schedule": schedule(world, truth), "seed": 1, "trajectory_key": 2,
-        "first_run": 0, "arms": ARMS,
+        "first_run": 0, "methods": METHODS,
     }  # fmt: skip
 
 
@@ -86,7 +86,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=96)
     options = parser.parse_args()
     work = flight()
-    scenario = load_scenario("straight").with_overrides(runs=options.runs, arms=ARMS)
+    scenario = load_scenario("straight").with_overrides(runs=options.runs, methods=METHODS)
 
     def batch(runs: int, threads: int) -> Callable[[], object]:
         return lambda: kernel.run_batch(**work, runs=runs, threads=threads)
@@ -95,7 +95,7 @@ def main() -> int:
         with tempfile.TemporaryDirectory() as folder:
             run_campaign([scenario], Path(folder) / "campaign", threads=2)
 
-    noise = flight() | {"arms": []}
+    noise = flight() | {"methods": []}
     parties = {
         "kernel, 1 thread": batch(options.runs, 1),
         "kernel, 2 threads": batch(options.runs, 2),
@@ -113,7 +113,7 @@ def main() -> int:
             times[name].append(clock)
             busy[name].append(cores)
     print(
-        f"{options.runs} runs of {len(ARMS)} arms over 37,500 steps; {options.rounds} rounds; s on the clock"
+        f"{options.runs} runs of {len(METHODS)} methods over 37,500 steps; {options.rounds} rounds; s on the clock"
     )
     for name, own in times.items():
         print(f"  {name:28}{spread(own)}    on cores {spread(busy[name])}")

@@ -88,13 +88,13 @@ def main() -> None:
     epochs = schedule(world, smooth)
     print("| motion | aiding | covariance | " + " | ".join(BLOCKS) + " |\n|---" * 1 + "|---" * 5 + "|")
     for motion, truth in truths.items():
-        for arm in ("ins", "tc"):
+        for method in ("ins", "tc"):
 
-            def sd(period_ns: int, arm: str = arm, truth: dict[str, Any] = truth) -> Vectors:
+            def sd(period_ns: int, method: str = method, truth: dict[str, Any] = truth) -> Vectors:
                 options = scenario.kernel_options() | {"covariance_period_ns": period_ns, "gate": "off"}
                 flown = kernel.run_batch(
                     geometry=world.geometry, truth=truth, simulated=quiet(model), assumed=model, options=options,
-                    schedule=epochs, arms=[arm], seed=1, trajectory_key=2, first_run=0, runs=1, threads=1,
+                    schedule=epochs, methods=[method], seed=1, trajectory_key=2, first_run=0, runs=1, threads=1,
                 )  # fmt: skip
                 return np.asarray(flown["sd"])[0, 0]
 
@@ -102,7 +102,9 @@ def main() -> None:
             for name, period_ns in PERIODS_NS.items():
                 off = np.abs(sd(period_ns) / reference - 1.0)
                 worst = " | ".join(f"{off[:, block].max():.1e}" for block in BLOCKS.values())
-                print(f"| {motion} | {'four beams at 1 Hz' if arm == 'tc' else 'none'} | {name} | {worst} |")
+                print(
+                    f"| {motion} | {'four beams at 1 Hz' if method == 'tc' else 'none'} | {name} | {worst} |"
+                )
 
 
 if __name__ == "__main__":

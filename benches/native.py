@@ -23,8 +23,8 @@ ROOT = Path(__file__).resolve().parent.parent
 LINES = {
     "one run, event by event": "one",
     "event by event, 10 Hz": "one_10hz",
-    "8 arms side by side": "arms 8",
-    "8 arms, 10 Hz": "arms_10hz 8",
+    "8 methods side by side": "methods 8",
+    "8 methods, 10 Hz": "methods_10hz 8",
     "32 runs side by side": "many 32",
     "32 runs, 10 Hz": "many_10hz 32",
 }

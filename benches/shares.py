@@ -2,7 +2,7 @@
 
     python benches/shares.py [--rounds 5] [--runs 96]
 
-Parts of the kernel are differences of batches that leave something out (on one thread): the arms, the pings, the
+Parts of the kernel are differences of batches that leave something out (on one thread): the methods, the pings, the
 samples. Parts of Python are timed one by one. The smallest of the rounds counts. The truth comes from the cache.
 """
 
@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from campaign import ARMS, flight
+from campaign import METHODS, flight
 
 from bottomlock import kernel, load_scenario, make_world, run_campaign
 from bottomlock.campaign.aggregate import open_tallies, tabulate
@@ -44,8 +44,8 @@ def of_kernel(runs: int, rounds: int) -> dict[str, float]:
     last = {"sample_time_ns": schedule["sample_time_ns"][-1:]}
     deaf = {key: schedule[key][:0] for key in ("dvl_time_ns", "beam_valid")}
 
-    def batch(changes: dict[str, object], arms: list[str] | None = None) -> float:
-        these = work | {"schedule": schedule | changes, "arms": ARMS if arms is None else arms}
+    def batch(changes: dict[str, object], methods: list[str] | None = None) -> float:
+        these = work | {"schedule": schedule | changes, "methods": METHODS if methods is None else methods}
         return least(lambda: kernel.run_batch(**these, runs=runs, threads=1), rounds)
 
     noise = batch(last, [])
@@ -61,7 +61,7 @@ def of_kernel(runs: int, rounds: int) -> dict[str, float]:
 
 def of_python(runs: int, rounds: int, kernel_ms: float) -> dict[str, float]:
     """Parts of a campaign outside the kernel, ms."""
-    scenario = load_scenario("straight").with_overrides(runs=runs, arms=ARMS)
+    scenario = load_scenario("straight").with_overrides(runs=runs, methods=METHODS)
     world, plan = make_world(scenario), Plan.of(scenario)
     chunks = [Chunk(world, span) for span in plan.spans()]
     flown = [fly_chunk(chunk, threads=1) for chunk in chunks]
@@ -103,7 +103,9 @@ def main() -> int:
     inside = of_kernel(options.runs, options.rounds)
     outside = of_python(options.runs, options.rounds, sum(inside.values()))
     whole = sum(inside.values()) + sum(outside.values())
-    print(f"{options.runs} runs of {len(ARMS)} arms over {STEPS:,} steps: {whole / 1e3:.3f} s on cores\n")
+    print(
+        f"{options.runs} runs of {len(METHODS)} methods over {STEPS:,} steps: {whole / 1e3:.3f} s on cores\n"
+    )
     print("| part | ms | share | µs per step of a run |\n|---|---|---|---|")
     for what, spent in (inside | outside).items():
         print(

@@ -28,7 +28,7 @@ def analytic_world(name: str, **change: Any) -> World:  # noqa: ANN401 - any key
 
 
 def batch_along(duration_s: float) -> dict[str, Any]:
-    """What `kernel.run_batch` wants, but for runs, arms and threads: the straight trajectory, for a while."""
+    """What `kernel.run_batch` wants, but for runs, methods and threads: the straight trajectory, for a while."""
     world = analytic_world("straight", duration_s=duration_s)
     scenario, truth = world.scenario, world.truth()
     model = scenario.kernel_model(world.gravity_mps2)

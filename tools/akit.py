@@ -1,6 +1,6 @@
 """The A-KIT recordings as cases: what their README says must be corrected, written as a case file per section.
 
-The recordings are not republished; nothing of them stands here but what was found about their clocks, axes and arms.
+The recordings are not republished; nothing of them stands here but what was found about their clocks, axes and methods.
 """
 
 from pathlib import Path

@@ -11,7 +11,7 @@ import bottomlock
 from bottomlock.simulation.build import trajectory_key
 
 RUNS, SEED = 100, 2017
-ARMS = ("lc", "sway_current")
+METHODS = ("lc", "sway_current")
 
 
 def flown(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
@@ -27,7 +27,7 @@ def flown(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
     schedule: Any = bottomlock.schedule(world, truth)
     return dict(
         bottomlock.run_batch(
-            world.geometry, arrays, assumed | {"initial": off}, assumed, options, schedule, list(ARMS),
+            world.geometry, arrays, assumed | {"initial": off}, assumed, options, schedule, list(METHODS),
             seed=SEED, trajectory_key=trajectory_key("straight"), first_run=0, runs=RUNS, threads=0,
         )
     )  # fmt: skip
@@ -35,7 +35,7 @@ def flown(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
 
 def main() -> None:
     """Prints a row for each tilt and gate."""
-    print("tilt  reopens after  " + "  ".join(f"{arm}: locked out, m/s at the end" for arm in ARMS))
+    print("tilt  reopens after  " + "  ".join(f"{method}: locked out, m/s at the end" for method in METHODS))
     for tilt_factor in (1.0, 2.0, 4.0):
         for reopen_fixes in (0, 5):
             batch = flown(tilt_factor, reopen_fixes)

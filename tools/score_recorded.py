@@ -54,10 +54,12 @@ def code(name: object) -> str:
 
 
 def akit_runs(
-    data: Path, scratch: Path, *, draws: int = 1, arms: str = "", smooth: bool = True, **which: bool
+    data: Path, scratch: Path, *, draws: int = 1, methods: str = "", smooth: bool = True, **which: bool
 ) -> pl.DataFrame:
     """The table of runs of every section."""
-    lines = f"runs = {draws}\nsmooth = {str(smooth).lower()}\n" + (f"arms = {arms}\n" if arms else "")
+    lines = f"runs = {draws}\nsmooth = {str(smooth).lower()}\n" + (
+        f"methods = {methods}\n" if methods else ""
+    )
     parts = [
         replay_case(akit_case(data, scratch, section, replay=lines, **which), threads=0).runs
         for section in SECTIONS
@@ -67,17 +69,17 @@ def akit_runs(
 
 def full_velocity(data: Path, scratch: Path) -> str:
     """LC with every beam and INS alone, section by section."""
-    arms = '["ins", "lc"]'
-    aided = akit_runs(data, scratch, arms=arms)
-    alone = akit_runs(data, scratch, arms='["ins"]', depth=False)
+    methods = '["ins", "lc"]'
+    aided = akit_runs(data, scratch, methods=methods)
+    alone = akit_runs(data, scratch, methods='["ins"]', depth=False)
     rows, percents = [], []
     for section in SECTIONS:
         name = f"akit_{section:02d}"
         of = {
             key: frame.filter(
-                (pl.col("case") == name) & (pl.col("arm") == arm) & (pl.col("pass") == which)
+                (pl.col("case") == name) & (pl.col("method") == method) & (pl.col("pass") == which)
             ).row(0, named=True)
-            for key, frame, arm, which in (
+            for key, frame, method, which in (
                 ("lc", aided, "lc", FORWARD), ("smooth", aided, "lc", SMOOTHED), ("ins", alone, "ins", FORWARD),
             )
         }  # fmt: skip
@@ -100,15 +102,15 @@ def full_velocity(data: Path, scratch: Path) -> str:
 
 
 def questions(runs: pl.DataFrame) -> str:
-    """Every arm, forward and smoothed: error at the end in percent of the way, for every question; and honesty."""
+    """Every method, forward and smoothed: error at the end in percent of the way, for every question; and honesty."""
     total = runs.filter(
-        (pl.col("arm") == "tc") & (pl.col("pass") == FORWARD) & (pl.col("what_if") == RECORDED)
+        (pl.col("method") == "tc") & (pl.col("pass") == FORWARD) & (pl.col("what_if") == RECORDED)
     ).height
     parts = [f"{total} flights a cell (sections × draws); semi-synthetic.\n"]
     for which in (FORWARD, SMOOTHED):
         rows = []
-        for arm in runs["arm"].unique(maintain_order=True):
-            one = runs.filter((pl.col("arm") == arm) & (pl.col("pass") == which))
+        for method in runs["method"].unique(maintain_order=True):
+            one = runs.filter((pl.col("method") == method) & (pl.col("pass") == which))
             if not one.height:
                 continue
             cells = []
@@ -119,14 +121,14 @@ def questions(runs: pl.DataFrame) -> str:
                     cells.append(f"{number(percent.median(), 2)} ({number(percent.max(), 2)})")  # type: ignore[arg-type]
                 else:
                     cells.append(number(cell["position_rms_m"].median()))  # type: ignore[arg-type]
-            rows.append([code(arm), *cells])
+            rows.append([code(method), *cells])
         title = (
             "Forward: position error at the end, % of the way, median (greatest)."
             if which == FORWARD
             else "Smoothed: position error over the section, m RMS, median."
         )
         parts.append(
-            f"{title}\n\n" + table(["Arm", *(question.replace("_", " ") for question in QUESTIONS)], rows)
+            f"{title}\n\n" + table(["Method", *(question.replace("_", " ") for question in QUESTIONS)], rows)
         )
     return "\n".join(parts)
 
@@ -134,9 +136,9 @@ def questions(runs: pl.DataFrame) -> str:
 def honesty(runs: pl.DataFrame, question: str = "lost_34") -> str:
     """One question in full: errors, error over claim, gate."""
     rows = []
-    for arm in runs["arm"].unique(maintain_order=True):
+    for method in runs["method"].unique(maintain_order=True):
         one = runs.filter(
-            (pl.col("arm") == arm) & (pl.col("pass") == FORWARD) & (pl.col("what_if") == question)
+            (pl.col("method") == method) & (pl.col("pass") == FORWARD) & (pl.col("what_if") == question)
         )
         names = (
             "position_rms_m",
@@ -148,9 +150,9 @@ def honesty(runs: pl.DataFrame, question: str = "lost_34") -> str:
         numbers = [number(one[name].median()) for name in names]  # type: ignore[arg-type]
         fixes = sum(int(one[f"fixes_{fate}"].sum()) for fate in ("accepted", "in_part", "rejected"))
         rejected = f"{100.0 * int(one['fixes_rejected'].sum()) / fixes:.1f}" if fixes else "–"
-        rows.append([code(arm), *numbers, rejected])
+        rows.append([code(method), *numbers, rejected])
     head = [
-        "Arm",
+        "Method",
         "position RMS, m",
         "velocity RMS, m/s",
         "attitude RMS, °",
@@ -162,37 +164,41 @@ def honesty(runs: pl.DataFrame, question: str = "lost_34") -> str:
 
 
 def against_tc(runs: pl.DataFrame) -> str:
-    """The arms that assume against TC: median of the paired ratio of the RMS position errors, and how often worse."""
+    """Methods with assumptions against TC: median paired ratio of the RMS position errors, and how often worse."""
     rows = []
     forward = runs.filter(pl.col("pass") == FORWARD)
-    base = forward.filter(pl.col("arm") == "tc").select("case", "what_if", "run", tc=pl.col("position_rms_m"))
-    for arm in ("weak_sway", "sway_current", "consistent"):
+    base = forward.filter(pl.col("method") == "tc").select(
+        "case", "what_if", "run", tc=pl.col("position_rms_m")
+    )
+    for method in ("weak_sway", "sway_current", "consistent"):
         cells = []
         for question in QUESTIONS:
-            one = forward.filter((pl.col("arm") == arm) & (pl.col("what_if") == question))
+            one = forward.filter((pl.col("method") == method) & (pl.col("what_if") == question))
             joined = one.join(base, on=["case", "what_if", "run"])
             ratio = joined["position_rms_m"] / joined["tc"]
             cells.append(
                 f"{number(float(np.median(ratio.to_numpy())))} ({int((ratio > 1.0).sum())}/{len(ratio)})"
             )
-        rows.append([code(arm), *cells])
-    return table(["Arm", *(question.replace("_", " ") for question in QUESTIONS)], rows)
+        rows.append([code(method), *cells])
+    return table(["Method", *(question.replace("_", " ") for question in QUESTIONS)], rows)
 
 
 def robust(plain: pl.DataFrame, sturdy: pl.DataFrame) -> str:
     """Without and with gates of single beams and Student's t: end of the way in %, median (greatest)."""
     rows = []
-    for arm in ("lc", "tc", "vb_exact", "info", "weak_sway", "sway_current", "consistent"):
+    for method in ("lc", "tc", "vb_exact", "info", "weak_sway", "sway_current", "consistent"):
         cells = []
         for question in (RECORDED, "lost_34", "caves"):
             for frame in (plain, sturdy):
                 cell = frame.filter(
-                    (pl.col("arm") == arm) & (pl.col("what_if") == question) & (pl.col("pass") == FORWARD)
+                    (pl.col("method") == method)
+                    & (pl.col("what_if") == question)
+                    & (pl.col("pass") == FORWARD)
                 )
                 percent = cell["position_final_percent"]
                 cells.append(f"{number(percent.median(), 2)} ({number(percent.max(), 2)})")  # type: ignore[arg-type]
-        rows.append([code(arm), *cells])
-    head = ["Arm"]
+        rows.append([code(method), *cells])
+    head = ["Method"]
     for question in (RECORDED, "lost 34", "caves"):
         head += [question, f"{question}, robust"]
     return table(head, rows)

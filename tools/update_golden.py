@@ -1,4 +1,4 @@
-"""Rewrite tests/golden/runs.csv: two runs of every arm on the paper's three trajectories, as `make golden` does.
+"""Rewrite tests/golden/runs.csv: two runs of every method on the paper's three trajectories, as `make golden` does.
 
 Nothing else writes that file. A number that moves goes into CHANGELOG.md under "Numbers", with the reason.
 """
@@ -19,7 +19,7 @@ RUNS = 2
 
 
 def fly() -> pl.DataFrame:
-    """The runs table of the three scenarios with the seed and the arms that it ships with."""
+    """The runs table of the three scenarios with the seed and the methods that it ships with."""
     scenarios = [load_scenario(name).with_overrides(runs=RUNS) for name in SCENARIOS]
     with tempfile.TemporaryDirectory() as folder:
         return run_campaign(scenarios, Path(folder) / "campaign").runs

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from bottomlock.errors import BottomlockError, DataError, EngineError, OutputError, ScenarioError
 from bottomlock.kernel import (
-    ARMS,
+    FIX_METHODS,
     METHODS,
     BeamGeometry,
     KernelError,
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 __version__ = kernel_version()
 
 __all__ = [
-    "ARMS",
+    "FIX_METHODS",
     "METHODS",
     "BeamGeometry",
     "BottomlockError",

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
-    "ARMS",
     "EARTH_RATE_RADPS",
     "FIX_STATUS",
     "MEMBERS",
+    "METHODS",
     "BeamGeometry",
     "ClosedLoop",
     "KernelError",
@@ -29,7 +29,7 @@ __all__ = [
 ]
 __version__: Final[str]
 EARTH_RATE_RADPS: Final[float]
-ARMS: Final[tuple[str, ...]]
+METHODS: Final[tuple[str, ...]]
 FIX_STATUS: Final[tuple[str, ...]]
 MEMBERS: Final[tuple[str, ...]]
 
@@ -296,8 +296,8 @@ class LogStartDict(TypedDict):
     position_t_m: ArrayLike
     attitude_t_p: ArrayLike
     velocity_p_mps: ArrayLike
-    accel_bias_mps2: NotRequired[ArrayLike]
-    gyro_bias_radps: NotRequired[ArrayLike]
+    accel_bias_p_mps2: NotRequired[ArrayLike]
+    gyro_bias_p_radps: NotRequired[ArrayLike]
     covariance: NotRequired[ArrayLike | None]
 
 @type_check_only
@@ -306,8 +306,8 @@ class ReplayDict(TypedDict):
     position_t_m: NDArray[np.float64]
     attitude_t_p: NDArray[np.float64]
     velocity_p_mps: NDArray[np.float64]
-    accel_bias_mps2: NDArray[np.float64]
-    gyro_bias_radps: NDArray[np.float64]
+    accel_bias_p_mps2: NDArray[np.float64]
+    gyro_bias_p_radps: NDArray[np.float64]
     dvl_bias_mps: NDArray[np.float64]
     dvl_scale: NDArray[np.float64]
     sd: NDArray[np.float64]
@@ -391,7 +391,7 @@ class Navigator:
         options: OptionsDict,
         initial: StateDict | dict[str, Any],
         *,
-        arm: str = "tc",
+        method: str = "tc",
         covariance: ArrayLike | None = None,
     ) -> Navigator: ...
     def push_imu(
@@ -438,7 +438,7 @@ class ClosedLoop:
         simulated: ModelDict,
         assumed: ModelDict,
         options: OptionsDict,
-        arms: list[str],
+        methods: list[str],
         start: StartDict,
         *,
         own_vehicles: bool,
@@ -448,7 +448,7 @@ class ClosedLoop:
         threads: int,
     ) -> ClosedLoop: ...
     def advance(self, truth: TruthDict, schedule: ScheduleDict) -> None: ...
-    def belief(self, arm: int = 0) -> BeliefDict: ...
+    def belief(self, method: int = 0) -> BeliefDict: ...
     def results(self) -> BatchDict: ...
 
 def solve_velocity(
@@ -480,7 +480,7 @@ def replay_log(
     geometry: BeamGeometry,
     model: ModelDict,
     options: OptionsDict,
-    arms: list[str],
+    methods: list[str],
     log: LogDict,
     start: LogStartDict,
     *,
@@ -496,7 +496,7 @@ def run_batch(
     assumed: ModelDict,
     options: OptionsDict,
     schedule: ScheduleDict,
-    arms: list[str],
+    methods: list[str],
     *,
     seed: int,
     trajectory_key: int,

@@ -8,7 +8,7 @@ Examples:
     >>> scenario, gravity = load_scenario("straight"), normal_gravity_mps2(0.57)
     >>> initial = {"time_ns": 0, "position_t_m": [0, 0, 0], "attitude_t_p": [1, 0, 0, 0], "velocity_p_mps": [0, 0, 0]}
     >>> janus = BeamGeometry.janus(np.deg2rad(20.0))
-    >>> navigator = Navigator(janus, scenario.kernel_model(gravity), scenario.kernel_options(), initial, arm="tc")
+    >>> navigator = Navigator(janus, scenario.kernel_model(gravity), scenario.kernel_options(), initial, method="tc")
     >>> for k in range(151):
     ...     _ = navigator.push_imu(k * 6_666_667, [0.0, 0.0, 0.0], [0.0, 0.0, -gravity])
     >>> reports = navigator.push_beams(
@@ -27,10 +27,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from bottomlock import _kernel
 from bottomlock._kernel import (
-    ARMS,
     EARTH_RATE_RADPS,
     FIX_STATUS,
     MEMBERS,
+    METHODS,
     BeamGeometry,
     ClosedLoop,
     KernelError,
@@ -48,9 +48,9 @@ if TYPE_CHECKING:
     import polars as pl
 
 __all__ = [
-    "ARMS",
     "COMPONENT_STATUS",
     "EARTH_RATE_RADPS",
+    "FIX_METHODS",
     "FIX_STATUS",
     "MEMBERS",
     "METHODS",
@@ -74,7 +74,7 @@ __all__ = [
     "solve_velocity",
 ]
 
-METHODS = {
+FIX_METHODS = {
     "lc": "least_squares",
     "vb": "virtual_beam",
     "nsv": "nullified_sway",
@@ -107,7 +107,7 @@ WHY = ("beams_know_best", "knows_most", "beams_contradict")
 """Why a filter of the consistent selector leads, by the kernel's code."""
 
 NO_CHOICE = 255
-"""The kernel's code where an arm does not choose."""
+"""The kernel's code where a method does not choose."""
 
 
 def kernel_version() -> str:
@@ -177,13 +177,13 @@ def method_name(name: str) -> str:
         >>> method_name("nsv")
         'nullified_sway'
     """
-    if name in METHODS.values():
+    if name in FIX_METHODS.values():
         return name
-    if name in METHODS:
-        return METHODS[name]
-    close = difflib.get_close_matches(name, [*METHODS, *METHODS.values()], n=1)
+    if name in FIX_METHODS:
+        return FIX_METHODS[name]
+    close = difflib.get_close_matches(name, [*FIX_METHODS, *FIX_METHODS.values()], n=1)
     hint = f", did you mean '{close[0]}'?" if close else ""
-    raise KernelError(f"unknown method '{name}'{hint} (known: {', '.join(METHODS)})")
+    raise KernelError(f"unknown method '{name}'{hint} (known: {', '.join(FIX_METHODS)})")
 
 
 def make_geometry(

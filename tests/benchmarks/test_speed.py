@@ -24,24 +24,24 @@ def flight() -> dict[str, Any]:
     return batch_along(10.0)
 
 
-@pytest.mark.parametrize("arm", ["ins", "lc", "tc", "elc"])
-def test_batch_of_one_arm(benchmark: BenchmarkFixture, flight: dict[str, Any], arm: str) -> None:
-    """Eight runs of one arm on one thread."""
-    result = benchmark(kernel.run_batch, **flight, arms=[arm], runs=8, threads=1)
+@pytest.mark.parametrize("method", ["ins", "lc", "tc", "elc"])
+def test_batch_of_one_method(benchmark: BenchmarkFixture, flight: dict[str, Any], method: str) -> None:
+    """Eight runs of one method on one thread."""
+    result = benchmark(kernel.run_batch, **flight, methods=[method], runs=8, threads=1)
     assert result["nees"].shape == (8, 1, 10)
 
 
 @pytest.mark.parametrize("runs", [0, 1, 8, 32])
 def test_batch_of_runs(benchmark: BenchmarkFixture, flight: dict[str, Any], runs: int) -> None:
-    """Eight arms on one thread; no run at all is what a call costs by itself."""
-    arms = ["ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc"]
-    result = benchmark(kernel.run_batch, **flight, arms=arms, runs=runs, threads=1)
+    """Eight methods on one thread; no run at all is what a call costs by itself."""
+    methods = ["ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc"]
+    result = benchmark(kernel.run_batch, **flight, methods=methods, runs=runs, threads=1)
     assert result["nees"].shape == (runs, 8, 10)
 
 
 def test_noise_of_eight_runs(benchmark: BenchmarkFixture, flight: dict[str, Any]) -> None:
-    """A batch without arms draws its sensors and does nothing else."""
-    result = benchmark(kernel.run_batch, **flight, arms=[], runs=8, threads=1)
+    """A batch without methods draws its sensors and does nothing else."""
+    result = benchmark(kernel.run_batch, **flight, methods=[], runs=8, threads=1)
     assert result["nees"].shape == (8, 0, 10)
 
 
@@ -50,7 +50,7 @@ def test_push_one_inertial_reading(benchmark: BenchmarkFixture, flight: dict[str
     truth = flight["truth"]
     state = {key: truth[key][0] for key in ("position_t_m", "attitude_t_p", "velocity_p_mps")}
     navigator = kernel.Navigator(
-        flight["geometry"], flight["assumed"], flight["options"], {"time_ns": 0, **state}, arm="tc"
+        flight["geometry"], flight["assumed"], flight["options"], {"time_ns": 0, **state}, method="tc"
     )
     rate, force, times = np.array([0.0, 0.0, 0.01]), np.array([0.0, 0.0, -9.79]), count(0, 6_666_667)
     reports = benchmark(lambda: navigator.push_imu(next(times), rate, force))
@@ -58,8 +58,8 @@ def test_push_one_inertial_reading(benchmark: BenchmarkFixture, flight: dict[str
 
 
 def test_small_campaign(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
-    """Ten seconds, four runs, three arms: truth, noise, filters, Parquet, statistics."""
-    scenario = load_scenario("straight").with_overrides(runs=4, arms=["ins", "lc", "tc"])
+    """Ten seconds, four runs, three methods: truth, noise, filters, Parquet, statistics."""
+    scenario = load_scenario("straight").with_overrides(runs=4, methods=["ins", "lc", "tc"])
     short, number = scenario.with_trajectory(duration_s=10.0), count()
     results = benchmark(lambda: run_campaign([short], tmp_path / str(next(number)), threads=1))
     assert results.runs.height == 12

@@ -14,7 +14,7 @@ import pytest
 
 import bottomlock
 
-RUN = ["run", "straight", "--runs", "2", "--arms", "lc,tc", "--threads", "1"]
+RUN = ["run", "straight", "--runs", "2", "--methods", "lc,tc", "--threads", "1"]
 
 
 def command(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -71,8 +71,8 @@ def test_shards_merge_to_the_table_of_one_run(tmp_path: Path) -> None:
     path.write_text(
         path.read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 20.0"), encoding="utf-8"
     )
-    # Chunks of 333 runs with six arms.
-    call = ["run", "straight.toml", "--runs", "400", "--arms", "lc,tc,vb,nsv,plcf,info", "--out"]
+    # Chunks of 333 runs with six methods.
+    call = ["run", "straight.toml", "--runs", "400", "--methods", "lc,tc,vb,nsv,plcf,info", "--out"]
     whole = command(*call, "whole", cwd=tmp_path)
     for k in (1, 2):
         part = command(*call, f"part{k}", "--shard", f"{k}/2", cwd=tmp_path)
@@ -172,7 +172,7 @@ def test_fly_swims_a_scenario(tmp_path: Path) -> None:
     truth = pl.read_parquet(tmp_path / "o" / "straight_truth.parquet")
     assert truth.height == 3001
     assert "attitude_t_p_w" in truth.columns
-    flown = command("run", "straight.toml", "--out", "c", "--runs", "2", "--arms", "tc", cwd=tmp_path)
+    flown = command("run", "straight.toml", "--out", "c", "--runs", "2", "--methods", "tc", cwd=tmp_path)
     assert flown.returncode == 0, flown.stderr
 
 
@@ -182,7 +182,7 @@ def test_fly_swims_a_scenario(tmp_path: Path) -> None:
         (["run", "strait", "--out", "o"], "did you mean 'straight'"),
         (["run", "--out", "o"], "no scenario is named"),
         (["run", "straight"], "--out"),
-        (["run", "straight", "--out", "o", "--arms", "tc,tcc"], "unknown arm 'tcc'"),
+        (["run", "straight", "--out", "o", "--methods", "tc,tcc"], "unknown method 'tcc'"),
         (["run", "straight", "--out", "o", "--runs", "0"], "'runs' is 0, expected >= 1"),
         (["run", "straight", "--out", "o", "--runs", "many"], "many"),
         (["run", "straight", "--out", "o", "--threads", "-1"], "--threads is -1"),

@@ -1,4 +1,4 @@
-"""The commands `masks` and `certify` as a new user runs them, with mistakes."""
+"""The commands `masks` and `consistency` as a new user runs them, with mistakes."""
 
 import json
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 
 from tests.cli.test_cli import command
 
-SHORT = ["--runs", "2", "--threads", "1", "--arms", "ins,weak_sway"]
+SHORT = ["--runs", "2", "--threads", "1", "--methods", "ins,weak_sway"]
 
 
 @pytest.fixture
@@ -43,15 +43,15 @@ def test_masks_prints_and_writes(tmp_path: Path, scenario: Path) -> None:
     assert "another configuration" in other.stderr
 
 
-def test_certify_exit_codes(tmp_path: Path, scenario: Path) -> None:
+def test_consistency_exit_codes(tmp_path: Path, scenario: Path) -> None:
     """0 with whatever verdicts; with --assert 0 if they are as expected, 1 with the cells named if not."""
-    call = ["certify", str(scenario), "--out", "o", *SHORT, "--masks", "1234,12"]
+    call = ["consistency", str(scenario), "--out", "o", *SHORT, "--masks", "1234,12"]
     plain = command(*call, cwd=tmp_path)
     assert plain.returncode == 0, plain.stderr
-    assert (tmp_path / "o" / "certificate.md").read_text(encoding="utf-8").startswith("# Honesty certificate")
-    assert pl.read_parquet(tmp_path / "o" / "certificate.parquet").height == 2 + 3 + 3
+    assert (tmp_path / "o" / "consistency.md").read_text(encoding="utf-8").startswith("# consistency study")
+    assert pl.read_parquet(tmp_path / "o" / "consistency.parquet").height == 2 + 3 + 3
     for verdict, code in (("not overconfident", 0), ("overconfident", 1)):
-        text = f'[[expect]]\narms = ["weak_sway"]\nbeams = ["1,2"]\nverdict = "{verdict}"\n'
+        text = f'[[expect]]\nmethods = ["weak_sway"]\nbeams = ["1,2"]\nverdict = "{verdict}"\n'
         (tmp_path / "expected.toml").write_text(text, encoding="utf-8")
         done = command(*call, "--assert", "expected.toml", cwd=tmp_path)
         assert done.returncode == code
@@ -66,14 +66,14 @@ def test_certify_exit_codes(tmp_path: Path, scenario: Path) -> None:
         (["masks", "strait", "--out", "o"], "did you mean 'straight'"),
         (["masks", "straight", "straight", "--out", "o"], "different names"),
         (["masks", "straight", "--out", "o", "--cases", "12,15"], "unknown case '15'"),
-        (["masks", "straight", "--out", "o", "--arms", "tcc"], "unknown arm 'tcc'"),
+        (["masks", "straight", "--out", "o", "--methods", "tcc"], "unknown method 'tcc'"),
         (["masks", "straight", "--out", "o", "--threads", "-1"], "--threads is -1"),
         (["masks", "straight", "--out", "/proc/nowhere", "--cases", "12"], "cannot be written"),
-        (["certify"], "--out"),
-        (["certify", "--out", "o", "--masks", "1235"], "no set of the beams 1 to 4"),
-        (["certify", "--out", "o", "--masks", ","], "no mask is named"),
-        (["certify", "--out", "o", "--runs", "0"], "'runs' is 0"),
-        (["certify", "--out", "o", "--assert", "none.toml"], "no such file of expected verdicts"),
+        (["consistency"], "--out"),
+        (["consistency", "--out", "o", "--masks", "1235"], "no set of the beams 1 to 4"),
+        (["consistency", "--out", "o", "--masks", ","], "no mask is named"),
+        (["consistency", "--out", "o", "--runs", "0"], "'runs' is 0"),
+        (["consistency", "--out", "o", "--assert", "none.toml"], "no such file of expected verdicts"),
     ],
 )
 def test_mistakes_end_with_code_2_and_one_line(arguments: list[str], words: str, tmp_path: Path) -> None:
@@ -89,11 +89,11 @@ def test_mistakes_end_with_code_2_and_one_line(arguments: list[str], words: str,
 
 def test_a_typo_in_expectations_shows_before_anything_flies(tmp_path: Path) -> None:
     (tmp_path / "expected.toml").write_text(
-        '[[expect]]\narms = ["weak_sway"]\nbeams = ["12"]\nverdict = "consistent"\n', encoding="utf-8"
+        '[[expect]]\nmethods = ["weak_sway"]\nbeams = ["12"]\nverdict = "consistent"\n', encoding="utf-8"
     )
-    done = command("certify", "--out", "o", "--assert", "expected.toml", cwd=tmp_path)
+    done = command("consistency", "--out", "o", "--assert", "expected.toml", cwd=tmp_path)
     assert done.returncode == 2
-    assert "beams '12' is not in the certificate" in done.stderr
+    assert "beams '12' is not in the consistency study" in done.stderr
     assert not (tmp_path / "o").exists()
 
 

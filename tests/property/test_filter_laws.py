@@ -89,9 +89,9 @@ def expected_readings(instrument: sea.Instrument, state: StateDict, rate: Array)
     P=state_covariances(),
     data=st.data(),
 )
-@pytest.mark.parametrize("arm", ["tc", "info", "vb_exact", "lc"])
+@pytest.mark.parametrize("method", ["tc", "info", "vb_exact", "lc"])
 def test_beam_update_is_the_textbook_update(
-    arm: str,
+    method: str,
     instrument: sea.Instrument,
     velocity: Array,
     angles: tuple[float, float, float],
@@ -105,8 +105,8 @@ def test_beam_update_is_the_textbook_update(
     The instrument has lever arms, so every column of the corrected H counts. Earth rate and gyro noise are off: the
     first adds a misalignment block that Eq. 22 leaves out, the second the correlated noise of Eq. 20, tested below.
     """
-    valid = data.draw(sea.masks(instrument.beams, 3 if arm == "lc" else 1))
-    if arm in {"info", "vb_exact", "lc"} and valid.sum() > 3:
+    valid = data.draw(sea.masks(instrument.beams, 3 if method == "lc" else 1))
+    if method in {"info", "vb_exact", "lc"} and valid.sum() > 3:
         valid[-1] = False
     model = settings.table_2()
     model["environment"]["earth_rate_radps"] = 0.0
@@ -116,7 +116,7 @@ def test_beam_update_is_the_textbook_update(
         model,
         settings.options(),
         initial(velocity, quaternion_from_euler(*angles)),
-        arm=arm,
+        method=method,
         covariance=P,
     )
     force = np.array([0.1, 0.2, -9.8])
@@ -148,7 +148,7 @@ def test_ping_at_the_first_sample_uses_its_rate() -> None:
     levers = np.tile([1.0, 0.0, 0.0], (4, 1))
     instrument = sea.Instrument(beams.x_janus(), levers, np.full(4, 0.042))
     start = initial(np.array([2.0, 0, 0]), np.array([1.0, 0, 0, 0]))
-    navigator = bottomlock.Navigator(instrument.geometry, model, settings.options(), start, arm="tc")
+    navigator = bottomlock.Navigator(instrument.geometry, model, settings.options(), start, method="tc")
     rate = np.array([0.0, 0.0, 0.5])
     navigator.push_imu(0, rate, np.array([0.0, 0.0, -9.8]))
     y = expected_readings(instrument, navigator.state(), rate)
@@ -176,7 +176,7 @@ def test_prediction_is_van_loan_along_the_motion(period_ns: int) -> None:
         model,
         settings.options(covariance_period_ns=period_ns),
         before,
-        arm="tc",
+        method="tc",
         covariance=P,
     )
     time_ns = np.round(np.arange(151) * 1e9 / 150).astype(np.int64)
@@ -234,7 +234,9 @@ def test_gyro_noise_reaches_the_beams_through_lever_arms() -> None:
     for gyro_noise in (1e-15, 1e-3):
         model["imu"]["gyro_noise_rad_rts"] = gyro_noise
         geometry = bottomlock.BeamGeometry(directions, lever_arms_p_m=levers)
-        navigator = bottomlock.Navigator(geometry, model, settings.options(), start, arm="tc", covariance=P)
+        navigator = bottomlock.Navigator(
+            geometry, model, settings.options(), start, method="tc", covariance=P
+        )
         time_ns = np.round(np.arange(3) * 1e9 / 150).astype(np.int64)
         navigator.push_imu_block(time_ns, np.zeros((3, 3)), np.tile([0, 0, -9.8], (3, 1)))
         before = navigator.covariance()

@@ -21,13 +21,13 @@ SD = np.array([0.03, 0.04, 0.05, 0.04])
 OFF: dict[str, Any] = {"tail": "gaussian"}
 
 
-def pushed(robust: dict[str, Any] | None, P: Array, noise: Array, valid: Array, arm: str = "tc") -> Any:  # noqa: ANN401
+def pushed(robust: dict[str, Any] | None, P: Array, noise: Array, valid: Array, method: str = "tc") -> Any:  # noqa: ANN401
     """Correction, covariance after and report of one ping, residual and Jacobian of its valid beams."""
     model = settings.table_2()
     model["environment"]["earth_rate_radps"] = 0.0
     options: Any = settings.options() | ({} if robust is None else {"robust": robust})
     start = initial(np.array([2.0, 0.1, -0.1]), np.array([1.0, 0.0, 0.0, 0.0]))
-    nav = bottomlock.Navigator(bottomlock.BeamGeometry(A), model, options, start, arm=arm, covariance=P)
+    nav = bottomlock.Navigator(bottomlock.BeamGeometry(A), model, options, start, method=method, covariance=P)
     nav.push_imu(0, np.zeros(3), np.array([0.0, 0.0, -settings.GRAVITY]))
     before = nav.state()
     v, bias, scale = np.asarray(before["velocity_p_mps"]), before["dvl_bias_mps"], before["dvl_scale_factor"]
@@ -85,16 +85,16 @@ def test_huber_minimises_its_cost(
     np.testing.assert_allclose(got / sd, x / sd, atol=1e-4)
 
 
-@pytest.mark.parametrize("arm", ["tc", "lc", "info", "vb_exact", "plcf"])
-def test_off_is_off_bit_for_bit(arm: str) -> None:
+@pytest.mark.parametrize("method", ["tc", "lc", "info", "vb_exact", "plcf"])
+def test_off_is_off_bit_for_bit(method: str) -> None:
     """No options, None and a Gaussian without gates: the same update to the last bit."""
     P = np.diag(
         np.array([2.0] * 3 + [0.01] * 3 + [0.1] * 3 + [5e-3] * 3 + [1e-5] * 3 + [5e-3] * 4 + [7e-3]) ** 2
     )
     noise, valid = np.array([0.1, -0.05, 0.02, 0.3]), np.ones(4, bool)
-    plain = pushed(None, P, noise, valid, arm)
+    plain = pushed(None, P, noise, valid, method)
     for robust in (OFF, {"tail": "gaussian", "beam_gate": None}):
-        other = pushed(robust, P, noise, valid, arm)
+        other = pushed(robust, P, noise, valid, method)
         np.testing.assert_array_equal(other[0], plain[0])
         np.testing.assert_array_equal(other[1], plain[1])
         assert other[2]["beam_weight"] is None
@@ -114,8 +114,8 @@ def test_three_names_stay_one_update(
     robust = {"tail": "student_t", "student_t_degrees": 4.0, "beam_gate": 0.9973, "closure_gate": 0.9973}
     sd = np.sqrt(np.diag(P))
     tight = pushed(robust, P, noise, valid)[0] / sd
-    for arm in ("info", "vb_exact"):
-        np.testing.assert_allclose(pushed(robust, P, noise, valid, arm)[0] / sd, tight, atol=1e-6)
+    for method in ("info", "vb_exact"):
+        np.testing.assert_allclose(pushed(robust, P, noise, valid, method)[0] / sd, tight, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -65,13 +65,13 @@ def make_log(rng: np.random.Generator, steps: int, every: int) -> tuple[LogDict,
     return log, start
 
 
-def replayed(log: LogDict, start: LogStartDict, arms: list[str], **more: Any) -> ReplayDict:  # noqa: ANN401
+def replayed(log: LogDict, start: LogStartDict, methods: list[str], **more: Any) -> ReplayDict:  # noqa: ANN401
     """Filter and smoother of every sample, gate off."""
     return bottomlock.replay_log(
         bottomlock.BeamGeometry(A),
         still_earth(),
         settings.options(covariance_period_ns=more.pop("covariance_period_ns", 0)),
-        arms,
+        methods,
         log,
         start,
         sample_time_ns=more.pop("sample_time_ns", log["imu_time_ns"]),
@@ -101,7 +101,9 @@ def parts_of(state: StateDict) -> tuple[Any, ...]:
 
 
 def sample_of(out: ReplayDict, k: int, prefix: str) -> tuple[Any, ...]:
-    keys = "position_t_m attitude_t_p velocity_p_mps accel_bias_mps2 gyro_bias_radps dvl_bias_mps dvl_scale"
+    keys = (
+        "position_t_m attitude_t_p velocity_p_mps accel_bias_p_mps2 gyro_bias_p_radps dvl_bias_mps dvl_scale"
+    )
     return tuple(np.atleast_1d(out[prefix + key][0, k]) for key in keys.split())  # type: ignore[literal-required]
 
 
@@ -185,20 +187,22 @@ def test_smoother_is_the_conditioned_history() -> None:
 
 @given(seed=st.integers(0, 2**32 - 1), every=st.integers(2, 9), shift_ns=st.integers(0, STEP_NS - 1))
 @hypothesis_settings(max_examples=25, deadline=None)
-@pytest.mark.parametrize("arm", ["tc", "lc", "vb_exact", "plcf", "sway_current"])
+@pytest.mark.parametrize("method", ["tc", "lc", "vb_exact", "plcf", "sway_current"])
 @pytest.mark.parametrize("period_ns", [0, 100_000_000])
-def test_laws_of_the_smoother(arm: str, period_ns: int, seed: int, every: int, shift_ns: int) -> None:
+def test_laws_of_the_smoother(method: str, period_ns: int, seed: int, every: int, shift_ns: int) -> None:
     """P smoothed ≤ P filtered (Loewner), neither is negative, both agree at the end; measurements at any time."""
     log, start = make_log(np.random.default_rng(seed), steps=40, every=every)
     log["dvl_time_ns"] = log["dvl_time_ns"] - shift_ns
-    out = replayed(log, start, [arm], covariance_period_ns=period_ns, sample_time_ns=log["imu_time_ns"][::3])
+    out = replayed(
+        log, start, [method], covariance_period_ns=period_ns, sample_time_ns=log["imu_time_ns"][::3]
+    )
     scale = np.outer(SIZES, SIZES)
     for filtered, smoothed in zip(out["covariance"][0], out["smoothed_covariance"][0], strict=True):
         assert np.linalg.eigvalsh((filtered - smoothed) / scale).min() > -1e-9
         assert np.linalg.eigvalsh(smoothed / scale).min() > -1e-9
     last = len(log["imu_time_ns"]) - 1
     end = replayed(
-        log, start, [arm], covariance_period_ns=period_ns, sample_time_ns=log["imu_time_ns"][last:]
+        log, start, [method], covariance_period_ns=period_ns, sample_time_ns=log["imu_time_ns"][last:]
     )
     for key in ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd", "covariance"):
         np.testing.assert_array_equal(end["smoothed_" + key], end[key])  # type: ignore[literal-required]
@@ -207,5 +211,5 @@ def test_laws_of_the_smoother(arm: str, period_ns: int, seed: int, every: int, s
 def test_the_selector_between_filters_is_refused() -> None:
     """It has no filter of its own to go back over; the message says what to smooth instead."""
     log, start = make_log(np.random.default_rng(1), steps=10, every=4)
-    with pytest.raises(bottomlock.KernelError, match=r"arm consistent: .*no smoother.*tc, weak_sway"):
+    with pytest.raises(bottomlock.KernelError, match=r"method consistent: .*no smoother.*tc, weak_sway"):
         replayed(log, start, ["consistent"])

@@ -30,19 +30,19 @@ def stream(
     geometry: BeamGeometry,
     model: Any,  # noqa: ANN401 - the kernel's own dicts
     options: Any,  # noqa: ANN401
-    arm: str,
+    method: str,
     log: dict[str, Any],
     start: dict[str, Any],
     sample_time_ns: Times,
 ) -> dict[str, Any]:
-    """States and deviations of one arm at the sample times, and what became of each ping."""
+    """States and deviations of one method at the sample times, and what became of each ping."""
     initial = {
         "time_ns": start["time_ns"],
         "position_t_m": start["position_t_m"],
         "attitude_t_p": start["attitude_t_p"],
         "velocity_p_mps": start["velocity_p_mps"],
     }
-    navigator = Navigator(geometry, model, options, initial, arm=arm)
+    navigator = Navigator(geometry, model, options, initial, method=method)
     states: list[dict[str, Any]] = []
     sds: list[Any] = []
     nis = np.full(len(log["dvl_time_ns"]), np.nan)

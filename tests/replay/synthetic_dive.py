@@ -1,4 +1,4 @@
-"""A dive whose truth is known, written out as a careless logger would: odd axes, units, clocks, arms and frames."""
+"""A dive whose truth is known, written out as a careless logger would: odd axes, units, clocks, methods and frames."""
 
 from __future__ import annotations
 

@@ -36,15 +36,15 @@ def data(recordings: Path) -> Path:
 
 @cache
 def full(data: Path, scratch: Path) -> pl.DataFrame:
-    """Every section with every beam, arms ins, lc and tc."""
-    lines = 'arms = ["ins", "lc", "tc"]'
+    """Every section with every beam, methods ins, lc and tc."""
+    lines = 'methods = ["ins", "lc", "tc"]'
     return pl.concat([replay_case(akit_case(data, scratch, s, replay=lines)).runs for s in SECTIONS])
 
 
 @cache
 def two_beams(data: Path, scratch: Path, section: int) -> Replayed:
     """A section without beams 3 and 4, no noise added."""
-    lines = 'smooth = false\narms = ["tc", "info", "vb_exact"]'
+    lines = 'smooth = false\nmethods = ["tc", "info", "vb_exact"]'
     return replay_case(akit_case(data, scratch, section, asks=True, replay=lines))
 
 
@@ -55,7 +55,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_full_velocity_against_the_reference(data: Path, scratch: Path) -> None:
     """At most 0.6 % of the way at the end on each section, and 0.3 % in the median."""
-    percent = full(data, scratch).filter((pl.col("arm") == "lc") & (pl.col("pass") == "forward"))
+    percent = full(data, scratch).filter((pl.col("method") == "lc") & (pl.col("pass") == "forward"))
     found = dict(percent.select("case", "position_final_percent").iter_rows())
     assert max(found.values()) <= MOST_PERCENT, found
     assert np.median(list(found.values())) <= MEDIAN_PERCENT, found
@@ -63,7 +63,7 @@ def test_full_velocity_against_the_reference(data: Path, scratch: Path) -> None:
 
 def test_smoother_is_no_worse_than_the_filter(data: Path, scratch: Path) -> None:
     """Velocity over the section, median over the sections."""
-    rows = full(data, scratch).filter(pl.col("arm") == "lc")
+    rows = full(data, scratch).filter(pl.col("method") == "lc")
     median = dict(rows.group_by("pass").agg(pl.col("velocity_rms_mps").median()).iter_rows())
     assert median["smoothed"] <= median["forward"]
 
@@ -71,7 +71,7 @@ def test_smoother_is_no_worse_than_the_filter(data: Path, scratch: Path) -> None
 @pytest.mark.parametrize("section", SECTIONS)
 def test_ins_alone_drifts_as_the_recordings_say(data: Path, scratch: Path, section: int) -> None:
     """No depth, no beams: a wrong sign, clock or axis would be kilometres."""
-    case = akit_case(data, scratch, section, depth=False, replay='smooth = false\narms = ["ins"]')
+    case = akit_case(data, scratch, section, depth=False, replay='smooth = false\nmethods = ["ins"]')
     (end,) = replay_case(case).runs["position_final_m"]
     assert DRIFT_M[0] <= end <= DRIFT_M[1]
 
@@ -83,15 +83,19 @@ def test_tight_coupling_is_information_form_is_exact_virtual_beam(
     """On real data too, with two beams: every state to 1e-9 of its size (positions of hundreds of metres)."""
     samples = two_beams(data, scratch, section).samples.filter(pl.col("what_if") == "lost_34")
     columns = [name for name in samples.columns if name.endswith(("_m", "_mps", "_rad", "_deg"))]
-    tc = samples.filter(pl.col("arm") == "tc").select(columns).to_numpy()
-    for arm in ("info", "vb_exact"):
-        other = samples.filter(pl.col("arm") == arm).select(columns).to_numpy()
+    tc = samples.filter(pl.col("method") == "tc").select(columns).to_numpy()
+    for method in ("info", "vb_exact"):
+        other = samples.filter(pl.col("method") == method).select(columns).to_numpy()
         np.testing.assert_allclose(other, tc, rtol=1e-9, atol=1e-9)
 
 
 def test_replay_of_a_section_is_streaming_bit_for_bit(data: Path, scratch: Path) -> None:
     case = akit_case(
-        data, scratch, 5, asks=True, replay='smooth = false\narms = ["tc", "sway_current"]\nduration_s = 60.0'
+        data,
+        scratch,
+        5,
+        asks=True,
+        replay='smooth = false\nmethods = ["tc", "sway_current"]\nduration_s = 60.0',
     )
     prepared = flight.prepare(case, read_dive(case), 0)
     flown = flight.fly(case, prepared, case.what_if[0])
@@ -102,9 +106,11 @@ def test_replay_of_a_section_is_streaming_bit_for_bit(data: Path, scratch: Path)
         "velocity_p_mps": prepared.alignment.velocity_p_mps,
     }
     log = flight.make_log(case, prepared, flown.valid)
-    for index, arm in enumerate(case.replay.arms):
+    for index, method in enumerate(case.replay.methods):
         geometry = prepared.dive.instrument.geometry
-        pushed = stream(geometry, prepared.model, prepared.options, arm, log, start, prepared.sample_time_ns)
+        pushed = stream(
+            geometry, prepared.model, prepared.options, method, log, start, prepared.sample_time_ns
+        )
         for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd", "nis"):
             np.testing.assert_array_equal(flown.result[name][index], pushed[name])
 

@@ -118,28 +118,28 @@ def akit(recordings: Path, section: str, *, velocity: bool) -> Mounting:
 
 @pytest.mark.slow
 def test_akit_mounting(recordings: Path) -> None:
-    """Against what was found by hand: arm (−1.8, −0.03, 0.1) m, turn (0.1, −0.07, −0.15)°, scale +0.2 %, clock lags.
+    """Against hand-made values: lever arm (−1.8, −0.03, 0.1) m, turn (0.1, −0.07, −0.15)°, scale +0.2 %, clock lags.
 
     The recording's notes turn the platform to the DVL; here the DVL is turned to the platform, so that signs differ.
     """
     lags = dict(zip(AKIT, (-0.41, -0.45, -0.46, 0.50, 0.44, -0.43, -0.45, 0.48), strict=True))
-    arms, turns, scales = [], [], []
+    methods, turns, scales = [], [], []
     for section in AKIT:
         found = akit(recordings, section, velocity=True)
         # DVL row k stands at k + 1.03 s on the IMU's clock (± 0.05), reference row k at k + lag.
         assert found.clock_offset_s == pytest.approx(1.03 - lags[section], abs=0.1)
         assert found.imu is not None
         assert found.imu.offset_s == pytest.approx(lags[section], abs=0.02)
-        arms.append(found.lever_arm_p_m)
+        methods.append(found.lever_arm_p_m)
         turns.append(np.rad2deg(found.rpy_rad))
         scales.append(found.scale)
-    assert np.median(arms, axis=0) == pytest.approx([-1.8, -0.03, 0.1], abs=0.06)
+    assert np.median(methods, axis=0) == pytest.approx([-1.8, -0.03, 0.1], abs=0.06)
     assert np.median(turns, axis=0) == pytest.approx([0.1, -0.07, -0.15], abs=0.07)
     assert np.median(scales) == pytest.approx(0.002, abs=0.002)
 
 
 def test_akit_from_the_imu_alone(recordings: Path) -> None:
-    """Without the reference's velocity the arm is that from the accelerometers, which sit beside the DVL."""
+    """Without the reference's velocity the lever arm is that from the accelerometers, which sit beside the DVL."""
     with_it, without = (akit(recordings, "10", velocity=flag) for flag in (True, False))
     assert without.clock_offset_s == pytest.approx(with_it.clock_offset_s, abs=0.05)
     assert np.linalg.norm(without.lever_arm_p_m) < 0.3

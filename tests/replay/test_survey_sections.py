@@ -27,7 +27,7 @@ REFERENCE_TO_DVL_P_M = np.array([-1.8, -0.03, 0.1])
 STARBOARD = np.array([1.0, -1.0, 1.0])
 MOUNTING_RPY_RAD = np.deg2rad([-0.1, 0.07, 0.15])
 DEGREE = np.pi / 180
-ARMS = ["ins", "lc", "tc", "info", "vb_exact"]
+METHODS = ["ins", "lc", "tc", "info", "vb_exact"]
 
 
 def model(latitude_rad: float) -> Any:  # noqa: ANN401 - the kernel's dict
@@ -87,11 +87,11 @@ def section(folder: Path, number: int) -> tuple[Any, Any, Any, Array, Any]:
     north_m = axis * (1 - e2) / (1 - e2 * sine**2) ** 1.5
     east_m = axis / np.sqrt(1 - e2 * sine**2) * np.cos(latitude[0])
     quaternions = [quaternion_from_euler(*angles) for angles in reference[:, 7:10]]
-    arms_t = np.array([matrix_from_quaternion(q) @ REFERENCE_TO_DVL_P_M for q in quaternions])
+    lever_arms_t = np.array([matrix_from_quaternion(q) @ REFERENCE_TO_DVL_P_M for q in quaternions])
     position = np.stack(
         [(latitude - latitude[0]) * north_m, (longitude - longitude[0]) * east_m, -altitude], axis=-1
     )
-    position = position + arms_t
+    position = position + lever_arms_t
 
     first_rate = np.array([np.interp(reference_s[0], imu_s, rate[:, k]) for k in range(3)])
     velocity = matrix_from_quaternion(quaternions[0]).T @ reference[0, 4:7]
@@ -131,7 +131,7 @@ def folder(recordings: Path) -> Path:
 
 
 def flown(folder: Path, number: int, *, lost: tuple[int, ...] = (), depth: bool = True) -> tuple[Any, Array]:
-    """What the arms yield at every reference, and the reference."""
+    """What the methods yield at every reference, and the reference."""
     assumed, recorded, start, position, time_ns = section(folder, number)
     log: Any = dict(recorded)
     log["beam_valid"] = log["beam_valid"].copy()
@@ -151,13 +151,13 @@ def flown(folder: Path, number: int, *, lost: tuple[int, ...] = (), depth: bool 
         "information_port": "axes",
     }
     out = bottomlock.replay_log(
-        geometry, assumed, options, ARMS, log, start, sample_time_ns=time_ns, smooth=True
+        geometry, assumed, options, METHODS, log, start, sample_time_ns=time_ns, smooth=True
     )
     return out, position
 
 
 def ends(out: Any, position: Array) -> Array:  # noqa: ANN401
-    """Horizontal error of each arm at the end, m."""
+    """Horizontal error of each method at the end, m."""
     return np.asarray(np.linalg.norm((out["position_t_m"][:, -1] - position[-1])[:, :2], axis=1))
 
 
@@ -167,8 +167,8 @@ def test_full_velocity_stays_on_the_reference(folder: Path) -> None:
     for number in LAG_S:
         out, position = flown(folder, number)
         way_m = np.linalg.norm(np.diff(position, axis=0), axis=1).sum()
-        shares.append(ends(out, position)[ARMS.index("lc")] / way_m)
-        assert (out["fix_status"][ARMS.index("lc")] == 3).sum() == 0
+        shares.append(ends(out, position)[METHODS.index("lc")] / way_m)
+        assert (out["fix_status"][METHODS.index("lc")] == 3).sum() == 0
     assert max(shares) <= 0.006
     assert np.median(shares) <= 0.003
 
@@ -185,10 +185,10 @@ def test_three_names_for_one_update_on_real_data(folder: Path, lost: tuple[int, 
     """TC, information form and exact VB: filter and smoother to 1e-9 m, with two beams and (projected) with four."""
     for number in (1, 6, 12):
         out, _ = flown(folder, number, lost=lost)
-        tc = ARMS.index("tc")
+        tc = METHODS.index("tc")
         for key in ("position_t_m", "velocity_p_mps", "smoothed_position_t_m"):
-            for arm in ("info", "vb_exact"):
-                np.testing.assert_allclose(out[key][ARMS.index(arm)], out[key][tc], rtol=0, atol=1e-9)
+            for method in ("info", "vb_exact"):
+                np.testing.assert_allclose(out[key][METHODS.index(method)], out[key][tc], rtol=0, atol=1e-9)
 
 
 def test_the_smoother_helps_or_does_no_harm(folder: Path) -> None:
@@ -196,7 +196,7 @@ def test_the_smoother_helps_or_does_no_harm(folder: Path) -> None:
     for number in LAG_S:
         out, position = flown(folder, number)
         rms = [
-            np.sqrt((((out[key][ARMS.index("lc")] - position)[:, :2]) ** 2).sum(axis=1).mean())
+            np.sqrt((((out[key][METHODS.index("lc")] - position)[:, :2]) ** 2).sum(axis=1).mean())
             for key in ("position_t_m", "smoothed_position_t_m")
         ]
         assert rms[1] < 1.01 * rms[0]

@@ -21,7 +21,7 @@ from tests.replay.streaming import stream
 
 ASKED = """
 [replay]
-arms = ["ins", "lc", "tc", "info", "vb_exact", "consistent"]
+methods = ["ins", "lc", "tc", "info", "vb_exact", "consistent"]
 [[what_if]]
 name = "lost_34"
 beams_lost = [3, 4]
@@ -68,7 +68,7 @@ def test_readings_come_back_in_si(case: Case) -> None:
 
 def test_perfect_readings_navigate_back_to_the_truth(replayed: Replayed) -> None:
     """With all beams the error at the end is centimetres on 120 m, and millimetres per second in velocity."""
-    rows = synthetic_dive.rows_of(replayed.runs, what_if="recorded", arm="lc")
+    rows = synthetic_dive.rows_of(replayed.runs, what_if="recorded", method="lc")
     assert rows["position_final_m"].to_numpy().max() < 0.15
     assert rows["velocity_rms_mps"].to_numpy().max() < 0.003
     np.testing.assert_allclose(rows["distance_m"], 120.0, rtol=1e-3)
@@ -88,7 +88,7 @@ def test_positions_on_the_earth(replayed: Replayed) -> None:
 
 
 def test_equal_to_streaming_bit_for_bit(case: Case) -> None:
-    """Every arm as if its log were pushed through `Navigator` reading by reading."""
+    """Every method as if its log were pushed through `Navigator` reading by reading."""
     prepared = flight.prepare(case, read_dive(case), 0)
     for asked in (None, *case.what_if):
         flown = flight.fly(case, prepared, asked, threads=2)
@@ -99,19 +99,19 @@ def test_equal_to_streaming_bit_for_bit(case: Case) -> None:
             "attitude_t_p": quaternions(prepared.alignment.attitude),
             "velocity_p_mps": prepared.alignment.velocity_p_mps,
         }
-        for index, arm in enumerate(case.replay.arms):
+        for index, method in enumerate(case.replay.methods):
             pushed = stream(
                 prepared.dive.instrument.geometry,
                 prepared.model,
                 prepared.options,
-                arm,
+                method,
                 log,
                 start,
                 prepared.sample_time_ns,
             )
             for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd", "nis"):
                 np.testing.assert_array_equal(
-                    flown.result[name][index], pushed[name], err_msg=f"{arm} {name}"
+                    flown.result[name][index], pushed[name], err_msg=f"{method} {name}"
                 )
 
 
@@ -137,7 +137,7 @@ def test_smoother_joins_the_outage(replayed: Replayed) -> None:
     claimed = {}
     for which in ("forward", "smoothed"):
         row = synthetic_dive.rows_of(
-            replayed.samples, what_if="outage", arm="tc", time_ns=middle, **{"pass": which}
+            replayed.samples, what_if="outage", method="tc", time_ns=middle, **{"pass": which}
         )
         claimed[which] = row.select("sd_position_north_m", "sd_position_east_m").to_numpy().max()
     assert claimed["smoothed"] < claimed["forward"]
@@ -160,7 +160,7 @@ def test_draws_are_keyed(tmp_path: Path) -> None:
     """Noise, chains and starts are those of the seed and the draw, whatever is asked beside them."""
     extra = """
 [replay]
-arms = ["tc"]
+methods = ["tc"]
 runs = 2
 smooth = false
 [[what_if]]

@@ -17,31 +17,31 @@ RUNS = 200
 
 @dataclass(frozen=True)
 class Ensemble:
-    """Runs of one scenario: arms in order, (runs, arms, T) NEES and the batch itself."""
+    """Runs of one scenario: methods in order, (runs, methods, T) NEES and the batch itself."""
 
-    arms: tuple[str, ...]
+    methods: tuple[str, ...]
     batch: dict[str, Any]
 
-    def nees(self, arm: str) -> Array:
+    def nees(self, method: str) -> Array:
         """NEES of velocity and attitude, (runs, T)."""
-        nees: Array = self.batch["nees_velocity_attitude"][:, self.arms.index(arm)]
+        nees: Array = self.batch["nees_velocity_attitude"][:, self.methods.index(method)]
         return nees
 
-    def errors(self, arm: str) -> Array:
+    def errors(self, method: str) -> Array:
         """True minus estimate of position, misalignment and velocity, (runs, T, 9)."""
-        errors: Array = self.batch["error"][:, self.arms.index(arm)]
+        errors: Array = self.batch["error"][:, self.methods.index(method)]
         return errors
 
-    def squares(self, arm: str) -> Array:
+    def squares(self, method: str) -> Array:
         """Squares of error over claimed sigma, (runs, T, 9)."""
-        sd: Array = self.batch["sd"][:, self.arms.index(arm)]
-        return (self.errors(arm) / sd) ** 2
+        sd: Array = self.batch["sd"][:, self.methods.index(method)]
+        return (self.errors(method) / sd) ** 2
 
 
 @lru_cache(maxsize=8)
 def fly(
     name: str,
-    arms: tuple[str, ...],
+    methods: tuple[str, ...],
     runs: int = RUNS,
     every_s: int = 5,
     changes: tuple[tuple[str, Any], ...] = (),
@@ -61,11 +61,11 @@ def fly(
         model,
         options,  # type: ignore[arg-type]
         schedule,  # type: ignore[arg-type]
-        list(arms),
+        list(methods),
         seed=SEED,
         trajectory_key=17,
         first_run=0,
         runs=runs,
         threads=1,
     )
-    return Ensemble(arms, batch)
+    return Ensemble(methods, batch)

@@ -50,7 +50,7 @@ def streams(trajectory: str, *, heavy: bool, lost: tuple[int, ...]) -> tuple[Any
         log = {
             "imu_time_ns": drawn["imu_time_ns"],
             "force_p_mps2": drawn["imu_force_p_mps2"],
-            "omega_p_radps": drawn["imu_rate_p_radps"],
+            "omega_p_radps": drawn["imu_omega_p_radps"],
             "dvl_time_ns": drawn["dvl_time_ns"],
             "beam_velocity_mps": drawn["dvl_velocity_mps"] + scale * noise,
             "beam_valid": valid,

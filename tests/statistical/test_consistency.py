@@ -1,6 +1,6 @@
 """Is the filter as sure as it may be? NEES of velocity and attitude (6 degrees of freedom) over 200 runs.
 
-Two checks per arm. (1) Averaged over time and runs, NEES must lie in a 95 % band about 6 that is derived from the
+Two checks per method. (1) Averaged over time and runs, NEES must lie in a 95 % band about 6 that is derived from the
 spread between runs: runs are independent, times are not. (2) At each time the mean over runs has a 95 % chi-squared
 band; the fraction of times inside must reach what all but 1 % of consistent filters reach, given the correlation in
 time that the runs show (`chi_squared.least_fraction_inside`). The first has the power (bands of ±5 %), the second sees
@@ -18,20 +18,20 @@ from tests.statistical import ensembles
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-ARMS = ("lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "weak_sway")
+METHODS = ("lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "weak_sway")
 DEGREES = 6
 TRAJECTORIES = ["straight", "figure_eight"]
 
 
 @pytest.mark.parametrize("trajectory", TRAJECTORIES)
-@pytest.mark.parametrize("arm", ["lc", "tc", "plcf"])
-def test_consistent_arms(arm: str, trajectory: str) -> None:
+@pytest.mark.parametrize("method", ["lc", "tc", "plcf"])
+def test_consistent_methods(method: str, trajectory: str) -> None:
     """LC with four beams, TC with two, and PLCF (which assumes nothing) claim what they achieve.
 
     Means seen: LC 6.16 and 6.10, TC 5.96 and 6.14, PLCF 6.08 and 5.88 of 6: linearisation costs nothing that 200 runs
     can show.
     """
-    nees = ensembles.fly(trajectory, ARMS).nees(arm)
+    nees = ensembles.fly(trajectory, METHODS).nees(method)
     low, high = chi_squared.mean_band(nees.mean(axis=1), DEGREES)
     assert low < nees.mean() < high
     band = chi_squared.average_band(DEGREES, ensembles.RUNS)
@@ -41,14 +41,14 @@ def test_consistent_arms(arm: str, trajectory: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arm", "trajectory"), [("lc", "straight"), ("lc", "figure_eight"), ("tc", "figure_eight")]
+    ("method", "trajectory"), [("lc", "straight"), ("lc", "figure_eight"), ("tc", "figure_eight")]
 )
-def test_each_error_fits_its_sigma(arm: str, trajectory: str) -> None:
+def test_each_error_fits_its_sigma(method: str, trajectory: str) -> None:
     """NEES could balance a wrong sigma against another: each of the nine errors alone, rms(error/sd) near 1.
 
     Between-run band at 99.8 % (Student's t on the runs' own mean squares); nine states, so two alarms in a hundred.
     """
-    squares = ensembles.fly(trajectory, ARMS).squares(arm).mean(axis=1)
+    squares = ensembles.fly(trajectory, METHODS).squares(method).mean(axis=1)
     for state in range(9):
         low, high = chi_squared.mean_band(squares[:, state], 1.0, 0.998)
         assert low < squares[:, state].mean() < high, f"state {state}"
@@ -62,7 +62,7 @@ def test_what_linearisation_costs_tight_coupling_on_the_straight_line() -> None:
     at the end (0.69 and 0.42 over 1200 runs), where 1 is right; with yaw known to 1e-4 rad it is 0.99. No state
     claims too much, and NEES of velocity and attitude stays in its band.
     """
-    squares = ensembles.fly("straight", ARMS).squares("tc")
+    squares = ensembles.fly("straight", METHODS).squares("tc")
     for state in range(9):
         assert (
             squares[..., state].mean()
@@ -73,43 +73,43 @@ def test_what_linearisation_costs_tight_coupling_on_the_straight_line() -> None:
     assert 0.3 < north[:, -1].mean() < 0.6
 
 
-@pytest.mark.parametrize("arm", ["nsv", "elc", "vb", "vhv"])
-def test_overconfident_arms_in_turns(arm: str) -> None:
+@pytest.mark.parametrize("method", ["nsv", "elc", "vb", "vhv"])
+def test_overconfident_methods_in_turns(method: str) -> None:
     """On the figure-eight the paper's methods claim more than they know: the number of each stands here.
 
     Means seen, of 6: NSV 10.9, selector 14.3, VHV 25.6, VB 6541. NSV calls the true sway of a turn zero; the selector
     picks NSV (E4); VB calls the prior independent of itself and then locks four fixes of five out (E5); VHV does the
     same with heave. The mean of VB and VHV is carried by few runs, so the limits are on the median run.
     """
-    flown = ensembles.fly("figure_eight", ARMS)
-    nees = flown.nees(arm)
+    flown = ensembles.fly("figure_eight", METHODS)
+    nees = flown.nees(method)
     band = chi_squared.average_band(DEGREES, ensembles.RUNS)
     late = nees[:, nees.shape[1] // 5 :].mean(axis=0)
     assert np.all(late > band[1])
-    least = {"nsv": 9.0, "elc": 11.0, "vb": 100.0, "vhv": 9.0}[arm]
+    least = {"nsv": 9.0, "elc": 11.0, "vb": 100.0, "vhv": 9.0}[method]
     assert np.median(nees.mean(axis=1)) > least
 
 
 def test_virtual_beam_locks_fixes_out() -> None:
     """Erratum E5 with n_f = 1: its gate rejects most fixes in turns (81 % seen); TC with the same gate 0.2 %."""
-    flown = ensembles.fly("figure_eight", ARMS)
+    flown = ensembles.fly("figure_eight", METHODS)
     accepted, rejected = flown.batch["fixes_accepted"].sum(axis=0), flown.batch["fixes_rejected"].sum(axis=0)
     share = rejected / (accepted + rejected)
-    assert share[ARMS.index("vb")] > 0.5
-    assert share[ARMS.index("tc")] < 0.01
-    assert share[ARMS.index("lc")] < 0.01
+    assert share[METHODS.index("vb")] > 0.5
+    assert share[METHODS.index("tc")] < 0.01
+    assert share[METHODS.index("lc")] < 0.01
 
 
-@pytest.mark.parametrize("arm", ["nsv", "weak_sway"])
-def test_sway_assumptions_are_cautious_where_they_hold(arm: str) -> None:
+@pytest.mark.parametrize("method", ["nsv", "weak_sway"])
+def test_sway_assumptions_are_cautious_where_they_hold(method: str) -> None:
     """On the straight line sway is exactly zero, better than either row says: NEES below 6, never above its band."""
-    nees = ensembles.fly("straight", ARMS).nees(arm)
+    nees = ensembles.fly("straight", METHODS).nees(method)
     assert nees.mean() < chi_squared.mean_band(nees.mean(axis=1), DEGREES)[1]
 
 
 def test_weak_sway_does_not_overclaim_in_turns() -> None:
     """The answer to NSV: a variance of sway times its correlation time keeps NEES inside the band (5.91 seen)."""
-    nees = ensembles.fly("figure_eight", ARMS).nees("weak_sway")
+    nees = ensembles.fly("figure_eight", METHODS).nees("weak_sway")
     assert nees.mean() < chi_squared.mean_band(nees.mean(axis=1), DEGREES)[1]
 
 
@@ -118,13 +118,13 @@ def test_gate_rejects_at_its_rate(trajectory: str) -> None:
     """The joint gate passes 99.73 % of good fixes: rejections of LC and TC are binomial at 0.27 %."""
     from scipy import stats
 
-    flown = ensembles.fly(trajectory, ARMS)
-    for arm in ("lc", "tc"):
-        index = ARMS.index(arm)
+    flown = ensembles.fly(trajectory, METHODS)
+    for method in ("lc", "tc"):
+        index = METHODS.index(method)
         rejected = int(flown.batch["fixes_rejected"][:, index].sum())
         total = rejected + int(flown.batch["fixes_accepted"][:, index].sum())
         chance = stats.binom(total, 1 - 0.9973)
-        assert chance.ppf(5e-4) <= rejected <= chance.ppf(1 - 5e-4), arm
+        assert chance.ppf(5e-4) <= rejected <= chance.ppf(1 - 5e-4), method
 
 
 def test_a_large_factor_makes_the_virtual_beam_tight_coupling() -> None:
@@ -133,7 +133,7 @@ def test_a_large_factor_makes_the_virtual_beam_tight_coupling() -> None:
     60 runs of the same streams: velocity within 10 % of TC's RMS, under 1 % of the fixes rejected, NEES in its band.
     """
     flown = ensembles.fly("figure_eight", ("tc", "vb"), runs=60, changes=(("virtual_beam_factor", 10.0),))
-    rms = [np.sqrt(np.mean(np.sum(flown.errors(arm)[..., 6:] ** 2, axis=-1))) for arm in flown.arms]
+    rms = [np.sqrt(np.mean(np.sum(flown.errors(method)[..., 6:] ** 2, axis=-1))) for method in flown.methods]
     assert rms[1] == pytest.approx(rms[0], rel=0.1)
     rejected = flown.batch["fixes_rejected"][:, 1].sum() / flown.batch["fixes_accepted"][:, 1].sum()
     assert rejected < 0.01

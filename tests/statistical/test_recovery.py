@@ -25,16 +25,16 @@ HONEST = ("tc", "info", "vb_exact", "weak_sway")
 def summary(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     out: Path = tmp_path_factory.mktemp("recovery")
     scenarios = [
-        load_scenario(name).with_overrides(runs=RUNS, seed=SEED, arms=[*HONEST, "vb"])
+        load_scenario(name).with_overrides(runs=RUNS, seed=SEED, methods=[*HONEST, "vb"])
         for name in ("straight", "figure_eight")
     ]
     return recovery.run_recovery(scenarios, out)[1]
 
 
-@pytest.mark.parametrize("arm", HONEST)
-def test_honest_arms_recover(summary: pl.DataFrame, arm: str) -> None:
+@pytest.mark.parametrize("method", HONEST)
+def test_honest_methods_recover(summary: pl.DataFrame, method: str) -> None:
     """Every pair on both trajectories, from the first fix on: there is nothing to come back from."""
-    rows = summary.filter(pl.col("arm") == arm)
+    rows = summary.filter(pl.col("method") == method)
     assert rows.height == 12
     assert rows["recovered"].all(), rows.filter(~pl.col("recovered"))
     assert (rows["jumps"] <= rows["jumps_allowed"]).all()
@@ -43,6 +43,6 @@ def test_honest_arms_recover(summary: pl.DataFrame, arm: str) -> None:
 
 def test_the_virtual_beam_does_not(summary: pl.DataFrame) -> None:
     """With n_f = 1 it was sure of itself for a minute: its gate now refuses good fixes, and NIS stays high."""
-    rows = summary.filter(pl.col("arm") == "vb")
+    rows = summary.filter(pl.col("method") == "vb")
     assert not rows.filter(pl.col("trajectory") == "straight")["recovered"].any()
-    assert rows["rejected_part"].to_numpy().max() > 0.2
+    assert rows["rejected_fraction"].to_numpy().max() > 0.2

@@ -18,7 +18,7 @@ from tests.statistical import ensembles
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-ARMS = ("lc", "tc", "sway_current")
+METHODS = ("lc", "tc", "sway_current")
 RUNS = 100
 
 
@@ -36,30 +36,30 @@ def flown(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
     arrays: Any = truth.kernel_arrays()
     return dict(
         bottomlock.run_batch(
-            world.geometry, arrays, assumed | {"initial": off}, assumed, options, schedule, list(ARMS),
+            world.geometry, arrays, assumed | {"initial": off}, assumed, options, schedule, list(METHODS),
             seed=ensembles.SEED, trajectory_key=23, first_run=0, runs=RUNS, threads=1,
         )
     )  # fmt: skip
 
 
-def speeds(batch: dict[str, Any], arm: str) -> Array:
+def speeds(batch: dict[str, Any], method: str) -> Array:
     """Norm of the velocity error at the end, (runs,)."""
-    errors: Array = np.linalg.norm(batch["error"][:, ARMS.index(arm), -1, 6:9], axis=-1)
+    errors: Array = np.linalg.norm(batch["error"][:, METHODS.index(method), -1, 6:9], axis=-1)
     return errors
 
 
-def locked_out(batch: dict[str, Any], arm: str) -> int:
+def locked_out(batch: dict[str, Any], method: str) -> int:
     """Runs whose gate refused more than half of the fixes."""
-    column = ARMS.index(arm)
+    column = METHODS.index(method)
     return int((batch["fixes_rejected"][:, column] > batch["fixes_accepted"][:, column]).sum())
 
 
 def test_filters_that_start_wrong_come_back() -> None:
     """Tilts four times as large as claimed: a closed gate loses every third run for good, a reopened one none."""
     closed, reopened = flown(4.0, 0), flown(4.0, 5)
-    for arm in ARMS:
-        assert locked_out(closed, arm) > RUNS // 5
-        assert locked_out(reopened, arm) == 0
+    for method in METHODS:
+        assert locked_out(closed, method) > RUNS // 5
+        assert locked_out(reopened, method) == 0
     assert speeds(closed, "lc").max() > 50.0
     # With four beams the velocity is then as good as ever, four sigma of it at most.
     assert speeds(reopened, "lc").max() < 0.3
@@ -69,8 +69,8 @@ def test_filters_that_start_wrong_come_back() -> None:
 def test_a_right_filter_does_not_notice() -> None:
     """Five right fixes refused in a row happen once in 10¹²: runs without a lock-out end in the same bits."""
     closed, reopened = flown(1.0, 0), flown(1.0, 5)
-    for arm in ARMS:
-        column = ARMS.index(arm)
+    for method in METHODS:
+        column = METHODS.index(method)
         refused = closed["fixes_rejected"][:, column]
         few = refused < 5
         assert few.sum() > 0.95 * RUNS
@@ -86,7 +86,7 @@ def test_a_reopened_filter_is_not_overconfident() -> None:
     in the runs that were never refused: heading is not judged.
     """
     batch = flown(4.0, 5)
-    column = ARMS.index("lc")
+    column = METHODS.index("lc")
     back = slice(10, None)
     squares = (batch["error"] / batch["sd"])[:, column, back, 6:9] ** 2
     assert squares.mean() < 1.5

@@ -77,7 +77,7 @@ def test_imu_white_noise() -> None:
     s, t = streams(), motion()
     for reading, ideal, bias, density in (
         ("imu_force_p_mps2", "force_p_mps2", "accel_bias_p_mps2", MODEL["imu"]["accel_noise_mps_rts"]),
-        ("imu_rate_p_radps", "omega_p_radps", "gyro_bias_p_radps", MODEL["imu"]["gyro_noise_rad_rts"]),
+        ("imu_omega_p_radps", "omega_p_radps", "gyro_bias_p_radps", MODEL["imu"]["gyro_noise_rad_rts"]),
     ):
         noise = s[reading] - t[ideal] - s[bias]
         chi_squared_fits(noise, density * np.sqrt(RATE_HZ))
@@ -191,5 +191,5 @@ def test_switching_something_off_shifts_nothing_else() -> None:
     bare = bottomlock.simulate_sensors(
         JANUS, motion(), MODEL, settings.schedule(SECONDS), seed=SEED, trajectory_key=5, run=3
     )
-    for key in ("imu_rate_p_radps", "imu_force_p_mps2", "dvl_velocity_mps", "dvl_scale_factor"):
+    for key in ("imu_omega_p_radps", "imu_force_p_mps2", "dvl_velocity_mps", "dvl_scale_factor"):
         np.testing.assert_array_equal(everything[key], bare[key], err_msg=key)

@@ -49,7 +49,7 @@ def fly(trajectory: str) -> dict[str, Array]:
         log: Any = {
             "imu_time_ns": streams["imu_time_ns"],
             "force_p_mps2": streams["imu_force_p_mps2"],
-            "omega_p_radps": streams["imu_rate_p_radps"],
+            "omega_p_radps": streams["imu_omega_p_radps"],
             "dvl_time_ns": streams["dvl_time_ns"],
             "beam_velocity_mps": streams["dvl_velocity_mps"],
             "beam_valid": np.ones_like(streams["dvl_valid"]),
@@ -82,8 +82,8 @@ def fly(trajectory: str) -> dict[str, Array]:
                     true @ matrix_from_quaternion(flown[prefix + "attitude_t_p"][0, k]).T
                 )
             error[:, 6:9] = arrays["velocity_p_mps"][at] - flown[prefix + "velocity_p_mps"][0]
-            error[:, 9:12] = streams["accel_bias_p_mps2"][at] - flown[prefix + "accel_bias_mps2"][0]
-            error[:, 12:15] = streams["gyro_bias_p_radps"][at] - flown[prefix + "gyro_bias_radps"][0]
+            error[:, 9:12] = streams["accel_bias_p_mps2"][at] - flown[prefix + "accel_bias_p_mps2"][0]
+            error[:, 12:15] = streams["gyro_bias_p_radps"][at] - flown[prefix + "gyro_bias_p_radps"][0]
             P = flown[prefix + "covariance"][0, :, :STATES, :STATES]
             scale = 1 / np.sqrt(np.diagonal(P, axis1=1, axis2=2))
             unit = error * scale

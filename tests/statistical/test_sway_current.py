@@ -1,4 +1,4 @@
-"""The arm sway_current with beams 1 and 2: right about itself in a world as assumed, useful where it is not.
+"""The method sway_current with beams 1 and 2: right about itself in a world as assumed, useful where it is not.
 
 The seed is that of `ensembles`; the vehicle's runs were seen while the prior was chosen, the drawn worlds' were not.
 Bands of mean NEES come from the spread between runs
@@ -23,7 +23,7 @@ from tests.statistical import ensembles, worlds
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-ARMS = ("lc", "tc", "nsv", "elc", "sway_current")
+METHODS = ("lc", "tc", "nsv", "elc", "sway_current")
 PATHS = {
     "straight": worlds.straight,
     "figure_eight": worlds.figure_eight,
@@ -83,15 +83,15 @@ def swum(name: str, current_mps: float, runs: int = 100) -> dict[str, Any]:
     options: Any = packaged.kernel_options()
     arrays: Any = truth.kernel_arrays()
     batch: Any = bottomlock.run_batch(
-        world.geometry, arrays, model, model, options, schedule, list(ARMS),
+        world.geometry, arrays, model, model, options, schedule, list(METHODS),
         seed=ensembles.SEED, trajectory_key=17, first_run=0, runs=runs, threads=1,
     )  # fmt: skip
     return dict(batch)
 
 
-def mean_square(batch: dict[str, Any], arm: str) -> Array:
+def mean_square(batch: dict[str, Any], method: str) -> Array:
     """Mean over time of the squared velocity error, run by run, (m/s)²."""
-    error = batch["error"][:, ARMS.index(arm), :, 6:9]
+    error = batch["error"][:, METHODS.index(method), :, 6:9]
     squares: Array = np.mean(np.sum(error**2, axis=-1), axis=-1)
     return squares
 
@@ -120,9 +120,9 @@ def test_holds_in_a_cross_current(name: str) -> None:
     batch = swum(name, CROSS_MPS)
     ours, tight = mean_square(batch, "sway_current").mean(), mean_square(batch, "tc").mean()
     assert ours < 0.25 * tight
-    for arm in ("nsv", "elc"):
-        assert mean_square(batch, arm).mean() > 10 * tight
-        assert np.median(batch["nees_velocity_attitude"][:, ARMS.index(arm)].mean(axis=1)) > 60
+    for method in ("nsv", "elc"):
+        assert mean_square(batch, method).mean() > 10 * tight
+        assert np.median(batch["nees_velocity_attitude"][:, METHODS.index(method)].mean(axis=1)) > 60
 
 
 @pytest.mark.parametrize("current_mps", [0.0, CROSS_MPS])
@@ -133,9 +133,9 @@ def test_never_claims_too_much_on_the_vehicle(name: str, current_mps: float) -> 
     Means seen, of 6: 5.0 to 5.4. A filter that claims a sigma more than a sixth too large would fall below 4.4.
     """
     batch = swum(name, current_mps)
-    nees = batch["nees_velocity_attitude"][:, ARMS.index("sway_current")]
+    nees = batch["nees_velocity_attitude"][:, METHODS.index("sway_current")]
     assert 4.4 < nees.mean() < chi_squared.mean_band(nees.mean(axis=1), 6)[1]
-    whole = batch["nees"][:, ARMS.index("sway_current")]
+    whole = batch["nees"][:, METHODS.index("sway_current")]
     assert whole.mean() < chi_squared.mean_band(whole.mean(axis=1), 20)[1]
 
 
@@ -144,13 +144,13 @@ def test_the_yaw_is_no_better_known_than_by_tight_coupling(name: str) -> None:
     """A current and a yaw turned together change no reading: the claimed yaw must not shrink by what the current is."""
     batch = swum(name, CROSS_MPS)
     sd = batch["sd"][:, :, -1, 5].mean(axis=0)
-    assert sd[ARMS.index("sway_current")] > 0.97 * sd[ARMS.index("tc")]
+    assert sd[METHODS.index("sway_current")] > 0.97 * sd[METHODS.index("tc")]
 
 
 @pytest.mark.parametrize("name", list(PATHS))
 def test_locks_out_what_tight_coupling_locks_out(name: str) -> None:
     """Fixes accepted and rejected are TC's, run by run."""
     batch = swum(name, CROSS_MPS)
-    ours, tight = ARMS.index("sway_current"), ARMS.index("tc")
+    ours, tight = METHODS.index("sway_current"), METHODS.index("tc")
     for key in ("fixes_accepted", "fixes_rejected"):
         np.testing.assert_array_equal(batch[key][:, ours], batch[key][:, tight])

@@ -1,4 +1,4 @@
-"""Worlds drawn from what the arm sway_current assumes: current, sway gain, trim and slip differ from run to run."""
+"""Worlds drawn from what the method sway_current assumes: current, sway gain, trim and slip differ from run to run."""
 
 from __future__ import annotations
 

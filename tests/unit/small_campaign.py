@@ -11,8 +11,8 @@ STEPS_OF_TWO_RUNS = 2 * 1501 * 3
 
 
 def short(runs: int = 5, name: str = "straight") -> Scenario:
-    """Ten seconds of a packaged scenario with three arms."""
-    scenario = load_scenario(name).with_overrides(runs=runs, arms=["ins", "lc", "tc"])
+    """Ten seconds of a packaged scenario with three methods."""
+    scenario = load_scenario(name).with_overrides(runs=runs, methods=["ins", "lc", "tc"])
     return scenario.with_trajectory(duration_s=10.0)
 
 

@@ -1,4 +1,4 @@
-"""A campaign's directory made of whole cloth: the tests say which errors an arm makes and what it claims."""
+"""A campaign's directory made of whole cloth: the tests say which errors a method makes and what it claims."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from bottomlock.tables.schema import BIASES, CONSISTENCY, ENSEMBLE, OUTCOMES, RU
 from tests.analytic import analytic
 
 TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
-ARMS = ("ins", "lc", "tc", "vb", "nsv", "plcf", "vhv")
+METHODS = ("ins", "lc", "tc", "vb", "nsv", "plcf", "vhv")
 TIMES_S = np.array([1.0, *range(5, 251, 5)])
 
-# Velocity error in m/s and misalignment in degrees at each time, for a trajectory and an arm.
+# Velocity error in m/s and misalignment in degrees at each time, for a trajectory and a method.
 Size = Callable[[str, str, np.ndarray[Any, Any]], tuple[Any, Any]]
 
 
-def quiet(_: str, arm: str, time_s: np.ndarray[Any, Any]) -> tuple[Any, Any]:
+def quiet(_: str, method: str, time_s: np.ndarray[Any, Any]) -> tuple[Any, Any]:
     """The INS drifts to 34 m/s; the others err by 0.1 m/s; nobody's attitude changes."""
-    return (34.0 * time_s / 250.0 if arm == "ins" else 0.1), 1.4
+    return (34.0 * time_s / 250.0 if method == "ins" else 0.1), 1.4
 
 
 def write_study(
@@ -35,27 +35,27 @@ def write_study(
     *,
     runs: int = 40,
     trajectories: Sequence[str] = TRAJECTORIES,
-    arms: Sequence[str] = ARMS,
+    methods: Sequence[str] = METHODS,
     scatter: float = 0.3,
     own_scatter: float = 0.0,
     chunks: int = 2,
 ) -> Path:
     """Writes every table of a finished campaign.
 
-    The root mean square over runs of an arm's error is `size`, to the last digit. Runs scatter about it by the part
-    `scatter`, the same for all arms of a run, and by `own_scatter`, each arm for itself.
+    The root mean square over runs of a method's error is `size`, to the last digit. Runs scatter about it by the part
+    `scatter`, the same for all methods of a run, and by `own_scatter`, each method for itself.
     """
     folder.mkdir(parents=True, exist_ok=True)
     tables: dict[str, list[pl.DataFrame]] = {"runs": [], "ensemble": [], "consistency": []}
     for number, name in enumerate(trajectories):
-        samples = _samples(name, size, arms, runs, (scatter, own_scatter), number)
+        samples = _samples(name, size, methods, runs, (scatter, own_scatter), number)
         bounds = np.linspace(0, runs, chunks + 1).astype(int)
         for first, end in itertools.pairwise(bounds):
             path = folder / "chunks" / name / f"samples-{first:08d}-{end - 1:08d}.parquet"
             path.parent.mkdir(parents=True, exist_ok=True)
             samples.filter(pl.col("run").is_between(int(first), int(end) - 1)).write_parquet(path)
         norms = campaign.error_norms(samples)
-        tables["runs"].append(campaign.runs_table(norms, _counts(name, arms, runs)))
+        tables["runs"].append(campaign.runs_table(norms, _counts(name, methods, runs)))
         tables["ensemble"].append(campaign.ensemble_table(norms))
         tables["consistency"].append(campaign.consistency_table(norms, full_degrees=20))
     for (name, parts), columns in zip(tables.items(), (RUNS, ENSEMBLE, CONSISTENCY), strict=True):
@@ -68,7 +68,7 @@ def write_study(
             name: {
                 "seed": 1,
                 "runs": runs,
-                "arms": list(arms),
+                "methods": list(methods),
                 "configuration": analytic(name).model_dump(mode="json"),
             }
             for name in trajectories
@@ -87,37 +87,37 @@ def edit_manifest(folder: Path, edit: Callable[[dict[str, Any]], object]) -> Non
 
 
 def _samples(
-    name: str, size: Size, arms: Sequence[str], runs: int, scatter: tuple[float, float], seed: int
+    name: str, size: Size, methods: Sequence[str], runs: int, scatter: tuple[float, float], seed: int
 ) -> pl.DataFrame:
     generator = np.random.default_rng(seed)
     shared = generator.normal(size=runs)
     parts = []
-    for arm in arms:
+    for method in methods:
         factor = np.exp(scatter[0] * shared + scatter[1] * generator.normal(size=runs))
         factor /= np.sqrt(np.mean(factor**2))
-        velocity, attitude = (np.broadcast_to(part, TIMES_S.shape) for part in size(name, arm, TIMES_S))
+        velocity, attitude = (np.broadcast_to(part, TIMES_S.shape) for part in size(name, method, TIMES_S))
         count = runs * TIMES_S.size
         columns: dict[str, Any] = {column: np.zeros(count) for column in SAMPLES if column.startswith("err_")}
         columns |= {column: np.ones(count) for column in SAMPLES if column.startswith("sd_")}
         columns["err_velocity_surge_mps"] = np.outer(factor, velocity).ravel()
         columns["err_misalignment_down_rad"] = np.deg2rad(np.outer(factor, attitude)).ravel()
         columns |= {"nees": np.full(count, 20.0), "nees_velocity_attitude": np.full(count, 6.0)}
-        columns |= {"trajectory": [name] * count, "arm": [arm] * count}
+        columns |= {"trajectory": [name] * count, "method": [method] * count}
         columns["run"] = np.repeat(np.arange(runs), TIMES_S.size)
         columns["time_ns"] = np.tile((TIMES_S * 1e9).astype(np.int64), runs)
         parts.append(pl.DataFrame(columns).select(list(SAMPLES)))
     return pl.concat(parts)
 
 
-def _counts(name: str, arms: Sequence[str], runs: int) -> pl.DataFrame:
-    """Every fix accepted; aided arms leave half of each bias on the straight and a fifth elsewhere."""
+def _counts(name: str, methods: Sequence[str], runs: int) -> pl.DataFrame:
+    """Every fix accepted; aided methods leave half of each bias on the straight and a fifth elsewhere."""
     left = 0.5 if name == "straight" else 0.2
     sizes = np.random.default_rng(len(name)).normal(size=(runs, len(BIASES)))
     rows = [
-        (name, run, arm, None if arm == "ins" else 2.0, 0 if arm == "ins" else 250, 0, 0.1, 0.2)
-        + tuple(sizes[run] * (1.0 if arm == "ins" else left))
+        (name, run, method, None if method == "ins" else 2.0, 0 if method == "ins" else 250, 0, 0.1, 0.2)
+        + tuple(sizes[run] * (1.0 if method == "ins" else left))
         + (1.0,) * len(BIASES)
         for run in range(runs)
-        for arm in arms
+        for method in methods
     ]
     return pl.DataFrame(rows, schema=dict(OUTCOMES), orient="row")

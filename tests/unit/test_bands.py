@@ -24,7 +24,7 @@ def test_bonferroni() -> None:
 
 
 def test_the_family_rate_holds_for_dependent_tests() -> None:
-    """Honest matrices of five correlated times and four shared arms alarm at most as often as stated (2000 of them).
+    """Honest matrices of five correlated times and four shared methods alarm at most as often as stated (2000 of them).
 
     The tests share all their noise in the extreme; the rate is then far below the stated one, never above: 0.05 and
     three sigma of its binomial.
@@ -48,7 +48,7 @@ def test_the_family_rate_holds_for_dependent_tests() -> None:
         (5.5, 6.5, "consistent"),
         (5.0, 7.0, "consistent"),
         (5.5, 7.1, "overconfident"),
-        (4.9, 6.5, "too cautious"),
+        (4.9, 6.5, "conservative"),
         (4.9, 7.1, "overconfident"),
     ],
 )

@@ -32,29 +32,29 @@ def test_python_goes_on_meanwhile() -> None:
     thread = threading.Thread(target=tick)
     thread.start()
     began = ticks
-    kernel.run_batch(**work, arms=["lc", "tc", "elc"], runs=16, threads=1)
+    kernel.run_batch(**work, methods=["lc", "tc", "elc"], runs=16, threads=1)
     during = ticks - began
     done.set()
     thread.join()
     assert during >= 10
 
 
-def test_no_runs_and_no_arms_yield_empty_arrays() -> None:
+def test_no_runs_and_no_methods_yield_empty_arrays() -> None:
     """Nothing to do is no error."""
     work = batch_along(10.0)
-    assert kernel.run_batch(**work, arms=["tc"], runs=0, threads=2)["error"].shape == (0, 1, 10, 9)
-    assert kernel.run_batch(**work, arms=[], runs=3, threads=2)["error"].shape == (3, 0, 10, 9)
+    assert kernel.run_batch(**work, methods=["tc"], runs=0, threads=2)["error"].shape == (0, 1, 10, 9)
+    assert kernel.run_batch(**work, methods=[], runs=3, threads=2)["error"].shape == (3, 0, 10, 9)
 
 
 @pytest.mark.parametrize("make", [np.asfortranarray, lambda values: np.repeat(values, 2, axis=0)[::2]])
 def test_arrays_that_are_not_contiguous_give_the_same_bits(make: Callable[[Floats], Floats]) -> None:
     """The truth is read where it lies, or copied where it cannot be."""
     work = batch_along(10.0)
-    straight: dict[str, Any] = dict(kernel.run_batch(**work, arms=["tc"], runs=2, threads=1))
+    straight: dict[str, Any] = dict(kernel.run_batch(**work, methods=["tc"], runs=2, threads=1))
     truth = {key: value if value.ndim == 1 else make(value) for key, value in work["truth"].items()}
     assert not truth["force_p_mps2"].flags.c_contiguous
     other: dict[str, Any] = dict(
-        kernel.run_batch(**(work | {"truth": truth}), arms=["tc"], runs=2, threads=1)
+        kernel.run_batch(**(work | {"truth": truth}), methods=["tc"], runs=2, threads=1)
     )
     assert all(np.array_equal(straight[key], other[key], equal_nan=True) for key in straight)
 
@@ -64,18 +64,18 @@ def test_the_truth_is_left_as_it_was() -> None:
     work = batch_along(10.0)
     for values in work["truth"].values():
         values.flags.writeable = False
-    kernel.run_batch(**work, arms=["tc"], runs=2, threads=2)
+    kernel.run_batch(**work, methods=["tc"], runs=2, threads=2)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="asks the kernel of Linux for the largest resident set")
 def test_many_runs_need_little_memory_beyond_what_they_yield() -> None:
     """512 runs: the filters of those in flight, and no second copy of the yield."""
     work = batch_along(60.0)
-    arms = ["ins", "lc", "tc", "elc"]
-    kernel.run_batch(**work, arms=arms, runs=4, threads=2)
+    methods = ["ins", "lc", "tc", "elc"]
+    kernel.run_batch(**work, methods=methods, runs=4, threads=2)
     before = resident_mb("VmRSS")
     Path("/proc/self/clear_refs").write_text("5")
-    yielded = kernel.run_batch(**work, arms=arms, runs=512, threads=2)
+    yielded = kernel.run_batch(**work, methods=methods, runs=512, threads=2)
     grown = resident_mb("VmHWM") - before
     returned = sum(np.asarray(values).nbytes for values in yielded.values()) / 2**20
     assert returned > 15.0

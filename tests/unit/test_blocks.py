@@ -20,8 +20,8 @@ TIMES = 40
 
 
 def norms(cut: Plan) -> dict[str, np.ndarray[tuple[int, int, int], np.dtype[np.float64]]]:
-    """Numbers that tell norm, run, arm and time, as (runs, arms, times)."""
-    shape = (cut.runs, len(cut.arms), TIMES)
+    """Numbers that tell norm, run, method and time, as (runs, methods, times)."""
+    shape = (cut.runs, len(cut.methods), TIMES)
     return {name: (k + np.arange(np.prod(shape)) / 1e6).reshape(shape) for k, name in enumerate(NORMS)}
 
 
@@ -37,7 +37,7 @@ def test_what_is_put_is_got(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hel
             turned.put(span, pl.DataFrame({name: expected[name][part].ravel() for name in NORMS}))
         for block in turned.blocks:
             for name, values in turned.get(block).items():
-                assert np.array_equal(values, expected[name][:, block.arm, block.times]), name
+                assert np.array_equal(values, expected[name][:, block.method, block.times]), name
         widths = {1: 1, 600: 17, 10**6: TIMES}
         assert max(block.width for block in turned.blocks) == widths[held]
     assert not list(tmp_path.iterdir()), "the file has no name"

@@ -16,7 +16,7 @@ from bottomlock.paper.claims import load_paper, parse_paper
 from bottomlock.paper.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, claims_table
 from bottomlock.tables.results import Array, read_errors, read_study
 from bottomlock.tables.schema import CLAIMS, PATHS, check
-from tests.unit.synthetic_study import ARMS, Size, edit_manifest, quiet, write_study
+from tests.unit.synthetic_study import METHODS, Size, edit_manifest, quiet, write_study
 
 PAPER = load_paper()
 
@@ -31,12 +31,12 @@ def one(table: pl.DataFrame, claim: str) -> dict[str, Any]:
 
 
 def sized(velocity: dict[tuple[str, str], Any], attitude: dict[tuple[str, str], Any] | None = None) -> Size:
-    """The quiet campaign with some arms of some trajectories changed."""
+    """The quiet campaign with some methods of some trajectories changed."""
 
-    def size(trajectory: str, arm: str, time_s: Array) -> tuple[Any, Any]:
-        plain_velocity, plain_attitude = quiet(trajectory, arm, time_s)
-        here = velocity.get((trajectory, arm), plain_velocity)
-        there = (attitude or {}).get((trajectory, arm), plain_attitude)
+    def size(trajectory: str, method: str, time_s: Array) -> tuple[Any, Any]:
+        plain_velocity, plain_attitude = quiet(trajectory, method, time_s)
+        here = velocity.get((trajectory, method), plain_velocity)
+        there = (attitude or {}).get((trajectory, method), plain_attitude)
         return here(time_s) if callable(here) else here, there(time_s) if callable(there) else there
 
     return size
@@ -131,7 +131,7 @@ def test_a_note_tells_how_few_runs_scatter_so_far(tmp_path: Path) -> None:
         ("t1-velocity-plcf-improvement", {("straight", "plcf"): 17.0}, 100.0, NOT_REPRODUCED),
     ],
 )
-def test_an_excess_is_of_the_reference_over_the_arm(
+def test_an_excess_is_of_the_reference_over_the_method(
     tmp_path: Path, claim: str, changed: dict[tuple[str, str], Any], ours: float, verdict: str
 ) -> None:
     """131 % cannot be a reduction; it is INS / PLCF − 1."""
@@ -164,7 +164,7 @@ def test_an_ordering_follows_the_data(tmp_path: Path, nsv: float, own_scatter: f
 
 
 def test_an_ordering_of_many_stands_or_falls_with_its_worst_pair(tmp_path: Path) -> None:
-    """One arm worse than the INS is enough, and the note names it."""
+    """One method worse than the INS is enough, and the note names it."""
     size = sized({("figure_eight", "vhv"): 60.0})
     row = one(judged(write_study(tmp_path / "c", size)), "t2-velocity-all-better-than-ins")
     assert row["verdict"] == NOT_REPRODUCED
@@ -174,7 +174,7 @@ def test_an_ordering_of_many_stands_or_falls_with_its_worst_pair(tmp_path: Path)
 def test_a_note_tells_what_was_measured(tmp_path: Path) -> None:
     """Gate, NEES and the setting that the paper leaves open, each only where there is something to say."""
     folder = write_study(tmp_path / "c", sized({("lawn_mower", "vb"): 5.0}))
-    here = (pl.col("trajectory") == "lawn_mower") & (pl.col("arm") == "vb")
+    here = (pl.col("trajectory") == "lawn_mower") & (pl.col("method") == "vb")
     assert one(judged(folder), "t3-velocity-vb")["note"] == (
         "ours is 10 times the printed; n_f is 1 here, the paper prints none"
     )
@@ -198,8 +198,8 @@ def test_a_note_tells_what_was_measured(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("scale", "verdict"), [(0.5, REPRODUCED), (2.0, NOT_REPRODUCED)])
 def test_an_ordering_across_trajectories(tmp_path: Path, scale: float, verdict: str) -> None:
-    """Each arm against itself on trajectory 1."""
-    size = sized({("figure_eight", arm): 0.1 * scale for arm in ARMS if arm != "ins"})
+    """Each method against itself on trajectory 1."""
+    size = sized({("figure_eight", method): 0.1 * scale for method in METHODS if method != "ins"})
     assert one(judged(write_study(tmp_path / "c", size)), "t2-velocity-better-than-t1")["verdict"] == verdict
 
 
@@ -272,14 +272,14 @@ def test_the_vehicle_keeps_no_timetable(tmp_path: Path) -> None:
 
 
 def test_what_was_not_flown_is_not_testable(tmp_path: Path) -> None:
-    """Trajectories and arms that are absent."""
-    folder = write_study(tmp_path / "c", trajectories=["straight"], arms=["ins", "tc", "nsv"])
+    """Trajectories and methods that are absent."""
+    folder = write_study(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc", "nsv"])
     table = judged(folder)
     assert one(table, "t1-velocity-ins")["verdict"] == REPRODUCED
     for claim, note in (
         ("t2-velocity-ins", "trajectory figure_eight was not flown"),
-        ("t1-velocity-plcf-worst", "arm vb was not flown"),
-        ("t1-bias-observable", "arm vb was not flown"),
+        ("t1-velocity-plcf-worst", "method vb was not flown"),
+        ("t1-bias-observable", "method vb was not flown"),
         ("t2-bias-observable", "trajectory figure_eight was not flown"),
     ):
         row = one(table, claim)
@@ -288,11 +288,11 @@ def test_what_was_not_flown_is_not_testable(tmp_path: Path) -> None:
         assert row["ours"] is None
 
 
-def leave(folder: Path, trajectory: str, arm: str, biases: str, part: float) -> None:
-    """Makes the errors of an arm's biases, of those that match, a part of the bias itself."""
+def leave(folder: Path, trajectory: str, method: str, biases: str, part: float) -> None:
+    """Makes the errors of a method's biases, of those that match, a part of the bias itself."""
     runs = pl.read_parquet(folder / "runs.parquet")
-    here = (pl.col("trajectory") == trajectory) & (pl.col("arm") == arm)
-    unaided = runs.filter((pl.col("trajectory") == trajectory) & (pl.col("arm") == "ins")).sort("run")
+    here = (pl.col("trajectory") == trajectory) & (pl.col("method") == method)
+    unaided = runs.filter((pl.col("trajectory") == trajectory) & (pl.col("method") == "ins")).sort("run")
     for name in [name for name in runs.columns if re.fullmatch(f"err_{biases}", name)]:
         values = runs[name].to_numpy().copy()
         values[runs.select(here).to_series().to_numpy()] = part * unaided[name].to_numpy()
@@ -301,7 +301,7 @@ def leave(folder: Path, trajectory: str, arm: str, biases: str, part: float) -> 
 
 
 def test_a_bias_is_observable_where_its_error_shrinks(tmp_path: Path) -> None:
-    """The worst arm and bias count: one that leaves all of a bias, or more, upsets the claim and is named."""
+    """The worst method and bias count: one that leaves all of a bias, or more, upsets the claim and is named."""
     folder = write_study(tmp_path / "c")
     row = one(judged(folder), "t1-bias-observable")
     assert (row["verdict"], row["ours"]) == (REPRODUCED, pytest.approx(0.5))
@@ -316,8 +316,8 @@ def test_a_bias_is_hidden_where_all_of_it_is_left(tmp_path: Path) -> None:
     folder = write_study(tmp_path / "c")
     row = one(judged(folder), "t1-bias-hidden")
     assert (row["verdict"], row["ours"]) == (NOT_REPRODUCED, pytest.approx(0.5))
-    for arm in ("vb", "nsv", "plcf", "vhv", "tc"):
-        leave(folder, "straight", arm, "(accel_bias_[xy]|gyro_bias_z).*", 0.99)
+    for method in ("vb", "nsv", "plcf", "vhv", "tc"):
+        leave(folder, "straight", method, "(accel_bias_[xy]|gyro_bias_z).*", 0.99)
     assert one(judged(folder), "t1-bias-hidden")["verdict"] == REPRODUCED
 
 

@@ -15,13 +15,13 @@ from tests.analytic import analytic
 from tests.property import settings
 
 
-def reports(arm: str, beams_mps: list[list[float]]) -> list[dict[str, Any]]:
+def reports(method: str, beams_mps: list[list[float]]) -> list[dict[str, Any]]:
     """A vehicle at rest, pings with beams 1 and 2 a second apart."""
     start: Any = {
         "time_ns": 0, "position_t_m": [0.0] * 3, "attitude_t_p": [1.0, 0, 0, 0], "velocity_p_mps": [0.0] * 3,
     }  # fmt: skip
     navigator = kernel.Navigator(
-        kernel.BeamGeometry.janus(0.35), settings.table_2(), settings.options(), start, arm=arm
+        kernel.BeamGeometry.janus(0.35), settings.table_2(), settings.options(), start, method=method
     )
     heard: list[Any] = []
     gravity = settings.table_2()["environment"]["gravity_mps2"]
@@ -35,7 +35,7 @@ def reports(arm: str, beams_mps: list[list[float]]) -> list[dict[str, Any]]:
 
 
 def test_each_ping_says_what_was_chosen_and_why() -> None:
-    """Of arms that choose; the others say nothing. The reports are those of the filter on the beams alone."""
+    """Of methods that choose; the others say nothing. The reports are those of the filter on the beams alone."""
     still = [[0.01, -0.01, np.nan, np.nan]] * 5
     chosen = reports("consistent", still)
     assert [report["sensor"] for report in chosen] == ["beams"] * 5
@@ -58,23 +58,23 @@ def test_each_ping_says_what_was_chosen_and_why() -> None:
 
 
 def test_counts_of_choices_by_hand() -> None:
-    """Two runs, two pings; the first arm does not choose, the second takes components, the third a filter."""
+    """Two runs, two pings; the first method does not choose, the second takes components, the third a filter."""
     none = np.full((2, 2, 3), 255, dtype=np.uint8)
     components = np.array([[[2, 3, 0], [2, 3, 5]], [[4, 3, 0], [2, 3, 5]]], dtype=np.uint8)
     member = np.array([[[2, 1, 255], [0, 2, 255]], [[2, 1, 255], [2, 1, 255]]], dtype=np.uint8)
     codes = np.stack([none, components, member], axis=1)
     table = choice_counts(
-        codes, trajectory="t", arms=["tc", "elc", "consistent"], dvl_time_ns=np.array([10, 20])
+        codes, trajectory="t", methods=["tc", "elc", "consistent"], dvl_time_ns=np.array([10, 20])
     )
     check(table, CHOICES, place="choices")
-    rows = {(arm, time, part, source): runs for _, arm, time, part, source, runs in table.iter_rows()}
+    rows = {(method, time, part, source): runs for _, method, time, part, source, runs in table.iter_rows()}
     assert rows["elc", 10, "surge", "vb"] == 1
     assert rows["elc", 10, "surge", "plcf"] == 1
     assert rows["elc", 20, "heave", "vhv"] == 2
     assert rows["elc", 10, "heave", "none"] == 2
     assert rows["consistent", 20, "filter", "tc"] == 1
     assert rows["consistent", 20, "why", "beams_contradict"] == 1
-    assert not any(arm == "tc" for arm, *_ in rows)
+    assert not any(method == "tc" for method, *_ in rows)
     twice = merged([table, table])
     assert twice["runs"].sum() == 2 * table["runs"].sum()
     assert twice.height == table.height
@@ -84,10 +84,10 @@ def test_a_campaign_counts_every_ping_of_every_run(tmp_path: Path) -> None:
     """Runs times components at each ping, in still water with the filter that knows most."""
     scenario = load_scenario("figure_eight").with_trajectory(duration_s=30.0)
     run_campaign(
-        [scenario.with_overrides(runs=3, arms=["tc", "elc", "consistent"])], tmp_path / "o", threads=1
+        [scenario.with_overrides(runs=3, methods=["tc", "elc", "consistent"])], tmp_path / "o", threads=1
     )
     table = check(pl.read_parquet(tmp_path / "o" / "choices.parquet"), CHOICES, place="choices")
-    totals = table.group_by("arm", "component", "time_ns").agg(pl.col("runs").sum())
+    totals = table.group_by("method", "component", "time_ns").agg(pl.col("runs").sum())
     assert (totals["runs"] == 3).all()
     assert totals.height == 30 * (3 + 2)
     assert set(table.filter(pl.col("component") == "filter")["source"]) <= set(kernel.MEMBERS)
@@ -97,9 +97,9 @@ def test_a_campaign_counts_every_ping_of_every_run(tmp_path: Path) -> None:
 def test_leaves_an_assumption_that_the_beams_contradict(tmp_path: Path) -> None:
     """A vehicle whose sway is not that of any torpedo: the selector leaves the sway model at times, in many runs."""
     scenario = analytic("figure_eight").with_trajectory(sway_gain_m=-5.0)
-    run_campaign([scenario.with_overrides(runs=30, arms=["consistent"])], tmp_path / "o", threads=1)
+    run_campaign([scenario.with_overrides(runs=30, methods=["consistent"])], tmp_path / "o", threads=1)
     assert _left(tmp_path / "o") > 0.01
-    right = analytic("figure_eight").with_overrides(runs=30, arms=["consistent"])
+    right = analytic("figure_eight").with_overrides(runs=30, methods=["consistent"])
     run_campaign([right], tmp_path / "p", threads=1)
     # A right assumption is left with a probability of 0.0027 at most; pings are correlated, so ten times that.
     assert _left(tmp_path / "p") < 0.027

@@ -140,7 +140,7 @@ def test_vehicles_that_fly_on_estimates_travel_too(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Over a seabed: everything that a scenario names goes to the worker with the chunk."""
-    packaged = load_scenario("slope").with_overrides(runs=3, arms=["ins", "tc"])
+    packaged = load_scenario("slope").with_overrides(runs=3, methods=["ins", "tc"])
     flight = packaged.with_trajectory(feedback="estimate", duration_s=12.0)
     monkeypatch.setattr(partition, "FLEET_VEHICLES", 2)
     run_campaign([flight], tmp_path / "one", threads=1)
@@ -159,11 +159,11 @@ def test_what_the_kernel_refuses_comes_back(
 
     def refuse(chunk: Chunk, **settings: Any) -> object:  # noqa: ANN401
         if chunk.span.first_run == 2:
-            raise KernelError("run 2, arm tc: not finite")
+            raise KernelError("run 2, method tc: not finite")
         return fly_chunk(chunk, **settings)
 
     monkeypatch.setattr(dask_engine, "fly_chunk", refuse)
-    with pytest.raises(KernelError, match="run 2, arm tc: not finite"):
+    with pytest.raises(KernelError, match="run 2, method tc: not finite"):
         run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address)
     assert [path.name for path in tmp_path.glob("chunks/*/counts-*")] == ["counts-00000000-00000001.parquet"]
 

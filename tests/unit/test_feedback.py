@@ -23,7 +23,7 @@ def scenario(name: str = "lawn_mower", *, seconds: float = 12.0, **campaign_keys
 
 
 def test_bits_do_not_depend_on_company() -> None:
-    """Run 3 of TC is the same among seven runs and two arms, alone, and as pilot of a crew."""
+    """Run 3 of TC is the same among seven runs and two methods, alone, and as pilot of a crew."""
     world = make_world(scenario())
     key: Any = {"trajectory_key": 5, "threads": 2}
     crowd = fly_on_estimates(world, ["ins", "tc"], pilot="own", first_run=0, runs=7, **key)
@@ -51,8 +51,8 @@ def test_cross_track_is_the_error_that_guidance_cannot_see() -> None:
 
 
 def test_a_campaign_tells_what_going_astray_costs(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ANN401
-    """Per run and arm in the table; cut into chunks, interrupted or not, the same tables."""
-    flight = scenario(runs=3, arms=("ins", "tc"))
+    """Per run and method in the table; cut into chunks, interrupted or not, the same tables."""
+    flight = scenario(runs=3, methods=("ins", "tc"))
     whole = run_campaign([flight], tmp_path / "whole", threads=1).runs
     assert whole["cross_track_rms_m"].null_count() == 0
     assert whole["cross_track_rms_m"].n_unique() == 6
@@ -67,20 +67,20 @@ def test_a_campaign_tells_what_going_astray_costs(tmp_path: Any, monkeypatch: py
     assert len(heard) > 6, "progress comes inside a chunk, too"
 
 
-def test_on_the_truth_every_arm_has_the_same_track(tmp_path: Any) -> None:  # noqa: ANN401
+def test_on_the_truth_every_method_has_the_same_track(tmp_path: Any) -> None:  # noqa: ANN401
     """One truth for all: one cross-track error; an analytic truth has no path to stray from."""
     swum = run_campaign(
         [
             load_scenario("lawn_mower")
             .with_trajectory(duration_s=12.0)
-            .with_overrides(runs=2, arms=["ins", "tc"])
+            .with_overrides(runs=2, methods=["ins", "tc"])
         ],
         tmp_path / "swum",
         threads=1,
     ).runs
     assert swum["cross_track_rms_m"].n_unique() == 1
     assert swum["cross_track_rms_m"][0] < 0.2
-    exact = analytic_world("straight", duration_s=12.0).scenario.with_overrides(runs=1, arms=["tc"])
+    exact = analytic_world("straight", duration_s=12.0).scenario.with_overrides(runs=1, methods=["tc"])
     assert run_campaign([exact], tmp_path / "exact", threads=1).runs["cross_track_rms_m"].to_list() == [None]
 
 
@@ -94,8 +94,8 @@ def test_an_analytic_truth_cannot_be_steered() -> None:
 @pytest.mark.slow
 def test_the_better_the_navigation_the_less_astray(tmp_path: Any) -> None:  # noqa: ANN401
     """A dive and a leg, thirty runs: INS alone strays far, LC least; chosen before the first run was flown."""
-    flight = scenario(seconds=100.0, runs=30, arms=("ins", "lc", "tc"))
+    flight = scenario(seconds=100.0, runs=30, methods=("ins", "lc", "tc"))
     runs = run_campaign([flight], tmp_path / "o", threads=1).runs
-    astray = dict(runs.group_by("arm").agg((pl.col("cross_track_rms_m") ** 2).mean().sqrt()).iter_rows())
+    astray = dict(runs.group_by("method").agg((pl.col("cross_track_rms_m") ** 2).mean().sqrt()).iter_rows())
     assert astray["lc"] < astray["tc"]
     assert astray["ins"] > 5.0 * astray["tc"]

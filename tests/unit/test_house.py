@@ -53,10 +53,10 @@ def test_readme_example_runs(readme: str) -> None:
     assert np.isnan(velocity[0, 1:]).all()
 
 
-def test_readme_names_every_arm(readme: str) -> None:
-    from bottomlock.kernel import ARMS
+def test_readme_names_every_method(readme: str) -> None:
+    from bottomlock.kernel import METHODS
 
-    assert re.findall(r"^\| `(\w+)` \|", readme, re.MULTILINE) == list(ARMS)
+    assert re.findall(r"^\| `(\w+)` \|", readme, re.MULTILINE) == list(METHODS)
 
 
 def test_versions_agree(root: Path) -> None:

@@ -14,7 +14,7 @@ NUMBERS = [name for name, dtype in masks.MASKS.items() if dtype == pl.Float64()]
 
 
 def short(runs: int = 2) -> Scenario:
-    scenario = load_scenario("straight").with_overrides(runs=runs, arms=["ins", "lc", "tc"])
+    scenario = load_scenario("straight").with_overrides(runs=runs, methods=["ins", "lc", "tc"])
     return scenario.with_trajectory(duration_s=10.0)
 
 
@@ -36,11 +36,11 @@ def test_every_case_has_its_rows(tmp_path: Path) -> None:
     check(pl.read_parquet(tmp_path / "masks.parquet"), masks.MASKS, place="masks")
     assert table["case"].n_unique() == 17
     assert table.height == 17 * 3
-    for arm in ("ins", "lc"):
-        rows = table.filter(pl.col("arm") == arm).select(NUMBERS)
+    for method in ("ins", "lc"):
+        rows = table.filter(pl.col("method") == method).select(NUMBERS)
         assert rows.n_unique() == 1
-    assert table.filter(pl.col("arm") == "tc").select("velocity_rms_mps").n_unique() > 14
-    assert table.filter(pl.col("arm") == "ins")["rejected_part"].null_count() == 17
+    assert table.filter(pl.col("method") == "tc").select("velocity_rms_mps").n_unique() > 14
+    assert table.filter(pl.col("method") == "ins")["rejected_fraction"].null_count() == 17
 
 
 def test_three_beam_instruments(tmp_path: Path) -> None:
@@ -83,8 +83,8 @@ def test_directories_are_claimed_not_taken(tmp_path: Path) -> None:
     assert (tmp_path / "o" / "masks.parquet").exists()
     with pytest.raises(OutputError, match="another configuration or version"):
         study_folder.claim(tmp_path / "o", "masks", "b", parts=masks.PARTS)
-    with pytest.raises(OutputError, match="holds no certificate study"):
-        study_folder.claim(tmp_path / "o", "certificate", "a", parts=())
+    with pytest.raises(OutputError, match="holds no consistency study"):
+        study_folder.claim(tmp_path / "o", "consistency", "a", parts=())
     study_folder.claim(tmp_path / "o", "masks", "b", parts=masks.PARTS, force=True)
     assert not (tmp_path / "o" / "masks.parquet").exists()
     (tmp_path / "s").mkdir()

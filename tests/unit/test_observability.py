@@ -189,7 +189,7 @@ def test_deviations_are_the_filters(eight: Truth, beams: tuple[int, ...]) -> Non
         "attitude_t_p": eight.attitude_t_p[0],
         "velocity_p_mps": eight.velocity_p_mps[0],
     }
-    navigator = Navigator(JANUS, errors, options, initial, arm="tc")  # type: ignore[arg-type]
+    navigator = Navigator(JANUS, errors, options, initial, method="tc")  # type: ignore[arg-type]
     valid = np.isin(np.arange(4) + 1, beams)
     readings = JANUS.beam_velocities(eight.velocity_p_mps)
     sd = np.full(4, errors["dvl"]["beam_noise_sd_mps"])

@@ -96,7 +96,7 @@ def test_least_squares_refuses_two_beams(pair: tuple[int, int]) -> None:
     assert {COMPONENT_STATUS[code] for code in fix.component[0]} == {"outside_row_space"}
 
 
-@pytest.mark.parametrize("method", sorted(bottomlock.METHODS))
+@pytest.mark.parametrize("method", sorted(bottomlock.FIX_METHODS))
 def test_an_empty_mask_is_a_status(method: str) -> None:
     """No bottom in range is daily life at sea: a row of its own, with the reason, and no error."""
     fix = solve((), method, **prior())
@@ -115,7 +115,7 @@ def test_a_missing_prior_is_a_status(method: str) -> None:
     assert {COMPONENT_STATUS[code] for code in fix.component[0]} == {"prior_required"}
 
 
-@pytest.mark.parametrize("method", sorted(bottomlock.METHODS))
+@pytest.mark.parametrize("method", sorted(bottomlock.FIX_METHODS))
 def test_three_beams_are_plain_least_squares_for_every_method(method: str) -> None:
     """With a full rank there is nothing to make up: all methods give the same velocity and covariance."""
     fix, plain = solve((1, 2, 4), method, **prior()), solve((1, 2, 4), "lc")

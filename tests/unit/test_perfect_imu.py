@@ -23,7 +23,7 @@ def lead(motion: dict[str, Array]) -> bottomlock.Navigator:
     }
     options = settings.options(covariance_period_ns=1_000_000_000)
     nav = bottomlock.Navigator(
-        bottomlock.BeamGeometry.janus(0.35), settings.table_2(), options, start, arm="ins"
+        bottomlock.BeamGeometry.janus(0.35), settings.table_2(), options, start, method="ins"
     )
     nav.push_imu_block(motion["time_ns"], motion["omega_p_radps"], motion["force_p_mps2"])
     return nav

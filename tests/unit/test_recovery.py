@@ -97,9 +97,11 @@ def test_outages_need_time_and_beams() -> None:
 
 
 def test_recovery_tables_and_resumption(tmp_path: Path) -> None:
-    """A row per mask, arm, run and epoch; `ins` has no fixes; a second call reads what the first has flown."""
+    """A row per mask, method, run and epoch; `ins` has no fixes; a second call reads what the first has flown."""
     scenario = (
-        load_scenario("straight").with_trajectory(duration_s=80.0).with_overrides(runs=2, arms=["ins", "tc"])
+        load_scenario("straight")
+        .with_trajectory(duration_s=80.0)
+        .with_overrides(runs=2, methods=["ins", "tc"])
     )
     table, judged = run_recovery([scenario], tmp_path)
     check(table, RECOVERY, place="recovery")

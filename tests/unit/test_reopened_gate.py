@@ -15,7 +15,7 @@ LEVEL = [0.0, 0.0, -settings.GRAVITY]
 AWAY_MPS = [2.0 * second for second in range(1, 13)]
 
 
-def navigator(fixes: int, arm: str = "lc") -> bottomlock.Navigator:
+def navigator(fixes: int, method: str = "lc") -> bottomlock.Navigator:
     """At rest and level to a centiradian, so sure of it that a fix which runs away by 2 m/s a second is refused."""
     initial: Any = {
         "time_ns": 0,
@@ -24,7 +24,7 @@ def navigator(fixes: int, arm: str = "lc") -> bottomlock.Navigator:
         "velocity_p_mps": np.zeros(3),
     }
     options = settings.options(gate="joint", gate_reopen_fixes=fixes)
-    return bottomlock.Navigator(JANUS, settings.table_2(), options, initial, arm=arm)
+    return bottomlock.Navigator(JANUS, settings.table_2(), options, initial, method=method)
 
 
 def fly(nav: bottomlock.Navigator, speeds_mps: list[float], beam_4_mps: float = 0.0) -> list[dict[str, Any]]:
@@ -61,7 +61,7 @@ def test_never_is_never() -> None:
 
 def test_beams_that_contradict_each_other_stay_refused() -> None:
     """One beam off by 3 m/s: no velocity explains four such beams, so no width of the covariance lets them in."""
-    reports = fly(navigator(3, arm="tc"), [0.0] * 30, beam_4_mps=3.0)
+    reports = fly(navigator(3, method="tc"), [0.0] * 30, beam_4_mps=3.0)
     assert {report["verdict"] for report in reports} == {"rejected"}
 
 

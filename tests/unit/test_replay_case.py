@@ -58,7 +58,7 @@ heading = "gyrocompass"
             '[[what_if]]\nname = "a"\noutages = [{ beams = [1], from_s = 9.0, to_s = 3.0 }]\n[start]',
             "expected it to end later",
         ),
-        ("[start]", '[replay]\narms = ["tc", "tcc"]\n[start]', "unknown arm 'tcc', did you mean 'tc'"),
+        ("[start]", '[replay]\nmethods = ["tc", "tcc"]\n[start]', "unknown method 'tcc', did you mean 'tc'"),
         ("[start]", '[gps]\nfile = "g.csv"\nclock = { column = "t" }\n[start]', "no position"),
     ],
 )  # fmt: skip

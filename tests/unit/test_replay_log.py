@@ -46,7 +46,7 @@ def recording() -> tuple[LogDict, LogStartDict]:
     log: LogDict = {
         "imu_time_ns": streams["imu_time_ns"],
         "force_p_mps2": streams["imu_force_p_mps2"],
-        "omega_p_radps": streams["imu_rate_p_radps"],
+        "omega_p_radps": streams["imu_omega_p_radps"],
         "dvl_time_ns": epochs["dvl"],
         "beam_velocity_mps": np.where(valid, streams["dvl_velocity_mps"], np.nan),
         "beam_valid": valid,
@@ -73,12 +73,12 @@ def recording() -> tuple[LogDict, LogStartDict]:
 LOG, START = recording()
 
 
-def replayed(log: LogDict = LOG, arms: tuple[str, ...] = bottomlock.ARMS, **more: Any) -> ReplayDict:  # noqa: ANN401
+def replayed(log: LogDict = LOG, methods: tuple[str, ...] = bottomlock.METHODS, **more: Any) -> ReplayDict:  # noqa: ANN401
     return bottomlock.replay_log(
         JANUS,
         settings.table_2(),
         settings.options(gate="joint"),
-        list(arms),
+        list(methods),
         log,
         more.pop("start", START),
         sample_time_ns=more.pop("sample_time_ns", np.arange(1, SECONDS + 1) * 1_000_000_000),
@@ -86,11 +86,11 @@ def replayed(log: LogDict = LOG, arms: tuple[str, ...] = bottomlock.ARMS, **more
     )
 
 
-@pytest.mark.parametrize("arm", bottomlock.ARMS)
-def test_replay_is_the_streaming_navigator(arm: str) -> None:
+@pytest.mark.parametrize("method", bottomlock.METHODS)
+def test_replay_is_the_streaming_navigator(method: str) -> None:
     """The log pushed sample by sample, in order of validity, ends in the replay's state bit for bit, NIS and all."""
     model = settings.table_2()
-    nav = bottomlock.Navigator(JANUS, model, settings.options(gate="joint"), {**START}, arm=arm)
+    nav = bottomlock.Navigator(JANUS, model, settings.options(gate="joint"), {**START}, method=method)
     queue = [(int(t), 0, k) for k, t in enumerate(LOG["imu_time_ns"])]
     for stream, (name, _) in enumerate(SENSORS, start=1):
         times: Any = LOG[f"{name}_time_ns"]  # type: ignore[literal-required]
@@ -113,13 +113,13 @@ def test_replay_is_the_streaming_navigator(arm: str) -> None:
         for report in reports:
             if report["sensor"] == "beams" and len(report["residual"]):
                 nis[np.searchsorted(LOG["dvl_time_ns"], report["time_ns"])] = report["nis"]
-    out, state = replayed(arms=(arm,)), nav.state()
+    out, state = replayed(methods=(method,)), nav.state()
     for key, value in (
         ("position_t_m", state["position_t_m"]),
         ("attitude_t_p", state["attitude_t_p"]),
         ("velocity_p_mps", state["velocity_p_mps"]),
-        ("accel_bias_mps2", state["accel_bias_p_mps2"]),
-        ("gyro_bias_radps", state["gyro_bias_p_radps"]),
+        ("accel_bias_p_mps2", state["accel_bias_p_mps2"]),
+        ("gyro_bias_p_radps", state["gyro_bias_p_radps"]),
         ("dvl_bias_mps", state["dvl_bias_mps"]),
         ("dvl_scale", state["dvl_scale_factor"]),
         ("sd", np.sqrt(np.diag(nav.covariance()))),
@@ -129,18 +129,18 @@ def test_replay_is_the_streaming_navigator(arm: str) -> None:
 
 
 def test_threads_company_and_repeats_change_no_bit() -> None:
-    """Each arm flies alone: neither who else flies nor on how many threads is felt."""
+    """Each method flies alone: neither who else flies nor on how many threads is felt."""
     one = replayed()
     for other in (replayed(), replayed(threads=2), replayed(threads=5)):
         for key, values in one.items():
             np.testing.assert_array_equal(values, other[key], err_msg=key)  # type: ignore[literal-required]
-    alone = replayed(arms=("plcf",))
-    np.testing.assert_array_equal(alone["sd"][0], one["sd"][bottomlock.ARMS.index("plcf")])
+    alone = replayed(methods=("plcf",))
+    np.testing.assert_array_equal(alone["sd"][0], one["sd"][bottomlock.METHODS.index("plcf")])
 
 
 def test_pings_tell_what_became_of_them() -> None:
     """TC has a row for each valid beam, LC a fix where three are valid, INS takes none."""
-    out = replayed(arms=("ins", "lc", "tc"))
+    out = replayed(methods=("ins", "lc", "tc"))
     valid: Any = LOG["beam_valid"]
     names = np.array(FIX_STATUS)[out["fix_status"]]
     assert set(names[0]) == {"none"}
@@ -185,8 +185,8 @@ def test_missing_keys_and_bad_starts_are_named() -> None:
         replayed(start={**START, "attitude_t_p": [2.0, 0.0, 0.0, 0.0]})
     with pytest.raises(bottomlock.KernelError, match="outside the replay"):
         replayed(sample_time_ns=[99_000_000_000])
-    with pytest.raises(bottomlock.KernelError, match="unknown arm 'tcc'"):
-        replayed(arms=("tcc",))
+    with pytest.raises(bottomlock.KernelError, match="unknown method 'tcc'"):
+        replayed(methods=("tcc",))
 
 
 def test_the_example_of_the_page_runs(root: Path) -> None:

@@ -44,7 +44,7 @@ level = "given"
 level_sd_deg = 1.0
 [replay]
 smooth = false
-arms = ["tc"]
+methods = ["tc"]
 """
 
 

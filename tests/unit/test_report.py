@@ -20,20 +20,20 @@ from hypothesis import strategies as st
 from bottomlock.errors import DataError, OutputError
 from bottomlock.figures import palette
 from bottomlock.figures.labels import spread
-from bottomlock.kernel import ARMS as KERNEL_ARMS
-from bottomlock.pages.method_words import ARM_WORDS
+from bottomlock.kernel import METHODS as KERNEL_METHODS
+from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import number
 from bottomlock.report.advice import Advice, advise, choose
 from bottomlock.report.page import make_report
 from bottomlock.tables.results import Array, read_errors, read_study
 from bottomlock.tables.schema import SWEEP
-from tests.unit.synthetic_study import ARMS, edit_manifest, write_study
+from tests.unit.synthetic_study import METHODS, edit_manifest, write_study
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A directory with everything that a campaign may have, and its report."""
-    folder = write_study(tmp_path_factory.mktemp("study") / "c", arms=[*ARMS, "quite_new"], runs=12)
+    folder = write_study(tmp_path_factory.mktemp("study") / "c", methods=[*METHODS, "quite_new"], runs=12)
     time_s = np.arange(0.0, 251.0)
     pl.DataFrame(
         {
@@ -103,7 +103,7 @@ def test_the_page_stands_alone(made: Path) -> None:
 
 
 def test_the_page_says_what_it_found(made: Path) -> None:
-    """Summary, every claim's verdict, an arm that no one has heard of, the sweep, settings, manifest."""
+    """Summary, every claim's verdict, a method that no one has heard of, the sweep, settings, manifest."""
     text = (made / "report.html").read_text(encoding="utf-8")
     table = pl.read_parquet(made / "tables" / "claims.parquet")
     for row in table.iter_rows(named=True):
@@ -132,8 +132,8 @@ def test_same_tables_same_bytes(made: Path, tmp_path: Path) -> None:
 
 
 def test_without_truth_and_sweep(tmp_path: Path) -> None:
-    """They are a campaign's to have or not; one trajectory and two arms make a report as well."""
-    folder = write_study(tmp_path / "c", trajectories=["lawn_mower"], arms=["ins", "tc"], runs=2)
+    """They are a campaign's to have or not; one trajectory and two methods make a report as well."""
+    folder = write_study(tmp_path / "c", trajectories=["lawn_mower"], methods=["ins", "tc"], runs=2)
     report = make_report(folder)
     text = report.page.read_text(encoding="utf-8")
     assert "no truth.parquet" in text
@@ -143,24 +143,24 @@ def test_without_truth_and_sweep(tmp_path: Path) -> None:
 
 def test_references_are_not_advice(tmp_path: Path) -> None:
     """A campaign of references alone advises nothing and still has its page."""
-    folder = write_study(tmp_path / "c", trajectories=["straight"], arms=["ins", "lc"], runs=2)
-    assert "No arm is believable" in make_report(folder).page.read_text(encoding="utf-8")
+    folder = write_study(tmp_path / "c", trajectories=["straight"], methods=["ins", "lc"], runs=2)
+    assert "No method is believable" in make_report(folder).page.read_text(encoding="utf-8")
 
 
-def _overconfident(folder: Path, trajectory: str, arm: str) -> None:
+def _overconfident(folder: Path, trajectory: str, method: str) -> None:
     path = folder / "consistency.parquet"
-    here = (pl.col("trajectory") == trajectory) & (pl.col("arm") == arm)
+    here = (pl.col("trajectory") == trajectory) & (pl.col("method") == method)
     verdict = pl.when(here).then(pl.lit("overconfident")).otherwise("verdict").alias("verdict")
     pl.read_parquet(path).with_columns(verdict).write_parquet(path)
 
 
 def test_the_advice_follows_the_tables(tmp_path: Path) -> None:
-    """The best believable arm wins; once it is overconfident somewhere it is no advice for everywhere."""
+    """The best believable method wins; once it is overconfident somewhere it is no advice for everywhere."""
 
-    def size(trajectory: str, arm: str, _: np.ndarray[Any, Any]) -> tuple[Any, Any]:
-        return {"nsv": 0.05, "tc": 0.2, "plcf": 2.0}.get(arm, 30.0), 1.0 + (trajectory == "straight")
+    def size(trajectory: str, method: str, _: np.ndarray[Any, Any]) -> tuple[Any, Any]:
+        return {"nsv": 0.05, "tc": 0.2, "plcf": 2.0}.get(method, 30.0), 1.0 + (trajectory == "straight")
 
-    folder = write_study(tmp_path / "c", size, runs=12, arms=["ins", "tc", "nsv", "plcf"])
+    folder = write_study(tmp_path / "c", size, runs=12, methods=["ins", "tc", "nsv", "plcf"])
 
     def advice() -> list[Advice]:
         study = read_study(folder)
@@ -179,11 +179,11 @@ def test_the_advice_follows_the_tables(tmp_path: Path) -> None:
     assert second.worst_ratio == pytest.approx(4.0)
 
 
-def test_an_arm_that_locks_itself_out_is_not_advised(tmp_path: Path) -> None:
+def test_an_method_that_locks_itself_out_is_not_advised(tmp_path: Path) -> None:
     """One run in twelve is enough: the mean does not show it, and at sea there is one run."""
-    folder = write_study(tmp_path / "c", trajectories=["straight"], arms=["ins", "tc", "nsv"], runs=12)
+    folder = write_study(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc", "nsv"], runs=12)
     path = folder / "runs.parquet"
-    here = (pl.col("arm") == "nsv") & (pl.col("run") == 7)
+    here = (pl.col("method") == "nsv") & (pl.col("run") == 7)
     rejected = pl.when(here).then(240).otherwise("fixes_rejected").alias("fixes_rejected")
     accepted = pl.when(here).then(10).otherwise("fixes_accepted").alias("fixes_accepted")
     pl.read_parquet(path).with_columns(rejected, accepted).write_parquet(path)
@@ -201,9 +201,9 @@ def test_errors_are_read_back_run_by_run(tmp_path: Path) -> None:
     folder = cut / "chunks" / "straight"
     shutil.copy(folder / "samples-00000004-00000007.parquet", folder / "samples-00000004-00000006.parquet")
     errors = [read_errors(read_study(place), "straight") for place in (whole, cut)]
-    for arm in ARMS:
-        np.testing.assert_array_equal(errors[0].velocity_mps[arm], errors[1].velocity_mps[arm])
-        np.testing.assert_allclose(errors[0].ratio_rms[arm], errors[1].ratio_rms[arm], rtol=1e-12)
+    for method in METHODS:
+        np.testing.assert_array_equal(errors[0].velocity_mps[method], errors[1].velocity_mps[method])
+        np.testing.assert_allclose(errors[0].ratio_rms[method], errors[1].ratio_rms[method], rtol=1e-12)
     assert errors[0].velocity_mps["ins"].shape[0] == 12
 
 
@@ -221,9 +221,9 @@ def _without_column(folder: Path) -> None:
     pl.read_parquet(path).drop("nees").write_parquet(path)
 
 
-def _other_arms(folder: Path) -> None:
+def _other_methods(folder: Path) -> None:
     path = folder / "ensemble.parquet"
-    pl.read_parquet(path).filter(pl.col("arm") != "tc").write_parquet(path)
+    pl.read_parquet(path).filter(pl.col("method") != "tc").write_parquet(path)
 
 
 def _stranger(folder: Path) -> None:
@@ -255,7 +255,7 @@ def _stranger(folder: Path) -> None:
             lambda folder: pl.DataFrame({"north_m": [0.0]}).write_parquet(folder / "truth.parquet"),
             "truth.parquet: column 'trajectory' is missing",
         ),
-        (_other_arms, "ensemble.parquet: trajectory 'straight' has the arms"),
+        (_other_methods, "ensemble.parquet: trajectory 'straight' has the methods"),
         (_stranger, "runs.parquet: trajectory 'elsewhere' is not in the manifest"),
         (
             lambda folder: (folder / "chunks" / "straight" / "samples-00000004-00000007.parquet").unlink(),
@@ -263,13 +263,13 @@ def _stranger(folder: Path) -> None:
         ),
         (lambda folder: shutil.rmtree(folder / "chunks"), "the chunk that begins with run 0 is missing"),
         (_damage("chunks/straight/samples-00000000-00000003.parquet"), "cannot be read as the table"),
-        (_fewer_rows, "expected 4 runs × 3 arms × 51 times"),
+        (_fewer_rows, "expected 4 runs × 3 methods × 51 times"),
         (_without_column, "nees"),
     ],
 )
 def test_a_spoilt_directory_is_named(tmp_path: Path, spoil: Callable[[Path], object], message: str) -> None:
     """One line that names the file and what is wrong; nothing is written."""
-    folder = write_study(tmp_path / "c", trajectories=["straight"], arms=["ins", "tc", "nsv"], runs=8)
+    folder = write_study(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc", "nsv"], runs=8)
     spoil(folder)
     with pytest.raises(DataError, match=re.escape(message)) as caught:
         make_report(folder)
@@ -280,7 +280,7 @@ def test_a_spoilt_directory_is_named(tmp_path: Path, spoil: Callable[[Path], obj
 
 
 def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
-    folder = write_study(tmp_path / "c", trajectories=["straight"], arms=["ins", "tc"], runs=2)
+    folder = write_study(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc"], runs=2)
     (folder / "figures").write_text("in the way")
     with pytest.raises(OutputError, match="figures"):
         make_report(folder)
@@ -331,26 +331,26 @@ def _lab(linear: Array) -> Array:
 
 @pytest.mark.parametrize("eye", EYES)
 def test_colours_stay_apart_for_every_eye(eye: str) -> None:
-    """Any two arms differ by 14 and more, for those who see no red or no green as well."""
-    seen = {arm: _lab(EYES[eye] @ _linear(look.colour)) for arm, look in palette.ARMS.items()}
+    """Any two methods differ by 14 and more, for those who see no red or no green as well."""
+    seen = {method: _lab(EYES[eye] @ _linear(look.colour)) for method, look in palette.METHODS.items()}
     for one, other in itertools.combinations(seen, 2):
         assert np.linalg.norm(seen[one] - seen[other]) >= 14.0, (one, other)
 
 
-@pytest.mark.parametrize("arm", sorted(palette.ARMS))
-def test_colours_read_on_white_and_on_black(arm: str) -> None:
+@pytest.mark.parametrize("method", sorted(palette.METHODS))
+def test_colours_read_on_white_and_on_black(method: str) -> None:
     """Contrast of 3 and more, what WCAG asks of graphics, on paper and on the dark page."""
-    own = _luminance(palette.stroke(arm).colour)
+    own = _luminance(palette.stroke(method).colour)
     assert 1.05 / (own + 0.05) >= 3.0
     assert (own + 0.05) / (_luminance("#12161b") + 0.05) >= 3.0
 
 
-def test_every_arm_has_its_colour_and_its_words() -> None:
-    """No two the same; an arm that the kernel gains has to get both."""
-    looks = [look.colour for look in palette.ARMS.values()]
+def test_every_method_has_its_colour_and_its_words() -> None:
+    """No two the same; a method that the kernel gains has to get both."""
+    looks = [look.colour for look in palette.METHODS.values()]
     assert len(set(looks)) == len(looks)
-    assert set(KERNEL_ARMS) <= set(palette.ARMS)
-    assert set(palette.ARMS) == set(ARM_WORDS)
+    assert set(KERNEL_METHODS) <= set(palette.METHODS)
+    assert set(palette.METHODS) == set(METHOD_WORDS)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ RARE = "gate reopens after refusals in a row"
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """One trajectory, one value of each setting."""
     monkeypatch.setattr(whole, "TRAJECTORIES", ("straight",))
-    few = tuple(Setting(s.parameter, s.values[-1:], s.arms[:1], s.change) for s in SETTINGS)
+    few = tuple(Setting(s.parameter, s.values[-1:], s.methods[:1], s.change) for s in SETTINGS)
     monkeypatch.setattr(sweep, "SETTINGS", few)
 
 
@@ -51,16 +51,16 @@ def test_an_interrupted_study_ends_as_an_uninterrupted_one(tmp_path: Path) -> No
 @pytest.mark.usefixtures("small")
 @pytest.mark.slow
 def test_every_setting_is_swept_and_moves_something(tmp_path: Path) -> None:
-    """A row for each value, trajectory and arm; each setting reaches the filter or the sea."""
+    """A row for each value, trajectory and method; each setting reaches the filter or the sea."""
     made = whole.reproduce(tmp_path / "o", runs=10, threads=1)
     table = check(pl.read_parquet(tmp_path / "o" / "sweep.parquet"), SWEEP, place="sweep")
     assert table["parameter"].to_list() == [setting.parameter for setting in SETTINGS]
     assert "n_f of VB" in made.page.read_text(encoding="utf-8")
-    main = pl.read_parquet(tmp_path / "o" / "ensemble.parquet").group_by("arm").last()
+    main = pl.read_parquet(tmp_path / "o" / "ensemble.parquet").group_by("method").last()
     for row in table.iter_rows(named=True):
         if row["parameter"] == RARE:
             continue
-        here = main.filter(pl.col("arm") == row["arm"])["velocity_rms_mps"][0]
+        here = main.filter(pl.col("method") == row["method"])["velocity_rms_mps"][0]
         assert row["velocity_rms_mps"] != pytest.approx(here, rel=1e-6), row["parameter"]
 
 

@@ -1,4 +1,4 @@
-"""Same seed, same bits: for any number of threads, any chunking, any company of runs and arms."""
+"""Same seed, same bits: for any number of threads, any chunking, any company of runs and methods."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def batch(
     *,
     threads: int = 1,
     seed: int = 7,
-    arms: list[str] | None = None,
+    methods: list[str] | None = None,
     **more: Any,  # noqa: ANN401
 ) -> BatchDict:
-    """A short batch of every arm with beams 3 and 4 lost."""
+    """A short batch of every method with beams 3 and 4 lost."""
     return bottomlock.run_batch(
         JANUS,
         MOTION,
@@ -36,7 +36,7 @@ def batch(
         settings.table_2(),
         settings.options(gate="joint"),
         more.get("schedule", settings.schedule(SECONDS, lost=(3, 4))),
-        arms or list(bottomlock.ARMS),
+        methods or list(bottomlock.METHODS),
         seed=seed,
         trajectory_key=11,
         first_run=first_run,
@@ -69,11 +69,11 @@ def test_chunks_change_no_bit(sizes: tuple[int, ...]) -> None:
         start += size
 
 
-@pytest.mark.parametrize("arm", bottomlock.ARMS)
-def test_an_arm_does_not_feel_the_others(arm: str) -> None:
-    """Arms share the streams and nothing else: alone or in company (and in other lanes) the same bits."""
-    everyone, alone = batch(2, 2), batch(2, 2, arms=[arm])
-    index = bottomlock.ARMS.index(arm)
+@pytest.mark.parametrize("method", bottomlock.METHODS)
+def test_an_method_does_not_feel_the_others(method: str) -> None:
+    """Methods share the streams and nothing else: alone or in company (and in other lanes) the same bits."""
+    everyone, alone = batch(2, 2), batch(2, 2, methods=[method])
+    index = bottomlock.METHODS.index(method)
     for key in (
         "error",
         "sd",
@@ -107,10 +107,10 @@ def test_seeds_runs_and_trajectories_differ() -> None:
 
 
 def test_loose_coupling_flies_with_all_beams() -> None:
-    """The reference arm ignores the masks: lost beams change it by not a bit."""
+    """The reference method ignores the masks: lost beams change it by not a bit."""
     full = settings.schedule(SECONDS)
     np.testing.assert_array_equal(
-        batch(0, 2, arms=["lc"])["error"], batch(0, 2, arms=["lc"], schedule=full)["error"]
+        batch(0, 2, methods=["lc"])["error"], batch(0, 2, methods=["lc"], schedule=full)["error"]
     )
 
 
@@ -121,17 +121,17 @@ def test_batch_is_the_streaming_navigator() -> None:
         JANUS, MOTION, settings.table_2(), schedule, seed=7, trajectory_key=11, run=3
     )
     nav = bottomlock.Navigator(
-        JANUS, settings.table_2(), settings.options(gate="joint"), streams["initial"], arm="tc"
+        JANUS, settings.table_2(), settings.options(gate="joint"), streams["initial"], method="tc"
     )
     ping = 0
     for k, time_ns in enumerate(streams["imu_time_ns"]):
-        nav.push_imu(int(time_ns), streams["imu_rate_p_radps"][k], streams["imu_force_p_mps2"][k])
+        nav.push_imu(int(time_ns), streams["imu_omega_p_radps"][k], streams["imu_force_p_mps2"][k])
         if ping < SECONDS and streams["dvl_time_ns"][ping] == time_ns:
             y, valid = streams["dvl_velocity_mps"][ping], streams["dvl_valid"][ping]
             nav.push_beams(int(time_ns), y, valid, sd_mps=np.full(4, 0.042))
             ping += 1
     assert ping == SECONDS
-    result = batch(3, 1, arms=["tc"])
+    result = batch(3, 1, methods=["tc"])
     error = MOTION["position_t_m"][-1] - nav.state()["position_t_m"]
     np.testing.assert_array_equal(result["error"][0, 0, -1, :3], error)
     error = MOTION["velocity_p_mps"][-1] - nav.state()["velocity_p_mps"]

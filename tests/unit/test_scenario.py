@@ -75,8 +75,8 @@ def test_packaged_scenarios_load() -> None:
         (('kind = "straight"', 'kind = "spiral"'), "'trajectory.kind' is 'spiral'"),
         (("[dvl]\nbeam_noise_mps = 0.042", ""), "no [dvl] section"),
         (("name = ", "name == "), "not valid TOML"),
-        (("[imu]", '[campaign]\narms = ["tc", "tc"]\n[imu]'), "arm 'tc' is named twice"),
-        (("[imu]", '[campaign]\narms = ["tcc"]\n[imu]'), "unknown arm 'tcc', did you mean 'tc'"),
+        (("[imu]", '[campaign]\nmethods = ["tc", "tc"]\n[imu]'), "method 'tc' is named twice"),
+        (("[imu]", '[campaign]\nmethods = ["tcc"]\n[imu]'), "unknown method 'tcc', did you mean 'tc'"),
         (("[imu]", '[filter]\ngate = "wide"\n[imu]'), "'filter.gate' is 'wide'"),
         (
             ('kind = "straight"', 'kind = "straight"\nsway_gain_m = 0.6'),
@@ -124,7 +124,7 @@ def test_parts_that_contradict_each_other_are_refused() -> None:
     analytic = TEXT.replace("[imu]", 'source = "analytic"\n[mission]\ndepth_m = 5.0\n[imu]')
     with pytest.raises(ScenarioError, match="an analytic truth flies none"):
         parse_scenario(analytic, place="t.toml")
-    absent = TEXT.replace("[imu]", 'pilot = "lc"\n[campaign]\narms = ["tc"]\n[imu]')
+    absent = TEXT.replace("[imu]", 'pilot = "lc"\n[campaign]\nmethods = ["tc"]\n[imu]')
     with pytest.raises(ScenarioError, match=r"trajectory\.pilot is 'lc', expected \"own\" or one of"):
         parse_scenario(absent, place="t.toml")
 
@@ -163,9 +163,9 @@ def test_copy_never_overwrites(tmp_path: Path) -> None:
 
 
 def test_content_hash_follows_the_numbers_only() -> None:
-    """Words, arms and the number of runs do not change a run's numbers; everything else may."""
+    """Words, methods and the number of runs do not change a run's numbers; everything else may."""
     scenario = parse_scenario(TEXT, place="t")
-    same = scenario.with_overrides(runs=7, arms=["tc"]).model_copy(update={"description": "words"})
+    same = scenario.with_overrides(runs=7, methods=["tc"]).model_copy(update={"description": "words"})
     assert same.content_hash() == scenario.content_hash()
     assert scenario.with_overrides(seed=8).content_hash() != scenario.content_hash()
     other = parse_scenario(TEXT.replace("0.042", "0.043"), place="t")

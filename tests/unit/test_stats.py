@@ -10,7 +10,7 @@ from bottomlock.tables.schema import ENSEMBLE, OUTCOMES, RUNS, SAMPLES, check
 
 
 def samples() -> pl.DataFrame:
-    """Two runs, one arm, two times: velocity errors 3-4-0 and 0, then 0-0-5 and 0."""
+    """Two runs, one method, two times: velocity errors 3-4-0 and 0, then 0-0-5 and 0."""
     zero = dict.fromkeys((name for name in SAMPLES if name.startswith(("err_", "sd_"))), 0.0)
     rows = []
     for run, time_s, surge, sway, heave in (
@@ -24,7 +24,7 @@ def samples() -> pl.DataFrame:
             "err_velocity_sway_mps": sway,
             "err_velocity_heave_mps": heave,
         }
-        keys = {"trajectory": "t", "run": run, "arm": "tc", "time_ns": time_s * 10**9}
+        keys = {"trajectory": "t", "run": run, "method": "tc", "time_ns": time_s * 10**9}
         rows.append(
             keys
             | zero
@@ -74,9 +74,9 @@ def test_bootstrap_covers_as_it_says() -> None:
 
 
 def test_consistency_verdicts() -> None:
-    """A NEES at its expectation is consistent; ten times that is overconfident; a tenth is too cautious."""
+    """A NEES at its expectation is consistent; ten times that is overconfident; a tenth is conservative."""
     norms = campaign.error_norms(samples())
-    for factor, verdict in ((1.0, "consistent"), (10.0, "overconfident"), (0.1, "too cautious")):
+    for factor, verdict in ((1.0, "consistent"), (10.0, "overconfident"), (0.1, "conservative")):
         scaled = norms.with_columns(pl.col("nees", "nees_velocity_attitude") * factor)
         table = campaign.consistency_table(scaled, full_degrees=20)
         assert table["verdict"].to_list() == [verdict, verdict]

@@ -12,7 +12,7 @@ from bottomlock.simulation.build import make_world, trajectory_key
 from bottomlock.simulation.measurement_schedule import schedule
 from bottomlock.simulation.run_events import Readings
 
-ARMS = ["lc", "tc", "vb", "elc", "vb_exact", "info", "weak_sway"]
+METHODS = ["lc", "tc", "vb", "elc", "vb_exact", "info", "weak_sway"]
 
 
 def aided() -> Scenario:
@@ -36,13 +36,13 @@ def test_fixes_are_those_of_the_batch() -> None:
     options: Any = scenario.kernel_options()
     arrays: Any = truth.kernel_arrays()
     batch = kernel.run_batch(
-        world.geometry, arrays, model, model, options, plan, ARMS,
+        world.geometry, arrays, model, model, options, plan, METHODS,
         seed=scenario.campaign.seed, trajectory_key=key, first_run=2, runs=1, threads=1,
     )  # fmt: skip
     readings = Readings(world, truth, run=2)
     assert len(plan["gps_time_ns"]) == 30
-    for index, arm in enumerate(ARMS):
-        fixes = list(readings.fixes(arm, readings.valid, range(30)))
+    for index, method in enumerate(METHODS):
+        fixes = list(readings.fixes(method, readings.valid, range(30)))
         assert len(fixes) == batch["fixes_accepted"][0, index] + batch["fixes_rejected"][0, index]
         assert sum(fix.used for fix in fixes) == batch["fixes_accepted"][0, index]
         assert np.mean([fix.nis for fix in fixes]) == pytest.approx(batch["nis_mean"][0, index], rel=1e-12)

@@ -1,4 +1,4 @@
-"""The settings and the streaming face of the arm sway_current."""
+"""The settings and the streaming face of the method sway_current."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ INITIAL: Any = {
 
 
 def swim(
-    arm: str,
+    method: str,
     seconds: int = 20,
     valid: tuple[bool, ...] = (True, True, False, False),
     **water: float,
 ) -> Any:  # noqa: ANN401 - a navigator and the reports of each ping
     """Straight to the north at 2 m/s in a current of 0.3 m/s to the east, on perfect sensors."""
     options: Any = settings.options(gate="joint") | ({"water": Water().model_dump() | water} if water else {})
-    navigator = kernel.Navigator(JANUS, settings.table_2(), options, INITIAL, arm=arm)
+    navigator = kernel.Navigator(JANUS, settings.table_2(), options, INITIAL, method=method)
     earth = settings.EARTH_RATE * np.array([np.cos(settings.LATITUDE_RAD), 0, -np.sin(settings.LATITUDE_RAD)])
     velocity = np.array([2.0, 0.3, 0.0])
     force = 2 * np.cross(earth, velocity) - np.array([0, 0, settings.GRAVITY])
@@ -102,16 +102,16 @@ def test_bad_priors_are_refused_by_name(key: str, value: float) -> None:
 def test_a_prior_that_lacks_a_number_is_refused() -> None:
     options: Any = settings.options() | {"water": {"current_sd_mps": 0.3}}
     with pytest.raises(kernel.KernelError, match="current_time_s"):
-        kernel.Navigator(JANUS, settings.table_2(), options, INITIAL, arm="sway_current")
+        kernel.Navigator(JANUS, settings.table_2(), options, INITIAL, method="sway_current")
     with pytest.raises(kernel.KernelError, match=r"options\.water is not a dict"):
-        kernel.Navigator(JANUS, settings.table_2(), options | {"water": 3}, INITIAL, arm="sway_current")
+        kernel.Navigator(JANUS, settings.table_2(), options | {"water": 3}, INITIAL, method="sway_current")
 
 
 def test_a_covariance_at_the_start_reaches_both_filters() -> None:
-    """Given a covariance, the arm starts from it, with the prior of the water as it was."""
+    """Given a covariance, the method starts from it, with the prior of the water as it was."""
     covariance = np.diag(np.arange(1.0, 21.0) * 1e-4)
     navigator = kernel.Navigator(
-        JANUS, settings.table_2(), settings.options(), INITIAL, arm="sway_current", covariance=covariance
+        JANUS, settings.table_2(), settings.options(), INITIAL, method="sway_current", covariance=covariance
     )
     np.testing.assert_array_equal(navigator.covariance(), covariance)
     water: Any = navigator.water()

@@ -40,7 +40,7 @@ def beams_table(audit: Audit) -> pl.DataFrame:
     log, matrix, matched = audit.log, audit.verdict.matrix, audit.verdict.match
     rows = []
     for k in range(log.beams):
-        row: dict[str, float | int | None] = {"beam": k + 1, "valid_part": float(log.valid[:, k].mean())}
+        row: dict[str, float | int | None] = {"beam": k + 1, "valid_fraction": float(log.valid[:, k].mean())}
         for name in ("tilt", "azimuth"):
             row[f"{name}_deg"] = (
                 None if matrix is None else float(np.rad2deg(getattr(matrix, f"{name}_rad")[k]))
@@ -58,7 +58,7 @@ def beams_table(audit: Audit) -> pl.DataFrame:
         row["off_deg"] = None if matched is None else float(np.rad2deg(matched.off_rad[k]))
         rows.append(row)
     integers = {"beam", "observable", "stated_beam", "stated_sign"}
-    names = list(rows[0]) if rows else ["beam", "valid_part"]
+    names = list(rows[0]) if rows else ["beam", "valid_fraction"]
     return pl.DataFrame(rows, schema={n: pl.Int64() if n in integers else pl.Float64() for n in names})
 
 

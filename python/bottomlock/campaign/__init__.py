@@ -1,1 +1,1 @@
-"""Monte Carlo campaigns: scenarios x runs x arms to tables, in chunks that survive an interruption."""
+"""Monte Carlo campaigns: scenarios x runs x methods to tables, in chunks that survive an interruption."""

@@ -1,4 +1,4 @@
-"""From chunks to tables, one chunk and then one arm in memory at a time."""
+"""From chunks to tables, one chunk and then one method in memory at a time."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -54,7 +54,7 @@ class Tally:
             DataError: for other times than those of the chunks before.
             OutputError: on a full disk.
         """
-        time_ns = samples["time_ns"].head(samples.height // (span.runs * len(self._plan.arms))).to_numpy()
+        time_ns = samples["time_ns"].head(samples.height // (span.runs * len(self._plan.methods))).to_numpy()
         if self._blocks is None:
             self._time_ns = time_ns
             self._blocks = self._opened.enter_context(open_blocks(self._out, self._plan, len(time_ns)))
@@ -68,7 +68,7 @@ class Tally:
         self._choices[span] = choices
 
     def tables(self) -> Tables:
-        """The tables, runs chunk by chunk, what goes over the runs arm by arm; chunks not taken yet are read from disk.
+        """The tables: runs chunk by chunk, the ensemble method by method; chunks not taken yet are read from disk.
 
         Raises:
             DataError: for a chunk that is missing or damaged.
@@ -84,20 +84,20 @@ class Tally:
                 )
         assert self._blocks is not None
         ensemble: list[pl.DataFrame] = []
-        nees: dict[str, list[NDArray[np.float64]]] = {arm: [] for arm in plan.arms}
+        nees: dict[str, list[NDArray[np.float64]]] = {method: [] for method in plan.methods}
         for block in self._blocks.blocks:
-            arm, errors = plan.arms[block.arm], self._blocks.get(block)
-            ensemble.append(campaign.ensemble_rows(plan.name, arm, self._time_ns[block.times], errors))
-            nees[arm].append(np.stack([errors[name].mean(axis=0) for name in _NEES]))
+            method, errors = plan.methods[block.method], self._blocks.get(block)
+            ensemble.append(campaign.ensemble_rows(plan.name, method, self._time_ns[block.times], errors))
+            nees[method].append(np.stack([errors[name].mean(axis=0) for name in _NEES]))
         consistency = [
             campaign.consistency_rows(
                 plan.name,
-                arm,
+                method,
                 dict(zip(_NEES, np.concatenate(means, axis=1), strict=True)),
                 runs=plan.runs,
                 full_degrees=plan.nees_degrees,
             )
-            for arm, means in nees.items()
+            for method, means in nees.items()
         ]
         runs = pl.concat([self._runs[span] for span in spans])
         return (

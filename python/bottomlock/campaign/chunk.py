@@ -58,7 +58,7 @@ def fly_chunk(
     tell: Callable[[float], None] = lambda _: None,
     turn: AbstractContextManager[Any] | None = None,
 ) -> Flown:
-    """Flies the runs of a chunk with every arm.
+    """Flies the runs of a chunk with every method.
 
     Args:
         chunk: what to fly.
@@ -67,7 +67,7 @@ def fly_chunk(
         turn: entered while the kernel works, which has all threads for itself.
 
     Raises:
-        KernelError: for input that the kernel refuses, naming run and arm.
+        KernelError: for input that the kernel refuses, naming run and method.
     """
     scenario = chunk.world.scenario
     fly = _on_estimate if chunk.on_estimate else _on_truth
@@ -78,14 +78,14 @@ def fly_chunk(
     samples, counts = _frames(
         result,
         name=scenario.name,
-        arms=scenario.campaign.arms,
+        methods=scenario.campaign.methods,
         first_run=chunk.span.first_run,
         sample_time_ns=result["sample_time_ns"],
     )
     choices = choice_counts(
         result["choice"],
         trajectory=scenario.name,
-        arms=scenario.campaign.arms,
+        methods=scenario.campaign.methods,
         dvl_time_ns=result["dvl_time_ns"],
     )
     return Flown(samples, choices, counts, kernel_s, time.perf_counter() - started)
@@ -132,13 +132,13 @@ def _on_truth(chunk: Chunk, threads: int, _tell: Callable[[float], None]) -> dic
     options: Any = scenario.kernel_options()
     truth: Any = course.truth.kernel_arrays()
     result = kernel.run_batch(
-        world.geometry, truth, model, model, options, plan, list(scenario.campaign.arms),
+        world.geometry, truth, model, model, options, plan, list(scenario.campaign.methods),
         seed=scenario.campaign.seed, trajectory_key=key, first_run=span.first_run, runs=span.runs,
         threads=threads,
     )  # fmt: skip
     offset = course.offset_m
     if offset is not None:
-        offset = np.broadcast_to(offset, (span.runs, len(scenario.campaign.arms), len(offset)))
+        offset = np.broadcast_to(offset, (span.runs, len(scenario.campaign.methods), len(offset)))
     return {
         **result,
         "cross_track_m": offset,
@@ -151,7 +151,7 @@ def _on_estimate(chunk: Chunk, threads: int, tell: Callable[[float], None]) -> d
     scenario = chunk.world.scenario
     return fly_on_estimates(
         chunk.world,
-        scenario.campaign.arms,
+        scenario.campaign.methods,
         pilot=scenario.trajectory.pilot,
         trajectory_key=trajectory_key(scenario.name),
         first_run=chunk.span.first_run,
@@ -172,18 +172,21 @@ def _frames(
     result: dict[str, Any],
     *,
     name: str,
-    arms: Sequence[str],
+    methods: Sequence[str],
     first_run: int,
     sample_time_ns: np.ndarray[Any, Any],
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Samples and fix counts of one kernel call as tables; its `cross_track_m` (runs, arms, ticks) may be None."""
-    runs, arm_count, samples = result["nees"].shape
+    """Samples and fix counts of one kernel call as tables; its `cross_track_m` (runs, methods, ticks) may be None."""
+    runs, method_count, samples = result["nees"].shape
     keys = pl.DataFrame(
-        {"run": np.repeat(np.arange(first_run, first_run + runs), arm_count), "arm": list(arms) * runs}
+        {
+            "run": np.repeat(np.arange(first_run, first_run + runs), method_count),
+            "method": list(methods) * runs,
+        }
     )
     offset = result["cross_track_m"]
     astray = (
-        np.full((2, runs, arm_count), np.nan)
+        np.full((2, runs, method_count), np.nan)
         if offset is None
         else np.stack([np.sqrt((offset**2).mean(axis=-1)), np.abs(offset).max(axis=-1)])
     )
@@ -209,12 +212,12 @@ def _frames(
     frame = pl.DataFrame(
         {
             "run": np.repeat(keys["run"].to_numpy(), samples),
-            "arm": np.repeat(np.arange(runs * arm_count) % arm_count, samples),
-            "time_ns": np.tile(sample_time_ns, runs * arm_count),
+            "method": np.repeat(np.arange(runs * method_count) % method_count, samples),
+            "time_ns": np.tile(sample_time_ns, runs * method_count),
             **columns,
             "nees": result["nees"].reshape(-1),
             "nees_velocity_attitude": result["nees_velocity_attitude"].reshape(-1),
         }
     )
-    names = pl.col("arm").replace_strict(range(arm_count), list(arms), return_dtype=pl.String)
+    names = pl.col("method").replace_strict(range(method_count), list(methods), return_dtype=pl.String)
     return frame.with_columns(names, pl.lit(name).alias("trajectory")).select(list(SAMPLES)), counts

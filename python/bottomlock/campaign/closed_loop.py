@@ -16,7 +16,7 @@ _ARRAYS = ("position_t_m", "attitude_t_p", "velocity_p_mps", "omega_p_radps", "f
 
 def fly_on_estimates(
     world: World,
-    arms: Sequence[str],
+    methods: Sequence[str],
     *,
     pilot: str,
     trajectory_key: int,
@@ -25,18 +25,18 @@ def fly_on_estimates(
     threads: int = 0,
     tell: Callable[[float], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Swims vehicles side by side, guided and controlled on what an arm aboard believes.
+    """Swims vehicles side by side, guided and controlled on what a method aboard believes.
 
-    With pilot "own" every arm of every run has its own vehicle; else a run has one vehicle, flown by the pilot, and the
-    other arms ride along.
+    With pilot "own" every method of every run has its own vehicle; else a run has one vehicle,
+    steered on the estimate of the pilot method; the other methods only estimate.
 
     The sensor errors of run k are those of run k of any campaign under the same key. Guidance and control take up a new
     estimate every 0.2 s.
 
     Args:
         world: a scenario whose truth a vehicle swims.
-        arms: ways of aiding.
-        pilot: "own", or the arm, one of `arms`, on whose estimate the vehicle of a run flies.
+        methods: ways of aiding.
+        pilot: "own", or the method, one of `methods`, on whose estimate the vehicle of a run flies.
         trajectory_key: key of the trajectory's random numbers.
         first_run: number of the first run.
         runs: number of runs.
@@ -44,12 +44,12 @@ def fly_on_estimates(
         tell: hears the part of the way that is behind, 0 to 1.
 
     Returns:
-        As `kernel.run_batch`, with `cross_track_m` (runs, arms, ticks), the distance of the true vehicle from the path
-        segment that it follows, positive to the right, `sample_time_ns` and `dvl_time_ns`.
+        As `kernel.run_batch`, with `cross_track_m` (runs, methods, ticks), the distance of the true vehicle from the
+        path segment that it follows, positive to the right, `sample_time_ns` and `dvl_time_ns`.
 
     Raises:
         ScenarioError: for an analytic truth.
-        KernelError: for what the kernel refuses, naming run and arm.
+        KernelError: for what the kernel refuses, naming run and method.
     """
     scenario = world.scenario
     if world.vehicle is None or world.mission is None:
@@ -57,7 +57,7 @@ def fly_on_estimates(
             f"scenario {scenario.name}: its truth is analytic, no vehicle can fly on an estimate"
         )
     own = pilot == "own"
-    vehicles_per_run = len(arms) if own else 1
+    vehicles_per_run = len(methods) if own else 1
     fleet = Fleet(
         world.vehicle,
         world.mission,
@@ -85,7 +85,7 @@ def fly_on_estimates(
         model,
         model,
         options,
-        list(arms),
+        list(methods),
         _start(begin),
         own_vehicles=own,
         seed=scenario.campaign.seed,
@@ -93,7 +93,7 @@ def fly_on_estimates(
         first_run=first_run,
         threads=threads,
     )
-    steering = 0 if own else list(arms).index(pilot)
+    steering = 0 if own else list(methods).index(pilot)
     before, sampled, pinged = begin, [], []
 
     def navigate(block: TruthBlock) -> Belief:
@@ -115,7 +115,7 @@ def fly_on_estimates(
     return {
         **loop.results(),
         "cross_track_m": np.broadcast_to(
-            offset.reshape(runs, vehicles_per_run, -1), (runs, len(arms), len(offsets))
+            offset.reshape(runs, vehicles_per_run, -1), (runs, len(methods), len(offsets))
         ),
         "sample_time_ns": np.concatenate(sampled),
         "dvl_time_ns": np.concatenate(pinged),

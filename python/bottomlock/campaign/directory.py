@@ -141,20 +141,20 @@ def _take(old: Path, new: Path) -> None:
 
 
 def read_samples(out: Path, plan: Plan, span: Span) -> pl.DataFrame:
-    """The samples of a chunk (`schema.SAMPLES`), ordered by run, arm and time.
+    """The samples of a chunk (`schema.SAMPLES`), ordered by run, method and time.
 
     Raises:
         DataError: for a file that is missing, damaged, or of other runs than its name says.
     """
     path, _, _ = _paths(out, plan.name, span)
     samples = check(_read(path), SAMPLES, place=str(path))
-    per_arm, left = divmod(samples.height, span.runs * len(plan.arms))
+    per_method, left = divmod(samples.height, span.runs * len(plan.methods))
     expected = pl.int_range(span.first_run, span.first_run + span.runs, eager=True)
-    expected = expected.repeat_by(per_arm * len(plan.arms)).explode()
+    expected = expected.repeat_by(per_method * len(plan.methods)).explode()
     if left or not samples.height or not expected.equals(samples["run"]):
         raise DataError(
             f"{path}: expected the runs {span.first_run} to {span.first_run + span.runs - 1} of "
-            f"{len(plan.arms)} arms; delete the file and run the same command again"
+            f"{len(plan.methods)} methods; delete the file and run the same command again"
         )
     return samples
 

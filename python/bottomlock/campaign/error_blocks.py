@@ -1,4 +1,4 @@
-"""The error norms of a campaign turned round: they come run by run, and go arm by arm with all runs.
+"""The error norms of a campaign turned round: they come run by run, and go method by method with all runs.
 
 They pass through a file without a name that vanishes with the process, so that memory holds one block and each chunk is
 read once.
@@ -22,16 +22,16 @@ from bottomlock.errors import OutputError
 from bottomlock.statistics.campaign import NORMS
 
 VALUES_HELD = 16_000_000
-"""Norms in memory at a time, 128 MB: one arm of 12,800 runs of 250 samples, or part of the times of more runs."""
+"""Norms in memory at a time, 128 MB: one method of 12,800 runs of 250 samples, or part of the times of more runs."""
 
 _BYTES = 8
 
 
 @dataclass(frozen=True)
 class Block:
-    """All norms of all runs of one arm, at some of the times."""
+    """All norms of all runs of one method, at some of the times."""
 
-    arm: int
+    method: int
     times: slice
     place: int
 
@@ -52,25 +52,25 @@ class Blocks:
         width = min(times, max(1, VALUES_HELD // (len(NORMS) * plan.runs)))
         self.blocks: list[Block] = []
         place = 0
-        for arm in range(len(plan.arms)):
+        for method in range(len(plan.methods)):
             for first in range(0, times, width):
-                block = Block(arm, slice(first, min(first + width, times)), place)
+                block = Block(method, slice(first, min(first + width, times)), place)
                 self.blocks.append(block)
                 place += len(NORMS) * plan.runs * block.width
 
     def put(self, span: Span, norms: pl.DataFrame) -> None:
-        """The norms of a chunk, ordered by run, arm and time.
+        """The norms of a chunk, ordered by run, method and time.
 
         Raises:
             OutputError: on a full disk.
         """
-        shape = (span.runs, len(self._plan.arms), self._times)
+        shape = (span.runs, len(self._plan.methods), self._times)
         columns = [norms[name].to_numpy().reshape(shape) for name in NORMS]
         try:
             for block in self.blocks:
                 for k, values in enumerate(columns):
                     self._file.seek(self._at(block, k, span.first_run))
-                    self._write(values[:, block.arm, block.times].tobytes())
+                    self._write(values[:, block.method, block.times].tobytes())
         except OSError as error:
             raise OutputError(f"the error norms cannot be kept on disk ({error.strerror})") from error
 

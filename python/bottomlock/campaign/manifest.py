@@ -36,7 +36,7 @@ class Clock:
 def configuration_hash(worlds: Sequence[World]) -> str:
     """SHA-256 of all that decides the numbers of a campaign, apart from the number of runs."""
     content = [
-        (w.scenario.name, w.fingerprint(), w.scenario.campaign.seed, list(w.scenario.campaign.arms))
+        (w.scenario.name, w.fingerprint(), w.scenario.campaign.seed, list(w.scenario.campaign.methods))
         for w in worlds
     ]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
@@ -64,7 +64,7 @@ def describe(
                 "seed": s.campaign.seed,
                 "runs": s.campaign.runs,
                 "runs_per_chunk": plans[s.name].runs_per_chunk,
-                "arms": list(s.campaign.arms),
+                "methods": list(s.campaign.methods),
                 "trajectory_key": str(trajectory_key(s.name)),
                 "configuration": s.model_dump(mode="json"),
                 "options": s.kernel_options(),

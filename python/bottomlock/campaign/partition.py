@@ -35,7 +35,7 @@ class Plan:
     """What the tables of one scenario are made of; it can be read back from a manifest."""
 
     name: str
-    arms: tuple[str, ...]
+    methods: tuple[str, ...]
     runs: int
     runs_per_chunk: int
     nees_degrees: int
@@ -50,18 +50,18 @@ class Plan:
         """The plan of a scenario.
 
         >>> from bottomlock.config.scenario import load_scenario
-        >>> plan = Plan.of(load_scenario("straight").with_overrides(runs=500, arms=["tc"]))
+        >>> plan = Plan.of(load_scenario("straight").with_overrides(runs=500, methods=["tc"]))
         >>> [span.runs for span in plan.spans()]
         [304, 196]
         """
         trajectory, settings = scenario.trajectory, scenario.campaign
         steps = round(trajectory.duration_s * scenario.imu.rate_hz) + 1
-        size = CHUNK_STEPS // (steps * len(settings.arms))
+        size = CHUNK_STEPS // (steps * len(settings.methods))
         if trajectory.feedback == "estimate":
-            size = FLEET_VEHICLES // (len(settings.arms) if trajectory.pilot == "own" else 1)
+            size = FLEET_VEHICLES // (len(settings.methods) if trajectory.pilot == "own" else 1)
         return cls(
             name=scenario.name,
-            arms=tuple(settings.arms),
+            methods=tuple(settings.methods),
             runs=settings.runs,
             runs_per_chunk=max(1, size if size < EVEN_RUNS else size - size % EVEN_RUNS),
             nees_degrees=20 if scenario.filter.estimate_dvl else 15,
@@ -78,7 +78,7 @@ class Plan:
             scenario = manifest["scenarios"][name]
             return cls(
                 name=name,
-                arms=tuple(scenario["arms"]),
+                methods=tuple(scenario["methods"]),
                 runs=int(scenario["runs"]),
                 runs_per_chunk=int(scenario["runs_per_chunk"]),
                 nees_degrees=int(manifest["nees_degrees"][name]),

@@ -1,4 +1,4 @@
-"""A Monte Carlo campaign: scenarios x runs x arms to tables, in chunks that survive an interruption.
+"""A Monte Carlo campaign: scenarios x runs x methods to tables, in chunks that survive an interruption.
 
 Chunk boundaries depend on the scenario alone, never on threads, shards or the engine; a run's numbers depend on nothing
 but the seed, the trajectory's name and the run's number. So any cutting, any engine and any resumption give the same
@@ -67,7 +67,7 @@ def run_campaign(
         OutputError: for a directory that is not ours or cannot be written.
         DataError: for a chunk on disk that is damaged.
         EngineError: for an engine that is not there or breaks down.
-        KernelError: for input that the kernel refuses, naming run and arm.
+        KernelError: for input that the kernel refuses, naming run and method.
     """
     with open_tallies(out, [Plan.of(scenario) for scenario in scenarios]) as tallies:
 

@@ -1,4 +1,4 @@
-"""What the arms that choose have chosen, counted over runs at each ping."""
+"""What the methods that choose have chosen, counted over runs at each ping."""
 
 from collections.abc import Sequence
 
@@ -13,15 +13,15 @@ _AXES = ("surge", "sway", "heave")
 
 
 def choice_counts(
-    choice: NDArray[np.uint8], *, trajectory: str, arms: Sequence[str], dvl_time_ns: NDArray[np.int64]
+    choice: NDArray[np.uint8], *, trajectory: str, methods: Sequence[str], dvl_time_ns: NDArray[np.int64]
 ) -> pl.DataFrame:
-    """Counts of a batch's choices (runs, arms, pings, 3), `schema.CHOICES`.
+    """Counts of a batch's choices (runs, methods, pings, 3), `schema.CHOICES`.
 
     The selector of the paper has a source for each component, the consistent selector a filter and a reason.
     """
     times, counts = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     keys: list[tuple[str, str, str]] = []
-    for number, arm in enumerate(arms):
+    for number, method in enumerate(methods):
         codes = choice[:, number]
         if not codes.size or (codes[..., 0] == NO_CHOICE).all():
             continue
@@ -33,11 +33,11 @@ def choice_counts(
                 seen = np.flatnonzero(count)
                 times.append(dvl_time_ns[seen])
                 counts.append(count[seen])
-                keys += [(arm, name, source)] * len(seen)
-    of_arm, components, sources = zip(*keys, strict=True) if keys else ((), (), ())
+                keys += [(method, name, source)] * len(seen)
+    of_method, components, sources = zip(*keys, strict=True) if keys else ((), (), ())
     columns = {
         "trajectory": [trajectory] * len(keys),
-        "arm": of_arm,
+        "method": of_method,
         "time_ns": np.concatenate(times),
         "component": components,
         "source": sources,

@@ -20,7 +20,7 @@ COMMANDS = {
     "reproduce": ("report", "Flies the whole study of the 2017 paper, judges its claims, writes the report."),
     "report": ("report", "Makes report.html and figures from the tables of a campaign or a replay."),
     "masks": ("studies", "Flies every partial mask, dropouts and a slope."),
-    "certify": ("studies", "Writes the honesty certificate."),
+    "consistency": ("studies", "Judges NEES and NIS of every method, mask and trajectory."),
     "replay": ("replay", "Navigates a recorded dive again, with fewer beams too."),
     "score": ("replay", "Leaves beams out of recorded pings."),
     "audit": ("audit", "Says what a log tells of its DVL."),

@@ -99,9 +99,11 @@ def shown(made: Audit) -> list[str | Table]:
             f"{np.rad2deg(v):+.2f} ± {np.rad2deg(s):.2g}"
             for v, s in zip(m.rpy_rad, m.misalignment_sd_rad, strict=True)
         )
-        arm = ", ".join(f"{v:+.2f} ± {s:.2g}" for v, s in zip(m.lever_arm_p_m, m.lever_arm_sd_m, strict=True))
+        lever = ", ".join(
+            f"{v:+.2f} ± {s:.2g}" for v, s in zip(m.lever_arm_p_m, m.lever_arm_sd_m, strict=True)
+        )
         parts.append(
-            f"mounting, from {m.way}: roll, pitch, yaw {rpy} deg; lever arm {arm} m; clock offset "
+            f"mounting, from {m.way}: roll, pitch, yaw {rpy} deg; lever arm {lever} m; clock offset "
             f"{m.clock_offset_s:+.3f} ± {m.clock_offset_sd_s:.2g} s; scale {100.0 * m.scale:+.2f} ± "
             f"{100.0 * m.scale_sd:.2g} %"
         )
@@ -146,7 +148,8 @@ def _beams(made: Audit) -> Table:
             str(row["beam"]),
             f"{row['tilt_deg']:.3f}", f"{row['tilt_sd_deg']:.1g}",
             f"{row['azimuth_deg'] + 0.0:.3f}", f"{row['azimuth_sd_deg']:.1g}",
-            f"{row['scale']:.4f}", f"{round(1e3 * row['bias_mps'], 2) + 0.0:.2f}", f"{100.0 * row['valid_part']:.1f}",
+            f"{row['scale']:.4f}", f"{round(1e3 * row['bias_mps'], 2) + 0.0:.2f}",
+            f"{100.0 * row['valid_fraction']:.1f}",
         ]  # fmt: skip
         if matched:
             cells += [f"{'-' if row['stated_sign'] < 0 else ''}{row['stated_beam']}", f"{row['off_deg']:.2f}"]

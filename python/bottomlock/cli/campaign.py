@@ -16,8 +16,8 @@ from bottomlock.errors import ScenarioError
 from bottomlock.simulation.build import make_world
 
 
-def _split(arms: str | None) -> list[str] | None:
-    return None if arms is None else [arm.strip() for arm in arms.split(",") if arm.strip()]
+def _split(methods: str | None) -> list[str] | None:
+    return None if methods is None else [method.strip() for method in methods.split(",") if method.strip()]
 
 
 def run(
@@ -28,8 +28,8 @@ def run(
     runs: Annotated[int | None, Parameter(help="Number of runs; the scenario's own by default.")] = None,
     seed: Annotated[int | None, Parameter(help="Seed; the scenario's own by default.")] = None,
     threads: Annotated[int, Parameter(help="Threads; 0 for as many as there are cores.")] = 0,
-    arms: Annotated[
-        str | None, Parameter(help="Arms, separated by commas; the scenario's own by default.")
+    methods: Annotated[
+        str | None, Parameter(help="Methods, separated by commas; the scenario's own by default.")
     ] = None,
     force: Annotated[
         bool, Parameter(negative="", help="Start over in a directory of another campaign.")
@@ -57,7 +57,7 @@ def run(
     if threads < 0:
         raise ScenarioError(f"--threads is {threads}, expected 0 or more")
     loaded = [
-        load_scenario(name).with_overrides(runs=runs, seed=seed, arms=_split(arms)) for name in scenario
+        load_scenario(name).with_overrides(runs=runs, seed=seed, methods=_split(methods)) for name in scenario
     ]
     part = None if shard is None else Shard.parse(shard)
     check_engine(engine, threads=threads, scheduler=scheduler)

@@ -48,7 +48,7 @@ def summary(results: Results) -> list[Table]:
             box=box.SIMPLE_HEAD,
             padding=(0, 1, 0, 0),
         )
-        table.add_column("arm", no_wrap=True)
+        table.add_column("method", no_wrap=True)
         settings = results.manifest["scenarios"][trajectory]["configuration"]["trajectory"]
         astray = settings["feedback"] == "estimate"
         names = ["v m/s", "95 %", "att deg", "pos m", "NEES", "astray m" if astray else "NIS", "rej %"]
@@ -56,9 +56,9 @@ def summary(results: Results) -> list[Table]:
             table.add_column(name, justify="right", no_wrap=True)
         for row in rows.iter_rows(named=True):
             low, high = _number(row["velocity_rms_lo_mps"], 3), _number(row["velocity_rms_hi_mps"], 3)
-            part = row["rejected_part"]
+            part = row["rejected_fraction"]
             table.add_row(
-                row["arm"],
+                row["method"],
                 _number(row["velocity_rms_mps"], 3),
                 f"{low} .. {high}",
                 _number(row["attitude_rms_deg"], 3),

@@ -31,8 +31,8 @@ def replay(
     case: Path,
     *,
     out: Annotated[Path, Parameter(help="Directory for tables and report: new, or of the same case.")],
-    arms: Annotated[
-        str | None, Parameter(help="Arms, separated by commas; the case's own by default.")
+    methods: Annotated[
+        str | None, Parameter(help="Methods, separated by commas; the case's own by default.")
     ] = None,
     runs: Annotated[
         int | None, Parameter(help="Draws of noise and chance; the case's own by default.")
@@ -43,7 +43,7 @@ def replay(
         bool, Parameter(negative="", help="Start over in a directory of another replay.")
     ] = False,
 ) -> None:
-    """Navigates a recorded dive again: every arm, with the beams as recorded and with those of every question.
+    """Navigates a recorded dive again: every method, with the beams as recorded and with those of every question.
 
     Parameters
     ----------
@@ -53,7 +53,9 @@ def replay(
     if threads < 0:
         raise ScenarioError(f"--threads is {threads}, expected 0 or more")
     loaded = load_case(case).with_overrides(
-        arms=None if arms is None else [arm.strip() for arm in arms.split(",") if arm.strip()],
+        methods=None
+        if methods is None
+        else [method.strip() for method in methods.split(",") if method.strip()],
         runs=runs,
         seed=seed,
     )
@@ -179,7 +181,7 @@ def conclude(replayed: Replayed) -> None:
             box=box.SIMPLE_HEAD,
             padding=(0, 1, 0, 0),
         )
-        for name in ("arm", "pass"):
+        for name in ("method", "pass"):
             table.add_column(name, no_wrap=True)
         against = ["end m", "% way", "v m/s", "att deg"] if manifest["has_reference"] else []
         for name in [*against, "NIS", "of", "fixes", "rej %"]:
@@ -187,9 +189,9 @@ def conclude(replayed: Replayed) -> None:
         for row in summary.filter(pl.col("what_if") == question).iter_rows(named=True):
             numbers = ["position_final_m", "position_final_percent", "velocity_rms_mps", "attitude_rms_deg"]
             shown = [_number(row[name]) for name in numbers] if manifest["has_reference"] else []
-            part = row["rejected_part"]
+            part = row["rejected_fraction"]
             table.add_row(
-                row["arm"], row["pass"], *shown, _number(row["nis_mean"]), _number(row["nis_degrees_mean"]),
+                row["method"], row["pass"], *shown, _number(row["nis_mean"]), _number(row["nis_degrees_mean"]),
                 str(row["fixes"]), "-" if not row["fixes"] else f"{100.0 * part:.1f}",
             )  # fmt: skip
         console.print(table)

@@ -1,4 +1,4 @@
-"""The commands `bottomlock masks` and `bottomlock certify`: studies over many campaigns."""
+"""The commands `bottomlock masks` and `bottomlock consistency`: studies over many campaigns."""
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,11 +19,11 @@ from bottomlock.campaign.run import Progress as Campaigning
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.statistics import chi_squared
-from bottomlock.studies import consistency as certificate_study
+from bottomlock.studies import consistency as consistency_study
 from bottomlock.studies import masks as mask_study
 from bottomlock.studies import recovery, study_folder
 from bottomlock.studies.cases import VARYING, beam_list
-from bottomlock.studies.consistency_table import arms_summary, counts_of
+from bottomlock.studies.consistency_table import counts_of, methods_summary
 from bottomlock.studies.expected_verdicts import check_names, departures, read_expectations
 from bottomlock.studies.masks_page import markdown, worst_of_pairs
 
@@ -34,7 +34,9 @@ Out = Annotated[Path, Parameter(help="Directory for the results: new, or of the 
 Runs = Annotated[int | None, Parameter(help="Number of runs; the scenario's own by default.")]
 Seed = Annotated[int | None, Parameter(help="Seed; the scenario's own by default.")]
 Threads = Annotated[int, Parameter(help="Threads; 0 for as many as there are cores.")]
-Arms = Annotated[str | None, Parameter(help="Arms, separated by commas; the scenario's own by default.")]
+Methods = Annotated[
+    str | None, Parameter(help="Methods, separated by commas; the scenario's own by default.")
+]
 Force = Annotated[bool, Parameter(negative="", help="Start over in a directory of another study.")]
 
 
@@ -43,13 +45,15 @@ def _split(text: str | None) -> list[str] | None:
 
 
 def _load(
-    names: Sequence[str], runs: int | None, seed: int | None, arms: str | None, threads: int
+    names: Sequence[str], runs: int | None, seed: int | None, methods: str | None, threads: int
 ) -> list[Scenario]:
     if not names:
         raise ScenarioError("no scenario is named; `bottomlock scenarios` lists those that ship")
     if threads < 0:
         raise ScenarioError(f"--threads is {threads}, expected 0 or more")
-    loaded = [load_scenario(name).with_overrides(runs=runs, seed=seed, arms=_split(arms)) for name in names]
+    loaded = [
+        load_scenario(name).with_overrides(runs=runs, seed=seed, methods=_split(methods)) for name in names
+    ]
     found = [scenario.name for scenario in loaded]
     if len(set(found)) != len(found):
         raise ScenarioError(f"expected scenarios of different names, got {found}")
@@ -94,13 +98,13 @@ def mask_tables(table: pl.DataFrame, returning: Mapping[tuple[str, str], float])
         mean = returning.get((str(trajectory), str(case)))
         what = f"beams {beams}" if mean is None else f"{case} ({mean:.1f} beams a ping)"
         title = f"{trajectory}, {what}: RMS over runs at the end"
-        shown = _table(title, ["arm"], ["v m/s", "95 %", "att deg", "pos m", "NEES", "NEES 6", "rej %"])
+        shown = _table(title, ["method"], ["v m/s", "95 %", "att deg", "pos m", "NEES", "NEES 6", "rej %"])
         shown.add_column("", no_wrap=True)
         for row in rows.iter_rows(named=True):
             low, high = (_number(row[f"velocity_rms_{end}_mps"]) for end in ("lo", "hi"))
-            rejected = row["rejected_part"]
+            rejected = row["rejected_fraction"]
             shown.add_row(
-                row["arm"],
+                row["method"],
                 _number(row["velocity_rms_mps"]),
                 f"{low} .. {high}",
                 _number(row["attitude_rms_deg"], 2),
@@ -114,24 +118,24 @@ def mask_tables(table: pl.DataFrame, returning: Mapping[tuple[str, str], float])
 
 
 def recovery_tables(summary: pl.DataFrame) -> Iterator[Table]:
-    """A table per trajectory: an arm a line, the worst over the pairs."""
+    """A table per trajectory: a method a line, the worst over the pairs."""
     for (trajectory,), rows in worst_of_pairs(summary).group_by("trajectory", maintain_order=True):
         shown = _table(
             f"{trajectory}: beams back after {recovery.OUTAGE_S:g} s of two",
-            ["arm"],
+            ["method"],
             ["step/σ", "runs > 3", "NIS 1", "NIS 5", "of", "back", "rej %", "pairs"],
         )
         for row in rows.iter_rows(named=True):
             back = row["back_at_epoch"]
             shown.add_row(
-                row["arm"],
+                row["method"],
                 _number(row["step_sigmas_max"], 2),
                 str(row["jumps"]),
                 _number(row["nis_1"], 1),
                 _number(row["nis_5"], 1),
                 str(row["degrees"]),
                 "never" if back is None else str(back),
-                f"{100.0 * row['rejected_part']:.1f}",
+                f"{100.0 * row['rejected_fraction']:.1f}",
                 f"{row['pairs_recovered']} of {row['pairs']}",
             )
         yield shown
@@ -143,7 +147,7 @@ def masks(
     runs: Runs = None,
     seed: Seed = None,
     threads: Threads = 0,
-    arms: Arms = None,
+    methods: Methods = None,
     cases: Annotated[
         str | None,
         Parameter(help="Some cases, separated by commas: 12 (those beams), dropouts, slope; all by default."),
@@ -157,7 +161,7 @@ def masks(
     scenario
         Packaged names (see `bottomlock scenarios`) or TOML files, one or more.
     """
-    loaded = _load(scenario, runs, seed, arms, threads)
+    loaded = _load(scenario, runs, seed, methods, threads)
     wanted = _split(cases)
     chosen = [mask_study.select(mask_study.all_cases(one), wanted) for one in loaded]
     outages = wanted is None and _room_for_outages(loaded)
@@ -188,7 +192,7 @@ def masks(
         console.print(shown)
     console.print(
         "NEES is that of the whole state, NEES 6 of velocity and attitude; the verdict is on the latter: good "
-        "(consistent), over(confident) or too cautious."
+        "(consistent), over(confident) or conservative."
     )
     if summary is not None:
         for shown in recovery_tables(summary):
@@ -219,13 +223,13 @@ def _room_for_outages(scenarios: Sequence[Scenario]) -> bool:
 TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
 
 
-def certify(
+def consistency(
     *scenario: str,
     out: Out,
     runs: Annotated[int, Parameter(help="Number of runs of each cell.")] = 100,
     seed: Seed = None,
     threads: Threads = 0,
-    arms: Arms = None,
+    methods: Methods = None,
     masks: Annotated[
         str | None, Parameter(help="Sets of returning beams, such as 1234,123,12; every one by default.")
     ] = None,
@@ -235,7 +239,7 @@ def certify(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Writes the honesty certificate: arms x masks x trajectories, NEES and NIS with verdicts.
+    """Writes the consistency study: methods x masks x trajectories, NEES and NIS with verdicts.
 
     Parameters
     ----------
@@ -243,38 +247,40 @@ def certify(
         Packaged names or TOML files; the three trajectories of the paper by default.
     """
     expectations = None if asserted is None else read_expectations(asserted)
-    loaded = _load(scenario or TRAJECTORIES, runs, seed, arms, threads)
+    loaded = _load(scenario or TRAJECTORIES, runs, seed, methods, threads)
     if len({one.dvl.beams for one in loaded}) != 1:
         raise ScenarioError("expected scenarios whose instruments have the same number of beams")
-    sets = certificate_study.parse_masks(masks, loaded[0].dvl.beams)
+    sets = consistency_study.parse_masks(masks, loaded[0].dvl.beams)
     if expectations is not None:
         check_names(
             expectations,
-            arms={arm for one in loaded for arm in one.campaign.arms},
+            methods={method for one in loaded for method in one.campaign.methods},
             trajectories={one.name for one in loaded},
             beams={beam_list(mask) for mask in sets},
         )
-    given = {"--runs": runs, "--seed": seed, "--arms": arms, "--masks": masks}
+    given = {"--runs": runs, "--seed": seed, "--methods": methods, "--masks": masks}
     options = " ".join(f"{name} {value}" for name, value in given.items() if value is not None)
-    command = " ".join(["bottomlock certify", *scenario, "--out DIR", options])
-    configuration = certificate_study.configuration(loaded, sets)
-    study_folder.claim(out, certificate_study.KIND, configuration, parts=certificate_study.PARTS, force=force)
+    command = " ".join(["bottomlock consistency", *scenario, "--out DIR", options])
+    configuration = consistency_study.configuration(loaded, sets)
+    study_folder.claim(out, consistency_study.KIND, configuration, parts=consistency_study.PARTS, force=force)
     with _progress(out) as progress:
         task = progress.add_task("", total=None)
 
         def finished(cell: str, done: int, total: int) -> None:
             progress.update(task, description=cell, completed=done, total=total)
 
-        table = certificate_study.certify(loaded, sets, out, command=command, threads=threads, tell=finished)
+        table = consistency_study.run_consistency(
+            loaded, sets, out, command=command, threads=threads, tell=finished
+        )
     study_folder.write_manifest(
-        out, certificate_study.KIND, configuration, status="complete", command=command
+        out, consistency_study.KIND, configuration, status="complete", command=command
     )
-    console.print(arms_table(table))
+    console.print(methods_table(table))
     console.print(
-        "Cells consistent / overconfident / too cautious; certified: NEES 6 consistent and nothing overconfident."
+        "Cells consistent / overconfident / conservative; consistent: NEES 6 consistent and nothing overconfident."
     )
     console.print(
-        f"false-alarm rate of the whole: {certificate_study.FALSE_ALARM:.0%}; certificate.md in {out}"
+        f"false-alarm rate of the whole: {consistency_study.FALSE_ALARM:.0%}; consistency.md in {out}"
     )
     if expectations is not None:
         found = departures(table, expectations)
@@ -288,9 +294,9 @@ def certify(
 EXIT_DEPARTURE = 1
 
 
-def arms_table(table: pl.DataFrame) -> Table:
-    """The summary of a certificate, an arm a line."""
-    shown = _table("Honesty certificate", ["arm"], ["cells", "certified", "NEES 6", "NEES", "NIS"])
-    for row in arms_summary(table).iter_rows(named=True):
-        shown.add_row(row["arm"], str(row["cells"]), str(row["certified"]), *counts_of(row))
+def methods_table(table: pl.DataFrame) -> Table:
+    """The summary of a consistency study, a method a line."""
+    shown = _table("Consistency", ["method"], ["cells", "consistent", "NEES 6", "NEES", "NIS"])
+    for row in methods_summary(table).iter_rows(named=True):
+        shown.add_row(row["method"], str(row["cells"]), str(row["consistent"]), *counts_of(row))
     return shown

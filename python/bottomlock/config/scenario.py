@@ -69,26 +69,30 @@ class Scenario(Section):
         } & self.dvl.model_fields_set
         if limits and not self.seabed:
             raise ValueError(f"dvl.{min(limits)} is given, but there is no [seabed] to range to")
-        if self.trajectory.pilot not in {"own", *self.campaign.arms}:
+        if self.trajectory.pilot not in {"own", *self.campaign.methods}:
             raise ValueError(
-                f"trajectory.pilot is '{self.trajectory.pilot}', expected \"own\" or one of the campaign's arms"
+                f"trajectory.pilot is '{self.trajectory.pilot}', expected \"own\" or one of the campaign's methods"
             )
         return self
 
     def content_hash(self) -> str:
-        """SHA-256 of everything that decides the numbers (not the number of runs, the arms or the words)."""
-        content = self.model_dump(mode="json", exclude={"description": True, "campaign": {"runs", "arms"}})
+        """SHA-256 of everything that decides the numbers (not the number of runs, the methods or the words)."""
+        content = self.model_dump(mode="json", exclude={"description": True, "campaign": {"runs", "methods"}})
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def with_overrides(
-        self, *, runs: int | None = None, seed: int | None = None, arms: Iterable[str] | None = None
+        self, *, runs: int | None = None, seed: int | None = None, methods: Iterable[str] | None = None
     ) -> Self:
-        """The same scenario with another number of runs, seed or arms.
+        """The same scenario with another number of runs, seed or methods.
 
         Raises:
-            ScenarioError: for a number out of range or an unknown or repeated arm.
+            ScenarioError: for a number out of range or an unknown or repeated method.
         """
-        change: dict[str, Any] = {"runs": runs, "seed": seed, "arms": None if arms is None else tuple(arms)}
+        change: dict[str, Any] = {
+            "runs": runs,
+            "seed": seed,
+            "methods": None if methods is None else tuple(methods),
+        }
         content = self.campaign.model_dump() | {
             key: value for key, value in change.items() if value is not None
         }

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-ARM_NAMES = (
+METHOD_NAMES = (
     "ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "vb_exact", "info", "weak_sway", "sway_current",
     "consistent",
 )  # fmt: skip
@@ -34,8 +34,8 @@ _VEHICLE_KEYS = ("vehicle", "feedback", "pilot")
 class Trajectory(Section):
     """The true motion: swum by a vehicle, or analytic.
 
-    `feedback` says what guidance and control of the vehicle fly on: the truth, or the estimate of `pilot`, an arm; or
-    "own", each arm's own vehicle.
+    `feedback` says what guidance and control of the vehicle fly on: the truth, or the estimate of `pilot`, a method; or
+    "own", each method's own vehicle.
     """
 
     kind: Literal["straight", "constant_turn", "figure_eight", "lawn_mower", "waypoints"]
@@ -68,7 +68,7 @@ class Trajectory(Section):
         if self.source == "analytic" and self.kind == "waypoints":
             raise ValueError("kind 'waypoints' exists with source = \"vehicle\" alone")
         if self.pilot != "own":
-            check_arms([self.pilot])
+            check_methods([self.pilot])
         return self
 
 
@@ -250,9 +250,9 @@ class Initial(Section):
 
 
 class Water(Section):
-    """What the arm sway_current assumes of the motion through the water before it measures, 1 sigma.
+    """What the method sway_current assumes of the motion through the water before it measures, 1 sigma.
 
-    A torpedo of 3 m at 2 m/s; docs/arms/sway_current.md says where each number comes from.
+    A torpedo of 3 m at 2 m/s; docs/methods/sway_current.md says where each number comes from.
     """
 
     current_sd_mps: NonNegative = 0.3
@@ -285,23 +285,23 @@ class Filter(Section):
     water: Water = Water()
 
 
-def check_arms(arms: Iterable[str]) -> None:
-    """Refuses unknown and repeated arms and an empty list.
+def check_methods(methods: Iterable[str]) -> None:
+    """Refuses unknown and repeated methods and an empty list.
 
     Raises:
         ValueError: with the names that are known.
     """
     seen: set[str] = set()
-    for arm in arms:
-        if arm not in ARM_NAMES:
-            close = difflib.get_close_matches(arm, ARM_NAMES, n=1)
+    for method in methods:
+        if method not in METHOD_NAMES:
+            close = difflib.get_close_matches(method, METHOD_NAMES, n=1)
             hint = f", did you mean '{close[0]}'?" if close else ""
-            raise ValueError(f"unknown arm '{arm}'{hint} (known: {', '.join(ARM_NAMES)})")
-        if arm in seen:
-            raise ValueError(f"arm '{arm}' is named twice")
-        seen.add(arm)
+            raise ValueError(f"unknown method '{method}'{hint} (known: {', '.join(METHOD_NAMES)})")
+        if method in seen:
+            raise ValueError(f"method '{method}' is named twice")
+        seen.add(method)
     if not seen:
-        raise ValueError(f"no arm is named, expected one or more of {', '.join(ARM_NAMES)}")
+        raise ValueError(f"no method is named, expected one or more of {', '.join(METHOD_NAMES)}")
 
 
 class Campaign(Section):
@@ -309,9 +309,9 @@ class Campaign(Section):
 
     runs: Annotated[int, Field(ge=1, le=10_000_000)] = 100
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
-    arms: tuple[str, ...] = ARM_NAMES
+    methods: tuple[str, ...] = METHOD_NAMES
 
     @model_validator(mode="after")
     def _known(self) -> Self:
-        check_arms(self.arms)
+        check_methods(self.methods)
         return self

@@ -18,14 +18,16 @@ _MARKERS = {
 }
 
 
-def claimed_figure(errors: Errors, arms: list[str]) -> Figure:
-    """Velocity error made (RMS over runs) against the one claimed, a point per second; honest arms follow the diagonal.
+def claimed_figure(errors: Errors, methods: list[str]) -> Figure:
+    """Velocity RMS over runs against the claimed sigma, one point per second; consistent methods lie on the diagonal.
 
-    Above the diagonal an arm claims more accuracy than it has.
+    Above the diagonal a method claims more accuracy than it has.
     """
-    made = {arm: np.sqrt(np.mean(errors.velocity_mps[arm] ** 2, axis=0)) for arm in arms}
-    claimed = {arm: np.sqrt(np.mean(errors.claimed_velocity_mps[arm] ** 2, axis=0)) for arm in arms}
-    paths = {arm: np.concatenate([claimed[arm], made[arm]]) for arm in draw_order(arms)}
+    made = {method: np.sqrt(np.mean(errors.velocity_mps[method] ** 2, axis=0)) for method in methods}
+    claimed = {
+        method: np.sqrt(np.mean(errors.claimed_velocity_mps[method] ** 2, axis=0)) for method in methods
+    }
+    paths = {method: np.concatenate([claimed[method], made[method]]) for method in draw_order(methods)}
     with mpl.rc_context(STYLE):
         figure = new_figure()
         axes = figure.add_axes((0.115, 0.125, 0.645, 0.785))
@@ -46,10 +48,15 @@ def claimed_figure(errors: Errors, arms: list[str]) -> Figure:
         axes.set_xlabel("velocity error claimed, m/s RMS")
         lines = []
         for group in coincident(paths):
-            for arm in group:
-                look = stroke(arm)
+            for method in group:
+                look = stroke(method)
                 axes.plot(
-                    claimed[arm], made[arm], color=look.colour, linestyle=look.dash, linewidth=1.2, alpha=0.75
+                    claimed[method],
+                    made[method],
+                    color=look.colour,
+                    linestyle=look.dash,
+                    linewidth=1.2,
+                    alpha=0.75,
                 )
             axes.plot(
                 claimed[group[0]][-1],
@@ -64,30 +71,30 @@ def claimed_figure(errors: Errors, arms: list[str]) -> Figure:
     return figure
 
 
-def normalised_figure(errors: Errors, arms: list[str]) -> Figure:
+def normalised_figure(errors: Errors, methods: list[str]) -> Figure:
     """RMS over runs and times of error / claimed standard deviation, a mark for each component; honest is 1."""
     with mpl.rc_context(STYLE):
-        figure = new_figure(height_in=0.9 + 0.27 * len(arms))
+        figure = new_figure(height_in=0.9 + 0.27 * len(methods))
         height = figure.get_figheight()
         axes = figure.add_axes((0.19, 0.5 / height, 0.78, 1.0 - 0.82 / height))
-        values = np.array([errors.ratio_rms[arm] for arm in arms])
+        values = np.array([errors.ratio_rms[method] for method in methods])
         finite = values[np.isfinite(values) & (values > 0.0)]
         axes.set_xscale("log")
         axes.set_xlim(min(0.45, float(finite.min()) / 1.2), max(2.2, float(finite.max()) * 1.2))
-        axes.set_ylim(len(arms) - 0.4, -0.6)
+        axes.set_ylim(len(methods) - 0.4, -0.6)
         axes.axvline(1.0, color=INK, linewidth=1.0, zorder=1)
         axes.axvspan(1.0, axes.get_xlim()[1], color=FAINT, alpha=0.14, linewidth=0.0)
-        for row, arm in enumerate(arms):
-            colour = stroke(arm).colour
+        for row, method in enumerate(methods):
+            colour = stroke(method).colour
             axes.plot(
                 [values[row].min(), values[row].max()], [row, row], color=colour, linewidth=1.0, alpha=0.5
             )
             for component, value in zip(COMPONENTS, values[row], strict=True):
                 marker, _ = _MARKERS[component.split("_")[0]]
                 axes.plot(value, row, marker, color=colour, markersize=5.0, alpha=0.85, markeredgewidth=0.0)
-        axes.set_yticks(range(len(arms)), arms)
-        for label, arm in zip(axes.get_yticklabels(), arms, strict=True):
-            label.set_color(stroke(arm).colour)
+        axes.set_yticks(range(len(methods)), methods)
+        for label, method in zip(axes.get_yticklabels(), methods, strict=True):
+            label.set_color(stroke(method).colour)
         axes.tick_params(axis="y", length=0.0)
         axes.grid(visible=False, axis="y")
         axes.xaxis.set_major_locator(

@@ -29,34 +29,39 @@ def rms_figure(
     quantity: str,
     printed: Sequence[tuple[str, float, float]] = (),
 ) -> Figure:
-    """RMS over runs of all arms against time, 95 % bootstrap intervals shaded.
+    """RMS over runs of all methods against time, 95 % bootstrap intervals shaded.
 
     Args:
         ensemble: `schema.ENSEMBLE`.
         trajectory: one of its trajectories.
         quantity: "velocity" or "attitude".
-        printed: arm, time in s and value of what a paper prints; drawn as hollow diamonds.
+        printed: method, time in s and value of what a paper prints; drawn as hollow diamonds.
     """
     columns = _COLUMNS[quantity]
     rows = ensemble.filter(pl.col("trajectory") == trajectory)
-    middle, low, high = (_by_arm(rows, column) for column in columns)
-    time_s = rows.filter(pl.col("arm") == rows["arm"][0])["time_s"].to_numpy()
+    middle, low, high = (_by_method(rows, column) for column in columns)
+    time_s = rows.filter(pl.col("method") == rows["method"][0])["time_s"].to_numpy()
     with mpl.rc_context(STYLE):
         figure, axes = _axes(_AXIS[quantity], time_s)
         lines = []
         _scale(axes, np.array([*low.values(), *high.values()]), [value for _, _, value in printed])
         # Bands that lie on one another must not add up to a wall.
         alpha = 0.14 if axes.get_yscale() == "log" else 0.06
-        for arms in coincident({arm: middle[arm] for arm in draw_order(list(middle))}):
+        for methods in coincident({method: middle[method] for method in draw_order(list(middle))}):
             axes.fill_between(
-                time_s, low[arms[0]], high[arms[0]], color=stroke(arms[0]).colour, alpha=alpha, linewidth=0.0
+                time_s,
+                low[methods[0]],
+                high[methods[0]],
+                color=stroke(methods[0]).colour,
+                alpha=alpha,
+                linewidth=0.0,
             )
-            lines.append(Line(arms, time_s, middle[arms[0]]))
+            lines.append(Line(methods, time_s, middle[methods[0]]))
         _draw(axes, lines)
-        for arm, at_s, value in printed:
+        for method, at_s, value in printed:
             axes.plot(
                 at_s, value, marker="D", markersize=5.5, markerfacecolor="none", markeredgewidth=1.3,
-                color=stroke(arm).colour, clip_on=False, zorder=4,
+                color=stroke(method).colour, clip_on=False, zorder=4,
             )  # fmt: skip
         label_ends(axes, lines)
     return figure
@@ -66,14 +71,14 @@ def nees_figure(ensemble: pl.DataFrame, consistency: pl.DataFrame, trajectory: s
     """Mean NEES of the whole state against time, with the 95 % chi-squared band of an honest filter."""
     rows = ensemble.filter(pl.col("trajectory") == trajectory)
     band = consistency.filter((pl.col("trajectory") == trajectory) & (pl.col("quantity") == "nees"))
-    nees = _by_arm(rows, "nees")
-    time_s = rows.filter(pl.col("arm") == rows["arm"][0])["time_s"].to_numpy()
+    nees = _by_method(rows, "nees")
+    time_s = rows.filter(pl.col("method") == rows["method"][0])["time_s"].to_numpy()
     with mpl.rc_context(STYLE):
         figure, axes = _axes("mean NEES of the whole state", time_s)
         axes.axhspan(band["band_lo"][0], band["band_hi"][0], color=FAINT, alpha=0.35, linewidth=0.0)
         lines = [
-            Line(arms, time_s, nees[arms[0]])
-            for arms in coincident({arm: nees[arm] for arm in draw_order(list(nees))})
+            Line(methods, time_s, nees[methods[0]])
+            for methods in coincident({method: nees[method] for method in draw_order(list(nees))})
         ]
         _draw(axes, lines)
         _scale(axes, np.array(list(nees.values())), [float(band["band_lo"][0]), float(band["band_hi"][0])])
@@ -85,10 +90,10 @@ def nees_figure(ensemble: pl.DataFrame, consistency: pl.DataFrame, trajectory: s
     return figure
 
 
-def _by_arm(rows: pl.DataFrame, column: str) -> dict[str, Array]:
+def _by_method(rows: pl.DataFrame, column: str) -> dict[str, Array]:
     return {
-        str(arm): part.sort("time_s")[column].to_numpy()
-        for (arm,), part in rows.group_by("arm", maintain_order=True)
+        str(method): part.sort("time_s")[column].to_numpy()
+        for (method,), part in rows.group_by("method", maintain_order=True)
     }
 
 
@@ -102,10 +107,10 @@ def _axes(label: str, time_s: Array) -> tuple[Figure, Axes]:
 
 
 def _draw(axes: Axes, lines: list[Line]) -> None:
-    """All arms of a line, the later ones dashed on top of the first."""
+    """All methods of a line, the later ones dashed on top of the first."""
     for line in lines:
-        for arm in line.arms:
-            look = stroke(arm)
+        for method in line.methods:
+            look = stroke(method)
             axes.plot(line.x, line.y, color=look.colour, linestyle=look.dash, linewidth=1.5)
 
 

@@ -12,28 +12,28 @@ from bottomlock.figures.palette import stroke
 
 @dataclass(frozen=True)
 class Line:
-    """One line of a figure, drawn for all the arms that fall together on it."""
+    """One line of a figure, drawn for all the methods that fall together on it."""
 
-    arms: tuple[str, ...]
+    methods: tuple[str, ...]
     x: NDArray[np.float64]
     y: NDArray[np.float64]
 
 
 def coincident(lines: dict[str, NDArray[np.float64]], tolerance: float = 1e-4) -> list[tuple[str, ...]]:
-    """Arms grouped where their lines agree to one part in ten thousand: these get one name together.
+    """Methods grouped where their lines agree to one part in ten thousand: these get one name together.
 
     >>> one = np.ones(3)
     >>> coincident({"tc": one, "info": one * (1 + 1e-9), "lc": 2 * one})
     [('tc', 'info'), ('lc',)]
     """
     groups: list[list[str]] = []
-    for arm, line in lines.items():
+    for method, line in lines.items():
         for group in groups:
             if np.allclose(line, lines[group[0]], rtol=tolerance, atol=0.0, equal_nan=True):
-                group.append(arm)
+                group.append(method)
                 break
         else:
-            groups.append([arm])
+            groups.append([method])
     return [tuple(group) for group in groups]
 
 
@@ -65,7 +65,7 @@ def spread(wanted: Sequence[float], heights: Sequence[float], low: float, high: 
 
 
 def label_ends(axes: Axes, lines: Sequence[Line], *, size: float = 9.0) -> None:
-    """Writes each line's arms in the right margin, joined to the line's last point.
+    """Writes each line's methods in the right margin, joined to the line's last point.
 
     Limits, scale and position of the axes must be final.
     """
@@ -74,11 +74,11 @@ def label_ends(axes: Axes, lines: Sequence[Line], *, size: float = 9.0) -> None:
     row = 1.25 * size / (axes.get_position().height * figure.get_figheight() * 72.0)
     to_axes = axes.transData + axes.transAxes.inverted()
     ends = [np.clip(to_axes.transform((line.x[-1], line.y[-1])), 0.0, 1.0) for line in lines]
-    names = [wrapped(line.arms) for line in lines]
+    names = [wrapped(line.methods) for line in lines]
     heights = [row * (1 + name.count("\n")) for name in names]
     places = spread([float(end[1]) for end in ends], heights, -0.05, 1.05)
     for line, name, (across, up), place in zip(lines, names, ends, places, strict=True):
-        colour = stroke(line.arms[0]).colour
+        colour = stroke(line.methods[0]).colour
         at_edge = across > 0.99
         leader = ([1.005, 1.02, 1.035, 1.045], [up, up, place, place])
         axes.plot(
@@ -91,18 +91,18 @@ def label_ends(axes: Axes, lines: Sequence[Line], *, size: float = 9.0) -> None:
         )  # fmt: skip
 
 
-def wrapped(arms: Sequence[str], width: int = 14) -> str:
-    r"""The arms of one line as a name, broken where it would leave the figure.
+def wrapped(methods: Sequence[str], width: int = 14) -> str:
+    r"""The methods of one line as a name, broken where it would leave the figure.
 
     >>> wrapped(["tc", "info"])
     'tc = info'
     >>> wrapped(["tc", "vb_exact", "info", "consistent"])
     'tc = vb_exact\n= info\n= consistent'
     """
-    rows = [arms[0]]
-    for arm in arms[1:]:
-        if len(rows[-1]) + 3 + len(arm) <= width:
-            rows[-1] += f" = {arm}"
+    rows = [methods[0]]
+    for method in methods[1:]:
+        if len(rows[-1]) + 3 + len(method) <= width:
+            rows[-1] += f" = {method}"
         else:
-            rows.append(f"= {arm}")
+            rows.append(f"= {method}")
     return "\n".join(rows)

@@ -1,4 +1,4 @@
-"""One look for every figure of a campaign: a colour and a dash for each arm, ink that a page can recolour."""
+"""One look for every figure of a campaign: a colour and a dash for each method, ink that a page can recolour."""
 
 import io
 import re
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 @dataclass(frozen=True)
 class Stroke:
-    """How an arm is drawn wherever it is drawn."""
+    """How a method is drawn wherever it is drawn."""
 
     colour: str
     dash: Any = "-"
@@ -20,7 +20,7 @@ class Stroke:
 
 _DOTS, _DASHES, _DASH_DOT, _LONG = (0, (1, 1.4)), (0, (4, 1.6)), (0, (4, 1.4, 1, 1.4)), (0, (8, 2))
 
-ARMS = {
+METHODS = {
     "ins": Stroke("#999194"),
     "lc": Stroke("#696c70", _LONG),
     "tc": Stroke("#5394ec"),
@@ -36,7 +36,7 @@ ARMS = {
     "consistent": Stroke("#7d6331", _DASHES),
 }
 """Of middle lightness, so that they read on white and on black, and far apart to the colour-blind too (the tests say
-how far); arms that fall together by their nature (tc, vb_exact, info; nsv, elc) differ in dash as well."""
+how far); methods that fall together by their nature (tc, vb_exact, info; nsv, elc) differ in dash as well."""
 
 _OTHERS = ("#5c7a99", "#a8683a", "#8a7f1e", "#a35bb0", "#3e8a5a")
 
@@ -78,20 +78,20 @@ WIDTH_IN, HEIGHT_IN = 5.6, 4.1
 """Small enough that the text can still be read when a telephone shows the figure."""
 
 
-def stroke(arm: str) -> Stroke:
-    """Colour and dash of an arm; an arm that is not in `ARMS` gets its own by its name.
+def stroke(method: str) -> Stroke:
+    """Colour and dash of a method; a method that is not in `METHODS` gets its own by its name.
 
     >>> stroke("tc").colour, stroke("something_new") == stroke("something_new")
     ('#5394ec', True)
     """
-    if arm in ARMS:
-        return ARMS[arm]
-    return Stroke(_OTHERS[zlib.crc32(arm.encode()) % len(_OTHERS)], (0, (6, 1.4, 1, 1.4, 1, 1.4)))
+    if method in METHODS:
+        return METHODS[method]
+    return Stroke(_OTHERS[zlib.crc32(method.encode()) % len(_OTHERS)], (0, (6, 1.4, 1, 1.4, 1, 1.4)))
 
 
-def draw_order(arms: list[str]) -> list[str]:
-    """The arms with solid lines first, so that a dashed one shows on the solid one that it falls together with."""
-    return sorted(arms, key=lambda arm: stroke(arm).dash != "-")
+def draw_order(methods: list[str]) -> list[str]:
+    """The methods with solid lines first, so that a dashed one shows on the solid one that it falls together with."""
+    return sorted(methods, key=lambda method: stroke(method).dash != "-")
 
 
 def new_figure(height_in: float = HEIGHT_IN, width_in: float = WIDTH_IN) -> Figure:

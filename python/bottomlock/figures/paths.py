@@ -6,9 +6,9 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bottomlock.figures.palette import ARMS, FAINT, INK, STYLE
+from bottomlock.figures.palette import FAINT, INK, METHODS, STYLE
 
-_PATH, _START, _END = ARMS["tc"].colour, ARMS["nsv"].colour, ARMS["vb"].colour
+_PATH, _START, _END = METHODS["tc"].colour, METHODS["nsv"].colour, METHODS["vb"].colour
 
 
 def paths_figure(paths: pl.DataFrame, trajectories: list[str]) -> Figure:

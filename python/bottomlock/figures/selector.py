@@ -1,4 +1,4 @@
-"""What the arms that choose have chosen, as shares of the runs against time."""
+"""What the methods that choose have chosen, as shares of the runs against time."""
 
 from typing import Any
 
@@ -11,24 +11,26 @@ from bottomlock.figures.palette import FAINT, HEIGHT_IN, INK, STYLE, new_figure,
 
 
 def choices_figure(choices: pl.DataFrame, trajectory: str) -> Figure | None:
-    """A strip for each arm and component: the share of the runs that took each source; none without a choice.
+    """A strip for each method and component: the share of the runs that took each source; none without a choice.
 
     Args:
         choices: `schema.CHOICES`.
         trajectory: one of its trajectories.
     """
     rows = choices.filter((pl.col("trajectory") == trajectory) & (pl.col("component") != "why"))
-    strips = rows.select("arm", "component").unique(maintain_order=True).sort("arm", descending=True).rows()
+    strips = (
+        rows.select("method", "component").unique(maintain_order=True).sort("method", descending=True).rows()
+    )
     if not strips:
         return None
     time_ns = rows["time_ns"].unique().sort()
     with mpl.rc_context(STYLE):
         figure = new_figure(height_in=max(0.5 * HEIGHT_IN, 0.95 * len(strips) + 0.6))
         all_axes: Any = figure.subplots(len(strips), 1, sharex=True, squeeze=False)
-        for axes, (arm, component) in zip(all_axes[:, 0], strips, strict=True):
-            own = rows.filter((pl.col("arm") == arm) & (pl.col("component") == component))
+        for axes, (method, component) in zip(all_axes[:, 0], strips, strict=True):
+            own = rows.filter((pl.col("method") == method) & (pl.col("component") == component))
             _strip(axes, own, time_ns)
-            axes.set_title(f"{arm}: {component}", loc="left", fontsize=9.0, color=INK)
+            axes.set_title(f"{method}: {component}", loc="left", fontsize=9.0, color=INK)
             axes.set_yticks([0.0, 1.0], ["0", "all"])
         all_axes[-1, 0].set_xlabel("time, s")
         figure.subplots_adjust(left=0.08, right=0.74, top=0.93, bottom=0.13, hspace=0.75)

@@ -1,6 +1,6 @@
 """What each aiding method does with the beams, in a line."""
 
-ARM_WORDS = {
+METHOD_WORDS = {
     "ins": "no beam: the inertial system alone",
     "lc": "all four beams, none lost, by least squares: the reference",
     "tc": "a row for every valid beam",
@@ -15,4 +15,4 @@ ARM_WORDS = {
     "sway_current": "sway in proportion to the yaw rate, relative to water whose current is estimated",
     "consistent": "the most informative of tc, weak_sway and sway_current that the beams do not contradict",
 }
-"""What each arm does with the beams; an arm that is not named here is shown without words."""
+"""What each method does with the beams; a method that is not named here is shown without words."""

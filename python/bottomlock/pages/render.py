@@ -27,7 +27,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def render(template: str, content: dict[str, Any]) -> str:
-    """A packaged page, its numbers, arms' colours and titles written as everywhere."""
+    """A packaged page, its numbers, methods' colours and titles written as everywhere."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("bottomlock.pages", "templates"),
         autoescape=True,
@@ -37,6 +37,6 @@ def render(template: str, content: dict[str, Any]) -> str:
         keep_trailing_newline=True,
     )
     environment.filters["number"] = number
-    environment.filters["colour"] = lambda arm: stroke(arm).colour
+    environment.filters["colour"] = lambda method: stroke(method).colour
     environment.filters["title"] = lambda name: str(name).replace("_", " ").capitalize()
     return environment.get_template(template).render(content)

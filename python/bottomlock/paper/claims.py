@@ -24,10 +24,10 @@ class _Claim(BaseModel):
 
 
 class ValueClaim(_Claim):
-    """RMS over runs of one arm at one time."""
+    """RMS over runs of one method at one time."""
 
     kind: Literal["value"]
-    arm: str
+    method: str
     printed: float
     half_digit: float
     time_s: float
@@ -38,16 +38,16 @@ class ValueClaim(_Claim):
         return "value"
 
     @property
-    def arms(self) -> list[str]:
-        """The arms it speaks of."""
-        return [self.arm]
+    def methods(self) -> list[str]:
+        """The methods it speaks of."""
+        return [self.method]
 
 
 class ImprovementClaim(_Claim):
-    """What one arm wins over another: `reduction` is 1 − arm/reference, `excess` reference/arm − 1."""
+    """What one method wins over another: `reduction` is 1 − method/reference, `excess` reference/method − 1."""
 
     kind: Literal["improvement"]
-    arm: str
+    method: str
     reference: str
     formula: Literal["reduction", "excess"]
     printed: float
@@ -60,9 +60,9 @@ class ImprovementClaim(_Claim):
         return "improvement"
 
     @property
-    def arms(self) -> list[str]:
-        """The arms it speaks of."""
-        return [self.arm, self.reference]
+    def methods(self) -> list[str]:
+        """The methods it speaks of."""
+        return [self.method, self.reference]
 
 
 class OrderingClaim(_Claim):
@@ -82,23 +82,23 @@ class OrderingClaim(_Claim):
         return self.relation
 
     @property
-    def arms(self) -> list[str]:
-        """The arms it speaks of."""
+    def methods(self) -> list[str]:
+        """The methods it speaks of."""
         return [*self.better, *self.worse]
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
         """Better and worse, each with each."""
         if self.than_trajectory is not None:
-            return [(arm, arm) for arm in self.better]
+            return [(method, method) for method in self.better]
         return [(better, worse) for better in self.better for worse in self.worse]
 
 
 class DriftClaim(_Claim):
-    """How the RMS of one arm goes over a window of time, or through the turns."""
+    """How the RMS of one method goes over a window of time, or through the turns."""
 
     kind: Literal["drift"]
-    arm: str
+    method: str
     pattern: Literal["rising", "level", "oscillating"]
     window_s: tuple[float, float] | None = None
     tolerance: float = 0.0
@@ -109,16 +109,16 @@ class DriftClaim(_Claim):
         return self.pattern
 
     @property
-    def arms(self) -> list[str]:
-        """The arms it speaks of."""
-        return [self.arm]
+    def methods(self) -> list[str]:
+        """The methods it speaks of."""
+        return [self.method]
 
 
 class BiasClaim(_Claim):
     """What is left of the IMU's biases at the end, as parts of the bias itself (the error without aiding)."""
 
     kind: Literal["bias"]
-    arms: list[str]
+    methods: list[str]
     biases: list[str]
     """Of `schema.BIASES`."""
     pattern: Literal["observable", "hidden", "more"]

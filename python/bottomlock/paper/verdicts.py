@@ -1,6 +1,6 @@
 """The paper's claims held against a campaign: each verdict is computed from the tables, with its interval.
 
-Runs are drawn whole and the same runs for all arms of a trajectory, so that differences between arms stay paired;
+Runs are drawn whole and the same runs for all methods of a trajectory, so that differences between methods stay paired;
 trajectories have sensor errors of their own and are drawn independently.
 """
 
@@ -34,7 +34,7 @@ TURN_RATE_RADPS = np.deg2rad(2.0)
 """Above it the course changes by intent; the paper's turns are half circles in some 20 s."""
 
 UNAIDED = "ins"
-"""The arm whose error of a bias is the bias itself: nothing corrects it."""
+"""The method whose error of a bias is the bias itself: nothing corrects it."""
 
 _UNPRINTED = {"vb": ("virtual_beam_factor", "n_f"), "nsv": ("nullified_sway_var_m2ps2", "ε")}
 
@@ -50,7 +50,7 @@ class _Estimate:
     ours: float
     draws: Array
     worst: tuple[str, ...] | None = None
-    """Of several arms, pairs of arms, or arms and biases the worst, which the number is of."""
+    """Of several methods, pairs of methods, or methods and biases the worst, which the number is of."""
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -76,25 +76,25 @@ class _Flown:
     errors: Errors
     weights: Array
 
-    def rms(self, quantity: str, arm: str, times: Sequence[int]) -> _Estimate:
+    def rms(self, quantity: str, method: str, times: Sequence[int]) -> _Estimate:
         """RMS over runs and over the times given."""
         matrix = self.errors.of(quantity)
-        if arm not in matrix:
-            raise _NotTestableError(f"arm {arm} was not flown")
-        squares = (matrix[arm][:, list(times)] ** 2).mean(axis=1)
+        if method not in matrix:
+            raise _NotTestableError(f"method {method} was not flown")
+        squares = (matrix[method][:, list(times)] ** 2).mean(axis=1)
         return _Estimate(float(np.sqrt(squares.mean())), np.sqrt(self.weights @ squares))
 
-    def at(self, quantity: str, arm: str, time_s: float) -> _Estimate:
-        return self.rms(quantity, arm, [self.index(time_s)])
+    def at(self, quantity: str, method: str, time_s: float) -> _Estimate:
+        return self.rms(quantity, method, [self.index(time_s)])
 
-    def bias_left(self, arm: str, bias: str) -> _Estimate:
-        """RMS over runs of an arm's error of a bias at the end, as a part of the bias itself."""
+    def bias_left(self, method: str, bias: str) -> _Estimate:
+        """RMS over runs of a method's error of a bias at the end, as a part of the bias itself."""
         rms = []
-        for name in (arm, UNAIDED):
-            here = (pl.col("trajectory") == self.trajectory) & (pl.col("arm") == name)
+        for name in (method, UNAIDED):
+            here = (pl.col("trajectory") == self.trajectory) & (pl.col("method") == name)
             squares = self.study.runs.filter(here).sort("run")[f"err_{bias}"].to_numpy() ** 2
             if squares.size == 0:
-                raise _NotTestableError(f"arm {name} was not flown")
+                raise _NotTestableError(f"method {name} was not flown")
             rms.append(_Estimate(float(np.sqrt(squares.mean())), np.sqrt(self.weights @ squares)))
         return rms[0].over(rms[1])
 
@@ -192,36 +192,45 @@ def _estimate(claim: Claim, flown: Mapping[str, _Flown]) -> _Estimate:
     here = flown[claim.trajectory]
     match claim:
         case ValueClaim():
-            return here.at(claim.quantity, claim.arm, claim.time_s)
+            return here.at(claim.quantity, claim.method, claim.time_s)
         case ImprovementClaim():
-            arm = here.at(claim.quantity, claim.arm, claim.time_s)
+            method = here.at(claim.quantity, claim.method, claim.time_s)
             reference = here.at(claim.quantity, claim.reference, claim.time_s)
             if claim.formula == "excess":
-                return reference.over(arm).to_percent_more()
-            return arm.over(reference).to_percent_less()
+                return reference.over(method).to_percent_more()
+            return method.over(reference).to_percent_less()
         case OrderingClaim():
             return _ordering(claim, here, flown[claim.than_trajectory or claim.trajectory])
         case DriftClaim(pattern="oscillating"):
             turns, legs = _turns_and_legs(here)
-            return here.rms(claim.quantity, claim.arm, turns).over(here.rms(claim.quantity, claim.arm, legs))
+            return here.rms(claim.quantity, claim.method, turns).over(
+                here.rms(claim.quantity, claim.method, legs)
+            )
         case DriftClaim():
             start, end = claim.window_s or (0.0, 0.0)
-            return here.at(claim.quantity, claim.arm, end).over(here.at(claim.quantity, claim.arm, start))
+            return here.at(claim.quantity, claim.method, end).over(
+                here.at(claim.quantity, claim.method, start)
+            )
         case BiasClaim(pattern="more"):
             there = flown[claim.than_trajectory or claim.trajectory]
             return _worst(
-                {(arm,): _all_left(here, arm, claim).over(_all_left(there, arm, claim)) for arm in claim.arms}
+                {
+                    (method,): _all_left(here, method, claim).over(_all_left(there, method, claim))
+                    for method in claim.methods
+                }
             )
         case BiasClaim():
             left: dict[tuple[str, ...], _Estimate] = {
-                (arm, bias): here.bias_left(arm, bias) for arm in claim.arms for bias in claim.biases
+                (method, bias): here.bias_left(method, bias)
+                for method in claim.methods
+                for bias in claim.biases
             }
             return _worst(left, least=claim.pattern == "hidden")
 
 
-def _all_left(flown: _Flown, arm: str, claim: BiasClaim) -> _Estimate:
+def _all_left(flown: _Flown, method: str, claim: BiasClaim) -> _Estimate:
     """Root of the mean squared part that is left of each bias."""
-    parts = [flown.bias_left(arm, bias) for bias in claim.biases]
+    parts = [flown.bias_left(method, bias) for bias in claim.biases]
     return _Estimate(
         float(np.sqrt(np.mean([part.ours**2 for part in parts]))),
         np.sqrt(np.mean([part.draws**2 for part in parts], axis=0)),
@@ -311,10 +320,10 @@ def _as_ratios(claim: ValueClaim | ImprovementClaim, low: float, high: float) ->
 
 def _note(claim: Claim, estimate: _Estimate, verdict: str, flown: _Flown) -> str:
     """What the tables say about a claim that they do not bear out."""
-    parts, arms = [], claim.arms
+    parts, methods = [], claim.methods
     if estimate.worst is not None:
         names = list(dict.fromkeys(estimate.worst))
-        arms = [name for name in names if name in claim.arms]
+        methods = [name for name in names if name in claim.methods]
         parts.append(f"worst is {' / '.join(names)}")
     if verdict == REPRODUCED:
         return "; ".join(parts)
@@ -323,16 +332,16 @@ def _note(claim: Claim, estimate: _Estimate, verdict: str, flown: _Flown) -> str
         parts.extend(_distance(claim, estimate, verdict, flown))
     elif verdict == NOT_TESTABLE:
         parts.append(f"{runs} runs do not tell the two apart")
-    for arm in arms:
-        parts.extend(_gate_and_nees(flown, arm))
-        parts.extend(_own_setting(flown, arm))
+    for method in methods:
+        parts.extend(_gate_and_nees(flown, method))
+        parts.extend(_own_setting(flown, method))
     if claim.quantity == "attitude":
-        arm = arms[0]
+        method = methods[0]
         whole, heading = (
-            np.sqrt(np.mean(matrix[arm][:, -1] ** 2))
+            np.sqrt(np.mean(matrix[method][:, -1] ** 2))
             for matrix in (flown.errors.attitude_deg, flown.errors.heading_deg)
         )
-        parts.append(f"{heading:.2f}° of {arm}'s {whole:.2f}° is heading, which no velocity shows")
+        parts.append(f"{heading:.2f}° of {method}'s {whole:.2f}° is heading, which no velocity shows")
     return "; ".join(part for part in parts if part)
 
 
@@ -345,10 +354,10 @@ def _distance(
         words = [f"ours is {estimate.ours / claim.printed:.3g} times the printed"]
     else:
         unit = " m/s" if claim.quantity == "velocity" else "°"
-        last = {arm: flown.at(claim.quantity, arm, claim.time_s).ours for arm in claim.arms}
-        words = [", ".join(f"{arm} is at {value:.3g}{unit}" for arm, value in last.items())]
+        last = {method: flown.at(claim.quantity, method, claim.time_s).ours for method in claim.methods}
+        words = [", ".join(f"{method} is at {value:.3g}{unit}" for method, value in last.items())]
     if verdict == NOT_TESTABLE:
-        squares = flown.errors.of(claim.quantity)[claim.arm][:, flown.index(claim.time_s)] ** 2
+        squares = flown.errors.of(claim.quantity)[claim.method][:, flown.index(claim.time_s)] ** 2
         share = 100.0 * float(squares.max() / squares.sum())
         return [*words, f"one run of {runs} makes {share:.0f} % of the mean square, the interval rests on it"]
     of_one_run = float(np.var(estimate.draws)) * runs
@@ -359,26 +368,26 @@ def _distance(
     return words
 
 
-def _gate_and_nees(flown: _Flown, arm: str) -> list[str]:
-    """Whether an arm loses its fixes to its own gate, and whether it is overconfident."""
-    here = (pl.col("trajectory") == flown.trajectory) & (pl.col("arm") == arm)
+def _gate_and_nees(flown: _Flown, method: str) -> list[str]:
+    """Whether a method loses its fixes to its own gate, and whether it is overconfident."""
+    here = (pl.col("trajectory") == flown.trajectory) & (pl.col("method") == method)
     runs = flown.study.runs.filter(here)
     rejected, accepted = int(runs["fixes_rejected"].sum()), int(runs["fixes_accepted"].sum())
     words = []
-    if lost := locked_out(flown.study, flown.trajectory, arm):
-        words.append(f"{arm}'s gate locks it out in {lost} of {runs.height} runs")
+    if lost := locked_out(flown.study, flown.trajectory, method):
+        words.append(f"{method}'s gate locks it out in {lost} of {runs.height} runs")
     elif rejected > 0.02 * (rejected + accepted):
-        words.append(f"{arm}'s gate rejects {100.0 * rejected / (rejected + accepted):.0f} % of its fixes")
+        words.append(f"{method}'s gate rejects {100.0 * rejected / (rejected + accepted):.0f} % of its fixes")
     honesty = flown.study.consistency.filter(here & (pl.col("quantity") == "nees_velocity_attitude"))
     if honesty.height and honesty["verdict"][0] == "overconfident":
         mean, degrees = _rounded(honesty["mean"][0]), honesty["degrees"][0]
-        words.append(f"{arm}'s NEES of velocity and attitude is {mean}, honest is {degrees}")
+        words.append(f"{method}'s NEES of velocity and attitude is {mean}, honest is {degrees}")
     return words
 
 
-def _own_setting(flown: _Flown, arm: str) -> list[str]:
-    """What we had to choose for an arm, since the paper does not print it."""
-    name, symbol = _UNPRINTED.get(arm, ("", ""))
+def _own_setting(flown: _Flown, method: str) -> list[str]:
+    """What we had to choose for a method, since the paper does not print it."""
+    name, symbol = _UNPRINTED.get(method, ("", ""))
     value = flown.study.configuration(flown.trajectory).get("filter", {}).get(name)
     return [] if value is None else [f"{symbol} is {value:g} here, the paper prints none"]
 

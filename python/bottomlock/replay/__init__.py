@@ -1,4 +1,4 @@
-"""Recorded dives navigated again: case file, alignment, what-if masks, arms side by side against a reference.
+"""Recorded dives navigated again: case file, alignment, what-if masks, methods side by side against a reference.
 
 Examples:
     The least that a case file says:
@@ -25,6 +25,6 @@ Examples:
     ... ''',
     ...     place="example",
     ... )
-    >>> case.dvl.source, case.replay.arms[:3]
+    >>> case.dvl.source, case.replay.methods[:3]
     ('beams', ('ins', 'lc', 'tc'))
 """

@@ -10,14 +10,14 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 
 from bottomlock.config.scenario_sections import (
-    ARM_NAMES,
+    METHOD_NAMES,
     Filter,
     Finite,
     NonNegative,
     Positive,
     Section,
     Vector,
-    check_arms,
+    check_methods,
 )
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
@@ -94,9 +94,9 @@ class Start(Section):
 
 
 class Settings(Section):
-    """Arms, seed, number of draws, and the spacing of the output where no reference sets it."""
+    """Methods, seed, number of draws, and the spacing of the output where no reference sets it."""
 
-    arms: tuple[str, ...] = ARM_NAMES
+    methods: tuple[str, ...] = METHOD_NAMES
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
     runs: Annotated[int, Field(ge=1, le=10_000)] = 1
     smooth: bool = True
@@ -105,7 +105,7 @@ class Settings(Section):
 
     @model_validator(mode="after")
     def _known(self) -> Self:
-        check_arms(self.arms)
+        check_methods(self.methods)
         return self
 
 
@@ -159,14 +159,14 @@ class Case(Section):
                 raise ValueError(f'start.{key} = "reference", but [reference] has no columns for it')
 
     def with_overrides(
-        self, *, arms: Iterable[str] | None = None, runs: int | None = None, seed: int | None = None
+        self, *, methods: Iterable[str] | None = None, runs: int | None = None, seed: int | None = None
     ) -> Self:
-        """The same case with other arms, number of draws or seed.
+        """The same case with other methods, number of draws or seed.
 
         Raises:
-            ScenarioError: for a number out of range or an unknown or repeated arm.
+            ScenarioError: for a number out of range or an unknown or repeated method.
         """
-        change = {"arms": None if arms is None else tuple(arms), "runs": runs, "seed": seed}
+        change = {"methods": None if methods is None else tuple(methods), "runs": runs, "seed": seed}
         content = self.replay.model_dump() | {
             key: value for key, value in change.items() if value is not None
         }

@@ -26,20 +26,27 @@ _NED, _AXES, _ANGLES = ("north", "east", "down"), ("surge", "sway", "heave"), ("
 
 
 def passes(case: Case, flight: Flight) -> Iterator[tuple[str, str, dict[str, Floats]]]:
-    """Pass, arm and states of every arm's forward pass and of every smoothed one, by the same names."""
+    """Pass, method and states of every method's forward pass and of every smoothed one, by the same names."""
     names = ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd")
-    for index, arm in enumerate(case.replay.arms):
-        yield FORWARD, arm, {name: np.asarray(flight.result[name][index]) for name in names}
-    for index, arm in enumerate(flight.smoothed_arms):
-        yield SMOOTHED, arm, {name: np.asarray(flight.smoothed[f"smoothed_{name}"][index]) for name in names}
+    for index, method in enumerate(case.replay.methods):
+        yield FORWARD, method, {name: np.asarray(flight.result[name][index]) for name in names}
+    for index, method in enumerate(flight.smoothed_methods):
+        yield (
+            SMOOTHED,
+            method,
+            {name: np.asarray(flight.smoothed[f"smoothed_{name}"][index]) for name in names},
+        )
 
 
 def samples_table(case: Case, what_if: str, flight: Flight) -> pl.DataFrame:
-    """A row per arm, pass and time (`replay_schema.REPLAY_SAMPLES`)."""
+    """A row per method, pass and time (`replay_schema.REPLAY_SAMPLES`)."""
     parts = []
     prepared = flight.prepared
-    for name, arm, states in passes(case, flight):
-        columns = _keys(case, what_if, prepared, len(prepared.sample_time_ns)) | {"arm": arm, "pass": name}
+    for name, method, states in passes(case, flight):
+        columns = _keys(case, what_if, prepared, len(prepared.sample_time_ns)) | {
+            "method": method,
+            "pass": name,
+        }
         columns |= {"time_ns": prepared.sample_time_ns}
         columns |= _estimate(states, prepared.dive) | _errors(states, prepared)
         parts.append(pl.DataFrame({key: columns[key] for key in REPLAY_SAMPLES}, schema=dict(REPLAY_SAMPLES)))
@@ -111,15 +118,15 @@ def errors_of(states: Mapping[str, Floats], prepared: Prepared) -> tuple[Floats,
 
 
 def innovations_table(case: Case, what_if: str, flight: Flight) -> pl.DataFrame:
-    """A row per arm and ping (`replay_schema.innovations_schema`)."""
+    """A row per method and ping (`replay_schema.innovations_schema`)."""
     prepared, result = flight.prepared, flight.result
     times = prepared.dive.beams.time_ns[prepared.pings]
     beams = flight.valid.shape[1]
     schema = innovations_schema(beams)
     parts = []
-    for index, arm in enumerate(case.replay.arms):
+    for index, method in enumerate(case.replay.methods):
         columns = _keys(case, what_if, prepared, len(times)) | {
-            "arm": arm,
+            "method": method,
             "time_ns": times,
             "status": [FIX_STATUS[code] for code in result["fix_status"][index]],
             "nis": result["nis"][index],

@@ -101,7 +101,7 @@ class DvlStream(Mounted):
 
 
 class Robust(Section):
-    """What is done against beams that err more than a Gaussian does, before an arm makes anything of a ping.
+    """What is done against beams that err more than a Gaussian does, before a method makes anything of a ping.
 
     Gates by closure and by single beams, as the probability with which a good one passes, and the tail of the beams'
     noise. Without the section nothing is done.

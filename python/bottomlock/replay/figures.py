@@ -13,12 +13,12 @@ from scipy.stats import chi2
 
 from bottomlock.figures.curves import plain_number
 from bottomlock.figures.labels import Line, coincident, label_ends
-from bottomlock.figures.palette import ARMS, FAINT, INK, STYLE, WIDTH_IN, draw_order, new_figure, stroke
+from bottomlock.figures.palette import FAINT, INK, METHODS, STYLE, WIDTH_IN, draw_order, new_figure, stroke
 from bottomlock.tables.replay import FORWARD, SMOOTHED
 
 Floats = NDArray[np.float64]
 _BEAMS = tuple(
-    ARMS[arm].colour for arm in ("tc", "vb", "nsv", "plcf", "vhv", "elc", "weak_sway", "consistent")
+    METHODS[method].colour for method in ("tc", "vb", "nsv", "plcf", "vhv", "elc", "weak_sway", "consistent")
 )
 _QUANTITIES = (
     ("position", "m", "position, m"),
@@ -34,14 +34,14 @@ def _left_title(figure: Figure, words: str) -> None:
 
 
 def map_figure(
-    samples: pl.DataFrame, path: pl.DataFrame | None, *, arms: Sequence[str], words: str
+    samples: pl.DataFrame, path: pl.DataFrame | None, *, methods: Sequence[str], words: str
 ) -> Figure:
-    """Plan view of the arms of one question (first draw), dashed where smoothed, and of the reference.
+    """Plan view of the methods of one question (first draw), dashed where smoothed, and of the reference.
 
     Args:
         samples: `replay_schema.REPLAY_SAMPLES` of one question.
         path: `replay_schema.PATH`, or None.
-        arms: which to draw.
+        methods: which to draw.
         words: what stands above it.
     """
     first = samples.filter(pl.col("run") == samples["run"].min())
@@ -52,22 +52,22 @@ def map_figure(
             span = path.filter(pl.col("time_ns").is_between(first["time_ns"].min(), first["time_ns"].max()))
             axes.plot(span["east_m"], span["north_m"], color=FAINT, linewidth=4.0, alpha=0.45, zorder=1)
         ends = {}
-        for arm in draw_order(list(arms)):
+        for method in draw_order(list(methods)):
             for name, width, alpha in ((FORWARD, 1.3, 0.95), (SMOOTHED, 1.0, 0.55)):
-                rows = first.filter((pl.col("arm") == arm) & (pl.col("pass") == name))
+                rows = first.filter((pl.col("method") == method) & (pl.col("pass") == name))
                 if not rows.height:
                     continue
-                dash = stroke(arm).dash if name == FORWARD else (0, (1.5, 1.2))
+                dash = stroke(method).dash if name == FORWARD else (0, (1.5, 1.2))
                 axes.plot(
                     rows["east_m"],
                     rows["north_m"],
-                    color=stroke(arm).colour,
+                    color=stroke(method).colour,
                     linewidth=width,
                     alpha=alpha,
                     linestyle=dash,
                 )
                 if name == FORWARD:
-                    ends[arm] = (rows["east_m"].to_numpy(), rows["north_m"].to_numpy())
+                    ends[method] = (rows["east_m"].to_numpy(), rows["north_m"].to_numpy())
         axes.set_aspect("equal", adjustable="datalim")
         axes.margins(0.06)
         start = first.row(0, named=True)
@@ -83,23 +83,25 @@ def map_figure(
         axes.set_ylabel("north, m")
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(MaxNLocator(6))
-        groups = coincident({arm: np.concatenate(way) for arm, way in ends.items()}, tolerance=2e-3)
+        groups = coincident({method: np.concatenate(way) for method, way in ends.items()}, tolerance=2e-3)
         label_ends(axes, [Line(group, *ends[group[0]]) for group in groups])
         _left_title(figure, words)
     return figure
 
 
-def error_figure(ensemble: pl.DataFrame, *, arms: Sequence[str], words: str, which: str = FORWARD) -> Figure:
-    """Errors against the reference, norms over axes and RMS over draws; thin and dotted what each arm claims.
+def error_figure(
+    ensemble: pl.DataFrame, *, methods: Sequence[str], words: str, which: str = FORWARD
+) -> Figure:
+    """Errors against the reference, norms over axes and RMS over draws; thin and dotted what each method claims.
 
     Args:
         ensemble: `replay_schema.REPLAY_ENSEMBLE` of one question.
-        arms: which to draw.
+        methods: which to draw.
         words: what stands above it.
         which: pass.
     """
-    rows = ensemble.filter((pl.col("pass") == which) & pl.col("arm").is_in(list(arms)))
-    arms = [arm for arm in arms if arm in set(rows["arm"])]
+    rows = ensemble.filter((pl.col("pass") == which) & pl.col("method").is_in(list(methods)))
+    methods = [method for method in methods if method in set(rows["method"])]
     shown = [q for q in _QUANTITIES if rows[f"{q[0]}_rms_{q[1]}"].is_not_null().any()]
     with mpl.rc_context(STYLE):
         height = 0.75 + 2.05 * len(shown)
@@ -108,7 +110,7 @@ def error_figure(ensemble: pl.DataFrame, *, arms: Sequence[str], words: str, whi
         for index, (name, unit, label) in enumerate(shown):
             bottom = (0.48 + (len(shown) - 1 - index) * each + 0.1) / height
             axes = figure.add_axes((0.115, bottom, 0.645, (each - 0.28) / height))
-            _one_error(axes, rows, arms, name, unit)
+            _one_error(axes, rows, methods, name, unit)
             axes.set_title(label, loc="left", fontsize=9.5)
             if index == len(shown) - 1:
                 axes.set_xlabel("time from the start, s")
@@ -118,13 +120,13 @@ def error_figure(ensemble: pl.DataFrame, *, arms: Sequence[str], words: str, whi
     return figure
 
 
-def _one_error(axes: Axes, rows: pl.DataFrame, arms: Sequence[str], name: str, unit: str) -> None:
+def _one_error(axes: Axes, rows: pl.DataFrame, methods: Sequence[str], name: str, unit: str) -> None:
     made, claimed, time_s = {}, {}, np.zeros(0)
-    for arm in draw_order(list(arms)):
-        one = rows.filter(pl.col("arm") == arm)
+    for method in draw_order(list(methods)):
+        one = rows.filter(pl.col("method") == method)
         time_s = one["time_s"].to_numpy()
-        made[arm] = one[f"{name}_rms_{unit}"].fill_null(np.nan).to_numpy()
-        claimed[arm] = one[f"{name}_sd_{unit}"].fill_null(np.nan).to_numpy()
+        made[method] = one[f"{name}_rms_{unit}"].fill_null(np.nan).to_numpy()
+        claimed[method] = one[f"{name}_sd_{unit}"].fill_null(np.nan).to_numpy()
     axes.set_yscale("log")
     every = np.concatenate([*made.values(), *claimed.values()])
     every = every[np.isfinite(every) & (every > 0.0)]
@@ -143,9 +145,9 @@ def _one_error(axes: Axes, rows: pl.DataFrame, arms: Sequence[str], name: str, u
     label_ends(axes, lines)
 
 
-def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, arm: str, words: str) -> Figure:
-    """Innovations of the beams of one arm (first draw) with the ±2 sigma that it claims; rejected pings hollow."""
-    rows = innovations.filter((pl.col("arm") == arm) & (pl.col("run") == innovations["run"].min()))
+def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, words: str) -> Figure:
+    """Innovations of the beams of one method (first draw) with the ±2 sigma that it claims; rejected pings hollow."""
+    rows = innovations.filter((pl.col("method") == method) & (pl.col("run") == innovations["run"].min()))
     beams = sum(name.endswith("_innovation_mps") for name in rows.columns)
     time_s = (rows["time_ns"].to_numpy() - start_ns) * 1e-9
     accepted = (rows["status"] != "rejected").to_numpy()
@@ -187,20 +189,22 @@ def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, arm: str, wor
 
 
 def nis_figure(
-    innovations: pl.DataFrame, start_ns: int, *, arms: Sequence[str], words: str, window: int = 30
+    innovations: pl.DataFrame, start_ns: int, *, methods: Sequence[str], words: str, window: int = 30
 ) -> Figure:
     """NIS over its degrees of freedom, sliding mean over pings (first draw), with the 95 % band of that mean."""
     first = innovations.filter(pl.col("run") == innovations["run"].min())
     lines: dict[str, Floats] = {}
     times: dict[str, Floats] = {}
     degrees = 1.0
-    for arm in draw_order(list(arms)):
-        rows = first.filter((pl.col("arm") == arm) & pl.col("nis").is_not_null() & (pl.col("degrees") > 0))
+    for method in draw_order(list(methods)):
+        rows = first.filter(
+            (pl.col("method") == method) & pl.col("nis").is_not_null() & (pl.col("degrees") > 0)
+        )
         if rows.height < 2 * window:
             continue
         ratio = (rows["nis"] / rows["degrees"]).to_numpy()
-        lines[arm] = np.convolve(ratio, np.full(window, 1.0 / window), mode="valid")
-        times[arm] = (rows["time_ns"].to_numpy()[window - 1 :] - start_ns) * 1e-9
+        lines[method] = np.convolve(ratio, np.full(window, 1.0 / window), mode="valid")
+        times[method] = (rows["time_ns"].to_numpy()[window - 1 :] - start_ns) * 1e-9
         degrees = float(rows["degrees"].to_numpy().mean())
     with mpl.rc_context(STYLE):
         figure = new_figure(height_in=3.2)
@@ -225,15 +229,17 @@ def nis_figure(
         )
         axes.set_xlabel("time from the start, s")
         drawn: list[Line] = []
-        for arm, line in lines.items():
+        for method, line in lines.items():
             alike = next(
                 (d for d in drawn if len(d.y) == len(line) and np.allclose(d.y, line, rtol=1e-2)), None
             )
             if alike is not None:
-                drawn[drawn.index(alike)] = Line((*alike.arms, arm), alike.x, alike.y)
+                drawn[drawn.index(alike)] = Line((*alike.methods, method), alike.x, alike.y)
                 continue
-            axes.plot(times[arm], line, color=stroke(arm).colour, linestyle=stroke(arm).dash, linewidth=1.2)
-            drawn.append(Line((arm,), times[arm], line))
+            axes.plot(
+                times[method], line, color=stroke(method).colour, linestyle=stroke(method).dash, linewidth=1.2
+            )
+            drawn.append(Line((method,), times[method], line))
         label_ends(axes, drawn)
     return figure
 

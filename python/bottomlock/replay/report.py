@@ -12,16 +12,16 @@ from matplotlib.figure import Figure
 from bottomlock.atomic_write import read_json, write_bytes, write_text
 from bottomlock.errors import DataError
 from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
-from bottomlock.pages.method_words import ARM_WORDS
+from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render
 from bottomlock.replay.figures import error_figure, innovation_figure, map_figure, nis_figure, validity_figure
 from bottomlock.statistics.replay import summary_table
 from bottomlock.tables.replay import FORWARD, RECORDED, SMOOTHED
 
 BEAM_ROWS = ("tc", "sway_current", "consistent")
-"""Arms whose innovations are beams, the first that was flown is drawn."""
+"""Methods whose innovations are beams, the first that was flown is drawn."""
 FAR = 25.0
-"""An arm that strays more than so many times as far as the median arm is left off the map, and the page says so."""
+"""A method whose error exceeds the median method's by this factor is left off the map, and the page says so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,43 +130,45 @@ def drawings(tables: Tables) -> list[Drawing]:
         samples = tables.samples.filter(pl.col("what_if") == question)
         innovations = tables.innovations.filter(pl.col("what_if") == question)
         title = f"{manifest['case'].replace('_', ' ')}, {question.replace('_', ' ')}{tail}"
-        near, far = _near_and_far(samples, manifest["arms"])
+        near, far = _near_and_far(samples, manifest["methods"])
         words = f"Plan view{tail}"
         words += "; broad grey: the reference" if tables.path is not None else ""
         words += "; dotted: smoothed" if (samples["pass"] == SMOOTHED).any() else ""
         words += f"; off the map: {', '.join(far)}" if far else ""
-        drawn = map_figure(samples, tables.path, arms=near, words=title)
+        drawn = map_figure(samples, tables.path, methods=near, words=title)
         found.append(Drawing(f"map_{question}", words + ".", drawn, question))
         ensemble = tables.ensemble.filter(pl.col("what_if") == question)
         for name in (FORWARD, SMOOTHED):
             if manifest["has_reference"] and (ensemble["pass"] == name).any():
-                drawn = error_figure(ensemble, arms=manifest["arms"], words=f"{title}, {name}", which=name)
-                words = f"Errors against the reference, {name}{tail}; dotted: what the arm claims, 1 sigma."
+                drawn = error_figure(
+                    ensemble, methods=manifest["methods"], words=f"{title}, {name}", which=name
+                )
+                words = (
+                    f"Errors against the reference, {name}{tail}; dotted: what the method claims, 1 sigma."
+                )
                 found.append(Drawing(f"errors_{name}_{question}", words, drawn, question))
-        arm = next((arm for arm in BEAM_ROWS if arm in manifest["arms"]), None)
-        if arm is not None:
-            drawn = innovation_figure(innovations, start_ns, arm=arm, words=f"{title}, arm {arm}")
-            words = (
-                f"Innovations of each beam, arm {arm}{tail}; shaded: ±2 sigma as claimed; hollow: rejected."
-            )
+        method = next((method for method in BEAM_ROWS if method in manifest["methods"]), None)
+        if method is not None:
+            drawn = innovation_figure(innovations, start_ns, method=method, words=f"{title}, method {method}")
+            words = f"Innovations of each beam, method {method}{tail}; shaded: ±2 sigma as claimed; hollow: rejected."
             found.append(Drawing(f"innovations_{question}", words, drawn, question))
-        drawn = nis_figure(innovations, start_ns, arms=manifest["arms"], words=title)
-        words = f"NIS over its degrees of freedom{tail}: above the band an arm claims more than it knows."
+        drawn = nis_figure(innovations, start_ns, methods=manifest["methods"], words=title)
+        words = f"NIS over its degrees of freedom{tail}: above the band a method claims more than it knows."
         found.append(Drawing(f"nis_{question}", words, drawn, question))
     return found
 
 
-def _near_and_far(samples: pl.DataFrame, arms: list[str]) -> tuple[list[str], list[str]]:
-    """Arms that fit on one map, and those that would shrink it to a dot."""
+def _near_and_far(samples: pl.DataFrame, methods: list[str]) -> tuple[list[str], list[str]]:
+    """Methods that fit on one map, and those that would shrink it to a dot."""
     end = (
         samples.filter(pl.col("pass") == FORWARD)
-        .group_by("arm", maintain_order=True)
+        .group_by("method", maintain_order=True)
         .agg((pl.col("north_m") ** 2 + pl.col("east_m") ** 2).sqrt().max().alias("reach"))
     )
     reach = dict(end.iter_rows())
     usual = float(end["reach"].median())  # type: ignore[arg-type]
-    far = [arm for arm in arms if reach[arm] > max(FAR * usual, 10.0)]
-    return [arm for arm in arms if arm not in far], far
+    far = [method for method in methods if reach[method] > max(FAR * usual, 10.0)]
+    return [method for method in methods if method not in far], far
 
 
 def _content(tables: Tables) -> dict[str, Any]:
@@ -183,12 +185,12 @@ def _content(tables: Tables) -> dict[str, Any]:
             question: _best(summary.filter(pl.col("what_if") == question))
             for question, _ in manifest["what_if"]
         },
-        "arm_words": ARM_WORDS,
+        "method_words": METHOD_WORDS,
         "dump": json.dumps(manifest, indent=2, sort_keys=True, ensure_ascii=False),
     }
 
 
 def _best(rows: pl.DataFrame) -> dict[str, Any] | None:
-    """The forward arm with the least position error at the end."""
+    """The forward method with the least position error at the end."""
     forward = rows.filter((pl.col("pass") == FORWARD) & pl.col("position_final_m").is_not_null())
     return forward.sort("position_final_m").row(0, named=True) if forward.height else None

@@ -1,4 +1,4 @@
-"""One flight along a recording: what chance decides is drawn, the start aligned, beams taken away, every arm flown."""
+"""One run along a recording: random errors drawn, the start aligned, beams removed, every method run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kerne
 from bottomlock.replay.whatif import read_recorded, returned
 
 UNSMOOTHED = ("consistent",)
-"""Arms that choose between filters have no smoother of their own."""
+"""Methods that choose between filters have no smoother of their own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +55,13 @@ class Prepared:
 class Flight:
     """What the kernel made of one question in one draw: its dicts, and the beams that it had.
 
-    `result` is of the forward pass of every arm; `smoothed` has the smoothed states of `smoothed_arms`.
+    `result` is of the forward pass of every method; `smoothed` has the smoothed states of `smoothed_methods`.
     """
 
     prepared: Prepared
     valid: Flags
     result: Mapping[str, Any]
-    smoothed_arms: tuple[str, ...]
+    smoothed_methods: tuple[str, ...]
     smoothed: Mapping[str, Any]
 
 
@@ -221,7 +221,7 @@ def make_log(case: Case, prepared: Prepared, valid: Flags) -> Any:  # noqa: ANN4
 
 
 def fly(case: Case, prepared: Prepared, asked: WhatIf | None, *, threads: int = 1) -> Flight:
-    """Every arm of a case along one draw of its recording, with the beams that a question leaves.
+    """Every method of a case along one draw of its recording, with the beams that a question leaves.
 
     Raises:
         DataError: for a question that makes no sense here.
@@ -245,19 +245,19 @@ def fly(case: Case, prepared: Prepared, asked: WhatIf | None, *, threads: int = 
         "position_t_m": alignment.position_t_m,
         "attitude_t_p": quaternions(alignment.attitude),
         "velocity_p_mps": alignment.velocity_p_mps,
-        "accel_bias_mps2": np.zeros(3),
-        "gyro_bias_radps": np.zeros(3),
+        "accel_bias_p_mps2": np.zeros(3),
+        "gyro_bias_p_radps": np.zeros(3),
     }
     log = make_log(case, prepared, valid)
 
-    def flown(arms: list[str], *, smooth: bool) -> Any:  # noqa: ANN401 - the kernel's dict
+    def flown(methods: list[str], *, smooth: bool) -> Any:  # noqa: ANN401 - the kernel's dict
         model: Any = prepared.model
         options: Any = prepared.options
         return replay_log(
             prepared.dive.instrument.geometry,
             model,
             options,
-            arms,
+            methods,
             log,
             start,
             sample_time_ns=prepared.sample_time_ns,
@@ -265,13 +265,15 @@ def fly(case: Case, prepared: Prepared, asked: WhatIf | None, *, threads: int = 
             threads=threads,
         )
 
-    smoothed_arms = (
-        tuple(arm for arm in case.replay.arms if arm not in UNSMOOTHED) if case.replay.smooth else ()
+    smoothed_methods = (
+        tuple(method for method in case.replay.methods if method not in UNSMOOTHED)
+        if case.replay.smooth
+        else ()
     )
     return Flight(
         prepared=prepared,
         valid=valid,
-        result=flown(list(case.replay.arms), smooth=False),
-        smoothed_arms=smoothed_arms,
-        smoothed=flown(list(smoothed_arms), smooth=True) if smoothed_arms else {},
+        result=flown(list(case.replay.methods), smooth=False),
+        smoothed_methods=smoothed_methods,
+        smoothed=flown(list(smoothed_methods), smooth=True) if smoothed_methods else {},
     )

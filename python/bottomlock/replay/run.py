@@ -49,11 +49,11 @@ def draws_of(case: Case) -> int:
 def replay_case(
     case: Case, *, threads: int = 1, tell: Callable[[int], None] = lambda _: None, dive: Dive | None = None
 ) -> Replayed:
-    """Every arm of a case, for every question and draw, with the tables that come of it.
+    """Every method of a case, for every question and draw, with the tables that come of it.
 
     Args:
         case: the case.
-        threads: for the arms of a flight; 0 for as many as there are cores. The bits do not depend on it.
+        threads: for the methods of a flight; 0 for as many as there are cores. The bits do not depend on it.
         tell: hears the number of flights done.
         dive: the recording of the case, where it has been read already.
 
@@ -107,7 +107,7 @@ def describe(
         "threads": threads,
         "wall_time_s": round(wall_s, 3),
         "runs": draws_of(case),
-        "arms": list(case.replay.arms),
+        "methods": list(case.replay.methods),
         "what_if": [
             [RECORDED, "nothing taken away"],
             *([asked.name, asked.words()] for asked in case.what_if),

@@ -1,4 +1,4 @@
-"""What to use when, read off the tables: which arms may be believed, and which of those errs least."""
+"""What to use when, read off the tables: which methods may be believed, and which of those errs least."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,15 +9,15 @@ import polars as pl
 from bottomlock.tables.results import Errors, Study, locked_out
 
 REFERENCES = {"ins": "no beam at all", "lc": "all beams, none lost"}
-"""Arms that stand beside the comparison: what happens without help, and what four beams give."""
+"""Methods that stand beside the comparison: what happens without help, and what four beams give."""
 
 CLOSE = 1.05
-"""Arms within 5 % of the best are called as good as it."""
+"""Methods within 5 % of the best are called as good as it."""
 
 
 @dataclass(frozen=True)
 class Advice:
-    """One trajectory: RMS of the velocity error at the end for each arm, and what follows."""
+    """One trajectory: RMS of the velocity error at the end for each method, and what follows."""
 
     trajectory: str
     rms_mps: Mapping[str, float]
@@ -27,32 +27,32 @@ class Advice:
     overconfident: tuple[str, ...]
     """References left out; the smallest error first."""
     locked_out: Mapping[str, int]
-    """Runs in which an arm's own gate locks it out; the arms to which that happens."""
+    """Runs in which a method's own gate locks it out; the methods to which that happens."""
 
     @property
     def best(self) -> tuple[str, ...]:
-        """The believable arm of least error and those as good as it."""
+        """The believable method of least error and those as good as it."""
         if not self.believable:
             return ()
         least = self.rms_mps[self.believable[0]]
-        return tuple(arm for arm in self.believable if self.rms_mps[arm] <= CLOSE * least)
+        return tuple(method for method in self.believable if self.rms_mps[method] <= CLOSE * least)
 
     @property
     def attitude_range_deg(self) -> tuple[float, float]:
-        """Least and greatest misalignment of the believable arms."""
-        values = [self.attitude_rms_deg[arm] for arm in self.believable]
+        """Least and greatest misalignment of the believable methods."""
+        values = [self.attitude_rms_deg[method] for method in self.believable]
         return min(values), max(values)
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The arm to take when the trajectory is not known beforehand."""
+    """The method to take when the trajectory is not known beforehand."""
 
     believable: tuple[str, ...]
     """On every trajectory."""
     best: tuple[str, ...]
     worst_ratio: float
-    """The greatest ratio of its error to that of the best believable arm, over the trajectories."""
+    """The greatest ratio of its error to that of the best believable method, over the trajectories."""
     worst_trajectory: str
 
 
@@ -63,20 +63,22 @@ def advise(study: Study, errors: Mapping[str, Errors]) -> list[Advice]:
         verdicts = study.consistency.filter(
             (pl.col("trajectory") == name) & (pl.col("quantity") == "nees_velocity_attitude")
         )
-        verdict = dict(zip(verdicts["arm"], verdicts["verdict"], strict=True))
+        verdict = dict(zip(verdicts["method"], verdicts["verdict"], strict=True))
         rms, attitude = (
-            {arm: float(np.sqrt(np.mean(norms[arm][:, -1] ** 2))) for arm in study.arms(name)}
+            {method: float(np.sqrt(np.mean(norms[method][:, -1] ** 2))) for method in study.methods(name)}
             for norms in (errors[name].velocity_mps, errors[name].attitude_deg)
         )
-        arms = sorted((arm for arm in rms if arm not in REFERENCES), key=lambda arm: rms[arm])
-        lost = {arm: count for arm in arms if (count := locked_out(study, name, arm))}
-        bad = tuple(arm for arm in arms if verdict[arm] == "overconfident")
+        methods = sorted(
+            (method for method in rms if method not in REFERENCES), key=lambda method: rms[method]
+        )
+        lost = {method: count for method in methods if (count := locked_out(study, name, method))}
+        bad = tuple(method for method in methods if verdict[method] == "overconfident")
         advice.append(
             Advice(
                 trajectory=name,
                 rms_mps=rms,
                 attitude_rms_deg=attitude,
-                believable=tuple(arm for arm in arms if arm not in bad and arm not in lost),
+                believable=tuple(method for method in methods if method not in bad and method not in lost),
                 overconfident=bad,
                 locked_out=lost,
             )
@@ -85,23 +87,24 @@ def advise(study: Study, errors: Mapping[str, Errors]) -> list[Advice]:
 
 
 def warnings(advice: list[Advice]) -> dict[str, list[str]]:
-    """For each arm that is best somewhere: the trajectories on which it is not believable, where there are any."""
+    """For each method that is best somewhere: the trajectories on which it is not believable, where there are any."""
     found: dict[str, list[str]] = {}
-    for arm in dict.fromkeys(arm for part in advice for arm in part.best):
-        if bad := [part.trajectory for part in advice if arm not in part.believable]:
-            found[arm] = bad
+    for method in dict.fromkeys(method for part in advice for method in part.best):
+        if bad := [part.trajectory for part in advice if method not in part.believable]:
+            found[method] = bad
     return found
 
 
 def choose(advice: list[Advice]) -> Choice | None:
-    """The arm that is believable on every trajectory and never far from the best; None where there is none."""
-    common = [arm for arm in advice[0].rms_mps if all(arm in part.believable for part in advice)]
+    """The method that is believable on every trajectory and never far from the best; None where there is none."""
+    common = [method for method in advice[0].rms_mps if all(method in part.believable for part in advice)]
     if not common:
         return None
     ratios = {
-        arm: [part.rms_mps[arm] / part.rms_mps[part.believable[0]] for part in advice] for arm in common
+        method: [part.rms_mps[method] / part.rms_mps[part.believable[0]] for part in advice]
+        for method in common
     }
-    least = min(max(of_arm) for of_arm in ratios.values())
-    best = tuple(arm for arm in common if max(ratios[arm]) <= CLOSE * least)
+    least = min(max(of_method) for of_method in ratios.values())
+    best = tuple(method for method in common if max(ratios[method]) <= CLOSE * least)
     worst = int(np.argmax(ratios[best[0]]))
     return Choice(tuple(common), best, ratios[best[0]][worst], advice[worst].trajectory)

@@ -16,7 +16,7 @@ from bottomlock.figures.curves import nees_figure, rms_figure
 from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
 from bottomlock.figures.paths import paths_figure
 from bottomlock.figures.selector import choices_figure
-from bottomlock.pages.method_words import ARM_WORDS
+from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render
 from bottomlock.paper.claims import Claim, ImprovementClaim, Paper, ValueClaim, load_paper
 from bottomlock.paper.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, claims_table
@@ -92,37 +92,39 @@ def drawings(study: Study, errors: Mapping[str, Errors], paper: Paper) -> list[D
         numbers = paper.trajectories.get(name)
         for quantity, unit in (("velocity", "m/s"), ("attitude", "degrees")):
             printed = _printed(paper, name, quantity) if _as_in_paper(study, name, paper) else []
-            words = f"RMS over runs of the {quantity} error, {unit}; 95 % intervals shaded, all arms on the same runs"
+            words = (
+                f"RMS over runs of the {quantity} error, {unit}; 95 % intervals shaded, the same runs for all"
+            )
             if numbers is not None:
                 words += f" (the paper's Figure {getattr(numbers, f'{quantity}_figure')})"
             if printed:
                 words += "; diamonds: printed in the paper"
             drawn = rms_figure(study.ensemble, name, quantity, printed)
             found.append(Drawing(f"{quantity}_{name}", words + ".", drawn, name))
-        arms = study.arms(name)
+        methods = study.methods(name)
         found += [
             Drawing(
                 f"nees_{name}",
-                "Mean NEES of the whole state: above the grey band an arm is overconfident.",
+                "Mean NEES of the whole state: above the grey band a method is overconfident.",
                 nees_figure(study.ensemble, study.consistency, name),
                 name,
             ),
             Drawing(
                 f"claimed_{name}",
                 "Velocity error made against claimed, a point per second; the dot is the end.",
-                claimed_figure(errors[name], arms),
+                claimed_figure(errors[name], methods),
                 name,
             ),
             Drawing(
                 f"normalised_{name}",
                 "Error over claimed standard deviation, RMS over runs and times, for the nine components.",
-                normalised_figure(errors[name], arms),
+                normalised_figure(errors[name], methods),
                 name,
             ),
         ]
         chosen = None if study.choices is None else choices_figure(study.choices, name)
         if chosen is not None:
-            words = "What the arms that choose have chosen: share of the runs at each ping."
+            words = "What the methods that choose have chosen: share of the runs at each ping."
             found.append(Drawing(f"choices_{name}", words, chosen, name))
     return found
 
@@ -134,7 +136,7 @@ def _as_in_paper(study: Study, name: str, paper: Paper) -> bool:
 
 def _printed(paper: Paper, trajectory: str, quantity: str) -> list[tuple[str, float, float]]:
     return [
-        (claim.arm, claim.time_s, claim.printed)
+        (claim.method, claim.time_s, claim.printed)
         for claim in paper.claim
         if isinstance(claim, ValueClaim) and claim.trajectory == trajectory and claim.quantity == quantity
     ]
@@ -147,8 +149,8 @@ def _content(
     advice = advise(study, errors)
     return {
         "study": study,
-        "all_arms": [arm for name in study.trajectories for arm in study.arms(name)],
-        "arm_words": ARM_WORDS,
+        "all_methods": [method for name in study.trajectories for method in study.methods(name)],
+        "method_words": METHOD_WORDS,
         "references": REFERENCES,
         "advice": advice,
         "choice": choose(advice),
@@ -168,21 +170,21 @@ def _content(
 
 
 def _final_rows(study: Study, name: str) -> list[dict[str, Any]]:
-    """A row per arm: errors at the end with intervals, NEES, gate, verdict."""
+    """A row per method: errors at the end with intervals, NEES, gate, verdict."""
     table = summary_table(study.ensemble, study.runs).filter(pl.col("trajectory") == name)
     verdicts = study.consistency.filter(
         (pl.col("trajectory") == name) & (pl.col("quantity") == "nees_velocity_attitude")
-    ).select("arm", "verdict", pl.col("mean").alias("nees_velocity_attitude"))
-    rows = table.join(verdicts, on="arm", how="left", maintain_order="left").iter_rows(named=True)
-    return [row | {"locked_out": locked_out(study, name, row["arm"])} for row in rows]
+    ).select("method", "verdict", pl.col("mean").alias("nees_velocity_attitude"))
+    rows = table.join(verdicts, on="method", how="left", maintain_order="left").iter_rows(named=True)
+    return [row | {"locked_out": locked_out(study, name, row["method"])} for row in rows]
 
 
 def _consistency_rows(study: Study, name: str) -> list[dict[str, Any]]:
-    """A row per arm: what its two kinds of NEES say, under `part` (velocity and attitude) and `whole`."""
+    """A row per method: what its two kinds of NEES say, under `part` (velocity and attitude) and `whole`."""
     rows: dict[str, dict[str, Any]] = {}
     for row in study.consistency.filter(pl.col("trajectory") == name).iter_rows(named=True):
         key = "whole" if row["quantity"] == "nees" else "part"
-        rows.setdefault(row["arm"], {"arm": row["arm"]})[key] = row
+        rows.setdefault(row["method"], {"method": row["method"]})[key] = row
     return list(rows.values())
 
 

@@ -88,17 +88,17 @@ class Readings:
         times: NDArray[np.int64] = self._drawn["dvl_time_ns"]
         return times
 
-    def fixes(self, arm: str, valid: NDArray[np.bool_], watched: Sequence[int]) -> Iterator[Fix]:
-        """Flies an arm with the beams of `valid`, (pings, beams), and tells of the pings whose numbers are `watched`.
+    def fixes(self, method: str, valid: NDArray[np.bool_], watched: Sequence[int]) -> Iterator[Fix]:
+        """Flies a method with the beams of `valid`, (pings, beams), and tells of the pings whose numbers are `watched`.
 
-        Nothing is flown beyond the last of these. A ping that gives the arm nothing to fuse is not told of.
+        Nothing is flown beyond the last of these. A ping that gives the method nothing to fuse is not told of.
         """
         navigator = kernel.Navigator(
-            self.world.geometry, self._model, self._options, self._drawn["initial"], arm=arm
+            self.world.geometry, self._model, self._options, self._drawn["initial"], method=method
         )
         told, last_ns = set(watched), int(self.ping_time_ns[max(watched)])
         # The reference flies with every beam, as in a campaign.
-        flags = np.ones_like(valid) if arm == "lc" else valid
+        flags = np.ones_like(valid) if method == "lc" else valid
         flown = 0
         imu_ns = self._drawn["imu_time_ns"]
         for time_ns, sensor, k in self._events():
@@ -109,7 +109,7 @@ class Readings:
                 stretch = slice(flown, upto)
                 navigator.push_imu_block(
                     imu_ns[stretch],
-                    self._drawn["imu_rate_p_radps"][stretch],
+                    self._drawn["imu_omega_p_radps"][stretch],
                     self._drawn["imu_force_p_mps2"][stretch],
                 )
                 flown = upto

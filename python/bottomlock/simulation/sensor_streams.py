@@ -52,7 +52,7 @@ def sensor_streams(world: World, truth: Truth, *, run: int = 0) -> dict[str, pl.
         beams[f"beam{k + 1}_valid"] = valid[:, k]
         if ranges is not None:
             beams[f"beam{k + 1}_range_m"] = np.where(valid[:, k], ranges[:, k], np.nan)
-    imu = _columns("rate_{}_radps", "xyz", drawn["imu_rate_p_radps"])
+    imu = _columns("rate_{}_radps", "xyz", drawn["imu_omega_p_radps"])
     imu |= _columns("force_{}_mps2", "xyz", drawn["imu_force_p_mps2"])
     axes = ("north", "east", "down")
     gps = _columns("position_{}_m", axes, drawn["gps_position_t_m"])

@@ -30,7 +30,7 @@ def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
     return samples.select(
         "trajectory",
         "run",
-        "arm",
+        "method",
         "time_ns",
         _norm("err_velocity_").alias("velocity_mps"),
         (_norm("err_misalignment_") * DEGREES_PER_RADIAN).alias("attitude_deg"),
@@ -45,8 +45,8 @@ def _rms(column: str) -> pl.Expr:
 
 
 def runs_table(norms: pl.DataFrame, counts: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory, run and arm (`schema.RUNS`)."""
-    keys = ["trajectory", "run", "arm"]
+    """A row per trajectory, run and method (`schema.RUNS`)."""
+    keys = ["trajectory", "run", "method"]
     ordered = norms.sort("time_ns", maintain_order=True)
     table = ordered.group_by(keys, maintain_order=True).agg(
         _rms("velocity_mps").alias("velocity_rms_mps"),
@@ -83,7 +83,7 @@ def _weights(runs: int) -> Iterable[NDArray[np.float64]]:
 
 @lru_cache(maxsize=1)
 def _few_weights(runs: int) -> list[NDArray[np.float64]]:
-    """Every arm and quantity of a campaign has the same ones."""
+    """Every method and quantity of a campaign has the same ones."""
     return list(_draw_weights(runs))
 
 
@@ -97,13 +97,13 @@ def _draw_weights(runs: int) -> Iterator[NDArray[np.float64]]:
 
 
 def ensemble_rows(
-    trajectory: str, arm: str, time_ns: NDArray[np.int64], errors: Mapping[str, NDArray[np.float64]]
+    trajectory: str, method: str, time_ns: NDArray[np.int64], errors: Mapping[str, NDArray[np.float64]]
 ) -> pl.DataFrame:
-    """A row per second of one arm (`schema.ENSEMBLE`).
+    """A row per second of one method (`schema.ENSEMBLE`).
 
     Args:
         trajectory: its name.
-        arm: its name.
+        method: its name.
         time_ns: (times,).
         errors: `velocity_mps`, `attitude_deg`, `position_m` and `nees`, (runs, times) each.
     """
@@ -113,7 +113,7 @@ def ensemble_rows(
     return pl.DataFrame(
         {
             "trajectory": [trajectory] * len(time_ns),
-            "arm": [arm] * len(time_ns),
+            "method": [method] * len(time_ns),
             "time_s": time_ns * 1e-9,
             "velocity_rms_mps": np.sqrt(squares["velocity_mps"].mean(axis=0)),
             "velocity_rms_lo_mps": velocity_lo,
@@ -129,23 +129,26 @@ def ensemble_rows(
 
 
 def ensemble_table(norms: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory, arm and second (`schema.ENSEMBLE`), from norms that are all in memory."""
+    """A row per trajectory, method and second (`schema.ENSEMBLE`), from norms that are all in memory."""
     return pl.concat(
-        [ensemble_rows(trajectory, arm, time_ns, errors) for trajectory, arm, time_ns, errors in _arms(norms)]
+        [
+            ensemble_rows(trajectory, method, time_ns, errors)
+            for trajectory, method, time_ns, errors in _methods(norms)
+        ]
     )
 
 
-def _arms(
+def _methods(
     norms: pl.DataFrame,
 ) -> Iterator[tuple[str, str, NDArray[np.int64], dict[str, NDArray[np.float64]]]]:
-    """Trajectory, arm, times and the errors as (runs, times)."""
-    for (trajectory, arm), group in norms.group_by("trajectory", "arm", maintain_order=True):
+    """Trajectory, method, times and the errors as (runs, times)."""
+    for (trajectory, method), group in norms.group_by("trajectory", "method", maintain_order=True):
         ordered = group.sort("run", "time_ns")
         time_ns = ordered["time_ns"].unique().sort().to_numpy()
         shape = (-1, len(time_ns))
         yield (
             str(trajectory),
-            str(arm),
+            str(method),
             time_ns,
             {name: ordered[name].to_numpy().reshape(shape) for name in NORMS},
         )
@@ -165,20 +168,20 @@ def nees_band(degrees: int, runs: int, probability: float = 0.95) -> tuple[float
 
 def consistency_rows(
     trajectory: str,
-    arm: str,
+    method: str,
     nees_at_time: Mapping[str, NDArray[np.float64]],
     *,
     runs: int,
     full_degrees: int,
 ) -> pl.DataFrame:
-    """A row per kind of NEES of one arm (`schema.CONSISTENCY`).
+    """A row per kind of NEES of one method (`schema.CONSISTENCY`).
 
     The verdict is on the mean over time, held against the band of the mean over runs: it is conservative,
     since the mean over time scatters less than the value at one time.
 
     Args:
         trajectory: its name.
-        arm: its name.
+        method: its name.
         nees_at_time: means over the runs of `nees_velocity_attitude` and `nees`, (times,) each.
         runs: how many runs the means are of.
         full_degrees: degrees of freedom of `nees`.
@@ -190,31 +193,31 @@ def consistency_rows(
         mean = float(np.mean(at_time))
         inside = float(np.mean((at_time >= low) & (at_time <= high)))
         verdict = (
-            "consistent" if low <= mean <= high else ("overconfident" if mean > high else "too cautious")
+            "consistent" if low <= mean <= high else ("overconfident" if mean > high else "conservative")
         )
-        rows.append((trajectory, arm, quantity, degrees, runs, mean, low, high, inside, verdict))
+        rows.append((trajectory, method, quantity, degrees, runs, mean, low, high, inside, verdict))
     return pl.DataFrame(rows, schema=dict(CONSISTENCY), orient="row")
 
 
 def consistency_table(norms: pl.DataFrame, *, full_degrees: int) -> pl.DataFrame:
-    """A row per trajectory, arm and kind of NEES (`schema.CONSISTENCY`), from norms that are all in memory."""
+    """A row per trajectory, method and kind of NEES (`schema.CONSISTENCY`), from norms that are all in memory."""
     parts = []
-    for trajectory, arm, _, errors in _arms(norms):
+    for trajectory, method, _, errors in _methods(norms):
         at_time = {name: errors[name].mean(axis=0) for name in ("nees", "nees_velocity_attitude")}
         runs = len(errors["nees"])
-        parts.append(consistency_rows(trajectory, arm, at_time, runs=runs, full_degrees=full_degrees))
+        parts.append(consistency_rows(trajectory, method, at_time, runs=runs, full_degrees=full_degrees))
     return pl.concat(parts)
 
 
 def summary_table(ensemble: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:
-    """RMS over runs at the last second, NEES and gate, per trajectory and arm: what a person wants to see."""
-    last = ensemble.group_by("trajectory", "arm", maintain_order=True).last()
-    gate = runs.group_by("trajectory", "arm", maintain_order=True).agg(
+    """RMS over runs at the last second, NEES and gate, per trajectory and method: what a person wants to see."""
+    last = ensemble.group_by("trajectory", "method", maintain_order=True).last()
+    gate = runs.group_by("trajectory", "method", maintain_order=True).agg(
         pl.col("nees_mean").mean(),
         pl.col("nis_mean").mean(),
         (pl.col("fixes_rejected").sum() / (pl.col("fixes_accepted") + pl.col("fixes_rejected")).sum()).alias(
-            "rejected_part"
+            "rejected_fraction"
         ),
         _rms("cross_track_rms_m").alias("cross_track_rms_m"),
     )
-    return last.drop("nees").join(gate, on=["trajectory", "arm"], maintain_order="left")
+    return last.drop("nees").join(gate, on=["trajectory", "method"], maintain_order="left")

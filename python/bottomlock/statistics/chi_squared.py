@@ -2,14 +2,14 @@
 
 from scipy.stats import chi2
 
-CONSISTENT, OVERCONFIDENT, CAUTIOUS = "consistent", "overconfident", "too cautious"
+CONSISTENT, OVERCONFIDENT, CAUTIOUS = "consistent", "overconfident", "conservative"
 VERDICTS = (CONSISTENT, OVERCONFIDENT, CAUTIOUS)
 
 
 def each_probability(false_alarm: float, tests: int) -> float:
     """Probability of each of `tests` bands so that all hold together with 1 − `false_alarm` or more (Bonferroni).
 
-    The inequality asks nothing of how the tests depend on one another: times of one run, arms and masks on the same
+    The inequality asks nothing of how the tests depend on one another: times of one run, methods and masks on the same
     sensor errors may be as correlated as they are.
 
     >>> each_probability(0.01, 4)
@@ -38,7 +38,7 @@ def verdict(low: float, least: float, greatest: float, high: float) -> str:
     """What the least and greatest of several means say of a band; a value above it outweighs one below.
 
     >>> verdict(5.0, 5.5, 6.5, 7.0), verdict(5.0, 4.0, 7.5, 7.0), verdict(5.0, 4.0, 6.0, 7.0)
-    ('consistent', 'overconfident', 'too cautious')
+    ('consistent', 'overconfident', 'conservative')
     """
     if greatest > high:
         return OVERCONFIDENT

@@ -5,7 +5,7 @@ import polars as pl
 from bottomlock.tables.replay import FORWARD, REPLAY_ENSEMBLE, REPLAY_RUNS
 from bottomlock.units import DEGREES_PER_RADIAN
 
-_KEYS = ["case", "what_if", "run", "arm", "pass"]
+_KEYS = ["case", "what_if", "run", "method", "pass"]
 _ERRORS = ("position", "velocity", "misalignment")
 
 
@@ -60,7 +60,7 @@ def runs_table(
     path: pl.DataFrame | None,
     start_ns: int,
 ) -> pl.DataFrame:
-    """A row per question, run, arm and pass (`replay_schema.REPLAY_RUNS`); the way counts from the start."""
+    """A row per question, run, method and pass (`replay_schema.REPLAY_RUNS`); the way counts from the start."""
     norms = error_norms(samples)
     reached = pl.col("time_ns").is_between(start_ns, pl.lit(samples["time_ns"].max()))
     distance = None if path is None else _distance(path.filter(reached))
@@ -77,7 +77,7 @@ def runs_table(
             for name in ("position", "velocity", "attitude")
         ),
     )
-    gate = innovations.group_by("case", "what_if", "run", "arm", maintain_order=True).agg(
+    gate = innovations.group_by("case", "what_if", "run", "method", maintain_order=True).agg(
         pl.col("nis").mean().alias("nis_mean"),
         pl.col("degrees").filter(pl.col("nis").is_not_null()).mean().alias("nis_degrees_mean"),
         *(
@@ -93,9 +93,9 @@ def runs_table(
     returning = beams.group_by("case", "what_if", "run", maintain_order=True).agg(
         pl.col("beams").mean().alias("beams_mean")
     )
-    joined = table.join(gate, on=["case", "what_if", "run", "arm"], how="left", maintain_order="left").join(
-        returning, on=["case", "what_if", "run"], how="left", maintain_order="left"
-    )
+    joined = table.join(
+        gate, on=["case", "what_if", "run", "method"], how="left", maintain_order="left"
+    ).join(returning, on=["case", "what_if", "run"], how="left", maintain_order="left")
     joined = joined.with_columns(pl.lit(distance, dtype=pl.Float64).alias("distance_m"))
     percent = (100.0 * pl.col("position_final_m") / pl.col("distance_m")).alias("position_final_percent")
     return joined.with_columns(percent).select(list(REPLAY_RUNS))
@@ -108,9 +108,9 @@ def _distance(path: pl.DataFrame) -> float:
 
 
 def ensemble_table(samples: pl.DataFrame, start_ns: int) -> pl.DataFrame:
-    """A row per question, arm, pass and time (`replay_schema.REPLAY_ENSEMBLE`): RMS over the runs."""
+    """A row per question, method, pass and time (`replay_schema.REPLAY_ENSEMBLE`): RMS over the runs."""
     norms = error_norms(samples)
-    table = norms.group_by("case", "what_if", "arm", "pass", "time_ns", maintain_order=True).agg(
+    table = norms.group_by("case", "what_if", "method", "pass", "time_ns", maintain_order=True).agg(
         pl.len().cast(pl.Int64).alias("runs"),
         *(_rms(f"{name}_{unit}").alias(f"{name}_rms_{unit}") for name, unit in _NAMED),
         *(_rms(f"{name}_sd_{unit}").alias(f"{name}_sd_{unit}") for name, unit in _NAMED),
@@ -124,8 +124,8 @@ _NAMED = (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
 
 
 def summary_table(runs: pl.DataFrame) -> pl.DataFrame:
-    """A row per question, arm and pass: medians over the runs, for a terminal and a report."""
-    return runs.group_by("case", "what_if", "arm", "pass", maintain_order=True).agg(
+    """A row per question, method and pass: medians over the runs, for a terminal and a report."""
+    return runs.group_by("case", "what_if", "method", "pass", maintain_order=True).agg(
         pl.len().alias("runs"),
         *(
             pl.col(name).median()
@@ -136,7 +136,7 @@ def summary_table(runs: pl.DataFrame) -> pl.DataFrame:
         (
             pl.col("fixes_rejected").sum()
             / (pl.col("fixes_accepted") + pl.col("fixes_in_part") + pl.col("fixes_rejected")).sum()
-        ).alias("rejected_part"),
+        ).alias("rejected_fraction"),
     )
 
 

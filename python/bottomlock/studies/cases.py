@@ -121,7 +121,7 @@ def _whole(scenario: Scenario) -> dict[str, Any]:
 
 
 def _on_truth(scenario: Scenario, *, seabed: dict[str, Any] | None = None, **rules: Any) -> Scenario:  # noqa: ANN401
-    """The scenario on a truth that all arms share, its own rules of beam loss replaced."""
+    """The scenario on a truth that all methods share, its own rules of beam loss replaced."""
     if scenario.trajectory.feedback == "estimate":
         scenario = scenario.with_trajectory(feedback="truth", pilot="own")
     dvl = type(scenario.dvl).model_validate(_whole(scenario) | rules)

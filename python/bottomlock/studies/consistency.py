@@ -1,8 +1,8 @@
-"""The consistency matrix: arms x masks x trajectories, NEES and NIS against chi-squared bands at one false-alarm rate.
+"""The consistency study: methods x masks x trajectories, NEES and NIS in chi-squared bands at one false-alarm rate.
 
 NEES at neighbouring times of a run is nearly the same number, so a mean over time has no chi-squared band. It is judged
 at a few fixed times, each against the exact band of a mean over independent runs; the bands of the whole matrix are
-widened by Bonferroni's inequality, which holds for any dependence between times, arms, masks and trajectories.
+widened by Bonferroni's inequality, which holds for any dependence between times, methods, masks and trajectories.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,17 +21,17 @@ from bottomlock.simulation.measurement_schedule import schedule
 from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import cases, study_folder
-from bottomlock.studies.consistency_table import CERTIFICATE, markdown
+from bottomlock.studies.consistency_table import CONSISTENCY_STUDY, markdown
 
-KIND = "certificate"
-PARTS = ("cells", "certificate.parquet", "certificate.md", study_folder.MANIFEST)
+KIND = "consistency"
+PARTS = ("cells", "consistency.parquet", "consistency.md", study_folder.MANIFEST)
 FALSE_ALARM = 0.01
 TIMES = 5
 BLIND = ("ins", "lc")
-"""Arms that do not look at which beams are lost: judged once, with all of them."""
+"""Methods that do not look at which beams are lost: judged once, with all of them."""
 
 _CELL = {
-    "trajectory": pl.String(), "beams": pl.String(), "arm": pl.String(), "quantity": pl.String(),
+    "trajectory": pl.String(), "beams": pl.String(), "method": pl.String(), "quantity": pl.String(),
     "time_s": pl.Float64(), "degrees": pl.Float64(), "runs": pl.Int64(), "values": pl.Int64(), "mean": pl.Float64(),
 }  # fmt: skip
 """A judged mean: over runs at one time, or over runs and fixes (`time_s` null)."""
@@ -62,14 +62,14 @@ def parse_masks(text: str | None, beams: int) -> list[tuple[int, ...]]:
 
 
 def configuration(scenarios: Sequence[Scenario], masks: Sequence[tuple[int, ...]]) -> str:
-    """Hash of what decides the certificate."""
+    """Hash of what decides the consistency study."""
     content = [
-        (s.name, make_world(s).fingerprint(), list(s.campaign.arms), s.campaign.runs) for s in scenarios
+        (s.name, make_world(s).fingerprint(), list(s.campaign.methods), s.campaign.runs) for s in scenarios
     ]
     return study_folder.configuration_hash([content, [list(mask) for mask in masks], TIMES, FALSE_ALARM])
 
 
-def certify(
+def run_consistency(
     scenarios: Sequence[Scenario],
     masks: Sequence[tuple[int, ...]],
     out: Path,
@@ -78,10 +78,10 @@ def certify(
     threads: int = 0,
     tell: Callable[[str, int, int], None] = lambda _cell, _done, _total: None,
 ) -> pl.DataFrame:
-    """Flies the matrix and writes `certificate.parquet` and `certificate.md` to `out`; finished cells there are kept.
+    """Flies the matrix and writes `consistency.parquet` and `consistency.md` to `out`; finished cells there are kept.
 
     Args:
-        scenarios: trajectories, of different names; their runs, seed and arms count.
+        scenarios: trajectories, of different names; their runs, seed and methods count.
         masks: sets of returning beams, as `cases.masks` gives them.
         out: directory, claimed by the caller (`study_folder.claim`).
         command: what to type to have the same again, for the text.
@@ -89,12 +89,12 @@ def certify(
         tell: hears of every finished cell.
 
     Returns:
-        The table `certificate.CERTIFICATE`.
+        The table `consistency_table.CONSISTENCY_STUDY`.
 
     Raises:
         ScenarioError: for a scenario or mask that makes no sense.
         OutputError: where `out` cannot be written.
-        KernelError: for input that the kernel refuses, naming run and arm.
+        KernelError: for input that the kernel refuses, naming run and method.
     """
     parts = []
     total = len(scenarios) * len(masks)
@@ -111,7 +111,7 @@ def certify(
     first = scenarios[0]
     facts: dict[str, Any] = {
         "trajectories": [scenario.name for scenario in scenarios],
-        "arms": list(first.campaign.arms),
+        "methods": list(first.campaign.methods),
         "beams": [cases.beam_list(mask) for mask in masks],
         "seed": ", ".join(dict.fromkeys(str(scenario.campaign.seed) for scenario in scenarios)),
         "times_s": [f"{time_s:g}" for time_s in means["time_s"].drop_nulls().unique().sort()],
@@ -123,8 +123,8 @@ def certify(
         "configuration_hash": configuration(scenarios, masks),
         "command": command,
     }
-    write_parquet(out / "certificate.parquet", table)
-    write_text(out / "certificate.md", markdown(table, facts))
+    write_parquet(out / "consistency.parquet", table)
+    write_text(out / "consistency.md", markdown(table, facts))
     return table
 
 
@@ -139,12 +139,12 @@ def judged_times_s(duration_s: float) -> list[float]:
 
 
 def fly_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame:
-    """Every arm under one mask on one trajectory: the means that are to be judged."""
+    """Every method under one mask on one trajectory: the means that are to be judged."""
     world = make_world(case.scenario)
     scenario = world.scenario
     truth = world.truth()
-    arms = [arm for arm in scenario.campaign.arms if whole or arm not in BLIND]
-    if not arms:
+    methods = [method for method in scenario.campaign.methods if whole or method not in BLIND]
+    if not methods:
         return pl.DataFrame(schema=_CELL)
     key, runs = trajectory_key(scenario.name), scenario.campaign.runs
     plan: Any = schedule(world, truth, trajectory_key=key)
@@ -155,14 +155,14 @@ def fly_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame
     options: Any = scenario.kernel_options()
     arrays: Any = truth.kernel_arrays()
     batch: Any = kernel.run_batch(
-        world.geometry, arrays, model, model, options, plan, arms,
+        world.geometry, arrays, model, model, options, plan, methods,
         seed=scenario.campaign.seed, trajectory_key=key, first_run=0, runs=runs, threads=threads,
     )  # fmt: skip
-    rows_fused = _rows_fused(world, arms)
+    rows_fused = _rows_fused(world, methods)
     full = 20 if scenario.filter.estimate_dvl else 15
     rows: list[tuple[Any, ...]] = []
-    for index, arm in enumerate(arms):
-        place = (scenario.name, case.beams, arm)
+    for index, method in enumerate(methods):
+        place = (scenario.name, case.beams, method)
         for quantity, degrees in (("nees_velocity_attitude", 6), ("nees", full)):
             values = batch[quantity][:, index].mean(axis=0)
             rows += [
@@ -170,25 +170,27 @@ def fly_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame
                 for time_s, mean in zip(times_s, values, strict=True)
             ]
         fixes = int(batch["fixes_accepted"][:, index].sum() + batch["fixes_rejected"][:, index].sum())
-        if fixes and rows_fused[arm]:
+        if fixes and rows_fused[method]:
             # Every run has the same number of fixes under a mask that stays, so the mean of means is the mean.
             mean = float(batch["nis_mean"][:, index].mean())
-            rows.append((*place, "nis", None, rows_fused[arm], runs, fixes, mean))
+            rows.append((*place, "nis", None, rows_fused[method], runs, fixes, mean))
     return pl.DataFrame(rows, schema=_CELL, orient="row")
 
 
-def _rows_fused(world: World, arms: Sequence[str]) -> dict[str, float]:
-    """Rows that each arm fuses per fix under the scenario's mask, from its first run; 0 for an arm without fixes."""
+def _rows_fused(world: World, methods: Sequence[str]) -> dict[str, float]:
+    """Rows that each method fuses per fix under the scenario's mask, from its first run; 0 without fixes."""
     readings = Readings(world, world.truth(), run=0)
     pings = range(len(readings.ping_time_ns))
-    degrees = {arm: [fix.degrees for fix in readings.fixes(arm, readings.valid, pings)] for arm in arms}
-    return {arm: float(np.mean(found)) if found else 0.0 for arm, found in degrees.items()}
+    degrees = {
+        method: [fix.degrees for fix in readings.fixes(method, readings.valid, pings)] for method in methods
+    }
+    return {method: float(np.mean(found)) if found else 0.0 for method, found in degrees.items()}
 
 
 def judge(means: pl.DataFrame) -> pl.DataFrame:
-    """The table `certificate.CERTIFICATE` from the means of all cells: as many tests as there are means."""
+    """The table `consistency_table.CONSISTENCY_STUDY` from the means of all cells: as many tests as there are means."""
     each = chi_squared.each_probability(FALSE_ALARM, means.height)
-    keys = ["trajectory", "beams", "arm", "quantity", "degrees", "runs", "values"]
+    keys = ["trajectory", "beams", "method", "quantity", "degrees", "runs", "values"]
     rows = []
     for key, group in means.group_by(keys, maintain_order=True):
         *_, degrees, _, values = key
@@ -206,4 +208,4 @@ def judge(means: pl.DataFrame) -> pl.DataFrame:
                 chi_squared.verdict(low, least, greatest, high),
             )
         )
-    return pl.DataFrame(rows, schema=dict(CERTIFICATE), orient="row")
+    return pl.DataFrame(rows, schema=dict(CONSISTENCY_STUDY), orient="row")

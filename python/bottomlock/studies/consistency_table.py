@@ -1,4 +1,4 @@
-"""The honesty certificate as a table and as a text for people."""
+"""The consistency study as a table and as a text for people."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
@@ -9,10 +9,10 @@ from jinja2 import Environment, StrictUndefined
 
 from bottomlock.statistics.chi_squared import CAUTIOUS, CONSISTENT, OVERCONFIDENT, detectable_factor
 
-CERTIFICATE: Mapping[str, pl.DataType] = {
+CONSISTENCY_STUDY: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
     "beams": pl.String(),
-    "arm": pl.String(),
+    "method": pl.String(),
     "quantity": pl.String(),
     "degrees": pl.Float64(),
     "runs": pl.Int64(),
@@ -24,8 +24,8 @@ CERTIFICATE: Mapping[str, pl.DataType] = {
     "band_hi": pl.Float64(),
     "verdict": pl.String(),
 }
-"""A row per trajectory, mask, arm and quantity: expected value, number of runs, independent values behind each judged
-mean, mean over runs and times, the least and the greatest of the judged means, their band, and the verdict."""
+"""A row per trajectory, mask, method and quantity: expected value, number of runs, independent values per judged mean,
+ mean over runs and times, the least and the greatest of the judged means, their band, and the verdict."""
 
 QUANTITIES = {
     "nees_velocity_attitude": "NEES of velocity and attitude",
@@ -36,26 +36,26 @@ _SUFFIX = {CONSISTENT: "consistent", OVERCONFIDENT: "overconfident", CAUTIOUS: "
 _MARKS = {CONSISTENT: "", OVERCONFIDENT: " ▲", CAUTIOUS: " ▽"}
 
 
-def certified_cells(table: pl.DataFrame) -> pl.DataFrame:
-    """A row per arm, trajectory and mask with `certified`.
+def consistent_cells(table: pl.DataFrame) -> pl.DataFrame:
+    """A row per method, trajectory and mask with `consistent`.
 
     It is where the NEES of velocity and attitude is consistent and no quantity is overconfident.
     """
     core = (pl.col("quantity") == "nees_velocity_attitude") & (pl.col("verdict") != CONSISTENT)
-    return table.group_by("arm", "trajectory", "beams", maintain_order=True).agg(
-        (~(core.any() | (pl.col("verdict") == OVERCONFIDENT).any())).alias("certified")
+    return table.group_by("method", "trajectory", "beams", maintain_order=True).agg(
+        (~(core.any() | (pl.col("verdict") == OVERCONFIDENT).any())).alias("consistent")
     )
 
 
-def arms_summary(table: pl.DataFrame) -> pl.DataFrame:
-    """A row per arm: cells (trajectory and mask), those certified, and the verdicts by quantity.
+def methods_summary(table: pl.DataFrame) -> pl.DataFrame:
+    """A row per method: cells (trajectory and mask), those consistent, and the verdicts by quantity.
 
-    Columns: arm, cells, certified, and for each quantity Q: Q_consistent, Q_overconfident, Q_cautious.
+    Columns: method, cells, consistent, and for each quantity Q: Q_consistent, Q_overconfident, Q_cautious.
     """
     summary = (
-        certified_cells(table)
-        .group_by("arm", maintain_order=True)
-        .agg(pl.len().alias("cells"), pl.col("certified").sum())
+        consistent_cells(table)
+        .group_by("method", maintain_order=True)
+        .agg(pl.len().alias("cells"), pl.col("consistent").sum())
     )
     counts = [
         ((pl.col("quantity") == quantity) & (pl.col("verdict") == verdict))
@@ -64,11 +64,11 @@ def arms_summary(table: pl.DataFrame) -> pl.DataFrame:
         for quantity in QUANTITIES
         for verdict, suffix in _SUFFIX.items()
     ]
-    return summary.join(table.group_by("arm").agg(counts), on="arm", how="left", maintain_order="left")
+    return summary.join(table.group_by("method").agg(counts), on="method", how="left", maintain_order="left")
 
 
 def counts_of(row: Mapping[str, Any]) -> list[str]:
-    """`consistent / overconfident / too cautious` for each quantity, from a row of `arms_summary`."""
+    """`consistent / overconfident / conservative` for each quantity, from a row of `methods_summary`."""
     return [
         " / ".join(str(row[f"{quantity}_{suffix}"]) for suffix in _SUFFIX.values()) for quantity in QUANTITIES
     ]
@@ -92,13 +92,13 @@ def number(value: float) -> str:
 
 
 def markdown(table: pl.DataFrame, facts: Mapping[str, Any]) -> str:
-    """The certificate as Markdown: what was run, how it is judged, the verdicts, and what it does not say.
+    """The consistency study as Markdown: what was run, how it is judged, the verdicts, and what it does not say.
 
-    `facts` are the names that the template uses besides the tables: trajectories, arms, beams, seed, versions,
+    `facts` are the names that the template uses besides the tables: trajectories, methods, beams, seed, versions,
     configuration_hash, command, degrees (of the whole state), times_s, tests, each_probability, false_alarm.
     """
     runs, each = int(table["runs"].to_numpy().min()), facts["each_probability"]
-    text = (resources.files("bottomlock.pages") / "templates" / "certificate.md.j2").read_text(
+    text = (resources.files("bottomlock.pages") / "templates" / "consistency.md.j2").read_text(
         encoding="utf-8"
     )
     # Markdown is not HTML: there is nothing to escape.
@@ -108,8 +108,8 @@ def markdown(table: pl.DataFrame, facts: Mapping[str, Any]) -> str:
         runs=runs,
         factor_velocity_attitude=detectable_factor(6, runs, each),
         factor_whole=detectable_factor(facts["degrees"], runs, each),
-        arms_table="\n".join(_arms(table)),
-        certified_list="\n".join(_certified(table)),
+        methods_table="\n".join(_methods(table)),
+        consistent_list="\n".join(_consistent(table)),
         matrices="\n".join(_matrices(table)).rstrip(),
     )
 
@@ -118,19 +118,19 @@ def _row(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def _arms(table: pl.DataFrame) -> Iterator[str]:
-    yield _row(["arm", "cells", "certified", "velocity and attitude", "whole state", "NIS"])
+def _methods(table: pl.DataFrame) -> Iterator[str]:
+    yield _row(["method", "cells", "consistent", "velocity and attitude", "whole state", "NIS"])
     yield _row(["---", "---:", "---:", "---:", "---:", "---:"])
-    for row in arms_summary(table).iter_rows(named=True):
-        yield _row([f"`{row['arm']}`", str(row["cells"]), str(row["certified"]), *counts_of(row)])
+    for row in methods_summary(table).iter_rows(named=True):
+        yield _row([f"`{row['method']}`", str(row["cells"]), str(row["consistent"]), *counts_of(row)])
 
 
-def _certified(table: pl.DataFrame) -> Iterator[str]:
-    for (arm,), rows in certified_cells(table).group_by("arm", maintain_order=True):
+def _consistent(table: pl.DataFrame) -> Iterator[str]:
+    for (method,), rows in consistent_cells(table).group_by("method", maintain_order=True):
         parts = []
         for (trajectory,), group in rows.group_by("trajectory", maintain_order=True):
-            good = [beams.replace(",", "") for beams in group.filter("certified")["beams"]]
-            bad = [beams.replace(",", "") for beams in group.filter(~pl.col("certified"))["beams"]]
+            good = [beams.replace(",", "") for beams in group.filter("consistent")["beams"]]
+            bad = [beams.replace(",", "") for beams in group.filter(~pl.col("consistent"))["beams"]]
             if not bad or not good:
                 words = "nowhere" if bad else "everywhere"
             elif len(good) > len(bad):
@@ -138,11 +138,11 @@ def _certified(table: pl.DataFrame) -> Iterator[str]:
             else:
                 words = " ".join(good)
             parts.append(f"{trajectory}: {words}")
-        yield f"- `{arm}`: {'; '.join(parts)}."
+        yield f"- `{method}`: {'; '.join(parts)}."
 
 
 def _matrices(table: pl.DataFrame) -> Iterator[str]:
-    arms = table["arm"].unique(maintain_order=True).to_list()
+    methods = table["method"].unique(maintain_order=True).to_list()
     for quantity, words in QUANTITIES.items():
         chosen = table.filter(pl.col("quantity") == quantity)
         if chosen.is_empty():
@@ -153,14 +153,14 @@ def _matrices(table: pl.DataFrame) -> Iterator[str]:
         else:
             low, high = chosen["band_lo"][0], chosen["band_hi"][0]
             yield f"Expected {chosen['degrees'][0]:g}, band {low:.2f} to {high:.2f}."
-        yield "▲ overconfident, ▽ too cautious, with the value that decides; no mark: consistent, mean over the times."
+        yield "▲ overconfident, ▽ conservative, with the value that decides; no mark: consistent, mean over the times."
         yield ""
         for (trajectory,), rows in chosen.group_by("trajectory", maintain_order=True):
-            yield _row([str(trajectory), *arms])
-            yield _row(["---", *("---:" for _ in arms)])
+            yield _row([str(trajectory), *methods])
+            yield _row(["---", *("---:" for _ in methods)])
             for (beams,), group in rows.group_by("beams", maintain_order=True):
-                found = {row["arm"]: row for row in group.iter_rows(named=True)}
-                yield _row([str(beams), *(_cell(found.get(arm), quantity) for arm in arms)])
+                found = {row["method"]: row for row in group.iter_rows(named=True)}
+                yield _row([str(beams), *(_cell(found.get(method), quantity) for method in methods)])
             yield ""
 
 

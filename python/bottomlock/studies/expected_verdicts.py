@@ -1,4 +1,4 @@
-"""Verdicts that a certificate is held against: a TOML file of expectations, and the cells that depart from them."""
+"""Expected verdicts of a consistency study: a TOML file, and the cells that depart from it."""
 
 import tomllib
 from collections.abc import Collection
@@ -15,16 +15,16 @@ from bottomlock.statistics.chi_squared import OVERCONFIDENT
 
 
 class Expectation(Section):
-    """What all cells of some arms, trajectories and masks are to show; an empty list means every one that is there.
+    """What all cells of some methods, trajectories and masks are to show; an empty list means every one that is there.
 
     "not overconfident" allows both of the other verdicts.
     """
 
-    arms: tuple[str, ...]
+    methods: tuple[str, ...]
     trajectories: tuple[str, ...] = ()
     beams: tuple[str, ...] = ()
     quantity: Literal["nees_velocity_attitude", "nees", "nis"] = "nees_velocity_attitude"
-    verdict: Literal["consistent", "overconfident", "too cautious", "not overconfident"]
+    verdict: Literal["consistent", "overconfident", "conservative", "not overconfident"]
 
 
 class Expectations(Section):
@@ -59,24 +59,24 @@ def read_expectations(path: Path) -> tuple[Expectation, ...]:
 def check_names(
     expectations: tuple[Expectation, ...],
     *,
-    arms: Collection[str],
+    methods: Collection[str],
     trajectories: Collection[str],
     beams: Collection[str],
 ) -> None:
-    """Refuses an expectation of what is not in a certificate: it would pass unseen.
+    """Refuses an expectation of what is not in a consistency study: it would pass unseen.
 
     Raises:
-        DataError: naming the arm, trajectory or mask.
+        DataError: naming the method, trajectory or mask.
     """
     for wanted in expectations:
         for column, names, known in (
-            ("arm", wanted.arms, arms),
+            ("method", wanted.methods, methods),
             ("trajectory", wanted.trajectories, trajectories),
             ("beams", wanted.beams, beams),
         ):
             for name in names:
                 if name not in known:
-                    raise DataError(f"expected verdicts: {column} '{name}' is not in the certificate")
+                    raise DataError(f"expected verdicts: {column} '{name}' is not in the consistency study")
 
 
 def departures(table: pl.DataFrame, expectations: tuple[Expectation, ...]) -> list[str]:
@@ -86,13 +86,16 @@ def departures(table: pl.DataFrame, expectations: tuple[Expectation, ...]) -> li
         DataError: as `check_names`, and for a combination that the table does not hold.
     """
     check_names(
-        expectations, arms=set(table["arm"]), trajectories=set(table["trajectory"]), beams=set(table["beams"])
+        expectations,
+        methods=set(table["method"]),
+        trajectories=set(table["trajectory"]),
+        beams=set(table["beams"]),
     )
     found = []
     for wanted in expectations:
         rows = table.filter(pl.col("quantity") == wanted.quantity)
         for column, names in (
-            ("arm", wanted.arms),
+            ("method", wanted.methods),
             ("trajectory", wanted.trajectories),
             ("beams", wanted.beams),
         ):
@@ -100,7 +103,7 @@ def departures(table: pl.DataFrame, expectations: tuple[Expectation, ...]) -> li
                 rows = rows.filter(pl.col(column).is_in(names))
         if rows.is_empty():
             raise DataError(
-                f"expected verdicts: no cell has arms {list(wanted.arms)} and beams {list(wanted.beams)}"
+                f"expected verdicts: no cell has methods {list(wanted.methods)} and beams {list(wanted.beams)}"
             )
         for row in rows.iter_rows(named=True):
             good = (
@@ -110,7 +113,7 @@ def departures(table: pl.DataFrame, expectations: tuple[Expectation, ...]) -> li
             )
             if not good:
                 found.append(
-                    f"{row['trajectory']}, beams {row['beams']}, {row['arm']}, {wanted.quantity}: {row['verdict']} "
+                    f"{row['trajectory']}, beams {row['beams']}, {row['method']}, {wanted.quantity}: {row['verdict']} "
                     f"({row['least']:.2f} to {row['greatest']:.2f}, "
                     f"band {row['band_lo']:.2f} to {row['band_hi']:.2f}), expected {wanted.verdict}"
                 )

@@ -30,15 +30,15 @@ PARTS = (
 )
 
 MASKS = {
-    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "arm": pl.String(),
+    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "method": pl.String(),
     "velocity_rms_mps": pl.Float64(), "velocity_rms_lo_mps": pl.Float64(), "velocity_rms_hi_mps": pl.Float64(),
     "attitude_rms_deg": pl.Float64(), "position_rms_m": pl.Float64(),
     "nees_mean": pl.Float64(), "nees_velocity_attitude_mean": pl.Float64(), "verdict": pl.String(),
-    "rejected_part": pl.Float64(),
+    "rejected_fraction": pl.Float64(),
 }  # fmt: skip
-"""A row per trajectory, case and arm: RMS over runs at the last second with a 95 % bootstrap interval, mean over runs
-and time of the NEES of the whole state and of velocity and attitude, the verdict on the latter, and the part of the
-fixes that the gate rejected (null without fixes)."""
+"""A row per trajectory, case and method: RMS over runs at the last second with a 95 % bootstrap interval, mean over
+runs and time of the NEES of the whole state and of velocity and attitude, the verdict on the latter, and the
+fraction of the fixes that the gate rejected (null without fixes)."""
 
 
 def all_cases(scenario: Scenario) -> list[cases.Case]:
@@ -80,7 +80,7 @@ def configuration(scenarios: Sequence[Scenario]) -> str:
     """Hash of what decides a study's numbers, apart from the number of runs and the choice of cases."""
     worlds = [make_world(scenario) for scenario in scenarios]
     return study_folder.configuration_hash(
-        [(w.scenario.name, w.fingerprint(), list(w.scenario.campaign.arms)) for w in worlds]
+        [(w.scenario.name, w.fingerprint(), list(w.scenario.campaign.methods)) for w in worlds]
     )
 
 
@@ -120,7 +120,7 @@ def run_masks(
     Raises:
         ScenarioError: for scenarios of one name, instruments of different beams, and unknown cases.
         OutputError: where `out` cannot be written.
-        KernelError: for input that the kernel refuses, naming run and arm.
+        KernelError: for input that the kernel refuses, naming run and method.
     """
     if len({scenario.dvl.beams for scenario in scenarios}) != 1:
         raise ScenarioError("expected scenarios whose instruments have the same number of beams")
@@ -147,15 +147,15 @@ def gather(
 ) -> pl.DataFrame:
     """The rows of one case from the tables of its campaign."""
     of_interest = consistency.filter(pl.col("quantity") == "nees_velocity_attitude").select(
-        "trajectory", "arm", pl.col("mean").alias("nees_velocity_attitude_mean"), "verdict"
+        "trajectory", "method", pl.col("mean").alias("nees_velocity_attitude_mean"), "verdict"
     )
     return (
         campaign.summary_table(ensemble, runs)
-        .join(of_interest, on=["trajectory", "arm"], how="left", maintain_order="left")
+        .join(of_interest, on=["trajectory", "method"], how="left", maintain_order="left")
         .with_columns(
             pl.lit(case.name).alias("case"),
             pl.lit(case.beams).alias("beams"),
-            pl.col("rejected_part").fill_nan(None),
+            pl.col("rejected_fraction").fill_nan(None),
         )
         .select(list(MASKS))
     )

@@ -1,4 +1,4 @@
-"""The masks study in Markdown: velocity under every mask arm by arm, and how each arm takes beams that return."""
+"""The masks study in Markdown: velocity under every mask, method by method, and the recovery when beams return."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -30,7 +30,7 @@ def markdown(table: pl.DataFrame, summary: pl.DataFrame | None) -> str:
         "## Velocity under every mask",
         "",
         (
-            "RMS over the runs at the end, m/s. ▲ overconfident, ▽ too cautious in the NEES of velocity and "
+            "RMS over the runs at the end, m/s. ▲ overconfident, ▽ conservative in the NEES of velocity and "
             f"attitude, by the campaign's 95 % band; of {table.height} verdicts some fall outside by chance."
         ),
         "",
@@ -51,9 +51,9 @@ def markdown(table: pl.DataFrame, summary: pl.DataFrame | None) -> str:
 
 
 def worst_of_pairs(summary: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory and arm: of all pairs the worst of each column of `recovery.SUMMARY`."""
-    return summary.group_by("trajectory", "arm", maintain_order=True).agg(
-        pl.col("step_sigmas_max", "nis_1", "nis_5", "rejected_part").max(),
+    """A row per trajectory and method: of all pairs the worst of each column of `recovery.SUMMARY`."""
+    return summary.group_by("trajectory", "method", maintain_order=True).agg(
+        pl.col("step_sigmas_max", "nis_1", "nis_5", "rejected_fraction").max(),
         pl.col("jumps").sum(),
         pl.col("degrees").first(),
         # Null stands for "never".
@@ -70,14 +70,14 @@ def _row(cells: Sequence[str]) -> str:
 
 
 def _masks(table: pl.DataFrame) -> Iterator[str]:
-    arms = table["arm"].unique(maintain_order=True).to_list()
+    methods = table["method"].unique(maintain_order=True).to_list()
     for (trajectory,), rows in table.group_by("trajectory", maintain_order=True):
-        yield _row([str(trajectory), *(f"`{arm}`" for arm in arms)])
-        yield _row(["---", *("---:" for _ in arms)])
+        yield _row([str(trajectory), *(f"`{method}`" for method in methods)])
+        yield _row(["---", *("---:" for _ in methods)])
         for (case, beams), group in rows.group_by("case", "beams", maintain_order=True):
-            found = {row["arm"]: row for row in group.iter_rows(named=True)}
+            found = {row["method"]: row for row in group.iter_rows(named=True)}
             name = str(beams) if str(case).startswith("beams_") else str(case)
-            yield _row([name, *(_cell(found.get(arm)) for arm in arms)])
+            yield _row([name, *(_cell(found.get(method)) for method in methods)])
         yield ""
 
 
@@ -94,14 +94,14 @@ def _recovery(summary: pl.DataFrame) -> Iterator[str]:
             back = row["back_at_epoch"]
             yield _row(
                 [
-                    f"`{row['arm']}`",
+                    f"`{row['method']}`",
                     f"{row['step_sigmas_max']:.2f}",
                     str(row["jumps"]),
                     number(row["nis_1"]),
                     number(row["nis_5"]),
                     str(row["degrees"]),
                     "never" if back is None else str(back),
-                    f"{100.0 * row['rejected_part']:.1f}",
+                    f"{100.0 * row['rejected_fraction']:.1f}",
                     f"{row['pairs_recovered']} of {row['pairs']}",
                 ]
             )

@@ -1,4 +1,4 @@
-"""What an arm does when beams come back: the step of its velocity and its innovations at the first fixes of full lock.
+"""Recovery when beams return: the step of a method's velocity and its innovations at the first fixes of full lock.
 
 For a minute in mid-way two beams return, before and after it all. An honest filter knows how far it has drifted: the
 step of its estimate stays within three of its claimed standard deviations, and the normalised innovations squared are
@@ -36,7 +36,7 @@ BLOCK = 10
 
 AXES = ("surge", "sway", "heave")
 RECOVERY = {
-    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "arm": pl.String(),
+    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "method": pl.String(),
     "run": pl.Int64(), "epoch": pl.Int64(), "time_s": pl.Float64(),
     **{f"step_{axis}_mps": pl.Float64() for axis in AXES},
     **{f"sd_{axis}_mps": pl.Float64() for axis in AXES},
@@ -44,19 +44,19 @@ RECOVERY = {
     "nis": pl.Float64(), "degrees": pl.Int64(), "band_lo": pl.Float64(), "band_hi": pl.Float64(),
     "inside": pl.Boolean(), "used": pl.Boolean(),
 }  # fmt: skip
-"""A row per trajectory, mask, arm, run and epoch after the beams are back: step of the velocity estimate, standard
+"""A row per trajectory, mask, method, run and epoch after the beams are back: step of the velocity estimate, standard
 deviation claimed before it, greatest ratio of the two over the axes, the chance of a ratio above three for an honest
 filter, and NIS with its band."""
 
 SUMMARY = {
-    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "arm": pl.String(),
+    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "method": pl.String(),
     "runs": pl.Int64(), "step_sigmas_max": pl.Float64(), "jumps": pl.Int64(), "jumps_allowed": pl.Int64(),
     **{f"nis_{epoch}": pl.Float64() for epoch in range(1, EPOCHS + 1)},
     "degrees": pl.Int64(), "band_lo": pl.Float64(), "band_hi": pl.Float64(),
-    "back_at_epoch": pl.Int64(), "rejected_part": pl.Float64(), "recovered": pl.Boolean(),
+    "back_at_epoch": pl.Int64(), "rejected_fraction": pl.Float64(), "recovered": pl.Boolean(),
 }  # fmt: skip
-"""A row per trajectory, mask and arm: runs with a step above three sigma and how many chance allows, mean NIS over runs
-at each epoch, its band, the epoch from which it stays there (null: not within five), and both together."""
+"""A row per trajectory, mask and method: runs with a step above three sigma and how many chance allows, mean NIS over
+runs at each epoch, its band, the epoch from which it stays there (null: not within five), and both together."""
 
 
 def two_beam_outages(scenario: Scenario) -> list[cases.Case]:
@@ -91,7 +91,7 @@ def run_recovery(
     """Flies the outages and writes `recovery.parquet` and `recovery_summary.parquet` to `out`; parts there are kept.
 
     Args:
-        scenarios: what to fly; their runs, seed and arms count ("ins" is left out, it has no fixes).
+        scenarios: what to fly; their runs, seed and methods count ("ins" is left out, it has no fixes).
         out: directory, claimed by the caller.
         tell: hears the trajectory and the number of runs that are behind.
 
@@ -108,7 +108,7 @@ def run_recovery(
         worlds = [make_world(case.scenario) for case in outages]
         settings = scenario.campaign
         truth: Truth | None = None
-        name = study_folder.configuration_hash([kernel_version(), worlds[0].fingerprint(), settings.arms])[
+        name = study_folder.configuration_hash([kernel_version(), worlds[0].fingerprint(), settings.methods])[
             :12
         ]
         for first in range(0, settings.runs, BLOCK):
@@ -133,7 +133,7 @@ def run_recovery(
 def _rows(
     worlds: Sequence[World], outages: Sequence[cases.Case], truth: Truth, run: int
 ) -> Iterator[tuple[object, ...]]:
-    """One run, drawn once, under every mask and arm."""
+    """One run, drawn once, under every mask and method."""
     readings = Readings(worlds[0], truth, run=run)
     times = readings.ping_time_ns
     for world, case in zip(worlds, outages, strict=True):
@@ -143,13 +143,13 @@ def _rows(
         for beam in rule.beams:
             valid[lost, beam - 1] = False
         first = int(np.flatnonzero(lost)[-1]) + 1
-        for arm in world.scenario.campaign.arms:
-            if arm == "ins":
+        for method in world.scenario.campaign.methods:
+            if method == "ins":
                 continue
-            fixes = readings.fixes(arm, valid, range(first, first + EPOCHS))
+            fixes = readings.fixes(method, valid, range(first, first + EPOCHS))
             for fix in fixes:
                 epoch = int(np.searchsorted(times, fix.time_ns)) - first + 1
-                yield (world.scenario.name, case.name, case.beams, arm, run, epoch, *_measures(fix))
+                yield (world.scenario.name, case.name, case.beams, method, run, epoch, *_measures(fix))
 
 
 def _measures(fix: Fix) -> tuple[object, ...]:
@@ -183,8 +183,8 @@ def jump_chance(fix: Fix) -> float:
 
 
 def summary(table: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory, mask and arm (`SUMMARY`), the bands widened for the false-alarm rate of the whole."""
-    keys = ["trajectory", "case", "beams", "arm"]
+    """A row per trajectory, mask and method (`SUMMARY`), the bands widened for the false-alarm rate of the whole."""
+    keys = ["trajectory", "case", "beams", "method"]
     groups = list(table.group_by(keys, maintain_order=True))
     each = chi_squared.each_probability(FALSE_ALARM, len(groups) * (EPOCHS + 1))
     rows = []

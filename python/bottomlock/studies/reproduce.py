@@ -27,12 +27,12 @@ def reproduce(
     *,
     runs: int = RUNS,
     seed: int | None = None,
-    arms: Sequence[str] | None = None,
+    methods: Sequence[str] | None = None,
     threads: int = 0,
     force: bool = False,
     tell: Callable[[Progress], None] = lambda _: None,
 ) -> Report:
-    """Flies the three trajectories with every arm, sweeps what the paper leaves open, and writes the report.
+    """Flies the three trajectories with every method, sweeps what the paper leaves open, and writes the report.
 
     An interrupted study resumes; the numbers do not depend on interruptions or threads.
 
@@ -40,7 +40,7 @@ def reproduce(
         out: directory; new, empty, or of the same study.
         runs: runs of each trajectory.
         seed: seed of all; the scenarios' own by default.
-        arms: arms; the scenarios' own by default.
+        methods: methods; the scenarios' own by default.
         threads: 0 for as many as there are cores.
         force: start over in a directory of another study.
         tell: hears of the progress of the campaign and the sweep.
@@ -49,7 +49,7 @@ def reproduce(
         As `run_campaign` and `make_report`.
     """
     scenarios: list[Scenario] = [
-        load_scenario(name).with_overrides(runs=runs, seed=seed, arms=arms) for name in TRAJECTORIES
+        load_scenario(name).with_overrides(runs=runs, seed=seed, methods=methods) for name in TRAJECTORIES
     ]
     run_campaign(scenarios, out, threads=threads, force=force, tell=tell)
     sweep = run_sweep(

@@ -15,11 +15,11 @@ from bottomlock.tables.schema import SWEEP
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting with its values, and the arms that feel it."""
+    """A setting with its values, and the methods that feel it."""
 
     parameter: str
     values: tuple[float | str, ...]
-    arms: tuple[str, ...]
+    methods: tuple[str, ...]
     change: Callable[[Scenario, Any], Scenario]
 
 
@@ -86,7 +86,7 @@ def run_sweep(
     parts = []
     for folder, setting, value in _cells():
         changed = [
-            setting.change(scenario.with_overrides(runs=runs, arms=setting.arms), value)
+            setting.change(scenario.with_overrides(runs=runs, methods=setting.methods), value)
             for scenario in scenarios
         ]
         results = run_campaign(
@@ -98,7 +98,7 @@ def run_sweep(
             summary.with_columns(
                 pl.lit(setting.parameter).alias("parameter"),
                 pl.lit(label).alias("value"),
-                pl.col("rejected_part").fill_nan(None),
+                pl.col("rejected_fraction").fill_nan(None),
             ).select(list(SWEEP))
         )
     return pl.concat(parts)

@@ -12,7 +12,7 @@ KEYS: Mapping[str, pl.DataType] = {
     "case": pl.String(),
     "what_if": pl.String(),
     "run": pl.Int64(),
-    "arm": pl.String(),
+    "method": pl.String(),
 }
 
 REPLAY_RUNS: Mapping[str, pl.DataType] = {
@@ -36,8 +36,8 @@ REPLAY_RUNS: Mapping[str, pl.DataType] = {
     "fixes_in_part": pl.Int64(),
     "fixes_rejected": pl.Int64(),
 }
-"""A row per question, run, arm and pass (forward or smoothed): norms of the errors against the reference, null without
-one; the error at the end in percent of the distance that the reference went; ratios are RMS over time and axes of error
+"""A row per question, run, method and pass (forward or smoothed): norms of the errors against the reference, null
+without one; the error at the end in percent of the distance travelled; ratios are RMS over time and axes of error
 over claimed deviation, 1 when the filter is right about itself. NIS and counts are those of the forward pass."""
 
 REPLAY_SAMPLES: Mapping[str, pl.DataType] = {
@@ -59,13 +59,13 @@ REPLAY_SAMPLES: Mapping[str, pl.DataType] = {
     **{f"sd_misalignment_{axis}_rad": pl.Float64() for axis in ("north", "east", "down")},
     **{f"sd_velocity_{axis}_mps": pl.Float64() for axis in ("surge", "sway", "heave")},
 }
-"""A row per question, run, arm, pass and time: the estimate, its error (reference minus estimate, null where there is
-no reference) and its claimed deviation. Latitude, longitude and height are null without an origin on the Earth."""
+"""A row per question, run, method, pass and time: the estimate, its error (reference minus estimate, null where there
+is no reference) and its claimed deviation. Latitude, longitude and height are null without an origin on the Earth."""
 
 REPLAY_ENSEMBLE: Mapping[str, pl.DataType] = {
     "case": pl.String(),
     "what_if": pl.String(),
-    "arm": pl.String(),
+    "method": pl.String(),
     "pass": pl.String(),
     "time_s": pl.Float64(),
     "runs": pl.Int64(),
@@ -78,11 +78,11 @@ REPLAY_ENSEMBLE: Mapping[str, pl.DataType] = {
         for name, unit in (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
     },
 }
-"""A row per question, arm, pass and second from the start: RMS over runs of the errors' norms, and of those claimed."""
+"""A row per question, method, pass and second from the start: RMS over runs of the error norms and of those claimed."""
 
 
 def innovations_schema(beams: int) -> dict[str, pl.DataType]:
-    """A row per question, run, arm and ping: what became of it, NIS, and the innovation of each beam that was a row."""
+    """A row per question, run, method and ping: its outcome, NIS, and the innovation of each beam that was a row."""
     return {
         **KEYS,
         "time_ns": pl.Int64(),
@@ -97,7 +97,7 @@ def innovations_schema(beams: int) -> dict[str, pl.DataType]:
 def pings_schema(beams: int) -> dict[str, pl.DataType]:
     """A row per question, run and ping: the beams as the filters had them."""
     return {
-        **{name: dtype for name, dtype in KEYS.items() if name != "arm"},
+        **{name: dtype for name, dtype in KEYS.items() if name != "method"},
         "time_ns": pl.Int64(),
         **{f"beam{k + 1}_mps": pl.Float64() for k in range(beams)},
         **{f"beam{k + 1}_valid": pl.Boolean() for k in range(beams)},

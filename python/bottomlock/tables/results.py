@@ -31,7 +31,7 @@ COMPONENTS = tuple(
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of one trajectory: for each arm a matrix of runs × times, runs and times in one order for all arms."""
+    """Errors of one trajectory: for each method a matrix of runs × times, in one order for all methods."""
 
     time_s: Array
     velocity_mps: Mapping[str, Array]
@@ -45,7 +45,7 @@ class Errors:
     """RMS over runs and times of error / claimed standard deviation, one for each of `COMPONENTS`."""
 
     def of(self, quantity: str) -> Mapping[str, Array]:
-        """The norms of a quantity, "velocity" (m/s) or "attitude" (deg), for each arm."""
+        """The norms of a quantity, "velocity" (m/s) or "attitude" (deg), for each method."""
         return {"velocity": self.velocity_mps, "attitude": self.attitude_deg}[quantity]
 
 
@@ -67,10 +67,10 @@ class Study:
         """Trajectories in the order in which they were flown."""
         return self.ensemble["trajectory"].unique(maintain_order=True).to_list()
 
-    def arms(self, trajectory: str) -> list[str]:
-        """Arms of a trajectory in the campaign's order."""
+    def methods(self, trajectory: str) -> list[str]:
+        """Methods of a trajectory in the campaign's order."""
         rows = self.ensemble.filter(pl.col("trajectory") == trajectory)
-        return rows["arm"].unique(maintain_order=True).to_list()
+        return rows["method"].unique(maintain_order=True).to_list()
 
     def configuration(self, trajectory: str) -> dict[str, Any]:
         """The scenario of a trajectory, as the manifest keeps it."""
@@ -82,7 +82,7 @@ def read_study(folder: Path) -> Study:
 
     Raises:
         DataError: for a directory that holds no finished campaign of this version, and for a table that is missing,
-            damaged, of other columns, or of other trajectories or arms than the manifest names.
+            damaged, of other columns, or of other trajectories or methods than the manifest names.
     """
     if not folder.is_dir():
         raise DataError(f"{folder}: no such directory; `bottomlock run` makes one")
@@ -105,9 +105,9 @@ def read_study(folder: Path) -> Study:
     )
 
 
-def locked_out(study: Study, trajectory: str, arm: str) -> int:
-    """Number of runs in which the gate of an arm rejects more than half of its fixes: it flies on without them."""
-    runs = study.runs.filter((pl.col("trajectory") == trajectory) & (pl.col("arm") == arm))
+def locked_out(study: Study, trajectory: str, method: str) -> int:
+    """Number of runs in which the gate of a method rejects more than half of its fixes: it flies on without them."""
+    runs = study.runs.filter((pl.col("trajectory") == trajectory) & (pl.col("method") == method))
     lost = runs["fixes_rejected"] > runs["fixes_accepted"]
     return int(lost.sum())
 
@@ -119,9 +119,9 @@ def read_errors(study: Study, trajectory: str) -> Errors:
         DataError: for a chunk that is missing, damaged or incomplete.
     """
     scenario = study.manifest["scenarios"][trajectory]
-    arms, runs = sorted(study.arms(trajectory)), int(scenario["runs"])
+    methods, runs = sorted(study.methods(trajectory)), int(scenario["runs"])
     parts = [
-        _chunk(path, arms, last - first + 1)
+        _chunk(path, methods, last - first + 1)
         for path, first, last in _tiling(study.folder / "chunks" / trajectory, runs)
     ]
     time_s = parts[0][0]
@@ -134,18 +134,18 @@ def read_errors(study: Study, trajectory: str) -> Errors:
     }
     weights = np.array([part[1]["nees"].shape[0] for part in parts], dtype=np.float64) / runs
     ratio = np.sqrt(np.tensordot(weights, np.stack([part[1]["ratio"] for part in parts]), axes=1))
-    by_arm = {
-        name: {arm: np.ascontiguousarray(values[:, k]) for k, arm in enumerate(arms)}
+    by_method = {
+        name: {method: np.ascontiguousarray(values[:, k]) for k, method in enumerate(methods)}
         for name, values in stacked.items()
     }
     return Errors(
         time_s=time_s,
-        velocity_mps=by_arm["velocity"],
-        attitude_deg=by_arm["attitude"],
-        heading_deg=by_arm["heading"],
-        claimed_velocity_mps=by_arm["claimed"],
-        nees=by_arm["nees"],
-        ratio_rms={arm: ratio[k] for k, arm in enumerate(arms)},
+        velocity_mps=by_method["velocity"],
+        attitude_deg=by_method["attitude"],
+        heading_deg=by_method["heading"],
+        claimed_velocity_mps=by_method["claimed"],
+        nees=by_method["nees"],
+        ratio_rms={method: ratio[k] for k, method in enumerate(methods)},
     )
 
 
@@ -166,7 +166,7 @@ def _manifest(folder: Path) -> dict[str, Any]:
             f"the same `bottomlock run` resumes it"
         )
     for name, scenario in manifest["scenarios"].items():
-        for key in ("runs", "seed", "arms", "configuration"):
+        for key in ("runs", "seed", "methods", "configuration"):
             if not isinstance(scenario, dict) or key not in scenario:
                 raise DataError(f"{path}: scenario '{name}' lacks '{key}'")
     return manifest
@@ -192,13 +192,13 @@ def _optional(path: Path, columns: Mapping[str, pl.DataType]) -> pl.DataFrame | 
 
 
 def _agree(path: Path, table: pl.DataFrame, manifest: dict[str, Any]) -> None:
-    """The table has the trajectories and arms that the manifest names, no more and no less."""
+    """The table has the trajectories and methods that the manifest names, no more and no less."""
     for name, scenario in manifest["scenarios"].items():
-        found = set(table.filter(pl.col("trajectory") == name)["arm"].unique().to_list())
-        if found != set(scenario["arms"]):
+        found = set(table.filter(pl.col("trajectory") == name)["method"].unique().to_list())
+        if found != set(scenario["methods"]):
             raise DataError(
-                f"{path}: trajectory '{name}' has the arms {', '.join(sorted(found)) or 'none'}; "
-                f"the manifest names {', '.join(sorted(scenario['arms']))}"
+                f"{path}: trajectory '{name}' has the methods {', '.join(sorted(found)) or 'none'}; "
+                f"the manifest names {', '.join(sorted(scenario['methods']))}"
             )
     strange = set(table["trajectory"].unique().to_list()) - set(manifest["scenarios"])
     if strange:
@@ -225,18 +225,18 @@ def _tiling(folder: Path, runs: int) -> list[tuple[Path, int, int]]:
     return chain
 
 
-def _chunk(path: Path, arms: list[str], runs: int) -> tuple[Array, dict[str, Array]]:
-    """Times, and runs × arms × times of each norm; under "ratio" the mean square of error / deviation."""
+def _chunk(path: Path, methods: list[str], runs: int) -> tuple[Array, dict[str, Array]]:
+    """Times, and runs × methods × times of each norm; under "ratio" the mean square of error / deviation."""
     columns = [name for name in SAMPLES if name not in ("trajectory", "nees_velocity_attitude")]
-    frame = _parquet(path, columns).sort("run", "arm", "time_ns")
+    frame = _parquet(path, columns).sort("run", "method", "time_ns")
     time_ns = frame["time_ns"].unique().sort()
-    shape = (runs, len(arms), len(time_ns))
-    if frame.height != runs * len(arms) * len(time_ns) or frame["run"].n_unique() != runs:
+    shape = (runs, len(methods), len(time_ns))
+    if frame.height != runs * len(methods) * len(time_ns) or frame["run"].n_unique() != runs:
         raise DataError(
-            f"{path}: has {frame.height} rows, expected {shape[0]} runs × {shape[1]} arms × {shape[2]} times"
+            f"{path}: has {frame.height} rows, expected {shape[0]} runs × {shape[1]} methods × {shape[2]} times"
         )
-    if sorted(frame["arm"].unique().to_list()) != arms:
-        raise DataError(f"{path}: its arms are not those of the manifest")
+    if sorted(frame["method"].unique().to_list()) != methods:
+        raise DataError(f"{path}: its methods are not those of the manifest")
 
     def cube(name: str) -> Array:
         return np.asarray(frame[name].to_numpy().reshape(shape), dtype=np.float64)

@@ -19,7 +19,7 @@ _BIAS_COLUMNS: Mapping[str, pl.DataType] = {
 RUNS: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
     "run": pl.Int64(),
-    "arm": pl.String(),
+    "method": pl.String(),
     "velocity_rms_mps": pl.Float64(),
     "attitude_rms_deg": pl.Float64(),
     "position_rms_m": pl.Float64(),
@@ -34,13 +34,13 @@ RUNS: Mapping[str, pl.DataType] = {
     "cross_track_max_m": pl.Float64(),
     **_BIAS_COLUMNS,
 }
-"""A row per trajectory, run and arm: RMS over time and final norms of the error vectors; `nis_mean` is null
+"""A row per trajectory, run and method: RMS over time and final norms of the error vectors; `nis_mean` is null
 without fixes. The cross-track error is that of the true vehicle; it is null for an analytic truth. Errors of the
 biases (true minus estimate) and their claimed standard deviations are those of the last sample."""
 
 ENSEMBLE: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
-    "arm": pl.String(),
+    "method": pl.String(),
     "time_s": pl.Float64(),
     "velocity_rms_mps": pl.Float64(),
     "velocity_rms_lo_mps": pl.Float64(),
@@ -51,12 +51,12 @@ ENSEMBLE: Mapping[str, pl.DataType] = {
     "position_rms_m": pl.Float64(),
     "nees": pl.Float64(),
 }
-"""A row per trajectory, arm and second: RMS over runs with its 95 % bootstrap interval, mean NEES of the whole
+"""A row per trajectory, method and second: RMS over runs with its 95 % bootstrap interval, mean NEES of the whole
 state."""
 
 CONSISTENCY: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
-    "arm": pl.String(),
+    "method": pl.String(),
     "quantity": pl.String(),
     "degrees": pl.Int64(),
     "runs": pl.Int64(),
@@ -66,13 +66,13 @@ CONSISTENCY: Mapping[str, pl.DataType] = {
     "part_inside": pl.Float64(),
     "verdict": pl.String(),
 }
-"""A row per trajectory, arm and kind of NEES: mean over runs and time, the 95 % chi-squared band of the mean
+"""A row per trajectory, method and kind of NEES: mean over runs and time, the 95 % chi-squared band of the mean
 over runs at one time, the part of the times at which it lies inside, and the verdict on the mean over time."""
 
 SAMPLES: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
     "run": pl.Int64(),
-    "arm": pl.String(),
+    "method": pl.String(),
     "time_ns": pl.Int64(),
     **{f"err_position_{axis}_m": pl.Float64() for axis in ("north", "east", "down")},
     **{f"err_misalignment_{axis}_rad": pl.Float64() for axis in ("north", "east", "down")},
@@ -83,12 +83,12 @@ SAMPLES: Mapping[str, pl.DataType] = {
     "nees": pl.Float64(),
     "nees_velocity_attitude": pl.Float64(),
 }
-"""A row per trajectory, run, arm and second: error (true minus estimate) and claimed standard deviation."""
+"""A row per trajectory, run, method and second: error (true minus estimate) and claimed standard deviation."""
 
 OUTCOMES: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
     "run": pl.Int64(),
-    "arm": pl.String(),
+    "method": pl.String(),
     "nis_mean": pl.Float64(),
     "fixes_accepted": pl.Int64(),
     "fixes_rejected": pl.Int64(),
@@ -96,7 +96,7 @@ OUTCOMES: Mapping[str, pl.DataType] = {
     "cross_track_max_m": pl.Float64(),
     **_BIAS_COLUMNS,
 }
-"""A row per trajectory, run and arm: what the gate made of the DVL's fixes, how far astray the vehicle went, and how
+"""A row per trajectory, run and method: what the gate made of the DVL's fixes, how far astray the vehicle went, and how
 well the IMU's biases are known in the end."""
 
 
@@ -111,25 +111,25 @@ PATHS: Mapping[str, pl.DataType] = {
 
 CHOICES: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
-    "arm": pl.String(),
+    "method": pl.String(),
     "time_ns": pl.Int64(),
     "component": pl.String(),
     "source": pl.String(),
     "runs": pl.Int64(),
 }
-"""A row per trajectory, arm that chooses, ping, component and source: in how many runs it was chosen."""
+"""A row per trajectory, method that chooses, ping, component and source: in how many runs it was chosen."""
 
 SWEEP: Mapping[str, pl.DataType] = {
     "parameter": pl.String(),
     "value": pl.String(),
     "trajectory": pl.String(),
-    "arm": pl.String(),
+    "method": pl.String(),
     "velocity_rms_mps": pl.Float64(),
     "attitude_rms_deg": pl.Float64(),
     "nees_mean": pl.Float64(),
-    "rejected_part": pl.Float64(),
+    "rejected_fraction": pl.Float64(),
 }
-"""A row per value of a swept setting, trajectory and arm; `rejected_part` is null without fixes."""
+"""A row per value of a swept setting, trajectory and method; `rejected_fraction` is null without fixes."""
 
 CLAIMS: Mapping[str, pl.DataType] = {
     "claim": pl.String(),

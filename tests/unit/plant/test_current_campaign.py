@@ -62,8 +62,8 @@ OPTIONS: Any = {
 RUNS = 30
 
 
-def _flown(vehicle: Vehicle, mission: Mission, arms: list[str]) -> dict[str, Any]:
-    """A batch of arms on beams 1 and 2."""
+def _flown(vehicle: Vehicle, mission: Mission, methods: list[str]) -> dict[str, Any]:
+    """A batch of methods on beams 1 and 2."""
     flight = fly(vehicle, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False)
     pings = np.arange(1, 251, dtype=np.int64) * 1_000_000_000
     schedule: Any = {
@@ -82,7 +82,7 @@ def _flown(vehicle: Vehicle, mission: Mission, arms: list[str]) -> dict[str, Any
             MODEL,
             OPTIONS,
             schedule,
-            arms,
+            methods,
             seed=1,
             trajectory_key=int.from_bytes(hashlib.sha256(mission.name.encode()).digest()[:8], "big"),
             first_run=0,
@@ -92,10 +92,13 @@ def _flown(vehicle: Vehicle, mission: Mission, arms: list[str]) -> dict[str, Any
     )
 
 
-def _velocity_rms_mps(vehicle: Vehicle, mission: Mission, arms: list[str]) -> dict[str, float]:
-    """Velocity error norm of each arm, rms over the runs and the last 150 s."""
-    error = np.asarray(_flown(vehicle, mission, arms)["error"])[:, :, 100:, 6:9]
-    return {arm: float(np.sqrt((error[:, index] ** 2).sum(axis=-1).mean())) for index, arm in enumerate(arms)}
+def _velocity_rms_mps(vehicle: Vehicle, mission: Mission, methods: list[str]) -> dict[str, float]:
+    """Velocity error norm of each method, rms over the runs and the last 150 s."""
+    error = np.asarray(_flown(vehicle, mission, methods)["error"])[:, :, 100:, 6:9]
+    return {
+        method: float(np.sqrt((error[:, index] ** 2).sum(axis=-1).mean()))
+        for index, method in enumerate(methods)
+    }
 
 
 @pytest.mark.statistical

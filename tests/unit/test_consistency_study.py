@@ -1,4 +1,4 @@
-"""The certificate's arithmetic and words, from means set by hand."""
+"""The consistency study's arithmetic and words, from means set by hand."""
 
 from pathlib import Path
 
@@ -9,17 +9,17 @@ from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import consistency
-from bottomlock.studies.consistency_table import arms_summary, decisive, markdown
+from bottomlock.studies.consistency_table import decisive, markdown, methods_summary
 from bottomlock.studies.expected_verdicts import departures, read_expectations
 
 RUNS = 100
 
 
 def means(**velocity_attitude: tuple[float, float]) -> pl.DataFrame:
-    """Two times of one cell per arm; the whole state and NIS at their expectations."""
+    """Two times of one cell per method; the whole state and NIS at their expectations."""
     rows: list[tuple[object, ...]] = []
-    for arm, values in velocity_attitude.items():
-        place = ("straight", "1,2", arm)
+    for method, values in velocity_attitude.items():
+        place = ("straight", "1,2", method)
         for time_s, value in zip((125.0, 250.0), values, strict=True):
             rows.append((*place, "nees_velocity_attitude", time_s, 6.0, RUNS, RUNS, value))
             rows.append((*place, "nees", time_s, 20.0, RUNS, RUNS, 20.0))
@@ -34,33 +34,33 @@ def expect(tmp_path: Path, text: str) -> Path:
 
 
 def test_bands_count_every_mean() -> None:
-    """Three arms, two times of two quantities and one NIS: 15 means, so each band holds 1 − 0.01/15."""
+    """Three methods, two times of two quantities and one NIS: 15 means, so each band holds 1 − 0.01/15."""
     table = consistency.judge(means(tc=(6.0, 6.1), vb=(5.9, 9.0), nsv=(6.0, 3.0)))
     low, high = chi_squared.mean_band(6, RUNS, 1 - 0.01 / 15)
     rows = {
-        row["arm"]: row for row in table.filter(pl.col("quantity") == "nees_velocity_attitude").to_dicts()
+        row["method"]: row for row in table.filter(pl.col("quantity") == "nees_velocity_attitude").to_dicts()
     }
     assert (rows["tc"]["band_lo"], rows["tc"]["band_hi"]) == pytest.approx((low, high))
-    assert [rows[arm]["verdict"] for arm in ("tc", "vb", "nsv")] == [
+    assert [rows[method]["verdict"] for method in ("tc", "vb", "nsv")] == [
         "consistent",
         "overconfident",
-        "too cautious",
+        "conservative",
     ]
-    assert [decisive(rows[arm]) for arm in ("tc", "vb", "nsv")] == [6.05, 9.0, 3.0]
-    (nis,) = table.filter(pl.col("arm") == "tc", pl.col("quantity") == "nis").to_dicts()
+    assert [decisive(rows[method]) for method in ("tc", "vb", "nsv")] == [6.05, 9.0, 3.0]
+    (nis,) = table.filter(pl.col("method") == "tc", pl.col("quantity") == "nis").to_dicts()
     assert (nis["band_lo"], nis["band_hi"]) == pytest.approx(
         chi_squared.mean_band(2, RUNS * 250, 1 - 0.01 / 15)
     )
 
 
-def test_certified_is_not_overconfident_and_consistent_in_velocity_and_attitude() -> None:
-    """Caution in NIS does not count against an arm, overconfidence anywhere does."""
+def test_consistent_is_not_overconfident_and_consistent_in_velocity_and_attitude() -> None:
+    """Caution in NIS does not count against a method, overconfidence anywhere does."""
     table = means(tc=(6.0, 6.1), weak_sway=(6.0, 6.0), info=(6.0, 6.0))
-    nis = (pl.col("arm") == "weak_sway") & (pl.col("quantity") == "nis")
-    whole = (pl.col("arm") == "info") & (pl.col("quantity") == "nees")
+    nis = (pl.col("method") == "weak_sway") & (pl.col("quantity") == "nis")
+    whole = (pl.col("method") == "info") & (pl.col("quantity") == "nees")
     table = table.with_columns(pl.when(nis).then(1.0).when(whole).then(30.0).otherwise("mean").alias("mean"))
-    rows = {row["arm"]: row for row in arms_summary(consistency.judge(table)).to_dicts()}
-    assert [rows[arm]["certified"] for arm in ("tc", "weak_sway", "info")] == [1, 1, 0]
+    rows = {row["method"]: row for row in methods_summary(consistency.judge(table)).to_dicts()}
+    assert [rows[method]["consistent"] for method in ("tc", "weak_sway", "info")] == [1, 1, 0]
     assert rows["weak_sway"]["nis_cautious"] == 1
     assert rows["info"]["nees_overconfident"] == 1
 
@@ -69,8 +69,8 @@ def test_the_text_says_what_was_run_and_found() -> None:
     """Seed, versions, band, false-alarm rate, verdicts and limits: whoever reads it needs nothing else."""
     found = means(tc=(6.0, 6.1), vb=(5.9, 9.0))
     facts = {
-        "trajectories": ["straight"], "arms": ["tc", "vb"], "beams": ["1,2"], "seed": 7,
-        "versions": {"bottomlock": "0.1.0"}, "configuration_hash": "f" * 64, "command": "bottomlock certify",
+        "trajectories": ["straight"], "methods": ["tc", "vb"], "beams": ["1,2"], "seed": 7,
+        "versions": {"bottomlock": "0.1.0"}, "configuration_hash": "f" * 64, "command": "bottomlock consistency",
         "degrees": 20, "times_s": ["125", "250"], "tests": 10, "each_probability": 0.999, "false_alarm": 0.01,
     }  # fmt: skip
     text = markdown(consistency.judge(found), facts)
@@ -81,7 +81,7 @@ def test_the_text_says_what_was_run_and_found() -> None:
         assert words in text
     assert "{" not in text
     # NIS is shown over its number of rows, large ones too.
-    nis = (pl.col("arm") == "vb") & (pl.col("quantity") == "nis")
+    nis = (pl.col("method") == "vb") & (pl.col("quantity") == "nis")
     large = consistency.judge(found.with_columns(pl.when(nis).then(500.0).otherwise("mean").alias("mean")))
     assert "| 1,2 | 1.000 | 250 ▲ |" in markdown(large, facts)
     assert "\n\n\n" not in text
@@ -92,7 +92,8 @@ def test_departures_name_the_cell(tmp_path: Path) -> None:
     wanted = read_expectations(
         expect(
             tmp_path,
-            '[[expect]]\narms = ["tc"]\nverdict = "consistent"\n[[expect]]\narms = ["vb"]\nverdict = "overconfident"\n',
+            '[[expect]]\nmethods = ["tc"]\nverdict = "consistent"\n'
+            '[[expect]]\nmethods = ["vb"]\nverdict = "overconfident"\n',
         )
     )
     (line,) = departures(table, wanted)
@@ -100,17 +101,20 @@ def test_departures_name_the_cell(tmp_path: Path) -> None:
         "straight, beams 1,2, tc, nees_velocity_attitude: overconfident (6.00 to 9.00, band "
     )
     assert line.endswith("expected consistent")
-    milder = expect(tmp_path, '[[expect]]\narms = ["tc"]\nverdict = "not overconfident"\n')
+    milder = expect(tmp_path, '[[expect]]\nmethods = ["tc"]\nverdict = "not overconfident"\n')
     assert len(departures(table, read_expectations(milder))) == 1
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('[[expect]]\narms = ["tcc"]\nverdict = "consistent"\n', "arm 'tcc' is not in the certificate"),
-        ('[[expect]]\narms = ["tc"]\nbeams = ["12"]\nverdict = "consistent"\n', "beams '12' is not in"),
-        ('[[expect]]\narms = ["tc"]\nverdict = "fine"\n', "verdict"),
-        ('[[expect]]\narm = ["tc"]\nverdict = "consistent"\n', "arm"),
+        (
+            '[[expect]]\nmethods = ["tcc"]\nverdict = "consistent"\n',
+            "method 'tcc' is not in the consistency study",
+        ),
+        ('[[expect]]\nmethods = ["tc"]\nbeams = ["12"]\nverdict = "consistent"\n', "beams '12' is not in"),
+        ('[[expect]]\nmethods = ["tc"]\nverdict = "fine"\n', "verdict"),
+        ('[[expect]]\nmethod = ["tc"]\nverdict = "consistent"\n', "method"),
         ("expect = []\n", "expects nothing"),
         ("expect = [", "not valid TOML"),
     ],
@@ -125,14 +129,16 @@ def test_wrong_expectations(text: str, words: str, tmp_path: Path) -> None:
 def test_a_small_matrix_resumes(tmp_path: Path) -> None:
     """Cells are kept; `ins` stands once, without NIS; the text names its command."""
     scenario = (
-        load_scenario("straight").with_trajectory(duration_s=10.0).with_overrides(runs=3, arms=["ins", "tc"])
+        load_scenario("straight")
+        .with_trajectory(duration_s=10.0)
+        .with_overrides(runs=3, methods=["ins", "tc"])
     )
     masks = consistency.parse_masks("1234,1", 4)
-    table = consistency.certify([scenario], masks, tmp_path, command="again", threads=1)
+    table = consistency.run_consistency([scenario], masks, tmp_path, command="again", threads=1)
     assert table.height == 2 + 3 + 3
     stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "cells").iterdir()}
     assert len(stamps) == 2
-    assert consistency.certify([scenario], masks, tmp_path, threads=1).equals(table)
+    assert consistency.run_consistency([scenario], masks, tmp_path, threads=1).equals(table)
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "cells").iterdir()} == stamps
     for text in ("15", "21", ",", "1 2"):
         with pytest.raises(ScenarioError):
