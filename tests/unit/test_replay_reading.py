@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bottomlock.errors import DataError
-from bottomlock.replay import flight
+from bottomlock.replay import rerun
 from bottomlock.replay.axes import flip, from_angles, handedness, platform_attitude, quaternions, to_angles
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.model import kernel_options
@@ -165,8 +165,8 @@ aids = "heading"
         case = parse_case(
             changed(('aids = "heading"', f'aids = "{aids}"'), extra=extra), place="case", folder=tmp_path
         )
-        prepared = flight.prepare(case, read_dive(case), 0)
-        log = flight.make_log(case, prepared, prepared.dive.beams.valid[prepared.pings])
+        prepared = rerun.prepare(case, read_dive(case), 0)
+        log = rerun.make_log(case, prepared, prepared.dive.beams.valid[prepared.pings])
         np.testing.assert_allclose(log["gps_position_t_m"], [[0, -5, 0], [10, -5, 0], [20, -5, 0]], atol=1e-6)
         assert prepared.options["gps_lever_p_m"] == [0.0, 0.0, -1.0]
         if aids == "heading":
@@ -176,7 +176,7 @@ aids = "heading"
             np.testing.assert_allclose(
                 log["attitude_rpy_rad"], np.deg2rad([[1, 3, 54], [2, 4, 64]]), atol=1e-12
             )
-        assert (flight.fly(case, prepared, None).result["fix_status"] == 1).any()
+        assert (rerun.fly(case, prepared, None).result["fix_status"] == 1).any()
 
 
 @given(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import replay_log
-from bottomlock.replay import draws
+from bottomlock.replay import random_errors
 from bottomlock.replay.align import Alignment, align
 from bottomlock.replay.axes import quaternions, to_angles
 from bottomlock.replay.case import Case
@@ -77,7 +77,7 @@ def prepare(case: Case, dive: Dive, run: int, residuals: Floats | None = None) -
     Raises:
         DataError: as `align`; and where nothing is left between start and end.
     """
-    key, seed = draws.case_key(case.name), case.replay.seed
+    key, seed = random_errors.case_key(case.name), case.replay.seed
     dive = _within(case, _with_draws(case, dive, run, residuals))
     imu, gravity = imu_model(case), gravity_mps2(case, dive)
     alignment = align(case, dive, imu, gravity)
@@ -87,7 +87,9 @@ def prepare(case: Case, dive: Dive, run: int, residuals: Floats | None = None) -
         "velocity_sd_mps": alignment.velocity_sd_mps,
     }
     if case.start.draw:
-        errors = draws.start_errors(np.concatenate(list(initial.values())), seed=seed, key=key, run=run)
+        errors = random_errors.start_errors(
+            np.concatenate(list(initial.values())), seed=seed, key=key, run=run
+        )
         alignment = replace(
             alignment,
             position_t_m=alignment.position_t_m + errors[:3],
@@ -121,22 +123,22 @@ def noise_residuals(case: Case) -> Floats | None:
         raise DataError(
             f"{of.file}: has no ping with more beams than a velocity has components: no closure to draw noise from"
         )
-    return draws.closure_residuals(geometry, velocity, valid) * case.dvl.noise.scale
+    return random_errors.closure_residuals(geometry, velocity, valid) * case.dvl.noise.scale
 
 
 def _with_draws(case: Case, dive: Dive, run: int, residuals: Floats | None) -> Dive:
-    keys: dict[str, int] = {"seed": case.replay.seed, "key": draws.case_key(case.name), "run": run}
+    keys: dict[str, int] = {"seed": case.replay.seed, "key": random_errors.case_key(case.name), "run": run}
     noise = case.dvl.noise
     shape = dive.beams.velocity_mps.shape
     if noise.kind == "white":
         assert noise.sd_mps is not None  # the section demands it
-        added = draws.white_beams(shape, noise.sd_mps * noise.scale, **keys)
+        added = random_errors.white_beams(shape, noise.sd_mps * noise.scale, **keys)
         dive = replace(dive, beams=replace(dive.beams, velocity_mps=dive.beams.velocity_mps + added))
     elif residuals is not None:
-        added = draws.resampled_beams(shape, residuals, **keys)
+        added = random_errors.resampled_beams(shape, residuals, **keys)
         dive = replace(dive, beams=replace(dive.beams, velocity_mps=dive.beams.velocity_mps + added))
     if case.imu.degrade is not None:
-        dive = replace(dive, inertial=draws.poorer(dive.inertial, case.imu.degrade, **keys))
+        dive = replace(dive, inertial=random_errors.poorer(dive.inertial, case.imu.degrade, **keys))
     return dive
 
 

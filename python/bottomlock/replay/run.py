@@ -13,7 +13,7 @@ import polars as pl
 from bottomlock import kernel
 from bottomlock.atomic_write import read_json, write_json, write_parquet
 from bottomlock.errors import DataError, OutputError
-from bottomlock.replay import compare, flight
+from bottomlock.replay import compare, rerun
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
 from bottomlock.replay.dive import Dive
@@ -63,16 +63,16 @@ def replay_case(
     """
     started = time.perf_counter()
     dive = read_dive(case) if dive is None else dive
-    residuals = flight.noise_residuals(case)
+    residuals = rerun.noise_residuals(case)
     parts: dict[str, list[pl.DataFrame]] = {name: [] for name in ("samples", "innovations", "pings")}
     alignments: list[dict[str, str]] = []
     start_ns, done = 0, 0
     for run in range(draws_of(case)):
-        prepared = flight.prepare(case, dive, run, residuals)
+        prepared = rerun.prepare(case, dive, run, residuals)
         alignments.append(prepared.alignment.words)
         start_ns = prepared.alignment.time_ns
         for name, asked in [(RECORDED, None), *((asked.name, asked) for asked in case.what_if)]:
-            flown = flight.fly(case, prepared, asked, threads=threads)
+            flown = rerun.fly(case, prepared, asked, threads=threads)
             parts["samples"].append(compare.samples_table(case, name, flown))
             parts["innovations"].append(compare.innovations_table(case, name, flown))
             parts["pings"].append(compare.pings_table(case, name, flown))
