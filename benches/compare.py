@@ -1,6 +1,6 @@
 """Ours against a numba block-structured filter, nalgebra dense, pyins and INSLIB, on the same readings, interleaved.
 
-    cargo build --release --example parties
+    cargo build --release --example compare_filters
     python benches/compare.py [--rounds 9] [--seconds 250]
 
 Every round times every party, in turn; a figure is the median over the rounds, with the smallest and the largest,
@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 HERE = Path(__file__).resolve().parent
-PARTIES = HERE.parent / "target" / "release" / "examples" / "parties"
+FILTERS = HERE.parent / "target" / "release" / "examples" / "compare_filters"
 
 DEGREE = np.pi / 180.0
 RATE_HZ = 150
@@ -113,9 +113,9 @@ Party = Callable[[], Timing]
 class Rust:
     """The Rust parties in a process of their own, one answer a line."""
 
-    def __init__(self, readings: Readings, folder: Path, program: Path = PARTIES) -> None:
+    def __init__(self, readings: Readings, folder: Path, program: Path = FILTERS) -> None:
         if not program.exists():
-            sys.exit("compare: build the Rust parties first: cargo build --release --example parties")
+            sys.exit("compare: build the Rust parties first: cargo build --release --example compare_filters")
         path = folder / "readings.bin"
         readings.write(path)
         self._command = [program, path]
@@ -262,8 +262,8 @@ def main() -> int:
             "one run, 10 Hz": rust.party("alone_10hz"),
             "one run, event by event": rust.party("one"),
             "event by event, 10 Hz": rust.party("one_10hz"),
-            "8 arms side by side": rust.party("arms 8"),
-            "8 arms, 10 Hz": rust.party("arms_10hz 8"),
+            "8 methods side by side": rust.party("methods 8"),
+            "8 methods, 10 Hz": rust.party("methods_10hz 8"),
             "8 runs side by side": rust.party("many 8"),
             "32 runs side by side": rust.party("many 32"),
             "8 runs, 10 Hz": rust.party("many_10hz 8"),
@@ -287,7 +287,7 @@ def main() -> int:
 
 
 RATIOS = [
-    ("numba block", "8 arms side by side"),
+    ("numba block", "8 methods side by side"),
     ("numba block", "8 runs side by side"),
     ("numba block", "32 runs side by side"),
     ("numba block", "one run"),
@@ -295,7 +295,7 @@ RATIOS = [
     ("nalgebra dense", "one run"),
     ("nalgebra dense", "one run, event by event"),
     ("nalgebra dense", "32 runs side by side"),
-    ("8 arms side by side", "8 arms, 10 Hz"),
+    ("8 methods side by side", "8 methods, 10 Hz"),
     ("8 runs side by side", "8 runs, 10 Hz"),
     ("32 runs side by side", "32 runs, 10 Hz"),
     ("pyins", "one run"),
@@ -312,8 +312,8 @@ def show(timings: dict[str, list[Timing]], peaks: list[float], flops: float) -> 
     for name, own in timings.items():
         print(f"  {name:24}{spread([timing.step_us for timing in own])}")
     print(f"\n  multiply-adds, GFLOP/s  {spread(peaks)}")
-    rates = [flops / timing.step_us * 1e-3 for timing in timings["8 arms side by side"]]
-    print(f"  8 arms, GFLOP/s         {spread(rates)}   ({flops:.0f} operations a step, updates not counted)")
+    rates = [flops / timing.step_us * 1e-3 for timing in timings["8 methods side by side"]]
+    print(f"  8 methods, GFLOP/s         {spread(rates)}   ({flops:.0f} operations a step, updates not counted)")
     print(
         f"  share of the peak       {spread([rate / peak for rate, peak in zip(rates, peaks, strict=True)])}"
     )
