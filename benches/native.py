@@ -2,7 +2,7 @@
 
     python benches/native.py [--rounds 9] [--seconds 250]
 
-Builds example `parties` twice, the second time with `-C target-cpu=native` into a folder of its own, and times both in
+Builds example `compare_filters` twice, the second time with `-C target-cpu=native` into a folder of its own, and times both in
 turn on the readings of `compare.py`. Times are those that the thread had on a core; ratios are medians of the rounds'
 own. Both must end with the same covariance, bit for bit.
 """
@@ -33,9 +33,9 @@ LINES = {
 def build(folder: Path, flags: str) -> Path:
     """The parties, built into a folder."""
     environment = os.environ | {"CARGO_TARGET_DIR": str(folder), "RUSTFLAGS": flags}
-    command = ["cargo", "build", "--release", "--locked", "--example", "parties"]
+    command = ["cargo", "build", "--release", "--locked", "--example", "compare_filters"]
     subprocess.run(command, cwd=ROOT, env=environment, check=True)
-    return folder / "release" / "examples" / "parties"
+    return folder / "release" / "examples" / "compare_filters"
 
 
 def main() -> int:

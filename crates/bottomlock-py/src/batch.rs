@@ -1,20 +1,24 @@
 //! Sensor streams and batches of runs × arms.
 
-use bottomlock::batch::{ArmRecord, Batch, arm, run_batch_into};
 use bottomlock::error_model::{Coefficients, dense_noise};
 use bottomlock::frames::{Rot, Vec3};
-use bottomlock::imu::{EarthTerms, Inertial, Sampling};
-use bottomlock::sensors::{self, RunKey, Schedule};
+use bottomlock::mechanisation::{EarthTerms, Inertial, Sampling};
+use bottomlock::navigator::Method;
+use bottomlock::simulation::batch::{Batch, run_batch_into};
+use bottomlock::simulation::monte_carlo_run::MethodRecord;
+use bottomlock::simulation::schedule::Schedule;
+use bottomlock::simulation::sensor_errors::RunKey;
+use bottomlock::simulation::sensor_streams;
 use bottomlock::state::NavState;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{array, from_rows, vector};
+use crate::batch_arrays::{BatchArrays, Place};
 use crate::dvl::BeamGeometry;
 use crate::errors::raise;
 use crate::settings;
 use crate::truth::Truths;
-use crate::yields::{Place, Yields};
 
 /// Draws every sensor stream of one run as arrays, with the true errors behind them.
 ///
@@ -48,7 +52,7 @@ pub fn simulate_sensors<'py>(
         .detach(|| {
             truth.validate()?;
             model.validate()?;
-            sensors::simulate(&truth, &geometry.inner, &model, &model, &schedule.of(0), sampling, &key)
+            sensor_streams::simulate(&truth, &geometry.inner, &model, &model, &schedule.of(0), sampling, &key)
         })
         .map_err(raise)?;
 
@@ -164,7 +168,7 @@ pub fn run_batch<'py>(
     let schedule = settings::schedule(schedule, geometry.inner.beams(), runs)?;
     let arms = arms
         .iter()
-        .map(|name| arm(name).map_err(raise))
+        .map(|name| Method::named(name).map_err(raise))
         .collect::<PyResult<Vec<_>>>()?;
     let schedules: Vec<Schedule<'_>> = (0..runs).map(|run| schedule.of(run)).collect();
     let batch = Batch {
@@ -175,15 +179,15 @@ pub fn run_batch<'py>(
         options: &options,
         schedules: &schedules,
         sample_time_ns: &schedule.sample_time_ns,
-        arms: &arms,
+        methods: &arms,
         seed,
         trajectory_key,
         first_run,
         runs,
     };
-    let mut yields = Yields::new(runs, arms.len(), schedule.sample_time_ns.len());
+    let mut yields = BatchArrays::new(runs, arms.len(), schedule.sample_time_ns.len());
     let mut places = yields.places();
-    let note = |places: &mut Vec<Place<'_>>, records: Vec<ArmRecord>| {
+    let note = |places: &mut Vec<Place<'_>>, records: Vec<MethodRecord>| {
         places
             .iter_mut()
             .zip(&records)

@@ -1,18 +1,19 @@
 //! Vehicles that are steered on their own estimates.
 
-use bottomlock::batch::{Arm, arm};
-use bottomlock::closed_loop::{self as core, Common, Departure, Stretch};
 use bottomlock::frames::{Rot, Vec3};
+use bottomlock::navigator::Method;
+use bottomlock::simulation::closed_loop as core;
+use bottomlock::simulation::closed_loop::{Common, Departure, Stretch};
 use bottomlock::state::NavState;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{array, from_rows, item, rows};
+use crate::batch_arrays::BatchArrays;
 use crate::dvl::BeamGeometry;
 use crate::errors::{raise, refuse};
 use crate::settings;
 use crate::truth::Truths;
-use crate::yields::Yields;
 
 /// Vehicles side by side whose truth depends on their own estimates: the caller steers them and tells where they went.
 ///
@@ -64,7 +65,7 @@ impl ClosedLoop {
         let options = settings::options(options)?;
         let arms = arms
             .iter()
-            .map(|name| arm(name).map_err(raise))
+            .map(|name| Method::named(name).map_err(raise))
             .collect::<PyResult<Vec<_>>>()?;
         let starts = true_starts(start)?;
         let common = Common {
@@ -75,7 +76,7 @@ impl ClosedLoop {
             seed,
             trajectory_key,
         };
-        let crews: Vec<&[Arm]> = if own_vehicles {
+        let crews: Vec<&[Method]> = if own_vehicles {
             arms.chunks(1).collect()
         } else {
             vec![&arms]
@@ -89,7 +90,7 @@ impl ClosedLoop {
         let depart = |(k, &start): (usize, &NavState)| Departure {
             run: first_run + (k / crews.len()) as u64,
             start,
-            arms: crews[k % crews.len()],
+            methods: crews[k % crews.len()],
         };
         let departures: Vec<_> = starts.iter().enumerate().map(depart).collect();
         Ok(Self {
@@ -146,7 +147,7 @@ impl ClosedLoop {
     fn results<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let records = self.inner.records();
         let flown = self.vehicles * self.arms_aboard;
-        let mut yields = Yields::new(flown / self.arms, self.arms, self.samples);
+        let mut yields = BatchArrays::new(flown / self.arms, self.arms, self.samples);
         let places = yields.places();
         for (mut place, record) in places.into_iter().flatten().zip(records.iter().flatten()) {
             place.take(record);

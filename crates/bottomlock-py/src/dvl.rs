@@ -1,8 +1,9 @@
 //! Beam geometry and velocity from beams.
 
 use bottomlock::dvl::fix::{FixOutcome, PingContext, VelocityFix, VelocityPrior, solve};
-use bottomlock::dvl::geometry::{self as core, BeamMotion, BeamSample, Janus, MAX_BEAMS};
-use bottomlock::dvl::partial::{Assumptions, Component, Method, Reason};
+use bottomlock::dvl::geometry as core;
+use bottomlock::dvl::geometry::{BeamMotion, BeamSample, Janus, MAX_BEAMS};
+use bottomlock::dvl::partial::{Assumptions, Component, PartialMethod, Reason};
 use bottomlock::frames::{Rot, Vec3};
 use nalgebra::{Matrix3, Vector3};
 use numpy::PyArrayDyn;
@@ -196,16 +197,16 @@ impl BeamGeometry {
     }
 }
 
-fn method_of(name: &str) -> PyResult<Method> {
+fn method_of(name: &str) -> PyResult<PartialMethod> {
     Ok(match name {
-        "least_squares" => Method::LeastSquares,
-        "virtual_beam" => Method::VirtualBeam,
-        "nullified_sway" => Method::NullifiedSway,
-        "partial_loose" => Method::PartialLoose,
-        "virtual_heave" => Method::VirtualHeave,
-        "selector" => Method::Selector,
-        "information" => Method::Information,
-        "weak_sway" => Method::WeakSway,
+        "least_squares" => PartialMethod::LeastSquares,
+        "virtual_beam" => PartialMethod::VirtualBeam,
+        "nullified_sway" => PartialMethod::NullifiedSway,
+        "partial_loose" => PartialMethod::PartialLoose,
+        "virtual_heave" => PartialMethod::VirtualHeave,
+        "selector" => PartialMethod::Selector,
+        "information" => PartialMethod::Information,
+        "weak_sway" => PartialMethod::WeakSway,
         other => {
             return Err(refuse(format!(
                 "unknown method '{other}', expected one of least_squares, virtual_beam, nullified_sway, partial_loose, \
@@ -226,16 +227,16 @@ fn reason_code(component: Component) -> u8 {
     }
 }
 
-pub fn source_code(method: Method) -> u8 {
+pub fn source_code(method: PartialMethod) -> u8 {
     match method {
-        Method::LeastSquares => 1,
-        Method::VirtualBeam | Method::VirtualBeamExact => 2,
-        Method::NullifiedSway => 3,
-        Method::PartialLoose => 4,
-        Method::VirtualHeave => 5,
-        Method::Selector => 0,
-        Method::Information => 6,
-        Method::WeakSway => 7,
+        PartialMethod::LeastSquares => 1,
+        PartialMethod::VirtualBeam | PartialMethod::VirtualBeamExact => 2,
+        PartialMethod::NullifiedSway => 3,
+        PartialMethod::PartialLoose => 4,
+        PartialMethod::VirtualHeave => 5,
+        PartialMethod::Selector => 0,
+        PartialMethod::Information => 6,
+        PartialMethod::WeakSway => 7,
     }
 }
 

@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 
 mod arrays;
 mod batch;
+mod batch_arrays;
 mod closed_loop;
 mod dvl;
 mod errors;
@@ -13,7 +14,6 @@ mod replay;
 mod report;
 mod settings;
 mod truth;
-mod yields;
 
 /// Compiled kernel of bottomlock; use it through `bottomlock`.
 #[pymodule]
@@ -41,13 +41,13 @@ mod _kernel {
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("EARTH_RATE_RADPS", bottomlock::earth::EARTH_RATE_RADPS)?;
-        let members = bottomlock::bank::MEMBERS.map(|(name, _)| name);
+        let members = bottomlock::navigator::MEMBERS.map(|(name, _)| name);
         module.add("MEMBERS", pyo3::types::PyTuple::new(module.py(), members)?)?;
         module.add(
             "FIX_STATUS",
             pyo3::types::PyTuple::new(module.py(), bottomlock::replay::FIX_STATUS)?,
         )?;
-        let arms: Vec<&str> = bottomlock::batch::ARMS.iter().map(|arm| arm.name).collect();
+        let arms: Vec<&str> = bottomlock::navigator::METHODS.iter().map(|arm| arm.name).collect();
         module.add("ARMS", pyo3::types::PyTuple::new(module.py(), arms)?)
     }
 }

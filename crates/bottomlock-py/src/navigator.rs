@@ -1,16 +1,17 @@
 //! The streaming navigator.
 
-use bottomlock::bank::Guide;
-use bottomlock::batch::arm;
+use bottomlock::aiding::water;
+use bottomlock::aiding::water::WATER;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
-use bottomlock::events::{
+use bottomlock::frames::{Rot, Vec3};
+use bottomlock::layout::DIM;
+use bottomlock::mechanisation::ImuSample;
+use bottomlock::navigator::Method;
+use bottomlock::navigator::NavigatorSet;
+use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, PositionSample, STREAM_NAMES, VelocitySample,
 };
-use bottomlock::frames::{Rot, Vec3};
-use bottomlock::imu::ImuSample;
-use bottomlock::layout::DIM;
 use bottomlock::state::{Covariance, NavState};
-use bottomlock::water::{self, WATER};
 use nalgebra::{Matrix3, Vector4};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
@@ -44,7 +45,7 @@ use crate::settings;
 ///         before the filter's; the sample is then not taken.
 #[pyclass(module = "bottomlock._kernel")]
 pub struct Navigator {
-    inner: Guide,
+    inner: NavigatorSet,
     beams: usize,
 }
 
@@ -83,10 +84,10 @@ impl Navigator {
         arm: &str,
         covariance: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let aiding = self::arm(arm).map_err(raise)?.aiding;
+        let aiding = Method::named(arm).map_err(raise)?.aiding;
         let (model, options) = (settings::model(model)?, settings::options(options)?);
         let mut inner =
-            Guide::new(initial_state(initial)?, &geometry.inner, aiding, &model, &options).map_err(raise)?;
+            NavigatorSet::new(initial_state(initial)?, &geometry.inner, aiding, &model, &options).map_err(raise)?;
         if let Some(value) = covariance {
             let values = floats("covariance", value, &[Some(DIM), Some(DIM)])?.values;
             inner

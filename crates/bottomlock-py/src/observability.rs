@@ -1,8 +1,11 @@
 //! Observability of a window and covariance analysis along a truth.
 
-use bottomlock::observability::history::{self, History};
-use bottomlock::observability::paper::{self, Sensors, Sign};
-use bottomlock::observability::rank::{self, Observability, Progress};
+use bottomlock::observability::history;
+use bottomlock::observability::history::History;
+use bottomlock::observability::paper;
+use bottomlock::observability::paper::{Sensors, Sign};
+use bottomlock::observability::rank;
+use bottomlock::observability::rank::{Observability, Progress};
 use bottomlock::observability::{Aiding, Epochs, System, full};
 use nalgebra::DMatrix;
 use numpy::PyArrayDyn;

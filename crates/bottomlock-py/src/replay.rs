@@ -1,23 +1,24 @@
 //! A recorded log through the event loop.
 
-use bottomlock::batch::arm;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
-use bottomlock::events::{AttitudeSample, DepthSample, HeadingSample, PositionSample};
 use bottomlock::frames::{Rot, Vec3};
-use bottomlock::imu::ImuSample;
 use bottomlock::layout::DIM;
+use bottomlock::mechanisation::ImuSample;
 use bottomlock::model::Model;
-use bottomlock::replay::{self as core, Log, PingRecord, Replay, STREAM_NAMES, STREAMS, Series, Track};
+use bottomlock::navigator::Method;
+use bottomlock::navigator::events::{AttitudeSample, DepthSample, HeadingSample, PositionSample};
+use bottomlock::replay as core;
+use bottomlock::replay::{Log, PingRecord, Replay, STREAM_NAMES, STREAMS, Series, Track};
 use bottomlock::state::{Covariance, NavState};
 use numpy::Element;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{array, booleans, floats, item, rows, times, vector};
+use crate::batch_arrays::{NO_CHOICE, choice_code};
 use crate::dvl::BeamGeometry;
 use crate::errors::{raise, refuse};
 use crate::settings;
-use crate::yields::{NO_CHOICE, choice_code};
 
 struct OwnedLog {
     imu: Vec<ImuSample>,
@@ -176,7 +177,7 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
 ///     model: environment and what is assumed of the sensors, SI; also the standard deviations of depth, heading
 ///         (magnetometer.yaw_sd_rad), attitude and GPS position, and of the beams where the log has none.
 ///     options: filter options.
-///     arms: names of `ARMS`; each sees the log's valid beams and no others, lc too.
+///     arms: names of `METHODS`; each sees the log's valid beams and no others, lc too.
 ///     log: imu_time_ns (N,) int64 with force_p_mps2 (N, 3) and omega_p_radps (N, 3), rate against inertial space;
 ///         dvl_time_ns (E,) with beam_velocity_mps and beam_valid (E, B) and optionally beam_sd_mps (E, B);
 ///         depth_time_ns, depth_m; heading_time_ns, heading_rad; attitude_time_ns, attitude_rpy_rad (., 3);
@@ -222,7 +223,7 @@ pub fn replay_log<'py>(
     let sample_time_ns = times("sample_time_ns", sample_time_ns)?;
     let arms = arms
         .iter()
-        .map(|name| arm(name).map_err(raise))
+        .map(|name| Method::named(name).map_err(raise))
         .collect::<PyResult<Vec<_>>>()?;
     let request = Replay {
         log: log.log(),
@@ -231,7 +232,7 @@ pub fn replay_log<'py>(
         options: &options,
         start: state,
         covariance: covariance.as_ref(),
-        arms: &arms,
+        methods: &arms,
         sample_time_ns: &sample_time_ns,
         smooth,
         covariances,

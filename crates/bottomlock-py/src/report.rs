@@ -1,7 +1,7 @@
 //! What became of a measurement, as a dict.
 
-use bottomlock::bank::MEMBERS;
-use bottomlock::report::{Choice, Sensor, UpdateReport, Verdict, Why};
+use bottomlock::filter::report::{Choice, Sensor, UpdateReport, Verdict, Why};
+use bottomlock::navigator::MEMBERS;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -43,7 +43,7 @@ pub fn report_dict<'py>(py: Python<'py>, report: &UpdateReport, beams: usize) ->
     out.set_item("nis", report.nis)?;
     out.set_item("threshold", report.threshold)?;
     out.set_item("verdict", verdict)?;
-    out.set_item("widened", report.widened)?;
+    out.set_item("widened", report.inflation)?;
     let flags = (0..rows).map(|k| rejected & (1 << k) != 0).collect();
     out.set_item("rejected_rows", array::<bool>(py, flags, &[rows])?)?;
     let weight = report

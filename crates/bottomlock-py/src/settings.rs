@@ -1,16 +1,17 @@
 //! Models, options and schedules from dicts.
 
+use bottomlock::aiding::InformationPort;
+use bottomlock::aiding::outliers::{Robust, Tail};
+use bottomlock::aiding::water::WaterPrior;
 use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::dvl::partial::Assumptions;
 use bottomlock::earth::Environment;
+use bottomlock::filter::gate::Gate;
+use bottomlock::filter::options::Options;
 use bottomlock::frames::{Platform, Rot, Tangent, Vec3};
-use bottomlock::imu::Sampling;
-use bottomlock::model::{
-    DepthModel, DvlModel, Gate, GpsModel, ImuModel, InformationPort, InitialModel, MagnetometerModel, Model, Options,
-};
-use bottomlock::robust::{Robust, Tail};
-use bottomlock::sensors::Schedule;
-use bottomlock::water::WaterPrior;
+use bottomlock::mechanisation::Sampling;
+use bottomlock::model::{DepthModel, DvlModel, GpsModel, ImuModel, InitialModel, MagnetometerModel, Model};
+use bottomlock::simulation::schedule::Schedule;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 

@@ -1,6 +1,6 @@
 //! Truths as Python has them.
 
-use bottomlock::truth::Truth;
+use bottomlock::simulation::truth::Truth;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 

@@ -9,20 +9,25 @@
 use std::hint::black_box;
 
 use bottomlock::aiding::{beam_terms, tightly_coupled};
-use bottomlock::batch::{Batch, arm, run_batch};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use bottomlock::dvl::partial::{Assumptions, BeamNoise, Method, plan};
+use bottomlock::dvl::partial::{Assumptions, BeamNoise, PartialMethod, plan};
 use bottomlock::error_model::{Coefficients, Interval, ProcessNoise, dense_noise};
 use bottomlock::filter::Eskf;
-use bottomlock::filter::convoy::{Seat, predict_together};
+use bottomlock::filter::filter_group::{FilterSpan, predict_together};
+use bottomlock::filter::nees::nees;
+use bottomlock::filter::options::Options;
+use bottomlock::filter::report::Sensor;
 use bottomlock::frames::Vec3;
-use bottomlock::imu::{EarthTerms, ImuSample, Inertial, Kinematics};
 use bottomlock::layout::{ATTITUDE, DIM};
+use bottomlock::mechanisation::{EarthTerms, ImuSample, Inertial, Kinematics};
 use bottomlock::model::*;
-use bottomlock::report::{Sensor, nees};
-use bottomlock::sensors::{RunKey, Schedule, simulate};
+use bottomlock::navigator::Method;
+use bottomlock::simulation::batch::{Batch, run_batch};
+use bottomlock::simulation::schedule::Schedule;
+use bottomlock::simulation::sensor_errors::RunKey;
+use bottomlock::simulation::sensor_streams::simulate;
+use bottomlock::simulation::truth::Truth;
 use bottomlock::state::{ErrorVector, NavState};
-use bottomlock::truth::Truth;
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Matrix3, SMatrix};
 
@@ -121,12 +126,12 @@ fn update(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("solve");
     let (noise, prior) = (BeamNoise::identity() * 0.0018, Matrix3::<f64>::identity() * 0.01);
     for (name, method) in [
-        ("vb", Method::VirtualBeam),
-        ("nsv", Method::NullifiedSway),
-        ("plcf", Method::PartialLoose),
-        ("vhv", Method::VirtualHeave),
-        ("elc", Method::Selector),
-        ("info", Method::Information),
+        ("vb", PartialMethod::VirtualBeam),
+        ("nsv", PartialMethod::NullifiedSway),
+        ("plcf", PartialMethod::PartialLoose),
+        ("vhv", PartialMethod::VirtualHeave),
+        ("elc", PartialMethod::Selector),
+        ("info", PartialMethod::Information),
     ] {
         group.bench_function(name, |bencher| {
             bencher.iter(|| {
@@ -145,7 +150,17 @@ fn update(criterion: &mut Criterion) {
     for beams in [1, 3, 4] {
         let (valid, assumptions) = (BeamMask::all(beams), Assumptions::default());
         group.bench_function(format!("elc_{beams}"), |bencher| {
-            bencher.iter(|| plan(Method::Selector, &geometry, valid, &noise, Some(&prior), &assumptions).unwrap());
+            bencher.iter(|| {
+                plan(
+                    PartialMethod::Selector,
+                    &geometry,
+                    valid,
+                    &noise,
+                    Some(&prior),
+                    &assumptions,
+                )
+                .unwrap()
+            });
         });
     }
     group.finish();
@@ -187,7 +202,7 @@ fn together(criterion: &mut Criterion) {
                 let start = || vec![one.clone(); runs];
                 let fly = |filters: &mut Vec<Eskf>| {
                     let pairs = filters.iter_mut().zip(&streams);
-                    let mut seats: Vec<_> = pairs.map(|(filter, stream)| Seat::new(filter, stream)).collect();
+                    let mut seats: Vec<_> = pairs.map(|(filter, stream)| FilterSpan::new(filter, stream)).collect();
                     predict_together(&mut seats);
                 };
                 bencher.iter_batched_ref(start, fly, BatchSize::SmallInput);
@@ -261,14 +276,14 @@ fn runs(criterion: &mut Criterion) {
     group.bench_function("sensors", |bencher| {
         bencher.iter(|| simulate(&truth, &geometry, &model, &model, &schedule, options.sampling, &key).unwrap());
     });
-    // Without arms a batch draws its sensors and does nothing else.
+    // Without methods a batch draws its sensors and does nothing else.
     for names in [
         &[][..],
         &["tc"],
         &["ins", "lc", "tc", "elc"],
         &["ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc"],
     ] {
-        let arms: Vec<_> = names.iter().map(|name| arm(name).unwrap()).collect();
+        let methods: Vec<_> = names.iter().map(|name| Method::named(name).unwrap()).collect();
         let batch = Batch {
             truth,
             geometry: &geometry,
@@ -277,14 +292,14 @@ fn runs(criterion: &mut Criterion) {
             options: &options,
             schedules: &[schedule],
             sample_time_ns: &minute.dvl_time_ns,
-            arms: &arms,
+            methods: &methods,
             seed: 1,
             trajectory_key: 2,
             first_run: 0,
             runs: 8,
         };
-        group.throughput(Throughput::Elements(8 * arms.len().max(1) as u64 * steps));
-        group.bench_function(format!("eight_of_{}_arms", arms.len()), |bencher| {
+        group.throughput(Throughput::Elements(8 * methods.len().max(1) as u64 * steps));
+        group.bench_function(format!("eight_of_{}_arms", methods.len()), |bencher| {
             bencher.iter(|| run_batch(&batch, 1).unwrap());
         });
     }

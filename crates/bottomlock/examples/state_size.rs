@@ -2,14 +2,14 @@
 
 use std::mem::size_of;
 
-use bottomlock::bank::Guide;
 use bottomlock::error_model::Interval;
 use bottomlock::filter::Eskf;
-use bottomlock::imu::ImuSample;
-use bottomlock::model::Options;
-use bottomlock::run::Navigator;
+use bottomlock::filter::options::Options;
+use bottomlock::mechanisation::ImuSample;
+use bottomlock::navigator::Navigator;
+use bottomlock::navigator::NavigatorSet;
+use bottomlock::simulation::monte_carlo_run::MonteCarloRun;
 use bottomlock::state::NavState;
-use bottomlock::voyage::Voyage;
 
 fn main() {
     let rows = [
@@ -19,10 +19,13 @@ fn main() {
         ("  of it state", size_of::<NavState>()),
         ("  of it options", size_of::<Options>()),
         ("navigator around it", size_of::<Navigator>() - size_of::<Eskf>()),
-        ("arm's handle", size_of::<Guide>()),
-        ("a run's sensors and handles, without the arms", size_of::<Voyage>()),
+        ("method's handle", size_of::<NavigatorSet>()),
         (
-            "256 samples drawn ahead, once for all arms of a run",
+            "a run's sensors and handles, without the methods",
+            size_of::<MonteCarloRun>(),
+        ),
+        (
+            "256 samples drawn ahead, once for all methods of a run",
             257 * size_of::<ImuSample>(),
         ),
     ];

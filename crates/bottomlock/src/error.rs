@@ -104,11 +104,11 @@ pub enum NavError {
         #[source]
         source: Box<NavError>,
     },
-    /// An error of one arm that flies along a log.
-    #[error("arm {arm}: {source}")]
-    InArm {
-        /// Arm name.
-        arm: &'static str,
+    /// An error of one method that flies along a log.
+    #[error("arm {method}: {source}")]
+    InMethod {
+        /// Method name.
+        method: &'static str,
         /// What happened.
         #[source]
         source: Box<NavError>,
@@ -123,19 +123,19 @@ pub enum NavError {
         /// Last inertial reading.
         last_ns: i64,
     },
-    /// An arm that no smoother can go back over.
+    /// A method that no smoother can go back over.
     #[error("a choice between filters has no smoother of its own: smooth the arms that it chooses from, {instead}")]
     NoSmoother {
-        /// Which arms to smooth in its place.
+        /// Which methods to smooth in its place.
         instead: &'static str,
     },
-    /// An error in one arm of one run of a batch.
-    #[error("run {run}, arm {arm}: {source}")]
+    /// An error in one method of one run of a batch.
+    #[error("run {run}, arm {method}: {source}")]
     InRun {
         /// Run number.
         run: u64,
-        /// Arm name.
-        arm: &'static str,
+        /// Method name.
+        method: &'static str,
         /// What happened.
         #[source]
         source: Box<NavError>,

@@ -7,13 +7,13 @@
 //!
 //! # Order of the error state
 //! Position (tangent), misalignment ρ (tangent), velocity (platform), accelerometer bias, gyro bias, four beam biases, scale
-//! factor: 20 states; see [`layout`]. One way of aiding has six more beside them; see [`water`].
+//! factor: 20 states; see [`layout`]. One way of aiding has six more beside them; see [`aiding::water`].
 //!
 //! # Equations of Tal, Klein & Katz 2017
 //! | Equations | Module |
 //! |---|---|
 //! | 1–11 | [`state`], [`error_model`] |
-//! | 12–16 | [`dvl::geometry`], [`sensors`] |
+//! | 12–16 | [`dvl::geometry`], [`simulation::sensor_errors`] |
 //! | 17–21 | [`dvl::velocity`] |
 //! | 18, 22 | [`aiding`] |
 //! | 23–49 | [`dvl::partial`] |
@@ -23,35 +23,22 @@
 //! The papers' misprints are listed in `docs/equations.md`; the right forms stand here.
 
 pub mod aiding;
-pub mod bank;
-pub mod batch;
-pub mod closed_loop;
 pub mod dvl;
 pub mod earth;
 pub mod error;
 pub mod error_model;
-pub mod events;
 pub mod filter;
-mod fleet;
 pub mod frames;
-pub mod imu;
-pub mod lane;
 pub mod layout;
+pub mod mechanisation;
 pub mod model;
+pub mod navigator;
 pub mod observability;
 pub mod replay;
-pub mod report;
-pub mod robust;
-pub mod run;
-pub mod sensors;
+pub mod simd;
+pub mod simulation;
 pub mod smoother;
 pub mod state;
-mod suite;
-pub mod truth;
-mod twin;
-pub mod voyage;
-pub mod water;
-pub mod water_block;
 mod workers;
 
 pub use error::NavError;

@@ -4,8 +4,8 @@ use nalgebra::{SMatrix, SVector, Vector3, Vector4};
 
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
-use crate::imu::Kinematics;
-use crate::layout::{self, DIM};
+use crate::layout;
+use crate::layout::DIM;
 
 /// The error state vector δx = true − estimate (Eqs. 1 and 8), in the order of [`crate::layout`].
 pub type ErrorVector = SVector<f64, DIM>;
@@ -102,16 +102,6 @@ impl NavState {
             .copy_from(&(self.dvl_bias_mps - estimate.dvl_bias_mps));
         error[layout::DVL_SCALE] = self.dvl_scale_factor - estimate.dvl_scale_factor;
         error
-    }
-
-    /// Position, attitude and velocity for the strapdown step.
-    #[must_use]
-    pub fn kinematics(&self) -> Kinematics<f64> {
-        Kinematics::new(
-            self.position_t_m.to_array(),
-            self.attitude_t_p.to_quaternion_wxyz(),
-            self.velocity_p_mps.to_array(),
-        )
     }
 }
 

@@ -1,16 +1,17 @@
-//! Filters side by side: the bits of each are those of the filter led alone, whoever its neighbours are.
+//! DualFilter side by side: the bits of each are those of the filter led alone, whoever its neighbours are.
 
 // Helpers outside `#[test]` functions fail loudly too.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+use bottomlock::aiding::water::WaterPrior;
 use bottomlock::filter::Eskf;
-use bottomlock::filter::convoy::{Seat, predict_together, width};
+use bottomlock::filter::filter_group::{FilterSpan, predict_together, width};
+use bottomlock::filter::options::Options;
+use bottomlock::filter::water_block::WaterBlock;
 use bottomlock::frames::{Rot, Vec3};
-use bottomlock::imu::{ImuSample, Sampling};
-use bottomlock::model::{Model, Options};
+use bottomlock::mechanisation::{ImuSample, Sampling};
+use bottomlock::model::Model;
 use bottomlock::state::NavState;
-use bottomlock::water::WaterPrior;
-use bottomlock::water_block::WaterBlock;
 use proptest::prelude::*;
 
 const STEP_NS: i64 = 6_666_667;
@@ -47,9 +48,9 @@ fn bits(filter: &Eskf) -> Vec<u64> {
     numbers.into_iter().map(f64::to_bits).collect()
 }
 
-fn seats<'a>(filters: &'a mut [Eskf], streams: &'a [Vec<ImuSample>]) -> Vec<Seat<'a>> {
+fn seats<'a>(filters: &'a mut [Eskf], streams: &'a [Vec<ImuSample>]) -> Vec<FilterSpan<'a>> {
     let pairs = filters.iter_mut().zip(streams);
-    pairs.map(|(filter, own)| Seat::new(filter, own)).collect()
+    pairs.map(|(filter, own)| FilterSpan::new(filter, own)).collect()
 }
 
 fn alone(mut filter: Eskf, samples: &[ImuSample]) -> Eskf {
@@ -136,15 +137,18 @@ fn times_that_do_not_rise_are_refused() {
     let mut filters: Vec<Eskf> = (0..3).map(|k| filter(k, &options)).collect();
     let mut samples = stream(0, 0, 5);
     samples[3].time_ns = samples[2].time_ns;
-    let mut seats: Vec<_> = filters.iter_mut().map(|filter| Seat::new(filter, &samples)).collect();
+    let mut seats: Vec<_> = filters
+        .iter_mut()
+        .map(|filter| FilterSpan::new(filter, &samples))
+        .collect();
     predict_together(&mut seats);
     assert!(seats.iter().all(|seat| matches!(&seat.failure, Some((3, _)))));
     let before = bits(&filters[0]);
-    predict_together(&mut [Seat::new(&mut filters[0], &samples[..1])]);
+    predict_together(&mut [FilterSpan::new(&mut filters[0], &samples[..1])]);
     assert_eq!(bits(&filters[0]), before);
 }
 
-/// Filters whose samples part on the way are led together as far as there, and each to the end of its own.
+/// DualFilter whose samples part on the way are led together as far as there, and each to the end of its own.
 #[test]
 fn samples_may_part_on_the_way() {
     for period_ms in [0, 100] {

@@ -5,20 +5,25 @@
 
 use bottomlock::NavError;
 use bottomlock::aiding::{beam_terms, tightly_coupled};
-use bottomlock::bank::Guide;
-use bottomlock::batch::{ARMS, Batch, arm, run_batch};
-use bottomlock::closed_loop::{ClosedLoop, Common, Departure, Stretch};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::error_model::{Coefficients, dense_noise};
-use bottomlock::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, VelocitySample};
+use bottomlock::filter::gate::Gate;
+use bottomlock::filter::options::Options;
 use bottomlock::frames::{Rot, Vec3};
-use bottomlock::imu::{EarthTerms, ImuSample, Inertial, Sampling};
 use bottomlock::layout::DIM;
+use bottomlock::mechanisation::{EarthTerms, ImuSample, Inertial, Sampling};
 use bottomlock::model::*;
-use bottomlock::run::{BeamAiding, Navigator};
-use bottomlock::sensors::{RunKey, Schedule, simulate};
+use bottomlock::navigator::NavigatorSet;
+use bottomlock::navigator::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, VelocitySample};
+use bottomlock::navigator::{BeamAiding, Navigator};
+use bottomlock::navigator::{METHODS, Method};
+use bottomlock::simulation::batch::{Batch, run_batch};
+use bottomlock::simulation::closed_loop::{ClosedLoop, Common, Departure, Stretch};
+use bottomlock::simulation::schedule::Schedule;
+use bottomlock::simulation::sensor_errors::RunKey;
+use bottomlock::simulation::sensor_streams::simulate;
+use bottomlock::simulation::truth::{Truth, true_state};
 use bottomlock::state::{Covariance, NavState};
-use bottomlock::truth::{Truth, true_state};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use proptest::prelude::*;
 
@@ -161,7 +166,7 @@ fn batch<'a>(
         options,
         schedules,
         sample_time_ns: &epochs.samples,
-        arms: &ARMS,
+        methods: &METHODS,
         seed: 2017,
         trajectory_key: 7,
         first_run: 0,
@@ -169,7 +174,7 @@ fn batch<'a>(
     }
 }
 
-fn bits(records: &[Vec<bottomlock::batch::ArmRecord>]) -> Vec<u64> {
+fn bits(records: &[Vec<bottomlock::simulation::monte_carlo_run::MethodRecord>]) -> Vec<u64> {
     let flat = records.iter().flatten();
     flat.flat_map(|r| {
         r.error
@@ -207,7 +212,7 @@ fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
         let departure = |run| Departure {
             run,
             start: true_state(&truth, 0),
-            arms: &ARMS,
+            methods: &METHODS,
         };
         let departures: Vec<_> = (0..whole.runs as u64).map(departure).collect();
         let mut pieces = ClosedLoop::new(&common, &departures, 2).unwrap();
@@ -363,7 +368,7 @@ fn streaming_is_batch_bit_for_bit() {
     let schedules = [epochs.schedule()];
     let whole = batch(&turn, &epochs, &schedules, &model, &options, &geometry);
     let records = run_batch(&whole, 1).unwrap();
-    for (index, arm) in ARMS.iter().enumerate() {
+    for (index, method) in METHODS.iter().enumerate() {
         let key = RunKey {
             seed: 2017,
             trajectory: 7,
@@ -379,12 +384,12 @@ fn streaming_is_batch_bit_for_bit() {
             &key,
         )
         .unwrap();
-        let mut navigator = Guide::new(streams.initial, &geometry, arm.aiding, &model, &options).unwrap();
+        let mut navigator = NavigatorSet::new(streams.initial, &geometry, method.aiding, &model, &options).unwrap();
         let mut events: Vec<Event> = streams.imu.iter().copied().map(Event::Imu).collect();
         let all = BeamMask::all(4);
         events.extend(streams.pings.iter().map(|p| {
             Event::Beams(BeamSample {
-                valid: if arm.all_beams { all } else { p.valid },
+                valid: if method.all_beams { all } else { p.valid },
                 ..*p
             })
         }));
@@ -404,7 +409,7 @@ fn streaming_is_batch_bit_for_bit() {
                 covariance[(k, k)].sqrt().to_bits(),
                 expected[k].to_bits(),
                 "{} state {k}",
-                arm.name
+                method.name
             );
         }
     }
@@ -420,11 +425,11 @@ fn perfect_sensors_return_the_truth() {
             ..Options::default()
         };
         let simulated = perfect();
-        let arms = [arm("ins").unwrap(), arm("tc").unwrap()];
+        let methods = [Method::named("ins").unwrap(), Method::named("tc").unwrap()];
         let schedules = [epochs.schedule()];
         let whole = Batch {
             simulated: &simulated,
-            arms: &arms,
+            methods: &methods,
             runs: 1,
             ..batch(&turn, &epochs, &schedules, &assumed, &options, &geometry)
         };
@@ -610,7 +615,7 @@ fn gate_per_row_drops_the_bad_beam() {
         .unwrap();
     assert_eq!(
         verdicts,
-        vec![bottomlock::report::Verdict::AcceptedInPart { rejected_rows: 2 }]
+        vec![bottomlock::filter::report::Verdict::AcceptedInPart { rejected_rows: 2 }]
     );
     assert!(navigator.state().velocity_p_mps.0.norm() < 0.01);
 }
@@ -672,9 +677,9 @@ proptest! {
 
     /// Whatever arrives, the kernel answers with a value or an error: no panic, no NaN in the state.
     #[test]
-    fn hostile_input_never_panics(events in prop::collection::vec(event(), 1..40), index in 0_usize..ARMS.len(), slow in any::<bool>()) {
+    fn hostile_input_never_panics(events in prop::collection::vec(event(), 1..40), index in 0_usize..METHODS.len(), slow in any::<bool>()) {
         let options = Options { covariance_period_ns: if slow { 100_000_000 } else { 0 }, ..Options::default() };
-        let mut navigator = Guide::new(NavState::at_rest(0), &janus(), ARMS[index].aiding, &Model::table_2(), &options).unwrap();
+        let mut navigator = NavigatorSet::new(NavState::at_rest(0), &janus(), METHODS[index].aiding, &Model::table_2(), &options).unwrap();
         for event in &events {
             let failed = navigator.push(event, &mut |_| {}).is_err();
             let finite = navigator.state().validate().is_ok();
@@ -687,8 +692,8 @@ proptest! {
 
     /// After any honest sequence of updates P is symmetric to the bit and its diagonal positive.
     #[test]
-    fn covariance_stays_symmetric(masks in prop::collection::vec(0_usize..16, 1..30), index in 0_usize..ARMS.len()) {
-        let mut navigator = Guide::new(NavState::at_rest(0), &janus(), ARMS[index].aiding, &Model::table_2(), &Options::default()).unwrap();
+    fn covariance_stays_symmetric(masks in prop::collection::vec(0_usize..16, 1..30), index in 0_usize..METHODS.len()) {
+        let mut navigator = NavigatorSet::new(NavState::at_rest(0), &janus(), METHODS[index].aiding, &Model::table_2(), &Options::default()).unwrap();
         for (k, mask) in masks.iter().enumerate() {
             let time_ns = (k as i64 + 1) * 100_000_000;
             let imu = ImuSample { time_ns, rate_p_radps: Vec3::new(0.01, 0.0, 0.05), force_p_mps2: Vec3::new(0.0, 0.1, -9.8) };

@@ -1,17 +1,19 @@
-//! Laws of the arm that assumes sway and heave through the water: what it may do to tight coupling, and what it may not.
+//! Laws of the method that assumes sway and heave through the water: what it may do to tight coupling, and what it may not.
 
 // Helpers outside `#[test]` functions fail loudly too.
 #![allow(clippy::unwrap_used)]
 
+use bottomlock::aiding::water::WaterPrior;
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use bottomlock::events::Event;
+use bottomlock::filter::gate::Gate;
+use bottomlock::filter::options::Options;
+use bottomlock::filter::report::{Sensor, UpdateReport, Verdict};
 use bottomlock::frames::Vec3;
-use bottomlock::imu::ImuSample;
-use bottomlock::model::{Gate, Model, Options};
-use bottomlock::report::{Sensor, UpdateReport, Verdict};
-use bottomlock::run::{BeamAiding, Navigator};
+use bottomlock::mechanisation::ImuSample;
+use bottomlock::model::Model;
+use bottomlock::navigator::events::Event;
+use bottomlock::navigator::{BeamAiding, Navigator};
 use bottomlock::state::NavState;
-use bottomlock::water::WaterPrior;
 use proptest::prelude::*;
 
 const SECONDS: i64 = 40;
@@ -104,7 +106,7 @@ fn with_prior(prior: WaterPrior) -> Options {
     }
 }
 
-/// An assumption of no weight is no assumption: with variances of 1e12 (m/s)² the arm is tight coupling.
+/// An assumption of no weight is no assumption: with variances of 1e12 (m/s)² the method is tight coupling.
 #[test]
 fn infinite_variances_make_tight_coupling() {
     let prior = WaterPrior {
@@ -116,11 +118,11 @@ fn infinite_variances_make_tight_coupling() {
     };
     let flight = Flight::calm(0.2);
     let tight = fly(BeamAiding::Tight, &flight, &with_prior(prior));
-    let arm = fly(BeamAiding::SwayCurrent, &flight, &with_prior(prior));
-    assert!(arm.of(Sensor::Sway).iter().all(|r| r.verdict == Verdict::Accepted));
-    let error = tight.navigator.state().error_of(&arm.navigator.state());
+    let method = fly(BeamAiding::SwayCurrent, &flight, &with_prior(prior));
+    assert!(method.of(Sensor::Sway).iter().all(|r| r.verdict == Verdict::Accepted));
+    let error = tight.navigator.state().error_of(&method.navigator.state());
     assert!(error.amax() < 1e-9, "{error}");
-    let (p, q) = (tight.navigator.covariance(), arm.navigator.covariance());
+    let (p, q) = (tight.navigator.covariance(), method.navigator.covariance());
     for k in 0..p.nrows() {
         assert!((p[(k, k)] - q[(k, k)]).abs() <= 1e-9 * p[(k, k)], "state {k}");
     }
@@ -151,19 +153,19 @@ fn a_rejected_assumption_leaves_every_bit() {
             ..with_prior(sure)
         };
         let tight = fly(BeamAiding::Tight, &flight, &options);
-        let arm = fly(BeamAiding::SwayCurrent, &flight, &options);
+        let method = fly(BeamAiding::SwayCurrent, &flight, &options);
         for sensor in [Sensor::Sway, Sensor::Heave] {
-            let verdicts = arm.of(sensor);
+            let verdicts = method.of(sensor);
             assert_eq!(verdicts.len(), SECONDS as usize);
             assert!(verdicts.iter().all(|report| report.verdict == Verdict::Rejected));
         }
-        assert_eq!(tight.navigator.state(), arm.navigator.state());
-        assert_eq!(tight.navigator.covariance(), arm.navigator.covariance());
+        assert_eq!(tight.navigator.state(), method.navigator.state());
+        assert_eq!(tight.navigator.covariance(), method.navigator.covariance());
     }
 }
 
-/// Two beams on a straight leg cannot tell a current that is said to be none from a drift: the arm is as wrong as its assumption.
-/// When all beams are back and say otherwise, the assumption is begun anew, and the arm comes back to what they say.
+/// Two beams on a straight leg cannot tell a current that is said to be none from a drift: the method is as wrong as its assumption.
+/// When all beams are back and say otherwise, the assumption is begun anew, and the method comes back to what they say.
 #[test]
 fn a_failed_assumption_is_begun_anew() {
     let none = WaterPrior {
@@ -189,12 +191,12 @@ fn a_failed_assumption_is_begun_anew() {
             gate,
             ..with_prior(none)
         };
-        let arm = fly(BeamAiding::SwayCurrent, &later, &options);
+        let method = fly(BeamAiding::SwayCurrent, &later, &options);
         let tight = fly(BeamAiding::Tight, &later, &options);
-        assert!(arm.navigator.water().unwrap().restarts() > 0);
-        let gap = arm.navigator.state().velocity_p_mps.0 - tight.navigator.state().velocity_p_mps.0;
+        assert!(method.navigator.water().unwrap().restarts() > 0);
+        let gap = method.navigator.state().velocity_p_mps.0 - tight.navigator.state().velocity_p_mps.0;
         assert!(gap.norm() < 0.1, "{gap}");
-        assert_eq!(arm.of(Sensor::Beams), tight.of(Sensor::Beams));
+        assert_eq!(method.of(Sensor::Beams), tight.of(Sensor::Beams));
     }
 }
 
@@ -234,11 +236,11 @@ proptest! {
     fn beams_are_judged_without_the_assumption(prior in prior(), flight in flight()) {
         let options = with_prior(prior);
         let tight = fly(BeamAiding::Tight, &flight, &options);
-        let arm = fly(BeamAiding::SwayCurrent, &flight, &options);
-        prop_assert_eq!(tight.of(Sensor::Beams), arm.of(Sensor::Beams));
-        prop_assert!(arm.navigator.state().validate().is_ok());
-        prop_assert!(arm.navigator.covariance().iter().all(|x| x.is_finite()));
-        let water = arm.navigator.water().unwrap();
+        let method = fly(BeamAiding::SwayCurrent, &flight, &options);
+        prop_assert_eq!(tight.of(Sensor::Beams), method.of(Sensor::Beams));
+        prop_assert!(method.navigator.state().validate().is_ok());
+        prop_assert!(method.navigator.covariance().iter().all(|x| x.is_finite()));
+        let water = method.navigator.water().unwrap();
         prop_assert!(water.estimate().iter().chain(water.covariance().iter()).all(|x| x.is_finite()));
         prop_assert!(water.variance().iter().all(|&x| x >= 0.0));
     }

@@ -9,15 +9,18 @@
 
 use std::f64::consts::TAU;
 
+use bottomlock::aiding::InformationPort;
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use bottomlock::dvl::partial::Method;
+use bottomlock::dvl::partial::PartialMethod;
 use bottomlock::earth::Environment;
-use bottomlock::events::Event;
+use bottomlock::filter::gate::Gate;
+use bottomlock::filter::options::Options;
 use bottomlock::frames::{Rot, Vec3};
-use bottomlock::imu::ImuSample;
 use bottomlock::layout::{DIM, DVL_BIAS};
+use bottomlock::mechanisation::ImuSample;
 use bottomlock::model::*;
-use bottomlock::run::{BeamAiding, Navigator};
+use bottomlock::navigator::events::Event;
+use bottomlock::navigator::{BeamAiding, Navigator};
 use bottomlock::state::{Covariance, NavState};
 use nalgebra::{Matrix3, Vector3, Vector4};
 use proptest::prelude::*;
@@ -184,14 +187,14 @@ const AXES: InformationPort = InformationPort::Axes;
 proptest! {
     #![proptest_config(ProptestConfig { cases: 100_000, max_global_rejects: 10_000_000, ..ProptestConfig::default() })]
 
-    /// Non-redundant masks, with DVL states and lever arms: the four are one.
+    /// Non-redundant masks, with DVL states and lever methods: the four are one.
     #[test]
     fn four_names_for_one_update(case in case(true, true)) {
         prop_assume!(rank(&case) == Some(case.mask.count()));
         let tight = update(&case, BeamAiding::Tight, AXES, Gate::Off);
-        let exact = update(&case, BeamAiding::Loose(Method::VirtualBeamExact), AXES, Gate::Off);
-        let axes = update(&case, BeamAiding::Loose(Method::Information), AXES, Gate::Off);
-        let full = update(&case, BeamAiding::Loose(Method::Information), InformationPort::Full, Gate::Off);
+        let exact = update(&case, BeamAiding::Loose(PartialMethod::VirtualBeamExact), AXES, Gate::Off);
+        let axes = update(&case, BeamAiding::Loose(PartialMethod::Information), AXES, Gate::Off);
+        let full = update(&case, BeamAiding::Loose(PartialMethod::Information), InformationPort::Full, Gate::Off);
         prop_assert!(gap(&tight, &exact) < 1e-9, "exact VB {}", gap(&tight, &exact));
         prop_assert!(gap(&tight, &axes) < 1e-9, "axes {}", gap(&tight, &axes));
         prop_assert!(gap(&tight, &full) < 1e-9, "full {}", gap(&tight, &full));
@@ -206,14 +209,14 @@ proptest! {
     fn velocity_ports_without_dvl_states(case in case(false, false)) {
         prop_assume!(rank(&case).is_some());
         let tight = update(&case, BeamAiding::Tight, AXES, Gate::Off);
-        for (method, port) in [(Method::VirtualBeamExact, AXES), (Method::Information, AXES), (Method::Information, InformationPort::Full)] {
+        for (method, port) in [(PartialMethod::VirtualBeamExact, AXES), (PartialMethod::Information, AXES), (PartialMethod::Information, InformationPort::Full)] {
             let other = update(&case, BeamAiding::Loose(method), port, Gate::Off);
             // The NIS of redundant beams counts their closure, which a velocity does not carry.
             let other = (other.0, other.1, tight.2);
             prop_assert!(gap(&tight, &other) < 1e-9, "{method:?} {port:?}: {}", gap(&tight, &other));
         }
         if rank(&case) == Some(3) {
-            let loose = update(&case, BeamAiding::Loose(Method::LeastSquares), AXES, Gate::Off);
+            let loose = update(&case, BeamAiding::Loose(PartialMethod::LeastSquares), AXES, Gate::Off);
             prop_assert!(gap(&tight, &(loose.0, loose.1, tight.2)) < 1e-9);
         }
     }
@@ -228,18 +231,18 @@ proptest! {
         prop_assume!(rank(&case) == Some(case.mask.count()));
         let gate = Gate::Joint { probability: 0.9 };
         let tight = update(&case, BeamAiding::Tight, AXES, gate);
-        let exact = update(&case, BeamAiding::Loose(Method::VirtualBeamExact), AXES, gate);
-        let axes = update(&case, BeamAiding::Loose(Method::Information), AXES, gate);
-        let full = update(&case, BeamAiding::Loose(Method::Information), InformationPort::Full, gate);
+        let exact = update(&case, BeamAiding::Loose(PartialMethod::VirtualBeamExact), AXES, gate);
+        let axes = update(&case, BeamAiding::Loose(PartialMethod::Information), AXES, gate);
+        let full = update(&case, BeamAiding::Loose(PartialMethod::Information), InformationPort::Full, gate);
         prop_assert!(gap(&tight, &exact) < 1e-9 && gap(&tight, &axes) < 1e-9 && gap(&tight, &full) < 1e-9);
     }
 
-    /// LC = TC for three independent beams, DVL states and lever arms included.
+    /// LC = TC for three independent beams, DVL states and lever methods included.
     #[test]
     fn loose_is_tight_for_three_beams(case in case(true, true)) {
         prop_assume!(case.mask.count() == 3 && rank(&case) == Some(3));
         let tight = update(&case, BeamAiding::Tight, AXES, Gate::Off);
-        let loose = update(&case, BeamAiding::Loose(Method::LeastSquares), AXES, Gate::Off);
+        let loose = update(&case, BeamAiding::Loose(PartialMethod::LeastSquares), AXES, Gate::Off);
         prop_assert!(gap(&tight, &loose) < 1e-9, "{}", gap(&tight, &loose));
     }
 }
@@ -260,7 +263,7 @@ fn the_fourth_beam_informs_the_biases_under_tight_coupling_only() {
         rate: [0.0; 3],
     };
     let tight = update(&case, BeamAiding::Tight, AXES, Gate::Off);
-    let loose = update(&case, BeamAiding::Loose(Method::LeastSquares), AXES, Gate::Off);
+    let loose = update(&case, BeamAiding::Loose(PartialMethod::LeastSquares), AXES, Gate::Off);
     let closure = |p: &Covariance| {
         let signs = Vector4::new(0.5, -0.5, 0.5, -0.5);
         (signs.transpose() * p.fixed_view::<4, 4>(DVL_BIAS, DVL_BIAS) * signs)[0]

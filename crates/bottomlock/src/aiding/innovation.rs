@@ -3,9 +3,9 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::RowJacobian;
+use crate::aiding::MAX_ROWS;
+use crate::aiding::water::WATER;
 use crate::layout::DIM;
-use crate::model::MAX_ROWS;
-use crate::water::WATER;
 
 /// A measurement as the filter takes it: z = H δx + n.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,19 +23,19 @@ pub struct Innovation {
     /// E[δx nᵀ] where the noise is correlated with the state error (Eq. 26).
     pub cross: Option<Box<SMatrix<f64, DIM, MAX_ROWS>>>,
     /// Why it is, for a smoother.
-    pub repeats: Option<Box<Repeats>>,
+    pub correlated_noise: Option<Box<CorrelatedNoise>>,
 }
 
-/// Errors that the filter carries and that the noise repeats: n = D δx + D_w δw + independent.
+/// Errors that the filter carries and that the noise correlated_noise: n = D δx + D_w δw + independent.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Repeats {
+pub struct CorrelatedNoise {
     /// D.
     pub by_state: RowJacobian,
-    /// D_w, by the states of [`crate::water`].
+    /// D_w, by the states of [`crate::aiding::water`].
     pub by_water: SMatrix<f64, MAX_ROWS, WATER>,
 }
 
-impl Repeats {
+impl CorrelatedNoise {
     /// The same of rows that are `axes` times these.
     pub(crate) fn turned(&self, axes: &SMatrix<f64, MAX_ROWS, 3>) -> Box<Self> {
         Box::new(Self {
@@ -54,7 +54,7 @@ impl Innovation {
             jacobian: RowJacobian::zeros(),
             noise: SMatrix::zeros(),
             cross: None,
-            repeats: None,
+            correlated_noise: None,
         }
     }
 
@@ -103,14 +103,14 @@ impl Innovation {
             }
             Box::new(kept_cross)
         });
-        out.repeats = self.repeats.as_ref().map(|repeats| {
+        out.correlated_noise = self.correlated_noise.as_ref().map(|noise| {
             let mut selection = SMatrix::<f64, MAX_ROWS, MAX_ROWS>::zeros();
             kept.clone()
                 .enumerate()
                 .for_each(|(to, from)| selection[(to, from)] = 1.0);
-            Box::new(Repeats {
-                by_state: selection * repeats.by_state,
-                by_water: selection * repeats.by_water,
+            Box::new(CorrelatedNoise {
+                by_state: selection * noise.by_state,
+                by_water: selection * noise.by_water,
             })
         });
         out

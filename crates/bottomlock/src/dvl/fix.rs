@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::geometry::{BeamGeometry, BeamMask, BeamSample};
-use super::partial::{Assumptions, BeamNoise, Component, FixPlan, Method, Reason, plan};
+use super::partial::{Assumptions, BeamNoise, Component, FixPlan, PartialMethod, Reason, plan};
 use super::velocity::{HEAVE_SLOT, SLOTS, VIRTUAL_SLOT};
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Vec3};
@@ -44,7 +44,7 @@ pub enum FixOutcome {
 /// What a ping was measured with, beside the beams.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PingContext {
-    /// Angular rate ω_tp, platform frame, rad/s, for the lever arms.
+    /// Angular rate ω_tp, platform frame, rad/s, for the lever methods.
     pub rate_tp_p_radps: Vector3<f64>,
     /// Prior velocity, for the methods that use one.
     pub prior: Option<VelocityPrior>,
@@ -64,13 +64,13 @@ pub struct PingContext {
 /// for beam in 0..2 {
 ///     ping.velocity_mps[beam] = 2.0 * geometry.direction_p(beam).x; // surge of 2 m/s
 /// }
-/// let outcome = solve(Method::PartialLoose, &geometry, &ping, &PingContext::default(), &Assumptions::default()).unwrap();
+/// let outcome = solve(PartialMethod::PartialLoose, &geometry, &ping, &PingContext::default(), &Assumptions::default()).unwrap();
 /// let FixOutcome::Unobservable(fix) = outcome else { panic!("beams 1 and 2 see the surge alone") };
 /// assert!(fix.plan.is_solved(0) && !fix.plan.is_solved(1));
 /// assert!((fix.velocity_p_mps.0.x - 2.0).abs() < 1e-12);
 /// ```
 pub fn solve(
-    method: Method,
+    method: PartialMethod,
     geometry: &BeamGeometry,
     ping: &BeamSample,
     context: &PingContext,

@@ -1,4 +1,4 @@
-//! Beam directions, lever arms and the beam model (Eqs. 12–16) for any number of beams from 1 to [`MAX_BEAMS`].
+//! Beam directions, lever methods and the beam model (Eqs. 12–16) for any number of beams from 1 to [`MAX_BEAMS`].
 
 use nalgebra::Vector3;
 
@@ -64,7 +64,7 @@ pub enum Janus {
     Plus,
 }
 
-/// Beam directions and lever arms, resolved in the platform frame.
+/// Beam directions and lever methods, resolved in the platform frame.
 ///
 /// ```
 /// use bottomlock::dvl::geometry::{BeamGeometry, Janus};

@@ -1,6 +1,6 @@
 //! The extended loosely coupled methods and the selector (Eqs. 23–49): one least-squares core, different extra rows.
 //!
-//! | Method | Extra row | What it reports |
+//! | PartialMethod | Extra row | What it reports |
 //! |---|---|---|
 //! | virtual beam (VB) | `b_j · v = b_j · v_prior` for missing beams, until the rank is 3 | all axes, or it refuses |
 //! | nullified sway (NSV) | `e_y · v = 0` | all axes, or it refuses (erratum E2) |
@@ -23,7 +23,7 @@ pub type BeamNoise = SMatrix<f64, MAX_BEAMS, MAX_BEAMS>;
 
 /// How a velocity is made of the beams that are left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Method {
+pub enum PartialMethod {
     /// Weighted least squares on three independent beams or more (LC).
     LeastSquares,
     /// VB, Sect. 3.1, with the correlation of Eq. 26 neglected and n_f in its place.
@@ -109,7 +109,7 @@ pub struct FixPlan {
     /// Surge, sway, heave.
     pub components: [Component; 3],
     /// Which method each component comes from.
-    pub sources: [Method; 3],
+    pub sources: [PartialMethod; 3],
     /// The least-squares solution behind it, for ports that take axes.
     pub solution: LeastSquares,
     /// The missing beams that were virtualised, by slot.
@@ -119,7 +119,7 @@ pub struct FixPlan {
 }
 
 impl FixPlan {
-    fn refused(method: Method, reason: Reason, solution: LeastSquares) -> Self {
+    fn refused(method: PartialMethod, reason: Reason, solution: LeastSquares) -> Self {
         Self {
             gain: Gain::zeros(),
             covariance: Matrix3::zeros(),
@@ -131,12 +131,12 @@ impl FixPlan {
         }
     }
 
-    fn whole(method: Method, solution: LeastSquares) -> Self {
+    fn whole(method: PartialMethod, solution: LeastSquares) -> Self {
         Self::by_axis(method, solution, |_| None)
     }
 
     /// Solved where the row space holds the axis, unless `withheld` says why not.
-    fn by_axis(method: Method, solution: LeastSquares, withheld: impl Fn(usize) -> Option<Reason>) -> Self {
+    fn by_axis(method: PartialMethod, solution: LeastSquares, withheld: impl Fn(usize) -> Option<Reason>) -> Self {
         let components = std::array::from_fn(|k| match withheld(k) {
             Some(reason) => Component::Unobservable(reason),
             None if solution.sees(&axis(k)) => Component::Solved,
@@ -181,7 +181,7 @@ fn beam_rows(geometry: &BeamGeometry, valid: BeamMask, noise: &BeamNoise) -> Row
 /// [`NavError::NotPositiveDefinite`] where the beam noise is not a covariance; [`NavError::OutOfRange`] or
 /// [`NavError::NotFinite`] for a bad assumption or prior.
 pub fn plan(
-    method: Method,
+    method: PartialMethod,
     geometry: &BeamGeometry,
     valid: BeamMask,
     noise: &BeamNoise,
@@ -195,7 +195,7 @@ pub fn plan(
 
 /// As [`plan`], of the rows of the beams and what they determine by themselves.
 fn plan_beyond(
-    method: Method,
+    method: PartialMethod,
     geometry: &BeamGeometry,
     valid: BeamMask,
     beams: Rows,
@@ -206,17 +206,17 @@ fn plan_beyond(
     if solution.rank == 0 {
         return Ok(FixPlan::refused(method, Reason::NoBeams, solution));
     }
-    if solution.rank == 3 && method != Method::Information {
+    if solution.rank == 3 && method != PartialMethod::Information {
         return Ok(FixPlan::whole(method, solution));
     }
     match method {
-        Method::LeastSquares => Ok(FixPlan::refused(method, Reason::OutsideRowSpace, solution)),
-        Method::PartialLoose => Ok(FixPlan::whole(method, solution)),
-        Method::Information => Ok(FixPlan {
+        PartialMethod::LeastSquares => Ok(FixPlan::refused(method, Reason::OutsideRowSpace, solution)),
+        PartialMethod::PartialLoose => Ok(FixPlan::whole(method, solution)),
+        PartialMethod::Information => Ok(FixPlan {
             port: Port::Axes,
             ..FixPlan::whole(method, solution)
         }),
-        Method::WeakSway => {
+        PartialMethod::WeakSway => {
             let mut rows = beams;
             rows.put(
                 SWAY_SLOT,
@@ -228,9 +228,9 @@ fn plan_beyond(
                 ..FixPlan::whole(method, least_squares(&rows)?)
             })
         }
-        Method::NullifiedSway => nullified_sway(beams, solution, assumptions),
-        Method::VirtualBeam | Method::VirtualBeamExact => {
-            let factor = if method == Method::VirtualBeam {
+        PartialMethod::NullifiedSway => nullified_sway(beams, solution, assumptions),
+        PartialMethod::VirtualBeam | PartialMethod::VirtualBeamExact => {
+            let factor = if method == PartialMethod::VirtualBeam {
                 assumptions.virtual_beam_factor
             } else {
                 1.0
@@ -240,11 +240,11 @@ fn plan_beyond(
                 Some(prior) => virtual_beam(method, geometry, valid, beams, solution, prior, factor),
             }
         }
-        Method::VirtualHeave => match checked_prior(prior_cov)? {
+        PartialMethod::VirtualHeave => match checked_prior(prior_cov)? {
             None => Ok(FixPlan::refused(method, Reason::PriorRequired, solution)),
             Some(prior) => virtual_heave(beams, solution, prior),
         },
-        Method::Selector => selector(geometry, valid, &beams, prior_cov, assumptions, solution),
+        PartialMethod::Selector => selector(geometry, valid, &beams, prior_cov, assumptions, solution),
     }
 }
 
@@ -282,16 +282,16 @@ fn nullified_sway(mut rows: Rows, beams: LeastSquares, assumptions: &Assumptions
         } else {
             Reason::OutsideRowSpace
         };
-        return Ok(FixPlan::refused(Method::NullifiedSway, reason, beams));
+        return Ok(FixPlan::refused(PartialMethod::NullifiedSway, reason, beams));
     }
-    Ok(FixPlan::whole(Method::NullifiedSway, solution))
+    Ok(FixPlan::whole(PartialMethod::NullifiedSway, solution))
 }
 
 /// VB, Eqs. (23)–(30): missing beams are virtualised until the rank is 3.
 ///
 /// σ_v3 = n_f √(b₃ᵀ P_vv b₃) with the whole P_vv (erratum E6).
 fn virtual_beam(
-    method: Method,
+    method: PartialMethod,
     geometry: &BeamGeometry,
     valid: BeamMask,
     mut rows: Rows,
@@ -339,11 +339,15 @@ fn virtual_beam(
 /// VHV, Eqs. (44)–(47), with the plus sign of erratum E1.
 fn virtual_heave(mut rows: Rows, beams: LeastSquares, prior_cov: &Matrix3<f64>) -> Result<FixPlan, NavError> {
     if beams.sees(&axis(2)) {
-        return Ok(FixPlan::whole(Method::VirtualHeave, beams));
+        return Ok(FixPlan::whole(PartialMethod::VirtualHeave, beams));
     }
     rows.put(HEAVE_SLOT, axis(2), prior_cov[(2, 2)]);
     let withheld = |k: usize| (k == 2).then_some(Reason::PriorOnly);
-    Ok(FixPlan::by_axis(Method::VirtualHeave, least_squares(&rows)?, withheld))
+    Ok(FixPlan::by_axis(
+        PartialMethod::VirtualHeave,
+        least_squares(&rows)?,
+        withheld,
+    ))
 }
 
 /// The selector, Eqs. (48) and (49): per axis the least variance; the covariance is diagonal.
@@ -355,17 +359,17 @@ fn selector(
     assumptions: &Assumptions,
     solution: LeastSquares,
 ) -> Result<FixPlan, NavError> {
-    const CANDIDATES: [Method; 4] = [
-        Method::VirtualBeam,
-        Method::NullifiedSway,
-        Method::PartialLoose,
-        Method::VirtualHeave,
+    const CANDIDATES: [PartialMethod; 4] = [
+        PartialMethod::VirtualBeam,
+        PartialMethod::NullifiedSway,
+        PartialMethod::PartialLoose,
+        PartialMethod::VirtualHeave,
     ];
-    let mut chosen = FixPlan::refused(Method::Selector, Reason::OutsideRowSpace, solution.clone());
+    let mut chosen = FixPlan::refused(PartialMethod::Selector, Reason::OutsideRowSpace, solution.clone());
     for method in CANDIDATES {
         let (beams, solution) = (beams.clone(), solution.clone());
         let candidate = plan_beyond(method, geometry, valid, beams, solution, prior_cov, assumptions)?;
-        if method == Method::VirtualBeam {
+        if method == PartialMethod::VirtualBeam {
             chosen.virtual_beams = candidate.virtual_beams;
         }
         for k in 0..3 {

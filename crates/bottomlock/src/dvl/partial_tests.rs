@@ -36,7 +36,7 @@ fn prior() -> VelocityPrior {
     }
 }
 
-fn fix(method: Method, valid: &[usize], assumptions: &Assumptions) -> VelocityFix {
+fn fix(method: PartialMethod, valid: &[usize], assumptions: &Assumptions) -> VelocityFix {
     let context = PingContext {
         prior: Some(prior()),
         ..Default::default()
@@ -62,7 +62,7 @@ fn virtual_beam_closed_form() {
         virtual_beam_factor: 1.7,
         ..Default::default()
     };
-    let fix = fix(Method::VirtualBeam, &[0, 1], &assumptions);
+    let fix = fix(PartialMethod::VirtualBeam, &[0, 1], &assumptions);
     let geometry = janus();
     let b3 = geometry.direction_p(2);
     let a = Matrix3::from_rows(&[
@@ -82,7 +82,7 @@ fn virtual_beam_closed_form() {
 #[test]
 fn nullified_sway_closed_form() {
     let fix = fix(
-        Method::NullifiedSway,
+        PartialMethod::NullifiedSway,
         &[0, 1],
         &Assumptions {
             nullified_sway_var_m2ps2: 1e-6,
@@ -116,7 +116,7 @@ fn nullified_sway_closed_form() {
 /// Eqs. 40 and 41 for beams 1 and 2.
 #[test]
 fn partial_loose_closed_form() {
-    let fix = fix(Method::PartialLoose, &[0, 1], &Assumptions::default());
+    let fix = fix(PartialMethod::PartialLoose, &[0, 1], &Assumptions::default());
     let b11 = janus().direction_p(0).x;
     assert!((fix.velocity_p_mps.0.x - 1.0 / (2.0 * b11)).abs() < 1e-12);
     let expected = (SIGMA[0].powi(2) + SIGMA[1].powi(2)) / (4.0 * b11 * b11);
@@ -127,7 +127,7 @@ fn partial_loose_closed_form() {
 /// Eq. 45 and Eq. 46 with the plus sign (erratum E1) for beams 1 and 2.
 #[test]
 fn virtual_heave_closed_form() {
-    let fix = fix(Method::VirtualHeave, &[0, 1], &Assumptions::default());
+    let fix = fix(PartialMethod::VirtualHeave, &[0, 1], &Assumptions::default());
     let b1 = *janus().direction_p(0);
     let v = 0.1 / (2.0 * b1.y) - b1.z / b1.y * -0.04;
     assert!((fix.velocity_p_mps.0.y - v).abs() < 1e-12);
@@ -148,11 +148,11 @@ fn pairs_of_the_x_janus() {
         ([0, 2], 2, true),
         ([1, 3], 2, true),
     ] {
-        let plcf = fix(Method::PartialLoose, &pair, &Assumptions::default());
+        let plcf = fix(PartialMethod::PartialLoose, &pair, &Assumptions::default());
         for k in 0..3 {
             assert_eq!(plcf.plan.is_solved(k), k == solved, "pair {pair:?}, axis {k}");
         }
-        let nullified = fix(Method::NullifiedSway, &pair, &Assumptions::default());
+        let nullified = fix(PartialMethod::NullifiedSway, &pair, &Assumptions::default());
         assert_eq!((0..3).all(|k| nullified.plan.is_solved(k)), nsv, "pair {pair:?}");
         if !nsv {
             assert_eq!(
@@ -166,8 +166,8 @@ fn pairs_of_the_x_janus() {
 /// The selector takes the least variance per axis: NSV's ε wins the sway (erratum E4), surge is the same for all.
 #[test]
 fn selector_is_nullified_sway_in_disguise() {
-    let fix = fix(Method::Selector, &[0, 1], &Assumptions::default());
-    assert_eq!(fix.plan.sources[1], Method::NullifiedSway);
+    let fix = fix(PartialMethod::Selector, &[0, 1], &Assumptions::default());
+    assert_eq!(fix.plan.sources[1], PartialMethod::NullifiedSway);
     assert!((fix.plan.covariance[(0, 1)]).abs() < 1e-300, "Eq. 49 is diagonal");
     assert!(fix.velocity_p_mps.0.y.abs() < 1e-12);
 }
@@ -175,20 +175,20 @@ fn selector_is_nullified_sway_in_disguise() {
 /// One beam: VB completes it with two virtual beams, the others say why they cannot.
 #[test]
 fn one_beam() {
-    let vb = fix(Method::VirtualBeam, &[1], &Assumptions::default());
+    let vb = fix(PartialMethod::VirtualBeam, &[1], &Assumptions::default());
     assert!((0..3).all(|k| vb.plan.is_solved(k)));
     assert_eq!(
         vb.plan.virtual_beams,
         [Some(3), Some(0)],
         "the opposite beam first, then the lowest number of equals"
     );
-    let nsv = fix(Method::NullifiedSway, &[1], &Assumptions::default());
+    let nsv = fix(PartialMethod::NullifiedSway, &[1], &Assumptions::default());
     assert_eq!(
         nsv.plan.components,
         [Component::Unobservable(Reason::OutsideRowSpace); 3]
     );
     assert_eq!(
-        fix(Method::Information, &[1], &Assumptions::default())
+        fix(PartialMethod::Information, &[1], &Assumptions::default())
             .plan
             .solution
             .rank,
@@ -201,10 +201,24 @@ fn one_beam() {
 fn nothing_to_solve_with() {
     let empty = ping(&[], &[]);
     let context = PingContext::default();
-    let outcome = solve(Method::VirtualBeam, &janus(), &empty, &context, &Assumptions::default()).unwrap();
+    let outcome = solve(
+        PartialMethod::VirtualBeam,
+        &janus(),
+        &empty,
+        &context,
+        &Assumptions::default(),
+    )
+    .unwrap();
     assert_eq!(outcome, FixOutcome::TooFewBeams);
     let two = ping(&[0.1, 0.2], &[0, 1]);
-    let outcome = solve(Method::VirtualBeam, &janus(), &two, &context, &Assumptions::default()).unwrap();
+    let outcome = solve(
+        PartialMethod::VirtualBeam,
+        &janus(),
+        &two,
+        &context,
+        &Assumptions::default(),
+    )
+    .unwrap();
     assert_eq!(outcome, FixOutcome::PriorRequired);
 }
 
@@ -213,19 +227,19 @@ fn direction() -> impl Strategy<Value = Vector3<f64>> {
         .prop_map(|(tilt, azimuth)| Vector3::new(azimuth.cos() * tilt.sin(), azimuth.sin() * tilt.sin(), tilt.cos()))
 }
 
-const ALL: [Method; 9] = [
-    Method::LeastSquares,
-    Method::VirtualBeam,
-    Method::VirtualBeamExact,
-    Method::NullifiedSway,
-    Method::PartialLoose,
-    Method::VirtualHeave,
-    Method::Selector,
-    Method::Information,
-    Method::WeakSway,
+const ALL: [PartialMethod; 9] = [
+    PartialMethod::LeastSquares,
+    PartialMethod::VirtualBeam,
+    PartialMethod::VirtualBeamExact,
+    PartialMethod::NullifiedSway,
+    PartialMethod::PartialLoose,
+    PartialMethod::VirtualHeave,
+    PartialMethod::Selector,
+    PartialMethod::Information,
+    PartialMethod::WeakSway,
 ];
 
-fn outcome_of(method: Method, geometry: &BeamGeometry, ping: &BeamSample, prior: VelocityPrior) -> FixOutcome {
+fn outcome_of(method: PartialMethod, geometry: &BeamGeometry, ping: &BeamSample, prior: VelocityPrior) -> FixOutcome {
     let context = PingContext {
         prior: Some(prior),
         ..Default::default()
@@ -277,7 +291,7 @@ proptest! {
             }
             ping
         };
-        for method in ALL.into_iter().filter(|m| !matches!(m, Method::VirtualBeam | Method::VirtualBeamExact | Method::Selector)) {
+        for method in ALL.into_iter().filter(|m| !matches!(m, PartialMethod::VirtualBeam | PartialMethod::VirtualBeamExact | PartialMethod::Selector)) {
             let (one, two) = (outcome_of(method, &geometry, &sample(&[0, 1, 2, 3]), prior()),
                               outcome_of(method, &turned, &sample(&order), prior()));
             let (one, two) = (velocity_of(&one).unwrap(), velocity_of(&two).unwrap());
@@ -299,7 +313,7 @@ proptest! {
             velocity_p_mps: Vec3::from(matrix * prior().velocity_p_mps.0),
             cov_m2ps2: matrix * prior().cov_m2ps2 * matrix.transpose(),
         };
-        for method in [Method::LeastSquares, Method::VirtualBeam, Method::VirtualBeamExact, Method::Information] {
+        for method in [PartialMethod::LeastSquares, PartialMethod::VirtualBeam, PartialMethod::VirtualBeamExact, PartialMethod::Information] {
             let (one, two) = (outcome_of(method, &janus(), &sample, prior()),
                               outcome_of(method, &janus().mounted(rotation), &sample, turned_prior));
             let (one, two) = (velocity_of(&one).unwrap(), velocity_of(&two).unwrap());

@@ -8,8 +8,8 @@ use fearless_simd::prelude::*;
 use fearless_simd::{f64x8, mask64x8};
 
 use super::transition::{Parts, Spread};
-use crate::lane::{columns_of_eight, symmetric_of_eight};
 use crate::layout::{DVL_BIAS, DYNAMIC};
+use crate::simd::{columns_of_eight, symmetric_of_eight};
 
 /// States in `near`.
 pub(super) const NEAR: usize = DYNAMIC - 1;

@@ -5,9 +5,9 @@ use fearless_simd::Simd;
 use super::noise::HalfNoise;
 use super::transition::Transition;
 use super::{Partitioned, ProcessNoise, Single, Step, Stretch, Underway};
-use crate::imu::{EarthTerms, Inertial, Kinematics};
-use crate::lane::{Lane, with_vectors};
 use crate::layout::{DIM, DYNAMIC};
+use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
+use crate::simd::{Lane, with_vectors};
 
 /// What an interval of one kind gathers, and the transition and noise that follow from it.
 pub trait Span<T: Lane>: Copy {

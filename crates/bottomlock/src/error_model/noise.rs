@@ -1,8 +1,8 @@
 //! The process noise of half an interval (Eqs. 5, 6, 10 and 11).
 
 use super::{Partitioned, ProcessNoise};
-use crate::lane::{Lane, M3, V3, cross, scale, transposed};
 use crate::layout::{ATTITUDE, BIASED_BEAMS, VELOCITY};
+use crate::simd::{Lane, M3, V3, cross, scale, transposed};
 
 /// G Q Gᵀ T/2 (isotropic noise, so R Q Rᵀ = Q) as the blocks that are not zero.
 #[derive(Clone, Copy)]
@@ -24,22 +24,30 @@ impl<T: Lane> HalfNoise<T> {
     #[inline(always)]
     pub(super) fn new(rotation: &M3<T>, velocity_p: V3<T>, noise: &ProcessNoise, half: T, weight: T) -> Self {
         let v = velocity_p;
-        let lever = scale(v, half.splat(noise.gyro) * half * weight);
+        let gyro_noise_by_velocity = scale(v, half.splat(noise.gyro) * half * weight);
         let accel = half.splat(noise.accel) * half;
         // [v×][v×]ᵀ = |v|² I − v vᵀ, and [v×]Rᵀ.
-        let [x, y, z] = [lever[0] * v[0], lever[1] * v[1], lever[2] * v[2]];
+        let [x, y, z] = [
+            gyro_noise_by_velocity[0] * v[0],
+            gyro_noise_by_velocity[1] * v[1],
+            gyro_noise_by_velocity[2] * v[2],
+        ];
         let zero = half.splat(0.0);
         Self {
             attitude: half.splat(noise.gyro) * half,
             velocity: [
                 [accel + (y + z), zero, zero],
-                [-(lever[1] * v[0]), accel + (x + z), zero],
-                [-(lever[2] * v[0]), -(lever[2] * v[1]), accel + (x + y)],
+                [-(gyro_noise_by_velocity[1] * v[0]), accel + (x + z), zero],
+                [
+                    -(gyro_noise_by_velocity[2] * v[0]),
+                    -(gyro_noise_by_velocity[2] * v[1]),
+                    accel + (x + y),
+                ],
             ],
             across: transposed(&[
-                cross(lever, rotation[0]),
-                cross(lever, rotation[1]),
-                cross(lever, rotation[2]),
+                cross(gyro_noise_by_velocity, rotation[0]),
+                cross(gyro_noise_by_velocity, rotation[1]),
+                cross(gyro_noise_by_velocity, rotation[2]),
             ]),
             accel_bias: half.splat(noise.accel_bias) * half,
             gyro_bias: half.splat(noise.gyro_bias) * half,

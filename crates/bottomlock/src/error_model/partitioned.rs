@@ -2,8 +2,8 @@
 
 use super::noise::HalfNoise;
 use super::transition::{Parts, Transition};
-use crate::lane::{Lane, V3, add, three};
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DVL_BIAS, DYNAMIC, POSITION, VELOCITY};
+use crate::simd::{Lane, V3, add, three};
 
 /// Accelerometer and gyro biases, which the dynamic states read.
 const READ: usize = DVL_BIAS - ACCEL_BIAS;

@@ -9,9 +9,9 @@ use super::columns::{LOG, NEAR, READ, each_row, lanes, turned};
 use super::noise::HalfNoise;
 use super::transition::Spread;
 use super::{Interval, ProcessNoise, Span, Step, Stretch};
-use crate::imu::{EarthTerms, Kinematics};
-use crate::lane::columns_of_four;
 use crate::layout::{ATTITUDE, BIASED_BEAMS, DIM, DVL_BIAS, DYNAMIC, VELOCITY};
+use crate::mechanisation::{EarthTerms, Kinematics};
+use crate::simd::columns_of_four;
 
 /// Dynamic rows to which there is noise.
 pub(super) const NOISY: usize = DYNAMIC - ATTITUDE;

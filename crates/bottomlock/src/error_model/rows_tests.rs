@@ -4,10 +4,10 @@ use super::*;
 use crate::earth::Environment;
 use crate::error_model::{Last, Partitioned, Steps};
 use crate::frames::Vec3;
-use crate::imu::course::{Ahead, Biases, STEPS, Wake};
-use crate::imu::{ImuSample, Inertial, KINEMATICS, Sampling};
-use crate::lane::on_every_level;
+use crate::mechanisation::step_block::{Ahead, Biases, STEPS, Wake};
+use crate::mechanisation::{ImuSample, Inertial, KINEMATICS, Sampling};
 use crate::model::Model;
+use crate::simd::on_every_level;
 
 const SAMPLES: usize = 22;
 

@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 
 use super::stretch::Start;
 use super::{Coefficients, Interval, Span, Step, Stretch};
-use crate::lane::{Lane, Lanes, M3, WIDEST, gather, scatter, three};
+use crate::simd::{Lane, Lanes, M3, WIDEST, gather, scatter, three};
 
 /// Intervals of one kind that can sit side by side.
 pub(crate) trait SideBySide<S: Simd, T: Lanes<S>>: Span<T> {
@@ -116,7 +116,13 @@ impl<T: Lane> Start<T> {
 impl<T: Lane> Coefficients<T> {
     #[inline(always)]
     pub(super) fn to_array(self) -> [T; 27] {
-        let (a, r, f, w, v) = (self.velocity_t, self.rotation, self.force, self.swing, self.velocity_p);
+        let (a, r, f, w, v) = (
+            self.velocity_t,
+            self.rotation,
+            self.velocity_by_misalignment,
+            self.coriolis_rate_p,
+            self.velocity_p,
+        );
         [
             a[0], a[1], a[2], r[0][0], r[0][1], r[0][2], r[1][0], r[1][1], r[1][2], r[2][0], r[2][1], r[2][2], f[0][0],
             f[0][1], f[0][2], f[1][0], f[1][1], f[1][2], f[2][0], f[2][1], f[2][2], w[0], w[1], w[2], v[0], v[1], v[2],
@@ -128,8 +134,8 @@ impl<T: Lane> Coefficients<T> {
         Self {
             velocity_t: three(&x, 0),
             rotation: matrix(&x, 3),
-            force: matrix(&x, 12),
-            swing: three(&x, 21),
+            velocity_by_misalignment: matrix(&x, 12),
+            coriolis_rate_p: three(&x, 21),
             velocity_p: three(&x, 24),
         }
     }

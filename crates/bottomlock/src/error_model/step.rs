@@ -4,8 +4,8 @@ use super::interval::Span;
 use super::noise::HalfNoise;
 use super::transition::FirstOrder;
 use super::{Coefficients, ProcessNoise};
-use crate::imu::{EarthTerms, Inertial, Kinematics};
-use crate::lane::Lane;
+use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
+use crate::simd::Lane;
 
 /// F T by the trapezoidal rule; an empty one does not look at its sum.
 #[derive(Debug, Clone, Copy)]

@@ -8,10 +8,10 @@ use super::noise::HalfNoise;
 use super::rows::{NOISY, NOTHING, NoiseRows, Rows};
 use super::transition::{FirstOrder, Parts, Spread, Transition};
 use super::{Coefficients, Interval, ProcessNoise, Step};
-use crate::imu::EarthTerms;
-use crate::imu::course::{Course, STEPS, Table, before};
-use crate::lane::{Lane, V3, columns_of_eight, scale, splat3};
 use crate::layout::{ATTITUDE, DVL_BIAS, DYNAMIC, VELOCITY};
+use crate::mechanisation::EarthTerms;
+use crate::mechanisation::step_block::{Course, STEPS, Table, before};
+use crate::simd::{Lane, V3, columns_of_eight, scale, splat3};
 
 /// Numbers of [`Coefficients`].
 const COEFFICIENTS: usize = 27;

@@ -9,8 +9,8 @@ use super::ProcessNoise;
 use super::interval::Span;
 use super::noise::HalfNoise;
 use super::transition::Filled;
-use crate::imu::{EarthTerms, Inertial, Kinematics};
-use crate::lane::{
+use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
+use crate::simd::{
     Lane, M3, V3, add, add_scaled, cross, mat_axpy, mat_mul, mat_mul_add, mat_scale, negative, scale, skew, splat3,
     sub, transposed, zero3,
 };

@@ -1,9 +1,9 @@
 //! The transition Φ of the error state over an interval, kept as the blocks of Φ − I.
 
 use super::Coefficients;
-use crate::imu::EarthTerms;
-use crate::lane::{Lane, M3, V3, add_mul, add_scaled, scale, splat3, sub_cross, sub_mul, three};
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DVL_BIAS, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
+use crate::mechanisation::EarthTerms;
+use crate::simd::{Lane, M3, V3, add_mul, add_scaled, scale, splat3, sub_cross, sub_mul, three};
 
 /// The part of a vector in error-state order that a transition reads.
 #[derive(Debug, Clone, Copy)]
@@ -94,8 +94,12 @@ impl<T: Lane> Transition<T> for FirstOrder<'_, T> {
     }
     #[inline(always)]
     fn velocity(&self, x: &Parts<T>) -> V3<T> {
-        let v = add_scaled(sub_cross(x.v, self.sum.swing, x.v), x.ba, self.minus_duration);
-        sub_cross(add_mul(v, &self.sum.force, x.rho), self.sum.velocity_p, x.bg)
+        let v = add_scaled(sub_cross(x.v, self.sum.coriolis_rate_p, x.v), x.ba, self.minus_duration);
+        sub_cross(
+            add_mul(v, &self.sum.velocity_by_misalignment, x.rho),
+            self.sum.velocity_p,
+            x.bg,
+        )
     }
 }
 
@@ -151,8 +155,8 @@ impl Spread for FirstOrder<'_, f64> {
         let sum = Coefficients {
             velocity_t: splat3(like, self.sum.velocity_t),
             rotation: over3(like, &self.sum.rotation),
-            force: over3(like, &self.sum.force),
-            swing: splat3(like, self.sum.swing),
+            velocity_by_misalignment: over3(like, &self.sum.velocity_by_misalignment),
+            coriolis_rate_p: splat3(like, self.sum.coriolis_rate_p),
             velocity_p: splat3(like, self.sum.velocity_p),
         };
         let phi = FirstOrder {

@@ -3,8 +3,8 @@
 
 use fearless_simd::Simd;
 
-use crate::imu::{EarthTerms, ImuSample, Inertial, Sampling, Turn};
-use crate::lane::{Lane, Lanes, V3, WIDEST, splat3, sub};
+use crate::mechanisation::{EarthTerms, ImuSample, Inertial, Sampling, Turn};
+use crate::simd::{Lane, Lanes, V3, WIDEST, splat3, sub};
 
 /// Steps worked out at once.
 const BLOCK: usize = 16;
@@ -12,7 +12,7 @@ const BLOCK: usize = 16;
 /// The samples of all lanes.
 pub(super) struct Streams<'a, T> {
     pub(super) of: [&'a [ImuSample]; WIDEST],
-    /// True where all lanes are arms of a run.
+    /// True where all lanes are methods of a run.
     pub(super) are_one: bool,
     pub(super) gyro_bias_p_radps: V3<T>,
     pub(super) accel_bias_p_mps2: V3<T>,

@@ -3,13 +3,14 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::Eskf;
-use crate::aiding::{Innovation, Repeats, RowJacobian};
+use crate::aiding::MAX_ROWS;
+use crate::aiding::water::{WATER, WaterRow};
+use crate::aiding::{CorrelatedNoise, Innovation, RowJacobian};
 use crate::error::{NavError, require_finite};
+use crate::filter::gate::{Gate, GateTable};
+use crate::filter::report::{Sensor, UpdateReport, Verdict};
 use crate::layout::{DIM, VELOCITY};
-use crate::model::{Gate, GateTable, MAX_ROWS};
-use crate::report::{Sensor, UpdateReport, Verdict};
 use crate::state::Covariance;
-use crate::water::{WATER, WaterRow};
 
 /// Chi-squared of three degrees at one in a million: asked at every epoch, it must not be met by chance in a mission.
 const EXCLUDED: f64 = 30.665;
@@ -92,7 +93,7 @@ impl Eskf {
         innovation.cross = Some(Box::new(columns));
         let mut by_water = SMatrix::<f64, MAX_ROWS, WATER>::zeros();
         by_water.set_row(0, &row.by_water.transpose());
-        innovation.repeats = Some(Box::new(Repeats {
+        innovation.correlated_noise = Some(Box::new(CorrelatedNoise {
             by_state: RowJacobian::zeros(),
             by_water,
         }));

@@ -5,8 +5,8 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{f64x4, f64x8};
 
-use crate::lane::plus;
 use crate::layout::DIM;
+use crate::simd::plus;
 
 /// Width of the blocks that are transposed and factored.
 pub(super) const WIDTH: usize = 4;

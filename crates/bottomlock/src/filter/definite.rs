@@ -9,8 +9,8 @@ use fearless_simd::f64x4;
 use fearless_simd::prelude::*;
 
 use super::columns::{VECTORS, WIDTH, load_part};
-use crate::lane::{plus, with_vectors};
 use crate::layout::DIM;
+use crate::simd::{plus, with_vectors};
 use crate::state::Covariance;
 
 /// True where the factorisation of a symmetric matrix exists; states without variance are left out.

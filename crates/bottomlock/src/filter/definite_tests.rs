@@ -1,7 +1,7 @@
 //! The proof against nalgebra's factorisation, and what scaling does to it.
 
 use super::*;
-use crate::lane::on_every_level;
+use crate::simd::on_every_level;
 
 /// A random symmetric matrix of unit scale with this smallest eigenvalue.
 fn with_smallest(seed: usize, smallest: f64) -> Covariance {

@@ -5,8 +5,8 @@ use fearless_simd::{f64x4, f64x8, mask64x4};
 use nalgebra::SMatrix;
 
 use super::columns::{VECTORS, WIDE, WIDTH};
-use crate::lane::{columns_of_eight, columns_of_four, symmetric_of_eight, with_vectors};
 use crate::layout::DIM;
+use crate::simd::{columns_of_eight, columns_of_four, symmetric_of_eight, with_vectors};
 use crate::state::Covariance;
 
 /// Elements on and below the diagonal.
@@ -57,7 +57,7 @@ impl Packed {
         matrix
     }
 
-    /// Every column is written as it will be read: else it would have to reach memory first.
+    /// Every column is written as it will be read: else it would have to cross_covariance memory first.
     #[inline(always)]
     pub(super) fn put_within<S: Simd>(&self, simd: S, matrix: &mut [[f64; DIM]; DIM]) {
         let (a, b) = (triangle::<_, 0>(simd, &self.0), triangle::<_, WIDE>(simd, &self.0));
@@ -126,7 +126,7 @@ fn triangle<S: Simd, const FROM: usize>(simd: S, packed: &[f64; PACKED]) -> [f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lane::on_every_level;
+    use crate::simd::on_every_level;
 
     fn numbered() -> Covariance {
         Covariance::from_fn(|i, j| (100 * i.max(j) + i.min(j)) as f64)

@@ -5,8 +5,8 @@ use fearless_simd::Simd;
 use super::Eskf;
 use crate::error::NavError;
 use crate::error_model::{Interval, Underway};
-use crate::imu::{ImuSample, Inertial, Sampling};
-use crate::lane::with_vectors;
+use crate::mechanisation::{ImuSample, Inertial, Sampling};
+use crate::simd::with_vectors;
 
 impl Eskf {
     /// One strapdown step from `start` to `end`, and the covariance where its interval is full.

@@ -8,9 +8,9 @@ use fearless_simd::{Simd, f64x8};
 use super::Eskf;
 use crate::error::NavError;
 use crate::error_model::{Interval, Last, Single, Span, Step, Steps, Stretch, Underway};
-use crate::imu::course::{Ahead, Biases, Course, STEPS, Table, Wake};
-use crate::imu::{ImuSample, KINEMATICS, Kinematics};
-use crate::lane::{M3, with_vectors};
+use crate::mechanisation::step_block::{Ahead, Biases, Course, STEPS, Table, Wake};
+use crate::mechanisation::{ImuSample, KINEMATICS, Kinematics};
+use crate::simd::{M3, with_vectors};
 
 /// Fewer steps than this are not worth it.
 const WORTH_IT: usize = 4;

@@ -4,13 +4,14 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::magnus::{self, Block, MOVING};
 use super::{Aiding, Epoch, Epochs, Kind, System, epoch_samples, heard_samples};
-use crate::aiding::{self, Innovation, Motion};
+use crate::aiding;
+use crate::aiding::{Innovation, Motion};
 use crate::dvl::geometry::{BeamGeometry, BeamSample, MAX_BEAMS};
 use crate::error::NavError;
 use crate::frames::Vec3;
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DVL_BIAS, DVL_SCALE, GYRO_BIAS, POSITION, VELOCITY};
 use crate::model::Model;
-use crate::truth::{Truth, true_state};
+use crate::simulation::truth::{Truth, true_state};
 
 /// Names of the states in the order of [`crate::layout`].
 pub const NAMES: [&str; DIM] = [

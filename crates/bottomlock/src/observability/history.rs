@@ -9,10 +9,10 @@ use super::{Aiding, Epochs, System, full, magnus, paper};
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
 use crate::error_model::{Coefficients, dense_noise};
-use crate::imu::{EarthTerms, Inertial};
 use crate::layout::DIM;
+use crate::mechanisation::{EarthTerms, Inertial};
 use crate::model::Model;
-use crate::truth::{Truth, true_state};
+use crate::simulation::truth::{Truth, true_state};
 
 /// Longest step of the prediction, ns.
 const STEP_NS: i64 = 100_000_000;

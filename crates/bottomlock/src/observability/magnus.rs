@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::earth::Environment;
 use crate::frames::skew;
-use crate::truth::Truth;
+use crate::simulation::truth::Truth;
 
 /// States with dynamics and the biases that drive them.
 pub(super) const MOVING: usize = 15;

@@ -20,7 +20,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::dvl::geometry::{BeamGeometry, BeamMask};
 use crate::error::{NavError, require_finite};
-use crate::truth::Truth;
+use crate::simulation::truth::Truth;
 
 /// Which sensors aid; rows of all of them are stacked.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -15,7 +15,7 @@ use crate::earth::Environment;
 use crate::error::NavError;
 use crate::frames::skew;
 use crate::model::Model;
-use crate::truth::Truth;
+use crate::simulation::truth::Truth;
 
 /// Names of the states.
 pub const NAMES: [&str; 15] = [

@@ -10,7 +10,7 @@ use crate::dvl::geometry::{BeamGeometry, BeamMask, Janus};
 use crate::error::NavError;
 use crate::frames::{Platform, Rot, Tangent};
 use crate::model::Model;
-use crate::truth::Truth;
+use crate::simulation::truth::Truth;
 
 const GRAVITY: f64 = 9.8125;
 const SECOND_NS: i64 = 1_000_000_000;

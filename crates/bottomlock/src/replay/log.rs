@@ -2,8 +2,8 @@
 
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::error::NavError;
-use crate::events::{AttitudeSample, DepthSample, Event, HeadingSample, PositionSample};
-use crate::imu::ImuSample;
+use crate::mechanisation::ImuSample;
+use crate::navigator::events::{AttitudeSample, DepthSample, Event, HeadingSample, PositionSample};
 
 /// Number of streams of a log.
 pub const STREAMS: usize = 6;

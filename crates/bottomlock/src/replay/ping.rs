@@ -1,12 +1,12 @@
-//! What an arm made of a ping.
+//! What a method made of a ping.
 
 use crate::dvl::geometry::{BeamSample, MAX_BEAMS};
-use crate::report::{Choice, UpdateReport, Verdict};
+use crate::filter::report::{Choice, UpdateReport, Verdict};
 
 /// What became of a ping.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum FixStatus {
-    /// It reached no filter, or the arm makes nothing of beams.
+    /// It reached no filter, or the method makes nothing of beams.
     #[default]
     None,
     /// All of it was used.
@@ -15,14 +15,14 @@ pub enum FixStatus {
     AcceptedInPart,
     /// The gate rejected it.
     Rejected,
-    /// The arm could make nothing of the beams that were left.
+    /// The method could make nothing of the beams that were left.
     NoInformation,
 }
 
 /// The names of [`FixStatus`] in order.
 pub const FIX_STATUS: [&str; 5] = ["none", "accepted", "accepted_in_part", "rejected", "no_information"];
 
-/// What one arm made of one ping.
+/// What one method made of one ping.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PingRecord {
     /// What became of it.
@@ -38,7 +38,7 @@ pub struct PingRecord {
     /// Weight of each beam: 1 where its reading counted in full, less where it was weighted, 0 where it was taken out, NaN where it
     /// was lost or reached no filter.
     pub beam_weight: [f64; MAX_BEAMS],
-    /// What was chosen, of an arm that chooses.
+    /// What was chosen, of a method that chooses.
     pub choice: Option<Choice>,
 }
 

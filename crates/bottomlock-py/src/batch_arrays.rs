@@ -1,0 +1,170 @@
+//! What runs × arms yield, written where Python finds it while the runs are under way.
+
+use bottomlock::filter::report::Choice;
+use bottomlock::simulation::monte_carlo_run::{BiasRecord, MethodRecord};
+use numpy::PyArrayMethods;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::array;
+use crate::dvl::source_code;
+
+/// Where an arm does not choose.
+pub const NO_CHOICE: u8 = u8::MAX;
+
+/// Sources of surge, sway and heave; or the leading filter, why it leads, and nothing.
+pub fn choice_code(choice: &Choice) -> [u8; 3] {
+    match choice {
+        Choice::Components(sources) => sources.map(|source| source.map_or(0, source_code)),
+        Choice::Member { member, why, .. } => [*member as u8, *why as u8, NO_CHOICE],
+    }
+}
+
+/// Numbers of a run's arm at a sample: position, misalignment and velocity.
+const WIDE: usize = 9;
+/// Biases of accelerometers and gyros.
+const BIASES: usize = 6;
+
+/// The arrays of a batch.
+pub struct BatchArrays {
+    runs: usize,
+    arms: usize,
+    samples: usize,
+    /// Number by number, as the columns of a table are: they need not be gathered there.
+    error: Vec<f64>,
+    sd: Vec<f64>,
+    nees: Vec<f64>,
+    nees_velocity_attitude: Vec<f64>,
+    nis_mean: Vec<f64>,
+    fixes_accepted: Vec<i64>,
+    fixes_rejected: Vec<i64>,
+    bias_error: Vec<f64>,
+    bias_sd: Vec<f64>,
+    /// How many of them there are is known at the end.
+    choices: Vec<Vec<[u8; 3]>>,
+}
+
+/// The parts of the arrays that belong to a run and an arm.
+pub struct Place<'a> {
+    error: [&'a mut [f64]; WIDE],
+    sd: [&'a mut [f64]; WIDE],
+    nees: &'a mut [f64],
+    nees_velocity_attitude: &'a mut [f64],
+    nis_mean: &'a mut f64,
+    fixes_accepted: &'a mut i64,
+    fixes_rejected: &'a mut i64,
+    bias_error: &'a mut [f64; BIASES],
+    bias_sd: &'a mut [f64; BIASES],
+    choices: &'a mut Vec<[u8; 3]>,
+}
+
+impl Place<'_> {
+    /// Notes what the arm has yielded.
+    pub fn take(&mut self, record: &MethodRecord) {
+        for k in 0..WIDE {
+            put_column(self.error[k], &record.error, k);
+            put_column(self.sd[k], &record.sd, k);
+        }
+        self.nees.copy_from_slice(&record.nees);
+        self.nees_velocity_attitude
+            .copy_from_slice(&record.nees_velocity_attitude);
+        *self.nis_mean = record.nis_mean;
+        *self.fixes_accepted = record.fixes_accepted as i64;
+        *self.fixes_rejected = record.fixes_rejected as i64;
+        let biases = |field: fn(&BiasRecord) -> [f64; BIASES]| record.biases.as_ref().map_or([f64::NAN; BIASES], field);
+        *self.bias_error = biases(|biases| biases.error);
+        *self.bias_sd = biases(|biases| biases.sd);
+        self.choices.extend(record.choices.iter().map(choice_code));
+    }
+}
+
+fn put_column(column: &mut [f64], rows: &[[f64; WIDE]], k: usize) {
+    for (number, row) in column.iter_mut().zip(rows) {
+        *number = row[k];
+    }
+}
+
+/// As many parts of the same length as a sample has numbers.
+fn columns(numbers: &mut [f64]) -> [&mut [f64]; WIDE] {
+    let (each, mut rest) = (numbers.len() / WIDE, numbers);
+    std::array::from_fn(|_| rest.split_off_mut(..each).unwrap_or_default())
+}
+
+impl BatchArrays {
+    /// Arrays without content.
+    pub fn new(runs: usize, arms: usize, samples: usize) -> Self {
+        let zeros = |each: usize| vec![0.0; runs * arms * each];
+        Self {
+            runs,
+            arms,
+            samples,
+            error: zeros(samples * WIDE),
+            sd: zeros(samples * WIDE),
+            nees: zeros(samples),
+            nees_velocity_attitude: zeros(samples),
+            nis_mean: zeros(1),
+            fixes_accepted: vec![0; runs * arms],
+            fixes_rejected: vec![0; runs * arms],
+            bias_error: zeros(BIASES),
+            bias_sd: zeros(BIASES),
+            choices: vec![Vec::new(); runs * arms],
+        }
+    }
+
+    /// The places of every run, arm by arm.
+    pub fn places(&mut self) -> Vec<Vec<Place<'_>>> {
+        let samples = self.samples;
+        let (mut error, mut sd) = (columns(&mut self.error), columns(&mut self.sd));
+        let (mut nees, mut nees_velocity_attitude) = (&mut self.nees[..], &mut self.nees_velocity_attitude[..]);
+        let mut nis_mean = self.nis_mean.iter_mut();
+        let (mut accepted, mut rejected) = (self.fixes_accepted.iter_mut(), self.fixes_rejected.iter_mut());
+        let mut bias_error = self.bias_error.as_chunks_mut().0.iter_mut();
+        let mut bias_sd = self.bias_sd.as_chunks_mut().0.iter_mut();
+        let mut choices = self.choices.iter_mut();
+        let mut next = || {
+            Some(Place {
+                error: std::array::from_fn(|k| error[k].split_off_mut(..samples).unwrap_or_default()),
+                sd: std::array::from_fn(|k| sd[k].split_off_mut(..samples).unwrap_or_default()),
+                nees: nees.split_off_mut(..samples)?,
+                nees_velocity_attitude: nees_velocity_attitude.split_off_mut(..samples)?,
+                nis_mean: nis_mean.next()?,
+                fixes_accepted: accepted.next()?,
+                fixes_rejected: rejected.next()?,
+                bias_error: bias_error.next()?,
+                bias_sd: bias_sd.next()?,
+                choices: choices.next()?,
+            })
+        };
+        let arms = self.arms;
+        (0..self.runs)
+            .map(|_| std::iter::from_fn(&mut next).take(arms).collect())
+            .collect()
+    }
+
+    /// The arrays as Python gets them.
+    pub fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+        let (runs, arms, samples) = (self.runs, self.arms, self.samples);
+        let pings = self.choices.iter().map(Vec::len).max().unwrap_or(0);
+        let mut codes = vec![NO_CHOICE; runs * arms * pings * 3];
+        for (own, choices) in codes.chunks_mut((3 * pings).max(1)).zip(&self.choices) {
+            own[..3 * choices.len()].copy_from_slice(choices.as_flattened());
+        }
+        let out = PyDict::new(py);
+        for (name, numbers) in [("error", self.error), ("sd", self.sd)] {
+            let by_number = array(py, numbers, &[WIDE, runs, arms, samples])?;
+            out.set_item(name, by_number.permute(Some([1_usize, 2, 3, 0].as_slice()))?)?;
+        }
+        out.set_item("nees", array(py, self.nees, &[runs, arms, samples])?)?;
+        out.set_item(
+            "nees_velocity_attitude",
+            array(py, self.nees_velocity_attitude, &[runs, arms, samples])?,
+        )?;
+        out.set_item("nis_mean", array(py, self.nis_mean, &[runs, arms])?)?;
+        out.set_item("fixes_accepted", array(py, self.fixes_accepted, &[runs, arms])?)?;
+        out.set_item("fixes_rejected", array(py, self.fixes_rejected, &[runs, arms])?)?;
+        out.set_item("final_bias_error", array(py, self.bias_error, &[runs, arms, BIASES])?)?;
+        out.set_item("final_bias_sd", array(py, self.bias_sd, &[runs, arms, BIASES])?)?;
+        out.set_item("choice", array(py, codes, &[runs, arms, pings, 3])?)?;
+        Ok(out)
+    }
+}

@@ -1,0 +1,175 @@
+//! Every H against central differences of its own residual, also at pitch ±89.9°.
+
+use super::*;
+use crate::dvl::geometry::{BeamMask, Janus};
+use crate::dvl::partial::{Assumptions, PartialMethod, plan};
+use crate::state::ErrorVector;
+
+const EARTH: [f64; 3] = [6.1e-5, 0.0, -4.0e-5];
+const RATE: [f64; 3] = [0.1, -0.2, 0.3];
+
+fn state(pitch_deg: f64) -> NavState {
+    let mut state = NavState::at_rest(0);
+    state.attitude_t_p = Rot::from_euler_rad(0.4, pitch_deg.to_radians(), -1.1);
+    state.velocity_p_mps = Vec3::new(2.0, 0.2, -0.1);
+    state.position_t_m = Vec3::new(10.0, -5.0, 30.0);
+    state.gyro_bias_p_radps = Vec3::new(1e-3, 2e-3, -1e-3);
+    state.dvl_bias_mps = nalgebra::Vector4::new(0.01, -0.02, 0.0, 0.005);
+    state.dvl_scale_factor = 0.02;
+    state
+}
+
+fn motion_of(state: &NavState) -> Motion<'_> {
+    Motion {
+        state,
+        rate_ip_p_radps: Vector3::from(RATE) - state.gyro_bias_p_radps.0,
+        earth_rate_t_radps: Vector3::from(EARTH),
+        gyro_variance: 1e-6,
+    }
+}
+
+/// H = −∂residual/∂x̂: central differences of the residual when the estimate moves.
+fn check_at(name: &str, pitch: f64, residual_of: impl Fn(&Motion<'_>) -> Innovation) {
+    let center = state(pitch);
+    let at = |error: &ErrorVector| {
+        let mut moved = center;
+        moved.inject(error);
+        residual_of(&motion_of(&moved))
+    };
+    let reference = at(&ErrorVector::zeros());
+    for j in 0..DIM {
+        let step = 1e-5;
+        let mut error = ErrorVector::zeros();
+        error[j] = step;
+        let slope = (at(&-error).residual - at(&error).residual) / (2.0 * step);
+        let gap = (slope - reference.jacobian.column(j)).amax();
+        assert!(
+            gap < 1e-6 * reference.jacobian.amax().max(1.0),
+            "{name} at pitch {pitch}: column {j} off by {gap}"
+        );
+    }
+}
+
+fn check(name: &str, residual_of: impl Fn(&Motion<'_>) -> Innovation) {
+    for pitch in [0.0, 12.0, -70.0, 89.9, -89.9] {
+        check_at(name, pitch, &residual_of);
+    }
+}
+
+fn geometry() -> BeamGeometry {
+    let levers = [[1.0, 0.1, 0.2], [0.9, 0.1, 0.2], [0.9, -0.1, 0.2], [1.0, -0.1, 0.3]].map(Vec3::from_array);
+    BeamGeometry::janus(Janus::X, 0.35)
+        .unwrap()
+        .with_lever_arms(&levers)
+        .unwrap()
+}
+
+fn ping(valid: BeamMask) -> BeamSample {
+    BeamSample {
+        time_ns: 0,
+        velocity_mps: [0.5, -0.4, 0.1, 0.2, 0.0, 0.0, 0.0, 0.0],
+        sd_mps: [0.042; 8],
+        valid,
+    }
+}
+
+#[test]
+fn tightly_coupled_jacobian() {
+    let sample = ping(BeamMask::all(4));
+    check("tc", |motion| {
+        tightly_coupled(&beam_terms(motion, &geometry(), &sample), &sample)
+    });
+}
+
+/// The gain is a constant of the measurement, and 1/(1+SF) multiplies a residual that vanishes at the expected readings, so the
+/// derivative is taken there.
+#[test]
+fn loosely_coupled_jacobian() {
+    for method in [
+        PartialMethod::NullifiedSway,
+        PartialMethod::PartialLoose,
+        PartialMethod::Information,
+        PartialMethod::WeakSway,
+    ] {
+        let noise = BeamNoise::identity() * 0.002;
+        let valid = [0, 1].into_iter().collect();
+        let fixed = plan(method, &geometry(), valid, &noise, None, &Assumptions::default()).unwrap();
+        for pitch in [0.0, 89.9] {
+            let center = state(pitch);
+            let mut sample = ping(valid);
+            let expected = beam_terms(&motion_of(&center), &geometry(), &sample).residual;
+            (0..4).for_each(|beam| sample.velocity_mps[beam] -= expected[beam]);
+            check_at("elc", pitch, |motion| {
+                let terms = beam_terms(motion, &geometry(), &sample);
+                loosely_coupled(motion.state, &geometry(), &terms, &fixed, InformationPort::Axes, None)
+            });
+        }
+    }
+}
+
+#[test]
+fn velocity_jacobian() {
+    check("velocity", |motion| {
+        velocity(motion.state, &Vec3::new(2.0, 0.0, 0.0), &Matrix3::identity())
+    });
+}
+
+#[test]
+fn depth_jacobian() {
+    check("depth", |motion| {
+        depth(motion.state, 31.0, 0.02, &Vec3::new(0.7, 0.2, -0.1))
+    });
+}
+
+#[test]
+fn gps_jacobians() {
+    let lever = Vec3::new(0.5, 0.1, -0.4);
+    check("gps position", |motion| {
+        gps_position(motion.state, &Vec3::zeros(), &[2.0; 3], &lever)
+    });
+    check("gps velocity", |motion| {
+        gps_velocity(motion, &Vec3::zeros(), &[0.1; 3], &lever)
+    });
+}
+
+/// The rotation residual is linear in ρ at the truth; yaw alone is a derivative of Euler's angle, steep near the vertical.
+#[test]
+fn attitude_jacobians() {
+    for pitch in [0.0, 12.0, 89.9, -89.9] {
+        let center = state(pitch);
+        let measured = center.attitude_t_p;
+        for j in 0..3 {
+            let mut error = ErrorVector::zeros();
+            error[ATTITUDE + j] = 1e-5;
+            let residual = |error: &ErrorVector| {
+                let mut moved = center;
+                moved.inject(error);
+                attitude(&moved, &measured, 0.02, 0.1).residual
+            };
+            let slope = (residual(&-error) - residual(&error)) / 2e-5;
+            assert!((slope - attitude(&center, &measured, 0.02, 0.1).jacobian.column(ATTITUDE + j)).amax() < 1e-6);
+        }
+        let yaw = center.attitude_t_p.to_euler_rad()[2];
+        for j in 0..3 {
+            let mut error = ErrorVector::zeros();
+            error[ATTITUDE + j] = 1e-8;
+            let residual = |error: &ErrorVector| {
+                let mut moved = center;
+                moved.inject(error);
+                heading(&moved, yaw, 0.1).unwrap().residual[0]
+            };
+            let slope = (residual(&-error) - residual(&error)) / 2e-8;
+            let expected = heading(&center, yaw, 0.1).unwrap().jacobian[(0, ATTITUDE + j)];
+            assert!(
+                (slope - expected).abs() < 2e-5 * expected.abs().max(1.0),
+                "pitch {pitch}: {slope} {expected}"
+            );
+        }
+    }
+}
+
+/// Yaw means nothing on end: no row, no error.
+#[test]
+fn heading_on_end_is_no_measurement() {
+    assert!(heading(&state(90.0), 0.3, 0.1).is_none());
+}

@@ -1,0 +1,216 @@
+//! The motion through the water as pseudo-measurements: a torpedo-shaped vehicle hardly slips sideways through the water it
+//! swims in, and the water drifts with a current.
+//!
+//! With R platform to tangent, c the current and ω_tp the angular rate, the velocity relative to the water is v − Rᵀc, and
+//!
+//! - sway through the water is −k ω_z + s: the vehicle turns about a pivot k ahead of its origin;
+//! - heave through the water is w + h: the trim w that balances weight, buoyancy and shape, and what pitching makes of it.
+//!
+//! c, k, w, s and h are estimated with everything else. c, w, s and h are Gauss–Markov processes: a slip that lasts for many
+//! epochs is then one piece of evidence and not one per epoch. There is no current along the vertical.
+//!
+//! # Error of the current
+//! c = Exp([ρ_D e_D×]) ĉ + δc, with ρ_D the misalignment about the vertical: the current is known by where the vehicle believes
+//! north to be. Turning vehicle and current together about the vertical changes no measurement, so none may teach the yaw; with
+//! the plain difference the filter would take each change of ĉ for knowledge of the yaw. That believed north turns against the
+//! true one by the gyro's bias is less than the current's own wander, and left out.
+
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use crate::aiding::Motion;
+use crate::error::{NavError, require_non_negative, require_positive};
+use crate::frames::skew;
+use crate::layout::{ATTITUDE, DIM, GYRO_BIAS, VELOCITY};
+
+/// Number of further states.
+pub const WATER: usize = 6;
+/// First index of the current, north and east, m/s.
+pub const CURRENT: usize = 0;
+/// Index of the sway gain k, m.
+pub const GAIN: usize = 2;
+/// Index of the trim w, m/s.
+pub const TRIM: usize = 3;
+/// Index of the sway s that −k ω_z leaves, m/s.
+pub const SWAY: usize = 4;
+/// Index of the heave h that the trim leaves, m/s.
+pub const HEAVE: usize = 5;
+
+/// One number for each further state.
+pub type WaterVector = SVector<f64, WATER>;
+/// Covariance of the further states.
+pub type WaterCovariance = SMatrix<f64, WATER, WATER>;
+
+/// What is assumed of the motion through the water before anything is measured; 1 sigma.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WaterPrior {
+    /// Current along north and along east, m/s.
+    pub current_sd_mps: f64,
+    /// Correlation time of the current, s.
+    pub current_time_s: f64,
+    /// k, m.
+    pub sway_gain_m: f64,
+    /// Uncertainty of k, m.
+    pub sway_gain_sd_m: f64,
+    /// w, m/s.
+    pub trim_sd_mps: f64,
+    /// Correlation time of w, s.
+    pub trim_time_s: f64,
+    /// s and h, m/s.
+    pub slip_sd_mps: f64,
+    /// Correlation time of s and h, s.
+    pub slip_time_s: f64,
+    /// Number of epochs that the prior of the variance of s and h counts for.
+    pub slip_epochs: f64,
+}
+
+impl Default for WaterPrior {
+    /// A torpedo of 3 m at 2 m/s; the physics behind each number stands in `docs/methods/sway_current.md`.
+    fn default() -> Self {
+        Self {
+            current_sd_mps: 0.3,
+            current_time_s: 21_600.0,
+            sway_gain_m: 0.6,
+            sway_gain_sd_m: 0.3,
+            trim_sd_mps: 0.03,
+            trim_time_s: 3600.0,
+            slip_sd_mps: 0.02,
+            slip_time_s: 5.0,
+            slip_epochs: 20.0,
+        }
+    }
+}
+
+impl WaterPrior {
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`NavError::OutOfRange`] or [`NavError::NotFinite`] that names the field.
+    pub fn validate(&self) -> Result<(), NavError> {
+        crate::error::require_finite("water.sway_gain_m", 0, &[self.sway_gain_m])?;
+        require_non_negative("water.current_sd_mps", self.current_sd_mps)?;
+        require_non_negative("water.sway_gain_sd_m", self.sway_gain_sd_m)?;
+        require_positive("water.current_time_s", self.current_time_s)?;
+        require_non_negative("water.trim_sd_mps", self.trim_sd_mps)?;
+        require_positive("water.trim_time_s", self.trim_time_s)?;
+        require_positive("water.slip_sd_mps", self.slip_sd_mps)?;
+        require_positive("water.slip_time_s", self.slip_time_s)?;
+        if !(self.slip_epochs >= 1.0) {
+            return Err(NavError::OutOfRange {
+                field: "water.slip_epochs",
+                value: self.slip_epochs,
+                expected: "1 or more",
+            });
+        }
+        Ok(())
+    }
+
+    /// Variances of the further states at the start and, but for k, in the long run.
+    #[must_use]
+    pub fn variance(&self) -> WaterVector {
+        let sd = [
+            self.current_sd_mps,
+            self.current_sd_mps,
+            self.sway_gain_sd_m,
+            self.trim_sd_mps,
+            self.slip_sd_mps,
+            self.slip_sd_mps,
+        ];
+        WaterVector::from(sd.map(|sd| sd * sd))
+    }
+
+    /// Estimates at the start.
+    #[must_use]
+    pub fn mean(&self) -> WaterVector {
+        let mut mean = WaterVector::zeros();
+        mean[GAIN] = self.sway_gain_m;
+        mean
+    }
+
+    /// What is left of each state after `duration_s`: exp(−t/τ), and all of k, which is a constant of the vehicle.
+    #[must_use]
+    pub fn decay(&self, duration_s: f64) -> WaterVector {
+        let left = |time_s: f64| (-duration_s / time_s).exp();
+        let (current, slip) = (left(self.current_time_s), left(self.slip_time_s));
+        WaterVector::from([current, current, 1.0, left(self.trim_time_s), slip, slip])
+    }
+}
+
+/// Adds an error to an estimate: the current turns with the yaw that is corrected, see the module's head.
+pub fn inject(water: &mut WaterVector, yaw_rad: f64, error: &WaterVector) {
+    let (north, east) = (water[CURRENT], water[CURRENT + 1]);
+    water[CURRENT] = north * yaw_rad.cos() - east * yaw_rad.sin();
+    water[CURRENT + 1] = north * yaw_rad.sin() + east * yaw_rad.cos();
+    *water += error;
+}
+
+/// An assumption as one row: 0 = expected + H_x δx + H_w δw + n.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WaterRow {
+    /// Which further state takes up what the row leaves.
+    pub slip: usize,
+    /// k times the rate that goes with the row, m/s: ω_z for sway, ω_y for heave.
+    pub turning_mps: f64,
+    /// Zero minus the expected slip, m/s.
+    pub residual: f64,
+    /// H_x: by the error state.
+    pub by_state: SVector<f64, DIM>,
+    /// H_w: by the further states.
+    pub by_water: WaterVector,
+    /// Variance of n, (m/s)²: the gyro's noise through k.
+    pub variance: f64,
+}
+
+/// The row "sway through the water is −k ω_z + s".
+#[must_use]
+pub fn sway_row(motion: &Motion<'_>, water: &WaterVector) -> WaterRow {
+    let mut row = slip_row(motion, water, &Vector3::y(), SWAY);
+    let (gain, turn) = (water[GAIN], Vector3::z());
+    row.turning_mps = gain * turn.dot(&motion.rate_tp());
+    row.residual -= row.turning_mps;
+    let by_misalignment = motion.rate_by_misalignment().transpose() * turn * gain;
+    for k in 0..3 {
+        row.by_state[ATTITUDE + k] += by_misalignment[k];
+        row.by_state[GYRO_BIAS + k] -= turn[k] * gain;
+    }
+    row.by_water[GAIN] = turn.dot(&motion.rate_tp());
+    row.variance = gain * gain * motion.gyro_variance;
+    row
+}
+
+/// The row "heave through the water is w + h".
+#[must_use]
+pub fn heave_row(motion: &Motion<'_>, water: &WaterVector) -> WaterRow {
+    let mut row = slip_row(motion, water, &Vector3::z(), HEAVE);
+    row.turning_mps = water[GAIN] * motion.rate_tp().y;
+    row.residual += water[TRIM];
+    row.by_water[TRIM] = -1.0;
+    row
+}
+
+/// `axis · (v − Rᵀc) − slip = 0`.
+fn slip_row(motion: &Motion<'_>, water: &WaterVector, axis: &Vector3<f64>, slip: usize) -> WaterRow {
+    let axis_t = motion.rotation() * axis;
+    let current_t = Vector3::new(water[CURRENT], water[CURRENT + 1], 0.0);
+    let relative = axis.dot(&motion.state.velocity_p_mps.0) - axis_t.dot(&current_t);
+    let mut row = WaterRow {
+        slip,
+        turning_mps: 0.0,
+        residual: water[slip] - relative,
+        by_state: SVector::zeros(),
+        by_water: WaterVector::zeros(),
+        variance: 0.0,
+    };
+    row.by_state.fixed_rows_mut::<3>(VELOCITY).copy_from(axis);
+    // R = Exp([ρ×]) R̂ gives Rᵀc = R̂ᵀ(c + [c×]ρ); the part about the vertical belongs to the current's own error.
+    row.by_state
+        .fixed_rows_mut::<2>(ATTITUDE)
+        .copy_from(&(skew(&current_t) * axis_t).fixed_rows::<2>(0));
+    row.by_water[CURRENT] = -axis_t.x;
+    row.by_water[CURRENT + 1] = -axis_t.y;
+    row.by_water[slip] = -1.0;
+    row
+}
+
+#[cfg(test)]
+#[path = "water_tests.rs"]
+mod tests;

@@ -1,0 +1,163 @@
+//! The error model (Eqs. 2–11) and the propagation of the covariance.
+//!
+//! F has nine dynamic rows made of skew, identity and zero blocks; the covariance is propagated through them alone
+//! (a dense 20×20 product costs eleven times the arithmetic). Everything is written over [`Lane`].
+//!
+//! Sources: Tal et al. 2017, Eqs. (3)–(6), (9)–(11); F₃₂ and F₃₃ after Miller, Farrell et al. 2010, as erratum E8 states.
+
+mod columns;
+mod interval;
+mod noise;
+mod partitioned;
+mod rows;
+mod side_by_side;
+mod step;
+mod steps;
+mod stretch;
+mod transition;
+
+pub use interval::{Interval, Span};
+pub use noise::HalfNoise;
+pub use partitioned::Partitioned;
+pub(crate) use rows::{Single, Underway};
+pub(crate) use side_by_side::SideBySide;
+pub use step::Step;
+pub(crate) use steps::{Last, Steps};
+pub use stretch::Stretch;
+pub use transition::{Filled, FirstOrder, Parts, Transition};
+
+use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, GYRO_BIAS, POSITION, VELOCITY};
+use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
+use crate::simd::{
+    Lane, M3, V3, add, add_scaled, cross, mat_axpy, scale, skew, splat3, sub_cross, tmul, transposed, zero3,
+};
+
+/// Power spectral densities of the process noise (Eqs. 6 and 11): squares of the per-root-second figures.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ProcessNoise {
+    /// Accelerometer white noise, (m/s)²/s.
+    pub accel: f64,
+    /// Gyro white noise, rad²/s.
+    pub gyro: f64,
+    /// Accelerometer bias random walk, (m/s²)²/s.
+    pub accel_bias: f64,
+    /// Gyro bias random walk, (rad/s)²/s.
+    pub gyro_bias: f64,
+    /// Beam bias random walk, (m/s)²/s.
+    pub dvl_bias: f64,
+    /// Scale factor random walk, 1/s.
+    pub dvl_scale: f64,
+}
+
+/// The entries of F (Eq. 4) that change with time, for one filter or several side by side.
+#[derive(Debug, Clone, Copy)]
+pub struct Coefficients<T> {
+    /// R v: the block F_rρ is −[R v ×].
+    velocity_t: V3<T>,
+    /// R: the block F_rv; F_ρ,bg is −R.
+    rotation: M3<T>,
+    /// F₃₂ = Rᵀ[g×] + [v×]Rᵀ[ω_ie×].
+    velocity_by_misalignment: M3<T>,
+    /// ω_ip + Rᵀω_ie: the block F₃₃ is minus its cross matrix.
+    coriolis_rate_p: V3<T>,
+    /// v: the block F_v,bg is −[v×].
+    velocity_p: V3<T>,
+}
+
+impl<T: Lane> Coefficients<T> {
+    /// The coefficients at a state and rate.
+    #[inline(always)]
+    pub fn at(kinematics: &Kinematics<T>, inertial: &Inertial<T>, earth: &EarthTerms) -> Self {
+        let rotation = kinematics.rotation_t_p;
+        let velocity_p = kinematics.velocity_p_mps;
+        let like = velocity_p[0];
+        let (w, gravity) = (splat3(like, earth.rate_t), like.splat(earth.gravity_mps2));
+        let [x, y, z] = rotation;
+        // Column j of Rᵀ[ω×] is Rᵀ(ω × e_j), and of [v×]Rᵀ[ω×] its cross product; of Rᵀ[g×] only two are not zero.
+        let columns = [
+            sub_cross(scale(y, gravity), add_scaled(scale(y, w[2]), z, -w[1]), velocity_p),
+            sub_cross(scale(x, -gravity), add_scaled(scale(z, w[0]), x, -w[2]), velocity_p),
+            cross(velocity_p, add_scaled(scale(x, w[1]), y, -w[0])),
+        ];
+        Self {
+            velocity_t: kinematics.velocity_t_mps,
+            rotation,
+            velocity_by_misalignment: transposed(&columns),
+            coriolis_rate_p: add(inertial.rate_p_radps, tmul(&rotation, w)),
+            velocity_p,
+        }
+    }
+
+    /// The sum of two, times `factor`.
+    #[inline(always)]
+    fn scaled_sum(a: &Self, b: &Self, factor: T) -> Self {
+        let of = |a: V3<T>, b: V3<T>| scale(add(a, b), factor);
+        let (r, q, f, g) = (
+            &a.rotation,
+            &b.rotation,
+            &a.velocity_by_misalignment,
+            &b.velocity_by_misalignment,
+        );
+        Self {
+            velocity_t: of(a.velocity_t, b.velocity_t),
+            rotation: [of(r[0], q[0]), of(r[1], q[1]), of(r[2], q[2])],
+            velocity_by_misalignment: [of(f[0], g[0]), of(f[1], g[1]), of(f[2], g[2])],
+            coriolis_rate_p: of(a.coriolis_rate_p, b.coriolis_rate_p),
+            velocity_p: of(a.velocity_p, b.velocity_p),
+        }
+    }
+
+    /// Adds the sum of two others, times `factor`.
+    #[inline(always)]
+    fn add_sum(&mut self, a: &Self, b: &Self, factor: T) {
+        let add3 = |to: &mut V3<T>, a: V3<T>, b: V3<T>| *to = add_scaled(*to, add(a, b), factor);
+        add3(&mut self.velocity_t, a.velocity_t, b.velocity_t);
+        add3(&mut self.coriolis_rate_p, a.coriolis_rate_p, b.coriolis_rate_p);
+        add3(&mut self.velocity_p, a.velocity_p, b.velocity_p);
+        for i in 0..3 {
+            add3(&mut self.rotation[i], a.rotation[i], b.rotation[i]);
+            add3(
+                &mut self.velocity_by_misalignment[i],
+                a.velocity_by_misalignment[i],
+                b.velocity_by_misalignment[i],
+            );
+        }
+    }
+
+    /// The dense F of Eq. 9, for inspection and tests; `[row][column]`.
+    pub fn dense(&self, earth: &EarthTerms) -> [[T; DIM]; DIM] {
+        let like = self.velocity_p[0];
+        let (zero, one, minus) = (like.splat(0.0), like.splat(1.0), like.splat(-1.0));
+        let mut f = [[zero; DIM]; DIM];
+        let mut put = |row: usize, column: usize, block: M3<T>| {
+            for i in 0..3 {
+                f[row + i][column..column + 3].copy_from_slice(&block[i]);
+            }
+        };
+        let negative = |m: M3<T>| mat_axpy(&zero3(like), minus, &m);
+        put(POSITION, ATTITUDE, negative(skew(self.velocity_t)));
+        put(POSITION, VELOCITY, self.rotation);
+        put(ATTITUDE, ATTITUDE, negative(skew(splat3(like, earth.rate_t))));
+        put(ATTITUDE, GYRO_BIAS, negative(self.rotation));
+        put(VELOCITY, ATTITUDE, self.velocity_by_misalignment);
+        put(VELOCITY, VELOCITY, negative(skew(self.coriolis_rate_p)));
+        put(
+            VELOCITY,
+            ACCEL_BIAS,
+            negative([[one, zero, zero], [zero, one, zero], [zero, zero, one]]),
+        );
+        put(VELOCITY, GYRO_BIAS, negative(skew(self.velocity_p)));
+        f
+    }
+}
+
+/// The dense noise density G Q Gᵀ at the mean coefficients, for inspection and tests.
+#[must_use]
+pub fn dense_noise(coefficients: &Coefficients<f64>, noise: &ProcessNoise) -> [[f64; DIM]; DIM] {
+    let mut parts = Partitioned::from_fn(0.0, |_, _| 0.0);
+    HalfNoise::new(&coefficients.rotation, coefficients.velocity_p, noise, 1.0, 1.0).add_to(&mut parts);
+    std::array::from_fn(|i| std::array::from_fn(|j| *parts.lower(i.max(j), i.min(j))))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,81 @@
+//! DualFilter side by side in every kind of vector that this machine has, against each of them led step by step.
+
+use super::*;
+use crate::aiding::water::WaterPrior;
+use crate::filter::Eskf;
+use crate::filter::options::Options;
+use crate::filter::water_block::WaterBlock;
+use crate::frames::{Rot, Vec3};
+use crate::model::Model;
+use crate::simd::on_every_level;
+use crate::state::NavState;
+
+const FILTERS: usize = 4;
+const SAMPLES: usize = 40;
+
+fn filters(period_ns: i64) -> Vec<Eskf> {
+    let options = Options {
+        covariance_period_ns: period_ns,
+        ..Options::default()
+    };
+    let one = |k: usize| {
+        let mut start = NavState::at_rest(0);
+        start.velocity_p_mps = Vec3::new(2.0, 0.1 * k as f64, -0.05);
+        start.attitude_t_p = Rot::from_euler_rad(0.1, -0.2, 0.7 * k as f64);
+        let Ok(filter) = Eskf::new(start, &Model::table_2(), &options) else {
+            unreachable!("the model of the paper is a good one");
+        };
+        filter.with_water((k == 1).then(|| WaterBlock::new(&WaterPrior::default())))
+    };
+    (0..FILTERS).map(one).collect()
+}
+
+/// Readings of filter k; the last spins so fast that its rotation leaves the series that its neighbours' stays in.
+fn stream(k: usize) -> Vec<ImuSample> {
+    let spin = if k + 1 == FILTERS { 180.0 } else { 0.2 };
+    let sample = |at: usize| ImuSample {
+        time_ns: at as i64 * 6_666_667,
+        rate_p_radps: Vec3::new(0.01, spin * (0.1 * at as f64).cos(), 0.02 * k as f64),
+        force_p_mps2: Vec3::new((at as f64).sin(), 0.1, -9.8 + 0.01 * k as f64),
+    };
+    (0..SAMPLES).map(sample).collect()
+}
+
+fn bits(filter: &Eskf) -> Vec<u64> {
+    let mut numbers = filter.covariance().as_slice().to_vec();
+    numbers.extend(filter.kinematics.to_array());
+    if let Some(water) = filter.water() {
+        numbers.extend(water.estimate().iter().chain(water.covariance()));
+    }
+    numbers.into_iter().map(f64::to_bits).collect()
+}
+
+fn check<S: Simd, T: Lanes<S>>(simd: S) {
+    let streams: Vec<_> = (0..FILTERS).map(stream).collect();
+    for period_ns in [0, 100_000_000] {
+        let (mut together, mut alone) = (filters(period_ns), filters(period_ns));
+        let pairs = together.iter_mut().zip(&streams);
+        let mut seats: Vec<_> = pairs
+            .map(|(filter, samples)| FilterSpan::new(filter, samples))
+            .collect();
+        let taken = fly_any::<S, T>(simd, &mut seats.iter_mut().collect::<Vec<_>>(), period_ns > 0);
+        assert_eq!(taken, SAMPLES - 1);
+        assert!(seats.iter().all(|seat| seat.failure.is_none()));
+        for (k, filter) in alone.iter_mut().enumerate() {
+            for step in streams[k].windows(2) {
+                assert_eq!(filter.predict(&step[0], &step[1]), Ok(()));
+            }
+            assert_eq!(bits(&together[k]), bits(filter), "filter {k}, period {period_ns} ns");
+        }
+    }
+}
+
+/// Also the narrowest vectors, which fuse in software, give the bits of this machine's own.
+#[test]
+fn every_kind_of_vector_gives_the_same_bits() {
+    on_every_level!(simd => check::<_, f64x4<_>>(simd));
+    #[cfg(target_arch = "x86_64")]
+    if let Some(simd) = fearless_simd::Level::new().as_avx512() {
+        check::<_, f64x8<_>>(simd);
+    }
+}

@@ -1,0 +1,217 @@
+//! The vectorised arithmetic against nalgebra's dense matrices, term by term of the formula.
+
+use super::*;
+use crate::simd::on_every_level;
+
+type Rows<const M: usize> = SMatrix<f64, M, DIM>;
+type Square<const M: usize> = SMatrix<f64, M, M>;
+type Tall<const M: usize> = SMatrix<f64, DIM, M>;
+
+fn sample(seed: usize) -> Covariance {
+    let spread = Covariance::from_fn(|i, j| ((i * 7 + j * 3 + seed) as f64).sin() * 0.3_f64.powi((i % 5) as i32));
+    let matrix = spread * spread.transpose() + Covariance::identity() * 0.01;
+    (matrix + matrix.transpose()) * 0.5
+}
+
+/// M rows that leave some states out, their noise correlated with each other and, where wanted, with the states.
+fn innovation<const M: usize>(seed: usize, is_correlated: bool) -> Innovation {
+    let value = |i: usize, j: usize| ((i * 5 + j * 11 + seed) as f64 * 0.9).cos();
+    let mut innovation = Innovation {
+        rows: M,
+        degrees: M,
+        ..Innovation::empty()
+    };
+    for m in 0..M {
+        innovation.residual[m] = value(m, 3);
+        for k in (0..DIM).filter(|k| k % 4 != 1) {
+            innovation.jacobian[(m, k)] = if (m + k) % 3 == 0 { 0.0 } else { value(m, k) };
+        }
+        for n in 0..M {
+            innovation.noise[(m, n)] = if m == n { 0.5 } else { 0.02 * value(m * n, m + n) };
+        }
+    }
+    innovation.cross =
+        is_correlated.then(|| Box::new(SMatrix::from_fn(|i, m| if m < M { 0.003 * value(i, m) } else { 0.0 })));
+    innovation
+}
+
+/// H, R and C.
+fn parts<const M: usize>(innovation: &Innovation) -> (Rows<M>, Square<M>, Tall<M>) {
+    let cross = innovation.cross.as_deref().copied().unwrap_or_else(SMatrix::zeros);
+    (
+        innovation.jacobian.fixed_rows::<M>(0).into_owned(),
+        innovation.noise.fixed_view::<M, M>(0, 0).into_owned(),
+        cross.fixed_columns::<M>(0).into_owned(),
+    )
+}
+
+fn dense_joseph<const M: usize>(p: &Covariance, innovation: &Innovation, gain: &Tall<M>) -> Covariance {
+    let (h, r, c) = parts::<M>(innovation);
+    let left = Covariance::identity() - gain * h;
+    let shared = left * c * gain.transpose();
+    left * p * left.transpose() + gain * r * gain.transpose() - shared - shared.transpose()
+}
+
+fn joseph<S: Simd, const M: usize>(simd: S, p: &Covariance, innovation: &Innovation, gain: &Tall<M>) -> Covariance {
+    let seen = Expectation::<M>::within(simd, p, innovation).unwrap();
+    let mut columns = [Column::zero(simd); M];
+    for m in 0..M {
+        columns[m] = Column::load(simd, &gain.data.0[m]);
+    }
+    let mut lower = *p;
+    seen.joseph(simd, &mut lower.data.0, innovation, &columns);
+    halve(simd, &mut lower.data.0);
+    Packed::of(&lower).whole()
+}
+
+/// The corrected covariance, with what else becomes of the filter.
+fn corrected<const M: usize>(
+    seen: &Expectation<M>,
+    p: &Covariance,
+    innovation: &Innovation,
+) -> Result<(Covariance, Correction<M>), Indefinite> {
+    let mut covariance = Packed::of(p);
+    let correction = seen.correct(&mut p.clone(), innovation, &mut covariance)?;
+    Ok((covariance.whole(), correction))
+}
+
+fn bits(numbers: &[f64]) -> Vec<u64> {
+    numbers.iter().map(|number| number.to_bits()).collect()
+}
+
+fn check<const M: usize>() {
+    for seed in 0..6 {
+        for is_correlated in [false, true] {
+            let (p, innovation) = (sample(seed), innovation::<M>(seed, is_correlated));
+            let (h, r, c) = parts::<M>(&innovation);
+            let seen = Expectation::<M>::of(&p, &innovation).unwrap();
+            let cross_covariance = p * h.transpose() + c;
+            let half = h * c;
+            let s = h * p * h.transpose() + half + half.transpose() + r;
+            assert!((seen.cross_covariance - cross_covariance).amax() < 1e-13);
+            assert!((seen.s - s).amax() < 1e-13 && seen.s == seen.s.transpose());
+            let z = innovation.residual.fixed_rows::<M>(0);
+            let factor = s.cholesky().unwrap();
+            assert!((seen.nis / z.dot(&factor.solve(&z)) - 1.0).abs() < 1e-12);
+            assert!((seen.cholesky().l() - factor.l()).amax() < 1e-13);
+
+            let (updated, correction) = corrected(&seen, &p, &innovation).ok().unwrap();
+            assert!((correction.gain * s - cross_covariance).amax() < 1e-12);
+            assert!((correction.error - correction.gain * z).amax() < 1e-14);
+            assert!((updated - dense_joseph(&p, &innovation, &correction.gain)).amax() < 1e-13);
+            assert_eq!(updated, updated.transpose());
+            // The form holds for any gain, not for the best alone.
+            let other = Tall::<M>::from_fn(|i, m| 0.3 * correction.gain[(i, m)] + 0.05 * ((i + m) as f64).sin());
+            let dense = dense_joseph(&p, &innovation, &other);
+
+            on_every_level!(simd => {
+                let own = Expectation::<M>::within(simd, &p, &innovation).unwrap();
+                let (mut own_whole, mut own_updated) = (p, Packed::of(&p));
+                let own_correction = own.correct_within(simd, &mut own_whole.data.0, &innovation, &mut own_updated).ok().unwrap();
+                assert_eq!(bits(own.s.as_slice()), bits(seen.s.as_slice()));
+                assert_eq!(own.nis.to_bits(), seen.nis.to_bits());
+                assert_eq!(bits(own_correction.gain.as_slice()), bits(correction.gain.as_slice()));
+                assert_eq!(bits(own_correction.error.as_slice()), bits(correction.error.as_slice()));
+                assert_eq!(bits(own_updated.whole().as_slice()), bits(updated.as_slice()));
+                assert!((joseph(simd, &p, &innovation, &other) - dense).amax() < 1e-12);
+            });
+        }
+    }
+}
+
+/// An update is the dense update, whatever its number of rows, with the same bits in all vectors.
+#[test]
+fn an_update_is_the_dense_update() {
+    check::<1>();
+    check::<2>();
+    check::<3>();
+    check::<4>();
+    check::<5>();
+    check::<6>();
+    check::<7>();
+    check::<MAX_ROWS>();
+}
+
+/// (H P⁺ Hᵀ − (R − R S⁻¹ R)) / R of four rows whose noise is `ratio` times smaller than H P Hᵀ; nothing is lost in R S⁻¹ R.
+fn lost(p: &Covariance, mut rows: Innovation, ratio: f64) -> f64 {
+    rows.noise *= 1.0 / ratio;
+    let (h, r, _) = parts::<4>(&rows);
+    let seen = Expectation::<4>::of(p, &rows).unwrap();
+    let (updated, _) = corrected(&seen, p, &rows).ok().unwrap();
+    let expected = r - r * seen.s.try_inverse().unwrap() * r;
+    (h * updated * h.transpose() - expected).amax() / r.amax()
+}
+
+/// What is measured far better than it was known, alone, is known with all the digits of the measurement's own variance:
+/// P − X S⁻¹ Xᵀ and P − K Xᵀ − X Kᵀ + K S Kᵀ would leave nothing of it where R is 2e-16 P.
+#[test]
+fn a_sharp_measurement_leaves_its_own_variance() {
+    for seed in 0..20 {
+        for ratio in [1e4, 1e8, 1e12, 1e16] {
+            let mut rows = innovation::<4>(seed, false);
+            rows.jacobian.fill(0.0);
+            for m in 0..4 {
+                rows.jacobian[(m, (5 * m + seed) % DIM)] = 1.0;
+            }
+            let lost = lost(&sample(seed), rows, ratio);
+            assert!(lost < 1e-9, "seed {seed}, ratio {ratio:e}: {lost:e}");
+        }
+    }
+}
+
+/// Of sums of states the elements of P⁺ themselves, rounded to 2e-16 of P, hold no more than this; what is proven stays so.
+#[test]
+fn sharp_sums_of_states_are_known_as_well_as_can_be_stored() {
+    for seed in 0..20 {
+        for ratio in [1e4, 1e8, 1e12, 1e14] {
+            let lost = lost(&sample(seed), innovation::<4>(seed, false), ratio);
+            assert!(lost < 1e-15 * ratio + 1e-9, "seed {seed}, ratio {ratio:e}: {lost:e}");
+        }
+    }
+}
+
+/// States without variance keep none, to the last bit.
+#[test]
+fn frozen_states_stay_frozen() {
+    let mut p = sample(4);
+    for k in 15..DIM {
+        p.row_mut(k).fill(0.0);
+        p.column_mut(k).fill(0.0);
+    }
+    let innovation = innovation::<4>(4, false);
+    let seen = Expectation::<4>::of(&p, &innovation).unwrap();
+    let (p, correction) = corrected(&seen, &p, &innovation).ok().unwrap();
+    assert!(p.fixed_columns::<5>(15).iter().all(|element| *element == 0.0));
+    assert!(p.fixed_rows::<5>(15).iter().all(|element| *element == 0.0));
+    assert!(
+        correction
+            .error
+            .fixed_rows::<5>(15)
+            .iter()
+            .all(|element| *element == 0.0)
+    );
+}
+
+/// By hand: P = 1 and "noise" of −1/2 make K = 2 and P⁺ = (1 − 2)² − 4/2 = −1, which is refused and leaves P as it was;
+/// noise of −2 makes S itself negative.
+#[test]
+fn what_is_no_covariance_is_refused() {
+    let p = Covariance::identity();
+    let mut innovation = Innovation {
+        rows: 1,
+        degrees: 1,
+        ..Innovation::empty()
+    };
+    innovation.jacobian[(0, 7)] = 1.0;
+    innovation.noise[(0, 0)] = -0.5;
+    let seen = Expectation::<1>::of(&p, &innovation).unwrap();
+    let mut covariance = Packed::of(&p);
+    let refused = seen
+        .correct(&mut p.clone(), &innovation, &mut covariance)
+        .err()
+        .unwrap();
+    assert_eq!(refused.negative, Some(7));
+    assert_eq!(covariance.whole(), p);
+    innovation.noise[(0, 0)] = -2.0;
+    assert!(Expectation::<1>::of(&p, &innovation).is_none());
+}

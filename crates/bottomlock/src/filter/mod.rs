@@ -1,0 +1,267 @@
+//! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
+
+mod ahead;
+mod assume;
+mod columns;
+mod definite;
+pub mod filter_group;
+pub mod gate;
+mod inflation;
+mod joseph;
+pub mod nees;
+pub mod options;
+mod packed;
+mod predict;
+pub mod report;
+mod solo;
+pub mod tape;
+mod update;
+pub mod water_block;
+
+use nalgebra::{SMatrix, Vector3};
+
+use self::definite::is_positive_definite;
+use self::inflation::ConsecutiveRejections;
+use self::packed::Packed;
+use self::update::not_positive_definite;
+use crate::aiding::MAX_ROWS;
+use crate::aiding::{Innovation, Motion};
+use crate::earth::Environment;
+use crate::error::{NavError, require_finite};
+use crate::error_model::{Interval, ProcessNoise, Underway};
+use crate::filter::gate::GateTable;
+use crate::filter::options::Options;
+use crate::filter::report::{Sensor, UpdateReport};
+use crate::filter::tape::Tape;
+use crate::filter::water_block::WaterBlock;
+use crate::frames::{Rot, Vec3};
+use crate::layout::{DIM, VELOCITY};
+use crate::mechanisation::{EarthTerms, ImuSample, Kinematics, Sampling};
+use crate::model::Model;
+use crate::simd::with_vectors;
+use crate::state::{Covariance, NavState};
+
+/// The filter: state, covariance and the interval since the covariance was last brought up to date.
+#[derive(Debug, Clone)]
+pub struct Eskf {
+    state: NavState,
+    kinematics: Kinematics<f64>,
+    /// As the last update left it, where it is underway since.
+    covariance: Packed,
+    underway: Option<Box<Underway>>,
+    interval: Interval,
+    /// ω_ip of the last reading, bias included.
+    last_rate_p_radps: Vector3<f64>,
+    last_step_s: f64,
+    earth: EarthTerms,
+    earth_rate_t_radps: Vector3<f64>,
+    noise: ProcessNoise,
+    gate: GateTable,
+    gate_reopen_fixes: u32,
+    consecutive_rejections: ConsecutiveRejections,
+    sampling: Sampling,
+    covariance_period_s: f64,
+    /// Further states, in the method that makes assumptions on the motion through the water.
+    water: Option<Box<WaterBlock>>,
+    /// What a smoother goes back over, where there is to be one.
+    tape: Option<Box<Tape>>,
+}
+
+impl Eskf {
+    /// A filter at an initial state.
+    ///
+    /// # Errors
+    /// [`NavError`] for a model, an option or a state that makes no sense.
+    pub fn new(state: NavState, model: &Model, options: &Options) -> Result<Self, NavError> {
+        model.validate()?;
+        options.validate()?;
+        state.validate()?;
+        let environment: &Environment = &model.environment;
+        Ok(Self {
+            kinematics: state.kinematics(),
+            state,
+            covariance: Packed::of(&model.initial_covariance(options.estimate_dvl)),
+            underway: None,
+            interval: Interval::default(),
+            last_rate_p_radps: Vector3::zeros(),
+            last_step_s: 0.0,
+            earth: EarthTerms::from(environment),
+            earth_rate_t_radps: environment.earth_rate_t_radps().0,
+            noise: model.process_noise(options.estimate_dvl),
+            gate: GateTable::new(options.gate)?,
+            gate_reopen_fixes: options.gate_reopen_fixes,
+            consecutive_rejections: ConsecutiveRejections::default(),
+            sampling: options.sampling,
+            covariance_period_s: options.covariance_period_ns as f64 * 1e-9,
+            water: None,
+            tape: None,
+        })
+    }
+
+    /// The same filter with further states beside its own, or without.
+    #[must_use]
+    pub fn with_water(mut self, water: Option<WaterBlock>) -> Self {
+        self.water = water.map(Box::new);
+        self
+    }
+
+    /// The further states, at the time of the last update or propagation of the covariance.
+    #[must_use]
+    pub fn water(&self) -> Option<&WaterBlock> {
+        self.water.as_deref()
+    }
+
+    /// Replaces the covariance (symmetric, m², rad², … in the order of [`crate::layout`]).
+    ///
+    /// # Errors
+    /// [`NavError::NotPositiveDefinite`] unless positive definite apart from frozen states (zero rows).
+    pub fn set_covariance(&mut self, covariance: &Covariance) -> Result<(), NavError> {
+        require_finite("covariance", self.state.time_ns, covariance.as_slice())?;
+        let symmetric = (covariance + covariance.transpose()) * 0.5;
+        if (symmetric - covariance).amax() > 1e-9 * covariance.amax() {
+            return Err(NavError::NotPositiveDefinite {
+                matrix: "covariance (not symmetric)",
+                time_ns: self.state.time_ns,
+            });
+        }
+        require_positive_definite(&symmetric, self.state.time_ns)?;
+        self.covariance = Packed::of(&symmetric);
+        self.underway = None;
+        self.interval = Interval::default();
+        Ok(())
+    }
+
+    /// The estimate.
+    #[must_use]
+    pub fn state(&self) -> NavState {
+        let mut state = self.state;
+        state.position_t_m = Vec3::from_array(self.kinematics.position_t_m);
+        state.attitude_t_p = Rot::from_quaternion_wxyz(self.kinematics.attitude_t_p);
+        state.velocity_p_mps = Vec3::from_array(self.kinematics.velocity_p_mps);
+        state
+    }
+
+    /// The covariance at the time of the state; asking changes nothing.
+    #[must_use]
+    pub fn covariance(&self) -> Covariance {
+        let (mut covariance, mut interval) = (self.covariance.whole(), self.interval);
+        if let Some(underway) = &self.underway {
+            with_vectors!(simd => underway.rows.put_into(simd, &mut covariance.data.0));
+        }
+        interval.propagate(&mut covariance.data.0, &self.kinematics, &self.noise, &self.earth);
+        covariance
+    }
+
+    /// Takes note of a rate before the first step, for lever methods.
+    pub fn note_rate(&mut self, sample: &ImuSample) {
+        self.last_rate_p_radps = sample.rate_p_radps.0;
+    }
+
+    /// Runs `function` with the motion at the current time, for the expected readings of a sensor.
+    pub fn with_motion<T>(&self, function: impl FnOnce(&Motion<'_>) -> T) -> T {
+        let state = self.state();
+        let gyro_variance = if self.last_step_s > 0.0 {
+            self.noise.gyro / self.last_step_s
+        } else {
+            0.0
+        };
+        function(&Motion {
+            state: &state,
+            rate_ip_p_radps: self.last_rate_p_radps - state.gyro_bias_p_radps.0,
+            earth_rate_t_radps: self.earth_rate_t_radps,
+            gyro_variance,
+        })
+    }
+
+    /// Covariance of the whole state with the velocity (20×3) and of the velocity itself, brought up to date.
+    pub fn velocity_covariance(&mut self) -> SMatrix<f64, DIM, 3> {
+        self.propagate_covariance();
+        self.covariance.columns(VELOCITY)
+    }
+
+    /// Gates an innovation, corrects the state and the covariance, and reports.
+    ///
+    /// # Errors
+    /// [`NavError::NotFinite`] for a residual or noise that is not finite; [`NavError::NotPositiveDefinite`] where a factorisation
+    /// fails.
+    pub fn update(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<UpdateReport, NavError> {
+        self.propagate_covariance();
+        require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
+        require_finite("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
+        match innovation.rows {
+            0 => Ok(UpdateReport::empty(sensor, self.state.time_ns)),
+            1 => self.fuse::<1>(innovation, sensor, None),
+            2 => self.fuse::<2>(innovation, sensor, None),
+            3 => self.fuse::<3>(innovation, sensor, None),
+            4 => self.fuse::<4>(innovation, sensor, None),
+            5 => self.fuse::<5>(innovation, sensor, None),
+            6 => self.fuse::<6>(innovation, sensor, None),
+            7 => self.fuse::<7>(innovation, sensor, None),
+            _ => self.fuse::<MAX_ROWS>(innovation, sensor, None),
+        }
+    }
+
+    /// The correlated innovation of exact VB has a singular S: its rows are turned to the `rank` axes that carry information.
+    ///
+    /// # Errors
+    /// As [`Eskf::update`].
+    pub fn update_correlated(
+        &mut self,
+        innovation: &Innovation,
+        rank: usize,
+        sensor: Sensor,
+    ) -> Result<UpdateReport, NavError> {
+        self.propagate_covariance();
+        let h = innovation.jacobian.fixed_rows::<3>(0).into_owned();
+        let cross = innovation
+            .cross
+            .as_deref()
+            .copied()
+            .unwrap_or_else(SMatrix::zeros)
+            .fixed_columns::<3>(0)
+            .into_owned();
+        let noise = innovation.noise.fixed_view::<3, 3>(0, 0).into_owned();
+        let half = h * cross;
+        let s = h * self.covariance.whole() * h.transpose() + half + half.transpose() + noise;
+        let eigen = ((s + s.transpose()) * 0.5).symmetric_eigen();
+        let mut order = [0, 1, 2];
+        order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
+        let mut turned = Innovation {
+            rows: rank,
+            degrees: rank,
+            ..Innovation::empty()
+        };
+        let mut axes = SMatrix::<f64, MAX_ROWS, 3>::zeros();
+        for (row, &from) in order.iter().take(rank).enumerate() {
+            axes.set_row(row, &eigen.eigenvectors.column(from).transpose());
+        }
+        turned.residual = axes * innovation.residual.fixed_rows::<3>(0);
+        turned.jacobian = axes * h;
+        turned.noise = axes * noise * axes.transpose();
+        turned.cross = Some(Box::new(cross * axes.transpose()));
+        turned.correlated_noise = innovation
+            .correlated_noise
+            .as_ref()
+            .map(|correlated_noise| correlated_noise.turned(&axes));
+        self.update(&turned, sensor)
+    }
+}
+
+fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<(), NavError> {
+    if is_positive_definite(covariance) {
+        return Ok(());
+    }
+    let negative = (0..DIM).find(|&k| covariance[(k, k)] < 0.0);
+    Err(not_positive_definite(negative, time_ns))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Eskf;
+
+    /// Of thousands of filters in flight each takes no more than this.
+    #[test]
+    fn a_filter_takes_three_kilobytes() {
+        assert!(size_of::<Eskf>() <= 3000, "{} bytes", size_of::<Eskf>());
+    }
+}

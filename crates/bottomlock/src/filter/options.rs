@@ -1,0 +1,84 @@
+//! The filter's options: plain numbers in SI, checked once.
+
+use nalgebra::Vector3;
+
+use crate::aiding::InformationPort;
+use crate::aiding::outliers::Robust;
+use crate::aiding::water::WaterPrior;
+use crate::dvl::partial::Assumptions;
+use crate::error::{NavError, require_finite, require_non_negative, require_positive};
+use crate::filter::gate::{Gate, GateTable};
+use crate::frames::{Platform, Vec3};
+use crate::mechanisation::Sampling;
+
+/// The filter's options.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Innovation gate.
+    pub gate: Gate,
+    /// After so many refused fixes of velocity in a row the covariance of the inertial states is
+    /// inflation by what they showed; 0 for never.
+    pub gate_reopen_fixes: u32,
+    /// Interval of the covariance propagation, ns; zero for every IMU step.
+    pub covariance_period_ns: i64,
+    /// What an IMU sample means.
+    pub sampling: Sampling,
+    /// Whether the DVL's biases and scale factor are states (20) or frozen (15).
+    pub estimate_dvl: bool,
+    /// Parameters of the partial-beam methods.
+    pub assumptions: Assumptions,
+    /// What the information form hands over.
+    pub information_port: InformationPort,
+    /// What is assumed of the motion through the water.
+    pub water: WaterPrior,
+    /// What is done against outliers among the beams.
+    pub robust: Robust,
+    /// Place of the depth sensor and of the GPS antenna, platform frame, m.
+    pub depth_lever_p_m: Vec3<Platform>,
+    /// Place of the GPS antenna, platform frame, m.
+    pub gps_lever_p_m: Vec3<Platform>,
+}
+
+impl Default for Options {
+    /// Joint gate at 99.73 % that reopens after five consecutive_rejections in a row, covariance at 10 Hz, 20 states.
+    fn default() -> Self {
+        Self {
+            gate: Gate::Joint { probability: 0.9973 },
+            gate_reopen_fixes: 5,
+            covariance_period_ns: 100_000_000,
+            sampling: Sampling::Instantaneous,
+            estimate_dvl: true,
+            assumptions: Assumptions::default(),
+            information_port: InformationPort::Axes,
+            water: WaterPrior::default(),
+            robust: Robust::default(),
+            depth_lever_p_m: Vec3::zeros(),
+            gps_lever_p_m: Vec3::zeros(),
+        }
+    }
+}
+
+impl Options {
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`NavError::OutOfRange`] or [`NavError::NotFinite`] that names the field.
+    pub fn validate(&self) -> Result<(), NavError> {
+        require_non_negative("covariance_period_ns", self.covariance_period_ns as f64)?;
+        if self.gate_reopen_fixes == 1 {
+            return Err(NavError::OutOfRange {
+                field: "gate_reopen_fixes",
+                value: 1.0,
+                expected: "0 (never), or 2 or more",
+            });
+        }
+        require_positive("virtual_beam_factor", self.assumptions.virtual_beam_factor)?;
+        require_positive("nullified_sway_var_m2ps2", self.assumptions.nullified_sway_var_m2ps2)?;
+        require_positive("weak_sway_var_m2ps2", self.assumptions.weak_sway_var_m2ps2)?;
+        self.water.validate()?;
+        self.robust.validate()?;
+        let levers: Vector3<f64> = self.depth_lever_p_m.0 + self.gps_lever_p_m.0;
+        require_finite("lever arm", 0, levers.as_slice())?;
+        GateTable::new(self.gate).map(|_| ())
+    }
+}

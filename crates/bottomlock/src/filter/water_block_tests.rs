@@ -1,0 +1,170 @@
+//! The block against the textbook's filter on all states at once, and what it learns.
+
+use nalgebra::{DMatrix, DVector, SVector};
+
+use super::*;
+use crate::aiding::Innovation;
+use crate::aiding::water::sway_row;
+use crate::earth::Environment;
+use crate::filter::Eskf;
+use crate::filter::gate::Gate;
+use crate::filter::options::Options;
+use crate::filter::report::Sensor;
+use crate::frames::Vec3;
+use crate::mechanisation::ImuSample;
+use crate::model::Model;
+use crate::state::NavState;
+
+const ALL: usize = DIM + WATER;
+
+fn options() -> Options {
+    Options {
+        gate: Gate::Off,
+        covariance_period_ns: 0,
+        ..Options::default()
+    }
+}
+
+fn filter() -> Eskf {
+    let mut state = NavState::at_rest(0);
+    state.velocity_p_mps = Vec3::new(2.0, 0.1, -0.05);
+    let block = WaterBlock::new(&options().water);
+    Eskf::new(state, &Model::table_2(), &options())
+        .unwrap()
+        .with_water(Some(block))
+}
+
+fn joint(filter: &Eskf) -> DMatrix<f64> {
+    let (p, block) = (filter.covariance(), filter.water().unwrap());
+    DMatrix::from_fn(ALL, ALL, |i, j| match (i < DIM, j < DIM) {
+        (true, true) => p[(i, j)],
+        (true, false) => block.cross[(i, j - DIM)],
+        (false, true) => block.cross[(j, i - DIM)],
+        (false, false) => block.own[(i - DIM, j - DIM)],
+    })
+}
+
+/// Advances by a second of level turning flight.
+fn advance(filter: &mut Eskf, steps: i64) {
+    let gravity = Environment::normal(32.8_f64.to_radians(), 0.0).gravity_mps2;
+    for _ in 0..steps {
+        let sample = |k: i64| ImuSample {
+            time_ns: k * 10_000_000,
+            rate_p_radps: Vec3::new(0.0, 0.01, 0.1),
+            force_p_mps2: Vec3::new(0.0, 0.2, -gravity),
+        };
+        let now = filter.state().time_ns / 10_000_000;
+        filter.predict(&sample(now), &sample(now + 1)).unwrap();
+    }
+}
+
+fn row(filter: &Eskf) -> WaterRow {
+    let water = *filter.water().unwrap().estimate();
+    filter.with_motion(|motion| sway_row(motion, &water))
+}
+
+/// An assumption and a measurement in turn: covariance and estimate of all 26 states are those of P − P Hᵀ S⁻¹ H P.
+#[test]
+fn updates_are_the_textbook_updates_of_all_states() {
+    let mut filter = filter();
+    for round in 0..4 {
+        advance(&mut filter, 100);
+        let assumed = row(&filter);
+        let mut p = joint(&filter);
+        // What the turn leaves in doubt widens the slip first.
+        let doubt = assumed.turning_mps - filter.water().unwrap().turning_mps[assumed.slip];
+        p[(DIM + assumed.slip, DIM + assumed.slip)] += doubt * doubt;
+        let h = DVector::from_fn(ALL, |i, _| {
+            if i < DIM {
+                assumed.by_state[i]
+            } else {
+                assumed.by_water[i - DIM]
+            }
+        });
+        let s = h.dot(&(&p * &h)) + assumed.variance;
+        let gain = &p * &h / s;
+        let before = *filter.water().unwrap().estimate();
+        let report = filter.assume(&assumed, Sensor::Sway, false).unwrap();
+        assert!((report.covariance[(0, 0)] / s - 1.0).abs() < 1e-12);
+        check(&joint(&filter), &(&p - &gain * s * gain.transpose()), round);
+        let mut expected = before;
+        let step = SVector::from_fn(|k, _| gain[DIM + k] * assumed.residual);
+        inject(&mut expected, gain[ATTITUDE + 2] * assumed.residual, &step);
+        assert!((filter.water().unwrap().estimate() - expected).amax() < 1e-14);
+
+        // A measurement of the sway over ground alone.
+        let mut measured = Innovation {
+            rows: 1,
+            degrees: 1,
+            ..Innovation::empty()
+        };
+        measured.jacobian[(0, crate::layout::VELOCITY + 1)] = 1.0;
+        (measured.residual[0], measured.noise[(0, 0)]) = (0.05, 0.01);
+        let p = joint(&filter);
+        let column = p.column(crate::layout::VELOCITY + 1).into_owned();
+        let s = column[crate::layout::VELOCITY + 1] + 0.01;
+        filter.update(&measured, Sensor::Velocity).unwrap();
+        check(&joint(&filter), &(&p - &column * column.transpose() / s), round);
+    }
+}
+
+fn check(got: &DMatrix<f64>, expected: &DMatrix<f64>, round: usize) {
+    for i in 0..ALL {
+        for j in 0..ALL {
+            let size = (expected[(i, i)] * expected[(j, j)]).sqrt();
+            let gap = (got[(i, j)] - expected[(i, j)]).abs();
+            assert!(gap <= 1e-10 * size, "round {round}, ({i}, {j}): {gap} of {size}");
+        }
+    }
+    let sizes = DVector::from_fn(ALL, |i, _| got[(i, i)].sqrt());
+    let correlation = DMatrix::from_fn(ALL, ALL, |i, j| got[(i, j)] / sizes[i] / sizes[j]);
+    assert!(correlation.symmetric_eigenvalues().min() > -1e-12, "round {round}");
+}
+
+/// Between epochs the states decay, with what Φ leaves alone, and each variance tends to its own in the long run.
+#[test]
+fn further_states_decay() {
+    let mut filter = filter();
+    advance(&mut filter, 100);
+    let assumed = row(&filter);
+    filter.assume(&assumed, Sensor::Sway, false).unwrap();
+    let before = filter.water().unwrap().clone();
+    advance(&mut filter, 1);
+    let after = filter.water().unwrap();
+    let decay = options().water.decay(0.01);
+    // Φ is the identity for biases; what it does to the rest, `carried_columns_are_dense_products` checks.
+    for i in crate::layout::ACCEL_BIAS..DIM {
+        for k in 0..WATER {
+            assert!((after.cross[(i, k)] - before.cross[(i, k)] * decay[k]).abs() < 1e-18);
+        }
+    }
+    for k in 0..WATER {
+        let variance = options().water.variance()[k];
+        let expected = before.own[(k, k)] * decay[k] * decay[k] + (1.0 - decay[k] * decay[k]) * variance;
+        assert!((after.own[(k, k)] / expected - 1.0).abs() < 1e-14);
+    }
+}
+
+/// Innovations of a tenth of the assumed sigma bring the variance down; none, or one that says nothing, leaves it.
+#[test]
+fn the_variance_is_learned_where_innovations_tell_it() {
+    let row = row(&filter());
+    let mut block = WaterBlock::new(&options().water);
+    let start = block.variance()[row.slip];
+    let epoch = |block: &mut WaterBlock, s_over_q: f64, normalised: Option<f64>| {
+        block.since_s[row.slip] = 1.0;
+        let left = options().water.decay(1.0)[row.slip];
+        let q = (1.0 - left * left) * block.variance[row.slip];
+        block.end_epoch(&row, q * s_over_q, normalised);
+    };
+    epoch(&mut block, 1.0, None);
+    assert_eq!(block.variance()[row.slip], start);
+    epoch(&mut block, 1e9, Some(0.0));
+    assert!((block.variance()[row.slip] / start - 1.0).abs() < 1e-8);
+    (0..500).for_each(|_| epoch(&mut block, 1.0, Some(0.5)));
+    assert!(block.variance()[row.slip] < 0.3 * start);
+    // A run of rejected epochs, each worth no more than the threshold of 9, brings it up again.
+    (0..100).for_each(|_| epoch(&mut block, 1.0, Some(9.0)));
+    assert!(block.variance()[row.slip] > start);
+    assert_eq!(block.restarted().variance()[row.slip], start);
+}

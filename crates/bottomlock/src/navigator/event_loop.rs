@@ -1,0 +1,331 @@
+//! The one event loop: campaign, replay and live use are the same [`Navigator`] fed an event at a time.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::aiding;
+use crate::aiding::InformationPort;
+use crate::aiding::outliers;
+use crate::aiding::outliers::Screened;
+use crate::dvl::geometry::{BeamGeometry, BeamSample};
+use crate::dvl::partial::{FixPlan, PartialMethod, plan};
+use crate::error::NavError;
+use crate::filter::Eskf;
+use crate::filter::options::Options;
+use crate::filter::report::{Choice, Sensor, UpdateReport, Verdict};
+use crate::filter::water_block::WaterBlock;
+use crate::layout::VELOCITY;
+use crate::mechanisation::{ImuSample, Sampling};
+use crate::model::Model;
+use crate::navigator::dual_filter::DualFilter;
+use crate::navigator::events::{Event, STREAMS};
+use crate::state::{Covariance, NavState};
+
+/// What the navigator makes of the beams.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum BeamAiding {
+    /// Nothing.
+    None,
+    /// A row per valid beam (TC).
+    Tight,
+    /// A velocity solved from the beams (LC and ELC).
+    Loose(PartialMethod),
+    /// A row per valid beam, then sway and heave through the water with the current as states.
+    SwayCurrent,
+}
+
+/// A filter with its beam aiding, fed in order of time.
+///
+/// A measurement between two IMU samples waits for the later one; the step is then split at the measurement's own time.
+#[derive(Debug, Clone)]
+pub struct Navigator {
+    filters: DualFilter,
+    geometry: BeamGeometry,
+    aiding: BeamAiding,
+    options: Options,
+    last_imu: Option<ImuSample>,
+    waiting: VecDeque<Event>,
+    last_ns: [Option<i64>; STREAMS],
+    refused: [u64; STREAMS],
+}
+
+impl Navigator {
+    /// A navigator at an initial state.
+    ///
+    /// # Errors
+    /// As [`Eskf::new`].
+    pub fn new(
+        initial: NavState,
+        geometry: BeamGeometry,
+        aiding: BeamAiding,
+        model: &Model,
+        options: &Options,
+    ) -> Result<Self, NavError> {
+        let filter = Eskf::new(initial, model, options)?;
+        let water = (aiding == BeamAiding::SwayCurrent).then(|| WaterBlock::new(&options.water));
+        Ok(Self {
+            filters: DualFilter::new(filter, water),
+            geometry,
+            aiding,
+            options: *options,
+            last_imu: None,
+            waiting: VecDeque::new(),
+            last_ns: [None; STREAMS],
+            refused: [0; STREAMS],
+        })
+    }
+
+    /// The estimate at the time of the last IMU sample.
+    #[must_use]
+    pub fn state(&self) -> NavState {
+        self.filters.best().state()
+    }
+
+    /// Its covariance; asking changes nothing.
+    #[must_use]
+    pub fn covariance(&self) -> Covariance {
+        self.filters.best().covariance()
+    }
+
+    /// The filter that makes no assumption: the only one but in the method [`BeamAiding::SwayCurrent`].
+    pub fn filter_mut(&mut self) -> &mut Eskf {
+        &mut self.filters.measurements_only
+    }
+
+    /// The filters, for a smoother.
+    pub(crate) fn filters(&mut self) -> &mut DualFilter {
+        &mut self.filters
+    }
+
+    /// Every filter.
+    pub(crate) fn filters_mut(&mut self) -> impl Iterator<Item = &mut Eskf> {
+        self.filters.each_mut()
+    }
+
+    /// The last inertial reading.
+    pub(crate) fn last_imu(&self) -> Option<ImuSample> {
+        self.last_imu
+    }
+
+    /// Takes note that the filters have taken inertial readings up to `last`.
+    pub(crate) fn has_taken(&mut self, last: &ImuSample) {
+        self.last_imu = Some(*last);
+        self.last_ns[0] = Some(last.time_ns);
+    }
+
+    /// Replaces the covariance; what was assumed and learned of the motion through the water is forgotten.
+    ///
+    /// # Errors
+    /// As [`Eskf::set_covariance`].
+    pub fn set_covariance(&mut self, covariance: &Covariance) -> Result<(), NavError> {
+        self.filters.measurements_only.set_covariance(covariance)?;
+        if self.aiding == BeamAiding::SwayCurrent {
+            self.filters.begin(WaterBlock::new(&self.options.water));
+        }
+        Ok(())
+    }
+
+    /// The velocity, platform frame, m/s, and its covariance, (m/s)², as the last update left them.
+    pub(crate) fn velocity(&self) -> (Vector3<f64>, Matrix3<f64>) {
+        self.filters.best().velocity()
+    }
+
+    /// The current and the slip through the water, where the method estimates them.
+    #[must_use]
+    pub fn water(&self) -> Option<&WaterBlock> {
+        self.filters.best().water()
+    }
+
+    /// Takes an event; `report` hears of every measurement that is worked off by it.
+    ///
+    /// # Errors
+    /// [`NavError`] for bad numbers and for time that does not increase within a stream or lies before the filter's time; the
+    /// event is then not taken and the navigator is as before, unless the numerics themselves have failed.
+    pub fn push(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+        event.validate(&self.geometry)?;
+        let (time_ns, (stream, index)) = (event.time_ns(), event.stream());
+        let now_ns = self.filters.measurements_only.state().time_ns;
+        let repeated_ns = self.last_ns[index].filter(|&previous_ns| time_ns <= previous_ns);
+        if let Some(previous_ns) = repeated_ns.or((time_ns < now_ns).then_some(now_ns)) {
+            self.refused[index] += 1;
+            return Err(NavError::TimeNotIncreasing {
+                stream,
+                time_ns,
+                previous_ns,
+            });
+        }
+        match event {
+            Event::Imu(sample) => self.advance(sample, report)?,
+            _ if self.last_imu.is_some_and(|last| last.time_ns == time_ns) => self.aid(event, report)?,
+            _ => {
+                // Sensors that wait for the same IMU sample need not arrive in order.
+                let place = self.waiting.partition_point(|other| other.time_ns() <= time_ns);
+                self.waiting.insert(place, *event);
+            }
+        }
+        self.last_ns[index] = Some(time_ns);
+        Ok(())
+    }
+
+    /// How many events of each stream came too late and were refused, in the order of [`crate::navigator::events::STREAM_NAMES`].
+    #[must_use]
+    pub fn refused(&self) -> &[u64; STREAMS] {
+        &self.refused
+    }
+
+    fn advance(&mut self, sample: &ImuSample, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+        // Before the first sample the motion is taken as that of the first sample.
+        let mut last = self.last_imu.unwrap_or_else(|| ImuSample {
+            time_ns: self.filters.measurements_only.state().time_ns,
+            ..*sample
+        });
+        if self.last_imu.is_none() {
+            self.filters.note_rate(&last);
+        }
+        let interval_s = (sample.time_ns - last.time_ns) as f64 * 1e-9;
+        while let Some(event) = self
+            .waiting
+            .front()
+            .copied()
+            .filter(|event| event.time_ns() <= sample.time_ns)
+        {
+            let time_ns = event.time_ns();
+            if time_ns > last.time_ns {
+                let middle = match self.options.sampling {
+                    Sampling::Instantaneous => ImuSample::between(&last, sample, time_ns),
+                    Sampling::Averaged => ImuSample { time_ns, ..*sample },
+                };
+                self.filters.predict(&last, &middle)?;
+                self.filters.note_interval(interval_s);
+                last = middle;
+            }
+            self.waiting.pop_front();
+            self.aid(&event, report)?;
+        }
+        if sample.time_ns > last.time_ns {
+            self.filters.predict(&last, sample)?;
+            self.filters.note_interval(interval_s);
+        }
+        self.last_imu = Some(*sample);
+        Ok(())
+    }
+
+    fn aid(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+        let options = self.options;
+        let filters = &mut self.filters;
+        match event {
+            Event::Imu(_) => {}
+            Event::Beams(ping) => {
+                let screened = self.screen(ping)?;
+                let ping = screened.map_or(*ping, |screened| screened.ping);
+                if let Some(mut outcome) = self.aid_with_beams(&ping)? {
+                    if let Some(screened) = screened {
+                        outcome.beam_weight = Some(screened.weight);
+                        if screened.took_all() {
+                            outcome.verdict = Verdict::Rejected;
+                        }
+                    }
+                    report(&outcome);
+                }
+                let full_lock = self.water().is_some() && self.geometry.rank_of(ping.valid) == 3;
+                self.filters.assume(full_lock, &mut *report)?;
+            }
+            Event::Velocity(sample) => report(&filters.update(Sensor::Velocity, |filter| {
+                aiding::velocity(&filter.state(), &sample.velocity_p_mps, &sample.cov_m2ps2)
+            })?),
+            Event::Depth(sample) => report(&filters.update(Sensor::Depth, |filter| {
+                aiding::depth(&filter.state(), sample.depth_m, sample.sd_m, &options.depth_lever_p_m)
+            })?),
+            Event::Attitude(sample) => report(&filters.update(Sensor::Attitude, |filter| {
+                aiding::attitude(
+                    &filter.state(),
+                    &sample.attitude_t_p,
+                    sample.roll_pitch_sd_rad,
+                    sample.yaw_sd_rad,
+                )
+            })?),
+            Event::Heading(sample) => report(&filters.update(Sensor::Heading, |filter| {
+                aiding::heading(&filter.state(), sample.yaw_rad, sample.sd_rad)
+                    .unwrap_or_else(aiding::Innovation::empty)
+            })?),
+            Event::Gps(sample) => {
+                let lever = options.gps_lever_p_m;
+                report(&filters.update(Sensor::GpsPosition, |filter| {
+                    aiding::gps_position(&filter.state(), &sample.position_t_m, &sample.position_sd_m, &lever)
+                })?);
+                report(&filters.update(Sensor::GpsVelocity, |filter| {
+                    filter.with_motion(|motion| {
+                        aiding::gps_velocity(motion, &sample.velocity_t_mps, &sample.velocity_sd_mps, &lever)
+                    })
+                })?);
+            }
+            Event::Position(sample) => report(&filters.update(Sensor::GpsPosition, |filter| {
+                let lever = &options.gps_lever_p_m;
+                aiding::gps_position(&filter.state(), &sample.position_t_m, &sample.position_sd_m, lever)
+            })?),
+        }
+        Ok(())
+    }
+
+    /// What is left of a ping where outliers are looked for, as the filter on measurements alone sees it.
+    fn screen(&mut self, ping: &BeamSample) -> Result<Option<Screened>, NavError> {
+        if self.options.robust.is_off() || self.aiding == BeamAiding::None {
+            return Ok(None);
+        }
+        let (geometry, filter) = (&self.geometry, &mut self.filters.measurements_only);
+        let covariance = filter.covariance_now();
+        let terms = filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
+        outliers::screen(&self.options.robust, geometry, &covariance, &terms, ping).map(Some)
+    }
+
+    fn aid_with_beams(&mut self, ping: &BeamSample) -> Result<Option<UpdateReport>, NavError> {
+        let geometry = &self.geometry;
+        let terms_of = |filter: &Eskf| filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
+        let method = match self.aiding {
+            BeamAiding::None => return Ok(None),
+            BeamAiding::Tight | BeamAiding::SwayCurrent => {
+                return self
+                    .filters
+                    .update(Sensor::Beams, |filter| aiding::tightly_coupled(&terms_of(filter), ping))
+                    .map(Some);
+            }
+            BeamAiding::Loose(method) => method,
+        };
+        let filter = &mut self.filters.measurements_only;
+        let terms = terms_of(filter);
+        let p_xv = filter.velocity_covariance();
+        let prior_cov: Matrix3<f64> = p_xv.fixed_rows::<3>(VELOCITY).into_owned();
+        let state = filter.state();
+        // The gain works on readings divided by 1 + SF.
+        let noise = terms.noise / (1.0 + state.dvl_scale_factor).powi(2);
+        let fix: FixPlan = plan(
+            method,
+            geometry,
+            ping.valid,
+            &noise,
+            Some(&prior_cov),
+            &self.options.assumptions,
+        )?;
+        let exact = method == PartialMethod::VirtualBeamExact && fix.virtual_beams[0].is_some();
+        let port = if method == PartialMethod::Information {
+            self.options.information_port
+        } else {
+            InformationPort::Axes
+        };
+        let cross = exact.then_some(&p_xv);
+        let innovation = aiding::loosely_coupled(&state, geometry, &terms, &fix, port, cross);
+        if exact {
+            let virtual_count = fix.virtual_beams.iter().flatten().count();
+            return filter
+                .update_correlated(&innovation, 3 - virtual_count, Sensor::Beams)
+                .map(Some);
+        }
+        let mut report = filter.update(&innovation, Sensor::Beams)?;
+        if method == PartialMethod::Selector {
+            let source = |k: usize| fix.is_solved(k).then_some(fix.sources[k]);
+            report.choice = Some(Choice::Components(std::array::from_fn(source)));
+        }
+        Ok(Some(report))
+    }
+}

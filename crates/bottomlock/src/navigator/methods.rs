@@ -1,0 +1,104 @@
+//! The aiding methods by their short names.
+
+use crate::dvl::partial::PartialMethod;
+use crate::error::NavError;
+use crate::navigator::event_loop::BeamAiding;
+use crate::navigator::navigator_set::Aiding;
+
+/// A way of aiding, by its short name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Method {
+    /// Short name.
+    pub name: &'static str,
+    /// What it makes of the beams.
+    pub aiding: Aiding,
+    /// True where it sees every beam, lost or not: the reference.
+    pub all_beams: bool,
+}
+
+/// Every method.
+pub const METHODS: [Method; 13] = [
+    Method {
+        name: "ins",
+        aiding: Aiding::One(BeamAiding::None),
+        all_beams: false,
+    },
+    Method {
+        name: "lc",
+        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::LeastSquares)),
+        all_beams: true,
+    },
+    Method {
+        name: "tc",
+        aiding: Aiding::One(BeamAiding::Tight),
+        all_beams: false,
+    },
+    Method {
+        name: "vb",
+        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::VirtualBeam)),
+        all_beams: false,
+    },
+    Method {
+        name: "nsv",
+        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::NullifiedSway)),
+        all_beams: false,
+    },
+    Method {
+        name: "plcf",
+        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::PartialLoose)),
+        all_beams: false,
+    },
+    Method {
+        name: "vhv",
+        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::VirtualHeave)),
+        all_beams: false,
+    },
+    Method {
+        name: "elc",
+        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::Selector)),
+        all_beams: false,
+    },
+    Method {
+        name: "vb_exact",
+        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::VirtualBeamExact)),
+        all_beams: false,
+    },
+    Method {
+        name: "info",
+        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::Information)),
+        all_beams: false,
+    },
+    Method {
+        name: "weak_sway",
+        aiding: Aiding::One(BeamAiding::Loose(PartialMethod::WeakSway)),
+        all_beams: false,
+    },
+    Method {
+        name: "sway_current",
+        aiding: Aiding::One(BeamAiding::SwayCurrent),
+        all_beams: false,
+    },
+    Method {
+        name: "consistent",
+        aiding: Aiding::Consistent,
+        all_beams: false,
+    },
+];
+
+impl Method {
+    /// Finds a method by its short name.
+    ///
+    /// # Errors
+    /// [`NavError::UnknownName`] with the names that are known.
+    pub fn named(name: &str) -> Result<Self, NavError> {
+        METHODS
+            .iter()
+            .find(|method| method.name == name)
+            .copied()
+            .ok_or_else(|| NavError::UnknownName {
+                what: "arm",
+                name: name.into(),
+                expected: "ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info, weak_sway, sway_current, consistent",
+            })
+    }
+}

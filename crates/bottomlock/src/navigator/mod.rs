@@ -1,0 +1,13 @@
+//! The event loop: campaign, replay and live use are the same [`Navigator`], pushed one event at a time.
+
+pub(crate) mod dual_filter;
+pub mod event_loop;
+pub mod events;
+pub mod methods;
+pub mod navigator_set;
+pub mod selector;
+
+pub use self::event_loop::{BeamAiding, Navigator};
+pub use self::methods::{METHODS, Method};
+pub use self::navigator_set::{Aiding, NavigatorSet};
+pub use self::selector::MEMBERS;

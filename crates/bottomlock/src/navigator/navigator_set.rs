@@ -1,0 +1,157 @@
+//! One navigator, or the consistent selector over several.
+
+use crate::dvl::geometry::BeamGeometry;
+use crate::error::NavError;
+use crate::filter::Eskf;
+use crate::filter::options::Options;
+use crate::filter::report::UpdateReport;
+use crate::filter::water_block::WaterBlock;
+use crate::mechanisation::ImuSample;
+use crate::model::Model;
+use crate::navigator::dual_filter::DualFilter;
+use crate::navigator::event_loop::{BeamAiding, Navigator};
+use crate::navigator::events::{Event, STREAMS};
+use crate::navigator::selector::Bank;
+use crate::state::{Covariance, NavState};
+
+/// What a method flies with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Aiding {
+    /// One filter.
+    One(BeamAiding),
+    /// The consistent selector over [`crate::navigator::MEMBERS`].
+    Consistent,
+}
+
+impl Aiding {
+    /// True where each row of an update is a beam, in the order of the beams.
+    #[must_use]
+    pub fn rows_are_beams(self) -> bool {
+        matches!(
+            self,
+            Self::One(BeamAiding::Tight | BeamAiding::SwayCurrent) | Self::Consistent
+        )
+    }
+}
+
+/// What leads a vehicle: a navigator, or a choice of several.
+#[derive(Debug, Clone)]
+pub enum NavigatorSet {
+    /// One filter.
+    One(Box<Navigator>),
+    /// The consistent selector.
+    Consistent(Box<Bank>),
+}
+
+impl NavigatorSet {
+    /// A guide at an initial state.
+    ///
+    /// # Errors
+    /// As [`Navigator::new`].
+    pub fn new(
+        initial: NavState,
+        geometry: &BeamGeometry,
+        aiding: Aiding,
+        model: &Model,
+        options: &Options,
+    ) -> Result<Self, NavError> {
+        Ok(match aiding {
+            Aiding::One(one) => Self::One(Box::new(Navigator::new(
+                initial,
+                geometry.clone(),
+                one,
+                model,
+                options,
+            )?)),
+            Aiding::Consistent => Self::Consistent(Box::new(Bank::new(initial, geometry, model, options)?)),
+        })
+    }
+
+    /// Takes an event, as [`Navigator::push`]; of a choice the reports are those of the filter on the beams alone.
+    ///
+    /// # Errors
+    /// As [`Navigator::push`].
+    pub fn push(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+        match self {
+            Self::One(navigator) => navigator.push(event, report),
+            Self::Consistent(bank) => bank.push(event, report),
+        }
+    }
+
+    /// The navigator whose estimate counts.
+    #[must_use]
+    pub fn leader(&self) -> &Navigator {
+        match self {
+            Self::One(navigator) => navigator,
+            Self::Consistent(bank) => &bank.members[bank.chosen],
+        }
+    }
+
+    /// The filters of a guide that has one navigator; a choice has no filter of its own to smooth.
+    pub(crate) fn filters(&mut self) -> Option<&mut DualFilter> {
+        match self {
+            Self::One(navigator) => Some(navigator.filters()),
+            Self::Consistent(_) => None,
+        }
+    }
+
+    /// How many events of each stream came too late and were refused.
+    #[must_use]
+    pub fn refused(&self) -> &[u64; STREAMS] {
+        match self {
+            Self::One(navigator) => navigator.refused(),
+            Self::Consistent(bank) => bank.members[0].refused(),
+        }
+    }
+
+    fn navigators_mut(&mut self) -> &mut [Navigator] {
+        match self {
+            Self::One(navigator) => std::slice::from_mut(navigator),
+            Self::Consistent(bank) => &mut bank.members,
+        }
+    }
+
+    /// Every filter.
+    pub(crate) fn filters_mut(&mut self) -> impl Iterator<Item = &mut Eskf> {
+        self.navigators_mut().iter_mut().flat_map(Navigator::filters_mut)
+    }
+
+    /// Takes note that every filter has taken inertial readings up to `last`, none of which came through [`NavigatorSet::push`].
+    pub(crate) fn has_taken(&mut self, last: &ImuSample) {
+        self.navigators_mut()
+            .iter_mut()
+            .for_each(|navigator| navigator.has_taken(last));
+    }
+
+    /// The estimate at the time of the last IMU sample.
+    #[must_use]
+    pub fn state(&self) -> NavState {
+        self.leader().state()
+    }
+
+    /// Its covariance.
+    #[must_use]
+    pub fn covariance(&self) -> Covariance {
+        self.leader().covariance()
+    }
+
+    /// The current and the slip through the water, where the leading filter estimates them.
+    #[must_use]
+    pub fn water(&self) -> Option<&WaterBlock> {
+        self.leader().water()
+    }
+
+    /// Replaces the covariance, of every filter.
+    ///
+    /// # Errors
+    /// As [`Navigator::set_covariance`].
+    pub fn set_covariance(&mut self, covariance: &Covariance) -> Result<(), NavError> {
+        match self {
+            Self::One(navigator) => navigator.set_covariance(covariance),
+            Self::Consistent(bank) => bank
+                .members
+                .iter_mut()
+                .try_for_each(|member| member.set_covariance(covariance)),
+        }
+    }
+}

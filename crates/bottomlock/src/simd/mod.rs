@@ -1,0 +1,354 @@
+//! The lane type: one filter (`f64`) or several filters side by side (a vector of `f64`).
+//!
+//! Propagation is written once over [`Lane`]; a lane of a vector does the very operations of the scalar in the same order,
+//! products and sums fused where the code says [`Lane::mul_add`] and nowhere else, so that lane results equal scalar results
+//! bit for bit. That holds on every machine: which vectors there are is found at run time, and a machine that cannot
+//! fuse works out the fused result in software, slowly.
+
+mod algebra;
+mod transpose;
+
+use std::ops::{Add, AddAssign, Mul, Neg, Sub};
+use std::sync::OnceLock;
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, f64x4, f64x8};
+
+pub(crate) use self::algebra::*;
+pub(crate) use self::transpose::{columns_of_eight, columns_of_four, symmetric_of_eight};
+
+/// The vectors that code is made for: what lies between SSE2 and AVX2 is not worth a copy of everything.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Vectors {
+    #[cfg(target_arch = "x86_64")]
+    Avx512(fearless_simd::x86::Avx512),
+    #[cfg(target_arch = "x86_64")]
+    Avx2(fearless_simd::x86::Avx2),
+    #[cfg(target_arch = "x86_64")]
+    Sse2(fearless_simd::x86::Sse2),
+    #[cfg(not(target_arch = "x86_64"))]
+    Others(Level),
+}
+
+/// The vectors of this machine, found once.
+pub(crate) fn vectors() -> Vectors {
+    static VECTORS: OnceLock<Vectors> = OnceLock::new();
+    *VECTORS.get_or_init(|| of_level(Level::new()))
+}
+
+#[cfg(target_arch = "x86_64")]
+fn of_level(level: Level) -> Vectors {
+    match (level, level.as_sse2()) {
+        (Level::Avx512(token), _) => Vectors::Avx512(token),
+        (Level::Avx2(token), _) => Vectors::Avx2(token),
+        (_, Some(token)) => Vectors::Sse2(token),
+        (_, None) => unreachable!("every x86-64 has SSE2"),
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn of_level(level: Level) -> Vectors {
+    Vectors::Others(level)
+}
+
+/// Evaluates an expression, compiled for the vectors of this machine, with the token that stands for them.
+macro_rules! with_vectors {
+    ($simd:ident => $work:expr) => {
+        match $crate::simd::vectors() {
+            #[cfg(target_arch = "x86_64")]
+            $crate::simd::Vectors::Avx512($simd) => fearless_simd::Simd::vectorize(
+                $simd,
+                #[inline(always)]
+                || $work,
+            ),
+            #[cfg(target_arch = "x86_64")]
+            $crate::simd::Vectors::Avx2($simd) => fearless_simd::Simd::vectorize(
+                $simd,
+                #[inline(always)]
+                || $work,
+            ),
+            #[cfg(target_arch = "x86_64")]
+            $crate::simd::Vectors::Sse2($simd) => fearless_simd::Simd::vectorize(
+                $simd,
+                #[inline(always)]
+                || $work,
+            ),
+            #[cfg(not(target_arch = "x86_64"))]
+            $crate::simd::Vectors::Others(level) => fearless_simd::dispatch!(level, $simd => $work),
+        }
+    };
+}
+pub(crate) use with_vectors;
+
+/// True where the machine fuses products and sums by itself.
+#[inline(always)]
+fn fuses(level: Level) -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return matches!(level, Level::Avx2(_) | Level::Avx512(_));
+    #[cfg(target_arch = "aarch64")]
+    return matches!(level, Level::Neon(_));
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+    return false;
+}
+
+/// The fused result all the same; not inlined, since it is long and rare.
+#[inline(never)]
+fn in_software<S: Simd, T: SimdFloat<S>>(value: T, factor: T, term: T) -> T {
+    value.mul_add_precise(factor, term)
+}
+
+/// One number per filter.
+pub trait Lane:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self> + AddAssign
+{
+    /// The same number in every lane of a vector like this one; which number this one holds does not matter.
+    #[must_use]
+    fn splat(self, value: f64) -> Self;
+    /// Square root, lane by lane.
+    #[must_use]
+    fn sqrt(self) -> Self;
+    /// Reciprocal, lane by lane.
+    #[must_use]
+    fn recip(self) -> Self;
+    /// `self` × `factor` + `term`, rounded once.
+    #[must_use]
+    fn mul_add(self, factor: Self, term: Self) -> Self;
+    /// True where some lane exceeds `limit`.
+    fn any_above(self, limit: f64) -> bool;
+    /// True where every lane holds a finite number.
+    fn all_finite(self) -> bool;
+    /// Applies a scalar function lane by lane (for rare paths only).
+    #[must_use]
+    fn map(self, function: impl Fn(f64) -> f64) -> Self;
+}
+
+impl Lane for f64 {
+    #[inline(always)]
+    fn splat(self, value: f64) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn recip(self) -> Self {
+        1.0 / self
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        f64::mul_add(self, factor, term)
+    }
+    #[inline(always)]
+    fn any_above(self, limit: f64) -> bool {
+        self > limit
+    }
+    #[inline(always)]
+    fn all_finite(self) -> bool {
+        self.is_finite()
+    }
+    #[inline(always)]
+    fn map(self, function: impl Fn(f64) -> f64) -> Self {
+        function(self)
+    }
+}
+
+/// Several filters side by side.
+pub trait Lanes<S: Simd>: Lane {
+    /// Number of filters.
+    const COUNT: usize;
+    /// A vector with `value(k)` in lane k.
+    fn gather(simd: S, value: impl Fn(usize) -> f64) -> Self;
+    /// The number in lane k.
+    fn get(&self, k: usize) -> f64;
+    /// As many numbers as there are lanes.
+    fn load(simd: S, from: &[f64]) -> Self;
+    /// The same way back.
+    fn store(&self, into: &mut [f64]);
+    /// Turns as many vectors as there are lanes, rows of a square, into its columns.
+    fn turn(rows: &mut [Self; WIDEST]);
+}
+
+/// The widest vector's number of lanes.
+pub(crate) const WIDEST: usize = 8;
+
+/// Numbers of several filters, `of` lane k, as vectors.
+#[inline(always)]
+pub(crate) fn gather<S: Simd, T: Lanes<S>, const M: usize>(simd: S, of: [&[f64; M]; WIDEST]) -> [T; M] {
+    let zero = T::gather(simd, |_| 0.0);
+    let mut lanes = [zero; M];
+    for from in squares::<M>(T::COUNT) {
+        let mut square = [zero; WIDEST];
+        for k in 0..T::COUNT {
+            square[k] = T::load(simd, &of[k][from..from + T::COUNT]);
+        }
+        T::turn(&mut square);
+        for (lane, column) in lanes[from..from + T::COUNT].iter_mut().zip(square) {
+            *lane = column;
+        }
+    }
+    lanes
+}
+
+/// The inverse of [`gather`], for as many filters as there are places.
+#[inline(always)]
+pub(crate) fn scatter_into<S: Simd, T: Lanes<S>, const M: usize>(lanes: &[T; M], places: &mut [&mut [f64; M]]) {
+    for from in squares::<M>(T::COUNT) {
+        let mut square = [lanes[0]; WIDEST];
+        for (row, lane) in square.iter_mut().zip(&lanes[from..from + T::COUNT]) {
+            *row = *lane;
+        }
+        T::turn(&mut square);
+        for (k, place) in places.iter_mut().enumerate() {
+            square[k].store(&mut place[from..from + T::COUNT]);
+        }
+    }
+}
+
+/// Where squares of `side` begin that cover M numbers, no fewer; the last may overlap the one before.
+#[inline(always)]
+fn squares<const M: usize>(side: usize) -> impl Iterator<Item = usize> {
+    (0..M).step_by(side).map(move |from| from.min(M - side))
+}
+
+/// The numbers in lane k.
+#[inline(always)]
+pub(crate) fn scatter<S: Simd, T: Lanes<S>, const M: usize>(lanes: &[T; M], k: usize) -> [f64; M] {
+    let mut own = [0.0; M];
+    for i in 0..M {
+        own[i] = lanes[i].get(k);
+    }
+    own
+}
+
+macro_rules! vectors {
+    ($vector:ident, $count:literal, $columns:ident) => {
+        impl<S: Simd> Lane for $vector<S> {
+            #[inline(always)]
+            fn splat(self, value: f64) -> Self {
+                <Self as SimdBase<S>>::splat(self.simd, value)
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                <Self as SimdFloat<S>>::sqrt(self)
+            }
+            #[inline(always)]
+            fn recip(self) -> Self {
+                <Self as SimdBase<S>>::splat(self.simd, 1.0) / self
+            }
+            #[inline(always)]
+            fn mul_add(self, factor: Self, term: Self) -> Self {
+                if fuses(self.simd.level()) {
+                    <Self as SimdFloat<S>>::mul_add(self, factor, term)
+                } else {
+                    in_software(self, factor, term)
+                }
+            }
+            #[inline(always)]
+            fn any_above(self, limit: f64) -> bool {
+                self.simd_gt(<Self as SimdBase<S>>::splat(self.simd, limit))
+                    .any_true()
+            }
+            #[inline(always)]
+            fn all_finite(self) -> bool {
+                // ∞ − ∞ and NaN − NaN are NaN.
+                (self - self)
+                    .simd_eq(<Self as SimdBase<S>>::splat(self.simd, 0.0))
+                    .all_true()
+            }
+            #[inline(always)]
+            fn map(self, function: impl Fn(f64) -> f64) -> Self {
+                <Self as SimdBase<S>>::from_fn(self.simd, |k| function(self[k]))
+            }
+        }
+
+        impl<S: Simd> Lanes<S> for $vector<S> {
+            const COUNT: usize = $count;
+            #[inline(always)]
+            fn gather(simd: S, value: impl Fn(usize) -> f64) -> Self {
+                <Self as SimdBase<S>>::from_fn(simd, value)
+            }
+            #[inline(always)]
+            fn get(&self, k: usize) -> f64 {
+                self[k]
+            }
+            #[inline(always)]
+            fn load(simd: S, from: &[f64]) -> Self {
+                Self::from_slice(simd, from)
+            }
+            #[inline(always)]
+            fn store(&self, into: &mut [f64]) {
+                self.store_slice(into);
+            }
+            #[inline(always)]
+            fn turn(rows: &mut [Self; WIDEST]) {
+                let mut square = [rows[0]; $count];
+                square.copy_from_slice(&rows[..$count]);
+                rows[..$count].copy_from_slice(&$columns(square));
+            }
+        }
+    };
+}
+
+vectors!(f64x4, 4, columns_of_four);
+vectors!(f64x8, 8, columns_of_eight);
+
+/// c + a x, fused.
+#[inline(always)]
+pub(crate) fn plus<T: Lane>(c: T, a: f64, x: T) -> T {
+    x.mul_add(x.splat(a), c)
+}
+
+/// Evaluates an expression with every kind of vector that this machine has.
+#[cfg(test)]
+macro_rules! on_every_level {
+    ($simd:ident => $check:expr) => {{
+        let level = fearless_simd::Level::new();
+        #[cfg(target_arch = "x86_64")]
+        {
+            if let Some($simd) = level.as_sse2() {
+                $check;
+            }
+            if let Some($simd) = level.as_avx2() {
+                $check;
+            }
+            if let Some($simd) = level.as_avx512() {
+                $check;
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        fearless_simd::dispatch!(level, $simd => $check);
+    }};
+}
+#[cfg(test)]
+pub(crate) use on_every_level;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check<S: Simd, T: Lanes<S>>(simd: S) {
+        let values = [4.0, -0.25, f64::INFINITY, 0.0, 2.0, f64::NAN, 1e-300, -7.0];
+        let lanes = T::gather(simd, |k| values[k]);
+        for (k, value) in values.into_iter().enumerate().take(T::COUNT) {
+            assert_eq!(lanes.get(k).to_bits(), value.to_bits());
+            assert_eq!(Lane::sqrt(lanes).get(k).to_bits() << 1, value.sqrt().to_bits() << 1);
+            assert_eq!(lanes.recip().get(k).to_bits(), (1.0 / value).to_bits());
+            assert_eq!(lanes.map(|x| x + 1.0).get(k).to_bits(), (value + 1.0).to_bits());
+            assert_eq!(lanes.splat(3.0).get(k).to_bits(), 3.0_f64.to_bits());
+            // 1/3 × 3 − 1 is a rounding where it is fused, and nothing where it is not.
+            let fused = lanes.splat(1.0 / 3.0).mul_add(lanes.splat(3.0), lanes.splat(-1.0));
+            assert_eq!(fused.get(k).to_bits(), (-f64::EPSILON / 4.0).to_bits());
+        }
+        assert!(lanes.any_above(3.0) && !lanes.splat(3.0).any_above(3.0));
+        assert!(!lanes.all_finite() && lanes.splat(f64::MAX).all_finite());
+        assert!(!lanes.splat(f64::NAN).all_finite());
+    }
+
+    /// Every kind of vector does lane by lane what `f64` does, infinities and NaN included (whose sign is nobody's).
+    #[test]
+    fn vectors_do_what_scalars_do() {
+        on_every_level!(simd => check::<_, f64x4<_>>(simd));
+        on_every_level!(simd => check::<_, f64x8<_>>(simd));
+    }
+}

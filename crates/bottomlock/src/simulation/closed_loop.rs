@@ -1,0 +1,135 @@
+//! Vehicles that are steered on their estimates: whoever steers asks where each believes it is, and tells where it went.
+
+use crate::dvl::geometry::BeamGeometry;
+use crate::error::NavError;
+use crate::filter::options::Options;
+use crate::model::Model;
+use crate::navigator::Method;
+use crate::simulation::monte_carlo_run::{MethodRecord, MonteCarloRun, RunSegment};
+use crate::simulation::run_group;
+use crate::simulation::run_group::lead;
+use crate::simulation::schedule::Schedule;
+use crate::simulation::sensor_errors::RunKey;
+use crate::simulation::truth::Truth;
+use crate::state::NavState;
+use crate::workers::Workers;
+
+/// A vehicle about to leave: the run whose sensor errors it has, where it truly is, and the methods aboard.
+#[derive(Debug, Clone, Copy)]
+pub struct Departure<'a> {
+    /// Number of the run.
+    pub run: u64,
+    /// True state at the start.
+    pub start: NavState,
+    /// Ways of aiding, side by side.
+    pub methods: &'a [Method],
+}
+
+/// What the vehicles of a closed loop have in common.
+#[derive(Debug, Clone, Copy)]
+pub struct Common<'a> {
+    /// The beams.
+    pub geometry: &'a BeamGeometry,
+    /// What the sensors are.
+    pub simulated: &'a Model,
+    /// What the filter assumes them to be.
+    pub assumed: &'a Model,
+    /// Filter options.
+    pub options: &'a Options,
+    /// Seed of the campaign.
+    pub seed: u64,
+    /// Key of the trajectory.
+    pub trajectory_key: u64,
+}
+
+/// The way that one vehicle went since the last time it was asked.
+#[derive(Debug, Clone, Copy)]
+pub struct Stretch<'a> {
+    /// Truth, from the last sample of the stretch before (or the start) to its own end.
+    pub truth: Truth<'a>,
+    /// Epochs in it.
+    pub schedule: Schedule<'a>,
+}
+
+/// Vehicles under way, each steered on what one of the methods aboard believes.
+///
+/// The sensor errors of run k are those of run k of a campaign: with the same truth it yields the same bits.
+#[derive(Debug)]
+pub struct ClosedLoop {
+    voyages: Vec<MonteCarloRun>,
+    /// How many of them fly together.
+    together: usize,
+    workers: Workers,
+}
+
+impl ClosedLoop {
+    /// A vehicle for each departure.
+    ///
+    /// # Errors
+    /// [`NavError`] for models, options, starts and numbers of threads that make no sense.
+    pub fn new(common: &Common<'_>, departures: &[Departure<'_>], threads: usize) -> Result<Self, NavError> {
+        common.simulated.validate()?;
+        let begin = |departure: &Departure<'_>| {
+            departure.start.validate()?;
+            let key = RunKey {
+                seed: common.seed,
+                trajectory: common.trajectory_key,
+                run: departure.run,
+            };
+            let (simulated, assumed) = (common.simulated, common.assumed);
+            let (start, methods) = (&departure.start, departure.methods);
+            MonteCarloRun::new(
+                start,
+                common.geometry,
+                simulated,
+                assumed,
+                common.options,
+                methods,
+                &key,
+            )
+        };
+        let workers = Workers::new(threads)?;
+        let methods = departures.first().map_or(&[][..], |first| first.methods);
+        Ok(Self {
+            voyages: departures.iter().map(begin).collect::<Result<_, _>>()?,
+            together: run_group::size(methods, departures.len(), workers.threads()).get(),
+            workers,
+        })
+    }
+
+    /// Leads every vehicle along its stretch.
+    ///
+    /// # Errors
+    /// As [`MonteCarloRun::advance`], and for a number of stretches other than that of the vehicles.
+    pub fn advance(&mut self, stretches: &[Stretch<'_>], sample_time_ns: &[i64]) -> Result<(), NavError> {
+        if stretches.len() != self.voyages.len() {
+            return Err(NavError::WrongCount {
+                field: "stretches",
+                got: stretches.len(),
+                expected: format!("{}, one per vehicle", self.voyages.len()),
+            });
+        }
+        let together = self.together;
+        let mut groups: Vec<_> = self.voyages.chunks_mut(together).collect();
+        let outcomes = self.workers.each(&mut groups, |group, voyages| {
+            let own = stretches[group * together..].iter().zip(voyages.iter_mut());
+            Ok(lead(own.map(|(stretch, voyage)| {
+                stretch.truth.validate()?;
+                RunSegment::new(voyage, stretch.truth, stretch.schedule, sample_time_ns)
+            })))
+        })?;
+        outcomes.into_iter().flatten().collect()
+    }
+
+    /// What a method believes aboard every vehicle; empty for a method that is not there.
+    #[must_use]
+    pub fn beliefs(&self, method: usize) -> Vec<NavState> {
+        self.voyages.iter().filter_map(|voyage| voyage.state(method)).collect()
+    }
+
+    /// What the methods of every vehicle have yielded.
+    #[must_use]
+    pub fn records(&self) -> Vec<Vec<MethodRecord>> {
+        self.voyages.iter().map(MonteCarloRun::records).collect()
+    }
+}

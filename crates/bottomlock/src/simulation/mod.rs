@@ -1,0 +1,10 @@
+//! Monte Carlo simulation: truth, sensor errors, runs side by side, batches and closed loops.
+
+pub mod batch;
+pub mod closed_loop;
+pub mod monte_carlo_run;
+mod run_group;
+pub mod schedule;
+pub mod sensor_errors;
+pub mod sensor_streams;
+pub mod truth;

@@ -1,0 +1,438 @@
+//! One run: its sensors, and every method beside it, led along a truth; the whole of it, or as it unfolds.
+
+use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
+use crate::error::NavError;
+use crate::filter::filter_group::FilterSpan;
+use crate::filter::nees::nees;
+use crate::filter::options::Options;
+use crate::filter::report::{Choice, Sensor, UpdateReport};
+use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM};
+use crate::mechanisation::ImuSample;
+use crate::model::Model;
+use crate::navigator::Method;
+use crate::navigator::NavigatorSet;
+use crate::navigator::events::Event;
+use crate::simulation::run_group::lead;
+use crate::simulation::schedule::Schedule;
+use crate::simulation::sensor_errors::RunKey;
+use crate::simulation::sensor_errors::{SensorErrors, drawn_start};
+use crate::simulation::truth::{Truth, true_state};
+use crate::state::NavState;
+
+/// What one method of one run yields.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct MethodRecord {
+    /// Error at each sample: position (tangent, m), misalignment (tangent, rad), velocity (platform, m/s).
+    pub error: Vec<[f64; 9]>,
+    /// Standard deviation claimed for each.
+    pub sd: Vec<[f64; 9]>,
+    /// Normalised estimation error squared of the whole state.
+    pub nees: Vec<f64>,
+    /// The same of misalignment and velocity (6 degrees of freedom).
+    pub nees_velocity_attitude: Vec<f64>,
+    /// Mean normalised innovation squared over the DVL fixes; NaN without any.
+    pub nis_mean: f64,
+    /// DVL fixes used, whole or in part.
+    pub fixes_accepted: u64,
+    /// DVL fixes rejected by the gate.
+    pub fixes_rejected: u64,
+    /// What was chosen at each ping, of a method that chooses.
+    pub choices: Vec<Choice>,
+    /// How well the IMU's biases are known at the last sample; none without samples.
+    pub biases: Option<BiasRecord>,
+}
+
+/// Errors of the biases of accelerometers (m/s²) and gyros (rad/s), x, y, z each.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BiasRecord {
+    /// True minus estimate.
+    pub error: [f64; 6],
+    /// Standard deviation claimed for each.
+    pub sd: [f64; 6],
+}
+
+/// A method with its filters and what it has yielded.
+#[derive(Debug, Clone)]
+struct MethodRun {
+    method: Method,
+    guide: NavigatorSet,
+    record: MethodRecord,
+    nis_sum: f64,
+}
+
+impl MethodRun {
+    fn push(&mut self, event: &Event) -> Result<(), NavError> {
+        let (record, nis_sum) = (&mut self.record, &mut self.nis_sum);
+        self.guide.push(event, &mut |report: &UpdateReport| {
+            record.choices.extend(report.choice);
+            if report.sensor == Sensor::Beams && report.rows > 0 {
+                *nis_sum += report.nis;
+                if report.was_used() {
+                    record.fixes_accepted += 1;
+                } else {
+                    record.fixes_rejected += 1;
+                }
+            }
+        })
+    }
+
+    fn into_record(mut self) -> MethodRecord {
+        let fixes = self.record.fixes_accepted + self.record.fixes_rejected;
+        self.record.nis_mean = if fixes > 0 {
+            self.nis_sum / fixes as f64
+        } else {
+            f64::NAN
+        };
+        self.record
+    }
+
+    fn sample(&mut self, truth: &NavState) -> Result<(), NavError> {
+        let error = truth.error_of(&self.guide.state());
+        let covariance = self.guide.covariance();
+        let nees_of = |from, to| {
+            nees(&covariance, &error, from, to).ok_or(NavError::NotPositiveDefinite {
+                matrix: "state covariance",
+                time_ns: truth.time_ns,
+            })
+        };
+        self.record.nees.push(nees_of(0, DIM)?);
+        self.record
+            .nees_velocity_attitude
+            .push(nees_of(ATTITUDE, ATTITUDE + 6)?);
+        self.record.error.push(std::array::from_fn(|i| error[i]));
+        self.record.sd.push(std::array::from_fn(|i| covariance[(i, i)].sqrt()));
+        self.record.biases = Some(BiasRecord {
+            error: std::array::from_fn(|i| error[ACCEL_BIAS + i]),
+            sd: std::array::from_fn(|i| covariance[(ACCEL_BIAS + i, ACCEL_BIAS + i)].sqrt()),
+        });
+        Ok(())
+    }
+}
+
+/// A run under way.
+#[derive(Debug)]
+pub struct MonteCarloRun {
+    run: u64,
+    geometry: BeamGeometry,
+    suite: SensorErrors,
+    aboard: Vec<MethodRun>,
+    started: bool,
+}
+
+impl MonteCarloRun {
+    /// A run at its start: sensors as `simulated` says, filters that assume `assumed`, off by a drawn error.
+    ///
+    /// # Errors
+    /// [`NavError`] for models and options that make no sense.
+    pub fn new(
+        start: &NavState,
+        geometry: &BeamGeometry,
+        simulated: &Model,
+        assumed: &Model,
+        options: &Options,
+        methods: &[Method],
+        key: &RunKey,
+    ) -> Result<Self, NavError> {
+        let initial = drawn_start(start, simulated, key);
+        let aboard = methods.iter().map(|&method| {
+            let guide = NavigatorSet::new(initial, geometry, method.aiding, assumed, options)
+                .map_err(|source| in_run(key.run, &method, source))?;
+            Ok(MethodRun {
+                method,
+                guide,
+                record: MethodRecord::default(),
+                nis_sum: 0.0,
+            })
+        });
+        Ok(Self {
+            run: key.run,
+            geometry: geometry.clone(),
+            suite: SensorErrors::new(
+                simulated,
+                assumed,
+                options.sampling,
+                geometry.beams(),
+                start.time_ns,
+                key,
+            ),
+            aboard: aboard.collect::<Result<_, _>>()?,
+            started: false,
+        })
+    }
+
+    /// The estimate of a method.
+    #[must_use]
+    pub fn state(&self, method: usize) -> Option<NavState> {
+        self.aboard.get(method).map(|one| one.guide.state())
+    }
+
+    /// Leads sensors and filters along a stretch of the truth.
+    ///
+    /// The first stretch begins at the start; each later one begins with the last sample of the one before. Epochs lie after the
+    /// stretch's first sample (the first stretch: at or after it). Errors are recorded at the first sample at or after each of
+    /// `sample_time_ns`. However the truth is cut, the bits are the same.
+    ///
+    /// # Errors
+    /// [`NavError`] for epochs outside the stretch or out of order; an error of a method names run and method.
+    pub fn advance(
+        &mut self,
+        truth: &Truth<'_>,
+        schedule: &Schedule<'_>,
+        sample_time_ns: &[i64],
+    ) -> Result<(), NavError> {
+        lead([RunSegment::new(self, *truth, *schedule, sample_time_ns)])
+            .into_iter()
+            .collect()
+    }
+
+    /// What the methods have yielded, in their order.
+    #[must_use]
+    pub fn records(&self) -> Vec<MethodRecord> {
+        self.aboard.iter().cloned().map(MethodRun::into_record).collect()
+    }
+
+    /// [`MonteCarloRun::records`] of a run that is over.
+    #[must_use]
+    pub fn into_records(self) -> Vec<MethodRecord> {
+        self.aboard.into_iter().map(MethodRun::into_record).collect()
+    }
+
+    /// The last reading that the filters have taken.
+    fn last_imu(&self) -> Option<ImuSample> {
+        self.aboard.first().and_then(|one| one.guide.leader().last_imu())
+    }
+
+    fn each(&mut self, mut work: impl FnMut(&mut MethodRun) -> Result<(), NavError>) -> Result<(), NavError> {
+        let run = self.run;
+        self.aboard
+            .iter_mut()
+            .try_for_each(|one| work(one).map_err(|source| in_run(run, &one.method, source)))
+    }
+
+    fn measure(&mut self, truth: &Truth<'_>, schedule: &Schedule<'_>, (sensor, k): Epoch) -> Result<(), NavError> {
+        let offset = |offsets: &[f64]| offsets.get(k).copied().unwrap_or(0.0);
+        let event = match sensor {
+            Aid::Dvl => {
+                let (time_ns, valid) = (schedule.dvl_time_ns[k], schedule.beam_valid[k]);
+                Event::Beams(self.suite.ping(truth, &self.geometry, time_ns, valid)?)
+            }
+            Aid::Depth => {
+                let time_ns = schedule.depth_time_ns[k];
+                Event::Depth(self.suite.depth(truth, time_ns, offset(schedule.depth_offset_m))?)
+            }
+            Aid::Magnetometer => {
+                let time_ns = schedule.magnetometer_time_ns[k];
+                Event::Attitude(self.suite.attitude(truth, time_ns, offset(schedule.yaw_offset_rad))?)
+            }
+            Aid::Gps => Event::Gps(self.suite.gps(truth, schedule.gps_time_ns[k])?),
+        };
+        let all = BeamMask::all(self.geometry.beams());
+        self.each(|one| match event {
+            Event::Beams(ping) if one.method.all_beams => one.push(&Event::Beams(BeamSample { valid: all, ..ping })),
+            _ => one.push(&event),
+        })
+    }
+}
+
+fn in_run(run: u64, method: &Method, source: NavError) -> NavError {
+    NavError::InRun {
+        run,
+        method: method.name,
+        source: Box::new(source),
+    }
+}
+
+/// A voyage on its way along a stretch of the truth.
+pub(crate) struct RunSegment<'a> {
+    voyage: &'a mut MonteCarloRun,
+    truth: Truth<'a>,
+    schedule: Schedule<'a>,
+    epochs: Epochs<'a>,
+    sample_time_ns: &'a [i64],
+    /// The sample of the truth that comes next.
+    next: usize,
+    /// The last reading that the filters have taken, and those that they take next.
+    readings: Vec<ImuSample>,
+    /// How many of them are new.
+    drawn: usize,
+}
+
+impl<'a> RunSegment<'a> {
+    /// At the start of a stretch; see [`MonteCarloRun::advance`].
+    pub(crate) fn new(
+        voyage: &'a mut MonteCarloRun,
+        truth: Truth<'a>,
+        schedule: Schedule<'a>,
+        sample_time_ns: &'a [i64],
+    ) -> Result<Self, NavError> {
+        schedule.validate()?;
+        let next = usize::from(voyage.started);
+        Ok(Self {
+            voyage,
+            truth,
+            schedule,
+            epochs: Epochs::new(&schedule),
+            sample_time_ns,
+            next,
+            readings: Vec::new(),
+            drawn: 0,
+        })
+    }
+
+    /// Times of the samples ahead, ns.
+    pub(crate) fn ahead_ns(&self) -> &'a [i64] {
+        &self.truth.time_ns[self.next..]
+    }
+
+    /// Number of samples ahead before anything is measured between two of them, up to the one where something happens.
+    pub(crate) fn clear_samples(&self) -> usize {
+        let ahead_ns = self.ahead_ns();
+        // The first reading starts the filters, where there are any.
+        if self.voyage.last_imu().is_none() && !self.voyage.aboard.is_empty() {
+            return 0;
+        }
+        let mut clear = ahead_ns.len();
+        if let Some(epoch_ns) = self.epochs.next_ns() {
+            let before = ahead_ns.partition_point(|&time_ns| time_ns < epoch_ns);
+            clear = before + usize::from(ahead_ns.get(before) == Some(&epoch_ns));
+        }
+        if let Some(&wanted_ns) = self.sample_time_ns.first() {
+            clear = clear.min(ahead_ns.partition_point(|&time_ns| time_ns < wanted_ns) + 1);
+        }
+        clear
+    }
+
+    /// One sample, with whatever is measured before it or at it.
+    pub(crate) fn step(&mut self) -> Result<(), NavError> {
+        let time_ns = self.truth.time_ns[self.next];
+        // What falls between two samples waits inside the navigator for the later one.
+        while let Some(epoch) = self.epochs.next_if(|epoch_ns| epoch_ns < time_ns) {
+            self.voyage.measure(&self.truth, &self.schedule, epoch)?;
+        }
+        let reading = Event::Imu(self.voyage.suite.imu(&self.truth, self.next));
+        self.voyage.each(|one| one.push(&reading))?;
+        self.next += 1;
+        self.arrive()
+    }
+
+    /// Draws the readings of clear samples.
+    pub(crate) fn draw(&mut self, count: usize) -> Result<(), NavError> {
+        self.readings.clear();
+        self.readings.extend(self.voyage.last_imu());
+        let taken = self.readings.len();
+        self.drawn = count;
+        let readings = &mut self.readings;
+        self.voyage
+            .suite
+            .imus(&self.truth, self.next..self.next + count, |reading, _, _| {
+                readings.push(reading);
+            });
+        let bad = self.readings[taken..]
+            .iter()
+            .find_map(|reading| reading.validate().err());
+        match (bad, self.voyage.aboard.first()) {
+            (Some(source), Some(first)) => Err(in_run(self.voyage.run, &first.method, source)),
+            _ => Ok(()),
+        }
+    }
+
+    /// The filters of every method, in their order, with the readings drawn.
+    pub(crate) fn seats(&mut self) -> impl Iterator<Item = FilterSpan<'_>> {
+        let samples = &self.readings[..];
+        let filters = self.voyage.aboard.iter_mut().flat_map(|one| one.guide.filters_mut());
+        filters.map(move |filter| FilterSpan::new(filter, samples))
+    }
+
+    /// After the filters have taken the readings drawn; `failures` are those of the seats.
+    pub(crate) fn land(&mut self, failures: Vec<Option<(usize, NavError)>>) -> Result<(), NavError> {
+        let methods = self.voyage.aboard.iter_mut();
+        let owners = methods.flat_map(|one| vec![one.method; one.guide.filters_mut().count()]);
+        let failed = owners
+            .zip(failures)
+            .filter_map(|(method, failure)| Some((method, failure?)));
+        if let Some((method, (_, source))) = failed.min_by_key(|(_, (at, _))| *at) {
+            return Err(in_run(self.voyage.run, &method, source));
+        }
+        self.next += self.drawn;
+        if let Some(&last) = self.readings.last() {
+            self.voyage.aboard.iter_mut().for_each(|one| one.guide.has_taken(&last));
+        }
+        self.arrive()
+    }
+
+    /// What is measured and recorded at the last sample taken.
+    fn arrive(&mut self) -> Result<(), NavError> {
+        let k = self.next - 1;
+        let time_ns = self.truth.time_ns[k];
+        while let Some(epoch) = self.epochs.next_if(|epoch_ns| epoch_ns <= time_ns) {
+            self.voyage.measure(&self.truth, &self.schedule, epoch)?;
+        }
+        if let Some((_, later)) = self
+            .sample_time_ns
+            .split_first()
+            .filter(|(first, _)| **first <= time_ns)
+        {
+            self.sample_time_ns = later;
+            let mut state = true_state(&self.truth, k);
+            self.voyage.suite.errors_into(&mut state);
+            self.voyage.each(|one| one.sample(&state))?;
+        }
+        Ok(())
+    }
+
+    /// The end of the stretch.
+    pub(crate) fn finish(&mut self) -> Result<(), NavError> {
+        self.voyage.started = true;
+        // Only epochs beyond the stretch are left, and the truth refuses them.
+        while let Some(epoch) = self.epochs.next_if(|_| true) {
+            self.voyage.measure(&self.truth, &self.schedule, epoch)?;
+        }
+        Ok(())
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Aid {
+    Dvl,
+    Depth,
+    Magnetometer,
+    Gps,
+}
+
+type Epoch = (Aid, usize);
+
+/// The epochs of all aiding sensors in order of time; at the same time DVL before depth before magnetometer before GPS.
+struct Epochs<'a> {
+    streams: [(Aid, &'a [i64], usize); 4],
+}
+
+impl<'a> Epochs<'a> {
+    fn new(schedule: &Schedule<'a>) -> Self {
+        Self {
+            streams: [
+                (Aid::Dvl, schedule.dvl_time_ns, 0),
+                (Aid::Depth, schedule.depth_time_ns, 0),
+                (Aid::Magnetometer, schedule.magnetometer_time_ns, 0),
+                (Aid::Gps, schedule.gps_time_ns, 0),
+            ],
+        }
+    }
+
+    fn next_ns(&self) -> Option<i64> {
+        let nexts = self.streams.iter().filter_map(|(_, times, next)| times.get(*next));
+        nexts.min().copied()
+    }
+
+    fn next_if(&mut self, wanted: impl Fn(i64) -> bool) -> Option<Epoch> {
+        let (sensor, times, next) = self
+            .streams
+            .iter_mut()
+            .filter(|(_, times, next)| *next < times.len())
+            .min_by_key(|(_, times, next)| times[*next])?;
+        let k = *next;
+        wanted(times[k]).then(|| {
+            *next += 1;
+            (*sensor, k)
+        })
+    }
+}

@@ -1,0 +1,138 @@
+//! The errors of the IMU: white noise on drifting biases, drawn many samples at a time.
+
+use std::ops::Range;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{Normals, Stream};
+use crate::frames::{Rot, Tangent};
+use crate::mechanisation::{ImuSample, Sampling};
+use crate::model::{ImuModel, Model};
+use crate::simulation::sensor_errors::RunKey;
+use crate::simulation::truth::Truth;
+
+/// Samples whose noise is drawn at a time.
+const AT_ONCE: usize = 64;
+
+/// The inertial sensors of a run.
+#[derive(Debug)]
+pub(super) struct Inertial {
+    accel_noise: Normals,
+    gyro_noise: Normals,
+    accel_walk: Normals,
+    gyro_walk: Normals,
+    /// As it stands, m/s².
+    pub(super) accel_bias: Vector3<f64>,
+    /// As it stands, rad/s.
+    pub(super) gyro_bias: Vector3<f64>,
+    started: bool,
+}
+
+impl Inertial {
+    pub(super) fn new(imu: &ImuModel, key: &RunKey) -> Self {
+        let of = |stream| Normals::new(key, stream, 0);
+        let (mut accel_walk, mut gyro_walk) = (of(Stream::AccelBias), of(Stream::GyroBias));
+        Self {
+            accel_noise: of(Stream::AccelNoise),
+            gyro_noise: of(Stream::GyroNoise),
+            accel_bias: accel_walk.each(&[1.0; 3]) * imu.accel_bias_sd_mps2,
+            gyro_bias: gyro_walk.each(&[1.0; 3]) * imu.gyro_bias_sd_radps,
+            accel_walk,
+            gyro_walk,
+            started: false,
+        }
+    }
+
+    /// Reads samples of the truth, which come in order, each once; `take` gets each reading with the biases behind it.
+    pub(super) fn read(
+        &mut self,
+        model: &Model,
+        sampling: Sampling,
+        at: &Truth<'_>,
+        mut samples: Range<usize>,
+        mut take: impl FnMut(ImuSample, &Vector3<f64>, &Vector3<f64>),
+    ) {
+        if !self.started {
+            let Some(first) = samples.next() else { return };
+            let (accel_noise, gyro_noise) = (self.accel_noise.each(&[1.0; 3]), self.gyro_noise.each(&[1.0; 3]));
+            let truth = (
+                Vector3::from(at.omega_p_radps[first]),
+                Vector3::from(at.force_p_mps2[first]),
+            );
+            let reading = self.reading(&model.imu, at, first, truth, &gyro_noise, &accel_noise);
+            self.started = true;
+            take(reading, &self.accel_bias, &self.gyro_bias);
+        }
+        let mut drawn = [[[0.0; 3]; AT_ONCE]; 4];
+        while !samples.is_empty() {
+            let count = samples.len().min(AT_ONCE);
+            let streams = [
+                &mut self.accel_walk,
+                &mut self.gyro_walk,
+                &mut self.gyro_noise,
+                &mut self.accel_noise,
+            ];
+            for (normals, rows) in streams.into_iter().zip(&mut drawn) {
+                normals.fill(&mut rows[..count]);
+            }
+            for (row, k) in samples.by_ref().take(count).enumerate() {
+                let [accel_walk, gyro_walk, gyro_noise, accel_noise] =
+                    drawn.each_ref().map(|rows| Vector3::from(rows[row]));
+                let root_dt = root_interval_s(at, k);
+                self.accel_bias += accel_walk * (model.imu.accel_bias_walk_mps2_rts * root_dt);
+                self.gyro_bias += gyro_walk * (model.imu.gyro_bias_walk_radps_rts * root_dt);
+                let truth = match sampling {
+                    Sampling::Instantaneous => (Vector3::from(at.omega_p_radps[k]), Vector3::from(at.force_p_mps2[k])),
+                    Sampling::Averaged => mean_readings(at, model, k),
+                };
+                let reading = self.reading(&model.imu, at, k, truth, &gyro_noise, &accel_noise);
+                take(reading, &self.accel_bias, &self.gyro_bias);
+            }
+        }
+    }
+
+    fn reading(
+        &self,
+        imu: &ImuModel,
+        at: &Truth<'_>,
+        k: usize,
+        (rate, force): (Vector3<f64>, Vector3<f64>),
+        gyro_noise: &Vector3<f64>,
+        accel_noise: &Vector3<f64>,
+    ) -> ImuSample {
+        let root_dt = root_interval_s(at, k);
+        ImuSample {
+            time_ns: at.time_ns[k],
+            rate_p_radps: (rate + self.gyro_bias + gyro_noise * (imu.gyro_noise_rad_rts / root_dt)).into(),
+            force_p_mps2: (force + self.accel_bias + accel_noise * (imu.accel_noise_mps_rts / root_dt)).into(),
+        }
+    }
+}
+
+/// Root of the time since the sample before; of the first sample, of the time to the next.
+fn root_interval_s(at: &Truth<'_>, k: usize) -> f64 {
+    let after = k.max(1);
+    ((at.time_ns[after] - at.time_ns[after - 1]) as f64 * 1e-9).sqrt()
+}
+
+/// The mean rate and force since the last sample that lead the strapdown step from truth to truth.
+fn mean_readings(truth: &Truth<'_>, model: &Model, k: usize) -> (Vector3<f64>, Vector3<f64>) {
+    let dt = (truth.time_ns[k] - truth.time_ns[k - 1]) as f64 * 1e-9;
+    let earth = model.environment.earth_rate_t_radps().0;
+    let (before, after) = (truth.attitude(k - 1), truth.attitude(k));
+    let turn = before.inverse() * Rot::<Tangent, Tangent>::exp(earth * dt) * after;
+    let (r0, r1) = (before.matrix(), after.matrix());
+    let (v0, v1) = (
+        r0 * Vector3::from(truth.velocity_p_mps[k - 1]),
+        r1 * Vector3::from(truth.velocity_p_mps[k]),
+    );
+    let gravity = Vector3::new(0.0, 0.0, model.environment.gravity_mps2);
+    let needed = (v1 - v0) / dt - gravity + earth.cross(&(v0 + v1));
+    let mean: Matrix3<f64> = (r0 + r1) * 0.5;
+    // The mean of two neighbouring rotations is invertible unless they are half a turn apart.
+    let force = mean
+        .lu()
+        .solve(&needed)
+        .unwrap_or_else(|| Vector3::from(truth.force_p_mps2[k]));
+    (turn.log() / dt, force)
+}
