@@ -1,4 +1,4 @@
-//! Sensor streams and batches of runs × arms.
+//! Sensor streams and batches of runs × methods.
 
 use bottomlock::error_model::{Coefficients, dense_noise};
 use bottomlock::frames::{Rot, Vec3};
@@ -71,7 +71,7 @@ pub fn simulate_sensors<'py>(
     out.set_item("initial", initial)?;
     put_times("imu_time_ns", streams.imu.iter().map(|s| s.time_ns).collect())?;
     out.set_item(
-        "imu_rate_p_radps",
+        "imu_omega_p_radps",
         vectors(streams.imu.iter().map(|s| s.rate_p_radps.to_array()).collect())?,
     )?;
     out.set_item(
@@ -137,15 +137,15 @@ pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> P
     out.set_item("dvl_scale_factor", state.dvl_scale_factor)
 }
 
-/// Works off runs × arms on the same sensor errors; the bits do not depend on the number of threads.
+/// Works off runs × methods on the same sensor errors; the bits do not depend on the number of threads.
 ///
-/// Returns error and sd (runs, arms, samples, 9): position (tangent, m), misalignment (tangent, rad), velocity (platform, m/s),
-/// true minus estimate; nees and nees_velocity_attitude (runs, arms, samples); nis_mean (NaN without fixes), fixes_accepted and
-/// fixes_rejected (runs, arms); final_bias_error and final_bias_sd (runs, arms, 6): biases of accelerometers (m/s²) and gyros
-/// (rad/s) at the last sample, NaN without samples; choice (runs, arms, pings, 3), what an arm that chooses has chosen: codes of SOURCES for surge,
-/// sway and heave, or of MEMBERS and of why, and 255 where there is no choice. The GIL is released, and nobody may write to the truth meanwhile. Raises KernelError naming the field, or the run and the arm.
+/// Returns error and sd (runs, methods, samples, 9): position (tangent, m), misalignment (tangent, rad), velocity (platform, m/s),
+/// true minus estimate; nees and nees_velocity_attitude (runs, methods, samples); nis_mean (NaN without fixes), fixes_accepted and
+/// fixes_rejected (runs, methods); final_bias_error and final_bias_sd (runs, methods, 6): biases of accelerometers (m/s²) and gyros
+/// (rad/s) at the last sample, NaN without samples; choice (runs, methods, pings, 3), what a method that chooses has chosen: codes of SOURCES for surge,
+/// sway and heave, or of MEMBERS and of why, and 255 where there is no choice. The GIL is released, and nobody may write to the truth meanwhile. Raises KernelError naming the field, or the run and the method.
 #[pyfunction]
-#[pyo3(signature = (geometry, truth, simulated, assumed, options, schedule, arms, *, seed, trajectory_key, first_run, runs,
+#[pyo3(signature = (geometry, truth, simulated, assumed, options, schedule, methods, *, seed, trajectory_key, first_run, runs,
     threads))]
 pub fn run_batch<'py>(
     py: Python<'py>,
@@ -155,7 +155,7 @@ pub fn run_batch<'py>(
     assumed: &Bound<'py, PyDict>,
     options: &Bound<'py, PyDict>,
     schedule: &Bound<'py, PyDict>,
-    arms: Vec<String>,
+    methods: Vec<String>,
     seed: u64,
     trajectory_key: u64,
     first_run: u64,
@@ -166,7 +166,7 @@ pub fn run_batch<'py>(
     let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
     let options = settings::options(options)?;
     let schedule = settings::schedule(schedule, geometry.inner.beams(), runs)?;
-    let arms = arms
+    let methods = methods
         .iter()
         .map(|name| Method::named(name).map_err(raise))
         .collect::<PyResult<Vec<_>>>()?;
@@ -179,13 +179,13 @@ pub fn run_batch<'py>(
         options: &options,
         schedules: &schedules,
         sample_time_ns: &schedule.sample_time_ns,
-        methods: &arms,
+        methods: &methods,
         seed,
         trajectory_key,
         first_run,
         runs,
     };
-    let mut yields = BatchArrays::new(runs, arms.len(), schedule.sample_time_ns.len());
+    let mut yields = BatchArrays::new(runs, methods.len(), schedule.sample_time_ns.len());
     let mut places = yields.places();
     let note = |places: &mut Vec<Place<'_>>, records: Vec<MethodRecord>| {
         places

@@ -1,4 +1,4 @@
-//! What runs × arms yield, written where Python finds it while the runs are under way.
+//! What runs × methods yield, written where Python finds it while the runs are under way.
 
 use bottomlock::filter::report::Choice;
 use bottomlock::simulation::monte_carlo_run::{BiasRecord, MethodRecord};
@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 use crate::arrays::array;
 use crate::dvl::source_code;
 
-/// Where an arm does not choose.
+/// Where a method does not choose.
 pub const NO_CHOICE: u8 = u8::MAX;
 
 /// Sources of surge, sway and heave; or the leading filter, why it leads, and nothing.
@@ -20,7 +20,7 @@ pub fn choice_code(choice: &Choice) -> [u8; 3] {
     }
 }
 
-/// Numbers of a run's arm at a sample: position, misalignment and velocity.
+/// Numbers of a run's method at a sample: position, misalignment and velocity.
 const WIDE: usize = 9;
 /// Biases of accelerometers and gyros.
 const BIASES: usize = 6;
@@ -28,7 +28,7 @@ const BIASES: usize = 6;
 /// The arrays of a batch.
 pub struct BatchArrays {
     runs: usize,
-    arms: usize,
+    methods: usize,
     samples: usize,
     /// Number by number, as the columns of a table are: they need not be gathered there.
     error: Vec<f64>,
@@ -44,7 +44,7 @@ pub struct BatchArrays {
     choices: Vec<Vec<[u8; 3]>>,
 }
 
-/// The parts of the arrays that belong to a run and an arm.
+/// The parts of the arrays that belong to a run and a method.
 pub struct Place<'a> {
     error: [&'a mut [f64]; WIDE],
     sd: [&'a mut [f64]; WIDE],
@@ -59,7 +59,7 @@ pub struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// Notes what the arm has yielded.
+    /// Notes what the method has yielded.
     pub fn take(&mut self, record: &MethodRecord) {
         for k in 0..WIDE {
             put_column(self.error[k], &record.error, k);
@@ -92,26 +92,26 @@ fn columns(numbers: &mut [f64]) -> [&mut [f64]; WIDE] {
 
 impl BatchArrays {
     /// Arrays without content.
-    pub fn new(runs: usize, arms: usize, samples: usize) -> Self {
-        let zeros = |each: usize| vec![0.0; runs * arms * each];
+    pub fn new(runs: usize, methods: usize, samples: usize) -> Self {
+        let zeros = |each: usize| vec![0.0; runs * methods * each];
         Self {
             runs,
-            arms,
+            methods,
             samples,
             error: zeros(samples * WIDE),
             sd: zeros(samples * WIDE),
             nees: zeros(samples),
             nees_velocity_attitude: zeros(samples),
             nis_mean: zeros(1),
-            fixes_accepted: vec![0; runs * arms],
-            fixes_rejected: vec![0; runs * arms],
+            fixes_accepted: vec![0; runs * methods],
+            fixes_rejected: vec![0; runs * methods],
             bias_error: zeros(BIASES),
             bias_sd: zeros(BIASES),
-            choices: vec![Vec::new(); runs * arms],
+            choices: vec![Vec::new(); runs * methods],
         }
     }
 
-    /// The places of every run, arm by arm.
+    /// The places of every run, method by method.
     pub fn places(&mut self) -> Vec<Vec<Place<'_>>> {
         let samples = self.samples;
         let (mut error, mut sd) = (columns(&mut self.error), columns(&mut self.sd));
@@ -135,36 +135,39 @@ impl BatchArrays {
                 choices: choices.next()?,
             })
         };
-        let arms = self.arms;
+        let methods = self.methods;
         (0..self.runs)
-            .map(|_| std::iter::from_fn(&mut next).take(arms).collect())
+            .map(|_| std::iter::from_fn(&mut next).take(methods).collect())
             .collect()
     }
 
     /// The arrays as Python gets them.
     pub fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
-        let (runs, arms, samples) = (self.runs, self.arms, self.samples);
+        let (runs, methods, samples) = (self.runs, self.methods, self.samples);
         let pings = self.choices.iter().map(Vec::len).max().unwrap_or(0);
-        let mut codes = vec![NO_CHOICE; runs * arms * pings * 3];
+        let mut codes = vec![NO_CHOICE; runs * methods * pings * 3];
         for (own, choices) in codes.chunks_mut((3 * pings).max(1)).zip(&self.choices) {
             own[..3 * choices.len()].copy_from_slice(choices.as_flattened());
         }
         let out = PyDict::new(py);
         for (name, numbers) in [("error", self.error), ("sd", self.sd)] {
-            let by_number = array(py, numbers, &[WIDE, runs, arms, samples])?;
+            let by_number = array(py, numbers, &[WIDE, runs, methods, samples])?;
             out.set_item(name, by_number.permute(Some([1_usize, 2, 3, 0].as_slice()))?)?;
         }
-        out.set_item("nees", array(py, self.nees, &[runs, arms, samples])?)?;
+        out.set_item("nees", array(py, self.nees, &[runs, methods, samples])?)?;
         out.set_item(
             "nees_velocity_attitude",
-            array(py, self.nees_velocity_attitude, &[runs, arms, samples])?,
+            array(py, self.nees_velocity_attitude, &[runs, methods, samples])?,
         )?;
-        out.set_item("nis_mean", array(py, self.nis_mean, &[runs, arms])?)?;
-        out.set_item("fixes_accepted", array(py, self.fixes_accepted, &[runs, arms])?)?;
-        out.set_item("fixes_rejected", array(py, self.fixes_rejected, &[runs, arms])?)?;
-        out.set_item("final_bias_error", array(py, self.bias_error, &[runs, arms, BIASES])?)?;
-        out.set_item("final_bias_sd", array(py, self.bias_sd, &[runs, arms, BIASES])?)?;
-        out.set_item("choice", array(py, codes, &[runs, arms, pings, 3])?)?;
+        out.set_item("nis_mean", array(py, self.nis_mean, &[runs, methods])?)?;
+        out.set_item("fixes_accepted", array(py, self.fixes_accepted, &[runs, methods])?)?;
+        out.set_item("fixes_rejected", array(py, self.fixes_rejected, &[runs, methods])?)?;
+        out.set_item(
+            "final_bias_error",
+            array(py, self.bias_error, &[runs, methods, BIASES])?,
+        )?;
+        out.set_item("final_bias_sd", array(py, self.bias_sd, &[runs, methods, BIASES])?)?;
+        out.set_item("choice", array(py, codes, &[runs, methods, pings, 3])?)?;
         Ok(out)
     }
 }

@@ -24,9 +24,9 @@ use crate::truth::Truths;
 ///     geometry: the beams.
 ///     simulated, assumed: what the sensors are, and what the filters take them to be (`Scenario.kernel_model`).
 ///     options: filter options (`Scenario.kernel_options`).
-///     arms: ways of aiding.
+///     methods: ways of aiding.
 ///     start: the truth at the start: time_ns, position_t_m (n, 3), attitude_t_p (n, 4), velocity_p_mps (n, 3).
-///     own_vehicles: false for a vehicle per run with all arms aboard; true for one per run and arm, the arms of a run one after
+///     own_vehicles: false for a vehicle per run with all methods aboard; true for one per run and method, the methods of a run one after
 ///         the other.
 ///     seed, trajectory_key, first_run: key of the random numbers.
 ///     threads: 0 for as many as there are cores; the bits do not depend on it.
@@ -38,22 +38,22 @@ pub struct ClosedLoop {
     inner: core::ClosedLoop,
     beams: usize,
     vehicles: usize,
-    arms: usize,
-    arms_aboard: usize,
+    methods: usize,
+    methods_aboard: usize,
     samples: usize,
 }
 
 #[pymethods]
 impl ClosedLoop {
     #[new]
-    #[pyo3(signature = (geometry, simulated, assumed, options, arms, start, *, own_vehicles, seed, trajectory_key, first_run,
+    #[pyo3(signature = (geometry, simulated, assumed, options, methods, start, *, own_vehicles, seed, trajectory_key, first_run,
         threads))]
     fn new(
         geometry: &BeamGeometry,
         simulated: &Bound<'_, PyDict>,
         assumed: &Bound<'_, PyDict>,
         options: &Bound<'_, PyDict>,
-        arms: Vec<String>,
+        methods: Vec<String>,
         start: &Bound<'_, PyDict>,
         own_vehicles: bool,
         seed: u64,
@@ -63,7 +63,7 @@ impl ClosedLoop {
     ) -> PyResult<Self> {
         let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
         let options = settings::options(options)?;
-        let arms = arms
+        let methods = methods
             .iter()
             .map(|name| Method::named(name).map_err(raise))
             .collect::<PyResult<Vec<_>>>()?;
@@ -77,14 +77,14 @@ impl ClosedLoop {
             trajectory_key,
         };
         let crews: Vec<&[Method]> = if own_vehicles {
-            arms.chunks(1).collect()
+            methods.chunks(1).collect()
         } else {
-            vec![&arms]
+            vec![&methods]
         };
         if crews.is_empty() || starts.len() % crews.len() != 0 {
             let (vehicles, crews) = (starts.len(), crews.len());
             return Err(refuse(format!(
-                "start has {vehicles} rows, expected a multiple of {crews} arms"
+                "start has {vehicles} rows, expected a multiple of {crews} methods"
             )));
         }
         let depart = |(k, &start): (usize, &NavState)| Departure {
@@ -97,8 +97,8 @@ impl ClosedLoop {
             inner: core::ClosedLoop::new(&common, &departures, threads).map_err(raise)?,
             beams: geometry.inner.beams(),
             vehicles: starts.len(),
-            arms: arms.len(),
-            arms_aboard: crews[0].len(),
+            methods: methods.len(),
+            methods_aboard: crews[0].len(),
             samples: 0,
         })
     }
@@ -106,7 +106,7 @@ impl ClosedLoop {
     /// Leads every vehicle along the truth since the last call: (n, samples, ·), its first sample the last of the call before.
     ///
     /// `schedule` is that of `run_batch`, with the epochs after the first sample (in the first call: at or after it); beam_valid,
-    /// depth_offset_m, yaw_offset_rad and gps_heard may lead with an axis of vehicles. Raises KernelError, naming run and arm.
+    /// depth_offset_m, yaw_offset_rad and gps_heard may lead with an axis of vehicles. Raises KernelError, naming run and method.
     fn advance(&mut self, py: Python<'_>, truth: &Bound<'_, PyDict>, schedule: &Bound<'_, PyDict>) -> PyResult<()> {
         let truths = Truths::of_runs(truth, self.vehicles)?;
         let schedule = settings::schedule(schedule, self.beams, self.vehicles)?;
@@ -125,15 +125,18 @@ impl ClosedLoop {
         Ok(())
     }
 
-    /// What an arm aboard believes: position_t_m (n, 3), attitude_t_p (n, 4), velocity_p_mps (n, 3).
+    /// What a method aboard believes: position_t_m (n, 3), attitude_t_p (n, 4), velocity_p_mps (n, 3).
     ///
-    /// Raises KernelError for an arm that is not there.
-    #[pyo3(signature = (arm=0))]
-    fn belief<'py>(&self, py: Python<'py>, arm: usize) -> PyResult<Bound<'py, PyDict>> {
-        if arm >= self.arms_aboard {
-            return Err(refuse(format!("arm is {arm}, expected less than {}", self.arms_aboard)));
+    /// Raises KernelError for a method that is not there.
+    #[pyo3(signature = (method=0))]
+    fn belief<'py>(&self, py: Python<'py>, method: usize) -> PyResult<Bound<'py, PyDict>> {
+        if method >= self.methods_aboard {
+            return Err(refuse(format!(
+                "method is {method}, expected less than {}",
+                self.methods_aboard
+            )));
         }
-        let states = self.inner.beliefs(arm);
+        let states = self.inner.beliefs(method);
         let out = PyDict::new(py);
         let threes = |of: fn(&NavState) -> [f64; 3]| from_rows(py, &states.iter().map(of).collect::<Vec<_>>());
         out.set_item("position_t_m", threes(|state| state.position_t_m.to_array())?)?;
@@ -143,11 +146,11 @@ impl ClosedLoop {
         Ok(out)
     }
 
-    /// What the arms have yielded so far, as `run_batch` returns it.
+    /// What the methods have yielded so far, as `run_batch` returns it.
     fn results<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let records = self.inner.records();
-        let flown = self.vehicles * self.arms_aboard;
-        let mut yields = BatchArrays::new(flown / self.arms, self.arms, self.samples);
+        let flown = self.vehicles * self.methods_aboard;
+        let mut yields = BatchArrays::new(flown / self.methods, self.methods, self.samples);
         let places = yields.places();
         for (mut place, record) in places.into_iter().flatten().zip(records.iter().flatten()) {
             place.take(record);

@@ -47,7 +47,10 @@ mod _kernel {
             "FIX_STATUS",
             pyo3::types::PyTuple::new(module.py(), bottomlock::replay::FIX_STATUS)?,
         )?;
-        let arms: Vec<&str> = bottomlock::navigator::METHODS.iter().map(|arm| arm.name).collect();
-        module.add("ARMS", pyo3::types::PyTuple::new(module.py(), arms)?)
+        let methods: Vec<&str> = bottomlock::navigator::METHODS
+            .iter()
+            .map(|method| method.name)
+            .collect();
+        module.add("METHODS", pyo3::types::PyTuple::new(module.py(), methods)?)
     }
 }

@@ -34,7 +34,7 @@ use crate::settings;
 ///     model: environment and sensor errors in SI (`Scenario.kernel_model`).
 ///     options: filter options (`Scenario.kernel_options`).
 ///     initial: time_ns, position_t_m, attitude_t_p (scalar first), velocity_p_mps; biases and scale factor are optional.
-///     arm: what to make of the beams: ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info, weak_sway or
+///     method: what to make of the beams: ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info, weak_sway or
 ///         sway_current.
 ///     covariance: (20, 20) covariance at the start; the model's by default.
 ///
@@ -75,16 +75,16 @@ fn initial_state(dict: &Bound<'_, PyDict>) -> PyResult<NavState> {
 #[pymethods]
 impl Navigator {
     #[new]
-    #[pyo3(signature = (geometry, model, options, initial, *, arm="tc", covariance=None))]
+    #[pyo3(signature = (geometry, model, options, initial, *, method="tc", covariance=None))]
     fn new(
         geometry: &BeamGeometry,
         model: &Bound<'_, PyDict>,
         options: &Bound<'_, PyDict>,
         initial: &Bound<'_, PyDict>,
-        arm: &str,
+        method: &str,
         covariance: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let aiding = Method::named(arm).map_err(raise)?.aiding;
+        let aiding = Method::named(method).map_err(raise)?.aiding;
         let (model, options) = (settings::model(model)?, settings::options(options)?);
         let mut inner =
             NavigatorSet::new(initial_state(initial)?, &geometry.inner, aiding, &model, &options).map_err(raise)?;
@@ -296,7 +296,7 @@ impl Navigator {
         array(py, self.inner.covariance().as_slice().to_vec(), &[DIM, DIM])
     }
 
-    /// What the arm "sway_current" knows of the motion through the water, as of the last update; None with other arms.
+    /// What the method "sway_current" knows of the motion through the water, as of the last update; None with other methods.
     ///
     /// current_t_mps (2,) north and east of where the vehicle believes north to be; the gain and the trim; slips with the sigmas
     /// learned for them; how often the assumptions were begun anew; and the (6, 6) covariance of current north, current east,

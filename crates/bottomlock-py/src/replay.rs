@@ -150,11 +150,11 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
     state.position_t_m = Vec3::from_array(vector("start.position_t_m", &get("position_t_m")?)?);
     state.attitude_t_p = settings::attitude("start.attitude_t_p", &get("attitude_t_p")?)?;
     state.velocity_p_mps = three("velocity_p_mps")?;
-    if dict.contains("accel_bias_mps2")? {
-        state.accel_bias_p_mps2 = three("accel_bias_mps2")?;
+    if dict.contains("accel_bias_p_mps2")? {
+        state.accel_bias_p_mps2 = three("accel_bias_p_mps2")?;
     }
-    if dict.contains("gyro_bias_radps")? {
-        state.gyro_bias_p_radps = three("gyro_bias_radps")?;
+    if dict.contains("gyro_bias_p_radps")? {
+        state.gyro_bias_p_radps = three("gyro_bias_p_radps")?;
     }
     let covariance = match dict.get_item("covariance")? {
         Some(value) if !value.is_none() => {
@@ -166,7 +166,7 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
     Ok((state, covariance))
 }
 
-/// Flies arms side by side along a recorded log; the very filters of a campaign and of `Navigator`, bit for bit.
+/// Flies methods side by side along a recorded log; the very filters of a campaign and of `Navigator`, bit for bit.
 ///
 /// Streams need not share instants: the log is merged by time of validity (ties: IMU, DVL, depth, attitude, heading, GPS), and a
 /// measurement between two inertial readings splits the strapdown step at its own time. Rows before the start or after the last
@@ -177,7 +177,7 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
 ///     model: environment and what is assumed of the sensors, SI; also the standard deviations of depth, heading
 ///         (magnetometer.yaw_sd_rad), attitude and GPS position, and of the beams where the log has none.
 ///     options: filter options.
-///     arms: names of `METHODS`; each sees the log's valid beams and no others, lc too.
+///     methods: names of `METHODS`; each sees the log's valid beams and no others, lc too.
 ///     log: imu_time_ns (N,) int64 with force_p_mps2 (N, 3) and omega_p_radps (N, 3), rate against inertial space;
 ///         dvl_time_ns (E,) with beam_velocity_mps and beam_valid (E, B) and optionally beam_sd_mps (E, B);
 ///         depth_time_ns, depth_m; heading_time_ns, heading_rad; attitude_time_ns, attitude_rpy_rad (., 3);
@@ -185,7 +185,7 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
 ///     start: time_ns, position_t_m (3,), attitude_t_p (4,) scalar first, velocity_p_mps (3,); optionally accel_bias_mps2 and
 ///         gyro_bias_radps (3,), and covariance (20, 20) in place of the model's.
 ///     sample_time_ns: (T,) int64, rising; the state at the first inertial reading at or after each is recorded.
-///     smooth: also smooth every arm over the whole log (fixed interval); "consistent" cannot be, and is refused.
+///     smooth: also smooth every method over the whole log (fixed interval); "consistent" cannot be, and is refused.
 ///     covariances: also return the (20, 20) covariance of each sample.
 ///     threads: 0 for as many as there are cores; the bits do not depend on it.
 ///
@@ -195,20 +195,20 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
 ///     nis_dof and fix_status (codes of FIX_STATUS) (A, E); innovation_mps and innovation_sd_mps (A, E, B), NaN where the beam
 ///     was not a row; beam_weight (A, E, B), 1 where the reading counted in full, less where a heavy tail lessened it, 0 where a gate
 ///     took it out, NaN where it was lost; choice (A, E, 3) as in run_batch; unused, rows by stream before the start and after the end. With smooth the
-///     keys of the estimate and sd again with the prefix smoothed_, and smoother_bytes (A,), what each arm kept for the way back.
+///     keys of the estimate and sd again with the prefix smoothed_, and smoother_bytes (A,), what each method kept for the way back.
 ///     With covariances the key covariance (A, T, 20, 20), and smoothed_covariance.
 ///
 /// Raises:
 ///     KernelError: in one line that names the field, or stream, row and time.
 #[pyfunction]
-#[pyo3(signature = (geometry, model, options, arms, log, start, *, sample_time_ns, smooth=false, covariances=false,
+#[pyo3(signature = (geometry, model, options, methods, log, start, *, sample_time_ns, smooth=false, covariances=false,
     threads=1))]
 pub fn replay_log<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
     model: &Bound<'py, PyDict>,
     options: &Bound<'py, PyDict>,
-    arms: Vec<String>,
+    methods: Vec<String>,
     log: &Bound<'py, PyDict>,
     start: &Bound<'py, PyDict>,
     sample_time_ns: &Bound<'py, PyAny>,
@@ -221,7 +221,7 @@ pub fn replay_log<'py>(
     let log = OwnedLog::read(log, beams, &model)?;
     let (state, covariance) = self::start(start)?;
     let sample_time_ns = times("sample_time_ns", sample_time_ns)?;
-    let arms = arms
+    let methods = methods
         .iter()
         .map(|name| Method::named(name).map_err(raise))
         .collect::<PyResult<Vec<_>>>()?;
@@ -232,7 +232,7 @@ pub fn replay_log<'py>(
         options: &options,
         start: state,
         covariance: covariance.as_ref(),
-        methods: &arms,
+        methods: &methods,
         sample_time_ns: &sample_time_ns,
         smooth,
         covariances,
@@ -249,7 +249,7 @@ pub fn replay_log<'py>(
             &track.smoothed
         })?;
         let bytes: Vec<i64> = replayed.tracks.iter().map(|track| track.tape_bytes as i64).collect();
-        out.set_item("smoother_bytes", array(py, bytes, &[arms.len()])?)?;
+        out.set_item("smoother_bytes", array(py, bytes, &[methods.len()])?)?;
     }
     put_pings(&out, &replayed.tracks, log.pings.len(), beams)?;
     let unused = PyDict::new(py);
@@ -265,7 +265,7 @@ pub fn replay_log<'py>(
     Ok(out)
 }
 
-/// Estimates of arms × samples, each key with a prefix.
+/// Estimates of methods × samples, each key with a prefix.
 fn put_series(
     out: &Bound<'_, PyDict>,
     prefix: &str,
@@ -299,12 +299,12 @@ fn put_series(
         states(&|s| s.velocity_p_mps.to_array().to_vec()),
     )?;
     put(
-        "accel_bias_mps2",
+        "accel_bias_p_mps2",
         &[3],
         states(&|s| s.accel_bias_p_mps2.to_array().to_vec()),
     )?;
     put(
-        "gyro_bias_radps",
+        "gyro_bias_p_radps",
         &[3],
         states(&|s| s.gyro_bias_p_radps.to_array().to_vec()),
     )?;
@@ -321,7 +321,7 @@ fn put_series(
     Ok(())
 }
 
-/// What became of each ping, of arms × pings.
+/// What became of each ping, of methods × pings.
 fn put_pings<'py>(out: &Bound<'py, PyDict>, tracks: &[Track], pings: usize, beams: usize) -> PyResult<()> {
     fn put<'py, T: Element>(
         out: &Bound<'py, PyDict>,

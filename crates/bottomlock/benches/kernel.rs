@@ -299,7 +299,7 @@ fn runs(criterion: &mut Criterion) {
             runs: 8,
         };
         group.throughput(Throughput::Elements(8 * methods.len().max(1) as u64 * steps));
-        group.bench_function(format!("eight_of_{}_arms", methods.len()), |bencher| {
+        group.bench_function(format!("eight_of_{}_methods", methods.len()), |bencher| {
             bencher.iter(|| run_batch(&batch, 1).unwrap());
         });
     }

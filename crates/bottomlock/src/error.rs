@@ -105,7 +105,7 @@ pub enum NavError {
         source: Box<NavError>,
     },
     /// An error of one method that flies along a log.
-    #[error("arm {method}: {source}")]
+    #[error("method {method}: {source}")]
     InMethod {
         /// Method name.
         method: &'static str,
@@ -124,13 +124,13 @@ pub enum NavError {
         last_ns: i64,
     },
     /// A method that no smoother can go back over.
-    #[error("a choice between filters has no smoother of its own: smooth the arms that it chooses from, {instead}")]
+    #[error("a choice between filters has no smoother of its own: smooth the methods that it chooses from, {instead}")]
     NoSmoother {
         /// Which methods to smooth in its place.
         instead: &'static str,
     },
     /// An error in one method of one run of a batch.
-    #[error("run {run}, arm {method}: {source}")]
+    #[error("run {run}, method {method}: {source}")]
     InRun {
         /// Run number.
         run: u64,

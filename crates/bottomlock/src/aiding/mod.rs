@@ -246,17 +246,17 @@ pub fn velocity(state: &NavState, velocity_p_mps: &Vec3<Platform>, cov_m2ps2: &M
 /// Depth below the tangent plane's origin, m, of a sensor at `lever_p_m`.
 #[must_use]
 pub fn depth(state: &NavState, depth_m: f64, sd_m: f64, lever_p_m: &Vec3<Platform>) -> Innovation {
-    let arm_t = (state.attitude_t_p * *lever_p_m).0;
+    let method_t = (state.attitude_t_p * *lever_p_m).0;
     let mut innovation = Innovation {
         rows: 1,
         degrees: 1,
         ..Innovation::empty()
     };
-    innovation.residual[0] = depth_m - (state.position_t_m.0.z + arm_t.z);
+    innovation.residual[0] = depth_m - (state.position_t_m.0.z + method_t.z);
     innovation.jacobian[(0, POSITION + 2)] = 1.0;
     // (R l) turns with ρ: ρ × (R l), third component.
-    innovation.jacobian[(0, ATTITUDE)] = arm_t.y;
-    innovation.jacobian[(0, ATTITUDE + 1)] = -arm_t.x;
+    innovation.jacobian[(0, ATTITUDE)] = method_t.y;
+    innovation.jacobian[(0, ATTITUDE + 1)] = -method_t.x;
     innovation.noise[(0, 0)] = sd_m.powi(2);
     innovation
 }
@@ -320,11 +320,11 @@ pub fn gps_position(
     sd_m: &[f64; 3],
     lever_p_m: &Vec3<Platform>,
 ) -> Innovation {
-    let arm_t = state.attitude_t_p * *lever_p_m;
+    let method_t = state.attitude_t_p * *lever_p_m;
     let noise = Matrix3::from_diagonal(&Vector3::from(sd_m.map(|sd| sd * sd)));
-    let mut innovation = Innovation::vector((*position_t_m - state.position_t_m - arm_t).0, &noise);
+    let mut innovation = Innovation::vector((*position_t_m - state.position_t_m - method_t).0, &noise);
     innovation.put(POSITION, &Matrix3::identity());
-    innovation.put(ATTITUDE, &-skew(&arm_t.0));
+    innovation.put(ATTITUDE, &-skew(&method_t.0));
     innovation
 }
 

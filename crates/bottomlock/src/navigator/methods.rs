@@ -96,7 +96,7 @@ impl Method {
             .find(|method| method.name == name)
             .copied()
             .ok_or_else(|| NavError::UnknownName {
-                what: "arm",
+                what: "method",
                 name: name.into(),
                 expected: "ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info, weak_sway, sway_current, consistent",
             })

@@ -319,5 +319,5 @@ fn bad_rows_are_named() {
     let mut mad = steady_turn(3);
     mad.imu[7].force_p_mps2 = Vec3::new(1e308, 1e308, 1e308);
     mad.imu[8].force_p_mps2 = Vec3::new(1e308, 1e308, 1e308);
-    assert!(text(&mad, &[]).starts_with("arm ins: "));
+    assert!(text(&mad, &[]).starts_with("method ins: "));
 }

@@ -253,7 +253,7 @@ fn a_choice_is_refused() {
     request.smooth = true;
     let error = replay(&request, 1).unwrap_err().to_string();
     assert!(
-        error.starts_with("arm consistent: a choice between filters has no smoother"),
+        error.starts_with("method consistent: a choice between filters has no smoother"),
         "{error}"
     );
 }
