@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from bottomlock import kernel, load_scenario, make_world, run_campaign
-from bottomlock.simulation.measurement_schedule import schedule
+from bottomlock import build_simulation, kernel, load_scenario, run_campaign
+from bottomlock.simulation.measurement_schedule import measurement_schedule
 
 METHODS = ["ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc"]
 
@@ -39,13 +39,13 @@ def spread(values: list[float]) -> str:
 
 def flight() -> dict[str, Any]:
     """The packaged straight trajectory, 250 s at 150 Hz, as the kernel takes it."""
-    world = make_world(load_scenario("straight"))
-    scenario, truth = world.scenario, world.truth()
-    model = scenario.kernel_model(world.gravity_mps2)
+    simulation = build_simulation(load_scenario("straight"))
+    scenario, truth = simulation.scenario, simulation.truth()
+    model = scenario.kernel_model(simulation.gravity_mps2)
     return {
-        "geometry": world.geometry, "truth": truth.kernel_arrays(), "simulated": model, "assumed": model,
-        "options": scenario.kernel_options(), "schedule": schedule(world, truth), "seed": 1, "trajectory_key": 2,
-        "first_run": 0, "methods": METHODS,
+        "geometry": simulation.geometry, "truth": truth.kernel_arrays(), "simulated": model, "assumed": model,
+        "options": scenario.kernel_options(), "schedule": measurement_schedule(simulation, truth), "seed": 1,
+        "trajectory_key": 2, "first_run": 0, "methods": METHODS,
     }  # fmt: skip
 
 

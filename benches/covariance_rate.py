@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
-from bottomlock.simulation.measurement_schedule import schedule
-from tests.analytic import analytic_world
+from bottomlock.simulation.measurement_schedule import measurement_schedule
+from tests.analytic import analytic_simulation
 
 RATE_HZ, SECONDS = 150, 250
 PERIODS_NS = {
@@ -78,14 +78,14 @@ def quiet(model: dict[str, Any]) -> dict[str, Any]:
 
 def main() -> None:
     """Fly and print."""
-    world = analytic_world("figure_eight", duration_s=float(SECONDS))
-    scenario = world.scenario
-    smooth = world.truth()
-    model = scenario.kernel_model(world.gravity_mps2)
+    simulation = analytic_simulation("figure_eight", duration_s=float(SECONDS))
+    scenario = simulation.scenario
+    smooth = simulation.truth()
+    model = scenario.kernel_model(simulation.gravity_mps2)
     latitude = model["environment"]["latitude_rad"]
     earth = 7.292115e-5 * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
-    truths = {"smooth": smooth.kernel_arrays(), "rough": rough_truth(world.gravity_mps2, earth)}
-    epochs = schedule(world, smooth)
+    truths = {"smooth": smooth.kernel_arrays(), "rough": rough_truth(simulation.gravity_mps2, earth)}
+    epochs = measurement_schedule(simulation, smooth)
     print("| motion | aiding | covariance | " + " | ".join(BLOCKS) + " |\n|---" * 1 + "|---" * 5 + "|")
     for motion, truth in truths.items():
         for method in ("ins", "tc"):
@@ -93,7 +93,7 @@ def main() -> None:
             def sd(period_ns: int, method: str = method, truth: dict[str, Any] = truth) -> Vectors:
                 options = scenario.kernel_options() | {"covariance_period_ns": period_ns, "gate": "off"}
                 flown = kernel.run_batch(
-                    geometry=world.geometry, truth=truth, simulated=quiet(model), assumed=model, options=options,
+                    geometry=simulation.geometry, truth=truth, simulated=quiet(model), assumed=model, options=options,
                     schedule=epochs, methods=[method], seed=1, trajectory_key=2, first_run=0, runs=1, threads=1,
                 )  # fmt: skip
                 return np.asarray(flown["sd"])[0, 0]

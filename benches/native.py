@@ -2,9 +2,9 @@
 
     python benches/native.py [--rounds 9] [--seconds 250]
 
-Builds example `compare_filters` twice, the second time with `-C target-cpu=native` into a folder of its own, and times both in
-turn on the readings of `compare.py`. Times are those that the thread had on a core; ratios are medians of the rounds'
-own. Both must end with the same covariance, bit for bit.
+Builds example `compare_filters` twice, the second time with `-C target-cpu=native` into a folder of its own, and times
+both in turn on the readings of `compare.py`. Times are those that the thread had on a core; ratios are medians of the
+rounds' own. Both must end with the same covariance, bit for bit.
 """
 
 from __future__ import annotations

@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 from campaign import METHODS, flight
 
-from bottomlock import kernel, load_scenario, make_world, run_campaign
+from bottomlock import build_simulation, kernel, load_scenario, run_campaign
 from bottomlock.campaign.aggregate import open_tallies, tabulate
-from bottomlock.campaign.chunk import Chunk, fly_chunk
+from bottomlock.campaign.chunk import Chunk, run_chunk
 from bottomlock.campaign.directory import write_chunk
-from bottomlock.campaign.partition import Plan
+from bottomlock.campaign.partition import Partition
 
 STEPS = 37_500
 
@@ -62,9 +62,9 @@ def of_kernel(runs: int, rounds: int) -> dict[str, float]:
 def of_python(runs: int, rounds: int, kernel_ms: float) -> dict[str, float]:
     """Parts of a campaign outside the kernel, ms."""
     scenario = load_scenario("straight").with_overrides(runs=runs, methods=METHODS)
-    world, plan = make_world(scenario), Plan.of(scenario)
-    chunks = [Chunk(world, span) for span in plan.spans()]
-    flown = [fly_chunk(chunk, threads=1) for chunk in chunks]
+    simulation, plan = build_simulation(scenario), Partition.of(scenario)
+    chunks = [Chunk(simulation, span) for span in plan.spans()]
+    flown = [run_chunk(chunk, threads=1) for chunk in chunks]
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
 
@@ -81,9 +81,9 @@ def of_python(runs: int, rounds: int, kernel_ms: float) -> dict[str, float]:
                 run_campaign([scenario], Path(other) / "campaign", threads=1)
 
         parts = {
-            "world: vehicle, trim, mission": least(lambda: make_world(scenario), rounds),
-            "truth from the cache": least(world.truth, rounds),
-            "frames of the chunks": least(lambda: [fly_chunk(chunk, threads=1) for chunk in chunks], rounds)
+            "world: vehicle, trim, mission": least(lambda: build_simulation(scenario), rounds),
+            "truth from the cache": least(simulation.truth, rounds),
+            "frames of the chunks": least(lambda: [run_chunk(chunk, threads=1) for chunk in chunks], rounds)
             - kernel_ms,
             "Parquet of the chunks": least(write, rounds),
             "tables: reading, statistics, bootstrap": least(tables, rounds),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.simulation.build import World, make_world
-from bottomlock.simulation.measurement_schedule import schedule
+from bottomlock.simulation.build import Simulation, build_simulation
+from bottomlock.simulation.measurement_schedule import measurement_schedule
 
 _SHAPES: dict[str, dict[str, Any]] = {
     "straight": {},
@@ -22,18 +22,18 @@ def analytic(name: str, **change: Any) -> Scenario:  # noqa: ANN401 - any key of
     return packaged.with_trajectory(source="analytic", kind=name, **_SHAPES[name], **change)
 
 
-def analytic_world(name: str, **change: Any) -> World:  # noqa: ANN401 - any key of the section
+def analytic_simulation(name: str, **change: Any) -> Simulation:  # noqa: ANN401 - any key of the section
     """Its world."""
-    return make_world(analytic(name, **change))
+    return build_simulation(analytic(name, **change))
 
 
 def batch_along(duration_s: float) -> dict[str, Any]:
     """What `kernel.run_batch` wants, but for runs, methods and threads: the straight trajectory, for a while."""
-    world = analytic_world("straight", duration_s=duration_s)
-    scenario, truth = world.scenario, world.truth()
-    model = scenario.kernel_model(world.gravity_mps2)
+    simulation = analytic_simulation("straight", duration_s=duration_s)
+    scenario, truth = simulation.scenario, simulation.truth()
+    model = scenario.kernel_model(simulation.gravity_mps2)
     return {
-        "geometry": world.geometry, "truth": truth.kernel_arrays(), "simulated": model, "assumed": model,
-        "options": scenario.kernel_options(), "schedule": schedule(world, truth), "seed": 1, "trajectory_key": 2,
-        "first_run": 0,
+        "geometry": simulation.geometry, "truth": truth.kernel_arrays(), "simulated": model, "assumed": model,
+        "options": scenario.kernel_options(), "schedule": measurement_schedule(simulation, truth), "seed": 1,
+        "trajectory_key": 2, "first_run": 0,
     }  # fmt: skip

@@ -17,17 +17,17 @@ METHODS = ("lc", "sway_current")
 def flown(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
     """Runs whose initial misalignment is `tilt_factor` times what the filters assume."""
     scenario = bottomlock.load_scenario("straight")
-    world = bottomlock.make_world(scenario)
-    truth = world.truth()
-    assumed: Any = scenario.kernel_model(world.gravity_mps2)
+    simulation = bottomlock.build_simulation(scenario)
+    truth = simulation.truth()
+    assumed: Any = scenario.kernel_model(simulation.gravity_mps2)
     initial = assumed["initial"]
     off = initial | {"attitude_sd_rad": [tilt_factor * sd for sd in initial["attitude_sd_rad"]]}
     options: Any = scenario.kernel_options() | {"gate_reopen_fixes": reopen_fixes}
     arrays: Any = truth.kernel_arrays()
-    schedule: Any = bottomlock.schedule(world, truth)
+    schedule: Any = bottomlock.measurement_schedule(simulation, truth)
     return dict(
         bottomlock.run_batch(
-            world.geometry, arrays, assumed | {"initial": off}, assumed, options, schedule, list(METHODS),
+            simulation.geometry, arrays, assumed | {"initial": off}, assumed, options, schedule, list(METHODS),
             seed=SEED, trajectory_key=trajectory_key("straight"), first_run=0, runs=RUNS, threads=0,
         )
     )  # fmt: skip

@@ -33,10 +33,11 @@ if TYPE_CHECKING:
     from bottomlock.io.beam_table import read_beam_table
     from bottomlock.io.beams import read_beams, read_geometry
     from bottomlock.io.formats import read_recording
-    from bottomlock.simulation.build import World, make_world
-    from bottomlock.simulation.measurement_schedule import schedule
+    from bottomlock.simulation.build import Simulation, build_simulation
+    from bottomlock.simulation.measurement_schedule import measurement_schedule
     from bottomlock.simulation.sensor_streams import sensor_streams
-    from bottomlock.truth.trajectory import Truth, make_truth
+    from bottomlock.truth.analytic import analytic_truth
+    from bottomlock.truth.truth import Truth
 
 __version__ = kernel_version()
 
@@ -53,12 +54,13 @@ __all__ = [
     "Scenario",
     "ScenarioError",
     "Shard",
+    "Simulation",
     "Truth",
     "VelocityFixes",
-    "World",
+    "analytic_truth",
+    "build_simulation",
     "load_scenario",
-    "make_truth",
-    "make_world",
+    "measurement_schedule",
     "merge_shards",
     "normal_gravity_mps2",
     "packaged_scenarios",
@@ -70,7 +72,6 @@ __all__ = [
     "run_batch",
     "run_campaign",
     "run_shard",
-    "schedule",
     "sensor_streams",
     "simulate_sensors",
     "solve_velocity",
@@ -80,11 +81,11 @@ __all__ = [
 _LAZY = {
     "Scenario": "bottomlock.config.scenario",
     "Shard": "bottomlock.campaign.partition",
-    "Truth": "bottomlock.truth.trajectory",
-    "World": "bottomlock.simulation.build",
+    "Truth": "bottomlock.truth.truth",
+    "Simulation": "bottomlock.simulation.build",
     "load_scenario": "bottomlock.config.scenario",
-    "make_truth": "bottomlock.truth.trajectory",
-    "make_world": "bottomlock.simulation.build",
+    "analytic_truth": "bottomlock.truth.analytic",
+    "build_simulation": "bottomlock.simulation.build",
     "merge_shards": "bottomlock.campaign.merge",
     "packaged_scenarios": "bottomlock.config.scenario",
     "read_beam_table": "bottomlock.io.beam_table",
@@ -93,7 +94,7 @@ _LAZY = {
     "read_recording": "bottomlock.io.formats",
     "run_campaign": "bottomlock.campaign.run",
     "run_shard": "bottomlock.campaign.run",
-    "schedule": "bottomlock.simulation.measurement_schedule",
+    "measurement_schedule": "bottomlock.simulation.measurement_schedule",
     "sensor_streams": "bottomlock.simulation.sensor_streams",
 }
 

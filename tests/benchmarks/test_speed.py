@@ -14,7 +14,7 @@ from bottomlock import kernel
 from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import load_scenario
 from bottomlock.plant import swim
-from bottomlock.simulation.build import make_world
+from bottomlock.simulation.build import build_simulation
 from tests.analytic import batch_along
 
 
@@ -87,9 +87,9 @@ def test_solve_ten_thousand_pings(benchmark: BenchmarkFixture, method: str) -> N
 @pytest.mark.parametrize("name", ["straight", "figure_eight", "lawn_mower"])
 def test_swim(benchmark: BenchmarkFixture, name: str) -> None:
     """A truth from nothing: 250 s of the vehicle at the IMU's rate."""
-    world = make_world(load_scenario(name))
-    vehicle, mission = world.vehicle, world.mission
+    simulation = build_simulation(load_scenario(name))
+    vehicle, mission = simulation.vehicle, simulation.mission
     assert vehicle is not None
     assert mission is not None
-    passage = benchmark(swim, vehicle, mission, gravity_mps2=world.gravity_mps2)
+    passage = benchmark(swim, vehicle, mission, gravity_mps2=simulation.gravity_mps2)
     assert len(passage.time_ns) == 37_501

@@ -21,7 +21,7 @@ from bottomlock.observability.tables import (
     PaperCase,
     manoeuvre_table,
 )
-from bottomlock.truth.manoeuvres import MANOEUVRES, fly
+from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
 from tests.oracle.observability_rows import ZERO, Rows, stacked
 from tests.oracle.observability_series import (
     PRIMES,
@@ -215,7 +215,9 @@ def other_rank(name: str, aiding: Aiding, *, turning: bool, lever: bool, order: 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_heading_and_gps(name: str, lever: bool, turning: bool) -> None:
     """The rows of heading, GPS position and GPS velocity, with and without lever arms."""
-    truth = fly(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=EARTH_RATE_RADPS if turning else 0.0)
+    truth = manoeuvre_truth(
+        MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=EARTH_RATE_RADPS if turning else 0.0
+    )
     arms: dict[str, Any] = {}
     if lever:
         arms = {
@@ -246,7 +248,7 @@ def test_heading_and_gps(name: str, lever: bool, turning: bool) -> None:
 def test_lever_arms_have_their_columns() -> None:
     """Eq. 22 in full: with lever arms a turning Earth reaches the beams' misalignment columns too."""
     name = "figure_eight"
-    truth = fly(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=EARTH_RATE_RADPS)
+    truth = manoeuvre_truth(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=EARTH_RATE_RADPS)
     sets = [Aiding(beams=mask) for mask in ((1, 2), (1, 2, 3), (1, 2, 3, 4))]
     for aiding, found in zip(sets, observe(truth, geometry(lever=True), sets, period_s=2.0), strict=True):
         if found.decided:
@@ -281,5 +283,5 @@ def test_three_beam_instruments(name: str, turning: bool) -> None:
 
 
 def test_the_latitude_of_the_oracle_is_that_of_the_truth() -> None:
-    truth = fly(MANOEUVRES["hover"], rate_hz=10.0)
+    truth = manoeuvre_truth(MANOEUVRES["hover"], rate_hz=10.0)
     assert math.cos(truth.latitude_rad) == pytest.approx(0.8, abs=1e-15)

@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 import bottomlock
-from tests.analytic import analytic_world
+from tests.analytic import analytic_simulation
 from tests.oracle.rotations import Array
 
 # Fixed before the first run was flown: the day the paper appeared.
@@ -47,15 +47,15 @@ def fly(
     changes: tuple[tuple[str, Any], ...] = (),
 ) -> Ensemble:
     """Flies a packaged scenario on its analytic truth; `changes` are filter settings other than the packaged ones."""
-    world = analytic_world(name)
-    scenario, truth = world.scenario, world.truth()
-    schedule = bottomlock.schedule(world, truth)
+    simulation = analytic_simulation(name)
+    scenario, truth = simulation.scenario, simulation.truth()
+    schedule = bottomlock.measurement_schedule(simulation, truth)
     schedule["sample_time_ns"] = schedule["sample_time_ns"][every_s - 1 :: every_s]
     options = scenario.kernel_options() | dict(changes)
-    model: Any = scenario.kernel_model(world.gravity_mps2)
+    model: Any = scenario.kernel_model(simulation.gravity_mps2)
     arrays: Any = truth.kernel_arrays()
     batch: Any = bottomlock.run_batch(
-        world.geometry,
+        simulation.geometry,
         arrays,
         model,
         model,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import bottomlock
-from tests.analytic import analytic_world
+from tests.analytic import analytic_simulation
 from tests.oracle.rotations import Array, log_rotation, matrix_from_quaternion
 from tests.statistical.ensembles import SEED
 
@@ -28,10 +28,10 @@ HUBER: dict[str, Any] = {"gate": "off", "robust": {"tail": "huber", "huber_thres
 @lru_cache(maxsize=8)
 def streams(trajectory: str, *, heavy: bool, lost: tuple[int, ...]) -> tuple[Any, ...]:
     """World, model, samples, truth at the samples, and a (log, start) for every run."""
-    world = analytic_world(trajectory)
-    truth = world.truth()
-    plan: Any = bottomlock.schedule(world, truth)
-    model: Any = world.scenario.kernel_model(world.gravity_mps2)
+    simulation = analytic_simulation(trajectory)
+    truth = simulation.truth()
+    plan: Any = bottomlock.measurement_schedule(simulation, truth)
+    model: Any = simulation.scenario.kernel_model(simulation.gravity_mps2)
     scale = model["dvl"]["beam_noise_sd_mps"]
     silent = model | {"dvl": model["dvl"] | {"beam_noise_sd_mps": 0.0}}
     arrays: Any = truth.kernel_arrays()
@@ -40,7 +40,7 @@ def streams(trajectory: str, *, heavy: bool, lost: tuple[int, ...]) -> tuple[Any
     runs = []
     for run in range(RUNS):
         drawn = bottomlock.simulate_sensors(
-            world.geometry, arrays, silent, plan, seed=SEED, trajectory_key=17, run=run
+            simulation.geometry, arrays, silent, plan, seed=SEED, trajectory_key=17, run=run
         )
         rng = np.random.default_rng([SEED, run])
         shape = drawn["dvl_velocity_mps"].shape
@@ -65,20 +65,26 @@ def streams(trajectory: str, *, heavy: bool, lost: tuple[int, ...]) -> tuple[Any
         }
         runs.append((log, drawn["initial"]))
     at = np.searchsorted(arrays["time_ns"], sample_ns)
-    return world, model, sample_ns, {key: arrays[key][at] for key in ("attitude_t_p", "velocity_p_mps")}, runs
+    return (
+        simulation,
+        model,
+        sample_ns,
+        {key: arrays[key][at] for key in ("attitude_t_p", "velocity_p_mps")},
+        runs,
+    )
 
 
 def fly(
     trajectory: str, way: dict[str, Any], *, heavy: bool, lost: tuple[int, ...] = ()
 ) -> tuple[Array, Array]:
     """Squared velocity error (runs, T) and NEES of attitude and velocity (runs, T) of TC flown in one way."""
-    world, model, sample_ns, true, runs = streams(trajectory, heavy=heavy, lost=lost)
-    options = world.scenario.kernel_options() | {key: way[key] for key in way if key != "scale"}
+    simulation, model, sample_ns, true, runs = streams(trajectory, heavy=heavy, lost=lost)
+    options = simulation.scenario.kernel_options() | {key: way[key] for key in way if key != "scale"}
     assumed = model["dvl"]["beam_noise_sd_mps"] * way.get("scale", 1.0)
     square, nees = [], []
     for log, start in runs:
         out: Any = bottomlock.replay_log(
-            world.geometry,
+            simulation.geometry,
             model | {"dvl": model["dvl"] | {"beam_noise_sd_mps": assumed}},
             options,
             ["tc"],

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel import BeamGeometry, run_batch
 from bottomlock.observability.analysis import Aiding, deviations
-from bottomlock.truth.manoeuvres import MANOEUVRES, fly
+from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
 
 RUNS = 120
 
@@ -21,7 +21,7 @@ def test_predicted_deviations_are_what_errors_scatter(name: str, beams: tuple[in
     """Position, misalignment and velocity at the end: drawn errors lie in the chi-squared band of the prediction."""
     scenario = load_scenario("straight")
     environment = scenario.kernel_model(9.8125)["environment"]
-    truth = fly(
+    truth = manoeuvre_truth(
         MANOEUVRES[name],
         rate_hz=150.0,
         latitude_rad=environment["latitude_rad"],

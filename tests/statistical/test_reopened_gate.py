@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import bottomlock
-from tests.analytic import analytic_world
+from tests.analytic import analytic_simulation
 from tests.oracle.rotations import Array
 from tests.statistical import ensembles
 
@@ -25,18 +25,18 @@ RUNS = 100
 @lru_cache(maxsize=8)
 def flown(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
     """Runs whose initial misalignment is `tilt_factor` times what the filters assume."""
-    world = analytic_world("straight")
-    scenario, truth = world.scenario, world.truth()
-    schedule: Any = bottomlock.schedule(world, truth)
+    simulation = analytic_simulation("straight")
+    scenario, truth = simulation.scenario, simulation.truth()
+    schedule: Any = bottomlock.measurement_schedule(simulation, truth)
     schedule["sample_time_ns"] = schedule["sample_time_ns"][9::10]
-    assumed: Any = scenario.kernel_model(world.gravity_mps2)
+    assumed: Any = scenario.kernel_model(simulation.gravity_mps2)
     initial = assumed["initial"]
     off = initial | {"attitude_sd_rad": [tilt_factor * sd for sd in initial["attitude_sd_rad"]]}
     options: Any = scenario.kernel_options() | {"gate_reopen_fixes": reopen_fixes}
     arrays: Any = truth.kernel_arrays()
     return dict(
         bottomlock.run_batch(
-            world.geometry, arrays, assumed | {"initial": off}, assumed, options, schedule, list(METHODS),
+            simulation.geometry, arrays, assumed | {"initial": off}, assumed, options, schedule, list(METHODS),
             seed=ensembles.SEED, trajectory_key=23, first_run=0, runs=RUNS, threads=1,
         )
     )  # fmt: skip

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import bottomlock
-from tests.analytic import analytic_world
+from tests.analytic import analytic_simulation
 from tests.oracle import chi_squared
 from tests.oracle.rotations import Array, log_rotation, matrix_from_quaternion
 from tests.statistical.ensembles import SEED
@@ -31,10 +31,10 @@ STATES = 15
 @lru_cache(maxsize=2)
 def fly(trajectory: str) -> dict[str, Array]:
     """NEES (runs, T) and squared errors of position (runs, T, 3), filtered and smoothed."""
-    world = analytic_world(trajectory)
-    scenario, truth = world.scenario, world.truth()
-    plan: Any = bottomlock.schedule(world, truth)
-    model: Any = scenario.kernel_model(world.gravity_mps2)
+    simulation = analytic_simulation(trajectory)
+    scenario, truth = simulation.scenario, simulation.truth()
+    plan: Any = bottomlock.measurement_schedule(simulation, truth)
+    model: Any = scenario.kernel_model(simulation.gravity_mps2)
     options: Any = scenario.kernel_options()
     arrays: Any = truth.kernel_arrays()
     plan["gps_time_ns"] = plan["dvl_time_ns"][-1:]
@@ -43,7 +43,7 @@ def fly(trajectory: str) -> dict[str, Array]:
     out: dict[str, list[Array]] = {"nees": [], "smoothed_nees": [], "square": [], "smoothed_square": []}
     for run in range(RUNS):
         streams = bottomlock.simulate_sensors(
-            world.geometry, arrays, model, plan, seed=SEED, trajectory_key=17, run=run
+            simulation.geometry, arrays, model, plan, seed=SEED, trajectory_key=17, run=run
         )
         none: Any = np.empty(0, dtype=np.int64)
         log: Any = {
@@ -63,7 +63,7 @@ def fly(trajectory: str) -> dict[str, Array]:
             "gps_position_t_m": streams["gps_position_t_m"],
         }
         flown: Any = bottomlock.replay_log(
-            world.geometry,
+            simulation.geometry,
             model,
             options,
             ["lc"],

@@ -73,17 +73,17 @@ def swum(name: str, current_mps: float, runs: int = 100) -> dict[str, Any]:
     """The vehicle in still water, or in a current that sets to the east."""
     packaged = bottomlock.load_scenario(name)
     current = {"speed_mps": current_mps, "towards_deg": 90.0}
-    world = bottomlock.make_world(
+    simulation = bottomlock.build_simulation(
         packaged.model_copy(update={"mission": packaged.mission | {"current": current}})
     )
-    truth = world.truth()
-    schedule: Any = bottomlock.schedule(world, truth)
+    truth = simulation.truth()
+    schedule: Any = bottomlock.measurement_schedule(simulation, truth)
     schedule["sample_time_ns"] = schedule["sample_time_ns"][4::5]
-    model: Any = packaged.kernel_model(world.gravity_mps2)
+    model: Any = packaged.kernel_model(simulation.gravity_mps2)
     options: Any = packaged.kernel_options()
     arrays: Any = truth.kernel_arrays()
     batch: Any = bottomlock.run_batch(
-        world.geometry, arrays, model, model, options, schedule, list(METHODS),
+        simulation.geometry, arrays, model, model, options, schedule, list(METHODS),
         seed=ensembles.SEED, trajectory_key=17, first_run=0, runs=runs, threads=1,
     )  # fmt: skip
     return dict(batch)

@@ -9,7 +9,7 @@ import pytest
 
 from bottomlock.campaign import error_blocks, partition
 from bottomlock.campaign.error_blocks import open_blocks
-from bottomlock.campaign.partition import Plan
+from bottomlock.campaign.partition import Partition
 from bottomlock.campaign.run import run_campaign
 from bottomlock.errors import OutputError
 from bottomlock.statistics import campaign
@@ -19,7 +19,7 @@ from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 TIMES = 40
 
 
-def norms(cut: Plan) -> dict[str, np.ndarray[tuple[int, int, int], np.dtype[np.float64]]]:
+def norms(cut: Partition) -> dict[str, np.ndarray[tuple[int, int, int], np.dtype[np.float64]]]:
     """Numbers that tell norm, run, method and time, as (runs, methods, times)."""
     shape = (cut.runs, len(cut.methods), TIMES)
     return {name: (k + np.arange(np.prod(shape)) / 1e6).reshape(shape) for k, name in enumerate(NORMS)}
@@ -29,7 +29,7 @@ def norms(cut: Plan) -> dict[str, np.ndarray[tuple[int, int, int], np.dtype[np.f
 def test_what_is_put_is_got(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held: int) -> None:
     """One time a block, some, all: every norm of every run at its place, in any order of the chunks."""
     monkeypatch.setattr(error_blocks, "VALUES_HELD", held)
-    cut = Plan("s", ("a", "b"), runs=7, runs_per_chunk=3, nees_degrees=20)
+    cut = Partition("s", ("a", "b"), runs=7, runs_per_chunk=3, nees_degrees=20)
     expected = norms(cut)
     with open_blocks(tmp_path, cut, TIMES) as turned:
         for span in reversed(cut.spans()):
@@ -46,7 +46,7 @@ def test_what_is_put_is_got(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hel
 def test_memory_is_that_of_a_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Twenty times as many values as may be held: no more than two blocks' worth at a time."""
     monkeypatch.setattr(error_blocks, "VALUES_HELD", 50_000)
-    cut = Plan("s", ("a", "b"), runs=2_500, runs_per_chunk=50, nees_degrees=20)
+    cut = Partition("s", ("a", "b"), runs=2_500, runs_per_chunk=50, nees_degrees=20)
     chunk = pl.DataFrame({name: np.zeros(50 * 2 * TIMES) for name in NORMS})
     with open_blocks(tmp_path, cut, TIMES) as turned:
         tracemalloc.start()
@@ -79,6 +79,6 @@ def test_the_bootstrap_draws_the_same_in_parts(monkeypatch: pytest.MonkeyPatch) 
 def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
     with (
         pytest.raises(OutputError, match="cannot be written"),
-        open_blocks(tmp_path / "nowhere", Plan("s", ("a",), 1, 1, 20), TIMES),
+        open_blocks(tmp_path / "nowhere", Partition("s", ("a",), 1, 1, 20), TIMES),
     ):
         pass

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from bottomlock.campaign import partition
-from bottomlock.campaign.run import Progress, run_campaign
+from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.tables.schema import CONSISTENCY, ENSEMBLE, RUNS, check
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, TABLES, short
@@ -50,11 +50,11 @@ def test_bits_do_not_depend_on_threads_or_interruption(tmp_path: Path) -> None:
     run_campaign([short()], tmp_path / "two", threads=2)
     same_tables(tmp_path / "one", tmp_path / "two")
 
-    def stop(_: Progress) -> None:
+    def stop(_: CampaignProgress) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_campaign([short()], tmp_path / "broken", threads=1, tell=stop)
+        run_campaign([short()], tmp_path / "broken", threads=1, progress=stop)
     finished = sorted((tmp_path / "broken" / "chunks" / "straight").glob("samples-*"))
     stamps = [path.stat().st_mtime_ns for path in finished]
     assert len(finished) == 1
@@ -122,6 +122,6 @@ def test_progress_counts_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     """Each chunk is told once, in order."""
     monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
     heard: list[float] = []
-    listen: Callable[[Progress], None] = lambda state: heard.append(state.runs_done)  # noqa: E731
-    run_campaign([short()], tmp_path / "o", threads=1, tell=listen)
+    listen: Callable[[CampaignProgress], None] = lambda state: heard.append(state.runs_done)  # noqa: E731
+    run_campaign([short()], tmp_path / "o", threads=1, progress=listen)
     assert heard == [2, 4, 5]

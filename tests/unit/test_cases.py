@@ -5,8 +5,8 @@ import pytest
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.simulation.build import make_world
-from bottomlock.simulation.measurement_schedule import schedule
+from bottomlock.simulation.build import build_simulation
+from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.studies import cases
 
 KEPT = {"dvl", "seabed"}
@@ -17,8 +17,8 @@ def short(name: str = "straight", seconds: float = 20.0) -> Scenario:
 
 
 def valid(scenario: Scenario, runs: int = 1) -> np.ndarray:
-    world = make_world(scenario)
-    flags: np.ndarray = schedule(world, world.truth(), runs=runs)["beam_valid"]
+    simulation = build_simulation(scenario)
+    flags: np.ndarray = measurement_schedule(simulation, simulation.truth(), runs=runs)["beam_valid"]
     return flags
 
 

@@ -13,15 +13,15 @@ from typing import Any
 import pytest
 
 from bottomlock.campaign import engine, partition, run
-from bottomlock.campaign.chunk import Chunk, fly_chunk
+from bottomlock.campaign.chunk import Chunk, run_chunk
 from bottomlock.campaign.engine import check_engine
 from bottomlock.campaign.merge import merge_shards
-from bottomlock.campaign.partition import Shard, Span
-from bottomlock.campaign.run import Progress, run_campaign, run_shard
+from bottomlock.campaign.partition import RunRange, Shard
+from bottomlock.campaign.run import CampaignProgress, run_campaign, run_shard
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import EngineError
 from bottomlock.kernel import KernelError
-from bottomlock.simulation.build import make_world
+from bottomlock.simulation.build import build_simulation
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
 needs_dask = pytest.mark.skipif(
@@ -94,14 +94,14 @@ def test_a_worker_that_is_killed_changes_no_bit(tmp_path: Path, processes: Any, 
     victim = next(iter(processes.workers.values())).pid
     heard: list[float] = []
 
-    def kill(state: Progress) -> None:
+    def kill(state: CampaignProgress) -> None:
         heard.append(state.runs_done)
         if len(heard) == 3:
             os.kill(victim, signal.SIGKILL)
 
     out = tmp_path / "o"
     results = run_campaign(
-        [short(RUNS)], out, engine="dask", scheduler=processes.scheduler_address, tell=kill
+        [short(RUNS)], out, engine="dask", scheduler=processes.scheduler_address, progress=kill
     )
     same_bits(whole, out)
     assert len(heard) == RUNS // 2
@@ -116,13 +116,13 @@ def test_broken_off_on_a_cluster_and_resumed_without(tmp_path: Path, processes: 
     """What a cluster has finished counts on this machine, too, and the other way round; shards can be flown by one."""
     address = processes.scheduler_address
 
-    def stop(state: Progress) -> None:
+    def stop(state: CampaignProgress) -> None:
         if state.runs_done >= 6:
             raise KeyboardInterrupt
 
     out = tmp_path / "o"
     with pytest.raises(KeyboardInterrupt):
-        run_campaign([short(RUNS)], out, engine="dask", scheduler=address, tell=stop)
+        run_campaign([short(RUNS)], out, engine="dask", scheduler=address, progress=stop)
     assert len(list(out.glob("chunks/*/counts-*"))) == 3
     run_campaign([short(RUNS)], out, threads=2)
     same_bits(whole, out)
@@ -142,7 +142,7 @@ def test_vehicles_that_fly_on_estimates_travel_too(
     """Over a seabed: everything that a scenario names goes to the worker with the chunk."""
     packaged = load_scenario("slope").with_overrides(runs=3, methods=["ins", "tc"])
     flight = packaged.with_trajectory(feedback="estimate", duration_s=12.0)
-    monkeypatch.setattr(partition, "FLEET_VEHICLES", 2)
+    monkeypatch.setattr(partition, "CLOSED_LOOP_VEHICLES", 2)
     run_campaign([flight], tmp_path / "one", threads=1)
     run_campaign([flight], tmp_path / "two", engine="dask", scheduler=processes.scheduler_address)
     same_bits(tmp_path / "one", tmp_path / "two")
@@ -160,9 +160,9 @@ def test_what_the_kernel_refuses_comes_back(
     def refuse(chunk: Chunk, **settings: Any) -> object:  # noqa: ANN401
         if chunk.span.first_run == 2:
             raise KernelError("run 2, method tc: not finite")
-        return fly_chunk(chunk, **settings)
+        return run_chunk(chunk, **settings)
 
-    monkeypatch.setattr(dask_engine, "fly_chunk", refuse)
+    monkeypatch.setattr(dask_engine, "run_chunk", refuse)
     with pytest.raises(KernelError, match="run 2, method tc: not finite"):
         run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address)
     assert [path.name for path in tmp_path.glob("chunks/*/counts-*")] == ["counts-00000000-00000001.parquet"]
@@ -176,7 +176,7 @@ def test_a_fault_on_the_cluster_names_the_chunk(
 ) -> None:
     from bottomlock.campaign import dask_engine
 
-    monkeypatch.setattr(dask_engine, "fly_chunk", lambda *_, **__: 1 / 0)
+    monkeypatch.setattr(dask_engine, "run_chunk", lambda *_, **__: 1 / 0)
     words = r"straight, chunk 00000000-00000001.parquet: scheduler .* failed \(ZeroDivisionError: division by zero\)"
     with pytest.raises(EngineError, match=words):
         run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address)
@@ -205,12 +205,12 @@ def test_workers_of_another_version_are_refused(
 def test_a_cluster_without_workers(tmp_path: Path, threads: Any) -> None:  # noqa: ANN401
     """Said after a while, before anything is written; and when the last one leaves in mid-campaign."""
 
-    def leave(_: Progress) -> None:
+    def leave(_: CampaignProgress) -> None:
         threads.scale(0)
 
     with pytest.raises(EngineError, match=r"has had no worker for .* the same command resumes"):
         run_campaign(
-            [short()], tmp_path / "o", engine="dask", scheduler=threads.scheduler_address, tell=leave
+            [short()], tmp_path / "o", engine="dask", scheduler=threads.scheduler_address, progress=leave
         )
     with pytest.raises(EngineError, match="no worker in"):
         run_campaign([short()], tmp_path / "p", engine="dask", scheduler=threads.scheduler_address)
@@ -221,11 +221,11 @@ def test_a_cluster_without_workers(tmp_path: Path, threads: Any) -> None:  # noq
 def test_a_scheduler_that_goes_away(tmp_path: Path, threads: Any) -> None:  # noqa: ANN401
     """The message says that the same command resumes, and so it does."""
 
-    def leave(_: Progress) -> None:
+    def leave(_: CampaignProgress) -> None:
         threads.close()
 
     with pytest.raises(EngineError, match="the same command resumes"):
-        run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address, tell=leave)
+        run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address, progress=leave)
     assert run_campaign([short()], tmp_path, threads=1).runs.height == 15
 
 
@@ -281,8 +281,8 @@ def test_an_engine_may_finish_in_any_order(
     """The tables are those of the runs in order."""
 
     class Backwards(engine.LocalEngine):
-        def fly(self, chunks: Any, tell: Any) -> Any:  # noqa: ANN401
-            return super().fly(list(reversed(chunks)), tell)
+        def fly(self, chunks: Any, progress: Any) -> Any:  # noqa: ANN401
+            return super().fly(list(reversed(chunks)), progress)
 
     monkeypatch.setattr(engine, "LocalEngine", Backwards)
     run_campaign([short(RUNS)], tmp_path / "o", threads=1)
@@ -294,11 +294,11 @@ def test_a_world_travels_without_its_beams(name: str) -> None:
     """The kernel's geometry cannot be pickled, and is made again; the content is the same."""
     import pickle
 
-    world = make_world(load_scenario(name))
-    copy = pickle.loads(pickle.dumps(Chunk(world, Span(0, 2)))).world
-    assert copy.fingerprint() == world.fingerprint()
-    assert copy.geometry.directions_p.tolist() == world.geometry.directions_p.tolist()
-    assert len(pickle.dumps(world)) < 100_000, "it goes along with every chunk"
+    simulation = build_simulation(load_scenario(name))
+    copy = pickle.loads(pickle.dumps(Chunk(simulation, RunRange(0, 2)))).simulation
+    assert copy.fingerprint() == simulation.fingerprint()
+    assert copy.geometry.directions_p.tolist() == simulation.geometry.directions_p.tolist()
+    assert len(pickle.dumps(simulation)) < 100_000, "it goes along with every chunk"
 
 
 def test_failing_to_write_calls_off_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -306,9 +306,9 @@ def test_failing_to_write_calls_off_the_rest(tmp_path: Path, monkeypatch: pytest
     closed: list[bool] = []
 
     class Watched(engine.LocalEngine):
-        def fly(self, chunks: Any, tell: Any) -> Any:  # noqa: ANN401
+        def fly(self, chunks: Any, progress: Any) -> Any:  # noqa: ANN401
             try:
-                yield from super().fly(chunks, tell)
+                yield from super().fly(chunks, progress)
             finally:
                 closed.append(True)
 

@@ -7,12 +7,12 @@ import polars as pl
 import pytest
 
 from bottomlock.campaign import partition
-from bottomlock.campaign.closed_loop import fly_on_estimates
+from bottomlock.campaign.closed_loop import run_closed_loop
 from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.simulation.build import make_world
-from tests.analytic import analytic_world
+from bottomlock.simulation.build import build_simulation
+from tests.analytic import analytic_simulation
 
 
 def scenario(name: str = "lawn_mower", *, seconds: float = 12.0, **campaign_keys: object) -> Scenario:
@@ -24,11 +24,11 @@ def scenario(name: str = "lawn_mower", *, seconds: float = 12.0, **campaign_keys
 
 def test_bits_do_not_depend_on_company() -> None:
     """Run 3 of TC is the same among seven runs and two methods, alone, and as pilot of a crew."""
-    world = make_world(scenario())
+    simulation = build_simulation(scenario())
     key: Any = {"trajectory_key": 5, "threads": 2}
-    crowd = fly_on_estimates(world, ["ins", "tc"], pilot="own", first_run=0, runs=7, **key)
-    alone = fly_on_estimates(world, ["tc"], pilot="tc", first_run=3, runs=1, **key)
-    crew = fly_on_estimates(world, ["ins", "tc"], pilot="tc", first_run=3, runs=1, **key)
+    crowd = run_closed_loop(simulation, ["ins", "tc"], pilot="own", first_run=0, runs=7, **key)
+    alone = run_closed_loop(simulation, ["tc"], pilot="tc", first_run=3, runs=1, **key)
+    crew = run_closed_loop(simulation, ["ins", "tc"], pilot="tc", first_run=3, runs=1, **key)
     for name in ("error", "sd", "nees", "cross_track_m"):
         assert np.array_equal(crowd[name][3, 1], alone[name][0, 0]), name
         assert np.array_equal(crew[name][0, 1], alone[name][0, 0]), name
@@ -42,8 +42,8 @@ def test_cross_track_is_the_error_that_guidance_cannot_see() -> None:
 
     Up to what the error drifts, at some 0.1 m/s, while the loop takes it up, in some 5 s.
     """
-    world = make_world(scenario("straight", seconds=60.0))
-    flown = fly_on_estimates(world, ["lc"], pilot="own", trajectory_key=5, first_run=0, runs=6, threads=1)
+    simulation = build_simulation(scenario("straight", seconds=60.0))
+    flown = run_closed_loop(simulation, ["lc"], pilot="own", trajectory_key=5, first_run=0, runs=6, threads=1)
     east_error = flown["error"][:, 0, -1, 1]
     assert flown["cross_track_m"].shape == (6, 1, 301)
     assert flown["cross_track_m"][:, 0, -1] == pytest.approx(east_error, abs=0.5)
@@ -56,10 +56,10 @@ def test_a_campaign_tells_what_going_astray_costs(tmp_path: Any, monkeypatch: py
     whole = run_campaign([flight], tmp_path / "whole", threads=1).runs
     assert whole["cross_track_rms_m"].null_count() == 0
     assert whole["cross_track_rms_m"].n_unique() == 6
-    monkeypatch.setattr(partition, "FLEET_VEHICLES", 2)
+    monkeypatch.setattr(partition, "CLOSED_LOOP_VEHICLES", 2)
     heard: list[float] = []
     cut = run_campaign(
-        [flight], tmp_path / "cut", threads=2, tell=lambda state: heard.append(state.runs_done)
+        [flight], tmp_path / "cut", threads=2, progress=lambda state: heard.append(state.runs_done)
     ).runs
     assert cut.equals(whole)
     assert heard == sorted(heard)
@@ -80,14 +80,14 @@ def test_on_the_truth_every_method_has_the_same_track(tmp_path: Any) -> None:  #
     ).runs
     assert swum["cross_track_rms_m"].n_unique() == 1
     assert swum["cross_track_rms_m"][0] < 0.2
-    exact = analytic_world("straight", duration_s=12.0).scenario.with_overrides(runs=1, methods=["tc"])
+    exact = analytic_simulation("straight", duration_s=12.0).scenario.with_overrides(runs=1, methods=["tc"])
     assert run_campaign([exact], tmp_path / "exact", threads=1).runs["cross_track_rms_m"].to_list() == [None]
 
 
 def test_an_analytic_truth_cannot_be_steered() -> None:
     with pytest.raises(ScenarioError, match="its truth is analytic"):
-        fly_on_estimates(
-            analytic_world("straight"), ["tc"], pilot="own", trajectory_key=0, first_run=0, runs=1
+        run_closed_loop(
+            analytic_simulation("straight"), ["tc"], pilot="own", trajectory_key=0, first_run=0, runs=1
         )
 
 

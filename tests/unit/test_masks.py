@@ -59,7 +59,7 @@ def test_a_study_resumes(tmp_path: Path) -> None:
 
     out = tmp_path / "broken"
     with pytest.raises(KeyboardInterrupt):
-        masks.run_masks([short()], out, wanted=["12", "dropouts"], threads=1, tell=stop)
+        masks.run_masks([short()], out, wanted=["12", "dropouts"], threads=1, progress=stop)
     (chunk,) = (out / "cases" / "beams_12" / "chunks" / "straight").glob("samples-*")
     stamp = chunk.stat().st_mtime_ns
     again = masks.run_masks([short()], out, wanted=["12", "dropouts"], threads=1)

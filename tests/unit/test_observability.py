@@ -21,8 +21,8 @@ from bottomlock.observability.planner import best, plan
 from bottomlock.observability.report import observe_scenario
 from bottomlock.observability.tables import PAPER_CASES, paper_histories, paper_table
 from bottomlock.tables import schema
-from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, dip, fly, motion_of, steady, swing
-from bottomlock.truth.trajectory import Truth
+from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, dip, manoeuvre_truth, motion_of, steady, swing
+from bottomlock.truth.truth import Truth
 from tests.oracle.error_model import f_full
 from tests.oracle.rotations import matrix_from_quaternion
 
@@ -50,7 +50,7 @@ def without_noise(truth: Truth) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def eight() -> Truth:
-    return fly(MANOEUVRES["figure_eight"], rate_hz=50.0)
+    return manoeuvre_truth(MANOEUVRES["figure_eight"], rate_hz=50.0)
 
 
 BLOCKS = [3, 3, 3, 3, 3, 4, 1]
@@ -65,7 +65,7 @@ UNITS = {
 @pytest.mark.parametrize("name", MANOEUVRES)
 def test_scaling_changes_no_rank(name: str, earth: float) -> None:
     """Other units, and five decades to either side at random: rank, claim and gap stay."""
-    truth = fly(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=earth)
+    truth = manoeuvre_truth(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=earth)
     rng = np.random.default_rng(7)
     draws = [10.0 ** rng.uniform(-5.0, 5.0, 20) for _ in range(12)]
     sets = [ALL, Aiding(beams=(1, 2), depth=True), Aiding(beams=(1, 2, 3), depth=True, attitude=True)]
@@ -86,7 +86,7 @@ def test_scaling_changes_no_rank(name: str, earth: float) -> None:
 @pytest.mark.parametrize("name", MANOEUVRES)
 def test_the_rank_is_not_made_by_our_scales(name: str) -> None:
     """NumPy on the stack in natural scales, a decade to either side at random and no column brought to length."""
-    truth = fly(MANOEUVRES[name], rate_hz=150.0)
+    truth = manoeuvre_truth(MANOEUVRES[name], rate_hz=150.0)
     window_s = float(truth.time_ns[-1]) * 1e-9
     tilt, speed = 1.0 / (truth.gravity_mps2 * window_s), max(1.0, float(truth.velocity_p_mps[0, 0]))
     natural = np.repeat(
@@ -103,7 +103,7 @@ def test_the_rank_is_not_made_by_our_scales(name: str) -> None:
 @pytest.mark.parametrize(("name", "earth"), list(itertools.product(MANOEUVRES, (0.0, EARTH_RATE_RADPS))))
 def test_hidden_directions_give_zero_output(name: str, earth: float) -> None:
     """Propagated through the model a direction of the basis reads nothing, to 1e-8 of what its states read alone."""
-    truth = fly(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=earth)
+    truth = manoeuvre_truth(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=earth)
     sets = [ALL, Aiding(beams=(1, 2)), Aiding(beams=(1, 2, 3), depth=True)]
     for found in observe(truth, JANUS, sets, earth_rate_radps=earth):
         assert found.basis.shape == (20 - found.rank, 20)
@@ -137,7 +137,7 @@ def test_transition_is_the_integral_of_the_error_model(
     """Φ of the window by a fine Runge–Kutta integration of the oracle's F, for random motions."""
     earth = EARTH_RATE_RADPS if turning else 0.0
     motion = motion_of(speed, yaw=steady(turn), pitch=dip(-size, rate))
-    truth = fly(Manoeuvre("m", "", motion, 4.0), rate_hz=100.0, earth_rate_radps=earth)
+    truth = manoeuvre_truth(Manoeuvre("m", "", motion, 4.0), rate_hz=100.0, earth_rate_radps=earth)
     (found,) = observe(truth, JANUS, [Aiding(gps_position=True)], earth_rate_radps=earth, period_s=4.0)
     gravity_t = np.array([0.0, 0.0, truth.gravity_mps2])
     earth_t = earth * np.array([np.cos(truth.latitude_rad), 0.0, -np.sin(truth.latitude_rad)])
@@ -234,7 +234,7 @@ def test_what_is_hidden_learns_nothing_and_what_is_seen_does(eight: Truth) -> No
 
 def test_small_gaps_are_undecided_and_show_their_values() -> None:
     """One beam on a turning Earth: the last state stands above the noise by a factor of ten."""
-    truth = fly(MANOEUVRES["hover"], rate_hz=50.0, earth_rate_radps=EARTH_RATE_RADPS)
+    truth = manoeuvre_truth(MANOEUVRES["hover"], rate_hz=50.0, earth_rate_radps=EARTH_RATE_RADPS)
     (found,) = observe(truth, JANUS, [Aiding(beams=(1,))], period_s=2.0)
     assert found.gap < LEAST_GAP
     assert not found.decided
@@ -270,7 +270,7 @@ def test_refusals_name_what_is_wrong(eight: Truth) -> None:
 def test_a_joint_outside_the_window_is_refused() -> None:
     late = Manoeuvre("late", "", motion_of(1.0, yaw=swing(0.1, 0.1)), 10.0, joints_s=(20.0,))
     with pytest.raises(DataError, match="joint at 20 s lies outside"):
-        fly(late)
+        manoeuvre_truth(late)
 
 
 def test_the_papers_table_is_what_the_documentation_says() -> None:
@@ -317,7 +317,7 @@ def test_a_scenario_that_nothing_aids_is_refused(tmp_path: Path) -> None:
 
 def test_a_plan_says_what_a_manoeuvre_brings() -> None:
     """With all beams, straight flight leaves a tilt mixed with the accelerometer's bias; an eight parts them."""
-    truth = fly(MANOEUVRES["hover"], rate_hz=10.0)
+    truth = manoeuvre_truth(MANOEUVRES["hover"], rate_hz=10.0)
     table = plan(JANUS, ALL, model(truth), manoeuvres=[MANOEUVRES["straight"], MANOEUVRES["figure_eight"]])
     verdicts = dict(table.filter(state="tilt north").select("manoeuvre", "verdict").iter_rows())
     assert verdicts == {"straight": "hidden", "figure_eight": "observable"}

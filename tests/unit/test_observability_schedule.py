@@ -19,10 +19,10 @@ from bottomlock.observability.analysis import Aiding, deviations, observe
 from bottomlock.observability.planner import plan
 from bottomlock.observability.report import observe_scenario, scenario_schedule
 from bottomlock.observability.schedule import SENSORS, Schedule
-from bottomlock.simulation.build import make_world
+from bottomlock.simulation.build import build_simulation
 from bottomlock.tables import schema
-from bottomlock.truth.manoeuvres import MANOEUVRES, fly
-from bottomlock.truth.trajectory import Truth
+from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
+from bottomlock.truth.truth import Truth
 
 JANUS = BeamGeometry.janus(np.deg2rad(20.0))
 SECOND = 10**9
@@ -31,7 +31,7 @@ STRAIGHT = (Path(schema.__file__).parent / "scenarios" / "straight.toml").read_t
 
 @pytest.fixture(scope="module")
 def eight() -> Truth:
-    return fly(MANOEUVRES["figure_eight"], rate_hz=50.0)
+    return manoeuvre_truth(MANOEUVRES["figure_eight"], rate_hz=50.0)
 
 
 def short(duration_s: float = 40.0, /, **sections: dict[str, Any]) -> str:
@@ -62,8 +62,8 @@ def _word(value: Any) -> str:  # noqa: ANN401 - whatever TOML holds
 
 
 def heard(**sections: dict[str, Any]) -> tuple[Schedule, Schedule]:
-    world = make_world(parse_scenario(short(**sections), place="test"))
-    return scenario_schedule(world, world.truth())
+    simulation = build_simulation(parse_scenario(short(**sections), place="test"))
+    return scenario_schedule(simulation, simulation.truth())
 
 
 def test_a_schedule_of_everything_is_the_period(eight: Truth) -> None:

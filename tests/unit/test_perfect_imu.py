@@ -51,7 +51,7 @@ def test_packaged_truth_obeys_the_differential_equation(name: str) -> None:
     from scipy.interpolate import CubicSpline
 
     scenario = analytic(name)
-    motion = bottomlock.make_truth(scenario, settings.GRAVITY)
+    motion = bottomlock.analytic_truth(scenario, settings.GRAVITY)
     last = 40 * 150
     t = motion.time_ns[: last + 20] * 1e-9
     rate = CubicSpline(t, motion.omega_p_radps[: last + 20])

@@ -5,7 +5,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bottomlock.campaign.run import Progress
+from bottomlock.campaign.run import CampaignProgress
 from bottomlock.config.scenario import load_scenario
 from bottomlock.studies import reproduce as whole
 from bottomlock.studies import sweep
@@ -30,18 +30,18 @@ def test_an_interrupted_study_ends_as_an_uninterrupted_one(tmp_path: Path) -> No
     total = whole.study_runs(12)
     heard: dict[str, float] = {}
 
-    def hear(state: Progress) -> None:
+    def hear(state: CampaignProgress) -> None:
         heard[state.trajectory] = state.runs_done
 
-    whole.reproduce(tmp_path / "whole", runs=12, threads=1, tell=hear)
+    whole.reproduce(tmp_path / "whole", runs=12, threads=1, progress=hear)
     assert sum(heard.values()) == total
 
-    def stop(state: Progress) -> None:
+    def stop(state: CampaignProgress) -> None:
         if state.trajectory.startswith("sweep 3"):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        whole.reproduce(tmp_path / "broken", runs=12, threads=2, tell=stop)
+        whole.reproduce(tmp_path / "broken", runs=12, threads=2, progress=stop)
     assert not (tmp_path / "broken" / "report.html").exists()
     whole.reproduce(tmp_path / "broken", runs=12, threads=2)
     for name in ("runs.parquet", "sweep.parquet", "tables/claims.parquet", "figures/velocity_straight.svg"):

@@ -12,7 +12,7 @@ import pytest
 
 from bottomlock.campaign import partition
 from bottomlock.campaign.directory import MANIFEST
-from bottomlock.campaign.run import Progress, run_campaign
+from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.errors import DataError, OutputError
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
@@ -93,11 +93,11 @@ def test_a_stranger_s_hidden_files_stay(tmp_path: Path) -> None:
 
 def test_what_is_found_is_told_apart(tmp_path: Path) -> None:
     """A bar has to know which runs were there before, or it promises too much."""
-    heard: list[Progress] = []
+    heard: list[CampaignProgress] = []
     run_campaign([short(4)], tmp_path / "o", threads=1)
     (tmp_path / "o" / "chunks" / "straight" / "counts-00000000-00000001.parquet").unlink()
-    run_campaign([short(4)], tmp_path / "o", threads=1, tell=heard.append)
-    assert heard == [Progress("straight", 2, 4, found=True), Progress("straight", 4, 4)]
+    run_campaign([short(4)], tmp_path / "o", threads=1, progress=heard.append)
+    assert heard == [CampaignProgress("straight", 2, 4, found=True), CampaignProgress("straight", 4, 4)]
 
 
 @pytest.mark.parametrize("which", ["samples", "counts"])

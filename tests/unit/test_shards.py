@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from bottomlock.campaign import partition, run
 from bottomlock.campaign.directory import MANIFEST
 from bottomlock.campaign.merge import merge_shards
-from bottomlock.campaign.partition import Plan, Shard
+from bottomlock.campaign.partition import Partition, Shard
 from bottomlock.campaign.run import run_campaign, run_shard, runs_to_fly
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError, OutputError, ScenarioError
@@ -52,7 +52,7 @@ def shards(tmp_path: Path, flown: Path) -> list[Path]:
 def test_every_run_is_in_one_chunk_and_every_chunk_in_one_shard(runs: int, size: int, n: int) -> None:
     """In order, without gap or overlap, none longer than the others."""
     size = max(size, runs // 1000)
-    spans = Plan("s", ("tc",), runs, size, 20).spans()
+    spans = Partition("s", ("tc",), runs, size, 20).spans()
     assert [span.first_run for span in spans] == list(range(0, runs, size))
     assert sum(span.runs for span in spans) == runs
     assert {span.runs for span in spans[:-1]} <= {size}

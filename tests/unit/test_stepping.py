@@ -8,8 +8,8 @@ import pytest
 from bottomlock import kernel
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.simulation.build import make_world, trajectory_key
-from bottomlock.simulation.measurement_schedule import schedule
+from bottomlock.simulation.build import build_simulation, trajectory_key
+from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.run_events import Readings
 
 METHODS = ["lc", "tc", "vb", "elc", "vb_exact", "info", "weak_sway"]
@@ -28,18 +28,18 @@ def aided() -> Scenario:
 
 def test_fixes_are_those_of_the_batch() -> None:
     """Mean NIS and the count of fixes equal the batch's, with depth, magnetometer and GPS in between."""
-    world = make_world(aided())
-    truth, scenario = world.truth(), world.scenario
+    simulation = build_simulation(aided())
+    truth, scenario = simulation.truth(), simulation.scenario
     key = trajectory_key(scenario.name)
-    plan: Any = schedule(world, truth, trajectory_key=key)
-    model: Any = scenario.kernel_model(world.gravity_mps2)
+    plan: Any = measurement_schedule(simulation, truth, trajectory_key=key)
+    model: Any = scenario.kernel_model(simulation.gravity_mps2)
     options: Any = scenario.kernel_options()
     arrays: Any = truth.kernel_arrays()
     batch = kernel.run_batch(
-        world.geometry, arrays, model, model, options, plan, METHODS,
+        simulation.geometry, arrays, model, model, options, plan, METHODS,
         seed=scenario.campaign.seed, trajectory_key=key, first_run=2, runs=1, threads=1,
     )  # fmt: skip
-    readings = Readings(world, truth, run=2)
+    readings = Readings(simulation, truth, run=2)
     assert len(plan["gps_time_ns"]) == 30
     for index, method in enumerate(METHODS):
         fixes = list(readings.fixes(method, readings.valid, range(30)))
@@ -50,8 +50,8 @@ def test_fixes_are_those_of_the_batch() -> None:
 
 def test_a_fix_steps_and_shrinks() -> None:
     """Only the watched pings are told of; the claimed sigma does not grow, and the step is the estimate's own."""
-    world = make_world(aided())
-    readings = Readings(world, world.truth(), run=0)
+    simulation = build_simulation(aided())
+    readings = Readings(simulation, simulation.truth(), run=0)
     (fix,) = readings.fixes("tc", readings.valid, [7])
     assert fix.time_ns == 8_000_000_000
     assert fix.degrees == 2
@@ -63,6 +63,6 @@ def test_pings_between_samples_are_refused() -> None:
     """At 4 Hz every other ping falls between two samples of 150 Hz: its step would hold motion as well."""
     scenario = load_scenario("straight").with_trajectory(duration_s=5.0)
     scenario = scenario.model_copy(update={"dvl": scenario.dvl.model_copy(update={"rate_hz": 4.0})})
-    world = make_world(scenario)
+    simulation = build_simulation(scenario)
     with pytest.raises(ScenarioError, match="expected a divisor"):
-        Readings(world, world.truth(), run=0)
+        Readings(simulation, simulation.truth(), run=0)

@@ -8,25 +8,26 @@ from scipy.spatial.transform import Rotation
 from bottomlock import kernel
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError
-from bottomlock.simulation.measurement_schedule import schedule
-from bottomlock.truth.trajectory import Truth, make_truth
-from tests.analytic import analytic, analytic_world
+from bottomlock.simulation.measurement_schedule import measurement_schedule
+from bottomlock.truth.analytic import analytic_truth
+from bottomlock.truth.truth import Truth
+from tests.analytic import analytic, analytic_simulation
 
 NAMES = ("straight", "figure_eight", "lawn_mower", "constant_turn")
 
 
 def truth_of(name: str) -> tuple[Scenario, Truth]:
     """Scenario and truth."""
-    world = analytic_world(name)
-    return world.scenario, world.truth()
+    simulation = analytic_simulation(name)
+    return simulation.scenario, simulation.truth()
 
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("sampling", ["instantaneous", "averaged"])
 def test_perfect_imu_returns_the_truth(name: str, sampling: str) -> None:
     """Position within 1 cm and attitude within 1e-6 rad after 250 s: truth and strapdown are the same equations."""
-    world = analytic_world(name)
-    scenario, truth = world.scenario, world.truth()
+    simulation = analytic_simulation(name)
+    scenario, truth = simulation.scenario, simulation.truth()
     model = scenario.kernel_model(truth.gravity_mps2)
     perfect = {
         section: values
@@ -35,12 +36,12 @@ def test_perfect_imu_returns_the_truth(name: str, sampling: str) -> None:
         for section, values in model.items()
     }
     result = kernel.run_batch(
-        world.geometry,
+        simulation.geometry,
         truth.kernel_arrays(),  # type: ignore[arg-type]
         perfect,  # type: ignore[arg-type]
         model,  # type: ignore[arg-type]
         scenario.kernel_options() | {"imu_sampling": sampling},  # type: ignore[arg-type]
-        schedule(world, truth),  # type: ignore[arg-type]
+        measurement_schedule(simulation, truth),  # type: ignore[arg-type]
         ["ins"],
         seed=1,
         trajectory_key=2,
@@ -139,4 +140,4 @@ def test_a_turn_that_cannot_be_flown_is_refused() -> None:
     ):
         settings = scenario.trajectory.model_copy(update=change)
         with pytest.raises(DataError, match=message):
-            make_truth(scenario.model_copy(update={"trajectory": settings}), 9.8)
+            analytic_truth(scenario.model_copy(update={"trajectory": settings}), 9.8)

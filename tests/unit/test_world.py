@@ -1,5 +1,6 @@
 """What a scenario stands for is built and checked before anything runs; its fingerprint follows every file it names."""
 
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -7,9 +8,9 @@ import pytest
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.simulation.build import make_world
+from bottomlock.simulation.build import build_simulation
 
-STRAIGHT = Path(__file__).resolve().parents[2] / "python" / "bottomlock"
+CONFIG = resources.files("bottomlock.config")
 
 
 def content() -> dict[str, Any]:
@@ -19,7 +20,7 @@ def content() -> dict[str, Any]:
 
 def write_vehicle(folder: Path, *changes: tuple[str, str]) -> Path:
     """The packaged vehicle with some words changed."""
-    text = (STRAIGHT / "vehicles" / "tauv.toml").read_text(encoding="utf-8")
+    text = (CONFIG / "vehicles" / "tauv.toml").read_text(encoding="utf-8")
     for before, after in changes:
         assert before in text
         text = text.replace(before, after)
@@ -47,35 +48,35 @@ def test_a_bad_vehicle_stops_the_world(tmp_path: Path, change: tuple[str, str], 
     path = write_vehicle(tmp_path, change)
     bad = Scenario.model_validate(content() | {"trajectory": {"kind": "straight", "vehicle": str(path)}})
     with pytest.raises(ScenarioError, match=message):
-        make_world(bad)
+        build_simulation(bad)
 
 
 def test_fingerprint_follows_the_files(tmp_path: Path) -> None:
     """The same words with another vehicle behind them are another campaign; a comment changes nothing."""
     path = write_vehicle(tmp_path)
     scenario = Scenario.model_validate(content() | {"trajectory": {"kind": "straight", "vehicle": str(path)}})
-    before = make_world(scenario).fingerprint()
+    before = build_simulation(scenario).fingerprint()
     write_vehicle(tmp_path, ('name = "tauv"', '# a comment\nname = "tauv"'))
-    assert make_world(scenario).fingerprint() == before
+    assert build_simulation(scenario).fingerprint() == before
     write_vehicle(tmp_path, ("centre_of_gravity_z = { value = 0.02", "centre_of_gravity_z = { value = 0.021"))
-    assert make_world(scenario).fingerprint() != before
+    assert build_simulation(scenario).fingerprint() != before
     grid = tmp_path / "grid.toml"
     text = "north_m = [-500, 0, 500]\neast_m = [-500, 500]\ndepth_m = [[60, 60], [60, {}], [60, 60]]\n"
     grid.write_text(text.format(60), encoding="utf-8")
     bottom = Scenario.model_validate(content() | {"seabed": {"kind": "grid", "path": str(grid)}})
-    flat = make_world(bottom).fingerprint()
+    flat = build_simulation(bottom).fingerprint()
     grid.write_text(text.format(70), encoding="utf-8")
-    assert make_world(bottom).fingerprint() != flat
+    assert build_simulation(bottom).fingerprint() != flat
 
 
 def test_files_are_looked_for_beside_the_scenario(tmp_path: Path) -> None:
     """A relative path is meant from the scenario's folder, wherever the command runs."""
     write_vehicle(tmp_path, ('name = "tauv"', 'name = "mine"'))
-    packaged = (STRAIGHT / "scenarios" / "straight.toml").read_text(encoding="utf-8")
+    packaged = (CONFIG / "scenarios" / "straight.toml").read_text(encoding="utf-8")
     (tmp_path / "s.toml").write_text(
         packaged.replace('vehicle = "tauv"', 'vehicle = "mine.toml"'), encoding="utf-8"
     )
-    vehicle = make_world(load_scenario(tmp_path / "s.toml")).vehicle
+    vehicle = build_simulation(load_scenario(tmp_path / "s.toml")).vehicle
     assert vehicle is not None
     assert vehicle.name == "mine"
 
@@ -96,15 +97,15 @@ def test_files_are_looked_for_beside_the_scenario(tmp_path: Path) -> None:
 def test_faults_show_before_anything_runs(sections: dict[str, Any], message: str) -> None:
     """Missions, seabeds and vehicles are judged when the world is made."""
     with pytest.raises(ScenarioError, match=message):
-        make_world(Scenario.model_validate(content() | sections))
+        build_simulation(Scenario.model_validate(content() | sections))
 
 
 def test_waypoints_end_with_the_path() -> None:
     """Without a duration of its own a way through waypoints lasts as long as the way is."""
     way = {"waypoints_m": [[0.0, 0.0], [100.0, 0.0]], "depth_profile": [[0.0, 10.0]]}
-    world = make_world(
+    simulation = build_simulation(
         Scenario.model_validate(content() | {"trajectory": {"kind": "waypoints"}, "mission": way})
     )
-    assert world.mission is not None
-    assert world.mission.duration_s == pytest.approx(50.0)
-    assert world.truth().position_t_m[-1, 0] == pytest.approx(100.0, abs=1.0)
+    assert simulation.mission is not None
+    assert simulation.mission.duration_s == pytest.approx(50.0)
+    assert simulation.truth().position_t_m[-1, 0] == pytest.approx(100.0, abs=1.0)

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from bottomlock.atomic_write import write_json, write_parquet
 from bottomlock.campaign.directory import MANIFEST, TABLES, read_choices, read_counts, read_samples
 from bottomlock.campaign.error_blocks import Blocks, open_blocks
-from bottomlock.campaign.partition import Plan, Span
+from bottomlock.campaign.partition import Partition, RunRange
 from bottomlock.campaign.selector_counts import merged
 from bottomlock.errors import DataError
 from bottomlock.statistics import campaign
@@ -37,17 +37,19 @@ class Results:
 class Tally:
     """The tables of one scenario while its chunks come in, in any order."""
 
-    def __init__(self, out: Path, plan: Plan, opened: ExitStack) -> None:
+    def __init__(self, out: Path, plan: Partition, opened: ExitStack) -> None:
         """For chunks that are in `out` or on their way there; `opened` closes what is held on disk."""
         self._out = out
         self._plan = plan
         self._opened = opened
         self._blocks: Blocks | None = None
         self._time_ns = np.empty(0, dtype=np.int64)
-        self._runs: dict[Span, pl.DataFrame] = {}
-        self._choices: dict[Span, pl.DataFrame] = {}
+        self._runs: dict[RunRange, pl.DataFrame] = {}
+        self._choices: dict[RunRange, pl.DataFrame] = {}
 
-    def take(self, span: Span, samples: pl.DataFrame, counts: pl.DataFrame, choices: pl.DataFrame) -> None:
+    def take(
+        self, span: RunRange, samples: pl.DataFrame, counts: pl.DataFrame, choices: pl.DataFrame
+    ) -> None:
         """A chunk's tables.
 
         Raises:
@@ -109,7 +111,7 @@ class Tally:
 
 
 @contextmanager
-def open_tallies(out: Path, plans: Sequence[Plan]) -> Iterator[dict[str, Tally]]:
+def open_tallies(out: Path, plans: Sequence[Partition]) -> Iterator[dict[str, Tally]]:
     """The tallies of a campaign by scenario, for as long as they are needed."""
     with ExitStack() as opened:
         yield {plan.name: Tally(out, plan, opened) for plan in plans}

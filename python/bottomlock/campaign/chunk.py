@@ -11,37 +11,37 @@ import numpy as np
 import polars as pl
 
 from bottomlock import kernel
-from bottomlock.campaign.closed_loop import fly_on_estimates
-from bottomlock.campaign.partition import Span
+from bottomlock.campaign.closed_loop import run_closed_loop
+from bottomlock.campaign.partition import RunRange
 from bottomlock.campaign.selector_counts import choice_counts
 from bottomlock.plant import Flight
 from bottomlock.plant.closed_loop import cross_track_m
-from bottomlock.simulation.build import World, trajectory_key
-from bottomlock.simulation.measurement_schedule import schedule
+from bottomlock.simulation.build import Simulation, trajectory_key
+from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.tables.schema import BIASES, OUTCOMES, SAMPLES
-from bottomlock.truth.trajectory import Truth
+from bottomlock.truth.truth import Truth
 
 
 @dataclass(frozen=True)
 class Chunk:
     """A unit of work: some runs in a world. Flown again, it gives the same bits."""
 
-    world: World
-    span: Span
+    simulation: Simulation
+    span: RunRange
 
     @property
     def name(self) -> str:
         """The scenario's name."""
-        return self.world.scenario.name
+        return self.simulation.scenario.name
 
     @property
     def on_estimate(self) -> bool:
         """Whether its vehicles fly on what they believe."""
-        return self.world.scenario.trajectory.feedback == "estimate"
+        return self.simulation.scenario.trajectory.feedback == "estimate"
 
 
 @dataclass(frozen=True)
-class Flown:
+class ChunkResult:
     """The tables of a chunk (`schema.SAMPLES`, `CHOICES`, `OUTCOMES`), seconds in the kernel and altogether."""
 
     samples: pl.DataFrame
@@ -51,13 +51,13 @@ class Flown:
     work_s: float
 
 
-def fly_chunk(
+def run_chunk(
     chunk: Chunk,
     *,
     threads: int = 1,
-    tell: Callable[[float], None] = lambda _: None,
-    turn: AbstractContextManager[Any] | None = None,
-) -> Flown:
+    progress: Callable[[float], None] = lambda _: None,
+    kernel_lock: AbstractContextManager[Any] | None = None,
+) -> ChunkResult:
     """Flies the runs of a chunk with every method.
 
     Args:
@@ -69,11 +69,11 @@ def fly_chunk(
     Raises:
         KernelError: for input that the kernel refuses, naming run and method.
     """
-    scenario = chunk.world.scenario
+    scenario = chunk.simulation.scenario
     fly = _on_estimate if chunk.on_estimate else _on_truth
-    with turn or nullcontext():
+    with kernel_lock or nullcontext():
         started = time.perf_counter()
-        result = fly(chunk, threads, tell)
+        result = fly(chunk, threads, progress)
         kernel_s = time.perf_counter() - started
     samples, counts = _frames(
         result,
@@ -88,11 +88,11 @@ def fly_chunk(
         methods=scenario.campaign.methods,
         dvl_time_ns=result["dvl_time_ns"],
     )
-    return Flown(samples, choices, counts, kernel_s, time.perf_counter() - started)
+    return ChunkResult(samples, choices, counts, kernel_s, time.perf_counter() - started)
 
 
 @dataclass(frozen=True)
-class _Course:
+class SharedTruth:
     """What all runs on the truth share: the truth, and the cross-track error of a vehicle that swam it."""
 
     truth: Truth
@@ -104,35 +104,37 @@ class _Known:
     """A world that is recognised by its content."""
 
     fingerprint: str
-    world: World = field(compare=False)
+    simulation: Simulation = field(compare=False)
 
 
 @lru_cache(maxsize=2)
-def _course(known: _Known) -> _Course:
+def _course(known: _Known) -> SharedTruth:
     """A truth is made once per process, not once per chunk: chunks come as copies of one world."""
-    world = known.world
-    if world.vehicle is None:
-        return _Course(world.truth(), None)
-    flight = world.flight()
-    return _Course(flight.truth, _offset_m(flight))
+    simulation = known.simulation
+    if simulation.vehicle is None:
+        return SharedTruth(simulation.truth(), None)
+    flight = simulation.flight()
+    return SharedTruth(flight.truth, _offset_m(flight))
 
 
-def true_course(world: World) -> Truth:
+def true_course(simulation: Simulation) -> Truth:
     """The truth of a world, remembered where its runs have been flown in this process."""
-    return _course(_Known(world.fingerprint(), world)).truth
+    return _course(_Known(simulation.fingerprint(), simulation)).truth
 
 
 def _on_truth(chunk: Chunk, threads: int, _tell: Callable[[float], None]) -> dict[str, Any]:
     """Runs that share one truth."""
-    world, span, scenario = chunk.world, chunk.span, chunk.world.scenario
-    course = _course(_Known(world.fingerprint(), world))
+    simulation, span, scenario = chunk.simulation, chunk.span, chunk.simulation.scenario
+    course = _course(_Known(simulation.fingerprint(), simulation))
     key = trajectory_key(scenario.name)
-    plan: Any = schedule(world, course.truth, trajectory_key=key, first_run=span.first_run, runs=span.runs)
-    model: Any = scenario.kernel_model(world.gravity_mps2)
+    plan: Any = measurement_schedule(
+        simulation, course.truth, trajectory_key=key, first_run=span.first_run, runs=span.runs
+    )
+    model: Any = scenario.kernel_model(simulation.gravity_mps2)
     options: Any = scenario.kernel_options()
     truth: Any = course.truth.kernel_arrays()
     result = kernel.run_batch(
-        world.geometry, truth, model, model, options, plan, list(scenario.campaign.methods),
+        simulation.geometry, truth, model, model, options, plan, list(scenario.campaign.methods),
         seed=scenario.campaign.seed, trajectory_key=key, first_run=span.first_run, runs=span.runs,
         threads=threads,
     )  # fmt: skip
@@ -146,18 +148,18 @@ def _on_truth(chunk: Chunk, threads: int, _tell: Callable[[float], None]) -> dic
     }
 
 
-def _on_estimate(chunk: Chunk, threads: int, tell: Callable[[float], None]) -> dict[str, Any]:
+def _on_estimate(chunk: Chunk, threads: int, progress: Callable[[float], None]) -> dict[str, Any]:
     """Runs whose vehicles fly on what they believe."""
-    scenario = chunk.world.scenario
-    return fly_on_estimates(
-        chunk.world,
+    scenario = chunk.simulation.scenario
+    return run_closed_loop(
+        chunk.simulation,
         scenario.campaign.methods,
         pilot=scenario.trajectory.pilot,
         trajectory_key=trajectory_key(scenario.name),
         first_run=chunk.span.first_run,
         runs=chunk.span.runs,
         threads=threads,
-        tell=tell,
+        progress=progress,
     )
 
 

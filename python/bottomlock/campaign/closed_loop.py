@@ -8,14 +8,14 @@ import numpy as np
 from bottomlock import kernel
 from bottomlock.errors import ScenarioError
 from bottomlock.plant.closed_loop import Belief, Fleet, TruthBlock, cross_track_m, fly_on_estimate
-from bottomlock.simulation.build import World
-from bottomlock.simulation.measurement_schedule import Conditions
+from bottomlock.simulation.build import Simulation
+from bottomlock.simulation.measurement_schedule import MeasurementSchedule
 
 _ARRAYS = ("position_t_m", "attitude_t_p", "velocity_p_mps", "omega_p_radps", "force_p_mps2")
 
 
-def fly_on_estimates(
-    world: World,
+def run_closed_loop(
+    simulation: Simulation,
     methods: Sequence[str],
     *,
     pilot: str,
@@ -23,7 +23,7 @@ def fly_on_estimates(
     first_run: int,
     runs: int,
     threads: int = 0,
-    tell: Callable[[float], None] = lambda _: None,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Swims vehicles side by side, guided and controlled on what a method aboard believes.
 
@@ -51,25 +51,25 @@ def fly_on_estimates(
         ScenarioError: for an analytic truth.
         KernelError: for what the kernel refuses, naming run and method.
     """
-    scenario = world.scenario
-    if world.vehicle is None or world.mission is None:
+    scenario = simulation.scenario
+    if simulation.vehicle is None or simulation.mission is None:
         raise ScenarioError(
             f"scenario {scenario.name}: its truth is analytic, no vehicle can fly on an estimate"
         )
     own = pilot == "own"
     vehicles_per_run = len(methods) if own else 1
     fleet = Fleet(
-        world.vehicle,
-        world.mission,
+        simulation.vehicle,
+        simulation.mission,
         runs=runs * vehicles_per_run,
-        latitude_rad=world.latitude_rad,
-        gravity_mps2=world.gravity_mps2,
-        earth_rate_radps=world.earth_rate_radps,
+        latitude_rad=simulation.latitude_rad,
+        gravity_mps2=simulation.gravity_mps2,
+        earth_rate_radps=simulation.earth_rate_radps,
         imu_rate_hz=scenario.imu.rate_hz,
     )
-    last_ns = round(world.mission.duration_s * 1e9)
-    conditions = Conditions(
-        world,
+    last_ns = round(simulation.mission.duration_s * 1e9)
+    conditions = MeasurementSchedule(
+        simulation,
         first_ns=0,
         last_ns=last_ns,
         trajectory_key=trajectory_key,
@@ -78,10 +78,10 @@ def fly_on_estimates(
         vehicles_per_run=vehicles_per_run,
     )
     begin = fleet.start()
-    model: Any = scenario.kernel_model(world.gravity_mps2)
+    model: Any = scenario.kernel_model(simulation.gravity_mps2)
     options: Any = scenario.kernel_options()
     loop = kernel.ClosedLoop(
-        world.geometry,
+        simulation.geometry,
         model,
         model,
         options,
@@ -109,8 +109,8 @@ def fly_on_estimates(
 
     offsets = []
     for block in fly_on_estimate(fleet, navigate):
-        offsets.append(cross_track_m(world.mission, fleet.segment, block.position_t_m[:, -1]))
-        tell(min(1.0, float(block.time_ns[-1]) / last_ns))
+        offsets.append(cross_track_m(simulation.mission, fleet.segment, block.position_t_m[:, -1]))
+        progress(min(1.0, float(block.time_ns[-1]) / last_ns))
     offset = np.stack(offsets, axis=1)
     return {
         **loop.results(),

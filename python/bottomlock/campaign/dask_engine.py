@@ -17,7 +17,7 @@ from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Worker, WorkerPlugin, wait
 
 from bottomlock import kernel
-from bottomlock.campaign.chunk import Chunk, Flown, fly_chunk
+from bottomlock.campaign.chunk import Chunk, ChunkResult, run_chunk
 from bottomlock.errors import BottomlockError, EngineError
 from bottomlock.tables.versions import library_versions
 
@@ -37,7 +37,7 @@ class _Answer:
     """What a worker sends back: its versions, and the tables or what the kernel refused."""
 
     versions: dict[str, str]
-    flown: Flown | None = None
+    flown: ChunkResult | None = None
     refused: str | None = None
 
 
@@ -50,7 +50,7 @@ def _versions() -> dict[str, str]:
 def _work(chunk: Chunk) -> _Answer:
     """On the worker, which runs one of these per thread."""
     try:
-        return _Answer(_versions(), flown=fly_chunk(chunk, threads=1))
+        return _Answer(_versions(), flown=run_chunk(chunk, threads=1))
     except kernel.KernelError as error:
         # The kernel's exception does not travel: its class lives in the compiled module.
         return _Answer(_versions(), refused=str(error))
@@ -67,7 +67,7 @@ class DaskEngine:
 
     def fly(
         self, chunks: Sequence[Chunk], _tell: Callable[[Chunk, float], None]
-    ) -> Iterator[tuple[Chunk, Flown]]:
+    ) -> Iterator[tuple[Chunk, ChunkResult]]:
         """In the order in which they are finished.
 
         Raises:
@@ -123,7 +123,7 @@ class DaskEngine:
                 "finished chunks are kept: the same command resumes"
             )
 
-    def _flown(self, future: Any, chunk: Chunk) -> Flown | None:  # noqa: ANN401 - distributed is untyped
+    def _flown(self, future: Any, chunk: Chunk) -> ChunkResult | None:  # noqa: ANN401 - distributed is untyped
         """The tables; None when the worker died before they could be fetched, and the chunk is flown again."""
         try:
             answer: _Answer = future.result(timeout=PATIENCE_S)

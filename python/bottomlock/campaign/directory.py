@@ -11,8 +11,8 @@ import polars as pl
 
 from bottomlock import kernel
 from bottomlock.atomic_write import read_json, write_parquet
-from bottomlock.campaign.chunk import Flown
-from bottomlock.campaign.partition import Plan, Shard, Span
+from bottomlock.campaign.chunk import ChunkResult
+from bottomlock.campaign.partition import Partition, RunRange, Shard
 from bottomlock.errors import DataError, OutputError
 from bottomlock.tables.schema import CHOICES, OUTCOMES, SAMPLES, check
 
@@ -89,17 +89,17 @@ def _sweep_up(out: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def _paths(out: Path, name: str, span: Span) -> tuple[Path, Path, Path]:
+def _paths(out: Path, name: str, span: RunRange) -> tuple[Path, Path, Path]:
     folder = out / "chunks" / name
     return folder / f"samples-{span.stem}", folder / f"choices-{span.stem}", folder / f"counts-{span.stem}"
 
 
-def is_finished(out: Path, name: str, span: Span) -> bool:
+def is_finished(out: Path, name: str, span: RunRange) -> bool:
     """Whether a chunk is there, whole."""
     return all(path.exists() for path in _paths(out, name, span))
 
 
-def write_chunk(out: Path, name: str, span: Span, flown: Flown) -> None:
+def write_chunk(out: Path, name: str, span: RunRange, flown: ChunkResult) -> None:
     """A chunk's tables to disk, each whole or not at all."""
     samples_path, choices_path, counts_path = _paths(out, name, span)
     write_parquet(samples_path, flown.samples)
@@ -107,7 +107,7 @@ def write_chunk(out: Path, name: str, span: Span, flown: Flown) -> None:
     write_parquet(counts_path, flown.counts)
 
 
-def take_chunk(out: Path, source: Path, name: str, span: Span) -> None:
+def take_chunk(out: Path, source: Path, name: str, span: RunRange) -> None:
     """A finished chunk of another directory: linked where the file system allows, else copied.
 
     Raises:
@@ -140,7 +140,7 @@ def _take(old: Path, new: Path) -> None:
             temporary.unlink(missing_ok=True)
 
 
-def read_samples(out: Path, plan: Plan, span: Span) -> pl.DataFrame:
+def read_samples(out: Path, plan: Partition, span: RunRange) -> pl.DataFrame:
     """The samples of a chunk (`schema.SAMPLES`), ordered by run, method and time.
 
     Raises:
@@ -159,7 +159,7 @@ def read_samples(out: Path, plan: Plan, span: Span) -> pl.DataFrame:
     return samples
 
 
-def read_choices(out: Path, plan: Plan, span: Span) -> pl.DataFrame:
+def read_choices(out: Path, plan: Partition, span: RunRange) -> pl.DataFrame:
     """What the selectors of a chunk have chosen (`schema.CHOICES`).
 
     Raises:
@@ -169,7 +169,7 @@ def read_choices(out: Path, plan: Plan, span: Span) -> pl.DataFrame:
     return check(_read(path), CHOICES, place=str(path))
 
 
-def read_counts(out: Path, plan: Plan, span: Span) -> pl.DataFrame:
+def read_counts(out: Path, plan: Partition, span: RunRange) -> pl.DataFrame:
     """The fix counts of a chunk (`schema.OUTCOMES`).
 
     Raises:

@@ -10,7 +10,7 @@ from threading import Lock
 from typing import Protocol
 from urllib.parse import urlsplit
 
-from bottomlock.campaign.chunk import Chunk, Flown, fly_chunk
+from bottomlock.campaign.chunk import Chunk, ChunkResult, run_chunk
 from bottomlock.errors import EngineError
 
 ENGINES = ("local", "dask")
@@ -20,8 +20,8 @@ class Engine(Protocol):
     """A way to fly chunks."""
 
     def fly(
-        self, chunks: Sequence[Chunk], tell: Callable[[Chunk, float], None]
-    ) -> Iterator[tuple[Chunk, Flown]]:
+        self, chunks: Sequence[Chunk], progress: Callable[[Chunk, float], None]
+    ) -> Iterator[tuple[Chunk, ChunkResult]]:
         """Yields every chunk with its tables, in any order; `tell` may hear of parts (0 to 1) of a chunk."""
 
 
@@ -36,26 +36,28 @@ class LocalEngine:
         self._threads = threads
 
     def fly(
-        self, chunks: Sequence[Chunk], tell: Callable[[Chunk, float], None]
-    ) -> Iterator[tuple[Chunk, Flown]]:
+        self, chunks: Sequence[Chunk], progress: Callable[[Chunk, float], None]
+    ) -> Iterator[tuple[Chunk, ChunkResult]]:
         """In order."""
-        pool, turn = ThreadPoolExecutor(max_workers=2), Lock()
-        ahead: deque[tuple[Chunk, Future[Flown]]] = deque()
+        pool, kernel_lock = ThreadPoolExecutor(max_workers=2), Lock()
+        ahead: deque[tuple[Chunk, Future[ChunkResult]]] = deque()
         try:
             for chunk in chunks:
                 if chunk.on_estimate:
                     # Long, and much of it in Python: it stays where an interruption reaches it.
                     yield from _landed(ahead, 0)
-                    yield chunk, fly_chunk(chunk, threads=self._threads, tell=partial(tell, chunk))
+                    yield chunk, run_chunk(chunk, threads=self._threads, progress=partial(progress, chunk))
                     continue
-                ahead.append((chunk, pool.submit(fly_chunk, chunk, threads=self._threads, turn=turn)))
+                ahead.append(
+                    (chunk, pool.submit(run_chunk, chunk, threads=self._threads, kernel_lock=kernel_lock))
+                )
                 yield from _landed(ahead, 1)
             yield from _landed(ahead, 0)
         finally:
             pool.shutdown(cancel_futures=True)
 
 
-def _landed(ahead: deque[tuple[Chunk, Future[Flown]]], but: int) -> Iterator[tuple[Chunk, Flown]]:
+def _landed(ahead: deque[tuple[Chunk, Future[ChunkResult]]], but: int) -> Iterator[tuple[Chunk, ChunkResult]]:
     """Waits for the chunks that are first in the queue, all but some."""
     while len(ahead) > but:
         chunk, flown = ahead.popleft()

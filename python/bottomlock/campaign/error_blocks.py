@@ -17,7 +17,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.campaign.partition import Plan, Span
+from bottomlock.campaign.partition import Partition, RunRange
 from bottomlock.errors import OutputError
 from bottomlock.statistics.campaign import NORMS
 
@@ -44,7 +44,7 @@ class Block:
 class Blocks:
     """A file of blocks; `put` the norms of every chunk, then `get` each block."""
 
-    def __init__(self, file: IO[bytes], plan: Plan, times: int) -> None:
+    def __init__(self, file: IO[bytes], plan: Partition, times: int) -> None:
         """The cutting depends on the scenario alone, so that the last bit does not depend on the machine."""
         self._file = file
         self._plan = plan
@@ -58,7 +58,7 @@ class Blocks:
                 self.blocks.append(block)
                 place += len(NORMS) * plan.runs * block.width
 
-    def put(self, span: Span, norms: pl.DataFrame) -> None:
+    def put(self, span: RunRange, norms: pl.DataFrame) -> None:
         """The norms of a chunk, ordered by run, method and time.
 
         Raises:
@@ -90,7 +90,7 @@ class Blocks:
 
 
 @contextmanager
-def open_blocks(folder: Path, plan: Plan, times: int) -> Iterator[Blocks]:
+def open_blocks(folder: Path, plan: Partition, times: int) -> Iterator[Blocks]:
     """Blocks on the file system of a folder, which gets no file with a name.
 
     Raises:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bottomlock import kernel
-from bottomlock.campaign.partition import Plan, Shard
-from bottomlock.simulation.build import World, trajectory_key
+from bottomlock.campaign.partition import Partition, Shard
+from bottomlock.simulation.build import Simulation, trajectory_key
 from bottomlock.tables.versions import library_versions
 
 
@@ -33,28 +33,34 @@ class Clock:
         }
 
 
-def configuration_hash(worlds: Sequence[World]) -> str:
+def configuration_hash(simulations: Sequence[Simulation]) -> str:
     """SHA-256 of all that decides the numbers of a campaign, apart from the number of runs."""
     content = [
         (w.scenario.name, w.fingerprint(), w.scenario.campaign.seed, list(w.scenario.campaign.methods))
-        for w in worlds
+        for w in simulations
     ]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
 def describe(
-    worlds: Sequence[World], *, status: str, threads: int, engine: str, shard: Shard | None, clock: Clock
+    simulations: Sequence[Simulation],
+    *,
+    status: str,
+    threads: int,
+    engine: str,
+    shard: Shard | None,
+    clock: Clock,
 ) -> dict[str, Any]:
     """The manifest: versions, seeds, every setting, how the runs were cut, and how long it took.
 
     The status is "running", "complete", or "shard" for a finished shard, which has no tables of its own.
     """
-    plans = {world.scenario.name: Plan.of(world.scenario) for world in worlds}
+    plans = {simulation.scenario.name: Partition.of(simulation.scenario) for simulation in simulations}
     described: dict[str, Any] = {
         "status": status,
         "version": kernel.kernel_version(),
         "versions": library_versions(),
-        "configuration_hash": configuration_hash(worlds),
+        "configuration_hash": configuration_hash(simulations),
         "engine": engine,
         "threads": threads,
         **clock.times(),
@@ -69,7 +75,7 @@ def describe(
                 "configuration": s.model_dump(mode="json"),
                 "options": s.kernel_options(),
             }
-            for s in (world.scenario for world in worlds)
+            for s in (simulation.scenario for simulation in simulations)
         },
     }
     # JSON objects are written in the order of their keys: the order of the scenarios stands apart.

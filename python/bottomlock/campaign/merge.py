@@ -9,7 +9,7 @@ from bottomlock.atomic_write import read_json, write_json
 from bottomlock.campaign.aggregate import Results, finish, open_tallies
 from bottomlock.campaign.directory import MANIFEST, is_finished, prepare, shard_of, take_chunk, take_truth
 from bottomlock.campaign.manifest import Clock
-from bottomlock.campaign.partition import Plan, Shard
+from bottomlock.campaign.partition import Partition, Shard
 from bottomlock.errors import OutputError
 
 Manifest = Mapping[str, Any]
@@ -38,7 +38,7 @@ def merge_shards(out: Path, directories: Sequence[Path], *, force: bool = False)
     manifests = [_manifest(directory) for directory in directories]
     sources = _sources(directories, manifests)
     first = manifests[0]
-    plans = [Plan.from_manifest(name, first) for name in first["order"]]
+    plans = [Partition.from_manifest(name, first) for name in first["order"]]
     spans = [(plan.name, span) for plan in plans for span in plan.spans()]
     taken = [
         (sources[number % len(sources)], number, name, span) for number, (name, span) in enumerate(spans)
@@ -100,8 +100,8 @@ def _sources(directories: Sequence[Path], manifests: Sequence[Manifest]) -> list
     return [found[k] for k in range(1, n + 1)]
 
 
-def _cut(manifest: Manifest) -> list[Plan]:
-    return [Plan.from_manifest(name, manifest) for name in manifest["order"]]
+def _cut(manifest: Manifest) -> list[Partition]:
+    return [Partition.from_manifest(name, manifest) for name in manifest["order"]]
 
 
 def _merged(manifests: Sequence[Manifest]) -> dict[str, Any]:

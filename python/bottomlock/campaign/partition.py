@@ -13,12 +13,12 @@ CHUNK_STEPS = 12_000_000
 EVEN_RUNS = 16
 """Chunks of more runs hold a multiple of it: full lanes, and as much work for each thread."""
 
-FLEET_VEHICLES = 512
+CLOSED_LOOP_VEHICLES = 512
 """Vehicles that fly on estimates side by side: more cost less each, and more is lost with an unfinished chunk."""
 
 
 @dataclass(frozen=True)
-class Span:
+class RunRange:
     """Runs that are flown and written together."""
 
     first_run: int
@@ -31,7 +31,7 @@ class Span:
 
 
 @dataclass(frozen=True)
-class Plan:
+class Partition:
     """What the tables of one scenario are made of; it can be read back from a manifest."""
 
     name: str
@@ -40,17 +40,17 @@ class Plan:
     runs_per_chunk: int
     nees_degrees: int
 
-    def spans(self) -> list[Span]:
+    def spans(self) -> list[RunRange]:
         """The chunks, in the order of their runs."""
         size = self.runs_per_chunk
-        return [Span(first, min(size, self.runs - first)) for first in range(0, self.runs, size)]
+        return [RunRange(first, min(size, self.runs - first)) for first in range(0, self.runs, size)]
 
     @classmethod
     def of(cls, scenario: Scenario) -> Self:
         """The plan of a scenario.
 
         >>> from bottomlock.config.scenario import load_scenario
-        >>> plan = Plan.of(load_scenario("straight").with_overrides(runs=500, methods=["tc"]))
+        >>> plan = Partition.of(load_scenario("straight").with_overrides(runs=500, methods=["tc"]))
         >>> [span.runs for span in plan.spans()]
         [304, 196]
         """
@@ -58,7 +58,7 @@ class Plan:
         steps = round(trajectory.duration_s * scenario.imu.rate_hz) + 1
         size = CHUNK_STEPS // (steps * len(settings.methods))
         if trajectory.feedback == "estimate":
-            size = FLEET_VEHICLES // (len(settings.methods) if trajectory.pilot == "own" else 1)
+            size = CLOSED_LOOP_VEHICLES // (len(settings.methods) if trajectory.pilot == "own" else 1)
         return cls(
             name=scenario.name,
             methods=tuple(settings.methods),

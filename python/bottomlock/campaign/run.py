@@ -17,19 +17,19 @@ from threadpoolctl import threadpool_limits
 
 from bottomlock.atomic_write import write_json, write_parquet
 from bottomlock.campaign.aggregate import Results, finish, open_tallies
-from bottomlock.campaign.chunk import Chunk, Flown, true_course
+from bottomlock.campaign.chunk import Chunk, ChunkResult, true_course
 from bottomlock.campaign.directory import MANIFEST, TRUTH, is_finished, prepare, write_chunk
 from bottomlock.campaign.engine import Engine, open_engine
 from bottomlock.campaign.manifest import Clock, configuration_hash, describe
-from bottomlock.campaign.partition import Plan, Shard, Span
+from bottomlock.campaign.partition import Partition, RunRange, Shard
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.simulation.build import World, make_world
+from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.tables.schema import PATHS
 
 
 @dataclass(frozen=True)
-class Progress:
+class CampaignProgress:
     """What a campaign tells while it runs; runs under way count in part, `found` are those of an earlier start."""
 
     trajectory: str
@@ -46,7 +46,7 @@ def run_campaign(
     engine: str = "local",
     scheduler: str | None = None,
     force: bool = False,
-    tell: Callable[[Progress], None] = lambda _: None,
+    progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> Results:
     """Runs or resumes a campaign and writes its tables to `out`.
 
@@ -63,18 +63,20 @@ def run_campaign(
         tell: hears of every finished chunk.
 
     Raises:
-        ScenarioError: for two scenarios of one name, and for what `make_world` refuses.
+        ScenarioError: for two scenarios of one name, and for what `build_simulation` refuses.
         OutputError: for a directory that is not ours or cannot be written.
         DataError: for a chunk on disk that is damaged.
         EngineError: for an engine that is not there or breaks down.
         KernelError: for input that the kernel refuses, naming run and method.
     """
-    with open_tallies(out, [Plan.of(scenario) for scenario in scenarios]) as tallies:
+    with open_tallies(out, [Partition.of(scenario) for scenario in scenarios]) as tallies:
 
-        def note(name: str, span: Span, flown: Flown) -> None:
+        def note(name: str, span: RunRange, flown: ChunkResult) -> None:
             tallies[name].take(span, flown.samples, flown.counts, flown.choices)
 
-        manifest = _flown(scenarios, out, None, threads, engine, scheduler, force=force, tell=tell, note=note)
+        manifest = _flown(
+            scenarios, out, None, threads, engine, scheduler, force=force, progress=progress, note=note
+        )
         return finish(out, tallies, manifest("complete"))
 
 
@@ -87,7 +89,7 @@ def run_shard(
     engine: str = "local",
     scheduler: str | None = None,
     force: bool = False,
-    tell: Callable[[Progress], None] = lambda _: None,
+    progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Runs or resumes one shard of a campaign; `merge.merge_shards` joins all of them to the campaign.
 
@@ -97,7 +99,7 @@ def run_shard(
     Returns:
         The manifest.
     """
-    manifest = _flown(scenarios, out, shard, threads, engine, scheduler, force=force, tell=tell)
+    manifest = _flown(scenarios, out, shard, threads, engine, scheduler, force=force, progress=progress)
     finished = manifest("shard")
     write_json(out / MANIFEST, finished)
     return finished
@@ -112,54 +114,58 @@ def _flown(
     scheduler: str | None,
     *,
     force: bool,
-    tell: Callable[[Progress], None],
-    note: Callable[[str, Span, Flown], None] = lambda _name, _span, _flown: None,
+    progress: Callable[[CampaignProgress], None],
+    note: Callable[[str, RunRange, ChunkResult], None] = lambda _name, _span, _flown: None,
 ) -> Callable[[str], dict[str, Any]]:
     """Flies what is not there yet, while `note` hears of every chunk; returns the manifest for a status."""
-    worlds = _worlds(scenarios)
+    simulations = _worlds(scenarios)
     clock = Clock()
 
     def manifest(status: str) -> dict[str, Any]:
-        return describe(worlds, status=status, threads=threads, engine=engine, shard=shard, clock=clock)
+        return describe(simulations, status=status, threads=threads, engine=engine, shard=shard, clock=clock)
 
     # The engine comes first: nothing is written, let alone removed, for a cluster that is not there.
     with open_engine(engine, threads=threads, scheduler=scheduler) as opened:
-        prepare(out, configuration_hash(worlds), shard=shard, force=force)
+        prepare(out, configuration_hash(simulations), shard=shard, force=force)
         write_json(out / MANIFEST, manifest("running"))
-        _fly(_chunks(worlds, shard), out, opened, clock, tell, note)
-    write_parquet(out / TRUTH, _paths(worlds))
+        _fly(_chunks(simulations, shard), out, opened, clock, progress, note)
+    write_parquet(out / TRUTH, _paths(simulations))
     return manifest
 
 
 def runs_to_fly(scenarios: Sequence[Scenario], shard: Shard | None = None) -> int:
     """How many runs a campaign or one shard of it has."""
-    spans = [span for scenario in scenarios for span in Plan.of(scenario).spans()]
+    spans = [span for scenario in scenarios for span in Partition.of(scenario).spans()]
     return sum(span.runs for number, span in enumerate(spans) if shard is None or shard.takes(number))
 
 
-def _paths(worlds: Sequence[World]) -> pl.DataFrame:
+def _paths(simulations: Sequence[Simulation]) -> pl.DataFrame:
     """Where the vehicle is each second on the truth (`schema.PATHS`); runs that fly on the estimate go astray of it."""
     parts = []
-    for world in worlds:
-        truth = true_course(world)
-        every = slice(None, None, max(1, round(world.scenario.imu.rate_hz)))
+    for simulation in simulations:
+        truth = true_course(simulation)
+        every = slice(None, None, max(1, round(simulation.scenario.imu.rate_hz)))
         north, east, depth = truth.position_t_m[every].T
         columns = {"time_ns": truth.time_ns[every], "north_m": north, "east_m": east, "depth_m": depth}
-        parts.append(pl.DataFrame(columns).with_columns(pl.lit(world.scenario.name).alias("trajectory")))
+        parts.append(pl.DataFrame(columns).with_columns(pl.lit(simulation.scenario.name).alias("trajectory")))
     return pl.concat(parts).select(list(PATHS))
 
 
-def _worlds(scenarios: Sequence[Scenario]) -> list[World]:
+def _worlds(scenarios: Sequence[Scenario]) -> list[Simulation]:
     names = [scenario.name for scenario in scenarios]
     if not names or len(set(names)) != len(names):
         raise ScenarioError(f"expected scenarios of different names, got {names}")
     # Threads of the BLAS go on turning while they wait for work, on the cores that the kernel wants next.
     with threadpool_limits(limits=1, user_api="blas"):
-        return [make_world(scenario) for scenario in scenarios]
+        return [build_simulation(scenario) for scenario in scenarios]
 
 
-def _chunks(worlds: Sequence[World], shard: Shard | None = None) -> list[Chunk]:
-    chunks = [Chunk(world, span) for world in worlds for span in Plan.of(world.scenario).spans()]
+def _chunks(simulations: Sequence[Simulation], shard: Shard | None = None) -> list[Chunk]:
+    chunks = [
+        Chunk(simulation, span)
+        for simulation in simulations
+        for span in Partition.of(simulation.scenario).spans()
+    ]
     return [chunk for number, chunk in enumerate(chunks) if shard is None or shard.takes(number)]
 
 
@@ -168,8 +174,8 @@ def _fly(
     out: Path,
     engine: Engine,
     clock: Clock,
-    tell: Callable[[Progress], None],
-    note: Callable[[str, Span, Flown], None],
+    progress: Callable[[CampaignProgress], None],
+    note: Callable[[str, RunRange, ChunkResult], None],
 ) -> None:
     """Works off the chunks that are not there yet."""
     total = dict.fromkeys((chunk.name for chunk in chunks), 0)
@@ -183,10 +189,10 @@ def _fly(
             missing.append(chunk)
     for name, runs in done.items():
         if runs:
-            tell(Progress(name, runs, total[name], found=True))
+            progress(CampaignProgress(name, runs, total[name], found=True))
 
     def part(chunk: Chunk, behind: float) -> None:
-        tell(Progress(chunk.name, done[chunk.name] + chunk.span.runs * behind, total[chunk.name]))
+        progress(CampaignProgress(chunk.name, done[chunk.name] + chunk.span.runs * behind, total[chunk.name]))
 
     # Closing the engine's generator calls off what is under way when something fails here.
     with closing(engine.fly(missing, part)) as flying:  # type: ignore[type-var]
@@ -197,4 +203,4 @@ def _fly(
             clock.kernel_s += flown.kernel_s
             clock.batch_s += flown.work_s + time.perf_counter() - started
             done[chunk.name] += chunk.span.runs
-            tell(Progress(chunk.name, done[chunk.name], total[chunk.name]))
+            progress(CampaignProgress(chunk.name, done[chunk.name], total[chunk.name]))

@@ -13,7 +13,7 @@ from bottomlock.cli.campaign_output import conclude, flying
 from bottomlock.cli.console import console, interrupted
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.simulation.build import make_world
+from bottomlock.simulation.build import build_simulation
 
 
 def _split(methods: str | None) -> list[str] | None:
@@ -62,14 +62,14 @@ def run(
     part = None if shard is None else Shard.parse(shard)
     check_engine(engine, threads=threads, scheduler=scheduler)
     for one in loaded:
-        make_world(one)  # a fault shows before a progress bar does
+        build_simulation(one)  # a fault shows before a progress bar does
     settings: Any = {"threads": threads, "engine": engine, "scheduler": scheduler, "force": force}
     try:
-        with flying(campaign.runs_to_fly(loaded, part)) as tell:
+        with flying(campaign.runs_to_fly(loaded, part)) as progress:
             if part is None:
-                results = campaign.run_campaign(loaded, out, tell=tell, **settings)
+                results = campaign.run_campaign(loaded, out, progress=progress, **settings)
             else:
-                manifest = campaign.run_shard(loaded, out, part, tell=tell, **settings)
+                manifest = campaign.run_shard(loaded, out, part, progress=progress, **settings)
     except KeyboardInterrupt:
         interrupted(out)
     if part is None:

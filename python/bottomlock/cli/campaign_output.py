@@ -19,7 +19,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bottomlock.campaign.aggregate import Results
-from bottomlock.campaign.run import Progress as CampaignProgress
+from bottomlock.campaign.run import CampaignProgress
 from bottomlock.cli.console import console, errors
 from bottomlock.statistics.campaign import summary_table
 

@@ -27,8 +27,10 @@ def reproduce(
     if threads < 0:
         raise ScenarioError(f"--threads is {threads}, expected 0 or more")
     try:
-        with flying(whole_study.study_runs(runs)) as tell:
-            made = whole_study.reproduce(out, runs=runs, seed=seed, threads=threads, force=force, tell=tell)
+        with flying(whole_study.study_runs(runs)) as progress:
+            made = whole_study.reproduce(
+                out, runs=runs, seed=seed, threads=threads, force=force, progress=progress
+            )
     except KeyboardInterrupt:
         interrupted(out)
     print_report(made)

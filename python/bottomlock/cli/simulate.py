@@ -13,10 +13,10 @@ from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.figures.flight import flight_figure, save_figure
 from bottomlock.plant import telemetry
-from bottomlock.simulation.build import World, make_world, trajectory_key
-from bottomlock.simulation.measurement_schedule import met
+from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
+from bottomlock.simulation.measurement_schedule import schedule_and_footprints
 from bottomlock.simulation.sensor_streams import sensor_streams
-from bottomlock.truth.trajectory import Truth
+from bottomlock.truth.truth import Truth
 
 
 def fly(
@@ -44,15 +44,15 @@ def fly(
         loaded = load_scenario(name)
         change = {"source": "vehicle"} | ({} if vehicle is None else {"vehicle": vehicle})
         loaded = loaded.with_trajectory(**change)
-        world = make_world(loaded)
-        flight = world.flight()
-        frame, beams = telemetry(flight), _beams(world, flight.truth)
+        simulation = build_simulation(loaded)
+        flight = simulation.flight()
+        frame, beams = telemetry(flight), _beams(simulation, flight.truth)
         write_parquet(out / f"{loaded.name}_truth.parquet", pl.DataFrame(_wide(flight.truth)))
         write_parquet(out / f"{loaded.name}_telemetry.parquet", frame)
         write_parquet(out / f"{loaded.name}_beams.parquet", beams)
         save_figure(flight_figure(frame, beams), out / f"{loaded.name}.png")
         if sensors is not None:
-            for sensor, readings in sensor_streams(world, flight.truth, run=sensors).items():
+            for sensor, readings in sensor_streams(simulation, flight.truth, run=sensors).items():
                 write_parquet(out / f"{loaded.name}_run{sensors}_{sensor}.parquet", readings)
         legs = frame.filter("leg") if frame["leg"].any() else frame
         astray = float(np.sqrt(np.mean(legs["cross_track_m"].to_numpy() ** 2)))
@@ -64,12 +64,14 @@ def fly(
     console.print(f"tables and figures in {out}")
 
 
-def _beams(world: World, truth: Truth) -> pl.DataFrame:
+def _beams(simulation: Simulation, truth: Truth) -> pl.DataFrame:
     """Which beams return in the first run and, over a seabed, from how far (m) and how obliquely (rad)."""
-    plan, hits = met(world, truth, trajectory_key=trajectory_key(world.scenario.name))
-    valid = plan["beam_valid"].reshape(-1, world.geometry.beams)
+    plan, hits = schedule_and_footprints(
+        simulation, truth, trajectory_key=trajectory_key(simulation.scenario.name)
+    )
+    valid = plan["beam_valid"].reshape(-1, simulation.geometry.beams)
     columns = {"time_ns": plan["dvl_time_ns"]}
-    for k in range(world.geometry.beams):
+    for k in range(simulation.geometry.beams):
         columns[f"beam{k + 1}_valid"] = valid[:, k]
         if hits is not None:
             columns[f"beam{k + 1}_range_m"] = hits.range_m[:, k]

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from bottomlock.atomic_write import write_text
-from bottomlock.campaign.run import Progress as Campaigning
+from bottomlock.campaign.run import CampaignProgress
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.statistics import chi_squared
@@ -170,7 +170,7 @@ def masks(
     with _progress(out) as progress:
         task = progress.add_task("", total=1.0)
 
-        def flown(case: str, state: Campaigning) -> None:
+        def flown(case: str, state: CampaignProgress) -> None:
             progress.update(
                 task, description=f"{state.trajectory} {case}", completed=state.runs_done / state.runs_total
             )
@@ -179,8 +179,8 @@ def masks(
             total = max(one.campaign.runs for one in loaded)
             progress.update(task, description=f"{trajectory} recovery", completed=done / total)
 
-        table = mask_study.run_masks(loaded, out, wanted=wanted, threads=threads, tell=flown)
-        summary = recovery.run_recovery(loaded, out, tell=back)[1] if outages else None
+        table = mask_study.run_masks(loaded, out, wanted=wanted, threads=threads, progress=flown)
+        summary = recovery.run_recovery(loaded, out, progress=back)[1] if outages else None
     write_text(out / "masks.md", markdown(table, summary))
     returning = {
         (case.scenario.name, case.name): mask_study.mean_beams(case)
@@ -270,7 +270,7 @@ def consistency(
             progress.update(task, description=cell, completed=done, total=total)
 
         table = consistency_study.run_consistency(
-            loaded, sets, out, command=command, threads=threads, tell=finished
+            loaded, sets, out, command=command, threads=threads, progress=finished
         )
     study_folder.write_manifest(
         out, consistency_study.KIND, configuration, status="complete", command=command

@@ -7,9 +7,9 @@ Examples:
     Level flight on one heading leaves tilt and accelerometer bias mixed, and heading unknown; beams 1 and 2 alone
     leave the sway in the dark as well:
 
-    >>> from bottomlock.truth.manoeuvres import MANOEUVRES, fly
+    >>> from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
     >>> from bottomlock.kernel import BeamGeometry
-    >>> truth, janus = fly(MANOEUVRES["straight"], rate_hz=50.0), BeamGeometry.janus(0.35)
+    >>> truth, janus = manoeuvre_truth(MANOEUVRES["straight"], rate_hz=50.0), BeamGeometry.janus(0.35)
     >>> whole, half = observe(
     ...     truth, janus, [Aiding(beams=(1, 2, 3, 4)), Aiding(beams=(1, 2))], kind="inertial", earth_rate_radps=0.0
     ... )
@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from bottomlock import kernel
 from bottomlock.errors import DataError
 from bottomlock.observability.schedule import SENSORS, Schedule
-from bottomlock.truth.trajectory import Array, Truth
+from bottomlock.truth.truth import Array, Truth
 from bottomlock.units import ns_from_s
 
 Kind = Literal["full", "inertial", "paper", "paper_printed"]
@@ -327,9 +327,9 @@ def deviations(
         KernelError: as `observe`.
 
     Examples:
-        >>> from bottomlock.truth.manoeuvres import MANOEUVRES, fly
+        >>> from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
         >>> from bottomlock.config.scenario import load_scenario
-        >>> truth, janus = fly(MANOEUVRES["straight"], rate_hz=50.0), kernel.BeamGeometry.janus(0.35)
+        >>> truth, janus = manoeuvre_truth(MANOEUVRES["straight"], rate_hz=50.0), kernel.BeamGeometry.janus(0.35)
         >>> model = load_scenario("straight").kernel_model(truth.gravity_mps2)
         >>> sd = deviations(truth, janus, Aiding(beams=(1, 2, 3, 4)), model).sd
         >>> bool(sd[-1, 8] < sd[0, 8])

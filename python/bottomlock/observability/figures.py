@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from bottomlock.figures.labels import spread
 from bottomlock.figures.palette import STYLE
 from bottomlock.tables import schema
-from bottomlock.truth.trajectory import Array
+from bottomlock.truth.truth import Array
 from bottomlock.units import mps2_from_mg, radps_from_deg_per_h
 
 _BLUE, _ORANGE, _GREEN, _INK, _GREY = "#0072b2", "#d55e00", "#009e73", "#333333", "#888888"

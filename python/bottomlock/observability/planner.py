@@ -9,7 +9,7 @@ from bottomlock.kernel import BeamGeometry
 from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
 from bottomlock.observability.schedule import Schedule
 from bottomlock.tables import schema
-from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, fly
+from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth
 
 
 def plan(
@@ -54,7 +54,7 @@ def plan(
     environment = model["environment"]
     frames = []
     for manoeuvre in manoeuvres:
-        truth = fly(
+        truth = manoeuvre_truth(
             manoeuvre,
             rate_hz=rate_hz,
             latitude_rad=environment["latitude_rad"],

@@ -25,10 +25,10 @@ from bottomlock.observability.tables import (
     paper_table,
     table_row,
 )
-from bottomlock.simulation import measurement_schedule
-from bottomlock.simulation.build import World, make_world, trajectory_key
+from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
+from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.tables import schema
-from bottomlock.truth.trajectory import Truth
+from bottomlock.truth.truth import Truth
 
 _ERRORS_OF = "straight"
 """The packaged scenario whose sensor errors stand behind figures 1-6: the 2015 paper prints initial biases alone."""
@@ -51,7 +51,7 @@ class Observed:
     figures: tuple[Path, ...]
 
 
-def scenario_schedule(world: World, truth: Truth) -> tuple[Schedule, Schedule]:
+def scenario_schedule(simulation: Simulation, truth: Truth) -> tuple[Schedule, Schedule]:
     """What the sensors of a scenario hear along a truth in the campaign's first run, and the same with every beam.
 
     Rates, lost beams, outages, dropouts, loss by altitude, a recorded log's validity, range and incidence over a
@@ -61,7 +61,7 @@ def scenario_schedule(world: World, truth: Truth) -> tuple[Schedule, Schedule]:
     Raises:
         DataError: for a truth of less than a second.
     """
-    plan = measurement_schedule.schedule(world, truth, trajectory_key=trajectory_key(world.scenario.name))
+    plan = measurement_schedule(simulation, truth, trajectory_key=trajectory_key(simulation.scenario.name))
     fixes = plan["gps_time_ns"]
     fixes = fixes[plan["gps_heard"]] if len(fixes) else fixes
     others = {
@@ -71,7 +71,7 @@ def scenario_schedule(world: World, truth: Truth) -> tuple[Schedule, Schedule]:
         "gps_velocity": fixes,
     }
     pings = plan["dvl_time_ns"]
-    valid = plan["beam_valid"].reshape(len(pings), world.geometry.beams)
+    valid = plan["beam_valid"].reshape(len(pings), simulation.geometry.beams)
     flown, every = (
         Schedule.of(truth.time_ns, dvl_time_ns=pings, beam_valid=beams, others=others)
         for beams in (valid, np.ones_like(valid))
@@ -94,9 +94,9 @@ def observe_scenario(source: str | Path, out: Path) -> Observed:
         OutputError: where the directory cannot be written.
     """
     scenario = load_scenario(source)
-    world = make_world(scenario)
-    truth, geometry = world.truth(), world.geometry
-    flown, every = scenario_schedule(world, truth)
+    simulation = build_simulation(scenario)
+    truth, geometry = simulation.truth(), simulation.geometry
+    flown, every = scenario_schedule(simulation, truth)
     own = Aiding.heard(flown)
     if own == Aiding():
         raise ScenarioError(
@@ -108,8 +108,8 @@ def observe_scenario(source: str | Path, out: Path) -> Observed:
             f"{MOST_EPOCHS}: a shorter trajectory.duration_s or slower sensors"
         )
     kind: Kind = "full" if scenario.filter.estimate_dvl else "inertial"
-    model = scenario.kernel_model(world.gravity_mps2)
-    judged: Any = {"kind": kind, "earth_rate_radps": world.earth_rate_radps}
+    model = scenario.kernel_model(simulation.gravity_mps2)
+    judged: Any = {"kind": kind, "earth_rate_radps": simulation.earth_rate_radps}
     words = {"case": scenario.name, "motion": str(scenario.trajectory.kind)}
     judged_masks: Any = words | judged
     table = mask_table(truth, geometry, [own], schedule=every, **judged_masks)

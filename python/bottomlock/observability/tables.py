@@ -12,8 +12,8 @@ from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
 from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
 from bottomlock.observability.schedule import Schedule
 from bottomlock.tables import schema
-from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, fly, motion_of, steady
-from bottomlock.truth.trajectory import Truth
+from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth, motion_of, steady
+from bottomlock.truth.truth import Truth
 from bottomlock.units import mps2_from_mg, radps_from_deg_per_h
 
 DVL, PRESSURE = Aiding(velocity=True), Aiding(depth=True)
@@ -162,7 +162,7 @@ def paper_table() -> pl.DataFrame:
 
 
 def _look(case: PaperCase, window: str, kind: Kind, *, growing: bool = False) -> list[Finding]:
-    truth = fly(case.manoeuvre(window), rate_hz=50.0)
+    truth = manoeuvre_truth(case.manoeuvre(window), rate_hz=50.0)
     return observe(
         truth, _ANY_BEAMS, [case.aiding], kind=kind, earth_rate_radps=0.0, period_s=2.0, growing=growing
     )
@@ -183,7 +183,7 @@ def paper_histories(model: Mapping[str, Any]) -> tuple[pl.DataFrame, pl.DataFram
     rank_rows: list[pl.DataFrame] = []
     for case in PAPER_CASES:
         for window in case.windows:
-            truth = fly(case.manoeuvre(window), rate_hz=50.0)
+            truth = manoeuvre_truth(case.manoeuvre(window), rate_hz=50.0)
             history = deviations(truth, _ANY_BEAMS, case.aiding, _paper_errors(model, truth), kind="paper")
             for k, state in enumerate(history.states):
                 columns = {"time_ns": history.time_ns, "sd": history.sd[:, k]}
@@ -323,7 +323,7 @@ def _decide(
     open_sets = list(range(len(sets)))
     for factor in _LONGER:
         window_s = factor * manoeuvre.duration_s
-        truth = fly(
+        truth = manoeuvre_truth(
             replace(manoeuvre, duration_s=window_s), rate_hz=rate_hz, earth_rate_radps=earth_rate_radps
         )
         judged = observe(

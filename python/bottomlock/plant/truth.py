@@ -9,7 +9,7 @@ from bottomlock.plant.mission import Mission
 from bottomlock.plant.swim import Passage, swim
 from bottomlock.plant.trim import check_stability
 from bottomlock.plant.vehicle import Vehicle
-from bottomlock.truth.trajectory import Truth
+from bottomlock.truth.truth import Truth
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,12 @@ from bottomlock.plant.surroundings import MagneticField, world_magnetic_model
 from bottomlock.plant.swim import check_mission
 from bottomlock.plant.tables import mission_from_table, seabed_from_table
 from bottomlock.plant.trim import check_stability
-from bottomlock.truth.trajectory import Truth, make_truth
+from bottomlock.truth.analytic import analytic_truth
+from bottomlock.truth.truth import Truth
 
 
 @dataclass(frozen=True, eq=False)
-class World:
+class Simulation:
     """A scenario with everything that it names.
 
     `vehicle` and `mission` are None for an analytic truth; `seabed`, `recorded` (times, ns, and validity) and `field`
@@ -87,11 +88,11 @@ class World:
     def truth(self) -> Truth:
         """The truth: analytic, or swum by the vehicle on the truth."""
         if self.vehicle is None:
-            return make_truth(self.scenario, self.gravity_mps2)
+            return analytic_truth(self.scenario, self.gravity_mps2)
         return self.flight().truth
 
 
-def make_world(scenario: Scenario) -> World:
+def build_simulation(scenario: Scenario) -> Simulation:
     """Builds everything that a scenario names, so that a fault shows before anything runs.
 
     Raises:
@@ -100,7 +101,7 @@ def make_world(scenario: Scenario) -> World:
 
     Examples:
         >>> from bottomlock.config.scenario import load_scenario
-        >>> make_world(load_scenario("straight")).geometry.beams
+        >>> build_simulation(load_scenario("straight")).geometry.beams
         4
     """
     gravity_mps2 = gravity_of(scenario)
@@ -110,7 +111,7 @@ def make_world(scenario: Scenario) -> World:
         mission = mission_of(scenario)
         check_mission(vehicle, mission)
         check_stability(vehicle, gravity_mps2)
-    return World(
+    return Simulation(
         scenario=scenario,
         gravity_mps2=gravity_mps2,
         geometry=geometry_of(scenario),

@@ -17,15 +17,15 @@ from bottomlock.plant.beam_loss import (
 )
 from bottomlock.plant.seabed import Footprints, footprints
 from bottomlock.plant.surroundings import GpsReception, Iron, Pressure, magnetic_heading_error_rad
-from bottomlock.simulation.build import World
+from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.sensor_times import beam_valid, epochs_ns
-from bottomlock.truth.trajectory import Truth
+from bottomlock.truth.truth import Truth
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 
-class Conditions:
+class MeasurementSchedule:
     """Epochs of every sensor between two times, and what each run meets at them as its truth unfolds.
 
     Chance is drawn under the campaign's key, so that run k alone meets what run k of a campaign meets.
@@ -33,7 +33,7 @@ class Conditions:
 
     def __init__(
         self,
-        world: World,
+        simulation: Simulation,
         *,
         first_ns: int,
         last_ns: int,
@@ -47,8 +47,8 @@ class Conditions:
         Raises:
             DataError: for less than a second, which leaves nothing to record.
         """
-        scenario = world.scenario
-        self._world = world
+        scenario = simulation.scenario
+        self._world = simulation
         self._times = {
             "dvl": epochs_ns(first_ns, last_ns, scenario.dvl.rate_hz),
             "sample": epochs_ns(first_ns, last_ns, 1.0),
@@ -155,8 +155,8 @@ class Conditions:
         return error.reshape(attitude.shape[:2])
 
 
-def schedule(
-    world: World, truth: Truth, *, trajectory_key: int = 0, first_run: int = 0, runs: int = 1
+def measurement_schedule(
+    simulation: Simulation, truth: Truth, *, trajectory_key: int = 0, first_run: int = 0, runs: int = 1
 ) -> dict[str, Any]:
     """What the kernel's `run_batch` wants to know of the sensors along a truth that all runs share.
 
@@ -165,20 +165,22 @@ def schedule(
 
     Examples:
         >>> from bottomlock.config.scenario import load_scenario
-        >>> from bottomlock.simulation.build import make_world
-        >>> world = make_world(load_scenario("straight"))
-        >>> schedule(world, world.truth())["beam_valid"].shape
+        >>> from bottomlock.simulation.build import build_simulation
+        >>> simulation = build_simulation(load_scenario("straight"))
+        >>> measurement_schedule(simulation, simulation.truth())["beam_valid"].shape
         (250, 4)
     """
-    return met(world, truth, trajectory_key=trajectory_key, first_run=first_run, runs=runs)[0]
+    return schedule_and_footprints(
+        simulation, truth, trajectory_key=trajectory_key, first_run=first_run, runs=runs
+    )[0]
 
 
-def met(
-    world: World, truth: Truth, *, trajectory_key: int = 0, first_run: int = 0, runs: int = 1
+def schedule_and_footprints(
+    simulation: Simulation, truth: Truth, *, trajectory_key: int = 0, first_run: int = 0, runs: int = 1
 ) -> tuple[dict[str, Any], Footprints | None]:
     """As `schedule`, and where the beams meet the seabed, (epochs, beams) each; None without a seabed."""
-    conditions = Conditions(
-        world,
+    conditions = MeasurementSchedule(
+        simulation,
         first_ns=int(truth.time_ns[0]),
         last_ns=int(truth.time_ns[-1]),
         trajectory_key=trajectory_key,
@@ -201,8 +203,8 @@ def _between(time_ns: Times, values: Floats, epochs: Times) -> Floats:
     return values[:, after - 1] + part[:, None] * (values[:, after] - values[:, after - 1])
 
 
-def _pressure(world: World) -> Pressure:
-    depth = world.scenario.depth
+def _pressure(simulation: Simulation) -> Pressure:
+    depth = simulation.scenario.depth
     assumed = depth.water_density_kg_per_m3
     return Pressure(
         density_kgpm3=depth.true_density_kg_per_m3 or assumed,

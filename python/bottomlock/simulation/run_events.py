@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from bottomlock import kernel
 from bottomlock.errors import ScenarioError
-from bottomlock.simulation.build import World, trajectory_key
-from bottomlock.simulation.measurement_schedule import schedule
-from bottomlock.truth.trajectory import Truth
+from bottomlock.simulation.build import Simulation, trajectory_key
+from bottomlock.simulation.measurement_schedule import measurement_schedule
+from bottomlock.truth.truth import Truth
 
 Floats = NDArray[np.float64]
 _VELOCITY = slice(6, 9)
@@ -50,29 +50,29 @@ class Readings:
     Lost beams draw as well, so a mask changes nothing but which of the readings count.
     """
 
-    def __init__(self, world: World, truth: Truth, *, run: int) -> None:
+    def __init__(self, simulation: Simulation, truth: Truth, *, run: int) -> None:
         """Draws the readings of `run` as a campaign of this scenario does.
 
         Raises:
             ScenarioError: where a ping falls between two inertial samples: its step could not be told from the motion.
         """
-        scenario = world.scenario
+        scenario = simulation.scenario
         key = trajectory_key(scenario.name)
-        plan: Any = schedule(world, truth, trajectory_key=key, first_run=run)
-        self.valid: NDArray[np.bool_] = plan["beam_valid"].reshape(-1, world.geometry.beams)
+        plan: Any = measurement_schedule(simulation, truth, trajectory_key=key, first_run=run)
+        self.valid: NDArray[np.bool_] = plan["beam_valid"].reshape(-1, simulation.geometry.beams)
         plan["beam_valid"] = np.ones_like(self.valid)
         if not np.isin(plan["dvl_time_ns"], truth.time_ns).all():
             raise ScenarioError(
                 f"scenario {scenario.name}: dvl.rate_hz {scenario.dvl.rate_hz:g} puts pings between inertial samples, "
                 f"expected a divisor of imu.rate_hz {scenario.imu.rate_hz:g}"
             )
-        self.world = world
-        model: Any = scenario.kernel_model(world.gravity_mps2)
+        self.simulation = simulation
+        model: Any = scenario.kernel_model(simulation.gravity_mps2)
         self._model = model
         self._options: Any = scenario.kernel_options()
         arrays: Any = truth.kernel_arrays()
         self._drawn = kernel.simulate_sensors(
-            world.geometry,
+            simulation.geometry,
             arrays,
             model,
             plan,
@@ -94,7 +94,7 @@ class Readings:
         Nothing is flown beyond the last of these. A ping that gives the method nothing to fuse is not told of.
         """
         navigator = kernel.Navigator(
-            self.world.geometry, self._model, self._options, self._drawn["initial"], method=method
+            self.simulation.geometry, self._model, self._options, self._drawn["initial"], method=method
         )
         told, last_ns = set(watched), int(self.ping_time_ns[max(watched)])
         # The reference flies with every beam, as in a campaign.

@@ -7,12 +7,12 @@ import polars as pl
 
 from bottomlock import kernel
 from bottomlock.plant.beam_loss import noisy_ranges
-from bottomlock.simulation.build import World, trajectory_key
-from bottomlock.simulation.measurement_schedule import met
-from bottomlock.truth.trajectory import Truth
+from bottomlock.simulation.build import Simulation, trajectory_key
+from bottomlock.simulation.measurement_schedule import schedule_and_footprints
+from bottomlock.truth.truth import Truth
 
 
-def sensor_streams(world: World, truth: Truth, *, run: int = 0) -> dict[str, pl.DataFrame]:
+def sensor_streams(simulation: Simulation, truth: Truth, *, run: int = 0) -> dict[str, pl.DataFrame]:
     """What the sensors of a run read along a truth, a table per sensor; the very readings of that run in a campaign.
 
     Returns:
@@ -26,28 +26,30 @@ def sensor_streams(world: World, truth: Truth, *, run: int = 0) -> dict[str, pl.
 
     Examples:
         >>> from bottomlock.config.scenario import load_scenario
-        >>> from bottomlock.simulation.build import make_world
-        >>> world = make_world(load_scenario("straight").with_trajectory(duration_s=3.0))
-        >>> sensor_streams(world, world.truth())["beams"].select("time_ns", "beam1_valid", "beam3_mps").row(0)
+        >>> from bottomlock.simulation.build import build_simulation
+        >>> simulation = build_simulation(load_scenario("straight").with_trajectory(duration_s=3.0))
+        >>> sensor_streams(simulation, simulation.truth())["beams"].select("time_ns", "beam1_valid", "beam3_mps").row(0)
         (1000000000, True, None)
     """
-    scenario = world.scenario
+    scenario = simulation.scenario
     key: dict[str, Any] = {
         "seed": scenario.campaign.seed,
         "trajectory_key": trajectory_key(scenario.name),
         "run": run,
     }
-    plan, hits = met(world, truth, trajectory_key=key["trajectory_key"], first_run=run, runs=1)
+    plan, hits = schedule_and_footprints(
+        simulation, truth, trajectory_key=key["trajectory_key"], first_run=run, runs=1
+    )
     arrays: Any = truth.kernel_arrays()
-    model: Any = scenario.kernel_model(world.gravity_mps2)
+    model: Any = scenario.kernel_model(simulation.gravity_mps2)
     schedule: Any = plan
     drawn = kernel.simulate_sensors(
-        world.geometry, arrays, model, schedule, imu_sampling=scenario.imu.sampling, **key
+        simulation.geometry, arrays, model, schedule, imu_sampling=scenario.imu.sampling, **key
     )
     beams = {"time_ns": drawn["dvl_time_ns"]}
     valid = drawn["dvl_valid"]
     ranges = None if hits is None else noisy_ranges(hits.range_m, scenario.dvl.range_noise_m, **key)
-    for k in range(world.geometry.beams):
+    for k in range(simulation.geometry.beams):
         beams[f"beam{k + 1}_mps"] = np.where(valid[:, k], drawn["dvl_velocity_mps"][:, k], np.nan)
         beams[f"beam{k + 1}_valid"] = valid[:, k]
         if ranges is not None:

@@ -16,8 +16,8 @@ from bottomlock import kernel
 from bottomlock.atomic_write import write_parquet, write_text
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.simulation.build import World, make_world, trajectory_key
-from bottomlock.simulation.measurement_schedule import schedule
+from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
+from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import cases, study_folder
@@ -64,7 +64,8 @@ def parse_masks(text: str | None, beams: int) -> list[tuple[int, ...]]:
 def configuration(scenarios: Sequence[Scenario], masks: Sequence[tuple[int, ...]]) -> str:
     """Hash of what decides the consistency study."""
     content = [
-        (s.name, make_world(s).fingerprint(), list(s.campaign.methods), s.campaign.runs) for s in scenarios
+        (s.name, build_simulation(s).fingerprint(), list(s.campaign.methods), s.campaign.runs)
+        for s in scenarios
     ]
     return study_folder.configuration_hash([content, [list(mask) for mask in masks], TIMES, FALSE_ALARM])
 
@@ -76,7 +77,7 @@ def run_consistency(
     *,
     command: str = "",
     threads: int = 0,
-    tell: Callable[[str, int, int], None] = lambda _cell, _done, _total: None,
+    progress: Callable[[str, int, int], None] = lambda _cell, _done, _total: None,
 ) -> pl.DataFrame:
     """Flies the matrix and writes `consistency.parquet` and `consistency.md` to `out`; finished cells there are kept.
 
@@ -105,7 +106,7 @@ def run_consistency(
             if not path.exists():
                 write_parquet(path, fly_cell(case, whole=len(mask) == scenario.dvl.beams, threads=threads))
             parts.append(pl.read_parquet(path))
-            tell(f"{scenario.name} {case.name}", len(parts), total)
+            progress(f"{scenario.name} {case.name}", len(parts), total)
     means = pl.concat(parts)
     table = judge(means)
     first = scenarios[0]
@@ -140,25 +141,25 @@ def judged_times_s(duration_s: float) -> list[float]:
 
 def fly_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame:
     """Every method under one mask on one trajectory: the means that are to be judged."""
-    world = make_world(case.scenario)
-    scenario = world.scenario
-    truth = world.truth()
+    simulation = build_simulation(case.scenario)
+    scenario = simulation.scenario
+    truth = simulation.truth()
     methods = [method for method in scenario.campaign.methods if whole or method not in BLIND]
     if not methods:
         return pl.DataFrame(schema=_CELL)
     key, runs = trajectory_key(scenario.name), scenario.campaign.runs
-    plan: Any = schedule(world, truth, trajectory_key=key)
+    plan: Any = measurement_schedule(simulation, truth, trajectory_key=key)
     seconds = plan["sample_time_ns"]
     times_s = judged_times_s((seconds[-1] - truth.time_ns[0]) * 1e-9)
     plan["sample_time_ns"] = truth.time_ns[0] + np.array([round(time_s * 1e9) for time_s in times_s])
-    model: Any = scenario.kernel_model(world.gravity_mps2)
+    model: Any = scenario.kernel_model(simulation.gravity_mps2)
     options: Any = scenario.kernel_options()
     arrays: Any = truth.kernel_arrays()
     batch: Any = kernel.run_batch(
-        world.geometry, arrays, model, model, options, plan, methods,
+        simulation.geometry, arrays, model, model, options, plan, methods,
         seed=scenario.campaign.seed, trajectory_key=key, first_run=0, runs=runs, threads=threads,
     )  # fmt: skip
-    rows_fused = _rows_fused(world, methods)
+    rows_fused = _rows_fused(simulation, methods)
     full = 20 if scenario.filter.estimate_dvl else 15
     rows: list[tuple[Any, ...]] = []
     for index, method in enumerate(methods):
@@ -177,9 +178,9 @@ def fly_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame
     return pl.DataFrame(rows, schema=_CELL, orient="row")
 
 
-def _rows_fused(world: World, methods: Sequence[str]) -> dict[str, float]:
+def _rows_fused(simulation: Simulation, methods: Sequence[str]) -> dict[str, float]:
     """Rows that each method fuses per fix under the scenario's mask, from its first run; 0 without fixes."""
-    readings = Readings(world, world.truth(), run=0)
+    readings = Readings(simulation, simulation.truth(), run=0)
     pings = range(len(readings.ping_time_ns))
     degrees = {
         method: [fix.degrees for fix in readings.fixes(method, readings.valid, pings)] for method in methods

@@ -10,11 +10,11 @@ from pathlib import Path
 import polars as pl
 
 from bottomlock.atomic_write import write_parquet
-from bottomlock.campaign.run import Progress, run_campaign
+from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.simulation.build import make_world, trajectory_key
-from bottomlock.simulation.measurement_schedule import schedule
+from bottomlock.simulation.build import build_simulation, trajectory_key
+from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.statistics import campaign
 from bottomlock.studies import cases, study_folder
 
@@ -45,12 +45,12 @@ def all_cases(scenario: Scenario) -> list[cases.Case]:
     """Every beam, every partial mask, dropouts and the slope, in this order.
 
     Raises:
-        ScenarioError: for an instrument of one beam, and for what `make_world` refuses.
+        ScenarioError: for an instrument of one beam, and for what `build_simulation` refuses.
     """
     beams = scenario.dvl.beams
     if beams < 2:
         raise ScenarioError(f"scenario {scenario.name}: an instrument of one beam has no partial masks")
-    start_m = float(make_world(cases.masked(scenario, (1,)).scenario).truth().position_t_m[0, 2])
+    start_m = float(build_simulation(cases.masked(scenario, (1,)).scenario).truth().position_t_m[0, 2])
     fixed = [cases.masked(scenario, mask) for mask in cases.masks(beams)]
     return [*fixed, cases.dropouts(scenario), cases.over_slope(scenario, start_m)]
 
@@ -78,18 +78,18 @@ def select(found: Sequence[cases.Case], wanted: Sequence[str] | None) -> list[ca
 
 def configuration(scenarios: Sequence[Scenario]) -> str:
     """Hash of what decides a study's numbers, apart from the number of runs and the choice of cases."""
-    worlds = [make_world(scenario) for scenario in scenarios]
+    simulations = [build_simulation(scenario) for scenario in scenarios]
     return study_folder.configuration_hash(
-        [(w.scenario.name, w.fingerprint(), list(w.scenario.campaign.methods)) for w in worlds]
+        [(w.scenario.name, w.fingerprint(), list(w.scenario.campaign.methods)) for w in simulations]
     )
 
 
 def mean_beams(case: cases.Case) -> float:
     """Beams that return per ping, on average over the way and the runs."""
-    world = make_world(case.scenario)
-    plan = schedule(
-        world,
-        world.truth(),
+    simulation = build_simulation(case.scenario)
+    plan = measurement_schedule(
+        simulation,
+        simulation.truth(),
         trajectory_key=trajectory_key(case.scenario.name),
         runs=case.scenario.campaign.runs,
     )
@@ -102,7 +102,7 @@ def run_masks(
     *,
     wanted: Sequence[str] | None = None,
     threads: int = 0,
-    tell: Callable[[str, Progress], None] = lambda _case, _progress: None,
+    progress: Callable[[str, CampaignProgress], None] = lambda _case, _progress: None,
 ) -> pl.DataFrame:
     """Flies the cases and writes `masks.parquet` to `out`; finished chunks there are kept.
 
@@ -129,11 +129,11 @@ def run_masks(
     for same in zip(*by_scenario, strict=True):
         case = same[0]
 
-        def told(progress: Progress, name: str = case.name) -> None:
-            tell(name, progress)
+        def told(state: CampaignProgress, name: str = case.name) -> None:
+            progress(name, state)
 
         results = run_campaign(
-            [one.scenario for one in same], out / "cases" / case.name, threads=threads, tell=told
+            [one.scenario for one in same], out / "cases" / case.name, threads=threads, progress=told
         )
         parts.append(gather(case, results.runs, results.ensemble, results.consistency))
     flown = pl.concat(parts)

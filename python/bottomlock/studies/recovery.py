@@ -16,11 +16,11 @@ from bottomlock.atomic_write import write_parquet
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import kernel_version
-from bottomlock.simulation.build import World, make_world
+from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.run_events import Fix, Readings
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import cases, study_folder
-from bottomlock.truth.trajectory import Truth
+from bottomlock.truth.truth import Truth
 
 OUTAGE_S = 60.0
 EPOCHS = 5
@@ -86,7 +86,7 @@ def run_recovery(
     scenarios: Sequence[Scenario],
     out: Path,
     *,
-    tell: Callable[[str, int], None] = lambda _trajectory, _runs: None,
+    progress: Callable[[str, int], None] = lambda _trajectory, _runs: None,
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
     """Flies the outages and writes `recovery.parquet` and `recovery_summary.parquet` to `out`; parts there are kept.
 
@@ -105,24 +105,24 @@ def run_recovery(
     parts = []
     for scenario in scenarios:
         outages = two_beam_outages(scenario)
-        worlds = [make_world(case.scenario) for case in outages]
+        simulations = [build_simulation(case.scenario) for case in outages]
         settings = scenario.campaign
         truth: Truth | None = None
-        name = study_folder.configuration_hash([kernel_version(), worlds[0].fingerprint(), settings.methods])[
-            :12
-        ]
+        name = study_folder.configuration_hash(
+            [kernel_version(), simulations[0].fingerprint(), settings.methods]
+        )[:12]
         for first in range(0, settings.runs, BLOCK):
             runs = range(first, min(first + BLOCK, settings.runs))
             path = out / "recovery" / scenario.name / f"{name}-{runs[0]:06d}-{runs[-1]:06d}.parquet"
             if path.exists():
                 frame = pl.read_parquet(path)
             else:
-                truth = truth or worlds[0].truth()
-                rows = [row for run in runs for row in _rows(worlds, outages, truth, run)]
+                truth = truth or simulations[0].truth()
+                rows = [row for run in runs for row in _rows(simulations, outages, truth, run)]
                 frame = pl.DataFrame(rows, schema=RECOVERY, orient="row")
                 write_parquet(path, frame)
             parts.append(frame)
-            tell(scenario.name, runs[-1] + 1)
+            progress(scenario.name, runs[-1] + 1)
     table = pl.concat(parts)
     judged = summary(table)
     write_parquet(out / "recovery.parquet", table)
@@ -131,25 +131,25 @@ def run_recovery(
 
 
 def _rows(
-    worlds: Sequence[World], outages: Sequence[cases.Case], truth: Truth, run: int
+    simulations: Sequence[Simulation], outages: Sequence[cases.Case], truth: Truth, run: int
 ) -> Iterator[tuple[object, ...]]:
     """One run, drawn once, under every mask and method."""
-    readings = Readings(worlds[0], truth, run=run)
+    readings = Readings(simulations[0], truth, run=run)
     times = readings.ping_time_ns
-    for world, case in zip(worlds, outages, strict=True):
-        rule = world.scenario.dvl.outages[0]
+    for simulation, case in zip(simulations, outages, strict=True):
+        rule = simulation.scenario.dvl.outages[0]
         lost = (times >= rule.from_s * 1e9) & (times < rule.to_s * 1e9)
-        valid = np.ones((len(times), world.geometry.beams), dtype=np.bool_)
+        valid = np.ones((len(times), simulation.geometry.beams), dtype=np.bool_)
         for beam in rule.beams:
             valid[lost, beam - 1] = False
         first = int(np.flatnonzero(lost)[-1]) + 1
-        for method in world.scenario.campaign.methods:
+        for method in simulation.scenario.campaign.methods:
             if method == "ins":
                 continue
             fixes = readings.fixes(method, valid, range(first, first + EPOCHS))
             for fix in fixes:
                 epoch = int(np.searchsorted(times, fix.time_ns)) - first + 1
-                yield (world.scenario.name, case.name, case.beams, method, run, epoch, *_measures(fix))
+                yield (simulation.scenario.name, case.name, case.beams, method, run, epoch, *_measures(fix))
 
 
 def _measures(fix: Fix) -> tuple[object, ...]:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from bottomlock.atomic_write import write_parquet
-from bottomlock.campaign.run import Progress, run_campaign
+from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.report.page import Report, make_report
 from bottomlock.studies.sweep import run_sweep, sweep_cells
@@ -30,7 +30,7 @@ def reproduce(
     methods: Sequence[str] | None = None,
     threads: int = 0,
     force: bool = False,
-    tell: Callable[[Progress], None] = lambda _: None,
+    progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> Report:
     """Flies the three trajectories with every method, sweeps what the paper leaves open, and writes the report.
 
@@ -51,9 +51,9 @@ def reproduce(
     scenarios: list[Scenario] = [
         load_scenario(name).with_overrides(runs=runs, seed=seed, methods=methods) for name in TRAJECTORIES
     ]
-    run_campaign(scenarios, out, threads=threads, force=force, tell=tell)
+    run_campaign(scenarios, out, threads=threads, force=force, progress=progress)
     sweep = run_sweep(
-        scenarios, out / "sweep", runs=sweep_runs(runs), threads=threads, force=force, tell=tell
+        scenarios, out / "sweep", runs=sweep_runs(runs), threads=threads, force=force, progress=progress
     )
     write_parquet(out / "sweep.parquet", sweep)
     return make_report(out)

@@ -7,7 +7,7 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.campaign.run import Progress, run_campaign
+from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import Scenario
 from bottomlock.statistics.campaign import summary_table
 from bottomlock.tables.schema import SWEEP
@@ -71,7 +71,7 @@ def run_sweep(
     runs: int,
     threads: int = 0,
     force: bool = False,
-    tell: Callable[[Progress], None] = lambda _: None,
+    progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> pl.DataFrame:
     """Flies every setting's values on scenarios that the vehicle swims, with the same sensor errors for all.
 
@@ -90,7 +90,11 @@ def run_sweep(
             for scenario in scenarios
         ]
         results = run_campaign(
-            changed, out / folder, threads=threads, force=force, tell=_of_cell(f"sweep {folder}", tell)
+            changed,
+            out / folder,
+            threads=threads,
+            force=force,
+            progress=_of_cell(f"sweep {folder}", progress),
         )
         summary = summary_table(results.ensemble, results.runs)
         label = value if isinstance(value, str) else f"{value:g}"
@@ -104,8 +108,8 @@ def run_sweep(
     return pl.concat(parts)
 
 
-def _of_cell(cell: str, tell: Callable[[Progress], None]) -> Callable[[Progress], None]:
-    return lambda state: tell(replace(state, trajectory=f"{cell} {state.trajectory}"))
+def _of_cell(cell: str, progress: Callable[[CampaignProgress], None]) -> Callable[[CampaignProgress], None]:
+    return lambda state: progress(replace(state, trajectory=f"{cell} {state.trajectory}"))
 
 
 def sweep_cells() -> int:

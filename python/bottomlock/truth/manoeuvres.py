@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.truth.trajectory import Array, Attitudes, Motion, Truth, sample_motion, sample_times_ns
+from bottomlock.truth.analytic import Attitudes, Motion, sample_motion
+from bottomlock.truth.truth import Array, Truth, sample_times_ns
 
 Angle = Callable[[Array], tuple[Array, Array]]
 """An angle and its rate at given times, rad and rad/s."""
@@ -114,7 +115,7 @@ MANOEUVRES: dict[str, Manoeuvre] = {
 """Manoeuvres by name."""
 
 
-def fly(
+def manoeuvre_truth(
     manoeuvre: Manoeuvre,
     *,
     rate_hz: float = 150.0,
@@ -128,7 +129,7 @@ def fly(
         DataError: for a rate at which the window holds fewer than two samples, or a joint outside it.
 
     Examples:
-        >>> truth = fly(MANOEUVRES["yaw_turn"], rate_hz=10.0)
+        >>> truth = manoeuvre_truth(MANOEUVRES["yaw_turn"], rate_hz=10.0)
         >>> len(truth.time_ns), truth.omega_p_radps[0].tolist()
         (641, [0.0, 0.0, 0.0625])
     """

@@ -23,7 +23,7 @@ from bottomlock.plant import (
 )
 from bottomlock.plant.lanes import FloatArray
 from bottomlock.plant.matrices import rotation_t_p
-from bottomlock.truth.trajectory import Truth
+from bottomlock.truth.truth import Truth
 from tests.unit.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
 
 NAMES = ("straight", "figure_eight", "lawn_mower")

@@ -1,102 +1,22 @@
-"""Truth, and analytic motions with exact derivatives.
+"""Analytic motions with exact derivatives, and the truth sampled from them.
 
-A motion is its Euler angles and body velocity as functions of time with exact first derivatives; angular rate
-and specific
-force follow from the mechanisation itself, position by Gauss-Legendre quadrature of R v (exact to rounding).
-So a perfect IMU led through the strapdown step returns the motion.
+A motion gives Euler angles and platform velocity as functions of time, with their exact first derivatives. Angular rate
+and specific force follow from the mechanisation equations, position from Gauss-Legendre quadrature of R v, exact to
+rounding. A perfect IMU, integrated by the strapdown step, therefore returns the motion.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
-from typing import Any, Self
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario
 from bottomlock.config.scenario_sections import Trajectory
 from bottomlock.errors import DataError
-
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """A true motion at the IMU's rate: values at the sample times, not means between them.
-
-    Attributes:
-        time_ns: (n,) int64, rising.
-        position_t_m: (n, 3) tangent frame (north, east, down).
-        attitude_t_p: (n, 4) unit quaternions, scalar first, platform to tangent.
-        velocity_p_mps: (n, 3) velocity over ground, platform frame (forward, right, down).
-        omega_p_radps: (n, 3) inertial angular rate: what a perfect gyro reads.
-        force_p_mps2: (n, 3) specific force: what a perfect accelerometer reads.
-        latitude_rad: geodetic latitude that the Earth rate belongs to.
-        gravity_mps2: gravity that the specific force belongs to.
-    """
-
-    time_ns: NDArray[np.int64]
-    position_t_m: Array
-    attitude_t_p: Array
-    velocity_p_mps: Array
-    omega_p_radps: Array
-    force_p_mps2: Array
-    latitude_rad: float
-    gravity_mps2: float
-
-    def __post_init__(self) -> None:
-        count = len(self.time_ns)
-        if self.time_ns.dtype != np.int64 or self.time_ns.ndim != 1 or count < 2:
-            raise DataError("truth time_ns must be a one-dimensional int64 array of at least 2 samples")
-        steps = np.flatnonzero(np.diff(self.time_ns) <= 0)
-        if steps.size:
-            raise DataError(f"truth time_ns does not increase at row {steps[0] + 1}")
-        for name, width in (
-            ("position_t_m", 3), ("attitude_t_p", 4), ("velocity_p_mps", 3), ("omega_p_radps", 3), ("force_p_mps2", 3),
-        ):  # fmt: skip
-            values = getattr(self, name)
-            if values.shape != (count, width):
-                raise DataError(f"truth {name} has shape {values.shape}, expected ({count}, {width})")
-            bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-            if bad.size:
-                raise DataError(f"truth {name} is not finite at row {bad[0]}")
-        norms = np.linalg.norm(self.attitude_t_p, axis=1)
-        bad = np.flatnonzero(np.abs(norms - 1.0) > 1e-6)
-        if bad.size:
-            raise DataError(
-                f"truth attitude_t_p has norm {norms[bad[0]]:.6g} at row {bad[0]}, expected 1 (scalar first)"
-            )
-
-    @classmethod
-    def from_arrays(
-        cls, *, latitude_rad: float, gravity_mps2: float, time_ns: ArrayLike, **arrays: ArrayLike
-    ) -> Self:
-        """A truth from array-likes under the attributes' names.
-
-        Raises:
-            DataError: for a wrong name or shape, time that does not increase, numbers that are not finite, or
-            quaternions
-                that are not of length 1.
-        """
-        wanted = {field.name for field in fields(cls)} - {"time_ns", "latitude_rad", "gravity_mps2"}
-        if set(arrays) != wanted:
-            raise DataError(f"truth arrays are {sorted(arrays)}, expected {sorted(wanted)}")
-        times = np.ascontiguousarray(time_ns)
-        if not np.issubdtype(times.dtype, np.integer):
-            raise DataError("truth time_ns must be integer nanoseconds")
-        values: dict[str, Any] = {
-            name: np.ascontiguousarray(value, np.float64) for name, value in arrays.items()
-        }
-        return cls(
-            time_ns=times.astype(np.int64), latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, **values
-        )
-
-    def kernel_arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays as the kernel wants them."""
-        names = ("time_ns", "position_t_m", "attitude_t_p", "velocity_p_mps", "omega_p_radps", "force_p_mps2")
-        return {name: getattr(self, name) for name in names}
+from bottomlock.truth.truth import Array, Truth, sample_times_ns
 
 
 @dataclass(frozen=True)
@@ -251,7 +171,7 @@ def _rotation(state: Attitudes) -> Rotation:
     return Rotation.from_euler("ZYX", np.stack([state.yaw_rad, state.pitch_rad, state.roll_rad], axis=-1))
 
 
-def readings(
+def ideal_inertial_readings(
     state: Attitudes, *, latitude_rad: float, gravity_mps2: float, earth_rate_radps: float
 ) -> tuple[Array, Array]:
     """Perfect gyro and accelerometer readings of a motion, each (n, 3), platform frame.
@@ -277,13 +197,7 @@ def readings(
     return omega_ip, force
 
 
-def sample_times_ns(duration_s: float, rate_hz: float) -> NDArray[np.int64]:
-    """Sample times from 0 to the duration, rounded to nanoseconds without drift."""
-    count = math.floor(duration_s * rate_hz + 1e-9) + 1
-    return np.round(np.arange(count) * (1e9 / rate_hz)).astype(np.int64)
-
-
-def make_truth(scenario: Scenario, gravity_mps2: float) -> Truth:
+def analytic_truth(scenario: Scenario, gravity_mps2: float) -> Truth:
     """The analytic truth of a scenario at its IMU rate.
 
     Raises:
@@ -291,7 +205,7 @@ def make_truth(scenario: Scenario, gravity_mps2: float) -> Truth:
 
     Examples:
         >>> from bottomlock.config.scenario import load_scenario
-        >>> truth = make_truth(load_scenario("straight"), 9.795)
+        >>> truth = analytic_truth(load_scenario("straight"), 9.795)
         >>> truth.position_t_m[-1].round(6).tolist()
         [500.0, 0.0, 0.0]
     """
@@ -335,7 +249,7 @@ def sample_motion(
     """
     time_s = np.asarray(time_ns * 1e-9, np.float64)
     state = motion(time_s)
-    omega, force = readings(
+    omega, force = ideal_inertial_readings(
         state, latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, earth_rate_radps=earth_rate_radps
     )
     # Four Gauss-Legendre nodes a step leave far less than rounding.
