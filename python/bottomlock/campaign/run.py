@@ -25,7 +25,7 @@ from bottomlock.campaign.partition import Plan, Shard, Span
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.simulation.build import World, make_world
-from bottomlock.tables.schema import PATHS
+from bottomlock.tables.campaign import PATHS
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ def runs_to_fly(scenarios: Sequence[Scenario], shard: Shard | None = None) -> in
 
 
 def _paths(worlds: Sequence[World]) -> pl.DataFrame:
-    """Where the vehicle is each second on the truth (`schema.PATHS`); runs that fly on the estimate go astray of it."""
+    """Where the vehicle is each second on the truth (`tables.campaign.PATHS`); runs steered by the estimate differ."""
     parts = []
     for world in worlds:
         truth = true_course(world)
