@@ -142,7 +142,7 @@ class VelocityFixes:
     source: NDArray[np.uint8]
 
     def to_frame(self, time_ns: NDArray[np.int64] | None = None) -> "pl.DataFrame":
-        """A table with the columns of `schema.FIXES`; unsolved values are null."""
+        """A table with the columns of `tables.fixes.fixes_schema`; unsolved values are null."""
         import polars as pl  # noqa: PLC0415 - `import bottomlock` stays light
 
         axes = ("surge", "sway", "heave")

@@ -16,9 +16,9 @@ import pytest
 
 from bottomlock.config.scenario import load_scenario
 from bottomlock.studies.consistency import FALSE_ALARM, run_consistency
-from bottomlock.studies.consistency_table import CONSISTENCY_STUDY
 from bottomlock.studies.expected_verdicts import departures, read_expectations
-from bottomlock.tables.schema import check
+from bottomlock.tables.check import check
+from bottomlock.tables.studies import CONSISTENCY_STUDY
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 

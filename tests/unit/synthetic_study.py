@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock.statistics import campaign
-from bottomlock.tables.schema import BIASES, CONSISTENCY, ENSEMBLE, OUTCOMES, RUNS, SAMPLES
+from bottomlock.tables.campaign import BIASES, CONSISTENCY, ENSEMBLE, OUTCOMES, RUNS, SAMPLES
 from tests.analytic import analytic
 
 TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")

@@ -10,7 +10,8 @@ import pytest
 from bottomlock.campaign import partition
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.errors import OutputError, ScenarioError
-from bottomlock.tables.schema import CONSISTENCY, ENSEMBLE, RUNS, check
+from bottomlock.tables.campaign import CONSISTENCY, ENSEMBLE, RUNS
+from bottomlock.tables.check import check
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, TABLES, short
 
 

@@ -14,8 +14,10 @@ import pytest
 from bottomlock.errors import DataError
 from bottomlock.paper.claims import load_paper, parse_paper
 from bottomlock.paper.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, claims_table
+from bottomlock.tables.campaign import PATHS
+from bottomlock.tables.check import check
+from bottomlock.tables.paper import CLAIMS
 from bottomlock.tables.results import Array, read_errors, read_study
-from bottomlock.tables.schema import CLAIMS, PATHS, check
 from tests.unit.synthetic_study import METHODS, Size, edit_manifest, quiet, write_study
 
 PAPER = load_paper()

@@ -11,6 +11,7 @@ from bottomlock.statistics import chi_squared
 from bottomlock.studies import consistency
 from bottomlock.studies.consistency_table import decisive, markdown, methods_summary
 from bottomlock.studies.expected_verdicts import departures, read_expectations
+from bottomlock.tables.studies import CONSISTENCY_CELL
 
 RUNS = 100
 
@@ -24,7 +25,7 @@ def means(**velocity_attitude: tuple[float, float]) -> pl.DataFrame:
             rows.append((*place, "nees_velocity_attitude", time_s, 6.0, RUNS, RUNS, value))
             rows.append((*place, "nees", time_s, 20.0, RUNS, RUNS, 20.0))
         rows.append((*place, "nis", None, 2.0, RUNS, RUNS * 250, 2.0))
-    return pl.DataFrame(rows, schema=consistency._CELL, orient="row")
+    return pl.DataFrame(rows, schema=dict(CONSISTENCY_CELL), orient="row")
 
 
 def expect(tmp_path: Path, text: str) -> Path:

@@ -10,7 +10,8 @@ import pytest
 from bottomlock import kernel, run_campaign
 from bottomlock.campaign.selector_counts import choice_counts, merged
 from bottomlock.config.scenario import load_scenario
-from bottomlock.tables.schema import CHOICES, check
+from bottomlock.tables.campaign import CHOICES
+from bottomlock.tables.check import check
 from tests.analytic import analytic
 from tests.property import settings
 

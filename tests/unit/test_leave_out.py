@@ -8,7 +8,8 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
-from bottomlock.replay.leave_out import SCORES, Walk, leave_out, over_sets, random_walk, reference_pings
+from bottomlock.replay.leave_out import Walk, leave_out, over_sets, random_walk, reference_pings
+from bottomlock.tables.replay import SCORES
 
 JANUS = BeamGeometry.janus(np.deg2rad(25.0))
 SD = np.full(4, 0.02)

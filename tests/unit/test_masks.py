@@ -8,9 +8,10 @@ import pytest
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.studies import masks, study_folder
-from bottomlock.tables.schema import check
+from bottomlock.tables.check import check
+from bottomlock.tables.studies import MASKS
 
-NUMBERS = [name for name, dtype in masks.MASKS.items() if dtype == pl.Float64()]
+NUMBERS = [name for name, dtype in MASKS.items() if dtype == pl.Float64()]
 
 
 def short(runs: int = 2) -> Scenario:
@@ -33,7 +34,7 @@ def three_beams() -> Scenario:
 def test_every_case_has_its_rows(tmp_path: Path) -> None:
     """Fifteen masks, dropouts and slope; the reference and the INS are the same in all, bit for bit: runs are pairs."""
     table = masks.run_masks([short()], tmp_path, threads=1)
-    check(pl.read_parquet(tmp_path / "masks.parquet"), masks.MASKS, place="masks")
+    check(pl.read_parquet(tmp_path / "masks.parquet"), MASKS, place="masks")
     assert table["case"].n_unique() == 17
     assert table.height == 17 * 3
     for method in ("ins", "lc"):

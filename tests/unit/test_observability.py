@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ from bottomlock.observability.figures import deviation_figure
 from bottomlock.observability.planner import best, plan
 from bottomlock.observability.report import observe_scenario
 from bottomlock.observability.tables import PAPER_CASES, paper_histories, paper_table
-from bottomlock.tables import schema
+from bottomlock.tables.check import check
+from bottomlock.tables.observability import OBSERVABILITY
 from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, dip, manoeuvre_truth, motion_of, steady, swing
 from bottomlock.truth.truth import Truth
 from tests.oracle.error_model import f_full
@@ -275,7 +277,7 @@ def test_a_joint_outside_the_window_is_refused() -> None:
 
 def test_the_papers_table_is_what_the_documentation_says() -> None:
     """Computed is exact in every cell, and the six printed ranks are judged as written in docs/observability.md."""
-    table = schema.check(paper_table(), schema.OBSERVABILITY, place="paper")
+    table = check(paper_table(), OBSERVABILITY, place="paper")
     assert (table["rank"] == table["expected_rank"]).all()
     assert (table["gap"] >= LEAST_GAP).all()
     held = table.filter(verdict="as printed")["case"].unique().to_list()
@@ -295,11 +297,11 @@ def test_figures_have_a_panel_for_every_group() -> None:
 def test_a_scenario_to_tables_and_a_figure(tmp_path: Path) -> None:
     scenario = tmp_path / "short.toml"
     assert load_scenario("straight").name == "straight"
-    text = (Path(schema.__file__).parent / "scenarios" / "straight.toml").read_text(encoding="utf-8")
+    text = (resources.files("bottomlock.config") / "scenarios" / "straight.toml").read_text(encoding="utf-8")
     scenario.write_text(text.replace("duration_s = 250.0", "duration_s = 20.0"), encoding="utf-8")
     made = observe_scenario(scenario, tmp_path / "o")
     table = pl.read_parquet(tmp_path / "o" / "observability.parquet")
-    assert table.columns == list(schema.OBSERVABILITY)
+    assert table.columns == list(OBSERVABILITY)
     assert table["mask"].to_list()[:5] == ["1", "2", "3", "4", "12"]
     assert made.own == "beams 12"
     assert all(path.is_file() for path in made.figures)
@@ -307,7 +309,7 @@ def test_a_scenario_to_tables_and_a_figure(tmp_path: Path) -> None:
 
 def test_a_scenario_that_nothing_aids_is_refused(tmp_path: Path) -> None:
     """Every beam lost and no other sensor."""
-    text = (Path(schema.__file__).parent / "scenarios" / "straight.toml").read_text(encoding="utf-8")
+    text = (resources.files("bottomlock.config") / "scenarios" / "straight.toml").read_text(encoding="utf-8")
     changed = text.replace("beams_lost = [3, 4]", "beams_lost = [1, 2, 3, 4]")
     assert changed != text
     (tmp_path / "blind.toml").write_text(changed, encoding="utf-8")

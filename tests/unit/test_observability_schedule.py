@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +21,12 @@ from bottomlock.observability.planner import plan
 from bottomlock.observability.report import observe_scenario, scenario_schedule
 from bottomlock.observability.schedule import SENSORS, Schedule
 from bottomlock.simulation.build import build_simulation
-from bottomlock.tables import schema
 from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
 from bottomlock.truth.truth import Truth
 
 JANUS = BeamGeometry.janus(np.deg2rad(20.0))
 SECOND = 10**9
-STRAIGHT = (Path(schema.__file__).parent / "scenarios" / "straight.toml").read_text(encoding="utf-8")
+STRAIGHT = (resources.files("bottomlock.config") / "scenarios" / "straight.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

@@ -10,15 +10,13 @@ from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.simulation.run_events import Fix
 from bottomlock.studies.recovery import (
-    EPOCHS,
-    RECOVERY,
-    SUMMARY,
     jump_chance,
     run_recovery,
     summary,
     two_beam_outages,
 )
-from bottomlock.tables.schema import check
+from bottomlock.tables.check import check
+from bottomlock.tables.studies import RECOVERY, RECOVERY_EPOCHS, RECOVERY_SUMMARY
 
 
 def fix(after: list[float], *, used: bool = True) -> Fix:
@@ -105,8 +103,8 @@ def test_recovery_tables_and_resumption(tmp_path: Path) -> None:
     )
     table, judged = run_recovery([scenario], tmp_path)
     check(table, RECOVERY, place="recovery")
-    check(judged, SUMMARY, place="summary")
-    assert table.height == 6 * 1 * 2 * EPOCHS
+    check(judged, RECOVERY_SUMMARY, place="summary")
+    assert table.height == 6 * 1 * 2 * RECOVERY_EPOCHS
     # An outage from 10 s to 70 s: the ping at 70 s is the first of full lock.
     assert table["time_s"].unique().sort().to_list() == [70.0, 71.0, 72.0, 73.0, 74.0]
     (part,) = (tmp_path / "recovery" / "straight").iterdir()

@@ -26,7 +26,7 @@ from bottomlock.pages.render import number
 from bottomlock.report.advice import Advice, advise, choose
 from bottomlock.report.page import make_report
 from bottomlock.tables.results import Array, read_errors, read_study
-from bottomlock.tables.schema import SWEEP
+from bottomlock.tables.studies import SWEEP
 from tests.unit.synthetic_study import METHODS, edit_manifest, write_study
 
 

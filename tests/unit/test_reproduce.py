@@ -10,7 +10,8 @@ from bottomlock.config.scenario import load_scenario
 from bottomlock.studies import reproduce as whole
 from bottomlock.studies import sweep
 from bottomlock.studies.sweep import SETTINGS, Setting
-from bottomlock.tables.schema import SWEEP, check
+from bottomlock.tables.check import check
+from bottomlock.tables.studies import SWEEP
 
 RARE = "gate reopens after refusals in a row"
 

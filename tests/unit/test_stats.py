@@ -6,7 +6,8 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.statistics import campaign
-from bottomlock.tables.schema import ENSEMBLE, OUTCOMES, RUNS, SAMPLES, check
+from bottomlock.tables.campaign import ENSEMBLE, OUTCOMES, RUNS, SAMPLES
+from bottomlock.tables.check import check
 
 
 def samples() -> pl.DataFrame:

@@ -7,6 +7,8 @@ from typing import Literal
 import numpy as np
 import polars as pl
 
+from bottomlock.tables.audit import FINDINGS
+
 Weight = Literal["fault", "warning", "note"]
 WEIGHTS: tuple[Weight, ...] = ("fault", "warning", "note")
 
@@ -49,24 +51,10 @@ def ranked(findings: Iterable[Finding]) -> list[Finding]:
     return sorted(findings, key=lambda one: (WEIGHTS.index(one.weight), -one.part, one.kind, one.beams))
 
 
-FINDINGS = {
-    "rank": pl.Int64(),
-    "kind": pl.String(),
-    "weight": pl.String(),
-    "beams": pl.List(pl.Int64()),
-    "size": pl.Float64(),
-    "unit": pl.String(),
-    "part": pl.Float64(),
-    "words": pl.String(),
-    "evidence": pl.String(),
-    "advice": pl.String(),
-}
-
-
 def findings_table(findings: list[Finding]) -> pl.DataFrame:
     """A row per finding, in the order given."""
     rows = [{"rank": k + 1, **asdict(one), "beams": list(one.beams)} for k, one in enumerate(findings)]
-    return pl.DataFrame(rows, schema=pl.Schema(FINDINGS))
+    return pl.DataFrame(rows, schema=dict(FINDINGS))
 
 
 def beam_words(beams: Iterable[int]) -> str:

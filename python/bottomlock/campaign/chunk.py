@@ -18,7 +18,7 @@ from bottomlock.plant import Flight
 from bottomlock.plant.closed_loop import cross_track_m
 from bottomlock.simulation.build import Simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
-from bottomlock.tables.schema import BIASES, OUTCOMES, SAMPLES
+from bottomlock.tables.campaign import BIASES, OUTCOMES, SAMPLES
 from bottomlock.truth.truth import Truth
 
 
@@ -42,7 +42,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class ChunkResult:
-    """The tables of a chunk (`schema.SAMPLES`, `CHOICES`, `OUTCOMES`), seconds in the kernel and altogether."""
+    """The tables of a chunk (`tables.campaign`: SAMPLES, CHOICES, OUTCOMES), seconds in the kernel and in all."""
 
     samples: pl.DataFrame
     choices: pl.DataFrame

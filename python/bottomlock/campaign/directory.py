@@ -14,7 +14,8 @@ from bottomlock.atomic_write import read_json, write_parquet
 from bottomlock.campaign.chunk import ChunkResult
 from bottomlock.campaign.partition import Partition, RunRange, Shard
 from bottomlock.errors import DataError, OutputError
-from bottomlock.tables.schema import CHOICES, OUTCOMES, SAMPLES, check
+from bottomlock.tables.campaign import CHOICES, OUTCOMES, SAMPLES
+from bottomlock.tables.check import check
 
 MANIFEST = "manifest.json"
 TABLES = ("runs.parquet", "ensemble.parquet", "consistency.parquet", "choices.parquet")
@@ -141,7 +142,7 @@ def _take(old: Path, new: Path) -> None:
 
 
 def read_samples(out: Path, plan: Partition, span: RunRange) -> pl.DataFrame:
-    """The samples of a chunk (`schema.SAMPLES`), ordered by run, method and time.
+    """The samples of a chunk (`tables.campaign.SAMPLES`), ordered by run, method and time.
 
     Raises:
         DataError: for a file that is missing, damaged, or of other runs than its name says.
@@ -160,7 +161,7 @@ def read_samples(out: Path, plan: Partition, span: RunRange) -> pl.DataFrame:
 
 
 def read_choices(out: Path, plan: Partition, span: RunRange) -> pl.DataFrame:
-    """What the selectors of a chunk have chosen (`schema.CHOICES`).
+    """What the selectors of a chunk have chosen (`tables.campaign.CHOICES`).
 
     Raises:
         DataError: for a file that is missing or damaged.
@@ -170,7 +171,7 @@ def read_choices(out: Path, plan: Partition, span: RunRange) -> pl.DataFrame:
 
 
 def read_counts(out: Path, plan: Partition, span: RunRange) -> pl.DataFrame:
-    """The fix counts of a chunk (`schema.OUTCOMES`).
+    """The fix counts of a chunk (`tables.campaign.OUTCOMES`).
 
     Raises:
         DataError: for a file that is missing or damaged.

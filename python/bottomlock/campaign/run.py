@@ -25,7 +25,7 @@ from bottomlock.campaign.partition import Partition, RunRange, Shard
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.simulation.build import Simulation, build_simulation
-from bottomlock.tables.schema import PATHS
+from bottomlock.tables.campaign import PATHS
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def runs_to_fly(scenarios: Sequence[Scenario], shard: Shard | None = None) -> in
 
 
 def _paths(simulations: Sequence[Simulation]) -> pl.DataFrame:
-    """Where the vehicle is each second on the truth (`schema.PATHS`); runs that fly on the estimate go astray of it."""
+    """Where the vehicle is each second on the truth (`tables.campaign.PATHS`); runs steered by the estimate differ."""
     parts = []
     for simulation in simulations:
         truth = true_course(simulation)

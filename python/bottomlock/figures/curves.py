@@ -32,7 +32,7 @@ def rms_figure(
     """RMS over runs of all methods against time, 95 % bootstrap intervals shaded.
 
     Args:
-        ensemble: `schema.ENSEMBLE`.
+        ensemble: `tables.campaign.ENSEMBLE`.
         trajectory: one of its trajectories.
         quantity: "velocity" or "attitude".
         printed: method, time in s and value of what a paper prints; drawn as hollow diamonds.

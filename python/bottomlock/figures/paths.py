@@ -15,7 +15,7 @@ def paths_figure(paths: pl.DataFrame, trajectories: list[str]) -> Figure:
     """Plan view above depth for each trajectory.
 
     Args:
-        paths: `schema.PATHS`.
+        paths: `tables.campaign.PATHS`.
         trajectories: which of them, in this order.
     """
     with mpl.rc_context(STYLE):

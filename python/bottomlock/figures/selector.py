@@ -14,7 +14,7 @@ def choices_figure(choices: pl.DataFrame, trajectory: str) -> Figure | None:
     """A strip for each method and component: the share of the runs that took each source; none without a choice.
 
     Args:
-        choices: `schema.CHOICES`.
+        choices: `tables.campaign.CHOICES`.
         trajectory: one of its trajectories.
     """
     rows = choices.filter((pl.col("trajectory") == trajectory) & (pl.col("component") != "why"))

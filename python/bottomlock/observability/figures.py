@@ -14,7 +14,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from bottomlock.figures.labels import spread
 from bottomlock.figures.palette import STYLE
-from bottomlock.tables import schema
+from bottomlock.tables.check import check
+from bottomlock.tables.observability import DEVIATIONS, RANKS
 from bottomlock.truth.truth import Array
 from bottomlock.units import mps2_from_mg, radps_from_deg_per_h
 
@@ -62,8 +63,8 @@ def deviation_figure(
     """Standard deviations of every group of states and the rank, against time, for each window of a case.
 
     Args:
-        deviations: `schema.DEVIATIONS`.
-        ranks: `schema.RANKS`; the rank is left out where it has no rows of the case.
+        deviations: `tables.observability.DEVIATIONS`.
+        ranks: `tables.observability.RANKS`; the rank is left out where it has no rows of the case.
         case: the case.
         title: words above the figure.
         hidden: unobservable directions in words, written beside the panels.
@@ -71,8 +72,8 @@ def deviation_figure(
     Raises:
         DataError: for tables of other columns.
     """
-    schema.check(deviations, schema.DEVIATIONS, place="deviations")
-    schema.check(ranks, schema.RANKS, place="ranks")
+    check(deviations, DEVIATIONS, place="deviations")
+    check(ranks, RANKS, place="ranks")
     rows, rank_rows = deviations.filter(case=case), ranks.filter(case=case)
     windows = rows["motion"].unique(maintain_order=True).to_list()
     members = {

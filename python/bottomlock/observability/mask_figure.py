@@ -10,7 +10,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from bottomlock.figures.palette import STYLE
-from bottomlock.tables import schema
+from bottomlock.tables.check import check
+from bottomlock.tables.observability import OBSERVABILITY
 
 _SHADES = LinearSegmentedColormap.from_list("shades", ["#ffffff", "#8dbbdc", "#0072b2"])
 _INK, _UNDECIDED = "#333333", "#f3ddc9"
@@ -20,13 +21,13 @@ def mask_figure(table: pl.DataFrame, *, title: str) -> Figure:
     """Ranks of every mask (rows) by every manoeuvre (columns), a panel for each Earth and set of further sensors.
 
     Args:
-        table: `schema.OBSERVABILITY` as `observability_study.manoeuvre_table` makes it.
+        table: `tables.observability.OBSERVABILITY` as `observability_study.manoeuvre_table` makes it.
         title: words above the figure.
 
     Raises:
         DataError: for a table of other columns.
     """
-    schema.check(table, schema.OBSERVABILITY, place="manoeuvres")
+    check(table, OBSERVABILITY, place="manoeuvres")
     others = pl.col("aiding").str.replace(r"^beams \d+", "beams")
     rows = table.with_columns(sensors=others)
     earths, sensors, masks, motions = (

@@ -8,7 +8,8 @@ import polars as pl
 from bottomlock.kernel import BeamGeometry
 from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
 from bottomlock.observability.schedule import Schedule
-from bottomlock.tables import schema
+from bottomlock.tables.check import check
+from bottomlock.tables.observability import PLAN
 from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth
 
 
@@ -36,7 +37,7 @@ def plan(
         rate_hz: rate at which the motion is sampled.
 
     Returns:
-        `schema.PLAN`, manoeuvres in their order, states in the filter's.
+        `tables.observability.PLAN`, manoeuvres in their order, states in the filter's.
 
     Raises:
         KernelError: for an empty aiding set or a model that makes no sense.
@@ -81,15 +82,15 @@ def plan(
                     "sd_after": after,
                     "part_left": [a / b if b > 0.0 else None for a, b in zip(after, before, strict=True)],
                 },
-                schema=dict(schema.PLAN),
+                schema=dict(PLAN),
             )
         )
     return pl.concat(frames)
 
 
 def best(table: pl.DataFrame) -> pl.DataFrame:
-    """For each state the manoeuvre that leaves the smallest deviation: `schema.PLAN`."""
-    schema.check(table, schema.PLAN, place="plan")
+    """For each state the manoeuvre that leaves the smallest deviation: `tables.observability.PLAN`."""
+    check(table, PLAN, place="plan")
     return table.filter(pl.col("sd_after") == pl.col("sd_after").min().over("state")).unique(
         "state", keep="first", maintain_order=True
     )

@@ -27,7 +27,7 @@ from bottomlock.observability.tables import (
 )
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
-from bottomlock.tables import schema
+from bottomlock.tables.observability import DEVIATIONS, OBSERVABILITY, RANKS
 from bottomlock.truth.truth import Truth
 
 _ERRORS_OF = "straight"
@@ -39,9 +39,9 @@ class Observed:
     """What was written, and the tables for the screen.
 
     Attributes:
-        table: `schema.OBSERVABILITY`.
+        table: `tables.observability.OBSERVABILITY`.
         own: name of the aiding set of the scenario itself; None for the paper's cases.
-        manoeuvres: `schema.PLAN`, or None.
+        manoeuvres: `tables.observability.PLAN`, or None.
         figures: paths.
     """
 
@@ -120,14 +120,14 @@ def observe_scenario(source: str | Path, out: Path) -> Observed:
         own_name += ", as they return"
         (found,) = observe(truth, geometry, [own], schedule=flown, **judged)
         row = table_row(words["case"], own, words["motion"], kind, found) | {"aiding": own_name}
-        table = pl.concat([table, pl.DataFrame([row], schema=dict(schema.OBSERVABILITY))])
+        table = pl.concat([table, pl.DataFrame([row], schema=dict(OBSERVABILITY))])
     history = deviations(truth, geometry, own, model, kind=kind, schedule=flown)
     (found,) = observe(truth, geometry, [own], schedule=flown.gathered(_WINDOWS), growing=True, **judged)
     labels = words | {"model": MODELS[kind]}
     sds = pl.concat(
         _with(pl.DataFrame({"time_ns": history.time_ns, "sd": history.sd[:, k]}), labels | {"state": state})
         for k, state in enumerate(found.states)
-    ).select(list(schema.DEVIATIONS))
+    ).select(list(DEVIATIONS))
     manoeuvres = plan(geometry, _planned(own), model, kind=kind, rates_hz=_rates_hz(scenario))
     ranks = _ranks(found, labels)
     figure = deviation_figure(
@@ -174,7 +174,7 @@ def _ranks(found: Finding, labels: dict[str, str]) -> pl.DataFrame:
         "decided": found.decided_history[1:],
     }
     frame = _with(pl.DataFrame(columns), labels).with_columns(printed_rank=pl.lit(None, pl.Int64))
-    return frame.select(list(schema.RANKS))
+    return frame.select(list(RANKS))
 
 
 def observe_paper(out: Path) -> Observed:

@@ -11,7 +11,7 @@ import polars as pl
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
 from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
 from bottomlock.observability.schedule import Schedule
-from bottomlock.tables import schema
+from bottomlock.tables.observability import DEVIATIONS, OBSERVABILITY, RANKS
 from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth, motion_of, steady
 from bottomlock.truth.truth import Truth
 from bottomlock.units import mps2_from_mg, radps_from_deg_per_h
@@ -111,7 +111,7 @@ def table_row(
     printed_rank: int | None = None,
     verdict: str | None = None,
 ) -> dict[str, Any]:
-    """A finding as a row of `schema.OBSERVABILITY`."""
+    """A finding as a row of `tables.observability.OBSERVABILITY`."""
     return {
         "case": case,
         "aiding": aiding.name,
@@ -139,7 +139,7 @@ def _paper_verdict(found: Finding, printed: int) -> str:
 
 
 def paper_table() -> pl.DataFrame:
-    """The six cases of the 2015 paper, each window and sign: `schema.OBSERVABILITY`.
+    """The six cases of the 2015 paper, each window and sign: `tables.observability.OBSERVABILITY`.
 
     Examples:
         >>> table = paper_table()
@@ -158,7 +158,7 @@ def paper_table() -> pl.DataFrame:
                 )
                 | {"model": case.model(kind)}
             )  # fmt: skip
-    return _frame(rows, schema.OBSERVABILITY)
+    return _frame(rows, OBSERVABILITY)
 
 
 def _look(case: PaperCase, window: str, kind: Kind, *, growing: bool = False) -> list[Finding]:
@@ -173,7 +173,7 @@ _ANY_BEAMS = BeamGeometry.janus(math.radians(20.0))
 
 
 def paper_histories(model: Mapping[str, Any]) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Histories behind figures 1-6: claimed deviations (`schema.DEVIATIONS`) and ranks (`schema.RANKS`).
+    """Histories behind figures 1-6: claimed deviations and ranks (`tables.observability`: DEVIATIONS, RANKS).
 
     Args:
         model: sensor errors in SI (`Scenario.kernel_model`); the initial biases become the paper's 3 mg and
@@ -188,7 +188,7 @@ def paper_histories(model: Mapping[str, Any]) -> tuple[pl.DataFrame, pl.DataFram
             for k, state in enumerate(history.states):
                 columns = {"time_ns": history.time_ns, "sd": history.sd[:, k]}
                 labels = {"case": case.name, "motion": window, "model": case.model("paper"), "state": state}
-                sd_rows.append(_labelled(columns, labels, schema.DEVIATIONS))
+                sd_rows.append(_labelled(columns, labels, DEVIATIONS))
             for kind in case.models:
                 (found,) = _look(case, window, kind, growing=True)
                 columns = {
@@ -197,9 +197,7 @@ def paper_histories(model: Mapping[str, Any]) -> tuple[pl.DataFrame, pl.DataFram
                     "decided": _asked(found.decided_history)[1:],
                 }
                 labels = {"case": case.name, "motion": window, "model": case.model(kind)}
-                rank_rows.append(
-                    _labelled(columns, labels | {"printed_rank": case.printed_rank}, schema.RANKS)
-                )
+                rank_rows.append(_labelled(columns, labels | {"printed_rank": case.printed_rank}, RANKS))
     return pl.concat(sd_rows), pl.concat(rank_rows)
 
 
@@ -273,7 +271,7 @@ def mask_table(
         schedule=schedule,
     )
     rows = [table_row(case, aiding, motion, kind, one) for aiding, one in zip(sets, found, strict=True)]
-    return _frame(rows, schema.OBSERVABILITY)
+    return _frame(rows, OBSERVABILITY)
 
 
 THREE_AIDINGS: tuple[Aiding, ...] = (Aiding(), Aiding(depth=True), Aiding(depth=True, attitude=True))
@@ -303,7 +301,7 @@ def manoeuvre_table(
             table_row(case, aiding, manoeuvre.name, "full", one)
             for aiding, one in zip(sets, found, strict=True)
         ]
-    return _frame(rows, schema.OBSERVABILITY)
+    return _frame(rows, OBSERVABILITY)
 
 
 _LONGER, _EPOCHS = (1.0, 4.0, 16.0), 32

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bottomlock.errors import DataError
-from bottomlock.tables.schema import BIASES
+from bottomlock.tables.campaign import BIASES
 
 Number = float | list[float] | bool | str
 
@@ -120,7 +120,7 @@ class BiasClaim(_Claim):
     kind: Literal["bias"]
     methods: list[str]
     biases: list[str]
-    """Of `schema.BIASES`."""
+    """Of `tables.campaign.BIASES`."""
     pattern: Literal["observable", "hidden", "more"]
     """Each shrinks; none shrinks; all together shrink more than on another trajectory."""
     tolerance: float = 0.0

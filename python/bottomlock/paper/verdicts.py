@@ -22,8 +22,8 @@ from bottomlock.paper.claims import (
     ValueClaim,
 )
 from bottomlock.statistics.campaign import BOOTSTRAP_RESAMPLES, BOOTSTRAP_SEED
+from bottomlock.tables.paper import CLAIMS
 from bottomlock.tables.results import Array, Errors, Study, locked_out
-from bottomlock.tables.schema import CLAIMS
 
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
 LEAST_RUNS = 10
@@ -106,7 +106,7 @@ class _Flown:
 
 
 def claims_table(study: Study, errors: Mapping[str, Errors], paper: Paper) -> pl.DataFrame:
-    """A row per claim of the paper (`schema.CLAIMS`), in the order of the claims.
+    """A row per claim of the paper (`tables.paper.CLAIMS`), in the order of the claims.
 
     Args:
         study: the campaign's tables.

@@ -39,7 +39,7 @@ def passes(case: Case, flight: Flight) -> Iterator[tuple[str, str, dict[str, Flo
 
 
 def samples_table(case: Case, what_if: str, flight: Flight) -> pl.DataFrame:
-    """A row per method, pass and time (`replay_schema.REPLAY_SAMPLES`)."""
+    """A row per method, pass and time (`tables.replay.REPLAY_SAMPLES`)."""
     parts = []
     prepared = flight.prepared
     for name, method, states in passes(case, flight):
@@ -154,7 +154,7 @@ def pings_table(case: Case, what_if: str, flight: Flight) -> pl.DataFrame:
 
 
 def path_table(dive: Dive) -> pl.DataFrame | None:
-    """Where the reference was (`replay_schema.PATH`), or None without positions."""
+    """Where the reference was (`tables.replay.PATH`), or None without positions."""
     reference = dive.reference
     if reference is None or reference.position_t_m is None:
         return None

@@ -39,8 +39,8 @@ def map_figure(
     """Plan view of the methods of one question (first draw), dashed where smoothed, and of the reference.
 
     Args:
-        samples: `replay_schema.REPLAY_SAMPLES` of one question.
-        path: `replay_schema.PATH`, or None.
+        samples: `tables.replay.REPLAY_SAMPLES` of one question.
+        path: `tables.replay.PATH`, or None.
         methods: which to draw.
         words: what stands above it.
     """
@@ -95,7 +95,7 @@ def error_figure(
     """Errors against the reference, norms over axes and RMS over draws; thin and dotted what each method claims.
 
     Args:
-        ensemble: `replay_schema.REPLAY_ENSEMBLE` of one question.
+        ensemble: `tables.replay.REPLAY_ENSEMBLE` of one question.
         methods: which to draw.
         words: what stands above it.
         which: pass.

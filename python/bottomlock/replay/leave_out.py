@@ -6,7 +6,7 @@ with one see, too, the velocity that a random walk carries over from the pings b
 beams.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -17,28 +17,12 @@ from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
 from bottomlock.replay.dive import Flags, Floats, Times
 from bottomlock.replay.random_errors import closure_directions
+from bottomlock.tables.replay import SCORES
 
 ALONE = ("lc", "nsv", "plcf", "weak_sway")
 """Methods that need no INS: least squares, sway zero, the components that are determined, the weak sway row."""
 WITH_PRIOR = ("vb", "vhv", "info")
 """Methods that need a velocity to expect, here a random walk's; with it the information form is a Kalman update."""
-
-SCORES: Mapping[str, pl.DataType] = {
-    "left_out": pl.String(),
-    "method": pl.String(),
-    "component": pl.String(),
-    "pings": pl.Int64(),
-    "solved": pl.Int64(),
-    "median_mps": pl.Float64(),
-    "rms_mps": pl.Float64(),
-    "p95_mps": pl.Float64(),
-    "claimed_mps": pl.Float64(),
-    "ratio_rms": pl.Float64(),
-    "ratio_robust": pl.Float64(),
-}
-"""A row per set of beams left out, method and component: pings, how many of them the method solved, and of those the
-median, RMS and 95th percentile of the error, the median of what was claimed, and error over claimed, RMS and 1.4826 ×
-median."""
 
 
 SAME_MPS = 1e-6
@@ -101,7 +85,7 @@ def leave_out(
     walk: Walk | None = None,
     closure_gate: float | None = 3.0,
 ) -> pl.DataFrame:
-    """Scores of every method with every set of so many beams left out (`SCORES`).
+    """Scores of every method with every set of so many beams left out (`tables.replay.SCORES`).
 
     Args:
         geometry: four beams or more, of rank 3.
@@ -205,7 +189,7 @@ def _scores(
     geometry: BeamGeometry,
     sd_mps: Floats,
 ) -> list[tuple[object, ...]]:
-    """Rows of `SCORES` of one method without these beams.
+    """Rows of `tables.replay.SCORES` of one method without these beams.
 
     The beams that are left are in both velocities. With response J, covariance C of the method and W of all beams, the
     difference of the two has C + W − J W − W Jᵀ.

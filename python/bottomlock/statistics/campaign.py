@@ -8,7 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from bottomlock.tables.schema import CONSISTENCY, ENSEMBLE, RUNS
+from bottomlock.tables.campaign import CONSISTENCY, ENSEMBLE, RUNS
 from bottomlock.units import DEGREES_PER_RADIAN
 
 BOOTSTRAP_RESAMPLES = 1000
@@ -45,7 +45,7 @@ def _rms(column: str) -> pl.Expr:
 
 
 def runs_table(norms: pl.DataFrame, counts: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory, run and method (`schema.RUNS`)."""
+    """A row per trajectory, run and method (`tables.campaign.RUNS`)."""
     keys = ["trajectory", "run", "method"]
     ordered = norms.sort("time_ns", maintain_order=True)
     table = ordered.group_by(keys, maintain_order=True).agg(
@@ -99,7 +99,7 @@ def _draw_weights(runs: int) -> Iterator[NDArray[np.float64]]:
 def ensemble_rows(
     trajectory: str, method: str, time_ns: NDArray[np.int64], errors: Mapping[str, NDArray[np.float64]]
 ) -> pl.DataFrame:
-    """A row per second of one method (`schema.ENSEMBLE`).
+    """A row per second of one method (`tables.campaign.ENSEMBLE`).
 
     Args:
         trajectory: its name.
@@ -129,7 +129,7 @@ def ensemble_rows(
 
 
 def ensemble_table(norms: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory, method and second (`schema.ENSEMBLE`), from norms that are all in memory."""
+    """A row per trajectory, method and second (`tables.campaign.ENSEMBLE`), from norms that are all in memory."""
     return pl.concat(
         [
             ensemble_rows(trajectory, method, time_ns, errors)
@@ -174,7 +174,7 @@ def consistency_rows(
     runs: int,
     full_degrees: int,
 ) -> pl.DataFrame:
-    """A row per kind of NEES of one method (`schema.CONSISTENCY`).
+    """A row per kind of NEES of one method (`tables.campaign.CONSISTENCY`).
 
     The verdict is on the mean over time, held against the band of the mean over runs: it is conservative,
     since the mean over time scatters less than the value at one time.
@@ -200,7 +200,7 @@ def consistency_rows(
 
 
 def consistency_table(norms: pl.DataFrame, *, full_degrees: int) -> pl.DataFrame:
-    """A row per trajectory, method and kind of NEES (`schema.CONSISTENCY`), from norms that are all in memory."""
+    """A row per trajectory, method and kind of NEES (`tables.campaign.CONSISTENCY`), from norms in memory."""
     parts = []
     for trajectory, method, _, errors in _methods(norms):
         at_time = {name: errors[name].mean(axis=0) for name in ("nees", "nees_velocity_attitude")}

@@ -60,7 +60,7 @@ def runs_table(
     path: pl.DataFrame | None,
     start_ns: int,
 ) -> pl.DataFrame:
-    """A row per question, run, method and pass (`replay_schema.REPLAY_RUNS`); the way counts from the start."""
+    """A row per question, run, method and pass (`tables.replay.REPLAY_RUNS`); the way counts from the start."""
     norms = error_norms(samples)
     reached = pl.col("time_ns").is_between(start_ns, pl.lit(samples["time_ns"].max()))
     distance = None if path is None else _distance(path.filter(reached))
@@ -108,7 +108,7 @@ def _distance(path: pl.DataFrame) -> float:
 
 
 def ensemble_table(samples: pl.DataFrame, start_ns: int) -> pl.DataFrame:
-    """A row per question, method, pass and time (`replay_schema.REPLAY_ENSEMBLE`): RMS over the runs."""
+    """A row per question, method, pass and time (`tables.replay.REPLAY_ENSEMBLE`): RMS over the runs."""
     norms = error_norms(samples)
     table = norms.group_by("case", "what_if", "method", "pass", "time_ns", maintain_order=True).agg(
         pl.len().cast(pl.Int64).alias("runs"),

@@ -21,7 +21,8 @@ from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import cases, study_folder
-from bottomlock.studies.consistency_table import CONSISTENCY_STUDY, markdown
+from bottomlock.studies.consistency_table import markdown
+from bottomlock.tables.studies import CONSISTENCY_CELL, CONSISTENCY_STUDY
 
 KIND = "consistency"
 PARTS = ("cells", "consistency.parquet", "consistency.md", study_folder.MANIFEST)
@@ -29,12 +30,6 @@ FALSE_ALARM = 0.01
 TIMES = 5
 BLIND = ("ins", "lc")
 """Methods that do not look at which beams are lost: judged once, with all of them."""
-
-_CELL = {
-    "trajectory": pl.String(), "beams": pl.String(), "method": pl.String(), "quantity": pl.String(),
-    "time_s": pl.Float64(), "degrees": pl.Float64(), "runs": pl.Int64(), "values": pl.Int64(), "mean": pl.Float64(),
-}  # fmt: skip
-"""A judged mean: over runs at one time, or over runs and fixes (`time_s` null)."""
 
 
 def parse_masks(text: str | None, beams: int) -> list[tuple[int, ...]]:
@@ -90,7 +85,7 @@ def run_consistency(
         tell: hears of every finished cell.
 
     Returns:
-        The table `consistency_table.CONSISTENCY_STUDY`.
+        The table `tables.studies.CONSISTENCY_STUDY`.
 
     Raises:
         ScenarioError: for a scenario or mask that makes no sense.
@@ -146,7 +141,7 @@ def fly_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame
     truth = simulation.truth()
     methods = [method for method in scenario.campaign.methods if whole or method not in BLIND]
     if not methods:
-        return pl.DataFrame(schema=_CELL)
+        return pl.DataFrame(schema=dict(CONSISTENCY_CELL))
     key, runs = trajectory_key(scenario.name), scenario.campaign.runs
     plan: Any = measurement_schedule(simulation, truth, trajectory_key=key)
     seconds = plan["sample_time_ns"]
@@ -175,7 +170,7 @@ def fly_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame
             # Every run has the same number of fixes under a mask that stays, so the mean of means is the mean.
             mean = float(batch["nis_mean"][:, index].mean())
             rows.append((*place, "nis", None, rows_fused[method], runs, fixes, mean))
-    return pl.DataFrame(rows, schema=_CELL, orient="row")
+    return pl.DataFrame(rows, schema=dict(CONSISTENCY_CELL), orient="row")
 
 
 def _rows_fused(simulation: Simulation, methods: Sequence[str]) -> dict[str, float]:
@@ -189,7 +184,7 @@ def _rows_fused(simulation: Simulation, methods: Sequence[str]) -> dict[str, flo
 
 
 def judge(means: pl.DataFrame) -> pl.DataFrame:
-    """The table `consistency_table.CONSISTENCY_STUDY` from the means of all cells: as many tests as there are means."""
+    """The table `tables.studies.CONSISTENCY_STUDY` from the means of all cells: as many tests as there are means."""
     each = chi_squared.each_probability(FALSE_ALARM, means.height)
     keys = ["trajectory", "beams", "method", "quantity", "degrees", "runs", "values"]
     rows = []

@@ -9,24 +9,6 @@ from jinja2 import Environment, StrictUndefined
 
 from bottomlock.statistics.chi_squared import CAUTIOUS, CONSISTENT, OVERCONFIDENT, detectable_factor
 
-CONSISTENCY_STUDY: Mapping[str, pl.DataType] = {
-    "trajectory": pl.String(),
-    "beams": pl.String(),
-    "method": pl.String(),
-    "quantity": pl.String(),
-    "degrees": pl.Float64(),
-    "runs": pl.Int64(),
-    "values": pl.Int64(),
-    "mean": pl.Float64(),
-    "least": pl.Float64(),
-    "greatest": pl.Float64(),
-    "band_lo": pl.Float64(),
-    "band_hi": pl.Float64(),
-    "verdict": pl.String(),
-}
-"""A row per trajectory, mask, method and quantity: expected value, number of runs, independent values per judged mean,
- mean over runs and times, the least and the greatest of the judged means, their band, and the verdict."""
-
 QUANTITIES = {
     "nees_velocity_attitude": "NEES of velocity and attitude",
     "nees": "NEES of the whole state",

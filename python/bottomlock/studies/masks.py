@@ -17,6 +17,7 @@ from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.statistics import campaign
 from bottomlock.studies import cases, study_folder
+from bottomlock.tables.studies import MASKS
 
 KIND = "masks"
 PARTS = (
@@ -28,17 +29,6 @@ PARTS = (
     "masks.md",
     study_folder.MANIFEST,
 )
-
-MASKS = {
-    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "method": pl.String(),
-    "velocity_rms_mps": pl.Float64(), "velocity_rms_lo_mps": pl.Float64(), "velocity_rms_hi_mps": pl.Float64(),
-    "attitude_rms_deg": pl.Float64(), "position_rms_m": pl.Float64(),
-    "nees_mean": pl.Float64(), "nees_velocity_attitude_mean": pl.Float64(), "verdict": pl.String(),
-    "rejected_fraction": pl.Float64(),
-}  # fmt: skip
-"""A row per trajectory, case and method: RMS over runs at the last second with a 95 % bootstrap interval, mean over
-runs and time of the NEES of the whole state and of velocity and attitude, the verdict on the latter, and the
-fraction of the fixes that the gate rejected (null without fixes)."""
 
 
 def all_cases(scenario: Scenario) -> list[cases.Case]:
@@ -115,7 +105,7 @@ def run_masks(
         tell: hears the case and how far its campaign is.
 
     Returns:
-        The table `MASKS`.
+        The table `tables.studies.MASKS`.
 
     Raises:
         ScenarioError: for scenarios of one name, instruments of different beams, and unknown cases.

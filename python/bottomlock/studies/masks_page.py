@@ -24,7 +24,7 @@ def number(value: float) -> str:
 
 
 def markdown(table: pl.DataFrame, summary: pl.DataFrame | None) -> str:
-    """The tables of a masks study, `masks.MASKS` and `recovery.SUMMARY` (None where no outage was flown)."""
+    """The tables of a masks study, `tables.studies.MASKS` and `RECOVERY_SUMMARY` (None where no outage was flown)."""
     runs = "" if summary is None else f"{summary['runs'].to_numpy().max()} runs each; "
     lines = [
         "## Velocity under every mask",
@@ -51,7 +51,7 @@ def markdown(table: pl.DataFrame, summary: pl.DataFrame | None) -> str:
 
 
 def worst_of_pairs(summary: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory and method: of all pairs the worst of each column of `recovery.SUMMARY`."""
+    """A row per trajectory and method: of all pairs the worst of each column of `tables.studies.RECOVERY_SUMMARY`."""
     return summary.group_by("trajectory", "method", maintain_order=True).agg(
         pl.col("step_sigmas_max", "nis_1", "nis_5", "rejected_fraction").max(),
         pl.col("jumps").sum(),

@@ -20,10 +20,10 @@ from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.run_events import Fix, Readings
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import cases, study_folder
+from bottomlock.tables.studies import RECOVERY, RECOVERY_EPOCHS, RECOVERY_SUMMARY
 from bottomlock.truth.truth import Truth
 
 OUTAGE_S = 60.0
-EPOCHS = 5
 SIGMAS = 3.0
 FALSE_ALARM = 0.01
 """Of the whole summary: the chance that an honest table says "no" anywhere."""
@@ -34,30 +34,6 @@ RUN_BAND = 0.9973
 BLOCK = 10
 """Runs of a part on disk: some seconds, so that little is lost by an interruption."""
 
-AXES = ("surge", "sway", "heave")
-RECOVERY = {
-    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "method": pl.String(),
-    "run": pl.Int64(), "epoch": pl.Int64(), "time_s": pl.Float64(),
-    **{f"step_{axis}_mps": pl.Float64() for axis in AXES},
-    **{f"sd_{axis}_mps": pl.Float64() for axis in AXES},
-    "step_sigmas": pl.Float64(), "jump_chance": pl.Float64(),
-    "nis": pl.Float64(), "degrees": pl.Int64(), "band_lo": pl.Float64(), "band_hi": pl.Float64(),
-    "inside": pl.Boolean(), "used": pl.Boolean(),
-}  # fmt: skip
-"""A row per trajectory, mask, method, run and epoch after the beams are back: step of the velocity estimate, standard
-deviation claimed before it, greatest ratio of the two over the axes, the chance of a ratio above three for an honest
-filter, and NIS with its band."""
-
-SUMMARY = {
-    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "method": pl.String(),
-    "runs": pl.Int64(), "step_sigmas_max": pl.Float64(), "jumps": pl.Int64(), "jumps_allowed": pl.Int64(),
-    **{f"nis_{epoch}": pl.Float64() for epoch in range(1, EPOCHS + 1)},
-    "degrees": pl.Int64(), "band_lo": pl.Float64(), "band_hi": pl.Float64(),
-    "back_at_epoch": pl.Int64(), "rejected_fraction": pl.Float64(), "recovered": pl.Boolean(),
-}  # fmt: skip
-"""A row per trajectory, mask and method: runs with a step above three sigma and how many chance allows, mean NIS over
-runs at each epoch, its band, the epoch from which it stays there (null: not within five), and both together."""
-
 
 def two_beam_outages(scenario: Scenario) -> list[cases.Case]:
     """The scenario with every pair of beams alone for a minute in mid-way.
@@ -66,11 +42,11 @@ def two_beam_outages(scenario: Scenario) -> list[cases.Case]:
         ScenarioError: where there is no time for it, or where the instrument has no more than two beams.
     """
     duration_s = scenario.trajectory.duration_s
-    after_s = EPOCHS / scenario.dvl.rate_hz
+    after_s = RECOVERY_EPOCHS / scenario.dvl.rate_hz
     if duration_s < OUTAGE_S + 2.0 * after_s:
         raise ScenarioError(
             f"scenario {scenario.name}: lasts {duration_s:g} s, expected {OUTAGE_S + 2.0 * after_s:g} s or more: "
-            f"an outage of {OUTAGE_S:g} s in mid-way and {EPOCHS} pings after it"
+            f"an outage of {OUTAGE_S:g} s in mid-way and {RECOVERY_EPOCHS} pings after it"
         )
     pairs = [mask for mask in cases.masks(scenario.dvl.beams, whole=False) if len(mask) == 2]
     if not pairs:
@@ -96,7 +72,7 @@ def run_recovery(
         tell: hears the trajectory and the number of runs that are behind.
 
     Returns:
-        The tables `RECOVERY` and `SUMMARY`.
+        The tables `tables.studies.RECOVERY` and `RECOVERY_SUMMARY`.
 
     Raises:
         ScenarioError: for what `two_beam_outages` and `Readings` refuse.
@@ -119,7 +95,7 @@ def run_recovery(
             else:
                 truth = truth or simulations[0].truth()
                 rows = [row for run in runs for row in _rows(simulations, outages, truth, run)]
-                frame = pl.DataFrame(rows, schema=RECOVERY, orient="row")
+                frame = pl.DataFrame(rows, schema=dict(RECOVERY), orient="row")
                 write_parquet(path, frame)
             parts.append(frame)
             progress(scenario.name, runs[-1] + 1)
@@ -146,7 +122,7 @@ def _rows(
         for method in simulation.scenario.campaign.methods:
             if method == "ins":
                 continue
-            fixes = readings.fixes(method, valid, range(first, first + EPOCHS))
+            fixes = readings.fixes(method, valid, range(first, first + RECOVERY_EPOCHS))
             for fix in fixes:
                 epoch = int(np.searchsorted(times, fix.time_ns)) - first + 1
                 yield (simulation.scenario.name, case.name, case.beams, method, run, epoch, *_measures(fix))
@@ -183,10 +159,13 @@ def jump_chance(fix: Fix) -> float:
 
 
 def summary(table: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory, mask and method (`SUMMARY`), the bands widened for the false-alarm rate of the whole."""
+    """A row per trajectory, mask and method (`tables.studies.RECOVERY_SUMMARY`).
+
+    The bands are widened so that the false-alarm rate holds for the whole table.
+    """
     keys = ["trajectory", "case", "beams", "method"]
     groups = list(table.group_by(keys, maintain_order=True))
-    each = chi_squared.each_probability(FALSE_ALARM, len(groups) * (EPOCHS + 1))
+    each = chi_squared.each_probability(FALSE_ALARM, len(groups) * (RECOVERY_EPOCHS + 1))
     rows = []
     for key, group in groups:
         by_run = group.group_by("run").agg(
@@ -199,7 +178,7 @@ def summary(table: pl.DataFrame) -> pl.DataFrame:
         degrees = round(float(nis["degrees"].to_numpy().mean()))
         low, high = chi_squared.mean_band(degrees, runs, each)
         means = dict(zip(nis["epoch"].to_list(), nis["nis"].to_list(), strict=True))
-        back = _back_at([low <= means.get(epoch, np.nan) <= high for epoch in range(1, EPOCHS + 1)])
+        back = _back_at([low <= means.get(epoch, np.nan) <= high for epoch in range(1, RECOVERY_EPOCHS + 1)])
         rows.append(
             (
                 *key,
@@ -207,7 +186,7 @@ def summary(table: pl.DataFrame) -> pl.DataFrame:
                 by_run["step_sigmas"].max(),
                 jumps,
                 allowed,
-                *(means.get(epoch) for epoch in range(1, EPOCHS + 1)),
+                *(means.get(epoch) for epoch in range(1, RECOVERY_EPOCHS + 1)),
                 degrees,
                 low,
                 high,
@@ -216,7 +195,7 @@ def summary(table: pl.DataFrame) -> pl.DataFrame:
                 jumps <= allowed and back is not None,
             )
         )
-    return pl.DataFrame(rows, schema=SUMMARY, orient="row")
+    return pl.DataFrame(rows, schema=dict(RECOVERY_SUMMARY), orient="row")
 
 
 def _back_at(inside: Sequence[bool]) -> int | None:

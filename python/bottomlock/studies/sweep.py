@@ -10,7 +10,7 @@ import polars as pl
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import Scenario
 from bottomlock.statistics.campaign import summary_table
-from bottomlock.tables.schema import SWEEP
+from bottomlock.tables.studies import SWEEP
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def run_sweep(
     Finished campaigns, one for each value under `out`, are kept by an interruption and not flown again.
 
     Returns:
-        `schema.SWEEP`: RMS over runs at the end, mean NEES, part of the fixes rejected.
+        `tables.studies.SWEEP`: RMS over runs at the end, mean NEES, part of the fixes rejected.
 
     Raises:
         As `run_campaign`.

@@ -113,3 +113,20 @@ PATH: Mapping[str, pl.DataType] = {
     "longitude_deg": pl.Float64(),
 }
 """A row per row of the reference: where it was."""
+
+SCORES: Mapping[str, pl.DataType] = {
+    "left_out": pl.String(),
+    "method": pl.String(),
+    "component": pl.String(),
+    "pings": pl.Int64(),
+    "solved": pl.Int64(),
+    "median_mps": pl.Float64(),
+    "rms_mps": pl.Float64(),
+    "p95_mps": pl.Float64(),
+    "claimed_mps": pl.Float64(),
+    "ratio_rms": pl.Float64(),
+    "ratio_robust": pl.Float64(),
+}
+"""A row per set of beams left out, method and component: pings, how many of them the method solved, and of those the
+median, RMS and 95th percentile of the error, the median of what was claimed, and error over claimed, RMS and 1.4826 ×
+median."""

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from bottomlock.atomic_write import read_json
 from bottomlock.errors import DataError
-from bottomlock.tables.schema import CHOICES, CONSISTENCY, ENSEMBLE, PATHS, RUNS, SAMPLES, SWEEP, check
+from bottomlock.tables.campaign import CHOICES, CONSISTENCY, ENSEMBLE, PATHS, RUNS, SAMPLES
+from bottomlock.tables.check import check
+from bottomlock.tables.studies import SWEEP
 from bottomlock.units import DEGREES_PER_RADIAN
 
 Array = NDArray[np.float64]

@@ -1,0 +1,18 @@
+"""Tables of an audit: column names, types, meanings."""
+
+from collections.abc import Mapping
+
+import polars as pl
+
+FINDINGS: Mapping[str, pl.DataType] = {
+    "rank": pl.Int64(),
+    "kind": pl.String(),
+    "weight": pl.String(),
+    "beams": pl.List(pl.Int64()),
+    "size": pl.Float64(),
+    "unit": pl.String(),
+    "part": pl.Float64(),
+    "words": pl.String(),
+    "evidence": pl.String(),
+    "advice": pl.String(),
+}

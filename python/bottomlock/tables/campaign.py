@@ -1,0 +1,117 @@
+"""Tables of a campaign: column names, types, meanings."""
+
+from collections.abc import Mapping
+
+import polars as pl
+
+BIASES = (
+    *(f"accel_bias_{axis}_mps2" for axis in "xyz"),
+    *(f"gyro_bias_{axis}_radps" for axis in "xyz"),
+)
+"""The biases of the IMU in the platform frame, in the kernel's order."""
+
+_BIAS_COLUMNS: Mapping[str, pl.DataType] = {
+    f"{kind}_{bias}": pl.Float64() for kind in ("err", "sd") for bias in BIASES
+}
+
+SAMPLES: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "run": pl.Int64(),
+    "method": pl.String(),
+    "time_ns": pl.Int64(),
+    **{f"err_position_{axis}_m": pl.Float64() for axis in ("north", "east", "down")},
+    **{f"err_misalignment_{axis}_rad": pl.Float64() for axis in ("north", "east", "down")},
+    **{f"err_velocity_{axis}_mps": pl.Float64() for axis in ("surge", "sway", "heave")},
+    **{f"sd_position_{axis}_m": pl.Float64() for axis in ("north", "east", "down")},
+    **{f"sd_misalignment_{axis}_rad": pl.Float64() for axis in ("north", "east", "down")},
+    **{f"sd_velocity_{axis}_mps": pl.Float64() for axis in ("surge", "sway", "heave")},
+    "nees": pl.Float64(),
+    "nees_velocity_attitude": pl.Float64(),
+}
+"""A row per trajectory, run, method and second: error (true minus estimate) and claimed standard deviation."""
+
+OUTCOMES: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "run": pl.Int64(),
+    "method": pl.String(),
+    "nis_mean": pl.Float64(),
+    "fixes_accepted": pl.Int64(),
+    "fixes_rejected": pl.Int64(),
+    "cross_track_rms_m": pl.Float64(),
+    "cross_track_max_m": pl.Float64(),
+    **_BIAS_COLUMNS,
+}
+"""A row per trajectory, run and method: what the gate made of the DVL's fixes, how far astray the vehicle went, and how
+well the IMU's biases are known in the end."""
+
+RUNS: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "run": pl.Int64(),
+    "method": pl.String(),
+    "velocity_rms_mps": pl.Float64(),
+    "attitude_rms_deg": pl.Float64(),
+    "position_rms_m": pl.Float64(),
+    "velocity_final_mps": pl.Float64(),
+    "attitude_final_deg": pl.Float64(),
+    "position_final_m": pl.Float64(),
+    "nees_mean": pl.Float64(),
+    "nis_mean": pl.Float64(),
+    "fixes_accepted": pl.Int64(),
+    "fixes_rejected": pl.Int64(),
+    "cross_track_rms_m": pl.Float64(),
+    "cross_track_max_m": pl.Float64(),
+    **_BIAS_COLUMNS,
+}
+"""A row per trajectory, run and method: RMS over time and final norms of the error vectors; `nis_mean` is null
+without fixes. The cross-track error is that of the true vehicle; it is null for an analytic truth. Errors of the
+biases (true minus estimate) and their claimed standard deviations are those of the last sample."""
+
+ENSEMBLE: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "method": pl.String(),
+    "time_s": pl.Float64(),
+    "velocity_rms_mps": pl.Float64(),
+    "velocity_rms_lo_mps": pl.Float64(),
+    "velocity_rms_hi_mps": pl.Float64(),
+    "attitude_rms_deg": pl.Float64(),
+    "attitude_rms_lo_deg": pl.Float64(),
+    "attitude_rms_hi_deg": pl.Float64(),
+    "position_rms_m": pl.Float64(),
+    "nees": pl.Float64(),
+}
+"""A row per trajectory, method and second: RMS over runs with its 95 % bootstrap interval, mean NEES of the whole
+state."""
+
+CONSISTENCY: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "method": pl.String(),
+    "quantity": pl.String(),
+    "degrees": pl.Int64(),
+    "runs": pl.Int64(),
+    "mean": pl.Float64(),
+    "band_lo": pl.Float64(),
+    "band_hi": pl.Float64(),
+    "part_inside": pl.Float64(),
+    "verdict": pl.String(),
+}
+"""A row per trajectory, method and kind of NEES: mean over runs and time, the 95 % chi-squared band of the mean
+over runs at one time, the part of the times at which it lies inside, and the verdict on the mean over time."""
+
+PATHS: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "time_ns": pl.Int64(),
+    "north_m": pl.Float64(),
+    "east_m": pl.Float64(),
+    "depth_m": pl.Float64(),
+}
+"""A row per trajectory and time: where the vehicle truly was."""
+
+CHOICES: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "method": pl.String(),
+    "time_ns": pl.Int64(),
+    "component": pl.String(),
+    "source": pl.String(),
+    "runs": pl.Int64(),
+}
+"""A row per trajectory, method that chooses, ping, component and source: in how many runs it was chosen."""

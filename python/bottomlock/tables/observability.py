@@ -1,0 +1,58 @@
+"""Tables of the observability analysis: column names, types, meanings."""
+
+from collections.abc import Mapping
+
+import polars as pl
+
+OBSERVABILITY: Mapping[str, pl.DataType] = {
+    "case": pl.String(),
+    "aiding": pl.String(),
+    "mask": pl.String(),
+    "motion": pl.String(),
+    "model": pl.String(),
+    "window_s": pl.Float64(),
+    "states": pl.Int64(),
+    "rank": pl.Int64(),
+    "expected_rank": pl.Int64(),
+    "printed_rank": pl.Int64(),
+    "gap": pl.Float64(),
+    "verdict": pl.String(),
+    "unobservable": pl.List(pl.String()),
+    "singular_values": pl.List(pl.Float64()),
+}
+"""A row per window, aiding set and model: the length of the window, the rank (null where it is undecided), the exact
+one where it is known, the one that a paper prints, the gap between kept and dropped singular values, and the hidden
+directions in words."""
+
+DEVIATIONS: Mapping[str, pl.DataType] = {
+    "case": pl.String(),
+    "motion": pl.String(),
+    "model": pl.String(),
+    "time_ns": pl.Int64(),
+    "state": pl.String(),
+    "sd": pl.Float64(),
+}
+"""A row per case, motion, time and state: the standard deviation that a filter claims, SI."""
+
+RANKS: Mapping[str, pl.DataType] = {
+    "case": pl.String(),
+    "motion": pl.String(),
+    "model": pl.String(),
+    "time_ns": pl.Int64(),
+    "rank": pl.Int64(),
+    "decided": pl.Boolean(),
+    "printed_rank": pl.Int64(),
+}
+"""A row per case, motion, model and time: the rank of the window from the start until then."""
+
+PLAN: Mapping[str, pl.DataType] = {
+    "manoeuvre": pl.String(),
+    "aiding": pl.String(),
+    "state": pl.String(),
+    "verdict": pl.String(),
+    "sd_before": pl.Float64(),
+    "sd_after": pl.Float64(),
+    "part_left": pl.Float64(),
+}
+"""A row per manoeuvre and state: whether the manoeuvre makes the state observable by itself ("observable", "hidden",
+"undecided"), and what the filter would claim before and after it, SI."""
