@@ -1,7 +1,7 @@
 """Scores the recordings and writes the tables of docs/recorded.md: `python tools/score_recorded.py [DATA]`.
 
-DATA is the folder of the recordings, `../shared/data` beside the checkout by default. Every table stands between two
-marks in the page, and nothing else of it is touched. `--check` writes nothing and says whether the tables are these.
+DATA is the folder of the recordings, by default the one that BOTTOMLOCK_RECORDINGS names. Every table stands between
+two marks in the page, and nothing else of the page is changed. `--check` compares instead of writing.
 """
 
 import argparse
@@ -30,7 +30,7 @@ QUESTIONS = (RECORDED, "lost_34", "outage_60", "outage_120", "outage_300", "cave
 
 
 def recordings() -> Path:
-    """Where the recordings are, if nobody says."""
+    """Default folder of the recordings."""
     return Path(os.environ.get("BOTTOMLOCK_RECORDINGS", ROOT.parent / "shared" / "data"))
 
 
@@ -93,20 +93,20 @@ def full_velocity(data: Path, scratch: Path) -> str:
             ]
         )  # fmt: skip
     head = [
-        "Section", "way, m", "end, m", "end, % of way", "RMS, m", "RMS smoothed, m", "velocity RMS, m/s",
-        "smoothed, m/s", "INS alone, end, m",
+        "Section", "distance travelled, m", "end, m", "end, % DT", "RMS, m", "RMS smoothed, m",
+        "velocity RMS, m/s", "smoothed, m/s", "INS alone, end, m",
     ]  # fmt: skip
     series = pl.Series(percents)
-    words = f"\nMedian {number(series.median())} %, greatest {number(series.max())} % of the way.\n"  # type: ignore[arg-type]
+    words = f"\nMedian {number(series.median())} % DT, greatest {number(series.max())} % DT.\n"  # type: ignore[arg-type]
     return table(head, rows) + words
 
 
 def questions(runs: pl.DataFrame) -> str:
-    """Every method, forward and smoothed: error at the end in percent of the way, for every question; and honesty."""
+    """Every method, forward and smoothed: position error at the end in % DT, or its RMS, for every question."""
     total = runs.filter(
         (pl.col("method") == "tc") & (pl.col("pass") == FORWARD) & (pl.col("what_if") == RECORDED)
     ).height
-    parts = [f"{total} flights a cell (sections × draws); semi-synthetic.\n"]
+    parts = [f"{total} runs a cell (sections × draws); semi-synthetic.\n"]
     for which in (FORWARD, SMOOTHED):
         rows = []
         for method in runs["method"].unique(maintain_order=True):
@@ -123,7 +123,7 @@ def questions(runs: pl.DataFrame) -> str:
                     cells.append(number(cell["position_rms_m"].median()))  # type: ignore[arg-type]
             rows.append([code(method), *cells])
         title = (
-            "Forward: position error at the end, % of the way, median (greatest)."
+            "Forward: position error at the end, % DT, median (greatest)."
             if which == FORWARD
             else "Smoothed: position error over the section, m RMS, median."
         )
@@ -133,8 +133,8 @@ def questions(runs: pl.DataFrame) -> str:
     return "\n".join(parts)
 
 
-def honesty(runs: pl.DataFrame, question: str = "lost_34") -> str:
-    """One question in full: errors, error over claim, gate."""
+def consistency(runs: pl.DataFrame, question: str = "lost_34") -> str:
+    """One question in full: errors, error over claimed σ, fixes rejected."""
     rows = []
     for method in runs["method"].unique(maintain_order=True):
         one = runs.filter(
@@ -156,8 +156,8 @@ def honesty(runs: pl.DataFrame, question: str = "lost_34") -> str:
         "position RMS, m",
         "velocity RMS, m/s",
         "attitude RMS, °",
-        "made/claimed: position",
-        "velocity",
+        "error/σ: position",
+        "error/σ: velocity",
         "rejected, %",
     ]
     return table(head, rows)
@@ -184,7 +184,7 @@ def against_tc(runs: pl.DataFrame) -> str:
 
 
 def robust(plain: pl.DataFrame, sturdy: pl.DataFrame) -> str:
-    """Without and with gates of single beams and Student's t: end of the way in %, median (greatest)."""
+    """Without and with gates of single beams and Student's t: position error at the end, % DT, median (greatest)."""
     rows = []
     for method in ("lc", "tc", "vb_exact", "info", "weak_sway", "sway_current", "consistent"):
         cells = []
@@ -239,23 +239,23 @@ def caves(data: Path, beams: int) -> str:
         head = [
             "Method",
             "surge, mm/s",
-            "÷",
+            "error/σ",
             "sway, mm/s",
-            "÷",
+            "error/σ",
             "heave, mm/s",
-            "÷",
+            "error/σ",
             "beam left out, mm/s",
-            "÷",
+            "error/σ",
         ]
         parts.append(f"{words}: {int(scores['pings'][0])}.\n\n" + table(head, rows))
     return "\n".join(parts)
 
 
 def replaced(page: str, tables: dict[str, str]) -> str:
-    """The page with every table between its marks.
+    """The page with each table between its marks.
 
     Raises:
-        SystemExit: for a mark that the page lacks.
+        SystemExit: where the page lacks a mark.
     """
     for name, text in tables.items():
         pattern = re.compile(rf"(<!-- table {name} -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -268,7 +268,7 @@ def replaced(page: str, tables: dict[str, str]) -> str:
 
 
 def main() -> None:
-    """Scores everything and writes the page."""
+    """Scores all recordings and writes the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", nargs="?", type=Path, default=recordings())
     parser.add_argument("--check", action="store_true")
@@ -286,10 +286,10 @@ def main() -> None:
             "robust": robust(noisy, sturdy),
             "degraded-robust": robust(poor, poor_sturdy),
             "noisy": questions(noisy),
-            "noisy-honesty": honesty(noisy),
+            "noisy-consistency": consistency(noisy),
             "noisy-tc": against_tc(noisy),
             "degraded": questions(poor),
-            "degraded-honesty": honesty(poor),
+            "degraded-consistency": consistency(poor),
             "degraded-tc": against_tc(poor),
             "caves-1": caves(asked.data, 1),
             "caves-2": caves(asked.data, 2),
@@ -297,7 +297,7 @@ def main() -> None:
     page = PAGE.read_text(encoding="utf-8")
     new = replaced(page, tables)
     if asked.check:
-        raise SystemExit(0 if new == page else f"{PAGE}: the tables are others now")
+        raise SystemExit(0 if new == page else f"{PAGE}: the tables differ from those of the recordings")
     PAGE.write_text(new, encoding="utf-8")
     print(f"wrote {PAGE}")
 

@@ -48,7 +48,11 @@ def test_consistency_exit_codes(tmp_path: Path, scenario: Path) -> None:
     call = ["consistency", str(scenario), "--out", "o", *SHORT, "--masks", "1234,12"]
     plain = command(*call, cwd=tmp_path)
     assert plain.returncode == 0, plain.stderr
-    assert (tmp_path / "o" / "consistency.md").read_text(encoding="utf-8").startswith("# consistency study")
+    assert (
+        (tmp_path / "o" / "consistency.md")
+        .read_text(encoding="utf-8")
+        .startswith("# Consistency of the methods")
+    )
     assert pl.read_parquet(tmp_path / "o" / "consistency.parquet").height == 2 + 3 + 3
     for verdict, code in (("not overconfident", 0), ("overconfident", 1)):
         text = f'[[expect]]\nmethods = ["weak_sway"]\nbeams = ["1,2"]\nverdict = "{verdict}"\n'

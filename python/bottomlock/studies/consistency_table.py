@@ -1,4 +1,4 @@
-"""The consistency study as a table and as a text for people."""
+"""The consistency study as a table and as a page in Markdown."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
@@ -74,7 +74,7 @@ def number(value: float) -> str:
 
 
 def markdown(table: pl.DataFrame, facts: Mapping[str, Any]) -> str:
-    """The consistency study as Markdown: what was run, how it is judged, the verdicts, and what it does not say.
+    """The consistency study as Markdown: the answer, the verdicts, what was run, how it is judged, and the limits.
 
     `facts` are the names that the template uses besides the tables: trajectories, methods, beams, seed, versions,
     configuration_hash, command, degrees (of the whole state), times_s, tests, each_probability, false_alarm.
@@ -90,10 +90,41 @@ def markdown(table: pl.DataFrame, facts: Mapping[str, Any]) -> str:
         runs=runs,
         factor_velocity_attitude=detectable_factor(6, runs, each),
         factor_whole=detectable_factor(facts["degrees"], runs, each),
+        answer="\n".join(f"{place}. {line}" for place, line in enumerate(answer(table), start=1)),
         methods_table="\n".join(_methods(table)),
         consistent_list="\n".join(_consistent(table)),
         matrices="\n".join(_matrices(table)).rstrip(),
     )
+
+
+def answer(table: pl.DataFrame) -> list[str]:
+    """The conclusions of a study with their figures, one line each."""
+    core = "nees_velocity_attitude"
+    counts = list(methods_summary(table).iter_rows(named=True))
+    ranked = sorted(counts, key=lambda row: -row["consistent"])
+    never = [
+        f"`{row['method']}`"
+        for row in counts
+        if not any(row[f"{quantity}_overconfident"] for quantity in QUANTITIES)
+    ]
+    # `ins` uses no beams: it has no innovations and stays out of the masks.
+    aided = table.filter(pl.col("quantity") == "nis")["method"].unique().to_list()
+    cells = consistent_cells(table.filter(pl.col("method").is_in(aided)))
+    masks = cells.group_by("beams", maintain_order=True).agg(pl.col("consistent").all())
+    whole = masks.filter("consistent")["beams"].to_list()
+    return [
+        f"**Consistent cells:** {_listed(ranked, 'consistent')}.",
+        f"**Never overconfident**, in any quantity: {', '.join(never) or 'no method'}.",
+        f"**Overconfident in velocity and attitude**, cells: {_listed(counts, f'{core}_overconfident')}.",
+        f"**Conservative in velocity and attitude**, cells: {_listed(counts, f'{core}_cautious')}.",
+        f"**Every aided method is consistent** with the beams {'; '.join(whole) or 'of no mask'}.",
+    ]
+
+
+def _listed(rows: Sequence[Mapping[str, Any]], count: str) -> str:
+    """Methods with their counts, those without any left out: "`tc` 2 of 45, `vb` 30 of 45"."""
+    found = [f"`{row['method']}` {row[count]} of {row['cells']}" for row in rows if row[count]]
+    return ", ".join(found) or "none"
 
 
 def _row(cells: Sequence[str]) -> str:

@@ -24,7 +24,7 @@ def number(value: float) -> str:
 
 
 def markdown(table: pl.DataFrame, summary: pl.DataFrame | None) -> str:
-    """The tables of a masks study, `tables.studies.MASKS` and `RECOVERY_SUMMARY` (None where no outage was flown)."""
+    """The tables of a masks study, `tables.studies.MASKS` and `RECOVERY_SUMMARY` (None without outages)."""
     runs = "" if summary is None else f"{summary['runs'].to_numpy().max()} runs each; "
     lines = [
         "## Velocity under every mask",
@@ -41,8 +41,9 @@ def markdown(table: pl.DataFrame, summary: pl.DataFrame | None) -> str:
             "## When the beams come back",
             "",
             (
-                f"The worst of the pairs, {runs}step: greatest step of the velocity estimate at the first five "
-                "fixes, in units of the σ claimed before it."
+                f"The worst of the pairs, {runs}greatest step of the velocity estimate at the first five fixes, "
+                "in units of the σ claimed before it; mean NIS at the first and the fifth fix, and its expectation, "
+                "the number of rows; the fix from which the mean NIS stays in its band."
             ),
             "",
             *_recovery(summary),
@@ -87,7 +88,8 @@ def _cell(row: Mapping[str, Any] | None) -> str:
 
 def _recovery(summary: pl.DataFrame) -> Iterator[str]:
     for (trajectory,), rows in worst_of_pairs(summary).group_by("trajectory", maintain_order=True):
-        heads = ["step, σ", "runs > 3 σ", "NIS 1", "NIS 5", "of", "back at", "rejected %", "recovered"]
+        heads = ["greatest step, σ", "runs > 3 σ", "NIS, fix 1", "NIS, fix 5", "rows", "in band from fix"]
+        heads += ["rejected, %", "pairs recovered"]
         yield _row([str(trajectory), *heads])
         yield _row(["---", *("---:" for _ in heads)])
         for row in rows.iter_rows(named=True):
