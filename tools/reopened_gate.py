@@ -22,7 +22,7 @@ def flown(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
     assumed: Any = scenario.kernel_model(simulation.gravity_mps2)
     initial = assumed["initial"]
     off = initial | {"attitude_sd_rad": [tilt_factor * sd for sd in initial["attitude_sd_rad"]]}
-    options: Any = scenario.kernel_options() | {"gate_reopen_fixes": reopen_fixes}
+    options: Any = scenario.kernel_options() | {"inflate_after_rejections": reopen_fixes}
     arrays: Any = truth.kernel_arrays()
     schedule: Any = bottomlock.measurement_schedule(simulation, truth)
     return dict(

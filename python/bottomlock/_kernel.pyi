@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = [
     "EARTH_RATE_RADPS",
     "FIX_STATUS",
-    "MEMBERS",
     "METHODS",
+    "SELECTOR_METHODS",
     "BeamGeometry",
     "ClosedLoop",
     "KernelError",
@@ -31,7 +31,7 @@ __version__: Final[str]
 EARTH_RATE_RADPS: Final[float]
 METHODS: Final[tuple[str, ...]]
 FIX_STATUS: Final[tuple[str, ...]]
-MEMBERS: Final[tuple[str, ...]]
+SELECTOR_METHODS: Final[tuple[str, ...]]
 
 class KernelError(ValueError):
     """Bad input to the kernel, in one line that names the field, row or time and what was expected."""
@@ -113,7 +113,7 @@ class RobustDict(TypedDict):
 class OptionsDict(TypedDict):
     gate: str
     gate_probability: float
-    gate_reopen_fixes: NotRequired[int]
+    inflate_after_rejections: NotRequired[int]
     covariance_period_ns: int
     imu_sampling: str
     estimate_dvl: bool
@@ -155,7 +155,7 @@ class StartDict(TypedDict):
     velocity_p_mps: NDArray[np.float64]
 
 @type_check_only
-class BeliefDict(TypedDict):
+class EstimateDict(TypedDict):
     position_t_m: NDArray[np.float64]
     attitude_t_p: NDArray[np.float64]
     velocity_p_mps: NDArray[np.float64]
@@ -193,7 +193,7 @@ class ReportDict(TypedDict):
     nis: float
     threshold: float
     verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information"]
-    widened: float | None
+    inflation: float | None
     rejected_rows: NDArray[np.bool_]
     beam_weight: NDArray[np.float64] | None
     choice: dict[str, Any] | None
@@ -236,7 +236,7 @@ class AidingDict(TypedDict):
     gps_lever_p_m: NotRequired[ArrayLike]
 
 @type_check_only
-class HeardDict(TypedDict):
+class AidingScheduleDict(TypedDict):
     time_ns: NDArray[np.int64]
     beams: NDArray[np.bool_]
     velocity: NDArray[np.bool_]
@@ -257,7 +257,7 @@ class ObservabilityDict(TypedDict):
     noise_floor: float
     basis: NDArray[np.float64]
     pivots: NDArray[np.int64]
-    hidden: NDArray[np.float64]
+    unobservable_fraction: NDArray[np.float64]
     scales: NDArray[np.float64]
     gramian: NDArray[np.float64]
     rows: NDArray[np.float64]
@@ -423,7 +423,7 @@ class Navigator:
     def push_position(
         self, time_ns: int, position_t_m: ArrayLike, *, position_sd_m: ArrayLike
     ) -> list[ReportDict]: ...
-    def refused(self) -> dict[str, int]: ...
+    def late_events(self) -> dict[str, int]: ...
     def state(self) -> StateDict: ...
     def covariance(self) -> NDArray[np.float64]: ...
     def water(self) -> WaterStateDict | None: ...
@@ -441,14 +441,14 @@ class ClosedLoop:
         methods: list[str],
         start: StartDict,
         *,
-        own_vehicles: bool,
+        vehicle_per_method: bool,
         seed: int,
         trajectory_key: int,
         first_run: int,
         threads: int,
     ) -> ClosedLoop: ...
     def advance(self, truth: TruthDict, schedule: ScheduleDict) -> None: ...
-    def belief(self, method: int = 0) -> BeliefDict: ...
+    def estimate(self, method: int = 0) -> EstimateDict: ...
     def results(self) -> BatchDict: ...
 
 def solve_velocity(
@@ -521,9 +521,9 @@ def observe(
     *,
     kind: str = "full",
     period_ns: int = ...,
-    schedule: HeardDict | dict[str, Any] | None = None,
+    schedule: AidingScheduleDict | dict[str, Any] | None = None,
     scale: ArrayLike | None = None,
-    growing: bool = False,
+    per_epoch: bool = False,
 ) -> list[ObservabilityDict]: ...
 def covariance_history(
     geometry: BeamGeometry,
@@ -533,5 +533,5 @@ def covariance_history(
     *,
     kind: str = "full",
     period_ns: int = ...,
-    schedule: HeardDict | dict[str, Any] | None = None,
+    schedule: AidingScheduleDict | dict[str, Any] | None = None,
 ) -> CovarianceDict: ...

@@ -29,8 +29,8 @@ from bottomlock import _kernel
 from bottomlock._kernel import (
     EARTH_RATE_RADPS,
     FIX_STATUS,
-    MEMBERS,
     METHODS,
+    SELECTOR_METHODS,
     BeamGeometry,
     ClosedLoop,
     KernelError,
@@ -52,11 +52,11 @@ __all__ = [
     "EARTH_RATE_RADPS",
     "FIX_METHODS",
     "FIX_STATUS",
-    "MEMBERS",
     "METHODS",
+    "SELECTION_REASONS",
+    "SELECTOR_METHODS",
     "SOURCES",
     "STATUS",
-    "WHY",
     "BeamGeometry",
     "ClosedLoop",
     "KernelError",
@@ -103,8 +103,8 @@ SOURCES = ("none", "lc", "vb", "nsv", "plcf", "vhv", "info", "weak_sway")
 """Which method a component comes from, by the kernel's code."""
 
 
-WHY = ("beams_know_best", "knows_most", "beams_contradict")
-"""Why a filter of the consistent selector leads, by the kernel's code."""
+SELECTION_REASONS = ("no_gain", "smallest_variance", "beams_contradict")
+"""Why the consistent selector selected its filter, indexed by the kernel's code."""
 
 NO_CHOICE = 255
 """The kernel's code where a method does not choose."""

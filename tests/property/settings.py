@@ -52,7 +52,7 @@ def options(**changed: Any) -> OptionsDict:  # noqa: ANN401 - a value of any opt
     """The filter's options, with what a test changes."""
     plain: dict[str, Any] = {
         "gate": "off",
-        "gate_reopen_fixes": 0,
+        "inflate_after_rejections": 0,
         "gate_probability": 0.997,
         "covariance_period_ns": 100_000_000,
         "imu_sampling": "instantaneous",

@@ -41,9 +41,9 @@ def test_each_ping_says_what_was_chosen_and_why() -> None:
     chosen = reports("consistent", still)
     assert [report["sensor"] for report in chosen] == ["beams"] * 5
     for report in chosen:
-        assert report["choice"]["member"] in kernel.MEMBERS
-        assert report["choice"]["why"] in kernel.WHY
-        assert report["choice"]["why"] != "beams_contradict"
+        assert report["choice"]["method"] in kernel.SELECTOR_METHODS
+        assert report["choice"]["reason"] in kernel.SELECTION_REASONS
+        assert report["choice"]["reason"] != "beams_contradict"
         assert (
             report["choice"]["statistic"] <= report["choice"]["threshold"]
             or report["choice"]["threshold"] == 0
@@ -74,7 +74,7 @@ def test_counts_of_choices_by_hand() -> None:
     assert rows["elc", 20, "heave", "vhv"] == 2
     assert rows["elc", 10, "heave", "none"] == 2
     assert rows["consistent", 20, "filter", "tc"] == 1
-    assert rows["consistent", 20, "why", "beams_contradict"] == 1
+    assert rows["consistent", 20, "reason", "beams_contradict"] == 1
     assert not any(method == "tc" for method, *_ in rows)
     twice = merged([table, table])
     assert twice["runs"].sum() == 2 * table["runs"].sum()
@@ -91,7 +91,7 @@ def test_a_campaign_counts_every_ping_of_every_run(tmp_path: Path) -> None:
     totals = table.group_by("method", "component", "time_ns").agg(pl.col("runs").sum())
     assert (totals["runs"] == 3).all()
     assert totals.height == 30 * (3 + 2)
-    assert set(table.filter(pl.col("component") == "filter")["source"]) <= set(kernel.MEMBERS)
+    assert set(table.filter(pl.col("component") == "filter")["source"]) <= set(kernel.SELECTOR_METHODS)
 
 
 @pytest.mark.statistical

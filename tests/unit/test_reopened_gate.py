@@ -23,7 +23,7 @@ def navigator(fixes: int, method: str = "lc") -> bottomlock.Navigator:
         "attitude_t_p": np.array([1.0, 0.0, 0.0, 0.0]),
         "velocity_p_mps": np.zeros(3),
     }
-    options = settings.options(gate="joint", gate_reopen_fixes=fixes)
+    options = settings.options(gate="joint", inflate_after_rejections=fixes)
     return bottomlock.Navigator(JANUS, settings.table_2(), options, initial, method=method)
 
 
@@ -45,13 +45,13 @@ def test_a_row_of_refusals_widens_by_what_it_showed() -> None:
     reports = fly(navigator(3), AWAY_MPS[:4])
     assert [report["verdict"] for report in reports] == ["rejected"] * 3 + ["accepted"]
     factor = np.mean([report["nis"] / report["degrees"] for report in reports[:3]])
-    assert [report["widened"] for report in reports] == [None, None, pytest.approx(factor), None]
+    assert [report["inflation"] for report in reports] == [None, None, pytest.approx(factor), None]
 
 
 def test_a_fix_in_between_starts_anew() -> None:
     reports = fly(navigator(3), [2.0, 4.0, 0.0, 8.0, 10.0, 0.0])
     assert [report["verdict"][:3] for report in reports] == ["rej", "rej", "acc"] * 2
-    assert all(report["widened"] is None for report in reports)
+    assert all(report["inflation"] is None for report in reports)
 
 
 def test_never_is_never() -> None:
@@ -66,7 +66,7 @@ def test_beams_that_contradict_each_other_stay_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fixes", "message"), [(1, "gate_reopen_fixes"), (-1, "whole number"), (2.5, "whole number")]
+    ("fixes", "message"), [(1, "inflate_after_rejections"), (-1, "whole number"), (2.5, "whole number")]
 )
 def test_settings_that_make_no_sense(fixes: Any, message: str) -> None:  # noqa: ANN401 - wrong on purpose
     with pytest.raises(bottomlock.KernelError, match=message):

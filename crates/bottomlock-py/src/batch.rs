@@ -143,7 +143,7 @@ pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> P
 /// true minus estimate; nees and nees_velocity_attitude (runs, methods, samples); nis_mean (NaN without fixes), fixes_accepted and
 /// fixes_rejected (runs, methods); final_bias_error and final_bias_sd (runs, methods, 6): biases of accelerometers (m/s²) and gyros
 /// (rad/s) at the last sample, NaN without samples; choice (runs, methods, pings, 3), what a method that chooses has chosen: codes of SOURCES for surge,
-/// sway and heave, or of MEMBERS and of why, and 255 where there is no choice. The GIL is released, and nobody may write to the truth meanwhile. Raises KernelError naming the field, or the run and the method.
+/// sway and heave, or of SELECTOR_METHODS and of why, and 255 where there is no choice. The GIL is released, and nobody may write to the truth meanwhile. Raises KernelError naming the field, or the run and the method.
 #[pyfunction]
 #[pyo3(signature = (geometry, truth, simulated, assumed, options, schedule, methods, *, seed, trajectory_key, first_run, runs,
     threads))]

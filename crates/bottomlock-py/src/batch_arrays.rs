@@ -12,11 +12,11 @@ use crate::dvl::source_code;
 /// Where a method does not choose.
 pub const NO_CHOICE: u8 = u8::MAX;
 
-/// Sources of surge, sway and heave; or the leading filter, why it leads, and nothing.
+/// Sources of surge, sway and heave; or the leading filter, reason it leads, and nothing.
 pub fn choice_code(choice: &Choice) -> [u8; 3] {
     match choice {
         Choice::Components(sources) => sources.map(|source| source.map_or(0, source_code)),
-        Choice::Member { member, why, .. } => [*member as u8, *why as u8, NO_CHOICE],
+        Choice::Method { method, reason, .. } => [*method as u8, *reason as u8, NO_CHOICE],
     }
 }
 

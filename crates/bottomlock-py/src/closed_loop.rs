@@ -3,7 +3,7 @@
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::navigator::Method;
 use bottomlock::simulation::closed_loop as core;
-use bottomlock::simulation::closed_loop::{Common, Departure, Stretch};
+use bottomlock::simulation::closed_loop::{ClosedLoopSetup, TruthSegment, VehicleStart};
 use bottomlock::state::NavState;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -26,7 +26,7 @@ use crate::truth::Truths;
 ///     options: filter options (`Scenario.kernel_options`).
 ///     methods: ways of aiding.
 ///     start: the truth at the start: time_ns, position_t_m (n, 3), attitude_t_p (n, 4), velocity_p_mps (n, 3).
-///     own_vehicles: false for a vehicle per run with all methods aboard; true for one per run and method, the methods of a run one after
+///     vehicle_per_method: false for a vehicle per run with all methods aboard; true for one per run and method, the methods of a run one after
 ///         the other.
 ///     seed, trajectory_key, first_run: key of the random numbers.
 ///     threads: 0 for as many as there are cores; the bits do not depend on it.
@@ -39,14 +39,14 @@ pub struct ClosedLoop {
     beams: usize,
     vehicles: usize,
     methods: usize,
-    methods_aboard: usize,
+    methods_per_vehicle: usize,
     samples: usize,
 }
 
 #[pymethods]
 impl ClosedLoop {
     #[new]
-    #[pyo3(signature = (geometry, simulated, assumed, options, methods, start, *, own_vehicles, seed, trajectory_key, first_run,
+    #[pyo3(signature = (geometry, simulated, assumed, options, methods, start, *, vehicle_per_method, seed, trajectory_key, first_run,
         threads))]
     fn new(
         geometry: &BeamGeometry,
@@ -55,7 +55,7 @@ impl ClosedLoop {
         options: &Bound<'_, PyDict>,
         methods: Vec<String>,
         start: &Bound<'_, PyDict>,
-        own_vehicles: bool,
+        vehicle_per_method: bool,
         seed: u64,
         trajectory_key: u64,
         first_run: u64,
@@ -68,7 +68,7 @@ impl ClosedLoop {
             .map(|name| Method::named(name).map_err(raise))
             .collect::<PyResult<Vec<_>>>()?;
         let starts = true_starts(start)?;
-        let common = Common {
+        let common = ClosedLoopSetup {
             geometry: &geometry.inner,
             simulated: &simulated,
             assumed: &assumed,
@@ -76,21 +76,21 @@ impl ClosedLoop {
             seed,
             trajectory_key,
         };
-        let crews: Vec<&[Method]> = if own_vehicles {
+        let vehicle_methods: Vec<&[Method]> = if vehicle_per_method {
             methods.chunks(1).collect()
         } else {
             vec![&methods]
         };
-        if crews.is_empty() || starts.len() % crews.len() != 0 {
-            let (vehicles, crews) = (starts.len(), crews.len());
+        if vehicle_methods.is_empty() || starts.len() % vehicle_methods.len() != 0 {
+            let (vehicles, vehicle_methods) = (starts.len(), vehicle_methods.len());
             return Err(refuse(format!(
-                "start has {vehicles} rows, expected a multiple of {crews} methods"
+                "start has {vehicles} rows, expected a multiple of {vehicle_methods} methods"
             )));
         }
-        let depart = |(k, &start): (usize, &NavState)| Departure {
-            run: first_run + (k / crews.len()) as u64,
+        let depart = |(k, &start): (usize, &NavState)| VehicleStart {
+            run: first_run + (k / vehicle_methods.len()) as u64,
             start,
-            methods: crews[k % crews.len()],
+            methods: vehicle_methods[k % vehicle_methods.len()],
         };
         let departures: Vec<_> = starts.iter().enumerate().map(depart).collect();
         Ok(Self {
@@ -98,7 +98,7 @@ impl ClosedLoop {
             beams: geometry.inner.beams(),
             vehicles: starts.len(),
             methods: methods.len(),
-            methods_aboard: crews[0].len(),
+            methods_per_vehicle: vehicle_methods[0].len(),
             samples: 0,
         })
     }
@@ -110,16 +110,16 @@ impl ClosedLoop {
     fn advance(&mut self, py: Python<'_>, truth: &Bound<'_, PyDict>, schedule: &Bound<'_, PyDict>) -> PyResult<()> {
         let truths = Truths::of_runs(truth, self.vehicles)?;
         let schedule = settings::schedule(schedule, self.beams, self.vehicles)?;
-        let stretches: Vec<Stretch<'_>> = (0..self.vehicles)
+        let segments: Vec<TruthSegment<'_>> = (0..self.vehicles)
             .map(|run| {
-                Ok(Stretch {
+                Ok(TruthSegment {
                     truth: truths.of(run)?,
                     schedule: schedule.of(run),
                 })
             })
             .collect::<PyResult<_>>()?;
         let inner = &mut self.inner;
-        py.detach(|| inner.advance(&stretches, &schedule.sample_time_ns))
+        py.detach(|| inner.advance(&segments, &schedule.sample_time_ns))
             .map_err(raise)?;
         self.samples += schedule.sample_time_ns.len();
         Ok(())
@@ -129,14 +129,14 @@ impl ClosedLoop {
     ///
     /// Raises KernelError for a method that is not there.
     #[pyo3(signature = (method=0))]
-    fn belief<'py>(&self, py: Python<'py>, method: usize) -> PyResult<Bound<'py, PyDict>> {
-        if method >= self.methods_aboard {
+    fn estimate<'py>(&self, py: Python<'py>, method: usize) -> PyResult<Bound<'py, PyDict>> {
+        if method >= self.methods_per_vehicle {
             return Err(refuse(format!(
                 "method is {method}, expected less than {}",
-                self.methods_aboard
+                self.methods_per_vehicle
             )));
         }
-        let states = self.inner.beliefs(method);
+        let states = self.inner.estimates(method);
         let out = PyDict::new(py);
         let threes = |of: fn(&NavState) -> [f64; 3]| from_rows(py, &states.iter().map(of).collect::<Vec<_>>());
         out.set_item("position_t_m", threes(|state| state.position_t_m.to_array())?)?;
@@ -149,7 +149,7 @@ impl ClosedLoop {
     /// What the methods have yielded so far, as `run_batch` returns it.
     fn results<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let records = self.inner.records();
-        let flown = self.vehicles * self.methods_aboard;
+        let flown = self.vehicles * self.methods_per_vehicle;
         let mut yields = BatchArrays::new(flown / self.methods, self.methods, self.samples);
         let places = yields.places();
         for (mut place, record) in places.into_iter().flatten().zip(records.iter().flatten()) {

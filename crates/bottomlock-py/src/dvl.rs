@@ -257,7 +257,7 @@ impl Columns {
         match outcome {
             FixOutcome::Fix(fix) => self.fix(0, fix),
             FixOutcome::Unobservable(fix) => {
-                let any = (0..3).any(|k| fix.plan.is_solved(k));
+                let any = (0..3).any(|k| fix.estimator.is_solved(k));
                 self.fix(if any { 1 } else { 2 }, fix);
             }
             FixOutcome::TooFewBeams => self.none(3, Reason::NoBeams),
@@ -266,26 +266,28 @@ impl Columns {
     }
 
     fn fix(&mut self, status: u8, fix: &VelocityFix) {
-        let plan = &fix.plan;
+        let estimator = &fix.estimator;
         for k in 0..3 {
-            let solved = plan.is_solved(k);
+            let solved = estimator.is_solved(k);
             self.velocity
                 .push(if solved { fix.velocity_p_mps.0[k] } else { f64::NAN });
-            self.component.push(reason_code(plan.components[k]));
-            self.source.push(if solved { source_code(plan.sources[k]) } else { 0 });
+            self.component.push(reason_code(estimator.components[k]));
+            self.source
+                .push(if solved { source_code(estimator.sources[k]) } else { 0 });
             for l in 0..3 {
-                let both = solved && plan.is_solved(l);
-                self.cov.push(if both { plan.covariance[(k, l)] } else { f64::NAN });
+                let both = solved && estimator.is_solved(l);
+                self.cov
+                    .push(if both { estimator.covariance[(k, l)] } else { f64::NAN });
             }
         }
-        let (axes, variances) = plan.solution.principal_axes();
+        let (axes, variances) = estimator.solution.principal_axes();
         let weights = variances.map(|variance| if variance > 0.0 { variance.recip() } else { 0.0 });
         let information: Matrix3<f64> = axes * Matrix3::from_diagonal(&weights) * axes.transpose();
         // Row by row; a symmetric matrix reads the same by columns.
         self.information.extend(information.iter());
         self.observed_velocity.extend(fix.velocity_p_mps.0.iter());
         self.status.push(status);
-        self.rank.push(plan.solution.rank as u8);
+        self.rank.push(estimator.solution.rank as u8);
     }
 
     fn none(&mut self, status: u8, reason: Reason) {

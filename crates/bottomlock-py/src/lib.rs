@@ -41,8 +41,8 @@ mod _kernel {
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("EARTH_RATE_RADPS", bottomlock::earth::EARTH_RATE_RADPS)?;
-        let members = bottomlock::navigator::MEMBERS.map(|(name, _)| name);
-        module.add("MEMBERS", pyo3::types::PyTuple::new(module.py(), members)?)?;
+        let members = bottomlock::navigator::SELECTOR_METHODS.map(|(name, _)| name);
+        module.add("SELECTOR_METHODS", pyo3::types::PyTuple::new(module.py(), members)?)?;
         module.add(
             "FIX_STATUS",
             pyo3::types::PyTuple::new(module.py(), bottomlock::replay::FIX_STATUS)?,

@@ -27,7 +27,7 @@ use crate::settings;
 /// An aided inertial navigator, fed a sample at a time: the very filter of a campaign, bit for bit.
 ///
 /// A measurement between two IMU samples waits for the later one; the step is then split at the measurement's own time. What comes
-/// later than that is refused with an error, and counted in `refused`.
+/// later than that is refused with an error, and counted in `late_events`.
 ///
 /// Args:
 ///     geometry: the beams.
@@ -275,9 +275,9 @@ impl Navigator {
     ///
     /// A sample is late where its time of validity lies before the last IMU sample, or not after the one before it of its own
     /// stream. A sensor with latency needs the IMU to be held back by as much; a log is best replayed in order of validity.
-    fn refused<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    fn late_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
-        let counts = STREAM_NAMES.iter().zip(self.inner.refused());
+        let counts = STREAM_NAMES.iter().zip(self.inner.late_events());
         counts
             .into_iter()
             .try_for_each(|(name, count)| out.set_item(name, count))?;

@@ -5,7 +5,7 @@ use bottomlock::observability::history::History;
 use bottomlock::observability::paper;
 use bottomlock::observability::paper::{Sensors, Sign};
 use bottomlock::observability::rank;
-use bottomlock::observability::rank::{Observability, Progress};
+use bottomlock::observability::rank::{Observability, WindowRank};
 use bottomlock::observability::{Aiding, Epochs, System, full};
 use nalgebra::DMatrix;
 use numpy::PyArrayDyn;
@@ -125,15 +125,15 @@ fn matrix<'py>(py: Python<'py>, m: &DMatrix<f64>) -> PyResult<Bound<'py, PyArray
 
 /// Rank, gap and unobservable subspace of a window for each aiding set.
 ///
-/// Each result has states, rank, decided, gap, widest_step, singular_values (n,), noise_floor, basis (k, n) in SI with its pivots (k,), hidden
-/// (n,), scales (n,), gramian (n, n) of 2015, Eq. (1), rows (m, n) and epoch_time_ns; with `growing` also epoch_rank and epoch_gap
+/// Each result has states, rank, decided, gap, widest_step, singular_values (n,), noise_floor, basis (k, n) in SI with its pivots (k,), unobservable_fraction
+/// (n,), scales (n,), gramian (n, n) of 2015, Eq. (1), rows (m, n) and epoch_time_ns; with `per_epoch` also epoch_rank and epoch_gap
 /// of the window that ends at each epoch. Raises KernelError for an empty aiding set, a window of one epoch, a motion with NaN.
 ///
 /// `schedule` (time_ns (e,), beams (e, n) and columns (e,) velocity, depth, attitude, heading, gps_position, gps_velocity) says at
 /// which times which sensors of a set are heard, in place of the period.
 #[pyfunction]
 #[pyo3(signature = (
-    geometry, truth, model, aidings, *, kind="full", period_ns=1_000_000_000, schedule=None, scale=None, growing=false
+    geometry, truth, model, aidings, *, kind="full", period_ns=1_000_000_000, schedule=None, scale=None, per_epoch=false
 ))]
 pub fn observe<'py>(
     py: Python<'py>,
@@ -145,12 +145,12 @@ pub fn observe<'py>(
     period_ns: i64,
     schedule: Option<&Bound<'py, PyDict>>,
     scale: Option<&Bound<'py, PyAny>>,
-    growing: bool,
+    per_epoch: bool,
 ) -> PyResult<Bound<'py, PyList>> {
     let (truths, model, kind) = (Truths::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
     let truth = truths.of(0)?;
     let heard = self::schedule(schedule, geometry.inner.beams(), &kind)?;
-    let epochs = heard.as_deref().map_or(Epochs::Every(period_ns), Epochs::Heard);
+    let epochs = heard.as_deref().map_or(Epochs::Every(period_ns), Epochs::Scheduled);
     let sets = aidings
         .iter()
         .map(|dict| aiding(dict, geometry.inner.beams()))
@@ -181,8 +181,8 @@ pub fn observe<'py>(
                 .into_iter()
                 .map(|system| {
                     let whole = rank::observe(&system, system.epochs.len(), scale.as_deref())?;
-                    let parts = if growing {
-                        rank::growing(&system, scale.as_deref())?
+                    let parts = if per_epoch {
+                        rank::growing_windows(&system, scale.as_deref())?
                     } else {
                         Vec::new()
                     };
@@ -202,7 +202,7 @@ fn result<'py>(
     py: Python<'py>,
     system: &System,
     whole: &Observability,
-    parts: &[Progress],
+    parts: &[WindowRank],
 ) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     let vector = |values: &[f64]| array(py, values.to_vec(), &[values.len()]);
@@ -219,7 +219,7 @@ fn result<'py>(
     out.set_item("noise_floor", whole.noise_floor)?;
     out.set_item("basis", matrix(py, &whole.basis)?)?;
     out.set_item("pivots", counts(whole.pivots.iter().map(|&k| k as i64).collect())?)?;
-    out.set_item("hidden", vector(whole.hidden.as_slice())?)?;
+    out.set_item("unobservable_fraction", vector(whole.unobservable_fraction.as_slice())?)?;
     out.set_item("scales", vector(whole.scales.as_slice())?)?;
     out.set_item("gramian", matrix(py, &rank::gramian(system))?)?;
     out.set_item("rows", matrix(py, &rank::rows(system))?)?;
@@ -257,7 +257,7 @@ pub fn covariance_history<'py>(
     let (truths, model, kind) = (Truths::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
     let truth = truths.of(0)?;
     let heard = self::schedule(schedule, geometry.inner.beams(), &kind)?;
-    let epochs = heard.as_deref().map_or(Epochs::Every(period_ns), Epochs::Heard);
+    let epochs = heard.as_deref().map_or(Epochs::Every(period_ns), Epochs::Scheduled);
     let set = self::aiding(aiding, geometry.inner.beams())?;
     let sensors = match kind {
         Kind::Paper(sign) => Some(paper_sensors(&set, sign)?),

@@ -1,7 +1,7 @@
 //! What became of a measurement, as a dict.
 
-use bottomlock::filter::report::{Choice, Sensor, UpdateReport, Verdict, Why};
-use bottomlock::navigator::MEMBERS;
+use bottomlock::filter::report::{Choice, SelectionReason, Sensor, UpdateReport, Verdict};
+use bottomlock::navigator::SELECTOR_METHODS;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -43,7 +43,7 @@ pub fn report_dict<'py>(py: Python<'py>, report: &UpdateReport, beams: usize) ->
     out.set_item("nis", report.nis)?;
     out.set_item("threshold", report.threshold)?;
     out.set_item("verdict", verdict)?;
-    out.set_item("widened", report.inflation)?;
+    out.set_item("inflation", report.inflation)?;
     let flags = (0..rows).map(|k| rejected & (1 << k) != 0).collect();
     out.set_item("rejected_rows", array::<bool>(py, flags, &[rows])?)?;
     let weight = report
@@ -65,19 +65,19 @@ fn choice_dict<'py>(py: Python<'py>, choice: &Choice) -> PyResult<Bound<'py, PyD
                 out.set_item(axis, source.map_or(0, source_code))?;
             }
         }
-        Choice::Member {
-            member,
-            why,
+        Choice::Method {
+            method,
+            reason,
             statistic,
             threshold,
         } => {
-            let why = match why {
-                Why::BeamsKnowBest => "beams_know_best",
-                Why::KnowsMost => "knows_most",
-                Why::BeamsContradict => "beams_contradict",
+            let reason = match reason {
+                SelectionReason::NoGain => "no_gain",
+                SelectionReason::SmallestVariance => "smallest_variance",
+                SelectionReason::BeamsContradict => "beams_contradict",
             };
-            out.set_item("member", MEMBERS[*member].0)?;
-            out.set_item("why", why)?;
+            out.set_item("method", SELECTOR_METHODS[*method].0)?;
+            out.set_item("reason", reason)?;
             out.set_item("statistic", *statistic)?;
             out.set_item("threshold", *threshold)?;
         }

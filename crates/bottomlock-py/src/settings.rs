@@ -158,15 +158,15 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
             }
         }
     };
-    let gate_reopen_fixes = match dict.get_item("gate_reopen_fixes")? {
-        None => Options::default().gate_reopen_fixes,
+    let inflate_after_rejections = match dict.get_item("inflate_after_rejections")? {
+        None => Options::default().inflate_after_rejections,
         Some(fixes) => fixes
             .extract()
-            .map_err(|_| refuse("options.gate_reopen_fixes is not a whole number, 0 or more"))?,
+            .map_err(|_| refuse("options.inflate_after_rejections is not a whole number, 0 or more"))?,
     };
     Ok(Options {
         gate,
-        gate_reopen_fixes,
+        inflate_after_rejections,
         robust: robust(dict)?,
         water,
         covariance_period_ns: item(dict, "options", "covariance_period_ns")?

@@ -10,7 +10,7 @@ use std::hint::black_box;
 
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use bottomlock::dvl::partial::{Assumptions, BeamNoise, PartialMethod, plan};
+use bottomlock::dvl::partial::{Assumptions, BeamNoise, PartialMethod, fix_estimator};
 use bottomlock::error_model::{Coefficients, Interval, ProcessNoise, dense_noise};
 use bottomlock::filter::Eskf;
 use bottomlock::filter::filter_group::{FilterSpan, predict_together};
@@ -135,7 +135,7 @@ fn update(criterion: &mut Criterion) {
     ] {
         group.bench_function(name, |bencher| {
             bencher.iter(|| {
-                plan(
+                fix_estimator(
                     method,
                     &geometry,
                     BeamMask::all(2),
@@ -151,7 +151,7 @@ fn update(criterion: &mut Criterion) {
         let (valid, assumptions) = (BeamMask::all(beams), Assumptions::default());
         group.bench_function(format!("elc_{beams}"), |bencher| {
             bencher.iter(|| {
-                plan(
+                fix_estimator(
                     PartialMethod::Selector,
                     &geometry,
                     valid,

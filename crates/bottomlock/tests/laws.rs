@@ -18,7 +18,7 @@ use bottomlock::navigator::events::{AttitudeSample, DepthSample, Event, GpsSampl
 use bottomlock::navigator::{BeamAiding, Navigator};
 use bottomlock::navigator::{METHODS, Method};
 use bottomlock::simulation::batch::{Batch, run_batch};
-use bottomlock::simulation::closed_loop::{ClosedLoop, Common, Departure, Stretch};
+use bottomlock::simulation::closed_loop::{ClosedLoop, ClosedLoopSetup, TruthSegment, VehicleStart};
 use bottomlock::simulation::schedule::Schedule;
 use bottomlock::simulation::sensor_errors::RunKey;
 use bottomlock::simulation::sensor_streams::simulate;
@@ -200,7 +200,7 @@ fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
         };
         let schedules = [epochs.schedule()];
         let whole = batch(&turn, &epochs, &schedules, &model, &options, &geometry);
-        let common = Common {
+        let common = ClosedLoopSetup {
             geometry: &geometry,
             simulated: &model,
             assumed: &model,
@@ -209,7 +209,7 @@ fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
             trajectory_key: whole.trajectory_key,
         };
         let truth = turn.truth();
-        let departure = |run| Departure {
+        let departure = |run| VehicleStart {
             run,
             start: true_state(&truth, 0),
             methods: &METHODS,
@@ -233,12 +233,12 @@ fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
                 gps_time_ns: &gps,
                 ..Schedule::default()
             };
-            let stretch = Stretch {
+            let segment = TruthSegment {
                 truth: truth.part(pair[0]..pair[1] + 1),
                 schedule,
             };
             pieces
-                .advance(&vec![stretch; whole.runs], &within(&epochs.samples))
+                .advance(&vec![segment; whole.runs], &within(&epochs.samples))
                 .unwrap();
         }
         assert_eq!(bits(&run_batch(&whole, 1).unwrap()), bits(&pieces.records()));

@@ -87,7 +87,7 @@ def run_closed_loop(
         options,
         list(methods),
         _start(begin),
-        own_vehicles=own,
+        vehicle_per_method=own,
         seed=scenario.campaign.seed,
         trajectory_key=trajectory_key,
         first_run=first_run,
@@ -105,7 +105,7 @@ def run_closed_loop(
             sampled.append(plan["sample_time_ns"])
             pinged.append(plan["dvl_time_ns"])
             before = block
-        return Belief(**loop.belief(steering))
+        return Belief(**loop.estimate(steering))
 
     offsets = []
     for block in fly_on_estimate(fleet, navigate):

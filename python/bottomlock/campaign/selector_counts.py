@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.kernel import MEMBERS, NO_CHOICE, SOURCES, WHY
+from bottomlock.kernel import NO_CHOICE, SELECTION_REASONS, SELECTOR_METHODS, SOURCES
 from bottomlock.tables.campaign import CHOICES
 
 _AXES = ("surge", "sway", "heave")
@@ -15,7 +15,7 @@ _AXES = ("surge", "sway", "heave")
 def choice_counts(
     choice: NDArray[np.uint8], *, trajectory: str, methods: Sequence[str], dvl_time_ns: NDArray[np.int64]
 ) -> pl.DataFrame:
-    """Counts of a batch's choices (runs, methods, pings, 3), `tables.campaign.CHOICES`.
+    """Counts of a batch's choices (runs, methods, pings, 3), `schema.CHOICES`.
 
     The selector of the paper has a source for each component, the consistent selector a filter and a reason.
     """
@@ -25,8 +25,10 @@ def choice_counts(
         codes = choice[:, number]
         if not codes.size or (codes[..., 0] == NO_CHOICE).all():
             continue
-        words = (MEMBERS, WHY) if (codes[..., 2] == NO_CHOICE).all() else (SOURCES,) * 3
-        names = ("filter", "why") if len(words) == 2 else _AXES
+        words = (
+            (SELECTOR_METHODS, SELECTION_REASONS) if (codes[..., 2] == NO_CHOICE).all() else (SOURCES,) * 3
+        )
+        names = ("filter", "reason") if len(words) == 2 else _AXES
         for k, (name, known) in enumerate(zip(names, words, strict=True)):
             for code, source in enumerate(known):
                 count = (codes[..., k] == code).sum(axis=0)

@@ -275,7 +275,7 @@ class Filter(Section):
 
     gate: Literal["joint", "per_row", "off"] = "joint"
     gate_probability: Annotated[float, Field(gt=0, lt=1)] = 0.9973
-    gate_reopen_fixes: Annotated[int, Field(ge=0, le=1_000_000)] = 5
+    inflate_after_rejections: Annotated[int, Field(ge=0, le=1_000_000)] = 5
     covariance_rate_hz: NonNegative = 10.0
     estimate_dvl: bool = True
     virtual_beam_factor: Positive = 1.0

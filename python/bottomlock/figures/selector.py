@@ -17,7 +17,7 @@ def choices_figure(choices: pl.DataFrame, trajectory: str) -> Figure | None:
         choices: `tables.campaign.CHOICES`.
         trajectory: one of its trajectories.
     """
-    rows = choices.filter((pl.col("trajectory") == trajectory) & (pl.col("component") != "why"))
+    rows = choices.filter((pl.col("trajectory") == trajectory) & (pl.col("component") != "reason"))
     strips = (
         rows.select("method", "component").unique(maintain_order=True).sort("method", descending=True).rows()
     )

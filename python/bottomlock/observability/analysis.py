@@ -248,7 +248,7 @@ def observe(
         period_ns=ns_from_s(period_s),
         schedule=None if schedule is None else schedule.kernel_dict(),
         scale=scale,
-        growing=growing,
+        per_epoch=growing,
     )
     return [
         Finding(
@@ -261,7 +261,7 @@ def observe(
             noise_floor=found["noise_floor"],
             basis=found["basis"],
             pivots=found["pivots"],
-            hidden=found["hidden"],
+            hidden=found["unobservable_fraction"],
             scales=found["scales"],
             gramian=found["gramian"],
             rows=found["rows"],

@@ -54,7 +54,7 @@ SETTINGS = (
         "gate reopens after refusals in a row",
         (0, 5),
         ("lc", "tc", "vb", "nsv", "vhv", "elc", "consistent"),
-        _filter("gate_reopen_fixes"),
+        _filter("inflate_after_rejections"),
     ),
     Setting(
         "initial attitude, times Table 2", (0.5, 1.0, 2.0), ("ins", "tc", "nsv", "plcf"), _initial_attitude

@@ -48,7 +48,7 @@ MODEL: Any = {
 OPTIONS: Any = {
     "gate": "joint",
     "gate_probability": 0.9973,
-    "gate_reopen_fixes": 0,
+    "inflate_after_rejections": 0,
     "covariance_period_ns": 100_000_000,
     "imu_sampling": "instantaneous",
     "estimate_dvl": True,

@@ -7,7 +7,7 @@ pub mod water;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamMotion, BeamSample};
-use crate::dvl::partial::{BeamNoise, FixPlan, Port};
+use crate::dvl::partial::{BeamNoise, FixEstimator, Port};
 use crate::dvl::velocity::{HEAVE_SLOT, SLOTS, SWAY_SLOT, VIRTUAL_SLOT};
 use crate::frames::{Platform, Rot, Tangent, Vec3, skew};
 use crate::layout::{ATTITUDE, BIASED_BEAMS, DIM, DVL_BIAS, DVL_SCALE, GYRO_BIAS, POSITION, VELOCITY};
@@ -141,7 +141,7 @@ pub fn loosely_coupled(
     state: &NavState,
     geometry: &BeamGeometry,
     terms: &BeamTerms,
-    plan: &FixPlan,
+    plan: &FixEstimator,
     port: InformationPort,
     exact_cross: Option<&SMatrix<f64, DIM, 3>>,
 ) -> Innovation {

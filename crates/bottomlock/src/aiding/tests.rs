@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::dvl::geometry::{BeamMask, Janus};
-use crate::dvl::partial::{Assumptions, PartialMethod, plan};
+use crate::dvl::partial::{Assumptions, PartialMethod, fix_estimator};
 use crate::state::ErrorVector;
 
 const EARTH: [f64; 3] = [6.1e-5, 0.0, -4.0e-5];
@@ -93,7 +93,7 @@ fn loosely_coupled_jacobian() {
     ] {
         let noise = BeamNoise::identity() * 0.002;
         let valid = [0, 1].into_iter().collect();
-        let fixed = plan(method, &geometry(), valid, &noise, None, &Assumptions::default()).unwrap();
+        let fixed = fix_estimator(method, &geometry(), valid, &noise, None, &Assumptions::default()).unwrap();
         for pitch in [0.0, 89.9] {
             let center = state(pitch);
             let mut sample = ping(valid);

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::geometry::{BeamGeometry, BeamMask, BeamSample};
-use super::partial::{Assumptions, BeamNoise, Component, FixPlan, PartialMethod, Reason, plan};
+use super::partial::{Assumptions, BeamNoise, Component, FixEstimator, PartialMethod, Reason, fix_estimator};
 use super::velocity::{HEAVE_SLOT, SLOTS, VIRTUAL_SLOT};
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Vec3};
@@ -23,7 +23,7 @@ pub struct VelocityFix {
     /// Velocity over ground, platform frame, m/s; zero along what is not observed.
     pub velocity_p_mps: Vec3<Platform>,
     /// How it came about, with its covariance and what each component is.
-    pub plan: FixPlan,
+    pub estimator: FixEstimator,
     /// The beams that were used.
     pub beams: BeamMask,
 }
@@ -33,7 +33,7 @@ pub struct VelocityFix {
 pub enum FixOutcome {
     /// Every component is solved.
     Fix(VelocityFix),
-    /// Some component is not; see [`FixPlan::components`].
+    /// Some component is not; see [`FixEstimator::components`].
     Unobservable(VelocityFix),
     /// No beam is valid.
     TooFewBeams,
@@ -53,12 +53,12 @@ pub struct PingContext {
 /// Solves one ping for the platform velocity.
 ///
 /// # Errors
-/// [`NavError::BadBeam`] for a valid beam without finite velocity or positive sigma; otherwise as [`plan`].
+/// [`NavError::BadBeam`] for a valid beam without finite velocity or positive sigma; otherwise as [`estimator`].
 ///
 /// ```
 /// use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
 /// use bottomlock::dvl::fix::{FixOutcome, PingContext, solve};
-/// use bottomlock::dvl::partial::{Assumptions, Method};
+/// use bottomlock::dvl::partial::{Assumptions, PartialMethod};
 /// let geometry = BeamGeometry::janus(Janus::X, 20_f64.to_radians()).unwrap();
 /// let mut ping = BeamSample { time_ns: 0, velocity_mps: [0.0; 8], sd_mps: [0.042; 8], valid: BeamMask::all(2) };
 /// for beam in 0..2 {
@@ -66,7 +66,7 @@ pub struct PingContext {
 /// }
 /// let outcome = solve(PartialMethod::PartialLoose, &geometry, &ping, &PingContext::default(), &Assumptions::default()).unwrap();
 /// let FixOutcome::Unobservable(fix) = outcome else { panic!("beams 1 and 2 see the surge alone") };
-/// assert!(fix.plan.is_solved(0) && !fix.plan.is_solved(1));
+/// assert!(fix.estimator.is_solved(0) && !fix.estimator.is_solved(1));
 /// assert!((fix.velocity_p_mps.0.x - 2.0).abs() < 1e-12);
 /// ```
 pub fn solve(
@@ -90,26 +90,26 @@ pub fn solve(
         values[beam] = ping.velocity_mps[beam] * scale - geometry.direction_p(beam).dot(&lever);
     }
     let prior_cov = context.prior.as_ref().map(|prior| &prior.cov_m2ps2);
-    let plan = plan(method, geometry, ping.valid, &noise, prior_cov, assumptions)?;
+    let estimator = fix_estimator(method, geometry, ping.valid, &noise, prior_cov, assumptions)?;
     if let Some(prior) = &context.prior {
         let velocity = prior.velocity_p_mps.0;
-        for (index, beam) in plan.virtual_beams.iter().enumerate() {
+        for (index, beam) in estimator.virtual_beams.iter().enumerate() {
             if let Some(beam) = beam {
                 values[VIRTUAL_SLOT + index] = geometry.direction_p(*beam).dot(&velocity);
             }
         }
         values[HEAVE_SLOT] = velocity.z;
     }
-    match plan.components[0] {
+    match estimator.components[0] {
         Component::Unobservable(Reason::NoBeams) => return Ok(FixOutcome::TooFewBeams),
         Component::Unobservable(Reason::PriorRequired) => return Ok(FixOutcome::PriorRequired),
         _ => {}
     }
-    let velocity_p_mps = (plan.gain * values).into();
-    let complete = (0..3).all(|k| plan.is_solved(k));
+    let velocity_p_mps = (estimator.gain * values).into();
+    let complete = (0..3).all(|k| estimator.is_solved(k));
     let fix = VelocityFix {
         velocity_p_mps,
-        plan,
+        estimator,
         beams: ping.valid,
     };
     Ok(if complete {

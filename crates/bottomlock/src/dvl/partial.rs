@@ -101,7 +101,7 @@ pub enum Port {
 
 /// How a fix follows from the row values, with its covariance: everything but the values.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FixPlan {
+pub struct FixEstimator {
     /// Velocity = gain · row values.
     pub gain: Gain,
     /// Covariance of the fix; meaningful for solved components, or along the observed axes.
@@ -118,7 +118,7 @@ pub struct FixPlan {
     pub port: Port,
 }
 
-impl FixPlan {
+impl FixEstimator {
     fn refused(method: PartialMethod, reason: Reason, solution: LeastSquares) -> Self {
         Self {
             gain: Gain::zeros(),
@@ -139,7 +139,7 @@ impl FixPlan {
     fn by_axis(method: PartialMethod, solution: LeastSquares, withheld: impl Fn(usize) -> Option<Reason>) -> Self {
         let components = std::array::from_fn(|k| match withheld(k) {
             Some(reason) => Component::Unobservable(reason),
-            None if solution.sees(&axis(k)) => Component::Solved,
+            None if solution.observes(&axis(k)) => Component::Solved,
             None => Component::Unobservable(Reason::OutsideRowSpace),
         });
         Self {
@@ -180,21 +180,21 @@ fn beam_rows(geometry: &BeamGeometry, valid: BeamMask, noise: &BeamNoise) -> Row
 /// # Errors
 /// [`NavError::NotPositiveDefinite`] where the beam noise is not a covariance; [`NavError::OutOfRange`] or
 /// [`NavError::NotFinite`] for a bad assumption or prior.
-pub fn plan(
+pub fn fix_estimator(
     method: PartialMethod,
     geometry: &BeamGeometry,
     valid: BeamMask,
     noise: &BeamNoise,
     prior_cov: Option<&Matrix3<f64>>,
     assumptions: &Assumptions,
-) -> Result<FixPlan, NavError> {
+) -> Result<FixEstimator, NavError> {
     let beams = beam_rows(geometry, valid, noise);
     let solution = least_squares(&beams)?;
-    plan_beyond(method, geometry, valid, beams, solution, prior_cov, assumptions)
+    estimator_beyond_beams(method, geometry, valid, beams, solution, prior_cov, assumptions)
 }
 
-/// As [`plan`], of the rows of the beams and what they determine by themselves.
-fn plan_beyond(
+/// As [`estimator`], of the rows of the beams and what they determine by themselves.
+fn estimator_beyond_beams(
     method: PartialMethod,
     geometry: &BeamGeometry,
     valid: BeamMask,
@@ -202,19 +202,19 @@ fn plan_beyond(
     solution: LeastSquares,
     prior_cov: Option<&Matrix3<f64>>,
     assumptions: &Assumptions,
-) -> Result<FixPlan, NavError> {
+) -> Result<FixEstimator, NavError> {
     if solution.rank == 0 {
-        return Ok(FixPlan::refused(method, Reason::NoBeams, solution));
+        return Ok(FixEstimator::refused(method, Reason::NoBeams, solution));
     }
     if solution.rank == 3 && method != PartialMethod::Information {
-        return Ok(FixPlan::whole(method, solution));
+        return Ok(FixEstimator::whole(method, solution));
     }
     match method {
-        PartialMethod::LeastSquares => Ok(FixPlan::refused(method, Reason::OutsideRowSpace, solution)),
-        PartialMethod::PartialLoose => Ok(FixPlan::whole(method, solution)),
-        PartialMethod::Information => Ok(FixPlan {
+        PartialMethod::LeastSquares => Ok(FixEstimator::refused(method, Reason::OutsideRowSpace, solution)),
+        PartialMethod::PartialLoose => Ok(FixEstimator::whole(method, solution)),
+        PartialMethod::Information => Ok(FixEstimator {
             port: Port::Axes,
-            ..FixPlan::whole(method, solution)
+            ..FixEstimator::whole(method, solution)
         }),
         PartialMethod::WeakSway => {
             let mut rows = beams;
@@ -223,9 +223,9 @@ fn plan_beyond(
                 axis(1),
                 positive("weak_sway_var_m2ps2", assumptions.weak_sway_var_m2ps2)?,
             );
-            Ok(FixPlan {
+            Ok(FixEstimator {
                 port: Port::Axes,
-                ..FixPlan::whole(method, least_squares(&rows)?)
+                ..FixEstimator::whole(method, least_squares(&rows)?)
             })
         }
         PartialMethod::NullifiedSway => nullified_sway(beams, solution, assumptions),
@@ -236,12 +236,12 @@ fn plan_beyond(
                 1.0
             };
             match checked_prior(prior_cov)? {
-                None => Ok(FixPlan::refused(method, Reason::PriorRequired, solution)),
+                None => Ok(FixEstimator::refused(method, Reason::PriorRequired, solution)),
                 Some(prior) => virtual_beam(method, geometry, valid, beams, solution, prior, factor),
             }
         }
         PartialMethod::VirtualHeave => match checked_prior(prior_cov)? {
-            None => Ok(FixPlan::refused(method, Reason::PriorRequired, solution)),
+            None => Ok(FixEstimator::refused(method, Reason::PriorRequired, solution)),
             Some(prior) => virtual_heave(beams, solution, prior),
         },
         PartialMethod::Selector => selector(geometry, valid, &beams, prior_cov, assumptions, solution),
@@ -269,7 +269,7 @@ fn checked_prior(prior_cov: Option<&Matrix3<f64>>) -> Result<Option<&Matrix3<f64
 /// NSV, Eqs. (31)–(36), as a weighted row in place of a deleted column.
 ///
 /// Erratum E2: singular where the beams already fix the sway, as pairs (1,4) and (2,3) of the x-Janus do.
-fn nullified_sway(mut rows: Rows, beams: LeastSquares, assumptions: &Assumptions) -> Result<FixPlan, NavError> {
+fn nullified_sway(mut rows: Rows, beams: LeastSquares, assumptions: &Assumptions) -> Result<FixEstimator, NavError> {
     rows.put(
         SWAY_SLOT,
         axis(1),
@@ -282,9 +282,9 @@ fn nullified_sway(mut rows: Rows, beams: LeastSquares, assumptions: &Assumptions
         } else {
             Reason::OutsideRowSpace
         };
-        return Ok(FixPlan::refused(PartialMethod::NullifiedSway, reason, beams));
+        return Ok(FixEstimator::refused(PartialMethod::NullifiedSway, reason, beams));
     }
-    Ok(FixPlan::whole(PartialMethod::NullifiedSway, solution))
+    Ok(FixEstimator::whole(PartialMethod::NullifiedSway, solution))
 }
 
 /// VB, Eqs. (23)–(30): missing beams are virtualised until the rank is 3.
@@ -298,7 +298,7 @@ fn virtual_beam(
     beams: LeastSquares,
     prior_cov: &Matrix3<f64>,
     factor: f64,
-) -> Result<FixPlan, NavError> {
+) -> Result<FixEstimator, NavError> {
     positive("virtual_beam_factor", factor)?;
     let mut chosen = [None; 2];
     let (mut rank, mut null) = (beams.rank, beams.null);
@@ -318,7 +318,7 @@ fn virtual_beam(
         (rank, null) = rows.null_space();
     }
     if rank < 3 {
-        return Ok(FixPlan::refused(method, Reason::OutsideRowSpace, beams));
+        return Ok(FixEstimator::refused(method, Reason::OutsideRowSpace, beams));
     }
     for (i, first) in chosen.iter().enumerate() {
         for (j, second) in chosen.iter().enumerate() {
@@ -330,20 +330,20 @@ fn virtual_beam(
             }
         }
     }
-    Ok(FixPlan {
+    Ok(FixEstimator {
         virtual_beams: chosen,
-        ..FixPlan::whole(method, least_squares(&rows)?)
+        ..FixEstimator::whole(method, least_squares(&rows)?)
     })
 }
 
 /// VHV, Eqs. (44)–(47), with the plus sign of erratum E1.
-fn virtual_heave(mut rows: Rows, beams: LeastSquares, prior_cov: &Matrix3<f64>) -> Result<FixPlan, NavError> {
-    if beams.sees(&axis(2)) {
-        return Ok(FixPlan::whole(PartialMethod::VirtualHeave, beams));
+fn virtual_heave(mut rows: Rows, beams: LeastSquares, prior_cov: &Matrix3<f64>) -> Result<FixEstimator, NavError> {
+    if beams.observes(&axis(2)) {
+        return Ok(FixEstimator::whole(PartialMethod::VirtualHeave, beams));
     }
     rows.put(HEAVE_SLOT, axis(2), prior_cov[(2, 2)]);
     let withheld = |k: usize| (k == 2).then_some(Reason::PriorOnly);
-    Ok(FixPlan::by_axis(
+    Ok(FixEstimator::by_axis(
         PartialMethod::VirtualHeave,
         least_squares(&rows)?,
         withheld,
@@ -358,17 +358,17 @@ fn selector(
     prior_cov: Option<&Matrix3<f64>>,
     assumptions: &Assumptions,
     solution: LeastSquares,
-) -> Result<FixPlan, NavError> {
+) -> Result<FixEstimator, NavError> {
     const CANDIDATES: [PartialMethod; 4] = [
         PartialMethod::VirtualBeam,
         PartialMethod::NullifiedSway,
         PartialMethod::PartialLoose,
         PartialMethod::VirtualHeave,
     ];
-    let mut chosen = FixPlan::refused(PartialMethod::Selector, Reason::OutsideRowSpace, solution.clone());
+    let mut chosen = FixEstimator::refused(PartialMethod::Selector, Reason::OutsideRowSpace, solution.clone());
     for method in CANDIDATES {
         let (beams, solution) = (beams.clone(), solution.clone());
-        let candidate = plan_beyond(method, geometry, valid, beams, solution, prior_cov, assumptions)?;
+        let candidate = estimator_beyond_beams(method, geometry, valid, beams, solution, prior_cov, assumptions)?;
         if method == PartialMethod::VirtualBeam {
             chosen.virtual_beams = candidate.virtual_beams;
         }

@@ -75,7 +75,7 @@ fn virtual_beam_closed_form() {
     let sigma3 = 1.7 * (b3.dot(&(prior().cov_m2ps2 * b3))).sqrt();
     let r = Matrix3::from_diagonal(&Vector3::new(SIGMA[0].powi(2), SIGMA[1].powi(2), sigma3.powi(2)));
     assert!((fix.velocity_p_mps.0 - expected).amax() < 1e-12);
-    assert!((fix.plan.covariance - inverse * r * inverse.transpose()).amax() < 1e-12);
+    assert!((fix.estimator.covariance - inverse * r * inverse.transpose()).amax() < 1e-12);
 }
 
 /// Eqs. 33 and 35 for beams 1 and 2; the row of variance ε adds its own share, known in closed form.
@@ -108,9 +108,9 @@ fn nullified_sway_closed_form() {
     ];
     let share = [us * us, ws * ws, us * ws];
     for ((i, j, value), extra) in printed.into_iter().zip(share) {
-        assert!((fix.plan.covariance[(i, j)] - value - 1e-6 * extra).abs() < 1e-12);
+        assert!((fix.estimator.covariance[(i, j)] - value - 1e-6 * extra).abs() < 1e-12);
     }
-    assert!((fix.plan.covariance[(1, 1)] - 1e-6).abs() < 1e-15);
+    assert!((fix.estimator.covariance[(1, 1)] - 1e-6).abs() < 1e-15);
 }
 
 /// Eqs. 40 and 41 for beams 1 and 2.
@@ -120,8 +120,11 @@ fn partial_loose_closed_form() {
     let b11 = janus().direction_p(0).x;
     assert!((fix.velocity_p_mps.0.x - 1.0 / (2.0 * b11)).abs() < 1e-12);
     let expected = (SIGMA[0].powi(2) + SIGMA[1].powi(2)) / (4.0 * b11 * b11);
-    assert!((fix.plan.covariance[(0, 0)] - expected).abs() < 1e-12);
-    assert_eq!(fix.plan.components[1], Component::Unobservable(Reason::OutsideRowSpace));
+    assert!((fix.estimator.covariance[(0, 0)] - expected).abs() < 1e-12);
+    assert_eq!(
+        fix.estimator.components[1],
+        Component::Unobservable(Reason::OutsideRowSpace)
+    );
 }
 
 /// Eq. 45 and Eq. 46 with the plus sign (erratum E1) for beams 1 and 2.
@@ -133,8 +136,8 @@ fn virtual_heave_closed_form() {
     assert!((fix.velocity_p_mps.0.y - v).abs() < 1e-12);
     let own = (SIGMA[0].powi(2) + SIGMA[1].powi(2)) / (4.0 * b1.y * b1.y);
     let heave = (b1.z / b1.y).powi(2) * prior().cov_m2ps2[(2, 2)];
-    assert!((fix.plan.covariance[(1, 1)] - own - heave).abs() < 1e-12);
-    assert_eq!(fix.plan.components[2], Component::Unobservable(Reason::PriorOnly));
+    assert!((fix.estimator.covariance[(1, 1)] - own - heave).abs() < 1e-12);
+    assert_eq!(fix.estimator.components[2], Component::Unobservable(Reason::PriorOnly));
 }
 
 /// Erratum E3: what the six pairs of an x-Janus give without help; erratum E2: where NSV is singular.
@@ -150,13 +153,13 @@ fn pairs_of_the_x_janus() {
     ] {
         let plcf = fix(PartialMethod::PartialLoose, &pair, &Assumptions::default());
         for k in 0..3 {
-            assert_eq!(plcf.plan.is_solved(k), k == solved, "pair {pair:?}, axis {k}");
+            assert_eq!(plcf.estimator.is_solved(k), k == solved, "pair {pair:?}, axis {k}");
         }
         let nullified = fix(PartialMethod::NullifiedSway, &pair, &Assumptions::default());
-        assert_eq!((0..3).all(|k| nullified.plan.is_solved(k)), nsv, "pair {pair:?}");
+        assert_eq!((0..3).all(|k| nullified.estimator.is_solved(k)), nsv, "pair {pair:?}");
         if !nsv {
             assert_eq!(
-                nullified.plan.components,
+                nullified.estimator.components,
                 [Component::Unobservable(Reason::ConstraintSingular); 3]
             );
         }
@@ -167,8 +170,8 @@ fn pairs_of_the_x_janus() {
 #[test]
 fn selector_is_nullified_sway_in_disguise() {
     let fix = fix(PartialMethod::Selector, &[0, 1], &Assumptions::default());
-    assert_eq!(fix.plan.sources[1], PartialMethod::NullifiedSway);
-    assert!((fix.plan.covariance[(0, 1)]).abs() < 1e-300, "Eq. 49 is diagonal");
+    assert_eq!(fix.estimator.sources[1], PartialMethod::NullifiedSway);
+    assert!((fix.estimator.covariance[(0, 1)]).abs() < 1e-300, "Eq. 49 is diagonal");
     assert!(fix.velocity_p_mps.0.y.abs() < 1e-12);
 }
 
@@ -176,20 +179,20 @@ fn selector_is_nullified_sway_in_disguise() {
 #[test]
 fn one_beam() {
     let vb = fix(PartialMethod::VirtualBeam, &[1], &Assumptions::default());
-    assert!((0..3).all(|k| vb.plan.is_solved(k)));
+    assert!((0..3).all(|k| vb.estimator.is_solved(k)));
     assert_eq!(
-        vb.plan.virtual_beams,
+        vb.estimator.virtual_beams,
         [Some(3), Some(0)],
         "the opposite beam first, then the lowest number of equals"
     );
     let nsv = fix(PartialMethod::NullifiedSway, &[1], &Assumptions::default());
     assert_eq!(
-        nsv.plan.components,
+        nsv.estimator.components,
         [Component::Unobservable(Reason::OutsideRowSpace); 3]
     );
     assert_eq!(
         fix(PartialMethod::Information, &[1], &Assumptions::default())
-            .plan
+            .estimator
             .solution
             .rank,
         1
@@ -269,7 +272,7 @@ proptest! {
             if let Some(fix) = velocity_of(&outcome_of(method, &geometry, &ping, prior())) {
                 prop_assert!(fix.velocity_p_mps.is_finite());
                 for k in 0..3 {
-                    prop_assert!(!fix.plan.is_solved(k) || fix.plan.covariance[(k, k)] > 0.0);
+                    prop_assert!(!fix.estimator.is_solved(k) || fix.estimator.covariance[(k, k)] > 0.0);
                 }
             }
         }
@@ -295,9 +298,9 @@ proptest! {
             let (one, two) = (outcome_of(method, &geometry, &sample(&[0, 1, 2, 3]), prior()),
                               outcome_of(method, &turned, &sample(&order), prior()));
             let (one, two) = (velocity_of(&one).unwrap(), velocity_of(&two).unwrap());
-            prop_assert_eq!(one.plan.components, two.plan.components);
+            prop_assert_eq!(one.estimator.components, two.estimator.components);
             prop_assert!((one.velocity_p_mps.0 - two.velocity_p_mps.0).amax() < 1e-10);
-            prop_assert!((one.plan.covariance - two.plan.covariance).amax() < 1e-10);
+            prop_assert!((one.estimator.covariance - two.estimator.covariance).amax() < 1e-10);
         }
     }
 
@@ -318,7 +321,7 @@ proptest! {
                               outcome_of(method, &janus().mounted(rotation), &sample, turned_prior));
             let (one, two) = (velocity_of(&one).unwrap(), velocity_of(&two).unwrap());
             prop_assert!((matrix * one.velocity_p_mps.0 - two.velocity_p_mps.0).amax() < 1e-9);
-            prop_assert!((matrix * one.plan.covariance * matrix.transpose() - two.plan.covariance).amax() < 1e-9);
+            prop_assert!((matrix * one.estimator.covariance * matrix.transpose() - two.estimator.covariance).amax() < 1e-9);
         }
     }
 }

@@ -120,7 +120,7 @@ pub struct LeastSquares {
 impl LeastSquares {
     /// True where the rows determine the velocity along `axis`.
     #[must_use]
-    pub fn sees(&self, axis: &Vector3<f64>) -> bool {
+    pub fn observes(&self, axis: &Vector3<f64>) -> bool {
         (self.null.transpose() * axis).norm() < ROW_SPACE_TOLERANCE
     }
 
@@ -262,7 +262,9 @@ mod tests {
         assert!((solution.covariance[(0, 0)] - 0.02).abs() < 1e-16);
         assert!((solution.covariance[(1, 1)] - 0.04).abs() < 1e-16);
         assert!(solution.covariance[(2, 2)].abs() < 1e-16);
-        assert!(solution.sees(&Vector3::x()) && solution.sees(&Vector3::y()) && !solution.sees(&Vector3::z()));
+        assert!(
+            solution.observes(&Vector3::x()) && solution.observes(&Vector3::y()) && !solution.observes(&Vector3::z())
+        );
         assert!((solution.gain[(0, 0)] - 0.5).abs() < 1e-15);
     }
 

@@ -31,7 +31,7 @@ impl Eskf {
     }
 
     /// The covariance, brought up to date as an update will bring it.
-    pub(crate) fn covariance_now(&mut self) -> Covariance {
+    pub(crate) fn propagated_covariance(&mut self) -> Covariance {
         self.propagate_covariance();
         self.covariance.whole()
     }

@@ -68,10 +68,10 @@ impl Eskf {
     /// Widens the covariance where the gate has refused one fix of velocity too many, and says so in the report.
     pub(super) fn inflate_after_rejections(&mut self, report: &mut UpdateReport) {
         // Assumptions stay refused, and what a depth sensor says may be wrong for a mission.
-        if !matches!(report.sensor, Sensor::Beams | Sensor::Velocity) || self.gate_reopen_fixes == 0 {
+        if !matches!(report.sensor, Sensor::Beams | Sensor::Velocity) || self.inflate_after_rejections == 0 {
             return;
         }
-        let factor = self.consecutive_rejections.count(report, self.gate_reopen_fixes);
+        let factor = self.consecutive_rejections.count(report, self.inflate_after_rejections);
         report.inflation = factor
             .map(|factor| factor.min(self.greatest_factor()))
             .filter(|factor| *factor > 1.0);

@@ -18,7 +18,7 @@ pub struct Options {
     pub gate: Gate,
     /// After so many refused fixes of velocity in a row the covariance of the inertial states is
     /// inflation by what they showed; 0 for never.
-    pub gate_reopen_fixes: u32,
+    pub inflate_after_rejections: u32,
     /// Interval of the covariance propagation, ns; zero for every IMU step.
     pub covariance_period_ns: i64,
     /// What an IMU sample means.
@@ -44,7 +44,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             gate: Gate::Joint { probability: 0.9973 },
-            gate_reopen_fixes: 5,
+            inflate_after_rejections: 5,
             covariance_period_ns: 100_000_000,
             sampling: Sampling::Instantaneous,
             estimate_dvl: true,
@@ -65,9 +65,9 @@ impl Options {
     /// [`NavError::OutOfRange`] or [`NavError::NotFinite`] that names the field.
     pub fn validate(&self) -> Result<(), NavError> {
         require_non_negative("covariance_period_ns", self.covariance_period_ns as f64)?;
-        if self.gate_reopen_fixes == 1 {
+        if self.inflate_after_rejections == 1 {
             return Err(NavError::OutOfRange {
-                field: "gate_reopen_fixes",
+                field: "inflate_after_rejections",
                 value: 1.0,
                 expected: "0 (never), or 2 or more",
             });

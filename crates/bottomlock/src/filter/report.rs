@@ -51,11 +51,11 @@ pub enum Choice {
     /// Where surge, sway and heave come from; none where a component is not solved.
     Components([Option<PartialMethod>; 3]),
     /// Which filter leads.
-    Member {
-        /// Its place in [`crate::navigator::MEMBERS`].
-        member: usize,
+    Method {
+        /// Its place in [`crate::navigator::SELECTOR_METHODS`].
+        method: usize,
         /// The reason.
-        why: Why,
+        reason: SelectionReason,
         /// Hausman's statistic of the assumption that decided.
         statistic: f64,
         /// What it was compared with.
@@ -63,13 +63,13 @@ pub enum Choice {
     },
 }
 
-/// Why a filter leads.
+/// SelectionReason a filter leads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Why {
+pub enum SelectionReason {
     /// No assumption adds anything to the beams.
-    BeamsKnowBest,
+    NoGain,
     /// It knows the velocity best, and the beams do not contradict it.
-    KnowsMost,
+    SmallestVariance,
     /// The beams contradict every assumption that would add to them.
     BeamsContradict,
 }

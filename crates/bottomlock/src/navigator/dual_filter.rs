@@ -28,19 +28,19 @@ impl DualFilter {
             measurements_only: filter,
             constrained: None,
         };
-        water.into_iter().for_each(|water| filters.begin(water));
+        water.into_iter().for_each(|water| filters.start_constrained(water));
         filters
     }
 
     /// Begins the assumptions: the filter with them starts from the one without.
-    pub(crate) fn begin(&mut self, water: WaterBlock) {
+    pub(crate) fn start_constrained(&mut self, water: WaterBlock) {
         self.constrained = Some(Box::new(self.measurements_only.clone().with_water(Some(water))));
     }
 
     /// Begins the assumptions again from the measurements alone and from the prior.
-    fn begin_anew(&mut self) {
+    fn restart_constrained(&mut self) {
         if let Some(water) = self.best().water().map(WaterBlock::restarted) {
-            self.begin(water);
+            self.start_constrained(water);
         }
     }
 
@@ -110,7 +110,7 @@ impl DualFilter {
             .update(&innovation_of(&self.measurements_only), sensor)?;
         if report.inflation.is_some() {
             // What was assumed rests on a state that was wrong.
-            self.begin_anew();
+            self.restart_constrained();
         } else if let Some(filter) = &mut self.constrained {
             let innovation = innovation_of(filter);
             filter.follow(&innovation, sensor, report.verdict)?;
@@ -131,7 +131,7 @@ impl DualFilter {
     /// Sway and heave through the water, each with a gate of its own; their variances are learned at full lock.
     pub(crate) fn assume(&mut self, full_lock: bool, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
         if self.assumptions_failed() {
-            self.begin_anew();
+            self.restart_constrained();
         }
         let Some(filter) = &mut self.constrained else {
             return Ok(());

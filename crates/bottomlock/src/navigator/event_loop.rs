@@ -9,7 +9,7 @@ use crate::aiding::InformationPort;
 use crate::aiding::outliers;
 use crate::aiding::outliers::Screened;
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
-use crate::dvl::partial::{FixPlan, PartialMethod, plan};
+use crate::dvl::partial::{FixEstimator, PartialMethod, fix_estimator};
 use crate::error::NavError;
 use crate::filter::Eskf;
 use crate::filter::options::Options;
@@ -47,7 +47,7 @@ pub struct Navigator {
     last_imu: Option<ImuSample>,
     waiting: VecDeque<Event>,
     last_ns: [Option<i64>; STREAMS],
-    refused: [u64; STREAMS],
+    late_events: [u64; STREAMS],
 }
 
 impl Navigator {
@@ -72,7 +72,7 @@ impl Navigator {
             last_imu: None,
             waiting: VecDeque::new(),
             last_ns: [None; STREAMS],
-            refused: [0; STREAMS],
+            late_events: [0; STREAMS],
         })
     }
 
@@ -121,7 +121,7 @@ impl Navigator {
     pub fn set_covariance(&mut self, covariance: &Covariance) -> Result<(), NavError> {
         self.filters.measurements_only.set_covariance(covariance)?;
         if self.aiding == BeamAiding::SwayCurrent {
-            self.filters.begin(WaterBlock::new(&self.options.water));
+            self.filters.start_constrained(WaterBlock::new(&self.options.water));
         }
         Ok(())
     }
@@ -148,7 +148,7 @@ impl Navigator {
         let now_ns = self.filters.measurements_only.state().time_ns;
         let repeated_ns = self.last_ns[index].filter(|&previous_ns| time_ns <= previous_ns);
         if let Some(previous_ns) = repeated_ns.or((time_ns < now_ns).then_some(now_ns)) {
-            self.refused[index] += 1;
+            self.late_events[index] += 1;
             return Err(NavError::TimeNotIncreasing {
                 stream,
                 time_ns,
@@ -168,10 +168,10 @@ impl Navigator {
         Ok(())
     }
 
-    /// How many events of each stream came too late and were refused, in the order of [`crate::navigator::events::STREAM_NAMES`].
+    /// How many events of each stream came too late and were rejected, in the order of [`crate::navigator::events::STREAM_NAMES`].
     #[must_use]
-    pub fn refused(&self) -> &[u64; STREAMS] {
-        &self.refused
+    pub fn late_events(&self) -> &[u64; STREAMS] {
+        &self.late_events
     }
 
     fn advance(&mut self, sample: &ImuSample, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
@@ -274,7 +274,7 @@ impl Navigator {
             return Ok(None);
         }
         let (geometry, filter) = (&self.geometry, &mut self.filters.measurements_only);
-        let covariance = filter.covariance_now();
+        let covariance = filter.propagated_covariance();
         let terms = filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
         outliers::screen(&self.options.robust, geometry, &covariance, &terms, ping).map(Some)
     }
@@ -299,7 +299,7 @@ impl Navigator {
         let state = filter.state();
         // The gain works on readings divided by 1 + SF.
         let noise = terms.noise / (1.0 + state.dvl_scale_factor).powi(2);
-        let fix: FixPlan = plan(
+        let fix: FixEstimator = fix_estimator(
             method,
             geometry,
             ping.valid,

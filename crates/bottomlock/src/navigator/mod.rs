@@ -10,4 +10,4 @@ pub mod selector;
 pub use self::event_loop::{BeamAiding, Navigator};
 pub use self::methods::{METHODS, Method};
 pub use self::navigator_set::{Aiding, NavigatorSet};
-pub use self::selector::MEMBERS;
+pub use self::selector::SELECTOR_METHODS;

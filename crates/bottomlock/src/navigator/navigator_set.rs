@@ -19,7 +19,7 @@ use crate::state::{Covariance, NavState};
 pub enum Aiding {
     /// One filter.
     One(BeamAiding),
-    /// The consistent selector over [`crate::navigator::MEMBERS`].
+    /// The consistent selector over [`crate::navigator::SELECTOR_METHODS`].
     Consistent,
 }
 
@@ -80,10 +80,10 @@ impl NavigatorSet {
 
     /// The navigator whose estimate counts.
     #[must_use]
-    pub fn leader(&self) -> &Navigator {
+    pub fn selected(&self) -> &Navigator {
         match self {
             Self::One(navigator) => navigator,
-            Self::Consistent(bank) => &bank.members[bank.chosen],
+            Self::Consistent(bank) => &bank.members[bank.selected],
         }
     }
 
@@ -97,10 +97,10 @@ impl NavigatorSet {
 
     /// How many events of each stream came too late and were refused.
     #[must_use]
-    pub fn refused(&self) -> &[u64; STREAMS] {
+    pub fn late_events(&self) -> &[u64; STREAMS] {
         match self {
-            Self::One(navigator) => navigator.refused(),
-            Self::Consistent(bank) => bank.members[0].refused(),
+            Self::One(navigator) => navigator.late_events(),
+            Self::Consistent(bank) => bank.members[0].late_events(),
         }
     }
 
@@ -126,19 +126,19 @@ impl NavigatorSet {
     /// The estimate at the time of the last IMU sample.
     #[must_use]
     pub fn state(&self) -> NavState {
-        self.leader().state()
+        self.selected().state()
     }
 
     /// Its covariance.
     #[must_use]
     pub fn covariance(&self) -> Covariance {
-        self.leader().covariance()
+        self.selected().covariance()
     }
 
     /// The current and the slip through the water, where the leading filter estimates them.
     #[must_use]
     pub fn water(&self) -> Option<&WaterBlock> {
-        self.leader().water()
+        self.selected().water()
     }
 
     /// Replaces the covariance, of every filter.

@@ -15,14 +15,14 @@ use crate::dvl::partial::PartialMethod;
 use crate::error::NavError;
 use crate::filter::gate::{Gate, GateTable};
 use crate::filter::options::Options;
-use crate::filter::report::{Choice, Sensor, UpdateReport, Why};
+use crate::filter::report::{Choice, SelectionReason, Sensor, UpdateReport};
 use crate::model::Model;
 use crate::navigator::events::Event;
 use crate::navigator::{BeamAiding, Navigator};
 use crate::state::NavState;
 
 /// The filters of the selector; the first makes no assumption.
-pub const MEMBERS: [(&str, BeamAiding); 3] = [
+pub const SELECTOR_METHODS: [(&str, BeamAiding); 3] = [
     ("tc", BeamAiding::Tight),
     ("weak_sway", BeamAiding::Loose(PartialMethod::WeakSway)),
     ("sway_current", BeamAiding::SwayCurrent),
@@ -37,7 +37,7 @@ const FLOOR_MPS: f64 = 0.005;
 #[derive(Debug, Clone)]
 pub struct Bank {
     pub(super) members: Vec<Navigator>,
-    pub(super) chosen: usize,
+    pub(super) selected: usize,
     gate: GateTable,
 }
 
@@ -50,8 +50,8 @@ impl Bank {
     ) -> Result<Self, NavError> {
         let member = |(_, aiding)| Navigator::new(initial, geometry.clone(), aiding, model, options);
         Ok(Self {
-            members: MEMBERS.into_iter().map(member).collect::<Result<_, _>>()?,
-            chosen: 0,
+            members: SELECTOR_METHODS.into_iter().map(member).collect::<Result<_, _>>()?,
+            selected: 0,
             gate: GateTable::new(Gate::Joint {
                 probability: PASS_PROBABILITY,
             })?,
@@ -80,24 +80,24 @@ impl Bank {
     fn choose(&mut self) -> Choice {
         let (velocity, covariance) = self.members[0].velocity();
         let mut best = (0, covariance.trace());
-        let (mut why, mut statistic, mut threshold) = (Why::BeamsKnowBest, 0.0, 0.0);
+        let (mut reason, mut statistic, mut threshold) = (SelectionReason::NoGain, 0.0, 0.0);
         for (k, member) in self.members.iter().enumerate().skip(1) {
             let (assumed, sharper) = member.velocity();
             let (test, degrees) = hausman(&(assumed - velocity), &(covariance - sharper));
             let limit = self.gate.threshold(degrees);
             if !(test <= limit) {
                 if best.0 == 0 {
-                    (why, statistic, threshold) = (Why::BeamsContradict, test, limit);
+                    (reason, statistic, threshold) = (SelectionReason::BeamsContradict, test, limit);
                 }
             } else if sharper.trace() < best.1 {
                 best = (k, sharper.trace());
-                (why, statistic, threshold) = (Why::KnowsMost, test, limit);
+                (reason, statistic, threshold) = (SelectionReason::SmallestVariance, test, limit);
             }
         }
-        self.chosen = best.0;
-        Choice::Member {
-            member: best.0,
-            why,
+        self.selected = best.0;
+        Choice::Method {
+            method: best.0,
+            reason,
             statistic,
             threshold,
         }

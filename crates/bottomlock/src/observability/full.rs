@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::magnus::{self, Block, MOVING};
-use super::{Aiding, Epoch, Epochs, Kind, System, epoch_samples, heard_samples};
+use super::{Aiding, Epoch, Epochs, StateKind, System, epoch_samples, scheduled_samples};
 use crate::aiding;
 use crate::aiding::{Innovation, Motion};
 use crate::dvl::geometry::{BeamGeometry, BeamSample, MAX_BEAMS};
@@ -40,15 +40,15 @@ pub const NAMES: [&str; DIM] = [
 /// Number of states without the DVL's own.
 pub const INERTIAL: usize = DVL_BIAS;
 
-fn kind(index: usize) -> Kind {
+fn kind(index: usize) -> StateKind {
     match index {
-        POSITION..ATTITUDE => Kind::Position,
-        ATTITUDE..VELOCITY => Kind::Tilt,
-        VELOCITY..ACCEL_BIAS => Kind::Velocity,
-        ACCEL_BIAS..GYRO_BIAS => Kind::AccelBias,
-        GYRO_BIAS..DVL_BIAS => Kind::GyroBias,
-        DVL_BIAS..DVL_SCALE => Kind::BeamBias,
-        _ => Kind::ScaleFactor,
+        POSITION..ATTITUDE => StateKind::Position,
+        ATTITUDE..VELOCITY => StateKind::Tilt,
+        VELOCITY..ACCEL_BIAS => StateKind::Velocity,
+        ACCEL_BIAS..GYRO_BIAS => StateKind::AccelBias,
+        GYRO_BIAS..DVL_BIAS => StateKind::GyroBias,
+        DVL_BIAS..DVL_SCALE => StateKind::BeamBias,
+        _ => StateKind::ScaleFactor,
     }
 }
 
@@ -71,7 +71,7 @@ pub fn systems(
     aidings.iter().try_for_each(|aiding| aiding.validate(geometry))?;
     let samples = match epochs {
         Epochs::Every(period_ns) => epoch_samples(truth, period_ns)?,
-        Epochs::Heard(heard) => heard_samples(truth, heard)?,
+        Epochs::Scheduled(heard) => scheduled_samples(truth, heard)?,
     };
     let states = if estimate_dvl { DIM } else { INERTIAL };
     let moved = transitions(truth, model, &samples, states);
@@ -79,7 +79,7 @@ pub fn systems(
         let epoch = |(index, &k): (usize, &usize)| -> Epoch {
             let read = match epochs {
                 Epochs::Every(_) => *aiding,
-                Epochs::Heard(heard) => aiding.and(&heard[index].1),
+                Epochs::Scheduled(heard) => aiding.and(&heard[index].1),
             };
             let (rows, row_scale, noise) = rows(truth, k, geometry, model, &read);
             let (transition, coarse) = moved[index].clone();

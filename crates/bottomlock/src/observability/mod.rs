@@ -51,7 +51,7 @@ pub enum Epochs<'a> {
     /// All sensors of the aiding set at once, from the first truth sample on, every so many ns.
     Every(i64),
     /// At these times, ns, what is heard of the aiding set: a sensor that is in one and not in the other reads nothing.
-    Heard(&'a [(i64, Aiding)]),
+    Scheduled(&'a [(i64, Aiding)]),
 }
 
 impl Aiding {
@@ -131,8 +131,8 @@ pub struct Epoch {
 pub struct System {
     /// Name of each state.
     pub names: Vec<String>,
-    /// Kind of each state, which sets its scale.
-    pub kinds: Vec<Kind>,
+    /// StateKind of each state, which sets its scale.
+    pub kinds: Vec<StateKind>,
     /// Gravity, m/s²: couples tilt to velocity.
     pub gravity_mps2: f64,
     /// Largest speed over the window, m/s: couples the scale factor to velocity.
@@ -143,7 +143,7 @@ pub struct System {
 
 /// What a state measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum StateKind {
     /// Position, m.
     Position,
     /// Misalignment, rad.
@@ -175,25 +175,25 @@ impl System {
         DVector::from_iterator(
             self.states(),
             self.kinds.iter().map(|kind| match kind {
-                Kind::Position => duration_s,
-                Kind::Tilt => 1.0 / (self.gravity_mps2 * duration_s),
-                Kind::Velocity | Kind::BeamBias => 1.0,
-                Kind::AccelBias => 1.0 / duration_s,
-                Kind::GyroBias => 2.0 / (self.gravity_mps2 * duration_s * duration_s),
-                Kind::ScaleFactor => 1.0 / speed,
+                StateKind::Position => duration_s,
+                StateKind::Tilt => 1.0 / (self.gravity_mps2 * duration_s),
+                StateKind::Velocity | StateKind::BeamBias => 1.0,
+                StateKind::AccelBias => 1.0 / duration_s,
+                StateKind::GyroBias => 2.0 / (self.gravity_mps2 * duration_s * duration_s),
+                StateKind::ScaleFactor => 1.0 / speed,
             }),
         )
     }
 }
 
 /// Most epochs of a window: what a sensor gives in an hour and more, and what fits into memory for many masks.
-const MOST_EPOCHS: usize = 5000;
+const MAX_EPOCHS: usize = 5000;
 
 fn too_many(epochs: usize) -> NavError {
     NavError::WrongCount {
         field: "epochs of the window",
         got: epochs,
-        expected: format!("at most {MOST_EPOCHS}: a shorter window or a longer period_ns"),
+        expected: format!("at most {MAX_EPOCHS}: a shorter window or a longer period_ns"),
     }
 }
 
@@ -210,7 +210,7 @@ fn too_few(epochs: usize) -> NavError {
 /// # Errors
 /// [`NavError::TimeNotIncreasing`], also for two times within one sample interval; [`NavError::OutsideTruth`];
 /// [`NavError::WrongCount`] for fewer than two epochs or more than 5000.
-pub(crate) fn heard_samples(truth: &Truth<'_>, heard: &[(i64, Aiding)]) -> Result<Vec<usize>, NavError> {
+pub(crate) fn scheduled_samples(truth: &Truth<'_>, heard: &[(i64, Aiding)]) -> Result<Vec<usize>, NavError> {
     truth.validate()?;
     let (first_ns, last_ns) = (truth.time_ns[0], truth.time_ns[truth.time_ns.len() - 1]);
     let mut samples: Vec<usize> = Vec::new();
@@ -235,7 +235,7 @@ pub(crate) fn heard_samples(truth: &Truth<'_>, heard: &[(i64, Aiding)]) -> Resul
     }
     match samples.len() {
         count @ (0 | 1) => Err(too_few(count)),
-        count if count > MOST_EPOCHS => Err(too_many(count)),
+        count if count > MAX_EPOCHS => Err(too_many(count)),
         _ => Ok(samples),
     }
 }
@@ -260,7 +260,7 @@ pub(crate) fn epoch_samples(truth: &Truth<'_>, period_ns: i64) -> Result<Vec<usi
     while wanted <= last {
         let sample = truth.time_ns.partition_point(|&t| t < wanted);
         samples.push(sample);
-        if samples.len() > MOST_EPOCHS {
+        if samples.len() > MAX_EPOCHS {
             return Err(too_many(samples.len()));
         }
         // A gap in the truth is no reason to measure one sample twice: the next multiple of the period after it.

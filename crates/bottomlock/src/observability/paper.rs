@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::full::largest_speed;
 use super::magnus::Point;
-use super::{Epoch, Kind, System, epoch_samples};
+use super::{Epoch, StateKind, System, epoch_samples};
 use crate::earth::Environment;
 use crate::error::NavError;
 use crate::frames::skew;
@@ -218,11 +218,11 @@ pub fn system(truth: &Truth<'_>, model: &Model, sensors: &Sensors, period_ns: i6
         names: NAMES[dropped..].iter().map(ToString::to_string).collect(),
         kinds: (dropped..15)
             .map(|index| match index {
-                0..3 => Kind::Position,
-                3..6 => Kind::Velocity,
-                6..9 => Kind::Tilt,
-                9..12 => Kind::AccelBias,
-                _ => Kind::GyroBias,
+                0..3 => StateKind::Position,
+                3..6 => StateKind::Velocity,
+                6..9 => StateKind::Tilt,
+                9..12 => StateKind::AccelBias,
+                _ => StateKind::GyroBias,
             })
             .collect(),
         gravity_mps2: model.environment.gravity_mps2,

@@ -10,11 +10,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Kind, System};
+use super::{StateKind, System};
 use crate::error::{NavError, require_positive};
 
 /// Smallest ratio of kept to dropped singular values for which a rank is claimed.
-pub const LEAST_GAP: f64 = 1e3;
+pub const MIN_GAP: f64 = 1e3;
 
 /// A dropped value so many times above the next one, and above an ulp of the largest, stands out.
 const STANDING_OUT: f64 = 10.0;
@@ -24,8 +24,8 @@ const STANDING_OUT: f64 = 10.0;
 pub struct Observability {
     /// Number of singular values above the noise.
     pub rank: usize,
-    /// True where the gap is at least [`LEAST_GAP`] and at least `widest_step`, and no dropped value stands out
-    /// (unless the gap is [`LEAST_GAP`] times wider than any step between kept values, so that it is no further step).
+    /// True where the gap is at least [`MIN_GAP`] and at least `widest_step`, and no dropped value stands out
+    /// (unless the gap is [`MIN_GAP`] times wider than any step between kept values, so that it is no further step).
     pub decided: bool,
     /// Smallest kept over largest dropped singular value, or over the noise floor where that is larger or nothing is dropped.
     pub gap: f64,
@@ -40,7 +40,7 @@ pub struct Observability {
     /// State of the pivot of each row of the basis.
     pub pivots: Vec<usize>,
     /// For each state the length of its own unobservable part, 0 (observable by itself) to 1 (nothing is known of it), scaled.
-    pub hidden: DVector<f64>,
+    pub unobservable_fraction: DVector<f64>,
     /// Scale of each state.
     pub scales: DVector<f64>,
 }
@@ -198,25 +198,25 @@ pub fn observe(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Resul
     let kept = &singular_values.as_slice()[..rank];
     let widest_step = kept.windows(2).map(|pair| pair[0] / pair[1]).fold(1.0, f64::max);
     let null = DMatrix::from_fn(states - rank, states, |i, j| vectors[(order[rank + i], j)]);
-    let hidden = DVector::from_iterator(states, null.column_iter().map(|column| column.norm()));
+    let unobservable_fraction = DVector::from_iterator(states, null.column_iter().map(|column| column.norm()));
     let (basis, pivots) = echelon(null, &scales, &naming_order(system));
     Ok(Observability {
         rank,
-        decided: gap >= LEAST_GAP.max(widest_step) && (!stands_out || gap >= LEAST_GAP * widest_step),
+        decided: gap >= MIN_GAP.max(widest_step) && (!stands_out || gap >= MIN_GAP * widest_step),
         gap,
         widest_step,
         singular_values,
         noise_floor,
         basis,
         pivots,
-        hidden,
+        unobservable_fraction,
         scales,
     })
 }
 
 /// Rank, gap and claim of a window that ends at an epoch.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Progress {
+pub struct WindowRank {
     /// Number of singular values above the noise.
     pub rank: usize,
     /// As [`Observability::gap`]; infinite where nothing has been read yet.
@@ -229,7 +229,7 @@ pub struct Progress {
 ///
 /// # Errors
 /// As [`observe`].
-pub fn growing(system: &System, rescale: Option<&[f64]>) -> Result<Vec<Progress>, NavError> {
+pub fn growing_windows(system: &System, rescale: Option<&[f64]>) -> Result<Vec<WindowRank>, NavError> {
     let silent = system
         .epochs
         .iter()
@@ -238,13 +238,13 @@ pub fn growing(system: &System, rescale: Option<&[f64]>) -> Result<Vec<Progress>
     (2..=system.epochs.len())
         .map(|end| {
             if end <= silent {
-                return Ok(Progress {
+                return Ok(WindowRank {
                     rank: 0,
                     gap: f64::INFINITY,
                     decided: true,
                 });
             }
-            observe(system, end, rescale).map(|found| Progress {
+            observe(system, end, rescale).map(|found| WindowRank {
                 rank: found.rank,
                 gap: found.gap,
                 decided: found.decided,
@@ -255,14 +255,14 @@ pub fn growing(system: &System, rescale: Option<&[f64]>) -> Result<Vec<Progress>
 
 /// States in the order in which they are wanted as names of a direction: misalignment first, since the others follow from it.
 fn naming_order(system: &System) -> Vec<usize> {
-    let place = |kind: Kind| match kind {
-        Kind::Tilt => 0,
-        Kind::Position => 1,
-        Kind::Velocity => 2,
-        Kind::GyroBias => 3,
-        Kind::AccelBias => 4,
-        Kind::ScaleFactor => 5,
-        Kind::BeamBias => 6,
+    let place = |kind: StateKind| match kind {
+        StateKind::Tilt => 0,
+        StateKind::Position => 1,
+        StateKind::Velocity => 2,
+        StateKind::GyroBias => 3,
+        StateKind::AccelBias => 4,
+        StateKind::ScaleFactor => 5,
+        StateKind::BeamBias => 6,
     };
     let mut order: Vec<usize> = (0..system.states()).collect();
     order.sort_by_key(|&k| place(system.kinds[k]));

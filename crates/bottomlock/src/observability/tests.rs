@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::history::{of_filter, of_paper};
 use super::paper::{Sensors, Sign};
-use super::rank::{LEAST_GAP, Observability, gramian, growing, observe, rows};
+use super::rank::{MIN_GAP, Observability, gramian, growing_windows, observe, rows};
 use super::{Aiding, Epochs, System, full, paper};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, Janus};
 use crate::error::NavError;
@@ -203,7 +203,7 @@ fn scaling_moves_no_rank() {
     ] {
         let found = observe(&system, system.epochs.len(), Some(&factors)).unwrap();
         assert_eq!(found.rank, rank);
-        assert!(found.gap >= LEAST_GAP);
+        assert!(found.gap >= MIN_GAP);
     }
 }
 
@@ -220,7 +220,7 @@ fn full_rank_has_no_basis() {
     assert_eq!((found.rank, found.basis.nrows(), found.decided), (15, 0, true));
 }
 
-/// Covariance analysis: what is hidden keeps its deviation, what is seen loses most of it.
+/// Covariance analysis: what is unobservable_fraction keeps its deviation, what is seen loses most of it.
 #[test]
 fn hidden_directions_keep_their_deviation() {
     let turn = Turn::new(0.05, 3.0, 60, 50);
@@ -233,7 +233,7 @@ fn hidden_directions_keep_their_deviation() {
     let history = of_filter(&truth, &geometry, &quiet, &aiding, false, Epochs::Every(SECOND_NS)).unwrap();
     let last = &history.covariance[history.covariance.len() - 1];
     let first = quiet.initial_covariance(false);
-    // Yaw is hidden altogether (and grows with the gyro's bias), heave is not.
+    // Yaw is unobservable_fraction altogether (and grows with the gyro's bias), heave is not.
     assert!(last[(5, 5)] >= first[(5, 5)], "{}", last[(5, 5)]);
     assert!(last[(8, 8)] < 0.1 * first[(8, 8)]);
     let sensors = Sensors {
@@ -354,7 +354,7 @@ fn schedules() {
         ..beams(4)
     };
     let judge = |heard: &[(i64, Aiding)]| {
-        full::systems(&truth, &geometry, &model, &[set], true, Epochs::Heard(heard)).map(|mut all| all.remove(0))
+        full::systems(&truth, &geometry, &model, &[set], true, Epochs::Scheduled(heard)).map(|mut all| all.remove(0))
     };
     let always: Vec<(i64, Aiding)> = (0..=20).map(|k| (k * SECOND_NS, set)).collect();
     let periodic = full::systems(&truth, &geometry, &model, &[set], true, Epochs::Every(SECOND_NS)).unwrap();
@@ -372,7 +372,7 @@ fn schedules() {
         })
         .collect();
     let system = judge(&late).unwrap();
-    let steps = growing(&system, None).unwrap();
+    let steps = growing_windows(&system, None).unwrap();
     assert_eq!(steps.len(), 20);
     assert!(steps[..8].iter().all(|step| step.rank == 0 && step.decided));
     let alone = full::systems(&truth, &geometry, &model, &[beams(4)], true, Epochs::Every(SECOND_NS)).unwrap();

@@ -273,7 +273,7 @@ fn arrival_out_of_order() {
     let error = guides[0].push(&Event::Depth(late), quiet).unwrap_err().to_string();
     assert_eq!(error, "depth time 40000380 ns does not come after 200000000 ns");
     assert_eq!(
-        (guides[0].refused()[3], guides[0].refused().iter().sum::<u64>()),
+        (guides[0].late_events()[3], guides[0].late_events().iter().sum::<u64>()),
         (1, 1)
     );
     assert_eq!(guides[0].state(), before);

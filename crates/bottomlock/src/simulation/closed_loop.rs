@@ -16,7 +16,7 @@ use crate::workers::Workers;
 
 /// A vehicle about to leave: the run whose sensor errors it has, where it truly is, and the methods aboard.
 #[derive(Debug, Clone, Copy)]
-pub struct Departure<'a> {
+pub struct VehicleStart<'a> {
     /// Number of the run.
     pub run: u64,
     /// True state at the start.
@@ -27,7 +27,7 @@ pub struct Departure<'a> {
 
 /// What the vehicles of a closed loop have in common.
 #[derive(Debug, Clone, Copy)]
-pub struct Common<'a> {
+pub struct ClosedLoopSetup<'a> {
     /// The beams.
     pub geometry: &'a BeamGeometry,
     /// What the sensors are.
@@ -44,8 +44,8 @@ pub struct Common<'a> {
 
 /// The way that one vehicle went since the last time it was asked.
 #[derive(Debug, Clone, Copy)]
-pub struct Stretch<'a> {
-    /// Truth, from the last sample of the stretch before (or the start) to its own end.
+pub struct TruthSegment<'a> {
+    /// Truth, from the last sample of the segment before (or the start) to its own end.
     pub truth: Truth<'a>,
     /// Epochs in it.
     pub schedule: Schedule<'a>,
@@ -56,28 +56,28 @@ pub struct Stretch<'a> {
 /// The sensor errors of run k are those of run k of a campaign: with the same truth it yields the same bits.
 #[derive(Debug)]
 pub struct ClosedLoop {
-    voyages: Vec<MonteCarloRun>,
+    runs: Vec<MonteCarloRun>,
     /// How many of them fly together.
     together: usize,
     workers: Workers,
 }
 
 impl ClosedLoop {
-    /// A vehicle for each departure.
+    /// A vehicle for each start.
     ///
     /// # Errors
     /// [`NavError`] for models, options, starts and numbers of threads that make no sense.
-    pub fn new(common: &Common<'_>, departures: &[Departure<'_>], threads: usize) -> Result<Self, NavError> {
+    pub fn new(common: &ClosedLoopSetup<'_>, starts: &[VehicleStart<'_>], threads: usize) -> Result<Self, NavError> {
         common.simulated.validate()?;
-        let begin = |departure: &Departure<'_>| {
-            departure.start.validate()?;
+        let begin = |start: &VehicleStart<'_>| {
+            start.start.validate()?;
             let key = RunKey {
                 seed: common.seed,
                 trajectory: common.trajectory_key,
-                run: departure.run,
+                run: start.run,
             };
             let (simulated, assumed) = (common.simulated, common.assumed);
-            let (start, methods) = (&departure.start, departure.methods);
+            let (start, methods) = (&start.start, start.methods);
             MonteCarloRun::new(
                 start,
                 common.geometry,
@@ -89,33 +89,33 @@ impl ClosedLoop {
             )
         };
         let workers = Workers::new(threads)?;
-        let methods = departures.first().map_or(&[][..], |first| first.methods);
+        let methods = starts.first().map_or(&[][..], |first| first.methods);
         Ok(Self {
-            voyages: departures.iter().map(begin).collect::<Result<_, _>>()?,
-            together: run_group::size(methods, departures.len(), workers.threads()).get(),
+            runs: starts.iter().map(begin).collect::<Result<_, _>>()?,
+            together: run_group::size(methods, starts.len(), workers.threads()).get(),
             workers,
         })
     }
 
-    /// Leads every vehicle along its stretch.
+    /// Leads every vehicle along its segment.
     ///
     /// # Errors
-    /// As [`MonteCarloRun::advance`], and for a number of stretches other than that of the vehicles.
-    pub fn advance(&mut self, stretches: &[Stretch<'_>], sample_time_ns: &[i64]) -> Result<(), NavError> {
-        if stretches.len() != self.voyages.len() {
+    /// As [`MonteCarloRun::advance`], and for a number of segments other than that of the vehicles.
+    pub fn advance(&mut self, segments: &[TruthSegment<'_>], sample_time_ns: &[i64]) -> Result<(), NavError> {
+        if segments.len() != self.runs.len() {
             return Err(NavError::WrongCount {
-                field: "stretches",
-                got: stretches.len(),
-                expected: format!("{}, one per vehicle", self.voyages.len()),
+                field: "segments",
+                got: segments.len(),
+                expected: format!("{}, one per vehicle", self.runs.len()),
             });
         }
         let together = self.together;
-        let mut groups: Vec<_> = self.voyages.chunks_mut(together).collect();
-        let outcomes = self.workers.each(&mut groups, |group, voyages| {
-            let own = stretches[group * together..].iter().zip(voyages.iter_mut());
-            Ok(lead(own.map(|(stretch, voyage)| {
-                stretch.truth.validate()?;
-                RunSegment::new(voyage, stretch.truth, stretch.schedule, sample_time_ns)
+        let mut groups: Vec<_> = self.runs.chunks_mut(together).collect();
+        let outcomes = self.workers.each(&mut groups, |group, runs| {
+            let own = segments[group * together..].iter().zip(runs.iter_mut());
+            Ok(lead(own.map(|(segment, run)| {
+                segment.truth.validate()?;
+                RunSegment::new(run, segment.truth, segment.schedule, sample_time_ns)
             })))
         })?;
         outcomes.into_iter().flatten().collect()
@@ -123,13 +123,13 @@ impl ClosedLoop {
 
     /// What a method believes aboard every vehicle; empty for a method that is not there.
     #[must_use]
-    pub fn beliefs(&self, method: usize) -> Vec<NavState> {
-        self.voyages.iter().filter_map(|voyage| voyage.state(method)).collect()
+    pub fn estimates(&self, method: usize) -> Vec<NavState> {
+        self.runs.iter().filter_map(|run| run.state(method)).collect()
     }
 
     /// What the methods of every vehicle have yielded.
     #[must_use]
     pub fn records(&self) -> Vec<Vec<MethodRecord>> {
-        self.voyages.iter().map(MonteCarloRun::records).collect()
+        self.runs.iter().map(MonteCarloRun::records).collect()
     }
 }

@@ -199,7 +199,7 @@ impl MonteCarloRun {
 
     /// The last reading that the filters have taken.
     fn last_imu(&self) -> Option<ImuSample> {
-        self.aboard.first().and_then(|one| one.guide.leader().last_imu())
+        self.aboard.first().and_then(|one| one.guide.selected().last_imu())
     }
 
     fn each(&mut self, mut work: impl FnMut(&mut MethodRun) -> Result<(), NavError>) -> Result<(), NavError> {

@@ -6,7 +6,7 @@ use crate::error::NavError;
 use crate::filter::filter_group::{FilterSpan, predict_together, width};
 use crate::navigator::BeamAiding;
 use crate::navigator::Method;
-use crate::navigator::{Aiding, MEMBERS};
+use crate::navigator::{Aiding, SELECTOR_METHODS};
 use crate::simulation::monte_carlo_run::RunSegment;
 
 /// Fewer samples than this are not worth taking seats for.
@@ -101,6 +101,6 @@ fn filters_of(method: &Method) -> usize {
     let of_one = |aiding| if aiding == BeamAiding::SwayCurrent { 2 } else { 1 };
     match method.aiding {
         Aiding::One(aiding) => of_one(aiding),
-        Aiding::Consistent => MEMBERS.iter().map(|(_, aiding)| of_one(*aiding)).sum(),
+        Aiding::Consistent => SELECTOR_METHODS.iter().map(|(_, aiding)| of_one(*aiding)).sum(),
     }
 }
