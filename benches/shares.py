@@ -19,9 +19,10 @@ import numpy as np
 from campaign import METHODS, flight
 
 from bottomlock import build_simulation, kernel, load_scenario, run_campaign
-from bottomlock.campaign.aggregate import open_tallies, tabulate
-from bottomlock.campaign.chunk import Chunk, run_chunk
-from bottomlock.campaign.directory import write_chunk
+from bottomlock.campaign.aggregate import open_aggregate
+from bottomlock.campaign.build import build_scenarios, true_paths
+from bottomlock.campaign.chunk import run_chunk
+from bottomlock.campaign.directory import read_chunk, write_chunk, write_tables
 from bottomlock.campaign.partition import Partition
 
 STEPS = 37_500
@@ -62,28 +63,32 @@ def of_kernel(runs: int, rounds: int) -> dict[str, float]:
 def of_python(runs: int, rounds: int, kernel_ms: float) -> dict[str, float]:
     """Parts of a campaign outside the kernel, ms."""
     scenario = load_scenario("straight").with_overrides(runs=runs, methods=METHODS)
-    simulation, plan = build_simulation(scenario), Partition.of(scenario)
-    chunks = [Chunk(simulation, span) for span in plan.spans()]
-    flown = [run_chunk(chunk, threads=1) for chunk in chunks]
+    (built,), partition = build_scenarios([scenario]), Partition.of(scenario)
+    chunks = partition.chunks()
+    results = [run_chunk(built, chunk, threads=1) for chunk in chunks]
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
 
         def write() -> None:
-            for chunk, tables in zip(chunks, flown, strict=True):
-                write_chunk(out, chunk.name, chunk.span, tables)
+            for chunk, result in zip(chunks, results, strict=True):
+                write_chunk(out, chunk, result)
 
         def tables() -> None:
-            with open_tallies(out, [plan]) as tallies:
-                tabulate(out, tallies)
+            with open_aggregate(out, [partition]) as aggregate:
+                for chunk in chunks:
+                    aggregate.add(chunk, read_chunk(out, chunk, partition))
+                write_tables(out, true_paths([built]), aggregate.tables())
 
         def whole() -> None:
             with tempfile.TemporaryDirectory() as other:
                 run_campaign([scenario], Path(other) / "campaign", threads=1)
 
         parts = {
-            "world: vehicle, trim, mission": least(lambda: build_simulation(scenario), rounds),
-            "truth from the cache": least(simulation.truth, rounds),
-            "frames of the chunks": least(lambda: [run_chunk(chunk, threads=1) for chunk in chunks], rounds)
+            "simulation: vehicle, trim, mission": least(lambda: build_simulation(scenario), rounds),
+            "truth from the cache": least(built.simulation.truth, rounds),
+            "frames of the chunks": least(
+                lambda: [run_chunk(built, chunk, threads=1) for chunk in chunks], rounds
+            )
             - kernel_ms,
             "Parquet of the chunks": least(write, rounds),
             "tables: reading, statistics, bootstrap": least(tables, rounds),

@@ -32,9 +32,9 @@ def test_what_is_put_is_got(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hel
     cut = Partition("s", ("a", "b"), runs=7, runs_per_chunk=3, nees_degrees=20)
     expected = norms(cut)
     with open_blocks(tmp_path, cut, TIMES) as turned:
-        for span in reversed(cut.spans()):
-            part = slice(span.first_run, span.first_run + span.runs)
-            turned.put(span, pl.DataFrame({name: expected[name][part].ravel() for name in NORMS}))
+        for chunk in reversed(cut.chunks()):
+            part = slice(chunk.first_run, chunk.first_run + chunk.runs)
+            turned.put(chunk, pl.DataFrame({name: expected[name][part].ravel() for name in NORMS}))
         for block in turned.blocks:
             for name, values in turned.get(block).items():
                 assert np.array_equal(values, expected[name][:, block.method, block.times]), name
@@ -47,11 +47,11 @@ def test_memory_is_that_of_a_block(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     """Twenty times as many values as may be held: no more than two blocks' worth at a time."""
     monkeypatch.setattr(error_blocks, "VALUES_HELD", 50_000)
     cut = Partition("s", ("a", "b"), runs=2_500, runs_per_chunk=50, nees_degrees=20)
-    chunk = pl.DataFrame({name: np.zeros(50 * 2 * TIMES) for name in NORMS})
+    zeros = pl.DataFrame({name: np.zeros(50 * 2 * TIMES) for name in NORMS})
     with open_blocks(tmp_path, cut, TIMES) as turned:
         tracemalloc.start()
-        for span in cut.spans():
-            turned.put(span, chunk)
+        for chunk in cut.chunks():
+            turned.put(chunk, zeros)
         for block in turned.blocks:
             turned.get(block)
         _, peak = tracemalloc.get_traced_memory()

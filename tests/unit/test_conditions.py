@@ -159,7 +159,7 @@ def test_stretches_join_to_the_whole() -> None:
     parts: dict[str, list[Any]] = {name: [] for name in whole}
     for first, last in pairwise([0, 1, 130, 149, 150, 151, 2000, len(truth.time_ns) - 1]):
         part = slice(first, last + 1)
-        plan, _ = pieces.along(
+        plan, _ = pieces.over(
             truth.time_ns[part], truth.position_t_m[None, part], truth.attitude_t_p[None, part]
         )
         for name in whole:

@@ -13,15 +13,17 @@ from typing import Any
 import pytest
 
 from bottomlock.campaign import engine, partition, run
-from bottomlock.campaign.chunk import Chunk, run_chunk
+from bottomlock.campaign.build import BuiltScenario
+from bottomlock.campaign.chunk import run_chunk
 from bottomlock.campaign.engine import check_engine
 from bottomlock.campaign.merge import merge_shards
-from bottomlock.campaign.partition import RunRange, Shard
+from bottomlock.campaign.partition import Chunk, Shard
 from bottomlock.campaign.run import CampaignProgress, run_campaign, run_shard
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import EngineError
 from bottomlock.kernel import KernelError
 from bottomlock.simulation.build import build_simulation
+from tests.analytic import analytic
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
 needs_dask = pytest.mark.skipif(
@@ -157,10 +159,10 @@ def test_what_the_kernel_refuses_comes_back(
     """As the kernel's own error; chunks that were finished before are kept."""
     from bottomlock.campaign import dask_engine
 
-    def refuse(chunk: Chunk, **settings: Any) -> object:  # noqa: ANN401
-        if chunk.span.first_run == 2:
+    def refuse(built: BuiltScenario, chunk: Chunk, **settings: Any) -> object:  # noqa: ANN401
+        if chunk.first_run == 2:
             raise KernelError("run 2, method tc: not finite")
-        return run_chunk(chunk, **settings)
+        return run_chunk(built, chunk, **settings)
 
     monkeypatch.setattr(dask_engine, "run_chunk", refuse)
     with pytest.raises(KernelError, match="run 2, method tc: not finite"):
@@ -180,6 +182,14 @@ def test_a_fault_on_the_cluster_names_the_chunk(
     words = r"straight, chunk 00000000-00000001.parquet: scheduler .* failed \(ZeroDivisionError: division by zero\)"
     with pytest.raises(EngineError, match=words):
         run_campaign([short()], tmp_path, engine="dask", scheduler=threads.scheduler_address)
+
+
+@needs_dask
+def test_a_long_truth_goes_out_without_a_warning(tmp_path: Path, threads: Any) -> None:  # noqa: ANN401
+    """Ten minutes of truth are more than Dask expects of a task; any warning fails the suite."""
+    long = analytic("straight", duration_s=600.0).with_overrides(runs=1, methods=["ins"])
+    run_campaign([long], tmp_path, engine="dask", scheduler=threads.scheduler_address)
+    assert (tmp_path / "runs.parquet").exists()
 
 
 @needs_dask
@@ -281,8 +291,8 @@ def test_an_engine_may_finish_in_any_order(
     """The tables are those of the runs in order."""
 
     class Backwards(engine.LocalEngine):
-        def fly(self, chunks: Any, progress: Any) -> Any:  # noqa: ANN401
-            return super().fly(list(reversed(chunks)), progress)
+        def run(self, chunks: Any, progress: Any) -> Any:  # noqa: ANN401
+            return super().run(list(reversed(chunks)), progress)
 
     monkeypatch.setattr(engine, "LocalEngine", Backwards)
     run_campaign([short(RUNS)], tmp_path / "o", threads=1)
@@ -290,15 +300,15 @@ def test_an_engine_may_finish_in_any_order(
 
 
 @pytest.mark.parametrize("name", ["straight", "slope"])
-def test_a_world_travels_without_its_beams(name: str) -> None:
+def test_a_simulation_is_pickled_without_its_beams(name: str) -> None:
     """The kernel's geometry cannot be pickled, and is made again; the content is the same."""
     import pickle
 
     simulation = build_simulation(load_scenario(name))
-    copy = pickle.loads(pickle.dumps(Chunk(simulation, RunRange(0, 2)))).simulation
+    copy = pickle.loads(pickle.dumps(simulation))
     assert copy.fingerprint() == simulation.fingerprint()
     assert copy.geometry.directions_p.tolist() == simulation.geometry.directions_p.tolist()
-    assert len(pickle.dumps(simulation)) < 100_000, "it goes along with every chunk"
+    assert len(pickle.dumps(simulation)) < 100_000, "it goes to every worker"
 
 
 def test_failing_to_write_calls_off_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -306,9 +316,9 @@ def test_failing_to_write_calls_off_the_rest(tmp_path: Path, monkeypatch: pytest
     closed: list[bool] = []
 
     class Watched(engine.LocalEngine):
-        def fly(self, chunks: Any, progress: Any) -> Any:  # noqa: ANN401
+        def run(self, chunks: Any, progress: Any) -> Any:  # noqa: ANN401
             try:
-                yield from super().fly(chunks, progress)
+                yield from super().run(chunks, progress)
             finally:
                 closed.append(True)
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from bottomlock.campaign import partition, run
 from bottomlock.campaign.directory import MANIFEST
 from bottomlock.campaign.merge import merge_shards
-from bottomlock.campaign.partition import Partition, Shard
-from bottomlock.campaign.run import run_campaign, run_shard, runs_to_fly
+from bottomlock.campaign.partition import Partition, Shard, all_chunks
+from bottomlock.campaign.run import run_campaign, run_shard
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError, OutputError, ScenarioError
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
@@ -52,12 +52,12 @@ def shards(tmp_path: Path, flown: Path) -> list[Path]:
 def test_every_run_is_in_one_chunk_and_every_chunk_in_one_shard(runs: int, size: int, n: int) -> None:
     """In order, without gap or overlap, none longer than the others."""
     size = max(size, runs // 1000)
-    spans = Partition("s", ("tc",), runs, size, 20).spans()
-    assert [span.first_run for span in spans] == list(range(0, runs, size))
-    assert sum(span.runs for span in spans) == runs
-    assert {span.runs for span in spans[:-1]} <= {size}
+    chunks = Partition("s", ("tc",), runs, size, 20).chunks()
+    assert [chunk.first_run for chunk in chunks] == list(range(0, runs, size))
+    assert sum(chunk.runs for chunk in chunks) == runs
+    assert {chunk.runs for chunk in chunks[:-1]} <= {size}
     shards = [Shard(k, n) for k in range(1, n + 1)]
-    assert all(sum(shard.takes(number) for shard in shards) == 1 for number in range(len(spans)))
+    assert all(sum(shard.contains(number) for shard in shards) == 1 for number in range(len(chunks)))
 
 
 @pytest.mark.parametrize("text", ["0/3", "4/3", "2", "2/", "/3", "-1/3", "a/b", "1/3/5", "2/0", ""])
@@ -71,7 +71,9 @@ def test_shards_share_the_work_and_leave_no_tables(scenarios: list[Scenario], fl
     chunks = [sorted(path.name for path in flown.glob(f"{k}/chunks/*/counts-*")) for k in range(1, N + 1)]
     assert [len(names) for names in chunks] == [3, 2, 2]
     assert {path.name for path in flown.glob("[123]/*.parquet")} == {"truth.parquet"}
-    assert sum(runs_to_fly(scenarios, Shard(k, N)) for k in range(1, N + 1)) == runs_to_fly(scenarios) == 12
+    partitions = [Partition.of(scenario) for scenario in scenarios]
+    shared = [chunk for k in range(1, N + 1) for chunk in all_chunks(partitions, Shard(k, N))]
+    assert sum(chunk.runs for chunk in shared) == sum(chunk.runs for chunk in all_chunks(partitions)) == 12
     manifest = json.loads((flown / "2" / MANIFEST).read_text(encoding="utf-8"))
     assert manifest["status"] == "shard"
     assert manifest["shard"] == {"k": 2, "n": 3}

@@ -1,4 +1,4 @@
-"""Runs whose vehicle flies on its own estimate, and so goes astray with it."""
+"""Runs in closed loop: guidance and control use the navigation estimate, so its errors move the vehicle."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -25,36 +25,33 @@ def run_closed_loop(
     threads: int = 0,
     progress: Callable[[float], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Swims vehicles side by side, guided and controlled on what a method aboard believes.
+    """Simulates vehicles side by side whose guidance and control use a navigation estimate.
 
-    With pilot "own" every method of every run has its own vehicle; else a run has one vehicle,
-    steered on the estimate of the pilot method; the other methods only estimate.
-
-    The sensor errors of run k are those of run k of any campaign under the same key. Guidance and control take up a new
-    estimate every 0.2 s.
+    With pilot "own" every method of every run has its own vehicle. Otherwise a run has one vehicle, steered on the
+    estimate of the pilot method; the other methods only estimate. Guidance and control get a new estimate every 0.2 s.
+    The sensor errors of run k are those of run k of any campaign under the same key.
 
     Args:
-        world: a scenario whose truth a vehicle swims.
-        methods: ways of aiding.
-        pilot: "own", or the method, one of `methods`, on whose estimate the vehicle of a run flies.
+        simulation: a scenario whose truth a vehicle swims.
+        methods: the aiding methods.
+        pilot: "own", or the method, one of `methods`, whose estimate steers the vehicle of a run.
         trajectory_key: key of the trajectory's random numbers.
         first_run: number of the first run.
         runs: number of runs.
         threads: 0 for as many as there are cores.
-        tell: hears the part of the way that is behind, 0 to 1.
+        progress: called with the fraction of the duration done, 0 to 1.
 
     Returns:
-        As `kernel.run_batch`, with `cross_track_m` (runs, methods, ticks), the distance of the true vehicle from the
-        path segment that it follows, positive to the right, `sample_time_ns` and `dvl_time_ns`.
+        As `kernel.run_batch`, with `sample_time_ns`, `dvl_time_ns`, and `cross_track_m` (runs, methods, ticks): the
+        distance of the true vehicle from the path segment that it follows, positive to the right.
 
     Raises:
         ScenarioError: for an analytic truth.
-        KernelError: for what the kernel refuses, naming run and method.
+        KernelError: for input that the kernel rejects, naming run and method.
     """
-    scenario = simulation.scenario
     if simulation.vehicle is None or simulation.mission is None:
         raise ScenarioError(
-            f"scenario {scenario.name}: its truth is analytic, no vehicle can fly on an estimate"
+            f"scenario {simulation.scenario.name}: its truth is analytic, no vehicle can fly on an estimate"
         )
     own = pilot == "own"
     vehicles_per_run = len(methods) if own else 1
@@ -65,70 +62,85 @@ def run_closed_loop(
         latitude_rad=simulation.latitude_rad,
         gravity_mps2=simulation.gravity_mps2,
         earth_rate_radps=simulation.earth_rate_radps,
-        imu_rate_hz=scenario.imu.rate_hz,
+        imu_rate_hz=simulation.scenario.imu.rate_hz,
     )
     last_ns = round(simulation.mission.duration_s * 1e9)
-    conditions = MeasurementSchedule(
-        simulation,
-        first_ns=0,
-        last_ns=last_ns,
-        trajectory_key=trajectory_key,
-        first_run=first_run,
-        runs=runs,
-        vehicles_per_run=vehicles_per_run,
+    draws = {"trajectory_key": trajectory_key, "first_run": first_run}
+    schedule = MeasurementSchedule(
+        simulation, first_ns=0, last_ns=last_ns, runs=runs, vehicles_per_run=vehicles_per_run, **draws
     )
-    begin = fleet.start()
+    start = fleet.start()
+    loop = _kernel_loop(simulation, methods, start, vehicle_per_method=own, threads=threads, **draws)
+    navigation = _Navigation(loop, schedule, start, pilot=0 if own else list(methods).index(pilot))
+    offsets = []
+    for block in fly_on_estimate(fleet, navigation.estimate):
+        offsets.append(cross_track_m(simulation.mission, fleet.segment, block.position_t_m[:, -1]))
+        progress(min(1.0, float(block.time_ns[-1]) / last_ns))
+    by_vehicle = np.stack(offsets, axis=1).reshape(runs, vehicles_per_run, -1)
+    offset = np.broadcast_to(by_vehicle, (runs, len(methods), len(offsets)))
+    return {**loop.results(), "cross_track_m": offset, **navigation.times()}
+
+
+def _kernel_loop(
+    simulation: Simulation,
+    methods: Sequence[str],
+    start: TruthBlock,
+    **settings: Any,  # noqa: ANN401
+) -> kernel.ClosedLoop:
+    """The filters of all runs and methods at the start."""
+    scenario = simulation.scenario
     model: Any = scenario.kernel_model(simulation.gravity_mps2)
     options: Any = scenario.kernel_options()
-    loop = kernel.ClosedLoop(
+    initial: Any = {
+        "time_ns": int(start.time_ns[-1]),
+        "position_t_m": start.position_t_m[:, -1],
+        "attitude_t_p": start.attitude_t_p[:, -1],
+        "velocity_p_mps": start.velocity_p_mps[:, -1],
+    }
+    return kernel.ClosedLoop(
         simulation.geometry,
         model,
         model,
         options,
         list(methods),
-        _start(begin),
-        vehicle_per_method=own,
+        initial,
         seed=scenario.campaign.seed,
-        trajectory_key=trajectory_key,
-        first_run=first_run,
-        threads=threads,
+        **settings,
     )
-    steering = 0 if own else list(methods).index(pilot)
-    before, sampled, pinged = begin, [], []
-
-    def navigate(block: TruthBlock) -> Belief:
-        nonlocal before
-        if block.time_ns[0] > begin.time_ns[0]:
-            stretch = _joined(before, block)
-            plan, _ = conditions.along(stretch["time_ns"], stretch["position_t_m"], stretch["attitude_t_p"])
-            loop.advance(stretch, plan)  # type: ignore[arg-type]
-            sampled.append(plan["sample_time_ns"])
-            pinged.append(plan["dvl_time_ns"])
-            before = block
-        return Belief(**loop.estimate(steering))
-
-    offsets = []
-    for block in fly_on_estimate(fleet, navigate):
-        offsets.append(cross_track_m(simulation.mission, fleet.segment, block.position_t_m[:, -1]))
-        progress(min(1.0, float(block.time_ns[-1]) / last_ns))
-    offset = np.stack(offsets, axis=1)
-    return {
-        **loop.results(),
-        "cross_track_m": np.broadcast_to(
-            offset.reshape(runs, vehicles_per_run, -1), (runs, len(methods), len(offsets))
-        ),
-        "sample_time_ns": np.concatenate(sampled),
-        "dvl_time_ns": np.concatenate(pinged),
-    }
 
 
-def _start(block: TruthBlock) -> Any:  # noqa: ANN401 - the kernel's dict
-    return {
-        "time_ns": int(block.time_ns[-1]),
-        "position_t_m": block.position_t_m[:, -1],
-        "attitude_t_p": block.attitude_t_p[:, -1],
-        "velocity_p_mps": block.velocity_p_mps[:, -1],
-    }
+class _Navigation:
+    """The navigation of all vehicles: block by block from the truth to the estimate that steers."""
+
+    def __init__(
+        self, loop: kernel.ClosedLoop, schedule: MeasurementSchedule, start: TruthBlock, *, pilot: int
+    ) -> None:
+        """`pilot`: index of the method whose estimate steers; 0 where every method has its own vehicle."""
+        self._loop = loop
+        self._schedule = schedule
+        self._start_ns = start.time_ns[0]
+        self._before = start
+        self._pilot = pilot
+        self._sample_time_ns: list[np.ndarray[Any, Any]] = []
+        self._dvl_time_ns: list[np.ndarray[Any, Any]] = []
+
+    def estimate(self, block: TruthBlock) -> Belief:
+        """Runs the filters over a block of the truth, and returns their estimate at its end."""
+        if block.time_ns[0] > self._start_ns:
+            truth = _joined(self._before, block)
+            schedule, _ = self._schedule.over(truth["time_ns"], truth["position_t_m"], truth["attitude_t_p"])
+            self._loop.advance(truth, schedule)  # type: ignore[arg-type]
+            self._sample_time_ns.append(schedule["sample_time_ns"])
+            self._dvl_time_ns.append(schedule["dvl_time_ns"])
+            self._before = block
+        return Belief(**self._loop.estimate(self._pilot))
+
+    def times(self) -> dict[str, np.ndarray[Any, Any]]:
+        """Times of the samples and of the pings, ns."""
+        return {
+            "sample_time_ns": np.concatenate(self._sample_time_ns),
+            "dvl_time_ns": np.concatenate(self._dvl_time_ns),
+        }
 
 
 def _joined(before: TruthBlock, block: TruthBlock) -> dict[str, Any]:

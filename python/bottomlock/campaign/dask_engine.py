@@ -1,95 +1,114 @@
-"""The engine that sends chunks to a Dask cluster. Imported only where it is asked for.
+"""The engine that sends chunks to a Dask cluster. Imported only on request.
 
-Chunks go out as they are, with all that they need; their tables come back to the client, which alone writes. Workers
-need neither a shared file system nor the scenario's files. A worker that dies takes nothing with it but its chunks'
-time: the scheduler gives them to another one.
+Built scenarios go to the workers once, with the content of every file that they name; chunks name their runs. The
+tables come back to the client, which alone writes. Workers need neither a shared file system nor the scenario's files.
+When a worker dies, the scheduler gives its chunks to another one.
 """
 
 import logging
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+import dask
 from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Worker, WorkerPlugin, wait
 
 from bottomlock import kernel
-from bottomlock.campaign.chunk import Chunk, ChunkResult, run_chunk
+from bottomlock.campaign.build import BuiltScenario
+from bottomlock.campaign.chunk import ChunkResult, run_chunk
+from bottomlock.campaign.engine import ChunkResults
+from bottomlock.campaign.partition import Chunk
 from bottomlock.errors import BottomlockError, EngineError
 from bottomlock.tables.versions import library_versions
 
 CONNECT_S = 10.0
-"""How long a scheduler may take to answer."""
+"""How long a scheduler may take to answer, s."""
 
 PATIENCE_S = 60.0
-"""How long there may be no worker at all."""
+"""How long a campaign waits without any worker, s."""
 
 POLL_S = 2.0
 CHUNKS_PER_THREAD = 2
-"""Chunks under way per worker thread: one flown, one waiting; what is under way bounds the memory of the cluster."""
+"""Chunks under way per worker thread: one runs, one waits. Chunks under way bound the memory of the cluster."""
 
 
 @dataclass(frozen=True)
 class _Answer:
-    """What a worker sends back: its versions, and the tables or what the kernel refused."""
+    """What a worker sends back: its versions, and the tables or the kernel's error message."""
 
     versions: dict[str, str]
-    flown: ChunkResult | None = None
-    refused: str | None = None
+    result: ChunkResult | None = None
+    kernel_error: str | None = None
 
 
 def _versions() -> dict[str, str]:
-    """Versions that have to be the same for the same bits."""
+    """Versions that must agree for the bits to agree."""
     ours = library_versions()
     return {"bottomlock": kernel.kernel_version(), "numpy": ours["numpy"], "polars": ours["polars"]}
 
 
-def _work(chunk: Chunk) -> _Answer:
-    """On the worker, which runs one of these per thread."""
+def _hold(built: BuiltScenario) -> BuiltScenario:
+    """Keeps a scenario on the workers: a result that the scheduler can make again when its worker dies."""
+    return built
+
+
+def _work(built: BuiltScenario, chunk: Chunk) -> _Answer:
+    """Runs a chunk on a worker, one per thread."""
     try:
-        return _Answer(_versions(), flown=run_chunk(chunk, threads=1))
+        return _Answer(_versions(), result=run_chunk(built, chunk, threads=1))
     except kernel.KernelError as error:
-        # The kernel's exception does not travel: its class lives in the compiled module.
-        return _Answer(_versions(), refused=str(error))
+        # The kernel's exception cannot be pickled: its class lives in the compiled module.
+        return _Answer(_versions(), kernel_error=str(error))
 
 
 class DaskEngine:
     """Chunks to the workers of a scheduler."""
 
-    def __init__(self, client: Client, address: str) -> None:
+    def __init__(self, client: Client, address: str, scenarios: Sequence[BuiltScenario]) -> None:
         """`address` is for messages."""
         self._client = client
         self._address = address
+        self._scenarios = {built.scenario.name: built for built in scenarios}
         self._last_seen_s = time.monotonic()
 
-    def fly(
-        self, chunks: Sequence[Chunk], _tell: Callable[[Chunk, float], None]
-    ) -> Iterator[tuple[Chunk, ChunkResult]]:
-        """In the order in which they are finished.
+    def run(self, chunks: Sequence[Chunk], progress: Callable[[Chunk, float], None]) -> ChunkResults:  # noqa: ARG002
+        """Yields the chunks in the order in which they are finished.
 
         Raises:
-            KernelError: for what the kernel refuses.
+            KernelError: for input that the kernel rejects.
             EngineError: when the scheduler is lost, no worker is left, or a worker has other versions.
         """
+        held = self._send({chunk.scenario for chunk in chunks})
         waiting = list(reversed(chunks))
         running: dict[Any, Chunk] = {}
         self._last_seen_s = time.monotonic()
         try:
             while waiting or running:
                 while waiting and len(running) < self._room():
-                    chunk = waiting.pop()
-                    running[self._client.submit(_work, chunk, pure=False)] = chunk
+                    # The remaining number as priority: chunks start in order.
+                    priority, chunk = len(waiting), waiting.pop()
+                    future = self._client.submit(
+                        _work, held[chunk.scenario], chunk, pure=False, priority=priority
+                    )
+                    running[future] = chunk
                 for future in self._done(list(running)):
-                    flown = self._flown(future, running[future])
-                    if flown is not None:
+                    result = self._result(future, running[future])
+                    if result is not None:
                         # Forgetting the future frees the worker's memory.
-                        yield running.pop(future), flown
+                        yield running.pop(future), result
         finally:
             if running and self._client.status == "running":
                 self._client.cancel(list(running), force=True)
+
+    def _send(self, names: Iterable[str]) -> dict[str, Any]:
+        """A future of every scenario; the workers fetch it from one another."""
+        # A truth of ten minutes is more than Dask expects in a task, and goes out once.
+        with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 GiB"}):
+            return {name: self._client.submit(_hold, self._scenarios[name], pure=False) for name in names}
 
     def _room(self) -> int:
         """How many chunks may be under way; workers come and go."""
@@ -108,12 +127,12 @@ class DaskEngine:
             with self._client.as_current():
                 done = wait(futures, timeout=POLL_S, return_when="FIRST_COMPLETED").done
         except TimeoutError:
-            self._look_after()
+            self._check_workers()
         else:
             yield from done
 
-    def _look_after(self) -> None:
-        """Gives up when there has been no worker for long."""
+    def _check_workers(self) -> None:
+        """Gives up after `PATIENCE_S` without a worker."""
         now = time.monotonic()
         if self._threads():
             self._last_seen_s = now
@@ -123,44 +142,47 @@ class DaskEngine:
                 "finished chunks are kept: the same command resumes"
             )
 
-    def _flown(self, future: Any, chunk: Chunk) -> ChunkResult | None:  # noqa: ANN401 - distributed is untyped
-        """The tables; None when the worker died before they could be fetched, and the chunk is flown again."""
+    def _result(self, future: Any, chunk: Chunk) -> ChunkResult | None:  # noqa: ANN401 - distributed is untyped
+        """The tables; None when the worker died before they could be fetched, and the chunk is run again."""
         try:
             answer: _Answer = future.result(timeout=PATIENCE_S)
         except TimeoutError:
-            self._look_after()
+            self._check_workers()
             return None
         except BottomlockError:
             raise
         except Exception as error:
             words = (str(error) or "no reason given").splitlines()[0]
             raise EngineError(
-                f"{chunk.name}, chunk {chunk.span.stem}: {self._address} failed ({type(error).__name__}: {words})"
+                f"{chunk.scenario}, chunk {chunk.file_ending}: {self._address} failed "
+                f"({type(error).__name__}: {words})"
             ) from error
         if answer.versions != _versions():
             raise EngineError(
                 f"a worker of {self._address} has {_words(answer.versions)}, expected {_words(_versions())}: "
                 "the bits would differ"
             )
-        if answer.refused is not None:
-            raise kernel.KernelError(answer.refused)
-        assert answer.flown is not None
-        return answer.flown
+        if answer.kernel_error is not None:
+            raise kernel.KernelError(answer.kernel_error)
+        assert answer.result is not None
+        return answer.result
 
 
-class _Deaf(WorkerPlugin):  # type: ignore[misc] # distributed is untyped
-    """A worker that leaves Ctrl-C to the client, which then closes it, instead of dying aloud."""
+class _IgnoreInterrupt(WorkerPlugin):  # type: ignore[misc] # distributed is untyped
+    """Leaves Ctrl-C to the client, which then closes the workers in order."""
 
     def setup(self, worker: Worker) -> None:  # noqa: ARG002 - as distributed calls it
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _words(versions: dict[str, str]) -> str:
+def _words(versions: Mapping[str, str]) -> str:
     return ", ".join(f"{name} {version}" for name, version in versions.items())
 
 
 @contextmanager
-def open_cluster(scheduler: str | None, *, workers: int) -> Iterator[DaskEngine]:
+def open_cluster(
+    scheduler: str | None, scenarios: Sequence[BuiltScenario], *, workers: int
+) -> Iterator[DaskEngine]:
     """The workers of a scheduler, or, without one, as many processes on this machine (0: as there are cores).
 
     Raises:
@@ -172,16 +194,16 @@ def open_cluster(scheduler: str | None, *, workers: int) -> Iterator[DaskEngine]
                 n_workers=workers or CPU_COUNT,
                 threads_per_worker=1,
                 processes=True,
-                # Any free port, for this machine alone: campaigns side by side do not quarrel over one.
+                # Any free port, for this machine alone: campaigns side by side do not compete for one.
                 dashboard_address="127.0.0.1:0",
                 memory_limit=0,
-                # What matters comes back as an exception.
+                # Failures come back as exceptions.
                 silence_logs=logging.CRITICAL,
             ) as cluster,
             Client(cluster, set_as_default=False) as client,
         ):
-            client.register_plugin(_Deaf())
-            yield DaskEngine(client, "the local cluster")
+            client.register_plugin(_IgnoreInterrupt())
+            yield DaskEngine(client, "the local cluster", scenarios)
         return
     try:
         client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
@@ -192,4 +214,4 @@ def open_cluster(scheduler: str | None, *, workers: int) -> Iterator[DaskEngine]
             client.wait_for_workers(1, timeout=PATIENCE_S)
         except TimeoutError as error:
             raise EngineError(f"scheduler {scheduler}: no worker in {PATIENCE_S:.0f} s") from error
-        yield DaskEngine(client, f"scheduler {scheduler}")
+        yield DaskEngine(client, f"scheduler {scheduler}", scenarios)

@@ -1,4 +1,4 @@
-"""A campaign's directory: whose it is, which chunks it has, and its chunks' files read with care."""
+"""A campaign's directory: which campaign owns it, which chunks are finished, and their files."""
 
 import contextlib
 import os
@@ -11,10 +11,11 @@ import polars as pl
 
 from bottomlock import kernel
 from bottomlock.atomic_write import read_json, write_parquet
+from bottomlock.campaign.aggregate import Tables
 from bottomlock.campaign.chunk import ChunkResult
-from bottomlock.campaign.partition import Partition, RunRange, Shard
+from bottomlock.campaign.partition import Chunk, Partition, Shard
 from bottomlock.errors import DataError, OutputError
-from bottomlock.tables.campaign import CHOICES, OUTCOMES, SAMPLES
+from bottomlock.tables.campaign import CHOICES, OUTCOMES, PATHS, SAMPLES
 from bottomlock.tables.check import check
 
 MANIFEST = "manifest.json"
@@ -23,17 +24,19 @@ TRUTH = "truth.parquet"
 _OURS = ("chunks", *TABLES, TRUTH, MANIFEST)
 
 
-def prepare(out: Path, configuration: str, *, shard: Shard | None = None, force: bool = False) -> None:
-    """Makes sure that a directory is ours: new, empty, or of the same campaign and the same shard of it.
+def claim_directory(
+    out: Path, configuration: str, *, shard: Shard | None = None, force: bool = False
+) -> None:
+    """Makes sure that `out` may be written: new, empty, or of the same campaign and the same shard of it.
 
-    Removes what a process that was ended while it wrote has left, and with `force` another campaign's files.
+    Removes the temporary files of a process that was killed while writing, and with `force` another campaign's files.
 
     Raises:
-        OutputError: for anything else in its place, and for a directory that cannot be read.
+        OutputError: for a directory that holds anything else, or cannot be read.
         DataError: for a manifest that cannot be read.
     """
     try:
-        # A manifest that was never finished is all that a process leaves that is ended at once: as good as empty.
+        # A process that is killed at once leaves an unfinished manifest at most: as good as empty.
         unfinished = set(out.glob(f".{MANIFEST}.*.part"))
         occupied = out.exists() and (
             not out.is_dir() or any(path not in unfinished for path in out.iterdir())
@@ -41,7 +44,7 @@ def prepare(out: Path, configuration: str, *, shard: Shard | None = None, force:
     except OSError as error:
         raise OutputError(f"{out}: cannot be read ({error.strerror})") from error
     if not occupied:
-        _sweep_up(out)
+        _remove_unfinished(out)
         return
     manifest = read_json(out / MANIFEST) if out.is_dir() else None
     if manifest is None or "configuration_hash" not in manifest:
@@ -49,7 +52,7 @@ def prepare(out: Path, configuration: str, *, shard: Shard | None = None, force:
     other = _difference(manifest, configuration, shard)
     if other is not None and not force:
         raise OutputError(f"{out}: holds {other}; choose another directory or use --force to start over")
-    _sweep_up(out)
+    _remove_unfinished(out)
     if force:
         for part in _OURS:
             path = out / part
@@ -57,7 +60,7 @@ def prepare(out: Path, configuration: str, *, shard: Shard | None = None, force:
 
 
 def _difference(manifest: Mapping[str, Any], configuration: str, shard: Shard | None) -> str | None:
-    """What a directory holds that is not ours, in words."""
+    """What a directory holds instead of this campaign, in words; None if it holds this one."""
     if manifest["configuration_hash"] != configuration:
         return "a campaign of another configuration"
     if manifest.get("version") != kernel.kernel_version():
@@ -69,10 +72,10 @@ def _difference(manifest: Mapping[str, Any], configuration: str, shard: Shard | 
 
 
 def shard_of(manifest: Mapping[str, Any]) -> Shard | None:
-    """Which shard a manifest is of, or None for a whole campaign.
+    """The shard that a manifest belongs to; None for a whole campaign.
 
     Raises:
-        DataError: for an entry that is no shard.
+        DataError: for an entry without k and n.
     """
     entry = manifest.get("shard")
     if entry is None:
@@ -83,44 +86,49 @@ def shard_of(manifest: Mapping[str, Any]) -> Shard | None:
         raise DataError(f"the manifest's shard is {entry!r}, expected k and n") from error
 
 
-def _sweep_up(out: Path) -> None:
-    """Removes files that were never finished; see `output` for their names."""
+def _remove_unfinished(out: Path) -> None:
+    """Removes files that were never finished; `atomic_write` names them."""
     for pattern in (f".{MANIFEST}.*.part", ".*.parquet.*.part", "chunks/*/.*.parquet.*.part"):
         for path in out.glob(pattern):
             path.unlink(missing_ok=True)
 
 
-def _paths(out: Path, name: str, span: RunRange) -> tuple[Path, Path, Path]:
-    folder = out / "chunks" / name
-    return folder / f"samples-{span.stem}", folder / f"choices-{span.stem}", folder / f"counts-{span.stem}"
+def _paths(out: Path, chunk: Chunk) -> tuple[Path, Path, Path]:
+    """The files of samples, choices and counts."""
+    folder, ending = out / "chunks" / chunk.scenario, chunk.file_ending
+    return folder / f"samples-{ending}", folder / f"choices-{ending}", folder / f"counts-{ending}"
 
 
-def is_finished(out: Path, name: str, span: RunRange) -> bool:
-    """Whether a chunk is there, whole."""
-    return all(path.exists() for path in _paths(out, name, span))
+def is_finished(out: Path, chunk: Chunk) -> bool:
+    """Whether all files of a chunk are there."""
+    return all(path.exists() for path in _paths(out, chunk))
 
 
-def write_chunk(out: Path, name: str, span: RunRange, flown: ChunkResult) -> None:
-    """A chunk's tables to disk, each whole or not at all."""
-    samples_path, choices_path, counts_path = _paths(out, name, span)
-    write_parquet(samples_path, flown.samples)
-    write_parquet(choices_path, flown.choices)
-    write_parquet(counts_path, flown.counts)
-
-
-def take_chunk(out: Path, source: Path, name: str, span: RunRange) -> None:
-    """A finished chunk of another directory: linked where the file system allows, else copied.
+def write_chunk(out: Path, chunk: Chunk, result: ChunkResult) -> None:
+    """Writes the tables of a chunk, each whole or not at all; those of another directory are linked or copied.
 
     Raises:
-        OutputError: where it cannot be written.
+        OutputError: where they cannot be written.
     """
-    for old, new in zip(_paths(source, name, span), _paths(out, name, span), strict=True):
-        _take(old, new)
+    paths = _paths(out, chunk)
+    if result.directory is not None:
+        for old, new in zip(_paths(result.directory, chunk), paths, strict=True):
+            _take(old, new)
+        return
+    for path, table in zip(paths, (result.samples, result.choices, result.counts), strict=True):
+        write_parquet(path, table)
 
 
-def take_truth(out: Path, source: Path) -> None:
-    """The true paths of another directory, as `take_chunk`."""
-    _take(source / TRUTH, out / TRUTH)
+def write_tables(out: Path, paths: pl.DataFrame, tables: Tables | None) -> None:
+    """Writes the true paths, and the tables if there are any, each whole or not at all.
+
+    Raises:
+        OutputError: where they cannot be written.
+    """
+    write_parquet(out / TRUTH, paths)
+    if tables is not None:
+        for name, table in zip(TABLES, tables, strict=True):
+            write_parquet(out / name, table)
 
 
 def _take(old: Path, new: Path) -> None:
@@ -141,50 +149,45 @@ def _take(old: Path, new: Path) -> None:
             temporary.unlink(missing_ok=True)
 
 
-def read_samples(out: Path, plan: Partition, span: RunRange) -> pl.DataFrame:
-    """The samples of a chunk (`tables.campaign.SAMPLES`), ordered by run, method and time.
+def read_chunk(directory: Path, chunk: Chunk, partition: Partition) -> ChunkResult:
+    """The tables of a finished chunk, the samples ordered by run, method and time.
 
     Raises:
         DataError: for a file that is missing, damaged, or of other runs than its name says.
     """
-    path, _, _ = _paths(out, plan.name, span)
-    samples = check(_read(path), SAMPLES, place=str(path))
-    per_method, left = divmod(samples.height, span.runs * len(plan.methods))
-    expected = pl.int_range(span.first_run, span.first_run + span.runs, eager=True)
-    expected = expected.repeat_by(per_method * len(plan.methods)).explode()
+    samples_path, choices_path, counts_path = _paths(directory, chunk)
+    samples = check(_read(samples_path), SAMPLES, place=str(samples_path))
+    methods = len(partition.methods)
+    per_method, left = divmod(samples.height, chunk.runs * methods)
+    expected = pl.int_range(chunk.first_run, chunk.first_run + chunk.runs, eager=True)
+    expected = expected.repeat_by(per_method * methods).explode()
     if left or not samples.height or not expected.equals(samples["run"]):
         raise DataError(
-            f"{path}: expected the runs {span.first_run} to {span.first_run + span.runs - 1} of "
-            f"{len(plan.methods)} methods; delete the file and run the same command again"
+            f"{samples_path}: expected the runs {chunk.first_run} to {chunk.first_run + chunk.runs - 1} of "
+            f"{methods} methods; delete the file and run the same command again"
         )
-    return samples
+    return ChunkResult(
+        samples=samples,
+        choices=check(_read(choices_path), CHOICES, place=str(choices_path)),
+        counts=check(_read(counts_path), OUTCOMES, place=str(counts_path)),
+        directory=directory,
+    )
 
 
-def read_choices(out: Path, plan: Partition, span: RunRange) -> pl.DataFrame:
-    """What the selectors of a chunk have chosen (`tables.campaign.CHOICES`).
-
-    Raises:
-        DataError: for a file that is missing or damaged.
-    """
-    _, path, _ = _paths(out, plan.name, span)
-    return check(_read(path), CHOICES, place=str(path))
-
-
-def read_counts(out: Path, plan: Partition, span: RunRange) -> pl.DataFrame:
-    """The fix counts of a chunk (`tables.campaign.OUTCOMES`).
+def read_paths(directory: Path) -> pl.DataFrame:
+    """The true paths (`tables.campaign.PATHS`).
 
     Raises:
         DataError: for a file that is missing or damaged.
     """
-    _, _, path = _paths(out, plan.name, span)
-    return check(_read(path), OUTCOMES, place=str(path))
+    return check(_read(directory / TRUTH), PATHS, place=str(directory / TRUTH))
 
 
 def _read(path: Path) -> pl.DataFrame:
     try:
         return pl.read_parquet(path)
     except FileNotFoundError as error:
-        raise DataError(f"{path}: is missing; the same command flies it again") from error
+        raise DataError(f"{path}: is missing; run the same command again") from error
     except (OSError, pl.exceptions.PolarsError) as error:
         raise DataError(
             f"{path}: cannot be read ({str(error).splitlines()[0]}); delete the file and run the same command again"

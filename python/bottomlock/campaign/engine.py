@@ -1,71 +1,80 @@
-"""Engines: what works off a list of chunks. Which one does it changes no bit."""
+"""Engines: what runs a list of chunks. The numbers do not depend on the engine."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from importlib.util import find_spec
 from threading import Lock
 from typing import Protocol
 from urllib.parse import urlsplit
 
-from bottomlock.campaign.chunk import Chunk, ChunkResult, run_chunk
+from bottomlock.campaign.build import BuiltScenario
+from bottomlock.campaign.chunk import ChunkResult, run_chunk
+from bottomlock.campaign.partition import Chunk
 from bottomlock.errors import EngineError
 
 ENGINES = ("local", "dask")
 
+ChunkResults = Generator[tuple[Chunk, ChunkResult], None, None]
 
-class Engine(Protocol):
-    """A way to fly chunks."""
 
-    def fly(
-        self, chunks: Sequence[Chunk], progress: Callable[[Chunk, float], None]
-    ) -> Iterator[tuple[Chunk, ChunkResult]]:
-        """Yields every chunk with its tables, in any order; `tell` may hear of parts (0 to 1) of a chunk."""
+class ChunkSource(Protocol):
+    """Where the results of chunks come from: an engine that computes them, or the directories of shards."""
+
+    def run(self, chunks: Sequence[Chunk], progress: Callable[[Chunk, float], None]) -> ChunkResults:
+        """Yields every chunk with its tables, in any order.
+
+        `progress` may be called with a chunk under way and the fraction done, 0 to 1. Closing the generator cancels
+        what is under way.
+        """
 
 
 class LocalEngine:
     """Chunks in this process, one after another, each with the kernel's threads.
 
-    While the tables of one are made and written, the next is in the kernel.
+    While the tables of one chunk are made and written, the next one is in the kernel.
     """
 
-    def __init__(self, threads: int) -> None:
+    def __init__(self, scenarios: Sequence[BuiltScenario], threads: int) -> None:
         """`threads`: 0 for as many as there are cores."""
+        self._scenarios = {built.scenario.name: built for built in scenarios}
         self._threads = threads
 
-    def fly(
-        self, chunks: Sequence[Chunk], progress: Callable[[Chunk, float], None]
-    ) -> Iterator[tuple[Chunk, ChunkResult]]:
-        """In order."""
-        pool, kernel_lock = ThreadPoolExecutor(max_workers=2), Lock()
+    def run(self, chunks: Sequence[Chunk], progress: Callable[[Chunk, float], None]) -> ChunkResults:
+        """Yields the chunks in order."""
+        pool, lock = ThreadPoolExecutor(max_workers=2), Lock()
         ahead: deque[tuple[Chunk, Future[ChunkResult]]] = deque()
         try:
             for chunk in chunks:
-                if chunk.on_estimate:
-                    # Long, and much of it in Python: it stays where an interruption reaches it.
-                    yield from _landed(ahead, 0)
-                    yield chunk, run_chunk(chunk, threads=self._threads, progress=partial(progress, chunk))
+                built = self._scenarios[chunk.scenario]
+                if built.closed_loop:
+                    # Long, and much of it in Python: it stays in this thread, where an interruption reaches it.
+                    yield from _finished(ahead, 0)
+                    yield (
+                        chunk,
+                        run_chunk(built, chunk, threads=self._threads, progress=partial(progress, chunk)),
+                    )
                     continue
                 ahead.append(
-                    (chunk, pool.submit(run_chunk, chunk, threads=self._threads, kernel_lock=kernel_lock))
+                    (chunk, pool.submit(run_chunk, built, chunk, threads=self._threads, kernel_lock=lock))
                 )
-                yield from _landed(ahead, 1)
-            yield from _landed(ahead, 0)
+                yield from _finished(ahead, 1)
+            yield from _finished(ahead, 0)
         finally:
             pool.shutdown(cancel_futures=True)
 
 
-def _landed(ahead: deque[tuple[Chunk, Future[ChunkResult]]], but: int) -> Iterator[tuple[Chunk, ChunkResult]]:
-    """Waits for the chunks that are first in the queue, all but some."""
+def _finished(ahead: deque[tuple[Chunk, Future[ChunkResult]]], but: int) -> ChunkResults:
+    """Waits for the chunks at the head of the queue, all but the last `but`."""
     while len(ahead) > but:
-        chunk, flown = ahead.popleft()
-        yield chunk, flown.result()
+        chunk, result = ahead.popleft()
+        yield chunk, result.result()
 
 
 def check_engine(name: str, *, threads: int = 0, scheduler: str | None = None) -> None:
-    """Refuses what `open_engine` would, as far as can be said without connecting to anything.
+    """Rejects what `open_engine` would reject, as far as that is known without a connection.
 
     Raises:
         EngineError: for an unknown name, settings that have no effect, and a package that is not installed.
@@ -90,23 +99,23 @@ def _is_address(text: str) -> bool:
         return False
 
 
-@contextmanager
-def open_engine(name: str, *, threads: int = 0, scheduler: str | None = None) -> Iterator[Engine]:
-    """An engine for as long as it is needed.
+def open_engine(
+    name: str, scenarios: Sequence[BuiltScenario], *, threads: int = 0, scheduler: str | None = None
+) -> AbstractContextManager[ChunkSource]:
+    """An engine for the chunks of some scenarios, as a context manager.
 
     Args:
         name: "local", or "dask" for a cluster of processes or machines.
+        scenarios: the scenarios.
         threads: local: threads of the kernel; dask: worker processes on this machine; 0 for as many as there are cores.
-        scheduler: dask: address of a scheduler whose workers do it, such as "tcp://10.0.0.5:8786".
+        scheduler: dask: address of a scheduler whose workers run the chunks, such as "tcp://10.0.0.5:8786".
 
     Raises:
-        EngineError: for what `check_engine` refuses, and a cluster that is not there or breaks down.
+        EngineError: for what `check_engine` rejects, and a cluster that is not there or breaks down.
     """
     check_engine(name, threads=threads, scheduler=scheduler)
     if name == "local":
-        yield LocalEngine(threads)
-        return
-    from bottomlock.campaign.dask_engine import open_cluster  # noqa: PLC0415 - an extra, imported only when asked for
+        return nullcontext(LocalEngine(scenarios, threads))
+    from bottomlock.campaign.dask_engine import open_cluster  # noqa: PLC0415 - an extra, imported only on request
 
-    with open_cluster(scheduler, workers=threads) as cluster:
-        yield cluster
+    return open_cluster(scheduler, scenarios, workers=threads)

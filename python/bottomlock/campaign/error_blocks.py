@@ -1,7 +1,7 @@
-"""The error norms of a campaign turned round: they come run by run, and go method by method with all runs.
+"""The error norms of a campaign, transposed: they arrive run by run and leave method by method, with all runs.
 
-They pass through a file without a name that vanishes with the process, so that memory holds one block and each chunk is
-read once.
+They pass through a file without a name that vanishes with the process. Memory holds one block, and each chunk is read
+once.
 """
 
 import errno
@@ -17,7 +17,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.campaign.partition import Partition, RunRange
+from bottomlock.campaign.partition import Chunk, Partition
 from bottomlock.errors import OutputError
 from bottomlock.statistics.campaign import NORMS
 
@@ -29,7 +29,7 @@ _BYTES = 8
 
 @dataclass(frozen=True)
 class Block:
-    """All norms of all runs of one method, at some of the times."""
+    """All norms of all runs of one method, at some of the sample times."""
 
     method: int
     times: slice
@@ -41,35 +41,35 @@ class Block:
         return int(self.times.stop - self.times.start)
 
 
-class Blocks:
-    """A file of blocks; `put` the norms of every chunk, then `get` each block."""
+class ErrorBlocks:
+    """A file of blocks: `put` the norms of every chunk, then `get` each block."""
 
-    def __init__(self, file: IO[bytes], plan: Partition, times: int) -> None:
-        """The cutting depends on the scenario alone, so that the last bit does not depend on the machine."""
+    def __init__(self, file: IO[bytes], partition: Partition, times: int) -> None:
+        """Block boundaries depend on the scenario alone, so that the last bit does not depend on the machine."""
         self._file = file
-        self._plan = plan
+        self._partition = partition
         self._times = times
-        width = min(times, max(1, VALUES_HELD // (len(NORMS) * plan.runs)))
+        width = min(times, max(1, VALUES_HELD // (len(NORMS) * partition.runs)))
         self.blocks: list[Block] = []
         place = 0
-        for method in range(len(plan.methods)):
+        for method in range(len(partition.methods)):
             for first in range(0, times, width):
                 block = Block(method, slice(first, min(first + width, times)), place)
                 self.blocks.append(block)
-                place += len(NORMS) * plan.runs * block.width
+                place += len(NORMS) * partition.runs * block.width
 
-    def put(self, span: RunRange, norms: pl.DataFrame) -> None:
+    def put(self, chunk: Chunk, norms: pl.DataFrame) -> None:
         """The norms of a chunk, ordered by run, method and time.
 
         Raises:
             OutputError: on a full disk.
         """
-        shape = (span.runs, len(self._plan.methods), self._times)
+        shape = (chunk.runs, len(self._partition.methods), self._times)
         columns = [norms[name].to_numpy().reshape(shape) for name in NORMS]
         try:
             for block in self.blocks:
                 for k, values in enumerate(columns):
-                    self._file.seek(self._at(block, k, span.first_run))
+                    self._file.seek(self._at(block, k, chunk.first_run))
                     self._write(values[:, block.method, block.times].tobytes())
         except OSError as error:
             raise OutputError(f"the error norms cannot be kept on disk ({error.strerror})") from error
@@ -81,16 +81,16 @@ class Blocks:
     def get(self, block: Block) -> dict[str, NDArray[np.float64]]:
         """The norms of a block by name, (runs, times) each."""
         self._file.seek(self._at(block, 0, 0))
-        shape = (len(NORMS), self._plan.runs, block.width)
+        shape = (len(NORMS), self._partition.runs, block.width)
         values = np.fromfile(self._file, dtype=np.float64, count=int(np.prod(shape))).reshape(shape)
         return dict(zip(NORMS, values, strict=True))
 
     def _at(self, block: Block, norm: int, run: int) -> int:
-        return _BYTES * (block.place + (norm * self._plan.runs + run) * block.width)
+        return _BYTES * (block.place + (norm * self._partition.runs + run) * block.width)
 
 
 @contextmanager
-def open_blocks(folder: Path, plan: Partition, times: int) -> Iterator[Blocks]:
+def open_blocks(folder: Path, partition: Partition, times: int) -> Iterator[ErrorBlocks]:
     """Blocks on the file system of a folder, which gets no file with a name.
 
     Raises:
@@ -101,4 +101,4 @@ def open_blocks(folder: Path, plan: Partition, times: int) -> Iterator[Blocks]:
             file = stack.enter_context(tempfile.TemporaryFile(dir=folder, buffering=0))
         except OSError as error:
             raise OutputError(f"{folder}: cannot be written ({error.strerror})") from error
-        yield Blocks(file, plan, times)
+        yield ErrorBlocks(file, partition, times)

@@ -1,4 +1,4 @@
-"""What a campaign says of itself in `manifest.json`."""
+"""A campaign's `manifest.json`: what decided the numbers, how the runs were cut into chunks, and how long it took."""
 
 import hashlib
 import json
@@ -8,23 +8,25 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bottomlock import kernel
+from bottomlock.campaign.build import BuiltScenario
 from bottomlock.campaign.partition import Partition, Shard
-from bottomlock.simulation.build import Simulation, trajectory_key
+from bottomlock.simulation.build import trajectory_key
 from bottomlock.tables.versions import library_versions
 
 
 @dataclass
 class Clock:
-    """Wall time, and the time of all chunks inside and outside the kernel."""
+    """Wall time, and the time of all chunks inside and outside the kernel; the times of merged shards come first."""
 
     started: float = field(default_factory=time.perf_counter)
+    earlier_s: float = 0.0
     kernel_s: float = 0.0
     batch_s: float = 0.0
 
     def times(self) -> dict[str, Any]:
-        """As the manifest has them."""
+        """The manifest's entries, s."""
         return {
-            "wall_time_s": round(time.perf_counter() - self.started, 3),
+            "wall_time_s": round(self.earlier_s + time.perf_counter() - self.started, 3),
             "kernel_time_s": round(self.kernel_s, 3),
             "batch_time_s": round(self.batch_s, 3),
             "python_share_of_batch": round(1.0 - self.kernel_s / self.batch_s, 4)
@@ -33,53 +35,51 @@ class Clock:
         }
 
 
-def configuration_hash(simulations: Sequence[Simulation]) -> str:
+def configuration_hash(built: Sequence[BuiltScenario]) -> str:
     """SHA-256 of all that decides the numbers of a campaign, apart from the number of runs."""
     content = [
-        (w.scenario.name, w.fingerprint(), w.scenario.campaign.seed, list(w.scenario.campaign.methods))
-        for w in simulations
+        (
+            one.scenario.name,
+            one.simulation.fingerprint(),
+            one.scenario.campaign.seed,
+            list(one.scenario.campaign.methods),
+        )
+        for one in built
     ]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
 def describe(
-    simulations: Sequence[Simulation],
+    built: Sequence[BuiltScenario],
+    partitions: Sequence[Partition],
     *,
-    status: str,
     threads: int,
     engine: str,
     shard: Shard | None,
-    clock: Clock,
 ) -> dict[str, Any]:
-    """The manifest: versions, seeds, every setting, how the runs were cut, and how long it took.
-
-    The status is "running", "complete", or "shard" for a finished shard, which has no tables of its own.
-    """
-    plans = {simulation.scenario.name: Partition.of(simulation.scenario) for simulation in simulations}
+    """The manifest's entries that are known before the first chunk: versions, seeds, every setting, the partition."""
     described: dict[str, Any] = {
-        "status": status,
         "version": kernel.kernel_version(),
         "versions": library_versions(),
-        "configuration_hash": configuration_hash(simulations),
+        "configuration_hash": configuration_hash(built),
         "engine": engine,
         "threads": threads,
-        **clock.times(),
-        "nees_degrees": {name: plan.nees_degrees for name, plan in plans.items()},
+        "nees_degrees": {partition.scenario: partition.nees_degrees for partition in partitions},
         "scenarios": {
-            s.name: {
-                "seed": s.campaign.seed,
-                "runs": s.campaign.runs,
-                "runs_per_chunk": plans[s.name].runs_per_chunk,
-                "methods": list(s.campaign.methods),
-                "trajectory_key": str(trajectory_key(s.name)),
-                "configuration": s.model_dump(mode="json"),
-                "options": s.kernel_options(),
+            one.scenario.name: {
+                "seed": one.scenario.campaign.seed,
+                "runs": one.scenario.campaign.runs,
+                "runs_per_chunk": partition.runs_per_chunk,
+                "methods": list(one.scenario.campaign.methods),
+                "trajectory_key": str(trajectory_key(one.scenario.name)),
+                "configuration": one.scenario.model_dump(mode="json"),
+                "options": one.scenario.kernel_options(),
             }
-            for s in (simulation.scenario for simulation in simulations)
+            for one, partition in zip(built, partitions, strict=True)
         },
+        # JSON objects are written in the order of their keys: the order of the scenarios stands apart.
+        "order": [partition.scenario for partition in partitions],
     }
-    # JSON objects are written in the order of their keys: the order of the scenarios stands apart.
-    described["order"] = list(plans)
     if shard is not None:
         described["shard"] = {"k": shard.k, "n": shard.n}
     return described

@@ -1,6 +1,6 @@
-"""How a campaign is cut: runs into chunks, chunks into shards. The scenario decides, and nothing else."""
+"""How a campaign is partitioned: runs into chunks, chunks into shards. The scenarios alone decide."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -8,50 +8,53 @@ from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError, ScenarioError
 
 CHUNK_STEPS = 12_000_000
-"""Filter steps of one kernel call: a second or two of one core, so that progress and interruption stay lively."""
+"""Filter steps of one kernel call: a second or two of one core, so that progress and interruption stay responsive."""
 
 EVEN_RUNS = 16
-"""Chunks of more runs hold a multiple of it: full lanes, and as much work for each thread."""
+"""Larger chunks hold a multiple of this number of runs, which fills the SIMD lanes and shares the threads evenly."""
 
 CLOSED_LOOP_VEHICLES = 512
-"""Vehicles that fly on estimates side by side: more cost less each, and more is lost with an unfinished chunk."""
+"""Vehicles simulated side by side in closed loop. More of them cost less each; an unfinished chunk loses more."""
 
 
 @dataclass(frozen=True)
-class RunRange:
-    """Runs that are flown and written together."""
+class Chunk:
+    """Runs of one scenario that are computed and written together."""
 
+    scenario: str
     first_run: int
     runs: int
 
     @property
-    def stem(self) -> str:
-        """What the names of its files end with."""
+    def file_ending(self) -> str:
+        """The end of its files' names."""
         return f"{self.first_run:08d}-{self.first_run + self.runs - 1:08d}.parquet"
 
 
 @dataclass(frozen=True)
 class Partition:
-    """What the tables of one scenario are made of; it can be read back from a manifest."""
+    """How one scenario is cut into chunks, and what its tables are made of; a manifest holds the same facts."""
 
-    name: str
+    scenario: str
     methods: tuple[str, ...]
     runs: int
     runs_per_chunk: int
     nees_degrees: int
 
-    def spans(self) -> list[RunRange]:
+    def chunks(self) -> list[Chunk]:
         """The chunks, in the order of their runs."""
         size = self.runs_per_chunk
-        return [RunRange(first, min(size, self.runs - first)) for first in range(0, self.runs, size)]
+        return [
+            Chunk(self.scenario, first, min(size, self.runs - first)) for first in range(0, self.runs, size)
+        ]
 
     @classmethod
     def of(cls, scenario: Scenario) -> Self:
-        """The plan of a scenario.
+        """The partition of a scenario.
 
         >>> from bottomlock.config.scenario import load_scenario
-        >>> plan = Partition.of(load_scenario("straight").with_overrides(runs=500, methods=["tc"]))
-        >>> [span.runs for span in plan.spans()]
+        >>> partition = Partition.of(load_scenario("straight").with_overrides(runs=500, methods=["tc"]))
+        >>> [chunk.runs for chunk in partition.chunks()]
         [304, 196]
         """
         trajectory, settings = scenario.trajectory, scenario.campaign
@@ -60,7 +63,7 @@ class Partition:
         if trajectory.feedback == "estimate":
             size = CLOSED_LOOP_VEHICLES // (len(settings.methods) if trajectory.pilot == "own" else 1)
         return cls(
-            name=scenario.name,
+            scenario=scenario.name,
             methods=tuple(settings.methods),
             runs=settings.runs,
             runs_per_chunk=max(1, size if size < EVEN_RUNS else size - size % EVEN_RUNS),
@@ -69,7 +72,7 @@ class Partition:
 
     @classmethod
     def from_manifest(cls, name: str, manifest: Mapping[str, Any]) -> Self:
-        """The plan that a campaign's manifest tells of one of its scenarios.
+        """The partition that a campaign's manifest states for one of its scenarios.
 
         Raises:
             DataError: for a manifest without it.
@@ -77,14 +80,16 @@ class Partition:
         try:
             scenario = manifest["scenarios"][name]
             return cls(
-                name=name,
+                scenario=name,
                 methods=tuple(scenario["methods"]),
                 runs=int(scenario["runs"]),
                 runs_per_chunk=int(scenario["runs_per_chunk"]),
                 nees_degrees=int(manifest["nees_degrees"][name]),
             )
         except (KeyError, TypeError, ValueError) as error:
-            raise DataError(f"the manifest does not tell how scenario {name} was cut ({error!r})") from error
+            raise DataError(
+                f"the manifest does not state how scenario {name} was cut into chunks ({error!r})"
+            ) from error
 
 
 @dataclass(frozen=True)
@@ -105,13 +110,19 @@ class Shard:
         Shard(k=2, n=3)
 
         Raises:
-            ScenarioError: for anything else than 1 <= k <= n.
+            ScenarioError: unless the text is k/n with 1 <= k <= n.
         """
         first, slash, last = text.partition("/")
         if slash and first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last):
             return cls(int(first), int(last))
         raise ScenarioError(f"shard '{text}': expected k/n with 1 <= k <= n, such as 2/3")
 
-    def takes(self, number: int) -> bool:
-        """Whether the chunk of this number, from 0, is its own."""
+    def contains(self, number: int) -> bool:
+        """Whether the chunk of this number, from 0, belongs to the shard."""
         return number % self.n == self.k - 1
+
+
+def all_chunks(partitions: Sequence[Partition], shard: Shard | None = None) -> list[Chunk]:
+    """The chunks of all scenarios in order; those of one shard if it is given."""
+    chunks = [chunk for partition in partitions for chunk in partition.chunks()]
+    return [chunk for number, chunk in enumerate(chunks) if shard is None or shard.contains(number)]

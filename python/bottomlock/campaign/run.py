@@ -1,8 +1,8 @@
-"""A Monte Carlo campaign: scenarios x runs x methods to tables, in chunks that survive an interruption.
+"""A Monte Carlo campaign, one step after another: built, partitioned, run, aggregated, written.
 
-Chunk boundaries depend on the scenario alone, never on threads, shards or the engine; a run's numbers depend on nothing
-but the seed, the trajectory's name and the run's number. So any cutting, any engine and any resumption give the same
-bits.
+Chunk boundaries depend on the scenario alone, never on threads, shards or the engine. The numbers of a run depend on
+nothing but the seed, the trajectory's name and the run's number. Any partition, any engine and any resumption therefore
+give the same bits.
 """
 
 import time
@@ -13,29 +13,68 @@ from pathlib import Path
 from typing import Any
 
 import polars as pl
-from threadpoolctl import threadpool_limits
 
-from bottomlock.atomic_write import write_json, write_parquet
-from bottomlock.campaign.aggregate import Results, finish, open_tallies
-from bottomlock.campaign.chunk import Chunk, ChunkResult, true_course
-from bottomlock.campaign.directory import MANIFEST, TRUTH, is_finished, prepare, write_chunk
-from bottomlock.campaign.engine import Engine, open_engine
-from bottomlock.campaign.manifest import Clock, configuration_hash, describe
-from bottomlock.campaign.partition import Partition, RunRange, Shard
+from bottomlock.atomic_write import write_json
+from bottomlock.campaign.aggregate import Tables, open_aggregate
+from bottomlock.campaign.build import build_scenarios, true_paths
+from bottomlock.campaign.directory import (
+    MANIFEST,
+    claim_directory,
+    is_finished,
+    read_chunk,
+    write_chunk,
+    write_tables,
+)
+from bottomlock.campaign.engine import ChunkSource, open_engine
+from bottomlock.campaign.manifest import Clock, describe
+from bottomlock.campaign.partition import Chunk, Partition, Shard, all_chunks
 from bottomlock.config.scenario import Scenario
-from bottomlock.errors import ScenarioError
-from bottomlock.simulation.build import Simulation, build_simulation
-from bottomlock.tables.campaign import PATHS
 
 
 @dataclass(frozen=True)
 class CampaignProgress:
-    """What a campaign tells while it runs; runs under way count in part, `found` are those of an earlier start."""
+    """How far a campaign is.
+
+    Attributes:
+        trajectory: the scenario under way.
+        runs_done: its finished runs; a chunk under way may count in part.
+        runs_total: all of its runs.
+        campaign_runs: the runs of all scenarios.
+        found: whether these runs were finished by an earlier start.
+    """
 
     trajectory: str
     runs_done: float
     runs_total: int
+    campaign_runs: int
     found: bool = False
+
+
+@dataclass(frozen=True)
+class Results:
+    """The tables of a finished campaign (`tables.campaign.RUNS`, `ENSEMBLE`, `CONSISTENCY`), and its manifest."""
+
+    runs: pl.DataFrame
+    ensemble: pl.DataFrame
+    consistency: pl.DataFrame
+    manifest: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What is to be computed.
+
+    Attributes:
+        partitions: how each scenario is cut into chunks, in order.
+        shard: the part that is computed here; None for all of it.
+        paths: the true paths, `tables.campaign.PATHS`.
+        description: the manifest's entries that are known beforehand, see `manifest.describe`.
+    """
+
+    partitions: tuple[Partition, ...]
+    shard: Shard | None
+    paths: pl.DataFrame
+    description: dict[str, Any]
 
 
 def run_campaign(
@@ -50,34 +89,30 @@ def run_campaign(
 ) -> Results:
     """Runs or resumes a campaign and writes its tables to `out`.
 
-    Writes `runs.parquet`, `ensemble.parquet`, `consistency.parquet`, `manifest.json` and the samples in
-    `chunks/`. Finished chunks are kept by an interruption and skipped on resumption.
+    Writes `runs.parquet`, `ensemble.parquet`, `consistency.parquet`, `choices.parquet`, `truth.parquet` and
+    `manifest.json`, and the samples in `chunks/`. An interruption keeps finished chunks; the next start skips them.
 
     Args:
-        scenarios: what to fly, with different names.
+        scenarios: the scenarios, of different names.
         out: directory; new, empty, or of the same configuration.
         threads: 0 for as many as there are cores. The numbers do not depend on it.
         engine: "local" or "dask", see `engine.open_engine`. The numbers do not depend on it.
         scheduler: address of a Dask scheduler.
         force: start over in a directory of another configuration.
-        tell: hears of every finished chunk.
+        progress: called after each chunk, and during a chunk in closed loop.
 
     Raises:
-        ScenarioError: for two scenarios of one name, and for what `build_simulation` refuses.
-        OutputError: for a directory that is not ours or cannot be written.
+        ScenarioError: for two scenarios of one name, and for what `build_simulation` rejects.
+        OutputError: for a directory that holds something else or cannot be written.
         DataError: for a chunk on disk that is damaged.
         EngineError: for an engine that is not there or breaks down.
-        KernelError: for input that the kernel refuses, naming run and method.
+        KernelError: for input that the kernel rejects, naming run and method.
     """
-    with open_tallies(out, [Partition.of(scenario) for scenario in scenarios]) as tallies:
-
-        def note(name: str, span: RunRange, flown: ChunkResult) -> None:
-            tallies[name].take(span, flown.samples, flown.counts, flown.choices)
-
-        manifest = _flown(
-            scenarios, out, None, threads, engine, scheduler, force=force, progress=progress, note=note
-        )
-        return finish(out, tallies, manifest("complete"))
+    tables, manifest = _simulate(
+        scenarios, out, None, threads, engine, scheduler, force=force, progress=progress
+    )
+    assert tables is not None
+    return Results(tables.runs, tables.ensemble, tables.consistency, manifest)
 
 
 def run_shard(
@@ -91,7 +126,7 @@ def run_shard(
     force: bool = False,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Runs or resumes one shard of a campaign; `merge.merge_shards` joins all of them to the campaign.
+    """Runs or resumes one shard of a campaign; `merge.merge_shards` joins all shards to the campaign.
 
     `out` gets the shard's chunks and a manifest of status "shard", and no tables. Everything else is as for
     `run_campaign`.
@@ -99,13 +134,11 @@ def run_shard(
     Returns:
         The manifest.
     """
-    manifest = _flown(scenarios, out, shard, threads, engine, scheduler, force=force, progress=progress)
-    finished = manifest("shard")
-    write_json(out / MANIFEST, finished)
-    return finished
+    _, manifest = _simulate(scenarios, out, shard, threads, engine, scheduler, force=force, progress=progress)
+    return manifest
 
 
-def _flown(
+def _simulate(
     scenarios: Sequence[Scenario],
     out: Path,
     shard: Shard | None,
@@ -115,92 +148,95 @@ def _flown(
     *,
     force: bool,
     progress: Callable[[CampaignProgress], None],
-    note: Callable[[str, RunRange, ChunkResult], None] = lambda _name, _span, _flown: None,
-) -> Callable[[str], dict[str, Any]]:
-    """Flies what is not there yet, while `note` hears of every chunk; returns the manifest for a status."""
-    simulations = _worlds(scenarios)
+) -> tuple[Tables | None, dict[str, Any]]:
+    """Builds and partitions the scenarios, and executes the campaign on an engine."""
     clock = Clock()
-
-    def manifest(status: str) -> dict[str, Any]:
-        return describe(simulations, status=status, threads=threads, engine=engine, shard=shard, clock=clock)
-
+    built = build_scenarios(scenarios)
+    partitions = tuple(Partition.of(scenario) for scenario in scenarios)
+    description = describe(built, partitions, threads=threads, engine=engine, shard=shard)
+    campaign = Campaign(partitions, shard, true_paths(built), description)
     # The engine comes first: nothing is written, let alone removed, for a cluster that is not there.
-    with open_engine(engine, threads=threads, scheduler=scheduler) as opened:
-        prepare(out, configuration_hash(simulations), shard=shard, force=force)
-        write_json(out / MANIFEST, manifest("running"))
-        _fly(_chunks(simulations, shard), out, opened, clock, progress, note)
-    write_parquet(out / TRUTH, _paths(simulations))
-    return manifest
+    with open_engine(engine, built, threads=threads, scheduler=scheduler) as source:
+        return execute(campaign, source, out, clock, force=force, progress=progress)
 
 
-def runs_to_fly(scenarios: Sequence[Scenario], shard: Shard | None = None) -> int:
-    """How many runs a campaign or one shard of it has."""
-    spans = [span for scenario in scenarios for span in Partition.of(scenario).spans()]
-    return sum(span.runs for number, span in enumerate(spans) if shard is None or shard.takes(number))
-
-
-def _paths(simulations: Sequence[Simulation]) -> pl.DataFrame:
-    """Where the vehicle is each second on the truth (`tables.campaign.PATHS`); runs steered by the estimate differ."""
-    parts = []
-    for simulation in simulations:
-        truth = true_course(simulation)
-        every = slice(None, None, max(1, round(simulation.scenario.imu.rate_hz)))
-        north, east, depth = truth.position_t_m[every].T
-        columns = {"time_ns": truth.time_ns[every], "north_m": north, "east_m": east, "depth_m": depth}
-        parts.append(pl.DataFrame(columns).with_columns(pl.lit(simulation.scenario.name).alias("trajectory")))
-    return pl.concat(parts).select(list(PATHS))
-
-
-def _worlds(scenarios: Sequence[Scenario]) -> list[Simulation]:
-    names = [scenario.name for scenario in scenarios]
-    if not names or len(set(names)) != len(names):
-        raise ScenarioError(f"expected scenarios of different names, got {names}")
-    # Threads of the BLAS go on turning while they wait for work, on the cores that the kernel wants next.
-    with threadpool_limits(limits=1, user_api="blas"):
-        return [build_simulation(scenario) for scenario in scenarios]
-
-
-def _chunks(simulations: Sequence[Simulation], shard: Shard | None = None) -> list[Chunk]:
-    chunks = [
-        Chunk(simulation, span)
-        for simulation in simulations
-        for span in Partition.of(simulation.scenario).spans()
-    ]
-    return [chunk for number, chunk in enumerate(chunks) if shard is None or shard.takes(number)]
-
-
-def _fly(
-    chunks: Sequence[Chunk],
+def execute(
+    campaign: Campaign,
+    source: ChunkSource,
     out: Path,
-    engine: Engine,
     clock: Clock,
-    progress: Callable[[CampaignProgress], None],
-    note: Callable[[str, RunRange, ChunkResult], None],
-) -> None:
-    """Works off the chunks that are not there yet."""
-    total = dict.fromkeys((chunk.name for chunk in chunks), 0)
-    done = dict.fromkeys(total, 0)
-    missing = []
-    for chunk in chunks:
-        total[chunk.name] += chunk.span.runs
-        if is_finished(out, chunk.name, chunk.span):
-            done[chunk.name] += chunk.span.runs
-        else:
-            missing.append(chunk)
-    for name, runs in done.items():
-        if runs:
-            progress(CampaignProgress(name, runs, total[name], found=True))
+    *,
+    force: bool,
+    progress: Callable[[CampaignProgress], None] = lambda _: None,
+) -> tuple[Tables | None, dict[str, Any]]:
+    """Claims the directory, runs the chunks that are missing, aggregates all of them, and writes the tables.
 
-    def part(chunk: Chunk, behind: float) -> None:
-        progress(CampaignProgress(chunk.name, done[chunk.name] + chunk.span.runs * behind, total[chunk.name]))
+    Args:
+        campaign: what is to be computed.
+        source: an engine, or the directories of shards.
+        out: the campaign's directory.
+        clock: started with the campaign.
+        force: start over in a directory of another campaign.
+        progress: as for `run_campaign`.
 
-    # Closing the engine's generator calls off what is under way when something fails here.
-    with closing(engine.fly(missing, part)) as flying:  # type: ignore[type-var]
-        for chunk, flown in flying:
-            started = time.perf_counter()
-            write_chunk(out, chunk.name, chunk.span, flown)
-            note(chunk.name, chunk.span, flown)
-            clock.kernel_s += flown.kernel_s
-            clock.batch_s += flown.work_s + time.perf_counter() - started
-            done[chunk.name] += chunk.span.runs
-            progress(CampaignProgress(chunk.name, done[chunk.name], total[chunk.name]))
+    Returns:
+        The tables, None for a shard, and the manifest.
+    """
+    partitions, description = {one.scenario: one for one in campaign.partitions}, campaign.description
+    claim_directory(out, description["configuration_hash"], shard=campaign.shard, force=force)
+    write_json(out / MANIFEST, description | clock.times() | {"status": "running"})
+    chunks = all_chunks(campaign.partitions, campaign.shard)
+    found = [chunk for chunk in chunks if is_finished(out, chunk)]
+    counter = _RunCounter(chunks, found, progress)
+    missing = [chunk for chunk in chunks if chunk not in set(found)]
+    tables = None
+    with open_aggregate(out, campaign.partitions) as aggregate:
+        with closing(source.run(missing, counter.report)) as results:
+            for chunk, result in results:
+                started = time.perf_counter()
+                write_chunk(out, chunk, result)
+                if campaign.shard is None:
+                    aggregate.add(chunk, result)
+                clock.kernel_s += result.kernel_s
+                clock.batch_s += result.work_s + time.perf_counter() - started
+                counter.finish(chunk)
+        if campaign.shard is None:
+            for chunk in found:
+                aggregate.add(chunk, read_chunk(out, chunk, partitions[chunk.scenario]))
+            tables = aggregate.tables()
+    write_tables(out, campaign.paths, tables)
+    manifest = description | clock.times() | {"status": "shard" if tables is None else "complete"}
+    write_json(out / MANIFEST, manifest)
+    return tables, manifest
+
+
+class _RunCounter:
+    """Counts finished runs by scenario and reports them."""
+
+    def __init__(
+        self, chunks: Sequence[Chunk], found: Sequence[Chunk], progress: Callable[[CampaignProgress], None]
+    ) -> None:
+        """Reports the runs of chunks that an earlier start has finished."""
+        self._progress = progress
+        self._total = dict.fromkeys((chunk.scenario for chunk in chunks), 0)
+        self._done = dict.fromkeys(self._total, 0)
+        for chunk in chunks:
+            self._total[chunk.scenario] += chunk.runs
+        for chunk in found:
+            self._done[chunk.scenario] += chunk.runs
+        for name, runs in self._done.items():
+            if runs:
+                self._call(name, runs, found=True)
+
+    def report(self, chunk: Chunk, fraction: float) -> None:
+        """Reports a chunk under way."""
+        self._call(chunk.scenario, self._done[chunk.scenario] + chunk.runs * fraction)
+
+    def finish(self, chunk: Chunk) -> None:
+        """Reports a finished chunk."""
+        self._done[chunk.scenario] += chunk.runs
+        self._call(chunk.scenario, self._done[chunk.scenario])
+
+    def _call(self, name: str, runs: float, *, found: bool = False) -> None:
+        total = sum(self._total.values())
+        self._progress(CampaignProgress(name, runs, self._total[name], total, found))

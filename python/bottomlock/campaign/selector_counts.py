@@ -15,7 +15,7 @@ _AXES = ("surge", "sway", "heave")
 def choice_counts(
     choice: NDArray[np.uint8], *, trajectory: str, methods: Sequence[str], dvl_time_ns: NDArray[np.int64]
 ) -> pl.DataFrame:
-    """Counts of a batch's choices (runs, methods, pings, 3), `schema.CHOICES`.
+    """Counts of a batch's choices (runs, methods, pings, 3), `tables.campaign.CHOICES`.
 
     The selector of the paper has a source for each component, the consistent selector a filter and a reason.
     """

@@ -5,15 +5,14 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from bottomlock.campaign import run as campaign
 from bottomlock.campaign.engine import ENGINES, check_engine
 from bottomlock.campaign.merge import merge_shards
 from bottomlock.campaign.partition import Shard
-from bottomlock.cli.campaign_output import conclude, flying
+from bottomlock.campaign.run import run_campaign, run_shard
+from bottomlock.cli.campaign_output import print_results, progress_bar
 from bottomlock.cli.console import console, interrupted
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.simulation.build import build_simulation
 
 
 def _split(methods: str | None) -> list[str] | None:
@@ -59,21 +58,19 @@ def run(
     loaded = [
         load_scenario(name).with_overrides(runs=runs, seed=seed, methods=_split(methods)) for name in scenario
     ]
-    part = None if shard is None else Shard.parse(shard)
     check_engine(engine, threads=threads, scheduler=scheduler)
-    for one in loaded:
-        build_simulation(one)  # a fault shows before a progress bar does
+    part = None if shard is None else Shard.parse(shard)
     settings: Any = {"threads": threads, "engine": engine, "scheduler": scheduler, "force": force}
     try:
-        with flying(campaign.runs_to_fly(loaded, part)) as progress:
+        with progress_bar() as progress:
             if part is None:
-                results = campaign.run_campaign(loaded, out, progress=progress, **settings)
+                results = run_campaign(loaded, out, progress=progress, **settings)
             else:
-                manifest = campaign.run_shard(loaded, out, part, progress=progress, **settings)
+                manifest = run_shard(loaded, out, part, progress=progress, **settings)
     except KeyboardInterrupt:
         interrupted(out)
     if part is None:
-        conclude(results, out)
+        print_results(results, out)
     else:
         console.print(
             f"shard {part} in {out}, {manifest['wall_time_s']:.1f} s; `bottomlock merge` joins all {part.n}"
@@ -96,4 +93,4 @@ def merge(
     shards
         Directories of all shards, in any order.
     """
-    conclude(merge_shards(out, shards, force=force), out)
+    print_results(merge_shards(out, shards, force=force), out)

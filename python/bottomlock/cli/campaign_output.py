@@ -18,8 +18,7 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
-from bottomlock.campaign.aggregate import Results
-from bottomlock.campaign.run import CampaignProgress
+from bottomlock.campaign.run import CampaignProgress, Results
 from bottomlock.cli.console import console, errors
 from bottomlock.statistics.campaign import summary_table
 
@@ -71,7 +70,7 @@ def summary(results: Results) -> list[Table]:
     return tables
 
 
-def conclude(results: Results, out: Path) -> None:
+def print_results(results: Results, out: Path) -> None:
     """The tables, and what they were made with."""
     for table in summary(results):
         console.print(table)
@@ -92,8 +91,12 @@ def conclude(results: Results, out: Path) -> None:
 
 
 @contextmanager
-def flying(total: float) -> Iterator[Callable[[CampaignProgress], None]]:
-    """A bar over runs, with rate and time left; what it yields takes the progress of any number of trajectories."""
+def progress_bar(total: float | None = None) -> Iterator[Callable[[CampaignProgress], None]]:
+    """A bar over runs with rate and time left, for any number of campaigns; shown from the first report on.
+
+    Args:
+        total: runs of all campaigns; those of the one campaign by default.
+    """
     columns = (
         TextColumn("{task.description:>12}"),
         BarColumn(),
@@ -102,15 +105,25 @@ def flying(total: float) -> Iterator[Callable[[CampaignProgress], None]]:
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=errors, transient=False) as progress:
-        task = progress.add_task("flying", total=total)
-        done: dict[str, float] = {}
+    bar = Progress(*columns, console=errors, transient=False)
+    task = bar.add_task("running", total=total)
+    done: dict[str, float] = {}
 
-        def tell(state: CampaignProgress) -> None:
-            done[state.trajectory] = state.runs_done
-            if state.found:
-                # What was there before says nothing of the rate: the clock starts now.
-                progress.reset(task, completed=int(sum(done.values())))
-            progress.update(task, completed=sum(done.values()), description=state.trajectory)
+    def report(state: CampaignProgress) -> None:
+        bar.start()
+        done[state.trajectory] = state.runs_done
+        if state.found:
+            # Runs of an earlier start say nothing of the rate: the clock starts now.
+            bar.reset(task, completed=int(sum(done.values())))
+        bar.update(
+            task,
+            total=state.campaign_runs if total is None else total,
+            completed=sum(done.values()),
+            description=state.trajectory,
+        )
 
-        yield tell
+    try:
+        yield report
+    finally:
+        if bar.live.is_started:
+            bar.stop()

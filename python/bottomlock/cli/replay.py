@@ -79,7 +79,7 @@ def replay(
     except KeyboardInterrupt:
         errors.print(f"interrupted; nothing was written to {out}")
         sys.exit(EXIT_INTERRUPTED)
-    conclude(replayed)
+    print_results(replayed)
     console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {page}")
 
 
@@ -161,7 +161,7 @@ def _number(value: float | None, digits: int = 3) -> str:
     return f"{value:.{digits}g}" if abs(value) < 1000 else f"{value:.0f}"
 
 
-def conclude(replayed: Replayed) -> None:
+def print_results(replayed: Replayed) -> None:
     """What came out, a table per question, narrow enough for 80 columns; and what is not as it was measured."""
     manifest = replayed.manifest
     for name, clock in manifest["clocks"].items():

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from bottomlock.cli.campaign_output import flying
+from bottomlock.cli.campaign_output import progress_bar
 from bottomlock.cli.console import console, interrupted
 from bottomlock.errors import ScenarioError
 from bottomlock.replay.report import is_replay, make_replay_report
@@ -27,7 +27,7 @@ def reproduce(
     if threads < 0:
         raise ScenarioError(f"--threads is {threads}, expected 0 or more")
     try:
-        with flying(whole_study.study_runs(runs)) as progress:
+        with progress_bar(whole_study.study_runs(runs)) as progress:
             made = whole_study.reproduce(
                 out, runs=runs, seed=seed, threads=threads, force=force, progress=progress
             )

@@ -1,4 +1,4 @@
-"""What a scenario stands for: its gravity, beams, vehicle, mission, seabed and magnetic field, built and checked."""
+"""A simulation from its scenario: gravity, beams, vehicle, mission, seabed and magnetic field, loaded and checked."""
 
 import hashlib
 from dataclasses import dataclass, replace
@@ -26,8 +26,15 @@ from bottomlock.truth.truth import Truth
 class Simulation:
     """A scenario with everything that it names.
 
-    `vehicle` and `mission` are None for an analytic truth; `seabed`, `recorded` (times, ns, and validity) and `field`
-    where the scenario names none.
+    Attributes:
+        scenario: the settings.
+        gravity_mps2: local gravity.
+        geometry: the beams.
+        vehicle: the vehicle; None for an analytic truth.
+        mission: the mission that the vehicle swims; None for an analytic truth.
+        seabed: the seabed, or None.
+        recorded: times, ns, (n,) and beam validity (n, beams) of a recorded log, or None.
+        field: the magnetic field; None without a magnetometer.
     """
 
     scenario: Scenario
@@ -40,7 +47,7 @@ class Simulation:
     field: MagneticField | None
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but the beams, which belong to the kernel: what is sent elsewhere takes no file along but its content."""
+        """All but the beams, whose class belongs to the kernel; files are held by their content."""
         return {name: value for name, value in vars(self).items() if name != "geometry"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -69,13 +76,13 @@ class Simulation:
         return digest.hexdigest()
 
     def flight(self) -> Flight:
-        """The vehicle's flight on the truth; read from the cache where it was swum before.
+        """The vehicle's mission with guidance on the truth; read from the cache where it was simulated before.
 
         Raises:
-            ScenarioError: for an analytic truth, which no vehicle swims.
+            ScenarioError: for an analytic truth.
         """
         if self.vehicle is None or self.mission is None:
-            raise ScenarioError(f"scenario {self.scenario.name}: its truth is analytic, no vehicle swims it")
+            raise ScenarioError(f"scenario {self.scenario.name}: its truth is analytic and has no vehicle")
         return fly(
             self.vehicle,
             self.mission,
@@ -86,14 +93,14 @@ class Simulation:
         )
 
     def truth(self) -> Truth:
-        """The truth: analytic, or swum by the vehicle on the truth."""
+        """The true motion: analytic, or the vehicle's mission with guidance on the truth."""
         if self.vehicle is None:
             return analytic_truth(self.scenario, self.gravity_mps2)
         return self.flight().truth
 
 
 def build_simulation(scenario: Scenario) -> Simulation:
-    """Builds everything that a scenario names, so that a fault shows before anything runs.
+    """Loads and checks everything that a scenario names, so that a fault shows before anything runs.
 
     Raises:
         ScenarioError: for beams in a plane, a vehicle file with a fault or without a stable trim, a mission beyond the
@@ -141,14 +148,14 @@ def gravity_of(scenario: Scenario) -> float:
 
 
 def mission_of(scenario: Scenario) -> Mission:
-    """The mission that the vehicle swims: the trajectory section with the keys of `[mission]` over it.
+    """The vehicle's mission: the section `[trajectory]`, with the keys of `[mission]` over it.
 
     Raises:
         ScenarioError: for wrong keys of `[mission]`.
     """
     settings = scenario.trajectory
     table: dict[str, Any] = {"kind": settings.kind, "speed_mps": settings.speed_mps}
-    # A way through waypoints ends with its last, unless a duration is asked for.
+    # A mission through waypoints ends at its last waypoint, unless a duration is given.
     if settings.kind == "waypoints":
         table["name"] = scenario.name
     if settings.kind != "waypoints" or "duration_s" in settings.model_fields_set:

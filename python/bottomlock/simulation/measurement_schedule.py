@@ -1,4 +1,4 @@
-"""What the sensors meet along a truth: which beams return, from how far, where GPS is heard, what moves a reading."""
+"""What the sensors of a simulation measure and when: epochs, returning beams, ranges, GPS reception, offsets."""
 
 from typing import Any
 
@@ -26,9 +26,9 @@ Times = NDArray[np.int64]
 
 
 class MeasurementSchedule:
-    """Epochs of every sensor between two times, and what each run meets at them as its truth unfolds.
+    """Epochs of every sensor between two times, and the conditions of each run at them along its truth.
 
-    Chance is drawn under the campaign's key, so that run k alone meets what run k of a campaign meets.
+    Random dropouts are drawn under the campaign's key, so run k alone has the dropouts of run k of a campaign.
     """
 
     def __init__(
@@ -42,13 +42,13 @@ class MeasurementSchedule:
         runs: int = 1,
         vehicles_per_run: int = 1,
     ) -> None:
-        """`first_run` and `runs` say whose chances are drawn; the vehicles of a run share them.
+        """`first_run` and `runs` select the runs; the vehicles of a run share its random dropouts.
 
         Raises:
             DataError: for less than a second, which leaves nothing to record.
         """
         scenario = simulation.scenario
-        self._world = simulation
+        self._simulation = simulation
         self._times = {
             "dvl": epochs_ns(first_ns, last_ns, scenario.dvl.rate_hz),
             "sample": epochs_ns(first_ns, last_ns, 1.0),
@@ -65,47 +65,53 @@ class MeasurementSchedule:
         self._valid = np.repeat(valid, vehicles_per_run, axis=0) if valid.ndim == 3 else valid
         self._gps = GpsReception(scenario.gps.antenna_depth_m, scenario.gps.acquire_s)
 
-    def along(
+    def over(
         self, time_ns: Times, position_t_m: Floats, attitude_t_p: Floats
     ) -> tuple[dict[str, Any], Footprints | None]:
-        """The kernel's schedule over a stretch, and where the beams meet the seabed, (vehicles, epochs, beams).
+        """The kernel's schedule over a part of the truth, and where the beams meet the seabed.
 
-        Stretches come in order, each beginning with the last sample of the one before. Positions (vehicles,
-        samples, 3) and attitudes (vehicles, samples, 4); a single one stands for all. Epochs lie after the
-        first sample.
+        Parts come in order; each begins with the last sample of the one before, and its epochs lie after that sample.
+
+        Args:
+            time_ns: (samples,) int64.
+            position_t_m: (vehicles, samples, 3); a single vehicle stands for all.
+            attitude_t_p: (vehicles, samples, 4) unit quaternions, scalar first.
+
+        Returns:
+            The schedule, and footprints (vehicles, epochs, beams) or None without a seabed.
         """
-        scenario = self._world.scenario
+        scenario = self._simulation.scenario
         within = {name: (times > time_ns[0]) & (times <= time_ns[-1]) for name, times in self._times.items()}
         now = {name: times[within[name]] for name, times in self._times.items()}
         valid = self._valid[..., within["dvl"], :]
         hits = self._footprints(now["dvl"], time_ns, position_t_m, attitude_t_p)
         if hits is not None:
             valid = combine(valid, _flat(self._limits().valid(hits)))
-        plan: dict[str, Any] = {f"{name}_time_ns": times for name, times in now.items()}
-        plan["beam_valid"] = valid
+        schedule: dict[str, Any] = {f"{name}_time_ns": times for name, times in now.items()}
+        schedule["beam_valid"] = valid
         if len(now["depth"]):
             depth_m = _between(time_ns, position_t_m, now["depth"])[..., 2]
-            pressure = _pressure(self._world)
-            plan["depth_offset_m"] = _flat(pressure.depth_error_m(depth_m, self._world.gravity_mps2))
+            pressure = _pressure(self._simulation)
+            schedule["depth_offset_m"] = _flat(pressure.depth_error_m(depth_m, self._simulation.gravity_mps2))
         if len(now["magnetometer"]):
             attitude = _between(time_ns, attitude_t_p, now["magnetometer"])
-            plan["yaw_offset_rad"] = _flat(self._heading_error_rad(attitude))
+            schedule["yaw_offset_rad"] = _flat(self._heading_error_rad(attitude))
         if scenario.gps.enabled:
-            plan["gps_heard"] = _flat(self._gps.heard(time_ns, position_t_m[..., 2], now["gps"]))
-        return plan, hits
+            schedule["gps_heard"] = _flat(self._gps.heard(time_ns, position_t_m[..., 2], now["gps"]))
+        return schedule, hits
 
     def _unconditional(self, trajectory_key: int, first_run: int, runs: int) -> NDArray[np.bool_]:
-        """Validity that does not ask where the vehicle is: (epochs, beams), or (runs, epochs, beams) by chance."""
-        dvl, times = self._world.scenario.dvl, self._times["dvl"]
+        """Validity apart from the vehicle's motion: (epochs, beams), or (runs, epochs, beams) where it is random."""
+        dvl, times = self._simulation.scenario.dvl, self._times["dvl"]
         key = {
-            "seed": self._world.scenario.campaign.seed,
+            "seed": self._simulation.scenario.campaign.seed,
             "trajectory_key": trajectory_key,
             "first_run": first_run,
             "runs": runs,
         }
         rules = [beam_valid(dvl, times)]
-        if self._world.recorded is not None:
-            rules.append(replayed(times, *self._world.recorded))
+        if self._simulation.recorded is not None:
+            rules.append(replayed(times, *self._simulation.recorded))
         if dvl.dropouts:
             chain: list[MarkovDropout | None] = [None] * dvl.beams
             for dropout in dvl.dropouts:
@@ -118,13 +124,13 @@ class MeasurementSchedule:
         return combine(*rules)
 
     def _limits(self) -> ReturnLimits:
-        dvl = self._world.scenario.dvl
+        dvl = self._simulation.scenario.dvl
         return ReturnLimits(dvl.min_range_m, dvl.max_range_m, units.rad_from_deg(dvl.max_incidence_deg))
 
     def _footprints(
         self, epochs: Times, time_ns: Times, position_t_m: Floats, attitude_t_p: Floats
     ) -> Footprints | None:
-        seabed, geometry = self._world.seabed, self._world.geometry
+        seabed, geometry = self._simulation.seabed, self._simulation.geometry
         if seabed is None:
             return None
         position = _between(time_ns, position_t_m, epochs)
@@ -141,7 +147,7 @@ class MeasurementSchedule:
         return Footprints(flat.range_m.reshape(shape), flat.incidence_rad.reshape(shape))
 
     def _heading_error_rad(self, attitude: Floats) -> Floats:
-        compass, field = self._world.scenario.magnetometer, self._world.field
+        compass, field = self._simulation.scenario.magnetometer, self._simulation.field
         assert field is not None
         assumed_deg = compass.assumed_declination_deg
         error = magnetic_heading_error_rad(
@@ -158,7 +164,19 @@ class MeasurementSchedule:
 def measurement_schedule(
     simulation: Simulation, truth: Truth, *, trajectory_key: int = 0, first_run: int = 0, runs: int = 1
 ) -> dict[str, Any]:
-    """What the kernel's `run_batch` wants to know of the sensors along a truth that all runs share.
+    """The `schedule` argument of `run_batch`: epochs, beam validity and offsets along a truth that all runs share.
+
+    Args:
+        simulation: the scenario.
+        truth: the true motion.
+        trajectory_key: key of the random dropouts, see `build.trajectory_key`.
+        first_run: number of the first run.
+        runs: number of runs.
+
+    Returns:
+        `dvl_time_ns`, `sample_time_ns` and the epochs of the other sensors, int64 ns; `beam_valid` (epochs, beams), or
+        (runs, epochs, beams) where it is random; `depth_offset_m`, `yaw_offset_rad` and `gps_heard` where the scenario
+        has these sensors.
 
     Raises:
         DataError: for a truth of less than a second.
@@ -178,8 +196,8 @@ def measurement_schedule(
 def schedule_and_footprints(
     simulation: Simulation, truth: Truth, *, trajectory_key: int = 0, first_run: int = 0, runs: int = 1
 ) -> tuple[dict[str, Any], Footprints | None]:
-    """As `schedule`, and where the beams meet the seabed, (epochs, beams) each; None without a seabed."""
-    conditions = MeasurementSchedule(
+    """As `measurement_schedule`, and the footprints of the beams, (epochs, beams) each; None without a seabed."""
+    whole = MeasurementSchedule(
         simulation,
         first_ns=int(truth.time_ns[0]),
         last_ns=int(truth.time_ns[-1]),
@@ -187,8 +205,8 @@ def schedule_and_footprints(
         first_run=first_run,
         runs=runs,
     )
-    plan, hits = conditions.along(truth.time_ns, truth.position_t_m[None], truth.attitude_t_p[None])
-    return plan, None if hits is None else Footprints(hits.range_m[0], hits.incidence_rad[0])
+    schedule, hits = whole.over(truth.time_ns, truth.position_t_m[None], truth.attitude_t_p[None])
+    return schedule, None if hits is None else Footprints(hits.range_m[0], hits.incidence_rad[0])
 
 
 def _flat(values: NDArray[Any]) -> NDArray[Any]:
@@ -197,10 +215,10 @@ def _flat(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _between(time_ns: Times, values: Floats, epochs: Times) -> Floats:
-    """Values (runs, samples, n) at epochs, linear between the samples: (runs, epochs, n)."""
+    """Values (runs, samples, n) at the epochs, linear between the samples: (runs, epochs, n)."""
     after = np.clip(np.searchsorted(time_ns, epochs), 1, len(time_ns) - 1)
-    part = (epochs - time_ns[after - 1]) / (time_ns[after] - time_ns[after - 1])
-    return values[:, after - 1] + part[:, None] * (values[:, after] - values[:, after - 1])
+    fraction = (epochs - time_ns[after - 1]) / (time_ns[after] - time_ns[after - 1])
+    return values[:, after - 1] + fraction[:, None] * (values[:, after] - values[:, after - 1])
 
 
 def _pressure(simulation: Simulation) -> Pressure:

@@ -1,4 +1,4 @@
-"""The sensor streams of one run as tables: what its filters are fed, for a filter of one's own."""
+"""The sensor readings of one run as tables: the input of its filters, for use with another filter."""
 
 from typing import Any
 
@@ -13,10 +13,10 @@ from bottomlock.truth.truth import Truth
 
 
 def sensor_streams(simulation: Simulation, truth: Truth, *, run: int = 0) -> dict[str, pl.DataFrame]:
-    """What the sensors of a run read along a truth, a table per sensor; the very readings of that run in a campaign.
+    """The sensor readings of one run along a truth, a table per sensor; they equal those of that run in a campaign.
 
     Returns:
-        Tables with time_ns and: `imu`, rate_{x,y,z}_radps and force_{x,y,z}_mps2 in the platform frame; `beams`, for
+        Tables with time_ns and: `imu`, omega_{x,y,z}_radps and force_{x,y,z}_mps2 in the platform frame; `beams`, for
         every beam beamK_mps, beamK_valid and, over a seabed, beamK_range_m, null where it does not return; `depth`,
         depth_m; `attitude`, attitude_{w,x,y,z} from platform to tangent; `gps`, position_{north,east,down}_m and
         velocity_{north,east,down}_mps. A sensor that is off has no rows.
@@ -37,12 +37,13 @@ def sensor_streams(simulation: Simulation, truth: Truth, *, run: int = 0) -> dic
         "trajectory_key": trajectory_key(scenario.name),
         "run": run,
     }
-    plan, hits = schedule_and_footprints(
+    conditions = schedule_and_footprints(
         simulation, truth, trajectory_key=key["trajectory_key"], first_run=run, runs=1
     )
+    schedule: Any = conditions[0]
+    hits = conditions[1]
     arrays: Any = truth.kernel_arrays()
     model: Any = scenario.kernel_model(simulation.gravity_mps2)
-    schedule: Any = plan
     drawn = kernel.simulate_sensors(
         simulation.geometry, arrays, model, schedule, imu_sampling=scenario.imu.sampling, **key
     )
@@ -54,7 +55,7 @@ def sensor_streams(simulation: Simulation, truth: Truth, *, run: int = 0) -> dic
         beams[f"beam{k + 1}_valid"] = valid[:, k]
         if ranges is not None:
             beams[f"beam{k + 1}_range_m"] = np.where(valid[:, k], ranges[:, k], np.nan)
-    imu = _columns("rate_{}_radps", "xyz", drawn["imu_omega_p_radps"])
+    imu = _columns("omega_{}_radps", "xyz", drawn["imu_omega_p_radps"])
     imu |= _columns("force_{}_mps2", "xyz", drawn["imu_force_p_mps2"])
     axes = ("north", "east", "down")
     gps = _columns("position_{}_m", axes, drawn["gps_position_t_m"])

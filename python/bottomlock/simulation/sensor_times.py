@@ -1,4 +1,4 @@
-"""When each sensor measures, and which beams its settings alone take away."""
+"""When each sensor measures, and which beams the settings alone remove."""
 
 import numpy as np
 from numpy.typing import NDArray

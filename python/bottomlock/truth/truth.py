@@ -67,8 +67,7 @@ class Truth:
 
         Raises:
             DataError: for a wrong name or shape, time that does not increase, numbers that are not finite, or
-            quaternions
-                that are not of length 1.
+                quaternions that are not of length 1.
         """
         wanted = {field.name for field in fields(cls)} - {"time_ns", "latitude_rad", "gravity_mps2"}
         if set(arrays) != wanted:
@@ -84,9 +83,9 @@ class Truth:
         )
 
     def kernel_arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays as the kernel wants them."""
+        """The arrays as the kernel takes them, contiguous and aligned; those of another process may be neither."""
         names = ("time_ns", "position_t_m", "attitude_t_p", "velocity_p_mps", "omega_p_radps", "force_p_mps2")
-        return {name: getattr(self, name) for name in names}
+        return {name: np.require(getattr(self, name), requirements=["C", "A"]) for name in names}
 
 
 def sample_times_ns(duration_s: float, rate_hz: float) -> NDArray[np.int64]:

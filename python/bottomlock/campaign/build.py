@@ -1,0 +1,84 @@
+"""The first step of a campaign: every scenario built, checked, and its truth computed once."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from bottomlock.config.scenario import Scenario
+from bottomlock.errors import ScenarioError
+from bottomlock.plant import Flight
+from bottomlock.plant.closed_loop import cross_track_m
+from bottomlock.simulation.build import Simulation, build_simulation
+from bottomlock.tables.campaign import PATHS
+from bottomlock.truth.truth import Truth
+
+CONTROL_RATE_HZ = 5.0
+"""Samples of the cross-track error per second, as many as there are control steps in closed loop."""
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltScenario:
+    """A scenario that is ready to run.
+
+    Attributes:
+        simulation: the scenario with everything that it names.
+        truth: the true motion; runs in closed loop leave it, all others share it.
+        cross_track_m: (ticks,) cross-track error of the vehicle along that truth; None for an analytic truth.
+    """
+
+    simulation: Simulation
+    truth: Truth
+    cross_track_m: NDArray[np.float64] | None
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario's settings."""
+        return self.simulation.scenario
+
+    @property
+    def closed_loop(self) -> bool:
+        """Whether guidance and control use the navigation estimate in place of the truth."""
+        return self.scenario.trajectory.feedback == "estimate"
+
+
+def build_scenarios(scenarios: Sequence[Scenario]) -> list[BuiltScenario]:
+    """Builds the simulation and the truth of every scenario.
+
+    Raises:
+        ScenarioError: for no scenario, two of one name, and what `build_simulation` rejects.
+        DataError: for an analytic motion that cannot be flown.
+    """
+    names = [scenario.name for scenario in scenarios]
+    if not names or len(set(names)) != len(names):
+        raise ScenarioError(f"expected scenarios of different names, got {names}")
+    # Idle BLAS threads spin on the cores that the kernel needs next.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return [_built(build_simulation(scenario)) for scenario in scenarios]
+
+
+def _built(simulation: Simulation) -> BuiltScenario:
+    if simulation.vehicle is None:
+        return BuiltScenario(simulation, simulation.truth(), None)
+    flight = simulation.flight()
+    return BuiltScenario(simulation, flight.truth, _cross_track_m(flight))
+
+
+def _cross_track_m(flight: Flight) -> NDArray[np.float64]:
+    passage = flight.passage
+    every = max(1, round(len(passage.time_ns) / (flight.mission.duration_s * CONTROL_RATE_HZ)))
+    return cross_track_m(flight.mission, passage.segment[::every], passage.state[::every, :3])
+
+
+def true_paths(built: Sequence[BuiltScenario]) -> pl.DataFrame:
+    """The true position of every scenario once a second (`tables.campaign.PATHS`); closed-loop runs leave this path."""
+    parts = []
+    for one in built:
+        every = slice(None, None, max(1, round(one.scenario.imu.rate_hz)))
+        north, east, depth = one.truth.position_t_m[every].T
+        columns = {"time_ns": one.truth.time_ns[every], "north_m": north, "east_m": east, "depth_m": depth}
+        parts.append(pl.DataFrame(columns).with_columns(pl.lit(one.scenario.name).alias("trajectory")))
+    return pl.concat(parts).select(list(PATHS))
