@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -67,6 +68,45 @@ def test_a_missing_path_and_an_unnamed_room_are_noticed(tmp_path: Path) -> None:
     paths = named_paths("`io/pd0.py`, `python/bottomlock/io/` and tests/gone/ beside `moved.rs` and figures/")
     assert paths == {"io/pd0.py", "python/bottomlock/io/", "tests/gone/", "moved.rs"}
     assert sorted(path for path in paths if not exists(tmp_path, path)) == ["moved.rs", "tests/gone/"]
+
+
+def layers(page: str, after: str) -> list[set[str]]:
+    """The layers, from the top down, of the block that follows some words."""
+    block = page.split(after, 1)[1].split("```\n", 2)[1]
+    return [set(line.split(" | ")) for line in block.splitlines()]
+
+
+def test_python_layers_are_those_of_the_contract(root: Path, page: str) -> None:
+    settings = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+    (contract,) = [one for one in settings["tool"]["importlinter"]["contracts"] if one["id"] == "layers"]
+    enforced = [set(layer.split(" | ")) for layer in contract["layers"] if layer != "__main__"]
+    assert layers(page, "Python layers") == enforced
+
+
+def kernel_imports(source: Path) -> set[tuple[str, str]]:
+    """Pairs of kernel modules of which the first uses the second, tests left out."""
+    pairs = set()
+    for file in source.rglob("*.rs"):
+        module = file.relative_to(source).parts[0].removesuffix(".rs")
+        if module == "lib" or "tests" in file.name:
+            continue
+        text = re.sub(r"//.*", "", file.read_text(encoding="utf-8").split("#[cfg(test)]\nmod tests {", 1)[0])
+        used = re.findall(r"\bcrate::(\w+)", text)
+        pairs |= {(module, other) for other in used if other != module and other[0].islower()}
+    return pairs
+
+
+def test_kernel_modules_import_from_below(root: Path, page: str) -> None:
+    rank = {
+        module: depth
+        for depth, row in enumerate(layers(page, "Kernel modules, in the same order"))
+        for module in row
+    }
+    pairs = kernel_imports(root / "crates" / "bottomlock" / "src")
+    assert len(pairs) > 40
+    assert sorted(pair for pair in pairs if not rank[pair[0]] < rank[pair[1]]) == []
+    modules = {re.sub(r"\.rs$", "", path.name) for path in (root / "crates" / "bottomlock" / "src").iterdir()}
+    assert set(rank) == modules - {"lib"}
 
 
 PAGES = ("README.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md", "docs")
