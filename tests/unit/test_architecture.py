@@ -110,6 +110,37 @@ def test_kernel_modules_import_from_below(root: Path, page: str) -> None:
 
 
 PAGES = ("README.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md", "docs")
+
+
+def pages(root: Path) -> list[Path]:
+    """Every page in Markdown at the top of the checkout and under docs/."""
+    tops = [root / name for name in PAGES]
+    return [file for top in tops for file in (sorted(top.rglob("*.md")) if top.is_dir() else [top])]
+
+
+_QUOTED = re.compile(r"`((?:crates|python|tests|tools|docs|data|benches)/[^`\s:]+)(?:::\w+)?`")
+
+
+def test_paths_on_every_page_exist(root: Path) -> None:
+    """The changelog names what has gone, and NAME stands for a file to be written."""
+    quoted = {
+        f"{file.relative_to(root)}: {path}"
+        for file in pages(root)
+        if file.name != "CHANGELOG.md"
+        for path in _QUOTED.findall(file.read_text(encoding="utf-8"))
+        if "NAME" not in path and not (root / path).exists()
+    }
+    assert sorted(quoted) == []
+
+
+def test_pre_commit_runs_make_lint(root: Path) -> None:
+    (parts,) = re.findall(r"^lint: (.*)$", (root / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    hooks = re.findall(
+        r"^ +entry: make (.*)$", (root / ".pre-commit-config.yaml").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert hooks == parts.split()
+
+
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
 _FENCED = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
 
@@ -134,8 +165,7 @@ def broken_links(file: Path) -> list[str]:
 
 
 def test_relative_links_resolve(root: Path) -> None:
-    tops = [root / name for name in PAGES]
-    files = [file for top in tops for file in (sorted(top.rglob("*.md")) if top.is_dir() else [top])]
+    files = pages(root)
     assert len(files) > 40
     broken = {str(file.relative_to(root)): broken_links(file) for file in files}
     assert {name: links for name, links in broken.items() if links} == {}
