@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -69,7 +70,77 @@ def test_a_missing_path_and_an_unnamed_room_are_noticed(tmp_path: Path) -> None:
     assert sorted(path for path in paths if not exists(tmp_path, path)) == ["moved.rs", "tests/gone/"]
 
 
+def layers(page: str, after: str) -> list[set[str]]:
+    """The layers, from the top down, of the block that follows some words."""
+    block = page.split(after, 1)[1].split("```\n", 2)[1]
+    return [set(line.split(" | ")) for line in block.splitlines()]
+
+
+def test_python_layers_are_those_of_the_contract(root: Path, page: str) -> None:
+    settings = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+    (contract,) = [one for one in settings["tool"]["importlinter"]["contracts"] if one["id"] == "layers"]
+    enforced = [set(layer.split(" | ")) for layer in contract["layers"] if layer != "__main__"]
+    assert layers(page, "Python layers") == enforced
+
+
+def kernel_imports(source: Path) -> set[tuple[str, str]]:
+    """Pairs of kernel modules of which the first uses the second, tests left out."""
+    pairs = set()
+    for file in source.rglob("*.rs"):
+        module = file.relative_to(source).parts[0].removesuffix(".rs")
+        if module == "lib" or "tests" in file.name:
+            continue
+        text = re.sub(r"//.*", "", file.read_text(encoding="utf-8").split("#[cfg(test)]\nmod tests {", 1)[0])
+        used = re.findall(r"\bcrate::(\w+)", text)
+        pairs |= {(module, other) for other in used if other != module and other[0].islower()}
+    return pairs
+
+
+def test_kernel_modules_import_from_below(root: Path, page: str) -> None:
+    rank = {
+        module: depth
+        for depth, row in enumerate(layers(page, "Kernel modules, in the same order"))
+        for module in row
+    }
+    pairs = kernel_imports(root / "crates" / "bottomlock" / "src")
+    assert len(pairs) > 40
+    assert sorted(pair for pair in pairs if not rank[pair[0]] < rank[pair[1]]) == []
+    modules = {re.sub(r"\.rs$", "", path.name) for path in (root / "crates" / "bottomlock" / "src").iterdir()}
+    assert set(rank) == modules - {"lib"}
+
+
 PAGES = ("README.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md", "docs")
+
+
+def pages(root: Path) -> list[Path]:
+    """Every page in Markdown at the top of the checkout and under docs/."""
+    tops = [root / name for name in PAGES]
+    return [file for top in tops for file in (sorted(top.rglob("*.md")) if top.is_dir() else [top])]
+
+
+_QUOTED = re.compile(r"`((?:crates|python|tests|tools|docs|data|benches)/[^`\s:]+)(?:::\w+)?`")
+
+
+def test_paths_on_every_page_exist(root: Path) -> None:
+    """The changelog names what has gone, and NAME stands for a file to be written."""
+    quoted = {
+        f"{file.relative_to(root)}: {path}"
+        for file in pages(root)
+        if file.name != "CHANGELOG.md"
+        for path in _QUOTED.findall(file.read_text(encoding="utf-8"))
+        if "NAME" not in path and not (root / path).exists()
+    }
+    assert sorted(quoted) == []
+
+
+def test_pre_commit_runs_make_lint(root: Path) -> None:
+    (parts,) = re.findall(r"^lint: (.*)$", (root / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    hooks = re.findall(
+        r"^ +entry: make (.*)$", (root / ".pre-commit-config.yaml").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert hooks == parts.split()
+
+
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
 _FENCED = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
 
@@ -94,8 +165,7 @@ def broken_links(file: Path) -> list[str]:
 
 
 def test_relative_links_resolve(root: Path) -> None:
-    tops = [root / name for name in PAGES]
-    files = [file for top in tops for file in (sorted(top.rglob("*.md")) if top.is_dir() else [top])]
+    files = pages(root)
     assert len(files) > 40
     broken = {str(file.relative_to(root)): broken_links(file) for file in files}
     assert {name: links for name, links in broken.items() if links} == {}
