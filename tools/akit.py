@@ -51,7 +51,7 @@ file = "{folder}/imu_{section:02d}.parquet"
 clock = {{ rate_hz = 100.0, start_s = 0.01 }}  # a row is the mean over the 10 ms after its own time
 sampling = "averaged"
 force = ["acc_x", "acc_y", "acc_z"]
-rate = ["gyro_x", "gyro_y", "gyro_z"]
+omega = ["gyro_x", "gyro_y", "gyro_z"]
 axes = ["x", "-y", "z"]
 [imu.errors]
 accel_bias_mg = 0.05
@@ -167,7 +167,7 @@ def akit_case(
         section: its number.
         noisy: beam noise drawn from the caves' closure residuals is added.
         degraded: the IMU and the start are made those of the paper's Table 2.
-        asks: with the questions (beams 3 and 4 lost, outages, the caves' pattern), else as recorded alone.
+        asks: with the what-if cases (beams 3 and 4 lost, outages, the caves' pattern), else as recorded alone.
         depth: with the altitude of the reference as a depth sensor.
         robust: beams are gated one by one and their noise taken for Student's t.
         replay: lines for the section [replay].

@@ -26,7 +26,7 @@ from tools.akit import SECTIONS, akit_case
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "recorded.md"
 DRAWS = 1
-QUESTIONS = (RECORDED, "lost_34", "outage_60", "outage_120", "outage_300", "caves")
+WHAT_IF = (RECORDED, "lost_34", "outage_60", "outage_120", "outage_300", "caves")
 
 
 def recordings() -> Path:
@@ -101,8 +101,8 @@ def full_velocity(data: Path, scratch: Path) -> str:
     return table(head, rows) + words
 
 
-def questions(runs: pl.DataFrame) -> str:
-    """Every method, forward and smoothed: position error at the end in % DT, or its RMS, for every question."""
+def what_if_cases(runs: pl.DataFrame) -> str:
+    """Every method, forward and smoothed: position error at the end in % DT, or its RMS, for every what-if case."""
     total = runs.filter(
         (pl.col("method") == "tc") & (pl.col("pass") == FORWARD) & (pl.col("what_if") == RECORDED)
     ).height
@@ -114,8 +114,8 @@ def questions(runs: pl.DataFrame) -> str:
             if not one.height:
                 continue
             cells = []
-            for question in QUESTIONS:
-                cell = one.filter(pl.col("what_if") == question)
+            for what_if in WHAT_IF:
+                cell = one.filter(pl.col("what_if") == what_if)
                 if which == FORWARD:
                     percent = cell["position_final_percent"]
                     cells.append(f"{number(percent.median(), 2)} ({number(percent.max(), 2)})")  # type: ignore[arg-type]
@@ -128,17 +128,17 @@ def questions(runs: pl.DataFrame) -> str:
             else "Smoothed: position error over the section, m RMS, median."
         )
         parts.append(
-            f"{title}\n\n" + table(["Method", *(question.replace("_", " ") for question in QUESTIONS)], rows)
+            f"{title}\n\n" + table(["Method", *(what_if.replace("_", " ") for what_if in WHAT_IF)], rows)
         )
     return "\n".join(parts)
 
 
-def consistency(runs: pl.DataFrame, question: str = "lost_34") -> str:
-    """One question in full: errors, error over claimed σ, fixes rejected."""
+def consistency(runs: pl.DataFrame, what_if: str = "lost_34") -> str:
+    """One what-if case in full: errors, error over claimed σ, fixes rejected."""
     rows = []
     for method in runs["method"].unique(maintain_order=True):
         one = runs.filter(
-            (pl.col("method") == method) & (pl.col("pass") == FORWARD) & (pl.col("what_if") == question)
+            (pl.col("method") == method) & (pl.col("pass") == FORWARD) & (pl.col("what_if") == what_if)
         )
         names = (
             "position_rms_m",
@@ -172,15 +172,15 @@ def against_tc(runs: pl.DataFrame) -> str:
     )
     for method in ("weak_sway", "sway_current", "consistent"):
         cells = []
-        for question in QUESTIONS:
-            one = forward.filter((pl.col("method") == method) & (pl.col("what_if") == question))
+        for what_if in WHAT_IF:
+            one = forward.filter((pl.col("method") == method) & (pl.col("what_if") == what_if))
             joined = one.join(base, on=["case", "what_if", "run"])
             ratio = joined["position_rms_m"] / joined["tc"]
             cells.append(
                 f"{number(float(np.median(ratio.to_numpy())))} ({int((ratio > 1.0).sum())}/{len(ratio)})"
             )
         rows.append([code(method), *cells])
-    return table(["Method", *(question.replace("_", " ") for question in QUESTIONS)], rows)
+    return table(["Method", *(what_if.replace("_", " ") for what_if in WHAT_IF)], rows)
 
 
 def robust(plain: pl.DataFrame, sturdy: pl.DataFrame) -> str:
@@ -188,19 +188,19 @@ def robust(plain: pl.DataFrame, sturdy: pl.DataFrame) -> str:
     rows = []
     for method in ("lc", "tc", "vb_exact", "info", "weak_sway", "sway_current", "consistent"):
         cells = []
-        for question in (RECORDED, "lost_34", "caves"):
+        for what_if in (RECORDED, "lost_34", "caves"):
             for frame in (plain, sturdy):
                 cell = frame.filter(
                     (pl.col("method") == method)
-                    & (pl.col("what_if") == question)
+                    & (pl.col("what_if") == what_if)
                     & (pl.col("pass") == FORWARD)
                 )
                 percent = cell["position_final_percent"]
                 cells.append(f"{number(percent.median(), 2)} ({number(percent.max(), 2)})")  # type: ignore[arg-type]
         rows.append([code(method), *cells])
     head = ["Method"]
-    for question in (RECORDED, "lost 34", "caves"):
-        head += [question, f"{question}, robust"]
+    for what_if in (RECORDED, "lost 34", "caves"):
+        head += [what_if, f"{what_if}, robust"]
     return table(head, rows)
 
 
@@ -285,10 +285,10 @@ def main() -> None:
             "full": full_velocity(asked.data, scratch),
             "robust": robust(noisy, sturdy),
             "degraded-robust": robust(poor, poor_sturdy),
-            "noisy": questions(noisy),
+            "noisy": what_if_cases(noisy),
             "noisy-consistency": consistency(noisy),
             "noisy-tc": against_tc(noisy),
-            "degraded": questions(poor),
+            "degraded": what_if_cases(poor),
             "degraded-consistency": consistency(poor),
             "degraded-tc": against_tc(poor),
             "caves-1": caves(asked.data, 1),

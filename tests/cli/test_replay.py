@@ -56,7 +56,7 @@ def test_example_writes_tables_report_and_manifest(out: Path) -> None:
     assert runs["position_final_m"].null_count() == runs.height  # there is no position to compare with
     manifest = json.loads((out / "manifest.json").read_text(encoding="utf-8"))
     assert manifest["files"]["imu"]["sha256"].startswith("078e9723")
-    assert 0.01 < manifest["clocks"]["imu"]["strays_s"] < 0.015  # the host's jitter, told
+    assert 0.01 < manifest["clocks"]["imu"]["max_stamp_deviation_s"] < 0.015  # the host's jitter, told
     pings = pl.read_parquet(out / "pings.parquet").filter(pl.col("what_if") == "lost_34")
     assert not pings["beam3_valid"].any()
     assert "semi-synthetic" in (out / "report.html").read_text(encoding="utf-8")
@@ -91,7 +91,7 @@ def test_directory_of_something_else(out: Path, root: Path, tmp_path: Path) -> N
     (foreign / "note.txt").write_text("mine", encoding="utf-8")
     done = command("replay", case, "--out", str(foreign), "--force")
     assert done.returncode == 2
-    assert "holds no replay of ours" in done.stderr
+    assert "is not empty and holds no replay" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_directory_of_something_else(out: Path, root: Path, tmp_path: Path) -> N
     [
         ('column = "data"', 'column = "depth"', "column 'depth' is missing"),
         ('"night2_depth.csv"', '"night3_depth.csv"', "night3_depth.csv: no such file"),
-        ("rate_hz = 62.5 }  #", "rate_hz = 60.0 }  #", "rows are missing, or the rate is another"),
+        ("rate_hz = 62.5 }  #", "rate_hz = 60.0 }  #", "rows are missing, or clock.rate_hz is wrong"),
         ("at_s = 1.0", "at_s = 100.0", "before the start at 100.000 s"),
         ("latitude_deg = 42.29", "", "origin.latitude_deg is missing"),
         ("beams_lost = [3, 4]", "beams_lost = [3, 5]", "beam 5 does not exist"),

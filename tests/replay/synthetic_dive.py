@@ -29,8 +29,8 @@ file = "imu.csv"
 clock = { column = "t_ms", unit = "ms" }
 force = ["fa", "fb", "fc"]
 force_unit = "mg"
-rate = ["ga", "gb", "gc"]
-rate_unit = "deg/s"
+omega = ["ga", "gb", "gc"]
+omega_unit = "deg/s"
 axes = ["x", "-y", "z"]
 mounting_yaw_deg = 90.0
 [imu.errors]

@@ -9,12 +9,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.replay import flight
+from bottomlock.replay import rerun
 from bottomlock.replay.axes import quaternions
-from bottomlock.replay.dive import Dive
 from bottomlock.replay.model import gravity_mps2
-from bottomlock.replay.reading import read_dive
-from bottomlock.replay.run import Replayed, replay_case
+from bottomlock.replay.reading import read_streams
+from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.replay.streams import Streams
 from tests.oracle.rotations import exp_rotation, matrix_from_quaternion, skew
 from tests.replay.streaming import stream
 from tools.akit import LAG_S, REFERENCE_LEVER_M, SECTIONS, akit_case
@@ -42,7 +42,7 @@ def full(data: Path, scratch: Path) -> pl.DataFrame:
 
 
 @cache
-def two_beams(data: Path, scratch: Path, section: int) -> Replayed:
+def two_beams(data: Path, scratch: Path, section: int) -> ReplayResult:
     """A section without beams 3 and 4, no noise added."""
     lines = 'smooth = false\nmethods = ["tc", "info", "vb_exact"]'
     return replay_case(akit_case(data, scratch, section, asks=True, replay=lines))
@@ -97,17 +97,17 @@ def test_replay_of_a_section_is_streaming_bit_for_bit(data: Path, scratch: Path)
         asks=True,
         replay='smooth = false\nmethods = ["tc", "sway_current"]\nduration_s = 60.0',
     )
-    prepared = flight.prepare(case, read_dive(case), 0)
-    flown = flight.fly(case, prepared, case.what_if[0])
+    prepared = rerun.prepare(case, read_streams(case), 0)
+    flown = rerun.run_methods(case, prepared, case.what_if[0])
     start = {
         "time_ns": prepared.alignment.time_ns,
         "position_t_m": prepared.alignment.position_t_m,
         "attitude_t_p": quaternions(prepared.alignment.attitude),
         "velocity_p_mps": prepared.alignment.velocity_p_mps,
     }
-    log = flight.make_log(case, prepared, flown.valid)
+    log = rerun.kernel_log(case, prepared, flown.valid)
     for index, method in enumerate(case.replay.methods):
-        geometry = prepared.dive.instrument.geometry
+        geometry = prepared.streams.instrument.geometry
         pushed = stream(
             geometry, prepared.model, prepared.options, method, log, start, prepared.sample_time_ns
         )
@@ -124,14 +124,14 @@ def test_where_the_accelerometers_are(data: Path, scratch: Path, section: int) -
     case = akit_case(data, scratch, section)
     assert case.reference is not None
     there = case.reference.model_copy(update={"lever_arm_m": (0.0, 0.0, 0.0)})
-    dive = read_dive(case.model_copy(update={"reference": there}))
-    inertial, reference = dive.inertial, dive.reference
+    streams = read_streams(case.model_copy(update={"reference": there}))
+    inertial, reference = streams.inertial, streams.reference
     assert reference is not None
     assert reference.attitude is not None
     assert reference.velocity_p_mps is not None
     R = reference.attitude.as_matrix()
     v_t = np.einsum("nij,nj->ni", R, reference.velocity_p_mps)
-    gravity = np.array([0.0, 0.0, gravity_mps2(case, dive)])
+    gravity = np.array([0.0, 0.0, gravity_mps2(case, streams)])
     first = np.searchsorted(inertial.time_ns, reference.time_ns, side="right")
     rows = np.flatnonzero((reference.time_ns >= 0) & (first + 101 < len(inertial.time_ns)))[:-1]
     design, residual = [], []
@@ -157,26 +157,26 @@ def test_reference_stands_where_its_clock_says(data: Path, scratch: Path) -> Non
             case = akit_case(data, scratch, section)
             assert case.reference is not None
             clock = case.reference.clock.model_copy(update={"offset_s": LAG_S[section] + shift})
-            dive = read_dive(
+            streams = read_streams(
                 case.model_copy(update={"reference": case.reference.model_copy(update={"clock": clock})})
             )
-            errors[shift] = _turn_error(dive)
+            errors[shift] = _turn_error(streams)
         assert errors[0.0] < 5e-5
         assert min(errors[-0.02], errors[0.02]) > 5 * errors[0.0]
 
 
-def _turn_error(dive: Dive) -> float:
+def _turn_error(streams: Streams) -> float:
     """RMS difference, rad, between the reference's turn over a second and that of the gyros, Earth's rate taken off."""
-    reference = dive.reference
+    reference = streams.reference
     assert reference is not None
     assert reference.attitude is not None
-    earth = 7.292115e-5 * np.array([np.cos(dive.latitude_rad), 0.0, -np.sin(dive.latitude_rad)])
+    earth = 7.292115e-5 * np.array([np.cos(streams.latitude_rad), 0.0, -np.sin(streams.latitude_rad)])
     R = [matrix_from_quaternion(q) for q in np.roll(reference.attitude.as_quat(), 1, axis=1)]
-    first = np.searchsorted(dive.inertial.time_ns, reference.time_ns, side="right")
+    first = np.searchsorted(streams.inertial.time_ns, reference.time_ns, side="right")
     squares = []
     for k in range(5, 390):
         turn = np.eye(3)
-        for rate in dive.inertial.omega_p_radps[first[k] : first[k] + 100]:
+        for rate in streams.inertial.omega_p_radps[first[k] : first[k] + 100]:
             turn = turn @ exp_rotation(rate * 0.01)
         apart = (R[k].T @ R[k + 1]).T @ turn
         angle = (

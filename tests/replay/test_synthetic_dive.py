@@ -9,12 +9,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.replay import flight
+from bottomlock.replay import rerun
 from bottomlock.replay.axes import quaternions
 from bottomlock.replay.case import Case, load_case
-from bottomlock.replay.reading import read_dive
+from bottomlock.replay.reading import read_streams
 from bottomlock.replay.report import make_replay_report
-from bottomlock.replay.run import Replayed, replay_case, write_replay
+from bottomlock.replay.run import ReplayResult, replay_case, write_replay
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.replay import synthetic_dive
 from tests.replay.streaming import stream
@@ -37,36 +37,36 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
 
 
 @pytest.fixture(scope="module")
-def replayed(case: Case) -> Replayed:
+def replayed(case: Case) -> ReplayResult:
     return replay_case(case)
 
 
 def test_readings_come_back_in_si(case: Case) -> None:
     """Axes, units, mounting, clocks, lever arms and scale undone: every stream is that of the truth, to rounding."""
-    true, dive = synthetic_dive.motion(), read_dive(case)
-    np.testing.assert_array_equal(dive.inertial.time_ns, true["time_ns"])
-    np.testing.assert_allclose(dive.inertial.force_p_mps2, true["force_p_mps2"], atol=1e-9)
-    np.testing.assert_allclose(dive.inertial.omega_p_radps, true["omega_p_radps"], atol=1e-12)
+    true, streams = synthetic_dive.motion(), read_streams(case)
+    np.testing.assert_array_equal(streams.inertial.time_ns, true["time_ns"])
+    np.testing.assert_allclose(streams.inertial.force_p_mps2, true["force_p_mps2"], atol=1e-9)
+    np.testing.assert_allclose(streams.inertial.omega_p_radps, true["omega_p_radps"], atol=1e-12)
     rows = slice(25, None, 50)
-    np.testing.assert_array_equal(dive.beams.time_ns, true["time_ns"][rows])
+    np.testing.assert_array_equal(streams.beams.time_ns, true["time_ns"][rows])
     earth = 7.292115e-5 * np.array([np.cos(np.deg2rad(32.8)), 0.0, -np.sin(np.deg2rad(32.8))])
     R = [matrix_from_quaternion(q) for q in true["attitude_t_p"]]
     rate_tp = np.array([w - r.T @ earth for w, r in zip(true["omega_p_radps"], R, strict=True)])
-    beams = dive.instrument.geometry.beam_velocities(true["velocity_p_mps"], rate_tp_p_radps=rate_tp)[rows]
-    np.testing.assert_allclose(dive.beams.velocity_mps, beams, atol=1e-9)
-    assert dive.reference is not None
-    assert dive.reference.position_t_m is not None
-    assert dive.reference.velocity_p_mps is not None
-    assert dive.depths is not None
+    beams = streams.instrument.geometry.beam_velocities(true["velocity_p_mps"], rate_tp_p_radps=rate_tp)[rows]
+    np.testing.assert_allclose(streams.beams.velocity_mps, beams, atol=1e-9)
+    assert streams.reference is not None
+    assert streams.reference.position_t_m is not None
+    assert streams.reference.velocity_p_mps is not None
+    assert streams.depths is not None
     each = slice(0, None, 50)
-    np.testing.assert_array_equal(dive.reference.time_ns, true["time_ns"][each])
-    np.testing.assert_allclose(dive.reference.position_t_m, true["position_t_m"][each], atol=1e-6)
+    np.testing.assert_array_equal(streams.reference.time_ns, true["time_ns"][each])
+    np.testing.assert_allclose(streams.reference.position_t_m, true["position_t_m"][each], atol=1e-6)
     # The reference is carried to the IMU with what the gyros read, the Earth's rate included: 7e-5 rad/s on 1.6 m.
-    np.testing.assert_allclose(dive.reference.velocity_p_mps, true["velocity_p_mps"][each], atol=2e-4)
-    np.testing.assert_allclose(dive.depths.depth_m[::4], true["position_t_m"][:-1:50, 2], atol=1e-9)
+    np.testing.assert_allclose(streams.reference.velocity_p_mps, true["velocity_p_mps"][each], atol=2e-4)
+    np.testing.assert_allclose(streams.depths.depth_m[::4], true["position_t_m"][:-1:50, 2], atol=1e-9)
 
 
-def test_perfect_readings_navigate_back_to_the_truth(replayed: Replayed) -> None:
+def test_perfect_readings_navigate_back_to_the_truth(replayed: ReplayResult) -> None:
     """With all beams the error at the end is centimetres on 120 m, and millimetres per second in velocity."""
     rows = synthetic_dive.rows_of(replayed.runs, what_if="recorded", method="lc")
     assert rows["position_final_m"].to_numpy().max() < 0.15
@@ -74,7 +74,7 @@ def test_perfect_readings_navigate_back_to_the_truth(replayed: Replayed) -> None
     np.testing.assert_allclose(rows["distance_m"], 120.0, rtol=1e-3)
 
 
-def test_positions_on_the_earth(replayed: Replayed) -> None:
+def test_positions_on_the_earth(replayed: ReplayResult) -> None:
     """Latitude and longitude of the estimate are those of its tangent coordinates, by the book."""
     from tests.oracle import geodesy
 
@@ -89,10 +89,10 @@ def test_positions_on_the_earth(replayed: Replayed) -> None:
 
 def test_equal_to_streaming_bit_for_bit(case: Case) -> None:
     """Every method as if its log were pushed through `Navigator` reading by reading."""
-    prepared = flight.prepare(case, read_dive(case), 0)
+    prepared = rerun.prepare(case, read_streams(case), 0)
     for asked in (None, *case.what_if):
-        flown = flight.fly(case, prepared, asked, threads=2)
-        log = flight.make_log(case, prepared, flown.valid)
+        flown = rerun.run_methods(case, prepared, asked, threads=2)
+        log = rerun.kernel_log(case, prepared, flown.valid)
         start = {
             "time_ns": prepared.alignment.time_ns,
             "position_t_m": prepared.alignment.position_t_m,
@@ -101,7 +101,7 @@ def test_equal_to_streaming_bit_for_bit(case: Case) -> None:
         }
         for index, method in enumerate(case.replay.methods):
             pushed = stream(
-                prepared.dive.instrument.geometry,
+                prepared.streams.instrument.geometry,
                 prepared.model,
                 prepared.options,
                 method,
@@ -116,13 +116,13 @@ def test_equal_to_streaming_bit_for_bit(case: Case) -> None:
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_repeats_bit_for_bit(case: Case, replayed: Replayed, threads: int) -> None:
+def test_repeats_bit_for_bit(case: Case, replayed: ReplayResult, threads: int) -> None:
     again = replay_case(case, threads=threads)
     for name in ("runs", "ensemble", "samples", "innovations", "pings"):
         assert getattr(again, name).equals(getattr(replayed, name)), name
 
 
-def test_outage_takes_the_beams_away_and_gives_them_back(replayed: Replayed) -> None:
+def test_outage_takes_the_beams_away_and_gives_them_back(replayed: ReplayResult) -> None:
     pings = synthetic_dive.rows_of(replayed.pings, what_if="outage")
     since_s = pings["time_ns"].to_numpy() * 1e-9
     inside = (since_s >= 20.0) & (since_s < 50.0)
@@ -131,7 +131,7 @@ def test_outage_takes_the_beams_away_and_gives_them_back(replayed: Replayed) -> 
     assert valid[~inside].all()
 
 
-def test_smoother_joins_the_outage(replayed: Replayed) -> None:
+def test_smoother_joins_the_outage(replayed: ReplayResult) -> None:
     """In the middle of 30 s without a beam the smoother has both ends and claims less than the filter."""
     middle = 35_000_000_000
     claimed = {}
@@ -143,7 +143,7 @@ def test_smoother_joins_the_outage(replayed: Replayed) -> None:
     assert claimed["smoothed"] < claimed["forward"]
 
 
-def test_output_says_semi_synthetic_everywhere(replayed: Replayed, tmp_path: Path) -> None:
+def test_output_says_semi_synthetic_everywhere(replayed: ReplayResult, tmp_path: Path) -> None:
     write_replay(replayed, tmp_path)
     page = make_replay_report(tmp_path).read_text(encoding="utf-8")
     manifest = json.loads((tmp_path / "manifest.json").read_text(encoding="utf-8"))

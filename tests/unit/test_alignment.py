@@ -13,8 +13,8 @@ from bottomlock.io.beams import read_geometry
 from bottomlock.replay.align import Alignment, align
 from bottomlock.replay.axes import from_angles, to_angles
 from bottomlock.replay.case import Case, parse_case
-from bottomlock.replay.dive import Attitudes, Beams, Dive, Fields, Inertial, Positions
 from bottomlock.replay.model import imu_model
+from bottomlock.replay.streams import Attitudes, Beams, Inertial, MagneticFields, Positions, Streams
 from tests.oracle.mechanisation import earth_rate_tangent
 from tests.oracle.rotations import Array, matrix_from_euler
 from tests.unit.test_replay_case import LEAST
@@ -48,7 +48,7 @@ def case(start: str, *, gyro_bias: float = 0.01) -> Case:
     return parse_case(text + SECTIONS, place="case")
 
 
-def at_rest(seconds: float = 200.0, rate_hz: float = 10.0, rate_noise: float = 0.0) -> Dive:
+def at_rest(seconds: float = 200.0, rate_hz: float = 10.0, rate_noise: float = 0.0) -> Streams:
     """A vehicle at rest that reads gravity and the Earth's rate, moved by GPS, with field and attitude."""
     R = matrix_from_euler(ROLL, PITCH, YAW)
     count = int(seconds * rate_hz)
@@ -62,7 +62,7 @@ def at_rest(seconds: float = 200.0, rate_hz: float = 10.0, rate_noise: float = 0
     geometry = read_geometry("x_janus_20")
     beams = geometry.geometry.beam_velocities([[1.5, 0.2, -0.1]])
     along = np.outer(time_ns * 1e-9 * 2.0, [np.cos(YAW), np.sin(YAW), 0.0])
-    return Dive(
+    return Streams(
         inertial=Inertial(time_ns, force, omega),
         beams=Beams(time_ns[-5:-4], beams, np.ones((1, 4), dtype=bool), np.full((1, 4), 0.02)),
         instrument=geometry,
@@ -70,7 +70,7 @@ def at_rest(seconds: float = 200.0, rate_hz: float = 10.0, rate_noise: float = 0
         attitudes=Attitudes(
             time_ns, from_angles(np.full(count, 0.01), np.full(count, 0.02), np.full(count, 0.03))
         ),
-        fields=Fields(time_ns, np.tile(R.T @ north, (count, 1))),
+        magnetic_fields=MagneticFields(time_ns, np.tile(R.T @ north, (count, 1))),
         positions=Positions(time_ns, along),
         reference=None,
         origin=None,
@@ -78,9 +78,9 @@ def at_rest(seconds: float = 200.0, rate_hz: float = 10.0, rate_noise: float = 0
     )
 
 
-def aligned(start: str, dive: Dive | None = None, **settings: float) -> Alignment:
+def aligned(start: str, streams: Streams | None = None, **settings: float) -> Alignment:
     given = case(f"{start}\nat_s = 199.6\nwindow_s = 150.0", **settings)
-    return align(given, at_rest() if dive is None else dive, imu_model(given), GRAVITY)
+    return align(given, at_rest() if streams is None else streams, imu_model(given), GRAVITY)
 
 
 def angles(found: Alignment) -> Array:
@@ -134,11 +134,13 @@ def test_stated_deviation_is_the_scatter_of_the_heading() -> None:
     noise, stated = 2e-6, 0.0
     given = case('heading = "gyrocompass"\nat_s = 199.6\nwindow_s = 150.0', gyro_bias=0.0)
     for seed in range(40):
-        dive = at_rest()
-        shaken = dive.inertial.omega_p_radps + np.random.default_rng(seed).standard_normal((2000, 3)) * noise
+        streams = at_rest()
+        shaken = (
+            streams.inertial.omega_p_radps + np.random.default_rng(seed).standard_normal((2000, 3)) * noise
+        )
         found = align(
             given,
-            replace(dive, inertial=replace(dive.inertial, omega_p_radps=shaken)),
+            replace(streams, inertial=replace(streams.inertial, omega_p_radps=shaken)),
             imu_model(given),
             GRAVITY,
         )
@@ -151,34 +153,42 @@ def test_stated_deviation_is_the_scatter_of_the_heading() -> None:
 @pytest.mark.parametrize(
     ("start", "settings", "message"),
     [
-        ('heading = "gyrocompass"', {"gyro_bias": 30.0}, "the gyros are too poor"),
-        ('heading = "gyrocompass"', {"dive": "turning"}, "it needs a vehicle at rest"),
-        ('heading = "gps_course"', {"dive": "moored"}, "no course to take"),
-        ('heading = "attitude"', {"dive": "silent"}, r"\[attitude\] has nothing in the 1 s before the start"),
-        ('heading = "gyrocompass"\nvelocity = "beams"', {"dive": "deaf"}, "has too few beams for a velocity"),
+        ('heading = "gyrocompass"', {"gyro_bias": 30.0}, "the gyros are not accurate"),
+        ('heading = "gyrocompass"', {"streams": "turning"}, "the vehicle must be at rest"),
+        ('heading = "gps_course"', {"streams": "moored"}, "the course is not known"),
+        (
+            'heading = "attitude"',
+            {"streams": "silent"},
+            r"\[attitude\] has no row in the 1 s before the start",
+        ),
+        (
+            'heading = "gyrocompass"\nvelocity = "beams"',
+            {"streams": "deaf"},
+            "has too few valid beams for a velocity",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused(start: str, settings: dict[str, Any], message: str) -> None:
-    dive = at_rest()
-    which = settings.pop("dive", None) if "dive" in settings else None
-    settings = {key: value for key, value in settings.items() if key != "dive"}
+    streams = at_rest()
+    which = settings.pop("streams", None) if "streams" in settings else None
+    settings = {key: value for key, value in settings.items() if key != "streams"}
     if which == "turning":
-        dive = replace(
-            dive, inertial=replace(dive.inertial, omega_p_radps=dive.inertial.omega_p_radps + 0.01)
+        streams = replace(
+            streams, inertial=replace(streams.inertial, omega_p_radps=streams.inertial.omega_p_radps + 0.01)
         )
     elif which == "moored":
-        dive = replace(dive, positions=Positions(dive.inertial.time_ns, np.zeros((2000, 3))))
+        streams = replace(streams, positions=Positions(streams.inertial.time_ns, np.zeros((2000, 3))))
     elif which == "silent":
-        dive = replace(
-            dive, attitudes=Attitudes(dive.inertial.time_ns[:100], from_angles(np.zeros(100), 0.0, 0.0))
+        streams = replace(
+            streams, attitudes=Attitudes(streams.inertial.time_ns[:100], from_angles(np.zeros(100), 0.0, 0.0))
         )
     elif which == "deaf":
-        dive = replace(dive, beams=replace(dive.beams, valid=np.array([[True, True, False, False]])))
+        streams = replace(streams, beams=replace(streams.beams, valid=np.array([[True, True, False, False]])))
     with pytest.raises(DataError, match=message):
-        aligned(start, dive, **settings)
+        aligned(start, streams, **settings)
 
 
 def test_start_before_its_window_is_refused() -> None:
     given = case('heading = "gyrocompass"\nat_s = 5.0\nwindow_s = 10.0')
-    with pytest.raises(DataError, match="listens before the start"):
+    with pytest.raises(DataError, match="averages the readings before the start"):
         align(given, at_rest(), imu_model(given), GRAVITY)

@@ -8,7 +8,7 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
-from bottomlock.replay.leave_out import Walk, leave_out, over_sets, random_walk, reference_pings
+from bottomlock.replay.leave_out import VelocityWalk, leave_out, over_sets, random_walk, reference_pings
 from bottomlock.tables.replay import SCORES
 
 JANUS = BeamGeometry.janus(np.deg2rad(25.0))
@@ -44,7 +44,7 @@ def test_prior_is_that_of_a_literal_kalman_filter() -> None:
     time_ns, _, beams = walking(60)
     valid = np.ones((60, 4), dtype=bool)
     valid[20:30, 2:] = False
-    priors = random_walk(JANUS, time_ns, beams, valid, SD, Walk())
+    priors = random_walk(JANUS, time_ns, beams, valid, SD, VelocityWalk())
     v, P = np.zeros(3), np.eye(3)
     for k in range(60):
         if k:
@@ -95,7 +95,7 @@ def test_outliers_are_no_reference() -> None:
 
 def test_what_has_no_redundancy_is_refused() -> None:
     three = BeamGeometry.from_angles([0.4] * 3, [0.0, 2.0, 4.0])
-    with pytest.raises(DataError, match="no redundancy"):
+    with pytest.raises(DataError, match="without redundancy"):
         leave_out(
             three, np.zeros(1, dtype=np.int64), np.zeros((1, 3)), np.ones((1, 3), dtype=bool), SD[:3], beams=1
         )

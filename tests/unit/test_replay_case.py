@@ -15,7 +15,7 @@ name = "dive"
 file = "imu.csv"
 clock = { column = "t" }
 force = ["ax", "ay", "az"]
-rate = ["wx", "wy", "wz"]
+omega = ["wx", "wy", "wz"]
 [imu.errors]
 accel_bias_mg = 0.5
 gyro_bias_deg_per_h = 3.0
@@ -35,23 +35,23 @@ heading = "gyrocompass"
         ("force =", "forces =", "unknown key 'imu.forces', did you mean 'force'"),
         ('heading = "gyrocompass"', "", "'start.heading' is missing"),
         ('heading = "gyrocompass"', 'heading = "given"', "needs 'heading_sd_deg'"),
-        ('heading = "gyrocompass"', 'heading = "magnetometer"', r"needs a section \[magnetometer\]"),
-        ('heading = "gyrocompass"', 'heading = "gps_course"', r"needs a section \[gps\]"),
-        ('heading = "gyrocompass"', 'heading = "reference"\nheading_sd_deg = 1.0', r"needs a section \[reference\]"),
+        ('heading = "gyrocompass"', 'heading = "magnetometer"', r"needs the section \[magnetometer\]"),
+        ('heading = "gyrocompass"', 'heading = "gps_course"', r"needs the section \[gps\]"),
+        ('heading = "gyrocompass"', 'heading = "reference"\nheading_sd_deg = 1.0', r"needs the section \[reference\]"),
         ('clock = { column = "t" }', "clock = { offset_s = 1.0 }", "a clock needs 'column'"),
         ('clock = { column = "t" }', 'clock = { column = "t", start_s = 1.0 }', "'start_s' is given beside 'column'"),
-        ('rate = ["wx", "wy", "wz"]', 'rate = ["wx", "wy", "wz"]\naxes = ["x", "x", "z"]', "each of x, y, z once"),
-        ('rate = ["wx", "wy", "wz"]', 'rate = ["wx", "wy", "wz"]\nrate_unit = "rad"', "increments: give 'interval'"),
-        ('rate = ["wx", "wy", "wz"]', 'rate = ["wx", "wy", "wz"]\ninterval = "dt"', "no unit is that of an increment"),
+        ('omega = ["wx", "wy", "wz"]', 'omega = ["wx", "wy", "wz"]\naxes = ["x", "x", "z"]', "each of x, y, z once"),
+        ('omega = ["wx", "wy", "wz"]', 'omega = ["wx", "wy", "wz"]\nomega_unit = "rad"', "increments: give 'interval'"),
+        ('omega = ["wx", "wy", "wz"]', 'omega = ["wx", "wy", "wz"]\ninterval = "d"', "no unit is that of an increment"),
         ('geometry = "x_janus_20"', 'geometry = "x_janus_20"\nsource = "velocity"', "'velocity'"),
-        ('geometry = "x_janus_20"', 'geometry = "x_janus_20"\nvelocity_scale = 1.1', "recorded beams stay as they are"),
-        ('geometry = "x_janus_20"', 'geometry = "x_janus_20"\nmounting_yaw_deg = 45.0', "stands in its geometry file"),
-        ("[start]", '[[what_if]]\nname = "nothing"\n[start]', "takes no beam away"),
-        ("[start]", '[[what_if]]\nname = "recorded"\nbeams_lost = [1]\n[start]', "the name 'recorded' is taken"),
+        ('geometry = "x_janus_20"', 'geometry = "x_janus_20"\nvelocity_scale = 1.1', "recorded beams are used as"),
+        ('geometry = "x_janus_20"', 'geometry = "x_janus_20"\nmounting_yaw_deg = 45.0', "in the geometry file"),
+        ("[start]", '[[what_if]]\nname = "nothing"\n[start]', "loses no beam"),
+        ("[start]", '[[what_if]]\nname = "recorded"\nbeams_lost = [1]\n[start]', "the name 'recorded' is reserved"),
         (
             "[start]",
             '[[what_if]]\nname = "a"\nbeams_lost = [1]\n[[what_if]]\nname = "a"\nbeams_lost = [2]\n[start]',
-            "'a' stands there twice",
+            "'a' is defined twice",
         ),
         (
             "[start]",
@@ -97,7 +97,7 @@ def test_hash_is_of_what_decides_the_numbers() -> None:
 def test_what_is_semi_synthetic_is_said() -> None:
     case = parse_case(LEAST, place="case")
     assert case.semi_synthetic == ()
-    assert not case.drawn
+    assert not case.has_random_errors
     poorer = LEAST.replace("[dvl]", "[imu.degrade]\naccel_bias_mg = 1.0\ngyro_bias_deg_per_h = 1.0\n"
                            "accel_noise_mps_per_rt_h = 0.1\ngyro_noise_deg_per_rt_h = 0.1\n[dvl]")  # fmt: skip
-    assert parse_case(poorer, place="case").semi_synthetic == ("errors of a poorer IMU added",)
+    assert parse_case(poorer, place="case").semi_synthetic == ("errors of a lower-grade IMU added",)

@@ -12,10 +12,17 @@ from hypothesis import strategies as st
 
 from bottomlock.errors import DataError
 from bottomlock.replay import rerun
-from bottomlock.replay.axes import flip, from_angles, handedness, platform_attitude, quaternions, to_angles
+from bottomlock.replay.axes import (
+    from_angles,
+    handedness,
+    permute_axes,
+    platform_attitude,
+    quaternions,
+    to_angles,
+)
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.model import kernel_options
-from bottomlock.replay.reading import read_dive
+from bottomlock.replay.reading import read_streams
 from tests.oracle import geodesy
 from tests.oracle.rotations import matrix_from_euler
 
@@ -28,7 +35,7 @@ longitude_deg = 35.0
 file = "imu.csv"
 clock = { column = "t" }
 force = ["ax", "ay", "az"]
-rate = ["wx", "wy", "wz"]
+omega = ["wx", "wy", "wz"]
 [imu.errors]
 accel_bias_mg = 0.5
 gyro_bias_deg_per_h = 3.0
@@ -76,29 +83,29 @@ def changed(*pairs: tuple[str, str], extra: str = "") -> str:
 
 def test_increments_are_divided_by_their_interval(tmp_path: Path) -> None:
     tables(tmp_path, az=[-0.98] * 51, wz=[0.02] * 51)
-    units = 'force_unit = "m/s"\nrate_unit = "rad"\ninterval = "dt"\nrate ='
-    dive = read_dive(parse_case(changed(("rate =", units)), place="case", folder=tmp_path))
-    np.testing.assert_allclose(dive.inertial.force_p_mps2[:, 2], -9.8)
-    np.testing.assert_allclose(dive.inertial.omega_p_radps[:, 2], 0.2)
-    case = parse_case(changed(("rate =", units)), place="case", folder=tmp_path)
+    units = 'force_unit = "m/s"\nomega_unit = "rad"\ninterval = "dt"\nomega ='
+    streams = read_streams(parse_case(changed(("omega =", units)), place="case", folder=tmp_path))
+    np.testing.assert_allclose(streams.inertial.force_p_mps2[:, 2], -9.8)
+    np.testing.assert_allclose(streams.inertial.omega_p_radps[:, 2], 0.2)
+    case = parse_case(changed(("omega =", units)), place="case", folder=tmp_path)
     assert kernel_options(case)["imu_sampling"] == "averaged"
 
 
 def test_gap_of_the_imu_is_refused_unless_declared(tmp_path: Path) -> None:
     times = [k / 10.0 for k in range(30)] + [4.0 + k / 10.0 for k in range(21)]
     tables(tmp_path, times)
-    with pytest.raises(DataError, match=r"silent for 1.1 s .* first at row 30, 4.000 s"):
-        read_dive(parse_case(CASE, place="case", folder=tmp_path))
-    dive = read_dive(
-        parse_case(changed(("rate =", "bridge_gaps_s = 1.5\nrate =")), place="case", folder=tmp_path)
+    with pytest.raises(DataError, match=r"longest gap of the IMU is 1.1 s .* first at row 30, 4.000 s"):
+        read_streams(parse_case(CASE, place="case", folder=tmp_path))
+    streams = read_streams(
+        parse_case(changed(("omega =", "bridge_gaps_s = 1.5\nomega =")), place="case", folder=tmp_path)
     )
-    assert any("crossed on a straight line: 1, first at row 30" in note for note in dive.notes)
+    assert any("bridged by linear interpolation: 1, first at row 30" in note for note in streams.notes)
 
 
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        ({"ay": [0.0] * 7 + [float("nan")] + [0.0] * 43}, "row 7, column 'ay' holds no number"),
+        ({"ay": [0.0] * 7 + [float("nan")] + [0.0] * 43}, "row 7, column 'ay' is empty"),
         ({"t": [0.1 * k for k in range(50)] + [1.0]}, "row 50, 1.000000 s, goes back"),
     ],
 )
@@ -107,7 +114,7 @@ def test_faults_name_file_row_and_column(
 ) -> None:
     tables(tmp_path, **columns)
     with pytest.raises(DataError, match=message):
-        read_dive(parse_case(CASE, place="case", folder=tmp_path))
+        read_streams(parse_case(CASE, place="case", folder=tmp_path))
 
 
 def test_words_in_a_column_of_numbers(tmp_path: Path) -> None:
@@ -116,7 +123,7 @@ def test_words_in_a_column_of_numbers(tmp_path: Path) -> None:
     text[4] = text[4].replace("-9.8", "off")
     (tmp_path / "imu.csv").write_text("\n".join(text), encoding="utf-8")
     with pytest.raises(DataError, match="row 3, column 'az' is 'off', expected a number"):
-        read_dive(parse_case(CASE, place="case", folder=tmp_path))
+        read_streams(parse_case(CASE, place="case", folder=tmp_path))
 
 
 def test_empty_rows_of_an_aid_are_left_out_and_counted(tmp_path: Path) -> None:
@@ -125,10 +132,10 @@ def test_empty_rows_of_an_aid_are_left_out_and_counted(tmp_path: Path) -> None:
         tmp_path / "depth.csv"
     )
     depth = '[depth]\nfile = "depth.csv"\nclock = { column = "t" }\ncolumn = "p"\nunit = "kPa"\nsd_m = 0.1\n'
-    dive = read_dive(parse_case(CASE + depth, place="case", folder=tmp_path))
-    assert dive.depths is not None
-    np.testing.assert_allclose(dive.depths.depth_m, np.array([100e3, 300e3]) / (1025.0 * 9.80665))
-    report = dive.clocks["depth"]
+    streams = read_streams(parse_case(CASE + depth, place="case", folder=tmp_path))
+    assert streams.depths is not None
+    np.testing.assert_allclose(streams.depths.depth_m, np.array([100e3, 300e3]) / (1025.0 * 9.80665))
+    report = streams.clocks["depth"]
     assert (report.rows, report.kept, report.empty.count, report.empty.row) == (4, 2, 2, 1)
 
 
@@ -165,8 +172,8 @@ aids = "heading"
         case = parse_case(
             changed(('aids = "heading"', f'aids = "{aids}"'), extra=extra), place="case", folder=tmp_path
         )
-        prepared = rerun.prepare(case, read_dive(case), 0)
-        log = rerun.make_log(case, prepared, prepared.dive.beams.valid[prepared.pings])
+        prepared = rerun.prepare(case, read_streams(case), 0)
+        log = rerun.kernel_log(case, prepared, prepared.streams.beams.valid[prepared.pings])
         np.testing.assert_allclose(log["gps_position_t_m"], [[0, -5, 0], [10, -5, 0], [20, -5, 0]], atol=1e-6)
         assert prepared.options["gps_lever_p_m"] == [0.0, 0.0, -1.0]
         if aids == "heading":
@@ -176,7 +183,7 @@ aids = "heading"
             np.testing.assert_allclose(
                 log["attitude_rpy_rad"], np.deg2rad([[1, 3, 54], [2, 4, 64]]), atol=1e-12
             )
-        assert (rerun.fly(case, prepared, None).result["fix_status"] == 1).any()
+        assert (rerun.run_methods(case, prepared, None).result["fix_status"] == 1).any()
 
 
 @given(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
@@ -195,4 +202,6 @@ def test_attitudes_go_there_and_back(roll: float, pitch: float, yaw: float) -> N
 def test_axes_that_are_left_handed_are_noticed() -> None:
     assert handedness(("x", "-y", "z")) == -1
     assert handedness(("y", "x", "-z")) == 1
-    np.testing.assert_array_equal(flip(np.array([[1.0, 2.0, 3.0]]), ("-z", "x", "y")), [[-3.0, 1.0, 2.0]])
+    np.testing.assert_array_equal(
+        permute_axes(np.array([[1.0, 2.0, 3.0]]), ("-z", "x", "y")), [[-3.0, 1.0, 2.0]]
+    )

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
-from bottomlock.replay import draws
-from bottomlock.replay.dive import Inertial
-from bottomlock.replay.dvl_sections import Recorded, WhatIf
+from bottomlock.replay import random_errors
+from bottomlock.replay.dvl_sections import BeamRecording, WhatIf
 from bottomlock.replay.stream_sections import ImuErrors
-from bottomlock.replay.whatif import returned
+from bottomlock.replay.streams import Inertial
+from bottomlock.replay.what_if import beams_returned
 
 S = 1_000_000_000
 TIMES = np.arange(100, dtype=np.int64) * S + 5 * S
@@ -25,7 +25,7 @@ TIMES = np.arange(100, dtype=np.int64) * S + 5 * S
 def mask(
     asked: WhatIf, *, run: int = 0, seed: int = 1, times: np.ndarray = TIMES, name: str = "case"
 ) -> np.ndarray:
-    return returned(asked, times, 4, start_ns=5 * S, name=name, seed=seed, run=run)
+    return beams_returned(asked, times, 4, start_ns=5 * S, name=name, seed=seed, run=run)
 
 
 def test_masks_and_outages_by_hand() -> None:
@@ -47,10 +47,10 @@ def test_pattern_of_another_recording(tmp_path: Path) -> None:
     columns = {"time_ns": [0, S, 2 * S, 3 * S]} | {f"beam{k + 1}_mps": [0.1] * 4 for k in range(4)}
     columns |= {f"beam{k + 1}_valid": [row[k] for row in flags] for k in range(4)}
     pl.DataFrame(columns).write_csv(path)
-    valid = mask(WhatIf(name="a", validity_of=Recorded(file=path), validity_from_s=1.0))
+    valid = mask(WhatIf(name="a", validity_of=BeamRecording(file=path), validity_from_s=1.0))
     assert valid[:6].astype(int).tolist() == [flags[1], flags[2], flags[3]] * 2
     with pytest.raises(DataError, match="ends before validity_from_s"):
-        mask(WhatIf(name="a", validity_of=Recorded(file=path), validity_from_s=3.5))
+        mask(WhatIf(name="a", validity_of=BeamRecording(file=path), validity_from_s=3.5))
 
 
 def test_chain_is_up_and_down_as_long_as_asked() -> None:
@@ -78,7 +78,7 @@ def test_beam_that_does_not_exist() -> None:
 def test_no_velocity_closes_wrongly(tilt: float, roll: float, velocity: list[float]) -> None:
     """The closure combination is blind to every velocity, of unit length, for any tilt and mounting."""
     janus = BeamGeometry.janus(tilt, mounting_rpy_rad=[roll, 0.1, 0.3])
-    (null,) = draws.closure_directions(janus)
+    (null,) = random_errors.closure_directions(janus)
     assert np.linalg.norm(null) == pytest.approx(1.0)
     assert abs(null @ janus.beam_velocities([velocity])[0]) < 1e-12
 
@@ -88,15 +88,18 @@ def test_closure_residuals_scatter_as_one_beam() -> None:
     rng = np.random.default_rng(11)
     janus = BeamGeometry.janus(0.4)
     beams = janus.beam_velocities(rng.uniform(-2, 2, (4000, 3))) + rng.standard_normal((4000, 4)) * 0.03
-    residuals = draws.closure_residuals(janus, beams, np.ones((4000, 4), dtype=bool))
+    residuals = random_errors.closure_residuals(janus, beams, np.ones((4000, 4), dtype=bool))
     assert abs(residuals.std() - 0.03) < 4 * 0.03 / np.sqrt(8000)
-    drawn = draws.resampled_beams((50, 4), residuals, seed=1, key=2, run=0)
+    drawn = random_errors.resampled_beam_noise((50, 4), residuals, seed=1, key=2, run=0)
     assert set(drawn.ravel()) <= set(residuals)
-    assert np.array_equal(drawn, draws.resampled_beams((50, 4), residuals, seed=1, key=2, run=0))
+    assert np.array_equal(drawn, random_errors.resampled_beam_noise((50, 4), residuals, seed=1, key=2, run=0))
 
 
 def test_three_beams_have_no_closure() -> None:
-    assert draws.closure_directions(BeamGeometry.from_angles([0.4] * 3, [0.0, 2.0, 4.0])).shape == (0, 3)
+    assert random_errors.closure_directions(BeamGeometry.from_angles([0.4] * 3, [0.0, 2.0, 4.0])).shape == (
+        0,
+        3,
+    )
 
 
 def test_poorer_imu_has_the_errors_of_the_table() -> None:
@@ -109,12 +112,12 @@ def test_poorer_imu_has_the_errors_of_the_table() -> None:
         accel_noise_mps_per_rt_h=0.072,
         gyro_noise_deg_per_rt_h=0.34,
     )
-    shaken = draws.poorer(still, errors, seed=3, key=4, run=0)
+    shaken = random_errors.degraded_imu(still, errors, seed=3, key=4, run=0)
     for values, density in ((shaken.force_p_mps2, 0.0012), (shaken.omega_p_radps, np.deg2rad(0.34 / 60))):
         # 150,000 draws: the deviation is known to 0.2 %; 1 % is five of that.
         assert (values - values.mean(axis=0)).std() == pytest.approx(density / np.sqrt(0.01), rel=0.01)
-    again = draws.poorer(still, errors, seed=3, key=4, run=0)
+    again = random_errors.degraded_imu(still, errors, seed=3, key=4, run=0)
     assert np.array_equal(again.force_p_mps2, shaken.force_p_mps2)
     assert not np.array_equal(
-        draws.poorer(still, errors, seed=3, key=4, run=1).force_p_mps2, shaken.force_p_mps2
+        random_errors.degraded_imu(still, errors, seed=3, key=4, run=1).force_p_mps2, shaken.force_p_mps2
     )

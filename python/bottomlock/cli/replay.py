@@ -16,10 +16,10 @@ from bottomlock.atomic_write import write_parquet
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.replay.case import load_case
-from bottomlock.replay.leave_out import Walk, over_sets
+from bottomlock.replay.leave_out import VelocityWalk, over_sets
 from bottomlock.replay.leave_out import leave_out as leave_beams_out
 from bottomlock.replay.report import make_replay_report
-from bottomlock.replay.run import Replayed, draws_of, prepare_folder, replay_case, write_replay
+from bottomlock.replay.run import ReplayResult, prepare_folder, replay_case, run_count, write_replay
 from bottomlock.statistics.replay import summary_table
 
 console = Console(stderr=False)
@@ -43,12 +43,12 @@ def replay(
         bool, Parameter(negative="", help="Start over in a directory of another replay.")
     ] = False,
 ) -> None:
-    """Navigates a recorded dive again: every method, with the beams as recorded and with those of every question.
+    """Navigates a recorded dive again: every method, with the beams as recorded and with those of every what-if case.
 
     Parameters
     ----------
     case
-        TOML file that names the tables, their columns, units and clocks, the start, and the questions.
+        TOML file that names the tables, their columns, units and clocks, the start, and the what-if cases.
     """
     if threads < 0:
         raise ScenarioError(f"--threads is {threads}, expected 0 or more")
@@ -60,7 +60,7 @@ def replay(
         seed=seed,
     )
     prepare_folder(out, loaded.content_hash(), force=force)
-    flights = draws_of(loaded) * (1 + len(loaded.what_if))
+    reruns = run_count(loaded) * (1 + len(loaded.what_if))
     columns = (
         TextColumn("replaying"),
         BarColumn(),
@@ -69,10 +69,10 @@ def replay(
         TimeRemainingColumn(),
     )
     try:
-        with Progress(*columns, console=errors) as progress:
-            task = progress.add_task("", total=flights)
+        with Progress(*columns, console=errors) as bar:
+            task = bar.add_task("", total=reruns)
             replayed = replay_case(
-                loaded, threads=threads, tell=lambda done: progress.update(task, completed=done)
+                loaded, threads=threads, progress=lambda done: bar.update(task, completed=done)
             )
             write_replay(replayed, out)
         page = make_replay_report(out)
@@ -121,7 +121,7 @@ def score(
         pings.valid,
         instrument.beam_sd_mps,
         beams=leave_out,
-        walk=Walk(walk_mps_rts=walk_mps_per_rt_s),
+        walk=VelocityWalk(walk_mps_rts=walk_mps_per_rt_s),
         closure_gate=closure_gate or None,
     )
     if out is not None:
@@ -161,8 +161,8 @@ def _number(value: float | None, digits: int = 3) -> str:
     return f"{value:.{digits}g}" if abs(value) < 1000 else f"{value:.0f}"
 
 
-def print_results(replayed: Replayed) -> None:
-    """What came out, a table per question, narrow enough for 80 columns; and what is not as it was measured."""
+def print_results(replayed: ReplayResult) -> None:
+    """What came out, a table per what-if case, narrow enough for 80 columns; and what is not as it was measured."""
     manifest = replayed.manifest
     for name, clock in manifest["clocks"].items():
         faults = {
@@ -174,19 +174,19 @@ def print_results(replayed: Replayed) -> None:
             console.print(f"{name}: {kind} {words}", highlight=False)
     summary = summary_table(replayed.runs)
     label = ", semi-synthetic" if manifest["semi_synthetic"] else ""
-    for question, words in manifest["what_if"]:
+    for what_if, words in manifest["what_if"]:
         table = Table(
-            title=f"{manifest['case']}, {question}{label}: {words}",
+            title=f"{manifest['case']}, {what_if}{label}: {words}",
             title_justify="left",
             box=box.SIMPLE_HEAD,
             padding=(0, 1, 0, 0),
         )
         for name in ("method", "pass"):
             table.add_column(name, no_wrap=True)
-        against = ["end m", "% way", "v m/s", "att deg"] if manifest["has_reference"] else []
+        against = ["end m", "% DT", "v m/s", "att deg"] if manifest["has_reference"] else []
         for name in [*against, "NIS", "of", "fixes", "rej %"]:
             table.add_column(name, justify="right", no_wrap=True)
-        for row in summary.filter(pl.col("what_if") == question).iter_rows(named=True):
+        for row in summary.filter(pl.col("what_if") == what_if).iter_rows(named=True):
             numbers = ["position_final_m", "position_final_percent", "velocity_rms_mps", "attitude_rms_deg"]
             shown = [_number(row[name]) for name in numbers] if manifest["has_reference"] else []
             part = row["rejected_fraction"]

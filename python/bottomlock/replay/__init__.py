@@ -1,7 +1,7 @@
-"""Recorded dives navigated again: case file, alignment, what-if masks, methods side by side against a reference.
+"""Recordings reprocessed: case file, initial alignment, what-if beam losses, all methods against a reference.
 
 Examples:
-    The least that a case file says:
+    The smallest case file:
 
     >>> from bottomlock.replay.case import parse_case
     >>> case = parse_case(
@@ -11,7 +11,7 @@ Examples:
     ... file = "imu.parquet"
     ... clock = { column = "t", unit = "s" }
     ... force = ["ax", "ay", "az"]
-    ... rate = ["wx", "wy", "wz"]
+    ... omega = ["wx", "wy", "wz"]
     ... [imu.errors]
     ... accel_bias_mg = 0.5
     ... gyro_bias_deg_per_h = 3.0

@@ -1,4 +1,4 @@
-"""The state at the start of a replay, each part from where the case says, with its stated standard deviation."""
+"""Initial alignment of a replay: each part of the state from the source that the case names, with its 1 sigma."""
 
 from dataclasses import dataclass, field
 
@@ -9,31 +9,31 @@ from bottomlock.errors import DataError
 from bottomlock.kernel import EARTH_RATE_RADPS, solve_velocity
 from bottomlock.replay.axes import from_angles, to_angles
 from bottomlock.replay.case import FROM_REFERENCE, Case
-from bottomlock.replay.dive import Dive, Floats, Inertial, Times
 from bottomlock.replay.model import ImuModel
+from bottomlock.replay.streams import Floats, Inertial, Streams, Times
 from bottomlock.replay.window_mean import mean_over
 
-LISTENS = {"levelling", "magnetometer", "gps_course", "gyrocompass"}
-"""Sources that need a window of readings before the start."""
+NEEDS_WINDOW = {"levelling", "magnetometer", "gps_course", "gyrocompass"}
+"""Sources that average the readings of a window before the start."""
 PING_AGE_S = 5.0
-"""How old the ping may be whose velocity the navigation starts with."""
-COURSE_SLIP_RAD = np.deg2rad(3.0)
-"""How far the bow points off the course, 1 sigma: sideslip and current, of which GPS knows nothing."""
-STILL_RATE_RADPS = np.deg2rad(0.05)
-"""A gyrocompass is refused when the vehicle turns faster than this over the window: 12 times the Earth's rate."""
+"""Greatest age of the ping that gives the initial velocity."""
+SIDESLIP_SD_RAD = np.deg2rad(3.0)
+"""Angle between heading and course, 1 sigma: sideslip and current, which GPS does not measure."""
+MAX_RATE_AT_REST_RADPS = np.deg2rad(0.05)
+"""Gyrocompassing is rejected when the mean rate over the window exceeds this: 12 times the Earth's rate."""
 
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """State at the start, 1 sigma of each part, and in words how it was found.
+    """Initial state, 1 sigma of each part, and the source of each.
 
     Attributes:
-        time_ns: of the start.
-        position_t_m, velocity_p_mps: (3,).
-        attitude: platform to tangent.
-        position_sd_m, velocity_sd_mps: (3,).
+        time_ns: start time on the case's clock.
+        position_t_m, velocity_p_mps: (3,), tangent and platform frame.
+        attitude: rotation from platform to tangent frame.
+        position_sd_m, velocity_sd_mps: (3,), tangent and platform frame.
         attitude_sd_rad: (3,) about north, east and down.
-        words: a sentence for each part.
+        sources: a phrase for each part: where it came from and its 1 sigma.
     """
 
     time_ns: int
@@ -43,15 +43,15 @@ class Alignment:
     position_sd_m: Floats
     attitude_sd_rad: Floats
     velocity_sd_mps: Floats
-    words: dict[str, str] = field(default_factory=dict)
+    sources: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
-class _Moment:
-    """What an alignment works with: the recording up to the start, and what is assumed of its sensors."""
+class _AlignmentInputs:
+    """Inputs of the alignment: case, streams, assumed IMU errors, gravity, start time, row of the reference."""
 
     case: Case
-    dive: Dive
+    streams: Streams
     imu: ImuModel
     gravity_mps2: float
     start_ns: int
@@ -59,29 +59,34 @@ class _Moment:
 
     @property
     def window(self) -> Inertial:
-        """The inertial readings of the window before the start."""
-        inertial = self.dive.inertial
+        """IMU readings of the window before the start."""
+        inertial = self.streams.inertial
         return _between(inertial, self.start_ns - round(self.case.start.window_s * 1e9), self.start_ns)
 
 
-def align(case: Case, dive: Dive, imu: ImuModel, gravity_mps2: float) -> Alignment:
-    """The state at the start, as the case's [start] asks.
+def align(case: Case, streams: Streams, imu: ImuModel, gravity_mps2: float) -> Alignment:
+    """Computes the initial state from the sources that the case's [start] names.
+
+    Args:
+        case: the case.
+        streams: its recording.
+        imu: assumed IMU errors, which give the 1 sigma of levelling and gyrocompassing.
+        gravity_mps2: gravity, for levelling.
 
     Raises:
-        DataError: naming the section, where a source has no data at the start, listens longer than there is, or is
-        of no use
-            in the motion at hand.
+        DataError: naming the section, where a source has no data at the start, needs a longer window than there is,
+            or cannot be used in this motion.
     """
-    start_ns, row = start_time(case, dive)
-    moment = _Moment(case, dive, imu, gravity_mps2, start_ns, row)
-    roll, pitch, level_sd, level_words = _level(moment)
-    heading, heading_sd, heading_words = _heading(moment, roll, pitch)
+    start_ns, row = start_time(case, streams)
+    inputs = _AlignmentInputs(case, streams, imu, gravity_mps2, start_ns, row)
+    roll, pitch, level_sd, level_source = _level(inputs)
+    heading, heading_sd, heading_source = _heading(inputs, roll, pitch)
     start = case.start
     level_sd = level_sd if start.level_sd_deg is None else float(np.deg2rad(start.level_sd_deg))
     heading_sd = heading_sd if start.heading_sd_deg is None else float(np.deg2rad(start.heading_sd_deg))
     attitude = from_angles(roll, pitch, heading)
-    position, position_sd, position_words = _position(moment, attitude)
-    velocity, velocity_sd, velocity_words = _velocity(moment)
+    position, position_sd, position_source = _position(inputs, attitude)
+    velocity, velocity_sd, velocity_source = _velocity(inputs)
     return Alignment(
         time_ns=start_ns,
         position_t_m=position,
@@ -90,32 +95,32 @@ def align(case: Case, dive: Dive, imu: ImuModel, gravity_mps2: float) -> Alignme
         position_sd_m=position_sd,
         attitude_sd_rad=np.array([level_sd, level_sd, heading_sd]),
         velocity_sd_mps=velocity_sd,
-        words={
-            "start": f"{(start_ns - dive.inertial.time_ns[0]) * 1e-9:.3f} s after the first inertial reading",
-            "level": f"{level_words}; 1 sigma {np.rad2deg(level_sd):.3g} deg",
-            "heading": f"{heading_words}; 1 sigma {np.rad2deg(heading_sd):.3g} deg",
-            "position": f"{position_words}; 1 sigma {_three(position_sd)} m",
-            "velocity": f"{velocity_words}; 1 sigma {_three(velocity_sd)} m/s",
+        sources={
+            "start": f"{(start_ns - streams.inertial.time_ns[0]) * 1e-9:.3f} s after the first inertial reading",
+            "level": f"{level_source}; 1 sigma {np.rad2deg(level_sd):.3g} deg",
+            "heading": f"{heading_source}; 1 sigma {np.rad2deg(heading_sd):.3g} deg",
+            "position": f"{position_source}; 1 sigma {_three(position_sd)} m",
+            "velocity": f"{velocity_source}; 1 sigma {_three(velocity_sd)} m/s",
         },
     )
 
 
-def start_time(case: Case, dive: Dive) -> tuple[int, int | None]:
-    """When the navigation starts, and the row of the reference that stands there, if parts come from it.
+def start_time(case: Case, streams: Streams) -> tuple[int, int | None]:
+    """Start time, ns, and the row of the reference at that time, None where no part comes from the reference.
 
     Raises:
-        DataError: where the window does not fit before it, or the recording ends first.
+        DataError: where the alignment window begins before the recording, or the recording ends before the start.
     """
-    start, times = case.start, dive.inertial.time_ns
-    listens = bool({start.level, start.heading} & LISTENS)
+    start, times = case.start, streams.inertial.time_ns
+    windowed = bool({start.level, start.heading} & NEEDS_WINDOW)
     if start.at_s is None:
-        earliest = int(times[0]) + (round(start.window_s * 1e9) if listens else 0)
+        earliest = int(times[0]) + (round(start.window_s * 1e9) if windowed else 0)
     else:
         earliest = int(times[0]) + round(start.at_s * 1e9)
-        if listens and start.at_s < start.window_s:
+        if windowed and start.at_s < start.window_s:
             raise DataError(
                 f"start.at_s is {start.at_s:g} s, expected {start.window_s:g} s (start.window_s) or more: the "
-                "alignment listens before the start"
+                "alignment averages the readings before the start"
             )
     if earliest >= times[-1]:
         raise DataError(
@@ -124,11 +129,11 @@ def start_time(case: Case, dive: Dive) -> tuple[int, int | None]:
         )
     if not start.from_reference:
         return int(times[np.searchsorted(times, earliest)]), None
-    assert dive.reference is not None  # the case demands it
-    row = int(np.searchsorted(dive.reference.time_ns, earliest))
-    if row == len(dive.reference.time_ns) or dive.reference.time_ns[row] >= times[-1]:
+    assert streams.reference is not None  # validated in Case
+    row = int(np.searchsorted(streams.reference.time_ns, earliest))
+    if row == len(streams.reference.time_ns) or streams.reference.time_ns[row] >= times[-1]:
         raise DataError("[reference] has no row between the start and the end of the inertial readings")
-    return int(dive.reference.time_ns[row]), row
+    return int(streams.reference.time_ns[row]), row
 
 
 def _between(inertial: Inertial, from_ns: int, to_ns: int) -> Inertial:
@@ -136,12 +141,12 @@ def _between(inertial: Inertial, from_ns: int, to_ns: int) -> Inertial:
     return Inertial(inertial.time_ns[rows], inertial.force_p_mps2[rows], inertial.omega_p_radps[rows])
 
 
-def _latest(times: Times, moment: _Moment, section: str, age_s: float) -> int:
-    """The last row at or before the start."""
-    row = int(np.searchsorted(times, moment.start_ns, side="right")) - 1
-    if row < 0 or moment.start_ns - times[row] > age_s * 1e9:
+def _latest(times: Times, inputs: _AlignmentInputs, section: str, age_s: float) -> int:
+    """Row of the latest reading at or before the start, at most `age_s` old."""
+    row = int(np.searchsorted(times, inputs.start_ns, side="right")) - 1
+    if row < 0 or inputs.start_ns - times[row] > age_s * 1e9:
         raise DataError(
-            f"[{section}] has nothing in the {age_s:g} s before the start; start.at_s moves the start"
+            f"[{section}] has no row in the {age_s:g} s before the start; set a later start with start.at_s"
         )
     return row
 
@@ -150,28 +155,27 @@ def _three(values: Floats) -> str:
     return ", ".join(f"{value:.3g}" for value in values)
 
 
-def _level(moment: _Moment) -> tuple[float, float, float, str]:
-    """Roll, pitch, their standard deviation, and words."""
-    start = moment.case.start
+def _level(inputs: _AlignmentInputs) -> tuple[float, float, float, str]:
+    """Roll and pitch, rad, their 1 sigma, and the source."""
+    start = inputs.case.start
     if start.level == "given":
         return float(np.deg2rad(start.roll_deg)), float(np.deg2rad(start.pitch_deg)), np.nan, "given"
     if start.level == FROM_REFERENCE:
-        angles = _reference_angles(moment)
-        return float(angles[0]), float(angles[1]), np.nan, "of the reference"
+        angles = _reference_angles(inputs)
+        return float(angles[0]), float(angles[1]), np.nan, "from the reference"
     if start.level == "attitude":
-        angles, row_words = _recorded_angles(moment)
-        stream = moment.case.attitude
-        assert stream is not None  # the case demands it
-        return float(angles[0]), float(angles[1]), float(np.deg2rad(stream.roll_pitch_sd_deg)), row_words
-    force = mean_over(moment.window.force_p_mps2, "imu", moment.case.start.window_s)
+        angles, source = _recorded_angles(inputs)
+        stream = inputs.case.attitude
+        assert stream is not None  # validated in Case
+        return float(angles[0]), float(angles[1]), float(np.deg2rad(stream.roll_pitch_sd_deg)), source
+    force = mean_over(inputs.window.force_p_mps2, "imu", inputs.case.start.window_s)
     roll, pitch = level_from_force(force.value)
-    sd = float(np.hypot(moment.imu.accel_bias_sd_mps2, force.sd.max())) / moment.gravity_mps2
-    words = f"levelled by the accelerometers over {start.window_s:g} s"
-    return roll, pitch, sd, words
+    sd = float(np.hypot(inputs.imu.accel_bias_sd_mps2, force.sd.max())) / inputs.gravity_mps2
+    return roll, pitch, sd, f"levelled by the accelerometers over {start.window_s:g} s"
 
 
 def level_from_force(force_p_mps2: Floats) -> tuple[float, float]:
-    """Roll and pitch, rad, of a platform at rest that reads a specific force: it points up.
+    """Roll and pitch, rad, of a platform at rest from its specific force (3,), which points up.
 
     >>> level_from_force(np.array([0.0, 0.0, -9.81]))
     (0.0, 0.0)
@@ -179,138 +183,143 @@ def level_from_force(force_p_mps2: Floats) -> tuple[float, float]:
     [0.1, 0.2]
     """
     x, y, z = (float(part) for part in force_p_mps2)
-    # + 0.0 turns a negative zero into a plain one.
+    # Adding 0.0 makes a negative zero positive.
     return float(np.arctan2(-y, -z)) + 0.0, float(np.arctan2(x, np.hypot(y, z))) + 0.0
 
 
-def _heading(moment: _Moment, roll: float, pitch: float) -> tuple[float, float, str]:
-    """Heading, its standard deviation, and words."""
-    start = moment.case.start
+def _heading(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[float, float, str]:
+    """Heading, rad, its 1 sigma, and the source."""
+    start = inputs.case.start
     if start.heading == "given":
         return float(np.deg2rad(start.heading_deg)), np.nan, f"given, {start.heading_deg:g} deg"
     if start.heading == FROM_REFERENCE:
-        return float(_reference_angles(moment)[2]), np.nan, "of the reference"
+        return float(_reference_angles(inputs)[2]), np.nan, "from the reference"
     if start.heading == "attitude":
-        angles, words = _recorded_angles(moment)
-        stream = moment.case.attitude
-        assert stream is not None  # the case demands it
-        return float(angles[2]), float(np.deg2rad(stream.yaw_sd_deg)), words
+        angles, source = _recorded_angles(inputs)
+        stream = inputs.case.attitude
+        assert stream is not None  # validated in Case
+        return float(angles[2]), float(np.deg2rad(stream.yaw_sd_deg)), source
     if start.heading == "magnetometer":
-        return _magnetic(moment, roll, pitch)
+        return _magnetic(inputs, roll, pitch)
     if start.heading == "gps_course":
-        return _course(moment)
-    return _gyrocompass(moment, roll, pitch)
+        return _course(inputs)
+    return _gyrocompass(inputs, roll, pitch)
 
 
-def _reference_angles(moment: _Moment) -> Floats:
-    reference = moment.dive.reference
-    assert reference is not None  # the case demands both
+def _reference_angles(inputs: _AlignmentInputs) -> Floats:
+    reference = inputs.streams.reference
+    assert reference is not None  # validated in Case
     assert reference.attitude is not None
-    assert moment.reference_row is not None
-    return to_angles(reference.attitude[moment.reference_row])
+    assert inputs.reference_row is not None
+    return to_angles(reference.attitude[inputs.reference_row])
 
 
-def _recorded_angles(moment: _Moment) -> tuple[Floats, str]:
-    recorded = moment.dive.attitudes
-    assert recorded is not None  # the case demands it
-    row = _latest(recorded.time_ns, moment, "attitude", 1.0)
-    age = (moment.start_ns - int(recorded.time_ns[row])) * 1e-9
-    return to_angles(recorded.attitude[row]), f"of the recorded attitude {age:.3f} s before"
+def _recorded_angles(inputs: _AlignmentInputs) -> tuple[Floats, str]:
+    recorded = inputs.streams.attitudes
+    assert recorded is not None  # validated in Case
+    row = _latest(recorded.time_ns, inputs, "attitude", 1.0)
+    age = (inputs.start_ns - int(recorded.time_ns[row])) * 1e-9
+    return to_angles(recorded.attitude[row]), f"from the recorded attitude {age:.3f} s before"
 
 
 def _level_frame(roll: float, pitch: float, vector_p: Floats) -> Floats:
-    """A platform vector turned level, its heading left as it is."""
+    """A platform vector (3,) rotated through roll and pitch alone, into the level frame of the same heading."""
     return np.asarray(from_angles(roll, pitch, 0.0).apply(vector_p))
 
 
-def _magnetic(moment: _Moment, roll: float, pitch: float) -> tuple[float, float, str]:
-    fields, stream = moment.dive.fields, moment.case.magnetometer
-    assert fields is not None  # the case demands both
+def _magnetic(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[float, float, str]:
+    magnetic_fields, stream = inputs.streams.magnetic_fields, inputs.case.magnetometer
+    assert magnetic_fields is not None  # validated in Case
     assert stream is not None
-    rows = slice(*np.searchsorted(fields.time_ns, [_window_ns(moment), moment.start_ns + 1]))
-    mean = mean_over(fields.field_p[rows], "magnetometer", moment.case.start.window_s)
+    rows = slice(*np.searchsorted(magnetic_fields.time_ns, [_window_ns(inputs), inputs.start_ns + 1]))
+    mean = mean_over(magnetic_fields.field_p[rows], "magnetometer", inputs.case.start.window_s)
     north, east, _ = _level_frame(roll, pitch, mean.value)
     heading = float(np.arctan2(-east, north) + np.deg2rad(stream.declination_deg))
-    words = f"magnetic over {moment.case.start.window_s:g} s, declination {stream.declination_deg:g} deg"
-    return heading, float(np.deg2rad(stream.heading_sd_deg)), words
+    source = f"magnetic over {inputs.case.start.window_s:g} s, declination {stream.declination_deg:g} deg"
+    return heading, float(np.deg2rad(stream.heading_sd_deg)), source
 
 
-def _window_ns(moment: _Moment) -> int:
-    return moment.start_ns - round(moment.case.start.window_s * 1e9)
+def _window_ns(inputs: _AlignmentInputs) -> int:
+    return inputs.start_ns - round(inputs.case.start.window_s * 1e9)
 
 
-def _course(moment: _Moment) -> tuple[float, float, str]:
-    positions, stream = moment.dive.positions, moment.case.gps
-    assert positions is not None  # the case demands both
+def _course(inputs: _AlignmentInputs) -> tuple[float, float, str]:
+    positions, stream = inputs.streams.positions, inputs.case.gps
+    assert positions is not None  # validated in Case
     assert stream is not None
-    rows = np.arange(*np.searchsorted(positions.time_ns, [_window_ns(moment), moment.start_ns + 1]))
+    rows = np.arange(*np.searchsorted(positions.time_ns, [_window_ns(inputs), inputs.start_ns + 1]))
     if len(rows) < 2:
         raise DataError(f"[gps] has {len(rows)} positions in the window before the start, expected 2 or more")
     north, east, _ = positions.position_t_m[rows[-1]] - positions.position_t_m[rows[0]]
-    way = float(np.hypot(north, east))
-    across = float(np.sqrt(2.0) * max(stream.position_sd_m[:2]))
-    if way < 2.0 * across:
+    baseline_m = float(np.hypot(north, east))
+    baseline_sd_m = float(np.sqrt(2.0) * max(stream.position_sd_m[:2]))
+    if baseline_m < 2.0 * baseline_sd_m:
         raise DataError(
-            f'start.heading = "gps_course": the antenna moved {way:.2f} m over the window, expected more than '
-            f"{2.0 * across:.2f} m, twice its own uncertainty: no course to take"
+            f'start.heading = "gps_course": the antenna moved {baseline_m:.2f} m over the window, expected more than '
+            f"{2.0 * baseline_sd_m:.2f} m, twice its own uncertainty: the course is not known; lengthen "
+            "start.window_s or use another source"
         )
-    words = f"course of the GPS over {way:.1f} m, the bow taken to point along it"
-    return float(np.arctan2(east, north)), float(np.hypot(across / way, COURSE_SLIP_RAD)), words
+    source = f"GPS course over {baseline_m:.1f} m, heading taken equal to it"
+    sd = float(np.hypot(baseline_sd_m / baseline_m, SIDESLIP_SD_RAD))
+    return float(np.arctan2(east, north)), sd, source
 
 
-def _gyrocompass(moment: _Moment, roll: float, pitch: float) -> tuple[float, float, str]:
-    """Heading from the Earth's rate: its horizontal part points north (Titterton and Weston 2004, section 10.5)."""
-    window = moment.window
-    rate = mean_over(window.omega_p_radps, "imu", moment.case.start.window_s)
-    if float(np.linalg.norm(rate.value)) > STILL_RATE_RADPS:
+def _gyrocompass(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[float, float, str]:
+    """Heading from the Earth's rate, whose horizontal component points north.
+
+    Source: Titterton and Weston 2004, section 10.5.
+    """
+    window = inputs.window
+    rate = mean_over(window.omega_p_radps, "imu", inputs.case.start.window_s)
+    if float(np.linalg.norm(rate.value)) > MAX_RATE_AT_REST_RADPS:
         raise DataError(
-            f'start.heading = "gyrocompass": the vehicle turns {np.rad2deg(np.linalg.norm(rate.value)):.3g} deg/s over '
-            f"the window, expected less than {np.rad2deg(STILL_RATE_RADPS):.2g}: it needs a vehicle at rest"
+            f'start.heading = "gyrocompass": the mean rate is {np.rad2deg(np.linalg.norm(rate.value)):.3g} deg/s over '
+            f"the window, expected less than {np.rad2deg(MAX_RATE_AT_REST_RADPS):.2g}: the vehicle must be at rest"
         )
     north, east, _ = _level_frame(roll, pitch, rate.value)
-    horizontal = EARTH_RATE_RADPS * float(np.cos(moment.dive.latitude_rad))
+    horizontal = EARTH_RATE_RADPS * float(np.cos(inputs.streams.latitude_rad))
     heading = float(np.arctan2(-east, north))
-    error = float(np.hypot(moment.imu.gyro_bias_sd_radps, rate.sd.max()))
+    error = float(np.hypot(inputs.imu.gyro_bias_sd_radps, rate.sd.max()))
     if error > 0.5 * horizontal:
         raise DataError(
-            f'start.heading = "gyrocompass": the mean rate is known to {error:.2g} rad/s (bias and scatter), and the '
-            f"Earth's horizontal rate here is {horizontal:.2g} rad/s, expected twice as much: the gyros are too poor, "
-            "or start.window_s too short"
+            f'start.heading = "gyrocompass": the mean rate is known to {error:.2g} rad/s (bias and scatter), expected '
+            f"at most half the Earth's horizontal rate here, {horizontal:.2g} rad/s: the gyros are not accurate "
+            "enough, or start.window_s is too short"
         )
-    return heading, error / horizontal, f"gyrocompass over {moment.case.start.window_s:g} s"
+    return heading, error / horizontal, f"gyrocompass over {inputs.case.start.window_s:g} s"
 
 
-def _position(moment: _Moment, attitude: Rotation) -> tuple[Floats, Floats, str]:
-    start = moment.case.start
+def _position(inputs: _AlignmentInputs, attitude: Rotation) -> tuple[Floats, Floats, str]:
+    start = inputs.case.start
     given_sd = np.array(start.position_sd_m)
     if start.position == FROM_REFERENCE:
-        reference = moment.dive.reference
-        assert reference is not None  # the case demands both
+        reference = inputs.streams.reference
+        assert reference is not None  # validated in Case
         assert reference.position_t_m is not None
-        return reference.position_t_m[moment.reference_row], given_sd, "of the reference"
+        return reference.position_t_m[inputs.reference_row], given_sd, "from the reference"
     if start.position == "gps":
-        positions, stream = moment.dive.positions, moment.case.gps
-        assert positions is not None  # the case demands both
+        positions, stream = inputs.streams.positions, inputs.case.gps
+        assert positions is not None  # validated in Case
         assert stream is not None
-        row = _latest(positions.time_ns, moment, "gps", 5.0)
+        row = _latest(positions.time_ns, inputs, "gps", 5.0)
         sd = given_sd if given_sd.any() else np.array(stream.position_sd_m)
-        return positions.position_t_m[row] - attitude.apply(np.array(stream.lever_arm_m)), sd, "of the GPS"
+        return positions.position_t_m[row] - attitude.apply(np.array(stream.lever_arm_m)), sd, "from GPS"
     return np.array(start.position_m), given_sd, "given"
 
 
-def _velocity(moment: _Moment) -> tuple[Floats, Floats, str]:
-    start, dive = moment.case.start, moment.dive
+def _velocity(inputs: _AlignmentInputs) -> tuple[Floats, Floats, str]:
+    start, streams = inputs.case.start, inputs.streams
     sd = np.array(start.velocity_sd_mps)
     if start.velocity == FROM_REFERENCE:
-        reference = dive.reference
-        assert reference is not None  # the case demands both
+        reference = streams.reference
+        assert reference is not None  # validated in Case
         assert reference.velocity_p_mps is not None
-        return reference.velocity_p_mps[moment.reference_row], sd, "of the reference"
+        return reference.velocity_p_mps[inputs.reference_row], sd, "from the reference"
     if start.velocity == "given":
         return np.array(start.velocity_mps), sd, "given"
-    beams, geometry = dive.beams, dive.instrument.geometry
-    row = _latest(beams.time_ns, moment, "dvl", PING_AGE_S)
-    inertial = dive.inertial
+    beams, geometry = streams.beams, streams.instrument.geometry
+    row = _latest(beams.time_ns, inputs, "dvl", PING_AGE_S)
+    inertial = streams.inertial
     nearest = int(np.searchsorted(inertial.time_ns, beams.time_ns[row]).clip(0, len(inertial.time_ns) - 1))
     ping = slice(row, row + 1)
     fix = solve_velocity(
@@ -323,10 +332,10 @@ def _velocity(moment: _Moment) -> tuple[Floats, Floats, str]:
     )
     if not np.isfinite(fix.velocity_p_mps).all():
         raise DataError(
-            f'start.velocity = "beams": the ping {(moment.start_ns - beams.time_ns[row]) * 1e-9:.3f} s before the '
-            "start, has too few beams for a velocity"
+            f'start.velocity = "beams": the ping {(inputs.start_ns - beams.time_ns[row]) * 1e-9:.3f} s before the '
+            "start has too few valid beams for a velocity; move start.at_s or give start.velocity_mps"
         )
-    age = (moment.start_ns - int(beams.time_ns[row])) * 1e-9
-    # The vehicle may have changed its speed since: what the case states covers that.
+    age = (inputs.start_ns - int(beams.time_ns[row])) * 1e-9
+    # The stated velocity_sd_mps covers the change of speed since the ping.
     solved_sd = np.sqrt(np.diagonal(fix.cov_m2ps2[0]) + sd**2)
     return fix.velocity_p_mps[0], solved_sd, f"least squares over the ping {age:.3f} s before"

@@ -1,4 +1,4 @@
-"""Turning readings into platform axes, and attitudes between people's angles and machines' quaternions."""
+"""Sensor axes to platform axes, and attitudes between Euler angles and quaternions."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,14 +9,14 @@ from bottomlock.replay.stream_sections import Axes
 Floats = NDArray[np.float64]
 
 _ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""Its own inverse: the same matrix takes east–north–up to north–east–down."""
+"""Symmetric: the same matrix takes east–north–up to north–east–down."""
 _FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
 
 
-def flip(values: Floats, axes: Axes) -> Floats:
-    """(n, 3) readings along the platform's axes: `axes` names the sensor's axis, with its sign, for each of them.
+def permute_axes(values: Floats, axes: Axes) -> Floats:
+    """(n, 3) readings reordered: `axes` names, for each platform axis, the sensor axis and its sign.
 
-    >>> flip(np.array([[1.0, 2.0, 3.0]]), ("x", "-y", "z")).tolist()
+    >>> permute_axes(np.array([[1.0, 2.0, 3.0]]), ("x", "-y", "z")).tolist()
     [[1.0, -2.0, 3.0]]
     """
     columns = [("xyz".index(axis[-1]), -1.0 if axis.startswith("-") else 1.0) for axis in axes]
@@ -24,23 +24,23 @@ def flip(values: Floats, axes: Axes) -> Floats:
 
 
 def handedness(axes: Axes) -> int:
-    """+1 where the sensor's axes are right-handed, as the platform's are, −1 where they are not."""
-    return round(float(np.linalg.det(flip(np.eye(3), axes))))
+    """+1 for right-handed sensor axes, as the platform's are; −1 for left-handed ones."""
+    return round(float(np.linalg.det(permute_axes(np.eye(3), axes))))
 
 
 def from_angles(roll_rad: ArrayLike, pitch_rad: ArrayLike, yaw_rad: ArrayLike) -> Rotation:
-    """Rotations that take platform vectors to the tangent frame, from Euler angles z-y-x."""
+    """Rotations from platform to tangent frame, from Euler angles z-y-x, rad."""
     angles = np.stack(np.broadcast_arrays(yaw_rad, pitch_rad, roll_rad), axis=-1)
     return Rotation.from_euler("ZYX", angles)
 
 
 def to_angles(attitude: Rotation) -> Floats:
-    """(..., 3) roll, pitch, yaw, rad."""
+    """(..., 3) roll, pitch, yaw, rad, of rotations from platform to tangent frame."""
     return np.asarray(attitude.as_euler("ZYX")[..., ::-1])
 
 
 def quaternions(attitude: Rotation) -> Floats:
-    """(..., 4), scalar first; scipy keeps the scalar last."""
+    """(..., 4) quaternions, scalar first (scipy keeps the scalar last)."""
     return np.ascontiguousarray(np.roll(attitude.as_quat(), 1, axis=-1))
 
 
@@ -49,23 +49,23 @@ def from_quaternions(attitude_t_p: ArrayLike) -> Rotation:
     return Rotation.from_quat(np.roll(np.asarray(attitude_t_p, dtype=np.float64), -1, axis=-1))
 
 
-def mounted(values: Floats, axes: Axes, mounting_rpy_rad: ArrayLike) -> Floats:
-    """(n, 3) readings in platform axes: flipped, then turned by the mounting (sensor to platform)."""
-    return np.asarray(from_angles(*np.asarray(mounting_rpy_rad)).apply(flip(values, axes)))
+def to_platform_axes(values: Floats, axes: Axes, mounting_rpy_rad: ArrayLike) -> Floats:
+    """(n, 3) readings in platform axes: reordered by `axes`, then rotated by the mounting (roll, pitch, yaw)."""
+    return np.asarray(from_angles(*np.asarray(mounting_rpy_rad)).apply(permute_axes(values, axes)))
 
 
 def platform_attitude(
     attitude: Rotation, frame: str, mounting_rpy_rad: ArrayLike, yaw_offset_rad: float
 ) -> Rotation:
-    """Attitudes of the platform from those of a sensor on it.
+    """Attitudes of the platform from those of an attitude sensor on it.
 
     Args:
-        attitude: of the sensor, as its angles say.
-        frame: "ned_frd", or "enu_flu": angles z-y-x from east–north–up to forward–left–up.
-        mounting_rpy_rad: (3,) turns sensor axes to platform axes.
-        yaw_offset_rad: added to the yaw, about the vertical.
+        attitude: of the sensor, in its own frames.
+        frame: "ned_frd", or "enu_flu": Euler angles z-y-x between east–north–up and forward–left–up.
+        mounting_rpy_rad: (3,) roll, pitch, yaw from sensor to platform axes.
+        yaw_offset_rad: added about the vertical, for instance a declination.
     """
     if frame == "enu_flu":
         attitude = Rotation.from_matrix(_ENU_FROM_NED @ attitude.as_matrix() @ _FLU_FROM_FRD)
-    turned = attitude * from_angles(*np.asarray(mounting_rpy_rad)).inv()
-    return Rotation.from_euler("Z", yaw_offset_rad) * turned
+    platform = attitude * from_angles(*np.asarray(mounting_rpy_rad)).inv()
+    return Rotation.from_euler("Z", yaw_offset_rad) * platform

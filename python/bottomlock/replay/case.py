@@ -1,4 +1,4 @@
-"""The case file: a recording, how to read it, how to start and what to ask, validated before anything is read."""
+"""The case file: recording, columns, initial alignment, methods and what-if cases, validated before data are read."""
 
 import hashlib
 import json
@@ -28,7 +28,7 @@ from bottomlock.replay.stream_sections import (
     GpsStream,
     ImuStream,
     MagnetometerStream,
-    Reference,
+    ReferenceStream,
 )
 
 Angles = tuple[Finite, Finite, Finite]
@@ -36,7 +36,7 @@ FROM_REFERENCE = "reference"
 
 
 class Origin(Section):
-    """Where the tangent plane touches the Earth; without coordinates, at the first position of the reference or GPS."""
+    """Origin of the tangent frame; without coordinates, the first position of the reference or of GPS."""
 
     latitude_deg: Annotated[float, Field(ge=-90, le=90)] | None = None
     longitude_deg: Annotated[float, Field(ge=-180, le=360)] | None = None
@@ -44,18 +44,20 @@ class Origin(Section):
     gravity: Literal["normal"] | Positive = "normal"
 
     @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _longitude_needs_latitude(self) -> Self:
         if self.longitude_deg is not None and self.latitude_deg is None:
-            raise ValueError("'longitude_deg' is given without 'latitude_deg'")
+            raise ValueError(
+                "'longitude_deg' is given without 'latitude_deg', expected both or the latitude alone"
+            )
         return self
 
 
 class Start(Section):
-    """The state at the start, where each part comes from, and how well it is known (1 sigma).
+    """Initial alignment: the source of each part of the initial state and its 1 sigma.
 
-    A standard deviation that is left out is the one that the alignment works out and states. `at_s` counts from the
-    first inertial reading; without it the navigation starts there, or with the reference where parts come from it.
-    `window_s` is how long the alignment listens. `draw` moves every run's start by errors drawn from these standard
+    A standard deviation that is left out is computed by the alignment. `at_s` counts from the first inertial reading;
+    without it the navigation starts there, or at the first row of the reference where a part comes from it. `window_s`
+    is the averaging time of the alignment. With `draw` every run adds initial errors drawn with these standard
     deviations.
     """
 
@@ -78,23 +80,25 @@ class Start(Section):
 
     @property
     def from_reference(self) -> bool:
-        """Whether a part of the start is the reference's."""
+        """Whether a part of the initial state comes from the reference."""
         return FROM_REFERENCE in {self.level, self.heading, self.position, self.velocity}
 
     @model_validator(mode="after")
     def _sds_of_what_is_given(self) -> Self:
         if self.heading in {"given", FROM_REFERENCE} and self.heading_sd_deg is None:
-            self._lacks("heading", self.heading)
+            self._require_sd("heading", self.heading)
         if self.level in {"given", FROM_REFERENCE} and self.level_sd_deg is None:
-            self._lacks("level", self.level)
+            self._require_sd("level", self.level)
         return self
 
-    def _lacks(self, part: str, source: str) -> None:
-        raise ValueError(f"{part} = \"{source}\" needs '{part}_sd_deg': nobody else can say how good it is")
+    def _require_sd(self, part: str, source: str) -> None:
+        raise ValueError(
+            f"{part} = \"{source}\" needs '{part}_sd_deg', its 1 sigma: the alignment cannot compute it"
+        )
 
 
 class Settings(Section):
-    """Methods, seed, number of draws, and the spacing of the output where no reference sets it."""
+    """Methods, seed, number of runs (draws of the random errors), and the output interval without a reference."""
 
     methods: tuple[str, ...] = METHOD_NAMES
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
@@ -110,7 +114,7 @@ class Settings(Section):
 
 
 class Case(Section):
-    """A whole case."""
+    """A whole case file."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
     description: str = ""
@@ -121,7 +125,7 @@ class Case(Section):
     attitude: AttitudeStream | None = None
     magnetometer: MagnetometerStream | None = None
     gps: GpsStream | None = None
-    reference: Reference | None = None
+    reference: ReferenceStream | None = None
     start: Start
     filter: Filter = Filter()
     robust: Robust | None = None
@@ -138,20 +142,20 @@ class Case(Section):
             source = getattr(self.start, key)
             if source in streams and streams[source] is None:
                 section = "gps" if source == "gps_course" else source
-                raise ValueError(f'start.{key} = "{source}" needs a section [{section}]')
+                raise ValueError(f'start.{key} = "{source}" needs the section [{section}], which is missing')
         if self.reference is not None:
             self._reference_has(self.reference)
-        names = [asked.name for asked in self.what_if]
+        names = [what_if.name for what_if in self.what_if]
         for name in names:
             if names.count(name) > 1:
-                raise ValueError(f"what_if '{name}' stands there twice")
+                raise ValueError(f"what_if '{name}' is defined twice, expected unique names")
         return self
 
-    def _reference_has(self, reference: Reference) -> None:
+    def _reference_has(self, reference: ReferenceStream) -> None:
         has = {
-            "level": reference.turned,
-            "heading": reference.turned,
-            "position": reference.placed,
+            "level": reference.has_attitude,
+            "heading": reference.has_attitude,
+            "position": reference.has_position,
             "velocity": reference.velocity_ned is not None or reference.velocity_body is not None,
         }
         for key, there in has.items():
@@ -161,10 +165,10 @@ class Case(Section):
     def with_overrides(
         self, *, methods: Iterable[str] | None = None, runs: int | None = None, seed: int | None = None
     ) -> Self:
-        """The same case with other methods, number of draws or seed.
+        """The same case with other methods, number of runs or seed.
 
         Raises:
-            ScenarioError: for a number out of range or an unknown or repeated method.
+            ScenarioError: for a number out of range, or an unknown or repeated method.
         """
         change = {"methods": None if methods is None else tuple(methods), "runs": runs, "seed": seed}
         content = self.replay.model_dump() | {
@@ -177,32 +181,32 @@ class Case(Section):
 
     @property
     def semi_synthetic(self) -> tuple[str, ...]:
-        """What of the measurements was not measured so, in words; empty for a recording as it is."""
-        words = []
+        """What was added to or derived from the measurements, a phrase each; empty for a recording as it is."""
+        notes = []
         if self.dvl.source == "velocity":
-            words.append("beams projected from the instrument's velocity")
+            notes.append("beams projected from the instrument's velocity")
             if self.dvl.noise.kind == "white":
-                words.append(f"white beam noise of {self.dvl.noise.sd_mps:g} m/s added")
+                notes.append(f"white beam noise of {self.dvl.noise.sd_mps:g} m/s added")
             elif self.dvl.noise.kind == "closure":
-                words.append("beam noise added, drawn from the closure residuals of another recording")
+                notes.append("beam noise added, drawn from the closure residuals of another recording")
         if self.imu.degrade is not None:
-            words.append("errors of a poorer IMU added")
+            notes.append("errors of a lower-grade IMU added")
         if self.start.draw:
-            words.append("errors of the start drawn")
-        return tuple(words)
+            notes.append("initial errors drawn")
+        return tuple(notes)
 
     @property
-    def drawn(self) -> bool:
-        """Whether the seed decides anything."""
+    def has_random_errors(self) -> bool:
+        """Whether any number depends on the seed."""
         return bool(
             self.start.draw
             or self.imu.degrade
             or self.dvl.noise.kind != "none"
-            or any(asked.by_chance for asked in self.what_if)
+            or any(what_if.random for what_if in self.what_if)
         )
 
     def files(self) -> dict[str, Path]:
-        """Every file that the case reads, by what it is."""
+        """Every file that the case reads, by its section."""
         named: dict[str, Path] = {}
         for key in ("imu", "dvl", "depth", "attitude", "magnetometer", "gps", "reference"):
             stream = getattr(self, key)
@@ -210,23 +214,22 @@ class Case(Section):
                 named[key] = stream.file
         if self.dvl.noise.of is not None:
             named["dvl.noise"] = self.dvl.noise.of.file
-        for asked in self.what_if:
-            if asked.validity_of is not None:
-                named[f"what_if.{asked.name}"] = asked.validity_of.file
+        for what_if in self.what_if:
+            if what_if.validity_of is not None:
+                named[f"what_if.{what_if.name}"] = what_if.validity_of.file
         return named
 
     def content_hash(self) -> str:
-        """SHA-256 of everything that decides the numbers, files by name alone (the manifest has their own hashes)."""
+        """SHA-256 of every setting that affects the numbers; files by name (the manifest has their own hashes)."""
         content = json.dumps(self.model_dump(mode="json", exclude={"description"}), sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()
 
 
 def load_case(path: str | Path) -> Case:
-    """A case from a TOML file; the files that it names are looked for from its own folder.
+    """Reads a case from a TOML file; relative paths in it start from its own folder.
 
     Raises:
-        ScenarioError: for a file that is not there or cannot be read, ill-formed TOML, a missing or unknown key, or
-        a value
+        ScenarioError: for a file that is missing or unreadable, ill-formed TOML, a missing or unknown key, or a value
             out of range; one line per fault.
     """
     path = Path(path)
@@ -240,7 +243,7 @@ def load_case(path: str | Path) -> Case:
 
 
 def parse_case(text: str, *, place: str, folder: Path | None = None) -> Case:
-    """A case from TOML text; `place` names it in errors.
+    """Reads a case from TOML text; `place` names it in errors.
 
     Raises:
         ScenarioError: as `load_case`.
@@ -258,7 +261,7 @@ def parse_case(text: str, *, place: str, folder: Path | None = None) -> Case:
 
 
 def _from_folder(table: dict[str, Any], folder: Path) -> None:
-    """Makes every relative `file`, and every `geometry` that is a file's name, relative to the case's folder."""
+    """Prefixes every `file`, and every `geometry` that names a TOML file, with the case's folder."""
     for key, value in table.items():
         if isinstance(value, dict):
             _from_folder(value, folder)

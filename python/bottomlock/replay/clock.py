@@ -1,4 +1,4 @@
-"""Times of the rows of a table on the case's clock, and what is wrong with them: repeats, steps back, gaps, jumps."""
+"""Times of a table's rows on the case's clock, and their faults: repeats, steps back, gaps, jumps."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,12 @@ from bottomlock.errors import DataError
 from bottomlock.replay.stream_sections import Clock
 
 MEDIANS_OF_A_GAP = 3.0
-"""A step of more than so many median steps is a gap, where the case does not say how long one is."""
+"""A step longer than this many median steps is a gap, unless the case sets `gap_s`."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """How often something is wrong with the rows of a stream, and where first (row of the file, from 0)."""
+    """Count of one kind of fault in a stream, and where it first occurs (row of the file, from 0)."""
 
     count: int = 0
     row: int | None = None
@@ -22,8 +22,8 @@ class Fault:
     longest_s: float | None = None
 
     @property
-    def words(self) -> str:
-        """For people."""
+    def text(self) -> str:
+        """Count, first row and time, longest step, for reports."""
         if not self.count:
             return "none"
         where = f"{self.count}, first at row {self.row}"
@@ -33,20 +33,20 @@ class Fault:
 
 @dataclass(frozen=True)
 class ClockReport:
-    """What was found of a stream's rows and times; times in seconds on the case's clock.
+    """Statistics and faults of a stream's times, s on the case's clock.
 
     Attributes:
-        rows: in the file.
-        kept: of them, used.
-        first_s, last_s: times of the first and last kept row.
-        median_step_s: between kept rows; 0 for a single one.
-        repeats: rows that repeat the time before them.
-        backward: rows that go back behind a time that was already there.
+        rows: number of rows in the file.
+        kept: number of rows used.
+        first_s, last_s: times of the first and last row used.
+        median_step_s: between rows used; 0 for a single row.
+        repeats: rows with the time of an earlier row.
+        backward: rows earlier than a row before them.
         gaps: steps longer than `gap_s`.
-        jumps: steps longer than `jump_s`: the clock was set, or the log begins anew.
-        empty: rows without the numbers that they should hold.
-        strays_s: for rows at an even rate with stamps, how far the stamps lie from it at most; else None.
-        gap_s: what counts as a gap.
+        jumps: steps longer than `jump_s`: the clock was set, or the log was restarted.
+        empty: rows without a number in a needed column.
+        max_stamp_deviation_s: greatest deviation of the stamps from an even rate; None without both.
+        gap_s: the least step that counts as a gap.
     """
 
     rows: int
@@ -59,47 +59,46 @@ class ClockReport:
     gaps: Fault
     jumps: Fault
     empty: Fault = Fault()
-    strays_s: float | None = None
+    max_stamp_deviation_s: float | None = None
     gap_s: float = 0.0
 
     @property
     def faultless(self) -> bool:
-        """Whether there is nothing to tell."""
+        """Whether no fault was found."""
         return not any(f.count for f in (self.repeats, self.backward, self.gaps, self.jumps, self.empty))
 
 
 @dataclass(frozen=True, eq=False)
-class Timed:
-    """Rows that are kept, in the order of the file, with their times."""
+class TimedRows:
+    """Rows used (n,), in the order of the file, and their times (n,)."""
 
     rows: NDArray[np.int64]
     time_ns: NDArray[np.int64]
     report: ClockReport
 
 
-def row_times(stamps_ns: NDArray[np.int64] | None, rows: int, clock: Clock, *, place: str) -> Timed:
-    """Times of the rows on the case's clock.
+def row_times(stamps_ns: NDArray[np.int64] | None, rows: int, clock: Clock, *, place: str) -> TimedRows:
+    """Computes the times of a table's rows on the case's clock.
 
     Args:
-        stamps_ns: (rows,) integer nanoseconds of the column, or None where the clock names none.
+        stamps_ns: (rows,) integer nanoseconds of the time column, or None where the clock names none.
         rows: number of rows.
-        clock: as the case states it.
-        place: file, for errors.
+        clock: section of the case.
+        place: file name, for errors.
 
     Raises:
-        DataError: naming row and time, for rows that repeat a time or go back where they are not declared to be
-        dropped,
-            and for stamps that stray from an even rate by more than was declared.
+        DataError: naming row and time, for a time that repeats or goes back unless `unordered` is "drop", and for
+            stamps that deviate from an even rate by more than `steady_within_s`.
     """
-    strays = None
+    deviation_s = None
     if clock.rate_hz is not None:
         even = np.round(np.arange(rows) * (1e9 / clock.rate_hz)).astype(np.int64)
         if stamps_ns is None:
             times = even + round(clock.start_s * 1e9)
         else:
-            times, strays = _even_through(stamps_ns, even, clock, place)
+            times, deviation_s = _even_rate_times(stamps_ns, even, clock, place)
     else:
-        assert stamps_ns is not None  # the section demands one of the two
+        assert stamps_ns is not None  # validated in Clock
         times = stamps_ns
     times = times + round(clock.offset_s * 1e9)
     kept, repeats, backward = _rising(times, clock, place)
@@ -117,44 +116,44 @@ def row_times(stamps_ns: NDArray[np.int64] | None, rows: int, clock: Clock, *, p
         backward=backward,
         gaps=_long_steps(steps_s, kept, time_ns, gap_s, clock.jump_s),
         jumps=_long_steps(steps_s, kept, time_ns, clock.jump_s, np.inf),
-        strays_s=strays,
+        max_stamp_deviation_s=deviation_s,
         gap_s=gap_s,
     )
-    return Timed(kept, time_ns, report)
+    return TimedRows(kept, time_ns, report)
 
 
-def _even_through(
+def _even_rate_times(
     stamps_ns: NDArray[np.int64], even: NDArray[np.int64], clock: Clock, place: str
 ) -> tuple[NDArray[np.int64], float]:
-    """Even times through a host's stamps: their median delay is taken for the delay of every row."""
+    """Times at an even rate, offset by the median delay of the stamps, and the stamps' greatest deviation, s."""
     delay = stamps_ns - even
-    first = int(np.median(delay))
-    stray = np.abs(delay - first)
-    worst = int(np.argmax(stray))
-    if stray[worst] > round(clock.steady_within_s * 1e9):
+    offset = int(np.median(delay))
+    deviation = np.abs(delay - offset)
+    worst = int(np.argmax(deviation))
+    if deviation[worst] > round(clock.steady_within_s * 1e9):
         raise DataError(
-            f"{place}: row {worst} is stamped {(delay[worst] - first) * 1e-9:+.4f} s off an even rate of "
+            f"{place}: row {worst} is stamped {(delay[worst] - offset) * 1e-9:+.4f} s off an even rate of "
             f"{clock.rate_hz:g} Hz, expected within clock.steady_within_s = {clock.steady_within_s:g} s: rows are "
-            "missing, or the rate is another"
+            "missing, or clock.rate_hz is wrong"
         )
-    return even + first, float(stray[worst]) * 1e-9
+    return even + offset, float(deviation[worst]) * 1e-9
 
 
 def _rising(times: NDArray[np.int64], clock: Clock, place: str) -> tuple[NDArray[np.int64], Fault, Fault]:
-    """Rows whose time is later than every one before; the others counted, or refused."""
+    """Rows later than every row before them; the others are counted, or an error, as `unordered` says."""
     before = np.maximum.accumulate(times)[:-1]
     rises = np.concatenate([[True], times[1:] > before])
     late = np.flatnonzero(~rises)
     same = late[times[late] == before[late - 1]]
     back = late[times[late] < before[late - 1]]
-    if late.size and clock.unordered == "refuse":
+    if late.size and clock.unordered == "error":
         row = int(late[0])
         what = (
             "repeats the time before it" if row in same else f"goes back from {before[row - 1] * 1e-9:.6f} s"
         )
         raise DataError(
             f"{place}: row {row}, {times[row] * 1e-9:.6f} s, {what} ({same.size} rows repeat a time, {back.size} go "
-            'back); clock.unordered = "drop" leaves such rows out'
+            'back), expected rising times; clock.unordered = "drop" leaves such rows out'
         )
     return np.flatnonzero(rises), _fault(same, times), _fault(back, times)
 
@@ -172,7 +171,7 @@ def _long_steps(
     longer_s: float,
     until_s: float,
 ) -> Fault:
-    """Steps between two lengths, told by the row after them."""
+    """Steps longer than `longer_s` and up to `until_s`, located by the row after the step."""
     found = np.flatnonzero((steps_s > longer_s) & (steps_s <= until_s))
     if not found.size:
         return Fault()

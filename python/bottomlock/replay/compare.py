@@ -1,4 +1,4 @@
-"""Tables of a replay: estimates, errors against the reference, innovations, and the beams that the filters had."""
+"""Tables of a replay: estimates, errors against the reference, innovations, and the beams used."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from bottomlock.kernel import FIX_STATUS
 from bottomlock.replay.axes import from_quaternions, to_angles
 from bottomlock.replay.case import Case
-from bottomlock.replay.dive import Dive, Floats, Times
 from bottomlock.replay.geodesy import geodetic_from_tangent
-from bottomlock.replay.rerun import Flight, Prepared
+from bottomlock.replay.rerun import PreparedRun, Rerun
+from bottomlock.replay.streams import Floats, Streams, Times
 from bottomlock.tables.replay import (
     FORWARD,
     PATH,
@@ -25,47 +25,46 @@ from bottomlock.tables.replay import (
 _NED, _AXES, _ANGLES = ("north", "east", "down"), ("surge", "sway", "heave"), ("roll", "pitch", "yaw")
 
 
-def passes(case: Case, flight: Flight) -> Iterator[tuple[str, str, dict[str, Floats]]]:
-    """Pass, method and states of every method's forward pass and of every smoothed one, by the same names."""
+def filter_passes(case: Case, rerun: Rerun) -> Iterator[tuple[str, str, dict[str, Floats]]]:
+    """Pass, method and states of every forward and every smoothed pass, with the same names in both."""
     names = ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd")
     for index, method in enumerate(case.replay.methods):
-        yield FORWARD, method, {name: np.asarray(flight.result[name][index]) for name in names}
-    for index, method in enumerate(flight.smoothed_methods):
+        yield FORWARD, method, {name: np.asarray(rerun.result[name][index]) for name in names}
+    for index, method in enumerate(rerun.smoothed_methods):
         yield (
             SMOOTHED,
             method,
-            {name: np.asarray(flight.smoothed[f"smoothed_{name}"][index]) for name in names},
+            {name: np.asarray(rerun.smoothed[f"smoothed_{name}"][index]) for name in names},
         )
 
 
-def samples_table(case: Case, what_if: str, flight: Flight) -> pl.DataFrame:
+def samples_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     """A row per method, pass and time (`tables.replay.REPLAY_SAMPLES`)."""
     parts = []
-    prepared = flight.prepared
-    for name, method, states in passes(case, flight):
+    prepared = rerun.prepared
+    for name, method, states in filter_passes(case, rerun):
         columns = _keys(case, what_if, prepared, len(prepared.sample_time_ns)) | {
             "method": method,
             "pass": name,
         }
         columns |= {"time_ns": prepared.sample_time_ns}
-        columns |= _estimate(states, prepared.dive) | _errors(states, prepared)
+        columns |= _estimate(states, prepared.streams) | _errors(states, prepared)
         parts.append(pl.DataFrame({key: columns[key] for key in REPLAY_SAMPLES}, schema=dict(REPLAY_SAMPLES)))
     return pl.concat(parts).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
-def _keys(case: Case, what_if: str, prepared: Prepared, count: int) -> dict[str, Any]:
+def _keys(case: Case, what_if: str, prepared: PreparedRun, count: int) -> dict[str, Any]:
     return {"case": [case.name] * count, "what_if": what_if, "run": prepared.run}
 
 
-def _estimate(states: Mapping[str, Floats], dive: Dive) -> dict[str, Floats]:
+def _estimate(states: Mapping[str, Floats], streams: Streams) -> dict[str, Floats]:
     position, angles = states["position_t_m"], np.rad2deg(to_angles(from_quaternions(states["attitude_t_p"])))
     columns = {f"{axis}_m": position[:, k] for k, axis in enumerate(_NED)}
     columns |= {f"{axis}_deg": angles[:, k] for k, axis in enumerate(_ANGLES)}
     columns |= {f"{axis}_mps": states["velocity_p_mps"][:, k] for k, axis in enumerate(_AXES)}
-    nowhere = np.full(len(position), np.nan)
-    latitude = longitude = height = nowhere
-    if dive.origin is not None:
-        latitude, longitude, height = geodetic_from_tangent(position, dive.origin)
+    latitude = longitude = height = np.full(len(position), np.nan)
+    if streams.origin is not None:
+        latitude, longitude, height = geodetic_from_tangent(position, streams.origin)
     return columns | {
         "latitude_deg": np.rad2deg(latitude),
         "longitude_deg": np.rad2deg(longitude),
@@ -73,8 +72,8 @@ def _estimate(states: Mapping[str, Floats], dive: Dive) -> dict[str, Floats]:
     }
 
 
-def _errors(states: Mapping[str, Floats], prepared: Prepared) -> dict[str, Floats]:
-    """Errors (reference minus estimate) and claimed deviations, NaN where the reference says nothing."""
+def _errors(states: Mapping[str, Floats], prepared: PreparedRun) -> dict[str, Floats]:
+    """Errors (reference minus estimate) and the filter's standard deviations; NaN without a reference."""
     position, velocity, attitude = errors_of(states, prepared)
     sd = states["sd"]
     columns: dict[str, Floats] = {}
@@ -89,39 +88,39 @@ def _errors(states: Mapping[str, Floats], prepared: Prepared) -> dict[str, Float
     return columns
 
 
-def errors_of(states: Mapping[str, Floats], prepared: Prepared) -> tuple[Floats, Floats, Floats]:
-    """Errors of position (tangent frame), velocity (platform) and attitude (ρ, tangent), (T, 3) each.
+def errors_of(states: Mapping[str, Floats], prepared: PreparedRun) -> tuple[Floats, Floats, Floats]:
+    """Errors of position (tangent frame), velocity (platform) and attitude (ρ, tangent), (T, 3) each, m, m/s, rad.
 
-    The estimates stand at inertial readings, the reference at its own times, up to a reading's step earlier: the
-    estimate is carried back over it with its own velocity and the rate that the gyros read.
+    The estimates are at the times of inertial readings, the reference up to one reading earlier. The estimate is
+    propagated back over that interval with its own velocity and the gyro's rate.
     """
     count = len(prepared.sample_time_ns)
-    nothing = np.full((count, 3), np.nan)
-    reference = prepared.dive.reference
+    absent = np.full((count, 3), np.nan)
+    reference = prepared.streams.reference
     if reference is None:
-        return nothing, nothing, nothing
+        return absent, absent, absent
     rows = prepared.rows
     back_s = (prepared.sample_time_ns - reference.time_ns[rows])[:, None] * 1e-9
-    inertial = prepared.dive.inertial
-    rate = inertial.omega_p_radps[np.searchsorted(inertial.time_ns, prepared.sample_time_ns)]
+    inertial = prepared.streams.inertial
+    omega = inertial.omega_p_radps[np.searchsorted(inertial.time_ns, prepared.sample_time_ns)]
     attitude = from_quaternions(states["attitude_t_p"])
-    there = attitude * Rotation.from_rotvec(-rate * back_s)
-    position = velocity = misalignment = nothing
+    attitude_then = attitude * Rotation.from_rotvec(-omega * back_s)
+    position = velocity = misalignment = absent
     if reference.position_t_m is not None:
-        carried = states["position_t_m"] - attitude.apply(states["velocity_p_mps"]) * back_s
-        position = reference.position_t_m[rows] - carried
+        position_then = states["position_t_m"] - attitude.apply(states["velocity_p_mps"]) * back_s
+        position = reference.position_t_m[rows] - position_then
     if reference.velocity_p_mps is not None:
         velocity = reference.velocity_p_mps[rows] - states["velocity_p_mps"]
     if reference.attitude is not None:
-        misalignment = (reference.attitude[rows] * there.inv()).as_rotvec()
+        misalignment = (reference.attitude[rows] * attitude_then.inv()).as_rotvec()
     return position, velocity, misalignment
 
 
-def innovations_table(case: Case, what_if: str, flight: Flight) -> pl.DataFrame:
-    """A row per method and ping (`replay_schema.innovations_schema`)."""
-    prepared, result = flight.prepared, flight.result
-    times = prepared.dive.beams.time_ns[prepared.pings]
-    beams = flight.valid.shape[1]
+def innovations_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
+    """A row per method and ping (`tables.replay.innovations_schema`)."""
+    prepared, result = rerun.prepared, rerun.result
+    times = prepared.streams.beams.time_ns[prepared.pings]
+    beams = rerun.valid.shape[1]
     schema = innovations_schema(beams)
     parts = []
     for index, method in enumerate(case.replay.methods):
@@ -139,29 +138,29 @@ def innovations_table(case: Case, what_if: str, flight: Flight) -> pl.DataFrame:
     return pl.concat(parts).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
-def pings_table(case: Case, what_if: str, flight: Flight) -> pl.DataFrame:
-    """A row per ping (`replay_schema.pings_schema`)."""
-    prepared = flight.prepared
-    beams = prepared.dive.beams
+def pings_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
+    """A row per ping (`tables.replay.pings_schema`)."""
+    prepared = rerun.prepared
+    beams = prepared.streams.beams
     times, velocity = beams.time_ns[prepared.pings], beams.velocity_mps[prepared.pings]
     columns = _keys(case, what_if, prepared, len(times)) | {"time_ns": times}
     for k in range(velocity.shape[1]):
         columns[f"beam{k + 1}_mps"] = velocity[:, k]
-        columns[f"beam{k + 1}_valid"] = flight.valid[:, k]
+        columns[f"beam{k + 1}_valid"] = rerun.valid[:, k]
     schema = pings_schema(velocity.shape[1])
     frame = pl.DataFrame({key: columns[key] for key in schema}, schema=schema)
     return frame.with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
-def path_table(dive: Dive) -> pl.DataFrame | None:
-    """Where the reference was (`tables.replay.PATH`), or None without positions."""
-    reference = dive.reference
+def path_table(streams: Streams) -> pl.DataFrame | None:
+    """Positions of the reference (`tables.replay.PATH`), or None without positions."""
+    reference = streams.reference
     if reference is None or reference.position_t_m is None:
         return None
     position = reference.position_t_m
     latitude = longitude = np.full(len(position), np.nan)
-    if dive.origin is not None:
-        latitude, longitude, _ = geodetic_from_tangent(position, dive.origin)
+    if streams.origin is not None:
+        latitude, longitude, _ = geodetic_from_tangent(position, streams.origin)
     columns: dict[str, Floats | Times] = {"time_ns": reference.time_ns}
     columns |= {f"{axis}_m": position[:, k] for k, axis in enumerate(_NED)}
     columns |= {"latitude_deg": np.rad2deg(latitude), "longitude_deg": np.rad2deg(longitude)}

@@ -1,4 +1,4 @@
-"""Figures of a replay: map, errors with what was claimed, innovations, NIS, which beams returned."""
+"""Figures of a replay: map, errors with their standard deviations, innovations, NIS, valid beams."""
 
 from collections.abc import Sequence
 
@@ -26,23 +26,23 @@ _QUANTITIES = (
     ("attitude", "deg", "attitude, degrees"),
 )
 ORDERS = 6.0
-"""Orders of magnitude that an axis of errors shows at the most: an error that is 0 at the start says nothing."""
+"""Most decades of an error axis: an error that starts at 0 would stretch a logarithmic axis without limit."""
 
 
-def _left_title(figure: Figure, words: str) -> None:
-    figure.text(0.012, 0.992, words, ha="left", va="top", fontsize=10.0, color=INK)
+def _left_title(figure: Figure, title: str) -> None:
+    figure.text(0.012, 0.992, title, ha="left", va="top", fontsize=10.0, color=INK)
 
 
 def map_figure(
-    samples: pl.DataFrame, path: pl.DataFrame | None, *, methods: Sequence[str], words: str
+    samples: pl.DataFrame, path: pl.DataFrame | None, *, methods: Sequence[str], title: str
 ) -> Figure:
-    """Plan view of the methods of one question (first draw), dashed where smoothed, and of the reference.
+    """Plan view of the methods in one what-if case (first run), dotted where smoothed, and of the reference.
 
     Args:
-        samples: `tables.replay.REPLAY_SAMPLES` of one question.
+        samples: `tables.replay.REPLAY_SAMPLES` of one what-if case.
         path: `tables.replay.PATH`, or None.
         methods: which to draw.
-        words: what stands above it.
+        title: text above the figure.
     """
     first = samples.filter(pl.col("run") == samples["run"].min())
     with mpl.rc_context(STYLE):
@@ -83,21 +83,23 @@ def map_figure(
         axes.set_ylabel("north, m")
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(MaxNLocator(6))
-        groups = coincident({method: np.concatenate(way) for method, way in ends.items()}, tolerance=2e-3)
+        groups = coincident(
+            {method: np.concatenate(path_m) for method, path_m in ends.items()}, tolerance=2e-3
+        )
         label_ends(axes, [Line(group, *ends[group[0]]) for group in groups])
-        _left_title(figure, words)
+        _left_title(figure, title)
     return figure
 
 
 def error_figure(
-    ensemble: pl.DataFrame, *, methods: Sequence[str], words: str, which: str = FORWARD
+    ensemble: pl.DataFrame, *, methods: Sequence[str], title: str, which: str = FORWARD
 ) -> Figure:
-    """Errors against the reference, norms over axes and RMS over draws; thin and dotted what each method claims.
+    """Errors against the reference, norms over axes and RMS over runs; dotted the standard deviation of each filter.
 
     Args:
-        ensemble: `tables.replay.REPLAY_ENSEMBLE` of one question.
+        ensemble: `tables.replay.REPLAY_ENSEMBLE` of one what-if case.
         methods: which to draw.
-        words: what stands above it.
+        title: text above the figure.
         which: pass.
     """
     rows = ensemble.filter((pl.col("pass") == which) & pl.col("method").is_in(list(methods)))
@@ -116,19 +118,19 @@ def error_figure(
                 axes.set_xlabel("time from the start, s")
             else:
                 axes.tick_params(labelbottom=False)
-        _left_title(figure, words)
+        _left_title(figure, title)
     return figure
 
 
 def _one_error(axes: Axes, rows: pl.DataFrame, methods: Sequence[str], name: str, unit: str) -> None:
-    made, claimed, time_s = {}, {}, np.zeros(0)
+    rms, sd, time_s = {}, {}, np.zeros(0)
     for method in draw_order(list(methods)):
         one = rows.filter(pl.col("method") == method)
         time_s = one["time_s"].to_numpy()
-        made[method] = one[f"{name}_rms_{unit}"].fill_null(np.nan).to_numpy()
-        claimed[method] = one[f"{name}_sd_{unit}"].fill_null(np.nan).to_numpy()
+        rms[method] = one[f"{name}_rms_{unit}"].fill_null(np.nan).to_numpy()
+        sd[method] = one[f"{name}_sd_{unit}"].fill_null(np.nan).to_numpy()
     axes.set_yscale("log")
-    every = np.concatenate([*made.values(), *claimed.values()])
+    every = np.concatenate([*rms.values(), *sd.values()])
     every = every[np.isfinite(every) & (every > 0.0)]
     high = float(every.max()) * 1.4
     axes.set_ylim(max(float(np.percentile(every, 1.0)) / 1.5, high / 10.0**ORDERS), high)
@@ -137,16 +139,16 @@ def _one_error(axes: Axes, rows: pl.DataFrame, methods: Sequence[str], name: str
     axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
     axes.yaxis.set_minor_formatter(NullFormatter())
     lines = []
-    for group in coincident(made, tolerance=1e-2):
+    for group in coincident(rms, tolerance=1e-2):
         look = stroke(group[0])
-        axes.plot(time_s, claimed[group[0]], color=look.colour, linewidth=0.9, linestyle=(0, (1, 1.6)))
-        axes.plot(time_s, made[group[0]], color=look.colour, linewidth=1.3, linestyle=look.dash)
-        lines.append(Line(group, time_s, made[group[0]]))
+        axes.plot(time_s, sd[group[0]], color=look.colour, linewidth=0.9, linestyle=(0, (1, 1.6)))
+        axes.plot(time_s, rms[group[0]], color=look.colour, linewidth=1.3, linestyle=look.dash)
+        lines.append(Line(group, time_s, rms[group[0]]))
     label_ends(axes, lines)
 
 
-def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, words: str) -> Figure:
-    """Innovations of the beams of one method (first draw) with the ±2 sigma that it claims; rejected pings hollow."""
+def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, title: str) -> Figure:
+    """Innovations of the beams of one method (first run) with their ±2 sigma; rejected pings are hollow."""
     rows = innovations.filter((pl.col("method") == method) & (pl.col("run") == innovations["run"].min()))
     beams = sum(name.endswith("_innovation_mps") for name in rows.columns)
     time_s = (rows["time_ns"].to_numpy() - start_ns) * 1e-9
@@ -175,23 +177,25 @@ def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, 
                 color=colour,
             )
             axes.text(0.008, 0.93, f"beam {k + 1}", transform=axes.transAxes, va="top", fontsize=9.0)
-            heard = np.abs(np.concatenate([value, 2.0 * sd]))
-            spans.append(float(np.nanpercentile(heard, 99.0)) if np.isfinite(heard).any() else 0.0)
+            sizes = np.abs(np.concatenate([value, 2.0 * sd]))
+            spans.append(float(np.nanpercentile(sizes, 99.0)) if np.isfinite(sizes).any() else 0.0)
             if not np.isfinite(value).any():
-                axes.text(0.5, 0.5, "no row", transform=axes.transAxes, ha="center", va="center", color=FAINT)
-        reach = 1.15 * max(*spans, 1e-3)
-        panels[-1].set_ylim(-reach, reach)
+                axes.text(
+                    0.5, 0.5, "no innovation", transform=axes.transAxes, ha="center", va="center", color=FAINT
+                )
+        limit = 1.15 * max(*spans, 1e-3)
+        panels[-1].set_ylim(-limit, limit)
         panels[-1].set_xlim(float(time_s[0]), float(time_s[-1]))
         panels[-1].set_xlabel("time from the start, s")
         figure.text(0.008, 0.5, "innovation, m/s", rotation=90, va="center", fontsize=9.5)
-        _left_title(figure, words)
+        _left_title(figure, title)
     return figure
 
 
 def nis_figure(
-    innovations: pl.DataFrame, start_ns: int, *, methods: Sequence[str], words: str, window: int = 30
+    innovations: pl.DataFrame, start_ns: int, *, methods: Sequence[str], title: str, window: int = 30
 ) -> Figure:
-    """NIS over its degrees of freedom, sliding mean over pings (first draw), with the 95 % band of that mean."""
+    """NIS over its degrees of freedom, sliding mean over pings (first run), with the 95 % band of that mean."""
     first = innovations.filter(pl.col("run") == innovations["run"].min())
     lines: dict[str, Floats] = {}
     times: dict[str, Floats] = {}
@@ -209,7 +213,7 @@ def nis_figure(
     with mpl.rc_context(STYLE):
         figure = new_figure(height_in=3.2)
         axes = figure.add_axes((0.115, 0.15, 0.645, 0.72))
-        _left_title(figure, words)
+        _left_title(figure, title)
         if not lines:
             axes.text(0.5, 0.5, "too few fixes", transform=axes.transAxes, ha="center", color=FAINT)
             return figure
@@ -223,7 +227,7 @@ def nis_figure(
         axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.set_title(
-            f"NIS over its degrees, mean of {window} pings (band: 95 % of an honest filter)",
+            f"NIS over its degrees of freedom, mean of {window} pings (band: 95 % of a consistent filter)",
             loc="left",
             fontsize=9.5,
         )
@@ -244,19 +248,19 @@ def nis_figure(
     return figure
 
 
-def validity_figure(pings: pl.DataFrame, start_ns: int, *, words: str) -> Figure:
-    """Which beams the filters had, a strip for each beam and question (first draw)."""
+def validity_figure(pings: pl.DataFrame, start_ns: int, *, title: str) -> Figure:
+    """Valid beams against time, a strip for each beam and what-if case (first run)."""
     first = pings.filter(pl.col("run") == pings["run"].min())
-    questions = first["what_if"].unique(maintain_order=True).to_list()
+    cases = first["what_if"].unique(maintain_order=True).to_list()
     beams = sum(name.endswith("_valid") for name in first.columns)
     with mpl.rc_context(STYLE):
-        height = 0.85 + 0.16 * (beams + 0.7) * len(questions)
+        height = 0.85 + 0.16 * (beams + 0.7) * len(cases)
         figure = new_figure(height_in=height, width_in=2 * WIDTH_IN)
         axes = figure.add_axes((0.13, 0.45 / height, 0.85, 1.0 - 0.85 / height))
         ticks, labels = [], []
         end = 1.0
-        for index, question in enumerate(questions):
-            rows = first.filter(pl.col("what_if") == question)
+        for index, what_if in enumerate(cases):
+            rows = first.filter(pl.col("what_if") == what_if)
             time_s = (rows["time_ns"].to_numpy() - start_ns) * 1e-9
             steps = np.append(np.diff(time_s), np.median(np.diff(time_s)) if len(time_s) > 1 else 1.0)
             end = max(end, float(time_s[-1] + steps[-1]))
@@ -266,19 +270,19 @@ def validity_figure(pings: pl.DataFrame, start_ns: int, *, words: str) -> Figure
                 spans = _runs_of(valid, time_s, steps)
                 axes.broken_barh(spans, (base + k + 0.08, 0.84), color=_BEAMS[k % len(_BEAMS)], linewidth=0.0)
             ticks.append(base + beams / 2.0)
-            labels.append(question.replace("_", " "))
+            labels.append(what_if.replace("_", " "))
         axes.set_yticks(ticks, labels)
-        axes.set_ylim(len(questions) * (beams + 0.7), -0.3)
+        axes.set_ylim(len(cases) * (beams + 0.7), -0.3)
         axes.set_xlim(0.0, end)
         axes.grid(visible=False, axis="y")
         axes.tick_params(axis="y", length=0.0)
         axes.set_xlabel("time from the start, s")
-        _left_title(figure, words)
+        _left_title(figure, title)
     return figure
 
 
 def _runs_of(valid: NDArray[np.bool_], time_s: Floats, steps: Floats) -> list[tuple[float, float]]:
-    """Start and length of each stretch of valid pings."""
+    """Start and length, s, of each run of valid pings."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], valid, [False]]).astype(np.int8)))
     return [
         (float(time_s[begin]), float(time_s[last - 1] + steps[last - 1] - time_s[begin]))

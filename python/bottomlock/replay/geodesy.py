@@ -1,4 +1,4 @@
-"""Latitude and longitude to metres in the tangent plane and back, by pymap3d."""
+"""Geodetic coordinates (WGS 84) to the tangent frame and back, by pymap3d."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Place:
-    """A point of the Earth (WGS 84): where a tangent plane touches it."""
+    """Origin of a tangent frame (WGS 84): latitude and longitude, rad, height above the ellipsoid, m."""
 
     latitude_rad: float
     longitude_rad: float
@@ -25,7 +25,7 @@ def _pymap3d() -> Any:  # noqa: ANN401 - an extra, imported when positions are g
         import pymap3d  # noqa: PLC0415
     except ImportError as error:
         raise DataError(
-            "latitude and longitude need pymap3d: python -m pip install 'bottomlock[geodesy]'"
+            "latitude and longitude need the package pymap3d: python -m pip install 'bottomlock[geodesy]'"
         ) from error
     return pymap3d
 
@@ -33,13 +33,13 @@ def _pymap3d() -> Any:  # noqa: ANN401 - an extra, imported when positions are g
 def tangent_from_geodetic(
     latitude_rad: ArrayLike, longitude_rad: ArrayLike, height_m: ArrayLike, at: Place
 ) -> Floats:
-    """(n, 3) north, east, down in m, of the plane that touches the Earth at a place.
+    """(n, 3) north, east, down, m, in the tangent frame with its origin at `at`.
 
     Raises:
         DataError: where pymap3d is not installed.
 
     Examples:
-        A minute of arc of latitude is a nautical mile, and the Earth falls away below the plane:
+        A minute of latitude is a nautical mile, and the Earth curves away below the tangent plane:
 
         >>> home = Place(np.deg2rad(45.0), 0.0, 0.0)
         >>> tangent_from_geodetic([np.deg2rad(45.0 + 1.0 / 60.0)], [0.0], [0.0], home).round(1).tolist()
@@ -55,7 +55,7 @@ def tangent_from_geodetic(
 
 
 def geodetic_from_tangent(position_t_m: ArrayLike, at: Place) -> tuple[Floats, Floats, Floats]:
-    """Latitude (rad), longitude (rad) and height (m) of (n, 3) positions in the plane that touches at a place.
+    """Latitude (rad), longitude (rad) and height (m) of (n, 3) positions in the tangent frame with its origin at `at`.
 
     Raises:
         DataError: where pymap3d is not installed.

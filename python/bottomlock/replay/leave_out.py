@@ -1,9 +1,8 @@
-"""Leave beams out of recorded pings that have them all, and see how far each method's velocity is off without them.
+"""Leave-beams-out validation: the velocity error of each method when beams of a complete ping are withheld.
 
-A ping whose every beam returned, and fits the others, is its own reference: the velocity of all beams by least
-squares, and the reading of the beam that a method was not shown. Methods without a prior see the ping alone. Methods
-with one see, too, the velocity that a random walk carries over from the pings before, every one of them with all its
-beams.
+A ping with all beams valid and a small closure is its own reference: the least-squares velocity of all beams, and the
+reading of each withheld beam. Methods without a prior use the ping alone. Methods with a prior also use the velocity
+that a random-walk filter predicts from the pings before, each with all its beams.
 """
 
 from collections.abc import Sequence
@@ -15,23 +14,23 @@ import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
-from bottomlock.replay.dive import Flags, Floats, Times
 from bottomlock.replay.random_errors import closure_directions
+from bottomlock.replay.streams import Flags, Floats, Times
 from bottomlock.tables.replay import SCORES
 
 ALONE = ("lc", "nsv", "plcf", "weak_sway")
 """Methods that need no INS: least squares, sway zero, the components that are determined, the weak sway row."""
 WITH_PRIOR = ("vb", "vhv", "info")
-"""Methods that need a velocity to expect, here a random walk's; with it the information form is a Kalman update."""
+"""Methods that need a prior velocity, here of a random walk; with it the information form is a Kalman update."""
 
 
 SAME_MPS = 1e-6
-"""Claimed differences below this are rounding: both velocities come from the same rows."""
+"""Standard deviations of a difference below this are rounding: both velocities come from the same rows."""
 
 
 @dataclass(frozen=True)
-class Walk:
-    """A velocity that walks at random, m/s per root second and axis, from a start known to `start_sd_mps`."""
+class VelocityWalk:
+    """Random-walk model of the velocity: m/s per root second and axis, with initial 1 sigma `start_sd_mps`."""
 
     walk_mps_rts: float = 0.1
     start_sd_mps: float = 1.0
@@ -39,16 +38,21 @@ class Walk:
 
 @dataclass(frozen=True, eq=False)
 class Priors:
-    """What the random walk expects at each ping, before it: velocity (n, 3) and covariance (n, 3, 3)."""
+    """Predicted velocity (n, 3) and covariance (n, 3, 3) at each ping, before its update; platform frame."""
 
     velocity_p_mps: Floats
     cov_m2ps2: Floats
 
 
 def random_walk(
-    geometry: BeamGeometry, time_ns: Times, velocity_mps: Floats, valid: Flags, sd_mps: Floats, walk: Walk
+    geometry: BeamGeometry,
+    time_ns: Times,
+    velocity_mps: Floats,
+    valid: Flags,
+    sd_mps: Floats,
+    walk: VelocityWalk,
 ) -> Priors:
-    """Priors of a Kalman filter of the velocity alone, fed every ping with the beams that it has.
+    """Predictions of a Kalman filter of the velocity alone, updated with the valid beams of every ping.
 
     State v, transition 1, process noise q² Δt per axis, measurement y = B v with one row per valid beam.
     """
@@ -67,7 +71,7 @@ def random_walk(
 
 
 def _fuse(v: Floats, P: Floats, H: Floats, y: Floats, sd: Floats) -> tuple[Floats, Floats]:
-    """Kalman update in information form, which a rank-deficient set of rows does not trouble."""
+    """Kalman update in information form, which also holds for rank-deficient rows."""
     weights = H.T / sd**2
     information = np.linalg.inv(P) + weights @ H
     cov = np.linalg.inv(information)
@@ -82,43 +86,42 @@ def leave_out(
     sd_mps: Floats,
     *,
     beams: int,
-    walk: Walk | None = None,
+    walk: VelocityWalk | None = None,
     closure_gate: float | None = 3.0,
 ) -> pl.DataFrame:
-    """Scores of every method with every set of so many beams left out (`tables.replay.SCORES`).
+    """Scores of every method with every set of `beams` beams left out (`tables.replay.SCORES`).
 
     Args:
         geometry: four beams or more, of rank 3.
-        time_ns: (n,) of the pings.
-        velocity_mps: (n, B).
-        valid: (n, B).
+        time_ns: (n,) times of the pings.
+        velocity_mps: (n, B) beam velocities.
+        valid: (n, B) validity.
         sd_mps: (B,) noise of the beams, 1 sigma.
-        beams: how many are left out at a time.
-        walk: of the prior.
-        closure_gate: pings whose closure residual is greater than so many of its sigmas are no reference and are not
-        scored;
-            None scores all. The sigma is the robust one of the recording itself.
+        beams: number of beams left out at a time.
+        walk: model of the prior.
+        closure_gate: pings whose closure residual exceeds this many robust sigmas (of the recording itself) are not
+            scored; None scores all.
 
     Returns:
-        Components surge, sway and heave against least squares of all beams, and "beam": the reading of each beam
-        that was left out against what the method's velocity says of it, the only score that shares no noise with the
-        method.
+        Components surge, sway and heave against the least squares of all beams, and "beam": the reading of each beam
+        left out against the method's velocity along it, the only score whose noise is independent of the method's.
 
     Raises:
         DataError: for an instrument without redundant beams, or a recording without a ping of all beams.
     """
     if geometry.beams <= geometry.rank or geometry.rank < 3:
         raise DataError(
-            f"{geometry.beams} beams of rank {geometry.rank} hold no redundancy: there is nothing to leave out"
+            f"the geometry has {geometry.beams} beams, rank {geometry.rank}, expected four or more, rank 3: "
+            "without redundancy no beam can be left out"
         )
     if not 1 <= beams < geometry.beams:
         raise DataError(f"{beams} beams to leave out, expected 1 to {geometry.beams - 1}")
-    priors = random_walk(geometry, time_ns, velocity_mps, valid, sd_mps, walk or Walk())
+    priors = random_walk(geometry, time_ns, velocity_mps, valid, sd_mps, walk or VelocityWalk())
     scored = reference_pings(geometry, velocity_mps, valid, closure_gate)
     if not scored.any():
-        raise DataError("no ping has every beam: there is no reference to score against")
+        raise DataError("no ping has all beams valid, expected some: there is no reference to score against")
     y = np.ascontiguousarray(velocity_mps[scored])
-    whole = solve_velocity(geometry, y, np.ones(y.shape, dtype=bool), method="lc", beam_sd_mps=sd_mps)
+    all_beams = solve_velocity(geometry, y, np.ones(y.shape, dtype=bool), method="lc", beam_sd_mps=sd_mps)
     here = Priors(priors.velocity_p_mps[scored], priors.cov_m2ps2[scored])
     rows = []
     for lost in combinations(range(geometry.beams), beams):
@@ -127,14 +130,14 @@ def leave_out(
         for method in (*ALONE, *WITH_PRIOR):
             solution = _solve(geometry, y, shown, sd_mps, method, here)
             response = _response(geometry, y, shown, sd_mps, method, here)
-            rows += _scores(lost, method, solution, response, whole, y, geometry, sd_mps)
+            rows += _scores(lost, method, solution, response, all_beams, y, geometry, sd_mps)
     return pl.DataFrame(rows, schema=dict(SCORES), orient="row")
 
 
 def reference_pings(
     geometry: BeamGeometry, velocity_mps: Floats, valid: Flags, closure_gate: float | None
 ) -> Flags:
-    """(n,) pings of all beams whose closure is not an outlier."""
+    """(n,) pings with all beams valid whose closure is not an outlier."""
     every = np.asarray(valid.all(axis=1))
     if closure_gate is None or not every.any():
         return np.asarray(every)
@@ -158,7 +161,7 @@ def _solve(
     )
     if method != "info":
         return fixes.velocity_p_mps, fixes.cov_m2ps2
-    # Λ of the rows and the velocity along what they see, fused with the prior: P⁺ = (P⁻¹ + Λ)⁻¹.
+    # Λ of the rows and the velocity in its row space, fused with the prior: P⁺ = (P⁻¹ + Λ)⁻¹.
     information = fixes.information_s2pm2
     cov = np.linalg.inv(np.linalg.inv(priors.cov_m2ps2) + information)
     innovation = fixes.observed_velocity_p_mps - priors.velocity_p_mps
@@ -169,9 +172,9 @@ def _solve(
 def _response(
     geometry: BeamGeometry, y: Floats, shown: Flags, sd_mps: Floats, method: str, priors: Priors
 ) -> Floats:
-    """(n, 3, 3) how a method's velocity answers, through the beams alone, to a change of the true velocity.
+    """(n, 3, 3) derivative of a method's velocity by the true velocity, through the beams alone.
 
-    Every method is linear in the beams: three velocities of 1 m/s tell the whole of it.
+    Every method is linear in the beams, so that three velocities of 1 m/s give the derivative exactly.
     """
     B = np.asarray(geometry.directions_p)
     base, _ = _solve(geometry, y, shown, sd_mps, method, priors)
@@ -184,43 +187,43 @@ def _scores(
     method: str,
     solution: tuple[Floats, Floats],
     response: Floats,
-    whole: VelocityFixes,
+    all_beams: VelocityFixes,
     y: Floats,
     geometry: BeamGeometry,
     sd_mps: Floats,
 ) -> list[tuple[object, ...]]:
     """Rows of `tables.replay.SCORES` of one method without these beams.
 
-    The beams that are left are in both velocities. With response J, covariance C of the method and W of all beams, the
-    difference of the two has C + W − J W − W Jᵀ.
+    The remaining beams are in both velocities. With response J, covariance C of the method and W of all beams, the
+    covariance of the difference is C + W − J W − W Jᵀ.
     """
     velocity, cov = solution
     name = "+".join(str(beam + 1) for beam in lost)
     rows = []
-    shared = response @ whole.cov_m2ps2
-    difference = cov + whole.cov_m2ps2 - shared - np.swapaxes(shared, 1, 2)
+    shared = response @ all_beams.cov_m2ps2
+    difference = cov + all_beams.cov_m2ps2 - shared - np.swapaxes(shared, 1, 2)
     for k, axis in enumerate(("surge", "sway", "heave")):
-        claimed = np.sqrt(np.maximum(difference[:, k, k], 0.0))
-        rows.append((name, method, axis, *_numbers(whole.velocity_p_mps[:, k] - velocity[:, k], claimed)))
+        sd = np.sqrt(np.maximum(difference[:, k, k], 0.0))
+        rows.append((name, method, axis, *_numbers(all_beams.velocity_p_mps[:, k] - velocity[:, k], sd)))
     directions = np.asarray(geometry.directions_p)
-    errors, claims = [], []
+    errors, sds = [], []
     for beam in lost:
         b = directions[beam]
         errors.append(y[:, beam] - velocity @ b)
-        claims.append(np.sqrt(np.einsum("i,nij,j->n", b, cov, b) + sd_mps[beam] ** 2))
-    rows.append((name, method, "beam", *_numbers(np.concatenate(errors), np.concatenate(claims))))
+        sds.append(np.sqrt(np.einsum("i,nij,j->n", b, cov, b) + sd_mps[beam] ** 2))
+    rows.append((name, method, "beam", *_numbers(np.concatenate(errors), np.concatenate(sds))))
     return rows
 
 
-def _numbers(error: Floats, claimed: Floats) -> tuple[object, ...]:
+def _numbers(error: Floats, error_sd: Floats) -> tuple[object, ...]:
     solved = np.isfinite(error)
     if not solved.any():
         return (len(error), 0, None, None, None, None, None, None)
-    size, sd = np.abs(error[solved]), claimed[solved]
-    # Where nothing was claimed to differ (the same rows solve both), there is no ratio.
+    size, sd = np.abs(error[solved]), error_sd[solved]
+    # Where the same rows solve both, the difference has no standard deviation and there is no ratio.
     apart = sd > SAME_MPS
     ratio = size[apart] / sd[apart]
-    told = ratio.size > 0
+    has_ratio = ratio.size > 0
     return (
         len(error),
         int(solved.sum()),
@@ -228,8 +231,8 @@ def _numbers(error: Floats, claimed: Floats) -> tuple[object, ...]:
         float(np.sqrt(np.mean(size**2))),
         float(np.percentile(size, 95.0)),
         float(np.median(sd)),
-        float(np.sqrt(np.mean(ratio**2))) if told else None,
-        float(1.4826 * np.median(ratio)) if told else None,
+        float(np.sqrt(np.mean(ratio**2))) if has_ratio else None,
+        float(1.4826 * np.median(ratio)) if has_ratio else None,
     )
 
 

@@ -1,4 +1,4 @@
-"""What the filter of a replay assumes, in SI as the kernel wants it."""
+"""Model and options of a replay's filter, in SI, as the kernel takes them."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,13 +8,13 @@ import numpy as np
 from bottomlock import units
 from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2
 from bottomlock.replay.case import Case
-from bottomlock.replay.dive import Dive, Floats
 from bottomlock.replay.stream_sections import ImuErrors
+from bottomlock.replay.streams import Floats, Streams
 
 
 @dataclass(frozen=True)
 class ImuModel:
-    """Errors of the inertial sensors, 1 sigma, SI."""
+    """Errors of the inertial sensors that the filter assumes, 1 sigma, SI."""
 
     accel_noise_mps_rts: float
     gyro_noise_rad_rts: float
@@ -25,7 +25,7 @@ class ImuModel:
 
     @classmethod
     def of(cls, errors: ImuErrors) -> "ImuModel":
-        """From a section in human units."""
+        """The errors of a case's section, converted to SI."""
         return cls(
             accel_noise_mps_rts=units.per_rt_s_from_per_rt_h(errors.accel_noise_mps_per_rt_h),
             gyro_noise_rad_rts=units.rad_from_deg(
@@ -39,7 +39,7 @@ class ImuModel:
 
 
 def imu_model(case: Case) -> ImuModel:
-    """What the filter assumes of the inertial sensors; of a degraded one, the errors of both added in squares."""
+    """IMU errors that the filter assumes; with `degrade`, the root sum of squares of both sets of errors."""
     own = ImuModel.of(case.imu.errors)
     if case.imu.degrade is None:
         return own
@@ -48,32 +48,32 @@ def imu_model(case: Case) -> ImuModel:
     return ImuModel(**{name: float(np.hypot(getattr(own, name), getattr(added, name))) for name in names})
 
 
-def gravity_mps2(case: Case, dive: Dive) -> float:
-    """Gravity at the start: the case's own, or normal gravity at the latitude and the mean depth of the dive."""
+def gravity_mps2(case: Case, streams: Streams) -> float:
+    """Gravity: the case's own, or normal gravity at the latitude and mean depth of the recording."""
     if case.origin.gravity != "normal":
         return float(case.origin.gravity)
     depth = 0.0
-    if dive.depths is not None:
-        depth = float(dive.depths.depth_m.mean())
-    elif dive.reference is not None and dive.reference.position_t_m is not None:
-        depth = float(dive.reference.position_t_m[:, 2].mean())
-    return normal_gravity_mps2(dive.latitude_rad, depth)
+    if streams.depths is not None:
+        depth = float(streams.depths.depth_m.mean())
+    elif streams.reference is not None and streams.reference.position_t_m is not None:
+        depth = float(streams.reference.position_t_m[:, 2].mean())
+    return normal_gravity_mps2(streams.latitude_rad, depth)
 
 
 def kernel_model(
-    case: Case, dive: Dive, imu: ImuModel, initial: dict[str, Floats], gravity: float
+    case: Case, streams: Streams, imu: ImuModel, initial: dict[str, Floats], gravity: float
 ) -> dict[str, Any]:
-    """Environment, sensor errors and uncertainty of the start, as the kernel wants them."""
+    """Environment, sensor errors and initial standard deviations, as the kernel takes them."""
     dvl, gps, attitude = case.dvl.errors, case.gps, case.attitude
     return {
         "environment": {
-            "latitude_rad": dive.latitude_rad,
+            "latitude_rad": streams.latitude_rad,
             "gravity_mps2": gravity,
             "earth_rate_radps": EARTH_RATE_RADPS,
         },
         "imu": dict(vars(imu)),
         "dvl": {
-            "beam_noise_sd_mps": float(dive.instrument.beam_sd_mps.mean()),
+            "beam_noise_sd_mps": float(streams.instrument.beam_sd_mps.mean()),
             "beam_bias_sd_mps": dvl.beam_bias_mps,
             "beam_bias_walk_mps_rts": dvl.beam_bias_walk_mps_per_rt_s,
             "scale_factor_sd": units.fraction_from_percent(dvl.scale_factor_percent),
@@ -93,7 +93,7 @@ def kernel_model(
 
 
 def kernel_options(case: Case) -> dict[str, Any]:
-    """Filter options as the kernel wants them."""
+    """Filter options, as the kernel takes them."""
     rate_hz = case.filter.covariance_rate_hz
     options = case.filter.model_dump(exclude={"covariance_rate_hz"}) | {
         "covariance_period_ns": units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0,

@@ -1,4 +1,4 @@
-"""Everything of a replay that chance decides, each from its own keyed stream: beam noise, a poorer IMU, the start."""
+"""Random errors of a replay, each from its own keyed stream: beam noise, errors of a lower-grade IMU, the start."""
 
 import hashlib
 
@@ -8,20 +8,20 @@ from numpy.typing import NDArray
 from bottomlock import units
 from bottomlock.kernel import BeamGeometry
 from bottomlock.plant.beam_loss import generator
-from bottomlock.replay.dive import Flags, Floats, Inertial
 from bottomlock.replay.stream_sections import ImuErrors
+from bottomlock.replay.streams import Flags, Floats, Inertial
 
-_NOISE, _FORCE, _RATE, _START = 0xE1, 0xE2, 0xE3, 0xE4
+_NOISE, _FORCE, _OMEGA, _START = 0xE1, 0xE2, 0xE3, 0xE4
 
 
 def case_key(name: str) -> int:
-    """Key of a case's streams: the first 8 bytes of the SHA-256 of its name."""
+    """Key of a case's random streams: the first 8 bytes of the SHA-256 of its name."""
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
 
 
-def stream(seed: int, key: int, run: int, what: int, part: int = 0) -> np.random.Generator:
-    """The random numbers of one part of one thing in one run."""
-    return generator(seed, key, run, what, part)
+def random_stream(seed: int, key: int, run: int, error: int) -> np.random.Generator:
+    """The random numbers of one kind of error in one run."""
+    return generator(seed, key, run, error, 0)
 
 
 def closure_directions(geometry: BeamGeometry) -> Floats:
@@ -30,58 +30,61 @@ def closure_directions(geometry: BeamGeometry) -> Floats:
     They span the null space of the transposed geometry matrix A, A the (B, 3) beam directions: n · A v = 0 for every v.
 
     Examples:
-        The four beams of a Janus have one, of alternating signs and length 1, so that its residual scatters as one
-        beam:
+        The four beams of a Janus have one, with alternating signs and unit length, so that its residual scatters as
+        one beam:
 
         >>> closure_directions(BeamGeometry.janus(0.35)).round(3).tolist()
         [[0.5, -0.5, 0.5, -0.5]]
     """
     left, _, _ = np.linalg.svd(np.asarray(geometry.directions_p))
     null = left[:, geometry.rank :].T
-    # The sign of a singular vector is free: the first component is made positive.
+    # The sign of a singular vector is arbitrary: the first component is made positive.
     signs = np.where(null[:, :1] < 0.0, -1.0, 1.0)
     return np.ascontiguousarray(null * signs)
 
 
 def closure_residuals(geometry: BeamGeometry, velocity_mps: Floats, valid: Flags) -> Floats:
-    """(m,) residuals, m/s, of the pings of all beams around their median: each as large as one beam's error."""
+    """(m,) closure residuals, m/s, of pings with all beams valid, about their median; each scatters as one beam."""
     whole = valid.all(axis=1)
     residuals = velocity_mps[whole] @ closure_directions(geometry).T
     return np.asarray((residuals - np.median(residuals, axis=0)).ravel())
 
 
-def white_beams(shape: tuple[int, int], sd_mps: float, *, seed: int, key: int, run: int) -> Floats:
+def white_beam_noise(shape: tuple[int, int], sd_mps: float, *, seed: int, key: int, run: int) -> Floats:
     """(E, B) white noise, m/s."""
-    return np.asarray(stream(seed, key, run, _NOISE).standard_normal(shape) * sd_mps)
+    return np.asarray(random_stream(seed, key, run, _NOISE).standard_normal(shape) * sd_mps)
 
 
-def resampled_beams(shape: tuple[int, int], residuals: Floats, *, seed: int, key: int, run: int) -> Floats:
+def resampled_beam_noise(
+    shape: tuple[int, int], residuals: Floats, *, seed: int, key: int, run: int
+) -> Floats:
     """(E, B) noise, m/s, drawn with replacement from residuals."""
-    return np.asarray(stream(seed, key, run, _NOISE).choice(residuals, size=shape))
+    return np.asarray(random_stream(seed, key, run, _NOISE).choice(residuals, size=shape))
 
 
-def poorer(inertial: Inertial, errors: ImuErrors, *, seed: int, key: int, run: int) -> Inertial:
-    """The readings with constant bias, white noise and bias walk of a poorer instrument added, per axis.
+def degraded_imu(inertial: Inertial, errors: ImuErrors, *, seed: int, key: int, run: int) -> Inertial:
+    """IMU readings with the constant bias, white noise and bias random walk of a lower-grade IMU added, per axis.
 
-    White noise of density N over a step dt has the standard deviation N/√dt, the walk grows by K√dt a step (as in the
-    simulated sensors, Tal et al. 2017, Eq. 12).
+    White noise of density N over a step dt has the standard deviation N/√dt; the walk grows by K√dt a step.
+
+    Source: Tal et al. 2017, Eq. (12), as in the simulated sensors.
     """
     steps_s = np.diff(inertial.time_ns, prepend=2 * inertial.time_ns[0] - inertial.time_ns[1]) * 1e-9
     force = _axis_errors(
         steps_s,
-        stream(seed, key, run, _FORCE),
+        random_stream(seed, key, run, _FORCE),
         bias_sd=units.mps2_from_mg(errors.accel_bias_mg),
         noise_rts=units.per_rt_s_from_per_rt_h(errors.accel_noise_mps_per_rt_h),
         walk_rts=errors.accel_bias_walk_mps2_per_rt_s,
     )
-    rate = _axis_errors(
+    omega = _axis_errors(
         steps_s,
-        stream(seed, key, run, _RATE),
+        random_stream(seed, key, run, _OMEGA),
         bias_sd=units.radps_from_deg_per_h(errors.gyro_bias_deg_per_h),
         noise_rts=units.rad_from_deg(units.per_rt_s_from_per_rt_h(errors.gyro_noise_deg_per_rt_h)),
         walk_rts=units.rad_from_deg(errors.gyro_bias_walk_deg_per_s_per_rt_s),
     )
-    return Inertial(inertial.time_ns, inertial.force_p_mps2 + force, inertial.omega_p_radps + rate)
+    return Inertial(inertial.time_ns, inertial.force_p_mps2 + force, inertial.omega_p_radps + omega)
 
 
 def _axis_errors(
@@ -95,5 +98,5 @@ def _axis_errors(
 
 
 def start_errors(sds: NDArray[np.float64], *, seed: int, key: int, run: int) -> Floats:
-    """(9,) errors of the start: position_t (m), misalignment_t (rad), velocity_p (m/s), drawn with these deviations."""
-    return np.asarray(stream(seed, key, run, _START).standard_normal(9) * sds)
+    """(9,) initial errors with these 1 sigma: position_t (m), misalignment_t (rad), velocity_p (m/s)."""
+    return np.asarray(random_stream(seed, key, run, _START).standard_normal(9) * sds)

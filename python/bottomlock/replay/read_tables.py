@@ -1,4 +1,4 @@
-"""Columns of CSV and Parquet files as arrays: missing columns and unreadable numbers named, empty rows counted."""
+"""Columns of CSV and Parquet files as arrays; errors name missing columns and cells, empty rows are counted."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.columns import NS_OF, column_numbers, named_column, numbers_of_text, read_rows
-from bottomlock.replay.clock import ClockReport, Fault, Timed, row_times
+from bottomlock.replay.clock import ClockReport, Fault, TimedRows, row_times
 from bottomlock.replay.stream_sections import Clock, Stream
 
 
 def column_stamps(table: pl.DataFrame, clock: Clock, *, place: str) -> NDArray[np.int64] | None:
-    """(n,) integer nanoseconds of the clock's column, without its offset; None where it names none.
+    """(n,) integer nanoseconds of the clock's column, without its offset; None where the clock names no column.
 
     Raises:
-        DataError: for a column that is not there, and a row without a time.
+        DataError: for a missing column, and a row without a time.
     """
     if clock.column is None:
         return None
@@ -31,27 +31,28 @@ def column_stamps(table: pl.DataFrame, clock: Clock, *, place: str) -> NDArray[n
     stamps = column_numbers(table, clock.column, place)
     absent = np.flatnonzero(~np.isfinite(stamps))
     if absent.size:
-        raise DataError(f"{place}: row {absent[0]}, column '{clock.column}' has no time")
-    # Seconds of an epoch fill a float64 to 0.2 µs; whole seconds are split off so that no more is lost.
+        raise DataError(f"{place}: row {absent[0]}, column '{clock.column}' has no time, expected a number")
+    # Unix seconds in a float64 resolve 0.2 µs; whole seconds are split off so that the conversion loses no more.
     whole, part = np.divmod(stamps * NS_OF[clock.unit], 1e9)
     return np.asarray(whole.astype(np.int64) * 1_000_000_000 + np.round(part).astype(np.int64))
 
 
 def read_stream(
     stream: Stream, names: Sequence[str], *, optional: bool = True
-) -> tuple[NDArray[np.float64], Timed, pl.DataFrame]:
-    """The named columns of a stream, (n, columns), where every one of them holds a number, with their times.
+) -> tuple[NDArray[np.float64], TimedRows, pl.DataFrame]:
+    """Reads the named columns of a stream, (n, columns), in the rows where each of them holds a number.
 
     Args:
-        stream: file, clock and thinning.
-        names: of the columns.
-        optional: rows with an empty cell are left out and counted; else they are refused.
+        stream: file, clock and decimation (`every`).
+        names: names of the columns.
+        optional: rows with an empty cell are left out and counted; if false they are an error.
 
     Returns:
-        Values, times and the whole table, whose rows `Timed.rows` counts.
+        Values, their times, and the whole table, whose rows `TimedRows.rows` counts.
 
     Raises:
-        DataError: for what cannot be read, rows out of order that are not declared, and a stream without a whole row.
+        DataError: for a file that cannot be read, rows out of order unless declared, and a stream without a complete
+            row.
     """
     place = str(stream.file)
     table = read_rows(stream.file)
@@ -60,22 +61,22 @@ def read_stream(
     )
     values = np.stack([column_numbers(table, name, place) for name in names], axis=1)
     whole = np.asarray(np.isfinite(values).all(axis=1))
-    hollow = timed.rows[~whole[timed.rows]]
-    if hollow.size and not optional:
-        row = int(hollow[0])
+    incomplete = timed.rows[~whole[timed.rows]]
+    if incomplete.size and not optional:
+        row = int(incomplete[0])
         name = names[int(np.flatnonzero(~np.isfinite(values[row]))[0])]
-        raise DataError(f"{place}: row {row}, column '{name}' holds no number")
+        raise DataError(f"{place}: row {row}, column '{name}' is empty, expected a number in every row")
     keep = np.flatnonzero(whole[timed.rows])[:: stream.every]
     if not keep.size:
-        raise DataError(f"{place}: no row holds a number in {', '.join(names)}")
+        raise DataError(f"{place}: no row holds a number in each of {', '.join(names)}")
     rows = timed.rows[keep]
-    kept = Timed(rows, timed.time_ns[keep], _told(timed, hollow, keep))
+    kept = TimedRows(rows, timed.time_ns[keep], _report(timed, incomplete, keep))
     return np.ascontiguousarray(values[rows]), kept, table
 
 
-def _told(timed: Timed, hollow: NDArray[np.int64], keep: NDArray[np.int64]) -> ClockReport:
+def _report(timed: TimedRows, incomplete: NDArray[np.int64], keep: NDArray[np.int64]) -> ClockReport:
     empty = Fault()
-    if hollow.size:
-        first = int(np.flatnonzero(timed.rows == hollow[0])[0])
-        empty = Fault(int(hollow.size), int(hollow[0]), float(timed.time_ns[first]) * 1e-9)
+    if incomplete.size:
+        first = int(np.flatnonzero(timed.rows == incomplete[0])[0])
+        empty = Fault(int(incomplete.size), int(incomplete[0]), float(timed.time_ns[first]) * 1e-9)
     return replace(timed.report, kept=len(keep), empty=empty)

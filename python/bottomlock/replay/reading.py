@@ -1,4 +1,4 @@
-"""Reads the streams of a case into a `Dive`."""
+"""Reads the streams of a case: units to SI, sensor axes to platform axes, clocks to one clock."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,22 +9,9 @@ from bottomlock.errors import DataError
 from bottomlock.io.beam_table import read_beam_table
 from bottomlock.io.beams import Instrument, read_beams, read_geometry
 from bottomlock.io.columns import column_numbers
-from bottomlock.replay.axes import flip, from_angles, handedness, mounted, platform_attitude
+from bottomlock.replay.axes import from_angles, handedness, permute_axes, platform_attitude, to_platform_axes
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
-from bottomlock.replay.dive import (
-    Attitudes,
-    Beams,
-    Depths,
-    Dive,
-    Fields,
-    Flags,
-    Floats,
-    Inertial,
-    Positions,
-    Times,
-    Truthlike,
-)
 from bottomlock.replay.geodesy import Place, tangent_from_geodetic
 from bottomlock.replay.read_tables import read_stream
 from bottomlock.replay.stream_sections import (
@@ -32,14 +19,27 @@ from bottomlock.replay.stream_sections import (
     DepthStream,
     ImuStream,
     MagnetometerStream,
-    Mounted,
-    Positioned,
-    Reference,
+    MountedStream,
+    PositionStream,
+    ReferenceStream,
+)
+from bottomlock.replay.streams import (
+    Attitudes,
+    Beams,
+    Depths,
+    Flags,
+    Floats,
+    Inertial,
+    MagneticFields,
+    Positions,
+    ReferenceStates,
+    Streams,
+    Times,
 )
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 FORCE_SI = {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2, "m/s": 1.0}
-RATE_SI = {
+OMEGA_SI = {
     "rad/s": 1.0, "deg/s": np.pi / 180.0, "deg/h": np.pi / 648_000.0, "rad": 1.0, "deg": np.pi / 180.0,
 }  # fmt: skip
 ANGLE_SI = {"rad": 1.0, "deg": np.pi / 180.0}
@@ -48,14 +48,13 @@ LENGTH_SI = {"m": 1.0, "cm": 1e-2}
 PRESSURE_SI = {"Pa": 1.0, "kPa": 1e3, "bar": 1e5, "dbar": 1e4}
 
 
-def read_dive(case: Case) -> Dive:
-    """Every stream of a case, in SI and on one clock.
+def read_streams(case: Case) -> Streams:
+    """Reads every stream of a case, in SI and on one clock.
 
     Raises:
-        ScenarioError: for a geometry file that makes no sense.
-        DataError: naming file, row, column or time: for what cannot be read, rows out of order or gaps of the IMU
-        that are
-            not declared, and a recording without an origin for its latitudes.
+        ScenarioError: for a geometry file with a fault.
+        DataError: naming file, row, column or time: for a file that cannot be read, rows out of order or IMU gaps that
+            are not declared, and latitudes without an origin.
     """
     clocks: dict[str, ClockReport] = {}
     notes: list[str] = []
@@ -82,15 +81,16 @@ def read_dive(case: Case) -> Dive:
     latitude = origin.latitude_rad if origin is not None else np.deg2rad(latitude_deg or 0.0)
     if origin is None and latitude_deg is None:
         raise DataError(
-            "origin.latitude_deg is missing: gravity and the Earth's rate need it where no position says"
+            "origin.latitude_deg is missing, expected it in a case without geodetic positions: gravity and the Earth's "
+            "rate depend on it"
         )
-    return Dive(
+    return Streams(
         inertial=inertial,
         beams=beams,
         instrument=instrument,
         depths=None if case.depth is None else _depths(case.depth, clocks),
         attitudes=None if case.attitude is None else _attitudes(case.attitude, clocks),
-        fields=None if case.magnetometer is None else _fields(case.magnetometer, clocks),
+        magnetic_fields=None if case.magnetometer is None else _fields(case.magnetometer, clocks),
         positions=positions,
         reference=reference,
         origin=origin,
@@ -100,45 +100,50 @@ def read_dive(case: Case) -> Dive:
     )
 
 
-def _mounting(stream: Mounted | AttitudeStream) -> Floats:
+def _mounting(stream: MountedStream | AttitudeStream) -> Floats:
     return np.deg2rad([stream.mounting_roll_deg, stream.mounting_pitch_deg, stream.mounting_yaw_deg])
 
 
 def _inertial(imu: ImuStream, clocks: dict[str, ClockReport], notes: list[str]) -> Inertial:
-    names = [*imu.force, *imu.rate, *([imu.interval] if imu.interval is not None else [])]
+    names = [*imu.force, *imu.omega, *([imu.interval] if imu.interval is not None else [])]
     values, timed, _ = read_stream(imu, names, optional=False)
     clocks["imu"] = timed.report
-    force, rate = values[:, :3] * FORCE_SI[imu.force_unit], values[:, 3:6] * RATE_SI[imu.rate_unit]
+    force, omega = values[:, :3] * FORCE_SI[imu.force_unit], values[:, 3:6] * OMEGA_SI[imu.omega_unit]
     if any(imu.increments):
-        over_s = (
+        interval_s = (
             values[:, 6]
             if imu.interval is not None
             else np.full(len(values), 1.0 / (imu.clock.rate_hz or 1.0))
         )
-        wrong = np.flatnonzero(~(over_s > 0.0))
+        wrong = np.flatnonzero(~(interval_s > 0.0))
         if wrong.size:
             row = int(timed.rows[wrong[0]])
             raise DataError(
-                f"{imu.file}: row {row}, column '{imu.interval}' is {over_s[wrong[0]]:g} s, expected more than 0"
+                f"{imu.file}: row {row}, column '{imu.interval}' is {interval_s[wrong[0]]:g} s, expected more than 0"
             )
-        force = force / over_s[:, None] if imu.increments[0] else force
-        rate = rate / over_s[:, None] if imu.increments[1] else rate
-    _refuse_long_gaps(imu, timed.report)
+        force = force / interval_s[:, None] if imu.increments[0] else force
+        omega = omega / interval_s[:, None] if imu.increments[1] else omega
+    _reject_long_gaps(imu, timed.report)
     if handedness(imu.axes) < 0:
-        notes.append(f"imu: axes {', '.join(imu.axes)} turn a left-handed sensor into forward–right–down")
+        notes.append(f"imu: axes {', '.join(imu.axes)} map left-handed sensor axes to forward–right–down")
     if timed.report.gaps.count:
-        notes.append(f"imu: gaps crossed on a straight line: {timed.report.gaps.words}")
+        notes.append(f"imu: gaps bridged by linear interpolation: {timed.report.gaps.text}")
     mounting = _mounting(imu)
-    return Inertial(timed.time_ns, mounted(force, imu.axes, mounting), mounted(rate, imu.axes, mounting))
+    return Inertial(
+        timed.time_ns,
+        to_platform_axes(force, imu.axes, mounting),
+        to_platform_axes(omega, imu.axes, mounting),
+    )
 
 
-def _refuse_long_gaps(imu: ImuStream, report: ClockReport) -> None:
+def _reject_long_gaps(imu: ImuStream, report: ClockReport) -> None:
     longest = max((fault.longest_s or 0.0) for fault in (report.gaps, report.jumps))
     if longest > imu.bridge_gaps_s:
         fault = report.jumps if report.jumps.count else report.gaps
         raise DataError(
-            f"{imu.file}: the IMU is silent for {longest:.4g} s at the longest (steps over {report.gap_s:.4g} s: "
-            f"{fault.words}), expected none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s"
+            f"{imu.file}: the longest gap of the IMU is {longest:.4g} s (steps over {report.gap_s:.4g} s: "
+            f"{fault.text}), expected none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s; set it to bridge "
+            "the gap by linear interpolation"
         )
 
 
@@ -155,26 +160,26 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
         if dvl.beam_noise_from == "recording":
             sd = _recorded_noise(dvl.file, kept, valid)
         return Beams(timed.time_ns[:: dvl.every], velocity, valid, np.ascontiguousarray(sd))
-    assert dvl.velocity is not None  # the section demands it
+    assert dvl.velocity is not None  # validated in DvlStream
     values, timed, table = read_stream(dvl, dvl.velocity)
     clocks["dvl"] = timed.report
-    velocity_d = flip(values * SPEED_SI[dvl.velocity_unit], dvl.axes) / dvl.velocity_scale
-    heard = np.ones(len(velocity_d), dtype=np.bool_)
+    velocity_d = permute_axes(values * SPEED_SI[dvl.velocity_unit], dvl.axes) / dvl.velocity_scale
+    pinged = np.ones(len(velocity_d), dtype=np.bool_)
     if dvl.valid is not None:
-        heard = column_numbers(table, dvl.valid, str(dvl.file))[timed.rows] == 1.0
-    # In the instrument's frame: its mounting is undone on both sides of the product.
+        pinged = column_numbers(table, dvl.valid, str(dvl.file))[timed.rows] == 1.0
+    # The geometry holds directions after the mounting; the velocity is in the instrument's frame before it.
     directions_d = from_angles(*instrument.mounting_rpy_rad).inv().apply(geometry.directions_p)
     projected = velocity_d @ directions_d.T
     notes.append(
         f"dvl: {len(velocity_d)} pings of {geometry.beams} beams projected from the velocity (semi-synthetic)"
     )
-    valid = np.repeat(heard[:, None], geometry.beams, axis=1)
+    valid = np.repeat(pinged[:, None], geometry.beams, axis=1)
     sd = np.broadcast_to(instrument.beam_sd_mps, projected.shape)
     return Beams(timed.time_ns, projected, valid, np.ascontiguousarray(sd), velocity_d)
 
 
 def _recorded_noise(file: Path, rows: Times, valid: Flags) -> Floats:
-    """(n, B) the instrument's own figure of merit of each beam; any positive number where a lost beam has none."""
+    """(n, B) the instrument's figure of merit of each beam, 1 sigma; 1 m/s where a lost beam has none."""
     sd = read_beam_table(file).sd_mps[rows]
     wrong = np.argwhere(valid & ~(sd > 0.0))
     if wrong.size:
@@ -206,16 +211,18 @@ def _attitudes(stream: AttitudeStream, clocks: dict[str, ClockReport]) -> Attitu
     return Attitudes(timed.time_ns, platform_attitude(sensor, stream.frame, _mounting(stream), offset))
 
 
-def _fields(stream: MagnetometerStream, clocks: dict[str, ClockReport]) -> Fields:
+def _fields(stream: MagnetometerStream, clocks: dict[str, ClockReport]) -> MagneticFields:
     values, timed, _ = read_stream(stream, stream.field)
     clocks["magnetometer"] = timed.report
-    return Fields(timed.time_ns, mounted(values - np.array(stream.hard_iron), stream.axes, _mounting(stream)))
+    return MagneticFields(
+        timed.time_ns, to_platform_axes(values - np.array(stream.hard_iron), stream.axes, _mounting(stream))
+    )
 
 
 def _coordinates(
-    stream: Positioned, key: str, clocks: dict[str, ClockReport]
+    stream: PositionStream, key: str, clocks: dict[str, ClockReport]
 ) -> tuple[Times, dict[str, Floats]]:
-    """Every column that a positioned stream names, by what it is, as it stands there."""
+    """Times and named columns of a stream with positions, in the units of the file."""
     named = {
         part: name
         for part in ("latitude", "longitude", "height", "north", "east", "down", "roll", "pitch", "yaw")
@@ -230,28 +237,30 @@ def _coordinates(
 
 
 def _origin(case: Case, placed: dict[str, tuple[Times, dict[str, Floats]]]) -> Place | None:
-    """Where the tangent plane touches: as the case says, else at the first latitude of the reference or the GPS."""
-    said = case.origin
-    if said.latitude_deg is not None and said.longitude_deg is not None:
+    """Origin of the tangent frame: as the case states, else the first geodetic position of reference or GPS."""
+    stated = case.origin
+    if stated.latitude_deg is not None and stated.longitude_deg is not None:
         return Place(
-            float(np.deg2rad(said.latitude_deg)), float(np.deg2rad(said.longitude_deg)), said.height_m
+            float(np.deg2rad(stated.latitude_deg)), float(np.deg2rad(stated.longitude_deg)), stated.height_m
         )
     for key in ("reference", "gps"):
         stream = getattr(case, key)
         if stream is not None and stream.geodetic:
             table, unit = placed[key][1], ANGLE_SI[stream.angle_unit]
             return Place(
-                float(table["latitude"][0] * unit), float(table["longitude"][0] * unit), said.height_m
+                float(table["latitude"][0] * unit), float(table["longitude"][0] * unit), stated.height_m
             )
     return None
 
 
-def _tangent(stream: Positioned, table: dict[str, Floats], origin: Place | None) -> Floats:
-    """(n, 3) positions in the tangent frame; the down of a stream without one is 0."""
+def _tangent(stream: PositionStream, table: dict[str, Floats], origin: Place | None) -> Floats:
+    """(n, 3) positions in the tangent frame, m; down is 0 in a stream without height or down."""
     count = len(next(iter(table.values())))
     if stream.geodetic:
         if origin is None:
-            raise DataError(f"{stream.file}: has latitudes, but origin.longitude_deg is missing")
+            raise DataError(
+                f"{stream.file}: has latitudes, but origin.longitude_deg is missing; give it in [origin]"
+            )
         unit = ANGLE_SI[stream.angle_unit]
         if "down" in table:
             height = origin.height_m - table["down"]
@@ -263,19 +272,19 @@ def _tangent(stream: Positioned, table: dict[str, Floats], origin: Place | None)
 
 
 def _reference(
-    stream: Reference,
+    stream: ReferenceStream,
     placed: tuple[Times, dict[str, Floats]],
     origin: Place | None,
     inertial: Inertial,
-) -> Truthlike:
-    """The reference carried from its own point to the IMU."""
+) -> ReferenceStates:
+    """Reference states moved over the lever arm from the reference point to the IMU."""
     time_ns, table = placed
     lever = np.array(stream.lever_arm_m)
     attitude = None
-    if stream.turned:
+    if stream.has_attitude:
         unit = ANGLE_SI[stream.attitude_unit]
         attitude = from_angles(*(table[part] * unit for part in ("roll", "pitch", "yaw")))
-    position = _tangent(stream, table, origin) if stream.placed else None
+    position = _tangent(stream, table, origin) if stream.has_position else None
     velocity = None
     for part in ("velocity_ned", "velocity_body"):
         if f"{part}.0" in table:
@@ -284,7 +293,7 @@ def _reference(
                 velocity = attitude.inv().apply(velocity)
     if lever.any() and attitude is not None:
         position = None if position is None else position - attitude.apply(lever)
-        # The gyro reading nearest in time; the Earth's rate on a lever of metres is below a mm/s.
+        # The next gyro reading; the Earth's rate times a lever arm of metres is below 1 mm/s.
         nearest = np.clip(np.searchsorted(inertial.time_ns, time_ns), 0, len(inertial.time_ns) - 1)
         velocity = None if velocity is None else velocity - np.cross(inertial.omega_p_radps[nearest], lever)
-    return Truthlike(time_ns, position, velocity, attitude)
+    return ReferenceStates(time_ns, position, velocity, attitude)

@@ -1,4 +1,4 @@
-"""A finished replay as one page, from its tables alone: the same tables give the same bytes."""
+"""The report of a finished replay, from its tables alone: the same tables give the same bytes."""
 
 import json
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ from bottomlock.statistics.replay import summary_table
 from bottomlock.tables.replay import FORWARD, RECORDED, SMOOTHED
 
 BEAM_ROWS = ("tc", "sway_current", "consistent")
-"""Methods whose innovations are beams, the first that was flown is drawn."""
+"""Methods whose innovations are of single beams; the first of them that was run is drawn."""
 FAR = 25.0
-"""A method whose error exceeds the median method's by this factor is left off the map, and the page says so."""
+"""A method that goes this many times further from the start than the median method is left off the map."""
 
 
 @dataclass(frozen=True, eq=False)
-class Tables:
-    """A replay as it stands on disk."""
+class ReplayTables:
+    """The files of a finished replay."""
 
     manifest: dict[str, Any]
     runs: pl.DataFrame
@@ -47,15 +47,15 @@ class Drawing:
     what_if: str | None = None
 
 
-def read_replay(folder: Path) -> Tables:
-    """The tables of a finished replay.
+def read_replay(folder: Path) -> ReplayTables:
+    """Reads the tables of a finished replay.
 
     Raises:
-        DataError: for a directory that holds none, or a damaged one.
+        DataError: for a directory without a replay, or a table that cannot be read.
     """
     manifest = read_json(folder / "manifest.json")
     if manifest is None or manifest.get("kind") != "replay":
-        raise DataError(f"{folder}: holds no replay; `bottomlock replay` makes one")
+        raise DataError(f"{folder}: holds no replay (no manifest.json of one); `bottomlock replay` makes one")
 
     def table(name: str) -> pl.DataFrame:
         try:
@@ -66,7 +66,7 @@ def read_replay(folder: Path) -> Tables:
             ) from error
 
     path = table("reference") if (folder / "reference.parquet").is_file() else None
-    return Tables(
+    return ReplayTables(
         manifest=manifest,
         runs=table("runs"),
         ensemble=table("ensemble"),
@@ -113,8 +113,8 @@ def make_replay_report(folder: Path) -> Path:
     return page
 
 
-def drawings(tables: Tables) -> list[Drawing]:
-    """Every figure of a replay: which beams returned, and for each question map, errors, innovations and NIS."""
+def drawings(tables: ReplayTables) -> list[Drawing]:
+    """Every figure of a replay: valid beams, and for each what-if case map, errors, innovations and NIS."""
     manifest = tables.manifest
     label = "semi-synthetic" if manifest["semi_synthetic"] else ""
     tail = f" ({label})" if label else ""
@@ -122,44 +122,44 @@ def drawings(tables: Tables) -> list[Drawing]:
     found = [
         Drawing(
             "validity",
-            f"Which beams the filters had: coloured where a beam returned{tail}.",
-            validity_figure(tables.pings, start_ns, words=f"beams that returned, from beam 1 down{tail}"),
+            f"Beams given to the filters: coloured where a beam is valid{tail}.",
+            validity_figure(tables.pings, start_ns, title=f"valid beams, from beam 1 down{tail}"),
         )
     ]
-    for question, _ in manifest["what_if"]:
-        samples = tables.samples.filter(pl.col("what_if") == question)
-        innovations = tables.innovations.filter(pl.col("what_if") == question)
-        title = f"{manifest['case'].replace('_', ' ')}, {question.replace('_', ' ')}{tail}"
+    for what_if, _ in manifest["what_if"]:
+        samples = tables.samples.filter(pl.col("what_if") == what_if)
+        innovations = tables.innovations.filter(pl.col("what_if") == what_if)
+        title = f"{manifest['case'].replace('_', ' ')}, {what_if.replace('_', ' ')}{tail}"
         near, far = _near_and_far(samples, manifest["methods"])
-        words = f"Plan view{tail}"
-        words += "; broad grey: the reference" if tables.path is not None else ""
-        words += "; dotted: smoothed" if (samples["pass"] == SMOOTHED).any() else ""
-        words += f"; off the map: {', '.join(far)}" if far else ""
-        drawn = map_figure(samples, tables.path, methods=near, words=title)
-        found.append(Drawing(f"map_{question}", words + ".", drawn, question))
-        ensemble = tables.ensemble.filter(pl.col("what_if") == question)
+        caption = f"Plan view{tail}"
+        caption += "; broad grey: the reference" if tables.path is not None else ""
+        caption += "; dotted: smoothed" if (samples["pass"] == SMOOTHED).any() else ""
+        caption += f"; off the map: {', '.join(far)}" if far else ""
+        drawn = map_figure(samples, tables.path, methods=near, title=title)
+        found.append(Drawing(f"map_{what_if}", caption + ".", drawn, what_if))
+        ensemble = tables.ensemble.filter(pl.col("what_if") == what_if)
         for name in (FORWARD, SMOOTHED):
             if manifest["has_reference"] and (ensemble["pass"] == name).any():
                 drawn = error_figure(
-                    ensemble, methods=manifest["methods"], words=f"{title}, {name}", which=name
+                    ensemble, methods=manifest["methods"], title=f"{title}, {name}", which=name
                 )
-                words = (
-                    f"Errors against the reference, {name}{tail}; dotted: what the method claims, 1 sigma."
-                )
-                found.append(Drawing(f"errors_{name}_{question}", words, drawn, question))
+                caption = f"Errors against the reference, {name}{tail}; dotted: the filter's own standard deviation."
+                found.append(Drawing(f"errors_{name}_{what_if}", caption, drawn, what_if))
         method = next((method for method in BEAM_ROWS if method in manifest["methods"]), None)
         if method is not None:
-            drawn = innovation_figure(innovations, start_ns, method=method, words=f"{title}, method {method}")
-            words = f"Innovations of each beam, method {method}{tail}; shaded: ±2 sigma as claimed; hollow: rejected."
-            found.append(Drawing(f"innovations_{question}", words, drawn, question))
-        drawn = nis_figure(innovations, start_ns, methods=manifest["methods"], words=title)
-        words = f"NIS over its degrees of freedom{tail}: above the band a method claims more than it knows."
-        found.append(Drawing(f"nis_{question}", words, drawn, question))
+            drawn = innovation_figure(innovations, start_ns, method=method, title=f"{title}, method {method}")
+            caption = (
+                f"Innovations of each beam, method {method}{tail}; shaded: their ±2 sigma; hollow: rejected."
+            )
+            found.append(Drawing(f"innovations_{what_if}", caption, drawn, what_if))
+        drawn = nis_figure(innovations, start_ns, methods=manifest["methods"], title=title)
+        caption = f"NIS over its degrees of freedom{tail}: above the band the filter is overconfident."
+        found.append(Drawing(f"nis_{what_if}", caption, drawn, what_if))
     return found
 
 
 def _near_and_far(samples: pl.DataFrame, methods: list[str]) -> tuple[list[str], list[str]]:
-    """Methods that fit on one map, and those that would shrink it to a dot."""
+    """Methods that share one map, and those too far off to draw at its scale."""
     end = (
         samples.filter(pl.col("pass") == FORWARD)
         .group_by("method", maintain_order=True)
@@ -171,19 +171,18 @@ def _near_and_far(samples: pl.DataFrame, methods: list[str]) -> tuple[list[str],
     return [method for method in methods if method not in far], far
 
 
-def _content(tables: Tables) -> dict[str, Any]:
+def _content(tables: ReplayTables) -> dict[str, Any]:
     manifest = tables.manifest
     summary = summary_table(tables.runs)
     return {
         "manifest": manifest,
         "recorded": RECORDED,
         "summary": {
-            question: list(summary.filter(pl.col("what_if") == question).iter_rows(named=True))
-            for question, _ in manifest["what_if"]
+            what_if: list(summary.filter(pl.col("what_if") == what_if).iter_rows(named=True))
+            for what_if, _ in manifest["what_if"]
         },
         "best": {
-            question: _best(summary.filter(pl.col("what_if") == question))
-            for question, _ in manifest["what_if"]
+            what_if: _best(summary.filter(pl.col("what_if") == what_if)) for what_if, _ in manifest["what_if"]
         },
         "method_words": METHOD_WORDS,
         "dump": json.dumps(manifest, indent=2, sort_keys=True, ensure_ascii=False),
@@ -191,6 +190,6 @@ def _content(tables: Tables) -> dict[str, Any]:
 
 
 def _best(rows: pl.DataFrame) -> dict[str, Any] | None:
-    """The forward method with the least position error at the end."""
+    """The row of the forward method with the least final position error, None without positions."""
     forward = rows.filter((pl.col("pass") == FORWARD) & pl.col("position_final_m").is_not_null())
     return forward.sort("position_final_m").row(0, named=True) if forward.height else None

@@ -1,4 +1,4 @@
-"""One run along a recording: random errors drawn, the start aligned, beams removed, every method run."""
+"""One run along a recording: random errors drawn, initial alignment, beams removed, every method run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -14,30 +14,30 @@ from bottomlock.replay import random_errors
 from bottomlock.replay.align import Alignment, align
 from bottomlock.replay.axes import quaternions, to_angles
 from bottomlock.replay.case import Case
-from bottomlock.replay.dive import Dive, Flags, Floats, Times
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kernel_options
-from bottomlock.replay.whatif import read_recorded, returned
+from bottomlock.replay.streams import Flags, Floats, Streams, Times
+from bottomlock.replay.what_if import beams_returned, read_beam_recording
 
 UNSMOOTHED = ("consistent",)
-"""Methods that choose between filters have no smoother of their own."""
+"""Methods that select between filters; they have no smoother."""
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
-    """One draw of a recording, aligned and ready to be flown.
+class PreparedRun:
+    """A recording with the random errors of one run, and its initial alignment.
 
     Attributes:
-        run: which draw.
-        dive: the recording with this draw's noise in it.
-        alignment: the start that the filter is given.
-        model, options: as the kernel wants them.
-        sample_time_ns: (T,) inertial readings at which the estimates are recorded.
-        rows: (T,) rows of the reference that they are compared with; empty without a reference.
+        run: number of the run.
+        streams: the recording with this run's random errors.
+        alignment: initial state given to the filter.
+        model, options: as the kernel takes them.
+        sample_time_ns: (T,) times of inertial readings at which the estimates are sampled.
+        rows: (T,) rows of the reference to compare with; empty without a reference.
     """
 
     run: int
-    dive: Dive
+    streams: Streams
     alignment: Alignment
     model: dict[str, Any]
     options: dict[str, Any]
@@ -46,41 +46,46 @@ class Prepared:
 
     @property
     def pings(self) -> slice:
-        """The pings that the navigation hears."""
-        times, last_ns = self.dive.beams.time_ns, self.dive.inertial.time_ns[-1]
+        """The pings between the start and the last inertial reading."""
+        times, last_ns = self.streams.beams.time_ns, self.streams.inertial.time_ns[-1]
         return slice(*np.searchsorted(times, [self.alignment.time_ns, last_ns + 1]))
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
-    """What the kernel made of one question in one draw: its dicts, and the beams that it had.
+class Rerun:
+    """Results of every method for one what-if case in one run.
 
-    `result` is of the forward pass of every method; `smoothed` has the smoothed states of `smoothed_methods`.
+    Attributes:
+        prepared: the run.
+        valid: (E, B) validity of the beams given to the filters.
+        result: the kernel's dict of the forward pass of every method.
+        smoothed_methods: methods with a smoothed pass.
+        smoothed: the kernel's dict with their smoothed states.
     """
 
-    prepared: Prepared
+    prepared: PreparedRun
     valid: Flags
     result: Mapping[str, Any]
     smoothed_methods: tuple[str, ...]
     smoothed: Mapping[str, Any]
 
 
-def prepare(case: Case, dive: Dive, run: int, residuals: Floats | None = None) -> Prepared:
-    """A draw of the recording, aligned.
+def prepare(case: Case, streams: Streams, run: int, residuals: Floats | None = None) -> PreparedRun:
+    """Adds the random errors of a run to a recording and aligns it.
 
     Args:
         case: the case.
-        dive: its recording as read.
-        run: which draw.
+        streams: its recording as read.
+        run: number of the run.
         residuals: closure residuals to draw beam noise from, of `noise_residuals`.
 
     Raises:
-        DataError: as `align`; and where nothing is left between start and end.
+        DataError: as `align`, and where the reference has no row between start and end.
     """
     key, seed = random_errors.case_key(case.name), case.replay.seed
-    dive = _within(case, _with_draws(case, dive, run, residuals))
-    imu, gravity = imu_model(case), gravity_mps2(case, dive)
-    alignment = align(case, dive, imu, gravity)
+    streams = _up_to_duration(case, _with_random_errors(case, streams, run, residuals))
+    imu, gravity = imu_model(case), gravity_mps2(case, streams)
+    alignment = align(case, streams, imu, gravity)
     initial = {
         "position_sd_m": alignment.position_sd_m,
         "attitude_sd_rad": alignment.attitude_sd_rad,
@@ -96,12 +101,12 @@ def prepare(case: Case, dive: Dive, run: int, residuals: Floats | None = None) -
             attitude=Rotation.from_rotvec(errors[3:6]) * alignment.attitude,
             velocity_p_mps=alignment.velocity_p_mps + errors[6:],
         )
-    samples, rows = _sample_times(case, dive, alignment.time_ns)
-    return Prepared(
+    samples, rows = _sample_times(case, streams, alignment.time_ns)
+    return PreparedRun(
         run=run,
-        dive=dive,
+        streams=streams,
         alignment=alignment,
-        model=kernel_model(case, dive, imu, initial, gravity),
+        model=kernel_model(case, streams, imu, initial, gravity),
         options=kernel_options(case),
         sample_time_ns=samples,
         rows=rows,
@@ -118,35 +123,42 @@ def noise_residuals(case: Case) -> Floats | None:
     if of is None:
         return None
     geometry = read_geometry(of.geometry).geometry
-    _, velocity, valid = read_recorded(of)
+    _, velocity, valid = read_beam_recording(of)
     if geometry.beams <= geometry.rank or not valid.all(axis=1).any():
         raise DataError(
-            f"{of.file}: has no ping with more beams than a velocity has components: no closure to draw noise from"
+            f"{of.file}: has no ping with all beams valid, or no redundant beams, expected both: there is "
+            "no closure residual to draw noise from"
         )
     return random_errors.closure_residuals(geometry, velocity, valid) * case.dvl.noise.scale
 
 
-def _with_draws(case: Case, dive: Dive, run: int, residuals: Floats | None) -> Dive:
+def _with_random_errors(case: Case, streams: Streams, run: int, residuals: Floats | None) -> Streams:
     keys: dict[str, int] = {"seed": case.replay.seed, "key": random_errors.case_key(case.name), "run": run}
     noise = case.dvl.noise
-    shape = dive.beams.velocity_mps.shape
+    shape = streams.beams.velocity_mps.shape
     if noise.kind == "white":
-        assert noise.sd_mps is not None  # the section demands it
-        added = random_errors.white_beams(shape, noise.sd_mps * noise.scale, **keys)
-        dive = replace(dive, beams=replace(dive.beams, velocity_mps=dive.beams.velocity_mps + added))
+        assert noise.sd_mps is not None  # validated in BeamNoise
+        added = random_errors.white_beam_noise(shape, noise.sd_mps * noise.scale, **keys)
+        streams = replace(
+            streams, beams=replace(streams.beams, velocity_mps=streams.beams.velocity_mps + added)
+        )
     elif residuals is not None:
-        added = random_errors.resampled_beams(shape, residuals, **keys)
-        dive = replace(dive, beams=replace(dive.beams, velocity_mps=dive.beams.velocity_mps + added))
+        added = random_errors.resampled_beam_noise(shape, residuals, **keys)
+        streams = replace(
+            streams, beams=replace(streams.beams, velocity_mps=streams.beams.velocity_mps + added)
+        )
     if case.imu.degrade is not None:
-        dive = replace(dive, inertial=random_errors.poorer(dive.inertial, case.imu.degrade, **keys))
-    return dive
+        streams = replace(
+            streams, inertial=random_errors.degraded_imu(streams.inertial, case.imu.degrade, **keys)
+        )
+    return streams
 
 
-def _within(case: Case, dive: Dive) -> Dive:
-    """The recording up to the end that the case sets, counted from the first inertial reading."""
+def _up_to_duration(case: Case, streams: Streams) -> Streams:
+    """The recording up to `replay.duration_s` after the first inertial reading."""
     if case.replay.duration_s is None:
-        return dive
-    inertial = dive.inertial
+        return streams
+    inertial = streams.inertial
     rows = slice(
         0,
         int(np.searchsorted(inertial.time_ns, inertial.time_ns[0] + round(case.replay.duration_s * 1e9) + 1)),
@@ -154,35 +166,36 @@ def _within(case: Case, dive: Dive) -> Dive:
     shorter = type(inertial)(
         inertial.time_ns[rows], inertial.force_p_mps2[rows], inertial.omega_p_radps[rows]
     )
-    return replace(dive, inertial=shorter)
+    return replace(streams, inertial=shorter)
 
 
-def _sample_times(case: Case, dive: Dive, start_ns: int) -> tuple[Times, Times]:
+def _sample_times(case: Case, streams: Streams, start_ns: int) -> tuple[Times, Times]:
     """Inertial readings at or just after the reference's times, or every `sample_s` without a reference."""
-    times = dive.inertial.time_ns
-    if dive.reference is not None:
-        asked = dive.reference.time_ns
-        rows = np.flatnonzero((asked >= start_ns) & (asked <= times[-1]))
+    times = streams.inertial.time_ns
+    if streams.reference is not None:
+        wanted_ns = streams.reference.time_ns
+        rows = np.flatnonzero((wanted_ns >= start_ns) & (wanted_ns <= times[-1]))
         if not rows.size:
             raise DataError("[reference] has no row between the start and the end of the inertial readings")
-        asked = asked[rows]
+        wanted_ns = wanted_ns[rows]
     else:
         step_ns = round(case.replay.sample_s * 1e9)
-        asked = np.arange(start_ns, int(times[-1]) + 1, step_ns, dtype=np.int64)
+        wanted_ns = np.arange(start_ns, int(times[-1]) + 1, step_ns, dtype=np.int64)
         rows = np.zeros(0, dtype=np.int64)
-    reached = times[np.searchsorted(times, asked)]
-    kept = np.concatenate([[True], np.diff(reached) > 0])  # a reference faster than the IMU: once per reading
-    return reached[kept], rows[kept] if rows.size else rows
+    sample_ns = times[np.searchsorted(times, wanted_ns)]
+    # A reference faster than the IMU is sampled once per inertial reading.
+    kept = np.concatenate([[True], np.diff(sample_ns) > 0])
+    return sample_ns[kept], rows[kept] if rows.size else rows
 
 
-def make_log(case: Case, prepared: Prepared, valid: Flags) -> Any:  # noqa: ANN401 - the kernel's dict
-    """The log as the kernel wants it, from the start of the navigation on."""
-    dive, start_ns = prepared.dive, prepared.alignment.time_ns
-    inertial, beams = dive.inertial, dive.beams
+def kernel_log(case: Case, prepared: PreparedRun, valid: Flags) -> Any:  # noqa: ANN401 - the kernel's dict
+    """The log from the start of the navigation on, as the kernel takes it; `valid` (E, B) masks the beams."""
+    streams, start_ns = prepared.streams, prepared.alignment.time_ns
+    inertial, beams = streams.inertial, streams.beams
     imu = slice(int(np.searchsorted(inertial.time_ns, start_ns)), None)
     last_ns = inertial.time_ns[-1]
 
-    def heard(times: Times) -> slice:
+    def within(times: Times) -> slice:
         return slice(*np.searchsorted(times, [start_ns, last_ns + 1]))
 
     none, no_times = np.zeros(0), np.zeros(0, dtype=np.int64)
@@ -203,37 +216,43 @@ def make_log(case: Case, prepared: Prepared, valid: Flags) -> Any:  # noqa: ANN4
         "gps_time_ns": no_times,
         "gps_position_t_m": np.zeros((0, 3)),
     }
-    if dive.depths is not None:
-        rows = heard(dive.depths.time_ns)
-        log |= {"depth_time_ns": dive.depths.time_ns[rows], "depth_m": dive.depths.depth_m[rows]}
-    if dive.attitudes is not None and case.attitude is not None and case.attitude.aids != "nothing":
-        rows = heard(dive.attitudes.time_ns)
-        angles = to_angles(dive.attitudes.attitude[rows])
+    if streams.depths is not None:
+        rows = within(streams.depths.time_ns)
+        log |= {"depth_time_ns": streams.depths.time_ns[rows], "depth_m": streams.depths.depth_m[rows]}
+    if streams.attitudes is not None and case.attitude is not None and case.attitude.aids != "nothing":
+        rows = within(streams.attitudes.time_ns)
+        angles = to_angles(streams.attitudes.attitude[rows])
         if case.attitude.aids == "attitude":
-            log |= {"attitude_time_ns": dive.attitudes.time_ns[rows], "attitude_rpy_rad": angles}
+            log |= {"attitude_time_ns": streams.attitudes.time_ns[rows], "attitude_rpy_rad": angles}
         else:
-            log |= {"heading_time_ns": dive.attitudes.time_ns[rows], "heading_rad": angles[:, 2].copy()}
-    if dive.positions is not None and case.gps is not None and case.gps.aids:
-        rows = heard(dive.positions.time_ns)
+            log |= {"heading_time_ns": streams.attitudes.time_ns[rows], "heading_rad": angles[:, 2].copy()}
+    if streams.positions is not None and case.gps is not None and case.gps.aids:
+        rows = within(streams.positions.time_ns)
         log |= {
-            "gps_time_ns": dive.positions.time_ns[rows],
-            "gps_position_t_m": dive.positions.position_t_m[rows],
+            "gps_time_ns": streams.positions.time_ns[rows],
+            "gps_position_t_m": streams.positions.position_t_m[rows],
         }
     return log
 
 
-def fly(case: Case, prepared: Prepared, asked: WhatIf | None, *, threads: int = 1) -> Flight:
-    """Every method of a case along one draw of its recording, with the beams that a question leaves.
+def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, threads: int = 1) -> Rerun:
+    """Runs every method of a case along one prepared recording, without the beams that a what-if case loses.
+
+    Args:
+        case: the case.
+        prepared: recording and initial state.
+        what_if: the beam losses; None for the beams as recorded.
+        threads: number of threads, 0 for one per core; the results do not depend on it.
 
     Raises:
-        DataError: for a question that makes no sense here.
+        DataError: for a what-if case that names a beam or recording that does not exist.
         KernelError: naming field, row and time.
     """
-    beams = prepared.dive.beams
+    beams = prepared.streams.beams
     valid = beams.valid[prepared.pings]
-    if asked is not None:
-        valid = valid & returned(
-            asked,
+    if what_if is not None:
+        valid = valid & beams_returned(
+            what_if,
             beams.time_ns[prepared.pings],
             valid.shape[1],
             start_ns=prepared.alignment.time_ns,
@@ -250,13 +269,13 @@ def fly(case: Case, prepared: Prepared, asked: WhatIf | None, *, threads: int = 
         "accel_bias_p_mps2": np.zeros(3),
         "gyro_bias_p_radps": np.zeros(3),
     }
-    log = make_log(case, prepared, valid)
+    log = kernel_log(case, prepared, valid)
 
-    def flown(methods: list[str], *, smooth: bool) -> Any:  # noqa: ANN401 - the kernel's dict
+    def filtered(methods: list[str], *, smooth: bool) -> Any:  # noqa: ANN401 - the kernel's dict
         model: Any = prepared.model
         options: Any = prepared.options
         return replay_log(
-            prepared.dive.instrument.geometry,
+            prepared.streams.instrument.geometry,
             model,
             options,
             methods,
@@ -272,10 +291,10 @@ def fly(case: Case, prepared: Prepared, asked: WhatIf | None, *, threads: int = 
         if case.replay.smooth
         else ()
     )
-    return Flight(
+    return Rerun(
         prepared=prepared,
         valid=valid,
-        result=flown(list(case.replay.methods), smooth=False),
+        result=filtered(list(case.replay.methods), smooth=False),
         smoothed_methods=smoothed_methods,
-        smoothed=flown(list(smoothed_methods), smooth=True) if smoothed_methods else {},
+        smoothed=filtered(list(smoothed_methods), smooth=True) if smoothed_methods else {},
     )

@@ -1,4 +1,4 @@
-"""Replays a case: every question and draw, tables, manifest; nothing half-written, the same bits on repeat."""
+"""Replays a case: every what-if case and run, tables and manifest; a repeat gives the same bits."""
 
 import hashlib
 import shutil
@@ -16,9 +16,9 @@ from bottomlock.errors import DataError, OutputError
 from bottomlock.replay import compare, rerun
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
-from bottomlock.replay.dive import Dive
 from bottomlock.replay.model import kernel_options
-from bottomlock.replay.reading import read_dive
+from bottomlock.replay.reading import read_streams
+from bottomlock.replay.streams import Streams
 from bottomlock.statistics.replay import ensemble_table, runs_table
 from bottomlock.tables.replay import RECORDED
 from bottomlock.tables.versions import library_versions
@@ -29,8 +29,8 @@ KIND = "replay"
 
 
 @dataclass(frozen=True, eq=False)
-class Replayed:
-    """What a replay yields: its tables and its manifest."""
+class ReplayResult:
+    """Tables and manifest of a replay."""
 
     runs: pl.DataFrame
     ensemble: pl.DataFrame
@@ -41,58 +41,64 @@ class Replayed:
     manifest: dict[str, Any]
 
 
-def draws_of(case: Case) -> int:
-    """How many draws a case is flown with: one where nothing is drawn."""
-    return case.replay.runs if case.drawn else 1
+def run_count(case: Case) -> int:
+    """Number of runs of a case: one where no random error is drawn."""
+    return case.replay.runs if case.has_random_errors else 1
 
 
 def replay_case(
-    case: Case, *, threads: int = 1, tell: Callable[[int], None] = lambda _: None, dive: Dive | None = None
-) -> Replayed:
-    """Every method of a case, for every question and draw, with the tables that come of it.
+    case: Case,
+    *,
+    threads: int = 1,
+    progress: Callable[[int], None] = lambda _: None,
+    streams: Streams | None = None,
+) -> ReplayResult:
+    """Runs every method of a case for every what-if case and run, and makes the tables.
 
     Args:
         case: the case.
-        threads: for the methods of a flight; 0 for as many as there are cores. The bits do not depend on it.
-        tell: hears the number of flights done.
-        dive: the recording of the case, where it has been read already.
+        threads: number of threads, 0 for one per core; the results do not depend on it.
+        progress: called after each rerun with the number of reruns done.
+        streams: the recording of the case, if it has been read already.
 
     Raises:
-        DataError, ScenarioError: as `read_dive` and `align`.
+        DataError, ScenarioError: as `read_streams` and `align`.
         KernelError: naming field, row and time.
     """
     started = time.perf_counter()
-    dive = read_dive(case) if dive is None else dive
+    streams = read_streams(case) if streams is None else streams
     residuals = rerun.noise_residuals(case)
     parts: dict[str, list[pl.DataFrame]] = {name: [] for name in ("samples", "innovations", "pings")}
     alignments: list[dict[str, str]] = []
     start_ns, done = 0, 0
-    for run in range(draws_of(case)):
-        prepared = rerun.prepare(case, dive, run, residuals)
-        alignments.append(prepared.alignment.words)
+    for run in range(run_count(case)):
+        prepared = rerun.prepare(case, streams, run, residuals)
+        alignments.append(prepared.alignment.sources)
         start_ns = prepared.alignment.time_ns
-        for name, asked in [(RECORDED, None), *((asked.name, asked) for asked in case.what_if)]:
-            flown = rerun.fly(case, prepared, asked, threads=threads)
-            parts["samples"].append(compare.samples_table(case, name, flown))
-            parts["innovations"].append(compare.innovations_table(case, name, flown))
-            parts["pings"].append(compare.pings_table(case, name, flown))
+        for name, what_if in [(RECORDED, None), *((what_if.name, what_if) for what_if in case.what_if)]:
+            result = rerun.run_methods(case, prepared, what_if, threads=threads)
+            parts["samples"].append(compare.samples_table(case, name, result))
+            parts["innovations"].append(compare.innovations_table(case, name, result))
+            parts["pings"].append(compare.pings_table(case, name, result))
             done += 1
-            tell(done)
+            progress(done)
     tables = {name: pl.concat(frames) for name, frames in parts.items()}
-    path = compare.path_table(dive)
-    return Replayed(
+    path = compare.path_table(streams)
+    return ReplayResult(
         runs=runs_table(tables["samples"], tables["innovations"], tables["pings"], path, start_ns),
         ensemble=ensemble_table(tables["samples"], start_ns),
         path=path,
-        manifest=describe(case, dive, alignments, threads=threads, wall_s=time.perf_counter() - started),
+        manifest=manifest_of(
+            case, streams, alignments, threads=threads, wall_s=time.perf_counter() - started
+        ),
         **tables,
     )
 
 
-def describe(
-    case: Case, dive: Dive, alignments: list[dict[str, str]], *, threads: int, wall_s: float
+def manifest_of(
+    case: Case, streams: Streams, alignments: list[dict[str, str]], *, threads: int, wall_s: float
 ) -> dict[str, Any]:
-    """The manifest: versions, hashes of every file read, settings, clocks, the start, and what is not as measured."""
+    """The manifest: versions, hashes of every file read, settings, clocks, alignment, semi-synthetic parts."""
     return {
         "kind": KIND,
         "status": "complete",
@@ -106,30 +112,30 @@ def describe(
         "files": {name: {"name": path.name, "sha256": _sha256(path)} for name, path in case.files().items()},
         "threads": threads,
         "wall_time_s": round(wall_s, 3),
-        "runs": draws_of(case),
+        "runs": run_count(case),
         "methods": list(case.replay.methods),
         "what_if": [
-            [RECORDED, "nothing taken away"],
-            *([asked.name, asked.words()] for asked in case.what_if),
+            [RECORDED, "beams as recorded"],
+            *([what_if.name, what_if.text()] for what_if in case.what_if),
         ],
         "semi_synthetic": list(case.semi_synthetic),
         "reference_note": "" if case.reference is None else case.reference.note,
-        "has_reference": dive.reference is not None,
-        "origin": None if dive.origin is None else asdict(dive.origin),
+        "has_reference": streams.reference is not None,
+        "origin": None if streams.origin is None else asdict(streams.origin),
         "alignment": alignments[0],
-        "clocks": {name: _clock(report) for name, report in dive.clocks.items()},
-        "notes": list(dive.notes),
-        "beams": dive.instrument.geometry.beams,
+        "clocks": {name: _clock(report) for name, report in streams.clocks.items()},
+        "notes": list(streams.notes),
+        "beams": streams.instrument.geometry.beams,
     }
 
 
 def _clock(report: ClockReport) -> dict[str, Any]:
-    words = {key: getattr(report, key).words for key in ("repeats", "backward", "gaps", "jumps", "empty")}
+    faults = {key: getattr(report, key).text for key in ("repeats", "backward", "gaps", "jumps", "empty")}
     numbers = {
         key: getattr(report, key)
-        for key in ("rows", "kept", "first_s", "last_s", "median_step_s", "strays_s", "gap_s")
+        for key in ("rows", "kept", "first_s", "last_s", "median_step_s", "max_stamp_deviation_s", "gap_s")
     }
-    return numbers | words
+    return numbers | faults
 
 
 def _sha256(path: Path) -> str:
@@ -141,18 +147,18 @@ def _sha256(path: Path) -> str:
 
 
 def prepare_folder(out: Path, configuration: str, *, force: bool = False) -> None:
-    """Makes sure that a directory is ours: new, empty, or a replay's of the same case, which is then made anew.
+    """Checks that an output directory is new, empty, or holds a replay of the same case, which is overwritten.
 
-    With `force` another replay's files are removed.
+    With `force` the files of another replay are removed.
 
     Raises:
-        OutputError: for anything else in its place.
+        OutputError: for a directory with other content, or a replay of another case without `force`.
     """
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return
     manifest = read_json(out / MANIFEST) if out.is_dir() else None
     if manifest is None or manifest.get("kind") != KIND:
-        raise OutputError(f"{out}: is not empty and holds no replay of ours; choose another directory")
+        raise OutputError(f"{out}: is not empty and holds no replay, expected a new directory or a replay's")
     if manifest.get("configuration_hash") != configuration:
         if not force:
             raise OutputError(
@@ -163,8 +169,8 @@ def prepare_folder(out: Path, configuration: str, *, force: bool = False) -> Non
             (out / name).unlink(missing_ok=True)
 
 
-def write_replay(replayed: Replayed, out: Path) -> None:
-    """The tables and, last, the manifest; each whole or not at all.
+def write_replay(replayed: ReplayResult, out: Path) -> None:
+    """Writes the tables and, last, the manifest; each file is written atomically.
 
     Raises:
         OutputError: where the directory cannot be written.

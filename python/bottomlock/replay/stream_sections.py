@@ -1,4 +1,4 @@
-"""Sections of a case file that say which columns of a log mean what, in which units, axes and clocks."""
+"""Sections of a case file that map the columns of a log: quantity, unit, axes and clock."""
 
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -9,30 +9,30 @@ from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, S
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Axes = tuple[Axis, Axis, Axis]
-Names = tuple[str, str, str]
+ColumnTriple = tuple[str, str, str]
 
 ANGLE_UNITS = ("rad", "deg")
-AS_THEY_ARE: Axes = ("x", "y", "z")
+UNCHANGED_AXES: Axes = ("x", "y", "z")
 
 
 def check_axes(axes: Axes) -> None:
-    """Refuses axes that name one sensor axis twice.
+    """Checks that each sensor axis is named once.
 
     Raises:
-        ValueError: with what was expected.
+        ValueError: for an axis that is named twice.
     """
     if len({axis.removeprefix("-") for axis in axes}) != 3:
         raise ValueError(f"axes is {list(axes)}, expected each of x, y, z once, with or without a minus")
 
 
 class Clock(Section):
-    """When the rows of a table are valid: by a column, by their number at an even rate, or both.
+    """Times of a table's rows: from a column, from an even rate, or both.
 
-    With `column` alone its stamps count. With `rate_hz` alone row k stands at `start_s` + k/rate. With both the rows
-    are taken at an even rate and the stamps, a host's, say only where the first of them stands; the stamps may then
-    stray from it by `steady_within_s`. `offset_s` is added: it takes the stream's clock to the case's. A step of
-    more than `gap_s` is a gap (by default three median steps), of more than `jump_s` a jump of the clock. Rows that
-    repeat a time or go back are refused, or left out where `unordered` says "drop".
+    With `column` alone the stamps are the times. With `rate_hz` alone row k is at `start_s` + k/rate. With both the
+    rows are at an even rate, whose offset is the median of the (host's) stamps; each stamp may deviate from it by
+    `steady_within_s`. `offset_s` is added, to bring the stream's clock to the case's. A step longer than `gap_s` is a
+    gap (default: three median steps), one longer than `jump_s` a clock jump. A time that repeats or goes back is an
+    error, or its row is left out where `unordered` is "drop".
     """
 
     column: str | None = None
@@ -43,29 +43,31 @@ class Clock(Section):
     gap_s: Positive | None = None
     jump_s: Positive = 60.0
     steady_within_s: Positive = 0.05
-    unordered: Literal["refuse", "drop"] = "refuse"
+    unordered: Literal["error", "drop"] = "error"
 
     @model_validator(mode="after")
-    def _stands_somewhere(self) -> Self:
+    def _gives_times(self) -> Self:
         if self.column is None and self.rate_hz is None:
             raise ValueError("a clock needs 'column' (stamps), 'rate_hz' (rows at an even rate) or both")
         if self.column is not None and "start_s" in self.model_fields_set:
-            raise ValueError("'start_s' is given beside 'column': the column says when, 'offset_s' moves it")
+            raise ValueError(
+                "'start_s' is given beside 'column', which gives the times; use 'offset_s' to shift them"
+            )
         return self
 
 
 class Stream(Section):
-    """A table of a case: its file and its clock; every n-th row is taken with `every` = n."""
+    """A table of a case: file and clock; with `every` = n every n-th row is used."""
 
     file: Path
     clock: Clock
     every: Annotated[int, Field(ge=1)] = 1
 
 
-class Mounted(Stream):
-    """A sensor with axes of its own: first flipped and swapped (`axes`), then turned by the mounting angles."""
+class MountedStream(Stream):
+    """A sensor with its own axes: reordered by `axes`, then rotated to platform axes by the mounting angles."""
 
-    axes: Axes = AS_THEY_ARE
+    axes: Axes = UNCHANGED_AXES
     mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
     mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
@@ -77,7 +79,7 @@ class Mounted(Stream):
 
 
 class ImuErrors(Section):
-    """Errors of inertial sensors, 1 sigma, with the keys of a scenario's [imu]."""
+    """Errors of inertial sensors, 1 sigma, with the keys of a scenario's [imu] section."""
 
     accel_bias_mg: NonNegative
     gyro_bias_deg_per_h: NonNegative
@@ -87,19 +89,19 @@ class ImuErrors(Section):
     gyro_bias_walk_deg_per_s_per_rt_s: NonNegative = 0.0
 
 
-class ImuStream(Mounted):
+class ImuStream(MountedStream):
     """Inertial sensors: specific force and angular rate, or their increments over an interval.
 
-    Increments ("m/s", "rad", "deg") are divided by the column `interval` (s), or by 1/`rate_hz` of the clock; they are
-    means over the step that they end, and the filter takes them so. A gap is refused unless it is at most
-    `bridge_gaps_s` long: the strapdown then crosses it on a straight line between its ends, and the report says so.
-    `degrade` adds errors of a poorer instrument, drawn from the case's seed.
+    Increments ("m/s", "rad", "deg") are divided by the column `interval` (s), or by 1/`rate_hz` of the clock; the
+    result is the mean over the step that ends at the row, and the filter uses it as such. A gap longer than
+    `bridge_gaps_s` is an error; a shorter one is bridged by linear interpolation between its ends, and reported.
+    `degrade` adds the errors of a lower-grade IMU, drawn from the case's seed.
     """
 
-    force: Names
-    rate: Names
+    force: ColumnTriple
+    omega: ColumnTriple
     force_unit: Literal["m/s2", "g", "mg", "m/s"] = "m/s2"
-    rate_unit: Literal["rad/s", "deg/s", "deg/h", "rad", "deg"] = "rad/s"
+    omega_unit: Literal["rad/s", "deg/s", "deg/h", "rad", "deg"] = "rad/s"
     interval: str | None = None
     sampling: Literal["instantaneous", "averaged"] | None = None
     bridge_gaps_s: NonNegative = 0.0
@@ -108,8 +110,8 @@ class ImuStream(Mounted):
 
     @property
     def increments(self) -> tuple[bool, bool]:
-        """Whether force and rate come as increments."""
-        return self.force_unit == "m/s", self.rate_unit in ANGLE_UNITS
+        """Whether specific force and angular rate are recorded as increments."""
+        return self.force_unit == "m/s", self.omega_unit in ANGLE_UNITS
 
     @property
     def averaged(self) -> bool:
@@ -120,18 +122,20 @@ class ImuStream(Mounted):
     def _increments_have_an_interval(self) -> Self:
         if any(self.increments) and self.interval is None and self.clock.rate_hz is None:
             raise ValueError(
-                f"units '{self.force_unit}' and '{self.rate_unit}' are increments: give 'interval' (a column, s) "
+                f"units '{self.force_unit}' and '{self.omega_unit}' are increments: give 'interval' (a column, s) "
                 "or clock.rate_hz"
             )
         if self.interval is not None and not any(self.increments):
             raise ValueError("'interval' is given, but no unit is that of an increment (m/s, rad, deg)")
         if self.every != 1:
-            raise ValueError(f"'every' is {self.every}, expected 1: inertial readings are not left out")
+            raise ValueError(
+                f"'every' is {self.every}, expected 1: the strapdown needs every inertial reading"
+            )
         return self
 
 
 class DepthStream(Stream):
-    """Depth below the surface, altitude above it (`up`), or pressure, of a sensor at `lever_arm_m` from the IMU."""
+    """Depth, height (`up` = true) or pressure, measured at `lever_arm_m` from the IMU (platform frame)."""
 
     column: str
     unit: Literal["m", "cm", "Pa", "kPa", "bar", "dbar"] = "m"
@@ -143,10 +147,10 @@ class DepthStream(Stream):
 
 
 class AttitudeStream(Stream):
-    """Roll, pitch and yaw of a recorded attitude sensor; `frame` "enu_flu" is turned to north–east–down.
+    """Roll, pitch and yaw of a recorded attitude sensor; `frame` "enu_flu" is converted to NED, FRD.
 
-    `aids` says what of it the filter hears: the whole attitude, the heading alone, or nothing (it may still serve the
-    alignment). The mounting angles turn the sensor's axes to the platform's; `yaw_offset_deg` (a declination) is added.
+    `aids` is what the filter uses: the attitude, the heading alone, or nothing (the alignment may still use it). The
+    mounting angles rotate the sensor's axes to the platform's; `yaw_offset_deg` (a declination) is added to the yaw.
     """
 
     roll: str
@@ -163,20 +167,20 @@ class AttitudeStream(Stream):
     yaw_sd_deg: Positive = 5.0
 
 
-class MagnetometerStream(Mounted):
-    """Magnetic field in sensor axes, for the heading of the alignment; any unit, the same for all three.
+class MagnetometerStream(MountedStream):
+    """Magnetic field in sensor axes, for the initial heading; any unit, the same for all three axes.
 
-    `hard_iron` is taken off the readings (their unit, sensor axes) before they are turned.
+    `hard_iron` is subtracted from the readings (same unit, sensor axes) before the rotation to platform axes.
     """
 
-    field: Names
+    field: ColumnTriple
     declination_deg: Annotated[float, Field(ge=-180, le=180)]
     hard_iron: Vector = (0.0, 0.0, 0.0)
     heading_sd_deg: Positive
 
 
-class Positioned(Stream):
-    """Positions as latitude, longitude and height, or as metres north, east and down (`height` is up)."""
+class PositionStream(Stream):
+    """Positions as latitude, longitude and height, or north, east and down in m (`height` is positive up)."""
 
     latitude: str | None = None
     longitude: str | None = None
@@ -189,20 +193,20 @@ class Positioned(Stream):
 
     @property
     def geodetic(self) -> bool:
-        """Whether positions are latitude and longitude."""
+        """Whether positions are given as latitude and longitude."""
         return self.latitude is not None
 
     @property
-    def placed(self) -> bool:
-        """Whether there are positions at all."""
+    def has_position(self) -> bool:
+        """Whether the stream has positions."""
         return self.latitude is not None or self.north is not None
 
     @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _complete(self) -> Self:
         if (self.latitude is None) != (self.longitude is None):
-            raise ValueError("'latitude' and 'longitude' come together")
+            raise ValueError("only one of 'latitude' and 'longitude' is given, expected both or neither")
         if (self.north is None) != (self.east is None):
-            raise ValueError("'north' and 'east' come together")
+            raise ValueError("only one of 'north' and 'east' is given, expected both or neither")
         if self.latitude is not None and self.north is not None:
             raise ValueError("positions are given twice, as 'latitude' and as 'north': expected one of them")
         if self.height is not None and self.down is not None:
@@ -210,27 +214,27 @@ class Positioned(Stream):
         return self
 
 
-class GpsStream(Positioned):
-    """GPS positions of an antenna at `lever_arm_m` from the IMU; `aids` = false keeps them for the alignment alone."""
+class GpsStream(PositionStream):
+    """GPS positions of an antenna at `lever_arm_m` from the IMU; with `aids` = false the alignment alone uses them."""
 
     position_sd_m: tuple[Positive, Positive, Positive] = (2.0, 2.0, 4.0)
     aids: bool = True
 
     @model_validator(mode="after")
     def _has_positions(self) -> Self:
-        if not self.placed:
+        if not self.has_position:
             raise ValueError("no position: give 'latitude' and 'longitude', or 'north' and 'east'")
         return self
 
 
-class Reference(Positioned):
-    """What errors are measured against: position, velocity, attitude, of a point at `lever_arm_m` from the IMU.
+class ReferenceStream(PositionStream):
+    """Reference position, velocity and attitude, to compute errors against, of a point at `lever_arm_m` from the IMU.
 
-    `note` stands in the report, for instance that the reference is made from the same sensors.
+    `note` is printed in the report, for instance that the reference is computed from the same sensors.
     """
 
-    velocity_ned: Names | None = None
-    velocity_body: Names | None = None
+    velocity_ned: ColumnTriple | None = None
+    velocity_body: ColumnTriple | None = None
     roll: str | None = None
     pitch: str | None = None
     yaw: str | None = None
@@ -238,23 +242,25 @@ class Reference(Positioned):
     note: str = ""
 
     @property
-    def turned(self) -> bool:
-        """Whether there are attitudes."""
+    def has_attitude(self) -> bool:
+        """Whether the reference has attitudes."""
         return self.roll is not None
 
     @model_validator(mode="after")
     def _parts_agree(self) -> Self:
         angles = (self.roll, self.pitch, self.yaw)
         if any(angle is not None for angle in angles) and None in angles:
-            raise ValueError("'roll', 'pitch' and 'yaw' come together")
+            raise ValueError("some of 'roll', 'pitch' and 'yaw' are missing, expected all three or none")
         if self.velocity_ned is not None and self.velocity_body is not None:
             raise ValueError("the velocity is given twice, as 'velocity_ned' and as 'velocity_body'")
-        if self.velocity_ned is not None and not self.turned:
+        if self.velocity_ned is not None and not self.has_attitude:
             raise ValueError(
-                "'velocity_ned' needs 'roll', 'pitch' and 'yaw': errors are counted in platform axes"
+                "'velocity_ned' needs 'roll', 'pitch' and 'yaw': velocity errors are computed in the platform frame"
             )
-        if any(self.lever_arm_m) and not self.turned:
-            raise ValueError("'lever_arm_m' needs 'roll', 'pitch' and 'yaw' to turn it")
-        if not (self.placed or self.turned or self.velocity_body is not None):
-            raise ValueError("the reference has neither position nor velocity nor attitude")
+        if any(self.lever_arm_m) and not self.has_attitude:
+            raise ValueError(
+                "'lever_arm_m' needs 'roll', 'pitch' and 'yaw' to rotate it to the tangent frame"
+            )
+        if not (self.has_position or self.has_attitude or self.velocity_body is not None):
+            raise ValueError("[reference] has no columns, expected position, velocity or attitude")
         return self

@@ -1,14 +1,14 @@
-"""Means of readings over a window, with what their own scatter says of the means."""
+"""Means of readings over a window, with their standard deviation from the scatter of block means."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.replay.dive import Floats
+from bottomlock.replay.streams import Floats
 
 BLOCKS = 10
-"""A window is cut into so many blocks: scatter that is slower than a reading still counts."""
+"""Number of blocks of a window: scatter slower than the sampling then still counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,8 @@ def mean_over(values: Floats, section: str, window_s: float) -> Mean:
     """
     if len(values) < BLOCKS:
         raise DataError(
-            f"[{section}] has {len(values)} readings in the {window_s:g} s before the start, expected {BLOCKS} or more"
+            f"[{section}] has {len(values)} rows in the {window_s:g} s before the start, expected {BLOCKS} or more; "
+            "lengthen start.window_s or set a later start.at_s"
         )
     return Mean(values.mean(axis=0), scatter_of_mean(values))
 
@@ -35,8 +36,7 @@ def mean_over(values: Floats, section: str, window_s: float) -> Mean:
 def scatter_of_mean(values: Floats) -> Floats:
     """(3,) standard deviation of the mean, from the means of ten consecutive blocks.
 
-    Readings of a vehicle in waves are not independent of one another; means over a tenth of the window are, more or
-    less.
+    Readings of a vehicle in waves are correlated; means over a tenth of the window are nearly independent.
 
     >>> scatter_of_mean(np.tile([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], (50, 1))).tolist()
     [0.0, 0.0, 0.0]

@@ -1,4 +1,4 @@
-"""A recording in SI: every stream of a case on one clock, in platform and tangent axes, with what was found in it."""
+"""The streams of a recording in SI, on one clock, in platform and tangent axes."""
 
 from dataclasses import dataclass, field
 
@@ -17,7 +17,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Inertial:
-    """Specific force and inertial rate, platform axes, (n,) and (n, 3)."""
+    """IMU readings: times (n,), specific force and inertial rate in the platform frame, (n, 3) each."""
 
     time_ns: Times
     force_p_mps2: Floats
@@ -26,7 +26,7 @@ class Inertial:
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Pings (n,), beam velocities (n, B) with NaN where there is none, validity and noise (n, B).
+    """Pings: times (n,), beam velocities (n, B) with NaN for a lost beam, validity and noise 1 sigma, (n, B) each.
 
     `velocity_d_mps` (n, 3) is the instrument's velocity that the beams were projected from; None for recorded beams.
     """
@@ -40,7 +40,7 @@ class Beams:
 
 @dataclass(frozen=True, eq=False)
 class Depths:
-    """Depth below the tangent plane's origin, m, (n,)."""
+    """Depth below the origin of the tangent frame, m, (n,), positive down."""
 
     time_ns: Times
     depth_m: Floats
@@ -48,15 +48,15 @@ class Depths:
 
 @dataclass(frozen=True, eq=False)
 class Attitudes:
-    """Attitudes of the platform, (n,)."""
+    """Attitudes of the platform, rotations to the tangent frame, (n,)."""
 
     time_ns: Times
     attitude: Rotation
 
 
 @dataclass(frozen=True, eq=False)
-class Fields:
-    """Magnetic field in platform axes, (n, 3)."""
+class MagneticFields:
+    """Magnetic field in the platform frame, (n, 3), any unit."""
 
     time_ns: Times
     field_p: Floats
@@ -71,8 +71,8 @@ class Positions:
 
 
 @dataclass(frozen=True, eq=False)
-class Truthlike:
-    """What errors are measured against, at the IMU: position, velocity and attitude, each None where it has none."""
+class ReferenceStates:
+    """Reference states of the IMU: times (n,), position, velocity and attitude, each None where it is absent."""
 
     time_ns: Times
     position_t_m: Floats | None
@@ -81,18 +81,18 @@ class Truthlike:
 
 
 @dataclass(frozen=True, eq=False)
-class Dive:
-    """Everything that a case reads.
+class Streams:
+    """All streams of a case.
 
     Attributes:
-        inertial: readings at the IMU's own times.
+        inertial: IMU readings.
         beams: pings.
         instrument: geometry and noise of the DVL.
-        depths, attitudes, fields, positions, reference: what there is beside them.
-        origin: where the tangent plane touches, or None where nothing says.
+        depths, attitudes, magnetic_fields, positions, reference: the other streams, None where absent.
+        origin: of the tangent frame, or None where it is not known.
         latitude_rad: for gravity and the Earth's rate.
-        clocks: what was found of the times of each stream.
-        notes: what was changed or assumed while reading, in words.
+        clocks: statistics and faults of each stream's times.
+        notes: what was changed or assumed while reading, a sentence each.
     """
 
     inertial: Inertial
@@ -100,9 +100,9 @@ class Dive:
     instrument: Instrument
     depths: Depths | None
     attitudes: Attitudes | None
-    fields: Fields | None
+    magnetic_fields: MagneticFields | None
     positions: Positions | None
-    reference: Truthlike | None
+    reference: ReferenceStates | None
     origin: Place | None
     latitude_rad: float
     clocks: dict[str, ClockReport] = field(default_factory=dict)
