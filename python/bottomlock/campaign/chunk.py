@@ -18,6 +18,7 @@ from bottomlock.plant import Flight
 from bottomlock.plant.closed_loop import cross_track_m
 from bottomlock.simulation.build import Simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
+from bottomlock.statistics.rms import rms
 from bottomlock.tables.campaign import BIASES, OUTCOMES, SAMPLES
 from bottomlock.truth.truth import Truth
 
@@ -190,14 +191,14 @@ def _frames(
     astray = (
         np.full((2, runs, method_count), np.nan)
         if offset is None
-        else np.stack([np.sqrt((offset**2).mean(axis=-1)), np.abs(offset).max(axis=-1)])
+        else np.stack([rms(offset, axis=-1), np.abs(offset).max(axis=-1)])
     )
     counts = keys.with_columns(
         pl.lit(name).alias("trajectory"),
-        pl.Series("nis_mean", result["nis_mean"].reshape(-1)).fill_nan(None),
+        pl.Series("nis_mean_over_fixes", result["nis_mean"].reshape(-1)).fill_nan(None),
         pl.Series("fixes_accepted", result["fixes_accepted"].reshape(-1)),
         pl.Series("fixes_rejected", result["fixes_rejected"].reshape(-1)),
-        pl.Series("cross_track_rms_m", astray[0].reshape(-1)).fill_nan(None),
+        pl.Series("cross_track_rms_over_time_m", astray[0].reshape(-1)).fill_nan(None),
         pl.Series("cross_track_max_m", astray[1].reshape(-1)).fill_nan(None),
         *(
             pl.Series(f"{kind}_{bias}", result[key][:, :, k].reshape(-1)).fill_nan(None)
