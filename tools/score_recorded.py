@@ -87,9 +87,9 @@ def full_velocity(data: Path, scratch: Path) -> str:
         rows.append(
             [
                 str(section), number(of["lc"]["distance_m"]), number(of["lc"]["position_final_m"]),
-                number(of["lc"]["position_final_percent"]), number(of["lc"]["position_rms_m"]),
-                number(of["smooth"]["position_rms_m"]), number(of["lc"]["velocity_rms_mps"]),
-                number(of["smooth"]["velocity_rms_mps"]), number(of["ins"]["position_final_m"]),
+                number(of["lc"]["position_final_percent"]), number(of["lc"]["position_rms_over_time_m"]),
+                number(of["smooth"]["position_rms_over_time_m"]), number(of["lc"]["velocity_rms_over_time_mps"]),
+                number(of["smooth"]["velocity_rms_over_time_mps"]), number(of["ins"]["position_final_m"]),
             ]
         )  # fmt: skip
     head = [
@@ -120,7 +120,7 @@ def what_if_cases(runs: pl.DataFrame) -> str:
                     percent = cell["position_final_percent"]
                     cells.append(f"{number(percent.median(), 2)} ({number(percent.max(), 2)})")  # type: ignore[arg-type]
                 else:
-                    cells.append(number(cell["position_rms_m"].median()))  # type: ignore[arg-type]
+                    cells.append(number(cell["position_rms_over_time_m"].median()))  # type: ignore[arg-type]
             rows.append([code(method), *cells])
         title = (
             "Forward: position error at the end, % DT, median (greatest)."
@@ -141,11 +141,11 @@ def consistency(runs: pl.DataFrame, what_if: str = "lost_34") -> str:
             (pl.col("method") == method) & (pl.col("pass") == FORWARD) & (pl.col("what_if") == what_if)
         )
         names = (
-            "position_rms_m",
-            "velocity_rms_mps",
-            "attitude_rms_deg",
-            "position_ratio_rms",
-            "velocity_ratio_rms",
+            "position_rms_over_time_m",
+            "velocity_rms_over_time_mps",
+            "attitude_rms_over_time_deg",
+            "position_normalised_rms_over_time",
+            "velocity_normalised_rms_over_time",
         )
         numbers = [number(one[name].median()) for name in names]  # type: ignore[arg-type]
         fixes = sum(int(one[f"fixes_{fate}"].sum()) for fate in ("accepted", "in_part", "rejected"))
@@ -168,14 +168,14 @@ def against_tc(runs: pl.DataFrame) -> str:
     rows = []
     forward = runs.filter(pl.col("pass") == FORWARD)
     base = forward.filter(pl.col("method") == "tc").select(
-        "case", "what_if", "run", tc=pl.col("position_rms_m")
+        "case", "what_if", "run", tc=pl.col("position_rms_over_time_m")
     )
     for method in ("weak_sway", "sway_current", "consistent"):
         cells = []
         for what_if in WHAT_IF:
             one = forward.filter((pl.col("method") == method) & (pl.col("what_if") == what_if))
             joined = one.join(base, on=["case", "what_if", "run"])
-            ratio = joined["position_rms_m"] / joined["tc"]
+            ratio = joined["position_rms_over_time_m"] / joined["tc"]
             cells.append(
                 f"{number(float(np.median(ratio.to_numpy())))} ({int((ratio > 1.0).sum())}/{len(ratio)})"
             )
@@ -233,8 +233,10 @@ def caves(data: Path, beams: int) -> str:
                     cells += ["–", "–"]
                     continue
                 partly = "" if row["sets_solved"] == row["sets"] else f" [{row['sets_solved']}/{row['sets']}]"
-                cells.append(f"{1e3 * row['median_mps']:.0f} / {1e3 * row['rms_mps']:.0f}{partly}")
-                cells.append(number(row["ratio_robust"], 2))
+                cells.append(
+                    f"{1e3 * row['error_median_mps']:.0f} / {1e3 * row['error_rms_over_pings_mps']:.0f}{partly}"
+                )
+                cells.append(number(row["normalised_robust"], 2))
             rows.append(cells)
         head = [
             "Method",

@@ -70,7 +70,7 @@ def test_perfect_readings_navigate_back_to_the_truth(replayed: ReplayResult) -> 
     """With all beams the error at the end is centimetres on 120 m, and millimetres per second in velocity."""
     rows = synthetic_dive.rows_of(replayed.runs, what_if="recorded", method="lc")
     assert rows["position_final_m"].to_numpy().max() < 0.15
-    assert rows["velocity_rms_mps"].to_numpy().max() < 0.003
+    assert rows["velocity_rms_over_time_mps"].to_numpy().max() < 0.003
     np.testing.assert_allclose(rows["distance_m"], 120.0, rtol=1e-3)
 
 

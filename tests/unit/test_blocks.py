@@ -12,7 +12,7 @@ from bottomlock.campaign.error_blocks import open_blocks
 from bottomlock.campaign.partition import Partition
 from bottomlock.campaign.run import run_campaign
 from bottomlock.errors import OutputError
-from bottomlock.statistics import campaign
+from bottomlock.statistics import rms
 from bottomlock.statistics.campaign import NORMS
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
@@ -71,9 +71,9 @@ def test_tables_do_not_depend_on_blocks(tmp_path: Path, monkeypatch: pytest.Monk
 def test_the_bootstrap_draws_the_same_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """One stream of draws, however many are held; the products may round otherwise."""
     squares = np.random.default_rng(1).normal(size=(50, 4)) ** 2
-    whole = campaign.bootstrap_rms(squares)
-    monkeypatch.setattr(campaign, "WEIGHTS_HELD", 7 * 50)
-    assert np.allclose(campaign.bootstrap_rms(squares), whole, rtol=1e-13, atol=0.0)
+    whole = rms.bootstrap_rms(squares)
+    monkeypatch.setattr(rms, "WEIGHTS_HELD", 7 * 50)
+    assert np.allclose(rms.bootstrap_rms(squares), whole, rtol=1e-13, atol=0.0)
 
 
 def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:

@@ -13,19 +13,24 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.paper.claims import load_paper, parse_paper
-from bottomlock.paper.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, claims_table
+from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
+from bottomlock.paper.verdicts import claims_table
+from bottomlock.statistics.rms import Array
+from bottomlock.statistics.run_errors import read_run_errors
 from bottomlock.tables.campaign import PATHS
 from bottomlock.tables.check import check
 from bottomlock.tables.paper import CLAIMS
-from bottomlock.tables.results import Array, read_errors, read_study
-from tests.unit.synthetic_study import METHODS, Size, edit_manifest, quiet, write_study
+from bottomlock.tables.results import read_campaign_tables
+from tests.unit.synthetic_campaign import METHODS, Size, edit_manifest, quiet, write_campaign
 
 PAPER = load_paper()
 
 
 def judged(folder: Path) -> pl.DataFrame:
-    study = read_study(folder)
-    return claims_table(study, {name: read_errors(study, name) for name in study.trajectories}, PAPER)
+    campaign = read_campaign_tables(folder)
+    return claims_table(
+        campaign, {name: read_run_errors(campaign, name) for name in campaign.trajectories}, PAPER
+    )
 
 
 def one(table: pl.DataFrame, claim: str) -> dict[str, Any]:
@@ -73,7 +78,7 @@ def test_every_printed_number_is_there(claim: str, printed: float) -> None:
 
 def test_the_table_is_as_the_schema_says(tmp_path: Path) -> None:
     """A row per claim in the paper's order; each interval holds its number."""
-    table = check(judged(write_study(tmp_path / "c")), CLAIMS, place="claims")
+    table = check(judged(write_campaign(tmp_path / "c")), CLAIMS, place="claims")
     assert table["claim"].to_list() == [claim.id for claim in PAPER.claim]
     tested = table.filter(pl.col("verdict") != NOT_TESTABLE)
     assert tested.height > 25
@@ -83,7 +88,7 @@ def test_the_table_is_as_the_schema_says(tmp_path: Path) -> None:
 
 def test_not_reproduced_has_a_reason(tmp_path: Path) -> None:
     """What is not borne out says what was measured instead."""
-    table = judged(write_study(tmp_path / "c"))
+    table = judged(write_campaign(tmp_path / "c"))
     notes = table.filter(
         (pl.col("verdict") == NOT_REPRODUCED) & ~pl.col("quantity").str.contains("velocity_.*ratio")
     )["note"]
@@ -95,7 +100,7 @@ def test_not_reproduced_has_a_reason(tmp_path: Path) -> None:
 def test_a_value_follows_the_data(tmp_path: Path, drift: float, verdict: str) -> None:
     """34 m/s lies in the interval of 34 and not in that of 50."""
     size = sized({("straight", "ins"): lambda time_s: drift * time_s / 250.0})
-    row = one(judged(write_study(tmp_path / "c", size)), "t1-velocity-ins")
+    row = one(judged(write_campaign(tmp_path / "c", size)), "t1-velocity-ins")
     assert row["ours"] == pytest.approx(drift)
     assert row["verdict"] == verdict
 
@@ -104,14 +109,14 @@ def test_a_value_is_widened_by_its_last_digit(tmp_path: Path) -> None:
     """Without scatter the interval has no width: 33.6 rounds to the printed 34 and 33.4 does not."""
     for drift, verdict in ((33.6, REPRODUCED), (33.4, NOT_REPRODUCED)):
         size = sized({("straight", "ins"): drift})
-        table = judged(write_study(tmp_path / f"{drift}", size, scatter=0.0))
+        table = judged(write_campaign(tmp_path / f"{drift}", size, scatter=0.0))
         assert one(table, "t1-velocity-ins")["verdict"] == verdict
 
 
 def test_a_value_that_rests_on_a_few_runs_is_not_testable(tmp_path: Path) -> None:
     """One run far off stretches the interval over the printed number: that is no reproduction."""
     size = sized({("straight", "nsv"): 0.1})
-    row = one(judged(write_study(tmp_path / "c", size, scatter=2.5)), "t1-velocity-nsv")
+    row = one(judged(write_campaign(tmp_path / "c", size, scatter=2.5)), "t1-velocity-nsv")
     assert row["hi"] > 2.0 * row["lo"]
     assert row["verdict"] == NOT_TESTABLE
     assert "one run of 40 makes" in row["note"]
@@ -120,9 +125,9 @@ def test_a_value_that_rests_on_a_few_runs_is_not_testable(tmp_path: Path) -> Non
 def test_a_note_tells_how_few_runs_scatter_so_far(tmp_path: Path) -> None:
     """The paper gives no number of runs: with n of them its mean would scatter by one run's spread over √n."""
     size = sized({("straight", "ins"): 40.0})
-    row = one(judged(write_study(tmp_path / "c", size, runs=200)), "t1-velocity-ins")
+    row = one(judged(write_campaign(tmp_path / "c", size, runs=200)), "t1-velocity-ins")
     spread = (row["hi"] - row["lo"]) / 3.92 * np.sqrt(200.0)
-    count = float(row["note"].split("means of ")[1].split(" runs")[0])
+    count = float(row["note"].split("an RMS over ")[1].split(" runs")[0])
     assert 1.96 * spread * np.sqrt(1.0 / count + 1.0 / 200.0) == pytest.approx(6.0, rel=0.15)
 
 
@@ -137,7 +142,7 @@ def test_an_excess_is_of_the_reference_over_the_method(
     tmp_path: Path, claim: str, changed: dict[tuple[str, str], Any], ours: float, verdict: str
 ) -> None:
     """131 % cannot be a reduction; it is INS / PLCF − 1."""
-    row = one(judged(write_study(tmp_path / "c", sized(changed))), claim)
+    row = one(judged(write_campaign(tmp_path / "c", sized(changed))), claim)
     assert row["ours"] == pytest.approx(ours)
     assert row["verdict"] == verdict
 
@@ -146,7 +151,7 @@ def test_an_excess_is_of_the_reference_over_the_method(
 def test_a_reduction_follows_the_data(tmp_path: Path, attitude: float, verdict: str) -> None:
     """Paired runs: the interval of the percentage is narrow although the runs scatter widely."""
     size = sized({}, {("straight", "nsv"): attitude})
-    row = one(judged(write_study(tmp_path / "c", size, scatter=0.5)), "t1-attitude-nsv-improvement")
+    row = one(judged(write_campaign(tmp_path / "c", size, scatter=0.5)), "t1-attitude-nsv-improvement")
     assert row["verdict"] == verdict
     assert row["hi"] - row["lo"] < 1e-6
 
@@ -159,26 +164,27 @@ def test_an_ordering_follows_the_data(tmp_path: Path, nsv: float, own_scatter: f
     """Below 1 it holds, above it is the other way about, astride the runs cannot tell."""
     size = sized({("straight", "nsv"): nsv})
     row = one(
-        judged(write_study(tmp_path / "c", size, own_scatter=own_scatter)), "t1-velocity-nsv-better-than-tc"
+        judged(write_campaign(tmp_path / "c", size, own_scatter=own_scatter)),
+        "t1-velocity-nsv-better-than-tc",
     )
     assert row["verdict"] == verdict
-    assert ("do not tell" in row["note"]) == (verdict == NOT_TESTABLE)
+    assert ("do not separate" in row["note"]) == (verdict == NOT_TESTABLE)
 
 
 def test_an_ordering_of_many_stands_or_falls_with_its_worst_pair(tmp_path: Path) -> None:
     """One method worse than the INS is enough, and the note names it."""
     size = sized({("figure_eight", "vhv"): 60.0})
-    row = one(judged(write_study(tmp_path / "c", size)), "t2-velocity-all-better-than-ins")
+    row = one(judged(write_campaign(tmp_path / "c", size)), "t2-velocity-all-better-than-ins")
     assert row["verdict"] == NOT_REPRODUCED
     assert row["note"].startswith("worst is vhv / ins")
 
 
 def test_a_note_tells_what_was_measured(tmp_path: Path) -> None:
     """Gate, NEES and the setting that the paper leaves open, each only where there is something to say."""
-    folder = write_study(tmp_path / "c", sized({("lawn_mower", "vb"): 5.0}))
+    folder = write_campaign(tmp_path / "c", sized({("lawn_mower", "vb"): 5.0}))
     here = (pl.col("trajectory") == "lawn_mower") & (pl.col("method") == "vb")
     assert one(judged(folder), "t3-velocity-vb")["note"] == (
-        "ours is 10 times the printed; n_f is 1 here, the paper prints none"
+        "ours is 10 times the printed value; n_f is 1 here, the paper prints none"
     )
     runs = pl.read_parquet(folder / "runs.parquet")
     runs = runs.with_columns(fixes_rejected=pl.when(here).then(250).otherwise("fixes_rejected"))
@@ -190,26 +196,30 @@ def test_a_note_tells_what_was_measured(tmp_path: Path) -> None:
     )
     table.write_parquet(folder / "consistency.parquet")
     note = one(judged(folder), "t3-velocity-vb")["note"]
-    assert "vb's gate rejects 50 % of its fixes" in note
+    assert "the gate rejects 50 % of the fixes of vb" in note
     runs.with_columns(fixes_rejected=pl.when(here).then(251).otherwise("fixes_rejected")).write_parquet(
         folder / "runs.parquet"
     )
-    assert "vb's gate locks it out in 40 of 40 runs" in one(judged(folder), "t3-velocity-vb")["note"]
-    assert "vb's NEES of velocity and attitude is 4 320, honest is 6" in note
+    assert (
+        "the gate rejects most fixes of vb in 40 of 40 runs" in one(judged(folder), "t3-velocity-vb")["note"]
+    )
+    assert "the NEES of velocity and attitude of vb is 4320, expected 6" in note
 
 
 @pytest.mark.parametrize(("scale", "verdict"), [(0.5, REPRODUCED), (2.0, NOT_REPRODUCED)])
 def test_an_ordering_across_trajectories(tmp_path: Path, scale: float, verdict: str) -> None:
     """Each method against itself on trajectory 1."""
     size = sized({("figure_eight", method): 0.1 * scale for method in METHODS if method != "ins"})
-    assert one(judged(write_study(tmp_path / "c", size)), "t2-velocity-better-than-t1")["verdict"] == verdict
+    assert (
+        one(judged(write_campaign(tmp_path / "c", size)), "t2-velocity-better-than-t1")["verdict"] == verdict
+    )
 
 
 @pytest.mark.parametrize(("plcf", "verdict"), [(1.41, REPRODUCED), (1.6, NOT_REPRODUCED)])
 def test_an_equality_has_a_tolerance(tmp_path: Path, plcf: float, verdict: str) -> None:
     """PLCF the same as TC: within 5 %."""
     size = sized({}, {("figure_eight", "plcf"): plcf})
-    assert one(judged(write_study(tmp_path / "c", size)), "t2-attitude-plcf-as-tc")["verdict"] == verdict
+    assert one(judged(write_campaign(tmp_path / "c", size)), "t2-attitude-plcf-as-tc")["verdict"] == verdict
 
 
 def _dive(time_s: Array) -> Array:
@@ -228,7 +238,7 @@ def test_a_drift_follows_the_data(
     tmp_path: Path, curve: Callable[[Array], Array], in_dive: str, after: str
 ) -> None:
     """Rising in the dive and level after it, or the other way about."""
-    table = judged(write_study(tmp_path / "c", sized({("lawn_mower", "vb"): curve})))
+    table = judged(write_campaign(tmp_path / "c", sized({("lawn_mower", "vb"): curve})))
     assert one(table, "t3-velocity-vb-drifts-in-the-dive")["verdict"] == in_dive
     assert one(table, "t3-velocity-vb-level-after-the-dive")["verdict"] == after
 
@@ -243,7 +253,7 @@ def test_turns_come_from_the_timetable_or_from_the_path(
     tmp_path: Path, curve: Callable[[Array], Array] | float, verdict: str, with_path: bool
 ) -> None:
     """Errors twice as large in the turns oscillate; both sources find the same turns."""
-    folder = write_study(tmp_path / "c", sized({("lawn_mower", "nsv"): curve}))
+    folder = write_campaign(tmp_path / "c", sized({("lawn_mower", "nsv"): curve}))
     if with_path:
         time_s = np.arange(0.0, 251.0)
         course = np.pi / 20.0 * np.cumsum((np.mod(time_s - 30.0, 60.0) > 40.0) & (time_s > 30.0))
@@ -264,7 +274,7 @@ def test_turns_come_from_the_timetable_or_from_the_path(
 
 def test_the_vehicle_keeps_no_timetable(tmp_path: Path) -> None:
     """On the vehicle the turns are where it swims them, so without its path there is no telling."""
-    folder = write_study(tmp_path / "c")
+    folder = write_campaign(tmp_path / "c")
     edit_manifest(
         folder,
         lambda m: m["scenarios"]["lawn_mower"]["configuration"]["trajectory"].update(source="vehicle"),
@@ -273,16 +283,16 @@ def test_the_vehicle_keeps_no_timetable(tmp_path: Path) -> None:
     assert (row["verdict"], "no truth.parquet" in row["note"]) == (NOT_TESTABLE, True)
 
 
-def test_what_was_not_flown_is_not_testable(tmp_path: Path) -> None:
+def test_what_is_not_in_the_campaign_is_not_testable(tmp_path: Path) -> None:
     """Trajectories and methods that are absent."""
-    folder = write_study(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc", "nsv"])
+    folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc", "nsv"])
     table = judged(folder)
     assert one(table, "t1-velocity-ins")["verdict"] == REPRODUCED
     for claim, note in (
-        ("t2-velocity-ins", "trajectory figure_eight was not flown"),
-        ("t1-velocity-plcf-worst", "method vb was not flown"),
-        ("t1-bias-observable", "method vb was not flown"),
-        ("t2-bias-observable", "trajectory figure_eight was not flown"),
+        ("t2-velocity-ins", "the campaign has no trajectory figure_eight"),
+        ("t1-velocity-plcf-worst", "the campaign does not run method vb"),
+        ("t1-bias-observable", "the campaign does not run method vb"),
+        ("t2-bias-observable", "the campaign has no trajectory figure_eight"),
     ):
         row = one(table, claim)
         assert row["verdict"] == NOT_TESTABLE
@@ -304,7 +314,7 @@ def leave(folder: Path, trajectory: str, method: str, biases: str, part: float) 
 
 def test_a_bias_is_observable_where_its_error_shrinks(tmp_path: Path) -> None:
     """The worst method and bias count: one that leaves all of a bias, or more, upsets the claim and is named."""
-    folder = write_study(tmp_path / "c")
+    folder = write_campaign(tmp_path / "c")
     row = one(judged(folder), "t1-bias-observable")
     assert (row["verdict"], row["ours"]) == (REPRODUCED, pytest.approx(0.5))
     leave(folder, "straight", "vb", "accel_bias_z.*", 1.7)
@@ -315,7 +325,7 @@ def test_a_bias_is_observable_where_its_error_shrinks(tmp_path: Path) -> None:
 
 def test_a_bias_is_hidden_where_all_of_it_is_left(tmp_path: Path) -> None:
     """Half of each is left, so none is hidden; with all of it left each is."""
-    folder = write_study(tmp_path / "c")
+    folder = write_campaign(tmp_path / "c")
     row = one(judged(folder), "t1-bias-hidden")
     assert (row["verdict"], row["ours"]) == (NOT_REPRODUCED, pytest.approx(0.5))
     for method in ("vb", "nsv", "plcf", "vhv", "tc"):
@@ -325,7 +335,7 @@ def test_a_bias_is_hidden_where_all_of_it_is_left(tmp_path: Path) -> None:
 
 def test_manoeuvres_show_more_where_less_is_left(tmp_path: Path) -> None:
     """By hand: a fifth of each against a half; then one bias of six left whole, √((5·0.2² + 1)/6) against a half."""
-    folder = write_study(tmp_path / "c")
+    folder = write_campaign(tmp_path / "c")
     row = one(judged(folder), "t2-bias-observable")
     assert (row["verdict"], row["ours"]) == (REPRODUCED, pytest.approx(0.4))
     leave(folder, "figure_eight", "plcf", "gyro_bias_z.*", 1.0)
@@ -337,7 +347,7 @@ def test_manoeuvres_show_more_where_less_is_left(tmp_path: Path) -> None:
 
 def test_another_setup_is_not_the_papers(tmp_path: Path) -> None:
     """Half the beam noise makes other numbers: no claim on that trajectory is judged."""
-    folder = write_study(tmp_path / "c")
+    folder = write_campaign(tmp_path / "c")
     edit_manifest(
         folder, lambda m: m["scenarios"]["straight"]["configuration"]["dvl"].update(beam_noise_mps=0.021)
     )
@@ -347,14 +357,14 @@ def test_another_setup_is_not_the_papers(tmp_path: Path) -> None:
 
 
 def test_few_runs_are_not_an_interval(tmp_path: Path) -> None:
-    table = judged(write_study(tmp_path / "c", runs=9))
+    table = judged(write_campaign(tmp_path / "c", runs=9))
     assert table["verdict"].unique().to_list() == [NOT_TESTABLE]
-    assert table["note"][0].startswith("9 runs give no interval")
+    assert table["note"][0].startswith("9 runs give no useful interval")
 
 
 def test_the_packaged_scenarios_are_the_papers_setup(tmp_path: Path) -> None:
     """The keys under [setup] exist and agree; otherwise everything would be not testable without a sound."""
-    table = judged(write_study(tmp_path / "c"))
+    table = judged(write_campaign(tmp_path / "c"))
     assert table.filter(pl.col("note").str.contains("in the paper"))["claim"].to_list() == []
 
 

@@ -77,7 +77,7 @@ def test_counts_of_choices_by_hand() -> None:
     assert rows["consistent", 20, "reason", "beams_contradict"] == 1
     assert not any(method == "tc" for method, *_ in rows)
     twice = merged([table, table])
-    assert twice["runs"].sum() == 2 * table["runs"].sum()
+    assert twice["runs_chosen"].sum() == 2 * table["runs_chosen"].sum()
     assert twice.height == table.height
 
 
@@ -88,8 +88,8 @@ def test_a_campaign_counts_every_ping_of_every_run(tmp_path: Path) -> None:
         [scenario.with_overrides(runs=3, methods=["tc", "elc", "consistent"])], tmp_path / "o", threads=1
     )
     table = check(pl.read_parquet(tmp_path / "o" / "choices.parquet"), CHOICES, place="choices")
-    totals = table.group_by("method", "component", "time_ns").agg(pl.col("runs").sum())
-    assert (totals["runs"] == 3).all()
+    totals = table.group_by("method", "component", "time_ns").agg(pl.col("runs_chosen").sum())
+    assert (totals["runs_chosen"] == 3).all()
     assert totals.height == 30 * (3 + 2)
     assert set(table.filter(pl.col("component") == "filter")["source"]) <= set(kernel.SELECTOR_METHODS)
 
@@ -110,4 +110,4 @@ def _left(folder: Path) -> float:
     """Share of the pings at which another filter than the sway model leads."""
     table = pl.read_parquet(folder / "choices.parquet").filter(pl.col("component") == "filter")
     left = table.filter(pl.col("source") != "sway_current")
-    return float(left["runs"].sum()) / float(table["runs"].sum())
+    return float(left["runs_chosen"].sum()) / float(table["runs_chosen"].sum())

@@ -54,8 +54,8 @@ def test_a_campaign_tells_what_going_astray_costs(tmp_path: Any, monkeypatch: py
     """Per run and method in the table; cut into chunks, interrupted or not, the same tables."""
     flight = scenario(runs=3, methods=("ins", "tc"))
     whole = run_campaign([flight], tmp_path / "whole", threads=1).runs
-    assert whole["cross_track_rms_m"].null_count() == 0
-    assert whole["cross_track_rms_m"].n_unique() == 6
+    assert whole["cross_track_rms_over_time_m"].null_count() == 0
+    assert whole["cross_track_rms_over_time_m"].n_unique() == 6
     monkeypatch.setattr(partition, "CLOSED_LOOP_VEHICLES", 2)
     heard: list[float] = []
     cut = run_campaign(
@@ -78,10 +78,12 @@ def test_on_the_truth_every_method_has_the_same_track(tmp_path: Any) -> None:  #
         tmp_path / "swum",
         threads=1,
     ).runs
-    assert swum["cross_track_rms_m"].n_unique() == 1
-    assert swum["cross_track_rms_m"][0] < 0.2
+    assert swum["cross_track_rms_over_time_m"].n_unique() == 1
+    assert swum["cross_track_rms_over_time_m"][0] < 0.2
     exact = analytic_simulation("straight", duration_s=12.0).scenario.with_overrides(runs=1, methods=["tc"])
-    assert run_campaign([exact], tmp_path / "exact", threads=1).runs["cross_track_rms_m"].to_list() == [None]
+    assert run_campaign([exact], tmp_path / "exact", threads=1).runs[
+        "cross_track_rms_over_time_m"
+    ].to_list() == [None]
 
 
 def test_an_analytic_truth_cannot_be_steered() -> None:
@@ -96,6 +98,8 @@ def test_the_better_the_navigation_the_less_astray(tmp_path: Any) -> None:  # no
     """A dive and a leg, thirty runs: INS alone strays far, LC least; chosen before the first run was flown."""
     flight = scenario(seconds=100.0, runs=30, methods=("ins", "lc", "tc"))
     runs = run_campaign([flight], tmp_path / "o", threads=1).runs
-    astray = dict(runs.group_by("method").agg((pl.col("cross_track_rms_m") ** 2).mean().sqrt()).iter_rows())
+    astray = dict(
+        runs.group_by("method").agg((pl.col("cross_track_rms_over_time_m") ** 2).mean().sqrt()).iter_rows()
+    )
     assert astray["lc"] < astray["tc"]
     assert astray["ins"] > 5.0 * astray["tc"]

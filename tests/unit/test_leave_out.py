@@ -34,9 +34,9 @@ def test_one_ping_by_hand() -> None:
     row = scores.filter(
         (pl.col("left_out") == "3") & (pl.col("method") == "lc") & (pl.col("component") == "beam")
     )
-    assert row["median_mps"][0] == pytest.approx(0.04)
+    assert row["error_median_mps"][0] == pytest.approx(0.04)
     # The beams of a Janus predict the fourth with the noise of three, each with weight one: √(3 + 1) σ.
-    assert row["claimed_mps"][0] == pytest.approx(0.04)
+    assert row["sd_median_mps"][0] == pytest.approx(0.04)
     assert scores.schema == pl.Schema(SCORES)
 
 
@@ -68,9 +68,11 @@ def test_honest_methods_are_found_honest(beams: int) -> None:
     scores = leave_out(
         JANUS, time_ns, readings, np.ones((3000, 4), dtype=bool), SD, beams=beams, closure_gate=None
     )
-    told = scores.filter(pl.col("method").is_in(["lc", "plcf", "info"]) & pl.col("ratio_rms").is_not_null())
+    told = scores.filter(
+        pl.col("method").is_in(["lc", "plcf", "info"]) & pl.col("normalised_rms_over_pings").is_not_null()
+    )
     assert told.height >= 20
-    np.testing.assert_allclose(told["ratio_rms"], 1.0, atol=0.05)
+    np.testing.assert_allclose(told["normalised_rms_over_pings"], 1.0, atol=0.05)
 
 
 def test_unsolvable_is_said_and_not_scored() -> None:

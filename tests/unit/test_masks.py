@@ -40,7 +40,7 @@ def test_every_case_has_its_rows(tmp_path: Path) -> None:
     for method in ("ins", "lc"):
         rows = table.filter(pl.col("method") == method).select(NUMBERS)
         assert rows.n_unique() == 1
-    assert table.filter(pl.col("method") == "tc").select("velocity_rms_mps").n_unique() > 14
+    assert table.filter(pl.col("method") == "tc").select("velocity_rms_over_runs_mps").n_unique() > 14
     assert table.filter(pl.col("method") == "ins")["rejected_fraction"].null_count() == 17
 
 

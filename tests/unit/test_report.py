@@ -22,18 +22,22 @@ from bottomlock.figures import palette
 from bottomlock.figures.labels import spread
 from bottomlock.kernel import METHODS as KERNEL_METHODS
 from bottomlock.pages.method_words import METHOD_WORDS
-from bottomlock.pages.render import number
+from bottomlock.pages.numbers import number
 from bottomlock.report.advice import Advice, advise, choose
 from bottomlock.report.page import make_report
-from bottomlock.tables.results import Array, read_errors, read_study
+from bottomlock.statistics.rms import Array
+from bottomlock.statistics.run_errors import read_run_errors
+from bottomlock.tables.results import read_campaign_tables
 from bottomlock.tables.studies import SWEEP
-from tests.unit.synthetic_study import METHODS, edit_manifest, write_study
+from tests.unit.synthetic_campaign import METHODS, edit_manifest, write_campaign
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A directory with everything that a campaign may have, and its report."""
-    folder = write_study(tmp_path_factory.mktemp("study") / "c", methods=[*METHODS, "quite_new"], runs=12)
+    folder = write_campaign(
+        tmp_path_factory.mktemp("campaign") / "c", methods=[*METHODS, "quite_new"], runs=12
+    )
     time_s = np.arange(0.0, 251.0)
     pl.DataFrame(
         {
@@ -79,7 +83,7 @@ class _Page(HTMLParser):
 
 def test_writes_page_figures_and_claims(made: Path) -> None:
     """Figure 8, and five figures for each trajectory, each as PNG and SVG."""
-    kinds = ("velocity", "attitude", "nees", "claimed", "normalised")
+    kinds = ("velocity", "attitude", "nees", "calibration", "normalised")
     names = {f"{kind}_{name}" for kind in kinds for name in ("straight", "figure_eight", "lawn_mower")}
     names.add("trajectories")
     assert {path.name for path in (made / "figures").iterdir()} == {
@@ -109,7 +113,7 @@ def test_the_page_says_what_it_found(made: Path) -> None:
     for row in table.iter_rows(named=True):
         section = text.split(f'<tr id="{row["claim"]}">')[1].split("</tr>")[0]
         assert row["verdict"] in section
-    for words in ("quite_new", "What to use when", "virtual_beam_factor", "dvl.beam_noise_mps", "seed"):
+    for words in ("quite_new", "Which method to use", "virtual_beam_factor", "dvl.beam_noise_mps", "seed"):
         assert words in text
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL).lower().split("manifest.json")[0]
 
@@ -133,7 +137,7 @@ def test_same_tables_same_bytes(made: Path, tmp_path: Path) -> None:
 
 def test_without_truth_and_sweep(tmp_path: Path) -> None:
     """They are a campaign's to have or not; one trajectory and two methods make a report as well."""
-    folder = write_study(tmp_path / "c", trajectories=["lawn_mower"], methods=["ins", "tc"], runs=2)
+    folder = write_campaign(tmp_path / "c", trajectories=["lawn_mower"], methods=["ins", "tc"], runs=2)
     report = make_report(folder)
     text = report.page.read_text(encoding="utf-8")
     assert "no truth.parquet" in text
@@ -143,8 +147,8 @@ def test_without_truth_and_sweep(tmp_path: Path) -> None:
 
 def test_references_are_not_advice(tmp_path: Path) -> None:
     """A campaign of references alone advises nothing and still has its page."""
-    folder = write_study(tmp_path / "c", trajectories=["straight"], methods=["ins", "lc"], runs=2)
-    assert "No method is believable" in make_report(folder).page.read_text(encoding="utf-8")
+    folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", "lc"], runs=2)
+    assert "No method is consistent" in make_report(folder).page.read_text(encoding="utf-8")
 
 
 def _overconfident(folder: Path, trajectory: str, method: str) -> None:
@@ -155,16 +159,16 @@ def _overconfident(folder: Path, trajectory: str, method: str) -> None:
 
 
 def test_the_advice_follows_the_tables(tmp_path: Path) -> None:
-    """The best believable method wins; once it is overconfident somewhere it is no advice for everywhere."""
+    """The best consistent method wins; once it is overconfident somewhere it is no advice for everywhere."""
 
     def size(trajectory: str, method: str, _: np.ndarray[Any, Any]) -> tuple[Any, Any]:
         return {"nsv": 0.05, "tc": 0.2, "plcf": 2.0}.get(method, 30.0), 1.0 + (trajectory == "straight")
 
-    folder = write_study(tmp_path / "c", size, runs=12, methods=["ins", "tc", "nsv", "plcf"])
+    folder = write_campaign(tmp_path / "c", size, runs=12, methods=["ins", "tc", "nsv", "plcf"])
 
     def advice() -> list[Advice]:
-        study = read_study(folder)
-        return advise(study, {name: read_errors(study, name) for name in study.trajectories})
+        campaign = read_campaign_tables(folder)
+        return advise(campaign, {name: read_run_errors(campaign, name) for name in campaign.trajectories})
 
     first = choose(advice())
     assert first is not None
@@ -179,31 +183,35 @@ def test_the_advice_follows_the_tables(tmp_path: Path) -> None:
     assert second.worst_ratio == pytest.approx(4.0)
 
 
-def test_an_method_that_locks_itself_out_is_not_advised(tmp_path: Path) -> None:
+def test_a_method_whose_gate_rejects_most_fixes_is_not_recommended(tmp_path: Path) -> None:
     """One run in twelve is enough: the mean does not show it, and at sea there is one run."""
-    folder = write_study(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc", "nsv"], runs=12)
+    folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc", "nsv"], runs=12)
     path = folder / "runs.parquet"
     here = (pl.col("method") == "nsv") & (pl.col("run") == 7)
     rejected = pl.when(here).then(240).otherwise("fixes_rejected").alias("fixes_rejected")
     accepted = pl.when(here).then(10).otherwise("fixes_accepted").alias("fixes_accepted")
     pl.read_parquet(path).with_columns(rejected, accepted).write_parquet(path)
-    study = read_study(folder)
-    (part,) = advise(study, {"straight": read_errors(study, "straight")})
-    assert part.believable == ("tc",)
-    assert part.locked_out == {"nsv": 1}
-    assert "Locked out by their own gate" in make_report(folder).page.read_text(encoding="utf-8")
+    campaign = read_campaign_tables(folder)
+    (part,) = advise(campaign, {"straight": read_run_errors(campaign, "straight")})
+    assert part.consistent == ("tc",)
+    assert part.mostly_rejected == {"nsv": 1}
+    assert "The gate rejects more than half of the fixes of" in make_report(folder).page.read_text(
+        encoding="utf-8"
+    )
 
 
 def test_errors_are_read_back_run_by_run(tmp_path: Path) -> None:
     """Cut into chunks or not, with chunks of a smaller campaign beside them: the same errors in the same order."""
-    whole = write_study(tmp_path / "a", runs=12, chunks=1)
-    cut = write_study(tmp_path / "b", runs=12, chunks=3)
+    whole = write_campaign(tmp_path / "a", runs=12, chunks=1)
+    cut = write_campaign(tmp_path / "b", runs=12, chunks=3)
     folder = cut / "chunks" / "straight"
     shutil.copy(folder / "samples-00000004-00000007.parquet", folder / "samples-00000004-00000006.parquet")
-    errors = [read_errors(read_study(place), "straight") for place in (whole, cut)]
+    errors = [read_run_errors(read_campaign_tables(place), "straight") for place in (whole, cut)]
     for method in METHODS:
         np.testing.assert_array_equal(errors[0].velocity_mps[method], errors[1].velocity_mps[method])
-        np.testing.assert_allclose(errors[0].ratio_rms[method], errors[1].ratio_rms[method], rtol=1e-12)
+        np.testing.assert_allclose(
+            errors[0].normalised_rms[method], errors[1].normalised_rms[method], rtol=1e-12
+        )
     assert errors[0].velocity_mps["ins"].shape[0] == 12
 
 
@@ -236,8 +244,8 @@ def _stranger(folder: Path) -> None:
     ("spoil", "message"),
     [
         (shutil.rmtree, "no such directory"),
-        (lambda folder: (folder / "manifest.json").unlink(), "holds no campaign of ours"),
-        (lambda folder: (folder / "manifest.json").write_text("{}"), "holds no campaign of ours"),
+        (lambda folder: (folder / "manifest.json").unlink(), "holds no campaign"),
+        (lambda folder: (folder / "manifest.json").write_text("{}"), "holds no campaign"),
         (_damage("manifest.json"), "cannot be read as JSON"),
         (
             lambda folder: edit_manifest(folder, lambda m: m.update(version="0.0.1")),
@@ -269,7 +277,7 @@ def _stranger(folder: Path) -> None:
 )
 def test_a_spoilt_directory_is_named(tmp_path: Path, spoil: Callable[[Path], object], message: str) -> None:
     """One line that names the file and what is wrong; nothing is written."""
-    folder = write_study(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc", "nsv"], runs=8)
+    folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc", "nsv"], runs=8)
     spoil(folder)
     with pytest.raises(DataError, match=re.escape(message)) as caught:
         make_report(folder)
@@ -280,7 +288,7 @@ def test_a_spoilt_directory_is_named(tmp_path: Path, spoil: Callable[[Path], obj
 
 
 def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
-    folder = write_study(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc"], runs=2)
+    folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc"], runs=2)
     (folder / "figures").write_text("in the way")
     with pytest.raises(OutputError, match="figures"):
         make_report(folder)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.audit.closure import null_space
 from bottomlock.audit.robust import Array, sigma
+from bottomlock.statistics.rms import rms
 
 NEAR_RAD = np.deg2rad(15.0)
 """A beam within this of a stated one is that beam, mistilted; two beams within it of each other look the same way."""
@@ -116,7 +117,7 @@ def orders_by_closure(readings_mps: Array, stated: Array) -> list[Order]:
         weights = null_space(np.array(sign)[:, None] * stated[list(beam)])
         if weights.size:
             values = readings_mps @ (weights / np.linalg.norm(weights, axis=0))
-            spread = float(np.sqrt(np.mean([sigma(column) ** 2 for column in values.T])))
+            spread = float(rms([sigma(column) for column in values.T]))
             found.append(Order(beam, sign, count, spread))
     return sorted(found, key=lambda one: (round(one.closure_mps, 9), one.steps))
 

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from bottomlock.audit.findings import Finding
 from bottomlock.audit.logs import Depths, Reference
 from bottomlock.audit.robust import Array, fit_linear
+from bottomlock.statistics.rms import rms
 
 WINDOW_S = 5.0
 
@@ -58,7 +59,7 @@ def depth_rate(
         slope=float(fit.parameters[0]),
         slope_sd=float(np.std(fit.resampled[:, 0])),
         correlation=float(np.corrcoef(moved, sunk)[0, 1]),
-        rms_mps=float(np.sqrt(np.mean(fit.residuals**2)) / WINDOW_S),
+        rms_mps=float(rms(fit.residuals) / WINDOW_S),
         windows=len(moved),
         levelled=reference is not None,
     )

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.audit.robust import Array, fit_linear, sigma
+from bottomlock.statistics.rms import rms
 
 LEAST_PINGS = 40
 """Fewer full pings than this say nothing that could be relied on."""
@@ -74,7 +75,7 @@ class Matrix:
         """(beams,) standard deviation of a direction: root mean square angle to the copies."""
         length = np.maximum(np.linalg.norm(self.resampled, axis=2), 1e-12)
         cosine = np.einsum("rbi,bi->rb", self.resampled, self.directions) / length
-        return np.asarray(np.sqrt(np.mean(np.arccos(np.clip(cosine, -1.0, 1.0)) ** 2, axis=0)))
+        return rms(np.arccos(np.clip(cosine, -1.0, 1.0)), axis=0)
 
     @property
     def observable(self) -> NDArray[np.bool_]:

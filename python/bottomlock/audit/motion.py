@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation, RotationSpline, Slerp
 
 from bottomlock.audit.logs import Inertial, Reference
 from bottomlock.audit.robust import Array, fit_nonlinear
+from bottomlock.statistics.rms import rms
 
 SLOW_S = 0.3
 """Attitude in steps longer than this is joined by a smooth spline, in shorter ones by shortest arcs."""
@@ -178,5 +179,5 @@ def align_imu(reference: Reference, imu: Inertial) -> ImuAlignment | None:
     )
     return ImuAlignment(
         float(fit.parameters[0]), float(np.sqrt(fit.cov[0, 0])), matrix,
-        float(np.sqrt(np.mean((wanted - wanted.mean(axis=0)) ** 2))), fit.residual_sigma,
+        float(rms(wanted - wanted.mean(axis=0))), fit.residual_sigma,
     )  # fmt: skip

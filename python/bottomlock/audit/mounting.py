@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.audit.logs import Inertial, Reference
 from bottomlock.audit.motion import ImuAlignment, Motion, align_imu, integral
 from bottomlock.audit.robust import Array, NonlinearFit, fit_nonlinear, sigma
+from bottomlock.statistics.rms import rms
 
 GRAVITY_MPS2 = 9.81
 WINDOW_S = 2.0
@@ -183,7 +184,7 @@ def _mounting(
         residual_mps=left,
         explained=float(np.clip(1.0 - np.sum(left**2) / max(float(np.sum(there**2)), 1e-12), 0.0, 1.0)),
         instants=len(signal),
-        rate_rms_radps=np.sqrt(np.mean(rate**2, axis=0)),
+        rate_rms_radps=rms(rate, axis=0),
         imu=aligned,
     )
 

@@ -17,6 +17,7 @@ from bottomlock.campaign.partition import Chunk
 from bottomlock.campaign.selector_counts import choice_counts
 from bottomlock.simulation.build import trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
+from bottomlock.statistics.rms import rms
 from bottomlock.tables.campaign import BIASES, OUTCOMES, SAMPLES
 
 
@@ -133,13 +134,13 @@ def _outcomes(result: dict[str, Any], keys: pl.DataFrame) -> pl.DataFrame:
     if offset is None:
         cross_track = np.full((2, keys.height), np.nan)
     else:
-        extremes = [np.sqrt((offset**2).mean(axis=-1)), np.abs(offset).max(axis=-1)]
+        extremes = [rms(offset, axis=-1), np.abs(offset).max(axis=-1)]
         cross_track = np.stack(extremes).reshape(2, -1)
     return keys.with_columns(
-        pl.Series("nis_mean", result["nis_mean"].reshape(-1)).fill_nan(None),
+        pl.Series("nis_mean_over_fixes", result["nis_mean_over_fixes"].reshape(-1)).fill_nan(None),
         pl.Series("fixes_accepted", result["fixes_accepted"].reshape(-1)),
         pl.Series("fixes_rejected", result["fixes_rejected"].reshape(-1)),
-        pl.Series("cross_track_rms_m", cross_track[0]).fill_nan(None),
+        pl.Series("cross_track_rms_over_time_m", cross_track[0]).fill_nan(None),
         pl.Series("cross_track_max_m", cross_track[1]).fill_nan(None),
         *(
             pl.Series(f"{kind}_{bias}", result[key][:, :, k].reshape(-1)).fill_nan(None)

@@ -43,12 +43,12 @@ def choice_counts(
         "time_ns": np.concatenate(times),
         "component": components,
         "source": sources,
-        "runs": np.concatenate(counts),
+        "runs_chosen": np.concatenate(counts),
     }
     return pl.DataFrame(columns, schema_overrides=dict(CHOICES)).select(list(CHOICES))
 
 
 def merged(tables: Sequence[pl.DataFrame]) -> pl.DataFrame:
     """The counts of several batches added up."""
-    keys = [name for name in CHOICES if name != "runs"]
-    return pl.concat(tables).group_by(keys, maintain_order=True).agg(pl.col("runs").sum()).sort(keys)
+    keys = [name for name in CHOICES if name != "runs_chosen"]
+    return pl.concat(tables).group_by(keys, maintain_order=True).agg(pl.col("runs_chosen").sum()).sort(keys)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
+import polars as pl
 from rich import box
 from rich.progress import (
     BarColumn,
@@ -20,6 +20,7 @@ from rich.text import Text
 
 from bottomlock.campaign.run import CampaignProgress, Results
 from bottomlock.cli.console import console, errors
+from bottomlock.pages.numbers import plain
 from bottomlock.statistics.campaign import summary_table
 
 
@@ -30,10 +31,9 @@ class _Rate(ProgressColumn):
         return Text(f"{task.speed:.1f} runs/s" if task.speed else "- runs/s")
 
 
-def _number(value: float | None, digits: int) -> str:
-    if value is None or not np.isfinite(value):
-        return "-"
-    return f"{value:.{digits}f}" if abs(value) < 1e4 else f"{value:.1e}"
+def _fixed(value: float | None, decimals: int) -> str:
+    """With so many decimals at any size."""
+    return plain(value, digits=9, decimals=decimals)
 
 
 def summary(results: Results) -> list[Table]:
@@ -53,18 +53,20 @@ def summary(results: Results) -> list[Table]:
         names = ["v m/s", "95 %", "att deg", "pos m", "NEES", "astray m" if astray else "NIS", "rej %"]
         for name in names:
             table.add_column(name, justify="right", no_wrap=True)
-        for row in rows.iter_rows(named=True):
-            low, high = _number(row["velocity_rms_lo_mps"], 3), _number(row["velocity_rms_hi_mps"], 3)
-            part = row["rejected_fraction"]
+        last = ("cross_track_rms_over_runs_and_time_m", 1) if astray else ("nis_mean_over_runs_and_fixes", 2)
+        for row in rows.with_columns(rejected_percent=100.0 * pl.col("rejected_fraction")).iter_rows(
+            named=True
+        ):
+            low, high = (_fixed(row[f"velocity_rms_over_runs_{end}_mps"], 3) for end in ("lo", "hi"))
             table.add_row(
                 row["method"],
-                _number(row["velocity_rms_mps"], 3),
+                _fixed(row["velocity_rms_over_runs_mps"], 3),
                 f"{low} .. {high}",
-                _number(row["attitude_rms_deg"], 3),
-                _number(row["position_rms_m"], 1),
-                _number(row["nees_mean"], 1),
-                _number(row["cross_track_rms_m"], 1) if astray else _number(row["nis_mean"], 2),
-                "-" if part is None or not np.isfinite(part) else f"{100.0 * part:.2f}",
+                _fixed(row["attitude_rms_over_runs_deg"], 3),
+                _fixed(row["position_rms_over_runs_m"], 1),
+                _fixed(row["nees_mean_over_runs_and_time"], 1),
+                _fixed(row[last[0]], last[1]),
+                _fixed(row["rejected_percent"], 2),
             )
         tables.append(table)
     return tables

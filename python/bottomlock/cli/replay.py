@@ -15,6 +15,7 @@ from rich.table import Table
 from bottomlock.atomic_write import write_parquet
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.io.beams import read_beams, read_geometry
+from bottomlock.pages.numbers import number
 from bottomlock.replay.case import load_case
 from bottomlock.replay.leave_out import VelocityWalk, over_sets
 from bottomlock.replay.leave_out import leave_out as leave_beams_out
@@ -25,6 +26,15 @@ from bottomlock.statistics.replay import summary_table
 console = Console(stderr=False)
 errors = Console(stderr=True, soft_wrap=True, highlight=False)
 EXIT_INTERRUPTED = 130
+
+SCORED = (
+    "error_median_mps",
+    "error_rms_over_pings_mps",
+    "error_p95_mps",
+    "sd_median_mps",
+    "normalised_robust",
+)
+"""Columns of a score that the terminal shows."""
 
 
 def replay(
@@ -137,12 +147,12 @@ def score(
     for name in ("sets", "median m/s", "rms m/s", "p95 m/s", "claimed", "made/cl."):
         table.add_column(name, justify="right", no_wrap=True)
     for row in over_sets(scores).iter_rows(named=True):
-        numbers = (row[name] for name in ("median_mps", "rms_mps", "p95_mps", "claimed_mps", "ratio_robust"))
+        numbers = (row[name] for name in SCORED)
         table.add_row(
             row["method"],
             row["component"],
             f"{row['sets_solved']}/{row['sets']}",
-            *(_number(value) for value in numbers),
+            *(number(value) for value in numbers),
         )
     console.print(table)
     console.print(
@@ -151,14 +161,6 @@ def score(
     )
     if out is not None:
         console.print(f"wrote {out}")
-
-
-def _number(value: float | None, digits: int = 3) -> str:
-    if value is None or not np.isfinite(value):
-        return "-"
-    if value != 0.0 and not 1e-3 <= abs(value) < 1e5:
-        return f"{value:.1e}"
-    return f"{value:.{digits}g}" if abs(value) < 1000 else f"{value:.0f}"
 
 
 def print_results(replayed: ReplayResult) -> None:
@@ -187,11 +189,17 @@ def print_results(replayed: ReplayResult) -> None:
         for name in [*against, "NIS", "of", "fixes", "rej %"]:
             table.add_column(name, justify="right", no_wrap=True)
         for row in summary.filter(pl.col("what_if") == what_if).iter_rows(named=True):
-            numbers = ["position_final_m", "position_final_percent", "velocity_rms_mps", "attitude_rms_deg"]
-            shown = [_number(row[name]) for name in numbers] if manifest["has_reference"] else []
+            numbers = [
+                "position_final_m",
+                "position_final_percent",
+                "velocity_rms_over_time_mps",
+                "attitude_rms_over_time_deg",
+            ]
+            shown = [number(row[name]) for name in numbers] if manifest["has_reference"] else []
             part = row["rejected_fraction"]
             table.add_row(
-                row["method"], row["pass"], *shown, _number(row["nis_mean"]), _number(row["nis_degrees_mean"]),
+                row["method"], row["pass"], *shown,
+                number(row["nis_mean_over_fixes"]), number(row["nis_degrees_mean_over_fixes"]),
                 str(row["fixes"]), "-" if not row["fixes"] else f"{100.0 * part:.1f}",
             )  # fmt: skip
         console.print(table)

@@ -16,6 +16,7 @@ from bottomlock.plant import telemetry
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import schedule_and_footprints
 from bottomlock.simulation.sensor_streams import sensor_streams
+from bottomlock.statistics.rms import rms
 from bottomlock.truth.truth import Truth
 
 
@@ -55,7 +56,7 @@ def fly(
             for sensor, readings in sensor_streams(simulation, flight.truth, run=sensors).items():
                 write_parquet(out / f"{loaded.name}_run{sensors}_{sensor}.parquet", readings)
         legs = frame.filter("leg") if frame["leg"].any() else frame
-        astray = float(np.sqrt(np.mean(legs["cross_track_m"].to_numpy() ** 2)))
+        astray = float(rms(legs["cross_track_m"].to_numpy()))
         speed, sway = (frame[f"{part}_mps"].to_numpy() for part in ("speed", "sway"))
         console.print(
             f"{loaded.name}: {speed.mean():.3f} m/s, cross-track {astray:.2f} m rms, "

@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import polars as pl
 from cyclopts import Parameter
 from rich import box
@@ -18,6 +17,7 @@ from bottomlock.atomic_write import write_text
 from bottomlock.campaign.run import CampaignProgress
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.pages.numbers import plain
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import consistency as consistency_study
 from bottomlock.studies import masks as mask_study
@@ -71,15 +71,6 @@ def _progress(out: Path) -> Iterator[Progress]:
         raise
 
 
-def _number(value: float | None, digits: int = 3) -> str:
-    """Three digits or so, in six places at the most."""
-    if value is None or not np.isfinite(value):
-        return "-"
-    if abs(value) >= 1e4:
-        return f"{value:.0e}".replace("e+0", "e").replace("e+", "e")
-    return f"{value:.{max(0, digits - int(np.log10(max(1.0, abs(value)))))}f}"
-
-
 def _table(title: str, left: Sequence[str], right: Sequence[str]) -> Table:
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for name in left:
@@ -101,16 +92,16 @@ def mask_tables(table: pl.DataFrame, returning: Mapping[tuple[str, str], float])
         shown = _table(title, ["method"], ["v m/s", "95 %", "att deg", "pos m", "NEES", "NEES 6", "rej %"])
         shown.add_column("", no_wrap=True)
         for row in rows.iter_rows(named=True):
-            low, high = (_number(row[f"velocity_rms_{end}_mps"]) for end in ("lo", "hi"))
+            low, high = (plain(row[f"velocity_rms_over_runs_{end}_mps"], digits=4) for end in ("lo", "hi"))
             rejected = row["rejected_fraction"]
             shown.add_row(
                 row["method"],
-                _number(row["velocity_rms_mps"]),
+                plain(row["velocity_rms_over_runs_mps"], digits=4),
                 f"{low} .. {high}",
-                _number(row["attitude_rms_deg"], 2),
-                _number(row["position_rms_m"], 2),
-                _number(row["nees_mean"], 1),
-                _number(row["nees_velocity_attitude_mean"], 1),
+                plain(row["attitude_rms_over_runs_deg"], digits=3, decimals=2),
+                plain(row["position_rms_over_runs_m"], digits=3, decimals=2),
+                plain(row["nees_mean_over_runs_and_time"], digits=2, decimals=1),
+                plain(row["nees_velocity_attitude_mean_over_runs_and_time"], digits=2, decimals=1),
                 "-" if rejected is None else f"{100.0 * rejected:.1f}",
                 _SHORT[row["verdict"]],
             )
@@ -129,10 +120,10 @@ def recovery_tables(summary: pl.DataFrame) -> Iterator[Table]:
             back = row["back_at_epoch"]
             shown.add_row(
                 row["method"],
-                _number(row["step_sigmas_max"], 2),
+                plain(row["step_sigmas_max"], digits=3, decimals=2),
                 str(row["jumps"]),
-                _number(row["nis_1"], 1),
-                _number(row["nis_5"], 1),
+                plain(row["nis_1"], digits=2, decimals=1),
+                plain(row["nis_5"], digits=2, decimals=1),
                 str(row["degrees"]),
                 "never" if back is None else str(back),
                 f"{100.0 * row['rejected_fraction']:.1f}",

@@ -8,17 +8,27 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from numpy.typing import NDArray
 
 from bottomlock.figures.labels import Line, coincident, label_ends
 from bottomlock.figures.palette import FAINT, INK, STYLE, draw_order, new_figure, stroke
-from bottomlock.tables.results import Array
+
+Array = NDArray[np.float64]
 
 LOG_SPREAD = 12.0
 """Above this ratio between the largest and the smallest value a linear axis would hide the small ones."""
 
 _COLUMNS = {
-    "velocity": ("velocity_rms_mps", "velocity_rms_lo_mps", "velocity_rms_hi_mps"),
-    "attitude": ("attitude_rms_deg", "attitude_rms_lo_deg", "attitude_rms_hi_deg"),
+    "velocity": (
+        "velocity_rms_over_runs_mps",
+        "velocity_rms_over_runs_lo_mps",
+        "velocity_rms_over_runs_hi_mps",
+    ),
+    "attitude": (
+        "attitude_rms_over_runs_deg",
+        "attitude_rms_over_runs_lo_deg",
+        "attitude_rms_over_runs_hi_deg",
+    ),
 }
 _AXIS = {"velocity": "velocity error, m/s RMS", "attitude": "misalignment, degrees RMS"}
 
@@ -71,7 +81,7 @@ def nees_figure(ensemble: pl.DataFrame, consistency: pl.DataFrame, trajectory: s
     """Mean NEES of the whole state against time, with the 95 % chi-squared band of an honest filter."""
     rows = ensemble.filter(pl.col("trajectory") == trajectory)
     band = consistency.filter((pl.col("trajectory") == trajectory) & (pl.col("quantity") == "nees"))
-    nees = _by_method(rows, "nees")
+    nees = _by_method(rows, "nees_mean_over_runs")
     time_s = rows.filter(pl.col("method") == rows["method"][0])["time_s"].to_numpy()
     with mpl.rc_context(STYLE):
         figure, axes = _axes("mean NEES of the whole state", time_s)

@@ -39,10 +39,14 @@ def choices_figure(choices: pl.DataFrame, trajectory: str) -> Figure | None:
 
 def _strip(axes: Any, rows: pl.DataFrame, time_ns: pl.Series) -> None:  # noqa: ANN401 - matplotlib's axes
     """Shares stacked from below, the source that is taken most first; each named at the right."""
-    total = rows.group_by("source").agg(pl.col("runs").sum()).sort("runs", "source", descending=[True, False])
+    total = (
+        rows.group_by("source")
+        .agg(pl.col("runs_chosen").sum())
+        .sort("runs_chosen", "source", descending=[True, False])
+    )
     shares, names = [], total["source"].to_list()
     for name in names:
-        at = dict(rows.filter(pl.col("source") == name).select("time_ns", "runs").rows())
+        at = dict(rows.filter(pl.col("source") == name).select("time_ns", "runs_chosen").rows())
         shares.append(np.array([at.get(t, 0) for t in time_ns], dtype=np.float64))
     whole = np.maximum(np.sum(shares, axis=0), 1.0)
     time_s = time_ns.to_numpy() * 1e-9
@@ -50,7 +54,7 @@ def _strip(axes: Any, rows: pl.DataFrame, time_ns: pl.Series) -> None:  # noqa: 
     axes.stackplot(time_s, *[share / whole for share in shares], colors=colours, linewidth=0.0)
     axes.set_ylim(0.0, 1.0)
     axes.set_xlim(float(time_s[0]), float(time_s[-1]))
-    part = total["runs"].to_numpy() / total["runs"].sum()
+    part = total["runs_chosen"].to_numpy() / total["runs_chosen"].sum()
     for k, (name, colour) in enumerate(zip(names[:4], colours, strict=False)):
         axes.annotate(
             f"{name} {100.0 * part[k]:.0f} %",

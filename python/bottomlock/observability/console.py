@@ -73,7 +73,7 @@ def _plan(rows: pl.DataFrame) -> Table:
     for (state,), of_state in rows.group_by("state", maintain_order=True):
         cells = (
             ("-" if part is None else f"{100.0 * part:.0f}") + _SIGNS[verdict]
-            for part, verdict in of_state.select("part_left", "verdict").iter_rows()
+            for part, verdict in of_state.select("fraction_left", "verdict").iter_rows()
         )
         table.add_row(str(state), *cells)
     return table

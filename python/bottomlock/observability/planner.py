@@ -80,7 +80,7 @@ def plan(
                     "verdict": [_word(found, k) for k in range(count)],
                     "sd_before": before,
                     "sd_after": after,
-                    "part_left": [a / b if b > 0.0 else None for a, b in zip(after, before, strict=True)],
+                    "fraction_left": [a / b if b > 0.0 else None for a, b in zip(after, before, strict=True)],
                 },
                 schema=dict(PLAN),
             )

@@ -132,6 +132,10 @@ class BiasClaim(_Claim):
         return self.pattern
 
 
+class NotTestableError(Exception):
+    """Why a campaign's tables cannot decide a claim."""
+
+
 Claim = ValueClaim | ImprovementClaim | OrderingClaim | DriftClaim | BiasClaim
 
 

@@ -104,7 +104,7 @@ def error_figure(
     """
     rows = ensemble.filter((pl.col("pass") == which) & pl.col("method").is_in(list(methods)))
     methods = [method for method in methods if method in set(rows["method"])]
-    shown = [q for q in _QUANTITIES if rows[f"{q[0]}_rms_{q[1]}"].is_not_null().any()]
+    shown = [q for q in _QUANTITIES if rows[f"{q[0]}_rms_over_runs_{q[1]}"].is_not_null().any()]
     with mpl.rc_context(STYLE):
         height = 0.75 + 2.05 * len(shown)
         figure = new_figure(height_in=height)
@@ -127,8 +127,8 @@ def _one_error(axes: Axes, rows: pl.DataFrame, methods: Sequence[str], name: str
     for method in draw_order(list(methods)):
         one = rows.filter(pl.col("method") == method)
         time_s = one["time_s"].to_numpy()
-        rms[method] = one[f"{name}_rms_{unit}"].fill_null(np.nan).to_numpy()
-        sd[method] = one[f"{name}_sd_{unit}"].fill_null(np.nan).to_numpy()
+        rms[method] = one[f"{name}_rms_over_runs_{unit}"].fill_null(np.nan).to_numpy()
+        sd[method] = one[f"{name}_sd_rms_over_runs_{unit}"].fill_null(np.nan).to_numpy()
     axes.set_yscale("log")
     every = np.concatenate([*rms.values(), *sd.values()])
     every = every[np.isfinite(every) & (every > 0.0)]

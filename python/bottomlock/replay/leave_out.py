@@ -16,6 +16,7 @@ from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
 from bottomlock.replay.random_errors import closure_directions
 from bottomlock.replay.streams import Flags, Floats, Times
+from bottomlock.statistics.rms import rms
 from bottomlock.tables.replay import SCORES
 
 ALONE = ("lc", "nsv", "plcf", "weak_sway")
@@ -228,17 +229,17 @@ def _numbers(error: Floats, error_sd: Floats) -> tuple[object, ...]:
         len(error),
         int(solved.sum()),
         float(np.median(size)),
-        float(np.sqrt(np.mean(size**2))),
+        float(rms(size)),
         float(np.percentile(size, 95.0)),
         float(np.median(sd)),
-        float(np.sqrt(np.mean(ratio**2))) if has_ratio else None,
+        float(rms(ratio)) if has_ratio else None,
         float(1.4826 * np.median(ratio)) if has_ratio else None,
     )
 
 
 def over_sets(scores: pl.DataFrame) -> pl.DataFrame:
     """A row per method and component: medians over the sets of beams left out, and how many sets were solvable."""
-    numbers = ("median_mps", "rms_mps", "p95_mps", "claimed_mps", "ratio_rms", "ratio_robust")
+    numbers = [name for name, dtype in SCORES.items() if dtype == pl.Float64()]
     return scores.group_by("method", "component", maintain_order=True).agg(
         pl.len().cast(pl.Int64).alias("sets"),
         (pl.col("solved") > 0).sum().cast(pl.Int64).alias("sets_solved"),

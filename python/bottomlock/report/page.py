@@ -11,7 +11,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from bottomlock.atomic_write import write_bytes, write_parquet, write_text
-from bottomlock.figures.consistency import claimed_figure, normalised_figure
+from bottomlock.figures.consistency import calibration_figure, normalised_figure
 from bottomlock.figures.curves import nees_figure, rms_figure
 from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
 from bottomlock.figures.paths import paths_figure
@@ -19,15 +19,17 @@ from bottomlock.figures.selector import choices_figure
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render
 from bottomlock.paper.claims import Claim, ImprovementClaim, Paper, ValueClaim, load_paper
-from bottomlock.paper.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, claims_table
+from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
+from bottomlock.paper.verdicts import claims_table
 from bottomlock.report.advice import REFERENCES, advise, choose, warnings
-from bottomlock.statistics.campaign import summary_table
-from bottomlock.tables.results import Errors, Study, locked_out, read_errors, read_study
+from bottomlock.statistics.campaign import runs_mostly_rejected, summary_table
+from bottomlock.statistics.run_errors import RunErrors, read_run_errors, velocity_calibration
+from bottomlock.tables.results import CampaignTables, read_campaign_tables
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure of the page: its file's name, what it shows, and itself."""
+    """A figure of the page: name of its file, caption, figure; `trajectory` is None where it shows all of them."""
 
     name: str
     caption: str
@@ -38,7 +40,7 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Report:
-    """What was written."""
+    """What was written: the page, the figures' files and the table of claims."""
 
     page: Path
     figures: list[Path]
@@ -54,13 +56,13 @@ def make_report(folder: Path) -> Report:
         DataError: for a directory that holds no finished campaign of this version, or a damaged one.
         OutputError: where the directory cannot be written.
     """
-    study = read_study(folder)
-    errors = {name: read_errors(study, name) for name in study.trajectories}
+    campaign = read_campaign_tables(folder)
+    errors = {name: read_run_errors(campaign, name) for name in campaign.trajectories}
     paper = load_paper()
-    claims = claims_table(study, errors, paper)
+    claims = claims_table(campaign, errors, paper)
     write_parquet(folder / "tables" / "claims.parquet", claims)
     paths, inline = [], []
-    for drawing in drawings(study, errors, paper):
+    for drawing in drawings(campaign, errors, paper):
         svg = svg_text(drawing.figure)
         write_text(folder / "figures" / f"{drawing.name}.svg", svg)
         write_bytes(folder / "figures" / f"{drawing.name}.png", png_bytes(drawing.figure))
@@ -75,63 +77,72 @@ def make_report(folder: Path) -> Report:
             }
         )
     page = folder / "report.html"
-    write_text(page, render("report.html.j2", _content(study, errors, paper, claims) | {"figures": inline}))
+    write_text(
+        page, render("report.html.j2", _content(campaign, errors, paper, claims) | {"figures": inline})
+    )
     return Report(page, paths, claims)
 
 
-def drawings(study: Study, errors: Mapping[str, Errors], paper: Paper) -> list[Drawing]:
-    """Every figure of a campaign: the trajectories where their truth is there, then five for each of them."""
+def drawings(campaign: CampaignTables, errors: Mapping[str, RunErrors], paper: Paper) -> list[Drawing]:
+    """Every figure of a campaign: the trajectories where their truth is there, then those of each of them."""
     found = []
-    flown = study.paths
-    if flown is not None:
-        known = [name for name in study.trajectories if name in set(flown["trajectory"])]
+    if campaign.paths is not None:
+        known = [name for name in campaign.trajectories if name in set(campaign.paths["trajectory"])]
         if known:
             words = "The trajectories: plan view and depth (the paper's Figure 8)."
-            found.append(Drawing("trajectories", words, paths_figure(flown, known), wide=True))
-    for name in study.trajectories:
-        numbers = paper.trajectories.get(name)
-        for quantity, unit in (("velocity", "m/s"), ("attitude", "degrees")):
-            printed = _printed(paper, name, quantity) if _as_in_paper(study, name, paper) else []
-            words = (
-                f"RMS over runs of the {quantity} error, {unit}; 95 % intervals shaded, the same runs for all"
-            )
-            if numbers is not None:
-                words += f" (the paper's Figure {getattr(numbers, f'{quantity}_figure')})"
-            if printed:
-                words += "; diamonds: printed in the paper"
-            drawn = rms_figure(study.ensemble, name, quantity, printed)
-            found.append(Drawing(f"{quantity}_{name}", words + ".", drawn, name))
-        methods = study.methods(name)
+            found.append(Drawing("trajectories", words, paths_figure(campaign.paths, known), wide=True))
+    for name in campaign.trajectories:
         found += [
-            Drawing(
-                f"nees_{name}",
-                "Mean NEES of the whole state: above the grey band a method is overconfident.",
-                nees_figure(study.ensemble, study.consistency, name),
-                name,
-            ),
-            Drawing(
-                f"claimed_{name}",
-                "Velocity error made against claimed, a point per second; the dot is the end.",
-                claimed_figure(errors[name], methods),
-                name,
-            ),
-            Drawing(
-                f"normalised_{name}",
-                "Error over claimed standard deviation, RMS over runs and times, for the nine components.",
-                normalised_figure(errors[name], methods),
-                name,
-            ),
+            _rms_drawing(campaign, name, paper, "velocity", "velocity error, m/s"),
+            _rms_drawing(campaign, name, paper, "attitude", "misalignment, degrees"),
+            *_consistency_drawings(campaign, name, errors[name]),
         ]
-        chosen = None if study.choices is None else choices_figure(study.choices, name)
+        chosen = None if campaign.choices is None else choices_figure(campaign.choices, name)
         if chosen is not None:
-            words = "What the methods that choose have chosen: share of the runs at each ping."
+            words = "What the selectors choose: share of the runs at each ping."
             found.append(Drawing(f"choices_{name}", words, chosen, name))
     return found
 
 
-def _as_in_paper(study: Study, name: str, paper: Paper) -> bool:
+def _rms_drawing(campaign: CampaignTables, name: str, paper: Paper, quantity: str, words: str) -> Drawing:
+    printed = _printed(paper, name, quantity) if _as_in_paper(campaign, name, paper) else []
+    caption = f"RMS over runs of the {words}; shaded: 95 % interval; every method on the same runs"
+    numbers = paper.trajectories.get(name)
+    if numbers is not None:
+        caption += f" (the paper's Figure {getattr(numbers, f'{quantity}_figure')})"
+    if printed:
+        caption += "; diamonds: printed in the paper"
+    figure = rms_figure(campaign.ensemble, name, quantity, printed)
+    return Drawing(f"{quantity}_{name}", f"{caption}.", figure, name)
+
+
+def _consistency_drawings(campaign: CampaignTables, name: str, errors: RunErrors) -> list[Drawing]:
+    methods = campaign.methods(name)
+    return [
+        Drawing(
+            f"nees_{name}",
+            "Mean NEES of the whole state; above the grey band a method is overconfident.",
+            nees_figure(campaign.ensemble, campaign.consistency, name),
+            name,
+        ),
+        Drawing(
+            f"calibration_{name}",
+            "Velocity error against its claimed σ, a point per second; the dot is the end.",
+            calibration_figure({method: velocity_calibration(errors, method) for method in methods}),
+            name,
+        ),
+        Drawing(
+            f"normalised_{name}",
+            "Error over claimed standard deviation, RMS over runs and times, for the nine components.",
+            normalised_figure({method: errors.normalised_rms[method] for method in methods}),
+            name,
+        ),
+    ]
+
+
+def _as_in_paper(campaign: CampaignTables, name: str, paper: Paper) -> bool:
     known = paper.trajectories.get(name)
-    return known is not None and study.configuration(name)["trajectory"]["kind"] == known.kind
+    return known is not None and campaign.configuration(name)["trajectory"]["kind"] == known.kind
 
 
 def _printed(paper: Paper, trajectory: str, quantity: str) -> list[tuple[str, float, float]]:
@@ -143,53 +154,57 @@ def _printed(paper: Paper, trajectory: str, quantity: str) -> list[tuple[str, fl
 
 
 def _content(
-    study: Study, errors: Mapping[str, Errors], paper: Paper, claims: pl.DataFrame
+    campaign: CampaignTables, errors: Mapping[str, RunErrors], paper: Paper, claims: pl.DataFrame
 ) -> dict[str, Any]:
-    """Everything that the page says, as words and numbers."""
-    advice = advise(study, errors)
+    """Everything that the template needs besides the figures."""
+    advice = advise(campaign, errors)
     return {
-        "study": study,
-        "all_methods": [method for name in study.trajectories for method in study.methods(name)],
+        "campaign": campaign,
+        "all_methods": [method for name in campaign.trajectories for method in campaign.methods(name)],
         "method_words": METHOD_WORDS,
         "references": REFERENCES,
         "advice": advice,
         "choice": choose(advice),
         "warnings": warnings(advice),
-        "final": {name: _final_rows(study, name) for name in study.trajectories},
-        "consistency": {name: _consistency_rows(study, name) for name in study.trajectories},
+        "final": {name: _final_rows(campaign, name) for name in campaign.trajectories},
+        "consistency": {name: _consistency_rows(campaign, name) for name in campaign.trajectories},
         "paper": paper,
         "claims": _claim_rows(paper, claims),
         "verdicts": {
             word: int((claims["verdict"] == word).sum())
             for word in (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)
         },
-        "sweep": None if study.sweep is None else list(study.sweep.iter_rows(named=True)),
-        "settings": _settings(study),
-        "manifest": json.dumps(study.manifest, indent=2, sort_keys=True, ensure_ascii=False),
+        "sweep": None if campaign.sweep is None else list(campaign.sweep.iter_rows(named=True)),
+        "settings": _settings(campaign),
+        "manifest": json.dumps(campaign.manifest, indent=2, sort_keys=True, ensure_ascii=False),
     }
 
 
-def _final_rows(study: Study, name: str) -> list[dict[str, Any]]:
+def _final_rows(campaign: CampaignTables, name: str) -> list[dict[str, Any]]:
     """A row per method: errors at the end with intervals, NEES, gate, verdict."""
-    table = summary_table(study.ensemble, study.runs).filter(pl.col("trajectory") == name)
-    verdicts = study.consistency.filter(
+    table = summary_table(campaign.ensemble, campaign.runs).filter(pl.col("trajectory") == name)
+    verdicts = campaign.consistency.filter(
         (pl.col("trajectory") == name) & (pl.col("quantity") == "nees_velocity_attitude")
     ).select("method", "verdict", pl.col("mean").alias("nees_velocity_attitude"))
     rows = table.join(verdicts, on="method", how="left", maintain_order="left").iter_rows(named=True)
-    return [row | {"locked_out": locked_out(study, name, row["method"])} for row in rows]
+    runs = campaign.runs.filter(pl.col("trajectory") == name)
+    return [
+        row | {"mostly_rejected": runs_mostly_rejected(runs.filter(pl.col("method") == row["method"]))}
+        for row in rows
+    ]
 
 
-def _consistency_rows(study: Study, name: str) -> list[dict[str, Any]]:
-    """A row per method: what its two kinds of NEES say, under `part` (velocity and attitude) and `whole`."""
+def _consistency_rows(campaign: CampaignTables, name: str) -> list[dict[str, Any]]:
+    """A row per method: both kinds of NEES, under `velocity_attitude` and `whole`."""
     rows: dict[str, dict[str, Any]] = {}
-    for row in study.consistency.filter(pl.col("trajectory") == name).iter_rows(named=True):
-        key = "whole" if row["quantity"] == "nees" else "part"
+    for row in campaign.consistency.filter(pl.col("trajectory") == name).iter_rows(named=True):
+        key = "whole" if row["quantity"] == "nees" else "velocity_attitude"
         rows.setdefault(row["method"], {"method": row["method"]})[key] = row
     return list(rows.values())
 
 
 def _claim_rows(paper: Paper, claims: pl.DataFrame) -> dict[str, list[dict[str, Any]]]:
-    """The table of claims by trajectory, with the paper's side of each: its words, place and our reading."""
+    """The table of claims by trajectory, with what the paper says, where, and how we read it."""
     by_id: dict[str, Claim] = {claim.id: claim for claim in paper.claim}
     rows: dict[str, list[dict[str, Any]]] = {}
     for row in claims.iter_rows(named=True):
@@ -204,9 +219,9 @@ def _claim_rows(paper: Paper, claims: pl.DataFrame) -> dict[str, list[dict[str, 
     return rows
 
 
-def _settings(study: Study) -> list[tuple[str, list[str]]]:
+def _settings(campaign: CampaignTables) -> list[tuple[str, list[str]]]:
     """Every setting by its dotted name, with its value on each trajectory; one value where all agree."""
-    flat = [_flatten(study.configuration(name)) for name in study.trajectories]
+    flat = [_flatten(campaign.configuration(name)) for name in campaign.trajectories]
     keys = list(dict.fromkeys(key for part in flat for key in part))
     rows = []
     for key in keys:

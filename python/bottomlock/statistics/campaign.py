@@ -1,21 +1,19 @@
 """Statistics of a campaign: data frames in, data frames out."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from functools import lru_cache
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from bottomlock.statistics.chi_squared import mean_band
+from bottomlock.statistics.chi_squared import verdict as verdict_of
+from bottomlock.statistics.rms import bootstrap_rms, combined_rms, rms_column
 from bottomlock.tables.campaign import CONSISTENCY, ENSEMBLE, RUNS
 from bottomlock.units import DEGREES_PER_RADIAN
 
-BOOTSTRAP_RESAMPLES = 1000
-BOOTSTRAP_SEED = 20170222
-
-WEIGHTS_HELD = 8_000_000
-"""Bootstrap weights in memory at a time, 64 MB: up to 8,000 runs they are drawn at once."""
+BAND_PROBABILITY = 0.95
+"""Of the chi-squared band that each verdict of a campaign is held against."""
 
 NORMS = ("velocity_mps", "attitude_deg", "position_m", "nees", "nees_velocity_attitude")
 """What `error_norms` makes of the samples."""
@@ -40,60 +38,20 @@ def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def _rms(column: str) -> pl.Expr:
-    return (pl.col(column) ** 2).mean().sqrt()
-
-
 def runs_table(norms: pl.DataFrame, counts: pl.DataFrame) -> pl.DataFrame:
     """A row per trajectory, run and method (`tables.campaign.RUNS`)."""
     keys = ["trajectory", "run", "method"]
     ordered = norms.sort("time_ns", maintain_order=True)
     table = ordered.group_by(keys, maintain_order=True).agg(
-        _rms("velocity_mps").alias("velocity_rms_mps"),
-        _rms("attitude_deg").alias("attitude_rms_deg"),
-        _rms("position_m").alias("position_rms_m"),
+        rms_column("velocity_mps").alias("velocity_rms_over_time_mps"),
+        rms_column("attitude_deg").alias("attitude_rms_over_time_deg"),
+        rms_column("position_m").alias("position_rms_over_time_m"),
         pl.col("velocity_mps").last().alias("velocity_final_mps"),
         pl.col("attitude_deg").last().alias("attitude_final_deg"),
         pl.col("position_m").last().alias("position_final_m"),
-        pl.col("nees").mean().alias("nees_mean"),
+        pl.col("nees").mean().alias("nees_mean_over_time"),
     )
     return table.join(counts, on=keys, how="left", maintain_order="left").select(list(RUNS))
-
-
-def bootstrap_rms(squares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """95 % bootstrap interval of the RMS over the first axis (runs); it depends on nothing but the data.
-
-    Whole runs are drawn, so the times of a run stay together.
-
-    >>> low, high = bootstrap_rms(np.ones((5, 2)))
-    >>> low.tolist(), high.tolist()
-    ([1.0, 1.0], [1.0, 1.0])
-    """
-    drawn = np.sqrt(np.concatenate([squares.T @ weights.T for weights in _weights(squares.shape[0])], axis=1))
-    # Times are rows, which numpy sorts fast; rows that are sorted it partitions faster than rows in disorder.
-    drawn.sort(axis=1)
-    low, high = np.percentile(drawn, [2.5, 97.5], axis=1)
-    return low, high
-
-
-def _weights(runs: int) -> Iterable[NDArray[np.float64]]:
-    """Weights of whole runs (resamples, runs), in blocks that memory can hold."""
-    return _few_weights(runs) if BOOTSTRAP_RESAMPLES * runs <= WEIGHTS_HELD else _draw_weights(runs)
-
-
-@lru_cache(maxsize=1)
-def _few_weights(runs: int) -> list[NDArray[np.float64]]:
-    """Every method and quantity of a campaign has the same ones."""
-    return list(_draw_weights(runs))
-
-
-def _draw_weights(runs: int) -> Iterator[NDArray[np.float64]]:
-    generator = np.random.default_rng(BOOTSTRAP_SEED)
-    at_once = max(1, WEIGHTS_HELD // runs)
-    # One generator over all blocks: the draws are those of a single call.
-    for first in range(0, BOOTSTRAP_RESAMPLES, at_once):
-        size = min(at_once, BOOTSTRAP_RESAMPLES - first)
-        yield generator.multinomial(runs, np.full(runs, 1.0 / runs), size=size) / runs
 
 
 def ensemble_rows(
@@ -115,14 +73,14 @@ def ensemble_rows(
             "trajectory": [trajectory] * len(time_ns),
             "method": [method] * len(time_ns),
             "time_s": time_ns * 1e-9,
-            "velocity_rms_mps": np.sqrt(squares["velocity_mps"].mean(axis=0)),
-            "velocity_rms_lo_mps": velocity_lo,
-            "velocity_rms_hi_mps": velocity_hi,
-            "attitude_rms_deg": np.sqrt(squares["attitude_deg"].mean(axis=0)),
-            "attitude_rms_lo_deg": attitude_lo,
-            "attitude_rms_hi_deg": attitude_hi,
-            "position_rms_m": np.sqrt(squares["position_m"].mean(axis=0)),
-            "nees": errors["nees"].mean(axis=0),
+            "velocity_rms_over_runs_mps": combined_rms(squares["velocity_mps"]),
+            "velocity_rms_over_runs_lo_mps": velocity_lo,
+            "velocity_rms_over_runs_hi_mps": velocity_hi,
+            "attitude_rms_over_runs_deg": combined_rms(squares["attitude_deg"]),
+            "attitude_rms_over_runs_lo_deg": attitude_lo,
+            "attitude_rms_over_runs_hi_deg": attitude_hi,
+            "position_rms_over_runs_m": combined_rms(squares["position_m"]),
+            "nees_mean_over_runs": errors["nees"].mean(axis=0),
         },
         schema=dict(ENSEMBLE),
     )
@@ -154,18 +112,6 @@ def _methods(
         )
 
 
-def nees_band(degrees: int, runs: int, probability: float = 0.95) -> tuple[float, float]:
-    """Band of the mean of `runs` independent NEES values of an honest filter.
-
-    >>> low, high = nees_band(6, 200)
-    >>> round(low, 2), round(high, 2)
-    (5.53, 6.49)
-    """
-    tails = (0.5 * (1.0 - probability), 0.5 * (1.0 + probability))
-    low, high = chi2.ppf(tails, degrees * runs) / runs
-    return float(low), float(high)
-
-
 def consistency_rows(
     trajectory: str,
     method: str,
@@ -188,13 +134,11 @@ def consistency_rows(
     """
     rows = []
     for quantity, degrees in (("nees_velocity_attitude", 6), ("nees", full_degrees)):
-        low, high = nees_band(degrees, runs)
+        low, high = mean_band(degrees, runs, BAND_PROBABILITY)
         at_time = nees_at_time[quantity]
         mean = float(np.mean(at_time))
         inside = float(np.mean((at_time >= low) & (at_time <= high)))
-        verdict = (
-            "consistent" if low <= mean <= high else ("overconfident" if mean > high else "conservative")
-        )
+        verdict = verdict_of(low, mean, mean, high)
         rows.append((trajectory, method, quantity, degrees, runs, mean, low, high, inside, verdict))
     return pl.DataFrame(rows, schema=dict(CONSISTENCY), orient="row")
 
@@ -210,14 +154,28 @@ def consistency_table(norms: pl.DataFrame, *, full_degrees: int) -> pl.DataFrame
 
 
 def summary_table(ensemble: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:
-    """RMS over runs at the last second, NEES and gate, per trajectory and method: what a person wants to see."""
+    """A row per trajectory and method: RMS over runs at the last second, NEES and gate.
+
+    Args:
+        ensemble: `tables.campaign.ENSEMBLE`.
+        runs: `tables.campaign.RUNS`.
+
+    Returns:
+        The columns of `ensemble` at the last second, without its NEES, and `nees_mean_over_runs_and_time`,
+        `nis_mean_over_runs_and_fixes`, `rejected_fraction` of all fixes and `cross_track_rms_over_runs_and_time_m`.
+    """
     last = ensemble.group_by("trajectory", "method", maintain_order=True).last()
     gate = runs.group_by("trajectory", "method", maintain_order=True).agg(
-        pl.col("nees_mean").mean(),
-        pl.col("nis_mean").mean(),
+        pl.col("nees_mean_over_time").mean().alias("nees_mean_over_runs_and_time"),
+        pl.col("nis_mean_over_fixes").mean().alias("nis_mean_over_runs_and_fixes"),
         (pl.col("fixes_rejected").sum() / (pl.col("fixes_accepted") + pl.col("fixes_rejected")).sum()).alias(
             "rejected_fraction"
         ),
-        _rms("cross_track_rms_m").alias("cross_track_rms_m"),
+        rms_column("cross_track_rms_over_time_m").alias("cross_track_rms_over_runs_and_time_m"),
     )
-    return last.drop("nees").join(gate, on=["trajectory", "method"], maintain_order="left")
+    return last.drop("nees_mean_over_runs").join(gate, on=["trajectory", "method"], maintain_order="left")
+
+
+def runs_mostly_rejected(runs: pl.DataFrame) -> int:
+    """Number of runs (`tables.campaign.RUNS`) in which the gate rejects more than half of the fixes."""
+    return int((runs["fixes_rejected"] > runs["fixes_accepted"]).sum())

@@ -2,6 +2,7 @@
 
 import polars as pl
 
+from bottomlock.statistics.rms import rms_column, root_mean
 from bottomlock.tables.replay import FORWARD, REPLAY_ENSEMBLE, REPLAY_RUNS
 from bottomlock.units import DEGREES_PER_RADIAN
 
@@ -44,13 +45,9 @@ def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
                     pl.lit(0.0),
                 )
                 / 3.0
-            ).alias(f"{name}_ratio2"),
+            ).alias(f"{name}_normalised_square"),
         ]
     return samples.select(*_KEYS, "time_ns", *columns)
-
-
-def _rms(column: str) -> pl.Expr:
-    return (pl.col(column) ** 2).mean().sqrt()
 
 
 def runs_table(
@@ -66,20 +63,20 @@ def runs_table(
     distance = None if path is None else _distance(path.filter(reached))
     table = norms.group_by(_KEYS, maintain_order=True).agg(
         pl.col("position_m").last().alias("position_final_m"),
-        _rms("position_m").alias("position_rms_m"),
+        rms_column("position_m").alias("position_rms_over_time_m"),
         pl.col("velocity_mps").last().alias("velocity_final_mps"),
-        _rms("velocity_mps").alias("velocity_rms_mps"),
+        rms_column("velocity_mps").alias("velocity_rms_over_time_mps"),
         pl.col("attitude_deg").last().alias("attitude_final_deg"),
-        _rms("attitude_deg").alias("attitude_rms_deg"),
+        rms_column("attitude_deg").alias("attitude_rms_over_time_deg"),
         # The first row stands at the start, where the deviations are the start's own.
         *(
-            pl.col(f"{name}_ratio2").slice(1).mean().sqrt().alias(f"{name}_ratio_rms")
+            root_mean(pl.col(f"{name}_normalised_square").slice(1)).alias(f"{name}_normalised_rms_over_time")
             for name in ("position", "velocity", "attitude")
         ),
     )
     gate = innovations.group_by("case", "what_if", "run", "method", maintain_order=True).agg(
-        pl.col("nis").mean().alias("nis_mean"),
-        pl.col("degrees").filter(pl.col("nis").is_not_null()).mean().alias("nis_degrees_mean"),
+        pl.col("nis").mean().alias("nis_mean_over_fixes"),
+        pl.col("degrees").filter(pl.col("nis").is_not_null()).mean().alias("nis_degrees_mean_over_fixes"),
         *(
             (pl.col("status") == status).sum().cast(pl.Int64).alias(f"fixes_{name}")
             for status, name in (
@@ -91,7 +88,7 @@ def runs_table(
     )
     beams = pings.with_columns(pl.sum_horizontal(pl.col("^beam[0-9]+_valid$").cast(pl.Int64)).alias("beams"))
     returning = beams.group_by("case", "what_if", "run", maintain_order=True).agg(
-        pl.col("beams").mean().alias("beams_mean")
+        pl.col("beams").mean().alias("beams_mean_over_pings")
     )
     joined = table.join(
         gate, on=["case", "what_if", "run", "method"], how="left", maintain_order="left"
@@ -112,8 +109,8 @@ def ensemble_table(samples: pl.DataFrame, start_ns: int) -> pl.DataFrame:
     norms = error_norms(samples)
     table = norms.group_by("case", "what_if", "method", "pass", "time_ns", maintain_order=True).agg(
         pl.len().cast(pl.Int64).alias("runs"),
-        *(_rms(f"{name}_{unit}").alias(f"{name}_rms_{unit}") for name, unit in _NAMED),
-        *(_rms(f"{name}_sd_{unit}").alias(f"{name}_sd_{unit}") for name, unit in _NAMED),
+        *(rms_column(f"{name}_{unit}").alias(f"{name}_rms_over_runs_{unit}") for name, unit in _NAMED),
+        *(rms_column(f"{name}_sd_{unit}").alias(f"{name}_sd_rms_over_runs_{unit}") for name, unit in _NAMED),
     )
     seconds = ((pl.col("time_ns") - start_ns) * 1e-9).alias("time_s")
     return table.with_columns(seconds).select(list(REPLAY_ENSEMBLE))
@@ -127,11 +124,7 @@ def summary_table(runs: pl.DataFrame) -> pl.DataFrame:
     """A row per question, method and pass: medians over the runs, for a terminal and a report."""
     return runs.group_by("case", "what_if", "method", "pass", maintain_order=True).agg(
         pl.len().alias("runs"),
-        *(
-            pl.col(name).median()
-            for name in REPLAY_RUNS
-            if name.endswith(("_m", "_percent", "_mps", "_deg", "_rms", "_mean"))
-        ),
+        *(pl.col(name).median() for name in REPLAY_RUNS if REPLAY_RUNS[name] == pl.Float64()),
         sum((pl.col(f"fixes_{name}") for name in _FATES), pl.lit(0)).median().cast(pl.Int64).alias("fixes"),
         (
             pl.col("fixes_rejected").sum()

@@ -7,6 +7,7 @@ from typing import Any
 import polars as pl
 from jinja2 import Environment, StrictUndefined
 
+from bottomlock.pages.numbers import plain
 from bottomlock.statistics.chi_squared import CAUTIOUS, CONSISTENT, OVERCONFIDENT, detectable_factor
 
 QUANTITIES = {
@@ -60,17 +61,6 @@ def decisive(row: Mapping[str, Any]) -> float:
     """The mean that decides a verdict: the greatest or least where it is outside, else the mean over the times."""
     name = {OVERCONFIDENT: "greatest", CAUTIOUS: "least"}.get(row["verdict"], "mean")
     return float(row[name])
-
-
-def number(value: float) -> str:
-    """Three digits or so.
-
-    >>> number(6.0), number(258.4), number(5.29e6)
-    ('6.0', '258', '5e6')
-    """
-    if abs(value) >= 1e4:
-        return f"{value:.0e}".replace("e+0", "e").replace("e+", "e")
-    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.1f}"
 
 
 def markdown(table: pl.DataFrame, facts: Mapping[str, Any]) -> str:
@@ -181,5 +171,5 @@ def _cell(row: Mapping[str, Any] | None, quantity: str) -> str:
     if row is None:
         return ""
     value = decisive(row) / (row["degrees"] if quantity == "nis" else 1.0)
-    shown = f"{value:.3f}" if quantity == "nis" and value < 10.0 else number(value)
+    shown = f"{value:.3f}" if quantity == "nis" and value < 10.0 else plain(value, decimals=1)
     return shown + _MARKS[row["verdict"]]

@@ -137,7 +137,10 @@ def gather(
 ) -> pl.DataFrame:
     """The rows of one case from the tables of its campaign."""
     of_interest = consistency.filter(pl.col("quantity") == "nees_velocity_attitude").select(
-        "trajectory", "method", pl.col("mean").alias("nees_velocity_attitude_mean"), "verdict"
+        "trajectory",
+        "method",
+        pl.col("mean").alias("nees_velocity_attitude_mean_over_runs_and_time"),
+        "verdict",
     )
     return (
         campaign.summary_table(ensemble, runs)

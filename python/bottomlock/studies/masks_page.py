@@ -5,22 +5,10 @@ from typing import Any
 
 import polars as pl
 
+from bottomlock.pages.numbers import plain
 from bottomlock.statistics import chi_squared
 
 _MARKS = {chi_squared.CONSISTENT: "", chi_squared.OVERCONFIDENT: " ▲", chi_squared.CAUTIOUS: " ▽"}
-
-
-def number(value: float) -> str:
-    """Three digits, at most three behind the point.
-
-    >>> number(0.0517), number(13.04), number(258.4), number(52_900.0)
-    ('0.052', '13.0', '258', '5e4')
-    """
-    if abs(value) >= 1e4:
-        return f"{value:.0e}".replace("e+0", "e").replace("e+", "e")
-    return (
-        f"{value:.{3 if abs(value) < 1.0 else 2 if abs(value) < 10.0 else 1 if abs(value) < 100.0 else 0}f}"
-    )
 
 
 def markdown(table: pl.DataFrame, summary: pl.DataFrame | None) -> str:
@@ -83,7 +71,7 @@ def _masks(table: pl.DataFrame) -> Iterator[str]:
 
 
 def _cell(row: Mapping[str, Any] | None) -> str:
-    return "" if row is None else number(row["velocity_rms_mps"]) + _MARKS[row["verdict"]]
+    return "" if row is None else plain(row["velocity_rms_over_runs_mps"]) + _MARKS[row["verdict"]]
 
 
 def _recovery(summary: pl.DataFrame) -> Iterator[str]:
@@ -99,8 +87,8 @@ def _recovery(summary: pl.DataFrame) -> Iterator[str]:
                     f"`{row['method']}`",
                     f"{row['step_sigmas_max']:.2f}",
                     str(row["jumps"]),
-                    number(row["nis_1"]),
-                    number(row["nis_5"]),
+                    plain(row["nis_1"]),
+                    plain(row["nis_5"]),
                     str(row["degrees"]),
                     "never" if back is None else str(back),
                     f"{100.0 * row['rejected_fraction']:.1f}",

@@ -30,14 +30,25 @@ SAMPLES: Mapping[str, pl.DataType] = {
 }
 """A row per trajectory, run, method and second: error (true minus estimate) and claimed standard deviation."""
 
+COMPONENTS = tuple(
+    f"{quantity}_{axis}"
+    for quantity, axes in (
+        ("position", ("north", "east", "down")),
+        ("misalignment", ("north", "east", "down")),
+        ("velocity", ("surge", "sway", "heave")),
+    )
+    for axis in axes
+)
+"""The nine components of the error in `SAMPLES`, without prefix and unit."""
+
 OUTCOMES: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
     "run": pl.Int64(),
     "method": pl.String(),
-    "nis_mean": pl.Float64(),
+    "nis_mean_over_fixes": pl.Float64(),
     "fixes_accepted": pl.Int64(),
     "fixes_rejected": pl.Int64(),
-    "cross_track_rms_m": pl.Float64(),
+    "cross_track_rms_over_time_m": pl.Float64(),
     "cross_track_max_m": pl.Float64(),
     **_BIAS_COLUMNS,
 }
@@ -48,17 +59,17 @@ RUNS: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
     "run": pl.Int64(),
     "method": pl.String(),
-    "velocity_rms_mps": pl.Float64(),
-    "attitude_rms_deg": pl.Float64(),
-    "position_rms_m": pl.Float64(),
+    "velocity_rms_over_time_mps": pl.Float64(),
+    "attitude_rms_over_time_deg": pl.Float64(),
+    "position_rms_over_time_m": pl.Float64(),
     "velocity_final_mps": pl.Float64(),
     "attitude_final_deg": pl.Float64(),
     "position_final_m": pl.Float64(),
-    "nees_mean": pl.Float64(),
-    "nis_mean": pl.Float64(),
+    "nees_mean_over_time": pl.Float64(),
+    "nis_mean_over_fixes": pl.Float64(),
     "fixes_accepted": pl.Int64(),
     "fixes_rejected": pl.Int64(),
-    "cross_track_rms_m": pl.Float64(),
+    "cross_track_rms_over_time_m": pl.Float64(),
     "cross_track_max_m": pl.Float64(),
     **_BIAS_COLUMNS,
 }
@@ -70,14 +81,14 @@ ENSEMBLE: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
     "method": pl.String(),
     "time_s": pl.Float64(),
-    "velocity_rms_mps": pl.Float64(),
-    "velocity_rms_lo_mps": pl.Float64(),
-    "velocity_rms_hi_mps": pl.Float64(),
-    "attitude_rms_deg": pl.Float64(),
-    "attitude_rms_lo_deg": pl.Float64(),
-    "attitude_rms_hi_deg": pl.Float64(),
-    "position_rms_m": pl.Float64(),
-    "nees": pl.Float64(),
+    "velocity_rms_over_runs_mps": pl.Float64(),
+    "velocity_rms_over_runs_lo_mps": pl.Float64(),
+    "velocity_rms_over_runs_hi_mps": pl.Float64(),
+    "attitude_rms_over_runs_deg": pl.Float64(),
+    "attitude_rms_over_runs_lo_deg": pl.Float64(),
+    "attitude_rms_over_runs_hi_deg": pl.Float64(),
+    "position_rms_over_runs_m": pl.Float64(),
+    "nees_mean_over_runs": pl.Float64(),
 }
 """A row per trajectory, method and second: RMS over runs with its 95 % bootstrap interval, mean NEES of the whole
 state."""
@@ -91,7 +102,7 @@ CONSISTENCY: Mapping[str, pl.DataType] = {
     "mean": pl.Float64(),
     "band_lo": pl.Float64(),
     "band_hi": pl.Float64(),
-    "part_inside": pl.Float64(),
+    "fraction_inside": pl.Float64(),
     "verdict": pl.String(),
 }
 """A row per trajectory, method and kind of NEES: mean over runs and time, the 95 % chi-squared band of the mean
@@ -112,6 +123,6 @@ CHOICES: Mapping[str, pl.DataType] = {
     "time_ns": pl.Int64(),
     "component": pl.String(),
     "source": pl.String(),
-    "runs": pl.Int64(),
+    "runs_chosen": pl.Int64(),
 }
 """A row per trajectory, method that chooses, ping, component and source: in how many runs it was chosen."""

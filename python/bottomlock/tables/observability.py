@@ -52,7 +52,7 @@ PLAN: Mapping[str, pl.DataType] = {
     "verdict": pl.String(),
     "sd_before": pl.Float64(),
     "sd_after": pl.Float64(),
-    "part_left": pl.Float64(),
+    "fraction_left": pl.Float64(),
 }
 """A row per manoeuvre and state: whether the manoeuvre makes the state observable by itself ("observable", "hidden",
 "undecided"), and what the filter would claim before and after it, SI."""

@@ -20,18 +20,18 @@ REPLAY_RUNS: Mapping[str, pl.DataType] = {
     "pass": pl.String(),
     "position_final_m": pl.Float64(),
     "position_final_percent": pl.Float64(),
-    "position_rms_m": pl.Float64(),
+    "position_rms_over_time_m": pl.Float64(),
     "velocity_final_mps": pl.Float64(),
-    "velocity_rms_mps": pl.Float64(),
+    "velocity_rms_over_time_mps": pl.Float64(),
     "attitude_final_deg": pl.Float64(),
-    "attitude_rms_deg": pl.Float64(),
-    "position_ratio_rms": pl.Float64(),
-    "velocity_ratio_rms": pl.Float64(),
-    "attitude_ratio_rms": pl.Float64(),
+    "attitude_rms_over_time_deg": pl.Float64(),
+    "position_normalised_rms_over_time": pl.Float64(),
+    "velocity_normalised_rms_over_time": pl.Float64(),
+    "attitude_normalised_rms_over_time": pl.Float64(),
     "distance_m": pl.Float64(),
-    "beams_mean": pl.Float64(),
-    "nis_mean": pl.Float64(),
-    "nis_degrees_mean": pl.Float64(),
+    "beams_mean_over_pings": pl.Float64(),
+    "nis_mean_over_fixes": pl.Float64(),
+    "nis_degrees_mean_over_fixes": pl.Float64(),
     "fixes_accepted": pl.Int64(),
     "fixes_in_part": pl.Int64(),
     "fixes_rejected": pl.Int64(),
@@ -70,11 +70,11 @@ REPLAY_ENSEMBLE: Mapping[str, pl.DataType] = {
     "time_s": pl.Float64(),
     "runs": pl.Int64(),
     **{
-        f"{name}_rms_{unit}": pl.Float64()
+        f"{name}_rms_over_runs_{unit}": pl.Float64()
         for name, unit in (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
     },
     **{
-        f"{name}_sd_{unit}": pl.Float64()
+        f"{name}_sd_rms_over_runs_{unit}": pl.Float64()
         for name, unit in (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
     },
 }
@@ -120,12 +120,12 @@ SCORES: Mapping[str, pl.DataType] = {
     "component": pl.String(),
     "pings": pl.Int64(),
     "solved": pl.Int64(),
-    "median_mps": pl.Float64(),
-    "rms_mps": pl.Float64(),
-    "p95_mps": pl.Float64(),
-    "claimed_mps": pl.Float64(),
-    "ratio_rms": pl.Float64(),
-    "ratio_robust": pl.Float64(),
+    "error_median_mps": pl.Float64(),
+    "error_rms_over_pings_mps": pl.Float64(),
+    "error_p95_mps": pl.Float64(),
+    "sd_median_mps": pl.Float64(),
+    "normalised_rms_over_pings": pl.Float64(),
+    "normalised_robust": pl.Float64(),
 }
 """A row per set of beams left out, method and component: pings, how many of them the method solved, and of those the
 median, RMS and 95th percentile of the error, the median of what was claimed, and error over claimed, RMS and 1.4826 ×

@@ -9,20 +9,28 @@ SWEEP: Mapping[str, pl.DataType] = {
     "value": pl.String(),
     "trajectory": pl.String(),
     "method": pl.String(),
-    "velocity_rms_mps": pl.Float64(),
-    "attitude_rms_deg": pl.Float64(),
-    "nees_mean": pl.Float64(),
+    "velocity_rms_over_runs_mps": pl.Float64(),
+    "attitude_rms_over_runs_deg": pl.Float64(),
+    "nees_mean_over_runs_and_time": pl.Float64(),
     "rejected_fraction": pl.Float64(),
 }
 """A row per value of a swept setting, trajectory and method; `rejected_fraction` is null without fixes."""
 
 MASKS: Mapping[str, pl.DataType] = {
-    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "method": pl.String(),
-    "velocity_rms_mps": pl.Float64(), "velocity_rms_lo_mps": pl.Float64(), "velocity_rms_hi_mps": pl.Float64(),
-    "attitude_rms_deg": pl.Float64(), "position_rms_m": pl.Float64(),
-    "nees_mean": pl.Float64(), "nees_velocity_attitude_mean": pl.Float64(), "verdict": pl.String(),
+    "trajectory": pl.String(),
+    "case": pl.String(),
+    "beams": pl.String(),
+    "method": pl.String(),
+    "velocity_rms_over_runs_mps": pl.Float64(),
+    "velocity_rms_over_runs_lo_mps": pl.Float64(),
+    "velocity_rms_over_runs_hi_mps": pl.Float64(),
+    "attitude_rms_over_runs_deg": pl.Float64(),
+    "position_rms_over_runs_m": pl.Float64(),
+    "nees_mean_over_runs_and_time": pl.Float64(),
+    "nees_velocity_attitude_mean_over_runs_and_time": pl.Float64(),
+    "verdict": pl.String(),
     "rejected_fraction": pl.Float64(),
-}  # fmt: skip
+}
 """A row per trajectory, case and method: RMS over runs at the last second with a 95 % bootstrap interval, mean over
 runs and time of the NEES of the whole state and of velocity and attitude, the verdict on the latter, and the
 fraction of the fixes that the gate rejected (null without fixes)."""
@@ -33,32 +41,59 @@ RECOVERY_EPOCHS = 5
 """Fixes after the beams are back that are judged."""
 
 RECOVERY: Mapping[str, pl.DataType] = {
-    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "method": pl.String(),
-    "run": pl.Int64(), "epoch": pl.Int64(), "time_s": pl.Float64(),
+    "trajectory": pl.String(),
+    "case": pl.String(),
+    "beams": pl.String(),
+    "method": pl.String(),
+    "run": pl.Int64(),
+    "epoch": pl.Int64(),
+    "time_s": pl.Float64(),
     **{f"step_{axis}_mps": pl.Float64() for axis in AXES},
     **{f"sd_{axis}_mps": pl.Float64() for axis in AXES},
-    "step_sigmas": pl.Float64(), "jump_chance": pl.Float64(),
-    "nis": pl.Float64(), "degrees": pl.Int64(), "band_lo": pl.Float64(), "band_hi": pl.Float64(),
-    "inside": pl.Boolean(), "used": pl.Boolean(),
-}  # fmt: skip
+    "step_sigmas": pl.Float64(),
+    "jump_chance": pl.Float64(),
+    "nis": pl.Float64(),
+    "degrees": pl.Int64(),
+    "band_lo": pl.Float64(),
+    "band_hi": pl.Float64(),
+    "inside": pl.Boolean(),
+    "used": pl.Boolean(),
+}
 """A row per trajectory, mask, method, run and epoch after the beams are back: step of the velocity estimate, standard
 deviation claimed before it, greatest ratio of the two over the axes, the chance of a ratio above three for an honest
 filter, and NIS with its band."""
 
 RECOVERY_SUMMARY: Mapping[str, pl.DataType] = {
-    "trajectory": pl.String(), "case": pl.String(), "beams": pl.String(), "method": pl.String(),
-    "runs": pl.Int64(), "step_sigmas_max": pl.Float64(), "jumps": pl.Int64(), "jumps_allowed": pl.Int64(),
+    "trajectory": pl.String(),
+    "case": pl.String(),
+    "beams": pl.String(),
+    "method": pl.String(),
+    "runs": pl.Int64(),
+    "step_sigmas_max": pl.Float64(),
+    "jumps": pl.Int64(),
+    "jumps_allowed": pl.Int64(),
     **{f"nis_{epoch}": pl.Float64() for epoch in range(1, RECOVERY_EPOCHS + 1)},
-    "degrees": pl.Int64(), "band_lo": pl.Float64(), "band_hi": pl.Float64(),
-    "back_at_epoch": pl.Int64(), "rejected_fraction": pl.Float64(), "recovered": pl.Boolean(),
-}  # fmt: skip
+    "degrees": pl.Int64(),
+    "band_lo": pl.Float64(),
+    "band_hi": pl.Float64(),
+    "back_at_epoch": pl.Int64(),
+    "rejected_fraction": pl.Float64(),
+    "recovered": pl.Boolean(),
+}
 """A row per trajectory, mask and method: runs with a step above three sigma and how many chance allows, mean NIS over
 runs at each epoch, its band, the epoch from which it stays there (null: not within five), and both together."""
 
 CONSISTENCY_CELL: Mapping[str, pl.DataType] = {
-    "trajectory": pl.String(), "beams": pl.String(), "method": pl.String(), "quantity": pl.String(),
-    "time_s": pl.Float64(), "degrees": pl.Float64(), "runs": pl.Int64(), "values": pl.Int64(), "mean": pl.Float64(),
-}  # fmt: skip
+    "trajectory": pl.String(),
+    "beams": pl.String(),
+    "method": pl.String(),
+    "quantity": pl.String(),
+    "time_s": pl.Float64(),
+    "degrees": pl.Float64(),
+    "runs": pl.Int64(),
+    "values": pl.Int64(),
+    "mean": pl.Float64(),
+}
 """A judged mean: over runs at one time, or over runs and fixes (`time_s` null)."""
 
 CONSISTENCY_STUDY: Mapping[str, pl.DataType] = {

@@ -29,7 +29,7 @@ def quiet(_: str, method: str, time_s: np.ndarray[Any, Any]) -> tuple[Any, Any]:
     return (34.0 * time_s / 250.0 if method == "ins" else 0.1), 1.4
 
 
-def write_study(
+def write_campaign(
     folder: Path,
     size: Size = quiet,
     *,
