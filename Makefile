@@ -1,4 +1,4 @@
-# The same verbs by hand, in hooks and in CI: demo, test, lint, bench, golden, consistency, develop, clean.
+# The same verbs by hand, in hooks and in CI: demo, test, test-long, test-all, lint, bench, golden, consistency, develop, clean.
 #
 #   make demo RUNS=500      a larger campaign
 #   make test VENV=/tmp/v   another environment
@@ -11,13 +11,15 @@ OUT     ?= out/demo
 
 bin := $(VENV)/bin
 pip := $(bin)/python -m pip --disable-pip-version-check --quiet
+# A file's tests stay in one process, since they share what they fly; tests/conftest.py puts files of slow tests first.
+pytest := $(bin)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 # Whatever ends in the wheel; a change to any of it rebuilds and reinstalls.
 wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Cargo.toml Cargo.lock .cargo/config.toml \
     $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*') \
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
-.PHONY: demo test test-rust test-python lint lint-rust lint-python bench golden consistency develop clean
+.PHONY: demo test test-rust test-python test-long test-all lint lint-rust lint-python bench golden consistency develop clean
 .DELETE_ON_ERROR:
 
 # The paper's study: campaign, sweep and report.
@@ -25,15 +27,22 @@ demo: $(VENV)/.installed
 	rm -rf $(OUT)
 	$(bin)/bottomlock reproduce --runs $(RUNS) --out $(OUT)
 
-# Python first: it fails soonest. Both halves see a release build of the extension and one target directory.
+# What guards a change. Python first: it fails soonest. The extension and the Rust tests share the profile `dev` and one
+# target directory, so that every crate compiles once.
 test: test-python test-rust
 
-test-python: $(VENV)/.installed $(VENV)/.tools
-	$(bin)/python -m pytest -n $(WORKERS) --doctest-modules --pyargs bottomlock tests
+test-python: $(VENV)/.quick $(VENV)/.tools
+	$(pytest) -m "not long" --doctest-modules --pyargs bottomlock tests
 
 # Unit, integration and documentation tests of every crate.
 test-rust:
 	cargo test --workspace --locked
+
+# What `make test` leaves out, with the release build that users get; the golden numbers too, since builds may not differ.
+test-long: $(VENV)/.installed $(VENV)/.tools
+	HYPOTHESIS_PROFILE=long $(pytest) -m "long or golden or hypothesis" tests
+
+test-all: test test-long
 
 lint: lint-rust lint-python
 
@@ -42,7 +51,8 @@ lint-rust:
 	cargo clippy --workspace --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
 
-lint-python: $(VENV)/.installed $(VENV)/.tools
+# Either build will do.
+lint-python: $(if $(wildcard $(VENV)/.installed),$(VENV)/.installed,$(VENV)/.quick) $(VENV)/.tools
 	$(bin)/ruff check .
 	$(bin)/ruff format --check .
 	$(bin)/mypy
@@ -65,8 +75,9 @@ consistency: $(VENV)/.installed
 
 # An editable install for daily work: Python edits take effect at once, Rust edits after another `make develop`.
 develop: $(VENV)/.tools
-	$(pip) install --upgrade --no-build-isolation --editable .
-	touch $(VENV)/.installed
+	$(pip) install --upgrade --no-build-isolation $(quick) --editable .
+	rm -f $(VENV)/.installed
+	touch $(VENV)/.quick
 
 clean:
 	cargo clean
@@ -81,6 +92,15 @@ $(VENV)/pyvenv.cfg:
 # A release build of the extension, with the locked crates, installed as users get it.
 $(VENV)/.installed: $(wheel_sources) | $(VENV)/pyvenv.cfg
 	$(pip) install .
+	rm -f $(VENV)/.quick
+	touch $@
+
+# The same package with the profile of the Rust tests: overflow checked, and compiled in a fraction of the time. Either
+# build takes the place of the other.
+quick := --config-settings build-args="--profile dev"
+$(VENV)/.quick: $(wheel_sources) | $(VENV)/pyvenv.cfg
+	$(pip) install $(quick) .
+	rm -f $(VENV)/.installed
 	touch $@
 
 # The pinned tools alone: asking pip for ".[dev]" would build the wheel a second time.

@@ -14,14 +14,20 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ["POLARS_MAX_THREADS"] = "1"
 os.environ.setdefault("MPLBACKEND", "Agg")
 
-# Deadlines measure the machine, not the code.
-settings.register_profile("dev", max_examples=50, deadline=None)
 # Continuous integration repeats the same cases, so that a red commit is the commit's fault.
-settings.register_profile("ci", max_examples=200, deadline=None, derandomize=True, print_blob=True)
-settings.register_profile("deep", max_examples=20_000, deadline=None)
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci" if "CI" in os.environ else "dev"))
+REPEATED = {"derandomize": True, "print_blob": True} if "CI" in os.environ else {}
+# Examples of a law: `make test`, `make test-long`, and by hand. Deadlines would measure the machine, not the code.
+for name, examples in {"dev": 50, "long": 500, "deep": 20_000}.items():
+    settings.register_profile(name, max_examples=examples, deadline=None, **REPEATED)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "dev"))
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with slow tests first, so that no process ends with one of them while the others wait."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
 
 
 @pytest.fixture(scope="session")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -14,12 +12,8 @@ import pytest
 
 from bottomlock.audit.logs import BeamLog
 from bottomlock.io.beams import read_geometry
+from tests.cli.calls import command as bottomlock
 from tests.unit.audit.synthetic import channels, janus, make_log, stale
-
-
-def bottomlock(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "bottomlock", *(str(one) for one in arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 def table(log: BeamLog) -> pl.DataFrame:
@@ -150,9 +144,7 @@ def test_the_worked_example_runs(root: Path, tmp_path: Path) -> None:
     for command in commands:
         words = command.split()
         assert words[0] == "bottomlock"
-        done = subprocess.run(
-            [sys.executable, "-m", *words], capture_output=True, text=True, check=False, cwd=tmp_path
-        )
+        done = bottomlock(*words[1:], cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         said.append(" ".join(done.stdout.split()))
     quoted = page.split("The second command says\n")[1].split("\nwhich is right")[0]

@@ -13,14 +13,9 @@ import polars as pl
 import pytest
 
 import bottomlock
+from tests.cli.calls import command, process
 
 RUN = ["run", "straight", "--runs", "2", "--methods", "lc,tc", "--threads", "1"]
-
-
-def command(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Runs `bottomlock` in a process of its own."""
-    call = [sys.executable, "-m", "bottomlock", *arguments]
-    return subprocess.run(call, capture_output=True, text=True, check=False, cwd=cwd, timeout=120)
 
 
 def shown(done: subprocess.CompletedProcess[str]) -> str:
@@ -29,8 +24,8 @@ def shown(done: subprocess.CompletedProcess[str]) -> str:
 
 
 def test_run_writes_tables_and_prints_one(tmp_path: Path) -> None:
-    """The whole way: scenario name to tables on disk and a table on the screen."""
-    done = command(*RUN, "--out", str(tmp_path / "o"))
+    """The whole way in a process of its own: scenario name to tables on disk and a table on the screen."""
+    done = process(*RUN, "--out", str(tmp_path / "o"))
     assert done.returncode == 0, done.stderr
     assert "straight: RMS over runs at the end" in done.stdout
     assert pl.read_parquet(tmp_path / "o" / "runs.parquet").height == 4
@@ -57,7 +52,7 @@ def test_report_is_made_from_the_directory(tmp_path: Path) -> None:
 
 def test_report_of_a_foreign_directory(tmp_path: Path) -> None:
     (tmp_path / "note.txt").write_text("mine", encoding="utf-8")
-    done = command("report", str(tmp_path))
+    done = process("report", str(tmp_path))
     assert done.returncode == 2
     assert done.stderr.startswith("bottomlock: ")
     assert "holds no campaign of ours" in done.stderr
@@ -94,7 +89,7 @@ def test_the_dask_engine_on_this_machine(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="not installed: pip install 'bottomlock[dask]'")
     plain = command(*RUN, "--out", str(tmp_path / "plain"))
     call = [*RUN[:-2], "--engine", "dask", "--threads", "2", "--out", str(tmp_path / "cluster")]
-    done = command(*call)
+    done = process(*call)
     assert done.returncode == 0, done.stderr
     assert shown(done) == shown(plain)
     assert [line for line in done.stderr.splitlines() if "runs/s" not in line] == []
@@ -108,7 +103,7 @@ def test_ctrl_c_on_a_cluster_of_this_machine(tmp_path: Path) -> None:
     """The terminal sends it to all processes: one line about it, and finished chunks are kept."""
     pytest.importorskip("distributed", reason="not installed: pip install 'bottomlock[dask]'")
     call = ["run", "straight", "--runs", "5000", "--engine", "dask", "--threads", "2", "--out", "o"]
-    process = subprocess.Popen(
+    flight = subprocess.Popen(
         [sys.executable, "-m", "bottomlock", *call],
         cwd=tmp_path,
         stdout=subprocess.PIPE,
@@ -116,11 +111,11 @@ def test_ctrl_c_on_a_cluster_of_this_machine(tmp_path: Path) -> None:
         text=True,
         start_new_session=True,
     )
-    while not list(tmp_path.glob("o/chunks/straight/counts-*")) and process.poll() is None:
+    while not list(tmp_path.glob("o/chunks/straight/counts-*")) and flight.poll() is None:
         time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGINT)
-    stdout, stderr = process.communicate(timeout=60)
-    assert process.returncode == 130
+    os.killpg(flight.pid, signal.SIGINT)
+    stdout, stderr = flight.communicate(timeout=60)
+    assert flight.returncode == 130
     assert stdout == ""
     (line,) = (line for line in stderr.splitlines() if "runs/s" not in line)
     assert line == "interrupted; finished chunks are kept in o: the same command resumes"

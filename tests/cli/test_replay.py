@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +13,9 @@ import polars as pl
 import pytest
 
 import bottomlock
+from tests.cli.calls import command
 
 EXAMPLE = "data/logs/robosub"
-
-
-def command(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Runs `bottomlock` in a process of its own."""
-    call = [sys.executable, "-m", "bottomlock", *arguments]
-    return subprocess.run(call, capture_output=True, text=True, check=False, cwd=cwd, timeout=300)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from tests.cli.test_cli import command
+from tests.cli.calls import command
 
 SHORT = ["--runs", "2", "--threads", "1", "--methods", "ins,weak_sway"]
 

@@ -13,6 +13,7 @@ RELATIVE = 1e-6
 
 
 @pytest.mark.slow
+@pytest.mark.golden
 def test_runs_of_the_packaged_scenarios() -> None:
     """Every method of every scenario: errors, consistency and fixes counted. `make golden` rewrites the file."""
     runs = update_golden.fly()

@@ -1,0 +1,37 @@
+"""The command `bottomlock`: called in this process, or as a process of its own where the process is what is tested."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
+from pathlib import Path
+from subprocess import CompletedProcess
+
+import pytest
+
+from bottomlock.cli.app import main
+
+
+def command(*arguments: str | Path, cwd: Path | None = None) -> CompletedProcess[str]:
+    """Calls the entry point in this process: exit code and what it printed; an unforeseen exception passes through."""
+    words = ["bottomlock", *(str(one) for one in arguments)]
+    stdout, stderr, code = StringIO(), StringIO(), 0
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(stdout), redirect_stderr(stderr):
+        patch.setattr(sys, "argv", words)
+        # Otherwise Cyclopts warns that a test has given it no words; it is to take them from the command line.
+        patch.delenv("PYTEST_VERSION", raising=False)
+        if cwd is not None:
+            patch.chdir(cwd)
+        try:
+            main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+    return CompletedProcess(words, code, stdout.getvalue(), stderr.getvalue())
+
+
+def process(*arguments: str | Path, cwd: Path | None = None) -> CompletedProcess[str]:
+    """Runs `python -m bottomlock` as a user does: a fresh interpreter, its exit code and its streams."""
+    words = [sys.executable, "-m", "bottomlock", *(str(one) for one in arguments)]
+    return subprocess.run(words, capture_output=True, text=True, check=False, cwd=cwd, timeout=300)
