@@ -14,15 +14,14 @@ from tests.statistical.ensembles import SEED
 
 RUNS = 60
 DEGREES = 3.0
-GAUSSIAN: dict[str, Any] = {"gate": "off"}
-MATCHED: dict[str, Any] = {"gate": "off", "scale": np.sqrt(DEGREES / (DEGREES - 2))}
-GATED: dict[str, Any] = {"gate": "joint"}
-BEAM_GATES: dict[str, Any] = {
-    "gate": "joint",
-    "robust": {"tail": "gaussian", "closure_gate": 0.9973, "beam_gate": 0.9973},
+WAYS: dict[str, dict[str, Any]] = {
+    "gaussian": {"gate": "off"},
+    "matched": {"gate": "off", "scale": np.sqrt(DEGREES / (DEGREES - 2))},
+    "gated": {"gate": "joint"},
+    "student": {"gate": "off", "robust": {"tail": "student_t", "student_t_degrees": DEGREES}},
+    "huber": {"gate": "off", "robust": {"tail": "huber", "huber_threshold": 1.5}},
 }
-STUDENT: dict[str, Any] = {"gate": "off", "robust": {"tail": "student_t", "student_t_degrees": DEGREES}}
-HUBER: dict[str, Any] = {"gate": "off", "robust": {"tail": "huber", "huber_threshold": 1.5}}
+"""Filter options by name; `scale` multiplies the noise that the filter assumes."""
 
 
 @lru_cache(maxsize=8)
@@ -74,10 +73,10 @@ def streams(trajectory: str, *, heavy: bool, lost: tuple[int, ...]) -> tuple[Any
     )
 
 
-def fly(
-    trajectory: str, way: dict[str, Any], *, heavy: bool, lost: tuple[int, ...] = ()
-) -> tuple[Array, Array]:
-    """Squared velocity error (runs, T) and NEES of attitude and velocity (runs, T) of TC flown in one way."""
+@lru_cache(maxsize=16)
+def fly(trajectory: str, name: str, *, heavy: bool, lost: tuple[int, ...] = ()) -> tuple[Array, Array]:
+    """Squared velocity error (runs, T) and NEES of attitude and velocity (runs, T) of TC flown in one of `WAYS`."""
+    way = WAYS[name]
     simulation, model, sample_ns, true, runs = streams(trajectory, heavy=heavy, lost=lost)
     options = simulation.scenario.kernel_options() | {key: way[key] for key in way if key != "scale"}
     assumed = model["dvl"]["beam_noise_sd_mps"] * way.get("scale", 1.0)

@@ -1,7 +1,9 @@
 """Full lock after a minute of two beams: no jump above three sigma, NIS in its band within five epochs.
 
 All six pairs on two trajectories, 20 runs. One false-alarm rate of 1 % for the whole summary (`recovery.FALSE_ALARM`).
-Seed and number of runs were fixed before the first run.
+Seed and number of runs were fixed before the first run. VB, which is among the methods, shows what the size decides:
+the same summary finds its fault. The information form and the exact virtual beam, which are TC by theorem, are flown by
+`make test-long` only.
 """
 
 from __future__ import annotations
@@ -18,27 +20,29 @@ pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
 SEED = 20170222
 RUNS = 20
-HONEST = ("tc", "info", "vb_exact", "weak_sway")
+SOME = ("tc", "weak_sway", "vb")
+ALL = ("tc", "info", "vb_exact", "weak_sway", "vb")
 
 
-@pytest.fixture(scope="module")
-def summary(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
+@pytest.fixture(scope="module", params=[SOME, pytest.param(ALL, marks=pytest.mark.long)], ids=["some", "all"])
+def summary(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     out: Path = tmp_path_factory.mktemp("recovery")
     scenarios = [
-        load_scenario(name).with_overrides(runs=RUNS, seed=SEED, methods=[*HONEST, "vb"])
+        load_scenario(name).with_overrides(runs=RUNS, seed=SEED, methods=request.param)
         for name in ("straight", "figure_eight")
     ]
-    return recovery.run_recovery(scenarios, out)[1]
+    table = recovery.run_recovery(scenarios, out)[1]
+    assert set(table["method"]) == set(request.param)
+    return table
 
 
-@pytest.mark.parametrize("method", HONEST)
-def test_honest_methods_recover(summary: pl.DataFrame, method: str) -> None:
+def test_honest_methods_recover(summary: pl.DataFrame) -> None:
     """Every pair on both trajectories, from the first fix on: there is nothing to come back from."""
-    rows = summary.filter(pl.col("method") == method)
-    assert rows.height == 12
-    assert rows["recovered"].all(), rows.filter(~pl.col("recovered"))
-    assert (rows["jumps"] <= rows["jumps_allowed"]).all()
-    assert (rows["back_at_epoch"] == 1).all()
+    for (method,), rows in summary.filter(pl.col("method") != "vb").group_by("method"):
+        assert rows.height == 12, method
+        assert rows["recovered"].all(), rows.filter(~pl.col("recovered"))
+        assert (rows["jumps"] <= rows["jumps_allowed"]).all(), method
+        assert (rows["back_at_epoch"] == 1).all(), method
 
 
 def test_the_virtual_beam_does_not(summary: pl.DataFrame) -> None:

@@ -24,12 +24,12 @@ from tests.statistical.ensembles import SEED
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-RUNS = 100
+SIZES = pytest.mark.parametrize("runs", [40, pytest.param(100, marks=pytest.mark.long)])
 STATES = 15
 
 
-@lru_cache(maxsize=2)
-def fly(trajectory: str) -> dict[str, Array]:
+@lru_cache(maxsize=4)
+def fly(trajectory: str, runs: int) -> dict[str, Array]:
     """NEES (runs, T) and squared errors of position (runs, T, 3), filtered and smoothed."""
     simulation = analytic_simulation(trajectory)
     scenario, truth = simulation.scenario, simulation.truth()
@@ -41,7 +41,7 @@ def fly(trajectory: str) -> dict[str, Array]:
     sample_ns = plan["sample_time_ns"][4::10]
     at = np.searchsorted(arrays["time_ns"], sample_ns)
     out: dict[str, list[Array]] = {"nees": [], "smoothed_nees": [], "square": [], "smoothed_square": []}
-    for run in range(RUNS):
+    for run in range(runs):
         streams = bottomlock.simulate_sensors(
             simulation.geometry, arrays, model, plan, seed=SEED, trajectory_key=17, run=run
         )
@@ -95,20 +95,22 @@ def fly(trajectory: str) -> dict[str, Array]:
     return {key: np.array(values) for key, values in out.items()}
 
 
+@SIZES
 @pytest.mark.parametrize("trajectory", ["straight", "figure_eight"])
-def test_smoothed_states_are_as_sure_as_they_claim(trajectory: str) -> None:
+def test_smoothed_states_are_as_sure_as_they_claim(trajectory: str, runs: int) -> None:
     """Means seen, of 15: straight 15.02, figure-eight 15.04; the filter's own 15.21 and 15.05."""
-    nees = fly(trajectory)["smoothed_nees"]
+    nees = fly(trajectory, runs)["smoothed_nees"]
     low, high = chi_squared.mean_band(nees.mean(axis=1), STATES)
     assert low < nees.mean() < high
-    band = chi_squared.average_band(STATES, RUNS)
+    band = chi_squared.average_band(STATES, runs)
     mean = nees.mean(axis=0)
     inside = np.mean((mean > band[0]) & (mean < band[1]))
     assert inside >= chi_squared.least_fraction_inside(nees, STATES, band)
 
 
+@SIZES
 @pytest.mark.parametrize("trajectory", ["straight", "figure_eight"])
-def test_smoothing_lessens_the_error(trajectory: str) -> None:
+def test_smoothing_lessens_the_error(trajectory: str, runs: int) -> None:
     """Mean square of the position error over time and runs; seen of the filter's: straight 0.15, figure-eight 0.66."""
-    flown = fly(trajectory)
+    flown = fly(trajectory, runs)
     assert flown["smoothed_square"].mean() < 0.8 * flown["square"].mean()
