@@ -102,7 +102,7 @@ def full_velocity(data: Path, scratch: Path) -> str:
 
 
 def what_if_cases(runs: pl.DataFrame) -> str:
-    """Every method, forward and smoothed: error at the end in percent of the distance travelled, for every what-if case."""
+    """Every method, forward and smoothed: final error in % DT for every what-if case."""
     total = runs.filter(
         (pl.col("method") == "tc") & (pl.col("pass") == FORWARD) & (pl.col("what_if") == RECORDED)
     ).height

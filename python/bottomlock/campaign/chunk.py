@@ -163,9 +163,9 @@ def _on_estimate(chunk: Chunk, threads: int, tell: Callable[[float], None]) -> d
 
 def _offset_m(flight: Flight) -> np.ndarray[Any, Any]:
     """Cross-track error of a flight on the truth, five times a second as of those on an estimate."""
-    passage = flight.passage
-    every = max(1, round(len(passage.time_ns) / (flight.mission.duration_s * 5.0)))
-    return cross_track_m(flight.mission, passage.segment[::every], passage.state[::every, :3])
+    history = flight.history
+    every = max(1, round(len(history.time_ns) / (flight.mission.duration_s * 5.0)))
+    return cross_track_m(flight.mission, history.segment[::every], history.state[::every, :3])
 
 
 def _frames(

@@ -7,7 +7,7 @@ import numpy as np
 
 from bottomlock import kernel
 from bottomlock.errors import ScenarioError
-from bottomlock.plant.closed_loop import Belief, Fleet, TruthBlock, cross_track_m, fly_on_estimate
+from bottomlock.plant.closed_loop import Estimate, TruthBlock, VehicleGroup, cross_track_m, fly_on_estimate
 from bottomlock.simulation.build import World
 from bottomlock.simulation.measurement_schedule import Conditions
 
@@ -58,7 +58,7 @@ def fly_on_estimates(
         )
     own = pilot == "own"
     vehicles_per_run = len(methods) if own else 1
-    fleet = Fleet(
+    fleet = VehicleGroup(
         world.vehicle,
         world.mission,
         runs=runs * vehicles_per_run,
@@ -96,7 +96,7 @@ def fly_on_estimates(
     steering = 0 if own else list(methods).index(pilot)
     before, sampled, pinged = begin, [], []
 
-    def navigate(block: TruthBlock) -> Belief:
+    def navigate(block: TruthBlock) -> Estimate:
         nonlocal before
         if block.time_ns[0] > begin.time_ns[0]:
             stretch = _joined(before, block)
@@ -105,7 +105,7 @@ def fly_on_estimates(
             sampled.append(plan["sample_time_ns"])
             pinged.append(plan["dvl_time_ns"])
             before = block
-        return Belief(**loop.belief(steering))
+        return Estimate(**loop.belief(steering))
 
     offsets = []
     for block in fly_on_estimate(fleet, navigate):

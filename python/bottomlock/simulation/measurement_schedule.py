@@ -91,7 +91,7 @@ class Conditions:
             attitude = _between(time_ns, attitude_t_p, now["magnetometer"])
             plan["yaw_offset_rad"] = _flat(self._heading_error_rad(attitude))
         if scenario.gps.enabled:
-            plan["gps_heard"] = _flat(self._gps.heard(time_ns, position_t_m[..., 2], now["gps"]))
+            plan["gps_heard"] = _flat(self._gps.received(time_ns, position_t_m[..., 2], now["gps"]))
         return plan, hits
 
     def _unconditional(self, trajectory_key: int, first_run: int, runs: int) -> NDArray[np.bool_]:
