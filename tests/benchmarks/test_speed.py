@@ -91,5 +91,5 @@ def test_swim(benchmark: BenchmarkFixture, name: str) -> None:
     vehicle, mission = simulation.vehicle, simulation.mission
     assert vehicle is not None
     assert mission is not None
-    passage = benchmark(swim, vehicle, mission, gravity_mps2=simulation.gravity_mps2)
-    assert len(passage.time_ns) == 37_501
+    history = benchmark(swim, vehicle, mission, gravity_mps2=simulation.gravity_mps2)
+    assert len(history.time_ns) == 37_501

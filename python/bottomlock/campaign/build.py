@@ -68,9 +68,9 @@ def _built(simulation: Simulation) -> BuiltScenario:
 
 
 def _cross_track_m(flight: Flight) -> NDArray[np.float64]:
-    passage = flight.passage
-    every = max(1, round(len(passage.time_ns) / (flight.mission.duration_s * CONTROL_RATE_HZ)))
-    return cross_track_m(flight.mission, passage.segment[::every], passage.state[::every, :3])
+    history = flight.history
+    every = max(1, round(len(history.time_ns) / (flight.mission.duration_s * CONTROL_RATE_HZ)))
+    return cross_track_m(flight.mission, history.segment[::every], history.state[::every, :3])
 
 
 def true_paths(built: Sequence[BuiltScenario]) -> pl.DataFrame:

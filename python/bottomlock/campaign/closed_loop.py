@@ -7,7 +7,7 @@ import numpy as np
 
 from bottomlock import kernel
 from bottomlock.errors import ScenarioError
-from bottomlock.plant.closed_loop import Belief, Fleet, TruthBlock, cross_track_m, fly_on_estimate
+from bottomlock.plant.closed_loop import Estimate, TruthBlock, VehicleGroup, cross_track_m, fly_on_estimate
 from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.measurement_schedule import MeasurementSchedule
 
@@ -55,7 +55,7 @@ def run_closed_loop(
         )
     own = pilot == "own"
     vehicles_per_run = len(methods) if own else 1
-    fleet = Fleet(
+    fleet = VehicleGroup(
         simulation.vehicle,
         simulation.mission,
         runs=runs * vehicles_per_run,
@@ -124,7 +124,7 @@ class _Navigation:
         self._sample_time_ns: list[np.ndarray[Any, Any]] = []
         self._dvl_time_ns: list[np.ndarray[Any, Any]] = []
 
-    def estimate(self, block: TruthBlock) -> Belief:
+    def estimate(self, block: TruthBlock) -> Estimate:
         """Runs the filters over a block of the truth, and returns their estimate at its end."""
         if block.time_ns[0] > self._start_ns:
             truth = _joined(self._before, block)
@@ -133,7 +133,7 @@ class _Navigation:
             self._sample_time_ns.append(schedule["sample_time_ns"])
             self._dvl_time_ns.append(schedule["dvl_time_ns"])
             self._before = block
-        return Belief(**self._loop.estimate(self._pilot))
+        return Estimate(**self._loop.estimate(self._pilot))
 
     def times(self) -> dict[str, np.ndarray[Any, Any]]:
         """Times of the samples and of the pings, ns."""

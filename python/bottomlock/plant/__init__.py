@@ -1,8 +1,7 @@
-"""A vehicle in six degrees of freedom that swims missions over a seabed, and the truth it leaves behind.
+"""A vehicle in six degrees of freedom that swims missions over a seabed, and the truth that results.
 
-Frames: tangent NED fixed to the Earth, platform FRD at the centre of buoyancy. SI and radians throughout;
-SNAME notation for coefficients. The way from file to truth: `load_vehicle` -> a `Mission` -> `fly` ->
-`Flight.truth`.
+Frames: tangent NED fixed to the Earth, platform FRD at the centre of buoyancy. SI and radians throughout; SNAME
+notation for coefficients. From file to truth: `load_vehicle` -> a `Mission` -> `fly` -> `Flight.truth`.
 """
 
 from bottomlock.plant.actuators import StuckFin
@@ -15,7 +14,7 @@ from bottomlock.plant.mission import (
     straight,
     waypoint_mission,
 )
-from bottomlock.plant.swim import Passage, swim
+from bottomlock.plant.swim import StateHistory, swim
 from bottomlock.plant.telemetry import telemetry
 from bottomlock.plant.truth import Flight, fly, truth_of
 from bottomlock.plant.vehicle import Vehicle, load_vehicle, packaged_vehicles
@@ -25,7 +24,7 @@ __all__ = [
     "DepthProfile",
     "Flight",
     "Mission",
-    "Passage",
+    "StateHistory",
     "StuckFin",
     "Vehicle",
     "figure_eight",

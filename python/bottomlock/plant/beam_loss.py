@@ -1,7 +1,7 @@
-"""Which beams return: range and incidence, schedules, Markov dropouts, altitude loss and recorded patterns.
+"""Beam validity: range and incidence, schedules, Markov dropouts, altitude loss and recorded patterns.
 
-Every rule yields a validity array; rules combine by "and". Rules that depend on chance are drawn per run
-and beam from their own stream, so run k alone equals run k in the campaign.
+Every rule gives a validity array; rules combine by "and". Random rules are drawn per run and beam from their own
+stream, so that run k alone equals run k in the campaign.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError
-from bottomlock.plant.lanes import FloatArray, IntArray
+from bottomlock.plant.maths import FloatArray, IntArray
 from bottomlock.plant.seabed import Footprints
 
 BoolArray = NDArray[np.bool_]
@@ -24,7 +24,7 @@ _FOREVER_S = 9e9
 
 @dataclass(frozen=True)
 class ReturnLimits:
-    """Ranges (m) and greatest incidence (rad) at which a beam returns."""
+    """Ranges (m) and greatest angle of incidence (rad) at which a beam returns."""
 
     min_range_m: float
     max_range_m: float
@@ -33,20 +33,20 @@ class ReturnLimits:
     def __post_init__(self) -> None:
         if not 0.0 <= self.min_range_m < self.max_range_m or not 0.0 < self.max_incidence_rad <= 0.5 * np.pi:
             raise ScenarioError(
-                "beam limits: expected 0 <= min < max range and an incidence within 0 to 90 deg"
+                f"beam limits: range {self.min_range_m:g} to {self.max_range_m:g} m, incidence "
+                f"{self.max_incidence_rad:g} rad; expected 0 <= min < max range and an incidence within 0 to 90 deg"
             )
 
     def valid(self, footprints: Footprints) -> BoolArray:
-        """(E, B): True where the beam meets the bottom within range and not too obliquely."""
-        reach = footprints.range_m
-        met = np.isfinite(reach)
-        reach = np.where(met, reach, np.inf)
-        oblique = np.where(met, footprints.incidence_rad, np.pi)
+        """(E, B): True where the beam meets the bottom within the limits of range and incidence."""
+        hit = np.isfinite(footprints.range_m)
+        range_m = np.where(hit, footprints.range_m, np.inf)
+        incidence_rad = np.where(hit, footprints.incidence_rad, np.pi)
         return (
-            met
-            & (reach >= self.min_range_m)
-            & (reach <= self.max_range_m)
-            & (oblique <= self.max_incidence_rad)
+            hit
+            & (range_m >= self.min_range_m)
+            & (range_m <= self.max_range_m)
+            & (incidence_rad <= self.max_incidence_rad)
         )
 
 
@@ -60,7 +60,11 @@ class Outage:
 
 
 def scheduled(time_ns: IntArray, beams: int, outages: Sequence[Outage]) -> BoolArray:
-    """(E, B) validity under outages; raises `ScenarioError` naming an outage that makes no sense."""
+    """(E, B) validity under outages, at times (E,) ns from the start.
+
+    Raises:
+        ScenarioError: naming the outage, for a beam that does not exist or an end that is not after its start.
+    """
     valid = np.ones((len(time_ns), beams), dtype=np.bool_)
     for number, outage in enumerate(outages, start=1):
         for beam in outage.beams:
@@ -80,34 +84,37 @@ def scheduled(time_ns: IntArray, beams: int, outages: Sequence[Outage]) -> BoolA
 
 @dataclass(frozen=True)
 class MarkovDropout:
-    """A beam that is up for mean_up_s and down for mean_down_s on average, memoryless in between."""
+    """A two-state Markov chain: a beam is up for mean_up_s and down for mean_down_s on average."""
 
     mean_up_s: float
     mean_down_s: float
 
     def __post_init__(self) -> None:
         if not (self.mean_up_s > 0.0 and self.mean_down_s > 0.0):
-            raise ScenarioError("Markov dropout: mean_up_s and mean_down_s must be positive")
+            raise ScenarioError(
+                f"Markov dropout: mean_up_s is {self.mean_up_s:g}, mean_down_s {self.mean_down_s:g}, expected both "
+                "above 0 s"
+            )
 
     @property
     def availability(self) -> float:
-        """Share of the time the beam is up."""
+        """Fraction of the time that the beam is up."""
         return self.mean_up_s / (self.mean_up_s + self.mean_down_s)
 
     def states(self, time_ns: IntArray, uniforms: FloatArray) -> BoolArray:
-        """Up or down at the times, from uniforms (..., E); the chain begins in its steady state.
+        """True where the beam is up at times (E,), from uniforms (..., E); the chain begins in its steady state.
 
-        The exact two-state chain: P(up | up, dt) = a + (1 - a) exp(-dt (1/up + 1/down)), so the means hold
-        whatever the ping rate.
+        The exact two-state chain: P(up | up, dt) = a + (1 - a) exp(-dt (1/up + 1/down)), so that the means hold at any
+        ping rate.
         """
-        share = self.availability
+        steady = self.availability
         rate = 1.0 / self.mean_up_s + 1.0 / self.mean_down_s
         memory = np.exp(-np.diff(time_ns) * 1e-9 * rate)
         up = np.empty(uniforms.shape, dtype=np.bool_)
-        up[..., 0] = uniforms[..., 0] < share
+        up[..., 0] = uniforms[..., 0] < steady
         for index, kept in enumerate(memory, start=1):
-            chance = share + np.where(up[..., index - 1], 1.0 - share, -share) * kept
-            up[..., index] = uniforms[..., index] < chance
+            probability = steady + np.where(up[..., index - 1], 1.0 - steady, -steady) * kept
+            up[..., index] = uniforms[..., index] < probability
         return up
 
 
@@ -145,11 +152,10 @@ def altitude_loss(
 
 
 def replayed(time_ns: IntArray, recorded_time_ns: IntArray, recorded_valid: BoolArray) -> BoolArray:
-    """(E, B) validity of the latest recorded ping at each time.
+    """(E, B) validity of the latest recorded ping at each time; a record that is too short is repeated end to end.
 
-    A record that is too short is repeated end to end.
-
-    Raises `ScenarioError` when the record is empty, unordered or of the wrong shape.
+    Raises:
+        ScenarioError: for a record with fewer than two pings, times that do not rise, or a pattern of another shape.
     """
     stamps, pattern = np.asarray(recorded_time_ns), np.asarray(recorded_valid, dtype=np.bool_)
     if pattern.ndim != 2 or len(stamps) != len(pattern) or len(stamps) < 2:
@@ -166,7 +172,7 @@ def replayed(time_ns: IntArray, recorded_time_ns: IntArray, recorded_valid: Bool
 
 
 def combine(*rules: BoolArray) -> BoolArray:
-    """A beam returns when every rule lets it: (E, B) and (runs, E, B) arrays joined by "and"."""
+    """Validity under all rules: (E, B) and (runs, E, B) arrays joined by "and"."""
     valid = rules[0]
     for rule in rules[1:]:
         valid = valid & rule
@@ -174,7 +180,7 @@ def combine(*rules: BoolArray) -> BoolArray:
 
 
 def noisy_ranges(range_m: FloatArray, sd_m: float, *, seed: int, trajectory_key: int, run: int) -> FloatArray:
-    """Ranges (E, B) as a DVL reads them: white noise of a standard deviation, drawn per run and beam."""
+    """Measured ranges (E, B), m: white noise of standard deviation sd_m added, drawn per run and beam."""
     noise = [
         generator(seed, trajectory_key, run, _RANGE_STREAM, beam).standard_normal(len(range_m))
         for beam in range(range_m.shape[1])
@@ -183,7 +189,7 @@ def noisy_ranges(range_m: FloatArray, sd_m: float, *, seed: int, trajectory_key:
 
 
 def generator(seed: int, trajectory_key: int, run: int, stream: int, beam: int) -> np.random.Generator:
-    """The random numbers of one stream of one beam of one run."""
+    """Random generator of one stream of one beam of one run."""
     key = [seed, trajectory_key & 0xFFFFFFFF, trajectory_key >> 32, run, stream, beam]
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(key)))
 

@@ -1,4 +1,4 @@
-"""Passages kept on disk under a hash of everything that makes them."""
+"""State histories cached on disk under a hash of everything that determines them."""
 
 import hashlib
 import json
@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from bottomlock.plant.mission import Mission
-from bottomlock.plant.swim import Passage
+from bottomlock.plant.swim import StateHistory
 from bottomlock.plant.vehicle import Vehicle
 
-_ARRAYS = ("time_ns", "state", "acceleration", "water_velocity_p_mps", "segment")
+_ARRAYS = ("time_ns", "state", "acceleration", "velocity_through_water_p_mps", "segment")
 
 
 def cache_folder() -> Path:
-    """Where passages are kept: BOTTOMLOCK_CACHE if set, else the platform's own cache folder."""
+    """Cache folder: BOTTOMLOCK_CACHE if set, else the platform's own."""
     chosen = os.environ.get("BOTTOMLOCK_CACHE")
     if chosen:
         return Path(chosen)
@@ -31,10 +31,10 @@ def cache_folder() -> Path:
         base = Path.home() / "Library" / "Caches"
     else:
         base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "bottomlock" / "passages"
+    return base / "bottomlock" / "histories"
 
 
-def passage_key(vehicle: Vehicle, mission: Mission, **settings: float) -> str:
+def history_key(vehicle: Vehicle, mission: Mission, **settings: float) -> str:
     """SHA-256 over vehicle, mission, settings and the plant's own source, as 64 hex digits."""
     content = {
         "vehicle": vehicle.model_dump(mode="json"),
@@ -55,21 +55,18 @@ def _source_digest() -> str:
     return digest.hexdigest()
 
 
-def load_passage(key: str) -> Passage | None:
-    """The kept passage, or None when there is none or the file is damaged."""
+def load_history(key: str) -> StateHistory | None:
+    """The cached history, or None where there is none or the file is damaged."""
     path = cache_folder() / f"{key}.npz"
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            return Passage(**{name: archive[name] for name in _ARRAYS})
+            return StateHistory(**{name: archive[name] for name in _ARRAYS})
     except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile):
         return None
 
 
-def store_passage(key: str, passage: Passage) -> None:
-    """Keep a passage: written beside its place, then moved there in one step.
-
-    A cache that cannot be written is no reason to fail a run: the passage is in memory anyway.
-    """
+def store_history(key: str, history: StateHistory) -> None:
+    """Writes a history to the cache, atomically; a cache that cannot be written is ignored."""
     folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -78,7 +75,7 @@ def store_passage(key: str, passage: Passage) -> None:
         return
     try:
         with os.fdopen(handle, "wb") as file:
-            np.savez(file, **{name: getattr(passage, name) for name in _ARRAYS})
+            np.savez(file, **{name: getattr(history, name) for name in _ARRAYS})
         Path(temporary).replace(folder / f"{key}.npz")
     except OSError:
         Path(temporary).unlink(missing_ok=True)

@@ -1,8 +1,7 @@
-"""Flying on an estimate: many runs side by side, each led astray by its own navigation error.
+"""Closed loop: many runs side by side, each controlled on its own navigation estimate.
 
-The navigation filter lives elsewhere; at every control step it is handed the truth of the step just swum
-(from which it simulates its sensors) and answers where it believes each vehicle is. Guidance and control
-then fly on that belief.
+At every control step `navigate` is called with the truth of the step just integrated, from which it simulates the
+sensors and runs the filters; it returns the estimate of each vehicle. Guidance and control then use that estimate.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,7 +17,7 @@ from bottomlock.plant.equations import acceleration, to_tangent
 from bottomlock.plant.guidance import offset_and_heading
 from bottomlock.plant.ideal_sensors import inertial_measurements
 from bottomlock.plant.integrate import attitude_by_rates, hermite, runge_kutta_step
-from bottomlock.plant.lanes import ARRAY, FloatArray, IntArray
+from bottomlock.plant.maths import ARRAY, FloatArray, IntArray
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.path import guide_rows
 from bottomlock.plant.swim import TICK_S, next_segment, sample_times_ns
@@ -29,13 +28,15 @@ from bottomlock.plant.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class TruthBlock:
-    """The truth of all runs over one control step.
+    """The truth of all runs over one control step: the samples after the step before, up to its own end.
 
-    Its samples are those after the step before, up to and including its own end.
+    The first block holds the sample at time zero alone.
 
-    time_ns (S,); position_t_m (runs, S, 3), attitude_t_p (runs, S, 4) scalar first, velocity_p_mps,
-    omega_p_radps (inertial) and force_p_mps2 (runs, S, 3). The first block holds the sample at time zero
-    alone.
+    Attributes:
+        time_ns: (S,).
+        position_t_m: (runs, S, 3).
+        attitude_t_p: (runs, S, 4), scalar first.
+        velocity_p_mps, omega_p_radps, force_p_mps2: (runs, S, 3); omega is inertial.
     """
 
     time_ns: IntArray
@@ -47,30 +48,34 @@ class TruthBlock:
 
 
 @dataclass(frozen=True)
-class Belief:
-    """What the navigation believes at a block's end: position, attitude, velocity, each (runs, ·)."""
+class Estimate:
+    """Navigation estimate at a block's end: position (runs, 3), attitude (runs, 4), velocity (runs, 3)."""
 
     position_t_m: FloatArray
     attitude_t_p: FloatArray
     velocity_p_mps: FloatArray
 
 
-Navigate: TypeAlias = Callable[[TruthBlock], Belief]
+Navigate: TypeAlias = Callable[[TruthBlock], Estimate]
 
 
-def navigation_error(block: TruthBlock, belief: Belief) -> FloatArray:
-    """True minus believed at the block's end, (runs, 9).
+def navigation_error(block: TruthBlock, estimate: Estimate) -> FloatArray:
+    """True minus estimated at the block's end, (runs, 9): position_t m, velocity_t m/s, roll, pitch, yaw rad.
 
-    Columns: position_t m, velocity_t m/s, roll, pitch, yaw rad.
+    Raises:
+        ScenarioError: naming run and time, for an estimate that is not finite.
     """
     true = (block.position_t_m[:, -1], block.attitude_t_p[:, -1], block.velocity_p_mps[:, -1])
-    angles = euler_rad(true[1]) - euler_rad(belief.attitude_t_p)
+    angles = euler_rad(true[1]) - euler_rad(estimate.attitude_t_p)
     angles -= 2.0 * np.pi * np.round(angles / (2.0 * np.pi))
-    velocity = _tangent(true[1], true[2]) - _tangent(belief.attitude_t_p, belief.velocity_p_mps)
-    error = np.concatenate([true[0] - belief.position_t_m, velocity, angles], axis=1)
+    velocity = _tangent(true[1], true[2]) - _tangent(estimate.attitude_t_p, estimate.velocity_p_mps)
+    error = np.concatenate([true[0] - estimate.position_t_m, velocity, angles], axis=1)
     if not np.isfinite(error).all():
         run = int(np.flatnonzero(~np.isfinite(error).all(axis=1))[0])
-        raise ScenarioError(f"run {run}: the estimate at {block.time_ns[-1] * 1e-9:.2f} s is not finite")
+        raise ScenarioError(
+            f"run {run}: the estimate at {block.time_ns[-1] * 1e-9:.2f} s is not finite, expected finite position, "
+            "attitude and velocity"
+        )
     return error
 
 
@@ -80,8 +85,12 @@ def _tangent(attitude_t_p: FloatArray, velocity_p: FloatArray) -> FloatArray:
     return np.stack(to_tangent(q0, q1, q2, q3, u, v, w), axis=1)
 
 
-class Fleet:
-    """Runs of one mission side by side; state arrays of shape (runs,)."""
+class VehicleGroup:
+    """Vehicles of several runs of one mission, integrated side by side; each state is an array (runs,).
+
+    Raises:
+        ScenarioError: for fewer than one run.
+    """
 
     def __init__(
         self,
@@ -133,12 +142,12 @@ class Fleet:
 
     @property
     def finished(self) -> bool:
-        """True when the mission's duration has been swum."""
+        """True when the mission's duration has been integrated."""
         return self._step >= self.last_step
 
     @property
     def state(self) -> FloatArray:
-        """The present state, (runs, 28), laid out as in `model`."""
+        """The current state, (runs, 28), in the layout of `model`."""
         return np.stack(self._state, axis=1)
 
     @property
@@ -146,17 +155,17 @@ class Fleet:
         """The path segment that each run follows, (runs,)."""
         return self._index.copy()
 
-    def believe(self, error: FloatArray) -> None:
-        """Set the navigation error (runs, 9) that guidance and control fly on until the next call."""
+    def set_navigation_error(self, error: FloatArray) -> None:
+        """Set the navigation error (runs, 9) of guidance and control until the next call."""
         self._error = np.asarray(error, dtype=np.float64)
 
     def start(self) -> TruthBlock:
         """The truth at time zero."""
         return self._block(self.state[:, None, :], 0)
 
-    def swim_tick(self) -> TruthBlock:
-        """Swim to the next guidance tick (0.2 s) and return the truth of the way there."""
-        self._switch()
+    def swim_step(self) -> TruthBlock:
+        """Integrate to the next guidance tick (0.2 s) and return the truth in between."""
+        self._select_segments()
         segment = tuple(self._segments[self._index].T)
         error = tuple(self._error.T)
         first_sample = self._step * self._parts
@@ -175,10 +184,10 @@ class Fleet:
         samples[..., model.ATTITUDE] /= np.linalg.norm(samples[..., model.ATTITUDE], axis=-1, keepdims=True)
         return self._block(np.moveaxis(samples, 0, 1), first_sample + 1)
 
-    def _switch(self) -> None:
-        believed = self.state[:, :2] - self._error[:, :2]
+    def _select_segments(self) -> None:
+        estimated = self.state[:, :2] - self._error[:, :2]
         for run in range(self.runs):
-            north, east = float(believed[run, 0]), float(believed[run, 1])
+            north, east = float(estimated[run, 0]), float(estimated[run, 1])
             self._index[run] = next_segment(self._guides, int(self._index[run]), north, east)
 
     def _block(self, samples: FloatArray, first_sample: int) -> TruthBlock:
@@ -189,10 +198,12 @@ class Fleet:
         flat = list(samples.reshape(-1, model.SIZE).T)
         q0, q1, q2, q3, u, v, w, p, q, r = flat[3:13]
         _, _, sink = to_tangent(q0, q1, q2, q3, u, v, w)
-        water = (rows[0] + rows[4] * flat[2], rows[1] + rows[5] * flat[2], 0.0 * u)
-        swell = (rows[2] + rows[4] * sink, rows[3] + rows[5] * sink, 0.0 * u)
+        current_velocity_n = (rows[0] + rows[4] * flat[2], rows[1] + rows[5] * flat[2], 0.0 * u)
+        current_accel_n = (rows[2] + rows[4] * sink, rows[3] + rows[5] * sink, 0.0 * u)
         fins = (flat[13], flat[14], flat[15], flat[16])
-        nu_dot = self._nu_dot((q0, q1, q2, q3), (u, v, w, p, q, r), fins, flat[17], water, swell)
+        nu_dot = self._nu_dot(
+            (q0, q1, q2, q3), (u, v, w, p, q, r), fins, flat[17], current_velocity_n, current_accel_n
+        )
         omega, force = inertial_measurements(
             samples.reshape(-1, model.SIZE),
             np.stack(nu_dot, axis=1),
@@ -211,26 +222,28 @@ class Fleet:
         )
 
 
-def fly_on_estimate(fleet: Fleet, navigate: Navigate) -> Iterator[TruthBlock]:
-    """Swim a fleet to the end on what `navigate` believes, yielding the truth block by block.
+def fly_on_estimate(group: VehicleGroup, navigate: Navigate) -> Iterator[TruthBlock]:
+    """Integrate a group to the end, controlled on the estimates of `navigate`, yielding the truth block by block.
 
-    `navigate` is called once per block, the first with the truth at time zero; the error it leaves is held
-    until the next. Raises `ScenarioError` naming run and time when a belief is not finite.
+    `navigate` is called once per block, first with the truth at time zero; its error is held until the next block.
+
+    Raises:
+        ScenarioError: naming run and time, for an estimate that is not finite.
     """
-    block = fleet.start()
-    fleet.believe(navigation_error(block, navigate(block)))
+    block = group.start()
+    group.set_navigation_error(navigation_error(block, navigate(block)))
     yield block
-    while not fleet.finished:
-        block = fleet.swim_tick()
-        fleet.believe(navigation_error(block, navigate(block)))
+    while not group.finished:
+        block = group.swim_step()
+        group.set_navigation_error(navigation_error(block, navigate(block)))
         yield block
 
 
 def cross_track_m(mission: Mission, segment: IntArray, position_t_m: FloatArray) -> FloatArray:
-    """Distance from the path segment in use, positive to the right: segments (...,), positions (..., 3) -> (...,), m.
+    """Cross-track distance from the segment in use, positive right: segments (...,), positions (..., 3) -> (...,) m.
 
-    Lines and arcs run on beyond their ends: a vehicle gone far astray is judged by the segment that it follows,
-    not by whichever lies nearest.
+    Lines and arcs are extended beyond their ends: a vehicle far off its path is measured against the segment that it
+    follows, not against the nearest.
     """
     start = np.array([part.row() for part in mission.segments])[segment]
     north, east = position_t_m[..., 0], position_t_m[..., 1]

@@ -9,19 +9,21 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from bottomlock.errors import ScenarioError
-from bottomlock.plant.lanes import FloatArray
+from bottomlock.plant.maths import FloatArray
 
 _KNOTS_PER_TIME_CONSTANT = 10.0
 
 
 @dataclass(frozen=True)
 class Current:
-    """A horizontal current c(t, depth) = mean + shear depth + wander(t), tangent frame north and east.
+    """A horizontal current c(t, depth) = mean + shear depth + wander(t), tangent frame, north and east.
 
-    `mean_mps` at the surface; `shear_ps` per metre of depth; the wander is a first-order Gauss-Markov
-    process of standard deviation `wander_sd_mps` per axis and time constant `wander_time_s` drawn from
-    `seed`, sampled ten times per time constant and joined by a cubic spline so that the vehicle's
-    acceleration stays smooth.
+    `mean_mps` is at the surface, `shear_ps` per metre of depth. The wander is a first-order Gauss-Markov process of
+    standard deviation `wander_sd_mps` per axis and time constant `wander_time_s`, drawn from `seed`; it is sampled ten
+    times per time constant and interpolated by a cubic spline, so that the vehicle's acceleration is smooth.
+
+    Raises:
+        ScenarioError: for a number that is not finite, a negative wander_sd_mps or a wander_time_s of 0 or less.
     """
 
     mean_mps: tuple[float, float] = (0.0, 0.0)
@@ -41,7 +43,7 @@ class Current:
 
     @classmethod
     def towards(cls, speed_mps: float, direction_rad: float) -> Self:
-        """A constant current of a speed that sets towards a direction (rad from north, east positive)."""
+        """A constant current that sets towards a direction (rad from north, east positive)."""
         return cls(mean_mps=(speed_mps * math.cos(direction_rad), speed_mps * math.sin(direction_rad)))
 
     def columns(self, time_s: FloatArray) -> FloatArray:
@@ -58,7 +60,7 @@ class Current:
 
     def _wander(self, duration_s: float) -> Callable[..., FloatArray]:
         spacing = self.wander_time_s / _KNOTS_PER_TIME_CONSTANT
-        # a fixed horizon of whole knots, so that a longer run begins with the same current
+        # knots at a spacing that does not depend on the duration: a longer run begins with the same current
         count = max(8, math.ceil(duration_s / spacing) + 5)
         memory = math.exp(-1.0 / _KNOTS_PER_TIME_CONSTANT)
         draws = np.random.default_rng([self.seed, 0xC0]).standard_normal((count, 2))

@@ -1,4 +1,4 @@
-"""Named methods behind the coefficients that nobody has published.
+"""Derivations of the coefficients for which no published value exists.
 
 Each function is one method; the vehicle files cite them, and a test recomputes every value that cites one.
 """

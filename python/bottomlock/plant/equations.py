@@ -1,9 +1,8 @@
-"""The equations of motion on components: from rigid body and actuators to their time derivatives.
+"""The equations of motion on components: velocity, attitude and actuators to the acceleration.
 
-M nu_r' + C_RB(nu_r) nu_r + C_A(nu_r) nu_r + D(nu_r) nu_r + g(eta) = tau (Fossen 2021, for an
-irrotational current), in the platform frame with its origin at the centre of buoyancy. The rotation of the
-Earth turns the frame far too slowly to push the vehicle; it enters the ideal sensors (`truth`), not the
-forces.
+M nu_r' + C_RB(nu_r) nu_r + C_A(nu_r) nu_r + D(nu_r) nu_r + g(eta) = tau (Fossen 2021, for an irrotational current),
+in the platform frame with its origin at the centre of buoyancy. The Earth's rotation is neglected in the forces; it
+enters the ideal sensors (`ideal_sensors`).
 """
 
 from collections.abc import Callable
@@ -13,19 +12,20 @@ import numpy as np
 
 from bottomlock.plant.fins import fin_wrench
 from bottomlock.plant.hull import hull_wrench
-from bottomlock.plant.lanes import Lane, Maths
+from bottomlock.plant.maths import Maths, Number
 from bottomlock.plant.matrices import added_mass_matrix, centre_of_gravity_p_m, rigid_body_mass_matrix
 from bottomlock.plant.propeller import propeller_wrench
 from bottomlock.plant.vehicle import Vehicle
 
-Six: TypeAlias = tuple[Lane, Lane, Lane, Lane, Lane, Lane]
-Three: TypeAlias = tuple[Lane, Lane, Lane]
-Four: TypeAlias = tuple[Lane, Lane, Lane, Lane]
-Water: TypeAlias = tuple[Lane, Lane, Lane, Lane]
+Six: TypeAlias = tuple[Number, Number, Number, Number, Number, Number]
+Three: TypeAlias = tuple[Number, Number, Number]
+Four: TypeAlias = tuple[Number, Number, Number, Number]
 
 
-def to_platform(q0: Lane, q1: Lane, q2: Lane, q3: Lane, n: Lane, e: Lane, d: Lane) -> Three[Lane]:
-    """Turn a tangent vector into the platform frame: R' a, with the quaternion of platform to tangent."""
+def to_platform(
+    q0: Number, q1: Number, q2: Number, q3: Number, n: Number, e: Number, d: Number
+) -> Three[Number]:
+    """Rotate a tangent-frame vector to the platform frame: R' a, with the quaternion of platform to tangent."""
     # a - 2 q0 (q x a) + 2 q x (q x a), the transpose of the usual two cross products
     x = 2.0 * (q2 * d - q3 * e)
     y = 2.0 * (q3 * n - q1 * d)
@@ -33,97 +33,114 @@ def to_platform(q0: Lane, q1: Lane, q2: Lane, q3: Lane, n: Lane, e: Lane, d: Lan
     return n - q0 * x + q2 * z - q3 * y, e - q0 * y + q3 * x - q1 * z, d - q0 * z + q1 * y - q2 * x
 
 
-def to_tangent(q0: Lane, q1: Lane, q2: Lane, q3: Lane, a: Lane, b: Lane, c: Lane) -> Three[Lane]:
-    """Turn a platform vector into the tangent frame: R a."""
+def to_tangent(
+    q0: Number, q1: Number, q2: Number, q3: Number, a: Number, b: Number, c: Number
+) -> Three[Number]:
+    """Rotate a platform-frame vector to the tangent frame: R a."""
     x = 2.0 * (q2 * c - q3 * b)
     y = 2.0 * (q3 * a - q1 * c)
     z = 2.0 * (q1 * b - q2 * a)
     return a + q0 * x + q2 * z - q3 * y, b + q0 * y + q3 * x - q1 * z, c + q0 * z + q1 * y - q2 * x
 
 
-def acceleration(
-    vehicle: Vehicle, gravity_mps2: float, maths: Maths[Lane]
-) -> Callable[[Four[Lane], Six[Lane], Four[Lane], Lane, Three[Lane], Three[Lane]], Six[Lane]]:
-    """Build nu' as a function of the whole mechanical state.
+def coriolis_terms(vehicle: Vehicle) -> Callable[..., tuple[Three[Number], ...]]:
+    """Build C(nu_r) nu_r, as the five groups of products in which the equations of motion add it up.
 
-    The function takes the attitude quaternion (scalar first, platform to tangent), nu (m/s, rad/s, over
-    ground), the fin deflections (rad), the shaft speed (rev/s), the current at the vehicle and its rate of
-    change along the vehicle's way (tangent, m/s and m/s²), and returns nu' (m/s², rad/s²).
+    The function takes (u, v, w, p, q, r) relative to the water in the platform frame (m/s, rad/s). It returns the
+    force of the body (omega x velocity of the centre of gravity), the force of the added mass, and the moments of the
+    angular momentum, of the added mass's linear momentum and of the centre of gravity, each (3,) in N or N m.
     """
     body = vehicle.rigid_body
     mass = body.mass
     xg, yg, zg = (float(value) for value in centre_of_gravity_p_m(vehicle))
     ixx, iyy, izz = body.inertia_xx, body.inertia_yy, body.inertia_zz
-    weight = mass * gravity_mps2
-    surplus = weight - vehicle.water.density * body.displaced_volume * gravity_mps2
     added = added_mass_matrix(vehicle)
     a11, a22, a33, a44, a55, a66 = (float(value) for value in np.diag(added))
     a26, a35 = float(added[1, 5]), float(added[2, 4])
-    inverse = np.linalg.inv(rigid_body_mass_matrix(vehicle) + added)
-    rows = [tuple(float(value) for value in row) for row in inverse]
-    hull = hull_wrench(vehicle, maths)
-    fins = fin_wrench(vehicle, maths)
-    propeller = propeller_wrench(vehicle, maths)
 
-    def nu_dot(
-        attitude: Four[Lane],
-        nu: Six[Lane],
-        deflections: Four[Lane],
-        shaft: Lane,
-        water: Three[Lane],
-        swell: Three[Lane],
-    ) -> Six[Lane]:
-        q0, q1, q2, q3 = attitude
-        u, v, w, p, q, r = nu
-        uc, vc, wc = to_platform(q0, q1, q2, q3, *water)
-        u, v, w = u - uc, v - vc, w - wc
-        # momentum of body and water; C nu = (omega x linear, omega x angular + v x linear), added mass and
-        # body apart
+    def terms(u: Number, v: Number, w: Number, p: Number, q: Number, r: Number) -> tuple[Three[Number], ...]:
+        # momentum of the added mass: linear l, angular h
         lx, ly, lz = a11 * u, a22 * v + a26 * r, a33 * w + a35 * q
         hx, hy, hz = a44 * p, a35 * w + a55 * q, a26 * v + a66 * r
-        # velocity of the centre of gravity, whose omega x (.) is the body's own Coriolis force
+        # velocity of the centre of gravity
         gx, gy, gz = u + q * zg - r * yg, v + r * xg - p * zg, w + p * yg - q * xg
-        fx, fy, fz = mass * (q * gz - r * gy), mass * (r * gx - p * gz), mass * (p * gy - q * gx)
         ox, oy, oz = mass * (q * w - r * v), mass * (r * u - p * w), mass * (p * v - q * u)
         jx, jy, jz = hx + ixx * p, hy + iyy * q, hz + izz * r
+        return (
+            (mass * (q * gz - r * gy), mass * (r * gx - p * gz), mass * (p * gy - q * gx)),
+            (q * lz - r * ly, r * lx - p * lz, p * ly - q * lx),
+            (q * jz - r * jy, r * jx - p * jz, p * jy - q * jx),
+            (v * lz - w * ly, w * lx - u * lz, u * ly - v * lx),
+            (yg * oz - zg * oy, zg * ox - xg * oz, xg * oy - yg * ox),
+        )
+
+    return terms
+
+
+def restoring_wrench(vehicle: Vehicle, gravity_mps2: float) -> Callable[[Four[Number]], Six[Number]]:
+    """Build -g(eta): force and moment (N, N m) of weight and buoyancy, from the attitude quaternion."""
+    body = vehicle.rigid_body
+    xg, yg, zg = (float(value) for value in centre_of_gravity_p_m(vehicle))
+    weight = body.mass * gravity_mps2
+    surplus = weight - vehicle.water.density * body.displaced_volume * gravity_mps2
+
+    def wrench(attitude: Four[Number]) -> Six[Number]:
+        q0, q1, q2, q3 = attitude
         down_x, down_y = 2.0 * (q1 * q3 - q0 * q2), 2.0 * (q2 * q3 + q0 * q1)
         down_z = 1.0 - 2.0 * (q1 * q1 + q2 * q2)
+        return (
+            surplus * down_x, surplus * down_y, surplus * down_z,
+            weight * (yg * down_z - zg * down_y),
+            weight * (zg * down_x - xg * down_z),
+            weight * (xg * down_y - yg * down_x),
+        )  # fmt: skip
+
+    return wrench
+
+
+def acceleration(
+    vehicle: Vehicle, gravity_mps2: float, maths: Maths[Number]
+) -> Callable[[Four[Number], Six[Number], Four[Number], Number, Three[Number], Three[Number]], Six[Number]]:
+    """Build nu' (m/s², rad/s²) as a function of the whole mechanical state.
+
+    The function takes the attitude quaternion (scalar first, platform to tangent), nu over ground (m/s, rad/s), the
+    fin deflections (rad), the shaft speed (rev/s), and the velocity and acceleration of the current at the vehicle
+    (tangent frame, m/s and m/s²; the acceleration is the rate of change along the vehicle's path).
+    """
+    inverse = np.linalg.inv(rigid_body_mass_matrix(vehicle) + added_mass_matrix(vehicle))
+    rows = [tuple(float(value) for value in row) for row in inverse]
+    hull, fins = hull_wrench(vehicle, maths), fin_wrench(vehicle, maths)
+    propeller = propeller_wrench(vehicle, maths)
+    coriolis, restoring = coriolis_terms(vehicle), restoring_wrench(vehicle, gravity_mps2)
+
+    def nu_dot(
+        attitude: Four[Number],
+        nu: Six[Number],
+        deflections: Four[Number],
+        shaft: Number,
+        current_velocity_n: Three[Number],
+        current_accel_n: Three[Number],
+    ) -> Six[Number]:
+        q0, q1, q2, q3 = attitude
+        u, v, w, p, q, r = nu
+        uc, vc, wc = to_platform(q0, q1, q2, q3, *current_velocity_n)
+        u, v, w = u - uc, v - vc, w - wc
         hull_x, hull_y, hull_z, hull_k, hull_m, hull_n = hull(u, v, w, p, q, r)
         fin_x, fin_y, fin_z, fin_k, fin_m, fin_n = fins(u, v, w, p, q, r, deflections)
         thrust, torque = propeller(u, shaft)
-        tx = hull_x + fin_x + thrust - fx - (q * lz - r * ly) + surplus * down_x
-        ty = hull_y + fin_y - fy - (r * lx - p * lz) + surplus * down_y
-        tz = hull_z + fin_z - fz - (p * ly - q * lx) + surplus * down_z
-        tk = (
-            hull_k
-            + fin_k
-            + torque
-            - (q * jz - r * jy)
-            - (v * lz - w * ly)
-            - (yg * oz - zg * oy)
-            + weight * (yg * down_z - zg * down_y)
-        )
-        tm = (
-            hull_m
-            + fin_m
-            - (r * jx - p * jz)
-            - (w * lx - u * lz)
-            - (zg * ox - xg * oz)
-            + weight * (zg * down_x - xg * down_z)
-        )
-        tn = (
-            hull_n
-            + fin_n
-            - (p * jy - q * jx)
-            - (u * ly - v * lx)
-            - (xg * oy - yg * ox)
-            + weight * (xg * down_y - yg * down_x)
-        )
+        (fx, fy, fz), (lx, ly, lz), (jx, jy, jz), (mx, my, mz), (ox, oy, oz) = coriolis(u, v, w, p, q, r)
+        g_x, g_y, g_z, g_k, g_m, g_n = restoring(attitude)
+        tx = hull_x + fin_x + thrust - fx - lx + g_x
+        ty = hull_y + fin_y - fy - ly + g_y
+        tz = hull_z + fin_z - fz - lz + g_z
+        tk = hull_k + fin_k + torque - jx - mx - ox + g_k
+        tm = hull_m + fin_m - jy - my - oy + g_m
+        tn = hull_n + fin_n - jz - mz - oz + g_n
         ud, vd, wd, pd, qd, rd = [
             m0 * tx + m1 * ty + m2 * tz + m3 * tk + m4 * tm + m5 * tn for m0, m1, m2, m3, m4, m5 in rows
         ]
-        ax, ay, az = to_platform(q0, q1, q2, q3, *swell)
-        # the current in the platform frame changes as the vehicle turns: d(R' c)/dt = R' c' - omega x R' c
+        ax, ay, az = to_platform(q0, q1, q2, q3, *current_accel_n)
+        # the current in the platform frame changes as the vehicle rotates: d(R' c)/dt = R' c' - omega x R' c
         return (
             ud + ax - (q * wc - r * vc),
             vd + ay - (r * uc - p * wc),

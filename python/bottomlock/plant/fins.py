@@ -9,11 +9,11 @@ import math
 from collections.abc import Callable
 
 from bottomlock.plant.hull import Wrench
-from bottomlock.plant.lanes import Lane, Maths
+from bottomlock.plant.maths import Maths, Number
 from bottomlock.plant.vehicle import Vehicle
 
 
-def lift_and_drag(vehicle: Vehicle, maths: Maths[Lane]) -> Callable[[Lane], tuple[Lane, Lane]]:
+def lift_and_drag(vehicle: Vehicle, maths: Maths[Number]) -> Callable[[Number], tuple[Number, Number]]:
     """Build C_L and C_D of one fin as functions of its angle of attack, rad.
 
     Below stall the lift is linear and the drag the usual polar; past it the fin is a flat plate (C_L = 2
@@ -26,7 +26,7 @@ def lift_and_drag(vehicle: Vehicle, maths: Maths[Lane]) -> Callable[[Lane], tupl
     sharpness = 1.0 / fins.stall_width
     sin, cos, tanh = maths.sin, maths.cos, maths.tanh
 
-    def coefficients(angle: Lane) -> tuple[Lane, Lane]:
+    def coefficients(angle: Number) -> tuple[Number, Number]:
         stalled = 0.5 + 0.5 * tanh(sharpness * (abs(angle) - stall))
         attached = 1.0 - stalled
         sine = sin(angle)
@@ -39,7 +39,7 @@ def lift_and_drag(vehicle: Vehicle, maths: Maths[Lane]) -> Callable[[Lane], tupl
     return coefficients
 
 
-def fin_wrench(vehicle: Vehicle, maths: Maths[Lane]) -> Callable[..., Wrench[Lane]]:
+def fin_wrench(vehicle: Vehicle, maths: Maths[Number]) -> Callable[..., Wrench[Number]]:
     """Build the wrench of all fins.
 
     The function takes (u, v, w, p, q, r) relative to the water in the platform frame (m/s, rad/s) and the
@@ -54,8 +54,14 @@ def fin_wrench(vehicle: Vehicle, maths: Maths[Lane]) -> Callable[..., Wrench[Lan
     sqrt, atan2 = maths.sqrt, maths.atan2
 
     def wrench(
-        u: Lane, v: Lane, w: Lane, p: Lane, q: Lane, r: Lane, deflections: tuple[Lane, Lane, Lane, Lane]
-    ) -> Wrench[Lane]:
+        u: Number,
+        v: Number,
+        w: Number,
+        p: Number,
+        q: Number,
+        r: Number,
+        deflections: tuple[Number, Number, Number, Number],
+    ) -> Wrench[Number]:
         sway = v + x * r
         heave = w - x * q
         spin = radius * p

@@ -1,61 +1,58 @@
-"""Guidance: what course, speed and pitch to fly, from where the vehicle believes it is.
+"""Guidance: wanted course, speed and pitch from the estimated position.
 
-Two laws for the horizontal plane: line of sight with look-ahead on the path, and constant bearing on a
-target that moves along it (Breivik and Fossen 2009). The vertical plane flies a depth
-profile by pitch.
+Two laws for the horizontal plane: line of sight with look-ahead along the path, and constant bearing to a target that
+moves along it (Breivik and Fossen 2009). In the vertical plane a depth profile is followed by pitch.
 """
 
 from collections.abc import Callable, Sequence
 from typing import Literal, TypeAlias
 
-from bottomlock.plant.lanes import Lane, Maths
+from bottomlock.plant.maths import Maths, Number
 from bottomlock.plant.vehicle import Vehicle
 
 Law: TypeAlias = Literal["line_of_sight", "constant_bearing"]
-Segment: TypeAlias = Sequence[Lane]
-"""The present segment's start (north, east, cos, sin, heading, curvature), the next one's, and the blend's
-length (m).
-"""
+Segment: TypeAlias = Sequence[Number]
+"""Start of the present segment (north, east, cos, sin, heading, curvature), that of the next, and the blend's length
+(m)."""
 
-Target: TypeAlias = tuple[Lane, Lane, Lane, Lane, Lane]
-Course: TypeAlias = tuple[Lane, Lane, Lane]
+Target: TypeAlias = tuple[Number, Number, Number, Number, Number]
+Course: TypeAlias = tuple[Number, Number, Number]
 
 
 def offset_and_heading(
-    north: Lane,
-    east: Lane,
-    start: tuple[Lane, Lane, Lane, Lane, Lane, Lane],
-    maths: Maths[Lane],
-) -> tuple[Lane, Lane]:
+    north: Number,
+    east: Number,
+    start: tuple[Number, Number, Number, Number, Number, Number],
+    maths: Maths[Number],
+) -> tuple[Number, Number]:
     """Signed distance to the right of a line or arc (m), and the path's heading abeam of the vehicle (rad).
 
-    The start is (north, east, cos, sin, heading, curvature); curvature 0 is a straight line, positive turns
-    right. One formula serves both: e = (2 b - k (a² + b²)) / (1 + S), S² = (k a)² + (1 - k b)², with a
-    along and b beside.
+    The start is (north, east, cos, sin, heading, curvature); curvature 0 is a straight line, positive curves right.
+    One formula serves both: e = (2 b - k (a² + b²)) / (1 + S), S² = (k a)² + (1 - k b)², with a the distance along the
+    start's heading and b across it.
     """
     start_n, start_e, cosine, sine, heading, curvature = start
     delta_n, delta_e = north - start_n, east - start_e
     along = cosine * delta_n + sine * delta_e
     beside = cosine * delta_e - sine * delta_n
-    turned, inner = curvature * along, 1.0 - curvature * beside
-    distance = maths.sqrt(turned * turned + inner * inner)
+    forward, inward = curvature * along, 1.0 - curvature * beside
+    distance = maths.sqrt(forward * forward + inward * inward)
     offset = (2.0 * beside - curvature * (along * along + beside * beside)) / (1.0 + distance)
-    return offset, heading + maths.atan2(turned, inner)
+    return offset, heading + maths.atan2(forward, inward)
 
 
 def line_of_sight(
-    vehicle: Vehicle, speed_mps: float, maths: Maths[Lane]
-) -> Callable[[Lane, Lane, Segment[Lane], Target[Lane]], Course[Lane]]:
+    vehicle: Vehicle, speed_mps: float, maths: Maths[Number]
+) -> Callable[[Number, Number, Segment[Number], Target[Number]], Course[Number]]:
     """Build line of sight: (north, east, segments, target) -> (course rad, its rate rad/s, speed m/s).
 
-    The courses for the present and the next segment are blended over the joint by a smooth step of the way
-    past it, so the command has no jump, and the instant at which the next pair of segments is taken up does
-    not matter.
+    The courses of the present and the next segment are blended over the joint by a smooth step of the distance past
+    it, so that the command is continuous and independent of the instant at which the next pair of segments is used.
     """
     ahead = vehicle.guidance.look_ahead
     atan2, clip, wrap = maths.atan2, maths.clip, maths.wrap
 
-    def law(north: Lane, east: Lane, segment: Segment[Lane], _target: Target[Lane]) -> Course[Lane]:
+    def law(north: Number, east: Number, segment: Segment[Number], _target: Target[Number]) -> Course[Number]:
         n0, e0, cos0, sin0, heading0, curvature0, n1, e1, cos1, sin1, heading1, curvature1, blend = segment
         offset, heading = offset_and_heading(north, east, (n0, e0, cos0, sin0, heading0, curvature0), maths)
         course = heading + atan2(-offset, ahead + 0.0 * offset)
@@ -71,19 +68,19 @@ def line_of_sight(
 
 
 def constant_bearing(
-    vehicle: Vehicle, maths: Maths[Lane]
-) -> Callable[[Lane, Lane, Segment[Lane], Target[Lane]], Course[Lane]]:
-    """Build constant bearing: fly the target's velocity plus an approach velocity towards it.
+    vehicle: Vehicle, maths: Maths[Number]
+) -> Callable[[Number, Number, Segment[Number], Target[Number]], Course[Number]]:
+    """Build constant bearing: the wanted velocity is the target's plus an approach velocity towards it.
 
-    The target is (north, east, velocity north, velocity east, course rate); the approach speed grows to its
-    limit with distance over the look-ahead (Breivik and Fossen 2009).
+    The target is (north, east, velocity north, velocity east, course rate); the approach speed grows to its limit with
+    distance over the look-ahead (Breivik and Fossen 2009).
     """
     ahead2 = vehicle.guidance.look_ahead**2
     approach, ceiling = vehicle.guidance.approach_speed, vehicle.limits.max_speed
     floor = vehicle.limits.min_speed
     sqrt, atan2, clip = maths.sqrt, maths.atan2, maths.clip
 
-    def law(north: Lane, east: Lane, _segment: Segment[Lane], target: Target[Lane]) -> Course[Lane]:
+    def law(north: Number, east: Number, _segment: Segment[Number], target: Target[Number]) -> Course[Number]:
         target_n, target_e, velocity_n, velocity_e, rate = target
         gap_n, gap_e = target_n - north, target_e - east
         pull = approach / sqrt(gap_n * gap_n + gap_e * gap_e + ahead2)
@@ -95,13 +92,12 @@ def constant_bearing(
 
 
 def depth_by_pitch(
-    vehicle: Vehicle, maths: Maths[Lane]
-) -> Callable[[Lane, Lane, Lane, Lane, Lane], tuple[Lane, Lane]]:
+    vehicle: Vehicle, maths: Maths[Number]
+) -> Callable[[Number, Number, Number, Number, Number], tuple[Number, Number]]:
     """Build the depth loop: (wanted depth, sink rate, depth, speed, integral) -> (pitch, integral's rate).
 
-    Pitch is minus the arcsine of the wanted sink rate over the speed. The integral (m s) carries the trim
-    pitch that buoyancy and the angle of attack ask for; at the pitch limit it bleeds as the attitude
-    controllers' does.
+    Pitch is minus the arcsine of the wanted sink rate over the speed. The integral (m s) holds the trim pitch that
+    buoyancy and angle of attack need; at the pitch limit anti-windup acts as in the attitude controllers.
     """
     gains = vehicle.guidance
     gain, integral_gain = gains.depth_gain, gains.depth_integral
@@ -110,7 +106,9 @@ def depth_by_pitch(
     bleed = gain / integral_gain
     clip, asin, sin = maths.clip, maths.asin, maths.sin
 
-    def law(wanted: Lane, sink: Lane, depth: Lane, speed: Lane, integral: Lane) -> tuple[Lane, Lane]:
+    def law(
+        wanted: Number, sink: Number, depth: Number, speed: Number, integral: Number
+    ) -> tuple[Number, Number]:
         error = wanted - depth
         rate = sink + gain * error + integral_gain * integral
         pace = clip(speed, floor, ceiling)

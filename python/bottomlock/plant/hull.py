@@ -1,6 +1,6 @@
 """Drag and lift of the hull: axial drag, body lift, cross-flow drag by strips, rotary drag.
 
-Every term acts against the local velocity where it acts, so each takes energy from the vehicle at any state.
+Every term opposes the local velocity, so that each dissipates energy in any state.
 """
 
 from collections.abc import Callable
@@ -9,10 +9,10 @@ from typing import TypeAlias
 import numpy as np
 from scipy.integrate import trapezoid
 
-from bottomlock.plant.lanes import FloatArray, Lane, Maths
+from bottomlock.plant.maths import FloatArray, Maths, Number
 from bottomlock.plant.vehicle import Hull, Vehicle
 
-Wrench: TypeAlias = tuple[Lane, Lane, Lane, Lane, Lane, Lane]
+Wrench: TypeAlias = tuple[Number, Number, Number, Number, Number, Number]
 Strip: TypeAlias = tuple[float, float]
 
 STRIPS = 6
@@ -41,8 +41,8 @@ def myring_radius_m(hull: Hull, from_nose_m: FloatArray) -> FloatArray:
 def cross_flow_strips(vehicle: Vehicle, count: int = STRIPS) -> list[Strip]:
     """Gauss-Legendre strips along the hull: (station x m, drag weight rho/2 Cd d dx in kg/m).
 
-    The weights carry the hull's diameter as it varies along Myring's shape; they are scaled so that the
-    total is that of the exact plan area.
+    The weights contain the hull's diameter along Myring's shape, scaled so that the total is that of the exact plan
+    area.
     """
     hull = vehicle.hull
     nodes, weights = np.polynomial.legendre.leggauss(count)
@@ -57,27 +57,27 @@ def cross_flow_strips(vehicle: Vehicle, count: int = STRIPS) -> list[Strip]:
 
 
 def hull_wrench(
-    vehicle: Vehicle, maths: Maths[Lane]
-) -> Callable[[Lane, Lane, Lane, Lane, Lane, Lane], Wrench[Lane]]:
+    vehicle: Vehicle, maths: Maths[Number]
+) -> Callable[[Number, Number, Number, Number, Number, Number], Wrench[Number]]:
     """Build the hull's damping wrench as a function of velocity relative to the water.
 
-    The function takes (u, v, w, p, q, r) in the platform frame (m/s, rad/s) and returns (X, Y, Z, K, M, N)
-    in N, N m. Sources: axial drag as Prestero 2001, Eq. 4.5; body lift as his Eqs. 4.33 to 4.36, with the
-    inflow taken at the centre of pressure; cross-flow drag by strips as his Eq. 4.8 and MSS crossFlowDrag.m,
-    with the resultant cross flow.
+    The function takes (u, v, w, p, q, r) in the platform frame (m/s, rad/s) and returns (X, Y, Z, K, M, N) in N, N m.
+
+    Source: axial drag, Prestero 2001, Eq. 4.5; body lift, Eqs. 4.33 to 4.36, with the inflow at the centre of pressure;
+    cross-flow drag by strips, Eq. 4.8 and MSS crossFlowDrag.m, with the resultant cross flow.
     """
     hull = vehicle.hull
     axial, lift, arm, roll = hull.axial_drag, hull.lift, hull.centre_of_pressure_x, hull.roll_drag
-    turn_pitch, turn_yaw = hull.pitch_drag, hull.yaw_drag
+    pitch_drag, yaw_drag = hull.pitch_drag, hull.yaw_drag
     strips = cross_flow_strips(vehicle)
     sqrt = maths.sqrt
 
-    def wrench(u: Lane, v: Lane, w: Lane, p: Lane, q: Lane, r: Lane) -> Wrench[Lane]:
+    def wrench(u: Number, v: Number, w: Number, p: Number, q: Number, r: Number) -> Wrench[Number]:
         ahead = abs(u)
         side = -lift * ahead * (v + arm * r)
         heave = -lift * ahead * (w - arm * q)
-        yaw = arm * side - turn_yaw * abs(r) * r
-        pitch = -arm * heave - turn_pitch * abs(q) * q
+        yaw = arm * side - yaw_drag * abs(r) * r
+        pitch = -arm * heave - pitch_drag * abs(q) * q
         for x, k in strips:
             across = v + x * r
             down = w - x * q

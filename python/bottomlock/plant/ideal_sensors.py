@@ -1,9 +1,9 @@
-"""What ideal inertial sensors feel on a passage, from the very derivative that moved it."""
+"""Readings of ideal inertial sensors along a state history, from the same derivatives that integrated it."""
 
 import numpy as np
 
 from bottomlock.plant.equations import to_platform
-from bottomlock.plant.lanes import FloatArray
+from bottomlock.plant.maths import FloatArray
 
 
 def inertial_measurements(
@@ -16,8 +16,8 @@ def inertial_measurements(
 ) -> tuple[FloatArray, FloatArray]:
     """Inertial rate w_ip (rad/s) and specific force (m/s²), both (N, 3), platform frame.
 
-    The mechanisation v' = f + R' g - (w_ip + R' w_ie) x v solved for f, with v' the very derivative of the
-    equations of motion; w_ip = w_tp + R' w_ie.
+    The mechanisation v' = f + R' g - (w_ip + R' w_ie) x v solved for f, with v' of the equations of motion;
+    w_ip = w_tp + R' w_ie.
     """
     q0, q1, q2, q3 = state[:, 3:7].T
     north = np.full_like(q0, earth_rate_radps * np.cos(latitude_rad))

@@ -5,30 +5,32 @@ from collections.abc import Callable
 import numpy as np
 
 from bottomlock.plant.guidance import Segment
-from bottomlock.plant.lanes import FloatArray, Lane, Maths
+from bottomlock.plant.maths import FloatArray, Maths, Number
 from bottomlock.plant.model import Derivative, Error, Row
 
 
 def runge_kutta_step(
-    rates: Derivative[Lane],
-    maths: Maths[Lane],
+    rates: Derivative[Number],
+    maths: Maths[Number],
     step_s: float,
-) -> Callable[[list[Lane], list[Lane], Row[Lane], Row[Lane], Segment[Lane], Error[Lane]], list[Lane]]:
+) -> Callable[
+    [list[Number], list[Number], Row[Number], Row[Number], Segment[Number], Error[Number]], list[Number]
+]:
     """Build one RK4 step: (state, derivative, rows at half and full step, segment, error) -> next state.
 
-    The quaternion is brought back to unit length; RK4 leaves it within step⁵ of that anyway.
+    The quaternion is normalised; RK4 leaves it within step⁵ of unit length.
     """
     half, sixth = 0.5 * step_s, step_s / 6.0
     sqrt = maths.sqrt
 
     def step(
-        state: list[Lane],
-        first: list[Lane],
-        middle: Row[Lane],
-        end: Row[Lane],
-        segment: Segment[Lane],
-        error: Error[Lane],
-    ) -> list[Lane]:
+        state: list[Number],
+        first: list[Number],
+        middle: Row[Number],
+        end: Row[Number],
+        segment: Segment[Number],
+        error: Error[Number],
+    ) -> list[Number]:
         second = rates([x + half * k for x, k in zip(state, first, strict=True)], middle, segment, error)
         third = rates([x + half * k for x, k in zip(state, second, strict=True)], middle, segment, error)
         fourth = rates([x + step_s * k for x, k in zip(state, third, strict=True)], end, segment, error)
@@ -45,21 +47,22 @@ def runge_kutta_step(
 
 
 def attitude_by_rates(
-    maths: Maths[Lane], step_s: float
-) -> Callable[[list[Lane], list[Lane], list[Lane], list[Lane]], None]:
-    """Build the step's attitude anew from its angular rates, in place of the Runge-Kutta quaternion.
+    maths: Maths[Number], step_s: float
+) -> Callable[[list[Number], list[Number], list[Number], list[Number]], None]:
+    """Build the attitude update of a step from its angular rates, in place of the Runge-Kutta quaternion.
 
-    Reported rates run between steps by cubic Hermite interpolation, so the attitude must be the integral of
-    just those or an ideal gyro would not return it: the turn over a step is h (w0 + w1) / 2 + h² (w0' -
-    w1') / 12, the integral of the cubic, plus the coning term h² w0 x w1 / 12 (Iserles and Norsett 1999,
-    fourth-order Magnus expansion). The arguments are state and derivative before and after the step; the
-    state after is changed.
+    Between steps the rates are interpolated by cubic Hermite polynomials, and the attitude must be their integral, or
+    an ideal gyro would not return it. The rotation vector over a step is h (w0 + w1) / 2 + h² (w0' - w1') / 12, the
+    integral of the cubic, plus the coning term h² w0 x w1 / 12. The function takes state and derivative before and
+    after the step, and changes the state after.
+
+    Source: Iserles and Norsett 1999, fourth-order Magnus expansion.
     """
     half, twelfth = 0.5 * step_s, step_s * step_s / 12.0
     sqrt, cos = maths.sqrt, maths.cos
     sin = maths.sin
 
-    def renew(before: list[Lane], first: list[Lane], after: list[Lane], last: list[Lane]) -> None:
+    def renew(before: list[Number], first: list[Number], after: list[Number], last: list[Number]) -> None:
         q0, q1, q2, q3 = before[3:7]
         p0, r0, y0 = before[10:13]
         p1, r1, y1 = after[10:13]
@@ -85,11 +88,10 @@ def hermite(
     step_s: float,
     parts: int,
 ) -> FloatArray:
-    """Values at equal fractions of each step: (steps, ..., m) -> (steps, parts, ..., m).
+    """Values at equal fractions of each step by cubic Hermite interpolation: (steps, ..., m) -> (steps, parts, ..., m).
 
-    The step's start is included, its end is the next step's start.
-
-    Cubic Hermite: error step⁴ / 384 times the fourth derivative, the order of the steps themselves.
+    The step's start is included; its end is the next step's start. The error is step⁴ / 384 times the fourth
+    derivative, of the order of the integration itself.
     """
     fraction = np.arange(parts) / parts
     x = fraction.reshape((1, parts) + (1,) * (before.ndim - 1))

@@ -6,7 +6,7 @@ simulator runs the same terms written out on components (`equations`), and a tes
 
 import numpy as np
 
-from bottomlock.plant.lanes import FloatArray
+from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.vehicle import Vehicle
 
 

@@ -1,4 +1,4 @@
-"""Missions: a path, a depth profile and a speed for so long; the 2017 paper's three and a user's own."""
+"""Missions: path, depth profile, speed and duration; the 2017 paper's three trajectories and a user's own."""
 
 import math
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.plant.actuators import StuckFin
 from bottomlock.plant.current import Current
 from bottomlock.plant.guidance import Law
-from bottomlock.plant.lanes import FloatArray
+from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.path import PathBuilder, PathSegment, target_along, through_waypoints
 
 _BLEND_S = 4.0
@@ -26,7 +26,7 @@ class DepthProfile:
         times = [time for time, _ in self.knots]
         if not self.knots or any(later <= earlier for earlier, later in pairwise(times)):
             raise ScenarioError(
-                "depth profile: expected at least one (time, depth) with strictly rising times"
+                f"depth profile: times {times}, expected at least one (time, depth) pair and strictly rising times"
             )
 
     def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -46,7 +46,7 @@ class DepthProfile:
 
 @dataclass(frozen=True)
 class Mission:
-    """What a vehicle shall do: path, depth, speed over ground (m/s), duration (s), law, current, faults."""
+    """A mission: path, depth profile, speed over ground (m/s), duration (s), guidance law, current, stuck fin."""
 
     name: str
     segments: tuple[PathSegment, ...]
@@ -58,7 +58,7 @@ class Mission:
     stuck: StuckFin | None = None
 
     def timetable(self, time_s: FloatArray) -> FloatArray:
-        """Everything known before the run at the given times, shape (n, 13); see `model.FIELDS`."""
+        """Inputs known before the run at the given times, shape (n, 13), in the layout of `model.FIELDS`."""
         depth, sink = self.depth.at(time_s)
         target = target_along(list(self.segments), self.speed_mps, time_s)
         return np.column_stack([self.current.columns(time_s), depth, sink, target])
@@ -141,9 +141,12 @@ def waypoint_mission(
     law: Law = "line_of_sight",
     current: Current | None = None,
 ) -> Mission:
-    """A user's way: straight legs through waypoints (n, 2: north, east in m), corners rounded.
+    """Trajectory through waypoints (n, 2: north, east in m): straight legs with rounded corners.
 
-    Without a duration the mission ends when the path does. Raises `ScenarioError` for impossible waypoints.
+    Without a duration the mission ends at the end of the path.
+
+    Raises:
+        ScenarioError: as `through_waypoints`.
     """
     segments = through_waypoints(waypoints_m, turn_radius_m)
     length = sum(segment.length_m for segment in segments)

@@ -1,18 +1,18 @@
-"""The vehicle under way: body, actuators, autopilot and guidance as one system of equations.
+"""The vehicle as one system of equations: body, actuators, autopilot and guidance.
 
-State (28): position_t 0:3, attitude_t_p 3:7, nu 7:13, fins 13:17, shaft 17, then the autopilot's memory:
-roll 18:20, pitch 20:22, yaw 22:24, speed 24:26 (each integral, filtered rate error), crab angle 26, depth
-integral 27.
+State (28): position_t 0:3, attitude_t_p 3:7, nu 7:13, fins 13:17, shaft 17, then the autopilot's memory: roll 18:20,
+pitch 20:22, yaw 22:24, speed 24:26 (each integral, filtered rate error), crab angle 26, depth integral 27.
 """
 
 from collections.abc import Callable, Sequence
+from itertools import chain
 from typing import TypeAlias
 
-from bottomlock.plant.actuators import StuckFin, fin_servo, thruster
-from bottomlock.plant.autopilot import attitude_pid, fin_commands, speed_pid
-from bottomlock.plant.equations import Four, acceleration, to_platform, to_tangent
+from bottomlock.plant.actuators import StuckFin, actuator_rates
+from bottomlock.plant.autopilot import autopilot
+from bottomlock.plant.equations import Four, Six, Three, acceleration, to_platform, to_tangent
 from bottomlock.plant.guidance import Law, Segment, constant_bearing, depth_by_pitch, line_of_sight
-from bottomlock.plant.lanes import Lane, Maths
+from bottomlock.plant.maths import Maths, Number
 from bottomlock.plant.vehicle import Vehicle
 
 POSITION = slice(0, 3)
@@ -26,136 +26,118 @@ DEPTH_INTEGRAL = 27
 SIZE = 28
 
 FIELDS = 13
-"""Inputs known before the run, per time: current (N, E), its own rate of change (N, E), shear (N, E per
-metre), depth wanted, sink rate wanted, target (N, E, velocity N, velocity E, turn rate); see
-`timetable`."""
+"""Inputs known before the run, per time (`Mission.timetable`): current (N, E), its rate of change (N, E), shear (N, E
+per metre), wanted depth, wanted sink rate, target (N, E, velocity N, velocity E, course rate)."""
 
-Row: TypeAlias = Sequence[Lane]
-Error: TypeAlias = tuple[Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane]
-State: TypeAlias = Sequence[Lane]
-Derivative: TypeAlias = Callable[[Sequence[Lane], Row[Lane], Segment[Lane], Error[Lane]], list[Lane]]
+Row: TypeAlias = Sequence[Number]
+Error: TypeAlias = tuple[Number, Number, Number, Number, Number, Number, Number, Number, Number]
+State: TypeAlias = Sequence[Number]
+Derivative: TypeAlias = Callable[
+    [Sequence[Number], Row[Number], Segment[Number], Error[Number]], list[Number]
+]
+
+
+def estimated_motion(
+    maths: Maths[Number],
+) -> Callable[[Four[Number], Three[Number], Error[Number]], Six[Number]]:
+    """Build the estimated motion that control uses: the true motion less the navigation error.
+
+    The function takes the attitude quaternion, the velocity (tangent frame, m/s) and the navigation error, and returns
+    roll, pitch, yaw (rad), the speeds ahead and to starboard in the level heading frame, and the speed (m/s).
+    """
+    sqrt, sin, cos, asin, atan2 = maths.sqrt, maths.sin, maths.cos, maths.asin, maths.atan2
+    clip = maths.clip
+
+    def estimate(attitude: Four[Number], velocity: Three[Number], error: Error[Number]) -> Six[Number]:
+        q0, q1, q2, q3 = attitude
+        v_n, v_e, v_d = velocity
+        _, _, _, e_vn, e_ve, e_vd, e_roll, e_pitch, e_yaw = error
+        roll = atan2(2.0 * (q0 * q1 + q2 * q3), 1.0 - 2.0 * (q1 * q1 + q2 * q2)) - e_roll
+        pitch = asin(clip(2.0 * (q0 * q2 - q1 * q3), -1.0, 1.0)) - e_pitch
+        yaw = atan2(2.0 * (q0 * q3 + q1 * q2), 1.0 - 2.0 * (q2 * q2 + q3 * q3)) - e_yaw
+        north, east = v_n - e_vn, v_e - e_ve
+        cos_yaw, sin_yaw = cos(yaw), sin(yaw)
+        ahead = cos_yaw * north + sin_yaw * east
+        starboard = cos_yaw * east - sin_yaw * north
+        speed = sqrt(ahead * ahead + starboard * starboard + (v_d - e_vd) * (v_d - e_vd))
+        return roll, pitch, yaw, ahead, starboard, speed
+
+    return estimate
+
+
+def quaternion_rate(attitude: Four[Number], p: Number, q: Number, r: Number) -> Four[Number]:
+    """Time derivative of the quaternion (scalar first) at the body rates p, q, r (rad/s)."""
+    q0, q1, q2, q3 = attitude
+    return (
+        -0.5 * (q1 * p + q2 * q + q3 * r),
+        0.5 * (q0 * p + q2 * r - q3 * q),
+        0.5 * (q0 * q + q3 * p - q1 * r),
+        0.5 * (q0 * r + q1 * q - q2 * p),
+    )
 
 
 def derivative(
     vehicle: Vehicle,
-    maths: Maths[Lane],
+    maths: Maths[Number],
     *,
     speed_mps: float,
     law: Law,
     gravity_mps2: float,
     stuck: StuckFin | None = None,
-) -> Derivative[Lane]:
+) -> Derivative[Number]:
     """Build x' as a function of the state, the timetable's row, the path segment and the navigation error.
 
-    The navigation error (true minus believed: position_t m, velocity_t m/s, roll, pitch, yaw rad) is what
-    guidance and control are fooled by; zeros fly on the truth.
+    The navigation error is true minus estimated: position_t m, velocity_t m/s, roll, pitch, yaw rad. Guidance and
+    control use the estimate; with zeros they use the truth.
     """
     nu_dot = acceleration(vehicle, gravity_mps2, maths)
-    servo, motor = fin_servo(vehicle, maths), thruster(vehicle, maths)
-    pilot = vehicle.autopilot
-    roll_pid, pitch_pid, yaw_pid = (
-        attitude_pid(gains, maths) for gains in (pilot.roll, pilot.pitch, pilot.yaw)
-    )
-    speed_law = speed_pid(pilot.speed, vehicle.propeller.max_speed, maths)
-    mix: Callable[[Lane, Lane, Lane], Four[Lane]] = fin_commands(vehicle)
-    steer = (
+    estimate, control = estimated_motion(maths), autopilot(vehicle, maths)
+    actuators = actuator_rates(vehicle, maths, stuck)
+    guide = (
         line_of_sight(vehicle, speed_mps, maths)
         if law == "line_of_sight"
         else constant_bearing(vehicle, maths)
     )
-    dive = depth_by_pitch(vehicle, maths)
-    limits = vehicle.limits
-    cruise, slowest, fastest = limits.cruise_speed, limits.min_speed, limits.max_speed
+    depth_law = depth_by_pitch(vehicle, maths)
     crab_corner = 1.0 / vehicle.guidance.crab_time_constant
-    sqrt, sin, cos, asin, atan2 = maths.sqrt, maths.sin, maths.cos, maths.asin, maths.atan2
-    clip, wrap = maths.clip, maths.wrap
-    jammed = stuck.fin - 1 if stuck is not None else -1
-    jam = stuck.angle_rad if stuck is not None else 0.0
+    atan2, wrap = maths.atan2, maths.wrap
 
     def rates(
-        state: Sequence[Lane], row: Row[Lane], segment: Segment[Lane], error: Error[Lane]
-    ) -> list[Lane]:
-        (
-            north, east, depth, q0, q1, q2, q3, u, v, w, p, q, r, fin1, fin2, fin3, fin4, shaft,
-            roll_i, roll_f, pitch_i, pitch_f, yaw_i, yaw_f, speed_i, speed_f, crab, depth_i,
-        ) = state  # fmt: skip
+        state: Sequence[Number], row: Row[Number], segment: Segment[Number], error: Error[Number]
+    ) -> list[Number]:
+        north, east, depth, q0, q1, q2, q3, u, v, w, p, q, r, fin1, fin2, fin3, fin4, shaft = state[:ROLL_PID]
+        memory, crab, depth_i = state[ROLL_PID:CRAB], state[CRAB], state[DEPTH_INTEGRAL]
         c_n, c_e, a_n, a_e, s_n, s_e, depth_wanted, sink_wanted, t_n, t_e, t_vn, t_ve, t_rate = row
-        v_n, v_e, v_d = to_tangent(q0, q1, q2, q3, u, v, w)
+        target = (t_n, t_e, t_vn, t_ve, t_rate)
+        attitude, fins = (q0, q1, q2, q3), (fin1, fin2, fin3, fin4)
+        velocity_n = to_tangent(q0, q1, q2, q3, u, v, w)
+        v_d = velocity_n[2]
         zero = 0.0 * u
-        # mechanics
-        water = (c_n + s_n * depth, c_e + s_e * depth, zero)
-        swell = (a_n + s_n * v_d, a_e + s_e * v_d, zero)
-        ud, vd, wd, pd, qd, rd = nu_dot(
-            (q0, q1, q2, q3), (u, v, w, p, q, r), (fin1, fin2, fin3, fin4), shaft, water, swell
+        current_velocity_n = (c_n + s_n * depth, c_e + s_e * depth, zero)
+        current_accel_n = (a_n + s_n * v_d, a_e + s_e * v_d, zero)
+        nu_rates = nu_dot(attitude, (u, v, w, p, q, r), fins, shaft, current_velocity_n, current_accel_n)
+        roll, pitch, yaw, ahead, starboard, speed = estimate(attitude, velocity_n, error)
+        course, rate_wanted, speed_wanted = guide(north - error[0], east - error[1], segment, target)
+        pitch_wanted, depth_i_dot = depth_law(depth_wanted, sink_wanted, depth - error[2], speed, depth_i)
+        fin_commands, shaft_command, memory_dot = control(
+            (-roll, pitch_wanted - pitch, wrap(course - crab - yaw)),
+            (-p, -q, rate_wanted - r),
+            (speed_wanted, speed_wanted - speed, -nu_rates[0]),
+            ahead,
+            memory,
         )
-        # what the vehicle believes
-        e_n, e_e, e_d, e_vn, e_ve, e_vd, e_roll, e_pitch, e_yaw = error
-        roll = atan2(2.0 * (q0 * q1 + q2 * q3), 1.0 - 2.0 * (q1 * q1 + q2 * q2)) - e_roll
-        pitch = asin(clip(2.0 * (q0 * q2 - q1 * q3), -1.0, 1.0)) - e_pitch
-        yaw = atan2(2.0 * (q0 * q3 + q1 * q2), 1.0 - 2.0 * (q2 * q2 + q3 * q3)) - e_yaw
-        b_vn, b_ve = v_n - e_vn, v_e - e_ve
-        cos_yaw, sin_yaw = cos(yaw), sin(yaw)
-        ahead = cos_yaw * b_vn + sin_yaw * b_ve
-        aside = cos_yaw * b_ve - sin_yaw * b_vn
-        pace = sqrt(ahead * ahead + aside * aside + (v_d - e_vd) * (v_d - e_vd))
-        # guidance
-        course, rate_wanted, speed_wanted = steer(
-            north - e_n, east - e_e, segment, (t_n, t_e, t_vn, t_ve, t_rate)
+        fin_rates, shaft_rate = actuators(fin_commands, fins, shaft_command, shaft)
+        crab_dot = crab_corner * (atan2(starboard, ahead) - crab)
+        attitude_rate = quaternion_rate(attitude, p, q, r)
+        guidance_dot = (crab_dot, depth_i_dot)
+        return list(
+            chain(velocity_n, attitude_rate, nu_rates, fin_rates, (shaft_rate,), memory_dot, guidance_dot)
         )
-        pitch_wanted, depth_i_dot = dive(depth_wanted, sink_wanted, depth - e_d, pace, depth_i)
-        # control; the gains serve cruise speed, fin forces grow with speed squared
-        gauge = clip(ahead, slowest, fastest)
-        scale = cruise * cruise / (gauge * gauge)
-        roll_fin, roll_i_dot, roll_f_dot = roll_pid(-roll, -p, roll_i, roll_f, scale)
-        pitch_fin, pitch_i_dot, pitch_f_dot = pitch_pid(pitch_wanted - pitch, -q, pitch_i, pitch_f, scale)
-        heading_error = wrap(course - crab - yaw)
-        yaw_fin, yaw_i_dot, yaw_f_dot = yaw_pid(heading_error, rate_wanted - r, yaw_i, yaw_f, scale)
-        command, speed_i_dot, speed_f_dot = speed_law(
-            speed_wanted, speed_wanted - pace, -ud, speed_i, speed_f
-        )
-        # actuators
-        angles = (fin1, fin2, fin3, fin4)
-        fin_rates: list[Lane] = [
-            servo(wanted, angle)
-            for wanted, angle in zip(mix(roll_fin, pitch_fin, yaw_fin), angles, strict=True)
-        ]
-        if jammed >= 0:
-            fin_rates[jammed] = 50.0 * (jam - angles[jammed])
-        return [
-            v_n,
-            v_e,
-            v_d,
-            -0.5 * (q1 * p + q2 * q + q3 * r),
-            0.5 * (q0 * p + q2 * r - q3 * q),
-            0.5 * (q0 * q + q3 * p - q1 * r),
-            0.5 * (q0 * r + q1 * q - q2 * p),
-            ud,
-            vd,
-            wd,
-            pd,
-            qd,
-            rd,
-            fin_rates[0],
-            fin_rates[1],
-            fin_rates[2],
-            fin_rates[3],
-            motor(command, shaft),
-            roll_i_dot,
-            roll_f_dot,
-            pitch_i_dot,
-            pitch_f_dot,
-            yaw_i_dot,
-            yaw_f_dot,
-            speed_i_dot,
-            speed_f_dot,
-            crab_corner * (atan2(aside, ahead) - crab),
-            depth_i_dot,
-        ]
 
     return rates
 
 
-def water_velocity_p(state: Sequence[Lane], row: Sequence[Lane]) -> tuple[Lane, Lane, Lane]:
+def velocity_through_water_p(state: Sequence[Number], row: Sequence[Number]) -> tuple[Number, Number, Number]:
     """Velocity relative to the water, platform frame, m/s, from a state and its timetable row."""
     depth = state[2]
     q0, q1, q2, q3, u, v, w = (state[index] for index in range(3, 10))

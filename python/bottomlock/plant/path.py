@@ -1,4 +1,4 @@
-"""Paths in the horizontal plane: straight lines and arcs, and the target that runs along them."""
+"""Paths in the horizontal plane: straight lines and arcs, and the target that moves along them."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from bottomlock.errors import ScenarioError
-from bottomlock.plant.lanes import FloatArray, IntArray
+from bottomlock.plant.maths import FloatArray, IntArray
 
 _BLEND_M = 2.0
 
@@ -25,27 +25,27 @@ class PathSegment:
     length_m: float
 
     def row(self) -> tuple[float, float, float, float, float, float]:
-        """The segment's start as guidance reads it: north, east, cos, sin, heading, curvature."""
+        """The segment's start for guidance: north, east, cos, sin, heading, curvature."""
         heading = self.heading_rad
         return self.north_m, self.east_m, math.cos(heading), math.sin(heading), heading, self.curvature_pm
 
     def at(self, distance_m: float) -> tuple[float, float, float]:
         """North (m), east (m) and heading (rad) after a distance along the segment."""
-        turn = self.curvature_pm * distance_m
-        half = 0.5 * turn
+        heading_change = self.curvature_pm * distance_m
+        half = 0.5 * heading_change
         chord = distance_m * (1.0 if half == 0.0 else math.sin(half) / half)
         bearing = self.heading_rad + half
         return (
             self.north_m + chord * math.cos(bearing),
             self.east_m + chord * math.sin(bearing),
-            self.heading_rad + turn,
+            self.heading_rad + heading_change,
         )
 
 
 def guide_rows(segments: Sequence[PathSegment]) -> list[tuple[float, ...]]:
-    """Per segment what guidance reads: its start, the next one's start, and the blend between them (m).
+    """Per segment the input of guidance: its start, the next one's start, and the blend between them (m).
 
-    After the last segment the path runs straight on.
+    After the last segment the path continues straight.
     """
     last = segments[-1]
     beyond = PathSegment(*last.at(last.length_m), 0.0, _BLEND_M * 4.0)
@@ -70,11 +70,11 @@ class PathBuilder:
         self.segments: list[PathSegment] = []
 
     def line(self, length_m: float) -> Self:
-        """Go straight on."""
+        """Append a straight line."""
         return self._append(0.0, length_m)
 
     def arc(self, radius_m: float, turn_rad: float) -> Self:
-        """Turn by an angle, positive to the right, in pieces of at most a quarter turn."""
+        """Append an arc of an angle (rad), positive to the right, in pieces of at most a quarter turn."""
         pieces = max(1, math.ceil(abs(turn_rad) / (0.5 * math.pi) - 1e-9))
         for _ in range(pieces):
             self._append(math.copysign(1.0 / radius_m, turn_rad), radius_m * abs(turn_rad) / pieces)
@@ -88,10 +88,10 @@ class PathBuilder:
 
 
 def through_waypoints(waypoints_m: FloatArray, turn_radius_m: float) -> list[PathSegment]:
-    """Lines through waypoints (n, 2: north, east), corners rounded by arcs that touch both legs.
+    """Lines through waypoints (n, 2: north, east in m), corners rounded by arcs tangent to both legs.
 
-    Raises `ScenarioError` naming the waypoint whose legs are too short for the arc, or that repeats its
-    predecessor.
+    Raises:
+        ScenarioError: naming the waypoint, for legs too short for the arc or a waypoint that repeats the one before.
     """
     points = np.asarray(waypoints_m, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.isfinite(points).all():
@@ -99,7 +99,9 @@ def through_waypoints(waypoints_m: FloatArray, turn_radius_m: float) -> list[Pat
     legs = np.diff(points, axis=0)
     lengths = np.hypot(legs[:, 0], legs[:, 1])
     for repeated in np.flatnonzero(lengths <= 0.0):
-        raise ScenarioError(f"waypoint {repeated + 2}: the same place as waypoint {repeated + 1}")
+        raise ScenarioError(
+            f"waypoint {repeated + 2}: equals waypoint {repeated + 1}, expected distinct positions; remove one of them"
+        )
     headings = np.arctan2(legs[:, 1], legs[:, 0])
     turns = np.arctan2(np.sin(np.diff(headings)), np.cos(np.diff(headings)))
     cut = np.zeros(len(points))
@@ -120,11 +122,10 @@ def through_waypoints(waypoints_m: FloatArray, turn_radius_m: float) -> list[Pat
 
 
 def target_along(segments: list[PathSegment], speed_mps: float, time_s: FloatArray) -> FloatArray:
-    """A target running along the path at constant speed, (n, 5).
+    """A target that moves along the path at constant speed, (n, 5).
 
-    Columns: north, east (m), velocity north, east (m/s), turn rate (rad/s).
-
-    Beyond the last segment it runs on along the last heading.
+    Columns: north, east (m), velocity north, east (m/s), course rate (rad/s). Beyond the last segment it continues on
+    the last heading.
     """
     ends = np.cumsum([segment.length_m for segment in segments])
     distance = speed_mps * np.asarray(time_s)
@@ -153,11 +154,11 @@ def cross_track_m(segments: list[PathSegment], position_ne_m: FloatArray) -> tup
         n0, e0, cosine, sine, _, curvature = segment.row()
         dn, de = points[:, 0] - n0, points[:, 1] - e0
         along, beside = cosine * dn + sine * de, cosine * de - sine * dn
-        turned, inner = curvature * along, 1.0 - curvature * beside
-        distance = np.hypot(turned, inner)
+        forward, inward = curvature * along, 1.0 - curvature * beside
+        distance = np.hypot(forward, inward)
         offset = (2.0 * beside - curvature * (along**2 + beside**2)) / (1.0 + distance)
         travelled = (
-            along if curvature == 0.0 else np.arctan2(turned, inner) / abs(curvature) * np.sign(curvature)
+            along if curvature == 0.0 else np.arctan2(forward, inward) / abs(curvature) * np.sign(curvature)
         )
         overshoot = np.maximum(np.maximum(-travelled, travelled - segment.length_m), 0.0)
         gap = np.hypot(offset, overshoot)

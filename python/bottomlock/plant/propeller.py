@@ -2,16 +2,18 @@
 
 from collections.abc import Callable
 
-from bottomlock.plant.lanes import Lane, Maths
+from bottomlock.plant.maths import Maths, Number
 from bottomlock.plant.vehicle import Vehicle
 
 
-def propeller_wrench(vehicle: Vehicle, maths: Maths[Lane]) -> Callable[[Lane, Lane], tuple[Lane, Lane]]:
+def propeller_wrench(
+    vehicle: Vehicle, maths: Maths[Number]
+) -> Callable[[Number, Number], tuple[Number, Number]]:
     """Build net thrust X (N) and roll moment K (N m) from speed u (m/s) and shaft n (rev/s).
 
-    T = rho D⁴ (K_T0 n|n| + K_T1 |n| V_a / D), V_a = (1 - w) u, and the hull gets (1 - t) T; the torque
-    alike with D⁵ and opposite to the rotation (linear in the advance number, as MSS remus100.m). A stopped
-    shaft gives nothing.
+    T = rho D⁴ (K_T0 n|n| + K_T1 |n| V_a / D), V_a = (1 - w) u, and the hull gets (1 - t) T. The torque has the same
+    form with D⁵, opposite to the rotation (linear in the advance number, as MSS remus100.m). A stopped shaft gives
+    neither.
     """
     prop = vehicle.propeller
     density, diameter = vehicle.water.density, prop.diameter
@@ -22,8 +24,8 @@ def propeller_wrench(vehicle: Vehicle, maths: Maths[Lane]) -> Callable[[Lane, La
     torque_0, torque_1 = torque * prop.torque_at_rest, torque * prop.torque_slope * advance
     del maths  # products only: the same line serves floats and arrays
 
-    def wrench(u: Lane, shaft: Lane) -> tuple[Lane, Lane]:
-        turning = abs(shaft)
-        return turning * (thrust_0 * shaft + thrust_1 * u), turning * (torque_0 * shaft + torque_1 * u)
+    def wrench(u: Number, shaft: Number) -> tuple[Number, Number]:
+        size = abs(shaft)
+        return size * (thrust_0 * shaft + thrust_1 * u), size * (torque_0 * shaft + torque_1 * u)
 
     return wrench

@@ -1,4 +1,4 @@
-"""The seabed under the beams: flat, sloped or gridded; range and incidence of every beam of every ping."""
+"""The seabed below the vehicle: flat, sloped or gridded; range and incidence of every beam of every ping."""
 
 import tomllib
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from bottomlock.errors import ScenarioError
-from bottomlock.plant.lanes import FloatArray
+from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.matrices import rotation_t_p
 
 _MARCH_STEPS = 256
@@ -16,10 +16,10 @@ _BISECTIONS = 40
 
 
 class Seabed(Protocol):
-    """A bottom that rays can hit."""
+    """A seabed that rays intersect."""
 
     def intersect(self, origin_t_m: FloatArray, direction_t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Range (m) and cosine of incidence where rays (..., 3) first hit; NaN where they do not."""
+        """Range (m) and cosine of incidence of the first intersection of rays (..., 3); NaN without one."""
         ...
 
 
@@ -33,10 +33,13 @@ class PlaneSeabed:
 
     def __post_init__(self) -> None:
         if not np.isfinite([self.depth_m, self.slope_north, self.slope_east]).all() or self.depth_m <= 0.0:
-            raise ScenarioError("seabed: depth_m must be positive and the slopes finite")
+            raise ScenarioError(
+                f"seabed: depth_m is {self.depth_m:g}, slopes {self.slope_north:g} and {self.slope_east:g}, expected a "
+                "positive depth and finite slopes"
+            )
 
     def intersect(self, origin_t_m: FloatArray, direction_t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Range (m) and cosine of incidence where rays (..., 3) hit; NaN for rays that run along or away."""
+        """Range (m) and cosine of incidence of rays (..., 3); NaN for rays parallel to the plane or away from it."""
         normal = np.array([-self.slope_north, -self.slope_east, 1.0])
         closing = direction_t @ normal
         height = self.depth_m - origin_t_m @ normal
@@ -47,9 +50,10 @@ class PlaneSeabed:
 
 @dataclass(frozen=True)
 class GridSeabed:
-    """Depths (rows north, columns east) on an even grid, bilinear between.
+    """Depths (rows north, columns east), m, on an even grid, bilinear between; beyond its edges rays return nothing.
 
-    Beyond the edges there is no bottom.
+    Raises:
+        ScenarioError: for axes that do not rise evenly, depths of another shape, or a depth that is not finite.
     """
 
     north_m: FloatArray
@@ -74,7 +78,7 @@ class GridSeabed:
             raise ScenarioError(f"seabed grid: depth_m at row {row + 1}, column {column + 1} is not finite")
 
     def depth_at(self, north_m: FloatArray, east_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Depth (m) and its slopes to the north and east at places; NaN beyond the edges."""
+        """Depth (m) and its slopes to the north and east at positions (...,); NaN beyond the edges."""
         depth = np.asarray(self.depth_m)
         row, row_step = self._locate(north_m, self.north_m)
         column, column_step = self._locate(east_m, self.east_m)
@@ -94,10 +98,7 @@ class GridSeabed:
         return (np.asarray(place_m) - float(axis_m[0])) / step, step
 
     def intersect(self, origin_t_m: FloatArray, direction_t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Range (m) and cosine of incidence of the first hit; NaN if there is none.
-
-        Marches to a bracket, then bisects.
-        """
+        """Range (m) and cosine of incidence of the first intersection, NaN without one; by marching and bisection."""
         origin, direction = np.broadcast_arrays(origin_t_m, direction_t)
         shape = origin.shape[:-1]
         origin, direction = origin.reshape(-1, 3), direction.reshape(-1, 3)
@@ -133,20 +134,25 @@ class GridSeabed:
 def rolling_seabed(
     *, depth_m: float, relief_m: float, wavelength_m: float, half_width_m: float, spacing_m: float = 5.0
 ) -> GridSeabed:
-    """A small grid of our own: crossed sine swells of a given relief (m, crest to mean) and wavelength."""
+    """A synthetic grid: crossed sine undulations of a given relief (m, crest to mean) and wavelength (m).
+
+    Raises:
+        ScenarioError: for a length that is not positive, or a relief of the depth or more.
+    """
     if min(depth_m, wavelength_m, half_width_m, spacing_m) <= 0.0 or not 0.0 <= relief_m < depth_m:
         raise ScenarioError("rolling seabed: lengths must be positive and the relief less than the depth")
     count = 2 * int(np.ceil(half_width_m / spacing_m)) + 1
     axis: FloatArray = spacing_m * (np.arange(count, dtype=np.float64) - count // 2)
     phase = 2.0 * np.pi * axis / wavelength_m
-    swell = 0.5 * relief_m * (np.sin(phase)[:, None] + np.sin(0.7 * phase)[None, :])
-    return GridSeabed(north_m=axis, east_m=axis, depth_m=depth_m + swell)
+    undulation_m = 0.5 * relief_m * (np.sin(phase)[:, None] + np.sin(0.7 * phase)[None, :])
+    return GridSeabed(north_m=axis, east_m=axis, depth_m=depth_m + undulation_m)
 
 
 def load_grid(path: Path) -> GridSeabed:
     """Read a user's grid: TOML with north_m, east_m and depth_m (rows north), or .npz with the same names.
 
-    Raises `ScenarioError` naming the file and what is missing or malformed.
+    Raises:
+        ScenarioError: naming the file, for a missing array or a file that cannot be read.
     """
     names = ("north_m", "east_m", "depth_m")
     try:
@@ -166,7 +172,7 @@ def load_grid(path: Path) -> GridSeabed:
 
 @dataclass(frozen=True)
 class Footprints:
-    """Where beams meet the bottom: range (E, B) m and incidence (E, B) rad; NaN without a bottom."""
+    """Where beams meet the bottom: range (E, B), m, and angle of incidence (E, B), rad; NaN without a bottom."""
 
     range_m: FloatArray
     incidence_rad: FloatArray
@@ -179,10 +185,12 @@ def footprints(
     directions_p: FloatArray,
     lever_arms_p_m: FloatArray | None = None,
 ) -> Footprints:
-    """Cast every beam of every ping onto the seabed.
+    """Intersect every beam of every ping with the seabed.
 
-    Positions (E, 3) and attitudes (E, 4) at the pings, beam directions and lever arms (B, 3) in the
-    platform frame.
+    Args:
+        seabed: the bottom.
+        position_t_m, attitude_t_p: (E, 3) and (E, 4) at the pings.
+        directions_p, lever_arms_p_m: (B, 3) in the platform frame; lever arms are zero by default.
     """
     directions = np.asarray(directions_p, dtype=np.float64)
     arms = (

@@ -1,4 +1,4 @@
-"""What the other aiding sensors meet: the surface, the Earth's magnetic field, the sea above."""
+"""Environment of the other aiding sensors: GPS reception at the surface, magnetic field, pressure."""
 
 import math
 from dataclasses import dataclass
@@ -8,16 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import ScenarioError
-from bottomlock.plant.lanes import FloatArray, IntArray
+from bottomlock.plant.maths import FloatArray, IntArray
 from bottomlock.plant.matrices import rotation_t_p
 
 BoolArray = NDArray[np.bool_]
 
 
 class GpsReception:
-    """Where GPS is heard: once the antenna has been above water for the time that a fix takes.
+    """GPS reception: a fix once the antenna has been above water for the acquisition time.
 
-    Fed stretches of truth in order; a vehicle that begins at the surface has its fix already.
+    Called with consecutive blocks of truth; a vehicle that starts at the surface has a fix from the start.
+
+    Raises:
+        ScenarioError: for a negative acquisition time.
     """
 
     def __init__(self, antenna_depth_m: float = 0.3, acquire_s: float = 5.0) -> None:
@@ -26,8 +29,8 @@ class GpsReception:
         self._antenna_depth_m, self._acquire_ns = antenna_depth_m, round(acquire_s * 1e9)
         self._last_under_ns: IntArray | None = None
 
-    def heard(self, time_ns: IntArray, depth_m: FloatArray, epochs_ns: IntArray) -> BoolArray:
-        """(runs, epochs): true where a fix is heard; depths (runs, samples) at times (samples,)."""
+    def received(self, time_ns: IntArray, depth_m: FloatArray, epochs_ns: IntArray) -> BoolArray:
+        """(runs, epochs): true where a fix is received; depths (runs, samples), m, at times (samples,), ns."""
         up = depth_m <= self._antenna_depth_m
         if self._last_under_ns is None:
             self._last_under_ns = np.full(len(depth_m), np.iinfo(np.int64).min // 2)
@@ -36,13 +39,13 @@ class GpsReception:
         last_under = np.maximum.accumulate(under, axis=1)
         self._last_under_ns = last_under[:, -1]
         nearest = np.minimum(np.searchsorted(time_ns, epochs_ns), len(time_ns) - 1)
-        heard: BoolArray = up[:, nearest] & (epochs_ns - last_under[:, nearest] >= self._acquire_ns)
-        return heard
+        fixed: BoolArray = up[:, nearest] & (epochs_ns - last_under[:, nearest] >= self._acquire_ns)
+        return fixed
 
 
 @dataclass(frozen=True)
 class MagneticField:
-    """The field at a place: declination and inclination (rad), strength (nT)."""
+    """Magnetic field at a position: declination and inclination (rad), strength (nT)."""
 
     declination_rad: float
     inclination_rad: float
@@ -63,7 +66,8 @@ def world_magnetic_model(
 ) -> MagneticField:
     """The World Magnetic Model by the `pygeomag` package (extra `magnetic`).
 
-    Raises `ScenarioError` when the package is absent or the date lies outside the model's life.
+    Raises:
+        ScenarioError: where the package is not installed, or the date is outside the model's validity.
     """
     try:
         geomag = import_module("pygeomag")
@@ -81,17 +85,14 @@ def world_magnetic_model(
         )
     except ValueError as error:
         raise ScenarioError(
-            f"magnetometer: the World Magnetic Model refuses {decimal_year:g}: {error}"
+            f"magnetometer: the World Magnetic Model is not valid in {decimal_year:g}: {error}"
         ) from error
     return MagneticField(math.radians(found.d), math.radians(found.i), float(found.f))
 
 
 @dataclass(frozen=True)
 class Iron:
-    """The vehicle's own magnetism.
-
-    Hard iron (nT, platform) adds to the field, soft iron (3, 3) turns and stretches it.
-    """
+    """The vehicle's magnetism: hard iron (nT, platform frame) adds to the field, soft iron (3, 3) multiplies it."""
 
     hard_p_nt: tuple[float, float, float] = (0.0, 0.0, 0.0)
     soft: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -100,29 +101,30 @@ class Iron:
 def magnetic_heading_error_rad(
     field: MagneticField, iron: Iron, attitude_t_p: FloatArray, *, assumed_declination_rad: float
 ) -> FloatArray:
-    """Heading a levelled magnetometer reads minus the true heading, rad, at attitudes (N, 4) -> (N,).
+    """Heading of a levelled magnetometer minus the true heading, rad, at attitudes (N, 4) -> (N,).
 
-    The field in the platform frame is distorted by soft and hard iron, turned back through the true roll
-    and pitch, and its horizontal part taken for magnetic north; the assumed declination is then added.
+    The field in the platform frame is distorted by soft and hard iron and levelled with the true roll and pitch; its
+    horizontal component is taken as magnetic north, and the assumed declination is added.
     """
     attitude = np.asarray(attitude_t_p, dtype=np.float64)
     rotation = np.moveaxis(rotation_t_p(attitude.T), -1, 0)
     soft, hard = np.array(iron.soft), np.array(iron.hard_p_nt)
     field_p = np.einsum("nji,j->ni", rotation, field.vector_t_nt)
-    felt_p = field_p @ soft.T + hard
-    felt_t = np.einsum("nij,nj->ni", rotation, felt_p)
-    # in the tangent frame an undisturbed field points to the declination; what is left over is heading error
-    swing = np.arctan2(felt_t[:, 1], felt_t[:, 0]) - assumed_declination_rad
-    return np.asarray(-(swing - 2.0 * np.pi * np.round(swing / (2.0 * np.pi))))
+    measured_p = field_p @ soft.T + hard
+    measured_t = np.einsum("nij,nj->ni", rotation, measured_p)
+    # in the tangent frame an undisturbed field points to the declination; the difference is heading error
+    deviation = np.arctan2(measured_t[:, 1], measured_t[:, 0]) - assumed_declination_rad
+    return np.asarray(-(deviation - 2.0 * np.pi * np.round(deviation / (2.0 * np.pi))))
 
 
 @dataclass(frozen=True)
 class Pressure:
-    """How pressure is taken for depth.
+    """Depth from pressure with an assumed density and mean sea level: a scale error and an offset.
 
-    True and assumed density (kg/m³), tide (m, positive at high water), barometer (Pa).
+    True and assumed density (kg/m³), tide (m, positive at high water), barometric offset (Pa).
 
-    A sensor that assumes a density and a mean sea level reads depth with a scale and an offset.
+    Raises:
+        ScenarioError: for a density that is not positive.
     """
 
     density_kgpm3: float = 1026.0
@@ -140,6 +142,6 @@ class Pressure:
         return np.asarray(self.density_kgpm3 * gravity_mps2 * column + self.barometric_offset_pa)
 
     def depth_error_m(self, depth_m: FloatArray, gravity_mps2: float) -> FloatArray:
-        """Depth read minus true depth below mean sea level, m."""
+        """Measured depth minus true depth below mean sea level, m."""
         read = self.pressure_pa(depth_m, gravity_mps2) / (self.assumed_density_kgpm3 * gravity_mps2)
         return np.asarray(read - np.asarray(depth_m))

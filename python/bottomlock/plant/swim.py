@@ -1,4 +1,4 @@
-"""Swim a mission: one vehicle, flown on the truth, from its trim to the end."""
+"""Integrate a mission: one vehicle, controlled on the truth, from its trim to the end."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,36 +8,39 @@ import numpy as np
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import model
 from bottomlock.plant.integrate import attitude_by_rates, hermite, runge_kutta_step
-from bottomlock.plant.lanes import ARRAY, SCALAR, FloatArray, IntArray
+from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray, IntArray
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.path import guide_rows, passed
 from bottomlock.plant.trim import start_state
 from bottomlock.plant.vehicle import Vehicle
 
 TICK_S = 0.2
-"""Guidance looks for the next segment this often, at instants that do not depend on the integration step."""
+"""Interval at which guidance selects the path segment; it does not depend on the integration step."""
 
 NO_ERROR = (0.0,) * 9
 
 
 @dataclass(frozen=True)
-class Passage:
-    """A vehicle's whole state at the samples' times.
+class StateHistory:
+    """A vehicle's whole state at the sample times.
 
-    time_ns (N,), state (N, 28) laid out as in `model`, acceleration (N, 6) = nu' in m/s² and rad/s², water
-    (N, 3) = velocity relative to the water in the platform frame, segment (N,) = index of the path's
-    segment in use.
+    Attributes:
+        time_ns: (N,).
+        state: (N, 28) in the layout of `model`.
+        acceleration: (N, 6) nu', m/s² and rad/s².
+        velocity_through_water_p_mps: (N, 3) velocity relative to the water, platform frame.
+        segment: (N,) index of the path segment in use.
     """
 
     time_ns: IntArray
     state: FloatArray
     acceleration: FloatArray
-    water_velocity_p_mps: FloatArray
+    velocity_through_water_p_mps: FloatArray
     segment: IntArray
 
 
 def next_segment(rows: Sequence[Sequence[float]], index: int, north_m: float, east_m: float) -> int:
-    """The segment to follow from here: moves on past every joint that lies behind the vehicle."""
+    """Index of the segment to follow: advances past every joint that lies behind the vehicle."""
     while index < len(rows) - 1 and passed(rows[index], north_m, east_m):
         index += 1
     return index
@@ -58,13 +61,15 @@ def swim(
     imu_rate_hz: float = 150.0,
     samples_per_step: int = 5,
     steps_per_sample: int = 1,
-) -> Passage:
+) -> StateHistory:
     """Integrate the equations of motion over a mission and sample them at the IMU's rate.
 
-    One step of RK4 spans `samples_per_step` samples (1/30 s at 150 Hz), or a sample spans
-    `steps_per_sample` steps when finer steps are wanted. Between steps the states follow by cubic Hermite
-    interpolation and the accelerations from the equations of motion at the interpolated states. Raises
-    `ScenarioError` when speed or depth leave the vehicle's range.
+    One RK4 step spans `samples_per_step` samples (1/30 s at 150 Hz); for finer steps a sample spans
+    `steps_per_sample` steps. Between steps the states are interpolated by cubic Hermite polynomials, and the
+    accelerations follow from the equations of motion at the interpolated states.
+
+    Raises:
+        ScenarioError: as `check_mission`.
     """
     check_mission(vehicle, mission)
     step_s = samples_per_step / (steps_per_sample * imu_rate_hz)
@@ -105,7 +110,7 @@ def swim(
         indices.append(index)
     every = _dense(np.array(states), np.array(derivatives), step_s, samples_per_step, steps_per_sample)
     chosen = np.repeat(np.array(indices), samples_per_step)[::steps_per_sample]
-    return _passage(vehicle, mission, every[: count + 1], chosen[: count + 1], imu_rate_hz, gravity_mps2)
+    return _history(vehicle, mission, every[: count + 1], chosen[: count + 1], imu_rate_hz, gravity_mps2)
 
 
 def _dense(states: FloatArray, derivatives: FloatArray, step_s: float, parts: int, stride: int) -> FloatArray:
@@ -115,14 +120,14 @@ def _dense(states: FloatArray, derivatives: FloatArray, step_s: float, parts: in
     return every
 
 
-def _passage(
+def _history(
     vehicle: Vehicle,
     mission: Mission,
     states: FloatArray,
     indices: IntArray,
     imu_rate_hz: float,
     gravity_mps2: float,
-) -> Passage:
+) -> StateHistory:
     rates = model.derivative(
         vehicle,
         ARRAY,
@@ -133,25 +138,24 @@ def _passage(
     )
     rows = list(mission.timetable(np.arange(len(states)) / imu_rate_hz).T)
     segment = tuple(np.array(guide_rows(mission.segments))[indices].T)
-    nothing = np.zeros(len(states))
     columns = list(states.T)
-    error = (nothing,) * 9
+    error = (np.zeros(len(states)),) * 9
     derivative = rates(columns, rows, segment, error)
-    water = model.water_velocity_p(columns, rows)
-    return Passage(
+    water = model.velocity_through_water_p(columns, rows)
+    return StateHistory(
         time_ns=sample_times_ns(mission.duration_s, imu_rate_hz)[: len(states)],
         state=states,
         acceleration=np.stack(derivative[model.NU], axis=1),
-        water_velocity_p_mps=np.stack(water, axis=1),
+        velocity_through_water_p_mps=np.stack(water, axis=1),
         segment=indices,
     )
 
 
 def check_mission(vehicle: Vehicle, mission: Mission) -> None:
-    """Refuse a mission that leaves the vehicle's range of speed or depth.
+    """Check that a mission stays within the vehicle's limits of speed and depth.
 
     Raises:
-        ScenarioError: naming the mission, what leaves the range, and the range.
+        ScenarioError: naming the mission, the value outside the limits, and the limits.
     """
     limits = vehicle.limits
     if not limits.min_speed <= mission.speed_mps <= limits.max_speed:

@@ -1,4 +1,4 @@
-"""Missions, currents and seabeds as a scenario's TOML gives them: human units in the keys, SI out."""
+"""Sections of a scenario's TOML for missions, currents and seabeds; units are in the keys, SI comes out."""
 
 import difflib
 import math
@@ -128,7 +128,7 @@ class LawnMowerTable(_MissionTable):
 
 
 class WaypointsTable(_MissionTable):
-    """A user's way: waypoints (north, east in m), rounded corners, depth at times."""
+    """A user's trajectory: waypoints (north, east in m), rounded corners, depth at times."""
 
     kind: Literal["waypoints"]
     name: Annotated[str, Field(min_length=1)]
@@ -168,7 +168,7 @@ class FlatSeabedTable(_Table):
 
 
 class RollingSeabedTable(_Table):
-    """Our own small grid of crossed swells."""
+    """A synthetic grid of crossed undulations."""
 
     kind: Literal["rolling"]
     depth_m: Positive
@@ -193,7 +193,10 @@ _SEABEDS: dict[str, type[AnySeabed]] = {
 
 
 def mission_from_table(table: dict[str, Any], label: str) -> Mission:
-    """Build a mission from its table; raises `ScenarioError` naming the label and every wrong key.
+    """Build a mission from its table.
+
+    Raises:
+        ScenarioError: naming the scenario `label` and every wrong key.
 
     >>> mission_from_table({"kind": "straight", "duration_s": 10}, "demo").duration_s
     10.0
@@ -210,7 +213,11 @@ def mission_from_table(table: dict[str, Any], label: str) -> Mission:
 
 
 def seabed_from_table(table: dict[str, Any], label: str) -> Seabed:
-    """Build a seabed from its table; raises `ScenarioError` naming the label and every wrong key."""
+    """Build a seabed from its table.
+
+    Raises:
+        ScenarioError: naming the scenario `label` and every wrong key.
+    """
     read = _validated(_SEABEDS, table, f"scenario {label}: seabed")
     if isinstance(read, FlatSeabedTable):
         north, east = (math.tan(math.radians(slope)) for slope in (read.slope_north_deg, read.slope_east_deg))

@@ -1,9 +1,9 @@
-"""A flight as a table to look at: where, how fast, at what angles, with which fins."""
+"""A flight as a table: position, velocity, angles, fins and shaft at a low rate."""
 
 import numpy as np
 import polars as pl
 
-from bottomlock.plant.lanes import FloatArray
+from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.path import cross_track_m
 from bottomlock.plant.truth import Flight
 
@@ -25,10 +25,10 @@ def telemetry(flight: Flight, *, every: int = 15) -> pl.DataFrame:
     angle_of_attack_rad (through the water), roll_rad, pitch_rad, yaw_rad, fin_1_rad to fin_4_rad,
     shaft_rps.
     """
-    passage, mission = flight.passage, flight.mission
+    history, mission = flight.history, flight.mission
     pick = slice(None, None, every)
-    state, water = passage.state[pick], passage.water_velocity_p_mps[pick]
-    time_ns = passage.time_ns[pick]
+    state, water = history.state[pick], history.velocity_through_water_p_mps[pick]
+    time_ns = history.time_ns[pick]
     offset, nearest = cross_track_m(list(mission.segments), state[:, :2])
     straight = np.array([segment.curvature_pm == 0.0 for segment in mission.segments])[nearest]
     wanted, _ = mission.depth.at(np.asarray(time_ns * 1e-9, dtype=np.float64))

@@ -10,7 +10,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.plant import model
 from bottomlock.plant.autopilot import Mixer
 from bottomlock.plant.equations import acceleration
-from bottomlock.plant.lanes import SCALAR, FloatArray
+from bottomlock.plant.maths import SCALAR, FloatArray
 from bottomlock.plant.mission import Mission, straight
 from bottomlock.plant.path import guide_rows
 from bottomlock.plant.vehicle import Vehicle
@@ -33,8 +33,8 @@ class Trim:
 def trim(vehicle: Vehicle, speed_mps: float, gravity_mps2: float) -> Trim:
     """Find level straight flight at zero roll.
 
-    Raises `ScenarioError` when no equilibrium exists, or when it asks for more than the fins or the shaft
-    can give.
+    Raises:
+        ScenarioError: where no equilibrium exists, or it needs more than the limits of fins or shaft.
     """
     nu_dot = acceleration(vehicle, gravity_mps2, SCALAR)
     mixer = Mixer.of(vehicle)
@@ -81,16 +81,16 @@ def trim(vehicle: Vehicle, speed_mps: float, gravity_mps2: float) -> Trim:
 
 
 def start_state(vehicle: Vehicle, mission: Mission, gravity_mps2: float) -> list[float]:
-    """The 28 states at the start: in trim on the first segment, crabbing so that the course lies along it."""
+    """Initial state (28,): in trim on the first segment, at the crab angle that puts the course along it."""
     first = mission.segments[0]
     depth, _ = mission.depth.at(np.array([0.0]))
     row = mission.timetable(np.array([0.0]))[0]
-    water = np.array([row[0] + row[4] * depth[0], row[1] + row[5] * depth[0]])
+    current = np.array([row[0] + row[4] * depth[0], row[1] + row[5] * depth[0]])
     ground = mission.speed_mps * np.array([math.cos(first.heading_rad), math.sin(first.heading_rad)])
-    through = ground - water
+    through = ground - current
     steady = trim(vehicle, float(np.hypot(*through)), gravity_mps2)
     yaw = math.atan2(float(through[1]), float(through[0]))
-    # sideslip of the trim itself (propeller torque) turns the hull a little off its way through the water
+    # sideslip of the trim itself (propeller torque) sets the hull slightly off its velocity through the water
     yaw -= math.atan2(steady.velocity_p_mps[1], steady.velocity_p_mps[0])
     half_yaw, half_pitch = 0.5 * yaw, 0.5 * steady.pitch_rad
     attitude = (
@@ -99,15 +99,15 @@ def start_state(vehicle: Vehicle, mission: Mission, gravity_mps2: float) -> list
         math.cos(half_yaw) * math.sin(half_pitch),
         math.sin(half_yaw) * math.cos(half_pitch),
     )
-    turn = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
-    ahead, aside = (float(value) for value in turn @ ground)
-    water_level = turn @ water
+    to_heading = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
+    ahead, aside = (float(value) for value in to_heading @ ground)
+    current_level = to_heading @ current
     u, v, w = steady.velocity_p_mps
     cosine, sine = math.cos(steady.pitch_rad), math.sin(steady.pitch_rad)
     velocity = (
-        u + cosine * float(water_level[0]),
-        v + float(water_level[1]),
-        w + sine * float(water_level[0]),
+        u + cosine * float(current_level[0]),
+        v + float(current_level[1]),
+        w + sine * float(current_level[0]),
     )
     limits, pilot, guide = vehicle.limits, vehicle.autopilot, vehicle.guidance
     gauge = min(max(ahead, limits.min_speed), limits.max_speed)
@@ -128,8 +128,8 @@ def start_state(vehicle: Vehicle, mission: Mission, gravity_mps2: float) -> list
 def eigenvalues(vehicle: Vehicle, speed_mps: float, gravity_mps2: float, *, closed_loop: bool) -> FloatArray:
     """Eigenvalues (1/s) of motion about level flight, by central differences of the equations.
 
-    Closed loop: everything but the way along the path and the quaternion's length. Open loop: fins and
-    shaft held, nu, roll and pitch only (heading, position and depth are free integrators).
+    Closed loop: every state but the distance along the path and the quaternion's length. Open loop: fins and shaft
+    fixed, nu, roll and pitch only (heading, position and depth are pure integrators).
     """
     mission = straight(speed_mps=speed_mps)
     start = np.array(start_state(vehicle, mission, gravity_mps2))
@@ -139,8 +139,7 @@ def eigenvalues(vehicle: Vehicle, speed_mps: float, gravity_mps2: float, *, clos
     row = [float(value) for value in mission.timetable(np.array([0.0]))[0]]
     segment, error = guide_rows(mission.segments)[0], (0.0,) * 9
     q0, _, q2, _ = start[model.ATTITUDE]
-    # columns turn a small platform rotation into the change of the quaternion's components, about a pitched
-    # attitude
+    # columns map a small platform rotation to the change of the quaternion's components, about a pitched attitude
     spin = 0.5 * np.array([[0.0, -q2, 0.0], [q0, 0.0, q2], [0.0, q0, 0.0], [-q2, 0.0, q0]])
     others = [1, 2, *range(7, model.SIZE)] if closed_loop else list(range(7, 13))
     columns = np.zeros((model.SIZE, 3 + len(others)))
@@ -160,9 +159,10 @@ def eigenvalues(vehicle: Vehicle, speed_mps: float, gravity_mps2: float, *, clos
 
 
 def check_stability(vehicle: Vehicle, gravity_mps2: float) -> None:
-    """Refuse a vehicle that its own autopilot cannot hold at its slowest, cruise or fastest speed.
+    """Check that a vehicle is stable under its autopilot at its slowest, cruise and fastest speed.
 
-    Raises `ScenarioError` with the speed and the growth rate.
+    Raises:
+        ScenarioError: with the speed and the growth rate of an unstable mode.
     """
     limits = vehicle.limits
     for speed in sorted({limits.min_speed, limits.cruise_speed, limits.max_speed}):

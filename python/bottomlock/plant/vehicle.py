@@ -1,7 +1,6 @@
-"""A vehicle's coefficients, read from TOML and checked before anything swims.
+"""A vehicle's coefficients, read from TOML and validated.
 
-SNAME notation in the platform frame (FRD) with its origin at the centre of buoyancy; all fields are SI
-floats.
+SNAME notation in the platform frame (FRD) with its origin at the centre of buoyancy; all fields are SI floats.
 """
 
 import tomllib
@@ -12,7 +11,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from bottomlock.errors import ScenarioError
-from bottomlock.plant import quantity as qty
+from bottomlock.plant import coefficients as coef
 
 
 class _Table(BaseModel):
@@ -20,115 +19,115 @@ class _Table(BaseModel):
 
 
 class Water(_Table):
-    """The water the coefficients hold for."""
+    """The water for which the coefficients hold."""
 
-    density: qty.PositiveDensity
+    density: coef.PositiveDensity
 
 
 class RigidBody(_Table):
     """Mass, displaced volume, centre of gravity and inertia about the origin (centre of buoyancy)."""
 
-    mass: qty.PositiveMass
-    displaced_volume: qty.PositiveVolume
-    centre_of_gravity_x: qty.Length
-    centre_of_gravity_y: qty.Length
-    centre_of_gravity_z: qty.Length
-    inertia_xx: qty.PositiveInertia
-    inertia_yy: qty.PositiveInertia
-    inertia_zz: qty.PositiveInertia
+    mass: coef.PositiveMass
+    displaced_volume: coef.PositiveVolume
+    centre_of_gravity_x: coef.Length
+    centre_of_gravity_y: coef.Length
+    centre_of_gravity_z: coef.Length
+    inertia_xx: coef.PositiveInertia
+    inertia_yy: coef.PositiveInertia
+    inertia_zz: coef.PositiveInertia
 
 
 class Hull(_Table):
     """Shape (Myring nose and tail), drag and lift of the bare hull."""
 
-    length: qty.PositiveLength
-    diameter: qty.PositiveLength
-    nose_length: qty.PositiveLength
-    tail_length: qty.PositiveLength
-    nose_exponent: qty.PositiveNumber
-    tail_angle: qty.PositiveAngle
-    centre_of_buoyancy_from_nose: qty.PositiveLength
-    axial_drag: qty.QuadraticDrag
-    lift: qty.QuadraticDrag
-    centre_of_pressure_x: qty.Length
-    cross_flow_drag: qty.NotNegativeNumber
-    roll_drag: qty.RotaryDrag
-    pitch_drag: qty.RotaryDrag
-    yaw_drag: qty.RotaryDrag
+    length: coef.PositiveLength
+    diameter: coef.PositiveLength
+    nose_length: coef.PositiveLength
+    tail_length: coef.PositiveLength
+    nose_exponent: coef.PositiveNumber
+    tail_angle: coef.PositiveAngle
+    centre_of_buoyancy_from_nose: coef.PositiveLength
+    axial_drag: coef.QuadraticDrag
+    lift: coef.QuadraticDrag
+    centre_of_pressure_x: coef.Length
+    cross_flow_drag: coef.NotNegativeNumber
+    roll_drag: coef.RotaryDrag
+    pitch_drag: coef.RotaryDrag
+    yaw_drag: coef.RotaryDrag
 
 
 class AddedMass(_Table):
     """Added-mass derivatives, SNAME signs; y_rdot = n_vdot and z_qdot = m_wdot by symmetry."""
 
-    x_udot: qty.Mass
-    y_vdot: qty.Mass
-    z_wdot: qty.Mass
-    k_pdot: qty.Inertia
-    m_qdot: qty.Inertia
-    n_rdot: qty.Inertia
-    y_rdot: qty.AddedMassMoment
-    z_qdot: qty.AddedMassMoment
+    x_udot: coef.Mass
+    y_vdot: coef.Mass
+    z_wdot: coef.Mass
+    k_pdot: coef.Inertia
+    m_qdot: coef.Inertia
+    n_rdot: coef.Inertia
+    y_rdot: coef.AddedMassMoment
+    z_qdot: coef.AddedMassMoment
 
 
 class Fins(_Table):
     """Equal all-moving fins round the tail; azimuth from starboard (+y) towards down (+z)."""
 
-    azimuth: Annotated[tuple[qty.Angle, ...], Field(min_length=4, max_length=4)]
-    position_x: qty.Length
-    centre_radius: qty.PositiveLength
-    area: qty.PositiveArea
-    aspect_ratio: qty.PositiveNumber
-    lift_slope: qty.PositiveSlope
-    zero_lift_drag: qty.NotNegativeNumber
-    oswald_efficiency: qty.PositiveNumber
-    stall_angle: qty.PositiveAngle
-    stall_width: qty.PositiveAngle
+    azimuth: Annotated[tuple[coef.Angle, ...], Field(min_length=4, max_length=4)]
+    position_x: coef.Length
+    centre_radius: coef.PositiveLength
+    area: coef.PositiveArea
+    aspect_ratio: coef.PositiveNumber
+    lift_slope: coef.PositiveSlope
+    zero_lift_drag: coef.NotNegativeNumber
+    oswald_efficiency: coef.PositiveNumber
+    stall_angle: coef.PositiveAngle
+    stall_width: coef.PositiveAngle
 
 
 class FinActuator(_Table):
     """Limits and first-order lag of each fin's servo."""
 
-    max_deflection: qty.PositiveAngle
-    max_rate: qty.PositiveAngularRate
-    time_constant: qty.PositiveTime
+    max_deflection: coef.PositiveAngle
+    max_rate: coef.PositiveAngularRate
+    time_constant: coef.PositiveTime
 
 
 class Propeller(_Table):
     """Open-water line K = K0 + K1 J, hull interaction, limits; rotation +1 is clockwise from aft."""
 
-    diameter: qty.PositiveLength
-    thrust_at_rest: qty.PositiveNumber
-    thrust_slope: qty.Number
-    torque_at_rest: qty.NotNegativeNumber
-    torque_slope: qty.Number
-    wake_fraction: qty.Fraction
-    thrust_deduction: qty.Fraction
-    rotation: qty.Number
-    max_speed: qty.PositiveShaftSpeed
-    max_acceleration: qty.PositiveShaftAcceleration
-    time_constant: qty.PositiveTime
+    diameter: coef.PositiveLength
+    thrust_at_rest: coef.PositiveNumber
+    thrust_slope: coef.Number
+    torque_at_rest: coef.NotNegativeNumber
+    torque_slope: coef.Number
+    wake_fraction: coef.Fraction
+    thrust_deduction: coef.Fraction
+    rotation: coef.Number
+    max_speed: coef.PositiveShaftSpeed
+    max_acceleration: coef.PositiveShaftAcceleration
+    time_constant: coef.PositiveTime
 
 
 class AttitudePid(_Table):
     """A PID from an angle error to an equivalent fin angle at cruise speed."""
 
-    proportional: qty.FinPerAngle
-    integral: qty.FinPerAngleSecond
-    derivative: qty.FinPerRate
-    derivative_filter: qty.PositiveTime
-    tracking_time: qty.PositiveTime
-    limit: qty.PositiveAngle
+    proportional: coef.FinPerAngle
+    integral: coef.FinPerAngleSecond
+    derivative: coef.FinPerRate
+    derivative_filter: coef.PositiveTime
+    tracking_time: coef.PositiveTime
+    limit: coef.PositiveAngle
 
 
 class SpeedPid(_Table):
     """A PID from a speed error to a shaft speed, about a feed-forward proportional to the wanted speed."""
 
-    proportional: qty.ShaftPerSpeed
-    integral: qty.ShaftPerDistance
-    derivative: qty.ShaftPerAcceleration
-    derivative_filter: qty.PositiveTime
-    tracking_time: qty.PositiveTime
-    feed_forward: qty.ShaftPerSpeed
+    proportional: coef.ShaftPerSpeed
+    integral: coef.ShaftPerDistance
+    derivative: coef.ShaftPerAcceleration
+    derivative_filter: coef.PositiveTime
+    tracking_time: coef.PositiveTime
+    feed_forward: coef.ShaftPerSpeed
 
 
 class Autopilot(_Table):
@@ -143,21 +142,21 @@ class Autopilot(_Table):
 class GuidanceGains(_Table):
     """Line-of-sight look-ahead, target approach speed, depth loop and crab-angle filter."""
 
-    look_ahead: qty.PositiveLength
-    approach_speed: qty.PositiveSpeed
-    depth_gain: qty.PerTime
-    depth_integral: qty.PerTimeSquared
-    max_pitch: qty.PositiveAngle
-    crab_time_constant: qty.PositiveTime
+    look_ahead: coef.PositiveLength
+    approach_speed: coef.PositiveSpeed
+    depth_gain: coef.PerTime
+    depth_integral: coef.PerTimeSquared
+    max_pitch: coef.PositiveAngle
+    crab_time_constant: coef.PositiveTime
 
 
 class Limits(_Table):
     """Cruise speed, the range of speeds the autopilot serves, and the greatest depth."""
 
-    cruise_speed: qty.PositiveSpeed
-    min_speed: qty.PositiveSpeed
-    max_speed: qty.PositiveSpeed
-    max_depth: qty.PositiveLength
+    cruise_speed: coef.PositiveSpeed
+    min_speed: coef.PositiveSpeed
+    max_speed: coef.PositiveSpeed
+    max_depth: coef.PositiveLength
 
 
 class Vehicle(_Table):
@@ -182,7 +181,7 @@ class Vehicle(_Table):
         inertias = sorted((body.inertia_xx, body.inertia_yy, body.inertia_zz))
         if inertias[2] > inertias[0] + inertias[1]:
             raise ValueError(
-                "rigid_body: the largest inertia exceeds the sum of the other two; no body has that"
+                "rigid_body: the largest inertia exceeds the sum of the other two, which no rigid body can have"
             )
         for name in ("x_udot", "y_vdot", "z_wdot", "k_pdot", "m_qdot", "n_rdot"):
             if getattr(added, name) > 0.0:
@@ -194,7 +193,8 @@ class Vehicle(_Table):
                 raise ValueError(f"added_mass.{coupling}: the added-mass matrix has a negative eigenvalue")
         if body.centre_of_gravity_z <= 0.0:
             raise ValueError(
-                "rigid_body.centre_of_gravity_z: must lie below the centre of buoyancy, else it capsizes"
+                "rigid_body.centre_of_gravity_z: expected above 0 (below the centre of buoyancy, z is down), or the "
+                "vehicle capsizes"
             )
         ratio = self.water.density * body.displaced_volume / body.mass
         if not 0.9 < ratio < 1.1:
@@ -219,8 +219,8 @@ def packaged_vehicles() -> list[str]:
 def load_vehicle(name_or_path: str | Path) -> Vehicle:
     """Read and check a vehicle: a packaged name such as `tauv`, or a path to a TOML file.
 
-    Raises `ScenarioError` naming the table and the coefficient when one is missing, has a wrong unit or is
-    unphysical.
+    Raises:
+        ScenarioError: naming table and coefficient, for one that is missing, has a wrong unit or is unphysical.
 
     >>> load_vehicle("tauv").limits.cruise_speed
     2.0
@@ -234,7 +234,11 @@ def load_vehicle(name_or_path: str | Path) -> Vehicle:
 
 
 def parse_vehicle(tables: dict[str, Any], label: str) -> Vehicle:
-    """Check vehicle tables already read from TOML; raises `ScenarioError` with every fault found."""
+    """Check vehicle tables already read from TOML.
+
+    Raises:
+        ScenarioError: with every fault found.
+    """
     try:
         return Vehicle.model_validate(tables)
     except ValidationError as error:

@@ -97,7 +97,7 @@ class MeasurementSchedule:
             attitude = _between(time_ns, attitude_t_p, now["magnetometer"])
             schedule["yaw_offset_rad"] = _flat(self._heading_error_rad(attitude))
         if scenario.gps.enabled:
-            schedule["gps_heard"] = _flat(self._gps.heard(time_ns, position_t_m[..., 2], now["gps"]))
+            schedule["gps_heard"] = _flat(self._gps.received(time_ns, position_t_m[..., 2], now["gps"]))
         return schedule, hits
 
     def _unconditional(self, trajectory_key: int, first_run: int, runs: int) -> NDArray[np.bool_]:

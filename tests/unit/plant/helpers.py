@@ -9,7 +9,7 @@ from bottomlock.plant import Mission, Vehicle, model
 from bottomlock.plant.autopilot import Mixer
 from bottomlock.plant.equations import acceleration, to_tangent
 from bottomlock.plant.integrate import runge_kutta_step
-from bottomlock.plant.lanes import SCALAR, FloatArray
+from bottomlock.plant.maths import SCALAR, FloatArray
 from bottomlock.plant.path import guide_rows
 from bottomlock.plant.swim import NO_ERROR
 

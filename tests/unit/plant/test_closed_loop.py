@@ -6,9 +6,9 @@ import pytest
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import Mission, Vehicle, fly, lawn_mower, straight
 from bottomlock.plant.closed_loop import (
-    Belief,
-    Fleet,
+    Estimate,
     TruthBlock,
+    VehicleGroup,
     cross_track_m,
     fly_on_estimate,
     navigation_error,
@@ -16,18 +16,18 @@ from bottomlock.plant.closed_loop import (
 from tests.unit.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
 
 
-def _fleet(vehicle: Vehicle, mission: Mission, runs: int) -> Fleet:
-    return Fleet(vehicle, mission, runs=runs, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2)
+def _fleet(vehicle: Vehicle, mission: Mission, runs: int) -> VehicleGroup:
+    return VehicleGroup(vehicle, mission, runs=runs, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2)
 
 
-def _perfect(block: TruthBlock) -> Belief:
-    return Belief(block.position_t_m[:, -1], block.attitude_t_p[:, -1], block.velocity_p_mps[:, -1])
+def _perfect(block: TruthBlock) -> Estimate:
+    return Estimate(block.position_t_m[:, -1], block.attitude_t_p[:, -1], block.velocity_p_mps[:, -1])
 
 
 def test_perfect_estimates_fly_the_open_loop_truth(tauv: Vehicle) -> None:
     mission = lawn_mower(duration_s=60.0)
-    fleet = _fleet(tauv, mission, 3)
-    blocks = list(fly_on_estimate(fleet, _perfect))
+    group = _fleet(tauv, mission, 3)
+    blocks = list(fly_on_estimate(group, _perfect))
     truth = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False).truth
     assert (np.concatenate([block.time_ns for block in blocks]) == truth.time_ns).all()
     for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "omega_p_radps", "force_p_mps2"):
@@ -38,20 +38,20 @@ def test_perfect_estimates_fly_the_open_loop_truth(tauv: Vehicle) -> None:
 def test_a_position_error_puts_the_vehicle_beside_its_path(tauv: Vehicle) -> None:
     """Each run goes astray by its own error: believed on the path, truly offset the other way."""
     offsets = np.array([-2.0, 0.0, 3.0])
-    fleet = _fleet(tauv, straight(duration_s=120.0), 3)
+    group = _fleet(tauv, straight(duration_s=120.0), 3)
 
-    def shifted(block: TruthBlock) -> Belief:
+    def shifted(block: TruthBlock) -> Estimate:
         perfect = _perfect(block)
-        return Belief(
+        return Estimate(
             perfect.position_t_m + offsets[:, None] * [0.0, 1.0, 0.0],
             perfect.attitude_t_p,
             perfect.velocity_p_mps,
         )
 
-    blocks = list(fly_on_estimate(fleet, shifted))
+    blocks = list(fly_on_estimate(group, shifted))
     last = blocks[-1].position_t_m[:, -1]
     assert last[:, 1] == pytest.approx(-offsets, abs=0.05)
-    assert cross_track_m(fleet.mission, fleet.segment, last) == pytest.approx(-offsets, abs=0.05)
+    assert cross_track_m(group.mission, group.segment, last) == pytest.approx(-offsets, abs=0.05)
 
 
 def test_astray_is_told_by_the_segment_in_use() -> None:
@@ -63,11 +63,11 @@ def test_astray_is_told_by_the_segment_in_use() -> None:
 
 def test_a_heading_error_crabs_but_holds_the_believed_path(tauv: Vehicle) -> None:
     """With yaw off by 3 deg and ground velocity known, the crab estimate absorbs the error."""
-    fleet = _fleet(tauv, straight(duration_s=120.0), 1)
+    group = _fleet(tauv, straight(duration_s=120.0), 1)
     half = 0.5 * np.deg2rad(3.0)
     turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
 
-    def twisted(block: TruthBlock) -> Belief:
+    def twisted(block: TruthBlock) -> Estimate:
         perfect = _perfect(block)
         w, x, y, z = perfect.attitude_t_p.T
         c, s = turn[0], turn[3]
@@ -78,35 +78,35 @@ def test_a_heading_error_crabs_but_holds_the_believed_path(tauv: Vehicle) -> Non
         velocity = np.stack(
             [np.cos(angle) * u + np.sin(angle) * v, np.cos(angle) * v - np.sin(angle) * u, d], axis=1
         )
-        return Belief(perfect.position_t_m, attitude, velocity)
+        return Estimate(perfect.position_t_m, attitude, velocity)
 
-    blocks = list(fly_on_estimate(fleet, twisted))
+    blocks = list(fly_on_estimate(group, twisted))
     assert abs(blocks[-1].position_t_m[0, -1, 1]) < 0.2
 
 
 def test_navigation_error_is_true_minus_believed(tauv: Vehicle) -> None:
-    fleet = _fleet(tauv, straight(duration_s=2.0), 2)
-    block = fleet.start()
+    group = _fleet(tauv, straight(duration_s=2.0), 2)
+    block = group.start()
     perfect = _perfect(block)
     error = navigation_error(
-        block, Belief(perfect.position_t_m - 1.0, perfect.attitude_t_p, perfect.velocity_p_mps)
+        block, Estimate(perfect.position_t_m - 1.0, perfect.attitude_t_p, perfect.velocity_p_mps)
     )
     assert np.allclose(error[:, :3], 1.0)
     assert np.allclose(error[:, 3:], 0.0)
 
 
 def test_a_lost_estimate_is_named(tauv: Vehicle) -> None:
-    fleet = _fleet(tauv, straight(duration_s=2.0), 3)
+    group = _fleet(tauv, straight(duration_s=2.0), 3)
 
-    def lost(block: TruthBlock) -> Belief:
+    def lost(block: TruthBlock) -> Estimate:
         perfect = _perfect(block)
         place = perfect.position_t_m.copy()
         if block.time_ns[-1] >= 1_000_000_000:
             place[1] = np.nan
-        return Belief(place, perfect.attitude_t_p, perfect.velocity_p_mps)
+        return Estimate(place, perfect.attitude_t_p, perfect.velocity_p_mps)
 
     with pytest.raises(ScenarioError, match=r"run 1: the estimate at 1\.00 s is not finite"):
-        list(fly_on_estimate(fleet, lost))
+        list(fly_on_estimate(group, lost))
 
 
 def test_no_runs_are_refused(tauv: Vehicle) -> None:

@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 from bottomlock.plant import Current, Vehicle, load_vehicle, model, straight, swim
 from bottomlock.plant.actuators import fin_servo, thruster
 from bottomlock.plant.autopilot import Mixer, attitude_pid, fin_commands, speed_pid
-from bottomlock.plant.lanes import SCALAR, FloatArray
+from bottomlock.plant.maths import SCALAR, FloatArray
 from bottomlock.plant.mission import DepthProfile, Mission
 from bottomlock.plant.path import PathBuilder
 from bottomlock.plant.telemetry import euler_rad
@@ -52,9 +52,9 @@ def test_thruster_lags_and_is_limited(tauv: Vehicle) -> None:
 def test_fins_stay_within_their_limits_in_a_hard_turn(tauv: Vehicle) -> None:
     path = PathBuilder().line(20.0).arc(4.0, np.pi).line(60.0)
     mission = Mission("hairpin", tuple(path.segments), DepthProfile(((0.0, 20.0),)), 2.0, 40.0)
-    passage = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)
+    history = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)
     limits = tauv.fin_actuator
-    fins = passage.state[:, model.FINS]
+    fins = history.state[:, model.FINS]
     assert np.abs(fins).max() <= limits.max_deflection + 1e-9
     assert np.abs(np.diff(fins, axis=0)).max() * 150.0 <= limits.max_rate * 1.02
 

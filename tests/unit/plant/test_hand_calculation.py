@@ -9,7 +9,7 @@ from bottomlock.plant import Vehicle
 from bottomlock.plant.equations import acceleration
 from bottomlock.plant.fins import fin_wrench
 from bottomlock.plant.hull import hull_wrench, myring_radius_m
-from bottomlock.plant.lanes import SCALAR
+from bottomlock.plant.maths import SCALAR
 from bottomlock.plant.trim import eigenvalues, trim
 from tests.unit.plant.helpers import GRAVITY_MPS2, at_speed, coast, fins_of
 

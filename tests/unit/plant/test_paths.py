@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import DepthProfile, lawn_mower, load_vehicle, swim, waypoint_mission
 from bottomlock.plant.guidance import line_of_sight, offset_and_heading
-from bottomlock.plant.lanes import SCALAR
+from bottomlock.plant.maths import SCALAR
 from bottomlock.plant.path import (
     PathBuilder,
     PathSegment,
@@ -106,11 +106,11 @@ def test_a_users_waypoints_are_swum() -> None:
     mission = waypoint_mission(
         "box", points, turn_radius_m=15.0, depth=DepthProfile(((0.0, 10.0), (60.0, 16.0)))
     )
-    passage = swim(load_vehicle("tauv"), mission, gravity_mps2=GRAVITY_MPS2)
-    offset, _ = cross_track_m(list(mission.segments), passage.state[:, :2])
+    history = swim(load_vehicle("tauv"), mission, gravity_mps2=GRAVITY_MPS2)
+    offset, _ = cross_track_m(list(mission.segments), history.state[:, :2])
     assert np.sqrt(np.mean(offset**2)) < 0.5
-    assert np.hypot(*(passage.state[-1, :2] - points[-1])) < 3.0
-    assert passage.state[-1, 2] == pytest.approx(16.0, abs=0.5)
+    assert np.hypot(*(history.state[-1, :2] - points[-1])) < 3.0
+    assert history.state[-1, 2] == pytest.approx(16.0, abs=0.5)
 
 
 def test_depth_profiles_are_smooth_and_meet_their_rates() -> None:

@@ -12,7 +12,7 @@ from bottomlock.plant import Vehicle, load_vehicle
 from bottomlock.plant.equations import acceleration, to_platform, to_tangent
 from bottomlock.plant.fins import fin_wrench, lift_and_drag
 from bottomlock.plant.hull import hull_damping_matrix, hull_wrench
-from bottomlock.plant.lanes import ARRAY, SCALAR, FloatArray
+from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray
 from bottomlock.plant.matrices import (
     added_mass_coriolis_matrix,
     added_mass_matrix,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bottomlock.errors import ScenarioError
-from bottomlock.plant.lanes import FloatArray
+from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.seabed import GridSeabed, PlaneSeabed, footprints, load_grid, rolling_seabed
 
 TILT = math.radians(20.0)

@@ -21,7 +21,7 @@ from bottomlock.plant import (
     swim,
     telemetry,
 )
-from bottomlock.plant.lanes import FloatArray
+from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.matrices import rotation_t_p
 from bottomlock.truth.truth import Truth
 from tests.unit.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
@@ -50,7 +50,7 @@ def test_missions_do_what_their_names_say(flights: dict[str, Flight]) -> None:
     straight_on = telemetry(flights["straight"])
     assert straight_on["north_m"][-1] == pytest.approx(500.0, abs=1.0)
     assert np.abs(straight_on["yaw_rad"].to_numpy()).max() < 1e-3
-    eight = flights["figure_eight"].passage.state
+    eight = flights["figure_eight"].history.state
     assert eight[-1, 2] - eight[0, 2] == pytest.approx(25.0, abs=0.3)
     turning = eight[:, 12]
     assert turning.max() > 0.045
@@ -66,8 +66,8 @@ def test_missions_do_what_their_names_say(flights: dict[str, Flight]) -> None:
 
 def test_sideslip_is_that_of_a_torpedo(flights: dict[str, Flight]) -> None:
     """In a steady turn sway opposes yaw rate in proportion, as the hydrodynamics have it."""
-    state = flights["figure_eight"].passage.state
-    settled = (flights["figure_eight"].passage.time_ns > 60_000_000_000) & (np.abs(state[:, 12]) > 0.045)
+    state = flights["figure_eight"].history.state
+    settled = (flights["figure_eight"].history.time_ns > 60_000_000_000) & (np.abs(state[:, 12]) > 0.045)
     ratio = state[settled, 8] / state[settled, 12]
     assert np.median(ratio) == pytest.approx(-1.0, abs=0.3)
     assert np.abs(ratio - np.median(ratio)).max() < 0.6
@@ -77,7 +77,7 @@ def test_sideslip_is_that_of_a_torpedo(flights: dict[str, Flight]) -> None:
 def test_halving_the_step_moves_nothing(tauv: Vehicle, factory: type, flights: dict[str, Flight]) -> None:
     mission = factory()
     fine = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2, steps_per_sample=2)
-    coarse = flights[mission.name].passage
+    coarse = flights[mission.name].history
     assert np.abs(fine.state[:, :3] - coarse.state[:, :3]).max() < 1e-3
     assert np.abs(fine.state[:, 3:7] - coarse.state[:, 3:7]).max() < 1e-3
 
@@ -116,10 +116,10 @@ def test_a_perfect_imu_returns_the_truth(flights: dict[str, Flight], name: str) 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_accelerations_are_the_derivative_of_the_states(flights: dict[str, Flight], name: str) -> None:
-    passage = flights[name].passage
+    history = flights[name].history
     step = 1.0 / 150.0
-    integral = np.cumsum(0.5 * step * (passage.acceleration[1:] + passage.acceleration[:-1]), axis=0)
-    assert np.abs(passage.state[1:, 7:13] - passage.state[0, 7:13] - integral).max() < 1e-4
+    integral = np.cumsum(0.5 * step * (history.acceleration[1:] + history.acceleration[:-1]), axis=0)
+    assert np.abs(history.state[1:, 7:13] - history.state[0, 7:13] - integral).max() < 1e-4
 
 
 def test_times_are_on_the_imu_grid(flights: dict[str, Flight]) -> None:
@@ -148,7 +148,7 @@ def test_flights_come_back_from_the_cache_bit_for_bit(
     monkeypatch.setattr("bottomlock.plant.truth.swim", lambda *_, **__: pytest.fail("not from the cache"))
     again = flown_now()
     assert (again.force_p_mps2 == flown.force_p_mps2).all()
-    assert cache.passage_key(tauv, mission, g=1.0) != cache.passage_key(
+    assert cache.history_key(tauv, mission, g=1.0) != cache.history_key(
         tauv, replace(mission, speed_mps=1.9), g=1.0
     )
     monkeypatch.undo()
@@ -162,8 +162,8 @@ def test_a_cross_current_makes_ground_sway(tauv: Vehicle) -> None:
     mission = straight(duration_s=120.0, current=Current.towards(0.3, np.pi / 2))
     flight = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False)
     assert flight.truth.velocity_p_mps[-1, 1] == pytest.approx(0.3, abs=0.01)
-    assert abs(flight.passage.water_velocity_p_mps[-1, 1]) < 1e-3
-    assert np.abs(flight.passage.state[:, 1]).max() < 1.0
+    assert abs(flight.history.velocity_through_water_p_mps[-1, 1]) < 1e-3
+    assert np.abs(flight.history.state[:, 1]).max() < 1.0
     assert np.linalg.norm(flight.truth.velocity_p_mps[-1]) == pytest.approx(2.0, rel=0.02)
 
 
@@ -203,18 +203,18 @@ def test_shear_and_wander_move_the_vehicle(tauv: Vehicle) -> None:
 def test_constant_bearing_follows_the_target(tauv: Vehicle) -> None:
     """Flown at a moving target the vehicle stays near the path and near the target's place on it."""
     mission = replace(lawn_mower(duration_s=120.0), law="constant_bearing")
-    passage = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)
+    history = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)
     target = mission.timetable(np.array([120.0]))[0, 8:10]
-    assert np.hypot(*(passage.state[-1, :2] - target)) < 3.0
+    assert np.hypot(*(history.state[-1, :2] - target)) < 3.0
 
 
 def test_a_stuck_fin_is_flown_around(tauv: Vehicle) -> None:
     """One fin jammed at 5 deg: the others hold course and depth, at the price of standing deflections."""
     mission = replace(straight(duration_s=120.0), stuck=StuckFin(2, np.deg2rad(5.0)))
-    passage = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)
-    assert np.abs(passage.state[:, 14] - np.deg2rad(5.0)).max() < 1e-6
-    assert np.abs(passage.state[-1, 1]) < 0.5
-    assert passage.state[-1, 2] == pytest.approx(20.0, abs=0.2)
+    history = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)
+    assert np.abs(history.state[:, 14] - np.deg2rad(5.0)).max() < 1e-6
+    assert np.abs(history.state[-1, 1]) < 0.5
+    assert history.state[-1, 2] == pytest.approx(20.0, abs=0.2)
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,7 @@
-"""One set of equations for one vehicle (plain floats) and for many (arrays).
+"""Elementary functions on floats and on arrays: one set of equations serves one vehicle and many.
 
-The equations of motion are written once, on components. With `SCALAR` they run on Python floats, which is
-four to six times faster than numpy for a single vehicle; with `ARRAY` the same lines run on arrays of shape
-(runs,) or (N,).
+The equations of motion are written once, on components. With `SCALAR` they run on Python floats, four to six times
+faster than numpy for a single vehicle; with `ARRAY` the same lines run on arrays of shape (runs,) or (N,).
 """
 
 import math
@@ -15,23 +14,23 @@ from numpy.typing import NDArray
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
-Lane = TypeVar("Lane", float, FloatArray)
+Number = TypeVar("Number", float, FloatArray)
 
-_TURN = 2.0 * math.pi
+_FULL_TURN = 2.0 * math.pi
 
 
 @dataclass(frozen=True)
-class Maths(Generic[Lane]):
-    """Elementary functions on one lane type: a float or an array."""
+class Maths(Generic[Number]):
+    """Elementary functions on one number type: a float or an array; `wrap` brings an angle to [-π, π]."""
 
-    sqrt: Callable[[Lane], Lane]
-    sin: Callable[[Lane], Lane]
-    cos: Callable[[Lane], Lane]
-    asin: Callable[[Lane], Lane]
-    atan2: Callable[[Lane, Lane], Lane]
-    tanh: Callable[[Lane], Lane]
-    clip: Callable[[Lane, float, float], Lane]
-    wrap: Callable[[Lane], Lane]
+    sqrt: Callable[[Number], Number]
+    sin: Callable[[Number], Number]
+    cos: Callable[[Number], Number]
+    asin: Callable[[Number], Number]
+    atan2: Callable[[Number, Number], Number]
+    tanh: Callable[[Number], Number]
+    clip: Callable[[Number, float, float], Number]
+    wrap: Callable[[Number], Number]
 
 
 def _clip_scalar(value: float, low: float, high: float) -> float:
@@ -43,11 +42,11 @@ def _clip_array(value: FloatArray, low: float, high: float) -> FloatArray:
 
 
 def _wrap_scalar(angle: float) -> float:
-    return angle - _TURN * round(angle / _TURN)
+    return angle - _FULL_TURN * round(angle / _FULL_TURN)
 
 
 def _wrap_array(angle: FloatArray) -> FloatArray:
-    return angle - _TURN * np.round(angle / _TURN)
+    return angle - _FULL_TURN * np.round(angle / _FULL_TURN)
 
 
 def _atan2_array(y: FloatArray, x: FloatArray) -> FloatArray:

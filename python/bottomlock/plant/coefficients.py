@@ -1,7 +1,7 @@
-"""Coefficients as people write them: a value, its unit, and where it comes from.
+"""Types of the coefficients in a vehicle file: a value, its unit, and its source.
 
-In a vehicle file every coefficient is an inline table `{ value = 20, unit = "deg", source = "..." }`. The
-types below check the unit against the dimension the model needs and hand on a plain SI float.
+In the file every coefficient is an inline table `{ value = 20, unit = "deg", source = "..." }`. The types below check
+the unit against the dimension that the model needs, and convert the value to a float in SI.
 """
 
 import math
@@ -62,7 +62,7 @@ def _checked(
         if unit not in units:
             raise ValueError(f"unit '{unit}' is not a unit of {dimension}; expected {' or '.join(units)}")
         if not isinstance(source, str) or not source.strip():
-            raise ValueError("'source' is empty: say where the value comes from")
+            raise ValueError("'source' is empty, expected the origin of the value")
         si = float(value) * units[unit]
         if minimum is not None and (si < minimum or (exclusive and si == minimum)):
             raise ValueError(f"{value:g} {unit} must be {'above' if exclusive else 'at least'} {minimum:g}")
