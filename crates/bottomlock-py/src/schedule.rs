@@ -7,7 +7,7 @@ use bottomlock::simulation::schedule::{Schedule, SensorEpochs};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{booleans, floats, item, times};
+use crate::arrays::{Array, booleans, floats, item, times};
 use crate::errors::refuse;
 use crate::settings::mask;
 
@@ -69,64 +69,59 @@ fn per_run_shape(value: &Bound<'_, PyAny>, runs: usize, of_one: &[Option<usize>]
     (by_run, leading.into_iter().chain(of_one.iter().copied()).collect())
 }
 
+/// What an array converter gives: numbers or truth values.
+type Convert<T> = fn(&str, &Bound<'_, PyAny>, &[Option<usize>]) -> PyResult<Array<T>>;
+
+/// Values at each of a sensor's epochs, the same for every run or each run's own; none where the key is not there.
+fn at_epochs<T>(
+    dict: &Bound<'_, PyDict>,
+    key: &str,
+    runs: usize,
+    epochs: usize,
+    convert: Convert<T>,
+) -> PyResult<Option<PerRun<T>>> {
+    let Some(value) = dict.get_item(key)? else {
+        return Ok(None);
+    };
+    let (by_run, shape) = per_run_shape(&value, runs, &[Some(epochs)]);
+    let values = convert(&format!("schedule.{key}"), &value, &shape)?.values;
+    Ok(Some(PerRun { values, epochs, by_run }))
+}
+
 /// The epochs of a sensor at which each run hears it, under `<name>_time_ns`, with `<name>_heard` and its offset where there are
 /// any; a sensor that is not named never measures.
 fn epochs(dict: &Bound<'_, PyDict>, of: &Simulation, runs: usize) -> PyResult<OwnedEpochs> {
     let (times_key, heard_key) = (format!("{}_time_ns", of.name), format!("{}_heard", of.name));
+    let offset_key = of.offset.unwrap_or_default();
     let Some(given) = dict.get_item(&times_key)? else {
-        return match of.offset.map(|key| dict.contains(key)).transpose()?.unwrap_or(false)
-            || dict.contains(&heard_key)?
-        {
-            true => Err(refuse(format!("schedule lacks the key '{times_key}'"))),
-            false => Ok(OwnedEpochs::default()),
-        };
+        if dict.contains(offset_key)? || dict.contains(&heard_key)? {
+            return Err(refuse(format!("schedule lacks the key '{times_key}'")));
+        }
+        return Ok(OwnedEpochs::default());
     };
     let time_ns = times(&format!("schedule.{times_key}"), &given)?;
-    let count = time_ns.len();
-    let offset = match of.offset.map(|key| dict.get_item(key)).transpose()?.flatten() {
-        None => None,
-        Some(value) => {
-            let (by_run, shape) = per_run_shape(&value, runs, &[Some(count)]);
-            let key = of.offset.unwrap_or_default();
-            let values = floats(&format!("schedule.{key}"), &value, &shape)?.values;
-            Some(PerRun {
-                values,
-                epochs: count,
-                by_run,
-            })
-        }
-    };
-    let heard = match dict.get_item(&heard_key)? {
-        None => None,
-        Some(value) => {
-            let (by_run, shape) = per_run_shape(&value, runs, &[Some(count)]);
-            let values = booleans(&format!("schedule.{heard_key}"), &value, &shape)?.values;
-            Some(PerRun {
-                values,
-                epochs: count,
-                by_run,
-            })
-        }
-    };
-    let own = |by_run: Option<bool>| if by_run == Some(true) { runs } else { 1 };
+    let heard = at_epochs::<bool>(dict, &heard_key, runs, time_ns.len(), booleans)?;
+    let offset = at_epochs::<f64>(dict, offset_key, runs, time_ns.len(), floats)?;
     let is_heard = |run: usize, k: usize| heard.as_ref().is_none_or(|heard| heard.of(run)[k]);
-    fn kept<T: Copy>(values: &[T], is_kept: impl Fn(usize) -> bool) -> Vec<T> {
-        let pairs = values.iter().enumerate().filter(|(k, _)| is_kept(*k));
-        pairs.map(|(_, &value)| value).collect()
-    }
-    let by_run = heard.as_ref().map(|heard| heard.by_run);
-    let offsets_by_run = offset.as_ref().map(|offset| offset.by_run || by_run == Some(true));
+    let heard_by_run = heard.as_ref().is_some_and(|heard| heard.by_run);
+    let offset_by_run = heard_by_run || offset.as_ref().is_some_and(|offset| offset.by_run);
+    let each = |by_run: bool| 0..if by_run { runs } else { 1 };
     Ok(OwnedEpochs {
-        time_ns: (0..own(by_run))
+        time_ns: each(heard_by_run)
             .map(|run| kept(&time_ns, |k| is_heard(run, k)))
             .collect(),
-        offset: match &offset {
-            None => Vec::new(),
-            Some(offset) => (0..own(offsets_by_run))
+        offset: offset.map_or_else(Vec::new, |offset| {
+            each(offset_by_run)
                 .map(|run| kept(offset.of(run), |k| is_heard(run, k)))
-                .collect(),
-        },
+                .collect()
+        }),
     })
+}
+
+/// The values whose place is kept.
+fn kept<T: Copy>(values: &[T], is_kept: impl Fn(usize) -> bool) -> Vec<T> {
+    let places = (0..values.len()).filter(|&k| is_kept(k));
+    places.map(|k| values[k]).collect()
 }
 
 /// A schedule for a number of runs.
