@@ -13,6 +13,7 @@ __all__ = [
     "FIX_STATUS",
     "METHODS",
     "SELECTOR_METHODS",
+    "SENSORS",
     "BeamGeometry",
     "ClosedLoop",
     "KernelError",
@@ -30,6 +31,7 @@ __all__ = [
 __version__: Final[str]
 EARTH_RATE_RADPS: Final[float]
 METHODS: Final[tuple[str, ...]]
+SENSORS: Final[tuple[str, ...]]
 FIX_STATUS: Final[tuple[str, ...]]
 SELECTOR_METHODS: Final[tuple[str, ...]]
 
@@ -281,14 +283,14 @@ class LogDict(TypedDict):
     beam_velocity_mps: ArrayLike
     beam_valid: NDArray[np.bool_]
     beam_sd_mps: NotRequired[ArrayLike]
-    depth_time_ns: NDArray[np.int64]
-    depth_m: ArrayLike
-    heading_time_ns: NDArray[np.int64]
-    heading_rad: ArrayLike
-    attitude_time_ns: NDArray[np.int64]
-    attitude_rpy_rad: ArrayLike
-    gps_time_ns: NDArray[np.int64]
-    gps_position_t_m: ArrayLike
+    depth_time_ns: NotRequired[NDArray[np.int64]]
+    depth_m: NotRequired[ArrayLike]
+    heading_time_ns: NotRequired[NDArray[np.int64]]
+    heading_rad: NotRequired[ArrayLike]
+    attitude_time_ns: NotRequired[NDArray[np.int64]]
+    attitude_rpy_rad: NotRequired[ArrayLike]
+    gps_time_ns: NotRequired[NDArray[np.int64]]
+    gps_position_t_m: NotRequired[ArrayLike]
 
 @type_check_only
 class LogStartDict(TypedDict):
@@ -475,6 +477,7 @@ def simulate_sensors(
     trajectory_key: int,
     run: int,
     imu_sampling: str = "instantaneous",
+    options: OptionsDict | None = None,
 ) -> dict[str, Any]: ...
 def replay_log(
     geometry: BeamGeometry,

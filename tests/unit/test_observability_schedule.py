@@ -15,11 +15,12 @@ import pytest
 
 from bottomlock.config.scenario import load_scenario, parse_scenario
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.kernel import BeamGeometry, KernelError
+from bottomlock.kernel import SENSORS, BeamGeometry, KernelError
 from bottomlock.observability.analysis import Aiding, deviations, observe
 from bottomlock.observability.planner import plan
 from bottomlock.observability.report import observe_scenario, scenario_schedule
-from bottomlock.observability.schedule import SENSORS, Schedule
+from bottomlock.kernel import SENSORS
+from bottomlock.observability.schedule import Schedule
 from bottomlock.simulation.build import build_simulation
 from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
 from bottomlock.truth.truth import Truth

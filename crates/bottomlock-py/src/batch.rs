@@ -1,8 +1,10 @@
 //! Sensor streams and batches of runs × methods.
 
+use bottomlock::aiding::registry::{Measurement, SensorKind};
 use bottomlock::error_model::{Coefficients, dense_noise};
+use bottomlock::filter::options::Options;
 use bottomlock::frames::{Rot, Vec3};
-use bottomlock::mechanisation::{EarthTerms, Inertial, Sampling};
+use bottomlock::mechanisation::{EarthTerms, Inertial};
 use bottomlock::navigator::Method;
 use bottomlock::simulation::batch::{Batch, run_batch_into};
 use bottomlock::simulation::monte_carlo_run::MethodRecord;
@@ -23,9 +25,10 @@ use crate::truth::Truths;
 /// Draws every sensor stream of one run as arrays, with the true errors behind them.
 ///
 /// The streams are keyed by (seed, trajectory_key, run): run k alone is run k of a campaign, and a sensor that is switched off
-/// shifts no other. Raises KernelError for a truth, a model or a schedule that makes no sense, naming the field and the time.
+/// shifts no other. `options` are a filter's, of which the lever arms count. Raises KernelError for a truth, a model or a schedule that makes no sense, naming the field and the time.
 #[pyfunction]
-#[pyo3(signature = (geometry, truth, model, schedule, *, seed, trajectory_key, run, imu_sampling="instantaneous"))]
+#[pyo3(signature = (geometry, truth, model, schedule, *, seed, trajectory_key, run, imu_sampling="instantaneous",
+    options=None))]
 pub fn simulate_sensors<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
@@ -36,13 +39,21 @@ pub fn simulate_sensors<'py>(
     trajectory_key: u64,
     run: u64,
     imu_sampling: &str,
+    options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let truths = Truths::new(truth)?;
     let truth = truths.of(0)?;
     let model = settings::model(model)?;
     let beams = geometry.inner.beams();
-    let schedule = settings::schedule(schedule, beams, 1)?;
-    let sampling: Sampling = settings::sampling(imu_sampling)?;
+    let schedule = crate::schedule::schedule(schedule, beams, 1)?;
+    let options = Options {
+        sampling: settings::sampling(imu_sampling)?,
+        levers: options
+            .map(|dict| settings::levers(dict, "options"))
+            .transpose()?
+            .unwrap_or_default(),
+        ..Options::default()
+    };
     let key = RunKey {
         seed,
         trajectory: trajectory_key,
@@ -52,7 +63,7 @@ pub fn simulate_sensors<'py>(
         .detach(|| {
             truth.validate()?;
             model.validate()?;
-            sensor_streams::simulate(&truth, &geometry.inner, &model, &model, &schedule.of(0), sampling, &key)
+            sensor_streams::simulate(&truth, &geometry.inner, &model, &model, &schedule.of(0), &options, &key)
         })
         .map_err(raise)?;
 
@@ -97,27 +108,28 @@ pub fn simulate_sensors<'py>(
     let bias = streams.beam_bias_mps.iter().flat_map(|b| b[..beams].to_vec()).collect();
     out.set_item("dvl_bias_mps", array::<f64>(py, bias, &[epochs, beams])?)?;
     put_scalars("dvl_scale_factor", streams.scale_factor.clone())?;
-    put_times("depth_time_ns", streams.depth.iter().map(|s| s.time_ns).collect())?;
-    put_scalars("depth_m", streams.depth.iter().map(|s| s.depth_m).collect())?;
-    put_times(
-        "magnetometer_time_ns",
-        streams.attitude.iter().map(|s| s.time_ns).collect(),
-    )?;
-    let attitudes: Vec<[f64; 4]> = streams
-        .attitude
-        .iter()
-        .map(|s| s.attitude_t_p.to_quaternion_wxyz())
-        .collect();
-    out.set_item("magnetometer_attitude_t_p", from_rows(py, &attitudes)?)?;
-    put_times("gps_time_ns", streams.gps.iter().map(|s| s.time_ns).collect())?;
-    out.set_item(
-        "gps_position_t_m",
-        vectors(streams.gps.iter().map(|s| s.position_t_m.to_array()).collect())?,
-    )?;
-    out.set_item(
-        "gps_velocity_t_mps",
-        vectors(streams.gps.iter().map(|s| s.velocity_t_mps.to_array()).collect())?,
-    )?;
+    for kind in SensorKind::ALL {
+        let Some(simulation) = kind.declaration().simulation else {
+            continue;
+        };
+        let readings = &streams.sensors[kind as usize];
+        put_times(
+            &format!("{}_time_ns", simulation.name),
+            readings.iter().map(Measurement::time_ns).collect(),
+        )?;
+        let numbers: Vec<Vec<f64>> = readings.iter().map(Measurement::numbers).collect();
+        let mut first = 0;
+        for column in simulation.columns {
+            let part = first..first + column.width;
+            first = part.end;
+            let values = numbers
+                .iter()
+                .flat_map(|row| row[part.clone()].iter().copied())
+                .collect();
+            let shape = &[readings.len(), column.width][..if column.width == 1 { 1 } else { 2 }];
+            out.set_item(column.key, array::<f64>(py, values, shape)?)?;
+        }
+    }
     Ok(out)
 }
 
@@ -165,7 +177,7 @@ pub fn run_batch<'py>(
     let truths = Truths::new(truth)?;
     let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
     let options = settings::options(options)?;
-    let schedule = settings::schedule(schedule, geometry.inner.beams(), runs)?;
+    let schedule = crate::schedule::schedule(schedule, geometry.inner.beams(), runs)?;
     let methods = methods
         .iter()
         .map(|name| Method::named(name).map_err(raise))

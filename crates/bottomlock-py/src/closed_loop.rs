@@ -109,7 +109,7 @@ impl ClosedLoop {
     /// depth_offset_m, yaw_offset_rad and gps_heard may lead with an axis of vehicles. Raises KernelError, naming run and method.
     fn advance(&mut self, py: Python<'_>, truth: &Bound<'_, PyDict>, schedule: &Bound<'_, PyDict>) -> PyResult<()> {
         let truths = Truths::of_runs(truth, self.vehicles)?;
-        let schedule = settings::schedule(schedule, self.beams, self.vehicles)?;
+        let schedule = crate::schedule::schedule(schedule, self.beams, self.vehicles)?;
         let segments: Vec<TruthSegment<'_>> = (0..self.vehicles)
             .map(|run| {
                 Ok(TruthSegment {

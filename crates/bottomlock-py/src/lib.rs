@@ -12,6 +12,7 @@ mod navigator;
 mod observability;
 mod replay;
 mod report;
+mod schedule;
 mod settings;
 mod truth;
 
@@ -47,6 +48,10 @@ mod _kernel {
             "FIX_STATUS",
             pyo3::types::PyTuple::new(module.py(), bottomlock::replay::FIX_STATUS)?,
         )?;
+        let sensors: Vec<&str> = bottomlock::aiding::registry::reports()
+            .map(|(_, report)| report.sensor.name())
+            .collect();
+        module.add("SENSORS", pyo3::types::PyTuple::new(module.py(), sensors)?)?;
         let methods: Vec<&str> = bottomlock::navigator::METHODS
             .iter()
             .map(|method| method.name)

@@ -9,7 +9,7 @@ use bottomlock::mechanisation::ImuSample;
 use bottomlock::navigator::Method;
 use bottomlock::navigator::NavigatorSet;
 use bottomlock::navigator::events::{
-    AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, PositionSample, STREAM_NAMES, VelocitySample,
+    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES, VelocitySample,
 };
 use bottomlock::state::{Covariance, NavState};
 use nalgebra::{Matrix3, Vector4};
@@ -179,7 +179,7 @@ impl Navigator {
             velocity_p_mps: Vec3::from_array(vector("velocity_p_mps", velocity_p_mps)?),
             cov_m2ps2: Matrix3::from_row_slice(&cov),
         };
-        self.push(py, &[Event::Velocity(sample)])
+        self.push(py, &[Event::from(sample)])
     }
 
     /// A depth below the tangent plane's origin, m.
@@ -191,7 +191,7 @@ impl Navigator {
         depth_m: f64,
         sd_m: f64,
     ) -> PyResult<Bound<'py, PyList>> {
-        self.push(py, &[Event::Depth(DepthSample { time_ns, depth_m, sd_m })])
+        self.push(py, &[Event::from(DepthSample { time_ns, depth_m, sd_m })])
     }
 
     /// An attitude (4,), scalar first, with the standard deviations of its Euler angles.
@@ -207,7 +207,7 @@ impl Navigator {
         let attitude_t_p = Rot::from_quaternion_wxyz(vector("attitude_t_p", attitude_t_p)?);
         self.push(
             py,
-            &[Event::Attitude(AttitudeSample {
+            &[Event::from(AttitudeSample {
                 time_ns,
                 attitude_t_p,
                 roll_pitch_sd_rad,
@@ -230,7 +230,7 @@ impl Navigator {
             yaw_rad,
             sd_rad,
         };
-        self.push(py, &[Event::Heading(sample)])
+        self.push(py, &[Event::from(sample)])
     }
 
     /// A GPS position and velocity in the tangent frame, each (3,), with standard deviations (3,).
@@ -248,13 +248,15 @@ impl Navigator {
             time_ns,
             position_t_m: Vec3::from_array(vector("position_t_m", position_t_m)?),
             position_sd_m: vector("position_sd_m", position_sd_m)?,
-            velocity_t_mps: Vec3::from_array(vector("velocity_t_mps", velocity_t_mps)?),
-            velocity_sd_mps: vector("velocity_sd_mps", velocity_sd_mps)?,
+            velocity: Some(GpsVelocity {
+                velocity_t_mps: Vec3::from_array(vector("velocity_t_mps", velocity_t_mps)?),
+                sd_mps: vector("velocity_sd_mps", velocity_sd_mps)?,
+            }),
         };
-        self.push(py, &[Event::Gps(sample)])
+        self.push(py, &[Event::from(sample)])
     }
 
-    /// A position alone in the tangent frame (3,), with its standard deviations (3,).
+    /// A position alone of the GPS antenna in the tangent frame (3,), with its standard deviations (3,).
     #[pyo3(signature = (time_ns, position_t_m, *, position_sd_m))]
     fn push_position<'py>(
         &mut self,
@@ -263,12 +265,13 @@ impl Navigator {
         position_t_m: &Bound<'py, PyAny>,
         position_sd_m: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyList>> {
-        let sample = PositionSample {
+        let sample = GpsSample {
             time_ns,
             position_t_m: Vec3::from_array(vector("position_t_m", position_t_m)?),
             position_sd_m: vector("position_sd_m", position_sd_m)?,
+            velocity: None,
         };
-        self.push(py, &[Event::Position(sample)])
+        self.push(py, &[Event::from(sample)])
     }
 
     /// How many samples of each stream came too late and were refused.

@@ -1,5 +1,6 @@
 //! Observability of a window and covariance analysis along a truth.
 
+use bottomlock::aiding::registry::{Sensor, reports};
 use bottomlock::observability::history;
 use bottomlock::observability::history::History;
 use bottomlock::observability::paper;
@@ -12,7 +13,7 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::arrays::{array, booleans, floats, item, times, vector};
+use crate::arrays::{array, booleans, floats, item, times};
 use crate::dvl::BeamGeometry;
 use crate::errors::{raise, refuse};
 use crate::settings;
@@ -38,56 +39,52 @@ impl Kind {
     }
 }
 
+/// Beams, a flag for each of `SENSORS` and lever arms; a sensor that is not named is not in the set.
 fn aiding(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Aiding> {
-    let flag = |key: &str| -> PyResult<bool> {
-        item(dict, "aiding", key)?
-            .extract()
-            .map_err(|_| refuse(format!("aiding.{key} is not True or False")))
+    let flag = |sensor: Sensor| -> PyResult<bool> {
+        let key = sensor.name();
+        dict.get_item(key)?.map_or(Ok(false), |value| {
+            value
+                .extract()
+                .map_err(|_| refuse(format!("aiding.{key} is not True or False")))
+        })
     };
-    let lever = |key: &str| -> PyResult<[f64; 3]> {
-        match dict.get_item(key)? {
-            None => Ok([0.0; 3]),
-            Some(value) => vector(&format!("aiding.{key}"), &value),
-        }
-    };
+    let mut sensors = Vec::new();
+    for (_, report) in reports() {
+        sensors.extend(flag(report.sensor)?.then_some(report.sensor));
+    }
     let mask = booleans("aiding.beams", &item(dict, "aiding", "beams")?, &[Some(beams)])?;
     Ok(Aiding {
-        velocity: flag("velocity")?,
         beams: settings::mask(&mask.values),
-        depth: flag("depth")?,
-        attitude: flag("attitude")?,
-        heading: flag("heading")?,
-        gps_position: flag("gps_position")?,
-        gps_velocity: flag("gps_velocity")?,
-        depth_lever_p_m: lever("depth_lever_p_m")?,
-        gps_lever_p_m: lever("gps_lever_p_m")?,
+        sensors: sensors.into_iter().collect(),
+        levers: settings::levers(dict, "aiding")?,
     })
 }
 
-/// What is heard at each epoch of a schedule: time_ns (e,), beams (e, n) and a column (e,) for each other sensor.
+/// What is heard at each epoch of a schedule: time_ns (e,), beams (e, n) and a column (e,) for each other sensor that is heard.
 fn heard(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Vec<(i64, Aiding)>> {
     let times = times("schedule.time_ns", &item(dict, "schedule", "time_ns")?)?;
     let count = Some(times.len());
-    let column = |key: &str| -> PyResult<Vec<bool>> {
-        Ok(booleans(&format!("schedule.{key}"), &item(dict, "schedule", key)?, &[count])?.values)
-    };
     let masks = booleans(
         "schedule.beams",
         &item(dict, "schedule", "beams")?,
         &[count, Some(beams)],
     )?;
-    let (velocity, depth, attitude) = (column("velocity")?, column("depth")?, column("attitude")?);
-    let (heading, gps_position) = (column("heading")?, column("gps_position")?);
-    let gps_velocity = column("gps_velocity")?;
+    let mut columns = Vec::new();
+    for (_, report) in reports() {
+        let key = report.sensor.name();
+        if let Some(value) = dict.get_item(key)? {
+            columns.push((
+                report.sensor,
+                booleans(&format!("schedule.{key}"), &value, &[count])?.values,
+            ));
+        }
+    }
     let at = |(k, &time_ns): (usize, &i64)| {
+        let sensors = columns.iter().filter(|(_, heard)| heard[k]);
         let set = Aiding {
-            velocity: velocity[k],
             beams: settings::mask(&masks.values[k * beams..(k + 1) * beams]),
-            depth: depth[k],
-            attitude: attitude[k],
-            heading: heading[k],
-            gps_position: gps_position[k],
-            gps_velocity: gps_velocity[k],
+            sensors: sensors.map(|(sensor, _)| *sensor).collect(),
             ..Aiding::default()
         };
         (time_ns, set)
@@ -105,17 +102,24 @@ fn schedule(given: Option<&Bound<'_, PyDict>>, beams: usize, kind: &Kind) -> PyR
 
 /// The paper's model has a DVL and a pressure sensor and no other.
 fn paper_sensors(aiding: &Aiding, sign: Sign) -> PyResult<Sensors> {
+    let (velocity, depth) = (
+        aiding.sensors.contains(Sensor::Velocity),
+        aiding.sensors.contains(Sensor::Depth),
+    );
+    let named = [(Sensor::Velocity, velocity), (Sensor::Depth, depth)];
     let known = Aiding {
-        velocity: aiding.velocity,
-        depth: aiding.depth,
+        sensors: named
+            .into_iter()
+            .filter_map(|(sensor, there)| there.then_some(sensor))
+            .collect(),
         ..Aiding::default()
     };
     if *aiding != known {
         return Err(refuse("aiding: the 2015 model takes velocity and depth alone"));
     }
     Ok(Sensors {
-        velocity: aiding.velocity.then_some(sign),
-        depth: aiding.depth,
+        velocity: velocity.then_some(sign),
+        depth,
     })
 }
 

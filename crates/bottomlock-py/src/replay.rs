@@ -1,12 +1,12 @@
 //! A recorded log through the event loop.
 
+use bottomlock::aiding::registry::{Measurement, SENSORS, SensorKind};
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
-use bottomlock::frames::{Rot, Vec3};
+use bottomlock::frames::Vec3;
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::model::Model;
 use bottomlock::navigator::Method;
-use bottomlock::navigator::events::{AttitudeSample, DepthSample, HeadingSample, PositionSample};
 use bottomlock::replay as core;
 use bottomlock::replay::{Log, PingRecord, Replay, STREAM_NAMES, STREAMS, Series, Track};
 use bottomlock::state::{Covariance, NavState};
@@ -23,10 +23,7 @@ use crate::settings;
 struct OwnedLog {
     imu: Vec<ImuSample>,
     pings: Vec<BeamSample>,
-    depth: Vec<DepthSample>,
-    attitude: Vec<AttitudeSample>,
-    heading: Vec<HeadingSample>,
-    gps: Vec<PositionSample>,
+    sensors: [Vec<Measurement>; SENSORS],
 }
 
 impl OwnedLog {
@@ -40,8 +37,6 @@ impl OwnedLog {
             }
             rows::<3>(&format!("log.{key}"), &value, Some(count))
         };
-        let one =
-            |key: &str, count: usize| Ok::<_, PyErr>(floats(&format!("log.{key}"), &of(key)?, &[Some(count)])?.values);
 
         let imu_ns = stamps("imu_time_ns")?;
         let (rates, forces) = (
@@ -56,51 +51,56 @@ impl OwnedLog {
             })
             .collect();
 
-        let (depth_ns, heading_ns) = (stamps("depth_time_ns")?, stamps("heading_time_ns")?);
-        let (depth_m, yaw_rad) = (one("depth_m", depth_ns.len())?, one("heading_rad", heading_ns.len())?);
-        let depth = (depth_ns.into_iter().zip(depth_m))
-            .map(|(time_ns, depth_m)| DepthSample {
-                time_ns,
-                depth_m,
-                sd_m: model.depth.sd_m,
-            })
-            .collect();
-        let heading = (heading_ns.into_iter().zip(yaw_rad))
-            .map(|(time_ns, yaw_rad)| HeadingSample {
-                time_ns,
-                yaw_rad,
-                sd_rad: model.magnetometer.yaw_sd_rad,
-            })
-            .collect();
-
-        let attitude_ns = stamps("attitude_time_ns")?;
-        let angles = three("attitude_rpy_rad", attitude_ns.len())?;
-        let attitude = (attitude_ns.into_iter().zip(angles))
-            .map(|(time_ns, [roll, pitch, yaw])| AttitudeSample {
-                time_ns,
-                attitude_t_p: Rot::from_euler_rad(roll, pitch, yaw),
-                roll_pitch_sd_rad: model.magnetometer.roll_pitch_sd_rad,
-                yaw_sd_rad: model.magnetometer.yaw_sd_rad,
-            })
-            .collect();
-
-        let gps_ns = stamps("gps_time_ns")?;
-        let places = three("gps_position_t_m", gps_ns.len())?;
-        let gps = (gps_ns.into_iter().zip(places))
-            .map(|(time_ns, place)| PositionSample {
-                time_ns,
-                position_t_m: Vec3::from_array(place),
-                position_sd_m: model.gps.position_sd_m,
-            })
-            .collect();
+        let mut sensors: [Vec<Measurement>; SENSORS] = Default::default();
+        for kind in SensorKind::ALL {
+            sensors[kind as usize] = Self::measurements(dict, kind, model)?;
+        }
         Ok(Self {
             imu,
             pings: Self::pings(dict, beams, model)?,
-            depth,
-            attitude,
-            heading,
-            gps,
+            sensors,
         })
+    }
+
+    /// The rows of a sensor, under `<stream>_time_ns` and its columns; none where the log names none of them.
+    fn measurements(dict: &Bound<'_, PyDict>, kind: SensorKind, model: &Model) -> PyResult<Vec<Measurement>> {
+        let declaration = kind.declaration();
+        let times_key = format!("{}_time_ns", declaration.stream);
+        let mut named = !declaration.log.is_empty() && dict.contains(&times_key)?;
+        for column in declaration.log {
+            named |= dict.contains(column.key)?;
+        }
+        if !named {
+            return Ok(Vec::new());
+        }
+        let time_ns = times(&format!("log.{times_key}"), &item(dict, "log", &times_key)?)?;
+        let mut columns = Vec::new();
+        for column in declaration.log {
+            if column.optional && !dict.contains(column.key)? {
+                columns.push(None);
+                continue;
+            }
+            let value = item(dict, "log", column.key)?;
+            let shape = &[Some(time_ns.len()), Some(column.width)][..if column.width == 1 { 1 } else { 2 }];
+            let values = if time_ns.is_empty() && value.len()? == 0 {
+                Vec::new()
+            } else {
+                floats(&format!("log.{}", column.key), &value, shape)?.values
+            };
+            columns.push(Some((values, column.width)));
+        }
+        let of_row = |(row, &time_ns): (usize, &i64)| {
+            let numbers: Vec<Option<&[f64]>> = columns
+                .iter()
+                .map(|column| {
+                    column
+                        .as_ref()
+                        .map(|(values, width)| &values[row * width..(row + 1) * width])
+                })
+                .collect();
+            declaration.of_row(time_ns, &numbers, &model.sensors)
+        };
+        Ok(time_ns.iter().enumerate().filter_map(of_row).collect())
     }
 
     fn pings(dict: &Bound<'_, PyDict>, beams: usize, model: &Model) -> PyResult<Vec<BeamSample>> {
@@ -109,7 +109,7 @@ impl OwnedLog {
         let velocity = floats("log.beam_velocity_mps", &item(dict, "log", "beam_velocity_mps")?, shape)?.values;
         let valid = booleans("log.beam_valid", &item(dict, "log", "beam_valid")?, shape)?.values;
         let sd = match dict.get_item("beam_sd_mps")? {
-            None => vec![model.dvl.beam_noise_sd_mps; velocity.len()],
+            None => vec![model.sensors.dvl.beam_noise_sd_mps; velocity.len()],
             Some(value) => floats("log.beam_sd_mps", &value, shape)?.values,
         };
         let of_ping = |(k, time_ns): (usize, i64)| {
@@ -131,10 +131,7 @@ impl OwnedLog {
         Log {
             imu: &self.imu,
             pings: &self.pings,
-            depth: &self.depth,
-            attitude: &self.attitude,
-            heading: &self.heading,
-            gps: &self.gps,
+            sensors: self.sensors.each_ref().map(Vec::as_slice),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What became of a measurement, as a dict.
 
-use bottomlock::filter::report::{Choice, SelectionReason, Sensor, UpdateReport, Verdict};
+use bottomlock::filter::report::{Choice, SelectionReason, UpdateReport, Verdict};
 use bottomlock::navigator::SELECTOR_METHODS;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -10,17 +10,6 @@ use crate::dvl::source_code;
 
 /// A report of an instrument with so many beams.
 pub fn report_dict<'py>(py: Python<'py>, report: &UpdateReport, beams: usize) -> PyResult<Bound<'py, PyDict>> {
-    let sensor = match report.sensor {
-        Sensor::Beams => "beams",
-        Sensor::Velocity => "velocity",
-        Sensor::Depth => "depth",
-        Sensor::Attitude => "attitude",
-        Sensor::Heading => "heading",
-        Sensor::GpsPosition => "gps_position",
-        Sensor::GpsVelocity => "gps_velocity",
-        Sensor::Sway => "sway",
-        Sensor::Heave => "heave",
-    };
     let (verdict, rejected) = match report.verdict {
         Verdict::Accepted => ("accepted", 0),
         Verdict::AcceptedInPart { rejected_rows } => ("accepted_in_part", rejected_rows),
@@ -32,7 +21,7 @@ pub fn report_dict<'py>(py: Python<'py>, report: &UpdateReport, beams: usize) ->
         .map(|k| report.covariance[(k / rows, k % rows)])
         .collect();
     let out = PyDict::new(py);
-    out.set_item("sensor", sensor)?;
+    out.set_item("sensor", report.sensor.name())?;
     out.set_item("time_ns", report.time_ns)?;
     out.set_item(
         "residual",

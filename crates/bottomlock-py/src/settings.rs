@@ -1,7 +1,9 @@
-//! Models, options and schedules from dicts.
+//! Models and options from dicts.
 
 use bottomlock::aiding::InformationPort;
 use bottomlock::aiding::outliers::{Robust, Tail};
+use bottomlock::aiding::registry::{Levers, SectionReader, SensorKind, SensorModels};
+use bottomlock::aiding::sensor::{Numbers, Section};
 use bottomlock::aiding::water::WaterPrior;
 use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::dvl::partial::Assumptions;
@@ -10,12 +12,11 @@ use bottomlock::filter::gate::Gate;
 use bottomlock::filter::options::Options;
 use bottomlock::frames::{Platform, Rot, Tangent, Vec3};
 use bottomlock::mechanisation::Sampling;
-use bottomlock::model::{DepthModel, DvlModel, GpsModel, ImuModel, InitialModel, MagnetometerModel, Model};
-use bottomlock::simulation::schedule::Schedule;
+use bottomlock::model::{ImuModel, InitialModel, Model};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{booleans, floats, item, times, vector};
+use crate::arrays::{item, vector};
 use crate::errors::refuse;
 
 fn section<'py>(dict: &Bound<'py, PyDict>, owner: &str, key: &str) -> PyResult<Bound<'py, PyDict>> {
@@ -59,11 +60,42 @@ pub fn environment(dict: &Bound<'_, PyDict>) -> PyResult<Environment> {
     })
 }
 
+/// A section of a model, whose numbers are read by their keys.
+struct SectionDict<'py> {
+    dict: Bound<'py, PyDict>,
+    name: &'static str,
+}
+
+impl Numbers for SectionDict<'_> {
+    type Error = PyErr;
+    fn number(&self, key: &'static str) -> PyResult<f64> {
+        number(&self.dict, self.name, key)
+    }
+    fn triple(&self, key: &'static str) -> PyResult<[f64; 3]> {
+        triple(&self.dict, self.name, key)
+    }
+}
+
+/// A model, whose sections are read by their names.
+struct ModelDict<'a, 'py>(&'a Bound<'py, PyDict>);
+
+impl SectionReader for ModelDict<'_, '_> {
+    type Error = PyErr;
+    fn section<S: Section>(&self) -> PyResult<S> {
+        if S::OPTIONAL && !self.0.contains(S::NAME)? {
+            return Ok(S::default());
+        }
+        S::read(&SectionDict {
+            dict: section(self.0, "model", S::NAME)?,
+            name: S::NAME,
+        })
+    }
+}
+
 /// A whole model.
 pub fn model(dict: &Bound<'_, PyDict>) -> PyResult<Model> {
     let part = |key| section(dict, "model", key);
-    let (imu, dvl, initial) = (part("imu")?, part("dvl")?, part("initial")?);
-    let (depth, magnetometer, gps) = (part("depth")?, part("magnetometer")?, part("gps")?);
+    let (imu, initial) = (part("imu")?, part("initial")?);
     Ok(Model {
         environment: environment(&part("environment")?)?,
         imu: ImuModel {
@@ -74,30 +106,26 @@ pub fn model(dict: &Bound<'_, PyDict>) -> PyResult<Model> {
             accel_bias_walk_mps2_rts: number(&imu, "imu", "accel_bias_walk_mps2_rts")?,
             gyro_bias_walk_radps_rts: number(&imu, "imu", "gyro_bias_walk_radps_rts")?,
         },
-        dvl: DvlModel {
-            beam_noise_sd_mps: number(&dvl, "dvl", "beam_noise_sd_mps")?,
-            beam_bias_sd_mps: number(&dvl, "dvl", "beam_bias_sd_mps")?,
-            beam_bias_walk_mps_rts: number(&dvl, "dvl", "beam_bias_walk_mps_rts")?,
-            scale_factor_sd: number(&dvl, "dvl", "scale_factor_sd")?,
-            scale_factor_walk_rts: number(&dvl, "dvl", "scale_factor_walk_rts")?,
-        },
         initial: InitialModel {
             position_sd_m: triple(&initial, "initial", "position_sd_m")?,
             attitude_sd_rad: triple(&initial, "initial", "attitude_sd_rad")?,
             velocity_sd_mps: triple(&initial, "initial", "velocity_sd_mps")?,
         },
-        depth: DepthModel {
-            sd_m: number(&depth, "depth", "sd_m")?,
-        },
-        magnetometer: MagnetometerModel {
-            yaw_sd_rad: number(&magnetometer, "magnetometer", "yaw_sd_rad")?,
-            roll_pitch_sd_rad: number(&magnetometer, "magnetometer", "roll_pitch_sd_rad")?,
-        },
-        gps: GpsModel {
-            position_sd_m: triple(&gps, "gps", "position_sd_m")?,
-            velocity_sd_mps: triple(&gps, "gps", "velocity_sd_mps")?,
-        },
+        sensors: SensorModels::read(&ModelDict(dict))?,
     })
+}
+
+/// The lever arms of the sensors; zero where a dict names none.
+pub fn levers(dict: &Bound<'_, PyDict>, owner: &str) -> PyResult<Levers> {
+    let mut levers = Levers::default();
+    for kind in SensorKind::ALL {
+        if let Some(key) = kind.declaration().lever
+            && dict.contains(key)?
+        {
+            levers = levers.with(kind, Vec3::from_array(triple(dict, owner, key)?));
+        }
+    }
+    Ok(levers)
 }
 
 /// What an IMU sample means.
@@ -131,13 +159,6 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
             return Err(refuse(format!(
                 "options.information_port is '{other}', expected 'axes' or 'full'"
             )));
-        }
-    };
-    let lever = |key: &str| -> PyResult<_> {
-        if dict.contains(key)? {
-            triple(dict, "options", key).map(Vec3::from_array)
-        } else {
-            Ok(Vec3::zeros())
         }
     };
     let water = match dict.get_item("water")? {
@@ -182,8 +203,7 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
             weak_sway_var_m2ps2: number(dict, "options", "weak_sway_var_m2ps2")?,
         },
         information_port,
-        depth_lever_p_m: lever("depth_lever_p_m")?,
-        gps_lever_p_m: lever("gps_lever_p_m")?,
+        levers: levers(dict, "options")?,
     })
 }
 
@@ -218,115 +238,6 @@ fn robust(options: &Bound<'_, PyDict>) -> PyResult<Robust> {
         closure_gate: gate("closure_gate")?,
         beam_gate: gate("beam_gate")?,
         tail,
-    })
-}
-
-/// Epochs of all sensors, owned.
-pub struct OwnedSchedule {
-    pub dvl_time_ns: Vec<i64>,
-    pub beam_valid: PerRun<BeamMask>,
-    pub depth_time_ns: Vec<i64>,
-    pub depth_offset_m: PerRun<f64>,
-    pub magnetometer_time_ns: Vec<i64>,
-    pub yaw_offset_rad: PerRun<f64>,
-    /// Of every run, or one for all.
-    pub gps_time_ns: Vec<Vec<i64>>,
-    pub sample_time_ns: Vec<i64>,
-}
-
-impl OwnedSchedule {
-    /// What one run meets.
-    pub fn of(&self, run: usize) -> Schedule<'_> {
-        Schedule {
-            dvl_time_ns: &self.dvl_time_ns,
-            beam_valid: self.beam_valid.of(run),
-            depth_time_ns: &self.depth_time_ns,
-            depth_offset_m: self.depth_offset_m.of(run),
-            magnetometer_time_ns: &self.magnetometer_time_ns,
-            yaw_offset_rad: self.yaw_offset_rad.of(run),
-            gps_time_ns: &self.gps_time_ns[run.min(self.gps_time_ns.len() - 1)],
-        }
-    }
-}
-
-/// Values of each epoch, the same for every run or each run's own.
-pub struct PerRun<T> {
-    values: Vec<T>,
-    epochs: usize,
-    by_run: bool,
-}
-
-impl<T> PerRun<T> {
-    /// The values of one run.
-    pub fn of(&self, run: usize) -> &[T] {
-        if self.by_run {
-            &self.values[run * self.epochs..(run + 1) * self.epochs]
-        } else {
-            &self.values
-        }
-    }
-}
-
-/// The shape (epochs, ..) or (runs, epochs, ..) of values that may differ by run.
-fn per_run_shape(value: &Bound<'_, PyAny>, runs: usize, of_one: &[Option<usize>]) -> (bool, Vec<Option<usize>>) {
-    let dimensions: usize = value.getattr("ndim").and_then(|n| n.extract()).unwrap_or(of_one.len());
-    let by_run = dimensions == of_one.len() + 1;
-    let leading = by_run.then_some(Some(runs));
-    (by_run, leading.into_iter().chain(of_one.iter().copied()).collect())
-}
-
-fn offsets(dict: &Bound<'_, PyDict>, key: &str, runs: usize, epochs: usize) -> PyResult<PerRun<f64>> {
-    let Some(value) = dict.get_item(key)? else {
-        return Ok(PerRun {
-            values: vec![0.0; epochs],
-            epochs,
-            by_run: false,
-        });
-    };
-    let (by_run, shape) = per_run_shape(&value, runs, &[Some(epochs)]);
-    let values = floats(&format!("schedule.{key}"), &value, &shape)?.values;
-    Ok(PerRun { values, epochs, by_run })
-}
-
-/// The GPS epochs at which each run hears the satellites.
-fn heard_only(dict: &Bound<'_, PyDict>, time_ns: Vec<i64>, runs: usize) -> PyResult<Vec<Vec<i64>>> {
-    let Some(value) = dict.get_item("gps_heard")? else {
-        return Ok(vec![time_ns]);
-    };
-    let epochs = time_ns.len();
-    let (by_run, shape) = per_run_shape(&value, runs, &[Some(epochs)]);
-    let values = booleans("schedule.gps_heard", &value, &shape)?.values;
-    let heard = PerRun { values, epochs, by_run };
-    let of_run = |run| -> Vec<i64> {
-        let pairs = time_ns.iter().zip(heard.of(run));
-        pairs.filter(|(_, heard)| **heard).map(|(&t, _)| t).collect()
-    };
-    Ok((0..if by_run { runs } else { 1 }).map(of_run).collect())
-}
-
-/// A schedule for a number of runs.
-pub fn schedule(dict: &Bound<'_, PyDict>, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
-    let epochs_of = |key: &str| times(&format!("schedule.{key}"), &item(dict, "schedule", key)?);
-    let dvl_time_ns = epochs_of("dvl_time_ns")?;
-    let valid = item(dict, "schedule", "beam_valid")?;
-    let epochs = dvl_time_ns.len();
-    let (by_run, shape) = per_run_shape(&valid, runs, &[Some(epochs), Some(beams)]);
-    let flags = booleans("schedule.beam_valid", &valid, &shape)?;
-    let (depth_time_ns, magnetometer_time_ns) = (epochs_of("depth_time_ns")?, epochs_of("magnetometer_time_ns")?);
-    let gps_time_ns = heard_only(dict, epochs_of("gps_time_ns")?, runs)?;
-    Ok(OwnedSchedule {
-        beam_valid: PerRun {
-            values: flags.values.chunks_exact(beams.max(1)).map(mask).collect(),
-            epochs,
-            by_run,
-        },
-        dvl_time_ns,
-        depth_offset_m: offsets(dict, "depth_offset_m", runs, depth_time_ns.len())?,
-        depth_time_ns,
-        yaw_offset_rad: offsets(dict, "yaw_offset_rad", runs, magnetometer_time_ns.len())?,
-        magnetometer_time_ns,
-        gps_time_ns,
-        sample_time_ns: epochs_of("sample_time_ns")?,
     })
 }
 

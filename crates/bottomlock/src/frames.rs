@@ -46,6 +46,12 @@ impl<F> Clone for Vec3<F> {
 }
 impl<F> Copy for Vec3<F> {}
 
+impl<F> Default for Vec3<F> {
+    fn default() -> Self {
+        Self::zeros()
+    }
+}
+
 impl<F> Vec3<F> {
     /// A vector from its three components.
     #[must_use]

@@ -34,6 +34,7 @@ pub mod mechanisation;
 pub mod model;
 pub mod navigator;
 pub mod observability;
+pub mod random;
 pub mod replay;
 pub mod simd;
 pub mod simulation;

@@ -2,6 +2,11 @@
 
 use nalgebra::Matrix4;
 
+use crate::aiding::attitude::MagnetometerModel;
+use crate::aiding::beams::DvlModel;
+use crate::aiding::depth::DepthModel;
+use crate::aiding::gps::GpsModel;
+use crate::aiding::registry::SensorModels;
 use crate::earth::Environment;
 use crate::error::{NavError, require_non_negative};
 use crate::error_model::ProcessNoise;
@@ -25,21 +30,6 @@ pub struct ImuModel {
     pub gyro_bias_walk_radps_rts: f64,
 }
 
-/// Errors of the DVL, 1 sigma.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct DvlModel {
-    /// White noise of a beam, m/s.
-    pub beam_noise_sd_mps: f64,
-    /// Bias of a beam at the start, m/s.
-    pub beam_bias_sd_mps: f64,
-    /// Random walk of a beam bias, m/s/√s.
-    pub beam_bias_walk_mps_rts: f64,
-    /// Scale factor error at the start.
-    pub scale_factor_sd: f64,
-    /// Random walk of the scale factor, 1/√s.
-    pub scale_factor_walk_rts: f64,
-}
-
 /// Uncertainty of the initial state, 1 sigma per axis.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct InitialModel {
@@ -51,31 +41,6 @@ pub struct InitialModel {
     pub velocity_sd_mps: [f64; 3],
 }
 
-/// Errors of the depth sensor, 1 sigma.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DepthModel {
-    /// White noise, m.
-    pub sd_m: f64,
-}
-
-/// Errors of the magnetometer used as an attitude sensor, 1 sigma.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MagnetometerModel {
-    /// Yaw, rad.
-    pub yaw_sd_rad: f64,
-    /// Roll and pitch, rad.
-    pub roll_pitch_sd_rad: f64,
-}
-
-/// Errors of the GPS receiver, 1 sigma per axis, tangent frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GpsModel {
-    /// Position, m.
-    pub position_sd_m: [f64; 3],
-    /// Velocity, m/s.
-    pub velocity_sd_mps: [f64; 3],
-}
-
 /// Everything assumed of the environment and the sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Model {
@@ -83,21 +48,17 @@ pub struct Model {
     pub environment: Environment,
     /// Inertial sensors.
     pub imu: ImuModel,
-    /// Doppler velocity log.
-    pub dvl: DvlModel,
     /// Initial state.
     pub initial: InitialModel,
-    /// Depth sensor.
-    pub depth: DepthModel,
-    /// Magnetometer.
-    pub magnetometer: MagnetometerModel,
-    /// GPS receiver.
-    pub gps: GpsModel,
+    /// Sensors that aid.
+    pub sensors: SensorModels,
 }
 
 impl Model {
     /// Table 2 of Tal et al. 2017 as read in `docs/equations.md`, at the latitude of Haifa.
     #[must_use]
+    // Table 2 says nothing of further sensors.
+    #[allow(clippy::needless_update)]
     pub fn table_2() -> Self {
         let degree = std::f64::consts::PI / 180.0;
         let root_hour = 60.0;
@@ -111,26 +72,29 @@ impl Model {
                 accel_bias_walk_mps2_rts: 1e-5,
                 gyro_bias_walk_radps_rts: 2.8e-5 * degree,
             },
-            dvl: DvlModel {
-                beam_noise_sd_mps: 0.042,
-                beam_bias_sd_mps: 0.005,
-                beam_bias_walk_mps_rts: 5e-5,
-                scale_factor_sd: 0.007,
-                scale_factor_walk_rts: 5e-5,
-            },
             initial: InitialModel {
                 position_sd_m: [2.0; 3],
                 attitude_sd_rad: [0.01, 0.01, 0.02],
                 velocity_sd_mps: [0.05; 3],
             },
-            depth: DepthModel { sd_m: 0.02 },
-            magnetometer: MagnetometerModel {
-                yaw_sd_rad: 0.1,
-                roll_pitch_sd_rad: 0.02,
-            },
-            gps: GpsModel {
-                position_sd_m: [2.0; 3],
-                velocity_sd_mps: [0.1; 3],
+            sensors: SensorModels {
+                dvl: DvlModel {
+                    beam_noise_sd_mps: 0.042,
+                    beam_bias_sd_mps: 0.005,
+                    beam_bias_walk_mps_rts: 5e-5,
+                    scale_factor_sd: 0.007,
+                    scale_factor_walk_rts: 5e-5,
+                },
+                depth: DepthModel { sd_m: 0.02 },
+                magnetometer: MagnetometerModel {
+                    yaw_sd_rad: 0.1,
+                    roll_pitch_sd_rad: 0.02,
+                },
+                gps: GpsModel {
+                    position_sd_m: [2.0; 3],
+                    velocity_sd_mps: [0.1; 3],
+                },
+                ..SensorModels::default()
             },
         }
     }
@@ -148,14 +112,6 @@ impl Model {
             ("imu.gyro_bias_sd_radps", self.imu.gyro_bias_sd_radps),
             ("imu.accel_bias_walk_mps2_rts", self.imu.accel_bias_walk_mps2_rts),
             ("imu.gyro_bias_walk_radps_rts", self.imu.gyro_bias_walk_radps_rts),
-            ("dvl.beam_noise_sd_mps", self.dvl.beam_noise_sd_mps),
-            ("dvl.beam_bias_sd_mps", self.dvl.beam_bias_sd_mps),
-            ("dvl.beam_bias_walk_mps_rts", self.dvl.beam_bias_walk_mps_rts),
-            ("dvl.scale_factor_sd", self.dvl.scale_factor_sd),
-            ("dvl.scale_factor_walk_rts", self.dvl.scale_factor_walk_rts),
-            ("depth.sd_m", self.depth.sd_m),
-            ("magnetometer.yaw_sd_rad", self.magnetometer.yaw_sd_rad),
-            ("magnetometer.roll_pitch_sd_rad", self.magnetometer.roll_pitch_sd_rad),
         ];
         for (field, value) in non_negative {
             require_non_negative(field, value)?;
@@ -164,15 +120,13 @@ impl Model {
             ("initial.position_sd_m", self.initial.position_sd_m),
             ("initial.attitude_sd_rad", self.initial.attitude_sd_rad),
             ("initial.velocity_sd_mps", self.initial.velocity_sd_mps),
-            ("gps.position_sd_m", self.gps.position_sd_m),
-            ("gps.velocity_sd_mps", self.gps.velocity_sd_mps),
         ];
         for (field, values) in triples {
             values
                 .iter()
                 .try_for_each(|&value| require_non_negative(field, value))?;
         }
-        Ok(())
+        self.sensors.validate()
     }
 
     /// Power spectral densities of the process noise; the DVL's are zero where its states are not estimated.
@@ -184,8 +138,8 @@ impl Model {
             gyro: self.imu.gyro_noise_rad_rts.powi(2),
             accel_bias: self.imu.accel_bias_walk_mps2_rts.powi(2),
             gyro_bias: self.imu.gyro_bias_walk_radps_rts.powi(2),
-            dvl_bias: dvl * self.dvl.beam_bias_walk_mps_rts.powi(2),
-            dvl_scale: dvl * self.dvl.scale_factor_walk_rts.powi(2),
+            dvl_bias: dvl * self.sensors.dvl.beam_bias_walk_mps_rts.powi(2),
+            dvl_scale: dvl * self.sensors.dvl.scale_factor_walk_rts.powi(2),
         }
     }
 
@@ -204,10 +158,10 @@ impl Model {
         put(layout::ACCEL_BIAS, [self.imu.accel_bias_sd_mps2; 3]);
         put(layout::GYRO_BIAS, [self.imu.gyro_bias_sd_radps; 3]);
         if estimate_dvl {
-            let bias = Matrix4::identity() * self.dvl.beam_bias_sd_mps.powi(2);
+            let bias = Matrix4::identity() * self.sensors.dvl.beam_bias_sd_mps.powi(2);
             p.fixed_view_mut::<4, 4>(layout::DVL_BIAS, layout::DVL_BIAS)
                 .copy_from(&bias);
-            p[(layout::DVL_SCALE, layout::DVL_SCALE)] = self.dvl.scale_factor_sd.powi(2);
+            p[(layout::DVL_SCALE, layout::DVL_SCALE)] = self.sensors.dvl.scale_factor_sd.powi(2);
         }
         p
     }

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 use bottomlock::NavError;
+use bottomlock::aiding::registry::{SensorKind, SensorModels};
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::error_model::{Coefficients, dense_noise};
@@ -14,7 +15,9 @@ use bottomlock::layout::DIM;
 use bottomlock::mechanisation::{EarthTerms, ImuSample, Inertial, Sampling};
 use bottomlock::model::*;
 use bottomlock::navigator::NavigatorSet;
-use bottomlock::navigator::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample, VelocitySample};
+use bottomlock::navigator::events::{
+    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, VelocitySample,
+};
 use bottomlock::navigator::{BeamAiding, Navigator};
 use bottomlock::navigator::{METHODS, Method};
 use bottomlock::simulation::batch::{Batch, run_batch};
@@ -32,17 +35,8 @@ const SECOND: i64 = 1_000_000_000;
 fn perfect() -> Model {
     Model {
         imu: ImuModel::default(),
-        dvl: DvlModel::default(),
         initial: InitialModel::default(),
-        depth: DepthModel { sd_m: 0.0 },
-        magnetometer: MagnetometerModel {
-            yaw_sd_rad: 0.0,
-            roll_pitch_sd_rad: 0.0,
-        },
-        gps: GpsModel {
-            position_sd_m: [0.0; 3],
-            velocity_sd_mps: [0.0; 3],
-        },
+        sensors: SensorModels::default(),
         ..Model::table_2()
     }
 }
@@ -142,11 +136,11 @@ impl Epochs {
         Schedule {
             dvl_time_ns: &self.dvl,
             beam_valid: &self.masks,
-            depth_time_ns: &self.depth,
-            magnetometer_time_ns: &self.magnetometer,
-            gps_time_ns: &self.gps,
             ..Schedule::default()
         }
+        .with(SensorKind::Depth, &self.depth, &[])
+        .with(SensorKind::Attitude, &self.magnetometer, &[])
+        .with(SensorKind::Gps, &self.gps, &[])
     }
 }
 
@@ -228,11 +222,11 @@ fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
             let schedule = Schedule {
                 dvl_time_ns: &dvl,
                 beam_valid: &epochs.masks[skipped..skipped + dvl.len()],
-                depth_time_ns: &depth,
-                magnetometer_time_ns: &magnetometer,
-                gps_time_ns: &gps,
                 ..Schedule::default()
-            };
+            }
+            .with(SensorKind::Depth, &depth, &[])
+            .with(SensorKind::Attitude, &magnetometer, &[])
+            .with(SensorKind::Gps, &gps, &[]);
             let segment = TruthSegment {
                 truth: truth.part(pair[0]..pair[1] + 1),
                 schedule,
@@ -257,30 +251,31 @@ fn offsets_move_their_own_reading_alone() {
         run: 3,
     };
     let (depth, yaw) = (vec![0.5; epochs.depth.len()], vec![0.1; epochs.magnetometer.len()]);
-    let off = Schedule {
-        depth_offset_m: &depth,
-        yaw_offset_rad: &yaw,
-        ..epochs.schedule()
-    };
+    let off = epochs.schedule().with(SensorKind::Depth, &epochs.depth, &depth).with(
+        SensorKind::Attitude,
+        &epochs.magnetometer,
+        &yaw,
+    );
     let draw = |schedule: &Schedule<'_>| {
-        let sampling = Sampling::Instantaneous;
-        simulate(&turn.truth(), &geometry, &model, &model, schedule, sampling, &key)
+        let options = Options::default();
+        simulate(&turn.truth(), &geometry, &model, &model, schedule, &options, &key)
     };
     let (ideal, moved) = (draw(&epochs.schedule()).unwrap(), draw(&off).unwrap());
-    for (a, b) in ideal.depth.iter().zip(&moved.depth) {
+    for (a, b) in ideal.of::<DepthSample>().zip(moved.of::<DepthSample>()) {
         assert!((b.depth_m - a.depth_m - 0.5).abs() < 1e-12);
     }
-    for (a, b) in ideal.attitude.iter().zip(&moved.attitude) {
+    for (a, b) in ideal.of::<AttitudeSample>().zip(moved.of::<AttitudeSample>()) {
         let [roll, pitch, turned] = b.attitude_t_p.to_euler_rad();
         let [roll_0, pitch_0, yaw_0] = a.attitude_t_p.to_euler_rad();
         let apart = [roll - roll_0, pitch - pitch_0, turned - yaw_0 - 0.1];
         assert!(apart.iter().all(|angle| angle.abs() < 1e-12), "{apart:?}");
     }
-    assert!(ideal.imu == moved.imu && ideal.gps == moved.gps && ideal.scale_factor == moved.scale_factor);
-    let short = Schedule {
-        depth_offset_m: &depth[1..],
-        ..epochs.schedule()
-    };
+    assert!(
+        ideal.imu == moved.imu
+            && ideal.of::<GpsSample>().eq(moved.of::<GpsSample>())
+            && ideal.scale_factor == moved.scale_factor
+    );
+    let short = epochs.schedule().with(SensorKind::Depth, &epochs.depth, &depth[1..]);
     assert!(draw(&short).unwrap_err().to_string().contains("depth_offset_m"));
 }
 
@@ -339,7 +334,7 @@ fn streams_are_independent() {
             &model,
             &model,
             &epochs.schedule(),
-            Sampling::Instantaneous,
+            &Options::default(),
             &key,
         )
         .unwrap()
@@ -349,7 +344,7 @@ fn streams_are_independent() {
     epochs.masks = vec![BeamMask::NONE; epochs.dvl.len()];
     let fewer = draw(&epochs);
     assert_eq!(all.imu, fewer.imu);
-    assert_eq!(all.attitude, fewer.attitude);
+    assert!(all.of::<AttitudeSample>().eq(fewer.of::<AttitudeSample>()));
     for (a, b) in all.pings.iter().zip(&fewer.pings) {
         assert_eq!(a.velocity_mps[..4], b.velocity_mps[..4]);
     }
@@ -380,7 +375,7 @@ fn streaming_is_batch_bit_for_bit() {
             &model,
             &model,
             &epochs.schedule(),
-            Sampling::Instantaneous,
+            &Options::default(),
             &key,
         )
         .unwrap();
@@ -393,9 +388,7 @@ fn streaming_is_batch_bit_for_bit() {
                 ..*p
             })
         }));
-        events.extend(streams.depth.iter().copied().map(Event::Depth));
-        events.extend(streams.attitude.iter().copied().map(Event::Attitude));
-        events.extend(streams.gps.iter().copied().map(Event::Gps));
+        events.extend(streams.sensors.iter().flatten().copied().map(Event::Aiding));
         events.sort_by_key(Event::time_ns);
         let last_ns = turn.time_ns[turn.time_ns.len() - 1];
         for event in events.iter().filter(|event| event.time_ns() <= last_ns) {
@@ -471,7 +464,7 @@ fn fifteen_states_are_twenty_with_frozen_dvl() {
         &model,
         &model,
         &epochs.schedule(),
-        options.sampling,
+        &options,
         &key,
     )
     .unwrap();
@@ -564,7 +557,7 @@ fn disorder_in_time_is_refused() {
         ));
     }
     let depth = |time_ns| {
-        Event::Depth(DepthSample {
+        Event::from(DepthSample {
             time_ns,
             depth_m: 1.0,
             sd_m: 0.1,
@@ -640,29 +633,31 @@ fn event() -> impl Strategy<Value = Event> {
                 sd_mps: [x[4]; MAX_BEAMS],
                 valid: (0..MAX_BEAMS).filter(|k| bits & (1 << k) != 0).collect(),
             }),
-            3 => Event::Depth(DepthSample {
+            3 => Event::from(DepthSample {
                 time_ns,
                 depth_m: x[0],
                 sd_m: x[1],
             }),
-            4 => Event::Velocity(VelocitySample {
+            4 => Event::from(VelocitySample {
                 time_ns,
                 velocity_p_mps: Vec3::from_array(a),
                 cov_m2ps2: Matrix3::from_diagonal(&b.into()),
             }),
-            5 => Event::Gps(GpsSample {
+            5 => Event::from(GpsSample {
                 time_ns,
                 position_t_m: Vec3::from_array(a),
                 position_sd_m: b,
-                velocity_t_mps: Vec3::from_array(a),
-                velocity_sd_mps: b,
+                velocity: Some(GpsVelocity {
+                    velocity_t_mps: Vec3::from_array(a),
+                    sd_mps: b,
+                }),
             }),
-            _ if bits % 2 == 0 => Event::Heading(HeadingSample {
+            _ if bits % 2 == 0 => Event::from(HeadingSample {
                 time_ns,
                 yaw_rad: x[0],
                 sd_rad: x[1],
             }),
-            _ => Event::Attitude(AttitudeSample {
+            _ => Event::from(AttitudeSample {
                 time_ns,
                 attitude_t_p: Rot::from_quaternion_wxyz([x[0], x[1], x[2], x[3]]),
                 roll_pitch_sd_rad: x[4],

@@ -10,6 +10,8 @@
 use std::f64::consts::TAU;
 
 use bottomlock::aiding::InformationPort;
+use bottomlock::aiding::beams::DvlModel;
+use bottomlock::aiding::registry::SensorModels;
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::dvl::partial::PartialMethod;
 use bottomlock::earth::Environment;
@@ -33,19 +35,13 @@ fn model() -> Model {
             accel_noise_mps_rts: 1e-3,
             ..Default::default()
         },
-        dvl: DvlModel {
-            beam_noise_sd_mps: 0.042,
-            ..Default::default()
-        },
         initial: InitialModel::default(),
-        depth: DepthModel { sd_m: 0.02 },
-        magnetometer: MagnetometerModel {
-            yaw_sd_rad: 0.1,
-            roll_pitch_sd_rad: 0.02,
-        },
-        gps: GpsModel {
-            position_sd_m: [2.0; 3],
-            velocity_sd_mps: [0.1; 3],
+        sensors: SensorModels {
+            dvl: DvlModel {
+                beam_noise_sd_mps: 0.042,
+                ..Default::default()
+            },
+            ..Model::table_2().sensors
         },
     }
 }

@@ -14,17 +14,15 @@ from pydantic import Field, ValidationError, model_validator
 from bottomlock import units
 from bottomlock.config.scenario_sections import (
     Campaign,
-    Depth,
     Dvl,
     Environment,
     Filter,
-    Gps,
     Imu,
     Initial,
-    Magnetometer,
     Section,
     Trajectory,
 )
+from bottomlock.config.sensors import SENSORS, Depth, Gps, Magnetometer
 from bottomlock.config.validation import explain
 from bottomlock.errors import OutputError, ScenarioError
 
@@ -77,7 +75,10 @@ class Scenario(Section):
 
     def content_hash(self) -> str:
         """SHA-256 of everything that decides the numbers (not the number of runs, the methods or the words)."""
-        content = self.model_dump(mode="json", exclude={"description": True, "campaign": {"runs", "methods"}})
+        exclude: dict[str, Any] = {"description": True, "campaign": {"runs", "methods"}}
+        # A sensor that the scenario does not name decides nothing.
+        exclude |= {sensor.name: True for sensor in SENSORS if sensor.name not in self.model_fields_set}
+        content = self.model_dump(mode="json", exclude=exclude)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def with_overrides(
@@ -149,21 +150,14 @@ class Scenario(Section):
                 "attitude_sd_rad": [units.rad_from_deg(angle) for angle in (roll, pitch, yaw)],
                 "velocity_sd_mps": list(initial.velocity_mps),
             },
-            "depth": {"sd_m": self.depth.noise_pa / (self.depth.water_density_kg_per_m3 * gravity_mps2)},
-            "magnetometer": {
-                "yaw_sd_rad": units.rad_from_deg(self.magnetometer.yaw_noise_deg),
-                "roll_pitch_sd_rad": units.rad_from_deg(self.magnetometer.roll_pitch_noise_deg),
-            },
-            "gps": {
-                "position_sd_m": list(self.gps.position_noise_m),
-                "velocity_sd_mps": list(self.gps.velocity_noise_mps),
-            },
-        }
+        } | {sensor.name: sensor.model(getattr(self, sensor.name), gravity_mps2) for sensor in SENSORS}
 
     def kernel_options(self) -> dict[str, Any]:
         """Filter options as the kernel wants them."""
         rate_hz = self.filter.covariance_rate_hz
         options = self.filter.model_dump(exclude={"covariance_rate_hz"})
+        for sensor in SENSORS:
+            options |= sensor.options(getattr(self, sensor.name))
         return options | {
             "covariance_period_ns": units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0,
             "imu_sampling": self.imu.sampling,

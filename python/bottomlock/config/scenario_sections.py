@@ -193,52 +193,6 @@ class Dvl(Section):
         return self
 
 
-class Depth(Section):
-    """Depth sensor: noise, and what density, tide and barometer add to its reading.
-
-    The sensor takes its pressure for depth with `water_density_kg_per_m3`; the water itself has
-    `true_density_kg_per_m3`, by default the same.
-    """
-
-    enabled: bool = True
-    rate_hz: Positive = 0.25
-    noise_pa: Positive = 194.0
-    water_density_kg_per_m3: Positive = 1025.0
-    true_density_kg_per_m3: Positive | None = None
-    tide_m: Finite = 0.0
-    barometric_offset_pa: Finite = 0.0
-
-
-class Magnetometer(Section):
-    """Magnetometer and tilt sensor as an attitude sensor: noise, and what declination and iron add to its yaw.
-
-    `declination_deg` is the field's own, with inclination and strength; "wmm" takes all three from the World Magnetic
-    Model. `assumed_declination_deg` is what the compass corrects for, by default the true one.
-    """
-
-    enabled: bool = True
-    rate_hz: Positive = 0.5
-    yaw_noise_deg: Positive = 5.72
-    roll_pitch_noise_deg: Positive = 1.15
-    declination_deg: Annotated[float, Field(ge=-180, le=180)] | Literal["wmm"] = 0.0
-    inclination_deg: Annotated[float, Field(gt=-90, lt=90)] = 49.0
-    field_nt: Positive = 45_000.0
-    assumed_declination_deg: Annotated[float, Field(ge=-180, le=180)] | None = None
-    hard_iron_nt: Vector = (0.0, 0.0, 0.0)
-    soft_iron: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
-class Gps(Section):
-    """GPS receiver: heard at the surface alone, some time after the antenna has come up."""
-
-    enabled: bool = True
-    rate_hz: Positive = 1.0
-    position_noise_m: tuple[Positive, Positive, Positive] = (2.0, 2.0, 4.0)
-    velocity_noise_mps: tuple[Positive, Positive, Positive] = (0.1, 0.1, 0.2)
-    antenna_depth_m: Finite = 0.3
-    acquire_s: NonNegative = 5.0
-
-
 class Initial(Section):
     """Uncertainty of the initial state, 1 sigma."""
 

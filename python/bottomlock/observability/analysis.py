@@ -28,8 +28,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bottomlock import kernel
+from bottomlock.config import sensors
 from bottomlock.errors import DataError
-from bottomlock.observability.schedule import SENSORS, Schedule
+from bottomlock.kernel import SENSORS
+from bottomlock.observability.schedule import Schedule
 from bottomlock.truth.truth import Array, Truth
 from bottomlock.units import ns_from_s
 
@@ -203,9 +205,7 @@ def _model(truth: Truth, earth_rate_radps: float) -> dict[str, Any]:
             "scale_factor_sd": 0.0, "scale_factor_walk_rts": 0.0,
         },
         "initial": {"position_sd_m": three, "attitude_sd_rad": three, "velocity_sd_mps": three},
-        "depth": {"sd_m": 1.0},
-        "magnetometer": {"yaw_sd_rad": 1.0, "roll_pitch_sd_rad": 1.0},
-        "gps": {"position_sd_m": three, "velocity_sd_mps": three},
+        **{sensor.name: sensor.model(sensor.section(), truth.gravity_mps2) for sensor in sensors.SENSORS},
     }  # fmt: skip
 
 

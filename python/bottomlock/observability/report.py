@@ -9,13 +9,14 @@ import polars as pl
 
 from bottomlock.atomic_write import write_parquet
 from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.figures.flight import save_figure
 from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
 from bottomlock.observability.figures import deviation_figure, figure_names
 from bottomlock.observability.mask_figure import mask_figure
 from bottomlock.observability.planner import plan
-from bottomlock.observability.schedule import Schedule
+from bottomlock.observability.schedule import Schedule, Times
 from bottomlock.observability.tables import (
     MODELS,
     PAPER_CASES,
@@ -62,14 +63,11 @@ def scenario_schedule(simulation: Simulation, truth: Truth) -> tuple[Schedule, S
         DataError: for a truth of less than a second.
     """
     plan = measurement_schedule(simulation, truth, trajectory_key=trajectory_key(simulation.scenario.name))
-    fixes = plan["gps_time_ns"]
-    fixes = fixes[plan["gps_heard"]] if len(fixes) else fixes
-    others = {
-        "depth": plan["depth_time_ns"],
-        "attitude": plan["magnetometer_time_ns"],
-        "gps_position": fixes,
-        "gps_velocity": fixes,
-    }
+    others: dict[str, Times] = {}
+    for sensor in SENSORS:
+        times = plan[f"{sensor.name}_time_ns"]
+        heard = plan.get(f"{sensor.name}_heard")
+        others |= dict.fromkeys(sensor.updates, times if heard is None or not len(times) else times[heard])
     pings = plan["dvl_time_ns"]
     valid = plan["beam_valid"].reshape(len(pings), simulation.geometry.beams)
     flown, every = (
@@ -156,13 +154,10 @@ def _planned(own: Aiding) -> Aiding:
 
 
 def _rates_hz(scenario: Scenario) -> dict[str, float]:
-    return {
-        "beams": scenario.dvl.rate_hz,
-        "depth": scenario.depth.rate_hz,
-        "attitude": scenario.magnetometer.rate_hz,
-        "gps_position": scenario.gps.rate_hz,
-        "gps_velocity": scenario.gps.rate_hz,
-    }
+    rates = {"beams": scenario.dvl.rate_hz}
+    for sensor in SENSORS:
+        rates |= dict.fromkeys(sensor.updates, getattr(scenario, sensor.name).rate_hz)
+    return rates
 
 
 def _ranks(found: Finding, labels: dict[str, str]) -> pl.DataFrame:

@@ -8,13 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
+from bottomlock.kernel import SENSORS
 from bottomlock.simulation.sensor_times import epochs_ns
 
 Times = NDArray[np.int64]
 Flags = NDArray[np.bool_]
-
-SENSORS = ("velocity", "depth", "attitude", "heading", "gps_position", "gps_velocity")
-"""Sensors beside the beams, as `observability.Aiding` names them."""
 
 
 @dataclass(frozen=True, eq=False)

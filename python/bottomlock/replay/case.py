@@ -29,6 +29,7 @@ from bottomlock.replay.stream_sections import (
     ImuStream,
     MagnetometerStream,
     ReferenceStream,
+    Stream,
 )
 
 Angles = tuple[Finite, Finite, Finite]
@@ -208,9 +209,9 @@ class Case(Section):
     def files(self) -> dict[str, Path]:
         """Every file that the case reads, by its section."""
         named: dict[str, Path] = {}
-        for key in ("imu", "dvl", "depth", "attitude", "magnetometer", "gps", "reference"):
+        for key in type(self).model_fields:
             stream = getattr(self, key)
-            if stream is not None:
+            if isinstance(stream, Stream):
                 named[key] = stream.file
         if self.dvl.noise.of is not None:
             named["dvl.noise"] = self.dvl.noise.of.file

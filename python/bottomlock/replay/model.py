@@ -8,6 +8,7 @@ import numpy as np
 from bottomlock import units
 from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2
 from bottomlock.replay.case import Case
+from bottomlock.replay.sensors import SENSORS
 from bottomlock.replay.stream_sections import ImuErrors
 from bottomlock.replay.streams import Floats, Streams
 
@@ -64,8 +65,8 @@ def kernel_model(
     case: Case, streams: Streams, imu: ImuModel, initial: dict[str, Floats], gravity: float
 ) -> dict[str, Any]:
     """Environment, sensor errors and initial standard deviations, as the kernel takes them."""
-    dvl, gps, attitude = case.dvl.errors, case.gps, case.attitude
-    return {
+    dvl = case.dvl.errors
+    model: dict[str, Any] = {
         "environment": {
             "latitude_rad": streams.latitude_rad,
             "gravity_mps2": gravity,
@@ -80,16 +81,10 @@ def kernel_model(
             "scale_factor_walk_rts": units.fraction_from_percent(dvl.scale_factor_walk_percent_per_rt_s),
         },
         "initial": {name: values.tolist() for name, values in initial.items()},
-        "depth": {"sd_m": 1.0 if case.depth is None else case.depth.sd_m},
-        "magnetometer": {
-            "yaw_sd_rad": units.rad_from_deg(5.0 if attitude is None else attitude.yaw_sd_deg),
-            "roll_pitch_sd_rad": units.rad_from_deg(1.0 if attitude is None else attitude.roll_pitch_sd_deg),
-        },
-        "gps": {
-            "position_sd_m": [2.0, 2.0, 4.0] if gps is None else list(gps.position_sd_m),
-            "velocity_sd_mps": [0.1, 0.1, 0.2],
-        },
     }
+    for sensor in SENSORS:
+        model |= sensor.model(getattr(case, sensor.section))
+    return model
 
 
 def kernel_options(case: Case) -> dict[str, Any]:
@@ -101,8 +96,7 @@ def kernel_options(case: Case) -> dict[str, Any]:
     }
     if case.robust is not None:
         options["robust"] = case.robust.model_dump()
-    if case.depth is not None:
-        options["depth_lever_p_m"] = list(case.depth.lever_arm_m)
-    if case.gps is not None:
-        options["gps_lever_p_m"] = list(case.gps.lever_arm_m)
+    for sensor in SENSORS:
+        stream = getattr(case, sensor.section)
+        options |= {} if stream is None else sensor.options(stream)
     return options

@@ -66,8 +66,8 @@ def read_streams(case: Case) -> Streams:
     beams = _beams(case, instrument, clocks, notes)
     placed = {
         key: _coordinates(stream, key, clocks)
-        for key, stream in (("gps", case.gps), ("reference", case.reference))
-        if stream is not None
+        for key in type(case).model_fields
+        if isinstance(stream := getattr(case, key), PositionStream)
     }
     origin = _origin(case, placed)
     reference = None

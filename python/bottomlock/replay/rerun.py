@@ -12,10 +12,11 @@ from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import replay_log
 from bottomlock.replay import random_errors
 from bottomlock.replay.align import Alignment, align
-from bottomlock.replay.axes import quaternions, to_angles
+from bottomlock.replay.axes import quaternions
 from bottomlock.replay.case import Case
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kernel_options
+from bottomlock.replay.sensors import SENSORS
 from bottomlock.replay.streams import Flags, Floats, Streams, Times
 from bottomlock.replay.what_if import beams_returned, read_beam_recording
 
@@ -198,7 +199,6 @@ def kernel_log(case: Case, prepared: PreparedRun, valid: Flags) -> Any:  # noqa:
     def within(times: Times) -> slice:
         return slice(*np.searchsorted(times, [start_ns, last_ns + 1]))
 
-    none, no_times = np.zeros(0), np.zeros(0, dtype=np.int64)
     log: dict[str, Any] = {
         "imu_time_ns": inertial.time_ns[imu],
         "force_p_mps2": inertial.force_p_mps2[imu],
@@ -207,31 +207,10 @@ def kernel_log(case: Case, prepared: PreparedRun, valid: Flags) -> Any:  # noqa:
         "beam_velocity_mps": np.where(valid, beams.velocity_mps[prepared.pings], np.nan),
         "beam_valid": valid,
         "beam_sd_mps": beams.sd_mps[prepared.pings],
-        "depth_time_ns": no_times,
-        "depth_m": none,
-        "heading_time_ns": no_times,
-        "heading_rad": none,
-        "attitude_time_ns": no_times,
-        "attitude_rpy_rad": np.zeros((0, 3)),
-        "gps_time_ns": no_times,
-        "gps_position_t_m": np.zeros((0, 3)),
     }
-    if streams.depths is not None:
-        rows = within(streams.depths.time_ns)
-        log |= {"depth_time_ns": streams.depths.time_ns[rows], "depth_m": streams.depths.depth_m[rows]}
-    if streams.attitudes is not None and case.attitude is not None and case.attitude.aids != "nothing":
-        rows = within(streams.attitudes.time_ns)
-        angles = to_angles(streams.attitudes.attitude[rows])
-        if case.attitude.aids == "attitude":
-            log |= {"attitude_time_ns": streams.attitudes.time_ns[rows], "attitude_rpy_rad": angles}
-        else:
-            log |= {"heading_time_ns": streams.attitudes.time_ns[rows], "heading_rad": angles[:, 2].copy()}
-    if streams.positions is not None and case.gps is not None and case.gps.aids:
-        rows = within(streams.positions.time_ns)
-        log |= {
-            "gps_time_ns": streams.positions.time_ns[rows],
-            "gps_position_t_m": streams.positions.position_t_m[rows],
-        }
+    for sensor in SENSORS:
+        section = getattr(case, sensor.section)
+        log |= {} if section is None else sensor.log(section, streams, within)
     return log
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock import units
+from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import DataError
 from bottomlock.plant.beam_loss import (
     MarkovDropout,
@@ -55,7 +56,7 @@ class MeasurementSchedule:
         }
         if not len(self._times["sample"]):
             raise DataError("the truth is shorter than a second: there is nothing to record")
-        for name in ("depth", "magnetometer", "gps"):
+        for name in (sensor.name for sensor in SENSORS):
             settings = getattr(scenario, name)
             rate_hz = settings.rate_hz if settings.enabled else 0.0
             self._times[name] = (

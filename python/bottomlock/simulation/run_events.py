@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock import kernel
+from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import ScenarioError
 from bottomlock.simulation.build import Simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
@@ -69,7 +70,8 @@ class Readings:
         self.simulation = simulation
         model: Any = scenario.kernel_model(simulation.gravity_mps2)
         self._model = model
-        self._options: Any = scenario.kernel_options()
+        options: Any = scenario.kernel_options()
+        self._options = options
         arrays: Any = truth.kernel_arrays()
         self._drawn = kernel.simulate_sensors(
             simulation.geometry,
@@ -80,6 +82,7 @@ class Readings:
             trajectory_key=key,
             run=run,
             imu_sampling=scenario.imu.sampling,
+            options=options,
         )
 
     @property
@@ -121,8 +124,8 @@ class Readings:
                 self._ping(navigator, k, flags[k])
 
     def _events(self) -> list[tuple[int, str, int]]:
-        """Epochs in order of time; at the same time DVL before depth before magnetometer before GPS, as the kernel."""
-        order = ("dvl", "depth", "magnetometer", "gps")
+        """Epochs in order of time; at the same time DVL before the others in the order of `SENSORS`, as the kernel."""
+        order = ("dvl", *(sensor.name for sensor in SENSORS))
         events = [
             (int(time_ns), rank, k)
             for rank, sensor in enumerate(order)
@@ -153,13 +156,6 @@ class Readings:
                 used=report["verdict"] in {"accepted", "accepted_in_part"},
             )
 
-    def _aid(self, navigator: kernel.Navigator, sensor: str, k: int, time_ns: int) -> None:
-        drawn, model = self._drawn, self._model
-        if sensor == "depth":
-            navigator.push_depth(time_ns, float(drawn["depth_m"][k]), **model["depth"])
-        elif sensor == "magnetometer":
-            navigator.push_attitude(time_ns, drawn["magnetometer_attitude_t_p"][k], **model["magnetometer"])
-        else:
-            navigator.push_gps(
-                time_ns, drawn["gps_position_t_m"][k], drawn["gps_velocity_t_mps"][k], **model["gps"]
-            )
+    def _aid(self, navigator: kernel.Navigator, name: str, k: int, time_ns: int) -> None:
+        (sensor,) = (sensor for sensor in SENSORS if sensor.name == name)
+        sensor.push(navigator, time_ns, self._drawn, k, self._model[name])

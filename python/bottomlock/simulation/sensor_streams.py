@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock import kernel
+from bottomlock.config.sensors import SENSORS, Sensor
 from bottomlock.plant.beam_loss import noisy_ranges
 from bottomlock.simulation.build import Simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import schedule_and_footprints
@@ -44,8 +45,15 @@ def sensor_streams(simulation: Simulation, truth: Truth, *, run: int = 0) -> dic
     hits = conditions[1]
     arrays: Any = truth.kernel_arrays()
     model: Any = scenario.kernel_model(simulation.gravity_mps2)
+    options: Any = scenario.kernel_options()
     drawn = kernel.simulate_sensors(
-        simulation.geometry, arrays, model, schedule, imu_sampling=scenario.imu.sampling, **key
+        simulation.geometry,
+        arrays,
+        model,
+        schedule,
+        imu_sampling=scenario.imu.sampling,
+        options=options,
+        **key,
     )
     beams = {"time_ns": drawn["dvl_time_ns"]}
     valid = drawn["dvl_valid"]
@@ -57,19 +65,18 @@ def sensor_streams(simulation: Simulation, truth: Truth, *, run: int = 0) -> dic
             beams[f"beam{k + 1}_range_m"] = np.where(valid[:, k], ranges[:, k], np.nan)
     imu = _columns("omega_{}_radps", "xyz", drawn["imu_omega_p_radps"])
     imu |= _columns("force_{}_mps2", "xyz", drawn["imu_force_p_mps2"])
-    axes = ("north", "east", "down")
-    gps = _columns("position_{}_m", axes, drawn["gps_position_t_m"])
-    gps |= _columns("velocity_{}_mps", axes, drawn["gps_velocity_t_mps"])
+    others = {sensor.table: pl.DataFrame(_readings(sensor, drawn)) for sensor in SENSORS}
     return {
         "imu": pl.DataFrame({"time_ns": drawn["imu_time_ns"]} | imu),
         "beams": pl.DataFrame(beams).with_columns(pl.col(pl.Float64).fill_nan(None)),
-        "depth": pl.DataFrame({"time_ns": drawn["depth_time_ns"], "depth_m": drawn["depth_m"]}),
-        "attitude": pl.DataFrame(
-            {"time_ns": drawn["magnetometer_time_ns"]}
-            | _columns("attitude_{}", "wxyz", drawn["magnetometer_attitude_t_p"])
-        ),
-        "gps": pl.DataFrame({"time_ns": drawn["gps_time_ns"]} | gps),
-    }
+    } | others
+
+
+def _readings(sensor: Sensor, drawn: dict[str, Any]) -> dict[str, Any]:
+    columns = {"time_ns": drawn[f"{sensor.name}_time_ns"]}
+    for array, names in sensor.columns.items():
+        columns |= dict(zip(names, drawn[array].reshape(-1, len(names)).T, strict=True))
+    return columns
 
 
 def _columns(name: str, axes: Any, values: np.ndarray[Any, Any]) -> dict[str, Any]:  # noqa: ANN401 - text or texts

@@ -1,8 +1,17 @@
 //! Every H against central differences of its own residual, also at pitch ±89.9°.
 
+use nalgebra::Vector3;
+
+use super::attitude::attitude;
+use super::depth::depth;
+use super::gps::{gps_velocity, position};
+use super::heading::heading;
+use super::velocity::velocity;
 use super::*;
-use crate::dvl::geometry::{BeamMask, Janus};
-use crate::dvl::partial::{Assumptions, PartialMethod, fix_estimator};
+use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
+use crate::dvl::partial::{Assumptions, BeamNoise, PartialMethod, fix_estimator};
+use crate::frames::{Rot, Vec3};
+use crate::layout::ATTITUDE;
 use crate::state::ErrorVector;
 
 const EARTH: [f64; 3] = [6.1e-5, 0.0, -4.0e-5];
@@ -125,7 +134,7 @@ fn depth_jacobian() {
 fn gps_jacobians() {
     let lever = Vec3::new(0.5, 0.1, -0.4);
     check("gps position", |motion| {
-        gps_position(motion.state, &Vec3::zeros(), &[2.0; 3], &lever)
+        position(motion.state, &Vec3::zeros(), &[2.0; 3], &lever)
     });
     check("gps velocity", |motion| {
         gps_velocity(motion, &Vec3::zeros(), &[0.1; 3], &lever)

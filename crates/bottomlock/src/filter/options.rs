@@ -1,14 +1,12 @@
 //! The filter's options: plain numbers in SI, checked once.
 
-use nalgebra::Vector3;
-
 use crate::aiding::InformationPort;
 use crate::aiding::outliers::Robust;
+use crate::aiding::registry::Levers;
 use crate::aiding::water::WaterPrior;
 use crate::dvl::partial::Assumptions;
-use crate::error::{NavError, require_finite, require_non_negative, require_positive};
+use crate::error::{NavError, require_non_negative, require_positive};
 use crate::filter::gate::{Gate, GateTable};
-use crate::frames::{Platform, Vec3};
 use crate::mechanisation::Sampling;
 
 /// The filter's options.
@@ -33,10 +31,8 @@ pub struct Options {
     pub water: WaterPrior,
     /// What is done against outliers among the beams.
     pub robust: Robust,
-    /// Place of the depth sensor and of the GPS antenna, platform frame, m.
-    pub depth_lever_p_m: Vec3<Platform>,
-    /// Place of the GPS antenna, platform frame, m.
-    pub gps_lever_p_m: Vec3<Platform>,
+    /// Place of each sensor, platform frame, m.
+    pub levers: Levers,
 }
 
 impl Default for Options {
@@ -52,8 +48,7 @@ impl Default for Options {
             information_port: InformationPort::Axes,
             water: WaterPrior::default(),
             robust: Robust::default(),
-            depth_lever_p_m: Vec3::zeros(),
-            gps_lever_p_m: Vec3::zeros(),
+            levers: Levers::default(),
         }
     }
 }
@@ -77,8 +72,7 @@ impl Options {
         require_positive("weak_sway_var_m2ps2", self.assumptions.weak_sway_var_m2ps2)?;
         self.water.validate()?;
         self.robust.validate()?;
-        let levers: Vector3<f64> = self.depth_lever_p_m.0 + self.gps_lever_p_m.0;
-        require_finite("lever arm", 0, levers.as_slice())?;
+        self.levers.validate()?;
         GateTable::new(self.gate).map(|_| ())
     }
 }

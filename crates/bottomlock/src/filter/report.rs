@@ -6,28 +6,7 @@ use crate::aiding::MAX_ROWS;
 use crate::dvl::geometry::MAX_BEAMS;
 use crate::dvl::partial::PartialMethod;
 
-/// Which sensor an update came from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Sensor {
-    /// Beams of the DVL.
-    Beams,
-    /// A velocity in the platform frame.
-    Velocity,
-    /// Depth.
-    Depth,
-    /// Attitude.
-    Attitude,
-    /// Heading alone.
-    Heading,
-    /// GPS position.
-    GpsPosition,
-    /// GPS velocity.
-    GpsVelocity,
-    /// The assumption on sway through the water.
-    Sway,
-    /// The assumption on heave through the water.
-    Heave,
-}
+pub use crate::aiding::registry::Sensor;
 
 /// What became of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -212,7 +212,7 @@ impl Navigator {
     }
 
     fn aid(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
-        let options = self.options;
+        let levers = self.options.levers;
         let filters = &mut self.filters;
         match event {
             Event::Imu(_) => {}
@@ -231,39 +231,13 @@ impl Navigator {
                 let full_lock = self.water().is_some() && self.geometry.rank_of(ping.valid) == 3;
                 self.filters.assume(full_lock, &mut *report)?;
             }
-            Event::Velocity(sample) => report(&filters.update(Sensor::Velocity, |filter| {
-                aiding::velocity(&filter.state(), &sample.velocity_p_mps, &sample.cov_m2ps2)
-            })?),
-            Event::Depth(sample) => report(&filters.update(Sensor::Depth, |filter| {
-                aiding::depth(&filter.state(), sample.depth_m, sample.sd_m, &options.depth_lever_p_m)
-            })?),
-            Event::Attitude(sample) => report(&filters.update(Sensor::Attitude, |filter| {
-                aiding::attitude(
-                    &filter.state(),
-                    &sample.attitude_t_p,
-                    sample.roll_pitch_sd_rad,
-                    sample.yaw_sd_rad,
-                )
-            })?),
-            Event::Heading(sample) => report(&filters.update(Sensor::Heading, |filter| {
-                aiding::heading(&filter.state(), sample.yaw_rad, sample.sd_rad)
-                    .unwrap_or_else(aiding::Innovation::empty)
-            })?),
-            Event::Gps(sample) => {
-                let lever = options.gps_lever_p_m;
-                report(&filters.update(Sensor::GpsPosition, |filter| {
-                    aiding::gps_position(&filter.state(), &sample.position_t_m, &sample.position_sd_m, &lever)
-                })?);
-                report(&filters.update(Sensor::GpsVelocity, |filter| {
-                    filter.with_motion(|motion| {
-                        aiding::gps_velocity(motion, &sample.velocity_t_mps, &sample.velocity_sd_mps, &lever)
-                    })
-                })?);
+            Event::Aiding(measurement) => {
+                for sensor in measurement.reports() {
+                    report(&filters.update(sensor, |filter| {
+                        filter.with_motion(|motion| measurement.innovation(sensor, motion, &levers))
+                    })?);
+                }
             }
-            Event::Position(sample) => report(&filters.update(Sensor::GpsPosition, |filter| {
-                let lever = &options.gps_lever_p_m;
-                aiding::gps_position(&filter.state(), &sample.position_t_m, &sample.position_sd_m, lever)
-            })?),
         }
         Ok(())
     }

@@ -5,10 +5,11 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use super::magnus::{self, Block, MOVING};
 use super::{Aiding, Epoch, Epochs, StateKind, System, epoch_samples, scheduled_samples};
 use crate::aiding;
+use crate::aiding::registry::reports;
+use crate::aiding::sensor::Quantity;
 use crate::aiding::{Innovation, Motion};
 use crate::dvl::geometry::{BeamGeometry, BeamSample, MAX_BEAMS};
 use crate::error::NavError;
-use crate::frames::Vec3;
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DVL_BIAS, DVL_SCALE, GYRO_BIAS, POSITION, VELOCITY};
 use crate::model::Model;
 use crate::simulation::truth::{Truth, true_state};
@@ -165,51 +166,26 @@ fn rows(
         gyro_variance: 0.0,
     };
     let mut parts: Vec<(Innovation, f64)> = Vec::new();
-    if which.velocity {
-        let variance = model.dvl.beam_noise_sd_mps.powi(2);
-        let cov = Matrix3::identity() * variance;
-        parts.push((aiding::velocity(&state, &state.velocity_p_mps, &cov), 1.0));
-    }
     if which.beams.count() > 0 {
         let ping = BeamSample {
             time_ns: truth.time_ns[k],
             velocity_mps: [0.0; MAX_BEAMS],
-            sd_mps: [model.dvl.beam_noise_sd_mps; MAX_BEAMS],
+            sd_mps: [model.sensors.dvl.beam_noise_sd_mps; MAX_BEAMS],
             valid: which.beams,
         };
         let terms = aiding::beam_terms(&motion, geometry, &ping);
         parts.push((aiding::tightly_coupled(&terms, &ping), 1.0));
     }
-    if which.depth {
-        let lever = Vec3::from_array(which.depth_lever_p_m);
-        parts.push((aiding::depth(&state, 0.0, model.depth.sd_m, &lever), duration_s));
-    }
-    if which.attitude {
-        let compass = &model.magnetometer;
-        let row = aiding::attitude(
-            &state,
-            &state.attitude_t_p,
-            compass.roll_pitch_sd_rad,
-            compass.yaw_sd_rad,
-        );
-        parts.push((row, tilt));
-    }
-    if which.heading
-        && let Some(row) = aiding::heading(&state, 0.0, model.magnetometer.yaw_sd_rad)
-    {
-        parts.push((row, tilt));
-    }
-    let antenna = Vec3::from_array(which.gps_lever_p_m);
-    if which.gps_position {
-        let row = aiding::gps_position(&state, &state.position_t_m, &model.gps.position_sd_m, &antenna);
-        parts.push((row, duration_s));
-    }
-    if which.gps_velocity {
-        let measured = state.attitude_t_p * state.velocity_p_mps;
-        parts.push((
-            aiding::gps_velocity(&motion, &measured, &model.gps.velocity_sd_mps, &antenna),
-            1.0,
-        ));
+    for (kind, report) in reports().filter(|(_, report)| which.sensors.contains(report.sensor)) {
+        let size = match report.quantity {
+            Quantity::Position => duration_s,
+            Quantity::Velocity => 1.0,
+            Quantity::Angle => tilt,
+        };
+        let measurement = kind
+            .declaration()
+            .of_truth(&motion, which.levers.of(kind), &model.sensors);
+        parts.push((measurement.innovation(report.sensor, &motion, &which.levers), size));
     }
     let count = parts.iter().map(|(part, _)| part.rows).sum();
     let mut h = DMatrix::zeros(count, DIM);

@@ -18,31 +18,43 @@ pub mod rank;
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::aiding::registry::{Levers, Sensor, reports};
 use crate::dvl::geometry::{BeamGeometry, BeamMask};
-use crate::error::{NavError, require_finite};
+use crate::error::NavError;
 use crate::simulation::truth::Truth;
 
 /// Which sensors aid; rows of all of them are stacked.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Aiding {
-    /// The platform velocity from an instrument without beams.
-    pub velocity: bool,
     /// Beams that return.
     pub beams: BeamMask,
-    /// Depth.
-    pub depth: bool,
-    /// Roll, pitch and yaw.
-    pub attitude: bool,
-    /// Yaw alone.
-    pub heading: bool,
-    /// Position, three axes.
-    pub gps_position: bool,
-    /// Velocity in the tangent frame.
-    pub gps_velocity: bool,
-    /// Place of the depth sensor in the platform frame, m.
-    pub depth_lever_p_m: [f64; 3],
-    /// Place of the GPS antenna in the platform frame, m.
-    pub gps_lever_p_m: [f64; 3],
+    /// The updates of the other sensors.
+    pub sensors: SensorSet,
+    /// Places of the sensors in the platform frame.
+    pub levers: Levers,
+}
+
+/// A set of updates, by the names that they are reported under.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SensorSet(u64);
+
+impl SensorSet {
+    /// True where the set has it.
+    #[must_use]
+    pub const fn contains(self, sensor: Sensor) -> bool {
+        self.0 & (1 << sensor as u64) != 0
+    }
+    /// Those in both sets.
+    #[must_use]
+    pub const fn and(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+}
+
+impl FromIterator<Sensor> for SensorSet {
+    fn from_iter<I: IntoIterator<Item = Sensor>>(sensors: I) -> Self {
+        Self(sensors.into_iter().fold(0, |set, sensor| set | 1 << sensor as u64))
+    }
 }
 
 /// When a window is measured, and by what.
@@ -61,14 +73,13 @@ impl Aiding {
     /// [`NavError::WrongCount`] for an empty set, [`NavError::BadBeam`] for a beam that the geometry lacks,
     /// [`NavError::NotFinite`] for a lever arm.
     pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
-        require_finite("aiding depth_lever_p_m", 0, &self.depth_lever_p_m)?;
-        require_finite("aiding gps_lever_p_m", 0, &self.gps_lever_p_m)?;
+        self.levers.validate()?;
         if self.is_empty() {
+            let names: Vec<&str> = reports().map(|(_, report)| report.sensor.name()).collect();
             return Err(NavError::WrongCount {
                 field: "aiding sensors",
                 got: 0,
-                expected: "at least one of velocity, a beam, depth, attitude, heading, gps_position, gps_velocity"
-                    .into(),
+                expected: format!("at least one of a beam, {}", names.join(", ")),
             });
         }
         if let Some(beam) = self.beams.iter().find(|&beam| beam >= geometry.beams()) {
@@ -85,26 +96,16 @@ impl Aiding {
     /// True where no sensor is in the set.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        let without_levers = Self {
-            depth_lever_p_m: [0.0; 3],
-            gps_lever_p_m: [0.0; 3],
-            ..*self
-        };
-        without_levers == Self::default()
+        self.beams == BeamMask::default() && self.sensors == SensorSet::default()
     }
 
     /// The sensors in both sets; lever arms are those of the first.
     #[must_use]
     pub fn and(&self, heard: &Self) -> Self {
         Self {
-            velocity: self.velocity && heard.velocity,
             beams: self.beams.and(heard.beams),
-            depth: self.depth && heard.depth,
-            attitude: self.attitude && heard.attitude,
-            heading: self.heading && heard.heading,
-            gps_position: self.gps_position && heard.gps_position,
-            gps_velocity: self.gps_velocity && heard.gps_velocity,
-            ..*self
+            sensors: self.sensors.and(heard.sensors),
+            levers: self.levers,
         }
     }
 }

@@ -242,7 +242,7 @@ fn rows(
     let count = 3 * usize::from(sensors.velocity.is_some()) + usize::from(sensors.depth);
     let mut h = DMatrix::zeros(count, 15);
     let mut scale = DVector::from_element(count, 1.0);
-    let mut noise = DMatrix::identity(count, count) * model.dvl.beam_noise_sd_mps.powi(2);
+    let mut noise = DMatrix::identity(count, count) * model.sensors.dvl.beam_noise_sd_mps.powi(2);
     if let Some(sign) = sensors.velocity {
         let to_body = truth.attitude(k).matrix().transpose();
         let velocity_t = to_body.transpose() * Vector3::from(truth.velocity_p_mps[k]);
@@ -256,7 +256,7 @@ fn rows(
     if sensors.depth {
         h[(count - 1, POSITION + 2)] = 1.0;
         scale[count - 1] = duration_s;
-        noise[(count - 1, count - 1)] = model.depth.sd_m.powi(2);
+        noise[(count - 1, count - 1)] = model.sensors.depth.sd_m.powi(2);
     }
     (h, scale, noise)
 }

@@ -5,9 +5,11 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use super::history::{of_filter, of_paper};
 use super::paper::{Sensors, Sign};
 use super::rank::{MIN_GAP, Observability, gramian, growing_windows, observe, rows};
-use super::{Aiding, Epochs, System, full, paper};
+use super::{Aiding, Epochs, SensorSet, System, full, paper};
+use crate::aiding::registry::{Levers, Sensor, SensorKind};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, Janus};
 use crate::error::NavError;
+use crate::frames::Vec3;
 use crate::frames::{Platform, Rot, Tangent};
 use crate::model::Model;
 use crate::simulation::truth::Truth;
@@ -150,7 +152,7 @@ fn closed_form_and_expansion_agree() {
     };
     let paper = paper::system(&truth, &model(), &sensors, SECOND_NS).unwrap();
     let aiding = Aiding {
-        velocity: true,
+        sensors: SensorSet::from_iter([Sensor::Velocity, Sensor::Depth]),
         depth: true,
         ..Aiding::default()
     };
@@ -211,9 +213,8 @@ fn scaling_moves_no_rank() {
 #[test]
 fn full_rank_has_no_basis() {
     let aiding = Aiding {
-        gps_position: true,
+        sensors: SensorSet::from_iter([Sensor::GpsPosition, Sensor::GpsVelocity, Sensor::Attitude]),
         gps_velocity: true,
-        attitude: true,
         ..Aiding::default()
     };
     let found = whole(&inertial(&Turn::new(0.05, 3.0, 60, 50), &aiding));
@@ -350,7 +351,7 @@ fn schedules() {
     let turn = Turn::new(0.05, 2.0, 20, 10);
     let (truth, geometry, model) = (turn.truth(), janus(), model());
     let set = Aiding {
-        depth: true,
+        sensors: SensorSet::from_iter([Sensor::Depth]),
         ..beams(4)
     };
     let judge = |heard: &[(i64, Aiding)]| {
@@ -394,13 +395,13 @@ fn schedules() {
     ));
     assert!(matches!(judge(&always[..1]), Err(NavError::WrongCount { got: 1, .. })));
     let bent = Aiding {
-        gps_lever_p_m: [0.0, f64::NAN, 0.0],
+        levers: Levers::default().with(SensorKind::Gps, Vec3::new(0.0, f64::NAN, 0.0)),
         ..set
     };
     assert!(bent.validate(&geometry).is_err());
     assert!(
         Aiding {
-            depth_lever_p_m: [1.0; 3],
+            levers: Levers::default().with(SensorKind::Depth, Vec3::new(1.0, 1.0, 1.0)),
             ..Aiding::default()
         }
         .is_empty()

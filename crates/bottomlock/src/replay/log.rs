@@ -1,14 +1,10 @@
 //! A recorded log: its streams, merged by time of validity.
 
+use crate::aiding::registry::{Measurement, SENSORS};
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::error::NavError;
 use crate::mechanisation::ImuSample;
-use crate::navigator::events::{AttitudeSample, DepthSample, Event, HeadingSample, PositionSample};
-
-/// Number of streams of a log.
-pub const STREAMS: usize = 6;
-/// Their names, in the order in which measurements of the same time are taken.
-pub const STREAM_NAMES: [&str; STREAMS] = ["imu", "dvl", "depth", "attitude", "heading", "gps"];
+use crate::navigator::events::{Event, STREAM_NAMES, STREAMS};
 
 /// A recorded log: each stream rising in time, any of them but the inertial one may be empty.
 #[derive(Debug, Clone, Copy, Default)]
@@ -17,36 +13,24 @@ pub struct Log<'a> {
     pub imu: &'a [ImuSample],
     /// Pings.
     pub pings: &'a [BeamSample],
-    /// Depths.
-    pub depth: &'a [DepthSample],
-    /// Attitudes.
-    pub attitude: &'a [AttitudeSample],
-    /// Headings.
-    pub heading: &'a [HeadingSample],
-    /// Positions.
-    pub gps: &'a [PositionSample],
+    /// Measurements of the other sensors, by their places in the registry.
+    pub sensors: [&'a [Measurement]; SENSORS],
 }
 
 impl Log<'_> {
     pub(crate) fn len(&self, stream: usize) -> usize {
-        [
-            self.imu.len(),
-            self.pings.len(),
-            self.depth.len(),
-            self.attitude.len(),
-            self.heading.len(),
-            self.gps.len(),
-        ][stream]
+        match stream {
+            0 => self.imu.len(),
+            1 => self.pings.len(),
+            _ => self.sensors[stream - 2].len(),
+        }
     }
 
     pub(crate) fn get(&self, stream: usize, row: usize) -> Option<Event> {
         match stream {
             0 => self.imu.get(row).copied().map(Event::Imu),
             1 => self.pings.get(row).copied().map(Event::Beams),
-            2 => self.depth.get(row).copied().map(Event::Depth),
-            3 => self.attitude.get(row).copied().map(Event::Attitude),
-            4 => self.heading.get(row).copied().map(Event::Heading),
-            _ => self.gps.get(row).copied().map(Event::Position),
+            _ => self.sensors[stream - 2].get(row).copied().map(Event::Aiding),
         }
     }
 

@@ -24,8 +24,9 @@ use crate::smoother::smooth;
 use crate::state::{Covariance, NavState};
 use crate::workers::Workers;
 
-pub use self::log::{Log, STREAM_NAMES, STREAMS, Unused};
+pub use self::log::{Log, Unused};
 pub use self::ping::{FIX_STATUS, FixStatus, PingRecord};
+pub use crate::navigator::events::{STREAM_NAMES, STREAMS};
 
 /// What is flown along a log.
 #[derive(Debug, Clone, Copy)]

@@ -1,6 +1,7 @@
 //! A log of a steady turn with streams that never meet, through every method.
 
 use super::*;
+use crate::aiding::registry::{Measurement, SENSORS, SensorKind};
 use crate::dvl::geometry::{BeamMask, BeamMotion, Janus};
 use crate::dvl::geometry::{BeamSample, MAX_BEAMS};
 use crate::filter::report::UpdateReport;
@@ -8,7 +9,7 @@ use crate::frames::{Rot, Vec3};
 use crate::mechanisation::ImuSample;
 use crate::mechanisation::Sampling;
 use crate::navigator::METHODS;
-use crate::navigator::events::{AttitudeSample, DepthSample, HeadingSample, PositionSample};
+use crate::navigator::events::{AttitudeSample, DepthSample, GpsSample, HeadingSample};
 use nalgebra::Vector3;
 
 const MS: i64 = 1_000_000;
@@ -16,10 +17,7 @@ const MS: i64 = 1_000_000;
 pub(crate) struct Recording {
     pub(crate) imu: Vec<ImuSample>,
     pub(crate) pings: Vec<BeamSample>,
-    pub(crate) depth: Vec<DepthSample>,
-    pub(crate) attitude: Vec<AttitudeSample>,
-    pub(crate) heading: Vec<HeadingSample>,
-    pub(crate) gps: Vec<PositionSample>,
+    pub(crate) sensors: [Vec<Measurement>; SENSORS],
     pub(crate) geometry: BeamGeometry,
     pub(crate) model: Model,
     pub(crate) start: NavState,
@@ -51,6 +49,45 @@ pub(crate) fn steady_turn(seconds: i64) -> Recording {
     (0..4).for_each(|beam| velocity_mps[beam] = geometry.beam_velocity_mps(beam, &motion));
     let mut start = NavState::at_rest(0);
     start.velocity_p_mps = Vec3::new(speed, 0.0, 0.0);
+    let mut sensors: [Vec<Measurement>; SENSORS] = Default::default();
+    sensors[SensorKind::Depth as usize] = every(517, 40)
+        .map(|time_ns| {
+            Measurement::from(DepthSample {
+                time_ns,
+                depth_m: 0.0,
+                sd_m: 0.02,
+            })
+        })
+        .collect();
+    sensors[SensorKind::Attitude as usize] = every(1709, 5)
+        .map(|time_ns| {
+            Measurement::from(AttitudeSample {
+                time_ns,
+                attitude_t_p: Rot::from_euler_rad(0.0, 0.0, yaw(time_ns)),
+                roll_pitch_sd_rad: 0.02,
+                yaw_sd_rad: 0.1,
+            })
+        })
+        .collect();
+    sensors[SensorKind::Heading as usize] = every(1301, 77)
+        .map(|time_ns| {
+            Measurement::from(HeadingSample {
+                time_ns,
+                yaw_rad: yaw(time_ns),
+                sd_rad: 0.1,
+            })
+        })
+        .collect();
+    sensors[SensorKind::Gps as usize] = every(2903, 800)
+        .map(|time_ns| {
+            Measurement::from(GpsSample {
+                time_ns,
+                position_t_m: place(time_ns),
+                position_sd_m: [2.0; 3],
+                velocity: None,
+            })
+        })
+        .collect();
     Recording {
         imu: (0..=seconds * 100)
             .map(|k| ImuSample {
@@ -72,35 +109,7 @@ pub(crate) fn steady_turn(seconds: i64) -> Recording {
                 },
             })
             .collect(),
-        depth: every(517, 40)
-            .map(|time_ns| DepthSample {
-                time_ns,
-                depth_m: 0.0,
-                sd_m: 0.02,
-            })
-            .collect(),
-        attitude: every(1709, 5)
-            .map(|time_ns| AttitudeSample {
-                time_ns,
-                attitude_t_p: Rot::from_euler_rad(0.0, 0.0, yaw(time_ns)),
-                roll_pitch_sd_rad: 0.02,
-                yaw_sd_rad: 0.1,
-            })
-            .collect(),
-        heading: every(1301, 77)
-            .map(|time_ns| HeadingSample {
-                time_ns,
-                yaw_rad: yaw(time_ns),
-                sd_rad: 0.1,
-            })
-            .collect(),
-        gps: every(2903, 800)
-            .map(|time_ns| PositionSample {
-                time_ns,
-                position_t_m: place(time_ns),
-                position_sd_m: [2.0; 3],
-            })
-            .collect(),
+        sensors,
         geometry,
         model,
         start,
@@ -112,10 +121,7 @@ impl Recording {
         Log {
             imu: &self.imu,
             pings: &self.pings,
-            depth: &self.depth,
-            attitude: &self.attitude,
-            heading: &self.heading,
-            gps: &self.gps,
+            sensors: self.sensors.each_ref().map(Vec::as_slice),
         }
     }
 

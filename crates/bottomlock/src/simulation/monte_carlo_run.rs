@@ -1,5 +1,6 @@
 //! One run: its sensors, and every method beside it, led along a truth; the whole of it, or as it unfolds.
 
+use crate::aiding::registry::SensorKind;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::error::NavError;
 use crate::filter::filter_group::FilterSpan;
@@ -147,14 +148,7 @@ impl MonteCarloRun {
         Ok(Self {
             run: key.run,
             geometry: geometry.clone(),
-            suite: SensorErrors::new(
-                simulated,
-                assumed,
-                options.sampling,
-                geometry.beams(),
-                start.time_ns,
-                key,
-            ),
+            suite: SensorErrors::new(simulated, assumed, options, geometry.beams(), start.time_ns, key),
             aboard: aboard.collect::<Result<_, _>>()?,
             started: false,
         })
@@ -210,21 +204,19 @@ impl MonteCarloRun {
     }
 
     fn measure(&mut self, truth: &Truth<'_>, schedule: &Schedule<'_>, (sensor, k): Epoch) -> Result<(), NavError> {
-        let offset = |offsets: &[f64]| offsets.get(k).copied().unwrap_or(0.0);
         let event = match sensor {
             Aid::Dvl => {
                 let (time_ns, valid) = (schedule.dvl_time_ns[k], schedule.beam_valid[k]);
                 Event::Beams(self.suite.ping(truth, &self.geometry, time_ns, valid)?)
             }
-            Aid::Depth => {
-                let time_ns = schedule.depth_time_ns[k];
-                Event::Depth(self.suite.depth(truth, time_ns, offset(schedule.depth_offset_m))?)
+            Aid::Sensor(kind) => {
+                let epochs = schedule.of(kind);
+                let offset = epochs.offset.get(k).copied().unwrap_or(0.0);
+                match self.suite.measure(truth, kind, epochs.time_ns[k], offset)? {
+                    Some(measurement) => Event::Aiding(measurement),
+                    None => return Ok(()),
+                }
             }
-            Aid::Magnetometer => {
-                let time_ns = schedule.magnetometer_time_ns[k];
-                Event::Attitude(self.suite.attitude(truth, time_ns, offset(schedule.yaw_offset_rad))?)
-            }
-            Aid::Gps => Event::Gps(self.suite.gps(truth, schedule.gps_time_ns[k])?),
         };
         let all = BeamMask::all(self.geometry.beams());
         self.each(|one| match event {
@@ -394,27 +386,22 @@ impl<'a> RunSegment<'a> {
 #[derive(Debug, Clone, Copy)]
 enum Aid {
     Dvl,
-    Depth,
-    Magnetometer,
-    Gps,
+    Sensor(SensorKind),
 }
 
 type Epoch = (Aid, usize);
 
-/// The epochs of all aiding sensors in order of time; at the same time DVL before depth before magnetometer before GPS.
+/// The epochs of all aiding sensors in order of time; at the same time the DVL's first, then in the order of the registry.
 struct Epochs<'a> {
-    streams: [(Aid, &'a [i64], usize); 4],
+    streams: Vec<(Aid, &'a [i64], usize)>,
 }
 
 impl<'a> Epochs<'a> {
     fn new(schedule: &Schedule<'a>) -> Self {
+        let others = SensorKind::ALL.map(|kind| (Aid::Sensor(kind), schedule.of(kind).time_ns, 0));
+        let all = std::iter::once((Aid::Dvl, schedule.dvl_time_ns, 0)).chain(others);
         Self {
-            streams: [
-                (Aid::Dvl, schedule.dvl_time_ns, 0),
-                (Aid::Depth, schedule.depth_time_ns, 0),
-                (Aid::Magnetometer, schedule.magnetometer_time_ns, 0),
-                (Aid::Gps, schedule.gps_time_ns, 0),
-            ],
+            streams: all.filter(|(_, times, _)| !times.is_empty()).collect(),
         }
     }
 

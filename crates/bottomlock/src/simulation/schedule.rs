@@ -1,5 +1,6 @@
 //! When sensors measure and which beams return.
 
+use crate::aiding::registry::{SENSORS, SensorKind};
 use crate::dvl::geometry::BeamMask;
 use crate::error::NavError;
 
@@ -10,19 +11,33 @@ pub struct Schedule<'a> {
     pub dvl_time_ns: &'a [i64],
     /// Valid beams of each DVL epoch.
     pub beam_valid: &'a [BeamMask],
-    /// Depth epochs, ns, rising.
-    pub depth_time_ns: &'a [i64],
-    /// Reading less true depth without noise, m, of each depth epoch; none for an ideal sea.
-    pub depth_offset_m: &'a [f64],
-    /// Magnetometer epochs, ns, rising.
-    pub magnetometer_time_ns: &'a [i64],
-    /// Reading less true yaw without noise, rad, of each magnetometer epoch; none for an ideal compass.
-    pub yaw_offset_rad: &'a [f64],
-    /// GPS epochs, ns, rising.
-    pub gps_time_ns: &'a [i64],
+    /// Epochs of the other sensors, by their places in the registry.
+    pub sensors: [SensorEpochs<'a>; SENSORS],
 }
 
-impl Schedule<'_> {
+/// When a sensor measures.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SensorEpochs<'a> {
+    /// Epochs, ns, rising.
+    pub time_ns: &'a [i64],
+    /// Reading less true value without noise at each of them, in the unit of the reading; none for ideal surroundings.
+    pub offset: &'a [f64],
+}
+
+impl<'a> Schedule<'a> {
+    /// The epochs of a sensor.
+    #[must_use]
+    pub const fn of(&self, kind: SensorKind) -> &SensorEpochs<'a> {
+        &self.sensors[kind as usize]
+    }
+
+    /// The same with other epochs of a sensor.
+    #[must_use]
+    pub fn with(mut self, kind: SensorKind, time_ns: &'a [i64], offset: &'a [f64]) -> Self {
+        self.sensors[kind as usize] = SensorEpochs { time_ns, offset };
+        self
+    }
+
     /// Checks that what belongs to the epochs is as long as they are, and finite.
     pub(crate) fn validate(&self) -> Result<(), NavError> {
         let same = |field, got: usize, wanted: usize, of: &str| {
@@ -32,38 +47,22 @@ impl Schedule<'_> {
                 Err(NavError::WrongCount {
                     field,
                     got,
-                    expected: format!("{wanted} as for {of}"),
+                    expected: format!("{wanted} as for {of}_time_ns"),
                 })
             }
         };
-        same(
-            "beam_valid",
-            self.beam_valid.len(),
-            self.dvl_time_ns.len(),
-            "dvl_time_ns",
-        )?;
-        let offsets = [
-            (
-                "depth_offset_m",
-                self.depth_offset_m,
-                self.depth_time_ns,
-                "depth_time_ns",
-            ),
-            (
-                "yaw_offset_rad",
-                self.yaw_offset_rad,
-                self.magnetometer_time_ns,
-                "magnetometer_time_ns",
-            ),
-        ];
-        for (field, offset, times, of) in offsets {
-            if !offset.is_empty() {
-                same(field, offset.len(), times.len(), of)?;
+        same("beam_valid", self.beam_valid.len(), self.dvl_time_ns.len(), "dvl")?;
+        for kind in SensorKind::ALL {
+            let (epochs, simulation) = (self.of(kind), kind.declaration().simulation);
+            let (name, field) = simulation.map_or(("", None), |of| (of.name, of.offset));
+            let field = field.unwrap_or("offset");
+            if !epochs.offset.is_empty() {
+                same(field, epochs.offset.len(), epochs.time_ns.len(), name)?;
             }
-            if let Some(k) = offset.iter().position(|value| !value.is_finite()) {
+            if let Some(k) = epochs.offset.iter().position(|value| !value.is_finite()) {
                 return Err(NavError::NotFinite {
                     field,
-                    time_ns: times[k],
+                    time_ns: epochs.time_ns[k],
                 });
             }
         }

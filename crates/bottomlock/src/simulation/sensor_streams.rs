@@ -1,10 +1,12 @@
 //! The seeded sensor streams of a whole run as arrays (Eqs. 12, 15 and Table 2).
 
+use crate::aiding::registry::{Measurement, SENSORS, SensorKind};
+use crate::aiding::sensor::AidingSensor;
 use crate::dvl::geometry::{BeamGeometry, BeamSample, MAX_BEAMS};
 use crate::error::NavError;
-use crate::mechanisation::{ImuSample, Sampling};
+use crate::filter::options::Options;
+use crate::mechanisation::ImuSample;
 use crate::model::Model;
-use crate::navigator::events::{AttitudeSample, DepthSample, GpsSample};
 use crate::simulation::schedule::Schedule;
 use crate::simulation::sensor_errors::{RunKey, SensorErrors, drawn_start};
 use crate::simulation::truth::{Truth, true_state};
@@ -27,12 +29,17 @@ pub struct Streams {
     pub beam_bias_mps: Vec<[f64; MAX_BEAMS]>,
     /// True scale factor at each ping.
     pub scale_factor: Vec<f64>,
-    /// Depth readings.
-    pub depth: Vec<DepthSample>,
-    /// Attitude readings.
-    pub attitude: Vec<AttitudeSample>,
-    /// GPS readings.
-    pub gps: Vec<GpsSample>,
+    /// Readings of the other sensors, by their places in the registry.
+    pub sensors: [Vec<Measurement>; SENSORS],
+}
+
+impl Streams {
+    /// The readings of a sensor.
+    pub fn of<S: AidingSensor + TryFrom<Measurement>>(&self) -> impl Iterator<Item = S> + use<'_, S> {
+        self.sensors[S::KIND as usize]
+            .iter()
+            .filter_map(|&measurement| S::try_from(measurement).ok())
+    }
 }
 
 /// Draws every stream of one run; a reading carries the standard deviation that `claimed` says, whatever made its error.
@@ -45,11 +52,11 @@ pub fn simulate(
     model: &Model,
     claimed: &Model,
     schedule: &Schedule<'_>,
-    sampling: Sampling,
+    options: &Options,
     key: &RunKey,
 ) -> Result<Streams, NavError> {
     schedule.validate()?;
-    let mut suite = SensorErrors::new(model, claimed, sampling, geometry.beams(), truth.time_ns[0], key);
+    let mut errors = SensorErrors::new(model, claimed, options, geometry.beams(), truth.time_ns[0], key);
     let mut streams = Streams {
         initial: drawn_start(&true_state(truth, 0), model, key),
         imu: Vec::with_capacity(truth.time_ns.len()),
@@ -58,11 +65,9 @@ pub fn simulate(
         pings: Vec::with_capacity(schedule.dvl_time_ns.len()),
         beam_bias_mps: Vec::with_capacity(schedule.dvl_time_ns.len()),
         scale_factor: Vec::with_capacity(schedule.dvl_time_ns.len()),
-        depth: Vec::new(),
-        attitude: Vec::new(),
-        gps: Vec::new(),
+        sensors: Default::default(),
     };
-    suite.imus(truth, 0..truth.time_ns.len(), |reading, &accel_bias, &gyro_bias| {
+    errors.imus(truth, 0..truth.time_ns.len(), |reading, &accel_bias, &gyro_bias| {
         streams.imu.push(reading);
         streams.accel_bias_p_mps2.push(accel_bias.into());
         streams.gyro_bias_p_radps.push(gyro_bias.into());
@@ -75,22 +80,17 @@ pub fn simulate(
                 previous_ns: previous.time_ns,
             });
         }
-        streams.pings.push(suite.ping(truth, geometry, time_ns, valid)?);
-        let (bias, scale) = suite.dvl_errors();
+        streams.pings.push(errors.ping(truth, geometry, time_ns, valid)?);
+        let (bias, scale) = errors.dvl_errors();
         streams.beam_bias_mps.push(bias);
         streams.scale_factor.push(scale);
     }
-    let offset = |offsets: &[f64], k: usize| offsets.get(k).copied().unwrap_or(0.0);
-    for (k, &time_ns) in schedule.depth_time_ns.iter().enumerate() {
-        let reading = suite.depth(truth, time_ns, offset(schedule.depth_offset_m, k))?;
-        streams.depth.push(reading);
-    }
-    for (k, &time_ns) in schedule.magnetometer_time_ns.iter().enumerate() {
-        let reading = suite.attitude(truth, time_ns, offset(schedule.yaw_offset_rad, k))?;
-        streams.attitude.push(reading);
-    }
-    for &time_ns in schedule.gps_time_ns {
-        streams.gps.push(suite.gps(truth, time_ns)?);
+    for kind in SensorKind::ALL {
+        let epochs = schedule.of(kind);
+        for (k, &time_ns) in epochs.time_ns.iter().enumerate() {
+            let offset = epochs.offset.get(k).copied().unwrap_or(0.0);
+            streams.sensors[kind as usize].extend(errors.measure(truth, kind, time_ns, offset)?);
+        }
     }
     Ok(streams)
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use crate::aiding::sensor::TrueMotion;
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
 use crate::state::NavState;
@@ -102,7 +103,7 @@ impl<'a> Truth<'a> {
     }
 
     /// The motion at any time inside: linear between samples, attitude along the shortest turn.
-    pub(crate) fn at(&self, stream: &'static str, time_ns: i64) -> Result<Instant, NavError> {
+    pub(crate) fn at(&self, stream: &'static str, time_ns: i64) -> Result<TrueMotion, NavError> {
         let (first_ns, last_ns) = (self.time_ns[0], self.time_ns[self.time_ns.len() - 1]);
         if time_ns < first_ns || time_ns > last_ns {
             return Err(NavError::OutsideTruth {
@@ -118,21 +119,13 @@ impl<'a> Truth<'a> {
         let part = (time_ns - self.time_ns[before]) as f64 / span as f64;
         let mix = |a: &[[f64; 3]]| Vector3::from(a[before]) * (1.0 - part) + Vector3::from(a[after]) * part;
         let turn = (self.attitude(before).inverse() * self.attitude(after)).log() * part;
-        Ok(Instant {
+        Ok(TrueMotion {
             position_t_m: mix(self.position_t_m),
             attitude_t_p: self.attitude(before) * Rot::<Platform, Platform>::exp(turn),
             velocity_p_mps: mix(self.velocity_p_mps),
             omega_p_radps: mix(self.omega_p_radps),
         })
     }
-}
-
-/// The motion at one time.
-pub(crate) struct Instant {
-    pub(crate) position_t_m: Vector3<f64>,
-    pub(crate) attitude_t_p: Rot<Tangent, Platform>,
-    pub(crate) velocity_p_mps: Vector3<f64>,
-    pub(crate) omega_p_radps: Vector3<f64>,
 }
 
 /// The true kinematic state at a truth sample, with zero biases.

@@ -4,10 +4,11 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Normals, Stream};
+use super::{Stream, normals};
 use crate::frames::{Rot, Tangent};
 use crate::mechanisation::{ImuSample, Sampling};
 use crate::model::{ImuModel, Model};
+use crate::random::Normals;
 use crate::simulation::sensor_errors::RunKey;
 use crate::simulation::truth::Truth;
 
@@ -30,7 +31,7 @@ pub(super) struct Inertial {
 
 impl Inertial {
     pub(super) fn new(imu: &ImuModel, key: &RunKey) -> Self {
-        let of = |stream| Normals::new(key, stream, 0);
+        let of = |stream| normals(key, stream, 0);
         let (mut accel_walk, mut gyro_walk) = (of(Stream::AccelBias), of(Stream::GyroBias));
         Self {
             accel_noise: of(Stream::AccelNoise),
@@ -72,8 +73,8 @@ impl Inertial {
                 &mut self.gyro_noise,
                 &mut self.accel_noise,
             ];
-            for (normals, rows) in streams.into_iter().zip(&mut drawn) {
-                normals.fill(&mut rows[..count]);
+            for (stream, rows) in streams.into_iter().zip(&mut drawn) {
+                stream.fill(&mut rows[..count]);
             }
             for (row, k) in samples.by_ref().take(count).enumerate() {
                 let [accel_walk, gyro_walk, gyro_noise, accel_noise] =

@@ -7,20 +7,20 @@ mod inertial;
 
 use std::ops::Range;
 
-use chacha20::ChaCha8Rng;
-use chacha20::rand_core::SeedableRng;
-use nalgebra::{UnitQuaternion, Vector3};
-use rand_distr::{Distribution, StandardNormal};
+use nalgebra::Vector3;
 
 use self::inertial::Inertial;
+use crate::aiding::registry::{Levers, Measurement, SENSORS, SensorKind};
+use crate::aiding::sensor::Scene;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamMotion, BeamSample, MAX_BEAMS};
 use crate::error::NavError;
-use crate::frames::{Rot, Vec3};
+use crate::filter::options::Options;
+use crate::frames::Vec3;
 use crate::layout;
 use crate::layout::BIASED_BEAMS;
 use crate::mechanisation::{ImuSample, Sampling};
 use crate::model::Model;
-use crate::navigator::events::{AttitudeSample, DepthSample, GpsSample};
+use crate::random::Normals;
 use crate::simulation::truth::Truth;
 use crate::state::{ErrorVector, NavState};
 
@@ -44,10 +44,7 @@ enum Stream {
     AccelBias = 4,
     GyroBias = 5,
     DvlScale = 6,
-    Depth = 7,
-    Magnetometer = 8,
-    GpsPosition = 9,
-    GpsVelocity = 10,
+    // 7 to 99 belong to the sensors of the registry, each of which declares its own.
     /// Plus the beam's index.
     BeamNoise = 100,
     /// Plus the beam's index.
@@ -64,29 +61,14 @@ fn seed(key: &RunKey) -> [u8; 32] {
     seed
 }
 
-#[derive(Debug)]
-struct Normals(ChaCha8Rng);
-
-impl Normals {
-    fn new(key: &RunKey, stream: Stream, index: usize) -> Self {
-        let mut generator = ChaCha8Rng::from_seed(seed(key));
-        generator.set_stream(stream as u64 + index as u64);
-        Self(generator)
-    }
-    fn one(&mut self) -> f64 {
-        StandardNormal.sample(&mut self.0)
-    }
-    fn each(&mut self, sd: &[f64; 3]) -> Vector3<f64> {
-        Vector3::from_fn(|k, _| sd[k] * self.one())
-    }
-    fn fill(&mut self, rows: &mut [[f64; 3]]) {
-        rows.as_flattened_mut().fill_with(|| self.one());
-    }
+/// The generator of a stream, or of a beam of it.
+fn normals(key: &RunKey, stream: Stream, index: usize) -> Normals {
+    Normals::new(seed(key), stream as u64 + index as u64)
 }
 
 /// A navigator's start: the truth less an error drawn from the model.
 pub(crate) fn drawn_start(truth: &NavState, model: &Model, key: &RunKey) -> NavState {
-    let mut normals = Normals::new(key, Stream::Initial, 0);
+    let mut normals = normals(key, Stream::Initial, 0);
     let mut error = ErrorVector::zeros();
     let blocks = [
         (layout::POSITION, model.initial.position_sd_m),
@@ -111,10 +93,8 @@ pub(crate) struct SensorErrors {
     sampling: Sampling,
     inertial: Inertial,
     dvl: Dvl,
-    depth: Normals,
-    magnetometer: Normals,
-    gps_position: Normals,
-    gps_velocity: Normals,
+    levers: Levers,
+    sensors: [Vec<Normals>; SENSORS],
 }
 
 #[derive(Debug)]
@@ -132,35 +112,36 @@ impl SensorErrors {
     pub(crate) fn new(
         model: &Model,
         claimed: &Model,
-        sampling: Sampling,
+        options: &Options,
         beams: usize,
         first_ns: i64,
         key: &RunKey,
     ) -> Self {
-        let of = |stream| Normals::new(key, stream, 0);
-        let of_beams = |stream| -> Vec<Normals> { (0..beams).map(|beam| Normals::new(key, stream, beam)).collect() };
+        let of = |stream| normals(key, stream, 0);
+        let of_beams = |stream| -> Vec<Normals> { (0..beams).map(|beam| normals(key, stream, beam)).collect() };
         let (mut walk, mut scale_walk) = (of_beams(Stream::BeamBias), of(Stream::DvlScale));
         let mut bias_mps = [0.0; MAX_BEAMS];
         for (bias, normals) in bias_mps.iter_mut().zip(&mut walk) {
-            *bias = model.dvl.beam_bias_sd_mps * normals.one();
+            *bias = model.sensors.dvl.beam_bias_sd_mps * normals.one();
         }
         Self {
             model: *model,
             claimed: *claimed,
-            sampling,
+            sampling: options.sampling,
             inertial: Inertial::new(&model.imu, key),
             dvl: Dvl {
                 noise: of_beams(Stream::BeamNoise),
                 walk,
-                scale_factor: model.dvl.scale_factor_sd * scale_walk.one(),
+                scale_factor: model.sensors.dvl.scale_factor_sd * scale_walk.one(),
                 scale_walk,
                 bias_mps,
                 previous_ns: first_ns,
             },
-            depth: of(Stream::Depth),
-            magnetometer: of(Stream::Magnetometer),
-            gps_position: of(Stream::GpsPosition),
-            gps_velocity: of(Stream::GpsVelocity),
+            levers: options.levers,
+            sensors: SensorKind::ALL.map(|kind| {
+                let streams = kind.declaration().simulation.map_or(&[][..], |of| of.random);
+                streams.iter().map(|&number| Normals::new(seed(key), number)).collect()
+            }),
         }
     }
 
@@ -203,7 +184,7 @@ impl SensorErrors {
         time_ns: i64,
         valid: BeamMask,
     ) -> Result<BeamSample, NavError> {
-        let (dvl, own) = (&self.model.dvl, &mut self.dvl);
+        let (dvl, own) = (&self.model.sensors.dvl, &mut self.dvl);
         let instant = at.at("dvl", time_ns)?;
         let root_dt = ((time_ns - own.previous_ns) as f64 * 1e-9).sqrt();
         own.previous_ns = time_ns;
@@ -221,7 +202,7 @@ impl SensorErrors {
         let mut ping = BeamSample {
             time_ns,
             velocity_mps: [f64::NAN; MAX_BEAMS],
-            sd_mps: [self.claimed.dvl.beam_noise_sd_mps; MAX_BEAMS],
+            sd_mps: [self.claimed.sensors.dvl.beam_noise_sd_mps; MAX_BEAMS],
             valid,
         };
         for (beam, normals) in own.noise.iter_mut().enumerate() {
@@ -232,70 +213,45 @@ impl SensorErrors {
         Ok(ping)
     }
 
-    /// The depth reading at a time, off by what density, tide and barometer do to it.
-    pub(crate) fn depth(&mut self, at: &Truth<'_>, time_ns: i64, offset_m: f64) -> Result<DepthSample, NavError> {
-        let true_m = at.at("depth", time_ns)?.position_t_m.z;
-        Ok(DepthSample {
-            time_ns,
-            depth_m: true_m + offset_m + self.model.depth.sd_m * self.depth.one(),
-            sd_m: self.claimed.depth.sd_m,
-        })
-    }
-
-    /// The attitude reading at a time, its yaw off by what declination and iron do to it.
-    pub(crate) fn attitude(
+    /// The reading of a sensor at a time, off by what the surroundings add; none of a sensor that is not simulated.
+    pub(crate) fn measure(
         &mut self,
         at: &Truth<'_>,
+        kind: SensorKind,
         time_ns: i64,
-        yaw_offset_rad: f64,
-    ) -> Result<AttitudeSample, NavError> {
-        let magnetometer = self.model.magnetometer;
-        let [roll, pitch, yaw] = at.at("magnetometer", time_ns)?.attitude_t_p.to_euler_rad();
-        let tilt = magnetometer.roll_pitch_sd_rad;
-        let error = self.magnetometer.each(&[tilt, tilt, magnetometer.yaw_sd_rad]);
-        let quaternion =
-            UnitQuaternion::from_euler_angles(roll + error.x, pitch + error.y, yaw + yaw_offset_rad + error.z);
-        Ok(AttitudeSample {
+        offset: f64,
+    ) -> Result<Option<Measurement>, NavError> {
+        let declaration = kind.declaration();
+        let Some(simulation) = declaration.simulation else {
+            return Ok(None);
+        };
+        let scene = Scene {
             time_ns,
-            attitude_t_p: Rot::from_quaternion_wxyz([quaternion.w, quaternion.i, quaternion.j, quaternion.k]),
-            roll_pitch_sd_rad: self.claimed.magnetometer.roll_pitch_sd_rad,
-            yaw_sd_rad: self.claimed.magnetometer.yaw_sd_rad,
-        })
-    }
-
-    /// The GPS reading at a time.
-    pub(crate) fn gps(&mut self, at: &Truth<'_>, time_ns: i64) -> Result<GpsSample, NavError> {
-        let (gps, claimed) = (self.model.gps, self.claimed.gps);
-        let instant = at.at("gps", time_ns)?;
-        let velocity_t = (instant.attitude_t_p * Vec3::from(instant.velocity_p_mps)).0;
-        Ok(GpsSample {
-            time_ns,
-            position_t_m: (instant.position_t_m + self.gps_position.each(&gps.position_sd_m)).into(),
-            position_sd_m: claimed.position_sd_m,
-            velocity_t_mps: (velocity_t + self.gps_velocity.each(&gps.velocity_sd_mps)).into(),
-            velocity_sd_mps: claimed.velocity_sd_mps,
-        })
+            truth: &at.at(simulation.name, time_ns)?,
+            offset,
+            lever_p_m: *self.levers.of(kind),
+            actual: &self.model.sensors,
+            claimed: &self.claimed.sensors,
+        };
+        Ok(declaration.simulate(&scene, &mut self.sensors[kind as usize]))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use chacha20::rand_core::Rng;
-    use proptest::prelude::*;
+    use std::collections::BTreeSet;
 
     use super::*;
 
-    proptest! {
-        /// Word for word those of `rand_chacha`, over several refills, whatever the key and the stream: two libraries, one cipher.
-        #[test]
-        fn words_are_those_of_the_cipher(seed: u64, run: u64, index in 0_usize..8) {
-            let key = RunKey { seed, trajectory: 7, run };
-            let mut own = Normals::new(&key, Stream::BeamNoise, index);
-            let mut other = <rand_chacha::ChaCha8Rng as SeedableRng>::from_seed(super::seed(&key));
-            other.set_stream(Stream::BeamNoise as u64 + index as u64);
-            for _ in 0..400 {
-                prop_assert_eq!(own.0.next_u64(), other.next_u64());
-            }
-        }
+    /// No two sensors share a random stream, and none takes one of the inertial sensors or of the beams.
+    #[test]
+    fn every_sensor_has_random_streams_of_its_own() {
+        let declared = SensorKind::ALL
+            .into_iter()
+            .filter_map(|kind| kind.declaration().simulation);
+        let numbers: Vec<u64> = declared.flat_map(|of| of.random).copied().collect();
+        assert!(numbers.iter().all(|number| (7..100).contains(number)), "{numbers:?}");
+        let apart: BTreeSet<_> = numbers.iter().collect();
+        assert_eq!(apart.len(), numbers.len(), "{numbers:?}");
     }
 }

@@ -1,0 +1,151 @@
+//! When sensors measure, from a dict: for many runs at once.
+
+use bottomlock::aiding::registry::{SENSORS, SensorKind};
+use bottomlock::aiding::sensor::Simulation;
+use bottomlock::dvl::geometry::BeamMask;
+use bottomlock::simulation::schedule::{Schedule, SensorEpochs};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{Array, booleans, floats, item, times};
+use crate::errors::refuse;
+use crate::settings::mask;
+
+/// Epochs of all sensors, owned.
+pub struct OwnedSchedule {
+    dvl_time_ns: Vec<i64>,
+    beam_valid: PerRun<BeamMask>,
+    sensors: [OwnedEpochs; SENSORS],
+    pub sample_time_ns: Vec<i64>,
+}
+
+/// Epochs of a sensor, and what the surroundings add to its readings: of every run, or one for all.
+#[derive(Default)]
+struct OwnedEpochs {
+    time_ns: Vec<Vec<i64>>,
+    offset: Vec<Vec<f64>>,
+}
+
+impl OwnedSchedule {
+    /// What one run meets.
+    pub fn of(&self, run: usize) -> Schedule<'_> {
+        fn pick<T>(runs: &[Vec<T>], run: usize) -> &[T] {
+            runs.get(run).or(runs.last()).map_or(&[], Vec::as_slice)
+        }
+        Schedule {
+            dvl_time_ns: &self.dvl_time_ns,
+            beam_valid: self.beam_valid.of(run),
+            sensors: self.sensors.each_ref().map(|epochs| SensorEpochs {
+                time_ns: pick(&epochs.time_ns, run),
+                offset: pick(&epochs.offset, run),
+            }),
+        }
+    }
+}
+
+/// Values of each epoch, the same for every run or each run's own.
+struct PerRun<T> {
+    values: Vec<T>,
+    epochs: usize,
+    by_run: bool,
+}
+
+impl<T> PerRun<T> {
+    /// The values of one run.
+    fn of(&self, run: usize) -> &[T] {
+        if self.by_run {
+            &self.values[run * self.epochs..(run + 1) * self.epochs]
+        } else {
+            &self.values
+        }
+    }
+}
+
+/// The shape (epochs, ..) or (runs, epochs, ..) of values that may differ by run.
+fn per_run_shape(value: &Bound<'_, PyAny>, runs: usize, of_one: &[Option<usize>]) -> (bool, Vec<Option<usize>>) {
+    let dimensions: usize = value.getattr("ndim").and_then(|n| n.extract()).unwrap_or(of_one.len());
+    let by_run = dimensions == of_one.len() + 1;
+    let leading = by_run.then_some(Some(runs));
+    (by_run, leading.into_iter().chain(of_one.iter().copied()).collect())
+}
+
+/// What an array converter gives: numbers or truth values.
+type Convert<T> = fn(&str, &Bound<'_, PyAny>, &[Option<usize>]) -> PyResult<Array<T>>;
+
+/// Values at each of a sensor's epochs, the same for every run or each run's own; none where the key is not there.
+fn at_epochs<T>(
+    dict: &Bound<'_, PyDict>,
+    key: &str,
+    runs: usize,
+    epochs: usize,
+    convert: Convert<T>,
+) -> PyResult<Option<PerRun<T>>> {
+    let Some(value) = dict.get_item(key)? else {
+        return Ok(None);
+    };
+    let (by_run, shape) = per_run_shape(&value, runs, &[Some(epochs)]);
+    let values = convert(&format!("schedule.{key}"), &value, &shape)?.values;
+    Ok(Some(PerRun { values, epochs, by_run }))
+}
+
+/// The epochs of a sensor at which each run hears it, under `<name>_time_ns`, with `<name>_heard` and its offset where there are
+/// any; a sensor that is not named never measures.
+fn epochs(dict: &Bound<'_, PyDict>, of: &Simulation, runs: usize) -> PyResult<OwnedEpochs> {
+    let (times_key, heard_key) = (format!("{}_time_ns", of.name), format!("{}_heard", of.name));
+    let offset_key = of.offset.unwrap_or_default();
+    let Some(given) = dict.get_item(&times_key)? else {
+        if dict.contains(offset_key)? || dict.contains(&heard_key)? {
+            return Err(refuse(format!("schedule lacks the key '{times_key}'")));
+        }
+        return Ok(OwnedEpochs::default());
+    };
+    let time_ns = times(&format!("schedule.{times_key}"), &given)?;
+    let heard = at_epochs::<bool>(dict, &heard_key, runs, time_ns.len(), booleans)?;
+    let offset = at_epochs::<f64>(dict, offset_key, runs, time_ns.len(), floats)?;
+    let is_heard = |run: usize, k: usize| heard.as_ref().is_none_or(|heard| heard.of(run)[k]);
+    let heard_by_run = heard.as_ref().is_some_and(|heard| heard.by_run);
+    let offset_by_run = heard_by_run || offset.as_ref().is_some_and(|offset| offset.by_run);
+    let each = |by_run: bool| 0..if by_run { runs } else { 1 };
+    Ok(OwnedEpochs {
+        time_ns: each(heard_by_run)
+            .map(|run| kept(&time_ns, |k| is_heard(run, k)))
+            .collect(),
+        offset: offset.map_or_else(Vec::new, |offset| {
+            each(offset_by_run)
+                .map(|run| kept(offset.of(run), |k| is_heard(run, k)))
+                .collect()
+        }),
+    })
+}
+
+/// The values whose place is kept.
+fn kept<T: Copy>(values: &[T], is_kept: impl Fn(usize) -> bool) -> Vec<T> {
+    let places = (0..values.len()).filter(|&k| is_kept(k));
+    places.map(|k| values[k]).collect()
+}
+
+/// A schedule for a number of runs.
+pub fn schedule(dict: &Bound<'_, PyDict>, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
+    let epochs_of = |key: &str| times(&format!("schedule.{key}"), &item(dict, "schedule", key)?);
+    let dvl_time_ns = epochs_of("dvl_time_ns")?;
+    let valid = item(dict, "schedule", "beam_valid")?;
+    let pings = dvl_time_ns.len();
+    let (by_run, shape) = per_run_shape(&valid, runs, &[Some(pings), Some(beams)]);
+    let flags = booleans("schedule.beam_valid", &valid, &shape)?;
+    let mut sensors: [OwnedEpochs; SENSORS] = Default::default();
+    for kind in SensorKind::ALL {
+        if let Some(simulation) = kind.declaration().simulation {
+            sensors[kind as usize] = epochs(dict, &simulation, runs)?;
+        }
+    }
+    Ok(OwnedSchedule {
+        beam_valid: PerRun {
+            values: flags.values.chunks_exact(beams.max(1)).map(mask).collect(),
+            epochs: pings,
+            by_run,
+        },
+        dvl_time_ns,
+        sensors,
+        sample_time_ns: epochs_of("sample_time_ns")?,
+    })
+}

@@ -1,0 +1,143 @@
+//! An attitude sensor: magnetometer and tilt sensor, by Euler angles with independent errors.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+use crate::aiding::declare::model_section;
+use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
+use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation};
+use crate::aiding::{Innovation, Motion};
+use crate::error::{NavError, require_finite, require_positive};
+use crate::frames::{Platform, Rot, Tangent, Vec3};
+use crate::layout::ATTITUDE;
+use crate::random::Normals;
+use crate::state::NavState;
+
+model_section! {
+    /// Errors of the magnetometer used as an attitude sensor, 1 sigma.
+    pub struct MagnetometerModel in "magnetometer" {
+        /// Yaw, rad.
+        pub yaw_sd_rad: f64,
+        /// Roll and pitch, rad.
+        pub roll_pitch_sd_rad: f64,
+    }
+}
+
+/// An attitude reading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AttitudeSample {
+    /// Time of validity, ns.
+    pub time_ns: i64,
+    /// Attitude, platform to tangent.
+    pub attitude_t_p: Rot<Tangent, Platform>,
+    /// Roll and pitch, 1 sigma, rad.
+    pub roll_pitch_sd_rad: f64,
+    /// Yaw, 1 sigma, rad.
+    pub yaw_sd_rad: f64,
+}
+
+impl AttitudeSample {
+    fn new(time_ns: i64, attitude_t_p: Rot<Tangent, Platform>, model: &MagnetometerModel) -> Self {
+        Self {
+            time_ns,
+            attitude_t_p,
+            roll_pitch_sd_rad: model.roll_pitch_sd_rad,
+            yaw_sd_rad: model.yaw_sd_rad,
+        }
+    }
+}
+
+impl AidingSensor for AttitudeSample {
+    const KIND: SensorKind = SensorKind::Attitude;
+    const STREAM: &'static str = "attitude";
+    const REPORTS: &'static [Report] = &[Report {
+        sensor: Sensor::Attitude,
+        quantity: Quantity::Angle,
+    }];
+    const LOG: &'static [Column] = &[Column::new("attitude_rpy_rad", 3)];
+    const SIMULATION: Option<Simulation> = Some(Simulation {
+        name: "magnetometer",
+        offset: Some("yaw_offset_rad"),
+        random: &[8],
+        columns: &[Column::new("magnetometer_attitude_t_p", 4)],
+    });
+
+    fn time_ns(&self) -> i64 {
+        self.time_ns
+    }
+
+    fn validate(&self) -> Result<(), NavError> {
+        require_finite("attitude_t_p", self.time_ns, &self.attitude_t_p.to_quaternion_wxyz())?;
+        require_positive("attitude roll_pitch_sd_rad", self.roll_pitch_sd_rad)?;
+        require_positive("attitude yaw_sd_rad", self.yaw_sd_rad)
+    }
+
+    fn innovation(&self, _: Sensor, motion: &Motion<'_>, _: &Vec3<Platform>) -> Innovation {
+        attitude(
+            motion.state,
+            &self.attitude_t_p,
+            self.roll_pitch_sd_rad,
+            self.yaw_sd_rad,
+        )
+    }
+
+    fn of_truth(motion: &Motion<'_>, _: &Vec3<Platform>, models: &SensorModels) -> Self {
+        Self::new(motion.state.time_ns, motion.state.attitude_t_p, &models.magnetometer)
+    }
+
+    fn of_row(time_ns: i64, values: &[Option<&[f64]>], models: &SensorModels) -> Option<Self> {
+        let [roll, pitch, yaw] = *(*values.first()?)?.as_array()?;
+        Some(Self::new(
+            time_ns,
+            Rot::from_euler_rad(roll, pitch, yaw),
+            &models.magnetometer,
+        ))
+    }
+
+    /// Its yaw off by what declination and iron do to it.
+    fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
+        let model = scene.actual.magnetometer;
+        let [roll, pitch, yaw] = scene.truth.attitude_t_p.to_euler_rad();
+        let tilt = model.roll_pitch_sd_rad;
+        let error = random.first_mut()?.each(&[tilt, tilt, model.yaw_sd_rad]);
+        let quaternion =
+            UnitQuaternion::from_euler_angles(roll + error.x, pitch + error.y, yaw + scene.offset + error.z);
+        Some(Self::new(
+            scene.time_ns,
+            Rot::from_quaternion_wxyz([quaternion.w, quaternion.i, quaternion.j, quaternion.k]),
+            &scene.claimed.magnetometer,
+        ))
+    }
+
+    fn numbers(&self) -> Vec<f64> {
+        self.attitude_t_p.to_quaternion_wxyz().to_vec()
+    }
+}
+
+/// The residual is a rotation: no angle is subtracted, so the vertical is no special place.
+#[must_use]
+pub fn attitude(
+    state: &NavState,
+    measured_t_p: &Rot<Tangent, Platform>,
+    roll_pitch_sd_rad: f64,
+    yaw_sd_rad: f64,
+) -> Innovation {
+    let rho = (*measured_t_p * state.attitude_t_p.inverse()).log();
+    let [_, pitch, yaw] = measured_t_p.to_euler_rad();
+    // Columns: the tangent-frame axes about which roll, pitch and yaw turn.
+    let axes = Matrix3::new(
+        yaw.cos() * pitch.cos(),
+        -yaw.sin(),
+        0.0,
+        yaw.sin() * pitch.cos(),
+        yaw.cos(),
+        0.0,
+        -pitch.sin(),
+        0.0,
+        1.0,
+    );
+    let tilt = roll_pitch_sd_rad.powi(2);
+    let noise = axes * Matrix3::from_diagonal(&Vector3::new(tilt, tilt, yaw_sd_rad.powi(2))) * axes.transpose();
+    let mut innovation = Innovation::vector(rho, &noise);
+    innovation.put(ATTITUDE, &Matrix3::identity());
+    innovation
+}

@@ -1,0 +1,209 @@
+//! The beams of a DVL: residual, Jacobian and noise of each beam, and what the methods make of them (Eqs. 15, 18–22; E7).
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use crate::aiding::declare::model_section;
+use crate::aiding::{CorrelatedNoise, Innovation, MAX_ROWS, Motion, RowJacobian};
+use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamMotion, BeamSample};
+use crate::dvl::partial::{BeamNoise, FixEstimator, Port};
+use crate::dvl::velocity::{HEAVE_SLOT, SLOTS, SWAY_SLOT, VIRTUAL_SLOT};
+use crate::layout::{ATTITUDE, BIASED_BEAMS, DIM, DVL_BIAS, DVL_SCALE, GYRO_BIAS, VELOCITY};
+use crate::state::NavState;
+
+model_section! {
+    /// Errors of the DVL, 1 sigma.
+    pub struct DvlModel in "dvl" {
+        /// White noise of a beam, m/s.
+        pub beam_noise_sd_mps: f64,
+        /// Bias of a beam at the start, m/s.
+        pub beam_bias_sd_mps: f64,
+        /// Random walk of a beam bias, m/s/√s.
+        pub beam_bias_walk_mps_rts: f64,
+        /// Scale factor error at the start.
+        pub scale_factor_sd: f64,
+        /// Random walk of the scale factor, 1/√s.
+        pub scale_factor_walk_rts: f64,
+    }
+}
+
+/// What the information form hands to the filter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum InformationPort {
+    /// The observable principal axes only.
+    #[default]
+    Axes,
+    /// All three axes, the unobserved ones with a very large variance, kept factored by axis.
+    Full,
+}
+
+/// Residual, Jacobian and noise of every valid beam, indexed by beam.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BeamTerms {
+    residual: SVector<f64, MAX_ROWS>,
+    jacobian: RowJacobian,
+    /// Eq. 20: sensor noise and the gyro noise that all beams share through their lever methods.
+    pub noise: BeamNoise,
+}
+
+/// Expected readings, Jacobian and noise of the beams (Eqs. 15, 20, 22; erratum E7).
+#[must_use]
+pub fn beam_terms(motion: &Motion<'_>, geometry: &BeamGeometry, ping: &BeamSample) -> BeamTerms {
+    let state = motion.state;
+    let beam_motion = BeamMotion {
+        velocity_p_mps: state.velocity_p_mps.0,
+        rate_tp_p_radps: motion.rate_tp(),
+        beam_bias_mps: state.dvl_bias_mps.into(),
+        scale_factor: state.dvl_scale_factor,
+    };
+    let by_misalignment = motion.rate_by_misalignment();
+    let scale = 1.0 / geometry.sound_speed_scale();
+    let mut terms = BeamTerms {
+        residual: SVector::zeros(),
+        jacobian: RowJacobian::zeros(),
+        noise: BeamNoise::zeros(),
+    };
+    let mut lever_rows = [Vector3::zeros(); MAX_ROWS];
+    for beam in ping.valid.iter() {
+        let direction = geometry.direction_p(beam);
+        // b · (δω × l) = (l × b) · δω, with δω = −δb_g + ∂ω/∂ρ ρ; bᵀ[l×] = (b × l)ᵀ is its negative.
+        let lever = geometry.lever_arm_p_m(beam).cross(direction);
+        lever_rows[beam] = lever;
+        terms.residual[beam] = ping.velocity_mps[beam] * scale - geometry.beam_velocity_mps(beam, &beam_motion);
+        let mut row = terms.jacobian.row_mut(beam);
+        for k in 0..3 {
+            row[VELOCITY + k] = direction[k] * (1.0 + state.dvl_scale_factor);
+            row[GYRO_BIAS + k] = -lever[k];
+            row[ATTITUDE + k] = lever.dot(&by_misalignment.column(k));
+        }
+        if beam < BIASED_BEAMS {
+            row[DVL_BIAS + beam] = 1.0;
+        }
+        row[DVL_SCALE] = direction.dot(&state.velocity_p_mps.0);
+        terms.noise[(beam, beam)] = (ping.sd_mps[beam] * scale).powi(2);
+    }
+    for i in ping.valid.iter() {
+        for j in ping.valid.iter() {
+            terms.noise[(i, j)] += motion.gyro_variance * lever_rows[i].dot(&lever_rows[j]);
+        }
+    }
+    terms
+}
+
+/// TC: one row per valid beam.
+#[must_use]
+pub fn tightly_coupled(terms: &BeamTerms, ping: &BeamSample) -> Innovation {
+    let count = ping.valid.count();
+    if ping.valid != BeamMask::all(count) {
+        return Innovation::picked((&terms.residual, &terms.jacobian, &terms.noise), ping.valid.iter());
+    }
+    // Where no beam is missing before another, rows stand in their places already.
+    Innovation {
+        rows: count,
+        degrees: count,
+        residual: terms.residual,
+        jacobian: terms.jacobian,
+        noise: terms.noise,
+        cross: None,
+        correlated_noise: None,
+    }
+}
+
+/// Variance of an unobserved axis where a port wants all three, (m/s)².
+const UNOBSERVED_VARIANCE_M2PS2: f64 = 1e12;
+
+/// LC and ELC: the fix of a plan against the filter's velocity, with the DVL's columns carried through the gain (erratum E7).
+///
+/// `exact_cross` is P_xv, the covariance of the whole state with the velocity, where the correlation of Eq. 26 is to be kept.
+#[must_use]
+pub fn loosely_coupled(
+    state: &NavState,
+    geometry: &BeamGeometry,
+    terms: &BeamTerms,
+    plan: &FixEstimator,
+    port: InformationPort,
+    exact_cross: Option<&SMatrix<f64, DIM, 3>>,
+) -> Innovation {
+    // Residuals are in beam units: dividing by 1 + SF makes the velocity block of a row its direction.
+    let unscale = 1.0 / (1.0 + state.dvl_scale_factor);
+    let mut residual = SVector::<f64, SLOTS>::zeros();
+    let mut jacobian = SMatrix::<f64, SLOTS, DIM>::zeros();
+    for beam in 0..MAX_ROWS {
+        residual[beam] = terms.residual[beam] * unscale;
+        jacobian.set_row(beam, &(terms.jacobian.row(beam) * unscale));
+    }
+    let mut set = |slot: usize, direction: &Vector3<f64>| {
+        for k in 0..3 {
+            jacobian[(slot, VELOCITY + k)] = direction[k];
+        }
+    };
+    // A virtual beam and the virtual heave repeat the prior: their residual is zero. The sway row says that sway is zero.
+    for (index, beam) in plan.virtual_beams.iter().enumerate() {
+        if let Some(beam) = beam {
+            set(VIRTUAL_SLOT + index, geometry.direction_p(*beam));
+        }
+    }
+    set(SWAY_SLOT, &Vector3::y());
+    set(HEAVE_SLOT, &Vector3::z());
+    residual[SWAY_SLOT] = -state.velocity_p_mps.0.y;
+
+    let z = plan.gain * residual;
+    let h = plan.gain * jacobian;
+    let mut innovation = Innovation::empty();
+    let mut push = |axis: &Vector3<f64>, observed: bool| {
+        let row = innovation.rows;
+        innovation.rows += 1;
+        if observed {
+            innovation.degrees += 1;
+            innovation.residual[row] = axis.dot(&z);
+            innovation.jacobian.set_row(row, &(axis.transpose() * h));
+        } else {
+            for k in 0..3 {
+                innovation.jacobian[(row, VELOCITY + k)] = axis[k];
+            }
+            innovation.noise[(row, row)] = UNOBSERVED_VARIANCE_M2PS2;
+        }
+    };
+    match plan.port {
+        Port::Components => {
+            let solved: Vec<usize> = (0..3).filter(|&k| plan.is_solved(k)).collect();
+            solved.iter().for_each(|&k| push(&Vector3::ith(k, 1.0), true));
+            for (i, &k) in solved.iter().enumerate() {
+                for (j, &l) in solved.iter().enumerate() {
+                    innovation.noise[(i, j)] = plan.covariance[(k, l)];
+                }
+            }
+            if let Some(p_xv) = exact_cross {
+                // n = −J_virtual B δv: the noise of the virtual beams is minus the prior's own error.
+                let mut repeated = Matrix3::zeros();
+                for (index, beam) in plan.virtual_beams.iter().enumerate() {
+                    if let Some(beam) = beam {
+                        repeated += plan.gain.column(VIRTUAL_SLOT + index) * geometry.direction_p(*beam).transpose();
+                    }
+                }
+                let mut cross = SMatrix::<f64, DIM, MAX_ROWS>::zeros();
+                cross
+                    .fixed_columns_mut::<3>(0)
+                    .copy_from(&(-p_xv * repeated.transpose()));
+                innovation.cross = Some(Box::new(cross));
+                let mut by_state = RowJacobian::zeros();
+                by_state.fixed_view_mut::<3, 3>(0, VELOCITY).copy_from(&-repeated);
+                innovation.correlated_noise = Some(Box::new(CorrelatedNoise {
+                    by_state,
+                    by_water: SMatrix::zeros(),
+                }));
+            }
+        }
+        Port::Axes => {
+            let (axes, variances) = plan.solution.principal_axes();
+            let rank = plan.solution.rank;
+            (0..rank).for_each(|k| push(&axes.column(k).into(), true));
+            if port == InformationPort::Full {
+                (0..3 - rank).for_each(|k| push(&plan.solution.null.column(k).into(), false));
+            }
+            for k in 0..rank {
+                innovation.noise[(k, k)] = variances[k];
+            }
+        }
+    }
+    innovation
+}

@@ -1,0 +1,185 @@
+//! The macros behind [`crate::aiding::registry`] and the sections of a model: what follows from a sensor's line.
+
+/// Declares the sensors: an enum of them, of their samples and of the names of their updates.
+macro_rules! sensors {
+    ($($kind:ident($sample:ty): $($report:ident = $name:literal),+;)+) => {
+        /// Which sensor a measurement comes from.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        pub enum SensorKind {
+            $(#[doc = concat!("That of [`", stringify!($sample), "`].")] $kind),+
+        }
+
+        impl SensorKind {
+            /// Every sensor, in the order in which measurements of the same time are taken.
+            pub const ALL: [Self; SENSORS] = [$(Self::$kind),+];
+        }
+
+        /// Number of sensors.
+        pub const SENSORS: usize = [$(stringify!($kind)),+].len();
+
+        const DECLARATIONS: [Declaration; SENSORS] = [$(Declaration::of::<$sample>()),+];
+
+        /// What an update is reported as.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        pub enum Sensor {
+            /// Beams of the DVL.
+            Beams,
+            /// The assumption on sway through the water.
+            Sway,
+            /// The assumption on heave through the water.
+            Heave,
+            $($(#[doc = concat!("`", $name, "`.")] $report,)+)+
+        }
+
+        impl Sensor {
+            /// Its name.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {
+                    Self::Beams => "beams",
+                    Self::Sway => "sway",
+                    Self::Heave => "heave",
+                    $($(Self::$report => $name,)+)+
+                }
+            }
+        }
+
+        /// A measurement of any sensor beside the beams.
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub enum Measurement {
+            $(#[doc = concat!("[`", stringify!($sample), "`].")] $kind($sample)),+
+        }
+
+        $(impl From<$sample> for Measurement {
+            fn from(sample: $sample) -> Self {
+                Self::$kind(sample)
+            }
+        }
+
+        impl TryFrom<Measurement> for $sample {
+            type Error = Measurement;
+            fn try_from(measurement: Measurement) -> Result<Self, Measurement> {
+                match measurement {
+                    Measurement::$kind(sample) => Ok(sample),
+                    #[allow(unreachable_patterns)]
+                    other => Err(other),
+                }
+            }
+        })+
+
+        impl Measurement {
+            /// Which sensor it comes from.
+            #[must_use]
+            pub const fn kind(&self) -> SensorKind {
+                match self {
+                    $(Self::$kind(_) => SensorKind::$kind),+
+                }
+            }
+
+            /// Time of validity, ns.
+            #[must_use]
+            pub fn time_ns(&self) -> i64 {
+                match self {
+                    $(Self::$kind(sample) => sample.time_ns()),+
+                }
+            }
+
+            /// Checks every number.
+            ///
+            /// # Errors
+            /// [`NavError`] that names the field.
+            pub fn validate(&self) -> Result<(), NavError> {
+                match self {
+                    $(Self::$kind(sample) => sample.validate()),+
+                }
+            }
+
+            /// The updates that it gives, in their order.
+            pub fn reports(&self) -> impl Iterator<Item = Sensor> + use<'_> {
+                let reports = self.kind().declaration().reports.iter().map(|report| report.sensor);
+                reports.filter(|&report| match self {
+                    $(Self::$kind(sample) => sample.gives(report)),+
+                })
+            }
+
+            /// One of its updates.
+            #[must_use]
+            pub fn innovation(&self, report: Sensor, motion: &Motion<'_>, levers: &Levers) -> Innovation {
+                match self {
+                    $(Self::$kind(sample) => sample.innovation(report, motion, levers.of(self.kind()))),+
+                }
+            }
+
+            /// Its numbers, in the order of the columns of its simulation.
+            #[must_use]
+            pub fn numbers(&self) -> Vec<f64> {
+                match self {
+                    $(Self::$kind(sample) => sample.numbers()),+
+                }
+            }
+        }
+    };
+}
+
+/// Declares the models of the sensors, a section each.
+macro_rules! models {
+    ($($field:ident: $model:ty,)+) => {
+        /// What is assumed of the sensors that aid.
+        #[derive(Debug, Clone, Copy, PartialEq, Default)]
+        pub struct SensorModels {
+            $(#[doc = concat!("[`", stringify!($model), "`].")] pub $field: $model,)+
+        }
+
+        impl SensorModels {
+            /// Reads each section by its name.
+            ///
+            /// # Errors
+            /// What the reader says.
+            pub fn read<R: SectionReader>(reader: &R) -> Result<Self, R::Error> {
+                Ok(Self { $($field: reader.section::<$model>()?,)+ })
+            }
+
+            /// Checks every number.
+            ///
+            /// # Errors
+            /// [`NavError::OutOfRange`] or [`NavError::NotFinite`] that names the field.
+            pub fn validate(&self) -> Result<(), NavError> {
+                $(self.$field.validate()?;)+
+                Ok(())
+            }
+        }
+    };
+}
+
+/// Declares a section of a model, with how it is read and checked.
+macro_rules! model_section {
+    ($(#[$doc:meta])* pub struct $model:ident in $section:literal $(($optional:ident))? {
+        $($(#[$field_doc:meta])* pub $field:ident: $kind:ty,)+
+    }) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, Default)]
+        pub struct $model {
+            $($(#[$field_doc])* pub $field: $kind,)+
+        }
+
+        impl $crate::aiding::sensor::Section for $model {
+            const NAME: &'static str = $section;
+            const OPTIONAL: bool = !concat!("" $(, stringify!($optional))?).is_empty();
+
+            fn read<N: $crate::aiding::sensor::Numbers>(numbers: &N) -> Result<Self, N::Error> {
+                Ok(Self {
+                    $($field: $crate::aiding::sensor::Field::read(numbers, stringify!($field))?,)+
+                })
+            }
+
+            fn validate(&self) -> Result<(), $crate::error::NavError> {
+                $($crate::aiding::sensor::Field::check(
+                    &self.$field,
+                    concat!($section, ".", stringify!($field)),
+                )?;)+
+                Ok(())
+            }
+        }
+    };
+}
+pub(crate) use {model_section, models, sensors};

@@ -1,0 +1,108 @@
+//! A depth sensor: depth below the tangent plane's origin.
+
+use crate::aiding::declare::model_section;
+use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
+use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation};
+use crate::aiding::{Innovation, Motion};
+use crate::error::{NavError, require_finite, require_positive};
+use crate::frames::{Platform, Vec3};
+use crate::layout::{ATTITUDE, POSITION};
+use crate::random::Normals;
+use crate::state::NavState;
+
+model_section! {
+    /// Errors of the depth sensor, 1 sigma.
+    pub struct DepthModel in "depth" {
+        /// White noise, m.
+        pub sd_m: f64,
+    }
+}
+
+/// A depth reading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DepthSample {
+    /// Time of validity, ns.
+    pub time_ns: i64,
+    /// Depth, m.
+    pub depth_m: f64,
+    /// 1 sigma, m.
+    pub sd_m: f64,
+}
+
+impl AidingSensor for DepthSample {
+    const KIND: SensorKind = SensorKind::Depth;
+    const STREAM: &'static str = "depth";
+    const REPORTS: &'static [Report] = &[Report {
+        sensor: Sensor::Depth,
+        quantity: Quantity::Position,
+    }];
+    const LEVER: Option<&'static str> = Some("depth_lever_p_m");
+    const LOG: &'static [Column] = &[Column::new("depth_m", 1)];
+    const SIMULATION: Option<Simulation> = Some(Simulation {
+        name: "depth",
+        offset: Some("depth_offset_m"),
+        random: &[7],
+        columns: Self::LOG,
+    });
+
+    fn time_ns(&self) -> i64 {
+        self.time_ns
+    }
+
+    fn validate(&self) -> Result<(), NavError> {
+        require_finite("depth_m", self.time_ns, &[self.depth_m])?;
+        require_positive("depth sd_m", self.sd_m)
+    }
+
+    fn innovation(&self, _: Sensor, motion: &Motion<'_>, lever_p_m: &Vec3<Platform>) -> Innovation {
+        depth(motion.state, self.depth_m, self.sd_m, lever_p_m)
+    }
+
+    fn of_truth(motion: &Motion<'_>, _: &Vec3<Platform>, models: &SensorModels) -> Self {
+        Self {
+            time_ns: motion.state.time_ns,
+            depth_m: motion.state.position_t_m.0.z,
+            sd_m: models.depth.sd_m,
+        }
+    }
+
+    fn of_row(time_ns: i64, values: &[Option<&[f64]>], models: &SensorModels) -> Option<Self> {
+        Some(Self {
+            time_ns,
+            depth_m: *(*values.first()?)?.first()?,
+            sd_m: models.depth.sd_m,
+        })
+    }
+
+    /// Off by what density, tide and barometer do to it.
+    fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
+        let noise = random.first_mut()?;
+        Some(Self {
+            time_ns: scene.time_ns,
+            depth_m: scene.truth.position_t_m.z + scene.offset + scene.actual.depth.sd_m * noise.one(),
+            sd_m: scene.claimed.depth.sd_m,
+        })
+    }
+
+    fn numbers(&self) -> Vec<f64> {
+        vec![self.depth_m]
+    }
+}
+
+/// z = d_meas − (p + R l)_z, of a sensor at `lever_p_m`.
+#[must_use]
+pub fn depth(state: &NavState, depth_m: f64, sd_m: f64, lever_p_m: &Vec3<Platform>) -> Innovation {
+    let lever_t = (state.attitude_t_p * *lever_p_m).0;
+    let mut innovation = Innovation {
+        rows: 1,
+        degrees: 1,
+        ..Innovation::empty()
+    };
+    innovation.residual[0] = depth_m - (state.position_t_m.0.z + lever_t.z);
+    innovation.jacobian[(0, POSITION + 2)] = 1.0;
+    // (R l) turns with ρ: ρ × (R l), third component.
+    innovation.jacobian[(0, ATTITUDE)] = lever_t.y;
+    innovation.jacobian[(0, ATTITUDE + 1)] = -lever_t.x;
+    innovation.noise[(0, 0)] = sd_m.powi(2);
+    innovation
+}

@@ -1,0 +1,82 @@
+//! A heading sensor: yaw alone.
+
+use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
+use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report};
+use crate::aiding::{Innovation, Motion};
+use crate::error::{NavError, require_finite, require_positive};
+use crate::frames::{Platform, Vec3};
+use crate::layout::ATTITUDE;
+use crate::state::NavState;
+
+/// A yaw reading alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeadingSample {
+    /// Time of validity, ns.
+    pub time_ns: i64,
+    /// Yaw, rad.
+    pub yaw_rad: f64,
+    /// 1 sigma, rad.
+    pub sd_rad: f64,
+}
+
+impl AidingSensor for HeadingSample {
+    const KIND: SensorKind = SensorKind::Heading;
+    const STREAM: &'static str = "heading";
+    const REPORTS: &'static [Report] = &[Report {
+        sensor: Sensor::Heading,
+        quantity: Quantity::Angle,
+    }];
+    const LOG: &'static [Column] = &[Column::new("heading_rad", 1)];
+
+    fn time_ns(&self) -> i64 {
+        self.time_ns
+    }
+
+    fn validate(&self) -> Result<(), NavError> {
+        require_finite("yaw_rad", self.time_ns, &[self.yaw_rad])?;
+        require_positive("heading sd_rad", self.sd_rad)
+    }
+
+    /// No row where the vehicle stands on end.
+    fn innovation(&self, _: Sensor, motion: &Motion<'_>, _: &Vec3<Platform>) -> Innovation {
+        heading(motion.state, self.yaw_rad, self.sd_rad).unwrap_or_else(Innovation::empty)
+    }
+
+    fn of_truth(motion: &Motion<'_>, _: &Vec3<Platform>, models: &SensorModels) -> Self {
+        let [_, _, yaw_rad] = motion.state.attitude_t_p.to_euler_rad();
+        Self {
+            time_ns: motion.state.time_ns,
+            yaw_rad,
+            sd_rad: models.magnetometer.yaw_sd_rad,
+        }
+    }
+
+    fn of_row(time_ns: i64, values: &[Option<&[f64]>], models: &SensorModels) -> Option<Self> {
+        Some(Self {
+            time_ns,
+            yaw_rad: *(*values.first()?)?.first()?,
+            sd_rad: models.magnetometer.yaw_sd_rad,
+        })
+    }
+}
+
+/// Yaw alone; `None` where the vehicle stands on end and yaw has no meaning.
+#[must_use]
+pub fn heading(state: &NavState, yaw_rad: f64, sd_rad: f64) -> Option<Innovation> {
+    let [_, pitch, yaw] = state.attitude_t_p.to_euler_rad();
+    if pitch.cos() < 1e-6 {
+        return None;
+    }
+    let difference = yaw_rad - yaw;
+    let mut innovation = Innovation {
+        rows: 1,
+        degrees: 1,
+        ..Innovation::empty()
+    };
+    innovation.residual[0] = difference.sin().atan2(difference.cos());
+    innovation.jacobian[(0, ATTITUDE)] = yaw.cos() * pitch.tan();
+    innovation.jacobian[(0, ATTITUDE + 1)] = yaw.sin() * pitch.tan();
+    innovation.jacobian[(0, ATTITUDE + 2)] = 1.0;
+    innovation.noise[(0, 0)] = sd_rad.powi(2);
+    Some(innovation)
+}

@@ -1,0 +1,150 @@
+//! The registry: a line for each sensor that aids, and all that follows from it.
+
+use crate::aiding::attitude::{AttitudeSample, MagnetometerModel};
+use crate::aiding::beams::DvlModel;
+use crate::aiding::declare::{models, sensors};
+use crate::aiding::depth::{DepthModel, DepthSample};
+use crate::aiding::gps::{GpsModel, GpsSample};
+use crate::aiding::heading::HeadingSample;
+use crate::aiding::sensor::{AidingSensor, Column, Report, Scene, Section, Simulation};
+use crate::aiding::velocity::VelocitySample;
+use crate::aiding::{Innovation, Motion};
+use crate::error::{NavError, require_finite};
+use crate::frames::{Platform, Vec3};
+use crate::random::Normals;
+
+// In the order in which measurements of the same time are taken: variant (sample): name of each of its reports.
+sensors! {
+    Velocity(VelocitySample): Velocity = "velocity";
+    Depth(DepthSample): Depth = "depth";
+    Attitude(AttitudeSample): Attitude = "attitude";
+    Heading(HeadingSample): Heading = "heading";
+    Gps(GpsSample): GpsPosition = "gps_position", GpsVelocity = "gps_velocity";
+}
+
+models! {
+    dvl: DvlModel,
+    depth: DepthModel,
+    magnetometer: MagnetometerModel,
+    gps: GpsModel,
+}
+
+/// What a sensor declares, as plain values.
+#[derive(Debug, Clone, Copy)]
+pub struct Declaration {
+    /// [`AidingSensor::STREAM`].
+    pub stream: &'static str,
+    /// [`AidingSensor::REPORTS`].
+    pub reports: &'static [Report],
+    /// [`AidingSensor::LEVER`].
+    pub lever: Option<&'static str>,
+    /// [`AidingSensor::LOG`].
+    pub log: &'static [Column],
+    /// [`AidingSensor::SIMULATION`].
+    pub simulation: Option<Simulation>,
+    of_truth: fn(&Motion<'_>, &Vec3<Platform>, &SensorModels) -> Measurement,
+    of_row: fn(i64, &[Option<&[f64]>], &SensorModels) -> Option<Measurement>,
+    simulate: fn(&Scene<'_>, &mut [Normals]) -> Option<Measurement>,
+}
+
+impl Declaration {
+    const fn of<S: AidingSensor>() -> Self {
+        Self {
+            stream: S::STREAM,
+            reports: S::REPORTS,
+            lever: S::LEVER,
+            log: S::LOG,
+            simulation: S::SIMULATION,
+            of_truth: |motion, lever, models| S::of_truth(motion, lever, models).into(),
+            of_row: |time_ns, values, models| S::of_row(time_ns, values, models).map(Into::into),
+            simulate: |scene, random| S::simulate(scene, random).map(Into::into),
+        }
+    }
+
+    /// [`AidingSensor::of_truth`].
+    #[must_use]
+    pub fn of_truth(&self, motion: &Motion<'_>, lever_p_m: &Vec3<Platform>, models: &SensorModels) -> Measurement {
+        (self.of_truth)(motion, lever_p_m, models)
+    }
+
+    /// [`AidingSensor::of_row`].
+    #[must_use]
+    pub fn of_row(&self, time_ns: i64, values: &[Option<&[f64]>], models: &SensorModels) -> Option<Measurement> {
+        (self.of_row)(time_ns, values, models)
+    }
+
+    /// [`AidingSensor::simulate`].
+    #[must_use]
+    pub fn simulate(&self, scene: &Scene<'_>, random: &mut [Normals]) -> Option<Measurement> {
+        (self.simulate)(scene, random)
+    }
+}
+
+impl SensorKind {
+    /// What it declares.
+    #[must_use]
+    pub const fn declaration(self) -> &'static Declaration {
+        &DECLARATIONS[self as usize]
+    }
+}
+
+/// Names of the streams of a navigator and of a log, in the order in which measurements of the same time are taken.
+pub const STREAM_NAMES: [&str; STREAMS] = {
+    let mut names = ["imu"; STREAMS];
+    names[1] = "dvl";
+    let mut kind = 0;
+    while kind < SENSORS {
+        names[2 + kind] = DECLARATIONS[kind].stream;
+        kind += 1;
+    }
+    names
+};
+/// Their number: inertial readings, pings, and one for each sensor.
+pub const STREAMS: usize = 2 + SENSORS;
+
+/// Names of the updates of the sensors beside the beams, with what each measures.
+pub fn reports() -> impl Iterator<Item = (SensorKind, Report)> {
+    let of = |kind: SensorKind| kind.declaration().reports.iter().map(move |&report| (kind, report));
+    SensorKind::ALL.into_iter().flat_map(of)
+}
+
+/// Where each sensor is in the platform frame, m.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Levers([Vec3<Platform>; SENSORS]);
+
+impl Levers {
+    /// Where a sensor is.
+    #[must_use]
+    pub const fn of(&self, kind: SensorKind) -> &Vec3<Platform> {
+        &self.0[kind as usize]
+    }
+
+    /// The same with a sensor elsewhere.
+    #[must_use]
+    pub fn with(mut self, kind: SensorKind, lever_p_m: Vec3<Platform>) -> Self {
+        self.0[kind as usize] = lever_p_m;
+        self
+    }
+
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`NavError::NotFinite`] that names the lever arm.
+    pub fn validate(&self) -> Result<(), NavError> {
+        SensorKind::ALL.into_iter().try_for_each(|kind| {
+            let field = kind.declaration().lever.unwrap_or("lever arm");
+            require_finite(field, 0, &self.of(kind).to_array())
+        })
+    }
+}
+
+/// Reads the sections of a model.
+pub trait SectionReader {
+    /// What goes wrong there.
+    type Error;
+    /// A section.
+    ///
+    /// # Errors
+    /// For a section that is not there, or has no such numbers.
+    fn section<S: Section>(&self) -> Result<S, Self::Error>;
+}

@@ -1,0 +1,225 @@
+//! What a sensor declares of itself: all that the event loop, the simulation, replay and the bindings ask of it.
+
+use crate::aiding::registry::{Measurement, Sensor, SensorKind, SensorModels};
+use crate::aiding::{Innovation, Motion};
+use crate::error::{NavError, require_finite, require_non_negative};
+use crate::frames::{Platform, Rot, Tangent, Vec3};
+use crate::random::Normals;
+use nalgebra::Vector3;
+
+/// A sensor, by the sample that it gives.
+pub trait AidingSensor: Copy + Into<Measurement> {
+    /// Its place in the registry.
+    const KIND: SensorKind;
+    /// Name of its stream, within which time rises; `<stream>_time_ns` is the key of its times in a log.
+    const STREAM: &'static str;
+    /// What its updates are reported as, in their order, and what each of them measures.
+    const REPORTS: &'static [Report];
+    /// Key of its lever arm among the filter's options, where it has one.
+    const LEVER: Option<&'static str> = None;
+    /// Its columns in a recorded log; empty where a log has none of it.
+    const LOG: &'static [Column] = &[];
+    /// How it is simulated; none where it is not.
+    const SIMULATION: Option<Simulation> = None;
+
+    /// Time of validity, ns.
+    fn time_ns(&self) -> i64;
+
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`NavError`] that names the field.
+    fn validate(&self) -> Result<(), NavError>;
+
+    /// Whether the sample gives the update of a report.
+    fn gives(&self, _report: Sensor) -> bool {
+        true
+    }
+
+    /// The update of a report, of a sensor at `lever_p_m`.
+    fn innovation(&self, report: Sensor, motion: &Motion<'_>, lever_p_m: &Vec3<Platform>) -> Innovation;
+
+    /// A sample of the true motion, with the noise that the models say: for its Jacobian and noise.
+    fn of_truth(motion: &Motion<'_>, lever_p_m: &Vec3<Platform>, models: &SensorModels) -> Self;
+
+    /// A sample from a row of a log, a value for each of [`AidingSensor::LOG`].
+    fn of_row(_time_ns: i64, _values: &[Option<&[f64]>], _models: &SensorModels) -> Option<Self> {
+        None
+    }
+
+    /// A simulated sample.
+    fn simulate(_scene: &Scene<'_>, _random: &mut [Normals]) -> Option<Self> {
+        None
+    }
+
+    /// Its numbers, in the order of the columns of [`AidingSensor::SIMULATION`].
+    fn numbers(&self) -> Vec<f64> {
+        Vec::new()
+    }
+}
+
+/// An update, by the name that it is reported under, and what it measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Report {
+    /// Its name.
+    pub sensor: Sensor,
+    /// What it measures.
+    pub quantity: Quantity,
+}
+
+/// What an update measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// A position, m.
+    Position,
+    /// A velocity, m/s.
+    Velocity,
+    /// An angle, rad.
+    Angle,
+}
+
+/// A column of numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Column {
+    /// Its key.
+    pub key: &'static str,
+    /// How many numbers a row has.
+    pub width: usize,
+    /// Whether it may be left out.
+    pub optional: bool,
+}
+
+impl Column {
+    /// A column that has to be there.
+    #[must_use]
+    pub const fn new(key: &'static str, width: usize) -> Self {
+        Self {
+            key,
+            width,
+            optional: false,
+        }
+    }
+}
+
+/// How a sensor is simulated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Simulation {
+    /// Its name in a schedule and in a table of readings.
+    pub name: &'static str,
+    /// Key of what the surroundings add to its reading, where they do.
+    pub offset: Option<&'static str>,
+    /// Numbers of its random streams, which no other sensor has.
+    pub random: &'static [u64],
+    /// Columns of its readings.
+    pub columns: &'static [Column],
+}
+
+/// What a simulated sensor meets.
+#[derive(Debug, Clone, Copy)]
+pub struct Scene<'a> {
+    /// Time of validity, ns.
+    pub time_ns: i64,
+    /// The true motion then.
+    pub truth: &'a TrueMotion,
+    /// What the surroundings add to the reading.
+    pub offset: f64,
+    /// Its place in the platform frame, m.
+    pub lever_p_m: Vec3<Platform>,
+    /// What the sensors are.
+    pub actual: &'a SensorModels,
+    /// What they claim to be.
+    pub claimed: &'a SensorModels,
+}
+
+/// The true motion at one time.
+#[derive(Debug, Clone, Copy)]
+pub struct TrueMotion {
+    /// Tangent frame, m.
+    pub position_t_m: Vector3<f64>,
+    /// Platform to tangent.
+    pub attitude_t_p: Rot<Tangent, Platform>,
+    /// Platform frame, m/s.
+    pub velocity_p_mps: Vector3<f64>,
+    /// Inertial rate ω_ip, platform frame, rad/s.
+    pub omega_p_radps: Vector3<f64>,
+}
+
+/// Where the numbers of a model's section come from.
+pub trait Numbers {
+    /// What goes wrong there.
+    type Error;
+    /// The number of a key.
+    ///
+    /// # Errors
+    /// For a key that is not there or no number.
+    fn number(&self, key: &'static str) -> Result<f64, Self::Error>;
+    /// The three numbers of a key.
+    ///
+    /// # Errors
+    /// For a key that is not there or not three numbers.
+    fn triple(&self, key: &'static str) -> Result<[f64; 3], Self::Error>;
+}
+
+/// A section of a model: numbers by key.
+pub trait Section: Copy + Default {
+    /// Its name.
+    const NAME: &'static str;
+    /// Whether a model may lack it, where the sensor is not there: all its numbers are then zero.
+    const OPTIONAL: bool;
+
+    /// Reads it.
+    ///
+    /// # Errors
+    /// As [`Numbers`].
+    fn read<N: Numbers>(numbers: &N) -> Result<Self, N::Error>;
+
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`NavError`] that names the field.
+    fn validate(&self) -> Result<(), NavError>;
+}
+
+/// A field of a section: how it is read, and which values make sense.
+pub trait Field: Copy {
+    /// Reads it.
+    ///
+    /// # Errors
+    /// As [`Numbers`].
+    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error>;
+    /// Checks it.
+    ///
+    /// # Errors
+    /// [`NavError`] that names the field.
+    fn check(&self, name: &'static str) -> Result<(), NavError>;
+}
+
+/// A standard deviation or a density: 0 or more.
+impl Field for f64 {
+    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
+        numbers.number(key)
+    }
+    fn check(&self, name: &'static str) -> Result<(), NavError> {
+        require_non_negative(name, *self)
+    }
+}
+
+/// Three standard deviations: 0 or more.
+impl Field for [f64; 3] {
+    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
+        numbers.triple(key)
+    }
+    fn check(&self, name: &'static str) -> Result<(), NavError> {
+        self.iter().try_for_each(|&value| require_non_negative(name, value))
+    }
+}
+
+/// A place: any finite numbers.
+impl Field for Vec3<Tangent> {
+    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
+        numbers.triple(key).map(Self::from_array)
+    }
+    fn check(&self, name: &'static str) -> Result<(), NavError> {
+        require_finite(name, 0, &self.to_array())
+    }
+}

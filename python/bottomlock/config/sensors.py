@@ -1,0 +1,135 @@
+"""The sensors beside IMU and DVL: the section of each, and all that campaign, tables and studies ask of it.
+
+A sensor is a section and a line of `SENSORS`; nothing else in the package names the sensors of a simulation one by one.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from bottomlock import units
+from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, Section, Vector
+
+AXES = ("north", "east", "down")
+
+
+class Depth(Section):
+    """Depth sensor: noise, and what density, tide and barometer add to its reading.
+
+    The sensor takes its pressure for depth with `water_density_kg_per_m3`; the water itself has
+    `true_density_kg_per_m3`, by default the same.
+    """
+
+    enabled: bool = True
+    rate_hz: Positive = 0.25
+    noise_pa: Positive = 194.0
+    water_density_kg_per_m3: Positive = 1025.0
+    true_density_kg_per_m3: Positive | None = None
+    tide_m: Finite = 0.0
+    barometric_offset_pa: Finite = 0.0
+
+
+class Magnetometer(Section):
+    """Magnetometer and tilt sensor as an attitude sensor: noise, and what declination and iron add to its yaw.
+
+    `declination_deg` is the field's own, with inclination and strength; "wmm" takes all three from the World Magnetic
+    Model. `assumed_declination_deg` is what the compass corrects for, by default the true one.
+    """
+
+    enabled: bool = True
+    rate_hz: Positive = 0.5
+    yaw_noise_deg: Positive = 5.72
+    roll_pitch_noise_deg: Positive = 1.15
+    declination_deg: Annotated[float, Field(ge=-180, le=180)] | Literal["wmm"] = 0.0
+    inclination_deg: Annotated[float, Field(gt=-90, lt=90)] = 49.0
+    field_nt: Positive = 45_000.0
+    assumed_declination_deg: Annotated[float, Field(ge=-180, le=180)] | None = None
+    hard_iron_nt: Vector = (0.0, 0.0, 0.0)
+    soft_iron: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+class Gps(Section):
+    """GPS receiver: heard at the surface alone, some time after the antenna has come up."""
+
+    enabled: bool = True
+    rate_hz: Positive = 1.0
+    position_noise_m: tuple[Positive, Positive, Positive] = (2.0, 2.0, 4.0)
+    velocity_noise_mps: tuple[Positive, Positive, Positive] = (0.1, 0.1, 0.2)
+    antenna_depth_m: Finite = 0.3
+    acquire_s: NonNegative = 5.0
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What follows from a sensor of a scenario.
+
+    Attributes:
+        name: its section in a scenario and in the kernel's model, and its name in a schedule.
+        section: the class of the section, which has `enabled` and `rate_hz`.
+        updates: its updates, as the kernel's `SENSORS` names them.
+        table: its table of simulated readings.
+        columns: columns of that table, by the kernel's array that holds them.
+        model: the kernel's model in SI, of a section and gravity (m/s²).
+        push: gives reading k of the kernel's arrays to a navigator, at a time and with a model.
+        options: what the section adds to the filter's options, for instance a lever arm.
+    """
+
+    name: str
+    section: type[Section]
+    updates: tuple[str, ...]
+    table: str
+    columns: Mapping[str, tuple[str, ...]]
+    model: Callable[[Any, float], dict[str, Any]]
+    push: Callable[[Any, int, Mapping[str, Any], int, Mapping[str, Any]], Any]
+    options: Callable[[Any], dict[str, Any]] = lambda _: {}
+
+
+DEPTH = Sensor(
+    name="depth",
+    section=Depth,
+    updates=("depth",),
+    table="depth",
+    columns={"depth_m": ("depth_m",)},
+    model=lambda depth, gravity_mps2: {
+        "sd_m": depth.noise_pa / (depth.water_density_kg_per_m3 * gravity_mps2)
+    },
+    push=lambda navigator, time_ns, drawn, k, model: navigator.push_depth(
+        time_ns, float(drawn["depth_m"][k]), **model
+    ),
+)
+MAGNETOMETER = Sensor(
+    name="magnetometer",
+    section=Magnetometer,
+    updates=("attitude",),
+    table="attitude",
+    columns={"magnetometer_attitude_t_p": tuple(f"attitude_{part}" for part in "wxyz")},
+    model=lambda compass, _: {
+        "yaw_sd_rad": units.rad_from_deg(compass.yaw_noise_deg),
+        "roll_pitch_sd_rad": units.rad_from_deg(compass.roll_pitch_noise_deg),
+    },
+    push=lambda navigator, time_ns, drawn, k, model: navigator.push_attitude(
+        time_ns, drawn["magnetometer_attitude_t_p"][k], **model
+    ),
+)
+GPS = Sensor(
+    name="gps",
+    section=Gps,
+    updates=("gps_position", "gps_velocity"),
+    table="gps",
+    columns={
+        "gps_position_t_m": tuple(f"position_{axis}_m" for axis in AXES),
+        "gps_velocity_t_mps": tuple(f"velocity_{axis}_mps" for axis in AXES),
+    },
+    model=lambda gps, _: {
+        "position_sd_m": list(gps.position_noise_m),
+        "velocity_sd_mps": list(gps.velocity_noise_mps),
+    },
+    push=lambda navigator, time_ns, drawn, k, model: navigator.push_gps(
+        time_ns, drawn["gps_position_t_m"][k], drawn["gps_velocity_t_mps"][k], **model
+    ),
+)
+
+SENSORS = (DEPTH, MAGNETOMETER, GPS)
+"""In the order in which the kernel takes measurements of the same time, after the DVL's."""

@@ -1,0 +1,92 @@
+"""The sensors of a case beside IMU and DVL: what each gives to the kernel's model, options and log.
+
+A sensor is a section of the case and a line of `SENSORS`; nothing else here names the sensors one by one.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from bottomlock import units
+from bottomlock.replay.axes import to_angles
+from bottomlock.replay.stream_sections import AttitudeStream, DepthStream, GpsStream
+from bottomlock.replay.streams import Streams, Times
+
+Within = Callable[[Times], slice]
+"""Rows of a stream between the start and the last inertial reading."""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What follows from a sensor of a case.
+
+    Attributes:
+        section: its section in a case.
+        model: sections of the kernel's model in SI, of its section or None.
+        log: the kernel's log arrays, of its section, the recording and its rows within the navigation.
+        options: what its section adds to the filter's options, for instance a lever arm.
+    """
+
+    section: str
+    model: Callable[[Any], dict[str, Any]]
+    log: Callable[[Any, Streams, Within], dict[str, Any]]
+    options: Callable[[Any], dict[str, Any]] = lambda _: {}
+
+
+def _depth_log(_: DepthStream, streams: Streams, within: Within) -> dict[str, Any]:
+    if streams.depths is None:
+        return {}
+    rows = within(streams.depths.time_ns)
+    return {"depth_time_ns": streams.depths.time_ns[rows], "depth_m": streams.depths.depth_m[rows]}
+
+
+def _attitude_log(stream: AttitudeStream, streams: Streams, within: Within) -> dict[str, Any]:
+    if streams.attitudes is None:
+        return {}
+    none, rows = slice(0, 0), within(streams.attitudes.time_ns)
+    whole, yaw = (rows if stream.aids == kind else none for kind in ("attitude", "heading"))
+    return {
+        "attitude_time_ns": streams.attitudes.time_ns[whole],
+        "attitude_rpy_rad": to_angles(streams.attitudes.attitude[whole]),
+        "heading_time_ns": streams.attitudes.time_ns[yaw],
+        "heading_rad": to_angles(streams.attitudes.attitude[yaw])[:, 2].copy(),
+    }
+
+
+def _gps_log(stream: GpsStream, streams: Streams, within: Within) -> dict[str, Any]:
+    if streams.positions is None or not stream.aids:
+        return {}
+    rows = within(streams.positions.time_ns)
+    return {
+        "gps_time_ns": streams.positions.time_ns[rows],
+        "gps_position_t_m": streams.positions.position_t_m[rows],
+    }
+
+
+def _magnetometer_model(stream: AttitudeStream | None) -> dict[str, Any]:
+    yaw, tilt = (5.0, 1.0) if stream is None else (stream.yaw_sd_deg, stream.roll_pitch_sd_deg)
+    return {
+        "magnetometer": {"yaw_sd_rad": units.rad_from_deg(yaw), "roll_pitch_sd_rad": units.rad_from_deg(tilt)}
+    }
+
+
+def _gps_model(stream: GpsStream | None) -> dict[str, Any]:
+    position = [2.0, 2.0, 4.0] if stream is None else list(stream.position_sd_m)
+    return {"gps": {"position_sd_m": position, "velocity_sd_mps": [0.1, 0.1, 0.2]}}
+
+
+SENSORS = (
+    Sensor(
+        section="depth",
+        model=lambda stream: {"depth": {"sd_m": 1.0 if stream is None else stream.sd_m}},
+        log=_depth_log,
+        options=lambda stream: {"depth_lever_p_m": list(stream.lever_arm_m)},
+    ),
+    Sensor(section="attitude", model=_magnetometer_model, log=_attitude_log),
+    Sensor(
+        section="gps",
+        model=_gps_model,
+        log=_gps_log,
+        options=lambda stream: {"gps_lever_p_m": list(stream.lever_arm_m)},
+    ),
+)
