@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -15,7 +16,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 # Continuous integration repeats the same cases, so that a red commit is the commit's fault.
-REPEATED = {"derandomize": True, "print_blob": True} if "CI" in os.environ else {}
+REPEATED: dict[str, Any] = {"derandomize": True, "print_blob": True} if "CI" in os.environ else {}
 # Examples of a law: `make test`, `make test-long`, and by hand. Deadlines would measure the machine, not the code.
 for name, examples in {"dev": 50, "long": 500, "deep": 20_000}.items():
     settings.register_profile(name, max_examples=examples, deadline=None, **REPEATED)
