@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "DEFAULT_OPTIONS",
     "EARTH_RATE_RADPS",
     "FIX_STATUS",
+    "INERTIAL_STATES",
     "METHODS",
     "SELECTOR_METHODS",
     "SENSORS",
+    "STATES",
     "BeamGeometry",
     "ClosedLoop",
     "KernelError",
@@ -29,7 +32,10 @@ __all__ = [
     "solve_velocity",
 ]
 __version__: Final[str]
+DEFAULT_OPTIONS: Final[DefaultOptionsDict]
 EARTH_RATE_RADPS: Final[float]
+INERTIAL_STATES: Final[int]
+STATES: Final[int]
 METHODS: Final[tuple[str, ...]]
 SENSORS: Final[tuple[str, ...]]
 FIX_STATUS: Final[tuple[str, ...]]
@@ -127,6 +133,19 @@ class OptionsDict(TypedDict):
     robust: NotRequired[RobustDict | None]
     depth_lever_p_m: NotRequired[ArrayLike]
     gps_lever_p_m: NotRequired[ArrayLike]
+
+@type_check_only
+class DefaultOptionsDict(TypedDict):
+    gate: Literal["joint", "per_row", "off"]
+    gate_probability: float
+    inflate_after_rejections: int
+    covariance_period_ns: int
+    estimate_dvl: bool
+    virtual_beam_factor: float
+    nullified_sway_var_m2ps2: float
+    weak_sway_var_m2ps2: float
+    information_port: Literal["axes", "full"]
+    water: WaterDict
 
 @type_check_only
 class ScheduleDict(TypedDict):
@@ -463,9 +482,9 @@ def solve_velocity(
     prior_velocity_p_mps: ArrayLike | None = None,
     prior_cov_m2ps2: ArrayLike | None = None,
     rate_tp_p_radps: ArrayLike | None = None,
-    virtual_beam_factor: float = 1.0,
-    nullified_sway_var_m2ps2: float = 1e-3,
-    weak_sway_var_m2ps2: float = 2.0,
+    virtual_beam_factor: float,
+    nullified_sway_var_m2ps2: float,
+    weak_sway_var_m2ps2: float,
 ) -> SolutionDict: ...
 def simulate_sensors(
     geometry: BeamGeometry,

@@ -27,11 +27,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from bottomlock import _kernel
 from bottomlock._kernel import (
+    DEFAULT_OPTIONS,
     EARTH_RATE_RADPS,
     FIX_STATUS,
+    INERTIAL_STATES,
     METHODS,
     SELECTOR_METHODS,
     SENSORS,
+    STATES,
     BeamGeometry,
     ClosedLoop,
     KernelError,
@@ -50,14 +53,17 @@ if TYPE_CHECKING:
 
 __all__ = [
     "COMPONENT_STATUS",
+    "DEFAULT_OPTIONS",
     "EARTH_RATE_RADPS",
     "FIX_METHODS",
     "FIX_STATUS",
+    "INERTIAL_STATES",
     "METHODS",
     "SELECTION_REASONS",
     "SELECTOR_METHODS",
     "SENSORS",
     "SOURCES",
+    "STATES",
     "STATUS",
     "BeamGeometry",
     "ClosedLoop",
@@ -251,9 +257,9 @@ def solve_velocity(
     prior_velocity_p_mps: ArrayLike | None = None,
     prior_cov_m2ps2: ArrayLike | None = None,
     rate_tp_p_radps: ArrayLike | None = None,
-    virtual_beam_factor: float = 1.0,
-    nullified_sway_var_m2ps2: float = 1e-3,
-    weak_sway_var_m2ps2: float = 2.0,
+    virtual_beam_factor: float = DEFAULT_OPTIONS["virtual_beam_factor"],
+    nullified_sway_var_m2ps2: float = DEFAULT_OPTIONS["nullified_sway_var_m2ps2"],
+    weak_sway_var_m2ps2: float = DEFAULT_OPTIONS["weak_sway_var_m2ps2"],
 ) -> VelocityFixes:
     """Solves pings for the platform velocity with whatever beams are valid (Tal et al. 2017, Eqs 17-49).
 
@@ -261,7 +267,7 @@ def solve_velocity(
         geometry: the beams.
         velocity_mps: (n, beams) beam velocities; entries of invalid beams are ignored and may be NaN.
         valid: (n, beams) bool.
-        method: lc, vb, nsv, plcf, vhv, elc, info or weak_sway, or the long name.
+        method: a key of `FIX_METHODS`, or the long name that it stands for.
         beam_sd_mps: (beams,) noise of the beams, 1 sigma, or one number for all.
         prior_velocity_p_mps: (n, 3) velocity that the INS expects, for vb, vhv and elc.
         prior_cov_m2ps2: (n, 3, 3) its covariance.

@@ -340,12 +340,12 @@ def _lab(linear: Array) -> Array:
 @pytest.mark.parametrize("eye", EYES)
 def test_colours_stay_apart_for_every_eye(eye: str) -> None:
     """Any two methods differ by 14 and more, for those who see no red or no green as well."""
-    seen = {method: _lab(EYES[eye] @ _linear(look.colour)) for method, look in palette.METHODS.items()}
+    seen = {method: _lab(EYES[eye] @ _linear(look.colour)) for method, look in palette.STROKES.items()}
     for one, other in itertools.combinations(seen, 2):
         assert np.linalg.norm(seen[one] - seen[other]) >= 14.0, (one, other)
 
 
-@pytest.mark.parametrize("method", sorted(palette.METHODS))
+@pytest.mark.parametrize("method", sorted(palette.STROKES))
 def test_colours_read_on_white_and_on_black(method: str) -> None:
     """Contrast of 3 and more, what WCAG asks of graphics, on paper and on the dark page."""
     own = _luminance(palette.stroke(method).colour)
@@ -355,10 +355,9 @@ def test_colours_read_on_white_and_on_black(method: str) -> None:
 
 def test_every_method_has_its_colour_and_its_words() -> None:
     """No two the same; a method that the kernel gains has to get both."""
-    looks = [look.colour for look in palette.METHODS.values()]
+    looks = [look.colour for look in palette.STROKES.values()]
     assert len(set(looks)) == len(looks)
-    assert set(KERNEL_METHODS) <= set(palette.METHODS)
-    assert set(palette.METHODS) == set(METHOD_WORDS)
+    assert set(KERNEL_METHODS) == set(palette.STROKES) == set(METHOD_WORDS)
 
 
 @pytest.mark.parametrize(

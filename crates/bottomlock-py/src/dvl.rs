@@ -305,8 +305,8 @@ impl Columns {
 /// Solves pings for the platform velocity; one row per ping.
 #[pyfunction]
 #[pyo3(signature = (geometry, velocity_mps, valid, *, method, beam_sd_mps, prior_velocity_p_mps=None,
-    prior_cov_m2ps2=None, rate_tp_p_radps=None, virtual_beam_factor=1.0, nullified_sway_var_m2ps2=1e-3,
-    weak_sway_var_m2ps2=2.0))]
+    prior_cov_m2ps2=None, rate_tp_p_radps=None, virtual_beam_factor, nullified_sway_var_m2ps2,
+    weak_sway_var_m2ps2))]
 pub fn solve_velocity<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,

@@ -41,6 +41,9 @@ mod _kernel {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.add("DEFAULT_OPTIONS", super::settings::default_options(module.py())?)?;
+        module.add("STATES", bottomlock::layout::DIM)?;
+        module.add("INERTIAL_STATES", bottomlock::layout::DVL_BIAS)?;
         module.add("EARTH_RATE_RADPS", bottomlock::earth::EARTH_RATE_RADPS)?;
         let members = bottomlock::navigator::SELECTOR_METHODS.map(|(name, _)| name);
         module.add("SELECTOR_METHODS", pyo3::types::PyTuple::new(module.py(), members)?)?;

@@ -207,6 +207,42 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
     })
 }
 
+/// The kernel's default options, under the keys that [`options`] reads: the one place where they are stated.
+pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let options = Options::default();
+    let dict = PyDict::new(py);
+    let (gate, probability) = match options.gate {
+        Gate::Joint { probability } => ("joint", Some(probability)),
+        Gate::PerRow => ("per_row", None),
+        Gate::Off => ("off", None),
+    };
+    dict.set_item("gate", gate)?;
+    dict.set_item("gate_probability", probability)?;
+    dict.set_item("inflate_after_rejections", options.inflate_after_rejections)?;
+    dict.set_item("covariance_period_ns", options.covariance_period_ns)?;
+    dict.set_item("estimate_dvl", options.estimate_dvl)?;
+    dict.set_item("virtual_beam_factor", options.assumptions.virtual_beam_factor)?;
+    dict.set_item("nullified_sway_var_m2ps2", options.assumptions.nullified_sway_var_m2ps2)?;
+    dict.set_item("weak_sway_var_m2ps2", options.assumptions.weak_sway_var_m2ps2)?;
+    let port = match options.information_port {
+        InformationPort::Axes => "axes",
+        InformationPort::Full => "full",
+    };
+    dict.set_item("information_port", port)?;
+    let water = PyDict::new(py);
+    water.set_item("current_sd_mps", options.water.current_sd_mps)?;
+    water.set_item("current_time_s", options.water.current_time_s)?;
+    water.set_item("sway_gain_m", options.water.sway_gain_m)?;
+    water.set_item("sway_gain_sd_m", options.water.sway_gain_sd_m)?;
+    water.set_item("trim_sd_mps", options.water.trim_sd_mps)?;
+    water.set_item("trim_time_s", options.water.trim_time_s)?;
+    water.set_item("slip_sd_mps", options.water.slip_sd_mps)?;
+    water.set_item("slip_time_s", options.water.slip_time_s)?;
+    water.set_item("slip_epochs", options.water.slip_epochs)?;
+    dict.set_item("water", water)?;
+    Ok(dict)
+}
+
 /// What is done against outliers among the beams; nothing where the options say nothing.
 fn robust(options: &Bound<'_, PyDict>) -> PyResult<Robust> {
     if options.get_item("robust")?.is_none_or(|value| value.is_none()) {

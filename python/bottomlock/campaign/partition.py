@@ -67,7 +67,7 @@ class Partition:
             methods=tuple(settings.methods),
             runs=settings.runs,
             runs_per_chunk=max(1, size if size < EVEN_RUNS else size - size % EVEN_RUNS),
-            nees_degrees=20 if scenario.filter.estimate_dvl else 15,
+            nees_degrees=scenario.filter.states,
         )
 
     @classmethod

@@ -12,14 +12,14 @@ from bottomlock.atomic_write import write_parquet
 from bottomlock.cli.console import console
 from bottomlock.errors import DataError, OutputError
 from bottomlock.io.beams import read_beams, read_geometry
-from bottomlock.kernel import solve_velocity
+from bottomlock.kernel import FIX_METHODS, solve_velocity
 
 
 def fix(
     log: Path,
     *,
     geometry: Annotated[str, Parameter(help="TOML file of the DVL, or a packaged name.")],
-    method: Annotated[str, Parameter(help="lc, vb, nsv, plcf, vhv, elc, info or weak_sway.")],
+    method: Annotated[str, Parameter(help=f"One of {', '.join(FIX_METHODS)}.")],
     out: Annotated[Path, Parameter(help="Parquet file for the fixes.")],
 ) -> None:
     """Turns recorded pings into velocity fixes with covariance, status and the beams used.

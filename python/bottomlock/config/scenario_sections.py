@@ -7,10 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-METHOD_NAMES = (
-    "ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "vb_exact", "info", "weak_sway", "sway_current",
-    "consistent",
-)  # fmt: skip
+from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -203,40 +200,51 @@ class Initial(Section):
     yaw_deg: NonNegative = 1.146
 
 
+_WATER = DEFAULT_OPTIONS["water"]
+
+
 class Water(Section):
     """What the method sway_current assumes of the motion through the water before it measures, 1 sigma.
 
-    A torpedo of 3 m at 2 m/s; docs/methods/sway_current.md says where each number comes from.
+    The defaults, the kernel's, are those of a torpedo of 3 m at 2 m/s; docs/methods/sway_current.md says where each
+    number comes from.
     """
 
-    current_sd_mps: NonNegative = 0.3
-    current_time_s: Positive = 21_600.0
-    sway_gain_m: Finite = 0.6
-    sway_gain_sd_m: NonNegative = 0.3
-    trim_sd_mps: NonNegative = 0.03
-    trim_time_s: Positive = 3600.0
-    slip_sd_mps: Positive = 0.02
-    slip_time_s: Positive = 5.0
-    slip_epochs: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 20.0
+    current_sd_mps: NonNegative = _WATER["current_sd_mps"]
+    current_time_s: Positive = _WATER["current_time_s"]
+    sway_gain_m: Finite = _WATER["sway_gain_m"]
+    sway_gain_sd_m: NonNegative = _WATER["sway_gain_sd_m"]
+    trim_sd_mps: NonNegative = _WATER["trim_sd_mps"]
+    trim_time_s: Positive = _WATER["trim_time_s"]
+    slip_sd_mps: Positive = _WATER["slip_sd_mps"]
+    slip_time_s: Positive = _WATER["slip_time_s"]
+    slip_epochs: Annotated[float, Field(ge=1, allow_inf_nan=False)] = _WATER["slip_epochs"]
 
 
 class Filter(Section):
-    """Filter options.
+    """Filter options; the defaults are the kernel's.
 
     The paper gives neither n_f nor ε. n_f = 1 is its Eq. 28 with nothing added; ε = 1e-3 m²/s² is a sway of 3 cm/s,
-    "close to zero" without pressing real beams out of the gate. Neither is fitted to a result.
+    which is close to zero without making the gate reject real beams. Neither is fitted to a result.
     """
 
-    gate: Literal["joint", "per_row", "off"] = "joint"
-    gate_probability: Annotated[float, Field(gt=0, lt=1)] = 0.9973
-    inflate_after_rejections: Annotated[int, Field(ge=0, le=1_000_000)] = 5
-    covariance_rate_hz: NonNegative = 10.0
-    estimate_dvl: bool = True
-    virtual_beam_factor: Positive = 1.0
-    nullified_sway_var_m2ps2: Positive = 1e-3
-    weak_sway_var_m2ps2: Positive = 2.0
-    information_port: Literal["axes", "full"] = "axes"
+    gate: Literal["joint", "per_row", "off"] = DEFAULT_OPTIONS["gate"]
+    gate_probability: Annotated[float, Field(gt=0, lt=1)] = DEFAULT_OPTIONS["gate_probability"]
+    inflate_after_rejections: Annotated[int, Field(ge=0, le=1_000_000)] = DEFAULT_OPTIONS[
+        "inflate_after_rejections"
+    ]
+    covariance_rate_hz: NonNegative = 1e9 / DEFAULT_OPTIONS["covariance_period_ns"]
+    estimate_dvl: bool = DEFAULT_OPTIONS["estimate_dvl"]
+    virtual_beam_factor: Positive = DEFAULT_OPTIONS["virtual_beam_factor"]
+    nullified_sway_var_m2ps2: Positive = DEFAULT_OPTIONS["nullified_sway_var_m2ps2"]
+    weak_sway_var_m2ps2: Positive = DEFAULT_OPTIONS["weak_sway_var_m2ps2"]
+    information_port: Literal["axes", "full"] = DEFAULT_OPTIONS["information_port"]
     water: Water = Water()
+
+    @property
+    def states(self) -> int:
+        """Number of error states: with the DVL's biases and scale factor, or the inertial ones alone."""
+        return STATES if self.estimate_dvl else INERTIAL_STATES
 
 
 def check_methods(methods: Iterable[str]) -> None:
@@ -247,15 +255,15 @@ def check_methods(methods: Iterable[str]) -> None:
     """
     seen: set[str] = set()
     for method in methods:
-        if method not in METHOD_NAMES:
-            close = difflib.get_close_matches(method, METHOD_NAMES, n=1)
+        if method not in METHODS:
+            close = difflib.get_close_matches(method, METHODS, n=1)
             hint = f", did you mean '{close[0]}'?" if close else ""
-            raise ValueError(f"unknown method '{method}'{hint} (known: {', '.join(METHOD_NAMES)})")
+            raise ValueError(f"unknown method '{method}'{hint} (known: {', '.join(METHODS)})")
         if method in seen:
             raise ValueError(f"method '{method}' is named twice")
         seen.add(method)
     if not seen:
-        raise ValueError(f"no method is named, expected one or more of {', '.join(METHOD_NAMES)}")
+        raise ValueError(f"no method is named, expected one or more of {', '.join(METHODS)}")
 
 
 class Campaign(Section):
@@ -263,7 +271,7 @@ class Campaign(Section):
 
     runs: Annotated[int, Field(ge=1, le=10_000_000)] = 100
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
-    methods: tuple[str, ...] = METHOD_NAMES
+    methods: tuple[str, ...] = METHODS
 
     @model_validator(mode="after")
     def _known(self) -> Self:

@@ -20,7 +20,7 @@ class Stroke:
 
 _DOTS, _DASHES, _DASH_DOT, _LONG = (0, (1, 1.4)), (0, (4, 1.6)), (0, (4, 1.4, 1, 1.4)), (0, (8, 2))
 
-METHODS = {
+STROKES = {
     "ins": Stroke("#999194"),
     "lc": Stroke("#696c70", _LONG),
     "tc": Stroke("#5394ec"),
@@ -79,13 +79,13 @@ WIDTH_IN, HEIGHT_IN = 5.6, 4.1
 
 
 def stroke(method: str) -> Stroke:
-    """Colour and dash of a method; a method that is not in `METHODS` gets its own by its name.
+    """Colour and dash of a method; a method that is not in `STROKES` gets its own by its name.
 
     >>> stroke("tc").colour, stroke("something_new") == stroke("something_new")
     ('#5394ec', True)
     """
-    if method in METHODS:
-        return METHODS[method]
+    if method in STROKES:
+        return STROKES[method]
     return Stroke(_OTHERS[zlib.crc32(method.encode()) % len(_OTHERS)], (0, (6, 1.4, 1, 1.4, 1, 1.4)))
 
 

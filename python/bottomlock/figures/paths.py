@@ -6,9 +6,9 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bottomlock.figures.palette import FAINT, INK, METHODS, STYLE
+from bottomlock.figures.palette import FAINT, INK, STROKES, STYLE
 
-_PATH, _START, _END = METHODS["tc"].colour, METHODS["nsv"].colour, METHODS["vb"].colour
+_PATH, _START, _END = STROKES["tc"].colour, STROKES["nsv"].colour, STROKES["vb"].colour
 
 
 def paths_figure(paths: pl.DataFrame, trajectories: list[str]) -> Figure:

@@ -1,1 +1,1 @@
-"""HTML and Markdown pages: one environment, the templates, how numbers are written."""
+"""HTML and Markdown pages: templates, their environment, number formatting."""

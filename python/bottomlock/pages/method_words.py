@@ -1,18 +1,18 @@
-"""What each aiding method does with the beams, in a line."""
+"""What each aiding method does with the beams, one line each."""
 
 METHOD_WORDS = {
-    "ins": "no beam: the inertial system alone",
-    "lc": "all four beams, none lost, by least squares: the reference",
-    "tc": "a row for every valid beam",
-    "vb": "a virtual beam from the filter's own velocity, taken as independent",
-    "nsv": "sway is zero, sharply",
-    "plcf": "only the components that the beams determine",
-    "vhv": "heave from the filter, to get sway",
-    "elc": "per component the least variance of vb, nsv, plcf and vhv",
-    "vb_exact": "vb with its correlation kept",
+    "ins": "nothing: the inertial system alone",
+    "lc": "velocity by least squares from all four beams, none lost: the reference",
+    "tc": "one row for every valid beam (tight coupling)",
+    "vb": "a virtual beam from the filter's own velocity, assumed independent of it",
+    "nsv": "assumes that sway is zero, with a small variance",
+    "plcf": "uses only the platform components that the beams determine",
+    "vhv": "takes heave from the filter to solve for sway",
+    "elc": "for each component the least variance of vb, nsv, plcf and vhv",
+    "vb_exact": "vb with its correlation to the filter kept",
     "info": "the observable principal axes through a velocity port",
-    "weak_sway": "sway is zero, weakly",
-    "sway_current": "sway in proportion to the yaw rate, relative to water whose current is estimated",
+    "weak_sway": "assumes that sway is zero, with a large variance",
+    "sway_current": "tc, then sway and heave through the water, with the current as states",
     "consistent": "the most informative of tc, weak_sway and sway_current that the beams do not contradict",
 }
-"""What each method does with the beams; a method that is not named here is shown without words."""
+"""By method; a method that is not a key is shown without words."""

@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 
 from bottomlock.config.scenario_sections import (
-    METHOD_NAMES,
     Filter,
     Finite,
     NonNegative,
@@ -21,6 +20,7 @@ from bottomlock.config.scenario_sections import (
 )
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
+from bottomlock.kernel import METHODS
 from bottomlock.replay.dvl_sections import DvlStream, Robust, WhatIf
 from bottomlock.replay.stream_sections import (
     AttitudeStream,
@@ -101,7 +101,7 @@ class Start(Section):
 class Settings(Section):
     """Methods, seed, number of runs (draws of the random errors), and the output interval without a reference."""
 
-    methods: tuple[str, ...] = METHOD_NAMES
+    methods: tuple[str, ...] = METHODS
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
     runs: Annotated[int, Field(ge=1, le=10_000)] = 1
     smooth: bool = True

@@ -13,12 +13,12 @@ from scipy.stats import chi2
 
 from bottomlock.figures.curves import plain_number
 from bottomlock.figures.labels import Line, coincident, label_ends
-from bottomlock.figures.palette import FAINT, INK, METHODS, STYLE, WIDTH_IN, draw_order, new_figure, stroke
+from bottomlock.figures.palette import FAINT, INK, STROKES, STYLE, WIDTH_IN, draw_order, new_figure, stroke
 from bottomlock.tables.replay import FORWARD, SMOOTHED
 
 Floats = NDArray[np.float64]
 _BEAMS = tuple(
-    METHODS[method].colour for method in ("tc", "vb", "nsv", "plcf", "vhv", "elc", "weak_sway", "consistent")
+    STROKES[method].colour for method in ("tc", "vb", "nsv", "plcf", "vhv", "elc", "weak_sway", "consistent")
 )
 _QUANTITIES = (
     ("position", "m", "position, m"),

@@ -111,7 +111,7 @@ def run_consistency(
         "beams": [cases.beam_list(mask) for mask in masks],
         "seed": ", ".join(dict.fromkeys(str(scenario.campaign.seed) for scenario in scenarios)),
         "times_s": [f"{time_s:g}" for time_s in means["time_s"].drop_nulls().unique().sort()],
-        "degrees": 20 if first.filter.estimate_dvl else 15,
+        "degrees": first.filter.states,
         "tests": means.height,
         "false_alarm": FALSE_ALARM,
         "each_probability": chi_squared.each_probability(FALSE_ALARM, means.height),
@@ -155,7 +155,7 @@ def fly_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame
         seed=scenario.campaign.seed, trajectory_key=key, first_run=0, runs=runs, threads=threads,
     )  # fmt: skip
     rows_fused = _rows_fused(simulation, methods)
-    full = 20 if scenario.filter.estimate_dvl else 15
+    full = scenario.filter.states
     rows: list[tuple[Any, ...]] = []
     for index, method in enumerate(methods):
         place = (scenario.name, case.beams, method)
