@@ -5,10 +5,10 @@ Bands of mean NEES come from the spread between runs
 (Student's t); each is two-sided at 1 %, so a right filter fails one of the six checks of the drawn worlds in 6 % of
 campaigns.
 
-Sizes: with three independent samples in a run (`chi_squared.independent_samples`) the mean NEES of 80 drawn worlds has a
-standard error of 0.22 of 6, so that a mean of 6.9 (standard deviations claimed 7 % too small) fails in 90 % of campaigns.
-On the vehicle the paired gain is a difference of squares, whose mean is 0.7 of its spread or more: 60 runs make that 5.5
-standard errors, where 5 are asked for. `make test-long` has 200 worlds and 100 runs.
+Sizes: with three independent samples in a run (`chi_squared.independent_samples`) the mean NEES of 80 drawn worlds has
+a standard error of 0.22 of 6, so that a mean of 6.9 (standard deviations claimed 7 % too small) fails in 90 % of
+campaigns. On the vehicle the paired gain is a difference of squares, whose mean is 0.7 of its spread or more: 60 runs
+make that 5.5 standard errors, where 5 are asked for. `make test-long` has 200 worlds and 100 runs.
 """
 
 from __future__ import annotations
