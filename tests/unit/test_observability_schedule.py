@@ -19,7 +19,6 @@ from bottomlock.kernel import SENSORS, BeamGeometry, KernelError
 from bottomlock.observability.analysis import Aiding, deviations, observe
 from bottomlock.observability.planner import plan
 from bottomlock.observability.report import observe_scenario, scenario_schedule
-from bottomlock.kernel import SENSORS
 from bottomlock.observability.schedule import Schedule
 from bottomlock.simulation.build import build_simulation
 from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
