@@ -21,7 +21,7 @@ def events(log: dict[str, Any]) -> Iterator[tuple[int, int, int]]:
     """Time, stream and row in order of time, at the same time in the order of `STREAMS`."""
 
     def of(stream: int, key: str) -> list[tuple[int, int, int]]:
-        return [(int(t), stream, row) for row, t in enumerate(log[key])]
+        return [(int(t), stream, row) for row, t in enumerate(log.get(key, ()))]
 
     return iter(heapq.merge(*(of(stream, key) for stream, key in enumerate(TIMES))))
 

@@ -71,7 +71,7 @@ def at_rest(seconds: float = 200.0, rate_hz: float = 10.0, rate_noise: float = 0
             time_ns, from_angles(np.full(count, 0.01), np.full(count, 0.02), np.full(count, 0.03))
         ),
         magnetic_fields=MagneticFields(time_ns, np.tile(R.T @ north, (count, 1))),
-        positions=Positions(time_ns, along),
+        positions={"gps": Positions(time_ns, along)},
         reference=None,
         origin=None,
         latitude_rad=LATITUDE,
@@ -177,7 +177,9 @@ def test_what_cannot_be_is_refused(start: str, settings: dict[str, Any], message
             streams, inertial=replace(streams.inertial, omega_p_radps=streams.inertial.omega_p_radps + 0.01)
         )
     elif which == "moored":
-        streams = replace(streams, positions=Positions(streams.inertial.time_ns, np.zeros((2000, 3))))
+        streams = replace(
+            streams, positions={"gps": Positions(streams.inertial.time_ns, np.zeros((2000, 3)))}
+        )
     elif which == "silent":
         streams = replace(
             streams, attitudes=Attitudes(streams.inertial.time_ns[:100], from_angles(np.zeros(100), 0.0, 0.0))

@@ -73,10 +73,11 @@ def read_streams(case: Case) -> Streams:
     reference = None
     if case.reference is not None:
         reference = _reference(case.reference, placed["reference"], origin, inertial)
-    positions = None
-    if case.gps is not None:
-        time_ns, table = placed["gps"]
-        positions = Positions(time_ns, _tangent(case.gps, table, origin))
+    positions = {
+        key: Positions(time_ns, _tangent(getattr(case, key), table, origin), _triple(table, "sd"))
+        for key, (time_ns, table) in placed.items()
+        if key != "reference"
+    }
     latitude_deg = case.origin.latitude_deg
     latitude = origin.latitude_rad if origin is not None else np.deg2rad(latitude_deg or 0.0)
     if origin is None and latitude_deg is None:
@@ -228,12 +229,19 @@ def _coordinates(
         for part in ("latitude", "longitude", "height", "north", "east", "down", "roll", "pitch", "yaw")
         if isinstance(name := getattr(stream, part, None), str)
     }
-    for part in ("velocity_ned", "velocity_body"):
+    for part in ("velocity_ned", "velocity_body", "sd"):
         triple = getattr(stream, part, None)
         named |= {} if triple is None else {f"{part}.{k}": name for k, name in enumerate(triple)}
     values, timed, _ = read_stream(stream, list(named.values()))
     clocks[key] = timed.report
     return timed.time_ns, {part: values[:, k] for k, part in enumerate(named)}
+
+
+def _triple(table: dict[str, Floats], part: str) -> Floats | None:
+    """(n, 3) columns of a triple, or None where it is not named."""
+    if f"{part}.0" not in table:
+        return None
+    return np.stack([table[f"{part}.{k}"] for k in range(3)], axis=1)
 
 
 def _origin(case: Case, placed: dict[str, tuple[Times, dict[str, Floats]]]) -> Place | None:
@@ -288,7 +296,7 @@ def _reference(
     velocity = None
     for part in ("velocity_ned", "velocity_body"):
         if f"{part}.0" in table:
-            velocity = np.stack([table[f"{part}.{k}"] for k in range(3)], axis=1)
+            velocity = _triple(table, part)
             if part == "velocity_ned" and attitude is not None:
                 velocity = attitude.inv().apply(velocity)
     if lever.any() and attitude is not None:

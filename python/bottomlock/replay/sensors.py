@@ -54,13 +54,11 @@ def _attitude_log(stream: AttitudeStream, streams: Streams, within: Within) -> d
 
 
 def _gps_log(stream: GpsStream, streams: Streams, within: Within) -> dict[str, Any]:
-    if streams.positions is None or not stream.aids:
+    if not stream.aids:
         return {}
-    rows = within(streams.positions.time_ns)
-    return {
-        "gps_time_ns": streams.positions.time_ns[rows],
-        "gps_position_t_m": streams.positions.position_t_m[rows],
-    }
+    positions = streams.positions["gps"]
+    rows = within(positions.time_ns)
+    return {"gps_time_ns": positions.time_ns[rows], "gps_position_t_m": positions.position_t_m[rows]}
 
 
 def _magnetometer_model(stream: AttitudeStream | None) -> dict[str, Any]:

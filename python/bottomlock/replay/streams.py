@@ -64,10 +64,11 @@ class MagneticFields:
 
 @dataclass(frozen=True, eq=False)
 class Positions:
-    """Positions of the GPS antenna in the tangent frame, (n, 3)."""
+    """Positions of a point of the vehicle in the tangent frame, (n, 3), and their 1 sigma where recorded, (n, 3)."""
 
     time_ns: Times
     position_t_m: Floats
+    sd_m: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +89,8 @@ class Streams:
         inertial: IMU readings.
         beams: pings.
         instrument: geometry and noise of the DVL.
-        depths, attitudes, magnetic_fields, positions, reference: the other streams, None where absent.
+        depths, attitudes, magnetic_fields, reference: the other streams, None where absent.
+        positions: the streams of positions beside the reference, by their sections.
         origin: of the tangent frame, or None where it is not known.
         latitude_rad: for gravity and the Earth's rate.
         clocks: statistics and faults of each stream's times.
@@ -101,7 +103,7 @@ class Streams:
     depths: Depths | None
     attitudes: Attitudes | None
     magnetic_fields: MagneticFields | None
-    positions: Positions | None
+    positions: dict[str, Positions]
     reference: ReferenceStates | None
     origin: Place | None
     latitude_rad: float

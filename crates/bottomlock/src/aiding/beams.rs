@@ -39,9 +39,9 @@ pub enum InformationPort {
 /// Residual, Jacobian and noise of every valid beam, indexed by beam.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BeamTerms {
-    residual: SVector<f64, MAX_ROWS>,
-    jacobian: RowJacobian,
-    /// Eq. 20: sensor noise and the gyro noise that all beams share through their lever methods.
+    pub(super) residual: SVector<f64, MAX_ROWS>,
+    pub(super) jacobian: RowJacobian,
+    /// Eq. 20: sensor noise and the gyro noise that all beams share through their lever arms.
     pub noise: BeamNoise,
 }
 

@@ -3,14 +3,14 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::aiding::declare::model_section;
+use crate::aiding::position::position;
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation};
 use crate::aiding::{Innovation, Motion};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Tangent, Vec3, skew};
-use crate::layout::{ATTITUDE, GYRO_BIAS, POSITION, VELOCITY};
+use crate::layout::{ATTITUDE, GYRO_BIAS, VELOCITY};
 use crate::random::Normals;
-use crate::state::NavState;
 
 model_section! {
     /// Errors of the GPS receiver, 1 sigma per axis, tangent frame.
@@ -136,22 +136,6 @@ impl AidingSensor for GpsSample {
         let velocity = self.velocity.map_or([f64::NAN; 3], |of| of.velocity_t_mps.to_array());
         [self.position_t_m.to_array(), velocity].concat()
     }
-}
-
-/// z = p_meas − (p + R l): a position in the tangent frame of a point at `lever_p_m`.
-#[must_use]
-pub fn position(
-    state: &NavState,
-    position_t_m: &Vec3<Tangent>,
-    sd_m: &[f64; 3],
-    lever_p_m: &Vec3<Platform>,
-) -> Innovation {
-    let lever_t = state.attitude_t_p * *lever_p_m;
-    let noise = Matrix3::from_diagonal(&Vector3::from(sd_m.map(|sd| sd * sd)));
-    let mut innovation = Innovation::vector((*position_t_m - state.position_t_m - lever_t).0, &noise);
-    innovation.put(POSITION, &Matrix3::identity());
-    innovation.put(ATTITUDE, &-skew(&lever_t.0));
-    innovation
 }
 
 /// z = v_meas − R (v + ω_tp × l): a velocity in the tangent frame of an antenna at `lever_p_m`.

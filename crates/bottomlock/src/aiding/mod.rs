@@ -10,6 +10,7 @@ pub mod gps;
 pub mod heading;
 mod innovation;
 pub mod outliers;
+pub mod position;
 pub mod registry;
 pub mod sensor;
 pub mod velocity;

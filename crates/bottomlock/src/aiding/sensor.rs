@@ -214,6 +214,26 @@ impl Field for [f64; 3] {
     }
 }
 
+/// A part of a whole: 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default)]
+pub struct Fraction(pub f64);
+
+impl Field for Fraction {
+    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
+        numbers.number(key).map(Self)
+    }
+    fn check(&self, name: &'static str) -> Result<(), NavError> {
+        if (0.0..=1.0).contains(&self.0) {
+            return Ok(());
+        }
+        Err(NavError::OutOfRange {
+            field: name,
+            value: self.0,
+            expected: "0 to 1",
+        })
+    }
+}
+
 /// A place: any finite numbers.
 impl Field for Vec3<Tangent> {
     fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {

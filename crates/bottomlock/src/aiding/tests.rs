@@ -4,8 +4,9 @@ use nalgebra::Vector3;
 
 use super::attitude::attitude;
 use super::depth::depth;
-use super::gps::{gps_velocity, position};
+use super::gps::gps_velocity;
 use super::heading::heading;
+use super::position::position;
 use super::velocity::velocity;
 use super::*;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};

@@ -153,7 +153,6 @@ fn closed_form_and_expansion_agree() {
     let paper = paper::system(&truth, &model(), &sensors, SECOND_NS).unwrap();
     let aiding = Aiding {
         sensors: SensorSet::from_iter([Sensor::Velocity, Sensor::Depth]),
-        depth: true,
         ..Aiding::default()
     };
     let ours = inertial(&turn, &aiding);
@@ -214,7 +213,6 @@ fn scaling_moves_no_rank() {
 fn full_rank_has_no_basis() {
     let aiding = Aiding {
         sensors: SensorSet::from_iter([Sensor::GpsPosition, Sensor::GpsVelocity, Sensor::Attitude]),
-        gps_velocity: true,
         ..Aiding::default()
     };
     let found = whole(&inertial(&Turn::new(0.05, 3.0, 60, 50), &aiding));

@@ -117,6 +117,10 @@ pub(crate) fn steady_turn(seconds: i64) -> Recording {
 }
 
 impl Recording {
+    fn depth(&self, row: usize) -> DepthSample {
+        self.sensors[SensorKind::Depth as usize][row].try_into().unwrap()
+    }
+
     pub(crate) fn log(&self) -> Log<'_> {
         Log {
             imu: &self.imu,
@@ -259,10 +263,10 @@ fn arrival_out_of_order() {
         )
         .unwrap()
     });
-    let (imu, depth) = (recording.imu[20], recording.depth[0]);
+    let (imu, depth) = (recording.imu[20], recording.depth(0));
     let mut ping = recording.pings[0];
     ping.time_ns = depth.time_ns + 5;
-    let waiting = [Event::Depth(depth), Event::Beams(ping)];
+    let waiting = [Event::from(depth), Event::Beams(ping)];
     let quiet = &mut |_: &UpdateReport| {};
     for (guide, order) in guides.iter_mut().zip([[0, 1], [1, 0]]) {
         guide.push(&Event::Imu(recording.imu[0]), quiet).unwrap();
@@ -276,7 +280,7 @@ fn arrival_out_of_order() {
         time_ns: depth.time_ns + 9,
         ..depth
     };
-    let error = guides[0].push(&Event::Depth(late), quiet).unwrap_err().to_string();
+    let error = guides[0].push(&Event::from(late), quiet).unwrap_err().to_string();
     assert_eq!(error, "depth time 40000380 ns does not come after 200000000 ns");
     assert_eq!(
         (guides[0].late_events()[3], guides[0].late_events().iter().sum::<u64>()),
@@ -311,7 +315,11 @@ fn bad_rows_are_named() {
         replay(&recording.replay(&options, samples), 1).unwrap_err().to_string()
     };
     let mut late = steady_turn(3);
-    late.depth[2].time_ns = late.depth[1].time_ns;
+    late.sensors[SensorKind::Depth as usize][2] = DepthSample {
+        time_ns: late.depth(1).time_ns,
+        ..late.depth(2)
+    }
+    .into();
     assert!(text(&late, &[0]).starts_with("depth row 2: depth time 557000371 ns does not come after 557000371 ns"));
     let mut nan = steady_turn(3);
     nan.pings[1].velocity_mps[2] = f64::NAN;
