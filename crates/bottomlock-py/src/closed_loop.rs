@@ -3,7 +3,7 @@
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::navigator::Method;
 use bottomlock::simulation::closed_loop as core;
-use bottomlock::simulation::closed_loop::{Common, Departure, Stretch};
+use bottomlock::simulation::closed_loop::{Common, TruthSegment, Vehicle};
 use bottomlock::state::NavState;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -87,7 +87,7 @@ impl ClosedLoop {
                 "start has {vehicles} rows, expected a multiple of {crews} arms"
             )));
         }
-        let depart = |(k, &start): (usize, &NavState)| Departure {
+        let depart = |(k, &start): (usize, &NavState)| Vehicle {
             run: first_run + (k / crews.len()) as u64,
             start,
             methods: crews[k % crews.len()],
@@ -110,16 +110,16 @@ impl ClosedLoop {
     fn advance(&mut self, py: Python<'_>, truth: &Bound<'_, PyDict>, schedule: &Bound<'_, PyDict>) -> PyResult<()> {
         let truths = Truths::of_runs(truth, self.vehicles)?;
         let schedule = settings::schedule(schedule, self.beams, self.vehicles)?;
-        let stretches: Vec<Stretch<'_>> = (0..self.vehicles)
+        let segments: Vec<TruthSegment<'_>> = (0..self.vehicles)
             .map(|run| {
-                Ok(Stretch {
+                Ok(TruthSegment {
                     truth: truths.of(run)?,
                     schedule: schedule.of(run),
                 })
             })
             .collect::<PyResult<_>>()?;
         let inner = &mut self.inner;
-        py.detach(|| inner.advance(&stretches, &schedule.sample_time_ns))
+        py.detach(|| inner.advance(&segments, &schedule.sample_time_ns))
             .map_err(raise)?;
         self.samples += schedule.sample_time_ns.len();
         Ok(())
@@ -133,7 +133,7 @@ impl ClosedLoop {
         if arm >= self.arms_aboard {
             return Err(refuse(format!("arm is {arm}, expected less than {}", self.arms_aboard)));
         }
-        let states = self.inner.beliefs(arm);
+        let states = self.inner.estimates(arm);
         let out = PyDict::new(py);
         let threes = |of: fn(&NavState) -> [f64; 3]| from_rows(py, &states.iter().map(of).collect::<Vec<_>>());
         out.set_item("position_t_m", threes(|state| state.position_t_m.to_array())?)?;

@@ -18,7 +18,7 @@ use bottomlock::navigator::events::{AttitudeSample, DepthSample, Event, GpsSampl
 use bottomlock::navigator::{BeamAiding, Navigator};
 use bottomlock::navigator::{METHODS, Method};
 use bottomlock::simulation::batch::{Batch, run_batch};
-use bottomlock::simulation::closed_loop::{ClosedLoop, Common, Departure, Stretch};
+use bottomlock::simulation::closed_loop::{ClosedLoop, Common, TruthSegment, Vehicle};
 use bottomlock::simulation::schedule::Schedule;
 use bottomlock::simulation::sensor_errors::RunKey;
 use bottomlock::simulation::sensor_streams::simulate;
@@ -209,7 +209,7 @@ fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
             trajectory_key: whole.trajectory_key,
         };
         let truth = turn.truth();
-        let departure = |run| Departure {
+        let departure = |run| Vehicle {
             run,
             start: true_state(&truth, 0),
             methods: &METHODS,
@@ -233,7 +233,7 @@ fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
                 gps_time_ns: &gps,
                 ..Schedule::default()
             };
-            let stretch = Stretch {
+            let stretch = TruthSegment {
                 truth: truth.part(pair[0]..pair[1] + 1),
                 schedule,
             };

@@ -1,4 +1,4 @@
-//! Vehicles that are steered on their estimates: whoever steers asks where each believes it is, and tells where it went.
+//! Vehicles that are steered on their estimates: the caller reads the estimates, and says how the vehicles moved.
 
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
@@ -7,16 +7,16 @@ use crate::model::Model;
 use crate::navigator::Method;
 use crate::simulation::monte_carlo_run::{MethodRecord, MonteCarloRun, RunSegment};
 use crate::simulation::run_group;
-use crate::simulation::run_group::lead;
+use crate::simulation::run_group::run_segments;
 use crate::simulation::schedule::Schedule;
 use crate::simulation::sensor_errors::RunKey;
 use crate::simulation::truth::Truth;
 use crate::state::NavState;
 use crate::workers::Workers;
 
-/// A vehicle about to leave: the run whose sensor errors it has, where it truly is, and the methods aboard.
+/// A vehicle at its start: the run whose sensor errors it has, its true state, and its methods.
 #[derive(Debug, Clone, Copy)]
-pub struct Departure<'a> {
+pub struct Vehicle<'a> {
     /// Number of the run.
     pub run: u64,
     /// True state at the start.
@@ -42,42 +42,42 @@ pub struct Common<'a> {
     pub trajectory_key: u64,
 }
 
-/// The way that one vehicle went since the last time it was asked.
+/// The motion of one vehicle since the last call.
 #[derive(Debug, Clone, Copy)]
-pub struct Stretch<'a> {
-    /// Truth, from the last sample of the stretch before (or the start) to its own end.
+pub struct TruthSegment<'a> {
+    /// Truth, from the last sample of the segment before (or the start) to its own end.
     pub truth: Truth<'a>,
     /// Epochs in it.
     pub schedule: Schedule<'a>,
 }
 
-/// Vehicles under way, each steered on what one of the methods aboard believes.
+/// Vehicles, each steered on the estimate of one of its methods.
 ///
 /// The sensor errors of run k are those of run k of a campaign: with the same truth it yields the same bits.
 #[derive(Debug)]
 pub struct ClosedLoop {
-    voyages: Vec<MonteCarloRun>,
-    /// How many of them fly together.
+    runs: Vec<MonteCarloRun>,
+    /// How many of them go together.
     together: usize,
     workers: Workers,
 }
 
 impl ClosedLoop {
-    /// A vehicle for each departure.
+    /// A run for each vehicle.
     ///
     /// # Errors
     /// [`NavError`] for models, options, starts and numbers of threads that make no sense.
-    pub fn new(common: &Common<'_>, departures: &[Departure<'_>], threads: usize) -> Result<Self, NavError> {
+    pub fn new(common: &Common<'_>, vehicles: &[Vehicle<'_>], threads: usize) -> Result<Self, NavError> {
         common.simulated.validate()?;
-        let begin = |departure: &Departure<'_>| {
-            departure.start.validate()?;
+        let begin = |vehicle: &Vehicle<'_>| {
+            vehicle.start.validate()?;
             let key = RunKey {
                 seed: common.seed,
                 trajectory: common.trajectory_key,
-                run: departure.run,
+                run: vehicle.run,
             };
             let (simulated, assumed) = (common.simulated, common.assumed);
-            let (start, methods) = (&departure.start, departure.methods);
+            let (start, methods) = (&vehicle.start, vehicle.methods);
             MonteCarloRun::new(
                 start,
                 common.geometry,
@@ -89,47 +89,47 @@ impl ClosedLoop {
             )
         };
         let workers = Workers::new(threads)?;
-        let methods = departures.first().map_or(&[][..], |first| first.methods);
+        let methods = vehicles.first().map_or(&[][..], |first| first.methods);
         Ok(Self {
-            voyages: departures.iter().map(begin).collect::<Result<_, _>>()?,
-            together: run_group::size(methods, departures.len(), workers.threads()).get(),
+            runs: vehicles.iter().map(begin).collect::<Result<_, _>>()?,
+            together: run_group::size(methods, vehicles.len(), workers.threads()).get(),
             workers,
         })
     }
 
-    /// Leads every vehicle along its stretch.
+    /// Runs every vehicle along its segment.
     ///
     /// # Errors
-    /// As [`MonteCarloRun::advance`], and for a number of stretches other than that of the vehicles.
-    pub fn advance(&mut self, stretches: &[Stretch<'_>], sample_time_ns: &[i64]) -> Result<(), NavError> {
-        if stretches.len() != self.voyages.len() {
+    /// [`NavError`] for epochs outside the segment or out of order, which names run and method; for a number of segments other than that of the vehicles.
+    pub fn advance(&mut self, segments: &[TruthSegment<'_>], sample_time_ns: &[i64]) -> Result<(), NavError> {
+        if segments.len() != self.runs.len() {
             return Err(NavError::WrongCount {
                 field: "stretches",
-                got: stretches.len(),
-                expected: format!("{}, one per vehicle", self.voyages.len()),
+                got: segments.len(),
+                expected: format!("{}, one per vehicle", self.runs.len()),
             });
         }
         let together = self.together;
-        let mut groups: Vec<_> = self.voyages.chunks_mut(together).collect();
-        let outcomes = self.workers.each(&mut groups, |group, voyages| {
-            let own = stretches[group * together..].iter().zip(voyages.iter_mut());
-            Ok(lead(own.map(|(stretch, voyage)| {
-                stretch.truth.validate()?;
-                RunSegment::new(voyage, stretch.truth, stretch.schedule, sample_time_ns)
+        let mut groups: Vec<_> = self.runs.chunks_mut(together).collect();
+        let outcomes = self.workers.each(&mut groups, |group, runs| {
+            let own = segments[group * together..].iter().zip(runs.iter_mut());
+            Ok(run_segments(own.map(|(segment, run)| {
+                segment.truth.validate()?;
+                RunSegment::new(run, segment.truth, segment.schedule, sample_time_ns)
             })))
         })?;
         outcomes.into_iter().flatten().collect()
     }
 
-    /// What a method believes aboard every vehicle; empty for a method that is not there.
+    /// The estimate of a method in every vehicle; empty for a method that is not there.
     #[must_use]
-    pub fn beliefs(&self, method: usize) -> Vec<NavState> {
-        self.voyages.iter().filter_map(|voyage| voyage.state(method)).collect()
+    pub fn estimates(&self, method: usize) -> Vec<NavState> {
+        self.runs.iter().filter_map(|run| run.state(method)).collect()
     }
 
     /// What the methods of every vehicle have yielded.
     #[must_use]
     pub fn records(&self) -> Vec<Vec<MethodRecord>> {
-        self.voyages.iter().map(MonteCarloRun::records).collect()
+        self.runs.iter().map(MonteCarloRun::records).collect()
     }
 }
