@@ -202,8 +202,8 @@ fn together(criterion: &mut Criterion) {
                 let start = || vec![one.clone(); runs];
                 let fly = |filters: &mut Vec<Eskf>| {
                     let pairs = filters.iter_mut().zip(&streams);
-                    let mut seats: Vec<_> = pairs.map(|(filter, stream)| FilterSpan::new(filter, stream)).collect();
-                    predict_together(&mut seats);
+                    let mut spans: Vec<_> = pairs.map(|(filter, stream)| FilterSpan::new(filter, stream)).collect();
+                    predict_together(&mut spans);
                 };
                 bencher.iter_batched_ref(start, fly, BatchSize::SmallInput);
             });
@@ -274,7 +274,7 @@ fn runs(criterion: &mut Criterion) {
         run: 3,
     };
     group.bench_function("sensors", |bencher| {
-        bencher.iter(|| simulate(&truth, &geometry, &model, &model, &schedule, options.sampling, &key).unwrap());
+        bencher.iter(|| simulate(&truth, &geometry, &model, &model, &schedule, &options, &key).unwrap());
     });
     // Without methods a batch draws its sensors and does nothing else.
     for names in [

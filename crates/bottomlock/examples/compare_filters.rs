@@ -14,7 +14,7 @@ use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use bottomlock::error_model::{Coefficients, Partitioned, ProcessNoise, Span, Step};
+use bottomlock::error_model::{Coefficients, CovarianceInterval, FirstOrderInterval, ProcessNoise};
 use bottomlock::filter::Eskf;
 use bottomlock::filter::filter_group::{FilterSpan, predict_together};
 use bottomlock::filter::gate::Gate;
@@ -147,11 +147,11 @@ impl Work {
 
     fn lead(&self, filters: &mut [Eskf], streams: &[Vec<ImuSample>], from: usize, to: usize) {
         let pairs = filters.iter_mut().zip(streams.iter().cycle());
-        let mut seats: Vec<_> = pairs
+        let mut spans: Vec<_> = pairs
             .map(|(filter, stream)| FilterSpan::new(filter, &stream[from..=to]))
             .collect();
-        predict_together(&mut seats);
-        assert!(seats.iter().all(|seat| seat.failure.is_none()));
+        predict_together(&mut spans);
+        assert!(spans.iter().all(|span| span.failure.is_none()));
     }
 
     /// The same filter as textbooks write it, with nalgebra's dense matrices.
@@ -293,6 +293,9 @@ impl Lane for Counted {
     fn map(self, function: impl Fn(f64) -> f64) -> Self {
         Self(function(self.0))
     }
+    fn each(self, value: impl Fn(usize) -> f64) -> Self {
+        Self(value(0))
+    }
 }
 
 /// Floating-point operations of one step with its covariance, first order.
@@ -314,12 +317,12 @@ fn operations_of_a_step(work: &Work) -> u64 {
         force_p_mps2: reading.force_p_mps2.to_array().map(Counted),
     };
     let covariance = work.model.initial_covariance(true);
-    let mut p = Partitioned::from_fn(Counted(0.0), |i, j| Counted(covariance[(i, j)]));
-    let mut interval = Step::begin(&kinematics, &inertial, &earth);
+    let mut p = covariance.data.0.map(|column| column.map(Counted));
+    let mut interval = FirstOrderInterval::begin(&kinematics, &inertial, &earth);
     OPERATIONS.set(0);
     let before = kinematics;
     kinematics.step(&inertial, &inertial, 1.0 / 150.0, &earth);
-    interval.add(&Step::take(&before, &kinematics, &inertial, &earth), 1.0 / 150.0);
+    interval.extend(&before, &kinematics, &inertial, 1.0 / 150.0, &earth);
     interval.propagate(&mut p, &kinematics, &noise, &earth);
     // The bias taken off six readings.
     OPERATIONS.get() + 6

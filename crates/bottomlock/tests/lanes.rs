@@ -1,4 +1,4 @@
-//! DualFilter side by side: the bits of each are those of the filter led alone, whoever its neighbours are.
+//! Filters side by side: the bits of each are those of the filter led alone, whoever its neighbours are.
 
 // Helpers outside `#[test]` functions fail loudly too.
 #![allow(clippy::unwrap_used, clippy::panic)]
@@ -48,7 +48,7 @@ fn bits(filter: &Eskf) -> Vec<u64> {
     numbers.into_iter().map(f64::to_bits).collect()
 }
 
-fn seats<'a>(filters: &'a mut [Eskf], streams: &'a [Vec<ImuSample>]) -> Vec<FilterSpan<'a>> {
+fn spans<'a>(filters: &'a mut [Eskf], streams: &'a [Vec<ImuSample>]) -> Vec<FilterSpan<'a>> {
     let pairs = filters.iter_mut().zip(streams);
     pairs.map(|(filter, own)| FilterSpan::new(filter, own)).collect()
 }
@@ -87,9 +87,9 @@ proptest! {
         let mut from = 1;
         for length in stretches {
             let streams: Vec<_> = (0..count).map(|k| stream(k, from, from + length)).collect();
-            let mut seats = seats(&mut together, &streams);
-            predict_together(&mut seats);
-            prop_assert!(seats.iter().all(|seat| seat.failure.is_none()));
+            let mut spans = spans(&mut together, &streams);
+            predict_together(&mut spans);
+            prop_assert!(spans.iter().all(|span| span.failure.is_none()));
             for (k, own) in streams.iter().enumerate() {
                 apart[k] = alone(apart[k].clone(), own);
                 prop_assert_eq!(bits(&together[k]), bits(&apart[k]), "filter {} of {}", k, count);
@@ -101,7 +101,7 @@ proptest! {
 
 /// A filter that runs out of numbers says so at the step where it does alone; its neighbours go on to the same bits.
 #[test]
-fn a_failure_stays_at_its_seat() {
+fn a_failure_stays_in_its_span() {
     let options = Options::default();
     let mut filters: Vec<Eskf> = (0..=width()).map(|k| filter(k, &options)).collect();
     let mut streams: Vec<_> = (0..filters.len()).map(|k| stream(k, 0, 50)).collect();
@@ -118,11 +118,11 @@ fn a_failure_stays_at_its_seat() {
         .windows(2)
         .enumerate()
         .find_map(|(k, step)| Some((k + 1, lonely.predict(&step[0], &step[1]).err()?)));
-    let mut seats = seats(&mut filters, &streams);
-    predict_together(&mut seats);
+    let mut spans = spans(&mut filters, &streams);
+    predict_together(&mut spans);
     assert!(failure.is_some());
-    for (k, seat) in seats.iter().enumerate() {
-        assert_eq!(seat.failure, if k == 2 { failure.clone() } else { None });
+    for (k, span) in spans.iter().enumerate() {
+        assert_eq!(span.failure, if k == 2 { failure.clone() } else { None });
     }
     filters.remove(2);
     for (own, other) in filters.iter().zip(&apart) {
@@ -137,18 +137,18 @@ fn times_that_do_not_rise_are_refused() {
     let mut filters: Vec<Eskf> = (0..3).map(|k| filter(k, &options)).collect();
     let mut samples = stream(0, 0, 5);
     samples[3].time_ns = samples[2].time_ns;
-    let mut seats: Vec<_> = filters
+    let mut spans: Vec<_> = filters
         .iter_mut()
         .map(|filter| FilterSpan::new(filter, &samples))
         .collect();
-    predict_together(&mut seats);
-    assert!(seats.iter().all(|seat| matches!(&seat.failure, Some((3, _)))));
+    predict_together(&mut spans);
+    assert!(spans.iter().all(|span| matches!(&span.failure, Some((3, _)))));
     let before = bits(&filters[0]);
     predict_together(&mut [FilterSpan::new(&mut filters[0], &samples[..1])]);
     assert_eq!(bits(&filters[0]), before);
 }
 
-/// DualFilter whose samples part on the way are led together as far as there, and each to the end of its own.
+/// Filters whose samples part on the way go apart.
 #[test]
 fn samples_may_part_on_the_way() {
     for period_ms in [0, 100] {
@@ -164,9 +164,9 @@ fn samples_may_part_on_the_way() {
             .zip(&streams)
             .map(|(f, s)| alone(f.clone(), s))
             .collect();
-        let mut seats = seats(&mut together, &streams);
-        predict_together(&mut seats);
-        assert!(seats.iter().all(|seat| seat.failure.is_none()));
+        let mut spans = spans(&mut together, &streams);
+        predict_together(&mut spans);
+        assert!(spans.iter().all(|span| span.failure.is_none()));
         for (own, other) in together.iter().zip(&apart) {
             assert_eq!(bits(own), bits(other));
         }

@@ -1,32 +1,32 @@
 //! The interval since the covariance was last brought up to date.
 
-use fearless_simd::Simd;
-
+use super::covariance::{self, Matrix, complete};
 use super::noise::HalfNoise;
 use super::transition::Transition;
-use super::{Partitioned, ProcessNoise, Single, Step, Stretch, Underway};
+use super::{FirstOrderInterval, ProcessNoise, SecondOrderInterval};
 use crate::layout::{DIM, DYNAMIC};
 use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
 use crate::simd::{Lane, with_vectors};
 
-/// What an interval of one kind gathers, and the transition and noise that follow from it.
-pub trait Span<T: Lane>: Copy {
+/// What the steps of an interval add up to, and the transition and noise that follow from it.
+pub trait CovarianceInterval<T: Lane>: Copy {
     /// Its transition.
-    type Phi<'a>: Transition<T>
-    where
-        Self: 'a;
-    /// What it takes from a step.
-    type Taken: Copy;
+    type Phi: Transition<T>;
     /// Begins at a state and rate.
     fn begin(kinematics: &Kinematics<T>, inertial: &Inertial<T>, earth: &EarthTerms) -> Self;
-    /// What it will take from the step between two states, that ends with a rate.
-    fn take(before: &Kinematics<T>, after: &Kinematics<T>, inertial: &Inertial<T>, earth: &EarthTerms) -> Self::Taken;
-    /// Adds a step of `dt_s`.
-    fn add(&mut self, taken: &Self::Taken, dt_s: f64);
+    /// Adds a step of `dt_s` between two states, which ends with a reading.
+    fn extend(
+        &mut self,
+        before: &Kinematics<T>,
+        after: &Kinematics<T>,
+        inertial: &Inertial<T>,
+        dt_s: f64,
+        earth: &EarthTerms,
+    );
     /// Length so far, s.
     fn duration_s(&self) -> f64;
     /// Φ over the interval, which has come to `end`.
-    fn transition(&self, end: &Kinematics<T>, earth: &EarthTerms) -> Self::Phi<'_>;
+    fn transition(&self, end: &Kinematics<T>, earth: &EarthTerms) -> Self::Phi;
     /// The noise of its first half.
     fn first_noise(&self, noise: &ProcessNoise) -> HalfNoise<T>;
     /// The noise of its second half.
@@ -34,11 +34,19 @@ pub trait Span<T: Lane>: Copy {
     /// Begins anew at `end`.
     fn empty(&mut self, end: &Kinematics<T>);
 
-    /// P⁺ = Φ(P + Q₀ T/2)Φᵀ + Q₁ T/2, and the interval is empty again.
+    /// True where the covariance is due after a step of `dt_s`.
+    ///
+    /// Half a step of slack: rounding of the sample times must not lengthen the interval by a step.
     #[inline(always)]
-    fn propagate(&mut self, p: &mut Partitioned<T>, end: &Kinematics<T>, noise: &ProcessNoise, earth: &EarthTerms) {
-        self.first_noise(noise).add_to(p);
-        p.sandwich(&self.transition(end, earth), &self.second_noise(end, noise));
+    fn is_due(&self, dt_s: f64, period_s: f64) -> bool {
+        self.duration_s() + 0.5 * dt_s >= period_s
+    }
+
+    /// P⁺ = Φ (P + Q₀ T/2) Φᵀ + Q₁ T/2, and the interval is empty again; see [`covariance::propagate`].
+    #[inline(always)]
+    fn propagate(&mut self, p: &mut Matrix<T>, end: &Kinematics<T>, noise: &ProcessNoise, earth: &EarthTerms) {
+        let (first, second) = (self.first_noise(noise), self.second_noise(end, noise));
+        covariance::propagate(p, &self.transition(end, earth), &first, &second);
         self.empty(end);
     }
 
@@ -53,18 +61,18 @@ pub trait Span<T: Lane>: Copy {
     }
 }
 
-/// The interval of one filter: a step where its covariance keeps up with every step, else a stretch of many.
-// There is one a filter, worked on at every step: a box would cost more than the room.
+/// The interval of one filter.
+// There is one a filter, changed at every step: a box would cost more than the room.
 #[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone, Copy, Default)]
 pub enum Interval {
     /// Not begun: the state has been corrected, or there was no reading yet.
     #[default]
     Open,
-    /// One step, to first order.
-    Step(Step<f64>),
-    /// Many steps, to second order.
-    Stretch(Stretch<f64>),
+    /// Where the covariance is propagated at every step.
+    FirstOrder(FirstOrderInterval<f64>),
+    /// Where it is propagated over many steps.
+    SecondOrder(SecondOrderInterval<f64>),
 }
 
 impl Interval {
@@ -72,9 +80,9 @@ impl Interval {
     #[must_use]
     pub fn begin(kinematics: &Kinematics<f64>, inertial: &Inertial<f64>, earth: &EarthTerms, many_steps: bool) -> Self {
         if many_steps {
-            Self::Stretch(Stretch::begin(kinematics, inertial, earth))
+            Self::SecondOrder(SecondOrderInterval::begin(kinematics, inertial, earth))
         } else {
-            Self::Step(Step::begin(kinematics, inertial, earth))
+            Self::FirstOrder(FirstOrderInterval::begin(kinematics, inertial, earth))
         }
     }
 
@@ -83,13 +91,12 @@ impl Interval {
     pub fn duration_s(&self) -> f64 {
         match self {
             Self::Open => 0.0,
-            Self::Step(step) => step.duration_s(),
-            Self::Stretch(stretch) => stretch.duration_s(),
+            Self::FirstOrder(interval) => interval.duration_s(),
+            Self::SecondOrder(interval) => interval.duration_s(),
         }
     }
 
-    /// Adds a step of `dt_s` between two states, that ends with a rate; nothing where it has not begun.
-    #[inline(always)]
+    /// Adds a step of `dt_s` between two states, which ends with a reading; nothing where it has not begun.
     pub fn extend(
         &mut self,
         before: &Kinematics<f64>,
@@ -100,46 +107,23 @@ impl Interval {
     ) {
         match self {
             Self::Open => {}
-            Self::Step(step) => step.add(&Step::take(before, after, inertial, earth), dt_s),
-            Self::Stretch(stretch) => stretch.add(&Stretch::take(before, after, inertial, earth), dt_s),
+            Self::FirstOrder(interval) => interval.extend(before, after, inertial, dt_s, earth),
+            Self::SecondOrder(interval) => interval.extend(before, after, inertial, dt_s, earth),
         }
     }
 
     /// Propagates a symmetric covariance over the interval, which has come to `end`, and empties the interval.
     ///
-    /// The noise is trapezoidal: P⁺ = Φ(P + Q T/2)Φᵀ + Q T/2.
-    pub fn propagate(
-        &mut self,
-        p: &mut [[f64; DIM]; DIM],
-        end: &Kinematics<f64>,
-        noise: &ProcessNoise,
-        earth: &EarthTerms,
-    ) {
-        if self.duration_s() <= 0.0 {
-            return;
+    /// The rows of the DVL's states may be those of an earlier time; after it all of the matrix is right.
+    pub fn propagate(&mut self, p: &mut Matrix<f64>, end: &Kinematics<f64>, noise: &ProcessNoise, earth: &EarthTerms) {
+        if self.duration_s() > 0.0 {
+            match self {
+                Self::Open => {}
+                Self::FirstOrder(interval) => with_vectors!(_simd => interval.propagate(p, end, noise, earth)),
+                Self::SecondOrder(interval) => with_vectors!(_simd => interval.propagate(p, end, noise, earth)),
+            }
         }
-        with_vectors!(simd => {
-            let mut underway = Underway::of(simd, p);
-            self.propagate_rows(simd, &mut underway, end, noise, earth);
-            underway.rows.put_into(simd, p);
-        });
-    }
-
-    /// The same for a covariance that is underway.
-    #[inline(always)]
-    pub(crate) fn propagate_rows<S: Simd>(
-        &mut self,
-        simd: S,
-        p: &mut Underway,
-        end: &Kinematics<f64>,
-        noise: &ProcessNoise,
-        earth: &EarthTerms,
-    ) {
-        match self {
-            Self::Open => {}
-            Self::Step(step) => step.propagate_rows(simd, p, end, noise, earth),
-            Self::Stretch(stretch) => stretch.propagate_rows(simd, p, end, noise, earth),
-        }
+        complete(p);
     }
 
     /// Multiplies columns by the interval's Φ; the interval stays as it is, so this comes before [`Interval::propagate`].
@@ -149,8 +133,20 @@ impl Interval {
         }
         match self {
             Self::Open => {}
-            Self::Step(step) => with_vectors!(_simd => step.carry(columns, end, earth)),
-            Self::Stretch(stretch) => with_vectors!(_simd => stretch.carry(columns, end, earth)),
+            Self::FirstOrder(interval) => with_vectors!(_simd => interval.carry(columns, end, earth)),
+            Self::SecondOrder(interval) => with_vectors!(_simd => interval.carry(columns, end, earth)),
         }
+    }
+}
+
+impl From<FirstOrderInterval<f64>> for Interval {
+    fn from(interval: FirstOrderInterval<f64>) -> Self {
+        Self::FirstOrder(interval)
+    }
+}
+
+impl From<SecondOrderInterval<f64>> for Interval {
+    fn from(interval: SecondOrderInterval<f64>) -> Self {
+        Self::SecondOrder(interval)
     }
 }

@@ -5,26 +5,23 @@
 //!
 //! Sources: Tal et al. 2017, Eqs. (3)–(6), (9)–(11); F₃₂ and F₃₃ after Miller, Farrell et al. 2010, as erratum E8 states.
 
-mod columns;
+mod covariance;
+mod first_order;
 mod interval;
 mod noise;
-mod partitioned;
-mod rows;
+mod second_order;
 mod side_by_side;
-mod step;
-mod steps;
-mod stretch;
 mod transition;
 
-pub use interval::{Interval, Span};
+pub use covariance::Matrix;
+#[cfg(test)]
+use covariance::complete;
+pub use first_order::FirstOrderInterval;
+pub use interval::{CovarianceInterval, Interval};
 pub use noise::HalfNoise;
-pub use partitioned::Partitioned;
-pub(crate) use rows::{Single, Underway};
+pub use second_order::SecondOrderInterval;
 pub(crate) use side_by_side::SideBySide;
-pub use step::Step;
-pub(crate) use steps::{Last, Steps};
-pub use stretch::Stretch;
-pub use transition::{Filled, FirstOrder, Parts, Transition};
+pub use transition::{FirstOrder, Parts, SecondOrder, Transition};
 
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, GYRO_BIAS, POSITION, VELOCITY};
 use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
@@ -91,36 +88,35 @@ impl<T: Lane> Coefficients<T> {
     /// The sum of two, times `factor`.
     #[inline(always)]
     fn scaled_sum(a: &Self, b: &Self, factor: T) -> Self {
-        let of = |a: V3<T>, b: V3<T>| scale(add(a, b), factor);
-        let (r, q, f, g) = (
-            &a.rotation,
-            &b.rotation,
-            &a.velocity_by_misalignment,
-            &b.velocity_by_misalignment,
-        );
+        let (r, q) = (&a.rotation, &b.rotation);
+        let (f, g) = (&a.velocity_by_misalignment, &b.velocity_by_misalignment);
         Self {
-            velocity_t: of(a.velocity_t, b.velocity_t),
-            rotation: [of(r[0], q[0]), of(r[1], q[1]), of(r[2], q[2])],
-            velocity_by_misalignment: [of(f[0], g[0]), of(f[1], g[1]), of(f[2], g[2])],
-            coriolis_rate_p: of(a.coriolis_rate_p, b.coriolis_rate_p),
-            velocity_p: of(a.velocity_p, b.velocity_p),
+            velocity_t: scaled_sum(a.velocity_t, b.velocity_t, factor),
+            rotation: [
+                scaled_sum(r[0], q[0], factor),
+                scaled_sum(r[1], q[1], factor),
+                scaled_sum(r[2], q[2], factor),
+            ],
+            velocity_by_misalignment: [
+                scaled_sum(f[0], g[0], factor),
+                scaled_sum(f[1], g[1], factor),
+                scaled_sum(f[2], g[2], factor),
+            ],
+            coriolis_rate_p: scaled_sum(a.coriolis_rate_p, b.coriolis_rate_p, factor),
+            velocity_p: scaled_sum(a.velocity_p, b.velocity_p, factor),
         }
     }
 
     /// Adds the sum of two others, times `factor`.
     #[inline(always)]
     fn add_sum(&mut self, a: &Self, b: &Self, factor: T) {
-        let add3 = |to: &mut V3<T>, a: V3<T>, b: V3<T>| *to = add_scaled(*to, add(a, b), factor);
-        add3(&mut self.velocity_t, a.velocity_t, b.velocity_t);
-        add3(&mut self.coriolis_rate_p, a.coriolis_rate_p, b.coriolis_rate_p);
-        add3(&mut self.velocity_p, a.velocity_p, b.velocity_p);
+        add_scaled_sum(&mut self.velocity_t, a.velocity_t, b.velocity_t, factor);
+        add_scaled_sum(&mut self.coriolis_rate_p, a.coriolis_rate_p, b.coriolis_rate_p, factor);
+        add_scaled_sum(&mut self.velocity_p, a.velocity_p, b.velocity_p, factor);
         for i in 0..3 {
-            add3(&mut self.rotation[i], a.rotation[i], b.rotation[i]);
-            add3(
-                &mut self.velocity_by_misalignment[i],
-                a.velocity_by_misalignment[i],
-                b.velocity_by_misalignment[i],
-            );
+            add_scaled_sum(&mut self.rotation[i], a.rotation[i], b.rotation[i], factor);
+            let (f, g) = (a.velocity_by_misalignment[i], b.velocity_by_misalignment[i]);
+            add_scaled_sum(&mut self.velocity_by_misalignment[i], f, g, factor);
         }
     }
 
@@ -151,12 +147,24 @@ impl<T: Lane> Coefficients<T> {
     }
 }
 
+/// (a + b) s.
+#[inline(always)]
+fn scaled_sum<T: Lane>(a: V3<T>, b: V3<T>, s: T) -> V3<T> {
+    scale(add(a, b), s)
+}
+
+/// c ← c + (a + b) s.
+#[inline(always)]
+fn add_scaled_sum<T: Lane>(c: &mut V3<T>, a: V3<T>, b: V3<T>, s: T) {
+    *c = add_scaled(*c, add(a, b), s);
+}
+
 /// The dense noise density G Q Gᵀ at the mean coefficients, for inspection and tests.
 #[must_use]
 pub fn dense_noise(coefficients: &Coefficients<f64>, noise: &ProcessNoise) -> [[f64; DIM]; DIM] {
-    let mut parts = Partitioned::from_fn(0.0, |_, _| 0.0);
-    HalfNoise::new(&coefficients.rotation, coefficients.velocity_p, noise, 1.0, 1.0).add_to(&mut parts);
-    std::array::from_fn(|i| std::array::from_fn(|j| *parts.lower(i.max(j), i.min(j))))
+    let mut density = [[0.0; DIM]; DIM];
+    HalfNoise::new(&coefficients.rotation, coefficients.velocity_p, noise, 1.0, 1.0).add_to(&mut density);
+    density
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! The process noise of half an interval (Eqs. 5, 6, 10 and 11).
 
-use super::{Partitioned, ProcessNoise};
-use crate::layout::{ATTITUDE, BIASED_BEAMS, VELOCITY};
+use super::ProcessNoise;
+use super::covariance::Matrix;
+use crate::layout::{ACCEL_BIAS, ATTITUDE, BIASED_BEAMS, DVL_BIAS, DVL_SCALE, GYRO_BIAS, VELOCITY};
 use crate::simd::{Lane, M3, V3, cross, scale, transposed};
 
 /// G Q Gᵀ T/2 (isotropic noise, so R Q Rᵀ = Q) as the blocks that are not zero.
@@ -58,14 +59,14 @@ impl<T: Lane> HalfNoise<T> {
 
     /// P ← P + G Q Gᵀ T/2.
     #[inline(always)]
-    pub(super) fn add_to(&self, p: &mut Partitioned<T>) {
+    pub(super) fn add_to(&self, p: &mut Matrix<T>) {
         for i in 0..3 {
-            p.dynamic[ATTITUDE + i][ATTITUDE + i] += self.attitude;
+            p[ATTITUDE + i][ATTITUDE + i] += self.attitude;
             for j in 0..3 {
                 let (low, high) = (i.max(j), i.min(j));
-                p.dynamic[VELOCITY + i][VELOCITY + j] += self.velocity[low][high];
-                p.dynamic[VELOCITY + i][ATTITUDE + j] += self.across[i][j];
-                p.dynamic[ATTITUDE + j][VELOCITY + i] += self.across[i][j];
+                p[VELOCITY + i][VELOCITY + j] += self.velocity[low][high];
+                p[VELOCITY + i][ATTITUDE + j] += self.across[i][j];
+                p[ATTITUDE + j][VELOCITY + i] += self.across[i][j];
             }
         }
         self.add_to_steady(p);
@@ -73,14 +74,14 @@ impl<T: Lane> HalfNoise<T> {
 
     /// Its random walks alone.
     #[inline(always)]
-    pub(super) fn add_to_steady(&self, p: &mut Partitioned<T>) {
+    pub(super) fn add_to_steady(&self, p: &mut Matrix<T>) {
         for i in 0..3 {
-            p.bias[i][i] += self.accel_bias;
-            p.bias[3 + i][3 + i] += self.gyro_bias;
+            p[ACCEL_BIAS + i][ACCEL_BIAS + i] += self.accel_bias;
+            p[GYRO_BIAS + i][GYRO_BIAS + i] += self.gyro_bias;
         }
         for i in 0..BIASED_BEAMS {
-            p.dvl[i][i] += self.dvl_bias;
+            p[DVL_BIAS + i][DVL_BIAS + i] += self.dvl_bias;
         }
-        p.dvl[BIASED_BEAMS][BIASED_BEAMS] += self.dvl_scale;
+        p[DVL_SCALE][DVL_SCALE] += self.dvl_scale;
     }
 }

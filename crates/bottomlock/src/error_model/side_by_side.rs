@@ -2,46 +2,39 @@
 
 use fearless_simd::prelude::*;
 
-use super::stretch::Start;
-use super::{Coefficients, Interval, Span, Step, Stretch};
+use super::second_order::Start;
+use super::{Coefficients, CovarianceInterval, FirstOrderInterval, Interval, SecondOrderInterval};
 use crate::simd::{Lane, Lanes, M3, WIDEST, gather, scatter, three};
 
+/// Numbers of [`Coefficients`].
+const COEFFICIENTS: usize = 27;
+
 /// Intervals of one kind that can sit side by side.
-pub(crate) trait SideBySide<S: Simd, T: Lanes<S>>: Span<T> {
-    /// The interval of one filter.
-    type One: Copy;
-    /// That of a filter, if it is of this kind.
-    fn one(interval: &Interval) -> Option<Self::One>;
-    /// The intervals of the lanes, all of them as long as that of lane 0.
-    fn gathered(simd: S, of: &[Self::One; WIDEST]) -> Self;
+pub(crate) trait SideBySide<S: Simd, T: Lanes<S>>: CovarianceInterval<T> {
+    /// The intervals of the lanes, all of them as long as that of lane 0; nothing where one is of another kind.
+    fn gathered(simd: S, of: &[Interval; WIDEST]) -> Option<Self>;
     /// The interval in lane k.
     fn lane(&self, k: usize) -> Interval;
 }
 
-impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for Step<T> {
-    type One = Step<f64>;
-
+impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for FirstOrderInterval<T> {
     #[inline(always)]
-    fn one(interval: &Interval) -> Option<Step<f64>> {
-        if let Interval::Step(step) = interval {
-            Some(*step)
-        } else {
-            None
+    fn gathered(simd: S, of: &[Interval; WIDEST]) -> Option<Self> {
+        let (mut sum, mut last) = ([[0.0; COEFFICIENTS]; WIDEST], [[0.0; COEFFICIENTS]; WIDEST]);
+        for k in 0..WIDEST {
+            let Interval::FirstOrder(own) = &of[k] else { return None };
+            (sum[k], last[k]) = (own.sum.to_array(), own.last.to_array());
         }
-    }
-
-    #[inline(always)]
-    fn gathered(simd: S, of: &[Step<f64>; WIDEST]) -> Self {
-        Self {
-            sum: Coefficients::from_array(gather(simd, of.map(|step| step.sum.to_array()).each_ref())),
-            last: Coefficients::from_array(gather(simd, of.map(|step| step.last.to_array()).each_ref())),
-            duration_s: of[0].duration_s,
-        }
+        Some(Self {
+            sum: Coefficients::from_array(gather(simd, sum.each_ref())),
+            last: Coefficients::from_array(gather(simd, last.each_ref())),
+            duration_s: of[0].duration_s(),
+        })
     }
 
     #[inline(always)]
     fn lane(&self, k: usize) -> Interval {
-        Interval::Step(Step {
+        Interval::FirstOrder(FirstOrderInterval {
             sum: Coefficients::from_array(scatter(&self.sum.to_array(), k)),
             last: Coefficients::from_array(scatter(&self.last.to_array(), k)),
             duration_s: self.duration_s,
@@ -49,33 +42,29 @@ impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for Step<T> {
     }
 }
 
-impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for Stretch<T> {
-    type One = Stretch<f64>;
-
+impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for SecondOrderInterval<T> {
     #[inline(always)]
-    fn one(interval: &Interval) -> Option<Stretch<f64>> {
-        if let Interval::Stretch(stretch) = interval {
-            Some(*stretch)
-        } else {
-            None
+    fn gathered(simd: S, of: &[Interval; WIDEST]) -> Option<Self> {
+        let (mut start, mut integral) = ([[0.0; 18]; WIDEST], [[0.0; 9]; WIDEST]);
+        for k in 0..WIDEST {
+            let Interval::SecondOrder(own) = &of[k] else {
+                return None;
+            };
+            (start[k], integral[k]) = (own.start.to_array(), flat(&own.rotation_integral));
         }
-    }
-
-    #[inline(always)]
-    fn gathered(simd: S, of: &[Stretch<f64>; WIDEST]) -> Self {
-        let turned: [T; 9] = gather(simd, of.map(|stretch| flat(&stretch.turned)).each_ref());
-        Self {
-            start: Start::from_array(gather(simd, of.map(|stretch| stretch.start.to_array()).each_ref())),
-            turned: matrix(&turned, 0),
-            duration_s: of[0].duration_s,
-        }
+        let integral: [T; 9] = gather(simd, integral.each_ref());
+        Some(Self {
+            start: Start::from_array(gather(simd, start.each_ref())),
+            rotation_integral: matrix(&integral, 0),
+            duration_s: of[0].duration_s(),
+        })
     }
 
     #[inline(always)]
     fn lane(&self, k: usize) -> Interval {
-        Interval::Stretch(Stretch {
+        Interval::SecondOrder(SecondOrderInterval {
             start: Start::from_array(scatter(&self.start.to_array(), k)),
-            turned: matrix(&scatter(&flat(&self.turned), k), 0),
+            rotation_integral: matrix(&scatter(&flat(&self.rotation_integral), k), 0),
             duration_s: self.duration_s,
         })
     }
@@ -115,7 +104,7 @@ impl<T: Lane> Start<T> {
 
 impl<T: Lane> Coefficients<T> {
     #[inline(always)]
-    pub(super) fn to_array(self) -> [T; 27] {
+    pub(super) fn to_array(self) -> [T; COEFFICIENTS] {
         let (a, r, f, w, v) = (
             self.velocity_t,
             self.rotation,
@@ -130,7 +119,7 @@ impl<T: Lane> Coefficients<T> {
     }
 
     #[inline(always)]
-    pub(super) fn from_array(x: [T; 27]) -> Self {
+    pub(super) fn from_array(x: [T; COEFFICIENTS]) -> Self {
         Self {
             velocity_t: three(&x, 0),
             rotation: matrix(&x, 3),

@@ -228,9 +228,9 @@ fn a_step_is_the_dense_first_order() {
     assert_eq!(interval.duration_s(), 0.0);
 }
 
-/// A stretch: its structured product is the dense one, with the noise of each end on its own side.
+/// An interval of many steps: its structured product is the dense one, with the noise of each end on its own side.
 #[test]
-fn a_stretch_is_its_dense_transition() {
+fn many_steps_are_their_dense_transition() {
     let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
     let (mut interval, end, _) = flown(0, 15, 1.0 / 150.0, true);
     let phi = dense_transition(&interval, &end);
@@ -268,10 +268,10 @@ fn trapezoidal_noise_satisfies_van_loan_to_its_order() {
     );
 }
 
-/// A stretch against the time-ordered product of 0.1 ms steps, while the platform shakes at 3 Hz: its local error is of third
-/// order, so a stretch half as long leaves an eighth; first order at every step of 150 Hz is far worse.
+/// An interval of many steps against the time-ordered product of 0.1 ms steps, while the platform shakes at 3 Hz: its local error is of third
+/// order, so one half as long leaves an eighth; first order at every step of 150 Hz is far worse.
 #[test]
-fn a_stretch_follows_a_shaking_platform() {
+fn many_steps_follow_a_shaking_platform() {
     let gap = |duration_s: f64| {
         let (interval, end, exact) = flown(0, (duration_s * 1e4).round() as usize, 1e-4, true);
         gap_in_sigmas(&dense_transition(&interval, &end), &exact)
@@ -296,12 +296,12 @@ fn a_stretch_follows_a_shaking_platform() {
         first_order = dense_transition(&step, &kinematics) * first_order;
     }
     let poor = gap_in_sigmas(&first_order, &exact);
-    assert!(long < 0.1 * poor, "stretch {long}, first order {poor}");
+    assert!(long < 0.1 * poor, "many steps {long}, first order {poor}");
 }
 
-/// At the vertical too: the stretch knows no Euler angles.
+/// At the vertical too: no Euler angles are used.
 #[test]
-fn a_stretch_holds_near_the_vertical() {
+fn many_steps_hold_near_the_vertical() {
     let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
     let mut kinematics = state(89.9_f64.to_radians(), 0.4, -1.0, [2.0, 0.3, -0.1]).kinematics();
     let reading = wavy(0, 0.0);
@@ -318,76 +318,41 @@ fn a_stretch_holds_near_the_vertical() {
     assert!(gap < 1e-4, "{gap}");
 }
 
-/// The covariance of one filter in parts, propagated by scalars.
-fn by_scalars<I: Span<f64>>(
-    interval: &I,
-    p: &Covariance,
-    end: &Kinematics<f64>,
-    earth: &EarthTerms,
-) -> Partitioned<f64> {
-    let mut parts = Partitioned::from_fn(0.0, |i, j| p[(i, j)]);
-    let mut interval = *interval;
-    interval.propagate(&mut parts, end, &NOISE, earth);
-    parts
-}
-
-fn side_by_side<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(
-    simd: S,
-    many_steps: bool,
-    scalar: impl Fn(&Interval, &Covariance, &Kinematics<f64>, &EarthTerms) -> Partitioned<f64>,
-) {
+/// Covariances side by side have the bits of each alone.
+fn side_by_side<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, many_steps: bool) {
     let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
     let flown: [_; WIDEST] =
         std::array::from_fn(|k| flown(k, if many_steps { 15 } else { 1 }, 1.0 / 150.0, many_steps));
     let start = sample_covariance();
-    let ones: Vec<I::One> = flown.iter().filter_map(|(interval, ..)| I::one(interval)).collect();
-    let mut lanes = I::gathered(simd, &std::array::from_fn(|k| ones[k]));
+    let start = (start + start.transpose()) * 0.5;
+    let mut lanes = I::gathered(simd, &flown.map(|(interval, ..)| interval)).unwrap();
     let ends = flown.map(|(_, end, _)| end.to_array());
     let zero = T::gather(simd, |_| 0.0);
-    let mut p = Partitioned::from_fn(zero, |i, j| zero.splat(start[(i, j)]));
-    lanes.propagate(
-        &mut p,
-        &Kinematics::from_array(gather(simd, ends.each_ref())),
-        &NOISE,
-        &earth,
-    );
+    let mut p: Matrix<T> = std::array::from_fn(|i| std::array::from_fn(|j| zero.splat(start[(i, j)])));
+    let ends_side_by_side = Kinematics::from_array(gather(simd, ends.each_ref()));
+    lanes.propagate(&mut p, &ends_side_by_side, &NOISE, &earth);
+    complete(&mut p);
     for k in 0..T::COUNT {
-        let (interval, end, _) = &flown[k];
-        let (expected, mut whole) = (scalar(interval, &start, end, &earth), start);
-        interval.clone().propagate(&mut whole.data.0, end, &NOISE, &earth);
+        let (mut interval, end, _) = flown[k];
+        let mut alone = start;
+        interval.propagate(&mut alone.data.0, &end, &NOISE, &earth);
         for i in 0..DIM {
-            for j in 0..=i {
-                let bits = expected.lower(i, j).to_bits();
-                assert_eq!(p.lower(i, j).get(k).to_bits(), bits, "lane {k}, element {i} {j}");
-                assert_eq!(whole[(i, j)].to_bits(), bits, "one filter, element {i} {j}");
-                assert_eq!(whole[(j, i)].to_bits(), bits);
+            for j in 0..DIM {
+                let bits = alone[(i, j)].to_bits();
+                assert_eq!(p[i][j].get(k).to_bits(), bits, "lane {k}, element {i} {j}");
+                assert_eq!(alone[(j, i)].to_bits(), bits, "element {i} {j}");
             }
         }
     }
 }
 
-fn scalar_step(interval: &Interval, p: &Covariance, end: &Kinematics<f64>, earth: &EarthTerms) -> Partitioned<f64> {
-    let Interval::Step(step) = interval else {
-        panic!("no step")
-    };
-    by_scalars(step, p, end, earth)
-}
-
-fn scalar_stretch(interval: &Interval, p: &Covariance, end: &Kinematics<f64>, earth: &EarthTerms) -> Partitioned<f64> {
-    let Interval::Stretch(stretch) = interval else {
-        panic!("no stretch")
-    };
-    by_scalars(stretch, p, end, earth)
-}
-
-/// Covariances side by side, and one covariance with its columns side by side, give the bits of scalar ones.
 #[test]
 fn lanes_equal_scalars_bit_for_bit() {
-    on_every_level!(simd => side_by_side::<_, f64x4<_>, Step<_>>(simd, false, scalar_step));
-    on_every_level!(simd => side_by_side::<_, f64x4<_>, Stretch<_>>(simd, true, scalar_stretch));
+    on_every_level!(simd => side_by_side::<_, f64x4<_>, FirstOrderInterval<_>>(simd, false));
+    on_every_level!(simd => side_by_side::<_, f64x4<_>, SecondOrderInterval<_>>(simd, true));
     #[cfg(target_arch = "x86_64")]
     if let Some(simd) = fearless_simd::Level::new().as_avx512() {
-        side_by_side::<_, fearless_simd::f64x8<_>, Step<_>>(simd, false, scalar_step);
-        side_by_side::<_, fearless_simd::f64x8<_>, Stretch<_>>(simd, true, scalar_stretch);
+        side_by_side::<_, fearless_simd::f64x8<_>, FirstOrderInterval<_>>(simd, false);
+        side_by_side::<_, fearless_simd::f64x8<_>, SecondOrderInterval<_>>(simd, true);
     }
 }

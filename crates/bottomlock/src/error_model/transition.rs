@@ -1,7 +1,7 @@
 //! The transition Φ of the error state over an interval, kept as the blocks of Φ − I.
 
 use super::Coefficients;
-use crate::layout::{ACCEL_BIAS, ATTITUDE, DVL_BIAS, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
+use crate::layout::{ACCEL_BIAS, ATTITUDE, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
 use crate::mechanisation::EarthTerms;
 use crate::simd::{Lane, M3, V3, add_mul, add_scaled, scale, splat3, sub_cross, sub_mul, three};
 
@@ -55,15 +55,15 @@ pub trait Transition<T: Lane> {
 
 /// Φ = I + F T, F with its skew and identity blocks.
 #[derive(Debug, Clone, Copy)]
-pub struct FirstOrder<'a, T> {
-    sum: &'a Coefficients<T>,
+pub struct FirstOrder<T> {
+    sum: Coefficients<T>,
     earth: V3<T>,
     minus_duration: T,
 }
 
-impl<'a, T: Lane> FirstOrder<'a, T> {
+impl<T: Lane> FirstOrder<T> {
     #[inline(always)]
-    pub(super) fn new(sum: &'a Coefficients<T>, duration_s: f64, earth: &EarthTerms) -> Self {
+    pub(super) fn new(sum: Coefficients<T>, duration_s: f64, earth: &EarthTerms) -> Self {
         let like = sum.velocity_p[0];
         Self {
             sum,
@@ -71,19 +71,9 @@ impl<'a, T: Lane> FirstOrder<'a, T> {
             minus_duration: like.splat(-duration_s),
         }
     }
-
-    /// From F T, ω_ie T and −T.
-    #[inline(always)]
-    pub(super) fn of(sum: &'a Coefficients<T>, earth: V3<T>, minus_duration: T) -> Self {
-        Self {
-            sum,
-            earth,
-            minus_duration,
-        }
-    }
 }
 
-impl<T: Lane> Transition<T> for FirstOrder<'_, T> {
+impl<T: Lane> Transition<T> for FirstOrder<T> {
     #[inline(always)]
     fn position(&self, x: &Parts<T>) -> V3<T> {
         add_mul(sub_cross(x.r, self.sum.velocity_t, x.rho), &self.sum.rotation, x.v)
@@ -105,7 +95,7 @@ impl<T: Lane> Transition<T> for FirstOrder<'_, T> {
 
 /// Φ with all its blocks filled; those of Φ − I are kept.
 #[derive(Debug, Clone, Copy)]
-pub struct Filled<T> {
+pub struct SecondOrder<T> {
     pub(super) r_rho: M3<T>,
     pub(super) r_v: M3<T>,
     pub(super) r_ba: M3<T>,
@@ -117,7 +107,7 @@ pub struct Filled<T> {
     pub(super) v_bg: M3<T>,
 }
 
-impl<T: Lane> Transition<T> for Filled<T> {
+impl<T: Lane> Transition<T> for SecondOrder<T> {
     #[inline(always)]
     fn position(&self, x: &Parts<T>) -> V3<T> {
         add_mul(
@@ -134,55 +124,5 @@ impl<T: Lane> Transition<T> for Filled<T> {
     fn velocity(&self, x: &Parts<T>) -> V3<T> {
         let v = add_mul(add_mul(x.v, &self.v_rho, x.rho), &self.v_v, x.v);
         add_mul(add_mul(v, &self.v_ba, x.ba), &self.v_bg, x.bg)
-    }
-}
-
-/// A transition of one filter whose numbers can be put into every lane of a vector.
-pub(super) trait Spread: Transition<f64> {
-    /// [`Transition::apply`] to vectors side by side, given what it reads of them.
-    fn apply_over<V: Lane>(&self, x: &[V; DVL_BIAS]) -> [V; DYNAMIC];
-}
-
-#[inline(always)]
-fn over3<V: Lane>(like: V, m: &M3<f64>) -> M3<V> {
-    [splat3(like, m[0]), splat3(like, m[1]), splat3(like, m[2])]
-}
-
-impl Spread for FirstOrder<'_, f64> {
-    #[inline(always)]
-    fn apply_over<V: Lane>(&self, x: &[V; DVL_BIAS]) -> [V; DYNAMIC] {
-        let like = x[0];
-        let sum = Coefficients {
-            velocity_t: splat3(like, self.sum.velocity_t),
-            rotation: over3(like, &self.sum.rotation),
-            velocity_by_misalignment: over3(like, &self.sum.velocity_by_misalignment),
-            coriolis_rate_p: splat3(like, self.sum.coriolis_rate_p),
-            velocity_p: splat3(like, self.sum.velocity_p),
-        };
-        let phi = FirstOrder {
-            sum: &sum,
-            earth: splat3(like, self.earth),
-            minus_duration: like.splat(self.minus_duration),
-        };
-        phi.apply(x)
-    }
-}
-
-impl Spread for Filled<f64> {
-    #[inline(always)]
-    fn apply_over<V: Lane>(&self, x: &[V; DVL_BIAS]) -> [V; DYNAMIC] {
-        let like = x[0];
-        let phi = Filled {
-            r_rho: over3(like, &self.r_rho),
-            r_v: over3(like, &self.r_v),
-            r_ba: over3(like, &self.r_ba),
-            rho_rho: over3(like, &self.rho_rho),
-            rho_bg: over3(like, &self.rho_bg),
-            v_rho: over3(like, &self.v_rho),
-            v_v: over3(like, &self.v_v),
-            v_ba: over3(like, &self.v_ba),
-            v_bg: over3(like, &self.v_bg),
-        };
-        phi.apply(x)
     }
 }

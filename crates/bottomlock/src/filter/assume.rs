@@ -23,17 +23,14 @@ impl Eskf {
 
     /// The velocity, platform frame, m/s, and its covariance, (m/s)², as the last update or propagation left them.
     pub(crate) fn velocity(&self) -> (Vector3<f64>, Matrix3<f64>) {
-        let own = Matrix3::from_fn(|i, j| match &self.underway {
-            Some(underway) => underway.rows.at(VELOCITY + i, VELOCITY + j),
-            None => self.covariance.at(VELOCITY + i, VELOCITY + j),
-        });
+        let own = self.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY).into_owned();
         (Vector3::from(self.kinematics.velocity_p_mps), own)
     }
 
     /// The covariance, brought up to date as an update will bring it.
     pub(crate) fn propagated_covariance(&mut self) -> Covariance {
         self.propagate_covariance();
-        self.covariance.whole()
+        self.covariance
     }
 
     /// True where the velocity of `other` cannot be by this filter's own covariance; never with the gate off.
@@ -74,7 +71,7 @@ impl Eskf {
     /// As [`Eskf::update`].
     pub fn assume(&mut self, row: &WaterRow, sensor: Sensor, learn: bool) -> Result<UpdateReport, NavError> {
         self.propagate_covariance();
-        let Some(water) = &mut self.water else {
+        let Some(water) = &mut self.extensions.water else {
             return Ok(UpdateReport::empty(sensor, self.state.time_ns));
         };
         water.begin_epoch(row);
@@ -100,7 +97,7 @@ impl Eskf {
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
         require_finite("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
         let report = self.fuse::<1>(&innovation, sensor, Some(&shared))?;
-        if let Some(water) = &mut self.water {
+        if let Some(water) = &mut self.extensions.water {
             let normalised = learn.then_some(report.nis.min(report.threshold));
             water.end_epoch(row, report.covariance[(0, 0)], normalised);
         }

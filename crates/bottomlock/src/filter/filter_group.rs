@@ -1,7 +1,9 @@
-//! DualFilter side by side, over IMU samples between which nothing is measured.
+//! Filters side by side in the lanes of vectors, over IMU samples between which nothing is measured.
 //!
-//! The methods of a run, and the runs of a batch, sit in the lanes of vectors; each lane does what [`Eskf::predict`] does, bit for
-//! bit, whoever its neighbours are. Only filters whose covariance falls due at the same steps sit together.
+//! The methods of a run, and the runs of a batch, are predicted together. Each lane has the bits of a filter alone, whoever its
+//! neighbours are.
+
+use std::marker::PhantomData;
 
 use fearless_simd::f64x4;
 #[cfg(target_arch = "x86_64")]
@@ -9,17 +11,30 @@ use fearless_simd::f64x8;
 use fearless_simd::prelude::*;
 
 use super::Eskf;
-use super::ahead::{Ahead, Streams};
-use super::packed::{PACKED, place as place_of};
+use super::predict::{outcome, ran_out_of_numbers};
+use super::prediction::{Beside, Group, Reached, predict};
+use super::streams::Streams;
 use crate::error::NavError;
-use crate::error_model::{Partitioned, SideBySide, Step, Stretch};
+use crate::error_model::{FirstOrderInterval, Interval, Matrix, SecondOrderInterval, SideBySide};
 use crate::layout::DIM;
-use crate::mechanisation::{EarthTerms, ImuSample, KINEMATICS, Kinematics};
-use crate::simd::{Lanes, Vectors, WIDEST, gather, scatter, scatter_into, three, vectors};
+use crate::mechanisation::{EarthTerms, ImuSample, Kinematics};
+use crate::simd::{Lanes, Vectors, WIDEST, gather, scatter, scatter_rows, three, vectors};
+use crate::state::Covariance;
+
+/// Whose filter it is: the number of a run or log, and of a navigator in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Owner {
+    /// Number of the run.
+    pub feed: usize,
+    /// Number of the navigator.
+    pub navigator: usize,
+}
 
 /// A filter and the samples that it takes; the first of them it has taken already.
 #[derive(Debug)]
 pub struct FilterSpan<'a> {
+    /// Whose filter it is.
+    pub owner: Owner,
     /// The filter.
     pub filter: &'a mut Eskf,
     /// Its samples.
@@ -32,68 +47,55 @@ impl<'a> FilterSpan<'a> {
     /// A filter with its samples, of which it has taken the first.
     pub fn new(filter: &'a mut Eskf, samples: &'a [ImuSample]) -> Self {
         Self {
+            owner: Owner::default(),
             filter,
             samples,
             failure: None,
         }
     }
 
-    /// True where two filters do the same operations at the same steps, as far as the ends of their samples tell.
-    fn keeps_pace_with(&self, other: &Self) -> bool {
-        let (own, its) = (&*self.filter, &*other.filter);
-        let ends = |seat: &Self| {
-            let [first, second, .., last] = seat.samples else {
-                return None;
-            };
-            Some([first.time_ns, second.time_ns, last.time_ns])
-        };
-        (std::ptr::eq(self.samples, other.samples)
-            || self.samples.len() == other.samples.len() && ends(self) == ends(other))
-            && own.interval.duration_s().to_bits() == its.interval.duration_s().to_bits()
-            && own.earth == its.earth
-            && own.noise == its.noise
-            && own.sampling == its.sampling
-            && own.covariance_period_s == its.covariance_period_s
+    /// The same with an owner.
+    #[must_use]
+    pub fn owned_by(self, owner: Owner) -> Self {
+        Self { owner, ..self }
     }
 
-    /// Takes what comes after sample `taken`, which it has taken already.
-    fn predict_alone(&mut self, taken: usize) {
-        if self.failure.is_none() {
-            let outcome = self.filter.predict_along(&self.samples[taken..]);
-            self.failure = outcome.err().map(|(at, error)| (taken + at, error));
-        }
+    fn predict_alone(&mut self) {
+        self.failure = self.filter.predict_along(self.samples).err();
+    }
+
+    /// True where two filters do the same operations at the same steps.
+    fn goes_with(&self, other: &Self) -> bool {
+        let (own, its) = (&*self.filter, &*other.filter);
+        let same_times = std::ptr::eq(self.samples, other.samples)
+            || self.samples.len() == other.samples.len()
+                && (self.samples.iter().zip(other.samples)).all(|(a, b)| a.time_ns == b.time_ns);
+        own.interval.duration_s().to_bits() == its.interval.duration_s().to_bits()
+            && own.settings == its.settings
+            && same_times
     }
 }
 
-/// Leads every filter over its samples, as [`Eskf::predict`] does step by step.
+/// Predicts every filter over its samples, as [`Eskf::predict`] does step by step.
 ///
-/// What goes wrong for a filter is noted at its seat, and no other feels it. DualFilter whose samples are at the same times and whose
-/// covariances fall due together are led side by side.
-pub fn predict_together(seats: &mut [FilterSpan<'_>]) {
-    let mut waiting: Vec<&mut FilterSpan<'_>> = seats.iter_mut().collect();
-    while !waiting.is_empty() {
-        let leader = &waiting[0];
-        let joins: Vec<bool> = waiting.iter().map(|seat| seat.keeps_pace_with(leader)).collect();
-        let (mut group, mut others) = (Vec::new(), Vec::new());
-        for (seat, joins) in waiting.into_iter().zip(joins) {
-            if joins { group.push(seat) } else { others.push(seat) }
-        }
+/// What goes wrong for a filter is noted in its own span. Filters whose samples are at the same times and whose covariances are
+/// due together share the lanes of vectors.
+pub fn predict_together(spans: &mut [FilterSpan<'_>]) {
+    let mut waiting: Vec<&mut FilterSpan<'_>> = spans.iter_mut().collect();
+    while let Some(first) = waiting.pop() {
+        let (mut group, others): (Vec<_>, Vec<_>) = waiting.into_iter().partition(|span| span.goes_with(first));
+        group.push(first);
         waiting = others;
         for part in group.chunks_mut(width()) {
-            // A smoother wants to see every transition.
-            let watched = part.iter().any(|seat| seat.filter.tape.is_some());
-            let begins = matches!(part[0].samples, [first, second, ..] if first.time_ns < second.time_ns);
-            let taken = if part.len() > 1 && !watched && begins {
-                board(part)
-            } else {
-                0
-            };
-            part.iter_mut().for_each(|seat| seat.predict_alone(taken));
+            match part {
+                [alone] => alone.predict_alone(),
+                _ => dispatch(part),
+            }
         }
     }
 }
 
-/// How many filters sit together: the widest vectors of the machine.
+/// How many filters share a vector: the widest of the machine.
 #[must_use]
 pub fn width() -> usize {
     match vectors() {
@@ -103,153 +105,161 @@ pub fn width() -> usize {
     }
 }
 
-fn board(seats: &mut [&mut FilterSpan<'_>]) -> usize {
-    let many_steps = seats[0].filter.covariance_period_s > 0.0;
+/// Compiled for the vectors of this machine.
+fn dispatch(spans: &mut [&mut FilterSpan<'_>]) {
     match vectors() {
         #[cfg(target_arch = "x86_64")]
         Vectors::Avx512(simd) => simd.vectorize(
             #[inline(always)]
-            || fly_any::<_, f64x8<_>>(simd, seats, many_steps),
+            || run::<_, f64x8<_>>(simd, spans),
         ),
         #[cfg(target_arch = "x86_64")]
         Vectors::Avx2(simd) => simd.vectorize(
             #[inline(always)]
-            || fly_any::<_, f64x4<_>>(simd, seats, many_steps),
+            || run::<_, f64x4<_>>(simd, spans),
         ),
         #[cfg(target_arch = "x86_64")]
         Vectors::Sse2(simd) => simd.vectorize(
             #[inline(always)]
-            || fly_any::<_, f64x4<_>>(simd, seats, many_steps),
+            || run::<_, f64x4<_>>(simd, spans),
         ),
         #[cfg(not(target_arch = "x86_64"))]
         Vectors::Others(level) => {
-            fearless_simd::dispatch!(level, simd => fly_any::<_, f64x4<_>>(simd, seats, many_steps))
+            fearless_simd::dispatch!(level, simd => run::<_, f64x4<_>>(simd, spans))
         }
     }
 }
 
 #[inline(always)]
-fn fly_any<S: Simd, T: Lanes<S>>(simd: S, seats: &mut [&mut FilterSpan<'_>], many_steps: bool) -> usize {
-    if many_steps {
-        fly::<_, T, Stretch<T>>(simd, seats)
-    } else {
-        fly::<_, T, Step<T>>(simd, seats)
+fn run<S: Simd, T: Lanes<S>>(simd: S, spans: &mut [&mut FilterSpan<'_>]) {
+    for span in spans.iter_mut() {
+        if matches!(span.samples, [first, second, ..] if first.time_ns < second.time_ns) {
+            span.filter.begin_interval(span.samples);
+        }
+    }
+    match spans[0].filter.interval {
+        Interval::Open => spans
+            .iter_mut()
+            .for_each(|span| span.failure = outcome(span.samples, 0).err()),
+        Interval::FirstOrder(_) => run_lanes::<S, T, FirstOrderInterval<T>>(simd, spans),
+        Interval::SecondOrder(_) => run_lanes::<S, T, SecondOrderInterval<T>>(simd, spans),
     }
 }
 
-/// At most as many filters as there are lanes; a lane left over correlated_noise the last filter.
-///
-/// Returns the last sample taken: that before times differ or do not rise. A filter that runs out of numbers on the way is led
-/// anew by itself, to the sample where it does.
+/// At most as many filters as there are lanes; a lane left over repeats the last filter.
 #[inline(always)]
-fn fly<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, seats: &mut [&mut FilterSpan<'_>]) -> usize {
-    let count = seats.len();
-    let place = |k: usize| k.min(count - 1);
-    let mut intervals = Vec::with_capacity(WIDEST);
-    for seat in seats.iter_mut() {
-        let (start, end) = (&seat.samples[0], &seat.samples[1]);
-        seat.filter.gather_covariance();
-        seat.filter.begin_interval(start, end);
-        intervals.extend(I::one(&seat.filter.interval));
-    }
-
-    let mut of: [&[ImuSample]; WIDEST] = [seats[0].samples; WIDEST];
-    let mut kinematics = [[0.0; KINEMATICS]; WIDEST];
-    let mut biases = [[0.0; WIDEST]; WIDEST];
-    let mut starts = [intervals[0]; WIDEST];
-    for k in 0..WIDEST {
-        let (seat, filter) = (&seats[place(k)], &seats[place(k)].filter);
-        let (gyro, accel) = (filter.state.gyro_bias_p_radps.0, filter.state.accel_bias_p_mps2.0);
-        of[k] = seat.samples;
-        kinematics[k] = filter.kinematics.to_array();
-        biases[k] = [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z, 0.0, 0.0];
-        starts[k] = intervals[place(k)];
-    }
-    let mut interval = I::gathered(simd, &starts);
-    let mut kinematics: Kinematics<T> = Kinematics::from_array(gather(simd, kinematics.each_ref()));
-    let biases: [T; WIDEST] = gather(simd, biases.each_ref());
-    let mut covariances: [T; PACKED] = gather(simd, std::array::from_fn(|k| &seats[place(k)].filter.covariance.0));
-    let mut p = Partitioned::from_fn(biases[0], |i, j| covariances[place_of(i, j)]);
-
-    let (earth, noise) = (seats[0].filter.earth, seats[0].filter.noise);
-    let period_s = seats[0].filter.covariance_period_s;
+fn run_lanes<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, spans: &mut [&mut FilterSpan<'_>]) {
+    let place = |k: usize| k.min(spans.len() - 1);
+    let filters: [&Eskf; WIDEST] = std::array::from_fn(|k| &*spans[place(k)].filter);
+    let biases: [T; WIDEST] = gather(
+        simd,
+        filters
+            .map(|filter| {
+                let (gyro, accel) = (filter.state.gyro_bias_p_radps.0, filter.state.accel_bias_p_mps2.0);
+                [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z, 0.0, 0.0]
+            })
+            .each_ref(),
+    );
+    let of: [&[ImuSample]; WIDEST] = std::array::from_fn(|k| spans[place(k)].samples);
+    let are_one = of.iter().all(|stream| std::ptr::eq(*stream, of[0]));
     let streams = Streams {
-        are_one: of.iter().all(|stream| std::ptr::eq(*stream, of[0])),
-        of,
+        of: if are_one { &of[..1] } else { &of },
         gyro_bias_p_radps: three(&biases, 0),
         accel_bias_p_mps2: three(&biases, 3),
-        sampling: seats[0].filter.sampling,
     };
-    let mut ahead = Ahead::nothing(biases[0]);
-    let (mut taken, mut dt_s) = (0, 0.0);
-    loop {
-        let (count, mut attitude) = ahead.read(simd, &streams, taken, kinematics.attitude_t_p, &earth);
-        if count == 0 {
-            break;
-        }
-        for k in 0..count {
-            dt_s = ahead.dt_s(k);
-            let (start, end) = ahead.ends(k);
-            // The chain of rotations goes a step ahead of the rest, which fills its pauses; what comes after the last is not used.
-            let next = ahead.turn((k + 1).min(count - 1)).after(attitude);
-            let before = kinematics;
-            kinematics.follow(attitude, start, end, dt_s, &earth);
-            interval.add(&I::take(&before, &kinematics, end, &earth), dt_s);
-            attitude = next;
-            if interval.duration_s() + 0.5 * dt_s >= period_s {
-                water_follows(seats, &interval, &kinematics, &earth);
-                interval.propagate(&mut p, &kinematics, &noise, &earth);
+    let settings = filters[0].settings;
+    let mut kinematics: Kinematics<T> = Kinematics::from_array(gather(
+        simd,
+        filters.map(|filter| filter.kinematics.to_array()).each_ref(),
+    ));
+    let Some(mut interval) = I::gathered(simd, &filters.map(|filter| filter.interval)) else {
+        return spans.iter_mut().for_each(|span| span.predict_alone());
+    };
+    let mut covariance: Matrix<T> = [[biases[0]; DIM]; DIM];
+    for i in 0..DIM {
+        covariance[i] = gather(simd, filters.map(|filter| &filter.covariance.data.0[i]));
+    }
+    let mut group = Group {
+        kinematics: &mut kinematics,
+        interval: &mut interval,
+        covariance: &mut covariance,
+    };
+    let mut lanes = InLanes {
+        spans,
+        earth: &settings.earth,
+        lost: Vec::new(),
+        lanes: PhantomData,
+    };
+    let reached = predict(&mut group, &streams, &settings, &mut lanes);
+    lanes.finish(reached, &group);
+}
+
+/// Beside the prediction in lanes: the filters that the lanes belong to.
+struct InLanes<'a, 'b, 'c, S> {
+    spans: &'a mut [&'b mut FilterSpan<'c>],
+    earth: &'a EarthTerms,
+    /// Filters as they were when their numbers ran out, by their lanes.
+    lost: Vec<(usize, Eskf)>,
+    lanes: PhantomData<S>,
+}
+
+impl<S: Simd, T: Lanes<S>, I: SideBySide<S, T>> Beside<T, I> for InLanes<'_, '_, '_, S> {
+    #[inline(always)]
+    fn propagate(&mut self, interval: &I, end: &Kinematics<T>) {
+        for (k, span) in self.spans.iter_mut().enumerate() {
+            if !span.filter.extensions.is_empty() {
+                let end = Kinematics::from_array(scatter(&end.to_array(), k));
+                span.filter.extensions.propagate(&interval.lane(k), &end, self.earth);
             }
         }
-        taken += count;
     }
 
-    let [x, y, z] = kinematics.position_t_m;
-    let lost = lost(seats, &(x + y + z));
-    for j in 0..DIM {
-        for i in j..DIM {
-            covariances[place_of(i, j)] = *p.lower(i, j);
+    #[cold]
+    fn lose(&mut self, at: usize, dt_s: f64, group: &Group<'_, T, I>) -> bool {
+        let [x, y, z] = group.kinematics.position_t_m;
+        for (k, span) in self.spans.iter_mut().enumerate() {
+            if span.failure.is_some() || (x + y + z).get(k).is_finite() {
+                continue;
+            }
+            let mut filter = span.filter.clone();
+            filter.take_lane(k, group);
+            filter.covariance = Covariance::from_fn(|i, j| group.covariance[i.min(j)][i.max(j)].get(k));
+            filter.settle(span.samples, Reached { at, dt_s });
+            span.failure = Some((at, ran_out_of_numbers(filter.state.time_ns)));
+            self.lost.push((k, filter));
         }
+        self.lost.len() < self.spans.len()
     }
-    let mut places: Vec<_> = seats.iter_mut().map(|seat| &mut seat.filter.covariance.0).collect();
-    scatter_into(&covariances, &mut places);
-    let kinematics = kinematics.to_array();
-    for (k, seat) in seats.iter_mut().enumerate() {
-        let reading = &seat.samples[taken];
-        let filter = &mut *seat.filter;
-        filter.kinematics = Kinematics::from_array(scatter(&kinematics, k));
-        filter.interval = interval.lane(k);
-        filter.state.time_ns = reading.time_ns;
-        filter.last_rate_p_radps = reading.rate_p_radps.0;
-        filter.last_step_s = dt_s;
-    }
-    for (k, filter) in lost {
-        *seats[k].filter = filter;
-        seats[k].predict_alone(0);
-    }
-    taken
 }
 
-/// The filters whose numbers have run out, as they were before; their further states alone have gone on.
-fn lost<S: Simd, T: Lanes<S>>(seats: &[&mut FilterSpan<'_>], sum: &T) -> Vec<(usize, Eskf)> {
-    let is_lost = |(k, _): &(usize, &&mut FilterSpan<'_>)| !sum.get(*k).is_finite();
-    let filters = seats.iter().enumerate().filter(is_lost);
-    filters.map(|(k, seat)| (k, seat.filter.clone())).collect()
+impl<S: Simd> InLanes<'_, '_, '_, S> {
+    /// Writes every lane back to its filter.
+    #[inline(always)]
+    fn finish<T: Lanes<S>, I: SideBySide<S, T>>(self, reached: Reached, group: &Group<'_, T, I>) {
+        for (i, row) in group.covariance.iter().enumerate() {
+            scatter_rows(row, self.spans.len(), |k, columns, numbers| {
+                numbers.store(&mut self.spans[k].filter.covariance.data.0[i][columns]);
+            });
+        }
+        for (k, span) in self.spans.iter_mut().enumerate() {
+            span.filter.take_lane(k, group);
+            span.filter.settle(span.samples, reached);
+            if span.failure.is_none() {
+                span.failure = outcome(span.samples, reached.at).err();
+            }
+        }
+        for (k, filter) in self.lost {
+            *self.spans[k].filter = filter;
+        }
+    }
 }
 
-/// The further states of those filters that have some, over an interval that has come to `end`.
-#[inline(always)]
-fn water_follows<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(
-    seats: &mut [&mut FilterSpan<'_>],
-    interval: &I,
-    end: &Kinematics<T>,
-    earth: &EarthTerms,
-) {
-    for (k, seat) in seats.iter_mut().enumerate() {
-        if let Some(water) = &mut seat.filter.water {
-            let end = Kinematics::from_array(scatter(&end.to_array(), k));
-            water.propagate(&interval.lane(k), &end, earth);
-        }
+impl Eskf {
+    /// Motion and interval of a lane.
+    #[inline(always)]
+    fn take_lane<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(&mut self, k: usize, group: &Group<'_, T, I>) {
+        self.kinematics = Kinematics::from_array(scatter(&group.kinematics.to_array(), k));
+        self.interval = group.interval.lane(k);
     }
 }
 

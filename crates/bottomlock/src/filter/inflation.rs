@@ -83,14 +83,15 @@ impl Eskf {
     /// What leaves every attitude within a radian and every position within the sea: a method that is wrong again and again,
     /// since its assumption is, must not widen without end.
     fn greatest_factor(&self) -> f64 {
-        let greatest = |block: usize| (block..block + 3).fold(0.0_f64, |most, k| most.max(self.covariance.at(k, k)));
+        let greatest = |block: usize| (block..block + 3).fold(0.0_f64, |most, k| most.max(self.covariance[(k, k)]));
         let within = |sd: f64, variance: f64| sd * sd / variance;
         within(WIDEST_ATTITUDE_RAD, greatest(ATTITUDE)).min(within(WIDEST_POSITION_M, greatest(POSITION)))
     }
 
     /// Multiplies the covariance of position, attitude, velocity and the IMU's biases among themselves: noise is added to them.
     fn inflate(&mut self, factor: f64) {
-        self.covariance.scale_first(DVL_BIAS, factor);
+        let mut inertial = self.covariance.fixed_view_mut::<DVL_BIAS, DVL_BIAS>(0, 0);
+        inertial *= factor;
     }
 }
 

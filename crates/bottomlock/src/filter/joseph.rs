@@ -18,7 +18,6 @@ use nalgebra::{Cholesky, Const, SMatrix};
 
 use super::columns::{Column, VECTORS, WIDTH, load_part, store_part};
 use super::definite::factorises;
-use super::packed::Packed;
 use crate::aiding::MAX_ROWS;
 use crate::aiding::{Innovation, RowJacobian};
 use crate::layout::DIM;
@@ -155,26 +154,25 @@ impl<const M: usize> Expectation<M> {
         Cholesky::pack_dirty(l)
     }
 
-    /// Replaces a covariance, `p` when it is whole, by the corrected one, where that is proven to be one, and leaves it alone
-    /// elsewhere; nothing is left of `p`.
+    /// Corrects a covariance, where the result is proven to be one, and leaves it alone elsewhere.
     pub(super) fn correct(
         &self,
-        p: &mut Covariance,
+        covariance: &mut Covariance,
         innovation: &Innovation,
-        covariance: &mut Packed,
     ) -> Result<Correction<M>, Indefinite> {
-        with_vectors!(simd => self.correct_within(simd, &mut p.data.0, innovation, covariance))
+        with_vectors!(simd => self.correct_within(simd, covariance, innovation))
     }
 
     #[inline(always)]
     fn correct_within<S: Simd>(
         &self,
         simd: S,
-        p: &mut [[f64; DIM]; DIM],
+        covariance: &mut Covariance,
         innovation: &Innovation,
-        covariance: &mut Packed,
     ) -> Result<Correction<M>, Indefinite> {
         let gain = self.factor.solve(simd, &self.cross_covariance.data.0);
+        let mut corrected = *covariance;
+        let p = &mut corrected.data.0;
         self.joseph(simd, p, innovation, &gain);
         halve(simd, p);
         if !factorises(simd, p) {
@@ -182,7 +180,7 @@ impl<const M: usize> Expectation<M> {
                 negative: (0..DIM).find(|&k| p[k][k] < 0.0),
             });
         }
-        covariance.set_within(simd, p);
+        *covariance = corrected;
         let mut correction = Correction {
             gain: SMatrix::zeros(),
             error: ErrorVector::zeros(),
@@ -331,7 +329,7 @@ fn times<S: Simd, const M: usize>(simd: S, h: &RowJacobian, x: &[[f64; DIM]], re
     out
 }
 
-/// The mean of a matrix and its transpose, on and below the diagonal.
+/// The mean of a matrix and its transpose.
 #[inline(always)]
 fn halve<S: Simd>(simd: S, matrix: &mut [[f64; DIM]; DIM]) {
     for b in 0..VECTORS {
@@ -341,6 +339,10 @@ fn halve<S: Simd>(simd: S, matrix: &mut [[f64; DIM]; DIM]) {
             for q in 0..WIDTH {
                 below[q] = (below[q] + above[q]) * 0.5;
                 store_part(below[q], &mut matrix[WIDTH * b + q], v);
+            }
+            let mirrored = columns_of_four(below);
+            for q in 0..WIDTH {
+                store_part(mirrored[q], &mut matrix[WIDTH * v + q], b);
             }
         }
     }

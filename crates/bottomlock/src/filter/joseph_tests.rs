@@ -58,10 +58,10 @@ fn joseph<S: Simd, const M: usize>(simd: S, p: &Covariance, innovation: &Innovat
     for m in 0..M {
         columns[m] = Column::load(simd, &gain.data.0[m]);
     }
-    let mut lower = *p;
-    seen.joseph(simd, &mut lower.data.0, innovation, &columns);
-    halve(simd, &mut lower.data.0);
-    Packed::of(&lower).whole()
+    let mut corrected = *p;
+    seen.joseph(simd, &mut corrected.data.0, innovation, &columns);
+    halve(simd, &mut corrected.data.0);
+    corrected
 }
 
 /// The corrected covariance, with what else becomes of the filter.
@@ -70,9 +70,9 @@ fn corrected<const M: usize>(
     p: &Covariance,
     innovation: &Innovation,
 ) -> Result<(Covariance, Correction<M>), Indefinite> {
-    let mut covariance = Packed::of(p);
-    let correction = seen.correct(&mut p.clone(), innovation, &mut covariance)?;
-    Ok((covariance.whole(), correction))
+    let mut covariance = *p;
+    let correction = seen.correct(&mut covariance, innovation)?;
+    Ok((covariance, correction))
 }
 
 fn bits(numbers: &[f64]) -> Vec<u64> {
@@ -106,13 +106,13 @@ fn check<const M: usize>() {
 
             on_every_level!(simd => {
                 let own = Expectation::<M>::within(simd, &p, &innovation).unwrap();
-                let (mut own_whole, mut own_updated) = (p, Packed::of(&p));
-                let own_correction = own.correct_within(simd, &mut own_whole.data.0, &innovation, &mut own_updated).ok().unwrap();
+                let mut own_updated = p;
+                let own_correction = own.correct_within(simd, &mut own_updated, &innovation).ok().unwrap();
                 assert_eq!(bits(own.s.as_slice()), bits(seen.s.as_slice()));
                 assert_eq!(own.nis.to_bits(), seen.nis.to_bits());
                 assert_eq!(bits(own_correction.gain.as_slice()), bits(correction.gain.as_slice()));
                 assert_eq!(bits(own_correction.error.as_slice()), bits(correction.error.as_slice()));
-                assert_eq!(bits(own_updated.whole().as_slice()), bits(updated.as_slice()));
+                assert_eq!(bits(own_updated.as_slice()), bits(updated.as_slice()));
                 assert!((joseph(simd, &p, &innovation, &other) - dense).amax() < 1e-12);
             });
         }
@@ -205,13 +205,10 @@ fn what_is_no_covariance_is_refused() {
     innovation.jacobian[(0, 7)] = 1.0;
     innovation.noise[(0, 0)] = -0.5;
     let seen = Expectation::<1>::of(&p, &innovation).unwrap();
-    let mut covariance = Packed::of(&p);
-    let refused = seen
-        .correct(&mut p.clone(), &innovation, &mut covariance)
-        .err()
-        .unwrap();
+    let mut covariance = p;
+    let refused = seen.correct(&mut covariance, &innovation).err().unwrap();
     assert_eq!(refused.negative, Some(7));
-    assert_eq!(covariance.whole(), p);
+    assert_eq!(covariance, p);
     innovation.noise[(0, 0)] = -2.0;
     assert!(Expectation::<1>::of(&p, &innovation).is_none());
 }

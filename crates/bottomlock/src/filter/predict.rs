@@ -1,11 +1,12 @@
-//! One step: the strapdown, and the covariance where its interval is full.
-
-use fearless_simd::Simd;
+//! The prediction of a filter alone: a group of one.
 
 use super::Eskf;
+use super::extensions::Extensions;
+use super::prediction::{Beside, Group, Reached, predict};
+use super::streams::Streams;
 use crate::error::NavError;
-use crate::error_model::{Interval, Underway};
-use crate::mechanisation::{ImuSample, Inertial, Sampling};
+use crate::error_model::{CovarianceInterval, Interval};
+use crate::mechanisation::{EarthTerms, ImuSample, Kinematics, Sampling};
 use crate::simd::with_vectors;
 
 impl Eskf {
@@ -14,112 +15,125 @@ impl Eskf {
     /// # Errors
     /// [`NavError::TimeNotIncreasing`]; [`NavError::NotFinite`] where the state has run out of numbers.
     pub fn predict(&mut self, start: &ImuSample, end: &ImuSample) -> Result<(), NavError> {
-        let dt_s = (end.time_ns - start.time_ns) as f64 * 1e-9;
-        if dt_s <= 0.0 {
-            return Err(Self::does_not_rise(end.time_ns, start.time_ns));
-        }
-        self.begin_interval(start, end);
-        with_vectors!(simd => self.advance(simd, start, end, dt_s))
+        self.predict_along(&[*start, *end]).map_err(|(_, error)| error)
     }
 
-    /// The step, compiled for the machine's own instructions.
-    #[inline(always)]
-    fn advance<S: Simd>(&mut self, simd: S, start: &ImuSample, end: &ImuSample, dt_s: f64) -> Result<(), NavError> {
-        let (first, last) = (self.corrected(self.first_of(start, end)), self.corrected(end));
-        let before = self.kinematics;
-        self.kinematics.step(&first, &last, dt_s, &self.earth);
-        self.interval
-            .extend(&before, &self.kinematics, &last, dt_s, &self.earth);
-        self.state.time_ns = end.time_ns;
-        self.last_rate_p_radps = end.rate_p_radps.0;
-        self.last_step_s = dt_s;
-        let [x, y, z] = self.kinematics.position_t_m;
-        if !(x + y + z).is_finite() {
-            return Err(Self::ran_out_of_numbers(end.time_ns));
+    /// Takes all samples after the first, which it has taken already, or those up to the one where it fails.
+    ///
+    /// # Errors
+    /// As [`Eskf::predict`], with the number of the sample.
+    pub fn predict_along(&mut self, samples: &[ImuSample]) -> Result<(), (usize, NavError)> {
+        if samples.len() > 1 && samples[1].time_ns > samples[0].time_ns {
+            self.begin_interval(samples);
         }
-        // Half a step of slack, so that rounding of the sample times does not lengthen the interval by a step.
-        if self.interval.duration_s() + 0.5 * dt_s >= self.covariance_period_s {
-            if self.tape.is_some() {
-                self.propagate_covariance();
-                return Ok(());
-            }
-            if let Some(water) = &mut self.water {
-                water.propagate(&self.interval, &self.kinematics, &self.earth);
-            }
-            if self.underway.is_none() {
-                self.underway = Some(Box::new(Underway::of(simd, &self.covariance.whole().data.0)));
-            }
-            if let Some(underway) = &mut self.underway {
-                self.interval
-                    .propagate_rows(simd, underway, &self.kinematics, &self.noise, &self.earth);
-            }
+        let settings = self.settings;
+        let streams = Streams {
+            of: &[samples],
+            gyro_bias_p_radps: self.state.gyro_bias_p_radps.to_array(),
+            accel_bias_p_mps2: self.state.accel_bias_p_mps2.to_array(),
+        };
+        let mut alone = Alone {
+            extensions: &mut self.extensions,
+            earth: &settings.earth,
+            is_lost: false,
+        };
+        let (kinematics, covariance) = (&mut self.kinematics, &mut self.covariance.data.0);
+        let reached = match &mut self.interval {
+            Interval::Open => Reached { at: 0, dt_s: 0.0 },
+            Interval::FirstOrder(interval) => with_vectors!(_simd => predict(
+                &mut Group { kinematics, interval, covariance }, &streams, &settings, &mut alone
+            )),
+            Interval::SecondOrder(interval) => with_vectors!(_simd => predict(
+                &mut Group { kinematics, interval, covariance }, &streams, &settings, &mut alone
+            )),
+        };
+        let is_lost = alone.is_lost;
+        self.settle(samples, reached);
+        if is_lost {
+            return Err((reached.at, ran_out_of_numbers(self.state.time_ns)));
         }
-        Ok(())
-    }
-
-    /// The sample that a step begins with.
-    #[inline(always)]
-    fn first_of<'a>(&self, start: &'a ImuSample, end: &'a ImuSample) -> &'a ImuSample {
-        match self.sampling {
-            Sampling::Instantaneous => start,
-            Sampling::Averaged => end,
-        }
+        outcome(samples, reached.at)
     }
 
     /// Begins an interval where none is open.
-    pub(super) fn begin_interval(&mut self, start: &ImuSample, end: &ImuSample) {
+    pub(super) fn begin_interval(&mut self, samples: &[ImuSample]) {
         if matches!(self.interval, Interval::Open) {
-            let first = self.corrected(self.first_of(start, end));
-            let many_steps = self.covariance_period_s > 0.0;
-            self.interval = with_vectors!(_simd => Interval::begin(&self.kinematics, &first, &self.earth, many_steps));
+            let first = match self.settings.sampling {
+                Sampling::Instantaneous => &samples[0],
+                Sampling::Averaged => &samples[1],
+            };
+            let inertial = first.corrected(&self.state.gyro_bias_p_radps, &self.state.accel_bias_p_mps2);
+            let many_steps = self.settings.covariance_period_s > 0.0;
+            let earth = &self.settings.earth;
+            self.interval = with_vectors!(_simd => Interval::begin(&self.kinematics, &inertial, earth, many_steps));
         }
     }
 
-    #[cold]
-    fn does_not_rise(time_ns: i64, previous_ns: i64) -> NavError {
-        NavError::TimeNotIncreasing {
-            stream: "imu",
-            time_ns,
-            previous_ns,
+    /// Takes note of the last sample that was taken.
+    pub(super) fn settle(&mut self, samples: &[ImuSample], reached: Reached) {
+        if reached.at > 0 {
+            let reading = &samples[reached.at];
+            self.state.time_ns = reading.time_ns;
+            self.last_rate_p_radps = reading.rate_p_radps.0;
+            self.last_step_s = reached.dt_s;
         }
     }
 
-    #[cold]
-    pub(super) fn ran_out_of_numbers(time_ns: i64) -> NavError {
-        NavError::NotFinite {
-            field: "state position_t_m",
-            time_ns,
-        }
-    }
-
-    /// The covariance as a whole, where it was underway.
-    pub(super) fn gather_covariance(&mut self) {
-        if let Some(underway) = self.underway.take() {
-            let mut whole = self.covariance.whole();
-            with_vectors!(simd => underway.rows.put_into(simd, &mut whole.data.0));
-            self.covariance.set(&whole);
-        }
-    }
-
+    /// Brings the covariance up to date, all of it.
     pub(super) fn propagate_covariance(&mut self) {
-        self.gather_covariance();
-        self.record_transition();
-        if let Some(water) = &mut self.water {
-            water.propagate(&self.interval, &self.kinematics, &self.earth);
-        }
+        let (earth, noise) = (&self.settings.earth, &self.settings.noise);
         if self.interval.duration_s() > 0.0 {
-            let mut whole = self.covariance.whole();
-            self.interval
-                .propagate(&mut whole.data.0, &self.kinematics, &self.noise, &self.earth);
-            self.covariance.set(&whole);
+            self.extensions.propagate(&self.interval, &self.kinematics, earth);
         }
-    }
-
-    #[inline(always)]
-    fn corrected(&self, sample: &ImuSample) -> Inertial<f64> {
-        Inertial {
-            rate_p_radps: (sample.rate_p_radps - self.state.gyro_bias_p_radps).to_array(),
-            force_p_mps2: (sample.force_p_mps2 - self.state.accel_bias_p_mps2).to_array(),
-        }
+        self.interval
+            .propagate(&mut self.covariance.data.0, &self.kinematics, noise, earth);
     }
 }
+
+/// Beside the prediction of a filter alone.
+struct Alone<'a> {
+    extensions: &'a mut Extensions,
+    earth: &'a EarthTerms,
+    is_lost: bool,
+}
+
+impl<I: CovarianceInterval<f64> + Into<Interval>> Beside<f64, I> for Alone<'_> {
+    #[inline(always)]
+    fn propagate(&mut self, interval: &I, end: &Kinematics<f64>) {
+        if !self.extensions.is_empty() {
+            self.extensions.propagate(&(*interval).into(), end, self.earth);
+        }
+    }
+    #[inline(always)]
+    fn lose(&mut self, _at: usize, _dt_s: f64, _group: &Group<'_, f64, I>) -> bool {
+        self.is_lost = true;
+        false
+    }
+}
+
+/// What becomes of a filter that has taken sample `at`, and would have gone on if time had risen.
+pub(super) fn outcome(samples: &[ImuSample], at: usize) -> Result<(), (usize, NavError)> {
+    match samples.get(at + 1) {
+        None => Ok(()),
+        Some(next) => Err((
+            at + 1,
+            NavError::TimeNotIncreasing {
+                stream: "imu",
+                time_ns: next.time_ns,
+                previous_ns: samples[at].time_ns,
+            },
+        )),
+    }
+}
+
+#[cold]
+pub(super) fn ran_out_of_numbers(time_ns: i64) -> NavError {
+    NavError::NotFinite {
+        field: "state position_t_m",
+        time_ns,
+    }
+}
+
+#[cfg(test)]
+#[path = "predict_tests.rs"]
+mod tests;

@@ -3,9 +3,12 @@
 use nalgebra::{Cholesky, Const, DMatrix, DVector, SMatrix};
 
 use super::Eskf;
+use super::water_block::WaterBlock;
 use crate::aiding::Innovation;
 use crate::aiding::water::WATER;
+use crate::error_model::Interval;
 use crate::layout::DIM;
+use crate::mechanisation::{EarthTerms, Kinematics};
 use crate::state::{Covariance, NavState};
 
 /// One entry of a tape; matrices are over 20 error states, or over 26 where the motion through the water is estimated too.
@@ -13,7 +16,7 @@ use crate::state::{Covariance, NavState};
 pub(crate) enum Step {
     /// Φ since the entry before.
     Carry(DMatrix<f64>),
-    /// An update: S⁻¹z, S⁻¹, H with all that the noise correlated_noise, and K.
+    /// An update: S⁻¹z, S⁻¹, H with all that the noise repeats, and K.
     Update {
         weighted: DVector<f64>,
         weight: DMatrix<f64>,
@@ -68,33 +71,25 @@ impl Tape {
 impl Eskf {
     /// Begins a tape.
     pub(crate) fn begin_tape(&mut self) {
-        self.tape = Some(Box::default());
+        self.extensions.tape = Some(Box::default());
     }
 
     /// Takes the tape out, where there is one.
     pub(crate) fn take_tape(&mut self) -> Option<Tape> {
-        self.tape.take().map(|tape| *tape)
+        self.extensions.tape.take().map(|tape| *tape)
     }
 
     /// Marks a sample on the tape.
     pub(crate) fn record_sample(&mut self) {
-        let pending = self.transition();
+        let water = self.extensions.water.as_deref();
+        let pending = transition(&self.interval, &self.kinematics, &self.settings.earth, water);
         let (state, covariance) = (self.state(), self.joint_covariance());
-        if let Some(tape) = &mut self.tape {
+        if let Some(tape) = &mut self.extensions.tape {
             tape.push(Step::Sample {
                 pending,
                 state: Box::new(state),
                 covariance,
             });
-        }
-    }
-
-    pub(super) fn record_transition(&mut self) {
-        if self.tape.is_some() && self.interval.duration_s() > 0.0 {
-            let phi = self.transition();
-            if let Some(tape) = &mut self.tape {
-                tape.push(Step::Carry(phi));
-            }
         }
     }
 
@@ -125,7 +120,7 @@ impl Eskf {
             whole_gain.view_mut((DIM, 0), (WATER, M)).copy_from(own_gain);
         }
         let (weighted, weight) = (factor.solve(z), factor.inverse());
-        if let Some(tape) = &mut self.tape {
+        if let Some(tape) = &mut self.extensions.tape {
             tape.push(Step::Update {
                 weighted: DVector::from_column_slice(weighted.as_slice()),
                 weight: DMatrix::from_column_slice(M, M, weight.as_slice()),
@@ -137,21 +132,7 @@ impl Eskf {
 
     /// Number of states, the further ones among them.
     fn states(&self) -> usize {
-        DIM + if self.water.is_some() { WATER } else { 0 }
-    }
-
-    /// Φ over the interval since the covariance was last brought up to date.
-    fn transition(&self) -> DMatrix<f64> {
-        let states = self.states();
-        let mut phi = Covariance::identity();
-        self.interval.carry(&mut phi.data.0, &self.kinematics, &self.earth);
-        let mut whole = DMatrix::identity(states, states);
-        whole.view_mut((0, 0), (DIM, DIM)).copy_from(&phi);
-        if let Some(water) = &self.water {
-            let decay = water.decay(self.interval.duration_s());
-            (0..WATER).for_each(|k| whole[(DIM + k, DIM + k)] = decay[k]);
-        }
-        whole
+        DIM + if self.extensions.water.is_some() { WATER } else { 0 }
     }
 
     /// The covariance at the time of the state, of the further states too.
@@ -159,9 +140,9 @@ impl Eskf {
         let states = self.states();
         let mut joint = DMatrix::zeros(states, states);
         joint.view_mut((0, 0), (DIM, DIM)).copy_from(&self.covariance());
-        if let Some(water) = &self.water {
+        if let Some(water) = &self.extensions.water {
             let mut water = water.clone();
-            water.propagate(&self.interval, &self.kinematics, &self.earth);
+            water.propagate(&self.interval, &self.kinematics, &self.settings.earth);
             joint.view_mut((DIM, DIM), (WATER, WATER)).copy_from(water.covariance());
             joint.view_mut((0, DIM), (DIM, WATER)).copy_from(water.cross());
             joint
@@ -170,4 +151,23 @@ impl Eskf {
         }
         joint
     }
+}
+
+/// Φ over an interval that has come to `end`, of the further states too.
+pub(super) fn transition(
+    interval: &Interval,
+    end: &Kinematics<f64>,
+    earth: &EarthTerms,
+    water: Option<&WaterBlock>,
+) -> DMatrix<f64> {
+    let states = DIM + if water.is_some() { WATER } else { 0 };
+    let mut phi = Covariance::identity();
+    interval.carry(&mut phi.data.0, end, earth);
+    let mut whole = DMatrix::identity(states, states);
+    whole.view_mut((0, 0), (DIM, DIM)).copy_from(&phi);
+    if let Some(water) = water {
+        let decay = water.decay(interval.duration_s());
+        (0..WATER).for_each(|k| whole[(DIM + k, DIM + k)] = decay[k]);
+    }
+    whole
 }

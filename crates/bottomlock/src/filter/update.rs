@@ -23,9 +23,8 @@ impl Eskf {
         sensor: Sensor,
         shared: Option<&SMatrix<f64, WATER, M>>,
     ) -> Result<UpdateReport, NavError> {
-        // Borrowed where they were made: they are large.
-        let mut p = self.covariance.whole();
-        let seen = Expectation::<M>::of(&p, innovation);
+        // Borrowed where it was made: it is large.
+        let seen = Expectation::<M>::of(&self.covariance, innovation);
         let seen = seen.as_ref().ok_or(NavError::NotPositiveDefinite {
             matrix: "innovation covariance",
             time_ns: self.state.time_ns,
@@ -71,18 +70,18 @@ impl Eskf {
             }
         }
         let is_rejected = report.verdict == Verdict::Rejected;
-        if !is_rejected || is_explicable(&p, innovation, &seen.s, report.threshold) {
+        if !is_rejected || is_explicable(&self.covariance, innovation, &seen.s, report.threshold) {
             self.inflate_after_rejections(&mut report);
         }
         if is_rejected {
             return Ok(report);
         }
 
-        let correction = seen.correct(&mut p, innovation, &mut self.covariance);
+        let correction = seen.correct(&mut self.covariance, innovation);
         let correction = correction
             .as_ref()
             .map_err(|refused| not_positive_definite(refused.negative, self.state.time_ns))?;
-        if self.water.is_some() || self.tape.is_some() {
+        if self.extensions.water.is_some() || self.extensions.tape.is_some() {
             self.follow_update(innovation, seen, &correction.gain, shared);
         }
         self.feed_back(&correction.error);
@@ -100,7 +99,7 @@ impl Eskf {
         let z = innovation.residual.fixed_rows::<M>(0).into_owned();
         let factor = seen.cholesky();
         let mut own_gain = None;
-        if let Some(water) = &mut self.water {
+        if let Some(water) = &mut self.extensions.water {
             let update = Update {
                 z: &z,
                 h: &innovation.jacobian.fixed_rows::<M>(0).into_owned(),
@@ -111,7 +110,7 @@ impl Eskf {
             };
             own_gain = Some(water.follow(&update, &shared.copied().unwrap_or_else(SMatrix::zeros)));
         }
-        if self.tape.is_some() {
+        if self.extensions.tape.is_some() {
             self.record_update(innovation, &z, &factor, gain, own_gain.as_ref());
         }
     }

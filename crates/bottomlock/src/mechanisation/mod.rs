@@ -5,8 +5,6 @@
 //! The step is second order: rotation by the mean rate with the coning term of a linearly varying rate, specific force
 //! and position by the trapezoidal rule in the tangent frame, whose local errors telescope over a run.
 
-pub(crate) mod step_block;
-
 use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Vec3};
@@ -32,6 +30,18 @@ impl ImuSample {
     pub fn validate(&self) -> Result<(), NavError> {
         require_finite("imu rate_p_radps", self.time_ns, &self.rate_p_radps.to_array())?;
         require_finite("imu force_p_mps2", self.time_ns, &self.force_p_mps2.to_array())
+    }
+
+    /// The reading less its biases.
+    pub(crate) fn corrected(
+        &self,
+        gyro_bias_p_radps: &Vec3<Platform>,
+        accel_bias_p_mps2: &Vec3<Platform>,
+    ) -> Inertial<f64> {
+        Inertial {
+            rate_p_radps: (self.rate_p_radps - *gyro_bias_p_radps).to_array(),
+            force_p_mps2: (self.force_p_mps2 - *accel_bias_p_mps2).to_array(),
+        }
     }
 
     /// The sample between two samples, linear in time.
@@ -189,14 +199,6 @@ pub(crate) struct Turn<T> {
 }
 
 impl<T: Lane> Turn<T> {
-    #[inline(always)]
-    pub(crate) fn none(like: T) -> Self {
-        Self {
-            frame: [1.0, 0.0, 0.0, 0.0],
-            platform: [1.0, 0.0, 0.0, 0.0].map(|q| like.splat(q)),
-        }
-    }
-
     #[inline(always)]
     pub(crate) fn of(start: &Inertial<T>, end: &Inertial<T>, dt_s: f64, earth: &EarthTerms) -> Self {
         let like = start.rate_p_radps[0];

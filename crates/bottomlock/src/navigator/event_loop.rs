@@ -145,7 +145,7 @@ impl Navigator {
     pub fn push(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
         event.validate(&self.geometry)?;
         let (time_ns, (stream, index)) = (event.time_ns(), event.stream());
-        let now_ns = self.filters.measurements_only.state().time_ns;
+        let now_ns = self.filters.measurements_only.time_ns();
         let repeated_ns = self.last_ns[index].filter(|&previous_ns| time_ns <= previous_ns);
         if let Some(previous_ns) = repeated_ns.or((time_ns < now_ns).then_some(now_ns)) {
             self.late_events[index] += 1;
@@ -177,7 +177,7 @@ impl Navigator {
     fn advance(&mut self, sample: &ImuSample, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
         // Before the first sample the motion is taken as that of the first sample.
         let mut last = self.last_imu.unwrap_or_else(|| ImuSample {
-            time_ns: self.filters.measurements_only.state().time_ns,
+            time_ns: self.filters.measurements_only.time_ns(),
             ..*sample
         });
         if self.last_imu.is_none() {

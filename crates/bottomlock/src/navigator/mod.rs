@@ -5,6 +5,7 @@ pub mod event_loop;
 pub mod events;
 pub mod methods;
 pub mod navigator_set;
+pub(crate) mod run_events;
 pub mod selector;
 
 pub use self::event_loop::{BeamAiding, Navigator};

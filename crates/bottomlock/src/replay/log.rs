@@ -63,19 +63,18 @@ impl Log<'_> {
         Ok(())
     }
 
-    /// The events from a time on, in order of time; at the same time in order of [`STREAM_NAMES`].
-    pub(super) fn events_from(&self, start_ns: i64) -> impl Iterator<Item = Event> {
-        let log = *self;
-        let mut next: [usize; STREAMS] = std::array::from_fn(|stream| {
-            let before = |row: usize| log.get(stream, row).is_some_and(|event| event.time_ns() < start_ns);
-            (0..log.len(stream)).take_while(|&row| before(row)).count()
-        });
-        std::iter::from_fn(move || {
-            let heads = (0..STREAMS).filter_map(|stream| Some((stream, log.get(stream, next[stream])?)));
-            let (stream, event) = heads.min_by_key(|(_, event)| event.time_ns())?;
-            next[stream] += 1;
-            Some(event)
+    /// How many rows of each stream lie before a time.
+    pub(super) fn rows_before(&self, time_ns: i64) -> [usize; STREAMS] {
+        std::array::from_fn(|stream| {
+            let before = |row: usize| self.get(stream, row).is_some_and(|event| event.time_ns() < time_ns);
+            (0..self.len(stream)).take_while(|&row| before(row)).count()
         })
+    }
+
+    /// The earliest of the next rows of the streams from `first` on; at the same time in order of [`STREAM_NAMES`].
+    pub(super) fn earliest(&self, next: &[usize; STREAMS], first: usize) -> Option<(usize, Event)> {
+        let heads = (first..STREAMS).filter_map(|stream| Some((stream, self.get(stream, next[stream])?)));
+        heads.min_by_key(|(_, event)| event.time_ns())
     }
 
     /// What a replay from `start_ns` cannot use.

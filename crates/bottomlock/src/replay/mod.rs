@@ -1,4 +1,4 @@
-//! A recorded log through the event loop: every method beside the others, each fed the same events in order of validity.
+//! A recorded log through the event loop: all methods side by side on the same events, in order of validity.
 //!
 //! # Asynchronous streams
 //! Sensors measure when they measure. The log is merged by time of validity, so nothing in it is late: a reading that reached the
@@ -8,23 +8,22 @@
 //! What lies before the start, or after the last inertial reading, moves no filter and is counted in [`Unused`].
 
 mod log;
+mod log_feed;
 mod ping;
 
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
+use crate::filter::filter_group::width;
 use crate::filter::options::Options;
-use crate::filter::report::Sensor;
 use crate::layout::DIM;
 use crate::model::Model;
 use crate::navigator::Method;
-use crate::navigator::NavigatorSet;
-use crate::navigator::dual_filter::DualFilter;
-use crate::navigator::events::Event;
-use crate::smoother::smooth;
+use crate::navigator::run_events::run_events;
 use crate::state::{Covariance, NavState};
 use crate::workers::Workers;
 
 pub use self::log::{Log, Unused};
+use self::log_feed::{LogFeed, MethodReplay};
 pub use self::ping::{FIX_STATUS, FixStatus, PingRecord};
 pub use crate::navigator::events::{STREAM_NAMES, STREAMS};
 
@@ -98,9 +97,9 @@ pub struct Replayed {
     pub unused: Unused,
 }
 
-/// Flies every method along the log, on `threads` threads; the bits do not depend on their number.
+/// Runs every method over the log, on `threads` threads; the bits do not depend on their number.
 ///
-/// Each method ends as a [`NavigatorSet`] does that is fed the same events one by one, bit for bit.
+/// Each method ends as a [`crate::navigator::NavigatorSet`] does that is fed the same events one by one, bit for bit.
 ///
 /// # Errors
 /// [`NavError::InRow`] for a row that makes no sense; [`NavError::WrongCount`] for a log without an inertial reading after the
@@ -120,17 +119,34 @@ pub fn replay(request: &Replay<'_>, threads: usize) -> Result<Replayed, NavError
         }
     };
     check_samples(request.sample_time_ns, start_ns, last_ns)?;
-    let mut methods = request.methods.to_vec();
-    let tracks = Workers::new(threads)?.each(&mut methods, |_, method| {
-        fly(request, method).map_err(|source| NavError::InMethod {
-            method: method.name,
-            source: Box::new(source),
-        })
+    let workers = Workers::new(threads)?;
+    let methods = request.methods.iter().map(|method| MethodReplay::new(request, method));
+    let mut groups = groups(methods.collect::<Result<_, _>>()?, workers.threads());
+    let tracks = workers.each(&mut groups, |_, methods| {
+        let mut feed = LogFeed::new(request, std::mem::take(methods));
+        run_events(&mut [&mut feed]).into_iter().collect::<Result<(), _>>()?;
+        feed.into_tracks().into_iter().collect::<Result<Vec<_>, _>>()
     })?;
     Ok(Replayed {
-        tracks,
+        tracks: tracks.into_iter().flatten().collect(),
         unused: log.unused(start_ns, last_ns),
     })
+}
+
+/// Methods in groups that go side by side: one for each thread, as far as lanes are filled.
+fn groups(mut methods: Vec<MethodReplay>, threads: usize) -> Vec<Vec<MethodReplay>> {
+    let filled = methods
+        .iter_mut()
+        .map(MethodReplay::filters)
+        .sum::<usize>()
+        .div_ceil(width());
+    let size = methods.len().div_ceil(threads.min(filled).max(1)).max(1);
+    let mut groups = Vec::new();
+    while !methods.is_empty() {
+        let rest = methods.split_off(size.min(methods.len()));
+        groups.push(std::mem::replace(&mut methods, rest));
+    }
+    groups
 }
 
 fn check_samples(sample_time_ns: &[i64], first_ns: i64, last_ns: i64) -> Result<(), NavError> {
@@ -148,80 +164,6 @@ fn check_samples(sample_time_ns: &[i64], first_ns: i64, last_ns: i64) -> Result<
             first_ns,
             last_ns,
         }),
-    }
-}
-
-fn fly(request: &Replay<'_>, method: &Method) -> Result<Track, NavError> {
-    let (model, options) = (request.model, request.options);
-    let mut guide = NavigatorSet::new(request.start, request.geometry, method.aiding, model, options)?;
-    if let Some(covariance) = request.covariance {
-        guide.set_covariance(covariance)?;
-    }
-    if request.smooth {
-        let filters = guide.filters().ok_or(NavError::NoSmoother {
-            instead: "tc, weak_sway, sway_current",
-        })?;
-        filters.begin_tape();
-    }
-    let pings = request.log.pings;
-    let mut track = Track {
-        pings: vec![PingRecord::default(); pings.len()],
-        ..Track::default()
-    };
-    let mut samples = request.sample_time_ns.iter().peekable();
-    let mut reached_ns = None;
-    for event in request.log.events_from(request.start.time_ns) {
-        if let Event::Imu(reading) = event {
-            // All that was valid at the last reading has been taken by now.
-            record(
-                &mut guide,
-                reached_ns,
-                &mut samples,
-                request.covariances,
-                &mut track.filtered,
-            );
-            reached_ns = Some(reading.time_ns);
-        }
-        guide.push(&event, &mut |report| {
-            if report.sensor == Sensor::Beams
-                && let Ok(index) = pings.binary_search_by_key(&report.time_ns, |ping| ping.time_ns)
-            {
-                track.pings[index] = PingRecord::new(report, &pings[index], method.aiding.rows_are_beams());
-            }
-        })?;
-    }
-    record(
-        &mut guide,
-        reached_ns,
-        &mut samples,
-        request.covariances,
-        &mut track.filtered,
-    );
-    if let Some(tape) = guide.filters().and_then(DualFilter::take_tape) {
-        track.tape_bytes = tape.bytes();
-        for sample in smooth(tape)? {
-            track
-                .smoothed
-                .push(sample.state, &sample.covariance, request.covariances);
-        }
-    }
-    Ok(track)
-}
-
-/// Records the state for every sample time that the last inertial reading has reached.
-fn record<'a>(
-    guide: &mut NavigatorSet,
-    reached_ns: Option<i64>,
-    samples: &mut std::iter::Peekable<impl Iterator<Item = &'a i64>>,
-    keep_covariances: bool,
-    filtered: &mut Series,
-) {
-    let Some(reached_ns) = reached_ns else { return };
-    while samples.next_if(|&&sample_ns| sample_ns <= reached_ns).is_some() {
-        filtered.push(guide.state(), &guide.covariance(), keep_covariances);
-        if let Some(filters) = guide.filters() {
-            filters.record_sample();
-        }
     }
 }
 

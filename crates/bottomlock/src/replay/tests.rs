@@ -4,12 +4,12 @@ use super::*;
 use crate::aiding::registry::{Measurement, SENSORS, SensorKind};
 use crate::dvl::geometry::{BeamMask, BeamMotion, Janus};
 use crate::dvl::geometry::{BeamSample, MAX_BEAMS};
-use crate::filter::report::UpdateReport;
+use crate::filter::report::{Sensor, UpdateReport};
 use crate::frames::{Rot, Vec3};
 use crate::mechanisation::ImuSample;
 use crate::mechanisation::Sampling;
-use crate::navigator::METHODS;
-use crate::navigator::events::{AttitudeSample, DepthSample, GpsSample, HeadingSample};
+use crate::navigator::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample};
+use crate::navigator::{METHODS, NavigatorSet};
 use nalgebra::Vector3;
 
 const MS: i64 = 1_000_000;

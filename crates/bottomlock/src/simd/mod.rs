@@ -15,7 +15,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, f64x4, f64x8};
 
 pub(crate) use self::algebra::*;
-pub(crate) use self::transpose::{columns_of_eight, columns_of_four, symmetric_of_eight};
+pub(crate) use self::transpose::{columns_of_eight, columns_of_four};
 
 /// The vectors that code is made for: what lies between SSE2 and AVX2 is not worth a copy of everything.
 #[derive(Debug, Clone, Copy)]
@@ -120,6 +120,9 @@ pub trait Lane:
     /// Applies a scalar function lane by lane (for rare paths only).
     #[must_use]
     fn map(self, function: impl Fn(f64) -> f64) -> Self;
+    /// A vector like this one with `value(k)` in lane k.
+    #[must_use]
+    fn each(self, value: impl Fn(usize) -> f64) -> Self;
 }
 
 impl Lane for f64 {
@@ -150,6 +153,10 @@ impl Lane for f64 {
     #[inline(always)]
     fn map(self, function: impl Fn(f64) -> f64) -> Self {
         function(self)
+    }
+    #[inline(always)]
+    fn each(self, value: impl Fn(usize) -> f64) -> Self {
+        value(0)
     }
 }
 
@@ -190,17 +197,21 @@ pub(crate) fn gather<S: Simd, T: Lanes<S>, const M: usize>(simd: S, of: [&[f64; 
     lanes
 }
 
-/// The inverse of [`gather`], for as many filters as there are places.
+/// The inverse of [`gather`]: `put` gets the numbers of each of the first `count` lanes, as many at a time as there are lanes.
 #[inline(always)]
-pub(crate) fn scatter_into<S: Simd, T: Lanes<S>, const M: usize>(lanes: &[T; M], places: &mut [&mut [f64; M]]) {
+pub(crate) fn scatter_rows<S: Simd, T: Lanes<S>, const M: usize>(
+    lanes: &[T; M],
+    count: usize,
+    mut put: impl FnMut(usize, std::ops::Range<usize>, &T),
+) {
     for from in squares::<M>(T::COUNT) {
         let mut square = [lanes[0]; WIDEST];
         for (row, lane) in square.iter_mut().zip(&lanes[from..from + T::COUNT]) {
             *row = *lane;
         }
         T::turn(&mut square);
-        for (k, place) in places.iter_mut().enumerate() {
-            square[k].store(&mut place[from..from + T::COUNT]);
+        for (k, column) in square.iter().enumerate().take(count) {
+            put(k, from..from + T::COUNT, column);
         }
     }
 }
@@ -259,6 +270,10 @@ macro_rules! vectors {
             #[inline(always)]
             fn map(self, function: impl Fn(f64) -> f64) -> Self {
                 <Self as SimdBase<S>>::from_fn(self.simd, |k| function(self[k]))
+            }
+            #[inline(always)]
+            fn each(self, value: impl Fn(usize) -> f64) -> Self {
+                <Self as SimdBase<S>>::from_fn(self.simd, value)
             }
         }
 

@@ -1,7 +1,7 @@
 //! Rows of vectors turned into columns.
 
 use fearless_simd::prelude::*;
-use fearless_simd::{f64x4, f64x8, mask64x8};
+use fearless_simd::{f64x4, f64x8};
 
 /// Columns of four rows.
 #[inline(always)]
@@ -13,17 +13,6 @@ pub(crate) fn columns_of_four<S: Simd>([a, b, c, d]: [f64x4<S>; 4]) -> [f64x4<S>
         ac.1.zip_low(bd.1),
         ac.1.zip_high(bd.1),
     ]
-}
-
-/// The whole of a symmetric matrix whose columns are stated on and below the diagonal.
-#[inline(always)]
-pub(crate) fn symmetric_of_eight<S: Simd>(simd: S, below: [f64x8<S>; 8]) -> [f64x8<S>; 8] {
-    let above = columns_of_eight(below);
-    let mut whole = below;
-    for k in 0..8 {
-        whole[k] = mask64x8::from_bitmask(simd, 0xff << k & 0xff).select(below[k], above[k]);
-    }
-    whole
 }
 
 /// Columns of eight rows.

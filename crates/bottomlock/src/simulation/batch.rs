@@ -9,7 +9,7 @@ use crate::model::Model;
 use crate::navigator::Method;
 use crate::simulation::monte_carlo_run::{MonteCarloRun, RunSegment};
 use crate::simulation::run_group;
-use crate::simulation::run_group::lead;
+use crate::simulation::run_group::run_segments;
 use crate::simulation::schedule::Schedule;
 use crate::simulation::sensor_errors::RunKey;
 use crate::simulation::truth::{Truth, true_state};
@@ -115,20 +115,20 @@ pub fn run_batch_into<P: Send>(
 
 /// Runs that fly together; what each yields, or why it failed.
 fn some_runs(batch: &Batch<'_>, runs: Range<usize>) -> Vec<Result<Vec<MethodRecord>, NavError>> {
-    let mut voyages: Vec<_> = runs.clone().map(|index| voyage(batch, index)).collect();
-    let legs = voyages.iter_mut().zip(runs).map(|(voyage, index)| {
+    let mut begun: Vec<_> = runs.clone().map(|index| begin(batch, index)).collect();
+    let segments = begun.iter_mut().zip(runs).map(|(run, index)| {
         let schedule = batch.schedules[index.min(batch.schedules.len() - 1)];
-        let voyage = voyage.as_mut().map_err(|error| error.clone())?;
-        RunSegment::new(voyage, batch.truth, schedule, batch.sample_time_ns)
+        let run = run.as_mut().map_err(|error| error.clone())?;
+        RunSegment::new(run, batch.truth, schedule, batch.sample_time_ns)
     });
-    let outcomes = lead(legs);
-    let yielded = voyages.into_iter().zip(outcomes);
+    let outcomes = run_segments(segments);
+    let yielded = begun.into_iter().zip(outcomes);
     yielded
-        .map(|(voyage, outcome)| outcome.and_then(|()| voyage.map(MonteCarloRun::into_records)))
+        .map(|(run, outcome)| outcome.and_then(|()| run.map(MonteCarloRun::into_records)))
         .collect()
 }
 
-fn voyage(batch: &Batch<'_>, index: usize) -> Result<MonteCarloRun, NavError> {
+fn begin(batch: &Batch<'_>, index: usize) -> Result<MonteCarloRun, NavError> {
     let key = RunKey {
         seed: batch.seed,
         trajectory: batch.trajectory_key,

@@ -1,4 +1,4 @@
-//! Vehicles that are steered on their estimates: whoever steers asks where each believes it is, and tells where it went.
+//! Vehicles that are steered on their estimates: the caller reads the estimates, and says how the vehicles moved.
 
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
@@ -7,14 +7,14 @@ use crate::model::Model;
 use crate::navigator::Method;
 use crate::simulation::monte_carlo_run::{MethodRecord, MonteCarloRun, RunSegment};
 use crate::simulation::run_group;
-use crate::simulation::run_group::lead;
+use crate::simulation::run_group::run_segments;
 use crate::simulation::schedule::Schedule;
 use crate::simulation::sensor_errors::RunKey;
 use crate::simulation::truth::Truth;
 use crate::state::NavState;
 use crate::workers::Workers;
 
-/// A vehicle about to leave: the run whose sensor errors it has, where it truly is, and the methods aboard.
+/// A vehicle at its start: the run whose sensor errors it has, its true state, and its methods.
 #[derive(Debug, Clone, Copy)]
 pub struct VehicleStart<'a> {
     /// Number of the run.
@@ -42,7 +42,7 @@ pub struct ClosedLoopSetup<'a> {
     pub trajectory_key: u64,
 }
 
-/// The way that one vehicle went since the last time it was asked.
+/// The motion of one vehicle since the last call.
 #[derive(Debug, Clone, Copy)]
 pub struct TruthSegment<'a> {
     /// Truth, from the last sample of the segment before (or the start) to its own end.
@@ -51,13 +51,13 @@ pub struct TruthSegment<'a> {
     pub schedule: Schedule<'a>,
 }
 
-/// Vehicles under way, each steered on what one of the methods aboard believes.
+/// Vehicles, each steered on the estimate of one of its methods.
 ///
 /// The sensor errors of run k are those of run k of a campaign: with the same truth it yields the same bits.
 #[derive(Debug)]
 pub struct ClosedLoop {
     runs: Vec<MonteCarloRun>,
-    /// How many of them fly together.
+    /// How many of them run together.
     together: usize,
     workers: Workers,
 }
@@ -113,7 +113,7 @@ impl ClosedLoop {
         let mut groups: Vec<_> = self.runs.chunks_mut(together).collect();
         let outcomes = self.workers.each(&mut groups, |group, runs| {
             let own = segments[group * together..].iter().zip(runs.iter_mut());
-            Ok(lead(own.map(|(segment, run)| {
+            Ok(run_segments(own.map(|(segment, run)| {
                 segment.truth.validate()?;
                 RunSegment::new(run, segment.truth, segment.schedule, sample_time_ns)
             })))
@@ -121,7 +121,7 @@ impl ClosedLoop {
         outcomes.into_iter().flatten().collect()
     }
 
-    /// What a method believes aboard every vehicle; empty for a method that is not there.
+    /// The estimate of a method in every vehicle; empty for a method that is not there.
     #[must_use]
     pub fn estimates(&self, method: usize) -> Vec<NavState> {
         self.runs.iter().filter_map(|run| run.state(method)).collect()

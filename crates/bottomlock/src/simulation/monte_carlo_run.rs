@@ -1,9 +1,9 @@
-//! One run: its sensors, and every method beside it, led along a truth; the whole of it, or as it unfolds.
+//! One simulated run: its sensor errors, and every method on the same readings, along the whole truth or a part at a time.
 
 use crate::aiding::registry::SensorKind;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::error::NavError;
-use crate::filter::filter_group::FilterSpan;
+use crate::filter::filter_group::{FilterSpan, Owner};
 use crate::filter::nees::nees;
 use crate::filter::options::Options;
 use crate::filter::report::{Choice, Sensor, UpdateReport};
@@ -13,7 +13,7 @@ use crate::model::Model;
 use crate::navigator::Method;
 use crate::navigator::NavigatorSet;
 use crate::navigator::events::Event;
-use crate::simulation::run_group::lead;
+use crate::navigator::run_events::{Failure, Feed};
 use crate::simulation::schedule::Schedule;
 use crate::simulation::sensor_errors::RunKey;
 use crate::simulation::sensor_errors::{SensorErrors, drawn_start};
@@ -56,7 +56,7 @@ pub struct BiasRecord {
 #[derive(Debug, Clone)]
 struct MethodRun {
     method: Method,
-    guide: NavigatorSet,
+    navigators: NavigatorSet,
     record: MethodRecord,
     nis_sum: f64,
 }
@@ -64,7 +64,7 @@ struct MethodRun {
 impl MethodRun {
     fn push(&mut self, event: &Event) -> Result<(), NavError> {
         let (record, nis_sum) = (&mut self.record, &mut self.nis_sum);
-        self.guide.push(event, &mut |report: &UpdateReport| {
+        self.navigators.push(event, &mut |report: &UpdateReport| {
             record.choices.extend(report.choice);
             if report.sensor == Sensor::Beams && report.rows > 0 {
                 *nis_sum += report.nis;
@@ -88,8 +88,8 @@ impl MethodRun {
     }
 
     fn sample(&mut self, truth: &NavState) -> Result<(), NavError> {
-        let error = truth.error_of(&self.guide.state());
-        let covariance = self.guide.covariance();
+        let error = truth.error_of(&self.navigators.state());
+        let covariance = self.navigators.covariance();
         let nees_of = |from, to| {
             nees(&covariance, &error, from, to).ok_or(NavError::NotPositiveDefinite {
                 matrix: "state covariance",
@@ -113,10 +113,10 @@ impl MethodRun {
 /// A run under way.
 #[derive(Debug)]
 pub struct MonteCarloRun {
-    run: u64,
+    number: u64,
     geometry: BeamGeometry,
-    suite: SensorErrors,
-    aboard: Vec<MethodRun>,
+    sensors: SensorErrors,
+    methods: Vec<MethodRun>,
     started: bool,
 }
 
@@ -135,21 +135,21 @@ impl MonteCarloRun {
         key: &RunKey,
     ) -> Result<Self, NavError> {
         let initial = drawn_start(start, simulated, key);
-        let aboard = methods.iter().map(|&method| {
-            let guide = NavigatorSet::new(initial, geometry, method.aiding, assumed, options)
+        let methods = methods.iter().map(|&method| {
+            let navigators = NavigatorSet::new(initial, geometry, method.aiding, assumed, options)
                 .map_err(|source| in_run(key.run, &method, source))?;
             Ok(MethodRun {
                 method,
-                guide,
+                navigators,
                 record: MethodRecord::default(),
                 nis_sum: 0.0,
             })
         });
         Ok(Self {
-            run: key.run,
+            number: key.run,
             geometry: geometry.clone(),
-            suite: SensorErrors::new(simulated, assumed, options, geometry.beams(), start.time_ns, key),
-            aboard: aboard.collect::<Result<_, _>>()?,
+            sensors: SensorErrors::new(simulated, assumed, options, geometry.beams(), start.time_ns, key),
+            methods: methods.collect::<Result<_, _>>()?,
             started: false,
         })
     }
@@ -157,62 +157,45 @@ impl MonteCarloRun {
     /// The estimate of a method.
     #[must_use]
     pub fn state(&self, method: usize) -> Option<NavState> {
-        self.aboard.get(method).map(|one| one.guide.state())
-    }
-
-    /// Leads sensors and filters along a stretch of the truth.
-    ///
-    /// The first stretch begins at the start; each later one begins with the last sample of the one before. Epochs lie after the
-    /// stretch's first sample (the first stretch: at or after it). Errors are recorded at the first sample at or after each of
-    /// `sample_time_ns`. However the truth is cut, the bits are the same.
-    ///
-    /// # Errors
-    /// [`NavError`] for epochs outside the stretch or out of order; an error of a method names run and method.
-    pub fn advance(
-        &mut self,
-        truth: &Truth<'_>,
-        schedule: &Schedule<'_>,
-        sample_time_ns: &[i64],
-    ) -> Result<(), NavError> {
-        lead([RunSegment::new(self, *truth, *schedule, sample_time_ns)])
-            .into_iter()
-            .collect()
+        self.methods.get(method).map(|one| one.navigators.state())
     }
 
     /// What the methods have yielded, in their order.
     #[must_use]
     pub fn records(&self) -> Vec<MethodRecord> {
-        self.aboard.iter().cloned().map(MethodRun::into_record).collect()
+        self.methods.iter().cloned().map(MethodRun::into_record).collect()
     }
 
     /// [`MonteCarloRun::records`] of a run that is over.
     #[must_use]
     pub fn into_records(self) -> Vec<MethodRecord> {
-        self.aboard.into_iter().map(MethodRun::into_record).collect()
+        self.methods.into_iter().map(MethodRun::into_record).collect()
     }
 
     /// The last reading that the filters have taken.
     fn last_imu(&self) -> Option<ImuSample> {
-        self.aboard.first().and_then(|one| one.guide.selected().last_imu())
+        self.methods
+            .first()
+            .and_then(|one| one.navigators.selected().last_imu())
     }
 
     fn each(&mut self, mut work: impl FnMut(&mut MethodRun) -> Result<(), NavError>) -> Result<(), NavError> {
-        let run = self.run;
-        self.aboard
+        let number = self.number;
+        self.methods
             .iter_mut()
-            .try_for_each(|one| work(one).map_err(|source| in_run(run, &one.method, source)))
+            .try_for_each(|one| work(one).map_err(|source| in_run(number, &one.method, source)))
     }
 
     fn measure(&mut self, truth: &Truth<'_>, schedule: &Schedule<'_>, (sensor, k): Epoch) -> Result<(), NavError> {
         let event = match sensor {
             Aid::Dvl => {
                 let (time_ns, valid) = (schedule.dvl_time_ns[k], schedule.beam_valid[k]);
-                Event::Beams(self.suite.ping(truth, &self.geometry, time_ns, valid)?)
+                Event::Beams(self.sensors.ping(truth, &self.geometry, time_ns, valid)?)
             }
             Aid::Sensor(kind) => {
                 let epochs = schedule.of(kind);
                 let offset = epochs.offset.get(k).copied().unwrap_or(0.0);
-                match self.suite.measure(truth, kind, epochs.time_ns[k], offset)? {
+                match self.sensors.measure(truth, kind, epochs.time_ns[k], offset)? {
                     Some(measurement) => Event::Aiding(measurement),
                     None => return Ok(()),
                 }
@@ -234,9 +217,13 @@ fn in_run(run: u64, method: &Method, source: NavError) -> NavError {
     }
 }
 
-/// A voyage on its way along a stretch of the truth.
+/// A run along a segment of the truth.
+///
+/// The first segment begins at the start; each later one begins with the last sample of the one before. Epochs lie after the
+/// segment's first sample (the first segment: at or after it). Errors are recorded at the first sample at or after each of
+/// `sample_time_ns`. However the truth is cut, the bits are the same.
 pub(crate) struct RunSegment<'a> {
-    voyage: &'a mut MonteCarloRun,
+    run: &'a mut MonteCarloRun,
     truth: Truth<'a>,
     schedule: Schedule<'a>,
     epochs: Epochs<'a>,
@@ -250,17 +237,20 @@ pub(crate) struct RunSegment<'a> {
 }
 
 impl<'a> RunSegment<'a> {
-    /// At the start of a stretch; see [`MonteCarloRun::advance`].
+    /// At the start of a segment.
+    ///
+    /// # Errors
+    /// [`NavError`] for a schedule that makes no sense.
     pub(crate) fn new(
-        voyage: &'a mut MonteCarloRun,
+        run: &'a mut MonteCarloRun,
         truth: Truth<'a>,
         schedule: Schedule<'a>,
         sample_time_ns: &'a [i64],
     ) -> Result<Self, NavError> {
         schedule.validate()?;
-        let next = usize::from(voyage.started);
+        let next = usize::from(run.started);
         Ok(Self {
-            voyage,
+            run,
             truth,
             schedule,
             epochs: Epochs::new(&schedule),
@@ -276,11 +266,36 @@ impl<'a> RunSegment<'a> {
         &self.truth.time_ns[self.next..]
     }
 
-    /// Number of samples ahead before anything is measured between two of them, up to the one where something happens.
-    pub(crate) fn clear_samples(&self) -> usize {
+    /// What is measured and recorded at the last sample taken.
+    fn after_sample(&mut self) -> Result<(), NavError> {
+        let k = self.next - 1;
+        let time_ns = self.truth.time_ns[k];
+        while let Some(epoch) = self.epochs.next_if(|epoch_ns| epoch_ns <= time_ns) {
+            self.run.measure(&self.truth, &self.schedule, epoch)?;
+        }
+        if let Some((_, later)) = self
+            .sample_time_ns
+            .split_first()
+            .filter(|(first, _)| **first <= time_ns)
+        {
+            self.sample_time_ns = later;
+            let mut state = true_state(&self.truth, k);
+            self.run.sensors.errors_into(&mut state);
+            self.run.each(|one| one.sample(&state))?;
+        }
+        Ok(())
+    }
+}
+
+impl Feed for RunSegment<'_> {
+    fn is_over(&self) -> bool {
+        self.ahead_ns().is_empty()
+    }
+
+    fn clear_readings(&self) -> usize {
         let ahead_ns = self.ahead_ns();
         // The first reading starts the filters, where there are any.
-        if self.voyage.last_imu().is_none() && !self.voyage.aboard.is_empty() {
+        if self.run.last_imu().is_none() && !self.run.methods.is_empty() {
             return 0;
         }
         let mut clear = ahead_ns.len();
@@ -294,90 +309,71 @@ impl<'a> RunSegment<'a> {
         clear
     }
 
-    /// One sample, with whatever is measured before it or at it.
-    pub(crate) fn step(&mut self) -> Result<(), NavError> {
+    fn step(&mut self) -> Result<(), NavError> {
         let time_ns = self.truth.time_ns[self.next];
         // What falls between two samples waits inside the navigator for the later one.
         while let Some(epoch) = self.epochs.next_if(|epoch_ns| epoch_ns < time_ns) {
-            self.voyage.measure(&self.truth, &self.schedule, epoch)?;
+            self.run.measure(&self.truth, &self.schedule, epoch)?;
         }
-        let reading = Event::Imu(self.voyage.suite.imu(&self.truth, self.next));
-        self.voyage.each(|one| one.push(&reading))?;
+        let reading = Event::Imu(self.run.sensors.imu(&self.truth, self.next));
+        self.run.each(|one| one.push(&reading))?;
         self.next += 1;
-        self.arrive()
+        self.after_sample()
     }
 
-    /// Draws the readings of clear samples.
-    pub(crate) fn draw(&mut self, count: usize) -> Result<(), NavError> {
+    fn draw_readings(&mut self, count: usize) -> Result<(), NavError> {
         self.readings.clear();
-        self.readings.extend(self.voyage.last_imu());
+        self.readings.extend(self.run.last_imu());
         let taken = self.readings.len();
         self.drawn = count;
         let readings = &mut self.readings;
-        self.voyage
-            .suite
+        self.run
+            .sensors
             .imus(&self.truth, self.next..self.next + count, |reading, _, _| {
                 readings.push(reading);
             });
         let bad = self.readings[taken..]
             .iter()
             .find_map(|reading| reading.validate().err());
-        match (bad, self.voyage.aboard.first()) {
-            (Some(source), Some(first)) => Err(in_run(self.voyage.run, &first.method, source)),
+        match (bad, self.run.methods.first()) {
+            (Some(source), Some(first)) => Err(in_run(self.run.number, &first.method, source)),
             _ => Ok(()),
         }
     }
 
-    /// The filters of every method, in their order, with the readings drawn.
-    pub(crate) fn seats(&mut self) -> impl Iterator<Item = FilterSpan<'_>> {
+    fn spans(&mut self, feed: usize) -> Vec<FilterSpan<'_>> {
         let samples = &self.readings[..];
-        let filters = self.voyage.aboard.iter_mut().flat_map(|one| one.guide.filters_mut());
-        filters.map(move |filter| FilterSpan::new(filter, samples))
+        let mut spans = Vec::new();
+        for (navigator, one) in self.run.methods.iter_mut().enumerate() {
+            let filters = one.navigators.filters_mut();
+            spans.extend(filters.map(|filter| FilterSpan::new(filter, samples).owned_by(Owner { feed, navigator })));
+        }
+        spans
     }
 
-    /// After the filters have taken the readings drawn; `failures` are those of the seats.
-    pub(crate) fn land(&mut self, failures: Vec<Option<(usize, NavError)>>) -> Result<(), NavError> {
-        let methods = self.voyage.aboard.iter_mut();
-        let owners = methods.flat_map(|one| vec![one.method; one.guide.filters_mut().count()]);
-        let failed = owners
-            .zip(failures)
-            .filter_map(|(method, failure)| Some((method, failure?)));
-        if let Some((method, (_, source))) = failed.min_by_key(|(_, (at, _))| *at) {
-            return Err(in_run(self.voyage.run, &method, source));
+    fn after_readings(&mut self, failures: Vec<Failure>) -> Result<(), NavError> {
+        if let Some(first) = failures.into_iter().min_by_key(|failure| failure.at) {
+            return Err(in_run(
+                self.run.number,
+                &self.run.methods[first.navigator].method,
+                first.error,
+            ));
         }
         self.next += self.drawn;
         if let Some(&last) = self.readings.last() {
-            self.voyage.aboard.iter_mut().for_each(|one| one.guide.has_taken(&last));
+            self.run
+                .methods
+                .iter_mut()
+                .for_each(|one| one.navigators.has_taken(&last));
         }
-        self.arrive()
+        self.after_sample()
     }
 
-    /// What is measured and recorded at the last sample taken.
-    fn arrive(&mut self) -> Result<(), NavError> {
-        let k = self.next - 1;
-        let time_ns = self.truth.time_ns[k];
-        while let Some(epoch) = self.epochs.next_if(|epoch_ns| epoch_ns <= time_ns) {
-            self.voyage.measure(&self.truth, &self.schedule, epoch)?;
-        }
-        if let Some((_, later)) = self
-            .sample_time_ns
-            .split_first()
-            .filter(|(first, _)| **first <= time_ns)
-        {
-            self.sample_time_ns = later;
-            let mut state = true_state(&self.truth, k);
-            self.voyage.suite.errors_into(&mut state);
-            self.voyage.each(|one| one.sample(&state))?;
-        }
-        Ok(())
-    }
-
-    /// The end of the stretch.
-    pub(crate) fn finish(&mut self) -> Result<(), NavError> {
-        self.voyage.started = true;
+    fn finish(&mut self) -> Result<(), NavError> {
+        self.run.started = true;
         // Only epochs beyond the stretch are left, and the truth refuses them.
         while let Some(epoch) = self.epochs.next_if(|_| true) {
-            self.voyage.measure(&self.truth, &self.schedule, epoch)?;
+            self.run.measure(&self.truth, &self.schedule, epoch)?;
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! A filter led along a slice against the same filter led step by step: bits, failures and tapes.
+//! A filter predicted along a slice against the same filter step by step: bits, failures and tapes.
 
 use crate::aiding::water::WaterPrior;
 use crate::error::NavError;
@@ -73,8 +73,8 @@ fn every_kind(check: impl Fn(Eskf)) {
     }
 }
 
-/// Slices of every length up to three eights, one after the other, so that a stretch goes on over their ends; and single steps
-/// between them, so that a covariance that is underway is taken over.
+/// Slices of every length up to 25 steps, one after the other, so that intervals go on over their ends; and single steps between
+/// them.
 #[test]
 fn slices_equal_steps() {
     every_kind(|start| {

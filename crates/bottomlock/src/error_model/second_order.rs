@@ -1,4 +1,4 @@
-//! Many inertial steps in one transition, exact in how the platform turns meanwhile.
+//! The transition over many steps to second order, exact in how the platform turns meanwhile.
 //!
 //! In the tangent frame the velocity error δv_t = R δv − [R v×]ρ makes F simple, and nearly constant however the platform
 //! turns: δṙ = δv_t, ρ̇ = −[ω×]ρ − R δb_g, δv̇_t = −[f_t×]ρ − R δb_a − 2[ω×]δv_t. Its integrals are what the strapdown step
@@ -6,16 +6,16 @@
 //! carried over into the platform frame with R and v at both ends.
 
 use super::ProcessNoise;
-use super::interval::Span;
+use super::interval::CovarianceInterval;
 use super::noise::HalfNoise;
-use super::transition::Filled;
+use super::transition::SecondOrder;
 use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
 use crate::simd::{
     Lane, M3, V3, add, add_scaled, cross, mat_axpy, mat_mul, mat_mul_add, mat_scale, negative, scale, skew, splat3,
     sub, transposed, zero3,
 };
 
-/// Motion at the start of a stretch.
+/// Motion at the start of an interval.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Start<T> {
     pub(super) position_t: V3<T>,
@@ -38,37 +38,36 @@ impl<T: Lane> Start<T> {
 
 /// Its start, and ∫R dt since.
 #[derive(Debug, Clone, Copy)]
-pub struct Stretch<T> {
+pub struct SecondOrderInterval<T> {
     pub(super) start: Start<T>,
-    pub(super) turned: M3<T>,
+    pub(super) rotation_integral: M3<T>,
     pub(super) duration_s: f64,
 }
 
-impl<T: Lane> Span<T> for Stretch<T> {
-    type Phi<'a>
-        = Filled<T>
-    where
-        T: 'a;
-    /// R at both ends of the step, summed.
-    type Taken = M3<T>;
+impl<T: Lane> CovarianceInterval<T> for SecondOrderInterval<T> {
+    type Phi = SecondOrder<T>;
 
     #[inline(always)]
     fn begin(kinematics: &Kinematics<T>, _inertial: &Inertial<T>, _earth: &EarthTerms) -> Self {
         Self {
             start: Start::at(kinematics),
-            turned: zero3(kinematics.velocity_p_mps[0]),
+            rotation_integral: zero3(kinematics.velocity_p_mps[0]),
             duration_s: 0.0,
         }
     }
 
     #[inline(always)]
-    fn take(before: &Kinematics<T>, after: &Kinematics<T>, _inertial: &Inertial<T>, _earth: &EarthTerms) -> M3<T> {
-        sum(&before.rotation_t_p, &after.rotation_t_p)
-    }
-
-    #[inline(always)]
-    fn add(&mut self, taken: &M3<T>, dt_s: f64) {
-        self.turned = mat_axpy(&self.turned, taken[0][0].splat(0.5 * dt_s), taken);
+    fn extend(
+        &mut self,
+        before: &Kinematics<T>,
+        after: &Kinematics<T>,
+        _inertial: &Inertial<T>,
+        dt_s: f64,
+        _earth: &EarthTerms,
+    ) {
+        let half = after.velocity_p_mps[0].splat(0.5 * dt_s);
+        let both = sum(&before.rotation_t_p, &after.rotation_t_p);
+        self.rotation_integral = mat_axpy(&self.rotation_integral, half, &both);
         self.duration_s += dt_s;
     }
 
@@ -78,7 +77,7 @@ impl<T: Lane> Span<T> for Stretch<T> {
     }
 
     #[inline(always)]
-    fn transition(&self, end: &Kinematics<T>, earth: &EarthTerms) -> Filled<T> {
+    fn transition(&self, end: &Kinematics<T>, earth: &EarthTerms) -> SecondOrder<T> {
         let (start, end) = (&self.start, &Start::at(end));
         let like = end.velocity_p[0];
         let (half, two) = (like.splat(0.5), like.splat(2.0));
@@ -94,7 +93,7 @@ impl<T: Lane> Span<T> for Stretch<T> {
         reach[2] += like.splat(-0.5 * earth.gravity_mps2 * self.duration_s * self.duration_s);
 
         // Blocks in the tangent frame, less the identity: first order, and half the product of first orders.
-        let (w, u, s) = (skew(turn_t), skew(push), self.turned);
+        let (w, u, s) = (skew(turn_t), skew(push), self.rotation_integral);
         let minus_w = negative(&w);
         let w_squared = mat_mul(&w, &w);
         let rho_rho = mat_axpy(&minus_w, half, &w_squared);
@@ -114,7 +113,7 @@ impl<T: Lane> Span<T> for Stretch<T> {
         for i in 0..3 {
             rotated[i][i] += like.splat(-1.0);
         }
-        Filled {
+        SecondOrder {
             r_rho: mat_mul_add(&w_t, &before, &negative(&skew(reach))),
             r_v: mat_mul_add(&negative(&w_t), &start.rotation, &mat_scale(duration, &start.rotation)),
             r_ba: mat_scale(like.splat(-0.5 * self.duration_s), &s),
@@ -140,7 +139,7 @@ impl<T: Lane> Span<T> for Stretch<T> {
     #[inline(always)]
     fn empty(&mut self, end: &Kinematics<T>) {
         self.start = Start::at(end);
-        self.turned = zero3(end.velocity_p_mps[0]);
+        self.rotation_integral = zero3(end.velocity_p_mps[0]);
         self.duration_s = 0.0;
     }
 }

@@ -1,0 +1,81 @@
+//! The transition to first order: Φ = I + F T with the mean of F at the ends of each step (as the paper has it).
+
+use super::interval::CovarianceInterval;
+use super::noise::HalfNoise;
+use super::transition::FirstOrder;
+use super::{Coefficients, ProcessNoise};
+use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
+use crate::simd::Lane;
+
+/// F T by the trapezoidal rule, for a covariance that keeps up with every step.
+#[derive(Debug, Clone, Copy)]
+pub struct FirstOrderInterval<T> {
+    /// ∫F dt; without meaning while the interval is empty.
+    pub(super) sum: Coefficients<T>,
+    /// F at the end.
+    pub(super) last: Coefficients<T>,
+    pub(super) duration_s: f64,
+}
+
+impl<T: Lane> CovarianceInterval<T> for FirstOrderInterval<T> {
+    type Phi = FirstOrder<T>;
+
+    #[inline(always)]
+    fn begin(kinematics: &Kinematics<T>, inertial: &Inertial<T>, earth: &EarthTerms) -> Self {
+        let last = Coefficients::at(kinematics, inertial, earth);
+        Self {
+            sum: last,
+            last,
+            duration_s: 0.0,
+        }
+    }
+
+    #[inline(always)]
+    fn extend(
+        &mut self,
+        _before: &Kinematics<T>,
+        after: &Kinematics<T>,
+        inertial: &Inertial<T>,
+        dt_s: f64,
+        earth: &EarthTerms,
+    ) {
+        let now = Coefficients::at(after, inertial, earth);
+        let half = now.velocity_p[0].splat(0.5 * dt_s);
+        if self.duration_s > 0.0 {
+            self.sum.add_sum(&self.last, &now, half);
+        } else {
+            self.sum = Coefficients::scaled_sum(&self.last, &now, half);
+        }
+        self.last = now;
+        self.duration_s += dt_s;
+    }
+
+    #[inline(always)]
+    fn duration_s(&self) -> f64 {
+        self.duration_s
+    }
+
+    #[inline(always)]
+    fn transition(&self, _end: &Kinematics<T>, earth: &EarthTerms) -> FirstOrder<T> {
+        FirstOrder::new(self.sum, self.duration_s, earth)
+    }
+
+    /// Of half the interval, where the sums are means times the duration: the noise goes with their squares.
+    #[inline(always)]
+    fn first_noise(&self, noise: &ProcessNoise) -> HalfNoise<T> {
+        let duration = self.sum.velocity_p[0].splat(self.duration_s);
+        let half = duration * duration.splat(0.5);
+        let weight = (duration * duration).recip();
+        HalfNoise::new(&self.sum.rotation, self.sum.velocity_p, noise, half, weight)
+    }
+
+    #[inline(always)]
+    fn second_noise(&self, _end: &Kinematics<T>, noise: &ProcessNoise) -> HalfNoise<T> {
+        self.first_noise(noise)
+    }
+
+    #[inline(always)]
+    fn empty(&mut self, _end: &Kinematics<T>) {
+        self.duration_s = 0.0;
+    }
+}

@@ -1,0 +1,80 @@
+//! The one prediction: filters side by side over inertial readings, up to the next measurement (Groves 2013, sect. 3.2.2).
+//!
+//! A filter alone is a group of one, whose lane type is `f64`; a reading that arrives live is a slice of one step.
+
+use super::streams::Streams;
+use crate::error_model::{CovarianceInterval, Matrix, ProcessNoise};
+use crate::mechanisation::{EarthTerms, Kinematics, Sampling};
+use crate::simd::Lane;
+
+/// What a prediction changes of a group of filters.
+pub(super) struct Group<'a, T, I> {
+    pub(super) kinematics: &'a mut Kinematics<T>,
+    pub(super) interval: &'a mut I,
+    pub(super) covariance: &'a mut Matrix<T>,
+}
+
+/// What the filters of a group have in common.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Settings {
+    pub(super) earth: EarthTerms,
+    pub(super) noise: ProcessNoise,
+    pub(super) sampling: Sampling,
+    /// Interval of the covariance; zero for every step.
+    pub(super) covariance_period_s: f64,
+}
+
+/// What goes on beside the prediction of a group, filter by filter.
+pub(super) trait Beside<T, I> {
+    /// The covariance is about to be propagated over an interval, which has come to `end`.
+    fn propagate(&mut self, interval: &I, end: &Kinematics<T>);
+    /// Some filter's position is no number after the step to reading `at`; true where a filter is left.
+    fn lose(&mut self, at: usize, dt_s: f64, group: &Group<'_, T, I>) -> bool;
+}
+
+/// How far a prediction came: the last reading taken, and the length of the step to it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reached {
+    pub(super) at: usize,
+    pub(super) dt_s: f64,
+}
+
+/// Strapdown steps over all readings after the first, which has been taken already, and the covariance wherever it is due.
+///
+/// Stops before a reading whose time does not rise, and where no filter is left.
+#[inline(always)]
+pub(super) fn predict<T: Lane, I: CovarianceInterval<T>>(
+    group: &mut Group<'_, T, I>,
+    streams: &Streams<'_, T>,
+    settings: &Settings,
+    beside: &mut impl Beside<T, I>,
+) -> Reached {
+    let earth = &settings.earth;
+    let mut reached = Reached { at: 0, dt_s: 0.0 };
+    let mut start = streams.corrected(0);
+    while let Some(dt_s) = streams.step_s(reached.at + 1) {
+        reached = Reached {
+            at: reached.at + 1,
+            dt_s,
+        };
+        let end = streams.corrected(reached.at);
+        if settings.sampling == Sampling::Averaged {
+            start = end;
+        }
+        let before = *group.kinematics;
+        group.kinematics.step(&start, &end, dt_s, earth);
+        group.interval.extend(&before, group.kinematics, &end, dt_s, earth);
+        let [x, y, z] = group.kinematics.position_t_m;
+        if !(x + y + z).all_finite() && !beside.lose(reached.at, dt_s, group) {
+            break;
+        }
+        if group.interval.is_due(dt_s, settings.covariance_period_s) {
+            beside.propagate(group.interval, group.kinematics);
+            group
+                .interval
+                .propagate(group.covariance, group.kinematics, &settings.noise, earth);
+        }
+        start = end;
+    }
+    reached
+}

@@ -1,0 +1,232 @@
+//! Methods beside each other on the events of one log.
+
+use super::{PingRecord, Replay, STREAMS, Series, Track};
+use crate::error::NavError;
+use crate::filter::filter_group::{FilterSpan, Owner};
+use crate::filter::report::Sensor;
+use crate::mechanisation::ImuSample;
+use crate::navigator::dual_filter::DualFilter;
+use crate::navigator::events::Event;
+use crate::navigator::run_events::{Failure, Feed};
+use crate::navigator::{Method, NavigatorSet};
+use crate::smoother::smooth;
+
+/// Number of the inertial stream.
+const IMU: usize = 0;
+
+/// A method on a log.
+#[derive(Debug)]
+pub(super) struct MethodReplay {
+    method: Method,
+    navigators: NavigatorSet,
+    track: Track,
+    /// What ended it; the others go on.
+    failure: Option<NavError>,
+}
+
+impl MethodReplay {
+    pub(super) fn new(request: &Replay<'_>, method: &Method) -> Result<Self, NavError> {
+        let (start, model, options) = (request.start, request.model, request.options);
+        let in_method = |source| in_method(method, source);
+        let mut navigators =
+            NavigatorSet::new(start, request.geometry, method.aiding, model, options).map_err(in_method)?;
+        if let Some(covariance) = request.covariance {
+            navigators.set_covariance(covariance).map_err(in_method)?;
+        }
+        if request.smooth {
+            let instead = "tc, weak_sway, sway_current";
+            let filters = navigators.filters().ok_or(NavError::NoSmoother { instead });
+            filters.map_err(in_method)?.begin_tape();
+        }
+        Ok(Self {
+            method: *method,
+            navigators,
+            track: Track {
+                pings: vec![PingRecord::default(); request.log.pings.len()],
+                ..Track::default()
+            },
+            failure: None,
+        })
+    }
+
+    /// Number of its filters.
+    pub(super) fn filters(&mut self) -> usize {
+        self.navigators.filters_mut().count()
+    }
+
+    fn push(&mut self, event: &Event, request: &Replay<'_>) -> Result<(), NavError> {
+        let (track, pings, aiding) = (&mut self.track, request.log.pings, self.method.aiding);
+        self.navigators.push(event, &mut |report| {
+            if report.sensor == Sensor::Beams
+                && let Ok(index) = pings.binary_search_by_key(&report.time_ns, |ping| ping.time_ns)
+            {
+                track.pings[index] = PingRecord::new(report, &pings[index], aiding.rows_are_beams());
+            }
+        })
+    }
+
+    fn record(&mut self, keep_covariance: bool) {
+        let (state, covariance) = (self.navigators.state(), self.navigators.covariance());
+        self.track.filtered.push(state, &covariance, keep_covariance);
+        if let Some(filters) = self.navigators.filters() {
+            filters.record_sample();
+        }
+    }
+
+    fn into_track(mut self, keep_covariances: bool) -> Result<Track, NavError> {
+        if let Some(source) = self.failure {
+            return Err(in_method(&self.method, source));
+        }
+        if let Some(tape) = self.navigators.filters().and_then(DualFilter::take_tape) {
+            self.track.tape_bytes = tape.bytes();
+            let mut smoothed = Series::default();
+            for sample in smooth(tape).map_err(|source| in_method(&self.method, source))? {
+                smoothed.push(sample.state, &sample.covariance, keep_covariances);
+            }
+            self.track.smoothed = smoothed;
+        }
+        Ok(self.track)
+    }
+}
+
+fn in_method(method: &Method, source: NavError) -> NavError {
+    NavError::InMethod {
+        method: method.name,
+        source: Box::new(source),
+    }
+}
+
+/// Methods on the events of a log from the start on; one that fails does not stop the others.
+pub(super) struct LogFeed<'a> {
+    request: &'a Replay<'a>,
+    methods: Vec<MethodReplay>,
+    /// The next row of each stream.
+    next: [usize; STREAMS],
+    /// Sample times to come.
+    sample_time_ns: &'a [i64],
+    /// The last reading that the filters have taken, and those that they take next.
+    readings: &'a [ImuSample],
+}
+
+impl<'a> LogFeed<'a> {
+    pub(super) fn new(request: &'a Replay<'a>, methods: Vec<MethodReplay>) -> Self {
+        Self {
+            request,
+            methods,
+            next: request.log.rows_before(request.start.time_ns),
+            sample_time_ns: request.sample_time_ns,
+            readings: &[],
+        }
+    }
+
+    /// What each method yields, or why it failed.
+    pub(super) fn into_tracks(self) -> Vec<Result<Track, NavError>> {
+        let keep = self.request.covariances;
+        self.methods.into_iter().map(|one| one.into_track(keep)).collect()
+    }
+
+    /// The readings ahead.
+    fn ahead(&self) -> &'a [ImuSample] {
+        &self.request.log.imu[self.next[IMU]..]
+    }
+
+    fn push(&mut self, event: &Event) {
+        for one in self.methods.iter_mut().filter(|one| one.failure.is_none()) {
+            one.failure = one.push(event, self.request).err();
+        }
+    }
+
+    /// Pushes the measurements before a time, in the order of the streams at the same time.
+    fn push_before(&mut self, time_ns: i64) {
+        while let Some((stream, event)) = self.request.log.earliest(&self.next, IMU + 1)
+            && event.time_ns() < time_ns
+        {
+            self.next[stream] += 1;
+            self.push(&event);
+        }
+    }
+
+    /// What is measured and recorded at a reading that the filters have taken.
+    fn after_reading(&mut self, time_ns: i64) {
+        self.push_before(time_ns + 1);
+        let due = self.sample_time_ns.partition_point(|&sample_ns| sample_ns <= time_ns);
+        self.sample_time_ns = &self.sample_time_ns[due..];
+        for one in self.methods.iter_mut().filter(|one| one.failure.is_none()) {
+            (0..due).for_each(|_| one.record(self.request.covariances));
+        }
+    }
+}
+
+impl Feed for LogFeed<'_> {
+    fn is_over(&self) -> bool {
+        self.ahead().is_empty()
+    }
+
+    fn clear_readings(&self) -> usize {
+        let ahead = self.ahead();
+        // The first reading starts the filters.
+        let begun = self.methods.iter().find(|one| one.failure.is_none());
+        if begun.is_none_or(|one| one.navigators.selected().last_imu().is_none()) {
+            return 0;
+        }
+        let mut clear = ahead.len();
+        if let Some((_, event)) = self.request.log.earliest(&self.next, IMU + 1) {
+            let before = ahead.partition_point(|reading| reading.time_ns < event.time_ns());
+            let is_at = ahead
+                .get(before)
+                .is_some_and(|reading| reading.time_ns == event.time_ns());
+            clear = before + usize::from(is_at);
+        }
+        if let Some(&wanted_ns) = self.sample_time_ns.first() {
+            clear = clear.min(ahead.partition_point(|reading| reading.time_ns < wanted_ns) + 1);
+        }
+        clear
+    }
+
+    fn step(&mut self) -> Result<(), NavError> {
+        let reading = self.ahead()[0];
+        // What falls between two readings waits inside the navigator for the later one.
+        self.push_before(reading.time_ns);
+        self.push(&Event::Imu(reading));
+        self.next[IMU] += 1;
+        self.after_reading(reading.time_ns);
+        Ok(())
+    }
+
+    fn draw_readings(&mut self, count: usize) -> Result<(), NavError> {
+        let next = self.next[IMU];
+        self.readings = &self.request.log.imu[next - 1..next + count];
+        Ok(())
+    }
+
+    fn spans(&mut self, feed: usize) -> Vec<FilterSpan<'_>> {
+        let samples = self.readings;
+        let mut spans = Vec::new();
+        for (navigator, one) in self.methods.iter_mut().enumerate() {
+            if one.failure.is_none() {
+                let filters = one.navigators.filters_mut();
+                spans
+                    .extend(filters.map(|filter| FilterSpan::new(filter, samples).owned_by(Owner { feed, navigator })));
+            }
+        }
+        spans
+    }
+
+    fn after_readings(&mut self, mut failures: Vec<Failure>) -> Result<(), NavError> {
+        failures.sort_by_key(|failure| failure.at);
+        for failure in failures {
+            self.methods[failure.navigator].failure.get_or_insert(failure.error);
+        }
+        if let Some(last) = self.readings.last() {
+            self.next[IMU] += self.readings.len() - 1;
+            let going = self.methods.iter_mut().filter(|one| one.failure.is_none());
+            going.for_each(|one| one.navigators.has_taken(last));
+            self.after_reading(last.time_ns);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<(), NavError> {
+        Ok(())
+    }
+}
