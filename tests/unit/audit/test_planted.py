@@ -67,7 +67,7 @@ def test_closure_alone_sees_neighbours_swapped_but_not_opposite_beams() -> None:
     # Exchanging 3 and 4 has the same closure as exchanging 1 and 2; the other two pairs have another.
     assert swapped.kind == "swapped_beams"
     assert swapped.text.endswith("beams 1 and 2 exchanged; or beams 3 and 4 exchanged.")
-    assert "cannot choose" in swapped.advice
+    assert "cannot distinguish" in swapped.advice
 
 
 @pytest.mark.parametrize("by_deg", [-3.0, 1.0, 3.0])
@@ -174,7 +174,7 @@ def test_beams_alone_and_unstated() -> None:
     (note,) = audit_log(make_log(16, instrument=False)).findings
     assert note.kind == "beams_alone"
     assert "beams 1 and 3 face each other, and beams 2 and 4" in note.text
-    assert "9 of the 12 numbers" in note.evidence
+    assert "9 of the 12 entries" in note.evidence
 
 
 def test_three_beams() -> None:
