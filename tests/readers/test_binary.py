@@ -145,9 +145,9 @@ def test_a_sign_that_goes_against_the_instrument_is_told() -> None:
         for k in range(25)
     ]
     notes = nortek_dvl.read(b"".join(falling), "log").notes
-    assert any("against the instrument's z" in note for note in notes)
+    assert any("opposite to the instrument's z" in note for note in notes)
     right = nortek_dvl.read(b"".join(falling), "log", Options(negate_beams=True)).notes
-    assert not any("against the instrument's z" in note for note in right)
+    assert not any("opposite to the instrument's z" in note for note in right)
 
 
 def test_df20() -> None:

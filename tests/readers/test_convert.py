@@ -85,9 +85,9 @@ def test_nothing_is_overwritten_in_silence(tmp_path: Path, convert: Run) -> None
 @pytest.mark.parametrize(
     ("content", "arguments", "message"),
     [
-        (b"hello\n", (), "is in no format that is known by its content"),
+        (b"hello\n", (), "format not recognised from the content"),
         (b"a,b\n1,2\n", (), "names no documented columns"),
-        (b"", (), "is in no format that is known by its content"),
+        (b"", (), "format not recognised from the content"),
         (seeds.SERIAL, ("--format", "pd7"), "--format is 'pd7', expected one of linkquest-csv"),
         (seeds.SERIAL, ("--format", "pd0"), "no ensemble with bottom track could be read"),
         (seeds.PD6, (), "PD6 holds no beam velocities"),
@@ -116,7 +116,7 @@ def test_refusals_are_one_line(
 def test_places_that_are_wrong(tmp_path: Path, convert: Run) -> None:
     """A missing file, a folder that is no bag, a name that is not Parquet's."""
     assert "none.bin: no such file" in convert(tmp_path / "none.bin", "--to", tmp_path / "b.parquet").stderr
-    assert "known by its content" in convert(tmp_path, "--to", tmp_path / "b.parquet").stderr
+    assert "not recognised from the content" in convert(tmp_path, "--to", tmp_path / "b.parquet").stderr
     folder = convert(tmp_path, "--to", tmp_path / "b.parquet", "--format", "pd0")
     assert "is a folder, expected a file" in folder.stderr
     assert "expected a name that ends in .parquet" in convert(tmp_path, "--to", tmp_path / "b.csv").stderr

@@ -26,6 +26,36 @@ def events(log: dict[str, Any]) -> Iterator[tuple[int, int, int]]:
     return iter(heapq.merge(*(of(stream, key) for stream, key in enumerate(TIMES))))
 
 
+def push(
+    navigator: Navigator,
+    model: Any,  # noqa: ANN401 - the kernel's own dict
+    log: dict[str, Any],
+    name: str,
+    time_ns: int,
+    row: int,
+) -> Any:  # noqa: ANN401
+    """Pushes one reading of a stream and returns the reports."""
+    if name == "imu":
+        return navigator.push_imu(time_ns, log["omega_p_radps"][row], log["force_p_mps2"][row])
+    if name == "dvl":
+        return navigator.push_beams(
+            time_ns, log["beam_velocity_mps"][row], log["beam_valid"][row], sd_mps=log["beam_sd_mps"][row]
+        )
+    if name == "depth":
+        return navigator.push_depth(time_ns, float(log["depth_m"][row]), sd_m=model["depth"]["sd_m"])
+    if name == "heading":
+        sd_rad = model["magnetometer"]["yaw_sd_rad"]
+        return navigator.push_heading(time_ns, float(log["heading_rad"][row]), sd_rad=sd_rad)
+    if name == "attitude":
+        roll, pitch, yaw = log["attitude_rpy_rad"][row]
+        quaternion = np.roll(Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat(), 1)
+        sds = model["magnetometer"]
+        return navigator.push_attitude(
+            time_ns, quaternion, roll_pitch_sd_rad=sds["roll_pitch_sd_rad"], yaw_sd_rad=sds["yaw_sd_rad"]
+        )
+    raise AssertionError("positions without velocity are not streamed here")
+
+
 def stream(
     geometry: BeamGeometry,
     model: Any,  # noqa: ANN401 - the kernel's own dicts
@@ -59,29 +89,7 @@ def stream(
         if STREAMS[kind] == "imu":
             record(reached)
             reached = time_ns
-            reports = navigator.push_imu(time_ns, log["omega_p_radps"][row], log["force_p_mps2"][row])
-        elif STREAMS[kind] == "dvl":
-            reports = navigator.push_beams(
-                time_ns, log["beam_velocity_mps"][row], log["beam_valid"][row], sd_mps=log["beam_sd_mps"][row]
-            )
-        elif STREAMS[kind] == "depth":
-            reports = navigator.push_depth(time_ns, float(log["depth_m"][row]), sd_m=model["depth"]["sd_m"])
-        elif STREAMS[kind] == "heading":
-            reports = navigator.push_heading(
-                time_ns, float(log["heading_rad"][row]), sd_rad=model["magnetometer"]["yaw_sd_rad"]
-            )
-        elif STREAMS[kind] == "attitude":
-            roll, pitch, yaw = log["attitude_rpy_rad"][row]
-            quaternion = np.roll(Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat(), 1)
-            sds_of = model["magnetometer"]
-            reports = navigator.push_attitude(
-                time_ns,
-                quaternion,
-                roll_pitch_sd_rad=sds_of["roll_pitch_sd_rad"],
-                yaw_sd_rad=sds_of["yaw_sd_rad"],
-            )
-        else:
-            raise AssertionError("positions without velocity are not streamed here")
+        reports = push(navigator, model, log, STREAMS[kind], time_ns, row)
         for report in reports:
             if report["sensor"] in {"beams", "velocity"} and report["verdict"] != "no_information":
                 nis[np.searchsorted(log["dvl_time_ns"], report["time_ns"])] = report["nis"]

@@ -37,7 +37,7 @@ def caves(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> Audit:
 
 def test_caves_geometry(caves: Audit) -> None:
     """A +-Janus of 22°, within 0.05° (measured: 0.003°), from readings with tails of metres a second."""
-    matrix = caves.verdict.matrix
+    matrix = caves.assessment.matrix
     assert matrix is not None
     # Vehicle frame after the reader's turn of z: beam 1 looks aft, beam 2 to starboard.
     expected = np.deg2rad([180.0, 90.0, 0.0, -90.0])
@@ -51,14 +51,14 @@ def test_caves_geometry(caves: Audit) -> None:
 def test_caves_findings(caves: Audit) -> None:
     """Heavy tails and refusals are there; order, signs and tilt are not accused; z points down after the reader."""
     kinds = {one.kind: one for one in caves.findings}
-    assert set(kinds) == {"heavy_tails", "refused_by_instrument", "time_gaps"}
-    (closure,) = caves.verdict.closures
+    assert set(kinds) == {"heavy_tails", "rejected_by_instrument", "time_gaps"}
+    (closure,) = caves.assessment.closures
     assert closure.median_abs_mps == pytest.approx(0.030, abs=0.002)
     assert closure.max_mps > 1.5
     assert caves.depth is not None
     assert caves.depth.slope > 0.8
-    assert caves.verdict.slope is not None
-    assert caves.verdict.slope.p_value > 1e-3
+    assert caves.assessment.slope is not None
+    assert caves.assessment.slope.p_value > 1e-3
 
 
 @pytest.mark.parametrize("name", ["out20210528_circle", "out20210528_straight+turn360"])
@@ -68,7 +68,7 @@ def test_a50_geometry(recordings: Path, tmp_path: Path, name: str) -> None:
     path = tmp_path / "beams.parquet"
     write_recording(waterlinked_json.read(source.read_bytes(), str(source)), path, source=source)
     audit = audit_file(path)
-    matrix = audit.verdict.matrix
+    matrix = audit.assessment.matrix
     assert matrix is not None
     tilt, azimuth = np.deg2rad(22.5), np.deg2rad([135.0, -135.0, -45.0, 45.0])
     stated = np.stack(
@@ -85,7 +85,7 @@ def test_a50_at_rest_is_stale(recordings: Path, tmp_path: Path) -> None:
     path = tmp_path / "beams.parquet"
     write_recording(waterlinked_json.read(source.read_bytes(), str(source)), path, source=source)
     kinds = {one.kind: one for one in audit_file(path).findings}
-    assert kinds["stale_pings"].part > 0.85
+    assert kinds["stale_pings"].fraction > 0.85
     assert "directions_not_observable" in kinds
 
 
@@ -97,7 +97,7 @@ def test_pd0_numbering(recordings: Path, tmp_path: Path) -> None:
     audit = audit_file(path, geometry="x_janus_20")
     (order,) = (one for one in audit.findings if one.kind == "swapped_beams")
     assert order.size > 5.0
-    np.testing.assert_allclose(audit.verdict.closures[0].weights, [1, 1, -1, -1], atol=1e-6)
+    np.testing.assert_allclose(audit.assessment.closures[0].weights, [1, 1, -1, -1], atol=1e-6)
 
 
 def akit(recordings: Path, section: str, *, velocity: bool) -> Mounting:

@@ -60,7 +60,7 @@ def test_deviations_of_directions(logs: int) -> None:
         assert log.instrument_mps is not None
         rng = np.random.default_rng(10_000 + seed)
         noisy = replace(log, instrument_mps=log.instrument_mps + 0.004 * rng.normal(size=(800, 3)))
-        found = audit_log(noisy).verdict.matrix
+        found = audit_log(noisy).assessment.matrix
         assert found is not None
         off.append((found.tilt_rad - np.deg2rad(22.0)) / found.tilt_sd_rad)
     assert 0.7 < float(np.mean(np.array(off) ** 2)) < 1.6
@@ -76,9 +76,11 @@ def test_a_mistilted_beam_is_named_rightly(logs: int) -> None:
     rows[2] = janus(25.0)[2]
     tilts = []
     for seed in range(logs):
-        verdict = audit_log(make_log(seed, physical=rows, used=janus(), pings=3000), stated=STATED).verdict
-        assert verdict.suspects
-        best = next(one for one in verdict.suspects if one.beam == 2)
+        assessment = audit_log(
+            make_log(seed, physical=rows, used=janus(), pings=3000), stated=STATED
+        ).assessment
+        assert assessment.suspects
+        best = next(one for one in assessment.suspects if one.beam == 2)
         assert max(best.p_turned, best.p_scaled) > 1e-4
         tilts.append(np.rad2deg(best.tilt_change_rad))
     assert abs(np.mean(tilts) - 3.0) < 4.0 * np.std(tilts) / np.sqrt(len(tilts))

@@ -18,7 +18,7 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry, KernelError, Navigator, error_model
 from bottomlock.observability.analysis import LEAST_GAP, Aiding, Finding, deviations, observe
 from bottomlock.observability.figures import deviation_figure
-from bottomlock.observability.planner import best, plan
+from bottomlock.observability.manoeuvre_ranking import best, manoeuvre_ranking
 from bottomlock.observability.report import observe_scenario
 from bottomlock.observability.tables import PAPER_CASES, paper_histories, paper_table
 from bottomlock.tables.check import check
@@ -313,14 +313,16 @@ def test_a_scenario_that_nothing_aids_is_refused(tmp_path: Path) -> None:
     changed = text.replace("beams_lost = [3, 4]", "beams_lost = [1, 2, 3, 4]")
     assert changed != text
     (tmp_path / "blind.toml").write_text(changed, encoding="utf-8")
-    with pytest.raises(ScenarioError, match="nothing aids it, no beam returns and no other sensor is heard"):
+    with pytest.raises(ScenarioError, match="nothing aids it, no beam returns and no other sensor measures"):
         observe_scenario(tmp_path / "blind.toml", tmp_path / "o")
 
 
 def test_a_plan_says_what_a_manoeuvre_brings() -> None:
     """With all beams, straight flight leaves a tilt mixed with the accelerometer's bias; an eight parts them."""
     truth = manoeuvre_truth(MANOEUVRES["hover"], rate_hz=10.0)
-    table = plan(JANUS, ALL, model(truth), manoeuvres=[MANOEUVRES["straight"], MANOEUVRES["figure_eight"]])
+    table = manoeuvre_ranking(
+        JANUS, ALL, model(truth), manoeuvres=[MANOEUVRES["straight"], MANOEUVRES["figure_eight"]]
+    )
     verdicts = dict(table.filter(state="tilt north").select("manoeuvre", "verdict").iter_rows())
     assert verdicts == {"straight": "hidden", "figure_eight": "observable"}
     chosen = dict(best(table).select("state", "manoeuvre").iter_rows())

@@ -17,7 +17,7 @@ from bottomlock.config.scenario import load_scenario, parse_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import SENSORS, BeamGeometry, KernelError
 from bottomlock.observability.analysis import Aiding, deviations, observe
-from bottomlock.observability.planner import plan
+from bottomlock.observability.manoeuvre_ranking import manoeuvre_ranking
 from bottomlock.observability.report import observe_scenario, scenario_schedule
 from bottomlock.observability.schedule import Schedule
 from bottomlock.simulation.build import build_simulation
@@ -61,7 +61,7 @@ def _word(value: Any) -> str:  # noqa: ANN401 - whatever TOML holds
     return json.dumps(value)
 
 
-def heard(**sections: dict[str, Any]) -> tuple[Schedule, Schedule]:
+def scheduled(**sections: dict[str, Any]) -> tuple[Schedule, Schedule]:
     simulation = build_simulation(parse_scenario(short(**sections), place="test"))
     return scenario_schedule(simulation, simulation.truth())
 
@@ -131,21 +131,21 @@ def test_lever_arms_of_depth_and_gps(eight: Truth) -> None:
 
 def test_an_outage_and_dropouts_reach_the_schedule() -> None:
     """Beams 3 and 4 out from 10 s to 20 s; beam 1 by chance: the same chances as run 0 of a campaign."""
-    flown, every = heard(dvl={"outages": [{"beams": [3, 4], "from_s": 10.0, "to_s": 20.0}]})
+    flown, every = scheduled(dvl={"outages": [{"beams": [3, 4], "from_s": 10.0, "to_s": 20.0}]})
     seconds = flown.time_ns / SECOND
     out = (seconds >= 10.0) & (seconds < 20.0)
     np.testing.assert_array_equal(flown.beams[:, 2], ~out)
     assert flown.beams[:, 0].all()
     assert every.beams.all()
     dropouts = {"dropouts": [{"beams": [1], "mean_up_s": 5.0, "mean_down_s": 5.0}]}
-    (chance, _), (again, _) = heard(dvl=dropouts), heard(dvl=dropouts)
+    (chance, _), (again, _) = scheduled(dvl=dropouts), scheduled(dvl=dropouts)
     assert 0 < chance.beams[:, 0].sum() < len(chance.time_ns)
     np.testing.assert_array_equal(chance.beams, again.beams)
 
 
 def test_rates_and_silence_reach_the_schedule() -> None:
     """Depth every four seconds; GPS under water never."""
-    flown, _ = heard(
+    flown, _ = scheduled(
         dvl={"beams_lost": [3, 4]},
         depth={"enabled": True},
         magnetometer={"enabled": True},
@@ -154,7 +154,7 @@ def test_rates_and_silence_reach_the_schedule() -> None:
     )
     assert int(flown.others["depth"].sum()) == 10
     assert int(flown.others["attitude"].sum()) == 20
-    own = Aiding.heard(flown)
+    own = Aiding.scheduled(flown)
     assert own == Aiding(beams=(1, 2), depth=True, attitude=True)
 
 
@@ -200,7 +200,7 @@ def test_rates_of_a_plan(eight: Truth) -> None:
     """Ten pings a second leave less of a velocity than one."""
     model: dict[str, Any] = load_scenario("straight").kernel_model(eight.gravity_mps2)
     slow, fast = (
-        plan(
+        manoeuvre_ranking(
             JANUS, Aiding(beams=(1, 2, 3, 4)), model,
             manoeuvres=[MANOEUVRES["figure_eight"]], rates_hz={"beams": rate},
         ).filter(state="velocity z")["sd_after"][0]
@@ -220,7 +220,7 @@ def _fifth(truth: Truth) -> Schedule:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (_fifth, "dvl at -1 ns lies outside the truth"),
+        (_fifth, "dvl at -1 ns is outside the truth"),
         (lambda truth: Schedule.regular(truth.time_ns, 4, {"sonar": 1.0}), "there is no sensor 'sonar'"),
         (
             lambda truth: Schedule.of(

@@ -1,5 +1,5 @@
-"""What a log says about the instrument that wrote it: geometry, closure, defects, mounting; said in words.
+"""Audit of a recorded log: geometry, closure, defects and mounting of the DVL, as ranked findings.
 
-Order of the modules: `logs` reads, `robust` fits, `matrix`, `closure`, `orders`, `defects` and `mounting` judge one
-thing each, `findings` puts it into words, `examine` runs them all, `figures` and `page` show the result.
+`logs` reads, `robust` fits, `matrix`, `closure`, `beam_order`, `defects`, `depth` and `mounting` estimate or test one
+thing each, the `*_findings` modules turn results into findings, `run` runs all, `figures` and `page` show the result.
 """

@@ -1,4 +1,4 @@
-"""Which channel of the log is which beam of a stated geometry: order, signs, and what is left over as a tilt."""
+"""Assignment of the log's channels to the beams of a stated geometry: order, signs, and remaining direction errors."""
 
 import itertools
 from dataclasses import dataclass
@@ -13,76 +13,79 @@ from bottomlock.audit.robust import Array, sigma
 from bottomlock.statistics.rms import rms
 
 NEAR_RAD = np.deg2rad(15.0)
-"""A beam within this of a stated one is that beam, mistilted; two beams within it of each other look the same way."""
+"""A beam within this of a stated one is that beam with a wrong tilt; two beams within it are parallel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """How found directions fit stated ones: channel k reads sign[k] × the stated beam `beam[k]`, off by `off_rad[k]`.
+    """Match of found with stated directions: channel k reads sign[k] × the stated beam `beam[k]`, off by `off_rad[k]`.
 
-    `turn` takes stated directions to found ones as a whole; it is the identity unless nothing fits without it.
+    `rotation` rotates all stated directions to the found ones; it is the identity unless no match exists without it.
     """
 
     beam: NDArray[np.int64]
     sign: NDArray[np.int64]
     off_rad: Array
-    turn: Rotation
+    rotation: Rotation
 
     @property
     def as_stated(self) -> bool:
-        """Order and signs are the stated ones, and nothing is turned as a whole."""
+        """Order and signs are the stated ones, without a common rotation."""
         plain = np.array_equal(self.beam, np.arange(len(self.beam))) and bool((self.sign > 0).all())
-        return plain and self.turn.magnitude() < 1e-9
+        return plain and self.rotation.magnitude() < 1e-9
 
 
 def match(found: Array, stated: Array) -> Match:
-    """The simplest order, signs and turn of the whole that bring stated directions (beams, 3) to found ones.
+    """The simplest order, signs and common rotation that bring stated directions (beams, 3) to found ones.
 
-    No turn is tried while each channel has a stated beam of its own (or one that another channel also shows) within
-    15°; then turns about z and mirrored axes of the instrument's frame.
+    Rotations about z, and about z with the frame upside down, are tried only where some channel has no stated beam
+    within 15°.
     """
     plain = _assign(found, stated, Rotation.identity())
     if np.all(plain.off_rad < NEAR_RAD) or np.sum(plain.off_rad > NEAR_RAD) <= len(found) // 4:
         return plain
-    turns = [Rotation.from_euler("z", angle, degrees=True) for angle in range(15, 360, 15)]
-    turns += [Rotation.from_euler("x", 180.0, degrees=True) * turn for turn in [Rotation.identity(), *turns]]
-    tried = [_assign(found, stated, turn) for turn in turns]
-    # Of turns that fit alike (a Janus fits every quarter turn) the one that leaves the order and turns least.
+    rotations = [Rotation.from_euler("z", angle, degrees=True) for angle in range(15, 360, 15)]
+    rotations += [
+        Rotation.from_euler("x", 180.0, degrees=True) * rotation
+        for rotation in [Rotation.identity(), *rotations]
+    ]
+    tried = [_assign(found, stated, rotation) for rotation in rotations]
+    # Of equal fits (a Janus fits after every quarter turn) the one with the fewest changes and the least rotation.
     best = min(
         tried,
         key=lambda one: (
             round(float(one.off_rad.max()), 2),
             int(np.sum(one.beam != np.arange(len(found)))) + int(np.sum(one.sign < 0)),
-            one.turn.magnitude(),
+            one.rotation.magnitude(),
         ),
     )
     if best.off_rad.max() > 0.5 * plain.off_rad.max():
         return plain
     moved = best.sign[:, None] * stated[best.beam]
-    turn, _ = Rotation.align_vectors(found, moved)
-    return _assign(found, stated, turn)
+    rotation, _ = Rotation.align_vectors(found, moved)
+    return _assign(found, stated, rotation)
 
 
-def _assign(found: Array, stated: Array, turn: Rotation) -> Match:
-    cosine = found @ turn.apply(stated).T
+def _assign(found: Array, stated: Array, rotation: Rotation) -> Match:
+    cosine = found @ rotation.apply(stated).T
     angle = np.arccos(np.clip(np.abs(cosine), -1.0, 1.0))
     channel, beam = linear_sum_assignment(angle**2)
     order = np.empty(len(found), dtype=np.int64)
     order[channel] = beam
-    # A channel that shows another channel's beam is an identical beam, not a mistilted one.
+    # A channel with another channel's beam is a copy of it, not a beam with a wrong tilt.
     nearest = np.argmin(angle, axis=1)
     rows = np.arange(len(found))
     copy = (angle[rows, order] > NEAR_RAD) & (angle[rows, nearest] < NEAR_RAD)
     order = np.where(copy, nearest, order)
     sign = np.where(cosine[rows, order] < 0.0, -1, 1)
-    return Match(order, sign, angle[rows, order], turn)
+    return Match(order, sign, angle[rows, order], rotation)
 
 
 @dataclass(frozen=True)
 class Order:
-    """Channel k reads sign[k] × beam[k]; `closure_mps` is the robust sigma of the closure that this gives.
+    """A beam order: channel k reads sign[k] × beam[k]; `closure_mps` is the robust sigma of its closure.
 
-    `steps` counts swaps and flips: the fewest explain best.
+    `steps` counts swaps and sign flips; the simplest explanation has the fewest.
     """
 
     beam: tuple[int, ...]
@@ -94,8 +97,7 @@ class Order:
 def orders_by_closure(readings_mps: Array, stated: Array) -> list[Order]:
     """Every order within two swaps or flips of the stated one with its closure over full pings, the least first.
 
-    Closure tells orders apart only by what they do to the null space: those that do the same have the same closure
-    and follow by the number of their steps.
+    Orders with the same null space have the same closure; they are ranked by the number of their steps.
     """
     beams = len(stated)
     pairs = list(itertools.combinations(range(beams), 2))
@@ -134,7 +136,7 @@ def _flipped(sign: tuple[int, ...], beams: list[int]) -> tuple[int, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Combination:
-    """The combination of beams that closes best: weights (beams,), and the spreads that tell how surely.
+    """The combination of beams with the least spread: weights (beams,), m/s for the spreads.
 
     `spread_mps` is the robust sigma of the combination scaled to unit length, `next_mps` that of the next best.
     """
@@ -145,10 +147,10 @@ class Combination:
 
 
 def closing_combination(readings_mps: Array) -> Combination:
-    """The direction of least spread of readings (n, beams): the null space of whatever geometry made them.
+    """The direction of least spread of readings (n, beams): the null space of the unknown geometry.
 
-    Weights are drawn towards the quieter beams where these are not equally noisy. The spread is taken about zero, for a
-    closure without bias is zero; wild pings are weighted down.
+    Unequally noisy beams shift the weights towards the quieter ones. The spread is about zero, since a closure without
+    bias is zero; outliers are weighted down.
     """
     weights = np.ones(len(readings_mps))
     for _ in range(20):

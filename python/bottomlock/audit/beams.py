@@ -1,4 +1,4 @@
-"""Judgement on the beams of a log: which matrix, which order, which beam is off its place."""
+"""Assessment of the beams of a log: matrix, order and signs, and single beams off their direction."""
 
 from dataclasses import dataclass, field, replace
 
@@ -36,20 +36,20 @@ from bottomlock.audit.robust import Array
 
 
 @dataclass(frozen=True, eq=False)
-class BeamVerdict:
-    """What the beams of a log say.
+class BeamAssessment:
+    """Assessment of the beams of a log.
 
     Attributes:
-        full: (n,) pings that were used: every beam valid, not stale, no zero of a beam that reads zero for lost.
-        matrix: the beams as the instrument's velocity sees them, or None.
-        match: of the matrix with the stated geometry, or None.
-        rows: (beams, 3) geometry that the rest was judged with, in the order and with the signs of the log; or None.
-        closures: statistics, one for each combination that no velocity moves; empty for three beams.
+        full: (n,) pings used: every beam valid, not stale, no zero of a beam that reads zero when lost.
+        matrix: the beam matrix by regression against the instrument's velocity, or None.
+        match: its match with the stated geometry, or None.
+        rows: (beams, 3) geometry used for the closure, in the order and with the signs of the log; or None.
+        closures: statistics, one for each combination in the null space; empty for three beams.
         slope: of the first closure on the velocity, or None.
         suspects: single beams that would explain the slope; empty where it is not significant.
-        orders: orders by closure, the best first; empty where they were not tried.
-        ambiguous: another order explains the closure as simply as the one that `rows` is in.
-        findings: in no order.
+        orders: beam orders ranked by closure, the best first; empty where they were not tried.
+        ambiguous: another order explains the closure as simply as that of `rows`.
+        findings: unranked.
     """
 
     full: NDArray[np.bool_]
@@ -64,63 +64,73 @@ class BeamVerdict:
     findings: list[Finding] = field(default_factory=list)
 
 
-def judge_beams(
+def assess_beams(
     log: BeamLog, full: NDArray[np.bool_], stated: Array | None, copies: list[tuple[int, ...]]
-) -> BeamVerdict:
-    """Directions, order, signs, tilt, scale, bias and closure of the beams of a log.
+) -> BeamAssessment:
+    """Assesses the beams of a log: directions, order, signs, tilt, scale, bias and closure.
 
     Args:
         log: the pings.
         full: (n,) pings to use.
         stated: (beams, 3) stated directions in the frame of the instrument's velocity, or None.
-        copies: pairs of channels (numbers from 1) already known to be the same numbers.
+        copies: pairs of channels (numbers from 1) already known to hold the same numbers.
     """
-    findings: list[Finding] = []
+    found = _against_velocity(log, full, stated, copies)
+    identical = bool(copies) or any(one.kind == "identical_beams" for one in found.findings)
+    if full.sum() < LEAST_PINGS or identical:
+        return found
+    readings = log.velocity_mps[full]
+    if found.rows is None:
+        notes, closures = combination_findings(readings)
+        return replace(found, closures=closures, findings=found.findings + notes)
+    if log.beams >= 4:
+        orders = orders_by_closure(readings, found.rows)
+        notes, rows, ambiguous = order_findings(orders, found.rows)
+        found = replace(found, orders=orders, rows=rows, ambiguous=ambiguous, findings=found.findings + notes)
+    return _with_closures(found, readings)
+
+
+def _against_velocity(
+    log: BeamLog, full: NDArray[np.bool_], stated: Array | None, copies: list[tuple[int, ...]]
+) -> BeamAssessment:
+    """The beam matrix against the instrument's velocity, and its match with the stated geometry."""
     matrix: Matrix | None = None
-    matched: Match | None = None
-    rows: Array | None
     solved = full & log.solved
     if log.instrument_mps is not None and log.own_frame and log.beams >= 3:
         matrix = find_matrix(log.velocity_mps[solved], log.instrument_mps[solved])
-    if matrix is not None and matrix.observable.all():
-        if stated is not None:
-            matched = match(matrix.directions, stated)
-            findings += match_findings(matrix, matched, stated, copies)
-        else:
-            findings += self_findings(matrix, copies)
-        findings += scale_findings(matrix)
-        rows = matrix.rows
-    else:
-        findings += unobservable_findings(log, matrix, int(solved.sum()))
+    if matrix is None or not matrix.observable.all():
         rows = None if stated is None else np.array(stated)
-    orders: list[Order] = []
-    ambiguous = False
-    same_way = bool(copies) or any(one.kind == "identical_beams" for one in findings)
-    if full.sum() < LEAST_PINGS or same_way:
-        return BeamVerdict(full, matrix, matched, rows, findings=findings)
-    readings = log.velocity_mps[full]
-    if rows is None:
-        found, closures = combination_findings(readings)
-        return BeamVerdict(full, matrix, closures=closures, findings=findings + found)
-    if log.beams >= 4:
-        orders = orders_by_closure(readings, rows)
-        found, rows, ambiguous = order_findings(orders, rows)
-        findings += found
+        findings = unobservable_findings(log, matrix, int(solved.sum()))
+        return BeamAssessment(full, matrix, rows=rows, findings=findings)
+    matched = None if stated is None else match(matrix.directions, stated)
+    if matched is not None and stated is not None:
+        findings = match_findings(matrix, matched, stated, copies)
+    else:
+        findings = self_findings(matrix, copies)
+    return BeamAssessment(full, matrix, matched, matrix.rows, findings=findings + scale_findings(matrix))
+
+
+def _with_closures(found: BeamAssessment, readings: Array) -> BeamAssessment:
+    """Closure statistics, the slope of the first closure on the velocity, and biases, with their findings."""
+    rows, matrix = found.rows, found.matrix
+    assert rows is not None
+    of_matrix = matrix is not None and rows is matrix.rows
     weights = null_space(rows)
     closures = [closure_of(column, readings) for column in weights.T]
-    slope, blamed, moves = None, [], []
+    slope: Slope | None = None
+    explaining: list[Suspect] = []
+    dependence: list[Finding] = []
     if closures:
         velocity = readings @ np.linalg.pinv(rows).T
-        slope = closure_slope(closures[0].values_mps, velocity, np.flatnonzero(full))
-        if slope is not None and matrix is not None and rows is matrix.rows:
-            unsure = null_space_cov(rows, matrix.resampled, weights[:, 0])
-            slope = replace(slope, cov=slope.cov + unsure)
+        slope = closure_slope(closures[0].values_mps, velocity, np.flatnonzero(found.full))
+        if slope is not None and matrix is not None and of_matrix:
+            slope = replace(slope, cov=slope.cov + null_space_cov(rows, matrix.resampled, weights[:, 0]))
         if slope is not None and slope.p_value < SIGNIFICANCE:
-            blamed = suspects(slope, weights[:, 0], rows)
-            moves = slope_findings(slope, blamed, rows, velocity)
-    biases = [] if matrix is None or rows is not matrix.rows else bias_findings(matrix, closures)
-    findings += moves + biases
+            explaining = suspects(slope, weights[:, 0], rows)
+            dependence = slope_findings(slope, explaining, rows, velocity)
+    biases = bias_findings(matrix, closures) if matrix is not None and of_matrix else []
+    findings = found.findings + dependence + biases
     for closure in closures:
-        # A closure that moves with the velocity has a median that means nothing; a bias that is named is named once.
-        findings += closure_findings(closure, unbiased=bool(moves or biases))
-    return BeamVerdict(full, matrix, matched, rows, closures, slope, blamed, orders, ambiguous, findings)
+        # The median of a closure that depends on the velocity is no bias, and a named bias is named once.
+        findings += closure_findings(closure, unbiased=bool(dependence or biases))
+    return replace(found, closures=closures, slope=slope, suspects=explaining, findings=findings)

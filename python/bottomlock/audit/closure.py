@@ -1,12 +1,13 @@
-"""Closure: the combinations of the beams that no velocity can move, and what they say of the instrument.
+"""Closure: the combinations of the beams to which no velocity contributes, and what they show of the instrument.
 
-With A (beams, 3) and N its left null space, `Nᵀ y = Nᵀ (bias + noise)`: for a Janus, reading 1 − 2 + 3 − 4 round the
-circle. A closure that moves *with* the velocity says that the beams do not sit as A says: `E[n · y | v] = nᵀ (A_true
-− A) v`.
+With A (beams, 3) and N its left null space, `Nᵀ y = Nᵀ (bias + noise)`; the closure of a Janus is 1 − 2 + 3 − 4 in the
+order of azimuth. A closure that depends on the velocity shows that the true beam matrix is not A:
+`E[n · y | v] = nᵀ (A_true − A) v`.
 
-What closure alone cannot tell: A and A·T have the same null space for every invertible T (3, 3). Of the 12 numbers
-of four beams 9 are thus free; unit length of the beams leaves 5 (three turns of the whole, two stretches that trade
-tilt against azimuth). Of 24 orders of four Janus beams it tells 3 classes of 8 apart; of four biases one combination.
+Limits of observability: A and A·T have the same null space for every invertible T (3, 3). Closure thus leaves 9 of the
+12 entries of four beams free; with unit beams it leaves 5 (three rotations of the whole and two stretches that trade
+tilt against azimuth). Of the 24 orders of four Janus beams it distinguishes 3 classes of 8; of four biases it observes
+one combination.
 """
 
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ GAUSSIAN_BEYOND_3 = float(2.0 * norm.sf(3.0))
 
 
 def null_space(rows: Array) -> Array:
-    """(beams, beams − 3) combinations that no velocity moves, the first of the largest entries of each scaled to 1.
+    """(beams, beams − 3) basis of the left null space, each column scaled so that its (first) largest entry is 1.
 
     >>> null_space(np.array([[1.0, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]])).round(9).T.tolist()
     [[1.0, -1.0, 1.0, -1.0]]
@@ -37,8 +38,8 @@ def null_space(rows: Array) -> Array:
 class Closure:
     """Statistics of the closure over full pings, m/s.
 
-    `beyond_3_sigma` is the part beyond three robust sigmas and two steps of resolution: 0.0027 for Gaussian noise.
-    `white_sigma_mps` is the part of the spread that changes from ping to ping, from first differences.
+    `beyond_3_sigma` is the fraction beyond three robust sigmas and two steps of resolution: 0.0027 for Gaussian noise.
+    `white_sigma_mps` is the spread of the part that changes from ping to ping, from first differences.
     """
 
     weights: Array
@@ -56,7 +57,7 @@ class Closure:
 
     @property
     def beam_sigma_mps(self) -> float:
-        """Noise of one beam that explains the closure, if all are equally noisy."""
+        """Noise of one beam, m/s, 1 sigma, if all beams are equally noisy."""
         return self.sigma_mps / float(np.linalg.norm(self.weights))
 
 
@@ -65,11 +66,11 @@ def closure_of(weights: Array, readings_mps: Array) -> Closure:
     values = readings_mps @ weights
     size = np.abs(values)
     spread, middle = sigma(values), float(np.median(values))
-    # A median of rounded values is a step off as easily as not; three sigmas of it are that much less.
+    # The median of rounded values may be one step off, and three sigmas with it.
     coarse = 2.0 * max(resolution(column) for column in readings_mps.T)
-    pages = np.array_split(values, max(1, min(25, len(values) // 8)))
-    # Medians of consecutive parts: noise that lasts over several pings widens them as it should.
-    middle_sd = float(1.2533 * np.std([np.median(page) for page in pages], ddof=1) / np.sqrt(len(pages)))
+    blocks = np.array_split(values, max(1, min(25, len(values) // 8)))
+    # Medians of consecutive blocks: noise that is correlated over several pings widens their spread as it should.
+    middle_sd = float(1.2533 * np.std([np.median(block) for block in blocks], ddof=1) / np.sqrt(len(blocks)))
     return Closure(
         weights=weights,
         values_mps=values,
@@ -88,7 +89,7 @@ def closure_of(weights: Array, readings_mps: Array) -> Closure:
 
 @dataclass(frozen=True, eq=False)
 class Slope:
-    """How the closure moves with the velocity: slope (3,) and covariance (3, 3), from `pings` pings."""
+    """Regression of the closure on the velocity: slope (3,) and covariance (3, 3), from `pings` pings."""
 
     slope: Array
     cov: Array
@@ -96,7 +97,7 @@ class Slope:
 
     @property
     def p_value(self) -> float:
-        """Chance of a slope this large where the beams sit as assumed (Hotelling's T²: the covariance is of blocks)."""
+        """Probability of a slope this large with the assumed beam matrix (Hotelling's T² over blocks of pings)."""
         free = BLOCKS - 1
         return float(
             f.sf(self.slope @ np.linalg.solve(self.cov, self.slope) * (free - 2) / (3 * free), 3, free - 2)
@@ -104,11 +105,11 @@ class Slope:
 
 
 def closure_slope(values_mps: Array, velocity_mps: Array, row: NDArray[np.int64]) -> Slope | None:
-    """Slope of the closure (n,) on the velocity (n, 3) of full pings at rows (n,) of the log; None from too few.
+    """Slope of the closure (n,) on the velocity (n, 3) of full pings at rows (n,) of the log; None from too few pings.
 
-    The velocity of the same ping carries the noise of the same beams, which correlates with the closure as soon as one
-    beam is noisier than another. The mean of the pings before and after shares the motion and not the noise: it is the
-    instrument of a two-stage fit.
+    The velocity of the same ping has the noise of the same beams, which correlates with the closure where one beam is
+    noisier than another. The mean of the pings before and after shares the motion but not the noise: it is the
+    instrumental variable of a two-stage fit.
     """
     inner = np.flatnonzero((np.diff(row[:-1]) == 1) & (np.diff(row[1:]) == 1)) + 1
     if inner.size < 100:
@@ -124,7 +125,7 @@ def closure_slope(values_mps: Array, velocity_mps: Array, row: NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Suspect:
-    """One beam that would explain a slope: `angle_rad` off its place, or its scale off by `scale`."""
+    """One beam that would explain a slope: its direction off by `angle_rad`, or its scale off by `scale`."""
 
     beam: int
     angle_rad: float
@@ -149,11 +150,11 @@ def null_space_cov(rows: Array, resampled: Array, weights: Array) -> Array:
 
 
 def suspects(slope: Slope, weights: Array, rows: Array) -> list[Suspect]:
-    """Beams that could each alone explain the slope, the best first.
+    """Single beams that would explain the slope, the best first.
 
-    If beam k alone is off by δ, the velocity of least squares is A⁺ (A + e_k δᵀ) v too, and the slope a on *it* obeys
-    (n − A⁺ᵀ a)ᵀ (A + e_k δᵀ) = 0, so that δ = a / (n − A⁺ᵀ a)_k. A turned beam keeps its length (one test); a beam
-    with a wrong scale keeps its direction (two tests).
+    If beam k alone is off by δ, the least-squares velocity is A⁺ (A + e_k δᵀ) v, and the slope a on that velocity obeys
+    (n − A⁺ᵀ a)ᵀ (A + e_k δᵀ) = 0, so that δ = a / (n − A⁺ᵀ a)_k. A wrong direction keeps the row's length (one test); a
+    wrong scale keeps its direction (two tests).
     """
     found = []
     for beam, weight in enumerate(weights - np.linalg.pinv(rows).T @ slope.slope):
@@ -172,9 +173,9 @@ def suspects(slope: Slope, weights: Array, rows: Array) -> list[Suspect]:
         turned = float(np.arctan2(np.hypot(along[0], along[1]), along[2]))
         before = float(np.arctan2(np.hypot(unit[0], unit[1]), unit[2]))
         scale = float(unit @ delta) / length
-        way = along - cosine * unit
-        way = way / max(float(np.linalg.norm(way)), 1e-12)
-        angle_sd = float(np.sqrt(way @ cov @ way)) / length
+        across_unit = along - cosine * unit
+        across_unit = across_unit / max(float(np.linalg.norm(across_unit)), 1e-12)
+        angle_sd = float(np.sqrt(across_unit @ cov @ across_unit)) / length
         found.append(
             Suspect(beam, float(np.arccos(cosine)), angle_sd, turned - before, scale, p_turned, p_scaled)
         )

@@ -1,4 +1,4 @@
-"""The closure, said in words: who faces whom, which order, bias, heavy tails, and a beam that sits wrong."""
+"""Findings from the closure: opposite beams, beam order, bias, heavy tails, and a beam with a wrong direction."""
 
 import numpy as np
 from scipy.stats import binom
@@ -16,22 +16,22 @@ from bottomlock.audit.findings import (
 )
 from bottomlock.audit.robust import Array
 
-HEAVY_PART = 0.01
-"""Heavy tails are named when more than this lies beyond three robust sigmas; Gaussian noise has 0.0027."""
+HEAVY_FRACTION = 0.01
+"""Heavy tails are reported when a larger fraction lies beyond three robust sigmas; Gaussian noise has 0.0027."""
 
 FREE = (
-    "Closure leaves 9 of the 12 numbers of four beams free: every turn, mirror and stretch of the whole closes alike; "
-    "state a geometry, or record the instrument's velocity beside the beams."
+    "Closure leaves 9 of the 12 entries of four beams free: a rotation, mirroring or stretch of the whole closes "
+    "equally well; state a geometry, or record the instrument's velocity beside the beams."
 )
 
 
 def combination_findings(readings: Array) -> tuple[list[Finding], list[Closure]]:
-    """What beams say with neither a velocity nor a stated geometry: which of them face each other."""
+    """Findings with neither a velocity nor a stated geometry: which beams are opposite each other."""
     if readings.shape[1] < 4:
         note = Finding(
             "beams_alone", "note", 0.0, "", 0.0,
-            "Three beams without a velocity or a geometry beside them say nothing of their directions.",
-            "They have no closure.", "State a geometry.",
+            "The directions of three beams are not observable without the instrument's velocity or a stated geometry.",
+            "Three beams have no closure.", "State a geometry.",
         )  # fmt: skip
         return [note], []
     best = closing_combination(readings)
@@ -44,16 +44,15 @@ def combination_findings(readings: Array) -> tuple[list[Finding], list[Closure]]
         return [
             Finding(
                 "beams_alone", "note", best.spread_mps, "m/s", 0.0,
-                "No combination of the beams closes clearly better than the others: nothing of their order is "
-                "observable in this log.",
+                "The order of the beams is not observable in this log: no combination of them closes clearly better "
+                "than the others.",
                 evidence, "Record surge, sway and heave well above the noise.",
             )
         ], []  # fmt: skip
     pairs = [np.flatnonzero(best.weights > 0.5), np.flatnonzero(best.weights < -0.5)]
     faces = readings.shape[1] == 4 and all(len(pair) == 2 for pair in pairs)
     words = (
-        f"The beams close as those of a Janus do in which {beam_words(pairs[0])} face each other, and "
-        f"{beam_words(pairs[1])}."
+        f"The beams close as a Janus in which {beam_words(pairs[0])} face each other, and {beam_words(pairs[1])}."
         if faces
         else f"The beams close with weights {listed}, which are not those of a Janus."
     )
@@ -66,13 +65,13 @@ def combination_findings(readings: Array) -> tuple[list[Finding], list[Closure]]
         0.0,
         words,
         evidence,
-        "Compare with the maker's numbering.",
+        "Compare with the manufacturer's beam numbering.",
     )
     return [note, *closure_findings(closure)], [closure]
 
 
 def order_findings(orders: list[Order], rows: Array) -> tuple[list[Finding], Array, bool]:
-    """The simplest order in which the beams close far better than in this one, if any.
+    """The simplest order in which the beams close far better than in the stated one, if any.
 
     Returns the findings, the rows in that order, and whether other orders explain the closure as simply.
     """
@@ -93,8 +92,8 @@ def order_findings(orders: list[Order], rows: Array) -> tuple[list[Finding], Arr
         f"The beams do not close as stated, and close {plain.closure_mps / max(best.closure_mps, 1e-12):.1f} "
         f"times better with {named}.",
         f"Robust closure of a unit combination {1e3 * plain.closure_mps:.1f} mm/s as stated, "
-        f"{1e3 * best.closure_mps:.1f} mm/s so.",
-        "Closure cannot choose between these; a log with the instrument's velocity, or a known motion, can."
+        f"{1e3 * best.closure_mps:.1f} mm/s after the change.",
+        "Closure cannot distinguish these; record the instrument's velocity, or a known motion."
         if len(simple) > 1
         else "Use the geometry file that this audit writes.",
         tuple(sorted(k + 1 for k in moved)),
@@ -114,22 +113,21 @@ def _order_words(order: Order) -> str:
 
 
 def closure_findings(closure: Closure, *, unbiased: bool = False) -> list[Finding]:
-    """A closure that is biased (unless that is explained), or whose tails are heavier than Gaussian ones."""
+    """A biased closure (unless it is already explained), or tails heavier than Gaussian ones."""
     found = []
     if not unbiased and abs(closure.median_mps) > max(MATERIAL_MPS, SIGMAS * closure.median_sd_mps):
         found.append(
             Finding(
                 "closure_bias", "warning", 1e3 * closure.median_mps, "mm/s", min(abs(closure.median_mps), 1.0),
-                f"The closure is {1e3 * closure.median_mps:+.1f} mm/s in the median: one beam at least is biased.",
-                f"± {1e3 * closure.median_sd_mps:.1g} mm/s over {closure.pings} pings. One combination of the "
-                "biases is seen; "
-                "the three that look like a velocity are not.",
+                f"The median closure is {1e3 * closure.median_mps:+.1f} mm/s: at least one beam is biased.",
+                f"± {1e3 * closure.median_sd_mps:.1g} mm/s over {closure.pings} pings. One combination of the biases "
+                "is observable; the three that act like a velocity are not.",
                 "Let the filter estimate beam biases; compare at rest on the bottom.",
             )
         )  # fmt: skip
     beyond = round(closure.beyond_3_sigma * closure.pings)
     surprise = binom.sf(beyond - 1, closure.pings, GAUSSIAN_BEYOND_3)
-    if closure.beyond_3_sigma > HEAVY_PART and surprise < SIGNIFICANCE:
+    if closure.beyond_3_sigma > HEAVY_FRACTION and surprise < SIGNIFICANCE:
         found.append(
             Finding(
                 "heavy_tails", "warning", closure.beyond_3_sigma, "of pings", closure.beyond_3_sigma,
@@ -139,14 +137,14 @@ def closure_findings(closure: Closure, *, unbiased: bool = False) -> list[Findin
                 f"Median |e| {1e3 * closure.median_abs_mps:.1f}, robust sigma {1e3 * closure.sigma_mps:.1f}, 95 "
                 f"% {1e3 * closure.p95_mps:.0f}, "
                 f"99 % {1e3 * closure.p99_mps:.0f}, largest {1e3 * closure.max_mps:.0f} mm/s.",
-                "Gate beam by beam, or use the heavy-tailed update; state the robust sigma as beam noise, not the rms.",
+                "Gate single beams, or use the heavy-tailed update; state the robust sigma as beam noise, not the RMS.",
             )
         )  # fmt: skip
     return found
 
 
 def slope_findings(slope: Slope, blamed: list[Suspect], rows: Array, velocity: Array) -> list[Finding]:
-    """The closure moves with the velocity: the beams do not sit as the matrix says."""
+    """A closure that depends on the velocity: the beam directions or scales differ from the matrix."""
     effect = float(np.sqrt(slope.slope @ np.cov(velocity, rowvar=False) @ slope.slope))
     best = blamed[0]
     turned = best.p_turned >= best.p_scaled
@@ -156,30 +154,30 @@ def slope_findings(slope: Slope, blamed: list[Suspect], rows: Array, velocity: A
     fitting = [one for one in blamed if max(one.p_turned, one.p_scaled) > 0.01]
     named = []
     for one in fitting:
-        ways = []
+        options = []
         if one.p_turned > 0.01:
-            ways.append(
-                f"beam {one.beam + 1} turned by {np.rad2deg(one.angle_rad):.1f} ± "
+            options.append(
+                f"the direction of beam {one.beam + 1} off by {np.rad2deg(one.angle_rad):.1f} ± "
                 f"{np.rad2deg(one.angle_sd_rad):.1g} deg "
                 f"({np.rad2deg(one.tilt_change_rad):+.1f} deg of it tilt; p {one.p_turned:.2g})"
             )
         if one.p_scaled > 0.01:
-            ways.append(
-                f"beam {one.beam + 1} off in scale by {100.0 * one.scale:+.1f} % (p {one.p_scaled:.2g})"
+            options.append(
+                f"the scale of beam {one.beam + 1} off by {100.0 * one.scale:+.1f} % (p {one.p_scaled:.2g})"
             )
-        named += ways
+        named += options
     words = " or ".join(named) if named else "no single beam explains it"
     sd = np.sqrt(np.diag(slope.cov))
     listed = ", ".join(f"{value:+.3f} ± {spread:.2g}" for value, spread in zip(slope.slope, sd, strict=True))
     return [
         Finding(
-            "closure_moves_with_velocity" if not named else ("mistilted_beam" if turned else "beam_scale"), "fault",
+            "closure_depends_on_velocity" if not named else ("mistilted_beam" if turned else "beam_scale"), "fault",
             float(np.rad2deg(size)) if turned else 100.0 * size, "deg" if turned else "%",
             float(min(np.linalg.norm(slope.slope) / np.sum(np.abs(null_space(rows)[:, 0])), 1.0)),
-            f"The closure moves with the velocity: the beams do not sit as the matrix says. It fits {words}.",
-            f"Slope on x, y, z {listed} (p {slope.p_value:.1g}); {1e3 * effect:.0f} mm/s rms of closure.",
-            "Closure sees one combination of three numbers: check the beam named against the maker's drawing, "
-            "or calibrate with a reference.",
+            f"The closure depends on the velocity: the beams differ from the matrix. Possible cause: {words}.",
+            f"Slope on x, y, z {listed} (p {slope.p_value:.1g}); {1e3 * effect:.0f} mm/s RMS of closure.",
+            "Closure observes one combination of three numbers: check the named beam against the manufacturer's "
+            "drawing, or calibrate with a reference.",
             tuple(one.beam + 1 for one in fitting[:1]) if named else (),
         )
     ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Defects of a log that need no geometry: times, stale pings, zeros that stand for nothing, copied channels."""
+"""Defects of a log that show without a geometry: times, stale pings, zeros flagged valid, copied channels."""
 
 import itertools
 
@@ -11,19 +11,19 @@ from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.robust import Array, resolution
 
 GAP = 2.5
-"""A step of more than this many usual ones is a gap."""
+"""A step longer than this many median steps is a gap."""
 _NEAREST = 60
-"""How many of the values nearest to zero tell how often zero ought to occur."""
+"""Number of values nearest to zero that give the expected count of exact zeros."""
 
 
 def time_findings(log: BeamLog) -> list[Finding]:
-    """Times that repeat or go back (faults: no reader of a log accepts them), gaps, and a ragged clock."""
+    """Times that repeat or go back (faults: the readers reject them), and gaps."""
     if log.pings < 3:
         return []
     steps = np.diff(log.time_ns) * 1e-9
     found = []
-    for kind, where, words in (
-        ("time_repeats", steps == 0.0, "repeat the time before"),
+    for kind, where, text in (
+        ("time_repeats", steps == 0.0, "repeat the time of the ping before"),
         ("time_goes_back", steps < 0.0, "go back in time"),
     ):
         if where.any():
@@ -32,9 +32,9 @@ def time_findings(log: BeamLog) -> list[Finding]:
             found.append(
                 Finding(
                     kind, "fault", float(where.sum()), "pings", part,
-                    f"{where.sum()} of {log.pings} pings {words}.",
+                    f"{where.sum()} of {log.pings} pings {text}.",
                     f"First in row {first}: {log.time_ns[first]} ns after {log.time_ns[first - 1]} ns.",
-                    "Take the instrument's time of validity instead of the host's, or drop these rows before "
+                    "Use the instrument's time of validity instead of the host's, or drop these rows before "
                     "`bottomlock fix`.",
                 )
             )  # fmt: skip
@@ -52,16 +52,16 @@ def time_findings(log: BeamLog) -> list[Finding]:
             Finding(
                 "time_gaps", "warning" if part > 0.01 else "note", float(gaps.size), "gaps", part,
                 f"{gaps.size} {'gap' if gaps.size == 1 else 'gaps'} in time, together {missing:.3g} s of {span:.4g} s.",
-                f"A usual step is {usual:.4g} s; the longest is {steps[worst]:.4g} s, before row {worst + 1}.",
-                "Nothing, if the instrument was silent there; a filter coasts over them. Look for lost lines of "
-                "the recording else.",
+                f"The median step is {usual:.4g} s; the longest is {steps[worst]:.4g} s, before row {worst + 1}.",
+                "None if the instrument did not ping; the filter propagates without it. Otherwise look for lost lines "
+                "of the recording.",
             )
         )  # fmt: skip
     return found
 
 
 def unchanged(log: BeamLog) -> NDArray[np.bool_]:
-    """(n,) a ping repeats all readings and flags of the ping before it; two readings at least are not zero."""
+    """(n,) True where a ping repeats all readings and flags of the one before, with at least two non-zero readings."""
     same = np.zeros(log.pings, dtype=bool)
     if log.beams == 0:
         return same
@@ -73,9 +73,9 @@ def unchanged(log: BeamLog) -> NDArray[np.bool_]:
 
 
 def stale_findings(log: BeamLog, same: NDArray[np.bool_]) -> list[Finding]:
-    """Whole pings that repeat unchanged, more often than chance lets readings of this resolution coincide.
+    """Whole pings that repeat unchanged, more often than readings of this resolution coincide by chance.
 
-    A reader that has marked them has taken their flags away; they count all the same.
+    Pings that a reader has marked as stale, and flagged invalid, count as well.
     """
     if not same.any() or not log.beams:
         return []
@@ -99,16 +99,15 @@ def stale_findings(log: BeamLog, same: NDArray[np.bool_]) -> list[Finding]:
         Finding(
             "stale_pings", "fault" if part > 0.01 else "warning", float(count), "pings", part,
             f"{count} pings ({100.0 * part:.2g} %) repeat the whole ping before them unchanged.",
-            f"{by_chance:.2g} would by chance; first in row {int(np.flatnonzero(same)[0])}, longest run "
+            f"{by_chance:.2g} are expected by chance; first in row {int(np.flatnonzero(same)[0])}, longest run "
             f"{int(runs.max())} pings.",
-            "Drop them: each counts an old reading as a new one, with an old velocity and a variance that is "
-            "too small.",
+            "Drop them: a repeated reading is an old velocity, and is not independent of the ping before.",
         )
     ]  # fmt: skip
 
 
 def zero_findings(log: BeamLog) -> list[Finding]:
-    """Beams flagged valid at exactly zero: more often than the values next to zero occur, and out of place in time."""
+    """Beams flagged valid at exactly zero: more often than neighbouring values, and amid readings far from zero."""
     found = []
     for k in range(log.beams):
         y = log.velocity_mps[log.valid[:, k], k]
@@ -117,7 +116,7 @@ def zero_findings(log: BeamLog) -> list[Finding]:
             continue
         quantum = resolution(y)
         reach = float(np.sort(np.abs(y[y != 0.0]))[:_NEAREST][-1]) if zeros < y.size else 0.0
-        # As many as the values next to zero have each: readings that pass through zero hit it honestly.
+        # The count of each value next to zero: readings that pass through zero are exactly zero as often.
         near = int(np.sum((np.abs(y) <= reach) & (y != 0.0)))
         usual = near * quantum / max(2.0 * reach, quantum) if quantum else 0.0
         if poisson.sf(zeros - 1, 1.5 * usual + 1e-3) > SIGNIFICANCE or _out_of_place(y) < max(2, 0.3 * zeros):
@@ -128,9 +127,9 @@ def zero_findings(log: BeamLog) -> list[Finding]:
                 "zero_as_valid", "fault", float(zeros), "pings", part,
                 f"Beam {k + 1} is flagged valid with a velocity of exactly zero in {zeros} pings "
                 f"({100.0 * part:.2g} %).",
-                f"{usual:.2g} would be usual beside values {quantum:.2g} m/s apart; "
+                f"{usual:.2g} are expected at a resolution of {quantum:.2g} m/s; "
                 f"first in row {int(np.flatnonzero(log.valid[:, k] & (log.velocity_mps[:, k] == 0.0))[0])}.",
-                "Treat zero as lost: clear the flag where the velocity is exactly zero.",
+                "Treat zero as a lost beam: clear the flag where the velocity is exactly zero.",
                 (k + 1,),
             )
         )  # fmt: skip
@@ -138,7 +137,7 @@ def zero_findings(log: BeamLog) -> list[Finding]:
 
 
 def _out_of_place(y: Array) -> int:
-    """How many zeros stand between readings that are more than five steps of resolution from zero.
+    """Number of zeros between readings more than five steps of resolution from zero.
 
     A vehicle at rest reads zero among values of a step or two.
     """
@@ -154,7 +153,7 @@ def _out_of_place(y: Array) -> int:
 
 
 def range_findings(log: BeamLog) -> list[Finding]:
-    """Beams flagged valid whose range is zero or negative: no echo, or no range for a good velocity."""
+    """Beams flagged valid whose range is zero or negative."""
     if log.range_m is None:
         return []
     found = []
@@ -184,42 +183,43 @@ def copy_findings(log: BeamLog) -> list[Finding]:
         moving = a != 0.0
         if moving.sum() < 20:
             continue
-        for sign, words in ((1.0, "the same numbers"), (-1.0, "the same numbers with the sign changed")):
+        for sign, text in ((1.0, "the same numbers"), (-1.0, "the same numbers with the sign changed")):
             part = float(np.mean(a[moving] == sign * b[moving]))
             if part > 0.5:
                 found.append(
                     Finding(
                         "identical_beams", "fault", part, "of pings", part,
-                        f"{beam_words([i, j]).capitalize()} hold {words} in {100.0 * part:.3g} % of "
+                        f"{beam_words([i, j]).capitalize()} hold {text} in {100.0 * part:.3g} % of "
                         f"{moving.sum()} pings.",
-                        "Two transducers never agree to the last digit.",
-                        "Look for a column that is read twice; until it is found use one of the two and treat "
-                        "the other as lost.",
+                        "Two transducers do not agree to the last digit.",
+                        "Look for a column that is read twice; until then use one of the two and treat the other as "
+                        "lost.",
                         (i + 1, j + 1),
                     )
                 )  # fmt: skip
     return found
 
 
-def verdict_findings(log: BeamLog, same: NDArray[np.bool_]) -> list[Finding]:
-    """Where the instrument's verdict and its beams part: refused with all beams, given with fewer than three.
+def instrument_flag_findings(log: BeamLog, same: NDArray[np.bool_]) -> list[Finding]:
+    """Contradictions between the instrument's velocity flag and its beams.
 
-    Stale pings are left out: a reader may have taken their flags away.
+    The velocity is flagged invalid with all beams valid, or valid with fewer than three. Stale pings are left out: a
+    reader may have cleared their flags.
     """
     if log.instrument_valid is None or not log.beams:
         return []
     count = log.valid.sum(axis=1)
     found = []
-    refused = (count == log.beams) & ~log.instrument_valid & ~same
-    if refused.any():
-        part = float(refused.sum() / max((count == log.beams).sum(), 1))
+    rejected = (count == log.beams) & ~log.instrument_valid & ~same
+    if rejected.any():
+        part = float(rejected.sum() / max((count == log.beams).sum(), 1))
         found.append(
             Finding(
-                "refused_by_instrument", "note" if part < 0.2 else "warning", float(refused.sum()), "pings", part,
-                f"The instrument refuses its velocity in {refused.sum()} pings with all {log.beams} beams valid "
-                f"({100.0 * part:.3g} %).",
-                f"First in row {int(np.flatnonzero(refused)[0])}.",
-                "A flag per beam does not make a good ping: gate by closure and by innovation as well.",
+                "rejected_by_instrument", "note" if part < 0.2 else "warning", float(rejected.sum()), "pings", part,
+                f"The instrument flags its velocity invalid in {rejected.sum()} pings with all {log.beams} beams "
+                f"valid ({100.0 * part:.3g} %).",
+                f"First in row {int(np.flatnonzero(rejected)[0])}.",
+                "Valid flags of the beams are not sufficient: gate by closure and by innovation as well.",
             )
         )  # fmt: skip
     given = (count < min(3, log.beams)) & log.instrument_valid & ~same
@@ -227,9 +227,9 @@ def verdict_findings(log: BeamLog, same: NDArray[np.bool_]) -> list[Finding]:
         found.append(
             Finding(
                 "velocity_without_beams", "fault", float(given.sum()), "pings", float(given.mean()),
-                f"The instrument stands by a velocity in {given.sum()} pings with fewer than three valid beams.",
+                f"The instrument flags its velocity valid in {given.sum()} pings with fewer than three valid beams.",
                 f"First in row {int(np.flatnonzero(given)[0])}.",
-                "Do not take that velocity: it rests on something that the log does not hold.",
+                "Do not use that velocity: it depends on data that are not in the log.",
             )
         )  # fmt: skip
     return found

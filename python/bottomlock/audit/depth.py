@@ -1,4 +1,4 @@
-"""The depth rate against the heave of the beams: which way z points, and the scale of what is vertical."""
+"""Depth rate against the vertical velocity: the direction of z and the vertical scale."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ WINDOW_S = 5.0
 
 @dataclass(frozen=True)
 class DepthRate:
-    """Change of depth = slope × integrated downward velocity over windows; `levelled` with an attitude beside it."""
+    """Change of depth = slope × integrated downward velocity over windows; `levelled` where an attitude was used."""
 
     slope: float
     slope_sd: float
@@ -29,9 +29,10 @@ class DepthRate:
 def depth_rate(
     time_ns: NDArray[np.int64], velocity_mps: Array, depths: Depths, reference: Reference | None
 ) -> DepthRate | None:
-    """Slope of the depth change on the integrated z of velocities (n, 3) at times (n,); None from too little overlap.
+    """Slope of the depth change on the integrated downward part of velocities (n, 3), m/s, at times (n,), ns.
 
-    With an attitude the whole velocity is levelled; without, z is taken for down, and pitch × surge leaks in.
+    With an attitude the velocity is rotated to the tangent frame; without, z is taken as down, and pitch × surge adds
+    an error. Returns None where the recordings overlap too little or the vehicle hardly moves vertically.
     """
     time_s = time_ns * 1e-9
     depth_s = depths.time_ns * 1e-9
@@ -44,11 +45,11 @@ def depth_rate(
         return None
     down = velocity[:, 2]
     if reference is not None:
-        turn = Slerp(reference.time_ns * 1e-9, Rotation.from_euler("ZYX", reference.rpy_rad[:, ::-1]))(time_s)
-        down = turn.apply(velocity)[:, 2]
+        attitude = Slerp(reference.time_ns * 1e-9, Rotation.from_euler("ZYX", reference.rpy_rad[:, ::-1]))
+        down = attitude(time_s).apply(velocity)[:, 2]
     path = np.concatenate([[0.0], np.cumsum(0.5 * (down[1:] + down[:-1]) * np.diff(time_s))])
     edges = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], WINDOW_S))
-    # A window over a gap of the log integrates what was not measured.
+    # Over a gap of the log the velocity was not measured.
     usable = np.diff(time_s[edges]) < 2.0 * WINDOW_S
     moved = np.diff(path[edges])[usable]
     sunk = np.diff(np.interp(time_s[edges], depth_s, depths.depth_m))[usable]
@@ -66,41 +67,38 @@ def depth_rate(
 
 
 def depth_findings(rate: DepthRate | None) -> list[Finding]:
-    """A z axis that points up; a vertical scale that is off, with the caveat that pitch makes."""
+    """A z axis that points up, or a wrong vertical scale."""
     if rate is None:
         return []
     caveat = (
-        ""
-        if rate.levelled
-        else " There is no attitude beside it: pitch times surge is in it, and moves the slope."
+        "" if rate.levelled else " Without an attitude, pitch times surge is included and biases the slope."
     )
     evidence = (
-        f"Slope {rate.slope:+.2f} ± {rate.slope_sd:.2g}, correlation {rate.correlation:+.2f} over "
-        f"{rate.windows} windows "
-        f"of {WINDOW_S:g} s.{caveat}"
+        f"Slope {rate.slope:+.2f} ± {rate.slope_sd:.2g}, correlation {rate.correlation:+.2f} over {rate.windows} "
+        f"windows of {WINDOW_S:g} s.{caveat}"
     )
     if abs(rate.correlation) < 0.3 or abs(rate.slope) < 5.0 * rate.slope_sd:
         return [
             Finding(
                 "depth_not_observable", "note", rate.slope, "", 0.0,
-                "Neither the sign of z nor the vertical scale is observable in this log: the depth hardly "
-                "follows the heave.",
-                evidence, "Record a dive or a climb.",
+                "Neither the sign of z nor the vertical scale is observable in this log: the depth hardly correlates "
+                "with the vertical velocity.",
+                evidence, "Record a descent or an ascent.",
             )
         ]  # fmt: skip
     if rate.slope < 0.0:
         return [
             Finding(
                 "z_points_up", "fault", rate.slope, "", 1.0,
-                "The z axis of the velocity points up: the depth grows when it is negative.", evidence,
-                "Turn the frame (x forward, y right, z down) before fusing it.",
+                "The z axis of the velocity points up: the depth increases when z is negative.", evidence,
+                "Rotate the velocity to forward, right, down before using it.",
             )
         ]  # fmt: skip
     if rate.levelled and abs(rate.slope - 1.0) > max(0.03, 5.0 * rate.slope_sd):
         return [
             Finding(
                 "vertical_scale", "warning", 100.0 * (rate.slope - 1.0), "%", min(abs(rate.slope - 1.0), 1.0),
-                f"The depth changes {rate.slope:.3f} times as fast as the vertical velocity says.", evidence,
+                f"The depth changes {rate.slope:.3f} times as fast as the integrated vertical velocity.", evidence,
                 "Check the tilt of the beams and the sound speed.",
             )
         ]  # fmt: skip

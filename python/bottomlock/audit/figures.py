@@ -1,4 +1,4 @@
-"""Figures of an audit: how the closure is spread, when it is bad, which beams return, where they look."""
+"""Figures of an audit: distribution and history of the closure, validity of the beams, beam directions."""
 
 import matplotlib as mpl
 import numpy as np
@@ -19,10 +19,10 @@ _STATE_COLOURS = (GREEN, ORANGE, "#8952ff", INK)
 
 
 def closure_figure(audit: Audit) -> Figure | None:
-    """Histogram of the first closure on a logarithmic scale, and the Gaussian that its middle suggests; or None."""
-    if not audit.verdict.closures:
+    """Histogram of the first closure on a logarithmic scale, with a Gaussian of its robust sigma; None without one."""
+    if not audit.assessment.closures:
         return None
-    closure = audit.verdict.closures[0]
+    closure = audit.assessment.closures[0]
     values, spread = closure.values_mps, max(closure.sigma_mps, 1e-6)
     reach = max(6.0 * spread, float(np.quantile(np.abs(values), 0.998)))
     with mpl.rc_context(STYLE):
@@ -42,28 +42,27 @@ def closure_figure(audit: Audit) -> Figure | None:
         )
         axes.set_yscale("log")
         axes.set_ylim(0.5, 12.0 * max(float(np.histogram(inside, edges)[0].max()), float(expected.max())))
-        axes.set_xlabel("closure, mm/s (what lies beyond is counted in the outermost bars)")
+        axes.set_xlabel("closure, mm/s (values beyond are counted in the outermost bars)")
         axes.set_ylabel("pings")
         axes.legend(loc="upper right", frameon=False, fontsize=8.5)
     return figure
 
 
 def residual_figure(audit: Audit) -> Figure | None:
-    """The closure against time; below it how far every beam jumps from the median of five pings; or None.
+    """The closure against time, and below it each beam's deviation from its median over five pings; or None.
 
-    The closure of four beams is one number a ping: shared out over the beams it would be the same picture four
-    times. What tells the beams apart is how each behaves in time.
+    The closure of four beams is one number per ping and cannot be assigned to a beam; the deviations in time can.
     """
-    verdict, log = audit.verdict, audit.log
-    if not log.beams or verdict.full.sum() < 5:
+    assessment, log = audit.assessment, audit.log
+    if not log.beams or assessment.full.sum() < 5:
         return None
-    time_s = log.time_s[verdict.full]
+    time_s = log.time_s[assessment.full]
     panels = [
         (f"beam {k + 1}", COLOURS[k], values)
-        for k, values in enumerate(jumps(log.velocity_mps[verdict.full]).T)
+        for k, values in enumerate(jumps(log.velocity_mps[assessment.full]).T)
     ]
-    if verdict.closures:
-        panels.insert(0, ("closure", INK, verdict.closures[0].values_mps))
+    if assessment.closures:
+        panels.insert(0, ("closure", INK, assessment.closures[0].values_mps))
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 0.9 + 0.9 * len(panels)), layout="constrained")
         for axes, (name, colour, values) in zip(
@@ -78,7 +77,7 @@ def residual_figure(audit: Audit) -> Figure | None:
             axes.set_ylim(-1.2e3 * limit, 1.2e3 * limit)
         figure.axes[-1].set_xlabel("time, s")
         figure.axes[0].set_title(
-            "mm/s; beams: jump from the median of five pings; orange ticks lie beyond the frame",
+            "mm/s; beams: deviation from the median of five pings; orange ticks lie beyond the frame",
             loc="right",
             fontsize=8.5,
         )
@@ -86,7 +85,7 @@ def residual_figure(audit: Audit) -> Figure | None:
 
 
 def jumps(readings_mps: Array) -> Array:
-    """(n, beams) readings less the median of the five pings about them: what no vehicle does.
+    """(n, beams) readings minus the median of the five pings about them, which the vehicle's motion hardly affects.
 
     >>> jumps(np.array([[0.0], [0.0], [0.0], [9.0], [0.0], [0.0]])).ravel().tolist()
     [0.0, 0.0, 0.0, 9.0, 0.0, 0.0]
@@ -95,7 +94,7 @@ def jumps(readings_mps: Array) -> Array:
 
 
 def validity_figure(audit: Audit) -> Figure | None:
-    """A strip per beam over time: returned, lost, stale, or exactly zero though flagged valid; None without beams."""
+    """A strip per beam over the pings: returned, lost, stale, or zero though flagged valid; None without beams."""
     log = audit.log
     if not log.beams:
         return None
@@ -104,7 +103,7 @@ def validity_figure(audit: Audit) -> Figure | None:
     named = np.isin(np.arange(log.beams), list(blamed))
     state = np.where(log.valid & (log.velocity_mps == 0.0) & named, 3, state)
     state = np.where(audit.unchanged[:, None], 2, state)
-    # At most 1500 columns, each showing the worst of its pings: what is rare must not vanish between pixels.
+    # At most 1500 columns, each with the worst of its pings, so that rare states remain visible.
     order = np.array([0, 1, 2, 3])
     count = min(1500, log.pings)
     edges = np.linspace(0, log.pings, count + 1).astype(int)[:-1]
@@ -128,8 +127,8 @@ def validity_figure(audit: Audit) -> Figure | None:
 
 
 def geometry_figure(audit: Audit) -> Figure | None:
-    """Found beams from above, points at their tilt, and the stated ones as rings; None where not observable."""
-    matrix = audit.verdict.matrix
+    """Beam directions from above: estimated as points, stated as rings; None where not observable."""
+    matrix = audit.assessment.matrix
     if matrix is None or not matrix.observable.all():
         return None
     with mpl.rc_context(STYLE):
@@ -141,9 +140,17 @@ def geometry_figure(audit: Audit) -> Figure | None:
         tilt, azimuth = _polar(shown)
         axes.set_ylim(0.0, 1.35 * float(np.rad2deg(tilt).max()))
         if audit.stated is not None:
-            lean, turn = _polar(np.where(audit.stated[:, 2:3] < 0.0, -audit.stated, audit.stated))
+            stated_tilt, stated_azimuth = _polar(
+                np.where(audit.stated[:, 2:3] < 0.0, -audit.stated, audit.stated)
+            )
             axes.plot(
-                turn, np.rad2deg(lean), "o", markersize=15, markerfacecolor="none", color=GREY, label="stated"
+                stated_azimuth,
+                np.rad2deg(stated_tilt),
+                "o",
+                markersize=15,
+                markerfacecolor="none",
+                color=GREY,
+                label="stated",
             )
             axes.legend(loc="lower right", bbox_to_anchor=(1.12, -0.08), frameon=False, fontsize=8.5)
         for k in range(len(tilt)):

@@ -1,4 +1,4 @@
-"""What an audit says: one finding a fault, with its numbers and what to do about it."""
+"""Findings of an audit: one per fault, with its numbers and the recommended action."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
@@ -9,15 +9,15 @@ import polars as pl
 
 from bottomlock.tables.audit import FINDINGS
 
-Weight = Literal["fault", "warning", "note"]
-WEIGHTS: tuple[Weight, ...] = ("fault", "warning", "note")
+Severity = Literal["fault", "warning", "note"]
+SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
 
 SIGNIFICANCE = 1e-5
-"""Every test's chance to cry wolf in a clean log. An audit makes fewer than 50: 1 in 2000 clean logs is accused."""
+"""False-alarm probability of each test. An audit makes fewer than 50: 1 clean log in 2000 gets a false finding."""
 
 SIGMAS = 5.0
 MATERIAL_RAD, MATERIAL_SCALE, MATERIAL_MPS = np.deg2rad(0.5), 0.005, 0.002
-"""What is smaller is left unsaid, however sure: 0.5° of tilt is 2 % of surge at 25°; 0.5 % of scale; 2 mm/s of bias."""
+"""Smaller errors are not reported, however significant: 0.5° of tilt is 2 % of surge at 25°; 0.5 % of scale; 2 mm/s."""
 
 
 @dataclass(frozen=True)
@@ -26,29 +26,31 @@ class Finding:
 
     Attributes:
         kind: stable name for programs.
-        weight: "fault" (velocities are wrong), "warning" (they are worse than they look), "note" (worth knowing).
-        size: how much, in `unit`; findings of one weight are ranked by `part`.
-        part: share of the log or of the velocity that it touches, 0 to 1.
-        words: what was found, in one sentence.
-        evidence: the numbers it rests on.
-        advice: what to do.
+        severity: "fault" (velocities are wrong), "warning" (they are worse than they look), "note" (worth knowing).
+        size: magnitude, in `unit`; findings of one severity are ranked by `fraction`.
+        fraction: share of the log or of the velocity that it touches, 0 to 1.
+        text: the finding in one sentence.
+        evidence: the numbers behind it.
+        advice: recommended action.
         beams: numbers of the beams concerned, from 1.
     """
 
     kind: str
-    weight: Weight
+    severity: Severity
     size: float
     unit: str
-    part: float
-    words: str
+    fraction: float
+    text: str
     evidence: str
     advice: str
     beams: tuple[int, ...] = ()
 
 
 def ranked(findings: Iterable[Finding]) -> list[Finding]:
-    """Faults first, then warnings, then notes; within each by the part that they touch."""
-    return sorted(findings, key=lambda one: (WEIGHTS.index(one.weight), -one.part, one.kind, one.beams))
+    """Faults first, then warnings, then notes; within each by the fraction affected."""
+    return sorted(
+        findings, key=lambda one: (SEVERITIES.index(one.severity), -one.fraction, one.kind, one.beams)
+    )
 
 
 def findings_table(findings: list[Finding]) -> pl.DataFrame:

@@ -1,4 +1,4 @@
-"""The geometry file that an audit writes: what `bottomlock fix` and `read_geometry` take."""
+"""The geometry file that an audit writes, as `bottomlock fix` and `read_geometry` read it."""
 
 import json
 from collections.abc import Sequence
@@ -15,31 +15,31 @@ SURE = 5.0
 
 
 def geometry_text(audit: Audit) -> str:
-    """The TOML of the found geometry: directions in the order and signs of the log, noise, scale, mounting, lever arm.
+    """TOML of the estimated geometry: directions in the order and signs of the log, noise, scale, mounting, lever arm.
 
     Raises:
-        DataError: where the log gives no directions (no beams; or neither a velocity beside them nor a stated
-            geometry).
+        DataError: where the log gives no directions (no beams; neither a velocity nor a stated geometry; an ambiguous
+            order), or too few full pings for the beam noise.
     """
-    log, verdict = audit.log, audit.verdict
-    if verdict.rows is None:
+    log, assessment = audit.log, audit.assessment
+    if assessment.rows is None:
         why = (
             "it has no beams"
             if not log.beams
-            else "beams alone leave 9 of 12 numbers free; state a geometry with --geometry"
+            else "beams alone leave 9 of 12 entries free; state a geometry with --geometry"
         )
         raise DataError(f"{log.place}: no geometry can be written: {why}")
-    if verdict.ambiguous:
+    if assessment.ambiguous:
         raise DataError(
-            f"{log.place}: no geometry can be written: the stated order does not close, and closure cannot choose "
-            "between others; state the right one with --geometry"
+            f"{log.place}: no geometry can be written: the stated order does not close, and closure cannot distinguish "
+            "the orders that do; state the right one with --geometry"
         )
-    length = np.linalg.norm(verdict.rows, axis=1)
-    unit = verdict.rows / length[:, None]
-    found = verdict.matrix is not None and bool(verdict.matrix.observable.all())
+    length = np.linalg.norm(assessment.rows, axis=1)
+    unit = assessment.rows / length[:, None]
+    found = assessment.matrix is not None and bool(assessment.matrix.observable.all())
     source = (
-        f"from {verdict.matrix.pings} full pings ({verdict.matrix.way})"
-        if found and verdict.matrix is not None
+        f"from {assessment.matrix.pings} full pings ({assessment.matrix.regression})"
+        if found and assessment.matrix is not None
         else f"as stated by {audit.geometry_name}, order and signs by closure"
     )
     lines = [
@@ -51,14 +51,14 @@ def geometry_text(audit: Audit) -> str:
     for k, row in enumerate(unit):
         sd = (
             ""
-            if not found or verdict.matrix is None
-            else f" ± {np.rad2deg(verdict.matrix.direction_sd_rad[k]):.2g}"
+            if not found or assessment.matrix is None
+            else f" ± {np.rad2deg(assessment.matrix.direction_sd_rad[k]):.2g}"
         )
         told = f"tilt {np.rad2deg(tilt(row)):.3f}, azimuth {np.rad2deg(azimuth(row)):.3f} deg{sd}"
         lines.append(f"    {_vector(row, 9)},  # beam {k + 1}: {told}")
     lines.append("]")
-    if verdict.matrix is not None and found:
-        m = verdict.matrix
+    if assessment.matrix is not None and found:
+        m = assessment.matrix
         common = float(np.mean(m.scale))
         alike = float(np.ptp(m.scale)) < 0.01
         if alike and abs(common - 1.0) > max(0.005, SURE * float(np.mean(m.scale_sd))):
@@ -79,13 +79,14 @@ def _vector(values: Sequence[float] | Array, digits: int) -> str:
 
 
 def _noise(audit: Audit) -> float:
-    """Of the closure, where there is one; of second differences in time else, which holds some motion."""
-    if audit.verdict.closures:
-        return max(float(np.median([one.beam_sigma_mps for one in audit.verdict.closures])), 1e-6)
-    readings = audit.log.velocity_mps[audit.verdict.full]
+    """Beam noise, m/s, from the closure; without one from second differences in time, which include some motion."""
+    if audit.assessment.closures:
+        return max(float(np.median([one.beam_sigma_mps for one in audit.assessment.closures])), 1e-6)
+    readings = audit.log.velocity_mps[audit.assessment.full]
     if len(readings) < 3:
         raise DataError(
-            f"{audit.log.place}: no geometry can be written: too few full pings to tell the beam noise"
+            f"{audit.log.place}: no geometry can be written: {len(readings)} full pings, expected 3 or more for the "
+            "beam noise"
         )
     bent = np.diff(readings, n=2, axis=0) / np.sqrt(6.0)
     return max(float(np.mean([sigma(column) for column in bent.T])), 1e-6)

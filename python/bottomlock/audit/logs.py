@@ -1,4 +1,4 @@
-"""Logs as an audit reads them: defects of time and velocity are kept, for they are what it looks for."""
+"""Readers of logs for an audit: defects of time and velocity are kept, since the audit reports them."""
 
 import json
 import re
@@ -22,16 +22,16 @@ class BeamLog:
     """Pings as recorded.
 
     Attributes:
-        place: what to call it in messages.
+        place: name of the log in messages.
         time_ns: (n,) int64, in the order of the file; it may repeat or go back.
         velocity_mps: (n, beams) readings, NaN where there is none; beams may be 0.
         valid: (n, beams) the instrument's flags.
         range_m: (n, beams), or None.
         instrument_mps: (n, 3) the instrument's own velocity in its own frame, or None.
-        instrument_valid: (n,) its verdict on that velocity, or None.
+        instrument_valid: (n,) its own flag of that velocity, or None.
         columns: map of the columns that were read, or None for the documented names.
-        beside: what the converter wrote in the JSON file beside the table; empty where there is none.
-        stale: (n,) pings that the reader has marked as unchanged repeats (and taken the flags from), or None.
+        beside: content of the JSON file that the converter wrote beside the table; empty where there is none.
+        stale: (n,) pings that the reader has marked as unchanged repeats (and flagged invalid), or None.
         error_velocity_mps: (n,) closure that the instrument gives in place of beams, NaN where none, or None.
     """
 
@@ -69,12 +69,12 @@ class BeamLog:
 
     @property
     def own_frame(self) -> bool:
-        """The instrument's velocity is in its own frame, not turned to the ship's or the Earth's."""
+        """The instrument's velocity is in its own frame, not in the ship's or the Earth's."""
         return self.beside.get("instrument_frame", "frd") not in {"earth", "ship"}
 
     @property
     def solved(self) -> NDArray[np.bool_]:
-        """(n,) the instrument gives a velocity and stands by it."""
+        """(n,) the instrument gives a velocity and flags it valid."""
         if self.instrument_mps is None:
             return np.zeros(self.pings, dtype=bool)
         finite = np.isfinite(self.instrument_mps).all(axis=1)
@@ -107,19 +107,17 @@ def _columns_of(table: pl.DataFrame, ending: str) -> list[str]:
 
 
 def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
-    """A beam table (`time_ns`, `beam1_mps`, `beam1_valid`, ..., `instrument_x_mps`, ...), or a log by a column map.
+    """Reads a beam table (`time_ns`, `beam1_mps`, `beam1_valid`, ..., `instrument_x_mps`, ...), or a mapped log.
 
-    A log with the instrument's velocity alone has no beams. A velocity that is not finite counts as invalid only where
-    its flag says so.
+    A log with the instrument's velocity alone has no beams.
 
     Args:
         path: CSV or Parquet.
         columns: map of other names, from a geometry file.
 
     Raises:
-        DataError: naming file, row and column, for what cannot be read, a flag that is none, a valid beam without a
-            finite
-            velocity, or a log with neither beams nor the instrument's velocity.
+        DataError: naming file, row and column, for a file that cannot be read, a flag other than 0 or 1, a valid beam
+            without a finite velocity, or a log with neither beams nor the instrument's velocity.
     """
     place, table = str(path), read_rows(Path(path))
     mapped = columns is not None and columns.velocity is not None and columns.velocity[0] in table.columns
@@ -134,7 +132,8 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])
         raise DataError(
-            f"{place}: row {row}, column '{names[beam]}' is not finite, but beam {beam + 1} is flagged valid"
+            f"{place}: row {row}, column '{names[beam]}' is not finite, but beam {beam + 1} is flagged valid; expected "
+            "a finite velocity or a cleared flag"
         )
     own = [f"instrument_{axis}_mps" for axis in AXES]
     has_own = all(_filled(table, name) for name in own)
@@ -160,7 +159,7 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
 
 
 def _beside(path: Path) -> dict[str, Any]:
-    """What the converter says of the table; a file that is not its own is left alone."""
+    """Account of the converter; empty without one, or for a file that is no JSON object."""
     try:
         content = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -170,11 +169,11 @@ def _beside(path: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Attitude beside the log, with velocity where the file has it.
+    """Recorded attitude of the platform, with velocity where the file has it.
 
     Attributes:
         time_ns: (m,) int64, rising.
-        rpy_rad: (m, 3) roll, pitch, yaw of the platform against north, east, down.
+        rpy_rad: (m, 3) roll, pitch, yaw from tangent (NED) to platform frame.
         velocity_t_mps: (m, 3) north, east, down, or None.
     """
 
@@ -185,7 +184,7 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class Inertial:
-    """IMU beside the log: time_ns (m,), force_p_mps2 (m, 3), omega_p_radps (m, 3), in the platform frame."""
+    """Recorded IMU: time_ns (m,), force_p_mps2 (m, 3), omega_p_radps (m, 3), in the platform frame."""
 
     time_ns: NDArray[np.int64]
     force_p_mps2: NDArray[np.float64]
@@ -194,7 +193,7 @@ class Inertial:
 
 @dataclass(frozen=True, eq=False)
 class Depths:
-    """Depth beside the log: time_ns (m,), depth_m (m,), positive down."""
+    """Recorded depth: time_ns (m,), depth_m (m,), positive down."""
 
     time_ns: NDArray[np.int64]
     depth_m: NDArray[np.float64]
@@ -223,7 +222,7 @@ def _block(table: pl.DataFrame, names: list[str], place: str) -> NDArray[np.floa
 
 
 def read_reference(path: str | Path) -> Reference:
-    """Attitude from `time_ns`, `roll_rad`, `pitch_rad`, `yaw_rad` and, if there, `velocity_north_mps` ....
+    """Reads attitude from `time_ns`, `roll_rad`, `pitch_rad`, `yaw_rad` and, if present, `velocity_north_mps` ....
 
     Raises:
         DataError: naming file, row and column, for what is missing, not finite, or a time that does not rise.
@@ -237,7 +236,7 @@ def read_reference(path: str | Path) -> Reference:
 
 
 def read_inertial(path: str | Path) -> Inertial:
-    """IMU from `time_ns`, `force_x_mps2` ... and `omega_x_radps` ..., platform frame (forward, right, down).
+    """Reads an IMU from `time_ns`, `force_x_mps2` ... and `omega_x_radps` ..., platform frame (FRD).
 
     Raises:
         DataError: as `read_reference`.
@@ -248,7 +247,7 @@ def read_inertial(path: str | Path) -> Inertial:
 
 
 def read_depths(path: str | Path) -> Depths:
-    """Depth from `time_ns` and `depth_m`.
+    """Reads depth from `time_ns` and `depth_m`.
 
     Raises:
         DataError: as `read_reference`.

@@ -1,14 +1,13 @@
-"""The matrix between the beams and the instrument's own velocity: directions, order, signs, scale, bias.
+"""Beam matrix from the instrument's own velocity: directions, order, signs, scale, bias.
 
-The instrument computes its velocity from the beams. What stands between them is therefore the matrix that the
-instrument *uses*; that it is also how the transducers sit is another question, which `closure` and an independent
-velocity answer.
+The instrument computes its velocity from the beams, so that the regression gives the matrix that the instrument *uses*.
+Whether the transducers are mounted so is tested by `closure` and by an independent velocity.
 
-Two regressions give it. Where the instrument solves by least squares without weights, `v = A⁺ y + c` holds to rounding:
-the velocity regressed on the readings gives A⁺, and A is its pseudo-inverse, whatever the noise of the beams (which
-is in the readings *and* in the velocity, and so falls out). The other way round, `y = A v + bias`, is biased where
-the beams are not equally noisy, because the velocity carries their noise; but it does not need the instrument to use
-these readings and nothing else. The first is taken where it fits far better than the second, the second else.
+Two regressions give it. Where the instrument solves unweighted least squares, `v = A⁺ y + c` holds to rounding: the
+regression of the velocity on the readings gives A⁺, and A is its pseudo-inverse, whatever the noise of the beams (the
+same noise is in the readings and in the velocity). The reverse regression, `y = A v + bias`, is biased where the beams
+are not equally noisy, because the velocity contains their noise, but it does not require that the instrument uses these
+readings alone. The first is used where it fits far better than the second.
 """
 
 from dataclasses import dataclass
@@ -20,30 +19,30 @@ from bottomlock.audit.robust import Array, fit_linear, sigma
 from bottomlock.statistics.rms import rms
 
 LEAST_PINGS = 40
-"""Fewer full pings than this say nothing that could be relied on."""
+"""Least number of full pings for a regression."""
 
 READINGS_TO_VELOCITY = "velocity regressed on readings"
 VELOCITY_TO_READINGS = "readings regressed on velocity"
 FAR_BETTER = 0.2
 LEAST_MOTION = 0.3
-"""Residuals of more than this part of the motion bias a regression by a tenth of it: rounding, or a vehicle at rest."""
+"""Residuals above this fraction of the motion bias a regression by a tenth: coarse rounding, or a vehicle at rest."""
 OBSERVABLE_RAD = np.deg2rad(2.0)
-"""A direction with a larger standard deviation is not observable in this log."""
+"""A direction with a larger standard deviation is not observable in the log."""
 
 
 @dataclass(frozen=True, eq=False)
 class Matrix:
-    """The beams as the instrument's velocity sees them.
+    """The beam matrix by regression against the instrument's velocity.
 
     Attributes:
         rows: (beams, 3) row i is scale × direction of beam i.
-        resampled: (r, beams, 3) bootstrapped copies.
-        bias_mps: (beams,) what a beam reads at zero velocity; its part that looks like a velocity is lost.
-        bias_sd_mps: (beams,).
+        resampled: (r, beams, 3) bootstrap copies.
+        bias_mps: (beams,) reading at zero velocity; the part that acts like a velocity is not observable.
+        bias_sd_mps: (beams,) its standard deviation.
         residual_mps: robust sigma of the residuals.
-        moved_mps: robust sigma of the velocity along the axis in which it varies least.
-        way: which regression was taken.
-        pings: how many went in.
+        excitation_mps: robust sigma of the velocity along the axis in which it varies least.
+        regression: which regression was used.
+        pings: number of pings used.
     """
 
     rows: Array
@@ -51,13 +50,13 @@ class Matrix:
     bias_mps: Array
     bias_sd_mps: Array
     residual_mps: float
-    moved_mps: float
-    way: str
+    excitation_mps: float
+    regression: str
     pings: int
 
     @property
     def scale(self) -> Array:
-        """(beams,) length of each row: 1 where the instrument reports what its beams read."""
+        """(beams,) length of each row: 1 where the instrument's velocity has the scale of its beams."""
         return np.asarray(np.linalg.norm(self.rows, axis=1))
 
     @property
@@ -79,18 +78,18 @@ class Matrix:
 
     @property
     def observable(self) -> NDArray[np.bool_]:
-        """(beams,) the log moves enough to tell the direction, and well above what is left unexplained."""
-        moves = self.residual_mps < LEAST_MOTION * self.moved_mps
+        """(beams,) True where the direction is observable: a small deviation, and a motion well above the residuals."""
+        moves = self.residual_mps < LEAST_MOTION * self.excitation_mps
         return np.asarray((self.direction_sd_rad < OBSERVABLE_RAD) & (self.scale > 0.1) & moves)
 
     @property
     def tilt_rad(self) -> Array:
-        """(beams,) from the z axis; more than π/2 where a reading is positive away from it."""
+        """(beams,) angle from the z axis; more than π/2 for a beam with reversed sign."""
         return tilt(self.directions)
 
     @property
     def azimuth_rad(self) -> Array:
-        """(beams,) from x towards y."""
+        """(beams,) angle from x towards y."""
         return azimuth(self.directions)
 
     @property
@@ -124,14 +123,14 @@ def azimuth(vectors: Array) -> Array:
 
 
 def find_matrix(readings_mps: Array, velocity_mps: Array) -> Matrix | None:
-    """The matrix that stands between readings (n, beams) and the instrument's velocity (n, 3); None from too few pings.
+    """Beam matrix from readings (n, beams) and the instrument's velocity (n, 3), m/s; None from too few pings.
 
     Examples:
         >>> rng = np.random.default_rng(1)
         >>> A = np.array([[0.3, 0, 0.95], [0, 0.3, 0.95], [-0.3, 0, 0.95], [0, -0.3, 0.95]])
         >>> readings = rng.normal(size=(200, 3)) @ A.T + rng.normal(size=(200, 4)) * [0.3, 0.1, 0.1, 0.1]
         >>> found = find_matrix(readings, readings @ np.linalg.pinv(A).T)
-        >>> found.way, bool(np.abs(found.rows - A).max() < 1e-12)
+        >>> found.regression, bool(np.abs(found.rows - A).max() < 1e-12)
         ('velocity regressed on readings', True)
     """
     count = len(readings_mps)
@@ -147,14 +146,14 @@ def find_matrix(readings_mps: Array, velocity_mps: Array) -> Matrix | None:
         copies = _inverse(to_velocity.resampled)
         offset = -np.einsum("...bi,...i->...b", rows, to_velocity.parameters[-1])
         offsets = -np.einsum("rbi,ri->rb", copies, to_velocity.resampled[:, -1])
-        way, residual = READINGS_TO_VELOCITY, backward
+        regression, residual = READINGS_TO_VELOCITY, backward
     else:
         rows, copies = to_readings.parameters[:3].T, np.swapaxes(to_readings.resampled[:, :3], 1, 2)
         offset, offsets = to_readings.parameters[3], to_readings.resampled[:, 3]
-        way, residual = VELOCITY_TO_READINGS, forward
+        regression, residual = VELOCITY_TO_READINGS, forward
     axes = np.linalg.svd(velocity_mps - np.median(velocity_mps, axis=0), full_matrices=False)[2]
     moved = min(sigma(column) for column in (velocity_mps @ axes.T).T)
-    return Matrix(rows, copies, offset, np.std(offsets, axis=0), residual, moved, way, count)
+    return Matrix(rows, copies, offset, np.std(offsets, axis=0), residual, moved, regression, count)
 
 
 def _inverse(parameters: Array) -> Array:

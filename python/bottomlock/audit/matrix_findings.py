@@ -1,4 +1,4 @@
-"""The beams as the instrument's velocity sees them, said in words: order, signs, tilt, scale, bias."""
+"""Findings from the beam matrix: order, signs, tilt, scale, bias."""
 
 import numpy as np
 
@@ -11,16 +11,16 @@ from bottomlock.audit.robust import Array
 
 
 def unobservable_findings(log: BeamLog, matrix: Matrix | None, pings: int) -> list[Finding]:
-    """Why a log with the instrument's velocity does not tell the directions: too few pings, or too little motion."""
+    """Why beam directions are not observable in a log with the instrument's velocity: too few pings or motion."""
     if log.instrument_mps is None or not log.own_frame or log.beams < 3:
         return []
     if matrix is None:
         return [
             Finding(
                 "too_few_pings", "note", float(pings), "pings", 0.0,
-                f"Only {pings} pings have all beams and the instrument's velocity: directions are not "
-                "observable in this log.",
-                f"{LEAST_PINGS} are the least that is used.", "Record with lock on all beams.",
+                f"Beam directions are not observable in this log: only {pings} pings have all beams and the "
+                "instrument's velocity.",
+                f"At least {LEAST_PINGS} are needed.", "Record with bottom lock on all beams.",
             )
         ]  # fmt: skip
     spread = log.instrument_mps[log.solved].std(axis=0)
@@ -28,7 +28,7 @@ def unobservable_findings(log: BeamLog, matrix: Matrix | None, pings: int) -> li
     return [
         Finding(
             "directions_not_observable", "note", float(sd.max()), "deg", 0.0,
-            "Beam directions are not observable in this log: it moves too little.",
+            "Beam directions are not observable in this log: the velocity varies too little.",
             f"Standard deviations {', '.join(f'{value:.2g}' for value in sd)} deg; the velocity varies by "
             f"{', '.join(f'{value:.2g}' for value in spread)} m/s in x, y, z.",
             "Record surge, sway and heave of a few decimetres per second.",
@@ -43,42 +43,45 @@ def _degrees(values: Array, digits: int = 2) -> str:
 def match_findings(
     matrix: Matrix, matched: Match, stated: Array, copies: list[tuple[int, ...]]
 ) -> list[Finding]:
-    """What differs from the stated geometry: the whole turned, beams swapped, flipped, alike or mistilted."""
+    """Differences from the stated geometry: common rotation, beams swapped, reversed, parallel or with wrong tilt."""
     found = []
     place = (
         f"Tilts {_degrees(matrix.tilt_rad)} deg, azimuths {_degrees(matrix.azimuth_rad, 1)} deg "
         f"from {matrix.pings} pings."
     )
-    if matched.turn.magnitude() > 1e-9:
-        yaw, pitch, roll = matched.turn.as_euler("ZYX", degrees=True)
+    if matched.rotation.magnitude() > 1e-9:
+        yaw, pitch, roll = matched.rotation.as_euler("ZYX", degrees=True)
         found.append(
             Finding(
-                "turned_as_a_whole", "fault", float(np.rad2deg(matched.turn.magnitude())), "deg", 1.0,
-                f"The beams fit the stated ones only when these are turned as a whole: roll {roll:.1f}, pitch "
-                f"{pitch:.1f}, yaw {yaw:.1f} deg.",
-                place, "State the mounting, or bring the instrument's velocity into the stated frame.",
+                "rotated_geometry", "fault", float(np.rad2deg(matched.rotation.magnitude())), "deg", 1.0,
+                f"The beams match the stated ones only after a common rotation: roll {roll:.1f}, pitch {pitch:.1f}, "
+                f"yaw {yaw:.1f} deg.",
+                place, "State the mounting, or rotate the instrument's velocity to the stated frame.",
             )
         )  # fmt: skip
     same = _same_way(matrix, copies)
     found += same
-    twins = {beam - 1 for one in same for beam in one.beams} | {beam - 1 for pair in copies for beam in pair}
-    moved = [k for k, beam in enumerate(matched.beam) if beam != k and k not in twins]
+    parallel = {beam - 1 for one in same for beam in one.beams} | {
+        beam - 1 for pair in copies for beam in pair
+    }
+    moved = [k for k, beam in enumerate(matched.beam) if beam != k and k not in parallel]
     if moved:
         pairs = ", ".join(f"channel {k + 1} is beam {matched.beam[k] + 1}" for k in moved)
         found.append(
             Finding(
                 "swapped_beams", "fault", float(len(moved)), "beams", 1.0,
                 f"The order is not the stated one: {pairs}.", place,
-                "Use the geometry file that this audit writes, or mend the column map.", tuple(k + 1 for k in moved),
+                "Use the geometry file that this audit writes, or correct the column map.",
+                tuple(k + 1 for k in moved),
             )
         )  # fmt: skip
-    flipped = [int(k) for k in np.flatnonzero(matched.sign < 0) if int(k) not in twins]
+    flipped = [int(k) for k in np.flatnonzero(matched.sign < 0) if int(k) not in parallel]
     if flipped:
         everything = len(flipped) == len(matched.sign)
         words = (
-            "Every beam reads positive the other way than stated."
+            "Every beam has the opposite sign of the stated geometry."
             if everything
-            else f"{beam_words(flipped).capitalize()} {'reads' if len(flipped) == 1 else 'read'} with the sign flipped."
+            else f"{beam_words(flipped).capitalize()} {'has' if len(flipped) == 1 else 'have'} the opposite sign."
         )
         found.append(
             Finding(
@@ -86,17 +89,17 @@ def match_findings(
                 words, place, "Use the geometry file that this audit writes.", tuple(k + 1 for k in flipped),
             )
         )  # fmt: skip
-    return found + _tilt_findings(matrix, matched, stated, twins, place)
+    return found + _tilt_findings(matrix, matched, stated, parallel, place)
 
 
 def _tilt_findings(
-    matrix: Matrix, matched: Match, stated: Array, twins: set[int], place: str
+    matrix: Matrix, matched: Match, stated: Array, parallel: set[int], place: str
 ) -> list[Finding]:
-    """Beams that do not look where they are stated; one finding if all of them are off by the same tilt."""
-    expected = matched.turn.apply(matched.sign[:, None] * stated[matched.beam])
+    """Beams off their stated direction; one finding if all of them are off by the same tilt."""
+    expected = matched.rotation.apply(matched.sign[:, None] * stated[matched.beam])
     sure = matched.off_rad > np.maximum(MATERIAL_RAD, SIGMAS * matrix.direction_sd_rad)
-    off = [int(k) for k in np.flatnonzero(sure) if int(k) not in twins]
-    # From the axis that the beam leans away from, so that a reversed beam leans like the others.
+    off = [int(k) for k in np.flatnonzero(sure) if int(k) not in parallel]
+    # The tilt from the nearer end of the z axis, so that a reversed beam has the tilt of the others.
     lean, meant = (np.minimum(tilt(v), np.pi - tilt(v)) for v in (matrix.directions, expected))
     change = lean - meant
     alike = float(np.ptp(change)) < 0.5 * MATERIAL_RAD
@@ -105,8 +108,8 @@ def _tilt_findings(
         return [
             Finding(
                 "wrong_tilt", "fault", size, "deg", abs(float(np.sin(np.mean(change)))),
-                f"Every beam leans {np.rad2deg(lean.mean()):.2f} deg from the vertical, "
-                f"not {np.rad2deg(meant.mean()):.2f} as stated.",
+                f"Every beam has a tilt of {np.rad2deg(lean.mean()):.2f} deg, stated are "
+                f"{np.rad2deg(meant.mean()):.2f} deg.",
                 f"± {np.rad2deg(matrix.direction_sd_rad.max()):.2g} deg. {place}",
                 "This is the matrix that the instrument uses; correct the stated tilt.",
                 tuple(k + 1 for k in off),
@@ -116,8 +119,8 @@ def _tilt_findings(
         Finding(
             "mistilted_beam", "fault", float(np.rad2deg(matched.off_rad[k])), "deg",
             float(np.sin(matched.off_rad[k])),
-            f"Beam {k + 1} looks {np.rad2deg(matched.off_rad[k]):.2f} deg off its stated direction "
-            f"(it leans {np.rad2deg(lean[k]):.2f} deg instead of {np.rad2deg(meant[k]):.2f}).",
+            f"Beam {k + 1} is {np.rad2deg(matched.off_rad[k]):.2f} deg off its stated direction "
+            f"(tilt {np.rad2deg(lean[k]):.2f} deg, stated {np.rad2deg(meant[k]):.2f}).",
             f"± {np.rad2deg(matrix.direction_sd_rad[k]):.2g} deg; {np.rad2deg(change[k]):+.2f} deg of it is tilt. "
             f"{place}",
             "This is the matrix that the instrument uses; correct the stated geometry.", (k + 1,),
@@ -127,7 +130,7 @@ def _tilt_findings(
 
 
 def _same_way(matrix: Matrix, copies: list[tuple[int, ...]]) -> list[Finding]:
-    """Channels that are not the same numbers but look the same way (or just the other)."""
+    """Channels with different numbers but parallel (or antiparallel) directions."""
     found = []
     u = matrix.directions
     for i in range(len(u)):
@@ -137,19 +140,19 @@ def _same_way(matrix: Matrix, copies: list[tuple[int, ...]]) -> list[Finding]:
                 found.append(
                     Finding(
                         "identical_beams", "fault", float(np.rad2deg(angle)), "deg", 1.0,
-                        f"{beam_words([i, j]).capitalize()} look the same way, within {np.rad2deg(angle):.2f} deg.",
+                        f"{beam_words([i, j]).capitalize()} are parallel within {np.rad2deg(angle):.2f} deg.",
                         f"± {np.rad2deg(np.hypot(*matrix.direction_sd_rad[[i, j]])):.2g} deg from "
                         f"{matrix.pings} pings.",
-                        "One transducer is read twice: mend the wiring or the column map.", (i + 1, j + 1),
+                        "One transducer is read twice: correct the wiring or the column map.", (i + 1, j + 1),
                     )
                 )  # fmt: skip
     return found
 
 
 def self_findings(matrix: Matrix, copies: list[tuple[int, ...]]) -> list[Finding]:
-    """What stands out among the beams themselves when no geometry is stated."""
+    """Beams that differ from the others, where no geometry is stated."""
     found = _same_way(matrix, copies)
-    twins = {beam for one in found for beam in one.beams} | {beam for pair in copies for beam in pair}
+    parallel = {beam for one in found for beam in one.beams} | {beam for pair in copies for beam in pair}
     up = matrix.directions[:, 2] < 0.0
     if up.all() or (up.any() and up.sum() < len(up) / 2):
         reversed_ = [int(beam) for beam in np.flatnonzero(up)]
@@ -157,11 +160,12 @@ def self_findings(matrix: Matrix, copies: list[tuple[int, ...]]) -> list[Finding
             Finding(
                 "all_signs_flipped" if up.all() else "sign_flipped", "warning" if up.all() else "fault",
                 float(len(reversed_)), "beams", 1.0,
-                "Every beam reads positive along −z: z is up, or readings are positive towards the instrument."
+                "Every beam is positive along −z: z points up, or readings are positive away from the bottom."
                 if up.all()
-                else f"{beam_words(reversed_).capitalize()} read the other way than the rest.",
+                else f"{beam_words(reversed_).capitalize()} {'has' if len(reversed_) == 1 else 'have'} the opposite "
+                "sign of the others.",
                 f"Tilts {_degrees(matrix.tilt_rad)} deg.",
-                "Use the geometry file that this audit writes; the depth rate tells which way z points.",
+                "Use the geometry file that this audit writes; a recorded depth gives the direction of z.",
                 tuple(beam + 1 for beam in reversed_),
             )
         )  # fmt: skip
@@ -170,7 +174,7 @@ def self_findings(matrix: Matrix, copies: list[tuple[int, ...]]) -> list[Finding
         others = np.delete(lean, k)
         off = float(lean[k] - np.median(others))
         alike = float(np.max(np.abs(others - np.median(others))))
-        if k + 1 not in twins and abs(off) > max(
+        if k + 1 not in parallel and abs(off) > max(
             2.0 * MATERIAL_RAD, SIGMAS * matrix.direction_sd_rad[k], 3.0 * alike
         ):
             found.append(
@@ -178,14 +182,14 @@ def self_findings(matrix: Matrix, copies: list[tuple[int, ...]]) -> list[Finding
                     "mistilted_beam", "warning", float(np.rad2deg(abs(off))), "deg", abs(float(np.sin(off))),
                     f"Beam {k + 1} has a tilt of {np.rad2deg(lean[k]):.2f} deg, the others {_degrees(others)}.",
                     f"± {np.rad2deg(matrix.tilt_sd_rad[k]):.2g} deg from {matrix.pings} pings.",
-                    "Compare with the maker's drawing; this is the matrix that the instrument uses.", (k + 1,),
+                    "Compare with the manufacturer's drawing; this is the matrix that the instrument uses.", (k + 1,),
                 )
             )  # fmt: skip
     return found
 
 
 def scale_findings(matrix: Matrix) -> list[Finding]:
-    """Beams whose readings are longer or shorter than the instrument's velocity asks for."""
+    """Beams whose scale differs from the instrument's velocity."""
     off = matrix.scale - 1.0
     sure = np.abs(off) > np.maximum(MATERIAL_SCALE, SIGMAS * matrix.scale_sd)
     if not sure.any():
@@ -195,12 +199,11 @@ def scale_findings(matrix: Matrix) -> list[Finding]:
     return [
         Finding(
             "scale", "warning", float(100.0 * np.abs(off).max()), "%", float(np.abs(off).max()),
-            f"{beam_words(k).capitalize()} {'differs' if len(k) == 1 else 'differ'} in scale from the "
-            "instrument's velocity "
-            f"by up to {100.0 * off[np.argmax(np.abs(off))]:+.2f} %.",
+            f"The scale of {beam_words(k)} differs from that of the instrument's velocity by up to "
+            f"{100.0 * off[np.argmax(np.abs(off))]:+.2f} %.",
             f"Scales {listed}.",
-            "A common scale is a sound speed that one of the two was not corrected for; a single one is a fault "
-            "of that beam.",
+            "A common scale indicates a sound-speed correction of only one of the two; a single one a fault of that "
+            "beam.",
             tuple(b + 1 for b in k),
         )
     ]  # fmt: skip
@@ -209,8 +212,8 @@ def scale_findings(matrix: Matrix) -> list[Finding]:
 def bias_findings(matrix: Matrix, closures: list[Closure]) -> list[Finding]:
     """Beams that are biased against the instrument's own velocity.
 
-    The regression sees the biases that look like a velocity, the closure sees the rest; together they are whole. A
-    bias that the instrument has taken into its velocity is not seen by the first: then only the closure speaks.
+    The regression observes the biases that act like a velocity, the closure the rest. A bias that the instrument has
+    included in its velocity is observed by the closure alone.
     """
     if not (np.abs(matrix.bias_mps) > np.maximum(MATERIAL_MPS, SIGMAS * matrix.bias_sd_mps)).any():
         return []
@@ -223,9 +226,9 @@ def bias_findings(matrix: Matrix, closures: list[Closure]) -> list[Finding]:
     return [
         Finding(
             "beam_bias", "warning", float(1e3 * bias[k]), "mm/s", float(min(abs(bias[k]), 1.0)),
-            f"Beam {k + 1} reads {1e3 * bias[k]:+.1f} mm/s where the instrument's velocity and the other beams "
-            "ask for zero.",
-            f"± {1e3 * sd[k]:.1g} mm/s. What the instrument has taken into its own velocity is not in it.",
+            f"Beam {k + 1} has a bias of {1e3 * bias[k]:+.1f} mm/s against the instrument's velocity and the other "
+            "beams.",
+            f"± {1e3 * sd[k]:.1g} mm/s. The part that the instrument has included in its velocity is not observable.",
             "Subtract it, or let the filter estimate beam biases.", (int(k) + 1,),
         )
         for k in np.flatnonzero(np.abs(bias) > np.maximum(MATERIAL_MPS, SIGMAS * sd))

@@ -1,4 +1,4 @@
-"""Attitude, rate and velocity of the platform at any time, from what was recorded beside the log."""
+"""Attitude, angular rate and velocity of the platform at any time, from the other recordings."""
 
 from dataclasses import dataclass
 
@@ -14,26 +14,26 @@ from bottomlock.audit.robust import Array, fit_nonlinear
 from bottomlock.statistics.rms import rms
 
 SLOW_S = 0.3
-"""Attitude in steps longer than this is joined by a smooth spline, in shorter ones by shortest arcs."""
+"""Attitude at longer steps is interpolated by a smooth spline, at shorter ones by shortest arcs (slerp)."""
 
 
 def integral(values: Array, time_s: Array) -> Array:
-    """(n, ...) integral of samples (n, ...) from the first time on, by trapezia.
+    """(n, ...) integral of samples (n, ...) from the first time on, by the trapezoidal rule.
 
-    Plain sums would be half a step late: 5 ms at a turn of 1°/s lean gravity by 1 mm/s².
+    A plain sum would be half a step late: 5 ms at 1°/s tilts gravity by 1 mm/s².
     """
     return np.asarray(cumulative_trapezoid(values, time_s, axis=0, initial=0.0))
 
 
 def _running_product(angles: Array) -> Rotation:
-    """Attitude after each of the small turns (n, 3), from the identity: n products in log n passes."""
-    turns = Rotation.from_rotvec(angles).as_quat()
+    """Attitude after each of the rotation increments (n, 3), rad, from the identity: n products in log n passes."""
+    increments = Rotation.from_rotvec(angles).as_quat()
     shift = 1
-    while shift < len(turns):
-        joined = Rotation.from_quat(turns[:-shift]) * Rotation.from_quat(turns[shift:])
-        turns[shift:] = joined.as_quat()
+    while shift < len(increments):
+        joined = Rotation.from_quat(increments[:-shift]) * Rotation.from_quat(increments[shift:])
+        increments[shift:] = joined.as_quat()
         shift *= 2
-    return Rotation.from_quat(turns)
+    return Rotation.from_quat(increments)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,19 +50,19 @@ class _Product:
 
 
 class Motion:
-    """The platform as the reference has it, on the reference's clock in seconds from `zero_ns`.
+    """Motion of the platform from the reference, on the reference's clock in seconds from `zero_ns`.
 
-    The rate comes from the IMU where there is one (its clock put right by `imu_offset_s`), from the attitude else.
+    The angular rate is the IMU's where there is one (its clock corrected by `imu_offset_s`), else the attitude's.
     """
 
     def __init__(
         self, reference: Reference, imu: Inertial | None, *, zero_ns: int, imu_offset_s: float = 0.0
     ) -> None:
         self.time_s = np.asarray((reference.time_ns - zero_ns) * 1e-9)
-        turns = Rotation.from_euler("ZYX", reference.rpy_rad[:, ::-1])
+        attitudes = Rotation.from_euler("ZYX", reference.rpy_rad[:, ::-1])
         slow = float(np.median(np.diff(self.time_s))) > SLOW_S
         self._attitude: RotationSpline | Slerp | _Product = (
-            RotationSpline(self.time_s, turns) if slow else Slerp(self.time_s, turns)
+            RotationSpline(self.time_s, attitudes) if slow else Slerp(self.time_s, attitudes)
         )
         self._velocity = (
             None if reference.velocity_t_mps is None else CubicSpline(self.time_s, reference.velocity_t_mps)
@@ -75,19 +75,19 @@ class Motion:
             self._join(np.diff(self._angle, axis=0, prepend=np.zeros((1, 3))))
 
     def _join(self, angles: Array) -> None:
-        """Attitude from the gyro's turns, led back to the reference's by a correction that changes slowly.
+        """Attitude from the gyro's increments, with a slow correction to the reference's attitude.
 
-        Between the attitudes of a slow reference the vehicle rolls and pitches; gravity turns what is missed into
-        velocity.
+        Roll and pitch between the samples of a slow reference would otherwise be missed, and gravity would integrate
+        that error to a velocity.
         """
         assert self._imu_s is not None
         own = self._imu_s - self._imu_offset_s
-        turned = Slerp(own, _running_product(angles))
+        gyro = Slerp(own, _running_product(angles))
         covered = (self.time_s >= own[0]) & (self.time_s <= own[-1])
         knots = self.time_s[covered]
-        correction = Slerp(knots, self._attitude(knots) * turned(knots).inv())
+        correction = Slerp(knots, self._attitude(knots) * gyro(knots).inv())
         self._fine_s = (float(knots[0]), float(knots[-1]))
-        self._attitude = _Product(correction, turned, self._fine_s)
+        self._attitude = _Product(correction, gyro, self._fine_s)
 
     def within(self, time_s: Array, margin_s: float) -> NDArray[np.bool_]:
         """(n,) the reference (and the IMU) cover this time and `margin_s` around it."""
@@ -106,8 +106,8 @@ class Motion:
         assert self._velocity is not None
         return np.asarray(self.attitude(time_s).inv().apply(self._velocity(time_s)))
 
-    def rate_p_radps(self, time_s: Array) -> Array:
-        """(n, 3) rate against the tangent frame (the Earth's own rate is far below what matters here), over 0.2 s."""
+    def omega_tp_p_radps(self, time_s: Array) -> Array:
+        """(n, 3) angular rate against the tangent frame, mean over 0.2 s (the Earth's rate is negligible here)."""
         half = 0.1
         if self._imu_s is None:
             before, after = self.attitude(time_s - half), self.attitude(time_s + half)
@@ -122,10 +122,10 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class ImuAlignment:
-    """How the IMU's turns compare with those of the attitude beside it.
+    """Alignment of the IMU's angular rates with those of the recorded attitude.
 
-    `offset_s` is IMU time minus attitude time of the same instant, `matrix` (3, 3) takes IMU axes to platform axes (a
-    sign on its diagonal is an axis that points the other way).
+    `offset_s` is IMU time minus attitude time of the same instant; `matrix` (3, 3) maps IMU axes to platform axes (a
+    negative diagonal entry is a reversed axis).
     """
 
     offset_s: float
@@ -136,7 +136,7 @@ class ImuAlignment:
 
 
 def align_imu(reference: Reference, imu: Inertial) -> ImuAlignment | None:
-    """Clock offset and axes of the IMU from its turns against the attitude's; None from less than 30 s in common."""
+    """Clock offset and axes of the IMU from its rates against the attitude's; None from less than 30 s in common."""
     zero = int(reference.time_ns[0])
     time_s = np.asarray((reference.time_ns - zero) * 1e-9, dtype=np.float64)
     own_s = np.asarray((imu.time_ns - zero) * 1e-9, dtype=np.float64)
@@ -146,22 +146,22 @@ def align_imu(reference: Reference, imu: Inertial) -> ImuAlignment | None:
     if len(edges) < 60 or edges[-1] - edges[0] < 30.0:
         return None
     picked = np.isin(time_s, edges)
-    turns = Rotation.from_euler("ZYX", reference.rpy_rad[picked][:, ::-1])
+    attitudes = Rotation.from_euler("ZYX", reference.rpy_rad[picked][:, ::-1])
     span = np.diff(edges)[:, None]
-    wanted = (turns[:-1].inv() * turns[1:]).as_rotvec() / span
+    wanted = (attitudes[:-1].inv() * attitudes[1:]).as_rotvec() / span
     angle = integral(imu.omega_p_radps, own_s)
 
-    def turned(offset: float) -> Array:
+    def imu_rate(offset: float) -> Array:
         at = np.stack([np.interp(edges + offset, own_s, column) for column in angle.T], axis=1)
         return np.asarray(np.diff(at, axis=0) / span)
 
     def matrix_of(offset: float) -> Array:
-        X = turned(offset)
+        X = imu_rate(offset)
         X = X - X.mean(axis=0)
         return np.asarray(np.linalg.lstsq(X, wanted - wanted.mean(axis=0), rcond=None)[0].T)
 
     def cost(offset: float) -> float:
-        X = turned(offset)
+        X = imu_rate(offset)
         off = (wanted - wanted.mean(axis=0)) - (X - X.mean(axis=0)) @ matrix_of(offset).T
         return float(np.median(np.sum(off**2, axis=1)))
 
@@ -171,7 +171,7 @@ def align_imu(reference: Reference, imu: Inertial) -> ImuAlignment | None:
     matrix = matrix_of(float(best.x))
 
     def residuals(p: Array) -> Array:
-        return np.asarray(wanted - turned(float(p[0])) @ matrix.T - p[1:4])
+        return np.asarray(wanted - imu_rate(float(p[0])) @ matrix.T - p[1:4])
 
     wide = np.array([5.0, 0.1, 0.1, 0.1])
     fit = fit_nonlinear(

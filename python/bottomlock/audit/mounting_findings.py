@@ -1,4 +1,4 @@
-"""How the DVL sits, said in words: what is observable, what not and why, what to enter."""
+"""Findings from the mounting: what is observable, what is not and why, and the recommended settings."""
 
 import numpy as np
 
@@ -7,16 +7,16 @@ from bottomlock.audit.motion import ImuAlignment
 from bottomlock.audit.mounting import LIMITS, Mounting
 
 AXES = ("x", "y", "z")
-TURNS = ("roll", "pitch", "yaw")
+ANGLES = ("roll", "pitch", "yaw")
 
 
 def mounting_findings(mounting: Mounting | None) -> list[Finding]:
-    """Misalignment, lever arm, clock offset and scale that differ from none, and what the motion does not show."""
+    """Significant misalignment, lever arm, clock offset and scale, and parameters that are not observable."""
     if mounting is None:
         return []
     m = mounting
     basis = (
-        f"From {m.way}, {m.instants} instants; residual "
+        f"From {m.source}, {m.instants} instants; residual "
         f"{', '.join(f'{1e3 * value:.0f}' for value in m.residual_mps)} mm/s; "
         f"{100.0 * m.explained:.0f} % of the motion explained."
     )
@@ -24,10 +24,9 @@ def mounting_findings(mounting: Mounting | None) -> list[Finding]:
         return [
             Finding(
                 "mounting_not_observable", "note", m.explained, "", 0.0,
-                "Misalignment, lever arm, clock offset and scale are not observable in this log: the velocity "
-                "does not follow "
-                "what was recorded beside it.",
-                basis, "Record accelerations, turns and speeds well above the noise of the instrument.",
+                "Misalignment, lever arm, clock offset and scale are not observable in this log: the other recordings "
+                "do not explain the velocity.",
+                basis, "Record accelerations, rotations and speeds well above the noise of the instrument.",
             )
         ]  # fmt: skip
     found = _imu_findings(m.imu)
@@ -35,8 +34,8 @@ def mounting_findings(mounting: Mounting | None) -> list[Finding]:
         found.append(
             Finding(
                 "left_handed", "fault", 1.0, "", 1.0,
-                "The instrument's velocity is in a left-handed frame: it fits with its y axis turned round.", basis,
-                "Turn y round before fusing it.",
+                "The instrument's velocity is in a left-handed frame: it fits with its y axis reversed.", basis,
+                "Reverse y before using the velocity.",
             )
         )  # fmt: skip
     found += _misalignment(m, basis)
@@ -50,7 +49,7 @@ def mounting_findings(mounting: Mounting | None) -> list[Finding]:
                 f"The DVL's clock is {abs(m.clock_offset_s):.3f} s "
                 f"{'behind' if m.clock_offset_s > 0.0 else 'ahead of'} the reference's: "
                 f"reference time is DVL time {m.clock_offset_s:+.3f} s.",
-                f"± {m.clock_offset_sd_s:.2g} s. {basis}", "Enter it as the clock offset of the DVL.",
+                f"± {m.clock_offset_sd_s:.2g} s. {basis}", "Set this clock offset for the DVL.",
             )
         )  # fmt: skip
     if m.scale_sd > LIMITS["scale"]:
@@ -69,7 +68,7 @@ def mounting_findings(mounting: Mounting | None) -> list[Finding]:
 def _not_observable(what: str, sd: str, lacks: str) -> Finding:
     return Finding(
         "not_observable", "note", 0.0, "", 0.0, f"{what} is not observable in this log.",
-        f"{sd} is all that it leaves.", f"Record more {lacks}.",
+        f"Its standard deviation is {sd}.", f"Record more {lacks}.",
     )  # fmt: skip
 
 
@@ -77,11 +76,11 @@ def _misalignment(m: Mounting, basis: str) -> list[Finding]:
     sd = m.misalignment_sd_rad
     listed = ", ".join(
         f"{name} {np.rad2deg(value):+.2f} ± {np.rad2deg(spread):.2g}"
-        for name, value, spread in zip(TURNS, m.rpy_rad, sd, strict=True)
+        for name, value, spread in zip(ANGLES, m.rpy_rad, sd, strict=True)
     )
     blind = [k for k in range(3) if sd[k] > LIMITS["misalignment_rad"]]
     found = [
-        _not_observable(f"Misalignment about {AXES[k]} ({TURNS[k]})", f"± {np.rad2deg(sd[k]):.2g} "
+        _not_observable(f"Misalignment about {AXES[k]} ({ANGLES[k]})", f"± {np.rad2deg(sd[k]):.2g} "
             "deg", "speed across that axis")
         for k in blind
     ]  # fmt: skip
@@ -94,9 +93,9 @@ def _misalignment(m: Mounting, basis: str) -> list[Finding]:
             Finding(
                 "misalignment", "fault" if size > 1.0 else "warning", size, "deg",
                 float(np.sin(np.deg2rad(min(size, 90.0)))),
-                f"The DVL is turned against the platform: {listed} deg ({', '.join(TURNS[k] for k in sure)} "
-                "beyond doubt).",
-                basis, "Enter it as the mounting of the DVL.",
+                f"The DVL is misaligned with the platform: {listed} deg ({', '.join(ANGLES[k] for k in sure)} "
+                "significant).",
+                basis, "Set these mounting angles for the DVL.",
             )
         )  # fmt: skip
     return found
@@ -110,17 +109,19 @@ def _lever_arm(m: Mounting, basis: str) -> list[Finding]:
     )
     rates = ", ".join(f"{np.rad2deg(value):.2g}" for value in m.rate_rms_radps)
     seen = [k for k in range(3) if sd[k] <= LIMITS["lever_arm_m"]]
-    point = "the IMU" if m.way.startswith("IMU") else "the point whose velocity the reference gives"
+    point = "the IMU" if m.source.startswith("IMU") else "the point of the reference velocity"
     if not seen:
-        return [_not_observable("The lever arm", f"± {sd.min():.2g} m (rates {rates} deg/s rms)", "turns")]
+        return [
+            _not_observable("The lever arm", f"± {sd.min():.2g} m (rates {rates} deg/s RMS)", "rotations")
+        ]
     if not any(abs(m.lever_arm_p_m[k]) > max(0.02, SIGMAS * sd[k]) for k in seen):
         return []
     size = float(np.linalg.norm(m.lever_arm_p_m[seen]))
     return [
         Finding(
             "lever_arm", "warning", size, "m", min(float(size * np.linalg.norm(m.rate_rms_radps)), 1.0),
-            f"The DVL sits {listed} m from {point}.", f"Rates {rates} deg/s rms. {basis}",
-            "Enter it as the lever arm of the DVL.",
+            f"The lever arm of the DVL from {point} is {listed} m.", f"Rates {rates} deg/s RMS. {basis}",
+            "Set this lever arm for the DVL.",
         )
     ]  # fmt: skip
 
@@ -129,18 +130,17 @@ def _imu_findings(imu: ImuAlignment | None) -> list[Finding]:
     if imu is None or imu.rate_rms_radps < 5.0 * imu.residual_radps:
         return []
     found = []
-    turned = [AXES[k] for k in range(3) if imu.matrix[k, k] < -0.5]
-    if turned:
+    reversed_axes = [AXES[k] for k in range(3) if imu.matrix[k, k] < -0.5]
+    if reversed_axes:
         left = np.linalg.det(imu.matrix) < 0.0
         found.append(
             Finding(
-                "imu_axes", "fault", float(len(turned)), "axes", 1.0,
-                f"The IMU's {' and '.join(turned)} {'axis points' if len(turned) == 1 else 'axes point'} the "
-                "other way than the attitude's"
-                f"{': its frame is left-handed' if left else ''}.",
-                f"Turns of the IMU against the attitude: diagonal "
+                "imu_axes", "fault", float(len(reversed_axes)), "axes", 1.0,
+                f"The IMU's {' and '.join(reversed_axes)} {'axis is' if len(reversed_axes) == 1 else 'axes are'} "
+                f"opposite to the attitude's{': its frame is left-handed' if left else ''}.",
+                f"Rates of the IMU against the attitude: diagonal "
                 f"{', '.join(f'{imu.matrix[k, k]:+.3f}' for k in range(3))}.",
-                "Turn it round, accelerometer and gyro both.",
+                "Reverse it for accelerometer and gyro.",
             )
         )  # fmt: skip
     if abs(imu.offset_s) > max(0.01, SIGMAS * imu.offset_sd_s) and imu.offset_sd_s < 0.05:
@@ -149,7 +149,8 @@ def _imu_findings(imu: ImuAlignment | None) -> list[Finding]:
                 "imu_clock_offset", "fault", imu.offset_s, "s", min(abs(imu.offset_s), 1.0),
                 f"The IMU's clock is {abs(imu.offset_s):.3f} s {'ahead of' if imu.offset_s > 0.0 else 'behind'} "
                 "the attitude's.",
-                f"± {imu.offset_sd_s:.2g} s, from the turns that both see.", "Enter it as the clock offset of the IMU.",
+                f"± {imu.offset_sd_s:.2g} s, from the rotations in both recordings.",
+                "Set this clock offset for the IMU.",
             )
         )  # fmt: skip
     return found

@@ -1,4 +1,4 @@
-"""An audit as tables, figures and one page."""
+"""Output of an audit: tables, figures and one page."""
 
 import json
 from pathlib import Path
@@ -16,16 +16,16 @@ from bottomlock.audit.run import Audit, numbers_of
 from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
 
 CAPTIONS = {
-    "closure": "Closure of the full pings against the Gaussian that its middle suggests.",
-    "residuals": "Closure against time, and what every beam does on its own.",
-    "validity": "Which beams return; each column shows the worst of its pings.",
-    "geometry": "Where the beams look, found from the log.",
+    "closure": "Closure of the full pings, and a Gaussian of its robust sigma.",
+    "residuals": "Closure against time, and the deviation of each beam from its median over five pings.",
+    "validity": "Validity of the beams; each column shows the worst of its pings.",
+    "geometry": "Beam directions estimated from the log.",
 }
-"""What each figure shows, by its file's name."""
+"""Caption of each figure, by its file's name."""
 
 
 def drawings(audit: Audit) -> dict[str, Figure]:
-    """The figures that this audit gives, by name."""
+    """The figures of an audit, by name."""
     made = {
         "closure": figures.closure_figure(audit),
         "residuals": figures.residual_figure(audit),
@@ -36,8 +36,8 @@ def drawings(audit: Audit) -> dict[str, Figure]:
 
 
 def beams_table(audit: Audit) -> pl.DataFrame:
-    """A row per beam: tilt, azimuth, scale and bias with standard deviations, stated beam, share of valid pings."""
-    log, matrix, matched = audit.log, audit.verdict.matrix, audit.verdict.match
+    """A row per beam: tilt, azimuth, scale and bias with standard deviations, stated beam, fraction of valid pings."""
+    log, matrix, matched = audit.log, audit.assessment.matrix, audit.assessment.match
     rows = []
     for k in range(log.beams):
         row: dict[str, float | int | None] = {"beam": k + 1, "valid_fraction": float(log.valid[:, k].mean())}
@@ -64,11 +64,11 @@ def beams_table(audit: Audit) -> pl.DataFrame:
 
 def closure_table(audit: Audit) -> pl.DataFrame:
     """A row per full ping and closure: time and value, m/s."""
-    verdict = audit.verdict
-    times = audit.log.time_ns[verdict.full]
+    assessment = audit.assessment
+    times = audit.log.time_ns[assessment.full]
     frames = [
         pl.DataFrame({"time_ns": times, "closure": np.full(len(times), k + 1), "closure_mps": one.values_mps})
-        for k, one in enumerate(verdict.closures)
+        for k, one in enumerate(assessment.closures)
         if len(one.values_mps) == len(times)
     ]
     empty = pl.DataFrame(schema={"time_ns": pl.Int64(), "closure": pl.Int64(), "closure_mps": pl.Float64()})

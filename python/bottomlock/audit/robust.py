@@ -1,4 +1,4 @@
-"""Fits that a few wild readings cannot turn, and standard deviations that neighbouring pings cannot flatter."""
+"""Robust fits, and standard deviations that allow for correlated pings."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ from scipy.stats import median_abs_deviation
 Array = NDArray[np.float64]
 
 HUBER = 1.345
-"""Bend of Huber's loss in sigmas: 95 % efficient where the noise is Gaussian after all."""
+"""Threshold of Huber's loss in sigmas: 95 % efficiency for Gaussian noise."""
 
 RESAMPLES = 300
 BLOCKS = 50
-"""Resamples of a bootstrap, and the number of blocks of consecutive pings that are drawn as one."""
+"""Resamples of a bootstrap, and the number of blocks of consecutive pings that it draws."""
 
 
 def sigma(values: Array) -> float:
@@ -28,7 +28,7 @@ def sigma(values: Array) -> float:
 
 
 def resolution(values: Array) -> float:
-    """Step in which values were recorded: the least difference between two that differ; 0 where all are the same.
+    """Resolution of recorded values: the least non-zero difference; 0 where all are equal.
 
     >>> resolution(np.array([0.003, 0.001, 0.001, 0.008]))
     0.002
@@ -38,7 +38,7 @@ def resolution(values: Array) -> float:
 
 
 def blocks_of(rows: int) -> NDArray[np.int64]:
-    """(rows,) number of the block of each row: `BLOCKS` runs of consecutive rows, or fewer of two rows or more.
+    """(rows,) block number of each row: `BLOCKS` blocks of consecutive rows, fewer where a block would be one row.
 
     >>> blocks_of(6).tolist()
     [0, 0, 1, 1, 2, 2]
@@ -65,7 +65,7 @@ class LinearFit:
 
 
 def huber_weights(residuals: Array) -> Array:
-    """(n,) Huber weights of residuals (n, k): the worst channel of a row decides, each on its own robust scale."""
+    """(n,) Huber weights of residuals (n, k), by the worst channel of each row, each on its own robust scale."""
     columns = residuals.reshape(len(residuals), -1)
     scale = np.array([max(sigma(column), 1e-12) for column in columns.T])
     worst = (np.abs(columns) / (HUBER * scale)).max(axis=1)
@@ -75,11 +75,11 @@ def huber_weights(residuals: Array) -> Array:
 def fit_linear(X: Array, Y: Array, Z: Array | None = None) -> LinearFit:
     """Huber fit of Y (n, k) on X (n, p), by reweighting; with instruments Z (n, p), two-stage least squares.
 
-    Instruments are needed where the noise of X is correlated with the noise of Y: Z must share the signal of X and
-    none of its noise.
+    Instruments are needed where the noise of X is correlated with that of Y: Z must share the signal of X and none of
+    its noise.
 
-    Source: Huber 1981, section 7.8; blocks of consecutive rows are resampled (Künsch 1989), so that noise which lasts
-    over several pings does not make the answer look too sure.
+    Source: Huber 1981, section 7.8; block bootstrap of consecutive rows (Künsch 1989), since noise that is correlated
+    over several pings would otherwise make the standard deviations too small.
     """
     Z = X if Z is None else Z
     weights = np.ones(len(X))
@@ -97,7 +97,7 @@ def fit_linear(X: Array, Y: Array, Z: Array | None = None) -> LinearFit:
     left = np.add.reduceat(weighted[:, :, None] * X[:, None, :], starts)
     Yk = Y.reshape(len(Y), -1)
     right = np.add.reduceat(weighted[:, :, None] * Yk[:, None, :], starts)
-    # A fixed seed: the audit of a log is the same whenever it is made.
+    # A fixed seed: the same log gives the same audit.
     draws = np.random.default_rng(20_240_229).multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES)
     copies = _solve(np.einsum("rb,bij->rij", draws, left), np.einsum("rb,bij->rij", draws, right))
     resampled = copies if Y.ndim == 2 else copies[:, :, 0]
@@ -127,8 +127,8 @@ def fit_nonlinear(
     Args:
         residuals_of: parameters (p,) to residuals (n, k).
         start: (p,).
-        scale: (p,) how far each parameter moves at a time.
-        prior_sd: (p,) spread about zero, so wide that it decides only what the data do not.
+        scale: (p,) typical size of each parameter's change.
+        prior_sd: (p,) prior spread about zero, so wide that it matters only for unobservable parameters.
 
     Source: scipy's trust-region least squares with Huber's loss; covariance A⁻¹ B A⁻¹ with the scores of a block
     summed before they are squared (White 1980; Liang and Zeger 1986).
@@ -153,7 +153,7 @@ def fit_nonlinear(
     scores = np.einsum("nki,nk->ni", W * J, final)
     member = blocks_of(len(final))
     sums = np.add.reduceat(scores, np.searchsorted(member, np.arange(member[-1] + 1)))
-    # The prior adds information of its own, so that what the data leave free keeps the prior's spread.
+    # The prior adds its own information, so that an unobservable parameter keeps the prior's spread.
     B = sums.T @ sums + np.diag(1.0 / prior_sd**2)
     inverse = np.linalg.inv(A)
     return NonlinearFit(parameters, inverse @ B @ inverse.T, final, spread)

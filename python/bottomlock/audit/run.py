@@ -1,4 +1,4 @@
-"""An audit from end to end: the log, what is beside it, and everything that they say."""
+"""A whole audit: the log, the other recordings of the same time, and all findings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.audit import defects
-from bottomlock.audit.beams import BeamVerdict, judge_beams
+from bottomlock.audit.beams import BeamAssessment, assess_beams
 from bottomlock.audit.closure import Closure, closure_of
 from bottomlock.audit.closure_findings import closure_findings
 from bottomlock.audit.depth import DepthRate, depth_findings, depth_rate
@@ -26,22 +26,22 @@ from bottomlock.kernel import BeamGeometry
 
 @dataclass(frozen=True, eq=False)
 class Audit:
-    """Everything an audit has found.
+    """Result of an audit.
 
     Attributes:
         log: the pings.
         unchanged: (n,) pings that repeat the one before them.
-        verdict: what the beams say.
-        depth: the depth rate against the heave, or None.
-        mounting: how the DVL sits, or None.
+        assessment: of the beams.
+        depth: depth rate against heave, or None.
+        mounting: mounting of the DVL, or None.
         findings: ranked, the worst first.
-        geometry_name: what the log was compared with, or None.
+        geometry_name: name of the geometry that the log was compared with, or None.
         stated: (beams, 3) its directions, or None.
     """
 
     log: BeamLog
     unchanged: NDArray[np.bool_]
-    verdict: BeamVerdict
+    assessment: BeamAssessment
     depth: DepthRate | None
     mounting: Mounting | None
     findings: list[Finding]
@@ -63,11 +63,11 @@ def audit_log(
     Args:
         log: from `bottomlock.audit.logs.read_log`.
         stated: geometry to compare with, in the frame of the instrument's velocity.
-        geometry_name: what to call it.
-        reference, imu, depths: what was recorded beside the log.
+        geometry_name: its name in the report.
+        reference, imu, depths: other recordings of the same time.
 
     Raises:
-        DataError: for a geometry with another number of beams than the log, or times that all coincide.
+        DataError: for a geometry with another number of beams than the log.
 
     Examples:
         >>> from bottomlock import BeamGeometry
@@ -80,50 +80,73 @@ def audit_log(
         [('swapped_beams', (1, 2))]
     """
     if stated is not None and log.beams and stated.beams != log.beams:
-        raise DataError(f"{log.place}: has {log.beams} beams, but the geometry has {stated.beams}")
-    wanted = None if stated is None or not log.beams else np.asarray(stated.directions_p)
-    findings = defects.time_findings(log)
+        raise DataError(
+            f"{log.place}: has {log.beams} beams, but the geometry has {stated.beams}; state the geometry of this "
+            "instrument"
+        )
+    directions = None if stated is None or not log.beams else np.asarray(stated.directions_p)
     same = defects.unchanged(log)
     if log.stale is not None:
         same = same | log.stale
-    copies = defects.copy_findings(log)
-    zeros = defects.zero_findings(log)
-    findings += defects.stale_findings(log, same) + zeros + copies
-    findings += defects.range_findings(log) + defects.verdict_findings(log, same)
+    copies, zeros = defects.copy_findings(log), defects.zero_findings(log)
+    findings = [
+        *defects.time_findings(log),
+        *defects.stale_findings(log, same),
+        *zeros,
+        *copies,
+        *defects.range_findings(log),
+        *defects.instrument_flag_findings(log, same),
+    ]
     whole = log.full & ~same
+    assessment = BeamAssessment(full=np.zeros(log.pings, dtype=bool))
     if log.beams >= 1:
-        named = [beam - 1 for one in zeros for beam in one.beams]
-        whole &= (log.velocity_mps[:, named] != 0.0).all(axis=1)
-        verdict = judge_beams(log, whole, wanted, [one.beams for one in copies])
-    else:
-        verdict = BeamVerdict(full=np.zeros(log.pings, dtype=bool))
-    findings += verdict.findings + converter_findings(log)
-    own = None if log.error_velocity_mps is None else log.error_velocity_mps
-    if own is not None and not log.beams and np.isfinite(own).sum() >= LEAST_PINGS:
-        closure = closure_of(np.ones(1), own[np.isfinite(own)][:, None])
-        verdict.closures.append(closure)
-        findings += closure_findings(closure)
-    velocity, when = _velocity(log, verdict, whole)
-    depth, mounting = None, None
-    if when.any():
-        rising = _rising(log.time_ns, when)
-        if depths is not None and log.own_frame:
-            depth = depth_rate(log.time_ns[rising], velocity[rising], depths, reference)
-            findings += depth_findings(depth)
-        if reference is not None and log.own_frame:
-            mounting = find_mounting(log.time_ns[rising], velocity[rising], reference, imu)
-            findings += mounting_findings(mounting)
-            if mounting is None or not mounting.follows:
-                findings += signature_findings(
-                    find_signature(log.time_ns[rising], velocity[rising], reference, imu)
-                )
-    return Audit(log, same, verdict, depth, mounting, ranked(findings), geometry_name, wanted)
+        reading_zero = [beam - 1 for one in zeros for beam in one.beams]
+        whole &= (log.velocity_mps[:, reading_zero] != 0.0).all(axis=1)
+        assessment = assess_beams(log, whole, directions, [one.beams for one in copies])
+    findings += assessment.findings + converter_findings(log) + _error_velocity_findings(log, assessment)
+    depth, mounting, others = _against_reference(log, assessment, whole, reference, imu, depths)
+    return Audit(log, same, assessment, depth, mounting, ranked(findings + others), geometry_name, directions)
+
+
+def _error_velocity_findings(log: BeamLog, assessment: BeamAssessment) -> list[Finding]:
+    """Closure findings of an instrument that records its error velocity in place of the beams."""
+    error = log.error_velocity_mps
+    if error is None or log.beams or np.isfinite(error).sum() < LEAST_PINGS:
+        return []
+    closure = closure_of(np.ones(1), error[np.isfinite(error)][:, None])
+    assessment.closures.append(closure)
+    return closure_findings(closure)
+
+
+def _against_reference(
+    log: BeamLog,
+    assessment: BeamAssessment,
+    whole: NDArray[np.bool_],
+    reference: Reference | None,
+    imu: Inertial | None,
+    depths: Depths | None,
+) -> tuple[DepthRate | None, Mounting | None, list[Finding]]:
+    """Depth rate and mounting of the velocity against the other recordings, with their findings."""
+    depth, mounting, findings = None, None, []
+    velocity, known = _velocity(log, assessment, whole)
+    if not known.any() or not log.own_frame:
+        return None, None, []
+    rows = _rising(log.time_ns, known)
+    if depths is not None:
+        depth = depth_rate(log.time_ns[rows], velocity[rows], depths, reference)
+        findings += depth_findings(depth)
+    if reference is not None:
+        mounting = find_mounting(log.time_ns[rows], velocity[rows], reference, imu)
+        findings += mounting_findings(mounting)
+        if mounting is None or not mounting.follows:
+            findings += signature_findings(find_signature(log.time_ns[rows], velocity[rows], reference, imu))
+    return depth, mounting, findings
 
 
 def converter_findings(log: BeamLog) -> list[Finding]:
-    """What the reader of the recording lost or marked, from the account beside the table."""
+    """Records that the reader skipped or flagged, from the account beside the table."""
     found = []
-    for fate, words in (("skipped", "gave no row"), ("flagged", "are kept, but not as they stand")):
+    for fate, text in (("skipped", "gave no row"), ("flagged", "were kept with a change")):
         reasons = log.beside.get(fate, {})
         read = float(log.beside.get("records_read", 0) or 1)
         for name, reason in (reasons if isinstance(reasons, dict) else {}).items():
@@ -131,28 +154,28 @@ def converter_findings(log: BeamLog) -> list[Finding]:
             found.append(
                 Finding(
                     f"reader_{fate}", "note", float(count), "records", min(count / read, 1.0),
-                    f"{count} of {read:.0f} records of the recording {words}: {name}.",
+                    f"{count} of {read:.0f} records of the recording {text}: {name}.",
                     f"First: {', '.join(f'{k} {v}' for k, v in reason.items() if k != 'count')}.",
-                    "See the account beside the table.",
+                    "See the account (JSON) beside the table.",
                 )
             )  # fmt: skip
     return found
 
 
 def _velocity(
-    log: BeamLog, verdict: BeamVerdict, whole: NDArray[np.bool_]
+    log: BeamLog, assessment: BeamAssessment, whole: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Velocity (n, 3) in the DVL's frame and where it holds: the instrument's own, else least squares of full pings."""
+    """Velocity (n, 3), DVL frame, and its validity (n,): the instrument's own, else least squares of full pings."""
     if log.instrument_mps is not None:
         solved = log.solved
         return log.instrument_mps, solved & whole if log.beams and (solved & whole).sum() > 100 else solved
-    if verdict.rows is None:
+    if assessment.rows is None:
         return np.zeros((log.pings, 3)), np.zeros(log.pings, dtype=bool)
-    return np.asarray(log.velocity_mps @ np.linalg.pinv(verdict.rows).T), whole
+    return np.asarray(log.velocity_mps @ np.linalg.pinv(assessment.rows).T), whole
 
 
 def _rising(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Rows of the chosen pings whose time lies above all before them: what repeats or goes back has been reported."""
+    """Rows of the chosen pings with a time later than all before; repeats and steps back have their own findings."""
     rows = np.flatnonzero(chosen)
     before = np.concatenate([[np.iinfo(np.int64).min], np.maximum.accumulate(time_ns[rows])[:-1]])
     return np.asarray(rows[time_ns[rows] > before])
@@ -166,16 +189,16 @@ def audit_file(
     imu: Inertial | None = None,
     depths: Depths | None = None,
 ) -> Audit:
-    """Reads a log and audits it.
+    """Reads and audits a log.
 
     Args:
         path: a beam table (CSV or Parquet), or a log whose columns the geometry file maps.
         geometry: TOML file or packaged name to compare with.
-        reference, imu, depths: what was recorded beside the log.
+        reference, imu, depths: other recordings of the same time.
 
     Raises:
         DataError: for a log that cannot be read or does not fit the geometry.
-        ScenarioError: for a geometry file that makes no sense.
+        ScenarioError: for a geometry file with a fault.
     """
     instrument = None if geometry is None else read_geometry(geometry)
     log = read_log(path, None if instrument is None else instrument.columns)
@@ -189,7 +212,7 @@ def audit_file(
 
 _OF_MATRIX = (
     "directions", "direction_sd_rad", "tilt_rad", "tilt_sd_rad", "azimuth_rad", "azimuth_sd_rad", "scale", "scale_sd",
-    "bias_mps", "bias_sd_mps", "residual_mps", "moved_mps", "way", "pings", "observable",
+    "bias_mps", "bias_sd_mps", "residual_mps", "excitation_mps", "regression", "pings", "observable",
 )  # fmt: skip
 
 
@@ -199,8 +222,8 @@ def _closure_numbers(closure: Closure) -> dict[str, Any]:
 
 
 def numbers_of(audit: Audit) -> dict[str, Any]:
-    """Everything that was found, as JSON holds it: SI units and radians."""
-    log, verdict = audit.log, audit.verdict
+    """All results in the types of JSON, in SI units and radians."""
+    log, assessment = audit.log, audit.assessment
     content: dict[str, Any] = {
         "log": log.place,
         "geometry": audit.geometry_name,
@@ -210,27 +233,32 @@ def numbers_of(audit: Audit) -> dict[str, Any]:
         "pings_by_valid_beams": {
             str(k): int(np.sum(log.valid.sum(axis=1) == k)) for k in range(log.beams, -1, -1)
         },
-        "full_pings_used": int(verdict.full.sum()),
+        "full_pings_used": int(assessment.full.sum()),
         "unchanged_pings": int(audit.unchanged.sum()),
         "findings": [_plain(vars(one)) for one in audit.findings],
         "converted": _plain(log.beside),
         "matrix": None,
         "match": None,
-        "closure": [_closure_numbers(one) for one in verdict.closures],
+        "closure": [_closure_numbers(one) for one in assessment.closures],
         "closure_slope": None,
         "depth_rate": None if audit.depth is None else _plain(vars(audit.depth)),
         "mounting": None if audit.mounting is None else _plain(vars(audit.mounting)),
     }  # fmt: skip
-    if verdict.matrix is not None:
-        m = verdict.matrix
+    if assessment.matrix is not None:
+        m = assessment.matrix
         content["matrix"] = _plain({name: getattr(m, name) for name in _OF_MATRIX})
-    if verdict.match is not None:
-        one = verdict.match
+    if assessment.match is not None:
+        one = assessment.match
         content["match"] = _plain(
-            {"beam": one.beam + 1, "sign": one.sign, "off_rad": one.off_rad, "turn_rad": one.turn.as_rotvec()}
+            {
+                "beam": one.beam + 1,
+                "sign": one.sign,
+                "off_rad": one.off_rad,
+                "rotation_rad": one.rotation.as_rotvec(),
+            }
         )
-    if verdict.slope is not None:
-        content["closure_slope"] = _plain(vars(verdict.slope) | {"p_value": verdict.slope.p_value})
+    if assessment.slope is not None:
+        content["closure_slope"] = _plain(vars(assessment.slope) | {"p_value": assessment.slope.p_value})
     return content
 
 

@@ -1,8 +1,8 @@
-"""What turns do to the velocity: the signature of a lever arm, where accelerations are too weak.
+"""Response of the velocity to angular rates: the signature of a lever arm, where accelerations are too weak.
 
-A DVL on a rigid arm l reads R_pdᵀ (ω × l) = K ω besides the motion of the platform. K = −R_pdᵀ [l×] has two equal
-singular values |l| and one zero, and shows a roll along y and z of the platform, a pitch along x and z. What a
-vehicle does of its own while it turns (it sways as it rolls) is in K too, and need not look like an arm.
+A DVL at a rigid lever arm l reads R_pdᵀ (ω × l) = K ω besides the velocity of the platform. K = −R_pdᵀ [l×] has two
+equal singular values |l| and one zero; roll rate acts along y and z of the platform, pitch rate along x and z. The
+vehicle's own motion during rotations (it sways as it rolls) is in K as well, and need not fit a lever arm.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from bottomlock.audit.motion import Motion
 from bottomlock.audit.robust import Array, fit_linear
 
 SLOW_S = 4.0
-"""Motion slower than this is taken away: it is the vehicle going places."""
+"""Slower motion is removed: it is the vehicle's manoeuvring."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,49 +48,49 @@ def find_signature(
     def quick(values: Array) -> Array:
         return np.asarray(values - uniform_filter1d(values, size, axis=0))
 
-    fit = fit_linear(quick(motion.rate_p_radps(time_s[inside])), quick(velocity_mps[inside]))
+    fit = fit_linear(quick(motion.omega_tp_p_radps(time_s[inside])), quick(velocity_mps[inside]))
     copies = np.swapaxes(fit.resampled, 1, 2)
     return Signature(fit.parameters.T, np.std(copies, axis=0), copies)
 
 
 def signature_findings(signature: Signature | None) -> list[Finding]:
-    """Where a roll or a pitch moves the velocity in the plane, and whether a rigid arm could do it."""
+    """Horizontal response of the velocity to roll and pitch rates, and whether a rigid lever arm explains it."""
     if signature is None:
         return []
     K, sd = signature.response_m, signature.sd_m
-    told = []
+    significant = []
     for column, name, axis, expected in ((0, "rolls", "y", 90.0), (1, "pitches", "x", 0.0)):
         length = float(np.hypot(*K[:2, column]))
         if length > SIGMAS * float(np.hypot(*sd[:2, column])):
-            turned = np.rad2deg(np.arctan2(K[1, column], K[0, column]))
+            azimuth = np.rad2deg(np.arctan2(K[1, column], K[0, column]))
             copies = np.rad2deg(
                 np.arctan2(signature.resampled_m[:, 1, column], signature.resampled_m[:, 0, column])
             )
-            spread = float(np.std((copies - turned + 180.0) % 360.0 - 180.0))
-            off = float((turned - expected + 90.0) % 180.0 - 90.0)
-            told.append((name, axis, float(turned), spread, off))
-    if not told:
+            spread = float(np.std((copies - azimuth + 180.0) % 360.0 - 180.0))
+            off = float((azimuth - expected + 90.0) % 180.0 - 90.0)
+            significant.append((name, axis, float(azimuth), spread, off))
+    if not significant:
         return []
     values = signature.singular_m
     rigid = values[1] > 0.6 * values[0] and values[2] < 0.3 * values[0]
     parts = "; ".join(
-        f"when the platform {name} the velocity moves along azimuth {turned:.0f} ± {spread:.1g} deg of the DVL, "
+        f"when the platform {name} the velocity changes along azimuth {azimuth:.0f} ± {spread:.1g} deg of the DVL, "
         f"{abs(off):.0f} deg off the platform's {axis}"
-        for name, axis, turned, spread, off in told
+        for name, axis, azimuth, spread, off in significant
     )
-    worst = max(told, key=lambda one: abs(one[4]))
-    judged = (
+    worst = max(significant, key=lambda one: abs(one[4]))
+    conclusion = (
         "A rigid lever arm fits."
         if rigid
-        else "A rigid lever arm alone does not fit, so that the vehicle's own sway may be in it: a suspicion, no proof."
+        else "A rigid lever arm alone does not fit: the vehicle's own sway may contribute, so this is not conclusive."
     )
     return [
         Finding(
             "rate_signature", "warning" if abs(worst[4]) > SIGMAS * worst[3] and abs(worst[4]) > 10.0 else "note",
             worst[4], "deg", 0.0,
-            f"The velocity answers to the rates: {parts}.",
-            f"Singular values {', '.join(f'{value:.2f}' for value in values)} m; an arm has two equal and one "
-            f"zero. {judged}",
-            "Find the mounting of the DVL from a drawing, or drive straight ahead with the attitude recorded.",
+            f"The velocity depends on the angular rates: {parts}.",
+            f"Singular values {', '.join(f'{value:.2f}' for value in values)} m; a lever arm has two equal and one "
+            f"zero. {conclusion}",
+            "Take the mounting of the DVL from a drawing, or drive straight ahead with the attitude recorded.",
         )
     ]  # fmt: skip

@@ -44,7 +44,7 @@ def audit(
         Path | None, Parameter(help="Write the geometry that was found to this TOML file.")
     ] = None,
 ) -> None:
-    """Says what a log tells of its DVL: directions, order, signs, closure, defects, mounting; ranked, with numbers.
+    """Checks a log of a DVL: beam directions, order, signs, closure, defects and mounting, as ranked findings.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def audit(
 
 def shown(made: Audit) -> list[str | Table]:
     """What goes to the terminal: counts, beams, closure, mounting, findings."""
-    log, verdict = made.log, made.verdict
+    log, verdict = made.log, made.assessment
     counts = [int(np.sum(log.valid.sum(axis=1) == k)) for k in range(log.beams, -1, -1)]
     beams = ", ".join(f"{count} with {log.beams - k}" for k, count in enumerate(counts) if count)
     parts: list[str | Table] = [
@@ -92,7 +92,7 @@ def shown(made: Audit) -> list[str | Table]:
         for one in verdict.closures
     ]
     if log.beams == 3:
-        parts.append("three beams have no closure: nothing checks them but a reference")
+        parts.append("three beams have no closure: only a reference can check them")
     if made.mounting is not None and made.mounting.follows:
         m = made.mounting
         rpy = ", ".join(
@@ -103,33 +103,33 @@ def shown(made: Audit) -> list[str | Table]:
             f"{v:+.2f} ± {s:.2g}" for v, s in zip(m.lever_arm_p_m, m.lever_arm_sd_m, strict=True)
         )
         parts.append(
-            f"mounting, from {m.way}: roll, pitch, yaw {rpy} deg; lever arm {lever} m; clock offset "
+            f"mounting, from {m.source}: roll, pitch, yaw {rpy} deg; lever arm {lever} m; clock offset "
             f"{m.clock_offset_s:+.3f} ± {m.clock_offset_sd_s:.2g} s; scale {100.0 * m.scale:+.2f} ± "
             f"{100.0 * m.scale_sd:.2g} %"
         )
-    parts.append("" if made.findings else "nothing was found")
+    parts.append("" if made.findings else "no finding")
     for number, finding in enumerate(made.findings, start=1):
-        colour = _COLOURS[finding.weight]
+        colour = _COLOURS[finding.severity]
         parts.append(
-            f"{number}. [{colour}]{finding.weight}[/{colour}] [bold]{_plain(finding.words)}[/bold]\n"
+            f"{number}. [{colour}]{finding.severity}[/{colour}] [bold]{_plain(finding.text)}[/bold]\n"
             f"   {_plain(finding.evidence)}\n   → {_plain(finding.advice)}"
         )
     return parts
 
 
 def _plain(text: str) -> str:
-    """Brackets in words are not the terminal's markup."""
+    """Escapes brackets, which would be markup in the terminal."""
     return text.replace("[", r"\[")
 
 
 def _beams(made: Audit) -> Table:
-    matrix = made.verdict.matrix
+    matrix = made.assessment.matrix
     assert matrix is not None
     table = Table(
-        title=f"beams: {matrix.way}, {matrix.pings} pings, residual {1e3 * matrix.residual_mps:.2g} mm/s",
+        title=f"beams: {matrix.regression}, {matrix.pings} pings, residual {1e3 * matrix.residual_mps:.2g} mm/s",
         title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0),
     )  # fmt: skip
-    matched = made.verdict.match is not None
+    matched = made.assessment.match is not None
     table.add_column("", no_wrap=True)
     names = [
         "tilt deg",

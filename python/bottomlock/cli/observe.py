@@ -7,7 +7,7 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from bottomlock.errors import ScenarioError
-from bottomlock.observability.console import screen
+from bottomlock.observability.console import console_lines
 from bottomlock.observability.report import observe_paper, observe_scenario
 
 console = Console(stderr=False)
@@ -31,7 +31,7 @@ def observe(
     if paper == (case is not None):
         raise ScenarioError("expected either a scenario or --paper")
     made = observe_paper(out) if case is None else observe_scenario(case, out)
-    for part in screen(made):
+    for part in console_lines(made):
         console.print(part, highlight=False)
     figures = "a figure" if len(made.figures) == 1 else f"{len(made.figures)} figures"
     console.print(f"wrote tables and {figures} to {out}", soft_wrap=True)

@@ -1,1 +1,1 @@
-"""Readers of recorded data."""
+"""Readers of recorded data: each format a module with `NAME`, `sniff` and `read`, listed in `formats`."""

@@ -1,8 +1,8 @@
 """The beam table: recorded pings of any DVL in one form, and the account of how they were read.
 
-Every reader of this package makes a `Recording`: a `BeamTable` and the `Account` of what became of each record of
-the file. The table goes to Parquet, the account to JSON beside it. Signs are those of our beam model: beam k reads
-y_k = b_k . v, with v the velocity of the instrument over ground and b_k pointing away from it along the beam.
+Every reader returns a `Recording`: a `BeamTable` and the `Account` of each record of the file. The table is written to
+Parquet, the account to JSON beside it. Signs follow the beam model: beam k reads y_k = b_k . v, with v the velocity of
+the instrument over ground and b_k the unit vector from the instrument along the beam.
 """
 
 import hashlib
@@ -24,43 +24,43 @@ Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 MOST_BEAMS = 8
-"""The kernel's bound."""
+"""Most beams of an instrument, the kernel's limit."""
 
 NO_TIME_NS = -(2**63)
-"""Stands in `BeamTable.arrival_ns` for a ping without."""
+"""Value of `BeamTable.arrival_ns` for a ping without an arrival time."""
 
 EXTRA = {
-    "altitude_m": "distance to the bottom that the instrument states, along its own vertical",
+    "altitude_m": "distance to the bottom stated by the instrument, along its own vertical",
     "instrument_sd_mps": "the instrument's own figure of merit of its velocity, 1 sigma",
     "error_velocity_mps": "the closure of four beams that a Teledyne instrument gives in place of the beams",
-    "heading_rad": "heading that the record carries, clockwise from north",
-    "pitch_rad": "pitch that the record carries, nose up",
-    "roll_rad": "roll that the record carries, starboard down",
-    "sound_speed_mps": "speed of sound that the instrument used",
+    "heading_rad": "recorded heading, clockwise from north",
+    "pitch_rad": "recorded pitch, nose up",
+    "roll_rad": "recorded roll, starboard down",
+    "sound_speed_mps": "speed of sound used by the instrument",
 }
 """Columns that some formats fill, Float64, null where a record holds none."""
 
 EXTRA_PER_BEAM = {
     "noise_dbm": "background noise at the transducer",
-    "range_confidence": "the instrument's own figure for its range",
-    "delay_s": "when the echo's centre came, after the record's own time stamp's trigger",
+    "range_confidence": "the instrument's confidence in the range",
+    "delay_s": "time from the trigger at the record's time stamp to the centre of the echo",
 }
 """The same per beam: beam1_noise_dbm ...."""
 
 
 @dataclass(frozen=True, eq=False)
 class BeamTable:
-    """Pings of one instrument, a row each; NaN and -1 stand for what a record does not hold.
+    """Pings of one instrument, a row each; NaN and -1 mark what a record does not contain.
 
     Attributes:
         time_ns: (n,) int64, strictly rising: time of validity where the format has it, else of the record.
         velocity_mps: (n, beams), as recorded; NaN where the record holds none.
         valid: (n, beams).
         range_m: (n, beams) along the beam; NaN where none.
-        quality: (n, beams); NaN where none; what it means differs by format and stands in the account.
-        sd_mps: (n, beams): the instrument's own figure of merit per beam, 1 sigma; NaN where none.
+        quality: (n, beams); NaN where none; its meaning depends on the format and is given in the account.
+        sd_mps: (n, beams): the instrument's figure of merit per beam, 1 sigma; NaN where none.
         instrument_mps: (n, 3): the instrument's own velocity in the frame that the account names; NaN where none.
-        instrument_valid: (n,) int8: 1 and 0 as the instrument judges its velocity, -1 where it does not say.
+        instrument_valid: (n,) int8: 1 and 0 as the instrument flags its velocity, -1 without a flag.
         arrival_ns: (n,) int64, host clock, `NO_TIME_NS` where a ping has none; None where the file has none.
         stale: (n,) bool: the beams repeat those of the record before, unchanged; their `valid` is then false.
         extra: columns of `EXTRA` and, with the beam's number before it, of `EXTRA_PER_BEAM`, (n,) each.
@@ -119,61 +119,79 @@ class BeamTable:
             DataError: naming the place and the column: for one that is missing or of another type, a time that is
                 absent or does not rise, or a valid beam without a finite velocity.
         """
+        columns = _Columns(frame, place)
         beams = 0
         while f"beam{beams + 1}_mps" in frame.columns:
             beams += 1
-
-        def column(name: str, dtype: pl.DataType) -> pl.Series:
-            if name not in frame.columns:
-                raise DataError(f"{place}: column '{name}' is missing; `bottomlock convert` writes it")
-            found = frame[name]
-            if found.dtype not in {dtype, pl.Null()}:
-                raise DataError(f"{place}: column '{name}' is {found.dtype}, expected {dtype}")
-            return found.cast(dtype)
-
-        def floats(name: str) -> Floats:
-            return column(name, pl.Float64()).fill_null(np.nan).to_numpy()
-
-        def per_beam(what: str) -> Floats:
-            parts = [floats(f"beam{k + 1}_{what}") for k in range(beams)]
-            return np.stack(parts, axis=1) if parts else np.empty((frame.height, 0))
-
-        def flags(name: str) -> Flags:
-            return column(name, pl.Boolean()).fill_null(value=False).to_numpy().astype(bool)
-
-        times = column("time_ns", pl.Int64())
-        if times.null_count():
-            raise DataError(f"{place}: row {times.is_null().arg_max()}, column 'time_ns' has no time")
-        time_ns = times.to_numpy()
-        steps = np.flatnonzero(np.diff(time_ns) <= 0)
-        if steps.size:
-            row = int(steps[0]) + 1
-            raise DataError(f"{place}: row {row}, column 'time_ns' is {time_ns[row]} ns and does not rise")
-        valid = [flags(f"beam{k + 1}_valid") for k in range(beams)]
-        arrival = column("arrival_ns", pl.Int64())
-        verdict = column("instrument_valid", pl.Boolean())
+        arrival = columns.series("arrival_ns", pl.Int64())
+        instrument_valid = columns.series("instrument_valid", pl.Boolean())
         table = cls(
-            time_ns=time_ns,
-            velocity_mps=per_beam("mps"),
-            valid=np.stack(valid, axis=1) if valid else np.empty((frame.height, 0), dtype=bool),
-            range_m=per_beam("range_m"),
-            quality=per_beam("quality"),
-            sd_mps=per_beam("sd_mps"),
-            instrument_mps=np.stack([floats(f"instrument_{axis}_mps") for axis in "xyz"], axis=1),
-            instrument_valid=verdict.cast(pl.Int8).fill_null(-1).to_numpy(),
+            time_ns=columns.times("time_ns"),
+            velocity_mps=columns.per_beam("mps", beams),
+            valid=columns.flags_per_beam("valid", beams),
+            range_m=columns.per_beam("range_m", beams),
+            quality=columns.per_beam("quality", beams),
+            sd_mps=columns.per_beam("sd_mps", beams),
+            instrument_mps=np.stack([columns.floats(f"instrument_{axis}_mps") for axis in "xyz"], axis=1),
+            instrument_valid=instrument_valid.cast(pl.Int8).fill_null(-1).to_numpy(),
             arrival_ns=None
             if arrival.null_count() == frame.height
             else arrival.fill_null(NO_TIME_NS).to_numpy(),
-            stale=flags("stale"),
-            extra={name: floats(name) for name in _extra_names(beams) if name in frame.columns},
+            stale=columns.flags("stale"),
+            extra={name: columns.floats(name) for name in _extra_names(beams) if name in frame.columns},
         )
         wrong = np.argwhere(table.valid & ~np.isfinite(table.velocity_mps))
         if wrong.size:
             row, beam = (int(index) for index in wrong[0])
             raise DataError(
-                f"{place}: row {row}, column 'beam{beam + 1}_mps' is not finite, but the beam is flagged valid"
+                f"{place}: row {row}, column 'beam{beam + 1}_mps' is not finite, but the beam is flagged valid; "
+                "expected a finite velocity or a cleared flag"
             )
         return table
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """Columns of a data frame with checked types; null is NaN, and false for flags."""
+
+    frame: pl.DataFrame
+    place: str
+
+    def series(self, name: str, dtype: pl.DataType) -> pl.Series:
+        if name not in self.frame.columns:
+            raise DataError(f"{self.place}: column '{name}' is missing; `bottomlock convert` writes it")
+        found = self.frame[name]
+        if found.dtype not in {dtype, pl.Null()}:
+            raise DataError(f"{self.place}: column '{name}' is {found.dtype}, expected {dtype}")
+        return found.cast(dtype)
+
+    def times(self, name: str) -> Integers:
+        series = self.series(name, pl.Int64())
+        if series.null_count():
+            raise DataError(f"{self.place}: row {series.is_null().arg_max()}, column '{name}' has no time")
+        time_ns = series.to_numpy()
+        steps = np.flatnonzero(np.diff(time_ns) <= 0)
+        if steps.size:
+            row = int(steps[0]) + 1
+            raise DataError(
+                f"{self.place}: row {row}, column '{name}' is {time_ns[row]} ns and does not rise"
+            )
+        return np.asarray(time_ns)
+
+    def floats(self, name: str) -> Floats:
+        return np.asarray(self.series(name, pl.Float64()).fill_null(np.nan).to_numpy())
+
+    def flags(self, name: str) -> Flags:
+        series = self.series(name, pl.Boolean()).fill_null(value=False)
+        return np.asarray(series.to_numpy().astype(bool))
+
+    def per_beam(self, quantity: str, beams: int) -> Floats:
+        parts = [self.floats(f"beam{k + 1}_{quantity}") for k in range(beams)]
+        return np.stack(parts, axis=1) if parts else np.empty((self.frame.height, 0))
+
+    def flags_per_beam(self, quantity: str, beams: int) -> Flags:
+        parts = [self.flags(f"beam{k + 1}_{quantity}") for k in range(beams)]
+        return np.stack(parts, axis=1) if parts else np.empty((self.frame.height, 0), dtype=bool)
 
 
 def _extra_names(beams: int) -> list[str]:
@@ -182,7 +200,7 @@ def _extra_names(beams: int) -> list[str]:
 
 @dataclass
 class Reason:
-    """How many records met one fate, and where the first of them stands."""
+    """Count of records with one outcome, and the position of the first."""
 
     count: int
     first: int
@@ -191,7 +209,7 @@ class Reason:
 
 @dataclass
 class Account:
-    """What became of every record of a file.
+    """Outcome of every record of a file.
 
     Attributes:
         unit: what positions count: "byte" (offset from 0) or "line" (from 1).
@@ -210,24 +228,24 @@ class Account:
     other: dict[str, Reason] = field(default_factory=dict)
 
     def skip(self, reason: str, position: int, detail: str | bytes = "") -> None:
-        """Counts a record that is lost; of bytes, the first record's beginning is shown."""
+        """Counts a lost record; of `detail` in bytes the first record's beginning is shown."""
         _count(self.skipped, reason, position, detail)
 
     def flag(self, reason: str, position: int, detail: str | bytes = "") -> None:
-        """Counts a record that is kept, but not as it stands."""
+        """Counts a record that is kept with a change."""
         _count(self.flagged, reason, position, detail)
 
     def pass_by(self, kind: str, position: int) -> None:
-        """Counts a good record that holds no ping."""
+        """Counts a well-formed record without a ping."""
         _count(self.other, kind, position, "")
 
     @property
     def lost(self) -> int:
-        """Records that gave no row though they should have."""
+        """Number of skipped records."""
         return sum(reason.count for reason in self.skipped.values())
 
     def to_json(self) -> dict[str, Any]:
-        """As it stands in the file beside the table."""
+        """Content of the JSON file beside the table."""
 
         def fates(reasons: Mapping[str, Reason]) -> dict[str, dict[str, Any]]:
             return {
@@ -255,20 +273,20 @@ def _count(reasons: dict[str, Reason], name: str, position: int, detail: str | b
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What a reader makes of a file.
+    """Result of reading a file.
 
     Attributes:
         format: name of the format, as `bottomlock convert --format` takes it.
         table: the pings.
-        account: what became of each record.
+        account: outcome of each record.
         frame: of the instrument's own velocity: "frd", "flu", "instrument", "ship", "earth" ... or "none".
-        clock: what `time_ns` counts from.
+        clock: epoch and source of `time_ns`.
         time_of: "validity", "transmission", "record" or "arrival".
-        quality: what the column of that name means, "" where the format has none.
-        corrected: what the reader changed to come to our signs and units, a sentence each.
-        geometry: packaged geometry that fits, "" where the record does not tell.
-        notes: what the user ought to know of this file, a sentence each.
-        facts: what the file says of the instrument (firmware, beam angle, serial number), as it stands there.
+        quality: meaning of the column of that name, "" where the format has none.
+        corrected: changes of sign and unit by the reader, a sentence each.
+        geometry: packaged geometry of the instrument, "" where the record does not identify it.
+        notes: remarks on this file for the user, a sentence each.
+        facts: recorded properties of the instrument (firmware, beam angle, serial number), unchanged.
     """
 
     format: str
@@ -302,7 +320,7 @@ class Recording:
 
 
 def sidecar(path: Path) -> Path:
-    """Where the account of a beam table stands: beams.json beside beams.parquet."""
+    """Path of the account of a beam table: beams.json beside beams.parquet."""
     return path.with_suffix(".json")
 
 
@@ -323,7 +341,7 @@ def sha256_of(path: Path) -> str:
 
 
 def write_recording(recording: Recording, to: Path, *, source: Path) -> None:
-    """The table to Parquet and its account to JSON beside it, each whole or not at all; the account last.
+    """Writes the table to Parquet and, last, its account to JSON beside it; each file atomically.
 
     Raises:
         OutputError: where the directory cannot be written.
@@ -334,7 +352,7 @@ def write_recording(recording: Recording, to: Path, *, source: Path) -> None:
 
 
 def read_beam_table(path: str | Path) -> BeamTable:
-    """A table that `bottomlock convert` wrote.
+    """Reads a table that `bottomlock convert` wrote.
 
     Raises:
         DataError: naming file and column, as `BeamTable.from_frame`; also for a file that cannot be read.
@@ -350,7 +368,7 @@ def read_beam_table(path: str | Path) -> BeamTable:
 
 
 def read_account(path: str | Path) -> dict[str, Any]:
-    """What stands in the JSON beside a beam table; {} where there is none.
+    """Reads the account (JSON) beside a beam table; {} where there is none.
 
     Raises:
         DataError: for a file that is not a JSON object.

@@ -1,4 +1,4 @@
-"""Recorded pings and instrument files: CSV or Parquet and TOML to checked arrays."""
+"""Readers of pings (CSV or Parquet) and of instrument files (TOML) to validated arrays."""
 
 import dataclasses
 import math
@@ -24,7 +24,7 @@ Vector = tuple[Finite, Finite, Finite]
 
 
 class Columns(BaseModel):
-    """Which columns of a log mean what; the defaults are the documented ones."""
+    """Column map of a log; the defaults are the documented names."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     time: str = "time_ns"
@@ -32,7 +32,7 @@ class Columns(BaseModel):
     velocity: tuple[str, ...] | None = None
     valid: tuple[str, ...] | None = None
     velocity_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
-    # What `bottomlock convert` keeps beside the beams; a fix needs none of it.
+    # Columns that `bottomlock convert` keeps beside the beams; a velocity fix does not use them.
     range: tuple[str, ...] | None = None
     quality: tuple[str, ...] | None = None
     sd: tuple[str, ...] | None = None
@@ -41,7 +41,7 @@ class Columns(BaseModel):
 
 
 class InstrumentFile(BaseModel):
-    """A DVL as a TOML file states it."""
+    """Contents of a DVL's TOML file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     name: str = ""
@@ -118,12 +118,11 @@ def _text_of(source: str | Path) -> tuple[str, str]:
 
 
 def read_geometry(source: str | Path) -> Instrument:
-    """A DVL from a TOML file or a packaged name.
+    """Reads a DVL from a TOML file or a packaged name.
 
     Raises:
-        ScenarioError: for a file that cannot be read, ill-formed TOML, an unknown or missing key, a value out
-        of range, or
-            directions that are not unit vectors.
+        ScenarioError: for a file that cannot be read, ill-formed TOML, an unknown or missing key, a value out of
+            range, or directions that are not unit vectors.
 
     Examples:
         >>> read_geometry("linkquest_caves").geometry.beams
@@ -164,7 +163,7 @@ def read_geometry(source: str | Path) -> Instrument:
 
 
 def times_as_they_stand(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int64]:
-    """The times of a table, ns (n,), in whatever order.
+    """Times of a table, ns (n,), in the order of the file, which may repeat or go back.
 
     Raises:
         DataError: naming row and column, for a time that is missing or no number.
@@ -181,7 +180,7 @@ def times_as_they_stand(table: pl.DataFrame, columns: Columns, place: str) -> ND
 
 
 def read_times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int64]:
-    """The times of a table, ns (n,), rising.
+    """Times of a table, ns (n,), strictly rising.
 
     Raises:
         DataError: naming row and column, for a time that is missing, repeats or goes back.
@@ -192,13 +191,14 @@ def read_times(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.
         row = int(steps[0]) + 1
         what = "repeats the time" if times[row] == times[row - 1] else "goes back in time from that"
         raise DataError(
-            f"{place}: row {row}, column '{columns.time}' is {times[row]} ns and {what} of row {row - 1}"
+            f"{place}: row {row}, column '{columns.time}' is {times[row]} ns and {what} of row {row - 1}, expected "
+            "rising times"
         )
     return times
 
 
 def read_flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.bool_]:
-    """Columns of 0, 1, true or false as (n, columns).
+    """Columns of 0, 1, true or false as an array (n, columns).
 
     Raises:
         DataError: naming row and column, for anything else.
@@ -219,11 +219,11 @@ def read_flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray
 
 
 def read_validity(path: Path, *, beams: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Times (n,) and which beams returned (n, beams) of a log with the columns `time_ns` and `beam1_valid` ....
+    """Times (n,), ns, and validity (n, beams) of a log with the columns `time_ns` and `beam1_valid` ....
 
     Raises:
         DataError: naming file, row and column: for a file that cannot be read, a missing column, a time that repeats or
-            goes back, a flag that is none, or fewer than two rows.
+            goes back, a flag other than 0 or 1, or fewer than two rows.
     """
     table = read_table(path)
     if table.height < 2:
@@ -233,16 +233,15 @@ def read_validity(path: Path, *, beams: int) -> tuple[NDArray[np.int64], NDArray
 
 
 def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) -> Pings:
-    """Pings from CSV or Parquet.
+    """Reads pings from CSV or Parquet.
 
     The documented columns are `time_ns`, `beam1_mps` ..., `beam1_valid` ... (0/1 or true/false) and, optionally,
     `prior_surge_mps`, `prior_sway_mps`, `prior_heave_mps` with `prior_surge_sd_mps` ...; a map in the geometry
     file names others. Rows are counted from 0, without the header.
 
     Raises:
-        DataError: naming file, row and column: for a file that cannot be read, a missing column, a number that
-        is none, a time
-            that repeats or goes back, a valid beam without a finite velocity, or a log without rows.
+        DataError: naming file, row and column: for a file that cannot be read, a missing column, a cell that is no
+            number, a time that repeats or goes back, a valid beam without a finite velocity, or a log without rows.
     """
     place = str(path)
     columns = columns or Columns()

@@ -1,8 +1,8 @@
 """Cerulean Tracker 650: `$DVKFC`, three cones A, B, C with velocity, range and confidences.
 
-A positive velocity approaches the bottom (the maker's words), which is our sign. The sentence ends with a fixed mark
-and a checksum whose rule is not published: the published example fits CRC-8 (0x31), other sentences of the maker's
-family the NMEA exclusive or. Either is taken.
+A positive velocity approaches the bottom (manufacturer's definition), as in our beam model. The sentence ends with a
+fixed mark and a checksum whose rule is not published: the published example fits CRC-8 (0x31), other sentences of the
+manufacturer the NMEA exclusive or. Either is accepted.
 """
 
 import re
@@ -89,8 +89,8 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         time_of="record",
         quality="velocity confidence as recorded",
         notes=[
-            "a cone has no flag: it counts as valid from a range confidence of 25 on, as the maker advises",
-            "the sentence carries no velocity of the instrument's own",
+            "a cone has no flag: it counts as valid from a range confidence of 25 on, as the manufacturer advises",
+            "the sentence has no velocity of the instrument's own",
         ],
     )
 

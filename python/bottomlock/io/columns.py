@@ -1,4 +1,4 @@
-"""Columns of CSV and Parquet files as numbers: missing columns and unreadable cells named, empty cells kept as such."""
+"""Columns of CSV and Parquet files as numbers; errors name missing columns and cells, empty cells are NaN."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -46,10 +46,10 @@ def read_rows(path: Path) -> pl.DataFrame:
 
 
 def named_column(table: pl.DataFrame, name: str, place: str) -> pl.Series:
-    """A column as it stands.
+    """A column without conversion.
 
     Raises:
-        DataError: for a column that is missing, with those that are there.
+        DataError: for a missing column, listing the columns of the file.
     """
     if name not in table.columns:
         known = ", ".join(table.columns[:_SHOWN]) + (", ..." if len(table.columns) > _SHOWN else "")

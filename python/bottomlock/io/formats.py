@@ -1,4 +1,7 @@
-"""The formats that `bottomlock convert` knows, and which one a file is in."""
+"""Registry of the formats of `bottomlock convert`, and detection of a file's format.
+
+A new format is a module with `NAME`, `sniff` and `read`, and a line in `BYTES` (or `PATHS`) below.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,7 +31,7 @@ _HEAD = 65_536
 
 @dataclass(frozen=True)
 class Format:
-    """A format of bytes: how it is named, what it is, and who knows and reads it."""
+    """A format read from bytes: name, title, detection from the file's beginning, and reader."""
 
     name: str
     title: str
@@ -38,7 +41,7 @@ class Format:
 
 @dataclass(frozen=True)
 class PathFormat:
-    """A format that a library reads from its path."""
+    """A format read from a path, by a library."""
 
     name: str
     title: str
@@ -46,7 +49,7 @@ class PathFormat:
     read: Callable[[Path, str, Options], Recording]
 
 
-# From the surest mark to the weakest: the first that fits is taken. Nucleus before AD2CP: both begin with A5 records.
+# From the most to the least specific mark: the first match is used. Nucleus before AD2CP: both begin with A5 records.
 BYTES = (
     Format(linkquest.NAME, "LinkQuest NavQuest, CSV of a ROS log", linkquest.sniff, linkquest.read),
     Format(nortek_ascii.NAME, "Nortek $PNORBT0, $PNORBT1", nortek_ascii.sniff, nortek_ascii.read),
@@ -80,10 +83,10 @@ def _content(path: Path) -> bytes:
 
 
 def detect(path: Path) -> str:
-    """Name of the format that a file is in.
+    """Name of a file's format.
 
     Raises:
-        DataError: for a file that is not there, or in none of the formats.
+        DataError: for a missing file, or one in none of the formats.
     """
     if not path.exists():
         raise DataError(f"{path}: no such file")
@@ -101,7 +104,7 @@ def detect(path: Path) -> str:
             "map yours with --columns MAP.toml, or name the format with --format"
         )
     raise DataError(
-        f"{path}: is in no format that is known by its content ({', '.join(NAMES)}); name it with --format, "
+        f"{path}: format not recognised from the content, expected one of {', '.join(NAMES)}; name it with --format, "
         "or map its columns with --columns"
     )
 
@@ -115,9 +118,12 @@ def _head(path: Path) -> bytes:
 
 
 def read_recording(path: str | Path, *, format: str | None = None, options: Options = PLAIN) -> Recording:  # noqa: A002
-    """The pings of a recorded file, whatever it was recorded in.
+    """Reads the pings of a recorded file of any format.
 
-    Arguments: `format` is one of `NAMES`, found from the content where it is None; a column map means a table.
+    Args:
+        path: the file, or the folder of a ROS 2 bag.
+        format: one of `NAMES`; detected from the content by default, and "table" with a column map.
+        options: settings of the readers.
 
     Raises:
         DataError: for a file that cannot be read, an unknown format, or a file without pings: naming the file and

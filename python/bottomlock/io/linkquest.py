@@ -33,7 +33,7 @@ def sniff(head: bytes) -> bool:
 
 
 def _columns(header: bytes, place: str) -> dict[str, int]:
-    """Where the needed columns stand, without `field.` before their names."""
+    """Index of each needed column, by its name without `field.`."""
     names = [name.strip().decode("utf-8", "replace").removeprefix("field.") for name in header.split(b",")]
     at = {name: k for k, name in enumerate(names)}
     for name in _NEEDED:
@@ -45,7 +45,7 @@ def _columns(header: bytes, place: str) -> dict[str, int]:
 
 
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
-    """The pings of a log.
+    """Reads the pings of a log.
 
     Raises:
         DataError: where the header lacks a column, or no line can be read.
@@ -55,38 +55,14 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     _, header = next(lines, (0, b""))
     at = _columns(header, place)
     width = header.count(b",") + 1
-    arrival = at.get("%time")
     rows = Rows(_BEAMS, account)
     for position, line in lines:
         account.read += 1
         fields = line.split(b",")
-        if len(fields) != width:
-            reason = "truncated" if len(fields) < width else "merged line"
-            account.skip(reason, position, line)
-            continue
-        good = [_FLAGS.get(fields[at[f"dataGood{k}"]]) for k in range(_BEAMS)]
-        verdict = _FLAGS.get(fields[at["velocityInstFlag"]])
-        time_ns = whole(fields[at["header.stamp"]])
-        found = [
-            number(fields[at[name]]) for name in _NEEDED if name != "header.stamp" and "Good" not in name
-        ]
-        if time_ns is None or verdict is None or None in good or None in found:
-            account.skip("a field that is no number", position, line)
-            continue
-        values = [NAN if v is None else v for v in found]
-        altitude, sound = values[12], values[13]
-        vx, vy, vz = values[8:11]
-        rows.add(
-            position,
-            time_ns,
-            [-v for v in values[4:8]],
-            [bool(flag) for flag in good],
-            range_m=[a if a > 0.0 else NAN for a in values[:4]],
-            instrument=(vx, -vy, -vz),
-            verdict=int(verdict),
-            arrival_ns=None if arrival is None else whole(fields[arrival]),
-            extra={"altitude_m": altitude if altitude > 0.0 else NAN, "sound_speed_mps": sound},
-        )
+        if len(fields) == width:
+            _add(rows, position, line, fields, at)
+        else:
+            account.skip("truncated" if len(fields) < width else "merged line", position, line)
     table = rows.finish(negate=options.negate_beams)
     refuse_empty(account, place, "ping of a LinkQuest NavQuest")
     return Recording(
@@ -105,4 +81,30 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             "a lost beam reads 0 m/s and is kept so, with its flag; its altitude is often 0 too, and then none",
             "range is the record's altitude of the beam, as it stands",
         ],
+    )
+
+
+def _add(rows: Rows, position: int, line: bytes, fields: list[bytes], at: dict[str, int]) -> None:
+    """Adds a line to the table, its signs turned to ours."""
+    valid = [_FLAGS.get(fields[at[f"dataGood{k}"]]) for k in range(_BEAMS)]
+    instrument_valid = _FLAGS.get(fields[at["velocityInstFlag"]])
+    time_ns = whole(fields[at["header.stamp"]])
+    found = [number(fields[at[name]]) for name in _NEEDED if name != "header.stamp" and "Good" not in name]
+    if time_ns is None or instrument_valid is None or None in valid or None in found:
+        rows.account.skip("a field that is no number", position, line)
+        return
+    values = [NAN if v is None else v for v in found]
+    altitude, sound = values[12], values[13]
+    vx, vy, vz = values[8:11]
+    arrival = at.get("%time")
+    rows.add(
+        position,
+        time_ns,
+        [-v for v in values[4:8]],
+        [bool(flag) for flag in valid],
+        range_m=[a if a > 0.0 else NAN for a in values[:4]],
+        instrument=(vx, -vy, -vz),
+        verdict=int(instrument_valid),
+        arrival_ns=None if arrival is None else whole(fields[arrival]),
+        extra={"altitude_m": altitude if altitude > 0.0 else NAN, "sound_speed_mps": sound},
     )

@@ -1,7 +1,7 @@
 """Nortek DVL500 and DVL1000: bottom track in the binary formats DF21 and DF22 (record id 0x1B).
 
-The status word says of each beam and each axis whether velocity, distance and figure of merit are valid. Distances
-are vertical. Layout as in the maker's published structure; DF22 is taken to have the same fields.
+The status word holds validity flags of velocity, distance and figure of merit for each beam and each axis. Distances
+are vertical. Layout as in the manufacturer's published structure; DF22 is assumed to have the same fields.
 """
 
 import math
@@ -100,7 +100,7 @@ def _add(rows: Rows, frame: Frame) -> None:
 
 
 def vertical_note(table: BeamTable) -> list[str]:
-    """A sentence where the beams' mean goes against the instrument's own vertical velocity: a wrong sign."""
+    """A note where the mean of the beams is opposite to the instrument's vertical velocity: a wrong sign."""
     whole = table.valid.all(axis=1) & (table.instrument_valid == 1) & np.isfinite(table.instrument_mps[:, 2])
     if whole.sum() < 20:
         return []
@@ -108,7 +108,7 @@ def vertical_note(table: BeamTable) -> list[str]:
     agreement = float(mean @ up) / math.sqrt(float(mean @ mean) * float(up @ up) + 1e-30)
     if agreement > -0.5:
         return []
-    against = f"the mean of the beams goes against the instrument's z (correlation {agreement:.2f})"
+    against = f"the mean of the beams is opposite to the instrument's z (correlation {agreement:.2f})"
     return [
         f"{against}: check with `bottomlock audit`; if z points to the bottom, convert with --negate-beams"
     ]

@@ -1,7 +1,7 @@
-"""Nortek Nucleus1000: bottom track of three beams (record id 0xB4), so that one lost beam is already partial.
+"""Nortek Nucleus1000: bottom track of three beams (record id 0xB4); one lost beam already leaves a partial velocity.
 
-The status word says of each beam and each axis whether velocity, distance and figure of merit are valid. Layout as in
-the maker's own driver.
+The status word holds validity flags of velocity, distance and figure of merit for each beam and each axis. Layout as in
+the manufacturer's driver.
 """
 
 import struct

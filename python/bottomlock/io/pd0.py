@@ -1,10 +1,9 @@
 """Teledyne PD0: ensembles with bottom track (0x0600) and its high-resolution velocity (0x5803).
 
-An ensemble is 7F 7F, its length, a table of offsets to data types, and a 16-bit sum of all its bytes. What the four
-bottom-track velocities are stands in the fixed leader (command EX): beams, or velocity in the instrument's, the
-ship's or the earth's axes and an error velocity. Recorded velocities are those of the bottom as the instrument sees
-it: a beam reads positive when the bottom comes nearer, which is our b . v; the axes' velocities are turned to those of
-the vehicle.
+An ensemble is 7F 7F, its length, a table of offsets to data types, and a 16-bit sum of all its bytes. The fixed leader
+(command EX) gives the coordinates of the four bottom-track velocities: beams, or the instrument's, the ship's or the
+earth's axes and an error velocity. Recorded velocities are those of the bottom relative to the instrument: a beam is
+positive when the bottom comes nearer, which is our b . v; velocities in axes are negated to those of the vehicle.
 
 Source: Teledyne RD Instruments, Workhorse and Pathfinder guides, "PD0 output data format"; signs from recordings with
 GPS (docs/formats.md).
@@ -200,7 +199,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     counts = [sum(e.frame == k for e in pings) for k in range(len(FRAMES))]
     if found and not pings:
         raise DataError(
-            f"{place}: none of {len(found)} ensembles has bottom track (data type 0600h); "
+            f"{place}: none of {len(found)} ensembles has bottom track (data type 0600h), expected it in some; "
             f"switch it on (BP1) and record it (PD0){lost(account)}"
         )
     if pings and not counts[0] and not options.instrument_only:
@@ -244,7 +243,7 @@ def _add(rows: Rows, e: Ensemble, time_ns: int) -> None:
             extra=extra,
         )
         return
-    # The bottom's velocity in the instrument's axes is the vehicle's with its sign turned.
+    # The bottom's velocity in the instrument's axes is the vehicle's with the opposite sign.
     instrument = _VEHICLE[e.frame](*(-v for v in velocity[:3]))
     known = all(math.isfinite(v) for v in instrument)
     extra["error_velocity_mps"] = velocity[3]
@@ -270,7 +269,7 @@ def _recording(table: BeamTable, account: Account, pings: Sequence[Ensemble], fr
     up = bool(first.config & 0x80)
     notes = ["time is the ensemble's own clock, to a hundredth of a second"]
     if up:
-        notes.append("the instrument says that it looks up: the packaged geometry looks down")
+        notes.append("the instrument is configured to look up, but the packaged geometry looks down")
     if frame == 1:
         notes.append(
             "instrument axes (y towards beam 3, x towards beam 2) are taken as forward and starboard"

@@ -1,4 +1,4 @@
-"""Records without beam velocities: PD6 (text), PD3, PD4, PD5 (binary). They are counted, and refused with advice.
+"""Records without beam velocities: PD6 (text), PD3, PD4, PD5 (binary). They are counted, and rejected with advice.
 
 PD6's own velocity can be had with `instrument_only`: `:BI` holds x, y, z and error in mm/s, blank-padded, with A or V
 for its validity; +88888 and -32768 stand for none. A good sentence fills its line, or the quoted field of a logger's
@@ -69,7 +69,7 @@ def velocities(data: bytes, account: Account) -> list[Velocity]:
 
 
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
-    """Refuses PD6 with advice, or reads the instrument's velocity where that is asked for.
+    """Rejects PD6 with advice, or reads the instrument's velocity where `instrument_only` is set.
 
     Raises:
         DataError: always without `instrument_only`; with it, where no velocity has a host's time.
@@ -139,7 +139,7 @@ def sniff_binary(head: bytes) -> bool:
 
 
 def read_binary(data: bytes, place: str, options: Options = PLAIN) -> Recording:
-    """Refuses PD3, PD4 and PD5 with advice.
+    """Rejects PD3, PD4 and PD5 with advice.
 
     Raises:
         DataError: always.

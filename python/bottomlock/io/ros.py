@@ -184,5 +184,7 @@ def _notes(table: BeamTable, unit: np.ndarray[Any, Any], *, same: bool) -> list[
     if whole.any() and unit.any():
         expected, found = table.instrument_mps[whole] @ unit.T, table.velocity_mps[whole]
         if float((expected * found).sum()) < -0.5 * float((expected * expected).sum()):
-            notes.append("beam velocities go against beam_unit_vec . velocity: convert with --negate-beams")
+            notes.append(
+                "beam velocities are opposite to beam_unit_vec . velocity: convert with --negate-beams"
+            )
     return notes

@@ -1,7 +1,7 @@
-"""Pings as a reader finds them, gathered to a beam table.
+"""Collects the pings of a reader in a beam table.
 
-A reader adds what a record says, with its position; here it is decided what every table promises: times that rise, a
-finite velocity where a beam is valid, and an account of whatever does not fit.
+A reader adds each record with its position; this module ensures what holds for every table: rising times, a finite
+velocity where a beam is valid, and an account of every record that does not fit.
 """
 
 import math
@@ -23,11 +23,11 @@ _EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
 
 @dataclass(frozen=True)
 class Options:
-    """What the user may ask of a reader.
+    """Settings of the readers.
 
     Attributes:
-        instrument_only: take records without beam velocities, for the instrument's own velocity.
-        keep_stale: leave beams valid that repeat the record before.
+        instrument_only: accept records without beam velocities, for the instrument's own velocity.
+        keep_stale: keep beams valid that repeat the record before.
         negate_beams: beam velocities are positive away from the bottom in this file.
         ignore_checksum: keep text records whose checksum does not fit, flagged.
         topic: of a bag or MCAP file with several.
@@ -47,7 +47,7 @@ PLAIN = Options()
 
 @dataclass
 class Rows:
-    """A growing table; `add` takes a ping, `finish` makes the arrays."""
+    """Rows of a table under construction: `add` appends a ping, `finish` returns the table."""
 
     beams: int
     account: Account
@@ -80,7 +80,7 @@ class Rows:
         stale: bool = False,
         extra: dict[str, float] | None = None,
     ) -> None:
-        """Takes a ping; a valid beam without a finite velocity loses its validity, and the account says so."""
+        """Appends a ping; a valid beam without a finite velocity becomes invalid and is flagged in the account."""
         if not _EARLIEST_NS < time_ns < _LATEST_NS:
             self.account.skip("time out of range", position, f"{time_ns} ns")
             return
@@ -108,7 +108,7 @@ class Rows:
             column.append(value)
 
     def finish(self, *, negate: bool = False) -> BeamTable:
-        """The table; rows whose time does not fit a rising sequence are left out, as few as possible."""
+        """The table, without the rows that break the rising order of times (as few as possible)."""
         keep = self._rising()
         self.account.kept = len(keep)
         if not keep:
@@ -120,7 +120,7 @@ class Rows:
 
         def floats(values: Sequence[Sequence[float]], width: int) -> Floats:
             array = np.array(pick(values), dtype=np.float64).reshape(len(keep), width)
-            # An infinity is no measurement either: the table knows only numbers and none.
+            # An infinity is no measurement either: the table holds finite numbers or NaN.
             return np.where(np.isfinite(array), array, np.nan)
 
         arrival = pick(self.arrival_ns)
@@ -177,7 +177,7 @@ def _empty(beams: int) -> BeamTable:
 def longest_rising(times: Sequence[int]) -> list[int]:
     """Indices of a longest strictly rising subsequence (patience sorting, n log n).
 
-    One wild time in the future costs its own row, not all that follow.
+    One wrong time in the future then loses its own row, not all that follow.
 
     >>> longest_rising([1, 2, 99, 3, 3, 4])
     [0, 1, 3, 5]
@@ -203,7 +203,7 @@ def longest_rising(times: Sequence[int]) -> list[int]:
 def running_sums(data: bytes) -> NDArray[np.uint16]:
     """Sums of all bytes before each place, modulo 65536: a 16-bit checksum of any piece is then two look-ups.
 
-    However many false headers a file has, no byte is added up twice.
+    Each byte is summed once, however many false headers a file has.
     """
     sums = np.zeros(len(data) + 1, dtype=np.uint16)
     np.cumsum(np.frombuffer(data, dtype=np.uint8), dtype=np.uint16, out=sums[1:])
@@ -211,7 +211,7 @@ def running_sums(data: bytes) -> NDArray[np.uint16]:
 
 
 def lost(account: Account) -> str:
-    """What was skipped, as the end of a message; "" where nothing was.
+    """The skipped records, as the end of a message; "" without any.
 
     >>> account = Account(unit="byte")
     >>> account.skip("bad checksum", 446)
@@ -226,7 +226,7 @@ def lost(account: Account) -> str:
 
 
 def refuse_empty(account: Account, place: str, what: str) -> None:
-    """Raises a DataError that says what was found instead of pings, where there are none.
+    """Raises an error that lists what was found instead, where a file has no ping.
 
     Raises:
         DataError: naming the file, and why each record was skipped.

@@ -4,7 +4,7 @@ import io
 from collections.abc import Iterator
 
 LONGEST_LINE = 4096
-"""No instrument's sentence is longer; what is, is not one, and is not searched."""
+"""Longest line that is searched for a sentence; no instrument's sentence is longer."""
 
 
 def lines_of(data: bytes) -> Iterator[tuple[int, bytes]]:

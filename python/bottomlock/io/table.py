@@ -1,17 +1,18 @@
 """Plain tables, CSV or Parquet: the documented columns, or others by a column map.
 
-The map is a TOML file, or the `[columns]` of a geometry file. Signs are taken to be ours already.
+The map is a TOML file, or the `[columns]` of a geometry file. A velocity is taken as positive towards the bottom.
 """
 
 import tomllib
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 from pydantic import ValidationError
 
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.io.beam_table import Account, Floats, Recording
+from bottomlock.io.beam_table import MOST_BEAMS, Account, Flags, Floats, Integers, Recording
 from bottomlock.io.beams import Columns, read_flags, read_times
 from bottomlock.io.columns import column_numbers, read_table
 from bottomlock.io.rows import PLAIN, Options, Rows, refuse_empty
@@ -46,7 +47,7 @@ def read_map(path: Path) -> Columns:
 
 
 def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
-    """A table of pings.
+    """Reads a table of pings.
 
     Raises:
         DataError: naming file, row and column, as `read_beams`; without beam columns where the instrument's velocity
@@ -57,9 +58,41 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
     frame = read_table(path)
     if not frame.height:
         raise DataError(f"{place}: has no rows")
+    velocity_names, valid_names = _beam_columns(frame, columns, place, options)
+    beams = len(velocity_names)
+    time_ns = read_times(frame, columns, place)
+    velocity = _floats(frame, velocity_names, beams, place) * columns.velocity_scale
+    valid = read_flags(frame, valid_names, place) if beams else np.empty((frame.height, 0), dtype=bool)
+    wrong = np.argwhere(valid & ~np.isfinite(velocity))
+    if wrong.size:
+        row, beam = (int(index) for index in wrong[0])
+        raise DataError(
+            f"{place}: row {row}, column '{velocity_names[beam]}' is not finite, but beam {beam + 1} is flagged valid"
+        )
+    account = Account(unit="row", read=frame.height)
+    rows = Rows(beams, account)
+    _add_rows(rows, frame, columns, place, time_ns, velocity, valid)
+    table = rows.finish(negate=options.negate_beams)
+    refuse_empty(account, place, "row")
+    return Recording(
+        format=NAME,
+        table=table,
+        account=account,
+        frame="as recorded" if columns.instrument else "none",
+        clock=f"column '{columns.time}' in {columns.time_unit}",
+        time_of="record",
+        quality="as recorded" if columns.quality else "",
+        notes=[] if beams else ["no beam velocities: the table holds the instrument's velocity alone"],
+    )
+
+
+def _beam_columns(
+    frame: pl.DataFrame, columns: Columns, place: str, options: Options
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the velocity and validity columns, as mapped or documented."""
     velocity, valid = columns.velocity, columns.valid
     if velocity is None:
-        count = sum(f"beam{k + 1}_mps" in frame.columns for k in range(8))
+        count = sum(f"beam{k + 1}_mps" in frame.columns for k in range(MOST_BEAMS))
         velocity = tuple(f"beam{k + 1}_mps" for k in range(count))
     if valid is None:
         valid = tuple(f"beam{k + 1}_valid" for k in range(len(velocity)))
@@ -73,55 +106,44 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
             f"{place}: no beam velocities: no column 'beam1_mps', and no map that names others (there are {known}); "
             "record the beams, or convert the instrument's own velocity, mapped as 'instrument', with --instrument-only"
         )
+    return velocity, valid
 
-    def floats(names: tuple[str, ...] | None, width: int) -> Floats:
-        if names is None:
-            return np.full((frame.height, width), np.nan)
-        if len(names) != width:
-            raise DataError(f"{place}: the column map names {', '.join(names)}, expected {width} columns")
-        parts = [column_numbers(frame, name, place) for name in names]
-        return np.stack(parts, axis=1) if parts else np.empty((frame.height, 0))
 
-    beams = len(velocity)
-    time_ns = read_times(frame, columns, place)
-    scaled = floats(velocity, beams) * columns.velocity_scale
-    flags = read_flags(frame, valid, place) if beams else np.empty((frame.height, 0), dtype=bool)
-    wrong = np.argwhere(flags & ~np.isfinite(scaled))
-    if wrong.size:
-        row, beam = (int(index) for index in wrong[0])
-        raise DataError(
-            f"{place}: row {row}, column '{velocity[beam]}' is not finite, but beam {beam + 1} is flagged valid"
-        )
-    instrument = floats(columns.instrument, 3) * columns.velocity_scale
-    verdict = (
-        None
-        if columns.instrument_valid is None
-        else read_flags(frame, (columns.instrument_valid,), place)[:, 0]
+def _floats(frame: pl.DataFrame, names: tuple[str, ...] | None, width: int, place: str) -> Floats:
+    """The named columns, (n, width); NaN where no column is named."""
+    if names is None:
+        return np.full((frame.height, width), np.nan)
+    if len(names) != width:
+        raise DataError(f"{place}: the column map names {', '.join(names)}, expected {width} columns")
+    parts = [column_numbers(frame, name, place) for name in names]
+    return np.stack(parts, axis=1) if parts else np.empty((frame.height, 0))
+
+
+def _add_rows(
+    rows: Rows,
+    frame: pl.DataFrame,
+    columns: Columns,
+    place: str,
+    time_ns: Integers,
+    velocity: Floats,
+    valid: Flags,
+) -> None:
+    """Adds every row of the frame, with the optional columns that the map names."""
+    instrument = _floats(frame, columns.instrument, 3, place) * columns.velocity_scale
+    flag = columns.instrument_valid
+    instrument_valid = None if flag is None else read_flags(frame, (flag,), place)[:, 0]
+    range_m, quality, sd = (
+        _floats(frame, names, rows.beams, place) for names in (columns.range, columns.quality, columns.sd)
     )
-    account = Account(unit="row", read=frame.height)
-    rows = Rows(beams, account)
-    per_beam = [floats(names, beams) for names in (columns.range, columns.quality, columns.sd)]
     for k in range(frame.height):
         rows.add(
             k,
             int(time_ns[k]),
-            scaled[k].tolist(),
-            flags[k].tolist(),
-            range_m=per_beam[0][k].tolist(),
-            quality=per_beam[1][k].tolist(),
-            sd=per_beam[2][k].tolist(),
+            velocity[k].tolist(),
+            valid[k].tolist(),
+            range_m=range_m[k].tolist(),
+            quality=quality[k].tolist(),
+            sd=sd[k].tolist(),
             instrument=instrument[k].tolist(),
-            verdict=-1 if verdict is None else int(verdict[k]),
+            verdict=-1 if instrument_valid is None else int(instrument_valid[k]),
         )
-    table = rows.finish(negate=options.negate_beams)
-    refuse_empty(account, place, "row")
-    return Recording(
-        format=NAME,
-        table=table,
-        account=account,
-        frame="as recorded" if columns.instrument else "none",
-        clock=f"column '{columns.time}' in {columns.time_unit}",
-        time_of="record",
-        quality="as recorded" if columns.quality else "",
-        notes=[] if beams else ["no beam velocities: the table holds the instrument's velocity alone"],
-    )

@@ -1,1 +1,1 @@
-"""What can be estimated along a motion with given beams and sensors: Klein & Diamant 2015 and beyond."""
+"""Observability along a motion with given beams and sensors, after Klein & Diamant 2015."""

@@ -1,11 +1,11 @@
-"""What can be estimated from a motion with given beams and sensors: rank, hidden directions, predicted deviations.
+"""Observability of a motion with given beams and sensors: rank, unobservable directions, predicted deviations.
 
 The stacked rows H(t_k) Phi(t_k, t_0) over the window of a truth are judged by their singular values (Klein & Diamant
-2015, Eqs 1-3); the covariance analysis beside it is what the filter itself would claim.
+2015, Eqs 1-3); the covariance analysis gives the filter's own standard deviations.
 
 Examples:
     Level flight on one heading leaves tilt and accelerometer bias mixed, and heading unknown; beams 1 and 2 alone
-    leave the sway in the dark as well:
+    leave the sway unobservable as well:
 
     >>> from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
     >>> from bottomlock.kernel import BeamGeometry
@@ -39,7 +39,7 @@ Kind = Literal["full", "inertial", "paper", "paper_printed"]
 """The filter's 20 states, its first 15, or the 2015 model with the consistent or the printed sign of H."""
 
 LEAST_GAP = 1e3
-"""A rank is claimed only with this ratio between the singular values that are kept and those that are dropped."""
+"""A rank is decided only with this ratio between the singular values that are kept and those that are dropped."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Aiding:
         return " + ".join(words + [other.replace("_", " ") for other in others]) or "nothing"
 
     def kernel_dict(self, beams: int) -> dict[str, Any]:
-        """As the kernel wants it, for an instrument of `beams` beams.
+        """As the kernel takes it, for an instrument of `beams` beams.
 
         Raises:
             DataError: for a beam that the instrument lacks or one that is named twice.
@@ -88,8 +88,8 @@ class Aiding:
         return flags | {"beams": np.isin(np.arange(beams) + 1, self.beams)}
 
     @classmethod
-    def heard(cls, schedule: Schedule) -> "Aiding":
-        """Every beam and sensor that is heard at least once."""
+    def scheduled(cls, schedule: Schedule) -> "Aiding":
+        """Every beam and sensor with at least one measurement in a schedule."""
         beams = tuple(int(beam) + 1 for beam in np.flatnonzero(schedule.beams.any(axis=0)))
         flags: dict[str, Any] = {name: bool(schedule.others[name].any()) for name in SENSORS}
         return cls(beams=beams, **flags)
@@ -97,7 +97,7 @@ class Aiding:
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """The verdict on a window.
+    """Result of the analysis of a window.
 
     Attributes:
         states: names of the n states.
@@ -110,7 +110,7 @@ class Finding:
         noise_floor: what rounding and quadrature can make of a zero.
         basis: (n - rank, n) unobservable directions in SI, reduced row echelon form.
         pivots: (n - rank,) the state with coefficient 1 in each direction.
-        hidden: (n,) part of each scaled state that is unobservable: 0 for a state that is observable by itself.
+        hidden: (n,) fraction of each scaled state that is unobservable: 0 for a state that is observable by itself.
         scales: (n,) scale of each state.
         gramian: (n, n) Eq. 1 of Klein & Diamant 2015, SI, by the trapezoidal rule.
         rows: (m, n) the stack in SI.
@@ -230,7 +230,7 @@ def observe(
         kind: the model; the 2015 model takes velocity and depth alone and knows no Earth rate.
         earth_rate_radps: Earth rate that the truth was made with; 0 for an Earth at rest.
         period_s: interval between measurements.
-        schedule: what is heard when, in place of the period; a sensor reads where it is in the set and heard.
+        schedule: measurement times in place of the period; a sensor is used where it is in the set and scheduled.
         scale: (n,) factors on the natural scales of the states, as other units would have them, before columns are
             brought to one length; the rank does not depend on them.
         growing: also judge the window that ends at each epoch.
@@ -250,34 +250,33 @@ def observe(
         scale=scale,
         per_epoch=growing,
     )
-    return [
-        Finding(
-            states=tuple(found["states"]),
-            rank=found["rank"],
-            decided=found["decided"],
-            gap=found["gap"],
-            widest_step=found["widest_step"],
-            singular_values=found["singular_values"],
-            noise_floor=found["noise_floor"],
-            basis=found["basis"],
-            pivots=found["pivots"],
-            hidden=found["unobservable_fraction"],
-            scales=found["scales"],
-            gramian=found["gramian"],
-            rows=found["rows"],
-            time_ns=found["epoch_time_ns"],
-            rank_history=found.get("epoch_rank"),
-            gap_history=found.get("epoch_gap"),
-            decided_history=found.get("epoch_decided"),
-            gravity_mps2=truth.gravity_mps2,
-        )
-        for found in results
-    ]
+    return [_finding(found, truth.gravity_mps2) for found in results]
+
+
+def _finding(found: Any, gravity_mps2: float) -> Finding:  # noqa: ANN401 - the kernel's dict
+    """The kernel's result for one aiding set."""
+    return Finding(
+        states=tuple(found["states"]),
+        hidden=found["unobservable_fraction"],
+        time_ns=found["epoch_time_ns"],
+        rank_history=found.get("epoch_rank"),
+        gap_history=found.get("epoch_gap"),
+        decided_history=found.get("epoch_decided"),
+        gravity_mps2=gravity_mps2,
+        **{name: found[name] for name in _SAME_NAMES},
+    )
+
+
+_SAME_NAMES = (
+    "rank", "decided", "gap", "widest_step", "singular_values", "noise_floor", "basis", "pivots", "scales", "gramian",
+    "rows",
+)  # fmt: skip
+"""Fields that have the same name in the kernel's result."""
 
 
 @dataclass(frozen=True, eq=False)
 class Deviations:
-    """What a filter would claim along a truth.
+    """A filter's predicted covariance along a truth.
 
     Attributes:
         states: names of the n states.
@@ -312,7 +311,7 @@ def deviations(
     period_s: float = 1.0,
     schedule: Schedule | None = None,
 ) -> Deviations:
-    """Standard deviations that the filter would claim along a truth, by covariance analysis without drawing an error.
+    """The filter's standard deviations along a truth, by covariance analysis without random errors.
 
     Args:
         truth: any truth.
@@ -321,7 +320,7 @@ def deviations(
         model: sensor errors in SI (`Scenario.kernel_model`).
         kind: the model.
         period_s: interval between measurements, all sensors at once.
-        schedule: what is heard when, in place of the period.
+        schedule: measurement times in place of the period.
 
     Raises:
         KernelError: as `observe`.

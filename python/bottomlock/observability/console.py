@@ -1,4 +1,4 @@
-"""Observability on the screen: what `bottomlock observe` prints, for 80 columns."""
+"""Terminal output of `bottomlock observe`, for 80 columns."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -12,7 +12,7 @@ from bottomlock.observability.report import Observed
 _SIGNS = {"observable": "", "hidden": "*", "undecided": "?"}
 
 
-def screen(made: Observed) -> Iterator[str | Table]:
+def console_lines(made: Observed) -> Iterator[str | Table]:
     """Lines and tables, in the order in which they are read."""
     if made.own is None or made.manoeuvres is None:
         yield _cases(made.table)
@@ -25,7 +25,7 @@ def screen(made: Observed) -> Iterator[str | Table]:
     yield ""
     yield f"Deviation left by a manoeuvre of about a minute with {made.manoeuvres['aiding'][0]}, % of the initial"
     yield "(* the state is unobservable, ? undecided)."
-    yield _plan(made.manoeuvres)
+    yield _ranking(made.manoeuvres)
 
 
 def _plain(left: str, *right: str) -> Table:
@@ -67,7 +67,7 @@ def _masks(rows: pl.DataFrame, own: str) -> Table:
     return table
 
 
-def _plan(rows: pl.DataFrame) -> Table:
+def _ranking(rows: pl.DataFrame) -> Table:
     names = rows["manoeuvre"].unique(maintain_order=True).to_list()
     table = _plain("state", *(name.replace("_", "\n") for name in names))
     for (state,), of_state in rows.group_by("state", maintain_order=True):

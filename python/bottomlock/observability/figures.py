@@ -1,4 +1,4 @@
-"""Figures of observability: claimed standard deviations by group of states, and rank against time."""
+"""Figures of observability: the filter's standard deviations by group of states, and rank against time."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -66,8 +66,8 @@ def deviation_figure(
         deviations: `tables.observability.DEVIATIONS`.
         ranks: `tables.observability.RANKS`; the rank is left out where it has no rows of the case.
         case: the case.
-        title: words above the figure.
-        hidden: unobservable directions in words, written beside the panels.
+        title: text above the figure.
+        hidden: unobservable directions, written beside the panels.
 
     Raises:
         DataError: for tables of other columns.
@@ -154,7 +154,7 @@ def _scale(axes: Axes, values: Array) -> None:
     elif high > 1.5 * low:
         axes.set_ylim(0.0, 1.08 * high)
     else:
-        # Hardly any change: from zero the lines would be one; a tenth of their size fills the panel at least.
+        # Hardly any change: an axis from zero would merge the lines; the panel spans at least a tenth of their size.
         middle, half = 0.5 * (low + high), max(0.6 * (high - low), 0.05 * high)
         axes.set_ylim(middle - half, middle + half)
         axes.yaxis.set_major_locator(MaxNLocator(nbins=5))

@@ -1,4 +1,4 @@
-"""Figure of masks by manoeuvres: how many states each shows."""
+"""Figure of masks by manoeuvres: the number of observable states of each."""
 
 from collections.abc import Sequence
 
@@ -21,8 +21,8 @@ def mask_figure(table: pl.DataFrame, *, title: str) -> Figure:
     """Ranks of every mask (rows) by every manoeuvre (columns), a panel for each Earth and set of further sensors.
 
     Args:
-        table: `tables.observability.OBSERVABILITY` as `observability_study.manoeuvre_table` makes it.
-        title: words above the figure.
+        table: `tables.observability.OBSERVABILITY` as `observability.tables.manoeuvre_table` makes it.
+        title: text above the figure.
 
     Raises:
         DataError: for a table of other columns.
@@ -49,7 +49,7 @@ def mask_figure(table: pl.DataFrame, *, title: str) -> Figure:
                 words = [motion.replace("_", " ") for motion in motions] if i == len(earths) - 1 else []
                 axes.set_xticks(range(len(motions)), words or [""] * len(motions), rotation=40, ha="right")
         figure.text(0.02, 1.0 - 0.24 / height, title, fontsize=11.0, color=_INK, va="center")
-        below = "number of the states that show; rows are the beams that return, ? is undecided"
+        below = "number of observable states; rows are the valid beams, ? is undecided"
         figure.text(0.02, 1.0 - 0.46 / height, below, fontsize=8.5, color=_INK, va="center")
     return figure
 

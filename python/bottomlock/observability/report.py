@@ -12,10 +12,10 @@ from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.figures.flight import save_figure
-from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
+from bottomlock.observability.analysis import Aiding, Deviations, Finding, Kind, deviations, observe
 from bottomlock.observability.figures import deviation_figure, figure_names
+from bottomlock.observability.manoeuvre_ranking import manoeuvre_ranking
 from bottomlock.observability.mask_figure import mask_figure
-from bottomlock.observability.planner import plan
 from bottomlock.observability.schedule import Schedule, Times
 from bottomlock.observability.tables import (
     MODELS,
@@ -37,12 +37,12 @@ _ERRORS_OF = "straight"
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """What was written, and the tables for the screen.
+    """Tables for the terminal, and paths of the figures.
 
     Attributes:
         table: `tables.observability.OBSERVABILITY`.
         own: name of the aiding set of the scenario itself; None for the paper's cases.
-        manoeuvres: `tables.observability.PLAN`, or None.
+        manoeuvres: `tables.observability.MANOEUVRE_RANKING`, or None.
         figures: paths.
     """
 
@@ -53,7 +53,7 @@ class Observed:
 
 
 def scenario_schedule(simulation: Simulation, truth: Truth) -> tuple[Schedule, Schedule]:
-    """What the sensors of a scenario hear along a truth in the campaign's first run, and the same with every beam.
+    """Measurement times along a truth in the first run of a campaign, and the same times with every beam.
 
     Rates, lost beams, outages, dropouts, loss by altitude, a recorded log's validity, range and incidence over a
     seabed, and GPS at the surface alone: all as a campaign has them. In the second schedule every beam returns at
@@ -78,13 +78,13 @@ def scenario_schedule(simulation: Simulation, truth: Truth) -> tuple[Schedule, S
 
 
 def observe_scenario(source: str | Path, out: Path) -> Observed:
-    """Judges a scenario's truth for every mask of its instrument, and plans manoeuvres for its own mask.
+    """Analyses a scenario's truth for every mask of its instrument, and ranks manoeuvres for its own mask.
 
     Writes observability.parquet (the truth, every mask; a further row where beams come and go), manoeuvres.parquet
     (every mask by six manoeuvres by three sets of further sensors, on an Earth at rest and a turning one),
-    deviations.parquet, ranks.parquet, plan.parquet and two figures. Every sensor is heard when it is heard in the
-    campaign's first run (`scenario_schedule`); the truth is the one swum on the truth. Manoeuvres are planned with
-    all the beams that ever return, and without GPS if anything else aids.
+    deviations.parquet, ranks.parquet, manoeuvre_ranking.parquet and two figures. The measurement times are those of the
+    campaign's first run (`scenario_schedule`); the truth is the vehicle's controlled on the truth. Manoeuvres are
+    ranked with all the beams that ever return, and without GPS if anything else aids.
 
     Raises:
         ScenarioError: for a scenario that cannot be read, that nothing aids, or with more than 5000 epochs.
@@ -94,50 +94,62 @@ def observe_scenario(source: str | Path, out: Path) -> Observed:
     scenario = load_scenario(source)
     simulation = build_simulation(scenario)
     truth, geometry = simulation.truth(), simulation.geometry
-    flown, every = scenario_schedule(simulation, truth)
-    own = Aiding.heard(flown)
+    scheduled, every = scenario_schedule(simulation, truth)
+    own = Aiding.scheduled(scheduled)
+    _check_schedule(scenario, own, every)
+    kind: Kind = "full" if scenario.filter.estimate_dvl else "inertial"
+    model = scenario.kernel_model(simulation.gravity_mps2)
+    settings: Any = {"kind": kind, "earth_rate_radps": simulation.earth_rate_radps}
+    labels: Any = {"case": scenario.name, "motion": str(scenario.trajectory.kind)}
+    table = mask_table(truth, geometry, [own], schedule=every, **labels, **settings)
+    own_name = own.name
+    # Beams that come and go get a row of their own beside the mask in which they would all stay.
+    returned = scheduled.beams[:, [beam - 1 for beam in own.beams]]
+    if not np.array_equal(returned, every.beams[:, : len(own.beams)]):
+        own_name += ", as they return"
+        (found,) = observe(truth, geometry, [own], schedule=scheduled, **settings)
+        row = table_row(labels["case"], own, labels["motion"], kind, found) | {"aiding": own_name}
+        table = pl.concat([table, pl.DataFrame([row], schema=dict(OBSERVABILITY))])
+    history = deviations(truth, geometry, own, model, kind=kind, schedule=scheduled)
+    (found,) = observe(
+        truth, geometry, [own], schedule=scheduled.gathered(_WINDOWS), growing=True, **settings
+    )
+    labels = labels | {"model": MODELS[kind]}
+    sds, ranks = _deviations(history, found, labels), _ranks(found, labels)
+    ranking = manoeuvre_ranking(geometry, _under_water(own), model, kind=kind, rates_hz=_rates_hz(scenario))
+    every_mask = manoeuvre_table(geometry)
+    tables = {"observability": table, "deviations": sds, "ranks": ranks, "manoeuvre_ranking": ranking}
+    _write(out, tables | {"manoeuvres": every_mask})
+    paths = tuple(out / "figures" / f"{name}.png" for name in (scenario.name, "masks_by_manoeuvres"))
+    title = f"{scenario.name.replace('_', ' ')}, aided by {own_name}"
+    save_figure(deviation_figure(sds, ranks, scenario.name, title=title), _made(paths[0]))
+    save_figure(mask_figure(every_mask, title="masks by manoeuvres, 20 states"), paths[1])
+    return Observed(table, own_name, ranking, paths)
+
+
+def _check_schedule(scenario: Scenario, own: Aiding, every: Schedule) -> None:
+    """Checks that something aids the scenario, at no more epochs than the kernel takes.
+
+    Raises:
+        ScenarioError: naming the scenario, for nothing that aids, or too many epochs.
+    """
     if own == Aiding():
         raise ScenarioError(
-            f"scenario {scenario.name}: nothing aids it, no beam returns and no other sensor is heard"
+            f"scenario {scenario.name}: nothing aids it, no beam returns and no other sensor measures"
         )
     if len(every.time_ns) > MOST_EPOCHS:
         raise ScenarioError(
-            f"scenario {scenario.name}: its sensors are heard at {len(every.time_ns)} times, expected at most "
+            f"scenario {scenario.name}: its sensors measure at {len(every.time_ns)} times, expected at most "
             f"{MOST_EPOCHS}: a shorter trajectory.duration_s or slower sensors"
         )
-    kind: Kind = "full" if scenario.filter.estimate_dvl else "inertial"
-    model = scenario.kernel_model(simulation.gravity_mps2)
-    judged: Any = {"kind": kind, "earth_rate_radps": simulation.earth_rate_radps}
-    words = {"case": scenario.name, "motion": str(scenario.trajectory.kind)}
-    judged_masks: Any = words | judged
-    table = mask_table(truth, geometry, [own], schedule=every, **judged_masks)
-    own_name = own.name
-    # Beams that come and go have a row of their own beside the mask on which they would all stay.
-    heard = flown.beams[:, [beam - 1 for beam in own.beams]]
-    if not np.array_equal(heard, every.beams[:, : len(own.beams)]):
-        own_name += ", as they return"
-        (found,) = observe(truth, geometry, [own], schedule=flown, **judged)
-        row = table_row(words["case"], own, words["motion"], kind, found) | {"aiding": own_name}
-        table = pl.concat([table, pl.DataFrame([row], schema=dict(OBSERVABILITY))])
-    history = deviations(truth, geometry, own, model, kind=kind, schedule=flown)
-    (found,) = observe(truth, geometry, [own], schedule=flown.gathered(_WINDOWS), growing=True, **judged)
-    labels = words | {"model": MODELS[kind]}
-    sds = pl.concat(
+
+
+def _deviations(history: Deviations, found: Finding, labels: dict[str, str]) -> pl.DataFrame:
+    """Standard deviations of every state against time (`DEVIATIONS`)."""
+    return pl.concat(
         _with(pl.DataFrame({"time_ns": history.time_ns, "sd": history.sd[:, k]}), labels | {"state": state})
         for k, state in enumerate(found.states)
     ).select(list(DEVIATIONS))
-    manoeuvres = plan(geometry, _planned(own), model, kind=kind, rates_hz=_rates_hz(scenario))
-    ranks = _ranks(found, labels)
-    figure = deviation_figure(
-        sds, ranks, scenario.name, title=f"{scenario.name.replace('_', ' ')}, aided by {own_name}"
-    )
-    tables = {"observability": table, "deviations": sds, "ranks": ranks, "plan": manoeuvres}
-    every_mask = manoeuvre_table(geometry)
-    _write(out, tables | {"manoeuvres": every_mask})
-    paths = tuple(out / "figures" / f"{name}.png" for name in (scenario.name, "masks_by_manoeuvres"))
-    save_figure(figure, _made(paths[0]))
-    save_figure(mask_figure(every_mask, title="masks by manoeuvres, 20 states"), paths[1])
-    return Observed(table, own_name, manoeuvres, paths)
 
 
 MOST_EPOCHS = 5000
@@ -147,8 +159,8 @@ _WINDOWS = 120
 """Windows of the rank's history."""
 
 
-def _planned(own: Aiding) -> Aiding:
-    """What a manoeuvre under water is planned with: GPS is heard at the surface alone."""
+def _under_water(own: Aiding) -> Aiding:
+    """The aiding of a manoeuvre under water: without GPS, which is received at the surface alone."""
     under_water = replace(own, gps_position=False, gps_velocity=False)
     return own if under_water == Aiding() else under_water
 

@@ -1,4 +1,4 @@
-"""When each sensor of an observability study is heard: at regular rates, or as a scenario's sensors are."""
+"""Measurement times of each sensor in an observability analysis: at regular rates, or as in a scenario."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """What is heard at each epoch.
+    """Measurements available at each epoch.
 
     Attributes:
         time_ns: (e,) rising.
         beams: (e, n) true where a beam returns.
-        others: (e,) for each of `SENSORS`: true where it is heard.
+        others: (e,) for each of `SENSORS`: true where it measures.
     """
 
     time_ns: Times
@@ -38,25 +38,25 @@ class Schedule:
         beam_valid: Flags,
         others: Mapping[str, Times] | None = None,
     ) -> "Schedule":
-        """From the times at which each sensor is heard, taken to the first truth sample at or after them.
+        """From the measurement times of each sensor, moved to the first truth sample at or after them.
 
         Args:
             sample_ns: (s,) times of the truth.
             dvl_time_ns: (p,) pings.
             beam_valid: (p, n) true where a beam returns.
-            others: times of the sensors beside the beams; one that is not named is never heard.
+            others: times of the sensors beside the beams; one that is not named never measures.
 
         Raises:
             DataError: for a sensor that is unknown, times outside the truth, flags of another length.
 
         Examples:
-            >>> heard = Schedule.of(
+            >>> schedule = Schedule.of(
             ...     np.arange(0, 5) * 10**9,
             ...     dvl_time_ns=np.array([1, 2, 3]) * 10**9,
             ...     beam_valid=np.array([[True, True], [True, False], [False, False]]),
             ...     others={"depth": np.array([2, 4]) * 10**9},
             ... )
-            >>> (heard.time_ns // 10**9).tolist(), heard.others["depth"].tolist()
+            >>> (schedule.time_ns // 10**9).tolist(), schedule.others["depth"].tolist()
             ([1, 2, 3, 4], [False, True, False, True])
         """
         others = others or {}
@@ -96,7 +96,7 @@ class Schedule:
         )
 
     def gathered(self, most: int) -> "Schedule":
-        """At most `most` epochs: neighbours are gathered, and what is heard in one of them is heard at the last.
+        """At most `most` epochs: neighbours are merged, and their measurements move to the last of them.
 
         Examples:
             >>> whole = Schedule.regular(np.arange(0, 101) * 10**8, 4, {"beams": 5.0, "depth": 0.5})
@@ -114,7 +114,7 @@ class Schedule:
         )
 
     def kernel_dict(self) -> dict[str, Any]:
-        """As the kernel wants it."""
+        """As the kernel takes it."""
         return {"time_ns": self.time_ns, "beams": self.beams, **self.others}
 
 
@@ -122,7 +122,7 @@ def _samples(sample_ns: Times, times: Times, name: str) -> NDArray[np.int64]:
     outside = (times < sample_ns[0]) | (times > sample_ns[-1])
     if outside.any():
         raise DataError(
-            f"schedule: {name} at {int(times[outside][0])} ns lies outside the truth, "
+            f"schedule: {name} at {int(times[outside][0])} ns is outside the truth, expected "
             f"{int(sample_ns[0])} to {int(sample_ns[-1])} ns"
         )
     return np.searchsorted(sample_ns, times)

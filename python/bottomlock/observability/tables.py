@@ -31,14 +31,14 @@ _WINDOW_S, _QUIET_S, _RATE_RADPS = 240.0, 120.0, math.radians(1.0)
 
 @dataclass(frozen=True)
 class PaperCase:
-    """A case of Klein & Diamant 2015: what it prints, and what exact arithmetic gives for their model.
+    """A case of Klein & Diamant 2015: the printed rank, and the rank of their model by exact arithmetic.
 
     Attributes:
         name: short name.
         figure: number of its figure.
         aiding: DVL or pressure sensor.
         speed_mps: surge.
-        axis: "yaw", "pitch" or "" for a vehicle that does not turn.
+        axis: "yaw", "pitch" or "" for a vehicle without rotation.
         printed_rank: states less the dimensions of the printed unobservable subspace.
         exact: rank by exact arithmetic for (window, model); `tests/oracle` derives each.
     """
@@ -53,20 +53,20 @@ class PaperCase:
 
     @property
     def windows(self) -> tuple[str, ...]:
-        """A vehicle at rest has no other leg."""
+        """The windows of the case; a vehicle without rotation has one."""
         return (CONSTANT, QUIET) if self.axis else (CONSTANT,)
 
     @property
     def models(self) -> tuple[Kind, ...]:
-        """The sign of H concerns the DVL alone."""
+        """The models of the case; the sign of H matters for the DVL alone."""
         return ("paper", "paper_printed") if self.aiding.velocity else ("paper",)
 
     def model(self, kind: Kind) -> str:
-        """The model in words; the pressure sensor has no sign to tell."""
+        """Name of the model; with the pressure sensor the sign of H does not matter."""
         return MODELS[kind] if self.aiding.velocity else "2015"
 
     def manoeuvre(self, window: str) -> Manoeuvre:
-        """The motion: constant over the window, or after a quiet leg (rest, or straight at the same speed)."""
+        """The motion: constant over the window, or after an interval at rest or straight at the same speed."""
         start_s = _QUIET_S if window == QUIET else 0.0
         angles = {self.axis: steady(_RATE_RADPS, start_s)} if self.axis else {}
         return Manoeuvre(
@@ -169,15 +169,15 @@ def _look(case: PaperCase, window: str, kind: Kind, *, growing: bool = False) ->
 
 
 _ANY_BEAMS = BeamGeometry.janus(math.radians(20.0))
-"""The 2015 model reads a velocity; no beam of this geometry is used."""
+"""The 2015 model measures a velocity; no beam of this geometry is used."""
 
 
 def paper_histories(model: Mapping[str, Any]) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Histories behind figures 1-6: claimed deviations and ranks (`tables.observability`: DEVIATIONS, RANKS).
+    """Histories of figures 1-6: the filter's deviations and ranks (`tables.observability`: DEVIATIONS, RANKS).
 
     Args:
         model: sensor errors in SI (`Scenario.kernel_model`); the initial biases become the paper's 3 mg and
-            3 deg/h, and the Earth rests.
+            3 deg/h, and the Earth is at rest.
     """
     sd_rows: list[pl.DataFrame] = []
     rank_rows: list[pl.DataFrame] = []
@@ -258,7 +258,7 @@ def mask_table(
         kind: the model.
         earth_rate_radps: Earth rate that the truth was made with.
         period_s: interval between measurements.
-        schedule: what is heard when, in place of the period.
+        schedule: measurement times in place of the period.
     """
     sets = [replace(other, beams=mask) for other, mask in itertools.product(others, masks(geometry.beams))]
     found = observe(
@@ -275,7 +275,7 @@ def mask_table(
 
 
 THREE_AIDINGS: tuple[Aiding, ...] = (Aiding(), Aiding(depth=True), Aiding(depth=True, attitude=True))
-"""What aids beside the beams: nothing, depth, depth and magnetometer."""
+"""Aiding beside the beams: nothing, depth, depth and magnetometer."""
 
 
 def manoeuvre_table(
@@ -288,9 +288,9 @@ def manoeuvre_table(
 ) -> pl.DataFrame:
     """Every mask by every manoeuvre by every set of further sensors, on an Earth at rest and a turning one.
 
-    What the window of a manoeuvre leaves undecided is judged over windows four and sixteen times as long: the
-    manoeuvres are analytic, so that no window of theirs has another rank, but the Earth's turn shows better in a
-    longer one. The column window_s says which window it was.
+    A rank that is undecided over the window of a manoeuvre is computed over windows four and sixteen times as long: the
+    manoeuvres are analytic, so that every window has the same rank, but the Earth's rotation shows better in a longer
+    one. The column window_s holds the window used.
     """
     sets = [replace(other, beams=mask) for other, mask in itertools.product(others, masks(geometry.beams))]
     rows = []
@@ -316,7 +316,7 @@ def _decide(
     earth_rate_radps: float,
     rate_hz: float,
 ) -> list[Finding]:
-    """Each set in the shortest of the windows that decides it, or in the longest."""
+    """Each set over the shortest window that decides its rank, or over the longest."""
     found: dict[int, Finding] = {}
     open_sets = list(range(len(sets)))
     for factor in _LONGER:

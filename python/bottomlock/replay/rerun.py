@@ -214,6 +214,18 @@ def kernel_log(case: Case, prepared: PreparedRun, valid: Flags) -> Any:  # noqa:
     return log
 
 
+def _kernel_start(alignment: Alignment) -> Any:  # noqa: ANN401 - the kernel's dict
+    """The initial state as the kernel takes it, with zero biases."""
+    return {
+        "time_ns": alignment.time_ns,
+        "position_t_m": alignment.position_t_m,
+        "attitude_t_p": quaternions(alignment.attitude),
+        "velocity_p_mps": alignment.velocity_p_mps,
+        "accel_bias_p_mps2": np.zeros(3),
+        "gyro_bias_p_radps": np.zeros(3),
+    }
+
+
 def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, threads: int = 1) -> Rerun:
     """Runs every method of a case along one prepared recording, without the beams that a what-if case loses.
 
@@ -239,15 +251,7 @@ def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, th
             seed=case.replay.seed,
             run=prepared.run,
         )
-    alignment = prepared.alignment
-    start: Any = {
-        "time_ns": alignment.time_ns,
-        "position_t_m": alignment.position_t_m,
-        "attitude_t_p": quaternions(alignment.attitude),
-        "velocity_p_mps": alignment.velocity_p_mps,
-        "accel_bias_p_mps2": np.zeros(3),
-        "gyro_bias_p_radps": np.zeros(3),
-    }
+    start = _kernel_start(prepared.alignment)
     log = kernel_log(case, prepared, valid)
 
     def filtered(methods: list[str], *, smooth: bool) -> Any:  # noqa: ANN401 - the kernel's dict

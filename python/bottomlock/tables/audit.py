@@ -7,12 +7,12 @@ import polars as pl
 FINDINGS: Mapping[str, pl.DataType] = {
     "rank": pl.Int64(),
     "kind": pl.String(),
-    "weight": pl.String(),
+    "severity": pl.String(),
     "beams": pl.List(pl.Int64()),
     "size": pl.Float64(),
     "unit": pl.String(),
-    "part": pl.Float64(),
-    "words": pl.String(),
+    "fraction": pl.Float64(),
+    "text": pl.String(),
     "evidence": pl.String(),
     "advice": pl.String(),
 }

@@ -45,7 +45,7 @@ RANKS: Mapping[str, pl.DataType] = {
 }
 """A row per case, motion, model and time: the rank of the window from the start until then."""
 
-PLAN: Mapping[str, pl.DataType] = {
+MANOEUVRE_RANKING: Mapping[str, pl.DataType] = {
     "manoeuvre": pl.String(),
     "aiding": pl.String(),
     "state": pl.String(),

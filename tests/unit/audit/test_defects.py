@@ -27,7 +27,7 @@ def test_times_that_repeat_go_back_and_jump() -> None:
     assert "row 3" in found["time_repeats"].evidence
     assert "row 6" in found["time_goes_back"].evidence
     assert "before row 9" in found["time_gaps"].evidence
-    assert found["time_gaps"].weight == "warning"
+    assert found["time_gaps"].severity == "warning"
 
 
 def test_even_times_are_not_named() -> None:
@@ -54,9 +54,9 @@ def test_ranges_and_verdict() -> None:
     )  # fmt: skip
     (no_range,) = defects.range_findings(told)
     assert (no_range.beams, no_range.size) == ((2,), 1.0)
-    kinds = {one.kind: one for one in defects.verdict_findings(told, np.zeros(6, dtype=bool))}
-    assert set(kinds) == {"refused_by_instrument", "velocity_without_beams"}
-    assert "row 1" in kinds["refused_by_instrument"].evidence
+    kinds = {one.kind: one for one in defects.instrument_flag_findings(told, np.zeros(6, dtype=bool))}
+    assert set(kinds) == {"rejected_by_instrument", "velocity_without_beams"}
+    assert "row 1" in kinds["rejected_by_instrument"].evidence
     assert "row 4" in kinds["velocity_without_beams"].evidence
 
 
@@ -64,7 +64,7 @@ def test_account_of_the_reader_is_told() -> None:
     beside = {"records_read": 100, "skipped": {"bad checksum": {"count": 3, "first_byte": 77}}, "flagged": {}}
     one = BeamLog("hand", np.arange(3), np.ones((3, 4)), np.ones((3, 4), bool), beside=beside)
     (found,) = converter_findings(one)
-    assert found.words == "3 of 100 records of the recording gave no row: bad checksum."
+    assert found.text == "3 of 100 records of the recording gave no row: bad checksum."
     assert "first_byte 77" in found.evidence
 
 

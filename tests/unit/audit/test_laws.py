@@ -39,7 +39,7 @@ def test_matrix_is_found_whatever_the_noise_of_the_beams(seed: int) -> None:
     own = y @ (np.linalg.inv(rows.T @ rows) @ rows.T).T
     found = find_matrix(y, own)
     assert found is not None
-    assert found.way == READINGS_TO_VELOCITY
+    assert found.regression == READINGS_TO_VELOCITY
     np.testing.assert_allclose(found.rows, rows, atol=1e-9)
 
 

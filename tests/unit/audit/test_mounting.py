@@ -90,10 +90,10 @@ def test_a_straight_course_shows_no_lever_arm() -> None:
     found = plant(2, lively=0.0, with_velocity=True)
     assert (found.lever_arm_sd_m > LIMITS["lever_arm_m"]).all()
     assert found.misalignment_sd_rad[0] > LIMITS["misalignment_rad"]
-    words = " ".join(one.words for one in mounting_findings(found))
+    text = " ".join(one.text for one in mounting_findings(found))
     for what in ("The lever arm", "Misalignment about x (roll)", "The clock offset"):
-        assert f"{what} is not observable in this log." in words or not found.follows
-    assert "DVL sits" not in words
+        assert f"{what} is not observable in this log." in text or not found.follows
+    assert "lever arm of the DVL from" not in text
 
 
 def test_a_left_handed_frame() -> None:
@@ -116,9 +116,7 @@ def test_imu_with_an_axis_turned_round() -> None:
     )  # fmt: skip
     assert found is not None
     (named,) = (one for one in mounting_findings(found) if one.kind == "imu_axes")
-    assert (
-        named.words == "The IMU's y axis points the other way than the attitude's: its frame is left-handed."
-    )
+    assert named.text == "The IMU's y axis is opposite to the attitude's: its frame is left-handed."
     assert np.abs(found.lever_arm_p_m).max() < 0.05
 
 

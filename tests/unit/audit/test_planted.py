@@ -66,8 +66,8 @@ def test_closure_alone_sees_neighbours_swapped_but_not_opposite_beams() -> None:
     (swapped,) = audit_log(channels(log, [1, 0, 2, 3]), stated=STATED).findings
     # Exchanging 3 and 4 has the same closure as exchanging 1 and 2; the other two pairs have another.
     assert swapped.kind == "swapped_beams"
-    assert swapped.words.endswith("beams 1 and 2 exchanged; or beams 3 and 4 exchanged.")
-    assert "cannot choose" in swapped.advice
+    assert swapped.text.endswith("beams 1 and 2 exchanged; or beams 3 and 4 exchanged.")
+    assert "cannot distinguish" in swapped.advice
 
 
 @pytest.mark.parametrize("by_deg", [-3.0, 1.0, 3.0])
@@ -84,9 +84,9 @@ def test_mistilted_beam_that_the_instrument_does_not_know(instrument: bool) -> N
     log = make_log(5, physical=mistilted(2, 3.0), used=janus(), instrument=instrument, pings=4000)
     audit = audit_log(log, stated=STATED)
     assert kinds(audit.findings) == {("mistilted_beam", (3,))}
-    if audit.verdict.matrix is not None:
-        np.testing.assert_allclose(np.rad2deg(audit.verdict.matrix.tilt_rad), 22.0, atol=0.05)
-    best = audit.verdict.suspects[0]
+    if audit.assessment.matrix is not None:
+        np.testing.assert_allclose(np.rad2deg(audit.assessment.matrix.tilt_rad), 22.0, atol=0.05)
+    best = audit.assessment.suspects[0]
     assert best.beam == 2
     assert abs(np.rad2deg(best.tilt_change_rad) - 3.0) < 4.0 * np.rad2deg(best.angle_sd_rad)
 
@@ -96,7 +96,7 @@ def test_beam_that_reads_too_long() -> None:
     rows[1] *= 1.05
     audit = audit_log(make_log(6, physical=rows, used=janus(), pings=4000), stated=STATED)
     assert [one.kind for one in audit.findings] == ["beam_scale"]
-    best = audit.verdict.suspects[0]
+    best = audit.assessment.suspects[0]
     assert best.beam == 1
     assert best.scale == pytest.approx(0.05, abs=0.015)
 
@@ -130,7 +130,7 @@ def test_bias_that_the_instrument_shares() -> None:
 
 def test_whole_array_turned() -> None:
     audit = audit_log(make_log(10, physical=janus(first_deg=0.0)), stated=STATED)
-    assert kinds(audit.findings) == {("turned_as_a_whole", ())}
+    assert kinds(audit.findings) == {("rotated_geometry", ())}
     assert audit.findings[0].size == pytest.approx(45.0, abs=0.1)
 
 
@@ -161,8 +161,8 @@ def test_unequal_noise_is_no_fault() -> None:
     """One beam five times noisier than the rest biases the plain regression by degrees; here nothing is found."""
     audit = audit_log(make_log(15, unequal=True, sd_mps=0.03), stated=STATED)
     assert audit.findings == []
-    assert audit.verdict.matrix is not None
-    np.testing.assert_allclose(np.rad2deg(audit.verdict.matrix.tilt_rad), 22.0, atol=0.02)
+    assert audit.assessment.matrix is not None
+    np.testing.assert_allclose(np.rad2deg(audit.assessment.matrix.tilt_rad), 22.0, atol=0.02)
     y, own = audit.log.velocity_mps, audit.log.instrument_mps
     assert own is not None
     plain = np.linalg.lstsq(np.hstack([own, np.ones((len(own), 1))]), y, rcond=None)[0][:3].T
@@ -173,8 +173,8 @@ def test_beams_alone_and_unstated() -> None:
     """Which beams face each other is all that four readings tell."""
     (note,) = audit_log(make_log(16, instrument=False)).findings
     assert note.kind == "beams_alone"
-    assert "beams 1 and 3 face each other, and beams 2 and 4" in note.words
-    assert "9 of the 12 numbers" in note.evidence
+    assert "beams 1 and 3 face each other, and beams 2 and 4" in note.text
+    assert "9 of the 12 entries" in note.evidence
 
 
 def test_three_beams() -> None:
@@ -182,9 +182,9 @@ def test_three_beams() -> None:
     rows = janus()[:3]
     audit = audit_log(make_log(17, physical=rows))
     assert audit.findings == []
-    assert audit.verdict.closures == []
-    assert audit.verdict.matrix is not None
-    np.testing.assert_allclose(audit.verdict.matrix.directions, rows, atol=2e-3)
+    assert audit.assessment.closures == []
+    assert audit.assessment.matrix is not None
+    np.testing.assert_allclose(audit.assessment.matrix.directions, rows, atol=2e-3)
 
 
 def test_a_log_that_hardly_moves() -> None:

@@ -128,5 +128,5 @@ def test_bad_limits_are_refused(limits: tuple[float, float, float]) -> None:
 
 
 def test_bad_dropouts_are_refused() -> None:
-    with pytest.raises(ScenarioError, match="must be positive"):
+    with pytest.raises(ScenarioError, match="expected both above 0 s"):
         MarkovDropout(0.0, 5.0)

@@ -65,7 +65,7 @@ def test_waypoint_corners_are_rounded_and_joined(radius: float) -> None:
     ("points", "words"),
     [
         ([[0.0, 0.0]], "at least two rows"),
-        ([[0.0, 0.0], [0.0, 0.0]], "waypoint 2: the same place as waypoint 1"),
+        ([[0.0, 0.0], [0.0, 0.0]], "waypoint 2: equals waypoint 1"),
         ([[0.0, 0.0], [50.0, 0.0], [50.0, 5.0], [90.0, 5.0]], r"waypoint 3: the leg of 5\.0 m is too short"),
         ([[0.0, 0.0], [float("nan"), 1.0]], "finite"),
     ],

@@ -121,5 +121,5 @@ def test_bad_grids_are_named(tmp_path: Path, text: str, words: str) -> None:
 
 
 def test_bad_planes_are_refused() -> None:
-    with pytest.raises(ScenarioError, match="depth_m must be positive"):
+    with pytest.raises(ScenarioError, match="expected a positive depth"):
         PlaneSeabed(-5.0)

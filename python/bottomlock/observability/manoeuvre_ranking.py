@@ -1,4 +1,4 @@
-"""Which short manoeuvre makes which state observable, and how well: predicted by covariance analysis."""
+"""Ranking of short manoeuvres: which states each makes observable, and how well, by covariance analysis."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -9,11 +9,12 @@ from bottomlock.kernel import BeamGeometry
 from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
 from bottomlock.observability.schedule import Schedule
 from bottomlock.tables.check import check
-from bottomlock.tables.observability import PLAN
+from bottomlock.tables.observability import MANOEUVRE_RANKING
 from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth
+from bottomlock.truth.truth import Truth
 
 
-def plan(
+def manoeuvre_ranking(
     geometry: BeamGeometry,
     aiding: Aiding,
     model: Mapping[str, Any],
@@ -24,30 +25,30 @@ def plan(
     rates_hz: Mapping[str, float] | None = None,
     rate_hz: float = 50.0,
 ) -> pl.DataFrame:
-    """Every state after every manoeuvre: observable or not, and the standard deviation that the filter would claim.
+    """Every state after every manoeuvre: observable or not, and the filter's predicted standard deviation.
 
     Args:
         geometry: the beams.
         aiding: the beams that return and what else aids.
-        model: sensor errors and environment in SI (`Scenario.kernel_model`): where the filter starts from.
-        manoeuvres: what may be flown.
+        model: sensor errors, initial deviations and environment in SI (`Scenario.kernel_model`).
+        manoeuvres: the candidates.
         kind: "full", or "inertial" for a filter that does not estimate the DVL's errors.
         period_s: interval between measurements, all sensors at once.
         rates_hz: in place of the period a rate for each sensor, "beams" among them (`Schedule.regular`).
         rate_hz: rate at which the motion is sampled.
 
     Returns:
-        `tables.observability.PLAN`, manoeuvres in their order, states in the filter's.
+        `tables.observability.MANOEUVRE_RANKING`, manoeuvres in their order, states in the filter's.
 
     Raises:
-        KernelError: for an empty aiding set or a model that makes no sense.
+        KernelError: for an empty aiding set, or a model with a value out of range.
 
     Examples:
-        Two beams of a straight course leave a vehicle's sideways velocity in the dark; an eight shows it:
+        With two beams sway is unobservable on a straight course; a figure of eight makes it observable:
 
         >>> from bottomlock.config.scenario import load_scenario
         >>> model = load_scenario("straight").kernel_model(9.8125)
-        >>> table = plan(BeamGeometry.janus(0.35), Aiding(beams=(1, 2)), model)
+        >>> table = manoeuvre_ranking(BeamGeometry.janus(0.35), Aiding(beams=(1, 2)), model)
         >>> sway = table.filter(state="velocity y")
         >>> best(sway)["manoeuvre"].to_list()
         ['figure_eight']
@@ -62,35 +63,44 @@ def plan(
             gravity_mps2=environment["gravity_mps2"],
             earth_rate_radps=environment["earth_rate_radps"],
         )
-        measured: Any = {"kind": kind, "period_s": period_s}
+        settings: dict[str, Any] = {"kind": kind, "period_s": period_s}
         if rates_hz is not None:
-            measured["schedule"] = Schedule.regular(truth.time_ns, geometry.beams, rates_hz)
-        (found,) = observe(
-            truth, geometry, [aiding], earth_rate_radps=environment["earth_rate_radps"], **measured
-        )
-        history = deviations(truth, geometry, aiding, dict(model), **measured)
-        count = len(found.states)
-        before, after = _initial_sd(model)[:count], history.sd[-1, :count]
-        frames.append(
-            pl.DataFrame(
-                {
-                    "manoeuvre": [manoeuvre.name] * count,
-                    "aiding": [aiding.name] * count,
-                    "state": found.states,
-                    "verdict": [_word(found, k) for k in range(count)],
-                    "sd_before": before,
-                    "sd_after": after,
-                    "fraction_left": [a / b if b > 0.0 else None for a, b in zip(after, before, strict=True)],
-                },
-                schema=dict(PLAN),
-            )
-        )
+            settings["schedule"] = Schedule.regular(truth.time_ns, geometry.beams, rates_hz)
+        frames.append(_after(manoeuvre, truth, geometry, aiding, model, settings))
     return pl.concat(frames)
 
 
+def _after(
+    manoeuvre: Manoeuvre,
+    truth: Truth,
+    geometry: BeamGeometry,
+    aiding: Aiding,
+    model: Mapping[str, Any],
+    settings: dict[str, Any],
+) -> pl.DataFrame:
+    """Rows of `MANOEUVRE_RANKING` for one manoeuvre, whose motion is `truth`."""
+    earth_rate_radps = model["environment"]["earth_rate_radps"]
+    (found,) = observe(truth, geometry, [aiding], earth_rate_radps=earth_rate_radps, **settings)
+    history = deviations(truth, geometry, aiding, dict(model), **settings)
+    count = len(found.states)
+    before, after = _initial_sd(model)[:count], history.sd[-1, :count]
+    return pl.DataFrame(
+        {
+            "manoeuvre": [manoeuvre.name] * count,
+            "aiding": [aiding.name] * count,
+            "state": found.states,
+            "verdict": [_word(found, k) for k in range(count)],
+            "sd_before": before,
+            "sd_after": after,
+            "fraction_left": [a / b if b > 0.0 else None for a, b in zip(after, before, strict=True)],
+        },
+        schema=dict(MANOEUVRE_RANKING),
+    )
+
+
 def best(table: pl.DataFrame) -> pl.DataFrame:
-    """For each state the manoeuvre that leaves the smallest deviation: `tables.observability.PLAN`."""
-    check(table, PLAN, place="plan")
+    """For each state the manoeuvre that leaves the smallest deviation: `tables.observability.MANOEUVRE_RANKING`."""
+    check(table, MANOEUVRE_RANKING, place="manoeuvre_ranking")
     return table.filter(pl.col("sd_after") == pl.col("sd_after").min().over("state")).unique(
         "state", keep="first", maintain_order=True
     )
