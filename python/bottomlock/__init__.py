@@ -1,45 +1,42 @@
 """Aided inertial navigation with whatever Doppler velocity log beams are left.
 
-Frames: tangent north-east-down, fixed to the Earth; platform forward-right-down. Quaternions are scalar first
-and map platform
-to tangent. SI units and radians; time is integer nanoseconds. Errors are true minus estimate. Beams are
-numbered from 1 in text and columns and from 0 in arrays.
+Frames: tangent north-east-down, fixed to the Earth; platform forward-right-down. Quaternions are scalar first and map
+platform to tangent. SI units and radians; time is integer nanoseconds. Errors are true minus estimate. Beams are
+numbered from 1 in text and columns, and from 0 in arrays.
 """
 
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from bottomlock.errors import BottomlockError, DataError, EngineError, OutputError, ScenarioError
-from bottomlock.kernel import (
-    FIX_METHODS,
-    METHODS,
-    BeamGeometry,
-    KernelError,
-    Navigator,
-    VelocityFixes,
-    kernel_version,
-    normal_gravity_mps2,
-    replay_log,
-    run_batch,
-    simulate_sensors,
-    solve_velocity,
-)
-
 if TYPE_CHECKING:
+    __version__: str
+
     from bottomlock.campaign.merge import merge_shards
     from bottomlock.campaign.partition import Shard
     from bottomlock.campaign.run import run_campaign, run_shard
     from bottomlock.config.scenario import Scenario, load_scenario, packaged_scenarios
+    from bottomlock.errors import BottomlockError, DataError, EngineError, OutputError, ScenarioError
     from bottomlock.io.beam_table import read_beam_table
     from bottomlock.io.beams import read_beams, read_geometry
     from bottomlock.io.formats import read_recording
+    from bottomlock.kernel import (
+        FIX_METHODS,
+        METHODS,
+        BeamGeometry,
+        KernelError,
+        Navigator,
+        VelocityFixes,
+        normal_gravity_mps2,
+        replay_log,
+        run_batch,
+        simulate_sensors,
+        solve_velocity,
+    )
     from bottomlock.simulation.build import Simulation, build_simulation
     from bottomlock.simulation.measurement_schedule import measurement_schedule
     from bottomlock.simulation.sensor_streams import sensor_streams
     from bottomlock.truth.analytic import analytic_truth
     from bottomlock.truth.truth import Truth
-
-__version__ = kernel_version()
 
 __all__ = [
     "FIX_METHODS",
@@ -77,29 +74,51 @@ __all__ = [
     "solve_velocity",
 ]
 
-# What pulls in polars, pydantic or scipy comes only when used: a vehicle's computer may want the kernel alone.
+# Each name is imported when it is first used: the command's help needs no numpy, and a vehicle's computer no polars.
 _LAZY = {
+    "BeamGeometry": "bottomlock.kernel",
+    "BottomlockError": "bottomlock.errors",
+    "DataError": "bottomlock.errors",
+    "EngineError": "bottomlock.errors",
+    "FIX_METHODS": "bottomlock.kernel",
+    "KernelError": "bottomlock.kernel",
+    "METHODS": "bottomlock.kernel",
+    "Navigator": "bottomlock.kernel",
+    "OutputError": "bottomlock.errors",
     "Scenario": "bottomlock.config.scenario",
+    "ScenarioError": "bottomlock.errors",
     "Shard": "bottomlock.campaign.partition",
-    "Truth": "bottomlock.truth.truth",
     "Simulation": "bottomlock.simulation.build",
-    "load_scenario": "bottomlock.config.scenario",
+    "Truth": "bottomlock.truth.truth",
+    "VelocityFixes": "bottomlock.kernel",
     "analytic_truth": "bottomlock.truth.analytic",
     "build_simulation": "bottomlock.simulation.build",
+    "load_scenario": "bottomlock.config.scenario",
+    "measurement_schedule": "bottomlock.simulation.measurement_schedule",
     "merge_shards": "bottomlock.campaign.merge",
+    "normal_gravity_mps2": "bottomlock.kernel",
     "packaged_scenarios": "bottomlock.config.scenario",
     "read_beam_table": "bottomlock.io.beam_table",
     "read_beams": "bottomlock.io.beams",
     "read_geometry": "bottomlock.io.beams",
     "read_recording": "bottomlock.io.formats",
+    "replay_log": "bottomlock.kernel",
+    "run_batch": "bottomlock.kernel",
     "run_campaign": "bottomlock.campaign.run",
     "run_shard": "bottomlock.campaign.run",
-    "measurement_schedule": "bottomlock.simulation.measurement_schedule",
     "sensor_streams": "bottomlock.simulation.sensor_streams",
+    "simulate_sensors": "bottomlock.kernel",
+    "solve_velocity": "bottomlock.kernel",
 }
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - a module's attributes are anything
+    if name == "__version__":
+        return importlib.import_module("bottomlock.kernel").kernel_version()
     if name in _LAZY:
         return getattr(importlib.import_module(_LAZY[name]), name)
     raise AttributeError(f"module 'bottomlock' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

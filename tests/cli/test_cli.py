@@ -20,7 +20,7 @@ RUN = ["run", "straight", "--runs", "2", "--methods", "lc,tc", "--threads", "1"]
 
 def shown(done: subprocess.CompletedProcess[str]) -> str:
     """The table on the screen, without the seconds below it."""
-    return done.stdout.split("NEES of an honest filter")[0]
+    return done.stdout.split("NEES of a consistent filter")[0]
 
 
 def test_run_writes_tables_and_prints_one(tmp_path: Path) -> None:

@@ -107,6 +107,6 @@ def test_masks_without_room_for_an_outage(tmp_path: Path, scenario: Path) -> Non
     scenario.write_text(text, encoding="utf-8")
     done = command("masks", str(scenario), "--out", "o", *SHORT, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "no recovery is flown: scenario straight: lasts 10 s, expected 70 s or more" in done.stderr
+    assert "recovery is not run: scenario straight: lasts 10 s, expected 70 s or more" in done.stderr
     assert (tmp_path / "o" / "masks.parquet").exists()
     assert not (tmp_path / "o" / "recovery.parquet").exists()

@@ -1,38 +1,37 @@
-"""The command `bottomlock`: the commands by name, each imported when it is called, and the exit codes."""
+"""The command `bottomlock`: its subcommands by name, each imported when it is called, and the exit codes."""
 
+import importlib.metadata
 import sys
 from typing import NoReturn
 
 import cyclopts
 from cyclopts import App
 
-from bottomlock import __version__
 from bottomlock.cli.console import EXIT_INTERRUPTED, EXIT_USAGE, console, errors
 from bottomlock.errors import BottomlockError
-from bottomlock.kernel import KernelError
 
 COMMANDS = {
-    "run": ("campaign", "Flies a Monte Carlo campaign and prints the table of RMS errors."),
-    "merge": ("campaign", "Joins the shards of a campaign."),
-    "fly": ("simulate", "Swims scenarios with the vehicle: truth, telemetry, a figure per trajectory."),
-    "scenarios": ("scenarios", "Lists the packaged scenarios, or copies one."),
-    "fix": ("fix", "Turns recorded pings into velocity fixes with covariance."),
-    "reproduce": ("report", "Flies the whole study of the 2017 paper, judges its claims, writes the report."),
-    "report": ("report", "Makes report.html and figures from the tables of a campaign or a replay."),
-    "masks": ("studies", "Flies every partial mask, dropouts and a slope."),
-    "consistency": ("studies", "Judges NEES and NIS of every method, mask and trajectory."),
-    "replay": ("replay", "Navigates a recorded dive again, with fewer beams too."),
-    "score": ("replay", "Leaves beams out of recorded pings."),
-    "audit": ("audit", "Says what a log tells of its DVL."),
-    "observe": ("observe", "Tells what can be estimated, and by which manoeuvre."),
-    "convert": ("convert", "Converts a recorded DVL log to a beam table."),
+    "run": ("campaign", "Run a Monte Carlo campaign and print a table of RMS errors."),
+    "merge": ("campaign", "Join the shards of a campaign and print its table."),
+    "fly": ("simulate", "Simulate the vehicle: truth, telemetry and a figure per scenario."),
+    "scenarios": ("scenarios", "List the packaged scenarios, or copy one."),
+    "fix": ("fix", "Solve recorded pings for velocity fixes with covariance."),
+    "reproduce": ("report", "Reproduce the 2017 paper: run its study, test its claims, write the report."),
+    "report": ("report", "Write report.html and figures from the tables of a campaign or a replay."),
+    "masks": ("masks", "Run every set of returning beams, dropouts and a slope."),
+    "consistency": ("consistency", "Test the consistency of NEES and NIS for every method and set of beams."),
+    "replay": ("replay", "Navigate a recorded dive again, also with fewer beams."),
+    "score": ("replay", "Leave beams out of recorded pings and measure the error of each method."),
+    "audit": ("audit", "Audit a DVL log: beam directions, order, signs, defects, mounting."),
+    "observe": ("observe", "Analyse which states can be estimated, and which manoeuvre helps."),
+    "convert": ("convert", "Convert a recorded DVL log to a beam table."),
 }
-"""Module of `bottomlock.cli` and help line of each command; a module is imported when its command is called."""
+"""Module of `bottomlock.cli` and help line of each command."""
 
 app = App(
     name="bottomlock",
     help="Aided inertial navigation with whatever Doppler velocity log beams are left.",
-    version=__version__,
+    version=lambda: importlib.metadata.version("bottomlock"),
     console=console,
 )
 for _name, (_module, _help) in COMMANDS.items():
@@ -46,12 +45,19 @@ def _fail(message: str) -> NoReturn:
 
 
 def main() -> None:
-    """Entry point: faults of usage and data end with exit code 2 and a line that names the place."""
+    """Runs the command; faults of usage and of data end with exit code 2 and one line that names the place."""
     try:
         app(exit_on_error=False, print_error=False)
     except cyclopts.CycloptsError as error:
         _fail(" ".join(str(error).split()) + "; see `bottomlock --help`")
-    except (BottomlockError, KernelError) as error:
+    except BottomlockError as error:
         _fail(str(error))
     except KeyboardInterrupt:
         sys.exit(EXIT_INTERRUPTED)
+    except Exception as error:
+        # The class of the kernel's errors is imported only where there is an error: it brings numpy.
+        from bottomlock.kernel import KernelError  # noqa: PLC0415
+
+        if not isinstance(error, KernelError):
+            raise
+        _fail(str(error))

@@ -6,7 +6,6 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from bottomlock.atomic_write import write_text
@@ -14,9 +13,8 @@ from bottomlock.audit.geometry_file import geometry_text
 from bottomlock.audit.logs import read_depths, read_inertial, read_reference
 from bottomlock.audit.page import beams_table, write_audit
 from bottomlock.audit.run import Audit, audit_file
+from bottomlock.cli.console import console
 from bottomlock.errors import OutputError
-
-console = Console(stderr=False, highlight=False)
 
 _COLOURS = {"fault": "red", "warning": "yellow", "note": "dim"}
 
@@ -27,12 +25,12 @@ def audit(
     out: Annotated[Path, Parameter(help="Directory for audit.json, tables, figures and audit.html.")],
     geometry: Annotated[
         str | None,
-        Parameter(help="Geometry to compare with: a packaged name or TOML file; its column map is used."),
+        Parameter(help="Geometry to compare with: a packaged one or a TOML file, whose column map is used."),
     ] = None,
     attitude: Annotated[
         Path | None,
         Parameter(
-            help="CSV or Parquet: time_ns, roll_rad, pitch_rad, yaw_rad, and velocity_north_mps ... if there."
+            help="CSV or Parquet: time_ns, roll_rad, pitch_rad, yaw_rad, and velocity_north_mps ... if known."
         ),
     ] = None,
     imu: Annotated[
@@ -41,10 +39,12 @@ def audit(
     ] = None,
     depth: Annotated[Path | None, Parameter(help="CSV or Parquet: time_ns, depth_m.")] = None,
     write: Annotated[
-        Path | None, Parameter(help="Write the geometry that was found to this TOML file.")
+        Path | None, Parameter(help="TOML file to which the estimated geometry is written.")
     ] = None,
 ) -> None:
-    """Checks a log of a DVL: beam directions, order, signs, closure, defects and mounting, as ranked findings.
+    """Audit a DVL log: beam directions, order, signs, defects, mounting.
+
+    Findings are ranked, each with its evidence in numbers.
 
     Parameters
     ----------
@@ -63,15 +63,15 @@ def audit(
     text = None if write is None else geometry_text(made)
     write_audit(made, out)
     for part in shown(made):
-        console.print(part)
+        console.print(part, highlight=False)
     if write is not None and text is not None:
         write_text(write, text)
-        console.print(f"wrote {write}")
-    console.print(f"audit.html, audit.json, tables and figures in {out}")
+        console.print(f"wrote {write}", highlight=False)
+    console.print(f"audit.html, audit.json, tables and figures in {out}", highlight=False)
 
 
 def shown(made: Audit) -> list[str | Table]:
-    """What goes to the terminal: counts, beams, closure, mounting, findings."""
+    """The parts of the terminal output: counts, beams, closure, mounting, findings."""
     log, verdict = made.log, made.assessment
     counts = [int(np.sum(log.valid.sum(axis=1) == k)) for k in range(log.beams, -1, -1)]
     beams = ", ".join(f"{count} with {log.beams - k}" for k, count in enumerate(counts) if count)

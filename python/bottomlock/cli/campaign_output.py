@@ -1,11 +1,10 @@
-"""What campaigns show in a terminal: a progress bar, then tables of RMS errors."""
+"""Terminal output of campaigns: a progress bar, then tables of RMS errors."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import polars as pl
-from rich import box
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -19,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bottomlock.campaign.run import CampaignProgress, Results
-from bottomlock.cli.console import console, errors
+from bottomlock.cli.console import console, errors, narrow_table
 from bottomlock.pages.numbers import plain
 from bottomlock.statistics.campaign import summary_table
 
@@ -31,61 +30,51 @@ class _Rate(ProgressColumn):
         return Text(f"{task.speed:.1f} runs/s" if task.speed else "- runs/s")
 
 
-def _fixed(value: float | None, decimals: int) -> str:
-    """With so many decimals at any size."""
-    return plain(value, digits=9, decimals=decimals)
-
-
-def summary(results: Results) -> list[Table]:
+def result_tables(results: Results) -> list[Table]:
     """A table per trajectory, narrow enough for 80 columns."""
-    table_of_all = summary_table(results.ensemble, results.runs)
     tables = []
-    for (trajectory,), rows in table_of_all.group_by("trajectory", maintain_order=True):
-        table = Table(
-            title=f"{trajectory}: RMS over runs at the end",
-            title_justify="left",
-            box=box.SIMPLE_HEAD,
-            padding=(0, 1, 0, 0),
-        )
-        table.add_column("method", no_wrap=True)
+    summary = summary_table(results.ensemble, results.runs)
+    for (trajectory,), rows in summary.group_by("trajectory", maintain_order=True):
         settings = results.manifest["scenarios"][trajectory]["configuration"]["trajectory"]
-        astray = settings["feedback"] == "estimate"
-        names = ["v m/s", "95 %", "att deg", "pos m", "NEES", "astray m" if astray else "NIS", "rej %"]
-        for name in names:
-            table.add_column(name, justify="right", no_wrap=True)
-        last = ("cross_track_rms_over_runs_and_time_m", 1) if astray else ("nis_mean_over_runs_and_fixes", 2)
-        for row in rows.with_columns(rejected_percent=100.0 * pl.col("rejected_fraction")).iter_rows(
-            named=True
-        ):
-            low, high = (_fixed(row[f"velocity_rms_over_runs_{end}_mps"], 3) for end in ("lo", "hi"))
+        closed_loop = settings["feedback"] == "estimate"
+        last = ("xtrack m", "cross_track_rms_over_runs_and_time_m", 1)
+        last = last if closed_loop else ("NIS", "nis_mean_over_runs_and_fixes", 2)
+        table = narrow_table(
+            f"{trajectory}: RMS over runs at the end",
+            ["method"],
+            ["v m/s", "95 %", "att deg", "pos m", "NEES", last[0], "rej %"],
+        )
+        percent = (100.0 * pl.col("rejected_fraction")).alias("rejected_percent")
+        for row in rows.with_columns(percent).iter_rows(named=True):
+            low, high = (plain(row[f"velocity_rms_over_runs_{end}_mps"], digits=4) for end in ("lo", "hi"))
             table.add_row(
                 row["method"],
-                _fixed(row["velocity_rms_over_runs_mps"], 3),
+                plain(row["velocity_rms_over_runs_mps"], digits=4),
                 f"{low} .. {high}",
-                _fixed(row["attitude_rms_over_runs_deg"], 3),
-                _fixed(row["position_rms_over_runs_m"], 1),
-                _fixed(row["nees_mean_over_runs_and_time"], 1),
-                _fixed(row[last[0]], last[1]),
-                _fixed(row["rejected_percent"], 2),
+                plain(row["attitude_rms_over_runs_deg"], digits=4),
+                plain(row["position_rms_over_runs_m"], digits=4, decimals=1),
+                plain(row["nees_mean_over_runs_and_time"], digits=4, decimals=1),
+                plain(row[last[1]], digits=4, decimals=last[2]),
+                plain(row["rejected_percent"], digits=4, decimals=2),
             )
         tables.append(table)
     return tables
 
 
 def print_results(results: Results, out: Path) -> None:
-    """The tables, and what they were made with."""
-    for table in summary(results):
+    """Prints the tables, and the settings that they belong to."""
+    for table in result_tables(results):
         console.print(table)
     manifest = results.manifest
     scenarios = manifest["scenarios"]
     if any(one["configuration"]["trajectory"]["feedback"] == "estimate" for one in scenarios.values()):
         console.print(
-            "The vehicle flew on its estimate; astray is its true cross-track error, rms over way and runs."
+            "Guidance used the estimate; xtrack is the true cross-track error, RMS over time and runs."
         )
     first = manifest["order"][0]
     options = scenarios[first]["options"]
     console.print(
-        f"NEES of an honest filter is {manifest['nees_degrees'][first]}, NIS the number of fused rows. "
+        f"NEES of a consistent filter is {manifest['nees_degrees'][first]}, NIS the number of fused rows. "
         f"n_f {options['virtual_beam_factor']:g}, ε {options['nullified_sway_var_m2ps2']:g} m²/s², "
         f"gate {options['gate']}."
     )

@@ -1,10 +1,17 @@
-"""The two consoles of the command, its exit codes, and what an interrupted command prints."""
+"""The two consoles of the command, its exit codes, and the tables and messages that commands share."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from rich.console import Console
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+EXIT_DEPARTURE = 1
+"""The numbers were computed, and differ from the expected verdicts."""
 
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
@@ -13,7 +20,20 @@ console = Console(stderr=False)
 errors = Console(stderr=True, soft_wrap=True, highlight=False)
 
 
-def interrupted(out: Path) -> NoReturn:
+def interrupted(out: Path, *, kept: str = "chunks") -> NoReturn:
     """Says how to resume, and ends the command."""
-    errors.print(f"interrupted; finished chunks are kept in {out}: the same command resumes")
+    errors.print(f"interrupted; finished {kept} are kept in {out}: the same command resumes")
     sys.exit(EXIT_INTERRUPTED)
+
+
+def narrow_table(title: str, left: Sequence[str], right: Sequence[str]) -> "Table":
+    """A table that fits 80 columns, with left- and right-justified columns."""
+    from rich import box  # noqa: PLC0415 - `--help` draws no table
+    from rich.table import Table  # noqa: PLC0415
+
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for name in left:
+        table.add_column(name, no_wrap=True)
+    for name in right:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table

@@ -1,20 +1,19 @@
-"""The command `bottomlock convert`: a recorded file of any known format to the beam table, with an account."""
+"""The command `bottomlock convert`: a recorded file of any known format to the beam table."""
 
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from bottomlock.cli.console import console
 from bottomlock.errors import OutputError
 from bottomlock.io.beam_table import Account, Reason, Recording, sidecar, write_recording
 from bottomlock.io.formats import NAMES, read_recording
 from bottomlock.io.rows import Options
 
-console = Console(stderr=False)
 SHOWN = 28
 
 
@@ -22,31 +21,41 @@ def convert(
     file: Path,
     *,
     to: Annotated[
-        Path, Parameter(help="Parquet file for the beam table; its account goes beside it as JSON.")
+        Path,
+        Parameter(
+            help="Parquet file for the beam table; an account of the conversion goes beside it as JSON."
+        ),
     ],
     format: Annotated[  # noqa: A002 - the option's name
-        str | None, Parameter(help=f"Of the file; found from its content by default: {', '.join(NAMES)}.")
+        str | None,
+        Parameter(help=f"Format of the file, by default found from its content: {', '.join(NAMES)}."),
     ] = None,
     columns: Annotated[
         Path | None, Parameter(help="TOML file with the column map of a CSV or Parquet table.")
     ] = None,
-    topic: Annotated[str | None, Parameter(help="Of a bag that holds several of the message.")] = None,
+    topic: Annotated[
+        str | None, Parameter(help="Topic of a bag that holds several topics of the message.")
+    ] = None,
     instrument_only: Annotated[
-        bool, Parameter(negative="", help="Take records without beams, for the instrument's own velocity.")
+        bool, Parameter(negative="", help="Keep records without beams, for the instrument's own velocity.")
     ] = False,
     keep_stale: Annotated[
-        bool, Parameter(negative="", help="Leave beams valid that repeat the report before, unchanged.")
+        bool, Parameter(negative="", help="Keep beams valid that repeat the previous record unchanged.")
     ] = False,
     negate_beams: Annotated[
         bool,
-        Parameter(negative="", help="Turn the sign of the beams: they are positive away from the bottom."),
+        Parameter(
+            negative="", help="Reverse the sign of beam velocities that are positive away from the bottom."
+        ),
     ] = False,
     ignore_checksum: Annotated[
-        bool, Parameter(negative="", help="Keep text records whose checksum does not fit, flagged.")
+        bool, Parameter(negative="", help="Keep text records with a wrong checksum, flagged.")
     ] = False,
-    force: Annotated[bool, Parameter(negative="", help="Overwrite a table that is there.")] = False,
+    force: Annotated[bool, Parameter(negative="", help="Overwrite an existing table.")] = False,
 ) -> None:
-    """Converts a recorded DVL log to the beam table that fix, audit and replay read, and tells what was skipped.
+    """Convert a recorded DVL log to a beam table.
+
+    The commands fix, audit and replay read the table; records that were skipped are counted.
 
     Parameters
     ----------
@@ -70,12 +79,12 @@ def convert(
     )
     recording = read_recording(file, format=format, options=options)
     write_recording(recording, to, source=file)
-    tell(recording)
+    print_recording(recording)
     console.print(f"wrote {to} and {sidecar(to).name}", soft_wrap=True, highlight=False)
 
 
 def _fates(account: Account) -> Table | None:
-    """What did not become a plain row, a reason a line; None where there is nothing to tell."""
+    """The records that did not become a plain row, a row per reason; None if there are none."""
     kinds = {"skipped": account.skipped, "flagged": account.flagged, "other": account.other}
     if not any(kinds.values()):
         return None
@@ -91,12 +100,12 @@ def _fates(account: Account) -> Table | None:
 
 
 def _reason(name: str, reason: Reason) -> str:
-    """A reason, with how the first record of it begins: the account beside the table has more."""
+    """A reason with the start of its first record; the account beside the table has more."""
     short = reason.detail if len(reason.detail) <= SHOWN else reason.detail[: SHOWN - 1] + "…"
     return escape(f"{name}: {short}" if short else name)
 
 
-def tell(recording: Recording) -> None:
+def print_recording(recording: Recording) -> None:
     """Prints what was read and what was not."""
     table, account = recording.table, recording.account
     lines = [

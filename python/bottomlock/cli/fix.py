@@ -18,16 +18,16 @@ from bottomlock.kernel import FIX_METHODS, solve_velocity
 def fix(
     log: Path,
     *,
-    geometry: Annotated[str, Parameter(help="TOML file of the DVL, or a packaged name.")],
-    method: Annotated[str, Parameter(help=f"One of {', '.join(FIX_METHODS)}.")],
+    geometry: Annotated[str, Parameter(help="Packaged geometry or TOML file of the DVL.")],
+    method: Annotated[str, Parameter(help=f"Method: {', '.join(FIX_METHODS)}.")],
     out: Annotated[Path, Parameter(help="Parquet file for the fixes.")],
 ) -> None:
-    """Turns recorded pings into velocity fixes with covariance, status and the beams used.
+    """Solve recorded pings for velocity fixes with covariance.
 
     Parameters
     ----------
     log
-        CSV or Parquet with the columns time_ns, beam1_mps ..., beam1_valid ...; the geometry file may map others.
+        CSV or Parquet with the columns time_ns, beam1_mps ..., beam1_valid ...; the geometry file may map other names.
     """
     if out.suffix.lower() != ".parquet":
         raise OutputError(f"{out}: expected a name that ends in .parquet")
@@ -46,7 +46,8 @@ def fix(
     frame = fixes.to_frame(pings.time_ns)
     if (frame["status"] == "prior_required").any() and pings.prior_velocity_p_mps is None:
         raise DataError(
-            f"{log}: method '{method}' needs the columns prior_surge_mps, prior_sway_mps, prior_heave_mps and their sds"
+            f"{log}: method '{method}' needs the columns prior_surge_mps, prior_sway_mps, prior_heave_mps and "
+            "their standard deviations"
         )
     write_parquet(out, frame)
     table = Table(title=f"{frame.height} pings, method {method}", title_justify="left")

@@ -4,13 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
 
+from bottomlock.cli.console import console
 from bottomlock.errors import ScenarioError
 from bottomlock.observability.console import console_lines
 from bottomlock.observability.report import observe_paper, observe_scenario
-
-console = Console(stderr=False)
 
 
 def observe(
@@ -18,10 +16,13 @@ def observe(
     *,
     out: Annotated[Path, Parameter(help="Directory for tables and figures.")],
     paper: Annotated[
-        bool, Parameter(negative="", help="The six cases of Klein & Diamant 2015 instead of a scenario.")
+        bool,
+        Parameter(negative="", help="Analyse the six cases of Klein & Diamant 2015 in place of a scenario."),
     ] = False,
 ) -> None:
-    """Tells what can be estimated along a scenario's truth, for every mask of its beams, and by which manoeuvre.
+    """Analyse which states can be estimated, and which manoeuvre helps.
+
+    For every set of beams of a scenario's instrument, along its truth.
 
     Parameters
     ----------

@@ -7,12 +7,12 @@ from typing import Annotated
 import numpy as np
 import polars as pl
 from cyclopts import Parameter
-from rich import box
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from bottomlock.atomic_write import write_parquet
+from bottomlock.cli.console import EXIT_INTERRUPTED, console, errors, narrow_table
+from bottomlock.cli.parameters import Threads, check_threads, split
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.pages.numbers import number
@@ -22,10 +22,6 @@ from bottomlock.replay.leave_out import leave_out as leave_beams_out
 from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.run import ReplayResult, prepare_folder, replay_case, run_count, write_replay
 from bottomlock.statistics.replay import summary_table
-
-console = Console(stderr=False)
-errors = Console(stderr=True, soft_wrap=True, highlight=False)
-EXIT_INTERRUPTED = 130
 
 SCORED = (
     "error_median_mps",
@@ -42,33 +38,28 @@ def replay(
     *,
     out: Annotated[Path, Parameter(help="Directory for tables and report: new, or of the same case.")],
     methods: Annotated[
-        str | None, Parameter(help="Methods, separated by commas; the case's own by default.")
+        str | None, Parameter(help="Aiding methods, separated by commas; the case's own by default.")
     ] = None,
     runs: Annotated[
-        int | None, Parameter(help="Draws of noise and chance; the case's own by default.")
+        int | None, Parameter(help="Number of draws of noise and dropouts; the case's own by default.")
     ] = None,
-    seed: Annotated[int | None, Parameter(help="Seed; the case's own by default.")] = None,
-    threads: Annotated[int, Parameter(help="Threads; 0 for as many as there are cores.")] = 0,
+    seed: Annotated[
+        int | None, Parameter(help="Seed of the random numbers; the case's own by default.")
+    ] = None,
+    threads: Threads = 0,
     force: Annotated[
-        bool, Parameter(negative="", help="Start over in a directory of another replay.")
+        bool, Parameter(negative="", help="Start over in a directory that holds another replay.")
     ] = False,
 ) -> None:
-    """Navigates a recorded dive again: every method, with the beams as recorded and with those of every what-if case.
+    """Navigate a recorded dive again, also with fewer beams.
 
     Parameters
     ----------
     case
         TOML file that names the tables, their columns, units and clocks, the start, and the what-if cases.
     """
-    if threads < 0:
-        raise ScenarioError(f"--threads is {threads}, expected 0 or more")
-    loaded = load_case(case).with_overrides(
-        methods=None
-        if methods is None
-        else [method.strip() for method in methods.split(",") if method.strip()],
-        runs=runs,
-        seed=seed,
-    )
+    check_threads(threads)
+    loaded = load_case(case).with_overrides(methods=split(methods), runs=runs, seed=seed)
     prepare_folder(out, loaded.content_hash(), force=force)
     reruns = run_count(loaded) * (1 + len(loaded.what_if))
     columns = (
@@ -96,20 +87,22 @@ def replay(
 def score(
     log: Path,
     *,
-    geometry: Annotated[str, Parameter(help="TOML file of the DVL, or a packaged name.")],
-    leave_out: Annotated[int, Parameter(help="How many beams are left out at a time.")] = 1,
-    out: Annotated[Path | None, Parameter(help="Parquet file for the scores of every set of beams.")] = None,
+    geometry: Annotated[str, Parameter(help="Packaged geometry or TOML file of the DVL.")],
+    leave_out: Annotated[int, Parameter(help="Number of beams left out at a time.")] = 1,
+    out: Annotated[Path | None, Parameter(help="Parquet file for the errors, per set of beams.")] = None,
     walk_mps_per_rt_s: Annotated[
-        float, Parameter(help="Random walk of the velocity, for methods with a prior.")
+        float, Parameter(help="Random walk of the velocity, m/s/√s, for methods that need a prior.")
     ] = 0.1,
     closure_gate: Annotated[
         float,
         Parameter(
-            help="Pings whose closure strays by more of its robust sigmas are no reference; 0 for all."
+            help="Largest closure of a reference ping, in robust standard deviations; 0 to keep all pings."
         ),
     ] = 3.0,
 ) -> None:
-    """Leaves beams out of recorded pings that have them all, and says how far off each method is without them.
+    """Leave beams out of recorded pings and measure the error of each method.
+
+    The reference is a ping with all of its beams.
 
     Parameters
     ----------
@@ -134,37 +127,33 @@ def score(
         walk=VelocityWalk(walk_mps_rts=walk_mps_per_rt_s),
         closure_gate=closure_gate or None,
     )
+    title = (
+        f"{log.name}: {leave_out} of {instrument.geometry.beams} beams left out of {scores['pings'][0]} pings"
+    )
+    console.print(_scores_table(scores, title))
+    console.print(
+        "Medians over the sets of beams that a method solves. surge, sway, heave: error against least squares of all "
+        "beams; beam: against the reading of the beam left out. error/σ: 1.4826 × median of error over claimed σ, 1 "
+        "for a consistent method."
+    )
     if out is not None:
         write_parquet(out, scores)
-    table = Table(
-        title=f"{log.name}: {leave_out} of {instrument.geometry.beams} beams left out of {scores['pings'][0]} pings",
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-    )
-    for name in ("method", "component"):
-        table.add_column(name, no_wrap=True)
-    for name in ("sets", "median m/s", "rms m/s", "p95 m/s", "claimed", "made/cl."):
-        table.add_column(name, justify="right", no_wrap=True)
-    for row in over_sets(scores).iter_rows(named=True):
-        numbers = (row[name] for name in SCORED)
-        table.add_row(
-            row["method"],
-            row["component"],
-            f"{row['sets_solved']}/{row['sets']}",
-            *(number(value) for value in numbers),
-        )
-    console.print(table)
-    console.print(
-        "Medians over the sets of beams that a method solves. surge, sway, heave: against least squares of all beams; "
-        "beam: against the reading of the beam left out. made/cl.: 1.4826 × median of error over claimed, honest is 1."
-    )
-    if out is not None:
         console.print(f"wrote {out}")
 
 
+def _scores_table(scores: pl.DataFrame, title: str) -> Table:
+    """A row per method and component."""
+    table = narrow_table(
+        title, ["method", "component"], ["sets", "median m/s", "rms m/s", "p95 m/s", "claimed", "error/σ"]
+    )
+    for row in over_sets(scores).iter_rows(named=True):
+        numbers = (number(row[name]) for name in SCORED)
+        table.add_row(row["method"], row["component"], f"{row['sets_solved']}/{row['sets']}", *numbers)
+    return table
+
+
 def print_results(replayed: ReplayResult) -> None:
-    """What came out, a table per what-if case, narrow enough for 80 columns; and what is not as it was measured."""
+    """Prints faults of the clocks, a table per what-if case, and what is not as it was measured."""
     manifest = replayed.manifest
     for name, clock in manifest["clocks"].items():
         faults = {
@@ -177,17 +166,12 @@ def print_results(replayed: ReplayResult) -> None:
     summary = summary_table(replayed.runs)
     label = ", semi-synthetic" if manifest["semi_synthetic"] else ""
     for what_if, words in manifest["what_if"]:
-        table = Table(
-            title=f"{manifest['case']}, {what_if}{label}: {words}",
-            title_justify="left",
-            box=box.SIMPLE_HEAD,
-            padding=(0, 1, 0, 0),
-        )
-        for name in ("method", "pass"):
-            table.add_column(name, no_wrap=True)
         against = ["end m", "% DT", "v m/s", "att deg"] if manifest["has_reference"] else []
-        for name in [*against, "NIS", "of", "fixes", "rej %"]:
-            table.add_column(name, justify="right", no_wrap=True)
+        table = narrow_table(
+            f"{manifest['case']}, {what_if}{label}: {words}",
+            ["method", "pass"],
+            [*against, "NIS", "of", "fixes", "rej %"],
+        )
         for row in summary.filter(pl.col("what_if") == what_if).iter_rows(named=True):
             numbers = [
                 "position_final_m",

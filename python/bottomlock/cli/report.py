@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from bottomlock.cli.campaign_output import progress_bar
 from bottomlock.cli.console import console, interrupted
-from bottomlock.errors import ScenarioError
+from bottomlock.cli.parameters import ForceStudy, Seed, StudyOut, Threads, check_threads
 from bottomlock.replay.report import is_replay, make_replay_report
 from bottomlock.report.page import Report, make_report
 from bottomlock.studies import reproduce as whole_study
@@ -15,17 +15,14 @@ from bottomlock.studies import reproduce as whole_study
 
 def reproduce(
     *,
-    out: Annotated[Path, Parameter(help="Directory for the study: new, or of the same study to resume.")],
-    runs: Annotated[int, Parameter(help="Runs of each trajectory.")] = whole_study.RUNS,
-    seed: Annotated[int | None, Parameter(help="Seed; the scenarios' own by default.")] = None,
-    threads: Annotated[int, Parameter(help="Threads; 0 for as many as there are cores.")] = 0,
-    force: Annotated[
-        bool, Parameter(negative="", help="Start over in a directory of another study.")
-    ] = False,
+    out: StudyOut,
+    runs: Annotated[int, Parameter(help="Number of runs of each trajectory.")] = whole_study.RUNS,
+    seed: Seed = None,
+    threads: Threads = 0,
+    force: ForceStudy = False,
 ) -> None:
-    """Flies the whole study of the 2017 paper, judges its claims, and writes the report."""
-    if threads < 0:
-        raise ScenarioError(f"--threads is {threads}, expected 0 or more")
+    """Reproduce the 2017 paper: run its study, test its claims, write the report."""
+    check_threads(threads)
     try:
         with progress_bar(whole_study.study_runs(runs)) as progress:
             made = whole_study.reproduce(
@@ -37,12 +34,14 @@ def reproduce(
 
 
 def report(directory: Path) -> None:
-    """Makes report.html and figures from the tables of a campaign or a replay; of a campaign, the paper's claims too.
+    """Write report.html and figures from the tables of a campaign or a replay.
+
+    For a campaign the report tests the paper's claims, too.
 
     Parameters
     ----------
     directory
-        Where `bottomlock run` has written a finished campaign, or `bottomlock replay` a replay.
+        Directory of a finished campaign (`bottomlock run`) or of a replay (`bottomlock replay`).
     """
     if is_replay(directory):
         console.print(f"wrote {make_replay_report(directory)}")

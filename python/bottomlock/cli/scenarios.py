@@ -12,16 +12,18 @@ from bottomlock.config.scenario import copy_scenario, packaged_scenarios
 
 def scenarios(
     *,
-    copy: Annotated[str | None, Parameter(help="Write this packaged scenario out to edit.")] = None,
-    to: Annotated[Path | None, Parameter(help="Where to; NAME.toml here by default.")] = None,
+    copy: Annotated[str | None, Parameter(help="Name of a packaged scenario to copy for editing.")] = None,
+    to: Annotated[
+        Path | None, Parameter(help="File to write; NAME.toml in this directory by default.")
+    ] = None,
 ) -> None:
-    """Lists the packaged scenarios, or copies one."""
+    """List the packaged scenarios, or copy one."""
     if copy is not None:
         console.print(f"wrote {copy_scenario(copy, to or Path(f'{copy}.toml'))}")
         return
     table = Table()
     table.add_column("scenario")
-    table.add_column("what it is")
+    table.add_column("description")
     for name, description in packaged_scenarios().items():
         table.add_row(name, description)
     console.print(table)

@@ -27,20 +27,20 @@ def fly(
         str | None, Parameter(help="Packaged vehicle or TOML file; the scenario's own by default.")
     ] = None,
     sensors: Annotated[
-        int | None, Parameter(help="Write what the sensors of this run read, a table per sensor.")
+        int | None, Parameter(help="Number of a run: write its sensor readings, a table per sensor.")
     ] = None,
 ) -> None:
-    """Swims scenarios with the vehicle: truth and telemetry to Parquet, one figure per trajectory.
+    """Simulate the vehicle: truth, telemetry and a figure per scenario.
 
     Parameters
     ----------
     scenario
-        Packaged names or TOML files, one or more.
+        Packaged scenarios (see `bottomlock scenarios`) or TOML files, one or more.
     """
     if not scenario:
-        raise ScenarioError("no scenario is named; `bottomlock scenarios` lists those that ship")
+        raise ScenarioError("no scenario is named; `bottomlock scenarios` lists the packaged ones")
     if sensors is not None and sensors < 0:
-        raise ScenarioError(f"--sensors is {sensors}, expected the number of a run, 0 or more")
+        raise ScenarioError(f"--sensors is {sensors}, expected a run number, 0 or more")
     for name in scenario:
         loaded = load_scenario(name)
         change = {"source": "vehicle"} | ({} if vehicle is None else {"vehicle": vehicle})
@@ -56,22 +56,22 @@ def fly(
             for sensor, readings in sensor_streams(simulation, flight.truth, run=sensors).items():
                 write_parquet(out / f"{loaded.name}_run{sensors}_{sensor}.parquet", readings)
         legs = frame.filter("leg") if frame["leg"].any() else frame
-        astray = float(rms(legs["cross_track_m"].to_numpy()))
+        cross_track_rms_m = float(rms(legs["cross_track_m"].to_numpy()))
         speed, sway = (frame[f"{part}_mps"].to_numpy() for part in ("speed", "sway"))
         console.print(
-            f"{loaded.name}: {speed.mean():.3f} m/s, cross-track {astray:.2f} m rms, "
-            f"greatest sway {np.abs(sway).max():.3f} m/s"
+            f"{loaded.name}: {speed.mean():.3f} m/s, cross-track {cross_track_rms_m:.2f} m RMS, "
+            f"largest sway {np.abs(sway).max():.3f} m/s"
         )
     console.print(f"tables and figures in {out}")
 
 
 def _beams(simulation: Simulation, truth: Truth) -> pl.DataFrame:
-    """Which beams return in the first run and, over a seabed, from how far (m) and how obliquely (rad)."""
-    plan, hits = schedule_and_footprints(
+    """Which beams return in the first run and, over a seabed, at which range (m) and incidence (rad)."""
+    schedule, hits = schedule_and_footprints(
         simulation, truth, trajectory_key=trajectory_key(simulation.scenario.name)
     )
-    valid = plan["beam_valid"].reshape(-1, simulation.geometry.beams)
-    columns = {"time_ns": plan["dvl_time_ns"]}
+    valid = schedule["beam_valid"].reshape(-1, simulation.geometry.beams)
+    columns = {"time_ns": schedule["dvl_time_ns"]}
     for k in range(simulation.geometry.beams):
         columns[f"beam{k + 1}_valid"] = valid[:, k]
         if hits is not None:

@@ -11,6 +11,9 @@ from bottomlock.config.scenario import Scenario
 from bottomlock.config.scenario_sections import Dropout
 from bottomlock.errors import ScenarioError
 
+PAPER_TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
+"""The packaged scenarios of the 2017 paper."""
+
 VARYING = "varying"
 """Stands in place of the beams where they come and go."""
 

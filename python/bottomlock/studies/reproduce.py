@@ -7,9 +7,9 @@ from bottomlock.atomic_write import write_parquet
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.report.page import Report, make_report
+from bottomlock.studies.cases import PAPER_TRAJECTORIES
 from bottomlock.studies.sweep import run_sweep, sweep_cells
 
-TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
 RUNS = 500
 
 
@@ -49,7 +49,8 @@ def reproduce(
         As `run_campaign` and `make_report`.
     """
     scenarios: list[Scenario] = [
-        load_scenario(name).with_overrides(runs=runs, seed=seed, methods=methods) for name in TRAJECTORIES
+        load_scenario(name).with_overrides(runs=runs, seed=seed, methods=methods)
+        for name in PAPER_TRAJECTORIES
     ]
     run_campaign(scenarios, out, threads=threads, force=force, progress=progress)
     sweep = run_sweep(
@@ -61,4 +62,4 @@ def reproduce(
 
 def study_runs(runs: int) -> int:
     """What the progress of a study counts up to."""
-    return len(TRAJECTORIES) * (runs + sweep_cells() * sweep_runs(runs))
+    return len(PAPER_TRAJECTORIES) * (runs + sweep_cells() * sweep_runs(runs))

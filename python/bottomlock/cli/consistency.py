@@ -1,0 +1,118 @@
+"""The command `bottomlock consistency`: NEES and NIS of every method, set of beams and trajectory."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import polars as pl
+from cyclopts import Parameter
+from rich.table import Table
+
+from bottomlock.cli.console import EXIT_DEPARTURE, console, errors, narrow_table
+from bottomlock.cli.parameters import ForceStudy, Methods, Seed, StudyOut, Threads, load_scenarios
+from bottomlock.cli.study_output import study_bar
+from bottomlock.config.scenario import Scenario
+from bottomlock.errors import ScenarioError
+from bottomlock.studies import consistency as consistency_study
+from bottomlock.studies import study_folder
+from bottomlock.studies.cases import PAPER_TRAJECTORIES, beam_list
+from bottomlock.studies.consistency_table import counts_of, methods_summary
+from bottomlock.studies.expected_verdicts import Expectation, check_names, departures, read_expectations
+
+Expectations = tuple[Expectation, ...]
+
+
+def consistency(
+    *scenario: str,
+    out: StudyOut,
+    runs: Annotated[int, Parameter(help="Number of runs of each cell.")] = 100,
+    seed: Seed = None,
+    threads: Threads = 0,
+    methods: Methods = None,
+    masks: Annotated[
+        str | None, Parameter(help="Sets of returning beams, such as 1234,123,12; all sets by default.")
+    ] = None,
+    asserted: Annotated[
+        Path | None,
+        Parameter(name="--assert", help="TOML file of expected verdicts; exit code 1 if one differs."),
+    ] = None,
+    force: ForceStudy = False,
+) -> None:
+    """Test the consistency of NEES and NIS for every method and set of beams.
+
+    Parameters
+    ----------
+    scenario
+        Packaged scenarios or TOML files; the three trajectories of the paper by default.
+    """
+    expected = None if asserted is None else read_expectations(asserted)
+    loaded = load_scenarios(
+        scenario or PAPER_TRAJECTORIES, runs=runs, seed=seed, methods=methods, threads=threads
+    )
+    if len({one.dvl.beams for one in loaded}) != 1:
+        raise ScenarioError("expected scenarios whose instruments have the same number of beams")
+    sets = consistency_study.parse_masks(masks, loaded[0].dvl.beams)
+    if expected is not None:
+        _check_expected(expected, loaded, sets)
+    given = {"--runs": runs, "--seed": seed, "--methods": methods, "--masks": masks}
+    options = " ".join(f"{name} {value}" for name, value in given.items() if value is not None)
+    command = " ".join(["bottomlock consistency", *scenario, "--out DIR", options])
+    configuration = consistency_study.configuration(loaded, sets)
+    study_folder.claim(out, consistency_study.KIND, configuration, parts=consistency_study.PARTS, force=force)
+    with study_bar(out) as report:
+        table = consistency_study.run_consistency(
+            loaded,
+            sets,
+            out,
+            command=command,
+            threads=threads,
+            progress=lambda cell, done, total: report(cell, done / total),
+        )
+    study_folder.write_manifest(
+        out, consistency_study.KIND, configuration, status="complete", command=command
+    )
+    _print(table, out)
+    if expected is not None:
+        _compare(table, expected)
+
+
+def _check_expected(
+    expected: Expectations, scenarios: Sequence[Scenario], sets: Sequence[tuple[int, ...]]
+) -> None:
+    """Rejects an expected verdict on what the study does not hold, before anything is run."""
+    check_names(
+        expected,
+        methods={method for one in scenarios for method in one.campaign.methods},
+        trajectories={one.name for one in scenarios},
+        beams={beam_list(mask) for mask in sets},
+    )
+
+
+def _print(table: pl.DataFrame, out: Path) -> None:
+    console.print(methods_table(table))
+    console.print(
+        "NEES 6 (of velocity and attitude), NEES and NIS: number of cells consistent / overconfident / conservative. "
+        "A cell counts as consistent if its NEES 6 is consistent and nothing is overconfident."
+    )
+    console.print(
+        f"false-alarm rate of the whole study: {consistency_study.FALSE_ALARM:.0%}; consistency.md in {out}"
+    )
+
+
+def _compare(table: pl.DataFrame, expected: Expectations) -> None:
+    """Ends the command with exit code 1 where a verdict differs from the expected one."""
+    found = departures(table, expected)
+    for line in found:
+        errors.print(f"bottomlock: {line}", markup=False)
+    if found:
+        sys.exit(EXIT_DEPARTURE)
+    console.print("every verdict is as expected")
+
+
+def methods_table(table: pl.DataFrame) -> Table:
+    """The summary of a consistency study, a row per method."""
+    shown = narrow_table("Consistency", ["method"], ["cells", "consistent", "NEES 6", "NEES", "NIS"])
+    for row in methods_summary(table).iter_rows(named=True):
+        shown.add_row(row["method"], str(row["cells"]), str(row["consistent"]), *counts_of(row))
+    return shown

@@ -1,0 +1,66 @@
+"""Parameters that several commands share, and the scenarios that they select."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.errors import ScenarioError
+
+CampaignOut = Annotated[
+    Path, Parameter(help="Directory for the results: new, or of the same campaign to resume.")
+]
+StudyOut = Annotated[Path, Parameter(help="Directory for the results: new, or of the same study to resume.")]
+Runs = Annotated[int | None, Parameter(help="Number of runs; the scenario's own by default.")]
+Seed = Annotated[int | None, Parameter(help="Seed of the random numbers; the scenario's own by default.")]
+Threads = Annotated[int, Parameter(help="Number of threads; 0 for one per core.")]
+Methods = Annotated[
+    str | None, Parameter(help="Aiding methods, separated by commas; the scenario's own by default.")
+]
+ForceCampaign = Annotated[
+    bool, Parameter(negative="", help="Start over in a directory that holds another campaign.")
+]
+ForceStudy = Annotated[
+    bool, Parameter(negative="", help="Start over in a directory that holds another study.")
+]
+
+
+def split(text: str | None) -> list[str] | None:
+    """The words of a comma-separated list; None for None.
+
+    >>> split("tc, vb,")
+    ['tc', 'vb']
+    """
+    return None if text is None else [part.strip() for part in text.split(",") if part.strip()]
+
+
+def check_threads(threads: int) -> None:
+    """Rejects a negative number of threads.
+
+    Raises:
+        ScenarioError: naming the option.
+    """
+    if threads < 0:
+        raise ScenarioError(f"--threads is {threads}, expected 0 or more")
+
+
+def load_scenarios(
+    names: Sequence[str], *, runs: int | None, seed: int | None, methods: str | None, threads: int
+) -> list[Scenario]:
+    """The scenarios of a command line, with its overrides.
+
+    Raises:
+        ScenarioError: for no scenario, two of one name, a value out of range, and what `load_scenario` rejects.
+    """
+    if not names:
+        raise ScenarioError("no scenario is named; `bottomlock scenarios` lists the packaged ones")
+    check_threads(threads)
+    loaded = [
+        load_scenario(name).with_overrides(runs=runs, seed=seed, methods=split(methods)) for name in names
+    ]
+    found = [scenario.name for scenario in loaded]
+    if len(set(found)) != len(found):
+        raise ScenarioError(f"expected scenarios of different names, got {found}")
+    return loaded

@@ -1,0 +1,48 @@
+"""The command starts quickly: nothing heavy is imported before a subcommand is called."""
+
+import importlib
+import inspect
+import subprocess
+import sys
+
+import pytest
+
+from bottomlock.cli.app import COMMANDS
+
+HEAVY = {"numpy", "polars", "matplotlib", "scipy", "pydantic", "jinja2", "bottomlock._kernel"}
+
+
+@pytest.mark.parametrize("arguments", [["--version"], ["--help"]])
+def test_nothing_heavy_is_imported(arguments: list[str]) -> None:
+    """Each of these costs more than the whole of the help."""
+    code = (
+        "import atexit, sys;"
+        f"atexit.register(lambda: sys.stderr.write(repr(sorted(set(sys.modules) & {HEAVY!r}))));"
+        "from bottomlock.cli.app import main;"
+        f"sys.argv = ['bottomlock', *{arguments!r}]; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip()
+    assert done.stderr == "[]"
+
+
+def test_import_bottomlock_imports_nothing_heavy() -> None:
+    """Every public name is imported when it is first used, and all of them are there."""
+    code = f"import sys, bottomlock; print(sorted(set(sys.modules) & {HEAVY!r}))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+    package = importlib.import_module("bottomlock")
+    for name in [*package.__all__, "__version__"]:
+        assert getattr(package, name) is not None
+        assert name in dir(package) or name == "__version__"
+    with pytest.raises(AttributeError, match="no attribute 'navigate'"):
+        _ = package.navigate
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_list_and_the_command_say_the_same(name: str) -> None:
+    """The help line stands in the list, so that it needs no import, and in the command's docstring."""
+    module, line = COMMANDS[name]
+    function = getattr(importlib.import_module(f"bottomlock.cli.{module}"), name)
+    first, *_ = (inspect.getdoc(function) or "").splitlines()
+    assert first == line
