@@ -384,7 +384,7 @@ def test_a_claims_file_that_makes_no_sense(text: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('id = "t1-velocity-nsv"', 'id = "t1-velocity-ins"', "two claims are called 't1-velocity-ins'"),
+        ('id = "t1-velocity-nsv"', 'id = "t1-velocity-ins"', "two claims have the id 't1-velocity-ins'"),
         ("\nlevel = ", "\nflat = ", "rule 'level' has no words"),
         ("window_s = [125.0, 250.0]\n", "", "pattern 'level' needs window_s"),
         ('"gyro_bias_x_radps", "gyro', '"gyro_bias_x", "gyro', "unknown bias 'gyro_bias_x'"),

@@ -76,8 +76,8 @@ def test_the_text_says_what_was_run_and_found() -> None:
     }  # fmt: skip
     text = markdown(consistency.judge(found), facts)
     for words in (
-        "100 runs of each cell, seed 7", "bottomlock 0.1.0", "1 % at the most", "99.90000 %", "9.0 ▲",
-        "- `tc`: straight: everywhere.", "- `vb`: straight: nowhere.", "What it does not say",
+        "100 runs of each cell, seed 7", "bottomlock 0.1.0", "at most 1 %", "99.90000 %", "9.0 ▲",
+        "- `tc`: straight: everywhere.", "- `vb`: straight: nowhere.", "## Limits",
     ):  # fmt: skip
         assert words in text
     assert "{" not in text

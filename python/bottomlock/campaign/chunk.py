@@ -137,7 +137,7 @@ def _outcomes(result: dict[str, Any], keys: pl.DataFrame) -> pl.DataFrame:
         extremes = [rms(offset, axis=-1), np.abs(offset).max(axis=-1)]
         cross_track = np.stack(extremes).reshape(2, -1)
     return keys.with_columns(
-        pl.Series("nis_mean_over_fixes", result["nis_mean_over_fixes"].reshape(-1)).fill_nan(None),
+        pl.Series("nis_mean_over_fixes", result["nis_mean"].reshape(-1)).fill_nan(None),
         pl.Series("fixes_accepted", result["fixes_accepted"].reshape(-1)),
         pl.Series("fixes_rejected", result["fixes_rejected"].reshape(-1)),
         pl.Series("cross_track_rms_over_time_m", cross_track[0]).fill_nan(None),

@@ -1,4 +1,4 @@
-"""Figures against time, one axes each: RMS error with its interval, and NEES with its band."""
+"""Figures against time: RMS error with its interval, NEES with its band."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ from bottomlock.figures.palette import FAINT, INK, STYLE, draw_order, new_figure
 Array = NDArray[np.float64]
 
 LOG_SPREAD = 12.0
-"""Above this ratio between the largest and the smallest value a linear axis would hide the small ones."""
+"""Ratio of the largest to the smallest value above which the axis is logarithmic."""
 
 _COLUMNS = {
     "velocity": (
@@ -55,7 +55,7 @@ def rms_figure(
         figure, axes = _axes(_AXIS[quantity], time_s)
         lines = []
         _scale(axes, np.array([*low.values(), *high.values()]), [value for _, _, value in printed])
-        # Bands that lie on one another must not add up to a wall.
+        # Overlapping bands must stay transparent.
         alpha = 0.14 if axes.get_yscale() == "log" else 0.06
         for methods in coincident({method: middle[method] for method in draw_order(list(middle))}):
             axes.fill_between(
@@ -78,7 +78,7 @@ def rms_figure(
 
 
 def nees_figure(ensemble: pl.DataFrame, consistency: pl.DataFrame, trajectory: str) -> Figure:
-    """Mean NEES of the whole state against time, with the 95 % chi-squared band of an honest filter."""
+    """Mean NEES of the whole state against time, with the 95 % chi-squared band of a consistent filter."""
     rows = ensemble.filter(pl.col("trajectory") == trajectory)
     band = consistency.filter((pl.col("trajectory") == trajectory) & (pl.col("quantity") == "nees"))
     nees = _by_method(rows, "nees_mean_over_runs")
@@ -93,7 +93,7 @@ def nees_figure(ensemble: pl.DataFrame, consistency: pl.DataFrame, trajectory: s
         _draw(axes, lines)
         _scale(axes, np.array(list(nees.values())), [float(band["band_lo"][0]), float(band["band_hi"][0])])
         axes.text(
-            0.0, 1.02, f"grey: an honest filter, 95 % ({band['degrees'][0]} states, {band['runs'][0]} runs)",
+            0.0, 1.02, f"grey: consistent filter, 95 % ({band['degrees'][0]} states, {band['runs'][0]} runs)",
             transform=axes.transAxes, fontsize=8.5, color=INK, va="bottom",
         )  # fmt: skip
         label_ends(axes, lines)
@@ -117,7 +117,7 @@ def _axes(label: str, time_s: Array) -> tuple[Figure, Axes]:
 
 
 def _draw(axes: Axes, lines: list[Line]) -> None:
-    """All methods of a line, the later ones dashed on top of the first."""
+    """All methods of a line; the dashed ones on top."""
     for line in lines:
         for method in line.methods:
             look = stroke(method)
@@ -125,7 +125,7 @@ def _draw(axes: Axes, lines: list[Line]) -> None:
 
 
 def _scale(axes: Axes, curves: Array, marks: Sequence[float]) -> None:
-    """Limits with a little air; a logarithmic axis where the spread asks for it."""
+    """Limits with a margin; a logarithmic axis where the spread exceeds `LOG_SPREAD`."""
     values = np.append(curves.ravel(), marks)
     finite = values[np.isfinite(values) & (values > 0.0)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.5, 1.0)
@@ -142,7 +142,7 @@ def _scale(axes: Axes, curves: Array, marks: Sequence[float]) -> None:
 
 
 def plain_number(value: float, _: int) -> str:
-    """Powers of ten that a person reads at once: 0.01, 100, 10⁵.
+    """Tick label of a power of ten: 0.01, 100, 10⁵.
 
     >>> [plain_number(10.0**k, 0) for k in (-2, 0, 3, 6)]
     ['0.01', '1', '1000', '$10^{6}$']

@@ -1,4 +1,4 @@
-"""Figures: data frames in, files out; no statistics are computed here."""
+"""Figure of one simulated trajectory: path, depth, speed, flow angles, fins and beams."""
 
 import itertools
 from collections.abc import Callable
@@ -30,11 +30,12 @@ _FINS = (_BLUE, _ORANGE, _GREEN, _PURPLE)
 
 
 def flight_figure(telemetry: pl.DataFrame, beams: pl.DataFrame | None = None) -> Figure:
-    """Draw one trajectory: plan view, depth, speed, flow angles, fin angles, ranges and which beams returned.
+    """One trajectory: plan view, depth, speed, flow angles, fin angles, ranges and which beams returned.
 
-    Args: telemetry: the columns of `bottomlock.plant.telemetry`, SI and rad. beams: `time_ns` and a boolean
-    column `beam1_valid`, `beam2_valid`, ... per beam, and `beam1_range_m`, ... over a seabed; the strip
-    and the ranges are left out without them.
+    Args:
+        telemetry: the columns of `bottomlock.plant.telemetry`, SI and rad.
+        beams: `time_ns` and a boolean column `beam1_valid`, `beam2_valid`, ... per beam, and `beam1_range_m`, ... over
+            a seabed; the panels of beams and ranges are left out without them.
 
     Raises:
         OutputError: a column is missing.
@@ -103,12 +104,12 @@ def _plan(axes: Axes, telemetry: pl.DataFrame) -> None:
 
 
 def _depth(axes: Axes, time_s: np.ndarray[Any, Any], telemetry: pl.DataFrame) -> None:
-    axes.plot(time_s, telemetry["depth_wanted_m"], color=_GREY, linestyle="--", label="wanted")
-    axes.plot(time_s, telemetry["depth_m"], color=_BLUE, label="swum")
+    axes.plot(time_s, telemetry["depth_wanted_m"], color=_GREY, linestyle="--", label="commanded")
+    axes.plot(time_s, telemetry["depth_m"], color=_BLUE, label="actual")
     axes.invert_yaxis()
     low, high = axes.get_ylim()
     if abs(low - high) < 1.0:
-        # a constant depth should look constant, not like noise of a micrometre
+        # A constant depth must look constant, not show noise of a micrometre.
         middle = 0.5 * (low + high)
         axes.set_ylim(middle + 0.5, middle - 0.5)
     axes.set_ylabel("depth, m")
@@ -130,7 +131,7 @@ def _flow(axes: Axes, time_s: np.ndarray[Any, Any], telemetry: pl.DataFrame) -> 
         ("angle_of_attack_rad", "angle of attack", _ORANGE),
     ):
         axes.plot(time_s, np.rad2deg(telemetry[column].to_numpy()), color=colour, label=label)
-    axes.set_ylabel("through the\nwater, deg")
+    axes.set_ylabel("flow angles,\ndeg")
     _room_above(axes)
     axes.legend(loc="upper right", ncols=2)
 
@@ -145,7 +146,7 @@ def _fins(axes: Axes, time_s: np.ndarray[Any, Any], telemetry: pl.DataFrame) -> 
 
 
 def _ranges(axes: Axes, beams: pl.DataFrame) -> None:
-    """Range to the seabed of every beam; thin where it does not return."""
+    """Range of every beam to the seabed; thin where the beam does not return."""
     time_s = beams["time_ns"].to_numpy() * 1e-9
     numbers = [name[4:].split("_")[0] for name in beams.columns if name.endswith("_range_m")]
     for number, colour in zip(numbers, itertools.cycle(_FINS), strict=False):
@@ -159,7 +160,7 @@ def _ranges(axes: Axes, beams: pl.DataFrame) -> None:
 
 
 def _room_above(axes: Axes) -> None:
-    """Headroom for a legend over lines that fill the panel."""
+    """Headroom for the legend."""
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.35 * (high - low))
 

@@ -1,4 +1,4 @@
-"""Names at the ends of lines, nudged apart until none lies on another."""
+"""Names at the ends of lines, moved apart so that none overlaps another."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from bottomlock.figures.palette import stroke
 
 @dataclass(frozen=True)
 class Line:
-    """One line of a figure, drawn for all the methods that fall together on it."""
+    """One line of a figure, for all methods that coincide on it; `x` and `y` have one shape."""
 
     methods: tuple[str, ...]
     x: NDArray[np.float64]
@@ -20,7 +20,7 @@ class Line:
 
 
 def coincident(lines: dict[str, NDArray[np.float64]], tolerance: float = 1e-4) -> list[tuple[str, ...]]:
-    """Methods grouped where their lines agree to one part in ten thousand: these get one name together.
+    """Methods grouped where their lines agree to `tolerance`, relative: each group gets one label.
 
     >>> one = np.ones(3)
     >>> coincident({"tc": one, "info": one * (1 + 1e-9), "lc": 2 * one})
@@ -38,10 +38,10 @@ def coincident(lines: dict[str, NDArray[np.float64]], tolerance: float = 1e-4) -
 
 
 def spread(wanted: Sequence[float], heights: Sequence[float], low: float, high: float) -> list[float]:
-    """Places near the wanted ones, in their order, so that things of these heights centred there do not overlap.
+    """Centres nearest to the wanted ones (least squares), in their order, for labels that must not overlap.
 
-    The least-squares nearest places: neighbours that collide move as one block. Where the room is too small, all
-    shrink alike.
+    Neighbours that collide move as one block. Where the range from `low` to `high` is too small for all heights, all
+    shrink by the same factor.
 
     >>> [round(place, 2) for place in spread([0.5, 0.5, 0.9], [0.1, 0.1, 0.1], 0.0, 1.0)]
     [0.45, 0.55, 0.9]
@@ -49,7 +49,7 @@ def spread(wanted: Sequence[float], heights: Sequence[float], low: float, high: 
     order = sorted(range(len(wanted)), key=lambda k: (wanted[k], k))
     sizes = np.array([heights[k] for k in order]) * min(1.0, (high - low) / max(sum(heights), 1e-9))
     offsets = np.cumsum(sizes) - 0.5 * sizes
-    # Less the room of those below, the places only have to rise: pool what does not.
+    # With the heights below subtracted the centres only have to rise: pool adjacent violators.
     blocks: list[tuple[float, int]] = []
     for rank, k in enumerate(order):
         mean, size = wanted[k] - offsets[rank], 1
@@ -65,7 +65,7 @@ def spread(wanted: Sequence[float], heights: Sequence[float], low: float, high: 
 
 
 def label_ends(axes: Axes, lines: Sequence[Line], *, size: float = 9.0) -> None:
-    """Writes each line's methods in the right margin, joined to the line's last point.
+    """Labels each line with its methods in the right margin, joined to the last point of the line.
 
     Limits, scale and position of the axes must be final.
     """
@@ -92,7 +92,7 @@ def label_ends(axes: Axes, lines: Sequence[Line], *, size: float = 9.0) -> None:
 
 
 def wrapped(methods: Sequence[str], width: int = 14) -> str:
-    r"""The methods of one line as a name, broken where it would leave the figure.
+    r"""The methods of one line as a label, broken to fit the margin.
 
     >>> wrapped(["tc", "info"])
     'tc = info'

@@ -1,4 +1,4 @@
-"""One look for every figure of a campaign: a colour and a dash for each method, ink that a page can recolour."""
+"""One style for every figure: colour and dash of each method, and ink that a page can recolour."""
 
 import io
 import re
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 @dataclass(frozen=True)
 class Stroke:
-    """How a method is drawn wherever it is drawn."""
+    """Colour and dash of a method in every figure."""
 
     colour: str
     dash: Any = "-"
@@ -35,13 +35,13 @@ STROKES = {
     "sway_current": Stroke("#f64f60"),
     "consistent": Stroke("#7d6331", _DASHES),
 }
-"""Of middle lightness, so that they read on white and on black, and far apart to the colour-blind too (the tests say
-how far); methods that fall together by their nature (tc, vb_exact, info; nsv, elc) differ in dash as well."""
+"""By method. Colours are of middle lightness, so that they are legible on white and on black, and distinct for
+colour-blind readers (the tests state how far); methods that coincide (tc, vb_exact, info; nsv, elc) differ in dash."""
 
 _OTHERS = ("#5c7a99", "#a8683a", "#8a7f1e", "#a35bb0", "#3e8a5a")
 
 INK, FAINT, PAPER = "#1b1f24", "#8b949e", "#ffffff"
-"""Text and axes; grid and quiet marks; the page behind. In a page the first two are replaced by its own colours."""
+"""Text and axes; grid and secondary marks; background. A page replaces the first two by its own colours."""
 
 STYLE: Any = {
     "svg.hashsalt": "bottomlock",
@@ -75,11 +75,11 @@ STYLE: Any = {
 }
 
 WIDTH_IN, HEIGHT_IN = 5.6, 4.1
-"""Small enough that the text can still be read when a telephone shows the figure."""
+"""Small enough that the text is legible on a telephone."""
 
 
 def stroke(method: str) -> Stroke:
-    """Colour and dash of a method; a method that is not in `STROKES` gets its own by its name.
+    """Colour and dash of a method; a method without an entry in `STROKES` gets one derived from its name.
 
     >>> stroke("tc").colour, stroke("something_new") == stroke("something_new")
     ('#5394ec', True)
@@ -90,7 +90,7 @@ def stroke(method: str) -> Stroke:
 
 
 def draw_order(methods: list[str]) -> list[str]:
-    """The methods with solid lines first, so that a dashed one shows on the solid one that it falls together with."""
+    """The methods with solid lines first, so that a dashed line shows on a solid one that it coincides with."""
     return sorted(methods, key=lambda method: stroke(method).dash != "-")
 
 
@@ -117,12 +117,12 @@ def svg_text(figure: Figure) -> str:
 
 
 def inline_svg(svg: str, name: str, words: str) -> str:
-    """The SVG for a page: its ids made the figure's own, its ink the page's, no background.
+    """The SVG for a page: ids made unique, ink replaced by the colours of the page, background removed.
 
     Args:
         svg: from `svg_text`.
         name: letters, digits and underscores, different for each figure of a page.
-        words: what the figure shows, for those who do not see it.
+        words: what the figure shows, for screen readers.
     """
     body = svg[svg.index("<svg") :]
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
@@ -138,5 +138,5 @@ def inline_svg(svg: str, name: str, words: str) -> str:
 
 
 def _shorter(path: str) -> str:
-    """Path data with two decimals of a point, which no eye and no printer tells from six."""
+    """Path data with two decimals of a point, invisible on paper and screen."""
     return re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}", path)

@@ -1,4 +1,4 @@
-"""The trajectories as they were flown: plan view and depth, beside one another."""
+"""The true trajectories side by side: plan view and depth."""
 
 import matplotlib as mpl
 import numpy as np
@@ -39,7 +39,7 @@ def paths_figure(paths: pl.DataFrame, trajectories: list[str]) -> Figure:
 
 
 def _thinned(path: pl.DataFrame, points: int = 1000) -> pl.DataFrame:
-    """No more points than the eye can use, the last one among them."""
+    """At most so many points, the last one included."""
     step = max(1, -(-path.height // points))
     return pl.concat([path.gather_every(step), path.tail(1)]).unique("time_ns", maintain_order=True)
 

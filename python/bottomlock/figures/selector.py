@@ -1,4 +1,4 @@
-"""What the methods that choose have chosen, as shares of the runs against time."""
+"""What the selectors choose, as shares of the runs against time."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from bottomlock.figures.palette import FAINT, HEIGHT_IN, INK, STYLE, new_figure,
 
 
 def choices_figure(choices: pl.DataFrame, trajectory: str) -> Figure | None:
-    """A strip for each method and component: the share of the runs that took each source; none without a choice.
+    """A strip for each method and component: share of the runs in which each source is chosen; None without a selector.
 
     Args:
         choices: `tables.campaign.CHOICES`.
@@ -38,7 +38,7 @@ def choices_figure(choices: pl.DataFrame, trajectory: str) -> Figure | None:
 
 
 def _strip(axes: Any, rows: pl.DataFrame, time_ns: pl.Series) -> None:  # noqa: ANN401 - matplotlib's axes
-    """Shares stacked from below, the source that is taken most first; each named at the right."""
+    """Shares stacked from below, the most frequent source first; each labelled at the right."""
     total = (
         rows.group_by("source")
         .agg(pl.col("runs_chosen").sum())

@@ -1,1 +1,1 @@
-"""What Tal, Klein & Katz 2017 claim, and the verdict on each claim from a campaign."""
+"""The claims of Tal, Klein & Katz 2017, and the verdict on each from a campaign."""

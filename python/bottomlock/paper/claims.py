@@ -1,4 +1,4 @@
-"""What the paper claims, as the packaged `paper/claims.toml` states it: numbers, orderings, drifts, our readings."""
+"""The paper's claims as `paper/claims.toml` states them: numbers, orderings, drifts, and how we read them."""
 
 import tomllib
 from importlib import resources
@@ -39,12 +39,12 @@ class ValueClaim(_Claim):
 
     @property
     def methods(self) -> list[str]:
-        """The methods it speaks of."""
+        """The methods that the claim is about."""
         return [self.method]
 
 
 class ImprovementClaim(_Claim):
-    """What one method wins over another: `reduction` is 1 − method/reference, `excess` reference/method − 1."""
+    """Improvement of one method over another: `reduction` is 1 − method/reference, `excess` reference/method − 1."""
 
     kind: Literal["improvement"]
     method: str
@@ -61,7 +61,7 @@ class ImprovementClaim(_Claim):
 
     @property
     def methods(self) -> list[str]:
-        """The methods it speaks of."""
+        """The methods that the claim is about."""
         return [self.method, self.reference]
 
 
@@ -83,7 +83,7 @@ class OrderingClaim(_Claim):
 
     @property
     def methods(self) -> list[str]:
-        """The methods it speaks of."""
+        """The methods that the claim is about."""
         return [*self.better, *self.worse]
 
     @property
@@ -95,7 +95,7 @@ class OrderingClaim(_Claim):
 
 
 class DriftClaim(_Claim):
-    """How the RMS of one method goes over a window of time, or through the turns."""
+    """How the RMS of one method changes over a window of time, or in the turns."""
 
     kind: Literal["drift"]
     method: str
@@ -110,19 +110,19 @@ class DriftClaim(_Claim):
 
     @property
     def methods(self) -> list[str]:
-        """The methods it speaks of."""
+        """The methods that the claim is about."""
         return [self.method]
 
 
 class BiasClaim(_Claim):
-    """What is left of the IMU's biases at the end, as parts of the bias itself (the error without aiding)."""
+    """What is left of the IMU's biases at the end, as fractions of the bias itself (the error without aiding)."""
 
     kind: Literal["bias"]
     methods: list[str]
     biases: list[str]
     """Of `tables.campaign.BIASES`."""
     pattern: Literal["observable", "hidden", "more"]
-    """Each shrinks; none shrinks; all together shrink more than on another trajectory."""
+    """All shrink; none shrinks; all together shrink more than on another trajectory."""
     tolerance: float = 0.0
     than_trajectory: str | None = None
 
@@ -151,7 +151,7 @@ class PaperTrajectory(BaseModel):
 
 
 class Paper(BaseModel):
-    """All claims, the rules of their verdicts and the setup that they hold for."""
+    """All claims, the rule of each kind of verdict in words, and the setup that the claims hold for."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -177,7 +177,7 @@ def parse_paper(text: str, *, place: str) -> Paper:
     """Claims from TOML text; `place` names it in errors.
 
     Raises:
-        DataError: for ill-formed TOML, a missing or unknown key, a rule without words, and two claims of one id.
+        DataError: for ill-formed TOML, a missing or unknown key, a rule without words, and two claims with one id.
     """
     try:
         paper = Paper.model_validate(tomllib.loads(text))
@@ -190,7 +190,7 @@ def parse_paper(text: str, *, place: str) -> Paper:
     seen: set[str] = set()
     for claim in paper.claim:
         if claim.id in seen:
-            raise DataError(f"{place}: two claims are called '{claim.id}'")
+            raise DataError(f"{place}: two claims have the id '{claim.id}'")
         if claim.rule not in paper.rules:
             raise DataError(f"{place}: claim '{claim.id}': rule '{claim.rule}' has no words under [rules]")
         if isinstance(claim, DriftClaim) and claim.pattern != "oscillating" and claim.window_s is None:

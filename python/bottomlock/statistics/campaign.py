@@ -16,7 +16,7 @@ BAND_PROBABILITY = 0.95
 """Of the chi-squared band that each verdict of a campaign is held against."""
 
 NORMS = ("velocity_mps", "attitude_deg", "position_m", "nees", "nees_velocity_attitude")
-"""What `error_norms` makes of the samples."""
+"""Columns of `error_norms` beside its keys."""
 
 
 def _norm(prefix: str) -> pl.Expr:
@@ -87,7 +87,7 @@ def ensemble_rows(
 
 
 def ensemble_table(norms: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory, method and second (`tables.campaign.ENSEMBLE`), from norms that are all in memory."""
+    """A row per trajectory, method and second (`tables.campaign.ENSEMBLE`), from norms in memory."""
     return pl.concat(
         [
             ensemble_rows(trajectory, method, time_ns, errors)
@@ -122,14 +122,14 @@ def consistency_rows(
 ) -> pl.DataFrame:
     """A row per kind of NEES of one method (`tables.campaign.CONSISTENCY`).
 
-    The verdict is on the mean over time, held against the band of the mean over runs: it is conservative,
-    since the mean over time scatters less than the value at one time.
+    The verdict compares the mean over runs and time with the band of the mean over runs at one time. The false-alarm
+    rate is therefore below that of the band, since the mean over time scatters less than the value at one time.
 
     Args:
         trajectory: its name.
         method: its name.
         nees_at_time: means over the runs of `nees_velocity_attitude` and `nees`, (times,) each.
-        runs: how many runs the means are of.
+        runs: number of runs behind the means.
         full_degrees: degrees of freedom of `nees`.
     """
     rows = []

@@ -1,4 +1,4 @@
-"""Chi-squared bands for many verdicts at once: what a whole table may cost in false alarms, and what it can see."""
+"""Chi-squared bands for many verdicts at once: false-alarm rate of a whole table, and the departure it detects."""
 
 from scipy.stats import chi2
 
@@ -7,10 +7,13 @@ VERDICTS = (CONSISTENT, OVERCONFIDENT, CAUTIOUS)
 
 
 def each_probability(false_alarm: float, tests: int) -> float:
-    """Probability of each of `tests` bands so that all hold together with 1 − `false_alarm` or more (Bonferroni).
+    """Probability of each of `tests` bands for which all hold together with 1 − `false_alarm` or more (Bonferroni).
 
-    The inequality asks nothing of how the tests depend on one another: times of one run, methods and masks on the same
-    sensor errors may be as correlated as they are.
+    The inequality holds for any dependence of the tests: times of one run, and methods and masks on the same sensor
+    errors, are correlated.
+
+    Raises:
+        ValueError: for a false-alarm rate outside 0 to 1, or no test.
 
     >>> each_probability(0.01, 4)
     0.9975
@@ -23,7 +26,7 @@ def each_probability(false_alarm: float, tests: int) -> float:
 def mean_band(degrees: float, values: int, probability: float) -> tuple[float, float]:
     """Band of the mean of independent chi-squared values: `values` times the mean has `degrees` · `values` degrees.
 
-    `degrees` may be a mean where the number of rows differs from value to value.
+    `degrees` may be a mean where the values differ in their number of rows.
 
     >>> low, high = mean_band(6, 200, 0.95)
     >>> round(low, 2), round(high, 2)
@@ -35,7 +38,7 @@ def mean_band(degrees: float, values: int, probability: float) -> tuple[float, f
 
 
 def verdict(low: float, least: float, greatest: float, high: float) -> str:
-    """What the least and greatest of several means say of a band; a value above it outweighs one below.
+    """Verdict on several means from the least and the greatest of them; one above the band outweighs one below.
 
     >>> verdict(5.0, 5.5, 6.5, 7.0), verdict(5.0, 4.0, 7.5, 7.0), verdict(5.0, 4.0, 6.0, 7.0)
     ('consistent', 'overconfident', 'conservative')
@@ -46,10 +49,10 @@ def verdict(low: float, least: float, greatest: float, high: float) -> str:
 
 
 def detectable_factor(degrees: int, runs: int, probability: float, power: float = 0.9) -> float:
-    """Least factor on the covariance error that the band finds with this power: true over claimed variance.
+    """Least ratio of true to claimed variance that the upper limit of the band detects with this power.
 
-    If every error is √c times what is claimed, the mean over runs is c times chi-squared, and it passes the upper limit
-    with `power` for c = limit · runs / quantile(1 − power).
+    If every error is √c times its claimed size, the sum over runs is c times chi-squared. It exceeds the upper limit
+    with probability `power` for c = limit · runs / quantile(1 − power).
 
     >>> round(detectable_factor(6, 100, 0.95), 3)
     1.204

@@ -11,7 +11,7 @@ _ERRORS = ("position", "velocity", "misalignment")
 
 
 def _norm(kind: str, what: str) -> pl.Expr:
-    # A row of which any component is missing has no norm.
+    # A row with a missing component has no norm.
     return sum((pl.col(name) ** 2 for name in _components(kind, what)), pl.lit(0.0)).sqrt()
 
 
@@ -25,7 +25,7 @@ def _components(kind: str, what: str) -> list[str]:
 
 
 def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
-    """Norms of the errors and of the claimed deviations, with the mean square of their ratio over the three axes."""
+    """Norms of the errors and of the claimed standard deviations, and the mean square of error/σ over the axes."""
     columns = []
     for what, unit, scale in (
         ("position", "m", 1.0),
@@ -57,7 +57,7 @@ def runs_table(
     path: pl.DataFrame | None,
     start_ns: int,
 ) -> pl.DataFrame:
-    """A row per question, run, method and pass (`tables.replay.REPLAY_RUNS`); the way counts from the start."""
+    """A row per what-if case, run, method and pass (`tables.replay.REPLAY_RUNS`); distance from `start_ns` on."""
     norms = error_norms(samples)
     reached = pl.col("time_ns").is_between(start_ns, pl.lit(samples["time_ns"].max()))
     distance = None if path is None else _distance(path.filter(reached))
@@ -68,7 +68,7 @@ def runs_table(
         rms_column("velocity_mps").alias("velocity_rms_over_time_mps"),
         pl.col("attitude_deg").last().alias("attitude_final_deg"),
         rms_column("attitude_deg").alias("attitude_rms_over_time_deg"),
-        # The first row stands at the start, where the deviations are the start's own.
+        # The first row is the start itself, whose standard deviations are given.
         *(
             root_mean(pl.col(f"{name}_normalised_square").slice(1)).alias(f"{name}_normalised_rms_over_time")
             for name in ("position", "velocity", "attitude")
@@ -99,13 +99,13 @@ def runs_table(
 
 
 def _distance(path: pl.DataFrame) -> float:
-    """Length of the reference's way, m."""
+    """Distance travelled by the reference, m."""
     steps = [pl.col(f"{axis}_m").diff() ** 2 for axis in ("north", "east", "down")]
     return float(path.select(pl.sum_horizontal(steps).sqrt().sum()).item())
 
 
 def ensemble_table(samples: pl.DataFrame, start_ns: int) -> pl.DataFrame:
-    """A row per question, method, pass and time (`tables.replay.REPLAY_ENSEMBLE`): RMS over the runs."""
+    """A row per what-if case, method, pass and time (`tables.replay.REPLAY_ENSEMBLE`): RMS over the runs."""
     norms = error_norms(samples)
     table = norms.group_by("case", "what_if", "method", "pass", "time_ns", maintain_order=True).agg(
         pl.len().cast(pl.Int64).alias("runs"),
@@ -121,7 +121,7 @@ _NAMED = (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
 
 
 def summary_table(runs: pl.DataFrame) -> pl.DataFrame:
-    """A row per question, method and pass: medians over the runs, for a terminal and a report."""
+    """A row per what-if case, method and pass: medians over the runs, and fixes; for a terminal and a report."""
     return runs.group_by("case", "what_if", "method", "pass", maintain_order=True).agg(
         pl.len().alias("runs"),
         *(pl.col(name).median() for name in REPLAY_RUNS if REPLAY_RUNS[name] == pl.Float64()),

@@ -52,8 +52,8 @@ OUTCOMES: Mapping[str, pl.DataType] = {
     "cross_track_max_m": pl.Float64(),
     **_BIAS_COLUMNS,
 }
-"""A row per trajectory, run and method: what the gate made of the DVL's fixes, how far astray the vehicle went, and how
-well the IMU's biases are known in the end."""
+"""A row per trajectory, run and method: fixes that the gate accepts and rejects with their mean NIS, cross-track
+error of the true vehicle, and errors of the IMU's biases at the last sample."""
 
 RUNS: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -73,9 +73,10 @@ RUNS: Mapping[str, pl.DataType] = {
     "cross_track_max_m": pl.Float64(),
     **_BIAS_COLUMNS,
 }
-"""A row per trajectory, run and method: RMS over time and final norms of the error vectors; `nis_mean` is null
-without fixes. The cross-track error is that of the true vehicle; it is null for an analytic truth. Errors of the
-biases (true minus estimate) and their claimed standard deviations are those of the last sample."""
+"""A row per trajectory, run and method: norms of the error vectors, RMS over time and at the last sample; mean NEES
+over time and mean NIS over fixes, null without fixes. The cross-track error is that of the true vehicle, null for an
+analytic truth. Errors of the biases (true minus estimate) and their claimed standard deviations are those of the
+last sample."""
 
 ENSEMBLE: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -90,8 +91,8 @@ ENSEMBLE: Mapping[str, pl.DataType] = {
     "position_rms_over_runs_m": pl.Float64(),
     "nees_mean_over_runs": pl.Float64(),
 }
-"""A row per trajectory, method and second: RMS over runs with its 95 % bootstrap interval, mean NEES of the whole
-state."""
+"""A row per trajectory, method and second: norms of the error vectors, RMS over runs with 95 % bootstrap interval
+(`_lo_`, `_hi_`), and mean NEES of the whole state over runs."""
 
 CONSISTENCY: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -105,8 +106,8 @@ CONSISTENCY: Mapping[str, pl.DataType] = {
     "fraction_inside": pl.Float64(),
     "verdict": pl.String(),
 }
-"""A row per trajectory, method and kind of NEES: mean over runs and time, the 95 % chi-squared band of the mean
-over runs at one time, the part of the times at which it lies inside, and the verdict on the mean over time."""
+"""A row per trajectory, method and kind of NEES: mean over runs and time, the 95 % chi-squared band of the mean over
+runs at one time, the fraction of the times at which the mean over runs lies inside, and the verdict on `mean`."""
 
 PATHS: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -115,7 +116,7 @@ PATHS: Mapping[str, pl.DataType] = {
     "east_m": pl.Float64(),
     "depth_m": pl.Float64(),
 }
-"""A row per trajectory and time: where the vehicle truly was."""
+"""A row per trajectory and time: true position of the vehicle, tangent frame."""
 
 CHOICES: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -125,4 +126,4 @@ CHOICES: Mapping[str, pl.DataType] = {
     "source": pl.String(),
     "runs_chosen": pl.Int64(),
 }
-"""A row per trajectory, method that chooses, ping, component and source: in how many runs it was chosen."""
+"""A row per trajectory, selector, ping, component and source: the number of runs in which the source is chosen."""

@@ -20,9 +20,9 @@ OBSERVABILITY: Mapping[str, pl.DataType] = {
     "unobservable": pl.List(pl.String()),
     "singular_values": pl.List(pl.Float64()),
 }
-"""A row per window, aiding set and model: the length of the window, the rank (null where it is undecided), the exact
-one where it is known, the one that a paper prints, the gap between kept and dropped singular values, and the hidden
-directions in words."""
+"""A row per window, aiding set and model: the length of the window, the rank (null where undecided), the exact rank
+where it is known, the rank that a paper prints, the ratio between the least kept and the greatest dropped singular
+value, and the unobservable directions in words."""
 
 DEVIATIONS: Mapping[str, pl.DataType] = {
     "case": pl.String(),
@@ -32,7 +32,7 @@ DEVIATIONS: Mapping[str, pl.DataType] = {
     "state": pl.String(),
     "sd": pl.Float64(),
 }
-"""A row per case, motion, time and state: the standard deviation that a filter claims, SI."""
+"""A row per case, motion, time and state: the standard deviation that a filter claims, SI units."""
 
 RANKS: Mapping[str, pl.DataType] = {
     "case": pl.String(),
@@ -43,7 +43,7 @@ RANKS: Mapping[str, pl.DataType] = {
     "decided": pl.Boolean(),
     "printed_rank": pl.Int64(),
 }
-"""A row per case, motion, model and time: the rank of the window from the start until then."""
+"""A row per case, motion, model and time: the rank of the window from the start to that time."""
 
 MANOEUVRE_RANKING: Mapping[str, pl.DataType] = {
     "manoeuvre": pl.String(),
@@ -54,5 +54,6 @@ MANOEUVRE_RANKING: Mapping[str, pl.DataType] = {
     "sd_after": pl.Float64(),
     "fraction_left": pl.Float64(),
 }
-"""A row per manoeuvre and state: whether the manoeuvre makes the state observable by itself ("observable", "hidden",
-"undecided"), and what the filter would claim before and after it, SI."""
+"""A row per manoeuvre and state: whether the manoeuvre alone makes the state observable ("observable", "hidden",
+"undecided"), and the standard deviation that a filter claims before and after it, SI units; `fraction_left` is their
+ratio."""

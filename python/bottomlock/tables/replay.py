@@ -6,7 +6,7 @@ import polars as pl
 
 FORWARD, SMOOTHED = "forward", "smoothed"
 RECORDED = "recorded"
-"""Name of the question that takes nothing away."""
+"""Name of the what-if case that removes nothing."""
 
 KEYS: Mapping[str, pl.DataType] = {
     "case": pl.String(),
@@ -36,9 +36,9 @@ REPLAY_RUNS: Mapping[str, pl.DataType] = {
     "fixes_in_part": pl.Int64(),
     "fixes_rejected": pl.Int64(),
 }
-"""A row per question, run, method and pass (forward or smoothed): norms of the errors against the reference, null
-without one; the error at the end in percent of the distance travelled; ratios are RMS over time and axes of error
-over claimed deviation, 1 when the filter is right about itself. NIS and counts are those of the forward pass."""
+"""A row per what-if case, run, method and pass (forward or smoothed): norms of the errors against the reference,
+null without one. `position_final_percent` is in percent of the distance travelled (% DT), `*_normalised_*` the RMS
+over time and axes of error/σ, 1 for a consistent filter. NIS and counts are those of the forward pass."""
 
 REPLAY_SAMPLES: Mapping[str, pl.DataType] = {
     **KEYS,
@@ -59,8 +59,9 @@ REPLAY_SAMPLES: Mapping[str, pl.DataType] = {
     **{f"sd_misalignment_{axis}_rad": pl.Float64() for axis in ("north", "east", "down")},
     **{f"sd_velocity_{axis}_mps": pl.Float64() for axis in ("surge", "sway", "heave")},
 }
-"""A row per question, run, method, pass and time: the estimate, its error (reference minus estimate, null where there
-is no reference) and its claimed deviation. Latitude, longitude and height are null without an origin on the Earth."""
+"""A row per what-if case, run, method, pass and time: the estimate, its error (reference minus estimate, null
+without a reference) and its claimed standard deviation. Latitude, longitude and height are null without an origin on
+the Earth."""
 
 REPLAY_ENSEMBLE: Mapping[str, pl.DataType] = {
     "case": pl.String(),
@@ -78,11 +79,12 @@ REPLAY_ENSEMBLE: Mapping[str, pl.DataType] = {
         for name, unit in (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
     },
 }
-"""A row per question, method, pass and second from the start: RMS over runs of the error norms and of those claimed."""
+"""A row per what-if case, method, pass and second from the start: norms of the errors and of the claimed standard
+deviations, RMS over runs."""
 
 
 def innovations_schema(beams: int) -> dict[str, pl.DataType]:
-    """A row per question, run, method and ping: its outcome, NIS, and the innovation of each beam that was a row."""
+    """A row per what-if case, run, method and ping: its outcome, NIS, and the innovation of each beam that is used."""
     return {
         **KEYS,
         "time_ns": pl.Int64(),
@@ -95,7 +97,7 @@ def innovations_schema(beams: int) -> dict[str, pl.DataType]:
 
 
 def pings_schema(beams: int) -> dict[str, pl.DataType]:
-    """A row per question, run and ping: the beams as the filters had them."""
+    """A row per what-if case, run and ping: the beams as the filters receive them."""
     return {
         **{name: dtype for name, dtype in KEYS.items() if name != "method"},
         "time_ns": pl.Int64(),
@@ -112,7 +114,7 @@ PATH: Mapping[str, pl.DataType] = {
     "latitude_deg": pl.Float64(),
     "longitude_deg": pl.Float64(),
 }
-"""A row per row of the reference: where it was."""
+"""A row per row of the reference: its position."""
 
 SCORES: Mapping[str, pl.DataType] = {
     "left_out": pl.String(),
@@ -127,6 +129,6 @@ SCORES: Mapping[str, pl.DataType] = {
     "normalised_rms_over_pings": pl.Float64(),
     "normalised_robust": pl.Float64(),
 }
-"""A row per set of beams left out, method and component: pings, how many of them the method solved, and of those the
-median, RMS and 95th percentile of the error, the median of what was claimed, and error over claimed, RMS and 1.4826 ×
-median."""
+"""A row per set of beams left out, method and component: pings, how many of them the method solves, and of those the
+median, RMS and 95th percentile of the error, the median of its claimed standard deviation, and error/σ: RMS and
+1.4826 × median."""

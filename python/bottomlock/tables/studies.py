@@ -14,7 +14,8 @@ SWEEP: Mapping[str, pl.DataType] = {
     "nees_mean_over_runs_and_time": pl.Float64(),
     "rejected_fraction": pl.Float64(),
 }
-"""A row per value of a swept setting, trajectory and method; `rejected_fraction` is null without fixes."""
+"""A row per value of a swept setting, trajectory and method: norms of the error vectors at the last second, RMS over
+runs; mean NEES of the whole state; fraction of the fixes that the gate rejects, null without fixes."""
 
 MASKS: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -33,12 +34,12 @@ MASKS: Mapping[str, pl.DataType] = {
 }
 """A row per trajectory, case and method: RMS over runs at the last second with a 95 % bootstrap interval, mean over
 runs and time of the NEES of the whole state and of velocity and attitude, the verdict on the latter, and the
-fraction of the fixes that the gate rejected (null without fixes)."""
+fraction of the fixes that the gate rejects, null without fixes."""
 
 AXES = ("surge", "sway", "heave")
 
 RECOVERY_EPOCHS = 5
-"""Fixes after the beams are back that are judged."""
+"""Number of fixes after the beams return that are judged."""
 
 RECOVERY: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -59,9 +60,9 @@ RECOVERY: Mapping[str, pl.DataType] = {
     "inside": pl.Boolean(),
     "used": pl.Boolean(),
 }
-"""A row per trajectory, mask, method, run and epoch after the beams are back: step of the velocity estimate, standard
-deviation claimed before it, greatest ratio of the two over the axes, the chance of a ratio above three for an honest
-filter, and NIS with its band."""
+"""A row per trajectory, mask, method, run and epoch after the beams return: step of the velocity estimate, standard
+deviation claimed before it, greatest ratio of the two over the axes, probability of a ratio above three for a
+consistent filter, and NIS with its band."""
 
 RECOVERY_SUMMARY: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -80,8 +81,9 @@ RECOVERY_SUMMARY: Mapping[str, pl.DataType] = {
     "rejected_fraction": pl.Float64(),
     "recovered": pl.Boolean(),
 }
-"""A row per trajectory, mask and method: runs with a step above three sigma and how many chance allows, mean NIS over
-runs at each epoch, its band, the epoch from which it stays there (null: not within five), and both together."""
+"""A row per trajectory, mask and method: runs with a step above three sigma and how many of them are to be expected
+at most, mean NIS over runs at each epoch, its band, the epoch from which it stays in the band (null: not within
+five), and whether both criteria hold."""
 
 CONSISTENCY_CELL: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -111,5 +113,5 @@ CONSISTENCY_STUDY: Mapping[str, pl.DataType] = {
     "band_hi": pl.Float64(),
     "verdict": pl.String(),
 }
-"""A row per trajectory, mask, method and quantity: expected value, number of runs, independent values per judged mean,
- mean over runs and times, the least and the greatest of the judged means, their band, and the verdict."""
+"""A row per trajectory, mask, method and quantity: expected value, number of runs, independent values per judged
+mean, mean over runs and times, the least and the greatest of the judged means, their band, and the verdict."""

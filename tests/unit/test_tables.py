@@ -1,0 +1,73 @@
+"""The columns of every table: each RMS and mean says over what, and the written tables have them."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import re
+from collections.abc import Mapping
+
+import numpy as np
+import polars as pl
+import pytest
+
+import bottomlock
+from bottomlock import tables
+from bottomlock.config.scenario_sections import Filter
+from bottomlock.kernel import DEFAULT_OPTIONS, FIX_METHODS, METHODS
+from bottomlock.statistics.rms import combined_rms, rms, rms_column
+from bottomlock.tables.fixes import fixes_schema
+
+
+def schemas() -> dict[str, Mapping[str, pl.DataType]]:
+    """Every table of the package by its name."""
+    found: dict[str, Mapping[str, pl.DataType]] = {}
+    for module in pkgutil.iter_modules(tables.__path__):
+        content = vars(importlib.import_module(f"bottomlock.tables.{module.name}"))
+        found |= {
+            f"{module.name}.{name}": value
+            for name, value in content.items()
+            if isinstance(value, dict) and value and all(isinstance(t, pl.DataType) for t in value.values())
+        }
+    return found
+
+
+def test_every_rms_and_mean_says_over_what() -> None:
+    """`velocity_rms_mps` would be over time in one table and over runs in the next."""
+    found = schemas()
+    assert len(found) > 15
+    vague = re.compile(r"_(rms|mean)(?!_over_(time|runs|fixes|pings))")
+    assert [(table, name) for table, columns in found.items() for name in columns if vague.search(name)] == []
+
+
+def test_fixes_have_their_columns() -> None:
+    janus = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
+    valid = np.array([[True] * 4, [True, True, False, False]])
+    fixes = bottomlock.solve_velocity(janus, np.zeros((2, 4)), valid, method="plcf", beam_sd_mps=0.04)
+    assert fixes.to_frame().schema == pl.Schema(fixes_schema(4))
+
+
+def test_the_defaults_of_a_scenario_are_the_kernels() -> None:
+    """Stated in the kernel alone; a rate stands for its period."""
+    dumped = Filter().model_dump()
+    period_ns = 1e9 / dumped.pop("covariance_rate_hz")
+    assert dumped | {"covariance_period_ns": period_ns} == DEFAULT_OPTIONS
+
+
+def test_every_method_of_a_fix_is_a_method_of_navigation() -> None:
+    assert set(FIX_METHODS) <= set(METHODS)
+
+
+@pytest.mark.parametrize("shape", [(7,), (5, 40)])
+def test_both_definitions_of_rms_agree(shape: tuple[int, ...]) -> None:
+    """The array's and the column's, and the one of groups from their mean squares."""
+    values = np.random.default_rng(3).normal(size=shape)
+    by_hand = np.sqrt(sum(float(value) ** 2 for value in values.ravel()) / values.size)
+    assert float(rms(values)) == pytest.approx(by_hand, rel=1e-14)
+    assert pl.DataFrame({"x": values.ravel()}).select(rms_column("x")).item() == pytest.approx(
+        by_hand, rel=1e-14
+    )
+    groups = np.mean(values.reshape(shape[0], -1) ** 2, axis=1)
+    assert float(combined_rms(groups)) == pytest.approx(by_hand, rel=1e-14)
+    weights = np.full(len(groups), 1.0 / len(groups))
+    assert float(combined_rms(groups, weights)) == pytest.approx(by_hand, rel=1e-14)
