@@ -88,6 +88,14 @@ class GpsDict(TypedDict):
     velocity_sd_mps: ArrayLike
 
 @type_check_only
+class AcousticPositionDict(TypedDict):
+    sd_m: float
+    sd_per_range: float
+    transceiver_t_m: ArrayLike
+    outlier_fraction: float
+    outlier_factor: float
+
+@type_check_only
 class ModelDict(TypedDict):
     environment: EnvironmentDict
     imu: ImuDict
@@ -96,6 +104,7 @@ class ModelDict(TypedDict):
     depth: DepthDict
     magnetometer: MagnetometerDict
     gps: GpsDict
+    acoustic_position: NotRequired[AcousticPositionDict]
 
 @type_check_only
 class WaterDict(TypedDict):
@@ -133,6 +142,7 @@ class OptionsDict(TypedDict):
     robust: NotRequired[RobustDict | None]
     depth_lever_p_m: NotRequired[ArrayLike]
     gps_lever_p_m: NotRequired[ArrayLike]
+    acoustic_position_lever_p_m: NotRequired[ArrayLike]
 
 @type_check_only
 class DefaultOptionsDict(TypedDict):
@@ -157,6 +167,8 @@ class ScheduleDict(TypedDict):
     yaw_offset_rad: NotRequired[NDArray[np.float64]]
     gps_time_ns: NDArray[np.int64]
     gps_heard: NotRequired[NDArray[np.bool_]]
+    acoustic_position_time_ns: NotRequired[NDArray[np.int64]]
+    acoustic_position_heard: NotRequired[NDArray[np.bool_]]
     sample_time_ns: NDArray[np.int64]
 
 @type_check_only
@@ -253,8 +265,10 @@ class AidingDict(TypedDict):
     heading: bool
     gps_position: bool
     gps_velocity: bool
+    acoustic_position: NotRequired[bool]
     depth_lever_p_m: NotRequired[ArrayLike]
     gps_lever_p_m: NotRequired[ArrayLike]
+    acoustic_position_lever_p_m: NotRequired[ArrayLike]
 
 @type_check_only
 class AidingScheduleDict(TypedDict):
@@ -266,6 +280,7 @@ class AidingScheduleDict(TypedDict):
     heading: NDArray[np.bool_]
     gps_position: NDArray[np.bool_]
     gps_velocity: NDArray[np.bool_]
+    acoustic_position: NotRequired[NDArray[np.bool_]]
 
 @type_check_only
 class ObservabilityDict(TypedDict):
@@ -310,6 +325,9 @@ class LogDict(TypedDict):
     attitude_rpy_rad: NotRequired[ArrayLike]
     gps_time_ns: NotRequired[NDArray[np.int64]]
     gps_position_t_m: NotRequired[ArrayLike]
+    acoustic_position_time_ns: NotRequired[NDArray[np.int64]]
+    acoustic_position_t_m: NotRequired[ArrayLike]
+    acoustic_position_sd_m: NotRequired[ArrayLike]
 
 @type_check_only
 class LogStartDict(TypedDict):
@@ -443,6 +461,9 @@ class Navigator:
     ) -> list[ReportDict]: ...
     def push_position(
         self, time_ns: int, position_t_m: ArrayLike, *, position_sd_m: ArrayLike
+    ) -> list[ReportDict]: ...
+    def push_acoustic_position(
+        self, *, time_ns: int, position_t_m: ArrayLike, sd_m: ArrayLike | None = None
     ) -> list[ReportDict]: ...
     def late_events(self) -> dict[str, int]: ...
     def state(self) -> StateDict: ...

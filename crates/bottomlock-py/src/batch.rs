@@ -4,14 +4,16 @@ use bottomlock::aiding::registry::{Measurement, SensorKind};
 use bottomlock::error_model::{Coefficients, dense_noise};
 use bottomlock::filter::options::Options;
 use bottomlock::frames::{Rot, Vec3};
-use bottomlock::mechanisation::{EarthTerms, Inertial};
+use bottomlock::mechanisation::{EarthTerms, ImuSample, Inertial};
 use bottomlock::navigator::Method;
 use bottomlock::simulation::batch::{Batch, run_batch_into};
 use bottomlock::simulation::monte_carlo_run::MethodRecord;
 use bottomlock::simulation::schedule::Schedule;
 use bottomlock::simulation::sensor_errors::RunKey;
 use bottomlock::simulation::sensor_streams;
+use bottomlock::simulation::sensor_streams::Streams;
 use bottomlock::state::NavState;
+use numpy::Element;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -25,7 +27,8 @@ use crate::truth::Truths;
 /// Draws every sensor stream of one run as arrays, with the true errors behind them.
 ///
 /// The streams are keyed by (seed, trajectory_key, run): run k alone is run k of a campaign, and a sensor that is switched off
-/// shifts no other. `options` are a filter's, of which the lever arms count. Raises KernelError for a truth, a model or a schedule that makes no sense, naming the field and the time.
+/// shifts no other. `options` are a filter's, of which the lever arms count. Raises KernelError for a truth, a model or a schedule
+/// that makes no sense, naming the field and the time.
 #[pyfunction]
 #[pyo3(signature = (geometry, truth, model, schedule, *, seed, trajectory_key, run, imu_sampling="instantaneous",
     options=None))]
@@ -68,69 +71,92 @@ pub fn simulate_sensors<'py>(
         .map_err(raise)?;
 
     let out = PyDict::new(py);
-    let vectors = |values: Vec<[f64; 3]>| from_rows(py, &values);
-    let put_times = |name: &str, values: Vec<i64>| -> PyResult<()> {
-        let count = values.len();
-        out.set_item(name, array(py, values, &[count])?)
-    };
-    let put_scalars = |name: &str, values: Vec<f64>| -> PyResult<()> {
-        let count = values.len();
-        out.set_item(name, array(py, values, &[count])?)
-    };
     let initial = PyDict::new(py);
     put_state(py, &initial, &streams.initial)?;
     out.set_item("initial", initial)?;
-    put_times("imu_time_ns", streams.imu.iter().map(|s| s.time_ns).collect())?;
-    out.set_item(
-        "imu_omega_p_radps",
-        vectors(streams.imu.iter().map(|s| s.rate_p_radps.to_array()).collect())?,
-    )?;
-    out.set_item(
-        "imu_force_p_mps2",
-        vectors(streams.imu.iter().map(|s| s.force_p_mps2.to_array()).collect())?,
-    )?;
-    out.set_item("accel_bias_p_mps2", from_rows(py, &streams.accel_bias_p_mps2)?)?;
-    out.set_item("gyro_bias_p_radps", from_rows(py, &streams.gyro_bias_p_radps)?)?;
-    put_times("dvl_time_ns", streams.pings.iter().map(|p| p.time_ns).collect())?;
-    let epochs = streams.pings.len();
-    let readings = streams
-        .pings
-        .iter()
-        .flat_map(|p| p.velocity_mps[..beams].to_vec())
-        .collect();
-    out.set_item("dvl_velocity_mps", array::<f64>(py, readings, &[epochs, beams])?)?;
-    let flags = streams
-        .pings
-        .iter()
-        .flat_map(|p| (0..beams).map(|b| p.valid.contains(b)).collect::<Vec<_>>())
-        .collect();
-    out.set_item("dvl_valid", array::<bool>(py, flags, &[epochs, beams])?)?;
-    let bias = streams.beam_bias_mps.iter().flat_map(|b| b[..beams].to_vec()).collect();
-    out.set_item("dvl_bias_mps", array::<f64>(py, bias, &[epochs, beams])?)?;
-    put_scalars("dvl_scale_factor", streams.scale_factor.clone())?;
-    for kind in SensorKind::ALL {
-        let Some(simulation) = kind.declaration().simulation else {
-            continue;
-        };
-        let readings = &streams.sensors[kind as usize];
-        put_times(
-            &format!("{}_time_ns", simulation.name),
-            readings.iter().map(Measurement::time_ns).collect(),
-        )?;
-        let numbers: Vec<Vec<f64>> = readings.iter().map(Measurement::numbers).collect();
-        let mut first = 0;
-        for column in simulation.columns {
-            let part = first..first + column.width;
-            first = part.end;
-            let values = numbers
-                .iter()
-                .flat_map(|row| row[part.clone()].iter().copied())
-                .collect();
-            let shape = &[readings.len(), column.width][..if column.width == 1 { 1 } else { 2 }];
-            out.set_item(column.key, array::<f64>(py, values, shape)?)?;
-        }
-    }
+    put_inertial(&out, &streams)?;
+    put_pings(&out, &streams, beams)?;
+    SensorKind::ALL
+        .into_iter()
+        .try_for_each(|kind| put_readings(&out, kind, &streams.sensors[kind as usize]))?;
     Ok(out)
+}
+
+fn put<T: Element>(out: &Bound<'_, PyDict>, name: &str, values: Vec<T>, shape: &[usize]) -> PyResult<()> {
+    out.set_item(name, array(out.py(), values, shape)?)
+}
+
+/// Inertial readings and the true biases behind them.
+fn put_inertial(out: &Bound<'_, PyDict>, streams: &Streams) -> PyResult<()> {
+    let count = streams.imu.len();
+    let threes = |of: fn(&ImuSample) -> [f64; 3]| streams.imu.iter().flat_map(of).collect::<Vec<f64>>();
+    put(
+        out,
+        "imu_time_ns",
+        streams.imu.iter().map(|s| s.time_ns).collect(),
+        &[count],
+    )?;
+    put(
+        out,
+        "imu_omega_p_radps",
+        threes(|s| s.rate_p_radps.to_array()),
+        &[count, 3],
+    )?;
+    put(
+        out,
+        "imu_force_p_mps2",
+        threes(|s| s.force_p_mps2.to_array()),
+        &[count, 3],
+    )?;
+    put(
+        out,
+        "accel_bias_p_mps2",
+        streams.accel_bias_p_mps2.concat(),
+        &[count, 3],
+    )?;
+    put(
+        out,
+        "gyro_bias_p_radps",
+        streams.gyro_bias_p_radps.concat(),
+        &[count, 3],
+    )
+}
+
+/// Pings and the true errors behind them.
+fn put_pings(out: &Bound<'_, PyDict>, streams: &Streams, beams: usize) -> PyResult<()> {
+    let (pings, wide) = (&streams.pings, [streams.pings.len(), beams]);
+    put(
+        out,
+        "dvl_time_ns",
+        pings.iter().map(|p| p.time_ns).collect(),
+        &wide[..1],
+    )?;
+    let readings = pings.iter().flat_map(|p| p.velocity_mps[..beams].to_vec());
+    put(out, "dvl_velocity_mps", readings.collect(), &wide)?;
+    let flags = pings.iter().flat_map(|p| (0..beams).map(|b| p.valid.contains(b)));
+    put(out, "dvl_valid", flags.collect(), &wide)?;
+    let bias = streams.beam_bias_mps.iter().flat_map(|b| b[..beams].to_vec());
+    put(out, "dvl_bias_mps", bias.collect(), &wide)?;
+    put(out, "dvl_scale_factor", streams.scale_factor.clone(), &wide[..1])
+}
+
+/// Times and columns of a simulated sensor.
+fn put_readings(out: &Bound<'_, PyDict>, kind: SensorKind, readings: &[Measurement]) -> PyResult<()> {
+    let Some(simulation) = kind.declaration().simulation else {
+        return Ok(());
+    };
+    let times = readings.iter().map(Measurement::time_ns).collect();
+    put(out, &format!("{}_time_ns", simulation.name), times, &[readings.len()])?;
+    let numbers: Vec<Vec<f64>> = readings.iter().map(Measurement::numbers).collect();
+    let mut first = 0;
+    for column in simulation.columns {
+        let part = first..first + column.width;
+        first = part.end;
+        let values = numbers.iter().flat_map(|row| row[part.clone()].iter().copied());
+        let shape = &[readings.len(), column.width][..if column.width == 1 { 1 } else { 2 }];
+        put::<f64>(out, column.key, values.collect(), shape)?;
+    }
+    Ok(())
 }
 
 /// Puts the fields of a state into a dict.

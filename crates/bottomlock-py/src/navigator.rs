@@ -1,5 +1,7 @@
 //! The streaming navigator.
 
+use bottomlock::aiding::acoustic_position::AcousticPositionSample;
+use bottomlock::aiding::registry::SensorModels;
 use bottomlock::aiding::water;
 use bottomlock::aiding::water::WATER;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
@@ -46,6 +48,7 @@ use crate::settings;
 #[pyclass(module = "bottomlock._kernel")]
 pub struct Navigator {
     inner: NavigatorSet,
+    sensors: SensorModels,
     beams: usize,
 }
 
@@ -96,6 +99,7 @@ impl Navigator {
         }
         Ok(Self {
             inner,
+            sensors: model.sensors,
             beams: geometry.inner.beams(),
         })
     }
@@ -271,6 +275,22 @@ impl Navigator {
             position_sd_m: vector("position_sd_m", position_sd_m)?,
             velocity: None,
         };
+        self.push(py, &[Event::from(sample)])
+    }
+
+    /// An acoustic position fix (USBL, LBL) of the transponder in the tangent frame (3,), with its standard deviations (3,); without
+    /// them, with those of the model at the fix's slant range from the transceiver.
+    #[pyo3(signature = (*, time_ns, position_t_m, sd_m=None))]
+    fn push_acoustic_position<'py>(
+        &mut self,
+        py: Python<'py>,
+        time_ns: i64,
+        position_t_m: &Bound<'py, PyAny>,
+        sd_m: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let position_t_m = Vec3::from_array(vector("position_t_m", position_t_m)?);
+        let sd_m = sd_m.map(|sd_m| vector("sd_m", sd_m)).transpose()?;
+        let sample = AcousticPositionSample::new(time_ns, position_t_m, sd_m, &self.sensors.acoustic_position);
         self.push(py, &[Event::from(sample)])
     }
 

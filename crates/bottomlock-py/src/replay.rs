@@ -165,9 +165,9 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
 
 /// Flies methods side by side along a recorded log; the very filters of a campaign and of `Navigator`, bit for bit.
 ///
-/// Streams need not share instants: the log is merged by time of validity (ties: IMU, DVL, depth, attitude, heading, GPS), and a
-/// measurement between two inertial readings splits the strapdown step at its own time. Rows before the start or after the last
-/// inertial reading move no filter and are counted in `unused`.
+/// Streams need not share instants: the log is merged by time of validity (ties: IMU, DVL, then the others in the order of
+/// `SENSORS`), and a measurement between two inertial readings splits the strapdown step at its own time. Rows before the start or
+/// after the last inertial reading move no filter and are counted in `unused`.
 ///
 /// Args:
 ///     geometry: the beams.
@@ -178,7 +178,8 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
 ///     log: imu_time_ns (N,) int64 with force_p_mps2 (N, 3) and omega_p_radps (N, 3), rate against inertial space;
 ///         dvl_time_ns (E,) with beam_velocity_mps and beam_valid (E, B) and optionally beam_sd_mps (E, B);
 ///         depth_time_ns, depth_m; heading_time_ns, heading_rad; attitude_time_ns, attitude_rpy_rad (., 3);
-///         gps_time_ns, gps_position_t_m (., 3). Each time rises strictly; any but the inertial stream may be empty.
+///         gps_time_ns, gps_position_t_m (., 3); further sensors as docs/sensors.md lists them. Each time rises strictly; any but
+///         the inertial stream and the pings may be left out.
 ///     start: time_ns, position_t_m (3,), attitude_t_p (4,) scalar first, velocity_p_mps (3,); optionally accel_bias_mps2 and
 ///         gyro_bias_radps (3,), and covariance (20, 20) in place of the model's.
 ///     sample_time_ns: (T,) int64, rising; the state at the first inertial reading at or after each is recorded.

@@ -22,7 +22,7 @@ from bottomlock.config.scenario_sections import (
     Section,
     Trajectory,
 )
-from bottomlock.config.sensors import SENSORS, Depth, Gps, Magnetometer
+from bottomlock.config.sensors import SENSORS, AcousticPosition, Depth, Gps, Magnetometer
 from bottomlock.config.validation import explain
 from bottomlock.errors import OutputError, ScenarioError
 
@@ -51,6 +51,7 @@ class Scenario(Section):
     depth: Depth = Depth(enabled=False)
     magnetometer: Magnetometer = Magnetometer(enabled=False)
     gps: Gps = Gps(enabled=False)
+    acoustic_position: AcousticPosition = AcousticPosition(enabled=False)
     initial: Initial = Initial()
     filter: Filter = Filter()
     campaign: Campaign = Campaign()

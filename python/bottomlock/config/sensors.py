@@ -61,6 +61,25 @@ class Gps(Section):
     acquire_s: NonNegative = 5.0
 
 
+class AcousticPosition(Section):
+    """Acoustic position (USBL, LBL): fixes whose noise grows with the slant range from the transceiver.
+
+    The standard deviation of each axis is the root of noise_m² + (noise_percent_of_range/100 · slant range)². The
+    transceiver, of a ship or on the seabed, stands at `transceiver_m` in the tangent frame (north, east, down); the
+    transponder at `lever_arm_m` in the platform frame. A fraction of the fixes are outliers, with `outlier_factor`
+    times the noise, which the filter does not know of.
+    """
+
+    enabled: bool = True
+    rate_hz: Positive = 0.2
+    noise_m: Positive = 0.5
+    noise_percent_of_range: NonNegative = 1.0
+    transceiver_m: Vector = (0.0, 0.0, 0.0)
+    lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    outlier_fraction: Annotated[float, Field(ge=0, le=1)] = 0.0
+    outlier_factor: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 10.0
+
+
 @dataclass(frozen=True)
 class Sensor:
     """What follows from a sensor of a scenario.
@@ -131,5 +150,29 @@ GPS = Sensor(
     ),
 )
 
-SENSORS = (DEPTH, MAGNETOMETER, GPS)
+ACOUSTIC_POSITION = Sensor(
+    name="acoustic_position",
+    section=AcousticPosition,
+    updates=("acoustic_position",),
+    table="acoustic_position",
+    columns={
+        "acoustic_position_t_m": tuple(f"position_{axis}_m" for axis in AXES),
+        "acoustic_position_sd_m": tuple(f"sd_{axis}_m" for axis in AXES),
+    },
+    model=lambda fixes, _: {
+        "sd_m": fixes.noise_m,
+        "sd_per_range": units.fraction_from_percent(fixes.noise_percent_of_range),
+        "transceiver_t_m": list(fixes.transceiver_m),
+        "outlier_fraction": fixes.outlier_fraction,
+        "outlier_factor": fixes.outlier_factor,
+    },
+    push=lambda navigator, time_ns, drawn, k, _: navigator.push_acoustic_position(
+        time_ns=time_ns,
+        position_t_m=drawn["acoustic_position_t_m"][k],
+        sd_m=drawn["acoustic_position_sd_m"][k],
+    ),
+    options=lambda fixes: {"acoustic_position_lever_p_m": list(fixes.lever_arm_m)},
+)
+
+SENSORS = (DEPTH, MAGNETOMETER, GPS, ACOUSTIC_POSITION)
 """In the order in which the kernel takes measurements of the same time, after the DVL's."""

@@ -1,6 +1,7 @@
 """What is wrong with a settings file, in the user's words: place, key, value found, what was expected, unit."""
 
 import difflib
+from typing import get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -25,13 +26,13 @@ def _unit_of(key: str) -> str:
 def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
     for part in path:
         field = model.model_fields.get(str(part))
-        if (
-            field is None
-            or not isinstance(field.annotation, type)
-            or not issubclass(field.annotation, BaseModel)
-        ):
+        kinds = () if field is None else (field.annotation, *get_args(field.annotation))
+        section = next(
+            (kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None
+        )
+        if section is None:
             break
-        model = field.annotation
+        model = section
     return list(model.model_fields)
 
 

@@ -58,8 +58,10 @@ class Aiding:
     heading: bool = False
     gps_position: bool = False
     gps_velocity: bool = False
+    acoustic_position: bool = False
     depth_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gps_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    acoustic_position_lever_p_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def mask(self) -> str:

@@ -23,6 +23,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.kernel import METHODS
 from bottomlock.replay.dvl_sections import DvlStream, Robust, WhatIf
 from bottomlock.replay.stream_sections import (
+    AcousticPositionStream,
     AttitudeStream,
     DepthStream,
     GpsStream,
@@ -126,6 +127,7 @@ class Case(Section):
     attitude: AttitudeStream | None = None
     magnetometer: MagnetometerStream | None = None
     gps: GpsStream | None = None
+    acoustic_position: AcousticPositionStream | None = None
     reference: ReferenceStream | None = None
     start: Start
     filter: Filter = Filter()

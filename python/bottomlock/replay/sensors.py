@@ -9,7 +9,7 @@ from typing import Any
 
 from bottomlock import units
 from bottomlock.replay.axes import to_angles
-from bottomlock.replay.stream_sections import AttitudeStream, DepthStream, GpsStream
+from bottomlock.replay.stream_sections import AcousticPositionStream, AttitudeStream, DepthStream, GpsStream
 from bottomlock.replay.streams import Streams, Times
 
 Within = Callable[[Times], slice]
@@ -61,6 +61,29 @@ def _gps_log(stream: GpsStream, streams: Streams, within: Within) -> dict[str, A
     return {"gps_time_ns": positions.time_ns[rows], "gps_position_t_m": positions.position_t_m[rows]}
 
 
+def _acoustic_position_log(_: AcousticPositionStream, streams: Streams, within: Within) -> dict[str, Any]:
+    positions = streams.positions["acoustic_position"]
+    rows = within(positions.time_ns)
+    sd = {} if positions.sd_m is None else {"acoustic_position_sd_m": positions.sd_m[rows]}
+    return sd | {
+        "acoustic_position_time_ns": positions.time_ns[rows],
+        "acoustic_position_t_m": positions.position_t_m[rows],
+    }
+
+
+def _acoustic_position_model(stream: AcousticPositionStream | None) -> dict[str, Any]:
+    if stream is None:
+        return {}
+    noise = {
+        "sd_m": stream.sd_m,
+        "sd_per_range": units.fraction_from_percent(stream.sd_percent_of_range),
+        "transceiver_t_m": list(stream.transceiver_m),
+        "outlier_fraction": 0.0,
+        "outlier_factor": 1.0,
+    }
+    return {"acoustic_position": noise}
+
+
 def _magnetometer_model(stream: AttitudeStream | None) -> dict[str, Any]:
     yaw, tilt = (5.0, 1.0) if stream is None else (stream.yaw_sd_deg, stream.roll_pitch_sd_deg)
     return {
@@ -86,5 +109,11 @@ SENSORS = (
         model=_gps_model,
         log=_gps_log,
         options=lambda stream: {"gps_lever_p_m": list(stream.lever_arm_m)},
+    ),
+    Sensor(
+        section="acoustic_position",
+        model=_acoustic_position_model,
+        log=_acoustic_position_log,
+        options=lambda stream: {"acoustic_position_lever_p_m": list(stream.lever_arm_m)},
     ),
 )

@@ -227,6 +227,25 @@ class GpsStream(PositionStream):
         return self
 
 
+class AcousticPositionStream(PositionStream):
+    """Acoustic positions (USBL, LBL) of a transponder at `lever_arm_m` from the IMU (platform frame).
+
+    1 sigma of each axis is in the columns `sd` (m; north, east, down), or the root of sd_m² +
+    (sd_percent_of_range/100 · slant range)², the slant range from `transceiver_m` in the tangent frame.
+    """
+
+    sd: ColumnTriple | None = None
+    sd_m: Positive = 0.5
+    sd_percent_of_range: NonNegative = 1.0
+    transceiver_m: Vector = (0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _has_positions(self) -> Self:
+        if not self.has_position:
+            raise ValueError("no position: give 'latitude' and 'longitude', or 'north' and 'east'")
+        return self
+
+
 class ReferenceStream(PositionStream):
     """Reference position, velocity and attitude, to compute errors against, of a point at `lever_arm_m` from the IMU.
 

@@ -20,7 +20,8 @@ def sensor_streams(simulation: Simulation, truth: Truth, *, run: int = 0) -> dic
         Tables with time_ns and: `imu`, omega_{x,y,z}_radps and force_{x,y,z}_mps2 in the platform frame; `beams`, for
         every beam beamK_mps, beamK_valid and, over a seabed, beamK_range_m, null where it does not return; `depth`,
         depth_m; `attitude`, attitude_{w,x,y,z} from platform to tangent; `gps`, position_{north,east,down}_m and
-        velocity_{north,east,down}_mps. A sensor that is off has no rows.
+        velocity_{north,east,down}_mps; and a table of each further sensor of `config.sensors.SENSORS`, with its
+        columns. A sensor that is off has no rows.
 
     Raises:
         DataError: for a truth of less than a second.

@@ -85,7 +85,7 @@ impl AidingSensor for AttitudeSample {
     }
 
     fn of_row(time_ns: i64, values: &[Option<&[f64]>], models: &SensorModels) -> Option<Self> {
-        let [roll, pitch, yaw] = *(*values.first()?)?.as_array()?;
+        let [roll, pitch, yaw] = (*values.first()?)?.try_into().ok()?;
         Some(Self::new(
             time_ns,
             Rot::from_euler_rad(roll, pitch, yaw),

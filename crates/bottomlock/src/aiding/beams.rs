@@ -111,6 +111,9 @@ pub fn tightly_coupled(terms: &BeamTerms, ping: &BeamSample) -> Innovation {
 /// Variance of an unobserved axis where a port wants all three, (m/s)².
 const UNOBSERVED_VARIANCE_M2PS2: f64 = 1e12;
 
+/// Residual and Jacobian of every row that a fix weighs, in beam units.
+type SlotRows = (SVector<f64, SLOTS>, SMatrix<f64, SLOTS, DIM>);
+
 /// LC and ELC: the fix of a plan against the filter's velocity, with the DVL's columns carried through the gain (erratum E7).
 ///
 /// `exact_cross` is P_xv, the covariance of the whole state with the velocity, where the correlation of Eq. 26 is to be kept.
@@ -123,6 +126,22 @@ pub fn loosely_coupled(
     port: InformationPort,
     exact_cross: Option<&SMatrix<f64, DIM, 3>>,
 ) -> Innovation {
+    let (residual, jacobian) = slot_rows(state, geometry, terms, plan);
+    let (z, h) = (plan.gain * residual, plan.gain * jacobian);
+    match plan.port {
+        Port::Components => {
+            let mut innovation = component_rows(&z, &h, plan);
+            if let Some(p_xv) = exact_cross {
+                correlate_with_prior(&mut innovation, geometry, plan, p_xv);
+            }
+            innovation
+        }
+        Port::Axes => axis_rows(&z, &h, plan, port),
+    }
+}
+
+/// Beams, virtual beams, sway and heave.
+fn slot_rows(state: &NavState, geometry: &BeamGeometry, terms: &BeamTerms, plan: &FixEstimator) -> SlotRows {
     // Residuals are in beam units: dividing by 1 + SF makes the velocity block of a row its direction.
     let unscale = 1.0 / (1.0 + state.dvl_scale_factor);
     let mut residual = SVector::<f64, SLOTS>::zeros();
@@ -145,65 +164,75 @@ pub fn loosely_coupled(
     set(SWAY_SLOT, &Vector3::y());
     set(HEAVE_SLOT, &Vector3::z());
     residual[SWAY_SLOT] = -state.velocity_p_mps.0.y;
+    (residual, jacobian)
+}
 
-    let z = plan.gain * residual;
-    let h = plan.gain * jacobian;
+/// The row of the fix along an axis.
+fn push_observed(innovation: &mut Innovation, axis: &Vector3<f64>, z: &Vector3<f64>, h: &SMatrix<f64, 3, DIM>) {
+    let row = innovation.rows;
+    innovation.rows += 1;
+    innovation.degrees += 1;
+    innovation.residual[row] = axis.dot(z);
+    innovation.jacobian.set_row(row, &(axis.transpose() * h));
+}
+
+/// Surge, sway and heave, those that are solved.
+fn component_rows(z: &Vector3<f64>, h: &SMatrix<f64, 3, DIM>, plan: &FixEstimator) -> Innovation {
     let mut innovation = Innovation::empty();
-    let mut push = |axis: &Vector3<f64>, observed: bool| {
-        let row = innovation.rows;
-        innovation.rows += 1;
-        if observed {
-            innovation.degrees += 1;
-            innovation.residual[row] = axis.dot(&z);
-            innovation.jacobian.set_row(row, &(axis.transpose() * h));
-        } else {
-            for k in 0..3 {
-                innovation.jacobian[(row, VELOCITY + k)] = axis[k];
-            }
-            innovation.noise[(row, row)] = UNOBSERVED_VARIANCE_M2PS2;
-        }
-    };
-    match plan.port {
-        Port::Components => {
-            let solved: Vec<usize> = (0..3).filter(|&k| plan.is_solved(k)).collect();
-            solved.iter().for_each(|&k| push(&Vector3::ith(k, 1.0), true));
-            for (i, &k) in solved.iter().enumerate() {
-                for (j, &l) in solved.iter().enumerate() {
-                    innovation.noise[(i, j)] = plan.covariance[(k, l)];
-                }
-            }
-            if let Some(p_xv) = exact_cross {
-                // n = −J_virtual B δv: the noise of the virtual beams is minus the prior's own error.
-                let mut repeated = Matrix3::zeros();
-                for (index, beam) in plan.virtual_beams.iter().enumerate() {
-                    if let Some(beam) = beam {
-                        repeated += plan.gain.column(VIRTUAL_SLOT + index) * geometry.direction_p(*beam).transpose();
-                    }
-                }
-                let mut cross = SMatrix::<f64, DIM, MAX_ROWS>::zeros();
-                cross
-                    .fixed_columns_mut::<3>(0)
-                    .copy_from(&(-p_xv * repeated.transpose()));
-                innovation.cross = Some(Box::new(cross));
-                let mut by_state = RowJacobian::zeros();
-                by_state.fixed_view_mut::<3, 3>(0, VELOCITY).copy_from(&-repeated);
-                innovation.correlated_noise = Some(Box::new(CorrelatedNoise {
-                    by_state,
-                    by_water: SMatrix::zeros(),
-                }));
-            }
-        }
-        Port::Axes => {
-            let (axes, variances) = plan.solution.principal_axes();
-            let rank = plan.solution.rank;
-            (0..rank).for_each(|k| push(&axes.column(k).into(), true));
-            if port == InformationPort::Full {
-                (0..3 - rank).for_each(|k| push(&plan.solution.null.column(k).into(), false));
-            }
-            for k in 0..rank {
-                innovation.noise[(k, k)] = variances[k];
-            }
+    let solved: Vec<usize> = (0..3).filter(|&k| plan.is_solved(k)).collect();
+    for (i, &k) in solved.iter().enumerate() {
+        push_observed(&mut innovation, &Vector3::ith(k, 1.0), z, h);
+        for (j, &l) in solved.iter().enumerate() {
+            innovation.noise[(i, j)] = plan.covariance[(k, l)];
         }
     }
     innovation
+}
+
+/// The observable principal axes; of a full port the others too, with a very large variance.
+fn axis_rows(z: &Vector3<f64>, h: &SMatrix<f64, 3, DIM>, plan: &FixEstimator, port: InformationPort) -> Innovation {
+    let mut innovation = Innovation::empty();
+    let (axes, variances) = plan.solution.principal_axes();
+    let rank = plan.solution.rank;
+    for k in 0..rank {
+        push_observed(&mut innovation, &axes.column(k).into(), z, h);
+        innovation.noise[(k, k)] = variances[k];
+    }
+    if port == InformationPort::Full {
+        for unobserved in 0..3 - rank {
+            let row = rank + unobserved;
+            innovation.rows += 1;
+            for k in 0..3 {
+                innovation.jacobian[(row, VELOCITY + k)] = plan.solution.null[(k, unobserved)];
+            }
+            innovation.noise[(row, row)] = UNOBSERVED_VARIANCE_M2PS2;
+        }
+    }
+    innovation
+}
+
+/// Eq. 26: n = −J_virtual B δv, the noise of the virtual beams is minus the prior's own error.
+fn correlate_with_prior(
+    innovation: &mut Innovation,
+    geometry: &BeamGeometry,
+    plan: &FixEstimator,
+    p_xv: &SMatrix<f64, DIM, 3>,
+) {
+    let mut repeated = Matrix3::zeros();
+    for (index, beam) in plan.virtual_beams.iter().enumerate() {
+        if let Some(beam) = beam {
+            repeated += plan.gain.column(VIRTUAL_SLOT + index) * geometry.direction_p(*beam).transpose();
+        }
+    }
+    let mut cross = SMatrix::<f64, DIM, MAX_ROWS>::zeros();
+    cross
+        .fixed_columns_mut::<3>(0)
+        .copy_from(&(-p_xv * repeated.transpose()));
+    innovation.cross = Some(Box::new(cross));
+    let mut by_state = RowJacobian::zeros();
+    by_state.fixed_view_mut::<3, 3>(0, VELOCITY).copy_from(&-repeated);
+    innovation.correlated_noise = Some(Box::new(CorrelatedNoise {
+        by_state,
+        by_water: SMatrix::zeros(),
+    }));
 }

@@ -109,7 +109,7 @@ impl AidingSensor for GpsSample {
     fn of_row(time_ns: i64, values: &[Option<&[f64]>], models: &SensorModels) -> Option<Self> {
         Some(Self {
             time_ns,
-            position_t_m: Vec3::from_array(*(*values.first()?)?.as_array()?),
+            position_t_m: Vec3::from_array((*values.first()?)?.try_into().ok()?),
             position_sd_m: models.gps.position_sd_m,
             velocity: None,
         })

@@ -2,6 +2,7 @@
 //!
 //! A sensor is one file here and one line in [`registry`]; nothing else names it. See `docs/sensors.md`.
 
+pub mod acoustic_position;
 pub mod attitude;
 pub mod beams;
 mod declare;

@@ -1,5 +1,6 @@
 //! The registry: a line for each sensor that aids, and all that follows from it.
 
+use crate::aiding::acoustic_position::{AcousticPositionModel, AcousticPositionSample};
 use crate::aiding::attitude::{AttitudeSample, MagnetometerModel};
 use crate::aiding::beams::DvlModel;
 use crate::aiding::declare::{models, sensors};
@@ -20,6 +21,7 @@ sensors! {
     Attitude(AttitudeSample): Attitude = "attitude";
     Heading(HeadingSample): Heading = "heading";
     Gps(GpsSample): GpsPosition = "gps_position", GpsVelocity = "gps_velocity";
+    AcousticPosition(AcousticPositionSample): AcousticPosition = "acoustic_position";
 }
 
 models! {
@@ -27,6 +29,7 @@ models! {
     depth: DepthModel,
     magnetometer: MagnetometerModel,
     gps: GpsModel,
+    acoustic_position: AcousticPositionModel,
 }
 
 /// What a sensor declares, as plain values.

@@ -2,11 +2,14 @@
 
 use nalgebra::Vector3;
 
+use super::acoustic_position::AcousticPositionSample;
 use super::attitude::attitude;
 use super::depth::depth;
 use super::gps::gps_velocity;
 use super::heading::heading;
 use super::position::position;
+use super::registry::Sensor;
+use super::sensor::AidingSensor;
 use super::velocity::velocity;
 use super::*;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
@@ -140,6 +143,21 @@ fn gps_jacobians() {
     check("gps velocity", |motion| {
         gps_velocity(motion, &Vec3::zeros(), &[0.1; 3], &lever)
     });
+}
+
+/// Of an acoustic fix with its lever arm; on end, pitch ±90°, as anywhere.
+#[test]
+fn acoustic_position_jacobian() {
+    let lever = Vec3::new(0.8, -0.3, 0.6);
+    let fix = AcousticPositionSample {
+        time_ns: 0,
+        position_t_m: Vec3::new(12.0, -4.0, 31.0),
+        sd_m: [1.0; 3],
+    };
+    let residual_of = |motion: &Motion<'_>| fix.innovation(Sensor::AcousticPosition, motion, &lever);
+    check("acoustic position", residual_of);
+    check_at("acoustic position", 90.0, residual_of);
+    check_at("acoustic position", -90.0, residual_of);
 }
 
 /// The rotation residual is linear in ρ at the truth; yaw alone is a derivative of Euler's angle, steep near the vertical.

@@ -1,0 +1,86 @@
+"""Acoustic fixes as the filter weighs them: NIS and NEES over a fixed ensemble, and a wrong weight that shows.
+
+The verdicts are four bands, each with a false-alarm rate of 2.5e-4: 1e-3 together (Bonferroni), for a seed that was
+not chosen.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bottomlock.kernel import Navigator
+from bottomlock.simulation.build import build_simulation
+from bottomlock.simulation.run_events import Readings
+from bottomlock.statistics.chi_squared import mean_band
+from tests.oracle.acoustic_position import deviation
+from tests.unit.test_acoustic_simulation import scenario
+
+RUNS, SECONDS = 60, 40.0
+PROBABILITY = 1.0 - 2.5e-4
+
+
+def flown(method: str, weigh: float) -> tuple[float, int, float]:
+    """Mean NIS of the acoustic fixes, their number, and mean NEES of the position at the end, over the runs.
+
+    `weigh` multiplies the deviation that the filter is told.
+    """
+    keys: dict[str, Any] = {
+        "transceiver_m": [150.0, -60.0, 0.0],
+        "noise_m": 0.4,
+        "noise_percent_of_range": 1.5,
+    }
+    quiet = scenario(SECONDS, **keys)
+    off = {
+        name: getattr(quiet, name).model_copy(update={"enabled": False})
+        for name in ("depth", "magnetometer", "gps")
+    }
+    simulation = build_simulation(quiet.model_copy(update=off))
+    truth, section = simulation.truth(), simulation.scenario.acoustic_position
+    transceiver = np.array(section.transceiver_m)
+    options: Any = simulation.scenario.kernel_options() | {"gate": "off"}
+    nis, nees = [], []
+    for run in range(RUNS):
+        readings = Readings(simulation, truth, run=run)
+        drawn: Any = readings._drawn
+        navigator = Navigator(simulation.geometry, readings._model, options, drawn["initial"], method=method)
+        done = 0
+        for k, time_ns in enumerate(drawn["acoustic_position_time_ns"]):
+            upto = int(np.searchsorted(drawn["imu_time_ns"], time_ns, side="right"))
+            part = slice(done, upto)
+            navigator.push_imu_block(
+                drawn["imu_time_ns"][part], drawn["imu_omega_p_radps"][part], drawn["imu_force_p_mps2"][part]
+            )
+            done = upto
+            fix = drawn["acoustic_position_t_m"][k]
+            sd = deviation(fix, transceiver, section.noise_m, section.noise_percent_of_range / 100.0)
+            (report,) = navigator.push_acoustic_position(
+                time_ns=int(time_ns), position_t_m=fix, sd_m=np.full(3, sd * weigh)
+            )
+            nis.append(report["nis"])
+            if method == "tc":
+                sd_mps = np.full(4, readings._model["dvl"]["beam_noise_sd_mps"])
+                navigator.push_beams(
+                    int(time_ns), drawn["dvl_velocity_mps"][k], readings.valid[k], sd_mps=sd_mps
+                )
+        row = int(np.searchsorted(truth.time_ns, drawn["imu_time_ns"][done - 1]))
+        error = truth.position_t_m[row] - navigator.state()["position_t_m"]
+        nees.append(error @ np.linalg.solve(navigator.covariance()[:3, :3], error))
+    return float(np.mean(nis)), len(nis), float(np.mean(nees))
+
+
+@pytest.mark.parametrize("method", ["ins", "tc"])
+def test_innovations_and_errors_are_as_large_as_claimed(method: str) -> None:
+    nis, count, nees = flown(method, 1.0)
+    low, high = mean_band(3, count, PROBABILITY)
+    assert low < nis < high, (nis, count)
+    low, high = mean_band(3, RUNS, PROBABILITY)
+    assert low < nees < high, nees
+
+
+def test_a_wrong_weight_shows() -> None:
+    """Told two thirds of the deviation, the filter is found overconfident: the check can fail."""
+    nis, count, _ = flown("ins", 2.0 / 3.0)
+    assert nis > mean_band(3, count, PROBABILITY)[1]
