@@ -2,22 +2,22 @@
 
 
 class BottomlockError(Exception):
-    """Base of everything that the package refuses."""
+    """Base of every error that the package raises on input."""
 
     exit_code = 2
 
 
 class ScenarioError(BottomlockError):
-    """A scenario or geometry file that makes no sense."""
+    """A scenario or geometry that is not valid."""
 
 
 class DataError(BottomlockError):
-    """Data (a log, a truth, a table) that make no sense."""
+    """Data (a log, a truth, a table) that are not valid."""
 
 
 class OutputError(BottomlockError):
-    """An output directory that cannot be written or belongs to something else."""
+    """An output directory that cannot be written or holds something else."""
 
 
 class EngineError(BottomlockError):
-    """A way to compute that is not there, or has broken down."""
+    """An engine that is not available or has failed."""

@@ -280,9 +280,8 @@ def solve_velocity(
         One row per ping. Lost beams and unobservable components are values, not errors.
 
     Raises:
-        KernelError: for a wrong shape or type, an unknown method, or a valid beam without a finite velocity;
-        the message names
-            row and beam.
+        KernelError: for a wrong shape or type, an unknown method, or a valid beam without a finite velocity; the
+            message names row and beam.
 
     Examples:
         >>> import numpy as np
@@ -292,17 +291,14 @@ def solve_velocity(
         >>> float(fixes.velocity_p_mps[0, 0].round(6)), COMPONENT_STATUS[fixes.component[0, 1]]
         (2.0, 'outside_row_space')
     """
-    sd = (
-        np.broadcast_to(np.asarray(beam_sd_mps, dtype=np.float64), (geometry.beams,))
-        if np.ndim(beam_sd_mps) == 0
-        else beam_sd_mps
-    )
+    if np.ndim(beam_sd_mps) == 0:
+        beam_sd_mps = np.full(geometry.beams, beam_sd_mps, dtype=np.float64)
     solution = _kernel.solve_velocity(
         geometry,
         velocity_mps,
         valid,
         method=method_name(method),
-        beam_sd_mps=sd,
+        beam_sd_mps=beam_sd_mps,
         prior_velocity_p_mps=prior_velocity_p_mps,
         prior_cov_m2ps2=prior_cov_m2ps2,
         rate_tp_p_radps=rate_tp_p_radps,

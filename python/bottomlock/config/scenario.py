@@ -187,9 +187,8 @@ def load_scenario(source: str | Path) -> Scenario:
     """A scenario from a packaged name or a TOML file.
 
     Raises:
-        ScenarioError: for a file that is not there or cannot be read, ill-formed TOML (with line and column),
-        a missing or
-            unknown key, or a value out of range; one line per fault.
+        ScenarioError: for a file that is not there or cannot be read, ill-formed TOML (with line and column), a missing
+            or unknown key, or a value out of range; one line per fault.
     """
     path = Path(source)
     packaged = _packaged_text(str(source)) if path.suffix != ".toml" else None

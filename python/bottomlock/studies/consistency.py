@@ -82,7 +82,7 @@ def run_consistency(
         out: directory, claimed by the caller (`study_folder.claim`).
         command: what to type to have the same again, for the text.
         threads: 0 for as many as there are cores. The numbers do not depend on it.
-        tell: hears of every finished cell.
+        progress: called after each cell with its name, the number of finished cells and of all cells.
 
     Returns:
         The table `tables.studies.CONSISTENCY_STUDY`.

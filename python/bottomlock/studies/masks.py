@@ -35,7 +35,7 @@ def all_cases(scenario: Scenario) -> list[cases.Case]:
     """Every beam, every partial mask, dropouts and the slope, in this order.
 
     Raises:
-        ScenarioError: for an instrument of one beam, and for what `build_simulation` refuses.
+        ScenarioError: for an instrument of one beam, and for what `build_simulation` rejects.
     """
     beams = scenario.dvl.beams
     if beams < 2:
@@ -102,7 +102,7 @@ def run_masks(
         out: directory, claimed by the caller (`study_folder.claim`).
         wanted: names of cases; all for None.
         threads: 0 for as many as there are cores.
-        tell: hears the case and how far its campaign is.
+        progress: called with the case and the progress of its campaign.
 
     Returns:
         The table `tables.studies.MASKS`.

@@ -69,7 +69,7 @@ def run_recovery(
     Args:
         scenarios: what to fly; their runs, seed and methods count ("ins" is left out, it has no fixes).
         out: directory, claimed by the caller.
-        tell: hears the trajectory and the number of runs that are behind.
+        progress: called with the trajectory and the number of its runs that are done.
 
     Returns:
         The tables `tables.studies.RECOVERY` and `RECOVERY_SUMMARY`.

@@ -43,7 +43,7 @@ def reproduce(
         methods: methods; the scenarios' own by default.
         threads: 0 for as many as there are cores.
         force: start over in a directory of another study.
-        tell: hears of the progress of the campaign and the sweep.
+        progress: called with the progress of the campaign, then of the sweep.
 
     Raises:
         As `run_campaign` and `make_report`.
