@@ -13,6 +13,7 @@ use crate::navigator::Method;
 use crate::navigator::NavigatorSet;
 use crate::navigator::events::Event;
 use crate::navigator::run_events::{Failure, Feed};
+use crate::simulation::epochs::{Aid, Epoch, Epochs};
 use crate::simulation::schedule::Schedule;
 use crate::simulation::sensor_errors::RunKey;
 use crate::simulation::sensor_errors::{SensorErrors, drawn_start};
@@ -377,56 +378,10 @@ impl Feed for RunSegment<'_> {
 
     fn finish(&mut self) -> Result<(), NavError> {
         self.run.started = true;
-        // Only epochs beyond the stretch are left, and the truth refuses them.
+        // Only epochs beyond the stretch are left, and the truth rejects them.
         while let Some(epoch) = self.epochs.next_if(|_| true) {
             self.run.measure(&self.truth, &self.schedule, epoch)?;
         }
         Ok(())
-    }
-}
-
-#[derive(Debug, Clone, Copy)]
-enum Aid {
-    Dvl,
-    Depth,
-    Magnetometer,
-    Gps,
-}
-
-type Epoch = (Aid, usize);
-
-/// The epochs of all aiding sensors in order of time; at the same time DVL before depth before magnetometer before GPS.
-struct Epochs<'a> {
-    streams: [(Aid, &'a [i64], usize); 4],
-}
-
-impl<'a> Epochs<'a> {
-    fn new(schedule: &Schedule<'a>) -> Self {
-        Self {
-            streams: [
-                (Aid::Dvl, schedule.dvl_time_ns, 0),
-                (Aid::Depth, schedule.depth_time_ns, 0),
-                (Aid::Magnetometer, schedule.magnetometer_time_ns, 0),
-                (Aid::Gps, schedule.gps_time_ns, 0),
-            ],
-        }
-    }
-
-    fn next_ns(&self) -> Option<i64> {
-        let nexts = self.streams.iter().filter_map(|(_, times, next)| times.get(*next));
-        nexts.min().copied()
-    }
-
-    fn next_if(&mut self, wanted: impl Fn(i64) -> bool) -> Option<Epoch> {
-        let (sensor, times, next) = self
-            .streams
-            .iter_mut()
-            .filter(|(_, times, next)| *next < times.len())
-            .min_by_key(|(_, times, next)| times[*next])?;
-        let k = *next;
-        wanted(times[k]).then(|| {
-            *next += 1;
-            (*sensor, k)
-        })
     }
 }
