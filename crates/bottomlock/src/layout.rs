@@ -11,6 +11,9 @@ pub const DYNAMIC: usize = 9;
 /// Number of beams that have a bias state.
 pub const BIASED_BEAMS: usize = 4;
 
+/// Largest number of beams of one instrument.
+pub const MAX_BEAMS: usize = 8;
+
 /// First index of the position error, tangent frame, m.
 pub const POSITION: usize = 0;
 /// First index of the misalignment ρ, tangent frame, rad.

@@ -6,9 +6,7 @@ use super::velocity::Rows;
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Dvl, Platform, Rot, Vec3};
 use crate::layout::BIASED_BEAMS;
-
-/// Largest number of beams of one instrument.
-pub const MAX_BEAMS: usize = 8;
+pub use crate::layout::MAX_BEAMS;
 
 /// Which beams returned a valid velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]

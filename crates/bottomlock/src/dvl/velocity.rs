@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-use super::geometry::MAX_BEAMS;
 use crate::error::NavError;
+use crate::layout::MAX_BEAMS;
 
 /// Slots of the row table: the beams, two virtual beams, the sway row and the heave row.
 pub const SLOTS: usize = MAX_BEAMS + 4;

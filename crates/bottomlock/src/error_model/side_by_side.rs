@@ -1,10 +1,8 @@
 //! Intervals of several filters gathered into lanes, and taken out again.
 
-use fearless_simd::prelude::*;
-
 use super::second_order::Start;
 use super::{Coefficients, CovarianceInterval, FirstOrderInterval, Interval, SecondOrderInterval};
-use crate::simd::{Lane, Lanes, M3, WIDEST, gather, scatter, three};
+use crate::simd::{Lane, Lanes, M3, Simd, WIDEST, gather, scatter, three};
 
 /// Numbers of [`Coefficients`].
 const COEFFICIENTS: usize = 27;

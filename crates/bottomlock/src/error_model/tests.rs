@@ -7,9 +7,8 @@ use super::*;
 use crate::earth::Environment;
 use crate::frames::{Rot, Vec3};
 use crate::mechanisation::derivatives;
-use crate::simd::{Lanes, WIDEST, gather, on_every_level};
+use crate::simd::{Lanes, Simd, WIDEST, f64x4, f64x8, gather, on_eight_lanes, on_every_level};
 use crate::state::{Covariance, ErrorVector, NavState};
-use fearless_simd::{Simd, f64x4};
 
 type Dense = SMatrix<f64, DIM, DIM>;
 
@@ -350,9 +349,6 @@ fn side_by_side<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, many_steps: 
 fn lanes_equal_scalars_bit_for_bit() {
     on_every_level!(simd => side_by_side::<_, f64x4<_>, FirstOrderInterval<_>>(simd, false));
     on_every_level!(simd => side_by_side::<_, f64x4<_>, SecondOrderInterval<_>>(simd, true));
-    #[cfg(target_arch = "x86_64")]
-    if let Some(simd) = fearless_simd::Level::new().as_avx512() {
-        side_by_side::<_, fearless_simd::f64x8<_>, FirstOrderInterval<_>>(simd, false);
-        side_by_side::<_, fearless_simd::f64x8<_>, SecondOrderInterval<_>>(simd, true);
-    }
+    on_eight_lanes!(simd => side_by_side::<_, f64x8<_>, FirstOrderInterval<_>>(simd, false));
+    on_eight_lanes!(simd => side_by_side::<_, f64x8<_>, SecondOrderInterval<_>>(simd, true));
 }

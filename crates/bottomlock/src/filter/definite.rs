@@ -5,12 +5,8 @@
 //! ed., theorem 10.7, after Demmel: whether the factorisation runs through is a matter of the smallest eigenvalue of the
 //! *scaled* matrix, whichever is factorised).
 
-use fearless_simd::f64x4;
-use fearless_simd::prelude::*;
-
-use super::columns::{VECTORS, WIDTH, load_part};
 use crate::layout::DIM;
-use crate::simd::{plus, with_vectors};
+use crate::simd::{Simd, VECTORS, WIDTH, f64x4, four, load_part, plus, with_vectors};
 use crate::state::Covariance;
 
 /// True where the factorisation of a symmetric matrix exists; states without variance are left out.
@@ -45,7 +41,7 @@ struct Panel<S: Simd> {
 /// The columns `4 B..4 B + 4`, from those before them; nothing where a pivot is not positive.
 #[inline(always)]
 fn panel<S: Simd, const B: usize>(simd: S, matrix: &[[f64; DIM]; DIM], before: [&Panel<S>; B]) -> Option<Panel<S>> {
-    let zero = [f64x4::simd_from(simd, 0.0); VECTORS];
+    let zero = [four(simd, 0.0); VECTORS];
     let mut own = [zero; WIDTH];
     for q in 0..WIDTH {
         for v in B..VECTORS {
@@ -66,13 +62,13 @@ fn panel<S: Simd, const B: usize>(simd: S, matrix: &[[f64; DIM]; DIM], before: [
     for q in 0..WIDTH {
         let pivot = own[q][B][q];
         // Products with the reciprocal: one division a pivot.
-        let mut inverse = f64x4::simd_from(simd, -1.0) / pivot;
+        let mut inverse = four(simd, -1.0) / pivot;
         if !(pivot > 0.0) {
             if !is_frozen(matrix, WIDTH * B + q) {
                 return None;
             }
             own[q] = zero;
-            inverse = f64x4::simd_from(simd, 0.0);
+            inverse = four(simd, 0.0);
         }
         for v in B..VECTORS {
             minus_l[q][v] = own[q][v] * inverse;

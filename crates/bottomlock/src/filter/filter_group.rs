@@ -5,11 +5,6 @@
 
 use std::marker::PhantomData;
 
-use fearless_simd::f64x4;
-#[cfg(target_arch = "x86_64")]
-use fearless_simd::f64x8;
-use fearless_simd::prelude::*;
-
 use super::Eskf;
 use super::predict::{outcome, ran_out_of_numbers};
 use super::prediction::{Beside, Group, Reached, predict};
@@ -18,7 +13,7 @@ use crate::error::NavError;
 use crate::error_model::{FirstOrderInterval, Interval, Matrix, SecondOrderInterval, SideBySide};
 use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, ImuSample, Kinematics};
-use crate::simd::{Lanes, Vectors, WIDEST, gather, scatter, scatter_rows, three, vectors};
+use crate::simd::{Lanes, Simd, WIDEST, gather, scatter, scatter_rows, three, widest_lanes, with_lanes};
 use crate::state::Covariance;
 
 /// Whose filter it is: the number of a run or log, and of a navigator in it.
@@ -89,7 +84,7 @@ pub fn predict_together(spans: &mut [FilterSpan<'_>]) {
         for part in group.chunks_mut(width()) {
             match part {
                 [alone] => alone.predict_alone(),
-                _ => dispatch(part),
+                _ => with_lanes!(run, part),
             }
         }
     }
@@ -98,36 +93,7 @@ pub fn predict_together(spans: &mut [FilterSpan<'_>]) {
 /// How many filters share a vector: the widest of the machine.
 #[must_use]
 pub fn width() -> usize {
-    match vectors() {
-        #[cfg(target_arch = "x86_64")]
-        Vectors::Avx512(_) => WIDEST,
-        _ => 4,
-    }
-}
-
-/// Compiled for the vectors of this machine.
-fn dispatch(spans: &mut [&mut FilterSpan<'_>]) {
-    match vectors() {
-        #[cfg(target_arch = "x86_64")]
-        Vectors::Avx512(simd) => simd.vectorize(
-            #[inline(always)]
-            || run::<_, f64x8<_>>(simd, spans),
-        ),
-        #[cfg(target_arch = "x86_64")]
-        Vectors::Avx2(simd) => simd.vectorize(
-            #[inline(always)]
-            || run::<_, f64x4<_>>(simd, spans),
-        ),
-        #[cfg(target_arch = "x86_64")]
-        Vectors::Sse2(simd) => simd.vectorize(
-            #[inline(always)]
-            || run::<_, f64x4<_>>(simd, spans),
-        ),
-        #[cfg(not(target_arch = "x86_64"))]
-        Vectors::Others(level) => {
-            fearless_simd::dispatch!(level, simd => run::<_, f64x4<_>>(simd, spans))
-        }
-    }
+    widest_lanes()
 }
 
 #[inline(always)]

@@ -7,7 +7,7 @@ use crate::filter::options::Options;
 use crate::filter::water_block::WaterBlock;
 use crate::frames::{Rot, Vec3};
 use crate::model::Model;
-use crate::simd::on_every_level;
+use crate::simd::{f64x4, f64x8, on_eight_lanes, on_every_level};
 use crate::state::NavState;
 
 const FILTERS: usize = 4;
@@ -73,8 +73,5 @@ fn check<S: Simd, T: Lanes<S>>(simd: S) {
 #[test]
 fn every_kind_of_vector_gives_the_same_bits() {
     on_every_level!(simd => check::<_, f64x4<_>>(simd));
-    #[cfg(target_arch = "x86_64")]
-    if let Some(simd) = fearless_simd::Level::new().as_avx512() {
-        check::<_, f64x8<_>>(simd);
-    }
+    on_eight_lanes!(simd => check::<_, f64x8<_>>(simd));
 }

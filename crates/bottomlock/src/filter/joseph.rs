@@ -12,16 +12,13 @@
 //! E (I − K H)ᵀ: what a sharp measurement says of a state keeps its digits, as in the dense product. Forms without A,
 //! P − K S Kᵀ and P − K Xᵀ − X Kᵀ + K S Kᵀ, leave differences of 2e-16 P there.
 
-use fearless_simd::f64x4;
-use fearless_simd::prelude::*;
 use nalgebra::{Cholesky, Const, SMatrix};
 
-use super::columns::{Column, VECTORS, WIDTH, load_part, store_part};
 use super::definite::factorises;
 use crate::aiding::MAX_ROWS;
 use crate::aiding::{Innovation, RowJacobian};
 use crate::layout::DIM;
-use crate::simd::{columns_of_four, plus, with_vectors};
+use crate::simd::{Column, Simd, WIDTH, are_zero, four, load_four, make_symmetric, plus, with_vectors};
 use crate::state::{Covariance, ErrorVector};
 
 /// A matrix of M columns, column by column.
@@ -75,8 +72,7 @@ impl Reached {
         for (k, column) in h.data.0.iter().enumerate() {
             let mut is_reached = false;
             for from in (0..M).step_by(WIDTH) {
-                let rows = f64x4::from_slice(simd, &column[from..from + WIDTH]);
-                is_reached |= !rows.simd_eq(0.0).all_true();
+                is_reached |= !are_zero(load_four(simd, column, from));
             }
             states[count] = k;
             count += usize::from(is_reached);
@@ -174,7 +170,7 @@ impl<const M: usize> Expectation<M> {
         let mut corrected = *covariance;
         let p = &mut corrected.data.0;
         self.joseph(simd, p, innovation, &gain);
-        halve(simd, p);
+        make_symmetric(simd, p);
         if !factorises(simd, p) {
             return Err(Indefinite {
                 negative: (0..DIM).find(|&k| p[k][k] < 0.0),
@@ -313,9 +309,9 @@ fn times_transposed<S: Simd, const M: usize>(
 fn times<S: Simd, const M: usize>(simd: S, h: &RowJacobian, x: &[[f64; DIM]], reached: &Reached) -> Columns<M> {
     let mut out = [[0.0; M]; M];
     for from in (0..M).step_by(WIDTH) {
-        let mut sums = [f64x4::simd_from(simd, 0.0); M];
+        let mut sums = [four(simd, 0.0); M];
         for &k in reached.states() {
-            let rows = f64x4::from_slice(simd, &h.data.0[k][from..from + WIDTH]);
+            let rows = load_four(simd, &h.data.0[k], from);
             for n in 0..M {
                 sums[n] = plus(sums[n], x[n][k], rows);
             }
@@ -325,35 +321,6 @@ fn times<S: Simd, const M: usize>(simd: S, h: &RowJacobian, x: &[[f64; DIM]], re
                 out[n][m] = sums[n][m - from];
             }
         }
-    }
-    out
-}
-
-/// The mean of a matrix and its transpose.
-#[inline(always)]
-fn halve<S: Simd>(simd: S, matrix: &mut [[f64; DIM]; DIM]) {
-    for b in 0..VECTORS {
-        for v in b..VECTORS {
-            let above = columns_of_four(block(simd, matrix, v, b));
-            let mut below = block(simd, matrix, b, v);
-            for q in 0..WIDTH {
-                below[q] = (below[q] + above[q]) * 0.5;
-                store_part(below[q], &mut matrix[WIDTH * b + q], v);
-            }
-            let mirrored = columns_of_four(below);
-            for q in 0..WIDTH {
-                store_part(mirrored[q], &mut matrix[WIDTH * v + q], b);
-            }
-        }
-    }
-}
-
-/// Rows `4 v..4 v + 4` of the columns `4 b..4 b + 4`.
-#[inline(always)]
-fn block<S: Simd>(simd: S, matrix: &[[f64; DIM]; DIM], b: usize, v: usize) -> [f64x4<S>; WIDTH] {
-    let mut out = [f64x4::simd_from(simd, 0.0); WIDTH];
-    for q in 0..WIDTH {
-        out[q] = load_part(simd, &matrix[WIDTH * b + q], v);
     }
     out
 }

@@ -60,7 +60,7 @@ fn joseph<S: Simd, const M: usize>(simd: S, p: &Covariance, innovation: &Innovat
     }
     let mut corrected = *p;
     seen.joseph(simd, &mut corrected.data.0, innovation, &columns);
-    halve(simd, &mut corrected.data.0);
+    make_symmetric(simd, &mut corrected.data.0);
     corrected
 }
 

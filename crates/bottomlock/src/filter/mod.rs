@@ -1,7 +1,6 @@
 //! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
 
 mod assume;
-mod columns;
 mod definite;
 mod extensions;
 pub mod filter_group;
@@ -250,7 +249,7 @@ fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<()
 mod tests {
     use super::Eskf;
 
-    /// Of hundreds of filters side by side each takes no more than this: what it keeps fits the second cache.
+    /// Of the filters that go side by side each takes no more than this, most of it the covariance.
     #[test]
     fn a_filter_takes_five_kilobytes() {
         assert!(size_of::<Eskf>() <= 5000, "{} bytes", size_of::<Eskf>());

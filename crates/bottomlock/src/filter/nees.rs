@@ -1,9 +1,7 @@
 //! Normalised estimation error squared: how far the error is from what the covariance says.
 
-use fearless_simd::Simd;
-
 use crate::layout::DIM;
-use crate::simd::with_vectors;
+use crate::simd::{Simd, with_vectors};
 use crate::state::{Covariance, ErrorVector};
 
 /// Normalised estimation error squared over the states `from..to`; `None` where P is not positive definite there.

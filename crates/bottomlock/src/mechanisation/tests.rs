@@ -1,8 +1,7 @@
 //! The strapdown step by hand, and in lanes.
 
 use super::*;
-use crate::simd::{Lanes, on_every_level, scatter};
-use fearless_simd::{Simd, f64x4, f64x8};
+use crate::simd::{Lanes, Simd, f64x4, f64x8, on_every_level, scatter};
 
 fn still_earth() -> EarthTerms {
     EarthTerms {

@@ -1,4 +1,4 @@
-//! The one event loop: campaign, replay and live use are the same [`Navigator`] fed an event at a time.
+//! A filter with its beam aiding, pushed one event at a time; many of them side by side are in [`super::run_events`].
 
 use std::collections::VecDeque;
 
@@ -137,7 +137,7 @@ impl Navigator {
         self.filters.best().water()
     }
 
-    /// Takes an event; `report` hears of every measurement that is worked off by it.
+    /// Takes an event; `report` is called with every measurement that it completes.
     ///
     /// # Errors
     /// [`NavError`] for bad numbers and for time that does not increase within a stream or lies before the filter's time; the

@@ -14,7 +14,7 @@ use crate::navigator::events::{Event, STREAMS};
 use crate::navigator::selector::Bank;
 use crate::state::{Covariance, NavState};
 
-/// What a method flies with.
+/// The filters of a method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Aiding {
     /// One filter.
@@ -34,7 +34,7 @@ impl Aiding {
     }
 }
 
-/// What leads a vehicle: a navigator, or a choice of several.
+/// One navigator, or a choice between several.
 #[derive(Debug, Clone)]
 pub enum NavigatorSet {
     /// One filter.
@@ -44,7 +44,7 @@ pub enum NavigatorSet {
 }
 
 impl NavigatorSet {
-    /// A guide at an initial state.
+    /// The navigators of a method at an initial state.
     ///
     /// # Errors
     /// As [`Navigator::new`].
@@ -87,7 +87,7 @@ impl NavigatorSet {
         }
     }
 
-    /// The filters of a guide that has one navigator; a choice has no filter of its own to smooth.
+    /// The filters of a single navigator; a choice has no filter of its own to smooth.
     pub(crate) fn filters(&mut self) -> Option<&mut DualFilter> {
         match self {
             Self::One(navigator) => Some(navigator.filters()),

@@ -10,60 +10,16 @@ use crate::aiding::registry::{Levers, Sensor, SensorKind};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, Janus};
 use crate::error::NavError;
 use crate::frames::Vec3;
-use crate::frames::{Platform, Rot, Tangent};
 use crate::model::Model;
 use crate::simulation::truth::Truth;
 
+#[path = "turn_for_tests.rs"]
+mod turn;
+
+use self::turn::Turn;
+
 const GRAVITY: f64 = 9.8125;
 const SECOND_NS: i64 = 1_000_000_000;
-
-/// A turn about the vertical at a constant rate and surge, from heading north; the Earth rests.
-struct Turn {
-    time_ns: Vec<i64>,
-    position: Vec<[f64; 3]>,
-    attitude: Vec<[f64; 4]>,
-    velocity: Vec<[f64; 3]>,
-    omega: Vec<[f64; 3]>,
-    force: Vec<[f64; 3]>,
-}
-
-impl Turn {
-    fn new(rate: f64, speed: f64, seconds: i64, rate_hz: i64) -> Self {
-        let count = seconds * rate_hz + 1;
-        let time_ns: Vec<i64> = (0..count).map(|k| k * SECOND_NS / rate_hz).collect();
-        let at = |t: &i64| *t as f64 * 1e-9;
-        let position = |t: f64| {
-            if rate == 0.0 {
-                [speed * t, 0.0, 0.0]
-            } else {
-                let radius = speed / rate;
-                [radius * (rate * t).sin(), radius * (1.0 - (rate * t).cos()), 0.0]
-            }
-        };
-        Self {
-            position: time_ns.iter().map(|t| position(at(t))).collect(),
-            attitude: time_ns
-                .iter()
-                .map(|t| Rot::<Tangent, Platform>::from_euler_rad(0.0, 0.0, rate * at(t)).to_quaternion_wxyz())
-                .collect(),
-            velocity: vec![[speed, 0.0, 0.0]; count as usize],
-            omega: vec![[0.0, 0.0, rate]; count as usize],
-            force: vec![[0.0, rate * speed, -GRAVITY]; count as usize],
-            time_ns,
-        }
-    }
-
-    fn truth(&self) -> Truth<'_> {
-        Truth {
-            time_ns: &self.time_ns,
-            position_t_m: &self.position,
-            attitude_t_p: &self.attitude,
-            velocity_p_mps: &self.velocity,
-            omega_p_radps: &self.omega,
-            force_p_mps2: &self.force,
-        }
-    }
-}
 
 fn model() -> Model {
     let mut model = Model::table_2();
@@ -219,7 +175,7 @@ fn full_rank_has_no_basis() {
     assert_eq!((found.rank, found.basis.nrows(), found.decided), (15, 0, true));
 }
 
-/// Covariance analysis: what is unobservable_fraction keeps its deviation, what is seen loses most of it.
+/// Covariance analysis: unobservable states keep their deviation, observable ones lose most of it.
 #[test]
 fn hidden_directions_keep_their_deviation() {
     let turn = Turn::new(0.05, 3.0, 60, 50);
@@ -232,7 +188,7 @@ fn hidden_directions_keep_their_deviation() {
     let history = of_filter(&truth, &geometry, &quiet, &aiding, false, Epochs::Every(SECOND_NS)).unwrap();
     let last = &history.covariance[history.covariance.len() - 1];
     let first = quiet.initial_covariance(false);
-    // Yaw is unobservable_fraction altogether (and grows with the gyro's bias), heave is not.
+    // Yaw is unobservable (and grows with the gyro's bias), heave is not.
     assert!(last[(5, 5)] >= first[(5, 5)], "{}", last[(5, 5)]);
     assert!(last[(8, 8)] < 0.1 * first[(8, 8)]);
     let sensors = Sensors {

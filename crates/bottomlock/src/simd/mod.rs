@@ -6,79 +6,21 @@
 //! fuse works out the fused result in software, slowly.
 
 mod algebra;
+mod column;
+mod dispatch;
 mod transpose;
 
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
-use std::sync::OnceLock;
 
+use fearless_simd::Level;
 use fearless_simd::prelude::*;
-use fearless_simd::{Level, f64x4, f64x8};
+
+pub(crate) use fearless_simd::{Simd, f64x4, f64x8};
 
 pub(crate) use self::algebra::*;
+pub(crate) use self::column::*;
+pub(crate) use self::dispatch::{Vectors, vectors, widest_lanes, with_lanes, with_vectors};
 pub(crate) use self::transpose::{columns_of_eight, columns_of_four};
-
-/// The vectors that code is made for: what lies between SSE2 and AVX2 is not worth a copy of everything.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Vectors {
-    #[cfg(target_arch = "x86_64")]
-    Avx512(fearless_simd::x86::Avx512),
-    #[cfg(target_arch = "x86_64")]
-    Avx2(fearless_simd::x86::Avx2),
-    #[cfg(target_arch = "x86_64")]
-    Sse2(fearless_simd::x86::Sse2),
-    #[cfg(not(target_arch = "x86_64"))]
-    Others(Level),
-}
-
-/// The vectors of this machine, found once.
-pub(crate) fn vectors() -> Vectors {
-    static VECTORS: OnceLock<Vectors> = OnceLock::new();
-    *VECTORS.get_or_init(|| of_level(Level::new()))
-}
-
-#[cfg(target_arch = "x86_64")]
-fn of_level(level: Level) -> Vectors {
-    match (level, level.as_sse2()) {
-        (Level::Avx512(token), _) => Vectors::Avx512(token),
-        (Level::Avx2(token), _) => Vectors::Avx2(token),
-        (_, Some(token)) => Vectors::Sse2(token),
-        (_, None) => unreachable!("every x86-64 has SSE2"),
-    }
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-fn of_level(level: Level) -> Vectors {
-    Vectors::Others(level)
-}
-
-/// Evaluates an expression, compiled for the vectors of this machine, with the token that stands for them.
-macro_rules! with_vectors {
-    ($simd:ident => $work:expr) => {
-        match $crate::simd::vectors() {
-            #[cfg(target_arch = "x86_64")]
-            $crate::simd::Vectors::Avx512($simd) => fearless_simd::Simd::vectorize(
-                $simd,
-                #[inline(always)]
-                || $work,
-            ),
-            #[cfg(target_arch = "x86_64")]
-            $crate::simd::Vectors::Avx2($simd) => fearless_simd::Simd::vectorize(
-                $simd,
-                #[inline(always)]
-                || $work,
-            ),
-            #[cfg(target_arch = "x86_64")]
-            $crate::simd::Vectors::Sse2($simd) => fearless_simd::Simd::vectorize(
-                $simd,
-                #[inline(always)]
-                || $work,
-            ),
-            #[cfg(not(target_arch = "x86_64"))]
-            $crate::simd::Vectors::Others(level) => fearless_simd::dispatch!(level, $simd => $work),
-        }
-    };
-}
-pub(crate) use with_vectors;
 
 /// True where the machine fuses products and sums by itself.
 #[inline(always)]
@@ -337,6 +279,19 @@ macro_rules! on_every_level {
 }
 #[cfg(test)]
 pub(crate) use on_every_level;
+
+/// Evaluates an expression where the machine has vectors of eight.
+#[cfg(test)]
+macro_rules! on_eight_lanes {
+    ($simd:ident => $check:expr) => {
+        #[cfg(target_arch = "x86_64")]
+        if let Some($simd) = fearless_simd::Level::new().as_avx512() {
+            $check;
+        }
+    };
+}
+#[cfg(test)]
+pub(crate) use on_eight_lanes;
 
 #[cfg(test)]
 mod tests {

@@ -2,6 +2,7 @@
 
 pub mod batch;
 pub mod closed_loop;
+mod epochs;
 pub mod monte_carlo_run;
 mod run_group;
 pub mod schedule;

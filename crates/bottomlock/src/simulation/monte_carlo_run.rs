@@ -1,6 +1,5 @@
 //! One simulated run: its sensor errors, and every method on the same readings, along the whole truth or a part at a time.
 
-use crate::aiding::registry::SensorKind;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::error::NavError;
 use crate::filter::filter_group::{FilterSpan, Owner};
@@ -14,6 +13,7 @@ use crate::navigator::Method;
 use crate::navigator::NavigatorSet;
 use crate::navigator::events::Event;
 use crate::navigator::run_events::{Failure, Feed};
+use crate::simulation::epochs::{Aid, Epoch, Epochs};
 use crate::simulation::schedule::Schedule;
 use crate::simulation::sensor_errors::RunKey;
 use crate::simulation::sensor_errors::{SensorErrors, drawn_start};
@@ -371,51 +371,10 @@ impl Feed for RunSegment<'_> {
 
     fn finish(&mut self) -> Result<(), NavError> {
         self.run.started = true;
-        // Only epochs beyond the stretch are left, and the truth refuses them.
+        // Only epochs beyond the stretch are left, and the truth rejects them.
         while let Some(epoch) = self.epochs.next_if(|_| true) {
             self.run.measure(&self.truth, &self.schedule, epoch)?;
         }
         Ok(())
-    }
-}
-
-#[derive(Debug, Clone, Copy)]
-enum Aid {
-    Dvl,
-    Sensor(SensorKind),
-}
-
-type Epoch = (Aid, usize);
-
-/// The epochs of all aiding sensors in order of time; at the same time the DVL's first, then in the order of the registry.
-struct Epochs<'a> {
-    streams: Vec<(Aid, &'a [i64], usize)>,
-}
-
-impl<'a> Epochs<'a> {
-    fn new(schedule: &Schedule<'a>) -> Self {
-        let others = SensorKind::ALL.map(|kind| (Aid::Sensor(kind), schedule.of(kind).time_ns, 0));
-        let all = std::iter::once((Aid::Dvl, schedule.dvl_time_ns, 0)).chain(others);
-        Self {
-            streams: all.filter(|(_, times, _)| !times.is_empty()).collect(),
-        }
-    }
-
-    fn next_ns(&self) -> Option<i64> {
-        let nexts = self.streams.iter().filter_map(|(_, times, next)| times.get(*next));
-        nexts.min().copied()
-    }
-
-    fn next_if(&mut self, wanted: impl Fn(i64) -> bool) -> Option<Epoch> {
-        let (sensor, times, next) = self
-            .streams
-            .iter_mut()
-            .filter(|(_, times, next)| *next < times.len())
-            .min_by_key(|(_, times, next)| times[*next])?;
-        let k = *next;
-        wanted(times[k]).then(|| {
-            *next += 1;
-            (*sensor, k)
-        })
     }
 }

@@ -1,0 +1,110 @@
+//! Which vectors the machine has, found at run time, and code compiled for each kind of them.
+
+use std::sync::OnceLock;
+
+use fearless_simd::Level;
+
+use super::WIDEST;
+
+/// The vectors that code is made for: what lies between SSE2 and AVX2 is not worth a copy of everything.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Vectors {
+    #[cfg(target_arch = "x86_64")]
+    Avx512(fearless_simd::x86::Avx512),
+    #[cfg(target_arch = "x86_64")]
+    Avx2(fearless_simd::x86::Avx2),
+    #[cfg(target_arch = "x86_64")]
+    Sse2(fearless_simd::x86::Sse2),
+    #[cfg(not(target_arch = "x86_64"))]
+    Others(Level),
+}
+
+/// The vectors of this machine, found once.
+pub(crate) fn vectors() -> Vectors {
+    static VECTORS: OnceLock<Vectors> = OnceLock::new();
+    *VECTORS.get_or_init(|| of_level(Level::new()))
+}
+
+#[cfg(target_arch = "x86_64")]
+fn of_level(level: Level) -> Vectors {
+    match (level, level.as_sse2()) {
+        (Level::Avx512(token), _) => Vectors::Avx512(token),
+        (Level::Avx2(token), _) => Vectors::Avx2(token),
+        (_, Some(token)) => Vectors::Sse2(token),
+        (_, None) => unreachable!("every x86-64 has SSE2"),
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn of_level(level: Level) -> Vectors {
+    Vectors::Others(level)
+}
+
+/// Evaluates an expression, compiled for the vectors of this machine, with the token that stands for them.
+macro_rules! with_vectors {
+    ($simd:ident => $work:expr) => {
+        match $crate::simd::vectors() {
+            #[cfg(target_arch = "x86_64")]
+            $crate::simd::Vectors::Avx512($simd) => $crate::simd::Simd::vectorize(
+                $simd,
+                #[inline(always)]
+                || $work,
+            ),
+            #[cfg(target_arch = "x86_64")]
+            $crate::simd::Vectors::Avx2($simd) => $crate::simd::Simd::vectorize(
+                $simd,
+                #[inline(always)]
+                || $work,
+            ),
+            #[cfg(target_arch = "x86_64")]
+            $crate::simd::Vectors::Sse2($simd) => $crate::simd::Simd::vectorize(
+                $simd,
+                #[inline(always)]
+                || $work,
+            ),
+            #[cfg(not(target_arch = "x86_64"))]
+            $crate::simd::Vectors::Others(level) => fearless_simd::dispatch!(level, $simd => $work),
+        }
+    };
+}
+pub(crate) use with_vectors;
+
+/// Calls a function over the widest lanes of this machine, compiled for its vectors: `f::<S, T>(simd, …)`.
+macro_rules! with_lanes {
+    ($function:ident, $argument:expr) => {
+        match $crate::simd::vectors() {
+            #[cfg(target_arch = "x86_64")]
+            $crate::simd::Vectors::Avx512(simd) => $crate::simd::Simd::vectorize(
+                simd,
+                #[inline(always)]
+                || $function::<_, $crate::simd::f64x8<_>>(simd, $argument),
+            ),
+            #[cfg(target_arch = "x86_64")]
+            $crate::simd::Vectors::Avx2(simd) => $crate::simd::Simd::vectorize(
+                simd,
+                #[inline(always)]
+                || $function::<_, $crate::simd::f64x4<_>>(simd, $argument),
+            ),
+            #[cfg(target_arch = "x86_64")]
+            $crate::simd::Vectors::Sse2(simd) => $crate::simd::Simd::vectorize(
+                simd,
+                #[inline(always)]
+                || $function::<_, $crate::simd::f64x4<_>>(simd, $argument),
+            ),
+            #[cfg(not(target_arch = "x86_64"))]
+            $crate::simd::Vectors::Others(level) => {
+                fearless_simd::dispatch!(level, simd => $function::<_, $crate::simd::f64x4<_>>(simd, $argument))
+            }
+        }
+    };
+}
+pub(crate) use with_lanes;
+
+/// How many lanes the widest vectors of this machine have.
+pub(crate) fn widest_lanes() -> usize {
+    match vectors() {
+        #[cfg(target_arch = "x86_64")]
+        Vectors::Avx512(_) => WIDEST,
+        _ => 4,
+    }
+}

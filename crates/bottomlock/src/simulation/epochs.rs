@@ -1,0 +1,47 @@
+//! The epochs of a schedule in order of time.
+
+use crate::aiding::registry::SensorKind;
+use crate::simulation::schedule::Schedule;
+
+/// Which sensor measures.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Aid {
+    Dvl,
+    Sensor(SensorKind),
+}
+
+/// A sensor and the number of its epoch.
+pub(super) type Epoch = (Aid, usize);
+
+/// The epochs of all aiding sensors in order of time; at the same time the DVL's first, then in the order of the registry.
+pub(super) struct Epochs<'a> {
+    streams: Vec<(Aid, &'a [i64], usize)>,
+}
+
+impl<'a> Epochs<'a> {
+    pub(super) fn new(schedule: &Schedule<'a>) -> Self {
+        let others = SensorKind::ALL.map(|kind| (Aid::Sensor(kind), schedule.of(kind).time_ns, 0));
+        let all = std::iter::once((Aid::Dvl, schedule.dvl_time_ns, 0)).chain(others);
+        Self {
+            streams: all.filter(|(_, times, _)| !times.is_empty()).collect(),
+        }
+    }
+
+    pub(super) fn next_ns(&self) -> Option<i64> {
+        let nexts = self.streams.iter().filter_map(|(_, times, next)| times.get(*next));
+        nexts.min().copied()
+    }
+
+    pub(super) fn next_if(&mut self, wanted: impl Fn(i64) -> bool) -> Option<Epoch> {
+        let (sensor, times, next) = self
+            .streams
+            .iter_mut()
+            .filter(|(_, times, next)| *next < times.len())
+            .min_by_key(|(_, times, next)| times[*next])?;
+        let k = *next;
+        wanted(times[k]).then(|| {
+            *next += 1;
+            (*sensor, k)
+        })
+    }
+}
