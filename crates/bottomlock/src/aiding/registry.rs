@@ -32,6 +32,9 @@ models! {
     acoustic_position: AcousticPositionModel,
 }
 
+/// [`AidingSensor::of_row`] of a sensor.
+type OfRow = fn(i64, &[Option<&[f64]>], &SensorModels) -> Option<Measurement>;
+
 /// What a sensor declares, as plain values.
 #[derive(Debug, Clone, Copy)]
 pub struct Declaration {
@@ -46,7 +49,7 @@ pub struct Declaration {
     /// [`AidingSensor::SIMULATION`].
     pub simulation: Option<Simulation>,
     of_truth: fn(&Motion<'_>, &Vec3<Platform>, &SensorModels) -> Measurement,
-    of_row: fn(i64, &[Option<&[f64]>], &SensorModels) -> Option<Measurement>,
+    of_row: OfRow,
     simulate: fn(&Scene<'_>, &mut [Normals]) -> Option<Measurement>,
 }
 
