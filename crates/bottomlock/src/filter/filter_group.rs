@@ -127,9 +127,9 @@ fn run_lanes<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, spans: &mut [&m
             .each_ref(),
     );
     let of: [&[ImuSample]; WIDEST] = std::array::from_fn(|k| spans[place(k)].samples);
-    let are_one = of.iter().all(|stream| std::ptr::eq(*stream, of[0]));
     let streams = Streams {
-        of: if are_one { &of[..1] } else { &of },
+        are_one: of.iter().all(|stream| std::ptr::eq(*stream, of[0])),
+        of,
         gyro_bias_p_radps: three(&biases, 0),
         accel_bias_p_mps2: three(&biases, 3),
     };

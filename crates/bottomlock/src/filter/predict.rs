@@ -7,7 +7,7 @@ use super::streams::Streams;
 use crate::error::NavError;
 use crate::error_model::{CovarianceInterval, Interval};
 use crate::mechanisation::{EarthTerms, ImuSample, Kinematics, Sampling};
-use crate::simd::with_vectors;
+use crate::simd::{WIDEST, with_vectors};
 
 impl Eskf {
     /// One strapdown step from `start` to `end`, and the covariance where its interval is full.
@@ -28,7 +28,8 @@ impl Eskf {
         }
         let settings = self.settings;
         let streams = Streams {
-            of: &[samples],
+            of: [samples; WIDEST],
+            are_one: true,
             gyro_bias_p_radps: self.state.gyro_bias_p_radps.to_array(),
             accel_bias_p_mps2: self.state.accel_bias_p_mps2.to_array(),
         };

@@ -1,11 +1,13 @@
 //! The inertial readings of filters side by side, less their biases.
 
 use crate::mechanisation::{ImuSample, Inertial};
-use crate::simd::{Lane, V3, splat3, sub};
+use crate::simd::{Lane, V3, WIDEST, splat3, sub};
 
-/// The samples of each lane, at the same times; one slice where all lanes have the same.
+/// The samples of all lanes, at the same times.
 pub(super) struct Streams<'a, T> {
-    pub(super) of: &'a [&'a [ImuSample]],
+    pub(super) of: [&'a [ImuSample]; WIDEST],
+    /// True where all lanes have the same samples.
+    pub(super) are_one: bool,
     pub(super) gyro_bias_p_radps: V3<T>,
     pub(super) accel_bias_p_mps2: V3<T>,
 }
@@ -24,20 +26,23 @@ impl<T: Lane> Streams<'_, T> {
     pub(super) fn corrected(&self, at: usize) -> Inertial<T> {
         let (rate, force);
         let like = self.gyro_bias_p_radps[0];
-        if let [samples] = self.of {
-            let one = &samples[at];
+        if self.are_one {
+            let one = &self.of[0][at];
             rate = splat3(like, one.rate_p_radps.to_array());
             force = splat3(like, one.force_p_mps2.to_array());
         } else {
+            let own = self.of.map(|stream| &stream[at]);
+            let rates = own.map(|own| &own.rate_p_radps.0);
+            let forces = own.map(|own| &own.force_p_mps2.0);
             rate = [
-                like.each(|k| self.of[k][at].rate_p_radps.0.x),
-                like.each(|k| self.of[k][at].rate_p_radps.0.y),
-                like.each(|k| self.of[k][at].rate_p_radps.0.z),
+                like.each(|k| rates[k].x),
+                like.each(|k| rates[k].y),
+                like.each(|k| rates[k].z),
             ];
             force = [
-                like.each(|k| self.of[k][at].force_p_mps2.0.x),
-                like.each(|k| self.of[k][at].force_p_mps2.0.y),
-                like.each(|k| self.of[k][at].force_p_mps2.0.z),
+                like.each(|k| forces[k].x),
+                like.each(|k| forces[k].y),
+                like.each(|k| forces[k].z),
             ];
         }
         Inertial {
