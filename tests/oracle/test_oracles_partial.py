@@ -132,7 +132,7 @@ def test_virtual_heave_variance_by_sampling() -> None:
     assert float(np.var(sway)) == pytest.approx(right, rel=0.02)
 
 
-def test_selector_is_nullified_sway_in_disguise() -> None:
+def test_selector_equals_nullified_sway() -> None:
     """Erratum E4: with ε near zero NSV wins sway, and surge is a tie of three methods."""
     surge = paper.partial_loose_surge_variance(B, SD1, SD2)
     sd3 = paper.third_beam_sd_corrected(B, PRIOR_COV, 1.0)

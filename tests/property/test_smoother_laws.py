@@ -208,8 +208,8 @@ def test_laws_of_the_smoother(method: str, period_ns: int, seed: int, every: int
         np.testing.assert_array_equal(end["smoothed_" + key], end[key])  # type: ignore[literal-required]
 
 
-def test_the_selector_between_filters_is_refused() -> None:
-    """It has no filter of its own to go back over; the message says what to smooth instead."""
+def test_the_selector_cannot_be_smoothed() -> None:
+    """A method that selects among filters has no smoother; the message names the methods to smooth in its place."""
     log, start = make_log(np.random.default_rng(1), steps=10, every=4)
-    with pytest.raises(bottomlock.KernelError, match=r"method consistent: .*no smoother.*tc, weak_sway"):
+    with pytest.raises(bottomlock.KernelError, match=r"method consistent: .*cannot be smoothed.*tc, weak_sway"):
         replayed(log, start, ["consistent"])

@@ -1,4 +1,4 @@
-//! Python arrays, lists and scalars to plain vectors and back, with shapes checked in the user's words.
+//! Conversion between Python arrays, lists and scalars and plain vectors, with checks of type and shape.
 
 use numpy::{
     Element, IntoPyArray, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
@@ -9,14 +9,15 @@ use pyo3::types::PyDict;
 
 use crate::errors::refuse;
 
-/// A contiguous copy with its shape.
+/// A contiguous copy of an array with its shape.
 pub struct Array<T> {
     pub shape: Vec<usize>,
     pub values: Vec<T>,
 }
 
-/// Rows of a fixed width under leading axes, one after the other: the caller's own memory where it is contiguous and of the right
-/// type, else a copy. Nobody may write to it while it is read without the GIL, as in numpy's own functions.
+/// Rows of a fixed width under leading axes.
+///
+/// A contiguous array of the right type is read without a copy. It must not be written to while it is read without the GIL.
 pub struct Rows<'py, const N: usize>(PyReadonlyArrayDyn<'py, f64>);
 
 impl<'py, const N: usize> Rows<'py, N> {
@@ -30,12 +31,13 @@ impl<'py, const N: usize> Rows<'py, N> {
     }
 }
 
+/// A shape as numpy prints it, with `n` for any length.
 fn shape_text(shape: &[Option<usize>]) -> String {
-    let parts: Vec<String> = shape.iter().map(|n| n.map_or("n".into(), |n| n.to_string())).collect();
-    format!("({}{})", parts.join(", "), if shape.len() == 1 { "," } else { "" })
+    let lengths: Vec<String> = shape.iter().map(|n| n.map_or("n".into(), |n| n.to_string())).collect();
+    format!("({}{})", lengths.join(", "), if shape.len() == 1 { "," } else { "" })
 }
 
-/// A contiguous array of a type and a shape.
+/// A contiguous array, checked for type and shape; `None` in a shape stands for any length.
 fn checked<'py, T: Element>(
     name: &str,
     value: &Bound<'py, PyAny>,
@@ -44,9 +46,11 @@ fn checked<'py, T: Element>(
     shape: &[Option<usize>],
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let numpy = value.py().import("numpy")?;
-    let array = numpy
-        .call_method1("asarray", (value,))
-        .map_err(|_| refuse(format!("{name} is not an array of numbers")))?;
+    let array = numpy.call_method1("asarray", (value,)).map_err(|_| {
+        refuse(format!(
+            "{name} is not an array of numbers, expected rows of equal length"
+        ))
+    })?;
     let untyped = array.cast::<PyUntypedArray>()?;
     let kind = char::from(untyped.dtype().kind());
     if !kinds.contains(kind) {
@@ -67,11 +71,12 @@ fn checked<'py, T: Element>(
             shape_text(shape)
         )));
     }
-    // The dimensions have been checked, so a scalar does not become a row here.
+    // numpy would make a scalar one-dimensional here; the check of the shape has excluded that.
     let contiguous = numpy.call_method1("ascontiguousarray", (array, dtype))?;
     contiguous.extract()
 }
 
+/// As [`checked`], copied.
 fn convert<T: Element + Copy>(
     name: &str,
     value: &Bound<'_, PyAny>,
@@ -86,12 +91,12 @@ fn convert<T: Element + Copy>(
     })
 }
 
-/// Numbers.
+/// An array of numbers as float64.
 pub fn floats(name: &str, value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Array<f64>> {
     convert(name, value, "fiu", "float64", shape)
 }
 
-/// Integer nanoseconds: a float is refused, since it would lose them.
+/// A vector of times, integer nanoseconds; floats are rejected, since they lose nanoseconds.
 pub fn times(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<i64>> {
     let empty = value.len().is_ok_and(|count| count == 0);
     if empty {
@@ -100,17 +105,17 @@ pub fn times(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<i64>> {
     Ok(convert::<i64>(name, value, "iu", "int64", &[None])?.values)
 }
 
-/// Truth values.
+/// An array of booleans.
 pub fn booleans(name: &str, value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Array<bool>> {
     convert(name, value, "b", "bool", shape)
 }
 
-/// Rows of a fixed width.
+/// Rows of a fixed width, as a copy.
 pub fn rows<const N: usize>(name: &str, value: &Bound<'_, PyAny>, count: Option<usize>) -> PyResult<Vec<[f64; N]>> {
     Ok(Rows::<N>::new(name, value, &[count])?.get()?.to_vec())
 }
 
-/// The numbers of an array that has the type and the shape already: what an event costs most in Python is asking numpy.
+/// The numbers of an array that already has the right type and shape; calls to numpy dominate the cost of an event.
 fn ready_made<const N: usize>(value: &Bound<'_, PyAny>) -> Option<[f64; N]> {
     let array = value.cast::<PyArrayDyn<f64>>().ok()?.try_readonly().ok()?;
     let values = array.as_array();
@@ -126,7 +131,7 @@ pub fn vector<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<
     Ok(std::array::from_fn(|k| array.values[k]))
 }
 
-/// Item of a dict, with an error that names it.
+/// The item of a dict, with an error that names dict and key.
 pub fn item<'py>(dict: &Bound<'py, PyDict>, owner: &str, key: &str) -> PyResult<Bound<'py, PyAny>> {
     dict.get_item(key)?
         .ok_or_else(|| refuse(format!("{owner} lacks the key '{key}'")))

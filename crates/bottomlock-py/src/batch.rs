@@ -1,4 +1,4 @@
-//! Sensor streams and batches of runs × methods.
+//! Sensor streams, and batches of runs and methods.
 
 use bottomlock::aiding::registry::{Measurement, SensorKind};
 use bottomlock::error_model::{Coefficients, dense_noise};
@@ -18,7 +18,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{array, from_rows, vector};
-use crate::batch_arrays::{BatchArrays, Place};
+use crate::batch_arrays::{BatchArrays, RecordSlices};
 use crate::dvl::BeamGeometry;
 use crate::errors::raise;
 use crate::settings;
@@ -159,7 +159,7 @@ fn put_readings(out: &Bound<'_, PyDict>, kind: SensorKind, readings: &[Measureme
     Ok(())
 }
 
-/// Puts the fields of a state into a dict.
+/// Puts the fields of a state into a dict, SI units.
 pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> PyResult<()> {
     let three = |value: [f64; 3]| array(py, value.to_vec(), &[3]);
     out.set_item("time_ns", state.time_ns)?;
@@ -175,13 +175,23 @@ pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> P
     out.set_item("dvl_scale_factor", state.dvl_scale_factor)
 }
 
-/// Works off runs × methods on the same sensor errors; the bits do not depend on the number of threads.
+/// Runs a batch: all methods of a run see the same sensor errors.
 ///
-/// Returns error and sd (runs, methods, samples, 9): position (tangent, m), misalignment (tangent, rad), velocity (platform, m/s),
-/// true minus estimate; nees and nees_velocity_attitude (runs, methods, samples); nis_mean (NaN without fixes), fixes_accepted and
-/// fixes_rejected (runs, methods); final_bias_error and final_bias_sd (runs, methods, 6): biases of accelerometers (m/s²) and gyros
-/// (rad/s) at the last sample, NaN without samples; choice (runs, methods, pings, 3), what a method that chooses has chosen: codes of SOURCES for surge,
-/// sway and heave, or of SELECTOR_METHODS and of why, and 255 where there is no choice. The GIL is released, and nobody may write to the truth meanwhile. Raises KernelError naming the field, or the run and the method.
+/// The results do not depend on the number of threads, bit for bit.
+///
+/// Returns a dict:
+///
+/// - error, sd (runs, methods, samples, 9): true minus estimate and its standard deviation, for position (tangent, m),
+///   misalignment (tangent, rad) and velocity (platform, m/s);
+/// - nees, nees_velocity_attitude (runs, methods, samples);
+/// - nis_mean (NaN without fixes), fixes_accepted, fixes_rejected (runs, methods);
+/// - final_bias_error, final_bias_sd (runs, methods, 6): accelerometer biases (platform, m/s²) and gyro biases (platform, rad/s) at
+///   the last sample, NaN without samples;
+/// - choice (runs, methods, pings, 3): for methods that select, the codes of `SOURCES` for surge, sway and heave, or the codes of
+///   `SELECTOR_METHODS` and `SELECTION_REASONS`; 255 elsewhere.
+///
+/// The GIL is released meanwhile; the arrays of the truth must not be written to. Raises KernelError, which names the field, or
+/// the run and the method.
 #[pyfunction]
 #[pyo3(signature = (geometry, truth, simulated, assumed, options, schedule, methods, *, seed, trajectory_key, first_run, runs,
     threads))]
@@ -223,20 +233,22 @@ pub fn run_batch<'py>(
         first_run,
         runs,
     };
-    let mut yields = BatchArrays::new(runs, methods.len(), schedule.sample_time_ns.len());
-    let mut places = yields.places();
-    let note = |places: &mut Vec<Place<'_>>, records: Vec<MethodRecord>| {
-        places
+    let mut results = BatchArrays::new(runs, methods.len(), schedule.sample_time_ns.len());
+    let mut slices = results.slices();
+    let store = |slices: &mut Vec<RecordSlices<'_>>, records: Vec<MethodRecord>| {
+        slices
             .iter_mut()
             .zip(&records)
-            .for_each(|(place, record)| place.take(record));
+            .for_each(|(slices, record)| slices.store(record));
     };
-    py.detach(|| run_batch_into(&batch, threads, &mut places, note))
+    py.detach(|| run_batch_into(&batch, threads, &mut slices, store))
         .map_err(raise)?;
-    yields.into_dict(py)
+    results.into_dict(py)
 }
 
-/// The dense F of Eq. 9 and the noise density G Q Gᵀ at a state and rate.
+/// The dense F of Eq. 9 and the noise density G Q Gᵀ, each (20, 20), SI, at an attitude, a velocity and an IMU reading.
+///
+/// Raises KernelError for a wrong shape or a number that is not finite.
 #[pyfunction]
 #[pyo3(signature = (model, *, attitude_t_p, velocity_p_mps, rate_p_radps, force_p_mps2))]
 pub fn error_model<'py>(

@@ -1,4 +1,4 @@
-//! What runs × methods yield, written where Python finds it while the runs are under way.
+//! Result arrays of a batch, filled while the runs are computed.
 
 use bottomlock::filter::report::Choice;
 use bottomlock::simulation::monte_carlo_run::{BiasRecord, MethodRecord};
@@ -7,12 +7,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::array;
-use crate::dvl::source_code;
+use crate::velocity::source_code;
 
-/// Where a method does not choose.
+/// Code for a method that does not select.
 pub const NO_CHOICE: u8 = u8::MAX;
 
-/// Sources of surge, sway and heave; or the leading filter, reason it leads, and nothing.
+/// Codes of a selection: the sources of surge, sway and heave, or the selected method, the reason, and [`NO_CHOICE`].
 pub fn choice_code(choice: &Choice) -> [u8; 3] {
     match choice {
         Choice::Components(sources) => sources.map(|source| source.map_or(0, source_code)),
@@ -20,17 +20,17 @@ pub fn choice_code(choice: &Choice) -> [u8; 3] {
     }
 }
 
-/// Numbers of a run's method at a sample: position, misalignment and velocity.
-const WIDE: usize = 9;
-/// Biases of accelerometers and gyros.
+/// Number of recorded error states: position, misalignment and velocity.
+const ERRORS: usize = 9;
+/// Number of biases of accelerometers and gyros.
 const BIASES: usize = 6;
 
-/// The arrays of a batch.
+/// The result arrays of a batch.
 pub struct BatchArrays {
     runs: usize,
     methods: usize,
     samples: usize,
-    /// Number by number, as the columns of a table are: they need not be gathered there.
+    /// Error state by error state, as the columns of a table.
     error: Vec<f64>,
     sd: Vec<f64>,
     nees: Vec<f64>,
@@ -40,14 +40,14 @@ pub struct BatchArrays {
     fixes_rejected: Vec<i64>,
     bias_error: Vec<f64>,
     bias_sd: Vec<f64>,
-    /// How many of them there are is known at the end.
+    /// The number of selections is known when the runs are finished.
     choices: Vec<Vec<[u8; 3]>>,
 }
 
-/// The parts of the arrays that belong to a run and a method.
-pub struct Place<'a> {
-    error: [&'a mut [f64]; WIDE],
-    sd: [&'a mut [f64]; WIDE],
+/// The slices of the arrays for one run and method.
+pub struct RecordSlices<'a> {
+    error: [&'a mut [f64]; ERRORS],
+    sd: [&'a mut [f64]; ERRORS],
     nees: &'a mut [f64],
     nees_velocity_attitude: &'a mut [f64],
     nis_mean: &'a mut f64,
@@ -58,10 +58,10 @@ pub struct Place<'a> {
     choices: &'a mut Vec<[u8; 3]>,
 }
 
-impl Place<'_> {
-    /// Notes what the method has yielded.
-    pub fn take(&mut self, record: &MethodRecord) {
-        for k in 0..WIDE {
+impl RecordSlices<'_> {
+    /// Copies the record of a method.
+    pub fn store(&mut self, record: &MethodRecord) {
+        for k in 0..ERRORS {
             put_column(self.error[k], &record.error, k);
             put_column(self.sd[k], &record.sd, k);
         }
@@ -78,28 +78,28 @@ impl Place<'_> {
     }
 }
 
-fn put_column(column: &mut [f64], rows: &[[f64; WIDE]], k: usize) {
+fn put_column(column: &mut [f64], rows: &[[f64; ERRORS]], k: usize) {
     for (number, row) in column.iter_mut().zip(rows) {
         *number = row[k];
     }
 }
 
-/// As many parts of the same length as a sample has numbers.
-fn columns(numbers: &mut [f64]) -> [&mut [f64]; WIDE] {
-    let (each, mut rest) = (numbers.len() / WIDE, numbers);
+/// Splits an array into a column per error state.
+fn columns(numbers: &mut [f64]) -> [&mut [f64]; ERRORS] {
+    let (each, mut rest) = (numbers.len() / ERRORS, numbers);
     std::array::from_fn(|_| rest.split_off_mut(..each).unwrap_or_default())
 }
 
 impl BatchArrays {
-    /// Arrays without content.
+    /// Arrays of zeros.
     pub fn new(runs: usize, methods: usize, samples: usize) -> Self {
         let zeros = |each: usize| vec![0.0; runs * methods * each];
         Self {
             runs,
             methods,
             samples,
-            error: zeros(samples * WIDE),
-            sd: zeros(samples * WIDE),
+            error: zeros(samples * ERRORS),
+            sd: zeros(samples * ERRORS),
             nees: zeros(samples),
             nees_velocity_attitude: zeros(samples),
             nis_mean: zeros(1),
@@ -111,8 +111,8 @@ impl BatchArrays {
         }
     }
 
-    /// The places of every run, method by method.
-    pub fn places(&mut self) -> Vec<Vec<Place<'_>>> {
+    /// The slices of every run, method by method.
+    pub fn slices(&mut self) -> Vec<Vec<RecordSlices<'_>>> {
         let samples = self.samples;
         let (mut error, mut sd) = (columns(&mut self.error), columns(&mut self.sd));
         let (mut nees, mut nees_velocity_attitude) = (&mut self.nees[..], &mut self.nees_velocity_attitude[..]);
@@ -122,7 +122,7 @@ impl BatchArrays {
         let mut bias_sd = self.bias_sd.as_chunks_mut().0.iter_mut();
         let mut choices = self.choices.iter_mut();
         let mut next = || {
-            Some(Place {
+            Some(RecordSlices {
                 error: std::array::from_fn(|k| error[k].split_off_mut(..samples).unwrap_or_default()),
                 sd: std::array::from_fn(|k| sd[k].split_off_mut(..samples).unwrap_or_default()),
                 nees: nees.split_off_mut(..samples)?,
@@ -141,7 +141,7 @@ impl BatchArrays {
             .collect()
     }
 
-    /// The arrays as Python gets them.
+    /// The arrays as a Python dict.
     pub fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         let (runs, methods, samples) = (self.runs, self.methods, self.samples);
         let pings = self.choices.iter().map(Vec::len).max().unwrap_or(0);
@@ -151,7 +151,7 @@ impl BatchArrays {
         }
         let out = PyDict::new(py);
         for (name, numbers) in [("error", self.error), ("sd", self.sd)] {
-            let by_number = array(py, numbers, &[WIDE, runs, methods, samples])?;
+            let by_number = array(py, numbers, &[ERRORS, runs, methods, samples])?;
             out.set_item(name, by_number.permute(Some([1_usize, 2, 3, 0].as_slice()))?)?;
         }
         out.set_item("nees", array(py, self.nees, &[runs, methods, samples])?)?;

@@ -1,4 +1,4 @@
-//! Vehicles that are steered on their own estimates.
+//! Closed-loop simulation.
 
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::navigator::Method;
@@ -15,24 +15,24 @@ use crate::errors::{raise, refuse};
 use crate::settings;
 use crate::truth::Truths;
 
-/// Vehicles side by side whose truth depends on their own estimates: the caller steers them and tells where they went.
+/// Closed-loop simulation: the caller steers each vehicle on its estimate and passes the truth that results.
 ///
-/// The sensor errors of run k are those of run k of a campaign; led along the truth of a campaign, in whatever pieces, a run
-/// yields the campaign's bits.
+/// The sensor errors of run k are those of run k of a campaign. The truth of a campaign, in segments of any length, gives the
+/// results of the campaign, bit for bit.
 ///
 /// Args:
-///     geometry: the beams.
-///     simulated, assumed: what the sensors are, and what the filters take them to be (`Scenario.kernel_model`).
+///     geometry: beam geometry.
+///     simulated, assumed: models of the simulated sensors and of the filters (`Scenario.kernel_model`).
 ///     options: filter options (`Scenario.kernel_options`).
-///     methods: ways of aiding.
-///     start: the truth at the start: time_ns, position_t_m (n, 3), attitude_t_p (n, 4), velocity_p_mps (n, 3).
-///     vehicle_per_method: false for a vehicle per run with all methods aboard; true for one per run and method, the methods of a run one after
-///         the other.
+///     methods: aiding methods.
+///     start: true state at the start: time_ns, position_t_m (n, 3), attitude_t_p (n, 4), velocity_p_mps (n, 3).
+///     vehicle_per_method: false for one vehicle per run with all methods; true for one vehicle per run and method, in the order
+///         of runs and, within a run, of methods.
 ///     seed, trajectory_key, first_run: key of the random numbers.
-///     threads: 0 for as many as there are cores; the bits do not depend on it.
+///     threads: number of threads, 0 for one per core; the results do not depend on it, bit for bit.
 ///
 /// Raises:
-///     KernelError: for wrong shapes and numbers that make no sense.
+///     KernelError: for a wrong shape or an invalid number, naming the field.
 #[pyclass(module = "bottomlock._kernel")]
 pub struct ClosedLoop {
     inner: core::ClosedLoop,
@@ -87,12 +87,12 @@ impl ClosedLoop {
                 "start has {vehicles} rows, expected a multiple of {vehicle_methods} methods"
             )));
         }
-        let depart = |(k, &start): (usize, &NavState)| VehicleStart {
+        let vehicle = |(k, &start): (usize, &NavState)| VehicleStart {
             run: first_run + (k / vehicle_methods.len()) as u64,
             start,
             methods: vehicle_methods[k % vehicle_methods.len()],
         };
-        let departures: Vec<_> = starts.iter().enumerate().map(depart).collect();
+        let departures: Vec<_> = starts.iter().enumerate().map(vehicle).collect();
         Ok(Self {
             inner: core::ClosedLoop::new(&common, &departures, threads).map_err(raise)?,
             beams: geometry.inner.beams(),
@@ -103,10 +103,12 @@ impl ClosedLoop {
         })
     }
 
-    /// Leads every vehicle along the truth since the last call: (n, samples, ·), its first sample the last of the call before.
+    /// Runs every vehicle along the truth since the last call: arrays (n, samples, ·), whose first sample is the last of the call
+    /// before.
     ///
     /// `schedule` is that of `run_batch`, with the epochs after the first sample (in the first call: at or after it); beam_valid,
-    /// depth_offset_m, yaw_offset_rad and gps_heard may lead with an axis of vehicles. Raises KernelError, naming run and method.
+    /// depth_offset_m, yaw_offset_rad and gps_heard may have a leading axis of vehicles. Raises KernelError, which names run and
+    /// method.
     fn advance(&mut self, py: Python<'_>, truth: &Bound<'_, PyDict>, schedule: &Bound<'_, PyDict>) -> PyResult<()> {
         let truths = Truths::of_runs(truth, self.vehicles)?;
         let schedule = crate::schedule::schedule(schedule, self.beams, self.vehicles)?;
@@ -125,9 +127,9 @@ impl ClosedLoop {
         Ok(())
     }
 
-    /// What a method aboard believes: position_t_m (n, 3), attitude_t_p (n, 4), velocity_p_mps (n, 3).
+    /// Estimate of a method (by its index on a vehicle): position_t_m (n, 3), attitude_t_p (n, 4), velocity_p_mps (n, 3).
     ///
-    /// Raises KernelError for a method that is not there.
+    /// Raises KernelError for an index without a method.
     #[pyo3(signature = (method=0))]
     fn estimate<'py>(&self, py: Python<'py>, method: usize) -> PyResult<Bound<'py, PyDict>> {
         if method >= self.methods_per_vehicle {
@@ -146,24 +148,25 @@ impl ClosedLoop {
         Ok(out)
     }
 
-    /// What the methods have yielded so far, as `run_batch` returns it.
+    /// Results so far, as `run_batch` returns them.
     fn results<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let records = self.inner.records();
-        let flown = self.vehicles * self.methods_per_vehicle;
-        let mut yields = BatchArrays::new(flown / self.methods, self.methods, self.samples);
-        let places = yields.places();
-        for (mut place, record) in places.into_iter().flatten().zip(records.iter().flatten()) {
-            place.take(record);
+        let runs = self.vehicles * self.methods_per_vehicle / self.methods;
+        let mut results = BatchArrays::new(runs, self.methods, self.samples);
+        let slices = results.slices();
+        for (mut slices, record) in slices.into_iter().flatten().zip(records.iter().flatten()) {
+            slices.store(record);
         }
-        yields.into_dict(py)
+        results.into_dict(py)
     }
 }
 
+/// The true states at the start, one per vehicle.
 fn true_starts(start: &Bound<'_, PyDict>) -> PyResult<Vec<NavState>> {
     let get = |key| item(start, "start", key);
     let time_ns: i64 = get("time_ns")?
         .extract()
-        .map_err(|_| refuse("start.time_ns is not an integer number of nanoseconds"))?;
+        .map_err(|_| refuse("start.time_ns is not an integer, expected nanoseconds: seconds are a likely mistake"))?;
     let position = rows::<3>("start.position_t_m", &get("position_t_m")?, None)?;
     let runs = Some(position.len());
     let attitude = rows::<4>("start.attitude_t_p", &get("attitude_t_p")?, runs)?;

@@ -1,4 +1,4 @@
-//! One exception for everything that the kernel refuses.
+//! The exception for invalid input and numerical failure.
 
 use bottomlock::NavError;
 use pyo3::exceptions::PyValueError;
@@ -11,7 +11,7 @@ create_exception!(
     "Bad input to the kernel, in one line that names the field, row or time and what was expected."
 );
 
-/// Maps a kernel error to the Python exception.
+/// The Python exception of a kernel error, with the messages of its sources.
 pub fn raise(error: NavError) -> PyErr {
     let mut text = error.to_string();
     let mut source = std::error::Error::source(&error);
@@ -24,7 +24,7 @@ pub fn raise(error: NavError) -> PyErr {
     KernelError::new_err(text)
 }
 
-/// An error of a shape or a type, in the user's words.
+/// The Python exception for an argument of the wrong shape, type or value.
 pub fn refuse(message: impl Into<String>) -> PyErr {
     KernelError::new_err(message.into())
 }

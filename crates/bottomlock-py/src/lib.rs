@@ -1,4 +1,4 @@
-//! Python bindings of the bottomlock kernel: check, detach, map errors; no formula.
+//! Python bindings of the kernel: they check arguments, release the GIL and map errors, and hold no formula.
 
 use pyo3::prelude::*;
 
@@ -15,6 +15,7 @@ mod report;
 mod schedule;
 mod settings;
 mod truth;
+mod velocity;
 
 /// Compiled kernel of bottomlock; use it through `bottomlock`.
 #[pymodule]
@@ -24,7 +25,7 @@ mod _kernel {
     #[pymodule_export]
     use super::closed_loop::ClosedLoop;
     #[pymodule_export]
-    use super::dvl::{BeamGeometry, solve_velocity};
+    use super::dvl::BeamGeometry;
     #[pymodule_export]
     use super::errors::KernelError;
     #[pymodule_export]
@@ -35,6 +36,8 @@ mod _kernel {
     use super::replay::replay_log;
     #[pymodule_export]
     use super::settings::normal_gravity_mps2;
+    #[pymodule_export]
+    use super::velocity::solve_velocity;
 
     use super::*;
 
@@ -45,8 +48,11 @@ mod _kernel {
         module.add("STATES", bottomlock::layout::DIM)?;
         module.add("INERTIAL_STATES", bottomlock::layout::DVL_BIAS)?;
         module.add("EARTH_RATE_RADPS", bottomlock::earth::EARTH_RATE_RADPS)?;
-        let members = bottomlock::navigator::SELECTOR_METHODS.map(|(name, _)| name);
-        module.add("SELECTOR_METHODS", pyo3::types::PyTuple::new(module.py(), members)?)?;
+        let selector_methods = bottomlock::navigator::SELECTOR_METHODS.map(|(name, _)| name);
+        module.add(
+            "SELECTOR_METHODS",
+            pyo3::types::PyTuple::new(module.py(), selector_methods)?,
+        )?;
         module.add(
             "FIX_STATUS",
             pyo3::types::PyTuple::new(module.py(), bottomlock::replay::FIX_STATUS)?,

@@ -1,4 +1,4 @@
-//! What became of a measurement, as a dict.
+//! Update reports as Python dicts.
 
 use bottomlock::filter::report::{Choice, SelectionReason, UpdateReport, Verdict};
 use bottomlock::navigator::SELECTOR_METHODS;
@@ -6,9 +6,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::array;
-use crate::dvl::source_code;
+use crate::velocity::source_code;
 
-/// A report of an instrument with so many beams.
+/// The dict of a report, for an instrument with `beams` beams.
 pub fn report_dict<'py>(py: Python<'py>, report: &UpdateReport, beams: usize) -> PyResult<Bound<'py, PyDict>> {
     let (verdict, rejected) = match report.verdict {
         Verdict::Accepted => ("accepted", 0),
@@ -46,6 +46,7 @@ pub fn report_dict<'py>(py: Python<'py>, report: &UpdateReport, beams: usize) ->
     Ok(out)
 }
 
+/// The dict of a selection: source codes of surge, sway and heave, or the selected method with its reason.
 fn choice_dict<'py>(py: Python<'py>, choice: &Choice) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     match choice {

@@ -1,4 +1,4 @@
-//! Truths as Python has them.
+//! Truths from Python dicts.
 
 use bottomlock::simulation::truth::Truth;
 use pyo3::prelude::*;
@@ -6,7 +6,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{Rows, item, times};
 
-/// The truths of one or more runs over the same times; the arrays are the caller's own wherever they are contiguous.
+/// The truths of one or more runs over the same times; contiguous arrays are read without a copy.
 pub struct Truths<'py> {
     time_ns: Vec<i64>,
     position_t_m: Rows<'py, 3>,
@@ -17,20 +17,21 @@ pub struct Truths<'py> {
 }
 
 impl<'py> Truths<'py> {
-    /// One truth: arrays of (samples, ·).
+    /// One truth, arrays (samples, ·).
     pub fn new(dict: &Bound<'py, PyDict>) -> PyResult<Self> {
         let time_ns = times("truth.time_ns", &item(dict, "truth", "time_ns")?)?;
         let samples = [Some(time_ns.len())];
         Self::read(dict, time_ns, &samples)
     }
 
-    /// A truth for each run: arrays of (runs, samples, ·).
+    /// A truth for each run, arrays (runs, samples, ·).
     pub fn of_runs(dict: &Bound<'py, PyDict>, runs: usize) -> PyResult<Self> {
         let time_ns = times("truth.time_ns", &item(dict, "truth", "time_ns")?)?;
         let leading = [Some(runs), Some(time_ns.len())];
         Self::read(dict, time_ns, &leading)
     }
 
+    /// Reads the arrays with the leading axes given.
     fn read(dict: &Bound<'py, PyDict>, time_ns: Vec<i64>, leading: &[Option<usize>]) -> PyResult<Self> {
         let three = |key: &str| Rows::<3>::new(&format!("truth.{key}"), &item(dict, "truth", key)?, leading);
         Ok(Self {
@@ -45,14 +46,14 @@ impl<'py> Truths<'py> {
 
     /// The truth of one run.
     pub fn of(&self, run: usize) -> PyResult<Truth<'_>> {
-        let part = run * self.time_ns.len()..(run + 1) * self.time_ns.len();
+        let samples = run * self.time_ns.len()..(run + 1) * self.time_ns.len();
         Ok(Truth {
             time_ns: &self.time_ns,
-            position_t_m: &self.position_t_m.get()?[part.clone()],
-            attitude_t_p: &self.attitude_t_p.get()?[part.clone()],
-            velocity_p_mps: &self.velocity_p_mps.get()?[part.clone()],
-            omega_p_radps: &self.omega_p_radps.get()?[part.clone()],
-            force_p_mps2: &self.force_p_mps2.get()?[part],
+            position_t_m: &self.position_t_m.get()?[samples.clone()],
+            attitude_t_p: &self.attitude_t_p.get()?[samples.clone()],
+            velocity_p_mps: &self.velocity_p_mps.get()?[samples.clone()],
+            omega_p_radps: &self.omega_p_radps.get()?[samples.clone()],
+            force_p_mps2: &self.force_p_mps2.get()?[samples],
         })
     }
 }

@@ -1,4 +1,4 @@
-//! Earth rate, gravity and the environment of a mission.
+//! Earth rate, normal gravity, and the environment of a mission.
 
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Tangent, Vec3};
@@ -6,13 +6,13 @@ use crate::frames::{Tangent, Vec3};
 /// Rotation rate of the Earth (WGS 84), rad/s.
 pub const EARTH_RATE_RADPS: f64 = 7.292_115e-5;
 
-/// Growth of gravity with depth in sea water, 1/s².
+/// Increase of gravity with depth in sea water, 1/s².
 ///
 /// Free-air gradient 3.086e-6 less 4πGρ = 8.6e-7 for water of 1025 kg/m³ above the point (Poisson's equation; Turcotte &
 /// Schubert, *Geodynamics*, sect. 5).
 pub const GRAVITY_DEPTH_GRADIENT_PS2: f64 = 2.226e-6;
 
-/// Normal gravity at a geodetic latitude and a depth below the ellipsoid, m/s².
+/// Normal gravity at a geodetic latitude, rad, and a depth below the ellipsoid, m, in m/s².
 ///
 /// # Source
 /// Somigliana's formula with the constants of WGS 84 (Groves 2013, Eq. 2.134), plus a linear depth term.
@@ -28,7 +28,7 @@ pub fn normal_gravity_mps2(latitude_rad: f64, depth_m: f64) -> f64 {
         + GRAVITY_DEPTH_GRADIENT_PS2 * depth_m
 }
 
-/// What the mechanisation must know of the Earth.
+/// Latitude, gravity and Earth rate of a mission.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Environment {
     /// Geodetic latitude, rad.
@@ -40,7 +40,7 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// Normal gravity at the given latitude and depth, rotating Earth.
+    /// The environment of a rotating Earth with normal gravity at a latitude, rad, and a depth, m.
     #[must_use]
     pub fn normal(latitude_rad: f64, depth_m: f64) -> Self {
         Self {
@@ -60,10 +60,10 @@ impl Environment {
         )
     }
 
-    /// Checks that the numbers make sense.
+    /// Checks every number.
     ///
     /// # Errors
-    /// [`NavError::OutOfRange`] or [`NavError::NotFinite`].
+    /// [`NavError::OutOfRange`] or [`NavError::NotFinite`], which names the field.
     pub fn validate(&self) -> Result<(), NavError> {
         require_finite("environment.earth_rate_radps", 0, &[self.earth_rate_radps])?;
         require_positive("environment.gravity_mps2", self.gravity_mps2)?;
@@ -71,7 +71,7 @@ impl Environment {
             return Err(NavError::OutOfRange {
                 field: "environment.latitude_rad",
                 value: self.latitude_rad,
-                expected: "-pi/2 to pi/2",
+                expected: "-pi/2 to pi/2: the latitude is in radians",
             });
         }
         Ok(())
@@ -82,14 +82,14 @@ impl Environment {
 mod tests {
     use super::*;
 
-    /// The pole's value is tabulated by WGS 84.
+    /// Gravity at the pole is the value tabulated by WGS 84.
     #[test]
     fn gravity_at_the_pole() {
         let pole = normal_gravity_mps2(std::f64::consts::FRAC_PI_2, 0.0);
         assert!((pole - 9.832_184_937_9).abs() < 2e-8, "{pole}");
     }
 
-    /// At the north pole the Earth turns about the upward vertical, which is −z.
+    /// At the north pole the Earth rotates about the upward vertical, which is −z.
     #[test]
     fn earth_rate_points_up_at_the_pole() {
         let rate = Environment::normal(std::f64::consts::FRAC_PI_2, 0.0).earth_rate_t_radps();
@@ -97,9 +97,9 @@ mod tests {
         assert!(rate.0.x.abs() < 1e-20);
     }
 
-    /// A latitude in degrees is caught.
+    /// A latitude in degrees is rejected.
     #[test]
-    fn latitude_in_degrees_is_refused() {
+    fn latitude_in_degrees_is_rejected() {
         let environment = Environment {
             latitude_rad: 32.8,
             gravity_mps2: 9.8,

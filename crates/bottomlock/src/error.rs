@@ -1,132 +1,144 @@
-//! The errors of the kernel. Lost beams, gated measurements and unobservable axes are values, never errors.
+//! Errors of the kernel: bad input and failed factorisations.
+//!
+//! Lost beams, rejected measurements and unobservable axes are values, never errors.
 
 use thiserror::Error;
 
-/// What can go wrong on bad input or in the numerics.
+/// An error of the kernel, for bad input or for a numerical failure.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum NavError {
-    /// A number that must be finite is not.
-    #[error("{field} at {time_ns} ns is not finite")]
+    /// A number is NaN or infinite.
+    #[error("{field} at {time_ns} ns is not finite, expected a number: a missing value is often written as NaN")]
     NotFinite {
-        /// Which quantity.
+        /// Name of the quantity.
         field: &'static str,
-        /// When.
+        /// Time of validity, ns.
         time_ns: i64,
     },
-    /// A parameter outside its range.
+    /// A parameter lies outside its range.
     #[error("{field} is {value}, expected {expected}")]
     OutOfRange {
-        /// Which parameter.
+        /// Name of the parameter.
         field: &'static str,
-        /// What was given.
+        /// Value given.
         value: f64,
-        /// What would be right.
+        /// Range expected, with the likely mistake.
         expected: &'static str,
     },
-    /// A beam flagged valid carries no finite velocity or no positive standard deviation.
-    #[error("beam {beam} at {time_ns} ns is flagged valid but its {field} is {value}")]
+    /// A beam flagged valid has a bad velocity or standard deviation, or does not exist.
+    #[error("beam {beam} at {time_ns} ns is flagged valid but its {field} is {value}, expected {expected}")]
     BadBeam {
         /// Beam number, counted from 1.
         beam: usize,
-        /// When.
+        /// Time of validity, ns.
         time_ns: i64,
-        /// Which quantity.
+        /// Name of the quantity.
         field: &'static str,
-        /// What was given.
+        /// Value given.
         value: f64,
+        /// Value expected, with the likely mistake.
+        expected: &'static str,
     },
-    /// A wrong number of things.
+    /// A list has the wrong length.
     #[error("{field}: got {got}, expected {expected}")]
     WrongCount {
-        /// Which list.
+        /// Name of the list.
         field: &'static str,
-        /// How many were given.
+        /// Length given.
         got: usize,
-        /// What would be right.
+        /// Length expected.
         expected: String,
     },
-    /// Time did not advance.
-    #[error("{stream} time {time_ns} ns does not come after {previous_ns} ns")]
+    /// A time does not increase.
+    #[error(
+        "{stream} time {time_ns} ns does not come after {previous_ns} ns, expected increasing times: sort the rows"
+    )]
     TimeNotIncreasing {
-        /// Which stream.
+        /// Name of the stream.
         stream: &'static str,
-        /// The offending time.
+        /// Time that does not increase, ns.
         time_ns: i64,
-        /// The time before it.
+        /// Time before it, ns.
         previous_ns: i64,
     },
-    /// A beam direction that is not a unit vector.
-    #[error("direction of beam {beam} has norm {norm}, expected 1 within 1e-6")]
+    /// A beam direction is not a unit vector.
+    #[error("direction of beam {beam} has norm {norm}, expected 1 within 1e-6: divide the vector by its norm")]
     NotUnit {
         /// Beam number, counted from 1.
         beam: usize,
-        /// Its norm.
+        /// Norm of the direction.
         norm: f64,
     },
-    /// A covariance that is not symmetric positive definite.
-    #[error("{matrix} at {time_ns} ns is not positive definite")]
+    /// A covariance is not symmetric and positive definite.
+    #[error(
+        "{matrix} at {time_ns} ns is not positive definite, \
+         expected positive variances and correlations between -1 and 1"
+    )]
     NotPositiveDefinite {
-        /// Which matrix.
+        /// Name of the matrix.
         matrix: &'static str,
-        /// When.
+        /// Time of validity, ns.
         time_ns: i64,
     },
-    /// A truth that does not cover what is asked of it.
-    #[error("{stream} epoch {time_ns} ns lies outside the truth ({first_ns} to {last_ns} ns)")]
+    /// An epoch lies outside the truth.
+    #[error(
+        "{stream} epoch {time_ns} ns lies outside the truth ({first_ns} to {last_ns} ns): \
+         both must count nanoseconds from the same origin"
+    )]
     OutsideTruth {
-        /// Which schedule.
+        /// Name of the schedule.
         stream: &'static str,
-        /// The offending epoch.
+        /// Epoch outside the truth, ns.
         time_ns: i64,
-        /// First truth sample.
+        /// Time of the first truth sample, ns.
         first_ns: i64,
-        /// Last truth sample.
+        /// Time of the last truth sample, ns.
         last_ns: i64,
     },
-    /// A name that is not known.
+    /// A name is unknown.
     #[error("unknown {what} '{name}', expected one of {expected}")]
     UnknownName {
-        /// Kind of thing.
+        /// What the name stands for.
         what: &'static str,
-        /// What was given.
+        /// Name given.
         name: String,
-        /// What is known.
+        /// Names that are known.
         expected: &'static str,
     },
     /// An error in one row of a log.
     #[error("{stream} row {row}: {source}")]
     InRow {
-        /// Which stream.
+        /// Name of the stream.
         stream: &'static str,
         /// Row, counted from 0.
         row: usize,
-        /// What is wrong.
+        /// Error in the row.
         #[source]
         source: Box<NavError>,
     },
-    /// An error of one method that flies along a log.
+    /// An error of one method during a replay.
     #[error("method {method}: {source}")]
     InMethod {
         /// Method name.
         method: &'static str,
-        /// What happened.
+        /// Error of the method.
         #[source]
         source: Box<NavError>,
     },
-    /// A sample of a log that the log does not reach.
+    /// A sample time lies outside the log.
     #[error("sample time {time_ns} ns lies outside the replay ({first_ns} to {last_ns} ns, start to last imu row)")]
     OutsideLog {
-        /// The offending time.
+        /// Sample time outside the log, ns.
         time_ns: i64,
-        /// Start.
+        /// Time of the start, ns.
         first_ns: i64,
-        /// Last inertial reading.
+        /// Time of the last IMU row, ns.
         last_ns: i64,
     },
-    /// A method that no smoother can go back over.
-    #[error("a choice between filters has no smoother of its own: smooth the methods that it chooses from, {instead}")]
+    /// A method cannot be smoothed, since it selects among filters.
+    #[error("a method that selects among filters cannot be smoothed: smooth the methods it selects from, {instead}")]
     NoSmoother {
-        /// Which methods to smooth in its place.
+        /// Methods to smooth in its place.
         instead: &'static str,
     },
     /// An error in one method of one run of a batch.
@@ -136,16 +148,16 @@ pub enum NavError {
         run: u64,
         /// Method name.
         method: &'static str,
-        /// What happened.
+        /// Error of the method.
         #[source]
         source: Box<NavError>,
     },
 }
 
-/// Checks that every number of a slice is finite.
+/// Checks that every number in a slice is finite.
 ///
 /// # Errors
-/// [`NavError::NotFinite`] that names the field and the time.
+/// [`NavError::NotFinite`], which names the field and the time.
 pub(crate) fn require_finite(field: &'static str, time_ns: i64, values: &[f64]) -> Result<(), NavError> {
     if values.iter().all(|value| value.is_finite()) {
         Ok(())
@@ -157,7 +169,7 @@ pub(crate) fn require_finite(field: &'static str, time_ns: i64, values: &[f64]) 
 /// Checks that a standard deviation or variance is finite and not negative.
 ///
 /// # Errors
-/// [`NavError::OutOfRange`] that names the field.
+/// [`NavError::OutOfRange`], which names the field.
 pub(crate) fn require_non_negative(field: &'static str, value: f64) -> Result<(), NavError> {
     if value.is_finite() && value >= 0.0 {
         Ok(())
@@ -173,7 +185,7 @@ pub(crate) fn require_non_negative(field: &'static str, value: f64) -> Result<()
 /// Checks that a standard deviation or variance is finite and positive.
 ///
 /// # Errors
-/// [`NavError::OutOfRange`] that names the field.
+/// [`NavError::OutOfRange`], which names the field.
 pub(crate) fn require_positive(field: &'static str, value: f64) -> Result<(), NavError> {
     if value.is_finite() && value > 0.0 {
         Ok(())

@@ -1,6 +1,6 @@
-//! Reference frames as types: a vector knows its frame and a rotation knows what it maps to what.
+//! Reference frames as types: a vector carries its frame, and a rotation carries both of its frames.
 //!
-//! `Rot<To, From> * Vec3<From> = Vec3<To>`: inner letters cancel, as in `R_p^t v^p`. Mixing frames does not compile:
+//! `Rot<To, From> * Vec3<From> = Vec3<To>`: inner frames cancel, as in `R_p^t v^p`. Mixing frames does not compile:
 //!
 //! ```compile_fail
 //! use bottomlock::frames::{Platform, Tangent, Vec3};
@@ -8,13 +8,17 @@
 //! let v_t = Vec3::<Tangent>::new(1.0, 0.0, 0.0);
 //! let wrong = v_p + v_t;
 //! ```
+//!
 //! A rotation does not accept a vector of the frame it maps to:
+//!
 //! ```compile_fail
 //! use bottomlock::frames::{Platform, Rot, Tangent, Vec3};
 //! let attitude_t_p = Rot::<Tangent, Platform>::identity();
 //! let wrong = attitude_t_p * Vec3::<Tangent>::new(1.0, 0.0, 0.0);
 //! ```
+//!
 //! Rotations chain only through a common frame:
+//!
 //! ```compile_fail
 //! use bottomlock::frames::{Dvl, Platform, Rot, Tangent};
 //! let wrong = Rot::<Platform, Dvl>::identity() * Rot::<Tangent, Platform>::identity();
@@ -31,7 +35,7 @@ pub struct Tangent;
 /// Platform frame: forward, right, down, fixed to the vehicle, at the IMU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Platform;
-/// The DVL's own frame; its mounting maps it to the platform.
+/// DVL frame, fixed to the instrument; the mounting rotation maps it to the platform frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Dvl;
 
@@ -63,7 +67,7 @@ impl<F> Vec3<F> {
     pub fn from_array(xyz: [f64; 3]) -> Self {
         Self(Vector3::from(xyz), PhantomData)
     }
-    /// Zero.
+    /// The zero vector.
     #[must_use]
     pub fn zeros() -> Self {
         Self(Vector3::zeros(), PhantomData)
@@ -73,12 +77,12 @@ impl<F> Vec3<F> {
     pub fn to_array(self) -> [f64; 3] {
         self.0.into()
     }
-    /// True where all components are finite.
+    /// Returns true if all components are finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         self.0.iter().all(|value| value.is_finite())
     }
-    /// The vector product.
+    /// The vector product `self` × `other`.
     #[must_use]
     pub fn cross(self, other: Self) -> Self {
         Self(self.0.cross(&other.0), PhantomData)
@@ -115,7 +119,7 @@ impl<F> Mul<f64> for Vec3<F> {
     }
 }
 
-/// The rotation that maps vectors of `From` to vectors of `To`.
+/// The rotation that maps vectors resolved in `From` to vectors resolved in `To`.
 #[derive(Debug, PartialEq)]
 pub struct Rot<To, From>(UnitQuaternion<f64>, PhantomData<(To, From)>);
 
@@ -127,12 +131,12 @@ impl<To, From> Clone for Rot<To, From> {
 impl<To, From> Copy for Rot<To, From> {}
 
 impl<To, From> Rot<To, From> {
-    /// The two frames coincide.
+    /// The identity, for two frames that coincide.
     #[must_use]
     pub fn identity() -> Self {
         Self(UnitQuaternion::identity(), PhantomData)
     }
-    /// From a quaternion, scalar first, normalised here.
+    /// A rotation from a quaternion, scalar first; the quaternion is normalised here.
     #[must_use]
     pub fn from_quaternion_wxyz([w, x, y, z]: [f64; 4]) -> Self {
         Self(
@@ -145,25 +149,25 @@ impl<To, From> Rot<To, From> {
     pub fn to_quaternion_wxyz(self) -> [f64; 4] {
         [self.0.w, self.0.i, self.0.j, self.0.k]
     }
-    /// Euler angles in radians, z-y-x: turn by yaw about z, then pitch about the new y, then roll about the new x.
+    /// A rotation from Euler angles, rad, z-y-x: by yaw about z, then by pitch about the new y, then by roll about the new x.
     #[must_use]
     pub fn from_euler_rad(roll: f64, pitch: f64, yaw: f64) -> Self {
         Self(UnitQuaternion::from_euler_angles(roll, pitch, yaw), PhantomData)
     }
-    /// `[roll, pitch, yaw]` in radians.
+    /// Euler angles `[roll, pitch, yaw]`, rad, z-y-x.
     ///
-    /// At pitch ±90° roll and yaw are not separable; only their combination is then meaningful.
+    /// At pitch ±90° only a combination of roll and yaw is defined.
     #[must_use]
     pub fn to_euler_rad(self) -> [f64; 3] {
         let (roll, pitch, yaw) = self.0.euler_angles();
         [roll, pitch, yaw]
     }
-    /// Exponential of a rotation vector in radians.
+    /// Exponential of a rotation vector, rad.
     #[must_use]
     pub fn exp(rotation_vector: Vector3<f64>) -> Self {
         Self(UnitQuaternion::from_scaled_axis(rotation_vector), PhantomData)
     }
-    /// Rotation vector in radians, of length at most π.
+    /// Rotation vector, rad, of length at most π.
     #[must_use]
     pub fn log(self) -> Vector3<f64> {
         self.0.scaled_axis()
@@ -173,7 +177,7 @@ impl<To, From> Rot<To, From> {
     pub fn matrix(self) -> Matrix3<f64> {
         *self.0.to_rotation_matrix().matrix()
     }
-    /// The rotation back.
+    /// The inverse rotation.
     #[must_use]
     pub fn inverse(self) -> Rot<From, To> {
         Rot(self.0.inverse(), PhantomData)
@@ -204,15 +208,15 @@ mod tests {
     use super::*;
     use std::f64::consts::FRAC_PI_2;
 
-    /// Yaw of 90° turns the bow to the east: the sense of rotation of `attitude_t_p`.
+    /// A yaw of 90° points the bow east, which fixes the sense of rotation of `attitude_t_p`.
     #[test]
-    fn yaw_turns_the_bow_east() {
+    fn yaw_points_the_bow_east() {
         let attitude_t_p = Rot::<Tangent, Platform>::from_euler_rad(0.0, 0.0, FRAC_PI_2);
         let bow_t = attitude_t_p * Vec3::new(1.0, 0.0, 0.0);
         assert!((bow_t.0 - Vector3::new(0.0, 1.0, 0.0)).norm() < 1e-15);
     }
 
-    /// Positive pitch raises the bow, so it points up, which is −z.
+    /// Positive pitch raises the bow towards −z.
     #[test]
     fn pitch_raises_the_bow() {
         let attitude_t_p = Rot::<Tangent, Platform>::from_euler_rad(0.0, 0.3, 0.0);
@@ -220,7 +224,7 @@ mod tests {
         assert!((bow_t.0 - Vector3::new(0.3_f64.cos(), 0.0, -(0.3_f64.sin()))).norm() < 1e-15);
     }
 
-    /// Euler angles survive the way through the quaternion.
+    /// Euler angles to quaternion and back are the same angles.
     #[test]
     fn euler_round_trip() {
         let angles = [0.1, -1.2, 2.5];

@@ -1,12 +1,12 @@
 //! Named blocks of the error state (Tal et al. 2017, Eqs. 2 and 8).
 //!
-//! A wider state is one more block here: everything else refers to these names.
+//! A further state is one more block here, since all other code refers to these names.
 
 use std::ops::Range;
 
 /// Number of error states.
 pub const DIM: usize = 20;
-/// Number of leading states with dynamics (position, misalignment, velocity); the rest are random walks.
+/// Number of leading states with dynamics (position, misalignment, velocity); the other states are random walks.
 pub const DYNAMIC: usize = 9;
 /// Number of beams that have a bias state.
 pub const BIASED_BEAMS: usize = 4;
@@ -29,7 +29,7 @@ pub const DVL_BIAS: usize = 15;
 /// Index of the DVL scale factor error.
 pub const DVL_SCALE: usize = 19;
 
-/// The blocks in order, with their names.
+/// Name and index range of each block, in order.
 pub const BLOCKS: [(&str, Range<usize>); 7] = [
     ("position_t_m", 0..3),
     ("misalignment_t_rad", 3..6),
@@ -40,7 +40,7 @@ pub const BLOCKS: [(&str, Range<usize>); 7] = [
     ("dvl_scale_factor", 19..20),
 ];
 
-/// Name of the block to which state `index` belongs, for messages.
+/// Name of the block that holds state `index`, for messages.
 #[must_use]
 pub fn block_name(index: usize) -> &'static str {
     BLOCKS
@@ -53,7 +53,7 @@ pub fn block_name(index: usize) -> &'static str {
 mod tests {
     use super::*;
 
-    /// The blocks tile the state without gap or overlap, so no state can be forgotten by a loop over blocks.
+    /// The blocks cover the state without gap or overlap, so a loop over blocks visits every state.
     #[test]
     fn blocks_tile_the_state() {
         let mut next = 0;

@@ -1,13 +1,14 @@
-//! Aided inertial navigation with whatever Doppler velocity log beams are left.
+//! Aided inertial navigation with partial Doppler velocity log (DVL) measurements.
 //!
 //! # Frames, units, signs
-//! The tangent frame is north–east–down, fixed to the Earth; the platform frame is forward–right–down. `attitude_t_p` maps
-//! platform vectors to the tangent frame. Units are SI, angles are radians, time is integer nanoseconds. The error state is
-//! true minus estimate (Eq. 1), with R = Exp([ρ×]) R̂ for the attitude.
+//! The tangent frame (`_t`) is north–east–down and fixed to the Earth. The platform frame (`_p`) is forward–right–down and fixed
+//! to the vehicle. `attitude_t_p` maps platform vectors to the tangent frame. Units are SI, angles are radians, time is integer
+//! nanoseconds. The error state is true minus estimate (Eq. 1), with R = Exp([ρ×]) R̂ for the attitude.
 //!
 //! # Order of the error state
 //! Position (tangent), misalignment ρ (tangent), velocity (platform), accelerometer bias, gyro bias, four beam biases, scale
-//! factor: 20 states; see [`layout`]. One way of aiding has six more beside them; see [`aiding::water`].
+//! factor: 20 states; see [`layout`]. The method with a model of the motion through the water has six more; see
+//! [`aiding::water`].
 //!
 //! # Equations of Tal, Klein & Katz 2017
 //! | Equations | Module |
@@ -20,7 +21,7 @@
 //!
 //! Klein & Diamant 2015, Eqs. 1–6, 10, 13–15: [`observability`].
 //!
-//! The papers' misprints are listed in `docs/equations.md`; the right forms stand here.
+//! The code holds the corrected equations. `docs/equations.md` lists the errata of the papers.
 
 pub mod aiding;
 pub mod dvl;

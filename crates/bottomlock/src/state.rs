@@ -1,4 +1,4 @@
-//! Navigation state, error injection and the difference of two states.
+//! Navigation state, error injection, and the error between two states.
 
 use nalgebra::{SMatrix, SVector, Vector3, Vector4};
 
@@ -9,10 +9,10 @@ use crate::layout::DIM;
 
 /// The error state vector δx = true − estimate (Eqs. 1 and 8), in the order of [`crate::layout`].
 pub type ErrorVector = SVector<f64, DIM>;
-/// Covariance of the error state.
+/// Covariance of the error state, 20×20, SI units.
 pub type Covariance = SMatrix<f64, DIM, DIM>;
 
-/// The whole navigation state.
+/// The navigation state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NavState {
     /// Time of validity, ns.
@@ -27,7 +27,7 @@ pub struct NavState {
     pub accel_bias_p_mps2: Vec3<Platform>,
     /// Gyro bias, rad/s.
     pub gyro_bias_p_radps: Vec3<Platform>,
-    /// Bias of each of the first four beams, m/s.
+    /// Bias of each of the first four DVL beams, m/s.
     pub dvl_bias_mps: Vector4<f64>,
     /// DVL scale factor error.
     pub dvl_scale_factor: f64,
@@ -52,7 +52,7 @@ impl NavState {
     /// Checks that every number is finite.
     ///
     /// # Errors
-    /// [`NavError::NotFinite`] that names the field.
+    /// [`NavError::NotFinite`], which names the field.
     pub fn validate(&self) -> Result<(), NavError> {
         let time = self.time_ns;
         require_finite("state position_t_m", time, &self.position_t_m.to_array())?;
@@ -64,7 +64,7 @@ impl NavState {
         require_finite("state dvl_scale_factor", time, &[self.dvl_scale_factor])
     }
 
-    /// Adds an error: x = x̂ + δx, with R = Exp([ρ×]) R̂ for the attitude.
+    /// Adds an error to the state: x = x̂ + δx, with R = Exp([ρ×]) R̂ for the attitude (Eq. 1).
     pub fn inject(&mut self, error: &ErrorVector) {
         let block = |start: usize| Vector3::new(error[start], error[start + 1], error[start + 2]);
         self.position_t_m.0 += block(layout::POSITION);
@@ -76,7 +76,7 @@ impl NavState {
         self.dvl_scale_factor += error[layout::DVL_SCALE];
     }
 
-    /// The error of `estimate` against this true state: the inverse of [`NavState::inject`].
+    /// Error of `estimate` with respect to this true state, true minus estimate: the inverse of [`NavState::inject`].
     #[must_use]
     pub fn error_of(&self, estimate: &Self) -> ErrorVector {
         let mut error = ErrorVector::zeros();
@@ -109,7 +109,7 @@ impl NavState {
 mod tests {
     use super::*;
 
-    /// inject() and error_of() are inverse to each other, near the vertical too.
+    /// `error_of` inverts `inject`, also at pitch angles near ±90°.
     #[test]
     fn inject_inverts_error_of() {
         for pitch in [0.2, 1.569, -1.569] {
@@ -122,7 +122,7 @@ mod tests {
         }
     }
 
-    /// A state with a NaN names the field.
+    /// The error for a NaN names its field.
     #[test]
     fn validate_names_the_field() {
         let mut state = NavState::at_rest(5);

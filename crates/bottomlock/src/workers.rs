@@ -1,8 +1,8 @@
-//! Threads for work that does not depend on their number.
+//! A pool of threads whose number does not change the results.
 
 use crate::error::NavError;
 
-/// As many threads as asked for; one, or the feature `parallel` left out, works in the caller's.
+/// A pool of threads; with one thread, or without the feature `parallel`, work runs on the caller's thread.
 #[derive(Debug)]
 pub(crate) struct Workers {
     #[cfg(feature = "parallel")]
@@ -11,7 +11,10 @@ pub(crate) struct Workers {
 
 #[cfg(feature = "parallel")]
 impl Workers {
-    /// `threads` threads; 0 for as many as there are cores.
+    /// A pool of `threads` threads; 0 stands for one per core.
+    ///
+    /// # Errors
+    /// [`NavError::OutOfRange`] where the system cannot start so many threads.
     pub(crate) fn new(threads: usize) -> Result<Self, NavError> {
         if threads == 1 {
             return Ok(Self { pool: None });
@@ -31,7 +34,10 @@ impl Workers {
         self.pool.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
     }
 
-    /// Works on every item; the results come in order, and of several errors the first by order.
+    /// Calls `work` on every item; results keep the order of the items, and of several errors the first item's is returned.
+    ///
+    /// # Errors
+    /// As `work`.
     pub(crate) fn each<I: Send, T: Send>(
         &self,
         items: &mut [I],

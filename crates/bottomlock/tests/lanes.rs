@@ -1,6 +1,6 @@
-//! Filters side by side: the bits of each are those of the filter led alone, whoever its neighbours are.
+//! Filters propagated together in SIMD lanes: each has the results of a filter propagated alone, bit for bit.
 
-// Helpers outside `#[test]` functions fail loudly too.
+// Helpers outside `#[test]` functions panic on failure too.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use bottomlock::aiding::water::WaterPrior;
@@ -25,7 +25,7 @@ fn filter(k: usize, options: &Options) -> Eskf {
     Eskf::new(start, &Model::table_2(), options).unwrap().with_water(water)
 }
 
-/// Readings of filter k; one in five spins, so that its rotation leaves the series that its neighbours' stays in.
+/// Readings of filter k. Every fifth filter spins fast, so that its rotation does not converge in the series of the others.
 fn stream(k: usize, from: usize, to: usize) -> Vec<ImuSample> {
     let spin = if k % 5 == 4 { 180.0 } else { 0.2 };
     let sample = |at: usize| ImuSample {
@@ -63,10 +63,10 @@ fn alone(mut filter: Eskf, samples: &[ImuSample]) -> Eskf {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Any number of filters, stretches, both meanings of a sample, every kind of covariance interval; filters that begin a step
-    /// later than the others, and whose covariance therefore falls due at other times, are among them.
+    /// Any number of filters and segments, both IMU samplings, and any covariance interval, with filters that start one step later
+    /// and whose covariance is therefore propagated at other times.
     #[test]
-    fn company_changes_no_bit(
+    fn filters_in_lanes_equal_filters_alone(
         count in 1_usize..20,
         stretches in prop::collection::vec(1_usize..40, 1..4),
         averaged in any::<bool>(),
@@ -99,9 +99,9 @@ proptest! {
     }
 }
 
-/// A filter that runs out of numbers says so at the step where it does alone; its neighbours go on to the same bits.
+/// A filter that overflows fails at the same step as alone; the others have the same results.
 #[test]
-fn a_failure_stays_in_its_span() {
+fn a_failure_does_not_affect_other_filters() {
     let options = Options::default();
     let mut filters: Vec<Eskf> = (0..=width()).map(|k| filter(k, &options)).collect();
     let mut streams: Vec<_> = (0..filters.len()).map(|k| stream(k, 0, 50)).collect();
@@ -130,9 +130,9 @@ fn a_failure_stays_in_its_span() {
     }
 }
 
-/// Samples that stand still are refused as by a filter alone, and a single sample is no step.
+/// Times that do not increase are rejected as by a filter alone, and a single sample is no step.
 #[test]
-fn times_that_do_not_rise_are_refused() {
+fn times_that_do_not_increase_are_rejected() {
     let options = Options::default();
     let mut filters: Vec<Eskf> = (0..3).map(|k| filter(k, &options)).collect();
     let mut samples = stream(0, 0, 5);
@@ -148,9 +148,9 @@ fn times_that_do_not_rise_are_refused() {
     assert_eq!(bits(&filters[0]), before);
 }
 
-/// Filters whose samples part on the way go apart.
+/// Filters whose sample times become different are propagated together up to there, and then each along its own.
 #[test]
-fn samples_may_part_on_the_way() {
+fn sample_times_may_become_different() {
     for period_ms in [0, 100] {
         let options = Options {
             covariance_period_ns: period_ms * 1_000_000,

@@ -66,7 +66,7 @@ fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
             .with(SensorKind::Attitude, &magnetometer, &[])
             .with(SensorKind::Gps, &gps, &[]);
             let segment = TruthSegment {
-                truth: truth.part(pair[0]..pair[1] + 1),
+                truth: truth.slice(pair[0]..pair[1] + 1),
                 schedule,
             };
             pieces

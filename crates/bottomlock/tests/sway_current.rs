@@ -1,6 +1,6 @@
-//! Laws of the method that assumes sway and heave through the water: what it may do to tight coupling, and what it may not.
+//! Properties of the method with assumptions on sway and heave through the water, against tight coupling.
 
-// Helpers outside `#[test]` functions fail loudly too.
+// Helpers outside `#[test]` functions panic on failure too.
 #![allow(clippy::unwrap_used)]
 
 use bottomlock::aiding::water::WaterPrior;
@@ -19,9 +19,9 @@ use proptest::prelude::*;
 const SECONDS: i64 = 40;
 const STEP_NS: i64 = 20_000_000;
 
-/// A second of flight for each ping: a level turn, and beams that read the sway named, with what a test adds to them.
+/// A level turn with constant sway and heave and a ping per second, with disturbances added to the beams.
 #[derive(Debug, Clone)]
-struct Flight {
+struct Track {
     sway_mps: f64,
     heave_mps: f64,
     rate_radps: f64,
@@ -32,7 +32,7 @@ struct Flight {
     disturbance_mps: Vec<f64>,
 }
 
-impl Flight {
+impl Track {
     fn calm(sway_mps: f64) -> Self {
         Self {
             sway_mps,
@@ -57,25 +57,25 @@ impl Outcome {
     }
 }
 
-fn fly(aiding: BeamAiding, flight: &Flight, options: &Options) -> Outcome {
+fn run(aiding: BeamAiding, track: &Track, options: &Options) -> Outcome {
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
     let mut model = Model::table_2();
-    model.initial.velocity_sd_mps = [flight.initial_velocity_sd_mps; 3];
+    model.initial.velocity_sd_mps = [track.initial_velocity_sd_mps; 3];
     let mut initial = NavState::at_rest(0);
-    initial.velocity_p_mps = Vec3::new(2.0, flight.sway_mps, flight.heave_mps);
+    initial.velocity_p_mps = Vec3::new(2.0, track.sway_mps, track.heave_mps);
     let mut navigator = Navigator::new(initial, geometry.clone(), aiding, &model, options).unwrap();
     let mut reports = Vec::new();
-    let mut hear = |report: &UpdateReport| reports.push(*report);
+    let mut collect = |report: &UpdateReport| reports.push(*report);
     let gravity = model.environment.gravity_mps2;
-    let rate = flight.rate_radps;
+    let rate = track.rate_radps;
     for k in 0..=SECONDS * 1_000_000_000 / STEP_NS {
         let time_ns = k * STEP_NS;
         let imu = ImuSample {
             time_ns,
             rate_p_radps: Vec3::new(0.0, 0.0, rate),
-            force_p_mps2: Vec3::new(-rate * flight.sway_mps, rate * 2.0, -gravity),
+            force_p_mps2: Vec3::new(-rate * track.sway_mps, rate * 2.0, -gravity),
         };
-        navigator.push(&Event::Imu(imu), &mut hear).unwrap();
+        navigator.push(&Event::Imu(imu), &mut collect).unwrap();
         if time_ns > 0 && time_ns % 1_000_000_000 == 0 {
             let epoch = (time_ns / 1_000_000_000) as usize;
             let mut ping = BeamSample {
@@ -83,17 +83,17 @@ fn fly(aiding: BeamAiding, flight: &Flight, options: &Options) -> Outcome {
                 velocity_mps: [0.0; MAX_BEAMS],
                 sd_mps: [0.042; MAX_BEAMS],
                 valid: if epoch as i64 * 2 > SECONDS {
-                    flight.mask_later
+                    track.mask_later
                 } else {
-                    flight.mask
+                    track.mask
                 },
             };
             for beam in 0..4 {
                 let d = geometry.direction_p(beam);
-                let disturbance = flight.disturbance_mps[(epoch * 4 + beam) % flight.disturbance_mps.len()];
-                ping.velocity_mps[beam] = 2.0 * d.x + flight.sway_mps * d.y + flight.heave_mps * d.z + disturbance;
+                let disturbance = track.disturbance_mps[(epoch * 4 + beam) % track.disturbance_mps.len()];
+                ping.velocity_mps[beam] = 2.0 * d.x + track.sway_mps * d.y + track.heave_mps * d.z + disturbance;
             }
-            navigator.push(&Event::Beams(ping), &mut hear).unwrap();
+            navigator.push(&Event::Beams(ping), &mut collect).unwrap();
         }
     }
     Outcome { navigator, reports }
@@ -106,9 +106,9 @@ fn with_prior(prior: WaterPrior) -> Options {
     }
 }
 
-/// An assumption of no weight is no assumption: with variances of 1e12 (m/s)² the method is tight coupling.
+/// With variances of 1e12 (m/s)² the assumptions have no weight, and the method equals tight coupling.
 #[test]
-fn infinite_variances_make_tight_coupling() {
+fn infinite_variances_give_tight_coupling() {
     let prior = WaterPrior {
         current_sd_mps: 1e6,
         sway_gain_sd_m: 1e6,
@@ -116,9 +116,9 @@ fn infinite_variances_make_tight_coupling() {
         slip_sd_mps: 1e6,
         ..WaterPrior::default()
     };
-    let flight = Flight::calm(0.2);
-    let tight = fly(BeamAiding::Tight, &flight, &with_prior(prior));
-    let method = fly(BeamAiding::SwayCurrent, &flight, &with_prior(prior));
+    let track = Track::calm(0.2);
+    let tight = run(BeamAiding::Tight, &track, &with_prior(prior));
+    let method = run(BeamAiding::SwayCurrent, &track, &with_prior(prior));
     assert!(method.of(Sensor::Sway).iter().all(|r| r.verdict == Verdict::Accepted));
     let error = tight.navigator.state().error_of(&method.navigator.state());
     assert!(error.amax() < 1e-9, "{error}");
@@ -128,10 +128,10 @@ fn infinite_variances_make_tight_coupling() {
     }
 }
 
-/// What the gate rejects leaves no trace: state and covariance are those of tight coupling bit for bit.
+/// With rejected assumptions state and covariance equal those of tight coupling, bit for bit.
 #[test]
-fn a_rejected_assumption_leaves_every_bit() {
-    let sure = WaterPrior {
+fn a_rejected_assumption_changes_nothing() {
+    let overconfident = WaterPrior {
         current_sd_mps: 0.0,
         sway_gain_m: 0.0,
         sway_gain_sd_m: 0.0,
@@ -139,21 +139,21 @@ fn a_rejected_assumption_leaves_every_bit() {
         slip_sd_mps: 1e-4,
         ..WaterPrior::default()
     };
-    // All beams, so that sway and heave over ground are known, and far from what is assumed.
-    let flight = Flight {
+    // All beams, so that sway and heave over ground are known and far from the assumed values.
+    let track = Track {
         mask: BeamMask::all(4),
         mask_later: BeamMask::all(4),
         heave_mps: 0.5,
         rate_radps: 0.0,
-        ..Flight::calm(0.5)
+        ..Track::calm(0.5)
     };
     for gate in [Gate::Joint { probability: 0.9973 }, Gate::PerRow] {
         let options = Options {
             gate,
-            ..with_prior(sure)
+            ..with_prior(overconfident)
         };
-        let tight = fly(BeamAiding::Tight, &flight, &options);
-        let method = fly(BeamAiding::SwayCurrent, &flight, &options);
+        let tight = run(BeamAiding::Tight, &track, &options);
+        let method = run(BeamAiding::SwayCurrent, &track, &options);
         for sensor in [Sensor::Sway, Sensor::Heave] {
             let verdicts = method.of(sensor);
             assert_eq!(verdicts.len(), SECONDS as usize);
@@ -164,38 +164,38 @@ fn a_rejected_assumption_leaves_every_bit() {
     }
 }
 
-/// Two beams on a straight leg cannot tell a current that is said to be none from a drift: the method is as wrong as its assumption.
-/// When all beams are back and say otherwise, the assumption is begun anew, and the method comes back to what they say.
+/// On a straight leg two beams cannot tell a current from a drift, so a wrong assumption of no current stays undetected. When all
+/// beams return and contradict it, the constrained filter is restarted and agrees with the beams.
 #[test]
-fn a_failed_assumption_is_begun_anew() {
+fn a_contradicted_assumption_is_restarted() {
     let none = WaterPrior {
         current_sd_mps: 1e-3,
         sway_gain_sd_m: 1e-3,
         ..WaterPrior::default()
     };
-    let flight = Flight {
+    let track = Track {
         rate_radps: 0.0,
         initial_velocity_sd_mps: 1.0,
-        ..Flight::calm(0.5)
+        ..Track::calm(0.5)
     };
-    let partial = fly(BeamAiding::SwayCurrent, &flight, &with_prior(none));
+    let partial = run(BeamAiding::SwayCurrent, &track, &with_prior(none));
     assert!(partial.navigator.state().velocity_p_mps.0.y.abs() < 0.1);
     assert_eq!(partial.navigator.water().unwrap().restarts(), 0);
 
-    let later = Flight {
+    let later = Track {
         mask_later: BeamMask::all(4),
-        ..flight
+        ..track
     };
     for gate in [Gate::Joint { probability: 0.9973 }, Gate::PerRow] {
         let options = Options {
             gate,
             ..with_prior(none)
         };
-        let method = fly(BeamAiding::SwayCurrent, &later, &options);
-        let tight = fly(BeamAiding::Tight, &later, &options);
+        let method = run(BeamAiding::SwayCurrent, &later, &options);
+        let tight = run(BeamAiding::Tight, &later, &options);
         assert!(method.navigator.water().unwrap().restarts() > 0);
-        let gap = method.navigator.state().velocity_p_mps.0 - tight.navigator.state().velocity_p_mps.0;
-        assert!(gap.norm() < 0.1, "{gap}");
+        let difference = method.navigator.state().velocity_p_mps.0 - tight.navigator.state().velocity_p_mps.0;
+        assert!(difference.norm() < 0.1, "{difference}");
         assert_eq!(method.of(Sensor::Beams), tight.of(Sensor::Beams));
     }
 }
@@ -219,24 +219,24 @@ prop_compose! {
 }
 
 prop_compose! {
-    fn flight()(sd_exponent in -2.0_f64..1.0, later_bits in 0_usize..16, sway_mps in -2.0_f64..2.0, heave_mps in -1.0_f64..1.0, rate_radps in -0.3_f64..0.3, bits in 0_usize..16,
-                disturbance_mps in prop::collection::vec(-1.0_f64..1.0, 1..40)) -> Flight {
+    fn track()(sd_exponent in -2.0_f64..1.0, later_bits in 0_usize..16, sway_mps in -2.0_f64..2.0, heave_mps in -1.0_f64..1.0, rate_radps in -0.3_f64..0.3, bits in 0_usize..16,
+                disturbance_mps in prop::collection::vec(-1.0_f64..1.0, 1..40)) -> Track {
         let mask_of = |bits: usize| (0..4).filter(|k| bits & (1 << k) != 0).collect();
         let (mask, mask_later) = (mask_of(bits), mask_of(later_bits));
-        Flight { sway_mps, heave_mps, rate_radps, mask, mask_later, initial_velocity_sd_mps: 10.0_f64.powf(sd_exponent), disturbance_mps }
+        Track { sway_mps, heave_mps, rate_radps, mask, mask_later, initial_velocity_sd_mps: 10.0_f64.powf(sd_exponent), disturbance_mps }
     }
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
-    /// However wrong the prior and however wild the beams, each ping is judged as tight coupling judges it, bit for bit: an
-    /// assumption can lock nothing out. And no number ever stops being one.
+    /// For any prior and any beams each ping has the report of tight coupling, bit for bit, so an assumption cannot make the gate
+    /// reject beams; all numbers stay finite.
     #[test]
-    fn beams_are_judged_without_the_assumption(prior in prior(), flight in flight()) {
+    fn assumptions_do_not_change_beam_reports(prior in prior(), track in track()) {
         let options = with_prior(prior);
-        let tight = fly(BeamAiding::Tight, &flight, &options);
-        let method = fly(BeamAiding::SwayCurrent, &flight, &options);
+        let tight = run(BeamAiding::Tight, &track, &options);
+        let method = run(BeamAiding::SwayCurrent, &track, &options);
         prop_assert_eq!(tight.of(Sensor::Beams), method.of(Sensor::Beams));
         prop_assert!(method.navigator.state().validate().is_ok());
         prop_assert!(method.navigator.covariance().iter().all(|x| x.is_finite()));

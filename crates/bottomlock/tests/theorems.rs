@@ -1,10 +1,10 @@
 //! Theorems of partial-beam aiding, over random priors, geometries of three to five beams and all masks.
 //!
 //! With m beams of rank m: TC = VB with the exact cross-covariance = information form through its principal axes = information
-//! form through the full covariance. With redundant beams the same holds where the filter has no DVL states; with them the closure
-//! row of a fourth beam tells tight coupling something about the beam biases that a velocity cannot carry.
+//! form through the full covariance. With redundant beams the same holds for a filter without DVL states. With DVL states the
+//! closure row of a fourth beam gives tight coupling information on the beam biases that a velocity does not contain.
 
-// Helpers outside `#[test]` functions fail loudly too.
+// Helpers outside `#[test]` functions panic on failure too.
 #![allow(clippy::unwrap_used)]
 
 use std::f64::consts::TAU;
@@ -75,7 +75,7 @@ fn covariance(seed: &[f64], dvl: bool) -> Covariance {
     })
 }
 
-/// Tilts and azimuths kept apart, so that "rank" means rank and not a matter of digits.
+/// Random geometries with well separated azimuths, so that the rank is well conditioned.
 fn geometry() -> impl Strategy<Value = BeamGeometry> {
     (
         3_usize..=5,
@@ -160,8 +160,9 @@ fn gap(one: &(NavState, Covariance, f64), two: &(NavState, Covariance, f64)) -> 
     worst
 }
 
-/// Number of independent beams, or `None` for a mask whose beams nearly lie in a plane or on a line: digits lost there say nothing
-/// about the theorem. A bound of 30 on the condition number leaves every instrument in (three beams at 20° have 3.9).
+/// Number of independent beams, or `None` for a mask whose beams nearly lie in a plane or on a line, where rounding dominates.
+///
+/// The bound of 30 on the condition number includes every real instrument (three beams at 20° have 3.9).
 fn rank(case: &Case) -> Option<usize> {
     let mut sum = Matrix3::<f64>::zeros();
     for beam in case.mask.iter() {
@@ -183,7 +184,7 @@ const AXES: InformationPort = InformationPort::Axes;
 proptest! {
     #![proptest_config(ProptestConfig { cases: 100_000, max_global_rejects: 10_000_000, ..ProptestConfig::default() })]
 
-    /// Non-redundant masks, with DVL states and lever methods: the four are one.
+    /// Non-redundant masks, with DVL states and lever arms: the four updates are equal.
     #[test]
     fn four_names_for_one_update(case in case(true, true)) {
         prop_assume!(rank(&case) == Some(case.mask.count()));
@@ -200,14 +201,14 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 100_000, max_global_rejects: 10_000_000, ..ProptestConfig::default() })]
 
-    /// Any mask, redundant ones too, where the port knows velocity alone: no DVL states, one place for all transducers.
+    /// Any mask, redundant ones included, without DVL states and lever arms: the updates through a velocity are equal.
     #[test]
     fn velocity_ports_without_dvl_states(case in case(false, false)) {
         prop_assume!(rank(&case).is_some());
         let tight = update(&case, BeamAiding::Tight, AXES, Gate::Off);
         for (method, port) in [(PartialMethod::VirtualBeamExact, AXES), (PartialMethod::Information, AXES), (PartialMethod::Information, InformationPort::Full)] {
             let other = update(&case, BeamAiding::Loose(method), port, Gate::Off);
-            // The NIS of redundant beams counts their closure, which a velocity does not carry.
+            // The NIS of redundant beams includes their closure, which a velocity does not contain.
             let other = (other.0, other.1, tight.2);
             prop_assert!(gap(&tight, &other) < 1e-9, "{method:?} {port:?}: {}", gap(&tight, &other));
         }
@@ -221,7 +222,7 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 20_000, max_global_rejects: 10_000_000, ..ProptestConfig::default() })]
 
-    /// Since the NIS is the same, the joint gate decides the same.
+    /// The NIS is equal, so the decision of the joint gate is equal too.
     #[test]
     fn the_joint_gate_treats_them_alike(case in case(true, true)) {
         prop_assume!(rank(&case) == Some(case.mask.count()));
@@ -233,7 +234,7 @@ proptest! {
         prop_assert!(gap(&tight, &exact) < 1e-9 && gap(&tight, &axes) < 1e-9 && gap(&tight, &full) < 1e-9);
     }
 
-    /// LC = TC for three independent beams, DVL states and lever methods included.
+    /// LC = TC for three independent beams, with DVL states and lever arms.
     #[test]
     fn loose_is_tight_for_three_beams(case in case(true, true)) {
         prop_assume!(case.mask.count() == 3 && rank(&case) == Some(3));
@@ -243,7 +244,7 @@ proptest! {
     }
 }
 
-/// With beam biases as states the closure b1 − b2 + b3 − b4 of the x-Janus informs them, and LC does not see it.
+/// The closure b1 − b2 + b3 − b4 of the x-Janus observes the beam biases under tight coupling, but not under LC.
 #[test]
 fn the_fourth_beam_informs_the_biases_under_tight_coupling_only() {
     let case = Case {
@@ -267,15 +268,15 @@ fn the_fourth_beam_informs_the_biases_under_tight_coupling_only() {
     let before = closure(&case.covariance);
     assert!(
         (closure(&loose.1) - before).abs() < 1e-12 * before,
-        "LC leaves the closure of the biases alone"
+        "LC does not change the closure of the biases"
     );
-    // A scalar update of variance P²/(P + R) less.
+    // A scalar update reduces the variance by P²/(P + R).
     let expected = before - before * before / (before + 0.042_f64.powi(2));
     assert!((closure(&tight.1) - expected).abs() < 1e-9 * before);
     let velocity = |p: &Covariance| p.fixed_view::<3, 3>(6, 6).into_owned();
     assert!(
         (velocity(&tight.1) - velocity(&loose.1)).amax() < 1e-12,
-        "the velocity itself learns the same"
+        "the velocity covariance is equal"
     );
     assert!(Vector3::from(tight.0.velocity_p_mps.0 - loose.0.velocity_p_mps.0).norm() < 1e-9);
 }

@@ -1,4 +1,4 @@
-//! One ping to a velocity fix.
+//! Velocity fix from one ping.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -8,32 +8,32 @@ use super::velocity::{HEAVE_SLOT, SLOTS, VIRTUAL_SLOT};
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Vec3};
 
-/// The velocity that an INS expects, and how well it knows it.
+/// Prior velocity of an INS with its covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VelocityPrior {
     /// Velocity over ground, platform frame, m/s.
     pub velocity_p_mps: Vec3<Platform>,
-    /// Its covariance, (m/s)².
+    /// Covariance of the velocity, (m/s)².
     pub cov_m2ps2: Matrix3<f64>,
 }
 
 /// A velocity from one ping.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VelocityFix {
-    /// Velocity over ground, platform frame, m/s; zero along what is not observed.
+    /// Velocity over ground, platform frame, m/s; zero along unobserved directions.
     pub velocity_p_mps: Vec3<Platform>,
-    /// How it came about, with its covariance and what each component is.
+    /// Gain and covariance of the fix, with the status of each component.
     pub estimator: FixEstimator,
     /// The beams that were used.
     pub beams: BeamMask,
 }
 
-/// What became of a ping.
+/// Outcome of one ping.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FixOutcome {
     /// Every component is solved.
     Fix(VelocityFix),
-    /// Some component is not; see [`FixEstimator::components`].
+    /// At least one component is not solved; see [`FixEstimator::components`].
     Unobservable(VelocityFix),
     /// No beam is valid.
     TooFewBeams,
@@ -41,10 +41,10 @@ pub enum FixOutcome {
     PriorRequired,
 }
 
-/// What a ping was measured with, beside the beams.
+/// Angular rate and prior velocity at a ping.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PingContext {
-    /// Angular rate ω_tp, platform frame, rad/s, for the lever methods.
+    /// Angular rate ω_tp, platform frame, rad/s, for the lever arms.
     pub rate_tp_p_radps: Vector3<f64>,
     /// Prior velocity, for the methods that use one.
     pub prior: Option<VelocityPrior>,
@@ -53,7 +53,11 @@ pub struct PingContext {
 /// Solves one ping for the platform velocity.
 ///
 /// # Errors
-/// [`NavError::BadBeam`] for a valid beam without finite velocity or positive sigma; otherwise as [`estimator`].
+/// [`NavError::BadBeam`] for a valid beam without a finite velocity or a positive standard deviation; otherwise as
+/// [`fix_estimator`].
+///
+/// # Source
+/// Tal et al. 2017, Eqs. (15)–(17): lever arms and sound speed are removed from the readings before the least squares.
 ///
 /// ```
 /// use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
@@ -65,7 +69,7 @@ pub struct PingContext {
 ///     ping.velocity_mps[beam] = 2.0 * geometry.direction_p(beam).x; // surge of 2 m/s
 /// }
 /// let outcome = solve(PartialMethod::PartialLoose, &geometry, &ping, &PingContext::default(), &Assumptions::default()).unwrap();
-/// let FixOutcome::Unobservable(fix) = outcome else { panic!("beams 1 and 2 see the surge alone") };
+/// let FixOutcome::Unobservable(fix) = outcome else { panic!("beams 1 and 2 determine surge alone") };
 /// assert!(fix.estimator.is_solved(0) && !fix.estimator.is_solved(1));
 /// assert!((fix.velocity_p_mps.0.x - 2.0).abs() < 1e-12);
 /// ```

@@ -1,4 +1,4 @@
-//! Beam directions, lever methods and the beam model (Eqs. 12–16) for any number of beams from 1 to [`MAX_BEAMS`].
+//! Beam directions, lever arms and the beam model (Eqs. 12–16) for 1 to [`MAX_BEAMS`] beams.
 
 use nalgebra::Vector3;
 
@@ -8,7 +8,10 @@ use crate::frames::{Dvl, Platform, Rot, Vec3};
 use crate::layout::BIASED_BEAMS;
 pub use crate::layout::MAX_BEAMS;
 
-/// Which beams returned a valid velocity.
+/// What [`NavError::BadBeam`] expects of a beam number.
+pub(crate) const BEAM_EXISTS: &str = "a beam of the geometry";
+
+/// Set of beams, for example those with a valid velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub struct BeamMask(u8);
 
@@ -21,7 +24,7 @@ impl BeamMask {
     pub fn all(count: usize) -> Self {
         (0..count.min(MAX_BEAMS)).collect()
     }
-    /// True where beam `index` (counted from 0) is in the mask.
+    /// Returns true if beam `index` (counted from 0) is in the mask.
     #[must_use]
     pub fn contains(self, index: usize) -> bool {
         index < MAX_BEAMS && self.0 & (1 << index) != 0
@@ -31,7 +34,7 @@ impl BeamMask {
     pub fn count(self) -> usize {
         self.0.count_ones() as usize
     }
-    /// The indices of the beams, counted from 0, rising.
+    /// Indices of the beams, counted from 0, in increasing order.
     pub fn iter(self) -> impl Iterator<Item = usize> + Clone {
         (0..MAX_BEAMS).filter(move |&index| self.contains(index))
     }
@@ -53,7 +56,7 @@ impl FromIterator<usize> for BeamMask {
     }
 }
 
-/// How the four beams of a Janus stand.
+/// Azimuths of the four beams of a Janus configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Janus {
     /// Azimuths 45°, 135°, 225°, 315° (Eq. 14).
@@ -62,13 +65,13 @@ pub enum Janus {
     Plus,
 }
 
-/// Beam directions and lever methods, resolved in the platform frame.
+/// Beam directions and lever arms, resolved in the platform frame.
 ///
 /// ```
 /// use bottomlock::dvl::geometry::{BeamGeometry, Janus};
 /// let geometry = BeamGeometry::janus(Janus::X, 20_f64.to_radians()).unwrap();
 /// assert_eq!(geometry.beams(), 4);
-/// // Beam 1 looks forward, right and down.
+/// // Beam 1 points forward, right and down.
 /// assert!(geometry.direction_p(0).iter().all(|&c| c > 0.0));
 /// ```
 #[derive(Debug, Clone, PartialEq)]
@@ -79,7 +82,7 @@ pub struct BeamGeometry {
 }
 
 impl BeamGeometry {
-    /// Beams along given unit vectors in the DVL frame.
+    /// A geometry from unit vectors in the DVL frame.
     ///
     /// # Errors
     /// [`NavError::WrongCount`] for 0 or more than [`MAX_BEAMS`] beams, [`NavError::NotUnit`] for a vector whose length is not 1.
@@ -104,7 +107,8 @@ impl BeamGeometry {
         })
     }
 
-    /// Beams by tilt from the vertical and azimuth from the bow, rad (Eq. 13; erratum E9: the angle is a tilt).
+    /// A geometry from the tilt of each beam from the vertical and its azimuth from the bow, rad (Eq. 13; erratum E9: the angle
+    /// is a tilt).
     ///
     /// # Errors
     /// As [`BeamGeometry::from_directions`]; [`NavError::NotFinite`] for an angle that is not finite.
@@ -126,7 +130,7 @@ impl BeamGeometry {
         Self::from_directions(&directions)
     }
 
-    /// Four beams of equal tilt, rad (Eqs. 13 and 14).
+    /// A Janus geometry: four beams of equal tilt, rad (Eqs. 13 and 14).
     ///
     /// # Errors
     /// [`NavError::NotFinite`] for a tilt that is not finite.
@@ -139,7 +143,7 @@ impl BeamGeometry {
         Self::from_angles(&[tilt_rad; 4], &azimuths)
     }
 
-    /// Turns the beams from the DVL frame to the platform frame by the mounting.
+    /// Rotates the beam directions from the DVL frame to the platform frame.
     #[must_use]
     pub fn mounted(mut self, mounting: Rot<Platform, Dvl>) -> Self {
         for direction in &mut self.directions_p {
@@ -148,10 +152,10 @@ impl BeamGeometry {
         self
     }
 
-    /// Sets the place of each transducer in the platform frame, m.
+    /// Sets the lever arm of each transducer, platform frame, m.
     ///
     /// # Errors
-    /// [`NavError::WrongCount`] or [`NavError::NotFinite`].
+    /// [`NavError::WrongCount`] unless there is one per beam; [`NavError::NotFinite`].
     pub fn with_lever_arms(mut self, lever_arms_p_m: &[Vec3<Platform>]) -> Result<Self, NavError> {
         if lever_arms_p_m.len() != self.beams() {
             return Err(NavError::WrongCount {
@@ -167,7 +171,7 @@ impl BeamGeometry {
         Ok(self)
     }
 
-    /// Sets the ratio of the sound speed that the instrument assumes to the true one: it multiplies every reading (Eq. 12).
+    /// Sets the ratio of assumed to true sound speed, which multiplies every reading (Eq. 12).
     ///
     /// # Errors
     /// [`NavError::OutOfRange`] unless positive and finite.
@@ -182,12 +186,12 @@ impl BeamGeometry {
     pub fn beams(&self) -> usize {
         self.directions_p.len()
     }
-    /// Number of independent directions: 3 where all beams together determine a velocity.
+    /// Number of independent directions: 3 if all beams together determine a velocity.
     #[must_use]
     pub fn rank(&self) -> usize {
         self.rank_of(BeamMask::all(self.beams()))
     }
-    /// Number of independent directions among some beams.
+    /// Number of independent directions among the beams of a mask.
     #[must_use]
     pub fn rank_of(&self, valid: BeamMask) -> usize {
         let mut rows = Rows::empty();
@@ -198,12 +202,12 @@ impl BeamGeometry {
         }
         rows.null_space().0
     }
-    /// Direction of a beam (counted from 0), platform frame.
+    /// Direction of a beam (counted from 0), unit vector, platform frame.
     #[must_use]
     pub fn direction_p(&self, beam: usize) -> &Vector3<f64> {
         &self.directions_p[beam]
     }
-    /// Place of a transducer, platform frame, m.
+    /// Lever arm of a transducer (beam counted from 0), platform frame, m.
     #[must_use]
     pub fn lever_arm_p_m(&self, beam: usize) -> &Vector3<f64> {
         &self.lever_arms_p_m[beam]
@@ -214,7 +218,7 @@ impl BeamGeometry {
         self.sound_speed_scale
     }
 
-    /// What beam `beam` reads without noise (Eq. 15, as a dot product: erratum E6), m/s, before the sound-speed scale.
+    /// Noise-free reading of beam `beam`, m/s, before the sound-speed scale (Eq. 15, as a dot product: erratum E6).
     #[must_use]
     pub fn beam_velocity_mps(&self, beam: usize, motion: &BeamMotion) -> f64 {
         let point = motion.velocity_p_mps * (1.0 + motion.scale_factor)
@@ -228,12 +232,12 @@ impl BeamGeometry {
     }
 }
 
-/// What a beam reading depends on.
+/// Quantities that a beam reading depends on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BeamMotion {
     /// Velocity over ground, platform frame, m/s.
     pub velocity_p_mps: Vector3<f64>,
-    /// Angular rate against the tangent frame, platform frame, rad/s.
+    /// Angular rate ω_tp, platform frame, rad/s.
     pub rate_tp_p_radps: Vector3<f64>,
     /// Bias of each of the first four beams, m/s; further beams have none.
     pub beam_bias_mps: [f64; BIASED_BEAMS],
@@ -241,16 +245,16 @@ pub struct BeamMotion {
     pub scale_factor: f64,
 }
 
-/// One ping.
+/// The beam velocities of one ping.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BeamSample {
     /// Time of validity, ns.
     pub time_ns: i64,
-    /// Beam velocities, m/s; entries of invalid beams mean nothing and may be NaN.
+    /// Beam velocities, m/s; entries of invalid beams are ignored and may be NaN.
     pub velocity_mps: [f64; MAX_BEAMS],
-    /// Noise of each beam, 1 sigma, m/s.
+    /// Standard deviation of each beam, m/s.
     pub sd_mps: [f64; MAX_BEAMS],
-    /// Which beams are valid.
+    /// Beams with a valid velocity.
     pub valid: BeamMask,
 }
 
@@ -258,23 +262,25 @@ impl BeamSample {
     /// Checks that every valid beam exists and carries a finite velocity and a positive standard deviation.
     ///
     /// # Errors
-    /// [`NavError::BadBeam`] with the beam and the time.
+    /// [`NavError::BadBeam`], which names the beam and the time.
     pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
         for beam in self.valid.iter() {
-            let bad = |field, value| NavError::BadBeam {
+            let bad = |field, value, expected| NavError::BadBeam {
                 beam: beam + 1,
                 time_ns: self.time_ns,
                 field,
                 value,
+                expected,
             };
             if beam >= geometry.beams() {
-                return Err(bad("number", (beam + 1) as f64));
+                return Err(bad("number", (beam + 1) as f64, BEAM_EXISTS));
             }
             if !self.velocity_mps[beam].is_finite() {
-                return Err(bad("velocity", self.velocity_mps[beam]));
+                let expected = "a finite number: flag a lost beam invalid";
+                return Err(bad("velocity", self.velocity_mps[beam], expected));
             }
             if !(self.sd_mps[beam].is_finite() && self.sd_mps[beam] > 0.0) {
-                return Err(bad("standard deviation", self.sd_mps[beam]));
+                return Err(bad("standard deviation", self.sd_mps[beam], "a finite number > 0"));
             }
         }
         Ok(())
@@ -285,7 +291,7 @@ impl BeamSample {
 mod tests {
     use super::*;
 
-    /// Eqs. 13 and 14 by hand: beam 2 of the x-Janus looks aft and right.
+    /// Eqs. 13 and 14 by hand: beam 2 of the x-Janus points aft and right.
     #[test]
     fn second_beam_of_the_x_janus() {
         let tilt = 20_f64.to_radians();
@@ -294,9 +300,9 @@ mod tests {
         assert!((geometry.direction_p(1) - Vector3::new(-side, side, tilt.cos())).norm() < 1e-15);
     }
 
-    /// Eq. 15 by hand: yaw rate on a lever arm ahead moves the transducer to starboard.
+    /// Eq. 15 by hand: with a lever arm ahead a yaw rate moves the transducer to starboard.
     #[test]
-    fn lever_arm_sees_the_yaw_rate() {
+    fn lever_arm_adds_the_yaw_rate() {
         let geometry = BeamGeometry::from_directions(&[Vec3::new(0.0, 1.0, 0.0)])
             .and_then(|g| g.with_lever_arms(&[Vec3::new(1.5, 0.0, 0.0)]))
             .unwrap();
@@ -309,7 +315,7 @@ mod tests {
         assert!((geometry.beam_velocity_mps(0, &motion) - (0.15 + 0.3 + 0.01)).abs() < 1e-15);
     }
 
-    /// Three beams in a plane see two directions, however many they are.
+    /// Three beams in one plane determine two directions.
     #[test]
     fn rank_counts_directions() {
         let tilt = 0.4;
@@ -318,18 +324,18 @@ mod tests {
         assert_eq!(flat.rank(), 2);
     }
 
-    /// A direction that is not a unit vector names its beam.
+    /// A direction that is not a unit vector is rejected with its beam number.
     #[test]
-    fn a_long_direction_is_refused() {
+    fn a_direction_of_norm_two_is_rejected() {
         let result = BeamGeometry::from_directions(&[Vec3::new(0.0, 0.0, 1.0), Vec3::new(0.0, 0.0, 2.0)]);
         assert_eq!(result, Err(NavError::NotUnit { beam: 2, norm: 2.0 }));
         assert!(BeamGeometry::from_directions(&[Vec3::new(f64::NAN, 0.0, 1.0)]).is_err());
         assert!(BeamGeometry::from_directions(&[]).is_err());
     }
 
-    /// A mask is a set of small numbers.
+    /// A mask is a set of beam indices below the largest number of beams.
     #[test]
-    fn masks() {
+    fn a_mask_is_a_set_of_beams() {
         let mask: BeamMask = [0, 2, 9].into_iter().collect();
         assert_eq!(mask.iter().collect::<Vec<_>>(), vec![0, 2]);
         assert_eq!(BeamMask::all(4).count(), 4);

@@ -1,4 +1,4 @@
-//! Doppler velocity log: beam geometry, velocity from beams, and what to do when beams are missing.
+//! Doppler velocity log (DVL): beam geometry, velocity from beams, and the methods for partial measurements.
 
 pub mod fix;
 pub mod geometry;

@@ -1,16 +1,16 @@
-//! The extended loosely coupled methods and the selector (Eqs. 23–49): one least-squares core, different extra rows.
+//! The extended loosely coupled methods and the selector (Eqs. 23–49): one least-squares solution with different extra rows.
 //!
-//! | PartialMethod | Extra row | What it reports |
+//! | Method | Extra row | Solved components |
 //! |---|---|---|
-//! | virtual beam (VB) | `b_j · v = b_j · v_prior` for missing beams, until the rank is 3 | all axes, or it refuses |
-//! | nullified sway (NSV) | `e_y · v = 0` | all axes, or it refuses (erratum E2) |
-//! | partial loose coupling (PLCF) | none | the platform axes inside the row space (erratum E3) |
-//! | virtual heave (VHV) | `e_z · v = w_prior` | as PLCF; never the prior's own heave |
-//! | selector | – | per axis the least variance of these four |
+//! | virtual beam (VB) | `b_j · v = b_j · v_prior` for missing beams, until the rank is 3 | all, or none |
+//! | nullified sway (NSV) | `e_y · v = 0` | all, or none (erratum E2) |
+//! | partial loose coupling (PLCF) | none | the platform axes in the row space (erratum E3) |
+//! | virtual heave (VHV) | `e_z · v = w_prior` | as PLCF; never the heave of the prior |
+//! | selector | – | per axis the smallest variance of these four |
 //! | information | none | the observable principal axes |
 //! | weak sway | `e_y · v = 0` with a large variance | the observable principal axes |
 //!
-//! With three independent beams or more every method is plain least squares.
+//! With three or more independent beams every method is plain least squares.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -18,17 +18,17 @@ use super::geometry::{BeamGeometry, BeamMask, MAX_BEAMS};
 use super::velocity::{Gain, HEAVE_SLOT, LeastSquares, Rows, SWAY_SLOT, VIRTUAL_SLOT, least_squares};
 use crate::error::{NavError, require_finite};
 
-/// Covariance of the beam readings, beam by beam, (m/s)².
+/// Covariance of the beam readings, beams by beams, (m/s)².
 pub type BeamNoise = SMatrix<f64, MAX_BEAMS, MAX_BEAMS>;
 
-/// How a velocity is made of the beams that are left.
+/// Method that computes a velocity from the valid beams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PartialMethod {
-    /// Weighted least squares on three independent beams or more (LC).
+    /// Weighted least squares on three or more independent beams (LC).
     LeastSquares,
-    /// VB, Sect. 3.1, with the correlation of Eq. 26 neglected and n_f in its place.
+    /// VB, Sect. 3.1, with n_f in place of the correlation of Eq. 26.
     VirtualBeam,
-    /// VB with the exact cross-covariance of Eq. 26 (inside a filter identical to tight coupling).
+    /// VB with the exact cross-covariance of Eq. 26, which in a filter is identical to tight coupling.
     VirtualBeamExact,
     /// NSV, Sect. 3.2.
     NullifiedSway,
@@ -38,9 +38,9 @@ pub enum PartialMethod {
     VirtualHeave,
     /// The selector, Eqs. 48 and 49.
     Selector,
-    /// The rank-deficient least-squares information.
+    /// The rank-deficient least-squares information, along its principal axes.
     Information,
-    /// Least squares on the beams and a sway row of large variance.
+    /// Least squares on the beams and a sway row with a large variance.
     WeakSway,
 }
 
@@ -51,7 +51,7 @@ pub struct Assumptions {
     pub virtual_beam_factor: f64,
     /// ε of Eq. 36, (m/s)².
     pub nullified_sway_var_m2ps2: f64,
-    /// Variance of the weak sway row, (m/s)² per epoch.
+    /// Variance of the weak sway row, (m/s)², per epoch.
     pub weak_sway_var_m2ps2: f64,
 }
 
@@ -66,31 +66,31 @@ impl Default for Assumptions {
     }
 }
 
-/// Why a component has no value.
+/// Reason why a component is not solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reason {
     /// No beam is valid.
     NoBeams,
-    /// No combination of the rows measures it.
+    /// The axis lies outside the row space.
     OutsideRowSpace,
-    /// The method's own row adds no direction to those of the beams, so its system is singular.
+    /// The row of the method adds no direction to those of the beams, so its system is singular.
     ConstraintSingular,
     /// The method needs a prior velocity and none was given.
     PriorRequired,
-    /// The method would hand back the prior.
+    /// The component would be the prior's own.
     PriorOnly,
 }
 
-/// One axis of a fix.
+/// Status of one component of a fix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Component {
-    /// It has a value.
+    /// The component is solved.
     Solved,
-    /// It has none, for this reason.
+    /// The component is not solved, for this reason.
     Unobservable(Reason),
 }
 
-/// What the filter takes from a fix.
+/// Rows that the filter takes from a fix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Port {
     /// The solved platform components.
@@ -99,27 +99,28 @@ pub enum Port {
     Axes,
 }
 
-/// How a fix follows from the row values, with its covariance: everything but the values.
+/// Linear estimator of a fix: gain, covariance and status of each component, without the row values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FixEstimator {
-    /// Velocity = gain · row values.
+    /// Gain: velocity = gain · row values.
     pub gain: Gain,
-    /// Covariance of the fix; meaningful for solved components, or along the observed axes.
+    /// Covariance of the fix, (m/s)²; defined for solved components, or along the observed axes.
     pub covariance: Matrix3<f64>,
-    /// Surge, sway, heave.
+    /// Status of surge, sway and heave.
     pub components: [Component; 3],
-    /// Which method each component comes from.
+    /// Method that each component comes from.
     pub sources: [PartialMethod; 3],
-    /// The least-squares solution behind it, for ports that take axes.
+    /// The least-squares solution, for the port along principal axes.
     pub solution: LeastSquares,
-    /// The missing beams that were virtualised, by slot.
+    /// Virtual beams, by slot.
     pub virtual_beams: [Option<usize>; 2],
-    /// What the filter takes.
+    /// Rows that the filter takes.
     pub port: Port,
 }
 
 impl FixEstimator {
-    fn refused(method: PartialMethod, reason: Reason, solution: LeastSquares) -> Self {
+    /// No component is solved, for one reason.
+    fn unsolved(method: PartialMethod, reason: Reason, solution: LeastSquares) -> Self {
         Self {
             gain: Gain::zeros(),
             covariance: Matrix3::zeros(),
@@ -131,11 +132,12 @@ impl FixEstimator {
         }
     }
 
-    fn whole(method: PartialMethod, solution: LeastSquares) -> Self {
+    /// Every axis in the row space is solved.
+    fn of_row_space(method: PartialMethod, solution: LeastSquares) -> Self {
         Self::by_axis(method, solution, |_| None)
     }
 
-    /// Solved where the row space holds the axis, unless `withheld` says why not.
+    /// Every axis in the row space is solved, except those for which `withheld` gives a reason.
     fn by_axis(method: PartialMethod, solution: LeastSquares, withheld: impl Fn(usize) -> Option<Reason>) -> Self {
         let components = std::array::from_fn(|k| match withheld(k) {
             Some(reason) => Component::Unobservable(reason),
@@ -153,7 +155,7 @@ impl FixEstimator {
         }
     }
 
-    /// True where component `k` has a value.
+    /// Returns true if component `k` (surge, sway, heave) is solved.
     #[must_use]
     pub fn is_solved(&self, k: usize) -> bool {
         self.components[k] == Component::Solved
@@ -173,13 +175,14 @@ fn beam_rows(geometry: &BeamGeometry, valid: BeamMask, noise: &BeamNoise) -> Row
     rows
 }
 
-/// Decides what `method` makes of the valid beams.
+/// The estimator of `method` for the valid beams.
 ///
-/// `prior_cov` is the covariance of the prior velocity; VB and VHV need it. Lost beams and unobservable axes are values.
+/// `noise` is the covariance of the beam readings, (m/s)². `prior_cov` is the covariance of the prior velocity, (m/s)², which VB
+/// and VHV need. Lost beams and unobservable axes are values, not errors.
 ///
 /// # Errors
-/// [`NavError::NotPositiveDefinite`] where the beam noise is not a covariance; [`NavError::OutOfRange`] or
-/// [`NavError::NotFinite`] for a bad assumption or prior.
+/// [`NavError::NotPositiveDefinite`] if the beam noise is not a covariance; [`NavError::OutOfRange`] or [`NavError::NotFinite`]
+/// for an invalid assumption or prior.
 pub fn fix_estimator(
     method: PartialMethod,
     geometry: &BeamGeometry,
@@ -193,7 +196,7 @@ pub fn fix_estimator(
     estimator_beyond_beams(method, geometry, valid, beams, solution, prior_cov, assumptions)
 }
 
-/// As [`estimator`], of the rows of the beams and what they determine by themselves.
+/// As [`fix_estimator`], given the rows of the beams and their least-squares solution.
 fn estimator_beyond_beams(
     method: PartialMethod,
     geometry: &BeamGeometry,
@@ -204,17 +207,17 @@ fn estimator_beyond_beams(
     assumptions: &Assumptions,
 ) -> Result<FixEstimator, NavError> {
     if solution.rank == 0 {
-        return Ok(FixEstimator::refused(method, Reason::NoBeams, solution));
+        return Ok(FixEstimator::unsolved(method, Reason::NoBeams, solution));
     }
     if solution.rank == 3 && method != PartialMethod::Information {
-        return Ok(FixEstimator::whole(method, solution));
+        return Ok(FixEstimator::of_row_space(method, solution));
     }
     match method {
-        PartialMethod::LeastSquares => Ok(FixEstimator::refused(method, Reason::OutsideRowSpace, solution)),
-        PartialMethod::PartialLoose => Ok(FixEstimator::whole(method, solution)),
+        PartialMethod::LeastSquares => Ok(FixEstimator::unsolved(method, Reason::OutsideRowSpace, solution)),
+        PartialMethod::PartialLoose => Ok(FixEstimator::of_row_space(method, solution)),
         PartialMethod::Information => Ok(FixEstimator {
             port: Port::Axes,
-            ..FixEstimator::whole(method, solution)
+            ..FixEstimator::of_row_space(method, solution)
         }),
         PartialMethod::WeakSway => {
             let mut rows = beams;
@@ -225,7 +228,7 @@ fn estimator_beyond_beams(
             );
             Ok(FixEstimator {
                 port: Port::Axes,
-                ..FixEstimator::whole(method, least_squares(&rows)?)
+                ..FixEstimator::of_row_space(method, least_squares(&rows)?)
             })
         }
         PartialMethod::NullifiedSway => nullified_sway(beams, solution, assumptions),
@@ -236,12 +239,12 @@ fn estimator_beyond_beams(
                 1.0
             };
             match checked_prior(prior_cov)? {
-                None => Ok(FixEstimator::refused(method, Reason::PriorRequired, solution)),
+                None => Ok(FixEstimator::unsolved(method, Reason::PriorRequired, solution)),
                 Some(prior) => virtual_beam(method, geometry, valid, beams, solution, prior, factor),
             }
         }
         PartialMethod::VirtualHeave => match checked_prior(prior_cov)? {
-            None => Ok(FixEstimator::refused(method, Reason::PriorRequired, solution)),
+            None => Ok(FixEstimator::unsolved(method, Reason::PriorRequired, solution)),
             Some(prior) => virtual_heave(beams, solution, prior),
         },
         PartialMethod::Selector => selector(geometry, valid, &beams, prior_cov, assumptions, solution),
@@ -266,9 +269,9 @@ fn checked_prior(prior_cov: Option<&Matrix3<f64>>) -> Result<Option<&Matrix3<f64
     Ok(prior_cov)
 }
 
-/// NSV, Eqs. (31)–(36), as a weighted row in place of a deleted column.
+/// NSV, Eqs. (31)–(36), with a weighted row in place of a deleted column.
 ///
-/// Erratum E2: singular where the beams already fix the sway, as pairs (1,4) and (2,3) of the x-Janus do.
+/// Erratum E2: singular if the beams already determine the sway, as pairs (1,4) and (2,3) of the x-Janus do.
 fn nullified_sway(mut rows: Rows, beams: LeastSquares, assumptions: &Assumptions) -> Result<FixEstimator, NavError> {
     rows.put(
         SWAY_SLOT,
@@ -282,9 +285,9 @@ fn nullified_sway(mut rows: Rows, beams: LeastSquares, assumptions: &Assumptions
         } else {
             Reason::OutsideRowSpace
         };
-        return Ok(FixEstimator::refused(PartialMethod::NullifiedSway, reason, beams));
+        return Ok(FixEstimator::unsolved(PartialMethod::NullifiedSway, reason, beams));
     }
-    Ok(FixEstimator::whole(PartialMethod::NullifiedSway, solution))
+    Ok(FixEstimator::of_row_space(PartialMethod::NullifiedSway, solution))
 }
 
 /// VB, Eqs. (23)–(30): missing beams are virtualised until the rank is 3.
@@ -300,46 +303,46 @@ fn virtual_beam(
     factor: f64,
 ) -> Result<FixEstimator, NavError> {
     positive("virtual_beam_factor", factor)?;
-    let mut chosen = [None; 2];
+    let mut virtual_beams = [None; 2];
     let (mut rank, mut null) = (beams.rank, beams.null);
     while rank < 3 {
-        // The missing beam that looks most along the unseen axes keeps the system best conditioned; the lowest number among equals.
-        let reach = |beam: usize| (null.transpose() * geometry.direction_p(beam)).norm();
+        // The missing beam with the largest component along the null space gives the best condition; of equals the lowest number.
+        let null_component = |beam: usize| (null.transpose() * geometry.direction_p(beam)).norm();
         let mut best = None;
         for beam in (0..geometry.beams()).filter(|&beam| !valid.contains(beam)) {
-            if reach(beam) > best.map_or(1e-7, |other| reach(other) * (1.0 + 1e-9)) {
+            if null_component(beam) > best.map_or(1e-7, |other| null_component(other) * (1.0 + 1e-9)) {
                 best = Some(beam);
             }
         }
         let Some(beam) = best else { break };
-        let index = usize::from(chosen[0].is_some());
+        let index = usize::from(virtual_beams[0].is_some());
         rows.put(VIRTUAL_SLOT + index, *geometry.direction_p(beam), 1.0);
-        chosen[index] = Some(beam);
+        virtual_beams[index] = Some(beam);
         (rank, null) = rows.null_space();
     }
     if rank < 3 {
-        return Ok(FixEstimator::refused(method, Reason::OutsideRowSpace, beams));
+        return Ok(FixEstimator::unsolved(method, Reason::OutsideRowSpace, beams));
     }
-    for (i, first) in chosen.iter().enumerate() {
-        for (j, second) in chosen.iter().enumerate() {
+    for (i, first) in virtual_beams.iter().enumerate() {
+        for (j, second) in virtual_beams.iter().enumerate() {
             if let (Some(first), Some(second)) = (first, second) {
-                let shared = geometry
+                let covariance = geometry
                     .direction_p(*first)
                     .dot(&(prior_cov * geometry.direction_p(*second)));
-                rows.noise[(VIRTUAL_SLOT + i, VIRTUAL_SLOT + j)] = factor * factor * shared;
+                rows.noise[(VIRTUAL_SLOT + i, VIRTUAL_SLOT + j)] = factor * factor * covariance;
             }
         }
     }
     Ok(FixEstimator {
-        virtual_beams: chosen,
-        ..FixEstimator::whole(method, least_squares(&rows)?)
+        virtual_beams,
+        ..FixEstimator::of_row_space(method, least_squares(&rows)?)
     })
 }
 
 /// VHV, Eqs. (44)–(47), with the plus sign of erratum E1.
 fn virtual_heave(mut rows: Rows, beams: LeastSquares, prior_cov: &Matrix3<f64>) -> Result<FixEstimator, NavError> {
     if beams.observes(&axis(2)) {
-        return Ok(FixEstimator::whole(PartialMethod::VirtualHeave, beams));
+        return Ok(FixEstimator::of_row_space(PartialMethod::VirtualHeave, beams));
     }
     rows.put(HEAVE_SLOT, axis(2), prior_cov[(2, 2)]);
     let withheld = |k: usize| (k == 2).then_some(Reason::PriorOnly);
@@ -350,7 +353,7 @@ fn virtual_heave(mut rows: Rows, beams: LeastSquares, prior_cov: &Matrix3<f64>) 
     ))
 }
 
-/// The selector, Eqs. (48) and (49): per axis the least variance; the covariance is diagonal.
+/// The selector, Eqs. (48) and (49): per axis the smallest variance; the covariance is diagonal.
 fn selector(
     geometry: &BeamGeometry,
     valid: BeamMask,
@@ -365,22 +368,22 @@ fn selector(
         PartialMethod::PartialLoose,
         PartialMethod::VirtualHeave,
     ];
-    let mut chosen = FixEstimator::refused(PartialMethod::Selector, Reason::OutsideRowSpace, solution.clone());
+    let mut selected = FixEstimator::unsolved(PartialMethod::Selector, Reason::OutsideRowSpace, solution.clone());
     for method in CANDIDATES {
         let (beams, solution) = (beams.clone(), solution.clone());
         let candidate = estimator_beyond_beams(method, geometry, valid, beams, solution, prior_cov, assumptions)?;
         if method == PartialMethod::VirtualBeam {
-            chosen.virtual_beams = candidate.virtual_beams;
+            selected.virtual_beams = candidate.virtual_beams;
         }
         for k in 0..3 {
-            let better = !chosen.is_solved(k) || candidate.covariance[(k, k)] < chosen.covariance[(k, k)];
+            let better = !selected.is_solved(k) || candidate.covariance[(k, k)] < selected.covariance[(k, k)];
             if candidate.is_solved(k) && better {
-                chosen.gain.set_row(k, &candidate.gain.row(k));
-                chosen.covariance[(k, k)] = candidate.covariance[(k, k)];
-                chosen.components[k] = Component::Solved;
-                chosen.sources[k] = method;
+                selected.gain.set_row(k, &candidate.gain.row(k));
+                selected.covariance[(k, k)] = candidate.covariance[(k, k)];
+                selected.components[k] = Component::Solved;
+                selected.sources[k] = method;
             }
         }
     }
-    Ok(chosen)
+    Ok(selected)
 }

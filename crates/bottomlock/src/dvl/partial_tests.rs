@@ -1,4 +1,4 @@
-//! Witnesses of the partial-beam methods: the papers' closed forms, refusals, invariances, proptest over geometries.
+//! Tests of the partial-beam methods: closed forms of the papers, unsolvable cases, invariances over random geometries.
 
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
@@ -78,7 +78,7 @@ fn virtual_beam_closed_form() {
     assert!((fix.estimator.covariance - inverse * r * inverse.transpose()).amax() < 1e-12);
 }
 
-/// Eqs. 33 and 35 for beams 1 and 2; the row of variance ε adds its own share, known in closed form.
+/// Eqs. 33 and 35 for beams 1 and 2; the row of variance ε adds a term known in closed form.
 #[test]
 fn nullified_sway_closed_form() {
     let fix = fix(
@@ -106,8 +106,8 @@ fn nullified_sway_closed_form() {
         (2, 2, w1 * w1 * s1 + w2 * w2 * s2),
         (0, 2, u1 * w1 * s1 + u2 * w2 * s2),
     ];
-    let share = [us * us, ws * ws, us * ws];
-    for ((i, j, value), extra) in printed.into_iter().zip(share) {
+    let sway_terms = [us * us, ws * ws, us * ws];
+    for ((i, j, value), extra) in printed.into_iter().zip(sway_terms) {
         assert!((fix.estimator.covariance[(i, j)] - value - 1e-6 * extra).abs() < 1e-12);
     }
     assert!((fix.estimator.covariance[(1, 1)] - 1e-6).abs() < 1e-15);
@@ -140,7 +140,7 @@ fn virtual_heave_closed_form() {
     assert_eq!(fix.estimator.components[2], Component::Unobservable(Reason::PriorOnly));
 }
 
-/// Erratum E3: what the six pairs of an x-Janus give without help; erratum E2: where NSV is singular.
+/// Erratum E3: the axis that each pair of an x-Janus determines without an extra row; erratum E2: pairs for which NSV is singular.
 #[test]
 fn pairs_of_the_x_janus() {
     for (pair, solved, nsv) in [
@@ -166,16 +166,16 @@ fn pairs_of_the_x_janus() {
     }
 }
 
-/// The selector takes the least variance per axis: NSV's ε wins the sway (erratum E4), surge is the same for all.
+/// The selector takes the smallest variance per axis: ε makes that NSV for the sway (erratum E4); surge is the same for all.
 #[test]
-fn selector_is_nullified_sway_in_disguise() {
+fn selector_equals_nullified_sway() {
     let fix = fix(PartialMethod::Selector, &[0, 1], &Assumptions::default());
     assert_eq!(fix.estimator.sources[1], PartialMethod::NullifiedSway);
     assert!((fix.estimator.covariance[(0, 1)]).abs() < 1e-300, "Eq. 49 is diagonal");
     assert!(fix.velocity_p_mps.0.y.abs() < 1e-12);
 }
 
-/// One beam: VB completes it with two virtual beams, the others say why they cannot.
+/// One beam: VB adds two virtual beams; the other methods return the reason why they cannot solve.
 #[test]
 fn one_beam() {
     let vb = fix(PartialMethod::VirtualBeam, &[1], &Assumptions::default());
@@ -183,7 +183,7 @@ fn one_beam() {
     assert_eq!(
         vb.estimator.virtual_beams,
         [Some(3), Some(0)],
-        "the opposite beam first, then the lowest number of equals"
+        "the opposite beam first, then of equals the lowest number"
     );
     let nsv = fix(PartialMethod::NullifiedSway, &[1], &Assumptions::default());
     assert_eq!(
@@ -199,9 +199,9 @@ fn one_beam() {
     );
 }
 
-/// Without a beam, and without a prior, the outcome says so.
+/// The outcome names a missing beam or a missing prior.
 #[test]
-fn nothing_to_solve_with() {
+fn no_beam_or_no_prior() {
     let empty = ping(&[], &[]);
     let context = PingContext::default();
     let outcome = solve(
@@ -260,7 +260,7 @@ fn velocity_of(outcome: &FixOutcome) -> Option<&VelocityFix> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(3000))]
 
-    /// Any geometry, mask and values: a finite answer or a reason, never a panic, and a covariance that is no less than zero.
+    /// For any geometry, mask and values: a finite fix with positive variances, or a reason, and never a panic.
     #[test]
     fn never_panics(directions in prop::collection::vec(direction(), 1..=MAX_BEAMS), bits in 0_usize..256,
                     values in prop::array::uniform8(-1e3_f64..1e3)) {
@@ -278,14 +278,13 @@ proptest! {
         }
     }
 
-    /// Renumbering the beams changes nothing (VB's choice of virtual beam depends on the numbers, so it is left out where it
-    /// has a choice).
+    /// Renumbering the beams does not change the fix; VB is left out, since its virtual beam depends on the numbers.
     #[test]
     fn renumbering_changes_nothing(bits in 1_usize..16, values in prop::array::uniform4(-3.0_f64..3.0), shift in 1_usize..4) {
         let order: Vec<usize> = (0..4).map(|k| (k + shift) % 4).collect();
         let geometry = janus();
-        let turned: Vec<_> = order.iter().map(|&k| Vec3::from(*geometry.direction_p(k))).collect();
-        let turned = BeamGeometry::from_directions(&turned).unwrap();
+        let renumbered: Vec<_> = order.iter().map(|&k| Vec3::from(*geometry.direction_p(k))).collect();
+        let renumbered = BeamGeometry::from_directions(&renumbered).unwrap();
         let sample = |order: &[usize]| {
             let mut ping = BeamSample { time_ns: 0, velocity_mps: [0.0; 8], sd_mps: [1.0; 8],
                 valid: (0..4).filter(|&k| bits & (1 << order[k]) != 0).collect() };
@@ -296,7 +295,7 @@ proptest! {
         };
         for method in ALL.into_iter().filter(|m| !matches!(m, PartialMethod::VirtualBeam | PartialMethod::VirtualBeamExact | PartialMethod::Selector)) {
             let (one, two) = (outcome_of(method, &geometry, &sample(&[0, 1, 2, 3]), prior()),
-                              outcome_of(method, &turned, &sample(&order), prior()));
+                              outcome_of(method, &renumbered, &sample(&order), prior()));
             let (one, two) = (velocity_of(&one).unwrap(), velocity_of(&two).unwrap());
             prop_assert_eq!(one.estimator.components, two.estimator.components);
             prop_assert!((one.velocity_p_mps.0 - two.velocity_p_mps.0).amax() < 1e-10);
@@ -304,21 +303,21 @@ proptest! {
         }
     }
 
-    /// Turning the mounting turns the fix: beams, prior and answer all by the same rotation (methods without platform axes).
+    /// Rotating mounting and prior rotates the fix (methods without platform axes).
     #[test]
-    fn turning_the_mounting_turns_the_fix(bits in 1_usize..16, values in prop::array::uniform4(-3.0_f64..3.0),
-                                          turn in prop::array::uniform3(-3.0_f64..3.0)) {
-        let rotation = Rot::<Platform, crate::frames::Dvl>::exp(Vector3::from(turn));
+    fn rotating_the_mounting_rotates_the_fix(bits in 1_usize..16, values in prop::array::uniform4(-3.0_f64..3.0),
+                                          angle in prop::array::uniform3(-3.0_f64..3.0)) {
+        let rotation = Rot::<Platform, crate::frames::Dvl>::exp(Vector3::from(angle));
         let matrix = rotation.matrix();
         let valid: Vec<usize> = (0..4).filter(|k| bits & (1 << k) != 0).collect();
         let sample = ping(&values, &valid);
-        let turned_prior = VelocityPrior {
+        let rotated_prior = VelocityPrior {
             velocity_p_mps: Vec3::from(matrix * prior().velocity_p_mps.0),
             cov_m2ps2: matrix * prior().cov_m2ps2 * matrix.transpose(),
         };
         for method in [PartialMethod::LeastSquares, PartialMethod::VirtualBeam, PartialMethod::VirtualBeamExact, PartialMethod::Information] {
             let (one, two) = (outcome_of(method, &janus(), &sample, prior()),
-                              outcome_of(method, &janus().mounted(rotation), &sample, turned_prior));
+                              outcome_of(method, &janus().mounted(rotation), &sample, rotated_prior));
             let (one, two) = (velocity_of(&one).unwrap(), velocity_of(&two).unwrap());
             prop_assert!((matrix * one.velocity_p_mps.0 - two.velocity_p_mps.0).amax() < 1e-9);
             prop_assert!((matrix * one.estimator.covariance * matrix.transpose() - two.estimator.covariance).amax() < 1e-9);

@@ -1,11 +1,11 @@
-//! Velocity by weighted least squares from any set of rows (Eqs. 17–21), and the axes it leaves unobserved.
+//! Velocity by weighted least squares from any set of rows (Eqs. 17–21), with the axes that stay unobserved.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::error::NavError;
 use crate::layout::MAX_BEAMS;
 
-/// Slots of the row table: the beams, two virtual beams, the sway row and the heave row.
+/// Number of slots of the row table: the beams, two virtual beams, the sway row and the heave row.
 pub const SLOTS: usize = MAX_BEAMS + 4;
 /// First slot of the virtual beams.
 pub const VIRTUAL_SLOT: usize = MAX_BEAMS;
@@ -14,25 +14,25 @@ pub const SWAY_SLOT: usize = MAX_BEAMS + 2;
 /// Slot of the row "heave is the prior's".
 pub const HEAVE_SLOT: usize = MAX_BEAMS + 3;
 
-/// Covariance of the row noise, slot by slot.
+/// Covariance of the row noise, slots by slots, (m/s)².
 pub type SlotNoise = SMatrix<f64, SLOTS, SLOTS>;
-/// Maps row values to a velocity.
+/// Gain from row values to velocity, 3 by slots.
 pub type Gain = SMatrix<f64, 3, SLOTS>;
 
-/// Below this part of a unit vector outside the row space a direction counts as inside it.
+/// A unit vector lies in the row space if its component outside is shorter than this.
 pub const ROW_SPACE_TOLERANCE: f64 = 1e-9;
 
-/// A table of rows `direction · v = value + noise`; a slot without direction is empty.
+/// Rows `direction · v = value + noise`; a slot without a direction is empty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rows {
     /// Direction of each row in the platform frame; `None` for an empty slot.
     pub directions: [Option<Vector3<f64>>; SLOTS],
-    /// Noise covariance; only the entries of filled slots count.
+    /// Noise covariance, (m/s)²; only entries of filled slots are used.
     pub noise: SlotNoise,
 }
 
 impl Rows {
-    /// No rows.
+    /// A table without rows.
     #[must_use]
     pub fn empty() -> Self {
         Self {
@@ -41,13 +41,13 @@ impl Rows {
         }
     }
 
-    /// Puts a row with uncorrelated noise into a slot.
+    /// Puts a row with uncorrelated noise of `variance`, (m/s)², into a slot.
     pub fn put(&mut self, slot: usize, direction: Vector3<f64>, variance: f64) {
         self.directions[slot] = Some(direction);
         self.noise[(slot, slot)] = variance;
     }
 
-    /// Orthonormal basis of what the rows do not see (columns), and their rank.
+    /// Rank of the rows and an orthonormal basis of their null space (columns).
     #[must_use]
     pub fn null_space(&self) -> (usize, Matrix3<f64>) {
         let mut a = SMatrix::<f64, SLOTS, 3>::zeros();
@@ -92,7 +92,7 @@ fn complement(basis: &[Vector3<f64>]) -> Matrix3<f64> {
     match basis {
         [] => null.fill_with_identity(),
         [a] => {
-            // The axis least along a makes the best start.
+            // The coordinate axis nearest to orthogonal to a is well conditioned.
             let start = if a.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
             let first = a.cross(&start).normalize();
             null.set_column(0, &first);
@@ -118,13 +118,13 @@ pub struct LeastSquares {
 }
 
 impl LeastSquares {
-    /// True where the rows determine the velocity along `axis`.
+    /// Returns true if the rows determine the velocity along `axis`.
     #[must_use]
     pub fn observes(&self, axis: &Vector3<f64>) -> bool {
         (self.null.transpose() * axis).norm() < ROW_SPACE_TOLERANCE
     }
 
-    /// Observable principal axes (columns, the first `rank`) and their variances.
+    /// Observable principal axes (the first `rank` columns) and their variances, (m/s)².
     #[must_use]
     pub fn principal_axes(&self) -> (Matrix3<f64>, Vector3<f64>) {
         // A large variance along the null space separates it from the observed axes, whatever their size.
@@ -136,7 +136,7 @@ impl LeastSquares {
         let mut variances = Vector3::zeros();
         for (to, &from) in order.iter().take(self.rank).enumerate() {
             let axis: Vector3<f64> = eigen.eigenvectors.column(from).into();
-            // What rounding left of the null space does not belong to an observed axis.
+            // Removes what rounding left of the null space.
             let axis = (axis - self.null * (self.null.transpose() * axis)).normalize();
             axes.set_column(to, &axis);
             variances[to] = (axis.transpose() * self.covariance * axis)[0];
@@ -145,7 +145,7 @@ impl LeastSquares {
     }
 }
 
-/// Solves the rows by weighted least squares (Eqs. 17 and 19; the minimum-norm solution where they do not see all axes).
+/// Solves the rows by weighted least squares (Eqs. 17 and 19), with minimum norm along unobserved axes.
 ///
 /// # Source
 /// Tal et al. 2017, Eqs. (17)–(21), with the order of factors of erratum E6: v = (AᵀWA)⁻¹AᵀW y, W = R⁻¹.
@@ -162,7 +162,7 @@ pub fn least_squares(rows: &Rows) -> Result<LeastSquares, NavError> {
             null,
         });
     }
-    // Filled rows by rising variance: a triangularisation loses digits where a heavy row comes last.
+    // Filled rows by increasing variance: the triangularisation loses digits if a row of large weight comes last.
     let mut slots: Vec<usize> = (0..SLOTS).filter(|&slot| rows.directions[slot].is_some()).collect();
     slots.sort_by(|&i, &j| rows.noise[(i, i)].total_cmp(&rows.noise[(j, j)]));
     let count = slots.len();
@@ -186,8 +186,8 @@ pub fn least_squares(rows: &Rows) -> Result<LeastSquares, NavError> {
     };
     let top = whiten * stacked.fixed_rows::<SLOTS>(0);
     stacked.fixed_rows_mut::<SLOTS>(0).copy_from(&top);
-    // Rows along the unseen axes, orthogonal to all others, make the minimum-norm solution the least-squares one. Their weight
-    // is that of the other rows, so that the triangular factor is well scaled.
+    // With rows along the unobserved axes, orthogonal to all others, the least-squares solution is the minimum-norm one. Their
+    // weight is that of the other rows, so that the triangular factor is well scaled.
     let weight = top.norm().max(f64::MIN_POSITIVE) / (count.max(1) as f64).sqrt();
     for k in 0..3 - rank {
         stacked.set_row(SLOTS + k, &(null.column(k).transpose() * weight));
@@ -209,15 +209,15 @@ pub fn least_squares(rows: &Rows) -> Result<LeastSquares, NavError> {
     })
 }
 
-/// Inverse of the Cholesky factor of a noise covariance of `count` rows, whitening them; `None` unless positive definite.
+/// Inverse of the Cholesky factor of a noise covariance of `count` rows, which whitens them; `None` unless positive definite.
 ///
-/// nalgebra's operations in nalgebra's order, without the empty slots.
+/// The operations are those of nalgebra in the same order, without the empty slots.
 fn whitening(mut noise: SlotNoise, count: usize) -> Option<SlotNoise> {
     for j in 0..count {
         for k in 0..j {
-            let part = -noise[(j, k)];
+            let multiple = -noise[(j, k)];
             for i in j..count {
-                noise[(i, j)] += part * noise[(i, k)];
+                noise[(i, j)] += multiple * noise[(i, k)];
             }
         }
         if !(noise[(j, j)] > 0.0) {
@@ -233,9 +233,9 @@ fn whitening(mut noise: SlotNoise, count: usize) -> Option<SlotNoise> {
     for column in 0..count {
         for j in column..count {
             inverse[(j, column)] /= noise[(j, j)];
-            let part = -inverse[(j, column)];
+            let multiple = -inverse[(j, column)];
             for i in j + 1..count {
-                inverse[(i, column)] += part * noise[(i, j)];
+                inverse[(i, column)] += multiple * noise[(i, j)];
             }
         }
     }
@@ -254,9 +254,9 @@ mod tests {
         rows
     }
 
-    /// Hand-worked: two rows along x average, one row along y stands alone, z is unseen.
+    /// By hand: two rows along x are averaged, one row along y stands alone, z is unobserved.
     #[test]
-    fn averages_what_is_seen_twice() {
+    fn parallel_rows_are_averaged() {
         let solution = least_squares(&rows(&[[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], 0.04)).unwrap();
         assert_eq!(solution.rank, 2);
         assert!((solution.covariance[(0, 0)] - 0.02).abs() < 1e-16);
@@ -268,7 +268,7 @@ mod tests {
         assert!((solution.gain[(0, 0)] - 0.5).abs() < 1e-15);
     }
 
-    /// Principal axes diagonalise the observed part.
+    /// Principal axes diagonalise the observed part of the covariance.
     #[test]
     fn principal_axes_diagonalise() {
         let s = 0.5_f64.sqrt();
@@ -279,14 +279,14 @@ mod tests {
         assert!(axes.column(2).norm() < 1e-15);
     }
 
-    /// No rows at all see nothing, and that is no error.
+    /// Without rows the rank is zero, which is no error.
     #[test]
-    fn nothing_sees_nothing() {
+    fn no_rows_have_rank_zero() {
         let solution = least_squares(&Rows::empty()).unwrap();
         assert_eq!((solution.rank, solution.gain), (0, Gain::zeros()));
     }
 
-    /// A zero variance is refused, not divided by.
+    /// A zero variance is rejected.
     #[test]
     fn zero_variance_is_an_error() {
         assert!(least_squares(&rows(&[[1.0, 0.0, 0.0]], 0.0)).is_err());

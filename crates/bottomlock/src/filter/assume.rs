@@ -1,4 +1,4 @@
-//! Updates that are judged elsewhere, and assumptions that are judged here.
+//! Updates with the verdict of another filter's gate, and assumptions on the motion through the water.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -12,11 +12,11 @@ use crate::filter::report::{Sensor, UpdateReport, Verdict};
 use crate::layout::{DIM, VELOCITY};
 use crate::state::Covariance;
 
-/// Chi-squared of three degrees at one in a million: asked at every epoch, it must not be met by chance in a mission.
+/// Chi-squared quantile of three degrees at 1 − 1e-6: tested at every epoch, so it must not be exceeded by chance in a mission.
 const EXCLUDED: f64 = 30.665;
 
 impl Eskf {
-    /// Takes note of the time between two readings: a step that a measurement splits is shorter, the gyro's noise is not larger.
+    /// Sets the time between two IMU samples, s: a measurement may split a step, which does not change the gyro noise of the sample.
     pub(crate) fn note_interval(&mut self, interval_s: f64) {
         self.last_step_s = interval_s;
     }
@@ -27,27 +27,32 @@ impl Eskf {
         (Vector3::from(self.kinematics.velocity_p_mps), own)
     }
 
-    /// The covariance, brought up to date as an update will bring it.
+    /// The covariance at the time of the state, propagated as for an update.
     pub(crate) fn propagated_covariance(&mut self) -> Covariance {
         self.propagate_covariance();
         self.covariance
     }
 
-    /// True where the velocity of `other` cannot be by this filter's own covariance; never with the gate off.
+    /// Returns true if this filter's covariance excludes the velocity of `other`; never with the gate off.
     pub(crate) fn excludes_velocity_of(&self, other: &Self) -> bool {
         let (velocity, own) = self.velocity();
-        let gap = other.velocity().0 - velocity;
+        let difference = other.velocity().0 - velocity;
         self.gate.gate != Gate::Off
             && own
                 .cholesky()
-                .is_some_and(|factor| gap.dot(&factor.solve(&gap)) > EXCLUDED)
+                .is_some_and(|factor| difference.dot(&factor.solve(&difference)) > EXCLUDED)
     }
 
-    /// Takes what another filter's gate let pass, without a gate of its own.
+    /// Updates with the rows that another filter's gate accepted, without a gate of its own.
     ///
     /// # Errors
     /// As [`Eskf::update`].
-    pub fn follow(&mut self, innovation: &Innovation, sensor: Sensor, verdict: Verdict) -> Result<(), NavError> {
+    pub fn update_with_verdict(
+        &mut self,
+        innovation: &Innovation,
+        sensor: Sensor,
+        verdict: Verdict,
+    ) -> Result<(), NavError> {
         let rejected = match verdict {
             Verdict::Accepted => 0,
             Verdict::AcceptedInPart { rejected_rows } => rejected_rows,
@@ -63,9 +68,9 @@ impl Eskf {
         outcome.map(|_| ())
     }
 
-    /// Gates an assumption on the motion through the water and takes it; without further states it carries no information.
+    /// Tests an assumption on the motion through the water and updates with it; without water states it has no row.
     ///
-    /// With `learn` its innovation also tells the variance of the slip.
+    /// With `learn` the innovation also updates the estimated variance of the slip.
     ///
     /// # Errors
     /// As [`Eskf::update`].
@@ -75,8 +80,8 @@ impl Eskf {
             return Ok(UpdateReport::empty(sensor, self.state.time_ns));
         };
         water.begin_epoch(row);
-        // The further states count as noise that is correlated with the error state.
-        let (cross, variance, shared) = water.as_noise(row);
+        // The water states count as noise that is correlated with the error state.
+        let (cross, variance, water_cross) = water.as_noise(row);
         let mut innovation = Innovation {
             rows: 1,
             degrees: 1,
@@ -96,7 +101,7 @@ impl Eskf {
         }));
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
         require_finite("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
-        let report = self.fuse::<1>(&innovation, sensor, Some(&shared))?;
+        let report = self.fuse::<1>(&innovation, sensor, Some(&water_cross))?;
         if let Some(water) = &mut self.extensions.water {
             let normalised = learn.then_some(report.nis.min(report.threshold));
             water.end_epoch(row, report.covariance[(0, 0)], normalised);

@@ -1,20 +1,20 @@
-//! The proof that a covariance is positive definite: its factorisation L D Lᵀ has no pivot that is not positive.
+//! Test for a positive definite covariance: every pivot of its factorisation L D Lᵀ is positive.
 //!
-//! Metres and radians per second do not hide each other although nothing is scaled to unit diagonal: scaling multiplies each
-//! pivot by a positive number and the rounding errors with it (Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd
-//! ed., theorem 10.7, after Demmel: whether the factorisation runs through is a matter of the smallest eigenvalue of the
-//! *scaled* matrix, whichever is factorised).
+//! States of different units need no scaling to unit diagonal, since scaling multiplies each pivot and its rounding errors by
+//! the same positive number. Whether the factorisation succeeds depends on the smallest eigenvalue of the *scaled* matrix,
+//! whichever matrix is factorised (Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd ed., theorem 10.7, after
+//! Demmel).
 
 use crate::layout::DIM;
 use crate::simd::{Simd, VECTORS, WIDTH, f64x4, four, load_part, plus, with_vectors};
 use crate::state::Covariance;
 
-/// True where the factorisation of a symmetric matrix exists; states without variance are left out.
+/// Returns true if the factorisation of a symmetric matrix exists; frozen states (zero rows) are left out.
 pub(super) fn is_positive_definite(covariance: &Covariance) -> bool {
     with_vectors!(simd => factorises(simd, &covariance.data.0))
 }
 
-/// The same within a dispatch. Only the elements on and below the diagonal are read.
+/// As [`is_positive_definite`], within a SIMD dispatch; only elements on and below the diagonal are read.
 #[inline(always)]
 pub(super) fn factorises<S: Simd>(simd: S, matrix: &[[f64; DIM]; DIM]) -> bool {
     let Some(a) = panel::<S, 0>(simd, matrix, []) else {
@@ -32,13 +32,13 @@ pub(super) fn factorises<S: Simd>(simd: S, matrix: &[[f64; DIM]; DIM]) -> bool {
     panel::<S, 4>(simd, matrix, [&a, &b, &c, &d]).is_some()
 }
 
-/// Four columns of the factors; what stands above the diagonal means nothing.
+/// Four columns of the factors; elements above the diagonal are undefined.
 struct Panel<S: Simd> {
     minus_l: [[f64x4<S>; VECTORS]; WIDTH],
     l_d: [[f64x4<S>; VECTORS]; WIDTH],
 }
 
-/// The columns `4 B..4 B + 4`, from those before them; nothing where a pivot is not positive.
+/// The columns `4 B..4 B + 4`, from the panels before them; `None` if a pivot is not positive.
 #[inline(always)]
 fn panel<S: Simd, const B: usize>(simd: S, matrix: &[[f64; DIM]; DIM], before: [&Panel<S>; B]) -> Option<Panel<S>> {
     let zero = [four(simd, 0.0); VECTORS];
@@ -61,7 +61,7 @@ fn panel<S: Simd, const B: usize>(simd: S, matrix: &[[f64; DIM]; DIM], before: [
     let mut minus_l = own;
     for q in 0..WIDTH {
         let pivot = own[q][B][q];
-        // Products with the reciprocal: one division a pivot.
+        // Products with the reciprocal cost one division per pivot.
         let mut inverse = four(simd, -1.0) / pivot;
         if !(pivot > 0.0) {
             if !is_frozen(matrix, WIDTH * B + q) {
@@ -83,7 +83,7 @@ fn panel<S: Simd, const B: usize>(simd: S, matrix: &[[f64; DIM]; DIM], before: [
     Some(Panel { minus_l, l_d: own })
 }
 
-/// True for a state without variance. One that is correlated with others is no state.
+/// Returns true for a frozen state, whose row and column are zero.
 fn is_frozen(matrix: &[[f64; DIM]; DIM], state: usize) -> bool {
     matrix[state][state..].iter().all(|element| *element == 0.0)
         && matrix[..state].iter().all(|column| column[state] == 0.0)

@@ -1,9 +1,9 @@
-//! The proof against nalgebra's factorisation, and what scaling does to it.
+//! The test for a positive definite matrix against nalgebra's factorisation, with scaled and frozen states.
 
 use super::*;
 use crate::simd::on_every_level;
 
-/// A random symmetric matrix of unit scale with this smallest eigenvalue.
+/// A random symmetric matrix of unit scale with a given smallest eigenvalue.
 fn with_smallest(seed: usize, smallest: f64) -> Covariance {
     let spread = Covariance::from_fn(|i, j| ((i * 7 + j * 3 + seed) as f64 * 1.7).sin());
     let mut eigen = (spread * spread.transpose()).symmetric_eigen();
@@ -30,7 +30,7 @@ fn holds(matrix: &Covariance) -> bool {
     expected
 }
 
-/// One slightly negative direction is found wherever it lies, as nalgebra finds it.
+/// A slightly negative eigenvalue is found in any direction, as by nalgebra.
 #[test]
 fn definite_is_what_factorises() {
     for seed in 0..2 * DIM {
@@ -48,9 +48,9 @@ fn definite_is_what_factorises() {
     }
 }
 
-/// Units do not matter: variances from 1e-20 to 1e8 side by side, in any order, leave the answer what it is at unit scale.
+/// The result does not depend on units: variances from 1e-20 to 1e8 in any order give that of unit scale.
 #[test]
-fn scaling_hides_nothing() {
+fn scaling_does_not_change_the_result() {
     for seed in 0..2 * DIM {
         let scale = Covariance::from_fn(|i, j| {
             let exponent = -10.0 + 14.0 * ((i * (2 * seed + 3)) % DIM) as f64 / (DIM - 1) as f64;
@@ -63,7 +63,7 @@ fn scaling_hides_nothing() {
     }
 }
 
-/// Frozen states do not count, wherever they stand; one that is correlated with others is no state.
+/// Frozen states are left out at any index, unless they are correlated with others.
 #[test]
 fn frozen_states_are_left_out() {
     for states in [vec![15, 16, 17, 18, 19], vec![0], vec![2, 3, 8, 13], (0..DIM).collect()] {
@@ -71,19 +71,19 @@ fn frozen_states_are_left_out() {
         assert!(holds(&matrix));
         for &state in &states {
             let other = (state + 7) % DIM;
-            let mut torn = matrix;
-            torn[(state, other)] = 1e-3;
-            torn[(other, state)] = 1e-3;
-            assert!(!holds(&torn), "state {state}");
+            let mut correlated = matrix;
+            correlated[(state, other)] = 1e-3;
+            correlated[(other, state)] = 1e-3;
+            assert!(!holds(&correlated), "state {state}");
         }
     }
-    // What is left over must be definite.
+    // The other states must be positive definite.
     let mut matrix = with_smallest(3, 1e-3);
     matrix[(4, 4)] = -1e-9;
     assert!(!holds(&frozen(matrix, 10..DIM)));
 }
 
-/// A number that is none, anywhere, is refused.
+/// A NaN in any element is rejected.
 #[test]
 fn nan_is_not_definite() {
     for i in 0..DIM {

@@ -1,16 +1,16 @@
-//! What goes along with a filter that has more than its error state.
+//! Optional parts of a filter: water states and the tape for a smoother.
 
 use super::tape::{Step, Tape, transition};
 use super::water_block::WaterBlock;
 use crate::error_model::Interval;
 use crate::mechanisation::{EarthTerms, Kinematics};
 
-/// What most filters do without.
+/// Optional parts of a filter.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Extensions {
-    /// Further states, where assumptions are made on the motion through the water.
+    /// States of the motion through the water.
     pub(super) water: Option<Box<WaterBlock>>,
-    /// What a smoother goes back over, where there is to be one.
+    /// Tape for a smoother.
     pub(super) tape: Option<Box<Tape>>,
 }
 
@@ -19,10 +19,15 @@ impl Extensions {
         self.water.is_none() && self.tape.is_none()
     }
 
-    /// Follows the covariance over an interval, which has come to `end` (before it is emptied).
+    /// Records and propagates an interval of the error state that ends at `end`.
     pub(super) fn propagate(&mut self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms) {
         if let Some(tape) = &mut self.tape {
-            tape.push(Step::Carry(transition(interval, end, earth, self.water.as_deref())));
+            tape.push(Step::Transition(transition(
+                interval,
+                end,
+                earth,
+                self.water.as_deref(),
+            )));
         }
         if let Some(water) = &mut self.water {
             water.propagate(interval, end, earth);

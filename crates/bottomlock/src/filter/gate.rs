@@ -7,31 +7,31 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::aiding::MAX_ROWS;
 use crate::error::NavError;
 
-/// How an innovation is judged; always on its own covariance S.
+/// Test of an innovation against its covariance S.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Gate {
-    /// The normalised innovation squared of the whole fix against a chi-squared quantile.
+    /// Compares the NIS of all rows with a chi-squared quantile.
     Joint {
-        /// Probability with which a good fix passes.
+        /// Probability with which a correct measurement passes.
         probability: f64,
     },
-    /// Each component against three of its standard deviations (the papers' rule).
+    /// Compares each row with three of its standard deviations (the rule of the papers).
     PerRow,
-    /// Nothing is rejected.
+    /// Rejects nothing.
     Off,
 }
 
-/// A gate with its thresholds worked out.
+/// A gate with its thresholds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GateTable {
-    /// The rule.
+    /// The test.
     pub gate: Gate,
-    /// Chi-squared quantile for 1, 2, … [`MAX_ROWS`] degrees of freedom (joint gate).
+    /// Chi-squared quantiles for 1 to [`MAX_ROWS`] degrees of freedom; infinite without a joint gate.
     quantiles: [f64; MAX_ROWS],
 }
 
 impl GateTable {
-    /// Works out the thresholds.
+    /// Computes the thresholds of a gate.
     ///
     /// # Errors
     /// [`NavError::OutOfRange`] unless the probability lies strictly between 0 and 1.
@@ -42,7 +42,7 @@ impl GateTable {
                 return Err(NavError::OutOfRange {
                     field: "gate_probability",
                     value: probability,
-                    expected: "strictly between 0 and 1",
+                    expected: "strictly between 0 and 1: a probability, not a percentage",
                 });
             }
             quantiles = chi_squared_quantiles(probability);
@@ -50,7 +50,7 @@ impl GateTable {
         Ok(Self { gate, quantiles })
     }
 
-    /// A gate that lets everything pass.
+    /// A gate that accepts every measurement.
     #[must_use]
     pub fn open() -> Self {
         Self {
@@ -59,7 +59,7 @@ impl GateTable {
         }
     }
 
-    /// Threshold of the normalised innovation squared for a number of degrees of freedom.
+    /// Threshold of the NIS for a number of degrees of freedom.
     #[must_use]
     pub fn threshold(&self, degrees: usize) -> f64 {
         self.quantiles[degrees.clamp(1, MAX_ROWS) - 1]
@@ -67,11 +67,11 @@ impl GateTable {
 }
 
 thread_local! {
-    /// The last probability asked for and its quantiles: every filter of a campaign asks for the same ones.
+    /// The last probability and its quantiles: every filter of a campaign has the same ones.
     static QUANTILES: Cell<(f64, [f64; MAX_ROWS])> = const { Cell::new((f64::NAN, [f64::INFINITY; MAX_ROWS])) };
 }
 
-/// Quantiles of chi-squared for 1, 2, … [`MAX_ROWS`] degrees of freedom.
+/// Chi-squared quantiles for 1 to [`MAX_ROWS`] degrees of freedom.
 fn chi_squared_quantiles(probability: f64) -> [f64; MAX_ROWS] {
     let (known, mut quantiles) = QUANTILES.get();
     if known != probability {
@@ -89,7 +89,7 @@ fn chi_squared_quantiles(probability: f64) -> [f64; MAX_ROWS] {
 mod tests {
     use super::*;
 
-    /// Chi-squared quantiles as tabulated: 99 % of one degree of freedom is 6.635, of three 11.345.
+    /// Tabulated 99 % quantiles of chi-squared: 6.635 for one degree of freedom, 11.345 for three.
     #[test]
     fn gate_thresholds_are_the_tabulated_quantiles() {
         let table = GateTable::new(Gate::Joint { probability: 0.99 }).unwrap();

@@ -1,12 +1,12 @@
-//! A gate that refuses fix after fix has the filter against it, not the sensor.
+//! Covariance inflation after consecutive rejections of velocity fixes.
 //!
-//! Right fixes are refused rarely and one at a time: at 99.73 % five in a row come once in 10¹² fixes. But where the filter
-//! is wrong by more than it claims, by an initial tilt of four sigma say, the innovation grows as its own sigma grows, NIS
-//! stays where it is, and the gate refuses every fix of a mission. After a number of consecutive_rejections in a row the covariance of the
-//! inertial states is therefore multiplied by the mean of NIS over its degrees of freedom: the factor by which it was too
-//! small for what was seen. The next fix is judged by what is then claimed; nothing is taken without a gate.
+//! Correct fixes are rejected rarely and one at a time: at 99.73 % five consecutive rejections occur once in 10¹² fixes. But if
+//! the error of the filter exceeds its covariance, for example with an initial tilt error of four sigma, the innovation grows as
+//! fast as its sigma, the NIS stays constant, and the gate rejects every fix of a mission. After a number of consecutive
+//! rejections the covariance of the inertial states is therefore multiplied by the mean of NIS over its degrees of freedom,
+//! which is the factor by which it was too small. The gate then tests the next fix against the inflated covariance.
 //!
-//! Beams that contradict each other are refused however wide the covariance is. They are the sensor's fault and do not count.
+//! Beams that contradict each other are rejected whatever the covariance. That is a fault of the sensor and does not count.
 
 use nalgebra::SMatrix;
 
@@ -16,15 +16,15 @@ use crate::filter::report::{Sensor, UpdateReport, Verdict};
 use crate::layout::{ATTITUDE, DVL_BIAS, POSITION};
 use crate::state::Covariance;
 
-/// An inertial covariance wider by this factor explains all that an inertial state can explain.
-const WIDEST: f64 = 1e6;
+/// Factor on the inertial covariance with which every error of an inertial state passes the gate.
+const UNINFORMATIVE_FACTOR: f64 = 1e6;
 
-/// Attitude sigma beyond which nothing is inflation, rad.
-const WIDEST_ATTITUDE_RAD: f64 = 1.0;
-/// Position sigma beyond which nothing is inflation, m.
-const WIDEST_POSITION_M: f64 = 1e6;
+/// Largest attitude sigma after inflation, rad.
+const MAX_ATTITUDE_SD_RAD: f64 = 1.0;
+/// Largest position sigma after inflation, m.
+const MAX_POSITION_SD_M: f64 = 1e6;
 
-/// ConsecutiveRejections in a row of the fixes of velocity.
+/// Count of consecutive rejections of velocity fixes.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ConsecutiveRejections {
     fixes: u32,
@@ -32,7 +32,7 @@ pub(super) struct ConsecutiveRejections {
 }
 
 impl ConsecutiveRejections {
-    /// Counts a fix; the factor for the covariance where it completes `limit` consecutive_rejections (0: never).
+    /// Counts a fix, and returns the inflation factor if it completes `limit` consecutive rejections (0: never).
     fn count(&mut self, report: &UpdateReport, limit: u32) -> Option<f64> {
         if report.verdict != Verdict::Rejected {
             *self = Self::default();
@@ -48,8 +48,8 @@ impl ConsecutiveRejections {
     }
 }
 
-/// True where an innovation, its covariance being `s`, would pass if the inertial states were known as badly as can be.
-pub(super) fn is_explicable<const M: usize>(
+/// Returns true if an innovation of covariance `s` would pass the gate with an uninformative covariance of the inertial states.
+pub(super) fn is_explained_by_inertial_states<const M: usize>(
     p: &Covariance,
     innovation: &Innovation,
     s: &SMatrix<f64, M, M>,
@@ -58,37 +58,38 @@ pub(super) fn is_explicable<const M: usize>(
     let z = innovation.residual.fixed_rows::<M>(0);
     let by_inertial = innovation.jacobian.fixed_view::<M, DVL_BIAS>(0, 0);
     let inertial = p.fixed_view::<DVL_BIAS, DVL_BIAS>(0, 0);
-    let widest = s + by_inertial * inertial * by_inertial.transpose() * WIDEST;
-    widest
+    let uninformative = s + by_inertial * inertial * by_inertial.transpose() * UNINFORMATIVE_FACTOR;
+    uninformative
         .cholesky()
         .is_some_and(|factor| !(z.dot(&factor.solve(&z)) > threshold))
 }
 
 impl Eskf {
-    /// Widens the covariance where the gate has refused one fix of velocity too many, and says so in the report.
+    /// Inflates the covariance once the limit of consecutive rejections is reached, and reports the factor.
     pub(super) fn inflate_after_rejections(&mut self, report: &mut UpdateReport) {
-        // Assumptions stay refused, and what a depth sensor says may be wrong for a mission.
+        // Rejected assumptions stay rejected, and a depth sensor may be wrong for a whole mission.
         if !matches!(report.sensor, Sensor::Beams | Sensor::Velocity) || self.inflate_after_rejections == 0 {
             return;
         }
         let factor = self.consecutive_rejections.count(report, self.inflate_after_rejections);
         report.inflation = factor
-            .map(|factor| factor.min(self.greatest_factor()))
+            .map(|factor| factor.min(self.largest_factor()))
             .filter(|factor| *factor > 1.0);
         if let Some(factor) = report.inflation {
             self.inflate(factor);
         }
     }
 
-    /// What leaves every attitude within a radian and every position within the sea: a method that is wrong again and again,
-    /// since its assumption is, must not widen without end.
-    fn greatest_factor(&self) -> f64 {
-        let greatest = |block: usize| (block..block + 3).fold(0.0_f64, |most, k| most.max(self.covariance[(k, k)]));
-        let within = |sd: f64, variance: f64| sd * sd / variance;
-        within(WIDEST_ATTITUDE_RAD, greatest(ATTITUDE)).min(within(WIDEST_POSITION_M, greatest(POSITION)))
+    /// Factor that keeps attitude and position sigmas below their limits.
+    ///
+    /// A method with a wrong assumption is rejected again and again, and must not inflate its covariance without bound.
+    fn largest_factor(&self) -> f64 {
+        let largest = |block: usize| (block..block + 3).fold(0.0_f64, |most, k| most.max(self.covariance[(k, k)]));
+        let factor = |sd: f64, variance: f64| sd * sd / variance;
+        factor(MAX_ATTITUDE_SD_RAD, largest(ATTITUDE)).min(factor(MAX_POSITION_SD_M, largest(POSITION)))
     }
 
-    /// Multiplies the covariance of position, attitude, velocity and the IMU's biases among themselves: noise is added to them.
+    /// Multiplies the covariance of position, attitude, velocity and IMU biases, which adds noise to these states.
     fn inflate(&mut self, factor: f64) {
         let mut inertial = self.covariance.fixed_view_mut::<DVL_BIAS, DVL_BIAS>(0, 0);
         inertial *= factor;
@@ -108,9 +109,9 @@ mod tests {
         }
     }
 
-    /// By hand: NIS 15, 18 and 21 of 3 degrees are 6 on average; one accepted fix in between starts the count anew.
+    /// By hand: NIS 15, 18 and 21 of 3 degrees have a mean ratio of 6; an accepted fix resets the count.
     #[test]
-    fn factor_is_the_mean_of_a_row_of_refusals() {
+    fn factor_is_the_mean_over_consecutive_rejections() {
         let mut consecutive_rejections = ConsecutiveRejections::default();
         let counted: Vec<_> = [(Verdict::Rejected, 99.0), (Verdict::Accepted, 1.0)]
             .into_iter()

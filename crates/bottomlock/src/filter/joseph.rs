@@ -1,4 +1,4 @@
-//! The arithmetic of an update over whole columns, in two steps: what comes before the gate and what comes after it.
+//! The arithmetic of an update over columns of the covariance: the predicted innovation, then the correction.
 //!
 //! The noise n of an innovation z = H δx + n may be correlated with the error state, C = E[δx nᵀ] (Eq. 26). With
 //! X = P Hᵀ + C and S = H X + CᵀHᵀ + R, Joseph's form of any gain K is
@@ -8,9 +8,9 @@
 //!    = A − (A Hᵀ + C − K (R + H C)) Kᵀ,   A = P − K Xᵀ.
 //! ```
 //!
-//! That is 2 M products an element instead of 40. A Hᵀ is worked out from A as it was rounded, so that an error E of A enters as
-//! E (I − K H)ᵀ: what a sharp measurement says of a state keeps its digits, as in the dense product. Forms without A,
-//! P − K S Kᵀ and P − K Xᵀ − X Kᵀ + K S Kᵀ, leave differences of 2e-16 P there.
+//! That is 2 M products per element instead of 40. A Hᵀ is computed from the rounded A, so a rounding error E of A enters as
+//! E (I − K H)ᵀ: the variance after a precise measurement keeps its digits, as in the dense product. Forms without A,
+//! P − K S Kᵀ and P − K Xᵀ − X Kᵀ + K S Kᵀ, leave errors of 2e-16 P there.
 
 use nalgebra::{Cholesky, Const, SMatrix};
 
@@ -21,61 +21,61 @@ use crate::layout::DIM;
 use crate::simd::{Column, Simd, WIDTH, are_zero, four, load_four, make_symmetric, plus, with_vectors};
 use crate::state::{Covariance, ErrorVector};
 
-/// A matrix of M columns, column by column.
+/// A square matrix, column by column.
 type Columns<const M: usize> = [[f64; M]; M];
 
-/// What the filter expects of an innovation.
-pub(super) struct Expectation<const M: usize> {
+/// The statistics that the filter predicts for an innovation.
+pub(super) struct PredictedInnovation<const M: usize> {
     /// X = E[δx zᵀ].
     pub(super) cross_covariance: SMatrix<f64, DIM, M>,
-    /// S, symmetric.
+    /// S, the innovation covariance, symmetric.
     pub(super) s: SMatrix<f64, M, M>,
     /// zᵀS⁻¹z.
     pub(super) nis: f64,
     /// R + H C.
     noise: Columns<M>,
     factor: Factor<M>,
-    reached: Reached,
+    observed: ObservedStates,
 }
 
 /// S = L D Lᵀ.
 struct Factor<const M: usize> {
-    /// Below the diagonal.
+    /// −L below the diagonal.
     minus_l: Columns<M>,
     d: [f64; M],
     inverse_d: [f64; M],
 }
 
-/// What an innovation makes of the filter, beside its covariance.
+/// The gain and the estimated error of an update.
 pub(super) struct Correction<const M: usize> {
     pub(super) gain: SMatrix<f64, DIM, M>,
-    /// K z.
+    /// K z, the estimated error.
     pub(super) error: ErrorVector,
 }
 
-/// A corrected covariance that is none.
+/// A corrected covariance is not positive definite.
 pub(super) struct Indefinite {
-    /// A state with a negative variance, where there is one.
+    /// A state with a negative variance, if there is one.
     pub(super) negative: Option<usize>,
 }
 
-/// The states that H reaches.
-struct Reached {
+/// The states whose column of H is not zero.
+struct ObservedStates {
     states: [usize; DIM],
     count: usize,
 }
 
-impl Reached {
+impl ObservedStates {
     #[inline(always)]
     fn by<S: Simd, const M: usize>(simd: S, h: &RowJacobian) -> Self {
         let (mut states, mut count) = ([0; DIM], 0);
         for (k, column) in h.data.0.iter().enumerate() {
-            let mut is_reached = false;
+            let mut is_observed = false;
             for from in (0..M).step_by(WIDTH) {
-                is_reached |= !are_zero(load_four(simd, column, from));
+                is_observed |= !are_zero(load_four(simd, column, from));
             }
             states[count] = k;
-            count += usize::from(is_reached);
+            count += usize::from(is_observed);
         }
         Self { states, count }
     }
@@ -86,8 +86,8 @@ impl Reached {
     }
 }
 
-impl<const M: usize> Expectation<M> {
-    /// Nothing where S is not positive definite.
+impl<const M: usize> PredictedInnovation<M> {
+    /// The predicted innovation; `None` if S is not positive definite.
     pub(super) fn of(p: &Covariance, innovation: &Innovation) -> Option<Self> {
         with_vectors!(simd => Self::within(simd, p, innovation))
     }
@@ -95,13 +95,13 @@ impl<const M: usize> Expectation<M> {
     #[inline(always)]
     fn within<S: Simd>(simd: S, p: &Covariance, innovation: &Innovation) -> Option<Self> {
         let h = &innovation.jacobian;
-        let reached = Reached::by::<S, M>(simd, h);
+        let observed = ObservedStates::by::<S, M>(simd, h);
         let mut cross_covariance = SMatrix::zeros();
-        let p_h = times_transposed::<S, M>(simd, &p.data.0, h, &reached);
+        let p_h = times_transposed::<S, M>(simd, &p.data.0, h, &observed);
         for m in 0..M {
             p_h[m].store(&mut cross_covariance.data.0[m]);
         }
-        let mut s = times::<S, M>(simd, h, &cross_covariance.data.0, &reached);
+        let mut s = times::<S, M>(simd, h, &cross_covariance.data.0, &observed);
         let mut noise = [[0.0; M]; M];
         for n in 0..M {
             for m in 0..M {
@@ -110,7 +110,7 @@ impl<const M: usize> Expectation<M> {
             }
         }
         if let Some(cross) = &innovation.cross {
-            let h_c = times::<S, M>(simd, h, &cross.data.0, &reached);
+            let h_c = times::<S, M>(simd, h, &cross.data.0, &observed);
             for n in 0..M {
                 for m in 0..M {
                     noise[n][m] += h_c[n][m];
@@ -133,11 +133,11 @@ impl<const M: usize> Expectation<M> {
             nis: factor.norm_squared(&innovation.residual.data.0[0]),
             noise,
             factor,
-            reached,
+            observed,
         })
     }
 
-    /// S, factored.
+    /// Cholesky factor of S.
     pub(super) fn cholesky(&self) -> Cholesky<f64, Const<M>> {
         let mut l = SMatrix::zeros();
         for k in 0..M {
@@ -190,7 +190,7 @@ impl<const M: usize> Expectation<M> {
         Ok(correction)
     }
 
-    /// Joseph's form of a gain, in place; not symmetric to the last bit.
+    /// Joseph's form for a given gain, in place; the result is not symmetric to the last bit.
     #[inline(always)]
     fn joseph<S: Simd>(&self, simd: S, p: &mut [[f64; DIM]; DIM], innovation: &Innovation, gain: &[Column<S>; M]) {
         let (mut minus_gain, mut gain_rows) = ([Column::zero(simd); M], [[0.0; DIM]; M]);
@@ -199,14 +199,14 @@ impl<const M: usize> Expectation<M> {
             minus_gain[m] = gain[m].times(-1.0);
         }
         for (j, column) in p.iter_mut().enumerate() {
-            let mut own = Column::load(simd, column);
+            let mut sum = Column::load(simd, column);
             for m in 0..M {
-                own = own.plus(self.cross_covariance[(j, m)], &minus_gain[m]);
+                sum = sum.plus(self.cross_covariance[(j, m)], &minus_gain[m]);
             }
-            own.store(column);
+            sum.store(column);
         }
-        // A Hᵀ + C − K (R + H C), which is nothing but rounding errors where the gain is the best.
-        let mut rest = times_transposed::<S, M>(simd, p, &innovation.jacobian, &self.reached);
+        // A Hᵀ + C − K (R + H C), which is zero up to rounding for the optimal gain.
+        let mut rest = times_transposed::<S, M>(simd, p, &innovation.jacobian, &self.observed);
         for m in 0..M {
             for n in 0..M {
                 rest[m] = rest[m].plus(self.noise[m][n], &minus_gain[n]);
@@ -217,11 +217,11 @@ impl<const M: usize> Expectation<M> {
             rest[m] = rest[m].times(-1.0);
         }
         for (j, column) in p.iter_mut().enumerate() {
-            let mut own = Column::load(simd, column);
+            let mut sum = Column::load(simd, column);
             for m in 0..M {
-                own = own.plus(gain_rows[m][j], &rest[m]);
+                sum = sum.plus(gain_rows[m][j], &rest[m]);
             }
-            own.store(column);
+            sum.store(column);
         }
     }
 }
@@ -292,10 +292,10 @@ fn times_transposed<S: Simd, const M: usize>(
     simd: S,
     a: &[[f64; DIM]; DIM],
     h: &RowJacobian,
-    reached: &Reached,
+    observed: &ObservedStates,
 ) -> [Column<S>; M] {
     let mut sums = [Column::zero(simd); M];
-    for &k in reached.states() {
+    for &k in observed.states() {
         let column = Column::load(simd, &a[k]);
         for m in 0..M {
             sums[m] = sums[m].plus(h.data.0[k][m], &column);
@@ -306,11 +306,11 @@ fn times_transposed<S: Simd, const M: usize>(
 
 /// H X, column by column.
 #[inline(always)]
-fn times<S: Simd, const M: usize>(simd: S, h: &RowJacobian, x: &[[f64; DIM]], reached: &Reached) -> Columns<M> {
+fn times<S: Simd, const M: usize>(simd: S, h: &RowJacobian, x: &[[f64; DIM]], observed: &ObservedStates) -> Columns<M> {
     let mut out = [[0.0; M]; M];
     for from in (0..M).step_by(WIDTH) {
         let mut sums = [four(simd, 0.0); M];
-        for &k in reached.states() {
+        for &k in observed.states() {
             let rows = load_four(simd, &h.data.0[k], from);
             for n in 0..M {
                 sums[n] = plus(sums[n], x[n][k], rows);

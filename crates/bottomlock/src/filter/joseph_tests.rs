@@ -1,4 +1,4 @@
-//! The vectorised arithmetic against nalgebra's dense matrices, term by term of the formula.
+//! The vectorised update against nalgebra's dense matrices, term by term.
 
 use super::*;
 use crate::simd::on_every_level;
@@ -13,7 +13,7 @@ fn sample(seed: usize) -> Covariance {
     (matrix + matrix.transpose()) * 0.5
 }
 
-/// M rows that leave some states out, their noise correlated with each other and, where wanted, with the states.
+/// M rows without some of the states, with noise that is correlated among the rows and optionally with the states.
 fn innovation<const M: usize>(seed: usize, is_correlated: bool) -> Innovation {
     let value = |i: usize, j: usize| ((i * 5 + j * 11 + seed) as f64 * 0.9).cos();
     let mut innovation = Innovation {
@@ -53,25 +53,25 @@ fn dense_joseph<const M: usize>(p: &Covariance, innovation: &Innovation, gain: &
 }
 
 fn joseph<S: Simd, const M: usize>(simd: S, p: &Covariance, innovation: &Innovation, gain: &Tall<M>) -> Covariance {
-    let seen = Expectation::<M>::within(simd, p, innovation).unwrap();
+    let predicted = PredictedInnovation::<M>::within(simd, p, innovation).unwrap();
     let mut columns = [Column::zero(simd); M];
     for m in 0..M {
         columns[m] = Column::load(simd, &gain.data.0[m]);
     }
     let mut corrected = *p;
-    seen.joseph(simd, &mut corrected.data.0, innovation, &columns);
+    predicted.joseph(simd, &mut corrected.data.0, innovation, &columns);
     make_symmetric(simd, &mut corrected.data.0);
     corrected
 }
 
-/// The corrected covariance, with what else becomes of the filter.
+/// The corrected covariance and the correction.
 fn corrected<const M: usize>(
-    seen: &Expectation<M>,
+    predicted: &PredictedInnovation<M>,
     p: &Covariance,
     innovation: &Innovation,
 ) -> Result<(Covariance, Correction<M>), Indefinite> {
     let mut covariance = *p;
-    let correction = seen.correct(&mut covariance, innovation)?;
+    let correction = predicted.correct(&mut covariance, innovation)?;
     Ok((covariance, correction))
 }
 
@@ -84,32 +84,32 @@ fn check<const M: usize>() {
         for is_correlated in [false, true] {
             let (p, innovation) = (sample(seed), innovation::<M>(seed, is_correlated));
             let (h, r, c) = parts::<M>(&innovation);
-            let seen = Expectation::<M>::of(&p, &innovation).unwrap();
+            let predicted = PredictedInnovation::<M>::of(&p, &innovation).unwrap();
             let cross_covariance = p * h.transpose() + c;
             let half = h * c;
             let s = h * p * h.transpose() + half + half.transpose() + r;
-            assert!((seen.cross_covariance - cross_covariance).amax() < 1e-13);
-            assert!((seen.s - s).amax() < 1e-13 && seen.s == seen.s.transpose());
+            assert!((predicted.cross_covariance - cross_covariance).amax() < 1e-13);
+            assert!((predicted.s - s).amax() < 1e-13 && predicted.s == predicted.s.transpose());
             let z = innovation.residual.fixed_rows::<M>(0);
             let factor = s.cholesky().unwrap();
-            assert!((seen.nis / z.dot(&factor.solve(&z)) - 1.0).abs() < 1e-12);
-            assert!((seen.cholesky().l() - factor.l()).amax() < 1e-13);
+            assert!((predicted.nis / z.dot(&factor.solve(&z)) - 1.0).abs() < 1e-12);
+            assert!((predicted.cholesky().l() - factor.l()).amax() < 1e-13);
 
-            let (updated, correction) = corrected(&seen, &p, &innovation).ok().unwrap();
+            let (updated, correction) = corrected(&predicted, &p, &innovation).ok().unwrap();
             assert!((correction.gain * s - cross_covariance).amax() < 1e-12);
             assert!((correction.error - correction.gain * z).amax() < 1e-14);
             assert!((updated - dense_joseph(&p, &innovation, &correction.gain)).amax() < 1e-13);
             assert_eq!(updated, updated.transpose());
-            // The form holds for any gain, not for the best alone.
+            // Joseph's form holds for any gain, not only for the optimal one.
             let other = Tall::<M>::from_fn(|i, m| 0.3 * correction.gain[(i, m)] + 0.05 * ((i + m) as f64).sin());
             let dense = dense_joseph(&p, &innovation, &other);
 
             on_every_level!(simd => {
-                let own = Expectation::<M>::within(simd, &p, &innovation).unwrap();
+                let own = PredictedInnovation::<M>::within(simd, &p, &innovation).unwrap();
                 let mut own_updated = p;
                 let own_correction = own.correct_within(simd, &mut own_updated, &innovation).ok().unwrap();
-                assert_eq!(bits(own.s.as_slice()), bits(seen.s.as_slice()));
-                assert_eq!(own.nis.to_bits(), seen.nis.to_bits());
+                assert_eq!(bits(own.s.as_slice()), bits(predicted.s.as_slice()));
+                assert_eq!(own.nis.to_bits(), predicted.nis.to_bits());
                 assert_eq!(bits(own_correction.gain.as_slice()), bits(correction.gain.as_slice()));
                 assert_eq!(bits(own_correction.error.as_slice()), bits(correction.error.as_slice()));
                 assert_eq!(bits(own_updated.as_slice()), bits(updated.as_slice()));
@@ -119,7 +119,7 @@ fn check<const M: usize>() {
     }
 }
 
-/// An update is the dense update, whatever its number of rows, with the same bits in all vectors.
+/// An update equals the dense update for every number of rows, with the same bits for all vector widths.
 #[test]
 fn an_update_is_the_dense_update() {
     check::<1>();
@@ -132,20 +132,20 @@ fn an_update_is_the_dense_update() {
     check::<MAX_ROWS>();
 }
 
-/// (H P⁺ Hᵀ − (R − R S⁻¹ R)) / R of four rows whose noise is `ratio` times smaller than H P Hᵀ; nothing is lost in R S⁻¹ R.
+/// (H P⁺ Hᵀ − (R − R S⁻¹ R)) / R of four rows whose noise is `ratio` times smaller than H P Hᵀ.
 fn lost(p: &Covariance, mut rows: Innovation, ratio: f64) -> f64 {
     rows.noise *= 1.0 / ratio;
     let (h, r, _) = parts::<4>(&rows);
-    let seen = Expectation::<4>::of(p, &rows).unwrap();
-    let (updated, _) = corrected(&seen, p, &rows).ok().unwrap();
-    let expected = r - r * seen.s.try_inverse().unwrap() * r;
+    let predicted = PredictedInnovation::<4>::of(p, &rows).unwrap();
+    let (updated, _) = corrected(&predicted, p, &rows).ok().unwrap();
+    let expected = r - r * predicted.s.try_inverse().unwrap() * r;
     (h * updated * h.transpose() - expected).amax() / r.amax()
 }
 
-/// What is measured far better than it was known, alone, is known with all the digits of the measurement's own variance:
-/// P − X S⁻¹ Xᵀ and P − K Xᵀ − X Kᵀ + K S Kᵀ would leave nothing of it where R is 2e-16 P.
+/// After a precise measurement of single states their variance has all digits of the measurement variance. The forms
+/// P − X S⁻¹ Xᵀ and P − K Xᵀ − X Kᵀ + K S Kᵀ would lose them all where R is 2e-16 P.
 #[test]
-fn a_sharp_measurement_leaves_its_own_variance() {
+fn a_precise_measurement_leaves_its_variance() {
     for seed in 0..20 {
         for ratio in [1e4, 1e8, 1e12, 1e16] {
             let mut rows = innovation::<4>(seed, false);
@@ -159,9 +159,9 @@ fn a_sharp_measurement_leaves_its_own_variance() {
     }
 }
 
-/// Of sums of states the elements of P⁺ themselves, rounded to 2e-16 of P, hold no more than this; what is proven stays so.
+/// For sums of states the precision is bounded by the elements of P⁺, which are rounded to 2e-16 of P.
 #[test]
-fn sharp_sums_of_states_are_known_as_well_as_can_be_stored() {
+fn precise_sums_of_states_have_the_precision_of_storage() {
     for seed in 0..20 {
         for ratio in [1e4, 1e8, 1e12, 1e14] {
             let lost = lost(&sample(seed), innovation::<4>(seed, false), ratio);
@@ -170,7 +170,7 @@ fn sharp_sums_of_states_are_known_as_well_as_can_be_stored() {
     }
 }
 
-/// States without variance keep none, to the last bit.
+/// Frozen states stay frozen, bit for bit.
 #[test]
 fn frozen_states_stay_frozen() {
     let mut p = sample(4);
@@ -179,8 +179,8 @@ fn frozen_states_stay_frozen() {
         p.column_mut(k).fill(0.0);
     }
     let innovation = innovation::<4>(4, false);
-    let seen = Expectation::<4>::of(&p, &innovation).unwrap();
-    let (p, correction) = corrected(&seen, &p, &innovation).ok().unwrap();
+    let predicted = PredictedInnovation::<4>::of(&p, &innovation).unwrap();
+    let (p, correction) = corrected(&predicted, &p, &innovation).ok().unwrap();
     assert!(p.fixed_columns::<5>(15).iter().all(|element| *element == 0.0));
     assert!(p.fixed_rows::<5>(15).iter().all(|element| *element == 0.0));
     assert!(
@@ -192,10 +192,10 @@ fn frozen_states_stay_frozen() {
     );
 }
 
-/// By hand: P = 1 and "noise" of −1/2 make K = 2 and P⁺ = (1 − 2)² − 4/2 = −1, which is refused and leaves P as it was;
-/// noise of −2 makes S itself negative.
+/// By hand: P = 1 and a noise variance of −1/2 give K = 2 and P⁺ = (1 − 2)² − 4/2 = −1, which is rejected and leaves P as it
+/// was; a noise variance of −2 makes S negative.
 #[test]
-fn what_is_no_covariance_is_refused() {
+fn an_indefinite_covariance_is_rejected() {
     let p = Covariance::identity();
     let mut innovation = Innovation {
         rows: 1,
@@ -204,11 +204,11 @@ fn what_is_no_covariance_is_refused() {
     };
     innovation.jacobian[(0, 7)] = 1.0;
     innovation.noise[(0, 0)] = -0.5;
-    let seen = Expectation::<1>::of(&p, &innovation).unwrap();
+    let predicted = PredictedInnovation::<1>::of(&p, &innovation).unwrap();
     let mut covariance = p;
-    let refused = seen.correct(&mut covariance, &innovation).err().unwrap();
-    assert_eq!(refused.negative, Some(7));
+    let indefinite = predicted.correct(&mut covariance, &innovation).err().unwrap();
+    assert_eq!(indefinite.negative, Some(7));
     assert_eq!(covariance, p);
     innovation.noise[(0, 0)] = -2.0;
-    assert!(Expectation::<1>::of(&p, &innovation).is_none());
+    assert!(PredictedInnovation::<1>::of(&p, &innovation).is_none());
 }

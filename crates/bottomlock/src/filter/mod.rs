@@ -1,4 +1,4 @@
-//! The error-state extended Kalman filter: predict, gate, update, feedback (Eqs. 1 and 7).
+//! The error-state extended Kalman filter: prediction, gate, update, feedback (Eqs. 1 and 7).
 
 mod assume;
 mod definite;
@@ -38,7 +38,7 @@ use crate::mechanisation::{EarthTerms, ImuSample, Kinematics};
 use crate::model::Model;
 use crate::state::{Covariance, NavState};
 
-/// The filter: state, covariance and the interval since the covariance was last brought up to date.
+/// The filter: state, covariance, and the interval since the covariance was last propagated.
 #[derive(Debug, Clone)]
 pub struct Eskf {
     state: NavState,
@@ -60,7 +60,7 @@ impl Eskf {
     /// A filter at an initial state.
     ///
     /// # Errors
-    /// [`NavError`] for a model, an option or a state that makes no sense.
+    /// [`NavError`] for an invalid model, option or state, which names the field.
     pub fn new(state: NavState, model: &Model, options: &Options) -> Result<Self, NavError> {
         model.validate()?;
         options.validate()?;
@@ -85,23 +85,24 @@ impl Eskf {
         })
     }
 
-    /// The same filter with further states beside its own, or without.
+    /// The same filter with water states, or without.
     #[must_use]
     pub fn with_water(mut self, water: Option<WaterBlock>) -> Self {
         self.extensions.water = water.map(Box::new);
         self
     }
 
-    /// The further states, at the time of the last update or propagation of the covariance.
+    /// The water states, at the time of the last update or propagation of the covariance.
     #[must_use]
     pub fn water(&self) -> Option<&WaterBlock> {
         self.extensions.water.as_deref()
     }
 
-    /// Replaces the covariance (symmetric, m², rad², … in the order of [`crate::layout`]).
+    /// Replaces the covariance (20×20, symmetric, SI units, in the order of [`crate::layout`]).
     ///
     /// # Errors
-    /// [`NavError::NotPositiveDefinite`] unless positive definite apart from frozen states (zero rows).
+    /// [`NavError::NotPositiveDefinite`] unless positive definite apart from frozen states (zero rows);
+    /// [`NavError::NotFinite`].
     pub fn set_covariance(&mut self, covariance: &Covariance) -> Result<(), NavError> {
         require_finite("covariance", self.state.time_ns, covariance.as_slice())?;
         let symmetric = (covariance + covariance.transpose()) * 0.5;
@@ -117,7 +118,7 @@ impl Eskf {
         Ok(())
     }
 
-    /// The estimate.
+    /// The estimated state.
     #[must_use]
     pub fn state(&self) -> NavState {
         let mut state = self.state;
@@ -133,7 +134,7 @@ impl Eskf {
         self.state.time_ns
     }
 
-    /// The covariance at the time of the state; asking changes nothing.
+    /// The covariance at the time of the state; the filter is not changed.
     #[must_use]
     pub fn covariance(&self) -> Covariance {
         let (mut covariance, mut interval) = (self.covariance, self.interval);
@@ -142,12 +143,12 @@ impl Eskf {
         covariance
     }
 
-    /// Takes note of a rate before the first step, for lever methods.
+    /// Sets the angular rate before the first step, for lever arms.
     pub fn note_rate(&mut self, sample: &ImuSample) {
         self.last_rate_p_radps = sample.rate_p_radps.0;
     }
 
-    /// Runs `function` with the motion at the current time, for the expected readings of a sensor.
+    /// Calls `function` with the motion at the time of the state, for the predicted readings of a sensor.
     pub fn with_motion<T>(&self, function: impl FnOnce(&Motion<'_>) -> T) -> T {
         let state = self.state();
         let gyro_variance = if self.last_step_s > 0.0 {
@@ -163,17 +164,17 @@ impl Eskf {
         })
     }
 
-    /// Covariance of the whole state with the velocity (20×3) and of the velocity itself, brought up to date.
+    /// Covariance of the error state with the velocity error (20×3), propagated to the time of the state.
     pub fn velocity_covariance(&mut self) -> SMatrix<f64, DIM, 3> {
         self.propagate_covariance();
         self.covariance.fixed_columns::<3>(VELOCITY).into_owned()
     }
 
-    /// Gates an innovation, corrects the state and the covariance, and reports.
+    /// Tests an innovation, corrects the state and the covariance, and reports.
     ///
     /// # Errors
-    /// [`NavError::NotFinite`] for a residual or noise that is not finite; [`NavError::NotPositiveDefinite`] where a factorisation
-    /// fails.
+    /// [`NavError::NotFinite`] for a residual or noise that is not finite; [`NavError::NotPositiveDefinite`] for a covariance that
+    /// cannot be factorised.
     pub fn update(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<UpdateReport, NavError> {
         self.propagate_covariance();
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
@@ -191,7 +192,9 @@ impl Eskf {
         }
     }
 
-    /// The correlated innovation of exact VB has a singular S: its rows are turned to the `rank` axes that carry information.
+    /// Updates with the correlated innovation of exact VB (Eq. 26), whose S is singular.
+    ///
+    /// The rows are projected on the `rank` principal axes of S that carry information.
     ///
     /// # Errors
     /// As [`Eskf::update`].
@@ -216,7 +219,7 @@ impl Eskf {
         let eigen = ((s + s.transpose()) * 0.5).symmetric_eigen();
         let mut order = [0, 1, 2];
         order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
-        let mut turned = Innovation {
+        let mut projected = Innovation {
             rows: rank,
             degrees: rank,
             ..Innovation::empty()
@@ -225,15 +228,15 @@ impl Eskf {
         for (row, &from) in order.iter().take(rank).enumerate() {
             axes.set_row(row, &eigen.eigenvectors.column(from).transpose());
         }
-        turned.residual = axes * innovation.residual.fixed_rows::<3>(0);
-        turned.jacobian = axes * h;
-        turned.noise = axes * noise * axes.transpose();
-        turned.cross = Some(Box::new(cross * axes.transpose()));
-        turned.correlated_noise = innovation
+        projected.residual = axes * innovation.residual.fixed_rows::<3>(0);
+        projected.jacobian = axes * h;
+        projected.noise = axes * noise * axes.transpose();
+        projected.cross = Some(Box::new(cross * axes.transpose()));
+        projected.correlated_noise = innovation
             .correlated_noise
             .as_ref()
             .map(|correlated_noise| correlated_noise.turned(&axes));
-        self.update(&turned, sensor)
+        self.update(&projected, sensor)
     }
 }
 
@@ -249,7 +252,7 @@ fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<()
 mod tests {
     use super::Eskf;
 
-    /// Of the filters that go side by side each takes no more than this, most of it the covariance.
+    /// A campaign holds hundreds of filters side by side, so each must fit in the second-level cache with its neighbours.
     #[test]
     fn a_filter_takes_five_kilobytes() {
         assert!(size_of::<Eskf>() <= 5000, "{} bytes", size_of::<Eskf>());

@@ -1,4 +1,4 @@
-//! The filter's options: plain numbers in SI, checked once.
+//! Filter options, in SI units.
 
 use crate::aiding::InformationPort;
 use crate::aiding::outliers::Robust;
@@ -9,34 +9,33 @@ use crate::error::{NavError, require_non_negative, require_positive};
 use crate::filter::gate::{Gate, GateTable};
 use crate::mechanisation::Sampling;
 
-/// The filter's options.
+/// Filter options, in SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Innovation gate.
     pub gate: Gate,
-    /// After so many refused fixes of velocity in a row the covariance of the inertial states is
-    /// inflation by what they showed; 0 for never.
+    /// Number of consecutive rejected velocity fixes after which the covariance of the inertial states is inflated; 0 for never.
     pub inflate_after_rejections: u32,
-    /// Interval of the covariance propagation, ns; zero for every IMU step.
+    /// Interval of the covariance propagation, ns; 0 for every IMU step.
     pub covariance_period_ns: i64,
-    /// What an IMU sample means.
+    /// Whether an IMU sample is instantaneous or an average over the interval before it.
     pub sampling: Sampling,
-    /// Whether the DVL's biases and scale factor are states (20) or frozen (15).
+    /// True to estimate the beam biases and the scale factor (20 states), false to freeze them (15 states).
     pub estimate_dvl: bool,
     /// Parameters of the partial-beam methods.
     pub assumptions: Assumptions,
-    /// What the information form hands over.
+    /// Form in which the method `info` passes its velocity to the filter.
     pub information_port: InformationPort,
-    /// What is assumed of the motion through the water.
+    /// Prior of the motion through the water.
     pub water: WaterPrior,
-    /// What is done against outliers among the beams.
+    /// Detection of outliers among the beams.
     pub robust: Robust,
     /// Place of each sensor, platform frame, m.
     pub levers: Levers,
 }
 
 impl Default for Options {
-    /// Joint gate at 99.73 % that reopens after five consecutive_rejections in a row, covariance at 10 Hz, 20 states.
+    /// Joint gate at 99.73 %, inflation after five consecutive rejections, covariance at 10 Hz, 20 states.
     fn default() -> Self {
         Self {
             gate: Gate::Joint { probability: 0.9973 },
@@ -57,14 +56,14 @@ impl Options {
     /// Checks every number.
     ///
     /// # Errors
-    /// [`NavError::OutOfRange`] or [`NavError::NotFinite`] that names the field.
+    /// [`NavError::OutOfRange`] or [`NavError::NotFinite`], which names the field.
     pub fn validate(&self) -> Result<(), NavError> {
         require_non_negative("covariance_period_ns", self.covariance_period_ns as f64)?;
         if self.inflate_after_rejections == 1 {
             return Err(NavError::OutOfRange {
                 field: "inflate_after_rejections",
                 value: 1.0,
-                expected: "0 (never), or 2 or more",
+                expected: "0 (never), or 2 or more: single correct fixes are rejected by chance",
             });
         }
         require_positive("virtual_beam_factor", self.assumptions.virtual_beam_factor)?;

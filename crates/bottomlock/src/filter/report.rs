@@ -1,4 +1,4 @@
-//! What became of a measurement.
+//! Report of one measurement update.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -8,81 +8,82 @@ use crate::dvl::partial::PartialMethod;
 
 pub use crate::aiding::registry::Sensor;
 
-/// What became of a measurement.
+/// Outcome of the gate for one measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Verdict {
     /// All rows were used.
     Accepted,
-    /// The gate rejected some rows (bit per row) and the others were used.
+    /// The gate rejected some rows; the others were used.
     AcceptedInPart {
         /// Bit k is set where row k was rejected.
         rejected_rows: u8,
     },
-    /// The gate rejected the whole.
+    /// The gate rejected all rows.
     Rejected,
-    /// It carried no information: no row to use.
+    /// The measurement has no row.
     NoInformation,
 }
 
-/// What a method that chooses has chosen at a ping.
+/// Selection of a selector method at one ping.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Choice {
-    /// Where surge, sway and heave come from; none where a component is not solved.
+    /// Method that surge, sway and heave come from; `None` for a component that is not solved.
     Components([Option<PartialMethod>; 3]),
-    /// Which filter leads.
+    /// Filter selected by the consistent selector.
     Method {
-        /// Its place in [`crate::navigator::SELECTOR_METHODS`].
+        /// Index in [`crate::navigator::SELECTOR_METHODS`].
         method: usize,
-        /// The reason.
+        /// Reason of the selection.
         reason: SelectionReason,
-        /// Hausman's statistic of the assumption that decided.
+        /// Hausman's statistic of the assumption that decided the selection.
         statistic: f64,
-        /// What it was compared with.
+        /// Threshold of the statistic.
         threshold: f64,
     },
 }
 
-/// SelectionReason a filter leads.
+/// Reason for the filter that the consistent selector took.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum SelectionReason {
-    /// No assumption adds anything to the beams.
+    /// No assumption reduces the velocity variance: the filter on the beams alone is taken.
     NoGain,
-    /// It knows the velocity best, and the beams do not contradict it.
+    /// The filter has the smallest velocity variance, and the beams do not contradict it.
     SmallestVariance,
-    /// The beams contradict every assumption that would add to them.
+    /// The beams contradict every assumption that would reduce the variance: the filter on the beams alone is taken.
     BeamsContradict,
 }
 
-/// The record of one measurement.
+/// Report of one measurement update.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UpdateReport {
-    /// Which sensor.
+    /// Sensor.
     pub sensor: Sensor,
     /// Time of validity, ns.
     pub time_ns: i64,
     /// Number of rows.
     pub rows: usize,
-    /// Degrees of freedom of the normalised innovation squared.
+    /// Degrees of freedom of the NIS.
     pub degrees: usize,
-    /// Innovation.
+    /// Innovation z, in the unit of each row.
     pub residual: SVector<f64, MAX_ROWS>,
-    /// Its covariance S.
+    /// Innovation covariance S.
     pub covariance: SMatrix<f64, MAX_ROWS, MAX_ROWS>,
-    /// Normalised innovation squared zᵀS⁻¹z of all rows.
+    /// Normalised innovation squared (NIS) zᵀS⁻¹z of all rows.
     pub nis: f64,
-    /// What the gate compared it with (infinite without a joint gate).
+    /// Threshold of the NIS; infinite without a joint gate.
     pub threshold: f64,
-    /// What became of it.
+    /// Outcome of the gate.
     pub verdict: Verdict,
-    /// By what the covariance of the inertial states was multiplied after it, where the gate had refused one fix too many.
+    /// Factor by which the covariance of the inertial states was inflated after consecutive rejections.
     pub inflation: Option<f64>,
-    /// What was chosen, where the method chooses.
+    /// Selection, for methods that select.
     pub choice: Option<Choice>,
-    /// Weight of each beam where outliers are looked for: 0 for one that was taken out, NaN for one that was lost.
+    /// Weight of each beam, with outlier detection on: 0 for a rejected beam, NaN for a lost one.
     pub beam_weight: Option<[f64; MAX_BEAMS]>,
 }
 
 impl UpdateReport {
+    /// A report without rows.
     pub(crate) fn empty(sensor: Sensor, time_ns: i64) -> Self {
         Self {
             sensor,
@@ -100,7 +101,7 @@ impl UpdateReport {
         }
     }
 
-    /// True where the measurement, or a part of it, corrected the state.
+    /// Returns true if at least one row corrected the state.
     #[must_use]
     pub fn was_used(&self) -> bool {
         matches!(self.verdict, Verdict::Accepted | Verdict::AcceptedInPart { .. })

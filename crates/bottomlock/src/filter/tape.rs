@@ -1,4 +1,4 @@
-//! What the filter leaves behind for a smoother; asking for it changes no bit of the filter.
+//! The record of a filter for the smoother; recording does not change the filter's results.
 
 use nalgebra::{Cholesky, Const, DMatrix, DVector, SMatrix};
 
@@ -11,19 +11,19 @@ use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, Kinematics};
 use crate::state::{Covariance, NavState};
 
-/// One entry of a tape; matrices are over 20 error states, or over 26 where the motion through the water is estimated too.
+/// One entry of a tape; matrices are over 20 error states, or 26 with the states of the motion through the water.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Step {
-    /// Φ since the entry before.
-    Carry(DMatrix<f64>),
-    /// An update: S⁻¹z, S⁻¹, H with all that the noise repeats, and K.
+    /// Φ since the previous entry.
+    Transition(DMatrix<f64>),
+    /// An update: S⁻¹z, S⁻¹, H including the noise that depends on the error state, and K.
     Update {
-        weighted: DVector<f64>,
+        weighted_innovation: DVector<f64>,
         weight: DMatrix<f64>,
         h: DMatrix<f64>,
         gain: DMatrix<f64>,
     },
-    /// A sample: Φ since the entry before (which the filter has not taken yet), the estimate and its covariance.
+    /// A sample: Φ since the previous entry (not yet applied to the filter's covariance), the estimate and its covariance.
     Sample {
         pending: DMatrix<f64>,
         state: Box<NavState>,
@@ -31,16 +31,16 @@ pub(crate) enum Step {
     },
 }
 
-/// What a filter has done, for the way back.
+/// The record of a filter, in order of time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Tape {
     pub(crate) steps: Vec<Step>,
 }
 
 impl Tape {
-    /// Adds an entry; transitions that follow each other become one, so the tape grows with the updates and not with the IMU.
+    /// Adds an entry; consecutive transitions are multiplied, so the tape grows with the updates and not with the IMU samples.
     pub(crate) fn push(&mut self, step: Step) {
-        if let (Some(Step::Carry(before)), Step::Carry(phi)) = (self.steps.last_mut(), &step)
+        if let (Some(Step::Transition(before)), Step::Transition(phi)) = (self.steps.last_mut(), &step)
             && before.nrows() == phi.nrows()
         {
             *before = phi * &*before;
@@ -49,17 +49,17 @@ impl Tape {
         self.steps.push(step);
     }
 
-    /// Bytes of numbers that the tape holds.
+    /// Size of the numbers on the tape, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let numbers = self.steps.iter().map(|step| match step {
-            Step::Carry(phi) => phi.len(),
+            Step::Transition(phi) => phi.len(),
             Step::Update {
-                weighted,
+                weighted_innovation,
                 weight,
                 h,
                 gain,
-            } => weighted.len() + weight.len() + h.len() + gain.len(),
+            } => weighted_innovation.len() + weight.len() + h.len() + gain.len(),
             Step::Sample {
                 pending, covariance, ..
             } => pending.len() + covariance.len() + size_of::<NavState>() / size_of::<f64>(),
@@ -69,17 +69,17 @@ impl Tape {
 }
 
 impl Eskf {
-    /// Begins a tape.
+    /// Starts a tape.
     pub(crate) fn begin_tape(&mut self) {
         self.extensions.tape = Some(Box::default());
     }
 
-    /// Takes the tape out, where there is one.
+    /// Takes the tape, if there is one.
     pub(crate) fn take_tape(&mut self) -> Option<Tape> {
         self.extensions.tape.take().map(|tape| *tape)
     }
 
-    /// Marks a sample on the tape.
+    /// Records a sample on the tape.
     pub(crate) fn record_sample(&mut self) {
         let water = self.extensions.water.as_deref();
         let pending = transition(&self.interval, &self.kinematics, &self.settings.earth, water);
@@ -93,14 +93,14 @@ impl Eskf {
         }
     }
 
-    /// `own_gain` is the gain of the further states.
+    /// Records an update; `water_gain` is the gain of the water states.
     pub(super) fn record_update<const M: usize>(
         &mut self,
         innovation: &Innovation,
         z: &SMatrix<f64, M, 1>,
         factor: &Cholesky<f64, Const<M>>,
         gain: &SMatrix<f64, DIM, M>,
-        own_gain: Option<&SMatrix<f64, WATER, M>>,
+        water_gain: Option<&SMatrix<f64, WATER, M>>,
     ) {
         let states = self.states();
         let mut h = DMatrix::zeros(M, states);
@@ -116,13 +116,13 @@ impl Eskf {
                     .copy_from(&correlated_noise.by_water.fixed_rows::<M>(0));
             }
         }
-        if let Some(own_gain) = own_gain {
-            whole_gain.view_mut((DIM, 0), (WATER, M)).copy_from(own_gain);
+        if let Some(water_gain) = water_gain {
+            whole_gain.view_mut((DIM, 0), (WATER, M)).copy_from(water_gain);
         }
-        let (weighted, weight) = (factor.solve(z), factor.inverse());
+        let (weighted_innovation, weight) = (factor.solve(z), factor.inverse());
         if let Some(tape) = &mut self.extensions.tape {
             tape.push(Step::Update {
-                weighted: DVector::from_column_slice(weighted.as_slice()),
+                weighted_innovation: DVector::from_column_slice(weighted_innovation.as_slice()),
                 weight: DMatrix::from_column_slice(M, M, weight.as_slice()),
                 h,
                 gain: whole_gain,
@@ -130,12 +130,12 @@ impl Eskf {
         }
     }
 
-    /// Number of states, the further ones among them.
+    /// Number of states, water states included.
     fn states(&self) -> usize {
         DIM + if self.extensions.water.is_some() { WATER } else { 0 }
     }
 
-    /// The covariance at the time of the state, of the further states too.
+    /// Covariance of all states, water states included, at the time of the state.
     fn joint_covariance(&self) -> DMatrix<f64> {
         let states = self.states();
         let mut joint = DMatrix::zeros(states, states);
@@ -153,7 +153,7 @@ impl Eskf {
     }
 }
 
-/// Φ over an interval that has come to `end`, of the further states too.
+/// Φ over an interval that ends at `end`, water states included.
 pub(super) fn transition(
     interval: &Interval,
     end: &Kinematics<f64>,

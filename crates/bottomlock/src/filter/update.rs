@@ -1,10 +1,10 @@
-//! One innovation: judged by the gate, taken into covariance and state, reported.
+//! One update: gate, correction of covariance and state, report.
 
 use nalgebra::SMatrix;
 
 use super::Eskf;
-use super::inflation::is_explicable;
-use super::joseph::Expectation;
+use super::inflation::is_explained_by_inertial_states;
+use super::joseph::PredictedInnovation;
 use crate::aiding::Innovation;
 use crate::aiding::water::WATER;
 use crate::error::NavError;
@@ -16,23 +16,63 @@ use crate::layout::{DIM, block_name};
 use crate::state::ErrorVector;
 
 impl Eskf {
-    /// `shared` is the covariance of the further states with the noise, where there is any.
+    /// Tests an innovation, corrects covariance and state, and reports.
+    ///
+    /// `water_cross` is the covariance of the water states with the noise, for an assumption on the motion through the water.
     pub(super) fn fuse<const M: usize>(
         &mut self,
         innovation: &Innovation,
         sensor: Sensor,
-        shared: Option<&SMatrix<f64, WATER, M>>,
+        water_cross: Option<&SMatrix<f64, WATER, M>>,
     ) -> Result<UpdateReport, NavError> {
-        // Borrowed where it was made: it is large.
-        let seen = Expectation::<M>::of(&self.covariance, innovation);
-        let seen = seen.as_ref().ok_or(NavError::NotPositiveDefinite {
+        // Borrowed from here on, since it is large.
+        let predicted = PredictedInnovation::<M>::of(&self.covariance, innovation);
+        let predicted = predicted.as_ref().ok_or(NavError::NotPositiveDefinite {
             matrix: "innovation covariance",
             time_ns: self.state.time_ns,
         })?;
+        let mut report = self.report(innovation, sensor, predicted);
+
+        let rejected_rows = self.rejected_rows(&report);
+        let is_rejected = (0..M).all(|row| rejected_rows & (1 << row) != 0);
+        if rejected_rows != 0 && !is_rejected {
+            self.update(&innovation.select(|row| rejected_rows & (1 << row) == 0), sensor)?;
+            report.verdict = Verdict::AcceptedInPart { rejected_rows };
+            return Ok(report);
+        }
+        if is_rejected {
+            report.verdict = Verdict::Rejected;
+        }
+        if !is_rejected || is_explained_by_inertial_states(&self.covariance, innovation, &predicted.s, report.threshold)
+        {
+            self.inflate_after_rejections(&mut report);
+        }
+        if is_rejected {
+            return Ok(report);
+        }
+
+        let correction = predicted.correct(&mut self.covariance, innovation);
+        let correction = correction
+            .as_ref()
+            .map_err(|indefinite| not_positive_definite(indefinite.negative, self.state.time_ns))?;
+        if self.extensions.water.is_some() || self.extensions.tape.is_some() {
+            self.update_water_and_tape(innovation, predicted, &correction.gain, water_cross);
+        }
+        self.feed_back(&correction.error);
+        Ok(report)
+    }
+
+    /// The report of an innovation before the gate, with the verdict `Accepted`.
+    fn report<const M: usize>(
+        &self,
+        innovation: &Innovation,
+        sensor: Sensor,
+        predicted: &PredictedInnovation<M>,
+    ) -> UpdateReport {
         let mut report = UpdateReport {
             rows: M,
             degrees: innovation.degrees,
-            nis: seen.nis,
+            nis: predicted.nis,
             threshold: self.gate.threshold(innovation.degrees),
             verdict: Verdict::Accepted,
             ..UpdateReport::empty(sensor, self.state.time_ns)
@@ -40,81 +80,51 @@ impl Eskf {
         for n in 0..M {
             report.residual[n] = innovation.residual[n];
             for m in 0..M {
-                report.covariance[(m, n)] = seen.s[(m, n)];
+                report.covariance[(m, n)] = predicted.s[(m, n)];
             }
         }
-
-        match self.gate.gate {
-            Gate::Off => {}
-            Gate::Joint { .. } => {
-                if report.nis > report.threshold {
-                    report.verdict = Verdict::Rejected;
-                }
-            }
-            Gate::PerRow => {
-                let rejected: u8 = (0..M)
-                    .filter(|&k| innovation.residual[k].powi(2) > 9.0 * seen.s[(k, k)])
-                    .fold(0, |bits, k| bits | 1 << k);
-                if rejected != 0 {
-                    let kept = innovation.select(|row| rejected & (1 << row) == 0);
-                    if kept.rows == 0 {
-                        report.verdict = Verdict::Rejected;
-                    } else {
-                        self.update(&kept, sensor)?;
-                        report.verdict = Verdict::AcceptedInPart {
-                            rejected_rows: rejected,
-                        };
-                        return Ok(report);
-                    }
-                }
-            }
-        }
-        let is_rejected = report.verdict == Verdict::Rejected;
-        if !is_rejected || is_explicable(&self.covariance, innovation, &seen.s, report.threshold) {
-            self.inflate_after_rejections(&mut report);
-        }
-        if is_rejected {
-            return Ok(report);
-        }
-
-        let correction = seen.correct(&mut self.covariance, innovation);
-        let correction = correction
-            .as_ref()
-            .map_err(|refused| not_positive_definite(refused.negative, self.state.time_ns))?;
-        if self.extensions.water.is_some() || self.extensions.tape.is_some() {
-            self.follow_update(innovation, seen, &correction.gain, shared);
-        }
-        self.feed_back(&correction.error);
-        Ok(report)
+        report
     }
 
-    /// The further states and the tape, where there are any, after an update of the error state.
-    fn follow_update<const M: usize>(
+    /// The rows that the gate rejects, a bit per row.
+    fn rejected_rows(&self, report: &UpdateReport) -> u8 {
+        match self.gate.gate {
+            Gate::Joint { .. } if report.nis > report.threshold => u8::MAX,
+            Gate::PerRow => (0..report.rows)
+                .filter(|&k| report.residual[k].powi(2) > 9.0 * report.covariance[(k, k)])
+                .fold(0, |bits, k| bits | 1 << k),
+            Gate::Off | Gate::Joint { .. } => 0,
+        }
+    }
+
+    /// Updates the water states and the tape, where they exist, after an update of the error state.
+    fn update_water_and_tape<const M: usize>(
         &mut self,
         innovation: &Innovation,
-        seen: &Expectation<M>,
+        predicted: &PredictedInnovation<M>,
         gain: &SMatrix<f64, DIM, M>,
-        shared: Option<&SMatrix<f64, WATER, M>>,
+        water_cross: Option<&SMatrix<f64, WATER, M>>,
     ) {
         let z = innovation.residual.fixed_rows::<M>(0).into_owned();
-        let factor = seen.cholesky();
-        let mut own_gain = None;
+        let factor = predicted.cholesky();
+        let mut water_gain = None;
         if let Some(water) = &mut self.extensions.water {
             let update = Update {
                 z: &z,
                 h: &innovation.jacobian.fixed_rows::<M>(0).into_owned(),
-                s: &seen.s,
+                s: &predicted.s,
                 factor: &factor,
-                cross_covariance: &seen.cross_covariance,
+                cross_covariance: &predicted.cross_covariance,
                 gain,
             };
-            own_gain = Some(water.follow(&update, &shared.copied().unwrap_or_else(SMatrix::zeros)));
+            water_gain = Some(water.update(&update, &water_cross.copied().unwrap_or_else(SMatrix::zeros)));
         }
         if self.extensions.tape.is_some() {
-            self.record_update(innovation, &z, &factor, gain, own_gain.as_ref());
+            self.record_update(innovation, &z, &factor, gain, water_gain.as_ref());
         }
     }
 
+    /// Adds the estimated error to the state (closed loop).
     fn feed_back(&mut self, error: &ErrorVector) {
         let mut state = self.state();
         state.inject(error);
@@ -124,7 +134,7 @@ impl Eskf {
     }
 }
 
-/// Names the block of a negative variance, where there is one.
+/// The error for an indefinite covariance, which names the block of a negative variance if there is one.
 pub(super) fn not_positive_definite(negative: Option<usize>, time_ns: i64) -> NavError {
     NavError::NotPositiveDefinite {
         matrix: negative.map_or("state covariance", block_name),

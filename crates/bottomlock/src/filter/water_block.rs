@@ -1,4 +1,4 @@
-//! The further states of [`crate::aiding::water`] as one more block of the filter: their covariance and that with the error state.
+//! The water states of [`crate::aiding::water`] as a block of the filter: estimate, covariance, and covariance with the error state.
 
 use nalgebra::{Cholesky, Const, SMatrix};
 
@@ -7,30 +7,30 @@ use crate::error_model::Interval;
 use crate::layout::{ATTITUDE, DIM};
 use crate::mechanisation::{EarthTerms, Kinematics};
 
-/// Number of epochs that a learned variance looks back on.
+/// Memory of an estimated slip variance, epochs.
 const MEMORY_EPOCHS: f64 = 200.0;
 
-/// Estimates of the further states with their covariances.
+/// Estimates of the water states with their covariances.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WaterBlock {
     prior: WaterPrior,
     estimate: WaterVector,
-    /// Variances in the long run; those of s and h are learned.
+    /// Steady-state variances; those of the slip in sway and heave are estimated.
     variance: WaterVector,
-    /// Epochs that the variances of s and h stand for.
+    /// Number of epochs behind the estimated slip variances.
     epochs: WaterVector,
-    /// Time since the last epoch of each, s.
+    /// Time since the last epoch of each state, s.
     since_s: WaterVector,
-    /// What the turn made of each at the last epoch, m/s.
+    /// Slip due to the angular rate at the last epoch, m/s.
     turning_mps: WaterVector,
-    own: WaterCovariance,
+    covariance: WaterCovariance,
     /// E[δx δwᵀ].
     cross: SMatrix<f64, DIM, WATER>,
     restarts: u64,
 }
 
 impl WaterBlock {
-    /// The block at the start, known no better than its prior and independent of the error state.
+    /// The block at its prior, independent of the error state.
     #[must_use]
     pub fn new(prior: &WaterPrior) -> Self {
         let variance = prior.variance();
@@ -41,13 +41,13 @@ impl WaterBlock {
             epochs: WaterVector::repeat(prior.slip_epochs),
             since_s: WaterVector::zeros(),
             turning_mps: WaterVector::zeros(),
-            own: WaterCovariance::from_diagonal(&variance),
+            covariance: WaterCovariance::from_diagonal(&variance),
             cross: SMatrix::zeros(),
             restarts: 0,
         }
     }
 
-    /// The same prior, with all that was learned forgotten.
+    /// A block at the same prior, without the estimated variances, with one more restart counted.
     #[must_use]
     pub fn restarted(&self) -> Self {
         Self {
@@ -56,31 +56,31 @@ impl WaterBlock {
         }
     }
 
-    /// How often the assumptions failed against the measurements and were begun anew.
+    /// Number of restarts after the measurements contradicted the assumptions.
     #[must_use]
     pub fn restarts(&self) -> u64 {
         self.restarts
     }
 
-    /// The estimate.
+    /// Estimate of the water states, SI units.
     #[must_use]
     pub fn estimate(&self) -> &WaterVector {
         &self.estimate
     }
 
-    /// Variances in the long run: the prior's, and what was learned of s and h.
+    /// Steady-state variances: those of the prior, and the estimated ones of the slip in sway and heave.
     #[must_use]
     pub fn variance(&self) -> &WaterVector {
         &self.variance
     }
 
-    /// Its covariance.
+    /// Covariance of the water states.
     #[must_use]
     pub fn covariance(&self) -> &WaterCovariance {
-        &self.own
+        &self.covariance
     }
 
-    /// The block over an interval of the error state, which has come to `end` (before it is emptied).
+    /// Propagates the block over an interval of the error state that ends at `end`.
     pub(crate) fn propagate(&mut self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms) {
         interval.carry(&mut self.cross.data.0, end, earth);
         let decay = self.prior.decay(interval.duration_s());
@@ -89,95 +89,96 @@ impl WaterBlock {
             let left = decay[k];
             self.estimate[k] *= left;
             self.cross.column_mut(k).scale_mut(left);
-            self.own.column_mut(k).scale_mut(left);
-            self.own.row_mut(k).scale_mut(left);
-            self.own[(k, k)] += (1.0 - left * left) * self.variance[k];
+            self.covariance.column_mut(k).scale_mut(left);
+            self.covariance.row_mut(k).scale_mut(left);
+            self.covariance[(k, k)] += (1.0 - left * left) * self.variance[k];
         }
     }
 
-    /// Widens the slip of a row by what the turn leaves in doubt.
+    /// Adds the uncertainty due to the angular rate to the variance of a row's slip.
     ///
-    /// Sway settles to −k ω_z a second or two after the turn: as much as the turn has changed by since the last epoch may not be
-    /// there yet. Heave takes part of k ω_y while the vehicle pitches: all of it is in doubt.
+    /// Sway settles to −k ω_z one or two seconds after a change of yaw rate, so the change since the last epoch is uncertain.
+    /// Heave takes only a part of k ω_y while the vehicle pitches, so all of it is uncertain.
     pub(crate) fn begin_epoch(&mut self, row: &WaterRow) {
         let slip = row.slip;
-        let doubt_mps = if slip == HEAVE {
+        let uncertainty_mps = if slip == HEAVE {
             row.turning_mps
         } else {
             row.turning_mps - self.turning_mps[slip]
         };
         self.turning_mps[slip] = row.turning_mps;
-        self.own[(slip, slip)] += doubt_mps * doubt_mps;
+        self.covariance[(slip, slip)] += uncertainty_mps * uncertainty_mps;
     }
 
-    /// Learns the variance of a slip from its row's innovation of variance S, squared and normalised.
+    /// Updates the estimated variance of a slip with the normalised squared innovation of its row, of variance `s`.
     ///
-    /// Of S the part q is what the slip has gained since the last epoch. A step of Fisher's scoring on the likelihood of q: an
-    /// epoch counts for (q/S)², so one where S is far above q says nothing and changes nothing. What the gate rejects counts as
-    /// much as what just passes, so that no single outlier decides.
+    /// The slip has added q to S since the last epoch. One step of Fisher scoring on the likelihood of q weights an epoch by
+    /// (q/S)², so an epoch with S far above q changes nothing. A rejected innovation counts as one at the threshold, so a single
+    /// outlier has a bounded effect.
     pub(crate) fn end_epoch(&mut self, row: &WaterRow, s: f64, normalised: Option<f64>) {
         let slip = row.slip;
         let left = self.prior.decay(self.since_s[slip])[slip];
         self.since_s[slip] = 0.0;
         let Some(normalised) = normalised else { return };
-        let share = ((1.0 - left * left) * self.variance[slip] / s).min(1.0);
+        let fraction = ((1.0 - left * left) * self.variance[slip] / s).min(1.0);
         let memory = self.prior.slip_epochs.max(MEMORY_EPOCHS);
-        self.epochs[slip] = (self.epochs[slip] + share * share).min(memory);
-        self.variance[slip] *= 1.0 + share * (normalised - 1.0) / self.epochs[slip];
+        self.epochs[slip] = (self.epochs[slip] + fraction * fraction).min(memory);
+        self.variance[slip] *= 1.0 + fraction * (normalised - 1.0) / self.epochs[slip];
     }
 
-    /// E[δx nᵀ] and the variance of n of a row whose further states count as noise; and E[δw nᵀ].
+    /// The water states of a row as noise n: E[δx nᵀ], the variance of n, and E[δw nᵀ].
     pub(crate) fn as_noise(&self, row: &WaterRow) -> (SMatrix<f64, DIM, 1>, f64, WaterVector) {
-        let shared = self.own * row.by_water;
+        let water_cross = self.covariance * row.by_water;
         (
             self.cross * row.by_water,
-            row.by_water.dot(&shared) + row.variance,
-            shared,
+            row.by_water.dot(&water_cross) + row.variance,
+            water_cross,
         )
     }
 
-    /// Follows an update of the error state and returns the gain; `shared` is E[δw nᵀ].
-    pub(crate) fn follow<const M: usize>(
+    /// Updates the block with an update of the error state, and returns its gain; `water_cross` is E[δw nᵀ].
+    pub(crate) fn update<const M: usize>(
         &mut self,
         update: &Update<'_, M>,
-        shared: &SMatrix<f64, WATER, M>,
+        water_cross: &SMatrix<f64, WATER, M>,
     ) -> SMatrix<f64, WATER, M> {
-        let own_cross = self.cross.transpose() * update.h.transpose() + shared;
-        let own_gain = update.factor.solve(&own_cross.transpose()).transpose();
+        // X_w = E[δw zᵀ] and the gain K_w.
+        let x_w = self.cross.transpose() * update.h.transpose() + water_cross;
+        let gain = update.factor.solve(&x_w.transpose()).transpose();
         // Joseph's form in S: an error of a gain enters squared.
-        let turned = update.s * own_gain.transpose();
-        self.cross += update.gain * (turned - own_cross.transpose()) - update.cross_covariance * own_gain.transpose();
-        let half = own_gain * (turned * 0.5 - own_cross.transpose());
-        self.own += half + half.transpose();
+        let s_gain = update.s * gain.transpose();
+        self.cross += update.gain * (s_gain - x_w.transpose()) - update.cross_covariance * gain.transpose();
+        let half = gain * (s_gain * 0.5 - x_w.transpose());
+        self.covariance += half + half.transpose();
         let yaw_rad = (update.gain.row(ATTITUDE + 2) * update.z)[0];
-        inject(&mut self.estimate, yaw_rad, &(own_gain * update.z));
-        own_gain
+        inject(&mut self.estimate, yaw_rad, &(gain * update.z));
+        gain
     }
 
-    /// What is left of each state after `duration_s`.
+    /// Factor by which each state decays over `duration_s`.
     pub(crate) fn decay(&self, duration_s: f64) -> WaterVector {
         self.prior.decay(duration_s)
     }
 
-    /// E[δx δwᵀ].
+    /// E[δx δwᵀ], error state by water states.
     pub(crate) fn cross(&self) -> &SMatrix<f64, DIM, WATER> {
         &self.cross
     }
 }
 
-/// What the error state's own update has worked out.
+/// Matrices of the error state's update.
 pub(crate) struct Update<'a, const M: usize> {
     /// Innovation.
     pub(crate) z: &'a SMatrix<f64, M, 1>,
     /// Jacobian.
     pub(crate) h: &'a SMatrix<f64, M, DIM>,
-    /// Covariance of the innovation.
+    /// Innovation covariance.
     pub(crate) s: &'a SMatrix<f64, M, M>,
-    /// The same, factored.
+    /// Cholesky factor of the innovation covariance.
     pub(crate) factor: &'a Cholesky<f64, Const<M>>,
     /// E[δx zᵀ].
     pub(crate) cross_covariance: &'a SMatrix<f64, DIM, M>,
-    /// Reach times S⁻¹.
+    /// Gain K = E[δx zᵀ] S⁻¹.
     pub(crate) gain: &'a SMatrix<f64, DIM, M>,
 }
 

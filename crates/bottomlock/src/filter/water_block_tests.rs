@@ -1,4 +1,4 @@
-//! The block against the textbook's filter on all states at once, and what it learns.
+//! The water block against a Kalman filter on all 26 states, and the estimation of slip variances.
 
 use nalgebra::{DMatrix, DVector, SVector};
 
@@ -40,11 +40,11 @@ fn joint(filter: &Eskf) -> DMatrix<f64> {
         (true, true) => p[(i, j)],
         (true, false) => block.cross[(i, j - DIM)],
         (false, true) => block.cross[(j, i - DIM)],
-        (false, false) => block.own[(i - DIM, j - DIM)],
+        (false, false) => block.covariance[(i - DIM, j - DIM)],
     })
 }
 
-/// Advances by a second of level turning flight.
+/// Propagates by `steps` steps of 10 ms in a level turn.
 fn advance(filter: &mut Eskf, steps: i64) {
     let gravity = Environment::normal(32.8_f64.to_radians(), 0.0).gravity_mps2;
     for _ in 0..steps {
@@ -63,7 +63,7 @@ fn row(filter: &Eskf) -> WaterRow {
     filter.with_motion(|motion| sway_row(motion, &water))
 }
 
-/// An assumption and a measurement in turn: covariance and estimate of all 26 states are those of P − P Hᵀ S⁻¹ H P.
+/// Alternate assumptions and measurements: covariance and estimate of all 26 states are those of P − P Hᵀ S⁻¹ H P.
 #[test]
 fn updates_are_the_textbook_updates_of_all_states() {
     let mut filter = filter();
@@ -71,9 +71,9 @@ fn updates_are_the_textbook_updates_of_all_states() {
         advance(&mut filter, 100);
         let assumed = row(&filter);
         let mut p = joint(&filter);
-        // What the turn leaves in doubt widens the slip first.
-        let doubt = assumed.turning_mps - filter.water().unwrap().turning_mps[assumed.slip];
-        p[(DIM + assumed.slip, DIM + assumed.slip)] += doubt * doubt;
+        // The uncertainty due to the angular rate is added to the slip first.
+        let uncertainty = assumed.turning_mps - filter.water().unwrap().turning_mps[assumed.slip];
+        p[(DIM + assumed.slip, DIM + assumed.slip)] += uncertainty * uncertainty;
         let h = DVector::from_fn(ALL, |i, _| {
             if i < DIM {
                 assumed.by_state[i]
@@ -112,8 +112,11 @@ fn check(got: &DMatrix<f64>, expected: &DMatrix<f64>, round: usize) {
     for i in 0..ALL {
         for j in 0..ALL {
             let size = (expected[(i, i)] * expected[(j, j)]).sqrt();
-            let gap = (got[(i, j)] - expected[(i, j)]).abs();
-            assert!(gap <= 1e-10 * size, "round {round}, ({i}, {j}): {gap} of {size}");
+            let difference = (got[(i, j)] - expected[(i, j)]).abs();
+            assert!(
+                difference <= 1e-10 * size,
+                "round {round}, ({i}, {j}): {difference} of {size}"
+            );
         }
     }
     let sizes = DVector::from_fn(ALL, |i, _| got[(i, i)].sqrt());
@@ -121,9 +124,9 @@ fn check(got: &DMatrix<f64>, expected: &DMatrix<f64>, round: usize) {
     assert!(correlation.symmetric_eigenvalues().min() > -1e-12, "round {round}");
 }
 
-/// Between epochs the states decay, with what Φ leaves alone, and each variance tends to its own in the long run.
+/// Between epochs the water states decay with their correlations, and each variance tends to its steady state.
 #[test]
-fn further_states_decay() {
+fn water_states_decay() {
     let mut filter = filter();
     advance(&mut filter, 100);
     let assumed = row(&filter);
@@ -132,7 +135,7 @@ fn further_states_decay() {
     advance(&mut filter, 1);
     let after = filter.water().unwrap();
     let decay = options().water.decay(0.01);
-    // Φ is the identity for biases; what it does to the rest, `carried_columns_are_dense_products` checks.
+    // Φ is the identity for biases; `carried_columns_are_dense_products` checks the other states.
     for i in crate::layout::ACCEL_BIAS..DIM {
         for k in 0..WATER {
             assert!((after.cross[(i, k)] - before.cross[(i, k)] * decay[k]).abs() < 1e-18);
@@ -140,14 +143,14 @@ fn further_states_decay() {
     }
     for k in 0..WATER {
         let variance = options().water.variance()[k];
-        let expected = before.own[(k, k)] * decay[k] * decay[k] + (1.0 - decay[k] * decay[k]) * variance;
-        assert!((after.own[(k, k)] / expected - 1.0).abs() < 1e-14);
+        let expected = before.covariance[(k, k)] * decay[k] * decay[k] + (1.0 - decay[k] * decay[k]) * variance;
+        assert!((after.covariance[(k, k)] / expected - 1.0).abs() < 1e-14);
     }
 }
 
-/// Innovations of a tenth of the assumed sigma bring the variance down; none, or one that says nothing, leaves it.
+/// Small innovations reduce the variance; without an innovation, or with an uninformative one, it stays.
 #[test]
-fn the_variance_is_learned_where_innovations_tell_it() {
+fn slip_variance_follows_informative_innovations() {
     let row = row(&filter());
     let mut block = WaterBlock::new(&options().water);
     let start = block.variance()[row.slip];
@@ -163,7 +166,7 @@ fn the_variance_is_learned_where_innovations_tell_it() {
     assert!((block.variance()[row.slip] / start - 1.0).abs() < 1e-8);
     (0..500).for_each(|_| epoch(&mut block, 1.0, Some(0.5)));
     assert!(block.variance()[row.slip] < 0.3 * start);
-    // A run of rejected epochs, each worth no more than the threshold of 9, brings it up again.
+    // Consecutive rejected epochs, each counted as the threshold of 9, increase it again.
     (0..100).for_each(|_| epoch(&mut block, 1.0, Some(9.0)));
     assert!(block.variance()[row.slip] > start);
     assert_eq!(block.restarted().variance()[row.slip], start);

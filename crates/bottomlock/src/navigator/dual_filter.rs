@@ -1,7 +1,8 @@
-//! One filter, or two side by side: one on the measurements alone and one that also makes assumptions.
+//! One filter on the measurements, optionally with a second filter that also assumes constraints on the motion.
 //!
-//! An assumption that is wrong makes a filter sure of a wrong velocity, and its gate then locks the beams out. So the filter
-//! with assumptions has no gate for measurements: it takes what the filter without them takes, neither more nor less.
+//! A wrong assumption makes a filter overconfident in a wrong velocity, and its gate would then reject correct beams. The
+//! constrained filter therefore has no gate for measurements: it applies exactly the rows that the filter on the measurements
+//! alone accepted.
 
 use crate::aiding::Innovation;
 use crate::aiding::water::{heave_row, sway_row};
@@ -12,17 +13,17 @@ use crate::filter::tape::Tape;
 use crate::filter::water_block::WaterBlock;
 use crate::mechanisation::ImuSample;
 
-/// The filters of a navigator.
+/// The one or two filters of a navigator.
 #[derive(Debug, Clone)]
 pub(crate) struct DualFilter {
     /// The filter on the measurements alone.
     pub(crate) measurements_only: Eskf,
-    /// The filter with assumptions.
+    /// The filter with assumptions on the motion through the water.
     constrained: Option<Box<Eskf>>,
 }
 
 impl DualFilter {
-    /// One filter; a second one where there are further states.
+    /// One filter, and a constrained one where `water` is given.
     pub(crate) fn new(filter: Eskf, water: Option<WaterBlock>) -> Self {
         let mut filters = Self {
             measurements_only: filter,
@@ -32,28 +33,29 @@ impl DualFilter {
         filters
     }
 
-    /// Begins the assumptions: the filter with them starts from the one without.
+    /// Starts the constrained filter from the estimate on the measurements alone.
     pub(crate) fn start_constrained(&mut self, water: WaterBlock) {
         self.constrained = Some(Box::new(self.measurements_only.clone().with_water(Some(water))));
     }
 
-    /// Begins the assumptions again from the measurements alone and from the prior.
+    /// Restarts the constrained filter from the estimate on the measurements alone and from the prior of the water states.
     fn restart_constrained(&mut self) {
         if let Some(water) = self.best().water().map(WaterBlock::restarted) {
             self.start_constrained(water);
         }
     }
 
-    /// The filter that knows most.
+    /// The filter whose estimate is reported: the constrained one where it exists.
     pub(crate) fn best(&self) -> &Eskf {
         self.constrained.as_deref().unwrap_or(&self.measurements_only)
     }
 
-    /// Every filter.
+    /// All filters.
     pub(crate) fn each_mut(&mut self) -> impl Iterator<Item = &mut Eskf> {
         std::iter::once(&mut self.measurements_only).chain(self.constrained.as_deref_mut())
     }
 
+    /// Propagates every filter over one IMU interval; as [`Eskf::predict`].
     pub(crate) fn predict(&mut self, start: &ImuSample, end: &ImuSample) -> Result<(), NavError> {
         self.measurements_only.predict(start, end)?;
         self.constrained
@@ -61,6 +63,7 @@ impl DualFilter {
             .map_or(Ok(()), |filter| filter.predict(start, end))
     }
 
+    /// Sets the angular rate of every filter before the first step; as [`Eskf::note_rate`].
     pub(crate) fn note_rate(&mut self, sample: &ImuSample) {
         self.measurements_only.note_rate(sample);
         if let Some(filter) = &mut self.constrained {
@@ -68,7 +71,7 @@ impl DualFilter {
         }
     }
 
-    /// Begins tapes for a smoother.
+    /// Starts the tape of every filter for a smoother.
     pub(crate) fn begin_tape(&mut self) {
         self.measurements_only.begin_tape();
         if let Some(filter) = &mut self.constrained {
@@ -76,7 +79,7 @@ impl DualFilter {
         }
     }
 
-    /// Marks a sample on the tapes: assumptions that begin anew take over the tape of the filter without them.
+    /// Records a sample on every tape; a restarted constrained filter continues the tape of the filter it started from.
     pub(crate) fn record_sample(&mut self) {
         self.measurements_only.record_sample();
         if let Some(filter) = &mut self.constrained {
@@ -84,7 +87,7 @@ impl DualFilter {
         }
     }
 
-    /// Takes the tape of the filter that knows most.
+    /// Takes the tape of the filter whose estimate is reported.
     pub(crate) fn take_tape(&mut self) -> Option<Tape> {
         match &mut self.constrained {
             Some(filter) => filter.take_tape(),
@@ -92,6 +95,7 @@ impl DualFilter {
         }
     }
 
+    /// Sets the time between two IMU samples of every filter; as [`Eskf::note_interval`].
     pub(crate) fn note_interval(&mut self, interval_s: f64) {
         self.measurements_only.note_interval(interval_s);
         if let Some(filter) = &mut self.constrained {
@@ -99,7 +103,12 @@ impl DualFilter {
         }
     }
 
-    /// A measurement, with the innovation as each filter sees it; the report is that of the filter on measurements alone.
+    /// Updates every filter with a measurement, each with its own innovation.
+    ///
+    /// The report is that of the filter on the measurements alone.
+    ///
+    /// # Errors
+    /// As [`Eskf::update`].
     pub(crate) fn update(
         &mut self,
         sensor: Sensor,
@@ -109,26 +118,31 @@ impl DualFilter {
             .measurements_only
             .update(&innovation_of(&self.measurements_only), sensor)?;
         if report.inflation.is_some() {
-            // What was assumed rests on a state that was wrong.
+            // The constrained filter started from a state whose covariance was too small.
             self.restart_constrained();
         } else if let Some(filter) = &mut self.constrained {
             let innovation = innovation_of(filter);
-            filter.follow(&innovation, sensor, report.verdict)?;
+            filter.update_with_verdict(&innovation, sensor, report.verdict)?;
         }
         Ok(report)
     }
 
-    /// True where the measurements alone exclude the velocity with assumptions.
+    /// Returns true if the filter on the measurements alone excludes the velocity of the constrained one.
     ///
-    /// What right assumptions add makes the covariance smaller, so the two velocities differ by less than the covariance of the
-    /// measurements alone allows.
+    /// Correct assumptions only reduce the covariance, so the two velocities then differ by no more than the covariance of the
+    /// filter on the measurements alone allows.
     fn assumptions_failed(&self) -> bool {
         self.constrained
             .as_ref()
             .is_some_and(|constrained| self.measurements_only.excludes_velocity_of(constrained))
     }
 
-    /// Sway and heave through the water, each with a gate of its own; their variances are learned at full lock.
+    /// Applies the assumptions on sway and heave through the water to the constrained filter, each with its own gate.
+    ///
+    /// With `full_lock` (three independent beams) the innovations also estimate the variances of the slip.
+    ///
+    /// # Errors
+    /// As [`Eskf::assume`].
     pub(crate) fn assume(&mut self, full_lock: bool, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
         if self.assumptions_failed() {
             self.restart_constrained();

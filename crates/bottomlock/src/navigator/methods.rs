@@ -1,22 +1,22 @@
-//! The aiding methods by their short names.
+//! The aiding methods and their short names.
 
 use crate::dvl::partial::PartialMethod;
 use crate::error::NavError;
 use crate::navigator::event_loop::BeamAiding;
 use crate::navigator::navigator_set::Aiding;
 
-/// A way of aiding, by its short name.
+/// An aiding method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Method {
-    /// Short name.
+    /// Short name, as in scenarios and tables.
     pub name: &'static str,
-    /// What it makes of the beams.
+    /// How the method uses the beams.
     pub aiding: Aiding,
-    /// True where it sees every beam, lost or not: the reference.
+    /// True for the reference method, which also receives the beams that a schedule marks lost.
     pub all_beams: bool,
 }
 
-/// Every method.
+/// All methods.
 pub const METHODS: [Method; 13] = [
     Method {
         name: "ins",
@@ -89,7 +89,7 @@ impl Method {
     /// Finds a method by its short name.
     ///
     /// # Errors
-    /// [`NavError::UnknownName`] with the names that are known.
+    /// [`NavError::UnknownName`], which lists the known names.
     pub fn named(name: &str) -> Result<Self, NavError> {
         METHODS
             .iter()

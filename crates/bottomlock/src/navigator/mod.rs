@@ -1,4 +1,6 @@
-//! The event loop: campaign, replay and live use are the same [`Navigator`], pushed one event at a time.
+//! Navigators: the event loop, the aiding methods, and the selector among filters.
+//!
+//! Campaign, replay and live use push events to the same [`Navigator`].
 
 pub(crate) mod dual_filter;
 pub mod event_loop;

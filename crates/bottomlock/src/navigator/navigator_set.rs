@@ -1,4 +1,4 @@
-//! One navigator, or the consistent selector over several.
+//! One navigator, or the consistent selector among several.
 
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
@@ -14,17 +14,17 @@ use crate::navigator::events::{Event, STREAMS};
 use crate::navigator::selector::Bank;
 use crate::state::{Covariance, NavState};
 
-/// The filters of a method.
+/// Which navigator, or set of navigators, a method runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Aiding {
     /// One filter.
     One(BeamAiding),
-    /// The consistent selector over [`crate::navigator::SELECTOR_METHODS`].
+    /// The consistent selector among [`crate::navigator::SELECTOR_METHODS`].
     Consistent,
 }
 
 impl Aiding {
-    /// True where each row of an update is a beam, in the order of the beams.
+    /// Returns true if each row of an update is a beam, in the order of the beams.
     #[must_use]
     pub fn rows_are_beams(self) -> bool {
         matches!(
@@ -34,7 +34,7 @@ impl Aiding {
     }
 }
 
-/// One navigator, or a choice between several.
+/// A navigator, or several navigators with a selector.
 #[derive(Debug, Clone)]
 pub enum NavigatorSet {
     /// One filter.
@@ -44,7 +44,7 @@ pub enum NavigatorSet {
 }
 
 impl NavigatorSet {
-    /// The navigators of a method at an initial state.
+    /// A navigator set at an initial state.
     ///
     /// # Errors
     /// As [`Navigator::new`].
@@ -67,7 +67,7 @@ impl NavigatorSet {
         })
     }
 
-    /// Takes an event, as [`Navigator::push`]; of a choice the reports are those of the filter on the beams alone.
+    /// Processes an event, as [`Navigator::push`]; with a selector the reports are those of the filter on the beams alone.
     ///
     /// # Errors
     /// As [`Navigator::push`].
@@ -78,7 +78,7 @@ impl NavigatorSet {
         }
     }
 
-    /// The navigator whose estimate counts.
+    /// The navigator whose estimate is reported.
     #[must_use]
     pub fn selected(&self) -> &Navigator {
         match self {
@@ -87,7 +87,7 @@ impl NavigatorSet {
         }
     }
 
-    /// The filters of a single navigator; a choice has no filter of its own to smooth.
+    /// The filters of a single navigator; `None` for a selector, which cannot be smoothed.
     pub(crate) fn filters(&mut self) -> Option<&mut DualFilter> {
         match self {
             Self::One(navigator) => Some(navigator.filters()),
@@ -95,7 +95,8 @@ impl NavigatorSet {
         }
     }
 
-    /// How many events of each stream came too late and were refused.
+    /// Number of events of each stream that were rejected because they came too late, in the order of
+    /// [`crate::navigator::events::STREAM_NAMES`].
     #[must_use]
     pub fn late_events(&self) -> &[u64; STREAMS] {
         match self {
@@ -111,12 +112,12 @@ impl NavigatorSet {
         }
     }
 
-    /// Every filter.
+    /// All filters.
     pub(crate) fn filters_mut(&mut self) -> impl Iterator<Item = &mut Eskf> {
         self.navigators_mut().iter_mut().flat_map(Navigator::filters_mut)
     }
 
-    /// Takes note that every filter has taken inertial readings up to `last`, none of which came through [`NavigatorSet::push`].
+    /// Records that every filter was propagated to `last` without [`NavigatorSet::push`].
     pub(crate) fn has_taken(&mut self, last: &ImuSample) {
         self.navigators_mut()
             .iter_mut()
@@ -129,19 +130,19 @@ impl NavigatorSet {
         self.selected().state()
     }
 
-    /// Its covariance.
+    /// Covariance of the estimate at the time of the last IMU sample.
     #[must_use]
     pub fn covariance(&self) -> Covariance {
         self.selected().covariance()
     }
 
-    /// The current and the slip through the water, where the leading filter estimates them.
+    /// Current and slip through the water, if the selected navigator estimates them.
     #[must_use]
     pub fn water(&self) -> Option<&WaterBlock> {
         self.selected().water()
     }
 
-    /// Replaces the covariance, of every filter.
+    /// Replaces the covariance of every filter.
     ///
     /// # Errors
     /// As [`Navigator::set_covariance`].

@@ -1,12 +1,13 @@
-//! A choice between filters that know different things, each of them honest about itself.
+//! The consistent selector: several consistent filters, one of which is selected after each ping.
 //!
-//! The consistent selector flies filters side by side: one on the beams alone, and others that also assume something of the
-//! motion. After each ping it takes the one that knows the velocity best among those that the beams do not contradict. What a
-//! filter gains from its own prior is no news here: each one has counted its measurements once.
+//! One filter uses the beams alone; the others also make assumptions on the motion. After each ping the selector takes the
+//! filter with the smallest velocity variance among those that the beams do not contradict. Each filter processes every
+//! measurement once, so no information is counted twice.
 //!
-//! The test is Hausman's: with a right assumption the filter that makes it is the efficient one, and the difference of the two
-//! estimates has the difference of their covariances as its own (Hausman 1978, Theorem 2.1 and Corollary 2.6). No assumption can
-//! lock beams out of the filter on the beams alone, and a wrong one is left as soon as the beams tell.
+//! The test is Hausman's. If an assumption is correct, the filter that makes it is efficient, and the covariance of the
+//! difference between the two estimates is the difference of their covariances (Hausman 1978, Theorem 2.1 and Corollary 2.6).
+//! An assumption cannot make the filter on the beams alone reject beams, and a wrong assumption is dropped as soon as the beams
+//! contradict it.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -21,19 +22,19 @@ use crate::navigator::events::Event;
 use crate::navigator::{BeamAiding, Navigator};
 use crate::state::NavState;
 
-/// The filters of the selector; the first makes no assumption.
+/// Methods of the selector's filters, by short name; the first makes no assumption.
 pub const SELECTOR_METHODS: [(&str, BeamAiding); 3] = [
     ("tc", BeamAiding::Tight),
     ("weak_sway", BeamAiding::Loose(PartialMethod::WeakSway)),
     ("sway_current", BeamAiding::SwayCurrent),
 ];
 
-/// Probability with which a right assumption passes.
+/// Probability with which a correct assumption passes the test.
 const PASS_PROBABILITY: f64 = 0.9973;
-/// Differences of velocity below this are nobody's concern, and linearisation makes as much, m/s.
+/// Velocity differences below this are negligible, since linearisation errors are as large, m/s.
 const FLOOR_MPS: f64 = 0.005;
 
-/// The filters side by side, and which of them leads.
+/// The navigators, and the index of the selected one.
 #[derive(Debug, Clone)]
 pub struct Bank {
     pub(super) members: Vec<Navigator>,
@@ -59,38 +60,38 @@ impl Bank {
     }
 
     pub(super) fn push(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
-        let mut heard = Vec::new();
+        let mut outcomes = Vec::new();
         let [measurements_only, others @ ..] = &mut self.members[..] else {
             return Ok(());
         };
-        measurements_only.push(event, &mut |outcome| heard.push(*outcome))?;
+        measurements_only.push(event, &mut |outcome| outcomes.push(*outcome))?;
         for member in others {
             member.push(event, &mut |_| {})?;
         }
-        for mut outcome in heard {
+        for mut outcome in outcomes {
             if outcome.sensor == Sensor::Beams {
-                outcome.choice = Some(self.choose());
+                outcome.choice = Some(self.select());
             }
             report(&outcome);
         }
         Ok(())
     }
 
-    /// The most informative filter that the beams do not contradict.
-    fn choose(&mut self) -> Choice {
+    /// Selects the filter with the smallest velocity variance among those that the beams do not contradict.
+    fn select(&mut self) -> Choice {
         let (velocity, covariance) = self.members[0].velocity();
         let mut best = (0, covariance.trace());
         let (mut reason, mut statistic, mut threshold) = (SelectionReason::NoGain, 0.0, 0.0);
         for (k, member) in self.members.iter().enumerate().skip(1) {
-            let (assumed, sharper) = member.velocity();
-            let (test, degrees) = hausman(&(assumed - velocity), &(covariance - sharper));
+            let (constrained, reduced) = member.velocity();
+            let (test, degrees) = hausman(&(constrained - velocity), &(covariance - reduced));
             let limit = self.gate.threshold(degrees);
             if !(test <= limit) {
                 if best.0 == 0 {
                     (reason, statistic, threshold) = (SelectionReason::BeamsContradict, test, limit);
                 }
-            } else if sharper.trace() < best.1 {
-                best = (k, sharper.trace());
+            } else if reduced.trace() < best.1 {
+                best = (k, reduced.trace());
                 (reason, statistic, threshold) = (SelectionReason::SmallestVariance, test, limit);
             }
         }
@@ -104,11 +105,11 @@ impl Bank {
     }
 }
 
-/// Hausman's statistic of a difference of estimates with the difference of their covariances, and its degrees of freedom.
+/// Hausman's statistic of the difference of two estimates and its degrees of freedom.
 ///
-/// A direction in which the assumption adds nothing tests nothing.
-fn hausman(difference: &Vector3<f64>, gained: &Matrix3<f64>) -> (f64, usize) {
-    let eigen = gained.symmetric_eigen();
+/// `variance_reduction` is the difference of their covariances, (m/s)². Directions without reduction are left out.
+fn hausman(difference: &Vector3<f64>, variance_reduction: &Matrix3<f64>) -> (f64, usize) {
+    let eigen = variance_reduction.symmetric_eigen();
     let floor = FLOOR_MPS * FLOOR_MPS;
     let (mut statistic, mut degrees) = (0.0, 0);
     for (variance, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
@@ -124,11 +125,11 @@ fn hausman(difference: &Vector3<f64>, gained: &Matrix3<f64>) -> (f64, usize) {
 mod tests {
     use super::*;
 
-    /// By hand: 0.3 m/s off in sway, where the assumption has taken 0.04 (m/s)² off the variance; surge tests nothing.
+    /// By hand: a sway difference of 0.3 m/s where the variance fell by 0.04 (m/s)²; surge, without reduction, is left out.
     #[test]
-    fn only_what_was_gained_is_tested() {
-        let gained = Matrix3::from_diagonal(&Vector3::new(0.0, 0.04, -1e-9));
-        let (statistic, degrees) = hausman(&Vector3::new(5.0, 0.3, 0.0), &gained);
+    fn only_directions_with_variance_reduction_are_tested() {
+        let reduction = Matrix3::from_diagonal(&Vector3::new(0.0, 0.04, -1e-9));
+        let (statistic, degrees) = hausman(&Vector3::new(5.0, 0.3, 0.0), &reduction);
         assert_eq!(degrees, 1);
         assert!((statistic - 0.09 / 0.040_025).abs() < 1e-12);
         assert_eq!(hausman(&Vector3::zeros(), &Matrix3::zeros()), (0.0, 0));

@@ -1,4 +1,4 @@
-//! This project's 20-state model along a truth, with any aiding rows (Tal et al. 2017, Eqs. 4, 9, 18, 22 in their full forms).
+//! The 20-state model of the filter along a truth, with the rows of any sensors (Tal et al. 2017, Eqs. 4, 9, 18, 22 in full).
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -38,7 +38,7 @@ pub const NAMES: [&str; DIM] = [
     "scale factor",
 ];
 
-/// Number of states without the DVL's own.
+/// Number of states without beam biases and scale factor.
 pub const INERTIAL: usize = DVL_BIAS;
 
 fn kind(index: usize) -> StateKind {
@@ -53,13 +53,13 @@ fn kind(index: usize) -> StateKind {
     }
 }
 
-/// The window of a truth as a linear system, for each of several aiding sets.
+/// The linear system of a truth for each of several aiding sets.
 ///
-/// `estimate_dvl` false keeps the first 15 states. Transition matrices are of fourth order in the sample interval and are worked
-/// out once for all sets.
+/// With `estimate_dvl` false the system has the first 15 states. Transition matrices are of fourth order in the sample interval
+/// and are computed once for all sets.
 ///
 /// # Errors
-/// [`NavError`] for a truth, a model or an aiding set that makes no sense, with the field and the time.
+/// [`NavError`] for an invalid truth, model or aiding set, which names the field and the time.
 pub fn systems(
     truth: &Truth<'_>,
     geometry: &BeamGeometry,
@@ -72,18 +72,18 @@ pub fn systems(
     aidings.iter().try_for_each(|aiding| aiding.validate(geometry))?;
     let samples = match epochs {
         Epochs::Every(period_ns) => epoch_samples(truth, period_ns)?,
-        Epochs::Scheduled(heard) => scheduled_samples(truth, heard)?,
+        Epochs::Scheduled(scheduled) => scheduled_samples(truth, scheduled)?,
     };
     let states = if estimate_dvl { DIM } else { INERTIAL };
-    let moved = transitions(truth, model, &samples, states);
+    let transitions = transitions(truth, model, &samples, states);
     let system = |aiding: &Aiding| {
         let epoch = |(index, &k): (usize, &usize)| -> Epoch {
-            let read = match epochs {
+            let sensors = match epochs {
                 Epochs::Every(_) => *aiding,
-                Epochs::Scheduled(heard) => aiding.and(&heard[index].1),
+                Epochs::Scheduled(scheduled) => aiding.and(&scheduled[index].1),
             };
-            let (rows, row_scale, noise) = rows(truth, k, geometry, model, &read);
-            let (transition, coarse) = moved[index].clone();
+            let (rows, row_scale, noise) = rows(truth, k, geometry, model, &sensors);
+            let (transition, coarse) = transitions[index].clone();
             Epoch {
                 time_ns: truth.time_ns[k],
                 transition,
@@ -104,7 +104,7 @@ pub fn systems(
     Ok(aidings.iter().map(system).collect())
 }
 
-/// Φ(t_k, t_0) at the samples, and the same from half as many samples.
+/// Φ(t_k, t_0) at the samples, and the same from half as many truth samples.
 fn transitions(
     truth: &Truth<'_>,
     model: &Model,
@@ -127,6 +127,7 @@ fn transitions(
     out
 }
 
+/// Largest speed along a truth, m/s.
 pub(super) fn largest_speed(truth: &Truth<'_>) -> f64 {
     truth
         .velocity_p_mps
@@ -135,16 +136,16 @@ pub(super) fn largest_speed(truth: &Truth<'_>) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Φ between two samples in the platform's velocity and with the DVL's constant states.
+/// Φ between two samples for the platform velocity, with the constant DVL states.
 pub(super) fn platform(truth: &Truth<'_>, from: usize, to: usize, block: &Block, states: usize) -> DMatrix<f64> {
     let (start, end): (Matrix3<f64>, Matrix3<f64>) = (truth.attitude(from).matrix(), truth.attitude(to).matrix());
-    let mut turned = *block;
-    let columns = turned.fixed_columns::<3>(VELOCITY) * start;
-    turned.fixed_columns_mut::<3>(VELOCITY).copy_from(&columns);
-    let rows = end.transpose() * turned.fixed_rows::<3>(VELOCITY);
-    turned.fixed_rows_mut::<3>(VELOCITY).copy_from(&rows);
+    let mut in_platform = *block;
+    let columns = in_platform.fixed_columns::<3>(VELOCITY) * start;
+    in_platform.fixed_columns_mut::<3>(VELOCITY).copy_from(&columns);
+    let rows = end.transpose() * in_platform.fixed_rows::<3>(VELOCITY);
+    in_platform.fixed_rows_mut::<3>(VELOCITY).copy_from(&rows);
     let mut out = DMatrix::identity(states, states);
-    out.view_mut((0, 0), (MOVING, MOVING)).copy_from(&turned);
+    out.view_mut((0, 0), (MOVING, MOVING)).copy_from(&in_platform);
     out
 }
 

@@ -1,7 +1,7 @@
-//! Covariance analysis: what the filter would claim along a truth, without drawing a single error.
+//! Covariance analysis: the covariance of the filter along a truth, without simulated errors.
 //!
-//! The prediction is the filter's own between the epochs, in steps of about a tenth of a second with trapezoidal noise; the update
-//! is Kalman's with all rows of an epoch at once.
+//! Between epochs the covariance is propagated in steps of about 0.1 s with trapezoidal process noise. At an epoch one Kalman
+//! update uses all rows.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,19 +17,19 @@ use crate::simulation::truth::{Truth, true_state};
 /// Longest step of the prediction, ns.
 const STEP_NS: i64 = 100_000_000;
 
-/// Covariances of a window.
+/// Covariances over a window.
 #[derive(Debug, Clone, PartialEq)]
 pub struct History {
-    /// Times, ns: the epochs.
+    /// Times of the epochs, ns.
     pub time_ns: Vec<i64>,
     /// Covariance after the update of each epoch; the first includes the first update.
     pub covariance: Vec<DMatrix<f64>>,
 }
 
-/// Covariances of this project's filter along a truth.
+/// Covariances of the 20-state filter along a truth.
 ///
 /// # Errors
-/// As [`full::systems`]; [`NavError::NotPositiveDefinite`] where an innovation covariance cannot be factorised.
+/// As [`full::systems`]; [`NavError::NotPositiveDefinite`] for an innovation covariance that cannot be factorised.
 pub fn of_filter(
     truth: &Truth<'_>,
     geometry: &BeamGeometry,
@@ -63,7 +63,7 @@ pub fn of_filter(
 /// Covariances of the 2015 model along a truth.
 ///
 /// # Errors
-/// As [`paper::system`]; [`NavError::NotPositiveDefinite`] where an innovation covariance cannot be factorised.
+/// As [`paper::system`]; [`NavError::NotPositiveDefinite`] for an innovation covariance that cannot be factorised.
 pub fn of_paper(
     truth: &Truth<'_>,
     model: &Model,
@@ -100,6 +100,7 @@ pub fn of_paper(
     )
 }
 
+/// Propagates and updates a covariance over the epochs of a system.
 fn run(
     truth: &Truth<'_>,
     system: &System,
@@ -133,17 +134,19 @@ fn run(
     Ok(out)
 }
 
-/// Joseph's form: stays symmetric and positive however strong the rows are.
+/// Covariance after an update, in Joseph's form, which keeps it symmetric and positive for precise measurements.
 fn updated(p: &DMatrix<f64>, h: &DMatrix<f64>, r: &DMatrix<f64>, time_ns: i64) -> Result<DMatrix<f64>, NavError> {
     if h.nrows() == 0 {
         return Ok(p.clone());
     }
-    let reach = p * h.transpose();
-    let factor = (h * &reach + r).cholesky().ok_or(NavError::NotPositiveDefinite {
-        matrix: "innovation covariance",
-        time_ns,
-    })?;
-    let gain = factor.solve(&reach.transpose()).transpose();
+    let cross_covariance = p * h.transpose();
+    let factor = (h * &cross_covariance + r)
+        .cholesky()
+        .ok_or(NavError::NotPositiveDefinite {
+            matrix: "innovation covariance",
+            time_ns,
+        })?;
+    let gain = factor.solve(&cross_covariance.transpose()).transpose();
     let keep = DMatrix::identity(p.nrows(), p.nrows()) - &gain * h;
     let joseph = &keep * p * keep.transpose() + &gain * r * gain.transpose();
     Ok((&joseph + joseph.transpose()) * 0.5)

@@ -1,8 +1,8 @@
 //! The transition matrix of the error model between truth samples, to fourth order.
 //!
-//! With w = R δv in place of the platform velocity error, F holds R, the tangent velocity and their product and no specific
-//! force; all three have known derivatives at the samples, so that Magnus' expansion with Hermite quadrature leaves an error of
-//! fifth order in the step: at 150 Hz that is rounding. F without the Earth's rate is nilpotent, so the exponential is finite.
+//! With w = R δv in place of the platform velocity error, F contains R, the tangent velocity and their product, and no specific
+//! force. Their derivatives at the samples are known, so the Magnus expansion with Hermite quadrature has an error of fifth order
+//! in the step, which at 150 Hz is below rounding. Without Earth rate F is nilpotent, so the series of the exponential is finite.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -10,9 +10,9 @@ use crate::earth::Environment;
 use crate::frames::skew;
 use crate::simulation::truth::Truth;
 
-/// States with dynamics and the biases that drive them.
+/// Number of states with dynamics or with a bias that drives them.
 pub(super) const MOVING: usize = 15;
-/// A matrix over them: position, misalignment, w = R δv, accelerometer bias, gyro bias.
+/// A matrix over position, misalignment, w = R δv, accelerometer bias and gyro bias.
 pub(super) type Block = SMatrix<f64, MOVING, MOVING>;
 
 const R: usize = 0;
@@ -27,7 +27,7 @@ struct Generator {
     rate: Block,
 }
 
-/// Platform to tangent, its rate, the tangent velocity and its rate at a truth sample.
+/// Attitude matrix, tangent velocity, and their rates at a truth sample.
 pub(super) struct Point {
     pub(super) rotation: Matrix3<f64>,
     pub(super) rotation_rate: Matrix3<f64>,
@@ -36,7 +36,7 @@ pub(super) struct Point {
 }
 
 impl Point {
-    /// From the truth: Ṙ = R [ω_tp×], v̇ = R f + g − 2 ω_ie × v in the tangent frame.
+    /// The point at sample `k`: Ṙ = R [ω_tp×], v̇ = R f + g − 2 ω_ie × v in the tangent frame.
     pub(super) fn at(truth: &Truth<'_>, k: usize, environment: &Environment) -> Self {
         let rotation = truth.attitude(k).matrix();
         let earth_t = environment.earth_rate_t_radps().0;
@@ -63,7 +63,7 @@ impl Generator {
         let earth = skew(&environment.earth_rate_t_radps().0);
         let gravity = skew(&Vector3::new(0.0, 0.0, environment.gravity_mps2));
         let (velocity, acceleration) = (skew(&point.velocity_t), skew(&point.acceleration_t));
-        let (rotation, turning) = (&point.rotation, &point.rotation_rate);
+        let (rotation, rotation_rate) = (&point.rotation, &point.rotation_rate);
         let mut f = Block::zeros();
         put(&mut f, R, W, &Matrix3::identity());
         put(&mut f, R, RHO, &-velocity);
@@ -75,15 +75,15 @@ impl Generator {
         put(&mut f, W, BG, &(-velocity * rotation));
         let mut rate = Block::zeros();
         put(&mut rate, R, RHO, &-acceleration);
-        put(&mut rate, RHO, BG, &-turning);
+        put(&mut rate, RHO, BG, &-rotation_rate);
         put(&mut rate, W, RHO, &(acceleration * earth));
-        put(&mut rate, W, BA, &-turning);
-        put(&mut rate, W, BG, &(-acceleration * rotation - velocity * turning));
+        put(&mut rate, W, BA, &-rotation_rate);
+        put(&mut rate, W, BG, &(-acceleration * rotation - velocity * rotation_rate));
         Self { f, rate }
     }
 }
 
-/// exp − 1: the identity would cost the digits of a short step.
+/// exp − I: adding the identity would lose digits of a short step.
 fn exponential_less_one(generator: &Block) -> Block {
     let mut total = *generator;
     let mut term = *generator;
@@ -97,10 +97,10 @@ fn exponential_less_one(generator: &Block) -> Block {
     total
 }
 
-/// Φ from sample `from` to sample `to`, in w = R δv; `thinned` uses every second sample where steps are alike.
+/// Φ from sample `from` to sample `to`, in w = R δv; `thinned` uses every second sample where steps are about equal.
 pub(super) fn transition(truth: &Truth<'_>, from: usize, to: usize, environment: &Environment, thinned: bool) -> Block {
     let length = |a: usize, b: usize| (truth.time_ns[b] - truth.time_ns[a]) as f64 * 1e-9;
-    // Φ − I, with what rounding has taken from it (Kahan 1965): thousands of alike steps would add up alike roundings.
+    // Φ − I with compensated summation (Kahan 1965), since the rounding errors of thousands of equal steps would add up.
     let (mut moved, mut lost) = (Block::zeros(), Block::zeros());
     let mut start = Generator::at(truth, from, environment);
     let mut k = from;
@@ -108,7 +108,7 @@ pub(super) fn transition(truth: &Truth<'_>, from: usize, to: usize, environment:
         let mut next = k + 1;
         if thinned && k + 2 <= to {
             let (first, second) = (length(k, k + 1), length(k + 1, k + 2));
-            // A jump in the motion is written as two samples a nanosecond apart; a step must not reach across it.
+            // A jump in the motion is written as two samples 1 ns apart; a step must not span it.
             if (first - second).abs() <= 0.1 * first.max(second) {
                 next = k + 2;
             }
@@ -116,7 +116,7 @@ pub(super) fn transition(truth: &Truth<'_>, from: usize, to: usize, environment:
         let h = length(k, next);
         let end = Generator::at(truth, next, environment);
         let mut exponent = (start.f + end.f) * (0.5 * h);
-        // An interval of a single sample cannot be thinned: the plain trapezoid stands for the coarser value.
+        // An interval of one sample cannot be thinned, so the trapezoidal rule gives the coarser value.
         if !(thinned && to - from == 1) {
             let commutator = start.f * end.f - end.f * start.f;
             exponent += (start.rate - end.rate - commutator) * (h * h / 12.0);

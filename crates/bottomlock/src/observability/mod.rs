@@ -1,14 +1,14 @@
-//! What an aided navigator can estimate from a motion: stacked measurement rows, rank, and the states that stay in the dark.
+//! Observability of an aided navigator along a motion: stacked measurement rows, rank, and unobservable subspace.
 //!
-//! The rows H(t_k) Φ(t_k, t_0) over a window are stacked and judged by their singular values; the Gramian of Klein & Diamant
-//! 2015, Eq. (1), is the same matrix squared, which costs half the digits, and is kept for comparison. Columns are scaled by
-//! what a state moves over the window, so that metres, radians and micro-g stand on one footing.
+//! The rows H(t_k) Φ(t_k, t_0) over a window are stacked, and their singular values give the rank. The Gramian of Klein &
+//! Diamant 2015, Eq. (1), is the square of the stack, which costs half the digits; it is computed for comparison. Columns are
+//! scaled by the effect of a state over the window, so that states of different units are comparable.
 //!
-//! Three linear models share the machinery: [`full`] is this project's 20-state filter along any truth (or its first 15
-//! states), [`paper`] the 2015 model with its closed-form transition matrix, in both signs of its measurement matrix.
+//! The linear models are [`full`], the 20-state filter of this crate along any truth (or its first 15 states), and [`paper`], the
+//! 2015 model with its closed-form transition matrix and either sign of its measurement matrix.
 //!
 //! # Frames and units
-//! As in [`crate::layout`]; SI throughout. The basis of the unobservable subspace is in SI as well.
+//! As in [`crate::layout`], SI, also for the basis of the unobservable subspace.
 
 pub mod full;
 pub mod history;
@@ -19,11 +19,11 @@ pub mod rank;
 use nalgebra::{DMatrix, DVector};
 
 use crate::aiding::registry::{Levers, Sensor, reports};
-use crate::dvl::geometry::{BeamGeometry, BeamMask};
+use crate::dvl::geometry::{BEAM_EXISTS, BeamGeometry, BeamMask};
 use crate::error::NavError;
 use crate::simulation::truth::Truth;
 
-/// Which sensors aid; rows of all of them are stacked.
+/// A set of aiding sensors, whose rows are stacked.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Aiding {
     /// Beams that return.
@@ -57,17 +57,17 @@ impl FromIterator<Sensor> for SensorSet {
     }
 }
 
-/// When a window is measured, and by what.
+/// Measurement epochs of a window.
 #[derive(Debug, Clone, Copy)]
 pub enum Epochs<'a> {
-    /// All sensors of the aiding set at once, from the first truth sample on, every so many ns.
+    /// All sensors of the aiding set at a period, ns, from the first truth sample on.
     Every(i64),
-    /// At these times, ns, what is heard of the aiding set: a sensor that is in one and not in the other reads nothing.
+    /// At each time, ns, the sensors that are both in the aiding set and in the given set.
     Scheduled(&'a [(i64, Aiding)]),
 }
 
 impl Aiding {
-    /// Checks that there is something to observe with, and that the beams exist.
+    /// Checks that the set is not empty, that its beams exist, and that its lever arms are finite.
     ///
     /// # Errors
     /// [`NavError::WrongCount`] for an empty set, [`NavError::BadBeam`] for a beam that the geometry lacks,
@@ -88,6 +88,7 @@ impl Aiding {
                 time_ns: 0,
                 field: "number",
                 value: (beam + 1) as f64,
+                expected: BEAM_EXISTS,
             });
         }
         Ok(())
@@ -110,39 +111,39 @@ impl Aiding {
     }
 }
 
-/// Measurement rows at one time, and how the states have moved until then.
+/// Measurement rows at one time, with the transition matrix to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Epoch {
     /// Time, ns.
     pub time_ns: i64,
-    /// Φ(t, t_0), dimensions of the state.
+    /// Φ(t, t_0), states by states, SI.
     pub transition: DMatrix<f64>,
-    /// The same from half as many samples: the difference bounds the error of the quadrature.
+    /// Φ(t, t_0) from half as many samples: the difference bounds the quadrature error.
     pub coarse: DMatrix<f64>,
     /// H(t), one row per measurement.
     pub rows: DMatrix<f64>,
-    /// What a row reads when the states change by their scales: m/s, m or rad.
+    /// Reading of each row for a change of the states by their scales: m/s, m or rad.
     pub row_scale: DVector<f64>,
-    /// Covariance of the measurement.
+    /// Measurement noise covariance, SI.
     pub noise: DMatrix<f64>,
 }
 
-/// A linear system over a window: what [`rank::observe`] judges.
+/// Linear system over a window, as [`rank::observe`] analyses it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct System {
     /// Name of each state.
     pub names: Vec<String>,
-    /// StateKind of each state, which sets its scale.
+    /// Quantity of each state, which sets its scale.
     pub kinds: Vec<StateKind>,
     /// Gravity, m/s²: couples tilt to velocity.
     pub gravity_mps2: f64,
     /// Largest speed over the window, m/s: couples the scale factor to velocity.
     pub speed_mps: f64,
-    /// Measurement times, rising; the first is t_0.
+    /// Measurement epochs in order of time; the first is at t_0.
     pub epochs: Vec<Epoch>,
 }
 
-/// What a state measures.
+/// Quantity of a state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StateKind {
     /// Position, m.
@@ -168,8 +169,8 @@ impl System {
         self.names.len()
     }
 
-    /// The size of each state that changes a velocity by 1 m/s in `duration_s`: tilt 1/(g T), accelerometer bias 1/T, gyro bias
-    /// 2/(g T²), position T.
+    /// The size of each state that changes a velocity by 1 m/s over T = `duration_s`: tilt 1/(g T), accelerometer bias 1/T, gyro
+    /// bias 2/(g T²), position T.
     #[must_use]
     pub fn scales(&self, duration_s: f64) -> DVector<f64> {
         let speed = if self.speed_mps > 0.1 { self.speed_mps } else { 1.0 };
@@ -187,7 +188,7 @@ impl System {
     }
 }
 
-/// Most epochs of a window: what a sensor gives in an hour and more, and what fits into memory for many masks.
+/// Largest number of epochs of a window: over an hour of a sensor at 1 Hz, with the memory of many masks in bounds.
 const MAX_EPOCHS: usize = 5000;
 
 fn too_many(epochs: usize) -> NavError {
@@ -206,16 +207,16 @@ fn too_few(epochs: usize) -> NavError {
     }
 }
 
-/// Truth samples of a schedule: the first at or after every time.
+/// Truth samples of a schedule: for each time the first sample at or after it.
 ///
 /// # Errors
 /// [`NavError::TimeNotIncreasing`], also for two times within one sample interval; [`NavError::OutsideTruth`];
 /// [`NavError::WrongCount`] for fewer than two epochs or more than 5000.
-pub(crate) fn scheduled_samples(truth: &Truth<'_>, heard: &[(i64, Aiding)]) -> Result<Vec<usize>, NavError> {
+pub(crate) fn scheduled_samples(truth: &Truth<'_>, scheduled: &[(i64, Aiding)]) -> Result<Vec<usize>, NavError> {
     truth.validate()?;
     let (first_ns, last_ns) = (truth.time_ns[0], truth.time_ns[truth.time_ns.len() - 1]);
     let mut samples: Vec<usize> = Vec::new();
-    for (index, &(time_ns, _)) in heard.iter().enumerate() {
+    for (index, &(time_ns, _)) in scheduled.iter().enumerate() {
         if time_ns < first_ns || time_ns > last_ns {
             return Err(NavError::OutsideTruth {
                 stream: "schedule",
@@ -229,7 +230,7 @@ pub(crate) fn scheduled_samples(truth: &Truth<'_>, heard: &[(i64, Aiding)]) -> R
             return Err(NavError::TimeNotIncreasing {
                 stream: "schedule (in steps of a truth sample)",
                 time_ns,
-                previous_ns: heard[index - 1].0,
+                previous_ns: scheduled[index - 1].0,
             });
         }
         samples.push(sample);
@@ -241,11 +242,11 @@ pub(crate) fn scheduled_samples(truth: &Truth<'_>, heard: &[(i64, Aiding)]) -> R
     }
 }
 
-/// Times at which the window is measured: truth samples, the first at or after every period.
+/// Truth samples of periodic epochs: for each period the first sample at or after it.
 ///
 /// # Errors
-/// [`NavError::OutOfRange`] for a period that is not positive, [`NavError::WrongCount`] where fewer than two epochs fit or
-/// more than 5000.
+/// [`NavError::OutOfRange`] for a period that is not positive; [`NavError::WrongCount`] for fewer than two epochs or more than
+/// 5000.
 pub(crate) fn epoch_samples(truth: &Truth<'_>, period_ns: i64) -> Result<Vec<usize>, NavError> {
     truth.validate()?;
     if period_ns <= 0 {
@@ -257,18 +258,18 @@ pub(crate) fn epoch_samples(truth: &Truth<'_>, period_ns: i64) -> Result<Vec<usi
     }
     let (first, last) = (truth.time_ns[0], truth.time_ns[truth.time_ns.len() - 1]);
     let mut samples = Vec::new();
-    let mut wanted = first;
-    while wanted <= last {
-        let sample = truth.time_ns.partition_point(|&t| t < wanted);
+    let mut target = first;
+    while target <= last {
+        let sample = truth.time_ns.partition_point(|&t| t < target);
         samples.push(sample);
         if samples.len() > MAX_EPOCHS {
             return Err(too_many(samples.len()));
         }
-        // A gap in the truth is no reason to measure one sample twice: the next multiple of the period after it.
-        let behind = i128::from(truth.time_ns[sample]) - i128::from(wanted);
-        let next = i128::from(wanted) + (behind / i128::from(period_ns) + 1) * i128::from(period_ns);
+        // After a gap in the truth the next multiple of the period follows, so that no sample is used twice.
+        let behind = i128::from(truth.time_ns[sample]) - i128::from(target);
+        let next = i128::from(target) + (behind / i128::from(period_ns) + 1) * i128::from(period_ns);
         match i64::try_from(next) {
-            Ok(time_ns) => wanted = time_ns,
+            Ok(time_ns) => target = time_ns,
             Err(_) => break,
         }
     }
@@ -279,5 +280,6 @@ pub(crate) fn epoch_samples(truth: &Truth<'_>, period_ns: i64) -> Result<Vec<usi
 }
 
 #[cfg(test)]
-#[path = "tests.rs"]
+mod input_tests;
+#[cfg(test)]
 mod tests;

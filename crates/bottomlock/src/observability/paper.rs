@@ -1,10 +1,12 @@
-//! The 15-state model of Klein & Diamant 2015 with its closed-form transition matrix, and both signs of its measurement matrix.
+//! The 15-state model of Klein & Diamant 2015 with its closed-form transition matrix, for either sign of its measurement matrix.
 //!
-//! States in the paper's order: position and velocity error in the tangent frame, misalignment, accelerometer bias, gyro bias;
-//! a bias adds to the error's rate. The Earth does not turn. With the velocity alone the position is left out: 12 states.
+//! States are in the paper's order: position and velocity error in the tangent frame, misalignment, accelerometer bias, gyro
+//! bias; a bias adds to the error rate. The Earth does not rotate. With velocity aiding alone the position is left out, which
+//! leaves 12 states.
 //!
-//! The integrals of 2015, Eq. (6) come from the truth itself: the specific force is the acceleration less gravity, so S and P are
-//! closed in velocity and position, and what remains is quadrature of rotations by Hermite's rule, whose derivatives are known.
+//! The integrals of 2015, Eq. (6) follow from the truth. The specific force is the acceleration minus gravity, so S and P have a
+//! closed form in velocity and position. The other integrals are quadratures of rotations by Hermite's rule with known
+//! derivatives.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -17,7 +19,7 @@ use crate::frames::skew;
 use crate::model::Model;
 use crate::simulation::truth::Truth;
 
-/// Names of the states.
+/// Names of the states, in order.
 pub const NAMES: [&str; 15] = [
     "position north",
     "position east",
@@ -51,7 +53,7 @@ pub enum Sign {
     Consistent,
 }
 
-/// What aids.
+/// Aiding sensors of the 2015 model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sensors {
     /// DVL velocity (2015, Eq. 10), with the sign of its misalignment block.
@@ -69,9 +71,25 @@ struct Integrals {
     s: Matrix3<f64>,
     r: Matrix3<f64>,
     m: Matrix3<f64>,
+    /// J = ∫ S Ṙ, so that M = ∫ Ṡ R = S R − J by parts.
+    j: Matrix3<f64>,
 }
 
 impl Integrals {
+    fn zeros() -> Self {
+        let zero = Matrix3::zeros();
+        Self {
+            duration_s: 0.0,
+            p: zero,
+            q: zero,
+            t: zero,
+            s: zero,
+            r: zero,
+            m: zero,
+            j: zero,
+        }
+    }
+
     /// Φ(t, t₀) of 2015, Eq. (5).
     fn transition(&self) -> DMatrix<f64> {
         let mut phi = DMatrix::identity(15, 15);
@@ -90,81 +108,23 @@ impl Integrals {
     }
 }
 
-/// ∫ over a step by the values and derivatives at its ends; exact for cubics.
+/// ∫ over a step from values and derivatives at its ends (Hermite's rule), exact for cubics.
 fn hermite(h: f64, a: &Matrix3<f64>, b: &Matrix3<f64>, da: &Matrix3<f64>, db: &Matrix3<f64>) -> Matrix3<f64> {
     (a + b) * (0.5 * h) + (da - db) * (h * h / 12.0)
 }
 
 /// Φ(t_k, t_0) at each of `samples`, the first of which is t_0; `thinned` uses every second truth sample.
 fn transitions(truth: &Truth<'_>, samples: &[usize], environment: &Environment, thinned: bool) -> Vec<DMatrix<f64>> {
-    let first = samples[0];
-    let gravity = Vector3::new(0.0, 0.0, environment.gravity_mps2);
-    let start = Point::at(truth, first, environment);
-    let position_of = |k: usize| Vector3::from(truth.position_t_m[k]);
-    let elapsed = |k: usize| (truth.time_ns[k] - truth.time_ns[first]) as f64 * 1e-9;
-    // S = −∫[f×] and P = ∫S in closed form: f = v̇ − g.
-    let s_at = |k: usize, point: &Point| -skew(&(point.velocity_t - start.velocity_t - gravity * elapsed(k)));
-    let p_at = |k: usize| {
-        let t = elapsed(k);
-        -skew(&(position_of(k) - position_of(first) - start.velocity_t * t - gravity * (0.5 * t * t)))
-    };
-    let force = |point: &Point| skew(&(point.acceleration_t - gravity));
-
-    let zero = Matrix3::zeros();
-    let mut now = Integrals {
-        duration_s: 0.0,
-        p: zero,
-        q: zero,
-        t: zero,
-        s: zero,
-        r: zero,
-        m: zero,
-    };
-    // J = ∫ S T, so that M = S R − J by parts.
-    let mut j = zero;
+    let path = Path::new(truth, samples[0], environment);
+    let mut now = Integrals::zeros();
     let mut out = vec![now.transition()];
-    let mut point = Point::at(truth, first, environment);
-    let mut k = first;
+    let mut point = Point::at(truth, samples[0], environment);
+    let mut k = samples[0];
     for &target in &samples[1..] {
         while k < target {
-            let mut next = k + 1;
-            if thinned && k + 2 <= target {
-                let (a, b) = (elapsed(k + 1) - elapsed(k), elapsed(k + 2) - elapsed(k + 1));
-                if (a - b).abs() <= 0.1 * a.max(b) {
-                    next = k + 2;
-                }
-            }
+            let next = path.next_sample(k, target, thinned);
             let end = Point::at(truth, next, environment);
-            let h = elapsed(next) - elapsed(k);
-            let s = s_at(next, &end);
-            let r = now.r
-                + hermite(
-                    h,
-                    &point.rotation,
-                    &end.rotation,
-                    &point.rotation_rate,
-                    &end.rotation_rate,
-                );
-            let q = now.q + hermite(h, &now.r, &r, &point.rotation, &end.rotation);
-            let slope = |s: &Matrix3<f64>, at: &Point| -force(at) * at.rotation + s * at.rotation_rate;
-            j += hermite(
-                h,
-                &(now.s * point.rotation),
-                &(s * end.rotation),
-                &slope(&now.s, &point),
-                &slope(&s, &end),
-            );
-            let m = s * r - j;
-            let t = now.t + hermite(h, &now.m, &m, &(-force(&point) * now.r), &(-force(&end) * r));
-            now = Integrals {
-                duration_s: elapsed(next),
-                p: p_at(next),
-                q,
-                t,
-                s,
-                r,
-                m,
-            };
+            now = path.advance(&now, (k, &point), (next, &end));
             point = end;
             k = next;
         }
@@ -173,19 +133,108 @@ fn transitions(truth: &Truth<'_>, samples: &[usize], environment: &Environment, 
     out
 }
 
+/// A truth from a first sample on, with the terms of the integrals that have a closed form.
+struct Path<'a> {
+    truth: &'a Truth<'a>,
+    first: usize,
+    velocity_t: Vector3<f64>,
+    gravity: Vector3<f64>,
+}
+
+impl<'a> Path<'a> {
+    fn new(truth: &'a Truth<'a>, first: usize, environment: &Environment) -> Self {
+        Self {
+            truth,
+            first,
+            velocity_t: Point::at(truth, first, environment).velocity_t,
+            gravity: Vector3::new(0.0, 0.0, environment.gravity_mps2),
+        }
+    }
+
+    fn elapsed_s(&self, k: usize) -> f64 {
+        (self.truth.time_ns[k] - self.truth.time_ns[self.first]) as f64 * 1e-9
+    }
+
+    /// The sample after `k`, or with `thinned` the one after that if both steps are about equal.
+    fn next_sample(&self, k: usize, target: usize, thinned: bool) -> usize {
+        if thinned && k + 2 <= target {
+            let seconds = |from: usize| self.elapsed_s(from + 1) - self.elapsed_s(from);
+            let (a, b) = (seconds(k), seconds(k + 1));
+            if (a - b).abs() <= 0.1 * a.max(b) {
+                return k + 2;
+            }
+        }
+        k + 1
+    }
+
+    /// S = −∫[f×] in closed form, since f = v̇ − g.
+    fn s(&self, k: usize, point: &Point) -> Matrix3<f64> {
+        -skew(&(point.velocity_t - self.velocity_t - self.gravity * self.elapsed_s(k)))
+    }
+
+    /// P = ∫S in closed form.
+    fn p(&self, k: usize) -> Matrix3<f64> {
+        let t = self.elapsed_s(k);
+        let position = |k: usize| Vector3::from(self.truth.position_t_m[k]);
+        -skew(&(position(k) - position(self.first) - self.velocity_t * t - self.gravity * (0.5 * t * t)))
+    }
+
+    /// [f×] in the tangent frame.
+    fn force(&self, point: &Point) -> Matrix3<f64> {
+        skew(&(point.acceleration_t - self.gravity))
+    }
+
+    /// The integrals at the end of a step from sample and point `from` to sample and point `to`.
+    fn advance(&self, now: &Integrals, from: (usize, &Point), to: (usize, &Point)) -> Integrals {
+        let ((k, start), (next, end)) = (from, to);
+        let h = self.elapsed_s(next) - self.elapsed_s(k);
+        let s = self.s(next, end);
+        let r = now.r
+            + hermite(
+                h,
+                &start.rotation,
+                &end.rotation,
+                &start.rotation_rate,
+                &end.rotation_rate,
+            );
+        let q = now.q + hermite(h, &now.r, &r, &start.rotation, &end.rotation);
+        let slope = |s: &Matrix3<f64>, at: &Point| -self.force(at) * at.rotation + s * at.rotation_rate;
+        let j = now.j
+            + hermite(
+                h,
+                &(now.s * start.rotation),
+                &(s * end.rotation),
+                &slope(&now.s, start),
+                &slope(&s, end),
+            );
+        let m = s * r - j;
+        let t = now.t + hermite(h, &now.m, &m, &(-self.force(start) * now.r), &(-self.force(end) * r));
+        Integrals {
+            duration_s: self.elapsed_s(next),
+            p: self.p(next),
+            q,
+            t,
+            s,
+            r,
+            m,
+            j,
+        }
+    }
+}
+
 /// Φ between two truth samples.
 pub(super) fn transition(truth: &Truth<'_>, from: usize, to: usize, environment: &Environment) -> DMatrix<f64> {
     let mut pair = transitions(truth, &[from, to], environment, false);
     pair.pop().unwrap_or_else(|| DMatrix::identity(15, 15))
 }
 
-/// The window of a truth as a linear system in the paper's states.
+/// The linear system of a truth in the states of the 2015 model.
 ///
-/// The environment's Earth rate is not part of the paper's model: a truth with it keeps its velocities, and the force that the model
-/// sees is the one that gives them on an Earth at rest.
+/// The model has no Earth rate. For a truth with Earth rate the velocities are kept, and the specific force is the one that gives
+/// them without Earth rate.
 ///
 /// # Errors
-/// [`NavError`] for a truth or a model that makes no sense, or no sensor.
+/// [`NavError`] for an invalid truth or model, or without a sensor.
 pub fn system(truth: &Truth<'_>, model: &Model, sensors: &Sensors, period_ns: i64) -> Result<System, NavError> {
     model.validate()?;
     if sensors.velocity.is_none() && !sensors.depth {
@@ -246,11 +295,11 @@ fn rows(
     if let Some(sign) = sensors.velocity {
         let to_body = truth.attitude(k).matrix().transpose();
         let velocity_t = to_body.transpose() * Vector3::from(truth.velocity_p_mps[k]);
-        let turned = to_body * skew(&velocity_t);
+        let by_misalignment = to_body * skew(&velocity_t);
         h.view_mut((0, VELOCITY), (3, 3)).copy_from(&to_body);
         h.view_mut((0, TILT), (3, 3)).copy_from(&match sign {
-            Sign::Printed => -turned,
-            Sign::Consistent => turned,
+            Sign::Printed => -by_misalignment,
+            Sign::Consistent => by_misalignment,
         });
     }
     if sensors.depth {

@@ -1,49 +1,91 @@
-//! Hand-worked ranks and directions, two roads to Φ, and refusals.
+//! Ranks and unobservable directions by hand, and two independent computations of Φ.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::history::{of_filter, of_paper};
 use super::paper::{Sensors, Sign};
-use super::rank::{MIN_GAP, Observability, gramian, growing_windows, observe, rows};
+use super::rank::{MIN_GAP, Observability, gramian, observe, rows};
 use super::{Aiding, Epochs, SensorSet, System, full, paper};
-use crate::aiding::registry::{Levers, Sensor, SensorKind};
+use crate::aiding::registry::Sensor;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, Janus};
-use crate::error::NavError;
-use crate::frames::Vec3;
+use crate::frames::{Platform, Rot, Tangent};
 use crate::model::Model;
 use crate::simulation::truth::Truth;
 
-#[path = "turn_for_tests.rs"]
-mod turn;
-
-use self::turn::Turn;
-
 const GRAVITY: f64 = 9.8125;
-const SECOND_NS: i64 = 1_000_000_000;
+pub(super) const SECOND_NS: i64 = 1_000_000_000;
 
-fn model() -> Model {
+/// A level turn at constant yaw rate and surge from heading north, without Earth rate.
+pub(super) struct Turn {
+    pub(super) time_ns: Vec<i64>,
+    pub(super) position: Vec<[f64; 3]>,
+    pub(super) attitude: Vec<[f64; 4]>,
+    pub(super) velocity: Vec<[f64; 3]>,
+    pub(super) omega: Vec<[f64; 3]>,
+    pub(super) force: Vec<[f64; 3]>,
+}
+
+impl Turn {
+    pub(super) fn new(rate: f64, speed: f64, seconds: i64, rate_hz: i64) -> Self {
+        let count = seconds * rate_hz + 1;
+        let time_ns: Vec<i64> = (0..count).map(|k| k * SECOND_NS / rate_hz).collect();
+        let at = |t: &i64| *t as f64 * 1e-9;
+        let position = |t: f64| {
+            if rate == 0.0 {
+                [speed * t, 0.0, 0.0]
+            } else {
+                let radius = speed / rate;
+                [radius * (rate * t).sin(), radius * (1.0 - (rate * t).cos()), 0.0]
+            }
+        };
+        Self {
+            position: time_ns.iter().map(|t| position(at(t))).collect(),
+            attitude: time_ns
+                .iter()
+                .map(|t| Rot::<Tangent, Platform>::from_euler_rad(0.0, 0.0, rate * at(t)).to_quaternion_wxyz())
+                .collect(),
+            velocity: vec![[speed, 0.0, 0.0]; count as usize],
+            omega: vec![[0.0, 0.0, rate]; count as usize],
+            force: vec![[0.0, rate * speed, -GRAVITY]; count as usize],
+            time_ns,
+        }
+    }
+
+    pub(super) fn truth(&self) -> Truth<'_> {
+        Truth {
+            time_ns: &self.time_ns,
+            position_t_m: &self.position,
+            attitude_t_p: &self.attitude,
+            velocity_p_mps: &self.velocity,
+            omega_p_radps: &self.omega,
+            force_p_mps2: &self.force,
+        }
+    }
+}
+
+pub(super) fn model() -> Model {
     let mut model = Model::table_2();
     model.environment.gravity_mps2 = GRAVITY;
     model.environment.earth_rate_radps = 0.0;
     model
 }
 
-fn janus() -> BeamGeometry {
+pub(super) fn janus() -> BeamGeometry {
     BeamGeometry::janus(Janus::X, 0.35).unwrap()
 }
 
-fn beams(count: usize) -> Aiding {
+pub(super) fn beams(count: usize) -> Aiding {
     Aiding {
         beams: BeamMask::all(count),
         ..Aiding::default()
     }
 }
 
-fn whole(system: &System) -> Observability {
+pub(super) fn whole(system: &System) -> Observability {
     observe(system, system.epochs.len(), None).unwrap()
 }
 
-fn inertial(turn: &Turn, aiding: &Aiding) -> System {
+pub(super) fn inertial(turn: &Turn, aiding: &Aiding) -> System {
     full::systems(
         &turn.truth(),
         &janus(),
@@ -64,9 +106,9 @@ fn paper_dvl(turn: &Turn, sign: Sign) -> System {
     paper::system(&turn.truth(), &model(), &sensors, SECOND_NS).unwrap()
 }
 
-/// At rest by hand (2015, Eq. 29): z bias of the gyro, yaw, and each tilt with the accelerometer bias that hides it.
+/// At rest by hand (2015, Eq. 29): z gyro bias, yaw, and each tilt combined with the accelerometer bias that cancels it.
 #[test]
-fn at_rest_four_directions_are_hidden() {
+fn at_rest_four_directions_are_unobservable() {
     let turn = Turn::new(0.0, 0.0, 60, 50);
     let found = whole(&paper_dvl(&turn, Sign::Printed));
     assert_eq!((found.rank, found.decided), (8, true));
@@ -85,9 +127,9 @@ fn at_rest_four_directions_are_hidden() {
     }
 }
 
-/// Turning does not help while it is constant: 8 for both cases with the consistent sign, 9 with the printed one (erratum E10).
+/// A constant turn leaves rank 8, at rest and at speed, with the consistent sign; at speed 9 with the printed one (erratum E10).
 #[test]
-fn a_constant_turn_hides_a_family() {
+fn a_constant_turn_has_rank_eight() {
     let rate = 1_f64.to_radians();
     let (still, moving) = (Turn::new(rate, 0.0, 120, 50), Turn::new(rate, 10.0, 120, 50));
     for sign in [Sign::Printed, Sign::Consistent] {
@@ -97,7 +139,7 @@ fn a_constant_turn_hides_a_family() {
     assert_eq!(whole(&paper_dvl(&moving, Sign::Consistent)).rank, 8);
 }
 
-/// The paper's closed form and the filter's model by Magnus' expansion are one model in two sets of coordinates.
+/// The closed form of the paper and the Magnus expansion of the filter's model agree after a change of coordinates.
 #[test]
 fn closed_form_and_expansion_agree() {
     let turn = Turn::new(0.05, 3.0, 40, 50);
@@ -131,9 +173,9 @@ fn closed_form_and_expansion_agree() {
     assert_eq!(whole(&paper).rank, whole(&ours).rank);
 }
 
-/// Directions of the basis give no reading over the window, and the Gramian agrees that they do not.
+/// Unobservable directions give zero readings over the window, and zero energy in the Gramian.
 #[test]
-fn hidden_directions_read_zero() {
+fn unobservable_directions_read_zero() {
     let system = inertial(&Turn::new(0.05, 3.0, 60, 50), &beams(2));
     let found = whole(&system);
     let (stack, gram) = (rows(&system), gramian(&system));
@@ -148,9 +190,9 @@ fn hidden_directions_read_zero() {
     }
 }
 
-/// Minutes for seconds, kilometres for metres, micro-g: no scaling of the states moves a rank.
+/// Other units of the states do not change a rank.
 #[test]
-fn scaling_moves_no_rank() {
+fn scaling_does_not_change_a_rank() {
     let system = inertial(&Turn::new(0.05, 3.0, 60, 50), &beams(3));
     let rank = whole(&system).rank;
     for factors in [
@@ -164,7 +206,7 @@ fn scaling_moves_no_rank() {
     }
 }
 
-/// Full rank has an empty basis and no panic.
+/// With full rank the basis is empty.
 #[test]
 fn full_rank_has_no_basis() {
     let aiding = Aiding {
@@ -175,9 +217,9 @@ fn full_rank_has_no_basis() {
     assert_eq!((found.rank, found.basis.nrows(), found.decided), (15, 0, true));
 }
 
-/// Covariance analysis: unobservable states keep their deviation, observable ones lose most of it.
+/// Covariance analysis: an unobservable direction keeps its deviation, an observable one loses most of it.
 #[test]
-fn hidden_directions_keep_their_deviation() {
+fn unobservable_directions_keep_their_deviation() {
     let turn = Turn::new(0.05, 3.0, 60, 50);
     let (truth, geometry, aiding) = (turn.truth(), janus(), beams(4));
     let mut quiet = model();
@@ -188,7 +230,7 @@ fn hidden_directions_keep_their_deviation() {
     let history = of_filter(&truth, &geometry, &quiet, &aiding, false, Epochs::Every(SECOND_NS)).unwrap();
     let last = &history.covariance[history.covariance.len() - 1];
     let first = quiet.initial_covariance(false);
-    // Yaw is unobservable (and grows with the gyro's bias), heave is not.
+    // Yaw is unobservable, so its deviation grows with the gyro bias; heave is observable.
     assert!(last[(5, 5)] >= first[(5, 5)], "{}", last[(5, 5)]);
     assert!(last[(8, 8)] < 0.1 * first[(8, 8)]);
     let sensors = Sensors {
@@ -196,7 +238,7 @@ fn hidden_directions_keep_their_deviation() {
         depth: false,
     };
     let paper = of_paper(&truth, &quiet, &sensors, SECOND_NS).unwrap();
-    // Without process noise the information along a direction that is never read stays what it was: uᵀP⁻¹u.
+    // Without process noise the information uᵀP⁻¹u along an unobservable direction is constant.
     let system = paper_dvl(&turn, Sign::Consistent);
     let information = |p: &DMatrix<f64>, u: &DVector<f64>| {
         let scale = p.map_diagonal(|x| 1.0 / x.sqrt());
@@ -219,145 +261,4 @@ fn hidden_directions_keep_their_deviation() {
     let heave = DVector::from_fn(12, |k, _| f64::from(u8::from(k == 2)));
     let after = information(&paper.covariance[60], &(&system.epochs[60].transition * &heave));
     assert!(after > 10.0 * information(&initial, &heave));
-}
-
-/// What makes no sense is refused in words, and nothing panics.
-#[test]
-fn refusals() {
-    let turn = Turn::new(0.0, 1.0, 10, 10);
-    let (truth, geometry, model) = (turn.truth(), janus(), model());
-    let judge = |truth: &Truth<'_>, aiding: &Aiding, period| {
-        full::systems(truth, &geometry, &model, &[*aiding], true, Epochs::Every(period))
-            .map(|systems| whole(&systems[0]))
-    };
-    let empty = judge(&truth, &Aiding::default(), SECOND_NS);
-    assert!(matches!(
-        empty,
-        Err(NavError::WrongCount {
-            field: "aiding sensors",
-            ..
-        })
-    ));
-    let fifth = Aiding {
-        beams: [4].into_iter().collect(),
-        ..Aiding::default()
-    };
-    assert!(matches!(
-        judge(&truth, &fifth, SECOND_NS),
-        Err(NavError::BadBeam { beam: 5, .. })
-    ));
-    let once = judge(&truth, &beams(4), 60 * SECOND_NS);
-    assert!(matches!(
-        once,
-        Err(NavError::WrongCount {
-            field: "epochs of the window",
-            got: 1,
-            ..
-        })
-    ));
-    assert!(judge(&truth.part(0..1), &beams(4), SECOND_NS).is_err());
-    assert!(matches!(
-        judge(&truth, &beams(4), 0),
-        Err(NavError::OutOfRange { field: "period_ns", .. })
-    ));
-    assert!(judge(&truth, &beams(4), i64::MAX).is_err());
-    assert!(judge(&truth, &beams(4), 1).is_ok(), "every sample, at once");
-    let long = Turn::new(0.0, 1.0, 600, 10);
-    let many = judge(&long.truth(), &beams(4), 1);
-    assert!(matches!(many, Err(NavError::WrongCount { got: 5001, .. })));
-    let mut broken = Turn::new(0.0, 1.0, 10, 10);
-    broken.velocity[7][1] = f64::NAN;
-    assert!(matches!(
-        judge(&broken.truth(), &beams(4), SECOND_NS),
-        Err(NavError::NotFinite { .. })
-    ));
-    let none = Sensors {
-        velocity: None,
-        depth: false,
-    };
-    assert!(paper::system(&truth, &model, &none, SECOND_NS).is_err());
-    let system = &full::systems(&truth, &geometry, &model, &[beams(4)], true, Epochs::Every(SECOND_NS)).unwrap()[0];
-    assert!(observe(system, 1, None).is_err());
-    assert!(observe(system, 12, None).is_err());
-    assert!(observe(system, 11, Some(&[1.0])).is_err());
-    assert!(observe(system, 11, Some(&[-1.0; 20])).is_err());
-}
-
-/// Rows that read nothing are refused rather than given a rank of zero and a gap of nothing.
-#[test]
-fn rows_of_zeros_are_refused() {
-    let mut system = inertial(&Turn::new(0.0, 1.0, 10, 10), &beams(1));
-    for epoch in &mut system.epochs {
-        epoch.rows.fill(0.0);
-    }
-    assert!(matches!(
-        observe(&system, 11, None),
-        Err(NavError::OutOfRange {
-            field: "norm of the stacked rows",
-            ..
-        })
-    ));
-}
-
-/// A schedule on which everything is heard is the period; silence at first has rank zero, and what is heard later counts.
-#[test]
-fn schedules() {
-    let turn = Turn::new(0.05, 2.0, 20, 10);
-    let (truth, geometry, model) = (turn.truth(), janus(), model());
-    let set = Aiding {
-        sensors: SensorSet::from_iter([Sensor::Depth]),
-        ..beams(4)
-    };
-    let judge = |heard: &[(i64, Aiding)]| {
-        full::systems(&truth, &geometry, &model, &[set], true, Epochs::Scheduled(heard)).map(|mut all| all.remove(0))
-    };
-    let always: Vec<(i64, Aiding)> = (0..=20).map(|k| (k * SECOND_NS, set)).collect();
-    let periodic = full::systems(&truth, &geometry, &model, &[set], true, Epochs::Every(SECOND_NS)).unwrap();
-    assert_eq!(judge(&always).unwrap(), periodic[0]);
-    // Beams alone, and only from 10 s on: what the set has and the schedule has not reads nothing.
-    let late: Vec<(i64, Aiding)> = always
-        .iter()
-        .map(|&(time_ns, _)| {
-            let heard = if time_ns < 10 * SECOND_NS {
-                Aiding::default()
-            } else {
-                beams(4)
-            };
-            (time_ns, heard)
-        })
-        .collect();
-    let system = judge(&late).unwrap();
-    let steps = growing_windows(&system, None).unwrap();
-    assert_eq!(steps.len(), 20);
-    assert!(steps[..8].iter().all(|step| step.rank == 0 && step.decided));
-    let alone = full::systems(&truth, &geometry, &model, &[beams(4)], true, Epochs::Every(SECOND_NS)).unwrap();
-    assert_eq!(steps[19].rank, whole(&alone[0]).rank);
-    // A silent schedule, times that fall, times outside, one epoch.
-    let silent: Vec<(i64, Aiding)> = (0..5).map(|k| (k * SECOND_NS, Aiding::default())).collect();
-    assert!(observe(&judge(&silent).unwrap(), 5, None).is_err());
-    assert!(matches!(
-        judge(&[always[3], always[2]]),
-        Err(NavError::TimeNotIncreasing { .. })
-    ));
-    assert!(matches!(
-        judge(&[(0, set), (1, set), (2, set)]),
-        Err(NavError::TimeNotIncreasing { .. })
-    ));
-    assert!(matches!(
-        judge(&[(-1, set), (0, set)]),
-        Err(NavError::OutsideTruth { stream: "schedule", .. })
-    ));
-    assert!(matches!(judge(&always[..1]), Err(NavError::WrongCount { got: 1, .. })));
-    let bent = Aiding {
-        levers: Levers::default().with(SensorKind::Gps, Vec3::new(0.0, f64::NAN, 0.0)),
-        ..set
-    };
-    assert!(bent.validate(&geometry).is_err());
-    assert!(
-        Aiding {
-            levers: Levers::default().with(SensorKind::Depth, Vec3::new(1.0, 1.0, 1.0)),
-            ..Aiding::default()
-        }
-        .is_empty()
-    );
 }

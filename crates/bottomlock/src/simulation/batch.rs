@@ -1,4 +1,4 @@
-//! Runs × methods: every method of a run sees the same streams; results are placed by index.
+//! Batches of runs and methods: all methods of a run see the same sensor errors; results are placed by index.
 
 use std::ops::Range;
 
@@ -17,24 +17,24 @@ use crate::workers::Workers;
 
 pub use crate::simulation::monte_carlo_run::MethodRecord;
 
-/// What a batch works on.
+/// A batch of runs and methods.
 #[derive(Debug, Clone, Copy)]
 pub struct Batch<'a> {
-    /// The true motion.
+    /// True motion.
     pub truth: Truth<'a>,
-    /// The beams.
+    /// Beam geometry.
     pub geometry: &'a BeamGeometry,
-    /// What the sensors are.
+    /// Model of the simulated sensors.
     pub simulated: &'a Model,
-    /// What the filter assumes them to be.
+    /// Model that the filters assume.
     pub assumed: &'a Model,
     /// Filter options.
     pub options: &'a Options,
-    /// When sensors measure and which beams return: one for all runs, or one for each.
+    /// Measurement epochs and valid beams: one schedule for all runs, or one per run.
     pub schedules: &'a [Schedule<'a>],
-    /// Times at which errors are recorded, ns, rising; the first IMU sample at or after each counts.
+    /// Increasing times at which errors are recorded, ns, each at the first IMU sample at or after it.
     pub sample_time_ns: &'a [i64],
-    /// Ways of aiding.
+    /// Aiding methods.
     pub methods: &'a [Method],
     /// Seed of the campaign.
     pub seed: u64,
@@ -46,25 +46,27 @@ pub struct Batch<'a> {
     pub runs: usize,
 }
 
-/// Works off a batch on `threads` threads; the bits do not depend on their number.
+/// Runs a batch on `threads` threads (0: one per core) and returns a record per run and method.
+///
+/// The results do not depend on the number of threads, bit for bit.
 ///
 /// # Errors
-/// [`NavError`]; an error inside a run names the run and the method.
+/// [`NavError`] for invalid input; [`NavError::InRun`], which names run and method, for an error during a run.
 pub fn run_batch(batch: &Batch<'_>, threads: usize) -> Result<Vec<Vec<MethodRecord>>, NavError> {
-    let mut yielded = vec![Vec::new(); batch.runs];
-    run_batch_into(batch, threads, &mut yielded, |place, records| *place = records)?;
-    Ok(yielded)
+    let mut results = vec![Vec::new(); batch.runs];
+    run_batch_into(batch, threads, &mut results, |place, records| *place = records)?;
+    Ok(results)
 }
 
-/// As [`run_batch`]; `take` gets what each run yields, with its own place, as soon as the run is over, on the thread that flew it.
+/// As [`run_batch`], with `store` called with a run's place and records when the run is finished, on the thread of the run.
 ///
 /// # Errors
-/// As [`run_batch`], and [`NavError::WrongCount`] for a number of places other than that of the runs.
+/// As [`run_batch`]; [`NavError::WrongCount`] unless there is one place per run.
 pub fn run_batch_into<P: Send>(
     batch: &Batch<'_>,
     threads: usize,
     places: &mut [P],
-    take: impl Fn(&mut P, Vec<MethodRecord>) + Sync + Send,
+    store: impl Fn(&mut P, Vec<MethodRecord>) + Sync + Send,
 ) -> Result<(), NavError> {
     if places.len() != batch.runs {
         return Err(NavError::WrongCount {
@@ -100,35 +102,36 @@ pub fn run_batch_into<P: Send>(
         });
     }
     let workers = Workers::new(threads)?;
-    let together = run_group::size(batch.methods, batch.runs, workers.threads()).get();
-    let mut groups: Vec<_> = places.chunks_mut(together).collect();
+    let group_size = run_group::size(batch.methods, batch.runs, workers.threads()).get();
+    let mut groups: Vec<_> = places.chunks_mut(group_size).collect();
     workers.each(&mut groups, |group, places| {
-        let first = group * together;
-        let yielded = some_runs(batch, first..first + places.len());
-        for (place, records) in places.iter_mut().zip(yielded) {
-            take(place, records?);
+        let first = group * group_size;
+        let results = run_together(batch, first..first + places.len());
+        for (place, records) in places.iter_mut().zip(results) {
+            store(place, records?);
         }
         Ok(())
     })?;
     Ok(())
 }
 
-/// Runs that fly together; what each yields, or why it failed.
-fn some_runs(batch: &Batch<'_>, runs: Range<usize>) -> Vec<Result<Vec<MethodRecord>, NavError>> {
-    let mut begun: Vec<_> = runs.clone().map(|index| begin(batch, index)).collect();
-    let segments = begun.iter_mut().zip(runs).map(|(run, index)| {
+/// Runs a group of runs together, and returns the records or the error of each.
+fn run_together(batch: &Batch<'_>, indices: Range<usize>) -> Vec<Result<Vec<MethodRecord>, NavError>> {
+    let mut runs: Vec<_> = indices.clone().map(|index| monte_carlo_run(batch, index)).collect();
+    let segments = runs.iter_mut().zip(indices).map(|(run, index)| {
         let schedule = batch.schedules[index.min(batch.schedules.len() - 1)];
         let run = run.as_mut().map_err(|error| error.clone())?;
         RunSegment::new(run, batch.truth, schedule, batch.sample_time_ns)
     });
     let outcomes = run_segments(segments);
-    let yielded = begun.into_iter().zip(outcomes);
-    yielded
+    let results = runs.into_iter().zip(outcomes);
+    results
         .map(|(run, outcome)| outcome.and_then(|()| run.map(MonteCarloRun::into_records)))
         .collect()
 }
 
-fn begin(batch: &Batch<'_>, index: usize) -> Result<MonteCarloRun, NavError> {
+/// The run of index `index`, at the start of the truth.
+fn monte_carlo_run(batch: &Batch<'_>, index: usize) -> Result<MonteCarloRun, NavError> {
     let key = RunKey {
         seed: batch.seed,
         trajectory: batch.trajectory_key,

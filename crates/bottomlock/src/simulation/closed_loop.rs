@@ -1,4 +1,4 @@
-//! Vehicles that are steered on their estimates: the caller reads the estimates, and says how the vehicles moved.
+//! Closed-loop simulation: the caller steers each vehicle on its estimate and returns the truth that results.
 
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
@@ -14,25 +14,25 @@ use crate::simulation::truth::Truth;
 use crate::state::NavState;
 use crate::workers::Workers;
 
-/// A vehicle at its start: the run whose sensor errors it has, its true state, and its methods.
+/// Start of a vehicle: run number, true state, and methods.
 #[derive(Debug, Clone, Copy)]
 pub struct VehicleStart<'a> {
-    /// Number of the run.
+    /// Run number, which sets the sensor errors.
     pub run: u64,
     /// True state at the start.
     pub start: NavState,
-    /// Ways of aiding, side by side.
+    /// Aiding methods of the vehicle.
     pub methods: &'a [Method],
 }
 
-/// What the vehicles of a closed loop have in common.
+/// Settings common to the vehicles of a closed loop.
 #[derive(Debug, Clone, Copy)]
 pub struct ClosedLoopSetup<'a> {
-    /// The beams.
+    /// Beam geometry.
     pub geometry: &'a BeamGeometry,
-    /// What the sensors are.
+    /// Model of the simulated sensors.
     pub simulated: &'a Model,
-    /// What the filter assumes them to be.
+    /// Model that the filters assume.
     pub assumed: &'a Model,
     /// Filter options.
     pub options: &'a Options,
@@ -42,65 +42,57 @@ pub struct ClosedLoopSetup<'a> {
     pub trajectory_key: u64,
 }
 
-/// The motion of one vehicle since the last call.
+/// Truth of one vehicle since the previous call.
 #[derive(Debug, Clone, Copy)]
 pub struct TruthSegment<'a> {
-    /// Truth, from the last sample of the segment before (or the start) to its own end.
+    /// Truth from the last sample of the previous segment (or the start) to the end of this one.
     pub truth: Truth<'a>,
-    /// Epochs in it.
+    /// Measurement epochs in the segment.
     pub schedule: Schedule<'a>,
 }
 
-/// Vehicles, each steered on the estimate of one of its methods.
+/// Vehicles of a closed loop, each steered on the estimate of one of its methods.
 ///
-/// The sensor errors of run k are those of run k of a campaign: with the same truth it yields the same bits.
+/// The sensor errors of run k are those of run k of a campaign, so the same truth gives the same results, bit for bit.
 #[derive(Debug)]
 pub struct ClosedLoop {
     runs: Vec<MonteCarloRun>,
-    /// How many of them run together.
-    together: usize,
+    /// Number of runs whose filters are propagated together.
+    group_size: usize,
     workers: Workers,
 }
 
 impl ClosedLoop {
-    /// A vehicle for each start.
+    /// One vehicle per start, on `threads` threads (0: one per core).
     ///
     /// # Errors
-    /// [`NavError`] for models, options, starts and numbers of threads that make no sense.
-    pub fn new(common: &ClosedLoopSetup<'_>, starts: &[VehicleStart<'_>], threads: usize) -> Result<Self, NavError> {
-        common.simulated.validate()?;
+    /// [`NavError`] for an invalid model, option, start or number of threads, which names the field.
+    pub fn new(setup: &ClosedLoopSetup<'_>, starts: &[VehicleStart<'_>], threads: usize) -> Result<Self, NavError> {
+        setup.simulated.validate()?;
         let begin = |start: &VehicleStart<'_>| {
             start.start.validate()?;
             let key = RunKey {
-                seed: common.seed,
-                trajectory: common.trajectory_key,
+                seed: setup.seed,
+                trajectory: setup.trajectory_key,
                 run: start.run,
             };
-            let (simulated, assumed) = (common.simulated, common.assumed);
+            let (simulated, assumed) = (setup.simulated, setup.assumed);
             let (start, methods) = (&start.start, start.methods);
-            MonteCarloRun::new(
-                start,
-                common.geometry,
-                simulated,
-                assumed,
-                common.options,
-                methods,
-                &key,
-            )
+            MonteCarloRun::new(start, setup.geometry, simulated, assumed, setup.options, methods, &key)
         };
         let workers = Workers::new(threads)?;
         let methods = starts.first().map_or(&[][..], |first| first.methods);
         Ok(Self {
             runs: starts.iter().map(begin).collect::<Result<_, _>>()?,
-            together: run_group::size(methods, starts.len(), workers.threads()).get(),
+            group_size: run_group::size(methods, starts.len(), workers.threads()).get(),
             workers,
         })
     }
 
-    /// Leads every vehicle along its segment.
+    /// Runs every vehicle along its segment and records errors at `sample_time_ns`.
     ///
     /// # Errors
-    /// As [`MonteCarloRun::advance`], and for a number of segments other than that of the vehicles.
+    /// As [`MonteCarloRun::advance`]; [`NavError::WrongCount`] unless there is one segment per vehicle.
     pub fn advance(&mut self, segments: &[TruthSegment<'_>], sample_time_ns: &[i64]) -> Result<(), NavError> {
         if segments.len() != self.runs.len() {
             return Err(NavError::WrongCount {
@@ -109,10 +101,10 @@ impl ClosedLoop {
                 expected: format!("{}, one per vehicle", self.runs.len()),
             });
         }
-        let together = self.together;
-        let mut groups: Vec<_> = self.runs.chunks_mut(together).collect();
+        let group_size = self.group_size;
+        let mut groups: Vec<_> = self.runs.chunks_mut(group_size).collect();
         let outcomes = self.workers.each(&mut groups, |group, runs| {
-            let own = segments[group * together..].iter().zip(runs.iter_mut());
+            let own = segments[group * group_size..].iter().zip(runs.iter_mut());
             Ok(run_segments(own.map(|(segment, run)| {
                 segment.truth.validate()?;
                 RunSegment::new(run, segment.truth, segment.schedule, sample_time_ns)
@@ -121,13 +113,13 @@ impl ClosedLoop {
         outcomes.into_iter().flatten().collect()
     }
 
-    /// The estimate of a method in every vehicle; empty for a method that is not there.
+    /// Estimate of a method (by index) on every vehicle; empty if there is no such method.
     #[must_use]
     pub fn estimates(&self, method: usize) -> Vec<NavState> {
         self.runs.iter().filter_map(|run| run.state(method)).collect()
     }
 
-    /// What the methods of every vehicle have yielded.
+    /// Records of every vehicle, method by method.
     #[must_use]
     pub fn records(&self) -> Vec<Vec<MethodRecord>> {
         self.runs.iter().map(MonteCarloRun::records).collect()

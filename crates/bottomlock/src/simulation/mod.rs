@@ -1,4 +1,4 @@
-//! Monte Carlo simulation: truth, sensor errors, runs side by side, batches and closed loops.
+//! Monte Carlo simulation: truth, sensor errors, runs, batches of runs, and closed loops.
 
 pub mod batch;
 pub mod closed_loop;

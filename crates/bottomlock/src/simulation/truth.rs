@@ -1,4 +1,4 @@
-//! A true motion as sampled arrays, and its values between the samples.
+//! True motion as sampled arrays, with interpolation between the samples.
 
 use nalgebra::Vector3;
 
@@ -7,30 +7,30 @@ use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
 use crate::state::NavState;
 
-/// A true motion, sampled at the IMU's rate; all slices have the same length.
+/// True motion sampled at the IMU rate; all slices have the same length.
 #[derive(Debug, Clone, Copy)]
 pub struct Truth<'a> {
-    /// Sample times, ns, rising.
+    /// Sample times, ns, increasing.
     pub time_ns: &'a [i64],
     /// Position, tangent frame, m.
     pub position_t_m: &'a [[f64; 3]],
-    /// Attitude, scalar first, platform to tangent.
+    /// Attitude as a unit quaternion, scalar first, platform to tangent.
     pub attitude_t_p: &'a [[f64; 4]],
     /// Velocity over ground, platform frame, m/s.
     pub velocity_p_mps: &'a [[f64; 3]],
-    /// Inertial rate ω_ip, platform frame, rad/s.
+    /// Inertial angular rate ω_ip, platform frame, rad/s.
     pub omega_p_radps: &'a [[f64; 3]],
     /// Specific force, platform frame, m/s².
     pub force_p_mps2: &'a [[f64; 3]],
 }
 
 impl<'a> Truth<'a> {
-    /// A part of it.
+    /// The truth over a range of samples.
     ///
     /// # Panics
-    /// For a range outside the samples, as slices do.
+    /// If the range lies outside the samples.
     #[must_use]
-    pub fn part(&self, samples: std::ops::Range<usize>) -> Truth<'a> {
+    pub fn slice(&self, samples: std::ops::Range<usize>) -> Truth<'a> {
         Truth {
             time_ns: &self.time_ns[samples.clone()],
             position_t_m: &self.position_t_m[samples.clone()],
@@ -41,10 +41,10 @@ impl<'a> Truth<'a> {
         }
     }
 
-    /// Checks lengths, times and finiteness.
+    /// Checks lengths, times, and that every number is finite.
     ///
     /// # Errors
-    /// [`NavError`] that names the array or the time.
+    /// [`NavError`], which names the array and the time.
     pub fn validate(&self) -> Result<(), NavError> {
         let count = self.time_ns.len();
         if count < 2 {
@@ -97,12 +97,15 @@ impl<'a> Truth<'a> {
         Ok(())
     }
 
-    /// Attitude at a sample.
+    /// Attitude at sample `k`.
     pub(crate) fn attitude(&self, k: usize) -> Rot<Tangent, Platform> {
         Rot::from_quaternion_wxyz(self.attitude_t_p[k])
     }
 
-    /// The motion at any time inside: linear between samples, attitude along the shortest turn.
+    /// The motion at a time inside the truth: linear between samples, attitude along the shortest rotation.
+    ///
+    /// # Errors
+    /// [`NavError::OutsideTruth`], which names the stream.
     pub(crate) fn at(&self, stream: &'static str, time_ns: i64) -> Result<TrueMotion, NavError> {
         let (first_ns, last_ns) = (self.time_ns[0], self.time_ns[self.time_ns.len() - 1]);
         if time_ns < first_ns || time_ns > last_ns {
@@ -115,20 +118,21 @@ impl<'a> Truth<'a> {
         }
         let after = self.time_ns.partition_point(|&t| t < time_ns);
         let before = after.saturating_sub(usize::from(self.time_ns[after] != time_ns));
-        let span = (self.time_ns[after] - self.time_ns[before]).max(1);
-        let part = (time_ns - self.time_ns[before]) as f64 / span as f64;
-        let mix = |a: &[[f64; 3]]| Vector3::from(a[before]) * (1.0 - part) + Vector3::from(a[after]) * part;
-        let turn = (self.attitude(before).inverse() * self.attitude(after)).log() * part;
+        let interval_ns = (self.time_ns[after] - self.time_ns[before]).max(1);
+        let fraction = (time_ns - self.time_ns[before]) as f64 / interval_ns as f64;
+        let interpolate =
+            |a: &[[f64; 3]]| Vector3::from(a[before]) * (1.0 - fraction) + Vector3::from(a[after]) * fraction;
+        let attitude_increment = (self.attitude(before).inverse() * self.attitude(after)).log() * fraction;
         Ok(TrueMotion {
-            position_t_m: mix(self.position_t_m),
-            attitude_t_p: self.attitude(before) * Rot::<Platform, Platform>::exp(turn),
-            velocity_p_mps: mix(self.velocity_p_mps),
-            omega_p_radps: mix(self.omega_p_radps),
+            position_t_m: interpolate(self.position_t_m),
+            attitude_t_p: self.attitude(before) * Rot::<Platform, Platform>::exp(attitude_increment),
+            velocity_p_mps: interpolate(self.velocity_p_mps),
+            omega_p_radps: interpolate(self.omega_p_radps),
         })
     }
 }
 
-/// The true kinematic state at a truth sample, with zero biases.
+/// True state at sample `k`, with zero biases.
 #[must_use]
 pub fn true_state(truth: &Truth<'_>, k: usize) -> NavState {
     let mut state = NavState::at_rest(truth.time_ns[k]);

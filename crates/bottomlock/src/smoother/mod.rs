@@ -1,22 +1,22 @@
-//! The fixed-interval smoother: what the whole log says of each sample, in the form of Bryson and Frazier, modified by Bierman.
+//! The fixed-interval smoother: the estimate of each sample from the whole log, by the Bryson–Frazier form modified by Bierman.
 //!
-//! While the filter runs it leaves a [`Tape`]: the transition composed between updates, what each update used, and state and
-//! covariance at the samples. The backward pass carries an adjoint (λ, Λ) from the last update to the first:
+//! The filter records a [`Tape`]: the transition between updates, the matrices of each update, and state and covariance at the
+//! samples. The backward pass propagates an adjoint (λ, Λ) from the last update to the first:
 //!
 //! - over a transition: λ ← Φᵀλ, Λ ← ΦᵀΛΦ;
 //! - over an update: λ ← (I − K H)ᵀλ − HᵀS⁻¹z, Λ ← (I − K H)ᵀΛ(I − K H) + HᵀS⁻¹H;
 //! - at a sample: x̂ ⊕ (−P λ) and P − P Λ P.
 //!
-//! No covariance is inverted, so frozen states need no care, and process noise does not occur.
+//! No covariance is inverted, so frozen states need no special case, and process noise does not occur.
 //!
 //! # Closed loop
-//! An update feeds its correction back, so the error that the filter carries on is e⁺ = e⁻ − K z of a new nominal state. The
-//! adjoint follows that very error; the correction of a sample refers to the filter's nominal state at the sample and is fed in
-//! once. Nothing has to be added up over the resets.
+//! An update feeds its correction back, so the error after it is e⁺ = e⁻ − K z with respect to a new nominal state. The adjoint
+//! refers to this error. The correction of a sample refers to the filter's nominal state at the sample and is applied once;
+//! corrections are not summed over the updates.
 //!
-//! # Noise that the filter's own error makes
-//! In exact VB (Eq. 26) and in the rows on the motion through the water, n holds errors that the filter carries: n = D δx + D_w δw
-//! + independent. Going back, these are followed like H's own: H + D stands for H, and the further states for six more rows of λ.
+//! # Noise that depends on the error state
+//! In exact VB (Eq. 26) and in the rows on the motion through the water the noise contains errors of the filter's states:
+//! n = D δx + D_w δw + independent noise. The backward pass uses H + D in place of H, and six more rows of λ for the water states.
 //!
 //! # Source
 //! Bierman, Fixed interval smoothing with discrete measurements, Int. J. Control 18 (1973) 65–75.
@@ -28,16 +28,16 @@ use crate::filter::tape::{Step, Tape};
 use crate::layout::DIM;
 use crate::state::{Covariance, ErrorVector, NavState};
 
-/// A sample of the filter with what the whole log says of it.
+/// A smoothed sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Smoothed {
-    /// The estimate from the whole log.
+    /// Estimate from the whole log.
     pub state: NavState,
-    /// Its covariance.
+    /// Covariance of the estimate.
     pub covariance: Covariance,
 }
 
-/// λ and Λ.
+/// The adjoint: λ and Λ.
 #[derive(Debug, Clone)]
 struct Adjoint {
     vector: DVector<f64>,
@@ -52,9 +52,11 @@ impl Adjoint {
         }
     }
 
-    /// The same for more states, of which nothing later has been measured, or for fewer: states that began in between began
-    /// independent of the others, so what was measured of them says nothing of what was before.
-    fn over(self, states: usize) -> Self {
+    /// The adjoint for another number of states.
+    ///
+    /// Added states have no later measurement, so their entries are zero. Removed states started independent of the others, so
+    /// measurements of them carry no information on earlier times.
+    fn resized(self, states: usize) -> Self {
         Self {
             vector: self.vector.resize_vertically(states, 0.0),
             matrix: self.matrix.resize(states, states, 0.0),
@@ -62,7 +64,7 @@ impl Adjoint {
     }
 
     /// λ ← Aᵀλ, Λ ← AᵀΛA.
-    fn through(&self, a: &DMatrix<f64>) -> Self {
+    fn transposed_by(&self, a: &DMatrix<f64>) -> Self {
         let matrix = a.transpose() * &self.matrix * a;
         Self {
             vector: a.transpose() * &self.vector,
@@ -71,29 +73,31 @@ impl Adjoint {
     }
 }
 
-/// Goes back over the tape; the samples come out in their order.
+/// Smooths a tape; samples are returned in order of time.
 ///
-/// After the last update a sample is the filter's own, bit for bit.
+/// Samples after the last update equal the filter's, bit for bit.
 ///
 /// # Errors
-/// [`NavError::NotFinite`] where the transition to a sample cannot be undone: an inertial stream with a gap that leaves nothing
-/// of a state.
+/// [`NavError::NotFinite`] if the transition to a sample cannot be inverted, after a gap in the IMU stream over which a state has
+/// decayed to zero.
 pub fn smooth(tape: Tape) -> Result<Vec<Smoothed>, NavError> {
     let mut adjoint: Option<Adjoint> = None;
     let mut samples = Vec::new();
     for step in tape.steps.into_iter().rev() {
         match step {
-            Step::Carry(phi) => adjoint = adjoint.map(|adjoint| adjoint.over(phi.nrows()).through(&phi)),
+            Step::Transition(phi) => {
+                adjoint = adjoint.map(|adjoint| adjoint.resized(phi.nrows()).transposed_by(&phi));
+            }
             Step::Update {
-                weighted,
+                weighted_innovation,
                 weight,
                 h,
                 gain,
             } => {
                 let states = h.ncols();
-                let later = adjoint.unwrap_or_else(|| Adjoint::zeros(states)).over(states);
-                let mut before = later.through(&(DMatrix::identity(states, states) - gain * &h));
-                before.vector -= h.transpose() * weighted;
+                let later = adjoint.unwrap_or_else(|| Adjoint::zeros(states)).resized(states);
+                let mut before = later.transposed_by(&(DMatrix::identity(states, states) - gain * &h));
+                before.vector -= h.transpose() * weighted_innovation;
                 before.matrix += h.transpose() * weight * &h;
                 adjoint = Some(before);
             }
@@ -109,34 +113,35 @@ pub fn smooth(tape: Tape) -> Result<Vec<Smoothed>, NavError> {
     samples.reverse();
     Ok(samples)
 }
-/// x̂ ⊕ (−P λ) and P − P Λ P, with the adjoint brought forward over `pending`: λ there is Φ⁻ᵀ times λ at the entry before.
+
+/// x̂ ⊕ (−P λ) and P − P Λ P, with the adjoint at the sample: Φ⁻ᵀ λ with λ at the previous entry and Φ = `pending`.
 fn smoothed(
     mut state: NavState,
     covariance: &DMatrix<f64>,
     adjoint: Option<&Adjoint>,
     pending: DMatrix<f64>,
 ) -> Result<Smoothed, NavError> {
-    let own = |p: &DMatrix<f64>| Covariance::from(p.fixed_view::<DIM, DIM>(0, 0));
+    let error_state_block = |p: &DMatrix<f64>| Covariance::from(p.fixed_view::<DIM, DIM>(0, 0));
     let Some(adjoint) = adjoint else {
         return Ok(Smoothed {
             state,
-            covariance: own(covariance),
+            covariance: error_state_block(covariance),
         });
     };
     let (states, time_ns) = (pending.nrows(), state.time_ns);
-    let back = pending.try_inverse().ok_or(NavError::NotFinite {
+    let inverse = pending.try_inverse().ok_or(NavError::NotFinite {
         field: "smoother transition",
         time_ns,
     })?;
-    let here = adjoint.clone().over(states).through(&back);
-    let correction = -(covariance * &here.vector);
-    let p = covariance - covariance * &here.matrix * covariance;
+    let adjoint = adjoint.clone().resized(states).transposed_by(&inverse);
+    let correction = -(covariance * &adjoint.vector);
+    let p = covariance - covariance * &adjoint.matrix * covariance;
     require_finite("smoothed state", time_ns, correction.as_slice())?;
     require_finite("smoothed covariance", time_ns, p.as_slice())?;
     state.inject(&ErrorVector::from_iterator(correction.iter().copied()));
     Ok(Smoothed {
         state,
-        covariance: own(&((&p + p.transpose()) * 0.5)),
+        covariance: error_state_block(&((&p + p.transpose()) * 0.5)),
     })
 }
 

@@ -1,4 +1,4 @@
-//! The backward pass by hand, against a dense batch, and after a filter on a log.
+//! The backward pass by hand, against a dense batch solution, and after a replay.
 
 use super::*;
 use crate::filter::options::Options;
@@ -11,7 +11,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// A tape over a sub-state that sits in the first of the twenty.
+/// A matrix over the first states, embedded in one over all 20.
 fn embedded(m: DMatrix<f64>, rows: usize, columns: usize) -> DMatrix<f64> {
     let mut whole = if rows == DIM && columns == DIM {
         DMatrix::identity(DIM, DIM)
@@ -26,7 +26,7 @@ fn update(z: DVector<f64>, s: &DMatrix<f64>, h: DMatrix<f64>, gain: DMatrix<f64>
     let weight = s.clone().try_inverse().unwrap();
     let m = z.len();
     Step::Update {
-        weighted: &weight * z,
+        weighted_innovation: &weight * z,
         weight,
         h: embedded(h, m, DIM),
         gain: embedded(gain, DIM, m),
@@ -45,17 +45,17 @@ fn sample(x: f64, p: f64) -> Step {
     }
 }
 
-/// A scalar by hand: x₀ ~ N(0, 1), measured 1 with variance 1; walks with variance 1; measured 2 with variance 1/2.
+/// A scalar by hand: x₀ ~ N(0, 1), measured as 1 with variance 1; random walk of variance 1; measured as 2 with variance 1/2.
 ///
-/// Filter: x̂ = 1/2, P = 1/2; P⁻ = 3/2, S = 2, K = 3/4, x̂ = 1/2 + 3/4·3/2 = 13/8, P = 3/8. Batch: of x₀ the second measurement is
-/// one of variance 3/2, so x₀ has information 1 + 1 + 2/3 and mean (1 + 2·2/3)/(8/3) = 7/8, variance 3/8.
+/// Filter: x̂ = 1/2, P = 1/2; P⁻ = 3/2, S = 2, K = 3/4, x̂ = 1/2 + 3/4·3/2 = 13/8, P = 3/8. Batch: for x₀ the second measurement
+/// has variance 3/2, so x₀ has information 1 + 1 + 2/3 and mean (1 + 2·2/3)/(8/3) = 7/8, variance 3/8.
 #[test]
 fn scalar_by_hand() {
     let one = |x: f64| DMatrix::from_element(1, 1, x);
     let mut tape = Tape::default();
     tape.push(update(DVector::from_element(1, 1.0), &one(2.0), one(1.0), one(0.5)));
     tape.push(sample(0.5, 0.5));
-    tape.push(Step::Carry(DMatrix::identity(DIM, DIM)));
+    tape.push(Step::Transition(DMatrix::identity(DIM, DIM)));
     tape.push(update(DVector::from_element(1, 1.5), &one(2.0), one(1.0), one(0.75)));
     tape.push(sample(13.0 / 8.0, 3.0 / 8.0));
     let [first, last] = &smooth(tape).unwrap()[..] else {
@@ -69,8 +69,68 @@ fn scalar_by_hand() {
     );
 }
 
-/// Three states with random dynamics, noise that repeats the filter's own error (n = D δx + …), and samples off the updates: the
-/// same as the joint covariance of the whole history, conditioned on all measurements at once.
+/// The joint distribution of the errors of three states at all steps, before any feedback, and the measurements of them.
+struct History {
+    joint: DMatrix<f64>,
+    rows: DMatrix<f64>,
+    noise: DMatrix<f64>,
+    readings: DVector<f64>,
+}
+
+impl History {
+    fn new(steps: usize, p0: &Matrix3<f64>) -> Self {
+        let states = 3 * (steps + 1);
+        let mut joint = DMatrix::zeros(states, states);
+        joint.view_mut((0, 0), (3, 3)).copy_from(p0);
+        Self {
+            joint,
+            rows: DMatrix::zeros(2 * steps, states),
+            noise: DMatrix::zeros(2 * steps, 2 * steps),
+            readings: DVector::zeros(2 * steps),
+        }
+    }
+
+    fn propagate(&mut self, k: usize, phi: &Matrix3<f64>, q: &Matrix3<f64>) {
+        let (old, new) = (3 * k, 3 * (k + 1));
+        let cross = phi * self.joint.rows(old, 3);
+        self.joint
+            .view_mut((new, 0), (3, new))
+            .copy_from(&cross.columns(0, new));
+        self.joint
+            .view_mut((0, new), (new, 3))
+            .copy_from(&cross.columns(0, new).transpose());
+        let covariance = phi * self.joint.view((old, old), (3, 3)) * phi.transpose() + q;
+        self.joint.view_mut((new, new), (3, 3)).copy_from(&covariance);
+    }
+
+    fn measure(&mut self, k: usize, h: &SMatrix<f64, 2, 3>, r: &SMatrix<f64, 2, 2>, y: &SMatrix<f64, 2, 1>) {
+        self.rows.view_mut((2 * k, 3 * (k + 1)), (2, 3)).copy_from(h);
+        self.noise.view_mut((2 * k, 2 * k), (2, 2)).copy_from(r);
+        self.readings.rows_mut(2 * k, 2).copy_from(y);
+    }
+
+    /// Mean and covariance conditioned on all measurements.
+    fn conditioned(&self) -> (DVector<f64>, DMatrix<f64>) {
+        let s = &self.rows * &self.joint * self.rows.transpose() + &self.noise;
+        let gain = &self.joint * self.rows.transpose() * s.try_inverse().unwrap();
+        (&gain * &self.readings, &self.joint - &gain * &self.rows * &self.joint)
+    }
+}
+
+fn sample_of_three(x: &Vector3<f64>, p: &Matrix3<f64>) -> Step {
+    let mut state = NavState::at_rest(0);
+    state.position_t_m.0 = *x;
+    let mut covariance = DMatrix::zeros(DIM, DIM);
+    covariance.view_mut((0, 0), (3, 3)).copy_from(p);
+    Step::Sample {
+        pending: DMatrix::identity(DIM, DIM),
+        state: Box::new(state),
+        covariance,
+    }
+}
+
+/// Three states with random dynamics and noise that depends on the error state (n = D δx + …): smoothed samples are the joint
+/// distribution of the whole history, conditioned on all measurements at once.
 #[test]
 fn dense_batch_with_correlated_noise() {
     let mut rng = ChaCha8Rng::seed_from_u64(20260404);
@@ -79,50 +139,24 @@ fn dense_batch_with_correlated_noise() {
         let steps = 6;
         let mut tape = Tape::default();
         let p0 = Matrix3::identity() * 2.0;
-        // History: errors of the nominal state at 0, 1, … before any feedback; the joint covariance of all of them.
-        let mut joint = DMatrix::zeros(3 * (steps + 1), 3 * (steps + 1));
-        joint.view_mut((0, 0), (3, 3)).copy_from(&p0);
-        let mut rows = DMatrix::zeros(2 * steps, 3 * (steps + 1));
-        let mut noise = DMatrix::zeros(2 * steps, 2 * steps);
-        let mut readings = DVector::zeros(2 * steps);
+        let mut history = History::new(steps, &p0);
         let (mut x, mut p) = (Vector3::zeros(), p0);
-        let put = |tape: &mut Tape, x: &Vector3<f64>, p: &Matrix3<f64>| {
-            let mut state = NavState::at_rest(0);
-            state.position_t_m.0 = *x;
-            let mut covariance = DMatrix::zeros(DIM, DIM);
-            covariance.view_mut((0, 0), (3, 3)).copy_from(p);
-            tape.push(Step::Sample {
-                pending: DMatrix::identity(DIM, DIM),
-                state: Box::new(state),
-                covariance,
-            });
-        };
-        put(&mut tape, &x, &p);
+        tape.push(sample_of_three(&x, &p));
         for k in 0..steps {
             let phi = Matrix3::identity() + Matrix3::from_fn(|_, _| 0.3 * normal());
             let root = Matrix3::from_fn(|_, _| 0.2 * normal());
             let q = root * root.transpose();
-            let (old, new) = (3 * k, 3 * (k + 1));
-            let carried = phi * joint.rows(old, 3);
-            joint.view_mut((new, 0), (3, new)).copy_from(&carried.columns(0, new));
-            joint
-                .view_mut((0, new), (new, 3))
-                .copy_from(&carried.columns(0, new).transpose());
-            let own = phi * joint.view((old, old), (3, 3)) * phi.transpose() + q;
-            joint.view_mut((new, new), (3, 3)).copy_from(&own);
-
+            history.propagate(k, &phi, &q);
             let h = SMatrix::<f64, 2, 3>::from_fn(|_, _| normal());
             let d = SMatrix::<f64, 2, 3>::from_fn(|_, _| 0.3 * normal());
             let r = SMatrix::<f64, 2, 2>::from_diagonal_element(0.4);
             let y = SMatrix::<f64, 2, 1>::from_fn(|_, _| normal());
-            rows.view_mut((2 * k, new), (2, 3)).copy_from(&(h + d));
-            noise.view_mut((2 * k, 2 * k), (2, 2)).copy_from(&r);
-            readings.rows_mut(2 * k, 2).copy_from(&y);
+            history.measure(k, &(h + d), &r, &y);
 
-            // The filter as it knows such noise: C = P Dᵀ, and the independent part in R. The reading repeats x̂ through D too.
+            // The filter with such noise: C = P Dᵀ, and the independent noise in R. The reading depends on x̂ through D too.
             p = phi * p * phi.transpose() + q;
             x = phi * x;
-            tape.push(Step::Carry(embedded(
+            tape.push(Step::Transition(embedded(
                 DMatrix::from_fn(3, 3, |i, j| phi[(i, j)]),
                 DIM,
                 DIM,
@@ -139,12 +173,9 @@ fn dense_batch_with_correlated_noise() {
                 DMatrix::from_fn(2, 3, |i, j| (h + d)[(i, j)]),
                 DMatrix::from_fn(3, 2, |i, j| gain[(i, j)]),
             ));
-            put(&mut tape, &x, &p);
+            tape.push(sample_of_three(&x, &p));
         }
-        let s = &rows * &joint * rows.transpose() + &noise;
-        let gain = &joint * rows.transpose() * s.try_inverse().unwrap();
-        let mean = &gain * &readings;
-        let covariance = &joint - &gain * &rows * &joint;
+        let (mean, covariance) = history.conditioned();
         for (k, smoothed) in smooth(tape).unwrap().iter().enumerate() {
             for i in 0..3 {
                 assert!((smoothed.state.position_t_m.0[i] - mean[3 * k + i]).abs() < 1e-11);
@@ -157,7 +188,7 @@ fn dense_batch_with_correlated_noise() {
 }
 
 fn least_eigenvalue(p: &Covariance) -> f64 {
-    // Scaled to what each state may be off by, so that metres do not hide radians per second.
+    // Scaled by the size of each state, so that states of different units are comparable.
     let scale = [
         1.0, 1.0, 1.0, 1e-2, 1e-2, 1e-2, 0.05, 0.05, 0.05, 5e-3, 5e-3, 5e-3, 1e-5, 1e-5, 1e-5, 5e-3, 5e-3, 5e-3, 5e-3,
         7e-3,
@@ -167,10 +198,10 @@ fn least_eigenvalue(p: &Covariance) -> f64 {
         .min()
 }
 
-/// For every method that has a smoother, wherever the samples lie: no larger than the filter's covariance (Loewner), not negative,
-/// and the filter's own after the last update; and the forward pass does not feel that it is recorded.
+/// For every method with a smoother the smoothed covariance is at most that of the filter (Loewner order), positive, and equal
+/// after the last update; recording does not change the filter.
 #[test]
-fn smoothed_is_no_less_sure_than_filtered() {
+fn smoothed_covariance_is_at_most_the_filtered_one() {
     let recording = steady_turn(12);
     for covariance_period_ns in [0, 100_000_000] {
         for estimate_dvl in [true, false] {
@@ -215,11 +246,11 @@ fn smoothed_is_no_less_sure_than_filtered() {
     }
 }
 
-/// TC, the information form and exact VB are one filter, and one smoother.
+/// TC, the information form and exact VB have the same smoothed estimates.
 #[test]
-fn three_names_for_one_smoother() {
+fn equivalent_methods_have_equal_smoothers() {
     let mut recording = steady_turn(12);
-    // Readings off by what a beam is off by, so that there is something to correct.
+    // Beam errors of a realistic size, so that updates correct something.
     for (k, ping) in recording.pings.iter_mut().enumerate() {
         (0..4).for_each(|beam| ping.velocity_mps[beam] += 0.02 * ((7 * k + 3 * beam) as f64).sin());
         ping.valid = [0, 1].into_iter().collect();
@@ -244,16 +275,16 @@ fn three_names_for_one_smoother() {
     }
 }
 
-/// The selector between filters has none.
+/// A method that selects among filters cannot be smoothed.
 #[test]
-fn a_choice_is_refused() {
+fn a_selector_is_rejected() {
     let recording = steady_turn(2);
     let options = Options::default();
     let mut request = recording.replay(&options, &[0]);
     request.smooth = true;
     let error = replay(&request, 1).unwrap_err().to_string();
     assert!(
-        error.starts_with("method consistent: a choice between filters has no smoother"),
+        error.starts_with("method consistent: a method that selects among filters cannot be smoothed"),
         "{error}"
     );
 }
