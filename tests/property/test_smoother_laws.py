@@ -211,5 +211,7 @@ def test_laws_of_the_smoother(method: str, period_ns: int, seed: int, every: int
 def test_the_selector_cannot_be_smoothed() -> None:
     """A method that selects among filters has no smoother; the message names the methods to smooth in its place."""
     log, start = make_log(np.random.default_rng(1), steps=10, every=4)
-    with pytest.raises(bottomlock.KernelError, match=r"method consistent: .*cannot be smoothed.*tc, weak_sway"):
+    with pytest.raises(
+        bottomlock.KernelError, match=r"method consistent: .*cannot be smoothed.*tc, weak_sway"
+    ):
         replayed(log, start, ["consistent"])
