@@ -257,7 +257,7 @@ def test_refusals_name_what_is_wrong(eight: Truth) -> None:
         observe(eight, JANUS, [Aiding(beams=(1, 1))])
     with pytest.raises(KernelError, match=r"scale: got 3, expected 20"):
         observe(eight, JANUS, [ALL], scale=[1.0, 1.0, 1.0])
-    with pytest.raises(KernelError, match="the 2015 model takes velocity and depth alone"):
+    with pytest.raises(KernelError, match="the 2015 model has velocity and depth aiding only"):
         observe(eight, JANUS, [ALL], kind="paper")
     with pytest.raises(KernelError, match="kind is 'theirs'"):
         observe(eight, JANUS, [ALL], kind="theirs")  # type: ignore[arg-type]

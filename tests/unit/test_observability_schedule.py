@@ -246,5 +246,5 @@ def test_schedules_that_the_kernel_refuses(eight: Truth) -> None:
     falling = Schedule(silent.time_ns[::-1].copy(), silent.beams, silent.others)
     with pytest.raises(KernelError, match="schedule"):
         observe(eight, JANUS, [Aiding(beams=(1,))], schedule=falling)
-    with pytest.raises(KernelError, match="the 2015 model is measured at a period alone"):
+    with pytest.raises(KernelError, match="the 2015 model has periodic epochs only"):
         observe(eight, JANUS, [Aiding(velocity=True)], kind="paper", schedule=silent)

@@ -17,7 +17,8 @@ pub struct Array<T> {
 
 /// Rows of a fixed width under leading axes.
 ///
-/// A contiguous array of the right type is read without a copy. It must not be written to while it is read without the GIL.
+/// A contiguous array of the right type is read without a copy. It must not be written to while it is read without the
+/// GIL.
 pub struct Rows<'py, const N: usize>(PyReadonlyArrayDyn<'py, f64>);
 
 impl<'py, const N: usize> Rows<'py, N> {

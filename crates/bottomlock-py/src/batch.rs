@@ -26,9 +26,9 @@ use crate::truth::Truths;
 
 /// Draws every sensor stream of one run as arrays, with the true errors behind them.
 ///
-/// The streams are keyed by (seed, trajectory_key, run): run k alone is run k of a campaign, and a sensor that is switched off
-/// shifts no other. `options` are a filter's, of which the lever arms count. Raises KernelError for a truth, a model or a schedule
-/// that makes no sense, naming the field and the time.
+/// The streams are keyed by (seed, trajectory_key, run): run k alone is run k of a campaign, and a sensor that is
+/// switched off shifts no other. `options` are a filter's, of which the lever arms count. Raises KernelError for a
+/// truth, a model or a schedule that makes no sense, naming the field and the time.
 #[pyfunction]
 #[pyo3(signature = (geometry, truth, model, schedule, *, seed, trajectory_key, run, imu_sampling="instantaneous",
     options=None))]
@@ -185,13 +185,13 @@ pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> P
 ///   misalignment (tangent, rad) and velocity (platform, m/s);
 /// - nees, nees_velocity_attitude (runs, methods, samples);
 /// - nis_mean (NaN without fixes), fixes_accepted, fixes_rejected (runs, methods);
-/// - final_bias_error, final_bias_sd (runs, methods, 6): accelerometer biases (platform, m/s²) and gyro biases (platform, rad/s) at
-///   the last sample, NaN without samples;
-/// - choice (runs, methods, pings, 3): for methods that select, the codes of `SOURCES` for surge, sway and heave, or the codes of
-///   `SELECTOR_METHODS` and `SELECTION_REASONS`; 255 elsewhere.
+/// - final_bias_error, final_bias_sd (runs, methods, 6): accelerometer biases (platform, m/s²) and gyro biases
+///   (platform, rad/s) at the last sample, NaN without samples;
+/// - choice (runs, methods, pings, 3): for methods that select, the codes of `SOURCES` for surge, sway and heave, or
+///   the codes of `SELECTOR_METHODS` and `SELECTION_REASONS`; 255 elsewhere.
 ///
-/// The GIL is released meanwhile; the arrays of the truth must not be written to. Raises KernelError, which names the field, or
-/// the run and the method.
+/// The GIL is released meanwhile; the arrays of the truth must not be written to. Raises KernelError, which names the
+/// field, or the run and the method.
 #[pyfunction]
 #[pyo3(signature = (geometry, truth, simulated, assumed, options, schedule, methods, *, seed, trajectory_key, first_run, runs,
     threads))]

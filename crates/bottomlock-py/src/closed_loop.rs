@@ -17,8 +17,8 @@ use crate::truth::Truths;
 
 /// Closed-loop simulation: the caller steers each vehicle on its estimate and passes the truth that results.
 ///
-/// The sensor errors of run k are those of run k of a campaign. The truth of a campaign, in segments of any length, gives the
-/// results of the campaign, bit for bit.
+/// The sensor errors of run k are those of run k of a campaign. The truth of a campaign, in segments of any length,
+/// gives the results of the campaign, bit for bit.
 ///
 /// Args:
 ///     geometry: beam geometry.
@@ -26,8 +26,8 @@ use crate::truth::Truths;
 ///     options: filter options (`Scenario.kernel_options`).
 ///     methods: aiding methods.
 ///     start: true state at the start: time_ns, position_t_m (n, 3), attitude_t_p (n, 4), velocity_p_mps (n, 3).
-///     vehicle_per_method: false for one vehicle per run with all methods; true for one vehicle per run and method, in the order
-///         of runs and, within a run, of methods.
+///     vehicle_per_method: false for one vehicle per run with all methods; true for one vehicle per run and method, in
+///         the order of runs and, within a run, of methods.
 ///     seed, trajectory_key, first_run: key of the random numbers.
 ///     threads: number of threads, 0 for one per core; the results do not depend on it, bit for bit.
 ///
@@ -103,12 +103,12 @@ impl ClosedLoop {
         })
     }
 
-    /// Runs every vehicle along the truth since the last call: arrays (n, samples, ·), whose first sample is the last of the call
-    /// before.
+    /// Runs every vehicle along the truth since the last call: arrays (n, samples, ·), whose first sample is the last
+    /// of the call before.
     ///
-    /// `schedule` is that of `run_batch`, with the epochs after the first sample (in the first call: at or after it); beam_valid,
-    /// depth_offset_m, yaw_offset_rad and gps_heard may have a leading axis of vehicles. Raises KernelError, which names run and
-    /// method.
+    /// `schedule` is that of `run_batch`, with the epochs after the first sample (in the first call: at or after it);
+    /// beam_valid, depth_offset_m, yaw_offset_rad and gps_heard may have a leading axis of vehicles. Raises
+    /// KernelError, which names run and method.
     fn advance(&mut self, py: Python<'_>, truth: &Bound<'_, PyDict>, schedule: &Bound<'_, PyDict>) -> PyResult<()> {
         let truths = Truths::of_runs(truth, self.vehicles)?;
         let schedule = crate::schedule::schedule(schedule, self.beams, self.vehicles)?;
@@ -127,7 +127,8 @@ impl ClosedLoop {
         Ok(())
     }
 
-    /// Estimate of a method (by its index on a vehicle): position_t_m (n, 3), attitude_t_p (n, 4), velocity_p_mps (n, 3).
+    /// Estimate of a method (by its index on a vehicle): position_t_m (n, 3), attitude_t_p (n, 4) and velocity_p_mps
+    /// (n, 3).
     ///
     /// Raises KernelError for an index without a method.
     #[pyo3(signature = (method=0))]

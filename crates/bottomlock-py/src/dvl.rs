@@ -19,7 +19,8 @@ use crate::errors::{raise, refuse};
 ///     sound_speed_scale: ratio of assumed to true sound speed.
 ///
 /// Raises:
-///     KernelError: for a wrong shape, no beam or more than 8, or a direction that is not a unit vector, naming the beam.
+///     KernelError: for a wrong shape, no beam or more than 8, or a direction that is not a unit vector, naming the
+///         beam.
 ///
 /// Source: Tal et al. 2017, Eqs. 12-16.
 #[pyclass(frozen, module = "bottomlock._kernel")]
@@ -72,8 +73,8 @@ impl BeamGeometry {
         finish(geometry, lever_arms_p_m, mounting_rpy_rad, sound_speed_scale)
     }
 
-    /// Four beams of equal tilt from the vertical, rad: "x" at azimuths 45, 135, 225, 315 deg, "+" at 0, 90, 180, 270 deg
-    /// (Eqs. 13 and 14).
+    /// Four beams of equal tilt from the vertical, rad: "x" at azimuths 45, 135, 225, 315 deg, "+" at 0, 90, 180, 270
+    /// deg (Eqs. 13 and 14).
     #[staticmethod]
     #[pyo3(signature = (tilt_rad, *, configuration="x", lever_arms_p_m=None, mounting_rpy_rad=None, sound_speed_scale=1.0))]
     fn janus(
@@ -148,7 +149,8 @@ impl BeamGeometry {
     ///
     /// Args:
     ///     velocity_p_mps: (n, 3) velocity over ground, platform frame, m/s.
-    ///     rate_tp_p_radps: (n, 3) angular rate relative to the tangent frame, rad/s, for the lever arms; zero by default.
+    ///     rate_tp_p_radps: (n, 3) angular rate relative to the tangent frame, rad/s, for the lever arms; zero by
+    ///         default.
     ///     beam_bias_mps: (beams,) bias of each beam, m/s; zero by default.
     ///     scale_factor: scale factor error.
     #[pyo3(signature = (velocity_p_mps, *, rate_tp_p_radps=None, beam_bias_mps=None, scale_factor=0.0))]

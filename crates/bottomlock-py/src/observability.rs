@@ -1,4 +1,4 @@
-//! Observability of a window and covariance analysis along a truth.
+//! Observability of a window, and covariance analysis along a truth.
 
 use bottomlock::aiding::registry::{Sensor, reports};
 use bottomlock::observability::history;
@@ -19,7 +19,7 @@ use crate::errors::{raise, refuse};
 use crate::settings;
 use crate::truth::Truths;
 
-/// A linear model of the errors.
+/// A linear error model.
 enum Kind {
     Filter { estimate_dvl: bool },
     Paper(Sign),
@@ -39,7 +39,8 @@ impl Kind {
     }
 }
 
-/// Beams, a flag for each of `SENSORS` and lever arms; a sensor that is not named is not in the set.
+/// An aiding set from beams, a flag for each of `SENSORS`, and lever arms; sensors that are not named are not in the
+/// set.
 fn aiding(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Aiding> {
     let flag = |sensor: Sensor| -> PyResult<bool> {
         let key = sensor.name();
@@ -61,8 +62,8 @@ fn aiding(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Aiding> {
     })
 }
 
-/// What is heard at each epoch of a schedule: time_ns (e,), beams (e, n) and a column (e,) for each other sensor that is heard.
-fn heard(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Vec<(i64, Aiding)>> {
+/// The aiding set at each epoch of a schedule: time_ns (e,), beams (e, n), and a column (e,) for each other sensor.
+fn scheduled_sets(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Vec<(i64, Aiding)>> {
     let times = times("schedule.time_ns", &item(dict, "schedule", "time_ns")?)?;
     let count = Some(times.len());
     let masks = booleans(
@@ -81,7 +82,7 @@ fn heard(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Vec<(i64, Aiding)>>
         }
     }
     let at = |(k, &time_ns): (usize, &i64)| {
-        let sensors = columns.iter().filter(|(_, heard)| heard[k]);
+        let sensors = columns.iter().filter(|(_, measures)| measures[k]);
         let set = Aiding {
             beams: settings::mask(&masks.values[k * beams..(k + 1) * beams]),
             sensors: sensors.map(|(sensor, _)| *sensor).collect(),
@@ -92,15 +93,17 @@ fn heard(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Vec<(i64, Aiding)>>
     Ok(times.iter().enumerate().map(at).collect())
 }
 
-/// A schedule or, without one, a period; the 2015 model knows the period alone.
+/// The epochs of a schedule, if one is given; the 2015 model has periodic epochs only.
 fn schedule(given: Option<&Bound<'_, PyDict>>, beams: usize, kind: &Kind) -> PyResult<Option<Vec<(i64, Aiding)>>> {
     if given.is_some() && matches!(kind, Kind::Paper(_)) {
-        return Err(refuse("schedule: the 2015 model is measured at a period alone"));
+        return Err(refuse(
+            "schedule: the 2015 model has periodic epochs only, expected period_ns in its place",
+        ));
     }
-    given.map(|dict| heard(dict, beams)).transpose()
+    given.map(|dict| scheduled_sets(dict, beams)).transpose()
 }
 
-/// The paper's model has a DVL and a pressure sensor and no other.
+/// The sensors of the 2015 model, which has a DVL and a depth sensor only.
 fn paper_sensors(aiding: &Aiding, sign: Sign) -> PyResult<Sensors> {
     let (velocity, depth) = (
         aiding.sensors.contains(Sensor::Velocity),
@@ -115,7 +118,9 @@ fn paper_sensors(aiding: &Aiding, sign: Sign) -> PyResult<Sensors> {
         ..Aiding::default()
     };
     if *aiding != known {
-        return Err(refuse("aiding: the 2015 model takes velocity and depth alone"));
+        return Err(refuse(
+            "aiding: the 2015 model has velocity and depth aiding only, expected no other sensor",
+        ));
     }
     Ok(Sensors {
         velocity: velocity.then_some(sign),
@@ -129,12 +134,16 @@ fn matrix<'py>(py: Python<'py>, m: &DMatrix<f64>) -> PyResult<Bound<'py, PyArray
 
 /// Rank, gap and unobservable subspace of a window for each aiding set.
 ///
-/// Each result has states, rank, decided, gap, widest_step, singular_values (n,), noise_floor, basis (k, n) in SI with its pivots (k,), unobservable_fraction
-/// (n,), scales (n,), gramian (n, n) of 2015, Eq. (1), rows (m, n) and epoch_time_ns; with `per_epoch` also epoch_rank and epoch_gap
-/// of the window that ends at each epoch. Raises KernelError for an empty aiding set, a window of one epoch, a motion with NaN.
+/// Each result is a dict:
 ///
-/// `schedule` (time_ns (e,), beams (e, n) and columns (e,) velocity, depth, attitude, heading, gps_position, gps_velocity) says at
-/// which times which sensors of a set are heard, in place of the period.
+/// - states, rank, decided, gap, widest_step, singular_values (n,), noise_floor;
+/// - basis (k, n) of the unobservable subspace, SI, with its pivots (k,); unobservable_fraction (n,); scales (n,);
+/// - gramian (n, n) of 2015, Eq. (1), rows (m, n) and epoch_time_ns (e,);
+/// - with `per_epoch`, epoch_rank, epoch_gap and epoch_decided (e,) of the windows that end at each epoch.
+///
+/// `schedule` (time_ns (e,), beams (e, n) and a column (e,) per sensor) selects the sensors of a set at each epoch, in
+/// place of the period. Raises KernelError for an empty aiding set, a window of fewer than two epochs, or a motion that
+/// is not finite.
 #[pyfunction]
 #[pyo3(signature = (
     geometry, truth, model, aidings, *, kind="full", period_ns=1_000_000_000, schedule=None, scale=None, per_epoch=false
@@ -153,8 +162,8 @@ pub fn observe<'py>(
 ) -> PyResult<Bound<'py, PyList>> {
     let (truths, model, kind) = (Truths::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
     let truth = truths.of(0)?;
-    let heard = self::schedule(schedule, geometry.inner.beams(), &kind)?;
-    let epochs = heard.as_deref().map_or(Epochs::Every(period_ns), Epochs::Scheduled);
+    let scheduled = self::schedule(schedule, geometry.inner.beams(), &kind)?;
+    let epochs = scheduled.as_deref().map_or(Epochs::Every(period_ns), Epochs::Scheduled);
     let sets = aidings
         .iter()
         .map(|dict| aiding(dict, geometry.inner.beams()))
@@ -170,7 +179,7 @@ pub fn observe<'py>(
             .collect::<PyResult<Vec<_>>>()?,
         Kind::Filter { .. } => Vec::new(),
     };
-    let judged = py
+    let analysed = py
         .detach(|| {
             let systems = match kind {
                 Kind::Filter { estimate_dvl } => {
@@ -196,7 +205,7 @@ pub fn observe<'py>(
         })
         .map_err(raise)?;
     let out = PyList::empty(py);
-    for (system, whole, parts) in &judged {
+    for (system, whole, parts) in &analysed {
         out.append(result(py, system, whole, parts)?)?;
     }
     Ok(out)
@@ -230,7 +239,7 @@ fn result<'py>(
     let times = system.epochs.iter().map(|epoch| epoch.time_ns).collect();
     out.set_item("epoch_time_ns", counts(times)?)?;
     if !parts.is_empty() {
-        // One epoch is no window: its rank is not told.
+        // The first epoch alone is no window and has no rank.
         let padded =
             std::iter::once((-1, f64::NAN, false)).chain(parts.iter().map(|p| (p.rank as i64, p.gap, p.decided)));
         let padded: Vec<_> = padded.collect();
@@ -242,10 +251,11 @@ fn result<'py>(
     Ok(out)
 }
 
-/// Covariances that a filter would claim along a truth, by covariance analysis: time_ns (e,), covariance (e, n, n), states.
+/// Covariance analysis along a truth: time_ns (e,), covariance (e, n, n), SI, after the update of each epoch, and
+/// states.
 ///
-/// `kind` as for `observe`; "full" and "inertial" are the filter itself (20 states, the DVL's frozen in "inertial"). Raises KernelError
-/// as `observe` does.
+/// `kind` as for `observe`; "full" is the filter with 20 states, "inertial" the filter with frozen DVL states. Raises
+/// KernelError as `observe` does.
 #[pyfunction]
 #[pyo3(signature = (geometry, truth, model, aiding, *, kind="full", period_ns=1_000_000_000, schedule=None))]
 pub fn covariance_history<'py>(
@@ -260,8 +270,8 @@ pub fn covariance_history<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let (truths, model, kind) = (Truths::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
     let truth = truths.of(0)?;
-    let heard = self::schedule(schedule, geometry.inner.beams(), &kind)?;
-    let epochs = heard.as_deref().map_or(Epochs::Every(period_ns), Epochs::Scheduled);
+    let scheduled = self::schedule(schedule, geometry.inner.beams(), &kind)?;
+    let epochs = scheduled.as_deref().map_or(Epochs::Every(period_ns), Epochs::Scheduled);
     let set = self::aiding(aiding, geometry.inner.beams())?;
     let sensors = match kind {
         Kind::Paper(sign) => Some(paper_sensors(&set, sign)?),
@@ -283,7 +293,7 @@ pub fn covariance_history<'py>(
     let epochs = history.time_ns.len();
     out.set_item("states", names)?;
     out.set_item("time_ns", array(py, history.time_ns, &[epochs])?)?;
-    // Covariances are symmetric: columns are rows.
+    // A symmetric matrix is the same by rows and by columns.
     let values = history.covariance.iter().flat_map(|p| p.as_slice().to_vec()).collect();
     out.set_item("covariance", array::<f64>(py, values, &[epochs, states, states])?)?;
     Ok(out)

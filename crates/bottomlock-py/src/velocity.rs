@@ -154,8 +154,7 @@ impl Columns {
 ///     prior_velocity_p_mps, prior_cov_m2ps2: (n, 3) and (n, 3, 3) prior velocity, platform frame, and its covariance.
 ///     rate_tp_p_radps: (n, 3) angular rate relative to the tangent frame, platform frame, rad/s, for the lever arms.
 ///     virtual_beam_factor: n_f of Eq. 28.
-///     nullified_sway_var_m2ps2: ε of Eq. 36, (m/s)².
-///     weak_sway_var_m2ps2: variance of the weak sway row, (m/s)².
+///     nullified_sway_var_m2ps2: ε of Eq. 36, (m/s)². weak_sway_var_m2ps2: variance of the weak sway row, (m/s)².
 ///
 /// Raises:
 ///     KernelError: for a wrong shape, a valid beam that is not finite or an invalid prior, naming the row.

@@ -8,8 +8,8 @@ pub const EARTH_RATE_RADPS: f64 = 7.292_115e-5;
 
 /// Increase of gravity with depth in sea water, 1/s².
 ///
-/// Free-air gradient 3.086e-6 less 4πGρ = 8.6e-7 for water of 1025 kg/m³ above the point (Poisson's equation; Turcotte &
-/// Schubert, *Geodynamics*, sect. 5).
+/// Free-air gradient 3.086e-6 less 4πGρ = 8.6e-7 for water of 1025 kg/m³ above the point (Poisson's equation; Turcotte
+/// & Schubert, *Geodynamics*, sect. 5).
 pub const GRAVITY_DEPTH_GRADIENT_PS2: f64 = 2.226e-6;
 
 /// Normal gravity at a geodetic latitude, rad, and a depth below the ellipsoid, m, in m/s².

@@ -149,7 +149,8 @@ impl<To, From> Rot<To, From> {
     pub fn to_quaternion_wxyz(self) -> [f64; 4] {
         [self.0.w, self.0.i, self.0.j, self.0.k]
     }
-    /// A rotation from Euler angles, rad, z-y-x: by yaw about z, then by pitch about the new y, then by roll about the new x.
+    /// A rotation from Euler angles, rad, z-y-x: by yaw about z, then by pitch about the new y, then by roll about the
+    /// new x.
     #[must_use]
     pub fn from_euler_rad(roll: f64, pitch: f64, yaw: f64) -> Self {
         Self(UnitQuaternion::from_euler_angles(roll, pitch, yaw), PhantomData)

@@ -1,13 +1,14 @@
 //! Aided inertial navigation with partial Doppler velocity log (DVL) measurements.
 //!
 //! # Frames, units, signs
-//! The tangent frame (`_t`) is north–east–down and fixed to the Earth. The platform frame (`_p`) is forward–right–down and fixed
-//! to the vehicle. `attitude_t_p` maps platform vectors to the tangent frame. Units are SI, angles are radians, time is integer
-//! nanoseconds. The error state is true minus estimate (Eq. 1), with R = Exp([ρ×]) R̂ for the attitude.
+//! The tangent frame (`_t`) is north–east–down and fixed to the Earth. The platform frame (`_p`) is forward–right–down
+//! and fixed to the vehicle. `attitude_t_p` maps platform vectors to the tangent frame. Units are SI, angles are
+//! radians, time is integer nanoseconds. The error state is true minus estimate (Eq. 1), with R = Exp([ρ×]) R̂ for the
+//! attitude.
 //!
 //! # Order of the error state
-//! Position (tangent), misalignment ρ (tangent), velocity (platform), accelerometer bias, gyro bias, four beam biases, scale
-//! factor: 20 states; see [`layout`]. The method with a model of the motion through the water has six more; see
+//! Position (tangent), misalignment ρ (tangent), velocity (platform), accelerometer bias, gyro bias, four beam biases,
+//! scale factor: 20 states; see [`layout`]. The method with a model of the motion through the water has six more; see
 //! [`aiding::water`].
 //!
 //! # Equations of Tal, Klein & Katz 2017

@@ -34,7 +34,8 @@ impl Workers {
         self.pool.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
     }
 
-    /// Calls `work` on every item; results keep the order of the items, and of several errors the first item's is returned.
+    /// Calls `work` on every item; results keep the order of the items, and of several errors the first item's is
+    /// returned.
     ///
     /// # Errors
     /// As `work`.

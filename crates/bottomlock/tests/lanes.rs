@@ -25,7 +25,8 @@ fn filter(k: usize, options: &Options) -> Eskf {
     Eskf::new(start, &Model::table_2(), options).unwrap().with_water(water)
 }
 
-/// Readings of filter k. Every fifth filter spins fast, so that its rotation does not converge in the series of the others.
+/// Readings of filter k. Every fifth filter spins fast, so that its rotation does not converge in the series of the
+/// others.
 fn stream(k: usize, from: usize, to: usize) -> Vec<ImuSample> {
     let spin = if k % 5 == 4 { 180.0 } else { 0.2 };
     let sample = |at: usize| ImuSample {
@@ -63,8 +64,8 @@ fn alone(mut filter: Eskf, samples: &[ImuSample]) -> Eskf {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Any number of filters and segments, both IMU samplings, and any covariance interval, with filters that start one step later
-    /// and whose covariance is therefore propagated at other times.
+    /// Any number of filters and segments, both IMU samplings, and any covariance interval, with filters that start one
+    /// step later and whose covariance is therefore propagated at other times.
     #[test]
     fn filters_in_lanes_equal_filters_alone(
         count in 1_usize..20,

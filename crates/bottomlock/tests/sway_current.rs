@@ -164,8 +164,8 @@ fn a_rejected_assumption_changes_nothing() {
     }
 }
 
-/// On a straight leg two beams cannot tell a current from a drift, so a wrong assumption of no current stays undetected. When all
-/// beams return and contradict it, the constrained filter is restarted and agrees with the beams.
+/// On a straight leg two beams cannot tell a current from a drift, so a wrong assumption of no current stays
+/// undetected. When all beams return and contradict it, the constrained filter is restarted and agrees with the beams.
 #[test]
 fn a_contradicted_assumption_is_restarted() {
     let none = WaterPrior {
@@ -230,8 +230,8 @@ prop_compose! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
-    /// For any prior and any beams each ping has the report of tight coupling, bit for bit, so an assumption cannot make the gate
-    /// reject beams; all numbers stay finite.
+    /// For any prior and any beams each ping has the report of tight coupling, bit for bit, so an assumption cannot
+    /// make the gate reject beams; all numbers stay finite.
     #[test]
     fn assumptions_do_not_change_beam_reports(prior in prior(), track in track()) {
         let options = with_prior(prior);

@@ -1,8 +1,9 @@
 //! Theorems of partial-beam aiding, over random priors, geometries of three to five beams and all masks.
 //!
-//! With m beams of rank m: TC = VB with the exact cross-covariance = information form through its principal axes = information
-//! form through the full covariance. With redundant beams the same holds for a filter without DVL states. With DVL states the
-//! closure row of a fourth beam gives tight coupling information on the beam biases that a velocity does not contain.
+//! With m beams of rank m: TC = VB with the exact cross-covariance = information form through its principal axes =
+//! information form through the full covariance. With redundant beams the same holds for a filter without DVL states.
+//! With DVL states the closure row of a fourth beam gives tight coupling information on the beam biases that a velocity
+//! does not contain.
 
 // Helpers outside `#[test]` functions panic on failure too.
 #![allow(clippy::unwrap_used)]
@@ -160,7 +161,8 @@ fn gap(one: &(NavState, Covariance, f64), two: &(NavState, Covariance, f64)) -> 
     worst
 }
 
-/// Number of independent beams, or `None` for a mask whose beams nearly lie in a plane or on a line, where rounding dominates.
+/// Number of independent beams, or `None` for a mask whose beams nearly lie in a plane or on a line, where rounding
+/// dominates.
 ///
 /// The bound of 30 on the condition number includes every real instrument (three beams at 20° have 3.9).
 fn rank(case: &Case) -> Option<usize> {

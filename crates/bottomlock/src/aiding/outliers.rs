@@ -3,7 +3,7 @@
 //! Everything is done to a ping before a method makes anything of it: a beam that is taken out is lost, a beam that is weighted has
 //! a larger standard deviation. So every way of aiding is robust in the same way, and tight coupling, information form and exact
 //! virtual beam stay one filter. All tests stand on the filter's own innovation covariance S = H P Hᵀ + R of the beam rows, which
-//! holds what is known of beam biases and lever methods.
+//! holds what is known of beam biases and lever arms.
 //!
 //! # Gates
 //! - Closure: redundant beams contradict each other whatever the velocity is. With N a basis of the left null space of the beam

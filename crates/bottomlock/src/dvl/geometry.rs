@@ -85,7 +85,8 @@ impl BeamGeometry {
     /// A geometry from unit vectors in the DVL frame.
     ///
     /// # Errors
-    /// [`NavError::WrongCount`] for 0 or more than [`MAX_BEAMS`] beams, [`NavError::NotUnit`] for a vector whose length is not 1.
+    /// [`NavError::WrongCount`] for 0 or more than [`MAX_BEAMS`] beams, [`NavError::NotUnit`] for a vector whose length
+    /// is not 1.
     pub fn from_directions(directions_d: &[Vec3<Dvl>]) -> Result<Self, NavError> {
         if directions_d.is_empty() || directions_d.len() > MAX_BEAMS {
             return Err(NavError::WrongCount {
@@ -107,8 +108,8 @@ impl BeamGeometry {
         })
     }
 
-    /// A geometry from the tilt of each beam from the vertical and its azimuth from the bow, rad (Eq. 13; erratum E9: the angle
-    /// is a tilt).
+    /// A geometry from the tilt of each beam from the vertical and its azimuth from the bow, rad (Eq. 13; erratum E9:
+    /// the angle is a tilt).
     ///
     /// # Errors
     /// As [`BeamGeometry::from_directions`]; [`NavError::NotFinite`] for an angle that is not finite.

@@ -1,4 +1,5 @@
-//! The extended loosely coupled methods and the selector (Eqs. 23–49): one least-squares solution with different extra rows.
+//! The extended loosely coupled methods and the selector (Eqs. 23–49): one least-squares solution with different extra
+//! rows.
 //!
 //! | Method | Extra row | Solved components |
 //! |---|---|---|
@@ -177,12 +178,12 @@ fn beam_rows(geometry: &BeamGeometry, valid: BeamMask, noise: &BeamNoise) -> Row
 
 /// The estimator of `method` for the valid beams.
 ///
-/// `noise` is the covariance of the beam readings, (m/s)². `prior_cov` is the covariance of the prior velocity, (m/s)², which VB
-/// and VHV need. Lost beams and unobservable axes are values, not errors.
+/// `noise` is the covariance of the beam readings, (m/s)². `prior_cov` is the covariance of the prior velocity, (m/s)²,
+/// which VB and VHV need. Lost beams and unobservable axes are values, not errors.
 ///
 /// # Errors
-/// [`NavError::NotPositiveDefinite`] if the beam noise is not a covariance; [`NavError::OutOfRange`] or [`NavError::NotFinite`]
-/// for an invalid assumption or prior.
+/// [`NavError::NotPositiveDefinite`] if the beam noise is not a covariance; [`NavError::OutOfRange`] or
+/// [`NavError::NotFinite`] for an invalid assumption or prior.
 pub fn fix_estimator(
     method: PartialMethod,
     geometry: &BeamGeometry,
@@ -306,7 +307,8 @@ fn virtual_beam(
     let mut virtual_beams = [None; 2];
     let (mut rank, mut null) = (beams.rank, beams.null);
     while rank < 3 {
-        // The missing beam with the largest component along the null space gives the best condition; of equals the lowest number.
+        // The missing beam with the largest component along the null space gives the best condition; of equals the
+        // lowest number.
         let null_component = |beam: usize| (null.transpose() * geometry.direction_p(beam)).norm();
         let mut best = None;
         for beam in (0..geometry.beams()).filter(|&beam| !valid.contains(beam)) {

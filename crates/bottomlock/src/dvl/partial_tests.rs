@@ -140,7 +140,8 @@ fn virtual_heave_closed_form() {
     assert_eq!(fix.estimator.components[2], Component::Unobservable(Reason::PriorOnly));
 }
 
-/// Erratum E3: the axis that each pair of an x-Janus determines without an extra row; erratum E2: pairs for which NSV is singular.
+/// Erratum E3: the axis that each pair of an x-Janus determines without an extra row; erratum E2: pairs for which NSV
+/// is singular.
 #[test]
 fn pairs_of_the_x_janus() {
     for (pair, solved, nsv) in [
@@ -166,7 +167,8 @@ fn pairs_of_the_x_janus() {
     }
 }
 
-/// The selector takes the smallest variance per axis: ε makes that NSV for the sway (erratum E4); surge is the same for all.
+/// The selector takes the smallest variance per axis: ε makes that NSV for the sway (erratum E4); surge is the same for
+/// all.
 #[test]
 fn selector_equals_nullified_sway() {
     let fix = fix(PartialMethod::Selector, &[0, 1], &Assumptions::default());

@@ -186,8 +186,8 @@ pub fn least_squares(rows: &Rows) -> Result<LeastSquares, NavError> {
     };
     let top = whiten * stacked.fixed_rows::<SLOTS>(0);
     stacked.fixed_rows_mut::<SLOTS>(0).copy_from(&top);
-    // With rows along the unobserved axes, orthogonal to all others, the least-squares solution is the minimum-norm one. Their
-    // weight is that of the other rows, so that the triangular factor is well scaled.
+    // With rows along the unobserved axes, orthogonal to all others, the least-squares solution is the minimum-norm
+    // one. Their weight is that of the other rows, so that the triangular factor is well scaled.
     let weight = top.norm().max(f64::MIN_POSITIVE) / (count.max(1) as f64).sqrt();
     for k in 0..3 - rank {
         stacked.set_row(SLOTS + k, &(null.column(k).transpose() * weight));
@@ -209,7 +209,8 @@ pub fn least_squares(rows: &Rows) -> Result<LeastSquares, NavError> {
     })
 }
 
-/// Inverse of the Cholesky factor of a noise covariance of `count` rows, which whitens them; `None` unless positive definite.
+/// Inverse of the Cholesky factor of a noise covariance of `count` rows, which whitens them; `None` unless positive
+/// definite.
 ///
 /// The operations are those of nalgebra in the same order, without the empty slots.
 fn whitening(mut noise: SlotNoise, count: usize) -> Option<SlotNoise> {

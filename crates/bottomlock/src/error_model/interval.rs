@@ -42,7 +42,7 @@ pub trait CovarianceInterval<T: Lane>: Copy {
         self.duration_s() + 0.5 * dt_s >= period_s
     }
 
-    /// P⁺ = Φ (P + Q₀ T/2) Φᵀ + Q₁ T/2, and the interval is empty again; see [`covariance::propagate`].
+    /// P⁺ = Φ (P + Q₀ T/2) Φᵀ + Q₁ T/2, and the interval is empty again; see `covariance::propagate`.
     #[inline(always)]
     fn propagate(&mut self, p: &mut Matrix<T>, end: &Kinematics<T>, noise: &ProcessNoise, earth: &EarthTerms) {
         let (first, second) = (self.first_noise(noise), self.second_noise(end, noise));

@@ -12,11 +12,13 @@ use crate::filter::report::{Sensor, UpdateReport, Verdict};
 use crate::layout::{DIM, VELOCITY};
 use crate::state::Covariance;
 
-/// Chi-squared quantile of three degrees at 1 − 1e-6: tested at every epoch, so it must not be exceeded by chance in a mission.
+/// Chi-squared quantile of three degrees at 1 − 1e-6: tested at every epoch, so it must not be exceeded by chance in a
+/// mission.
 const EXCLUDED: f64 = 30.665;
 
 impl Eskf {
-    /// Sets the time between two IMU samples, s: a measurement may split a step, which does not change the gyro noise of the sample.
+    /// Sets the time between two IMU samples, s: a measurement may split a step, which does not change the gyro noise
+    /// of the sample.
     pub(crate) fn note_interval(&mut self, interval_s: f64) {
         self.last_step_s = interval_s;
     }

@@ -1,9 +1,9 @@
 //! Test for a positive definite covariance: every pivot of its factorisation L D Lᵀ is positive.
 //!
-//! States of different units need no scaling to unit diagonal, since scaling multiplies each pivot and its rounding errors by
-//! the same positive number. Whether the factorisation succeeds depends on the smallest eigenvalue of the *scaled* matrix,
-//! whichever matrix is factorised (Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd ed., theorem 10.7, after
-//! Demmel).
+//! States of different units need no scaling to unit diagonal, since scaling multiplies each pivot and its rounding
+//! errors by the same positive number. Whether the factorisation succeeds depends on the smallest eigenvalue of the
+//! *scaled* matrix, whichever matrix is factorised (Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd ed.,
+//! theorem 10.7, after Demmel).
 
 use crate::layout::DIM;
 use crate::simd::{Simd, VECTORS, WIDTH, f64x4, four, load_part, plus, with_vectors};

@@ -1,12 +1,14 @@
 //! Covariance inflation after consecutive rejections of velocity fixes.
 //!
-//! Correct fixes are rejected rarely and one at a time: at 99.73 % five consecutive rejections occur once in 10¹² fixes. But if
-//! the error of the filter exceeds its covariance, for example with an initial tilt error of four sigma, the innovation grows as
-//! fast as its sigma, the NIS stays constant, and the gate rejects every fix of a mission. After a number of consecutive
-//! rejections the covariance of the inertial states is therefore multiplied by the mean of NIS over its degrees of freedom,
-//! which is the factor by which it was too small. The gate then tests the next fix against the inflated covariance.
+//! Correct fixes are rejected rarely and one at a time: at 99.73 % five consecutive rejections occur once in 10¹²
+//! fixes. But if the error of the filter exceeds its covariance, for example with an initial tilt error of four sigma,
+//! the innovation grows as fast as its sigma, the NIS stays constant, and the gate rejects every fix of a mission.
+//! After a number of consecutive rejections the covariance of the inertial states is therefore multiplied by the mean
+//! of NIS over its degrees of freedom, which is the factor by which it was too small. The gate then tests the next fix
+//! against the inflated covariance.
 //!
-//! Beams that contradict each other are rejected whatever the covariance. That is a fault of the sensor and does not count.
+//! Beams that contradict each other are rejected whatever the covariance. That is a fault of the sensor and does not
+//! count.
 
 use nalgebra::SMatrix;
 
@@ -48,7 +50,8 @@ impl ConsecutiveRejections {
     }
 }
 
-/// Returns true if an innovation of covariance `s` would pass the gate with an uninformative covariance of the inertial states.
+/// Returns true if an innovation of covariance `s` would pass the gate with an uninformative covariance of the inertial
+/// states.
 pub(super) fn is_explained_by_inertial_states<const M: usize>(
     p: &Covariance,
     innovation: &Innovation,

@@ -8,9 +8,9 @@
 //!    = A − (A Hᵀ + C − K (R + H C)) Kᵀ,   A = P − K Xᵀ.
 //! ```
 //!
-//! That is 2 M products per element instead of 40. A Hᵀ is computed from the rounded A, so a rounding error E of A enters as
-//! E (I − K H)ᵀ: the variance after a precise measurement keeps its digits, as in the dense product. Forms without A,
-//! P − K S Kᵀ and P − K Xᵀ − X Kᵀ + K S Kᵀ, leave errors of 2e-16 P there.
+//! That is 2 M products per element instead of 40. A Hᵀ is computed from the rounded A, so a rounding error E of A
+//! enters as E (I − K H)ᵀ: the variance after a precise measurement keeps its digits, as in the dense product. Forms
+//! without A, P − K S Kᵀ and P − K Xᵀ − X Kᵀ + K S Kᵀ, leave errors of 2e-16 P there.
 
 use nalgebra::{Cholesky, Const, SMatrix};
 

@@ -192,8 +192,8 @@ fn frozen_states_stay_frozen() {
     );
 }
 
-/// By hand: P = 1 and a noise variance of −1/2 give K = 2 and P⁺ = (1 − 2)² − 4/2 = −1, which is rejected and leaves P as it
-/// was; a noise variance of −2 makes S negative.
+/// By hand: P = 1 and a noise variance of −1/2 give K = 2 and P⁺ = (1 − 2)² − 4/2 = −1, which is rejected and leaves P
+/// as it was; a noise variance of −2 makes S negative.
 #[test]
 fn an_indefinite_covariance_is_rejected() {
     let p = Covariance::identity();

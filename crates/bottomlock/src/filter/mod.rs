@@ -43,7 +43,8 @@ use crate::state::{Covariance, NavState};
 pub struct Eskf {
     state: NavState,
     kinematics: Kinematics<f64>,
-    /// At the start of the interval; the rows of the DVL's states are mirrored before anything but a prediction reads them.
+    /// At the start of the interval; the rows of the DVL's states are mirrored before anything but a prediction reads
+    /// them.
     covariance: Covariance,
     interval: Interval,
     /// ω_ip of the last reading, bias included.
@@ -173,8 +174,8 @@ impl Eskf {
     /// Tests an innovation, corrects the state and the covariance, and reports.
     ///
     /// # Errors
-    /// [`NavError::NotFinite`] for a residual or noise that is not finite; [`NavError::NotPositiveDefinite`] for a covariance that
-    /// cannot be factorised.
+    /// [`NavError::NotFinite`] for a residual or noise that is not finite; [`NavError::NotPositiveDefinite`] for a
+    /// covariance that cannot be factorised.
     pub fn update(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<UpdateReport, NavError> {
         self.propagate_covariance();
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
@@ -252,7 +253,8 @@ fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<()
 mod tests {
     use super::Eskf;
 
-    /// A campaign holds hundreds of filters side by side, so each must fit in the second-level cache with its neighbours.
+    /// A campaign holds hundreds of filters side by side, so each must fit in the second-level cache with its
+    /// neighbours.
     #[test]
     fn a_filter_takes_five_kilobytes() {
         assert!(size_of::<Eskf>() <= 5000, "{} bytes", size_of::<Eskf>());

@@ -12,7 +12,8 @@ pub fn nees(covariance: &Covariance, error: &ErrorVector, from: usize, to: usize
     with_vectors!(simd => normalised_square(simd, covariance, error, from, to))
 }
 
-/// As [`nees`], with the operations of nalgebra's Cholesky factorisation in the same order over columns of fixed length.
+/// As [`nees`], with the operations of nalgebra's Cholesky factorisation in the same order over columns of fixed
+/// length.
 #[inline(always)]
 fn normalised_square<S: Simd>(
     _simd: S,

@@ -23,7 +23,8 @@ pub(crate) enum Step {
         h: DMatrix<f64>,
         gain: DMatrix<f64>,
     },
-    /// A sample: Φ since the previous entry (not yet applied to the filter's covariance), the estimate and its covariance.
+    /// A sample: Φ since the previous entry (not yet applied to the filter's covariance), the estimate and its
+    /// covariance.
     Sample {
         pending: DMatrix<f64>,
         state: Box<NavState>,
@@ -38,7 +39,8 @@ pub struct Tape {
 }
 
 impl Tape {
-    /// Adds an entry; consecutive transitions are multiplied, so the tape grows with the updates and not with the IMU samples.
+    /// Adds an entry; consecutive transitions are multiplied, so the tape grows with the updates and not with the IMU
+    /// samples.
     pub(crate) fn push(&mut self, step: Step) {
         if let (Some(Step::Transition(before)), Step::Transition(phi)) = (self.steps.last_mut(), &step)
             && before.nrows() == phi.nrows()

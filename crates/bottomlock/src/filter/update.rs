@@ -18,7 +18,8 @@ use crate::state::ErrorVector;
 impl Eskf {
     /// Tests an innovation, corrects covariance and state, and reports.
     ///
-    /// `water_cross` is the covariance of the water states with the noise, for an assumption on the motion through the water.
+    /// `water_cross` is the covariance of the water states with the noise, for an assumption on the motion through the
+    /// water.
     pub(super) fn fuse<const M: usize>(
         &mut self,
         innovation: &Innovation,

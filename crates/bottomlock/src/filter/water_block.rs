@@ -1,4 +1,5 @@
-//! The water states of [`crate::aiding::water`] as a block of the filter: estimate, covariance, and covariance with the error state.
+//! The water states of [`crate::aiding::water`] as a block of the filter: estimate, covariance, and covariance with the
+//! error state.
 
 use nalgebra::{Cholesky, Const, SMatrix};
 
@@ -97,8 +98,8 @@ impl WaterBlock {
 
     /// Adds the uncertainty due to the angular rate to the variance of a row's slip.
     ///
-    /// Sway settles to −k ω_z one or two seconds after a change of yaw rate, so the change since the last epoch is uncertain.
-    /// Heave takes only a part of k ω_y while the vehicle pitches, so all of it is uncertain.
+    /// Sway settles to −k ω_z one or two seconds after a change of yaw rate, so the change since the last epoch is
+    /// uncertain. Heave takes only a part of k ω_y while the vehicle pitches, so all of it is uncertain.
     pub(crate) fn begin_epoch(&mut self, row: &WaterRow) {
         let slip = row.slip;
         let uncertainty_mps = if slip == HEAVE {
@@ -112,9 +113,9 @@ impl WaterBlock {
 
     /// Updates the estimated variance of a slip with the normalised squared innovation of its row, of variance `s`.
     ///
-    /// The slip has added q to S since the last epoch. One step of Fisher scoring on the likelihood of q weights an epoch by
-    /// (q/S)², so an epoch with S far above q changes nothing. A rejected innovation counts as one at the threshold, so a single
-    /// outlier has a bounded effect.
+    /// The slip has added q to S since the last epoch. One step of Fisher scoring on the likelihood of q weights an
+    /// epoch by (q/S)², so an epoch with S far above q changes nothing. A rejected innovation counts as one at the
+    /// threshold, so a single outlier has a bounded effect.
     pub(crate) fn end_epoch(&mut self, row: &WaterRow, s: f64, normalised: Option<f64>) {
         let slip = row.slip;
         let left = self.prior.decay(self.since_s[slip])[slip];

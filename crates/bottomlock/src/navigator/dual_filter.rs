@@ -1,8 +1,8 @@
 //! One filter on the measurements, optionally with a second filter that also assumes constraints on the motion.
 //!
-//! A wrong assumption makes a filter overconfident in a wrong velocity, and its gate would then reject correct beams. The
-//! constrained filter therefore has no gate for measurements: it applies exactly the rows that the filter on the measurements
-//! alone accepted.
+//! A wrong assumption makes a filter overconfident in a wrong velocity, and its gate would then reject correct beams.
+//! The constrained filter therefore has no gate for measurements: it applies exactly the rows that the filter on the
+//! measurements alone accepted.
 
 use crate::aiding::Innovation;
 use crate::aiding::water::{heave_row, sway_row};
@@ -38,7 +38,8 @@ impl DualFilter {
         self.constrained = Some(Box::new(self.measurements_only.clone().with_water(Some(water))));
     }
 
-    /// Restarts the constrained filter from the estimate on the measurements alone and from the prior of the water states.
+    /// Restarts the constrained filter from the estimate on the measurements alone and from the prior of the water
+    /// states.
     fn restart_constrained(&mut self) {
         if let Some(water) = self.best().water().map(WaterBlock::restarted) {
             self.start_constrained(water);
@@ -129,8 +130,8 @@ impl DualFilter {
 
     /// Returns true if the filter on the measurements alone excludes the velocity of the constrained one.
     ///
-    /// Correct assumptions only reduce the covariance, so the two velocities then differ by no more than the covariance of the
-    /// filter on the measurements alone allows.
+    /// Correct assumptions only reduce the covariance, so the two velocities then differ by no more than the covariance
+    /// of the filter on the measurements alone allows.
     fn assumptions_failed(&self) -> bool {
         self.constrained
             .as_ref()

@@ -67,7 +67,8 @@ impl NavigatorSet {
         })
     }
 
-    /// Processes an event, as [`Navigator::push`]; with a selector the reports are those of the filter on the beams alone.
+    /// Processes an event, as [`Navigator::push`]; with a selector the reports are those of the filter on the beams
+    /// alone.
     ///
     /// # Errors
     /// As [`Navigator::push`].

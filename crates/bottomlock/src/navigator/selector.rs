@@ -1,13 +1,13 @@
 //! The consistent selector: several consistent filters, one of which is selected after each ping.
 //!
-//! One filter uses the beams alone; the others also make assumptions on the motion. After each ping the selector takes the
-//! filter with the smallest velocity variance among those that the beams do not contradict. Each filter processes every
-//! measurement once, so no information is counted twice.
+//! One filter uses the beams alone; the others also make assumptions on the motion. After each ping the selector takes
+//! the filter with the smallest velocity variance among those that the beams do not contradict. Each filter processes
+//! every measurement once, so no information is counted twice.
 //!
 //! The test is Hausman's. If an assumption is correct, the filter that makes it is efficient, and the covariance of the
-//! difference between the two estimates is the difference of their covariances (Hausman 1978, Theorem 2.1 and Corollary 2.6).
-//! An assumption cannot make the filter on the beams alone reject beams, and a wrong assumption is dropped as soon as the beams
-//! contradict it.
+//! difference between the two estimates is the difference of their covariances (Hausman 1978, Theorem 2.1 and Corollary
+//! 2.6). An assumption cannot make the filter on the beams alone reject beams, and a wrong assumption is dropped as
+//! soon as the beams contradict it.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -125,7 +125,8 @@ fn hausman(difference: &Vector3<f64>, variance_reduction: &Matrix3<f64>) -> (f64
 mod tests {
     use super::*;
 
-    /// By hand: a sway difference of 0.3 m/s where the variance fell by 0.04 (m/s)²; surge, without reduction, is left out.
+    /// By hand: a sway difference of 0.3 m/s where the variance fell by 0.04 (m/s)²; surge, without reduction, is left
+    /// out.
     #[test]
     fn only_directions_with_variance_reduction_are_tested() {
         let reduction = Matrix3::from_diagonal(&Vector3::new(0.0, 0.04, -1e-9));

@@ -1,4 +1,5 @@
-//! The 20-state model of the filter along a truth, with the rows of any sensors (Tal et al. 2017, Eqs. 4, 9, 18, 22 in full).
+//! The 20-state model of the filter along a truth, with the rows of any sensors (Tal et al. 2017, Eqs. 4, 9, 18, 22 in
+//! full).
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -55,8 +56,8 @@ fn kind(index: usize) -> StateKind {
 
 /// The linear system of a truth for each of several aiding sets.
 ///
-/// With `estimate_dvl` false the system has the first 15 states. Transition matrices are of fourth order in the sample interval
-/// and are computed once for all sets.
+/// With `estimate_dvl` false the system has the first 15 states. Transition matrices are of fourth order in the sample
+/// interval and are computed once for all sets.
 ///
 /// # Errors
 /// [`NavError`] for an invalid truth, model or aiding set, which names the field and the time.

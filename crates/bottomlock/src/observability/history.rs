@@ -1,7 +1,7 @@
 //! Covariance analysis: the covariance of the filter along a truth, without simulated errors.
 //!
-//! Between epochs the covariance is propagated in steps of about 0.1 s with trapezoidal process noise. At an epoch one Kalman
-//! update uses all rows.
+//! Between epochs the covariance is propagated in steps of about 0.1 s with trapezoidal process noise. At an epoch one
+//! Kalman update uses all rows.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -1,8 +1,9 @@
 //! The transition matrix of the error model between truth samples, to fourth order.
 //!
-//! With w = R δv in place of the platform velocity error, F contains R, the tangent velocity and their product, and no specific
-//! force. Their derivatives at the samples are known, so the Magnus expansion with Hermite quadrature has an error of fifth order
-//! in the step, which at 150 Hz is below rounding. Without Earth rate F is nilpotent, so the series of the exponential is finite.
+//! With w = R δv in place of the platform velocity error, F contains R, the tangent velocity and their product, and no
+//! specific force. Their derivatives at the samples are known, so the Magnus expansion with Hermite quadrature has an
+//! error of fifth order in the step, which at 150 Hz is below rounding. Without Earth rate F is nilpotent, so the
+//! series of the exponential is finite.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -100,7 +101,8 @@ fn exponential_less_one(generator: &Block) -> Block {
 /// Φ from sample `from` to sample `to`, in w = R δv; `thinned` uses every second sample where steps are about equal.
 pub(super) fn transition(truth: &Truth<'_>, from: usize, to: usize, environment: &Environment, thinned: bool) -> Block {
     let length = |a: usize, b: usize| (truth.time_ns[b] - truth.time_ns[a]) as f64 * 1e-9;
-    // Φ − I with compensated summation (Kahan 1965), since the rounding errors of thousands of equal steps would add up.
+    // Φ − I with compensated summation (Kahan 1965), since the rounding errors of thousands of equal steps would add
+    // up.
     let (mut moved, mut lost) = (Block::zeros(), Block::zeros());
     let mut start = Generator::at(truth, from, environment);
     let mut k = from;

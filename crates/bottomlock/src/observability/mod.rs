@@ -1,11 +1,11 @@
 //! Observability of an aided navigator along a motion: stacked measurement rows, rank, and unobservable subspace.
 //!
-//! The rows H(t_k) Φ(t_k, t_0) over a window are stacked, and their singular values give the rank. The Gramian of Klein &
-//! Diamant 2015, Eq. (1), is the square of the stack, which costs half the digits; it is computed for comparison. Columns are
-//! scaled by the effect of a state over the window, so that states of different units are comparable.
+//! The rows H(t_k) Φ(t_k, t_0) over a window are stacked, and their singular values give the rank. The Gramian of Klein
+//! & Diamant 2015, Eq. (1), is the square of the stack, which costs half the digits; it is computed for comparison.
+//! Columns are scaled by the effect of a state over the window, so that states of different units are comparable.
 //!
-//! The linear models are [`full`], the 20-state filter of this crate along any truth (or its first 15 states), and [`paper`], the
-//! 2015 model with its closed-form transition matrix and either sign of its measurement matrix.
+//! The linear models are [`full`], the 20-state filter of this crate along any truth (or its first 15 states), and
+//! [`paper`], the 2015 model with its closed-form transition matrix and either sign of its measurement matrix.
 //!
 //! # Frames and units
 //! As in [`crate::layout`], SI, also for the basis of the unobservable subspace.
@@ -26,25 +26,25 @@ use crate::simulation::truth::Truth;
 /// A set of aiding sensors, whose rows are stacked.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Aiding {
-    /// Beams that return.
+    /// Valid DVL beams.
     pub beams: BeamMask,
-    /// The updates of the other sensors.
+    /// Other sensors.
     pub sensors: SensorSet,
-    /// Places of the sensors in the platform frame.
+    /// Lever arms of the sensors, platform frame, m.
     pub levers: Levers,
 }
 
-/// A set of updates, by the names that they are reported under.
+/// A set of sensors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SensorSet(u64);
 
 impl SensorSet {
-    /// True where the set has it.
+    /// Returns true if the sensor is in the set.
     #[must_use]
     pub const fn contains(self, sensor: Sensor) -> bool {
         self.0 & (1 << sensor as u64) != 0
     }
-    /// Those in both sets.
+    /// The sensors in both sets.
     #[must_use]
     pub const fn and(self, other: Self) -> Self {
         Self(self.0 & other.0)
@@ -94,18 +94,18 @@ impl Aiding {
         Ok(())
     }
 
-    /// True where no sensor is in the set.
+    /// Returns true if no sensor is in the set.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.beams == BeamMask::default() && self.sensors == SensorSet::default()
     }
 
-    /// The sensors in both sets; lever arms are those of the first.
+    /// The sensors in both sets, with the lever arms of `self`.
     #[must_use]
-    pub fn and(&self, heard: &Self) -> Self {
+    pub fn and(&self, other: &Self) -> Self {
         Self {
-            beams: self.beams.and(heard.beams),
-            sensors: self.sensors.and(heard.sensors),
+            beams: self.beams.and(other.beams),
+            sensors: self.sensors.and(other.sensors),
             levers: self.levers,
         }
     }
@@ -169,8 +169,8 @@ impl System {
         self.names.len()
     }
 
-    /// The size of each state that changes a velocity by 1 m/s over T = `duration_s`: tilt 1/(g T), accelerometer bias 1/T, gyro
-    /// bias 2/(g T²), position T.
+    /// The size of each state that changes a velocity by 1 m/s over T = `duration_s`: tilt 1/(g T), accelerometer bias
+    /// 1/T, gyro bias 2/(g T²), position T.
     #[must_use]
     pub fn scales(&self, duration_s: f64) -> DVector<f64> {
         let speed = if self.speed_mps > 0.1 { self.speed_mps } else { 1.0 };
@@ -245,8 +245,8 @@ pub(crate) fn scheduled_samples(truth: &Truth<'_>, scheduled: &[(i64, Aiding)]) 
 /// Truth samples of periodic epochs: for each period the first sample at or after it.
 ///
 /// # Errors
-/// [`NavError::OutOfRange`] for a period that is not positive; [`NavError::WrongCount`] for fewer than two epochs or more than
-/// 5000.
+/// [`NavError::OutOfRange`] for a period that is not positive; [`NavError::WrongCount`] for fewer than two epochs or
+/// more than 5000.
 pub(crate) fn epoch_samples(truth: &Truth<'_>, period_ns: i64) -> Result<Vec<usize>, NavError> {
     truth.validate()?;
     if period_ns <= 0 {

@@ -1,12 +1,13 @@
-//! The 15-state model of Klein & Diamant 2015 with its closed-form transition matrix, for either sign of its measurement matrix.
+//! The 15-state model of Klein & Diamant 2015 with its closed-form transition matrix, for either sign of its
+//! measurement matrix.
 //!
-//! States are in the paper's order: position and velocity error in the tangent frame, misalignment, accelerometer bias, gyro
-//! bias; a bias adds to the error rate. The Earth does not rotate. With velocity aiding alone the position is left out, which
-//! leaves 12 states.
+//! States are in the paper's order: position and velocity error in the tangent frame, misalignment, accelerometer bias,
+//! gyro bias; a bias adds to the error rate. The Earth does not rotate. With velocity aiding alone the position is left
+//! out, which leaves 12 states.
 //!
-//! The integrals of 2015, Eq. (6) follow from the truth. The specific force is the acceleration minus gravity, so S and P have a
-//! closed form in velocity and position. The other integrals are quadratures of rotations by Hermite's rule with known
-//! derivatives.
+//! The integrals of 2015, Eq. (6) follow from the truth. The specific force is the acceleration minus gravity, so S and
+//! P have a closed form in velocity and position. The other integrals are quadratures of rotations by Hermite's rule
+//! with known derivatives.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -230,8 +231,8 @@ pub(super) fn transition(truth: &Truth<'_>, from: usize, to: usize, environment:
 
 /// The linear system of a truth in the states of the 2015 model.
 ///
-/// The model has no Earth rate. For a truth with Earth rate the velocities are kept, and the specific force is the one that gives
-/// them without Earth rate.
+/// The model has no Earth rate. For a truth with Earth rate the velocities are kept, and the specific force is the one
+/// that gives them without Earth rate.
 ///
 /// # Errors
 /// [`NavError`] for an invalid truth or model, or without a sensor.

@@ -1,15 +1,16 @@
 //! Rank, gap and unobservable subspace of a stack of rows H(t_k) Φ(t_k, t_0).
 //!
-//! The singular values are those of the scaled stack. Those of the Gramian are their squares, which puts weakly observable
-//! directions below rounding.
+//! The singular values are those of the scaled stack. Those of the Gramian are their squares, which puts weakly
+//! observable directions below rounding.
 //!
-//! Values above the noise floor are kept. The noise floor bounds the singular value that quadrature and rounding can make of a
-//! zero (Weyl's bound). The rank is decided if three conditions hold:
+//! Values above the noise floor are kept. The noise floor bounds the singular value that quadrature and rounding can
+//! make of a zero (Weyl's bound). The rank is decided if three conditions hold:
 //!
 //! - The gap, the smallest kept value over the largest dropped one or the noise floor, is at least a thousand.
-//! - No ratio between neighbouring kept values exceeds the gap. Otherwise a further value may lie below the noise floor.
-//! - No dropped value stands out from rounding, unless the gap is a thousand times the largest of those ratios. Otherwise that
-//!   value may belong to a weakly observable state.
+//! - No ratio between neighbouring kept values exceeds the gap. Otherwise a further value may lie below the noise
+//!   floor.
+//! - No dropped value stands out from rounding, unless the gap is a thousand times the largest of those ratios.
+//!   Otherwise that value may belong to a weakly observable state.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -27,10 +28,11 @@ const STANDING_OUT: f64 = 10.0;
 pub struct Observability {
     /// Number of singular values above the noise floor.
     pub rank: usize,
-    /// True if the gap is at least [`MIN_GAP`] and at least `widest_step`, and no dropped value stands out (or the gap is at least
-    /// [`MIN_GAP`] times `widest_step`).
+    /// True if the gap is at least [`MIN_GAP`] and at least `widest_step`, and no dropped value stands out (or the gap
+    /// is at least [`MIN_GAP`] times `widest_step`).
     pub decided: bool,
-    /// Smallest kept singular value over the largest dropped one, or over the noise floor if that is larger or none is dropped.
+    /// Smallest kept singular value over the largest dropped one, or over the noise floor if that is larger or none is
+    /// dropped.
     pub gap: f64,
     /// Largest ratio between neighbouring kept singular values; 1 for fewer than two.
     pub widest_step: f64,
@@ -105,12 +107,13 @@ pub fn gramian(system: &System) -> DMatrix<f64> {
 
 /// Analyses the first `epochs` epochs of a window (2015, Eqs. 2 and 3).
 ///
-/// `rescale` (one factor per state) multiplies the natural scale of each state, as other units would, before columns are brought
-/// to one length. A rank must not depend on it.
+/// `rescale` (one factor per state) multiplies the natural scale of each state, as other units would, before columns
+/// are brought to one length. A rank must not depend on it.
 ///
 /// # Errors
-/// [`NavError::WrongCount`] for fewer than two epochs or a scale vector of the wrong length; [`NavError::OutOfRange`] for a scale
-/// that is not positive, or if all rows are zero; [`NavError::NotFinite`] if the motion makes the transition matrix overflow.
+/// [`NavError::WrongCount`] for fewer than two epochs or a scale vector of the wrong length; [`NavError::OutOfRange`]
+/// for a scale that is not positive, or if all rows are zero; [`NavError::NotFinite`] if the motion makes the
+/// transition matrix overflow.
 pub fn observe(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Result<Observability, NavError> {
     let states = system.states();
     let mut scales = initial_scales(system, epochs, rescale)?;
@@ -185,7 +188,8 @@ fn initial_scales(system: &System, epochs: usize, rescale: Option<&[f64]>) -> Re
     Ok(scales)
 }
 
-/// Brings the columns of the stack to length 1, and the scales with them; columns that are nearly zero keep their proportion.
+/// Brings the columns of the stack to length 1, and the scales with them; columns that are nearly zero keep their
+/// proportion.
 ///
 /// No other scaling reduces the condition number by more than √n (van der Sluis 1969).
 fn normalise_columns(
@@ -236,7 +240,8 @@ fn decide(singular_values: &[f64], noise_floor: f64) -> Decision {
     } else {
         0.0
     };
-    // Zeros are computed alike, near an ulp of the largest value; one well above the next may be a weakly observable state.
+    // Zeros are computed alike, near an ulp of the largest value; one well above the next may be a weakly observable
+    // state.
     let next = singular_values.get(rank + 1).copied().unwrap_or(0.0);
     let stands_out = dropped > STANDING_OUT * next.max(f64::EPSILON * singular_values[0]);
     let kept = &singular_values[..rank];
@@ -306,8 +311,8 @@ fn naming_order(system: &System) -> Vec<usize> {
 
 /// Reduced row echelon form of a basis in scaled states, returned in SI with pivots of 1.
 ///
-/// The pivot is the first state in `naming` whose entry is at least 0.3 of the largest one left, so no row is divided by a small
-/// number.
+/// The pivot is the first state in `naming` whose entry is at least 0.3 of the largest one left, so no row is divided
+/// by a small number.
 fn echelon(mut rows: DMatrix<f64>, scales: &DVector<f64>, naming: &[usize]) -> (DMatrix<f64>, Vec<usize>) {
     let (count, states) = rows.shape();
     let mut pivots: Vec<usize> = Vec::with_capacity(count);

@@ -106,7 +106,8 @@ fn paper_dvl(turn: &Turn, sign: Sign) -> System {
     paper::system(&turn.truth(), &model(), &sensors, SECOND_NS).unwrap()
 }
 
-/// At rest by hand (2015, Eq. 29): z gyro bias, yaw, and each tilt combined with the accelerometer bias that cancels it.
+/// At rest by hand (2015, Eq. 29): z gyro bias, yaw, and each tilt combined with the accelerometer bias that cancels
+/// it.
 #[test]
 fn at_rest_four_directions_are_unobservable() {
     let turn = Turn::new(0.0, 0.0, 60, 50);
@@ -127,7 +128,8 @@ fn at_rest_four_directions_are_unobservable() {
     }
 }
 
-/// A constant turn leaves rank 8, at rest and at speed, with the consistent sign; at speed 9 with the printed one (erratum E10).
+/// A constant turn leaves rank 8, at rest and at speed, with the consistent sign; at speed 9 with the printed one
+/// (erratum E10).
 #[test]
 fn a_constant_turn_has_rank_eight() {
     let rate = 1_f64.to_radians();

@@ -58,7 +58,8 @@ pub fn run_batch(batch: &Batch<'_>, threads: usize) -> Result<Vec<Vec<MethodReco
     Ok(results)
 }
 
-/// As [`run_batch`], with `store` called with a run's place and records when the run is finished, on the thread of the run.
+/// As [`run_batch`], with `store` called with a run's place and records when the run is finished, on the thread of the
+/// run.
 ///
 /// # Errors
 /// As [`run_batch`]; [`NavError::WrongCount`] unless there is one place per run.

@@ -92,7 +92,8 @@ impl ClosedLoop {
     /// Runs every vehicle along its segment and records errors at `sample_time_ns`.
     ///
     /// # Errors
-    /// As [`MonteCarloRun::advance`]; [`NavError::WrongCount`] unless there is one segment per vehicle.
+    /// [`NavError`] for an invalid truth or schedule; [`NavError::InRun`] for an error during a run;
+    /// [`NavError::WrongCount`] unless there is one segment per vehicle.
     pub fn advance(&mut self, segments: &[TruthSegment<'_>], sample_time_ns: &[i64]) -> Result<(), NavError> {
         if segments.len() != self.runs.len() {
             return Err(NavError::WrongCount {

@@ -1,7 +1,8 @@
-//! The fixed-interval smoother: the estimate of each sample from the whole log, by the Bryson–Frazier form modified by Bierman.
+//! The fixed-interval smoother: the estimate of each sample from the whole log, by the Bryson–Frazier form modified by
+//! Bierman.
 //!
-//! The filter records a [`Tape`]: the transition between updates, the matrices of each update, and state and covariance at the
-//! samples. The backward pass propagates an adjoint (λ, Λ) from the last update to the first:
+//! The filter records a [`Tape`]: the transition between updates, the matrices of each update, and state and covariance
+//! at the samples. The backward pass propagates an adjoint (λ, Λ) from the last update to the first:
 //!
 //! - over a transition: λ ← Φᵀλ, Λ ← ΦᵀΛΦ;
 //! - over an update: λ ← (I − K H)ᵀλ − HᵀS⁻¹z, Λ ← (I − K H)ᵀΛ(I − K H) + HᵀS⁻¹H;
@@ -10,13 +11,14 @@
 //! No covariance is inverted, so frozen states need no special case, and process noise does not occur.
 //!
 //! # Closed loop
-//! An update feeds its correction back, so the error after it is e⁺ = e⁻ − K z with respect to a new nominal state. The adjoint
-//! refers to this error. The correction of a sample refers to the filter's nominal state at the sample and is applied once;
-//! corrections are not summed over the updates.
+//! An update feeds its correction back, so the error after it is e⁺ = e⁻ − K z with respect to a new nominal state. The
+//! adjoint refers to this error. The correction of a sample refers to the filter's nominal state at the sample and is
+//! applied once; corrections are not summed over the updates.
 //!
 //! # Noise that depends on the error state
-//! In exact VB (Eq. 26) and in the rows on the motion through the water the noise contains errors of the filter's states:
-//! n = D δx + D_w δw + independent noise. The backward pass uses H + D in place of H, and six more rows of λ for the water states.
+//! In exact VB (Eq. 26) and in the rows on the motion through the water the noise contains errors of the filter's
+//! states: n = D δx + D_w δw + independent noise. The backward pass uses H + D in place of H, and six more rows of λ
+//! for the water states.
 //!
 //! # Source
 //! Bierman, Fixed interval smoothing with discrete measurements, Int. J. Control 18 (1973) 65–75.
@@ -54,8 +56,8 @@ impl Adjoint {
 
     /// The adjoint for another number of states.
     ///
-    /// Added states have no later measurement, so their entries are zero. Removed states started independent of the others, so
-    /// measurements of them carry no information on earlier times.
+    /// Added states have no later measurement, so their entries are zero. Removed states started independent of the
+    /// others, so measurements of them carry no information on earlier times.
     fn resized(self, states: usize) -> Self {
         Self {
             vector: self.vector.resize_vertically(states, 0.0),
@@ -78,8 +80,8 @@ impl Adjoint {
 /// Samples after the last update equal the filter's, bit for bit.
 ///
 /// # Errors
-/// [`NavError::NotFinite`] if the transition to a sample cannot be inverted, after a gap in the IMU stream over which a state has
-/// decayed to zero.
+/// [`NavError::NotFinite`] if the transition to a sample cannot be inverted, after a gap in the IMU stream over which a
+/// state has decayed to zero.
 pub fn smooth(tape: Tape) -> Result<Vec<Smoothed>, NavError> {
     let mut adjoint: Option<Adjoint> = None;
     let mut samples = Vec::new();

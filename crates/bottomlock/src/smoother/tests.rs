@@ -45,10 +45,11 @@ fn sample(x: f64, p: f64) -> Step {
     }
 }
 
-/// A scalar by hand: x₀ ~ N(0, 1), measured as 1 with variance 1; random walk of variance 1; measured as 2 with variance 1/2.
+/// A scalar by hand: x₀ ~ N(0, 1), measured as 1 with variance 1; random walk of variance 1; measured as 2 with
+/// variance 1/2.
 ///
-/// Filter: x̂ = 1/2, P = 1/2; P⁻ = 3/2, S = 2, K = 3/4, x̂ = 1/2 + 3/4·3/2 = 13/8, P = 3/8. Batch: for x₀ the second measurement
-/// has variance 3/2, so x₀ has information 1 + 1 + 2/3 and mean (1 + 2·2/3)/(8/3) = 7/8, variance 3/8.
+/// Filter: x̂ = 1/2, P = 1/2; P⁻ = 3/2, S = 2, K = 3/4, x̂ = 1/2 + 3/4·3/2 = 13/8, P = 3/8. Batch: for x₀ the second
+/// measurement has variance 3/2, so x₀ has information 1 + 1 + 2/3 and mean (1 + 2·2/3)/(8/3) = 7/8, variance 3/8.
 #[test]
 fn scalar_by_hand() {
     let one = |x: f64| DMatrix::from_element(1, 1, x);
@@ -69,7 +70,8 @@ fn scalar_by_hand() {
     );
 }
 
-/// The joint distribution of the errors of three states at all steps, before any feedback, and the measurements of them.
+/// The joint distribution of the errors of three states at all steps, before any feedback, and the measurements of
+/// them.
 struct History {
     joint: DMatrix<f64>,
     rows: DMatrix<f64>,
@@ -129,8 +131,8 @@ fn sample_of_three(x: &Vector3<f64>, p: &Matrix3<f64>) -> Step {
     }
 }
 
-/// Three states with random dynamics and noise that depends on the error state (n = D δx + …): smoothed samples are the joint
-/// distribution of the whole history, conditioned on all measurements at once.
+/// Three states with random dynamics and noise that depends on the error state (n = D δx + …): smoothed samples are the
+/// joint distribution of the whole history, conditioned on all measurements at once.
 #[test]
 fn dense_batch_with_correlated_noise() {
     let mut rng = ChaCha8Rng::seed_from_u64(20260404);
@@ -153,7 +155,8 @@ fn dense_batch_with_correlated_noise() {
             let y = SMatrix::<f64, 2, 1>::from_fn(|_, _| normal());
             history.measure(k, &(h + d), &r, &y);
 
-            // The filter with such noise: C = P Dᵀ, and the independent noise in R. The reading depends on x̂ through D too.
+            // The filter with such noise: C = P Dᵀ, and the independent noise in R. The reading depends on x̂ through D
+            // too.
             p = phi * p * phi.transpose() + q;
             x = phi * x;
             tape.push(Step::Transition(embedded(
@@ -198,8 +201,8 @@ fn least_eigenvalue(p: &Covariance) -> f64 {
         .min()
 }
 
-/// For every method with a smoother the smoothed covariance is at most that of the filter (Loewner order), positive, and equal
-/// after the last update; recording does not change the filter.
+/// For every method with a smoother the smoothed covariance is at most that of the filter (Loewner order), positive,
+/// and equal after the last update; recording does not change the filter.
 #[test]
 fn smoothed_covariance_is_at_most_the_filtered_one() {
     let recording = steady_turn(12);

@@ -1,13 +1,13 @@
-//! A simulated turn, exact, with the epochs of its sensors.
+//! A simulated turn, its measurement epochs, and a batch on them.
 
 // Each test file uses a part of it.
 #![allow(dead_code)]
 
-use bottomlock::aiding::registry::{SensorKind, SensorModels};
+use bottomlock::aiding::registry::SensorKind;
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, Janus};
 use bottomlock::filter::options::Options;
 use bottomlock::frames::Rot;
-use bottomlock::model::*;
+use bottomlock::model::Model;
 use bottomlock::navigator::METHODS;
 use bottomlock::simulation::batch::Batch;
 use bottomlock::simulation::schedule::Schedule;
@@ -16,16 +16,7 @@ use nalgebra::Vector3;
 
 pub(crate) const SECOND: i64 = 1_000_000_000;
 
-pub(crate) fn perfect() -> Model {
-    Model {
-        imu: ImuModel::default(),
-        initial: InitialModel::default(),
-        sensors: SensorModels::default(),
-        ..Model::table_2()
-    }
-}
-
-/// A steady level turn with sideslip, exact: body rates and forces are constant apart from the Earth's turning.
+/// A level turn with sideslip in closed form: body rates and specific forces are constant apart from the Earth rate.
 pub(crate) struct Turn {
     pub(crate) time_ns: Vec<i64>,
     pub(crate) position_t_m: Vec<[f64; 3]>,
@@ -101,7 +92,7 @@ pub(crate) struct Epochs {
 }
 
 impl Epochs {
-    /// DVL at odd times, depth and magnetometer between IMU samples, GPS on a second.
+    /// Epochs of the DVL, the depth sensor and the magnetometer between IMU samples, and of GPS on full seconds.
     pub(crate) fn new(seconds: i64) -> Self {
         let dvl: Vec<i64> = (1..seconds).map(|k| k * SECOND - 3_141_592).collect();
         Self {
@@ -128,6 +119,7 @@ impl Epochs {
     }
 }
 
+/// A batch of four runs of every method on a turn.
 pub(crate) fn batch<'a>(
     turn: &'a Turn,
     epochs: &'a Epochs,
@@ -152,6 +144,7 @@ pub(crate) fn batch<'a>(
     }
 }
 
+/// The bits of errors, standard deviations, NEES and NIS of every record.
 pub(crate) fn bits(records: &[Vec<bottomlock::simulation::monte_carlo_run::MethodRecord>]) -> Vec<u64> {
     let flat = records.iter().flatten();
     flat.flat_map(|r| {

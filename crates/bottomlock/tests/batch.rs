@@ -1,29 +1,29 @@
-//! Laws of runs: pieces and wholes, threads, streams, streaming = batch, perfect sensors.
+//! Batches: threads, chunks, segments and single events give the same results; perfect sensors return the truth.
 
-// Helpers outside `#[test]` functions fail loudly too.
+// Helpers outside `#[test]` functions panic on failure too.
 #![allow(clippy::unwrap_used)]
 
-mod support;
+mod common;
 
-use bottomlock::aiding::registry::SensorKind;
+use bottomlock::aiding::registry::{SensorKind, SensorModels};
 use bottomlock::dvl::geometry::{BeamMask, BeamSample};
 use bottomlock::filter::options::Options;
 use bottomlock::mechanisation::Sampling;
-use bottomlock::model::*;
-use bottomlock::navigator::NavigatorSet;
-use bottomlock::navigator::events::{AttitudeSample, DepthSample, Event, GpsSample};
-use bottomlock::navigator::{METHODS, Method};
+use bottomlock::model::{ImuModel, InitialModel, Model};
+use bottomlock::navigator::events::Event;
+use bottomlock::navigator::{METHODS, Method, NavigatorSet};
 use bottomlock::simulation::batch::{Batch, run_batch};
 use bottomlock::simulation::closed_loop::{ClosedLoop, ClosedLoopSetup, TruthSegment, VehicleStart};
 use bottomlock::simulation::schedule::Schedule;
 use bottomlock::simulation::sensor_errors::RunKey;
 use bottomlock::simulation::sensor_streams::simulate;
 use bottomlock::simulation::truth::true_state;
-use support::*;
 
-/// The truth in pieces, as a vehicle that flies on its estimate hands it out, yields the bits of the whole.
+use common::{Epochs, Turn, batch, bits, janus};
+
+/// A truth in segments, as in a closed loop, gives the results of the whole truth, bit for bit.
 #[test]
-fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
+fn segments_give_the_results_of_the_whole_truth() {
     let (turn, epochs, model, geometry) = (Turn::new(8, 0.05), Epochs::new(8), Model::table_2(), janus());
     for sampling in [Sampling::Instantaneous, Sampling::Averaged] {
         let options = Options {
@@ -47,7 +47,7 @@ fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
             methods: &METHODS,
         };
         let departures: Vec<_> = (0..whole.runs as u64).map(departure).collect();
-        let mut pieces = ClosedLoop::new(&common, &departures, 2).unwrap();
+        let mut segments = ClosedLoop::new(&common, &departures, 2).unwrap();
         let ends = [0, 1, 7, 300, 301, 900, truth.time_ns.len() - 1];
         for pair in ends.windows(2) {
             let within = |times: &[i64]| -> Vec<i64> {
@@ -69,55 +69,17 @@ fn pieces_of_the_truth_yield_the_bits_of_the_whole() {
                 truth: truth.slice(pair[0]..pair[1] + 1),
                 schedule,
             };
-            pieces
+            segments
                 .advance(&vec![segment; whole.runs], &within(&epochs.samples))
                 .unwrap();
         }
-        assert_eq!(bits(&run_batch(&whole, 1).unwrap()), bits(&pieces.records()));
-        let lost = pieces.advance(&[], &[]).unwrap_err();
+        assert_eq!(bits(&run_batch(&whole, 1).unwrap()), bits(&segments.records()));
+        let lost = segments.advance(&[], &[]).unwrap_err();
         assert!(lost.to_string().contains("one per vehicle"), "{lost}");
     }
 }
 
-/// What the surroundings add moves the reading by just that, and no other stream.
-#[test]
-fn offsets_move_their_own_reading_alone() {
-    let (turn, epochs, model, geometry) = (Turn::new(8, 0.05), Epochs::new(8), Model::table_2(), janus());
-    let key = RunKey {
-        seed: 1,
-        trajectory: 2,
-        run: 3,
-    };
-    let (depth, yaw) = (vec![0.5; epochs.depth.len()], vec![0.1; epochs.magnetometer.len()]);
-    let off = epochs.schedule().with(SensorKind::Depth, &epochs.depth, &depth).with(
-        SensorKind::Attitude,
-        &epochs.magnetometer,
-        &yaw,
-    );
-    let draw = |schedule: &Schedule<'_>| {
-        let options = Options::default();
-        simulate(&turn.truth(), &geometry, &model, &model, schedule, &options, &key)
-    };
-    let (ideal, moved) = (draw(&epochs.schedule()).unwrap(), draw(&off).unwrap());
-    for (a, b) in ideal.of::<DepthSample>().zip(moved.of::<DepthSample>()) {
-        assert!((b.depth_m - a.depth_m - 0.5).abs() < 1e-12);
-    }
-    for (a, b) in ideal.of::<AttitudeSample>().zip(moved.of::<AttitudeSample>()) {
-        let [roll, pitch, turned] = b.attitude_t_p.to_euler_rad();
-        let [roll_0, pitch_0, yaw_0] = a.attitude_t_p.to_euler_rad();
-        let apart = [roll - roll_0, pitch - pitch_0, turned - yaw_0 - 0.1];
-        assert!(apart.iter().all(|angle| angle.abs() < 1e-12), "{apart:?}");
-    }
-    assert!(
-        ideal.imu == moved.imu
-            && ideal.of::<GpsSample>().eq(moved.of::<GpsSample>())
-            && ideal.scale_factor == moved.scale_factor
-    );
-    let short = epochs.schedule().with(SensorKind::Depth, &epochs.depth, &depth[1..]);
-    assert!(draw(&short).unwrap_err().to_string().contains("depth_offset_m"));
-}
-
-/// Same seed, same bits: one thread, two threads, and any cutting into chunks.
+/// The results depend on the seed alone, not on threads or chunks, bit for bit.
 #[test]
 fn bits_do_not_depend_on_threads_or_chunks() {
     let (turn, epochs, model, options, geometry) = (
@@ -153,42 +115,10 @@ fn bits_do_not_depend_on_threads_or_chunks() {
     );
     assert_eq!(bits(&one), bits(&chunks));
     let other = run_batch(&Batch { seed: 2018, ..whole }, 1).unwrap();
-    assert_ne!(bits(&one), bits(&other), "the seed counts");
+    assert_ne!(bits(&one), bits(&other), "another seed gives other results");
 }
 
-/// Switching a sensor off shifts no other stream, and a lost beam is drawn like the others.
-#[test]
-fn streams_are_independent() {
-    let (turn, mut epochs, model, geometry) = (Turn::new(5, 0.05), Epochs::new(5), Model::table_2(), janus());
-    let key = RunKey {
-        seed: 1,
-        trajectory: 2,
-        run: 3,
-    };
-    let draw = |epochs: &Epochs| {
-        simulate(
-            &turn.truth(),
-            &geometry,
-            &model,
-            &model,
-            &epochs.schedule(),
-            &Options::default(),
-            &key,
-        )
-        .unwrap()
-    };
-    let all = draw(&epochs);
-    epochs.depth.clear();
-    epochs.masks = vec![BeamMask::NONE; epochs.dvl.len()];
-    let fewer = draw(&epochs);
-    assert_eq!(all.imu, fewer.imu);
-    assert!(all.of::<AttitudeSample>().eq(fewer.of::<AttitudeSample>()));
-    for (a, b) in all.pings.iter().zip(&fewer.pings) {
-        assert_eq!(a.velocity_mps[..4], b.velocity_mps[..4]);
-    }
-}
-
-/// A navigator fed a sample at a time, asked for its state and covariance all the while, gives the batch's bits.
+/// A navigator fed event by event, and read after each, gives the results of the batch, bit for bit.
 #[test]
 fn streaming_is_batch_bit_for_bit() {
     let (turn, epochs, model, options, geometry) = (
@@ -246,7 +176,16 @@ fn streaming_is_batch_bit_for_bit() {
     }
 }
 
-/// Perfect sensors return the truth, for both meanings of an IMU sample, with aids at odd times splitting the steps.
+fn perfect() -> Model {
+    Model {
+        imu: ImuModel::default(),
+        initial: InitialModel::default(),
+        sensors: SensorModels::default(),
+        ..Model::table_2()
+    }
+}
+
+/// Perfect sensors return the truth, for instantaneous and averaged IMU samples, with measurements between IMU samples.
 #[test]
 fn perfect_sensors_return_the_truth() {
     let (turn, epochs, assumed, geometry) = (Turn::new(60, 0.05), Epochs::new(60), Model::table_2(), janus());
