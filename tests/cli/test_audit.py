@@ -120,7 +120,7 @@ def test_refusals(planted: Path, tmp_path: Path) -> None:
         ((tmp_path / "nowhere.parquet", "--out", out), "no such file"),
         ((planted, "--geometry", "nosuch", "--out", out), "neither a file nor packaged"),
         ((planted, "--write", tmp_path / "g.txt", "--out", out), "ends in .toml"),
-        ((alone, "--write", toml, "--out", out), "9 of 12 numbers free; state a geometry"),
+        ((alone, "--write", toml, "--out", out), "9 of 12 entries free; state a geometry"),
         (
             (alone, "--geometry", "x_janus_20", "--write", toml, "--out", out),
             "closure cannot choose between others",

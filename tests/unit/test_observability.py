@@ -245,7 +245,7 @@ def test_small_gaps_are_undecided_and_show_their_values() -> None:
 
 
 def test_refusals_name_what_is_wrong(eight: Truth) -> None:
-    with pytest.raises(KernelError, match="aiding sensors: got 0, expected at least one of velocity"):
+    with pytest.raises(KernelError, match="aiding sensors: got 0, expected at least one of a beam, velocity"):
         observe(eight, JANUS, [Aiding()])
     with pytest.raises(KernelError, match="epochs of the window: got 1, expected at least 2"):
         observe(eight, JANUS, [ALL], period_s=100.0)

@@ -192,7 +192,7 @@ def test_a_filter_without_the_dvls_errors_has_fifteen_states(tmp_path: Path) -> 
 def test_too_many_epochs_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "fast.toml"
     path.write_text(short(60.0, dvl={"rate_hz": 100.0}), encoding="utf-8")
-    with pytest.raises(ScenarioError, match=r"heard at 6000 times, expected at most 5000"):
+    with pytest.raises(ScenarioError, match=r"measure at 6000 times, expected at most 5000"):
         observe_scenario(path, tmp_path / "o")
 
 

@@ -19,7 +19,7 @@ RARE = "gate reopens after refusals in a row"
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """One trajectory, one value of each setting."""
-    monkeypatch.setattr(whole, "TRAJECTORIES", ("straight",))
+    monkeypatch.setattr(whole, "PAPER_TRAJECTORIES", ("straight",))
     few = tuple(Setting(s.parameter, s.values[-1:], s.methods[:1], s.change) for s in SETTINGS)
     monkeypatch.setattr(sweep, "SETTINGS", few)
 
