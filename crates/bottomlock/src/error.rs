@@ -51,7 +51,7 @@ pub enum NavError {
     },
     /// A time does not increase.
     #[error(
-        "{stream} time {time_ns} ns does not come after {previous_ns} ns, expected increasing times: sort the rows"
+        "{stream} time {time_ns} ns does not come after {previous_ns} ns, expected increasing times within a stream"
     )]
     TimeNotIncreasing {
         /// Name of the stream.
