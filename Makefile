@@ -27,20 +27,19 @@ demo: $(VENV)/.installed
 	rm -rf $(OUT)
 	$(bin)/bottomlock reproduce --runs $(RUNS) --out $(OUT)
 
-# What guards a change. Python first: it fails soonest. The extension and the Rust tests share the profile `dev` and one
-# target directory, so that every crate compiles once.
+# What guards a change. Python first: it fails soonest. Both halves share one target directory.
 test: test-python test-rust
 
-test-python: $(VENV)/.quick $(VENV)/.tools
+test-python: $(VENV)/.installed $(VENV)/.tools
 	$(pytest) -m "not long" --doctest-modules --pyargs bottomlock tests
 
 # Unit, integration and documentation tests of every crate.
 test-rust:
 	cargo test --workspace --locked
 
-# What `make test` leaves out, with the release build that users get; the golden numbers too, since builds may not differ.
+# What `make test` leaves out, and the laws with more examples.
 test-long: $(VENV)/.installed $(VENV)/.tools
-	HYPOTHESIS_PROFILE=long $(pytest) -m "long or golden or hypothesis" tests
+	HYPOTHESIS_PROFILE=long $(pytest) -m "long or hypothesis" tests
 
 test-all: test test-long
 
@@ -51,8 +50,7 @@ lint-rust:
 	cargo clippy --workspace --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
 
-# Either build will do.
-lint-python: $(if $(wildcard $(VENV)/.installed),$(VENV)/.installed,$(VENV)/.quick) $(VENV)/.tools
+lint-python: $(VENV)/.installed $(VENV)/.tools
 	$(bin)/ruff check .
 	$(bin)/ruff format --check .
 	$(bin)/mypy
@@ -75,9 +73,8 @@ consistency: $(VENV)/.installed
 
 # An editable install for daily work: Python edits take effect at once, Rust edits after another `make develop`.
 develop: $(VENV)/.tools
-	$(pip) install --upgrade --no-build-isolation $(quick) --editable .
-	rm -f $(VENV)/.installed
-	touch $(VENV)/.quick
+	$(pip) install --upgrade --no-build-isolation --editable .
+	touch $(VENV)/.installed
 
 clean:
 	cargo clean
@@ -92,15 +89,6 @@ $(VENV)/pyvenv.cfg:
 # A release build of the extension, with the locked crates, installed as users get it.
 $(VENV)/.installed: $(wheel_sources) | $(VENV)/pyvenv.cfg
 	$(pip) install .
-	rm -f $(VENV)/.quick
-	touch $@
-
-# The same package with the profile of the Rust tests: overflow checked, and compiled in a fraction of the time. Either
-# build takes the place of the other.
-quick := --config-settings build-args="--profile dev"
-$(VENV)/.quick: $(wheel_sources) | $(VENV)/pyvenv.cfg
-	$(pip) install $(quick) .
-	rm -f $(VENV)/.installed
 	touch $@
 
 # The pinned tools alone: asking pip for ".[dev]" would build the wheel a second time.
