@@ -123,7 +123,7 @@ def test_refusals(planted: Path, tmp_path: Path) -> None:
         ((alone, "--write", toml, "--out", out), "9 of 12 entries free; state a geometry"),
         (
             (alone, "--geometry", "x_janus_20", "--write", toml, "--out", out),
-            "closure cannot choose between others",
+            "closure cannot distinguish the orders that do",
         ),
         ((planted, "--attitude", planted, "--out", out), "column 'roll_rad' is missing"),
     ):

@@ -38,7 +38,7 @@ def write_vehicle(folder: Path, *changes: tuple[str, str]) -> Path:
         (("mass = {", "mess = {"), "mess"),
         (
             ("centre_of_gravity_z = { value = 0.02", "centre_of_gravity_z = { value = -0.05"),
-            "it capsizes",
+            "or the vehicle capsizes",
         ),
         (("derivative = { value = 4.0", "derivative = { value = 0.0"), "stable"),
     ],
