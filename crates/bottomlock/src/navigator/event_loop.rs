@@ -1,4 +1,4 @@
-//! A filter with its beam aiding, pushed one event at a time; many of them side by side are in [`super::run_events`].
+//! A filter with its beam aiding, pushed one event at a time; many of them side by side are in `run_events.rs`.
 
 use std::collections::VecDeque;
 
