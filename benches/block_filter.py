@@ -1,4 +1,4 @@
-"""The 20-state filter of `docs/equations.md` with its block structure, written for numba: the party to beat.
+"""The 20-state filter of `docs/equations.md` with its block structure, written for numba: the candidate to beat.
 
 The same mechanisation, error model and update as the product's kernel at every step, first order: Phi = I + F dt with F
 averaged over the step, P <- Phi (P + Q/2) Phi' + Q/2, and a row per beam. Frames, units and the order of the states are

@@ -96,7 +96,7 @@ def main() -> int:
             run_campaign([scenario], Path(folder) / "campaign", threads=2)
 
     noise = flight() | {"methods": []}
-    parties = {
+    candidates = {
         "kernel, 1 thread": batch(options.runs, 1),
         "kernel, 2 threads": batch(options.runs, 2),
         "noise alone, 2 threads": lambda: kernel.run_batch(**noise, runs=options.runs, threads=2),
@@ -105,11 +105,11 @@ def main() -> int:
         "kernel, 32 runs, 1 thread": batch(32, 1),
         "kernel, no runs": batch(0, 1),
     }
-    times: dict[str, list[float]] = {name: [] for name in parties}
-    busy: dict[str, list[float]] = {name: [] for name in parties}
+    times: dict[str, list[float]] = {name: [] for name in candidates}
+    busy: dict[str, list[float]] = {name: [] for name in candidates}
     for _ in range(options.rounds):
-        for name, party in parties.items():
-            clock, cores = seconds(party)
+        for name, candidate in candidates.items():
+            clock, cores = seconds(candidate)
             times[name].append(clock)
             busy[name].append(cores)
     print(

@@ -1,13 +1,13 @@
 """Ours against a numba block-structured filter, nalgebra dense, pyins and INSLIB, on the same readings, interleaved.
 
-    cargo build --release --example parties
+    cargo build --release --example compare_filters
     python benches/compare.py [--rounds 9] [--seconds 250]
 
-Every round times every party, in turn; a figure is the median over the rounds, with the smallest and the largest,
+Every round times every candidate, in turn; a figure is the median over the rounds, with the smallest and the largest,
 and each ratio is the median of the rounds' own ratios, so that what else the machine does falls on all alike. Times are
-those that the thread had on a core. The parties with 20 states must end with the same covariance, or it fails.
+those that the thread had on a core. The candidates with 20 states must end with the same covariance, or it fails.
 
-Needs numba, python-ins and inslib beside the package; a party that is not installed is left out and named.
+Needs numba, python-ins and inslib beside the package; a candidate that is not installed is left out and named.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 HERE = Path(__file__).resolve().parent
-PARTIES = HERE.parent / "target" / "release" / "examples" / "parties"
+PROGRAM = HERE.parent / "target" / "release" / "examples" / "compare_filters"
 
 DEGREE = np.pi / 180.0
 RATE_HZ = 150
@@ -39,7 +39,7 @@ INITIAL_SD = np.repeat(
 NOISE_DENSITY = np.array([0.072 / 60.0, 0.34 * DEGREE / 60.0, 1e-5, 2.8e-5 * DEGREE, 5e-5, 5e-5]) ** 2
 SAME_COVARIANCE = 1e-9
 PYINS_SECONDS = 20
-# A party of 20 states repeats its work for so long, after once unmeasured: a run takes a few milliseconds.
+# A candidate of 20 states repeats its work for so long, after once unmeasured: a run takes a few milliseconds.
 LEAST_S = 0.03
 
 Matrix = NDArray[np.float64]
@@ -89,7 +89,7 @@ class Readings:
         return len(self.time_ns) - 1
 
     def write(self, path: Path) -> None:
-        """The file that the Rust parties read."""
+        """The file that the Rust candidates read."""
         parts = [
             [self.steps, len(self.ping_ns)],
             np.column_stack([self.time_ns, self.rate, self.force]).ravel(),
@@ -101,21 +101,23 @@ class Readings:
 
 @dataclass(frozen=True)
 class Timing:
-    """What a party needed for one run-step, µs, and one run's covariance at the end where it has our 20 states."""
+    """What a candidate needed for one run-step, µs, and one run's covariance at the end where it has our 20 states."""
 
     step_us: float
     covariance: Matrix | None = None
 
 
-Party = Callable[[], Timing]
+Candidate = Callable[[], Timing]
 
 
 class Rust:
-    """The Rust parties in a process of their own, one answer a line."""
+    """The Rust candidates in a process of their own, one answer a line."""
 
-    def __init__(self, readings: Readings, folder: Path, program: Path = PARTIES) -> None:
+    def __init__(self, readings: Readings, folder: Path, program: Path = PROGRAM) -> None:
         if not program.exists():
-            sys.exit("compare: build the Rust parties first: cargo build --release --example parties")
+            sys.exit(
+                "compare: build the Rust candidates first: cargo build --release --example compare_filters"
+            )
         path = folder / "readings.bin"
         readings.write(path)
         self._command = [program, path]
@@ -137,8 +139,8 @@ class Rust:
         print(line, file=stdin, flush=True)
         return [float(word) for word in stdout.readline().split()]
 
-    def party(self, line: str) -> Party:
-        """A party by its line."""
+    def candidate(self, line: str) -> Candidate:
+        """A candidate by its line."""
 
         def run() -> Timing:
             nanoseconds, run_steps, *lower = self.ask(line)
@@ -149,9 +151,9 @@ class Rust:
         return run
 
 
-def numba_block(readings: Readings) -> Party:
+def numba_block(readings: Readings) -> Candidate:
     """The block-structured filter compiled by numba."""
-    from block_filter import fly  # noqa: PLC0415 - an optional party
+    from block_filter import fly  # noqa: PLC0415 - an optional candidate
 
     earth = EARTH_RATE_RADPS * np.array([np.cos(LATITUDE_RAD), 0.0, -np.sin(LATITUDE_RAD)])
     work = (
@@ -172,9 +174,9 @@ def numba_block(readings: Readings) -> Party:
     return run
 
 
-def pyins_defaults(readings: Readings) -> Party:
+def pyins_defaults(readings: Readings) -> Candidate:
     """Pyins at its defaults: 15 states, covariance every 0.1 s, a velocity in the body frame each second."""
-    import pandas as pd  # noqa: PLC0415 - an optional party
+    import pandas as pd  # noqa: PLC0415 - an optional candidate
     from pyins import filters, measurements, strapdown  # noqa: PLC0415
 
     short = slice(0, PYINS_SECONDS * RATE_HZ + 1)
@@ -203,9 +205,9 @@ def pyins_defaults(readings: Readings) -> Party:
     return run
 
 
-def inslib_ins(readings: Readings) -> Party:
+def inslib_ins(readings: Readings) -> Candidate:
     """INSLIB's inertial filter through its own calls, less what the calls from Python cost by themselves."""
-    from INSLIB import Ins  # noqa: PLC0415 - an optional party
+    from INSLIB import Ins  # noqa: PLC0415 - an optional candidate
 
     t_us = (readings.time_ns // 1000).tolist()
     force, rate = readings.force.tolist(), readings.rate.tolist()
@@ -247,7 +249,7 @@ def disagreement(covariance: Matrix, reference: Matrix) -> float:
 
 
 def main() -> int:
-    """Time all parties, print figures and ratios, check the covariances."""
+    """Time all candidates, print figures and ratios, check the covariances."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -257,30 +259,30 @@ def main() -> int:
     readings = Readings.make(options.seconds)
     with tempfile.TemporaryDirectory() as folder:
         rust = Rust(readings, Path(folder))
-        parties: dict[str, Party] = {
-            "one run": rust.party("alone"),
-            "one run, 10 Hz": rust.party("alone_10hz"),
-            "one run, event by event": rust.party("one"),
-            "event by event, 10 Hz": rust.party("one_10hz"),
-            "8 methods side by side": rust.party("methods 8"),
-            "8 methods, 10 Hz": rust.party("methods_10hz 8"),
-            "8 runs side by side": rust.party("many 8"),
-            "32 runs side by side": rust.party("many 32"),
-            "8 runs, 10 Hz": rust.party("many_10hz 8"),
-            "32 runs, 10 Hz": rust.party("many_10hz 32"),
-            "nalgebra dense": rust.party("dense"),
+        candidates: dict[str, Candidate] = {
+            "one run": rust.candidate("alone"),
+            "one run, 10 Hz": rust.candidate("alone_10hz"),
+            "one run, event by event": rust.candidate("one"),
+            "event by event, 10 Hz": rust.candidate("one_10hz"),
+            "8 methods side by side": rust.candidate("methods 8"),
+            "8 methods, 10 Hz": rust.candidate("methods_10hz 8"),
+            "8 runs side by side": rust.candidate("many 8"),
+            "32 runs side by side": rust.candidate("many 32"),
+            "8 runs, 10 Hz": rust.candidate("many_10hz 8"),
+            "32 runs, 10 Hz": rust.candidate("many_10hz 32"),
+            "nalgebra dense": rust.candidate("dense"),
         }
         for name, make in (("numba block", numba_block), ("pyins", pyins_defaults), ("INSLIB", inslib_ins)):
             try:
-                parties[name] = make(readings)
+                candidates[name] = make(readings)
             except ImportError as error:
                 print(f"left out: {name} ({error})")
-        timings: dict[str, list[Timing]] = {name: [] for name in parties}
+        timings: dict[str, list[Timing]] = {name: [] for name in candidates}
         peaks: list[float] = []
         for _ in range(options.rounds):
             rust.renew()
-            for name, party in parties.items():
-                timings[name].append(party())
+            for name, candidate in candidates.items():
+                timings[name].append(candidate())
             peaks.append(rust.ask("peak")[0] * 1e-9)
         flops = rust.ask("flops")[0]
     return show(timings, peaks, flops)

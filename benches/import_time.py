@@ -1,4 +1,4 @@
-"""What `import bottomlock` costs beside `import numpy`, which it needs.
+"""What `import bottomlock.kernel` costs beside `import numpy`, which it needs; `import bottomlock` alone needs neither.
 
     python benches/import_time.py [--rounds 15]
 
@@ -33,7 +33,7 @@ def main() -> int:
     )
     parser.add_argument("--rounds", type=int, default=15)
     options = parser.parse_args()
-    codes = {"nothing": "pass", "numpy": "import numpy", "bottomlock": "import bottomlock"}
+    codes = {"nothing": "pass", "numpy": "import numpy", "bottomlock": "import bottomlock.kernel"}
     for code in codes.values():
         seconds(code)
     times = {name: np.empty(options.rounds) for name in codes}
@@ -45,7 +45,7 @@ def main() -> int:
     for name, own in times.items():
         print(f"{name:12}{1e3 * np.median(own):8.1f} ms   [{1e3 * own.min():.1f}, {1e3 * own.max():.1f}]")
     print(
-        f"bottomlock / numpy {np.median(ratio):.3f} [{ratio.min():.3f}, {ratio.max():.3f}]; "
+        f"bottomlock.kernel / numpy {np.median(ratio):.3f} [{ratio.min():.3f}, {ratio.max():.3f}]; "
         f"less the interpreter's own time {np.median(net):.3f}"
     )
     return 0

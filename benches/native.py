@@ -31,7 +31,7 @@ LINES = {
 
 
 def build(folder: Path, flags: str) -> Path:
-    """The parties, built into a folder."""
+    """The candidates, built into a folder."""
     environment = os.environ | {"CARGO_TARGET_DIR": str(folder), "RUSTFLAGS": flags}
     command = ["cargo", "build", "--release", "--locked", "--example", "compare_filters"]
     subprocess.run(command, cwd=ROOT, env=environment, check=True)
@@ -51,7 +51,7 @@ def main() -> int:
         "native": build(ROOT / "target" / "native", "-C target-cpu=native"),
     }
     readings = compare.Readings.make(options.seconds)
-    parties: dict[tuple[str, str], compare.Party] = {}
+    candidates: dict[tuple[str, str], compare.Candidate] = {}
     timings: dict[tuple[str, str], list[compare.Timing]] = {}
     processes: list[compare.Rust] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -60,12 +60,12 @@ def main() -> int:
             own.mkdir()
             rust = compare.Rust(readings, own, path)
             processes.append(rust)
-            parties |= {(name, what): rust.party(line) for what, line in LINES.items()}
+            candidates |= {(name, what): rust.candidate(line) for what, line in LINES.items()}
         for _ in range(options.rounds):
             for rust in processes:
                 rust.renew()
-            for key, party in parties.items():
-                timings.setdefault(key, []).append(party())
+            for key, candidate in candidates.items():
+                timings.setdefault(key, []).append(candidate())
     print("us per run-step, ordinary; native; ratio: median [smallest, largest]")
     same = True
     for what in LINES:

@@ -1,7 +1,7 @@
-//! The Rust parties of `benches/compare.py`, over the same readings as all others; asked by line, answered by line.
+//! The Rust candidates of `benches/compare.py`, over the same readings as all others; asked by line, answered by line.
 //!
 //! `compare_filters FILE` reads little-endian doubles: the number of steps N and of pings; N + 1 inertial readings (time ns, rate, force);
-//! the pings (time ns, four beams); the start (attitude, velocity). A line on the input names a party; the answer is its time
+//! the pings (time ns, four beams); the start (attitude, velocity). A line on the input names a candidate; the answer is its time
 //! on a core in nanoseconds, the run-steps that it has done, and the lower triangle of one run's covariance at the end.
 
 // A tool that cannot go on says so and stops.
@@ -34,7 +34,7 @@ use nalgebra::SMatrix;
 const TENTH_NS: i64 = 100_000_000;
 const NOISE_SD_MPS: f64 = 0.042;
 const MOST_RUNS: usize = 32;
-/// A party repeats its work for at least so long.
+/// A candidate repeats its work for at least so long.
 const LEAST_NS: i128 = 30_000_000;
 
 struct Work {
@@ -91,9 +91,9 @@ impl Work {
         }
     }
 
-    /// A party's work.
-    fn fly(&self, party: &str, runs: usize) -> Covariance {
-        match party {
+    /// A candidate's work.
+    fn fly(&self, candidate: &str, runs: usize) -> Covariance {
+        match candidate {
             "one" => self.one(0),
             "one_10hz" => self.one(TENTH_NS),
             "alone" => self.many(1, 0, &self.streams[..1]),
@@ -103,7 +103,7 @@ impl Work {
             "many" => self.many(runs, 0, &self.streams[..runs]),
             "many_10hz" => self.many(runs, TENTH_NS, &self.streams[..runs]),
             "dense" => self.dense(),
-            _ => panic!("compare_filters: no filter of the name {party:?}"),
+            _ => panic!("compare_filters: no filter of the name {candidate:?}"),
         }
     }
 
@@ -367,9 +367,9 @@ fn main() {
     for line in std::io::stdin().lock().lines() {
         let line = line.unwrap();
         let mut words = line.split_whitespace();
-        let party = words.next().unwrap_or("");
+        let candidate = words.next().unwrap_or("");
         let runs: usize = words.next().map_or(1, |word| word.parse().unwrap());
-        match party {
+        match candidate {
             "flops" => {
                 println!("{}", operations_of_a_step(&work));
                 continue;
@@ -383,11 +383,11 @@ fn main() {
             }
             _ => {}
         }
-        // Once unmeasured: a run takes a few milliseconds, and caches and predictions are another party's.
-        let covariance = work.fly(party, runs);
+        // Once unmeasured: a run takes a few milliseconds, and caches and predictions are another candidate's.
+        let covariance = work.fly(candidate, runs);
         let (begin, mut repeats) = (on_core_ns(), 0);
         while repeats == 0 || on_core_ns() - begin < LEAST_NS {
-            black_box(work.fly(party, runs));
+            black_box(work.fly(candidate, runs));
             repeats += 1;
         }
         let nanoseconds = on_core_ns() - begin;
