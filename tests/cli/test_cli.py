@@ -55,7 +55,7 @@ def test_report_of_a_foreign_directory(tmp_path: Path) -> None:
     done = process("report", str(tmp_path))
     assert done.returncode == 2
     assert done.stderr.startswith("bottomlock: ")
-    assert "holds no campaign (no manifest.json" in done.stderr
+    assert "holds no campaign of ours (no manifest.json" in done.stderr
 
 
 @pytest.mark.slow
@@ -191,7 +191,7 @@ def test_fly_swims_a_scenario(tmp_path: Path) -> None:
             "such as tcp://host:8786",
         ),
         (["merge", "o"], "no shard is named"),
-        (["merge", "o", "none"], "none: holds no campaign (no manifest.json"),
+        (["merge", "o", "none"], "none: holds no campaign of ours (no manifest.json"),
         (["merge"], "--out"),
         (["scenarios", "--copy", "bent"], "no packaged scenario"),
         (

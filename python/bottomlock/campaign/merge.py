@@ -86,7 +86,7 @@ def _manifest(directory: Path) -> Manifest:
     """The manifest of a finished shard of this version."""
     manifest = read_json(directory / MANIFEST)
     if manifest is None or "configuration_hash" not in manifest:
-        raise OutputError(f"{directory}: holds no campaign of ours")
+        raise OutputError(f"{directory}: holds no campaign of ours (no manifest.json of `bottomlock run`)")
     if manifest.get("version") != kernel.kernel_version():
         raise OutputError(
             f"{directory}: is of version {manifest.get('version')}, this is {kernel.kernel_version()}"

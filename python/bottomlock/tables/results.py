@@ -88,7 +88,7 @@ def _manifest(folder: Path) -> dict[str, Any]:
     path = folder / "manifest.json"
     manifest = read_json(path)
     if manifest is None or not isinstance(manifest.get("scenarios"), dict) or "version" not in manifest:
-        raise DataError(f"{folder}: holds no campaign (no manifest.json of `bottomlock run`)")
+        raise DataError(f"{folder}: holds no campaign of ours (no manifest.json of `bottomlock run`)")
     version = importlib.metadata.version("bottomlock")
     if manifest["version"] != version:
         raise DataError(
