@@ -103,8 +103,7 @@ pub fn tightly_coupled(terms: &BeamTerms, ping: &BeamSample) -> Innovation {
         residual: terms.residual,
         jacobian: terms.jacobian,
         noise: terms.noise,
-        cross: None,
-        correlated_noise: None,
+        ..Innovation::empty()
     }
 }
 

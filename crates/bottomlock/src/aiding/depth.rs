@@ -3,7 +3,7 @@
 use crate::aiding::declare::model_section;
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation};
-use crate::aiding::{Innovation, Motion};
+use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Vec3};
 use crate::layout::{ATTITUDE, POSITION};
@@ -96,6 +96,7 @@ pub fn depth(state: &NavState, depth_m: f64, sd_m: f64, lever_p_m: &Vec3<Platfor
     let mut innovation = Innovation {
         rows: 1,
         degrees: 1,
+        tangent_rows: TangentRows::Depth,
         ..Innovation::empty()
     };
     innovation.residual[0] = depth_m - (state.position_t_m.0.z + lever_t.z);

@@ -6,7 +6,7 @@ use crate::aiding::declare::model_section;
 use crate::aiding::position::position;
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation};
-use crate::aiding::{Innovation, Motion};
+use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Tangent, Vec3, skew};
 use crate::layout::{ATTITUDE, GYRO_BIAS, VELOCITY};
@@ -151,6 +151,7 @@ pub fn gps_velocity(
     let noise = Matrix3::from_diagonal(&Vector3::from(sd_mps.map(|sd| sd * sd)));
     let mut innovation = Innovation::vector(velocity_t_mps.0 - rotation * point_p, &noise);
     let by_rate = rotation * skew(&lever_p_m.0);
+    innovation.tangent_rows = TangentRows::Velocity;
     innovation.put(VELOCITY, &rotation);
     innovation.put(GYRO_BIAS, &by_rate);
     innovation.put(

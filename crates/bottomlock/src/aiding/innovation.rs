@@ -24,6 +24,26 @@ pub struct Innovation {
     pub cross: Option<Box<SMatrix<f64, DIM, MAX_ROWS>>>,
     /// Why it is, for a smoother.
     pub correlated_noise: Option<Box<CorrelatedNoise>>,
+    /// What the rows measure in the tangent frame.
+    pub tangent_rows: TangentRows,
+    /// True where the rows correct the position alone.
+    pub corrects_position_alone: bool,
+    /// Where given, an update moves the error state by it: δr ← δr + B ρ.
+    pub path_by_misalignment: Option<Box<Matrix3<f64>>>,
+}
+
+/// What rows measure in the tangent frame, where the linear model leaves a product of errors out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TangentRows {
+    /// Nothing: rows in the platform frame, or angles.
+    #[default]
+    None,
+    /// The velocity, north, east and down.
+    Velocity,
+    /// The position, north, east and down.
+    Position,
+    /// The third axis of the position alone.
+    Depth,
 }
 
 /// Errors that the filter carries and that the noise correlated_noise: n = D δx + D_w δw + independent.
@@ -55,6 +75,9 @@ impl Innovation {
             noise: SMatrix::zeros(),
             cross: None,
             correlated_noise: None,
+            tangent_rows: TangentRows::None,
+            corrects_position_alone: false,
+            path_by_misalignment: None,
         }
     }
 
@@ -103,6 +126,7 @@ impl Innovation {
             }
             Box::new(kept_cross)
         });
+        out.path_by_misalignment.clone_from(&self.path_by_misalignment);
         out.correlated_noise = self.correlated_noise.as_ref().map(|noise| {
             let mut selection = SMatrix::<f64, MAX_ROWS, MAX_ROWS>::zeros();
             kept.clone()

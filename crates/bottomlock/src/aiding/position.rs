@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::aiding::Innovation;
+use crate::aiding::{Innovation, TangentRows};
 use crate::frames::{Platform, Tangent, Vec3, skew};
 use crate::layout::{ATTITUDE, POSITION};
 use crate::state::NavState;
@@ -18,6 +18,7 @@ pub fn position(
     let lever_t = state.attitude_t_p * *lever_p_m;
     let noise = Matrix3::from_diagonal(&Vector3::from(sd_m.map(|sd| sd * sd)));
     let mut innovation = Innovation::vector((*position_t_m - state.position_t_m - lever_t).0, &noise);
+    innovation.tangent_rows = TangentRows::Position;
     innovation.put(POSITION, &Matrix3::identity());
     innovation.put(ATTITUDE, &-skew(&lever_t.0));
     innovation

@@ -17,7 +17,7 @@ use nalgebra::{Cholesky, Const, SMatrix};
 use super::definite::factorises;
 use crate::aiding::MAX_ROWS;
 use crate::aiding::{Innovation, RowJacobian};
-use crate::layout::DIM;
+use crate::layout::{DIM, POSITION};
 use crate::simd::{Column, Simd, WIDTH, are_zero, four, load_four, make_symmetric, plus, with_vectors};
 use crate::state::{Covariance, ErrorVector};
 
@@ -166,7 +166,10 @@ impl<const M: usize> PredictedInnovation<M> {
         covariance: &mut Covariance,
         innovation: &Innovation,
     ) -> Result<Correction<M>, Indefinite> {
-        let gain = self.factor.solve(simd, &self.cross_covariance.data.0);
+        let mut gain = self.factor.solve(simd, &self.cross_covariance.data.0);
+        if innovation.corrects_position_alone {
+            correct_position_alone(simd, &mut gain);
+        }
         let mut corrected = *covariance;
         let p = &mut corrected.data.0;
         self.joseph(simd, p, innovation, &gain);
@@ -283,6 +286,16 @@ impl<const M: usize> Factor<M> {
             out[i] = own;
         }
         out
+    }
+}
+
+/// Zeroes a gain but for the rows of the position.
+fn correct_position_alone<S: Simd>(simd: S, gain: &mut [Column<S>]) {
+    for column in gain {
+        let mut numbers = [0.0; DIM];
+        column.store(&mut numbers);
+        numbers[POSITION + 3..].fill(0.0);
+        *column = Column::load(simd, &numbers);
     }
 }
 

@@ -7,6 +7,8 @@ pub mod filter_group;
 pub mod gate;
 mod inflation;
 mod joseph;
+mod linear_error;
+pub mod linear_range;
 pub mod nees;
 pub mod options;
 mod predict;
@@ -22,10 +24,11 @@ use nalgebra::{SMatrix, Vector3};
 use self::definite::is_positive_definite;
 use self::extensions::Extensions;
 use self::inflation::ConsecutiveRejections;
+use self::linear_range::Measured;
 use self::prediction::Settings;
 use self::update::not_positive_definite;
 use crate::aiding::MAX_ROWS;
-use crate::aiding::{Innovation, Motion};
+use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite};
 use crate::error_model::Interval;
 use crate::filter::gate::GateTable;
@@ -50,6 +53,7 @@ pub struct Eskf {
     /// ω_ip of the last reading, bias included.
     last_rate_p_radps: Vector3<f64>,
     last_step_s: f64,
+    measured: Measured,
     settings: Settings,
     gate: GateTable,
     inflate_after_rejections: u32,
@@ -73,6 +77,7 @@ impl Eskf {
             interval: Interval::default(),
             last_rate_p_radps: Vector3::zeros(),
             last_step_s: 0.0,
+            measured: Measured::nothing_at(state.time_ns),
             settings: Settings {
                 earth: EarthTerms::from(&model.environment),
                 noise: model.process_noise(options.estimate_dvl),
@@ -180,6 +185,14 @@ impl Eskf {
         self.propagate_covariance();
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
         require_finite("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
+        match innovation.tangent_rows {
+            TangentRows::None => self.fuse_rows(innovation, sensor),
+            _ => self.update_in_tangent_frame(innovation, sensor),
+        }
+    }
+
+    /// [`Eskf::fuse`] for the number of rows.
+    fn fuse_rows(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<UpdateReport, NavError> {
         match innovation.rows {
             0 => Ok(UpdateReport::empty(sensor, self.state.time_ns)),
             1 => self.fuse::<1>(innovation, sensor, None),

@@ -76,6 +76,9 @@ pub struct UpdateReport {
     pub verdict: Verdict,
     /// Factor by which the covariance of the inertial states was inflated after consecutive rejections.
     pub inflation: Option<f64>,
+    /// True where the velocity was so uncertain before the update that the linear model no longer holds in the tangent
+    /// frame ([`LINEAR_RANGE_MPS`](crate::filter::linear_range::LINEAR_RANGE_MPS)).
+    pub is_beyond_linear_range: bool,
     /// Selection, for methods that select.
     pub choice: Option<Choice>,
     /// Weight of each beam, with outlier detection on: 0 for a rejected beam, NaN for a lost one.
@@ -96,6 +99,7 @@ impl UpdateReport {
             threshold: f64::INFINITY,
             verdict: Verdict::NoInformation,
             inflation: None,
+            is_beyond_linear_range: false,
             choice: None,
             beam_weight: None,
         }

@@ -121,7 +121,9 @@ impl Eskf {
         if let Some(water_gain) = water_gain {
             whole_gain.view_mut((DIM, 0), (WATER, M)).copy_from(water_gain);
         }
-        let (weighted_innovation, weight) = (factor.solve(z), factor.inverse());
+        // What corrects the position alone is no information on any other state.
+        let informs = if innovation.corrects_position_alone { 0.0 } else { 1.0 };
+        let (weighted_innovation, weight) = (factor.solve(z) * informs, factor.inverse() * informs);
         if let Some(tape) = &mut self.extensions.tape {
             tape.push(Step::Update {
                 weighted_innovation: DVector::from_column_slice(weighted_innovation.as_slice()),

@@ -37,7 +37,7 @@ impl Eskf {
         let rejected_rows = self.rejected_rows(&report);
         let is_rejected = (0..M).all(|row| rejected_rows & (1 << row) != 0);
         if rejected_rows != 0 && !is_rejected {
-            self.update(&innovation.select(|row| rejected_rows & (1 << row) == 0), sensor)?;
+            self.fuse_rows(&innovation.select(|row| rejected_rows & (1 << row) == 0), sensor)?;
             report.verdict = Verdict::AcceptedInPart { rejected_rows };
             return Ok(report);
         }
@@ -52,12 +52,15 @@ impl Eskf {
             return Ok(report);
         }
 
-        let correction = predicted.correct(&mut self.covariance, innovation);
-        let correction = correction
-            .as_ref()
+        let mut correction = predicted
+            .correct(&mut self.covariance, innovation)
             .map_err(|indefinite| not_positive_definite(indefinite.negative, self.state.time_ns))?;
         if self.extensions.water.is_some() || self.extensions.tape.is_some() {
             self.update_water_and_tape(innovation, predicted, &correction.gain, water_cross);
+        }
+        self.measured.has_velocity |= matches!(sensor, Sensor::Beams | Sensor::Velocity);
+        if let Some(by_misalignment) = &innovation.path_by_misalignment {
+            self.move_to_corrected_path(by_misalignment, &mut correction.error);
         }
         self.feed_back(&correction.error);
         Ok(report)
@@ -76,6 +79,7 @@ impl Eskf {
             nis: predicted.nis,
             threshold: self.gate.threshold(innovation.degrees),
             verdict: Verdict::Accepted,
+            is_beyond_linear_range: self.is_beyond_linear_range(),
             ..UpdateReport::empty(sensor, self.state.time_ns)
         };
         for n in 0..M {
@@ -117,6 +121,7 @@ impl Eskf {
                 factor: &factor,
                 cross_covariance: &predicted.cross_covariance,
                 gain,
+                corrects_position_alone: innovation.corrects_position_alone,
             };
             water_gain = Some(water.update(&update, &water_cross.copied().unwrap_or_else(SMatrix::zeros)));
         }

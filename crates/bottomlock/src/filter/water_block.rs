@@ -1,11 +1,11 @@
 //! The water states of [`crate::aiding::water`] as a block of the filter: estimate, covariance, and covariance with the
 //! error state.
 
-use nalgebra::{Cholesky, Const, SMatrix};
+use nalgebra::{Cholesky, Const, Matrix3, SMatrix};
 
 use crate::aiding::water::{HEAVE, WATER, WaterCovariance, WaterPrior, WaterRow, WaterVector, inject};
 use crate::error_model::Interval;
-use crate::layout::{ATTITUDE, DIM};
+use crate::layout::{ATTITUDE, DIM, POSITION};
 use crate::mechanisation::{EarthTerms, Kinematics};
 
 /// Memory of an estimated slip variance, epochs.
@@ -145,7 +145,11 @@ impl WaterBlock {
     ) -> SMatrix<f64, WATER, M> {
         // X_w = E[δw zᵀ] and the gain K_w.
         let x_w = self.cross.transpose() * update.h.transpose() + water_cross;
-        let gain = update.factor.solve(&x_w.transpose()).transpose();
+        let gain = if update.corrects_position_alone {
+            SMatrix::zeros()
+        } else {
+            update.factor.solve(&x_w.transpose()).transpose()
+        };
         // Joseph's form in S: an error of a gain enters squared.
         let s_gain = update.s * gain.transpose();
         self.cross += update.gain * (s_gain - x_w.transpose()) - update.cross_covariance * gain.transpose();
@@ -154,6 +158,13 @@ impl WaterBlock {
         let yaw_rad = (update.gain.row(ATTITUDE + 2) * update.z)[0];
         inject(&mut self.estimate, yaw_rad, &(gain * update.z));
         gain
+    }
+
+    /// Follows a move of the error state, δr ← δr + B ρ.
+    pub(crate) fn move_to_corrected_path(&mut self, by_misalignment: &Matrix3<f64>) {
+        let moved = by_misalignment * self.cross.fixed_rows::<3>(ATTITUDE);
+        let mut position = self.cross.fixed_rows_mut::<3>(POSITION);
+        position += moved;
     }
 
     /// Factor by which each state decays over `duration_s`.
@@ -181,6 +192,8 @@ pub(crate) struct Update<'a, const M: usize> {
     pub(crate) cross_covariance: &'a SMatrix<f64, DIM, M>,
     /// Gain K = E[δx zᵀ] S⁻¹.
     pub(crate) gain: &'a SMatrix<f64, DIM, M>,
+    /// True where the measurement corrects no other state than the position.
+    pub(crate) corrects_position_alone: bool,
 }
 
 #[cfg(test)]

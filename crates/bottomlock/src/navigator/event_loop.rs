@@ -93,6 +93,12 @@ impl Navigator {
         &mut self.filters.measurements_only
     }
 
+    /// The filter whose estimate is reported.
+    #[must_use]
+    pub fn filter(&self) -> &Eskf {
+        self.filters.best()
+    }
+
     /// The filters, for a smoother.
     pub(crate) fn filters(&mut self) -> &mut DualFilter {
         &mut self.filters

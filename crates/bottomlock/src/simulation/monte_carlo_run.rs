@@ -90,16 +90,17 @@ impl MethodRun {
     fn sample(&mut self, truth: &NavState) -> Result<(), NavError> {
         let error = truth.error_of(&self.navigators.state());
         let covariance = self.navigators.covariance();
-        let nees_of = |from, to| {
-            nees(&covariance, &error, from, to).ok_or(NavError::NotPositiveDefinite {
+        let linear_error = self.navigators.selected().filter().linear_error(truth);
+        let nees_of = |error, from, to| {
+            nees(&covariance, error, from, to).ok_or(NavError::NotPositiveDefinite {
                 matrix: "state covariance",
                 time_ns: truth.time_ns,
             })
         };
-        self.record.nees.push(nees_of(0, DIM)?);
+        self.record.nees.push(nees_of(&linear_error, 0, DIM)?);
         self.record
             .nees_velocity_attitude
-            .push(nees_of(ATTITUDE, ATTITUDE + 6)?);
+            .push(nees_of(&error, ATTITUDE, ATTITUDE + 6)?);
         self.record.error.push(std::array::from_fn(|i| error[i]));
         self.record.sd.push(std::array::from_fn(|i| covariance[(i, i)].sqrt()));
         self.record.biases = Some(BiasRecord {

@@ -1,0 +1,168 @@
+//! How far measurements in the tangent frame are linear in the error state, and what the filter does beyond that.
+//!
+//! With R = Exp(ρ) R̂ and v = v̂ + δv, the velocity in the tangent frame is
+//!
+//! ```text
+//! R v = R̂ v̂ + R̂ δv + ρ × R̂ v̂ + b + O(ρ²),   b = ρ × R̂ δv.
+//! ```
+//!
+//! F has all of it but b. Where beams leave a direction of the velocity unobserved, δv grows to tens of m/s and b to
+//! decimetres per second. Position, depth and velocity in the tangent frame then contradict the linear model, and a
+//! first-order update takes the contradiction for information on the misalignment. What is done instead is derived in
+//! docs/linear_range.md:
+//!
+//! - Velocity, three axes: the Jacobian is that at the velocity after the update.
+//! - Position, three axes: ∫b dt = ρ × ∫R̂ δv dt, and the integral is what the update observes as correction of the
+//!   position. The error state is moved to the corrected path.
+//! - Depth: nothing observes that integral. Beyond the linear range the measurement corrects the position alone
+//!   (Schmidt's filter), whose variance has grown by E[b_z²] Δt² since the last depth.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::Eskf;
+use super::joseph::PredictedInnovation;
+use crate::aiding::{Innovation, TangentRows};
+use crate::error::NavError;
+use crate::filter::report::{Sensor, UpdateReport};
+use crate::frames::skew;
+use crate::layout::{ATTITUDE, POSITION, VELOCITY};
+use crate::state::ErrorVector;
+
+/// Root mean square of b_z, m/s, beyond which a depth corrects the position alone.
+///
+/// Results are the same from 1 to 5 mm/s; at 10 mm/s depth contradicts a diagonal pair of beams (docs/linear_range.md).
+pub const LINEAR_RANGE_MPS: f64 = 2e-3;
+
+const DOWN: (usize, usize) = (POSITION + 2, POSITION + 2);
+
+/// What has been measured, and when (or when the filter began), ns.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Measured {
+    pub(super) depth_ns: i64,
+    /// All axes of the position.
+    pub(super) position_ns: i64,
+    /// True after a velocity in the platform frame.
+    pub(super) has_velocity: bool,
+}
+
+impl Measured {
+    pub(super) fn nothing_at(time_ns: i64) -> Self {
+        Self {
+            depth_ns: time_ns,
+            position_ns: time_ns,
+            has_velocity: false,
+        }
+    }
+}
+
+impl Eskf {
+    /// Returns true if the velocity is so uncertain that the linear model no longer holds in the tangent frame.
+    #[must_use]
+    pub fn is_beyond_linear_range(&self) -> bool {
+        self.vertical_product_variance() > LINEAR_RANGE_MPS * LINEAR_RANGE_MPS
+    }
+
+    /// Updates with rows in the tangent frame.
+    ///
+    /// # Errors
+    /// As [`Eskf::update`].
+    pub(super) fn update_in_tangent_frame(
+        &mut self,
+        innovation: &Innovation,
+        sensor: Sensor,
+    ) -> Result<UpdateReport, NavError> {
+        let mut innovation = innovation.clone();
+        let before = self.covariance[DOWN];
+        match innovation.tangent_rows {
+            TangentRows::None => {}
+            TangentRows::Velocity => {
+                let gained_t = self.rotation() * self.first_correction(&innovation).fixed_rows::<3>(VELOCITY);
+                add_by_misalignment(&mut innovation, &-skew(&gained_t));
+            }
+            TangentRows::Position => {
+                let by_misalignment = self.path_by_misalignment(&self.first_correction(&innovation));
+                add_by_misalignment(&mut innovation, &by_misalignment);
+                innovation.path_by_misalignment = Some(Box::new(by_misalignment));
+            }
+            TangentRows::Depth if self.is_beyond_linear_range() => {
+                let since_s = (self.state.time_ns - self.measured.depth_ns) as f64 * 1e-9;
+                innovation.corrects_position_alone = true;
+                self.covariance[DOWN] += self.vertical_product_variance() * since_s * since_s;
+            }
+            TangentRows::Depth => {}
+        }
+        let report = self.fuse_rows(&innovation, sensor)?;
+        if report.was_used() {
+            self.note_position(innovation.tangent_rows);
+        } else {
+            self.covariance[DOWN] = before;
+        }
+        Ok(report)
+    }
+
+    /// Moves an error state to the path that a position has corrected: δr ← δr + B ρ.
+    pub(super) fn move_to_corrected_path(&mut self, by_misalignment: &Matrix3<f64>, error: &mut ErrorVector) {
+        let columns = by_misalignment * self.covariance.fixed_rows::<3>(ATTITUDE);
+        let mut position = self.covariance.fixed_rows_mut::<3>(POSITION);
+        position += columns;
+        let rows = self.covariance.fixed_columns::<3>(ATTITUDE) * by_misalignment.transpose();
+        let mut position = self.covariance.fixed_columns_mut::<3>(POSITION);
+        position += rows;
+        let moved = error.fixed_rows::<3>(POSITION) + by_misalignment * error.fixed_rows::<3>(ATTITUDE);
+        error.fixed_rows_mut::<3>(POSITION).copy_from(&moved);
+        self.extensions.move_to_corrected_path(by_misalignment);
+    }
+
+    /// B = −[δr̂×]; a depth since the last position has moved its own axis already, so that only the way since then counts.
+    fn path_by_misalignment(&self, correction: &ErrorVector) -> Matrix3<f64> {
+        let mut block = -skew(&correction.fixed_rows::<3>(POSITION).into_owned());
+        if self.measured.depth_ns > self.measured.position_ns {
+            let since_s = (self.state.time_ns - self.measured.depth_ns) as f64 * 1e-9;
+            let gained_t: Vector3<f64> = self.rotation() * correction.fixed_rows::<3>(VELOCITY) * since_s;
+            block.set_row(2, &-skew(&gained_t).row(2));
+        }
+        block
+    }
+
+    /// The error that an innovation of three rows explains by itself.
+    fn first_correction(&self, innovation: &Innovation) -> ErrorVector {
+        PredictedInnovation::<3>::of(&self.covariance, innovation).map_or_else(ErrorVector::zeros, |predicted| {
+            let z = innovation.residual.fixed_rows::<3>(0).into_owned();
+            predicted.cross_covariance * predicted.cholesky().solve(&z)
+        })
+    }
+
+    fn note_position(&mut self, measured: TangentRows) {
+        if measured == TangentRows::Position {
+            self.measured.position_ns = self.state.time_ns;
+        }
+        if matches!(measured, TangentRows::Position | TangentRows::Depth) {
+            self.measured.depth_ns = self.state.time_ns;
+        }
+    }
+
+    fn rotation(&self) -> Matrix3<f64> {
+        Matrix3::from(self.kinematics.rotation_t_p).transpose()
+    }
+
+    /// E[b_z²], (m/s)², of b_z = ρ_x u_y − ρ_y u_x with u = R̂ δv, all of them Gaussian (Isserlis' theorem).
+    fn vertical_product_variance(&self) -> f64 {
+        let rotation = self.rotation();
+        let horizontal = rotation.fixed_rows::<2>(0);
+        let rho = self.covariance.fixed_view::<2, 2>(ATTITUDE, ATTITUDE);
+        let u = horizontal * self.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY) * horizontal.transpose();
+        let both = self.covariance.fixed_view::<2, 3>(ATTITUDE, VELOCITY) * horizontal.transpose();
+        let (xx, xy, yx, yy) = (both[(0, 0)], both[(0, 1)], both[(1, 0)], both[(1, 1)]);
+        rho[(0, 0)] * u[(1, 1)] + rho[(1, 1)] * u[(0, 0)] - 2.0 * rho[(0, 1)] * u[(0, 1)]
+            + 2.0 * (xy * xy + yx * yx - xx * yy - xy * yx)
+    }
+}
+
+fn add_by_misalignment(innovation: &mut Innovation, block: &Matrix3<f64>) {
+    let mut by_misalignment = innovation.jacobian.fixed_view_mut::<3, 3>(0, ATTITUDE);
+    by_misalignment += block;
+}
+
+#[cfg(test)]
+#[path = "linear_range_tests.rs"]
+mod tests;
