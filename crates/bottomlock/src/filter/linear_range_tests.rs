@@ -143,7 +143,8 @@ fn tangent_velocity_sd(filter: &Eskf) -> Vector3<f64> {
 #[test]
 fn a_fix_after_an_outage_is_no_compass() {
     for measures_velocity in [false, true] {
-        let mut filter = filter(0.01, 20.0);
+        let mut filter = filter(1e-4, 20.0);
+        filter.covariance[(ATTITUDE + 2, ATTITUDE + 2)] = 0.02 * 0.02;
         let start = filter.state();
         let turned: Matrix3<f64> = Rot::<Tangent, Tangent>::exp(Vector3::new(0.0, 0.0, 0.02)).matrix();
         let velocity_p = start.velocity_p_mps.0 + Vector3::new(14.0, -17.0, 3.0);
@@ -162,17 +163,12 @@ fn a_fix_after_an_outage_is_no_compass() {
         assert!(report.was_used());
         let (after, covariance) = (filter.state(), filter.covariance());
         let sd = tangent_velocity_sd(&filter);
-        // Gravity along the wrong vertical has moved the velocity by g ρ t.
-        let expected = if measures_velocity {
-            0.02
-        } else {
-            0.5 * 9.8 * 0.01 * 100.0
-        };
-        assert!(sd.amax() < expected, "{sd}");
+        // Gyro noise has turned the vertical meanwhile, and gravity along it moves the velocity.
+        let largest_mps = if measures_velocity { 0.02 } else { 0.5 };
+        assert!(sd.amax() < largest_mps, "{sd}");
         for i in 0..3 {
             let k = (ATTITUDE + i, ATTITUDE + i);
-            // What is left is what the velocity of 20 m/s beforehand lets an honest filter know.
-            assert!((covariance[k] / before[k]).sqrt() > if i == 2 { 0.99 } else { 0.7 });
+            assert!((covariance[k] / before[k]).sqrt() > 0.95);
         }
         assert!(after.error_of(&start)[ATTITUDE + 2].abs() < 2e-3);
     }
@@ -182,11 +178,16 @@ fn a_fix_after_an_outage_is_no_compass() {
 /// its own axis out of the rotation.
 #[test]
 fn a_position_fix_after_a_depth_tells_no_tilt() {
-    let mut filter = filter(0.01, 20.0);
-    let start = filter.state();
+    let mut filter = filter(1e-3, 20.0);
+    let rotation = filter.rotation();
+    let horizontal = Matrix3::from_diagonal(&Vector3::new(400.0, 400.0, 1e-4));
+    filter
+        .covariance
+        .fixed_view_mut::<3, 3>(VELOCITY, VELOCITY)
+        .copy_from(&(rotation.transpose() * horizontal * rotation));
     coast(&mut filter, 100);
     let at_depth = filter.state();
-    let innovation = depth(&at_depth, start.position_t_m.0.z, 0.02, &Vec3::zeros());
+    let innovation = depth(&at_depth, at_depth.position_t_m.0.z, 0.02, &Vec3::zeros());
     assert!(filter.update(&innovation, Sensor::Depth).unwrap().was_used());
     coast(&mut filter, 1);
     let before = filter.covariance();
@@ -202,7 +203,7 @@ fn a_position_fix_after_a_depth_tells_no_tilt() {
     for i in 0..3 {
         assert!(after[(POSITION + i, POSITION + i)].sqrt() < 0.11);
         let k = (ATTITUDE + i, ATTITUDE + i);
-        assert!((after[k] / before[k]).sqrt() > 0.7);
+        assert!((after[k] / before[k]).sqrt() > 0.95);
     }
 }
 
