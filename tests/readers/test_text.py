@@ -118,7 +118,7 @@ def test_serial_lost_beams_and_bad_checksums() -> None:
     assert recording.account.flagged["transducer report missing"].count == 1
     trusted = waterlinked_serial.read(bad, "log", Options(ignore_checksum=True))
     assert trusted.table.velocity_mps[0, 2] == 2.3
-    assert trusted.account.flagged["bad checksum, kept as asked"].count == 1
+    assert trusted.account.flagged["bad checksum, kept on request"].count == 1
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,9 @@ def test_readings_come_back_in_si(case: Case) -> None:
     earth = 7.292115e-5 * np.array([np.cos(np.deg2rad(32.8)), 0.0, -np.sin(np.deg2rad(32.8))])
     R = [matrix_from_quaternion(q) for q in true["attitude_t_p"]]
     rate_tp = np.array([w - r.T @ earth for w, r in zip(true["omega_p_radps"], R, strict=True)])
-    beams = streams.instrument.geometry.beam_velocities(true["velocity_p_mps"], rate_tp_p_radps=rate_tp)[rows]
+    beams = streams.instrument.geometry.beam_velocities(true["velocity_p_mps"], omega_tp_p_radps=rate_tp)[
+        rows
+    ]
     np.testing.assert_allclose(streams.beams.velocity_mps, beams, atol=1e-9)
     assert streams.reference is not None
     assert streams.reference.position_t_m is not None

@@ -101,7 +101,7 @@ def test_virtual_beam_locks_fixes_out() -> None:
 
 
 @pytest.mark.parametrize("method", ["nsv", "weak_sway"])
-def test_sway_assumptions_are_cautious_where_they_hold(method: str) -> None:
+def test_sway_assumptions_are_conservative_where_they_hold(method: str) -> None:
     """On the straight line sway is exactly zero, better than either row says: NEES below 6, never above its band."""
     nees = ensembles.fly("straight", METHODS).nees(method)
     assert nees.mean() < chi_squared.mean_band(nees.mean(axis=1), DEGREES)[1]

@@ -52,7 +52,7 @@ def test_a_lost_beam_may_hold_anything() -> None:
         ),
         ("prior_cov_m2ps2", {"prior_velocity_p_mps": np.ones((5, 3)), "prior_cov_m2ps2": np.ones((5, 3))}),
         ("prior", {"prior_velocity_p_mps": np.ones((5, 3))}),
-        ("rate_tp_p_radps", {"rate_tp_p_radps": np.ones((5, 2))}),
+        ("omega_tp_p_radps", {"omega_tp_p_radps": np.ones((5, 2))}),
     ],
 )
 def test_a_wrong_shape_names_the_array(name: str, change: dict[str, Any]) -> None:

@@ -326,11 +326,11 @@ def test_a_bias_is_observable_where_its_error_shrinks(tmp_path: Path) -> None:
 def test_a_bias_is_hidden_where_all_of_it_is_left(tmp_path: Path) -> None:
     """Half of each is left, so none is hidden; with all of it left each is."""
     folder = write_campaign(tmp_path / "c")
-    row = one(judged(folder), "t1-bias-hidden")
+    row = one(judged(folder), "t1-bias-unobservable")
     assert (row["verdict"], row["ours"]) == (NOT_REPRODUCED, pytest.approx(0.5))
     for method in ("vb", "nsv", "plcf", "vhv", "tc"):
         leave(folder, "straight", method, "(accel_bias_[xy]|gyro_bias_z).*", 0.99)
-    assert one(judged(folder), "t1-bias-hidden")["verdict"] == REPRODUCED
+    assert one(judged(folder), "t1-bias-unobservable")["verdict"] == REPRODUCED
 
 
 def test_manoeuvres_show_more_where_less_is_left(tmp_path: Path) -> None:

@@ -140,8 +140,8 @@ def test_gps_is_heard_at_the_surface_alone() -> None:
     under = truth.position_t_m[:, 2] > 0.3
     first_under = truth.time_ns[under][0]
     assert 8 * SECOND < first_under < 14 * SECOND
-    assert (plan["gps_time_ns"][plan["gps_heard"]] < first_under).all()
-    assert plan["gps_heard"].sum() == first_under // SECOND
+    assert (plan["gps_time_ns"][plan["gps_received"]] < first_under).all()
+    assert plan["gps_received"].sum() == first_under // SECOND
 
 
 def test_stretches_join_to_the_whole() -> None:
@@ -168,7 +168,7 @@ def test_stretches_join_to_the_whole() -> None:
     for name, values in whole.items():
         joined = np.concatenate(parts[name], axis=-2 if name == "beam_valid" else -1)
         assert joined == pytest.approx(values, abs=1e-12), name
-    assert 0 < whole["gps_heard"].sum() < len(whole["gps_heard"])
+    assert 0 < whole["gps_received"].sum() < len(whole["gps_received"])
 
 
 def test_streams_are_those_of_the_campaign(tmp_path: Path) -> None:

@@ -165,7 +165,7 @@ def test_error_model_is_the_filters(eight: Truth) -> None:
     ours = error_model(
         model(eight),  # type: ignore[arg-type]
         attitude_t_p=eight.attitude_t_p[k], velocity_p_mps=eight.velocity_p_mps[k],
-        rate_p_radps=eight.omega_p_radps[k], force_p_mps2=eight.force_p_mps2[k],
+        omega_p_radps=eight.omega_p_radps[k], force_p_mps2=eight.force_p_mps2[k],
     )  # fmt: skip
     R = matrix_from_quaternion(eight.attitude_t_p[k])
     theirs = f_full(
@@ -287,7 +287,7 @@ def test_the_papers_table_is_what_the_documentation_says() -> None:
 def test_figures_have_a_panel_for_every_group() -> None:
     sds, ranks = paper_histories(load_scenario("straight").kernel_model(9.8125))
     for case in PAPER_CASES:
-        figure = deviation_figure(sds, ranks, case.name, title=case.name, hidden=["yaw"])
+        figure = deviation_figure(sds, ranks, case.name, title=case.name, unobservable=["yaw"])
         assert len(figure.axes) == (6 if case.aiding.velocity else 7)
     with pytest.raises(DataError, match="column 'case' is missing"):
         deviation_figure(sds.drop("case"), ranks, "x", title="")
@@ -324,7 +324,7 @@ def test_a_plan_says_what_a_manoeuvre_brings() -> None:
         JANUS, ALL, model(truth), manoeuvres=[MANOEUVRES["straight"], MANOEUVRES["figure_eight"]]
     )
     verdicts = dict(table.filter(state="tilt north").select("manoeuvre", "verdict").iter_rows())
-    assert verdicts == {"straight": "hidden", "figure_eight": "observable"}
+    assert verdicts == {"straight": "unobservable", "figure_eight": "observable"}
     chosen = dict(best(table).select("state", "manoeuvre").iter_rows())
     assert chosen["tilt north"] == "figure_eight"
     assert chosen["accel bias y"] == "figure_eight"

@@ -13,7 +13,7 @@ from bottomlock.studies.sweep import SETTINGS, Setting
 from bottomlock.tables.check import check
 from bottomlock.tables.studies import SWEEP
 
-RARE = "gate reopens after refusals in a row"
+RARE = "inflate after rejections"
 
 
 @pytest.fixture

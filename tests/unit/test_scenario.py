@@ -122,7 +122,7 @@ def test_faults_name_key_value_range_and_unit(change: tuple[str, str], message: 
 def test_parts_that_contradict_each_other_are_refused() -> None:
     """A mission that nobody swims, and a pilot who is not aboard."""
     analytic = TEXT.replace("[imu]", 'source = "analytic"\n[mission]\ndepth_m = 5.0\n[imu]')
-    with pytest.raises(ScenarioError, match="an analytic truth flies none"):
+    with pytest.raises(ScenarioError, match="an analytic truth has no mission"):
         parse_scenario(analytic, place="t.toml")
     absent = TEXT.replace("[imu]", 'pilot = "lc"\n[campaign]\nmethods = ["tc"]\n[imu]')
     with pytest.raises(ScenarioError, match=r"trajectory\.pilot is 'lc', expected \"own\" or one of"):

@@ -1,4 +1,4 @@
-//! The Rust candidates of `benches/compare.py`, over the same readings as all others; asked by line, answered by line.
+//! The Rust candidates of `benches/compare.py`, over the same readings as all others: one line in, one line out.
 //!
 //! `compare_filters FILE` reads little-endian doubles: the number of steps N and of pings; N + 1 inertial readings (time ns, rate, force);
 //! the pings (time ns, four beams); the start (attitude, velocity). A line on the input names a candidate; the answer is its time
@@ -39,7 +39,7 @@ const LEAST_NS: i128 = 30_000_000;
 
 struct Work {
     imu: Vec<ImuSample>,
-    /// A copy for each of the most runs that fly side by side.
+    /// A copy for each run of the largest group.
     streams: Vec<Vec<ImuSample>>,
     pings: Vec<BeamSample>,
     start: NavState,
@@ -91,8 +91,8 @@ impl Work {
         }
     }
 
-    /// A candidate's work.
-    fn fly(&self, candidate: &str, runs: usize) -> Covariance {
+    /// Runs a candidate.
+    fn run(&self, candidate: &str, runs: usize) -> Covariance {
         match candidate {
             "one" => self.one(0),
             "one_10hz" => self.one(TENTH_NS),
@@ -107,7 +107,7 @@ impl Work {
         }
     }
 
-    /// One run, fed an event at a time as in live use.
+    /// One run, event by event as in live use.
     fn one(&self, period_ns: i64) -> Covariance {
         let options = Self::options(period_ns);
         let geometry = self.geometry.clone();
@@ -351,7 +351,7 @@ fn on_core_ns() -> i128 {
     i128::from(time.tv_sec) * 1_000_000_000 + i128::from(time.tv_nsec)
 }
 
-/// Time on the clock, ns, where the system does not tell a thread's own.
+/// Wall-clock time, ns, on systems without a clock per thread.
 #[cfg(not(unix))]
 fn on_core_ns() -> i128 {
     use std::time::{SystemTime, UNIX_EPOCH};
@@ -384,10 +384,10 @@ fn main() {
             _ => {}
         }
         // Once unmeasured: a run takes a few milliseconds, and caches and predictions are another candidate's.
-        let covariance = work.fly(candidate, runs);
+        let covariance = work.run(candidate, runs);
         let (begin, mut repeats) = (on_core_ns(), 0);
         while repeats == 0 || on_core_ns() - begin < LEAST_NS {
-            black_box(work.fly(candidate, runs));
+            black_box(work.run(candidate, runs));
             repeats += 1;
         }
         let nanoseconds = on_core_ns() - begin;
