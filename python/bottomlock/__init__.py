@@ -1,4 +1,4 @@
-"""Aided inertial navigation with the remaining beams of a Doppler velocity log.
+"""Aided inertial navigation with whatever Doppler velocity log beams are left.
 
 Frames: tangent north-east-down, fixed to the Earth; platform forward-right-down. Quaternions are scalar first and map
 platform to tangent. SI units and radians; time is integer nanoseconds. Errors are true minus estimate. Beams are

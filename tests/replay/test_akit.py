@@ -98,21 +98,21 @@ def test_replay_of_a_section_is_streaming_bit_for_bit(data: Path, scratch: Path)
         replay='smooth = false\nmethods = ["tc", "sway_current"]\nduration_s = 60.0',
     )
     prepared = rerun.prepare(case, read_streams(case), 0)
-    flown = rerun.run_methods(case, prepared, case.what_if[0])
+    rerun_result = rerun.run_methods(case, prepared, case.what_if[0])
     start = {
         "time_ns": prepared.alignment.time_ns,
         "position_t_m": prepared.alignment.position_t_m,
         "attitude_t_p": quaternions(prepared.alignment.attitude),
         "velocity_p_mps": prepared.alignment.velocity_p_mps,
     }
-    log = rerun.kernel_log(case, prepared, flown.valid)
+    log = rerun.kernel_log(case, prepared, rerun_result.valid)
     for index, method in enumerate(case.replay.methods):
         geometry = prepared.streams.instrument.geometry
         pushed = stream(
             geometry, prepared.model, prepared.options, method, log, start, prepared.sample_time_ns
         )
         for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd", "nis"):
-            np.testing.assert_array_equal(flown.result[name][index], pushed[name])
+            np.testing.assert_array_equal(rerun_result.result[name][index], pushed[name])
 
 
 @pytest.mark.parametrize("section", [1, 3, 10])

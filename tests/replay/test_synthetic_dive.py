@@ -93,8 +93,8 @@ def test_equal_to_streaming_bit_for_bit(case: Case) -> None:
     """Every method as if its log were pushed through `Navigator` reading by reading."""
     prepared = rerun.prepare(case, read_streams(case), 0)
     for asked in (None, *case.what_if):
-        flown = rerun.run_methods(case, prepared, asked, threads=2)
-        log = rerun.kernel_log(case, prepared, flown.valid)
+        rerun_result = rerun.run_methods(case, prepared, asked, threads=2)
+        log = rerun.kernel_log(case, prepared, rerun_result.valid)
         start = {
             "time_ns": prepared.alignment.time_ns,
             "position_t_m": prepared.alignment.position_t_m,
@@ -113,7 +113,7 @@ def test_equal_to_streaming_bit_for_bit(case: Case) -> None:
             )
             for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd", "nis"):
                 np.testing.assert_array_equal(
-                    flown.result[name][index], pushed[name], err_msg=f"{method} {name}"
+                    rerun_result.result[name][index], pushed[name], err_msg=f"{method} {name}"
                 )
 
 

@@ -2,7 +2,7 @@
 
 All six pairs on two trajectories, 20 runs. One false-alarm rate of 1 % for the whole summary (`recovery.FALSE_ALARM`).
 Seed and number of runs were fixed before the first run. VB, which is among the methods, shows what the size decides:
-the same summary finds its fault. The information form and the exact virtual beam, which are TC by theorem, are flown by
+the same summary finds its fault. The information form and the exact virtual beam, which are TC by theorem, are run by
 `make test-long` only.
 """
 

@@ -23,7 +23,7 @@ RUNS = 100
 
 
 @lru_cache(maxsize=8)
-def flown(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
+def run_with_tilt(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
     """Runs whose initial misalignment is `tilt_factor` times what the filters assume."""
     simulation = analytic_simulation("straight")
     scenario, truth = simulation.scenario, simulation.truth()
@@ -56,7 +56,7 @@ def locked_out(batch: dict[str, Any], method: str) -> int:
 
 def test_filters_that_start_wrong_come_back() -> None:
     """Tilts four times as large as claimed: a closed gate loses every third run for good, a reopened one none."""
-    closed, reopened = flown(4.0, 0), flown(4.0, 5)
+    closed, reopened = run_with_tilt(4.0, 0), run_with_tilt(4.0, 5)
     for method in METHODS:
         assert locked_out(closed, method) > RUNS // 5
         assert locked_out(reopened, method) == 0
@@ -68,7 +68,7 @@ def test_filters_that_start_wrong_come_back() -> None:
 
 def test_a_right_filter_does_not_notice() -> None:
     """Five right fixes refused in a row happen once in 10¹²: runs without a lock-out end in the same bits."""
-    closed, reopened = flown(1.0, 0), flown(1.0, 5)
+    closed, reopened = run_with_tilt(1.0, 0), run_with_tilt(1.0, 5)
     for method in METHODS:
         column = METHODS.index(method)
         refused = closed["fixes_rejected"][:, column]
@@ -85,7 +85,7 @@ def test_a_reopened_filter_is_not_overconfident() -> None:
     The widened covariance of the misalignment about the vertical, which no velocity shows, is still claimed too small
     in the runs that were never refused: heading is not judged.
     """
-    batch = flown(4.0, 5)
+    batch = run_with_tilt(4.0, 5)
     column = METHODS.index("lc")
     back = slice(10, None)
     squares = (batch["error"] / batch["sd"])[:, column, back, 6:9] ** 2

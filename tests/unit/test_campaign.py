@@ -60,7 +60,7 @@ def test_bits_do_not_depend_on_threads_or_interruption(tmp_path: Path) -> None:
     stamps = [path.stat().st_mtime_ns for path in finished]
     assert len(finished) == 1
     run_campaign([short()], tmp_path / "broken", threads=2)
-    assert [path.stat().st_mtime_ns for path in finished] == stamps, "a finished chunk is not flown again"
+    assert [path.stat().st_mtime_ns for path in finished] == stamps, "a finished chunk is not run again"
     same_tables(tmp_path / "one", tmp_path / "broken")
 
 

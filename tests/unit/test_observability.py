@@ -160,7 +160,7 @@ def test_transition_is_the_integral_of_the_error_model(
 
 
 def test_error_model_is_the_filters(eight: Truth) -> None:
-    """The oracle's F, against which Φ is judged, is the F that the filter flies on."""
+    """The oracle's F, against which Φ is judged, is the F that the filter uses."""
     k = 777
     ours = error_model(
         model(eight),  # type: ignore[arg-type]

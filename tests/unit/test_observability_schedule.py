@@ -131,11 +131,11 @@ def test_lever_arms_of_depth_and_gps(eight: Truth) -> None:
 
 def test_an_outage_and_dropouts_reach_the_schedule() -> None:
     """Beams 3 and 4 out from 10 s to 20 s; beam 1 by chance: the same chances as run 0 of a campaign."""
-    flown, every = scheduled(dvl={"outages": [{"beams": [3, 4], "from_s": 10.0, "to_s": 20.0}]})
-    seconds = flown.time_ns / SECOND
+    planned, every = scheduled(dvl={"outages": [{"beams": [3, 4], "from_s": 10.0, "to_s": 20.0}]})
+    seconds = planned.time_ns / SECOND
     out = (seconds >= 10.0) & (seconds < 20.0)
-    np.testing.assert_array_equal(flown.beams[:, 2], ~out)
-    assert flown.beams[:, 0].all()
+    np.testing.assert_array_equal(planned.beams[:, 2], ~out)
+    assert planned.beams[:, 0].all()
     assert every.beams.all()
     dropouts = {"dropouts": [{"beams": [1], "mean_up_s": 5.0, "mean_down_s": 5.0}]}
     (chance, _), (again, _) = scheduled(dvl=dropouts), scheduled(dvl=dropouts)
@@ -145,16 +145,16 @@ def test_an_outage_and_dropouts_reach_the_schedule() -> None:
 
 def test_rates_and_silence_reach_the_schedule() -> None:
     """Depth every four seconds; GPS under water never."""
-    flown, _ = scheduled(
+    planned, _ = scheduled(
         dvl={"beams_lost": [3, 4]},
         depth={"enabled": True},
         magnetometer={"enabled": True},
         gps={"rate_hz": 1.0},
         environment={"depth_m": 20.0},
     )
-    assert int(flown.others["depth"].sum()) == 10
-    assert int(flown.others["attitude"].sum()) == 20
-    own = Aiding.scheduled(flown)
+    assert int(planned.others["depth"].sum()) == 10
+    assert int(planned.others["attitude"].sum()) == 20
+    own = Aiding.scheduled(planned)
     assert own == Aiding(beams=(1, 2), depth=True, attitude=True)
 
 

@@ -48,7 +48,7 @@ def finished(out: Path) -> dict[Path, int]:
 
 @pytest.mark.slow
 def test_killed_at_any_moment(tmp_path: Path, root: Path) -> None:
-    """SIGKILL six times, at moments nobody chose: no finished chunk is lost or flown again; the same bits."""
+    """SIGKILL six times, at moments nobody chose: no finished chunk is lost or run again; the same bits."""
     out, chance = tmp_path / "killed", random.SystemRandom()
     killed = 0
     for anywhere in (True, True, False, False, False, False):
@@ -102,7 +102,7 @@ def test_what_is_found_is_told_apart(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("which", ["samples", "counts"])
 def test_a_missing_file_is_a_missing_chunk(tmp_path: Path, which: str) -> None:
-    """It is flown again, whichever of its files is gone."""
+    """It is run again, whichever of its files is gone."""
     run_campaign([short()], tmp_path / "whole", threads=1)
     run_campaign([short()], tmp_path / "o", threads=1)
     (tmp_path / "o" / "chunks" / "straight" / f"{which}-00000002-00000003.parquet").unlink()

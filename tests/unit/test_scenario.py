@@ -37,7 +37,7 @@ def test_table_2_in_si() -> None:
 
 
 def test_packaged_scenarios_load() -> None:
-    """The three of the paper ship, each swum by the vehicle with beams 3 and 4 lost throughout; and a slope."""
+    """The three of the paper ship, each followed by the vehicle with beams 3 and 4 lost throughout; and a slope."""
     assert list(packaged_scenarios()) == ["figure_eight", "lawn_mower", "slope", "straight"]
     for name in ("figure_eight", "lawn_mower", "straight"):
         scenario = load_scenario(name)

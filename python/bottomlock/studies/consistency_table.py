@@ -152,7 +152,7 @@ def _matrices(table: pl.DataFrame) -> Iterator[str]:
             continue
         yield from (f"## {words}", "")
         if quantity == "nis":
-            yield "Mean NIS over the number of fused rows: 1 where the claim is right."
+            yield "Mean NIS over the number of fused rows: 1 for a consistent filter."
         else:
             low, high = chosen["band_lo"][0], chosen["band_hi"][0]
             yield f"Expected {chosen['degrees'][0]:g}, band {low:.2f} to {high:.2f}."

@@ -62,7 +62,7 @@ OPTIONS: Any = {
 RUNS = 30
 
 
-def _flown(vehicle: Vehicle, mission: Mission, methods: list[str]) -> dict[str, Any]:
+def _batch(vehicle: Vehicle, mission: Mission, methods: list[str]) -> dict[str, Any]:
     """A batch of methods on beams 1 and 2."""
     flight = fly(vehicle, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False)
     pings = np.arange(1, 251, dtype=np.int64) * 1_000_000_000
@@ -94,7 +94,7 @@ def _flown(vehicle: Vehicle, mission: Mission, methods: list[str]) -> dict[str, 
 
 def _velocity_rms_mps(vehicle: Vehicle, mission: Mission, methods: list[str]) -> dict[str, float]:
     """Velocity error norm of each method, rms over the runs and the last 150 s."""
-    error = np.asarray(_flown(vehicle, mission, methods)["error"])[:, :, 100:, 6:9]
+    error = np.asarray(_batch(vehicle, mission, methods)["error"])[:, :, 100:, 6:9]
     return {
         method: float(np.sqrt((error[:, index] ** 2).sum(axis=-1).mean()))
         for index, method in enumerate(methods)
@@ -125,8 +125,8 @@ def test_on_the_straight_the_current_is_the_bias_of_nullified_sway(tauv: Vehicle
     TC: the mean sway error over 30 runs at 100 s lies within 3.3 standard errors of zero (false alarm 1e-3).
     NSV: it lies beyond ten, and its squared error over claimed variance, mean 1 for an honest filter, is above ten.
     """
-    flown = _flown(tauv, replace(straight(), current=Current.towards(0.3, np.pi / 2)), ["tc", "nsv"])
-    error, sd = np.asarray(flown["error"])[:, :, 99, 7], np.asarray(flown["sd"])[:, :, 99, 7]
+    batch = _batch(tauv, replace(straight(), current=Current.towards(0.3, np.pi / 2)), ["tc", "nsv"])
+    error, sd = np.asarray(batch["error"])[:, :, 99, 7], np.asarray(batch["sd"])[:, :, 99, 7]
     tc, nsv = error.T
     assert abs(tc.mean()) < 3.3 * tc.std(ddof=1) / np.sqrt(RUNS)
     assert ((tc / sd[:, 0]) ** 2).mean() < 2.0

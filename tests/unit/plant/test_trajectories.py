@@ -140,21 +140,21 @@ def test_flights_come_back_from_the_cache_bit_for_bit(
     monkeypatch.setenv("BOTTOMLOCK_CACHE", str(tmp_path / "kept"))
     mission = straight(duration_s=3.0)
 
-    def flown_now() -> Truth:
+    def simulated_truth() -> Truth:
         return fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2).truth
 
-    flown = flown_now()
+    first = simulated_truth()
     (kept,) = (tmp_path / "kept").iterdir()
     monkeypatch.setattr("bottomlock.plant.truth.swim", lambda *_, **__: pytest.fail("not from the cache"))
-    again = flown_now()
-    assert (again.force_p_mps2 == flown.force_p_mps2).all()
+    again = simulated_truth()
+    assert (again.force_p_mps2 == first.force_p_mps2).all()
     assert cache.history_key(tauv, mission, g=1.0) != cache.history_key(
         tauv, replace(mission, speed_mps=1.9), g=1.0
     )
     monkeypatch.undo()
     monkeypatch.setenv("BOTTOMLOCK_CACHE", str(tmp_path / "kept"))
     kept.write_bytes(kept.read_bytes()[:100])
-    assert (flown_now().force_p_mps2 == flown.force_p_mps2).all()
+    assert (simulated_truth().force_p_mps2 == first.force_p_mps2).all()
 
 
 def test_a_cross_current_makes_ground_sway(tauv: Vehicle) -> None:
@@ -208,7 +208,7 @@ def test_constant_bearing_follows_the_target(tauv: Vehicle) -> None:
     assert np.hypot(*(history.state[-1, :2] - target)) < 3.0
 
 
-def test_a_stuck_fin_is_flown_around(tauv: Vehicle) -> None:
+def test_a_stuck_fin_is_compensated(tauv: Vehicle) -> None:
     """One fin jammed at 5 deg: the others hold course and depth, at the price of standing deflections."""
     mission = replace(straight(duration_s=120.0), stuck=StuckFin(2, np.deg2rad(5.0)))
     history = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)
