@@ -79,7 +79,7 @@ def test_blocks_equal_central_differences(attitude_deg: tuple[float, float, floa
 
 
 def test_the_opposite_sign_of_the_error_is_told_apart() -> None:
-    """A check that cannot fail proves nothing: F of the estimate-minus-truth convention is refused."""
+    """A check that cannot fail proves nothing: F of the estimate-minus-truth convention is rejected."""
     p = point(*ATTITUDES_DEG[0])
     F, _ = by_hand(p)
     F_step, _ = nonlinear_error.differentiate(p)

@@ -34,7 +34,7 @@ def test_seeds_are_known_by_their_content_alone(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_a_seed_gives_is_sound(name: str) -> None:
-    """Seeds are read, or refused because the format holds no beams."""
+    """Seeds are read, or rejected because the format holds no beams."""
     for data, options in itertools.product(SEEDS[name], fuzz_readers.OPTIONS):
         assert fuzz_readers.try_one(FORMS[name], data, options) is None
 

@@ -59,7 +59,7 @@ def test_what_linearisation_costs_tight_coupling_on_the_straight_line() -> None:
 
     The block −[R v̂ ×] turns a drifted v̂_E times the yaw error into north: the filter claims an uncertainty of north
     position that does not exist (14.8 m for 11.8 m after 250 s). Mean square of error over sigma 0.71 over time, 0.42
-    at the end (0.69 and 0.42 over 1200 runs), where 1 is right; with yaw known to 1e-4 rad it is 0.99. No state
+    at the end (0.69 and 0.42 over 1200 runs), where 1 is right; with a yaw error of 1e-4 rad it is 0.99. No state
     claims too much, and NEES of velocity and attitude stays in its band.
     """
     squares = ensembles.run_ensemble("straight", METHODS).squares("tc")
@@ -75,7 +75,7 @@ def test_what_linearisation_costs_tight_coupling_on_the_straight_line() -> None:
 
 @pytest.mark.parametrize("method", ["nsv", "elc", "vb", "vhv"])
 def test_overconfident_methods_in_turns(method: str) -> None:
-    """On the figure-eight the paper's methods claim more than they know: the number of each stands here.
+    """On the figure-eight the paper's methods are overconfident: the number of each stands here.
 
     Means seen, of 6: NSV 10.9, selector 14.3, VHV 25.6, VB 6541. NSV calls the true sway of a turn zero; the selector
     picks NSV (E4); VB calls the prior independent of itself and then locks four fixes of five out (E5); VHV does the

@@ -1,7 +1,7 @@
-"""What heavy-tailed updates win where beams have heavy tails, what they cost elsewhere, and whether they stay honest.
+"""What heavy-tailed updates win where beams have heavy tails, what they cost elsewhere, and whether NEES stays near 6.
 
 TC in a figure-eight over 60 runs, beams with Student's t noise of three degrees at Table 2's scale, or Gaussian. The
-RMS limits lie a little off what was seen (the seed is fixed: they are not chances); the honesty check has a 95 % band
+RMS limits lie a little off what was seen (the seed is fixed: they are not chances); the NEES check has a 95 % band
 from the spread between runs, so a right filter fails each of the two in 5 % of ensembles. Seed and number of runs were
 fixed before the first run.
 """
@@ -27,7 +27,7 @@ def rms(way: str, *, tails: bool, lost: tuple[int, ...] = ()) -> float:
 def test_heavy_tails_are_worth_an_update_that_knows_them(lost: tuple[int, ...], limit: float) -> None:
     """Velocity RMS against the Gaussian update; seen: 0.80 and 0.79 (Student, Huber) at full lock, 0.86 with two beams.
 
-    A Gaussian update that knows the true variance, three times larger, wins 3 and 6 % only.
+    A Gaussian update with the true variance, three times larger, gains 3 and 6 % only.
     """
     plain = rms("gaussian", tails=True, lost=lost)
     assert rms("student", tails=True, lost=lost) < limit * plain

@@ -2,7 +2,7 @@
 
 40 runs, or 100 in `make test-long`.
 LC with four beams, the case where linearisation costs least, on a straight line and in a figure-eight, with a position
-fix when the vehicle comes up at the end: what the filter could not know under way, the smoother can. Averaged over time
+fix when the vehicle comes up at the end: the smoother uses that fix for the whole run. Averaged over time
 and runs, NEES must lie in a 95 % band about 15 from the spread between runs (`chi_squared.mean_band`): a right smoother
 fails each of the two in 5 % of ensembles. At each time the mean over runs has a 95 % chi-squared band, and the fraction
 inside must reach what all but 1 % of consistent ensembles reach.

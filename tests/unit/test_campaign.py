@@ -80,7 +80,7 @@ def test_more_runs_extend_fewer(tmp_path: Path) -> None:
 
 
 def test_foreign_directories_stay_as_they_are(tmp_path: Path) -> None:
-    """Another campaign, a stranger's files, a file in place of a directory: refused, unless forced over a campaign."""
+    """Another campaign, a stranger's files, a file in place of a directory: rejected, unless forced over a campaign."""
     out = tmp_path / "o"
     run_campaign([short()], out, threads=1)
     before = (out / "runs.parquet").read_bytes()

@@ -95,7 +95,7 @@ def test_an_analytic_truth_cannot_be_steered() -> None:
 
 @pytest.mark.slow
 def test_the_better_the_navigation_the_less_astray(tmp_path: Any) -> None:  # noqa: ANN401
-    """A dive and a leg, 30 runs: INS alone has the largest cross-track error, LC the least; chosen before the first run."""
+    """A dive and a leg, 30 runs: INS alone has the largest cross-track error, LC the least; fixed beforehand."""
     flight = scenario(seconds=100.0, runs=30, methods=("ins", "lc", "tc"))
     runs = run_campaign([flight], tmp_path / "o", threads=1).runs
     astray = dict(

@@ -103,7 +103,7 @@ def test_the_rank_is_not_made_by_our_scales(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "earth"), list(itertools.product(MANOEUVRES, (0.0, EARTH_RATE_RADPS))))
-def test_hidden_directions_give_zero_output(name: str, earth: float) -> None:
+def test_unobservable_directions_give_zero_output(name: str, earth: float) -> None:
     """Propagated through the model a direction of the basis reads nothing, to 1e-8 of what its states read alone."""
     truth = manoeuvre_truth(MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=earth)
     sets = [ALL, Aiding(beams=(1, 2)), Aiding(beams=(1, 2, 3), depth=True)]
@@ -203,8 +203,8 @@ def test_deviations_are_the_filters(eight: Truth, beams: tuple[int, ...]) -> Non
     np.testing.assert_allclose(predicted.sd[-1], claimed, rtol=0.01)
 
 
-def test_what_is_hidden_learns_nothing_and_what_is_seen_does(eight: Truth) -> None:
-    """The information uᵀP⁻¹u along a hidden direction stays what it was; along observable states it grows."""
+def test_information_grows_along_observable_directions_only(eight: Truth) -> None:
+    """The information uᵀP⁻¹u along an unobservable direction is constant; along observable states it grows."""
     errors = without_noise(eight)
     for aiding in (ALL, Aiding(beams=(1, 2), depth=True)):
         (found,) = observe(eight, JANUS, [aiding], kind="inertial", earth_rate_radps=0.0)

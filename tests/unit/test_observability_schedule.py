@@ -1,4 +1,4 @@
-"""What is heard when: schedules by hand, a scenario's own, and what they do to ranks and deviations."""
+"""Schedules of measurements: by hand, a scenario's own, and what they do to ranks and deviations."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_a_schedule_of_everything_is_the_period(eight: Truth) -> None:
     assert by_period.rank == by_schedule.rank
 
 
-def test_a_sensor_reads_where_it_is_in_the_set_and_heard(eight: Truth) -> None:
+def test_a_sensor_counts_where_it_is_in_the_set_and_scheduled(eight: Truth) -> None:
     """Four beams for half a minute, then two, and depth every four seconds: as many rows as that."""
     times = np.arange(1, 65) * SECOND
     valid = np.ones((64, 4), dtype=np.bool_)
@@ -91,7 +91,7 @@ def test_a_sensor_reads_where_it_is_in_the_set_and_heard(eight: Truth) -> None:
     assert len(found.rows) == 30 * 4 + 34 * 2 + 16
 
 
-def test_what_is_heard_for_a_while_is_learned_then(eight: Truth) -> None:
+def test_a_sensor_of_an_interval_adds_information_then(eight: Truth) -> None:
     """Beams 3 and 4 for ten seconds: until then the deviations of four beams, then greater; the rank keeps them."""
     times = np.arange(1, 65) * SECOND
     valid = np.ones((64, 4), dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""The navigator says when it widens, an accepted fix starts the count anew, and a setting of one is refused."""
+"""The navigator says when it widens, an accepted fix starts the count anew, and a setting of one is rejected."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ AWAY_MPS = [2.0 * second for second in range(1, 13)]
 
 
 def navigator(fixes: int, method: str = "lc") -> bottomlock.Navigator:
-    """At rest and level to a centiradian, so sure of it that a fix which runs away by 2 m/s a second is refused."""
+    """At rest and level to a centiradian; the covariance is so small that a drift of 2 m/s each second is rejected."""
     initial: Any = {
         "time_ns": 0,
         "position_t_m": np.zeros(3),
@@ -43,7 +43,7 @@ def push_speeds(
 
 
 def test_a_row_of_refusals_widens_by_what_it_showed() -> None:
-    """Three refused at three: the factor is the mean of NIS over the degrees, and the next fix is taken."""
+    """Three rejected at three: the factor is the mean of NIS over the degrees, and the next fix is taken."""
     reports = push_speeds(navigator(3), AWAY_MPS[:4])
     assert [report["verdict"] for report in reports] == ["rejected"] * 3 + ["accepted"]
     factor = np.mean([report["nis"] / report["degrees"] for report in reports[:3]])

@@ -142,7 +142,7 @@ def test_a_chunk_of_other_runs_is_named(tmp_path: Path) -> None:
 
 
 def test_another_version_and_a_broken_manifest(tmp_path: Path) -> None:
-    """Both are refused, and nothing is written over."""
+    """Both are rejected, and nothing is written over."""
     out = tmp_path / "o"
     run_campaign([short()], out, threads=1)
     before = (out / "runs.parquet").read_bytes()

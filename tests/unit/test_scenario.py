@@ -130,7 +130,7 @@ def test_parts_that_contradict_each_other_are_refused() -> None:
 
 
 def test_another_source_drops_what_only_the_old_one_knew() -> None:
-    """From vehicle to analytic and back: no key is left that the source does not know."""
+    """From vehicle to analytic and back: no key of the other source is left."""
     packaged = load_scenario("lawn_mower")
     assert packaged.mission
     exact = packaged.with_trajectory(source="analytic", leg_s=30.0)

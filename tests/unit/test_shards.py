@@ -133,7 +133,7 @@ def _of_other_runs(manifest: dict[str, Any]) -> None:
 def test_shards_that_do_not_belong_together(
     tmp_path: Path, shards: list[Path], change: Callable[[dict[str, Any]], object], words: str
 ) -> None:
-    """Each is refused by name before anything is written."""
+    """Each is rejected by name before anything is written."""
     edit(shards[1], change)
     with pytest.raises(OutputError, match=words):
         merge_shards(tmp_path / "o", shards)

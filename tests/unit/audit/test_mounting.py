@@ -79,7 +79,7 @@ def test_a_lively_vehicle_shows_everything(with_velocity: bool) -> None:
     assert "not_observable" not in kinds
 
 
-def test_deviations_are_honest() -> None:
+def test_deviations_are_consistent() -> None:
     """Twelve logs, eight quantities each: their normalised errors have a mean square near 1."""
     off = np.array([misses(plant(seed, with_velocity=True)) for seed in range(12)])
     assert 0.5 < float(np.mean(off**2)) < 2.0

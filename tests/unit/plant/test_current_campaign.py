@@ -123,7 +123,7 @@ def test_on_the_straight_the_current_is_the_bias_of_nullified_sway(tauv: Vehicle
     """The vehicle crabs by 0.3 m/s; NSV claims centimetres, TC metres, and only TC is as wrong as it claims.
 
     TC: the mean sway error over 30 runs at 100 s lies within 3.3 standard errors of zero (false alarm 1e-3).
-    NSV: it lies beyond ten, and its squared error over claimed variance, mean 1 for an honest filter, is above ten.
+    NSV: it lies beyond ten, and its squared error over claimed variance, mean 1 for a consistent filter, is above ten.
     """
     batch = _batch(tauv, replace(straight(), current=Current.towards(0.3, np.pi / 2)), ["tc", "nsv"])
     error, sd = np.asarray(batch["error"])[:, :, 99, 7], np.asarray(batch["sd"])[:, :, 99, 7]
