@@ -51,8 +51,8 @@ def test_deviations_of_directions(logs: int) -> None:
     """A velocity with noise of its own: errors of tilt over their stated deviations have a mean square near 1.
 
     240 errors, their mean square is within 0.75 to 1.35 in 99 of 100 repeats if they are independent and consistent;
-    the deviations are themselves of 50 blocks, which adds a tenth. 80 errors are outside the limits in 2 of 100, and show
-    a deviation half as large again as it should be, or two thirds of it, in 95 of 100.
+    the deviations are themselves of 50 blocks, which adds a tenth. 80 errors are outside the limits in 2 of 100; they
+    show a deviation half as large again as it should be, or two thirds of it, in 95 of 100.
     """
     off = []
     for seed in range(logs):
