@@ -15,7 +15,7 @@ from bottomlock.simulation.build import build_simulation
 from tests.analytic import analytic_simulation
 
 
-def scenario(name: str = "lawn_mower", *, seconds: float = 12.0, **campaign_keys: object) -> Scenario:
+def scenario(name: str = "lawn_mower", *, seconds: float = 8.0, **campaign_keys: object) -> Scenario:
     """A short flight on the estimate."""
     packaged = load_scenario(name)
     short = packaged.with_trajectory(feedback="estimate", duration_s=seconds)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bottomlock.config.scenario import load_scenario
@@ -137,6 +137,7 @@ def test_numbers_match_numpy(eight: Truth) -> None:
     speed=st.floats(0.0, 5.0), size=st.floats(0.0, 1.0), rate=st.floats(0.01, 0.5), turn=st.floats(-0.2, 0.2),
     turning=st.booleans(),
 )  # fmt: skip
+@settings(max_examples=settings().max_examples // 2, deadline=None)
 def test_transition_is_the_integral_of_the_error_model(
     speed: float, size: float, rate: float, turn: float, turning: bool
 ) -> None:
