@@ -16,8 +16,8 @@ from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.errors import DataError, OutputError
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
-RUNS = 200
-"""A hundred chunks: some seconds."""
+RUNS = 300
+"""A hundred and fifty chunks: some seconds."""
 
 FLY = f"""
 import sys
@@ -54,9 +54,9 @@ ANYWHERE, IN_A_CHUNK = True, False
     "moments",
     [
         [ANYWHERE, IN_A_CHUNK, IN_A_CHUNK],
-        pytest.param([ANYWHERE] * 3 + [IN_A_CHUNK] * 6, marks=pytest.mark.long),
+        pytest.param([ANYWHERE] * 2 + [IN_A_CHUNK] * 4, marks=pytest.mark.long),
     ],
-    ids=["three", "nine"],
+    ids=["three", "six"],
 )
 def test_killed_at_any_moment(tmp_path: Path, root: Path, moments: list[bool]) -> None:
     """SIGKILL at moments nobody chose: no finished chunk is lost or flown again; the same bits."""
@@ -73,7 +73,7 @@ def test_killed_at_any_moment(tmp_path: Path, root: Path, moments: list[bool]) -
         killed += process.wait() == -signal.SIGKILL
         after = finished(out)
         assert {path: after.get(path) for path in before} == before
-    assert killed > len(moments) // 2, "the campaign is too short to be killed"
+    assert killed >= (len(moments) + 1) // 2, "the campaign is too short to be killed"
     before = finished(out)
     assert before
     subprocess.run([sys.executable, "-c", FLY, str(out)], cwd=root, check=True)
