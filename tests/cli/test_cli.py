@@ -247,7 +247,11 @@ def test_importing_the_package_stays_light() -> None:
 
 def test_observe_tells_masks_directions_and_manoeuvres(tmp_path: Path) -> None:
     """The scenario's own mask is marked, what it hides is named, and tables and a figure are on disk."""
-    done = command("observe", "straight", "--out", "o", cwd=tmp_path)
+    assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
+    path = tmp_path / "straight.toml"
+    text = path.read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 40.0")
+    path.write_text(text, encoding="utf-8")
+    done = command("observe", "straight.toml", "--out", "o", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "beams 12  < this scenario" in done.stdout
     assert "Unobservable with beams 12, SI:\n  position north\n" in done.stdout

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Callable
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,12 @@ import pytest
 from bottomlock.config.scenario import load_scenario, parse_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import SENSORS, BeamGeometry, KernelError
+from bottomlock.observability import report
 from bottomlock.observability.analysis import Aiding, deviations, observe
 from bottomlock.observability.manoeuvre_ranking import manoeuvre_ranking
 from bottomlock.observability.report import observe_scenario, scenario_schedule
 from bottomlock.observability.schedule import Schedule
+from bottomlock.observability.tables import manoeuvre_table
 from bottomlock.simulation.build import build_simulation
 from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
 from bottomlock.truth.truth import Truth
@@ -158,7 +161,14 @@ def test_rates_and_silence_reach_the_schedule() -> None:
     assert own == Aiding(beams=(1, 2), depth=True, attitude=True)
 
 
+@pytest.fixture
+def hover_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The table of masks by manoeuvres, which is judged in tests/oracle, with one manoeuvre."""
+    monkeypatch.setattr(report, "manoeuvre_table", partial(manoeuvre_table, manoeuvres=[MANOEUVRES["hover"]]))
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("hover_alone")
 def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
     """Its own row stands beside the mask on which all beams would stay, and shows no more than that."""
     path = tmp_path / "gaps.toml"
@@ -180,6 +190,7 @@ def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("hover_alone")
 def test_a_filter_without_the_dvls_errors_has_fifteen_states(tmp_path: Path) -> None:
     path = tmp_path / "fifteen.toml"
     path.write_text(short(filter={"estimate_dvl": False}), encoding="utf-8")
