@@ -1,4 +1,10 @@
 //! One step of the covariance: P⁺ = Φ (P + Q₀ T/2) Φᵀ + Q₁ T/2 (Groves 2013, Eq. 3.46).
+//!
+//! The columns of a matrix of several filters are taken one at a time, and those of one filter's as many at a time as fill a vector:
+//! `Strip`. The formula is the same.
+//!
+//! All of it must be inlined into code compiled for the machine's vectors, closures too: with those alone left to the compiler,
+//! `compare_filters` takes 1.9 times as long at `one`, and 2.9 times at `methods 8`.
 
 use std::ops::Range;
 
@@ -12,7 +18,8 @@ pub type Matrix<T> = [[T; DIM]; DIM];
 
 /// P⁺ = Φ (P + Q₀ T/2) Φᵀ + Q₁ T/2, exactly symmetric but for the rows of the DVL's states: [`complete`] mirrors those.
 ///
-/// The products are taken by blocks of three rows, whose coefficients stay in registers over all columns.
+/// (Φ P) Φᵀ is taken on and above the diagonal alone. The products go by blocks of three rows, whose coefficients stay in registers
+/// over all columns.
 #[inline(always)]
 pub(super) fn propagate<S: Simd, T: Strips<S>>(
     simd: S,
