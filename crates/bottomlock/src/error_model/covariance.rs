@@ -10,13 +10,13 @@ use std::ops::Range;
 
 use super::noise::HalfNoise;
 use super::transition::{Parts, Transition};
-use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DVL_BIAS, DYNAMIC, POSITION, VELOCITY};
+use crate::layout::{ATTITUDE, DIM, DYNAMIC, POSITION, VELOCITY};
 use crate::simd::{Lane, Simd, Strip, Strips, V3};
 
 /// A symmetric covariance of one filter (as nalgebra stores it) or of several side by side.
 pub type Matrix<T> = [[T; DIM]; DIM];
 
-/// P⁺ = Φ (P + Q₀ T/2) Φᵀ + Q₁ T/2, exactly symmetric but for the rows of the DVL's states: [`complete`] mirrors those.
+/// P⁺ = Φ (P + Q₀ T/2) Φᵀ + Q₁ T/2, exactly symmetric once [`complete`] has mirrored the dynamic rows.
 ///
 /// (Φ P) Φᵀ is taken on and above the diagonal alone. The products go by blocks of three rows, whose coefficients stay in registers
 /// over all columns.
@@ -29,7 +29,7 @@ pub(super) fn propagate<S: Simd, T: Strips<S>>(
     second: &HalfNoise<T>,
 ) {
     first.add_to(p);
-    let wide = DIM - DIM % <T::Wide as Strip<S, T>>::WIDTH;
+    let wide = DYNAMIC.next_multiple_of(<T::Wide as Strip<S, T>>::WIDTH);
     multiply::<S, T, T::Wide>(simd, p, phi, 0..wide);
     multiply::<S, T, T::Rest>(simd, p, phi, wide..DIM);
     multiply_transposed::<S, T, T::Wide>(simd, p, phi);
@@ -41,7 +41,8 @@ pub(super) fn propagate<S: Simd, T: Strips<S>>(
     }
 }
 
-/// P ← Φ P in place: position and velocity go before the misalignment, which they read.
+/// P ← Φ P in place: position and velocity go before the misalignment, which they read, and the columns of the dynamic states before
+/// the others, in which they may read the rows of the biases.
 #[inline(always)]
 fn multiply<S: Simd, T: Strips<S>, W: Strip<S, T>>(
     simd: S,
@@ -72,9 +73,6 @@ fn multiply_transposed<S: Simd, T: Strips<S>, W: Strip<S, T>>(simd: S, p: &mut M
         #[inline(always)]
         |l| p[0][l],
     ))[0];
-    for l in ACCEL_BIAS..DVL_BIAS {
-        p[l][0] = p[0][l];
-    }
     T::turn_matrix(simd, p);
     for i in strips::<S, T, W>(POSITION) {
         let image = phi.position(&rows::<S, T, W>(simd, p, i));
@@ -97,11 +95,11 @@ fn strips<S: Simd, T: Lane, W: Strip<S, T>>(from: usize) -> impl Iterator<Item =
     (1 + skipped * W::WIDTH..DYNAMIC).step_by(W::WIDTH)
 }
 
-/// Mirrors what the rows of the dynamic states have of the DVL's states, which no transition reads.
+/// Mirrors what the rows of the dynamic states have of the others.
 #[inline(always)]
 pub(crate) fn complete<T: Lane>(p: &mut Matrix<T>) {
     for i in 0..DYNAMIC {
-        for k in DVL_BIAS..DIM {
+        for k in DYNAMIC..DIM {
             p[k][i] = p[i][k];
         }
     }
@@ -112,7 +110,13 @@ pub(crate) fn complete<T: Lane>(p: &mut Matrix<T>) {
 fn columns<S: Simd, T: Lane, W: Strip<S, T>>(simd: S, p: &Matrix<T>, j: usize) -> Parts<W> {
     Parts::from_fn(
         #[inline(always)]
-        |l| W::take(simd, &p[l][j..]),
+        |l| {
+            if l < DYNAMIC {
+                W::take(simd, &p[l][j..])
+            } else {
+                W::turned(simd, p, j, l)
+            }
+        },
     )
 }
 

@@ -33,16 +33,9 @@ pub trait Strips<S: Simd>: Strip<S, Self> {
     type Wide: Strip<S, Self>;
     /// For what whole vectors leave of a row of [`DIM`].
     type Rest: Strip<S, Self>;
-    /// Turns the dynamic rows after the first into columns, as far as a transition reads them and [`Strip::turned`] needs it: those
-    /// of the biases at least.
+    /// Turns the dynamic rows into columns, as far as a transition reads them and [`Strip::turned`] needs it.
     #[inline(always)]
-    fn turn_matrix(_simd: S, p: &mut [[Self; DIM]; DIM]) {
-        for i in 1..DYNAMIC {
-            for l in DYNAMIC..DVL_BIAS {
-                p[l][i] = p[i][l];
-            }
-        }
-    }
+    fn turn_matrix(_simd: S, _p: &mut [[Self; DIM]; DIM]) {}
 }
 
 impl<T: Lane> Lift<T> for T {
@@ -83,6 +76,9 @@ impl<S: Simd> Strips<S> for f64 {
         }
         for l in 0..DVL_BIAS {
             Lanes::store(&squares[l / WIDEST][l % WIDEST], &mut p[l][1..DYNAMIC]);
+        }
+        for l in DYNAMIC..DVL_BIAS {
+            p[l][0] = p[0][l];
         }
     }
 }
