@@ -25,7 +25,7 @@ use bottomlock::mechanisation::{EarthTerms, ImuSample, Inertial, Kinematics};
 use bottomlock::model::Model;
 use bottomlock::navigator::events::Event;
 use bottomlock::navigator::{BeamAiding, Navigator};
-use bottomlock::simd::Lane;
+use bottomlock::simd::{Lane, Strips};
 use bottomlock::state::{Covariance, NavState};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f64x8};
@@ -298,6 +298,11 @@ impl Lane for Counted {
     }
 }
 
+impl<S: Simd> Strips<S> for Counted {
+    type Wide = Self;
+    type Rest = Self;
+}
+
 /// Floating-point operations of one step with its covariance, first order.
 fn operations_of_a_step(work: &Work) -> u64 {
     let (earth, noise) = (
@@ -323,7 +328,7 @@ fn operations_of_a_step(work: &Work) -> u64 {
     let before = kinematics;
     kinematics.step(&inertial, &inertial, 1.0 / 150.0, &earth);
     interval.extend(&before, &kinematics, &inertial, 1.0 / 150.0, &earth);
-    interval.propagate(&mut p, &kinematics, &noise, &earth);
+    dispatch!(Level::new(), simd => interval.propagate(simd, &mut p, &kinematics, &noise, &earth));
     // The bias taken off six readings.
     OPERATIONS.get() + 6
 }
