@@ -11,6 +11,8 @@ OUT     ?= out/demo
 
 bin := $(VENV)/bin
 pip := $(bin)/python -m pip --disable-pip-version-check --quiet
+# By another name, since a recipe line with $$(MAKE) in it is run even by `make --dry-run`.
+make := $(MAKE) --no-print-directory
 # A file's tests stay in one process, since they share what they fly; tests/conftest.py puts files of slow tests first.
 pytest := $(bin)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
@@ -27,19 +29,24 @@ demo: $(VENV)/.installed
 	rm -rf $(OUT)
 	$(bin)/bottomlock reproduce --runs $(RUNS) --out $(OUT)
 
-# What guards a change. Python first: it fails soonest. Both halves share one target directory.
-test: test-python test-rust
+# What guards a change. The wheel's link is one long step on one core: the Rust tests are built beside it.
+test: $(VENV)/pyvenv.cfg
+	@cargo test --locked --lib --tests --no-run & rust=$$!; \
+	    $(make) $(VENV)/.installed $(VENV)/.tools; python=$$?; wait $$rust && exit $$python
+	@$(make) test-python test-rust
 
 test-python: $(VENV)/.installed $(VENV)/.tools
 	$(pytest) -m "not long" --doctest-modules --pyargs bottomlock tests
 
-# Unit, integration and documentation tests of every crate.
+# Unit, integration and documentation tests of the kernel. The bindings are tested by Python, examples by `make lint`.
 test-rust:
-	cargo test --workspace --locked
+	cargo test --locked --lib --tests
+	cargo test --locked --doc
 
 # What `make test` leaves out, and the laws with more examples.
 test-long: $(VENV)/.installed $(VENV)/.tools
 	HYPOTHESIS_PROFILE=long $(pytest) -m "long or hypothesis" tests
+	BOTTOMLOCK_LONG=1 cargo test --locked --test theorems
 
 test-all: test test-long
 
@@ -59,7 +66,7 @@ lint-python: $(VENV)/.installed $(VENV)/.tools
 	$(bin)/python tools/check_equations.py
 
 bench: $(VENV)/.installed $(VENV)/.tools
-	cargo bench --workspace --locked
+	cargo bench --locked --package bottomlock-benches
 	$(bin)/python -m pytest --benchmark-enable --benchmark-only tests
 
 # Rewrites the golden files; every number that moves goes into the CHANGELOG under "Numbers".

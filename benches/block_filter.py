@@ -184,7 +184,7 @@ def _update(p, m, r, q, v, biases, directions, reading, variance):
 
 
 @numba.njit(fastmath=True, cache=True)
-def fly(time_ns, rate, force, ping_ns, beams, directions, q0, v0, p0, noise, earth, gravity, beam_sd):
+def run_filter(time_ns, rate, force, ping_ns, beams, directions, q0, v0, p0, noise, earth, gravity, beam_sd):
     """Mechanisation, covariance at every step and four beams at each ping; the covariance (20, 20) at the end."""
     p, room = p0.copy(), np.empty((9, 20))
     r, q, v, m = np.zeros(3), q0.copy(), v0.copy(), np.empty((3, 3))

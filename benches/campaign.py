@@ -61,7 +61,7 @@ def memory(runs: int) -> tuple[float, float]:
 
 
 def print_memory(runs: int) -> None:
-    """The two numbers of `memory`; Linux tells the largest resident set since it was last told to forget it."""
+    """The two numbers of `memory`; the largest resident set of Linux is since the last reset."""
     work = flight()
     kernel.run_batch(**work, runs=8, threads=2)
     before = resident_mb("VmRSS")
@@ -75,6 +75,20 @@ def resident_mb(which: str) -> float:
     """A line of `/proc/self/status`."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(float(line.split()[1]) / 1024.0 for line in lines if line.startswith(which + ":"))
+
+
+def measure(
+    candidates: dict[str, Callable[[], object]], rounds: int
+) -> tuple[dict[str, list[float]], dict[str, list[float]]]:
+    """Times of each candidate on the clock and on cores, in interleaved rounds."""
+    times: dict[str, list[float]] = {name: [] for name in candidates}
+    busy: dict[str, list[float]] = {name: [] for name in candidates}
+    for _ in range(rounds):
+        for name, candidate in candidates.items():
+            clock, cores = seconds(candidate)
+            times[name].append(clock)
+            busy[name].append(cores)
+    return times, busy
 
 
 def main() -> int:
@@ -105,13 +119,7 @@ def main() -> int:
         "kernel, 32 runs, 1 thread": batch(32, 1),
         "kernel, no runs": batch(0, 1),
     }
-    times: dict[str, list[float]] = {name: [] for name in candidates}
-    busy: dict[str, list[float]] = {name: [] for name in candidates}
-    for _ in range(options.rounds):
-        for name, candidate in candidates.items():
-            clock, cores = seconds(candidate)
-            times[name].append(clock)
-            busy[name].append(cores)
+    times, busy = measure(candidates, options.rounds)
     print(
         f"{options.runs} runs of {len(METHODS)} methods over 37,500 steps; {options.rounds} rounds; s on the clock"
     )

@@ -153,7 +153,7 @@ class Rust:
 
 def numba_block(readings: Readings) -> Candidate:
     """The block-structured filter compiled by numba."""
-    from block_filter import fly  # noqa: PLC0415 - an optional candidate
+    from block_filter import run_filter  # noqa: PLC0415 - an optional candidate
 
     earth = EARTH_RATE_RADPS * np.array([np.cos(LATITUDE_RAD), 0.0, -np.sin(LATITUDE_RAD)])
     work = (
@@ -161,13 +161,13 @@ def numba_block(readings: Readings) -> Candidate:
         np.array([1.0, 0.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0]), np.diag(INITIAL_SD**2), NOISE_DENSITY, earth,
         gravity_mps2(), BEAM_SD_MPS,
     )  # fmt: skip
-    fly(*work)
+    run_filter(*work)
 
     def run() -> Timing:
-        covariance = fly(*work)
+        covariance = run_filter(*work)
         begin, repeats, spent = time.thread_time(), 0, 0.0
         while spent < LEAST_S:
-            fly(*work)
+            run_filter(*work)
             repeats, spent = repeats + 1, time.thread_time() - begin
         return Timing(spent / repeats / readings.steps * 1e6, covariance)
 

@@ -92,11 +92,11 @@ def main() -> None:
 
             def sd(period_ns: int, method: str = method, truth: dict[str, Any] = truth) -> Vectors:
                 options = scenario.kernel_options() | {"covariance_period_ns": period_ns, "gate": "off"}
-                flown = kernel.run_batch(
+                batch = kernel.run_batch(
                     geometry=simulation.geometry, truth=truth, simulated=quiet(model), assumed=model, options=options,
                     schedule=epochs, methods=[method], seed=1, trajectory_key=2, first_run=0, runs=1, threads=1,
                 )  # fmt: skip
-                return np.asarray(flown["sd"])[0, 0]
+                return np.asarray(batch["sd"])[0, 0]
 
             reference = sd(1)
             for name, period_ns in PERIODS_NS.items():

@@ -14,7 +14,7 @@ RUNS, SEED = 100, 2017
 METHODS = ("lc", "sway_current")
 
 
-def flown(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
+def run_with_tilt(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
     """Runs whose initial misalignment is `tilt_factor` times what the filters assume."""
     scenario = bottomlock.load_scenario("straight")
     simulation = bottomlock.build_simulation(scenario)
@@ -38,7 +38,7 @@ def main() -> None:
     print("tilt  reopens after  " + "  ".join(f"{method}: locked out, m/s at the end" for method in METHODS))
     for tilt_factor in (1.0, 2.0, 4.0):
         for reopen_fixes in (0, 5):
-            batch = flown(tilt_factor, reopen_fixes)
+            batch = run_with_tilt(tilt_factor, reopen_fixes)
             lost = (batch["fixes_rejected"] > batch["fixes_accepted"]).sum(axis=0)
             squares = (batch["error"][:, :, -1, 6:9] ** 2).sum(axis=-1)
             rms = np.sqrt(squares.mean(axis=0))

@@ -18,7 +18,7 @@ SCENARIOS = ("figure_eight", "lawn_mower", "straight")
 RUNS = 2
 
 
-def fly() -> pl.DataFrame:
+def golden_runs() -> pl.DataFrame:
     """The runs table of the three scenarios with the seed and the methods that it ships with."""
     scenarios = [load_scenario(name).with_overrides(runs=RUNS) for name in SCENARIOS]
     with tempfile.TemporaryDirectory() as folder:
@@ -37,7 +37,7 @@ def write(runs: pl.DataFrame, path: Path) -> None:
 
 def main() -> int:
     """Write the file and say what to do next."""
-    write(fly(), GOLDEN)
+    write(golden_runs(), GOLDEN)
     print(f"update_golden: wrote {GOLDEN.name}; if `git diff` shows moved numbers, CHANGELOG.md says why")
     return 0
 

@@ -166,9 +166,9 @@ class ScheduleDict(TypedDict):
     magnetometer_time_ns: NDArray[np.int64]
     yaw_offset_rad: NotRequired[NDArray[np.float64]]
     gps_time_ns: NDArray[np.int64]
-    gps_heard: NotRequired[NDArray[np.bool_]]
+    gps_received: NotRequired[NDArray[np.bool_]]
     acoustic_position_time_ns: NotRequired[NDArray[np.int64]]
-    acoustic_position_heard: NotRequired[NDArray[np.bool_]]
+    acoustic_position_received: NotRequired[NDArray[np.bool_]]
     sample_time_ns: NDArray[np.int64]
 
 @type_check_only
@@ -414,7 +414,7 @@ class BeamGeometry:
         self,
         velocity_p_mps: ArrayLike,
         *,
-        rate_tp_p_radps: ArrayLike | None = None,
+        omega_tp_p_radps: ArrayLike | None = None,
         beam_bias_mps: ArrayLike | None = None,
         scale_factor: float = 0.0,
     ) -> NDArray[np.float64]: ...
@@ -434,10 +434,10 @@ class Navigator:
         covariance: ArrayLike | None = None,
     ) -> Navigator: ...
     def push_imu(
-        self, time_ns: int, rate_p_radps: ArrayLike, force_p_mps2: ArrayLike
+        self, time_ns: int, omega_p_radps: ArrayLike, force_p_mps2: ArrayLike
     ) -> list[ReportDict]: ...
     def push_imu_block(
-        self, time_ns: ArrayLike, rate_p_radps: ArrayLike, force_p_mps2: ArrayLike
+        self, time_ns: ArrayLike, omega_p_radps: ArrayLike, force_p_mps2: ArrayLike
     ) -> list[ReportDict]: ...
     def push_beams(
         self, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike, *, sd_mps: ArrayLike
@@ -502,7 +502,7 @@ def solve_velocity(
     beam_sd_mps: ArrayLike,
     prior_velocity_p_mps: ArrayLike | None = None,
     prior_cov_m2ps2: ArrayLike | None = None,
-    rate_tp_p_radps: ArrayLike | None = None,
+    omega_tp_p_radps: ArrayLike | None = None,
     virtual_beam_factor: float,
     nullified_sway_var_m2ps2: float,
     weak_sway_var_m2ps2: float,
@@ -552,7 +552,7 @@ def error_model(
     *,
     attitude_t_p: ArrayLike,
     velocity_p_mps: ArrayLike,
-    rate_p_radps: ArrayLike,
+    omega_p_radps: ArrayLike,
     force_p_mps2: ArrayLike,
 ) -> dict[str, NDArray[np.float64]]: ...
 def normal_gravity_mps2(latitude_rad: float, depth_m: float = 0.0) -> float: ...

@@ -95,7 +95,7 @@ FIX_METHODS = {
 """Short method names and the kernel's."""
 
 STATUS = ("fix", "partial", "unobservable", "too_few_beams", "prior_required")
-"""What became of a ping, by the kernel's code."""
+"""Outcome of a ping, by the kernel's code."""
 
 COMPONENT_STATUS = (
     "solved",
@@ -105,7 +105,7 @@ COMPONENT_STATUS = (
     "prior_required",
     "prior_only",
 )
-"""What became of a component, by the kernel's code."""
+"""Status of a component, by the kernel's code."""
 
 SOURCES = ("none", "lc", "vb", "nsv", "plcf", "vhv", "info", "weak_sway")
 """Which method a component comes from, by the kernel's code."""
@@ -256,12 +256,12 @@ def solve_velocity(
     beam_sd_mps: ArrayLike,
     prior_velocity_p_mps: ArrayLike | None = None,
     prior_cov_m2ps2: ArrayLike | None = None,
-    rate_tp_p_radps: ArrayLike | None = None,
+    omega_tp_p_radps: ArrayLike | None = None,
     virtual_beam_factor: float = DEFAULT_OPTIONS["virtual_beam_factor"],
     nullified_sway_var_m2ps2: float = DEFAULT_OPTIONS["nullified_sway_var_m2ps2"],
     weak_sway_var_m2ps2: float = DEFAULT_OPTIONS["weak_sway_var_m2ps2"],
 ) -> VelocityFixes:
-    """Solves pings for the platform velocity with whatever beams are valid (Tal et al. 2017, Eqs 17-49).
+    """Solves pings for the platform velocity from any set of valid beams (Tal et al. 2017, Eqs 17-49).
 
     Args:
         geometry: the beams.
@@ -271,7 +271,7 @@ def solve_velocity(
         beam_sd_mps: (beams,) noise of the beams, 1 sigma, or one number for all.
         prior_velocity_p_mps: (n, 3) velocity that the INS expects, for vb, vhv and elc.
         prior_cov_m2ps2: (n, 3, 3) its covariance.
-        rate_tp_p_radps: (n, 3) angular rate against the tangent frame, for lever arms.
+        omega_tp_p_radps: (n, 3) angular rate against the tangent frame, for lever arms.
         virtual_beam_factor: n_f of Eq. 28.
         nullified_sway_var_m2ps2: epsilon of Eq. 36.
         weak_sway_var_m2ps2: variance of the weak sway row.
@@ -301,7 +301,7 @@ def solve_velocity(
         beam_sd_mps=beam_sd_mps,
         prior_velocity_p_mps=prior_velocity_p_mps,
         prior_cov_m2ps2=prior_cov_m2ps2,
-        rate_tp_p_radps=rate_tp_p_radps,
+        omega_tp_p_radps=omega_tp_p_radps,
         virtual_beam_factor=virtual_beam_factor,
         nullified_sway_var_m2ps2=nullified_sway_var_m2ps2,
         weak_sway_var_m2ps2=weak_sway_var_m2ps2,

@@ -60,7 +60,7 @@ def test_report_of_a_foreign_directory(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_shards_merge_to_the_table_of_one_run(tmp_path: Path) -> None:
-    """Two directories, one `merge`, and the very bytes and numbers of the campaign flown in one go."""
+    """Two directories, one `merge`, and the very bytes and numbers of the campaign run in one go."""
     assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
     path = tmp_path / "straight.toml"
     path.write_text(
@@ -155,7 +155,7 @@ def test_fix_turns_pings_into_velocities(tmp_path: Path) -> None:
 
 
 def test_fly_swims_a_scenario(tmp_path: Path) -> None:
-    """Truth, telemetry and a figure; and the campaign flies on the vehicle where the scenario says so."""
+    """Truth, telemetry and a figure; and the campaign uses the vehicle if the scenario says so."""
     assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
     path = tmp_path / "straight.toml"
     text = path.read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 20.0")
@@ -167,8 +167,8 @@ def test_fly_swims_a_scenario(tmp_path: Path) -> None:
     truth = pl.read_parquet(tmp_path / "o" / "straight_truth.parquet")
     assert truth.height == 3001
     assert "attitude_t_p_w" in truth.columns
-    flown = command("run", "straight.toml", "--out", "c", "--runs", "2", "--methods", "tc", cwd=tmp_path)
-    assert flown.returncode == 0, flown.stderr
+    campaign = command("run", "straight.toml", "--out", "c", "--runs", "2", "--methods", "tc", cwd=tmp_path)
+    assert campaign.returncode == 0, campaign.stderr
 
 
 @pytest.mark.parametrize(
@@ -247,7 +247,11 @@ def test_importing_the_package_stays_light() -> None:
 
 def test_observe_tells_masks_directions_and_manoeuvres(tmp_path: Path) -> None:
     """The scenario's own mask is marked, what it hides is named, and tables and a figure are on disk."""
-    done = command("observe", "straight", "--out", "o", cwd=tmp_path)
+    assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
+    path = tmp_path / "straight.toml"
+    text = path.read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 40.0")
+    path.write_text(text, encoding="utf-8")
+    done = command("observe", "straight.toml", "--out", "o", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "beams 12  < this scenario" in done.stdout
     assert "Unobservable with beams 12, SI:\n  position north\n" in done.stdout

@@ -55,8 +55,13 @@ def test_example_writes_tables_report_and_manifest(out: Path) -> None:
     assert "semi-synthetic" in (out / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_repeats_bit_for_bit(out: Path, root: Path, tmp_path: Path) -> None:
-    """The same command elsewhere, on one thread: the same tables and the same figures."""
+    """The same command elsewhere, on one thread: the same tables and the same figures.
+
+    In `make test`, tables on one and two threads are compared in tests/replay/test_synthetic_dive.py, and figures by
+    the test below.
+    """
     case = str(root / EXAMPLE / "case.toml")
     assert command("replay", case, "--out", str(tmp_path / "again"), "--threads", "1").returncode == 0
     for path in [*out.glob("*.parquet"), *out.glob("figures/*.svg")]:

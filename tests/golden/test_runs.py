@@ -16,6 +16,6 @@ RELATIVE = 1e-6
 @pytest.mark.golden
 def test_runs_of_the_packaged_scenarios() -> None:
     """Every method of every scenario: errors, consistency and fixes counted. `make golden` rewrites the file."""
-    runs = update_golden.fly()
+    runs = update_golden.golden_runs()
     golden = pl.read_csv(update_golden.GOLDEN, schema=runs.schema)
     assert_frame_equal(runs, golden, rel_tol=RELATIVE, abs_tol=0.0)

@@ -79,7 +79,7 @@ def test_blocks_equal_central_differences(attitude_deg: tuple[float, float, floa
 
 
 def test_the_opposite_sign_of_the_error_is_told_apart() -> None:
-    """A check that cannot fail proves nothing: F of the estimate-minus-truth convention is refused."""
+    """A check that cannot fail proves nothing: F of the estimate-minus-truth convention is rejected."""
     p = point(*ATTITUDES_DEG[0])
     F, _ = by_hand(p)
     F_step, _ = nonlinear_error.differentiate(p)
@@ -96,15 +96,15 @@ def test_two_integrated_motions_separate_as_the_transition_says() -> None:
     error = np.concatenate([rng.normal(0, 1e-3, 3), rng.normal(0, 1e-6, 3), rng.normal(0, 1e-5, 3)])
     times = np.linspace(0.0, 2.0, 201)
 
-    def fly(position: Array, q: Array, v: Array) -> mechanisation.Motion:
+    def integrated(position: Array, q: Array, v: Array) -> mechanisation.Motion:
         return mechanisation.integrate(
             (position, q, v), lambda _: rate, lambda _: force, GRAVITY, EARTH, times
         )
 
-    low = fly(np.zeros(3), q0, v0)
+    low = integrated(np.zeros(3), q0, v0)
     half = np.concatenate([[1.0], error[3:6] / 2])
 
-    high = fly(error[:3], quaternion_product(half, q0), v0 + error[6:9])
+    high = integrated(error[:3], quaternion_product(half, q0), v0 + error[6:9])
     Phi = np.eye(9)
     for k in range(200):
         middle = [

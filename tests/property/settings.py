@@ -48,6 +48,19 @@ def table_2() -> ModelDict:
     }
 
 
+def noise_densities(model: ModelDict) -> tuple[float, ...]:
+    """Densities of white noise and random walks in the order of `tests.oracle.error_model.noise_density`."""
+    imu, dvl = model["imu"], model["dvl"]
+    return (
+        imu["accel_noise_mps_rts"],
+        imu["gyro_noise_rad_rts"],
+        imu["accel_bias_walk_mps2_rts"],
+        imu["gyro_bias_walk_radps_rts"],
+        dvl["beam_bias_walk_mps_rts"],
+        dvl["scale_factor_walk_rts"],
+    )
+
+
 def options(**changed: Any) -> OptionsDict:  # noqa: ANN401 - a value of any option
     """The filter's options, with what a test changes."""
     plain: dict[str, Any] = {

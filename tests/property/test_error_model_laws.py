@@ -23,7 +23,7 @@ def compare(roll: float, pitch: float, yaw: float, velocity: Array, rate: Array,
         model,
         attitude_t_p=quaternion_from_euler(roll, pitch, yaw),
         velocity_p_mps=velocity,
-        rate_p_radps=rate,
+        omega_p_radps=rate,
         force_p_mps2=force,
     )
     rotation = matrix_from_euler(roll, pitch, yaw)
@@ -32,15 +32,7 @@ def compare(roll: float, pitch: float, yaw: float, velocity: Array, rate: Array,
     F = oracle.f_full(rotation, velocity, rate, gravity, earth)
     np.testing.assert_allclose(got["f"], F, atol=1e-12)
     G = oracle.g_full(rotation, velocity)
-    imu, dvl = model["imu"], model["dvl"]
-    Q = oracle.noise_density(
-        imu["accel_noise_mps_rts"],
-        imu["gyro_noise_rad_rts"],
-        imu["accel_bias_walk_mps2_rts"],
-        imu["gyro_bias_walk_radps_rts"],
-        dvl["beam_bias_walk_mps_rts"],
-        dvl["scale_factor_walk_rts"],
-    )
+    Q = oracle.noise_density(*settings.noise_densities(model))
     np.testing.assert_allclose(got["q"], G @ Q @ G.T, rtol=1e-11, atol=1e-18)
     zero = np.zeros(3)
     point = nonlinear_error.Point(rotation, velocity, rate, force, zero, zero, gravity, earth)

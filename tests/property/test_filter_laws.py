@@ -199,15 +199,7 @@ def test_prediction_is_van_loan_along_the_motion(period_ns: int) -> None:
     turn = matrix_from_quaternion(state["attitude_t_p"]) @ matrix_from_quaternion(motion.quaternion[-1]).T
     assert np.linalg.norm(log_rotation(turn)) < 1e-8
 
-    imu, dvl = model["imu"], model["dvl"]
-    Q = error_model.noise_density(
-        imu["accel_noise_mps_rts"],
-        imu["gyro_noise_rad_rts"],
-        imu["accel_bias_walk_mps2_rts"],
-        imu["gyro_bias_walk_radps_rts"],
-        dvl["beam_bias_walk_mps_rts"],
-        dvl["scale_factor_walk_rts"],
-    )
+    Q = error_model.noise_density(*settings.noise_densities(model))
     gravity = np.array([0.0, 0.0, settings.GRAVITY])
     for k in range(150):
         middle = (motion.quaternion[k] + motion.quaternion[k + 1]) / 2

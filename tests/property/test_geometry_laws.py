@@ -44,7 +44,7 @@ def test_readings_are_equation_15(
         instrument.directions, lever_arms_p_m=instrument.levers, sound_speed_scale=sound
     )
     got = geometry.beam_velocities(
-        velocity[None], rate_tp_p_radps=rate[None], beam_bias_mps=bias, scale_factor=scale
+        velocity[None], omega_tp_p_radps=rate[None], beam_bias_mps=bias, scale_factor=scale
     )
     expected = [
         sound * oracle.beam_velocity(b, velocity, rate, lever, offset, scale)

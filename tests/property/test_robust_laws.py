@@ -53,7 +53,7 @@ def disturbed(drawn: tuple[list[float], float, int]) -> Array:
 
 
 @given(P=state_covariances(), drawn=noises, mask=masks, degrees=st.floats(2, 20))
-@hypothesis_settings(max_examples=60, deadline=None)
+@hypothesis_settings(max_examples=hypothesis_settings().max_examples // 2, deadline=None)
 def test_student_t_is_the_variational_update(
     P: Array, drawn: tuple[list[float], float, int], mask: list[bool], degrees: float
 ) -> None:

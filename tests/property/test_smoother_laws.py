@@ -121,15 +121,7 @@ def history(log: Any, start: Any) -> tuple[Array, list[smoothing.Epoch]]:  # noq
     nav = bottomlock.Navigator(
         bottomlock.BeamGeometry(A), model, settings.options(covariance_period_ns=0), start
     )
-    imu, dvl = model["imu"], model["dvl"]
-    W = error_model.noise_density(
-        imu["accel_noise_mps_rts"],
-        imu["gyro_noise_rad_rts"],
-        imu["accel_bias_walk_mps2_rts"],
-        imu["gyro_bias_walk_radps_rts"],
-        dvl["beam_bias_walk_mps_rts"],
-        dvl["scale_factor_walk_rts"],
-    )
+    W = error_model.noise_density(*settings.noise_densities(model))
     P0, epochs, dt = nav.covariance(), [], STEP_NS * 1e-9
     pings, depths = list(log["dvl_time_ns"]), list(log["depth_time_ns"])
     for k, time_ns in enumerate(log["imu_time_ns"]):

@@ -53,7 +53,7 @@ def test_least_squares_is_equations_17_and_19(
         valid[None],
         method="least_squares",
         beam_sd_mps=instrument.sd,
-        rate_tp_p_radps=rate[None],
+        omega_tp_p_radps=rate[None],
     )
     A, R = instrument.directions[valid], np.diag(instrument.sd[valid] ** 2)
     cov = oracle.velocity_covariance(A, R)

@@ -49,7 +49,7 @@ def test_pd0_high_resolution() -> None:
 
 @pytest.mark.parametrize(("frame", "code"), [(1, "EX01"), (2, "EX10"), (3, "EX11")])
 def test_pd0_without_beams(frame: int, code: str) -> None:
-    """Other coordinates are refused with advice, or give the vehicle's velocity on request."""
+    """Other coordinates are rejected with advice, or give the vehicle's velocity on request."""
     data = seeds.pd0_ensemble(1, frame=frame, velocity=(100, -200, 50, 7))
     data += seeds.pd0_ensemble(2, frame=frame, velocity=(100, -200, 50, -32768))
     with pytest.raises(

@@ -1,4 +1,4 @@
-"""The command `bottomlock convert`: what it writes, what it says, and how it refuses."""
+"""The command `bottomlock convert`: what it writes, what it says, and how it rejects."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ def test_glider_with_a_bad_checksum(logs: Path) -> None:
 
 
 def test_robosub_has_no_beams(logs: Path) -> None:
-    """A table of velocities alone: refused, then converted with a column map."""
+    """A table of velocities alone: rejected, then converted with a column map."""
     path, columns = logs / "robosub" / "night2_dvl.csv", logs / "robosub" / "columns.toml"
     with pytest.raises(DataError, match=r"'Time,velocityA,velocityB,velocityC', names no documented columns"):
         read_recording(path)

@@ -152,7 +152,7 @@ def test_pd0_in_beam_coordinates(recordings: Path, name: str, beams: list[int]) 
 def test_pd0_in_other_coordinates(
     recordings: Path, folder: str, name: str, frame: str, solutions: tuple[int, int, int]
 ) -> None:
-    """Refused with the number of pings and what to set; the instrument's velocity of four, three and no beams."""
+    """Rejected with the number of pings and what to set; the instrument's velocity of four, three and no beams."""
     path = file(recordings, folder, name)
     with pytest.raises(DataError, match=rf"{sum(solutions)} pings in {frame} coordinates .*EX00000"):
         read_recording(path)
@@ -190,7 +190,7 @@ def test_ad2cp_without_bottom(recordings: Path) -> None:
 
 
 def test_pd6_counts(recordings: Path) -> None:
-    """642 good :BI of which 404 valid; refused with advice; NUL bytes and merged lines are counted."""
+    """642 good :BI of which 404 valid; rejected with advice; NUL bytes and merged lines are counted."""
     path = file(recordings, "pd6_hover_h1000", "dvl_raw_lines_20251106_173912.csv")
     assert detect(path) == "pd6"
     with pytest.raises(

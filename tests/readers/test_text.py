@@ -88,7 +88,7 @@ def test_json_merged_and_cut_lines() -> None:
     ],
 )
 def test_json_reports_that_are_none(change: dict[str, Any], reason: str) -> None:
-    """A report without what makes a ping is counted, and a log of nothing else is refused."""
+    """A report without what makes a ping is counted, and a log of nothing else is rejected."""
     with pytest.raises(DataError, match=f"no velocity report.*{reason}.*line 1"):
         waterlinked_json.read(seeds.a50_report(0, **change), "log")
 
@@ -118,7 +118,7 @@ def test_serial_lost_beams_and_bad_checksums() -> None:
     assert recording.account.flagged["transducer report missing"].count == 1
     trusted = waterlinked_serial.read(bad, "log", Options(ignore_checksum=True))
     assert trusted.table.velocity_mps[0, 2] == 2.3
-    assert trusted.account.flagged["bad checksum, kept as asked"].count == 1
+    assert trusted.account.flagged["bad checksum, kept on request"].count == 1
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_serial_lost_beams_and_bad_checksums() -> None:
     ],
 )
 def test_serial_deprecated(sentence: bytes, good: bool) -> None:
-    """`wrx` alone has no beams: refused with advice, or the instrument's velocity; one of seven fields is told."""
+    """`wrx` alone has no beams: rejected with advice, or the instrument's velocity; one of seven fields is told."""
     if good:
         with pytest.raises(DataError, match=r"no beams.*firmware to 2\.1"):
             waterlinked_serial.read(sentence, "log")

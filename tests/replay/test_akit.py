@@ -15,7 +15,7 @@ from bottomlock.replay.model import gravity_mps2
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import ReplayResult, replay_case
 from bottomlock.replay.streams import Streams
-from tests.oracle.rotations import exp_rotation, matrix_from_quaternion, skew
+from tests.oracle.rotations import exp_rotations, matrix_from_quaternion, skew, unskew
 from tests.replay.streaming import stream
 from tools.akit import LAG_S, REFERENCE_LEVER_M, SECTIONS, akit_case
 
@@ -98,21 +98,21 @@ def test_replay_of_a_section_is_streaming_bit_for_bit(data: Path, scratch: Path)
         replay='smooth = false\nmethods = ["tc", "sway_current"]\nduration_s = 60.0',
     )
     prepared = rerun.prepare(case, read_streams(case), 0)
-    flown = rerun.run_methods(case, prepared, case.what_if[0])
+    rerun_result = rerun.run_methods(case, prepared, case.what_if[0])
     start = {
         "time_ns": prepared.alignment.time_ns,
         "position_t_m": prepared.alignment.position_t_m,
         "attitude_t_p": quaternions(prepared.alignment.attitude),
         "velocity_p_mps": prepared.alignment.velocity_p_mps,
     }
-    log = rerun.kernel_log(case, prepared, flown.valid)
+    log = rerun.kernel_log(case, prepared, rerun_result.valid)
     for index, method in enumerate(case.replay.methods):
         geometry = prepared.streams.instrument.geometry
         pushed = stream(
             geometry, prepared.model, prepared.options, method, log, start, prepared.sample_time_ns
         )
         for name in ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd", "nis"):
-            np.testing.assert_array_equal(flown.result[name][index], pushed[name])
+            np.testing.assert_array_equal(rerun_result.result[name][index], pushed[name])
 
 
 @pytest.mark.parametrize("section", [1, 3, 10])
@@ -134,18 +134,19 @@ def test_where_the_accelerometers_are(data: Path, scratch: Path, section: int) -
     gravity = np.array([0.0, 0.0, gravity_mps2(case, streams)])
     first = np.searchsorted(inertial.time_ns, reference.time_ns, side="right")
     rows = np.flatnonzero((reference.time_ns >= 0) & (first + 101 < len(inertial.time_ns)))[:-1]
-    design, residual = [], []
-    for k in rows:
-        attitude, increment = R[k], np.zeros(3)
-        for j in range(first[k], first[k] + 100):
-            turn = exp_rotation(inertial.omega_p_radps[j] * 0.01)
-            increment = increment + 0.5 * (attitude + attitude @ turn) @ inertial.force_p_mps2[j] * 0.01
-            attitude = attitude @ turn
-        increment = increment + gravity
-        rate = [inertial.omega_p_radps[first[i] - 3 : first[i] + 3].mean(axis=0) for i in (k, k + 1)]
-        design.append(R[k] @ skew(rate[0]) - R[k + 1] @ skew(rate[1]))
-        residual.append(increment - (v_t[k + 1] - v_t[k]))
-    lever, *_ = np.linalg.lstsq(np.concatenate(design), np.concatenate(residual), rcond=None)
+    # One power series of every reading; the windows of a second are then integrated side by side.
+    window = first[rows][:, None] + np.arange(100)
+    turns = exp_rotations(inertial.omega_p_radps * 0.01)
+    attitude, increment = R[rows], np.zeros((len(rows), 3))
+    for j in window.T:
+        ahead = attitude @ turns[j]
+        increment += 0.5 * np.einsum("nij,nj->ni", attitude + ahead, inertial.force_p_mps2[j]) * 0.01
+        attitude = ahead
+    increment += gravity
+    rate = {k: inertial.omega_p_radps[first[k] - 3 : first[k] + 3].mean(axis=0) for k in {*rows, *(rows + 1)}}
+    design = np.array([R[k] @ skew(rate[k]) - R[k + 1] @ skew(rate[k + 1]) for k in rows])
+    residual = increment - (v_t[rows + 1] - v_t[rows])
+    lever, *_ = np.linalg.lstsq(design.reshape(-1, 3), residual.ravel(), rcond=None)
     np.testing.assert_allclose(lever, REFERENCE_LEVER_M, atol=0.05)
 
 
@@ -173,14 +174,12 @@ def _turn_error(streams: Streams) -> float:
     earth = 7.292115e-5 * np.array([np.cos(streams.latitude_rad), 0.0, -np.sin(streams.latitude_rad)])
     R = [matrix_from_quaternion(q) for q in np.roll(reference.attitude.as_quat(), 1, axis=1)]
     first = np.searchsorted(streams.inertial.time_ns, reference.time_ns, side="right")
+    turns = exp_rotations(streams.inertial.omega_p_radps * 0.01)
+    seconds = np.arange(5, 390)
+    turn = np.broadcast_to(np.eye(3), (len(seconds), 3, 3))
+    for j in (first[seconds][:, None] + np.arange(100)).T:
+        turn = turn @ turns[j]
     squares = []
-    for k in range(5, 390):
-        turn = np.eye(3)
-        for rate in streams.inertial.omega_p_radps[first[k] : first[k] + 100]:
-            turn = turn @ exp_rotation(rate * 0.01)
-        apart = (R[k].T @ R[k + 1]).T @ turn
-        angle = (
-            np.array([apart[2, 1] - apart[1, 2], apart[0, 2] - apart[2, 0], apart[1, 0] - apart[0, 1]]) / 2.0
-        )
-        squares.append(angle - R[k].T @ earth)
+    for k, one in zip(seconds, turn, strict=True):
+        squares.append(unskew((R[k].T @ R[k + 1]).T @ one) - R[k].T @ earth)
     return float(np.sqrt(np.mean(np.square(squares))))

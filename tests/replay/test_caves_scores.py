@@ -1,4 +1,4 @@
-"""Beams left out of the caves' pings: least squares by the recording's own figures, and who is honest."""
+"""Beams left out of the caves' pings: least squares by the recording's own figures, and consistency."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_three_beams_are_as_good_as_the_recording_says(scores: dict[int, pl.Data
 
 
 @pytest.mark.parametrize("beams", [1, 2])
-def test_information_form_is_honest_and_best(scores: dict[int, pl.DataFrame], beams: int) -> None:
+def test_information_form_is_consistent_and_best(scores: dict[int, pl.DataFrame], beams: int) -> None:
     """It solves every set, claims the unseen beam's error within 40 %, and is nearest to that beam of all methods."""
     table = over_sets(scores[beams]).filter(
         (pl.col("component") == "beam") & (pl.col("sets_solved") == pl.col("sets"))

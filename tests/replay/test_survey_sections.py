@@ -130,7 +130,9 @@ def folder(recordings: Path) -> Path:
     return path
 
 
-def flown(folder: Path, number: int, *, lost: tuple[int, ...] = (), depth: bool = True) -> tuple[Any, Array]:
+def replayed(
+    folder: Path, number: int, *, lost: tuple[int, ...] = (), depth: bool = True
+) -> tuple[Any, Array]:
     """What the methods yield at every reference, and the reference."""
     assumed, recorded, start, position, time_ns = section(folder, number)
     log: Any = dict(recorded)
@@ -165,7 +167,7 @@ def test_full_velocity_stays_on_the_reference(folder: Path) -> None:
     """LC ends within 0.6 % of the way on each section, 0.3 % in the median; seen 0.08-0.57 %, median 0.25 %."""
     shares = []
     for number in LAG_S:
-        out, position = flown(folder, number)
+        out, position = replayed(folder, number)
         way_m = np.linalg.norm(np.diff(position, axis=0), axis=1).sum()
         shares.append(ends(out, position)[METHODS.index("lc")] / way_m)
         assert (out["fix_status"][METHODS.index("lc")] == 3).sum() == 0
@@ -175,7 +177,7 @@ def test_full_velocity_stays_on_the_reference(folder: Path) -> None:
 
 def test_the_navigator_alone_drifts_as_it_should(folder: Path) -> None:
     """Without beams and depth tens to hundreds of metres in 400 s; a wrong sign or clock makes kilometres."""
-    drift = [ends(*flown(folder, number, depth=False))[0] for number in LAG_S]
+    drift = [ends(*replayed(folder, number, depth=False))[0] for number in LAG_S]
     assert max(drift) < 1000.0
     assert 10.0 < np.median(drift) < 300.0
 
@@ -184,7 +186,7 @@ def test_the_navigator_alone_drifts_as_it_should(folder: Path) -> None:
 def test_three_names_for_one_update_on_real_data(folder: Path, lost: tuple[int, ...]) -> None:
     """TC, information form and exact VB: filter and smoother to 1e-9 m, with two beams and (projected) with four."""
     for number in (1, 6, 12):
-        out, _ = flown(folder, number, lost=lost)
+        out, _ = replayed(folder, number, lost=lost)
         tc = METHODS.index("tc")
         for key in ("position_t_m", "velocity_p_mps", "smoothed_position_t_m"):
             for method in ("info", "vb_exact"):
@@ -194,7 +196,7 @@ def test_three_names_for_one_update_on_real_data(folder: Path, lost: tuple[int, 
 def test_the_smoother_helps_or_does_no_harm(folder: Path) -> None:
     """Horizontal RMS of LC over a section: never 1 % above the filter's (seen 0.82 to 1.00 of it)."""
     for number in LAG_S:
-        out, position = flown(folder, number)
+        out, position = replayed(folder, number)
         rms = [
             np.sqrt((((out[key][METHODS.index("lc")] - position)[:, :2]) ** 2).sum(axis=1).mean())
             for key in ("position_t_m", "smoothed_position_t_m")

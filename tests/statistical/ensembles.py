@@ -1,4 +1,4 @@
-"""Ensembles of the packaged scenarios, flown once per process and kept for every test that judges them."""
+"""Ensembles of the packaged scenarios, run once per process and kept for every test that judges them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import bottomlock
 from tests.analytic import analytic_simulation
 from tests.oracle.rotations import Array
 
-# Fixed before the first run was flown: the day the paper appeared.
+# Fixed before the first run: the day the paper appeared.
 SEED = 20170222
 RUNS = 200
 
@@ -39,7 +39,7 @@ class Ensemble:
 
 
 @lru_cache(maxsize=8)
-def fly(
+def run_ensemble(
     name: str,
     methods: tuple[str, ...],
     runs: int = RUNS,

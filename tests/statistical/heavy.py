@@ -1,4 +1,4 @@
-"""Runs whose beams err by Student's t of three degrees, and the same with Gaussian beams, flown in several ways."""
+"""Runs whose beams err by Student's t of three degrees, and the same with Gaussian beams, run in several ways."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ def streams(trajectory: str, *, heavy: bool, lost: tuple[int, ...]) -> tuple[Any
 
 
 @lru_cache(maxsize=16)
-def fly(trajectory: str, name: str, *, heavy: bool, lost: tuple[int, ...] = ()) -> tuple[Array, Array]:
-    """Squared velocity error (runs, T) and NEES of attitude and velocity (runs, T) of TC flown in one of `WAYS`."""
+def run_tc(trajectory: str, name: str, *, heavy: bool, lost: tuple[int, ...] = ()) -> tuple[Array, Array]:
+    """Squared velocity error (runs, T) and NEES of attitude and velocity (runs, T) of TC run in one of `WAYS`."""
     way = WAYS[name]
     simulation, model, sample_ns, true, runs = streams(trajectory, heavy=heavy, lost=lost)
     options = simulation.scenario.kernel_options() | {key: way[key] for key in way if key != "scale"}

@@ -22,10 +22,10 @@ RUNS, SECONDS = 60, 40.0
 PROBABILITY = 1.0 - 2.5e-4
 
 
-def flown(method: str, weigh: float) -> tuple[float, int, float]:
+def run_filter(method: str, weigh: float) -> tuple[float, int, float]:
     """Mean NIS of the acoustic fixes, their number, and mean NEES of the position at the end, over the runs.
 
-    `weigh` multiplies the deviation that the filter is told.
+    `weigh` multiplies the deviation given to the filter.
     """
     keys: dict[str, Any] = {
         "transceiver_m": [150.0, -60.0, 0.0],
@@ -73,7 +73,7 @@ def flown(method: str, weigh: float) -> tuple[float, int, float]:
 
 @pytest.mark.parametrize("method", ["ins", "tc"])
 def test_innovations_and_errors_are_as_large_as_claimed(method: str) -> None:
-    nis, count, nees = flown(method, 1.0)
+    nis, count, nees = run_filter(method, 1.0)
     low, high = mean_band(3, count, PROBABILITY)
     assert low < nis < high, (nis, count)
     low, high = mean_band(3, RUNS, PROBABILITY)
@@ -81,6 +81,6 @@ def test_innovations_and_errors_are_as_large_as_claimed(method: str) -> None:
 
 
 def test_a_wrong_weight_shows() -> None:
-    """Told two thirds of the deviation, the filter is found overconfident: the check can fail."""
-    nis, count, _ = flown("ins", 2.0 / 3.0)
+    """With two thirds of the deviation, the filter is found overconfident: the check can fail."""
+    nis, count, _ = run_filter("ins", 2.0 / 3.0)
     assert nis > mean_band(3, count, PROBABILITY)[1]

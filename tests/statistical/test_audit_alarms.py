@@ -50,9 +50,9 @@ def test_clean_logs_are_not_accused(settings: dict[str, Any], logs: int) -> None
 def test_deviations_of_directions(logs: int) -> None:
     """A velocity with noise of its own: errors of tilt over their stated deviations have a mean square near 1.
 
-    240 errors, their mean square is within 0.75 to 1.35 in 99 of 100 repeats if they are independent and honest; the
-    deviations are themselves of 50 blocks, which adds a tenth. 80 errors are outside the limits in 2 of 100, and show a
-    deviation half as large again as it should be, or two thirds of it, in 95 of 100.
+    240 errors, their mean square is within 0.75 to 1.35 in 99 of 100 repeats if they are independent and consistent;
+    the deviations are themselves of 50 blocks, which adds a tenth. 80 errors are outside the limits in 2 of 100; they
+    show a deviation half as large again as it should be, or two thirds of it, in 95 of 100.
     """
     off = []
     for seed in range(logs):
@@ -68,7 +68,7 @@ def test_deviations_of_directions(logs: int) -> None:
 
 @pytest.mark.parametrize("logs", [10, pytest.param(40, marks=LONG)])
 def test_a_mistilted_beam_is_named_rightly(logs: int) -> None:
-    """The instrument does not know of 3°: logs of 3000 pings, the right beam named in each, the tilt unbiased.
+    """The instrument has an unknown tilt of 3°: logs of 3000 pings, the right beam named in each, the tilt unbiased.
 
     10 logs show an audit that misses the beam in one log of four in 94 % of repeats, 1 − 0.75¹⁰.
     """

@@ -31,7 +31,7 @@ def test_consistent_methods(method: str, trajectory: str) -> None:
     Means seen: LC 6.16 and 6.10, TC 5.96 and 6.14, PLCF 6.08 and 5.88 of 6: linearisation costs nothing that 200 runs
     can show.
     """
-    nees = ensembles.fly(trajectory, METHODS).nees(method)
+    nees = ensembles.run_ensemble(trajectory, METHODS).nees(method)
     low, high = chi_squared.mean_band(nees.mean(axis=1), DEGREES)
     assert low < nees.mean() < high
     band = chi_squared.average_band(DEGREES, ensembles.RUNS)
@@ -48,7 +48,7 @@ def test_each_error_fits_its_sigma(method: str, trajectory: str) -> None:
 
     Between-run band at 99.8 % (Student's t on the runs' own mean squares); nine states, so two alarms in a hundred.
     """
-    squares = ensembles.fly(trajectory, METHODS).squares(method).mean(axis=1)
+    squares = ensembles.run_ensemble(trajectory, METHODS).squares(method).mean(axis=1)
     for state in range(9):
         low, high = chi_squared.mean_band(squares[:, state], 1.0, 0.998)
         assert low < squares[:, state].mean() < high, f"state {state}"
@@ -59,10 +59,10 @@ def test_what_linearisation_costs_tight_coupling_on_the_straight_line() -> None:
 
     The block −[R v̂ ×] turns a drifted v̂_E times the yaw error into north: the filter claims an uncertainty of north
     position that does not exist (14.8 m for 11.8 m after 250 s). Mean square of error over sigma 0.71 over time, 0.42
-    at the end (0.69 and 0.42 over 1200 runs), where 1 is right; with yaw known to 1e-4 rad it is 0.99. No state
+    at the end (0.69 and 0.42 over 1200 runs), where 1 is right; with a yaw error of 1e-4 rad it is 0.99. No state
     claims too much, and NEES of velocity and attitude stays in its band.
     """
-    squares = ensembles.fly("straight", METHODS).squares("tc")
+    squares = ensembles.run_ensemble("straight", METHODS).squares("tc")
     for state in range(9):
         assert (
             squares[..., state].mean()
@@ -75,14 +75,14 @@ def test_what_linearisation_costs_tight_coupling_on_the_straight_line() -> None:
 
 @pytest.mark.parametrize("method", ["nsv", "elc", "vb", "vhv"])
 def test_overconfident_methods_in_turns(method: str) -> None:
-    """On the figure-eight the paper's methods claim more than they know: the number of each stands here.
+    """On the figure-eight the paper's methods are overconfident: the number of each stands here.
 
     Means seen, of 6: NSV 10.9, selector 14.3, VHV 25.6, VB 6541. NSV calls the true sway of a turn zero; the selector
     picks NSV (E4); VB calls the prior independent of itself and then locks four fixes of five out (E5); VHV does the
     same with heave. The mean of VB and VHV is carried by few runs, so the limits are on the median run.
     """
-    flown = ensembles.fly("figure_eight", METHODS)
-    nees = flown.nees(method)
+    ensemble = ensembles.run_ensemble("figure_eight", METHODS)
+    nees = ensemble.nees(method)
     band = chi_squared.average_band(DEGREES, ensembles.RUNS)
     late = nees[:, nees.shape[1] // 5 :].mean(axis=0)
     assert np.all(late > band[1])
@@ -92,8 +92,11 @@ def test_overconfident_methods_in_turns(method: str) -> None:
 
 def test_virtual_beam_locks_fixes_out() -> None:
     """Erratum E5 with n_f = 1: its gate rejects most fixes in turns (81 % seen); TC with the same gate 0.2 %."""
-    flown = ensembles.fly("figure_eight", METHODS)
-    accepted, rejected = flown.batch["fixes_accepted"].sum(axis=0), flown.batch["fixes_rejected"].sum(axis=0)
+    ensemble = ensembles.run_ensemble("figure_eight", METHODS)
+    accepted, rejected = (
+        ensemble.batch["fixes_accepted"].sum(axis=0),
+        ensemble.batch["fixes_rejected"].sum(axis=0),
+    )
     share = rejected / (accepted + rejected)
     assert share[METHODS.index("vb")] > 0.5
     assert share[METHODS.index("tc")] < 0.01
@@ -101,15 +104,15 @@ def test_virtual_beam_locks_fixes_out() -> None:
 
 
 @pytest.mark.parametrize("method", ["nsv", "weak_sway"])
-def test_sway_assumptions_are_cautious_where_they_hold(method: str) -> None:
+def test_sway_assumptions_are_conservative_where_they_hold(method: str) -> None:
     """On the straight line sway is exactly zero, better than either row says: NEES below 6, never above its band."""
-    nees = ensembles.fly("straight", METHODS).nees(method)
+    nees = ensembles.run_ensemble("straight", METHODS).nees(method)
     assert nees.mean() < chi_squared.mean_band(nees.mean(axis=1), DEGREES)[1]
 
 
 def test_weak_sway_does_not_overclaim_in_turns() -> None:
     """The answer to NSV: a variance of sway times its correlation time keeps NEES inside the band (5.91 seen)."""
-    nees = ensembles.fly("figure_eight", METHODS).nees("weak_sway")
+    nees = ensembles.run_ensemble("figure_eight", METHODS).nees("weak_sway")
     assert nees.mean() < chi_squared.mean_band(nees.mean(axis=1), DEGREES)[1]
 
 
@@ -118,25 +121,30 @@ def test_gate_rejects_at_its_rate(trajectory: str) -> None:
     """The joint gate passes 99.73 % of good fixes: rejections of LC and TC are binomial at 0.27 %."""
     from scipy import stats
 
-    flown = ensembles.fly(trajectory, METHODS)
+    ensemble = ensembles.run_ensemble(trajectory, METHODS)
     for method in ("lc", "tc"):
         index = METHODS.index(method)
-        rejected = int(flown.batch["fixes_rejected"][:, index].sum())
-        total = rejected + int(flown.batch["fixes_accepted"][:, index].sum())
+        rejected = int(ensemble.batch["fixes_rejected"][:, index].sum())
+        total = rejected + int(ensemble.batch["fixes_accepted"][:, index].sum())
         chance = stats.binom(total, 1 - 0.9973)
         assert chance.ppf(5e-4) <= rejected <= chance.ppf(1 - 5e-4), method
 
 
 def test_a_large_factor_makes_the_virtual_beam_tight_coupling() -> None:
-    """Erratum E5, the other end: with n_f = 10 the virtual beam weighs nothing and VB flies as TC does.
+    """Erratum E5, the other end: with n_f = 10 the virtual beam weighs nothing and VB equals TC.
 
     60 runs of the same streams: velocity within 10 % of TC's RMS, under 1 % of the fixes rejected, NEES in its band.
     """
-    flown = ensembles.fly("figure_eight", ("tc", "vb"), runs=60, changes=(("virtual_beam_factor", 10.0),))
-    rms = [np.sqrt(np.mean(np.sum(flown.errors(method)[..., 6:] ** 2, axis=-1))) for method in flown.methods]
+    ensemble = ensembles.run_ensemble(
+        "figure_eight", ("tc", "vb"), runs=60, changes=(("virtual_beam_factor", 10.0),)
+    )
+    rms = [
+        np.sqrt(np.mean(np.sum(ensemble.errors(method)[..., 6:] ** 2, axis=-1)))
+        for method in ensemble.methods
+    ]
     assert rms[1] == pytest.approx(rms[0], rel=0.1)
-    rejected = flown.batch["fixes_rejected"][:, 1].sum() / flown.batch["fixes_accepted"][:, 1].sum()
+    rejected = ensemble.batch["fixes_rejected"][:, 1].sum() / ensemble.batch["fixes_accepted"][:, 1].sum()
     assert rejected < 0.01
-    nees = flown.nees("vb")
+    nees = ensemble.nees("vb")
     low, high = chi_squared.mean_band(nees.mean(axis=1), DEGREES)
     assert low < nees.mean() < high

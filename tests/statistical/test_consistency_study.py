@@ -1,8 +1,8 @@
-"""A small consistency study on every commit: the honest methods are consistent, the others shown for what they are.
+"""A small consistency study on every commit: the consistent methods pass, the others are overconfident.
 
 Two trajectories, four beams and two, ten methods, 30 runs or 60. All means together are judged at a false-alarm rate of
 1 % (Bonferroni, `bottomlock.statistics.chi_squared`): right code fails in one of a hundred seeds at the most, by the
-honest methods. The overconfident ones exceed their bands by factors, not by a margin, so that 30 runs show each of
+consistent methods. The overconfident ones exceed their bands by factors, not by a margin, so that 30 runs show each of
 them. Seed, number of runs and verdicts were written down before the first run; nothing was widened afterwards.
 """
 

@@ -18,14 +18,14 @@ def test_velocity_error_after_250_s() -> None:
     The mean square of a two-component Gaussian error over n runs is chi-squared of 2n degrees. The filter's own
     covariance, which holds the biases and noise as well, must lie in the same interval.
     """
-    flown = ensembles.fly("straight", ("ins",), every_s=50)
-    error = flown.errors("ins")[:, -1, 6:9]
+    ensemble = ensembles.run_ensemble("straight", ("ins",), every_s=50)
+    error = ensemble.errors("ins")[:, -1, 6:9]
     mean_square = float(np.mean(np.sum(error**2, axis=1)))
     degrees = 2 * ensembles.RUNS
     low, high = (np.sqrt(mean_square * degrees / stats.chi2(degrees).ppf(q)) for q in (0.975, 0.025))
     by_hand = np.sqrt(2) * 9.8 * 0.01 * 250
     assert low < by_hand < high
-    claimed = float(np.sqrt(np.mean(np.sum(flown.batch["sd"][:, 0, -1, 6:9] ** 2, axis=1))))
+    claimed = float(np.sqrt(np.mean(np.sum(ensemble.batch["sd"][:, 0, -1, 6:9] ** 2, axis=1))))
     assert low < claimed < high
 
 
@@ -34,8 +34,8 @@ def test_tilt_dominates() -> None:
 
     Misalignment turns gravity into the horizontal at g·ρ, so over 200 s the fitted slope has the size g·t.
     """
-    flown = ensembles.fly("straight", ("ins",), every_s=50)
-    first, last = flown.errors("ins")[:, 0], flown.errors("ins")[:, -1]
+    ensemble = ensembles.run_ensemble("straight", ("ins",), every_s=50)
+    first, last = ensemble.errors("ins")[:, 0], ensemble.errors("ins")[:, -1]
     slope = 9.8 * 200
     for velocity, tilt in ((6, 4), (7, 3)):
         fitted = float(
@@ -48,14 +48,14 @@ def test_tilt_dominates() -> None:
 
 def test_initial_attitude_norm() -> None:
     """0.01, 0.01 and 0.02 rad make an attitude RMS norm of 1.395° at the start, which 250 s change little."""
-    flown = ensembles.fly("straight", ("ins",), every_s=50)
-    norm = np.rad2deg(np.sqrt(np.mean(np.sum(flown.errors("ins")[:, -1, 3:6] ** 2, axis=1))))
+    ensemble = ensembles.run_ensemble("straight", ("ins",), every_s=50)
+    norm = np.rad2deg(np.sqrt(np.mean(np.sum(ensemble.errors("ins")[:, -1, 3:6] ** 2, axis=1))))
     expected = np.rad2deg(np.sqrt(0.57**2 * 2 + 1.14**2) * np.pi / 180)
     assert norm == pytest.approx(expected, rel=0.12)
 
 
 def test_standalone_ins_is_consistent() -> None:
     """Without updates the covariance is pure propagation: NEES inside its band though errors grow to 35 m/s."""
-    nees = ensembles.fly("straight", ("ins",), every_s=50).nees("ins")
+    nees = ensembles.run_ensemble("straight", ("ins",), every_s=50).nees("ins")
     low, high = chi_squared.mean_band(nees.mean(axis=1), 6)
     assert low < nees.mean() < high

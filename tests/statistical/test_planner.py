@@ -40,18 +40,18 @@ def test_predicted_deviations_are_what_errors_scatter(name: str, beams: tuple[in
         "sample_time_ns": predicted.time_ns[-1:],
     }
     options = scenario.kernel_options() | {"gate": "off"}
-    flown = run_batch(
+    batch = run_batch(
         janus, truth.kernel_arrays(), model, model, options, schedule, ["tc"],  # type: ignore[arg-type]
         seed=2015, trajectory_key=1, first_run=0, runs=RUNS, threads=1,
     )  # fmt: skip
-    scaled = flown["error"][:, 0, 0, :] / predicted.sd[-1, :9]
+    scaled = batch["error"][:, 0, 0, :] / predicted.sd[-1, :9]
     # Nine components, a band of 99.9 % each.
     low, high = chi2.ppf([0.0005, 0.9995], RUNS)
     total = (scaled**2).sum(axis=0)
     assert (total > low).all(), total
     assert (total < high).all(), total
-    # The filters fly on their own estimates; their claims scatter about the prediction.
-    claimed = flown["sd"][:, 0, 0, :].mean(axis=0)
+    # The filters linearise at their own estimates; their claimed σ scatter about the prediction.
+    claimed = batch["sd"][:, 0, 0, :].mean(axis=0)
     np.testing.assert_allclose(claimed[3:], predicted.sd[-1, 3:9], rtol=0.03)
     # Two beams of a straight course leave 40 m to starboard, which a heading error turns into the course: second order.
     np.testing.assert_allclose(claimed[:3], predicted.sd[-1, :3], rtol=0.12)

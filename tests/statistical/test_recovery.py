@@ -2,7 +2,7 @@
 
 All six pairs on two trajectories, 20 runs. One false-alarm rate of 1 % for the whole summary (`recovery.FALSE_ALARM`).
 Seed and number of runs were fixed before the first run. VB, which is among the methods, shows what the size decides:
-the same summary finds its fault. The information form and the exact virtual beam, which are TC by theorem, are flown by
+the same summary finds its fault. The information form and the exact virtual beam, which are TC by theorem, are run by
 `make test-long` only.
 """
 
@@ -36,7 +36,7 @@ def summary(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     return table
 
 
-def test_honest_methods_recover(summary: pl.DataFrame) -> None:
+def test_consistent_methods_recover(summary: pl.DataFrame) -> None:
     """Every pair on both trajectories, from the first fix on: there is nothing to come back from."""
     for (method,), rows in summary.filter(pl.col("method") != "vb").group_by("method"):
         assert rows.height == 12, method
@@ -46,7 +46,7 @@ def test_honest_methods_recover(summary: pl.DataFrame) -> None:
 
 
 def test_the_virtual_beam_does_not(summary: pl.DataFrame) -> None:
-    """With n_f = 1 it was sure of itself for a minute: its gate now refuses good fixes, and NIS stays high."""
+    """With n_f = 1 it was sure of itself for a minute: its gate now rejects good fixes, and NIS stays high."""
     rows = summary.filter(pl.col("method") == "vb")
     assert not rows.filter(pl.col("trajectory") == "straight")["recovered"].any()
     assert rows["rejected_fraction"].to_numpy().max() > 0.2

@@ -23,7 +23,7 @@ RUNS = 100
 
 
 @lru_cache(maxsize=8)
-def flown(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
+def run_with_tilt(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
     """Runs whose initial misalignment is `tilt_factor` times what the filters assume."""
     simulation = analytic_simulation("straight")
     scenario, truth = simulation.scenario, simulation.truth()
@@ -49,14 +49,14 @@ def speeds(batch: dict[str, Any], method: str) -> Array:
 
 
 def locked_out(batch: dict[str, Any], method: str) -> int:
-    """Runs whose gate refused more than half of the fixes."""
+    """Runs whose gate rejected more than half of the fixes."""
     column = METHODS.index(method)
     return int((batch["fixes_rejected"][:, column] > batch["fixes_accepted"][:, column]).sum())
 
 
 def test_filters_that_start_wrong_come_back() -> None:
-    """Tilts four times as large as claimed: a closed gate loses every third run for good, a reopened one none."""
-    closed, reopened = flown(4.0, 0), flown(4.0, 5)
+    """Tilts four times as large as claimed: without inflation every third run is lost, with it none."""
+    closed, reopened = run_with_tilt(4.0, 0), run_with_tilt(4.0, 5)
     for method in METHODS:
         assert locked_out(closed, method) > RUNS // 5
         assert locked_out(reopened, method) == 0
@@ -67,12 +67,12 @@ def test_filters_that_start_wrong_come_back() -> None:
 
 
 def test_a_right_filter_does_not_notice() -> None:
-    """Five right fixes refused in a row happen once in 10¹²: runs without a lock-out end in the same bits."""
-    closed, reopened = flown(1.0, 0), flown(1.0, 5)
+    """Five right fixes rejected in a row happen once in 10¹²: runs without a lock-out end in the same bits."""
+    closed, reopened = run_with_tilt(1.0, 0), run_with_tilt(1.0, 5)
     for method in METHODS:
         column = METHODS.index(method)
-        refused = closed["fixes_rejected"][:, column]
-        few = refused < 5
+        rejected = closed["fixes_rejected"][:, column]
+        few = rejected < 5
         assert few.sum() > 0.95 * RUNS
         np.testing.assert_array_equal(
             closed["error"][few][:, column], reopened["error"][few][:, column], strict=True
@@ -83,9 +83,9 @@ def test_a_reopened_filter_is_not_overconfident() -> None:
     """Once back the velocity error keeps to its claim: squares over sigma of four beams below 1.5 on average.
 
     The widened covariance of the misalignment about the vertical, which no velocity shows, is still claimed too small
-    in the runs that were never refused: heading is not judged.
+    in the runs that were never rejected: heading is not judged.
     """
-    batch = flown(4.0, 5)
+    batch = run_with_tilt(4.0, 5)
     column = METHODS.index("lc")
     back = slice(10, None)
     squares = (batch["error"] / batch["sd"])[:, column, back, 6:9] ** 2

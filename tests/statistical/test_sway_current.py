@@ -36,7 +36,7 @@ PATHS = {
 }
 CROSS_MPS = 0.3
 DRAWN = pytest.mark.parametrize("runs", [80, pytest.param(200, marks=pytest.mark.long)])
-SWUM = pytest.mark.parametrize("runs", [60, pytest.param(100, marks=pytest.mark.long)])
+SIZES = pytest.mark.parametrize("runs", [60, pytest.param(100, marks=pytest.mark.long)])
 
 
 def prior() -> dict[str, Any]:
@@ -76,7 +76,7 @@ def drawn(path: str, runs: int) -> dict[str, Array]:
 
 
 @lru_cache(maxsize=12)
-def swum(name: str, current_mps: float, runs: int) -> dict[str, Any]:
+def run_vehicle(name: str, current_mps: float, runs: int) -> dict[str, Any]:
     """The vehicle in still water, or in a current that sets to the east."""
     packaged = bottomlock.load_scenario(name)
     current = {"speed_mps": current_mps, "towards_deg": 90.0}
@@ -113,21 +113,21 @@ def test_right_about_itself_in_worlds_as_assumed(path: str, key: str, degrees: i
     assert low < nees.mean() < high
 
 
-@SWUM
+@SIZES
 @pytest.mark.parametrize("name", ["figure_eight", "lawn_mower"])
 def test_better_than_tight_coupling_in_still_water(name: str, runs: int) -> None:
     """Below TC's velocity RMS by far more than chance: the paired difference is beyond five of its standard errors."""
-    batch = swum(name, 0.0, runs)
+    batch = run_vehicle(name, 0.0, runs)
     gain = mean_square(batch, "tc") - mean_square(batch, "sway_current")
     assert gain.mean() > 5 * gain.std(ddof=1) / np.sqrt(len(gain))
     assert mean_square(batch, "sway_current").mean() < 0.25 * mean_square(batch, "tc").mean()
 
 
-@SWUM
+@SIZES
 @pytest.mark.parametrize("name", list(PATHS))
 def test_holds_in_a_cross_current(name: str, runs: int) -> None:
     """0.3 m/s across: still far below TC, while NSV and the printed selector are wrong by metres a second."""
-    batch = swum(name, CROSS_MPS, runs)
+    batch = run_vehicle(name, CROSS_MPS, runs)
     ours, tight = mean_square(batch, "sway_current").mean(), mean_square(batch, "tc").mean()
     assert ours < 0.25 * tight
     for method in ("nsv", "elc"):
@@ -135,7 +135,7 @@ def test_holds_in_a_cross_current(name: str, runs: int) -> None:
         assert np.median(batch["nees_velocity_attitude"][:, METHODS.index(method)].mean(axis=1)) > 60
 
 
-@SWUM
+@SIZES
 @pytest.mark.parametrize("current_mps", [0.0, CROSS_MPS])
 @pytest.mark.parametrize("name", list(PATHS))
 def test_never_claims_too_much_on_the_vehicle(name: str, current_mps: float, runs: int) -> None:
@@ -143,27 +143,27 @@ def test_never_claims_too_much_on_the_vehicle(name: str, current_mps: float, run
 
     Means seen, of 6: 5.0 to 5.4. A filter that claims a sigma more than a sixth too large would fall below 4.4.
     """
-    batch = swum(name, current_mps, runs)
+    batch = run_vehicle(name, current_mps, runs)
     nees = batch["nees_velocity_attitude"][:, METHODS.index("sway_current")]
     assert 4.4 < nees.mean() < chi_squared.mean_band(nees.mean(axis=1), 6)[1]
     whole = batch["nees"][:, METHODS.index("sway_current")]
     assert whole.mean() < chi_squared.mean_band(whole.mean(axis=1), 20)[1]
 
 
-@SWUM
+@SIZES
 @pytest.mark.parametrize("name", list(PATHS))
 def test_the_yaw_is_no_better_known_than_by_tight_coupling(name: str, runs: int) -> None:
     """A current and a yaw turned together change no reading: the claimed yaw must not shrink by what the current is."""
-    batch = swum(name, CROSS_MPS, runs)
+    batch = run_vehicle(name, CROSS_MPS, runs)
     sd = batch["sd"][:, :, -1, 5].mean(axis=0)
     assert sd[METHODS.index("sway_current")] > 0.97 * sd[METHODS.index("tc")]
 
 
-@SWUM
+@SIZES
 @pytest.mark.parametrize("name", list(PATHS))
 def test_locks_out_what_tight_coupling_locks_out(name: str, runs: int) -> None:
     """Fixes accepted and rejected are TC's, run by run."""
-    batch = swum(name, CROSS_MPS, runs)
+    batch = run_vehicle(name, CROSS_MPS, runs)
     ours, tight = METHODS.index("sway_current"), METHODS.index("tc")
     for key in ("fixes_accepted", "fixes_rejected"):
         np.testing.assert_array_equal(batch[key][:, ours], batch[key][:, tight])

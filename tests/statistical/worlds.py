@@ -45,7 +45,7 @@ def lawn_mower(t: Array) -> tuple[Array, Array, Array]:
 
 
 def _gauss_markov(rng: np.random.Generator, sd: float, time_s: float) -> CubicSpline:
-    """A sample at 5 Hz, drawn in the long run's spread, smooth in between so that it can be flown."""
+    """A sample at 5 Hz, drawn in the long run's spread, smooth in between so that it is a possible motion."""
     step_s = 0.2
     t = np.arange(0, SECONDS + step_s, step_s)
     left = np.exp(-step_s / time_s)

@@ -229,9 +229,9 @@ transceiver_m = [10.0, 0.0, 0.0]
         assert prepared.options["acoustic_position_lever_p_m"] == LEVER
         assert prepared.model["acoustic_position"]["sd_per_range"] == pytest.approx(0.02)
         assert prepared.model["acoustic_position"]["transceiver_t_m"] == [10.0, 0.0, 0.0]
-        flown = rerun.run_methods(case, prepared, None)
+        rerun_result = rerun.run_methods(case, prepared, None)
         # The transponder is 0.6 m below the IMU.
-        assert flown.result["position_t_m"][0, -1, 2] == pytest.approx(5.0 - 0.6, abs=0.3)
+        assert rerun_result.result["position_t_m"][0, -1, 2] == pytest.approx(5.0 - 0.6, abs=0.3)
     with pytest.raises(ScenarioError, match="no position: give"):
         parse_case(CASE + section.replace('north = "n"\neast = "e"\n', ""), place="c", folder=tmp_path)
     with pytest.raises(

@@ -95,6 +95,15 @@ def oracle_arm(truth: Any, time_ns: Any) -> Any:  # noqa: ANN401 - arrays
     return np.array([oracle.expected_fix(place, matrix_from_quaternion(q), arm) for place, q in pairs])
 
 
+def kernel_inputs(simulated: Simulation) -> tuple[int, Any, Any, Any, Any]:
+    """Key, schedule, truth, model and options of a simulation, as the kernel takes them."""
+    truth, scenario = simulated.truth(), simulated.scenario
+    key = trajectory_key(scenario.name)
+    plan = measurement_schedule(simulated, truth, trajectory_key=key)
+    model = scenario.kernel_model(simulated.gravity_mps2)
+    return key, plan, truth.kernel_arrays(), model, scenario.kernel_options()
+
+
 def test_switching_it_on_shifts_no_other_stream() -> None:
     """Every other table of readings keeps its bits; outliers leave the IMU and the other sensors alone as well."""
     off, on, wild = simulation(acoustic=False), simulation(), simulation(outlier_fraction=0.5)
@@ -111,7 +120,7 @@ def test_switching_it_on_shifts_no_other_stream() -> None:
 
 
 def test_readings_are_the_campaigns_and_have_their_deviation() -> None:
-    """The table holds what a campaign's run meets; the stated deviation is that of the fix's own slant range."""
+    """The table holds the readings of a campaign's run; the stated deviation is that of the fix's own slant range."""
     simulated = simulation()
     truth, scenario = simulated.truth(), simulated.scenario
     table = sensor_streams(simulated, truth, run=1)["acoustic_position"]
@@ -130,11 +139,7 @@ def test_a_campaigns_run_is_the_streaming_navigator() -> None:
     """Count of fixes and mean NIS of the DVL equal the batch's with acoustic fixes in between."""
     simulated = simulation(12.0)
     truth, scenario = simulated.truth(), simulated.scenario
-    key = trajectory_key(scenario.name)
-    plan: Any = measurement_schedule(simulated, truth, trajectory_key=key)
-    arrays: Any = truth.kernel_arrays()
-    kernel_model: Any = scenario.kernel_model(simulated.gravity_mps2)
-    kernel_options: Any = scenario.kernel_options()
+    key, plan, arrays, kernel_model, kernel_options = kernel_inputs(simulated)
     assert kernel_options["acoustic_position_lever_p_m"] == LEVER
     batch = run_batch(
         simulated.geometry, arrays, kernel_model, kernel_model, kernel_options, plan, ["tc"],
@@ -162,7 +167,7 @@ def test_bad_sections_are_named(keys: str, message: str) -> None:
 
 
 def test_a_section_that_is_not_there_decides_nothing() -> None:
-    """It is off by default, and the hash of a scenario without it is that of one that never heard of it."""
+    """It is off by default, and the hash of a scenario without it is that of one that does not have the sensor."""
     plain = load_scenario("straight")
     assert not plain.acoustic_position.enabled
     named = plain.model_copy(update={"acoustic_position": plain.acoustic_position.model_copy()})
@@ -183,11 +188,11 @@ def test_campaign_and_closed_loop(tmp_path: Path) -> None:
     assert finals[0] < 0.5 * finals[1]
     loop = scenario(12.0, **short)
     loop = loop.model_copy(update={"trajectory": loop.trajectory.model_copy(update={"feedback": "estimate"})})
-    flown = run_closed_loop(
+    batch = run_closed_loop(
         build_simulation(loop), ["ins", "tc"], pilot="own", trajectory_key=5, first_run=0, runs=2, threads=1
     )
-    assert flown["error"].shape[:2] == (2, 2)
-    assert np.abs(flown["error"][:, :, -1, :3]).max() < 2.0
+    assert batch["error"].shape[:2] == (2, 2)
+    assert np.abs(batch["error"][:, :, -1, :3]).max() < 2.0
 
 
 def test_observability_has_it_beside_gps() -> None:
@@ -209,22 +214,18 @@ def test_observability_has_it_beside_gps() -> None:
     assert far_sd > 1.5 * near_sd
 
 
-def test_schedule_of_a_scenario_hears_it() -> None:
+def test_schedule_of_a_scenario_has_it() -> None:
     simulated = simulation(5.0, rate_hz=0.5)
-    heard, _ = scenario_schedule(simulated, simulated.truth())
-    assert int(heard.others["acoustic_position"].sum()) == 2
-    assert int(heard.others["gps_position"].sum()) == 5
+    schedule, _ = scenario_schedule(simulated, simulated.truth())
+    assert int(schedule.others["acoustic_position"].sum()) == 2
+    assert int(schedule.others["gps_position"].sum()) == 5
 
 
 def test_simulated_fixes_scatter_as_stated() -> None:
     """Over 400 runs of one fix: squared errors over the stated variances are chi-squared, false alarm 1e-3."""
     simulated = simulation(1.0)
-    truth, scenario = simulated.truth(), simulated.scenario
-    key = trajectory_key(scenario.name)
-    plan: Any = measurement_schedule(simulated, truth, trajectory_key=key)
-    arrays: Any = truth.kernel_arrays()
-    kernel_model: Any = scenario.kernel_model(simulated.gravity_mps2)
-    kernel_options: Any = scenario.kernel_options()
+    truth = simulated.truth()
+    key, plan, arrays, kernel_model, kernel_options = kernel_inputs(simulated)
     total = 0.0
     for run in range(400):
         drawn = simulate_sensors(

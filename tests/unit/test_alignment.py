@@ -1,4 +1,4 @@
-"""Alignment: what each source of level and heading makes of a known vehicle, and what it refuses."""
+"""Alignment: what each source of level and heading makes of a known vehicle, and what it rejects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bad numbers and shapes at the kernel's border: refused in one line that names the place; repaired never."""
+"""Bad numbers and shapes at the kernel's border: rejected in one line that names the place; repaired never."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_a_lost_beam_may_hold_anything() -> None:
         ),
         ("prior_cov_m2ps2", {"prior_velocity_p_mps": np.ones((5, 3)), "prior_cov_m2ps2": np.ones((5, 3))}),
         ("prior", {"prior_velocity_p_mps": np.ones((5, 3))}),
-        ("rate_tp_p_radps", {"rate_tp_p_radps": np.ones((5, 2))}),
+        ("omega_tp_p_radps", {"omega_tp_p_radps": np.ones((5, 2))}),
     ],
 )
 def test_a_wrong_shape_names_the_array(name: str, change: dict[str, Any]) -> None:
@@ -70,7 +70,7 @@ def test_a_wrong_shape_names_the_array(name: str, change: dict[str, Any]) -> Non
 
 @pytest.mark.parametrize("sd", [0.0, -0.042, np.nan, np.inf])
 def test_a_beam_without_a_positive_sigma_is_refused(sd: float) -> None:
-    """A zero variance would be believed without limit."""
+    """A zero variance would give the reading unlimited weight."""
     with pytest.raises(bottomlock.KernelError, match=r"beam 3\b.*standard deviation"):
         bottomlock.solve_velocity(JANUS, Y, ALL, method="lc", beam_sd_mps=np.array([0.04, 0.04, sd, 0.04]))
 
@@ -151,7 +151,7 @@ def test_time_that_does_not_advance_is_refused(time_ns: int) -> None:
 
 
 def test_a_ping_twice_is_refused() -> None:
-    """The same ping fused twice would be believed twice."""
+    """The same ping fused twice would count twice."""
     nav = navigator()
     nav.push_beams(0, np.zeros(4), np.ones(4, bool), sd_mps=np.full(4, 0.042))
     with pytest.raises(bottomlock.KernelError, match="0 ns"):
@@ -194,7 +194,7 @@ def test_a_model_out_of_range_names_the_key(part: str, key: str, value: Any) -> 
 
 
 def test_a_missing_key_is_named() -> None:
-    """A model without its DVL is refused by name."""
+    """A model without its DVL is rejected by name."""
     model: dict[str, Any] = dict(settings.table_2())
     del model["dvl"]
     with pytest.raises(bottomlock.KernelError, match="dvl"):

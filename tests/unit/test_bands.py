@@ -16,7 +16,7 @@ def test_mean_band_from_the_printed_table(degrees: float, values: int, low: floa
 
 
 def test_bonferroni() -> None:
-    """A hundredth shared by four tests is a quarter of a hundredth each; no number of tests is refused quietly."""
+    """A hundredth shared by four tests is a quarter of a hundredth each; no number of tests is rejected quietly."""
     assert each_probability(0.01, 4) == pytest.approx(0.9975)
     for false_alarm, tests in ((0.0, 3), (1.0, 3), (0.01, 0)):
         with pytest.raises(ValueError, match="expected 0 to 1"):
@@ -24,7 +24,7 @@ def test_bonferroni() -> None:
 
 
 def test_the_family_rate_holds_for_dependent_tests() -> None:
-    """Honest matrices of five correlated times and four shared methods alarm at most as often as stated (2000 of them).
+    """Of 2000 consistent matrices of five correlated times and four methods at most the stated fraction alarms.
 
     The tests share all their noise in the extreme; the rate is then far below the stated one, never above: 0.05 and
     three sigma of its binomial.

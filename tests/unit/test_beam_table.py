@@ -1,4 +1,4 @@
-"""The beam table: what goes in comes out, and a table that is none is refused by name."""
+"""The beam table: what goes in comes out, and a table that is none is rejected by name."""
 
 import hashlib
 from pathlib import Path

@@ -60,7 +60,7 @@ def test_bits_do_not_depend_on_threads_or_interruption(tmp_path: Path) -> None:
     stamps = [path.stat().st_mtime_ns for path in finished]
     assert len(finished) == 1
     run_campaign([short()], tmp_path / "broken", threads=2)
-    assert [path.stat().st_mtime_ns for path in finished] == stamps, "a finished chunk is not flown again"
+    assert [path.stat().st_mtime_ns for path in finished] == stamps, "a finished chunk is not run again"
     same_tables(tmp_path / "one", tmp_path / "broken")
 
 
@@ -80,7 +80,7 @@ def test_more_runs_extend_fewer(tmp_path: Path) -> None:
 
 
 def test_foreign_directories_stay_as_they_are(tmp_path: Path) -> None:
-    """Another campaign, a stranger's files, a file in place of a directory: refused, unless forced over a campaign."""
+    """Another campaign, a stranger's files, a file in place of a directory: rejected, unless forced over a campaign."""
     out = tmp_path / "o"
     run_campaign([short()], out, threads=1)
     before = (out / "runs.parquet").read_bytes()

@@ -273,7 +273,7 @@ def test_turns_come_from_the_timetable_or_from_the_path(
 
 
 def test_the_vehicle_keeps_no_timetable(tmp_path: Path) -> None:
-    """On the vehicle the turns are where it swims them, so without its path there is no telling."""
+    """On the vehicle the turns are where it swims them, so without its path the claim is not testable."""
     folder = write_campaign(tmp_path / "c")
     edit_manifest(
         folder,
@@ -323,14 +323,14 @@ def test_a_bias_is_observable_where_its_error_shrinks(tmp_path: Path) -> None:
     assert "worst is vb / accel_bias_z_mps2" in row["note"]
 
 
-def test_a_bias_is_hidden_where_all_of_it_is_left(tmp_path: Path) -> None:
-    """Half of each is left, so none is hidden; with all of it left each is."""
+def test_a_bias_is_unobservable_where_all_of_it_is_left(tmp_path: Path) -> None:
+    """Half of each is left, so none is unobservable; with all of it left each is."""
     folder = write_campaign(tmp_path / "c")
-    row = one(judged(folder), "t1-bias-hidden")
+    row = one(judged(folder), "t1-bias-unobservable")
     assert (row["verdict"], row["ours"]) == (NOT_REPRODUCED, pytest.approx(0.5))
     for method in ("vb", "nsv", "plcf", "vhv", "tc"):
         leave(folder, "straight", method, "(accel_bias_[xy]|gyro_bias_z).*", 0.99)
-    assert one(judged(folder), "t1-bias-hidden")["verdict"] == REPRODUCED
+    assert one(judged(folder), "t1-bias-unobservable")["verdict"] == REPRODUCED
 
 
 def test_manoeuvres_show_more_where_less_is_left(tmp_path: Path) -> None:

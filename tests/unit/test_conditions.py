@@ -101,7 +101,7 @@ def test_chance_is_drawn_by_run() -> None:
 
 
 def test_a_recorded_pattern_is_replayed(tmp_path: Path) -> None:
-    """Three pings a second apart, over and over; what lacks a column is refused before anything runs."""
+    """Three pings a second apart, over and over; what lacks a column is rejected before anything runs."""
     log = {"time_ns": [5 * SECOND, 6 * SECOND, 7 * SECOND]}
     log |= {f"beam{k}_valid": [1, int(k > 2), int(k != 4)] for k in range(1, 5)}
     pl.DataFrame(log).write_csv(tmp_path / "log.csv")
@@ -115,7 +115,7 @@ def test_a_recorded_pattern_is_replayed(tmp_path: Path) -> None:
 
 
 def test_surroundings_move_the_readings_by_hand() -> None:
-    """1 % denser water and half a metre of tide at 20 m; a declination of 5 deg that the compass knows nothing of."""
+    """1 % denser water and half a metre of tide at 20 m; a declination of 5 deg that is not corrected."""
     simulation = simulation_with(
         depth={"enabled": True, "true_density_kg_per_m3": 1035.25, "tide_m": 0.5},
         magnetometer={"enabled": True, "declination_deg": 5.0, "assumed_declination_deg": 0.0},
@@ -127,7 +127,7 @@ def test_surroundings_move_the_readings_by_hand() -> None:
     assert measurement_schedule(known, known.truth())["yaw_offset_rad"] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_gps_is_heard_at_the_surface_alone() -> None:
+def test_gps_is_received_at_the_surface_alone() -> None:
     """At the surface for ten seconds, then a dive: ten fixes, no more."""
     way = {"waypoints_m": [[0.0, 0.0], [200.0, 0.0]], "depth_profile": [[0.0, 0.0], [10.0, 0.0], [40.0, 9.0]]}
     straight = load_scenario("straight").model_dump(exclude_unset=True)
@@ -140,8 +140,8 @@ def test_gps_is_heard_at_the_surface_alone() -> None:
     under = truth.position_t_m[:, 2] > 0.3
     first_under = truth.time_ns[under][0]
     assert 8 * SECOND < first_under < 14 * SECOND
-    assert (plan["gps_time_ns"][plan["gps_heard"]] < first_under).all()
-    assert plan["gps_heard"].sum() == first_under // SECOND
+    assert (plan["gps_time_ns"][plan["gps_received"]] < first_under).all()
+    assert plan["gps_received"].sum() == first_under // SECOND
 
 
 def test_stretches_join_to_the_whole() -> None:
@@ -168,7 +168,7 @@ def test_stretches_join_to_the_whole() -> None:
     for name, values in whole.items():
         joined = np.concatenate(parts[name], axis=-2 if name == "beam_valid" else -1)
         assert joined == pytest.approx(values, abs=1e-12), name
-    assert 0 < whole["gps_heard"].sum() < len(whole["gps_heard"])
+    assert 0 < whole["gps_received"].sum() < len(whole["gps_received"])
 
 
 def test_streams_are_those_of_the_campaign(tmp_path: Path) -> None:

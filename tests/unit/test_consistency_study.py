@@ -62,7 +62,7 @@ def test_consistent_is_not_overconfident_and_consistent_in_velocity_and_attitude
     table = table.with_columns(pl.when(nis).then(1.0).when(whole).then(30.0).otherwise("mean").alias("mean"))
     rows = {row["method"]: row for row in methods_summary(consistency.judge(table)).to_dicts()}
     assert [rows[method]["consistent"] for method in ("tc", "weak_sway", "info")] == [1, 1, 0]
-    assert rows["weak_sway"]["nis_cautious"] == 1
+    assert rows["weak_sway"]["nis_conservative"] == 1
     assert rows["info"]["nees_overconfident"] == 1
 
 

@@ -82,7 +82,7 @@ def test_counts_of_choices_by_hand() -> None:
 
 
 def test_a_campaign_counts_every_ping_of_every_run(tmp_path: Path) -> None:
-    """Runs times components at each ping, in still water with the filter that knows most."""
+    """Runs times components at each ping, in still water with the filter of smallest variance."""
     scenario = load_scenario("figure_eight").with_trajectory(duration_s=30.0)
     run_campaign(
         [scenario.with_overrides(runs=3, methods=["tc", "elc", "consistent"])], tmp_path / "o", threads=1

@@ -92,7 +92,7 @@ def threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
 @needs_dask
 @pytest.mark.slow
 def test_a_worker_that_is_killed_changes_no_bit(tmp_path: Path, processes: Any, whole: Path) -> None:  # noqa: ANN401
-    """Two workers, one ended by SIGKILL after the third chunk: the other one, and its successor, fly all."""
+    """Two workers, one ended by SIGKILL after the third chunk: the other one, and its successor, run all."""
     victim = next(iter(processes.workers.values())).pid
     heard: list[float] = []
 
@@ -115,7 +115,7 @@ def test_a_worker_that_is_killed_changes_no_bit(tmp_path: Path, processes: Any, 
 @needs_dask
 @pytest.mark.slow
 def test_broken_off_on_a_cluster_and_resumed_without(tmp_path: Path, processes: Any, whole: Path) -> None:  # noqa: ANN401
-    """What a cluster has finished counts on this machine, too, and the other way round; shards can be flown by one."""
+    """What a cluster has finished counts on this machine, too, and the other way round; shards can be run by one."""
     address = processes.scheduler_address
 
     def stop(state: CampaignProgress) -> None:
@@ -143,7 +143,7 @@ def test_vehicles_that_fly_on_estimates_travel_too(
 ) -> None:
     """Over a seabed: everything that a scenario names goes to the worker with the chunk."""
     packaged = load_scenario("slope").with_overrides(runs=3, methods=["ins", "tc"])
-    flight = packaged.with_trajectory(feedback="estimate", duration_s=12.0)
+    flight = packaged.with_trajectory(feedback="estimate", duration_s=5.0)
     monkeypatch.setattr(partition, "CLOSED_LOOP_VEHICLES", 2)
     run_campaign([flight], tmp_path / "one", threads=1)
     run_campaign([flight], tmp_path / "two", engine="dask", scheduler=processes.scheduler_address)

@@ -1,4 +1,4 @@
-"""Beams left out of pings: by hand, by a literal Kalman filter, and honest where the noise is as claimed."""
+"""Beams left out of pings: by hand, by a literal Kalman filter, and consistent where the noise is as claimed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SD = np.full(4, 0.02)
 
 
 def walking(pings: int = 3000, seed: int = 5) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times, velocities and beams of a velocity that walks as the prior believes, with the noise that is claimed."""
+    """Times, velocities and beams of a velocity that walks as the prior states, with the noise that is claimed."""
     rng = np.random.default_rng(seed)
     time_ns = np.arange(pings, dtype=np.int64) * 350_000_000
     velocity = np.cumsum(rng.standard_normal((pings, 3)) * 0.1 * np.sqrt(0.35), axis=0)
@@ -59,7 +59,7 @@ def test_prior_is_that_of_a_literal_kalman_filter() -> None:
 
 
 @pytest.mark.parametrize("beams", [1, 2])
-def test_honest_methods_are_found_honest(beams: int) -> None:
+def test_consistent_methods_are_found_consistent(beams: int) -> None:
     """Where noise and walk are as assumed, error over claimed is 1 for least squares, PLCF and the information form.
 
     3,000 pings, paired with one another through the prior: 5 % is five of the ratio's sigmas or more.

@@ -1,10 +1,11 @@
-"""What is heard when: schedules by hand, a scenario's own, and what they do to ranks and deviations."""
+"""Schedules of measurements: by hand, a scenario's own, and what they do to ranks and deviations."""
 
 from __future__ import annotations
 
 import json
 import tomllib
 from collections.abc import Callable
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,12 @@ import pytest
 from bottomlock.config.scenario import load_scenario, parse_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import SENSORS, BeamGeometry, KernelError
+from bottomlock.observability import report
 from bottomlock.observability.analysis import Aiding, deviations, observe
 from bottomlock.observability.manoeuvre_ranking import manoeuvre_ranking
 from bottomlock.observability.report import observe_scenario, scenario_schedule
 from bottomlock.observability.schedule import Schedule
+from bottomlock.observability.tables import manoeuvre_table
 from bottomlock.simulation.build import build_simulation
 from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
 from bottomlock.truth.truth import Truth
@@ -77,7 +80,7 @@ def test_a_schedule_of_everything_is_the_period(eight: Truth) -> None:
     assert by_period.rank == by_schedule.rank
 
 
-def test_a_sensor_reads_where_it_is_in_the_set_and_heard(eight: Truth) -> None:
+def test_a_sensor_counts_where_it_is_in_the_set_and_scheduled(eight: Truth) -> None:
     """Four beams for half a minute, then two, and depth every four seconds: as many rows as that."""
     times = np.arange(1, 65) * SECOND
     valid = np.ones((64, 4), dtype=np.bool_)
@@ -91,7 +94,7 @@ def test_a_sensor_reads_where_it_is_in_the_set_and_heard(eight: Truth) -> None:
     assert len(found.rows) == 30 * 4 + 34 * 2 + 16
 
 
-def test_what_is_heard_for_a_while_is_learned_then(eight: Truth) -> None:
+def test_a_sensor_of_an_interval_adds_information_then(eight: Truth) -> None:
     """Beams 3 and 4 for ten seconds: until then the deviations of four beams, then greater; the rank keeps them."""
     times = np.arange(1, 65) * SECOND
     valid = np.ones((64, 4), dtype=np.bool_)
@@ -131,11 +134,11 @@ def test_lever_arms_of_depth_and_gps(eight: Truth) -> None:
 
 def test_an_outage_and_dropouts_reach_the_schedule() -> None:
     """Beams 3 and 4 out from 10 s to 20 s; beam 1 by chance: the same chances as run 0 of a campaign."""
-    flown, every = scheduled(dvl={"outages": [{"beams": [3, 4], "from_s": 10.0, "to_s": 20.0}]})
-    seconds = flown.time_ns / SECOND
+    planned, every = scheduled(dvl={"outages": [{"beams": [3, 4], "from_s": 10.0, "to_s": 20.0}]})
+    seconds = planned.time_ns / SECOND
     out = (seconds >= 10.0) & (seconds < 20.0)
-    np.testing.assert_array_equal(flown.beams[:, 2], ~out)
-    assert flown.beams[:, 0].all()
+    np.testing.assert_array_equal(planned.beams[:, 2], ~out)
+    assert planned.beams[:, 0].all()
     assert every.beams.all()
     dropouts = {"dropouts": [{"beams": [1], "mean_up_s": 5.0, "mean_down_s": 5.0}]}
     (chance, _), (again, _) = scheduled(dvl=dropouts), scheduled(dvl=dropouts)
@@ -145,20 +148,27 @@ def test_an_outage_and_dropouts_reach_the_schedule() -> None:
 
 def test_rates_and_silence_reach_the_schedule() -> None:
     """Depth every four seconds; GPS under water never."""
-    flown, _ = scheduled(
+    planned, _ = scheduled(
         dvl={"beams_lost": [3, 4]},
         depth={"enabled": True},
         magnetometer={"enabled": True},
         gps={"rate_hz": 1.0},
         environment={"depth_m": 20.0},
     )
-    assert int(flown.others["depth"].sum()) == 10
-    assert int(flown.others["attitude"].sum()) == 20
-    own = Aiding.scheduled(flown)
+    assert int(planned.others["depth"].sum()) == 10
+    assert int(planned.others["attitude"].sum()) == 20
+    own = Aiding.scheduled(planned)
     assert own == Aiding(beams=(1, 2), depth=True, attitude=True)
 
 
+@pytest.fixture
+def hover_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The table of masks by manoeuvres, which is judged in tests/oracle, with one manoeuvre."""
+    monkeypatch.setattr(report, "manoeuvre_table", partial(manoeuvre_table, manoeuvres=[MANOEUVRES["hover"]]))
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("hover_alone")
 def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
     """Its own row stands beside the mask on which all beams would stay, and shows no more than that."""
     path = tmp_path / "gaps.toml"
@@ -180,6 +190,7 @@ def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("hover_alone")
 def test_a_filter_without_the_dvls_errors_has_fifteen_states(tmp_path: Path) -> None:
     path = tmp_path / "fifteen.toml"
     path.write_text(short(filter={"estimate_dvl": False}), encoding="utf-8")

@@ -34,7 +34,7 @@ def turn_between(q: Array, other: Array) -> float:
     return float(np.linalg.norm(log_rotation(matrix_from_quaternion(q) @ matrix_from_quaternion(other).T)))
 
 
-@pytest.mark.parametrize("name", ["straight", "figure_eight"])
+@pytest.mark.parametrize("name", ["figure_eight", pytest.param("straight", marks=pytest.mark.long)])
 def test_truth_comes_back_after_250_s(name: str) -> None:
     """Within 1 cm and 1e-6 rad after 250 s at 150 Hz, Earth rate and dive included."""
     motion = (

@@ -95,7 +95,7 @@ def test_outages_need_time_and_beams() -> None:
 
 
 def test_recovery_tables_and_resumption(tmp_path: Path) -> None:
-    """A row per mask, method, run and epoch; `ins` has no fixes; a second call reads what the first has flown."""
+    """A row per mask, method, run and epoch; `ins` has no fixes; a second call reads what the first has run."""
     scenario = (
         load_scenario("straight")
         .with_trajectory(duration_s=80.0)

@@ -1,4 +1,4 @@
-"""The navigator says when it widens, an accepted fix starts the count anew, and a setting of one is refused."""
+"""The navigator says when it widens, an accepted fix starts the count anew, and a setting of one is rejected."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ AWAY_MPS = [2.0 * second for second in range(1, 13)]
 
 
 def navigator(fixes: int, method: str = "lc") -> bottomlock.Navigator:
-    """At rest and level to a centiradian, so sure of it that a fix which runs away by 2 m/s a second is refused."""
+    """At rest and level to a centiradian; the covariance is so small that a drift of 2 m/s each second is rejected."""
     initial: Any = {
         "time_ns": 0,
         "position_t_m": np.zeros(3),
@@ -27,7 +27,9 @@ def navigator(fixes: int, method: str = "lc") -> bottomlock.Navigator:
     return bottomlock.Navigator(JANUS, settings.table_2(), options, initial, method=method)
 
 
-def fly(nav: bottomlock.Navigator, speeds_mps: list[float], beam_4_mps: float = 0.0) -> list[dict[str, Any]]:
+def push_speeds(
+    nav: bottomlock.Navigator, speeds_mps: list[float], beam_4_mps: float = 0.0
+) -> list[dict[str, Any]]:
     """A ping a second of a vehicle that the beams see at these speeds; the reports of the beams."""
     reports: list[dict[str, Any]] = []
     for k in range(10 * len(speeds_mps) + 1):
@@ -41,27 +43,27 @@ def fly(nav: bottomlock.Navigator, speeds_mps: list[float], beam_4_mps: float = 
 
 
 def test_a_row_of_refusals_widens_by_what_it_showed() -> None:
-    """Three refused at three: the factor is the mean of NIS over the degrees, and the next fix is taken."""
-    reports = fly(navigator(3), AWAY_MPS[:4])
+    """Three rejected at three: the factor is the mean of NIS over the degrees, and the next fix is taken."""
+    reports = push_speeds(navigator(3), AWAY_MPS[:4])
     assert [report["verdict"] for report in reports] == ["rejected"] * 3 + ["accepted"]
     factor = np.mean([report["nis"] / report["degrees"] for report in reports[:3]])
     assert [report["inflation"] for report in reports] == [None, None, pytest.approx(factor), None]
 
 
 def test_a_fix_in_between_starts_anew() -> None:
-    reports = fly(navigator(3), [2.0, 4.0, 0.0, 8.0, 10.0, 0.0])
+    reports = push_speeds(navigator(3), [2.0, 4.0, 0.0, 8.0, 10.0, 0.0])
     assert [report["verdict"][:3] for report in reports] == ["rej", "rej", "acc"] * 2
     assert all(report["inflation"] is None for report in reports)
 
 
 def test_never_is_never() -> None:
-    reports = fly(navigator(0), AWAY_MPS)
+    reports = push_speeds(navigator(0), AWAY_MPS)
     assert {report["verdict"] for report in reports} == {"rejected"}
 
 
 def test_beams_that_contradict_each_other_stay_refused() -> None:
     """One beam off by 3 m/s: no velocity explains four such beams, so no width of the covariance lets them in."""
-    reports = fly(navigator(3, method="tc"), [0.0] * 30, beam_4_mps=3.0)
+    reports = push_speeds(navigator(3, method="tc"), [0.0] * 30, beam_4_mps=3.0)
     assert {report["verdict"] for report in reports} == {"rejected"}
 
 

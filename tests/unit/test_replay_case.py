@@ -1,4 +1,4 @@
-"""Case files: what is refused, in which words, and what follows from what is said."""
+"""Case files: what is rejected, in which words, and what follows from what is said."""
 
 from __future__ import annotations
 

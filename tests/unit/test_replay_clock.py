@@ -50,7 +50,7 @@ def test_rows_at_an_even_rate() -> None:
 
 
 def test_even_rate_through_jittering_stamps() -> None:
-    """The stamps' median delay places the rows; how far they stray is told, and too far is refused."""
+    """The stamps' median delay places the rows; how far they stray is told, and too far is rejected."""
     even = np.arange(101) * 20_000_000
     jitter = np.where(np.arange(101) % 2 == 0, 0, 4_000_000)
     timed = row_times(even + jitter + 7 * S, 101, Clock(column="t", rate_hz=50.0), place="log")

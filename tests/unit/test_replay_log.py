@@ -129,7 +129,7 @@ def test_replay_is_the_streaming_navigator(method: str) -> None:
 
 
 def test_threads_company_and_repeats_change_no_bit() -> None:
-    """Each method flies alone: neither who else flies nor on how many threads is felt."""
+    """Each method is independent of the other methods and of the number of threads."""
     one = replayed()
     for other in (replayed(), replayed(threads=2), replayed(threads=5)):
         for key, values in one.items():

@@ -1,5 +1,6 @@
 """The whole study in one call: campaign, sweep, report; resumed, the same bytes."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import polars as pl
@@ -13,51 +14,59 @@ from bottomlock.studies.sweep import SETTINGS, Setting
 from bottomlock.tables.check import check
 from bottomlock.tables.studies import SWEEP
 
-RARE = "gate reopens after refusals in a row"
+RUNS = 10
+RARE = "inflate after rejections"
 
 
-@pytest.fixture
-def small(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module")
+def small() -> Iterator[None]:
     """One trajectory, one value of each setting."""
-    monkeypatch.setattr(whole, "PAPER_TRAJECTORIES", ("straight",))
     few = tuple(Setting(s.parameter, s.values[-1:], s.methods[:1], s.change) for s in SETTINGS)
-    monkeypatch.setattr(sweep, "SETTINGS", few)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(whole, "PAPER_TRAJECTORIES", ("straight",))
+        patch.setattr(sweep, "SETTINGS", few)
+        yield
 
 
-@pytest.mark.usefixtures("small")
-@pytest.mark.slow
-def test_an_interrupted_study_ends_as_an_uninterrupted_one(tmp_path: Path) -> None:
-    """Stopped in the middle of the sweep and resumed: the same page, byte for byte, but for the clock's words."""
-    total = whole.study_runs(12)
+@pytest.fixture(scope="module")
+def study(small: None, tmp_path_factory: pytest.TempPathFactory) -> Path:  # noqa: ARG001
+    """The whole study, of ten runs, in one go."""
+    out = tmp_path_factory.mktemp("study") / "whole"
     heard: dict[str, float] = {}
 
     def hear(state: CampaignProgress) -> None:
         heard[state.trajectory] = state.runs_done
 
-    whole.reproduce(tmp_path / "whole", runs=12, threads=1, progress=hear)
-    assert sum(heard.values()) == total
+    made = whole.reproduce(out, runs=RUNS, threads=1, progress=hear)
+    assert sum(heard.values()) == whole.study_runs(RUNS)
+    assert made.page == out / "report.html"
+    return out
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.slow
+def test_an_interrupted_study_ends_as_an_uninterrupted_one(study: Path, tmp_path: Path) -> None:
+    """Stopped in the middle of the sweep and resumed: the same page, byte for byte, but for the clock's words."""
 
     def stop(state: CampaignProgress) -> None:
         if state.trajectory.startswith("sweep 3"):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        whole.reproduce(tmp_path / "broken", runs=12, threads=2, progress=stop)
+        whole.reproduce(tmp_path / "broken", runs=RUNS, threads=2, progress=stop)
     assert not (tmp_path / "broken" / "report.html").exists()
-    whole.reproduce(tmp_path / "broken", runs=12, threads=2)
+    whole.reproduce(tmp_path / "broken", runs=RUNS, threads=2)
     for name in ("runs.parquet", "sweep.parquet", "tables/claims.parquet", "figures/velocity_straight.svg"):
-        assert (tmp_path / "broken" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
+        assert (tmp_path / "broken" / name).read_bytes() == (study / name).read_bytes(), name
 
 
-@pytest.mark.usefixtures("small")
 @pytest.mark.slow
-def test_every_setting_is_swept_and_moves_something(tmp_path: Path) -> None:
+def test_every_setting_is_swept_and_moves_something(study: Path) -> None:
     """A row for each value, trajectory and method; each setting reaches the filter or the sea."""
-    made = whole.reproduce(tmp_path / "o", runs=10, threads=1)
-    table = check(pl.read_parquet(tmp_path / "o" / "sweep.parquet"), SWEEP, place="sweep")
+    table = check(pl.read_parquet(study / "sweep.parquet"), SWEEP, place="sweep")
     assert table["parameter"].to_list() == [setting.parameter for setting in SETTINGS]
-    assert "n_f of VB" in made.page.read_text(encoding="utf-8")
-    main = pl.read_parquet(tmp_path / "o" / "ensemble.parquet").group_by("method").last()
+    assert "n_f of VB" in (study / "report.html").read_text(encoding="utf-8")
+    main = pl.read_parquet(study / "ensemble.parquet").group_by("method").last()
     for row in table.iter_rows(named=True):
         if row["parameter"] == RARE:
             continue

@@ -87,7 +87,7 @@ def test_an_method_does_not_feel_the_others(method: str) -> None:
 
 
 def test_masks_may_differ_by_run() -> None:
-    """(runs, epochs, beams) masks: run k sees its own, and equal masks give the bits of a shared one."""
+    """(runs, epochs, beams) masks: run k has its own, and equal masks give the bits of a shared one."""
     shared = settings.schedule(SECONDS, lost=(3, 4))
     own = settings.schedule(SECONDS, lost=(3, 4))
     own["beam_valid"] = np.tile(shared["beam_valid"], (3, 1, 1))

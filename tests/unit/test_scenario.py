@@ -37,7 +37,7 @@ def test_table_2_in_si() -> None:
 
 
 def test_packaged_scenarios_load() -> None:
-    """The three of the paper ship, each swum by the vehicle with beams 3 and 4 lost throughout; and a slope."""
+    """The three of the paper ship, each followed by the vehicle with beams 3 and 4 lost throughout; and a slope."""
     assert list(packaged_scenarios()) == ["figure_eight", "lawn_mower", "slope", "straight"]
     for name in ("figure_eight", "lawn_mower", "straight"):
         scenario = load_scenario(name)
@@ -122,7 +122,7 @@ def test_faults_name_key_value_range_and_unit(change: tuple[str, str], message: 
 def test_parts_that_contradict_each_other_are_refused() -> None:
     """A mission that nobody swims, and a pilot who is not aboard."""
     analytic = TEXT.replace("[imu]", 'source = "analytic"\n[mission]\ndepth_m = 5.0\n[imu]')
-    with pytest.raises(ScenarioError, match="an analytic truth flies none"):
+    with pytest.raises(ScenarioError, match="an analytic truth has no mission"):
         parse_scenario(analytic, place="t.toml")
     absent = TEXT.replace("[imu]", 'pilot = "lc"\n[campaign]\nmethods = ["tc"]\n[imu]')
     with pytest.raises(ScenarioError, match=r"trajectory\.pilot is 'lc', expected \"own\" or one of"):
@@ -130,7 +130,7 @@ def test_parts_that_contradict_each_other_are_refused() -> None:
 
 
 def test_another_source_drops_what_only_the_old_one_knew() -> None:
-    """From vehicle to analytic and back: no key is left that the source does not know."""
+    """From vehicle to analytic and back: no key of the other source is left."""
     packaged = load_scenario("lawn_mower")
     assert packaged.mission
     exact = packaged.with_trajectory(source="analytic", leg_s=30.0)

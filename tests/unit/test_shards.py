@@ -29,7 +29,7 @@ def scenarios() -> list[Scenario]:
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory, scenarios: list[Scenario]) -> Path:
+def campaigns(tmp_path_factory: pytest.TempPathFactory, scenarios: list[Scenario]) -> Path:
     """The campaign in `whole` and its shards in `1`, `2`, `3`; not to be changed."""
     folder = tmp_path_factory.mktemp("shards")
     with pytest.MonkeyPatch.context() as patch:
@@ -41,10 +41,10 @@ def flown(tmp_path_factory: pytest.TempPathFactory, scenarios: list[Scenario]) -
 
 
 @pytest.fixture
-def shards(tmp_path: Path, flown: Path) -> list[Path]:
+def shards(tmp_path: Path, campaigns: Path) -> list[Path]:
     """Copies of the shards' directories, to be spoilt."""
     for k in range(1, N + 1):
-        shutil.copytree(flown / str(k), tmp_path / str(k))
+        shutil.copytree(campaigns / str(k), tmp_path / str(k))
     return [tmp_path / str(k) for k in range(1, N + 1)]
 
 
@@ -66,43 +66,43 @@ def test_what_is_no_shard(text: str) -> None:
         Shard.parse(text)
 
 
-def test_shards_share_the_work_and_leave_no_tables(scenarios: list[Scenario], flown: Path) -> None:
+def test_shards_share_the_work_and_leave_no_tables(scenarios: list[Scenario], campaigns: Path) -> None:
     """Chunks are counted through all scenarios, so that no shard is left without work by a short one."""
-    chunks = [sorted(path.name for path in flown.glob(f"{k}/chunks/*/counts-*")) for k in range(1, N + 1)]
+    chunks = [sorted(path.name for path in campaigns.glob(f"{k}/chunks/*/counts-*")) for k in range(1, N + 1)]
     assert [len(names) for names in chunks] == [3, 2, 2]
-    assert {path.name for path in flown.glob("[123]/*.parquet")} == {"truth.parquet"}
+    assert {path.name for path in campaigns.glob("[123]/*.parquet")} == {"truth.parquet"}
     partitions = [Partition.of(scenario) for scenario in scenarios]
     shared = [chunk for k in range(1, N + 1) for chunk in all_chunks(partitions, Shard(k, N))]
     assert sum(chunk.runs for chunk in shared) == sum(chunk.runs for chunk in all_chunks(partitions)) == 12
-    manifest = json.loads((flown / "2" / MANIFEST).read_text(encoding="utf-8"))
+    manifest = json.loads((campaigns / "2" / MANIFEST).read_text(encoding="utf-8"))
     assert manifest["status"] == "shard"
     assert manifest["shard"] == {"k": 2, "n": 3}
 
 
-def test_merged_is_flown_in_one_go(tmp_path: Path, flown: Path) -> None:
+def test_merged_is_the_campaign_in_one_go(tmp_path: Path, campaigns: Path) -> None:
     """In any order of the shards, and again after an interruption; the merged directory is a campaign's."""
-    shards = [flown / name for name in ("3", "1", "2")]
+    shards = [campaigns / name for name in ("3", "1", "2")]
     merged = merge_shards(tmp_path / "o", shards)
-    same_bits(flown / "whole", tmp_path / "o")
+    same_bits(campaigns / "whole", tmp_path / "o")
     assert merged.manifest["status"] == "complete"
     assert "shard" not in merged.manifest
     assert [part["shard"]["k"] for part in merged.manifest["shards"]] == [3, 1, 2]
     (tmp_path / "o" / "runs.parquet").unlink()
     next(tmp_path.glob("o/chunks/straight/samples-*")).unlink()
     merge_shards(tmp_path / "o", shards)
-    same_bits(flown / "whole", tmp_path / "o")
+    same_bits(campaigns / "whole", tmp_path / "o")
     assert not list(tmp_path.rglob(".*"))
 
 
 def test_a_merged_campaign_can_be_extended(
-    tmp_path: Path, flown: Path, scenarios: list[Scenario], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, campaigns: Path, scenarios: list[Scenario], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As any other: its chunks are taken as they are."""
     monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
-    merge_shards(tmp_path / "o", [flown / name for name in "123"])
-    monkeypatch.setattr(run, "write_chunk", lambda *_: pytest.fail("a chunk was flown again"))
+    merge_shards(tmp_path / "o", [campaigns / name for name in "123"])
+    monkeypatch.setattr(run, "write_chunk", lambda *_: pytest.fail("a chunk was run again"))
     run_campaign(scenarios, tmp_path / "o", threads=1)
-    same_bits(flown / "whole", tmp_path / "o")
+    same_bits(campaigns / "whole", tmp_path / "o")
 
 
 def edit(directory: Path, change: Callable[[dict[str, Any]], object]) -> None:
@@ -133,7 +133,7 @@ def _of_other_runs(manifest: dict[str, Any]) -> None:
 def test_shards_that_do_not_belong_together(
     tmp_path: Path, shards: list[Path], change: Callable[[dict[str, Any]], object], words: str
 ) -> None:
-    """Each is refused by name before anything is written."""
+    """Each is rejected by name before anything is written."""
     edit(shards[1], change)
     with pytest.raises(OutputError, match=words):
         merge_shards(tmp_path / "o", shards)
@@ -164,7 +164,7 @@ def test_shards_and_chunks_that_are_missing(tmp_path: Path, shards: list[Path]) 
     assert not out.exists()
 
 
-def test_merging_into_something_else(tmp_path: Path, flown: Path, shards: list[Path]) -> None:
+def test_merging_into_something_else(tmp_path: Path, campaigns: Path, shards: list[Path]) -> None:
     """Neither a stranger's files, nor a shard, nor another campaign are written over."""
     with pytest.raises(OutputError, match="is one of the shards"):
         merge_shards(shards[0], shards)
@@ -180,17 +180,17 @@ def test_merging_into_something_else(tmp_path: Path, flown: Path, shards: list[P
         merge_shards(other, shards)
     assert (other / "runs.parquet").read_bytes() == before
     merge_shards(other, shards, force=True)
-    same_bits(flown / "whole", other)
+    same_bits(campaigns / "whole", other)
 
 
 def test_a_shard_s_directory_is_that_shard_s(
-    scenarios: list[Scenario], shards: list[Path], tmp_path: Path, flown: Path
+    scenarios: list[Scenario], shards: list[Path], tmp_path: Path, campaigns: Path
 ) -> None:
     """Neither another shard nor the whole goes into it, nor a shard into the whole."""
     with pytest.raises(OutputError, match="holds shard 1/3 of this campaign"):
         run_shard(scenarios, shards[0], Shard(2, N), threads=1)
     with pytest.raises(OutputError, match="holds shard 1/3 of this campaign"):
         run_campaign(scenarios, shards[0], threads=1)
-    shutil.copytree(flown / "whole", tmp_path / "w")
+    shutil.copytree(campaigns / "whole", tmp_path / "w")
     with pytest.raises(OutputError, match="holds a whole campaign"):
         run_shard(scenarios, tmp_path / "w", Shard(1, N), threads=1)

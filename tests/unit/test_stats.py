@@ -85,7 +85,7 @@ def test_consistency_verdicts() -> None:
 
 
 def test_schema_names_the_column() -> None:
-    """A foreign table is refused by the name of its first fault."""
+    """A foreign table is rejected by the name of its first fault."""
     with pytest.raises(DataError, match="column 'run' is missing"):
         check(pl.DataFrame({"a": [1]}), {"run": pl.Int64()}, place="x")
     with pytest.raises(DataError, match="column 'run' is String, expected Int64"):

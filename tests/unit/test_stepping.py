@@ -49,7 +49,7 @@ def test_fixes_are_those_of_the_batch() -> None:
 
 
 def test_a_fix_steps_and_shrinks() -> None:
-    """Only the watched pings are told of; the claimed sigma does not grow, and the step is the estimate's own."""
+    """Only the watched pings give fixes; the claimed sigma does not grow, and the step is the estimate's own."""
     simulation = build_simulation(aided())
     readings = Readings(simulation, simulation.truth(), run=0)
     (fix,) = readings.fixes("tc", readings.valid, [7])

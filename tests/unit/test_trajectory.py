@@ -130,7 +130,7 @@ def test_truth_refuses_nonsense() -> None:
         make([0, 1, 2, 3, 4], force_p_mps2=np.full((5, 3), np.nan))
 
 
-def test_a_turn_that_cannot_be_flown_is_refused() -> None:
+def test_an_impossible_turn_is_rejected() -> None:
     """Sideslip as large as the speed, and a half turn shorter than its blends."""
     scenario = analytic("lawn_mower")
     for change, message in (

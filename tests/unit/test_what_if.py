@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bottomlock.config.scenario_sections import ImuErrors
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.replay import random_errors
 from bottomlock.replay.dvl_sections import BeamRecording, WhatIf
-from bottomlock.replay.stream_sections import ImuErrors
 from bottomlock.replay.streams import Inertial
 from bottomlock.replay.what_if import beams_returned
 

@@ -7,7 +7,7 @@ use numpy::{
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::errors::refuse;
+use crate::errors::invalid;
 
 /// A contiguous copy of an array with its shape.
 pub struct Array<T> {
@@ -48,7 +48,7 @@ fn checked<'py, T: Element>(
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let numpy = value.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (value,)).map_err(|_| {
-        refuse(format!(
+        invalid(format!(
             "{name} is not an array of numbers, expected rows of equal length"
         ))
     })?;
@@ -56,7 +56,7 @@ fn checked<'py, T: Element>(
     let kind = char::from(untyped.dtype().kind());
     if !kinds.contains(kind) {
         let given = untyped.dtype().str()?;
-        return Err(refuse(format!("{name} has dtype {given}, expected {dtype}")));
+        return Err(invalid(format!("{name} has dtype {given}, expected {dtype}")));
     }
     let found = untyped.shape().to_vec();
     let fits = found.len() == shape.len()
@@ -66,7 +66,7 @@ fn checked<'py, T: Element>(
             .all(|(n, want)| want.is_none_or(|want| *n == want));
     if !fits {
         let given: Vec<Option<usize>> = found.iter().copied().map(Some).collect();
-        return Err(refuse(format!(
+        return Err(invalid(format!(
             "{name} has shape {}, expected {}",
             shape_text(&given),
             shape_text(shape)
@@ -135,7 +135,7 @@ pub fn vector<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<
 /// The item of a dict, with an error that names dict and key.
 pub fn item<'py>(dict: &Bound<'py, PyDict>, owner: &str, key: &str) -> PyResult<Bound<'py, PyAny>> {
     dict.get_item(key)?
-        .ok_or_else(|| refuse(format!("{owner} lacks the key '{key}'")))
+        .ok_or_else(|| invalid(format!("{owner} lacks the key '{key}'")))
 }
 
 /// A new array of a shape.

@@ -28,7 +28,7 @@ use crate::truth::Truths;
 ///
 /// The streams are keyed by (seed, trajectory_key, run): run k alone is run k of a campaign, and a sensor that is
 /// switched off shifts no other. `options` are a filter's, of which the lever arms count. Raises KernelError for a
-/// truth, a model or a schedule that makes no sense, naming the field and the time.
+/// truth, a model or a schedule that is not valid, naming the field and the time.
 #[pyfunction]
 #[pyo3(signature = (geometry, truth, model, schedule, *, seed, trajectory_key, run, imu_sampling="instantaneous",
     options=None))]
@@ -250,13 +250,13 @@ pub fn run_batch<'py>(
 ///
 /// Raises KernelError for a wrong shape or a number that is not finite.
 #[pyfunction]
-#[pyo3(signature = (model, *, attitude_t_p, velocity_p_mps, rate_p_radps, force_p_mps2))]
+#[pyo3(signature = (model, *, attitude_t_p, velocity_p_mps, omega_p_radps, force_p_mps2))]
 pub fn error_model<'py>(
     py: Python<'py>,
     model: &Bound<'py, PyDict>,
     attitude_t_p: &Bound<'py, PyAny>,
     velocity_p_mps: &Bound<'py, PyAny>,
-    rate_p_radps: &Bound<'py, PyAny>,
+    omega_p_radps: &Bound<'py, PyAny>,
     force_p_mps2: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let model = settings::model(model)?;
@@ -266,7 +266,7 @@ pub fn error_model<'py>(
     state.velocity_p_mps = Vec3::from_array(vector("velocity_p_mps", velocity_p_mps)?);
     state.validate().map_err(raise)?;
     let inertial = Inertial {
-        rate_p_radps: vector("rate_p_radps", rate_p_radps)?,
+        rate_p_radps: vector("omega_p_radps", omega_p_radps)?,
         force_p_mps2: vector("force_p_mps2", force_p_mps2)?,
     };
     let earth = EarthTerms::from(&model.environment);

@@ -11,7 +11,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{array, from_rows, item, rows};
 use crate::batch_arrays::BatchArrays;
 use crate::dvl::BeamGeometry;
-use crate::errors::{raise, refuse};
+use crate::errors::{invalid, raise};
 use crate::settings;
 use crate::truth::Truths;
 
@@ -83,7 +83,7 @@ impl ClosedLoop {
         };
         if vehicle_methods.is_empty() || starts.len() % vehicle_methods.len() != 0 {
             let (vehicles, vehicle_methods) = (starts.len(), vehicle_methods.len());
-            return Err(refuse(format!(
+            return Err(invalid(format!(
                 "start has {vehicles} rows, expected a multiple of {vehicle_methods} methods"
             )));
         }
@@ -107,7 +107,7 @@ impl ClosedLoop {
     /// of the call before.
     ///
     /// `schedule` is that of `run_batch`, with the epochs after the first sample (in the first call: at or after it);
-    /// beam_valid, depth_offset_m, yaw_offset_rad and gps_heard may have a leading axis of vehicles. Raises
+    /// beam_valid, depth_offset_m, yaw_offset_rad and gps_received may have a leading axis of vehicles. Raises
     /// KernelError, which names run and method.
     fn advance(&mut self, py: Python<'_>, truth: &Bound<'_, PyDict>, schedule: &Bound<'_, PyDict>) -> PyResult<()> {
         let truths = Truths::of_runs(truth, self.vehicles)?;
@@ -134,7 +134,7 @@ impl ClosedLoop {
     #[pyo3(signature = (method=0))]
     fn estimate<'py>(&self, py: Python<'py>, method: usize) -> PyResult<Bound<'py, PyDict>> {
         if method >= self.methods_per_vehicle {
-            return Err(refuse(format!(
+            return Err(invalid(format!(
                 "method is {method}, expected less than {}",
                 self.methods_per_vehicle
             )));
@@ -167,7 +167,7 @@ fn true_starts(start: &Bound<'_, PyDict>) -> PyResult<Vec<NavState>> {
     let get = |key| item(start, "start", key);
     let time_ns: i64 = get("time_ns")?
         .extract()
-        .map_err(|_| refuse("start.time_ns is not an integer, expected nanoseconds: seconds are a likely mistake"))?;
+        .map_err(|_| invalid("start.time_ns is not an integer, expected nanoseconds: seconds are a likely mistake"))?;
     let position = rows::<3>("start.position_t_m", &get("position_t_m")?, None)?;
     let runs = Some(position.len());
     let attitude = rows::<4>("start.attitude_t_p", &get("attitude_t_p")?, runs)?;

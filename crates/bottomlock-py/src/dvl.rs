@@ -8,7 +8,7 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 
 use crate::arrays::{array, floats, from_rows, rows, vector};
-use crate::errors::{raise, refuse};
+use crate::errors::{invalid, raise};
 
 /// Directions and lever arms of the beams of a DVL, 1 to 8 beams.
 ///
@@ -38,7 +38,7 @@ fn finish(
     if let Some(angles) = mounting_rpy_rad {
         let [roll, pitch, yaw] = vector("mounting_rpy_rad", angles)?;
         if !(roll + pitch + yaw).is_finite() {
-            return Err(refuse(
+            return Err(invalid(
                 "mounting_rpy_rad is not finite, expected three angles in radians",
             ));
         }
@@ -87,7 +87,7 @@ impl BeamGeometry {
         let layout = match configuration {
             "x" => Janus::X,
             "+" => Janus::Plus,
-            other => return Err(refuse(format!("configuration is '{other}', expected 'x' or '+'"))),
+            other => return Err(invalid(format!("configuration is '{other}', expected 'x' or '+'"))),
         };
         let geometry = core::BeamGeometry::janus(layout, tilt_rad).map_err(raise)?;
         finish(geometry, lever_arms_p_m, mounting_rpy_rad, sound_speed_scale)
@@ -149,23 +149,23 @@ impl BeamGeometry {
     ///
     /// Args:
     ///     velocity_p_mps: (n, 3) velocity over ground, platform frame, m/s.
-    ///     rate_tp_p_radps: (n, 3) angular rate relative to the tangent frame, rad/s, for the lever arms; zero by
+    ///     omega_tp_p_radps: (n, 3) angular rate relative to the tangent frame, rad/s, for the lever arms; zero by
     ///         default.
     ///     beam_bias_mps: (beams,) bias of each beam, m/s; zero by default.
     ///     scale_factor: scale factor error.
-    #[pyo3(signature = (velocity_p_mps, *, rate_tp_p_radps=None, beam_bias_mps=None, scale_factor=0.0))]
+    #[pyo3(signature = (velocity_p_mps, *, omega_tp_p_radps=None, beam_bias_mps=None, scale_factor=0.0))]
     fn beam_velocities<'py>(
         &self,
         py: Python<'py>,
         velocity_p_mps: &Bound<'py, PyAny>,
-        rate_tp_p_radps: Option<&Bound<'py, PyAny>>,
+        omega_tp_p_radps: Option<&Bound<'py, PyAny>>,
         beam_bias_mps: Option<&Bound<'py, PyAny>>,
         scale_factor: f64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let velocities = rows::<3>("velocity_p_mps", velocity_p_mps, None)?;
         let beams = self.inner.beams();
-        let rates = match rate_tp_p_radps {
-            Some(value) => rows::<3>("rate_tp_p_radps", value, Some(velocities.len()))?,
+        let rates = match omega_tp_p_radps {
+            Some(value) => rows::<3>("omega_tp_p_radps", value, Some(velocities.len()))?,
             None => vec![[0.0; 3]; velocities.len()],
         };
         let bias = match beam_bias_mps {
@@ -176,7 +176,7 @@ impl BeamGeometry {
         for (velocity, rate) in velocities.iter().zip(&rates) {
             let motion = BeamMotion {
                 velocity_p_mps: Vector3::from(*velocity),
-                rate_tp_p_radps: Vector3::from(*rate),
+                omega_tp_p_radps: Vector3::from(*rate),
                 beam_bias_mps: [0.0; 4],
                 scale_factor,
             };

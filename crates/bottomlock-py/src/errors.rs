@@ -25,6 +25,6 @@ pub fn raise(error: NavError) -> PyErr {
 }
 
 /// The Python exception for an argument of the wrong shape, type or value.
-pub fn refuse(message: impl Into<String>) -> PyErr {
+pub fn invalid(message: impl Into<String>) -> PyErr {
     KernelError::new_err(message.into())
 }

@@ -26,21 +26,21 @@ use crate::errors::raise;
 use crate::report::report_dict;
 use crate::settings;
 
-/// An aided inertial navigator, fed a sample at a time: the very filter of a campaign, bit for bit.
+/// An aided inertial navigator for live use, one sample at a time. Its estimates are those of a campaign, bit for bit.
 ///
-/// A measurement between two IMU samples waits for the later one; the step is then split at the measurement's own time. What comes
-/// later than that is refused with an error, and counted in `late_events`.
+/// A measurement between two IMU samples is processed with the later one; the strapdown step is split at the measurement's own
+/// time. A measurement that arrives later than that raises an error and is counted in `late_events`.
 ///
 /// Args:
 ///     geometry: the beams.
 ///     model: environment and sensor errors in SI (`Scenario.kernel_model`).
 ///     options: filter options (`Scenario.kernel_options`).
 ///     initial: time_ns, position_t_m, attitude_t_p (scalar first), velocity_p_mps; biases and scale factor are optional.
-///     method: what to make of the beams: ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info, weak_sway or
+///     method: aiding method: ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info, weak_sway or
 ///         sway_current.
 ///     covariance: (20, 20) covariance at the start; the model's by default.
 ///
-/// Every push returns the reports of the measurements that it worked off: innovation, its covariance, NIS, verdict.
+/// Every push returns the reports of the measurements that it processed: innovation, its covariance, NIS, verdict.
 ///
 /// Raises:
 ///     KernelError: for numbers that are not finite, wrong shapes, and time that does not increase within a stream or lies
@@ -104,33 +104,33 @@ impl Navigator {
         })
     }
 
-    #[pyo3(signature = (time_ns, rate_p_radps, force_p_mps2))]
+    #[pyo3(signature = (time_ns, omega_p_radps, force_p_mps2))]
     fn push_imu<'py>(
         &mut self,
         py: Python<'py>,
         time_ns: i64,
-        rate_p_radps: &Bound<'py, PyAny>,
+        omega_p_radps: &Bound<'py, PyAny>,
         force_p_mps2: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyList>> {
         let sample = ImuSample {
             time_ns,
-            rate_p_radps: Vec3::from_array(vector("rate_p_radps", rate_p_radps)?),
+            rate_p_radps: Vec3::from_array(vector("omega_p_radps", omega_p_radps)?),
             force_p_mps2: Vec3::from_array(vector("force_p_mps2", force_p_mps2)?),
         };
         self.push(py, &[Event::Imu(sample)])
     }
 
-    /// Many inertial readings: time_ns (n,) int64, rate_p_radps (n, 3), force_p_mps2 (n, 3).
-    #[pyo3(signature = (time_ns, rate_p_radps, force_p_mps2))]
+    /// Many inertial readings: time_ns (n,) int64, omega_p_radps (n, 3), force_p_mps2 (n, 3).
+    #[pyo3(signature = (time_ns, omega_p_radps, force_p_mps2))]
     fn push_imu_block<'py>(
         &mut self,
         py: Python<'py>,
         time_ns: &Bound<'py, PyAny>,
-        rate_p_radps: &Bound<'py, PyAny>,
+        omega_p_radps: &Bound<'py, PyAny>,
         force_p_mps2: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyList>> {
         let stamps = times("time_ns", time_ns)?;
-        let rates = rows::<3>("rate_p_radps", rate_p_radps, Some(stamps.len()))?;
+        let rates = rows::<3>("omega_p_radps", omega_p_radps, Some(stamps.len()))?;
         let forces = rows::<3>("force_p_mps2", force_p_mps2, Some(stamps.len()))?;
         let events: Vec<Event> = stamps
             .into_iter()
@@ -168,7 +168,7 @@ impl Navigator {
         self.push(py, &[Event::Beams(ping)])
     }
 
-    /// A velocity that an instrument solved itself: (3,) in the platform frame, with its (3, 3) covariance.
+    /// A velocity solved by the instrument: (3,) in the platform frame, with its (3, 3) covariance.
     #[pyo3(signature = (time_ns, velocity_p_mps, *, cov_m2ps2))]
     fn push_velocity<'py>(
         &mut self,
@@ -294,10 +294,10 @@ impl Navigator {
         self.push(py, &[Event::from(sample)])
     }
 
-    /// How many samples of each stream came too late and were refused.
+    /// Number of samples of each stream that arrived too late and were not used.
     ///
-    /// A sample is late where its time of validity lies before the last IMU sample, or not after the one before it of its own
-    /// stream. A sensor with latency needs the IMU to be held back by as much; a log is best replayed in order of validity.
+    /// A sample is late if its time of validity lies before the last IMU sample, or is not after the previous sample of its own
+    /// stream. With a sensor of some latency, hold the IMU samples back by as much; replay a log in order of validity.
     fn late_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
         let counts = STREAM_NAMES.iter().zip(self.inner.late_events());
@@ -314,16 +314,16 @@ impl Navigator {
         Ok(out)
     }
 
-    /// The (20, 20) covariance at that time; asking changes nothing.
+    /// The (20, 20) covariance at that time; the call changes nothing.
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         array(py, self.inner.covariance().as_slice().to_vec(), &[DIM, DIM])
     }
 
-    /// What the method "sway_current" knows of the motion through the water, as of the last update; None with other methods.
+    /// Estimate of the motion through the water by the method "sway_current" after the last update; None with other methods.
     ///
-    /// current_t_mps (2,) north and east of where the vehicle believes north to be; the gain and the trim; slips with the sigmas
-    /// learned for them; how often the assumptions were begun anew; and the (6, 6) covariance of current north, current east,
-    /// gain, trim, sway slip, heave slip.
+    /// current_t_mps (2,), along north and east of the estimated heading; sway gain and trim; slips with their estimated standard
+    /// deviations; the number of restarts of the assumptions; and the (6, 6) covariance of current north, current east, gain,
+    /// trim, sway slip, heave slip.
     fn water<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(block) = self.inner.water() else {
             return Ok(None);

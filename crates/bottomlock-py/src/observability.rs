@@ -15,7 +15,7 @@ use pyo3::types::{PyDict, PyList};
 
 use crate::arrays::{array, booleans, floats, item, times};
 use crate::dvl::BeamGeometry;
-use crate::errors::{raise, refuse};
+use crate::errors::{invalid, raise};
 use crate::settings;
 use crate::truth::Truths;
 
@@ -32,7 +32,7 @@ impl Kind {
             "inertial" => Ok(Self::Filter { estimate_dvl: false }),
             "paper" => Ok(Self::Paper(Sign::Consistent)),
             "paper_printed" => Ok(Self::Paper(Sign::Printed)),
-            other => Err(refuse(format!(
+            other => Err(invalid(format!(
                 "kind is '{other}', expected 'full', 'inertial', 'paper' or 'paper_printed'"
             ))),
         }
@@ -47,7 +47,7 @@ fn aiding(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Aiding> {
         dict.get_item(key)?.map_or(Ok(false), |value| {
             value
                 .extract()
-                .map_err(|_| refuse(format!("aiding.{key} is not True or False")))
+                .map_err(|_| invalid(format!("aiding.{key} is not True or False")))
         })
     };
     let mut sensors = Vec::new();
@@ -96,7 +96,7 @@ fn scheduled_sets(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Vec<(i64, 
 /// The epochs of a schedule, if one is given; the 2015 model has periodic epochs only.
 fn schedule(given: Option<&Bound<'_, PyDict>>, beams: usize, kind: &Kind) -> PyResult<Option<Vec<(i64, Aiding)>>> {
     if given.is_some() && matches!(kind, Kind::Paper(_)) {
-        return Err(refuse(
+        return Err(invalid(
             "schedule: the 2015 model has periodic epochs only, expected period_ns in its place",
         ));
     }
@@ -118,7 +118,7 @@ fn paper_sensors(aiding: &Aiding, sign: Sign) -> PyResult<Sensors> {
         ..Aiding::default()
     };
     if *aiding != known {
-        return Err(refuse(
+        return Err(invalid(
             "aiding: the 2015 model has velocity and depth aiding only, expected no other sensor",
         ));
     }

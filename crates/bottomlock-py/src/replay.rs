@@ -17,7 +17,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{array, booleans, floats, item, rows, times, vector};
 use crate::batch_arrays::{NO_CHOICE, choice_code};
 use crate::dvl::BeamGeometry;
-use crate::errors::{raise, refuse};
+use crate::errors::{invalid, raise};
 use crate::settings;
 
 struct OwnedLog {
@@ -142,7 +142,7 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
     let three = |key: &str| Ok::<_, PyErr>(Vec3::from_array(vector::<3>(&format!("start.{key}"), &get(key)?)?));
     let time_ns = get("time_ns")?
         .extract()
-        .map_err(|_| refuse("start.time_ns is not an integer number of nanoseconds"))?;
+        .map_err(|_| invalid("start.time_ns is not an integer number of nanoseconds"))?;
     let mut state = NavState::at_rest(time_ns);
     state.position_t_m = Vec3::from_array(vector("start.position_t_m", &get("position_t_m")?)?);
     state.attitude_t_p = settings::attitude("start.attitude_t_p", &get("attitude_t_p")?)?;
@@ -163,38 +163,45 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
     Ok((state, covariance))
 }
 
-/// Flies methods side by side along a recorded log; the very filters of a campaign and of `Navigator`, bit for bit.
+/// Runs methods side by side along a recorded log. The filters are those of a campaign and of `Navigator`, bit for bit.
 ///
-/// Streams need not share instants: the log is merged by time of validity (ties: IMU, DVL, then the others in the order of
+/// Streams may have different times. The log is merged by time of validity (ties: IMU, DVL, then the others in the order of
 /// `SENSORS`), and a measurement between two inertial readings splits the strapdown step at its own time. Rows before the start or
-/// after the last inertial reading move no filter and are counted in `unused`.
+/// after the last inertial reading are not used; `unused` counts them.
 ///
 /// Args:
 ///     geometry: the beams.
-///     model: environment and what is assumed of the sensors, SI; also the standard deviations of depth, heading
+///     model: environment and assumed sensor errors, SI; also the standard deviations of depth, heading
 ///         (magnetometer.yaw_sd_rad), attitude and GPS position, and of the beams where the log has none.
 ///     options: filter options.
-///     methods: names of `METHODS`; each sees the log's valid beams and no others, lc too.
-///     log: imu_time_ns (N,) int64 with force_p_mps2 (N, 3) and omega_p_radps (N, 3), rate against inertial space;
+///     methods: names of `METHODS`; each has the log's valid beams only, lc too.
+///     log: imu_time_ns (N,) int64 with force_p_mps2 (N, 3) and omega_p_radps (N, 3), angular rate relative to inertial space;
 ///         dvl_time_ns (E,) with beam_velocity_mps and beam_valid (E, B) and optionally beam_sd_mps (E, B);
 ///         depth_time_ns, depth_m; heading_time_ns, heading_rad; attitude_time_ns, attitude_rpy_rad (., 3);
 ///         gps_time_ns, gps_position_t_m (., 3); further sensors as docs/sensors.md lists them. Each time rises strictly; any but
 ///         the inertial stream and the pings may be left out.
-///     start: time_ns, position_t_m (3,), attitude_t_p (4,) scalar first, velocity_p_mps (3,); optionally accel_bias_mps2 and
-///         gyro_bias_radps (3,), and covariance (20, 20) in place of the model's.
+///     start: time_ns, position_t_m (3,), attitude_t_p (4,) scalar first, velocity_p_mps (3,); optionally accel_bias_p_mps2 and
+///         gyro_bias_p_radps (3,), and covariance (20, 20) in place of the model's.
 ///     sample_time_ns: (T,) int64, rising; the state at the first inertial reading at or after each is recorded.
-///     smooth: also smooth every method over the whole log (fixed interval); "consistent" cannot be, and is refused.
+///     smooth: also smooth every method over the whole log (fixed interval); an error with "consistent", which has no smoother.
 ///     covariances: also return the (20, 20) covariance of each sample.
 ///     threads: 0 for as many as there are cores; the bits do not depend on it.
 ///
 /// Returns:
-///     sample_time_ns (T,), the times of the recorded states; position_t_m, velocity_p_mps, accel_bias_mps2, gyro_bias_radps
-///     (A, T, 3), attitude_t_p (A, T, 4), dvl_bias_mps (A, T, 4), dvl_scale (A, T), sd (A, T, 20); nis (A, E), NaN without a fix,
-///     nis_dof and fix_status (codes of FIX_STATUS) (A, E); innovation_mps and innovation_sd_mps (A, E, B), NaN where the beam
-///     was not a row; beam_weight (A, E, B), 1 where the reading counted in full, less where a heavy tail lessened it, 0 where a gate
-///     took it out, NaN where it was lost; choice (A, E, 3) as in run_batch; unused, rows by stream before the start and after the end. With smooth the
-///     keys of the estimate and sd again with the prefix smoothed_, and smoother_bytes (A,), what each method kept for the way back.
-///     With covariances the key covariance (A, T, 20, 20), and smoothed_covariance.
+///     A dict of arrays, for M methods, T samples, E pings and B beams:
+///
+///     - sample_time_ns (T,), the times of the recorded states;
+///     - position_t_m, velocity_p_mps, accel_bias_p_mps2, gyro_bias_p_radps (M, T, 3), attitude_t_p (M, T, 4), dvl_bias_mps
+///       (M, T, 4), dvl_scale (M, T), sd (M, T, 20);
+///     - nis, NaN without a fix, nis_dof and fix_status (codes of FIX_STATUS), (M, E);
+///     - innovation_mps and innovation_sd_mps (M, E, B), NaN where the beam was not a row;
+///     - beam_weight (M, E, B): 1 for full weight, less with a heavy-tailed likelihood, 0 if a gate rejected the reading, NaN if
+///       it was lost;
+///     - choice (M, E, 3) as in run_batch;
+///     - unused, the number of rows of each stream before the start and after the end;
+///     - with `smooth`: the estimates and sd again with the prefix smoothed_, and smoother_bytes (M,), the memory of each method's
+///       backward pass;
+///     - with `covariances`: covariance (M, T, 20, 20), with `smooth` also smoothed_covariance.
 ///
 /// Raises:
 ///     KernelError: in one line that names the field, or stream, row and time.
@@ -319,7 +326,7 @@ fn put_series(
     Ok(())
 }
 
-/// What became of each ping, of methods × pings.
+/// Fix status, NIS, innovations and weights of each ping, methods × pings.
 fn put_pings<'py>(out: &Bound<'py, PyDict>, tracks: &[Track], pings: usize, beams: usize) -> PyResult<()> {
     fn put<'py, T: Element>(
         out: &Bound<'py, PyDict>,

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{Array, booleans, floats, item, times};
-use crate::errors::refuse;
+use crate::errors::invalid;
 use crate::settings::mask;
 
 /// Epochs of all sensors, owned.
@@ -19,7 +19,7 @@ pub struct OwnedSchedule {
     pub sample_time_ns: Vec<i64>,
 }
 
-/// Epochs of a sensor, and what the surroundings add to its readings: of every run, or one for all.
+/// Epochs of a sensor and the offsets that the environment adds to its readings, for each run or shared by all.
 #[derive(Default)]
 struct OwnedEpochs {
     time_ns: Vec<Vec<i64>>,
@@ -27,7 +27,7 @@ struct OwnedEpochs {
 }
 
 impl OwnedSchedule {
-    /// What one run meets.
+    /// The epochs of one run.
     pub fn of(&self, run: usize) -> Schedule<'_> {
         fn pick<T>(runs: &[Vec<T>], run: usize) -> &[T] {
             runs.get(run).or(runs.last()).map_or(&[], Vec::as_slice)
@@ -43,7 +43,7 @@ impl OwnedSchedule {
     }
 }
 
-/// Values of each epoch, the same for every run or each run's own.
+/// Values at each epoch, shared by all runs or one set per run.
 struct PerRun<T> {
     values: Vec<T>,
     epochs: usize,
@@ -72,7 +72,7 @@ fn per_run_shape(value: &Bound<'_, PyAny>, runs: usize, of_one: &[Option<usize>]
 /// What an array converter gives: numbers or truth values.
 type Convert<T> = fn(&str, &Bound<'_, PyAny>, &[Option<usize>]) -> PyResult<Array<T>>;
 
-/// Values at each of a sensor's epochs, the same for every run or each run's own; none where the key is not there.
+/// Values at each epoch of a sensor, shared by all runs or one set per run; none without the key.
 fn at_epochs<T>(
     dict: &Bound<'_, PyDict>,
     key: &str,
@@ -88,31 +88,31 @@ fn at_epochs<T>(
     Ok(Some(PerRun { values, epochs, by_run }))
 }
 
-/// The epochs of a sensor at which each run hears it, under `<name>_time_ns`, with `<name>_heard` and its offset where there are
-/// any; a sensor that is not named never measures.
+/// The epochs of a sensor that each run receives: `<name>_time_ns`, and where given `<name>_received` and the sensor's offset. A
+/// sensor that is not named never measures.
 fn epochs(dict: &Bound<'_, PyDict>, of: &Simulation, runs: usize) -> PyResult<OwnedEpochs> {
-    let (times_key, heard_key) = (format!("{}_time_ns", of.name), format!("{}_heard", of.name));
+    let (times_key, received_key) = (format!("{}_time_ns", of.name), format!("{}_received", of.name));
     let offset_key = of.offset.unwrap_or_default();
     let Some(given) = dict.get_item(&times_key)? else {
-        if dict.contains(offset_key)? || dict.contains(&heard_key)? {
-            return Err(refuse(format!("schedule lacks the key '{times_key}'")));
+        if dict.contains(offset_key)? || dict.contains(&received_key)? {
+            return Err(invalid(format!("schedule lacks the key '{times_key}'")));
         }
         return Ok(OwnedEpochs::default());
     };
     let time_ns = times(&format!("schedule.{times_key}"), &given)?;
-    let heard = at_epochs::<bool>(dict, &heard_key, runs, time_ns.len(), booleans)?;
+    let received = at_epochs::<bool>(dict, &received_key, runs, time_ns.len(), booleans)?;
     let offset = at_epochs::<f64>(dict, offset_key, runs, time_ns.len(), floats)?;
-    let is_heard = |run: usize, k: usize| heard.as_ref().is_none_or(|heard| heard.of(run)[k]);
-    let heard_by_run = heard.as_ref().is_some_and(|heard| heard.by_run);
-    let offset_by_run = heard_by_run || offset.as_ref().is_some_and(|offset| offset.by_run);
+    let is_received = |run: usize, k: usize| received.as_ref().is_none_or(|received| received.of(run)[k]);
+    let received_by_run = received.as_ref().is_some_and(|received| received.by_run);
+    let offset_by_run = received_by_run || offset.as_ref().is_some_and(|offset| offset.by_run);
     let each = |by_run: bool| 0..if by_run { runs } else { 1 };
     Ok(OwnedEpochs {
-        time_ns: each(heard_by_run)
-            .map(|run| kept(&time_ns, |k| is_heard(run, k)))
+        time_ns: each(received_by_run)
+            .map(|run| kept(&time_ns, |k| is_received(run, k)))
             .collect(),
         offset: offset.map_or_else(Vec::new, |offset| {
             each(offset_by_run)
-                .map(|run| kept(offset.of(run), |k| is_heard(run, k)))
+                .map(|run| kept(offset.of(run), |k| is_received(run, k)))
                 .collect()
         }),
     })

@@ -17,24 +17,24 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{item, vector};
-use crate::errors::refuse;
+use crate::errors::invalid;
 
 fn section<'py>(dict: &Bound<'py, PyDict>, owner: &str, key: &str) -> PyResult<Bound<'py, PyDict>> {
     item(dict, owner, key)?
         .cast_into::<PyDict>()
-        .map_err(|_| refuse(format!("{owner}.{key} is not a dict")))
+        .map_err(|_| invalid(format!("{owner}.{key} is not a dict")))
 }
 
 fn number(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<f64> {
     item(dict, owner, key)?
         .extract()
-        .map_err(|_| refuse(format!("{owner}.{key} is not a number")))
+        .map_err(|_| invalid(format!("{owner}.{key} is not a number")))
 }
 
 fn text(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<String> {
     item(dict, owner, key)?
         .extract()
-        .map_err(|_| refuse(format!("{owner}.{key} is not a text")))
+        .map_err(|_| invalid(format!("{owner}.{key} is not a text")))
 }
 
 fn triple(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<[f64; 3]> {
@@ -46,7 +46,7 @@ pub fn attitude(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Rot<Tangent, P
     let quaternion: [f64; 4] = vector(name, value)?;
     let norm = quaternion.iter().map(|q| q * q).sum::<f64>().sqrt();
     if !((norm - 1.0).abs() < 1e-6) {
-        return Err(refuse(format!("{name} has norm {norm}, expected 1 (scalar first)")));
+        return Err(invalid(format!("{name} has norm {norm}, expected 1 (scalar first)")));
     }
     Ok(Rot::from_quaternion_wxyz(quaternion))
 }
@@ -133,7 +133,7 @@ pub fn sampling(name: &str) -> PyResult<Sampling> {
     match name {
         "instantaneous" => Ok(Sampling::Instantaneous),
         "averaged" => Ok(Sampling::Averaged),
-        other => Err(refuse(format!(
+        other => Err(invalid(format!(
             "imu_sampling is '{other}', expected 'instantaneous' or 'averaged'"
         ))),
     }
@@ -147,7 +147,7 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
         "per_row" => Gate::PerRow,
         "off" => Gate::Off,
         other => {
-            return Err(refuse(format!(
+            return Err(invalid(format!(
                 "options.gate is '{other}', expected 'joint', 'per_row' or 'off'"
             )));
         }
@@ -156,7 +156,7 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
         "axes" => InformationPort::Axes,
         "full" => InformationPort::Full,
         other => {
-            return Err(refuse(format!(
+            return Err(invalid(format!(
                 "options.information_port is '{other}', expected 'axes' or 'full'"
             )));
         }
@@ -183,7 +183,7 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
         None => Options::default().inflate_after_rejections,
         Some(fixes) => fixes
             .extract()
-            .map_err(|_| refuse("options.inflate_after_rejections is not a whole number, 0 or more"))?,
+            .map_err(|_| invalid("options.inflate_after_rejections is not a whole number, 0 or more"))?,
     };
     Ok(Options {
         gate,
@@ -192,11 +192,11 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
         water,
         covariance_period_ns: item(dict, "options", "covariance_period_ns")?
             .extract()
-            .map_err(|_| refuse("options.covariance_period_ns is not an integer number of nanoseconds"))?,
+            .map_err(|_| invalid("options.covariance_period_ns is not an integer number of nanoseconds"))?,
         sampling: sampling(&text(dict, "options", "imu_sampling")?)?,
         estimate_dvl: item(dict, "options", "estimate_dvl")?
             .extract()
-            .map_err(|_| refuse("options.estimate_dvl is not True or False"))?,
+            .map_err(|_| invalid("options.estimate_dvl is not True or False"))?,
         assumptions: Assumptions {
             virtual_beam_factor: number(dict, "options", "virtual_beam_factor")?,
             nullified_sway_var_m2ps2: number(dict, "options", "nullified_sway_var_m2ps2")?,
@@ -243,7 +243,7 @@ pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(dict)
 }
 
-/// What is done against outliers among the beams; nothing where the options say nothing.
+/// Options against outliers among the beams; none where the options name none.
 fn robust(options: &Bound<'_, PyDict>) -> PyResult<Robust> {
     if options.get_item("robust")?.is_none_or(|value| value.is_none()) {
         return Ok(Robust::default());
@@ -265,7 +265,7 @@ fn robust(options: &Bound<'_, PyDict>) -> PyResult<Robust> {
             threshold: of("huber_threshold")?,
         },
         other => {
-            return Err(refuse(format!(
+            return Err(invalid(format!(
                 "options.robust.tail is '{other}', expected 'gaussian', 'student_t' or 'huber'"
             )));
         }

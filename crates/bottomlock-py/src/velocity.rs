@@ -12,7 +12,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{array, booleans, floats, rows};
 use crate::dvl::BeamGeometry;
-use crate::errors::refuse;
+use crate::errors::invalid;
 use crate::settings::mask;
 
 /// The method of a name.
@@ -27,7 +27,7 @@ fn method_of(name: &str) -> PyResult<PartialMethod> {
         "information" => PartialMethod::Information,
         "weak_sway" => PartialMethod::WeakSway,
         other => {
-            return Err(refuse(format!(
+            return Err(invalid(format!(
                 "unknown method '{other}', expected one of least_squares, virtual_beam, nullified_sway, partial_loose, \
                  virtual_heave, selector, information, weak_sway"
             )));
@@ -152,7 +152,7 @@ impl Columns {
 ///     method: name of the method.
 ///     beam_sd_mps: (beams,) standard deviation of each beam, m/s.
 ///     prior_velocity_p_mps, prior_cov_m2ps2: (n, 3) and (n, 3, 3) prior velocity, platform frame, and its covariance.
-///     rate_tp_p_radps: (n, 3) angular rate relative to the tangent frame, platform frame, rad/s, for the lever arms.
+///     omega_tp_p_radps: (n, 3) angular rate relative to the tangent frame, platform frame, rad/s, for the lever arms.
 ///     virtual_beam_factor: n_f of Eq. 28.
 ///     nullified_sway_var_m2ps2: ε of Eq. 36, (m/s)². weak_sway_var_m2ps2: variance of the weak sway row, (m/s)².
 ///
@@ -162,7 +162,7 @@ impl Columns {
 /// Source: Tal et al. 2017, Eqs. 17-49.
 #[pyfunction]
 #[pyo3(signature = (geometry, velocity_mps, valid, *, method, beam_sd_mps, prior_velocity_p_mps=None,
-    prior_cov_m2ps2=None, rate_tp_p_radps=None, virtual_beam_factor, nullified_sway_var_m2ps2,
+    prior_cov_m2ps2=None, omega_tp_p_radps=None, virtual_beam_factor, nullified_sway_var_m2ps2,
     weak_sway_var_m2ps2))]
 pub fn solve_velocity<'py>(
     py: Python<'py>,
@@ -173,7 +173,7 @@ pub fn solve_velocity<'py>(
     beam_sd_mps: &Bound<'py, PyAny>,
     prior_velocity_p_mps: Option<&Bound<'py, PyAny>>,
     prior_cov_m2ps2: Option<&Bound<'py, PyAny>>,
-    rate_tp_p_radps: Option<&Bound<'py, PyAny>>,
+    omega_tp_p_radps: Option<&Bound<'py, PyAny>>,
     virtual_beam_factor: f64,
     nullified_sway_var_m2ps2: f64,
     weak_sway_var_m2ps2: f64,
@@ -188,8 +188,8 @@ pub fn solve_velocity<'py>(
         sd_mps: floats("beam_sd_mps", beam_sd_mps, &[Some(beams)])?.values,
         method: method_of(method)?,
         priors: priors(prior_velocity_p_mps, prior_cov_m2ps2, count)?,
-        rates_tp_p_radps: rate_tp_p_radps
-            .map(|value| rows::<3>("rate_tp_p_radps", value, Some(count)))
+        omega_tp_p_radps: omega_tp_p_radps
+            .map(|value| rows::<3>("omega_tp_p_radps", value, Some(count)))
             .transpose()?,
         assumptions: Assumptions {
             virtual_beam_factor,
@@ -198,7 +198,7 @@ pub fn solve_velocity<'py>(
         },
     };
     let columns = py.detach(|| pings.solve(&geometry.inner, count));
-    let columns = columns.map_err(|(row, error)| refuse(format!("row {row}: {}", row_message(&error))))?;
+    let columns = columns.map_err(|(row, error)| invalid(format!("row {row}: {}", row_message(&error))))?;
     columns.into_dict(py, array(py, pings.valid, &[count, beams])?)
 }
 
@@ -219,7 +219,7 @@ fn priors(
             Ok(Some(velocity.into_iter().enumerate().map(prior).collect()))
         }
         (None, None) => Ok(None),
-        _ => Err(refuse(
+        _ => Err(invalid(
             "prior_velocity_p_mps and prior_cov_m2ps2 go together: give both or neither",
         )),
     }
@@ -232,7 +232,7 @@ struct Pings {
     valid: Vec<bool>,
     sd_mps: Vec<f64>,
     priors: Option<Vec<VelocityPrior>>,
-    rates_tp_p_radps: Option<Vec<[f64; 3]>>,
+    omega_tp_p_radps: Option<Vec<[f64; 3]>>,
     assumptions: Assumptions,
 }
 
@@ -251,9 +251,9 @@ impl Pings {
             };
             ping.velocity_mps[..beams].copy_from_slice(&self.velocity_mps[own]);
             ping.sd_mps[..beams].copy_from_slice(&self.sd_mps);
-            let rate = self.rates_tp_p_radps.as_ref().map(|rates| rates[row]);
+            let rate = self.omega_tp_p_radps.as_ref().map(|rates| rates[row]);
             let context = PingContext {
-                rate_tp_p_radps: rate.map_or(Vector3::zeros(), Vector3::from),
+                omega_tp_p_radps: rate.map_or(Vector3::zeros(), Vector3::from),
                 prior: self.priors.as_ref().map(|priors| priors[row]),
             };
             let outcome =
@@ -264,7 +264,7 @@ impl Pings {
     }
 }
 
-/// The message of an error without the time, which the kernel does not know for a ping of a table.
+/// The message of an error without the time, since a ping of a table has none.
 fn row_message(error: &bottomlock::NavError) -> String {
     error.to_string().replace(" at 0 ns", "")
 }

@@ -1,4 +1,4 @@
-//! The Rust candidates of `benches/compare.py`, over the same readings as all others; asked by line, answered by line.
+//! The Rust candidates of `benches/compare.py`, over the same readings as all others: one line in, one line out.
 //!
 //! `compare_filters FILE` reads little-endian doubles: the number of steps N and of pings; N + 1 inertial readings (time ns, rate, force);
 //! the pings (time ns, four beams); the start (attitude, velocity). A line on the input names a candidate; the answer is its time
@@ -25,7 +25,7 @@ use bottomlock::mechanisation::{EarthTerms, ImuSample, Inertial, Kinematics};
 use bottomlock::model::Model;
 use bottomlock::navigator::events::Event;
 use bottomlock::navigator::{BeamAiding, Navigator};
-use bottomlock::simd::Lane;
+use bottomlock::simd::{Lane, Strips};
 use bottomlock::state::{Covariance, NavState};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f64x8};
@@ -39,7 +39,7 @@ const LEAST_NS: i128 = 30_000_000;
 
 struct Work {
     imu: Vec<ImuSample>,
-    /// A copy for each of the most runs that fly side by side.
+    /// A copy for each run of the largest group.
     streams: Vec<Vec<ImuSample>>,
     pings: Vec<BeamSample>,
     start: NavState,
@@ -91,8 +91,8 @@ impl Work {
         }
     }
 
-    /// A candidate's work.
-    fn fly(&self, candidate: &str, runs: usize) -> Covariance {
+    /// Runs a candidate.
+    fn run(&self, candidate: &str, runs: usize) -> Covariance {
         match candidate {
             "one" => self.one(0),
             "one_10hz" => self.one(TENTH_NS),
@@ -107,7 +107,7 @@ impl Work {
         }
     }
 
-    /// One run, fed an event at a time as in live use.
+    /// One run, event by event as in live use.
     fn one(&self, period_ns: i64) -> Covariance {
         let options = Self::options(period_ns);
         let geometry = self.geometry.clone();
@@ -298,6 +298,11 @@ impl Lane for Counted {
     }
 }
 
+impl<S: Simd> Strips<S> for Counted {
+    type Wide = Self;
+    type Rest = Self;
+}
+
 /// Floating-point operations of one step with its covariance, first order.
 fn operations_of_a_step(work: &Work) -> u64 {
     let (earth, noise) = (
@@ -323,7 +328,7 @@ fn operations_of_a_step(work: &Work) -> u64 {
     let before = kinematics;
     kinematics.step(&inertial, &inertial, 1.0 / 150.0, &earth);
     interval.extend(&before, &kinematics, &inertial, 1.0 / 150.0, &earth);
-    interval.propagate(&mut p, &kinematics, &noise, &earth);
+    dispatch!(Level::new(), simd => interval.propagate(simd, &mut p, &kinematics, &noise, &earth));
     // The bias taken off six readings.
     OPERATIONS.get() + 6
 }
@@ -351,7 +356,7 @@ fn on_core_ns() -> i128 {
     i128::from(time.tv_sec) * 1_000_000_000 + i128::from(time.tv_nsec)
 }
 
-/// Time on the clock, ns, where the system does not tell a thread's own.
+/// Wall-clock time, ns, on systems without a clock per thread.
 #[cfg(not(unix))]
 fn on_core_ns() -> i128 {
     use std::time::{SystemTime, UNIX_EPOCH};
@@ -384,10 +389,10 @@ fn main() {
             _ => {}
         }
         // Once unmeasured: a run takes a few milliseconds, and caches and predictions are another candidate's.
-        let covariance = work.fly(candidate, runs);
+        let covariance = work.run(candidate, runs);
         let (begin, mut repeats) = (on_core_ns(), 0);
         while repeats == 0 || on_core_ns() - begin < LEAST_NS {
-            black_box(work.fly(candidate, runs));
+            black_box(work.run(candidate, runs));
             repeats += 1;
         }
         let nanoseconds = on_core_ns() - begin;

@@ -1,4 +1,4 @@
-//! What a run in flight holds, in bytes.
+//! Memory of a run in progress, in bytes.
 
 use std::mem::size_of;
 

@@ -98,7 +98,7 @@ pub enum NavError {
     /// A name is unknown.
     #[error("unknown {what} '{name}', expected one of {expected}")]
     UnknownName {
-        /// What the name stands for.
+        /// Kind of the name, such as "method".
         what: &'static str,
         /// Name given.
         name: String,

@@ -1,4 +1,4 @@
-//! What is assumed of the environment and the sensors: plain numbers in SI, checked once.
+//! Environment and sensor errors: plain numbers in SI, checked once.
 
 use nalgebra::Matrix4;
 

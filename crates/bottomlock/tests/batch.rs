@@ -15,11 +15,9 @@ use bottomlock::navigator::{METHODS, Method, NavigatorSet};
 use bottomlock::simulation::batch::{Batch, run_batch};
 use bottomlock::simulation::closed_loop::{ClosedLoop, ClosedLoopSetup, TruthSegment, VehicleStart};
 use bottomlock::simulation::schedule::Schedule;
-use bottomlock::simulation::sensor_errors::RunKey;
-use bottomlock::simulation::sensor_streams::simulate;
 use bottomlock::simulation::truth::true_state;
 
-use common::{Epochs, Turn, batch, bits, janus};
+use common::{Epochs, Turn, batch, bits, draw, eight_seconds, janus};
 
 /// A truth in segments, as in a closed loop, gives the results of the whole truth, bit for bit.
 #[test]
@@ -82,13 +80,7 @@ fn segments_give_the_results_of_the_whole_truth() {
 /// The results depend on the seed alone, not on threads or chunks, bit for bit.
 #[test]
 fn bits_do_not_depend_on_threads_or_chunks() {
-    let (turn, epochs, model, options, geometry) = (
-        Turn::new(8, 0.05),
-        Epochs::new(8),
-        Model::table_2(),
-        Options::default(),
-        janus(),
-    );
+    let (turn, epochs, model, options, geometry) = eight_seconds();
     let schedules = [epochs.schedule()];
     let whole = batch(&turn, &epochs, &schedules, &model, &options, &geometry);
     let one = run_batch(&whole, 1).unwrap();
@@ -121,32 +113,12 @@ fn bits_do_not_depend_on_threads_or_chunks() {
 /// A navigator fed event by event, and read after each, gives the results of the batch, bit for bit.
 #[test]
 fn streaming_is_batch_bit_for_bit() {
-    let (turn, epochs, model, options, geometry) = (
-        Turn::new(8, 0.05),
-        Epochs::new(8),
-        Model::table_2(),
-        Options::default(),
-        janus(),
-    );
+    let (turn, epochs, model, options, geometry) = eight_seconds();
     let schedules = [epochs.schedule()];
     let whole = batch(&turn, &epochs, &schedules, &model, &options, &geometry);
     let records = run_batch(&whole, 1).unwrap();
     for (index, method) in METHODS.iter().enumerate() {
-        let key = RunKey {
-            seed: 2017,
-            trajectory: 7,
-            run: 2,
-        };
-        let streams = simulate(
-            &turn.truth(),
-            &geometry,
-            &model,
-            &model,
-            &epochs.schedule(),
-            &Options::default(),
-            &key,
-        )
-        .unwrap();
+        let streams = draw(&turn, &epochs.schedule(), 2017, 7, 2).unwrap();
         let mut navigator = NavigatorSet::new(streams.initial, &geometry, method.aiding, &model, &options).unwrap();
         let mut events: Vec<Event> = streams.imu.iter().copied().map(Event::Imu).collect();
         let all = BeamMask::all(4);

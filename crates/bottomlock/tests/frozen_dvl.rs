@@ -14,12 +14,10 @@ use bottomlock::mechanisation::{EarthTerms, ImuSample, Inertial};
 use bottomlock::model::Model;
 use bottomlock::navigator::events::Event;
 use bottomlock::navigator::{BeamAiding, Navigator};
-use bottomlock::simulation::sensor_errors::RunKey;
-use bottomlock::simulation::sensor_streams::simulate;
 use bottomlock::state::{Covariance, NavState};
 use nalgebra::{SMatrix, SVector};
 
-use common::{Epochs, Turn, janus};
+use common::{Epochs, Turn, draw, janus};
 
 type P15 = SMatrix<f64, 15, 15>;
 
@@ -67,21 +65,7 @@ fn fifteen_states_are_twenty_with_frozen_dvl() {
         gate: Gate::Off,
         ..Options::default()
     };
-    let key = RunKey {
-        seed: 3,
-        trajectory: 0,
-        run: 0,
-    };
-    let streams = simulate(
-        &turn.truth(),
-        &geometry,
-        &model,
-        &model,
-        &epochs.schedule(),
-        &options,
-        &key,
-    )
-    .unwrap();
+    let streams = draw(&turn, &epochs.schedule(), 3, 0, 0).unwrap();
     let mut navigator = Navigator::new(streams.initial, geometry.clone(), BeamAiding::Tight, &model, &options).unwrap();
     let mut p: P15 = model.initial_covariance(false).fixed_view::<15, 15>(0, 0).into_owned();
     for (k, imu) in streams.imu.iter().enumerate() {

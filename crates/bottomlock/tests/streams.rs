@@ -7,35 +7,23 @@ mod common;
 
 use bottomlock::aiding::registry::SensorKind;
 use bottomlock::dvl::geometry::BeamMask;
-use bottomlock::filter::options::Options;
-use bottomlock::model::Model;
 use bottomlock::navigator::events::{AttitudeSample, DepthSample, GpsSample};
 use bottomlock::simulation::schedule::Schedule;
-use bottomlock::simulation::sensor_errors::RunKey;
-use bottomlock::simulation::sensor_streams::simulate;
 
-use common::{Epochs, Turn, janus};
+use common::{Epochs, Turn, draw};
 
 /// A depth or yaw offset changes its own reading by that offset, and no other stream.
 #[test]
 fn offsets_change_their_own_reading_alone() {
-    let (turn, epochs, model, geometry) = (Turn::new(8, 0.05), Epochs::new(8), Model::table_2(), janus());
-    let key = RunKey {
-        seed: 1,
-        trajectory: 2,
-        run: 3,
-    };
+    let (turn, epochs) = (Turn::new(8, 0.05), Epochs::new(8));
     let (depth, yaw) = (vec![0.5; epochs.depth.len()], vec![0.1; epochs.magnetometer.len()]);
     let off = epochs.schedule().with(SensorKind::Depth, &epochs.depth, &depth).with(
         SensorKind::Attitude,
         &epochs.magnetometer,
         &yaw,
     );
-    let draw = |schedule: &Schedule<'_>| {
-        let options = Options::default();
-        simulate(&turn.truth(), &geometry, &model, &model, schedule, &options, &key)
-    };
-    let (ideal, moved) = (draw(&epochs.schedule()).unwrap(), draw(&off).unwrap());
+    let drawn = |schedule: &Schedule<'_>| draw(&turn, schedule, 1, 2, 3);
+    let (ideal, moved) = (drawn(&epochs.schedule()).unwrap(), drawn(&off).unwrap());
     for (a, b) in ideal.of::<DepthSample>().zip(moved.of::<DepthSample>()) {
         assert!((b.depth_m - a.depth_m - 0.5).abs() < 1e-12);
     }
@@ -51,34 +39,17 @@ fn offsets_change_their_own_reading_alone() {
             && ideal.scale_factor == moved.scale_factor
     );
     let short = epochs.schedule().with(SensorKind::Depth, &epochs.depth, &depth[1..]);
-    assert!(draw(&short).unwrap_err().to_string().contains("depth_offset_m"));
+    assert!(drawn(&short).unwrap_err().to_string().contains("depth_offset_m"));
 }
 
 /// A sensor that is off, or a lost beam, does not change the random numbers of the others.
 #[test]
 fn streams_are_independent() {
-    let (turn, mut epochs, model, geometry) = (Turn::new(5, 0.05), Epochs::new(5), Model::table_2(), janus());
-    let key = RunKey {
-        seed: 1,
-        trajectory: 2,
-        run: 3,
-    };
-    let draw = |epochs: &Epochs| {
-        simulate(
-            &turn.truth(),
-            &geometry,
-            &model,
-            &model,
-            &epochs.schedule(),
-            &Options::default(),
-            &key,
-        )
-        .unwrap()
-    };
-    let all = draw(&epochs);
+    let (turn, mut epochs) = (Turn::new(5, 0.05), Epochs::new(5));
+    let all = draw(&turn, &epochs.schedule(), 1, 2, 3).unwrap();
     epochs.depth.clear();
     epochs.masks = vec![BeamMask::NONE; epochs.dvl.len()];
-    let fewer = draw(&epochs);
+    let fewer = draw(&turn, &epochs.schedule(), 1, 2, 3).unwrap();
     assert_eq!(all.imu, fewer.imu);
     assert!(all.of::<AttitudeSample>().eq(fewer.of::<AttitudeSample>()));
     for (a, b) in all.pings.iter().zip(&fewer.pings) {

@@ -164,8 +164,8 @@ fn a_rejected_assumption_changes_nothing() {
     }
 }
 
-/// On a straight leg two beams cannot tell a current from a drift, so a wrong assumption of no current stays
-/// undetected. When all beams return and contradict it, the constrained filter is restarted and agrees with the beams.
+/// On a straight leg two beams cannot separate a current from a velocity error, so a wrong assumption of no current
+/// is not detected. When all beams return and contradict it, the constrained filter is restarted and agrees with the beams.
 #[test]
 fn a_contradicted_assumption_is_restarted() {
     let none = WaterPrior {

@@ -73,7 +73,7 @@ def assess_beams(
         log: the pings.
         full: (n,) pings to use.
         stated: (beams, 3) stated directions in the frame of the instrument's velocity, or None.
-        copies: pairs of channels (numbers from 1) already known to hold the same numbers.
+        copies: pairs of channels (numbers from 1) found before to hold the same numbers.
     """
     found = _against_velocity(log, full, stated, copies)
     identical = bool(copies) or any(one.kind == "identical_beams" for one in found.findings)

@@ -54,8 +54,8 @@ def geometry_text(audit: Audit) -> str:
             if not found or assessment.matrix is None
             else f" ± {np.rad2deg(assessment.matrix.direction_sd_rad[k]):.2g}"
         )
-        told = f"tilt {np.rad2deg(tilt(row)):.3f}, azimuth {np.rad2deg(azimuth(row)):.3f} deg{sd}"
-        lines.append(f"    {_vector(row, 9)},  # beam {k + 1}: {told}")
+        angles = f"tilt {np.rad2deg(tilt(row)):.3f}, azimuth {np.rad2deg(azimuth(row)):.3f} deg{sd}"
+        lines.append(f"    {_vector(row, 9)},  # beam {k + 1}: {angles}")
     lines.append("]")
     if assessment.matrix is not None and found:
         m = assessment.matrix

@@ -13,6 +13,7 @@ rotations: a parameter that the motion does not excite keeps the spread of its w
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +77,9 @@ class Mounting:
         """The other recordings explain enough of the velocity for the parameters to be observable."""
         return self.explained > LEAST_EXPLAINED and abs(self.scale) < 0.2
 
+
+_KEPT_OFFSETS = 4
+"""Clock offsets whose motion is kept: in a gradient by differences all other parameters share one."""
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
 _ROTATIONS = [
@@ -143,9 +147,14 @@ def _against_velocity(
     start, first_offset = _coarse(cost)
     rotated = velocity @ start.T
 
+    @lru_cache(maxsize=_KEPT_OFFSETS)
+    def moved(offset_s: float) -> tuple[Array, Array]:
+        at = time_s + first_offset + offset_s
+        return motion.velocity_p_mps(at), motion.omega_tp_p_radps(at)
+
     def residuals(p: Array) -> Array:
-        at = time_s + first_offset + p[6]
-        model = motion.velocity_p_mps(at) + np.cross(motion.omega_tp_p_radps(at), p[3:6])
+        velocity_p, omega_p = moved(float(p[6]))
+        model = velocity_p + np.cross(omega_p, p[3:6])
         return np.asarray(rotated - (1.0 + p[7]) * Rotation.from_rotvec(p[:3]).inv().apply(model))
 
     scale = np.array([0.01] * 3 + [0.1] * 3 + [0.05, 0.01])
@@ -214,12 +223,13 @@ class _Windows:
         return np.stack(columns, axis=1).reshape(-1, *series.shape[1:])
 
     def at(self, offset_s: float) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """Velocity change, integral of the rotation, attitudes at both ends, and the times of both ends, s."""
+        """Velocity change, integral of the rotation, and attitudes and angular rates at both ends."""
         a, b = self._start_s + offset_s, self._end_s + offset_s
         change = self._at(self._velocity, b) - self._at(self._velocity, a)
         rotated = self._at(self._rotation, b) - self._at(self._rotation, a)
         attitude = self._motion.attitude
-        return change, rotated, attitude(a).as_matrix(), attitude(b).as_matrix(), a, b
+        omega = self._motion.omega_tp_p_radps
+        return change, rotated, attitude(a).as_matrix(), attitude(b).as_matrix(), omega(a), omega(b)
 
 
 def _window_rows(time_s: Array) -> tuple[Rows, Rows]:
@@ -256,11 +266,13 @@ def _against_imu(
     start, first_offset = _coarse(cost)
     rotated_velocity = velocity @ start.T
 
+    at = lru_cache(maxsize=_KEPT_OFFSETS)(windows.at)
+
     def residuals(p: Array) -> Array:
-        change, rotated, C_a, C_b, a, b = windows.at(first_offset + p[6])
+        change, rotated, C_a, C_b, omega_a, omega_b = at(float(first_offset + p[6]))
         v = Rotation.from_rotvec(p[:3]).apply(rotated_velocity) / (1.0 + p[7])
-        v_a = v[first] - np.cross(motion.omega_tp_p_radps(a), p[3:6])
-        v_b = v[last] - np.cross(motion.omega_tp_p_radps(b), p[3:6])
+        v_a = v[first] - np.cross(omega_a, p[3:6])
+        v_b = v[last] - np.cross(omega_b, p[3:6])
         gap = np.einsum("nij,nj->ni", C_b, v_b) - np.einsum("nij,nj->ni", C_a, v_a) - change
         level = np.concatenate([p[11:13], [0.0]])
         gap = gap + np.einsum("nij,j->ni", rotated, p[8:11]) - level * span

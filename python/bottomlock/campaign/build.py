@@ -50,7 +50,7 @@ def build_scenarios(scenarios: Sequence[Scenario]) -> list[BuiltScenario]:
 
     Raises:
         ScenarioError: for no scenario, two of one name, and what `build_simulation` rejects.
-        DataError: for an analytic motion that cannot be flown.
+        DataError: for an analytic motion that is not possible.
     """
     names = [scenario.name for scenario in scenarios]
     if not names or len(set(names)) != len(names):

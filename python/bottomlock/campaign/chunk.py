@@ -1,4 +1,4 @@
-"""One chunk: runs of one scenario to tables. It needs nothing but the built scenario and can run anywhere."""
+"""One chunk: runs of one scenario to tables. It needs only the built scenario and can run anywhere."""
 
 import time
 from collections.abc import Callable

@@ -7,6 +7,7 @@ import numpy as np
 
 from bottomlock import kernel
 from bottomlock.errors import ScenarioError
+from bottomlock.plant import Mission, Vehicle
 from bottomlock.plant.closed_loop import Estimate, TruthBlock, VehicleGroup, cross_track_m, fly_on_estimate
 from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.measurement_schedule import MeasurementSchedule
@@ -32,7 +33,7 @@ def run_closed_loop(
     The sensor errors of run k are those of run k of any campaign under the same key.
 
     Args:
-        simulation: a scenario whose truth a vehicle swims.
+        simulation: a scenario with a simulated vehicle.
         methods: the aiding methods.
         pilot: "own", or the method, one of `methods`, whose estimate steers the vehicle of a run.
         trajectory_key: key of the trajectory's random numbers.
@@ -51,34 +52,39 @@ def run_closed_loop(
     """
     if simulation.vehicle is None or simulation.mission is None:
         raise ScenarioError(
-            f"scenario {simulation.scenario.name}: its truth is analytic, no vehicle can fly on an estimate"
+            f"scenario {simulation.scenario.name}: its truth is analytic, so no vehicle can be steered on an estimate"
         )
     own = pilot == "own"
     vehicles_per_run = len(methods) if own else 1
-    fleet = VehicleGroup(
-        simulation.vehicle,
-        simulation.mission,
-        runs=runs * vehicles_per_run,
-        latitude_rad=simulation.latitude_rad,
-        gravity_mps2=simulation.gravity_mps2,
-        earth_rate_radps=simulation.earth_rate_radps,
-        imu_rate_hz=simulation.scenario.imu.rate_hz,
-    )
+    group = _vehicles(simulation, simulation.vehicle, simulation.mission, runs * vehicles_per_run)
     last_ns = round(simulation.mission.duration_s * 1e9)
     draws = {"trajectory_key": trajectory_key, "first_run": first_run}
     schedule = MeasurementSchedule(
         simulation, first_ns=0, last_ns=last_ns, runs=runs, vehicles_per_run=vehicles_per_run, **draws
     )
-    start = fleet.start()
+    start = group.start()
     loop = _kernel_loop(simulation, methods, start, vehicle_per_method=own, threads=threads, **draws)
     navigation = _Navigation(loop, schedule, start, pilot=0 if own else list(methods).index(pilot))
     offsets = []
-    for block in fly_on_estimate(fleet, navigation.estimate):
-        offsets.append(cross_track_m(simulation.mission, fleet.segment, block.position_t_m[:, -1]))
+    for block in fly_on_estimate(group, navigation.estimate):
+        offsets.append(cross_track_m(simulation.mission, group.segment, block.position_t_m[:, -1]))
         progress(min(1.0, float(block.time_ns[-1]) / last_ns))
     by_vehicle = np.stack(offsets, axis=1).reshape(runs, vehicles_per_run, -1)
     offset = np.broadcast_to(by_vehicle, (runs, len(methods), len(offsets)))
     return {**loop.results(), "cross_track_m": offset, **navigation.times()}
+
+
+def _vehicles(simulation: Simulation, vehicle: Vehicle, mission: Mission, count: int) -> VehicleGroup:
+    """Equal vehicles at the start of the mission."""
+    return VehicleGroup(
+        vehicle,
+        mission,
+        runs=count,
+        latitude_rad=simulation.latitude_rad,
+        gravity_mps2=simulation.gravity_mps2,
+        earth_rate_radps=simulation.earth_rate_radps,
+        imu_rate_hz=simulation.scenario.imu.rate_hz,
+    )
 
 
 def _kernel_loop(

@@ -33,12 +33,12 @@ PATIENCE_S = 60.0
 
 POLL_S = 2.0
 CHUNKS_PER_THREAD = 2
-"""Chunks under way per worker thread: one runs, one waits. Chunks under way bound the memory of the cluster."""
+"""Chunks in progress per worker thread: one runs, one waits. They bound the memory of the cluster."""
 
 
 @dataclass(frozen=True)
 class _Answer:
-    """What a worker sends back: its versions, and the tables or the kernel's error message."""
+    """Answer of a worker: its versions, and the tables or the kernel's error message."""
 
     versions: dict[str, str]
     result: ChunkResult | None = None
@@ -61,7 +61,7 @@ def _work(built: BuiltScenario, chunk: Chunk) -> _Answer:
     try:
         return _Answer(_versions(), result=run_chunk(built, chunk, threads=1))
     except kernel.KernelError as error:
-        # The kernel's exception cannot be pickled: its class lives in the compiled module.
+        # The kernel's exception cannot be pickled: its class is in the compiled module.
         return _Answer(_versions(), kernel_error=str(error))
 
 
@@ -111,7 +111,7 @@ class DaskEngine:
             return {name: self._client.submit(_hold, self._scenarios[name], pure=False) for name in names}
 
     def _room(self) -> int:
-        """How many chunks may be under way; workers come and go."""
+        """Largest number of chunks in progress; the number of workers may change."""
         return CHUNKS_PER_THREAD * max(1, sum(self._threads().values()))
 
     def _threads(self) -> dict[str, int]:

@@ -60,7 +60,7 @@ def claim_directory(
 
 
 def _difference(manifest: Mapping[str, Any], configuration: str, shard: Shard | None) -> str | None:
-    """What a directory holds instead of this campaign, in words; None if it holds this one."""
+    """Description of other content of a directory; None if it holds this campaign."""
     if manifest["configuration_hash"] != configuration:
         return "a campaign of another configuration"
     if manifest.get("version") != kernel.kernel_version():

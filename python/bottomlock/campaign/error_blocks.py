@@ -45,7 +45,7 @@ class ErrorBlocks:
     """A file of blocks: `put` the norms of every chunk, then `get` each block."""
 
     def __init__(self, file: IO[bytes], partition: Partition, times: int) -> None:
-        """Block boundaries depend on the scenario alone, so that the last bit does not depend on the machine."""
+        """Block boundaries depend on the scenario only, so that the last bit does not depend on the machine."""
         self._file = file
         self._partition = partition
         self._times = times

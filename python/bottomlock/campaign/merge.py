@@ -21,7 +21,7 @@ Manifest = Mapping[str, Any]
 def merge_shards(out: Path, directories: Sequence[Path], *, force: bool = False) -> Results:
     """Joins all shards of a campaign; the tables are bit for bit those of the campaign run in one go.
 
-    Nothing is written before every shard is known to be there, finished, and of the same campaign.
+    Nothing is written before every shard has been checked: present, finished, and of the same campaign.
 
     Args:
         out: directory; new, empty, or of the same campaign.

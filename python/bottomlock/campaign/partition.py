@@ -1,4 +1,4 @@
-"""How a campaign is partitioned: runs into chunks, chunks into shards. The scenarios alone decide."""
+"""Partition of a campaign: runs into chunks, chunks into shards. It depends on the scenarios only."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

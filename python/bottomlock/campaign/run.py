@@ -62,7 +62,7 @@ class Results:
 
 @dataclass(frozen=True)
 class Campaign:
-    """What is to be computed.
+    """The work of a campaign.
 
     Attributes:
         partitions: how each scenario is cut into chunks, in order.
@@ -229,7 +229,7 @@ class _RunCounter:
                 self._call(name, runs, found=True)
 
     def report(self, chunk: Chunk, fraction: float) -> None:
-        """Reports a chunk under way."""
+        """Reports a chunk in progress."""
         self._call(chunk.scenario, self._done[chunk.scenario] + chunk.runs * fraction)
 
     def finish(self, chunk: Chunk) -> None:

@@ -1,4 +1,4 @@
-"""What the methods that choose have chosen, counted over runs at each ping."""
+"""Selections of the selecting methods, counted over runs at each ping."""
 
 from collections.abc import Sequence
 

@@ -62,13 +62,7 @@ def convert(
     file
         The log: a file, or the folder of a ROS 2 bag.
     """
-    if to.suffix.lower() != ".parquet":
-        raise OutputError(f"{to}: expected a name that ends in .parquet")
-    for path in (to, sidecar(to)):
-        if path.exists() and not force:
-            raise OutputError(f"{path}: is there already; --force overwrites it")
-        if path.exists() and path.resolve() == file.resolve():
-            raise OutputError(f"{path}: is the file to be read")
+    _check_output(file, to, force=force)
     options = Options(
         instrument_only=instrument_only,
         keep_stale=keep_stale,
@@ -81,6 +75,17 @@ def convert(
     write_recording(recording, to, source=file)
     print_recording(recording)
     console.print(f"wrote {to} and {sidecar(to).name}", soft_wrap=True, highlight=False)
+
+
+def _check_output(file: Path, to: Path, *, force: bool) -> None:
+    """Checks the name of the table, and that neither it nor its account overwrites a file."""
+    if to.suffix.lower() != ".parquet":
+        raise OutputError(f"{to}: expected a name that ends in .parquet")
+    for path in (to, sidecar(to)):
+        if path.exists() and not force:
+            raise OutputError(f"{path}: is there already; --force overwrites it")
+        if path.exists() and path.resolve() == file.resolve():
+            raise OutputError(f"{path}: is the file to be read")
 
 
 def _fates(account: Account) -> Table | None:

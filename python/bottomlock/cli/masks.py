@@ -31,7 +31,7 @@ from bottomlock.studies import recovery, study_folder
 from bottomlock.studies.cases import VARYING, Case
 from bottomlock.studies.masks_page import markdown, worst_of_pairs
 
-_SHORT = {chi_squared.CONSISTENT: "ok", chi_squared.OVERCONFIDENT: "over", chi_squared.CAUTIOUS: "cons"}
+_SHORT = {chi_squared.CONSISTENT: "ok", chi_squared.OVERCONFIDENT: "over", chi_squared.CONSERVATIVE: "cons"}
 
 
 def masks(

@@ -144,7 +144,7 @@ def score(
 def _scores_table(scores: pl.DataFrame, title: str) -> Table:
     """A row per method and component."""
     table = narrow_table(
-        title, ["method", "component"], ["sets", "median m/s", "rms m/s", "p95 m/s", "claimed", "error/σ"]
+        title, ["method", "component"], ["sets", "median m/s", "rms m/s", "p95 m/s", "σ m/s", "error/σ"]
     )
     for row in over_sets(scores).iter_rows(named=True):
         numbers = (number(row[name]) for name in SCORED)

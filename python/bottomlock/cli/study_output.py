@@ -11,7 +11,7 @@ from bottomlock.cli.console import errors, interrupted
 
 @contextmanager
 def study_bar(out: Path) -> Iterator[Callable[[str, float], None]]:
-    """A bar that takes what is under way and the fraction done; an interruption ends the command."""
+    """A progress bar, called with the current part and the fraction done; an interruption ends the command."""
     columns = (TextColumn("{task.description:>22}"), BarColumn(), TextColumn("left"), TimeRemainingColumn())
     try:
         with Progress(*columns, console=errors) as bar:

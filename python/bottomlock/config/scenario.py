@@ -3,7 +3,6 @@
 import difflib
 import hashlib
 import json
-import tomllib
 from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
@@ -23,6 +22,7 @@ from bottomlock.config.scenario_sections import (
     Trajectory,
 )
 from bottomlock.config.sensors import SENSORS, AcousticPosition, Depth, Gps, Magnetometer
+from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import OutputError, ScenarioError
 
@@ -59,7 +59,9 @@ class Scenario(Section):
     @model_validator(mode="after")
     def _parts_agree(self) -> Self:
         if self.mission and self.trajectory.source == "analytic":
-            raise ValueError('[mission] is given, but an analytic truth flies none: source = "vehicle" does')
+            raise ValueError(
+                '[mission] is given, but an analytic truth has no mission: set source = "vehicle"'
+            )
         limits = {
             "min_range_m",
             "max_range_m",
@@ -104,10 +106,10 @@ class Scenario(Section):
             raise ScenarioError(explain(error, f"scenario {self.name}: campaign", Campaign)) from error
 
     def with_trajectory(self, **change: Any) -> Self:  # noqa: ANN401 - any key of the section
-        """The same scenario with other keys under `[trajectory]`; another source drops what only the old one knew.
+        """The scenario with other keys under `[trajectory]`; a change of source drops the keys of the old one.
 
         Raises:
-            ScenarioError: for what `[trajectory]` refuses.
+            ScenarioError: for a key or value that `[trajectory]` rejects.
         """
         kept = {key: getattr(self.trajectory, key) for key in self.trajectory.model_fields_set}
         moved = change.get("source", self.trajectory.source) != self.trajectory.source
@@ -120,7 +122,7 @@ class Scenario(Section):
         return self.model_copy(update={"trajectory": trajectory} | ({"mission": {}} if moved else {}))
 
     def kernel_model(self, gravity_mps2: float) -> dict[str, Any]:
-        """Environment and sensor errors in SI, as the kernel wants them."""
+        """Environment and sensor errors in SI, as the kernel takes them."""
         imu, dvl, initial = self.imu, self.dvl, self.initial
         roll, pitch, yaw = initial.roll_deg, initial.pitch_deg, initial.yaw_deg
         return {
@@ -154,7 +156,7 @@ class Scenario(Section):
         } | {sensor.name: sensor.model(getattr(self, sensor.name), gravity_mps2) for sensor in SENSORS}
 
     def kernel_options(self) -> dict[str, Any]:
-        """Filter options as the kernel wants them."""
+        """Filter options as the kernel takes them."""
         rate_hz = self.filter.covariance_rate_hz
         options = self.filter.model_dump(exclude={"covariance_rate_hz"})
         for sensor in SENSORS:
@@ -203,11 +205,7 @@ def load_scenario(source: str | Path) -> Scenario:
         close = difflib.get_close_matches(str(source), names, n=1)
         hint = f", did you mean '{close[0]}'?" if close else f" (packaged: {', '.join(names)})"
         raise ScenarioError(f"scenario '{source}' is neither a file nor a packaged scenario{hint}")
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{path}: cannot be read as text ({error})") from error
-    return parse_scenario(text, place=str(path), folder=path.parent)
+    return parse_scenario(read_text(path), place=str(path), folder=path.parent)
 
 
 _FILES = (("seabed", "path"), ("dvl", "replay_validity"), ("trajectory", "vehicle"))
@@ -220,10 +218,7 @@ def parse_scenario(text: str, *, place: str, folder: Path | None = None) -> Scen
     Raises:
         ScenarioError: as `load_scenario`.
     """
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"{place}: not valid TOML: {error}") from error
+    content = parse_toml(text, place=place)
     if "dvl" not in content:
         raise ScenarioError(f"{place}: there is no [dvl] section; a scenario needs one to aid the INS with")
     for section, key in _FILES:

@@ -17,7 +17,7 @@ Vector = tuple[Finite, Finite, Finite]
 
 
 class Section(BaseModel):
-    """A section: unknown keys are refused, values stay as they were read."""
+    """A section: unknown keys are errors, values are kept as read."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
 
@@ -29,10 +29,10 @@ _VEHICLE_KEYS = ("vehicle", "feedback", "pilot")
 
 
 class Trajectory(Section):
-    """The true motion: swum by a vehicle, or analytic.
+    """The true motion: of a simulated vehicle, or analytic.
 
-    `feedback` says what guidance and control of the vehicle fly on: the truth, or the estimate of `pilot`, a method; or
-    "own", each method's own vehicle.
+    `feedback` is the state that guidance and control of the vehicle use: the truth or the estimate. `pilot` is the
+    method whose estimate it is, or "own": each method has its own vehicle.
     """
 
     kind: Literal["straight", "constant_turn", "figure_eight", "lawn_mower", "waypoints"]
@@ -58,7 +58,7 @@ class Trajectory(Section):
                 other = "analytic" if self.source == "vehicle" else "vehicle"
                 raise ValueError(
                     f'\'{key}\' belongs to source = "{other}", and the source is "{self.source}"'
-                    + ("; [mission] shapes what the vehicle swims" if self.source == "vehicle" else "")
+                    + ("; [mission] sets the vehicle's path" if self.source == "vehicle" else "")
                 )
         if self.source == "vehicle" and self.kind == "constant_turn":
             raise ValueError("kind 'constant_turn' exists with source = \"analytic\" alone")
@@ -70,7 +70,7 @@ class Trajectory(Section):
 
 
 class Environment(Section):
-    """Where on the Earth, and when; longitude and decimal year serve the magnetic field alone."""
+    """Position on the Earth, and the date; longitude and decimal year are used for the magnetic field only."""
 
     latitude_deg: Annotated[float, Field(ge=-90, le=90)] = 32.8
     longitude_deg: Annotated[float, Field(ge=-180, le=360)] = 35.0
@@ -80,17 +80,22 @@ class Environment(Section):
     earth_rotation: bool = True
 
 
-class Imu(Section):
-    """Inertial measurement unit: rate and errors (1 sigma)."""
+class ImuErrors(Section):
+    """Errors of inertial sensors, 1 sigma."""
 
-    rate_hz: Annotated[float, Field(gt=0, le=10_000)] = 150.0
-    sampling: Literal["instantaneous", "averaged"] = "instantaneous"
     accel_bias_mg: NonNegative
     gyro_bias_deg_per_h: NonNegative
     accel_noise_mps_per_rt_h: NonNegative
     gyro_noise_deg_per_rt_h: NonNegative
     accel_bias_walk_mps2_per_rt_s: NonNegative = 0.0
     gyro_bias_walk_deg_per_s_per_rt_s: NonNegative = 0.0
+
+
+class Imu(ImuErrors):
+    """Inertial measurement unit: rate and errors."""
+
+    rate_hz: Annotated[float, Field(gt=0, le=10_000)] = 150.0
+    sampling: Literal["instantaneous", "averaged"] = "instantaneous"
 
 
 class Outage(Section):
@@ -204,7 +209,7 @@ _WATER = DEFAULT_OPTIONS["water"]
 
 
 class Water(Section):
-    """What the method sway_current assumes of the motion through the water before it measures, 1 sigma.
+    """Prior of the method sway_current for the motion through the water, 1 sigma.
 
     The defaults, the kernel's, are those of a torpedo of 3 m at 2 m/s; docs/methods/sway_current.md says where each
     number comes from.
@@ -243,15 +248,15 @@ class Filter(Section):
 
     @property
     def states(self) -> int:
-        """Number of error states: with the DVL's biases and scale factor, or the inertial ones alone."""
+        """Number of error states: with the DVL's biases and scale factor, or the inertial states only."""
         return STATES if self.estimate_dvl else INERTIAL_STATES
 
 
 def check_methods(methods: Iterable[str]) -> None:
-    """Refuses unknown and repeated methods and an empty list.
+    """Rejects unknown and repeated methods and an empty list.
 
     Raises:
-        ValueError: with the names that are known.
+        ValueError: naming the known methods.
     """
     seen: set[str] = set()
     for method in methods:

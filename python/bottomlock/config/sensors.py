@@ -1,4 +1,4 @@
-"""The sensors beside IMU and DVL: the section of each, and all that campaign, tables and studies ask of it.
+"""The sensors beside IMU and DVL: the section of each and its declaration for campaign, tables and studies.
 
 A sensor is a section and a line of `SENSORS`; nothing else in the package names the sensors of a simulation one by one.
 """
@@ -51,7 +51,7 @@ class Magnetometer(Section):
 
 
 class Gps(Section):
-    """GPS receiver: heard at the surface alone, some time after the antenna has come up."""
+    """GPS receiver: fixes at the surface only, from `acquire_s` after the antenna has come up."""
 
     enabled: bool = True
     rate_hz: Positive = 1.0
@@ -65,9 +65,9 @@ class AcousticPosition(Section):
     """Acoustic position (USBL, LBL): fixes whose noise grows with the slant range from the transceiver.
 
     The standard deviation of each axis is the root of noise_m² + (noise_percent_of_range/100 · slant range)². The
-    transceiver, of a ship or on the seabed, stands at `transceiver_m` in the tangent frame (north, east, down); the
+    transceiver, on a ship or on the seabed, is at `transceiver_m` in the tangent frame (north, east, down); the
     transponder at `lever_arm_m` in the platform frame. A fraction of the fixes are outliers, with `outlier_factor`
-    times the noise, which the filter does not know of.
+    times the noise; the filter does not model them.
     """
 
     enabled: bool = True
@@ -82,7 +82,7 @@ class AcousticPosition(Section):
 
 @dataclass(frozen=True)
 class Sensor:
-    """What follows from a sensor of a scenario.
+    """Declaration of a sensor of a scenario.
 
     Attributes:
         name: its section in a scenario and in the kernel's model, and its name in a schedule.

@@ -1,4 +1,4 @@
-"""What is wrong with a settings file, in the user's words: place, key, value found, what was expected, unit."""
+"""Error messages for settings files: place, key, value found, value expected, unit."""
 
 import difflib
 from typing import get_args

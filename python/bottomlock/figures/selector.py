@@ -1,4 +1,4 @@
-"""What the selectors choose, as shares of the runs against time."""
+"""Selections as fractions of the runs over time."""
 
 from typing import Any
 

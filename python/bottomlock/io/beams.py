@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -14,6 +13,7 @@ import polars as pl
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.columns import NS_OF, column_numbers, number_series, read_rows, read_table
@@ -104,10 +104,7 @@ class Pings:
 def _text_of(source: str | Path) -> tuple[str, str]:
     path = Path(source)
     if path.is_file():
-        try:
-            return path.read_text(encoding="utf-8"), str(path)
-        except (OSError, UnicodeDecodeError) as error:
-            raise ScenarioError(f"{path}: cannot be read as text ({error})") from error
+        return read_text(path), str(path)
     packaged = resources.files("bottomlock.config") / "geometries" / f"{source}.toml"
     if packaged.is_file():
         return packaged.read_text(encoding="utf-8"), f"geometry {source}"
@@ -129,10 +126,7 @@ def read_geometry(source: str | Path) -> Instrument:
         4
     """
     text, place = _text_of(source)
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"{place}: not valid TOML: {error}") from error
+    content = parse_toml(text, place=place)
     try:
         settings = InstrumentFile.model_validate(content)
     except ValidationError as error:

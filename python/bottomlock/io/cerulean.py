@@ -8,7 +8,7 @@ manufacturer the NMEA exclusive or. Either is accepted.
 import re
 
 from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
 from bottomlock.io.sentences import LONGEST_LINE, crc8_31, hexadecimal, lines_of, number, whole, xor_of
 
 NAME = "cerulean-dvkfc"
@@ -63,7 +63,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
                 if not options.ignore_checksum:
                     account.skip("bad checksum", position, match.group())
                     continue
-                account.flag("bad checksum, kept as asked", position, match.group())
+                account.flag("bad checksum, kept on request", position, match.group())
             fields = text.split(b",")
             if fields[0] != b"DVKFC":
                 account.pass_by("$" + fields[0].decode("ascii"), position)
@@ -79,7 +79,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             account.read += 1
             account.skip("truncated", position, line[at:])
     table = rows.finish(negate=options.negate_beams)
-    refuse_empty(account, place, "$DVKFC sentence")
+    raise_if_empty(account, place, "$DVKFC sentence")
     return Recording(
         format=NAME,
         table=table,

@@ -7,7 +7,7 @@ velocity becomes (x, -y, -z), forward-right-down if x is forward and the recorde
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
 from bottomlock.io.sentences import lines_of, number, whole
 
 NAME = "linkquest-csv"
@@ -64,7 +64,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         else:
             account.skip("truncated" if len(fields) < width else "merged line", position, line)
     table = rows.finish(negate=options.negate_beams)
-    refuse_empty(account, place, "ping of a LinkQuest NavQuest")
+    raise_if_empty(account, place, "ping of a LinkQuest NavQuest")
     return Recording(
         format=NAME,
         table=table,

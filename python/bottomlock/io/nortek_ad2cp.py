@@ -11,7 +11,7 @@ from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.nortek_dvl import UNSURE
 from bottomlock.io.nortek_frames import BOTTOM_AD2CP, Frame, frames, kinds, name_of, struct_tm_ns
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
 
 NAME = "nortek-ad2cp"
 _BEAMS = 4
@@ -52,7 +52,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             "and record again"
         )
     table = rows.finish(negate=options.negate_beams)
-    refuse_empty(account, place, "bottom-track record (DF20)")
+    raise_if_empty(account, place, "bottom-track record (DF20)")
     return Recording(
         format=NAME,
         table=table,

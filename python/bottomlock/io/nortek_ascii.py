@@ -9,7 +9,7 @@ import math
 import re
 
 from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
 from bottomlock.io.sentences import LONGEST_LINE, hexadecimal, lines_of, number, whole, xor_of
 
 NAME = "nortek-ascii"
@@ -89,7 +89,7 @@ def _lines(data: bytes, account: Account, *, trust: bool) -> list[tuple[int, int
                 if not trust:
                     account.skip("bad checksum", position, match.group())
                     continue
-                account.flag("bad checksum, kept as asked", position, match.group())
+                account.flag("bad checksum, kept on request", position, match.group())
             name, *fields = text.split(b",")
             if name not in {b"PNORBT0", b"PNORBT1"}:
                 account.pass_by("$" + name.decode("ascii"), position)
@@ -129,7 +129,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     if ping:
         _add(rows, first, time, ping)
     table = rows.finish(negate=options.negate_beams)
-    refuse_empty(account, place, "beam line $PNORBT0 or $PNORBT1")
+    raise_if_empty(account, place, "beam line $PNORBT0 or $PNORBT1")
     return Recording(
         format=NAME,
         table=table,

@@ -12,7 +12,7 @@ import numpy as np
 from bottomlock.io.beam_table import Account, BeamTable, Recording
 from bottomlock.io.nortek_ascii import NO_FOM_MPS, NO_VELOCITY_MPS, TILT_RAD
 from bottomlock.io.nortek_frames import BOTTOM_DVL, Frame, frames, kinds, name_of, struct_tm_ns
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
 
 NAME = "nortek-dvl"
 _BEAMS = 4
@@ -42,7 +42,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         else:
             _add(rows, frame)
     table = rows.finish(negate=options.negate_beams)
-    refuse_empty(account, place, "bottom-track record (DF21, DF22)")
+    raise_if_empty(account, place, "bottom-track record (DF21, DF22)")
     return Recording(
         format=NAME,
         table=table,

@@ -77,7 +77,7 @@ class _Sums:
 def frames(data: bytes, account: Account) -> Iterator[Frame]:
     """Every record of the bytes; what is damaged, cut off or between records goes to the account."""
     sums = _Sums(data) if data else None
-    at = told = 0
+    at = counted = 0
     while sums is not None and (at := data.find(b"\xa5", at)) >= 0:
         if at + _LEAST > len(data):
             break
@@ -88,8 +88,8 @@ def frames(data: bytes, account: Account) -> Iterator[Frame]:
         if sums.of(at, header - 2) != _WORD.unpack_from(data, at + header - 2)[0]:
             at += 1
             continue
-        if at > told:
-            account.skip("bytes that belong to no record", told, f"{at - told} bytes")
+        if at > counted:
+            account.skip("bytes that belong to no record", counted, f"{at - counted} bytes")
         account.read += 1
         start = at + header
         if start + size > len(data):
@@ -98,13 +98,13 @@ def frames(data: bytes, account: Account) -> Iterator[Frame]:
             account.skip("bad checksum", at, f"{header + size} bytes")
         else:
             yield Frame(at, kind, family, data[start : start + size])
-            at = told = start + size
+            at = counted = start + size
             continue
         # The header was good, its data were not: the next record may begin within them.
-        told = max(told, min(start + size, len(data)))
+        counted = max(counted, min(start + size, len(data)))
         at = start
-    if told < len(data):
-        account.skip("bytes that belong to no record", told, f"{len(data) - told} bytes")
+    if counted < len(data):
+        account.skip("bytes that belong to no record", counted, f"{len(data) - counted} bytes")
 
 
 def kinds(head: bytes) -> set[int]:
@@ -113,7 +113,7 @@ def kinds(head: bytes) -> set[int]:
 
 
 def name_of(kind: int) -> str:
-    """What a record of this id holds, in words."""
+    """Description of a record of this id."""
     return NAMES.get(kind, f"record 0x{kind:02x}")
 
 

@@ -9,7 +9,7 @@ import struct
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.nortek_dvl import UNSURE, vertical_note
 from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, Frame, frames, kinds, name_of
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
 
 NAME = "nucleus"
 _BEAMS = 3
@@ -42,7 +42,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             posix += frame.data[2] & 1
             _add(rows, frame)
     table = rows.finish(negate=options.negate_beams)
-    refuse_empty(account, place, "bottom-track record of a Nucleus")
+    raise_if_empty(account, place, "bottom-track record of a Nucleus")
     return Recording(
         format=NAME,
         table=table,

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Recording
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, lost, refuse_empty, running_sums
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, lost, raise_if_empty, running_sums
 
 NAME = "pd0"
 _BEAMS = 4
@@ -63,7 +63,7 @@ def _offsets(data: bytes, at: int) -> Sequence[int] | None:
 
 @dataclass(frozen=True)
 class Ensemble:
-    """What a table of beams needs of an ensemble; None and NaN where it holds none."""
+    """The fields of an ensemble that a beam table needs; None and NaN where missing."""
 
     position: int
     time_ns: int | None
@@ -147,17 +147,17 @@ def _ensemble(data: bytes, at: int, size: int, offsets: Sequence[int]) -> Ensemb
 
 
 def ensembles(data: bytes, account: Account) -> list[Ensemble]:
-    """Every whole ensemble of a file; the account tells of the others and of bytes between."""
+    """Every whole ensemble of a file; the account lists the others and the bytes between."""
     sums = running_sums(data)
     found = []
-    at = told = 0  # the bytes before `told` are accounted for
+    at = counted = 0  # bytes before `counted` are in the account
     while (at := data.find(b"\x7f\x7f", at)) >= 0:
         offsets = _offsets(data, at)
         if offsets is None:
             at += 1
             continue
-        if at > told:
-            account.skip("bytes that belong to no ensemble", told, f"{at - told} bytes")
+        if at > counted:
+            account.skip("bytes that belong to no ensemble", counted, f"{at - counted} bytes")
         account.read += 1
         size = _WORD.unpack_from(data, at + 2)[0]
         end = at + size
@@ -171,13 +171,13 @@ def ensembles(data: bytes, account: Account) -> list[Ensemble]:
                 account.skip("without fixed or variable leader", at)
             else:
                 found.append(ensemble)
-            at = told = end + 2
+            at = counted = end + 2
             continue
         # Bytes may be missing from a damaged ensemble: the next may begin before its stated end.
-        told = max(told, min(end + 2, len(data)))
+        counted = max(counted, min(end + 2, len(data)))
         at += 2
-    if told < len(data):
-        account.skip("bytes that belong to no ensemble", told, f"{len(data) - told} bytes")
+    if counted < len(data):
+        account.skip("bytes that belong to no ensemble", counted, f"{len(data) - counted} bytes")
     return found
 
 
@@ -218,7 +218,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         else:
             _add(rows, e, e.time_ns)
     table = rows.finish(negate=options.negate_beams)
-    refuse_empty(account, place, "ensemble with bottom track")
+    raise_if_empty(account, place, "ensemble with bottom track")
     return _recording(table, account, pings, use)
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty, running_sums
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty, running_sums
 from bottomlock.io.sentences import LONGEST_LINE, lines_of, number
 
 NAME = "pd6"
@@ -97,7 +97,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
                 arrival_ns=v.host_ns,
             )
     table = rows.finish()
-    refuse_empty(account, place, ":BI sentence with a host's time")
+    raise_if_empty(account, place, ":BI sentence with a host's time")
     return Recording(
         format=NAME,
         table=table,

@@ -13,7 +13,7 @@ import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Recording
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
 from bottomlock.io.sentences import printable
 
 NAME = "ros"
@@ -68,9 +68,9 @@ def typestore(latest: bool = True) -> Any:  # noqa: ANN401, FBT001, FBT002 - the
 
 
 def _messages(path: Path, options: Options, place: str) -> Iterator[tuple[int, Any]]:
-    """Arrival time and message of the bag's only topic of these types, or of the one asked for."""
+    """Arrival time and message of the bag's only topic of these types, or of the requested one."""
     store = typestore()
-    from rosbags.highlevel import AnyReader  # noqa: PLC0415 - an extra; typestore has told if it is not there
+    from rosbags.highlevel import AnyReader  # noqa: PLC0415 - an extra; typestore raises without it
 
     with AnyReader([path], default_typestore=store) as reader:
         connections = [c for c in reader.connections if c.msgtype in TYPES]
@@ -113,7 +113,7 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
             raise DataError(f"{place}: cannot be read as a bag ({reason})") from error
         account.skip("the bag breaks off here", account.read + 1, reason)
     table = rows.finish(negate=options.negate_beams)
-    refuse_empty(account, place, TYPES[0])
+    raise_if_empty(account, place, TYPES[0])
     unit = np.array(geometry[0]) if geometry else np.zeros((_BEAMS, 3))
     return Recording(
         format=NAME,

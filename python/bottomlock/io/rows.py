@@ -225,7 +225,7 @@ def lost(account: Account) -> str:
     return f"; skipped: {', '.join(parts)}" if parts else ""
 
 
-def refuse_empty(account: Account, place: str, what: str) -> None:
+def raise_if_empty(account: Account, place: str, what: str) -> None:
     """Raises an error that lists what was found instead, where a file has no ping.
 
     Raises:

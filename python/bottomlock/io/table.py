@@ -3,19 +3,19 @@
 The map is a TOML file, or the `[columns]` of a geometry file. A velocity is taken as positive towards the bottom.
 """
 
-import tomllib
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 from pydantic import ValidationError
 
+from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beam_table import MOST_BEAMS, Account, Flags, Floats, Integers, Recording
 from bottomlock.io.beams import Columns, read_flags, read_times
 from bottomlock.io.columns import column_numbers, read_table
-from bottomlock.io.rows import PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.rows import PLAIN, Options, Rows, raise_if_empty
 
 NAME = "table"
 
@@ -34,12 +34,7 @@ def read_map(path: Path) -> Columns:
     Raises:
         ScenarioError: for a file that cannot be read, ill-formed TOML, or an unknown key.
     """
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{path}: cannot be read as text ({error})") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"{path}: not valid TOML: {error}") from error
+    content = parse_toml(read_text(path), place=str(path))
     try:
         return Columns.model_validate(content.get("columns", content))
     except ValidationError as error:
@@ -51,7 +46,7 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
 
     Raises:
         DataError: naming file, row and column, as `read_beams`; without beam columns where the instrument's velocity
-            alone is not asked for.
+            alone is not requested.
         ScenarioError: for a bad column map.
     """
     columns = Columns() if options.columns is None else read_map(Path(options.columns))
@@ -73,7 +68,7 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
     rows = Rows(beams, account)
     _add_rows(rows, frame, columns, place, time_ns, velocity, valid)
     table = rows.finish(negate=options.negate_beams)
-    refuse_empty(account, place, "row")
+    raise_if_empty(account, place, "row")
     return Recording(
         format=NAME,
         table=table,

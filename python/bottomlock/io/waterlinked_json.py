@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
 from bottomlock.io.sentences import lines_of
 
 NAME = "waterlinked-json"
@@ -162,7 +162,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             _add(rows, position, time_ns, report, beams, stale=block == before, keep_stale=options.keep_stale)
             before = block
     table = rows.finish(negate=options.negate_beams)
-    refuse_empty(account, place, "velocity report with transducers")
+    raise_if_empty(account, place, "velocity report with transducers")
     absolute = bool(clock.absolute)
     notes = []
     if not absolute:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, refuse_empty
+from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
 from bottomlock.io.sentences import LONGEST_LINE, crc8_07, hexadecimal, lines_of, number, whole
 
 NAME = "waterlinked-serial"
@@ -68,7 +68,7 @@ def _sentences(line: bytes, position: int, account: Account, *, trust: bool) -> 
         if good or trust:
             found.append(text.split(b","))
             if not good:
-                account.flag("bad checksum, kept as asked", position, text)
+                account.flag("bad checksum, kept on request", position, text)
         else:
             account.skip("bad checksum", position, match.group())
         at = match.end()
@@ -139,7 +139,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
 
     Raises:
         DataError: where there is no velocity report, or none has beams and the instrument's velocity alone is not
-            asked for.
+            requested.
     """
     account = Account(unit="line")
     pings = _pings(data, account, trust=options.ignore_checksum)
@@ -159,7 +159,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             account.flag("transducer report missing", ping.position)
         _add(rows, ping, time_ns)
     table = rows.finish(negate=options.negate_beams)
-    refuse_empty(account, place, "velocity report")
+    raise_if_empty(account, place, "velocity report")
     return Recording(
         format=NAME,
         table=table,

@@ -44,7 +44,7 @@ LEAST_GAP = 1e3
 
 @dataclass(frozen=True)
 class Aiding:
-    """What aids the inertial navigation; beams are numbered from 1, lever arms lie in the platform frame (m).
+    """A set of aiding sensors; beams are numbered from 1, lever arms lie in the platform frame (m).
 
     Examples:
         >>> Aiding(beams=(1, 2), depth=True).name
@@ -112,13 +112,13 @@ class Finding:
         noise_floor: what rounding and quadrature can make of a zero.
         basis: (n - rank, n) unobservable directions in SI, reduced row echelon form.
         pivots: (n - rank,) the state with coefficient 1 in each direction.
-        hidden: (n,) fraction of each scaled state that is unobservable: 0 for a state that is observable by itself.
+        unobservable_fraction: (n,) unobservable fraction of each scaled state: 0 for an observable state.
         scales: (n,) scale of each state.
         gramian: (n, n) Eq. 1 of Klein & Diamant 2015, SI, by the trapezoidal rule.
         rows: (m, n) the stack in SI.
         time_ns: (e,) epochs.
         rank_history, gap_history, decided_history: (e,) of the window that ends at each epoch; rank -1 at the first;
-            None unless asked for.
+            None unless requested.
         gravity_mps2: gravity, which names the coefficients.
     """
 
@@ -131,7 +131,7 @@ class Finding:
     noise_floor: float
     basis: Array
     pivots: NDArray[np.int64]
-    hidden: Array
+    unobservable_fraction: Array
     scales: Array
     gramian: Array
     rows: Array
@@ -157,7 +157,9 @@ class Finding:
     @property
     def observable_states(self) -> tuple[str, ...]:
         """States that are observable by themselves."""
-        return tuple(name for name, part in zip(self.states, self.hidden, strict=True) if part < 1e-6)
+        return tuple(
+            name for name, part in zip(self.states, self.unobservable_fraction, strict=True) if part < 1e-6
+        )
 
 
 def describe(
@@ -229,7 +231,7 @@ def observe(
         truth: any truth; the window is all of it.
         geometry: the beams.
         aidings: sets of sensors.
-        kind: the model; the 2015 model takes velocity and depth alone and knows no Earth rate.
+        kind: the model; the 2015 model takes velocity and depth alone, without Earth rate.
         earth_rate_radps: Earth rate that the truth was made with; 0 for an Earth at rest.
         period_s: interval between measurements.
         schedule: measurement times in place of the period; a sensor is used where it is in the set and scheduled.
@@ -259,7 +261,7 @@ def _finding(found: Any, gravity_mps2: float) -> Finding:  # noqa: ANN401 - the 
     """The kernel's result for one aiding set."""
     return Finding(
         states=tuple(found["states"]),
-        hidden=found["unobservable_fraction"],
+        unobservable_fraction=found["unobservable_fraction"],
         time_ns=found["epoch_time_ns"],
         rank_history=found.get("epoch_rank"),
         gap_history=found.get("epoch_gap"),

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from bottomlock.observability.report import Observed
 
-_SIGNS = {"observable": "", "hidden": "*", "undecided": "?"}
+_SIGNS = {"observable": "", "unobservable": "*", "undecided": "?"}
 
 
 def console_lines(made: Observed) -> Iterator[str | Table]:

@@ -58,7 +58,7 @@ class _Line:
 
 
 def deviation_figure(
-    deviations: pl.DataFrame, ranks: pl.DataFrame, case: str, *, title: str, hidden: Sequence[str] = ()
+    deviations: pl.DataFrame, ranks: pl.DataFrame, case: str, *, title: str, unobservable: Sequence[str] = ()
 ) -> Figure:
     """Standard deviations of every group of states and the rank, against time, for each window of a case.
 
@@ -67,7 +67,7 @@ def deviation_figure(
         ranks: `tables.observability.RANKS`; the rank is left out where it has no rows of the case.
         case: the case.
         title: text above the figure.
-        hidden: unobservable directions, written beside the panels.
+        unobservable: unobservable directions, written beside the panels.
 
     Raises:
         DataError: for tables of other columns.
@@ -82,7 +82,7 @@ def deviation_figure(
     }
     panels = [group for group in GROUPS if members[group]]
     with mpl.rc_context(STYLE):
-        count = len(panels) + (1 if rank_rows.height else 0) + (1 if hidden else 0)
+        count = len(panels) + (1 if rank_rows.height else 0) + (1 if unobservable else 0)
         deep = math.ceil(count / 2)
         figure = Figure(figsize=(9.4, 0.75 + 2.25 * deep))
         low, high = 0.5 / figure.get_figheight(), 1.0 - 0.8 / figure.get_figheight()
@@ -95,8 +95,8 @@ def deviation_figure(
             _draw(axes, group, _lines(rows, group, members[group], windows))
         if rank_rows.height:
             _draw_rank(figure.add_subplot(cells[len(panels)]), rank_rows, windows)
-        if hidden:
-            _draw_words(figure.add_subplot(cells[-1]), hidden)
+        if unobservable:
+            _draw_words(figure.add_subplot(cells[-1]), unobservable)
         for axes in figure.axes[-2:]:
             if axes.axison:
                 axes.set_xlabel("time, s")
@@ -217,10 +217,10 @@ def _draw_rank(axes: Axes, ranks: pl.DataFrame, windows: Sequence[str]) -> None:
     _label(axes, [line for line in lines if np.isfinite(line.value[-1])])
 
 
-def _draw_words(axes: Axes, hidden: Sequence[str]) -> None:
+def _draw_words(axes: Axes, unobservable: Sequence[str]) -> None:
     axes.set_axis_off()
     axes.set_title("unobservable", loc="left", fontsize=9.0, pad=4.0)
-    for k, line in enumerate(hidden):
+    for k, line in enumerate(unobservable):
         axes.text(0.0, 0.95 - 0.105 * k, line, transform=axes.transAxes, fontsize=8.0, color=_INK, va="top")
 
 

@@ -109,7 +109,7 @@ def best(table: pl.DataFrame) -> pl.DataFrame:
 def _word(found: Finding, state: int) -> str:
     if not found.decided:
         return "undecided"
-    return "observable" if found.states[state] in found.observable_states else "hidden"
+    return "observable" if found.states[state] in found.observable_states else "unobservable"
 
 
 def _initial_sd(model: Mapping[str, Any]) -> list[float]:

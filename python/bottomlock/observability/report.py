@@ -32,7 +32,7 @@ from bottomlock.tables.observability import DEVIATIONS, OBSERVABILITY, RANKS
 from bottomlock.truth.truth import Truth
 
 _ERRORS_OF = "straight"
-"""The packaged scenario whose sensor errors stand behind figures 1-6: the 2015 paper prints initial biases alone."""
+"""The packaged scenario whose sensor errors are used for figures 1-6: the 2015 paper prints initial biases only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,15 +66,17 @@ def scenario_schedule(simulation: Simulation, truth: Truth) -> tuple[Schedule, S
     others: dict[str, Times] = {}
     for sensor in SENSORS:
         times = plan[f"{sensor.name}_time_ns"]
-        heard = plan.get(f"{sensor.name}_heard")
-        others |= dict.fromkeys(sensor.updates, times if heard is None or not len(times) else times[heard])
+        received = plan.get(f"{sensor.name}_received")
+        others |= dict.fromkeys(
+            sensor.updates, times if received is None or not len(times) else times[received]
+        )
     pings = plan["dvl_time_ns"]
     valid = plan["beam_valid"].reshape(len(pings), simulation.geometry.beams)
-    flown, every = (
+    schedule, every = (
         Schedule.of(truth.time_ns, dvl_time_ns=pings, beam_valid=beams, others=others)
         for beams in (valid, np.ones_like(valid))
     )
-    return flown, every
+    return schedule, every
 
 
 def observe_scenario(source: str | Path, out: Path) -> Observed:
@@ -160,7 +162,7 @@ _WINDOWS = 120
 
 
 def _under_water(own: Aiding) -> Aiding:
-    """The aiding of a manoeuvre under water: without GPS, which is received at the surface alone."""
+    """The aiding of a manoeuvre under water: without GPS, which is received at the surface only."""
     under_water = replace(own, gps_position=False, gps_velocity=False)
     return own if under_water == Aiding() else under_water
 
@@ -199,8 +201,10 @@ def observe_paper(out: Path) -> Observed:
     for case in PAPER_CASES:
         path = out / "figures" / f"{names[case.name]}.png"
         title = f"{case.name} (Klein & Diamant 2015, figure {case.figure})"
-        hidden = _hidden_words(table.filter(case=case.name, model=case.model("paper")))
-        save_figure(deviation_figure(sds, ranks, case.name, title=title, hidden=hidden), _made(path))
+        unobservable = _unobservable_directions(table.filter(case=case.name, model=case.model("paper")))
+        save_figure(
+            deviation_figure(sds, ranks, case.name, title=title, unobservable=unobservable), _made(path)
+        )
         paths.append(path)
     return Observed(table, None, None, tuple(paths))
 
@@ -209,7 +213,7 @@ _ROOM = 9
 """Lines of words that a panel holds."""
 
 
-def _hidden_words(rows: pl.DataFrame) -> list[str]:
+def _unobservable_directions(rows: pl.DataFrame) -> list[str]:
     """Unobservable directions of each window; none where they would not fit."""
     words: list[str] = []
     for row in rows.iter_rows(named=True):

@@ -193,15 +193,15 @@ def paper_histories(model: Mapping[str, Any]) -> tuple[pl.DataFrame, pl.DataFram
                 (found,) = _look(case, window, kind, growing=True)
                 columns = {
                     "time_ns": found.time_ns[1:],
-                    "rank": _asked(found.rank_history)[1:],
-                    "decided": _asked(found.decided_history)[1:],
+                    "rank": _requested(found.rank_history)[1:],
+                    "decided": _requested(found.decided_history)[1:],
                 }
                 labels = {"case": case.name, "motion": window, "model": case.model(kind)}
                 rank_rows.append(_labelled(columns, labels | {"printed_rank": case.printed_rank}, RANKS))
     return pl.concat(sd_rows), pl.concat(rank_rows)
 
 
-def _asked(history: Any) -> Any:  # noqa: ANN401 - an array of either kind
+def _requested(history: Any) -> Any:  # noqa: ANN401 - an array of either kind
     assert history is not None
     return history
 

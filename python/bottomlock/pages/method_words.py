@@ -1,4 +1,4 @@
-"""What each aiding method does with the beams, one line each."""
+"""One line on each aiding method."""
 
 METHOD_WORDS = {
     "ins": "nothing: the inertial system alone",

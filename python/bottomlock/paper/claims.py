@@ -115,13 +115,13 @@ class DriftClaim(_Claim):
 
 
 class BiasClaim(_Claim):
-    """What is left of the IMU's biases at the end, as fractions of the bias itself (the error without aiding)."""
+    """Remaining errors of the IMU biases at the end, as fractions of the bias (the error without aiding)."""
 
     kind: Literal["bias"]
     methods: list[str]
     biases: list[str]
     """Of `tables.campaign.BIASES`."""
-    pattern: Literal["observable", "hidden", "more"]
+    pattern: Literal["observable", "unobservable", "more"]
     """All shrink; none shrinks; all together shrink more than on another trajectory."""
     tolerance: float = 0.0
     than_trajectory: str | None = None

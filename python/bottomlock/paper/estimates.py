@@ -176,7 +176,7 @@ def _biases(claim: BiasClaim, here: TrajectoryErrors, there: TrajectoryErrors) -
     left: dict[tuple[str, ...], Estimate] = {
         (method, bias): here.bias_left(method, bias) for method in claim.methods for bias in claim.biases
     }
-    return _worst(left, least=claim.pattern == "hidden")
+    return _worst(left, least=claim.pattern == "unobservable")
 
 
 def _all_left(trajectory: TrajectoryErrors, method: str, claim: BiasClaim) -> Estimate:

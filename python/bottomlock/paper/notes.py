@@ -1,4 +1,4 @@
-"""What the tables say about a claim that they do not reproduce."""
+"""Explanations, from the tables, of claims that are not reproduced."""
 
 import numpy as np
 import polars as pl

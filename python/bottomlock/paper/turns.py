@@ -23,7 +23,7 @@ def turns_and_legs(campaign: CampaignTables, trajectory: str, time_s: Array) -> 
         time_s: (times,) of the samples.
 
     Raises:
-        NotTestableError: where turns cannot be told from legs, with the reason.
+        NotTestableError: if turns and legs cannot be identified, with the reason.
     """
     settings = campaign.configuration(trajectory)["trajectory"]
     if any(settings.get(key) is None for key in ("dive_s", "leg_s", "turn_s")):

@@ -3,13 +3,13 @@
 SNAME notation in the platform frame (FRD) with its origin at the centre of buoyancy; all fields are SI floats.
 """
 
-import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import coefficients as coef
 
@@ -226,11 +226,7 @@ def load_vehicle(name_or_path: str | Path) -> Vehicle:
     2.0
     """
     text, label = _read(name_or_path)
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"vehicle {label}: not valid TOML: {error}") from error
-    return parse_vehicle(tables, label)
+    return parse_vehicle(parse_toml(text, place=f"vehicle {label}"), label)
 
 
 def parse_vehicle(tables: dict[str, Any], label: str) -> Vehicle:
@@ -261,4 +257,4 @@ def _read(name_or_path: str | Path) -> tuple[str, str]:
     if not path.is_file():
         known = ", ".join(packaged_vehicles())
         raise ScenarioError(f"vehicle '{name_or_path}': neither a packaged vehicle ({known}) nor a file")
-    return path.read_text(encoding="utf-8"), str(path)
+    return read_text(path), str(path)

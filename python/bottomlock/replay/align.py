@@ -223,7 +223,7 @@ def _recorded_angles(inputs: _AlignmentInputs) -> tuple[Floats, str]:
 
 
 def _level_frame(roll: float, pitch: float, vector_p: Floats) -> Floats:
-    """A platform vector (3,) rotated through roll and pitch alone, into the level frame of the same heading."""
+    """A platform vector (3,) rotated through roll and pitch only, into the level frame of the same heading."""
     return np.asarray(from_angles(roll, pitch, 0.0).apply(vector_p))
 
 
@@ -282,9 +282,9 @@ def _gyrocompass(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[f
     error = float(np.hypot(inputs.imu.gyro_bias_sd_radps, rate.sd.max()))
     if error > 0.5 * horizontal:
         raise DataError(
-            f'start.heading = "gyrocompass": the mean rate is known to {error:.2g} rad/s (bias and scatter), expected '
-            f"at most half the Earth's horizontal rate here, {horizontal:.2g} rad/s: the gyros are not accurate "
-            "enough, or start.window_s is too short"
+            f'start.heading = "gyrocompass": the mean rate has an error of {error:.2g} rad/s (bias and scatter), '
+            f"expected at most half the Earth's horizontal rate here, {horizontal:.2g} rad/s: the gyros are not "
+            "accurate enough, or start.window_s is too short"
         )
     return heading, error / horizontal, f"gyrocompass over {inputs.case.start.window_s:g} s"
 
@@ -328,7 +328,7 @@ def _velocity(inputs: _AlignmentInputs) -> tuple[Floats, Floats, str]:
         beams.valid[ping],
         method="lc",
         beam_sd_mps=beams.sd_mps[row],
-        rate_tp_p_radps=inertial.omega_p_radps[nearest : nearest + 1],
+        omega_tp_p_radps=inertial.omega_p_radps[nearest : nearest + 1],
     )
     if not np.isfinite(fix.velocity_p_mps).all():
         raise DataError(

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -18,6 +17,7 @@ from bottomlock.config.scenario_sections import (
     Vector,
     check_methods,
 )
+from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import METHODS
@@ -238,11 +238,7 @@ def load_case(path: str | Path) -> Case:
     path = Path(path)
     if not path.is_file():
         raise ScenarioError(f"{path}: no such case file")
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{path}: cannot be read as text ({error})") from error
-    return parse_case(text, place=str(path), folder=path.parent)
+    return parse_case(read_text(path), place=str(path), folder=path.parent)
 
 
 def parse_case(text: str, *, place: str, folder: Path | None = None) -> Case:
@@ -251,10 +247,7 @@ def parse_case(text: str, *, place: str, folder: Path | None = None) -> Case:
     Raises:
         ScenarioError: as `load_case`.
     """
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"{place}: not valid TOML: {error}") from error
+    content = parse_toml(text, place=place)
     if folder is not None:
         _from_folder(content, folder)
     try:

@@ -173,7 +173,7 @@ def _solve(
 def _response(
     geometry: BeamGeometry, y: Floats, shown: Flags, sd_mps: Floats, method: str, priors: Priors
 ) -> Floats:
-    """(n, 3, 3) derivative of a method's velocity by the true velocity, through the beams alone.
+    """(n, 3, 3) derivative of a method's velocity by the true velocity, through the beams only.
 
     Every method is linear in the beams, so that three velocities of 1 m/s give the derivative exactly.
     """

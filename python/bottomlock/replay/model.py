@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from bottomlock import units
+from bottomlock.config.scenario_sections import ImuErrors
 from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2
 from bottomlock.replay.case import Case
 from bottomlock.replay.sensors import SENSORS
-from bottomlock.replay.stream_sections import ImuErrors
 from bottomlock.replay.streams import Floats, Streams
 
 

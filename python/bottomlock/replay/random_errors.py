@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock import units
+from bottomlock.config.scenario_sections import ImuErrors
 from bottomlock.kernel import BeamGeometry
 from bottomlock.plant.beam_loss import generator
-from bottomlock.replay.stream_sections import ImuErrors
 from bottomlock.replay.streams import Flags, Floats, Inertial
 
 _NOISE, _FORCE, _OMEGA, _START = 0xE1, 0xE2, 0xE3, 0xE4

@@ -1,4 +1,4 @@
-"""The sensors of a case beside IMU and DVL: what each gives to the kernel's model, options and log.
+"""The sensors of a case beside IMU and DVL: the entries of each in the kernel's model, options and log.
 
 A sensor is a section of the case and a line of `SENSORS`; nothing else here names the sensors one by one.
 """
@@ -18,7 +18,7 @@ Within = Callable[[Times], slice]
 
 @dataclass(frozen=True)
 class Sensor:
-    """What follows from a sensor of a case.
+    """Declaration of a sensor of a case.
 
     Attributes:
         section: its section in a case.

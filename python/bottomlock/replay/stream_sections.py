@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, Section, Vector
+from bottomlock.config.scenario_sections import Finite, ImuErrors, NonNegative, Positive, Section, Vector
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Axes = tuple[Axis, Axis, Axis]
@@ -76,17 +76,6 @@ class MountedStream(Stream):
     def _axes_once(self) -> Self:
         check_axes(self.axes)
         return self
-
-
-class ImuErrors(Section):
-    """Errors of inertial sensors, 1 sigma, with the keys of a scenario's [imu] section."""
-
-    accel_bias_mg: NonNegative
-    gyro_bias_deg_per_h: NonNegative
-    accel_noise_mps_per_rt_h: NonNegative
-    gyro_noise_deg_per_rt_h: NonNegative
-    accel_bias_walk_mps2_per_rt_s: NonNegative = 0.0
-    gyro_bias_walk_deg_per_s_per_rt_s: NonNegative = 0.0
 
 
 class ImuStream(MountedStream):
@@ -215,7 +204,7 @@ class PositionStream(Stream):
 
 
 class GpsStream(PositionStream):
-    """GPS positions of an antenna at `lever_arm_m` from the IMU; with `aids` = false the alignment alone uses them."""
+    """GPS positions of an antenna at `lever_arm_m` from the IMU; with `aids` = false only the alignment uses them."""
 
     position_sd_m: tuple[Positive, Positive, Positive] = (2.0, 2.0, 4.0)
     aids: bool = True

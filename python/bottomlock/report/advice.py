@@ -72,7 +72,7 @@ class Choice:
 
 
 def advise(campaign: CampaignTables, errors: Mapping[str, RunErrors]) -> list[Advice]:
-    """What the tables say about each trajectory; `errors` by its name."""
+    """Recommendations for each trajectory from the tables; `errors` by its name."""
     return [_advise_on(campaign, name, errors[name]) for name in campaign.trajectories]
 
 

@@ -40,7 +40,7 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Report:
-    """What was written: the page, the figures' files and the table of claims."""
+    """The written files: page, figures and table of claims."""
 
     page: Path
     figures: list[Path]

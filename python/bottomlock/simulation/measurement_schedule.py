@@ -1,4 +1,4 @@
-"""What the sensors of a simulation measure and when: epochs, returning beams, ranges, GPS reception, offsets."""
+"""Times and conditions of the measurements of a simulation: epochs, returning beams, ranges, GPS reception, offsets."""
 
 from typing import Any
 
@@ -98,7 +98,7 @@ class MeasurementSchedule:
             attitude = _between(time_ns, attitude_t_p, now["magnetometer"])
             schedule["yaw_offset_rad"] = _flat(self._heading_error_rad(attitude))
         if scenario.gps.enabled:
-            schedule["gps_heard"] = _flat(self._gps.received(time_ns, position_t_m[..., 2], now["gps"]))
+            schedule["gps_received"] = _flat(self._gps.received(time_ns, position_t_m[..., 2], now["gps"]))
         return schedule, hits
 
     def _unconditional(self, trajectory_key: int, first_run: int, runs: int) -> NDArray[np.bool_]:
@@ -176,7 +176,7 @@ def measurement_schedule(
 
     Returns:
         `dvl_time_ns`, `sample_time_ns` and the epochs of the other sensors, int64 ns; `beam_valid` (epochs, beams), or
-        (runs, epochs, beams) where it is random; `depth_offset_m`, `yaw_offset_rad` and `gps_heard` where the scenario
+        (runs, epochs, beams) where it is random; `depth_offset_m`, `yaw_offset_rad` and `gps_received` if the scenario
         has these sensors.
 
     Raises:

@@ -1,7 +1,7 @@
-"""One run fed to a navigator an event at a time: what each DVL fix did to the estimate.
+"""One simulated run, event by event: the effect of each DVL fix on the estimate.
 
-A campaign keeps errors once a second and sums over fixes; what one fix did shows only in the streaming navigator, which
-ends in the same bits.
+A campaign records errors once a second and sums over fixes. The effect of a single fix is available only from the
+streaming navigator, whose results are the same bits.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,16 +24,16 @@ _VELOCITY = slice(6, 9)
 
 @dataclass(frozen=True, eq=False)
 class Fix:
-    """What one ping did.
+    """Effect of one ping on the estimate.
 
     Attributes:
-        time_ns: when.
+        time_ns: time of the ping.
         step_p_mps: (3,) estimate of velocity after minus before, platform frame.
-        before_sd_mps: (3,) standard deviation claimed before.
+        before_sd_mps: (3,) claimed standard deviation of velocity before.
         after_sd_mps: (3,) and after.
         nis: normalised innovation squared.
-        degrees: number of rows behind it.
-        used: whether the gate let any of it through.
+        degrees: its degrees of freedom.
+        used: whether the gate accepted any row.
     """
 
     time_ns: int
@@ -46,16 +46,16 @@ class Fix:
 
 
 class Readings:
-    """What the sensors of one run read, with every beam returning: masks are laid over it afterwards.
+    """The sensor readings of one run with every beam; masks are applied later.
 
-    Lost beams draw as well, so a mask changes nothing but which of the readings count.
+    Noise is drawn for lost beams too, so a mask changes only which readings are used.
     """
 
     def __init__(self, simulation: Simulation, truth: Truth, *, run: int) -> None:
         """Draws the readings of `run` as a campaign of this scenario does.
 
         Raises:
-            ScenarioError: where a ping falls between two inertial samples: its step could not be told from the motion.
+            ScenarioError: if a ping falls between two inertial samples; its step and the motion cannot be separated.
         """
         scenario = simulation.scenario
         key = trajectory_key(scenario.name)
@@ -92,33 +92,33 @@ class Readings:
         return times
 
     def fixes(self, method: str, valid: NDArray[np.bool_], watched: Sequence[int]) -> Iterator[Fix]:
-        """Flies a method with the beams of `valid`, (pings, beams), and tells of the pings whose numbers are `watched`.
+        """Runs a method with the beams of `valid`, (pings, beams), and yields the fixes of the pings `watched`.
 
-        Nothing is flown beyond the last of these. A ping that gives the method nothing to fuse is not told of.
+        The run ends at the last of these pings. A ping without a fix by the method yields nothing.
         """
         navigator = kernel.Navigator(
             self.simulation.geometry, self._model, self._options, self._drawn["initial"], method=method
         )
-        told, last_ns = set(watched), int(self.ping_time_ns[max(watched)])
-        # The reference flies with every beam, as in a campaign.
+        wanted, last_ns = set(watched), int(self.ping_time_ns[max(watched)])
+        # The reference method has every beam, as in a campaign.
         flags = np.ones_like(valid) if method == "lc" else valid
-        flown = 0
+        pushed = 0
         imu_ns = self._drawn["imu_time_ns"]
         for time_ns, sensor, k in self._events():
             if time_ns > last_ns:
                 return
             upto = int(np.searchsorted(imu_ns, time_ns, side="right"))
-            if upto > flown:
-                stretch = slice(flown, upto)
+            if upto > pushed:
+                block = slice(pushed, upto)
                 navigator.push_imu_block(
-                    imu_ns[stretch],
-                    self._drawn["imu_omega_p_radps"][stretch],
-                    self._drawn["imu_force_p_mps2"][stretch],
+                    imu_ns[block],
+                    self._drawn["imu_omega_p_radps"][block],
+                    self._drawn["imu_force_p_mps2"][block],
                 )
-                flown = upto
+                pushed = upto
             if sensor != "dvl":
                 self._aid(navigator, sensor, k, time_ns)
-            elif k in told:
+            elif k in wanted:
                 yield from self._watched(navigator, k, flags[k])
             else:
                 self._ping(navigator, k, flags[k])

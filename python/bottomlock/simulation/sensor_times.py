@@ -1,4 +1,4 @@
-"""When each sensor measures, and which beams the settings alone remove."""
+"""Measurement times of each sensor, and the beams lost by settings."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -2,8 +2,8 @@
 
 from scipy.stats import chi2
 
-CONSISTENT, OVERCONFIDENT, CAUTIOUS = "consistent", "overconfident", "conservative"
-VERDICTS = (CONSISTENT, OVERCONFIDENT, CAUTIOUS)
+CONSISTENT, OVERCONFIDENT, CONSERVATIVE = "consistent", "overconfident", "conservative"
+VERDICTS = (CONSISTENT, OVERCONFIDENT, CONSERVATIVE)
 
 
 def each_probability(false_alarm: float, tests: int) -> float:
@@ -45,7 +45,7 @@ def verdict(low: float, least: float, greatest: float, high: float) -> str:
     """
     if greatest > high:
         return OVERCONFIDENT
-    return CAUTIOUS if least < low else CONSISTENT
+    return CONSERVATIVE if least < low else CONSISTENT
 
 
 def detectable_factor(degrees: int, runs: int, probability: float, power: float = 0.9) -> float:

@@ -1,6 +1,6 @@
-"""Variants of a scenario that differ in nothing but which beams return, so that their runs are pairs.
+"""Variants of a scenario that differ only in which beams return, so that their runs are paired.
 
-A variant keeps the scenario's name, and with it the random streams: run k meets the same sensor errors in all of them.
+A variant keeps the scenario's name, and with it the random streams: run k has the same sensor errors in all of them.
 """
 
 from dataclasses import dataclass
@@ -15,16 +15,16 @@ PAPER_TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
 """The packaged scenarios of the 2017 paper."""
 
 VARYING = "varying"
-"""Stands in place of the beams where they come and go."""
+"""In place of the list of beams where it changes with time."""
 
 MEAN_UP_S, MEAN_DOWN_S = 20.0, 10.0
-"""Dropouts of every beam by itself: two thirds of the time up, and every mask occurs, now and then that without any."""
+"""Independent dropouts of every beam, valid two thirds of the time: every mask occurs, also that without beams."""
 
 SLOPE_BELOW_START_M = 48.0
 SLOPE_NORTH_DEG, SLOPE_EAST_DEG = 1.0, 12.0
 SLOPE_MAX_RANGE_M, SLOPE_MAX_INCIDENCE_DEG = 60.0, 70.0
-"""A seabed that falls away to the east and a little to the north: downhill beams go out of range first. The altitude is
-chosen so that each packaged trajectory begins with four beams and loses some on its way."""
+"""A seabed that slopes down to the east and slightly to the north: downhill beams go out of range first. With this
+altitude each packaged trajectory starts with four beams and loses some later."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Case:
 
 
 def beam_list(mask: tuple[int, ...]) -> str:
-    """Beams for people: `1,2`.
+    """Beams as text: `1,2`.
 
     >>> beam_list((1, 2))
     '1,2'
@@ -46,7 +46,7 @@ def beam_list(mask: tuple[int, ...]) -> str:
 
 
 def masks(beams: int, *, whole: bool = True) -> list[tuple[int, ...]]:
-    """Every set of returning beams, 1 to `beams`, more beams first; without the whole set if so asked.
+    """Every set of returning beams, 1 to `beams`, more beams first; `whole`: with all beams.
 
     >>> masks(3)
     [(1, 2, 3), (1, 2), (1, 3), (2, 3), (1,), (2,), (3,)]
@@ -80,14 +80,14 @@ def masked(scenario: Scenario, mask: tuple[int, ...]) -> Case:
 
 
 def dropouts(scenario: Scenario) -> Case:
-    """The scenario with beams that come and go by chance, each by itself."""
+    """The scenario with random dropouts of each beam, independently."""
     every = tuple(range(1, scenario.dvl.beams + 1))
     rule = Dropout(beams=every, mean_up_s=MEAN_UP_S, mean_down_s=MEAN_DOWN_S)
     return Case("dropouts", VARYING, _on_truth(scenario, dropouts=(rule,)))
 
 
 def over_slope(scenario: Scenario, start_depth_m: float) -> Case:
-    """The scenario over a slope where range and incidence alone lose beams: its own seabed, or ours below its start."""
+    """The scenario over a slope, with beams lost by range and incidence only: its own seabed, or a default one."""
     if scenario.seabed:
         limits = ("min_range_m", "max_range_m", "max_incidence_deg")
         kept = {name: getattr(scenario.dvl, name) for name in limits}
@@ -105,10 +105,10 @@ def over_slope(scenario: Scenario, start_depth_m: float) -> Case:
 
 
 def outage(scenario: Scenario, mask: tuple[int, ...], *, from_s: float, to_s: float) -> Case:
-    """The scenario with every beam, but between two times these alone (`masked` says what is refused)."""
+    """The scenario with every beam, but between two times only those of `mask` (errors as `masked`)."""
     partial = masked(scenario, mask)
     rule = {"beams": partial.scenario.dvl.beams_lost, "from_s": from_s, "to_s": to_s}
-    # Through the section's own check: an empty stretch of time is refused there.
+    # The section's own check rejects an empty interval.
     checked = type(scenario.dvl).model_validate(_whole(scenario) | {"outages": [rule]})
     return Case(partial.name, partial.beams, partial.scenario.model_copy(update={"dvl": checked}))
 

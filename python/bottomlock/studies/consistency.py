@@ -29,7 +29,7 @@ PARTS = ("cells", "consistency.parquet", "consistency.md", study_folder.MANIFEST
 FALSE_ALARM = 0.01
 TIMES = 5
 BLIND = ("ins", "lc")
-"""Methods that do not look at which beams are lost: judged once, with all of them."""
+"""Methods whose beams do not depend on the mask: judged once, with all beams."""
 
 
 def parse_masks(text: str | None, beams: int) -> list[tuple[int, ...]]:
@@ -57,7 +57,7 @@ def parse_masks(text: str | None, beams: int) -> list[tuple[int, ...]]:
 
 
 def configuration(scenarios: Sequence[Scenario], masks: Sequence[tuple[int, ...]]) -> str:
-    """Hash of what decides the consistency study."""
+    """Hash of the settings that determine the consistency study."""
     content = [
         (s.name, build_simulation(s).fingerprint(), list(s.campaign.methods), s.campaign.runs)
         for s in scenarios
@@ -74,13 +74,13 @@ def run_consistency(
     threads: int = 0,
     progress: Callable[[str, int, int], None] = lambda _cell, _done, _total: None,
 ) -> pl.DataFrame:
-    """Flies the matrix and writes `consistency.parquet` and `consistency.md` to `out`; finished cells there are kept.
+    """Runs the matrix and writes `consistency.parquet` and `consistency.md`; finished cells in `out` are kept.
 
     Args:
-        scenarios: trajectories, of different names; their runs, seed and methods count.
+        scenarios: trajectories of different names, with runs, seed and methods.
         masks: sets of returning beams, as `cases.masks` gives them.
         out: directory, claimed by the caller (`study_folder.claim`).
-        command: what to type to have the same again, for the text.
+        command: the command that reproduces the study, for the text.
         threads: 0 for as many as there are cores. The numbers do not depend on it.
         progress: called after each cell with its name, the number of finished cells and of all cells.
 
@@ -88,9 +88,9 @@ def run_consistency(
         The table `tables.studies.CONSISTENCY_STUDY`.
 
     Raises:
-        ScenarioError: for a scenario or mask that makes no sense.
-        OutputError: where `out` cannot be written.
-        KernelError: for input that the kernel refuses, naming run and method.
+        ScenarioError: for a scenario or mask that is not valid.
+        OutputError: if `out` cannot be written.
+        KernelError: for input that the kernel rejects, naming run and method.
     """
     parts = []
     total = len(scenarios) * len(masks)
@@ -99,7 +99,7 @@ def run_consistency(
             case = cases.masked(scenario, mask)
             path = out / "cells" / f"{scenario.name}-{case.name}.parquet"
             if not path.exists():
-                write_parquet(path, fly_cell(case, whole=len(mask) == scenario.dvl.beams, threads=threads))
+                write_parquet(path, run_cell(case, whole=len(mask) == scenario.dvl.beams, threads=threads))
             parts.append(pl.read_parquet(path))
             progress(f"{scenario.name} {case.name}", len(parts), total)
     means = pl.concat(parts)
@@ -125,7 +125,7 @@ def run_consistency(
 
 
 def judged_times_s(duration_s: float) -> list[float]:
-    """Times at which NEES is judged: the ends of equal parts of the way, on the full second.
+    """Times at which NEES is judged: the ends of equal parts of the duration, at full seconds.
 
     >>> judged_times_s(250.0)
     [50.0, 100.0, 150.0, 200.0, 250.0]
@@ -134,8 +134,8 @@ def judged_times_s(duration_s: float) -> list[float]:
     return sorted(time_s for time_s in times if time_s >= 1.0)
 
 
-def fly_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame:
-    """Every method under one mask on one trajectory: the means that are to be judged."""
+def run_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame:
+    """Every method under one mask on one trajectory: the means to be judged."""
     simulation = build_simulation(case.scenario)
     scenario = simulation.scenario
     truth = simulation.truth()

@@ -8,15 +8,15 @@ import polars as pl
 from jinja2 import Environment, StrictUndefined
 
 from bottomlock.pages.numbers import plain
-from bottomlock.statistics.chi_squared import CAUTIOUS, CONSISTENT, OVERCONFIDENT, detectable_factor
+from bottomlock.statistics.chi_squared import CONSERVATIVE, CONSISTENT, OVERCONFIDENT, detectable_factor
 
 QUANTITIES = {
     "nees_velocity_attitude": "NEES of velocity and attitude",
     "nees": "NEES of the whole state",
     "nis": "NIS of the DVL fixes",
 }
-_SUFFIX = {CONSISTENT: "consistent", OVERCONFIDENT: "overconfident", CAUTIOUS: "cautious"}
-_MARKS = {CONSISTENT: "", OVERCONFIDENT: " ▲", CAUTIOUS: " ▽"}
+_SUFFIX = {CONSISTENT: "consistent", OVERCONFIDENT: "overconfident", CONSERVATIVE: "conservative"}
+_MARKS = {CONSISTENT: "", OVERCONFIDENT: " ▲", CONSERVATIVE: " ▽"}
 
 
 def consistent_cells(table: pl.DataFrame) -> pl.DataFrame:
@@ -33,7 +33,7 @@ def consistent_cells(table: pl.DataFrame) -> pl.DataFrame:
 def methods_summary(table: pl.DataFrame) -> pl.DataFrame:
     """A row per method: cells (trajectory and mask), those consistent, and the verdicts by quantity.
 
-    Columns: method, cells, consistent, and for each quantity Q: Q_consistent, Q_overconfident, Q_cautious.
+    Columns: method, cells, consistent, and for each quantity Q: Q_consistent, Q_overconfident, Q_conservative.
     """
     summary = (
         consistent_cells(table)
@@ -59,7 +59,7 @@ def counts_of(row: Mapping[str, Any]) -> list[str]:
 
 def decisive(row: Mapping[str, Any]) -> float:
     """The mean that decides a verdict: the greatest or least where it is outside, else the mean over the times."""
-    name = {OVERCONFIDENT: "greatest", CAUTIOUS: "least"}.get(row["verdict"], "mean")
+    name = {OVERCONFIDENT: "greatest", CONSERVATIVE: "least"}.get(row["verdict"], "mean")
     return float(row[name])
 
 
@@ -106,7 +106,7 @@ def answer(table: pl.DataFrame) -> list[str]:
         f"**Consistent cells:** {_listed(ranked, 'consistent')}.",
         f"**Never overconfident**, in any quantity: {', '.join(never) or 'no method'}.",
         f"**Overconfident in velocity and attitude**, cells: {_listed(counts, f'{core}_overconfident')}.",
-        f"**Conservative in velocity and attitude**, cells: {_listed(counts, f'{core}_cautious')}.",
+        f"**Conservative in velocity and attitude**, cells: {_listed(counts, f'{core}_conservative')}.",
         f"**Every aided method is consistent** with the beams {'; '.join(whole) or 'of no mask'}.",
     ]
 
@@ -152,7 +152,7 @@ def _matrices(table: pl.DataFrame) -> Iterator[str]:
             continue
         yield from (f"## {words}", "")
         if quantity == "nis":
-            yield "Mean NIS over the number of fused rows: 1 where the claim is right."
+            yield "Mean NIS over the number of fused rows: 1 for a consistent filter."
         else:
             low, high = chosen["band_lo"][0], chosen["band_hi"][0]
             yield f"Expected {chosen['degrees'][0]:g}, band {low:.2f} to {high:.2f}."

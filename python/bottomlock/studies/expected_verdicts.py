@@ -15,7 +15,7 @@ from bottomlock.statistics.chi_squared import OVERCONFIDENT
 
 
 class Expectation(Section):
-    """What all cells of some methods, trajectories and masks are to show; an empty list means every one that is there.
+    """Expected verdict of all cells of some methods, trajectories and masks; an empty list means all.
 
     "not overconfident" allows both of the other verdicts.
     """
@@ -63,7 +63,7 @@ def check_names(
     trajectories: Collection[str],
     beams: Collection[str],
 ) -> None:
-    """Refuses an expectation of what is not in a consistency study: it would pass unseen.
+    """Rejects an expectation for a cell that is not in a consistency study; it would always pass.
 
     Raises:
         DataError: naming the method, trajectory or mask.

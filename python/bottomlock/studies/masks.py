@@ -1,7 +1,7 @@
-"""What each method is worth under every partial mask: the same table for all of them, on the same runs.
+"""Performance of each method with every partial mask, on the same runs.
 
 One campaign per case (a mask from first to last, dropouts by chance, loss over a slope) in a folder of its own, all
-with the scenarios' own names and so with the same random streams: differences between cases are paired.
+with the scenarios' own names and therefore the same random streams, so differences between cases are paired.
 """
 
 from collections.abc import Callable, Sequence
@@ -67,7 +67,7 @@ def select(found: Sequence[cases.Case], wanted: Sequence[str] | None) -> list[ca
 
 
 def configuration(scenarios: Sequence[Scenario]) -> str:
-    """Hash of what decides a study's numbers, apart from the number of runs and the choice of cases."""
+    """Hash of the settings that determine a study's numbers, except the number of runs and the choice of cases."""
     simulations = [build_simulation(scenario) for scenario in scenarios]
     return study_folder.configuration_hash(
         [(w.scenario.name, w.fingerprint(), list(w.scenario.campaign.methods)) for w in simulations]
@@ -75,7 +75,7 @@ def configuration(scenarios: Sequence[Scenario]) -> str:
 
 
 def mean_beams(case: cases.Case) -> float:
-    """Beams that return per ping, on average over the way and the runs."""
+    """Mean number of valid beams per ping over time and runs."""
     simulation = build_simulation(case.scenario)
     plan = measurement_schedule(
         simulation,
@@ -94,11 +94,11 @@ def run_masks(
     threads: int = 0,
     progress: Callable[[str, CampaignProgress], None] = lambda _case, _progress: None,
 ) -> pl.DataFrame:
-    """Flies the cases and writes `masks.parquet` to `out`; finished chunks there are kept.
+    """Runs the cases and writes `masks.parquet` to `out`; finished chunks there are kept.
 
     Args:
-        scenarios: what to fly, of different names; their own rules of beam loss are replaced, and their vehicles fly
-            on the truth.
+        scenarios: trajectories of different names; their own rules of beam loss are replaced, and their vehicles are
+            steered on the truth.
         out: directory, claimed by the caller (`study_folder.claim`).
         wanted: names of cases; all for None.
         threads: 0 for as many as there are cores.
@@ -109,8 +109,8 @@ def run_masks(
 
     Raises:
         ScenarioError: for scenarios of one name, instruments of different beams, and unknown cases.
-        OutputError: where `out` cannot be written.
-        KernelError: for input that the kernel refuses, naming run and method.
+        OutputError: if `out` cannot be written.
+        KernelError: for input that the kernel rejects, naming run and method.
     """
     if len({scenario.dvl.beams for scenario in scenarios}) != 1:
         raise ScenarioError("expected scenarios whose instruments have the same number of beams")
@@ -119,15 +119,15 @@ def run_masks(
     for same in zip(*by_scenario, strict=True):
         case = same[0]
 
-        def told(state: CampaignProgress, name: str = case.name) -> None:
+        def report(state: CampaignProgress, name: str = case.name) -> None:
             progress(name, state)
 
         results = run_campaign(
-            [one.scenario for one in same], out / "cases" / case.name, threads=threads, progress=told
+            [one.scenario for one in same], out / "cases" / case.name, threads=threads, progress=report
         )
         parts.append(gather(case, results.runs, results.ensemble, results.consistency))
-    flown = pl.concat(parts)
-    table = pl.concat([flown.filter(pl.col("trajectory") == scenario.name) for scenario in scenarios])
+    by_case = pl.concat(parts)
+    table = pl.concat([by_case.filter(pl.col("trajectory") == scenario.name) for scenario in scenarios])
     write_parquet(out / "masks.parquet", table)
     return table
 

@@ -8,7 +8,7 @@ import polars as pl
 from bottomlock.pages.numbers import plain
 from bottomlock.statistics import chi_squared
 
-_MARKS = {chi_squared.CONSISTENT: "", chi_squared.OVERCONFIDENT: " ▲", chi_squared.CAUTIOUS: " ▽"}
+_MARKS = {chi_squared.CONSISTENT: "", chi_squared.OVERCONFIDENT: " ▲", chi_squared.CONSERVATIVE: " ▽"}
 
 
 def markdown(table: pl.DataFrame, summary: pl.DataFrame | None) -> str:

@@ -1,8 +1,8 @@
 """Recovery when beams return: the step of a method's velocity and its innovations at the first fixes of full lock.
 
-For a minute in mid-way two beams return, before and after it all. An honest filter knows how far it has drifted: the
-step of its estimate stays within three of its claimed standard deviations, and the normalised innovations squared are
-chi-squared from the first fix on.
+Two beams return for one minute at mid-run; before and after it all beams return. With a consistent filter the step of
+the velocity estimate stays within three of its claimed standard deviations, and the NIS is chi-squared from the first
+fix on.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -26,27 +26,27 @@ from bottomlock.truth.truth import Truth
 OUTAGE_S = 60.0
 SIGMAS = 3.0
 FALSE_ALARM = 0.01
-"""Of the whole summary: the chance that an honest table says "no" anywhere."""
+"""Probability that the summary of consistent filters has any false "no"."""
 
 RUN_BAND = 0.9973
-"""Band of one NIS of one run, the gate's own probability."""
+"""Probability of the band of one NIS of one run; that of the gate."""
 
 BLOCK = 10
-"""Runs of a part on disk: some seconds, so that little is lost by an interruption."""
+"""Runs per file, a few seconds of work, so that an interruption loses little."""
 
 
 def two_beam_outages(scenario: Scenario) -> list[cases.Case]:
-    """The scenario with every pair of beams alone for a minute in mid-way.
+    """The scenario with only two beams for a minute at mid-run, for every pair.
 
     Raises:
-        ScenarioError: where there is no time for it, or where the instrument has no more than two beams.
+        ScenarioError: if the trajectory is too short for it, or the instrument has fewer than three beams.
     """
     duration_s = scenario.trajectory.duration_s
     after_s = RECOVERY_EPOCHS / scenario.dvl.rate_hz
     if duration_s < OUTAGE_S + 2.0 * after_s:
         raise ScenarioError(
             f"scenario {scenario.name}: lasts {duration_s:g} s, expected {OUTAGE_S + 2.0 * after_s:g} s or more: "
-            f"an outage of {OUTAGE_S:g} s in mid-way and {RECOVERY_EPOCHS} pings after it"
+            f"an outage of {OUTAGE_S:g} s at mid-run and {RECOVERY_EPOCHS} pings after it"
         )
     pairs = [mask for mask in cases.masks(scenario.dvl.beams, whole=False) if len(mask) == 2]
     if not pairs:
@@ -64,19 +64,19 @@ def run_recovery(
     *,
     progress: Callable[[str, int], None] = lambda _trajectory, _runs: None,
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Flies the outages and writes `recovery.parquet` and `recovery_summary.parquet` to `out`; parts there are kept.
+    """Runs the outages and writes `recovery.parquet` and `recovery_summary.parquet`; finished parts in `out` are kept.
 
     Args:
-        scenarios: what to fly; their runs, seed and methods count ("ins" is left out, it has no fixes).
-        out: directory, claimed by the caller.
+        scenarios: trajectories with runs, seed and methods ("ins" is left out, since it has no fixes).
+        out: directory, claimed by the caller (`study_folder.claim`).
         progress: called with the trajectory and the number of its runs that are done.
 
     Returns:
         The tables `tables.studies.RECOVERY` and `RECOVERY_SUMMARY`.
 
     Raises:
-        ScenarioError: for what `two_beam_outages` and `Readings` refuse.
-        OutputError: where `out` cannot be written.
+        ScenarioError: as `two_beam_outages` and `Readings`.
+        OutputError: if `out` cannot be written.
     """
     parts = []
     for scenario in scenarios:
@@ -109,7 +109,7 @@ def run_recovery(
 def _rows(
     simulations: Sequence[Simulation], outages: Sequence[cases.Case], truth: Truth, run: int
 ) -> Iterator[tuple[object, ...]]:
-    """One run, drawn once, under every mask and method."""
+    """One run, drawn once, with every mask and method."""
     readings = Readings(simulations[0], truth, run=run)
     times = readings.ping_time_ns
     for simulation, case in zip(simulations, outages, strict=True):
@@ -147,10 +147,10 @@ def _measures(fix: Fix) -> tuple[object, ...]:
 
 
 def jump_chance(fix: Fix) -> float:
-    """Chance, at most, that an honest filter's velocity steps by more than three claimed sigmas on some axis.
+    """Upper bound of the probability that a consistent filter's velocity steps by more than 3σ on any axis.
 
-    The step of an optimal update has the covariance P⁻ − P⁺, so an axis passes three sigmas of P⁻ with the chance
-    2 Φ(−3 / √(1 − P⁺/P⁻)), 0.27 % at the most; the sum over the axes bounds their union.
+    The step of an optimal update has the covariance P⁻ − P⁺, so an axis exceeds 3σ of P⁻ with probability
+    2 Φ(−3 / √(1 − P⁺/P⁻)), at most 0.27 %. The sum over the axes bounds the probability of any.
     """
     if not fix.used:
         return 0.0

@@ -61,5 +61,5 @@ def reproduce(
 
 
 def study_runs(runs: int) -> int:
-    """What the progress of a study counts up to."""
+    """Total of the progress of a study."""
     return len(PAPER_TRAJECTORIES) * (runs + sweep_cells() * sweep_runs(runs))

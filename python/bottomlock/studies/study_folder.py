@@ -15,13 +15,13 @@ from bottomlock.tables.versions import library_versions
 MANIFEST = "study.json"
 
 
-def configuration_hash(content: Any) -> str:  # noqa: ANN401 - anything that JSON knows
-    """SHA-256 of what decides a study's numbers."""
+def configuration_hash(content: Any) -> str:  # noqa: ANN401 - any JSON value
+    """SHA-256 of the settings that determine a study's numbers."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def versions() -> dict[str, str]:
-    """What the numbers were made with."""
+    """Versions of bottomlock and the libraries that computed the numbers."""
     return {"bottomlock": kernel_version()} | library_versions()
 
 
@@ -58,7 +58,7 @@ def claim(out: Path, kind: str, configuration: str, *, parts: Iterable[str], for
 
 
 def write_manifest(out: Path, kind: str, configuration: str, *, status: str, **more: Any) -> None:  # noqa: ANN401
-    """What the directory holds, for people and for the next command."""
+    """Writes the manifest of the directory, which the next command reads."""
     write_json(
         out / MANIFEST,
         {

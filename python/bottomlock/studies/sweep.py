@@ -1,4 +1,4 @@
-"""What the paper leaves open, one setting at a time moved off the scenario: how much hangs on it."""
+"""Sensitivity to the settings that the paper leaves open, changed one at a time."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from bottomlock.tables.studies import SWEEP
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting with its values, and the methods that feel it."""
+    """A setting with its values and the methods that depend on it."""
 
     parameter: str
     values: tuple[float | str, ...]
@@ -51,7 +51,7 @@ SETTINGS = (
     ),
     Setting("gate", ("joint", "per_row", "off"), ("tc", "vb", "nsv", "vhv", "elc"), _filter("gate")),
     Setting(
-        "gate reopens after refusals in a row",
+        "inflate after rejections",
         (0, 5),
         ("lc", "tc", "vb", "nsv", "vhv", "elc", "consistent"),
         _filter("inflate_after_rejections"),
@@ -73,12 +73,12 @@ def run_sweep(
     force: bool = False,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> pl.DataFrame:
-    """Flies every setting's values on scenarios that the vehicle swims, with the same sensor errors for all.
+    """Runs every value of every setting on scenarios with a vehicle, with the same sensor errors for all.
 
-    Finished campaigns, one for each value under `out`, are kept by an interruption and not flown again.
+    Each value has a campaign in a folder of `out`. Finished campaigns are kept and not run again.
 
     Returns:
-        `tables.studies.SWEEP`: RMS over runs at the end, mean NEES, part of the fixes rejected.
+        `tables.studies.SWEEP`: RMS over runs at the end, mean NEES, rejected fraction of the fixes.
 
     Raises:
         As `run_campaign`.

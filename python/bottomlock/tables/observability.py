@@ -54,6 +54,6 @@ MANOEUVRE_RANKING: Mapping[str, pl.DataType] = {
     "sd_after": pl.Float64(),
     "fraction_left": pl.Float64(),
 }
-"""A row per manoeuvre and state: whether the manoeuvre alone makes the state observable ("observable", "hidden",
+"""A row per manoeuvre and state: whether the manoeuvre alone makes the state observable ("observable", "unobservable",
 "undecided"), and the standard deviation that a filter claims before and after it, SI units; `fraction_left` is their
 ratio."""

@@ -119,7 +119,7 @@ def _parquet(path: Path, columns: Sequence[str] | None = None) -> pl.DataFrame:
 
 
 def _optional(path: Path, columns: Mapping[str, pl.DataType]) -> pl.DataFrame | None:
-    """A table that a campaign may have; columns beyond ours are left alone."""
+    """A table that a campaign may have; additional columns are kept."""
     if not path.is_file():
         return None
     frame = _parquet(path)

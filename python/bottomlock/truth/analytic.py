@@ -141,8 +141,8 @@ def analytic_motion(settings: Trajectory) -> Motion:
     """The motion of a trajectory section as a function of time in seconds.
 
     Raises:
-        DataError: for waypoints, and where the motion cannot be flown: a half turn shorter than its blends, sideslip as
-            large as the speed.
+        DataError: for waypoints, and for a motion that is not possible: a half turn shorter than its blends, or
+            sideslip as large as the speed.
     """
     if settings.kind not in _MOTIONS:
         raise DataError(
@@ -162,7 +162,7 @@ def analytic_motion(settings: Trajectory) -> Motion:
         or (probe.velocity_p_mps[:, 0] < 0.1 * settings.speed_mps).any()
     ):
         raise DataError(
-            "trajectory.sway_gain_m times the yaw rate is as large as trajectory.speed_mps: it cannot be flown"
+            "trajectory.sway_gain_m times the yaw rate is as large as trajectory.speed_mps: the motion is not possible"
         )
     return motion
 
@@ -201,7 +201,7 @@ def analytic_truth(scenario: Scenario, gravity_mps2: float) -> Truth:
     """The analytic truth of a scenario at its IMU rate.
 
     Raises:
-        DataError: where the motion cannot be flown or the duration holds fewer than two samples.
+        DataError: if the motion is not possible or the duration holds fewer than two samples.
 
     Examples:
         >>> from bottomlock.config.scenario import load_scenario

@@ -33,18 +33,21 @@ def streams(lively: float, seconds: int = 300) -> tuple[Array, Array, Array, Arr
     return t, rpy, velocity, force, rate
 
 
+@lru_cache
+def readings(lively: float) -> tuple[Array, Array]:
+    """Times of a DVL at 2 Hz on its own clock, OFFSET_S behind, and what it reads without noise."""
+    own = np.arange(2.0, 295.0, 0.5)
+    mounted = oracle.turn(*ANGLES)
+    reads = [oracle.dvl_reads(s + OFFSET_S, lively, mounted=mounted, arm=ARM, scale=SCALE) for s in own]
+    return own, np.array(reads)
+
+
 def plant(seed: int, *, lively: float = 1.0, with_velocity: bool, flip: bool = False) -> Mounting:
-    """A DVL at 2 Hz whose clock is OFFSET_S behind, and what stands beside it."""
+    """The DVL with noise, and what stands beside it."""
     t, rpy, velocity, force, rate = streams(lively)
     rng = np.random.default_rng(seed)
-    own = np.arange(2.0, 295.0, 0.5)
-    reads = np.array(
-        [
-            oracle.dvl_reads(s + OFFSET_S, lively, mounted=oracle.turn(*ANGLES), arm=ARM, scale=SCALE)
-            for s in own
-        ]
-    )
-    reads = (reads + SD_MPS * rng.normal(size=reads.shape)) * ([1, -1, 1] if flip else [1, 1, 1])
+    own, clean = readings(lively)
+    reads = (clean + SD_MPS * rng.normal(size=clean.shape)) * ([1, -1, 1] if flip else [1, 1, 1])
     fine_ns = (np.arange(len(force)) * 20_000_000).astype(np.int64)
     found = find_mounting(
         np.round(own * 1e9).astype(np.int64), reads,
@@ -79,9 +82,13 @@ def test_a_lively_vehicle_shows_everything(with_velocity: bool) -> None:
     assert "not_observable" not in kinds
 
 
-def test_deviations_are_honest() -> None:
-    """Twelve logs, eight quantities each: their normalised errors have a mean square near 1."""
-    off = np.array([misses(plant(seed, with_velocity=True)) for seed in range(12)])
+@pytest.mark.parametrize("logs", [6, pytest.param(12, marks=pytest.mark.long)])
+def test_deviations_are_consistent(logs: int) -> None:
+    """Eight quantities a log: their normalised errors have a mean square near 1.
+
+    For 48 independent errors the mean square has a deviation of 0.2: five of them to the upper limit.
+    """
+    off = np.array([misses(plant(seed, with_velocity=True)) for seed in range(logs)])
     assert 0.5 < float(np.mean(off**2)) < 2.0
 
 

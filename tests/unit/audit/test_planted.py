@@ -111,7 +111,7 @@ def test_instrument_of_another_scale() -> None:
 
 
 def test_bias_of_one_channel() -> None:
-    """The regression sees the part that looks like a velocity, the closure the rest: the bias is whole."""
+    """The regression finds the part that looks like a velocity, the closure the rest: the bias is whole."""
     log = make_log(8)
     audit = audit_log(
         replace(log, velocity_mps=log.velocity_mps + np.array([0.0, 0.02, 0.0, 0.0])), stated=STATED
@@ -147,7 +147,7 @@ def test_zero_that_stands_for_nothing() -> None:
     assert audit.findings[0].size == 12
 
 
-def test_vehicle_at_rest_reads_zero_honestly() -> None:
+def test_vehicle_at_rest_reads_zero() -> None:
     """Readings of 1 mm/s resolution at rest are often exactly zero, and often the same twice."""
     log = make_log(13, velocity=np.zeros((2000, 3)), sd_mps=0.001, decimals=3)
     assert {kind for kind, _ in found(log)} <= {"directions_not_observable"}
@@ -188,7 +188,7 @@ def test_three_beams() -> None:
 
 
 def test_a_log_that_hardly_moves() -> None:
-    """At rest nothing tells directions, and the audit says so instead of guessing."""
+    """At rest directions are not observable, and the audit says so instead of guessing."""
     log = make_log(18, velocity=np.zeros((600, 3)), sd_mps=1e-5, decimals=None)
     assert log.instrument_mps is not None
     drift = np.random.default_rng(18).normal(size=(600, 3)) * 1e-4

@@ -1,4 +1,4 @@
-"""Vehicles and flights shared by the plant's tests; flown once, never from the cache."""
+"""Vehicles and flights shared by the plant's tests; simulated once, never from the cache."""
 
 import pytest
 

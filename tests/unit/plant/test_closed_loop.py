@@ -13,6 +13,7 @@ from bottomlock.plant.closed_loop import (
     fly_on_estimate,
     navigation_error,
 )
+from bottomlock.plant.maths import FloatArray, IntArray
 from tests.unit.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
 
 
@@ -25,8 +26,8 @@ def _perfect(block: TruthBlock) -> Estimate:
 
 
 def test_perfect_estimates_fly_the_open_loop_truth(tauv: Vehicle) -> None:
-    mission = lawn_mower(duration_s=60.0)
-    group = _fleet(tauv, mission, 3)
+    mission = lawn_mower(duration_s=30.0)
+    group = _fleet(tauv, mission, 2)
     blocks = list(fly_on_estimate(group, _perfect))
     truth = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False).truth
     assert (np.concatenate([block.time_ns for block in blocks]) == truth.time_ns).all()
@@ -35,23 +36,51 @@ def test_perfect_estimates_fly_the_open_loop_truth(tauv: Vehicle) -> None:
         assert np.allclose(together, getattr(truth, name)[None], atol=1e-8), name
 
 
-def test_a_position_error_puts_the_vehicle_beside_its_path(tauv: Vehicle) -> None:
-    """Each run goes astray by its own error: believed on the path, truly offset the other way."""
-    offsets = np.array([-2.0, 0.0, 3.0])
-    group = _fleet(tauv, straight(duration_s=120.0), 3)
+@pytest.fixture(scope="module")
+def misled(tauv: Vehicle) -> tuple[Mission, FloatArray, IntArray]:
+    """Four runs of the straight course, the last with yaw off by 3 deg: mission, final positions, final segments."""
+    group = _fleet(tauv, straight(duration_s=80.0), 4)
 
-    def shifted(block: TruthBlock) -> Estimate:
+    def wrong(block: TruthBlock) -> Estimate:
         perfect = _perfect(block)
-        return Estimate(
-            perfect.position_t_m + offsets[:, None] * [0.0, 1.0, 0.0],
-            perfect.attitude_t_p,
-            perfect.velocity_p_mps,
+        place = perfect.position_t_m + OFFSETS_M[:, None] * [0.0, 1.0, 0.0]
+        w, x, y, z = perfect.attitude_t_p.T
+        c, s = np.cos(0.5 * TURN_RAD), np.sin(0.5 * TURN_RAD)
+        attitude = np.stack([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w], axis=1)
+        # The same tangent velocity seen from the turned attitude.
+        u, v, d = perfect.velocity_p_mps.T
+        velocity = np.stack(
+            [np.cos(TURN_RAD) * u + np.sin(TURN_RAD) * v, np.cos(TURN_RAD) * v - np.sin(TURN_RAD) * u, d],
+            axis=1,
         )
+        return Estimate(place, attitude, velocity)
 
-    blocks = list(fly_on_estimate(group, shifted))
-    last = blocks[-1].position_t_m[:, -1]
-    assert last[:, 1] == pytest.approx(-offsets, abs=0.05)
-    assert cross_track_m(group.mission, group.segment, last) == pytest.approx(-offsets, abs=0.05)
+    last = None
+    for block in fly_on_estimate(group, wrong):
+        last = block.position_t_m[:, -1]
+    assert last is not None
+    return group.mission, last, group.segment
+
+
+OFFSETS_M = np.array([-2.0, 0.0, 3.0, 0.0])
+TURN_RAD = np.array([0.0, 0.0, 0.0, np.deg2rad(3.0)])
+
+
+def test_a_position_error_puts_the_vehicle_beside_its_path(
+    misled: tuple[Mission, FloatArray, IntArray],
+) -> None:
+    """Each run goes astray by its own error: estimated on the path, truly offset the other way."""
+    mission, last, segment = misled
+    assert last[:3, 1] == pytest.approx(-OFFSETS_M[:3], abs=0.05)
+    assert cross_track_m(mission, segment, last)[:3] == pytest.approx(-OFFSETS_M[:3], abs=0.05)
+
+
+def test_a_heading_error_crabs_but_holds_the_believed_path(
+    misled: tuple[Mission, FloatArray, IntArray],
+) -> None:
+    """With yaw off by 3 deg and ground velocity known, the crab estimate absorbs the error."""
+    _, last, _ = misled
+    assert abs(last[3, 1]) < 0.2
 
 
 def test_astray_is_told_by_the_segment_in_use() -> None:
@@ -59,29 +88,6 @@ def test_astray_is_told_by_the_segment_in_use() -> None:
     mission = lawn_mower(leg_m=80.0, spacing_m=30.0)
     place = np.array([[40.0, 30.0, 0.0], [40.0, 1.5, 0.0]])
     assert cross_track_m(mission, np.array([1, 1]), place) == pytest.approx([30.0, 1.5])
-
-
-def test_a_heading_error_crabs_but_holds_the_believed_path(tauv: Vehicle) -> None:
-    """With yaw off by 3 deg and ground velocity known, the crab estimate absorbs the error."""
-    group = _fleet(tauv, straight(duration_s=120.0), 1)
-    half = 0.5 * np.deg2rad(3.0)
-    turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
-
-    def twisted(block: TruthBlock) -> Estimate:
-        perfect = _perfect(block)
-        w, x, y, z = perfect.attitude_t_p.T
-        c, s = turn[0], turn[3]
-        attitude = np.stack([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w], axis=1)
-        # the same tangent velocity seen from the twisted attitude
-        u, v, d = perfect.velocity_p_mps.T
-        angle = 2.0 * half
-        velocity = np.stack(
-            [np.cos(angle) * u + np.sin(angle) * v, np.cos(angle) * v - np.sin(angle) * u, d], axis=1
-        )
-        return Estimate(perfect.position_t_m, attitude, velocity)
-
-    blocks = list(fly_on_estimate(group, twisted))
-    assert abs(blocks[-1].position_t_m[0, -1, 1]) < 0.2
 
 
 def test_navigation_error_is_true_minus_believed(tauv: Vehicle) -> None:

@@ -19,7 +19,10 @@ def validity() -> pl.DataFrame:
     )
 
 
-@pytest.mark.parametrize("name", ["straight", "figure_eight", "lawn_mower"])
+@pytest.mark.parametrize(
+    "name",
+    ["lawn_mower", *(pytest.param(name, marks=pytest.mark.long) for name in ("straight", "figure_eight"))],
+)
 def test_a_flight_is_drawn_the_same_twice(
     flights: dict[str, Flight], validity: pl.DataFrame, tmp_path: Path, name: str
 ) -> None:

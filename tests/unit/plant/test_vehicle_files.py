@@ -1,4 +1,4 @@
-"""Vehicle files: every number has unit and source, derived ones recompute, bad ones are refused."""
+"""Vehicle files: every number has unit and source, derived ones recompute, bad ones are rejected."""
 
 import copy
 import math

@@ -6,7 +6,7 @@
 //! - measurement z = p + R l + n, Jacobian I by position and −[(R l)×] by misalignment;
 //! - standard deviation of each axis √(σ₀² + (k r)²), slant range r = |p + R l − t|.
 //!
-//! A filter takes r from the fix itself, |z − t|: an estimate that is wrong then changes no weight.
+//! A filter takes r from the fix itself, |z − t|: a wrong estimate then changes no weight.
 
 use crate::aiding::declare::model_section;
 use crate::aiding::position::position;
@@ -20,15 +20,15 @@ use crate::random::Normals;
 model_section! {
     /// Errors of acoustic position fixes, 1 sigma per axis, tangent frame.
     pub struct AcousticPositionModel in "acoustic_position" (optional) {
-        /// Noise at no range, σ₀, m.
+        /// Noise at zero range, σ₀, m.
         pub sd_m: f64,
-        /// Noise by slant range, k.
+        /// Noise per slant range, k.
         pub sd_per_range: f64,
         /// Position of the transceiver, of a ship or on the seabed, m.
         pub transceiver_t_m: Vec3<Tangent>,
         /// Fraction of simulated fixes that are outliers.
         pub outlier_fraction: Fraction,
-        /// Noise of an outlier by that of a good fix.
+        /// Noise of an outlier over that of a good fix.
         pub outlier_factor: f64,
     }
 }
@@ -124,7 +124,7 @@ impl AidingSensor for AcousticPositionSample {
         Some(Self::new(time_ns, position_t_m, sd_m, &models.acoustic_position))
     }
 
-    /// Each fix draws as many numbers, outlier or not: a fraction of outliers leaves the noise of the others as it is.
+    /// Each fix draws the same number of random values, outlier or not, so that outliers do not change the noise of other fixes.
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
         let [noise, outliers] = random else { return None };
         let (truth, actual) = (scene.truth, &scene.actual.acoustic_position);

@@ -56,7 +56,7 @@ fn a_given_deviation_counts() {
     assert_eq!(fix.sd_m, [1.0, 2.0, 3.0]);
 }
 
-/// Without a model a fix has no noise, and is refused; so is one that is not finite.
+/// A fix without noise (no model) or with a number that is not finite is an error.
 #[test]
 fn bad_fixes_are_named() {
     let text = |fix: AcousticPositionSample| fix.validate().unwrap_err().to_string();

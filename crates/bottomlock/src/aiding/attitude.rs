@@ -93,7 +93,7 @@ impl AidingSensor for AttitudeSample {
         ))
     }
 
-    /// Its yaw off by what declination and iron do to it.
+    /// With its yaw offset by declination and iron.
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
         let model = scene.actual.magnetometer;
         let [roll, pitch, yaw] = scene.truth.attitude_t_p.to_euler_rad();
@@ -113,7 +113,7 @@ impl AidingSensor for AttitudeSample {
     }
 }
 
-/// The residual is a rotation: no angle is subtracted, so the vertical is no special place.
+/// The residual is a rotation: no angle is subtracted, so it is regular at vertical pitch.
 #[must_use]
 pub fn attitude(
     state: &NavState,

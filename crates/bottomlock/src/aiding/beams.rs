@@ -1,4 +1,4 @@
-//! The beams of a DVL: residual, Jacobian and noise of each beam, and what the methods make of them (Eqs. 15, 18–22; E7).
+//! The beams of a DVL: residual, Jacobian and noise of each beam, and the methods' rows from them (Eqs. 15, 18–22; E7).
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -26,7 +26,7 @@ model_section! {
     }
 }
 
-/// What the information form hands to the filter.
+/// Axes that the information form passes to the filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum InformationPort {
     /// The observable principal axes only.
@@ -51,7 +51,7 @@ pub fn beam_terms(motion: &Motion<'_>, geometry: &BeamGeometry, ping: &BeamSampl
     let state = motion.state;
     let beam_motion = BeamMotion {
         velocity_p_mps: state.velocity_p_mps.0,
-        rate_tp_p_radps: motion.rate_tp(),
+        omega_tp_p_radps: motion.rate_tp(),
         beam_bias_mps: state.dvl_bias_mps.into(),
         scale_factor: state.dvl_scale_factor,
     };
@@ -107,13 +107,13 @@ pub fn tightly_coupled(terms: &BeamTerms, ping: &BeamSample) -> Innovation {
     }
 }
 
-/// Variance of an unobserved axis where a port wants all three, (m/s)².
+/// Variance of an unobserved axis if all three axes are passed, (m/s)².
 const UNOBSERVED_VARIANCE_M2PS2: f64 = 1e12;
 
 /// Residual and Jacobian of every row that a fix weighs, in beam units.
 type SlotRows = (SVector<f64, SLOTS>, SMatrix<f64, SLOTS, DIM>);
 
-/// LC and ELC: the fix of a plan against the filter's velocity, with the DVL's columns carried through the gain (erratum E7).
+/// LC and ELC: the velocity fix minus the filter's velocity, with the DVL's columns carried through the gain (erratum E7).
 ///
 /// `exact_cross` is P_xv, the covariance of the whole state with the velocity, where the correlation of Eq. 26 is to be kept.
 #[must_use]

@@ -1,9 +1,9 @@
-//! The macros behind [`crate::aiding::registry`] and the sections of a model: what follows from a sensor's line.
+//! The macros of [`crate::aiding::registry`] and of the sections of a model: the items that a sensor's line generates.
 
 /// Declares the sensors: an enum of them, of their samples and of the names of their updates.
 macro_rules! sensors {
     ($($kind:ident($sample:ty): $($report:ident = $name:literal),+;)+) => {
-        /// Which sensor a measurement comes from.
+        /// The sensor of a measurement.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         pub enum SensorKind {
             $(#[doc = concat!("That of [`", stringify!($sample), "`].")] $kind),+
@@ -19,7 +19,7 @@ macro_rules! sensors {
 
         const DECLARATIONS: [Declaration; SENSORS] = [$(Declaration::of::<$sample>()),+];
 
-        /// What an update is reported as.
+        /// Report name of an update.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         pub enum Sensor {
             /// Beams of the DVL.
@@ -68,7 +68,7 @@ macro_rules! sensors {
         })+
 
         impl Measurement {
-            /// Which sensor it comes from.
+            /// Its sensor.
             #[must_use]
             pub const fn kind(&self) -> SensorKind {
                 match self {
@@ -94,7 +94,7 @@ macro_rules! sensors {
                 }
             }
 
-            /// The updates that it gives, in their order.
+            /// Its updates in order.
             pub fn reports(&self) -> impl Iterator<Item = Sensor> + use<'_> {
                 let reports = self.kind().declaration().reports.iter().map(|report| report.sensor);
                 reports.filter(|&report| match self {
@@ -110,7 +110,7 @@ macro_rules! sensors {
                 }
             }
 
-            /// Its numbers, in the order of the columns of its simulation.
+            /// Its values, in the order of the columns of its simulation.
             #[must_use]
             pub fn numbers(&self) -> Vec<f64> {
                 match self {
@@ -124,7 +124,7 @@ macro_rules! sensors {
 /// Declares the models of the sensors, a section each.
 macro_rules! models {
     ($($field:ident: $model:ty,)+) => {
-        /// What is assumed of the sensors that aid.
+        /// Assumed errors of the aiding sensors.
         #[derive(Debug, Clone, Copy, PartialEq, Default)]
         pub struct SensorModels {
             $(#[doc = concat!("[`", stringify!($model), "`].")] pub $field: $model,)+
@@ -134,7 +134,7 @@ macro_rules! models {
             /// Reads each section by its name.
             ///
             /// # Errors
-            /// What the reader says.
+            /// The reader's error.
             pub fn read<R: SectionReader>(reader: &R) -> Result<Self, R::Error> {
                 Ok(Self { $($field: reader.section::<$model>()?,)+ })
             }

@@ -74,7 +74,7 @@ impl AidingSensor for DepthSample {
         })
     }
 
-    /// Off by what density, tide and barometer do to it.
+    /// With its offset by density, tide and barometer.
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
         let noise = random.first_mut()?;
         Some(Self {

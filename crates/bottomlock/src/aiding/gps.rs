@@ -31,7 +31,7 @@ pub struct GpsSample {
     pub position_t_m: Vec3<Tangent>,
     /// 1 sigma, m.
     pub position_sd_m: [f64; 3],
-    /// None of a receiver that gives none.
+    /// None if the receiver gives none.
     pub velocity: Option<GpsVelocity>,
 }
 

@@ -37,7 +37,7 @@ impl AidingSensor for HeadingSample {
         require_positive("heading sd_rad", self.sd_rad)
     }
 
-    /// No row where the vehicle stands on end.
+    /// No row at vertical pitch.
     fn innovation(&self, _: Sensor, motion: &Motion<'_>, _: &Vec3<Platform>) -> Innovation {
         heading(motion.state, self.yaw_rad, self.sd_rad).unwrap_or_else(Innovation::empty)
     }
@@ -60,7 +60,7 @@ impl AidingSensor for HeadingSample {
     }
 }
 
-/// Yaw alone; `None` where the vehicle stands on end and yaw has no meaning.
+/// Yaw alone; `None` at vertical pitch, where yaw is undefined.
 #[must_use]
 pub fn heading(state: &NavState, yaw_rad: f64, sd_rad: f64) -> Option<Innovation> {
     let [_, pitch, yaw] = state.attitude_t_p.to_euler_rad();

@@ -1,4 +1,4 @@
-//! A measurement as the filter takes it, whatever sensor it comes from.
+//! A measurement in the form that the filter processes, for any sensor.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -7,7 +7,7 @@ use crate::aiding::MAX_ROWS;
 use crate::aiding::water::WATER;
 use crate::layout::DIM;
 
-/// A measurement as the filter takes it: z = H δx + n.
+/// A measurement in the form that the filter processes: z = H δx + n.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Innovation {
     /// Number of rows in use.
@@ -22,7 +22,7 @@ pub struct Innovation {
     pub noise: SMatrix<f64, MAX_ROWS, MAX_ROWS>,
     /// E[δx nᵀ] where the noise is correlated with the state error (Eq. 26).
     pub cross: Option<Box<SMatrix<f64, DIM, MAX_ROWS>>>,
-    /// Why it is, for a smoother.
+    /// Cause of the correlation, for the smoother.
     pub correlated_noise: Option<Box<CorrelatedNoise>>,
     /// What the rows measure in the tangent frame.
     pub tangent_rows: TangentRows,
@@ -46,7 +46,7 @@ pub enum TangentRows {
     Depth,
 }
 
-/// Errors that the filter carries and that the noise correlated_noise: n = D δx + D_w δw + independent.
+/// Noise that contains errors of the state: n = D δx + D_w δw + independent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CorrelatedNoise {
     /// D.

@@ -1,28 +1,28 @@
-//! Beams that err more than a Gaussian does: gates that take single beams out, and weights for heavy tails.
+//! Outliers among the beams: gates that reject single beams, and weights for heavy-tailed noise.
 //!
-//! Everything is done to a ping before a method makes anything of it: a beam that is taken out is lost, a beam that is weighted has
-//! a larger standard deviation. So every way of aiding is robust in the same way, and tight coupling, information form and exact
-//! virtual beam stay one filter. All tests stand on the filter's own innovation covariance S = H P Hᵀ + R of the beam rows, which
-//! holds what is known of beam biases and lever arms.
+//! Pings are screened before the aiding method uses them: a rejected beam counts as lost, a beam with a lower weight gets a larger
+//! standard deviation. Every method is therefore robust in the same way, and tight coupling, information form and exact virtual
+//! beam remain the same filter. All tests use the filter's innovation covariance S = H P Hᵀ + R of the beam rows, which contains
+//! the uncertainty of beam biases and lever arms.
 //!
 //! # Gates
-//! - Closure: redundant beams contradict each other whatever the velocity is. With N a basis of the left null space of the beam
+//! - Closure: the consistency of redundant beams does not depend on the velocity. With N a basis of the left null space of the beam
 //!   directions, (Nᵀz)ᵀ(NᵀS N)⁻¹Nᵀz is chi-squared with as many degrees as there are redundant beams.
-//! - Single beams: taking beam i out lessens the NIS by w_i² = (S⁻¹z)_i² / (S⁻¹)_ii, the normalised square of beam i as the inertial
-//!   navigator and the other beams predict it: chi-squared with one degree (Baarda, A testing procedure for use in geodetic
-//!   networks, 1968).
+//! - Single beams: leaving beam i out reduces the NIS by w_i² = (S⁻¹z)_i² / (S⁻¹)_ii, the squared normalised residual of beam i
+//!   against its prediction from the inertial navigation and the other beams: chi-squared with one degree of freedom (Baarda, A
+//!   testing procedure for use in geodetic networks, 1968).
 //!
-//! Where either fails, the beam with the largest w_i² goes, and what is left is tested again. Closure alone cannot say which of four
-//! beams it is: leaving any one out leaves nothing redundant; the navigator's own prediction decides.
+//! If either test fails, the beam with the largest w_i² is rejected and the rest is tested again. Closure alone cannot identify the
+//! faulty one of four beams, since any three are not redundant; the prediction of the inertial navigation decides.
 //!
 //! # Heavy tails
-//! With D_i the beam's own variance, divided by a weight w_i, the estimate of its noise is n̂ = D W⁻¹ S⁻¹ z. Repeated until the weights
-//! stand still:
-//! - Student's t with ν degrees: w_i = (ν + 1) / (ν + e_i / D_i), e_i the mean square of n_i, its posterior variance included: the variational
-//!   filter of Agamennoni, Nieto & Nebot, Approximate inference in state-space models with heavy-tailed noise, IEEE Trans. Signal
-//!   Processing 60 (2012), with a weight for each beam. D_i is the beam's variance times (ν + 3)/(ν + 1): the weights have a mean of
-//!   1, but a reading of Student's t tells of its location only (ν + 1)/(ν + 3) of what a Gaussian one tells (its Fisher
-//!   information), and the filter would claim the rest;
+//! With D_i the beam's own variance, divided by a weight w_i, the estimate of its noise is n̂ = D W⁻¹ S⁻¹ z. Iterated until
+//! the weights converge:
+//! - Student's t with ν degrees: w_i = (ν + 1) / (ν + e_i / D_i), e_i the mean square of n_i including its posterior variance. This
+//!   is the variational filter of Agamennoni, Nieto & Nebot, Approximate inference in state-space models with heavy-tailed noise,
+//!   IEEE Trans. Signal Processing 60 (2012), with a weight for each beam. D_i is the beam's variance times (ν + 3)/(ν + 1): the
+//!   mean weight is 1, but the Fisher information of a reading of Student's t is only (ν + 1)/(ν + 3) of that of a Gaussian, and
+//!   the filter would otherwise be overconfident;
 //! - Huber: w_i = min(1, k / |n̂_i / σ_i|), k in standard deviations (Karlgaard & Schaub, Huber-based divided difference filtering,
 //!   J. Guidance, Control, and Dynamics 30 (2007)).
 
@@ -34,9 +34,9 @@ use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, MAX_BEAMS};
 use crate::error::{NavError, require_positive};
 use crate::state::Covariance;
 
-/// Steps of the iteration on the weights at most.
+/// Largest number of iterations on the weights.
 const ITERATIONS: usize = 5000;
-/// Change of a weight, relative, at which they stand still.
+/// Relative change of a weight below which they have converged.
 const STANDSTILL: f64 = 1e-9;
 
 /// The distribution of a beam's noise; its standard deviation is the scale.
@@ -57,12 +57,12 @@ pub enum Tail {
     },
 }
 
-/// What is done against outliers among the beams; nothing by default.
+/// Treatment of outliers among the beams; none by default.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Robust {
-    /// Probability with which a good ping passes the test of closure.
+    /// Probability that a good ping passes the closure test.
     pub closure_gate: Option<f64>,
-    /// Probability with which a good beam passes its own test.
+    /// Probability that a good beam passes its own test.
     pub beam_gate: Option<f64>,
     /// Noise of the beams that pass.
     pub tail: Tail,
@@ -98,20 +98,20 @@ impl Robust {
         }
     }
 
-    /// True where pings pass untouched.
+    /// True if pings pass unchanged.
     #[must_use]
     pub fn is_off(&self) -> bool {
         *self == Self::default()
     }
 }
 
-/// What is left of a ping.
+/// A screened ping.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Screened {
-    /// The ping without the beams that were taken out, and with the standard deviations of those that were weighted.
+    /// The ping without its rejected beams, and with the standard deviations of weighted beams.
     pub ping: BeamSample,
-    /// The share of its information that each beam keeps, 1 at most: its variance over the one that it has now. 0 where it was
-    /// taken out, NaN where it was lost before.
+    /// Fraction of its information that each beam keeps, 1 at most: its variance over its new variance. 0 if the beam was
+    /// rejected, NaN if it was lost before.
     pub weight: [f64; MAX_BEAMS],
 }
 
@@ -123,7 +123,7 @@ impl Screened {
     }
 }
 
-/// The rows of some beams: residual z, what the state contributes H P Hᵀ, and the noise R.
+/// The rows of some beams: residual z, covariance from the state H P Hᵀ, and noise R.
 struct Rows {
     beams: Vec<usize>,
     z: DVector<f64>,
@@ -154,7 +154,7 @@ impl Rows {
         Ok(factor.inverse())
     }
 
-    /// By how much taking each beam out lessens the NIS.
+    /// Reduction of the NIS by leaving out each beam.
     fn leave_one_out(&self, time_ns: i64) -> Result<DVector<f64>, NavError> {
         let weight = self.weight(&self.r, time_ns)?;
         let weighted = &weight * &self.z;
@@ -185,7 +185,7 @@ impl Rows {
         Ok((gap.dot(&factor.solve(&gap)), redundant.len()))
     }
 
-    /// The variances of the beams' own noise once the weights stand still; `own` are those in R.
+    /// The variances of the beams' own noise with converged weights; `own` are those in R.
     fn weighted(&self, own: &DVector<f64>, tail: Tail, time_ns: i64) -> Result<DVector<f64>, NavError> {
         let scale = match tail {
             Tail::StudentT { degrees } => own * ((degrees + 3.0) / (degrees + 1.0)),
@@ -213,7 +213,7 @@ impl Rows {
     }
 }
 
-/// Takes outliers out of a ping and weights what is left; `terms` are those of the ping, `covariance` is the filter's at its time.
+/// Rejects outliers of a ping and weights the remaining beams; `terms` are those of the ping, `covariance` is the filter's at its time.
 ///
 /// # Errors
 /// [`NavError::NotPositiveDefinite`] where a factorisation fails; [`NavError::OutOfRange`] for a bad option.
@@ -269,7 +269,7 @@ pub fn screen(
     Ok(out)
 }
 
-/// Chi-squared quantile; never where the distribution is not to be had.
+/// Chi-squared quantile.
 fn quantile(degrees: usize, probability: f64) -> f64 {
     ChiSquared::new(degrees as f64).map_or(f64::INFINITY, |distribution| distribution.inverse_cdf(probability))
 }

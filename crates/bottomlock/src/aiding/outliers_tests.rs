@@ -19,14 +19,14 @@ struct Case {
     ping: BeamSample,
 }
 
-/// A Janus at 2 m/s whose velocity is known to `velocity_sd`, with readings off by `error`.
+/// A Janus at 2 m/s with the velocity's standard deviation `velocity_sd` and readings off by `error`.
 fn case(velocity_sd: f64, error: [f64; 4]) -> Case {
     let geometry = BeamGeometry::janus(Janus::X, 30_f64.to_radians()).unwrap();
     let mut state = NavState::at_rest(0);
     state.velocity_p_mps = Vec3::new(2.0, 0.1, 0.0);
     let motion = BeamMotion {
         velocity_p_mps: state.velocity_p_mps.0,
-        rate_tp_p_radps: Vector3::zeros(),
+        omega_tp_p_radps: Vector3::zeros(),
         beam_bias_mps: [0.0; 4],
         scale_factor: 0.0,
     };
@@ -150,14 +150,14 @@ fn the_wild_beam_is_the_one_that_goes() {
             [1.0; 4]
         );
     }
-    // A single beam that the navigator does not believe: nothing is left, and it says so.
+    // A single beam that is rejected: no beam is left, and the result says so.
     let mut one = case(0.01, [1.7, 0.0, 0.0, 0.0]);
     one.ping.valid = [0].into_iter().collect();
     assert!(one.screened(&gates[1]).took_all());
     assert!(!one.screened(&gates[0]).took_all(), "one beam contradicts no other");
 }
 
-/// A vertical beam alone, its velocity known to p: with D = σ² (ν + 3)/(ν + 1) the weight solves the scalar equation
+/// A vertical beam alone, with velocity variance p: with D = σ² (ν + 3)/(ν + 1) the weight solves the scalar equation
 /// w = (ν + 1) / (ν + E[n²]/D), n | z of mean z N / (p² + N) and variance p² N / (p² + N), N = D/w.
 #[test]
 fn student_weight_of_one_beam() {
@@ -233,7 +233,7 @@ fn bad_options_are_named() {
 proptest! {
     /// Full lock and one beam off by anything at all. The correction is P Hᵀ S⁻¹ z, so it is bounded where each entry of S⁻¹ z is:
     /// by k/σ for Huber, by less than (ν + 1)/(2√ν σ) for Student's t, by √c/σ for a beam's own gate and by 2√c/σ for closure with c the
-    /// quantile. The Kalman update knows no bound: it moves in proportion.
+    /// quantile. The Kalman update has no bound: it is linear.
     #[test]
     fn one_wild_beam_moves_the_estimate_by_a_bound(
         wild in 0_usize..4,

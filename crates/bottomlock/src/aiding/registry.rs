@@ -1,4 +1,4 @@
-//! The registry: a line for each sensor that aids, and all that follows from it.
+//! The registry: one line for each aiding sensor.
 
 use crate::aiding::acoustic_position::{AcousticPositionModel, AcousticPositionSample};
 use crate::aiding::attitude::{AttitudeSample, MagnetometerModel};
@@ -35,7 +35,7 @@ models! {
 /// [`AidingSensor::of_row`] of a sensor.
 type OfRow = fn(i64, &[Option<&[f64]>], &SensorModels) -> Option<Measurement>;
 
-/// What a sensor declares, as plain values.
+/// The declaration of a sensor as plain values.
 #[derive(Debug, Clone, Copy)]
 pub struct Declaration {
     /// [`AidingSensor::STREAM`].
@@ -87,7 +87,7 @@ impl Declaration {
 }
 
 impl SensorKind {
-    /// What it declares.
+    /// Its declaration.
     #[must_use]
     pub const fn declaration(self) -> &'static Declaration {
         &DECLARATIONS[self as usize]
@@ -108,24 +108,24 @@ pub const STREAM_NAMES: [&str; STREAMS] = {
 /// Their number: inertial readings, pings, and one for each sensor.
 pub const STREAMS: usize = 2 + SENSORS;
 
-/// Names of the updates of the sensors beside the beams, with what each measures.
+/// Report names and quantities of the updates of all sensors but the beams.
 pub fn reports() -> impl Iterator<Item = (SensorKind, Report)> {
     let of = |kind: SensorKind| kind.declaration().reports.iter().map(move |&report| (kind, report));
     SensorKind::ALL.into_iter().flat_map(of)
 }
 
-/// Where each sensor is in the platform frame, m.
+/// Lever arm of each sensor, platform frame, m.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Levers([Vec3<Platform>; SENSORS]);
 
 impl Levers {
-    /// Where a sensor is.
+    /// Lever arm of a sensor.
     #[must_use]
     pub const fn of(&self, kind: SensorKind) -> &Vec3<Platform> {
         &self.0[kind as usize]
     }
 
-    /// The same with a sensor elsewhere.
+    /// The same with another lever arm of one sensor.
     #[must_use]
     pub fn with(mut self, kind: SensorKind, lever_p_m: Vec3<Platform>) -> Self {
         self.0[kind as usize] = lever_p_m;
@@ -146,11 +146,11 @@ impl Levers {
 
 /// Reads the sections of a model.
 pub trait SectionReader {
-    /// What goes wrong there.
+    /// Type of the error.
     type Error;
     /// A section.
     ///
     /// # Errors
-    /// For a section that is not there, or has no such numbers.
+    /// For a missing section or value.
     fn section<S: Section>(&self) -> Result<S, Self::Error>;
 }

@@ -1,4 +1,4 @@
-//! What a sensor declares of itself: all that the event loop, the simulation, replay and the bindings ask of it.
+//! The declaration of a sensor, for the event loop, the simulation, replay and the bindings.
 
 use crate::aiding::registry::{Measurement, Sensor, SensorKind, SensorModels};
 use crate::aiding::{Innovation, Motion};
@@ -7,19 +7,19 @@ use crate::frames::{Platform, Rot, Tangent, Vec3};
 use crate::random::Normals;
 use nalgebra::Vector3;
 
-/// A sensor, by the sample that it gives.
+/// A sensor, by the type of its samples.
 pub trait AidingSensor: Copy + Into<Measurement> {
     /// Its place in the registry.
     const KIND: SensorKind;
     /// Name of its stream, within which time rises; `<stream>_time_ns` is the key of its times in a log.
     const STREAM: &'static str;
-    /// What its updates are reported as, in their order, and what each of them measures.
+    /// Report names of its updates in order, with the quantity of each.
     const REPORTS: &'static [Report];
     /// Key of its lever arm among the filter's options, where it has one.
     const LEVER: Option<&'static str> = None;
     /// Its columns in a recorded log; empty where a log has none of it.
     const LOG: &'static [Column] = &[];
-    /// How it is simulated; none where it is not.
+    /// Its simulation, if it has one.
     const SIMULATION: Option<Simulation> = None;
 
     /// Time of validity, ns.
@@ -39,7 +39,7 @@ pub trait AidingSensor: Copy + Into<Measurement> {
     /// The update of a report, of a sensor at `lever_p_m`.
     fn innovation(&self, report: Sensor, motion: &Motion<'_>, lever_p_m: &Vec3<Platform>) -> Innovation;
 
-    /// A sample of the true motion, with the noise that the models say: for its Jacobian and noise.
+    /// A sample of the true motion, with the noise of the models, for its Jacobian and noise.
     fn of_truth(motion: &Motion<'_>, lever_p_m: &Vec3<Platform>, models: &SensorModels) -> Self;
 
     /// A sample from a row of a log, a value for each of [`AidingSensor::LOG`].
@@ -52,13 +52,13 @@ pub trait AidingSensor: Copy + Into<Measurement> {
         None
     }
 
-    /// Its numbers, in the order of the columns of [`AidingSensor::SIMULATION`].
+    /// Its values, in the order of the columns of [`AidingSensor::SIMULATION`].
     fn numbers(&self) -> Vec<f64> {
         Vec::new()
     }
 }
 
-/// An update, by the name that it is reported under, and what it measures.
+/// Report name and measured quantity of an update.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Report {
     /// Its name.
@@ -67,7 +67,7 @@ pub struct Report {
     pub quantity: Quantity,
 }
 
-/// What an update measures.
+/// Quantity measured by an update.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// A position, m.
@@ -83,14 +83,14 @@ pub enum Quantity {
 pub struct Column {
     /// Its key.
     pub key: &'static str,
-    /// How many numbers a row has.
+    /// Numbers per row.
     pub width: usize,
-    /// Whether it may be left out.
+    /// Whether it is optional.
     pub optional: bool,
 }
 
 impl Column {
-    /// A column that has to be there.
+    /// A required column.
     #[must_use]
     pub const fn new(key: &'static str, width: usize) -> Self {
         Self {
@@ -106,28 +106,28 @@ impl Column {
 pub struct Simulation {
     /// Its name in a schedule and in a table of readings.
     pub name: &'static str,
-    /// Key of what the surroundings add to its reading, where they do.
+    /// Key of the environment's offset of its reading, if there is one.
     pub offset: Option<&'static str>,
-    /// Numbers of its random streams, which no other sensor has.
+    /// Numbers of its random streams, unique among the sensors.
     pub random: &'static [u64],
     /// Columns of its readings.
     pub columns: &'static [Column],
 }
 
-/// What a simulated sensor meets.
+/// Inputs to the simulation of a sensor at one time.
 #[derive(Debug, Clone, Copy)]
 pub struct Scene<'a> {
     /// Time of validity, ns.
     pub time_ns: i64,
-    /// The true motion then.
+    /// The true motion at that time.
     pub truth: &'a TrueMotion,
-    /// What the surroundings add to the reading.
+    /// Offset of the reading from the environment.
     pub offset: f64,
-    /// Its place in the platform frame, m.
+    /// Lever arm, platform frame, m.
     pub lever_p_m: Vec3<Platform>,
-    /// What the sensors are.
+    /// True errors of the sensors.
     pub actual: &'a SensorModels,
-    /// What they claim to be.
+    /// Assumed errors, which give the reported standard deviations.
     pub claimed: &'a SensorModels,
 }
 
@@ -146,7 +146,7 @@ pub struct TrueMotion {
 
 /// Where the numbers of a model's section come from.
 pub trait Numbers {
-    /// What goes wrong there.
+    /// Type of the error.
     type Error;
     /// The number of a key.
     ///
@@ -164,7 +164,7 @@ pub trait Numbers {
 pub trait Section: Copy + Default {
     /// Its name.
     const NAME: &'static str;
-    /// Whether a model may lack it, where the sensor is not there: all its numbers are then zero.
+    /// Whether it is optional, for a model without the sensor: all its numbers are then zero.
     const OPTIONAL: bool;
 
     /// Reads it.
@@ -180,7 +180,7 @@ pub trait Section: Copy + Default {
     fn validate(&self) -> Result<(), NavError>;
 }
 
-/// A field of a section: how it is read, and which values make sense.
+/// A field of a section: how it is read and checked.
 pub trait Field: Copy {
     /// Reads it.
     ///
@@ -214,7 +214,7 @@ impl Field for [f64; 3] {
     }
 }
 
-/// A part of a whole: 0 to 1.
+/// A fraction: 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default)]
 pub struct Fraction(pub f64);
 
@@ -234,7 +234,7 @@ impl Field for Fraction {
     }
 }
 
-/// A place: any finite numbers.
+/// A position: any finite numbers.
 impl Field for Vec3<Tangent> {
     fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
         numbers.triple(key).map(Self::from_array)

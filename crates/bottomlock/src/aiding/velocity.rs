@@ -10,7 +10,7 @@ use crate::frames::{Platform, Vec3};
 use crate::layout::{DVL_SCALE, VELOCITY};
 use crate::state::NavState;
 
-/// A velocity that an instrument solved itself.
+/// A velocity solved by the instrument.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VelocitySample {
     /// Time of validity, ns.

@@ -1,19 +1,19 @@
-//! The motion through the water as pseudo-measurements: a torpedo-shaped vehicle hardly slips sideways through the water it
-//! swims in, and the water drifts with a current.
+//! The motion through the water as pseudo-measurements: a torpedo-shaped vehicle has little sway and heave relative to the water,
+//! and the water moves with a current.
 //!
 //! With R platform to tangent, c the current and ω_tp the angular rate, the velocity relative to the water is v − Rᵀc, and
 //!
 //! - sway through the water is −k ω_z + s: the vehicle turns about a pivot k ahead of its origin;
-//! - heave through the water is w + h: the trim w that balances weight, buoyancy and shape, and what pitching makes of it.
+//! - heave through the water is w + h: the trim w that balances weight, buoyancy and shape, and h the rest.
 //!
-//! c, k, w, s and h are estimated with everything else. c, w, s and h are Gauss–Markov processes: a slip that lasts for many
+//! c, k, w, s and h are estimated with the other states. c, w, s and h are Gauss–Markov processes: a slip that lasts for many
 //! epochs is then one piece of evidence and not one per epoch. There is no current along the vertical.
 //!
 //! # Error of the current
-//! c = Exp([ρ_D e_D×]) ĉ + δc, with ρ_D the misalignment about the vertical: the current is known by where the vehicle believes
-//! north to be. Turning vehicle and current together about the vertical changes no measurement, so none may teach the yaw; with
-//! the plain difference the filter would take each change of ĉ for knowledge of the yaw. That believed north turns against the
-//! true one by the gyro's bias is less than the current's own wander, and left out.
+//! c = Exp([ρ_D e_D×]) ĉ + δc, with ρ_D the misalignment about the vertical: the current is expressed
+//! along the estimated north. A rotation of vehicle and current together about the vertical changes no measurement, so no
+//! measurement may reduce the uncertainty of yaw. With the plain difference each change of ĉ would count as information on yaw.
+//! The drift of the estimated north with the gyro bias is smaller than the random walk of the current and is neglected.
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -30,9 +30,9 @@ pub const CURRENT: usize = 0;
 pub const GAIN: usize = 2;
 /// Index of the trim w, m/s.
 pub const TRIM: usize = 3;
-/// Index of the sway s that −k ω_z leaves, m/s.
+/// Index of the sway slip s, m/s.
 pub const SWAY: usize = 4;
-/// Index of the heave h that the trim leaves, m/s.
+/// Index of the heave slip h, m/s.
 pub const HEAVE: usize = 5;
 
 /// One number for each further state.
@@ -40,7 +40,7 @@ pub type WaterVector = SVector<f64, WATER>;
 /// Covariance of the further states.
 pub type WaterCovariance = SMatrix<f64, WATER, WATER>;
 
-/// What is assumed of the motion through the water before anything is measured; 1 sigma.
+/// Prior of the motion through the water; 1 sigma.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WaterPrior {
     /// Current along north and along east, m/s.
@@ -59,7 +59,7 @@ pub struct WaterPrior {
     pub slip_sd_mps: f64,
     /// Correlation time of s and h, s.
     pub slip_time_s: f64,
-    /// Number of epochs that the prior of the variance of s and h counts for.
+    /// Weight of the prior variance of s and h, as a number of epochs.
     pub slip_epochs: f64,
 }
 
@@ -126,7 +126,7 @@ impl WaterPrior {
         mean
     }
 
-    /// What is left of each state after `duration_s`: exp(−t/τ), and all of k, which is a constant of the vehicle.
+    /// Correlation of each state over `duration_s`: exp(−t/τ), and 1 for k, which is a constant of the vehicle.
     #[must_use]
     pub fn decay(&self, duration_s: f64) -> WaterVector {
         let left = |time_s: f64| (-duration_s / time_s).exp();
@@ -146,7 +146,7 @@ pub fn inject(water: &mut WaterVector, yaw_rad: f64, error: &WaterVector) {
 /// An assumption as one row: 0 = expected + H_x δx + H_w δw + n.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WaterRow {
-    /// Which further state takes up what the row leaves.
+    /// The slip state of the row.
     pub slip: usize,
     /// k times the rate that goes with the row, m/s: ω_z for sway, ω_y for heave.
     pub turning_mps: f64,

@@ -97,7 +97,7 @@ fn rows_are_the_derivatives() {
     }
 }
 
-/// Whatever the current is believed to be, no row tells the yaw anything beyond the Earth's rotation.
+/// For any estimate of the current, no row has information on yaw beyond the Earth's rotation.
 #[test]
 fn the_yaw_is_not_learned() {
     for current in [[0.0, 0.0], [0.3, -0.2], [-1.0, 2.0]] {

@@ -45,7 +45,7 @@ pub enum FixOutcome {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PingContext {
     /// Angular rate ω_tp, platform frame, rad/s, for the lever arms.
-    pub rate_tp_p_radps: Vector3<f64>,
+    pub omega_tp_p_radps: Vector3<f64>,
     /// Prior velocity, for the methods that use one.
     pub prior: Option<VelocityPrior>,
 }
@@ -81,7 +81,7 @@ pub fn solve(
     assumptions: &Assumptions,
 ) -> Result<FixOutcome, NavError> {
     ping.validate(geometry)?;
-    require_finite("rate_tp_p_radps", ping.time_ns, context.rate_tp_p_radps.as_slice())?;
+    require_finite("omega_tp_p_radps", ping.time_ns, context.omega_tp_p_radps.as_slice())?;
     if let Some(prior) = &context.prior {
         require_finite("prior velocity_p_mps", ping.time_ns, &prior.velocity_p_mps.to_array())?;
     }
@@ -90,7 +90,7 @@ pub fn solve(
     let mut values = SMatrix::<f64, SLOTS, 1>::zeros();
     for beam in ping.valid.iter() {
         noise[(beam, beam)] = (ping.sd_mps[beam] * scale).powi(2);
-        let lever = context.rate_tp_p_radps.cross(geometry.lever_arm_p_m(beam));
+        let lever = context.omega_tp_p_radps.cross(geometry.lever_arm_p_m(beam));
         values[beam] = ping.velocity_mps[beam] * scale - geometry.direction_p(beam).dot(&lever);
     }
     let prior_cov = context.prior.as_ref().map(|prior| &prior.cov_m2ps2);

@@ -223,7 +223,7 @@ impl BeamGeometry {
     #[must_use]
     pub fn beam_velocity_mps(&self, beam: usize, motion: &BeamMotion) -> f64 {
         let point = motion.velocity_p_mps * (1.0 + motion.scale_factor)
-            + motion.rate_tp_p_radps.cross(&self.lever_arms_p_m[beam]);
+            + motion.omega_tp_p_radps.cross(&self.lever_arms_p_m[beam]);
         let bias = if beam < BIASED_BEAMS {
             motion.beam_bias_mps[beam]
         } else {
@@ -239,7 +239,7 @@ pub struct BeamMotion {
     /// Velocity over ground, platform frame, m/s.
     pub velocity_p_mps: Vector3<f64>,
     /// Angular rate ω_tp, platform frame, rad/s.
-    pub rate_tp_p_radps: Vector3<f64>,
+    pub omega_tp_p_radps: Vector3<f64>,
     /// Bias of each of the first four beams, m/s; further beams have none.
     pub beam_bias_mps: [f64; BIASED_BEAMS],
     /// Scale factor error.
@@ -309,7 +309,7 @@ mod tests {
             .unwrap();
         let motion = BeamMotion {
             velocity_p_mps: Vector3::new(2.0, 0.1, 0.0),
-            rate_tp_p_radps: Vector3::new(0.0, 0.0, 0.2),
+            omega_tp_p_radps: Vector3::new(0.0, 0.0, 0.2),
             beam_bias_mps: [0.01, 0.0, 0.0, 0.0],
             scale_factor: 0.5,
         };

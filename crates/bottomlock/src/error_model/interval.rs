@@ -6,7 +6,7 @@ use super::transition::Transition;
 use super::{FirstOrderInterval, ProcessNoise, SecondOrderInterval};
 use crate::layout::{DIM, DYNAMIC};
 use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
-use crate::simd::{Lane, with_vectors};
+use crate::simd::{Lane, Simd, Strips, with_vectors};
 
 /// What the steps of an interval add up to, and the transition and noise that follow from it.
 pub trait CovarianceInterval<T: Lane>: Copy {
@@ -44,9 +44,18 @@ pub trait CovarianceInterval<T: Lane>: Copy {
 
     /// P⁺ = Φ (P + Q₀ T/2) Φᵀ + Q₁ T/2, and the interval is empty again; see `covariance::propagate`.
     #[inline(always)]
-    fn propagate(&mut self, p: &mut Matrix<T>, end: &Kinematics<T>, noise: &ProcessNoise, earth: &EarthTerms) {
+    fn propagate<S: Simd>(
+        &mut self,
+        simd: S,
+        p: &mut Matrix<T>,
+        end: &Kinematics<T>,
+        noise: &ProcessNoise,
+        earth: &EarthTerms,
+    ) where
+        T: Strips<S>,
+    {
         let (first, second) = (self.first_noise(noise), self.second_noise(end, noise));
-        covariance::propagate(p, &self.transition(end, earth), &first, &second);
+        covariance::propagate(simd, p, &self.transition(end, earth), &first, &second);
         self.empty(end);
     }
 
@@ -119,8 +128,8 @@ impl Interval {
         if self.duration_s() > 0.0 {
             match self {
                 Self::Open => {}
-                Self::FirstOrder(interval) => with_vectors!(_simd => interval.propagate(p, end, noise, earth)),
-                Self::SecondOrder(interval) => with_vectors!(_simd => interval.propagate(p, end, noise, earth)),
+                Self::FirstOrder(interval) => with_vectors!(simd => interval.propagate(simd, p, end, noise, earth)),
+                Self::SecondOrder(interval) => with_vectors!(simd => interval.propagate(simd, p, end, noise, earth)),
             }
         }
         complete(p);

@@ -14,8 +14,7 @@ mod side_by_side;
 mod transition;
 
 pub use covariance::Matrix;
-#[cfg(test)]
-use covariance::complete;
+pub(crate) use covariance::complete;
 pub use first_order::FirstOrderInterval;
 pub use interval::{CovarianceInterval, Interval};
 pub use noise::HalfNoise;

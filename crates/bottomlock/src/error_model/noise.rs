@@ -61,12 +61,26 @@ impl<T: Lane> HalfNoise<T> {
     #[inline(always)]
     pub(super) fn add_to(&self, p: &mut Matrix<T>) {
         for i in 0..3 {
+            for j in 0..3 {
+                p[VELOCITY + i][ATTITUDE + j] += self.across[i][j];
+                if j < i {
+                    p[VELOCITY + i][VELOCITY + j] += self.velocity[i][j];
+                }
+            }
+        }
+        self.add_to_upper(p);
+    }
+
+    /// The same on and above the diagonal alone.
+    #[inline(always)]
+    pub(super) fn add_to_upper(&self, p: &mut Matrix<T>) {
+        for i in 0..3 {
             p[ATTITUDE + i][ATTITUDE + i] += self.attitude;
             for j in 0..3 {
-                let (low, high) = (i.max(j), i.min(j));
-                p[VELOCITY + i][VELOCITY + j] += self.velocity[low][high];
-                p[VELOCITY + i][ATTITUDE + j] += self.across[i][j];
                 p[ATTITUDE + j][VELOCITY + i] += self.across[i][j];
+                if i <= j {
+                    p[VELOCITY + i][VELOCITY + j] += self.velocity[j][i];
+                }
             }
         }
         self.add_to_steady(p);
@@ -74,7 +88,7 @@ impl<T: Lane> HalfNoise<T> {
 
     /// Its random walks alone.
     #[inline(always)]
-    pub(super) fn add_to_steady(&self, p: &mut Matrix<T>) {
+    fn add_to_steady(&self, p: &mut Matrix<T>) {
         for i in 0..3 {
             p[ACCEL_BIAS + i][ACCEL_BIAS + i] += self.accel_bias;
             p[GYRO_BIAS + i][GYRO_BIAS + i] += self.gyro_bias;

@@ -329,7 +329,7 @@ fn side_by_side<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, many_steps: 
     let zero = T::gather(simd, |_| 0.0);
     let mut p: Matrix<T> = std::array::from_fn(|i| std::array::from_fn(|j| zero.splat(start[(i, j)])));
     let ends_side_by_side = Kinematics::from_array(gather(simd, ends.each_ref()));
-    lanes.propagate(&mut p, &ends_side_by_side, &NOISE, &earth);
+    lanes.propagate(simd, &mut p, &ends_side_by_side, &NOISE, &earth);
     complete(&mut p);
     for k in 0..T::COUNT {
         let (mut interval, end, _) = flown[k];

@@ -6,11 +6,11 @@
 use std::marker::PhantomData;
 
 use super::Eskf;
-use super::predict::{outcome, ran_out_of_numbers};
+use super::predict::ran_out_of_numbers;
 use super::prediction::{Beside, Group, Reached, predict};
 use super::streams::Streams;
 use crate::error::NavError;
-use crate::error_model::{FirstOrderInterval, Interval, Matrix, SecondOrderInterval, SideBySide};
+use crate::error_model::{FirstOrderInterval, Interval, Matrix, SecondOrderInterval, SideBySide, complete};
 use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, ImuSample, Kinematics};
 use crate::simd::{Lanes, Simd, WIDEST, gather, scatter, scatter_rows, three, widest_lanes, with_lanes};
@@ -55,26 +55,34 @@ impl<'a> FilterSpan<'a> {
         Self { owner, ..self }
     }
 
-    fn predict_alone(&mut self) {
-        self.failure = self.filter.predict_along(self.samples).err();
+    /// Takes what comes after sample `taken`, which the filter has taken already.
+    fn predict_alone(&mut self, taken: usize) {
+        if self.failure.is_none() {
+            let outcome = self.filter.predict_along(&self.samples[taken..]);
+            self.failure = outcome.err().map(|(at, error)| (taken + at, error));
+        }
     }
 
-    /// True where two filters do the same operations at the same steps.
+    /// True where two filters do the same operations at the same steps, as far as the ends of their samples tell.
     fn goes_with(&self, other: &Self) -> bool {
         let (own, its) = (&*self.filter, &*other.filter);
-        let same_times = std::ptr::eq(self.samples, other.samples)
-            || self.samples.len() == other.samples.len()
-                && (self.samples.iter().zip(other.samples)).all(|(a, b)| a.time_ns == b.time_ns);
+        let ends = |span: &Self| {
+            let [first, .., last] = span.samples else {
+                return None;
+            };
+            Some([first.time_ns, last.time_ns])
+        };
         own.interval.duration_s().to_bits() == its.interval.duration_s().to_bits()
             && own.settings == its.settings
-            && same_times
+            && self.samples.len() == other.samples.len()
+            && ends(self) == ends(other)
     }
 }
 
 /// Predicts every filter over its samples, as [`Eskf::predict`] does step by step.
 ///
 /// What goes wrong for a filter is noted in its own span. Filters whose samples are at the same times and whose covariances are
-/// due together share the lanes of vectors.
+/// due together share the lanes of vectors, as far as the times agree.
 pub fn predict_together(spans: &mut [FilterSpan<'_>]) {
     let mut waiting: Vec<&mut FilterSpan<'_>> = spans.iter_mut().collect();
     while let Some(first) = waiting.pop() {
@@ -83,7 +91,7 @@ pub fn predict_together(spans: &mut [FilterSpan<'_>]) {
         waiting = others;
         for part in group.chunks_mut(width()) {
             match part {
-                [alone] => alone.predict_alone(),
+                [alone] => alone.predict_alone(0),
                 _ => with_lanes!(run, part),
             }
         }
@@ -104,9 +112,7 @@ fn run<S: Simd, T: Lanes<S>>(simd: S, spans: &mut [&mut FilterSpan<'_>]) {
         }
     }
     match spans[0].filter.interval {
-        Interval::Open => spans
-            .iter_mut()
-            .for_each(|span| span.failure = outcome(span.samples, 0).err()),
+        Interval::Open => spans.iter_mut().for_each(|span| span.predict_alone(0)),
         Interval::FirstOrder(_) => run_lanes::<S, T, FirstOrderInterval<T>>(simd, spans),
         Interval::SecondOrder(_) => run_lanes::<S, T, SecondOrderInterval<T>>(simd, spans),
     }
@@ -139,7 +145,7 @@ fn run_lanes<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, spans: &mut [&m
         filters.map(|filter| filter.kinematics.to_array()).each_ref(),
     ));
     let Some(mut interval) = I::gathered(simd, &filters.map(|filter| filter.interval)) else {
-        return spans.iter_mut().for_each(|span| span.predict_alone());
+        return spans.iter_mut().for_each(|span| span.predict_alone(0));
     };
     let mut covariance: Matrix<T> = [[biases[0]; DIM]; DIM];
     for i in 0..DIM {
@@ -156,7 +162,8 @@ fn run_lanes<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, spans: &mut [&m
         lost: Vec::new(),
         lanes: PhantomData,
     };
-    let reached = predict(&mut group, &streams, &settings, &mut lanes);
+    let reached = predict(simd, &mut group, &streams, &settings, &mut lanes);
+    complete(group.covariance);
     lanes.finish(reached, &group);
 }
 
@@ -210,13 +217,12 @@ impl<S: Simd> InLanes<'_, '_, '_, S> {
         for (k, span) in self.spans.iter_mut().enumerate() {
             span.filter.take_lane(k, group);
             span.filter.settle(span.samples, reached);
-            if span.failure.is_none() {
-                span.failure = outcome(span.samples, reached.at).err();
-            }
         }
         for (k, filter) in self.lost {
             *self.spans[k].filter = filter;
         }
+        // Where times differ between lanes, or do not rise.
+        self.spans.iter_mut().for_each(|span| span.predict_alone(reached.at));
     }
 }
 

@@ -75,3 +75,25 @@ fn every_kind_of_vector_gives_the_same_bits() {
     on_every_level!(simd => check::<_, f64x4<_>>(simd));
     on_eight_lanes!(simd => check::<_, f64x8<_>>(simd));
 }
+
+/// Filters whose times agree at both ends and not between go on by themselves from where they differ; a time that does not rise
+/// stops its own filter alone.
+#[test]
+fn times_that_differ_between_part_the_filters() {
+    let mut streams: Vec<_> = (0..FILTERS).map(stream).collect();
+    streams[1][20].time_ns += 1000;
+    streams[2][25].time_ns = streams[2][24].time_ns;
+    let (mut together, mut alone) = (filters(0), filters(0));
+    let pairs = together.iter_mut().zip(&streams);
+    let mut spans: Vec<_> = pairs
+        .map(|(filter, samples)| FilterSpan::new(filter, samples))
+        .collect();
+    predict_together(&mut spans);
+    let failures: Vec<_> = spans.iter().map(|span| span.failure.clone()).collect();
+    for (k, filter) in alone.iter_mut().enumerate() {
+        let failure = filter.predict_along(&streams[k]).err();
+        assert_eq!(failure.as_ref().map(|(at, _)| *at), (k == 2).then_some(25));
+        assert_eq!(failures[k], failure, "filter {k}");
+        assert_eq!(bits(&together[k]), bits(filter), "filter {k}");
+    }
+}

@@ -23,9 +23,10 @@ impl Eskf {
     /// # Errors
     /// As [`Eskf::predict`], with the number of the sample.
     pub fn predict_along(&mut self, samples: &[ImuSample]) -> Result<(), (usize, NavError)> {
-        if samples.len() > 1 && samples[1].time_ns > samples[0].time_ns {
-            self.begin_interval(samples);
+        if !matches!(samples, [first, second, ..] if first.time_ns < second.time_ns) {
+            return outcome(samples, 0);
         }
+        self.begin_interval(samples);
         let settings = self.settings;
         let streams = Streams {
             of: [samples; WIDEST],
@@ -41,11 +42,11 @@ impl Eskf {
         let (kinematics, covariance) = (&mut self.kinematics, &mut self.covariance.data.0);
         let reached = match &mut self.interval {
             Interval::Open => Reached { at: 0, dt_s: 0.0 },
-            Interval::FirstOrder(interval) => with_vectors!(_simd => predict(
-                &mut Group { kinematics, interval, covariance }, &streams, &settings, &mut alone
+            Interval::FirstOrder(interval) => with_vectors!(simd => predict(
+                simd, &mut Group { kinematics, interval, covariance }, &streams, &settings, &mut alone
             )),
-            Interval::SecondOrder(interval) => with_vectors!(_simd => predict(
-                &mut Group { kinematics, interval, covariance }, &streams, &settings, &mut alone
+            Interval::SecondOrder(interval) => with_vectors!(simd => predict(
+                simd, &mut Group { kinematics, interval, covariance }, &streams, &settings, &mut alone
             )),
         };
         let is_lost = alone.is_lost;
@@ -113,7 +114,7 @@ impl<I: CovarianceInterval<f64> + Into<Interval>> Beside<f64, I> for Alone<'_> {
 }
 
 /// What becomes of a filter that has taken sample `at`, and would have gone on if time had risen.
-pub(super) fn outcome(samples: &[ImuSample], at: usize) -> Result<(), (usize, NavError)> {
+fn outcome(samples: &[ImuSample], at: usize) -> Result<(), (usize, NavError)> {
     match samples.get(at + 1) {
         None => Ok(()),
         Some(next) => Err((

@@ -2,10 +2,10 @@
 //!
 //! A filter alone is a group of one, whose lane type is `f64`; a reading that arrives live is a slice of one step.
 
-use super::streams::Streams;
+use super::streams::{Step, Streams};
 use crate::error_model::{CovarianceInterval, Matrix, ProcessNoise};
 use crate::mechanisation::{EarthTerms, Kinematics, Sampling};
-use crate::simd::Lane;
+use crate::simd::{Simd, Strips};
 
 /// What a prediction changes of a group of filters.
 pub(super) struct Group<'a, T, I> {
@@ -43,26 +43,31 @@ pub(super) struct Reached {
 ///
 /// Stops before a reading whose time does not rise, and where no filter is left.
 #[inline(always)]
-pub(super) fn predict<T: Lane, I: CovarianceInterval<T>>(
+pub(super) fn predict<S: Simd, T: Strips<S>, I: CovarianceInterval<T>>(
+    simd: S,
     group: &mut Group<'_, T, I>,
     streams: &Streams<'_, T>,
     settings: &Settings,
     beside: &mut impl Beside<T, I>,
 ) -> Reached {
-    let earth = &settings.earth;
+    let (earth, sampling) = (&settings.earth, settings.sampling);
     let mut reached = Reached { at: 0, dt_s: 0.0 };
-    let mut start = streams.corrected(0);
-    while let Some(dt_s) = streams.step_s(reached.at + 1) {
+    let mut next = streams.step(1, &streams.corrected(0), group.kinematics.attitude_t_p, sampling, earth);
+    while let Some(Step {
+        start,
+        end,
+        dt_s,
+        attitude_t_p,
+    }) = next
+    {
         reached = Reached {
             at: reached.at + 1,
             dt_s,
         };
-        let end = streams.corrected(reached.at);
-        if settings.sampling == Sampling::Averaged {
-            start = end;
-        }
+        // The chain of rotations goes a step ahead of the rest, which fills its pauses.
+        next = streams.step(reached.at + 1, &end, attitude_t_p, sampling, earth);
         let before = *group.kinematics;
-        group.kinematics.step(&start, &end, dt_s, earth);
+        group.kinematics.follow(attitude_t_p, &start, &end, dt_s, earth);
         group.interval.extend(&before, group.kinematics, &end, dt_s, earth);
         let [x, y, z] = group.kinematics.position_t_m;
         if !(x + y + z).all_finite() && !beside.lose(reached.at, dt_s, group) {
@@ -72,9 +77,8 @@ pub(super) fn predict<T: Lane, I: CovarianceInterval<T>>(
             beside.propagate(group.interval, group.kinematics);
             group
                 .interval
-                .propagate(group.covariance, group.kinematics, &settings.noise, earth);
+                .propagate(simd, group.covariance, group.kinematics, &settings.noise, earth);
         }
-        start = end;
     }
     reached
 }

@@ -28,7 +28,7 @@ impl ImuSample {
     /// # Errors
     /// [`NavError::NotFinite`].
     pub fn validate(&self) -> Result<(), NavError> {
-        require_finite("imu rate_p_radps", self.time_ns, &self.rate_p_radps.to_array())?;
+        require_finite("imu omega_p_radps", self.time_ns, &self.rate_p_radps.to_array())?;
         require_finite("imu force_p_mps2", self.time_ns, &self.force_p_mps2.to_array())
     }
 

@@ -22,7 +22,7 @@ use crate::navigator::dual_filter::DualFilter;
 use crate::navigator::events::{Event, STREAMS};
 use crate::state::{Covariance, NavState};
 
-/// What the navigator makes of the beams.
+/// Aiding by beams of the navigator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum BeamAiding {
     /// Nothing.
@@ -120,7 +120,7 @@ impl Navigator {
         self.last_ns[0] = Some(last.time_ns);
     }
 
-    /// Replaces the covariance; what was assumed and learned of the motion through the water is forgotten.
+    /// Replaces the covariance; the estimate of the motion through the water is reset to its prior.
     ///
     /// # Errors
     /// As [`Eskf::set_covariance`].
@@ -248,7 +248,7 @@ impl Navigator {
         Ok(())
     }
 
-    /// What is left of a ping where outliers are looked for, as the filter on measurements alone sees it.
+    /// The ping after outlier rejection with the innovation covariance of the filter without assumptions; none if it is off.
     fn screen(&mut self, ping: &BeamSample) -> Result<Option<Screened>, NavError> {
         if self.options.robust.is_off() || self.aiding == BeamAiding::None {
             return Ok(None);

@@ -8,7 +8,7 @@ use crate::filter::filter_group::{FilterSpan, predict_together};
 
 /// Fewer readings than this are pushed one by one.
 const WORTH_GROUPING: usize = 4;
-/// At most as many readings are drawn at a time: what a run needs of memory beyond its filters.
+/// Largest number of readings drawn at a time; it bounds a run's memory beyond its filters.
 const MOST_READINGS: usize = 256;
 
 /// Navigators with the inertial readings and measurements that they take.
@@ -17,27 +17,27 @@ pub(crate) trait Feed {
     fn is_over(&self) -> bool;
     /// Number of readings ahead before anything happens between two of them, up to the one where something happens.
     fn clear_readings(&self) -> usize;
-    /// Pushes one reading, with whatever is measured before it or at it.
+    /// Pushes one reading, with the measurements before it or at it.
     ///
     /// # Errors
-    /// What ends the feed.
+    /// The error that ends the feed.
     fn step(&mut self) -> Result<(), NavError>;
     /// Draws as many of the clear readings.
     ///
     /// # Errors
-    /// What ends the feed.
+    /// The error that ends the feed.
     fn draw_readings(&mut self, count: usize) -> Result<(), NavError>;
     /// The filters of every navigator with the readings drawn; each span names its owner in the feed of this number.
     fn spans(&mut self, feed: usize) -> Vec<FilterSpan<'_>>;
     /// After the filters have taken the readings drawn, but for those that failed.
     ///
     /// # Errors
-    /// What ends the feed.
+    /// The error that ends the feed.
     fn after_readings(&mut self, failures: Vec<Failure>) -> Result<(), NavError>;
     /// After the last reading.
     ///
     /// # Errors
-    /// What is left over.
+    /// The rest.
     fn finish(&mut self) -> Result<(), NavError>;
 }
 
@@ -81,7 +81,7 @@ pub(crate) fn run_events<F: Feed>(feeds: &mut [&mut F]) -> Vec<Result<(), NavErr
     outcomes
 }
 
-/// Predicts the filters of all feeds together; what failed, by the number of the feed.
+/// Predicts the filters of all feeds together; errors by the number of the feed.
 fn predict<F: Feed>(going: &mut [(usize, &mut F)], feeds: usize) -> Vec<Vec<Failure>> {
     let mut spans: Vec<FilterSpan<'_>> = going.iter_mut().flat_map(|(k, feed)| feed.spans(*k)).collect();
     predict_together(&mut spans);

@@ -37,7 +37,7 @@ impl Log<'_> {
     /// Checks every number, and that time rises within each stream.
     ///
     /// # Errors
-    /// [`NavError::InRow`] that names stream, row and what is wrong with it.
+    /// [`NavError::InRow`] that names stream, row and field.
     pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
         for stream in 0..STREAMS {
             let mut previous_ns = None;
@@ -77,7 +77,7 @@ impl Log<'_> {
         heads.min_by_key(|(_, event)| event.time_ns())
     }
 
-    /// What a replay from `start_ns` cannot use.
+    /// Rows that a replay from `start_ns` cannot use.
     pub(super) fn unused(&self, start_ns: i64, last_ns: i64) -> Unused {
         let mut unused = Unused::default();
         for stream in 0..STREAMS {

@@ -1,4 +1,4 @@
-//! Methods beside each other on the events of one log.
+//! Methods side by side on the events of one log.
 
 use super::{PingRecord, Replay, STREAMS, Series, Track};
 use crate::error::NavError;
@@ -20,7 +20,7 @@ pub(super) struct MethodReplay {
     method: Method,
     navigators: NavigatorSet,
     track: Track,
-    /// What ended it; the others go on.
+    /// The error that ended it; other methods continue.
     failure: Option<NavError>,
 }
 
@@ -119,7 +119,7 @@ impl<'a> LogFeed<'a> {
         }
     }
 
-    /// What each method yields, or why it failed.
+    /// Result of each method, or its error.
     pub(super) fn into_tracks(self) -> Vec<Result<Track, NavError>> {
         let keep = self.request.covariances;
         self.methods.into_iter().map(|one| one.into_track(keep)).collect()
@@ -146,7 +146,7 @@ impl<'a> LogFeed<'a> {
         }
     }
 
-    /// What is measured and recorded at a reading that the filters have taken.
+    /// Processes the measurements at a reading and records the sample.
     fn after_reading(&mut self, time_ns: i64) {
         self.push_before(time_ns + 1);
         let due = self.sample_time_ns.partition_point(|&sample_ns| sample_ns <= time_ns);

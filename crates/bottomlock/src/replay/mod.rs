@@ -5,7 +5,7 @@
 //! host late stands where it was valid. Between two inertial readings the [`crate::navigator::Navigator`] splits the strapdown step at
 //! the measurement's own time, with the readings interpolated (instantaneous sampling) or held (averaged sampling).
 //!
-//! What lies before the start, or after the last inertial reading, moves no filter and is counted in [`Unused`].
+//! Rows before the start or after the last inertial reading are not used; [`Unused`] counts them.
 
 mod log;
 mod log_feed;
@@ -27,14 +27,14 @@ use self::log_feed::{LogFeed, MethodReplay};
 pub use self::ping::{FIX_STATUS, FixStatus, PingRecord};
 pub use crate::navigator::events::{STREAM_NAMES, STREAMS};
 
-/// What is flown along a log.
+/// Inputs of a replay.
 #[derive(Debug, Clone, Copy)]
 pub struct Replay<'a> {
     /// The log.
     pub log: Log<'a>,
     /// The beams.
     pub geometry: &'a BeamGeometry,
-    /// What the filter assumes of the sensors.
+    /// Sensor errors assumed by the filter.
     pub model: &'a Model,
     /// Filter options.
     pub options: &'a Options,
@@ -42,7 +42,7 @@ pub struct Replay<'a> {
     pub start: NavState,
     /// Covariance at the start; the model's without.
     pub covariance: Option<&'a Covariance>,
-    /// Ways of aiding; each sees the valid beams of the log and no others, the reference method too.
+    /// Aiding methods; each has the valid beams of the log only, the reference method too.
     pub methods: &'a [Method],
     /// Times at which states are recorded, ns, rising; the first inertial reading at or after each counts.
     pub sample_time_ns: &'a [i64],
@@ -59,14 +59,14 @@ pub struct Series {
     pub states: Vec<NavState>,
     /// Standard deviation of each error state there.
     pub sd: Vec<[f64; DIM]>,
-    /// Covariance there; empty where it was not asked for.
+    /// Covariance there; empty if it was not requested.
     pub covariances: Vec<Covariance>,
 }
 
 impl Series {
     fn push(&mut self, state: NavState, covariance: &Covariance, keep_covariance: bool) {
         self.states.push(state);
-        // Rounding may leave a variance of zero a hair below it where the log fixes a state altogether.
+        // Rounding may make a zero variance slightly negative if the log determines a state completely.
         self.sd
             .push(std::array::from_fn(|k| covariance[(k, k)].max(0.0).sqrt()));
         if keep_covariance {
@@ -75,12 +75,12 @@ impl Series {
     }
 }
 
-/// What one method yields.
+/// Result of one method.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Track {
-    /// The filter at each sample: what was known then.
+    /// The filter's estimate at each sample.
     pub filtered: Series,
-    /// What the whole log says of each sample; empty where it was not asked for.
+    /// The smoothed estimate at each sample; empty if it was not requested.
     pub smoothed: Series,
     /// A record for each ping of the log.
     pub pings: Vec<PingRecord>,
@@ -88,7 +88,7 @@ pub struct Track {
     pub tape_bytes: usize,
 }
 
-/// What a replay yields.
+/// Result of a replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replayed {
     /// A track for each method, in their order.
@@ -102,9 +102,9 @@ pub struct Replayed {
 /// Each method ends as a [`crate::navigator::NavigatorSet`] does that is fed the same events one by one, bit for bit.
 ///
 /// # Errors
-/// [`NavError::InRow`] for a row that makes no sense; [`NavError::WrongCount`] for a log without an inertial reading after the
-/// start; [`NavError::OutsideLog`] or [`NavError::TimeNotIncreasing`] for sample times; [`NavError::InMethod`] for what goes wrong
-/// under way, and for a method that is to be smoothed and cannot be.
+/// [`NavError::InRow`] for a row that is not valid; [`NavError::WrongCount`] for a log without an inertial reading after the
+/// start; [`NavError::OutsideLog`] or [`NavError::TimeNotIncreasing`] for sample times; [`NavError::InMethod`] for an error
+/// of a method, and for a method without a smoother if smoothing is requested.
 pub fn replay(request: &Replay<'_>, threads: usize) -> Result<Replayed, NavError> {
     let (log, start_ns) = (&request.log, request.start.time_ns);
     log.validate(request.geometry)?;

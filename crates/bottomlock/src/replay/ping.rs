@@ -1,12 +1,12 @@
-//! What a method made of a ping.
+//! Record of a ping by method.
 
 use crate::dvl::geometry::{BeamSample, MAX_BEAMS};
 use crate::filter::report::{Choice, UpdateReport, Verdict};
 
-/// What became of a ping.
+/// Outcome of a ping.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum FixStatus {
-    /// It reached no filter, or the method makes nothing of beams.
+    /// No filter used it: it came before the start, or the method uses no beams.
     #[default]
     None,
     /// All of it was used.
@@ -22,10 +22,10 @@ pub enum FixStatus {
 /// The names of [`FixStatus`] in order.
 pub const FIX_STATUS: [&str; 5] = ["none", "accepted", "accepted_in_part", "rejected", "no_information"];
 
-/// What one method made of one ping.
+/// Record of one ping by one method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PingRecord {
-    /// What became of it.
+    /// Its outcome.
     pub status: FixStatus,
     /// Normalised innovation squared; NaN without a fix.
     pub nis: f64,
@@ -38,7 +38,7 @@ pub struct PingRecord {
     /// Weight of each beam: 1 where its reading counted in full, less where it was weighted, 0 where it was taken out, NaN where it
     /// was lost or reached no filter.
     pub beam_weight: [f64; MAX_BEAMS],
-    /// What was chosen, of a method that chooses.
+    /// The selection, for a method that selects.
     pub choice: Option<Choice>,
 }
 

@@ -33,7 +33,7 @@ pub(crate) fn steady_turn(seconds: i64) -> Recording {
         .unwrap();
     let motion = BeamMotion {
         velocity_p_mps: Vector3::new(speed, 0.0, 0.0),
-        rate_tp_p_radps: Vector3::new(0.0, 0.0, rate),
+        omega_tp_p_radps: Vector3::new(0.0, 0.0, rate),
         beam_bias_mps: [0.0; 4],
         scale_factor: 0.0,
     };
@@ -247,7 +247,7 @@ fn a_split_step_does_not_make_the_gyro_worse() {
     );
 }
 
-/// Live, sensors that wait for the same IMU sample may arrive in any order; what is late is refused, counted and changes nothing.
+/// Live, measurements between two IMU samples may arrive in any order; a late one is an error, is counted and changes nothing.
 #[test]
 fn arrival_out_of_order() {
     let recording = steady_turn(3);
@@ -310,7 +310,7 @@ fn what_is_not_used_is_counted() {
     assert_eq!(used, [false, true, true, false]);
 }
 
-/// Faults are refused with stream, row and time.
+/// Errors name stream, row and time.
 #[test]
 fn bad_rows_are_named() {
     let options = Options::default();

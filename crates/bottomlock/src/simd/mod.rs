@@ -8,6 +8,7 @@
 mod algebra;
 mod column;
 mod dispatch;
+mod strip;
 mod transpose;
 
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
@@ -20,6 +21,7 @@ pub(crate) use fearless_simd::{Simd, f64x4, f64x8};
 pub(crate) use self::algebra::*;
 pub(crate) use self::column::*;
 pub(crate) use self::dispatch::{Vectors, vectors, widest_lanes, with_lanes, with_vectors};
+pub use self::strip::{Lift, Strip, Strips};
 pub(crate) use self::transpose::{columns_of_eight, columns_of_four};
 
 /// True where the machine fuses products and sums by itself.
@@ -103,7 +105,7 @@ impl Lane for f64 {
 }
 
 /// Several filters side by side.
-pub trait Lanes<S: Simd>: Lane {
+pub trait Lanes<S: Simd>: Strips<S> {
     /// Number of filters.
     const COUNT: usize;
     /// A vector with `value(k)` in lane k.

@@ -20,7 +20,7 @@ use crate::simulation::sensor_errors::{SensorErrors, drawn_start};
 use crate::simulation::truth::{Truth, true_state};
 use crate::state::NavState;
 
-/// What one method of one run yields.
+/// Result of one method of one run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct MethodRecord {
     /// Error at each sample: position (tangent, m), misalignment (tangent, rad), velocity (platform, m/s).
@@ -37,7 +37,7 @@ pub struct MethodRecord {
     pub fixes_accepted: u64,
     /// DVL fixes rejected by the gate.
     pub fixes_rejected: u64,
-    /// What was chosen at each ping, of a method that chooses.
+    /// The selection at each ping, for a method that selects.
     pub choices: Vec<Choice>,
     /// How well the IMU's biases are known at the last sample; none without samples.
     pub biases: Option<BiasRecord>,
@@ -52,7 +52,7 @@ pub struct BiasRecord {
     pub sd: [f64; 6],
 }
 
-/// A method with its filters and what it has yielded.
+/// A method with its filters and results.
 #[derive(Debug, Clone)]
 struct MethodRun {
     method: Method,
@@ -111,7 +111,7 @@ impl MethodRun {
     }
 }
 
-/// A run under way.
+/// A run in progress.
 #[derive(Debug)]
 pub struct MonteCarloRun {
     number: u64,
@@ -161,7 +161,7 @@ impl MonteCarloRun {
         self.methods.get(method).map(|one| one.navigators.state())
     }
 
-    /// What the methods have yielded, in their order.
+    /// Results of the methods, in their order.
     #[must_use]
     pub fn records(&self) -> Vec<MethodRecord> {
         self.methods.iter().cloned().map(MethodRun::into_record).collect()
@@ -241,7 +241,7 @@ impl<'a> RunSegment<'a> {
     /// At the start of a segment.
     ///
     /// # Errors
-    /// [`NavError`] for a schedule that makes no sense.
+    /// [`NavError`] for a schedule that is not valid.
     pub(crate) fn new(
         run: &'a mut MonteCarloRun,
         truth: Truth<'a>,
@@ -267,7 +267,7 @@ impl<'a> RunSegment<'a> {
         &self.truth.time_ns[self.next..]
     }
 
-    /// What is measured and recorded at the last sample taken.
+    /// Processes the measurements at the last sample and records it.
     fn after_sample(&mut self) -> Result<(), NavError> {
         let k = self.next - 1;
         let time_ns = self.truth.time_ns[k];

@@ -4,7 +4,7 @@ use crate::aiding::registry::{SENSORS, SensorKind};
 use crate::dvl::geometry::BeamMask;
 use crate::error::NavError;
 
-/// When each sensor measures, which beams return, and what the surroundings add to a reading.
+/// Times of each sensor, returning beams, and offsets of readings by the environment.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Schedule<'a> {
     /// DVL epochs, ns, rising.
@@ -38,7 +38,7 @@ impl<'a> Schedule<'a> {
         self
     }
 
-    /// Checks that what belongs to the epochs is as long as they are, and finite.
+    /// Checks that the arrays at the epochs have their length and are finite.
     pub(crate) fn validate(&self) -> Result<(), NavError> {
         let same = |field, got: usize, wanted: usize, of: &str| {
             if got == wanted {

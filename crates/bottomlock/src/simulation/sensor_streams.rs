@@ -42,10 +42,10 @@ impl Streams {
     }
 }
 
-/// Draws every stream of one run; a reading carries the standard deviation that `claimed` says, whatever made its error.
+/// Draws every stream of one run; the standard deviation of a reading is that of the model `claimed`.
 ///
 /// # Errors
-/// [`NavError`] for a truth, a model or a schedule that makes no sense (truth and model are taken as validated by the caller).
+/// [`NavError`] for a truth, a model or a schedule that is not valid (truth and model are taken as validated by the caller).
 pub fn simulate(
     truth: &Truth<'_>,
     geometry: &BeamGeometry,

@@ -5,12 +5,15 @@
 
 use bottomlock::aiding::registry::SensorKind;
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, Janus};
+use bottomlock::error::NavError;
 use bottomlock::filter::options::Options;
 use bottomlock::frames::Rot;
 use bottomlock::model::Model;
 use bottomlock::navigator::METHODS;
 use bottomlock::simulation::batch::Batch;
 use bottomlock::simulation::schedule::Schedule;
+use bottomlock::simulation::sensor_errors::RunKey;
+use bottomlock::simulation::sensor_streams::{Streams, simulate};
 use bottomlock::simulation::truth::Truth;
 use nalgebra::Vector3;
 
@@ -117,6 +120,30 @@ impl Epochs {
         .with(SensorKind::Attitude, &self.magnetometer, &[])
         .with(SensorKind::Gps, &self.gps, &[])
     }
+}
+
+/// The streams of one run on a turn, with the sensor errors of Table 2 and a Janus.
+pub(crate) fn draw(
+    turn: &Turn,
+    schedule: &Schedule<'_>,
+    seed: u64,
+    trajectory: u64,
+    run: u64,
+) -> Result<Streams, NavError> {
+    let (model, options) = (Model::table_2(), Options::default());
+    let key = RunKey { seed, trajectory, run };
+    simulate(&turn.truth(), &janus(), &model, &model, schedule, &options, &key)
+}
+
+/// A turn of eight seconds and its epochs, with the model, the options and the geometry of a batch.
+pub(crate) fn eight_seconds() -> (Turn, Epochs, Model, Options, BeamGeometry) {
+    (
+        Turn::new(8, 0.05),
+        Epochs::new(8),
+        Model::table_2(),
+        Options::default(),
+        janus(),
+    )
 }
 
 /// A batch of four runs of every method on a turn.

@@ -22,9 +22,9 @@ pub(super) struct Inertial {
     gyro_noise: Normals,
     accel_walk: Normals,
     gyro_walk: Normals,
-    /// As it stands, m/s².
+    /// Its current value, m/s².
     pub(super) accel_bias: Vector3<f64>,
-    /// As it stands, rad/s.
+    /// Its current value, rad/s.
     pub(super) gyro_bias: Vector3<f64>,
     started: bool,
 }

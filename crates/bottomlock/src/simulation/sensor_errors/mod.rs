@@ -51,7 +51,7 @@ enum Stream {
     BeamBias = 200,
 }
 
-/// The key of a run's generators; its streams are told apart by their numbers.
+/// The key of a run's generators; its streams differ by their numbers.
 fn seed(key: &RunKey) -> [u8; 32] {
     let mut seed = [0; 32];
     seed[..8].copy_from_slice(&key.seed.to_le_bytes());
@@ -195,7 +195,7 @@ impl SensorErrors {
         let earth = Vec3::from(self.model.environment.earth_rate_t_radps().0);
         let motion = BeamMotion {
             velocity_p_mps: instant.velocity_p_mps,
-            rate_tp_p_radps: instant.omega_p_radps - (instant.attitude_t_p.inverse() * earth).0,
+            omega_tp_p_radps: instant.omega_p_radps - (instant.attitude_t_p.inverse() * earth).0,
             beam_bias_mps: [0.0; BIASED_BEAMS],
             scale_factor: own.scale_factor,
         };
@@ -213,7 +213,7 @@ impl SensorErrors {
         Ok(ping)
     }
 
-    /// The reading of a sensor at a time, off by what the surroundings add; none of a sensor that is not simulated.
+    /// The reading of a sensor at a time, with its environment offset; none for a sensor that is not simulated.
     pub(crate) fn measure(
         &mut self,
         at: &Truth<'_>,

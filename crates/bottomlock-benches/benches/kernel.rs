@@ -200,12 +200,12 @@ fn together(criterion: &mut Criterion) {
             group.throughput(Throughput::Elements(100 * runs as u64));
             group.bench_function(format!("{name}/{runs}"), |bencher| {
                 let start = || vec![one.clone(); runs];
-                let fly = |filters: &mut Vec<Eskf>| {
+                let predict = |filters: &mut Vec<Eskf>| {
                     let pairs = filters.iter_mut().zip(&streams);
                     let mut spans: Vec<_> = pairs.map(|(filter, stream)| FilterSpan::new(filter, stream)).collect();
                     predict_together(&mut spans);
                 };
-                bencher.iter_batched_ref(start, fly, BatchSize::SmallInput);
+                bencher.iter_batched_ref(start, predict, BatchSize::SmallInput);
             });
         }
     }
