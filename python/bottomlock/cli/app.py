@@ -20,6 +20,7 @@ COMMANDS = {
     "report": ("report", "Write report.html and figures from the tables of a campaign or a replay."),
     "masks": ("masks", "Run every set of returning beams, dropouts and a slope."),
     "consistency": ("consistency", "Test the consistency of NEES and NIS for every method and set of beams."),
+    "sensor-law": ("sensor_law", "Test that a further sensor never makes an estimate worse."),
     "replay": ("replay", "Navigate a recorded dive again, also with fewer beams."),
     "score": ("replay", "Leave beams out of recorded pings and measure the error of each method."),
     "audit": ("audit", "Audit a DVL log: beam directions, order, signs, defects, mounting."),

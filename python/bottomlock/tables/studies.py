@@ -115,3 +115,23 @@ CONSISTENCY_STUDY: Mapping[str, pl.DataType] = {
 }
 """A row per trajectory, mask, method and quantity: expected value, number of runs, independent values per judged
 mean, mean over runs and times, the least and the greatest of the judged means, their band, and the verdict."""
+
+SENSOR_LAW: Mapping[str, pl.DataType] = {
+    "trajectory": pl.String(),
+    "beams": pl.String(),
+    "current_mps": pl.Float64(),
+    "sensors": pl.String(),
+    "method": pl.String(),
+    "runs": pl.Int64(),
+    "velocity_median_mps": pl.Float64(),
+    "velocity_rms_over_runs_mps": pl.Float64(),
+    "velocity_greatest_mps": pl.Float64(),
+    "median_rises": pl.Boolean(),
+    "nees_velocity_attitude_mean_over_runs_and_time": pl.Float64(),
+    "verdict_velocity_attitude": pl.String(),
+    "nees_mean_over_runs_and_time": pl.Float64(),
+    "verdict_whole_state": pl.String(),
+}
+"""A row per trajectory, mask, current, set of sensors and method: norm of the velocity error at the last second, its
+median, RMS and greatest value over runs; whether the median is greater than without the sensors, beyond chance; mean
+NEES of velocity and attitude and of the whole state, with their verdicts."""

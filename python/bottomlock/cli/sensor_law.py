@@ -1,0 +1,64 @@
+"""The command `bottomlock sensor-law`: a sensor more never makes it worse."""
+
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from bottomlock.cli.console import console, narrow_table
+from bottomlock.cli.parameters import ForceStudy, Seed, StudyOut, Threads, load_scenarios
+from bottomlock.cli.study_output import study_bar
+from bottomlock.errors import ScenarioError
+from bottomlock.studies import consistency as consistency_study
+from bottomlock.studies import sensor_law as study
+from bottomlock.studies import study_folder
+from bottomlock.studies.cases import PAPER_TRAJECTORIES
+
+
+def sensor_law(
+    *scenario: str,
+    out: StudyOut,
+    runs: Annotated[int, Parameter(help="Number of runs of each cell.")] = 60,
+    seed: Seed = None,
+    threads: Threads = 0,
+    masks: Annotated[
+        str | None, Parameter(help="Sets of returning beams, such as 1234,13,1; all sets by default.")
+    ] = None,
+    force: ForceStudy = False,
+) -> None:
+    """Test that a further sensor never makes an estimate worse.
+
+    Parameters
+    ----------
+    scenario
+        Packaged scenarios or TOML files; the three trajectories of the paper by default.
+    """
+    loaded = load_scenarios(
+        scenario or PAPER_TRAJECTORIES, runs=runs, seed=seed, methods=None, threads=threads
+    )
+    if len({one.dvl.beams for one in loaded}) != 1:
+        raise ScenarioError("expected scenarios whose instruments have the same number of beams")
+    sets = consistency_study.parse_masks(masks, loaded[0].dvl.beams)
+    configuration = study.configuration(loaded, sets)
+    study_folder.claim(out, study.KIND, configuration, parts=study.PARTS, force=force)
+    with study_bar(out) as report:
+        table = study.run_sensor_law(
+            loaded, sets, out, threads=threads, progress=lambda cell, done, total: report(cell, done / total)
+        )
+    study_folder.write_manifest(out, study.KIND, configuration, status="complete")
+    shown = narrow_table(
+        "Sensor law", ["method", "sensors"], ["cells", "worse", "left band", "overconfident", "median", "greatest"]
+    )
+    for row in study.summary(table).iter_rows(named=True):
+        counts = [str(row[key]) for key in ("cells", "worse", "left_band", "overconfident")]
+        shown.add_row(
+            row["method"],
+            row["sensors"],
+            *counts,
+            f"{row['velocity_median_mps']:.3f}",
+            f"{row['velocity_greatest_mps']:.2f}",
+        )
+    console.print(shown)
+    console.print(
+        "worse: cells whose median velocity error rises beyond chance; left band: cells whose NEES of velocity and "
+        "attitude becomes overconfident; median and greatest velocity error at the end, m/s"
+    )

@@ -1,0 +1,211 @@
+"""The law "a sensor more never makes it worse": methods under every mask, with and without further sensors.
+
+Cells with further sensors meet the same runs as the cell without them, so that their errors are compared run by run.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from bottomlock import kernel
+from bottomlock.atomic_write import write_parquet
+from bottomlock.config.scenario import Scenario
+from bottomlock.config.sensors import AcousticPosition, Depth, Magnetometer
+from bottomlock.errors import ScenarioError
+from bottomlock.simulation.build import build_simulation, trajectory_key
+from bottomlock.simulation.measurement_schedule import measurement_schedule
+from bottomlock.statistics import chi_squared
+from bottomlock.studies import cases, study_folder
+from bottomlock.studies.consistency import FALSE_ALARM, judged_times_s
+from bottomlock.tables.studies import SENSOR_LAW
+
+KIND = "sensor_law"
+PARTS = ("cells", "sensor_law.parquet", study_folder.MANIFEST)
+METHODS = ("tc", "info", "sway_current", "consistent")
+SENSORS: dict[str, dict[str, Any]] = {
+    "depth": {"depth": Depth()},
+    "attitude": {"magnetometer": Magnetometer()},
+    "acoustic": {"acoustic_position": AcousticPosition()},
+}
+SENSOR_SETS = ((), ("depth",), ("attitude",), ("depth", "attitude"), ("acoustic",), ("depth", "acoustic"))
+CROSS_CURRENT_MPS = 0.3
+RESAMPLES = 1000
+
+
+def variant(scenario: Scenario, mask: tuple[int, ...], sensors: Sequence[str], current_mps: float) -> Scenario:
+    """The scenario with these beams, these sensors and no others, and a current that sets to the east.
+
+    Raises:
+        ScenarioError: for a mask or sensor that is not known, and a current where the truth is analytic.
+
+    >>> from bottomlock.config.scenario import load_scenario
+    >>> found = variant(load_scenario("straight"), (1, 3), ("depth",), 0.3)
+    >>> found.depth.enabled, found.magnetometer.enabled, found.mission["current"]["speed_mps"]
+    (True, False, 0.3)
+    """
+    unknown = [name for name in sensors if name not in SENSORS]
+    if unknown:
+        raise ScenarioError(f"unknown sensor '{unknown[0]}' (known: {', '.join(SENSORS)})")
+    if current_mps and scenario.trajectory.source == "analytic":
+        raise ScenarioError(f"scenario {scenario.name}: an analytic truth has no current")
+    off = {
+        section: getattr(scenario, section).model_copy(update={"enabled": False})
+        for section in ("depth", "magnetometer", "gps", "acoustic_position")
+    }
+    on: dict[str, Any] = {key: section for name in sensors for key, section in SENSORS[name].items()}
+    mission = {"mission": scenario.mission | {"current": {"speed_mps": current_mps, "towards_deg": 90.0}}}
+    return cases.masked(scenario, mask).scenario.model_copy(
+        update=off | on | (mission if current_mps else {})
+    )
+
+
+def configuration(scenarios: Sequence[Scenario], masks: Sequence[tuple[int, ...]]) -> str:
+    """Hash of what decides the study."""
+    content = [(s.name, build_simulation(s).fingerprint(), s.campaign.runs, s.campaign.seed) for s in scenarios]
+    sets = [list(sensors) for sensors in SENSOR_SETS]
+    return study_folder.configuration_hash([content, [list(mask) for mask in masks], sets, list(METHODS)])
+
+
+def run_sensor_law(
+    scenarios: Sequence[Scenario],
+    masks: Sequence[tuple[int, ...]],
+    out: Path,
+    *,
+    threads: int = 0,
+    progress: Callable[[str, int, int], None] = lambda _cell, _done, _total: None,
+) -> pl.DataFrame:
+    """Runs every cell and writes `sensor_law.parquet` to `out`; finished cells there are kept.
+
+    Args:
+        scenarios: trajectories, of different names; their runs and seed count, the methods are `METHODS`.
+        masks: sets of returning beams, as `cases.masks` gives them.
+        out: directory, claimed by the caller (`study_folder.claim`).
+        threads: 0 for as many as there are cores. The numbers do not depend on it.
+        progress: called after each cell with its name, the number of finished cells and of all cells.
+
+    Returns:
+        The table `tables.studies.SENSOR_LAW`.
+
+    Raises:
+        ScenarioError: as `variant`.
+        OutputError: where `out` cannot be written.
+        KernelError: for input that the kernel rejects, naming run and method.
+    """
+    cells = [
+        (scenario, mask, current)
+        for scenario in scenarios
+        for mask in masks
+        for current in (0.0, CROSS_CURRENT_MPS)
+    ]
+    tests = len(cells) * len(SENSOR_SETS) * len(METHODS) * 2
+    parts = []
+    for scenario, mask, current in cells:
+        name = f"{scenario.name}-{''.join(map(str, mask))}-{'current' if current else 'still'}"
+        path = out / "cells" / f"{name}.parquet"
+        if not path.exists():
+            write_parquet(path, run_cell(scenario, mask, current, tests=tests, threads=threads))
+        parts.append(pl.read_parquet(path))
+        progress(name, len(parts), len(cells))
+    table = pl.concat(parts)
+    write_parquet(out / "sensor_law.parquet", table)
+    return table
+
+
+def run_cell(
+    scenario: Scenario, mask: tuple[int, ...], current_mps: float, *, tests: int, threads: int = 0
+) -> pl.DataFrame:
+    """Every set of sensors under one mask, each against the set without sensors.
+
+    Args:
+        scenario: its runs and seed count.
+        mask: beams that return.
+        current_mps: speed of a current that sets to the east.
+        tests: number of means that the whole study judges, for the width of the bands.
+        threads: 0 for as many as there are cores.
+    """
+    rows: list[tuple[Any, ...]] = []
+    without: dict[str, np.ndarray] = {}
+    for sensors in SENSOR_SETS:
+        batch = _batch(variant(scenario, mask, sensors, current_mps), threads)
+        for index, method in enumerate(METHODS):
+            error = np.linalg.norm(batch["error"][:, index, -1, 6:9], axis=-1)
+            without.setdefault(method, error)
+            runs = len(error)
+            each = chi_squared.each_probability(FALSE_ALARM, tests * len(batch["nees"][0, 0]))
+            verdicts = []
+            for quantity, degrees in (("nees_velocity_attitude", 6), ("nees", scenario.filter.states)):
+                means = batch[quantity][:, index].mean(axis=0)
+                low, high = chi_squared.mean_band(degrees, runs, each)
+                verdicts += [
+                    float(means.mean()),
+                    chi_squared.verdict(low, float(means.min()), float(means.max()), high),
+                ]
+            place = (scenario.name, cases.beam_list(mask), current_mps, "+".join(sensors) or "none", method)
+            rows.append(
+                (
+                    *place,
+                    runs,
+                    float(np.median(error)),
+                    float(np.sqrt(np.mean(error**2))),
+                    float(error.max()),
+                    _median_rises(without[method], error),
+                    *verdicts,
+                )
+            )
+    return pl.DataFrame(rows, schema=dict(SENSOR_LAW), orient="row")
+
+
+def _batch(scenario: Scenario, threads: int) -> dict[str, Any]:
+    """Errors and NEES of every method at the judged times."""
+    simulation = build_simulation(scenario)
+    truth, key = simulation.truth(), trajectory_key(scenario.name)
+    plan: Any = measurement_schedule(simulation, truth, trajectory_key=key)
+    times_s = judged_times_s((truth.time_ns[-1] - truth.time_ns[0]) * 1e-9)
+    plan["sample_time_ns"] = truth.time_ns[0] + np.array([round(time_s * 1e9) for time_s in times_s])
+    model: Any = scenario.kernel_model(simulation.gravity_mps2)
+    options: Any = scenario.kernel_options()
+    arrays: Any = truth.kernel_arrays()
+    batch: Any = kernel.run_batch(
+        simulation.geometry, arrays, model, model, options, plan, list(METHODS),
+        seed=scenario.campaign.seed, trajectory_key=key, first_run=0, runs=scenario.campaign.runs, threads=threads,
+    )  # fmt: skip
+    return dict(batch)
+
+
+def _median_rises(without: np.ndarray, error: np.ndarray) -> bool:
+    """True where the median error is greater with the sensors, beyond chance.
+
+    The lower end of the 99.9 % bootstrap interval of the difference of medians lies above zero; runs are resampled in
+    pairs, with a fixed seed.
+    """
+    rng = np.random.default_rng(0)
+    picks = rng.integers(0, len(error), (RESAMPLES, len(error)))
+    difference = np.median(error[picks], axis=1) - np.median(without[picks], axis=1)
+    return bool(np.quantile(difference, 0.0005) > 0.0)
+
+
+def summary(table: pl.DataFrame) -> pl.DataFrame:
+    """A row per method and set of sensors: cells, those that became worse, those that left their band, medians.
+
+    A cell becomes worse where its median velocity error rises beyond chance. It leaves its band where a NEES is
+    overconfident with the sensors and was not without them.
+    """
+    overconfident = (pl.col("verdict_velocity_attitude") == chi_squared.OVERCONFIDENT).alias("overconfident")
+    keys = ["trajectory", "beams", "current_mps", "method"]
+    none = table.filter(pl.col("sensors") == "none").select(*keys, overconfident.alias("before"))
+    return (
+        table.with_columns(overconfident)
+        .join(none, on=keys, how="left", maintain_order="left")
+        .group_by("method", "sensors", maintain_order=True)
+        .agg(
+            pl.len().alias("cells"),
+            pl.col("median_rises").sum().alias("worse"),
+            (pl.col("overconfident") & ~pl.col("before")).sum().alias("left_band"),
+            pl.col("overconfident").sum(),
+            pl.col("velocity_median_mps").median().alias("velocity_median_mps"),
+            pl.col("velocity_greatest_mps").max().alias("velocity_greatest_mps"),
+        )
+    )
