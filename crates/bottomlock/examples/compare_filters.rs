@@ -237,26 +237,18 @@ fn counted(value: f64) -> Counted {
     Counted(value)
 }
 
-impl Add for Counted {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        counted(self.0 + other.0)
-    }
+macro_rules! counted {
+    ($($operator:ident $function:ident $symbol:tt;)*) => {$(
+        impl $operator for Counted {
+            type Output = Self;
+            fn $function(self, other: Self) -> Self {
+                counted(self.0 $symbol other.0)
+            }
+        }
+    )*};
 }
 
-impl Sub for Counted {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        counted(self.0 - other.0)
-    }
-}
-
-impl Mul for Counted {
-    type Output = Self;
-    fn mul(self, other: Self) -> Self {
-        counted(self.0 * other.0)
-    }
-}
+counted! { Add add +; Sub sub -; Mul mul *; }
 
 impl AddAssign for Counted {
     fn add_assign(&mut self, other: Self) {
