@@ -227,6 +227,7 @@ class ReportDict(TypedDict):
     threshold: float
     verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information"]
     inflation: float | None
+    beyond_linear_range: bool
     rejected_rows: NDArray[np.bool_]
     beam_weight: NDArray[np.float64] | None
     choice: dict[str, Any] | None
@@ -252,6 +253,7 @@ class BatchDict(TypedDict):
     nis_mean: NDArray[np.float64]
     fixes_accepted: NDArray[np.int64]
     fixes_rejected: NDArray[np.int64]
+    fixes_beyond_linear_range: NDArray[np.int64]
     final_bias_error: NDArray[np.float64]
     final_bias_sd: NDArray[np.float64]
     choice: NDArray[np.uint8]

@@ -184,7 +184,7 @@ pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> P
 /// - error, sd (runs, methods, samples, 9): true minus estimate and its standard deviation, for position (tangent, m),
 ///   misalignment (tangent, rad) and velocity (platform, m/s);
 /// - nees, nees_velocity_attitude (runs, methods, samples);
-/// - nis_mean (NaN without fixes), fixes_accepted, fixes_rejected (runs, methods);
+/// - nis_mean (NaN without fixes), fixes_accepted, fixes_rejected, fixes_beyond_linear_range (runs, methods);
 /// - final_bias_error, final_bias_sd (runs, methods, 6): accelerometer biases (platform, m/s²) and gyro biases
 ///   (platform, rad/s) at the last sample, NaN without samples;
 /// - choice (runs, methods, pings, 3): for methods that select, the codes of `SOURCES` for surge, sway and heave, or

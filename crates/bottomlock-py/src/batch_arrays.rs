@@ -38,6 +38,7 @@ pub struct BatchArrays {
     nis_mean: Vec<f64>,
     fixes_accepted: Vec<i64>,
     fixes_rejected: Vec<i64>,
+    fixes_beyond_linear_range: Vec<i64>,
     bias_error: Vec<f64>,
     bias_sd: Vec<f64>,
     /// The number of selections is known when the runs are finished.
@@ -53,6 +54,7 @@ pub struct RecordSlices<'a> {
     nis_mean: &'a mut f64,
     fixes_accepted: &'a mut i64,
     fixes_rejected: &'a mut i64,
+    fixes_beyond_linear_range: &'a mut i64,
     bias_error: &'a mut [f64; BIASES],
     bias_sd: &'a mut [f64; BIASES],
     choices: &'a mut Vec<[u8; 3]>,
@@ -71,6 +73,7 @@ impl RecordSlices<'_> {
         *self.nis_mean = record.nis_mean;
         *self.fixes_accepted = record.fixes_accepted as i64;
         *self.fixes_rejected = record.fixes_rejected as i64;
+        *self.fixes_beyond_linear_range = record.fixes_beyond_linear_range as i64;
         let biases = |field: fn(&BiasRecord) -> [f64; BIASES]| record.biases.as_ref().map_or([f64::NAN; BIASES], field);
         *self.bias_error = biases(|biases| biases.error);
         *self.bias_sd = biases(|biases| biases.sd);
@@ -105,6 +108,7 @@ impl BatchArrays {
             nis_mean: zeros(1),
             fixes_accepted: vec![0; runs * methods],
             fixes_rejected: vec![0; runs * methods],
+            fixes_beyond_linear_range: vec![0; runs * methods],
             bias_error: zeros(BIASES),
             bias_sd: zeros(BIASES),
             choices: vec![Vec::new(); runs * methods],
@@ -118,6 +122,7 @@ impl BatchArrays {
         let (mut nees, mut nees_velocity_attitude) = (&mut self.nees[..], &mut self.nees_velocity_attitude[..]);
         let mut nis_mean = self.nis_mean.iter_mut();
         let (mut accepted, mut rejected) = (self.fixes_accepted.iter_mut(), self.fixes_rejected.iter_mut());
+        let mut beyond = self.fixes_beyond_linear_range.iter_mut();
         let mut bias_error = self.bias_error.as_chunks_mut().0.iter_mut();
         let mut bias_sd = self.bias_sd.as_chunks_mut().0.iter_mut();
         let mut choices = self.choices.iter_mut();
@@ -130,6 +135,7 @@ impl BatchArrays {
                 nis_mean: nis_mean.next()?,
                 fixes_accepted: accepted.next()?,
                 fixes_rejected: rejected.next()?,
+                fixes_beyond_linear_range: beyond.next()?,
                 bias_error: bias_error.next()?,
                 bias_sd: bias_sd.next()?,
                 choices: choices.next()?,
@@ -162,6 +168,10 @@ impl BatchArrays {
         out.set_item("nis_mean", array(py, self.nis_mean, &[runs, methods])?)?;
         out.set_item("fixes_accepted", array(py, self.fixes_accepted, &[runs, methods])?)?;
         out.set_item("fixes_rejected", array(py, self.fixes_rejected, &[runs, methods])?)?;
+        out.set_item(
+            "fixes_beyond_linear_range",
+            array(py, self.fixes_beyond_linear_range, &[runs, methods])?,
+        )?;
         out.set_item(
             "final_bias_error",
             array(py, self.bias_error, &[runs, methods, BIASES])?,

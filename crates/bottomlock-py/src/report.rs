@@ -33,6 +33,7 @@ pub fn report_dict<'py>(py: Python<'py>, report: &UpdateReport, beams: usize) ->
     out.set_item("threshold", report.threshold)?;
     out.set_item("verdict", verdict)?;
     out.set_item("inflation", report.inflation)?;
+    out.set_item("beyond_linear_range", report.is_beyond_linear_range)?;
     let flags = (0..rows).map(|k| rejected & (1 << k) != 0).collect();
     out.set_item("rejected_rows", array::<bool>(py, flags, &[rows])?)?;
     let weight = report

@@ -140,6 +140,7 @@ def _outcomes(result: dict[str, Any], keys: pl.DataFrame) -> pl.DataFrame:
         pl.Series("nis_mean_over_fixes", result["nis_mean"].reshape(-1)).fill_nan(None),
         pl.Series("fixes_accepted", result["fixes_accepted"].reshape(-1)),
         pl.Series("fixes_rejected", result["fixes_rejected"].reshape(-1)),
+        pl.Series("fixes_beyond_linear_range", result["fixes_beyond_linear_range"].reshape(-1)),
         pl.Series("cross_track_rms_over_time_m", cross_track[0]).fill_nan(None),
         pl.Series("cross_track_max_m", cross_track[1]).fill_nan(None),
         *(

@@ -48,12 +48,14 @@ OUTCOMES: Mapping[str, pl.DataType] = {
     "nis_mean_over_fixes": pl.Float64(),
     "fixes_accepted": pl.Int64(),
     "fixes_rejected": pl.Int64(),
+    "fixes_beyond_linear_range": pl.Int64(),
     "cross_track_rms_over_time_m": pl.Float64(),
     "cross_track_max_m": pl.Float64(),
     **_BIAS_COLUMNS,
 }
-"""A row per trajectory, run and method: fixes that the gate accepts and rejects with their mean NIS, cross-track
-error of the true vehicle, and errors of the IMU's biases at the last sample."""
+"""A row per trajectory, run and method: fixes that the gate accepts and rejects with their mean NIS, those
+before which the velocity was beyond the linear range (docs/linear_range.md), cross-track error of the true vehicle,
+and errors of the IMU's biases at the last sample."""
 
 RUNS: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
@@ -69,6 +71,7 @@ RUNS: Mapping[str, pl.DataType] = {
     "nis_mean_over_fixes": pl.Float64(),
     "fixes_accepted": pl.Int64(),
     "fixes_rejected": pl.Int64(),
+    "fixes_beyond_linear_range": pl.Int64(),
     "cross_track_rms_over_time_m": pl.Float64(),
     "cross_track_max_m": pl.Float64(),
     **_BIAS_COLUMNS,

@@ -37,6 +37,8 @@ pub struct MethodRecord {
     pub fixes_accepted: u64,
     /// DVL fixes rejected by the gate.
     pub fixes_rejected: u64,
+    /// DVL fixes before which the velocity was beyond the linear range ([`crate::filter::linear_range`]).
+    pub fixes_beyond_linear_range: u64,
     /// The selection at each ping, for a method that selects.
     pub choices: Vec<Choice>,
     /// How well the IMU's biases are known at the last sample; none without samples.
@@ -68,6 +70,7 @@ impl MethodRun {
             record.choices.extend(report.choice);
             if report.sensor == Sensor::Beams && report.rows > 0 {
                 *nis_sum += report.nis;
+                record.fixes_beyond_linear_range += u64::from(report.is_beyond_linear_range);
                 if report.was_used() {
                     record.fixes_accepted += 1;
                 } else {
