@@ -46,7 +46,9 @@ def sensor_law(
         )
     study_folder.write_manifest(out, study.KIND, configuration, status="complete")
     shown = narrow_table(
-        "Sensor law", ["method", "sensors"], ["cells", "worse", "left band", "overconfident", "median", "greatest"]
+        "Sensor law",
+        ["method", "sensors"],
+        ["cells", "worse", "left band", "overconfident", "median", "greatest"],
     )
     for row in study.summary(table).iter_rows(named=True):
         counts = [str(row[key]) for key in ("cells", "worse", "left_band", "overconfident")]

@@ -35,7 +35,9 @@ CROSS_CURRENT_MPS = 0.3
 RESAMPLES = 1000
 
 
-def variant(scenario: Scenario, mask: tuple[int, ...], sensors: Sequence[str], current_mps: float) -> Scenario:
+def variant(
+    scenario: Scenario, mask: tuple[int, ...], sensors: Sequence[str], current_mps: float
+) -> Scenario:
     """The scenario with these beams, these sensors and no others, and a current that sets to the east.
 
     Raises:
@@ -64,7 +66,9 @@ def variant(scenario: Scenario, mask: tuple[int, ...], sensors: Sequence[str], c
 
 def configuration(scenarios: Sequence[Scenario], masks: Sequence[tuple[int, ...]]) -> str:
     """Hash of what decides the study."""
-    content = [(s.name, build_simulation(s).fingerprint(), s.campaign.runs, s.campaign.seed) for s in scenarios]
+    content = [
+        (s.name, build_simulation(s).fingerprint(), s.campaign.runs, s.campaign.seed) for s in scenarios
+    ]
     sets = [list(sensors) for sensors in SENSOR_SETS]
     return study_folder.configuration_hash([content, [list(mask) for mask in masks], sets, list(METHODS)])
 

@@ -35,11 +35,13 @@ impl Eskf {
         self.covariance
     }
 
-    /// Returns true if this filter's covariance excludes the velocity of `other`; never with the gate off.
+    /// Returns true if this filter's covariance excludes the velocity of `other`; never with the gate off or beyond the
+    /// linear range, where the covariance leaves second-order terms out.
     pub(crate) fn excludes_velocity_of(&self, other: &Self) -> bool {
         let (velocity, own) = self.velocity();
         let difference = other.velocity().0 - velocity;
         self.gate.gate != Gate::Off
+            && !self.is_beyond_linear_range()
             && own
                 .cholesky()
                 .is_some_and(|factor| difference.dot(&factor.solve(&difference)) > EXCLUDED)

@@ -8,7 +8,7 @@
 //! - the logarithm in SE₂(3) is linear in free inertial navigation (Barrau & Bonnabel 2017, sect. IV-B), to second order
 //!   Exp(−ρ/2)(r − r̂) and Exp(ρ/2) R̂ δv.
 //!
-//! An axis that a depth sensor has corrected contains no integral of b, and stays as it is.
+//! An axis that a depth sensor has corrected contains the integral of b since the last depth alone.
 
 use nalgebra::{Rotation3, Vector3};
 
@@ -24,17 +24,18 @@ impl Eskf {
         let mut error = truth.error_of(&estimate);
         let block = |from: usize| Vector3::new(error[from], error[from + 1], error[from + 2]);
         let (position_t, rho, velocity_p) = (block(POSITION), block(ATTITUDE), block(VELOCITY));
+        let rotation = estimate.attitude_t_p.matrix();
         let half = Rotation3::from_scaled_axis(-0.5 * rho);
         let mut turned_t = half * position_t;
         if self.measured.has_velocity {
             turned_t = half * turned_t;
         } else {
-            let rotation = estimate.attitude_t_p.matrix();
             let velocity_p = rotation.transpose() * (half.inverse() * (rotation * velocity_p));
             error.fixed_rows_mut::<3>(VELOCITY).copy_from(&velocity_p);
         }
         if self.measured.depth_ns > self.measured.position_ns {
-            turned_t.z = position_t.z;
+            let since_s = (estimate.time_ns - self.measured.depth_ns) as f64 * 1e-9;
+            turned_t.z = position_t.z - rho.cross(&(rotation * velocity_p)).z * since_s;
         }
         error.fixed_rows_mut::<3>(POSITION).copy_from(&turned_t);
         error
