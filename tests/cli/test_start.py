@@ -43,6 +43,6 @@ def test_import_bottomlock_imports_nothing_heavy() -> None:
 def test_the_list_and_the_command_say_the_same(name: str) -> None:
     """The help line stands in the list, so that it needs no import, and in the command's docstring."""
     module, line = COMMANDS[name]
-    function = getattr(importlib.import_module(f"bottomlock.cli.{module}"), name)
+    function = getattr(importlib.import_module(f"bottomlock.cli.{module}"), name.replace("-", "_"))
     first, *_ = (inspect.getdoc(function) or "").splitlines()
     assert first == line

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
-from tests.oracle.rotations import Array
+from tests.oracle.rotations import Array, skew
 
 
 def predict(P: Array, Phi: Array, Qd: Array) -> Array:
@@ -30,6 +30,19 @@ def update(x: Array, P: Array, H: Array, R: Array, residual: Array) -> tuple[Arr
     S = H @ P @ H.T + R
     K = P @ H.T @ np.linalg.inv(S)
     return x + K @ residual, (np.eye(len(P)) - K @ H) @ P
+
+
+def update_position(x: Array, P: Array, H: Array, R: Array, residual: Array) -> tuple[Array, Array, Array]:
+    """A position fix at the corrected path (docs/linear_range.md): estimate, covariance, and the H that was used.
+
+    With δr̂ of a first update, B = −[δr̂×], and M the identity with B at position by misalignment: H' = H M, then
+    x ← M x⁺ and P ← M P⁺ Mᵀ.
+    """
+    first, _ = update(x, P, H, R, residual)
+    M = np.eye(len(P))
+    M[0:3, 3:6] = -skew(first[0:3])
+    moved, after = update(x, P, H @ M, R, residual)
+    return M @ moved, M @ after @ M.T, H @ M
 
 
 def update_correlated(

@@ -114,7 +114,7 @@ def _counts(name: str, methods: Sequence[str], runs: int) -> pl.DataFrame:
     left = 0.5 if name == "straight" else 0.2
     sizes = np.random.default_rng(len(name)).normal(size=(runs, len(BIASES)))
     rows = [
-        (name, run, method, None if method == "ins" else 2.0, 0 if method == "ins" else 250, 0, 0.1, 0.2)
+        (name, run, method, None if method == "ins" else 2.0, 0 if method == "ins" else 250, 0, 0, 0.1, 0.2)
         + tuple(sizes[run] * (1.0 if method == "ins" else left))
         + (1.0,) * len(BIASES)
         for run in range(runs)

@@ -59,7 +59,7 @@ def test_update_is_the_textbook_filter(pitch_deg: float) -> None:
     H = oracle.jacobian(rotation, lever)
     R = oracle.deviation(fix, transceiver, MODEL["sd_m"], MODEL["sd_per_range"]) ** 2 * np.eye(3)
     residual = fix - oracle.expected_fix(position, rotation, lever)
-    error, after = kalman.update(np.zeros(20), before, H, R, residual)
+    error, after, H = kalman.update_position(np.zeros(20), before, H, R, residual)
     assert (report["sensor"], report["verdict"], report["degrees"]) == ("acoustic_position", "accepted", 3)
     np.testing.assert_allclose(report["residual"], residual, atol=1e-12)
     np.testing.assert_allclose(report["covariance"], H @ before @ H.T + R, atol=1e-12)

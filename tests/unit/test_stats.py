@@ -40,8 +40,8 @@ def counts() -> pl.DataFrame:
     """Fixes of the two runs."""
     return pl.DataFrame(
         [
-            ("t", 0, "tc", 2.0, 2, 0, 1.0, 2.0, *([0.1] * 12)),
-            ("t", 1, "tc", None, 0, 0, None, None, *([None] * 12)),
+            ("t", 0, "tc", 2.0, 2, 0, 1, 1.0, 2.0, *([0.1] * 12)),
+            ("t", 1, "tc", None, 0, 0, 0, None, None, *([None] * 12)),
         ],
         schema=dict(OUTCOMES),
         orient="row",

@@ -36,7 +36,7 @@ app = App(
     console=console,
 )
 for _name, (_module, _help) in COMMANDS.items():
-    app.command(f"bottomlock.cli.{_module}:{_name}", name=_name, help=_help)
+    app.command(f"bottomlock.cli.{_module}:{_name.replace('-', '_')}", name=_name, help=_help)
 
 
 def _fail(message: str) -> NoReturn:
