@@ -138,8 +138,8 @@ def score(
     console.print(_scores_table(scores, title))
     console.print(
         "m/s; medians over the sets of beams that a method solves. surge, sway, heave: error against least squares of "
-        "all beams; beam: against the reading of the beam left out. error/σ: 1.4826 × median of error over claimed σ, 1 for "
-        "a consistent method with Gaussian noise. covered %: of the errors within the 1, 2 and 3 sigma intervals, "
+        "all beams; beam: against the reading of the beam left out. error/σ: 1.4826 × median of error over claimed σ, "
+        "1 for a consistent method with Gaussian noise. covered %: of the errors within the 1, 2 and 3 sigma intervals, "
         "expected 68/95/99.7."
     )
     if closure_gate:
