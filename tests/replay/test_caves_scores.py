@@ -9,9 +9,11 @@ import polars as pl
 import pytest
 
 from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
+from bottomlock.kernel import solve_velocity
 from bottomlock.replay.beam_noise import BeamNoise, claimed_noise, measure_noise
 from bottomlock.replay.leave_out import leave_out, over_sets
-from bottomlock.replay.robust_fix import solve_scaled
+from bottomlock.replay.robust_fix import solve_robust, solve_scaled
+from bottomlock.tables.fixes import OUTLIER_TESTS
 
 pytestmark = pytest.mark.recordings
 
@@ -87,6 +89,42 @@ def test_coverage_of_pings_that_the_measurement_does_not_contain(caves: tuple[In
         assert 63.0 <= one <= 72.0
         assert 93.0 <= two <= 97.0
         assert 98.5 <= three <= 100.0
+
+
+def test_rejected_beams_are_the_wrong_ones(caves: tuple[Instrument, Pings], recordings: Path) -> None:
+    """The depth sensor says so: heave without the rejected beam is as near to the rate of the depth as in good pings."""
+    path = recordings / "caves_girona_linkquest" / "depth_sensor.csv"
+    if not path.is_file():
+        pytest.skip(f"no recording {path}")
+    depth = pl.read_csv(path)
+    stamp_s = depth["field.header.stamp"].to_numpy() * 1e-9
+    instrument, pings = caves
+    arguments = (instrument.geometry, pings.velocity_mps, pings.valid)
+    sd = instrument.beam_sd_mps
+    plain = solve_velocity(*arguments, method="lc", beam_sd_mps=sd)
+    robust = solve_robust(
+        instrument.geometry,
+        pings.time_ns,
+        *arguments[1:],
+        method="lc",
+        beam_sd_mps=sd,
+        instrument_valid=pings.instrument_valid,
+    )
+
+    def depth_m(shift_s: float) -> np.ndarray:
+        return np.interp(pings.time_ns * 1e-9 + shift_s, stamp_s, depth["field.depth"].to_numpy())
+
+    rate = (depth_m(0.6) - depth_m(-0.6)) / 1.2
+    # The recorded frame has z up.
+    error = {
+        name: np.abs(-fixes.velocity_p_mps[:, 2] - rate)
+        for name, fixes in (("plain", plain), ("robust", robust.fixes))
+    }
+    outcome = np.array([OUTLIER_TESTS[code] for code in robust.screened.outcome])
+    passed, rejected = outcome == "passed", outcome == "beam_rejected"
+    assert rejected.sum() > 200
+    assert np.median(error["robust"][rejected]) < 1.1 * np.median(error["plain"][passed])
+    assert np.median(error["plain"][rejected]) > 2.0 * np.median(error["robust"][rejected])
 
 
 def value(scores: pl.DataFrame, method: str, component: str, name: str) -> float:

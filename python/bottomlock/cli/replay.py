@@ -27,7 +27,6 @@ from bottomlock.statistics.replay import summary_table
 
 SCORED = (
     "error_median_mps",
-    "error_rms_over_pings_mps",
     "error_p95_mps",
     "sd_median_mps",
     "normalised_robust",
@@ -139,7 +138,7 @@ def score(
     console.print(
         "m/s; medians over the sets of beams that a method solves. surge, sway, heave: error against least squares of "
         "all beams; beam: against the reading of the beam left out. error/σ: 1.4826 × median of error over claimed σ, "
-        "1 for a consistent method with Gaussian noise. covered %: of the errors within the 1, 2 and 3 sigma intervals, "
+        "1 for a consistent method with Gaussian noise. covered %: errors within the 1, 2 and 3 sigma intervals, "
         "expected 68/95/99.7."
     )
     if closure_gate:
@@ -165,7 +164,7 @@ def _scores_table(scores: pl.DataFrame, title: str) -> Table:
     table = narrow_table(
         title,
         ["method", "component"],
-        ["sets", "median", "rms", "p95", "σ", "error/σ", "covered %"],
+        ["sets", "median", "p95", "σ", "error/σ", "covered %"],
     )
     for row in over_sets(scores).iter_rows(named=True):
         numbers = (number(row[name]) for name in SCORED)
