@@ -92,7 +92,7 @@ def test_coverage_of_pings_that_the_measurement_does_not_contain(caves: tuple[In
 
 
 def test_rejected_beams_are_the_wrong_ones(caves: tuple[Instrument, Pings], recordings: Path) -> None:
-    """The depth sensor says so: heave without the rejected beam is as near to the rate of the depth as in good pings."""
+    """Without the rejected beam, heave is as near to the rate of the depth as in good pings."""
     path = recordings / "caves_girona_linkquest" / "depth_sensor.csv"
     if not path.is_file():
         pytest.skip(f"no recording {path}")
@@ -112,7 +112,7 @@ def test_rejected_beams_are_the_wrong_ones(caves: tuple[Instrument, Pings], reco
     )
 
     def depth_m(shift_s: float) -> np.ndarray:
-        return np.interp(pings.time_ns * 1e-9 + shift_s, stamp_s, depth["field.depth"].to_numpy())
+        return np.asarray(np.interp(pings.time_ns * 1e-9 + shift_s, stamp_s, depth["field.depth"].to_numpy()))
 
     rate = (depth_m(0.6) - depth_m(-0.6)) / 1.2
     # The recorded frame has z up.
