@@ -19,7 +19,7 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 # Continuous integration repeats the same cases, so that a red commit is the commit's fault.
 REPEATED: dict[str, Any] = {"derandomize": True, "print_blob": True} if "CI" in os.environ else {}
 # Examples of a law: `make test`, `make test-long`, and by hand. Deadlines would measure the machine, not the code.
-for name, examples in {"dev": 50, "long": 500, "deep": 20_000}.items():
+for name, examples in {"dev": 50, "long": 200, "deep": 20_000}.items():
     settings.register_profile(name, max_examples=examples, deadline=None, **REPEATED)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "dev"))
 

@@ -135,3 +135,26 @@ def test_score_of_a_beam_table(tmp_path: Path) -> None:
     done = command(*arguments[:-1], "7")
     assert done.returncode == 2
     assert "7 beams to leave out, expected 1 to 3" in done.stderr
+
+
+def test_score_with_and_without_measured_noise(tmp_path: Path) -> None:
+    """Noise twice the claimed: `score` measures it and covers, `--no-robust` claims half and does not."""
+    janus = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
+    draw = np.random.default_rng(2).standard_normal((2000, 4)) * 0.084
+    beams = janus.beam_velocities(np.tile([1.0, 0.1, 0.0], (2000, 1))) + draw
+    columns: dict[str, Any] = {"time_ns": np.arange(2000) * 1_000_000_000}
+    columns |= {f"beam{k + 1}_mps": beams[:, k] for k in range(4)} | {
+        f"beam{k + 1}_valid": [True] * 2000 for k in range(4)
+    }
+    pl.DataFrame(columns).write_parquet(tmp_path / "beams.parquet")
+    arguments = ("score", str(tmp_path / "beams.parquet"), "--geometry", "x_janus_20", "--closure-gate", "0")
+    out = tmp_path / "scores.parquet"
+    covered = []
+    for switch in ("--robust", "--no-robust"):
+        done = command(*arguments, "--out", str(out), switch)
+        assert done.returncode == 0, done.stderr
+        assert ("beam noise, all pings: claimed sd 42 mm/s" in done.stdout) == (switch == "--robust")
+        lc = pl.read_parquet(out).filter((pl.col("method") == "lc") & (pl.col("component") == "beam"))
+        covered.append(float(lc["covered_1sigma"].mean()))  # type: ignore[arg-type]
+    assert covered[0] == pytest.approx(0.683, abs=0.03)
+    assert covered[1] == pytest.approx(0.383, abs=0.03)  # one claimed sigma is half a true one

@@ -9,10 +9,13 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from bottomlock.atomic_write import write_parquet
+from bottomlock.cli.beam_noise import print_noise
 from bottomlock.cli.console import console
+from bottomlock.cli.parameters import Robust
 from bottomlock.errors import DataError, OutputError
-from bottomlock.io.beams import read_beams, read_geometry
+from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
 from bottomlock.kernel import FIX_METHODS, solve_velocity
+from bottomlock.replay.robust_fix import RobustFixes, solve_robust
 
 
 def fix(
@@ -21,6 +24,7 @@ def fix(
     geometry: Annotated[str, Parameter(help="Packaged geometry or TOML file of the DVL.")],
     method: Annotated[str, Parameter(help=f"Method: {', '.join(FIX_METHODS)}.")],
     out: Annotated[Path, Parameter(help="Parquet file for the fixes.")],
+    robust: Robust = True,
 ) -> None:
     """Solve recorded pings for velocity fixes with covariance.
 
@@ -33,17 +37,7 @@ def fix(
         raise OutputError(f"{out}: expected a name that ends in .parquet")
     instrument = read_geometry(geometry)
     pings = read_beams(log, beams=instrument.geometry.beams, columns=instrument.columns)
-    cov = None if pings.prior_sd_mps is None else pings.prior_sd_mps[:, :, None] ** 2 * np.eye(3)
-    fixes = solve_velocity(
-        instrument.geometry,
-        pings.velocity_mps,
-        pings.valid,
-        method=method,
-        beam_sd_mps=instrument.beam_sd_mps,
-        prior_velocity_p_mps=pings.prior_velocity_p_mps,
-        prior_cov_m2ps2=cov,
-    )
-    frame = fixes.to_frame(pings.time_ns)
+    frame, solved = _solve(instrument, pings, method, robust=robust)
     if (frame["status"] == "prior_required").any() and pings.prior_velocity_p_mps is None:
         raise DataError(
             f"{log}: method '{method}' needs the columns prior_surge_mps, prior_sway_mps, prior_heave_mps and "
@@ -59,4 +53,48 @@ def fix(
     ):
         table.add_row(*(str(value) for value in row))
     console.print(table)
+    if solved is not None:
+        print_noise(solved.noise, instrument.beam_sd_mps)
+        _print_outliers(frame)
     console.print(f"wrote {out}")
+
+
+def _solve(
+    instrument: Instrument, pings: Pings, method: str, *, robust: bool
+) -> tuple[pl.DataFrame, RobustFixes | None]:
+    """The table of fixes, and what was measured and screened where `robust`."""
+    cov = None if pings.prior_sd_mps is None else pings.prior_sd_mps[:, :, None] ** 2 * np.eye(3)
+    if not robust:
+        fixes = solve_velocity(
+            instrument.geometry,
+            pings.velocity_mps,
+            pings.valid,
+            method=method,
+            beam_sd_mps=instrument.beam_sd_mps,
+            prior_velocity_p_mps=pings.prior_velocity_p_mps,
+            prior_cov_m2ps2=cov,
+        )
+        return fixes.to_frame(pings.time_ns), None
+    solved = solve_robust(
+        instrument.geometry,
+        pings.time_ns,
+        pings.velocity_mps,
+        pings.valid,
+        method=method,
+        beam_sd_mps=instrument.beam_sd_mps,
+        instrument_valid=pings.instrument_valid,
+        prior_velocity_p_mps=pings.prior_velocity_p_mps,
+        prior_cov_m2ps2=cov,
+    )
+    return solved.to_frame(pings.time_ns), solved
+
+
+def _print_outliers(frame: pl.DataFrame) -> None:
+    """How many pings could be tested for outliers, and with what outcome."""
+    count = dict(frame.group_by("outlier_test").len().iter_rows())
+    console.print(
+        f"outliers: {count.get('passed', 0)} pings passed, {count.get('beam_rejected', 0)} with a beam rejected, "
+        f"{count.get('down_weighted', 0)} down-weighted (no beam identified), {count.get('untested', 0)} untested "
+        "(without redundant beams no outlier can be found)",
+        highlight=False,
+    )

@@ -19,6 +19,12 @@ Threads = Annotated[int, Parameter(help="Number of threads; 0 for one per core."
 Methods = Annotated[
     str | None, Parameter(help="Aiding methods, separated by commas; the scenario's own by default.")
 ]
+Robust = Annotated[
+    bool,
+    Parameter(
+        help="Measure the beam noise and its tail on the closure of the log, and reject outliers among the beams."
+    ),
+]
 ForceCampaign = Annotated[
     bool, Parameter(negative="", help="Start over in a directory that holds another campaign.")
 ]

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import polars as pl
@@ -11,11 +11,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from bottomlock.atomic_write import write_parquet
+from bottomlock.cli.beam_noise import print_noise
 from bottomlock.cli.console import EXIT_INTERRUPTED, console, errors, narrow_table
-from bottomlock.cli.parameters import Threads, check_threads, split
+from bottomlock.cli.parameters import Robust, Threads, check_threads, split
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.pages.numbers import number
+from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import load_case
 from bottomlock.replay.leave_out import VelocityWalk, over_sets
 from bottomlock.replay.leave_out import leave_out as leave_beams_out
@@ -25,7 +27,6 @@ from bottomlock.statistics.replay import summary_table
 
 SCORED = (
     "error_median_mps",
-    "error_rms_over_pings_mps",
     "error_p95_mps",
     "sd_median_mps",
     "normalised_robust",
@@ -99,6 +100,7 @@ def score(
             help="Largest closure of a reference ping, in robust standard deviations; 0 to keep all pings."
         ),
     ] = 3.0,
+    robust: Robust = True,
 ) -> None:
     """Leave beams out of recorded pings and measure the error of each method.
 
@@ -126,16 +128,32 @@ def score(
         beams=leave_out,
         walk=VelocityWalk(walk_mps_rts=walk_mps_per_rt_s),
         closure_gate=closure_gate or None,
+        robust=robust,
+        instrument_valid=pings.instrument_valid,
     )
     title = (
         f"{log.name}: {leave_out} of {instrument.geometry.beams} beams left out of {scores['pings'][0]} pings"
     )
     console.print(_scores_table(scores, title))
     console.print(
-        "Medians over the sets of beams that a method solves. surge, sway, heave: error against least squares of all "
-        "beams; beam: against the reading of the beam left out. error/σ: 1.4826 × median of error over claimed σ, 1 "
-        "for a consistent method."
+        "m/s; medians over the sets of beams that a method solves. surge, sway, heave: error against least squares of "
+        "all beams; beam: against the reading of the beam left out. error/σ: 1.4826 × median of error over claimed σ, "
+        "1 for a consistent method with Gaussian noise. covered %: errors within the 1, 2 and 3 sigma intervals, "
+        "expected 68/95/99.7."
     )
+    if closure_gate:
+        console.print(
+            "Pings with an outlying closure are not scored, which raises the coverage; --closure-gate 0 scores all."
+        )
+    if robust:
+        noise = measure_noise(
+            instrument.geometry,
+            pings.velocity_mps,
+            pings.valid,
+            instrument.beam_sd_mps,
+            pings.instrument_valid,
+        )
+        print_noise(noise, instrument.beam_sd_mps)
     if out is not None:
         write_parquet(out, scores)
         console.print(f"wrote {out}")
@@ -144,12 +162,22 @@ def score(
 def _scores_table(scores: pl.DataFrame, title: str) -> Table:
     """A row per method and component."""
     table = narrow_table(
-        title, ["method", "component"], ["sets", "median m/s", "rms m/s", "p95 m/s", "σ m/s", "error/σ"]
+        title,
+        ["method", "component"],
+        ["sets", "median", "p95", "σ", "error/σ", "covered %"],
     )
     for row in over_sets(scores).iter_rows(named=True):
         numbers = (number(row[name]) for name in SCORED)
-        table.add_row(row["method"], row["component"], f"{row['sets_solved']}/{row['sets']}", *numbers)
+        table.add_row(
+            row["method"], row["component"], f"{row['sets_solved']}/{row['sets']}", *numbers, _coverage(row)
+        )
     return table
+
+
+def _coverage(row: dict[str, Any]) -> str:
+    """Coverage of the 1, 2 and 3 sigma intervals, percent."""
+    parts = [row[f"covered_{k}sigma"] for k in (1, 2, 3)]
+    return "-" if None in parts else "/".join(f"{100.0 * part:.0f}" for part in parts)
 
 
 def print_results(replayed: ReplayResult) -> None:

@@ -32,7 +32,7 @@ class Columns(BaseModel):
     velocity: tuple[str, ...] | None = None
     valid: tuple[str, ...] | None = None
     velocity_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
-    # Columns that `bottomlock convert` keeps beside the beams; a velocity fix does not use them.
+    # Columns that `bottomlock convert` keeps beside the beams; of these a fix uses `instrument_valid`.
     range: tuple[str, ...] | None = None
     quality: tuple[str, ...] | None = None
     sd: tuple[str, ...] | None = None
@@ -92,6 +92,7 @@ class Pings:
         valid: (n, beams).
         prior_velocity_p_mps: (n, 3), or None where the log has none.
         prior_sd_mps: (n, 3), or None where the log has none.
+        instrument_valid: (n,) the instrument's own flag of its velocity, or None where the log does not have all flags.
     """
 
     time_ns: NDArray[np.int64]
@@ -99,6 +100,7 @@ class Pings:
     valid: NDArray[np.bool_]
     prior_velocity_p_mps: NDArray[np.float64] | None
     prior_sd_mps: NDArray[np.float64] | None
+    instrument_valid: NDArray[np.bool_] | None = None
 
 
 def _text_of(source: str | Path) -> tuple[str, str]:
@@ -230,8 +232,8 @@ def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) 
     """Reads pings from CSV or Parquet.
 
     The documented columns are `time_ns`, `beam1_mps` ..., `beam1_valid` ... (0/1 or true/false) and, optionally,
-    `prior_surge_mps`, `prior_sway_mps`, `prior_heave_mps` with `prior_surge_sd_mps` ...; a map in the geometry
-    file names others. Rows are counted from 0, without the header.
+    `prior_surge_mps`, `prior_sway_mps`, `prior_heave_mps` with `prior_surge_sd_mps` ..., and `instrument_valid`; a map
+    in the geometry file names others. Rows are counted from 0, without the header.
 
     Raises:
         DataError: naming file, row and column: for a file that cannot be read, a missing column, a cell that is no
@@ -260,7 +262,17 @@ def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) 
             f"{place}: row {row}, column '{velocity_names[beam]}' is not finite, but beam {beam + 1} is flagged valid"
         )
     prior_velocity, prior_sd = _prior(table, place)
-    return Pings(time_ns, velocity * columns.velocity_scale, valid, prior_velocity, prior_sd)
+    instrument_valid = _instrument_flag(table, columns.instrument_valid, place)
+    return Pings(
+        time_ns, velocity * columns.velocity_scale, valid, prior_velocity, prior_sd, instrument_valid
+    )
+
+
+def _instrument_flag(table: pl.DataFrame, mapped: str | None, place: str) -> NDArray[np.bool_] | None:
+    """The column that the map names, or `instrument_valid` of a beam table if no ping lacks it."""
+    name = mapped or "instrument_valid"
+    absent = name not in table.columns or table[name].null_count() > 0
+    return None if mapped is None and absent else read_flags(table, (name,), place)[:, 0]
 
 
 def _prior(table: pl.DataFrame, place: str) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:

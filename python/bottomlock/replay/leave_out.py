@@ -3,6 +3,9 @@
 A ping with all beams valid and a small closure is its own reference: the least-squares velocity of all beams, and the
 reading of each withheld beam. Methods without a prior use the ping alone. Methods with a prior also use the velocity
 that a random-walk filter predicts from the pings before, each with all its beams.
+
+With `robust` the noise and its tail are those of the log's closure (`replay.beam_noise`), and the pings before are
+without identified outliers (`replay.screen_beams`).
 """
 
 from collections.abc import Sequence
@@ -13,8 +16,11 @@ import numpy as np
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
+from bottomlock.kernel import BeamGeometry, VelocityFixes
+from bottomlock.replay.beam_noise import BeamNoise, claimed_noise, measure_noise
 from bottomlock.replay.random_errors import closure_directions
+from bottomlock.replay.robust_fix import solve_scaled
+from bottomlock.replay.screen_beams import screen_beams
 from bottomlock.replay.streams import Flags, Floats, Times
 from bottomlock.statistics.rms import rms
 from bottomlock.tables.replay import SCORES
@@ -55,8 +61,10 @@ def random_walk(
 ) -> Priors:
     """Predictions of a Kalman filter of the velocity alone, updated with the valid beams of every ping.
 
-    State v, transition 1, process noise q² Δt per axis, measurement y = B v with one row per valid beam.
+    State v, transition 1, process noise q² Δt per axis, measurement y = B v with one row per valid beam. `sd_mps` is
+    (B,) or (n, B).
     """
+    sd_mps = np.broadcast_to(sd_mps, velocity_mps.shape)
     B = np.asarray(geometry.directions_p)
     v, P = np.zeros(3), np.eye(3) * walk.start_sd_mps**2
     velocity, cov = np.empty((len(time_ns), 3)), np.empty((len(time_ns), 3, 3))
@@ -67,7 +75,7 @@ def random_walk(
         velocity[k], cov[k] = v, P
         rows = valid[k]
         if rows.any():
-            v, P = _fuse(v, P, B[rows], velocity_mps[k, rows], sd_mps[rows])
+            v, P = _fuse(v, P, B[rows], velocity_mps[k, rows], sd_mps[k, rows])
     return Priors(velocity, cov)
 
 
@@ -89,6 +97,8 @@ def leave_out(
     beams: int,
     walk: VelocityWalk | None = None,
     closure_gate: float | None = 3.0,
+    robust: bool = True,
+    instrument_valid: Flags | None = None,
 ) -> pl.DataFrame:
     """Scores of every method with every set of `beams` beams left out (`tables.replay.SCORES`).
 
@@ -102,6 +112,8 @@ def leave_out(
         walk: model of the prior.
         closure_gate: pings whose closure residual exceeds this many robust sigmas (of the recording itself) are not
             scored; None scores all.
+        robust: noise and tail as measured on the closure, prior without outliers; otherwise as claimed, and Gaussian.
+        instrument_valid: (n,) the instrument's own flag of its velocity, for `robust`.
 
     Returns:
         Components surge, sway and heave against the least squares of all beams, and "beam": the reading of each beam
@@ -117,21 +129,31 @@ def leave_out(
         )
     if not 1 <= beams < geometry.beams:
         raise DataError(f"{beams} beams to leave out, expected 1 to {geometry.beams - 1}")
-    priors = random_walk(geometry, time_ns, velocity_mps, valid, sd_mps, walk or VelocityWalk())
+    noise, shown_before, sd_before = claimed_noise(len(valid)), valid, sd_mps
+    if robust:
+        noise = measure_noise(geometry, velocity_mps, valid, sd_mps, instrument_valid)
+        screened = screen_beams(geometry, time_ns, velocity_mps, valid, sd_mps, noise)
+        shown_before, sd_before = screened.valid, screened.factor[:, None] * sd_mps
+    priors = random_walk(geometry, time_ns, velocity_mps, shown_before, sd_before, walk or VelocityWalk())
     scored = reference_pings(geometry, velocity_mps, valid, closure_gate)
     if not scored.any():
         raise DataError("no ping has all beams valid, expected some: there is no reference to score against")
-    y = np.ascontiguousarray(velocity_mps[scored])
-    all_beams = solve_velocity(geometry, y, np.ones(y.shape, dtype=bool), method="lc", beam_sd_mps=sd_mps)
-    here = Priors(priors.velocity_p_mps[scored], priors.cov_m2ps2[scored])
+    pings = _Scored(
+        geometry,
+        np.ascontiguousarray(velocity_mps[scored]),
+        sd_mps,
+        Priors(priors.velocity_p_mps[scored], priors.cov_m2ps2[scored]),
+        # The closure of a ping that loses a beam would not be known: its noise is that of the log.
+        BeamNoise(noise.factor[scored], noise.halfwidths[scored], noise.groups),
+    )
+    everything = np.ones(pings.y.shape, dtype=bool)
+    all_beams = pings.fixes(everything, "lc")
     rows = []
     for lost in combinations(range(geometry.beams), beams):
-        shown = np.ones(y.shape, dtype=bool)
+        shown = everything.copy()
         shown[:, list(lost)] = False
         for method in (*ALONE, *WITH_PRIOR):
-            solution = _solve(geometry, y, shown, sd_mps, method, here)
-            response = _response(geometry, y, shown, sd_mps, method, here)
-            rows += _scores(lost, method, solution, response, all_beams, y, geometry, sd_mps)
+            rows += _scores(pings, lost, method, shown, all_beams)
     return pl.DataFrame(rows, schema=dict(SCORES), orient="row")
 
 
@@ -147,84 +169,95 @@ def reference_pings(
     return np.asarray(every & (np.abs(closure) <= closure_gate * sigma).all(axis=1))
 
 
-def _solve(
-    geometry: BeamGeometry, y: Floats, shown: Flags, sd_mps: Floats, method: str, priors: Priors
-) -> tuple[Floats, Floats]:
-    """Velocities (n, 3), NaN where unsolved, and their covariances."""
-    fixes: VelocityFixes = solve_velocity(
-        geometry,
-        y,
-        shown,
-        method=method,
-        beam_sd_mps=sd_mps,
-        prior_velocity_p_mps=priors.velocity_p_mps if method in WITH_PRIOR else None,
-        prior_cov_m2ps2=priors.cov_m2ps2 if method in WITH_PRIOR else None,
-    )
-    if method != "info":
-        return fixes.velocity_p_mps, fixes.cov_m2ps2
-    # Λ of the rows and the velocity in its row space, fused with the prior: P⁺ = (P⁻¹ + Λ)⁻¹.
-    information = fixes.information_s2pm2
-    cov = np.linalg.inv(np.linalg.inv(priors.cov_m2ps2) + information)
-    innovation = fixes.observed_velocity_p_mps - priors.velocity_p_mps
-    gain = cov @ information
-    return np.asarray(priors.velocity_p_mps + np.einsum("nij,nj->ni", gain, innovation)), np.asarray(cov)
+@dataclass(frozen=True, eq=False)
+class _Scored:
+    """The scored pings: readings (n, B), claimed noise (B,), prior, and the noise to be used."""
 
+    geometry: BeamGeometry
+    y: Floats
+    sd_mps: Floats
+    priors: Priors
+    noise: BeamNoise
 
-def _response(
-    geometry: BeamGeometry, y: Floats, shown: Flags, sd_mps: Floats, method: str, priors: Priors
-) -> Floats:
-    """(n, 3, 3) derivative of a method's velocity by the true velocity, through the beams only.
+    def fixes(self, shown: Flags, method: str, y: Floats | None = None) -> VelocityFixes:
+        """Fixes of the shown beams (n, B), of other readings if given."""
+        return solve_scaled(
+            self.geometry,
+            self.y if y is None else y,
+            shown,
+            self.noise.factor,
+            method=method,
+            beam_sd_mps=self.sd_mps,
+            prior_velocity_p_mps=self.priors.velocity_p_mps if method in WITH_PRIOR else None,
+            prior_cov_m2ps2=self.priors.cov_m2ps2 if method in WITH_PRIOR else None,
+        )
 
-    Every method is linear in the beams, so that three velocities of 1 m/s give the derivative exactly.
-    """
-    B = np.asarray(geometry.directions_p)
-    base, _ = _solve(geometry, y, shown, sd_mps, method, priors)
-    moved = [_solve(geometry, y + B[:, k], shown, sd_mps, method, priors)[0] - base for k in range(3)]
-    return np.stack(moved, axis=2)
+    def solve(self, shown: Flags, method: str, y: Floats | None = None) -> tuple[Floats, Floats]:
+        """Velocities (n, 3), NaN where unsolved, and their covariances."""
+        fixes = self.fixes(shown, method, y)
+        if method != "info":
+            return fixes.velocity_p_mps, fixes.cov_m2ps2
+        # Λ of the rows and the velocity in its row space, fused with the prior: P⁺ = (P⁻¹ + Λ)⁻¹.
+        information = fixes.information_s2pm2
+        cov = np.linalg.inv(np.linalg.inv(self.priors.cov_m2ps2) + information)
+        innovation = fixes.observed_velocity_p_mps - self.priors.velocity_p_mps
+        gain = cov @ information
+        return np.asarray(self.priors.velocity_p_mps + np.einsum("nij,nj->ni", gain, innovation)), np.asarray(
+            cov
+        )
+
+    def response(self, shown: Flags, method: str) -> Floats:
+        """(n, 3, 3) derivative of a method's velocity by the true velocity, through the beams only.
+
+        Every method is linear in the beams, so that three velocities of 1 m/s give the derivative exactly.
+        """
+        B = np.asarray(self.geometry.directions_p)
+        base, _ = self.solve(shown, method)
+        moved = [self.solve(shown, method, self.y + B[:, k])[0] - base for k in range(3)]
+        return np.stack(moved, axis=2)
 
 
 def _scores(
-    lost: Sequence[int],
-    method: str,
-    solution: tuple[Floats, Floats],
-    response: Floats,
-    all_beams: VelocityFixes,
-    y: Floats,
-    geometry: BeamGeometry,
-    sd_mps: Floats,
+    pings: _Scored, lost: Sequence[int], method: str, shown: Flags, all_beams: VelocityFixes
 ) -> list[tuple[object, ...]]:
     """Rows of `tables.replay.SCORES` of one method without these beams.
 
     The remaining beams are in both velocities. With response J, covariance C of the method and W of all beams, the
     covariance of the difference is C + W − J W − W Jᵀ.
     """
-    velocity, cov = solution
+    velocity, cov = pings.solve(shown, method)
     name = "+".join(str(beam + 1) for beam in lost)
     rows = []
-    shared = response @ all_beams.cov_m2ps2
+    shared = pings.response(shown, method) @ all_beams.cov_m2ps2
     difference = cov + all_beams.cov_m2ps2 - shared - np.swapaxes(shared, 1, 2)
+    halfwidths = pings.noise.halfwidths
     for k, axis in enumerate(("surge", "sway", "heave")):
         sd = np.sqrt(np.maximum(difference[:, k, k], 0.0))
-        rows.append((name, method, axis, *_numbers(all_beams.velocity_p_mps[:, k] - velocity[:, k], sd)))
-    directions = np.asarray(geometry.directions_p)
+        error = all_beams.velocity_p_mps[:, k] - velocity[:, k]
+        rows.append((name, method, axis, *_numbers(error, sd, halfwidths)))
+    directions = np.asarray(pings.geometry.directions_p)
     errors, sds = [], []
     for beam in lost:
         b = directions[beam]
-        errors.append(y[:, beam] - velocity @ b)
-        sds.append(np.sqrt(np.einsum("i,nij,j->n", b, cov, b) + sd_mps[beam] ** 2))
-    rows.append((name, method, "beam", *_numbers(np.concatenate(errors), np.concatenate(sds))))
+        errors.append(pings.y[:, beam] - velocity @ b)
+        reading_sd = pings.noise.factor * pings.sd_mps[beam]
+        sds.append(np.sqrt(np.einsum("i,nij,j->n", b, cov, b) + reading_sd**2))
+    halfwidths = np.tile(halfwidths, (len(lost), 1))
+    rows.append((name, method, "beam", *_numbers(np.concatenate(errors), np.concatenate(sds), halfwidths)))
     return rows
 
 
-def _numbers(error: Floats, error_sd: Floats) -> tuple[object, ...]:
+def _numbers(error: Floats, error_sd: Floats, halfwidths: Floats) -> tuple[object, ...]:
+    """Columns of `tables.replay.SCORES` from `pings` on; `halfwidths` (n, 3) are in standard deviations."""
     solved = np.isfinite(error)
     if not solved.any():
-        return (len(error), 0, None, None, None, None, None, None)
+        return (len(error), 0, *[None] * 9)
     size, sd = np.abs(error[solved]), error_sd[solved]
     # Where the same rows solve both, the difference has no standard deviation and there is no ratio.
     apart = sd > SAME_MPS
     ratio = size[apart] / sd[apart]
     has_ratio = ratio.size > 0
+    covered = (ratio[:, None] <= halfwidths[solved][apart]).mean(axis=0) if has_ratio else [None] * 3
     return (
         len(error),
         int(solved.sum()),
@@ -234,6 +267,7 @@ def _numbers(error: Floats, error_sd: Floats) -> tuple[object, ...]:
         float(np.median(sd)),
         float(rms(ratio)) if has_ratio else None,
         float(1.4826 * np.median(ratio)) if has_ratio else None,
+        *(None if part is None else float(part) for part in covered),
     )
 
 

@@ -4,6 +4,10 @@ import polars as pl
 
 _AXES = ("surge", "sway", "heave")
 
+OUTLIER_TESTS = ("untested", "passed", "beam_rejected", "down_weighted")
+"""Outcome of a ping's test for outliers: without redundant beams, passed, the outlier identified and rejected, or a
+closure beyond its gate of which no beam could be identified as the cause."""
+
 
 def fixes_schema(beams: int) -> dict[str, pl.DataType]:
     """A row per ping of an instrument with so many beams, as `kernel.VelocityFixes.to_frame` writes it.
@@ -22,4 +26,19 @@ def fixes_schema(beams: int) -> dict[str, pl.DataType]:
         **{f"{axis}_source": pl.String() for axis in _AXES},
         **{f"cov_{first}_{second}_m2ps2": pl.Float64() for first, second in pairs},
         **{f"beam{k + 1}_used": pl.Boolean() for k in range(beams)},
+    }
+
+
+def robust_fixes_schema(beams: int) -> dict[str, pl.DataType]:
+    """The columns of `fixes_schema`, and the noise and outlier test of each ping (`replay.robust_fix`).
+
+    `beam_sd_factor` is the noise used over the claimed noise of the beams; the covariances contain it. The half-widths
+    of the intervals that a Gaussian covers with 2 and 3 sigma (95.4 and 99.7 %) are in standard deviations of the fix.
+    """
+    return {
+        **fixes_schema(beams),
+        "outlier_test": pl.String(),
+        "beam_sd_factor": pl.Float64(),
+        "halfwidth_2sigma_over_sd": pl.Float64(),
+        "halfwidth_3sigma_over_sd": pl.Float64(),
     }

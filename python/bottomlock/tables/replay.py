@@ -128,7 +128,11 @@ SCORES: Mapping[str, pl.DataType] = {
     "sd_median_mps": pl.Float64(),
     "normalised_rms_over_pings": pl.Float64(),
     "normalised_robust": pl.Float64(),
+    "covered_1sigma": pl.Float64(),
+    "covered_2sigma": pl.Float64(),
+    "covered_3sigma": pl.Float64(),
 }
 """A row per set of beams left out, method and component: pings, how many of them the method solves, and of those the
-median, RMS and 95th percentile of the error, the median of its claimed standard deviation, and error/σ: RMS and
-1.4826 × median."""
+median, RMS and 95th percentile of the error, the median of its claimed standard deviation, error/σ: RMS and 1.4826 ×
+median, and the fraction of errors within the intervals that a Gaussian covers with 68.3, 95.4 and 99.7 %: 1, 2 and 3
+sigma, or their half-widths by the measured tail."""

@@ -1,0 +1,111 @@
+"""Velocity fixes of recorded pings with the noise that the log shows and without the outliers that it identifies."""
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
+from bottomlock.replay.beam_noise import BeamNoise, measure_noise
+from bottomlock.replay.screen_beams import Screened, screen_beams
+from bottomlock.replay.streams import Flags, Floats, Times
+from bottomlock.tables.fixes import OUTLIER_TESTS
+
+
+@dataclass(frozen=True, eq=False)
+class RobustFixes:
+    """Fixes of a log with the measured noise and the outcome of the test of each ping."""
+
+    fixes: VelocityFixes
+    noise: BeamNoise
+    screened: Screened
+
+    def to_frame(self, time_ns: Times) -> pl.DataFrame:
+        """A table with the columns of `tables.fixes.robust_fixes_schema`."""
+        return self.fixes.to_frame(time_ns).with_columns(
+            pl.Series("outlier_test", [OUTLIER_TESTS[code] for code in self.screened.outcome], pl.String),
+            pl.Series("beam_sd_factor", self.screened.factor),
+            pl.Series("halfwidth_2sigma_over_sd", self.noise.halfwidths[:, 1]),
+            pl.Series("halfwidth_3sigma_over_sd", self.noise.halfwidths[:, 2]),
+        )
+
+
+def solve_robust(
+    geometry: BeamGeometry,
+    time_ns: Times,
+    velocity_mps: Floats,
+    valid: Flags,
+    *,
+    method: str,
+    beam_sd_mps: Floats,
+    instrument_valid: NDArray[np.bool_] | None = None,
+    prior_velocity_p_mps: Floats | None = None,
+    prior_cov_m2ps2: Floats | None = None,
+) -> RobustFixes:
+    """Fixes by `kernel.solve_velocity` of the screened beams, with the noise measured on the closure of the log.
+
+    Args:
+        geometry: the beams.
+        time_ns: (n,) rising times of the pings.
+        velocity_mps: (n, B) beam velocities.
+        valid: (n, B) validity.
+        method: as for `solve_velocity`.
+        beam_sd_mps: (B,) claimed noise of the beams, 1 sigma.
+        instrument_valid: (n,) the instrument's own flag of its velocity.
+        prior_velocity_p_mps: (n, 3) as for `solve_velocity`.
+        prior_cov_m2ps2: (n, 3, 3) its covariance.
+    """
+    noise = measure_noise(geometry, velocity_mps, valid, beam_sd_mps, instrument_valid)
+    screened = screen_beams(geometry, time_ns, velocity_mps, valid, beam_sd_mps, noise)
+    fixes = solve_scaled(
+        geometry,
+        velocity_mps,
+        screened.valid,
+        screened.factor,
+        method=method,
+        beam_sd_mps=beam_sd_mps,
+        prior_velocity_p_mps=prior_velocity_p_mps,
+        prior_cov_m2ps2=prior_cov_m2ps2,
+    )
+    return RobustFixes(fixes, noise, screened)
+
+
+def solve_scaled(
+    geometry: BeamGeometry,
+    velocity_mps: Floats,
+    valid: Flags,
+    factor: Floats,
+    *,
+    method: str,
+    beam_sd_mps: Floats,
+    prior_velocity_p_mps: Floats | None = None,
+    prior_cov_m2ps2: Floats | None = None,
+) -> VelocityFixes:
+    """`kernel.solve_velocity` with the noise of each ping multiplied by `factor` (n,).
+
+    The noise is scaled before the solution: a prior or an assumption keeps its own covariance.
+    """
+    values, group = np.unique(factor, return_inverse=True)
+    order = np.argsort(group, kind="stable")
+    parts = []
+    for rows, value in zip(
+        np.split(order, np.cumsum(np.bincount(group, minlength=len(values)))[:-1]), values, strict=True
+    ):
+        parts.append(
+            solve_velocity(
+                geometry,
+                np.ascontiguousarray(velocity_mps[rows]),
+                np.ascontiguousarray(valid[rows]),
+                method=method,
+                beam_sd_mps=beam_sd_mps * value,
+                prior_velocity_p_mps=None if prior_velocity_p_mps is None else prior_velocity_p_mps[rows],
+                prior_cov_m2ps2=None if prior_cov_m2ps2 is None else prior_cov_m2ps2[rows],
+            )
+        )
+    back = np.argsort(order, kind="stable")
+    names = [entry.name for entry in dataclasses.fields(VelocityFixes)]
+    return VelocityFixes(
+        **{name: np.concatenate([getattr(part, name) for part in parts])[back] for name in names}
+    )

@@ -1,0 +1,78 @@
+"""`bottomlock fix` with and without measured noise and screened beams, and what it says where neither is possible."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+import bottomlock
+from bottomlock.tables.fixes import fixes_schema, robust_fixes_schema
+from tests.cli.calls import command
+
+PINGS = 400
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """Pings at 1 m/s, noise twice that of `x_janus_20`, beam 3 of row 200 off by 2 m/s, beam 1 of row 5 lost."""
+    janus = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
+    beams = janus.beam_velocities(np.tile([1.0, 0.1, 0.0], (PINGS, 1)))
+    beams += np.random.default_rng(2).standard_normal((PINGS, 4)) * 0.084
+    beams[200, 2] += 2.0
+    valid = np.ones((PINGS, 4), dtype=bool)
+    valid[5, 0] = False
+    columns: dict[str, Any] = {"time_ns": np.arange(PINGS) * 1_000_000_000}
+    columns |= {f"beam{k + 1}_mps": beams[:, k] for k in range(4)}
+    columns |= {f"beam{k + 1}_valid": valid[:, k] for k in range(4)}
+    pl.DataFrame(columns).write_csv(tmp_path / "pings.csv")
+    return tmp_path / "pings.csv"
+
+
+def fixes(log: Path, *switches: str) -> tuple[pl.DataFrame, str]:
+    """Table and output of the command; words are joined by single spaces."""
+    out = log.with_suffix(".parquet")
+    done = command(
+        "fix", str(log), "--geometry", "x_janus_20", "--method", "lc", "--out", str(out), *switches
+    )
+    assert done.returncode == 0, done.stderr
+    return pl.read_parquet(out), " ".join(done.stdout.split())
+
+
+def test_robust_is_the_default(log: Path) -> None:
+    frame, words = fixes(log)
+    assert frame.schema == pl.Schema(robust_fixes_schema(4))
+    assert frame.equals(fixes(log, "--robust")[0])
+    assert "beam noise, all pings: claimed sd 42 mm/s, measured" in words
+    assert "1 with a beam rejected" in words
+    assert "1 untested (without redundant beams no outlier can be found)" in words
+    bad, short = frame.row(200, named=True), frame.row(5, named=True)
+    assert bad["outlier_test"] == "beam_rejected"
+    assert [bad[f"beam{k}_used"] for k in (1, 2, 3, 4)] == [True, True, False, True]
+    assert abs(bad["surge_mps"] - 1.0) < 5.0 * np.sqrt(bad["cov_surge_surge_m2ps2"])
+    assert short["outlier_test"] == "untested"
+    assert frame["beam_sd_factor"].median() == pytest.approx(2.0, rel=0.2)
+
+
+def test_without_it_the_fixes_are_those_of_the_kernel(log: Path) -> None:
+    frame, words = fixes(log, "--no-robust")
+    assert frame.schema == pl.Schema(fixes_schema(4))
+    assert "beam noise" not in words
+    assert "outliers" not in words
+    bad = frame.row(200, named=True)
+    assert all(bad[f"beam{k}_used"] for k in (1, 2, 3, 4))
+    assert abs(bad["surge_mps"] - 1.0) > 5.0 * np.sqrt(bad["cov_surge_surge_m2ps2"])
+
+
+def test_log_that_cannot_be_measured(log: Path) -> None:
+    """Beam 4 lost throughout: the claimed noise is used, and said to be."""
+    pl.read_csv(log).with_columns(pl.lit(False).alias("beam4_valid")).write_csv(log)
+    frame, words = fixes(log)
+    assert "not measured (0 pings with every beam, fewer than 100); the claimed sd is used" in words
+    assert "400 untested" in words
+    assert frame["beam_sd_factor"].to_list() == [1.0] * PINGS
+    plain, _ = fixes(log, "--no-robust")
+    assert frame.select(plain.columns).equals(plain)
