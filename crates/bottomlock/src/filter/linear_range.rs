@@ -91,13 +91,13 @@ impl Eskf {
             }
             TangentRows::Depth => {}
         }
-        let report = self.fuse_rows(&innovation, sensor)?;
-        if report.was_used() {
+        let outcome = self.fuse_rows(&innovation, sensor);
+        if outcome.as_ref().is_ok_and(UpdateReport::was_used) {
             self.note_position(innovation.tangent_rows);
         } else {
             self.covariance[DOWN] = before;
         }
-        Ok(report)
+        outcome
     }
 
     /// Moves an error state to the path that a position has corrected: δr ← δr + B ρ.
