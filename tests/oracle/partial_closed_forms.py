@@ -1,7 +1,7 @@
 """Tal et al. 2017, Eqs. 23-47, for beams 1 and 2 left of an x-Janus: each method as the paper writes it.
 
 `..._as_printed` holds what the paper prints where that is wrong; `..._corrected` the right form (docs/equations.md,
-errata E1-E6). A function without either suffix is right as printed. b[i, j] is the paper's b_{i+1,j+1}.
+errata E1-E6 and E13). A function without either suffix is right as printed. b[i, j] is the paper's b_{i+1,j+1}.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def nullified_sway_r0(b: Array, sd1: float, sd2: float) -> Array:
 
 
 def nullified_sway_covariance_as_printed(b: Array, sd1: float, sd2: float, epsilon: float) -> Array:
-    """Eq. 36: diagonal, and the error that a sway of variance ε makes in surge and heave is left out."""
+    """Eq. 36: diagonal, and the error that a sway of variance ε makes in surge and heave is left out (erratum E13)."""
     R_0 = nullified_sway_r0(b, sd1, sd2)
     return np.diag([R_0[0, 0], epsilon, R_0[1, 1]])
 
