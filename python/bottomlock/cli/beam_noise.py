@@ -5,11 +5,12 @@ from numpy.typing import NDArray
 
 from bottomlock.cli.console import console
 from bottomlock.replay.beam_noise import BeamNoise
+from bottomlock.statistics.rms import rms
 
 
 def print_noise(noise: BeamNoise, sd_mps: NDArray[np.float64]) -> None:
     """A line per group of pings: claimed and measured standard deviation, their ratio, and the tail."""
-    claimed = 1e3 * float(np.sqrt(np.mean(sd_mps**2)))
+    claimed = 1e3 * float(rms(sd_mps))
     for group in noise.groups:
         words = f"beam noise, {group.name}: claimed sd {claimed:.3g} mm/s, "
         if group.fallback:

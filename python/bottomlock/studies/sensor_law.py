@@ -12,12 +12,14 @@ import polars as pl
 
 from bottomlock import kernel
 from bottomlock.atomic_write import write_parquet
+from bottomlock.config import sensors as config_sensors
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.sensors import AcousticPosition, Depth, Magnetometer
 from bottomlock.errors import ScenarioError
 from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.statistics import chi_squared
+from bottomlock.statistics.rms import rms
 from bottomlock.studies import cases, study_folder
 from bottomlock.studies.consistency import FALSE_ALARM, judged_times_s
 from bottomlock.tables.studies import SENSOR_LAW
@@ -55,7 +57,7 @@ def variant(
         raise ScenarioError(f"scenario {scenario.name}: an analytic truth has no current")
     off = {
         section: getattr(scenario, section).model_copy(update={"enabled": False})
-        for section in ("depth", "magnetometer", "gps", "acoustic_position")
+        for section in (sensor.name for sensor in config_sensors.SENSORS)
     }
     on: dict[str, Any] = {key: section for name in sensors for key, section in SENSORS[name].items()}
     mission = {"mission": scenario.mission | {"current": {"speed_mps": current_mps, "towards_deg": 90.0}}}
@@ -153,7 +155,7 @@ def run_cell(
                     *place,
                     runs,
                     float(np.median(error)),
-                    float(np.sqrt(np.mean(error**2))),
+                    float(rms(error)),
                     float(error.max()),
                     _median_rises(without[method], error),
                     *verdicts,

@@ -1,7 +1,7 @@
 //! One step of the covariance: P⁺ = Φ (P + Q₀ T/2) Φᵀ + Q₁ T/2 (Groves 2013, Eq. 3.46).
 //!
-//! The columns of a matrix of several filters are taken one at a time, and those of one filter's as many at a time as fill a vector:
-//! `Strip`. The formula is the same.
+//! With several filters, one column is taken at a time, a filter in each lane. With one filter, as many neighbouring columns
+//! are taken at a time as fill a vector (`Strip`). The formula is the same.
 //!
 //! All of it must be inlined into code compiled for the machine's vectors, closures too: with those alone left to the compiler,
 //! `compare_filters` takes 1.9 times as long at `one`, and 2.9 times at `methods 8`.

@@ -60,7 +60,7 @@ impl<T: Lane> CovarianceInterval<T> for FirstOrderInterval<T> {
         FirstOrder::new(self.sum, self.duration_s, earth)
     }
 
-    /// Of half the interval, where the sums are means times the duration: the noise goes with their squares.
+    /// Noise of half the interval. The sums hold R and v times the duration, and `weight` divides their products by its square.
     #[inline(always)]
     fn first_noise(&self, noise: &ProcessNoise) -> HalfNoise<T> {
         let duration = self.sum.velocity_p[0].splat(self.duration_s);
