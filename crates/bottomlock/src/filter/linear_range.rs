@@ -15,7 +15,7 @@
 //! - Position, three axes: ∫b dt = ρ × ∫R̂ δv dt, and the integral is what the update observes as correction of the
 //!   position. The error state is moved to the corrected path.
 //! - Depth: nothing observes that integral. Beyond the linear range the measurement corrects the position alone
-//!   (Schmidt's filter), whose variance has grown by E[b_z²] Δt² since the last depth.
+//!   (Schmidt's filter), whose variance has grown by `E[b_z²] Δt²` since the last depth.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -145,7 +145,7 @@ impl Eskf {
         Matrix3::from(self.kinematics.rotation_t_p).transpose()
     }
 
-    /// E[b_z²], (m/s)², of b_z = ρ_x u_y − ρ_y u_x with u = R̂ δv, all of them Gaussian (Isserlis' theorem).
+    /// `E[b_z²]`, (m/s)², of b_z = ρ_x u_y − ρ_y u_x with u = R̂ δv, all of them Gaussian (Isserlis' theorem).
     fn vertical_product_variance(&self) -> f64 {
         let rotation = self.rotation();
         let horizontal = rotation.fixed_rows::<2>(0);
