@@ -13,10 +13,9 @@ from bottomlock.cli.console import EXIT_DEPARTURE, console, errors, narrow_table
 from bottomlock.cli.parameters import ForceStudy, Methods, Seed, StudyOut, Threads, load_scenarios
 from bottomlock.cli.study_output import study_bar
 from bottomlock.config.scenario import Scenario
-from bottomlock.errors import ScenarioError
 from bottomlock.studies import consistency as consistency_study
 from bottomlock.studies import study_folder
-from bottomlock.studies.cases import PAPER_TRAJECTORIES, beam_list
+from bottomlock.studies.cases import PAPER_TRAJECTORIES, beam_list, beams_of
 from bottomlock.studies.consistency_table import counts_of, methods_summary
 from bottomlock.studies.expected_verdicts import Expectation, check_names, departures, read_expectations
 
@@ -50,9 +49,7 @@ def consistency(
     loaded = load_scenarios(
         scenario or PAPER_TRAJECTORIES, runs=runs, seed=seed, methods=methods, threads=threads
     )
-    if len({one.dvl.beams for one in loaded}) != 1:
-        raise ScenarioError("expected scenarios whose instruments have the same number of beams")
-    sets = consistency_study.parse_masks(masks, loaded[0].dvl.beams)
+    sets = consistency_study.parse_masks(masks, beams_of(loaded))
     if expected is not None:
         _check_expected(expected, loaded, sets)
     given = {"--runs": runs, "--seed": seed, "--methods": methods, "--masks": masks}

@@ -7,11 +7,10 @@ from cyclopts import Parameter
 from bottomlock.cli.console import console, narrow_table
 from bottomlock.cli.parameters import ForceStudy, Seed, StudyOut, Threads, load_scenarios
 from bottomlock.cli.study_output import study_bar
-from bottomlock.errors import ScenarioError
 from bottomlock.studies import consistency as consistency_study
 from bottomlock.studies import sensor_law as study
 from bottomlock.studies import study_folder
-from bottomlock.studies.cases import PAPER_TRAJECTORIES
+from bottomlock.studies.cases import PAPER_TRAJECTORIES, beams_of
 
 
 def sensor_law(
@@ -35,9 +34,7 @@ def sensor_law(
     loaded = load_scenarios(
         scenario or PAPER_TRAJECTORIES, runs=runs, seed=seed, methods=None, threads=threads
     )
-    if len({one.dvl.beams for one in loaded}) != 1:
-        raise ScenarioError("expected scenarios whose instruments have the same number of beams")
-    sets = consistency_study.parse_masks(masks, loaded[0].dvl.beams)
+    sets = consistency_study.parse_masks(masks, beams_of(loaded))
     configuration = study.configuration(loaded, sets)
     study_folder.claim(out, study.KIND, configuration, parts=study.PARTS, force=force)
     with study_bar(out) as report:

@@ -88,23 +88,20 @@ def solve_scaled(
     The noise is scaled before the solution: a prior or an assumption keeps its own covariance.
     """
     values, group = np.unique(factor, return_inverse=True)
-    order = np.argsort(group, kind="stable")
-    parts = []
-    for rows, value in zip(
-        np.split(order, np.cumsum(np.bincount(group, minlength=len(values)))[:-1]), values, strict=True
-    ):
-        parts.append(
-            solve_velocity(
-                geometry,
-                np.ascontiguousarray(velocity_mps[rows]),
-                np.ascontiguousarray(valid[rows]),
-                method=method,
-                beam_sd_mps=beam_sd_mps * value,
-                prior_velocity_p_mps=None if prior_velocity_p_mps is None else prior_velocity_p_mps[rows],
-                prior_cov_m2ps2=None if prior_cov_m2ps2 is None else prior_cov_m2ps2[rows],
-            )
+    same = [np.flatnonzero(group == k) for k in range(len(values))]
+    parts = [
+        solve_velocity(
+            geometry,
+            velocity_mps[rows],
+            valid[rows],
+            method=method,
+            beam_sd_mps=beam_sd_mps * value,
+            prior_velocity_p_mps=None if prior_velocity_p_mps is None else prior_velocity_p_mps[rows],
+            prior_cov_m2ps2=None if prior_cov_m2ps2 is None else prior_cov_m2ps2[rows],
         )
-    back = np.argsort(order, kind="stable")
+        for rows, value in zip(same, values, strict=True)
+    ]
+    back = np.argsort(np.concatenate(same), kind="stable")
     names = [entry.name for entry in dataclasses.fields(VelocityFixes)]
     return VelocityFixes(
         **{name: np.concatenate([getattr(part, name) for part in parts])[back] for name in names}

@@ -3,6 +3,7 @@
 A variant keeps the scenario's name, and with it the random streams: run k has the same sensor errors in all of them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -55,6 +56,18 @@ def masks(beams: int, *, whole: bool = True) -> list[tuple[int, ...]]:
     """
     sizes = range(beams if whole else beams - 1, 0, -1)
     return [mask for size in sizes for mask in combinations(range(1, beams + 1), size)]
+
+
+def beams_of(scenarios: Sequence[Scenario]) -> int:
+    """The number of beams that the instruments of all scenarios have.
+
+    Raises:
+        ScenarioError: for instruments of different beams.
+    """
+    found = {scenario.dvl.beams for scenario in scenarios}
+    if len(found) != 1:
+        raise ScenarioError("expected scenarios whose instruments have the same number of beams")
+    return found.pop()
 
 
 def masked(scenario: Scenario, mask: tuple[int, ...]) -> Case:

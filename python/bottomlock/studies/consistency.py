@@ -134,26 +134,33 @@ def judged_times_s(duration_s: float) -> list[float]:
     return sorted(time_s for time_s in times if time_s >= 1.0)
 
 
-def run_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame:
-    """Every method under one mask on one trajectory: the means to be judged."""
-    simulation = build_simulation(case.scenario)
-    scenario = simulation.scenario
-    truth = simulation.truth()
-    methods = [method for method in scenario.campaign.methods if whole or method not in BLIND]
-    if not methods:
-        return pl.DataFrame(schema=dict(CONSISTENCY_CELL))
-    key, runs = trajectory_key(scenario.name), scenario.campaign.runs
+def run_judged(
+    simulation: Simulation, methods: Sequence[str], *, threads: int = 0
+) -> tuple[list[float], dict[str, Any]]:
+    """The times (s) at which NEES is judged, and the kernel's batch of the scenario's runs sampled at these times."""
+    scenario, truth = simulation.scenario, simulation.truth()
+    key = trajectory_key(scenario.name)
     plan: Any = measurement_schedule(simulation, truth, trajectory_key=key)
-    seconds = plan["sample_time_ns"]
-    times_s = judged_times_s((seconds[-1] - truth.time_ns[0]) * 1e-9)
+    times_s = judged_times_s((plan["sample_time_ns"][-1] - truth.time_ns[0]) * 1e-9)
     plan["sample_time_ns"] = truth.time_ns[0] + np.array([round(time_s * 1e9) for time_s in times_s])
     model: Any = scenario.kernel_model(simulation.gravity_mps2)
     options: Any = scenario.kernel_options()
     arrays: Any = truth.kernel_arrays()
     batch: Any = kernel.run_batch(
-        simulation.geometry, arrays, model, model, options, plan, methods,
-        seed=scenario.campaign.seed, trajectory_key=key, first_run=0, runs=runs, threads=threads,
+        simulation.geometry, arrays, model, model, options, plan, list(methods),
+        seed=scenario.campaign.seed, trajectory_key=key, first_run=0, runs=scenario.campaign.runs, threads=threads,
     )  # fmt: skip
+    return times_s, batch
+
+
+def run_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame:
+    """Every method under one mask on one trajectory: the means to be judged."""
+    simulation = build_simulation(case.scenario)
+    scenario, runs = simulation.scenario, simulation.scenario.campaign.runs
+    methods = [method for method in scenario.campaign.methods if whole or method not in BLIND]
+    if not methods:
+        return pl.DataFrame(schema=dict(CONSISTENCY_CELL))
+    times_s, batch = run_judged(simulation, methods, threads=threads)
     rows_fused = _rows_fused(simulation, methods)
     full = scenario.filter.states
     rows: list[tuple[Any, ...]] = []

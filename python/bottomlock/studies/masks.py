@@ -112,8 +112,7 @@ def run_masks(
         OutputError: if `out` cannot be written.
         KernelError: for input that the kernel rejects, naming run and method.
     """
-    if len({scenario.dvl.beams for scenario in scenarios}) != 1:
-        raise ScenarioError("expected scenarios whose instruments have the same number of beams")
+    cases.beams_of(scenarios)
     by_scenario = [select(all_cases(scenario), wanted) for scenario in scenarios]
     parts = []
     for same in zip(*by_scenario, strict=True):

@@ -10,18 +10,16 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock import kernel
 from bottomlock.atomic_write import write_parquet
 from bottomlock.config import sensors as config_sensors
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.sensors import AcousticPosition, Depth, Magnetometer
 from bottomlock.errors import ScenarioError
-from bottomlock.simulation.build import build_simulation, trajectory_key
-from bottomlock.simulation.measurement_schedule import measurement_schedule
+from bottomlock.simulation.build import build_simulation
 from bottomlock.statistics import chi_squared
 from bottomlock.statistics.rms import rms
 from bottomlock.studies import cases, study_folder
-from bottomlock.studies.consistency import FALSE_ALARM, judged_times_s
+from bottomlock.studies.consistency import FALSE_ALARM, run_judged
 from bottomlock.tables.studies import SENSOR_LAW
 
 KIND = "sensor_law"
@@ -135,12 +133,13 @@ def run_cell(
     rows: list[tuple[Any, ...]] = []
     without: dict[str, np.ndarray] = {}
     for sensors in SENSOR_SETS:
-        batch = _batch(variant(scenario, mask, sensors, current_mps), threads)
+        simulation = build_simulation(variant(scenario, mask, sensors, current_mps))
+        times_s, batch = run_judged(simulation, METHODS, threads=threads)
         for index, method in enumerate(METHODS):
             error = np.linalg.norm(batch["error"][:, index, -1, 6:9], axis=-1)
             without.setdefault(method, error)
             runs = len(error)
-            each = chi_squared.each_probability(FALSE_ALARM, tests * len(batch["nees"][0, 0]))
+            each = chi_squared.each_probability(FALSE_ALARM, tests * len(times_s))
             verdicts = []
             for quantity, degrees in (("nees_velocity_attitude", 6), ("nees", scenario.filter.states)):
                 means = batch[quantity][:, index].mean(axis=0)
@@ -162,23 +161,6 @@ def run_cell(
                 )
             )
     return pl.DataFrame(rows, schema=dict(SENSOR_LAW), orient="row")
-
-
-def _batch(scenario: Scenario, threads: int) -> dict[str, Any]:
-    """Errors and NEES of every method at the judged times."""
-    simulation = build_simulation(scenario)
-    truth, key = simulation.truth(), trajectory_key(scenario.name)
-    plan: Any = measurement_schedule(simulation, truth, trajectory_key=key)
-    times_s = judged_times_s((truth.time_ns[-1] - truth.time_ns[0]) * 1e-9)
-    plan["sample_time_ns"] = truth.time_ns[0] + np.array([round(time_s * 1e9) for time_s in times_s])
-    model: Any = scenario.kernel_model(simulation.gravity_mps2)
-    options: Any = scenario.kernel_options()
-    arrays: Any = truth.kernel_arrays()
-    batch: Any = kernel.run_batch(
-        simulation.geometry, arrays, model, model, options, plan, list(METHODS),
-        seed=scenario.campaign.seed, trajectory_key=key, first_run=0, runs=scenario.campaign.runs, threads=threads,
-    )  # fmt: skip
-    return dict(batch)
 
 
 def _median_rises(without: np.ndarray, error: np.ndarray) -> bool:
