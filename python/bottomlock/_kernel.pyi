@@ -156,6 +156,7 @@ class DefaultOptionsDict(TypedDict):
     weak_sway_var_m2ps2: float
     information_port: Literal["axes", "full"]
     water: WaterDict
+    robust: RobustDict
 
 @type_check_only
 class ScheduleDict(TypedDict):

@@ -74,6 +74,7 @@ def options(**changed: Any) -> OptionsDict:  # noqa: ANN401 - a value of any opt
         "nullified_sway_var_m2ps2": 1e-3,
         "weak_sway_var_m2ps2": 2.0,
         "information_port": "axes",
+        "robust": None,
     }
     unknown = set(changed) - set(plain)
     if unknown:

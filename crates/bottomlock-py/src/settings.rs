@@ -240,13 +240,35 @@ pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     water.set_item("slip_time_s", options.water.slip_time_s)?;
     water.set_item("slip_epochs", options.water.slip_epochs)?;
     dict.set_item("water", water)?;
+    dict.set_item("robust", robust_dict(py, &options.robust)?)?;
     Ok(dict)
 }
 
-/// Options against outliers among the beams; none where the options name none.
+/// The treatment of outliers, under the keys that [`robust`] reads.
+fn robust_dict<'py>(py: Python<'py>, robust: &Robust) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("closure_gate", robust.closure_gate)?;
+    dict.set_item("beam_gate", robust.beam_gate)?;
+    match robust.tail {
+        Tail::Gaussian => dict.set_item("tail", "gaussian")?,
+        Tail::StudentT { degrees } => {
+            dict.set_item("tail", "student_t")?;
+            dict.set_item("student_t_degrees", degrees)?;
+        }
+        Tail::Huber { threshold } => {
+            dict.set_item("tail", "huber")?;
+            dict.set_item("huber_threshold", threshold)?;
+        }
+    }
+    Ok(dict)
+}
+
+/// Treatment of outliers among the beams: the recommended one where the options do not name it, none for `None`.
 fn robust(options: &Bound<'_, PyDict>) -> PyResult<Robust> {
-    if options.get_item("robust")?.is_none_or(|value| value.is_none()) {
-        return Ok(Robust::default());
+    match options.get_item("robust")? {
+        None => return Ok(Options::default().robust),
+        Some(value) if value.is_none() => return Ok(Robust::default()),
+        Some(_) => {}
     }
     let dict = section(options, "options", "robust")?;
     let gate = |key: &str| -> PyResult<Option<f64>> {

@@ -18,6 +18,7 @@ from bottomlock.config.scenario_sections import (
     Filter,
     Imu,
     Initial,
+    Robust,
     Section,
     Trajectory,
 )
@@ -54,6 +55,7 @@ class Scenario(Section):
     acoustic_position: AcousticPosition = AcousticPosition(enabled=False)
     initial: Initial = Initial()
     filter: Filter = Filter()
+    robust: Robust = Robust(enabled=False)
     campaign: Campaign = Campaign()
 
     @model_validator(mode="after")
@@ -81,6 +83,7 @@ class Scenario(Section):
         exclude: dict[str, Any] = {"description": True, "campaign": {"runs", "methods"}}
         # A sensor that the scenario does not name decides nothing.
         exclude |= {sensor.name: True for sensor in SENSORS if sensor.name not in self.model_fields_set}
+        exclude |= {} if self.robust.enabled else {"robust": True}
         content = self.model_dump(mode="json", exclude=exclude)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
@@ -158,7 +161,7 @@ class Scenario(Section):
     def kernel_options(self) -> dict[str, Any]:
         """Filter options as the kernel takes them."""
         rate_hz = self.filter.covariance_rate_hz
-        options = self.filter.model_dump(exclude={"covariance_rate_hz"})
+        options = self.filter.model_dump(exclude={"covariance_rate_hz"}) | self.robust.kernel_options()
         for sensor in SENSORS:
             options |= sensor.options(getattr(self, sensor.name))
         return options | {

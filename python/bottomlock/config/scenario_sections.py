@@ -3,7 +3,7 @@
 import difflib
 import math
 from collections.abc import Iterable
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -250,6 +250,32 @@ class Filter(Section):
     def states(self) -> int:
         """Number of error states: with the DVL's biases and scale factor, or the inertial states only."""
         return STATES if self.estimate_dvl else INERTIAL_STATES
+
+
+_ROBUST = DEFAULT_OPTIONS["robust"]
+Gate = Annotated[float, Field(gt=0, lt=1)] | Literal["off"]
+
+
+class Robust(Section):
+    """Treatment of outliers among the beams before a method uses a ping; the defaults are the kernel's.
+
+    A gate, of closure or of single beams, is the probability with which a good ping or beam passes, or "off"; `tail` is
+    the distribution of the noise of the beams that pass.
+    """
+
+    enabled: bool = True
+    closure_gate: Gate = _ROBUST["closure_gate"] or "off"
+    beam_gate: Gate = _ROBUST["beam_gate"] or "off"
+    tail: Literal["gaussian", "student_t", "huber"] = _ROBUST["tail"]
+    student_t_degrees: Positive = _ROBUST.get("student_t_degrees", 4.0)
+    huber_threshold: Positive = _ROBUST.get("huber_threshold", 1.345)
+
+    def kernel_options(self) -> dict[str, Any]:
+        """The treatment as the kernel takes it: under `robust`, with None for none."""
+        if not self.enabled:
+            return {"robust": None}
+        content = self.model_dump(exclude={"enabled"})
+        return {"robust": {key: None if value == "off" else value for key, value in content.items()}}
 
 
 def check_methods(methods: Iterable[str]) -> None:

@@ -13,6 +13,7 @@ from bottomlock.config.scenario_sections import (
     Finite,
     NonNegative,
     Positive,
+    Robust,
     Section,
     Vector,
     check_methods,
@@ -21,7 +22,7 @@ from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import METHODS
-from bottomlock.replay.dvl_sections import DvlStream, Robust, WhatIf
+from bottomlock.replay.dvl_sections import DvlStream, WhatIf
 from bottomlock.replay.stream_sections import (
     AcousticPositionStream,
     AttitudeStream,
@@ -131,7 +132,7 @@ class Case(Section):
     reference: ReferenceStream | None = None
     start: Start
     filter: Filter = Filter()
-    robust: Robust | None = None
+    robust: Robust = Robust()
     replay: Settings = Settings()
     what_if: tuple[WhatIf, ...] = ()
 

@@ -104,19 +104,6 @@ class DvlStream(MountedStream):
         return self
 
 
-class Robust(Section):
-    """Outlier rejection before a method uses a ping: gates of closure and of single beams, and the noise's tail.
-
-    A gate is the probability with which a good ping or beam passes. Without the section no outlier is rejected here.
-    """
-
-    closure_gate: Annotated[float, Field(gt=0, lt=1)] | None = None
-    beam_gate: Annotated[float, Field(gt=0, lt=1)] | None = None
-    tail: Literal["gaussian", "student_t", "huber"] = "gaussian"
-    student_t_degrees: Positive = 4.0
-    huber_threshold: Positive = 1.345
-
-
 class WhatIf(Section):
     """A what-if case: the beams that are taken to be lost. A beam is valid where every rule leaves it valid.
 

@@ -90,12 +90,14 @@ def kernel_model(
 def kernel_options(case: Case) -> dict[str, Any]:
     """Filter options, as the kernel takes them."""
     rate_hz = case.filter.covariance_rate_hz
-    options = case.filter.model_dump(exclude={"covariance_rate_hz"}) | {
-        "covariance_period_ns": units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0,
-        "imu_sampling": "averaged" if case.imu.averaged else "instantaneous",
-    }
-    if case.robust is not None:
-        options["robust"] = case.robust.model_dump()
+    options = (
+        case.filter.model_dump(exclude={"covariance_rate_hz"})
+        | case.robust.kernel_options()
+        | {
+            "covariance_period_ns": units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0,
+            "imu_sampling": "averaged" if case.imu.averaged else "instantaneous",
+        }
+    )
     for sensor in SENSORS:
         stream = getattr(case, sensor.section)
         options |= {} if stream is None else sensor.options(stream)

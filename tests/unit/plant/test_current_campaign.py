@@ -56,6 +56,7 @@ OPTIONS: Any = {
     "nullified_sway_var_m2ps2": 1e-3,
     "weak_sway_var_m2ps2": 2.0,
     "information_port": "full",
+    "robust": None,
 }
 
 

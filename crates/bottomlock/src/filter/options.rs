@@ -36,7 +36,8 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// Joint gate at 99.73 %, inflation after five consecutive rejections, covariance at 10 Hz, 20 states.
+    /// Joint gate at 99.73 %, inflation after five consecutive rejections, covariance at 10 Hz, 20 states, and the
+    /// recommended treatment of outliers among the beams.
     fn default() -> Self {
         Self {
             gate: Gate::Joint { probability: 0.9973 },
@@ -47,7 +48,7 @@ impl Default for Options {
             assumptions: Assumptions::default(),
             information_port: InformationPort::Axes,
             water: WaterPrior::default(),
-            robust: Robust::default(),
+            robust: Robust::recommended(),
             levers: Levers::default(),
         }
     }
