@@ -12,6 +12,7 @@ use std::hint::black_box;
 use std::io::BufRead;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
+use bottomlock::aiding::outliers::Robust;
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::error_model::{Coefficients, CovarianceInterval, FirstOrderInterval, ProcessNoise};
@@ -86,6 +87,7 @@ impl Work {
     fn options(period_ns: i64) -> Options {
         Options {
             gate: Gate::Off,
+            robust: Robust::default(),
             covariance_period_ns: period_ns,
             ..Options::default()
         }

@@ -5,6 +5,7 @@
 
 mod common;
 
+use bottomlock::aiding::outliers::Robust;
 use bottomlock::aiding::{beam_terms, tightly_coupled};
 use bottomlock::dvl::geometry::{BeamMask, BeamSample};
 use bottomlock::error_model::{Coefficients, dense_noise};
@@ -63,6 +64,7 @@ fn fifteen_states_are_twenty_with_frozen_dvl() {
         estimate_dvl: false,
         covariance_period_ns: 0,
         gate: Gate::Off,
+        robust: Robust::default(),
         ..Options::default()
     };
     let streams = draw(&turn, &epochs.schedule(), 3, 0, 0).unwrap();

@@ -6,6 +6,7 @@
 mod common;
 
 use bottomlock::NavError;
+use bottomlock::aiding::outliers::Robust;
 use bottomlock::dvl::geometry::{BeamMask, BeamSample, MAX_BEAMS};
 use bottomlock::filter::gate::Gate;
 use bottomlock::filter::options::Options;
@@ -72,6 +73,7 @@ fn times_that_do_not_increase_are_rejected() {
 fn gate_per_row_rejects_the_bad_beam() {
     let options = Options {
         gate: Gate::PerRow,
+        robust: Robust::default(),
         ..Options::default()
     };
     let mut navigator = Navigator::new(

@@ -3,6 +3,7 @@
 // Helpers outside `#[test]` functions panic on failure too.
 #![allow(clippy::unwrap_used)]
 
+use bottomlock::aiding::outliers::Robust;
 use bottomlock::aiding::water::WaterPrior;
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::filter::gate::Gate;
@@ -102,6 +103,7 @@ fn run(aiding: BeamAiding, track: &Track, options: &Options) -> Outcome {
 fn with_prior(prior: WaterPrior) -> Options {
     Options {
         water: prior,
+        robust: Robust::default(),
         ..Options::default()
     }
 }

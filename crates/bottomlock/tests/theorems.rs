@@ -12,6 +12,7 @@ use std::f64::consts::TAU;
 
 use bottomlock::aiding::InformationPort;
 use bottomlock::aiding::beams::DvlModel;
+use bottomlock::aiding::outliers::Robust;
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::dvl::partial::PartialMethod;
@@ -123,6 +124,7 @@ fn update(case: &Case, aiding: BeamAiding, port: InformationPort, gate: Gate) ->
     let options = Options {
         gate,
         information_port: port,
+        robust: Robust::default(),
         ..Options::default()
     };
     let mut navigator = Navigator::new(case.state, case.geometry.clone(), aiding, &model(), &options).unwrap();

@@ -32,6 +32,21 @@ macro_rules! sensors {
         }
 
         impl Sensor {
+            /// Number of report names.
+            pub const COUNT: usize = 3 + [$($(stringify!($report)),+),+].len();
+
+            /// What it measures; `None` for an assumption.
+            #[must_use]
+            pub fn quantity(self) -> Option<Quantity> {
+                match self {
+                    Self::Beams => Some(Quantity::Velocity),
+                    Self::Sway | Self::Heave => None,
+                    other => reports()
+                        .find(|(_, report)| report.sensor == other)
+                        .map(|(_, report)| report.quantity),
+                }
+            }
+
             /// Its name.
             #[must_use]
             pub const fn name(self) -> &'static str {

@@ -1,7 +1,7 @@
 //! Each aiding sensor as an innovation: residual, Jacobian, noise (Eqs. 7, 18, 22 in the full form of erratum E7).
 //!
-//! A sensor is one file here, its name below, and its lines in [`registry`]. Elsewhere in the kernel only the filter's update
-//! and inflation name sensors, those that measure velocity in the platform frame. See `docs/sensors.md`.
+//! A sensor is one file here, its name below, and its lines in [`registry`]. Nothing else in the kernel names one. See
+//! `docs/sensors.md`.
 
 pub mod acoustic_position;
 pub mod attitude;

@@ -128,14 +128,6 @@ pub struct Screened {
     pub weight: [f64; MAX_BEAMS],
 }
 
-impl Screened {
-    /// True where beams were valid and none is left.
-    #[must_use]
-    pub fn took_all(&self) -> bool {
-        self.ping.valid.iter().next().is_none() && self.weight.contains(&0.0)
-    }
-}
-
 /// The rows of some beams: residual z, covariance from the state H P Hᵀ, and noise R.
 struct Rows {
     beams: Vec<usize>,

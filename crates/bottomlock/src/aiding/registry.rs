@@ -7,7 +7,7 @@ use crate::aiding::declare::{models, sensors};
 use crate::aiding::depth::{DepthModel, DepthSample};
 use crate::aiding::gps::{GpsModel, GpsSample};
 use crate::aiding::heading::HeadingSample;
-use crate::aiding::sensor::{AidingSensor, Column, Report, Scene, Section, Simulation};
+use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Section, Simulation};
 use crate::aiding::velocity::VelocitySample;
 use crate::aiding::{Innovation, Motion};
 use crate::error::{NavError, require_finite};

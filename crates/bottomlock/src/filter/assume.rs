@@ -47,7 +47,8 @@ impl Eskf {
                 .is_some_and(|factor| difference.dot(&factor.solve(&difference)) > EXCLUDED)
     }
 
-    /// Updates with the rows that another filter's gate accepted, without a gate of its own.
+    /// Updates with the rows that another filter's gate accepted, without a gate of its own; returns whether they are
+    /// plausible to this filter.
     ///
     /// # Errors
     /// As [`Eskf::update`].
@@ -56,7 +57,7 @@ impl Eskf {
         innovation: &Innovation,
         sensor: Sensor,
         verdict: Verdict,
-    ) -> Result<(), NavError> {
+    ) -> Result<bool, NavError> {
         let rejected = match verdict {
             Verdict::Accepted => 0,
             Verdict::AcceptedInPart { rejected_rows } => rejected_rows,
@@ -69,7 +70,7 @@ impl Eskf {
             self.update(&innovation.select(|row| rejected & (1 << row) == 0), sensor)
         };
         self.gate = own;
-        outcome.map(|_| ())
+        outcome.map(|report| !(report.nis > self.plausible.threshold(report.degrees)))
     }
 
     /// Tests an assumption on the motion through the water and updates with it; without water states it has no row.

@@ -1,126 +1,345 @@
-//! Covariance inflation after consecutive rejections of velocity fixes.
+//! Covariance inflation after consecutive rejections.
 //!
-//! Correct fixes are rejected rarely and one at a time: at 99.73 % five consecutive rejections occur once in 10¹²
-//! fixes. But if the error of the filter exceeds its covariance, for example with an initial tilt error of four sigma,
-//! the innovation grows as fast as its sigma, the NIS stays constant, and the gate rejects every fix of a mission.
-//! After a number of consecutive rejections the covariance of the inertial states is therefore multiplied by the mean
-//! of NIS over its degrees of freedom, which is the factor by which it was too small. The gate then tests the next fix
-//! against the inflated covariance.
+//! Correct measurements are rejected rarely and one at a time: at 99.73 % five consecutive rejections occur once in 10¹²
+//! measurements. But if the error of the filter exceeds its covariance, for example with an initial tilt error of four
+//! sigma, the innovation grows as fast as its sigma, the NIS stays constant, and every measurement of a mission is
+//! rejected. After a number of consecutive rejections by one sensor the covariance is therefore multiplied by the factor
+//! with which NIS is what it is expected to be, and the measurement is tested again.
 //!
-//! Beams that contradict each other are rejected whatever the covariance. That is a fault of the sensor and does not
-//! count.
+//! What is inflated depends on what the sensor measures:
+//!
+//! - a velocity: all inertial states, since a wrong velocity most often comes from a wrong tilt. What goes beyond five
+//!   sigma is no error of the tilt: the rest of the factor applies to the velocity alone;
+//! - a position, where no velocity was accepted since the first rejection: the same with the position;
+//! - a position else, a depth, an angle: the states in its rows alone, so that a wrong sensor cannot spoil the others.
+//!
+//! Two kinds of rejections do not count. Beams that contradict each other are rejected whatever the covariance.
+//! Measurements that do not agree from one to the next are noise: an error of the filter changes little
+//! between two of them. Neither do rejected assumptions count.
 
-use nalgebra::SMatrix;
+use std::ops::Range;
+
+use nalgebra::{SMatrix, Vector3};
 
 use super::Eskf;
-use crate::aiding::Innovation;
-use crate::filter::report::{Sensor, UpdateReport, Verdict};
-use crate::layout::{ATTITUDE, DVL_BIAS, POSITION};
-use crate::state::Covariance;
+use crate::aiding::sensor::Quantity;
+use crate::aiding::{Innovation, MAX_ROWS};
+use crate::error::{NavError, require_finite};
+use crate::filter::report::Sensor;
+use crate::layout::{ATTITUDE, DIM, DVL_BIAS, POSITION, VELOCITY};
 
 /// Factor on the inertial covariance with which every error of an inertial state passes the gate.
 const UNINFORMATIVE_FACTOR: f64 = 1e6;
+
+/// Halvings of the logarithm of a factor: four digits.
+const BISECTIONS: usize = 20;
+
+/// Largest factor on the variances of states that the sensor does not measure itself: five sigma.
+const MAX_INDIRECT_FACTOR: f64 = 25.0;
 
 /// Largest attitude sigma after inflation, rad.
 const MAX_ATTITUDE_SD_RAD: f64 = 1.0;
 /// Largest position sigma after inflation, m.
 const MAX_POSITION_SD_M: f64 = 1e6;
 
-/// Count of consecutive rejections of velocity fixes.
+type Rows = SMatrix<f64, MAX_ROWS, MAX_ROWS>;
+
+/// Counts of consecutive rejections, by sensor.
+#[derive(Debug, Clone, Default)]
+pub(super) struct ConsecutiveRejections(Box<[Count; Sensor::COUNT]>);
+
+/// The consecutive rejections of one sensor.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct ConsecutiveRejections {
-    fixes: u32,
-    nis_per_degree: f64,
+struct Count {
+    measurements: u32,
+    /// Sum of the logarithms of their factors.
+    log_factor: f64,
+    /// Time of the first.
+    since_ns: i64,
+    /// What the last showed of the measured quantity's error.
+    correction: Vector3<f64>,
 }
 
-impl ConsecutiveRejections {
-    /// Counts a fix, and returns the inflation factor if it completes `limit` consecutive rejections (0: never).
-    fn count(&mut self, report: &UpdateReport, limit: u32) -> Option<f64> {
-        if report.verdict != Verdict::Rejected {
-            *self = Self::default();
-            return None;
+impl Count {
+    /// Counts a rejection, and returns the geometric mean of the factors if it completes `limit` of them.
+    fn rejection(&mut self, factor: f64, correction: Vector3<f64>, limit: u32, time_ns: i64) -> Option<f64> {
+        if self.measurements == 0 || !agree(&self.correction, &correction) {
+            *self = Self {
+                since_ns: time_ns,
+                ..Self::default()
+            };
         }
-        self.fixes += 1;
-        self.nis_per_degree += report.nis / report.degrees as f64;
-        (self.fixes == limit).then(|| {
-            let factor = self.nis_per_degree / f64::from(self.fixes);
+        self.correction = correction;
+        self.measurements += 1;
+        self.log_factor += factor.ln();
+        (self.measurements >= limit).then(|| {
+            let mean = (self.log_factor / f64::from(self.measurements)).exp();
             *self = Self::default();
-            factor
+            mean
         })
     }
 }
 
-/// Returns true if an innovation of covariance `s` would pass the gate with an uninformative covariance of the inertial
-/// states.
-pub(super) fn is_explained_by_inertial_states<const M: usize>(
-    p: &Covariance,
-    innovation: &Innovation,
-    s: &SMatrix<f64, M, M>,
-    threshold: f64,
-) -> bool {
-    let z = innovation.residual.fixed_rows::<M>(0);
-    let by_inertial = innovation.jacobian.fixed_view::<M, DVL_BIAS>(0, 0);
-    let inertial = p.fixed_view::<DVL_BIAS, DVL_BIAS>(0, 0);
-    let uninformative = s + by_inertial * inertial * by_inertial.transpose() * UNINFORMATIVE_FACTOR;
-    uninformative
-        .cholesky()
-        .is_some_and(|factor| !(z.dot(&factor.solve(&z)) > threshold))
+/// Returns true if two errors differ by less than half their root sum of squares, as two of an error that grows
+/// in proportion to time do.
+fn agree(one: &Vector3<f64>, other: &Vector3<f64>) -> bool {
+    (other - one).norm_squared() <= 0.25 * (one.norm_squared() + other.norm_squared())
 }
 
 impl Eskf {
-    /// Inflates the covariance once the limit of consecutive rejections is reached, and reports the factor.
-    pub(super) fn inflate_after_rejections(&mut self, report: &mut UpdateReport) {
-        // Rejected assumptions stay rejected, and a depth sensor may be wrong for a whole mission.
-        if !matches!(report.sensor, Sensor::Beams | Sensor::Velocity) || self.inflate_after_rejections == 0 {
-            return;
+    /// Number of consecutive rejections after which the covariance is inflated; 0 for never.
+    pub(crate) fn rejections_allowed(&self) -> u32 {
+        self.inflate_after_rejections
+    }
+
+    /// Notes that a measurement passed its gate.
+    pub(crate) fn note_accepted(&mut self, sensor: Sensor) {
+        self.consecutive_rejections.0[sensor as usize] = Count::default();
+    }
+
+    /// Counts the rejection of a measurement with this innovation, and inflates the covariance once the limit of
+    /// consecutive rejections is reached; returns the factor.
+    ///
+    /// # Errors
+    /// [`NavError::NotFinite`] for an innovation that is not finite.
+    pub(crate) fn note_rejected(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<Option<f64>, NavError> {
+        let Some(quantity) = sensor.quantity().filter(|_| self.inflate_after_rejections > 0) else {
+            return Ok(None);
+        };
+        self.propagate_covariance();
+        require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
+        let by_inertial = self.innovation_covariance(innovation, &states(0..DVL_BIAS));
+        let whole = self.innovation_covariance(innovation, &states(0..DIM)) + innovation.noise;
+        if norm_squared(innovation, &whole) <= self.plausible.threshold(innovation.degrees) {
+            self.note_accepted(sensor);
+            return Ok(None);
         }
-        let factor = self.consecutive_rejections.count(report, self.inflate_after_rejections);
-        report.inflation = factor
-            .map(|factor| factor.min(self.largest_factor()))
-            .filter(|factor| *factor > 1.0);
-        if let Some(factor) = report.inflation {
-            self.inflate(factor);
+        let uninformative = whole + by_inertial * UNINFORMATIVE_FACTOR;
+        if norm_squared(innovation, &uninformative) > self.plausible.threshold(innovation.degrees) {
+            return Ok(None);
         }
+        let block = match quantity {
+            Quantity::Position => POSITION,
+            Quantity::Velocity => VELOCITY,
+            Quantity::Angle => ATTITUDE,
+        };
+        let (measured, inflated) = self.inflated_states(innovation, sensor, quantity, block);
+        let factor = matching_factor(innovation, &whole, &self.innovation_covariance(innovation, &inflated));
+        let correction = solved(innovation, block);
+        let (limit, time_ns) = (self.inflate_after_rejections, self.state.time_ns);
+        let mean = self.consecutive_rejections.0[sensor as usize].rejection(factor, correction, limit, time_ns);
+        let Some(factor) = mean else { return Ok(None) };
+        let indirect = factor
+            .min(MAX_INDIRECT_FACTOR)
+            .min(self.largest_factor(&inflated))
+            .max(1.0);
+        let direct = (factor / indirect)
+            .min(self.largest_factor(&measured) / indirect)
+            .max(1.0);
+        self.inflate(&inflated, indirect);
+        self.inflate(&measured, direct);
+        Ok((indirect * direct > 1.0).then_some(indirect * direct))
+    }
+
+    /// Multiplies the covariance of some states, which adds noise to them.
+    fn inflate(&mut self, states: &[bool; DIM], factor: f64) {
+        for i in (0..DIM).filter(|&i| states[i]) {
+            for j in (0..DIM).filter(|&j| states[j]) {
+                self.covariance[(i, j)] *= factor;
+            }
+        }
+    }
+
+    /// The states that the sensor measures itself, and all those to inflate.
+    fn inflated_states(
+        &self,
+        innovation: &Innovation,
+        sensor: Sensor,
+        quantity: Quantity,
+        block: usize,
+    ) -> ([bool; DIM], [bool; DIM]) {
+        let since_ns = match self.consecutive_rejections.0[sensor as usize] {
+            Count { measurements: 0, .. } => self.state.time_ns,
+            count => count.since_ns,
+        };
+        let has_velocity = self.measured.velocity_ns.is_some_and(|time_ns| time_ns >= since_ns);
+        let measured = match quantity {
+            Quantity::Velocity => states(VELOCITY..VELOCITY + 3),
+            Quantity::Position | Quantity::Angle => observed(innovation, block),
+        };
+        let is_free = quantity == Quantity::Position && innovation.rows == 3 && !has_velocity;
+        if quantity == Quantity::Velocity || is_free {
+            (measured, states(0..DVL_BIAS))
+        } else {
+            (measured, measured)
+        }
+    }
+
+    /// H P Hᵀ of the errors of some states.
+    fn innovation_covariance(&self, innovation: &Innovation, states: &[bool; DIM]) -> Rows {
+        let mut h = innovation.jacobian;
+        for k in (0..DIM).filter(|&k| !states[k]) {
+            h.column_mut(k).fill(0.0);
+        }
+        h * self.covariance * h.transpose()
     }
 
     /// Factor that keeps attitude and position sigmas below their limits.
     ///
     /// A method with a wrong assumption is rejected again and again, and must not inflate its covariance without bound.
-    fn largest_factor(&self) -> f64 {
-        let largest = |block: usize| (block..block + 3).fold(0.0_f64, |most, k| most.max(self.covariance[(k, k)]));
+    fn largest_factor(&self, inflated: &[bool; DIM]) -> f64 {
+        let largest = |block: usize| {
+            (block..block + 3)
+                .filter(|&k| inflated[k])
+                .fold(0.0_f64, |most, k| most.max(self.covariance[(k, k)]))
+        };
         let factor = |sd: f64, variance: f64| sd * sd / variance;
         factor(MAX_ATTITUDE_SD_RAD, largest(ATTITUDE)).min(factor(MAX_POSITION_SD_M, largest(POSITION)))
     }
+}
 
-    /// Multiplies the covariance of position, attitude, velocity and IMU biases, which adds noise to these states.
-    fn inflate(&mut self, factor: f64) {
-        let mut inertial = self.covariance.fixed_view_mut::<DVL_BIAS, DVL_BIAS>(0, 0);
-        inertial *= factor;
+/// The states of a range.
+fn states(range: Range<usize>) -> [bool; DIM] {
+    std::array::from_fn(|k| range.contains(&k))
+}
+
+/// The states of a block of three that the rows measure: those whose column has at least half the largest entry.
+fn observed(innovation: &Innovation, block: usize) -> [bool; DIM] {
+    let weight: [f64; 3] = std::array::from_fn(|k| innovation.jacobian.column(block + k).amax());
+    let largest = weight.iter().fold(0.0_f64, |most, &one| most.max(one));
+    std::array::from_fn(|k| (block..block + 3).contains(&k) && weight[k - block] >= 0.5 * largest)
+}
+
+/// The error of a block of three states that the rows show, of minimum norm where they leave a direction open.
+fn solved(innovation: &Innovation, block: usize) -> Vector3<f64> {
+    let rows = innovation.jacobian.view((0, block), (innovation.rows, 3)).into_owned();
+    let z = innovation.residual.rows(0, innovation.rows);
+    rows.pseudo_inverse(1e-6).map_or_else(
+        |_| Vector3::zeros(),
+        |inverse| {
+            let solution = inverse * z;
+            Vector3::new(solution[0], solution[1], solution[2])
+        },
+    )
+}
+
+/// zᵀS⁻¹z; infinite where S is not positive definite.
+fn norm_squared(innovation: &Innovation, s: &Rows) -> f64 {
+    let m = innovation.rows;
+    let z = innovation.residual.rows(0, m);
+    let factor = s.view((0, 0), (m, m)).into_owned().cholesky();
+    factor.map_or(f64::INFINITY, |factor| z.dot(&factor.solve(&z)))
+}
+
+/// The factor on the part `own` of S with which NIS is what it is expected to be, its degrees of freedom and what no
+/// factor explains; 1 where it is less already.
+fn matching_factor(innovation: &Innovation, s: &Rows, own: &Rows) -> f64 {
+    let nis = |factor: f64| norm_squared(innovation, &(s + own * (factor - 1.0)));
+    let expected = innovation.degrees as f64 + nis(UNINFORMATIVE_FACTOR);
+    let (mut low, mut high) = (0.0, UNINFORMATIVE_FACTOR.ln());
+    for _ in 0..BISECTIONS {
+        let middle = 0.5 * (low + high);
+        if nis(middle.exp()) > expected {
+            low = middle;
+        } else {
+            high = middle;
+        }
     }
+    high.exp()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::aiding::depth::depth;
+    use crate::filter::options::Options;
+    use crate::frames::Vec3;
+    use crate::model::Model;
+    use crate::state::NavState;
 
-    fn fix(verdict: Verdict, nis: f64) -> UpdateReport {
-        UpdateReport {
-            verdict,
-            nis,
-            degrees: 3,
-            ..UpdateReport::empty(Sensor::Beams, 0)
+    /// By hand: factors 4, 9 and 6 have the geometric mean 6; the count then begins anew.
+    #[test]
+    fn factor_is_the_geometric_mean_over_consecutive_rejections() {
+        let mut count = Count::default();
+        let factors: Vec<_> = [4.0, 9.0, 6.0, 5.0]
+            .map(|factor| count.rejection(factor, Vector3::x(), 3, 7))
+            .into_iter()
+            .map(|factor| factor.map(|factor| (factor * 1e9_f64).round() / 1e9))
+            .collect();
+        assert_eq!(factors, [None, None, Some(6.0), None]);
+        assert_eq!((count.measurements, count.since_ns), (1, 7));
+    }
+
+    /// By hand: σ 2 m, noise 0.5 m, 10 m off: 100/(0.25 + 4 f) = 1 gives f = 24.9375.
+    ///
+    /// Only the depth is inflated, which no other state notices.
+    #[test]
+    fn depth_inflates_itself_alone() {
+        let options = Options {
+            inflate_after_rejections: 2,
+            ..Options::default()
+        };
+        let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
+        let before = filter.covariance();
+        let innovation = depth(&filter.state(), 10.0, 0.5, &Vec3::from_array([0.0; 3]));
+        assert_eq!(filter.note_rejected(&innovation, Sensor::Depth).unwrap(), None);
+        let factor = filter.note_rejected(&innovation, Sensor::Depth).unwrap().unwrap();
+        assert!((factor - 24.9375).abs() < 2e-3, "{factor}");
+        let mut expected = before;
+        expected[(POSITION + 2, POSITION + 2)] *= factor;
+        assert_eq!(filter.covariance(), expected);
+    }
+
+    /// A position where a velocity was accepted since the first rejection inflates the position alone, else all
+    /// inertial states.
+    #[test]
+    fn position_inflates_all_states_where_no_velocity_aids() {
+        for has_velocity in [false, true] {
+            let options = Options {
+                inflate_after_rejections: 2,
+                ..Options::default()
+            };
+            let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
+            let far = crate::aiding::position::position(
+                &filter.state(),
+                &Vec3::from_array([50.0, 0.0, 0.0]),
+                &[1.0; 3],
+                &Vec3::from_array([0.0; 3]),
+            );
+            let before = filter.covariance();
+            assert_eq!(filter.note_rejected(&far, Sensor::AcousticPosition).unwrap(), None);
+            if has_velocity {
+                filter.measured.velocity_ns = Some(0);
+            }
+            let factor = filter.note_rejected(&far, Sensor::AcousticPosition).unwrap().unwrap();
+            let after = filter.covariance();
+            assert!(factor > 100.0 && after[(0, 0)] == before[(0, 0)] * factor);
+            let kept = after[(ATTITUDE, ATTITUDE)] == before[(ATTITUDE, ATTITUDE)];
+            assert_eq!(kept, has_velocity);
         }
     }
 
-    /// By hand: NIS 15, 18 and 21 of 3 degrees have a mean ratio of 6; an accepted fix resets the count.
+    /// A measurement within its gate resets the count, an assumption never counts.
     #[test]
-    fn factor_is_the_mean_over_consecutive_rejections() {
-        let mut consecutive_rejections = ConsecutiveRejections::default();
-        let counted: Vec<_> = [(Verdict::Rejected, 99.0), (Verdict::Accepted, 1.0)]
-            .into_iter()
-            .chain([15.0, 18.0, 21.0, 15.0].map(|nis| (Verdict::Rejected, nis)))
-            .map(|(verdict, nis)| consecutive_rejections.count(&fix(verdict, nis), 3))
-            .collect();
-        assert_eq!(counted, [None, None, None, None, Some(6.0), None]);
+    fn only_rejections_of_sensors_count() {
+        let options = Options {
+            inflate_after_rejections: 2,
+            ..Options::default()
+        };
+        let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
+        let at = |filter: &Eskf, depth_m: f64| depth(&filter.state(), depth_m, 0.5, &Vec3::from_array([0.0; 3]));
+        for depth_m in [10.0, 0.1, 10.0] {
+            let innovation = at(&filter, depth_m);
+            assert_eq!(
+                filter.note_rejected(&innovation, Sensor::Depth).unwrap(),
+                None,
+                "{depth_m}"
+            );
+            assert_eq!(
+                filter.note_rejected(&innovation, Sensor::Sway).unwrap(),
+                None,
+                "{depth_m}"
+            );
+        }
     }
 }

@@ -27,7 +27,7 @@ impl Eskf {
         let rotation = estimate.attitude_t_p.matrix();
         let half = Rotation3::from_scaled_axis(-0.5 * rho);
         let mut turned_t = half * position_t;
-        if self.measured.has_velocity {
+        if self.measured.velocity_ns.is_some() {
             turned_t = half * turned_t;
         } else {
             let velocity_p = rotation.transpose() * (half.inverse() * (rotation * velocity_p));

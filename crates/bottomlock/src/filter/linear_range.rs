@@ -41,8 +41,8 @@ pub(super) struct Measured {
     pub(super) depth_ns: i64,
     /// All axes of the position.
     pub(super) position_ns: i64,
-    /// True after a velocity in the platform frame.
-    pub(super) has_velocity: bool,
+    /// A velocity in the platform frame; `None` before the first.
+    pub(super) velocity_ns: Option<i64>,
 }
 
 impl Measured {
@@ -50,7 +50,7 @@ impl Measured {
         Self {
             depth_ns: time_ns,
             position_ns: time_ns,
-            has_velocity: false,
+            velocity_ns: None,
         }
     }
 }
@@ -84,12 +84,14 @@ impl Eskf {
                 add_by_misalignment(&mut innovation, &by_misalignment);
                 innovation.path_by_misalignment = Some(Box::new(by_misalignment));
             }
-            TangentRows::Depth if self.is_beyond_linear_range() => {
-                let since_s = (self.state.time_ns - self.measured.depth_ns) as f64 * 1e-9;
-                innovation.corrects_position_alone = true;
-                self.covariance[DOWN] += self.vertical_product_variance() * since_s * since_s;
+            TangentRows::Depth => {
+                let product_m2ps2 = self.vertical_product_variance();
+                if product_m2ps2 > LINEAR_RANGE_MPS * LINEAR_RANGE_MPS {
+                    let since_s = (self.state.time_ns - self.measured.depth_ns) as f64 * 1e-9;
+                    innovation.corrects_position_alone = true;
+                    self.covariance[DOWN] += product_m2ps2 * since_s * since_s;
+                }
             }
-            TangentRows::Depth => {}
         }
         let outcome = self.fuse_rows(&innovation, sensor);
         if outcome.as_ref().is_ok_and(UpdateReport::was_used) {
@@ -108,6 +110,7 @@ impl Eskf {
         let rows = self.covariance.fixed_columns::<3>(ATTITUDE) * by_misalignment.transpose();
         let mut position = self.covariance.fixed_columns_mut::<3>(POSITION);
         position += rows;
+        self.covariance.fill_lower_triangle_with_upper_triangle();
         let moved = error.fixed_rows::<3>(POSITION) + by_misalignment * error.fixed_rows::<3>(ATTITUDE);
         error.fixed_rows_mut::<3>(POSITION).copy_from(&moved);
         self.extensions.move_to_corrected_path(by_misalignment);

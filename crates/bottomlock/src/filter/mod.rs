@@ -31,7 +31,7 @@ use crate::aiding::MAX_ROWS;
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite};
 use crate::error_model::Interval;
-use crate::filter::gate::GateTable;
+use crate::filter::gate::{Gate, GateTable};
 use crate::filter::options::Options;
 use crate::filter::report::{Sensor, UpdateReport};
 use crate::filter::water_block::WaterBlock;
@@ -56,6 +56,8 @@ pub struct Eskf {
     measured: Measured,
     settings: Settings,
     gate: GateTable,
+    /// Tells a filter that is wrong from one that is not, whatever gate rejects.
+    plausible: GateTable,
     inflate_after_rejections: u32,
     consecutive_rejections: ConsecutiveRejections,
     extensions: Extensions,
@@ -85,6 +87,10 @@ impl Eskf {
                 covariance_period_s: options.covariance_period_ns as f64 * 1e-9,
             },
             gate: GateTable::new(options.gate)?,
+            plausible: GateTable::new(match options.gate {
+                Gate::Joint { .. } => options.gate,
+                Gate::PerRow | Gate::Off => Gate::Joint { probability: 0.9973 },
+            })?,
             inflate_after_rejections: options.inflate_after_rejections,
             consecutive_rejections: ConsecutiveRejections::default(),
             extensions: Extensions::default(),

@@ -14,8 +14,7 @@ use crate::mechanisation::Sampling;
 pub struct Options {
     /// Innovation gate.
     pub gate: Gate,
-    /// Number of consecutive rejected velocity fixes after which the covariance of the inertial states is inflated; 0
-    /// for never.
+    /// Number of consecutive rejections by a sensor after which the covariance is inflated; 0 for never.
     pub inflate_after_rejections: u32,
     /// Interval of the covariance propagation, ns; 0 for every IMU step.
     pub covariance_period_ns: i64,

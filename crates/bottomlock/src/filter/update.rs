@@ -3,10 +3,10 @@
 use nalgebra::SMatrix;
 
 use super::Eskf;
-use super::inflation::is_explained_by_inertial_states;
 use super::joseph::PredictedInnovation;
-use crate::aiding::Innovation;
+use crate::aiding::sensor::Quantity;
 use crate::aiding::water::WATER;
+use crate::aiding::{Innovation, TangentRows};
 use crate::error::NavError;
 use crate::error_model::Interval;
 use crate::filter::gate::Gate;
@@ -43,12 +43,6 @@ impl Eskf {
         }
         if is_rejected {
             report.verdict = Verdict::Rejected;
-        }
-        if !is_rejected || is_explained_by_inertial_states(&self.covariance, innovation, &predicted.s, report.threshold)
-        {
-            self.inflate_after_rejections(&mut report);
-        }
-        if is_rejected {
             return Ok(report);
         }
 
@@ -58,7 +52,9 @@ impl Eskf {
         if self.extensions.water.is_some() || self.extensions.tape.is_some() {
             self.update_water_and_tape(innovation, predicted, &correction.gain, water_cross);
         }
-        self.measured.has_velocity |= matches!(sensor, Sensor::Beams | Sensor::Velocity);
+        if innovation.tangent_rows == TangentRows::None && sensor.quantity() == Some(Quantity::Velocity) {
+            self.measured.velocity_ns = Some(self.state.time_ns);
+        }
         if let Some(by_misalignment) = &innovation.path_by_misalignment {
             self.move_to_corrected_path(by_misalignment, &mut correction.error);
         }

@@ -2,13 +2,13 @@
 //!
 //! A wrong assumption makes a filter overconfident in a wrong velocity, and its gate would then reject correct beams.
 //! The constrained filter therefore has no gate for measurements: it applies exactly the rows that the filter on the
-//! measurements alone accepted.
+//! measurements alone accepted. Where these contradict it several times in a row, it starts again from the other one.
 
 use crate::aiding::Innovation;
 use crate::aiding::water::{heave_row, sway_row};
 use crate::error::NavError;
 use crate::filter::Eskf;
-use crate::filter::report::{Sensor, UpdateReport};
+use crate::filter::report::{Sensor, UpdateReport, Verdict};
 use crate::filter::tape::Tape;
 use crate::filter::water_block::WaterBlock;
 use crate::mechanisation::ImuSample;
@@ -20,6 +20,8 @@ pub(crate) struct DualFilter {
     pub(crate) measurements_only: Eskf,
     /// The filter with assumptions on the motion through the water.
     constrained: Option<Box<Eskf>>,
+    /// Consecutive measurements that the constrained filter finds implausible and the other one does not.
+    implausible: u32,
 }
 
 impl DualFilter {
@@ -28,6 +30,7 @@ impl DualFilter {
         let mut filters = Self {
             measurements_only: filter,
             constrained: None,
+            implausible: 0,
         };
         water.into_iter().for_each(|water| filters.start_constrained(water));
         filters
@@ -36,6 +39,7 @@ impl DualFilter {
     /// Starts the constrained filter from the estimate on the measurements alone.
     pub(crate) fn start_constrained(&mut self, water: WaterBlock) {
         self.constrained = Some(Box::new(self.measurements_only.clone().with_water(Some(water))));
+        self.implausible = 0;
     }
 
     /// Restarts the constrained filter from the estimate on the measurements alone and from the prior of the water
@@ -118,14 +122,49 @@ impl DualFilter {
         let report = self
             .measurements_only
             .update(&innovation_of(&self.measurements_only), sensor)?;
-        if report.inflation.is_some() {
-            // The constrained filter started from a state whose covariance was too small.
-            self.restart_constrained();
-        } else if let Some(filter) = &mut self.constrained {
+        if let Some(filter) = &mut self.constrained {
             let innovation = innovation_of(filter);
-            filter.update_with_verdict(&innovation, sensor, report.verdict)?;
+            let is_plausible = filter.update_with_verdict(&innovation, sensor, report.verdict)?;
+            self.implausible = if is_plausible { 0 } else { self.implausible + 1 };
+            if self.implausible > 0 && self.implausible == filter.rejections_allowed() {
+                self.restart_constrained();
+            }
         }
         Ok(report)
+    }
+
+    /// [`DualFilter::update`], once more where the rejection inflates the covariance.
+    ///
+    /// # Errors
+    /// As [`Eskf::update`].
+    pub(crate) fn update_or_inflate(
+        &mut self,
+        sensor: Sensor,
+        innovation_of: impl Fn(&Eskf) -> Innovation,
+    ) -> Result<UpdateReport, NavError> {
+        let report = self.update(sensor, &innovation_of)?;
+        if report.verdict != Verdict::Rejected {
+            self.measurements_only.note_accepted(sensor);
+            return Ok(report);
+        }
+        let rejected = innovation_of(&self.measurements_only);
+        let inflation = self.note_rejected(&rejected, sensor)?;
+        if inflation.is_none() {
+            return Ok(report);
+        }
+        let report = self.update(sensor, &innovation_of)?;
+        Ok(UpdateReport { inflation, ..report })
+    }
+
+    /// Counts a rejection by the filter on the measurements alone; as [`Eskf::note_rejected`].
+    ///
+    /// After an inflation the constrained filter starts again: its covariance was too small as well.
+    pub(crate) fn note_rejected(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<Option<f64>, NavError> {
+        let factor = self.measurements_only.note_rejected(innovation, sensor)?;
+        if factor.is_some() {
+            self.restart_constrained();
+        }
+        Ok(factor)
     }
 
     /// Returns true if the filter on the measurements alone excludes the velocity of the constrained one.

@@ -5,10 +5,9 @@ use std::collections::VecDeque;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::aiding;
-use crate::aiding::InformationPort;
 use crate::aiding::outliers;
-use crate::aiding::outliers::Screened;
-use crate::dvl::geometry::{BeamGeometry, BeamSample};
+use crate::aiding::{InformationPort, Innovation, Motion};
+use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, MAX_BEAMS};
 use crate::dvl::partial::{FixEstimator, PartialMethod, fix_estimator};
 use crate::error::NavError;
 use crate::filter::Eskf;
@@ -223,23 +222,13 @@ impl Navigator {
         match event {
             Event::Imu(_) => {}
             Event::Beams(ping) => {
-                let screened = self.screen(ping)?;
-                let ping = screened.map_or(*ping, |screened| screened.ping);
-                if let Some(mut outcome) = self.aid_with_beams(&ping)? {
-                    if let Some(screened) = screened {
-                        outcome.beam_weight = Some(screened.weight);
-                        if screened.took_all() {
-                            outcome.verdict = Verdict::Rejected;
-                        }
-                    }
-                    report(&outcome);
-                }
-                let full_lock = self.water().is_some() && self.geometry.rank_of(ping.valid) == 3;
+                let used = self.aid_with_ping(ping, report)?;
+                let full_lock = self.water().is_some() && self.geometry.rank_of(used) == 3;
                 self.filters.assume(full_lock, &mut *report)?;
             }
             Event::Aiding(measurement) => {
                 for sensor in measurement.reports() {
-                    report(&filters.update(sensor, |filter| {
+                    report(&filters.update_or_inflate(sensor, |filter| {
                         filter.with_motion(|motion| measurement.innovation(sensor, motion, &levers))
                     })?);
                 }
@@ -248,54 +237,117 @@ impl Navigator {
         Ok(())
     }
 
-    /// The ping after outlier rejection with the innovation covariance of the filter without assumptions; none if it is off.
-    fn screen(&mut self, ping: &BeamSample) -> Result<Option<Screened>, NavError> {
-        if self.options.robust.is_off() || self.aiding == BeamAiding::None {
+    /// Screens a ping and aids with what is left, once more where its rejection inflates the covariance; returns the
+    /// beams that are left.
+    fn aid_with_ping(
+        &mut self,
+        ping: &BeamSample,
+        report: &mut impl FnMut(&UpdateReport),
+    ) -> Result<BeamMask, NavError> {
+        let (mut left, mut weight) = self.screen(ping)?;
+        let mut inflation = None;
+        if left.valid != ping.valid {
+            inflation = self
+                .filters
+                .note_rejected(&self.tight_innovation(ping), Sensor::Beams)?;
+            if inflation.is_some() {
+                (left, weight) = self.screen(ping)?;
+            }
+        }
+        let mut outcome = self.aid_with_beams(&left)?;
+        if left.valid == ping.valid && inflation.is_none() {
+            inflation = self.note_verdict(&left, outcome.as_ref())?;
+            if inflation.is_some() {
+                outcome = self.aid_with_beams(&left)?;
+            }
+        }
+        if let Some(mut outcome) = outcome {
+            outcome.inflation = inflation;
+            outcome.beam_weight = weight;
+            if left.valid.count() == 0 && ping.valid.count() > 0 {
+                outcome.verdict = Verdict::Rejected;
+            }
+            report(&outcome);
+        }
+        Ok(left.valid)
+    }
+
+    /// Counts the gate's verdict on a whole ping; returns the factor of an inflation.
+    fn note_verdict(&mut self, ping: &BeamSample, outcome: Option<&UpdateReport>) -> Result<Option<f64>, NavError> {
+        if outcome.is_none_or(|outcome| outcome.verdict != Verdict::Rejected) {
+            self.filters.measurements_only.note_accepted(Sensor::Beams);
             return Ok(None);
+        }
+        let innovation = match self.aiding {
+            // Noise that is correlated with the state has no part in it.
+            BeamAiding::Loose(method) if method != PartialMethod::VirtualBeamExact => {
+                self.loose_innovation(method, ping)?.0
+            }
+            _ => self.tight_innovation(ping),
+        };
+        self.filters.note_rejected(&innovation, Sensor::Beams)
+    }
+
+    /// The ping after outlier rejection with the innovation covariance of the filter without assumptions, and the weight
+    /// of each beam; the ping itself and no weight where it is off.
+    fn screen(&mut self, ping: &BeamSample) -> Result<(BeamSample, Option<[f64; MAX_BEAMS]>), NavError> {
+        if self.options.robust.is_off() || self.aiding == BeamAiding::None {
+            return Ok((*ping, None));
         }
         let (geometry, filter) = (&self.geometry, &mut self.filters.measurements_only);
         let covariance = filter.propagated_covariance();
         let terms = filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
-        outliers::screen(&self.options.robust, geometry, &covariance, &terms, ping).map(Some)
+        let screened = outliers::screen(&self.options.robust, geometry, &covariance, &terms, ping)?;
+        Ok((screened.ping, Some(screened.weight)))
     }
 
-    fn aid_with_beams(&mut self, ping: &BeamSample) -> Result<Option<UpdateReport>, NavError> {
+    /// A row for each valid beam, for the filter on the measurements alone.
+    fn tight_innovation(&self, ping: &BeamSample) -> Innovation {
         let geometry = &self.geometry;
-        let terms_of = |filter: &Eskf| filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
-        let method = match self.aiding {
-            BeamAiding::None => return Ok(None),
-            BeamAiding::Tight | BeamAiding::SwayCurrent => {
-                return self
-                    .filters
-                    .update(Sensor::Beams, |filter| aiding::tightly_coupled(&terms_of(filter), ping))
-                    .map(Some);
-            }
-            BeamAiding::Loose(method) => method,
-        };
-        let filter = &mut self.filters.measurements_only;
-        let terms = terms_of(filter);
+        let motion_terms = |motion: &Motion<'_>| aiding::beam_terms(motion, geometry, ping);
+        aiding::tightly_coupled(&self.filters.measurements_only.with_motion(motion_terms), ping)
+    }
+
+    /// The innovation of a velocity solved from the beams, and how it is solved.
+    fn loose_innovation(
+        &mut self,
+        method: PartialMethod,
+        ping: &BeamSample,
+    ) -> Result<(Innovation, FixEstimator), NavError> {
+        let (geometry, filter) = (&self.geometry, &mut self.filters.measurements_only);
+        let terms = filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
         let p_xv = filter.velocity_covariance();
         let prior_cov: Matrix3<f64> = p_xv.fixed_rows::<3>(VELOCITY).into_owned();
         let state = filter.state();
         // The gain works on readings divided by 1 + SF.
         let noise = terms.noise / (1.0 + state.dvl_scale_factor).powi(2);
-        let fix: FixEstimator = fix_estimator(
-            method,
-            geometry,
-            ping.valid,
-            &noise,
-            Some(&prior_cov),
-            &self.options.assumptions,
-        )?;
-        let exact = method == PartialMethod::VirtualBeamExact && fix.virtual_beams[0].is_some();
-        let port = if method == PartialMethod::Information {
-            self.options.information_port
-        } else {
-            InformationPort::Axes
+        let (valid, assumptions) = (ping.valid, &self.options.assumptions);
+        let fix = fix_estimator(method, geometry, valid, &noise, Some(&prior_cov), assumptions)?;
+        let port = match method {
+            PartialMethod::Information => self.options.information_port,
+            _ => InformationPort::Axes,
         };
-        let cross = exact.then_some(&p_xv);
-        let innovation = aiding::loosely_coupled(&state, geometry, &terms, &fix, port, cross);
-        if exact {
+        let cross = is_exact(method, &fix).then_some(&p_xv);
+        Ok((
+            aiding::loosely_coupled(&state, geometry, &terms, &fix, port, cross),
+            fix,
+        ))
+    }
+
+    fn aid_with_beams(&mut self, ping: &BeamSample) -> Result<Option<UpdateReport>, NavError> {
+        let geometry = &self.geometry;
+        let method = match self.aiding {
+            BeamAiding::None => return Ok(None),
+            BeamAiding::Tight | BeamAiding::SwayCurrent => {
+                let terms_of = |filter: &Eskf| filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
+                let innovation_of = |filter: &Eskf| aiding::tightly_coupled(&terms_of(filter), ping);
+                return self.filters.update(Sensor::Beams, innovation_of).map(Some);
+            }
+            BeamAiding::Loose(method) => method,
+        };
+        let (innovation, fix) = self.loose_innovation(method, ping)?;
+        let filter = &mut self.filters.measurements_only;
+        if is_exact(method, &fix) {
             let virtual_count = fix.virtual_beams.iter().flatten().count();
             return filter
                 .update_correlated(&innovation, 3 - virtual_count, Sensor::Beams)
@@ -308,4 +360,9 @@ impl Navigator {
         }
         Ok(Some(report))
     }
+}
+
+/// Returns true for a virtual beam whose correlation with the filter is kept.
+fn is_exact(method: PartialMethod, fix: &FixEstimator) -> bool {
+    method == PartialMethod::VirtualBeamExact && fix.virtual_beams[0].is_some()
 }

@@ -84,13 +84,13 @@ impl Bank {
     fn select(&mut self) -> Choice {
         let (velocity, covariance) = self.members[0].velocity();
         let mut best = (0, covariance.trace());
-        let is_judge = !self.members[0].filter().is_beyond_linear_range();
+        let is_tested = !self.members[0].filter().is_beyond_linear_range();
         let (mut reason, mut statistic, mut threshold) = (SelectionReason::NoGain, 0.0, 0.0);
         for (k, member) in self.members.iter().enumerate().skip(1) {
             let (constrained, reduced) = member.velocity();
             let (test, degrees) = hausman(&(constrained - velocity), &(covariance - reduced));
             let limit = self.gate.threshold(degrees);
-            if is_judge && !(test <= limit) {
+            if is_tested && !(test <= limit) {
                 if best.0 == 0 {
                     (reason, statistic, threshold) = (SelectionReason::BeamsContradict, test, limit);
                 }
