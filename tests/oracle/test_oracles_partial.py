@@ -55,7 +55,7 @@ def test_nullified_sway_is_a_sway_row() -> None:
 
 
 def test_printed_nullified_sway_covariance_is_its_limit() -> None:
-    """Eq. 36 leaves out what a sway of variance ε does to heave, ε tan²θ/2 (6.6 % of ε at 20°), and their covariance."""
+    """Eq. 36 leaves out what a sway of variance ε does to heave, ε tan²θ/2 (6.6 % of ε), and their covariance."""
     epsilon = 1e-3
     printed = paper.nullified_sway_covariance_as_printed(B, SD1, SD2, epsilon)
     right = paper.nullified_sway_covariance_corrected(B, SD1, SD2, epsilon)

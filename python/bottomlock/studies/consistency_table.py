@@ -9,14 +9,10 @@ from jinja2 import Environment, StrictUndefined
 
 from bottomlock.pages.numbers import plain
 from bottomlock.statistics.chi_squared import CONSERVATIVE, CONSISTENT, OVERCONFIDENT, detectable_factor
+from bottomlock.tables.studies import JUDGED
 
-QUANTITIES = {
-    "nees_velocity_attitude": "NEES of velocity and attitude",
-    "nees": "NEES of the whole state",
-    "nis": "NIS of the DVL fixes",
-}
 _SUFFIX = {CONSISTENT: "consistent", OVERCONFIDENT: "overconfident", CONSERVATIVE: "conservative"}
-_MARKS = {CONSISTENT: "", OVERCONFIDENT: " ▲", CONSERVATIVE: " ▽"}
+MARKS = {CONSISTENT: "", OVERCONFIDENT: " ▲", CONSERVATIVE: " ▽"}
 
 
 def consistent_cells(table: pl.DataFrame) -> pl.DataFrame:
@@ -44,7 +40,7 @@ def methods_summary(table: pl.DataFrame) -> pl.DataFrame:
         ((pl.col("quantity") == quantity) & (pl.col("verdict") == verdict))
         .sum()
         .alias(f"{quantity}_{suffix}")
-        for quantity in QUANTITIES
+        for quantity in JUDGED
         for verdict, suffix in _SUFFIX.items()
     ]
     return summary.join(table.group_by("method").agg(counts), on="method", how="left", maintain_order="left")
@@ -53,7 +49,7 @@ def methods_summary(table: pl.DataFrame) -> pl.DataFrame:
 def counts_of(row: Mapping[str, Any]) -> list[str]:
     """`consistent / overconfident / conservative` for each quantity, from a row of `methods_summary`."""
     return [
-        " / ".join(str(row[f"{quantity}_{suffix}"]) for suffix in _SUFFIX.values()) for quantity in QUANTITIES
+        " / ".join(str(row[f"{quantity}_{suffix}"]) for suffix in _SUFFIX.values()) for quantity in JUDGED
     ]
 
 
@@ -95,7 +91,7 @@ def answer(table: pl.DataFrame) -> list[str]:
     never = [
         f"`{row['method']}`"
         for row in counts
-        if not any(row[f"{quantity}_overconfident"] for quantity in QUANTITIES)
+        if not any(row[f"{quantity}_overconfident"] for quantity in JUDGED)
     ]
     # `ins` uses no beams: it has no innovations and stays out of the masks.
     aided = table.filter(pl.col("quantity") == "nis")["method"].unique().to_list()
@@ -146,7 +142,7 @@ def _consistent(table: pl.DataFrame) -> Iterator[str]:
 
 def _matrices(table: pl.DataFrame) -> Iterator[str]:
     methods = table["method"].unique(maintain_order=True).to_list()
-    for quantity, words in QUANTITIES.items():
+    for quantity, words in JUDGED.items():
         chosen = table.filter(pl.col("quantity") == quantity)
         if chosen.is_empty():
             continue
@@ -172,4 +168,4 @@ def _cell(row: Mapping[str, Any] | None, quantity: str) -> str:
         return ""
     value = decisive(row) / (row["degrees"] if quantity == "nis" else 1.0)
     shown = f"{value:.3f}" if quantity == "nis" and value < 10.0 else plain(value, decimals=1)
-    return shown + _MARKS[row["verdict"]]
+    return shown + MARKS[row["verdict"]]

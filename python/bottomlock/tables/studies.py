@@ -17,6 +17,9 @@ SWEEP: Mapping[str, pl.DataType] = {
 """A row per value of a swept setting, trajectory and method: norms of the error vectors at the last second, RMS over
 runs; mean NEES of the whole state; fraction of the fixes that the gate rejects, null without fixes."""
 
+CURRENT = "current to the east, m/s"
+"""The swept setting in `parameter` that no method without a current as a state holds."""
+
 MASKS: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
     "case": pl.String(),
@@ -115,6 +118,22 @@ CONSISTENCY_STUDY: Mapping[str, pl.DataType] = {
 }
 """A row per trajectory, mask, method and quantity: expected value, number of runs, independent values per judged
 mean, mean over runs and times, the least and the greatest of the judged means, their band, and the verdict."""
+
+JUDGED: Mapping[str, str] = {
+    "nees_velocity_attitude": "NEES of velocity and attitude",
+    "nees": "NEES of the whole state",
+    "nis": "NIS of the DVL fixes",
+}
+"""The quantities of the consistency study, in words."""
+
+PUBLISHED: Mapping[str, pl.DataType] = {
+    "world": pl.String(),
+    "method": pl.String(),
+    "trajectory": pl.String(),
+    "beams": pl.String(),
+    **{quantity: pl.String() for quantity in JUDGED},
+}
+"""A row per cell of the published consistency studies: its verdicts, null for a quantity that it does not have."""
 
 SENSOR_LAW: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
