@@ -78,7 +78,7 @@ golden: $(VENV)/.installed
 consistency: $(VENV)/.installed
 	$(bin)/bottomlock consistency --out out/consistency --assert tests/statistical/expected_verdicts.toml
 	cp out/consistency/consistency.md docs/consistency.md
-	$(bin)/python tools/publish_consistency.py
+	$(bin)/python tools/publish_studies.py
 
 # An editable install for daily work: Python edits take effect at once, Rust edits after another `make develop`.
 develop: $(VENV)/.tools

@@ -12,8 +12,8 @@ from bottomlock.report.advice import REFERENCES
 from bottomlock.report.published import load_published, never_overconfident, returning_beams, standing
 from bottomlock.studies import consistency
 from bottomlock.studies.consistency_table import consistent_cells, markdown
-from bottomlock.tables.studies import CONSISTENCY_CELL, JUDGED, PUBLISHED
-from tools import publish_consistency as publish
+from bottomlock.tables.studies import CONSISTENCY_CELL, PUBLISHED, QUANTITIES
+from tools import publish_studies as publish
 
 
 def page_of(table: pl.DataFrame) -> str:
@@ -21,7 +21,7 @@ def page_of(table: pl.DataFrame) -> str:
     facts = {
         "trajectories": ["straight"], "methods": ["tc"], "beams": ["1,2"], "seed": "1", "times_s": ["50"],
         "degrees": 20, "tests": 5, "false_alarm": 0.01, "each_probability": 0.99, "versions": {},
-        "configuration_hash": "f" * 64, "command": "bottomlock consistency",
+        "configuration_hash": "f" * 64, "command": "bottomlock consistency", "settings": [], "limits": [],
     }  # fmt: skip
     return markdown(table, facts)
 
@@ -59,7 +59,7 @@ def test_a_page_reads_back_as_the_study_that_wrote_it() -> None:
     assert read.schema == pl.Schema(PUBLISHED)
     keys = ["method", "trajectory", "beams"]
     long = read.unpivot(
-        on=list(JUDGED), index=keys, variable_name="quantity", value_name="verdict"
+        on=list(QUANTITIES), index=keys, variable_name="quantity", value_name="verdict"
     ).drop_nulls()
     assert long.sort(*keys, "quantity").equals(table.select(long.columns).sort(*keys, "quantity"))
     assert set(long["verdict"]) == {"consistent", "overconfident", "conservative"}
@@ -69,12 +69,14 @@ def test_a_page_reads_back_as_the_study_that_wrote_it() -> None:
 
 
 def test_a_page_of_something_else_is_refused() -> None:
-    with pytest.raises(publish.PageError, match=r"page.md: has no section 'NEES of velocity and attitude'"):
+    with pytest.raises(
+        publish.PageError, match=r"page.md: expected a page .* found no section 'NEES of velocity"
+    ):
         publish.read_page("# Masks", "paper", "page.md")
 
 
 def test_package_and_readme_say_what_the_pages_say(root: Path) -> None:
-    """`python tools/publish_consistency.py` writes both; nobody edits them by hand."""
+    """`python tools/publish_studies.py` writes both; nobody edits them by hand."""
     published = publish.read_pages(root)
     assert load_published().equals(published)
     readme = (root / "README.md").read_text(encoding="utf-8")
@@ -105,6 +107,21 @@ def test_two_worlds_are_two_columns() -> None:
     there = (pl.col("method") == "sway_current") & (pl.col("world") == "survey")
     worse = pl.when(there).then(pl.lit("overconfident")).otherwise("nis").alias("nis")
     assert "): no method." in publish.with_studies(readme, both.with_columns(worse))
+
+
+def test_the_tables_of_a_masks_study_go_between_their_marks(root: Path) -> None:
+    """The page has the marks; what stands around them stays; a study without recovery is refused."""
+    page = (root / "docs" / "masks.md").read_text(encoding="utf-8")
+    study = "## Velocity under every mask\n\nlegend\n\n| a |\n\n## When the beams come back\n\n| b |\n"
+    written = publish.with_masks(page, study, "masks.md")
+    assert written.count("| a |") == written.count("| b |") == 1
+    assert "Conclusions:" in written
+    assert len(written) < 0.7 * len(page)
+    assert publish.with_masks(written, study, "masks.md") == written
+    with pytest.raises(
+        publish.PageError, match="with all cases, found no section 'When the beams come back'"
+    ):
+        publish.with_masks(page, study.split("## When", maxsplit=1)[0], "masks.md")
 
 
 @pytest.mark.parametrize(

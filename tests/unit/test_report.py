@@ -28,7 +28,7 @@ from bottomlock.report.page import make_report
 from bottomlock.statistics.rms import Array
 from bottomlock.statistics.run_errors import read_run_errors
 from bottomlock.tables.results import read_campaign_tables
-from bottomlock.tables.studies import CURRENT, JUDGED, PUBLISHED, SWEEP
+from bottomlock.tables.studies import CURRENT, PUBLISHED, QUANTITIES, SWEEP
 from tests.unit.synthetic_campaign import METHODS, edit_manifest, write_campaign
 
 
@@ -163,7 +163,7 @@ def studies(*methods: str, overconfident: Sequence[tuple[str, str, str]] = ()) -
     rows = [
         (
             "survey", method, "straight", beams,
-            *("overconfident" if (method, beams, name) in overconfident else "consistent" for name in JUDGED),
+            *("overconfident" if (method, beams, name) in overconfident else "consistent" for name in QUANTITIES),
         )
         for method in methods
         for beams in ("1,2,3,4", "1,2", "1,3")

@@ -1,7 +1,7 @@
 """The published consistency studies (docs/consistency*.md), as advice needs them: where each method was overconfident.
 
 A campaign tests the assumptions of its methods in its own water only. What a method may be recommended for therefore
-also comes from here. `tools/publish_consistency.py` writes the packaged table from the pages.
+also comes from here. `tools/publish_studies.py` writes the packaged table from the pages.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,7 +14,7 @@ import polars as pl
 from bottomlock.errors import DataError
 from bottomlock.statistics.chi_squared import CONSISTENT, OVERCONFIDENT
 from bottomlock.tables.check import check
-from bottomlock.tables.studies import JUDGED, PUBLISHED
+from bottomlock.tables.studies import PUBLISHED, QUANTITIES
 
 FILE = "published_consistency.csv"
 
@@ -99,7 +99,7 @@ def standing(published: pl.DataFrame, method: str) -> Standing:
     chosen = published.filter(pl.col("method") == method)
     if chosen.is_empty():
         raise DataError(f"{FILE}: holds no cell of method '{method}'")
-    over = pl.any_horizontal((pl.col(name) == OVERCONFIDENT).fill_null(value=False) for name in JUDGED)
+    over = pl.any_horizontal((pl.col(name) == OVERCONFIDENT).fill_null(value=False) for name in QUANTITIES)
     core = pl.col(CORE)
     counts = chosen.select(
         ((core == CONSISTENT) & ~over).sum().alias("consistent"),

@@ -9,7 +9,7 @@ from jinja2 import Environment, StrictUndefined
 
 from bottomlock.pages.numbers import plain
 from bottomlock.statistics.chi_squared import CONSERVATIVE, CONSISTENT, OVERCONFIDENT, detectable_factor
-from bottomlock.tables.studies import JUDGED
+from bottomlock.tables.studies import QUANTITIES
 
 _SUFFIX = {CONSISTENT: "consistent", OVERCONFIDENT: "overconfident", CONSERVATIVE: "conservative"}
 MARKS = {CONSISTENT: "", OVERCONFIDENT: " ▲", CONSERVATIVE: " ▽"}
@@ -40,7 +40,7 @@ def methods_summary(table: pl.DataFrame) -> pl.DataFrame:
         ((pl.col("quantity") == quantity) & (pl.col("verdict") == verdict))
         .sum()
         .alias(f"{quantity}_{suffix}")
-        for quantity in JUDGED
+        for quantity in QUANTITIES
         for verdict, suffix in _SUFFIX.items()
     ]
     return summary.join(table.group_by("method").agg(counts), on="method", how="left", maintain_order="left")
@@ -49,7 +49,7 @@ def methods_summary(table: pl.DataFrame) -> pl.DataFrame:
 def counts_of(row: Mapping[str, Any]) -> list[str]:
     """`consistent / overconfident / conservative` for each quantity, from a row of `methods_summary`."""
     return [
-        " / ".join(str(row[f"{quantity}_{suffix}"]) for suffix in _SUFFIX.values()) for quantity in JUDGED
+        " / ".join(str(row[f"{quantity}_{suffix}"]) for suffix in _SUFFIX.values()) for quantity in QUANTITIES
     ]
 
 
@@ -91,7 +91,7 @@ def answer(table: pl.DataFrame) -> list[str]:
     never = [
         f"`{row['method']}`"
         for row in counts
-        if not any(row[f"{quantity}_overconfident"] for quantity in JUDGED)
+        if not any(row[f"{quantity}_overconfident"] for quantity in QUANTITIES)
     ]
     # `ins` uses no beams: it has no innovations and stays out of the masks.
     aided = table.filter(pl.col("quantity") == "nis")["method"].unique().to_list()
@@ -142,7 +142,7 @@ def _consistent(table: pl.DataFrame) -> Iterator[str]:
 
 def _matrices(table: pl.DataFrame) -> Iterator[str]:
     methods = table["method"].unique(maintain_order=True).to_list()
-    for quantity, words in JUDGED.items():
+    for quantity, words in QUANTITIES.items():
         chosen = table.filter(pl.col("quantity") == quantity)
         if chosen.is_empty():
             continue

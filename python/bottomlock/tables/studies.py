@@ -25,9 +25,12 @@ MASKS: Mapping[str, pl.DataType] = {
     "case": pl.String(),
     "beams": pl.String(),
     "method": pl.String(),
+    "runs": pl.Int64(),
     "velocity_rms_over_runs_mps": pl.Float64(),
     "velocity_rms_over_runs_lo_mps": pl.Float64(),
     "velocity_rms_over_runs_hi_mps": pl.Float64(),
+    "velocity_median_mps": pl.Float64(),
+    "velocity_greatest_share": pl.Float64(),
     "attitude_rms_over_runs_deg": pl.Float64(),
     "position_rms_over_runs_m": pl.Float64(),
     "nees_mean_over_runs_and_time": pl.Float64(),
@@ -35,9 +38,10 @@ MASKS: Mapping[str, pl.DataType] = {
     "verdict": pl.String(),
     "rejected_fraction": pl.Float64(),
 }
-"""A row per trajectory, case and method: RMS over runs at the last second with a 95 % bootstrap interval, mean over
-runs and time of the NEES of the whole state and of velocity and attitude, the verdict on the latter, and the
-fraction of the fixes that the gate rejects, null without fixes."""
+"""A row per trajectory, case and method: RMS over runs at the last second with a 95 % bootstrap interval; of the
+velocity error also the median over runs and the share of the mean square that the worst run makes; mean over runs and
+time of the NEES of the whole state and of velocity and attitude, the verdict on the latter, and the fraction of the
+fixes that the gate rejects, null without fixes."""
 
 AXES = ("surge", "sway", "heave")
 
@@ -119,7 +123,7 @@ CONSISTENCY_STUDY: Mapping[str, pl.DataType] = {
 """A row per trajectory, mask, method and quantity: expected value, number of runs, independent values per judged
 mean, mean over runs and times, the least and the greatest of the judged means, their band, and the verdict."""
 
-JUDGED: Mapping[str, str] = {
+QUANTITIES: Mapping[str, str] = {
     "nees_velocity_attitude": "NEES of velocity and attitude",
     "nees": "NEES of the whole state",
     "nis": "NIS of the DVL fixes",
@@ -131,7 +135,7 @@ PUBLISHED: Mapping[str, pl.DataType] = {
     "method": pl.String(),
     "trajectory": pl.String(),
     "beams": pl.String(),
-    **{quantity: pl.String() for quantity in JUDGED},
+    **{quantity: pl.String() for quantity in QUANTITIES},
 }
 """A row per cell of the published consistency studies: its verdicts, null for a quantity that it does not have."""
 

@@ -1,10 +1,12 @@
-"""Carry the published consistency studies into the package and the README.
+"""Carry the published studies into the package, the README and docs/masks.md.
 
-    python tools/publish_consistency.py            # after a page in docs/ was written again
-    python tools/publish_consistency.py --check    # exit code 1 where package or README differ from the pages
+    python tools/publish_studies.py                      # after docs/consistency*.md was written again
+    python tools/publish_studies.py --check              # exit code 1 where package or README differ from the pages
+    python tools/publish_studies.py --masks out/masks/masks.md      # after `bottomlock masks` with all cases
 
-The pages are what `bottomlock consistency` wrote, one for each world. Their verdicts go to the package, where the
-advice of a campaign's report reads them, and to the table of methods and the recommendation in README.md.
+The pages of consistency are what `bottomlock consistency` wrote, one for each world. Their verdicts go to the package,
+where the advice of a campaign's report reads them, and to the table of methods and the recommendation in README.md. Of
+a masks study the tables go to docs/masks.md; the conclusions there are written by hand.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from bottomlock.report.advice import REFERENCES
 from bottomlock.report.published import FILE, never_overconfident, standing
 from bottomlock.statistics.chi_squared import CONSISTENT
 from bottomlock.studies.consistency_table import MARKS
-from bottomlock.tables.studies import JUDGED, PUBLISHED
+from bottomlock.tables.studies import PUBLISHED, QUANTITIES
 
 ROOT = Path(__file__).resolve().parent.parent
 WORLDS = {"paper": "docs/consistency.md", "survey": "docs/consistency_survey.md"}
@@ -30,9 +32,15 @@ HEADS = {"paper": "In the paper's world", "survey": "In the survey world"}
 TABLE, ADVICE = "methods of the README", "never overconfident"
 """Names of the written parts of the README."""
 
+MASKS = {
+    "velocity under every mask": "Velocity under every mask",
+    "recovery": "When the beams come back",
+}
+"""Names of the written parts of docs/masks.md, and the heading of each in the study's page."""
+
 
 class PageError(Exception):
-    """A page that `bottomlock consistency` did not write, or a README without its marks."""
+    """A page that the study's command did not write, or a text without the marks of its written parts."""
 
 
 def read_page(text: str, world: str, place: str) -> pl.DataFrame:
@@ -42,14 +50,20 @@ def read_page(text: str, world: str, place: str) -> pl.DataFrame:
         PageError: for a page without the three tables.
     """
     cells: dict[tuple[str, str, str], dict[str, str]] = {}
-    for quantity, words in JUDGED.items():
-        found = re.search(rf"^## {re.escape(words)}\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
-        if found is None:
-            raise PageError(f"{place}: has no section '{words}', expected a page of `bottomlock consistency`")
-        for key, verdict in _verdicts(found[1]):
+    for quantity, words in QUANTITIES.items():
+        section = _section(text, words, f"{place}: expected a page of `bottomlock consistency`")
+        for key, verdict in _verdicts(section):
             cells.setdefault(key, {})[quantity] = verdict
-    rows = [(world, *key, *(verdicts.get(name) for name in JUDGED)) for key, verdicts in cells.items()]
+    rows = [(world, *key, *(verdicts.get(name) for name in QUANTITIES)) for key, verdicts in cells.items()]
     return pl.DataFrame(rows, schema=dict(PUBLISHED), orient="row")
+
+
+def _section(text: str, heading: str, expected: str) -> str:
+    """What stands under a heading of the second level."""
+    found = re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
+    if found is None:
+        raise PageError(f"{expected}, found no section '{heading}'")
+    return found[1]
 
 
 def _verdicts(section: str) -> Iterator[tuple[tuple[str, str, str], str]]:
@@ -108,6 +122,18 @@ def advice(published: pl.DataFrame) -> str:
     return f"Overconfident in no cell of the consistency study in {links}: {names}."
 
 
+def with_masks(page: str, study: str, place: str) -> str:
+    """docs/masks.md with the legend and the tables of a masks study.
+
+    Raises:
+        PageError: where the marks of a part are missing, or the study has no recovery because it left out cases.
+    """
+    for name, heading in MASKS.items():
+        section = _section(study, heading, f"{place}: expected a page of `bottomlock masks` with all cases")
+        page = _replaced(page, name, [section.strip()])
+    return page
+
+
 def _words(published: pl.DataFrame, method: str, world: str) -> str:
     there = published.filter(pl.col("world") == world)
     return standing(there, method).words if method in set(there["method"]) else "not flown"
@@ -118,14 +144,14 @@ def _row(cells: list[str]) -> str:
 
 
 def _marks(name: str) -> tuple[str, str]:
-    return f"<!-- {name}: written by tools/publish_consistency.py -->", f"<!-- end of {name} -->"
+    return f"<!-- {name}: written by tools/publish_studies.py -->", f"<!-- end of {name} -->"
 
 
 def _part(text: str, name: str) -> list[str]:
     """What stands before, between and after the marks of a part."""
     first, last = _marks(name)
     if text.count(first) != 1 or text.count(last) != 1:
-        raise PageError(f"README.md: expected the marks '{first}' and '{last}' once each")
+        raise PageError(f"expected the marks '{first}' and '{last}' once each")
     before, rest = text.split(first)
     return [before + first, *rest.split(last)]
 
@@ -136,7 +162,21 @@ def _replaced(text: str, name: str, lines: list[str]) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Writes package and README, or with --check compares them with the pages."""
+    """Writes what the arguments say, see the head of this file; exit code 2 for other arguments."""
+    match arguments:
+        case [] | ["--check"]:
+            return _publish_consistency(check=bool(arguments))
+        case ["--masks", name]:
+            page = ROOT / "docs" / "masks.md"
+            text, study = (path.read_text(encoding="utf-8") for path in (page, Path(name)))
+            page.write_text(with_masks(text, study, name), encoding="utf-8")
+            print("publish_studies: wrote docs/masks.md; compare its conclusions with the tables")
+            return 0
+    print("usage: python tools/publish_studies.py [--check | --masks STUDY/masks.md]")
+    return 2
+
+
+def _publish_consistency(*, check: bool) -> int:
     published = read_pages(ROOT)
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     wanted = {
@@ -149,12 +189,12 @@ def main(arguments: list[str]) -> int:
         if not path.is_file() or path.read_text(encoding="utf-8") != text
     ]
     for path in differ:
-        if arguments == ["--check"]:
-            print(f"publish_consistency: {path.name} is not what the pages say; run this without --check")
+        if check:
+            print(f"publish_studies: {path.name} is not what the pages say; run this without --check")
         else:
             path.write_text(wanted[path], encoding="utf-8")
-            print(f"publish_consistency: wrote {path.relative_to(ROOT)}")
-    return int(bool(differ) and arguments == ["--check"])
+            print(f"publish_studies: wrote {path.relative_to(ROOT)}")
+    return int(bool(differ) and check)
 
 
 if __name__ == "__main__":
