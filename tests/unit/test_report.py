@@ -227,8 +227,24 @@ def test_a_method_is_recommended_where_the_published_studies_bear_it_out(
     assert part.recommended == recommended
     assert part.best == recommended[:1]
     assert part.beams == ("1,2" if lost == [3, 4] else None)
-    assert part.consistent_here_only["elc"] is None
+    assert part.consistent_here_only["elc"] == "in no published study"
     assert ("nsv" in part.consistent_here_only) == ("nsv" not in recommended)
+
+
+@pytest.mark.parametrize(("world", "speed_mps"), [("paper", 0.0), ("survey", 0.0), ("paper", 0.3)])
+def test_a_method_without_sway_is_recommended_only_if_a_current_tested_it(
+    tmp_path: Path, world: str, speed_mps: float
+) -> None:
+    """In the campaign or in a published study: still water says nothing about it."""
+    folder = write_campaign(tmp_path / "c", runs=12, trajectories=["straight"], methods=["tc", "weak_sway"])
+    mission = {"current": {"speed_mps": speed_mps}}
+    edit_manifest(folder, lambda m: m["scenarios"]["straight"]["configuration"].update(mission=mission))
+    campaign = read_campaign_tables(folder)
+    published = studies("tc", "weak_sway").with_columns(pl.lit(world).alias("world"))
+    (part,) = advise(campaign, {"straight": read_run_errors(campaign, "straight")}, published)
+    tested = world == "survey" or speed_mps > 0.0
+    assert ("weak_sway" in part.recommended) == tested
+    assert tested or "tests in a current" in part.consistent_here_only["weak_sway"]
 
 
 def test_the_page_says_why_a_method_of_still_water_is_not_recommended(made: Path, tmp_path: Path) -> None:
@@ -242,7 +258,8 @@ def test_the_page_says_why_a_method_of_still_water_is_not_recommended(made: Path
     words = re.sub(r"<[^>]*>", "", summary)
     (counted,) = {line for line in words.splitlines() if line.startswith("nsv") and "24.8" in line}
     assert re.fullmatch(
-        r"nsv 0.100 m/s: overconfident in .* with beams 1,2; 24.8 m/s in a current of 0.3 m/s .*", counted
+        r"nsv 0.100 m/s: overconfident in .* with beams 1,2 .*; 24.8 m/s and NEES 19.9 in a current of 0.3 m/s .*",
+        counted,
     )
     assert "does not test the assumption of nsv" in words
     edit_manifest(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import polars as pl
 
-from bottomlock.report.published import Standing, load_published, returning_beams, standings
+from bottomlock.report.published import IN_CURRENT, Standing, load_published, returning_beams, standings
 from bottomlock.statistics.campaign import runs_mostly_rejected
 from bottomlock.statistics.chi_squared import OVERCONFIDENT
 from bottomlock.statistics.run_errors import RunErrors
@@ -37,7 +37,7 @@ class Advice:
         consistent: methods that are not overconfident in velocity and attitude and whose gate rejects most fixes in
             no run; without references, the smallest error first.
         recommended: those of them that are overconfident in no cell of the published studies with the same beams.
-        consistent_here_only: the others of them, with their counts there; None for a method that is in no study.
+        consistent_here_only: the others of them, and why they are not recommended.
         beams: the returning beams of those cells; None for all cells, where the beams change or no study has them.
         overconfident: without references, the smallest error first.
         mostly_rejected: number of runs in which the gate rejects more than half of the fixes, for the methods to which
@@ -49,7 +49,7 @@ class Advice:
     attitude_rms_deg: Mapping[str, float]
     consistent: tuple[str, ...]
     recommended: tuple[str, ...]
-    consistent_here_only: Mapping[str, Standing | None]
+    consistent_here_only: Mapping[str, str]
     beams: str | None
     overconfident: tuple[str, ...]
     mostly_rejected: Mapping[str, int]
@@ -120,35 +120,52 @@ def _advise_on(campaign: CampaignTables, name: str, errors: RunErrors, published
     beams = returning_beams(campaign.configuration(name))
     if beams not in set(published["beams"]):
         beams = None
+    moves = _current_mps(campaign, name) > 0.0 or not set(IN_CURRENT).isdisjoint(published["world"])
     known = standings(published, consistent, beams)
-    recommended = tuple(m for m in consistent if m in known and not known[m].overconfident)
+    doubts = {method: _doubt(method, known.get(method), beams, water_moves=moves) for method in consistent}
     return Advice(
         trajectory=name,
         velocity_rms_mps=velocity,
         attitude_rms_deg=attitude,
         consistent=consistent,
-        recommended=recommended,
-        consistent_here_only={m: known.get(m) for m in consistent if m not in recommended},
+        recommended=tuple(method for method in consistent if not doubts[method]),
+        consistent_here_only={method: words for method, words in doubts.items() if words},
         beams=beams,
         overconfident=overconfident,
         mostly_rejected=rejected,
     )
 
 
+def _doubt(method: str, known: Standing | None, beams: str | None, *, water_moves: bool) -> str:
+    """Why a method that is consistent in the campaign is not recommended; empty where it is."""
+    if known is None:
+        return "in no published study"
+    if known.overconfident:
+        return known.count_overconfident(f" published cells{f' with beams {beams}' if beams else ''}")
+    if method in ZERO_SWAY and not water_moves:
+        return "assumes no sway over ground, which neither this campaign nor a published study tests in a current"
+    return ""
+
+
+def _current_mps(campaign: CampaignTables, trajectory: str) -> float:
+    mission = campaign.configuration(trajectory).get("mission") or {}
+    return float(mission.get("current", {}).get("speed_mps", 0.0))
+
+
 def untested_in_current(campaign: CampaignTables) -> list[str]:
     """Methods of `ZERO_SWAY` in a campaign whose water is still on every trajectory."""
-    settings = [campaign.configuration(name) for name in campaign.trajectories]
-    if any((one.get("mission") or {}).get("current", {}).get("speed_mps") for one in settings):
+    if any(_current_mps(campaign, name) for name in campaign.trajectories):
         return []
     methods = {method for name in campaign.trajectories for method in campaign.methods(name)}
     return [method for method in ZERO_SWAY if method in methods]
 
 
-def swept_current(sweep: pl.DataFrame | None, trajectory: str) -> dict[str, tuple[float, float]]:
-    """Velocity error (m/s, RMS over runs at the end) in the strongest current (m/s) of a sweep, by method.
+def swept_current(sweep: pl.DataFrame | None, trajectory: str) -> dict[str, tuple[float, float, float]]:
+    """The strongest current of a sweep, and how each method did in it.
 
     Returns:
-        Current and error; empty where the campaign has no sweep of the current.
+        By method the current (m/s), the velocity error (m/s, RMS over runs at the end) and the mean NEES; empty where
+        the campaign has no sweep of the current.
     """
     if sweep is None:
         return {}
@@ -156,7 +173,7 @@ def swept_current(sweep: pl.DataFrame | None, trajectory: str) -> dict[str, tupl
     speeds = [float(value) for value in rows["value"]]
     strongest = max(speeds, default=0.0)
     return {
-        row["method"]: (speed, row["velocity_rms_over_runs_mps"])
+        row["method"]: (speed, row["velocity_rms_over_runs_mps"], row["nees_mean_over_runs_and_time"])
         for speed, row in zip(speeds, rows.iter_rows(named=True), strict=True)
         if speed == strongest > 0.0
     }

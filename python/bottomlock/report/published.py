@@ -21,6 +21,9 @@ FILE = "published_consistency.csv"
 CORE = "nees_velocity_attitude"
 """The quantity that must be consistent for a cell to count as consistent."""
 
+IN_CURRENT = ("survey",)
+"""Worlds whose water moves; that of the paper is still."""
+
 INSTRUMENT = {"configuration": "x", "tilt_deg": 20.0}
 """Keys of `[dvl]` of every published study. The numbers of beams mean another geometry elsewhere."""
 
@@ -54,10 +57,14 @@ class Standing:
         'overconfident in 10 of 45 (velocity and attitude: 2)'
         """
         if self.overconfident:
-            core = f"velocity and attitude: {self.overconfident_core}"
-            return f"overconfident in {self.overconfident} of {self.cells} ({core})"
+            return self.count_overconfident("")
         counted = f"consistent in {self.consistent} of {self.cells}"
         return counted if self.consistent == self.cells else f"never overconfident; {counted}"
+
+    def count_overconfident(self, where: str) -> str:
+        """The overconfident cells in words, with what cells they are."""
+        count = f"overconfident in {self.overconfident} of {self.cells}{where}"
+        return f"{count} (velocity and attitude: {self.overconfident_core})"
 
 
 def load_published() -> pl.DataFrame:
