@@ -135,11 +135,11 @@ def _few_runs(table: pl.DataFrame) -> Iterator[str]:
         return
     yield (
         f"† {len(found)} of {table.height} values rest on a few runs. Another seed gives another value within the "
-        "interval or beyond; the median over runs is what a single dive does."
+        "interval or beyond. Half of the runs stay below the median."
     )
     yield ""
     heads = ["RMS, m/s", "95 % interval", "median, m/s", "worst run's share of the mean square"]
-    yield _row(["†", "beams", "method", *heads])
+    yield _row(["trajectory", "beams", "method", *heads])
     yield _row(["---", "---", "---", *("---:" for _ in heads)])
     for row in found:
         yield _row(
