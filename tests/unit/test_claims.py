@@ -12,41 +12,14 @@ import polars as pl
 import pytest
 
 from bottomlock.errors import DataError
-from bottomlock.paper.claims import load_paper, parse_paper
+from bottomlock.paper.claims import parse_paper
 from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
-from bottomlock.paper.verdicts import _verdict, claims_table
 from bottomlock.statistics.rms import Array
-from bottomlock.statistics.run_errors import read_run_errors
 from bottomlock.tables.campaign import PATHS
 from bottomlock.tables.check import check
 from bottomlock.tables.paper import CLAIMS
-from bottomlock.tables.results import read_campaign_tables
-from tests.unit.synthetic_campaign import METHODS, Size, edit_manifest, quiet, write_campaign
-
-PAPER = load_paper()
-
-
-def judged(folder: Path) -> pl.DataFrame:
-    campaign = read_campaign_tables(folder)
-    return claims_table(
-        campaign, {name: read_run_errors(campaign, name) for name in campaign.trajectories}, PAPER
-    )
-
-
-def one(table: pl.DataFrame, claim: str) -> dict[str, Any]:
-    return table.row(by_predicate=pl.col("claim") == claim, named=True)
-
-
-def sized(velocity: dict[tuple[str, str], Any], attitude: dict[tuple[str, str], Any] | None = None) -> Size:
-    """The quiet campaign with some methods of some trajectories changed."""
-
-    def size(trajectory: str, method: str, time_s: Array) -> tuple[Any, Any]:
-        plain_velocity, plain_attitude = quiet(trajectory, method, time_s)
-        here = velocity.get((trajectory, method), plain_velocity)
-        there = (attitude or {}).get((trajectory, method), plain_attitude)
-        return here(time_s) if callable(here) else here, there(time_s) if callable(there) else there
-
-    return size
+from tests.unit.judged_claims import PAPER, in_dive, judged, one, sized
+from tests.unit.synthetic_campaign import METHODS, edit_manifest, write_campaign
 
 
 @pytest.mark.parametrize(
@@ -157,32 +130,6 @@ def test_a_reduction_follows_the_data(tmp_path: Path, attitude: float, verdict: 
 
 
 @pytest.mark.parametrize(
-    ("plcf", "words"),
-    [
-        (
-            1.4 / 1.26,
-            "by INS / PLCF − 1 it is 26.0 % (26.0 … 26.0) and reproduced: the verdict depends on the formula",
-        ),
-        (
-            1.4 * 0.74,
-            "by INS / PLCF − 1 it is 35.1 % (35.1 … 35.1) and not reproduced: the verdict depends on the formula",
-        ),
-        (1.4 * 0.9, None),
-    ],
-)
-def test_an_improvement_is_told_by_both_formulas_where_the_verdict_depends_on_it(
-    tmp_path: Path, plcf: float, words: str | None
-) -> None:
-    """26 % as an excess is 20.6 % as a reduction, and 26 % as a reduction 35.1 % as an excess; 10 % is neither."""
-    size = sized({}, {("figure_eight", "plcf"): plcf})
-    note = one(judged(write_campaign(tmp_path / "c", size, scatter=0.5)), "t2-attitude-plcf-improvement")[
-        "note"
-    ]
-    assert ("depends on the formula" in note) == (words is not None)
-    assert words is None or words in note
-
-
-@pytest.mark.parametrize(
     ("nsv", "own_scatter", "verdict"),
     [(0.05, 0.1, REPRODUCED), (0.2, 0.1, NOT_REPRODUCED), (0.1, 0.3, NOT_TESTABLE)],
 )
@@ -248,72 +195,21 @@ def test_an_equality_has_a_tolerance(tmp_path: Path, plcf: float, verdict: str) 
     assert one(judged(write_campaign(tmp_path / "c", size)), "t2-attitude-plcf-as-tc")["verdict"] == verdict
 
 
-def _dive(time_s: Array) -> Array:
-    return np.asarray(0.1 + 0.4 * np.minimum(time_s, 30.0) / 30.0)
-
-
 def _steady(time_s: Array) -> Array:
     return 0.1 + 0.02 * np.maximum(time_s - 30.0, 0.0)
 
 
 @pytest.mark.parametrize(
-    ("curve", "in_dive", "after"),
-    [(_dive, REPRODUCED, REPRODUCED), (_steady, NOT_REPRODUCED, NOT_REPRODUCED)],
+    ("curve", "during", "after"),
+    [(in_dive, REPRODUCED, REPRODUCED), (_steady, NOT_REPRODUCED, NOT_REPRODUCED)],
 )
 def test_a_drift_follows_the_data(
-    tmp_path: Path, curve: Callable[[Array], Array], in_dive: str, after: str
+    tmp_path: Path, curve: Callable[[Array], Array], during: str, after: str
 ) -> None:
     """Rising in the dive and level after it, or the other way about."""
     table = judged(write_campaign(tmp_path / "c", sized({("lawn_mower", "vb"): curve})))
-    assert one(table, "t3-velocity-vb-drifts-in-the-dive")["verdict"] == in_dive
+    assert one(table, "t3-velocity-vb-drifts-in-the-dive")["verdict"] == during
     assert one(table, "t3-velocity-vb-level-after-the-dive")["verdict"] == after
-
-
-@pytest.mark.parametrize(
-    ("level", "runs", "verdict", "words"),
-    [
-        (
-            0.1,
-            40,
-            REPRODUCED,
-            "with the dive from 0.113 to 0.500 m/s, without the dive from 0.100 to 0.100 m/s",
-        ),
-        (_dive, 40, NOT_REPRODUCED, "without the dive from 0.113 to 0.500 m/s"),
-        (lambda time_s: 0.8 * _dive(np.maximum(time_s, 7.0)), 40, REPRODUCED, "with the dive"),
-        (0.1, 39, NOT_TESTABLE, "the runs of lawn_mower in without_dive are others than here"),
-        (
-            None,
-            40,
-            NOT_TESTABLE,
-            "no runs without the dive (without_dive); `bottomlock reproduce` makes them",
-        ),
-    ],
-)
-def test_a_cause_is_tested_by_the_same_runs_without_it(
-    tmp_path: Path, level: Callable[[Array], Array] | float | None, runs: int, verdict: str, words: str
-) -> None:
-    """What drifts as much without the dive does not drift because of it, though it drifts in the dive."""
-    folder = write_campaign(tmp_path / "c", sized({("lawn_mower", "plcf"): _dive}))
-    if level is not None:
-        size = sized({("lawn_mower", "plcf"): level})
-        write_campaign(
-            folder / "without_dive", size, runs=runs, trajectories=["lawn_mower"], methods=["vb", "plcf"]
-        )
-    table = judged(folder)
-    row = one(table, "t3-velocity-plcf-drifts-because-of-the-dive")
-    assert row["verdict"] == verdict
-    assert words in row["note"]
-    assert one(table, "t3-velocity-plcf-drifts-in-the-dive")["verdict"] == REPRODUCED
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "verdict"),
-    [(1.26, 1.6, REPRODUCED), (1.1, 1.24, NOT_REPRODUCED), (1.2, 1.3, NOT_TESTABLE)],
-)
-def test_a_cause_has_a_tolerance(low: float, high: float, verdict: str) -> None:
-    """A quarter more growth with the dive than without it."""
-    (claim,) = [one for one in PAPER.claim if one.id == "t3-velocity-vb-drifts-because-of-the-dive"]
-    assert _verdict(claim, low, high) == verdict
 
 
 def _in_turns(time_s: Array) -> Array:
