@@ -73,10 +73,12 @@ bench: $(VENV)/.installed $(VENV)/.tools
 golden: $(VENV)/.installed
 	$(bin)/python tools/update_golden.py
 
-# The consistency study of a release: some minutes of every core. A verdict other than expected fails.
+# The consistency study of a release: some minutes of every core. A verdict other than expected fails. The verdicts go
+# into the package and the README, too.
 consistency: $(VENV)/.installed
 	$(bin)/bottomlock consistency --out out/consistency --assert tests/statistical/expected_verdicts.toml
 	cp out/consistency/consistency.md docs/consistency.md
+	$(bin)/python tools/publish_studies.py
 
 # An editable install for daily work: Python edits take effect at once, Rust edits after another `make develop`.
 develop: $(VENV)/.tools

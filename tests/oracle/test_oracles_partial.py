@@ -55,13 +55,15 @@ def test_nullified_sway_is_a_sway_row() -> None:
 
 
 def test_printed_nullified_sway_covariance_is_its_limit() -> None:
-    """Eq. 36 leaves out what a sway of variance ε does to heave: ε tan²θ/2, 6.6 % of ε for 20°."""
+    """Eq. 36 leaves out what a sway of variance ε does to heave, ε tan²θ/2 (6.6 % of ε), and their covariance."""
     epsilon = 1e-3
     printed = paper.nullified_sway_covariance_as_printed(B, SD1, SD2, epsilon)
     right = paper.nullified_sway_covariance_corrected(B, SD1, SD2, epsilon)
     assert right[0, 0] == pytest.approx(printed[0, 0], rel=1e-12)
     shortfall = epsilon * np.tan(beams.TILT_RAD) ** 2 / 2
     assert right[2, 2] - printed[2, 2] == pytest.approx(shortfall, rel=1e-9)
+    np.testing.assert_array_equal(printed, np.diag(np.diag(printed)))
+    assert abs(right[1, 2]) == pytest.approx(epsilon * np.tan(beams.TILT_RAD) / np.sqrt(2), rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import shutil
 from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -23,7 +22,6 @@ from bottomlock.figures.labels import spread
 from bottomlock.kernel import METHODS as KERNEL_METHODS
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.numbers import number
-from bottomlock.report.advice import Advice, advise, choose
 from bottomlock.report.page import make_report
 from bottomlock.statistics.rms import Array
 from bottomlock.statistics.run_errors import read_run_errors
@@ -143,61 +141,6 @@ def test_without_truth_and_sweep(tmp_path: Path) -> None:
     assert "no truth.parquet" in text
     assert 'id="sweep"' not in text
     assert len(report.figures) == 10
-
-
-def test_references_are_not_advice(tmp_path: Path) -> None:
-    """A campaign of references alone advises nothing and still has its page."""
-    folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", "lc"], runs=2)
-    assert "No method is consistent" in make_report(folder).page.read_text(encoding="utf-8")
-
-
-def _overconfident(folder: Path, trajectory: str, method: str) -> None:
-    path = folder / "consistency.parquet"
-    here = (pl.col("trajectory") == trajectory) & (pl.col("method") == method)
-    verdict = pl.when(here).then(pl.lit("overconfident")).otherwise("verdict").alias("verdict")
-    pl.read_parquet(path).with_columns(verdict).write_parquet(path)
-
-
-def test_the_advice_follows_the_tables(tmp_path: Path) -> None:
-    """The best consistent method wins; once it is overconfident somewhere it is no advice for everywhere."""
-
-    def size(trajectory: str, method: str, _: np.ndarray[Any, Any]) -> tuple[Any, Any]:
-        return {"nsv": 0.05, "tc": 0.2, "plcf": 2.0}.get(method, 30.0), 1.0 + (trajectory == "straight")
-
-    folder = write_campaign(tmp_path / "c", size, runs=12, methods=["ins", "tc", "nsv", "plcf"])
-
-    def advice() -> list[Advice]:
-        campaign = read_campaign_tables(folder)
-        return advise(campaign, {name: read_run_errors(campaign, name) for name in campaign.trajectories})
-
-    first = choose(advice())
-    assert first is not None
-    assert first.best == ("nsv",)
-    _overconfident(folder, "lawn_mower", "nsv")
-    parts = advice()
-    assert [part.best for part in parts] == [("nsv",), ("nsv",), ("tc",)]
-    assert parts[2].overconfident == ("nsv",)
-    second = choose(parts)
-    assert second is not None
-    assert (second.best, second.worst_trajectory) == (("tc",), "straight")
-    assert second.worst_ratio == pytest.approx(4.0)
-
-
-def test_a_method_whose_gate_rejects_most_fixes_is_not_recommended(tmp_path: Path) -> None:
-    """One run in twelve is enough: the mean does not show it, and at sea there is one run."""
-    folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc", "nsv"], runs=12)
-    path = folder / "runs.parquet"
-    here = (pl.col("method") == "nsv") & (pl.col("run") == 7)
-    rejected = pl.when(here).then(240).otherwise("fixes_rejected").alias("fixes_rejected")
-    accepted = pl.when(here).then(10).otherwise("fixes_accepted").alias("fixes_accepted")
-    pl.read_parquet(path).with_columns(rejected, accepted).write_parquet(path)
-    campaign = read_campaign_tables(folder)
-    (part,) = advise(campaign, {"straight": read_run_errors(campaign, "straight")})
-    assert part.consistent == ("tc",)
-    assert part.mostly_rejected == {"nsv": 1}
-    assert "The gate rejects more than half of the fixes of" in make_report(folder).page.read_text(
-        encoding="utf-8"
-    )
 
 
 def test_errors_are_read_back_run_by_run(tmp_path: Path) -> None:

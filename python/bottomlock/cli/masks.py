@@ -29,7 +29,7 @@ from bottomlock.statistics import chi_squared
 from bottomlock.studies import masks as mask_study
 from bottomlock.studies import recovery, study_folder
 from bottomlock.studies.cases import VARYING, Case
-from bottomlock.studies.masks_page import markdown, worst_of_pairs
+from bottomlock.studies.masks_page import markdown, verdict_at_edge, worst_of_pairs
 
 _SHORT = {chi_squared.CONSISTENT: "ok", chi_squared.OVERCONFIDENT: "over", chi_squared.CONSERVATIVE: "cons"}
 
@@ -112,7 +112,7 @@ def _print(table: pl.DataFrame, summary: pl.DataFrame | None, cases: Sequence[Ca
         console.print(shown)
     console.print(
         "NEES: of the whole state; NEES 6: of velocity and attitude. The last column is the verdict on NEES 6: "
-        "ok (consistent), over(confident) or cons(ervative)."
+        "ok (consistent), over(confident), cons(ervative), or at the edge of two of them."
     )
     if summary is not None:
         for shown in recovery_tables(summary):
@@ -137,6 +137,7 @@ def mask_tables(table: pl.DataFrame, returning: Mapping[tuple[str, str], float])
         for row in rows.iter_rows(named=True):
             low, high = (plain(row[f"velocity_rms_over_runs_{end}_mps"], digits=4) for end in ("lo", "hi"))
             rejected = row["rejected_fraction"]
+            _, at_edge = verdict_at_edge(row)
             shown.add_row(
                 row["method"],
                 plain(row["velocity_rms_over_runs_mps"], digits=4),
@@ -146,7 +147,7 @@ def mask_tables(table: pl.DataFrame, returning: Mapping[tuple[str, str], float])
                 plain(row["nees_mean_over_runs_and_time"], digits=2, decimals=1),
                 plain(row["nees_velocity_attitude_mean_over_runs_and_time"], digits=2, decimals=1),
                 "-" if rejected is None else f"{100.0 * rejected:.1f}",
-                _SHORT[row["verdict"]],
+                "edge" if at_edge else _SHORT[row["verdict"]],
             )
         yield shown
 

@@ -60,6 +60,12 @@ class ImprovementClaim(_Claim):
         return "improvement"
 
     @property
+    def words(self) -> str:
+        """The formula with the names of the methods: `INS / PLCF − 1`."""
+        method, reference = self.method.upper(), self.reference.upper()
+        return f"{reference} / {method} − 1" if self.formula == "excess" else f"1 − {method} / {reference}"
+
+    @property
     def methods(self) -> list[str]:
         """The methods that the claim is about."""
         return [self.method, self.reference]
@@ -114,6 +120,26 @@ class DriftClaim(_Claim):
         return [self.method]
 
 
+class CauseClaim(_Claim):
+    """A drift over a window of time, and the cause that is given for it: without the cause the drift is smaller."""
+
+    kind: Literal["cause"]
+    method: str
+    window_s: tuple[float, float]
+    without: Literal["dive"]
+    tolerance: float
+
+    @property
+    def rule(self) -> str:
+        """Name of the rule of the verdict."""
+        return "cause"
+
+    @property
+    def methods(self) -> list[str]:
+        """The methods that the claim is about."""
+        return [self.method]
+
+
 class BiasClaim(_Claim):
     """Remaining errors of the IMU biases at the end, as fractions of the bias (the error without aiding)."""
 
@@ -136,7 +162,7 @@ class NotTestableError(Exception):
     """Why a campaign's tables cannot decide a claim."""
 
 
-Claim = ValueClaim | ImprovementClaim | OrderingClaim | DriftClaim | BiasClaim
+Claim = ValueClaim | ImprovementClaim | OrderingClaim | DriftClaim | CauseClaim | BiasClaim
 
 
 class PaperTrajectory(BaseModel):

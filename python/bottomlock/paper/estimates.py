@@ -13,6 +13,7 @@ import polars as pl
 
 from bottomlock.paper.claims import (
     BiasClaim,
+    CauseClaim,
     Claim,
     DriftClaim,
     ImprovementClaim,
@@ -29,8 +30,8 @@ from bottomlock.statistics.rms import (
     mean_square,
     rms,
 )
-from bottomlock.statistics.run_errors import RunErrors
-from bottomlock.tables.results import CampaignTables
+from bottomlock.statistics.run_errors import RunErrors, read_run_errors
+from bottomlock.tables.results import CampaignTables, read_campaign_tables
 
 UNAIDED = "ins"
 """The method whose error of a bias is the bias itself: nothing corrects it."""
@@ -125,6 +126,28 @@ class TrajectoryErrors:
             raise NotTestableError(f"no sample at {time_s:g} s, the last is at {self.errors.time_s[-1]:g} s")
         return int(found[0])
 
+    def growth(self, quantity: str, method: str, window_s: tuple[float, float]) -> Estimate:
+        """RMS over runs at the end of a window over that at its start."""
+        start, end = window_s
+        return self.at(quantity, method, end).over(self.at(quantity, method, start))
+
+    def without(self, cause: str) -> "TrajectoryErrors":
+        """The same runs without a cause, from the campaign in the folder `without_CAUSE` of this one.
+
+        Raises:
+            DataError: for a damaged campaign there.
+        """
+        folder = self.campaign.folder / f"without_{cause}"
+        if not folder.is_dir():
+            raise NotTestableError(
+                f"the directory has no runs without the {cause} ({folder.name}); `bottomlock reproduce` makes them"
+            )
+        other = read_campaign_tables(folder)
+        ours, theirs = (one.manifest["scenarios"].get(self.trajectory, {}) for one in (self.campaign, other))
+        if any(ours[key] != theirs.get(key) for key in ("seed", "runs")):
+            raise NotTestableError(f"the runs of {self.trajectory} in {folder.name} are others than here")
+        return TrajectoryErrors.of(other, self.trajectory, read_run_errors(other, self.trajectory))
+
     def _over_runs(self, mean_squares: Array) -> Estimate:
         return Estimate(float(combined_rms(mean_squares)), combined_rms(mean_squares, self.weights))
 
@@ -150,9 +173,11 @@ def estimate(claim: Claim, trajectories: Mapping[str, TrajectoryErrors]) -> Esti
         case DriftClaim(pattern="oscillating"):
             return _turns_over_legs(claim, here)
         case DriftClaim():
-            start, end = claim.window_s or (0.0, 0.0)
-            return here.at(claim.quantity, claim.method, end).over(
-                here.at(claim.quantity, claim.method, start)
+            return here.growth(claim.quantity, claim.method, claim.window_s or (0.0, 0.0))
+        case CauseClaim():
+            growth = here.growth(claim.quantity, claim.method, claim.window_s)
+            return growth.over(
+                here.without(claim.without).growth(claim.quantity, claim.method, claim.window_s)
             )
         case BiasClaim():
             return _biases(claim, here, trajectories[claim.than_trajectory or claim.trajectory])

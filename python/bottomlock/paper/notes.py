@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock.pages.numbers import number
-from bottomlock.paper.claims import Claim, ImprovementClaim, ValueClaim
+from bottomlock.paper.claims import CauseClaim, Claim, ImprovementClaim, ValueClaim
 from bottomlock.paper.estimates import Estimate, TrajectoryErrors
 from bottomlock.statistics.campaign import runs_mostly_rejected
 from bottomlock.statistics.chi_squared import OVERCONFIDENT
@@ -25,11 +25,13 @@ def note(claim: Claim, estimate: Estimate, verdict: str, trajectory: TrajectoryE
         names = list(dict.fromkeys(estimate.worst))
         methods = [name for name in names if name in claim.methods]
         parts.append(f"worst is {' / '.join(names)}")
+    if isinstance(claim, CauseClaim):
+        parts.append(_both_growths(claim, trajectory))
     if verdict == REPRODUCED:
         return "; ".join(parts)
     if isinstance(claim, ValueClaim | ImprovementClaim):
         parts.extend(_distance(claim, estimate, verdict, trajectory))
-    elif verdict == NOT_TESTABLE:
+    elif verdict == NOT_TESTABLE and not isinstance(claim, CauseClaim):
         parts.append(f"{trajectory.runs} runs do not separate the two")
     for method in methods:
         parts.extend(_gate_and_nees(trajectory, method))
@@ -41,6 +43,15 @@ def note(claim: Claim, estimate: Estimate, verdict: str, trajectory: TrajectoryE
             f"{heading:.2f}° of the {whole:.2f}° of {method} is heading, which no velocity makes observable"
         )
     return "; ".join(part for part in parts if part)
+
+
+def _both_growths(claim: CauseClaim, trajectory: TrajectoryErrors) -> str:
+    """The errors behind a ratio of growths, with the cause and without it."""
+    words = []
+    for one, cause in ((trajectory, "with"), (trajectory.without(claim.without), "without")):
+        start, end = (one.at(claim.quantity, claim.method, time_s).ours for time_s in claim.window_s)
+        words.append(f"{cause} the {claim.without} from {number(start)} to {number(end)} m/s")
+    return ", ".join(words)
 
 
 def _distance(

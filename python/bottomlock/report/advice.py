@@ -1,17 +1,26 @@
-"""Which method to use, read off the tables: those that are consistent, and of those the ones of least error."""
+"""Which method to use: of those consistent in the campaign and in the published studies, the ones of least error.
+
+A campaign tests the assumptions of a method in its own water alone. In still water a method that sets the sway to zero
+has the least error; whether it holds elsewhere is read off the published consistency studies.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import polars as pl
 
+from bottomlock.report.published import IN_CURRENT, Standing, load_published, returning_beams, standings
 from bottomlock.statistics.campaign import runs_mostly_rejected
 from bottomlock.statistics.chi_squared import OVERCONFIDENT
 from bottomlock.statistics.run_errors import RunErrors
 from bottomlock.tables.results import CampaignTables
+from bottomlock.tables.studies import CURRENT
 
 REFERENCES = {"ins": "no beams", "lc": "all beams, none lost"}
 """Methods that bound the comparison and are not recommended."""
+
+ZERO_SWAY = ("nsv", "elc", "weak_sway")
+"""Methods that assume no sway over ground: `elc` by its choice of `nsv`, `weak_sway` with a large variance."""
 
 CLOSE = 1.05
 """Methods within 5 % of the best are named with it."""
@@ -27,6 +36,9 @@ class Advice:
         attitude_rms_deg: the same of the misalignment.
         consistent: methods that are not overconfident in velocity and attitude and whose gate rejects most fixes in
             no run; without references, the smallest error first.
+        recommended: those of them that are overconfident in no cell of the published studies with the same beams.
+        consistent_here_only: the others of them, and why they are not recommended.
+        beams: the returning beams of those cells; None for all cells, where the beams change or no study has them.
         overconfident: without references, the smallest error first.
         mostly_rejected: number of runs in which the gate rejects more than half of the fixes, for the methods to which
             that happens.
@@ -36,16 +48,19 @@ class Advice:
     velocity_rms_mps: Mapping[str, float]
     attitude_rms_deg: Mapping[str, float]
     consistent: tuple[str, ...]
+    recommended: tuple[str, ...]
+    consistent_here_only: Mapping[str, str]
+    beams: str | None
     overconfident: tuple[str, ...]
     mostly_rejected: Mapping[str, int]
 
     @property
     def best(self) -> tuple[str, ...]:
-        """The consistent method of least velocity error, and those within `CLOSE` of it."""
-        if not self.consistent:
+        """The recommended method of least velocity error, and those within `CLOSE` of it."""
+        if not self.recommended:
             return ()
-        least = self.velocity_rms_mps[self.consistent[0]]
-        return tuple(method for method in self.consistent if self.velocity_rms_mps[method] <= CLOSE * least)
+        least = self.velocity_rms_mps[self.recommended[0]]
+        return tuple(method for method in self.recommended if self.velocity_rms_mps[method] <= CLOSE * least)
 
     @property
     def attitude_range_deg(self) -> tuple[float, float]:
@@ -59,24 +74,33 @@ class Choice:
     """The method to take when the trajectory is not known beforehand.
 
     Attributes:
-        consistent: methods that are consistent on every trajectory.
+        recommended: methods that are recommended on every trajectory.
         best: those whose worst ratio is least.
-        worst_ratio: greatest ratio over the trajectories of its error to that of the best consistent method there.
+        worst_ratio: greatest ratio over the trajectories of its error to that of the best recommended method there.
         worst_trajectory: where that is.
     """
 
-    consistent: tuple[str, ...]
+    recommended: tuple[str, ...]
     best: tuple[str, ...]
     worst_ratio: float
     worst_trajectory: str
 
 
-def advise(campaign: CampaignTables, errors: Mapping[str, RunErrors]) -> list[Advice]:
-    """Recommendations for each trajectory from the tables; `errors` by its name."""
-    return [_advise_on(campaign, name, errors[name]) for name in campaign.trajectories]
+def advise(
+    campaign: CampaignTables, errors: Mapping[str, RunErrors], published: pl.DataFrame | None = None
+) -> list[Advice]:
+    """Recommendations for each trajectory.
+
+    Args:
+        campaign: its tables.
+        errors: the errors run by run of each trajectory, by its name.
+        published: `tables.studies.PUBLISHED`; the packaged one by default.
+    """
+    published = load_published() if published is None else published
+    return [_advise_on(campaign, name, errors[name], published) for name in campaign.trajectories]
 
 
-def _advise_on(campaign: CampaignTables, name: str, errors: RunErrors) -> Advice:
+def _advise_on(campaign: CampaignTables, name: str, errors: RunErrors, published: pl.DataFrame) -> Advice:
     verdicts = campaign.consistency.filter(
         (pl.col("trajectory") == name) & (pl.col("quantity") == "nees_velocity_attitude")
     )
@@ -92,14 +116,67 @@ def _advise_on(campaign: CampaignTables, name: str, errors: RunErrors) -> Advice
         if count := runs_mostly_rejected(campaign.runs.filter(here)):
             rejected[method] = count
     overconfident = tuple(method for method in methods if verdict[method] == OVERCONFIDENT)
+    consistent = tuple(m for m in methods if m not in overconfident and m not in rejected)
+    beams = returning_beams(campaign.configuration(name))
+    if beams not in set(published["beams"]):
+        beams = None
+    moves = _current_mps(campaign, name) > 0.0 or not set(IN_CURRENT).isdisjoint(published["world"])
+    known = standings(published, consistent, beams)
+    doubts = {method: _doubt(method, known.get(method), beams, water_moves=moves) for method in consistent}
     return Advice(
         trajectory=name,
         velocity_rms_mps=velocity,
         attitude_rms_deg=attitude,
-        consistent=tuple(m for m in methods if m not in overconfident and m not in rejected),
+        consistent=consistent,
+        recommended=tuple(method for method in consistent if not doubts[method]),
+        consistent_here_only={method: words for method, words in doubts.items() if words},
+        beams=beams,
         overconfident=overconfident,
         mostly_rejected=rejected,
     )
+
+
+def _doubt(method: str, known: Standing | None, beams: str | None, *, water_moves: bool) -> str:
+    """Why a method that is consistent in the campaign is not recommended; empty where it is."""
+    if known is None:
+        return "in no published study"
+    if known.overconfident:
+        return known.count_overconfident(f" published cells{f' with beams {beams}' if beams else ''}")
+    if method in ZERO_SWAY and not water_moves:
+        return "assumes no sway over ground, which neither this campaign nor a published study tests in a current"
+    return ""
+
+
+def _current_mps(campaign: CampaignTables, trajectory: str) -> float:
+    mission = campaign.configuration(trajectory).get("mission") or {}
+    return float(mission.get("current", {}).get("speed_mps", 0.0))
+
+
+def untested_in_current(campaign: CampaignTables) -> list[str]:
+    """Methods of `ZERO_SWAY` in a campaign whose water is still on every trajectory."""
+    if any(_current_mps(campaign, name) for name in campaign.trajectories):
+        return []
+    methods = {method for name in campaign.trajectories for method in campaign.methods(name)}
+    return [method for method in ZERO_SWAY if method in methods]
+
+
+def swept_current(sweep: pl.DataFrame | None, trajectory: str) -> dict[str, tuple[float, float, float]]:
+    """The strongest current of a sweep, and how each method did in it.
+
+    Returns:
+        By method the current (m/s), the velocity error (m/s, RMS over runs at the end) and the mean NEES; empty where
+        the campaign has no sweep of the current.
+    """
+    if sweep is None:
+        return {}
+    rows = sweep.filter((pl.col("parameter") == CURRENT) & (pl.col("trajectory") == trajectory))
+    speeds = [float(value) for value in rows["value"]]
+    strongest = max(speeds, default=0.0)
+    return {
+        row["method"]: (speed, row["velocity_rms_over_runs_mps"], row["nees_mean_over_runs_and_time"])
+        for speed, row in zip(speeds, rows.iter_rows(named=True), strict=True)
+        if speed == strongest > 0.0
+    }
 
 
 def warnings(advice: list[Advice]) -> dict[str, list[str]]:
@@ -112,12 +189,14 @@ def warnings(advice: list[Advice]) -> dict[str, list[str]]:
 
 
 def choose(advice: list[Advice]) -> Choice | None:
-    """The methods that are consistent on every trajectory and nowhere far from the best; None where there is none."""
-    common = [m for m in advice[0].velocity_rms_mps if all(m in part.consistent for part in advice)]
+    """The methods that are recommended on every trajectory and nowhere far from the best; None where there is none."""
+    common = [m for m in advice[0].velocity_rms_mps if all(m in part.recommended for part in advice)]
     if not common:
         return None
     ratios = {
-        method: [part.velocity_rms_mps[method] / part.velocity_rms_mps[part.consistent[0]] for part in advice]
+        method: [
+            part.velocity_rms_mps[method] / part.velocity_rms_mps[part.recommended[0]] for part in advice
+        ]
         for method in common
     }
     least = min(max(of_method) for of_method in ratios.values())

@@ -21,7 +21,7 @@ from bottomlock.pages.render import render
 from bottomlock.paper.claims import Claim, ImprovementClaim, Paper, ValueClaim, load_paper
 from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
 from bottomlock.paper.verdicts import claims_table
-from bottomlock.report.advice import REFERENCES, advise, choose, warnings
+from bottomlock.report.advice import REFERENCES, advise, choose, swept_current, untested_in_current, warnings
 from bottomlock.statistics.campaign import runs_mostly_rejected, summary_table
 from bottomlock.statistics.run_errors import RunErrors, read_run_errors, velocity_calibration
 from bottomlock.tables.results import CampaignTables, read_campaign_tables
@@ -166,6 +166,8 @@ def _content(
         "advice": advice,
         "choice": choose(advice),
         "warnings": warnings(advice),
+        "untested": untested_in_current(campaign),
+        "in_current": {name: swept_current(campaign.sweep, name) for name in campaign.trajectories},
         "final": {name: _final_rows(campaign, name) for name in campaign.trajectories},
         "consistency": {name: _consistency_rows(campaign, name) for name in campaign.trajectories},
         "paper": paper,

@@ -9,14 +9,10 @@ from jinja2 import Environment, StrictUndefined
 
 from bottomlock.pages.numbers import plain
 from bottomlock.statistics.chi_squared import CONSERVATIVE, CONSISTENT, OVERCONFIDENT, detectable_factor
+from bottomlock.tables.studies import QUANTITIES
 
-QUANTITIES = {
-    "nees_velocity_attitude": "NEES of velocity and attitude",
-    "nees": "NEES of the whole state",
-    "nis": "NIS of the DVL fixes",
-}
 _SUFFIX = {CONSISTENT: "consistent", OVERCONFIDENT: "overconfident", CONSERVATIVE: "conservative"}
-_MARKS = {CONSISTENT: "", OVERCONFIDENT: " ▲", CONSERVATIVE: " ▽"}
+MARKS = {CONSISTENT: "", OVERCONFIDENT: " ▲", CONSERVATIVE: " ▽"}
 
 
 def consistent_cells(table: pl.DataFrame) -> pl.DataFrame:
@@ -172,4 +168,4 @@ def _cell(row: Mapping[str, Any] | None, quantity: str) -> str:
         return ""
     value = decisive(row) / (row["degrees"] if quantity == "nis" else 1.0)
     shown = f"{value:.3f}" if quantity == "nis" and value < 10.0 else plain(value, decimals=1)
-    return shown + _MARKS[row["verdict"]]
+    return shown + MARKS[row["verdict"]]

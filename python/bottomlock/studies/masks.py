@@ -141,8 +141,15 @@ def gather(
         pl.col("mean").alias("nees_velocity_attitude_mean_over_runs_and_time"),
         "verdict",
     )
+    errors = pl.col("velocity_final_mps")
+    scatter = runs.group_by("trajectory", "method").agg(
+        pl.len().cast(pl.Int64).alias("runs"),
+        errors.median().alias("velocity_median_mps"),
+        ((errors**2).max() / (errors**2).sum()).alias("velocity_greatest_share"),
+    )
     return (
         campaign.summary_table(ensemble, runs)
+        .join(scatter, on=["trajectory", "method"], how="left", maintain_order="left")
         .join(of_interest, on=["trajectory", "method"], how="left", maintain_order="left")
         .with_columns(
             pl.lit(case.name).alias("case"),

@@ -1,5 +1,10 @@
-"""The masks study in Markdown: velocity under every mask, method by method, and the recovery when beams return."""
+"""The masks study in Markdown: velocity under every mask, method by method, and the recovery when beams return.
 
+An RMS over runs can rest on one of them, and a verdict on where the band ends. Both are marked: an interval stands
+where its ends are far apart; a verdict that a narrower or a wider band would change has a question mark.
+"""
+
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -10,20 +15,20 @@ from bottomlock.statistics import chi_squared
 
 _MARKS = {chi_squared.CONSISTENT: "", chi_squared.OVERCONFIDENT: " ▲", chi_squared.CONSERVATIVE: " ▽"}
 
+SHOWN_SPAN = 1.5
+"""An interval whose ends differ by a greater factor is printed below its value."""
+GREATEST_SPAN = 2.0
+"""Beyond this factor a few runs decide the value, and it is listed with the median over runs."""
+EDGE_PROBABILITIES = (0.90, 0.99)
+"""Of the bands between which a verdict is at the edge; the verdict's own band is 95 %."""
+DEGREES = 6
+"""Of the NEES that the verdicts are about."""
+
 
 def markdown(table: pl.DataFrame, summary: pl.DataFrame | None) -> str:
     """The tables of a masks study, `tables.studies.MASKS` and `RECOVERY_SUMMARY` (None without outages)."""
     runs = "" if summary is None else f"{summary['runs'].to_numpy().max()} runs each; "
-    lines = [
-        "## Velocity under every mask",
-        "",
-        (
-            "RMS over the runs at the end, m/s. ▲ overconfident, ▽ conservative in the NEES of velocity and "
-            f"attitude, by the campaign's 95 % band; of {table.height} verdicts some fall outside by chance."
-        ),
-        "",
-        *_masks(table),
-    ]
+    lines = ["## Velocity under every mask", "", *_legend(table), "", *_masks(table), *_few_runs(table)]
     if summary is not None:
         lines += [
             "## When the beams come back",
@@ -37,6 +42,28 @@ def markdown(table: pl.DataFrame, summary: pl.DataFrame | None) -> str:
             *_recovery(summary),
         ]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def verdict_at_edge(row: Mapping[str, Any]) -> tuple[str, bool]:
+    """The verdict of a row of `tables.studies.MASKS`, and whether it is at the edge of the band.
+
+    At the edge the band of 90 % and the band of 99 % give different verdicts; that of the former is returned.
+    """
+    mean = row["nees_velocity_attitude_mean_over_runs_and_time"]
+    found = []
+    for probability in EDGE_PROBABILITIES:
+        low, high = chi_squared.mean_band(DEGREES, row["runs"], probability)
+        found.append(chi_squared.verdict(low, mean, mean, high))
+    at_edge = found[0] != found[1]
+    return (found[0] if at_edge else row["verdict"]), at_edge
+
+
+def span(row: Mapping[str, Any]) -> float:
+    """Upper over lower end of the interval of the velocity RMS; 1 where both are zero."""
+    low, high = (row[f"velocity_rms_over_runs_{end}_mps"] for end in ("lo", "hi"))
+    if high == low:
+        return 1.0
+    return float(high / low) if low > 0.0 else math.inf
 
 
 def worst_of_pairs(summary: pl.DataFrame) -> pl.DataFrame:
@@ -65,13 +92,72 @@ def _masks(table: pl.DataFrame) -> Iterator[str]:
         yield _row(["---", *("---:" for _ in methods)])
         for (case, beams), group in rows.group_by("case", "beams", maintain_order=True):
             found = {row["method"]: row for row in group.iter_rows(named=True)}
-            name = str(beams) if str(case).startswith("beams_") else str(case)
-            yield _row([name, *(_cell(found.get(method)) for method in methods)])
+            yield _row([_case(str(case), str(beams)), *(_cell(found.get(method)) for method in methods)])
         yield ""
 
 
+def _legend(table: pl.DataFrame) -> list[str]:
+    narrow, wide = (f"{100.0 * probability:g} %" for probability in EDGE_PROBABILITIES)
+    runs = ", ".join(str(count) for count in table["runs"].unique().sort())
+    return [
+        (
+            f"RMS over {runs} runs at the end, m/s. The 95 % interval (bootstrap over runs) stands below a value where "
+            f"its ends differ by more than a factor of {SHOWN_SPAN:g}; **†** where they differ by more than "
+            f"{GREATEST_SPAN:g}, because a few runs decide the value."
+        ),
+        "",
+        (
+            "▲ overconfident, ▽ conservative in the NEES of velocity and attitude, by the campaign's 95 % band; of "
+            f"{table.height} verdicts some fall outside by chance. ▲? and ▽? are at the edge of the band: the band of "
+            f"{narrow} gives this verdict, that of {wide} does not."
+        ),
+    ]
+
+
 def _cell(row: Mapping[str, Any] | None) -> str:
-    return "" if row is None else plain(row["velocity_rms_over_runs_mps"]) + _MARKS[row["verdict"]]
+    if row is None:
+        return ""
+    verdict, at_edge = verdict_at_edge(row)
+    few = " †" if span(row) > GREATEST_SPAN else ""
+    value = plain(row["velocity_rms_over_runs_mps"]) + _MARKS[verdict] + ("?" if at_edge else "") + few
+    return f"{value}<br>{_interval(row)}" if span(row) > SHOWN_SPAN else value
+
+
+def _interval(row: Mapping[str, Any]) -> str:
+    low, high = (plain(row[f"velocity_rms_over_runs_{end}_mps"]) for end in ("lo", "hi"))
+    return f"{low}–{high}"
+
+
+def _few_runs(table: pl.DataFrame) -> Iterator[str]:
+    """The values that a few runs decide: what the other runs do, and how much the worst one makes."""
+    found = [row for row in table.iter_rows(named=True) if span(row) > GREATEST_SPAN]
+    if not found:
+        return
+    yield (
+        f"† {len(found)} of {table.height} values rest on a few runs. Another seed gives another value within the "
+        "interval or beyond. Half of the runs stay below the median."
+    )
+    yield ""
+    heads = ["RMS, m/s", "95 % interval", "median, m/s", "worst run's share of the mean square"]
+    yield _row(["trajectory", "beams", "method", *heads])
+    yield _row(["---", "---", "---", *("---:" for _ in heads)])
+    for row in found:
+        yield _row(
+            [
+                row["trajectory"],
+                _case(row["case"], row["beams"]),
+                f"`{row['method']}`",
+                plain(row["velocity_rms_over_runs_mps"]),
+                _interval(row),
+                plain(row["velocity_median_mps"]),
+                f"{100.0 * row['velocity_greatest_share']:.0f} %",
+            ]
+        )
+    yield ""
+
+
+def _case(case: str, beams: str) -> str:
+    return beams if case.startswith("beams_") else case
 
 
 def _recovery(summary: pl.DataFrame) -> Iterator[str]:

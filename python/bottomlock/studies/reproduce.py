@@ -1,4 +1,4 @@
-"""The whole of the 2017 study: campaign, sweep, report."""
+"""The whole of the 2017 study: campaign, the same runs without the causes that the paper gives, sweep, report."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -9,6 +9,7 @@ from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.report.page import Report, make_report
 from bottomlock.studies.cases import PAPER_TRAJECTORIES
 from bottomlock.studies.sweep import run_sweep, sweep_cells
+from bottomlock.studies.without_cause import run_without_causes, variants
 
 RUNS = 500
 
@@ -43,16 +44,14 @@ def reproduce(
         methods: methods; the scenarios' own by default.
         threads: 0 for as many as there are cores.
         force: start over in a directory of another study.
-        progress: called with the progress of the campaign, then of the sweep.
+        progress: called with the progress of the campaign, of the runs without a cause, then of the sweep.
 
     Raises:
         As `run_campaign` and `make_report`.
     """
-    scenarios: list[Scenario] = [
-        load_scenario(name).with_overrides(runs=runs, seed=seed, methods=methods)
-        for name in PAPER_TRAJECTORIES
-    ]
+    scenarios = _scenarios(runs, seed, methods)
     run_campaign(scenarios, out, threads=threads, force=force, progress=progress)
+    run_without_causes(scenarios, out, threads=threads, force=force, progress=progress)
     sweep = run_sweep(
         scenarios, out / "sweep", runs=sweep_runs(runs), threads=threads, force=force, progress=progress
     )
@@ -60,6 +59,14 @@ def reproduce(
     return make_report(out)
 
 
+def _scenarios(runs: int, seed: int | None, methods: Sequence[str] | None) -> list[Scenario]:
+    return [
+        load_scenario(name).with_overrides(runs=runs, seed=seed, methods=methods)
+        for name in PAPER_TRAJECTORIES
+    ]
+
+
 def study_runs(runs: int) -> int:
-    """Total of the progress of a study."""
-    return len(PAPER_TRAJECTORIES) * (runs + sweep_cells() * sweep_runs(runs))
+    """Total of the progress of a study, with the methods of the scenarios."""
+    again = sum(len(changed) for changed in variants(_scenarios(runs, None, None)).values())
+    return again * runs + len(PAPER_TRAJECTORIES) * (runs + sweep_cells() * sweep_runs(runs))

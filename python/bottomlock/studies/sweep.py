@@ -10,7 +10,7 @@ import polars as pl
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import Scenario
 from bottomlock.statistics.campaign import summary_table
-from bottomlock.tables.studies import SWEEP
+from bottomlock.tables.studies import CURRENT, SWEEP
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ SETTINGS = (
     Setting(
         "initial attitude, times Table 2", (0.5, 1.0, 2.0), ("ins", "tc", "nsv", "plcf"), _initial_attitude
     ),
-    Setting("current to the east, m/s", (0.0, 0.1, 0.3), ("tc", "nsv", "elc", "weak_sway"), _cross_current),
+    Setting(CURRENT, (0.0, 0.1, 0.3), ("tc", "nsv", "elc", "weak_sway"), _cross_current),
 )
 """n_f, ε, gate, initial covariance and, by a current, sway."""
 

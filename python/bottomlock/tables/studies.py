@@ -17,14 +17,20 @@ SWEEP: Mapping[str, pl.DataType] = {
 """A row per value of a swept setting, trajectory and method: norms of the error vectors at the last second, RMS over
 runs; mean NEES of the whole state; fraction of the fixes that the gate rejects, null without fixes."""
 
+CURRENT = "current to the east, m/s"
+"""The swept setting in `parameter` that no method without a current as a state holds."""
+
 MASKS: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),
     "case": pl.String(),
     "beams": pl.String(),
     "method": pl.String(),
+    "runs": pl.Int64(),
     "velocity_rms_over_runs_mps": pl.Float64(),
     "velocity_rms_over_runs_lo_mps": pl.Float64(),
     "velocity_rms_over_runs_hi_mps": pl.Float64(),
+    "velocity_median_mps": pl.Float64(),
+    "velocity_greatest_share": pl.Float64(),
     "attitude_rms_over_runs_deg": pl.Float64(),
     "position_rms_over_runs_m": pl.Float64(),
     "nees_mean_over_runs_and_time": pl.Float64(),
@@ -32,9 +38,10 @@ MASKS: Mapping[str, pl.DataType] = {
     "verdict": pl.String(),
     "rejected_fraction": pl.Float64(),
 }
-"""A row per trajectory, case and method: RMS over runs at the last second with a 95 % bootstrap interval, mean over
-runs and time of the NEES of the whole state and of velocity and attitude, the verdict on the latter, and the
-fraction of the fixes that the gate rejects, null without fixes."""
+"""A row per trajectory, case and method: RMS over runs at the last second with a 95 % bootstrap interval; of the
+velocity error also the median over runs and the share of the mean square that the worst run makes; mean over runs and
+time of the NEES of the whole state and of velocity and attitude, the verdict on the latter, and the fraction of the
+fixes that the gate rejects, null without fixes."""
 
 AXES = ("surge", "sway", "heave")
 
@@ -115,6 +122,22 @@ CONSISTENCY_STUDY: Mapping[str, pl.DataType] = {
 }
 """A row per trajectory, mask, method and quantity: expected value, number of runs, independent values per judged
 mean, mean over runs and times, the least and the greatest of the judged means, their band, and the verdict."""
+
+QUANTITIES: Mapping[str, str] = {
+    "nees_velocity_attitude": "NEES of velocity and attitude",
+    "nees": "NEES of the whole state",
+    "nis": "NIS of the DVL fixes",
+}
+"""The quantities of the consistency study, in words."""
+
+PUBLISHED: Mapping[str, pl.DataType] = {
+    "world": pl.String(),
+    "method": pl.String(),
+    "trajectory": pl.String(),
+    "beams": pl.String(),
+    **{quantity: pl.String() for quantity in QUANTITIES},
+}
+"""A row per cell of the published consistency studies: its verdicts, null for a quantity that it does not have."""
 
 SENSOR_LAW: Mapping[str, pl.DataType] = {
     "trajectory": pl.String(),

@@ -1,0 +1,129 @@
+"""The published consistency studies (docs/consistency*.md), as advice needs them: where each method was overconfident.
+
+A campaign tests the assumptions of its methods in its own water only. What a method may be recommended for therefore
+also comes from here. `tools/publish_studies.py` writes the packaged table from the pages.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+import polars as pl
+
+from bottomlock.errors import DataError
+from bottomlock.statistics.chi_squared import CONSISTENT, OVERCONFIDENT
+from bottomlock.tables.check import check
+from bottomlock.tables.studies import PUBLISHED, QUANTITIES
+
+FILE = "published_consistency.csv"
+
+CORE = "nees_velocity_attitude"
+"""The quantity that must be consistent for a cell to count as consistent."""
+
+IN_CURRENT = ("survey",)
+"""Worlds whose water moves; that of the paper is still."""
+
+INSTRUMENT = {"configuration": "x", "tilt_deg": 20.0}
+"""Keys of `[dvl]` of every published study. The numbers of beams mean another geometry elsewhere."""
+
+CHANGING = ("outages", "dropouts", "altitude_loss", "replay_validity")
+"""Keys of `[dvl]` by which the returning beams change with time."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a method did in the published studies, counted in cells (world, trajectory and set of beams).
+
+    Attributes:
+        cells: number of cells.
+        consistent: cells whose NEES of velocity and attitude is consistent and in which nothing is overconfident.
+        overconfident: cells in which any quantity is overconfident.
+        overconfident_core: those of them in which the NEES of velocity and attitude is.
+    """
+
+    cells: int
+    consistent: int
+    overconfident: int
+    overconfident_core: int
+
+    @property
+    def words(self) -> str:
+        """The count in words.
+
+        >>> Standing(45, 45, 0, 0).words, Standing(45, 38, 0, 0).words
+        ('consistent in 45 of 45', 'never overconfident; consistent in 38 of 45')
+        >>> Standing(45, 35, 10, 2).words
+        'overconfident in 10 of 45 (velocity and attitude: 2)'
+        """
+        if self.overconfident:
+            return self.count_overconfident("")
+        counted = f"consistent in {self.consistent} of {self.cells}"
+        return counted if self.consistent == self.cells else f"never overconfident; {counted}"
+
+    def count_overconfident(self, where: str) -> str:
+        """The overconfident cells in words, with what cells they are."""
+        count = f"overconfident in {self.overconfident} of {self.cells}{where}"
+        return f"{count} (velocity and attitude: {self.overconfident_core})"
+
+
+def load_published() -> pl.DataFrame:
+    """The packaged table, `tables.studies.PUBLISHED`.
+
+    >>> load_published().columns[:4]
+    ['world', 'method', 'trajectory', 'beams']
+    """
+    text = (resources.files("bottomlock.report") / FILE).read_bytes()
+    return check(pl.read_csv(text, schema=dict(PUBLISHED)), PUBLISHED, place=FILE)
+
+
+def returning_beams(configuration: Mapping[str, Any]) -> str | None:
+    """The beams that return from first to last, as the published studies write them.
+
+    None where they change with time, or belong to another instrument than the studies'.
+
+    Args:
+        configuration: of a scenario, as the manifest records it.
+
+    >>> x = {"configuration": "x", "tilt_deg": 20.0}
+    >>> returning_beams({"dvl": x | {"beams_lost": [3, 4]}}), returning_beams({"dvl": x | {"dropouts": [{}]}})
+    ('1,2', None)
+    """
+    dvl = configuration["dvl"]
+    another = any(dvl.get(key) != value for key, value in INSTRUMENT.items())
+    if another or configuration.get("seabed") or any(dvl.get(key) for key in CHANGING):
+        return None
+    lost = set(dvl.get("beams_lost", ()))
+    return ",".join(str(beam) for beam in range(1, 5) if beam not in lost)
+
+
+def standing(published: pl.DataFrame, method: str) -> Standing:
+    """The counts of a method in these cells.
+
+    Raises:
+        DataError: for a method without a cell.
+    """
+    chosen = published.filter(pl.col("method") == method)
+    if chosen.is_empty():
+        raise DataError(f"{FILE}: holds no cell of method '{method}'")
+    over = pl.any_horizontal((pl.col(name) == OVERCONFIDENT).fill_null(value=False) for name in QUANTITIES)
+    core = pl.col(CORE)
+    counts = chosen.select(
+        ((core == CONSISTENT) & ~over).sum().alias("consistent"),
+        over.sum().alias("overconfident"),
+        (core == OVERCONFIDENT).sum().alias("overconfident_core"),
+    ).row(0, named=True)
+    return Standing(chosen.height, **counts)
+
+
+def standings(published: pl.DataFrame, methods: Iterable[str], beams: str | None) -> dict[str, Standing]:
+    """The counts of those methods that the studies have flown, under one set of beams or all for None."""
+    here = published if beams is None else published.filter(pl.col("beams") == beams)
+    known = set(here["method"].unique().to_list())
+    return {method: standing(here, method) for method in methods if method in known}
+
+
+def never_overconfident(published: pl.DataFrame) -> list[str]:
+    """The methods that are overconfident in no cell of any world, in the order of the studies."""
+    methods = published["method"].unique(maintain_order=True).to_list()
+    return [method for method in methods if not standing(published, method).overconfident]
