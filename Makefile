@@ -73,11 +73,16 @@ bench: $(VENV)/.installed $(VENV)/.tools
 golden: $(VENV)/.installed
 	$(bin)/python tools/update_golden.py
 
-# The consistency study of a release: some minutes of every core. A verdict other than expected fails. The verdicts go
-# into the package and the README, too.
+# The consistency study of a release in the paper's world and in that of a real vehicle, whose masks are flown too: many
+# minutes of every core. A verdict other than expected in the paper's world fails. The verdicts go into the package and
+# the README, too.
 consistency: $(VENV)/.installed
 	$(bin)/bottomlock consistency --out out/consistency --assert tests/statistical/expected_verdicts.toml
 	cp out/consistency/consistency.md docs/consistency.md
+	$(bin)/bottomlock consistency --world survey --out out/consistency_survey
+	cp out/consistency_survey/consistency.md docs/consistency_survey.md
+	$(bin)/bottomlock masks straight figure_eight lawn_mower --world survey --runs 50 --out out/masks_survey
+	cp out/masks_survey/masks.md docs/masks_survey.md
 	$(bin)/python tools/publish_studies.py
 
 # An editable install for daily work: Python edits take effect at once, Rust edits after another `make develop`.

@@ -68,6 +68,11 @@ class DvlDict(TypedDict):
     scale_factor_walk_rts: float
 
 @type_check_only
+class DvlOutlierDict(TypedDict):
+    outlier_fraction: float
+    outlier_factor: float
+
+@type_check_only
 class InitialDict(TypedDict):
     position_sd_m: ArrayLike
     attitude_sd_rad: ArrayLike
@@ -100,6 +105,7 @@ class ModelDict(TypedDict):
     environment: EnvironmentDict
     imu: ImuDict
     dvl: DvlDict
+    dvl_outliers: NotRequired[DvlOutlierDict]
     initial: InitialDict
     depth: DepthDict
     magnetometer: MagnetometerDict

@@ -32,6 +32,8 @@ def test_masks_prints_and_writes(tmp_path: Path, scenario: Path) -> None:
     out = tmp_path / "o"
     assert pl.read_parquet(out / "masks.parquet").height == 17 * 2
     text = (out / "masks.md").read_text(encoding="utf-8")
+    assert text.startswith("# Masks and recovery\n\n1. **Three beams or more**")
+    assert f"- Command: `bottomlock masks {scenario} --out DIR --runs 2" in text
     assert text.count("| 1,2 |") == 1
     assert pl.read_parquet(out / "recovery.parquet").height == 6 * 2 * 5
     manifest = json.loads((out / "study.json").read_text(encoding="utf-8"))
@@ -62,6 +64,19 @@ def test_consistency_exit_codes(tmp_path: Path, scenario: Path) -> None:
         assert ("straight, beams 1,2, weak_sway" in done.stderr) is (code == 1)
 
 
+def test_consistency_in_another_world(tmp_path: Path, scenario: Path) -> None:
+    """The page states the sensors and the command; in the same directory the paper's world is another study."""
+    call = ["consistency", str(scenario), "--out", "o", *SHORT, "--masks", "1234"]
+    done = command(*call, "--world", "survey_table2", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "o" / "consistency.md").read_text(encoding="utf-8")
+    assert "2.7 % of the readings of each beam are outliers" in text
+    assert "--out DIR --world survey_table2 --runs 2" in text
+    other = command(*call, cwd=tmp_path)
+    assert other.returncode == 2
+    assert "another configuration" in other.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -73,7 +88,9 @@ def test_consistency_exit_codes(tmp_path: Path, scenario: Path) -> None:
         (["masks", "straight", "--out", "o", "--methods", "tcc"], "unknown method 'tcc'"),
         (["masks", "straight", "--out", "o", "--threads", "-1"], "--threads is -1"),
         (["masks", "straight", "--out", "/proc/nowhere", "--cases", "12"], "cannot be written"),
+        (["masks", "straight", "--out", "o", "--world", "surve"], "did you mean 'survey'"),
         (["consistency"], "--out"),
+        (["consistency", "--out", "o", "--world", "moon.toml"], "neither a file nor a packaged scenario"),
         (["consistency", "--out", "o", "--masks", "1235"], "no set of the beams 1 to 4"),
         (["consistency", "--out", "o", "--masks", ","], "no mask is named"),
         (["consistency", "--out", "o", "--runs", "0"], "'runs' is 0"),

@@ -73,11 +73,13 @@ def test_the_text_says_what_was_run_and_found() -> None:
         "trajectories": ["straight"], "methods": ["tc", "vb"], "beams": ["1,2"], "seed": 7,
         "versions": {"bottomlock": "0.1.0"}, "configuration_hash": "f" * 64, "command": "bottomlock consistency",
         "degrees": 20, "times_s": ["125", "250"], "tests": 10, "each_probability": 0.999, "false_alarm": 0.01,
+        "settings": ["Further sensors: none."], "limits": ["The water is still."],
     }  # fmt: skip
     text = markdown(consistency.judge(found), facts)
     for words in (
         "100 runs of each cell, seed 7", "bottomlock 0.1.0", "at most 1 %", "99.90000 %", "9.0 ▲",
-        "- `tc`: straight: everywhere.", "- `vb`: straight: nowhere.", "## Limits",
+        "- `tc`: straight: everywhere.", "- `vb`: straight: nowhere.", "## Limits\n\n- The water is still.\n",
+        "- Further sensors: none.\n",
     ):  # fmt: skip
         assert words in text
     assert "{" not in text

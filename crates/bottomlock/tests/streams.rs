@@ -5,12 +5,18 @@
 
 mod common;
 
+use bottomlock::aiding::beams::DvlOutlierModel;
 use bottomlock::aiding::registry::SensorKind;
+use bottomlock::aiding::sensor::Fraction;
 use bottomlock::dvl::geometry::BeamMask;
+use bottomlock::filter::options::Options;
+use bottomlock::model::Model;
 use bottomlock::navigator::events::{AttitudeSample, DepthSample, GpsSample};
 use bottomlock::simulation::schedule::Schedule;
+use bottomlock::simulation::sensor_errors::RunKey;
+use bottomlock::simulation::sensor_streams::{Streams, simulate};
 
-use common::{Epochs, Turn, draw};
+use common::{Epochs, Turn, draw, janus};
 
 /// A depth or yaw offset changes its own reading by that offset, and no other stream.
 #[test]
@@ -55,4 +61,41 @@ fn streams_are_independent() {
     for (a, b) in all.pings.iter().zip(&fewer.pings) {
         assert_eq!(a.velocity_mps[..4], b.velocity_mps[..4]);
     }
+}
+
+/// Of the beams a fraction have a multiple of the noise; the others and every other stream keep their bits, and so does all
+/// that the sensor claims.
+#[test]
+fn beam_outliers_leave_the_other_readings_alone() {
+    let (turn, epochs) = (Turn::new(300, 0.05), Epochs::new(300));
+    let claimed = Model::table_2();
+    let of = |noise: f64, fraction: f64| -> Streams {
+        let mut model = claimed;
+        model.sensors.dvl.beam_noise_sd_mps *= noise;
+        model.sensors.dvl_outliers = DvlOutlierModel {
+            outlier_fraction: Fraction(fraction),
+            outlier_factor: 8.0,
+        };
+        let key = RunKey { seed: 1, trajectory: 2, run: 3 };
+        let (truth, options) = (turn.truth(), Options::default());
+        simulate(&truth, &janus(), &model, &claimed, &epochs.schedule(), &options, &key).unwrap()
+    };
+    let (silent, clean, with, all) = (of(0.0, 0.0), of(1.0, 0.0), of(1.0, 0.25), of(1.0, 1.0));
+    assert_eq!(clean, draw(&turn, &epochs.schedule(), 1, 2, 3).unwrap());
+    let mut outliers = [0; 4];
+    for (k, ping) in with.pings.iter().enumerate() {
+        assert_eq!(ping.sd_mps, clean.pings[k].sd_mps);
+        for (beam, count) in outliers.iter_mut().enumerate() {
+            let reading = |streams: &Streams| streams.pings[k].velocity_mps[beam];
+            let error = |streams: &Streams| reading(streams) - reading(&silent);
+            assert!((error(&all) - 8.0 * error(&clean)).abs() < 1e-12);
+            if reading(&with) != reading(&clean) {
+                assert_eq!(reading(&with).to_bits(), reading(&all).to_bits());
+                *count += 1;
+            }
+        }
+    }
+    // Binomial for each beam: 75 with a standard deviation of 7.5; five of them either way.
+    assert!(outliers.iter().all(|count| (38..=112).contains(count)), "{outliers:?}");
+    assert!(with.imu == clean.imu && with.scale_factor == clean.scale_factor && with.sensors == clean.sensors);
 }

@@ -10,8 +10,8 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors, narrow_table
-from bottomlock.cli.parameters import ForceStudy, Methods, Seed, StudyOut, Threads, load_scenarios
-from bottomlock.cli.study_output import study_bar
+from bottomlock.cli.parameters import ForceStudy, Methods, Seed, StudyOut, Threads, World, load_scenarios
+from bottomlock.cli.study_output import command_line, study_bar
 from bottomlock.config.scenario import Scenario
 from bottomlock.studies import consistency as consistency_study
 from bottomlock.studies import study_folder
@@ -29,6 +29,7 @@ def consistency(
     seed: Seed = None,
     threads: Threads = 0,
     methods: Methods = None,
+    world: World = None,
     masks: Annotated[
         str | None, Parameter(help="Sets of returning beams, such as 1234,123,12; all sets by default.")
     ] = None,
@@ -47,14 +48,13 @@ def consistency(
     """
     expected = None if asserted is None else read_expectations(asserted)
     loaded = load_scenarios(
-        scenario or PAPER_TRAJECTORIES, runs=runs, seed=seed, methods=methods, threads=threads
+        scenario or PAPER_TRAJECTORIES, runs=runs, seed=seed, methods=methods, threads=threads, world=world
     )
     sets = consistency_study.parse_masks(masks, beams_of(loaded))
     if expected is not None:
         _check_expected(expected, loaded, sets)
-    given = {"--runs": runs, "--seed": seed, "--methods": methods, "--masks": masks}
-    options = " ".join(f"{name} {value}" for name, value in given.items() if value is not None)
-    command = " ".join(["bottomlock consistency", *scenario, "--out DIR", options])
+    given = {"--world": world, "--runs": runs, "--seed": seed, "--methods": methods, "--masks": masks}
+    command = command_line("consistency", scenario, given)
     configuration = consistency_study.configuration(loaded, sets)
     study_folder.claim(out, consistency_study.KIND, configuration, parts=consistency_study.PARTS, force=force)
     with study_bar(out) as report:

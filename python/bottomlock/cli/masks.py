@@ -18,10 +18,11 @@ from bottomlock.cli.parameters import (
     Seed,
     StudyOut,
     Threads,
+    World,
     load_scenarios,
     split,
 )
-from bottomlock.cli.study_output import study_bar
+from bottomlock.cli.study_output import command_line, study_bar
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.pages.numbers import plain
@@ -29,6 +30,7 @@ from bottomlock.statistics import chi_squared
 from bottomlock.studies import masks as mask_study
 from bottomlock.studies import recovery, study_folder
 from bottomlock.studies.cases import VARYING, Case
+from bottomlock.studies.masks_opening import opening
 from bottomlock.studies.masks_page import markdown, verdict_at_edge, worst_of_pairs
 
 _SHORT = {chi_squared.CONSISTENT: "ok", chi_squared.OVERCONFIDENT: "over", chi_squared.CONSERVATIVE: "cons"}
@@ -41,6 +43,7 @@ def masks(
     seed: Seed = None,
     threads: Threads = 0,
     methods: Methods = None,
+    world: World = None,
     cases: Annotated[
         str | None,
         Parameter(
@@ -58,14 +61,16 @@ def masks(
     scenario
         Packaged scenarios (see `bottomlock scenarios`) or TOML files, one or more.
     """
-    loaded = load_scenarios(scenario, runs=runs, seed=seed, methods=methods, threads=threads)
+    loaded = load_scenarios(scenario, runs=runs, seed=seed, methods=methods, threads=threads, world=world)
     wanted = split(cases)
     chosen = [case for one in loaded for case in mask_study.select(mask_study.all_cases(one), wanted)]
     outages = wanted is None and _outages_fit(loaded)
     configuration = mask_study.configuration(loaded)
     study_folder.claim(out, mask_study.KIND, configuration, parts=mask_study.PARTS, force=force)
     table, summary = _run(loaded, out, wanted=wanted, outages=outages, threads=threads)
-    write_text(out / "masks.md", markdown(table, summary))
+    given = {"--world": world, "--runs": runs, "--seed": seed, "--methods": methods, "--cases": cases}
+    command = command_line("masks", scenario, given)
+    write_text(out / "masks.md", opening(table, summary, loaded, command) + markdown(table, summary))
     _print(table, summary, chosen)
     study_folder.write_manifest(
         out, mask_study.KIND, configuration, status="complete",

@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.studies.world import in_world
 
 CampaignOut = Annotated[
     Path, Parameter(help="Directory for the results: new, or of the same campaign to resume.")
@@ -18,6 +19,12 @@ Seed = Annotated[int | None, Parameter(help="Seed of the random numbers; the sce
 Threads = Annotated[int, Parameter(help="Number of threads; 0 for one per core.")]
 Methods = Annotated[
     str | None, Parameter(help="Aiding methods, separated by commas; the scenario's own by default.")
+]
+World = Annotated[
+    str | None,
+    Parameter(
+        help="Packaged scenario or TOML file whose sensors, filter, seabed and current replace the trajectories'."
+    ),
 ]
 Robust = Annotated[
     bool,
@@ -53,12 +60,19 @@ def check_threads(threads: int) -> None:
 
 
 def load_scenarios(
-    names: Sequence[str], *, runs: int | None, seed: int | None, methods: str | None, threads: int
+    names: Sequence[str],
+    *,
+    runs: int | None,
+    seed: int | None,
+    methods: str | None,
+    threads: int,
+    world: str | None = None,
 ) -> list[Scenario]:
-    """The scenarios of a command line, with its overrides.
+    """The scenarios of a command line, with its overrides, in a world of another one where it is named.
 
     Raises:
-        ScenarioError: for no scenario, two of one name, a value out of range, and what `load_scenario` rejects.
+        ScenarioError: for no scenario, two of one name, a value out of range, and what `load_scenario` and
+            `in_world` reject.
     """
     if not names:
         raise ScenarioError("no scenario is named; `bottomlock scenarios` lists the packaged ones")
@@ -66,6 +80,9 @@ def load_scenarios(
     loaded = [
         load_scenario(name).with_overrides(runs=runs, seed=seed, methods=split(methods)) for name in names
     ]
+    if world is not None:
+        surroundings = load_scenario(world)
+        loaded = [in_world(scenario, surroundings) for scenario in loaded]
     found = [scenario.name for scenario in loaded]
     if len(set(found)) != len(found):
         raise ScenarioError(f"expected scenarios of different names, got {found}")

@@ -1,6 +1,6 @@
-"""The progress bar of studies."""
+"""The progress bar of studies, and the command that reproduces one."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,3 +19,13 @@ def study_bar(out: Path) -> Iterator[Callable[[str, float], None]]:
             yield lambda words, fraction: bar.update(task, description=words, completed=fraction)
     except KeyboardInterrupt:
         interrupted(out, kept="parts")
+
+
+def command_line(name: str, scenarios: Sequence[str], given: Mapping[str, object]) -> str:
+    """The command of a study with the options that have a value.
+
+    >>> command_line("masks", ["straight"], {"--world": "survey", "--runs": None})
+    'bottomlock masks straight --out DIR --world survey'
+    """
+    options = [f"{option} {value}" for option, value in given.items() if value is not None]
+    return " ".join(["bottomlock", name, *scenarios, "--out DIR", *options])

@@ -84,6 +84,7 @@ class Scenario(Section):
         # A sensor that the scenario does not name decides nothing.
         exclude |= {sensor.name: True for sensor in SENSORS if sensor.name not in self.model_fields_set}
         exclude |= {} if self.robust.enabled else {"robust": True}
+        exclude |= {} if self.dvl.outlier_fraction else {"dvl": {"outlier_fraction", "outlier_factor"}}
         content = self.model_dump(mode="json", exclude=exclude)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
@@ -151,6 +152,10 @@ class Scenario(Section):
                 "scale_factor_sd": units.fraction_from_percent(dvl.scale_factor_percent),
                 "scale_factor_walk_rts": units.fraction_from_percent(dvl.scale_factor_walk_percent_per_rt_s),
             },
+            "dvl_outliers": {
+                "outlier_fraction": dvl.outlier_fraction,
+                "outlier_factor": dvl.outlier_factor,
+            },
             "initial": {
                 "position_sd_m": list(initial.position_m),
                 "attitude_sd_rad": [units.rad_from_deg(angle) for angle in (roll, pitch, yaw)],
@@ -174,7 +179,7 @@ def packaged_scenarios() -> dict[str, str]:
     """Names and descriptions of the scenarios that ship with the package.
 
     >>> sorted(packaged_scenarios())
-    ['figure_eight', 'lawn_mower', 'slope', 'straight']
+    ['figure_eight', 'lawn_mower', 'slope', 'straight', 'survey', 'survey_table2']
     """
     folder = resources.files("bottomlock.config") / "scenarios"
     names = sorted(

@@ -12,6 +12,8 @@ from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
+Factor = Annotated[float, Field(ge=1, allow_inf_nan=False)]
 Triple = tuple[NonNegative, NonNegative, NonNegative]
 Vector = tuple[Finite, Finite, Finite]
 
@@ -124,6 +126,9 @@ class AltitudeLoss(Section):
 class Dvl(Section):
     """Doppler velocity log: geometry, rate, errors (1 sigma), limits over the seabed, and which beams are lost.
 
+    A fraction of the readings of each beam are outliers, with `outlier_factor` times the noise; the filter does not
+    model them.
+
     Every rule of loss must let a beam through: lost throughout, outages, dropouts, altitude loss, the validity of a
     recorded log (`replay_validity`, repeated end to end), and range and incidence where there is a seabed.
     """
@@ -144,6 +149,8 @@ class Dvl(Section):
     beam_bias_walk_mps_per_rt_s: NonNegative = 0.0
     scale_factor_percent: NonNegative = 0.0
     scale_factor_walk_percent_per_rt_s: NonNegative = 0.0
+    outlier_fraction: Fraction = 0.0
+    outlier_factor: Factor = 10.0
     min_range_m: NonNegative = 0.0
     max_range_m: Annotated[float, Field(gt=0)] = math.inf
     max_incidence_deg: Annotated[float, Field(gt=0, le=90)] = 90.0

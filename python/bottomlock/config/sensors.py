@@ -10,7 +10,15 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from bottomlock import units
-from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, Section, Vector
+from bottomlock.config.scenario_sections import (
+    Factor,
+    Finite,
+    Fraction,
+    NonNegative,
+    Positive,
+    Section,
+    Vector,
+)
 
 AXES = ("north", "east", "down")
 
@@ -76,8 +84,8 @@ class AcousticPosition(Section):
     noise_percent_of_range: NonNegative = 1.0
     transceiver_m: Vector = (0.0, 0.0, 0.0)
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
-    outlier_fraction: Annotated[float, Field(ge=0, le=1)] = 0.0
-    outlier_factor: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 10.0
+    outlier_fraction: Fraction = 0.0
+    outlier_factor: Factor = 10.0
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from bottomlock.simulation.build import Simulation, build_simulation, trajectory
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics import chi_squared
-from bottomlock.studies import cases, study_folder
+from bottomlock.studies import cases, study_folder, world_words
 from bottomlock.studies.consistency_table import markdown
 from bottomlock.tables.studies import CONSISTENCY_CELL, CONSISTENCY_STUDY
 
@@ -115,6 +115,8 @@ def run_consistency(
         "tests": means.height,
         "false_alarm": FALSE_ALARM,
         "each_probability": chi_squared.each_probability(FALSE_ALARM, means.height),
+        "settings": world_words.settings(scenarios),
+        "limits": world_words.limits(scenarios),
         "versions": study_folder.versions(),
         "configuration_hash": configuration(scenarios, masks),
         "command": command,

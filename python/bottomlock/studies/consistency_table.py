@@ -63,7 +63,8 @@ def markdown(table: pl.DataFrame, facts: Mapping[str, Any]) -> str:
     """The consistency study as Markdown: the answer, the verdicts, what was run, how it is judged, and the limits.
 
     `facts` are the names that the template uses besides the tables: trajectories, methods, beams, seed, versions,
-    configuration_hash, command, degrees (of the whole state), times_s, tests, each_probability, false_alarm.
+    configuration_hash, command, degrees (of the whole state), times_s, tests, each_probability, false_alarm, and the
+    sentences `settings` and `limits` of `world_words`.
     """
     runs, each = int(table["runs"].to_numpy().min()), facts["each_probability"]
     text = (resources.files("bottomlock.pages") / "templates" / "consistency.md.j2").read_text(
@@ -93,7 +94,7 @@ def answer(table: pl.DataFrame) -> list[str]:
         for row in counts
         if not any(row[f"{quantity}_overconfident"] for quantity in QUANTITIES)
     ]
-    # `ins` uses no beams: it has no innovations and stays out of the masks.
+    # `ins` uses no beams: it has no innovations of a DVL and stays out of the masks.
     aided = table.filter(pl.col("quantity") == "nis")["method"].unique().to_list()
     cells = consistent_cells(table.filter(pl.col("method").is_in(aided)))
     masks = cells.group_by("beams", maintain_order=True).agg(pl.col("consistent").all())
@@ -103,7 +104,7 @@ def answer(table: pl.DataFrame) -> list[str]:
         f"**Never overconfident**, in any quantity: {', '.join(never) or 'no method'}.",
         f"**Overconfident in velocity and attitude**, cells: {_listed(counts, f'{core}_overconfident')}.",
         f"**Conservative in velocity and attitude**, cells: {_listed(counts, f'{core}_conservative')}.",
-        f"**Every aided method is consistent** with the beams {'; '.join(whole) or 'of no mask'}.",
+        f"**Every method that uses beams is consistent** with the beams {'; '.join(whole) or 'of no mask'}.",
     ]
 
 

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use crate::aiding::declare::model_section;
+use crate::aiding::sensor::Fraction;
 use crate::aiding::{CorrelatedNoise, Innovation, MAX_ROWS, Motion, RowJacobian};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamMotion, BeamSample};
 use crate::dvl::partial::{BeamNoise, FixEstimator, Port};
@@ -23,6 +24,16 @@ model_section! {
         pub scale_factor_sd: f64,
         /// Random walk of the scale factor, 1/√s.
         pub scale_factor_walk_rts: f64,
+    }
+}
+
+model_section! {
+    /// Outliers among simulated beams; the filter does not model them.
+    pub struct DvlOutlierModel in "dvl_outliers" (optional) {
+        /// Fraction of readings of a beam that are outliers.
+        pub outlier_fraction: Fraction,
+        /// Noise of an outlier over that of a good reading.
+        pub outlier_factor: f64,
     }
 }
 

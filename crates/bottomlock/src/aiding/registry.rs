@@ -2,7 +2,7 @@
 
 use crate::aiding::acoustic_position::{AcousticPositionModel, AcousticPositionSample};
 use crate::aiding::attitude::{AttitudeSample, MagnetometerModel};
-use crate::aiding::beams::DvlModel;
+use crate::aiding::beams::{DvlModel, DvlOutlierModel};
 use crate::aiding::declare::{models, sensors};
 use crate::aiding::depth::{DepthModel, DepthSample};
 use crate::aiding::gps::{GpsModel, GpsSample};
@@ -26,6 +26,7 @@ sensors! {
 
 models! {
     dvl: DvlModel,
+    dvl_outliers: DvlOutlierModel,
     depth: DepthModel,
     magnetometer: MagnetometerModel,
     gps: GpsModel,

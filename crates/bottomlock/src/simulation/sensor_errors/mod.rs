@@ -49,6 +49,8 @@ enum Stream {
     BeamNoise = 100,
     /// Plus the beam's index.
     BeamBias = 200,
+    /// Plus the beam's index.
+    BeamOutlier = 300,
 }
 
 /// The key of a run's generators; its streams differ by their numbers.
@@ -100,6 +102,7 @@ pub(crate) struct SensorErrors {
 #[derive(Debug)]
 struct Dvl {
     noise: Vec<Normals>,
+    outliers: Vec<Normals>,
     walk: Vec<Normals>,
     scale_walk: Normals,
     bias_mps: [f64; MAX_BEAMS],
@@ -131,6 +134,7 @@ impl SensorErrors {
             inertial: Inertial::new(&model.imu, key),
             dvl: Dvl {
                 noise: of_beams(Stream::BeamNoise),
+                outliers: of_beams(Stream::BeamOutlier),
                 walk,
                 scale_factor: model.sensors.dvl.scale_factor_sd * scale_walk.one(),
                 scale_walk,
@@ -184,7 +188,8 @@ impl SensorErrors {
         time_ns: i64,
         valid: BeamMask,
     ) -> Result<BeamSample, NavError> {
-        let (dvl, own) = (&self.model.sensors.dvl, &mut self.dvl);
+        let (dvl, outliers) = (&self.model.sensors.dvl, &self.model.sensors.dvl_outliers);
+        let own = &mut self.dvl;
         let instant = at.at("dvl", time_ns)?;
         let root_dt = ((time_ns - own.previous_ns) as f64 * 1e-9).sqrt();
         own.previous_ns = time_ns;
@@ -205,9 +210,11 @@ impl SensorErrors {
             sd_mps: [self.claimed.sensors.dvl.beam_noise_sd_mps; MAX_BEAMS],
             valid,
         };
-        for (beam, normals) in own.noise.iter_mut().enumerate() {
+        for (beam, (normals, random)) in own.noise.iter_mut().zip(&mut own.outliers).enumerate() {
             let reading = geometry.beam_velocity_mps(beam, &motion) + own.bias_mps[beam];
-            let error = dvl.beam_noise_sd_mps * normals.one();
+            let is_outlier = random.uniform() < outliers.outlier_fraction.0;
+            let factor = if is_outlier { outliers.outlier_factor } else { 1.0 };
+            let error = factor * dvl.beam_noise_sd_mps * normals.one();
             ping.velocity_mps[beam] = (reading + error) * geometry.sound_speed_scale();
         }
         Ok(ping)

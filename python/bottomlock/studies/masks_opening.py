@@ -1,0 +1,98 @@
+"""The opening of the page of a masks study: the answer with its figures, and what was run."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import polars as pl
+
+from bottomlock.config.scenario import Scenario
+from bottomlock.pages.numbers import plain
+from bottomlock.statistics.chi_squared import OVERCONFIDENT
+from bottomlock.studies import study_folder, world_words
+from bottomlock.studies.masks_page import worst_of_pairs
+
+
+def opening(
+    table: pl.DataFrame, summary: pl.DataFrame | None, scenarios: Sequence[Scenario], command: str
+) -> str:
+    """Title, answer and settings in Markdown, from the tables that `masks_page.markdown` shows."""
+    lines = [f"{place}. {line}" for place, line in enumerate(answer(table, summary), start=1)]
+    settings = [f"- {line}" for line in world_words.settings(scenarios)]
+    limits = [f"- {line}" for line in world_words.limits(scenarios)]
+    versions = ", ".join(f"{name} {version}" for name, version in study_folder.versions().items())
+    runs, seeds = ([str(getattr(one.campaign, key)) for one in scenarios] for key in ("runs", "seed"))
+    run = [
+        f"- Trajectories: {', '.join(one.name for one in scenarios)}.",
+        *settings,
+        f"- {', '.join(dict.fromkeys(runs))} runs of each case, seed {', '.join(dict.fromkeys(seeds))}.",
+        f"- Made with {versions}.",
+        f"- Command: `{command}`",
+    ]
+    parts = [["# Masks and recovery"], lines, ["## What was run"], run, ["Limits:"], limits]
+    return "\n\n".join("\n".join(part) for part in parts) + "\n\n"
+
+
+def answer(table: pl.DataFrame, summary: pl.DataFrame | None) -> list[str]:
+    """The conclusions of a masks study with their figures, one line each; `summary` is None without outages."""
+    beams = table.with_columns(
+        pl.when(pl.col("case").str.starts_with("beams_"))
+        .then(pl.col("beams").str.split(",").list.len())
+        .otherwise(None)
+        .alias("returning")
+    )
+    groups = {
+        "Three beams or more": beams.filter(pl.col("returning") >= 3),
+        "Two beams": beams.filter(pl.col("returning") == 2),
+        "One beam": beams.filter(pl.col("returning") == 1),
+    }
+    lines = [
+        f"**{words}**, velocity RMS at the end in m/s, of the methods that are nowhere overconfident: {_ranges(rows)}."
+        for words, rows in groups.items()
+    ]
+    counts = table.group_by("method", maintain_order=True).agg(
+        pl.len().alias("rows"), (pl.col("verdict") == OVERCONFIDENT).sum().alias("overconfident")
+    )
+    over = [
+        f"`{row['method']}` {row['overconfident']} of {row['rows']}"
+        for row in counts.iter_rows(named=True)
+        if row["overconfident"]
+    ]
+    lines.append(
+        f"**Overconfident in velocity and attitude**, rows of the table: {', '.join(over) or 'none'}."
+    )
+    lines.append(f"**When lost beams return** after a minute of two: {_recovered(summary)}.")
+    return lines
+
+
+def _ranges(rows: pl.DataFrame) -> str:
+    """Least and greatest velocity error of each method that is never overconfident; methods of one range together."""
+    by_range: dict[str, list[str]] = {}
+    for (method,), group in rows.group_by("method", maintain_order=True):
+        if OVERCONFIDENT in group["verdict"].to_list():
+            continue
+        errors = group["velocity_rms_over_runs_mps"].to_numpy()
+        least, greatest = plain(float(errors.min())), plain(float(errors.max()))
+        by_range.setdefault(least if least == greatest else f"{least}–{greatest}", []).append(f"`{method}`")
+    if rows.is_empty():
+        return "not run"
+    return "; ".join(f"{', '.join(methods)} {text}" for text, methods in by_range.items()) or "no method"
+
+
+def _recovered(summary: pl.DataFrame | None) -> str:
+    if summary is None:
+        return "not run"
+    return "; ".join(_verdicts(worst_of_pairs(summary).iter_rows(named=True)))
+
+
+def _verdicts(rows: Iterator[Mapping[str, Any]]) -> Iterator[str]:
+    """Methods that recover for every pair on every trajectory, then the others with their count."""
+    counts: dict[str, list[int]] = {}
+    for row in rows:
+        found = counts.setdefault(row["method"], [0, 0])
+        found[0] += row["pairs_recovered"]
+        found[1] += row["pairs"]
+    good = [f"`{method}`" for method, (recovered, pairs) in counts.items() if recovered == pairs]
+    yield f"{', '.join(good) or 'no method'} recover for every pair"
+    for method, (recovered, pairs) in counts.items():
+        if recovered != pairs:
+            yield f"`{method}` for {recovered} of {pairs}"
