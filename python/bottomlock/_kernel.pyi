@@ -81,6 +81,8 @@ class InitialDict(TypedDict):
 @type_check_only
 class DepthDict(TypedDict):
     sd_m: float
+    bias_sd_m: float
+    bias_time_s: float
 
 @type_check_only
 class MagnetometerDict(TypedDict):

@@ -59,7 +59,7 @@ def model(latitude_rad: float) -> Any:  # noqa: ANN401 - the kernel's dict
             "attitude_sd_rad": [1e-3, 1e-3, 2e-3],
             "velocity_sd_mps": [0.03] * 3,
         },
-        "depth": {"sd_m": 0.05},
+        "depth": {"sd_m": 0.05, "bias_sd_m": 0.0, "bias_time_s": 21_600.0},
         "magnetometer": {"yaw_sd_rad": 0.1, "roll_pitch_sd_rad": 0.02},
         "gps": {"position_sd_m": [1.0, 1.0, 2.0], "velocity_sd_mps": [0.1] * 3},
     }

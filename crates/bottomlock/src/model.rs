@@ -85,7 +85,10 @@ impl Model {
                     scale_factor_sd: 0.007,
                     scale_factor_walk_rts: 5e-5,
                 },
-                depth: DepthModel { sd_m: 0.02 },
+                depth: DepthModel {
+                    sd_m: 0.02,
+                    ..DepthModel::default()
+                },
                 magnetometer: MagnetometerModel {
                     yaw_sd_rad: 0.1,
                     roll_pitch_sd_rad: 0.02,

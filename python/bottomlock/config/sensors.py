@@ -24,15 +24,19 @@ AXES = ("north", "east", "down")
 
 
 class Depth(Section):
-    """Depth sensor: noise, and what density, tide and barometer add to its reading.
+    """Depth sensor: noise, bias, and what density, tide and barometer add to its reading.
 
-    The sensor takes its pressure for depth with `water_density_kg_per_m3`; the water itself has
-    `true_density_kg_per_m3`, by default the same.
+    `bias_m`, 1 sigma, is what the filter expects of offset, tide, density and barometer together, and estimates; a run
+    draws it as a process with the correlation time `bias_time_s`. The default is that of a sensor of 0.1 % of 200 m in
+    waters with a tide. The sensor takes its pressure for depth with `water_density_kg_per_m3`; the water itself has
+    `true_density_kg_per_m3`, by default the same. What density, tide and barometer add is not drawn.
     """
 
     enabled: bool = True
     rate_hz: Positive = 0.25
     noise_pa: Positive = 194.0
+    bias_m: NonNegative = 0.3
+    bias_time_s: Positive = 21_600.0
     water_density_kg_per_m3: Positive = 1025.0
     true_density_kg_per_m3: Positive | None = None
     tide_m: Finite = 0.0
@@ -120,10 +124,12 @@ DEPTH = Sensor(
     table="depth",
     columns={"depth_m": ("depth_m",)},
     model=lambda depth, gravity_mps2: {
-        "sd_m": depth.noise_pa / (depth.water_density_kg_per_m3 * gravity_mps2)
+        "sd_m": depth.noise_pa / (depth.water_density_kg_per_m3 * gravity_mps2),
+        "bias_sd_m": depth.bias_m,
+        "bias_time_s": depth.bias_time_s,
     },
     push=lambda navigator, time_ns, drawn, k, model: navigator.push_depth(
-        time_ns, float(drawn["depth_m"][k]), **model
+        time_ns, float(drawn["depth_m"][k]), sd_m=model["sd_m"]
     ),
 )
 MAGNETOMETER = Sensor(

@@ -33,6 +33,14 @@ class Sensor:
     options: Callable[[Any], dict[str, Any]] = lambda _: {}
 
 
+def _depth_model(stream: DepthStream | None) -> dict[str, Any]:
+    if stream is None:
+        return {"depth": {"sd_m": 1.0, "bias_sd_m": 0.0, "bias_time_s": 1.0}}
+    return {
+        "depth": {"sd_m": stream.sd_m, "bias_sd_m": stream.bias_m, "bias_time_s": stream.bias_time_s},
+    }
+
+
 def _depth_log(_: DepthStream, streams: Streams, within: Within) -> dict[str, Any]:
     if streams.depths is None:
         return {}
@@ -99,7 +107,7 @@ def _gps_model(stream: GpsStream | None) -> dict[str, Any]:
 SENSORS = (
     Sensor(
         section="depth",
-        model=lambda stream: {"depth": {"sd_m": 1.0 if stream is None else stream.sd_m}},
+        model=_depth_model,
         log=_depth_log,
         options=lambda stream: {"depth_lever_p_m": list(stream.lever_arm_m)},
     ),

@@ -124,7 +124,11 @@ class ImuStream(MountedStream):
 
 
 class DepthStream(Stream):
-    """Depth, height (`up` = true) or pressure, measured at `lever_arm_m` from the IMU (platform frame)."""
+    """Depth, height (`up` = true) or pressure, measured at `lever_arm_m` from the IMU (platform frame).
+
+    `bias_m`, 1 sigma with the correlation time `bias_time_s`, is what the reading is off for hours: offset, tide,
+    density, barometer. The filter estimates it.
+    """
 
     column: str
     unit: Literal["m", "cm", "Pa", "kPa", "bar", "dbar"] = "m"
@@ -132,6 +136,8 @@ class DepthStream(Stream):
     offset_m: Finite = 0.0
     water_density_kg_per_m3: Positive = 1025.0
     sd_m: Positive
+    bias_m: NonNegative = 0.3
+    bias_time_s: Positive = 21_600.0
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
 
 

@@ -41,7 +41,7 @@ MODEL: Any = {
         "attitude_sd_rad": [0.01, 0.01, 0.02],
         "velocity_sd_mps": [0.05] * 3,
     },
-    "depth": {"sd_m": 0.02},
+    "depth": {"sd_m": 0.02, "bias_sd_m": 0.0, "bias_time_s": 21_600.0},
     "magnetometer": {"yaw_sd_rad": 0.1, "roll_pitch_sd_rad": 0.02},
     "gps": {"position_sd_m": [2.0] * 3, "velocity_sd_mps": [0.1] * 3},
 }

@@ -243,6 +243,6 @@ fn correlate_with_prior(
     by_state.fixed_view_mut::<3, 3>(0, VELOCITY).copy_from(&-repeated);
     innovation.correlated_noise = Some(Box::new(CorrelatedNoise {
         by_state,
-        by_water: SMatrix::zeros(),
+        ..CorrelatedNoise::default()
     }));
 }

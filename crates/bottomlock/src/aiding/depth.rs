@@ -1,8 +1,11 @@
 //! A depth sensor: depth below the tangent plane's origin.
+//!
+//! Its reading has a bias that lasts for hours: tide, density and barometric pressure, and the sensor's own offset. The
+//! filter estimates it as a Gauss–Markov process (`filter/depth_bias.rs`), once there is a reading.
 
 use crate::aiding::declare::model_section;
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
-use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation};
+use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation, TimeConstant};
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Vec3};
@@ -15,6 +18,10 @@ model_section! {
     pub struct DepthModel in "depth" {
         /// White noise, m.
         pub sd_m: f64,
+        /// Bias, m; 0 for none.
+        pub bias_sd_m: f64,
+        /// Correlation time of the bias, s.
+        pub bias_time_s: TimeConstant,
     }
 }
 
@@ -41,7 +48,7 @@ impl AidingSensor for DepthSample {
     const SIMULATION: Option<Simulation> = Some(Simulation {
         name: "depth",
         offset: Some("depth_offset_m"),
-        random: &[7],
+        random: &[7, 13],
         columns: Self::LOG,
     });
 
@@ -74,12 +81,14 @@ impl AidingSensor for DepthSample {
         })
     }
 
-    /// With its offset by density, tide and barometer.
+    /// With its offset by density, tide and barometer, and a bias drawn per run.
     fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
-        let noise = random.first_mut()?;
+        let [noise, bias] = random else { return None };
+        let actual = &scene.actual.depth;
+        let bias_m = bias.gauss_markov(actual.bias_sd_m, actual.bias_time_s.0, scene.time_ns);
         Some(Self {
             time_ns: scene.time_ns,
-            depth_m: scene.truth.position_t_m.z + scene.offset + scene.actual.depth.sd_m * noise.one(),
+            depth_m: scene.truth.position_t_m.z + scene.offset + bias_m + actual.sd_m * noise.one(),
             sd_m: scene.claimed.depth.sd_m,
         })
     }

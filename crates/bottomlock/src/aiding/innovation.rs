@@ -46,13 +46,26 @@ pub enum TangentRows {
     Depth,
 }
 
-/// Noise that contains errors of the state: n = D δx + D_w δw + independent.
+/// Noise that contains errors of the state: n = D δx + D_w δw + d b + independent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CorrelatedNoise {
     /// D.
     pub by_state: RowJacobian,
     /// D_w, by the states of [`crate::aiding::water`].
     pub by_water: SMatrix<f64, MAX_ROWS, WATER>,
+    /// d, by the bias of the depth sensor.
+    pub by_depth_bias: SVector<f64, MAX_ROWS>,
+}
+
+impl Default for CorrelatedNoise {
+    /// None.
+    fn default() -> Self {
+        Self {
+            by_state: RowJacobian::zeros(),
+            by_water: SMatrix::zeros(),
+            by_depth_bias: SVector::zeros(),
+        }
+    }
 }
 
 impl CorrelatedNoise {
@@ -61,6 +74,7 @@ impl CorrelatedNoise {
         Box::new(Self {
             by_state: axes * self.by_state.fixed_rows::<3>(0),
             by_water: axes * self.by_water.fixed_rows::<3>(0),
+            by_depth_bias: axes * self.by_depth_bias.fixed_rows::<3>(0),
         })
     }
 }
@@ -135,6 +149,7 @@ impl Innovation {
             Box::new(CorrelatedNoise {
                 by_state: selection * noise.by_state,
                 by_water: selection * noise.by_water,
+                by_depth_bias: selection * noise.by_depth_bias,
             })
         });
         out

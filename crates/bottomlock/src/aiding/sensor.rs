@@ -2,7 +2,7 @@
 
 use crate::aiding::registry::{Measurement, Sensor, SensorKind, SensorModels};
 use crate::aiding::{Innovation, Motion};
-use crate::error::{NavError, require_finite, require_non_negative};
+use crate::error::{NavError, require_finite, require_non_negative, require_positive};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
 use crate::random::Normals;
 use nalgebra::Vector3;
@@ -231,6 +231,26 @@ impl Field for Fraction {
             value: self.0,
             expected: "0 to 1",
         })
+    }
+}
+
+/// A correlation time, s: more than 0.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+pub struct TimeConstant(pub f64);
+
+impl Default for TimeConstant {
+    /// Six hours, half a semidiurnal tide.
+    fn default() -> Self {
+        Self(21_600.0)
+    }
+}
+
+impl Field for TimeConstant {
+    fn read<N: Numbers>(numbers: &N, key: &'static str) -> Result<Self, N::Error> {
+        numbers.number(key).map(Self)
+    }
+    fn check(&self, name: &'static str) -> Result<(), NavError> {
+        require_positive(name, self.0)
     }
 }
 

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 use super::Eskf;
 use crate::aiding::MAX_ROWS;
 use crate::aiding::water::{WATER, WaterRow};
-use crate::aiding::{CorrelatedNoise, Innovation, RowJacobian};
+use crate::aiding::{CorrelatedNoise, Innovation};
 use crate::error::{NavError, require_finite};
 use crate::filter::gate::{Gate, GateTable};
 use crate::filter::report::{Sensor, UpdateReport, Verdict};
@@ -101,8 +101,8 @@ impl Eskf {
         let mut by_water = SMatrix::<f64, MAX_ROWS, WATER>::zeros();
         by_water.set_row(0, &row.by_water.transpose());
         innovation.correlated_noise = Some(Box::new(CorrelatedNoise {
-            by_state: RowJacobian::zeros(),
             by_water,
+            ..CorrelatedNoise::default()
         }));
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
         require_finite("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;

@@ -1,17 +1,25 @@
-//! Optional parts of a filter: water states and the tape for a smoother.
+//! Optional parts of a filter: further states and the tape for a smoother.
 
 use nalgebra::{DMatrix, Matrix3};
 
+use super::depth_bias::DepthBias;
 use super::tape::{Step, Tape, transition};
 use super::water_block::WaterBlock;
-use crate::aiding::water::WATER;
+use crate::aiding::water::{WATER, WaterVector};
 use crate::error_model::Interval;
 use crate::layout::{ATTITUDE, DIM, POSITION};
 use crate::mechanisation::{EarthTerms, Kinematics};
 
+/// Index of the depth sensor's bias among all states of a tape; there is always one.
+pub(super) const DEPTH_BIAS: usize = DIM;
+/// First index of the water states among all states of a tape that has them.
+pub(super) const FIRST_WATER: usize = DIM + 1;
+
 /// Optional parts of a filter.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Extensions {
+    /// The bias of the depth sensor, from the first depth on.
+    pub(super) depth_bias: Option<Box<DepthBias>>,
     /// States of the motion through the water.
     pub(super) water: Option<Box<WaterBlock>>,
     /// Tape for a smoother.
@@ -19,13 +27,21 @@ pub(super) struct Extensions {
 }
 
 impl Extensions {
+    /// Number of states of a tape.
+    pub(super) fn states(&self) -> usize {
+        FIRST_WATER + if self.water.is_some() { WATER } else { 0 }
+    }
+
     /// Follows a move of the error state, δr ← δr + B ρ.
     pub(super) fn move_to_corrected_path(&mut self, by_misalignment: &Matrix3<f64>) {
+        let states = self.states();
+        if let Some(bias) = &mut self.depth_bias {
+            bias.move_to_corrected_path(by_misalignment);
+        }
         if let Some(water) = &mut self.water {
             water.move_to_corrected_path(by_misalignment);
         }
         if let Some(tape) = &mut self.tape {
-            let states = DIM + if self.water.is_some() { WATER } else { 0 };
             let mut move_of_states = DMatrix::identity(states, states);
             move_of_states
                 .fixed_view_mut::<3, 3>(POSITION, ATTITUDE)
@@ -35,18 +51,21 @@ impl Extensions {
     }
 
     pub(super) fn is_empty(&self) -> bool {
-        self.water.is_none() && self.tape.is_none()
+        self.depth_bias.is_none() && self.water.is_none() && self.tape.is_none()
     }
 
     /// Records and propagates an interval of the error state that ends at `end`.
     pub(super) fn propagate(&mut self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms) {
-        if let Some(tape) = &mut self.tape {
-            tape.push(Step::Transition(transition(
-                interval,
-                end,
-                earth,
-                self.water.as_deref(),
-            )));
+        if self.tape.is_some() {
+            let whole = transition(interval, end, earth, self);
+            if let Some(tape) = &mut self.tape {
+                tape.push(Step::Transition(whole));
+            }
+        }
+        if let Some(bias) = &mut self.depth_bias {
+            let water = self.water.as_deref();
+            let decay = water.map_or_else(WaterVector::zeros, |water| water.decay(interval.duration_s()));
+            bias.propagate(interval, end, earth, &decay);
         }
         if let Some(water) = &mut self.water {
             water.propagate(interval, end, earth);

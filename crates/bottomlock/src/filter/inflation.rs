@@ -23,7 +23,7 @@ use nalgebra::{SMatrix, Vector3};
 
 use super::Eskf;
 use crate::aiding::sensor::Quantity;
-use crate::aiding::{Innovation, MAX_ROWS};
+use crate::aiding::{Innovation, MAX_ROWS, TangentRows};
 use crate::error::{NavError, require_finite};
 use crate::filter::report::Sensor;
 use crate::layout::{ATTITUDE, DIM, DVL_BIAS, POSITION, VELOCITY};
@@ -108,8 +108,17 @@ impl Eskf {
         };
         self.propagate_covariance();
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
+        let mut innovation = innovation.clone();
+        if innovation.tangent_rows == TangentRows::Depth {
+            self.add_depth_bias(&mut innovation);
+        }
+        let innovation = &innovation;
         let by_inertial = self.innovation_covariance(innovation, &states(0..DVL_BIAS));
-        let whole = self.innovation_covariance(innovation, &states(0..DIM)) + innovation.noise;
+        let mut whole = self.innovation_covariance(innovation, &states(0..DIM)) + innovation.noise;
+        if let Some(cross) = &innovation.cross {
+            let half = innovation.jacobian * **cross;
+            whole += half + half.transpose();
+        }
         if norm_squared(innovation, &whole) <= self.plausible.threshold(innovation.degrees) {
             self.note_accepted(sensor);
             return Ok(None);

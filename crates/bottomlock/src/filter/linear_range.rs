@@ -20,6 +20,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::Eskf;
+use super::depth_bias::DepthBias;
 use super::joseph::PredictedInnovation;
 use crate::aiding::{Innovation, TangentRows};
 use crate::error::NavError;
@@ -85,6 +86,7 @@ impl Eskf {
                 innovation.path_by_misalignment = Some(Box::new(by_misalignment));
             }
             TangentRows::Depth => {
+                self.add_depth_bias(&mut innovation);
                 let product_m2ps2 = self.vertical_product_variance();
                 if product_m2ps2 > LINEAR_RANGE_MPS * LINEAR_RANGE_MPS {
                     let since_s = (self.state.time_ns - self.measured.depth_ns) as f64 * 1e-9;
@@ -100,6 +102,17 @@ impl Eskf {
             self.covariance[DOWN] = before;
         }
         outcome
+    }
+
+    /// Takes the bias of the depth sensor into a depth's innovation; the first one begins its estimate.
+    pub(super) fn add_depth_bias(&mut self, innovation: &mut Innovation) {
+        let bias = &mut self.extensions.depth_bias;
+        if bias.is_none() {
+            *bias = DepthBias::new(&self.depth).map(Box::new);
+        }
+        if let Some(bias) = bias {
+            bias.add_to(innovation);
+        }
     }
 
     /// Moves an error state to the path that a position has corrected: δr ← δr + B ρ.

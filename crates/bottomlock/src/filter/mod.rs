@@ -2,6 +2,7 @@
 
 mod assume;
 mod definite;
+mod depth_bias;
 mod extensions;
 pub mod filter_group;
 pub mod gate;
@@ -28,6 +29,7 @@ use self::linear_range::Measured;
 use self::prediction::Settings;
 use self::update::not_positive_definite;
 use crate::aiding::MAX_ROWS;
+use crate::aiding::depth::DepthModel;
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite};
 use crate::error_model::Interval;
@@ -60,6 +62,7 @@ pub struct Eskf {
     plausible: GateTable,
     inflate_after_rejections: u32,
     consecutive_rejections: ConsecutiveRejections,
+    depth: DepthModel,
     extensions: Extensions,
 }
 
@@ -93,6 +96,7 @@ impl Eskf {
             })?,
             inflate_after_rejections: options.inflate_after_rejections,
             consecutive_rejections: ConsecutiveRejections::default(),
+            depth: model.sensors.depth,
             extensions: Extensions::default(),
         })
     }
@@ -101,7 +105,18 @@ impl Eskf {
     #[must_use]
     pub fn with_water(mut self, water: Option<WaterBlock>) -> Self {
         self.extensions.water = water.map(Box::new);
+        if let Some(bias) = &mut self.extensions.depth_bias {
+            bias.start_water();
+        }
         self
+    }
+
+    /// Estimate and standard deviation of the depth sensor's bias, m; `None` before the first depth, or for a sensor
+    /// without bias.
+    #[must_use]
+    pub fn depth_bias_m(&self) -> Option<(f64, f64)> {
+        let bias = self.extensions.depth_bias.as_ref();
+        bias.map(|bias| (bias.estimate_m(), bias.variance_m2().sqrt()))
     }
 
     /// The water states, at the time of the last update or propagation of the covariance.
@@ -126,6 +141,7 @@ impl Eskf {
         }
         require_positive_definite(&symmetric, self.state.time_ns)?;
         self.covariance = symmetric;
+        self.extensions.depth_bias = None;
         self.interval = Interval::default();
         Ok(())
     }

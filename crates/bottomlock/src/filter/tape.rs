@@ -3,7 +3,8 @@
 use nalgebra::{Cholesky, Const, DMatrix, DVector, SMatrix};
 
 use super::Eskf;
-use super::water_block::WaterBlock;
+use super::extensions::{DEPTH_BIAS, Extensions, FIRST_WATER};
+use super::update::FurtherGains;
 use crate::aiding::Innovation;
 use crate::aiding::water::WATER;
 use crate::error_model::Interval;
@@ -11,7 +12,8 @@ use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, Kinematics};
 use crate::state::{Covariance, NavState};
 
-/// One entry of a tape; matrices are over 20 error states, or 26 with the states of the motion through the water.
+/// One entry of a tape; matrices are over the 20 error states, the bias of the depth sensor, and the six states
+/// of the motion through the water where they exist.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Step {
     /// Φ since the previous entry.
@@ -83,8 +85,7 @@ impl Eskf {
 
     /// Records a sample on the tape.
     pub(crate) fn record_sample(&mut self) {
-        let water = self.extensions.water.as_deref();
-        let pending = transition(&self.interval, &self.kinematics, &self.settings.earth, water);
+        let pending = transition(&self.interval, &self.kinematics, &self.settings.earth, &self.extensions);
         let (state, covariance) = (self.state(), self.joint_covariance());
         if let Some(tape) = &mut self.extensions.tape {
             tape.push(Step::Sample {
@@ -102,9 +103,9 @@ impl Eskf {
         z: &SMatrix<f64, M, 1>,
         factor: &Cholesky<f64, Const<M>>,
         gain: &SMatrix<f64, DIM, M>,
-        water_gain: Option<&SMatrix<f64, WATER, M>>,
+        further: &FurtherGains<M>,
     ) {
-        let states = self.states();
+        let states = self.extensions.states();
         let mut h = DMatrix::zeros(M, states);
         let mut whole_gain = DMatrix::zeros(states, M);
         h.view_mut((0, 0), (M, DIM))
@@ -113,13 +114,20 @@ impl Eskf {
         if let Some(correlated_noise) = &innovation.correlated_noise {
             let mut own = h.view_mut((0, 0), (M, DIM));
             own += correlated_noise.by_state.fixed_rows::<M>(0);
-            if states > DIM {
-                h.view_mut((0, DIM), (M, WATER))
+            h.view_mut((0, DEPTH_BIAS), (M, 1))
+                .copy_from(&correlated_noise.by_depth_bias.fixed_rows::<M>(0));
+            if states > FIRST_WATER {
+                h.view_mut((0, FIRST_WATER), (M, WATER))
                     .copy_from(&correlated_noise.by_water.fixed_rows::<M>(0));
             }
         }
-        if let Some(water_gain) = water_gain {
-            whole_gain.view_mut((DIM, 0), (WATER, M)).copy_from(water_gain);
+        if let Some(gain) = &further.depth_bias {
+            whole_gain
+                .view_mut((DEPTH_BIAS, 0), (1, M))
+                .copy_from(&gain.transpose());
+        }
+        if let Some(gain) = &further.water {
+            whole_gain.view_mut((FIRST_WATER, 0), (WATER, M)).copy_from(gain);
         }
         // What corrects the position alone is no information on any other state.
         let informs = if innovation.corrects_position_alone { 0.0 } else { 1.0 };
@@ -134,44 +142,58 @@ impl Eskf {
         }
     }
 
-    /// Number of states, water states included.
-    fn states(&self) -> usize {
-        DIM + if self.extensions.water.is_some() { WATER } else { 0 }
-    }
-
-    /// Covariance of all states, water states included, at the time of the state.
+    /// Covariance of all states, further states included, at the time of the state.
     fn joint_covariance(&self) -> DMatrix<f64> {
-        let states = self.states();
+        let mut extensions = Extensions {
+            tape: None,
+            depth_bias: self.extensions.depth_bias.clone(),
+            water: self.extensions.water.clone(),
+        };
+        if self.interval.duration_s() > 0.0 {
+            extensions.propagate(&self.interval, &self.kinematics, &self.settings.earth);
+        }
+        let states = extensions.states();
         let mut joint = DMatrix::zeros(states, states);
         joint.view_mut((0, 0), (DIM, DIM)).copy_from(&self.covariance());
-        if let Some(water) = &self.extensions.water {
-            let mut water = water.clone();
-            water.propagate(&self.interval, &self.kinematics, &self.settings.earth);
-            joint.view_mut((DIM, DIM), (WATER, WATER)).copy_from(water.covariance());
-            joint.view_mut((0, DIM), (DIM, WATER)).copy_from(water.cross());
-            joint
-                .view_mut((DIM, 0), (WATER, DIM))
-                .copy_from(&water.cross().transpose());
+        if let Some(bias) = &extensions.depth_bias {
+            joint.view_mut((0, DEPTH_BIAS), (DIM, 1)).copy_from(bias.cross());
+            joint[(DEPTH_BIAS, DEPTH_BIAS)] = bias.variance_m2();
+            if extensions.water.is_some() {
+                let with_water = bias.cross_with_water().transpose();
+                joint
+                    .view_mut((DEPTH_BIAS, FIRST_WATER), (1, WATER))
+                    .copy_from(&with_water);
+            }
         }
+        if let Some(water) = &extensions.water {
+            joint
+                .view_mut((FIRST_WATER, FIRST_WATER), (WATER, WATER))
+                .copy_from(water.covariance());
+            joint.view_mut((0, FIRST_WATER), (DIM, WATER)).copy_from(water.cross());
+        }
+        joint.fill_lower_triangle_with_upper_triangle();
         joint
     }
 }
 
-/// Φ over an interval that ends at `end`, water states included.
+/// Φ over an interval that ends at `end`, further states included.
 pub(super) fn transition(
     interval: &Interval,
     end: &Kinematics<f64>,
     earth: &EarthTerms,
-    water: Option<&WaterBlock>,
+    extensions: &Extensions,
 ) -> DMatrix<f64> {
-    let states = DIM + if water.is_some() { WATER } else { 0 };
+    let states = extensions.states();
     let mut phi = Covariance::identity();
     interval.carry(&mut phi.data.0, end, earth);
     let mut whole = DMatrix::identity(states, states);
     whole.view_mut((0, 0), (DIM, DIM)).copy_from(&phi);
-    if let Some(water) = water {
+    if let Some(bias) = &extensions.depth_bias {
+        whole[(DEPTH_BIAS, DEPTH_BIAS)] = bias.decay(interval.duration_s());
+    }
+    if let Some(water) = &extensions.water {
         let decay = water.decay(interval.duration_s());
-        (0..WATER).for_each(|k| whole[(DIM + k, DIM + k)] = decay[k]);
+        (0..WATER).for_each(|k| whole[(FIRST_WATER + k, FIRST_WATER + k)] = decay[k]);
     }
     whole
 }

@@ -1,6 +1,6 @@
 //! One update: gate, correction of covariance and state, report.
 
-use nalgebra::SMatrix;
+use nalgebra::{SMatrix, SVector};
 
 use super::Eskf;
 use super::joseph::PredictedInnovation;
@@ -49,8 +49,8 @@ impl Eskf {
         let mut correction = predicted
             .correct(&mut self.covariance, innovation)
             .map_err(|indefinite| not_positive_definite(indefinite.negative, self.state.time_ns))?;
-        if self.extensions.water.is_some() || self.extensions.tape.is_some() {
-            self.update_water_and_tape(innovation, predicted, &correction.gain, water_cross);
+        if !self.extensions.is_empty() {
+            self.update_extensions(innovation, predicted, &correction.gain, water_cross);
         }
         if innovation.tangent_rows == TangentRows::None && sensor.quantity() == Some(Quantity::Velocity) {
             self.measured.velocity_ns = Some(self.state.time_ns);
@@ -98,8 +98,8 @@ impl Eskf {
         }
     }
 
-    /// Updates the water states and the tape, where they exist, after an update of the error state.
-    fn update_water_and_tape<const M: usize>(
+    /// Updates the further states and the tape, where they exist, after an update of the error state.
+    fn update_extensions<const M: usize>(
         &mut self,
         innovation: &Innovation,
         predicted: &PredictedInnovation<M>,
@@ -108,21 +108,30 @@ impl Eskf {
     ) {
         let z = innovation.residual.fixed_rows::<M>(0).into_owned();
         let factor = predicted.cholesky();
-        let mut water_gain = None;
+        let update = Update {
+            z: &z,
+            h: &innovation.jacobian.fixed_rows::<M>(0).into_owned(),
+            s: &predicted.s,
+            factor: &factor,
+            cross_covariance: &predicted.cross_covariance,
+            gain,
+            corrects_position_alone: innovation.corrects_position_alone,
+        };
+        let mut water_cross = water_cross.copied().unwrap_or_else(SMatrix::zeros);
+        let mut bias_cross = None;
+        if let Some(bias) = &self.extensions.depth_bias {
+            water_cross += bias.water_cross::<M>(innovation);
+            bias_cross = Some(bias.innovation_cross::<M>(innovation));
+        }
+        let mut gains = FurtherGains::default();
         if let Some(water) = &mut self.extensions.water {
-            let update = Update {
-                z: &z,
-                h: &innovation.jacobian.fixed_rows::<M>(0).into_owned(),
-                s: &predicted.s,
-                factor: &factor,
-                cross_covariance: &predicted.cross_covariance,
-                gain,
-                corrects_position_alone: innovation.corrects_position_alone,
-            };
-            water_gain = Some(water.update(&update, &water_cross.copied().unwrap_or_else(SMatrix::zeros)));
+            gains.water = Some(water.update(&update, &water_cross));
+        }
+        if let (Some(bias), Some(x)) = (&mut self.extensions.depth_bias, bias_cross) {
+            gains.depth_bias = Some(bias.update(&update, &x, gains.water.as_ref()));
         }
         if self.extensions.tape.is_some() {
-            self.record_update(innovation, &z, &factor, gain, water_gain.as_ref());
+            self.record_update(innovation, &z, &factor, gain, &gains);
         }
     }
 
@@ -134,6 +143,13 @@ impl Eskf {
         self.kinematics = state.kinematics();
         self.interval = Interval::Open;
     }
+}
+
+/// Gains of the further states, where they exist.
+#[derive(Default)]
+pub(super) struct FurtherGains<const M: usize> {
+    pub(super) depth_bias: Option<SVector<f64, M>>,
+    pub(super) water: Option<SMatrix<f64, WATER, M>>,
 }
 
 /// The error for an indefinite covariance, which names the block of a negative variance if there is one.

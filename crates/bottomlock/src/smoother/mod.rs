@@ -17,8 +17,8 @@
 //!
 //! # Noise that depends on the error state
 //! In exact VB (Eq. 26) and in the rows on the motion through the water the noise contains errors of the filter's
-//! states: n = D δx + D_w δw + independent noise. The backward pass uses H + D in place of H, and six more rows of λ
-//! for the water states.
+//! states: n = D δx + D_w δw + independent noise; that of a depth contains the sensor's bias. The backward pass uses
+//! H + D in place of H, a row of λ for the bias, and six for the water states where there are any.
 //!
 //! # Source
 //! Bierman, Fixed interval smoothing with discrete measurements, Int. J. Control 18 (1973) 65–75.
