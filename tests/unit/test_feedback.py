@@ -94,13 +94,16 @@ def test_an_analytic_truth_cannot_be_steered() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seconds", [60.0, pytest.param(100.0, marks=pytest.mark.long)])
-def test_the_better_the_navigation_the_less_astray(tmp_path: Any, seconds: float) -> None:  # noqa: ANN401
-    """A dive (and a leg), 30 runs: INS alone has the largest cross-track error, LC the least; fixed beforehand."""
-    flight = scenario(seconds=seconds, runs=30, methods=("ins", "lc", "tc"))
-    runs = run_campaign([flight], tmp_path / "o", threads=1).runs
+@pytest.mark.parametrize(("seconds", "runs"), [(60.0, 8), pytest.param(100.0, 30, marks=pytest.mark.long)])
+def test_the_better_the_navigation_the_less_astray(tmp_path: Any, seconds: float, runs: int) -> None:  # noqa: ANN401
+    """A dive (and a leg): INS alone has the largest cross-track error, LC the least; fixed beforehand.
+
+    The RMS of eight runs scatters by a quarter of it; LC stays under half of TC, and INS above eight times TC.
+    """
+    flight = scenario(seconds=seconds, runs=runs, methods=("ins", "lc", "tc"))
+    table = run_campaign([flight], tmp_path / "o", threads=1).runs
     astray = dict(
-        runs.group_by("method").agg((pl.col("cross_track_rms_over_time_m") ** 2).mean().sqrt()).iter_rows()
+        table.group_by("method").agg((pl.col("cross_track_rms_over_time_m") ** 2).mean().sqrt()).iter_rows()
     )
     assert astray["lc"] < astray["tc"]
     assert astray["ins"] > 5.0 * astray["tc"]

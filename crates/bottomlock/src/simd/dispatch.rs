@@ -21,6 +21,10 @@ pub(crate) enum Vectors {
 
 /// The vectors of this machine, found once.
 pub(crate) fn vectors() -> Vectors {
+    #[cfg(test)]
+    if let Some(chosen) = CHOSEN.get() {
+        return chosen;
+    }
     static VECTORS: OnceLock<Vectors> = OnceLock::new();
     *VECTORS.get_or_init(|| of_level(Level::new()))
 }
@@ -99,6 +103,46 @@ macro_rules! with_lanes {
     };
 }
 pub(crate) use with_lanes;
+
+#[cfg(test)]
+thread_local! {
+    static CHOSEN: std::cell::Cell<Option<Vectors>> = const { std::cell::Cell::new(None) };
+}
+
+/// Does `work` with every kind of vector that this machine has, through the code of [`with_vectors`] and [`with_lanes`]: copies
+/// made for a test alone would take minutes to compile.
+#[cfg(test)]
+pub(crate) fn on_every_level(mut work: impl FnMut()) {
+    let level = Level::new();
+    #[cfg(target_arch = "x86_64")]
+    let kinds = [
+        level.as_sse2().map(Vectors::Sse2),
+        level.as_avx2().map(Vectors::Avx2),
+        level.as_avx512().map(Vectors::Avx512),
+    ];
+    #[cfg(not(target_arch = "x86_64"))]
+    let kinds = [Some(Vectors::Others(level))];
+    for kind in kinds.into_iter().flatten() {
+        CHOSEN.set(Some(kind));
+        work();
+    }
+    CHOSEN.set(None);
+}
+
+/// Evaluates an expression once, with the narrowest vectors: for laws of the code that hold whatever the vectors are.
+#[cfg(test)]
+macro_rules! on_narrowest {
+    ($simd:ident => $check:expr) => {{
+        #[cfg(target_arch = "x86_64")]
+        if let Some($simd) = fearless_simd::Level::new().as_sse2() {
+            $check;
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        fearless_simd::dispatch!(fearless_simd::Level::new(), $simd => $check);
+    }};
+}
+#[cfg(test)]
+pub(crate) use on_narrowest;
 
 /// How many lanes the widest vectors of this machine have.
 pub(crate) fn widest_lanes() -> usize {
