@@ -24,7 +24,7 @@ def scenario(name: str = "lawn_mower", *, seconds: float = 8.0, **campaign_keys:
 
 def test_bits_do_not_depend_on_company() -> None:
     """Run 3 of TC is the same among seven runs and two methods, alone, and as pilot of a crew."""
-    simulation = build_simulation(scenario())
+    simulation = build_simulation(scenario(seconds=4.0))
     key: Any = {"trajectory_key": 5, "threads": 2}
     crowd = run_closed_loop(simulation, ["ins", "tc"], pilot="own", first_run=0, runs=7, **key)
     alone = run_closed_loop(simulation, ["tc"], pilot="tc", first_run=3, runs=1, **key)
@@ -52,7 +52,7 @@ def test_cross_track_is_the_error_that_guidance_cannot_see() -> None:
 
 def test_a_campaign_tells_what_going_astray_costs(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ANN401
     """Per run and method in the table; cut into chunks, interrupted or not, the same tables."""
-    flight = scenario(runs=3, methods=("ins", "tc"))
+    flight = scenario(seconds=4.0, runs=3, methods=("ins", "tc"))
     whole = run_campaign([flight], tmp_path / "whole", threads=1).runs
     assert whole["cross_track_rms_over_time_m"].null_count() == 0
     assert whole["cross_track_rms_over_time_m"].n_unique() == 6
