@@ -135,6 +135,7 @@ def test_same_tables_same_bytes(made: Path, tmp_path: Path) -> None:
     assert files(copy) == files(made)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_without_truth_and_sweep(tmp_path: Path) -> None:
     """They are a campaign's to have or not; one trajectory and two methods make a report as well."""
     folder = write_campaign(tmp_path / "c", trajectories=["lawn_mower"], methods=["ins", "tc"], runs=2)
@@ -145,6 +146,7 @@ def test_without_truth_and_sweep(tmp_path: Path) -> None:
     assert len(report.figures) == 10
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_references_are_not_advice(tmp_path: Path) -> None:
     """A campaign of references alone advises nothing and still has its page."""
     folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", "lc"], runs=2)
@@ -183,6 +185,7 @@ def test_the_advice_follows_the_tables(tmp_path: Path) -> None:
     assert second.worst_ratio == pytest.approx(4.0)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_method_whose_gate_rejects_most_fixes_is_not_recommended(tmp_path: Path) -> None:
     """One run in twelve is enough: the mean does not show it, and at sea there is one run."""
     folder = write_campaign(tmp_path / "c", trajectories=["straight"], methods=["ins", "tc", "nsv"], runs=12)
