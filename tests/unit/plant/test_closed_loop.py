@@ -26,7 +26,7 @@ def _perfect(block: TruthBlock) -> Estimate:
 
 
 def test_perfect_estimates_fly_the_open_loop_truth(tauv: Vehicle) -> None:
-    mission = lawn_mower(duration_s=30.0)
+    mission = lawn_mower(duration_s=15.0)
     group = _fleet(tauv, mission, 2)
     blocks = list(fly_on_estimate(group, _perfect))
     truth = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False).truth
