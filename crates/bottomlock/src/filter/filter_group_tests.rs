@@ -81,8 +81,16 @@ fn every_kind_of_vector_gives_the_same_bits() {
         let own = step_by_step(period_ns, &streams);
         on_every_level(|| {
             let vectors = vectors();
-            assert_eq!(step_by_step(period_ns, &streams), own, "{vectors:?}, period {period_ns} ns");
-            assert_eq!(side_by_side(period_ns, &streams), own, "{vectors:?}, period {period_ns} ns");
+            assert_eq!(
+                step_by_step(period_ns, &streams),
+                own,
+                "{vectors:?}, period {period_ns} ns"
+            );
+            assert_eq!(
+                side_by_side(period_ns, &streams),
+                own,
+                "{vectors:?}, period {period_ns} ns"
+            );
         });
     }
 }

@@ -22,7 +22,7 @@ pub(crate) use self::algebra::*;
 pub(crate) use self::column::*;
 pub(crate) use self::dispatch::{Vectors, vectors, widest_lanes, with_lanes, with_vectors};
 #[cfg(test)]
-pub(crate) use self::dispatch::{on_every_level, on_narrowest};
+pub(crate) use self::dispatch::{on_every_level, on_one_level};
 pub use self::strip::{Lift, Strip, Strips};
 pub(crate) use self::transpose::{columns_of_eight, columns_of_four};
 
@@ -285,9 +285,11 @@ mod tests {
     /// Every kind of vector does lane by lane what `f64` does, infinities and NaN included (whose sign is nobody's).
     #[test]
     fn vectors_do_what_scalars_do() {
-        on_every_level(|| with_vectors!(simd => {
-            check::<_, f64x4<_>>(simd);
-            check::<_, f64x8<_>>(simd);
-        }));
+        on_every_level(|| {
+            with_vectors!(simd => {
+                check::<_, f64x4<_>>(simd);
+                check::<_, f64x8<_>>(simd);
+            })
+        });
     }
 }
