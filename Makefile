@@ -16,6 +16,10 @@ make := $(MAKE) --no-print-directory
 # A file's tests stay in one process, since they share what they fly; tests/conftest.py puts files of slow tests first.
 pytest := $(bin)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
+# The laws across modules, and the documentation's tests, on the kernel that the wheel is made of: naming the bindings gives
+# their dependencies the same features, so that nothing is compiled twice.
+released := cargo test --locked --release --package bottomlock --package bottomlock-py
+
 # Whatever ends in the wheel; a change to any of it rebuilds and reinstalls.
 wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Cargo.toml Cargo.lock .cargo/config.toml \
     $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*') \
@@ -29,24 +33,25 @@ demo: $(VENV)/.installed
 	rm -rf $(OUT)
 	$(bin)/bottomlock reproduce --runs $(RUNS) --out $(OUT)
 
-# What guards a change. The wheel's link is one long step on one core: the Rust tests are built beside it.
+# What guards a change. The wheel's kernel is one long step on one core: the Rust unit tests are built beside it.
 test: $(VENV)/pyvenv.cfg
-	@cargo test --locked --lib --tests --no-run & rust=$$!; \
+	@cargo test --locked --lib --no-run & rust=$$!; \
 	    $(make) $(VENV)/.installed $(VENV)/.tools; python=$$?; wait $$rust && exit $$python
 	@$(make) test-python test-rust
 
 test-python: $(VENV)/.installed $(VENV)/.tools
 	$(pytest) -m "not long" --doctest-modules --pyargs bottomlock tests
 
-# Unit, integration and documentation tests of the kernel. The bindings are tested by Python, examples by `make lint`.
+# Unit tests with overflow checks, then the laws. The bindings are tested by Python, examples by `make lint`.
 test-rust:
-	cargo test --locked --lib --tests
-	cargo test --locked --doc
+	cargo test --locked --lib
+	$(released) --test '*'
+	$(released) --doc
 
-# What `make test` leaves out, and the laws with more examples.
+# What `make test` leaves out, and the laws with more examples and overflow checks.
 test-long: $(VENV)/.installed $(VENV)/.tools
 	HYPOTHESIS_PROFILE=long $(pytest) -m "long or hypothesis" tests
-	BOTTOMLOCK_LONG=1 cargo test --locked --test theorems
+	BOTTOMLOCK_LONG=1 cargo test --locked --test '*'
 
 test-all: test test-long
 

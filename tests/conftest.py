@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def root() -> Path:
     """Top folder of the checkout."""
     return ROOT
+
+
+@pytest.fixture
+def undrawn() -> Iterator[None]:
+    """As `tests.undrawn.figures_undrawn`, for one test."""
+    from tests.undrawn import figures_undrawn
+
+    with figures_undrawn():
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -84,7 +84,10 @@ def test_solve_ten_thousand_pings(benchmark: BenchmarkFixture, method: str) -> N
     assert len(fixes.status) == 10_000
 
 
-@pytest.mark.parametrize("name", ["straight", "figure_eight", "lawn_mower"])
+LONG = [pytest.param(name, marks=pytest.mark.long) for name in ("figure_eight", "lawn_mower")]
+
+
+@pytest.mark.parametrize("name", ["straight", *LONG])
 def test_swim(benchmark: BenchmarkFixture, name: str) -> None:
     """A truth from nothing: 250 s of the vehicle at the IMU's rate."""
     simulation = build_simulation(load_scenario(name))

@@ -56,6 +56,7 @@ def test_what_is_written_and_said(planted: Path, tmp_path: Path) -> None:
     assert "http://" not in page.replace("http://www.w3.org", "")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_geometry_that_is_written_is_read(planted: Path, tmp_path: Path) -> None:
     """`bottomlock fix` takes it, and solves what the instrument solved."""
     toml = tmp_path / "found.toml"
@@ -77,6 +78,7 @@ def test_the_same_log_gives_the_same_bytes(planted: Path, tmp_path: Path) -> Non
         assert path.read_bytes() == (tmp_path / "second" / path.name).read_bytes(), path.name
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_columns_of_a_geometry_file_are_used_and_handed_on(tmp_path: Path) -> None:
     log = make_log(2)
     names = {f"beam{k + 1}_mps": f"radial{k}" for k in range(4)}
@@ -135,6 +137,7 @@ def test_refusals(planted: Path, tmp_path: Path) -> None:
     assert not toml.exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_worked_example_runs(root: Path, tmp_path: Path) -> None:
     """The commands of docs/audit.md, and what the page says that they say."""
     page = (root / "docs" / "audit.md").read_text(encoding="utf-8")

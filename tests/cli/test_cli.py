@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,9 @@ import polars as pl
 import pytest
 
 import bottomlock
+from bottomlock.observability import report
+from bottomlock.observability.tables import manoeuvre_table
+from bottomlock.truth.manoeuvres import MANOEUVRES
 from tests.cli.calls import command, process
 
 RUN = ["run", "straight", "--runs", "2", "--methods", "lc,tc", "--threads", "1"]
@@ -38,6 +42,7 @@ def test_run_writes_tables_and_prints_one(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_report_is_made_from_the_directory(tmp_path: Path) -> None:
     """A small real campaign to a page; the same again over it."""
     assert command(*RUN, "--out", str(tmp_path / "o")).returncode == 0
@@ -52,7 +57,7 @@ def test_report_is_made_from_the_directory(tmp_path: Path) -> None:
 
 def test_report_of_a_foreign_directory(tmp_path: Path) -> None:
     (tmp_path / "note.txt").write_text("mine", encoding="utf-8")
-    done = process("report", str(tmp_path))
+    done = command("report", tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith("bottomlock: ")
     assert "holds no campaign of ours (no manifest.json" in done.stderr
@@ -88,7 +93,8 @@ def test_the_dask_engine_on_this_machine(tmp_path: Path) -> None:
     """Processes of their own, no word of theirs on the screen, and the same bytes."""
     pytest.importorskip("distributed", reason="not installed: pip install 'bottomlock[dask]'")
     plain = command(*RUN, "--out", str(tmp_path / "plain"))
-    call = [*RUN[:-2], "--engine", "dask", "--threads", "2", "--out", str(tmp_path / "cluster")]
+    # tests/unit/test_engines.py has two processes.
+    call = [*RUN[:-2], "--engine", "dask", "--threads", "1", "--out", str(tmp_path / "cluster")]
     done = process(*call)
     assert done.returncode == 0, done.stderr
     assert shown(done) == shown(plain)
@@ -102,7 +108,7 @@ def test_the_dask_engine_on_this_machine(tmp_path: Path) -> None:
 def test_ctrl_c_on_a_cluster_of_this_machine(tmp_path: Path) -> None:
     """The terminal sends it to all processes: one line about it, and finished chunks are kept."""
     pytest.importorskip("distributed", reason="not installed: pip install 'bottomlock[dask]'")
-    call = ["run", "straight", "--runs", "5000", "--engine", "dask", "--threads", "2", "--out", "o"]
+    call = ["run", "straight", "--runs", "5000", "--engine", "dask", "--threads", "1", "--out", "o"]
     flight = subprocess.Popen(
         [sys.executable, "-m", "bottomlock", *call],
         cwd=tmp_path,
@@ -245,8 +251,14 @@ def test_importing_the_package_stays_light() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_observe_tells_masks_directions_and_manoeuvres(tmp_path: Path) -> None:
+@pytest.mark.parametrize("manoeuvres", [["hover"], pytest.param(list(MANOEUVRES), marks=pytest.mark.long)])
+def test_observe_tells_masks_directions_and_manoeuvres(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, manoeuvres: list[str]
+) -> None:
     """The scenario's own mask is marked, what it hides is named, and tables and a figure are on disk."""
+    # tests/oracle judges the masks by all manoeuvres.
+    some = partial(manoeuvre_table, manoeuvres=[MANOEUVRES[name] for name in manoeuvres])
+    monkeypatch.setattr(report, "manoeuvre_table", some)
     assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
     path = tmp_path / "straight.toml"
     text = path.read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 40.0")
@@ -258,12 +270,16 @@ def test_observe_tells_masks_directions_and_manoeuvres(tmp_path: Path) -> None:
     assert max(len(line) for line in done.stdout.splitlines()) <= 80
     found = pl.read_parquet(tmp_path / "o" / "observability.parquet")
     assert found.height == 15
-    assert pl.read_parquet(tmp_path / "o" / "manoeuvres.parquet").height == 15 * 6 * 3 * 2
+    every_mask = pl.read_parquet(tmp_path / "o" / "manoeuvres.parquet")
+    assert every_mask.height == 15 * len(manoeuvres) * 3 * 2
     assert (tmp_path / "o" / "figures" / "straight.png").is_file()
 
 
-def test_observe_the_papers_cases(tmp_path: Path) -> None:
-    """Fifteen windows, six figures, one table."""
+@pytest.mark.parametrize("is_drawn", [False, pytest.param(True, marks=pytest.mark.long)])
+def test_observe_the_papers_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, is_drawn: bool) -> None:
+    """Fifteen windows, six figures, one table; tests/unit/test_observability.py draws two."""
+    if not is_drawn:
+        monkeypatch.setattr(report, "save_figure", lambda _, path: path.touch())
     done = command("observe", "--paper", "--out", str(tmp_path / "o"))
     assert done.returncode == 0, done.stderr
     assert "DVL, turn at 10 m/s" in done.stdout

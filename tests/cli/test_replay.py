@@ -59,8 +59,8 @@ def test_example_writes_tables_report_and_manifest(out: Path) -> None:
 def test_repeats_bit_for_bit(out: Path, root: Path, tmp_path: Path) -> None:
     """The same command elsewhere, on one thread: the same tables and the same figures.
 
-    In `make test`, tables on one and two threads are compared in tests/replay/test_synthetic_dive.py, and figures by
-    the test below.
+    In `make test`, tables on one and two threads are compared in tests/replay/test_synthetic_dive.py, and the page by
+    the last of the tests below.
     """
     case = str(root / EXAMPLE / "case.toml")
     assert command("replay", case, "--out", str(tmp_path / "again"), "--threads", "1").returncode == 0
@@ -68,11 +68,26 @@ def test_repeats_bit_for_bit(out: Path, root: Path, tmp_path: Path) -> None:
         assert (tmp_path / "again" / path.relative_to(out)).read_bytes() == path.read_bytes(), path.name
 
 
+@pytest.mark.long
 def test_report_is_made_again_from_the_tables(out: Path) -> None:
     page = (out / "report.html").read_bytes()
     (out / "report.html").unlink()
     assert command("report", str(out)).returncode == 0
     assert (out / "report.html").read_bytes() == page
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_report_without_its_figures_is_the_same(out: Path, tmp_path: Path) -> None:
+    """Made again from the tables elsewhere; figures are drawn again by the test above."""
+
+    def words(folder: Path) -> str:
+        return re.sub(
+            r"<svg.*?</svg>", "", (folder / "report.html").read_text(encoding="utf-8"), flags=re.DOTALL
+        )
+
+    shutil.copytree(out, tmp_path / "copy", ignore=shutil.ignore_patterns("report.html", "figures"))
+    assert command("report", tmp_path / "copy").returncode == 0
+    assert words(tmp_path / "copy") == words(out)
 
 
 def test_directory_of_something_else(out: Path, root: Path, tmp_path: Path) -> None:

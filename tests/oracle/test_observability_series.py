@@ -140,10 +140,18 @@ def geometry(*, lever: bool = False, beams: int = 4) -> BeamGeometry:
 
 
 EARTHS = pytest.mark.parametrize("turning", [False, True], ids=["Earth at rest", "Earth turning"])
+# Exact ranks on a turning Earth take long: in `make test` the turn, where a rank is undecided, and the figure-eight.
+MOTIONS_OF_EARTHS = pytest.mark.parametrize(
+    ("name", "turning"),
+    [(name, False) for name in MOTIONS]
+    + [
+        pytest.param(name, True, marks=[] if name in {"yaw_turn", "figure_eight"} else pytest.mark.long)
+        for name in MOTIONS
+    ],
+)
 
 
-@EARTHS
-@pytest.mark.parametrize("name", MOTIONS)
+@MOTIONS_OF_EARTHS
 def test_every_mask_by_manoeuvre_by_aiding(name: str, turning: bool) -> None:
     """15 masks × 3 sets of further sensors: the table claims the exact rank, and says where it claims none."""
     table = manoeuvre_table(
@@ -255,8 +263,7 @@ def test_lever_arms_have_their_columns() -> None:
             assert found.rank == exact_rank(name, aiding, turning=True, lever=True), aiding.name
 
 
-@EARTHS
-@pytest.mark.parametrize("name", MOTIONS)
+@MOTIONS_OF_EARTHS
 def test_three_beam_instruments(name: str, turning: bool) -> None:
     """The seven masks of three beams: biases of beams that are not there are hidden, and every claim is exact."""
     table = manoeuvre_table(

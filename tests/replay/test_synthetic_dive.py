@@ -145,6 +145,7 @@ def test_smoother_joins_the_outage(replayed: ReplayResult) -> None:
     assert claimed["smoothed"] < claimed["forward"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_output_says_semi_synthetic_everywhere(replayed: ReplayResult, tmp_path: Path) -> None:
     write_replay(replayed, tmp_path)
     page = make_replay_report(tmp_path).read_text(encoding="utf-8")

@@ -18,15 +18,17 @@ from tests.unit.synthetic_campaign import Size, quiet
 PAPER = load_paper()
 
 
-def judged(folder: Path) -> pl.DataFrame:
+def judged(folder: Path, *claims: str) -> pl.DataFrame:
+    """The table of these claims; without any, of all."""
     campaign = read_campaign_tables(folder)
-    return claims_table(
-        campaign, {name: read_run_errors(campaign, name) for name in campaign.trajectories}, PAPER
-    )
+    errors = {name: read_run_errors(campaign, name) for name in campaign.trajectories}
+    wanted = [claim for claim in PAPER.claim if not claims or claim.id in claims]
+    return claims_table(campaign, errors, PAPER.model_copy(update={"claim": wanted}))
 
 
-def one(table: pl.DataFrame, claim: str) -> dict[str, Any]:
-    return table.row(by_predicate=pl.col("claim") == claim, named=True)
+def one(folder: Path, claim: str) -> dict[str, Any]:
+    """The row of a claim."""
+    return judged(folder, claim).row(0, named=True)
 
 
 def sized(velocity: dict[tuple[str, str], Any], attitude: dict[tuple[str, str], Any] | None = None) -> Size:

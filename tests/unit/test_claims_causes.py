@@ -11,7 +11,7 @@ import pytest
 from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
 from bottomlock.paper.verdicts import _verdict
 from bottomlock.statistics.rms import Array
-from tests.unit.judged_claims import PAPER, in_dive, judged, one, sized
+from tests.unit.judged_claims import PAPER, in_dive, one, sized
 from tests.unit.synthetic_campaign import write_campaign
 
 
@@ -34,9 +34,7 @@ def test_an_improvement_is_told_by_both_formulas_where_the_verdict_depends_on_it
 ) -> None:
     """26 % as an excess is 20.6 % as a reduction, and 26 % as a reduction 35.1 % as an excess; 10 % is neither."""
     size = sized({}, {("figure_eight", "plcf"): plcf})
-    note = one(judged(write_campaign(tmp_path / "c", size, scatter=0.5)), "t2-attitude-plcf-improvement")[
-        "note"
-    ]
+    note = one(write_campaign(tmp_path / "c", size, scatter=0.5), "t2-attitude-plcf-improvement")["note"]
     assert ("depends on the formula" in note) == (words is not None)
     assert words is None or words in note
 
@@ -71,11 +69,10 @@ def test_a_cause_is_tested_by_the_same_runs_without_it(
         write_campaign(
             folder / "without_dive", size, runs=runs, trajectories=["lawn_mower"], methods=["vb", "plcf"]
         )
-    table = judged(folder)
-    row = one(table, "t3-velocity-plcf-drifts-because-of-the-dive")
+    row = one(folder, "t3-velocity-plcf-drifts-because-of-the-dive")
     assert row["verdict"] == verdict
     assert words in row["note"]
-    assert one(table, "t3-velocity-plcf-drifts-in-the-dive")["verdict"] == REPRODUCED
+    assert one(folder, "t3-velocity-plcf-drifts-in-the-dive")["verdict"] == REPRODUCED
 
 
 @pytest.mark.parametrize(

@@ -143,7 +143,7 @@ def test_vehicles_that_fly_on_estimates_travel_too(
 ) -> None:
     """Over a seabed: everything that a scenario names goes to the worker with the chunk."""
     packaged = load_scenario("slope").with_overrides(runs=3, methods=["ins", "tc"])
-    flight = packaged.with_trajectory(feedback="estimate", duration_s=5.0)
+    flight = packaged.with_trajectory(feedback="estimate", duration_s=2.0)
     monkeypatch.setattr(partition, "CLOSED_LOOP_VEHICLES", 2)
     run_campaign([flight], tmp_path / "one", threads=1)
     run_campaign([flight], tmp_path / "two", engine="dask", scheduler=processes.scheduler_address)

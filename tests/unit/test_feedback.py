@@ -24,7 +24,7 @@ def scenario(name: str = "lawn_mower", *, seconds: float = 8.0, **campaign_keys:
 
 def test_bits_do_not_depend_on_company() -> None:
     """Run 3 of TC is the same among seven runs and two methods, alone, and as pilot of a crew."""
-    simulation = build_simulation(scenario())
+    simulation = build_simulation(scenario(seconds=4.0))
     key: Any = {"trajectory_key": 5, "threads": 2}
     crowd = run_closed_loop(simulation, ["ins", "tc"], pilot="own", first_run=0, runs=7, **key)
     alone = run_closed_loop(simulation, ["tc"], pilot="tc", first_run=3, runs=1, **key)
@@ -52,7 +52,7 @@ def test_cross_track_is_the_error_that_guidance_cannot_see() -> None:
 
 def test_a_campaign_tells_what_going_astray_costs(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ANN401
     """Per run and method in the table; cut into chunks, interrupted or not, the same tables."""
-    flight = scenario(runs=3, methods=("ins", "tc"))
+    flight = scenario(seconds=4.0, runs=3, methods=("ins", "tc"))
     whole = run_campaign([flight], tmp_path / "whole", threads=1).runs
     assert whole["cross_track_rms_over_time_m"].null_count() == 0
     assert whole["cross_track_rms_over_time_m"].n_unique() == 6
@@ -94,13 +94,16 @@ def test_an_analytic_truth_cannot_be_steered() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seconds", [60.0, pytest.param(100.0, marks=pytest.mark.long)])
-def test_the_better_the_navigation_the_less_astray(tmp_path: Any, seconds: float) -> None:  # noqa: ANN401
-    """A dive (and a leg), 30 runs: INS alone has the largest cross-track error, LC the least; fixed beforehand."""
-    flight = scenario(seconds=seconds, runs=30, methods=("ins", "lc", "tc"))
-    runs = run_campaign([flight], tmp_path / "o", threads=1).runs
+@pytest.mark.parametrize(("seconds", "runs"), [(60.0, 8), pytest.param(100.0, 30, marks=pytest.mark.long)])
+def test_the_better_the_navigation_the_less_astray(tmp_path: Any, seconds: float, runs: int) -> None:  # noqa: ANN401
+    """A dive (and a leg): INS alone has the largest cross-track error, LC the least; fixed beforehand.
+
+    The RMS of eight runs scatters by a quarter of it; LC stays under half of TC, and INS above eight times TC.
+    """
+    flight = scenario(seconds=seconds, runs=runs, methods=("ins", "lc", "tc"))
+    table = run_campaign([flight], tmp_path / "o", threads=1).runs
     astray = dict(
-        runs.group_by("method").agg((pl.col("cross_track_rms_over_time_m") ** 2).mean().sqrt()).iter_rows()
+        table.group_by("method").agg((pl.col("cross_track_rms_over_time_m") ** 2).mean().sqrt()).iter_rows()
     )
     assert astray["lc"] < astray["tc"]
     assert astray["ins"] > 5.0 * astray["tc"]

@@ -168,7 +168,7 @@ def hover_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("hover_alone")
+@pytest.mark.usefixtures("hover_alone", "undrawn")
 def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
     """Its own row stands beside the mask on which all beams would stay, and shows no more than that."""
     path = tmp_path / "gaps.toml"
@@ -190,7 +190,7 @@ def test_a_scenario_whose_beams_come_and_go(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("hover_alone")
+@pytest.mark.usefixtures("hover_alone", "undrawn")
 def test_a_filter_without_the_dvls_errors_has_fifteen_states(tmp_path: Path) -> None:
     path = tmp_path / "fifteen.toml"
     path.write_text(short(filter={"estimate_dvl": False}), encoding="utf-8")

@@ -133,6 +133,7 @@ def test_same_tables_same_bytes(made: Path, tmp_path: Path) -> None:
     assert files(copy) == files(made)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_without_truth_and_sweep(tmp_path: Path) -> None:
     """They are a campaign's to have or not; one trajectory and two methods make a report as well."""
     folder = write_campaign(tmp_path / "c", trajectories=["lawn_mower"], methods=["ins", "tc"], runs=2)

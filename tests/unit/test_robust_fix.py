@@ -165,8 +165,11 @@ def test_coverage_of_simulated_noise(degrees: float) -> None:
 
 
 def test_scores_cover_what_they_claim() -> None:
-    """`leave_out` on noise of t₃ at twice the claimed scale: robust in the bands at 3 sigma, plain far below."""
-    pings = 3000
+    """`leave_out` on noise of t₃ at twice the claimed scale: robust in the bands at 3 sigma, plain far below.
+
+    6,000 readings left out: the standard error of the coverage of 1 sigma is 0.6 %.
+    """
+    pings = 1500
     time_ns, _, beams = log(2.0 * SD * np.random.default_rng(5).standard_t(3.0, (pings, 4)))
     valid = np.ones((pings, 4), dtype=bool)
 

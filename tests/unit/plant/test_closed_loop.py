@@ -26,7 +26,7 @@ def _perfect(block: TruthBlock) -> Estimate:
 
 
 def test_perfect_estimates_fly_the_open_loop_truth(tauv: Vehicle) -> None:
-    mission = lawn_mower(duration_s=30.0)
+    mission = lawn_mower(duration_s=15.0)
     group = _fleet(tauv, mission, 2)
     blocks = list(fly_on_estimate(group, _perfect))
     truth = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False).truth
@@ -39,7 +39,7 @@ def test_perfect_estimates_fly_the_open_loop_truth(tauv: Vehicle) -> None:
 @pytest.fixture(scope="module")
 def misled(tauv: Vehicle) -> tuple[Mission, FloatArray, IntArray]:
     """Four runs of the straight course, the last with yaw off by 3 deg: mission, final positions, final segments."""
-    group = _fleet(tauv, straight(duration_s=80.0), 4)
+    group = _fleet(tauv, straight(duration_s=40.0), 4)
 
     def wrong(block: TruthBlock) -> Estimate:
         perfect = _perfect(block)

@@ -60,9 +60,7 @@ def _prestero(
 
 def _oracle(speed_mps: float, rudder: Callable[[float, FloatArray], float], duration_s: float) -> FloatArray:
     start = np.array([0.0, 0.0, 0.0, speed_mps, 0.0, 0.0])
-    solved = solve_ivp(
-        _prestero(speed_mps, rudder), (0.0, duration_s), start, max_step=0.02, rtol=1e-8, atol=1e-10
-    )
+    solved = solve_ivp(_prestero(speed_mps, rudder), (0.0, duration_s), start, rtol=1e-8, atol=1e-10)
     track: FloatArray = np.asarray(solved.y.T, dtype=np.float64)
     return track
 

@@ -92,13 +92,13 @@ pub fn predict_together(spans: &mut [FilterSpan<'_>]) {
         for part in group.chunks_mut(width()) {
             match part {
                 [alone] => alone.predict_alone(0),
-                _ => with_lanes!(run, part),
+                _ => with_lanes!(run, part, else part.iter_mut().for_each(|span| span.predict_alone(0))),
             }
         }
     }
 }
 
-/// How many filters share a vector: the widest of the machine.
+/// How many filters share a vector: the widest of the machine; 1 where they go one by one.
 #[must_use]
 pub fn width() -> usize {
     widest_lanes()

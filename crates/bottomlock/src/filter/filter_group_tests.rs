@@ -7,7 +7,7 @@ use crate::filter::options::Options;
 use crate::filter::water_block::WaterBlock;
 use crate::frames::{Rot, Vec3};
 use crate::model::Model;
-use crate::simd::{f64x4, f64x8, on_eight_lanes, on_every_level};
+use crate::simd::{on_every_level, vectors};
 use crate::state::NavState;
 
 const FILTERS: usize = 4;
@@ -50,30 +50,49 @@ fn bits(filter: &Eskf) -> Vec<u64> {
     numbers.into_iter().map(f64::to_bits).collect()
 }
 
-fn check<S: Simd, T: Lanes<S>>(simd: S) {
-    let streams: Vec<_> = (0..FILTERS).map(stream).collect();
-    for period_ns in [0, 100_000_000] {
-        let (mut together, mut alone) = (filters(period_ns), filters(period_ns));
-        let pairs = together.iter_mut().zip(&streams);
-        let mut spans: Vec<_> = pairs
-            .map(|(filter, samples)| FilterSpan::new(filter, samples))
-            .collect();
-        run::<S, T>(simd, &mut spans.iter_mut().collect::<Vec<_>>());
-        assert!(spans.iter().all(|span| span.failure.is_none()));
-        for (k, filter) in alone.iter_mut().enumerate() {
-            for step in streams[k].windows(2) {
-                assert_eq!(filter.predict(&step[0], &step[1]), Ok(()));
-            }
-            assert_eq!(bits(&together[k]), bits(filter), "filter {k}, period {period_ns} ns");
+/// The bits of every filter, each predicted by itself, step by step.
+fn step_by_step(period_ns: i64, streams: &[Vec<ImuSample>]) -> Vec<Vec<u64>> {
+    let mut alone = filters(period_ns);
+    for (filter, samples) in alone.iter_mut().zip(streams) {
+        for step in samples.windows(2) {
+            assert_eq!(filter.predict(&step[0], &step[1]), Ok(()));
         }
     }
+    alone.iter().map(bits).collect()
+}
+
+/// The bits of every filter, all predicted side by side.
+fn side_by_side(period_ns: i64, streams: &[Vec<ImuSample>]) -> Vec<Vec<u64>> {
+    let mut together = filters(period_ns);
+    let pairs = together.iter_mut().zip(streams);
+    let mut spans: Vec<_> = pairs
+        .map(|(filter, samples)| FilterSpan::new(filter, samples))
+        .collect();
+    predict_together(&mut spans);
+    assert!(spans.iter().all(|span| span.failure.is_none()));
+    together.iter().map(bits).collect()
 }
 
 /// Also the narrowest vectors, which fuse in software, give the bits of this machine's own.
 #[test]
 fn every_kind_of_vector_gives_the_same_bits() {
-    on_every_level!(simd => check::<_, f64x4<_>>(simd));
-    on_eight_lanes!(simd => check::<_, f64x8<_>>(simd));
+    let streams: Vec<_> = (0..FILTERS).map(stream).collect();
+    for period_ns in [0, 100_000_000] {
+        let own = step_by_step(period_ns, &streams);
+        on_every_level(|| {
+            let vectors = vectors();
+            assert_eq!(
+                step_by_step(period_ns, &streams),
+                own,
+                "{vectors:?}, period {period_ns} ns"
+            );
+            assert_eq!(
+                side_by_side(period_ns, &streams),
+                own,
+                "{vectors:?}, period {period_ns} ns"
+            );
+        });
+    }
 }
 
 /// Filters whose times agree at both ends and not between go on by themselves from where they differ; a time that does not rise

@@ -21,6 +21,8 @@ pub(crate) use fearless_simd::{Simd, f64x4, f64x8};
 pub(crate) use self::algebra::*;
 pub(crate) use self::column::*;
 pub(crate) use self::dispatch::{Vectors, vectors, widest_lanes, with_lanes, with_vectors};
+#[cfg(test)]
+pub(crate) use self::dispatch::{on_every_level, on_one_level};
 pub use self::strip::{Lift, Strip, Strips};
 pub(crate) use self::transpose::{columns_of_eight, columns_of_four};
 
@@ -258,43 +260,6 @@ pub(crate) fn plus<T: Lane>(c: T, a: f64, x: T) -> T {
     x.mul_add(x.splat(a), c)
 }
 
-/// Evaluates an expression with every kind of vector that this machine has.
-#[cfg(test)]
-macro_rules! on_every_level {
-    ($simd:ident => $check:expr) => {{
-        let level = fearless_simd::Level::new();
-        #[cfg(target_arch = "x86_64")]
-        {
-            if let Some($simd) = level.as_sse2() {
-                $check;
-            }
-            if let Some($simd) = level.as_avx2() {
-                $check;
-            }
-            if let Some($simd) = level.as_avx512() {
-                $check;
-            }
-        }
-        #[cfg(not(target_arch = "x86_64"))]
-        fearless_simd::dispatch!(level, $simd => $check);
-    }};
-}
-#[cfg(test)]
-pub(crate) use on_every_level;
-
-/// Evaluates an expression where the machine has vectors of eight.
-#[cfg(test)]
-macro_rules! on_eight_lanes {
-    ($simd:ident => $check:expr) => {
-        #[cfg(target_arch = "x86_64")]
-        if let Some($simd) = fearless_simd::Level::new().as_avx512() {
-            $check;
-        }
-    };
-}
-#[cfg(test)]
-pub(crate) use on_eight_lanes;
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -320,7 +285,11 @@ mod tests {
     /// Every kind of vector does lane by lane what `f64` does, infinities and NaN included (whose sign is nobody's).
     #[test]
     fn vectors_do_what_scalars_do() {
-        on_every_level!(simd => check::<_, f64x4<_>>(simd));
-        on_every_level!(simd => check::<_, f64x8<_>>(simd));
+        on_every_level(|| {
+            with_vectors!(simd => {
+                check::<_, f64x4<_>>(simd);
+                check::<_, f64x8<_>>(simd);
+            })
+        });
     }
 }
