@@ -76,7 +76,11 @@ fn beam_outliers_leave_the_other_readings_alone() {
             outlier_fraction: Fraction(fraction),
             outlier_factor: 8.0,
         };
-        let key = RunKey { seed: 1, trajectory: 2, run: 3 };
+        let key = RunKey {
+            seed: 1,
+            trajectory: 2,
+            run: 3,
+        };
         let (truth, options) = (turn.truth(), Options::default());
         simulate(&truth, &janus(), &model, &claimed, &epochs.schedule(), &options, &key).unwrap()
     };
