@@ -139,14 +139,16 @@ def test_a_consistency_page_of_the_survey(tmp_path: Path) -> None:
 
 
 def masks_table() -> pl.DataFrame:
-    """Two methods under four beams, two and one."""
+    """Two methods under four beams, two and one, and the reference under two."""
     rows = [
+        ("lc", "beams_12", "1,2", 0.01, "consistent"),
         ("tc", "beams_1234", "1,2,3,4", 0.02, "consistent"),
         ("tc", "beams_12", "1,2", 0.05, "consistent"),
         ("tc", "beams_13", "1,3", 0.09, "conservative"),
         ("tc", "beams_1", "1", 1.0, "consistent"),
         ("vb", "beams_1234", "1,2,3,4", 0.02, "consistent"),
         ("vb", "beams_12", "1,2", 3.0, "overconfident"),
+        ("vb", "beams_13", "1,3", 3.0, "overconfident"),
         ("vb", "beams_1", "1", 4.0, "overconfident"),
         ("tc", "dropouts", "varying", 0.03, "consistent"),
     ]
@@ -166,9 +168,10 @@ def test_the_answer_of_the_masks() -> None:
     lines = answer(masks_table(), summary)
     assert len(lines) == 5
     assert lines[0].endswith("`tc`, `vb` 0.020.")
-    assert lines[1].endswith("overconfident: `tc` 0.050–0.090.")
-    assert lines[2].endswith("`tc` 1.00.")
-    assert lines[3].endswith("`vb` 2 of 3.")
+    assert lines[1].endswith("allows: `tc` 0.050–0.090.")
+    # One row in one is what chance allows.
+    assert lines[2].endswith("`tc` 1.00; `vb` 4.00.")
+    assert lines[3].endswith("`vb` 3 of 4.")
     assert lines[4].endswith("`tc` recover for every pair; `vb` for 0 of 1.")
     none = answer(masks_table().filter(pl.col("beams") == "1"), None)
     assert none[0].endswith("not run.")
