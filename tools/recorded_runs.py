@@ -17,6 +17,7 @@ import bottomlock
 from bottomlock.atomic_write import write_parquet
 from bottomlock.replay.run import replay_case
 from tools.akit import SECTIONS, akit_case
+from tools.akit_twin import twin_runs
 
 TRUSTED = ("lc", "tc", "vb_exact", "info", "weak_sway", "sway_current", "consistent")
 SMOOTHED_METHODS = ("lc", "tc", "weak_sway", "sway_current")
@@ -31,6 +32,7 @@ class World:
         noisy, degraded, drawn, asks, depth, robust: as in `akit_case`.
         methods: the methods; empty for all.
         smooth: with the smoothed pass.
+        twin: on an exact truth (`akit_twin`).
     """
 
     name: str
@@ -42,6 +44,7 @@ class World:
     robust: bool = True
     methods: tuple[str, ...] = ()
     smooth: bool = False
+    twin: bool = False
 
     def settings(self, draws: int) -> str:
         """The lines of the section [replay]."""
@@ -61,6 +64,7 @@ WORLDS = (
     replace(PLAIN, name="degraded_plain", degraded=True),
     SMOOTHED,
     replace(SMOOTHED, name="degraded_smoothed", degraded=True),
+    replace(SMOOTHED, name="twin", methods=("lc", "tc"), twin=True),
     World("full", noisy=False, drawn=False, asks=(), methods=("ins", "lc"), smooth=True),
     World("alone", noisy=False, drawn=False, asks=(), depth=False, methods=("ins",)),
 )
@@ -92,7 +96,7 @@ def run_part(data: Path, folder: Path, world: World, section: int, draws: int, c
     key = hashlib.sha256(f"{code} {case.content_hash()}".encode()).hexdigest()[:16]
     part = folder / f"{world.name}_{section:02d}_{key}.parquet"
     if not part.is_file():
-        write_parquet(part, replay_case(case).runs.with_columns(world=pl.lit(world.name)))
+        write_parquet(part, twin_runs(case) if world.twin else replay_case(case).runs)
     return part
 
 
