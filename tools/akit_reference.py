@@ -47,6 +47,8 @@ class ReferenceQuality:
         positions, velocities: the DVL fitted to either.
         own_velocity_rms_m: horizontal positions against the integral of the reference's own velocity, RMS about the
             mean.
+        surge_sd_mps, surge_correlation_5s: the DVL's surge less the reference's, about its mean: standard deviation and
+            autocorrelation over 5 s.
         altitude_drift_mps, altitude_rms_m: altitude against the integrated velocity of the DVL: slope, and RMS about
             it.
         altitude_step_rms_m: RMS change of that difference in 1 s, 10 s and 100 s.
@@ -56,6 +58,8 @@ class ReferenceQuality:
     positions: Fit
     velocities: Fit
     own_velocity_rms_m: float
+    surge_sd_mps: float
+    surge_correlation_5s: float
     altitude_drift_mps: float
     altitude_rms_m: float
     altitude_step_rms_m: tuple[float, float, float]
@@ -150,12 +154,16 @@ def reference_quality(data: Path, scratch: Path, section: int) -> ReferenceQuali
     times, v_t = path.dvl(0.0)
     depth = columns_at(times, path.time_s, path.position)[:, 2] - integral(v_t, times)[:, 2]
     slope, start = np.polyfit(times, depth, 1)
+    apart = path.attitude(times).inv().apply(v_t - columns_at(times, path.time_s, path.velocity))[:, 0]
+    apart = apart - apart.mean()
     second, ten_seconds, hundred_seconds = (float(rms(depth[k:] - depth[:-k])) for k in (1, 10, 100))
     return ReferenceQuality(
         section=section,
         positions=_best(to_positions),
         velocities=_best(to_velocities),
         own_velocity_rms_m=float(np.sqrt(2.0) * rms((own - own.mean(axis=0))[:, :2])),
+        surge_sd_mps=float(rms(apart)),
+        surge_correlation_5s=float(np.mean(apart[5:] * apart[:-5]) / np.mean(apart**2)),
         altitude_drift_mps=float(slope),
         altitude_rms_m=float(rms(depth - slope * times - start)),
         altitude_step_rms_m=(second, ten_seconds, hundred_seconds),

@@ -14,6 +14,7 @@ from bottomlock.kernel import EARTH_RATE_RADPS
 from bottomlock.replay import rerun
 from bottomlock.replay.axes import from_quaternions
 from bottomlock.replay.case import Case
+from bottomlock.replay.random_errors import case_key
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import replay_case
 from bottomlock.replay.streams import Beams, Depths, ReferenceStates, Streams
@@ -87,7 +88,7 @@ def _with_errors(case: Case, streams: Streams) -> Streams:
     """DVL and depth with errors drawn as the case claims them: scale, biases, white noise."""
     assert streams.depths is not None
     assert case.depth is not None
-    draw = np.random.default_rng([case.replay.seed, rerun.random_errors.case_key(case.name)])
+    draw = np.random.default_rng([case.replay.seed, case_key(case.name)])
     claimed, beams, depths = case.dvl.errors, streams.beams, streams.depths
     scale = 1.0 + 1e-2 * claimed.scale_factor_percent * draw.standard_normal()
     bias = claimed.beam_bias_mps * draw.standard_normal(beams.velocity_mps.shape[1])

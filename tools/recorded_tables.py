@@ -229,7 +229,8 @@ def reference_table(sections: Sequence[ReferenceQuality]) -> str:
         [
             str(one.section), f"{one.positions.shift_s:.2f}", number(one.positions.rms),
             number(one.positions.rms_unshifted), f"{one.positions.scale:.4f}", f"{one.velocities.shift_s:.2f}",
-            f"{one.velocities.scale:.4f}", number(one.own_velocity_rms_m),
+            f"{one.velocities.scale:.4f}", number(one.own_velocity_rms_m), f"{1e3 * one.surge_sd_mps:.1f}",
+            f"{one.surge_correlation_5s:.2f}",
             f"{1e3 * one.altitude_drift_mps:.2f}", f"{1e3 * one.altitude_rms_m:.0f}",
             " / ".join(f"{1e3 * step:.0f}" for step in one.altitude_step_rms_m),
         ]
@@ -237,8 +238,8 @@ def reference_table(sections: Sequence[ReferenceQuality]) -> str:
     ]  # fmt: skip
     head = [
         "Section", "positions: DVL late, s", "residual, m", "unshifted, m", "scale", "velocities: DVL late, s",
-        "scale", "positions − ∫ own velocity, m RMS", "altitude − ∫ DVL: drift, mm/s", "RMS about it, mm",
-        "change in 1 / 10 / 100 s, mm RMS",
+        "scale", "positions − ∫ own velocity, m RMS", "surge − DVL, mm/s", "its correlation over 5 s",
+        "altitude − ∫ DVL: drift, mm/s", "RMS about it, mm", "change in 1 / 10 / 100 s, mm RMS",
     ]  # fmt: skip
     return table(head, rows)
 

@@ -59,3 +59,11 @@ def test_altitude_follows_the_dvl(sections: dict[int, ReferenceQuality]) -> None
         second, ten_seconds, hundred_seconds = found.altitude_step_rms_m
         assert second < 0.005
         assert hundred_seconds > 2.0 * ten_seconds > 4.0 * second
+
+
+def test_velocity_differs_from_the_dvl_by_a_correlated_error(sections: dict[int, ReferenceQuality]) -> None:
+    """White noise, which the cases assume, has none: its correlation over 5 s would be within 0.1 in 400 readings."""
+    for section, found in sections.items():
+        assert 0.005 < found.surge_sd_mps < 0.015
+        if section != STRAIGHT:
+            assert found.surge_correlation_5s > 0.25
