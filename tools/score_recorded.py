@@ -123,6 +123,11 @@ def main() -> None:
         "--jobs", type=int, default=os.cpu_count() or 1, help="processes; default: one per core"
     )
     asked = parser.parse_args()
+    for name in ("akit_snapir", "caves_girona_linkquest"):
+        if not (asked.data / name).is_dir():
+            raise SystemExit(
+                f"{asked.data}: has no folder '{name}', expected the recordings (BOTTOMLOCK_RECORDINGS)"
+            )
     with tempfile.TemporaryDirectory() as folder:
         tables = all_tables(asked.data, asked.parts or Path(folder), draws=DRAWS, jobs=asked.jobs)
     page = PAGE.read_text(encoding="utf-8")
