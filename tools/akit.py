@@ -3,8 +3,10 @@
 The recordings are not republished; nothing of them stands here but what was found about their clocks, axes and methods.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from bottomlock.atomic_write import write_text
 from bottomlock.replay.case import Case, parse_case
 
 LAG_S = {
@@ -107,7 +109,6 @@ TABLE_2_START = """
 level_sd_deg = 0.573
 heading_sd_deg = 1.146
 velocity_sd_mps = [0.05, 0.05, 0.05]
-draw = true
 """
 TABLE_2_IMU = """
 [imu.degrade]
@@ -122,29 +123,17 @@ NOISE = """
 noise = {{ kind = "closure", of = {{ file = "{caves}", geometry = "linkquest_caves" }} }}
 beam_noise_mps = 0.0224  # the closure's robust sigma of a beam, 20 mm/s, and the velocity's own 10 mm/s
 """
-ROBUST = """
+NOT_ROBUST = """
 [robust]
-closure_gate = 0.9973
-beam_gate = 0.9973
-tail = "student_t"
+enabled = false
 """
-WHAT_IF = """
-[[what_if]]
-name = "lost_34"
-beams_lost = [3, 4]
-[[what_if]]
-name = "outage_60"
-outages = [{{ beams = [3, 4], from_s = 60.0, to_s = 120.0 }}]
-[[what_if]]
-name = "outage_120"
-outages = [{{ beams = [3, 4], from_s = 60.0, to_s = 180.0 }}]
-[[what_if]]
-name = "outage_300"
-outages = [{{ beams = [3, 4], from_s = 60.0, to_s = 360.0 }}]
-[[what_if]]
-name = "caves"
-validity_of = {{ file = "{caves}", geometry = "linkquest_caves" }}
-"""
+WHAT_IF = {
+    "lost_34": "beams_lost = [3, 4]",
+    "outage_60": "outages = [{{ beams = [3, 4], from_s = 60.0, to_s = 120.0 }}]",
+    "outage_120": "outages = [{{ beams = [3, 4], from_s = 60.0, to_s = 180.0 }}]",
+    "outage_300": "outages = [{{ beams = [3, 4], from_s = 60.0, to_s = 360.0 }}]",
+    "caves": 'validity_of = {{ file = "{caves}", geometry = "linkquest_caves" }}',
+}
 
 
 def akit_case(
@@ -154,9 +143,10 @@ def akit_case(
     *,
     noisy: bool = False,
     degraded: bool = False,
-    asks: bool = False,
+    drawn: bool = False,
+    asks: Sequence[str] = (),
     depth: bool = True,
-    robust: bool = False,
+    robust: bool = True,
     replay: str = "",
 ) -> Case:
     """A section as a case.
@@ -166,25 +156,28 @@ def akit_case(
         scratch: folder that the geometry file may be written to.
         section: its number.
         noisy: beam noise drawn from the caves' closure residuals is added.
-        degraded: the IMU and the start are made those of the paper's Table 2.
-        asks: with the what-if cases (beams 3 and 4 lost, outages, the caves' pattern), else as recorded alone.
+        degraded: errors of the paper's Table 2 are added to the IMU, and the start is as uncertain as there.
+        drawn: the start is displaced by errors drawn from its standard deviations.
+        asks: what-if cases of `WHAT_IF` beside the beams as recorded.
         depth: with the altitude of the reference as a depth sensor.
-        robust: beams are gated one by one and their noise taken for Student's t.
+        robust: with replay's defaults for outliers; without them a Gaussian filter that gates whole pings.
         replay: lines for the section [replay].
     """
     geometry = scratch / "akit_dvl.toml"
-    geometry.write_text(GEOMETRY, encoding="utf-8")
+    write_text(geometry, GEOMETRY)
     folder, caves = data / "akit_snapir", data / "caves_girona_linkquest" / "dvl_linkquest.csv"
     common = {"folder": folder, "section": section, "lag": LAG_S[section], "lever": list(REFERENCE_LEVER_M)}
     text = CASE.format(
         **common,
         geometry=geometry,
         degrade=TABLE_2_IMU if degraded else "",
-        start=TABLE_2_START if degraded else START,
+        start=(TABLE_2_START if degraded else START) + f"draw = {str(drawn).lower()}\n",
         noise=NOISE.format(caves=caves) if noisy else "",
         depth=DEPTH.format(**common) if depth else "",
-        what_if=WHAT_IF.format(caves=caves) if asks else "",
+        what_if="".join(
+            f'[[what_if]]\nname = "{name}"\n{WHAT_IF[name]}\n'.format(caves=caves) for name in asks
+        ),
         replay=replay,
-        robust=ROBUST if robust else "",
+        robust="" if robust else NOT_ROBUST,
     )
     return parse_case(text, place=f"akit section {section}")

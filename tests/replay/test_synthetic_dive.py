@@ -15,6 +15,8 @@ from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.run import ReplayResult, replay_case, write_replay
+from bottomlock.statistics.replay import runs_table
+from bottomlock.tables.replay import SIGMAS
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.replay import synthetic_dive
 from tests.replay.streaming import stream
@@ -122,6 +124,20 @@ def test_repeats_bit_for_bit(case: Case, replayed: ReplayResult, threads: int) -
     again = replay_case(case, threads=threads)
     for name in ("runs", "ensemble", "samples", "innovations", "pings"):
         assert getattr(again, name).equals(getattr(replayed, name)), name
+
+
+def test_coverage_counts_axes_within_sigma(replayed: ReplayResult) -> None:
+    """Errors of 0.5, 1.5 and 2.5 σ on the axes: a third is within one, two thirds within two, all within three."""
+    factors = {"surge": 0.5, "sway": -1.5, "heave": 2.5}
+    samples = replayed.samples.with_columns(
+        (factor * pl.col(f"sd_velocity_{axis}_mps")).alias(f"err_velocity_{axis}_mps")
+        for axis, factor in factors.items()
+    )
+    runs = runs_table(samples, replayed.innovations, replayed.pings, replayed.path, 0)
+    for k, fraction in zip(SIGMAS, (1 / 3, 2 / 3, 1.0), strict=True):
+        np.testing.assert_allclose(runs[f"velocity_covered_{k}sigma"], fraction, rtol=1e-12)
+    rms = np.sqrt((0.25 + 2.25 + 6.25) / 3)
+    np.testing.assert_allclose(runs["velocity_normalised_rms_over_time"], rms, rtol=1e-12)
 
 
 def test_outage_takes_the_beams_away_and_gives_them_back(replayed: ReplayResult) -> None:

@@ -3,11 +3,11 @@
 import polars as pl
 
 from bottomlock.statistics.rms import rms_column, root_mean
-from bottomlock.tables.replay import FORWARD, REPLAY_ENSEMBLE, REPLAY_RUNS
+from bottomlock.tables.replay import FORWARD, REPLAY_ENSEMBLE, REPLAY_RUNS, SIGMAS
 from bottomlock.units import DEGREES_PER_RADIAN
 
 _KEYS = ["case", "what_if", "run", "method", "pass"]
-_ERRORS = ("position", "velocity", "misalignment")
+_NAMED = (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
 
 
 def _norm(kind: str, what: str) -> pl.Expr:
@@ -24,8 +24,15 @@ def _components(kind: str, what: str) -> list[str]:
     return [f"{kind}_{what}_{end}" for end in ends]
 
 
+def _fraction_within(what: str, sigmas: int) -> pl.Expr:
+    """Fraction of the axes whose error is at most so many claimed σ."""
+    pairs = zip(_components("err", what), _components("sd", what), strict=True)
+    within = [(pl.col(e).abs() <= sigmas * pl.col(s)).cast(pl.Float64) for e, s in pairs]
+    return sum(within, pl.lit(0.0)) / len(within)
+
+
 def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
-    """Norms of the errors and of the claimed standard deviations, and the mean square of error/σ over the axes."""
+    """Norms of the errors and of the claimed σ; over the axes, mean square of error/σ and fraction within 1, 2, 3 σ."""
     columns = []
     for what, unit, scale in (
         ("position", "m", 1.0),
@@ -46,6 +53,7 @@ def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
                 )
                 / 3.0
             ).alias(f"{name}_normalised_square"),
+            *(_fraction_within(what, k).alias(f"{name}_within_{k}sigma") for k in SIGMAS),
         ]
     return samples.select(*_KEYS, "time_ns", *columns)
 
@@ -71,7 +79,12 @@ def runs_table(
         # The first row is the start itself, whose standard deviations are given.
         *(
             root_mean(pl.col(f"{name}_normalised_square").slice(1)).alias(f"{name}_normalised_rms_over_time")
-            for name in ("position", "velocity", "attitude")
+            for name, _ in _NAMED
+        ),
+        *(
+            pl.col(f"{name}_within_{k}sigma").slice(1).mean().alias(f"{name}_covered_{k}sigma")
+            for name, _ in _NAMED
+            for k in SIGMAS
         ),
     )
     gate = innovations.group_by("case", "what_if", "run", "method", maintain_order=True).agg(
@@ -117,7 +130,6 @@ def ensemble_table(samples: pl.DataFrame, start_ns: int) -> pl.DataFrame:
 
 
 _FATES = ("accepted", "in_part", "rejected")
-_NAMED = (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
 
 
 def summary_table(runs: pl.DataFrame) -> pl.DataFrame:

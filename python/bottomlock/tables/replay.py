@@ -8,6 +8,9 @@ FORWARD, SMOOTHED = "forward", "smoothed"
 RECORDED = "recorded"
 """Name of the what-if case that removes nothing."""
 
+SIGMAS = (1, 2, 3)
+"""Intervals whose coverage is counted, in claimed standard deviations."""
+
 KEYS: Mapping[str, pl.DataType] = {
     "case": pl.String(),
     "what_if": pl.String(),
@@ -28,6 +31,11 @@ REPLAY_RUNS: Mapping[str, pl.DataType] = {
     "position_normalised_rms_over_time": pl.Float64(),
     "velocity_normalised_rms_over_time": pl.Float64(),
     "attitude_normalised_rms_over_time": pl.Float64(),
+    **{
+        f"{name}_covered_{k}sigma": pl.Float64()
+        for name in ("position", "velocity", "attitude")
+        for k in SIGMAS
+    },
     "distance_m": pl.Float64(),
     "beams_mean_over_pings": pl.Float64(),
     "nis_mean_over_fixes": pl.Float64(),
@@ -38,7 +46,9 @@ REPLAY_RUNS: Mapping[str, pl.DataType] = {
 }
 """A row per what-if case, run, method and pass (forward or smoothed): norms of the errors against the reference,
 null without one. `position_final_percent` is in percent of the distance travelled (% DT), `*_normalised_*` the RMS
-over time and axes of error/σ, 1 for a consistent filter. NIS and counts are those of the forward pass."""
+over time and axes of error/σ, 1 for a consistent filter, `*_covered_*` the fraction of times and axes whose error is
+within so many claimed σ: 0.683, 0.954 and 0.997 for a consistent filter. NIS and counts are those of the forward
+pass."""
 
 REPLAY_SAMPLES: Mapping[str, pl.DataType] = {
     **KEYS,

@@ -1,0 +1,53 @@
+"""docs/recorded.md is of this code: a draw of one section by the code, against the page's own number."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bottomlock.replay.run import replay_case
+from tools.akit import akit_case
+from tools.recorded_runs import WORLDS
+from tools.recorded_tables import ONE_CASE, ONE_SECTION, one_draw
+from tools.score_recorded import PAGE, marked, same_numbers
+
+
+@pytest.mark.recordings
+def test_page_is_of_this_code(recordings: Path, tmp_path: Path) -> None:
+    """`python tools/score_recorded.py` writes the page again where a change of the code moves its numbers."""
+    if not (recordings / "akit_snapir").is_dir():
+        pytest.skip(f"no recording {recordings / 'akit_snapir'}")
+    runs = {}
+    for world in WORLDS:
+        if world.name in {"noisy", "degraded"}:
+            case = akit_case(
+                recordings,
+                tmp_path,
+                ONE_SECTION,
+                noisy=world.noisy,
+                degraded=world.degraded,
+                drawn=world.drawn,
+                asks=(ONE_CASE,),
+                replay="smooth = false",
+            )
+            runs[world.name] = replay_case(case).runs
+    page = marked(PAGE.read_text(encoding="utf-8"), "one")[2]
+    assert same_numbers(page.strip(), one_draw(runs).strip())
+
+
+@pytest.mark.parametrize(
+    ("there", "now", "same"),
+    [
+        ("end 0.448 m", "end 0.449 m", True),
+        ("end 0.449 m", "end 0.45 m", True),
+        ("end 0.448 m", "end 0.45 m", False),
+        ("389 (2157)", "390 (2157)", True),
+        ("389 (2157)", "400 (2157)", False),
+        ("1.2e-05 m", "1.3e-05 m", True),
+        ("`tc` 1.0", "`lc` 1.0", False),
+        ("1 / 2", "1 / 2 / 3", False),
+    ],
+)
+def test_numbers_may_differ_by_a_unit_of_the_last_digit(there: str, now: str, same: bool) -> None:
+    assert same_numbers(there, now) is same
