@@ -148,6 +148,8 @@ class OptionsDict(TypedDict):
     information_port: str
     water: NotRequired[WaterDict]
     robust: NotRequired[RobustDict | None]
+    speed_sd_mps: NotRequired[float]
+    speed_time_s: NotRequired[float]
     depth_lever_p_m: NotRequired[ArrayLike]
     gps_lever_p_m: NotRequired[ArrayLike]
     acoustic_position_lever_p_m: NotRequired[ArrayLike]
@@ -165,6 +167,8 @@ class DefaultOptionsDict(TypedDict):
     information_port: Literal["axes", "full"]
     water: WaterDict
     robust: RobustDict
+    speed_sd_mps: float
+    speed_time_s: float
 
 @type_check_only
 class ScheduleDict(TypedDict):

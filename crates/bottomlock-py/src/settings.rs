@@ -4,6 +4,7 @@ use bottomlock::aiding::InformationPort;
 use bottomlock::aiding::outliers::{Robust, Tail};
 use bottomlock::aiding::registry::{Levers, SectionReader, SensorKind, SensorModels};
 use bottomlock::aiding::sensor::{Numbers, Section};
+use bottomlock::aiding::speed_bound::SpeedBound;
 use bottomlock::aiding::water::WaterPrior;
 use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::dvl::partial::Assumptions;
@@ -189,6 +190,7 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
         gate,
         inflate_after_rejections,
         robust: robust(dict)?,
+        speed_bound: speed_bound(dict)?,
         water,
         covariance_period_ns: item(dict, "options", "covariance_period_ns")?
             .extract()
@@ -240,8 +242,22 @@ pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     water.set_item("slip_time_s", options.water.slip_time_s)?;
     water.set_item("slip_epochs", options.water.slip_epochs)?;
     dict.set_item("water", water)?;
+    dict.set_item("speed_sd_mps", options.speed_bound.sd_mps)?;
+    dict.set_item("speed_time_s", options.speed_bound.time_s)?;
     dict.set_item("robust", robust_dict(py, &options.robust)?)?;
     Ok(dict)
+}
+
+/// The bound on the speed; none where the options do not name it.
+fn speed_bound(options: &Bound<'_, PyDict>) -> PyResult<SpeedBound> {
+    let mut bound = SpeedBound::default();
+    if options.contains("speed_sd_mps")? {
+        bound.sd_mps = number(options, "options", "speed_sd_mps")?;
+    }
+    if options.contains("speed_time_s")? {
+        bound.time_s = number(options, "options", "speed_time_s")?;
+    }
+    Ok(bound)
 }
 
 /// The treatment of outliers, under the keys that [`robust`] reads.

@@ -83,7 +83,9 @@ class Scenario(Section):
         exclude: dict[str, Any] = {"description": True, "campaign": {"runs", "methods"}}
         # A sensor that the scenario does not name decides nothing.
         exclude |= {sensor.name: True for sensor in SENSORS if sensor.name not in self.model_fields_set}
+        # Neither does what is switched off.
         exclude |= {} if self.robust.enabled else {"robust": True}
+        exclude |= {} if self.filter.speed_sd_mps else {"filter": {"speed_sd_mps", "speed_time_s"}}
         exclude |= {} if self.dvl.outlier_fraction else {"dvl": {"outlier_fraction", "outlier_factor"}}
         content = self.model_dump(mode="json", exclude=exclude)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

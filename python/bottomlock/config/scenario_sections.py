@@ -238,6 +238,9 @@ class Filter(Section):
 
     The paper gives neither n_f nor ε. n_f = 1 is its Eq. 28 with nothing added; ε = 1e-3 m²/s² is a sway of 3 cm/s,
     which is close to zero without making the gate reject real beams. Neither is fitted to a result.
+
+    `speed_sd_mps`, 0 for none, bounds each component of the velocity over ground, with one error for `speed_time_s`,
+    while the beams leave a direction unobserved beyond the linear range (docs/linear_range.md).
     """
 
     gate: Literal["joint", "per_row", "off"] = DEFAULT_OPTIONS["gate"]
@@ -251,6 +254,8 @@ class Filter(Section):
     nullified_sway_var_m2ps2: Positive = DEFAULT_OPTIONS["nullified_sway_var_m2ps2"]
     weak_sway_var_m2ps2: Positive = DEFAULT_OPTIONS["weak_sway_var_m2ps2"]
     information_port: Literal["axes", "full"] = DEFAULT_OPTIONS["information_port"]
+    speed_sd_mps: NonNegative = DEFAULT_OPTIONS["speed_sd_mps"]
+    speed_time_s: Positive = DEFAULT_OPTIONS["speed_time_s"]
     water: Water = Water()
 
     @property

@@ -28,19 +28,21 @@ macro_rules! sensors {
             Sway,
             /// The assumption on heave through the water.
             Heave,
+            /// The bound on the speed.
+            Speed,
             $($(#[doc = concat!("`", $name, "`.")] $report,)+)+
         }
 
         impl Sensor {
             /// Number of report names.
-            pub const COUNT: usize = 3 + [$($(stringify!($report)),+),+].len();
+            pub const COUNT: usize = 4 + [$($(stringify!($report)),+),+].len();
 
             /// What it measures; `None` for an assumption.
             #[must_use]
             pub fn quantity(self) -> Option<Quantity> {
                 match self {
                     Self::Beams => Some(Quantity::Velocity),
-                    Self::Sway | Self::Heave => None,
+                    Self::Sway | Self::Heave | Self::Speed => None,
                     other => reports()
                         .find(|(_, report)| report.sensor == other)
                         .map(|(_, report)| report.quantity),
@@ -54,6 +56,7 @@ macro_rules! sensors {
                     Self::Beams => "beams",
                     Self::Sway => "sway",
                     Self::Heave => "heave",
+                    Self::Speed => "speed",
                     $($(Self::$report => $name,)+)+
                 }
             }

@@ -15,6 +15,7 @@ pub mod outliers;
 pub mod position;
 pub mod registry;
 pub mod sensor;
+pub mod speed_bound;
 pub mod velocity;
 pub mod water;
 

@@ -3,6 +3,7 @@
 use crate::aiding::InformationPort;
 use crate::aiding::outliers::Robust;
 use crate::aiding::registry::Levers;
+use crate::aiding::speed_bound::SpeedBound;
 use crate::aiding::water::WaterPrior;
 use crate::dvl::partial::Assumptions;
 use crate::error::{NavError, require_non_negative, require_positive};
@@ -28,6 +29,8 @@ pub struct Options {
     pub information_port: InformationPort,
     /// Prior of the motion through the water.
     pub water: WaterPrior,
+    /// Bound on the speed, where the beams leave a direction unobserved beyond the linear range.
+    pub speed_bound: SpeedBound,
     /// Detection of outliers among the beams.
     pub robust: Robust,
     /// Place of each sensor, platform frame, m.
@@ -47,6 +50,7 @@ impl Default for Options {
             assumptions: Assumptions::default(),
             information_port: InformationPort::Axes,
             water: WaterPrior::default(),
+            speed_bound: SpeedBound::default(),
             robust: Robust::recommended(),
             levers: Levers::default(),
         }
@@ -71,6 +75,7 @@ impl Options {
         require_positive("nullified_sway_var_m2ps2", self.assumptions.nullified_sway_var_m2ps2)?;
         require_positive("weak_sway_var_m2ps2", self.assumptions.weak_sway_var_m2ps2)?;
         self.water.validate()?;
+        self.speed_bound.validate()?;
         self.robust.validate()?;
         self.levers.validate()?;
         GateTable::new(self.gate).map(|_| ())

@@ -49,6 +49,9 @@ pub struct Navigator {
     late_events: [u64; STREAMS],
 }
 
+/// Index of the pings among the streams of [`crate::navigator::events::STREAM_NAMES`].
+const DVL_STREAM: usize = 1;
+
 impl Navigator {
     /// A navigator at an initial state.
     ///
@@ -223,6 +226,7 @@ impl Navigator {
             Event::Imu(_) => {}
             Event::Beams(ping) => {
                 let used = self.aid_with_ping(ping, report)?;
+                self.bound_speed(ping.time_ns, report)?;
                 let full_lock = self.water().is_some() && self.geometry.rank_of(used) == 3;
                 self.filters.assume(full_lock, &mut *report)?;
             }
@@ -270,6 +274,20 @@ impl Navigator {
             report(&outcome);
         }
         Ok(left.valid)
+    }
+
+    /// Bounds the speed of the filter on the measurements alone beyond the linear range, where the options say so.
+    fn bound_speed(&mut self, time_ns: i64, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
+        let (bound, filter) = (&self.options.speed_bound, &mut self.filters.measurements_only);
+        if bound.sd_mps == 0.0 || self.aiding == BeamAiding::None || !filter.is_beyond_linear_range() {
+            return Ok(());
+        }
+        let Some(last_ns) = self.last_ns[DVL_STREAM] else {
+            return Ok(());
+        };
+        let innovation = bound.innovation(&filter.state(), (time_ns - last_ns) as f64 * 1e-9);
+        report(&filter.update(&innovation, Sensor::Speed)?);
+        Ok(())
     }
 
     /// Counts the gate's verdict on a whole ping; returns the factor of an inflation.

@@ -1,0 +1,82 @@
+//! The bound on the speed: it acts beyond the linear range alone, and on nothing where it is off.
+
+// Helpers outside `#[test]` functions panic on failure too.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use bottomlock::aiding::speed_bound::SpeedBound;
+use bottomlock::dvl::geometry::BeamMask;
+use bottomlock::filter::options::Options;
+use bottomlock::filter::report::{Sensor, UpdateReport};
+use bottomlock::layout::VELOCITY;
+use bottomlock::model::Model;
+use bottomlock::navigator::events::Event;
+use bottomlock::navigator::{BeamAiding, Navigator};
+use bottomlock::state::NavState;
+use common::{Epochs, Turn, draw, janus};
+
+/// By hand: 2, 0.5, 0 m/s against 3 m/s for a minute, two seconds after the last epoch: variance 9 · 30.
+#[test]
+fn an_epoch_counts_for_its_part_of_the_time() {
+    let mut state = NavState::at_rest(0);
+    state.velocity_p_mps = bottomlock::frames::Vec3::new(2.0, 0.5, 0.0);
+    let bound = SpeedBound {
+        sd_mps: 3.0,
+        time_s: 60.0,
+    };
+    let rows = bound.innovation(&state, 2.0);
+    assert_eq!((rows.rows, rows.residual[0], rows.residual[1]), (3, -2.0, -0.5));
+    assert_eq!((rows.noise[(1, 1)], rows.noise[(0, 1)]), (270.0, 0.0));
+    assert_eq!(
+        (rows.jacobian[(2, VELOCITY + 2)], rows.jacobian[(2, VELOCITY)]),
+        (1.0, 0.0)
+    );
+    // An epoch after more than the whole time counts once.
+    assert_eq!(bound.innovation(&state, 600.0).noise[(0, 0)], 9.0);
+}
+
+/// A straight run on one beam; the reports, and the velocity's largest variance at the end.
+fn straight(sd_mps: f64) -> (Vec<UpdateReport>, f64) {
+    let (turn, epochs) = (Turn::new(150, 0.001), Epochs::new(150));
+    let options = Options {
+        speed_bound: SpeedBound { sd_mps, time_s: 60.0 },
+        ..Options::default()
+    };
+    let streams = draw(&turn, &epochs.schedule(), 3, 0, 0).unwrap();
+    let model = Model::table_2();
+    let mut navigator = Navigator::new(streams.initial, janus(), BeamAiding::Tight, &model, &options).unwrap();
+    let mut reports = Vec::new();
+    let mut pings = streams.pings.iter().peekable();
+    for imu in &streams.imu {
+        navigator
+            .push(&Event::Imu(*imu), &mut |report| reports.push(*report))
+            .unwrap();
+        while let Some(ping) = pings.next_if(|ping| ping.time_ns <= imu.time_ns) {
+            let mut ping = *ping;
+            ping.valid = BeamMask::all(1);
+            ping.time_ns = imu.time_ns;
+            navigator
+                .push(&Event::Beams(ping), &mut |report| reports.push(*report))
+                .unwrap();
+        }
+    }
+    let p = navigator.covariance();
+    let largest = (VELOCITY..VELOCITY + 3).map(|k| p[(k, k)]).fold(0.0, f64::max);
+    (reports, largest)
+}
+
+/// Without the bound the velocity grows without limit and no report is its own; with it, it acts only beyond the linear
+/// range, and the velocity stays known to a few times σ.
+#[test]
+fn the_bound_acts_beyond_the_linear_range_alone() {
+    let (free, wide) = straight(0.0);
+    assert!(free.iter().all(|report| report.sensor != Sensor::Speed));
+    assert!(wide > 4.0 * 9.0, "{wide}");
+    let (bounded, narrow) = straight(3.0);
+    let own: Vec<_> = bounded.iter().filter(|report| report.sensor == Sensor::Speed).collect();
+    assert!(!own.is_empty() && own.iter().all(|report| report.is_beyond_linear_range));
+    let pings = bounded.iter().filter(|report| report.sensor == Sensor::Beams).count();
+    assert!(own.len() < pings, "{} of {pings}", own.len());
+    assert!(narrow < 16.0, "{narrow}");
+}
