@@ -84,7 +84,7 @@ golden: $(VENV)/.installed
 consistency: $(VENV)/.installed
 	$(bin)/bottomlock consistency --out out/consistency --assert tests/statistical/expected_verdicts.toml
 	cp out/consistency/consistency.md docs/consistency.md
-	$(bin)/bottomlock consistency --world survey_table2 --out out/consistency_survey
+	$(bin)/bottomlock consistency --world survey_table2 --runs 60 --out out/consistency_survey
 	cp out/consistency_survey/consistency.md docs/consistency_survey.md
 	$(bin)/bottomlock masks straight figure_eight lawn_mower --world survey_table2 --runs 50 --out out/masks_survey
 	cp out/masks_survey/masks.md docs/masks_survey.md
