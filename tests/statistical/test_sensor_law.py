@@ -18,6 +18,7 @@ import pytest
 import bottomlock
 from bottomlock.errors import ScenarioError
 from bottomlock.studies import sensor_law
+from bottomlock.studies.sensor_law_page import markdown
 from bottomlock.tables.studies import SENSOR_LAW
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
@@ -105,3 +106,24 @@ def test_a_study_to_its_table(tmp_path: Path) -> None:
     assert again.equals(first)
     assert done == ["straight-12-still", "straight-12-current"]
     assert pl.read_parquet(tmp_path / "sensor_law.parquet").equals(first)
+
+
+def test_the_page_says_what_the_table_says(tmp_path: Path) -> None:
+    """Answer, summary and cells are the table's; a cell that becomes overconfident or worse is marked."""
+    out = tmp_path / "law"
+    out.mkdir()
+    table = sensor_law.run_sensor_law([scenario(2)], [(1, 2)], out, command="bottomlock sensor-law straight")
+    page = (out / "sensor_law.md").read_text(encoding="utf-8")
+    assert "Command: `bottomlock sensor-law straight`" in page
+    assert page.count("\n| 1,2 | ") == 4
+    changed = table.with_columns(
+        pl.when(pl.col("sensors") == "depth")
+        .then(pl.lit("overconfident"))
+        .otherwise("verdict_velocity_attitude")
+        .alias("verdict_velocity_attitude"),
+        (pl.col("sensors") == "acoustic").alias("median_rises"),
+    )
+    facts = {"runs": 2, "seed": 1, "false_alarm": 0.01, "versions": {}, "command": ""}
+    marked = markdown(changed, sensor_law.summary(changed), facts)
+    assert (marked.count(" ▲ |"), marked.count(" rises |")) == (4, 4)
+    assert "of 10 cells with a further sensor the median velocity error rises in 2, and 2 become" in marked

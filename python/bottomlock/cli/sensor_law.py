@@ -35,17 +35,25 @@ def sensor_law(
         scenario or PAPER_TRAJECTORIES, runs=runs, seed=seed, methods=None, threads=threads
     )
     sets = consistency_study.parse_masks(masks, beams_of(loaded))
+    given = {"--runs": runs, "--seed": seed, "--masks": masks}
+    options = " ".join(f"{name} {value}" for name, value in given.items() if value is not None)
+    command = " ".join(["bottomlock sensor-law", *scenario, "--out DIR", options])
     configuration = study.configuration(loaded, sets)
     study_folder.claim(out, study.KIND, configuration, parts=study.PARTS, force=force)
     with study_bar(out) as report:
         table = study.run_sensor_law(
-            loaded, sets, out, threads=threads, progress=lambda cell, done, total: report(cell, done / total)
+            loaded,
+            sets,
+            out,
+            command=command,
+            threads=threads,
+            progress=lambda cell, done, total: report(cell, done / total),
         )
-    study_folder.write_manifest(out, study.KIND, configuration, status="complete")
+    study_folder.write_manifest(out, study.KIND, configuration, status="complete", command=command)
     shown = narrow_table(
         "Sensor law",
         ["method", "sensors"],
-        ["cells", "worse", "left band", "overconfident", "median", "greatest"],
+        ["cells", "worse", "left", "over", "median", "most"],
     )
     for row in study.summary(table).iter_rows(named=True):
         counts = [str(row[key]) for key in ("cells", "worse", "left_band", "overconfident")]
@@ -58,6 +66,6 @@ def sensor_law(
         )
     console.print(shown)
     console.print(
-        "worse: cells whose median velocity error rises beyond chance; left band: cells whose NEES of velocity and "
-        "attitude becomes overconfident; median and greatest velocity error at the end, m/s"
+        "worse: cells whose median velocity error rises beyond chance; left: cells whose NEES of velocity and attitude "
+        "becomes overconfident; over: cells where it is; median and greatest velocity error at the end, m/s"
     )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.atomic_write import write_parquet
+from bottomlock.atomic_write import write_parquet, write_text
 from bottomlock.config import sensors as config_sensors
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.sensors import AcousticPosition, Depth, Magnetometer
@@ -20,10 +20,11 @@ from bottomlock.statistics import chi_squared
 from bottomlock.statistics.rms import rms
 from bottomlock.studies import cases, study_folder
 from bottomlock.studies.consistency import FALSE_ALARM, run_judged
+from bottomlock.studies.sensor_law_page import markdown
 from bottomlock.tables.studies import SENSOR_LAW
 
 KIND = "sensor_law"
-PARTS = ("cells", "sensor_law.parquet", study_folder.MANIFEST)
+PARTS = ("cells", "sensor_law.parquet", "sensor_law.md", study_folder.MANIFEST)
 METHODS = ("tc", "info", "sway_current", "consistent")
 SENSORS: dict[str, dict[str, Any]] = {
     "depth": {"depth": Depth()},
@@ -78,15 +79,17 @@ def run_sensor_law(
     masks: Sequence[tuple[int, ...]],
     out: Path,
     *,
+    command: str = "",
     threads: int = 0,
     progress: Callable[[str, int, int], None] = lambda _cell, _done, _total: None,
 ) -> pl.DataFrame:
-    """Runs every cell and writes `sensor_law.parquet` to `out`; finished cells there are kept.
+    """Runs every cell and writes `sensor_law.parquet` and `sensor_law.md` to `out`; finished cells there are kept.
 
     Args:
         scenarios: trajectories, of different names; their runs and seed count, the methods are `METHODS`.
         masks: sets of returning beams, as `cases.masks` gives them.
         out: directory, claimed by the caller (`study_folder.claim`).
+        command: the command that reproduces the study, for the page.
         threads: 0 for as many as there are cores. The numbers do not depend on it.
         progress: called after each cell with its name, the number of finished cells and of all cells.
 
@@ -115,6 +118,15 @@ def run_sensor_law(
         progress(name, len(parts), len(cells))
     table = pl.concat(parts)
     write_parquet(out / "sensor_law.parquet", table)
+    campaigns = [scenario.campaign for scenario in scenarios]
+    facts = {
+        "runs": ", ".join(dict.fromkeys(str(campaign.runs) for campaign in campaigns)),
+        "seed": ", ".join(dict.fromkeys(str(campaign.seed) for campaign in campaigns)),
+        "false_alarm": FALSE_ALARM,
+        "versions": study_folder.versions(),
+        "command": command,
+    }
+    write_text(out / "sensor_law.md", markdown(table, summary(table), facts))
     return table
 
 
