@@ -125,7 +125,7 @@ def stream_of(navigator: Navigator, log: Any, fixes: Any, sd: Any) -> dict[str, 
                     t, log["beam_velocity_mps"][k], log["beam_valid"][k], sd_mps=log["beam_sd_mps"][k]
                 )
             case "depth":
-                reports = navigator.push_depth(t, log["depth_m"][k], **kernel_model["depth"])
+                reports = navigator.push_depth(t, log["depth_m"][k], sd_m=kernel_model["depth"]["sd_m"])
             case "heading":
                 yaw_sd_rad = kernel_model["magnetometer"]["yaw_sd_rad"]
                 reports = navigator.push_heading(t, log["heading_rad"][k], sd_rad=yaw_sd_rad)

@@ -35,6 +35,7 @@ def test_perfect_imu_returns_the_truth(name: str, sampling: str) -> None:
         else {key: np.zeros(3) if np.ndim(value) else 0.0 for key, value in values.items()}
         for section, values in model.items()
     }
+    perfect["depth"]["bias_time_s"] = 1.0
     result = kernel.run_batch(
         simulation.geometry,
         truth.kernel_arrays(),  # type: ignore[arg-type]
