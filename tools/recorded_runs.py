@@ -15,6 +15,7 @@ import polars as pl
 
 import bottomlock
 from bottomlock.atomic_write import write_parquet
+from bottomlock.replay.case import Case
 from bottomlock.replay.run import replay_case
 from tools.akit import SECTIONS, akit_case
 from tools.akit_twin import twin_runs
@@ -79,9 +80,9 @@ def code_hash() -> str:
     return found.hexdigest()
 
 
-def run_part(data: Path, folder: Path, world: World, section: int, draws: int, code: str) -> Path:
-    """The table of runs of one section in one world as a file in `folder`; read from there if it exists."""
-    case = akit_case(
+def section_case(data: Path, folder: Path, world: World, section: int, draws: int) -> Case:
+    """One section in one world; `folder` is for its case file."""
+    return akit_case(
         data,
         folder,
         section,
@@ -93,6 +94,11 @@ def run_part(data: Path, folder: Path, world: World, section: int, draws: int, c
         robust=world.robust,
         replay=world.settings(draws),
     )
+
+
+def run_part(data: Path, folder: Path, world: World, section: int, draws: int, code: str) -> Path:
+    """The table of runs of one section in one world as a file in `folder`; read from there if it exists."""
+    case = section_case(data, folder, world, section, draws)
     key = hashlib.sha256(f"{code} {case.content_hash()}".encode()).hexdigest()[:16]
     part = folder / f"{world.name}_{section:02d}_{key}.parquet"
     if not part.is_file():

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from bottomlock.replay.run import replay_case
-from tools.akit import akit_case
-from tools.recorded_runs import WORLDS
+from tools.recorded_runs import WORLDS, section_case
 from tools.recorded_tables import ONE_CASE, ONE_SECTION, one_draw
 from tools.score_recorded import PAGE, marked, same_numbers
 
@@ -21,17 +21,10 @@ def test_page_is_of_this_code(recordings: Path, tmp_path: Path) -> None:
     runs = {}
     for world in WORLDS:
         if world.name in {"noisy", "degraded"}:
-            case = akit_case(
-                recordings,
-                tmp_path,
-                ONE_SECTION,
-                noisy=world.noisy,
-                degraded=world.degraded,
-                drawn=world.drawn,
-                asks=(ONE_CASE,),
-                replay="smooth = false",
-            )
-            runs[world.name] = replay_case(case).runs
+            asked = replace(world, asks=(ONE_CASE,))
+            runs[world.name] = replay_case(
+                section_case(recordings, tmp_path, asked, ONE_SECTION, draws=1)
+            ).runs
     page = marked(PAGE.read_text(encoding="utf-8"), "one")[2]
     assert same_numbers(page.strip(), one_draw(runs).strip())
 

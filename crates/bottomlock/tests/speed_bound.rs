@@ -36,8 +36,9 @@ fn an_epoch_counts_for_its_part_of_the_time() {
     assert_eq!(bound.innovation(&state, 600.0).noise[(0, 0)], 9.0);
 }
 
-/// A straight run on one beam; the reports, and the velocity's largest variance at the end.
-fn straight(sd_mps: f64) -> (Vec<UpdateReport>, f64) {
+/// A straight run on one beam, pings `late_ns` after an inertial reading; the reports, and the velocity's largest variance
+/// at the end.
+fn straight(sd_mps: f64, late_ns: i64) -> (Vec<UpdateReport>, f64) {
     let (turn, epochs) = (Turn::new(150, 0.001), Epochs::new(150));
     let options = Options {
         speed_bound: SpeedBound { sd_mps, time_s: 60.0 },
@@ -55,7 +56,7 @@ fn straight(sd_mps: f64) -> (Vec<UpdateReport>, f64) {
         while let Some(ping) = pings.next_if(|ping| ping.time_ns <= imu.time_ns) {
             let mut ping = *ping;
             ping.valid = BeamMask::all(1);
-            ping.time_ns = imu.time_ns;
+            ping.time_ns = imu.time_ns + late_ns;
             navigator
                 .push(&Event::Beams(ping), &mut |report| reports.push(*report))
                 .unwrap();
@@ -70,13 +71,22 @@ fn straight(sd_mps: f64) -> (Vec<UpdateReport>, f64) {
 /// range, and the velocity stays known to a few times σ.
 #[test]
 fn the_bound_acts_beyond_the_linear_range_alone() {
-    let (free, wide) = straight(0.0);
+    let (free, wide) = straight(0.0, 0);
     assert!(free.iter().all(|report| report.sensor != Sensor::Speed));
     assert!(wide > 4.0 * 9.0, "{wide}");
-    let (bounded, narrow) = straight(3.0);
+    let (bounded, narrow) = straight(3.0, 0);
     let own: Vec<_> = bounded.iter().filter(|report| report.sensor == Sensor::Speed).collect();
     assert!(!own.is_empty() && own.iter().all(|report| report.is_beyond_linear_range));
     let pings = bounded.iter().filter(|report| report.sensor == Sensor::Beams).count();
     assert!(own.len() < pings, "{} of {pings}", own.len());
+    assert!(narrow < 16.0, "{narrow}");
+}
+
+/// A ping between two inertial readings waits for the later one; its bound is that of a ping at a reading.
+#[test]
+fn a_ping_between_readings_is_bounded_as_well() {
+    let ((at, _), (between, narrow)) = (straight(3.0, 0), straight(3.0, 1_000_000));
+    let bounds = |reports: &[UpdateReport]| reports.iter().filter(|report| report.sensor == Sensor::Speed).count();
+    assert!(bounds(&between).abs_diff(bounds(&at)) <= 1);
     assert!(narrow < 16.0, "{narrow}");
 }

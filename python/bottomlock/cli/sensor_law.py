@@ -6,7 +6,7 @@ from cyclopts import Parameter
 
 from bottomlock.cli.console import console, narrow_table
 from bottomlock.cli.parameters import ForceStudy, Seed, StudyOut, Threads, load_scenarios
-from bottomlock.cli.study_output import study_bar
+from bottomlock.cli.study_output import command_line, study_bar
 from bottomlock.studies import consistency as consistency_study
 from bottomlock.studies import sensor_law as study
 from bottomlock.studies import study_folder
@@ -36,8 +36,7 @@ def sensor_law(
     )
     sets = consistency_study.parse_masks(masks, beams_of(loaded))
     given = {"--runs": runs, "--seed": seed, "--masks": masks}
-    options = " ".join(f"{name} {value}" for name, value in given.items() if value is not None)
-    command = " ".join(["bottomlock sensor-law", *scenario, "--out DIR", options])
+    command = command_line("sensor-law", scenario, given)
     configuration = study.configuration(loaded, sets)
     study_folder.claim(out, study.KIND, configuration, parts=study.PARTS, force=force)
     with study_bar(out) as report:

@@ -25,7 +25,8 @@ IN_CURRENT = ("survey",)
 """Worlds whose water moves; that of the paper is still."""
 
 INSTRUMENT = {"configuration": "x", "tilt_deg": 20.0}
-"""Keys of `[dvl]` of every published study. The numbers of beams mean another geometry elsewhere."""
+"""Keys of `[dvl]` of the paper's world; for another instrument the numbers of beams can mean another geometry, and a
+campaign is compared with all cells."""
 
 CHANGING = ("outages", "dropouts", "altitude_loss", "replay_validity")
 """Keys of `[dvl]` by which the returning beams change with time."""

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::aiding;
 use crate::aiding::outliers;
-use crate::aiding::{InformationPort, Innovation, Motion};
+use crate::aiding::{InformationPort, Innovation};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, MAX_BEAMS};
 use crate::dvl::partial::{FixEstimator, PartialMethod, fix_estimator};
 use crate::error::NavError;
@@ -46,11 +46,10 @@ pub struct Navigator {
     last_imu: Option<ImuSample>,
     waiting: VecDeque<Event>,
     last_ns: [Option<i64>; STREAMS],
+    /// Time of the last ping that the filters have taken; `last_ns` also has those that wait.
+    last_ping_ns: Option<i64>,
     late_events: [u64; STREAMS],
 }
-
-/// Index of the pings among the streams of [`crate::navigator::events::STREAM_NAMES`].
-const DVL_STREAM: usize = 1;
 
 impl Navigator {
     /// A navigator at an initial state.
@@ -74,6 +73,7 @@ impl Navigator {
             last_imu: None,
             waiting: VecDeque::new(),
             last_ns: [None; STREAMS],
+            last_ping_ns: None,
             late_events: [0; STREAMS],
         })
     }
@@ -227,6 +227,7 @@ impl Navigator {
             Event::Beams(ping) => {
                 let used = self.aid_with_ping(ping, report)?;
                 self.bound_speed(ping.time_ns, report)?;
+                self.last_ping_ns = Some(ping.time_ns);
                 let full_lock = self.water().is_some() && self.geometry.rank_of(used) == 3;
                 self.filters.assume(full_lock, &mut *report)?;
             }
@@ -251,9 +252,10 @@ impl Navigator {
         let (mut left, mut weight) = self.screen(ping)?;
         let mut inflation = None;
         if left.valid != ping.valid {
-            inflation = self
-                .filters
-                .note_rejected(&self.tight_innovation(ping), Sensor::Beams)?;
+            inflation = self.filters.note_rejected(
+                &tight_innovation(&self.filters.measurements_only, &self.geometry, ping),
+                Sensor::Beams,
+            )?;
             if inflation.is_some() {
                 (left, weight) = self.screen(ping)?;
             }
@@ -282,7 +284,7 @@ impl Navigator {
         if bound.sd_mps == 0.0 || self.aiding == BeamAiding::None || !filter.is_beyond_linear_range() {
             return Ok(());
         }
-        let Some(last_ns) = self.last_ns[DVL_STREAM] else {
+        let Some(last_ns) = self.last_ping_ns else {
             return Ok(());
         };
         let innovation = bound.innovation(&filter.state(), (time_ns - last_ns) as f64 * 1e-9);
@@ -301,7 +303,7 @@ impl Navigator {
             BeamAiding::Loose(method) if method != PartialMethod::VirtualBeamExact => {
                 self.loose_innovation(method, ping)?.0
             }
-            _ => self.tight_innovation(ping),
+            _ => tight_innovation(&self.filters.measurements_only, &self.geometry, ping),
         };
         self.filters.note_rejected(&innovation, Sensor::Beams)
     }
@@ -317,13 +319,6 @@ impl Navigator {
         let terms = filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
         let screened = outliers::screen(&self.options.robust, geometry, &covariance, &terms, ping)?;
         Ok((screened.ping, Some(screened.weight)))
-    }
-
-    /// A row for each valid beam, for the filter on the measurements alone.
-    fn tight_innovation(&self, ping: &BeamSample) -> Innovation {
-        let geometry = &self.geometry;
-        let motion_terms = |motion: &Motion<'_>| aiding::beam_terms(motion, geometry, ping);
-        aiding::tightly_coupled(&self.filters.measurements_only.with_motion(motion_terms), ping)
     }
 
     /// The innovation of a velocity solved from the beams, and how it is solved.
@@ -357,8 +352,7 @@ impl Navigator {
         let method = match self.aiding {
             BeamAiding::None => return Ok(None),
             BeamAiding::Tight | BeamAiding::SwayCurrent => {
-                let terms_of = |filter: &Eskf| filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
-                let innovation_of = |filter: &Eskf| aiding::tightly_coupled(&terms_of(filter), ping);
+                let innovation_of = |filter: &Eskf| tight_innovation(filter, geometry, ping);
                 return self.filters.update(Sensor::Beams, innovation_of).map(Some);
             }
             BeamAiding::Loose(method) => method,
@@ -378,6 +372,12 @@ impl Navigator {
         }
         Ok(Some(report))
     }
+}
+
+/// A row for each valid beam, for one filter.
+fn tight_innovation(filter: &Eskf, geometry: &BeamGeometry, ping: &BeamSample) -> Innovation {
+    let terms = filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
+    aiding::tightly_coupled(&terms, ping)
 }
 
 /// Returns true for a virtual beam whose correlation with the filter is kept.
