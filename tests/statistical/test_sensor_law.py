@@ -123,7 +123,7 @@ def test_the_page_says_what_the_table_says(tmp_path: Path) -> None:
         .alias("verdict_velocity_attitude"),
         (pl.col("sensors") == "acoustic").alias("median_rises"),
     )
-    facts = {"runs": 2, "seed": 1, "false_alarm": 0.01, "versions": {}, "command": ""}
+    facts = {"runs": 2, "seed": 1, "false_alarm": 0.01, "made_with": "", "command": ""}
     marked = markdown(changed, sensor_law.summary(changed), facts)
     assert (marked.count(" ▲ |"), marked.count(" rises |")) == (4, 4)
     assert "of 10 cells with a further sensor the median velocity error rises in 2, and 2 become" in marked

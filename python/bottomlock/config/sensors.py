@@ -23,20 +23,24 @@ from bottomlock.config.scenario_sections import (
 AXES = ("north", "east", "down")
 
 
+DEPTH_BIAS_M, DEPTH_BIAS_TIME_S = 0.3, 21_600.0
+"""A sensor of 0.1 % of 200 m in waters with a tide; half a semidiurnal tide."""
+
+
 class Depth(Section):
     """Depth sensor: noise, bias, and what density, tide and barometer add to its reading.
 
-    `bias_m`, 1 sigma, is what the filter expects of offset, tide, density and barometer together, and estimates; a run
-    draws it as a process with the correlation time `bias_time_s`. The default is that of a sensor of 0.1 % of 200 m in
-    waters with a tide. The sensor takes its pressure for depth with `water_density_kg_per_m3`; the water itself has
-    `true_density_kg_per_m3`, by default the same. What density, tide and barometer add is not drawn.
+    `bias_m`, 1 sigma, is what the filter expects of offset, tide, density and barometer together, and estimates; a
+    run draws it as a process with the correlation time `bias_time_s`. The sensor takes its pressure for depth with
+    `water_density_kg_per_m3`; the water itself has `true_density_kg_per_m3`, by default the same. What density,
+    tide and barometer add is not drawn.
     """
 
     enabled: bool = True
     rate_hz: Positive = 0.25
     noise_pa: Positive = 194.0
-    bias_m: NonNegative = 0.3
-    bias_time_s: Positive = 21_600.0
+    bias_m: NonNegative = DEPTH_BIAS_M
+    bias_time_s: Positive = DEPTH_BIAS_TIME_S
     water_density_kg_per_m3: Positive = 1025.0
     true_density_kg_per_m3: Positive | None = None
     tide_m: Finite = 0.0

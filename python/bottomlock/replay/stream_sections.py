@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from bottomlock.config.scenario_sections import Finite, ImuErrors, NonNegative, Positive, Section, Vector
+from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Axes = tuple[Axis, Axis, Axis]
@@ -136,8 +137,8 @@ class DepthStream(Stream):
     offset_m: Finite = 0.0
     water_density_kg_per_m3: Positive = 1025.0
     sd_m: Positive
-    bias_m: NonNegative = 0.3
-    bias_time_s: Positive = 21_600.0
+    bias_m: NonNegative = DEPTH_BIAS_M
+    bias_time_s: Positive = DEPTH_BIAS_TIME_S
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
 
 

@@ -6,6 +6,7 @@ widened by Bonferroni's inequality, which holds for any dependence between times
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -98,9 +99,9 @@ def run_consistency(
         for mask in masks:
             case = cases.masked(scenario, mask)
             path = out / "cells" / f"{scenario.name}-{case.name}.parquet"
-            if not path.exists():
-                write_parquet(path, run_cell(case, whole=len(mask) == scenario.dvl.beams, threads=threads))
-            parts.append(pl.read_parquet(path))
+            whole = len(mask) == scenario.dvl.beams
+            cell = partial(run_cell, case, whole=whole, threads=threads)
+            parts.append(study_folder.finished_part(path, cell))
             progress(f"{scenario.name} {case.name}", len(parts), total)
     means = pl.concat(parts)
     table = judge(means)
@@ -109,7 +110,7 @@ def run_consistency(
         "trajectories": [scenario.name for scenario in scenarios],
         "methods": list(first.campaign.methods),
         "beams": [cases.beam_list(mask) for mask in masks],
-        "seed": ", ".join(dict.fromkeys(str(scenario.campaign.seed) for scenario in scenarios)),
+        "seed": study_folder.campaign_values(scenarios, "seed"),
         "times_s": [f"{time_s:g}" for time_s in means["time_s"].drop_nulls().unique().sort()],
         "degrees": first.filter.states,
         "tests": means.height,

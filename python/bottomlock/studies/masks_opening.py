@@ -28,13 +28,12 @@ def opening(
     lines = [f"{place}. {line}" for place, line in enumerate(answer(table, summary), start=1)]
     settings = [f"- {line}" for line in world_words.settings(scenarios)]
     limits = [f"- {line}" for line in world_words.limits(scenarios)]
-    versions = ", ".join(f"{name} {version}" for name, version in study_folder.versions().items())
-    runs, seeds = ([str(getattr(one.campaign, key)) for one in scenarios] for key in ("runs", "seed"))
+    runs, seeds = (study_folder.campaign_values(scenarios, key) for key in ("runs", "seed"))
     run = [
         f"- Trajectories: {', '.join(one.name for one in scenarios)}.",
         *settings,
-        f"- {', '.join(dict.fromkeys(runs))} runs of each case, seed {', '.join(dict.fromkeys(seeds))}.",
-        f"- Made with {versions}.",
+        f"- {runs} runs of each case, seed {seeds}.",
+        f"- Made with {study_folder.made_with()}.",
         f"- Command: `{command}`",
     ]
     parts = [["# Masks and recovery"], lines, ["## What was run"], run, ["Limits:"], limits]

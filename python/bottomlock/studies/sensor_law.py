@@ -4,6 +4,7 @@ Cells with further sensors meet the same runs as the cell without them, so that 
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -112,18 +113,16 @@ def run_sensor_law(
     for scenario, mask, current in cells:
         name = f"{scenario.name}-{''.join(map(str, mask))}-{'current' if current else 'still'}"
         path = out / "cells" / f"{name}.parquet"
-        if not path.exists():
-            write_parquet(path, run_cell(scenario, mask, current, tests=tests, threads=threads))
-        parts.append(pl.read_parquet(path))
+        cell = partial(run_cell, scenario, mask, current, tests=tests, threads=threads)
+        parts.append(study_folder.finished_part(path, cell))
         progress(name, len(parts), len(cells))
     table = pl.concat(parts)
     write_parquet(out / "sensor_law.parquet", table)
-    campaigns = [scenario.campaign for scenario in scenarios]
     facts = {
-        "runs": ", ".join(dict.fromkeys(str(campaign.runs) for campaign in campaigns)),
-        "seed": ", ".join(dict.fromkeys(str(campaign.seed) for campaign in campaigns)),
+        "runs": study_folder.campaign_values(scenarios, "runs"),
+        "seed": study_folder.campaign_values(scenarios, "seed"),
         "false_alarm": FALSE_ALARM,
-        "versions": study_folder.versions(),
+        "made_with": study_folder.made_with(),
         "command": command,
     }
     write_text(out / "sensor_law.md", markdown(table, summary(table), facts))

@@ -18,7 +18,7 @@ def markdown(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[str, Any
     Args:
         table: `tables.studies.SENSOR_LAW`.
         summary: `sensor_law.summary` of it.
-        facts: runs, seed, false_alarm, versions and command.
+        facts: runs, seed, false_alarm, made_with and command.
     """
     parts = [
         ["# A further sensor never makes it worse"],
@@ -37,7 +37,7 @@ def markdown(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[str, Any
             "- *Rises*: the lower end of the 99.9 % bootstrap interval of the difference of the medians is above zero.",
             f"- NEES at five times; false-alarm rate {facts['false_alarm']:.0%} for all cells together.",
             "- ▲ overconfident in velocity and attitude, △ in the whole state alone.",
-            f"- Made with {', '.join(f'{name} {version}' for name, version in facts['versions'].items())}.",
+            f"- Made with {facts['made_with']}.",
             f"- Command: `{facts['command']}`",
         ],
     ]

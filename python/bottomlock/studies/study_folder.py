@@ -3,11 +3,14 @@
 import hashlib
 import json
 import shutil
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from bottomlock.atomic_write import read_json, write_json
+import polars as pl
+
+from bottomlock.atomic_write import read_json, write_json, write_parquet
+from bottomlock.config.scenario import Scenario
 from bottomlock.errors import OutputError
 from bottomlock.kernel import kernel_version
 from bottomlock.tables.versions import library_versions
@@ -23,6 +26,27 @@ def configuration_hash(content: Any) -> str:  # noqa: ANN401 - any JSON value
 def versions() -> dict[str, str]:
     """Versions of bottomlock and the libraries that computed the numbers."""
     return {"bottomlock": kernel_version()} | library_versions()
+
+
+def made_with() -> str:
+    """The versions in words."""
+    return ", ".join(f"{name} {version}" for name, version in versions().items())
+
+
+def campaign_values(scenarios: Iterable[Scenario], key: str) -> str:
+    """The values of a key of `[campaign]` in words, each once: `50`, or `50, 60` where scenarios differ."""
+    return ", ".join(dict.fromkeys(str(getattr(scenario.campaign, key)) for scenario in scenarios))
+
+
+def finished_part(path: Path, run: Callable[[], pl.DataFrame]) -> pl.DataFrame:
+    """The table in a file, which is run and written first where the file does not exist.
+
+    Raises:
+        OutputError: where it cannot be written.
+    """
+    if not path.exists():
+        write_parquet(path, run())
+    return pl.read_parquet(path)
 
 
 def claim(out: Path, kind: str, configuration: str, *, parts: Iterable[str], force: bool = False) -> None:
