@@ -6,15 +6,14 @@ use super::*;
 use crate::aiding::depth::depth;
 use crate::aiding::sensor::TimeConstant;
 use crate::aiding::water::sway_row;
-use crate::earth::Environment;
 use crate::filter::Eskf;
 use crate::filter::gate::Gate;
+use crate::filter::level_turn::{advance, assert_close};
 use crate::filter::options::Options;
 use crate::filter::report::Sensor;
 use crate::filter::water_block::WaterBlock;
 use crate::frames::Vec3;
 use crate::layout::VELOCITY;
-use crate::mechanisation::ImuSample;
 use crate::model::Model;
 use crate::state::NavState;
 
@@ -66,20 +65,6 @@ fn joint(filter: &Eskf) -> DMatrix<f64> {
     DMatrix::from_fn(ALL, ALL, |i, j| upper(i.min(j), i.max(j)))
 }
 
-/// Propagates by `steps` steps of 10 ms in a level turn.
-fn advance(filter: &mut Eskf, steps: i64) {
-    let gravity = Environment::normal(32.8_f64.to_radians(), 0.0).gravity_mps2;
-    for _ in 0..steps {
-        let sample = |k: i64| ImuSample {
-            time_ns: k * 10_000_000,
-            rate_p_radps: Vec3::new(0.0, 0.01, 0.1),
-            force_p_mps2: Vec3::new(0.0, 0.2, -gravity),
-        };
-        let now = filter.state().time_ns / 10_000_000;
-        filter.predict(&sample(now), &sample(now + 1)).unwrap();
-    }
-}
-
 fn read(filter: &Eskf, depth_m: f64) -> Innovation {
     depth(&filter.state(), depth_m, BIAS.sd_m, &Vec3::from_array([0.4, 0.1, -0.2]))
 }
@@ -88,16 +73,6 @@ fn read(filter: &Eskf, depth_m: f64) -> Innovation {
 fn updated(p: &DMatrix<f64>, h: &DVector<f64>, r: f64) -> DMatrix<f64> {
     let column = p * h;
     p - &column * column.transpose() / (h.dot(&column) + r)
-}
-
-fn check(got: &DMatrix<f64>, expected: &DMatrix<f64>, what: &str) {
-    for i in 0..ALL {
-        for j in 0..ALL {
-            let size = (expected[(i, i)] * expected[(j, j)]).sqrt();
-            let difference = (got[(i, j)] - expected[(i, j)]).abs();
-            assert!(difference <= 1e-9 * size, "{what}, ({i}, {j}): {difference} of {size}");
-        }
-    }
 }
 
 /// Depths, a velocity and assumptions by turns: the covariance of all states is the textbook's, and so is the estimate.
@@ -114,7 +89,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
             _ => 0.0,
         });
         let report = filter.update(&innovation, Sensor::Depth).unwrap();
-        check(&joint(&filter), &updated(&p, &h, BIAS.sd_m.powi(2)), "depth");
+        assert_close(&joint(&filter), &updated(&p, &h, BIAS.sd_m.powi(2)), 1e-9, "depth");
         let s = h.dot(&(&p * &h)) + BIAS.sd_m.powi(2);
         assert!((report.covariance[(0, 0)] / s - 1.0).abs() < 1e-9, "round {round}");
         let gain = (&p * &h)[DIM] / s;
@@ -132,7 +107,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
         (measured.residual[0], measured.noise[(0, 0)]) = (0.05, 0.01);
         let h = DVector::from_fn(ALL, |i, _| f64::from(u8::from(i == VELOCITY + 2)));
         filter.update(&measured, Sensor::Velocity).unwrap();
-        check(&joint(&filter), &updated(&p, &h, 0.01), "velocity");
+        assert_close(&joint(&filter), &updated(&p, &h, 0.01), 1e-9, "velocity");
 
         let water = *filter.water().unwrap().estimate();
         let assumed = filter.with_motion(|motion| sway_row(motion, &water));
@@ -145,7 +120,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
             i => assumed.by_water[i - WATER_AT],
         });
         filter.assume(&assumed, Sensor::Sway, false).unwrap();
-        check(&joint(&filter), &updated(&p, &h, assumed.variance), "assumption");
+        assert_close(&joint(&filter), &updated(&p, &h, assumed.variance), 1e-9, "assumption");
     }
 }
 

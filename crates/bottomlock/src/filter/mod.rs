@@ -8,6 +8,8 @@ pub mod filter_group;
 pub mod gate;
 mod inflation;
 mod joseph;
+#[cfg(test)]
+mod level_turn;
 mod linear_error;
 pub mod linear_range;
 pub mod nees;

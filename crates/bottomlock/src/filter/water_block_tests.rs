@@ -5,13 +5,12 @@ use nalgebra::{DMatrix, DVector, SVector};
 use super::*;
 use crate::aiding::Innovation;
 use crate::aiding::water::sway_row;
-use crate::earth::Environment;
 use crate::filter::Eskf;
 use crate::filter::gate::Gate;
+use crate::filter::level_turn::{advance, assert_close};
 use crate::filter::options::Options;
 use crate::filter::report::Sensor;
 use crate::frames::Vec3;
-use crate::mechanisation::ImuSample;
 use crate::model::Model;
 use crate::state::NavState;
 
@@ -42,20 +41,6 @@ fn joint(filter: &Eskf) -> DMatrix<f64> {
         (false, true) => block.cross[(j, i - DIM)],
         (false, false) => block.covariance[(i - DIM, j - DIM)],
     })
-}
-
-/// Propagates by `steps` steps of 10 ms in a level turn.
-fn advance(filter: &mut Eskf, steps: i64) {
-    let gravity = Environment::normal(32.8_f64.to_radians(), 0.0).gravity_mps2;
-    for _ in 0..steps {
-        let sample = |k: i64| ImuSample {
-            time_ns: k * 10_000_000,
-            rate_p_radps: Vec3::new(0.0, 0.01, 0.1),
-            force_p_mps2: Vec3::new(0.0, 0.2, -gravity),
-        };
-        let now = filter.state().time_ns / 10_000_000;
-        filter.predict(&sample(now), &sample(now + 1)).unwrap();
-    }
 }
 
 fn row(filter: &Eskf) -> WaterRow {
@@ -109,16 +94,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
 }
 
 fn check(got: &DMatrix<f64>, expected: &DMatrix<f64>, round: usize) {
-    for i in 0..ALL {
-        for j in 0..ALL {
-            let size = (expected[(i, i)] * expected[(j, j)]).sqrt();
-            let difference = (got[(i, j)] - expected[(i, j)]).abs();
-            assert!(
-                difference <= 1e-10 * size,
-                "round {round}, ({i}, {j}): {difference} of {size}"
-            );
-        }
-    }
+    assert_close(got, expected, 1e-10, &format!("round {round}"));
     let sizes = DVector::from_fn(ALL, |i, _| got[(i, i)].sqrt());
     let correlation = DMatrix::from_fn(ALL, ALL, |i, j| got[(i, j)] / sizes[i] / sizes[j]);
     assert!(correlation.symmetric_eigenvalues().min() > -1e-12, "round {round}");
