@@ -90,6 +90,10 @@ class MagnetometerDict(TypedDict):
     roll_pitch_sd_rad: float
 
 @type_check_only
+class HeadingDict(TypedDict):
+    sd_rad: float
+
+@type_check_only
 class GpsDict(TypedDict):
     position_sd_m: ArrayLike
     velocity_sd_mps: ArrayLike
@@ -111,6 +115,7 @@ class ModelDict(TypedDict):
     initial: InitialDict
     depth: DepthDict
     magnetometer: MagnetometerDict
+    heading: NotRequired[HeadingDict]
     gps: GpsDict
     acoustic_position: NotRequired[AcousticPositionDict]
 
@@ -178,6 +183,7 @@ class ScheduleDict(TypedDict):
     depth_offset_m: NotRequired[NDArray[np.float64]]
     magnetometer_time_ns: NDArray[np.int64]
     yaw_offset_rad: NotRequired[NDArray[np.float64]]
+    heading_time_ns: NotRequired[NDArray[np.int64]]
     gps_time_ns: NDArray[np.int64]
     gps_received: NotRequired[NDArray[np.bool_]]
     acoustic_position_time_ns: NotRequired[NDArray[np.int64]]

@@ -44,6 +44,7 @@ def table_2() -> ModelDict:
         },
         "depth": {"sd_m": 0.0193, "bias_sd_m": 0.0, "bias_time_s": 21_600.0},
         "magnetometer": {"yaw_sd_rad": 0.1, "roll_pitch_sd_rad": 0.02},
+        "heading": {"sd_rad": 0.1},
         "gps": {"position_sd_m": [2.0, 2.0, 4.0], "velocity_sd_mps": [0.1, 0.1, 0.2]},
     }
 

@@ -44,7 +44,7 @@ def push(
     if name == "depth":
         return navigator.push_depth(time_ns, float(log["depth_m"][row]), sd_m=model["depth"]["sd_m"])
     if name == "heading":
-        sd_rad = model["magnetometer"]["yaw_sd_rad"]
+        sd_rad = model["heading"]["sd_rad"]
         return navigator.push_heading(time_ns, float(log["heading_rad"][row]), sd_rad=sd_rad)
     if name == "attitude":
         roll, pitch, yaw = log["attitude_rpy_rad"][row]

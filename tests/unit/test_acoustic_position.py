@@ -127,7 +127,7 @@ def stream_of(navigator: Navigator, log: Any, fixes: Any, sd: Any) -> dict[str, 
             case "depth":
                 reports = navigator.push_depth(t, log["depth_m"][k], sd_m=kernel_model["depth"]["sd_m"])
             case "heading":
-                yaw_sd_rad = kernel_model["magnetometer"]["yaw_sd_rad"]
+                yaw_sd_rad = kernel_model["heading"]["sd_rad"]
                 reports = navigator.push_heading(t, log["heading_rad"][k], sd_rad=yaw_sd_rad)
             case "gps":
                 position_sd_m = kernel_model["gps"]["position_sd_m"]

@@ -106,7 +106,7 @@ def test_replay_is_the_streaming_navigator(method: str) -> None:
         elif stream == 2:
             reports = nav.push_depth(t, log["depth_m"][k], sd_m=model["depth"]["sd_m"])
         elif stream == 3:
-            reports = nav.push_heading(t, log["heading_rad"][k], sd_rad=model["magnetometer"]["yaw_sd_rad"])
+            reports = nav.push_heading(t, log["heading_rad"][k], sd_rad=model["heading"]["sd_rad"])
         else:
             place = log["gps_position_t_m"][k]
             reports = nav.push_position(t, place, position_sd_m=model["gps"]["position_sd_m"])

@@ -171,8 +171,8 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
 ///
 /// Args:
 ///     geometry: the beams.
-///     model: environment and assumed sensor errors, SI; also the standard deviations of depth, heading
-///         (magnetometer.yaw_sd_rad), attitude and GPS position, and of the beams where the log has none.
+///     model: environment and assumed sensor errors, SI; also the standard deviations of depth, heading,
+///         attitude and GPS position, and of the beams where the log has none.
 ///     options: filter options.
 ///     methods: names of `METHODS`; each has the log's valid beams only, lc too.
 ///     log: imu_time_ns (N,) int64 with force_p_mps2 (N, 3) and omega_p_radps (N, 3), angular rate relative to inertial space;

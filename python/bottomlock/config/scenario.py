@@ -22,7 +22,7 @@ from bottomlock.config.scenario_sections import (
     Section,
     Trajectory,
 )
-from bottomlock.config.sensors import SENSORS, AcousticPosition, Depth, Gps, Magnetometer
+from bottomlock.config.sensors import SENSORS, AcousticPosition, Depth, Gps, Heading, Magnetometer
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import OutputError, ScenarioError
@@ -51,6 +51,7 @@ class Scenario(Section):
     dvl: Dvl
     depth: Depth = Depth(enabled=False)
     magnetometer: Magnetometer = Magnetometer(enabled=False)
+    heading: Heading = Heading(enabled=False)
     gps: Gps = Gps(enabled=False)
     acoustic_position: AcousticPosition = AcousticPosition(enabled=False)
     initial: Initial = Initial()

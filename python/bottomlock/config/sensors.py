@@ -66,6 +66,14 @@ class Magnetometer(Section):
     soft_iron: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
+class Heading(Section):
+    """Heading sensor, such as a gyrocompass: yaw alone."""
+
+    enabled: bool = True
+    rate_hz: Positive = 1.0
+    noise_deg: Positive = 0.5
+
+
 class Gps(Section):
     """GPS receiver: fixes at the surface only, from `acquire_s` after the antenna has come up."""
 
@@ -150,6 +158,17 @@ MAGNETOMETER = Sensor(
         time_ns, drawn["magnetometer_attitude_t_p"][k], **model
     ),
 )
+HEADING = Sensor(
+    name="heading",
+    section=Heading,
+    updates=("heading",),
+    table="heading",
+    columns={"heading_rad": ("heading_rad",)},
+    model=lambda gyrocompass, _: {"sd_rad": units.rad_from_deg(gyrocompass.noise_deg)},
+    push=lambda navigator, time_ns, drawn, k, model: navigator.push_heading(
+        time_ns, float(drawn["heading_rad"][k]), **model
+    ),
+)
 GPS = Sensor(
     name="gps",
     section=Gps,
@@ -192,5 +211,5 @@ ACOUSTIC_POSITION = Sensor(
     options=lambda fixes: {"acoustic_position_lever_p_m": list(fixes.lever_arm_m)},
 )
 
-SENSORS = (DEPTH, MAGNETOMETER, GPS, ACOUSTIC_POSITION)
+SENSORS = (DEPTH, MAGNETOMETER, HEADING, GPS, ACOUSTIC_POSITION)
 """In the order in which the kernel takes measurements of the same time, after the DVL's."""

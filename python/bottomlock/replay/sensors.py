@@ -92,10 +92,12 @@ def _acoustic_position_model(stream: AcousticPositionStream | None) -> dict[str,
     return {"acoustic_position": noise}
 
 
-def _magnetometer_model(stream: AttitudeStream | None) -> dict[str, Any]:
+def _attitude_model(stream: AttitudeStream | None) -> dict[str, Any]:
     yaw, tilt = (5.0, 1.0) if stream is None else (stream.yaw_sd_deg, stream.roll_pitch_sd_deg)
+    yaw_sd_rad = units.rad_from_deg(yaw)
     return {
-        "magnetometer": {"yaw_sd_rad": units.rad_from_deg(yaw), "roll_pitch_sd_rad": units.rad_from_deg(tilt)}
+        "magnetometer": {"yaw_sd_rad": yaw_sd_rad, "roll_pitch_sd_rad": units.rad_from_deg(tilt)},
+        "heading": {"sd_rad": yaw_sd_rad},
     }
 
 
@@ -111,7 +113,7 @@ SENSORS = (
         log=_depth_log,
         options=lambda stream: {"depth_lever_p_m": list(stream.lever_arm_m)},
     ),
-    Sensor(section="attitude", model=_magnetometer_model, log=_attitude_log),
+    Sensor(section="attitude", model=_attitude_model, log=_attitude_log),
     Sensor(
         section="gps",
         model=_gps_model,

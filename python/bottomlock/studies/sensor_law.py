@@ -14,7 +14,7 @@ import polars as pl
 from bottomlock.atomic_write import write_parquet, write_text
 from bottomlock.config import sensors as config_sensors
 from bottomlock.config.scenario import Scenario
-from bottomlock.config.sensors import AcousticPosition, Depth, Magnetometer
+from bottomlock.config.sensors import AcousticPosition, Depth, Gps, Heading, Magnetometer
 from bottomlock.errors import ScenarioError
 from bottomlock.simulation.build import build_simulation
 from bottomlock.statistics import chi_squared
@@ -29,10 +29,24 @@ PARTS = ("cells", "sensor_law.parquet", "sensor_law.md", study_folder.MANIFEST)
 METHODS = ("tc", "info", "sway_current", "consistent")
 SENSORS: dict[str, dict[str, Any]] = {
     "depth": {"depth": Depth()},
+    "heading": {"heading": Heading()},
     "attitude": {"magnetometer": Magnetometer()},
+    "gps": {"gps": Gps(antenna_depth_m=1000.0)},
     "acoustic": {"acoustic_position": AcousticPosition()},
 }
-SENSOR_SETS = ((), ("depth",), ("attitude",), ("depth", "attitude"), ("acoustic",), ("depth", "acoustic"))
+"""The GPS antenna is on a float, or the vehicle at the surface: fixes are received at any depth of the trajectory."""
+
+SENSOR_SETS = (
+    (),
+    ("depth",),
+    ("heading",),
+    ("depth", "heading"),
+    ("attitude",),
+    ("depth", "attitude"),
+    ("gps",),
+    ("acoustic",),
+    ("depth", "acoustic"),
+)
 CROSS_CURRENT_MPS = 0.3
 RESAMPLES = 1000
 

@@ -1,12 +1,22 @@
-//! A heading sensor: yaw alone.
+//! A heading sensor, such as a gyrocompass: yaw alone.
 
+use crate::aiding::declare::model_section;
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
-use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report};
+use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation};
 use crate::aiding::{Innovation, Motion};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Vec3};
 use crate::layout::ATTITUDE;
+use crate::random::Normals;
 use crate::state::NavState;
+
+model_section! {
+    /// Errors of a heading sensor, 1 sigma.
+    pub struct HeadingModel in "heading" (optional) {
+        /// Yaw, rad.
+        pub sd_rad: f64,
+    }
+}
 
 /// A yaw reading alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,6 +37,12 @@ impl AidingSensor for HeadingSample {
         quantity: Quantity::Angle,
     }];
     const LOG: &'static [Column] = &[Column::new("heading_rad", 1)];
+    const SIMULATION: Option<Simulation> = Some(Simulation {
+        name: "heading",
+        offset: None,
+        random: &[14],
+        columns: Self::LOG,
+    });
 
     fn time_ns(&self) -> i64 {
         self.time_ns
@@ -47,7 +63,7 @@ impl AidingSensor for HeadingSample {
         Self {
             time_ns: motion.state.time_ns,
             yaw_rad,
-            sd_rad: models.magnetometer.yaw_sd_rad,
+            sd_rad: models.heading.sd_rad,
         }
     }
 
@@ -55,8 +71,21 @@ impl AidingSensor for HeadingSample {
         Some(Self {
             time_ns,
             yaw_rad: *(*values.first()?)?.first()?,
-            sd_rad: models.magnetometer.yaw_sd_rad,
+            sd_rad: models.heading.sd_rad,
         })
+    }
+
+    fn simulate(scene: &Scene<'_>, random: &mut [Normals]) -> Option<Self> {
+        let [_, _, yaw_rad] = scene.truth.attitude_t_p.to_euler_rad();
+        Some(Self {
+            time_ns: scene.time_ns,
+            yaw_rad: yaw_rad + scene.actual.heading.sd_rad * random.first_mut()?.one(),
+            sd_rad: scene.claimed.heading.sd_rad,
+        })
+    }
+
+    fn numbers(&self) -> Vec<f64> {
+        vec![self.yaw_rad]
     }
 }
 

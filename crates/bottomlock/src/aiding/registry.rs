@@ -6,7 +6,7 @@ use crate::aiding::beams::{DvlModel, DvlOutlierModel};
 use crate::aiding::declare::{models, sensors};
 use crate::aiding::depth::{DepthModel, DepthSample};
 use crate::aiding::gps::{GpsModel, GpsSample};
-use crate::aiding::heading::HeadingSample;
+use crate::aiding::heading::{HeadingModel, HeadingSample};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Section, Simulation};
 use crate::aiding::velocity::VelocitySample;
 use crate::aiding::{Innovation, Motion};
@@ -29,6 +29,7 @@ models! {
     dvl_outliers: DvlOutlierModel,
     depth: DepthModel,
     magnetometer: MagnetometerModel,
+    heading: HeadingModel,
     gps: GpsModel,
     acoustic_position: AcousticPositionModel,
 }
