@@ -122,7 +122,11 @@ fn update(criterion: &mut Criterion) {
         });
     }
     group.finish();
+}
 
+/// The solutions of a ping.
+fn solve(criterion: &mut Criterion) {
+    let geometry = BeamGeometry::janus(Janus::X, 20_f64.to_radians()).unwrap();
     let mut group = criterion.benchmark_group("solve");
     let (noise, prior) = (BeamNoise::identity() * 0.0018, Matrix3::<f64>::identity() * 0.01);
     for (name, method) in [
@@ -306,5 +310,5 @@ fn runs(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, predict, update, record, together, runs);
+criterion_group!(benches, predict, update, solve, record, together, runs);
 criterion_main!(benches);

@@ -201,28 +201,33 @@ impl Work {
             state.position_t_m = Vec3::from_array(kinematics.position_t_m);
             state.attitude_t_p = Rot::from_quaternion_wxyz(kinematics.attitude_t_p);
             state.velocity_p_mps = Vec3::from_array(kinematics.velocity_p_mps);
-            let mut h = SMatrix::<f64, 4, 20>::zeros();
-            let mut z = SMatrix::<f64, 4, 1>::zeros();
-            for beam in 0..4 {
-                let direction = self.geometry.direction_p(beam);
-                let along = direction.dot(&state.velocity_p_mps.0);
-                for k in 0..3 {
-                    h[(beam, 6 + k)] = direction[k] * (1.0 + state.dvl_scale_factor);
-                }
-                h[(beam, 15 + beam)] = 1.0;
-                h[(beam, 19)] = along;
-                let expected = along * (1.0 + state.dvl_scale_factor) + state.dvl_bias_mps[beam];
-                z[beam] = ping.velocity_mps[beam] - expected;
-            }
-            let r = SMatrix::<f64, 4, 4>::identity() * NOISE_SD_MPS.powi(2);
-            let s = h * p * h.transpose() + r;
-            let gain = p * h.transpose() * s.try_inverse().unwrap();
-            let left = Dense::identity() - gain * h;
-            p = left * p * left.transpose() + gain * r * gain.transpose();
-            state.inject(&(gain * z));
+            self.dense_update(&mut p, &mut state, ping);
             kinematics = state.kinematics();
         }
         p
+    }
+
+    /// The update of the dense filter by the four beams of a ping, in Joseph's form.
+    fn dense_update(&self, p: &mut Covariance, state: &mut NavState, ping: &BeamSample) {
+        let mut h = SMatrix::<f64, 4, 20>::zeros();
+        let mut z = SMatrix::<f64, 4, 1>::zeros();
+        for beam in 0..4 {
+            let direction = self.geometry.direction_p(beam);
+            let along = direction.dot(&state.velocity_p_mps.0);
+            for k in 0..3 {
+                h[(beam, 6 + k)] = direction[k] * (1.0 + state.dvl_scale_factor);
+            }
+            h[(beam, 15 + beam)] = 1.0;
+            h[(beam, 19)] = along;
+            let expected = along * (1.0 + state.dvl_scale_factor) + state.dvl_bias_mps[beam];
+            z[beam] = ping.velocity_mps[beam] - expected;
+        }
+        let r = SMatrix::<f64, 4, 4>::identity() * NOISE_SD_MPS.powi(2);
+        let s = h * *p * h.transpose() + r;
+        let gain = *p * h.transpose() * s.try_inverse().unwrap();
+        let left = Covariance::identity() - gain * h;
+        *p = left * *p * left.transpose() + gain * r * gain.transpose();
+        state.inject(&(gain * z));
     }
 }
 

@@ -23,6 +23,48 @@ pub(crate) struct Recording {
     pub(crate) start: NavState,
 }
 
+/// Times of a stream, ns. Its period has no common divisor with the IMU's: no measurement falls on an inertial reading but at
+/// the start.
+fn every(seconds: i64, period_ms: i64, offset_ms: i64) -> impl Iterator<Item = i64> {
+    (0..)
+        .map(move |k| (k * period_ms + offset_ms) * MS + 371)
+        .take_while(move |&t| t < seconds * 1000 * MS)
+}
+
+/// Depth, attitude, heading and GPS of a steady turn.
+fn turn_measurements(seconds: i64, speed: f64, rate: f64) -> [Vec<Measurement>; SENSORS] {
+    let yaw = |time_ns: i64| rate * time_ns as f64 * 1e-9;
+    let place = |time_ns: i64| Vec3::new(yaw(time_ns).sin(), 1.0 - yaw(time_ns).cos(), 0.0) * (speed / rate);
+    let depth = every(seconds, 517, 40).map(|time_ns| DepthSample {
+        time_ns,
+        depth_m: 0.0,
+        sd_m: 0.02,
+    });
+    let attitude = every(seconds, 1709, 5).map(|time_ns| AttitudeSample {
+        time_ns,
+        attitude_t_p: Rot::from_euler_rad(0.0, 0.0, yaw(time_ns)),
+        roll_pitch_sd_rad: 0.02,
+        yaw_sd_rad: 0.1,
+    });
+    let heading = every(seconds, 1301, 77).map(|time_ns| HeadingSample {
+        time_ns,
+        yaw_rad: yaw(time_ns),
+        sd_rad: 0.1,
+    });
+    let gps = every(seconds, 2903, 800).map(|time_ns| GpsSample {
+        time_ns,
+        position_t_m: place(time_ns),
+        position_sd_m: [2.0; 3],
+        velocity: None,
+    });
+    let mut sensors: [Vec<Measurement>; SENSORS] = Default::default();
+    sensors[SensorKind::Depth as usize] = depth.map(Into::into).collect();
+    sensors[SensorKind::Attitude as usize] = attitude.map(Into::into).collect();
+    sensors[SensorKind::Heading as usize] = heading.map(Into::into).collect();
+    sensors[SensorKind::Gps as usize] = gps.map(Into::into).collect();
+    sensors
+}
+
 /// A level turn of 0.05 rad/s at 2 m/s on an Earth that does not turn: what it reads is constant.
 pub(crate) fn steady_turn(seconds: i64) -> Recording {
     let (speed, rate) = (2.0, 0.05);
@@ -37,57 +79,10 @@ pub(crate) fn steady_turn(seconds: i64) -> Recording {
         beam_bias_mps: [0.0; 4],
         scale_factor: 0.0,
     };
-    let yaw = |time_ns: i64| rate * time_ns as f64 * 1e-9;
-    let place = |time_ns: i64| Vec3::new(yaw(time_ns).sin(), 1.0 - yaw(time_ns).cos(), 0.0) * (speed / rate);
-    // Periods without a common divisor with the IMU's: no measurement falls on an inertial reading but at the start.
-    let every = |period_ms: i64, offset_ms: i64| {
-        (0..)
-            .map(move |k| (k * period_ms + offset_ms) * MS + 371)
-            .take_while(move |&t| t < seconds * 1000 * MS)
-    };
     let mut velocity_mps = [f64::NAN; MAX_BEAMS];
     (0..4).for_each(|beam| velocity_mps[beam] = geometry.beam_velocity_mps(beam, &motion));
     let mut start = NavState::at_rest(0);
     start.velocity_p_mps = Vec3::new(speed, 0.0, 0.0);
-    let mut sensors: [Vec<Measurement>; SENSORS] = Default::default();
-    sensors[SensorKind::Depth as usize] = every(517, 40)
-        .map(|time_ns| {
-            Measurement::from(DepthSample {
-                time_ns,
-                depth_m: 0.0,
-                sd_m: 0.02,
-            })
-        })
-        .collect();
-    sensors[SensorKind::Attitude as usize] = every(1709, 5)
-        .map(|time_ns| {
-            Measurement::from(AttitudeSample {
-                time_ns,
-                attitude_t_p: Rot::from_euler_rad(0.0, 0.0, yaw(time_ns)),
-                roll_pitch_sd_rad: 0.02,
-                yaw_sd_rad: 0.1,
-            })
-        })
-        .collect();
-    sensors[SensorKind::Heading as usize] = every(1301, 77)
-        .map(|time_ns| {
-            Measurement::from(HeadingSample {
-                time_ns,
-                yaw_rad: yaw(time_ns),
-                sd_rad: 0.1,
-            })
-        })
-        .collect();
-    sensors[SensorKind::Gps as usize] = every(2903, 800)
-        .map(|time_ns| {
-            Measurement::from(GpsSample {
-                time_ns,
-                position_t_m: place(time_ns),
-                position_sd_m: [2.0; 3],
-                velocity: None,
-            })
-        })
-        .collect();
     Recording {
         imu: (0..=seconds * 100)
             .map(|k| ImuSample {
@@ -96,7 +91,7 @@ pub(crate) fn steady_turn(seconds: i64) -> Recording {
                 force_p_mps2: Vec3::new(0.0, speed * rate, -model.environment.gravity_mps2),
             })
             .collect(),
-        pings: every(993, 130)
+        pings: every(seconds, 993, 130)
             .enumerate()
             .map(|(k, time_ns)| BeamSample {
                 time_ns,
@@ -109,7 +104,7 @@ pub(crate) fn steady_turn(seconds: i64) -> Recording {
                 },
             })
             .collect(),
-        sensors,
+        sensors: turn_measurements(seconds, speed, rate),
         geometry,
         model,
         start,
