@@ -8,6 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import polars as pl
+
+from bottomlock.atomic_write import write_parquet
 from bottomlock.records import DIGESTS, OWN_DIGEST, write_record
 
 
@@ -22,3 +25,12 @@ def edit_record(path: Path, edit: Callable[[dict[str, Any]], object] = lambda _:
     }
     edit(content)
     write_record(path, content, digests)
+
+
+def add_table(folder: Path, name: str, frame: pl.DataFrame) -> None:
+    """Writes a table of a campaign, and states it in the campaign's manifest."""
+    record = folder / "manifest.json"
+    content = json.loads(record.read_text(encoding="utf-8"))
+    content.pop(OWN_DIGEST, None)
+    digests = content.pop(DIGESTS, {})
+    write_record(record, content, digests | {name: write_parquet(folder / name, frame)})

@@ -58,7 +58,7 @@ def locked(out: Path) -> Iterator[None]:
     try:
         made = make_folder(out)
     except OSError as error:
-        raise OutputError(f"{out}: cannot be made ({error.strerror or error})") from error
+        raise OutputError(f"{out}: cannot be written ({error.strerror or error})") from error
     try:
         with _lock_file(out) as file:
             _take(out, file)
