@@ -1,12 +1,7 @@
 """Interruptions of the hard kind, and directories that somebody has spoilt."""
 
 import json
-import random
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import polars as pl
@@ -17,77 +12,15 @@ from bottomlock.campaign.directory import MANIFEST
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.errors import DataError, Note, OutputError
 from bottomlock.output_folder import LOCK
+from tests.attack.kills import finished
 from tests.recorded import edit_record
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
-
-RUNS = 300
-"""A hundred and fifty chunks: some seconds."""
-
-FLY = f"""
-import sys
-import warnings
-from pathlib import Path
-from bottomlock.campaign import partition
-from bottomlock.campaign.run import run_campaign
-from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, short
-partition.CHUNK_STEPS = STEPS_OF_TWO_RUNS
-warnings.simplefilter("ignore")
-run_campaign([short({RUNS})], Path(sys.argv[1]), threads=1)
-"""
 
 
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runs a chunk."""
     monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
-
-
-def finished(out: Path) -> dict[Path, int]:
-    """The files of finished chunks, with the time of their writing."""
-    records = out.glob("chunks/straight/record-*")
-    return {
-        path: path.stat().st_mtime_ns
-        for record in records
-        for path in (record, record.with_name(f"{record.stem.replace('record', 'samples')}.parquet"))
-    }
-
-
-ANYWHERE, IN_A_CHUNK = True, False
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "moments",
-    [
-        [ANYWHERE, IN_A_CHUNK],
-        pytest.param([ANYWHERE] * 2 + [IN_A_CHUNK] * 4, marks=pytest.mark.long),
-    ],
-    ids=["two", "six"],
-)
-def test_killed_at_any_moment(tmp_path: Path, root: Path, moments: list[bool]) -> None:
-    """SIGKILL at moments nobody chose: no finished chunk is lost or run again; the same bits."""
-    out, chance = tmp_path / "killed", random.SystemRandom()
-    killed = 0
-    for anywhere in moments:
-        before = finished(out)
-        process = subprocess.Popen([sys.executable, "-c", FLY, str(out)], cwd=root)
-        # Anywhere from the start of the process, or in the middle of its chunks, however long the start takes.
-        while not anywhere and len(finished(out)) == len(before) and process.poll() is None:
-            time.sleep(0.001)
-        time.sleep(chance.uniform(0.0, 1.2 if anywhere else 0.2))
-        process.send_signal(signal.SIGKILL)
-        killed += process.wait() == -signal.SIGKILL
-        after = finished(out)
-        assert {path: after.get(path) for path in before} == before
-    assert killed >= (len(moments) + 1) // 2, "the campaign is too short to be killed"
-    before = finished(out)
-    assert before
-    subprocess.run([sys.executable, "-c", FLY, str(out)], cwd=root, check=True)
-    after = finished(out)
-    assert {path: after[path] for path in before} == before
-    run_campaign([short(RUNS)], tmp_path / "whole", threads=2)
-    same_bits(tmp_path / "whole", out)
-    assert not [path for path in out.rglob(".*") if path.is_file()], "nothing half-written stays behind"
 
 
 def test_ended_before_the_manifest_was_there(tmp_path: Path) -> None:
