@@ -1,4 +1,6 @@
-"""Exceptions of the package: each is one line that names the place, and ends a command with exit code 2."""
+"""Exceptions of the package: each is one line that names the place, and ends a command with exit code 2; and notes."""
+
+import warnings
 
 
 class BottomlockError(Exception):
@@ -21,3 +23,12 @@ class OutputError(BottomlockError):
 
 class EngineError(BottomlockError):
     """An engine that is not available or has failed."""
+
+
+class Note(UserWarning):
+    """One line on what was put right without an error: a command prints it and goes on."""
+
+
+def note(message: str) -> None:
+    """Gives a note, which a caller may filter, or turn into an error, as any warning."""
+    warnings.warn(message, Note, stacklevel=3)

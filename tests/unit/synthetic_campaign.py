@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.metadata
 import itertools
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,12 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from bottomlock.atomic_write import write_parquet
+from bottomlock.records import write_record
 from bottomlock.statistics import campaign
 from bottomlock.tables.campaign import BIASES, CONSISTENCY, ENSEMBLE, OUTCOMES, RUNS, SAMPLES
 from tests.analytic import analytic
+from tests.recorded import edit_record
 
 TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
 METHODS = ("ins", "lc", "tc", "vb", "nsv", "plcf", "vhv")
@@ -52,14 +54,17 @@ def write_campaign(
         bounds = np.linspace(0, runs, chunks + 1).astype(int)
         for first, end in itertools.pairwise(bounds):
             path = folder / "chunks" / name / f"samples-{first:08d}-{end - 1:08d}.parquet"
-            path.parent.mkdir(parents=True, exist_ok=True)
-            samples.filter(pl.col("run").is_between(int(first), int(end) - 1)).write_parquet(path)
+            part = samples.filter(pl.col("run").is_between(int(first), int(end) - 1))
+            record = path.with_name(f"record-{first:08d}-{end - 1:08d}.json")
+            write_record(record, {}, {path.name: write_parquet(path, part)})
         norms = campaign.error_norms(samples)
         tables["runs"].append(campaign.runs_table(norms, _counts(name, methods, runs)))
         tables["ensemble"].append(campaign.ensemble_table(norms))
         tables["consistency"].append(campaign.consistency_table(norms, full_degrees=20))
-    for (name, parts), columns in zip(tables.items(), (RUNS, ENSEMBLE, CONSISTENCY), strict=True):
-        pl.concat(parts).cast(dict(columns)).write_parquet(folder / f"{name}.parquet")  # type: ignore[arg-type]
+    digests = {
+        f"{name}.parquet": write_parquet(folder / f"{name}.parquet", pl.concat(parts).cast(dict(columns)))  # type: ignore[arg-type]
+        for (name, parts), columns in zip(tables.items(), (RUNS, ENSEMBLE, CONSISTENCY), strict=True)
+    }
     manifest = {
         "status": "complete",
         "version": importlib.metadata.version("bottomlock"),
@@ -74,16 +79,13 @@ def write_campaign(
             for name in trajectories
         },
     }
-    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    write_record(folder / "manifest.json", manifest, digests)
     return folder
 
 
 def edit_manifest(folder: Path, edit: Callable[[dict[str, Any]], object]) -> None:
-    """Changes the manifest in place."""
-    path = folder / "manifest.json"
-    manifest = json.loads(path.read_text(encoding="utf-8"))
-    edit(manifest)
-    path.write_text(json.dumps(manifest), encoding="utf-8")
+    """Changes the manifest in place; it states the tables as they are."""
+    edit_record(folder / "manifest.json", edit)
 
 
 def _samples(

@@ -11,11 +11,13 @@ import numpy as np
 import polars as pl
 import pytest
 
+from bottomlock.records import write_recorded_table
 from bottomlock.report.advice import Advice, advise, choose
 from bottomlock.report.page import make_report
 from bottomlock.statistics.run_errors import read_run_errors
 from bottomlock.tables.results import read_campaign_tables
 from bottomlock.tables.studies import CURRENT, PUBLISHED, QUANTITIES, SWEEP
+from tests.recorded import add_table
 from tests.unit.synthetic_campaign import edit_manifest, write_campaign
 
 
@@ -29,7 +31,7 @@ def _overconfident(folder: Path, trajectory: str, method: str) -> None:
     path = folder / "consistency.parquet"
     here = (pl.col("trajectory") == trajectory) & (pl.col("method") == method)
     verdict = pl.when(here).then(pl.lit("overconfident")).otherwise("verdict").alias("verdict")
-    pl.read_parquet(path).with_columns(verdict).write_parquet(path)
+    add_table(folder, path.name, pl.read_parquet(path).with_columns(verdict))
 
 
 def studies(*methods: str, overconfident: Sequence[tuple[str, str, str]] = ()) -> pl.DataFrame:
@@ -126,7 +128,8 @@ def test_the_page_says_why_a_method_of_still_water_is_not_recommended(tmp_path: 
     folder = write_campaign(tmp_path / "c", trajectories=["straight"], runs=12)
     speeds = (("0", 0.04), ("0.1", 3.0), ("0.3", 24.8))
     rows = [(CURRENT, speed, "straight", "nsv", error, 1.3, 19.9, None) for speed, error in speeds]
-    pl.DataFrame(rows, schema=dict(SWEEP), orient="row").write_parquet(folder / "sweep.parquet")
+    sweep = pl.DataFrame(rows, schema=dict(SWEEP), orient="row")
+    write_recorded_table(folder / "sweep.parquet", sweep, {"configuration_hash": "0" * 64})
     summary = make_report(folder).page.read_text(encoding="utf-8").split('<h2 id="claims">')[0]
     words = re.sub(r"<[^>]*>", "", summary)
     (counted,) = {line for line in words.splitlines() if line.startswith("nsv") and "24.8" in line}
@@ -149,7 +152,7 @@ def test_a_method_whose_gate_rejects_most_fixes_is_not_recommended(tmp_path: Pat
     here = (pl.col("method") == "nsv") & (pl.col("run") == 7)
     rejected = pl.when(here).then(240).otherwise("fixes_rejected").alias("fixes_rejected")
     accepted = pl.when(here).then(10).otherwise("fixes_accepted").alias("fixes_accepted")
-    pl.read_parquet(path).with_columns(rejected, accepted).write_parquet(path)
+    add_table(folder, path.name, pl.read_parquet(path).with_columns(rejected, accepted))
     campaign = read_campaign_tables(folder)
     errors = {"straight": read_run_errors(campaign, "straight")}
     (part,) = advise(campaign, errors, studies("tc", "nsv"))

@@ -7,6 +7,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from bottomlock import atomic_write
 from bottomlock.campaign import partition
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.errors import OutputError, ScenarioError
@@ -108,11 +109,13 @@ def test_foreign_directories_stay_as_they_are(tmp_path: Path) -> None:
 def test_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: OSError) -> None:
     """A disk that fills while a table is written leaves no part of it, and the message names the file."""
 
-    def fail(_frame: pl.DataFrame, file: Path, **_: object) -> None:
-        file.write_bytes(b"half")
-        raise fault
+    def fail(path: Path, content: bytes) -> None:
+        if path.name.startswith(".samples"):
+            path.write_bytes(b"half")
+            raise fault
+        path.write_bytes(content)
 
-    monkeypatch.setattr(pl.DataFrame, "write_parquet", fail)
+    monkeypatch.setattr(atomic_write, "_write", fail)
     with pytest.raises(OutputError, match=r"samples-.*cannot be written"):
         run_campaign([short()], tmp_path / "o", threads=1)
     leftovers = [path for path in (tmp_path / "o").rglob("*") if path.is_file()]

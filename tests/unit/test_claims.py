@@ -18,6 +18,7 @@ from bottomlock.statistics.rms import Array
 from bottomlock.tables.campaign import PATHS
 from bottomlock.tables.check import check
 from bottomlock.tables.paper import CLAIMS
+from tests.recorded import add_table
 from tests.unit.judged_claims import PAPER, in_dive, judged, one, sized
 from tests.unit.synthetic_campaign import METHODS, edit_manifest, write_campaign
 
@@ -172,18 +173,17 @@ def test_a_note_tells_what_was_measured(tmp_path: Path) -> None:
     )
     runs = pl.read_parquet(folder / "runs.parquet")
     runs = runs.with_columns(fixes_rejected=pl.when(here).then(250).otherwise("fixes_rejected"))
-    runs.write_parquet(folder / "runs.parquet")
+    add_table(folder, "runs.parquet", runs)
     table = pl.read_parquet(folder / "consistency.parquet")
     table = table.with_columns(
         verdict=pl.when(here).then(pl.lit("overconfident")).otherwise("verdict"),
         mean=pl.when(here).then(4321.0).otherwise("mean"),
     )
-    table.write_parquet(folder / "consistency.parquet")
+    add_table(folder, "consistency.parquet", table)
     note = one(folder, "t3-velocity-vb")["note"]
     assert "the gate rejects 50 % of the fixes of vb" in note
-    runs.with_columns(fixes_rejected=pl.when(here).then(251).otherwise("fixes_rejected")).write_parquet(
-        folder / "runs.parquet"
-    )
+    runs = runs.with_columns(fixes_rejected=pl.when(here).then(251).otherwise("fixes_rejected"))
+    add_table(folder, "runs.parquet", runs)
     assert "the gate rejects most fixes of vb in 40 of 40 runs" in one(folder, "t3-velocity-vb")["note"]
     assert "the NEES of velocity and attitude of vb is 4320, expected 6" in note
 
@@ -243,7 +243,7 @@ def test_turns_come_from_the_timetable_or_from_the_path(
                 "depth_m": np.minimum(time_s, 30.0),
             }
         )
-        check(paths, PATHS, place="truth").write_parquet(folder / "truth.parquet")
+        add_table(folder, "truth.parquet", check(paths, PATHS, place="truth"))
     row = one(folder, "t3-velocity-nsv-oscillates")
     assert row["verdict"] == verdict
     assert row["ours"] == pytest.approx(2.0 if verdict == REPRODUCED else 1.0, rel=0.1)
@@ -285,7 +285,7 @@ def leave(folder: Path, trajectory: str, method: str, biases: str, part: float) 
         values = runs[name].to_numpy().copy()
         values[runs.select(here).to_series().to_numpy()] = part * unaided[name].to_numpy()
         runs = runs.with_columns(pl.Series(name, values))
-    runs.write_parquet(folder / "runs.parquet")
+    add_table(folder, "runs.parquet", runs)
 
 
 def test_a_bias_is_observable_where_its_error_shrinks(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The study of masks on disk: pairs, tables, resumption."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import polars as pl
@@ -146,21 +147,27 @@ def test_wrong_cases_and_instruments(tmp_path: Path) -> None:
         masks.run_masks([short(), other], tmp_path)
 
 
+def claim(out: Path, kind: str, configuration: str, *, parts: Iterable[str], force: bool = False) -> None:
+    """Claims a directory and lets go of it."""
+    with study_folder.claimed(out, kind, configuration, parts=parts, force=force):
+        pass
+
+
 def test_directories_are_claimed_not_taken(tmp_path: Path) -> None:
     """New, empty or the same study; a stranger's files stay, even with force; another configuration needs force."""
-    study_folder.claim(tmp_path / "o", "masks", "a", parts=masks.PARTS)
+    claim(tmp_path / "o", "masks", "a", parts=masks.PARTS)
     (tmp_path / "o" / "masks.parquet").write_bytes(b"old")
-    study_folder.claim(tmp_path / "o", "masks", "a", parts=masks.PARTS)
+    claim(tmp_path / "o", "masks", "a", parts=masks.PARTS)
     assert (tmp_path / "o" / "masks.parquet").exists()
-    with pytest.raises(OutputError, match="another configuration or version"):
-        study_folder.claim(tmp_path / "o", "masks", "b", parts=masks.PARTS)
+    with pytest.raises(OutputError, match="holds a masks study of another configuration; choose"):
+        claim(tmp_path / "o", "masks", "b", parts=masks.PARTS)
     with pytest.raises(OutputError, match="holds no consistency study"):
-        study_folder.claim(tmp_path / "o", "consistency", "a", parts=())
-    study_folder.claim(tmp_path / "o", "masks", "b", parts=masks.PARTS, force=True)
+        claim(tmp_path / "o", "consistency", "a", parts=())
+    claim(tmp_path / "o", "masks", "b", parts=masks.PARTS, force=True)
     assert not (tmp_path / "o" / "masks.parquet").exists()
     (tmp_path / "s").mkdir()
     (tmp_path / "s" / "thesis.tex").write_text("years of work", encoding="utf-8")
     for force in (False, True):
         with pytest.raises(OutputError, match="holds no masks study of ours"):
-            study_folder.claim(tmp_path / "s", "masks", "a", parts=("thesis.tex",), force=force)
+            claim(tmp_path / "s", "masks", "a", parts=("thesis.tex",), force=force)
     assert (tmp_path / "s" / "thesis.tex").exists()

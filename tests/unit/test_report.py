@@ -22,11 +22,13 @@ from bottomlock.figures.labels import spread
 from bottomlock.kernel import METHODS as KERNEL_METHODS
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.numbers import number
+from bottomlock.records import write_recorded_table
 from bottomlock.report.page import make_report
 from bottomlock.statistics.rms import Array
 from bottomlock.statistics.run_errors import read_run_errors
 from bottomlock.tables.results import read_campaign_tables
 from bottomlock.tables.studies import SWEEP
+from tests.recorded import add_table, edit_record
 from tests.unit.synthetic_campaign import METHODS, edit_manifest, write_campaign
 
 
@@ -37,7 +39,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         tmp_path_factory.mktemp("campaign") / "c", methods=[*METHODS, "quite_new"], runs=12
     )
     time_s = np.arange(0.0, 251.0)
-    pl.DataFrame(
+    paths = pl.DataFrame(
         {
             "trajectory": ["straight"] * time_s.size,
             "time_ns": (time_s * 1e9).astype(np.int64),
@@ -45,12 +47,14 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "east_m": 0.0 * time_s,
             "depth_m": 0.0 * time_s,
         }
-    ).write_parquet(folder / "truth.parquet")
-    pl.DataFrame(
+    )
+    add_table(folder, "truth.parquet", paths)
+    sweep = pl.DataFrame(
         [("virtual_beam_factor", "10", "straight", "vb", 0.1, 1.3, 19.9, None)],
         schema=dict(SWEEP),
         orient="row",
-    ).write_parquet(folder / "sweep.parquet")
+    )
+    write_recorded_table(folder / "sweep.parquet", sweep, {"configuration_hash": "0" * 64})
     make_report(folder)
     return folder
 
@@ -166,22 +170,26 @@ def _damage(name: str) -> Callable[[Path], object]:
 def _fewer_rows(folder: Path) -> None:
     path = folder / "chunks" / "straight" / "samples-00000000-00000003.parquet"
     pl.read_parquet(path).head(-1).write_parquet(path)
+    edit_record(path.with_name("record-00000000-00000003.json"))
 
 
 def _without_column(folder: Path) -> None:
     path = folder / "chunks" / "straight" / "samples-00000000-00000003.parquet"
     pl.read_parquet(path).drop("nees").write_parquet(path)
+    edit_record(path.with_name("record-00000000-00000003.json"))
 
 
 def _other_methods(folder: Path) -> None:
     path = folder / "ensemble.parquet"
     pl.read_parquet(path).filter(pl.col("method") != "tc").write_parquet(path)
+    edit_record(folder / "manifest.json")
 
 
 def _stranger(folder: Path) -> None:
     path = folder / "runs.parquet"
     frame = pl.read_parquet(path)
     pl.concat([frame, frame.with_columns(trajectory=pl.lit("elsewhere"))]).write_parquet(path)
+    edit_record(folder / "manifest.json")
 
 
 @pytest.mark.parametrize(
@@ -189,7 +197,7 @@ def _stranger(folder: Path) -> None:
     [
         (shutil.rmtree, "no such directory"),
         (lambda folder: (folder / "manifest.json").unlink(), "holds no campaign"),
-        (lambda folder: (folder / "manifest.json").write_text("{}"), "holds no campaign"),
+        (lambda folder: (folder / "manifest.json").write_text("{}"), "manifest.json: has no 'own_digest'"),
         (_damage("manifest.json"), "cannot be read as JSON"),
         (
             lambda folder: edit_manifest(folder, lambda m: m.update(version="0.0.1")),
@@ -201,10 +209,16 @@ def _stranger(folder: Path) -> None:
             "scenario 'straight' lacks 'runs'",
         ),
         (lambda folder: (folder / "ensemble.parquet").unlink(), "ensemble.parquet: is missing"),
-        (_damage("runs.parquet"), "runs.parquet: cannot be read"),
-        (_damage("sweep.parquet"), "sweep.parquet: cannot be read"),
+        (_damage("runs.parquet"), "runs.parquet: has changed since it was written"),
+        (_damage("sweep.parquet"), "sweep.parquet: is not stated by the records of this campaign"),
         (
-            lambda folder: pl.DataFrame({"north_m": [0.0]}).write_parquet(folder / "truth.parquet"),
+            lambda folder: write_recorded_table(
+                folder / "sweep.parquet", pl.DataFrame(), {"configuration_hash": 1}
+            ),
+            "sweep.record.json: is of another campaign",
+        ),
+        (
+            lambda folder: add_table(folder, "truth.parquet", pl.DataFrame({"north_m": [0.0]})),
             "truth.parquet: column 'trajectory' is missing",
         ),
         (_other_methods, "ensemble.parquet: trajectory 'straight' has the methods"),
@@ -214,7 +228,8 @@ def _stranger(folder: Path) -> None:
             "the chunk that begins with run 4 is missing, 8 runs are expected",
         ),
         (lambda folder: shutil.rmtree(folder / "chunks"), "the chunk that begins with run 0 is missing"),
-        (_damage("chunks/straight/samples-00000000-00000003.parquet"), "cannot be read as the table"),
+        (_damage("chunks/straight/samples-00000000-00000003.parquet"), "has changed since it was written"),
+        (_damage("chunks/straight/record-00000000-00000003.json"), "cannot be read as JSON"),
         (_fewer_rows, "expected 4 runs × 3 methods × 51 times"),
         (_without_column, "nees"),
     ],

@@ -1,33 +1,20 @@
 """Interruptions of the hard kind, and directories that somebody has spoilt."""
 
-import random
-import signal
-import subprocess
-import sys
-import time
+import json
+import shutil
 from pathlib import Path
 
 import polars as pl
 import pytest
 
-from bottomlock.campaign import partition
+from bottomlock.campaign import partition, run
 from bottomlock.campaign.directory import MANIFEST
 from bottomlock.campaign.run import CampaignProgress, run_campaign
-from bottomlock.errors import DataError, OutputError
+from bottomlock.errors import DataError, Note, OutputError
+from bottomlock.output_folder import LOCK
+from tests.attack.kills import finished
+from tests.recorded import edit_record
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
-
-RUNS = 300
-"""A hundred and fifty chunks: some seconds."""
-
-FLY = f"""
-import sys
-from pathlib import Path
-from bottomlock.campaign import partition
-from bottomlock.campaign.run import run_campaign
-from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, short
-partition.CHUNK_STEPS = STEPS_OF_TWO_RUNS
-run_campaign([short({RUNS})], Path(sys.argv[1]), threads=1)
-"""
 
 
 @pytest.fixture(autouse=True)
@@ -36,59 +23,12 @@ def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
 
 
-def finished(out: Path) -> dict[Path, int]:
-    """The files of finished chunks, with the time of their writing."""
-    counts = out.glob("chunks/straight/counts-*")
-    return {
-        path: path.stat().st_mtime_ns
-        for count in counts
-        for path in (count, count.with_name(count.name.replace("counts", "samples")))
-    }
-
-
-ANYWHERE, IN_A_CHUNK = True, False
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "moments",
-    [
-        [ANYWHERE, IN_A_CHUNK],
-        pytest.param([ANYWHERE] * 2 + [IN_A_CHUNK] * 4, marks=pytest.mark.long),
-    ],
-    ids=["two", "six"],
-)
-def test_killed_at_any_moment(tmp_path: Path, root: Path, moments: list[bool]) -> None:
-    """SIGKILL at moments nobody chose: no finished chunk is lost or run again; the same bits."""
-    out, chance = tmp_path / "killed", random.SystemRandom()
-    killed = 0
-    for anywhere in moments:
-        before = finished(out)
-        process = subprocess.Popen([sys.executable, "-c", FLY, str(out)], cwd=root)
-        # Anywhere from the start of the process, or in the middle of its chunks, however long the start takes.
-        while not anywhere and len(finished(out)) == len(before) and process.poll() is None:
-            time.sleep(0.001)
-        time.sleep(chance.uniform(0.0, 1.2 if anywhere else 0.2))
-        process.send_signal(signal.SIGKILL)
-        killed += process.wait() == -signal.SIGKILL
-        after = finished(out)
-        assert {path: after.get(path) for path in before} == before
-    assert killed >= (len(moments) + 1) // 2, "the campaign is too short to be killed"
-    before = finished(out)
-    assert before
-    subprocess.run([sys.executable, "-c", FLY, str(out)], cwd=root, check=True)
-    after = finished(out)
-    assert {path: after[path] for path in before} == before
-    run_campaign([short(RUNS)], tmp_path / "whole", threads=2)
-    same_bits(tmp_path / "whole", out)
-    assert not [path for path in out.rglob(".*") if path.is_file()], "nothing half-written stays behind"
-
-
 def test_ended_before_the_manifest_was_there(tmp_path: Path) -> None:
     """All that is left is a manifest that was never finished: the directory is as good as empty."""
     out = tmp_path / "o"
     out.mkdir()
     (out / f".{MANIFEST}.4711.part").write_text("{", encoding="utf-8")
+    (out / LOCK).write_text("", encoding="utf-8")
     run_campaign([short()], out, threads=1)
     assert [path.name for path in out.glob(".*")] == []
 
@@ -121,47 +61,136 @@ def test_a_missing_file_is_a_missing_chunk(tmp_path: Path, which: str) -> None:
     same_bits(tmp_path / "whole", tmp_path / "o")
 
 
-@pytest.mark.parametrize("which", ["samples", "counts"])
-def test_a_damaged_chunk_is_named(tmp_path: Path, which: str) -> None:
-    """The message says which file and what to do, and the tables that were there stay."""
+CHUNK = "00000002-00000003"
+
+
+@pytest.mark.parametrize("which", ["samples", "choices", "counts", "record"])
+def test_a_chunk_that_has_changed_is_run_again(tmp_path: Path, which: str) -> None:
+    """A note names the file; the tables are those of the campaign as it was."""
+    run_campaign([short()], tmp_path / "whole", threads=1)
+    run_campaign([short()], tmp_path / "o", threads=1)
+    (path,) = (tmp_path / "o" / "chunks" / "straight").glob(f"{which}-{CHUNK}.*")
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    with pytest.warns(Note, match=rf"{path.name}: .*; the chunk is run again"):
+        run_campaign([short()], tmp_path / "o", threads=1)
+    same_bits(tmp_path / "whole", tmp_path / "o")
+
+
+def test_whole_files_in_the_wrong_place(tmp_path: Path) -> None:
+    """Tables of other runs, of another seed and of another scenario are whole, and yet not this chunk's."""
+    run_campaign([short()], tmp_path / "whole", threads=1)
+    out, other = tmp_path / "o", tmp_path / "other"
+    run_campaign([short()], out, threads=1)
+    run_campaign([short().with_overrides(seed=7)], other, threads=1)
+    folder, theirs = out / "chunks" / "straight", other / "chunks" / "straight"
+    before = [
+        # Counts of another chunk; a chunk of other runs with its record; a chunk of another seed with its record.
+        [(folder / "counts-00000000-00000001.parquet", folder / "counts-00000002-00000003.parquet")],
+        [
+            (path, Path(str(path).replace("0-00000001", "2-00000003")))
+            for path in folder.glob("*0-00000001.*")
+        ],
+        [(path, folder / path.name) for path in theirs.glob(f"*{CHUNK}.*")],
+    ]
+    for pairs, words in zip(
+        before, ("has changed", "of other runs than its name", "another config"), strict=True
+    ):
+        for source, target in pairs:
+            shutil.copyfile(source, target)
+        with pytest.warns(Note, match=words):
+            run_campaign([short()], out, threads=1)
+        same_bits(tmp_path / "whole", out)
+
+
+def test_a_record_that_is_right_of_tables_that_are_not(tmp_path: Path) -> None:
+    """What a record states is believed only as far as the tables are of its runs and methods."""
+    run_campaign([short()], tmp_path / "o", threads=1)
+    folder = tmp_path / "o" / "chunks" / "straight"
+    record = folder / f"record-{CHUNK}.json"
+    samples = folder / f"samples-{CHUNK}.parquet"
+    whole = pl.read_parquet(samples)
+    swapped = pl.col("method").replace({"lc": "tc", "tc": "lc"})
+    for wrong, words in (
+        (
+            whole.with_columns(swapped),
+            "expected the runs 2 to 3 of straight, each with the methods ins, lc, tc",
+        ),
+        (whole.with_columns(pl.col("run") + 1), "expected the runs 2 to 3"),
+        (whole.head(whole.height - 1), "expected the runs 2 to 3"),
+        (whole.with_columns(pl.col("time_ns").reverse()), "differ in their times"),
+        (whole.drop("trajectory"), "column 'trajectory' is missing"),
+    ):
+        wrong.write_parquet(samples)
+        edit_record(record)
+        with pytest.raises(DataError, match=words):
+            run_campaign([short()], tmp_path / "o", threads=1)
+
+
+def test_other_versions_are_named(tmp_path: Path) -> None:
+    """Bits depend on them: the campaign is not continued, and not written over."""
     out = tmp_path / "o"
     run_campaign([short()], out, threads=1)
-    path = out / "chunks" / "straight" / f"{which}-00000002-00000003.parquet"
     before = (out / "runs.parquet").read_bytes()
-    content = path.read_bytes()
-    path.write_bytes(content[: len(content) // 2])
-    with pytest.raises(DataError, match=rf"{path.name}: cannot be read .* delete the file and run the same"):
-        run_campaign([short()], out, threads=1)
+    held = json.loads((out / MANIFEST).read_bytes())["versions"]
+    for name, words in (
+        ("bottomlock", r"bottomlock 9 \(here"),
+        ("numpy", r"numpy 9 \(here"),
+        ("polars", r"polars 9 \(here"),
+        ("kernel_build", r"another build of the kernel 9 \(here"),
+    ):
+        edit_record(out / MANIFEST, lambda m, name=name: m["versions"].update({name: "9"}))
+        with pytest.raises(OutputError, match=rf"holds a campaign made with {words}.* or use --force"):
+            run_campaign([short()], out, threads=1)
+        edit_record(out / MANIFEST, lambda m: m["versions"].update(held))
     assert (out / "runs.parquet").read_bytes() == before
-    path.unlink()
     run_campaign([short()], out, threads=1)
-    assert (out / "runs.parquet").read_bytes() == before
 
 
-def test_a_chunk_of_other_runs_is_named(tmp_path: Path) -> None:
-    """A file under another's name is not taken for it."""
+@pytest.mark.parametrize("rest", [None, 100, 0])
+def test_a_manifest_that_is_cut_is_recovered_on_demand(tmp_path: Path, rest: int | None) -> None:
+    """The error says how; whole chunks are kept, and another campaign's command recovers nothing."""
     out = tmp_path / "o"
     run_campaign([short()], out, threads=1)
-    folder = out / "chunks" / "straight"
-    (folder / "samples-00000002-00000003.parquet").replace(folder / "samples-00000000-00000001.parquet")
-    with pytest.raises(DataError, match=r"samples-00000000-00000001.parquet: expected the runs 0 to 1"):
-        run_campaign([short()], out, threads=1)
-    foreign = folder / "samples-00000000-00000001.parquet"
-    pl.DataFrame({"a": [1]}).write_parquet(foreign)
-    with pytest.raises(DataError, match="column 'trajectory' is missing"):
-        run_campaign([short()], out, threads=1)
+    before = finished(out)
+    content = (out / MANIFEST).read_bytes()
+    if rest is None:
+        (out / MANIFEST).unlink()
+    else:
+        (out / MANIFEST).write_bytes(content[:rest])
+    for force in (False, True):
+        with pytest.raises(
+            (DataError, OutputError), match=r"manifest.json.*--recover writes it again and keeps"
+        ):
+            run_campaign([short()], out, threads=1, force=force)
+    with pytest.raises((DataError, OutputError), match="nothing to recover"):
+        run_campaign([short().with_overrides(seed=7)], out, threads=1, recover=True)
+    run_campaign([short()], out, threads=1, recover=True)
+    assert finished(out) == before
+    assert json.loads((out / MANIFEST).read_bytes())["digests"] == json.loads(content)["digests"]
 
 
-def test_another_version_and_a_broken_manifest(tmp_path: Path) -> None:
-    """Both are rejected, and nothing is written over."""
-    out = tmp_path / "o"
+def test_a_directory_of_others_is_rejected_before_any_truth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A truth may take a minute; the directory is looked at first."""
+    monkeypatch.setattr(run, "build_scenarios", lambda _: pytest.fail("a truth was computed"))
+    (tmp_path / "thesis.tex").write_text("years of work", encoding="utf-8")
+    for path in (tmp_path, tmp_path / "thesis.tex"):
+        with pytest.raises(OutputError, match="holds no campaign of ours"):
+            run_campaign([short()], path, threads=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_nothing_is_removed_through_a_link(tmp_path: Path) -> None:
+    """The chunks lie elsewhere: with force the campaign is left as it is, whole."""
+    out, disk = tmp_path / "o", tmp_path / "disk"
     run_campaign([short()], out, threads=1)
-    before = (out / "runs.parquet").read_bytes()
-    manifest = (out / MANIFEST).read_text(encoding="utf-8")
-    (out / MANIFEST).write_text(manifest.replace('"version": "', '"version": "0.'), encoding="utf-8")
-    with pytest.raises(OutputError, match=r"holds a campaign of version 0\..* or use --force"):
-        run_campaign([short()], out, threads=1)
-    (out / MANIFEST).write_text(manifest[:100], encoding="utf-8")
-    with pytest.raises(DataError, match=r"manifest.json: cannot be read as JSON"):
+    (out / "chunks").replace(disk)
+    (out / "chunks").symlink_to(disk)
+    run_campaign([short()], out, threads=1)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with pytest.raises(OutputError, match=r"chunks: is a symbolic link, and --force removes nothing through"):
         run_campaign([short()], out, threads=1, force=True)
-    assert (out / "runs.parquet").read_bytes() == before
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before

@@ -17,6 +17,7 @@ from bottomlock.campaign.partition import Partition, Shard, all_chunks
 from bottomlock.campaign.run import run_campaign, run_shard
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError, OutputError, ScenarioError
+from tests.recorded import edit_record
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
 N = 3
@@ -106,11 +107,8 @@ def test_a_merged_campaign_can_be_extended(
 
 
 def edit(directory: Path, change: Callable[[dict[str, Any]], object]) -> None:
-    """Changes a manifest."""
-    path = directory / MANIFEST
-    manifest = json.loads(path.read_text(encoding="utf-8"))
-    change(manifest)
-    path.write_text(json.dumps(manifest), encoding="utf-8")
+    """Changes a manifest, which then states itself as it is."""
+    edit_record(directory / MANIFEST, change)
 
 
 def _of_other_runs(manifest: dict[str, Any]) -> None:

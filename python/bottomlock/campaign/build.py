@@ -1,7 +1,9 @@
 """The first step of a campaign: every scenario built, checked, and its truth computed once."""
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -45,19 +47,33 @@ class BuiltScenario:
         return self.scenario.trajectory.feedback == "estimate"
 
 
-def build_scenarios(scenarios: Sequence[Scenario]) -> list[BuiltScenario]:
-    """Builds the simulation and the truth of every scenario.
+def build_simulations(scenarios: Sequence[Scenario]) -> list[Simulation]:
+    """Loads and checks everything that the scenarios name, without any truth.
 
     Raises:
         ScenarioError: for no scenario, two of one name, and what `build_simulation` rejects.
-        DataError: for an analytic motion that is not possible.
     """
     names = [scenario.name for scenario in scenarios]
     if not names or len(set(names)) != len(names):
         raise ScenarioError(f"expected scenarios of different names, got {names}")
-    # Idle BLAS threads spin on the cores that the kernel needs next.
-    with threadpool_limits(limits=1, user_api="blas"):
-        return [_built(build_simulation(scenario)) for scenario in scenarios]
+    with _one_blas_thread():
+        return [build_simulation(scenario) for scenario in scenarios]
+
+
+def build_scenarios(simulations: Sequence[Simulation]) -> list[BuiltScenario]:
+    """Computes the truth of every simulation.
+
+    Raises:
+        DataError: for an analytic motion that is not possible.
+    """
+    with _one_blas_thread():
+        return [_built(simulation) for simulation in simulations]
+
+
+def _one_blas_thread() -> AbstractContextManager[Any]:
+    """Idle BLAS threads spin on the cores that the kernel needs next."""
+    limits: AbstractContextManager[Any] = threadpool_limits(limits=1, user_api="blas")
+    return limits
 
 
 def _built(simulation: Simulation) -> BuiltScenario:

@@ -1,22 +1,22 @@
-"""A campaign's directory: which campaign owns it, which chunks are finished, and their files."""
+"""A campaign's directory: which campaign owns it, and the tables in it."""
 
-import contextlib
-import os
-import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
-from bottomlock import kernel
-from bottomlock.atomic_write import read_json, write_parquet
+from bottomlock.atomic_write import write_parquet
 from bottomlock.campaign.aggregate import Tables
-from bottomlock.campaign.chunk import ChunkResult
-from bottomlock.campaign.partition import Chunk, Partition, Shard
+from bottomlock.campaign.chunk_files import Identity
+from bottomlock.campaign.partition import Shard
 from bottomlock.errors import DataError, OutputError
-from bottomlock.tables.campaign import CHOICES, OUTCOMES, PATHS, SAMPLES
+from bottomlock.output_folder import is_occupied, locked, remove_parts
+from bottomlock.records import read_record, read_recorded_table
+from bottomlock.tables.campaign import PATHS
 from bottomlock.tables.check import check
+from bottomlock.tables.versions import versions_in_words
 
 MANIFEST = "manifest.json"
 TABLES = ("runs.parquet", "ensemble.parquet", "consistency.parquet", "choices.parquet")
@@ -24,47 +24,88 @@ TRUTH = "truth.parquet"
 _OURS = ("chunks", *TABLES, TRUTH, MANIFEST)
 
 
-def claim_directory(
-    out: Path, configuration: str, *, shard: Shard | None = None, force: bool = False
-) -> None:
-    """Makes sure that `out` may be written: new, empty, or of the same campaign and the same shard of it.
+@contextmanager
+def open_directory(
+    out: Path, identity: Identity, *, shard: Shard | None = None, force: bool = False, recover: bool = False
+) -> Iterator[None]:
+    """Holds `out` for a campaign: new, empty, or of the same campaign and the same shard of it.
 
-    Removes the temporary files of a process that was killed while writing, and with `force` another campaign's files.
+    Nothing is changed in a directory that is rejected.
+
+    Args:
+        out: the directory.
+        identity: of the campaign.
+        shard: the part of the campaign that is computed here.
+        force: accept another campaign of ours, which `start_directory` removes.
+        recover: accept a manifest that is damaged or missing beside chunks of this very campaign.
 
     Raises:
-        OutputError: for a directory that holds anything else, or cannot be read.
-        DataError: for a manifest that cannot be read.
+        OutputError: for a directory that holds anything else, is in use, or cannot be read.
+        DataError: for a manifest that is damaged.
     """
+
+    def check_owner() -> None:
+        if is_occupied(out):
+            _check_owner(out, identity, shard, force=force, recover=recover)
+
+    check_owner()
+    with locked(out):
+        # Another process may have held it until now.
+        check_owner()
+        yield
+
+
+def _check_owner(out: Path, identity: Identity, shard: Shard | None, *, force: bool, recover: bool) -> None:
+    chunk_records = list(out.glob("chunks/*/record-*.json")) if out.is_dir() else []
     try:
-        # A process that is killed at once leaves an unfinished manifest at most: as good as empty.
-        unfinished = set(out.glob(f".{MANIFEST}.*.part"))
-        occupied = out.exists() and (
-            not out.is_dir() or any(path not in unfinished for path in out.iterdir())
-        )
-    except OSError as error:
-        raise OutputError(f"{out}: cannot be read ({error.strerror})") from error
-    if not occupied:
-        _remove_unfinished(out)
-        return
-    manifest = read_json(out / MANIFEST) if out.is_dir() else None
+        manifest = read_record(out / MANIFEST) if out.is_dir() else None
+    except DataError as error:
+        if recover and _holds_chunk_of(chunk_records, identity):
+            return
+        raise DataError(f"{error}; {_way_out(chunk_records, recover=recover)}") from error
     if manifest is None or "configuration_hash" not in manifest:
-        raise OutputError(f"{out}: is not empty and holds no campaign of ours; choose another directory")
-    other = _difference(manifest, configuration, shard)
-    if other is not None and not force:
+        if recover and _holds_chunk_of(chunk_records, identity):
+            return
+        hint = (
+            f"; its {MANIFEST} is missing: {_way_out(chunk_records, recover=recover)}"
+            if chunk_records
+            else ""
+        )
+        raise OutputError(
+            f"{out}: is not empty and holds no campaign of ours; choose another directory{hint}"
+        )
+    other = _difference(manifest, identity, shard)
+    if other and not force:
         raise OutputError(f"{out}: holds {other}; choose another directory or use --force to start over")
-    _remove_unfinished(out)
-    if force:
-        for part in _OURS:
-            path = out / part
-            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
 
 
-def _difference(manifest: Mapping[str, Any], configuration: str, shard: Shard | None) -> str | None:
+def _holds_chunk_of(records: list[Path], identity: Identity) -> bool:
+    """Whether any of the records of chunks is one of this campaign."""
+    for path in records:
+        try:
+            record = read_record(path) or {}
+        except DataError:
+            continue
+        if record.get("configuration_hash") == identity["configuration_hash"]:
+            return True
+    return False
+
+
+def _way_out(records: list[Path], *, recover: bool) -> str:
+    if recover:
+        return "no chunk here is of this campaign, so there is nothing to recover: choose another directory"
+    if records:
+        return "the same command with --recover writes it again and keeps every chunk that is whole"
+    return "no chunk is finished here: remove the directory, or choose another one"
+
+
+def _difference(manifest: Mapping[str, Any], identity: Identity, shard: Shard | None) -> str | None:
     """Description of other content of a directory; None if it holds this campaign."""
-    if manifest["configuration_hash"] != configuration:
+    if manifest["configuration_hash"] != identity["configuration_hash"]:
         return "a campaign of another configuration"
-    if manifest.get("version") != kernel.kernel_version():
-        return f"a campaign of version {manifest.get('version')}"
+    other = versions_in_words(dict(manifest.get("versions", {})), identity["versions"])
+    if other:
+        return f"a campaign made with {other}, so that bits may differ"
     held = shard_of(manifest)
     if held != shard:
         return "a whole campaign" if held is None else f"shard {held} of this campaign"
@@ -86,109 +127,44 @@ def shard_of(manifest: Mapping[str, Any]) -> Shard | None:
         raise DataError(f"the manifest's shard is {entry!r}, expected k and n") from error
 
 
-def _remove_unfinished(out: Path) -> None:
-    """Removes files that were never finished; `atomic_write` names them."""
-    for pattern in (f".{MANIFEST}.*.part", ".*.parquet.*.part", "chunks/*/.*.parquet.*.part"):
-        for path in out.glob(pattern):
+def start_directory(out: Path, *, force: bool = False) -> None:
+    """Removes the temporary files of a process that was killed while writing, and with `force` a campaign's files.
+
+    Raises:
+        OutputError: for a part that is a symbolic link, and what cannot be removed.
+    """
+    if force:
+        remove_parts(out, _OURS)
+    # `atomic_write` names them.
+    for pattern in (".*.json.*.part", ".*.parquet.*.part"):
+        for path in (*out.glob(pattern), *out.glob(f"chunks/*/{pattern}")):
             path.unlink(missing_ok=True)
 
 
-def _paths(out: Path, chunk: Chunk) -> tuple[Path, Path, Path]:
-    """The files of samples, choices and counts."""
-    folder, ending = out / "chunks" / chunk.scenario, chunk.file_ending
-    return folder / f"samples-{ending}", folder / f"choices-{ending}", folder / f"counts-{ending}"
-
-
-def is_finished(out: Path, chunk: Chunk) -> bool:
-    """Whether all files of a chunk are there."""
-    return all(path.exists() for path in _paths(out, chunk))
-
-
-def write_chunk(out: Path, chunk: Chunk, result: ChunkResult) -> None:
-    """Writes the tables of a chunk, each whole or not at all; those of another directory are linked or copied.
-
-    Raises:
-        OutputError: where they cannot be written.
-    """
-    paths = _paths(out, chunk)
-    if result.directory is not None:
-        for old, new in zip(_paths(result.directory, chunk), paths, strict=True):
-            _take(old, new)
-        return
-    for path, table in zip(paths, (result.samples, result.choices, result.counts), strict=True):
-        write_parquet(path, table)
-
-
-def write_tables(out: Path, paths: pl.DataFrame, tables: Tables | None) -> None:
+def write_tables(out: Path, paths: pl.DataFrame, tables: Tables | None) -> dict[str, str]:
     """Writes the true paths, and the tables if there are any, each whole or not at all.
 
+    Returns:
+        The SHA-256 of each file, by name.
+
     Raises:
         OutputError: where they cannot be written.
     """
-    write_parquet(out / TRUTH, paths)
+    written = {TRUTH: write_parquet(out / TRUTH, paths)}
     if tables is not None:
-        for name, table in zip(TABLES, tables, strict=True):
-            write_parquet(out / name, table)
+        written |= {
+            name: write_parquet(out / name, table) for name, table in zip(TABLES, tables, strict=True)
+        }
+    return written
 
 
-def _take(old: Path, new: Path) -> None:
-    temporary = new.with_name(f".{new.name}.{os.getpid()}.part")
-    try:
-        new.parent.mkdir(parents=True, exist_ok=True)
-        # Files of ours are replaced, never changed in place, so two names for one file do no harm.
-        try:
-            temporary.hardlink_to(old)
-        except OSError:
-            shutil.copyfile(old, temporary)
-        temporary.replace(new)
-    except OSError as error:
-        raise OutputError(f"{new}: cannot be written ({error.strerror})") from error
-    finally:
-        # Renaming one link of a file over another does nothing, and leaves both.
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
-
-
-def read_chunk(directory: Path, chunk: Chunk, partition: Partition) -> ChunkResult:
-    """The tables of a finished chunk, the samples ordered by run, method and time.
-
-    Raises:
-        DataError: for a file that is missing, damaged, or of other runs than its name says.
-    """
-    samples_path, choices_path, counts_path = _paths(directory, chunk)
-    samples = check(_read(samples_path), SAMPLES, place=str(samples_path))
-    methods = len(partition.methods)
-    per_method, left = divmod(samples.height, chunk.runs * methods)
-    expected = pl.int_range(chunk.first_run, chunk.first_run + chunk.runs, eager=True)
-    expected = expected.repeat_by(per_method * methods).explode()
-    if left or not samples.height or not expected.equals(samples["run"]):
-        raise DataError(
-            f"{samples_path}: expected the runs {chunk.first_run} to {chunk.first_run + chunk.runs - 1} of "
-            f"{methods} methods; delete the file and run the same command again"
-        )
-    return ChunkResult(
-        samples=samples,
-        choices=check(_read(choices_path), CHOICES, place=str(choices_path)),
-        counts=check(_read(counts_path), OUTCOMES, place=str(counts_path)),
-        directory=directory,
-    )
-
-
-def read_paths(directory: Path) -> pl.DataFrame:
+def read_paths(directory: Path, manifest: Mapping[str, Any]) -> pl.DataFrame:
     """The true paths (`tables.campaign.PATHS`).
 
     Raises:
-        DataError: for a file that is missing or damaged.
+        DataError: for a file that is missing or has changed since the manifest stated it.
     """
-    return check(_read(directory / TRUTH), PATHS, place=str(directory / TRUTH))
-
-
-def _read(path: Path) -> pl.DataFrame:
-    try:
-        return pl.read_parquet(path)
-    except FileNotFoundError as error:
-        raise DataError(f"{path}: is missing; run the same command again") from error
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise DataError(
-            f"{path}: cannot be read ({str(error).splitlines()[0]}); delete the file and run the same command again"
-        ) from error
+    path = directory / TRUTH
+    return check(
+        read_recorded_table(path, manifest, remedy="run the same command again"), PATHS, place=str(path)
+    )

@@ -9,9 +9,10 @@ from typing import Any
 
 from bottomlock import kernel
 from bottomlock.campaign.build import BuiltScenario
+from bottomlock.campaign.chunk_files import Identity
 from bottomlock.campaign.partition import Partition, Shard
-from bottomlock.simulation.build import trajectory_key
-from bottomlock.tables.versions import library_versions
+from bottomlock.simulation.build import Simulation, trajectory_key
+from bottomlock.tables.versions import bit_versions, library_versions
 
 
 @dataclass
@@ -35,23 +36,27 @@ class Clock:
         }
 
 
-def configuration_hash(built: Sequence[BuiltScenario]) -> str:
-    """SHA-256 of all that decides the numbers of a campaign, apart from the number of runs."""
+def identity_of(simulations: Sequence[Simulation]) -> Identity:
+    """What decides the numbers of a campaign, apart from the number of runs; known before any truth is computed."""
     content = [
         (
             one.scenario.name,
-            one.simulation.fingerprint(),
+            one.fingerprint(),
             one.scenario.campaign.seed,
             list(one.scenario.campaign.methods),
         )
-        for one in built
+        for one in simulations
     ]
-    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+    return {
+        "configuration_hash": hashlib.sha256(json.dumps(content).encode()).hexdigest(),
+        "versions": bit_versions(),
+    }
 
 
 def describe(
     built: Sequence[BuiltScenario],
     partitions: Sequence[Partition],
+    identity: Identity,
     *,
     threads: int,
     engine: str,
@@ -60,8 +65,8 @@ def describe(
     """The manifest's entries that are known before the first chunk: versions, seeds, every setting, the partition."""
     described: dict[str, Any] = {
         "version": kernel.kernel_version(),
-        "versions": library_versions(),
-        "configuration_hash": configuration_hash(built),
+        "versions": library_versions() | identity["versions"],
+        "configuration_hash": identity["configuration_hash"],
         "engine": engine,
         "threads": threads,
         "nees_degrees": {partition.scenario: partition.nees_degrees for partition in partitions},

@@ -1,5 +1,6 @@
 """Partition of a campaign: runs into chunks, chunks into shards. It depends on the scenarios only."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
@@ -79,9 +80,9 @@ class Partition:
         """
         try:
             scenario = manifest["scenarios"][name]
-            return cls(
+            partition = cls(
                 scenario=name,
-                methods=tuple(scenario["methods"]),
+                methods=tuple(str(method) for method in scenario["methods"]),
                 runs=int(scenario["runs"]),
                 runs_per_chunk=int(scenario["runs_per_chunk"]),
                 nees_degrees=int(manifest["nees_degrees"][name]),
@@ -90,6 +91,11 @@ class Partition:
             raise DataError(
                 f"the manifest does not state how scenario {name} was cut into chunks ({error!r})"
             ) from error
+        least = min(partition.runs, partition.runs_per_chunk, partition.nees_degrees, len(partition.methods))
+        # The name is that of a folder, so it must not lead anywhere else.
+        if not re.fullmatch(r"[A-Za-z0-9_\-]+", name) or least < 1:
+            raise DataError(f"the manifest states scenario {name!r} in a way that no campaign has")
+        return partition
 
 
 @dataclass(frozen=True)

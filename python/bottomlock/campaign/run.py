@@ -6,29 +6,23 @@ give the same bits.
 """
 
 import time
-from collections.abc import Callable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
-from bottomlock.atomic_write import write_json
 from bottomlock.campaign.aggregate import Tables, open_aggregate
-from bottomlock.campaign.build import build_scenarios, true_paths
-from bottomlock.campaign.directory import (
-    MANIFEST,
-    claim_directory,
-    is_finished,
-    read_chunk,
-    write_chunk,
-    write_tables,
-)
-from bottomlock.campaign.engine import ChunkSource, open_engine
-from bottomlock.campaign.manifest import Clock, describe
+from bottomlock.campaign.build import build_scenarios, build_simulations, true_paths
+from bottomlock.campaign.chunk_files import Identity, is_finished, read_chunk, write_chunk
+from bottomlock.campaign.directory import MANIFEST, open_directory, start_directory, write_tables
+from bottomlock.campaign.engine import ChunkSource, check_engine, open_engine
+from bottomlock.campaign.manifest import Clock, describe, identity_of
 from bottomlock.campaign.partition import Chunk, Partition, Shard, all_chunks
 from bottomlock.config.scenario import Scenario
+from bottomlock.records import write_record
 
 
 @dataclass(frozen=True)
@@ -67,12 +61,14 @@ class Campaign:
     Attributes:
         partitions: how each scenario is cut into chunks, in order.
         shard: the part that is computed here; None for all of it.
+        identity: what decides the numbers.
         paths: the true paths, `tables.campaign.PATHS`.
         description: the manifest's entries that are known beforehand, see `manifest.describe`.
     """
 
     partitions: tuple[Partition, ...]
     shard: Shard | None
+    identity: Identity
     paths: pl.DataFrame
     description: dict[str, Any]
 
@@ -85,12 +81,14 @@ def run_campaign(
     engine: str = "local",
     scheduler: str | None = None,
     force: bool = False,
+    recover: bool = False,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> Results:
     """Runs or resumes a campaign and writes its tables to `out`.
 
     Writes `runs.parquet`, `ensemble.parquet`, `consistency.parquet`, `choices.parquet`, `truth.parquet` and
-    `manifest.json`, and the samples in `chunks/`. An interruption keeps finished chunks; the next start skips them.
+    `manifest.json`, and the samples in `chunks/`. An interruption keeps finished chunks; the next start skips those
+    that are whole, and runs one that has changed on the disk again, with a `Note`.
 
     Args:
         scenarios: the scenarios, of different names.
@@ -99,17 +97,19 @@ def run_campaign(
         engine: "local" or "dask", see `engine.open_engine`. The numbers do not depend on it.
         scheduler: address of a Dask scheduler.
         force: start over in a directory of another configuration.
+        recover: go on in a directory whose manifest is damaged or missing; chunks of this campaign that are whole are
+            kept.
         progress: called after each chunk, and during a chunk in closed loop.
 
     Raises:
         ScenarioError: for two scenarios of one name, and for what `build_simulation` rejects.
-        OutputError: for a directory that holds something else or cannot be written.
-        DataError: for a chunk on disk that is damaged.
+        OutputError: for a directory that holds something else, is in use by another process, or cannot be written.
+        DataError: for a manifest on disk that is damaged.
         EngineError: for an engine that is not there or breaks down.
         KernelError: for input that the kernel rejects, naming run and method.
     """
     tables, manifest = _simulate(
-        scenarios, out, None, threads, engine, scheduler, force=force, progress=progress
+        scenarios, out, None, threads, engine, scheduler, force=force, recover=recover, progress=progress
     )
     assert tables is not None
     return Results(tables.runs, tables.ensemble, tables.consistency, manifest)
@@ -124,6 +124,7 @@ def run_shard(
     engine: str = "local",
     scheduler: str | None = None,
     force: bool = False,
+    recover: bool = False,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Runs or resumes one shard of a campaign; `merge.merge_shards` joins all shards to the campaign.
@@ -134,8 +135,23 @@ def run_shard(
     Returns:
         The manifest.
     """
-    _, manifest = _simulate(scenarios, out, shard, threads, engine, scheduler, force=force, progress=progress)
+    _, manifest = _simulate(
+        scenarios, out, shard, threads, engine, scheduler, force=force, recover=recover, progress=progress
+    )
     return manifest
+
+
+@contextmanager
+def campaign_directory(
+    scenarios: Sequence[Scenario], out: Path, *, force: bool = False, recover: bool = False
+) -> Iterator[None]:
+    """Holds the directory of a campaign, and rejects one that is not its own before anything is computed.
+
+    Raises:
+        As `run_campaign`.
+    """
+    with open_directory(out, identity_of(build_simulations(scenarios)), force=force, recover=recover):
+        yield
 
 
 def _simulate(
@@ -147,17 +163,23 @@ def _simulate(
     scheduler: str | None,
     *,
     force: bool,
+    recover: bool,
     progress: Callable[[CampaignProgress], None],
 ) -> tuple[Tables | None, dict[str, Any]]:
     """Builds and partitions the scenarios, and executes the campaign on an engine."""
     clock = Clock()
-    built = build_scenarios(scenarios)
-    partitions = tuple(Partition.of(scenario) for scenario in scenarios)
-    description = describe(built, partitions, threads=threads, engine=engine, shard=shard)
-    campaign = Campaign(partitions, shard, true_paths(built), description)
-    # The engine comes first: nothing is written, let alone removed, for a cluster that is not there.
-    with open_engine(engine, built, threads=threads, scheduler=scheduler) as source:
-        return execute(campaign, source, out, clock, force=force, progress=progress)
+    check_engine(engine, threads=threads, scheduler=scheduler)
+    simulations = build_simulations(scenarios)
+    identity = identity_of(simulations)
+    # The directory comes before the truth, which may take long: a directory that is not ours is rejected at once.
+    with open_directory(out, identity, shard=shard, force=force, recover=recover):
+        built = build_scenarios(simulations)
+        partitions = tuple(Partition.of(scenario) for scenario in scenarios)
+        description = describe(built, partitions, identity, threads=threads, engine=engine, shard=shard)
+        campaign = Campaign(partitions, shard, identity, true_paths(built), description)
+        # The engine comes first: nothing is written, let alone removed, for a cluster that is not there.
+        with open_engine(engine, built, threads=threads, scheduler=scheduler) as source:
+            return execute(campaign, source, out, clock, force=force, progress=progress)
 
 
 def execute(
@@ -169,12 +191,12 @@ def execute(
     force: bool,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> tuple[Tables | None, dict[str, Any]]:
-    """Claims the directory, runs the chunks that are missing, aggregates all of them, and writes the tables.
+    """Runs the chunks that are missing or not whole, aggregates all of them, and writes the tables.
 
     Args:
         campaign: what is to be computed.
         source: an engine, or the directories of shards.
-        out: the campaign's directory.
+        out: the campaign's directory, held by `open_directory`.
         clock: started with the campaign.
         force: start over in a directory of another campaign.
         progress: as for `run_campaign`.
@@ -183,10 +205,11 @@ def execute(
         The tables, None for a shard, and the manifest.
     """
     partitions, description = {one.scenario: one for one in campaign.partitions}, campaign.description
-    claim_directory(out, description["configuration_hash"], shard=campaign.shard, force=force)
-    write_json(out / MANIFEST, description | clock.times() | {"status": "running"})
+    identity = campaign.identity
+    start_directory(out, force=force)
+    write_record(out / MANIFEST, description | clock.times() | {"status": "running"}, {})
     chunks = all_chunks(campaign.partitions, campaign.shard)
-    found = [chunk for chunk in chunks if is_finished(out, chunk)]
+    found = [chunk for chunk in chunks if is_finished(out, chunk, identity)]
     counter = _RunCounter(chunks, found, progress)
     missing = [chunk for chunk in chunks if chunk not in set(found)]
     tables = None
@@ -194,7 +217,7 @@ def execute(
         with closing(source.run(missing, counter.report)) as results:
             for chunk, result in results:
                 started = time.perf_counter()
-                write_chunk(out, chunk, result)
+                write_chunk(out, chunk, result, identity)
                 if campaign.shard is None:
                     aggregate.add(chunk, result)
                 clock.kernel_s += result.kernel_s
@@ -202,11 +225,11 @@ def execute(
                 counter.finish(chunk)
         if campaign.shard is None:
             for chunk in found:
-                aggregate.add(chunk, read_chunk(out, chunk, partitions[chunk.scenario]))
+                aggregate.add(chunk, read_chunk(out, chunk, partitions[chunk.scenario], identity))
             tables = aggregate.tables()
-    write_tables(out, campaign.paths, tables)
+    written = write_tables(out, campaign.paths, tables)
     manifest = description | clock.times() | {"status": "shard" if tables is None else "complete"}
-    write_json(out / MANIFEST, manifest)
+    write_record(out / MANIFEST, manifest, written)
     return tables, manifest
 
 

@@ -7,7 +7,7 @@ from typing import NoReturn
 import cyclopts
 from cyclopts import App
 
-from bottomlock.cli.console import EXIT_INTERRUPTED, EXIT_USAGE, console, errors
+from bottomlock.cli.console import EXIT_INTERRUPTED, EXIT_USAGE, console, errors, prepare_consoles
 from bottomlock.errors import BottomlockError
 
 COMMANDS = {
@@ -41,12 +41,13 @@ for _name, (_module, _help) in COMMANDS.items():
 
 def _fail(message: str) -> NoReturn:
     for line in message.splitlines():
-        errors.print(f"bottomlock: {line}", markup=False)
+        errors.print(f"bottomlock: {line}")
     sys.exit(EXIT_USAGE)
 
 
 def main() -> None:
     """Runs the command; faults of usage and of data end with exit code 2 and one line that names the place."""
+    prepare_consoles()
     try:
         app(exit_on_error=False, print_error=False)
     except cyclopts.CycloptsError as error:

@@ -7,6 +7,7 @@ import numpy as np
 from cyclopts import Parameter
 from rich import box
 from rich.table import Table
+from rich.text import Text
 
 from bottomlock.atomic_write import write_text
 from bottomlock.audit.geometry_file import geometry_text
@@ -70,12 +71,12 @@ def audit(
     console.print(f"audit.html, audit.json, tables and figures in {out}", highlight=False)
 
 
-def shown(made: Audit) -> list[str | Table]:
+def shown(made: Audit) -> list[str | Table | Text]:
     """The parts of the terminal output: counts, beams, closure, mounting, findings."""
     log, verdict = made.log, made.assessment
     counts = [int(np.sum(log.valid.sum(axis=1) == k)) for k in range(log.beams, -1, -1)]
     beams = ", ".join(f"{count} with {log.beams - k}" for k, count in enumerate(counts) if count)
-    parts: list[str | Table] = [
+    parts: list[str | Table | Text] = [
         f"{log.place}: {log.pings} pings in {log.time_s.max():.1f} s"
         + (
             f"; beams valid: {beams}; {int(verdict.full.sum())} full pings used"
@@ -111,15 +112,15 @@ def shown(made: Audit) -> list[str | Table]:
     for number, finding in enumerate(made.findings, start=1):
         colour = _COLOURS[finding.severity]
         parts.append(
-            f"{number}. [{colour}]{finding.severity}[/{colour}] [bold]{_plain(finding.text)}[/bold]\n"
-            f"   {_plain(finding.evidence)}\n   → {_plain(finding.advice)}"
+            Text.assemble(
+                f"{number}. ",
+                (finding.severity, colour),
+                " ",
+                (finding.text, "bold"),
+                f"\n   {finding.evidence}\n   → {finding.advice}",
+            )
         )
     return parts
-
-
-def _plain(text: str) -> str:
-    """Escapes brackets, which would be markup in the terminal."""
-    return text.replace("[", r"\[")
 
 
 def _beams(made: Audit) -> Table:

@@ -11,7 +11,16 @@ from bottomlock.campaign.partition import Shard
 from bottomlock.campaign.run import run_campaign, run_shard
 from bottomlock.cli.campaign_output import print_results, progress_bar
 from bottomlock.cli.console import console, interrupted
-from bottomlock.cli.parameters import CampaignOut, ForceCampaign, Methods, Runs, Seed, Threads, load_scenarios
+from bottomlock.cli.parameters import (
+    CampaignOut,
+    ForceCampaign,
+    Methods,
+    Recover,
+    Runs,
+    Seed,
+    Threads,
+    load_scenarios,
+)
 
 
 def run(
@@ -22,6 +31,7 @@ def run(
     threads: Threads = 0,
     methods: Methods = None,
     force: ForceCampaign = False,
+    recover: Recover = False,
     shard: Annotated[
         str | None,
         Parameter(help="k/n: run every n-th chunk from the k-th on; `bottomlock merge` joins the shards."),
@@ -44,7 +54,9 @@ def run(
     loaded = load_scenarios(scenario, runs=runs, seed=seed, methods=methods, threads=threads)
     check_engine(engine, threads=threads, scheduler=scheduler)
     part = None if shard is None else Shard.parse(shard)
-    settings: Any = {"threads": threads, "engine": engine, "scheduler": scheduler, "force": force}
+    settings: Any = {
+        "threads": threads, "engine": engine, "scheduler": scheduler, "force": force, "recover": recover,
+    }  # fmt: skip
     try:
         with progress_bar() as progress:
             if part is None:
@@ -61,7 +73,7 @@ def run(
         )
 
 
-def merge(out: Path, *shards: Path, force: ForceCampaign = False) -> None:
+def merge(out: Path, *shards: Path, force: ForceCampaign = False, recover: Recover = False) -> None:
     """Join the shards of a campaign and print its table.
 
     The tables equal those of the campaign run in one go, bit for bit.
@@ -73,4 +85,4 @@ def merge(out: Path, *shards: Path, force: ForceCampaign = False) -> None:
     shards
         Directories of all shards, in any order.
     """
-    print_results(merge_shards(out, shards, force=force), out)
+    print_results(merge_shards(out, shards, force=force, recover=recover), out)

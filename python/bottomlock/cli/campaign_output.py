@@ -89,7 +89,7 @@ def progress_bar(total: float | None = None) -> Iterator[Callable[[CampaignProgr
         total: runs of all campaigns; those of the one campaign by default.
     """
     columns = (
-        TextColumn("{task.description:>12}"),
+        TextColumn("{task.description:>12}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         _Rate(),

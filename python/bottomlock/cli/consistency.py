@@ -10,7 +10,16 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors, narrow_table
-from bottomlock.cli.parameters import ForceStudy, Methods, Seed, StudyOut, Threads, World, load_scenarios
+from bottomlock.cli.parameters import (
+    ForceStudy,
+    Methods,
+    Recover,
+    Seed,
+    StudyOut,
+    Threads,
+    World,
+    load_scenarios,
+)
 from bottomlock.cli.study_output import command_line, study_bar
 from bottomlock.config.scenario import Scenario
 from bottomlock.studies import consistency as consistency_study
@@ -38,6 +47,7 @@ def consistency(
         Parameter(name="--assert", help="TOML file of expected verdicts; exit code 1 if one differs."),
     ] = None,
     force: ForceStudy = False,
+    recover: Recover = False,
 ) -> None:
     """Test the consistency of NEES and NIS for every method and set of beams.
 
@@ -56,19 +66,18 @@ def consistency(
     given = {"--world": world, "--runs": runs, "--seed": seed, "--methods": methods, "--masks": masks}
     command = command_line("consistency", scenario, given)
     configuration = consistency_study.configuration(loaded, sets)
-    study_folder.claim(out, consistency_study.KIND, configuration, parts=consistency_study.PARTS, force=force)
-    with study_bar(out) as report:
-        table = consistency_study.run_consistency(
-            loaded,
-            sets,
-            out,
-            command=command,
-            threads=threads,
-            progress=lambda cell, done, total: report(cell, done / total),
-        )
-    study_folder.write_manifest(
-        out, consistency_study.KIND, configuration, status="complete", command=command
-    )
+    kind, parts = consistency_study.KIND, consistency_study.PARTS
+    with study_folder.claimed(out, kind, configuration, parts=parts, force=force, recover=recover):
+        with study_bar(out) as report:
+            table = consistency_study.run_consistency(
+                loaded,
+                sets,
+                out,
+                command=command,
+                threads=threads,
+                progress=lambda cell, done, total: report(cell, done / total),
+            )
+        study_folder.write_manifest(out, kind, configuration, status="complete", command=command)
     _print(table, out)
     if expected is not None:
         _compare(table, expected)
@@ -101,7 +110,7 @@ def _compare(table: pl.DataFrame, expected: Expectations) -> None:
     """Ends the command with exit code 1 where a verdict differs from the expected one."""
     found = departures(table, expected)
     for line in found:
-        errors.print(f"bottomlock: {line}", markup=False)
+        errors.print(f"bottomlock: {line}")
     if found:
         sys.exit(EXIT_DEPARTURE)
     console.print("every verdict is as expected")

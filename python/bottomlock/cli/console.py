@@ -1,11 +1,14 @@
 """The two consoles of the command, its exit codes, and the tables and messages that commands share."""
 
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TextIO
 
 from rich.console import Console
+
+from bottomlock.errors import Note
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -16,8 +19,33 @@ EXIT_DEPARTURE = 1
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
 
-console = Console(stderr=False)
-errors = Console(stderr=True, soft_wrap=True, highlight=False)
+# No markup: a path such as `out[/red]` is printed as it is. What has colours is a `rich.text.Text`.
+console = Console(stderr=False, markup=False, emoji=False)
+errors = Console(stderr=True, soft_wrap=True, highlight=False, markup=False, emoji=False)
+
+
+def prepare_consoles() -> None:
+    """Prints notes as one line each, and characters that the terminal does not know as their codes."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+    others = warnings.showwarning
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        if issubclass(category, Note):
+            errors.print(f"bottomlock: note: {message}")
+        else:
+            others(message, category, filename, lineno, file, line)
+
+    warnings.showwarning = show
+    warnings.simplefilter("always", Note)
 
 
 def interrupted(out: Path, *, kept: str = "chunks") -> NoReturn:

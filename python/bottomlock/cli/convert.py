@@ -5,7 +5,6 @@ from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
-from rich.markup import escape
 from rich.table import Table
 
 from bottomlock.cli.console import console
@@ -107,7 +106,7 @@ def _fates(account: Account) -> Table | None:
 def _reason(name: str, reason: Reason) -> str:
     """A reason with the start of its first record; the account beside the table has more."""
     short = reason.detail if len(reason.detail) <= SHOWN else reason.detail[: SHOWN - 1] + "…"
-    return escape(f"{name}: {short}" if short else name)
+    return f"{name}: {short}" if short else name
 
 
 def print_recording(recording: Recording) -> None:
@@ -133,7 +132,7 @@ def print_recording(recording: Recording) -> None:
     if recording.geometry:
         lines.append(f"packaged geometry: {recording.geometry}")
     for line in lines:
-        console.print(line, markup=False, highlight=False, soft_wrap=True)
+        console.print(line, highlight=False, soft_wrap=True)
     fates = _fates(account)
     if fates is not None:
         console.print(fates)

@@ -14,6 +14,7 @@ from bottomlock.cli.console import console, errors, narrow_table
 from bottomlock.cli.parameters import (
     ForceStudy,
     Methods,
+    Recover,
     Runs,
     Seed,
     StudyOut,
@@ -51,6 +52,7 @@ def masks(
         ),
     ] = None,
     force: ForceStudy = False,
+    recover: Recover = False,
 ) -> None:
     """Run every set of returning beams, dropouts and a slope.
 
@@ -63,19 +65,21 @@ def masks(
     """
     loaded = load_scenarios(scenario, runs=runs, seed=seed, methods=methods, threads=threads, world=world)
     wanted = split(cases)
-    chosen = [case for one in loaded for case in mask_study.select(mask_study.all_cases(one), wanted)]
     outages = wanted is None and _outages_fit(loaded)
-    configuration = mask_study.configuration(loaded)
-    study_folder.claim(out, mask_study.KIND, configuration, parts=mask_study.PARTS, force=force)
-    table, summary = _run(loaded, out, wanted=wanted, outages=outages, threads=threads)
+    kind, configuration = mask_study.KIND, mask_study.configuration(loaded)
     given = {"--world": world, "--runs": runs, "--seed": seed, "--methods": methods, "--cases": cases}
     command = command_line("masks", scenario, given)
-    write_text(out / "masks.md", opening(table, summary, loaded, command) + markdown(table, summary))
+    parts = mask_study.PARTS
+    study_folder.check_owner(out, kind, configuration, parts=parts, force=force, recover=recover)
+    chosen = [case for one in loaded for case in mask_study.select(mask_study.all_cases(one), wanted)]
+    with study_folder.claimed(out, kind, configuration, parts=parts, force=force, recover=recover):
+        table, summary = _run(loaded, out, wanted=wanted, outages=outages, threads=threads, recover=recover)
+        write_text(out / "masks.md", opening(table, summary, loaded, command) + markdown(table, summary))
+        study_folder.write_manifest(
+            out, kind, configuration, status="complete",
+            runs={one.name: one.campaign.runs for one in loaded}, seed={one.name: one.campaign.seed for one in loaded},
+        )  # fmt: skip
     _print(table, summary, chosen)
-    study_folder.write_manifest(
-        out, mask_study.KIND, configuration, status="complete",
-        runs={one.name: one.campaign.runs for one in loaded}, seed={one.name: one.campaign.seed for one in loaded},
-    )  # fmt: skip
     console.print(f"tables in {out}")
 
 
@@ -85,13 +89,19 @@ def _outages_fit(scenarios: Sequence[Scenario]) -> bool:
         for scenario in scenarios:
             recovery.two_beam_outages(scenario)
     except ScenarioError as error:
-        errors.print(f"recovery is not run: {error}", markup=False)
+        errors.print(f"recovery is not run: {error}")
         return False
     return True
 
 
 def _run(
-    scenarios: Sequence[Scenario], out: Path, *, wanted: list[str] | None, outages: bool, threads: int
+    scenarios: Sequence[Scenario],
+    out: Path,
+    *,
+    wanted: list[str] | None,
+    outages: bool,
+    threads: int,
+    recover: bool,
 ) -> tuple[pl.DataFrame, pl.DataFrame | None]:
     """The tables of the masks and of the recovery; a bar shows the progress."""
     with study_bar(out) as report:
@@ -102,7 +112,9 @@ def _run(
         def recovery_progress(trajectory: str, done: int) -> None:
             report(f"{trajectory} recovery", done / max(one.campaign.runs for one in scenarios))
 
-        table = mask_study.run_masks(scenarios, out, wanted=wanted, threads=threads, progress=case_progress)
+        table = mask_study.run_masks(
+            scenarios, out, wanted=wanted, threads=threads, recover=recover, progress=case_progress
+        )
         summary = recovery.run_recovery(scenarios, out, progress=recovery_progress)[1] if outages else None
     return table, summary
 

@@ -39,6 +39,14 @@ ForceStudy = Annotated[
     bool, Parameter(negative="", help="Start over in a directory that holds another study.")
 ]
 
+Recover = Annotated[
+    bool,
+    Parameter(
+        negative="",
+        help="Go on where a manifest is damaged or missing; finished parts that are whole are kept.",
+    ),
+]
+
 
 def split(text: str | None) -> list[str] | None:
     """The words of a comma-separated list; None for None.

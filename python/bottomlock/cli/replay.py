@@ -22,7 +22,7 @@ from bottomlock.replay.case import load_case
 from bottomlock.replay.leave_out import VelocityWalk, over_sets
 from bottomlock.replay.leave_out import leave_out as leave_beams_out
 from bottomlock.replay.report import make_replay_report
-from bottomlock.replay.run import ReplayResult, prepare_folder, replay_case, run_count, write_replay
+from bottomlock.replay.run import ReplayResult, open_folder, replay_case, run_count, write_replay
 from bottomlock.statistics.replay import summary_table
 
 SCORED = (
@@ -61,7 +61,6 @@ def replay(
     """
     check_threads(threads)
     loaded = load_case(case).with_overrides(methods=split(methods), runs=runs, seed=seed)
-    prepare_folder(out, loaded.content_hash(), force=force)
     reruns = run_count(loaded) * (1 + len(loaded.what_if))
     columns = (
         TextColumn("replaying"),
@@ -71,13 +70,14 @@ def replay(
         TimeRemainingColumn(),
     )
     try:
-        with Progress(*columns, console=errors) as bar:
-            task = bar.add_task("", total=reruns)
-            replayed = replay_case(
-                loaded, threads=threads, progress=lambda done: bar.update(task, completed=done)
-            )
-            write_replay(replayed, out)
-        page = make_replay_report(out)
+        with open_folder(out, loaded.content_hash(), force=force):
+            with Progress(*columns, console=errors) as bar:
+                task = bar.add_task("", total=reruns)
+                replayed = replay_case(
+                    loaded, threads=threads, progress=lambda done: bar.update(task, completed=done)
+                )
+                write_replay(replayed, out)
+            page = make_replay_report(out)
     except KeyboardInterrupt:
         errors.print(f"interrupted; nothing was written to {out}")
         sys.exit(EXIT_INTERRUPTED)

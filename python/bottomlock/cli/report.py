@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from bottomlock.cli.campaign_output import progress_bar
 from bottomlock.cli.console import console, interrupted
-from bottomlock.cli.parameters import ForceStudy, Seed, StudyOut, Threads, check_threads
+from bottomlock.cli.parameters import ForceStudy, Recover, Seed, StudyOut, Threads, check_threads
 from bottomlock.replay.report import is_replay, make_replay_report
 from bottomlock.report.page import Report, make_report
 from bottomlock.studies import reproduce as whole_study
@@ -20,13 +20,20 @@ def reproduce(
     seed: Seed = None,
     threads: Threads = 0,
     force: ForceStudy = False,
+    recover: Recover = False,
 ) -> None:
     """Reproduce the 2017 paper: run its study, test its claims, write the report."""
     check_threads(threads)
     try:
         with progress_bar(whole_study.study_runs(runs)) as progress:
             made = whole_study.reproduce(
-                out, runs=runs, seed=seed, threads=threads, force=force, progress=progress
+                out,
+                runs=runs,
+                seed=seed,
+                threads=threads,
+                force=force,
+                recover=recover,
+                progress=progress,
             )
     except KeyboardInterrupt:
         interrupted(out)

@@ -5,7 +5,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from bottomlock.cli.console import console, narrow_table
-from bottomlock.cli.parameters import ForceStudy, Seed, StudyOut, Threads, load_scenarios
+from bottomlock.cli.parameters import ForceStudy, Recover, Seed, StudyOut, Threads, load_scenarios
 from bottomlock.cli.study_output import command_line, study_bar
 from bottomlock.studies import consistency as consistency_study
 from bottomlock.studies import sensor_law as study
@@ -23,6 +23,7 @@ def sensor_law(
         str | None, Parameter(help="Sets of returning beams, such as 1234,13,1; all sets by default.")
     ] = None,
     force: ForceStudy = False,
+    recover: Recover = False,
 ) -> None:
     """Test that a further sensor never makes an estimate worse.
 
@@ -38,17 +39,19 @@ def sensor_law(
     given = {"--runs": runs, "--seed": seed, "--masks": masks}
     command = command_line("sensor-law", scenario, given)
     configuration = study.configuration(loaded, sets)
-    study_folder.claim(out, study.KIND, configuration, parts=study.PARTS, force=force)
-    with study_bar(out) as report:
-        table = study.run_sensor_law(
-            loaded,
-            sets,
-            out,
-            command=command,
-            threads=threads,
-            progress=lambda cell, done, total: report(cell, done / total),
-        )
-    study_folder.write_manifest(out, study.KIND, configuration, status="complete", command=command)
+    with study_folder.claimed(
+        out, study.KIND, configuration, parts=study.PARTS, force=force, recover=recover
+    ):
+        with study_bar(out) as report:
+            table = study.run_sensor_law(
+                loaded,
+                sets,
+                out,
+                command=command,
+                threads=threads,
+                progress=lambda cell, done, total: report(cell, done / total),
+            )
+        study_folder.write_manifest(out, study.KIND, configuration, status="complete", command=command)
     shown = narrow_table(
         "Sensor law",
         ["method", "sensors"],

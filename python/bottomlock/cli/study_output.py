@@ -12,7 +12,12 @@ from bottomlock.cli.console import errors, interrupted
 @contextmanager
 def study_bar(out: Path) -> Iterator[Callable[[str, float], None]]:
     """A progress bar, called with the current part and the fraction done; an interruption ends the command."""
-    columns = (TextColumn("{task.description:>22}"), BarColumn(), TextColumn("left"), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description:>22}", markup=False),
+        BarColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
     try:
         with Progress(*columns, console=errors) as bar:
             task = bar.add_task("", total=1.0)

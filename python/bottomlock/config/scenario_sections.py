@@ -43,7 +43,7 @@ class Trajectory(Section):
     feedback: Literal["truth", "estimate"] = "truth"
     pilot: str = "own"
     duration_s: Annotated[float, Field(gt=0, le=86_400)] = 250.0
-    speed_mps: Positive = 2.0
+    speed_mps: Annotated[float, Field(gt=0, le=50)] = 2.0
     heading_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
     yaw_rate_deg_per_s: Annotated[float, Field(gt=0, le=90)] = 3.0
     dive_angle_deg: Annotated[float, Field(ge=0, le=60)] = 5.0

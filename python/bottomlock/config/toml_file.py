@@ -23,9 +23,12 @@ def parse_toml(text: str, *, place: str) -> dict[str, Any]:
     """The tables of a TOML text; `place` names it in errors.
 
     Raises:
-        ScenarioError: for ill-formed TOML, with its line.
+        ScenarioError: for ill-formed TOML, with its line, a number of thousands of digits, and brackets in brackets
+            without end.
     """
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise ScenarioError(f"{place}: not valid TOML: {error}") from error
+    except RecursionError as error:
+        raise ScenarioError(f"{place}: not valid TOML: brackets are nested too deeply") from error

@@ -1,10 +1,11 @@
 """State histories cached on disk under a hash of everything that determines them."""
 
+import contextlib
 import hashlib
+import io
 import json
 import os
 import sys
-import tempfile
 import zipfile
 from dataclasses import asdict
 from functools import lru_cache
@@ -13,9 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
+from bottomlock.atomic_write import write_bytes
+from bottomlock.errors import DataError, OutputError, note
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.swim import StateHistory
 from bottomlock.plant.vehicle import Vehicle
+from bottomlock.records import MissingFileError, read_record, read_recorded, record_of, write_record
 
 _ARRAYS = ("time_ns", "state", "acceleration", "velocity_through_water_p_mps", "segment")
 
@@ -56,29 +60,26 @@ def _source_digest() -> str:
 
 
 def load_history(key: str) -> StateHistory | None:
-    """The cached history, or None where there is none or the file is damaged."""
+    """The cached history; None where there is none, and, with a note, where it has changed since it was written."""
     path = cache_folder() / f"{key}.npz"
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+        record = read_record(record_of(path))
+        if record is None:
+            return None
+        content = read_recorded(path, record, remedy="it is computed again")
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
             return StateHistory(**{name: archive[name] for name in _ARRAYS})
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile):
+    except MissingFileError:
+        return None
+    except (DataError, OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        note(f"cached truth: {error}")
         return None
 
 
 def store_history(key: str, history: StateHistory) -> None:
     """Writes a history to the cache, atomically; a cache that cannot be written is ignored."""
-    folder = cache_folder()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=folder, suffix=".partial")
-    except OSError:
-        return
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez(file, **{name: getattr(history, name) for name in _ARRAYS})
-        Path(temporary).replace(folder / f"{key}.npz")
-    except OSError:
-        Path(temporary).unlink(missing_ok=True)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    path = cache_folder() / f"{key}.npz"
+    content = io.BytesIO()
+    np.savez(content, **{name: getattr(history, name) for name in _ARRAYS})
+    with contextlib.suppress(OutputError):
+        write_record(record_of(path), {"key": key}, {path.name: write_bytes(path, content.getbuffer())})

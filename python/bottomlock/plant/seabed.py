@@ -1,6 +1,7 @@
 """The seabed below the vehicle: flat, sloped or gridded; range and incidence of every beam of every ping."""
 
 import tomllib
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -165,7 +166,7 @@ def load_grid(path: Path) -> GridSeabed:
             tables = {name: np.asarray(content[name], dtype=np.float64) for name in names}
     except KeyError as error:
         raise ScenarioError(f"seabed grid {path}: {error} is missing; expected {', '.join(names)}") from error
-    except (OSError, ValueError, UnicodeDecodeError) as error:
+    except (OSError, ValueError, TypeError, EOFError, RecursionError, zipfile.BadZipFile) as error:
         raise ScenarioError(f"seabed grid {path}: cannot be read: {error}") from error
     return GridSeabed(**tables)
 

@@ -9,11 +9,12 @@ import polars as pl
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from bottomlock.atomic_write import read_json, write_bytes, write_text
+from bottomlock.atomic_write import write_bytes, write_text
 from bottomlock.errors import DataError
 from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render
+from bottomlock.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.replay.figures import error_figure, innovation_figure, map_figure, nis_figure, validity_figure
 from bottomlock.statistics.replay import summary_table
 from bottomlock.tables.replay import FORWARD, RECORDED, SMOOTHED
@@ -51,21 +52,20 @@ def read_replay(folder: Path) -> ReplayTables:
     """Reads the tables of a finished replay.
 
     Raises:
-        DataError: for a directory without a replay, or a table that cannot be read.
+        DataError: for a directory without a replay, or a table that is missing or has changed since it was written.
     """
-    manifest = read_json(folder / "manifest.json")
+    manifest = read_record(folder / "manifest.json")
     if manifest is None or manifest.get("kind") != "replay":
         raise DataError(f"{folder}: holds no replay (no manifest.json of one); `bottomlock replay` makes one")
+    if manifest.get("status") != "complete":
+        raise DataError(f"{folder}: its replay was interrupted; the same `bottomlock replay` writes it again")
 
     def table(name: str) -> pl.DataFrame:
-        try:
-            return pl.read_parquet(folder / f"{name}.parquet")
-        except (OSError, pl.exceptions.PolarsError) as error:
-            raise DataError(
-                f"{folder / name}.parquet: cannot be read ({str(error).splitlines()[0]})"
-            ) from error
+        return read_recorded_table(
+            folder / f"{name}.parquet", manifest, remedy="the same `bottomlock replay` writes it again"
+        )
 
-    path = table("reference") if (folder / "reference.parquet").is_file() else None
+    path = table("reference") if "reference.parquet" in manifest[DIGESTS] else None
     return ReplayTables(
         manifest=manifest,
         runs=table("runs"),
@@ -83,7 +83,7 @@ def is_replay(folder: Path) -> bool:
     Raises:
         DataError: for a manifest that cannot be read.
     """
-    manifest = read_json(folder / "manifest.json")
+    manifest = read_record(folder / "manifest.json")
     return manifest is not None and manifest.get("kind") == "replay"
 
 

@@ -1,9 +1,9 @@
 """Replays a case: every what-if case and run, tables and manifest; a repeat gives the same bits."""
 
 import hashlib
-import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,10 @@ from typing import Any
 import polars as pl
 
 from bottomlock import kernel
-from bottomlock.atomic_write import read_json, write_json, write_parquet
+from bottomlock.atomic_write import write_parquet
 from bottomlock.errors import DataError, OutputError
+from bottomlock.output_folder import is_occupied, locked, remove_parts
+from bottomlock.records import read_record, write_record
 from bottomlock.replay import compare, rerun
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
@@ -26,6 +28,13 @@ from bottomlock.tables.versions import library_versions
 MANIFEST = "manifest.json"
 TABLES = ("runs", "ensemble", "samples", "innovations", "pings")
 KIND = "replay"
+_OURS = (
+    "figures",
+    *(f"{table}.parquet" for table in TABLES),
+    "reference.parquet",
+    "report.html",
+    MANIFEST,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,37 +155,55 @@ def _sha256(path: Path) -> str:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
 
 
-def prepare_folder(out: Path, configuration: str, *, force: bool = False) -> None:
-    """Checks that an output directory is new, empty, or holds a replay of the same case, which is overwritten.
+@contextmanager
+def open_folder(out: Path, configuration: str, *, force: bool = False) -> Iterator[None]:
+    """Holds an output directory: new, empty, or with a replay of the same case, which is overwritten.
 
-    With `force` the files of another replay are removed.
+    Nothing is changed in a directory that is rejected. With `force` the files of another replay are removed.
 
     Raises:
-        OutputError: for a directory with other content, or a replay of another case without `force`.
+        OutputError: for a directory with other content, in use, or with a replay of another case without `force`.
+        DataError: for a manifest that is damaged.
     """
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
-        return
-    manifest = read_json(out / MANIFEST) if out.is_dir() else None
+    _check_owner(out, configuration, force=force)
+    with locked(out):
+        # Another process may have held it until now.
+        if _check_owner(out, configuration, force=force):
+            remove_parts(out, _OURS)
+        yield
+
+
+def _check_owner(out: Path, configuration: str, *, force: bool) -> bool:
+    """Whether the directory holds a replay of another case, which is to be removed."""
+    if not is_occupied(out):
+        return False
+    try:
+        manifest = read_record(out / MANIFEST) if out.is_dir() else None
+    except DataError as error:
+        raise DataError(f"{error}; remove the directory, or choose another one") from error
     if manifest is None or manifest.get("kind") != KIND:
         raise OutputError(f"{out}: is not empty and holds no replay, expected a new directory or a replay's")
-    if manifest.get("configuration_hash") != configuration:
-        if not force:
-            raise OutputError(
-                f"{out}: holds a replay of another configuration; choose another directory or use --force to start over"
-            )
-        shutil.rmtree(out / "figures", ignore_errors=True)
-        for name in (*(f"{table}.parquet" for table in TABLES), "reference.parquet", "report.html", MANIFEST):
-            (out / name).unlink(missing_ok=True)
+    other = bool(manifest.get("configuration_hash") != configuration)
+    if other and not force:
+        raise OutputError(
+            f"{out}: holds a replay of another configuration; choose another directory or use --force to start over"
+        )
+    return other
 
 
 def write_replay(replayed: ReplayResult, out: Path) -> None:
-    """Writes the tables and, last, the manifest; each file is written atomically.
+    """Writes the tables and, last, the manifest, which is their record; each file is written atomically.
 
     Raises:
         OutputError: where the directory cannot be written.
     """
-    for name in TABLES:
-        write_parquet(out / f"{name}.parquet", getattr(replayed, name))
+    # Of an interrupted writing a manifest remains that is not complete.
+    begun = {key: replayed.manifest[key] for key in ("kind", "configuration_hash")}
+    write_record(out / MANIFEST, begun | {"status": "running"}, {})
+    tables = {name: getattr(replayed, name) for name in TABLES}
     if replayed.path is not None:
-        write_parquet(out / "reference.parquet", replayed.path)
-    write_json(out / MANIFEST, replayed.manifest)
+        tables["reference"] = replayed.path
+    digests = {
+        f"{name}.parquet": write_parquet(out / f"{name}.parquet", table) for name, table in tables.items()
+    }
+    write_record(out / MANIFEST, replayed.manifest, digests)

@@ -95,13 +95,14 @@ def run_consistency(
     """
     parts = []
     total = len(scenarios) * len(masks)
+    hashed = configuration(scenarios, masks)
     for scenario in scenarios:
         for mask in masks:
             case = cases.masked(scenario, mask)
             path = out / "cells" / f"{scenario.name}-{case.name}.parquet"
             whole = len(mask) == scenario.dvl.beams
             cell = partial(run_cell, case, whole=whole, threads=threads)
-            parts.append(study_folder.finished_part(path, cell))
+            parts.append(study_folder.finished_part(path, hashed, cell))
             progress(f"{scenario.name} {case.name}", len(parts), total)
     means = pl.concat(parts)
     table = judge(means)
@@ -119,7 +120,7 @@ def run_consistency(
         "settings": world_words.settings(scenarios),
         "limits": world_words.limits(scenarios),
         "versions": study_folder.versions(),
-        "configuration_hash": configuration(scenarios, masks),
+        "configuration_hash": hashed,
         "command": command,
     }
     write_parquet(out / "consistency.parquet", table)

@@ -45,7 +45,7 @@ def read_expectations(path: Path) -> tuple[Expectation, ...]:
         raise DataError(f"{path}: no such file of expected verdicts") from error
     except (OSError, UnicodeDecodeError) as error:
         raise DataError(f"{path}: cannot be read as text ({error})") from error
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise DataError(f"{path}: not valid TOML: {error}") from error
     try:
         read = Expectations.model_validate(content)

@@ -92,6 +92,7 @@ def run_masks(
     *,
     wanted: Sequence[str] | None = None,
     threads: int = 0,
+    recover: bool = False,
     progress: Callable[[str, CampaignProgress], None] = lambda _case, _progress: None,
 ) -> pl.DataFrame:
     """Runs the cases and writes `masks.parquet` to `out`; finished chunks there are kept.
@@ -102,6 +103,7 @@ def run_masks(
         out: directory, claimed by the caller (`study_folder.claim`).
         wanted: names of cases; all for None.
         threads: 0 for as many as there are cores.
+        recover: go on where a campaign's manifest is damaged, as for `run_campaign`.
         progress: called with the case and the progress of its campaign.
 
     Returns:
@@ -122,7 +124,11 @@ def run_masks(
             progress(name, state)
 
         results = run_campaign(
-            [one.scenario for one in same], out / "cases" / case.name, threads=threads, progress=report
+            [one.scenario for one in same],
+            out / "cases" / case.name,
+            threads=threads,
+            recover=recover,
+            progress=report,
         )
         parts.append(gather(case, results.runs, results.ensemble, results.consistency))
     by_case = pl.concat(parts)

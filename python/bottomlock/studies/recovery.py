@@ -6,6 +6,7 @@ fix on.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -83,27 +84,29 @@ def run_recovery(
         outages = two_beam_outages(scenario)
         simulations = [build_simulation(case.scenario) for case in outages]
         settings = scenario.campaign
-        truth: Truth | None = None
-        name = study_folder.configuration_hash(
+        hashed = study_folder.configuration_hash(
             [kernel_version(), simulations[0].fingerprint(), settings.methods]
-        )[:12]
+        )
+        truth = cache(simulations[0].truth)
         for first in range(0, settings.runs, BLOCK):
             runs = range(first, min(first + BLOCK, settings.runs))
-            path = out / "recovery" / scenario.name / f"{name}-{runs[0]:06d}-{runs[-1]:06d}.parquet"
-            if path.exists():
-                frame = pl.read_parquet(path)
-            else:
-                truth = truth or simulations[0].truth()
-                rows = [row for run in runs for row in _rows(simulations, outages, truth, run)]
-                frame = pl.DataFrame(rows, schema=dict(RECOVERY), orient="row")
-                write_parquet(path, frame)
-            parts.append(frame)
+            path = out / "recovery" / scenario.name / f"{hashed[:12]}-{runs[0]:06d}-{runs[-1]:06d}.parquet"
+            block = partial(_block, simulations, outages, truth, runs)
+            parts.append(study_folder.finished_part(path, hashed, block))
             progress(scenario.name, runs[-1] + 1)
     table = pl.concat(parts)
     judged = summary(table)
     write_parquet(out / "recovery.parquet", table)
     write_parquet(out / "recovery_summary.parquet", judged)
     return table, judged
+
+
+def _block(
+    simulations: Sequence[Simulation], outages: Sequence[cases.Case], truth: Callable[[], Truth], runs: range
+) -> pl.DataFrame:
+    """Some runs with every mask and method (`tables.studies.RECOVERY`)."""
+    rows = [row for run in runs for row in _rows(simulations, outages, truth(), run)]
+    return pl.DataFrame(rows, schema=dict(RECOVERY), orient="row")
 
 
 def _rows(

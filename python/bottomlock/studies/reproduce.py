@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
-from bottomlock.atomic_write import write_parquet
-from bottomlock.campaign.run import CampaignProgress, run_campaign
+from bottomlock.campaign.run import CampaignProgress, campaign_directory, run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.records import write_recorded_table
 from bottomlock.report.page import Report, make_report
 from bottomlock.studies.cases import PAPER_TRAJECTORIES
 from bottomlock.studies.sweep import run_sweep, sweep_cells
@@ -31,6 +32,7 @@ def reproduce(
     methods: Sequence[str] | None = None,
     threads: int = 0,
     force: bool = False,
+    recover: bool = False,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> Report:
     """Flies the three trajectories with every method, sweeps what the paper leaves open, and writes the report.
@@ -44,19 +46,22 @@ def reproduce(
         methods: methods; the scenarios' own by default.
         threads: 0 for as many as there are cores.
         force: start over in a directory of another study.
+        recover: go on where a manifest is damaged, as for `run_campaign`.
         progress: called with the progress of the campaign, of the runs without a cause, then of the sweep.
 
     Raises:
         As `run_campaign` and `make_report`.
     """
     scenarios = _scenarios(runs, seed, methods)
-    run_campaign(scenarios, out, threads=threads, force=force, progress=progress)
-    run_without_causes(scenarios, out, threads=threads, force=force, progress=progress)
-    sweep = run_sweep(
-        scenarios, out / "sweep", runs=sweep_runs(runs), threads=threads, force=force, progress=progress
-    )
-    write_parquet(out / "sweep.parquet", sweep)
-    return make_report(out)
+    settings: Any = {"threads": threads, "force": force, "recover": recover, "progress": progress}
+    # Held from the first campaign to the report.
+    with campaign_directory(scenarios, out, force=force, recover=recover):
+        manifest = run_campaign(scenarios, out, **settings).manifest
+        run_without_causes(scenarios, out, **settings)
+        sweep = run_sweep(scenarios, out / "sweep", runs=sweep_runs(runs), **settings)
+        identity = {"configuration_hash": manifest["configuration_hash"]}
+        write_recorded_table(out / "sweep.parquet", sweep, identity)
+        return make_report(out)
 
 
 def _scenarios(runs: int, seed: int | None, methods: Sequence[str] | None) -> list[Scenario]:

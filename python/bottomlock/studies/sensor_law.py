@@ -124,11 +124,12 @@ def run_sensor_law(
     ]
     tests = len(cells) * len(SENSOR_SETS) * len(METHODS) * 2
     parts = []
+    hashed = configuration(scenarios, masks)
     for scenario, mask, current in cells:
         name = f"{scenario.name}-{''.join(map(str, mask))}-{'current' if current else 'still'}"
         path = out / "cells" / f"{name}.parquet"
         cell = partial(run_cell, scenario, mask, current, tests=tests, threads=threads)
-        parts.append(study_folder.finished_part(path, cell))
+        parts.append(study_folder.finished_part(path, hashed, cell))
         progress(name, len(parts), len(cells))
     table = pl.concat(parts)
     write_parquet(out / "sensor_law.parquet", table)

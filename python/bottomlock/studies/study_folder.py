@@ -2,18 +2,26 @@
 
 import hashlib
 import json
-import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
-from bottomlock.atomic_write import read_json, write_json, write_parquet
 from bottomlock.config.scenario import Scenario
-from bottomlock.errors import OutputError
+from bottomlock.errors import DataError, OutputError, note
 from bottomlock.kernel import kernel_version
-from bottomlock.tables.versions import library_versions
+from bottomlock.output_folder import LOCK, is_occupied, locked, remove_parts
+from bottomlock.records import (
+    MissingFileError,
+    read_record,
+    read_recorded_table,
+    record_of,
+    write_record,
+    write_recorded_table,
+)
+from bottomlock.tables.versions import bit_versions, check_identity, library_versions, versions_in_words
 
 MANIFEST = "study.json"
 
@@ -38,59 +46,117 @@ def campaign_values(scenarios: Iterable[Scenario], key: str) -> str:
     return ", ".join(dict.fromkeys(str(getattr(scenario.campaign, key)) for scenario in scenarios))
 
 
-def finished_part(path: Path, run: Callable[[], pl.DataFrame]) -> pl.DataFrame:
-    """The table in a file, which is run and written first where the file does not exist.
+def finished_part(path: Path, configuration: str, run: Callable[[], pl.DataFrame]) -> pl.DataFrame:
+    """The table in a file; where it is not finished, or has changed since, it is run (again) and written first.
+
+    Args:
+        path: the part's file; its record stands beside it.
+        configuration: hash of what decides the part.
+        run: computes the part.
 
     Raises:
         OutputError: where it cannot be written.
     """
-    if not path.exists():
-        write_parquet(path, run())
-    return pl.read_parquet(path)
+    identity = {"configuration_hash": configuration, "versions": bit_versions()}
+    table = _kept_part(path, identity)
+    if table is None:
+        table = run()
+        write_recorded_table(path, table, identity)
+    return table
 
 
-def claim(out: Path, kind: str, configuration: str, *, parts: Iterable[str], force: bool = False) -> None:
-    """Makes `out` the directory of this study; with `force` the `parts` of another of the same kind are removed.
+def _kept_part(path: Path, identity: dict[str, Any]) -> pl.DataFrame | None:
+    """The table of a part that is finished, whole and of this study; a note says why one that is there is not."""
+    remedy = "the part is run again"
+    try:
+        record = read_record(record_of(path))
+        if record is None:
+            return None
+        check_identity(record_of(path), record, identity, remedy=remedy)
+        return read_recorded_table(path, record, remedy=remedy)
+    except MissingFileError:
+        return None
+    except DataError as error:
+        note(str(error))
+        return None
+
+
+@contextmanager
+def claimed(
+    out: Path,
+    kind: str,
+    configuration: str,
+    *,
+    parts: Iterable[str],
+    force: bool = False,
+    recover: bool = False,
+) -> Iterator[None]:
+    """Holds `out` as the directory of this study; with `force` the `parts` of another of the same kind are removed.
+
+    Nothing is changed in a directory that is rejected. With `recover` a manifest that is damaged is written again; the
+    parts have records of their own.
 
     Raises:
-        OutputError: for a directory that holds something else, or cannot be read or written.
+        OutputError: for a directory that holds something else, is in use, or cannot be read or written.
+        DataError: for a manifest that is damaged.
     """
-    try:
-        occupied = out.exists() and (not out.is_dir() or any(out.iterdir()))
-    except OSError as error:
-        raise OutputError(f"{out}: cannot be read ({error.strerror})") from error
-    if occupied:
-        manifest = read_json(out / MANIFEST) if out.is_dir() else None
-        if manifest is None or manifest.get("kind") != kind:
-            raise OutputError(
-                f"{out}: is not empty and holds no {kind} study of ours; choose another directory"
-            )
-        same = (
-            manifest.get("configuration_hash") == configuration
-            and manifest.get("version") == kernel_version()
-        )
-        if not same and not force:
-            raise OutputError(
-                f"{out}: holds a {kind} study of another configuration or version; "
-                "choose another directory or use --force to start over"
-            )
+    parts = tuple(parts)
+    check_owner(out, kind, configuration, parts=parts, force=force, recover=recover)
+    with locked(out):
+        # Another process may have held it until now.
+        check_owner(out, kind, configuration, parts=parts, force=force, recover=recover)
         if force:
-            for part in parts:
-                path = out / part
-                shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-    write_manifest(out, kind, configuration, status="running")
+            remove_parts(out, parts)
+        write_manifest(out, kind, configuration, status="running")
+        yield
+
+
+def check_owner(
+    out: Path, kind: str, configuration: str, *, parts: Iterable[str], force: bool, recover: bool
+) -> None:
+    """Rejects a directory that `claimed` would reject, and changes nothing.
+
+    Raises:
+        As `claimed`.
+    """
+    if not is_occupied(out):
+        return
+    ours = out.is_dir() and all(path.name in (*parts, LOCK) for path in out.iterdir())
+    try:
+        manifest = read_record(out / MANIFEST) if out.is_dir() else None
+    except DataError as error:
+        if recover and ours:
+            return
+        raise DataError(
+            f"{error}; the same command with --recover writes it again and keeps every part that is whole"
+        ) from error
+    if manifest is None and recover and ours:
+        return
+    if manifest is None or manifest.get("kind") != kind:
+        raise OutputError(f"{out}: is not empty and holds no {kind} study of ours; choose another directory")
+    other = ""
+    if manifest.get("configuration_hash") != configuration:
+        other = "of another configuration"
+    else:
+        differing = versions_in_words(dict(manifest.get("versions", {})), bit_versions())
+        other = f"made with {differing}, so that bits may differ" if differing else ""
+    if other and not force:
+        raise OutputError(
+            f"{out}: holds a {kind} study {other}; choose another directory or use --force to start over"
+        )
 
 
 def write_manifest(out: Path, kind: str, configuration: str, *, status: str, **more: Any) -> None:  # noqa: ANN401
     """Writes the manifest of the directory, which the next command reads."""
-    write_json(
+    write_record(
         out / MANIFEST,
         {
             "kind": kind,
             "status": status,
             "version": kernel_version(),
-            "versions": versions(),
+            "versions": versions() | bit_versions(),
             "configuration_hash": configuration,
             **more,
         },
+        {},
     )

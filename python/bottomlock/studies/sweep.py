@@ -71,6 +71,7 @@ def run_sweep(
     runs: int,
     threads: int = 0,
     force: bool = False,
+    recover: bool = False,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
 ) -> pl.DataFrame:
     """Runs every value of every setting on scenarios with a vehicle, with the same sensor errors for all.
@@ -94,6 +95,7 @@ def run_sweep(
             out / folder,
             threads=threads,
             force=force,
+            recover=recover,
             progress=_of_cell(f"sweep {folder}", progress),
         )
         summary = summary_table(results.ensemble, results.runs)

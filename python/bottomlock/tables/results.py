@@ -8,11 +8,13 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.atomic_write import read_json
 from bottomlock.errors import DataError
+from bottomlock.records import DIGESTS, read_record, read_recorded_table, record_of
 from bottomlock.tables.campaign import CHOICES, CONSISTENCY, ENSEMBLE, PATHS, RUNS, SAMPLES
 from bottomlock.tables.check import check
 from bottomlock.tables.studies import SWEEP
+
+AGAIN = "the same command that made the campaign writes it again"
 
 
 @dataclass(frozen=True)
@@ -47,14 +49,14 @@ def read_campaign_tables(folder: Path) -> CampaignTables:
     """The tables of a finished campaign, read from its directory and checked.
 
     Raises:
-        DataError: for a directory without a finished campaign of this version, and for a table that is missing,
-            damaged, or has other columns, trajectories or methods than expected.
+        DataError: for a directory without a finished campaign of this version, and for a table that is missing, has
+            changed since it was written, or has other columns, trajectories or methods than expected.
     """
     if not folder.is_dir():
         raise DataError(f"{folder}: no such directory; `bottomlock run` makes one")
     manifest = _manifest(folder)
     runs, ensemble, consistency = (
-        check(_parquet(folder / f"{name}.parquet"), columns, place=str(folder / f"{name}.parquet"))
+        check(_table(folder / f"{name}.parquet", manifest), columns, place=str(folder / f"{name}.parquet"))
         for name, columns in (("runs", RUNS), ("ensemble", ENSEMBLE), ("consistency", CONSISTENCY))
     )
     for name, table in (("runs", runs), ("ensemble", ensemble), ("consistency", consistency)):
@@ -65,9 +67,9 @@ def read_campaign_tables(folder: Path) -> CampaignTables:
         runs=runs,
         ensemble=ensemble,
         consistency=consistency,
-        paths=_optional(folder / "truth.parquet", PATHS),
-        sweep=_optional(folder / "sweep.parquet", SWEEP),
-        choices=_optional(folder / "choices.parquet", CHOICES),
+        paths=_optional(folder / "truth.parquet", PATHS, manifest),
+        sweep=_optional(folder / "sweep.parquet", SWEEP, _sweep_record(folder, manifest)),
+        choices=_optional(folder / "choices.parquet", CHOICES, manifest),
     )
 
 
@@ -77,7 +79,7 @@ def read_samples(campaign: CampaignTables, trajectory: str) -> Iterator[tuple[pl
     The rows are sorted by run, method and time; every method of every run has every time.
 
     Raises:
-        DataError: for a chunk that is missing, damaged or incomplete.
+        DataError: for a chunk that is missing, incomplete, or has changed since it was written.
     """
     methods, runs = campaign.methods(trajectory), int(campaign.manifest["scenarios"][trajectory]["runs"])
     for path, first, last in _tiling(campaign.folder / "chunks" / trajectory, runs):
@@ -86,7 +88,7 @@ def read_samples(campaign: CampaignTables, trajectory: str) -> Iterator[tuple[pl
 
 def _manifest(folder: Path) -> dict[str, Any]:
     path = folder / "manifest.json"
-    manifest = read_json(path)
+    manifest = read_record(path)
     if manifest is None or not isinstance(manifest.get("scenarios"), dict) or "version" not in manifest:
         raise DataError(f"{folder}: holds no campaign of ours (no manifest.json of `bottomlock run`)")
     version = importlib.metadata.version("bottomlock")
@@ -107,23 +109,29 @@ def _manifest(folder: Path) -> dict[str, Any]:
     return manifest
 
 
-def _parquet(path: Path, columns: Sequence[str] | None = None) -> pl.DataFrame:
-    if not path.is_file():
-        raise DataError(f"{path}: is missing; the same `bottomlock run` writes it again")
-    try:
-        return pl.read_parquet(path, columns=None if columns is None else list(columns))
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise DataError(
-            f"{path}: cannot be read as the table it should be ({str(error).splitlines()[0]})"
-        ) from error
+def _table(path: Path, record: Mapping[str, Any], columns: Sequence[str] | None = None) -> pl.DataFrame:
+    """A table that a record states."""
+    return read_recorded_table(path, record, remedy=AGAIN, columns=columns)
 
 
-def _optional(path: Path, columns: Mapping[str, pl.DataType]) -> pl.DataFrame | None:
-    """A table that a campaign may have; additional columns are kept."""
-    if not path.is_file():
+def _optional(
+    path: Path, columns: Mapping[str, pl.DataType], record: Mapping[str, Any] | None
+) -> pl.DataFrame | None:
+    """A table that a campaign may have; additional columns are kept. None where no record states it."""
+    if record is None or path.name not in record[DIGESTS]:
+        if path.exists():
+            raise DataError(f"{path}: is not stated by the records of this campaign; {AGAIN}, or remove it")
         return None
-    frame = _parquet(path)
+    frame = _table(path, record)
     return check(frame.select([name for name in frame.columns if name in columns]), columns, place=str(path))
+
+
+def _sweep_record(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Any] | None:
+    path = record_of(folder / "sweep.parquet")
+    record = read_record(path)
+    if record is not None and record.get("configuration_hash") != manifest["configuration_hash"]:
+        raise DataError(f"{path}: is of another campaign; {AGAIN}")
+    return record
 
 
 def _agree(path: Path, table: pl.DataFrame, manifest: dict[str, Any]) -> None:
@@ -162,7 +170,10 @@ def _tiling(folder: Path, runs: int) -> list[tuple[Path, int, int]]:
 
 def _chunk(path: Path, methods: Sequence[str], runs: int) -> pl.DataFrame:
     columns = [name for name in SAMPLES if name not in ("trajectory", "nees_velocity_attitude")]
-    frame = _parquet(path, columns).sort("run", "method", "time_ns")
+    record = read_record(path.with_name(f"{path.stem.replace('samples', 'record')}.json"))
+    if record is None:
+        raise DataError(f"{path}: its chunk has no record; {AGAIN}")
+    frame = _table(path, record, columns).sort("run", "method", "time_ns")
     times = frame["time_ns"].n_unique()
     if frame.height != runs * len(methods) * times or frame["run"].n_unique() != runs:
         raise DataError(

@@ -1,0 +1,167 @@
+"""Who holds an output directory, and what is removed from it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from bottomlock import atomic_write
+from bottomlock.campaign.run import run_campaign
+from bottomlock.errors import Note, OutputError
+from bottomlock.output_folder import LOCK, is_occupied, locked, remove_parts
+from tests.unit.small_campaign import short
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from bottomlock.output_folder import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+def holder(out: Path) -> subprocess.Popen[str]:
+    """A process that holds a directory."""
+    process = subprocess.Popen([sys.executable, "-c", HOLD, str(out)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "held\n"
+    return process
+
+
+def test_two_processes_on_one_directory(tmp_path: Path) -> None:
+    """The second is told who holds it; when that process is killed, the next one goes on and says so."""
+    out = tmp_path / "o"
+    run_campaign([short(2)], out, threads=1)
+    process = holder(out)
+    try:
+        before = {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()}
+        who = (
+            rf"o: is in use by process {process.pid} on {socket.gethostname()} since 20.*; wait until it ends"
+        )
+        for force in (False, True):
+            with pytest.raises(OutputError, match=who):
+                run_campaign([short(2)], out, threads=1, force=force)
+        assert {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()} == before
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+    with pytest.warns(Note, match=rf"o: was left by process {process.pid} .*, which has ended; taken over"):
+        run_campaign([short(2)], out, threads=1)
+    assert not (out / LOCK).exists()
+
+
+def test_the_lock_of_another_host_stays(tmp_path: Path) -> None:
+    """Whether its process lives cannot be known from here."""
+    (tmp_path / LOCK).write_text(json.dumps({"host": "elsewhere", "pid": 1, "since": "then"}))
+    with pytest.raises(
+        OutputError, match=r"process 1 on elsewhere since then; if that process has ended, remove"
+    ):
+        run_campaign([short(2)], tmp_path, threads=1)
+    assert [path.name for path in tmp_path.iterdir()] == [LOCK]
+
+
+def test_one_thread_may_hold_it_twice_and_two_may_not(tmp_path: Path) -> None:
+    refused: list[str] = []
+
+    def other() -> None:
+        try:
+            with locked(tmp_path):
+                pass
+        except OutputError as error:
+            refused.append(str(error))
+
+    with locked(tmp_path), locked(tmp_path / "." / "x" / ".."):
+        thread = threading.Thread(target=other)
+        thread.start()
+        thread.join()
+    assert len(refused) == 1
+    assert f"is in use by process {os.getpid()}" in refused[0]
+    with locked(tmp_path):
+        pass
+
+
+def test_a_directory_that_stays_empty_goes_again(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError), locked(tmp_path / "a" / "b"):
+        raise RuntimeError
+    assert list(tmp_path.iterdir()) == []
+    with locked(tmp_path / "a" / "b"):
+        (tmp_path / "a" / "b" / "table").touch()
+    assert (tmp_path / "a" / "b" / "table").exists()
+
+
+def test_a_lock_that_is_a_link_is_not_written_through(tmp_path: Path) -> None:
+    thesis = tmp_path / "thesis.tex"
+    thesis.write_text("years of work")
+    (tmp_path / "o").mkdir()
+    (tmp_path / "o" / LOCK).symlink_to(thesis)
+    assert is_occupied(tmp_path / "o")
+    with pytest.raises(OutputError, match="cannot be written"), locked(tmp_path / "o"):
+        pass
+    assert thesis.read_text() == "years of work"
+
+
+def test_all_parts_are_removed_or_none(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "x").touch()
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    with pytest.raises(OutputError, match="b: is a symbolic link"):
+        remove_parts(tmp_path, ["a", "b"])
+    assert (tmp_path / "a" / "x").exists()
+    (tmp_path / "b").unlink()
+    remove_parts(tmp_path, ["a", "b"])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_is_replaced_and_never_changed_in_place(tmp_path: Path) -> None:
+    """Who has the old file open, or has linked it, keeps the old content: it is renamed over, not copied into."""
+    table, link = tmp_path / "table", tmp_path / "link"
+    atomic_write.write_bytes(table, b"old")
+    atomic_write.link_or_copy(table, link)
+    assert table.stat().st_ino == link.stat().st_ino
+    with table.open("rb") as held:
+        atomic_write.write_bytes(table, b"new content")
+        assert held.read() == b"old"
+    assert (table.read_bytes(), link.read_bytes()) == (b"new content", b"old")
+    atomic_write.link_or_copy(table, link)
+    assert link.read_bytes() == b"new content"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "table"]
+
+
+def test_a_file_is_on_the_disk_before_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """First the content is forced to the disk, then it is renamed, then the folder is forced to the disk."""
+    steps: list[str] = []
+    fsync, replace = os.fsync, Path.replace
+
+    def flush(handle: int) -> None:
+        steps.append("folder" if Path(f"/proc/self/fd/{handle}").resolve().is_dir() else "file")
+        fsync(handle)
+
+    def rename(path: Path, target: Path) -> Path:
+        steps.append("rename")
+        return replace(path, target)
+
+    monkeypatch.setattr(os, "fsync", flush)
+    monkeypatch.setattr(Path, "replace", rename)
+    atomic_write.write_bytes(tmp_path / "table", b"content")
+    assert steps == ["file", "rename", "folder"]
+    steps.clear()
+    atomic_write.write_bytes(tmp_path / "a" / "b" / "table", b"content")
+    assert steps == ["folder", "folder", "file", "rename", "folder"]
+
+
+def test_an_old_temporary_link_is_not_written_through(tmp_path: Path) -> None:
+    """A killed process left a link under the name that this one uses."""
+    shard = tmp_path / "shard"
+    shard.write_bytes(b"theirs")
+    (tmp_path / f".table.{os.getpid()}.part").hardlink_to(shard)
+    atomic_write.write_bytes(tmp_path / "table", b"ours")
+    assert shard.read_bytes() == b"theirs"
