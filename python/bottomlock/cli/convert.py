@@ -1,7 +1,7 @@
 """The command `bottomlock convert`: a recorded file of any known format to the beam table."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -51,6 +51,12 @@ def convert(
     ignore_checksum: Annotated[
         bool, Parameter(negative="", help="Keep text records with a wrong checksum, flagged.")
     ] = False,
+    clock: Annotated[
+        Literal["reports", "distinct"],
+        Parameter(
+            help="Where the clock is the sum of intervals: that of every report, or not of reports that repeat."
+        ),
+    ] = "reports",
     force: Annotated[bool, Parameter(negative="", help="Overwrite an existing table.")] = False,
 ) -> None:
     """Convert a recorded DVL log to a beam table.
@@ -68,6 +74,7 @@ def convert(
         keep_stale=keep_stale,
         negate_beams=negate_beams,
         ignore_checksum=ignore_checksum,
+        clock=clock,
         topic=topic,
         columns=None if columns is None else str(columns),
     )

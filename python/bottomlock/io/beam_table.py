@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from bottomlock.atomic_write import read_json, write_json, write_parquet
 from bottomlock.errors import DataError
 from bottomlock.io.sentences import show
+from bottomlock.table_file import read_parquet
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -358,12 +359,7 @@ def read_beam_table(path: str | Path) -> BeamTable:
         DataError: naming file and column, as `BeamTable.from_frame`; also for a file that cannot be read.
     """
     place = Path(path)
-    if not place.is_file():
-        raise DataError(f"{place}: no such file")
-    try:
-        frame = pl.read_parquet(place)
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise DataError(f"{place}: cannot be read ({str(error).splitlines()[0]})") from error
+    frame = read_parquet(place)
     return BeamTable.from_frame(frame, str(place))
 
 

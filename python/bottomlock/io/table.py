@@ -14,8 +14,9 @@ from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beam_table import MOST_BEAMS, Account, Flags, Floats, Integers, Recording
 from bottomlock.io.beams import Columns, read_flags, read_times
-from bottomlock.io.columns import column_numbers, read_table
+from bottomlock.io.columns import column_numbers
 from bottomlock.io.rows import PLAIN, Options, Rows, raise_if_empty
+from bottomlock.table_file import read_table_file
 
 NAME = "table"
 
@@ -50,7 +51,7 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
         ScenarioError: for a bad column map.
     """
     columns = Columns() if options.columns is None else read_map(Path(options.columns))
-    frame = read_table(path)
+    frame = read_table_file(path)
     if not frame.height:
         raise DataError(f"{place}: has no rows")
     velocity_names, valid_names = _beam_columns(frame, columns, place, options)

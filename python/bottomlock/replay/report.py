@@ -16,6 +16,7 @@ from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render
 from bottomlock.replay.figures import error_figure, innovation_figure, map_figure, nis_figure, validity_figure
 from bottomlock.statistics.replay import summary_table
+from bottomlock.table_file import read_parquet
 from bottomlock.tables.replay import FORWARD, RECORDED, SMOOTHED
 
 BEAM_ROWS = ("tc", "sway_current", "consistent")
@@ -58,12 +59,7 @@ def read_replay(folder: Path) -> ReplayTables:
         raise DataError(f"{folder}: holds no replay (no manifest.json of one); `bottomlock replay` makes one")
 
     def table(name: str) -> pl.DataFrame:
-        try:
-            return pl.read_parquet(folder / f"{name}.parquet")
-        except (OSError, pl.exceptions.PolarsError) as error:
-            raise DataError(
-                f"{folder / name}.parquet: cannot be read ({str(error).splitlines()[0]})"
-            ) from error
+        return read_parquet(folder / f"{name}.parquet")
 
     path = table("reference") if (folder / "reference.parquet").is_file() else None
     return ReplayTables(

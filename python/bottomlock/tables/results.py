@@ -10,6 +10,7 @@ import polars as pl
 
 from bottomlock.atomic_write import read_json
 from bottomlock.errors import DataError
+from bottomlock.table_file import read_parquet
 from bottomlock.tables.campaign import CHOICES, CONSISTENCY, ENSEMBLE, PATHS, RUNS, SAMPLES
 from bottomlock.tables.check import check
 from bottomlock.tables.studies import SWEEP
@@ -110,12 +111,7 @@ def _manifest(folder: Path) -> dict[str, Any]:
 def _parquet(path: Path, columns: Sequence[str] | None = None) -> pl.DataFrame:
     if not path.is_file():
         raise DataError(f"{path}: is missing; the same `bottomlock run` writes it again")
-    try:
-        return pl.read_parquet(path, columns=None if columns is None else list(columns))
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise DataError(
-            f"{path}: cannot be read as the table it should be ({str(error).splitlines()[0]})"
-        ) from error
+    return read_parquet(path, columns)
 
 
 def _optional(path: Path, columns: Mapping[str, pl.DataType]) -> pl.DataFrame | None:
