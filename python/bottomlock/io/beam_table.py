@@ -286,6 +286,7 @@ class Recording:
         quality: meaning of the column of that name, "" where the format has none.
         corrected: changes of sign and unit by the reader, a sentence each.
         geometry: packaged geometry of the instrument, "" where the record does not identify it.
+        resolution_mps: step between the beam velocities that a record can hold; 0 where it holds floats.
         notes: remarks on this file for the user, a sentence each.
         facts: recorded properties of the instrument (firmware, beam angle, serial number), unchanged.
     """
@@ -299,6 +300,7 @@ class Recording:
     quality: str = ""
     corrected: Sequence[str] = ()
     geometry: str = ""
+    resolution_mps: float = 0.0
     notes: Sequence[str] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
 
@@ -314,6 +316,7 @@ class Recording:
             "quality": self.quality,
             "corrected": list(self.corrected),
             "geometry": self.geometry,
+            "resolution_mps": self.resolution_mps,
             "notes": list(self.notes),
             "facts": dict(self.facts),
             **self.account.to_json(),

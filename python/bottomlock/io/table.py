@@ -16,7 +16,7 @@ from bottomlock.io.beam_table import MOST_BEAMS, Account, Flags, Floats, Integer
 from bottomlock.io.beams import Columns, read_flags, read_times
 from bottomlock.io.columns import column_numbers
 from bottomlock.io.rows import PLAIN, Options, Rows, raise_if_empty
-from bottomlock.table_file import read_table_file
+from bottomlock.table_file import check_regular, read_table_file
 
 NAME = "table"
 
@@ -33,8 +33,10 @@ def read_map(path: Path) -> Columns:
     """A column map from a TOML file, at its top or under `[columns]`.
 
     Raises:
+        DataError: for what is not a file.
         ScenarioError: for a file that cannot be read, ill-formed TOML, or an unknown key.
     """
+    check_regular(path)
     content = parse_toml(read_text(path), place=str(path))
     try:
         return Columns.model_validate(content.get("columns", content))

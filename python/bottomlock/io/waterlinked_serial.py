@@ -252,6 +252,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         time_of="validity" if absolute else "record",
         quality="signal strength rssi, dBm",
         geometry="waterlinked_a50",
+        resolution_mps=1e-3,
         notes=[
             "a beam has no flag of its own: it counts as valid where its distance is not -1",
             *([] if absolute else ["the reports carry no clock: time is the sum of their intervals"]),
