@@ -177,16 +177,16 @@ def df21(
     )
 
 
-def df20(*, valid: bool = True) -> bytes:
+def df20(step: int = 0, *, valid: bool = True, velocity: Sequence[int] = (100, -100, 50, -50)) -> bytes:
     """A profiler's bottom-track record in beam coordinates, of 78 bytes and the beams."""
     head = bytearray(78)
-    clock = bytes([121, 4, 1, 0, 0, 10])
+    clock = bytes([121, 4, 1, 0, 0, 10 + step])
     struct.pack_into(
         "<BBHI6sHHhIHhhH", head, 0, 1, 78, 1 << 5 | 1 << 8 | 1 << 9, 4711, clock, 2500, 15000, 1200, 100, 9000, 150,
         -250, 4 << 12 | 2 << 10,
     )  # fmt: skip
     struct.pack_into("<b", head, 60, -3)
-    beams = (100, -100, 50, -50, 2000, 2100, 2200, 2300, 5, 6, 7, 8)
+    beams = (*velocity, 2000, 2100, 2200, 2300, 5, 6, 7, 8)
     filler = (-10117, -10117, -10117, -10117, -1022, -1022, -1022, -1022, *[65535] * 4)
     return bytes(head) + struct.pack("<4i4i4H", *(beams if valid else filler))
 

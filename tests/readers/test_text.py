@@ -113,8 +113,11 @@ def test_serial_lost_beams_and_bad_checksums() -> None:
     assert waterlinked_serial.read(lost, "log").table.valid.tolist() == [[True, True, False, True]]
     bad = seeds.SERIAL.replace(b"2.200", b"2.300")
     recording = waterlinked_serial.read(bad, "log")
-    assert recording.table.valid.tolist() == [[True, True, False, True]]
+    assert recording.table.valid.tolist() == [[True, True, False, False]], (
+        "what follows a lost line is unsure"
+    )
     assert recording.account.skipped["bad checksum"].first == 4
+    assert recording.account.skipped["transducer report after a lost line"].first == 5
     assert recording.account.flagged["transducer report missing"].count == 1
     trusted = waterlinked_serial.read(bad, "log", Options(ignore_checksum=True))
     assert trusted.table.velocity_mps[0, 2] == 2.3

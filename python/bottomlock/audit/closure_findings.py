@@ -19,6 +19,9 @@ from bottomlock.audit.robust import Array
 HEAVY_FRACTION = 0.01
 """Heavy tails are reported when a larger fraction lies beyond three robust sigmas; Gaussian noise has 0.0027."""
 
+ROUNDING_MPS = 1e-9
+"""Beams that close as well as this close exactly: no other order closes better."""
+
 FREE = (
     "Closure leaves 9 of the 12 entries of four beams free: a rotation, mirroring or stretch of the whole closes "
     "equally well; state a geometry, or record the instrument's velocity beside the beams."
@@ -77,7 +80,7 @@ def order_findings(orders: list[Order], rows: Array) -> tuple[list[Finding], Arr
     """
     plain = next(one for one in orders if one.steps == 0)
     best = min(orders, key=lambda one: one.closure_mps)
-    if best.closure_mps > 0.5 * plain.closure_mps:
+    if best.closure_mps > 0.5 * plain.closure_mps or plain.closure_mps < ROUNDING_MPS:
         return [], rows, False
     equal = [one for one in orders if one.closure_mps < 1.1 * best.closure_mps]
     fewest = min(one.steps for one in equal)

@@ -1,6 +1,7 @@
 """The geometry file that an audit writes, as `bottomlock fix` and `read_geometry` read it."""
 
 import json
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,6 +13,10 @@ from bottomlock.audit.run import Audit
 from bottomlock.errors import DataError
 
 SURE = 5.0
+LEAST_PINGS = 30
+"""Pings from which on the robust standard deviation is known within a fifth."""
+LEAST_NOISE_MPS = 1e-5
+"""A hundredth of the mm/s that most instruments write: no echo is measured so well."""
 
 
 def geometry_text(audit: Audit) -> str:
@@ -79,17 +84,30 @@ def _vector(values: Sequence[float] | Array, digits: int) -> str:
 
 
 def _noise(audit: Audit) -> float:
-    """Beam noise, m/s, from the closure; without one from second differences in time, which include some motion."""
-    if audit.assessment.closures:
-        return max(float(np.median([one.beam_sigma_mps for one in audit.assessment.closures])), 1e-6)
-    readings = audit.log.velocity_mps[audit.assessment.full]
-    if len(readings) < 3:
+    """Beam noise, m/s, from the closure; without one from second differences in time, which include some motion.
+
+    Rounding to the format's resolution alone makes a noise, of a twelfth of its square in variance.
+    """
+    log, readings = audit.log, audit.log.velocity_mps[audit.assessment.full]
+    refusal = f"{log.place}: no geometry can be written:"
+    if len(readings) < LEAST_PINGS:
         raise DataError(
-            f"{audit.log.place}: no geometry can be written: {len(readings)} full pings, expected 3 or more for the "
-            "beam noise"
+            f"{refusal} {len(readings)} full pings, expected {LEAST_PINGS} or more to measure the beam noise; "
+            "record longer"
         )
-    bent = np.diff(readings, n=2, axis=0) / np.sqrt(6.0)
-    return max(float(np.mean([sigma(column) for column in bent.T])), 1e-6)
+    if audit.assessment.closures:
+        found = float(np.median([one.beam_sigma_mps for one in audit.assessment.closures]))
+    else:
+        bent = np.diff(readings, n=2, axis=0) / np.sqrt(6.0)
+        found = float(np.mean([sigma(column) for column in bent.T]))
+    resolution = log.beside.get("resolution_mps", 0.0)
+    noise = max(found, resolution / math.sqrt(12.0) if isinstance(resolution, float) else 0.0)
+    if not noise > LEAST_NOISE_MPS:
+        raise DataError(
+            f"{refusal} the {len(readings)} full pings show a beam noise of {noise:.1g} m/s, expected more than "
+            f"{LEAST_NOISE_MPS:g}; are the beams computed from a velocity?"
+        )
+    return noise
 
 
 def _mounting_lines(audit: Audit) -> list[str]:

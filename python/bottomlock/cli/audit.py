@@ -16,6 +16,7 @@ from bottomlock.audit.page import beams_table, write_audit
 from bottomlock.audit.run import Audit, audit_file
 from bottomlock.cli.console import console
 from bottomlock.errors import OutputError
+from bottomlock.io.formats import converted_first
 
 _COLOURS = {"fault": "red", "warning": "yellow", "note": "dim"}
 
@@ -54,13 +55,11 @@ def audit(
     """
     if write is not None and write.suffix.lower() != ".toml":
         raise OutputError(f"{write}: expected a name that ends in .toml")
-    made = audit_file(
-        log,
-        geometry=geometry,
-        reference=None if attitude is None else read_reference(attitude),
-        imu=None if imu is None else read_inertial(imu),
-        depths=None if depth is None else read_depths(depth),
-    )
+    reference = None if attitude is None else read_reference(attitude)
+    inertial = None if imu is None else read_inertial(imu)
+    depths = None if depth is None else read_depths(depth)
+    with converted_first(log):
+        made = audit_file(log, geometry=geometry, reference=reference, imu=inertial, depths=depths)
     text = None if write is None else geometry_text(made)
     write_audit(made, out)
     for part in shown(made):

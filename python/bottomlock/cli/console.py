@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 EXIT_DEPARTURE = 1
 """The numbers were computed, and differ from the expected verdicts."""
 
+EXIT_NOTHING_VALID = 1
+"""A log was converted, and none of its pings has a valid beam."""
+
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
 

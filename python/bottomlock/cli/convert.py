@@ -1,15 +1,16 @@
 """The command `bottomlock convert`: a recorded file of any known format to the beam table."""
 
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
-from bottomlock.cli.console import console
+from bottomlock.cli.console import EXIT_NOTHING_VALID, console, errors
 from bottomlock.errors import OutputError
-from bottomlock.io.beam_table import Account, Reason, Recording, sidecar, write_recording
+from bottomlock.io.beam_table import Account, BeamTable, Reason, Recording, sidecar, write_recording
 from bottomlock.io.formats import NAMES, read_recording
 from bottomlock.io.rows import Options
 
@@ -50,11 +51,18 @@ def convert(
     ignore_checksum: Annotated[
         bool, Parameter(negative="", help="Keep text records with a wrong checksum, flagged.")
     ] = False,
+    clock: Annotated[
+        Literal["reports", "distinct"],
+        Parameter(
+            help="Where the clock is the sum of intervals: that of every report, or not of reports that repeat."
+        ),
+    ] = "reports",
     force: Annotated[bool, Parameter(negative="", help="Overwrite an existing table.")] = False,
 ) -> None:
     """Convert a recorded DVL log to a beam table.
 
-    The commands fix, audit and replay read the table; records that were skipped are counted.
+    The commands fix, audit and replay read the table; records that were skipped are counted. Exit code 1 where no ping
+    of the table has a valid beam.
 
     Parameters
     ----------
@@ -67,13 +75,22 @@ def convert(
         keep_stale=keep_stale,
         negate_beams=negate_beams,
         ignore_checksum=ignore_checksum,
+        clock=clock,
         topic=topic,
         columns=None if columns is None else str(columns),
     )
     recording = read_recording(file, format=format, options=options)
     write_recording(recording, to, source=file)
     print_recording(recording)
-    console.print(f"wrote {to} and {sidecar(to).name}", soft_wrap=True, highlight=False)
+    console.print(f"wrote {to} and {sidecar(to).name}", soft_wrap=True, highlight=False, markup=False)
+    missing = _nothing_valid(recording.table)
+    if missing:
+        errors.print(
+            f"bottomlock: {file}: none of its {recording.table.rows} pings has a valid {missing}: the table gives no "
+            "velocity; was the instrument in the water, with the bottom in its range?",
+            markup=False,
+        )
+        sys.exit(EXIT_NOTHING_VALID)
 
 
 def _check_output(file: Path, to: Path, *, force: bool) -> None:
@@ -85,6 +102,14 @@ def _check_output(file: Path, to: Path, *, force: bool) -> None:
             raise OutputError(f"{path}: is there already; --force overwrites it")
         if path.exists() and path.resolve() == file.resolve():
             raise OutputError(f"{path}: is the file to be read")
+
+
+def _nothing_valid(table: BeamTable) -> str:
+    """What no ping of a table has: a valid beam, or in a table without beams a valid velocity; "" where one has."""
+    if table.beams:
+        return "" if table.valid.any() else "beam"
+    known = np.isfinite(table.instrument_mps).all(axis=1) & (table.instrument_valid != 0)
+    return "" if known.any() else "velocity"
 
 
 def _fates(account: Account) -> Table | None:

@@ -14,6 +14,7 @@ from bottomlock.cli.console import console
 from bottomlock.cli.parameters import Robust
 from bottomlock.errors import DataError, OutputError
 from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
+from bottomlock.io.formats import converted_first
 from bottomlock.kernel import FIX_METHODS, solve_velocity
 from bottomlock.replay.robust_fix import RobustFixes, solve_robust
 
@@ -36,7 +37,8 @@ def fix(
     if out.suffix.lower() != ".parquet":
         raise OutputError(f"{out}: expected a name that ends in .parquet")
     instrument = read_geometry(geometry)
-    pings = read_beams(log, beams=instrument.geometry.beams, columns=instrument.columns)
+    with converted_first(log, instrument.columns.time):
+        pings = read_beams(log, beams=instrument.geometry.beams, columns=instrument.columns)
     frame, solved = _solve(instrument, pings, method, robust=robust)
     if (frame["status"] == "prior_required").any() and pings.prior_velocity_p_mps is None:
         raise DataError(

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from bottomlock.atomic_write import read_json, write_json, write_parquet
 from bottomlock.errors import DataError
 from bottomlock.io.sentences import show
+from bottomlock.table_file import read_parquet
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -285,6 +286,7 @@ class Recording:
         quality: meaning of the column of that name, "" where the format has none.
         corrected: changes of sign and unit by the reader, a sentence each.
         geometry: packaged geometry of the instrument, "" where the record does not identify it.
+        resolution_mps: step between the beam velocities that a record can hold; 0 where it holds floats.
         notes: remarks on this file for the user, a sentence each.
         facts: recorded properties of the instrument (firmware, beam angle, serial number), unchanged.
     """
@@ -298,6 +300,7 @@ class Recording:
     quality: str = ""
     corrected: Sequence[str] = ()
     geometry: str = ""
+    resolution_mps: float = 0.0
     notes: Sequence[str] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
 
@@ -313,6 +316,7 @@ class Recording:
             "quality": self.quality,
             "corrected": list(self.corrected),
             "geometry": self.geometry,
+            "resolution_mps": self.resolution_mps,
             "notes": list(self.notes),
             "facts": dict(self.facts),
             **self.account.to_json(),
@@ -358,12 +362,7 @@ def read_beam_table(path: str | Path) -> BeamTable:
         DataError: naming file and column, as `BeamTable.from_frame`; also for a file that cannot be read.
     """
     place = Path(path)
-    if not place.is_file():
-        raise DataError(f"{place}: no such file")
-    try:
-        frame = pl.read_parquet(place)
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise DataError(f"{place}: cannot be read ({str(error).splitlines()[0]})") from error
+    frame = read_parquet(place)
     return BeamTable.from_frame(frame, str(place))
 
 

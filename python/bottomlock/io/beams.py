@@ -16,8 +16,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.io.columns import NS_OF, column_numbers, number_series, read_rows, read_table
+from bottomlock.io.columns import column_numbers, nanoseconds, number_series, read_rows
 from bottomlock.kernel import BeamGeometry, KernelError, make_geometry
+from bottomlock.table_file import read_table_file
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
@@ -168,7 +169,7 @@ def times_as_they_stand(table: pl.DataFrame, columns: Columns, place: str) -> ND
         series = number_series(table, columns.time, place, pl.Int64())
     else:
         units = number_series(table, columns.time, place, pl.Float64())
-        series = (units * NS_OF[columns.time_unit]).round().cast(pl.Int64)
+        series = nanoseconds(units, columns.time, place, columns.time_unit)
     missing = series.is_null().arg_true()
     if len(missing):
         raise DataError(f"{place}: row {missing[0]}, column '{columns.time}' has no time")
@@ -221,7 +222,7 @@ def read_validity(path: Path, *, beams: int) -> tuple[NDArray[np.int64], NDArray
         DataError: naming file, row and column: for a file that cannot be read, a missing column, a time that repeats or
             goes back, a flag other than 0 or 1, or fewer than two rows.
     """
-    table = read_table(path)
+    table = read_table_file(path)
     if table.height < 2:
         raise DataError(f"{path}: has {table.height} rows, expected 2 or more")
     names = [f"beam{k + 1}_valid" for k in range(beams)]

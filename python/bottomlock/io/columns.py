@@ -8,38 +8,25 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
+from bottomlock.table_file import read_table_file
 
 NS_OF: Mapping[str, int] = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
 """Nanoseconds of a unit of time."""
 
+LATEST_NS = 2**62
+"""Bound of the times of a table, ns (146 years): differences of two still fit 64 bits."""
+
 _SHOWN = 12
 """Columns that an error lists."""
-
-
-def read_table(path: Path) -> pl.DataFrame:
-    """CSV (as text) or Parquet as a table.
-
-    Raises:
-        DataError: for a file that is not there or cannot be read.
-    """
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
-    try:
-        if path.suffix.lower() in {".parquet", ".pq"}:
-            return pl.read_parquet(path)
-        # Text first: a number that cannot be read is then reported with its row, not dropped.
-        return pl.read_csv(path, infer_schema=False)
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise DataError(f"{path}: cannot be read ({str(error).splitlines()[0]})") from error
 
 
 def read_rows(path: Path) -> pl.DataFrame:
     """A table with a row at least.
 
     Raises:
-        DataError: as `read_table`, and for a file without rows.
+        DataError: as `read_table_file`, and for a file without rows.
     """
-    table = read_table(path)
+    table = read_table_file(path)
     if not table.height:
         raise DataError(f"{path}: has no rows")
     return table
@@ -70,7 +57,32 @@ def number_series(
         return numbers_of_text(column, name, place, dtype, words=words)
     if not column.dtype.is_numeric() and column.dtype != pl.Boolean:
         raise DataError(f"{place}: column '{name}' is {column.dtype}, expected numbers")
-    return column.cast(dtype)
+    return _cast(column, name, place, dtype)
+
+
+def _cast(column: pl.Series, name: str, place: str, dtype: pl.DataType) -> pl.Series:
+    """Numbers as another type.
+
+    Raises:
+        DataError: naming column and row, for one that the type cannot hold.
+    """
+    numbers = column.cast(dtype, strict=False)
+    bad = (numbers.is_null() & column.is_not_null()).arg_true()
+    if len(bad):
+        row = int(bad[0])
+        raise DataError(
+            f"{place}: row {row}, column '{name}' is {column[row]}, expected a whole number that 64 bits can hold"
+        )
+    return numbers
+
+
+def nanoseconds(column: pl.Series, name: str, place: str, unit: str) -> pl.Series:
+    """Times in a unit of `NS_OF` as Float64 to whole nanoseconds; null where there is none.
+
+    Raises:
+        DataError: naming column and row, for a time that 64 bits cannot hold.
+    """
+    return _cast((column.fill_nan(None) * NS_OF[unit]).round(), name, place, pl.Int64())
 
 
 def numbers_of_text(

@@ -3,7 +3,8 @@
 A new format is a module with `NAME`, `sniff` and `read`, and a line in `BYTES` (or `PATHS`) below.
 """
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from bottomlock.io import (
 from bottomlock.io.beam_table import Recording
 from bottomlock.io.rows import PLAIN, Options
 from bottomlock.io.sentences import show
+from bottomlock.table_file import check_regular
 
 _HEAD = 65_536
 
@@ -88,15 +90,11 @@ def detect(path: Path) -> str:
     Raises:
         DataError: for a missing file, or one in none of the formats.
     """
-    if not path.exists():
-        raise DataError(f"{path}: no such file")
+    _check_there(path)
     head = b"" if path.is_dir() else _head(path)
-    for by_path in PATHS:
-        if by_path.sniff(path, head):
-            return by_path.name
-    for by_bytes in BYTES:
-        if by_bytes.sniff(head):
-            return by_bytes.name
+    name = _recognise(path, head)
+    if name is not None:
+        return name
     if path.suffix.lower() in {".csv", ".txt"} and b"," in head.split(b"\n", 1)[0] and head.isascii():
         columns = show(head.split(b"\n", 1)[0])
         raise DataError(
@@ -107,6 +105,50 @@ def detect(path: Path) -> str:
         f"{path}: format not recognised from the content, expected one of {', '.join(NAMES)}; name it with --format, "
         "or map its columns with --columns"
     )
+
+
+def _check_there(path: Path) -> None:
+    """Checks that a path is a file or a folder: a pipe or a device may never end."""
+    if not path.is_dir():
+        check_regular(path)
+
+
+def _recognise(path: Path, head: bytes) -> str | None:
+    """Name of the first format whose mark fits; None where none does."""
+    for by_path in PATHS:
+        if by_path.sniff(path, head):
+            return by_path.name
+    for by_bytes in BYTES:
+        if by_bytes.sniff(head):
+            return by_bytes.name
+    return None
+
+
+@contextlib.contextmanager
+def converted_first(path: str | Path, time: str = "time_ns") -> Iterator[None]:
+    """Within it, an error of reading a table is one about a raw log, where the file is one.
+
+    Args:
+        path: the file that is read as a table.
+        time: name of its column of times; a file with it in its first line is a table, however bad.
+
+    Raises:
+        DataError: naming format and command for a raw log; else the error itself.
+    """
+    try:
+        yield
+    except DataError as error:
+        place = Path(path)
+        if not place.is_file():
+            raise
+        head = _head(place)
+        name = _recognise(place, head)
+        if name in {None, table.NAME} or time.encode() in head.split(b"\n", 1)[0]:
+            raise
+        raise DataError(
+            f"{place}: is a log of format {name}, not a table; convert it first: "
+            f"bottomlock convert {place} --to {place.with_suffix('.parquet').name}"
+        ) from error
 
 
 def _head(path: Path) -> bytes:
@@ -133,15 +175,12 @@ def read_recording(path: str | Path, *, format: str | None = None, options: Opti
     place = Path(path)
     if format is not None and format not in NAMES:
         raise DataError(f"--format is '{format}', expected one of {', '.join(NAMES)}")
+    _check_there(place)
     name = format or (table.NAME if options.columns is not None else detect(place))
     for by_path in PATHS:
         if by_path.name == name:
-            if not place.exists():
-                raise DataError(f"{place}: no such file")
             return by_path.read(place, str(place), options)
     (by_bytes,) = (one for one in BYTES if one.name == name)
     if place.is_dir():
         raise DataError(f"{place}: is a folder, expected a file")
-    if not place.exists():
-        raise DataError(f"{place}: no such file")
     return by_bytes.read(_content(place), str(place), options)

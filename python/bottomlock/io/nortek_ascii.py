@@ -139,6 +139,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         time_of="record",
         corrected=["distance is vertical: divided by the cosine of 25 deg to lie along the beam"],
         geometry="nortek_dvl1000" if beams == MOST_BEAMS else "",
+        resolution_mps=1e-5,
         notes=[
             "the sentence carries no velocity of the instrument's own",
             "time is that of the sentence; beam1_delay_s ... hold its DT1, trigger to centre of echo",

@@ -77,6 +77,7 @@ class Ensemble:
     sound_speed_mps: float
     config: int
     angle_deg: int
+    fine: bool
 
 
 def _time_ns(leader: bytes) -> int | None:
@@ -143,6 +144,7 @@ def _ensemble(data: bytes, at: int, size: int, offsets: Sequence[int]) -> Ensemb
         sound_speed_mps=float(sound) if sound else NAN,
         config=_WORD.unpack_from(fixed, 4)[0],
         angle_deg=fixed[58] if len(fixed) > 58 else 0,
+        fine=len(types.get(_BOTTOM_FINE, b"")) >= 18,
     )
 
 
@@ -290,6 +292,7 @@ def _recording(table: BeamTable, account: Account, pings: Sequence[Ensemble], fr
             f"{FRAMES[frame]} axes (starboard or east, forward or north, up) of the bottom to those of the vehicle"
         ],
         geometry=f"teledyne_{angle}" if frame == 0 and angle in {20, 30} and not up else "",
+        resolution_mps=1e-5 if first.fine else 1e-3,
         notes=notes,
         facts={"coordinates": FRAMES[frame], "beam_angle_deg": angle, "looks_up": up},
     )

@@ -9,16 +9,16 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import NO_TIME_NS, Account, BeamTable, Floats
+from bottomlock.io.columns import LATEST_NS
 
 NAN = math.nan
-_EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,7 @@ class Options:
         keep_stale: keep beams valid that repeat the record before.
         negate_beams: beam velocities are positive away from the bottom in this file.
         ignore_checksum: keep text records whose checksum does not fit, flagged.
+        clock: of a sum of intervals: "reports" adds that of every report, "distinct" not those of exact repeats.
         topic: of a bag or MCAP file with several.
         columns: TOML file with the column map of a table.
     """
@@ -38,6 +39,7 @@ class Options:
     keep_stale: bool = False
     negate_beams: bool = False
     ignore_checksum: bool = False
+    clock: Literal["reports", "distinct"] = "reports"
     topic: str | None = None
     columns: str | None = None
 
@@ -81,10 +83,10 @@ class Rows:
         extra: dict[str, float] | None = None,
     ) -> None:
         """Appends a ping; a valid beam without a finite velocity becomes invalid and is flagged in the account."""
-        if not _EARLIEST_NS < time_ns < _LATEST_NS:
+        if not -LATEST_NS < time_ns < LATEST_NS:
             self.account.skip("time out of range", position, f"{time_ns} ns")
             return
-        if arrival_ns is not None and not _EARLIEST_NS < arrival_ns < _LATEST_NS:
+        if arrival_ns is not None and not -LATEST_NS < arrival_ns < LATEST_NS:
             self.account.flag("arrival time out of range", position, f"{arrival_ns} ns")
             arrival_ns = None
         if any(good and not math.isfinite(v) for v, good in zip(velocity, valid, strict=True)):

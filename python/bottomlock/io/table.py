@@ -14,8 +14,9 @@ from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beam_table import MOST_BEAMS, Account, Flags, Floats, Integers, Recording
 from bottomlock.io.beams import Columns, read_flags, read_times
-from bottomlock.io.columns import column_numbers, read_table
+from bottomlock.io.columns import column_numbers
 from bottomlock.io.rows import PLAIN, Options, Rows, raise_if_empty
+from bottomlock.table_file import check_regular, read_table_file
 
 NAME = "table"
 
@@ -32,8 +33,10 @@ def read_map(path: Path) -> Columns:
     """A column map from a TOML file, at its top or under `[columns]`.
 
     Raises:
+        DataError: for what is not a file.
         ScenarioError: for a file that cannot be read, ill-formed TOML, or an unknown key.
     """
+    check_regular(path)
     content = parse_toml(read_text(path), place=str(path))
     try:
         return Columns.model_validate(content.get("columns", content))
@@ -50,7 +53,7 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
         ScenarioError: for a bad column map.
     """
     columns = Columns() if options.columns is None else read_map(Path(options.columns))
-    frame = read_table(path)
+    frame = read_table_file(path)
     if not frame.height:
         raise DataError(f"{place}: has no rows")
     velocity_names, valid_names = _beam_columns(frame, columns, place, options)

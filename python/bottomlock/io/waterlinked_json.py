@@ -14,7 +14,17 @@ from bottomlock.io.sentences import lines_of
 
 NAME = "waterlinked-json"
 _BEAMS = 4
-_DECODER = json.JSONDecoder()
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object; one that names a key twice is two, with what stood between them lost."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key is given twice")
+    return found
+
+
+_DECODER = json.JSONDecoder(object_pairs_hook=_object)
 # A report that begins within a line, after one that was cut off.
 _RESTARTS = ('{"time"', '{"ts"', '{"type"')
 _MOST_RESTARTS = 8
@@ -86,17 +96,29 @@ def _transducers(report: dict[str, Any]) -> list[dict[str, Any] | None] | None:
 
 
 class _Clock:
-    """Time of validity where reports carry it; else the sum of the intervals, as json_v1 has no clock."""
+    """Time of validity where reports carry it; else the sum of the intervals, as json_v1 has no clock.
 
-    def __init__(self) -> None:
-        self.sum_ns = 0
+    Attributes:
+        sum_ns: sum of the intervals of the reports so far; with `distinct`, of those that do not repeat another.
+        repeats: reports that repeat the one before, byte for byte.
+        repeated_ns: sum of their intervals.
+        absolute: reports carry the time of validity; None before the first.
+    """
+
+    def __init__(self, *, distinct: bool) -> None:
+        self.distinct = distinct
+        self.sum_ns = self.repeats = self.repeated_ns = 0
         self.absolute: bool | None = None
 
-    def time_ns(self, report: dict[str, Any], position: int, account: Account) -> int | None:
+    def time_ns(self, report: dict[str, Any], position: int, account: Account, *, repeat: bool) -> int | None:
         step_ms = _float(report.get("time"))
         usable = math.isfinite(step_ms) and 0.0 <= step_ms < 1e9
-        if usable:
-            self.sum_ns += round(step_ms * 1e6)
+        step_ns = round(step_ms * 1e6) if usable else 0
+        if repeat:
+            self.repeats += 1
+            self.repeated_ns += step_ns
+        if not (repeat and self.distinct):
+            self.sum_ns += step_ns
         validity = report.get("time_of_validity")
         given = isinstance(validity, int) and not isinstance(validity, bool) and validity > 0
         if self.absolute is None and (given or usable):
@@ -109,7 +131,26 @@ class _Clock:
         if not usable:
             account.skip("no interval since the last report", position)
             return None
+        if repeat and self.distinct:
+            account.skip("repeats the report before", position)
+            return None
         return self.sum_ns
+
+    def notes(self, account: Account) -> list[str]:
+        """What the user has to know of a clock that is a sum."""
+        if self.absolute:
+            return []
+        notes = ["the reports carry no clock: time is the sum of their intervals, and starts at zero"]
+        if self.repeats:
+            without = self.sum_ns if self.distinct else self.sum_ns - self.repeated_ns
+            notes.append(
+                f"{self.repeats} reports repeat the one before byte for byte, interval included: the intervals sum to "
+                f"{(without + self.repeated_ns) * 1e-9:.1f} s with them (--clock reports) and {without * 1e-9:.1f} s "
+                "without (--clock distinct); this table has the " + ("second" if self.distinct else "first")
+            )
+        if account.skipped.keys() - {"repeats the report before"}:
+            notes.append("the intervals of unreadable reports are missing from that sum")
+        return notes
 
 
 def _is_velocity(report: dict[str, Any], position: int, account: Account) -> bool:
@@ -137,14 +178,16 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         DataError: where there is no velocity report with transducers.
     """
     account = Account(unit="line")
-    rows, clock = Rows(_BEAMS, account), _Clock()
+    rows, clock = Rows(_BEAMS, account), _Clock(distinct=options.clock == "distinct")
     formats: dict[str, int] = {}
     before: list[tuple[Any, ...]] | None = None
+    last: dict[str, Any] | None = None
     for position, line in lines_of(data):
         for report in _objects(line, position, account):
             if not _is_velocity(report, position, account):
                 continue
-            time_ns = clock.time_ns(report, position, account)
+            time_ns = clock.time_ns(report, position, account, repeat=report == last)
+            last = report
             if time_ns is None:
                 continue
             beams = _transducers(report)
@@ -164,11 +207,6 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     table = rows.finish(negate=options.negate_beams)
     raise_if_empty(account, place, "velocity report with transducers")
     absolute = bool(clock.absolute)
-    notes = []
-    if not absolute:
-        notes.append("the reports carry no clock: time is the sum of their intervals, and starts at zero")
-        if account.skipped:
-            notes.append("the intervals of unreadable reports are missing from that sum")
     return Recording(
         format=NAME,
         table=table,
@@ -178,7 +216,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         time_of="validity" if absolute else "record",
         quality="signal strength rssi as recorded (dBm from json_v2 on)",
         geometry="waterlinked_a50",
-        notes=notes,
+        notes=clock.notes(account),
         facts={"formats": dict(sorted(formats.items()))},
     )
 

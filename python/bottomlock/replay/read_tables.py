@@ -8,7 +8,15 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.columns import NS_OF, column_numbers, named_column, numbers_of_text, read_rows
+from bottomlock.io.columns import (
+    LATEST_NS,
+    NS_OF,
+    column_numbers,
+    named_column,
+    number_series,
+    numbers_of_text,
+    read_rows,
+)
 from bottomlock.replay.clock import ClockReport, Fault, TimedRows, row_times
 from bottomlock.replay.stream_sections import Clock, Stream
 
@@ -27,11 +35,18 @@ def column_stamps(table: pl.DataFrame, clock: Clock, *, place: str) -> NDArray[n
             series = numbers_of_text(series, clock.column, place, pl.Int64())
         missing = series.is_null().arg_true()
         if not len(missing) and series.dtype.is_integer():
-            return np.array(series.cast(pl.Int64()).to_numpy(), dtype=np.int64)
+            series = number_series(table.with_columns(series), clock.column, place, pl.Int64())
+            return np.array(series.to_numpy(), dtype=np.int64)
     stamps = column_numbers(table, clock.column, place)
     absent = np.flatnonzero(~np.isfinite(stamps))
     if absent.size:
         raise DataError(f"{place}: row {absent[0]}, column '{clock.column}' has no time, expected a number")
+    beyond = np.flatnonzero(np.abs(stamps) >= LATEST_NS / NS_OF[clock.unit])
+    if beyond.size:
+        raise DataError(
+            f"{place}: row {beyond[0]}, column '{clock.column}' is {stamps[beyond[0]]:g} {clock.unit}, expected a time "
+            "that 64 bits of nanoseconds can hold; check the unit of the clock"
+        )
     # Unix seconds in a float64 resolve 0.2 µs; whole seconds are split off so that the conversion loses no more.
     whole, part = np.divmod(stamps * NS_OF[clock.unit], 1e9)
     return np.asarray(whole.astype(np.int64) * 1_000_000_000 + np.round(part).astype(np.int64))

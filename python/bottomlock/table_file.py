@@ -1,0 +1,88 @@
+"""Reads tables from files of a user, Parquet or CSV: what a damaged file does to the library ends here, in one line."""
+
+import contextlib
+import os
+import stat
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import polars as pl
+
+from bottomlock.errors import DataError
+from bottomlock.parquet_check import check_parquet
+
+_PARQUET = {".parquet", ".pq"}
+
+
+def check_regular(path: Path) -> None:
+    """Checks that a path is a file that ends.
+
+    Raises:
+        DataError: for a missing file, a folder, a pipe or a device.
+    """
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError as error:
+        raise DataError(f"{path}: no such file") from error
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
+    if stat.S_ISDIR(mode):
+        raise DataError(f"{path}: is a folder, expected a file")
+    if not stat.S_ISREG(mode):
+        raise DataError(f"{path}: is a pipe or a device, expected a file; save the data to a file first")
+
+
+def read_table_file(path: Path) -> pl.DataFrame:
+    """CSV (as text) or Parquet as a table.
+
+    Raises:
+        DataError: for what is not a file, or cannot be read.
+    """
+    if path.suffix.lower() in _PARQUET:
+        return read_parquet(path)
+    # Text first: a number that cannot be read is then reported with its row, not dropped.
+    return _read(path, lambda: pl.read_csv(path, infer_schema=False))
+
+
+def read_parquet(path: Path, columns: Sequence[str] | None = None) -> pl.DataFrame:
+    """A Parquet file, or some of its columns.
+
+    Raises:
+        DataError: for what is not a file, or cannot be read: damaged, cut off, or without a column.
+    """
+
+    def read() -> pl.DataFrame:
+        check_parquet(path)
+        return pl.read_parquet(path, columns=None if columns is None else list(columns))
+
+    return _read(path, read)
+
+
+def _read(path: Path, read: Callable[[], pl.DataFrame]) -> pl.DataFrame:
+    check_regular(path)
+    try:
+        with _silent():
+            return read()
+    except DataError:
+        raise
+    # A damaged file makes the library raise anything, also a panic, which is no Exception.
+    except (Exception, pl.exceptions.PanicException) as error:
+        text = str(error).strip() or type(error).__name__
+        raise DataError(f"{path}: cannot be read ({text.splitlines()[0][:200]})") from error
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Without the trace that a panic in compiled code writes to the standard error, past Python."""
+    try:
+        kept, sink = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    except OSError:
+        yield
+        return
+    try:
+        os.dup2(sink, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(sink)

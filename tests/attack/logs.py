@@ -1,0 +1,206 @@
+"""Logs of several pings in every format, where every number names its ping: no two pings share one."""
+
+from __future__ import annotations
+
+import json
+import random
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from tools import reader_seeds as seeds
+
+PINGS = 8
+_EPOCH_US = 1_638_191_471_000_000
+_STEP_US = 125_000
+
+
+@dataclass(frozen=True)
+class Log:
+    """Records in their order; the last ping is whole when the others are damaged.
+
+    Attributes:
+        records: bytes of each record; those of text end with their line end.
+        kept: how many records at the beginning (a header) are never damaged.
+        last: how many records at the end are never damaged.
+        checksum: a changed byte does not pass for a good one.
+        length_at: offset of the record's length (u16), None for text.
+    """
+
+    records: tuple[bytes, ...]
+    kept: int = 0
+    last: int = 1
+    checksum: bool = True
+    length_at: int | None = None
+
+
+class Numbers:
+    """Numbers of which no two are alike, as decimal text or integers."""
+
+    def __init__(self, rng: random.Random) -> None:
+        self._rng = rng
+        self._taken: set[int] = set()
+
+    def whole(self, least: int, most: int) -> int:
+        """An integer that was not drawn before."""
+        while (found := self._rng.randint(least, most)) in self._taken:
+            pass
+        self._taken.add(found)
+        return found
+
+    def decimal(self, least: float, most: float, digits: int = 4) -> float:
+        """A number of so many decimals whose digits were not drawn before."""
+        scale = 10.0**digits
+        return self.whole(round(least * scale), round(most * scale)) / scale
+
+    def velocities(self, count: int) -> list[float]:
+        """Velocities, m/s."""
+        return [self.decimal(0.1, 3.0) for _ in range(count)]
+
+    def ranges(self, count: int) -> list[float]:
+        """Ranges, m."""
+        return [self.decimal(5.0, 50.0) for _ in range(count)]
+
+
+def waterlinked_serial(numbers: Numbers) -> Log:
+    """A `wrz` with its four `wru`, each a record."""
+    lines = []
+    for j in range(PINGS):
+        axes = ",".join(f"{v:.4f}" for v in numbers.velocities(3))
+        at = _EPOCH_US + j * _STEP_US
+        lines.append(
+            f"wrz,{axes},y,{numbers.decimal(5, 50)},0.002,1;0;0;0;1;0;0;0;1,{at},{at + 9000},125.00,0"
+        )
+        for k, (v, r) in enumerate(zip(numbers.velocities(4), numbers.ranges(4), strict=True)):
+            lines.append(f"wru,{k},{v:.4f},{r:.4f},-40,-95")
+    return Log(tuple(seeds.wl_sentence(line.encode()) for line in lines), last=5)
+
+
+def waterlinked_json(numbers: Numbers) -> Log:
+    """A report a line, with the time of validity."""
+    lines = []
+    for j in range(PINGS):
+        v, r, axes = numbers.velocities(4), numbers.ranges(4), numbers.velocities(3)
+        report = json.loads(seeds.a50_report(j, version="json_v3.1"))
+        for k, one in enumerate(report["transducers"]):
+            one |= {"velocity": v[k], "distance": r[k]}
+        report |= dict(zip(("vx", "vy", "vz"), axes, strict=True), altitude=numbers.decimal(5, 50))
+        report |= {"time": 125.0, "time_of_validity": _EPOCH_US + j * _STEP_US}
+        lines.append(json.dumps(report, separators=(",", ":")).encode() + b"\n")
+    return Log(tuple(lines), checksum=False)
+
+
+def nortek_ascii(numbers: Numbers) -> Log:
+    """A line a beam, plain."""
+    lines = [
+        seeds.pnorbt(k, tagged=False, velocity=numbers.decimal(0.1, 3.0), second=1.0 + 0.125 * j)
+        for j in range(PINGS)
+        for k in range(1, 5)
+    ]
+    return Log(tuple(lines), last=4)
+
+
+def cerulean(numbers: Numbers) -> Log:
+    """A sentence a ping."""
+    lines = []
+    for j in range(PINGS):
+        v, r = numbers.velocities(3), numbers.ranges(3)
+        cones = [f"[{'ABC'[k]}],60,1000,{r[k]:.4f},80.0,{v[k]:.4f},6.0" for k in range(3)]
+        time_s = 10.0 + 0.125 * j
+        lines.append(seeds.nmea(f"DVKFC,24577,35060,0.1,{time_s},{','.join(cones)},0x0055AAFF".encode()))
+    return Log(tuple(lines))
+
+
+def linkquest(numbers: Numbers) -> Log:
+    """Lines of a ROS log without checksum."""
+    header, *_ = seeds.linkquest_log(1).splitlines(keepends=True)
+    lines = [header]
+    for j in range(PINGS):
+        stamp = 1372687208633787539 + j * 350_000_000
+        values = [stamp + 800_000, 1245 + j, stamp, 1, 1, 1, 1, *numbers.ranges(4), *numbers.velocities(4)]
+        values += [*numbers.velocities(3), 1, numbers.decimal(5, 50), 1500.0]
+        lines.append(",".join(map(str, values)).encode() + b"\n")
+    return Log(tuple(lines), kept=1, checksum=False)
+
+
+def pd0(numbers: Numbers) -> Log:
+    """Ensembles with both velocities."""
+    records = []
+    for j in range(PINGS):
+        v = [numbers.whole(100, 30_000) for _ in range(4)]
+        r = [numbers.whole(100, 60_000) for _ in range(4)]
+        fine = [100 * one + numbers.whole(4_000_000, 4_000_000_000) % 100 for one in v]
+        records.append(seeds.pd0_ensemble(j + 1, velocity=v, ranges=r, fine=fine))
+    return Log(tuple(records), length_at=2)
+
+
+def nortek_dvl(numbers: Numbers) -> Log:
+    """DF21 records."""
+    records = [
+        seeds.nortek_frame(0x1B, seeds.df21(j, velocity=numbers.velocities(4), axes=numbers.velocities(4)))
+        for j in range(PINGS)
+    ]
+    return Log(tuple(records), length_at=4)
+
+
+def nortek_ad2cp(numbers: Numbers) -> Log:
+    """DF20 records."""
+    records = [
+        seeds.nortek_frame(0x17, seeds.df20(j, velocity=[numbers.whole(100, 30_000) for _ in range(4)]), 0x10)
+        for j in range(PINGS)
+    ]
+    return Log(tuple(records), length_at=4)
+
+
+def nucleus(numbers: Numbers) -> Log:
+    """Bottom-track records of three beams."""
+    records = [
+        seeds.nortek_frame(0xB4, seeds.nucleus(j, velocity=numbers.velocities(3)), 0x20) for j in range(PINGS)
+    ]
+    return Log(tuple(records), length_at=4)
+
+
+def pd6(numbers: Numbers) -> Log:
+    """A logger's CSV of `:BI` sentences, for the instrument's own velocity."""
+    lines = [b"Timestamp(s),SensorID,RawLine,CmdOrNote\r\n"]
+    for j in range(PINGS):
+        v = ",".join(f"{numbers.whole(100, 9000):+6d}" for _ in range(4))
+        lines.append(
+            f'{1762421966 + 7 * j}.{numbers.whole(100_000, 900_000)},DVL,":BI,{v},A",RESP\r\n'.encode()
+        )
+    return Log(tuple(lines), kept=1, checksum=False)
+
+
+def pd4(numbers: Numbers) -> Log:
+    """PD4 records, which are rejected."""
+    records = []
+    for _ in range(PINGS):
+        body = struct.pack("<BBHB", 0x7D, 0, 45, 0x41)
+        body += struct.pack("<4h4H", *(numbers.whole(100, 30_000) for _ in range(8))) + bytes(24)
+        records.append(body + struct.pack("<H", sum(body) & 0xFFFF))
+    return Log(tuple(records), length_at=2)
+
+
+BUILDERS: dict[str, Callable[[Numbers], Log]] = {
+    "waterlinked-serial": waterlinked_serial,
+    "waterlinked-json": waterlinked_json,
+    "nortek-ascii": nortek_ascii,
+    "cerulean-dvkfc": cerulean,
+    "linkquest-csv": linkquest,
+    "pd0": pd0,
+    "nortek-dvl": nortek_dvl,
+    "nortek-ad2cp": nortek_ad2cp,
+    "nucleus": nucleus,
+    "pd6": pd6,
+    "pd4": pd4,
+}
+
+
+def build(name: str, seed: int) -> Log:
+    """The log of a format; the same seed gives the same one."""
+    return BUILDERS[name](Numbers(random.Random(seed)))
+
+
+def joined(records: Sequence[bytes]) -> bytes:
+    """Records as a file holds them."""
+    return b"".join(records)

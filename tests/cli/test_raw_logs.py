@@ -1,0 +1,158 @@
+"""Logs given where tables are expected, logs without a valid beam, pipes and devices: one line each, and no hang."""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock.errors import DataError
+from bottomlock.io.beam_table import read_account, read_beam_table
+from bottomlock.io.formats import BYTES, detect, read_recording
+from bottomlock.io.rows import Options
+from tests.cli.calls import command as bottomlock
+from tools import reader_seeds as seeds
+
+GEOMETRY = ("--geometry", "waterlinked_a50")
+RAW = seeds.seeds()
+
+
+@pytest.mark.parametrize("name", sorted(RAW))
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".log"])
+def test_fix_of_a_raw_log_says_to_convert_it(tmp_path: Path, name: str, suffix: str) -> None:
+    """Every format is known by its own mark, whatever the name of the file."""
+    log = tmp_path / f"dive{suffix}"
+    log.write_bytes(RAW[name][0])
+    done = bottomlock("fix", log, *GEOMETRY, "--method", "lc", "--out", tmp_path / "fixes.parquet")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert f"is a log of format {name}, not a table; convert it first: bottomlock convert {log}" in line
+    assert list(tmp_path.iterdir()) == [log]
+
+
+def test_audit_of_a_raw_log_says_to_convert_it(tmp_path: Path) -> None:
+    log = tmp_path / "dive.log"
+    log.write_bytes(seeds.SERIAL)
+    done = bottomlock("audit", log, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert "is a log of format waterlinked-serial, not a table" in done.stderr
+
+
+def test_a_bad_table_keeps_its_own_error(tmp_path: Path) -> None:
+    """A table with a cell that is no number is not taken for something else."""
+    log = tmp_path / "dive.csv"
+    names = ",".join(f"beam{k}_{what}" for what in ("mps", "valid") for k in range(1, 5))
+    log.write_text(f"time_ns,{names}\n1,0,0,x,0,1,1,1,1\n")
+    done = bottomlock("fix", log, *GEOMETRY, "--method", "lc", "--out", tmp_path / "fixes.parquet")
+    assert "row 0, column 'beam3_mps' is 'x', expected a number" in done.stderr
+
+
+@pytest.mark.parametrize("kept", [0, 1])
+def test_a_log_without_one_valid_beam_is_no_success(tmp_path: Path, kept: int) -> None:
+    """The table is written, and the command ends with exit code 1 and says why."""
+    log, to = tmp_path / "air.txt", tmp_path / "beams.parquet"
+    log.write_bytes(b"".join(seeds.a50_report(k, lost=range(kept, 4)) for k in range(3)))
+    done = bottomlock("convert", log, "--to", to)
+    assert read_beam_table(to).rows == 3
+    assert done.returncode == (0 if kept else 1)
+    assert ("none of its 3 pings has a valid beam" in done.stderr) == (not kept)
+
+
+def test_a_table_of_velocities_without_a_valid_one_is_no_success(tmp_path: Path) -> None:
+    log, to = tmp_path / "log.csv", tmp_path / "beams.parquet"
+    log.write_bytes(seeds.PD6_LOGGED)
+    done = bottomlock("convert", log, "--to", to, "--instrument-only")
+    assert done.returncode == 1
+    assert "none of its 1 pings has a valid velocity" in done.stderr
+
+
+def test_convert_offers_both_clocks(tmp_path: Path) -> None:
+    log, to = tmp_path / "log.txt", tmp_path / "beams.parquet"
+    log.write_bytes(seeds.a50_report(0) + seeds.a50_report(1) * 9)
+    done = bottomlock("convert", log, "--to", to)
+    assert "8 reports repeat the one before byte for byte" in done.stdout
+    done = bottomlock("convert", log, "--to", to, "--clock", "distinct", "--force")
+    assert done.returncode == 0, done.stderr
+    assert read_beam_table(to).time_ns.tolist() == [100_000_000, 200_000_000]
+    assert read_account(to)["skipped"]["repeats the report before"]["count"] == 8
+
+
+def test_pipes_and_devices_are_rejected_at_once(tmp_path: Path) -> None:
+    """Reading them would wait for a writer, or never end."""
+    pipe, to = tmp_path / "pipe.csv", tmp_path / "beams.parquet"
+    os.mkfifo(pipe)
+    for place in (pipe, Path("/dev/zero")):
+        for command in (
+            ("convert", place, "--to", to),
+            ("convert", place, "--to", to, "--format", "pd0"),
+            ("convert", place, "--to", to, "--format", "ros"),
+            ("convert", place, "--to", to, "--columns", place),
+            ("fix", place, *GEOMETRY, "--method", "lc", "--out", to),
+            ("audit", place, "--out", tmp_path / "out"),
+        ):
+            done = bottomlock(*command)
+            assert done.returncode == 2, command
+            (line,) = done.stderr.splitlines()
+            assert "is a pipe or a device, expected a file" in line
+    with pytest.raises(DataError, match="is a pipe or a device"):
+        detect(pipe)
+    log = tmp_path / "log.csv"
+    log.write_text("a,b\n1,2\n")
+    with pytest.raises(DataError, match="is a pipe or a device"):
+        read_recording(log, options=Options(columns=str(pipe)))
+
+
+def _noisy(path: Path, pings: int, noise: int) -> None:
+    """PD0 beams that close, of a vertical velocity that grows, with noise of so many mm/s."""
+    rng = np.random.default_rng(5)
+    velocity = rng.integers(-noise, noise + 1, (pings, 4)) + np.array([100, -100, 150, -150])
+    velocity += np.arange(pings)[:, None]
+    path.write_bytes(b"".join(seeds.pd0_ensemble(k + 1, velocity=v.tolist()) for k, v in enumerate(velocity)))
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(
+    ("pings", "noise", "message"),
+    [(3, 5, "3 full pings, expected 30 or more to measure the beam noise"), (60, 0, ""), (60, 5, "")],
+)
+def test_beam_noise_of_a_geometry_file(tmp_path: Path, pings: int, noise: int, message: str) -> None:
+    """Not from three pings; not less than what rounding to 1 mm/s alone makes."""
+    log, beams, toml = tmp_path / "log.pd0", tmp_path / "beams.parquet", tmp_path / "found.toml"
+    _noisy(log, pings, noise)
+    assert bottomlock("convert", log, "--to", beams).returncode == 0
+    done = bottomlock("audit", beams, "--geometry", "teledyne_20", "--out", tmp_path / "out", "--write", toml)
+    if message:
+        assert done.returncode == 2
+        assert message in done.stderr
+        assert not toml.exists()
+        return
+    assert done.returncode == 0, done.stderr
+    found = tomllib.loads(toml.read_text())["beam_noise_mps"]
+    least = 1e-3 / math.sqrt(12.0)
+    if noise:
+        assert 3 * least < found < 6e-3
+    else:
+        assert found == pytest.approx(least, rel=1e-3)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_beams_that_close_exactly_are_no_measurement(tmp_path: Path) -> None:
+    """Beams computed from a velocity give no noise to write."""
+    beams = tmp_path / "beams.csv"
+    columns: dict[str, object] = {"time_ns": np.arange(60) * 10**9}
+    columns |= {f"beam{k}_mps": 0.01 * np.arange(60) for k in range(1, 5)}
+    columns |= {f"beam{k}_valid": np.ones(60, dtype=int) for k in range(1, 5)}
+    pl.DataFrame(columns).write_csv(beams)
+    toml = tmp_path / "found.toml"
+    done = bottomlock("audit", beams, "--geometry", "teledyne_20", "--out", tmp_path / "o", "--write", toml)
+    assert done.returncode == 2
+    assert "are the beams computed from a velocity?" in done.stderr
+
+
+def test_every_format_of_bytes_is_tried() -> None:
+    assert set(RAW) == {form.name for form in BYTES}

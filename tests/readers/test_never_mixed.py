@@ -1,0 +1,126 @@
+"""Damaged or dropped records: a ping is as it was, or marked incomplete; no ping holds numbers of two."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bottomlock.io import waterlinked_json, waterlinked_serial
+from bottomlock.io.formats import BYTES
+from bottomlock.io.rows import Options
+from tests.attack import logs, records
+from tools import reader_seeds as seeds
+
+NAMES = sorted(logs.BUILDERS)
+
+
+def test_every_reader_of_bytes_is_attacked() -> None:
+    """A new format has to come with a log of distinct pings."""
+    assert set(logs.BUILDERS) == {form.name for form in BYTES}
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "pd4"])
+def test_the_undamaged_log_is_read_whole(name: str) -> None:
+    """Every ping of the generator, every beam valid: what the law compares with."""
+    _, whole, _ = records.clean(name, 0)
+    assert whole is not None
+    assert whole.table.rows == logs.PINGS
+    assert whole.table.valid.all()
+    assert not whole.account.skipped
+    assert records.mixed(whole, whole, records.clean(name, 0)[2]) is None
+
+
+@given(st.sampled_from(NAMES), st.randoms(use_true_random=False))
+def test_a_ping_is_as_it_was_or_marked_incomplete(name: str, rng: random.Random) -> None:
+    """Any records flipped, cut, dropped, repeated or of another length."""
+    outcome = records.Outcome({}, dict.fromkeys(records.NAMES, 0))
+    assert records.attack_bytes(name, 0, rng, outcome) is None
+
+
+@given(st.sets(st.integers(0, 5 * (logs.PINGS - 1) - 1)))
+def test_dropped_lines_of_the_serial_protocol(dropped: set[int]) -> None:
+    """No line names its ping: lines that are gone without a trace are found by the interval of the next report."""
+    log, whole, owners = records.clean("waterlinked-serial", 0)
+    assert whole is not None
+    left = logs.joined([line for k, line in enumerate(log.records) if k not in dropped])
+    assert records.mixed(waterlinked_serial.read(left, "log"), whole, owners) is None
+
+
+def _pings(*velocities: float) -> list[bytes]:
+    """Lines of pings 125 ms apart, whose four beams all read the same."""
+    lines = []
+    for j, v in enumerate(velocities):
+        at = 1_000_000 + 125_000 * j
+        lines.append(f"wrz,{v},0,0,y,2.0,0.002,0;0;0;0;0;0;0;0;0,{at},{at},125.0,0")
+        lines += [f"wru,{k},{v},2.0,-40,-95" for k in range(4)]
+    return [seeds.wl_sentence(line.encode()) for line in lines]
+
+
+def test_a_transducer_of_the_next_ping_does_not_fill_this_one() -> None:
+    """The `wru` 2 of the second ping and the `wrz` of the third are damaged: the third's `wru` 2 stays out."""
+    lines = _pings(10.0, 11.0, 22.0, 13.0)
+    for damaged in (5 + 3, 10):
+        lines[damaged] = lines[damaged].replace(b".0,", b".5,", 1)
+    recording = waterlinked_serial.read(b"".join(lines), "log")
+    table = recording.table
+    assert table.instrument_mps[:, 0].tolist() == [10.0, 11.0, 13.0]
+    assert table.valid.tolist() == [[True] * 4, [True, True, False, False], [True] * 4]
+    assert table.velocity_mps[1, :2].tolist() == [11.0, 11.0]
+    assert recording.account.flagged["transducer report missing"].count == 1
+
+
+def test_a_whole_ping_damaged_in_sight_costs_no_other() -> None:
+    """The lines of the lost report are there, damaged: the transducers before them are sure."""
+    lines = _pings(10.0, 11.0, 12.0)
+    lines[5] = lines[5].replace(b"11.0", b"11.5", 1)
+    assert waterlinked_serial.read(b"".join(lines), "log").table.valid.tolist() == [[True] * 4] * 2
+
+
+def test_lines_gone_without_a_trace_cost_the_ping_before() -> None:
+    """Two of its own, the report and two of the next: the rest would pass for one ping."""
+    lines = _pings(10.0, 11.0, 12.0)
+    recording = waterlinked_serial.read(b"".join(lines[:3] + lines[8:]), "log")
+    assert recording.table.valid.tolist() == [[False] * 4, [True] * 4]
+    (flag,) = (name for name in recording.account.flagged if "may be another's" in name)
+    assert recording.account.flagged[flag].first == 1
+
+
+def test_lines_of_a_logger_are_joined() -> None:
+    """A time stamp before every sentence is no lost line; a word that stands there once is."""
+    lines = [b"%d.%02d " % (9 + k, k) + line for k, line in enumerate(_pings(10.0, 11.0))]
+    assert waterlinked_serial.read(b"".join(lines), "log").table.valid.all()
+    lines[7] = b"xrz,1 " + lines[7]
+    assert waterlinked_serial.read(b"".join(lines), "log").table.beams_valid.tolist() == [4, 1]
+
+
+def test_json_with_a_key_twice_is_damaged() -> None:
+    """Bytes that are lost between two transducers make one of both; it is rejected, and the next report read."""
+    one, two = seeds.a50_report(0, version="json_v3"), seeds.a50_report(1, version="json_v3")
+    start = one.index(b',"distance"')
+    cut = one[:start] + one[one.index(b',"velocity"', start) :]
+    recording = waterlinked_json.read(cut + two, "log")
+    assert recording.table.rows == 1
+    assert recording.account.skipped["truncated"].first == 1
+
+
+@pytest.mark.parametrize(("clock", "times"), [("reports", [100, 200, 300, 400]), ("distinct", [100, 200])])
+def test_both_clocks_of_a_log_with_repeats(clock: str, times: list[int]) -> None:
+    """Without time stamps an exact repeat adds its interval to the clock, or is left out; both sums are told."""
+    log = seeds.a50_report(0) + seeds.a50_report(1) * 3
+    recording = waterlinked_json.read(log, "log", Options(clock=clock))  # type: ignore[arg-type]
+    assert (recording.table.time_ns // 1_000_000).tolist() == times
+    (note,) = (note for note in recording.notes if "byte for byte" in note)
+    assert note.startswith("2 reports repeat")
+    assert "0.4 s with them (--clock reports) and 0.2 s without (--clock distinct)" in note
+    assert not any("missing from that sum" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("count", [1300, pytest.param(26_000, marks=pytest.mark.long)])
+def test_attack_on_records(count: int) -> None:
+    """The attack finds nothing; `python -m tests.attack.records` runs it longer."""
+    outcome = records.run(20, count)
+    assert outcome.faults == []
+    assert set(outcome.inputs) == set(records.NAMES)
