@@ -18,6 +18,8 @@ from typing import TextIO
 
 from tests.attack.pool import Outcome
 from tests.attack.pool import attack as attack_calls
+from tests.attack.subjects import run_case
+from tests.attack.trial import Trial
 
 COUNTS = {"calls": 1_000_000, "records": 200_000, "kills": 100, "bit_flips": 200}
 """How many of each part, by default."""
@@ -80,9 +82,6 @@ def run_part(name: str, seed: int, count: int) -> list[str]:
 
 def repeat(seed: int, case: int) -> int:
     """Makes the calls of a case in this process and prints them."""
-    from tests.attack.subjects import run_case
-    from tests.attack.trial import Trial
-
     trial = Trial(print)
     run_case(seed, case, trial)
     return 1 if trial.faults else 0

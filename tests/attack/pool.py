@@ -7,12 +7,19 @@ import os
 import resource
 import signal
 import time
+import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.sharedctypes import Synchronized
 from typing import Any
+
+from tests.attack.subjects import run_case
+from tests.attack.trial import Trial
+
+Run = Callable[[int, int, Trial], None]
+"""Makes the calls of a case: seed, number of the case, where they are counted."""
 
 CASES = 50
 """Cases of a task: many enough that messages cost nothing, few enough that progress moves."""
@@ -54,16 +61,18 @@ def attack(
     first: int = 0,
     jobs: int | None = None,
     limit_s: float = 10.0,
+    run: Run = run_case,
     progress: Callable[[int], None] | None = None,
 ) -> Outcome:
     """Runs cases from number `first` on until so many calls are made.
 
-    A case over `limit_s`, or one that ends its process by a signal, is a fault; a new process goes on behind it.
+    A case over `limit_s`, or one that ends its process by a signal, is a fault; a new process goes on behind it. `run`
+    makes the calls of a case.
     """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["tests.attack.subjects"])
     outcome = Outcome()
-    workers = [_started(context, seed) for _ in range(jobs or os.cpu_count() or 1)]
+    workers = [_started(context, seed, run) for _ in range(jobs or os.cpu_count() or 1)]
     following = first
     redo: list[tuple[int, int]] = []
     try:
@@ -79,7 +88,7 @@ def attack(
             for k, worker in enumerate(workers):
                 rest = _heard(worker, outcome, limit_s)
                 if rest is not None:
-                    workers[k] = _started(context, seed)
+                    workers[k] = _started(context, seed, run)
                     redo += [rest] if rest[0] < rest[1] else []
             if progress is not None:
                 progress(sum(outcome.calls.values()))
@@ -89,10 +98,10 @@ def attack(
             worker.process.join()
 
 
-def _started(context: Any, seed: int) -> _Worker:  # noqa: ANN401 - multiprocessing does not export the type
+def _started(context: Any, seed: int, run: Run) -> _Worker:  # noqa: ANN401 - multiprocessing does not export the type
     ours, theirs = context.Pipe()
     running, since = context.Value("q", -1), context.Value("d", 0.0)
-    process = context.Process(target=_work, args=(seed, theirs, running, since), daemon=True)
+    process = context.Process(target=_work, args=(seed, run, theirs, running, since), daemon=True)
     process.start()
     theirs.close()
     return _Worker(process, ours, running, since)
@@ -129,13 +138,10 @@ def _lost(worker: _Worker, outcome: Outcome, words: str) -> tuple[int, int]:
     return max(case + 1, first), end
 
 
-def _work(seed: int, pipe: Connection, running: Synchronized[int], since: Synchronized[float]) -> None:
+def _work(
+    seed: int, run: Run, pipe: Connection, running: Synchronized[int], since: Synchronized[float]
+) -> None:
     """Runs what the pipe asks for; `running` and `since` say what was being done if the process ends."""
-    import warnings
-
-    from tests.attack.subjects import run_case
-    from tests.attack.trial import Trial
-
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     # Traces of panics; the exception is reported.
@@ -150,7 +156,7 @@ def _work(seed: int, pipe: Connection, running: Synchronized[int], since: Synchr
             running.value = case
             since.value = began = time.monotonic()
             trial = Trial()
-            run_case(seed, case, trial)
+            run(seed, case, trial)
             faults = [(case, line) for line in trial.faults]
             taken_s = time.monotonic() - began
             pipe.send((trial.calls, trial.accepted, faults, taken_s, case == end - 1))
