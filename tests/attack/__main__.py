@@ -62,10 +62,23 @@ def kinds(faults: list[tuple[int, str]]) -> list[tuple[int, int, str]]:
     return sorted(found.values(), key=lambda entry: -entry[0])
 
 
-def run_calls(seed: int, count: int, jobs: int | None, first: int) -> tuple[list[str], Outcome]:
-    """The faults of random calls, one line a kind, and the counts."""
+def run_calls(seed: int, count: int, jobs: int | None, first: int, out: Path) -> tuple[list[str], Outcome]:
+    """The faults of random calls, one line a kind, and the counts.
+
+    Every fault is written to calls_found.txt as it is found, so that an attack that is ended early shows them.
+    """
     progress = Progress("calls", count)
-    outcome = attack_calls(seed, count, first=first, jobs=jobs, progress=progress)
+    written = 0
+    with (out / "calls_found.txt").open("w", encoding="utf-8") as found:
+
+        def told(outcome: Outcome) -> None:
+            nonlocal written
+            found.writelines(f"{case} | {line}\n" for case, line in outcome.faults[written:])
+            found.flush()
+            written = len(outcome.faults)
+            progress(sum(outcome.calls.values()))
+
+        outcome = attack_calls(seed, count, first=first, jobs=jobs, progress=told)
     progress.end()
     lines = [
         f"{line} ({number} of this kind; python -m tests.attack calls --seed {seed} --case {case})"
@@ -109,7 +122,7 @@ def main() -> int:
     for name in chosen.parts or COUNTS:
         count, began = getattr(chosen, name), time.monotonic()
         if name == "calls":
-            lines, outcome = run_calls(chosen.seed, count, chosen.jobs, chosen.first)
+            lines, outcome = run_calls(chosen.seed, count, chosen.jobs, chosen.first, chosen.out)
             count = sum(outcome.calls.values())
             _print_calls(outcome)
         else:

@@ -62,7 +62,7 @@ def attack(
     jobs: int | None = None,
     limit_s: float = 10.0,
     run: Run = run_case,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[Outcome], None] | None = None,
 ) -> Outcome:
     """Runs cases from number `first` on until so many calls are made.
 
@@ -91,7 +91,7 @@ def attack(
                     workers[k] = _started(context, seed, run)
                     redo += [rest] if rest[0] < rest[1] else []
             if progress is not None:
-                progress(sum(outcome.calls.values()))
+                progress(outcome)
     finally:
         for worker in workers:
             worker.process.kill()
