@@ -1,4 +1,5 @@
 # The same verbs by hand, in hooks and in CI: demo, test, test-long, test-all, lint, bench, golden, consistency, develop, clean.
+# What takes long and looks for faults: attack, fuzz, soak, mutants. What a release needs: lock, sbom.
 #
 #   make demo RUNS=500      a larger campaign
 #   make test VENV=/tmp/v   another environment
@@ -8,6 +9,16 @@ PYTHON  ?= python3
 WORKERS ?= auto
 RUNS    ?= 50
 OUT     ?= out/demo
+SECONDS ?= 60
+HOURS   ?= 24
+
+# Tools beside the tests', pinned as these are. The Rust ones are compiled once, unoptimised, into `tools`.
+CARGO_DENY      := 0.20.2
+CARGO_CYCLONEDX := 0.5.9
+ATHERIS         := 3.0.0
+UV              := 0.13.9
+CYCLONEDX_BOM   := 7.5.0
+tools           := target/tools
 
 bin := $(VENV)/bin
 pip := $(bin)/python -m pip --disable-pip-version-check --quiet
@@ -25,7 +36,8 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*') \
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
-.PHONY: demo test test-rust test-python test-long test-all lint lint-rust lint-python bench golden consistency develop clean
+.PHONY: demo test test-rust test-python test-long test-all lint lint-rust lint-python deny bench golden consistency develop \
+    attack fuzz soak mutants mutants-python lock sbom clean
 .DELETE_ON_ERROR:
 
 # The paper's study: campaign, sweep and report.
@@ -36,10 +48,10 @@ demo: $(VENV)/.installed
 # What guards a change. The wheel's kernel is one long step on one core: the Rust unit tests are built beside it.
 test: $(VENV)/pyvenv.cfg
 	@cargo test --locked --lib --no-run & rust=$$!; \
-	    $(make) $(VENV)/.installed $(VENV)/.tools; python=$$?; wait $$rust && exit $$python
+	    $(make) $(VENV)/.tools $(VENV)/.installed; python=$$?; wait $$rust && exit $$python
 	@$(make) test-python test-rust
 
-test-python: $(VENV)/.installed $(VENV)/.tools
+test-python: $(VENV)/.tools $(VENV)/.installed
 	$(pytest) -m "not long" --doctest-modules --pyargs bottomlock tests
 
 # Unit tests with overflow checks, then the laws. The bindings are tested by Python, examples by `make lint`.
@@ -49,20 +61,20 @@ test-rust:
 	$(released) --doc
 
 # What `make test` leaves out, and the laws with more examples and overflow checks.
-test-long: $(VENV)/.installed $(VENV)/.tools
+test-long: $(VENV)/.tools $(VENV)/.installed
 	HYPOTHESIS_PROFILE=long $(pytest) -m "long or hypothesis" tests
 	BOTTOMLOCK_LONG=1 cargo test --locked --test '*'
 
 test-all: test test-long
 
-lint: lint-rust lint-python
+lint: lint-rust lint-python deny
 
 lint-rust:
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
 
-lint-python: $(VENV)/.installed $(VENV)/.tools
+lint-python: $(VENV)/.tools $(VENV)/.installed
 	$(bin)/ruff check .
 	$(bin)/ruff format --check .
 	$(bin)/mypy
@@ -70,7 +82,13 @@ lint-python: $(VENV)/.installed $(VENV)/.tools
 	PYTHONPATH=python $(bin)/lint-imports --no-cache
 	$(bin)/python tools/check_equations.py
 
-bench: $(VENV)/.installed $(VENV)/.tools
+# Licences, duplicates and sources of the crates (deny.toml); advisories where their database can be reached.
+deny: $(tools)/cargo-deny-$(CARGO_DENY)/bin/cargo-deny
+	$< --locked check licenses bans sources
+	@if $< --locked fetch db >/dev/null 2>&1; then $< --locked check --disable-fetch advisories; \
+	    else echo "make deny: the advisory database cannot be reached, so advisories are not checked" >&2; fi
+
+bench: $(VENV)/.tools $(VENV)/.installed
 	cargo bench --locked --package bottomlock-benches
 	$(bin)/python -m pytest --benchmark-enable --benchmark-only tests
 
@@ -90,6 +108,42 @@ consistency: $(VENV)/.installed
 	cp out/masks_survey/masks.md docs/masks_survey.md
 	$(bin)/python tools/publish_studies.py
 
+# A million random calls of the kernel, 200,000 mutated records, 100 kills, 200 bit flips; ATTACK="calls --calls 5000" is
+# a part of it, `python -m tests.attack --help` has the rest.
+attack: $(VENV)/.tools $(VENV)/.installed
+	$(bin)/python -m tests.attack $(ATTACK)
+
+# Coverage-guided fuzzing of every reader, SECONDS each.
+fuzz: $(VENV)/.tools $(VENV)/.installed
+	$(pip) install atheris==$(ATHERIS)
+	$(bin)/python tools/fuzz_guided.py --seconds $(SECONDS) --each
+
+# HOURS of simulated time at 150 Hz, several methods, every sensor.
+soak: $(VENV)/.tools $(VENV)/.installed
+	$(bin)/python tools/soak.py --hours $(HOURS) --out out/soak.json
+
+mutants: mutants-rust mutants-python
+
+# Deliberate faults in readers, tables, statistics and campaigns, each of which a test must see.
+mutants-python: $(VENV)/.tools $(VENV)/.installed
+	$(bin)/python tools/mutants.py
+
+# Writes the locked versions and hashes of all that the tests install, for every platform and Python that is supported.
+lock: $(tools)/python/.ready
+	$(tools)/python/bin/uv pip compile pyproject.toml --no-config --extra dev --universal --python-version 3.11 \
+	    --generate-hashes --no-annotate --upgrade --quiet --custom-compile-command "make lock" --output-file requirements-dev.lock
+
+# The bill of materials, CycloneDX: what an install brings along, at the locked versions, and the crates in the wheel.
+sbom: $(tools)/python/.ready $(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX)/bin/cargo-cyclonedx
+	mkdir -p out/sbom
+	$(tools)/python/bin/uv pip compile pyproject.toml --no-config --universal --python-version 3.11 --generate-hashes \
+	    --no-annotate --quiet --constraints requirements-dev.lock --output-file out/sbom/requirements.txt
+	$(tools)/python/bin/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible \
+	    --output-file out/sbom/python.cdx.json out/sbom/requirements.txt
+	$(lastword $^) cyclonedx --format json --manifest-path crates/bottomlock-py/Cargo.toml --override-filename rust.cdx
+	mv crates/bottomlock-py/rust.cdx.json out/sbom/
+	find crates -name rust.cdx.json -delete
+
 # An editable install for daily work: Python edits take effect at once, Rust edits after another `make develop`.
 develop: $(VENV)/.tools
 	$(pip) install --upgrade --no-build-isolation --editable .
@@ -107,11 +161,23 @@ $(VENV)/pyvenv.cfg:
 
 # A release build of the extension, with the locked crates, installed as users get it.
 $(VENV)/.installed: $(wheel_sources) | $(VENV)/pyvenv.cfg
-	$(pip) install .
+	$(pip) install $$(test -x $(bin)/maturin && echo --no-build-isolation) .
 	touch $@
 
-# The pinned tools alone: asking pip for ".[dev]" would build the wheel a second time.
-$(VENV)/.tools: pyproject.toml | $(VENV)/pyvenv.cfg
-	$(bin)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["dev"], sep="\n")' > $(VENV)/dev.txt
-	$(pip) install --requirement $(VENV)/dev.txt
+# What the tests need and what the wheel needs, at the locked versions and with their hashes; the wheel, if it is installed
+# after it, finds all it asks for.
+$(VENV)/.tools: requirements-dev.lock | $(VENV)/pyvenv.cfg
+	$(pip) install --require-hashes --requirement requirements-dev.lock
 	touch $@
+
+$(tools)/python/.ready: Makefile
+	$(PYTHON) -m venv $(tools)/python
+	$(tools)/python/bin/python -m pip --disable-pip-version-check --quiet install uv==$(UV) cyclonedx-bom==$(CYCLONEDX_BOM)
+	touch $@
+
+# A version has a folder of its own, so that a new one is installed.
+$(tools)/cargo-deny-$(CARGO_DENY)/bin/cargo-deny:
+	cargo install --quiet --locked --debug --root $(tools)/cargo-deny-$(CARGO_DENY) cargo-deny@$(CARGO_DENY)
+
+$(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX)/bin/cargo-cyclonedx:
+	cargo install --quiet --locked --debug --root $(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX) cargo-cyclonedx@$(CARGO_CYCLONEDX)

@@ -1,0 +1,87 @@
+"""Ten minutes of the soak, and that it would see what it looks for."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tools import soak
+
+
+@pytest.fixture(scope="module")
+def ten_minutes() -> dict[str, Any]:
+    return soak.soak(1.0 / 6.0, seed=16)
+
+
+def test_ten_minutes_of_every_method_are_sound(ten_minutes: dict[str, Any]) -> None:
+    """90,000 inertial steps a method with every sensor, the first five minutes without bottom lock."""
+    assert ten_minutes["faults"] == []
+    assert ten_minutes["steps"] == 90_000
+    for name, figures in ten_minutes["worst"].items():
+        assert figures["quaternion_norm_error"] < 1e-12, name
+        assert 0.0 < figures["least_eigenvalue"] < 1.0, name
+
+
+def test_every_sensor_is_used_and_some_beams_are_lost(ten_minutes: dict[str, Any]) -> None:
+    """A sensor that is never accepted would make the voyage easier than it says."""
+    accepted = {words.split()[0] for words in ten_minutes["verdicts"]["tc"] if words.endswith("accepted")}
+    assert accepted == {
+        "beams",
+        "depth",
+        "heading",
+        "attitude",
+        "acoustic_position",
+        "gps_position",
+        "velocity",
+    }
+    assert ten_minutes["verdicts"]["tc"]["beams accepted"] <= 301
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="asks the kernel of Linux for the resident memory")
+def test_memory_is_told(ten_minutes: dict[str, Any]) -> None:
+    assert ten_minutes["memory_mb"]["last"] > 10.0
+
+
+class _Navigator:
+    """What a navigator says of itself, changed."""
+
+    def __init__(self, covariance: np.ndarray[Any, Any], **state: Any) -> None:  # noqa: ANN401 - any field
+        rest = {
+            "position_t_m": np.zeros(3),
+            "attitude_t_p": np.array([1.0, 0, 0, 0]),
+            "velocity_p_mps": np.zeros(3),
+        }
+        self._state, self._covariance = rest | state, covariance
+
+    def state(self) -> dict[str, Any]:
+        return self._state
+
+    def covariance(self) -> np.ndarray[Any, Any]:
+        return self._covariance
+
+
+SKEW = np.eye(3) + np.array([[0, 1e-9, 0], [0, 0, 0], [0, 0, 0]])
+SINGULAR = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]) * 1e-12
+
+
+@pytest.mark.parametrize(
+    ("navigator", "words"),
+    [
+        (_Navigator(np.eye(3), attitude_t_p=np.array([1.0 + 1e-11, 0, 0, 0])), "quaternion_norm_error"),
+        (_Navigator(np.eye(3), position_t_m=np.array([101.0, 0, 0])), "position_m"),
+        (_Navigator(np.eye(3), velocity_p_mps=np.array([np.nan, 0, 0])), "velocity_mps"),
+        (_Navigator(SKEW), "asymmetry"),
+        (_Navigator(SINGULAR * np.array([[1, 1.1, 1], [1.1, 1, 1], [1, 1, 1]])), "positive definite"),
+        (_Navigator(np.diag([1.0, 0.0, 1.0])), "positive numbers"),
+        (_Navigator(np.full((3, 3), np.nan)), "positive numbers"),
+    ],
+)
+def test_a_fault_of_a_navigator_is_told(navigator: Any, words: str) -> None:  # noqa: ANN401 - stands for one
+    """Each judgement fails on what it is for."""
+    true = _Navigator(np.eye(3)).state()
+    _, faults = soak.judge(navigator, true)
+    assert len(faults) == 1
+    assert words in faults[0]
