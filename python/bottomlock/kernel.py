@@ -5,12 +5,17 @@ Examples:
 
     >>> import numpy as np
     >>> from bottomlock.config.scenario import load_scenario
+    >>> from bottomlock.models import InitialState
     >>> scenario, gravity = load_scenario("straight"), normal_gravity_mps2(0.57)
-    >>> initial = {"time_ns": 0, "position_t_m": [0, 0, 0], "attitude_t_p": [1, 0, 0, 0], "velocity_p_mps": [0, 0, 0]}
+    >>> initial = InitialState(
+    ...     time_ns=0, position_t_m=[0, 0, 0], attitude_t_p=[1, 0, 0, 0], velocity_p_mps=[0, 0, 0]
+    ... )
     >>> janus = BeamGeometry.janus(np.deg2rad(20.0))
     >>> navigator = Navigator(janus, scenario.kernel_model(gravity), scenario.kernel_options(), initial, method="tc")
     >>> for k in range(151):
-    ...     _ = navigator.push_imu(k * 6_666_667, [0.0, 0.0, 0.0], [0.0, 0.0, -gravity])
+    ...     _ = navigator.push_imu(
+    ...         k * 6_666_667, omega_p_radps=[0.0, 0.0, 0.0], force_p_mps2=[0.0, 0.0, -gravity]
+    ...     )
     >>> reports = navigator.push_beams(
     ...     150 * 6_666_667, np.zeros(4), np.array([True, True, False, False]), sd_mps=np.full(4, 0.042)
     ... )
@@ -39,6 +44,7 @@ from bottomlock._kernel import (
     ClosedLoop,
     KernelError,
     Navigator,
+    check_settings,
     covariance_history,
     error_model,
     normal_gravity_mps2,
@@ -70,6 +76,7 @@ __all__ = [
     "KernelError",
     "Navigator",
     "VelocityFixes",
+    "check_settings",
     "covariance_history",
     "error_model",
     "kernel_version",

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from bottomlock import units
+from bottomlock import models, units
 from bottomlock.config.scenario_sections import (
     Factor,
     Finite,
@@ -107,7 +107,7 @@ class Sensor:
         table: its table of simulated readings.
         columns: columns of that table, by the kernel's array that holds them.
         model: the kernel's model in SI, of a section and gravity (m/s²).
-        push: gives reading k of the kernel's arrays to a navigator, at a time and with a model.
+        push: gives reading k of the kernel's arrays to a navigator, at a time and with its section of a model.
         options: what the section adds to the filter's options, for instance a lever arm.
     """
 
@@ -116,8 +116,8 @@ class Sensor:
     updates: tuple[str, ...]
     table: str
     columns: Mapping[str, tuple[str, ...]]
-    model: Callable[[Any, float], dict[str, Any]]
-    push: Callable[[Any, int, Mapping[str, Any], int, Mapping[str, Any]], Any]
+    model: Callable[[Any, float], models.Settings]
+    push: Callable[[Any, int, Mapping[str, Any], int, Any], Any]
     options: Callable[[Any], dict[str, Any]] = lambda _: {}
 
 
@@ -127,13 +127,13 @@ DEPTH = Sensor(
     updates=("depth",),
     table="depth",
     columns={"depth_m": ("depth_m",)},
-    model=lambda depth, gravity_mps2: {
-        "sd_m": depth.noise_pa / (depth.water_density_kg_per_m3 * gravity_mps2),
-        "bias_sd_m": depth.bias_m,
-        "bias_time_s": depth.bias_time_s,
-    },
+    model=lambda depth, gravity_mps2: models.DepthModel(
+        sd_m=depth.noise_pa / (depth.water_density_kg_per_m3 * gravity_mps2),
+        bias_sd_m=depth.bias_m,
+        bias_time_s=depth.bias_time_s,
+    ),
     push=lambda navigator, time_ns, drawn, k, model: navigator.push_depth(
-        time_ns, float(drawn["depth_m"][k]), sd_m=model["sd_m"]
+        time_ns, float(drawn["depth_m"][k]), sd_m=model.sd_m
     ),
 )
 MAGNETOMETER = Sensor(
@@ -142,12 +142,12 @@ MAGNETOMETER = Sensor(
     updates=("attitude",),
     table="attitude",
     columns={"magnetometer_attitude_t_p": tuple(f"attitude_{part}" for part in "wxyz")},
-    model=lambda compass, _: {
-        "yaw_sd_rad": units.rad_from_deg(compass.yaw_noise_deg),
-        "roll_pitch_sd_rad": units.rad_from_deg(compass.roll_pitch_noise_deg),
-    },
+    model=lambda compass, _: models.MagnetometerModel(
+        yaw_sd_rad=units.rad_from_deg(compass.yaw_noise_deg),
+        roll_pitch_sd_rad=units.rad_from_deg(compass.roll_pitch_noise_deg),
+    ),
     push=lambda navigator, time_ns, drawn, k, model: navigator.push_attitude(
-        time_ns, drawn["magnetometer_attitude_t_p"][k], **model
+        time_ns, drawn["magnetometer_attitude_t_p"][k], **model.as_dict()
     ),
 )
 GPS = Sensor(
@@ -159,12 +159,11 @@ GPS = Sensor(
         "gps_position_t_m": tuple(f"position_{axis}_m" for axis in AXES),
         "gps_velocity_t_mps": tuple(f"velocity_{axis}_mps" for axis in AXES),
     },
-    model=lambda gps, _: {
-        "position_sd_m": list(gps.position_noise_m),
-        "velocity_sd_mps": list(gps.velocity_noise_mps),
-    },
+    model=lambda gps, _: models.GpsModel(
+        position_sd_m=gps.position_noise_m, velocity_sd_mps=gps.velocity_noise_mps
+    ),
     push=lambda navigator, time_ns, drawn, k, model: navigator.push_gps(
-        time_ns, drawn["gps_position_t_m"][k], drawn["gps_velocity_t_mps"][k], **model
+        time_ns, drawn["gps_position_t_m"][k], drawn["gps_velocity_t_mps"][k], **model.as_dict()
     ),
 )
 
@@ -177,19 +176,19 @@ ACOUSTIC_POSITION = Sensor(
         "acoustic_position_t_m": tuple(f"position_{axis}_m" for axis in AXES),
         "acoustic_position_sd_m": tuple(f"sd_{axis}_m" for axis in AXES),
     },
-    model=lambda fixes, _: {
-        "sd_m": fixes.noise_m,
-        "sd_per_range": units.fraction_from_percent(fixes.noise_percent_of_range),
-        "transceiver_t_m": list(fixes.transceiver_m),
-        "outlier_fraction": fixes.outlier_fraction,
-        "outlier_factor": fixes.outlier_factor,
-    },
+    model=lambda fixes, _: models.AcousticPositionModel(
+        sd_m=fixes.noise_m,
+        sd_per_range=units.fraction_from_percent(fixes.noise_percent_of_range),
+        transceiver_t_m=fixes.transceiver_m,
+        outlier_fraction=fixes.outlier_fraction,
+        outlier_factor=fixes.outlier_factor,
+    ),
     push=lambda navigator, time_ns, drawn, k, _: navigator.push_acoustic_position(
         time_ns=time_ns,
         position_t_m=drawn["acoustic_position_t_m"][k],
         sd_m=drawn["acoustic_position_sd_m"][k],
     ),
-    options=lambda fixes: {"acoustic_position_lever_p_m": list(fixes.lever_arm_m)},
+    options=lambda fixes: {"acoustic_position_lever_p_m": fixes.lever_arm_m},
 )
 
 SENSORS = (DEPTH, MAGNETOMETER, GPS, ACOUSTIC_POSITION)
