@@ -11,6 +11,7 @@ from typing import Any, Final, Literal, NotRequired, TypedDict, final, type_chec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bottomlock.kernel import JanusConfiguration, Method
 from bottomlock.models import InitialState, Model, Options
 
 __all__ = [
@@ -42,7 +43,7 @@ DEFAULT_OPTIONS: Final[DefaultOptionsDict]
 EARTH_RATE_RADPS: Final[float]
 INERTIAL_STATES: Final[int]
 STATES: Final[int]
-METHODS: Final[tuple[str, ...]]
+METHODS: Final[tuple[Method, ...]]
 SENSORS: Final[tuple[str, ...]]
 FIX_STATUS: Final[tuple[str, ...]]
 SELECTOR_METHODS: Final[tuple[str, ...]]
@@ -311,7 +312,7 @@ class BeamGeometry:
     def janus(
         tilt_rad: float,
         *,
-        configuration: str = "x",
+        configuration: JanusConfiguration = "x",
         lever_arms_p_m: ArrayLike | None = None,
         mounting_rpy_rad: ArrayLike | None = None,
         sound_speed_scale: float = 1.0,
@@ -355,7 +356,7 @@ class Navigator:
         options: Options,
         initial: InitialState | StateDict,
         *,
-        method: str = "tc",
+        method: Method = "tc",
         covariance: ArrayLike | None = None,
     ) -> Navigator: ...
     def push_imu(
@@ -441,7 +442,7 @@ def simulate_sensors(
     seed: int,
     trajectory_key: int,
     run: int,
-    imu_sampling: str = "instantaneous",
+    imu_sampling: Literal["instantaneous", "averaged"] = "instantaneous",
     options: Options | None = None,
 ) -> dict[str, Any]: ...
 def replay_log(
@@ -489,7 +490,7 @@ def observe(
     model: Model,
     aidings: list[AidingDict] | list[dict[str, Any]],
     *,
-    kind: str = "full",
+    kind: Literal["full", "inertial", "paper", "paper_printed"] = "full",
     period_ns: int = ...,
     schedule: AidingScheduleDict | dict[str, Any] | None = None,
     scale: ArrayLike | None = None,
@@ -501,7 +502,7 @@ def covariance_history(
     model: Model,
     aiding: AidingDict | dict[str, Any],
     *,
-    kind: str = "full",
+    kind: Literal["full", "inertial", "paper", "paper_printed"] = "full",
     period_ns: int = ...,
     schedule: AidingScheduleDict | dict[str, Any] | None = None,
 ) -> CovarianceDict: ...

@@ -25,7 +25,7 @@ from bottomlock.campaign.directory import (
     write_chunk,
     write_tables,
 )
-from bottomlock.campaign.engine import ChunkSource, open_engine
+from bottomlock.campaign.engine import ChunkSource, Engine, open_engine
 from bottomlock.campaign.manifest import Clock, describe
 from bottomlock.campaign.partition import Chunk, Partition, Shard, all_chunks
 from bottomlock.config.scenario import Scenario
@@ -82,7 +82,7 @@ def run_campaign(
     out: Path,
     *,
     threads: int = 0,
-    engine: str = "local",
+    engine: Engine = "local",
     scheduler: str | None = None,
     force: bool = False,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
@@ -121,7 +121,7 @@ def run_shard(
     shard: Shard,
     *,
     threads: int = 0,
-    engine: str = "local",
+    engine: Engine = "local",
     scheduler: str | None = None,
     force: bool = False,
     progress: Callable[[CampaignProgress], None] = lambda _: None,
@@ -143,7 +143,7 @@ def _simulate(
     out: Path,
     shard: Shard | None,
     threads: int,
-    engine: str,
+    engine: Engine,
     scheduler: str | None,
     *,
     force: bool,

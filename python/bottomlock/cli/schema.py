@@ -15,7 +15,10 @@ MODELS: dict[Kind, Any] = {"scenario": Scenario, "case": Case, "geometry": Instr
 
 
 def schema(kind: Annotated[Kind, Parameter(help="Which file: scenario, case or geometry.")], /) -> None:
-    """Print the JSON schema of a scenario, a replay case or a DVL geometry, for editors that complete TOML."""
+    """Print the JSON schema of a scenario, a replay case or a DVL geometry.
+
+    Editors complete and check a TOML file by it.
+    """
     dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     text = json.dumps(dialect | MODELS[kind].model_json_schema(), indent=2, ensure_ascii=False)
     sys.stdout.write(f"{text}\n")

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
@@ -16,7 +17,7 @@ from pydantic import (
 
 from bottomlock import models, units
 from bottomlock.config.beam_tilt import BeamTilt, check_tilts
-from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES
+from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES, Configuration, Method
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -163,7 +164,7 @@ class Dvl(Section):
     """
 
     rate_hz: Annotated[float, Field(gt=0, le=100)] = 1.0
-    configuration: Literal["x", "+", "angles", "directions"] = "x"
+    configuration: Configuration = "x"
     tilt_deg: BeamTilt = 20.0
     tilts_deg: tuple[Annotated[float, Field(gt=-90, lt=90)], ...] | None = None
     azimuths_deg: tuple[Annotated[float, Field(ge=-360, le=360)], ...] | None = None
@@ -347,14 +348,16 @@ def check_methods(methods: Iterable[str]) -> None:
         raise ValueError(f"no method is named, expected one or more of {', '.join(METHODS)}")
 
 
+def known_methods(methods: Any) -> Any:  # noqa: ANN401 - what a file or a call names
+    """The methods, if they are a list of texts that `check_methods` accepts."""
+    if isinstance(methods, list | tuple) and all(isinstance(method, str) for method in methods):
+        check_methods(methods)
+    return methods
+
+
 class Campaign(Section):
     """How many runs of what."""
 
     runs: Annotated[int, Field(ge=1, le=10_000_000)] = 100
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
-    methods: tuple[str, ...] = METHODS
-
-    @model_validator(mode="after")
-    def _known(self) -> Self:
-        check_methods(self.methods)
-        return self
+    methods: Annotated[tuple[Method, ...], BeforeValidator(known_methods)] = METHODS

@@ -18,7 +18,7 @@ from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.columns import NS_OF, column_numbers, number_series, read_rows, read_table
-from bottomlock.kernel import BeamGeometry, KernelError, make_geometry
+from bottomlock.kernel import BeamGeometry, Configuration, KernelError, make_geometry
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
@@ -46,7 +46,7 @@ class InstrumentFile(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     name: str = ""
-    configuration: Literal["x", "+", "angles", "directions"]
+    configuration: Configuration
     tilt_deg: BeamTilt | None = None
     tilts_deg: tuple[Annotated[float, Field(gt=-90, lt=90)], ...] | None = None
     azimuths_deg: tuple[Annotated[float, Field(ge=-360, le=360)], ...] | None = None
