@@ -82,7 +82,7 @@ def main() -> None:
     scenario = simulation.scenario
     smooth = simulation.truth()
     model = scenario.kernel_model(simulation.gravity_mps2)
-    latitude = model["environment"]["latitude_rad"]
+    latitude = model.environment.latitude_rad
     earth = 7.292115e-5 * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
     truths = {"smooth": smooth.kernel_arrays(), "rough": rough_truth(simulation.gravity_mps2, earth)}
     epochs = measurement_schedule(simulation, smooth)
@@ -91,7 +91,7 @@ def main() -> None:
         for method in ("ins", "tc"):
 
             def sd(period_ns: int, method: str = method, truth: dict[str, Any] = truth) -> Vectors:
-                options = scenario.kernel_options() | {"covariance_period_ns": period_ns, "gate": "off"}
+                options = scenario.kernel_options().replace(covariance_period_ns=period_ns, gate="off")
                 batch = kernel.run_batch(
                     geometry=simulation.geometry, truth=truth, simulated=quiet(model), assumed=model, options=options,
                     schedule=epochs, methods=[method], seed=1, trajectory_key=2, first_run=0, runs=1, threads=1,

@@ -1,12 +1,18 @@
 """Typed contract of the compiled kernel.
 
 SI units, radians, int64 nanoseconds; tangent NED, platform FRD, quaternions scalar first.
+
+Settings are objects of `bottomlock.models`; dicts with the same keys are taken, too. Of every dict, each key that is
+given must be one that is read: an unknown one is an error that names the nearest.
 """
 
 from typing import Any, Final, Literal, NotRequired, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from bottomlock.kernel import JanusConfiguration, Method
+from bottomlock.models import InitialState, Model, Options
 
 __all__ = [
     "DEFAULT_OPTIONS",
@@ -22,6 +28,7 @@ __all__ = [
     "KernelError",
     "Navigator",
     "__version__",
+    "check_settings",
     "covariance_history",
     "error_model",
     "normal_gravity_mps2",
@@ -36,88 +43,13 @@ DEFAULT_OPTIONS: Final[DefaultOptionsDict]
 EARTH_RATE_RADPS: Final[float]
 INERTIAL_STATES: Final[int]
 STATES: Final[int]
-METHODS: Final[tuple[str, ...]]
+METHODS: Final[tuple[Method, ...]]
 SENSORS: Final[tuple[str, ...]]
 FIX_STATUS: Final[tuple[str, ...]]
 SELECTOR_METHODS: Final[tuple[str, ...]]
 
 class KernelError(ValueError):
     """Bad input to the kernel, in one line that names the field, row or time and what was expected."""
-
-@type_check_only
-class EnvironmentDict(TypedDict):
-    latitude_rad: float
-    gravity_mps2: float
-    earth_rate_radps: float
-
-@type_check_only
-class ImuDict(TypedDict):
-    accel_noise_mps_rts: float
-    gyro_noise_rad_rts: float
-    accel_bias_sd_mps2: float
-    gyro_bias_sd_radps: float
-    accel_bias_walk_mps2_rts: float
-    gyro_bias_walk_radps_rts: float
-
-@type_check_only
-class DvlDict(TypedDict):
-    beam_noise_sd_mps: float
-    beam_bias_sd_mps: float
-    beam_bias_walk_mps_rts: float
-    scale_factor_sd: float
-    scale_factor_walk_rts: float
-
-@type_check_only
-class DvlOutlierDict(TypedDict):
-    outlier_fraction: float
-    outlier_factor: float
-
-@type_check_only
-class InitialDict(TypedDict):
-    position_sd_m: ArrayLike
-    attitude_sd_rad: ArrayLike
-    velocity_sd_mps: ArrayLike
-
-@type_check_only
-class DepthDict(TypedDict):
-    sd_m: float
-    bias_sd_m: float
-    bias_time_s: float
-
-@type_check_only
-class MagnetometerDict(TypedDict):
-    yaw_sd_rad: float
-    roll_pitch_sd_rad: float
-
-@type_check_only
-class HeadingDict(TypedDict):
-    sd_rad: float
-
-@type_check_only
-class GpsDict(TypedDict):
-    position_sd_m: ArrayLike
-    velocity_sd_mps: ArrayLike
-
-@type_check_only
-class AcousticPositionDict(TypedDict):
-    sd_m: float
-    sd_per_range: float
-    transceiver_t_m: ArrayLike
-    outlier_fraction: float
-    outlier_factor: float
-
-@type_check_only
-class ModelDict(TypedDict):
-    environment: EnvironmentDict
-    imu: ImuDict
-    dvl: DvlDict
-    dvl_outliers: NotRequired[DvlOutlierDict]
-    initial: InitialDict
-    depth: DepthDict
-    magnetometer: MagnetometerDict
-    heading: NotRequired[HeadingDict]
-    gps: GpsDict
-    acoustic_position: NotRequired[AcousticPositionDict]
 
 @type_check_only
 class WaterDict(TypedDict):
@@ -133,31 +65,11 @@ class WaterDict(TypedDict):
 
 @type_check_only
 class RobustDict(TypedDict):
-    closure_gate: NotRequired[float | None]
-    beam_gate: NotRequired[float | None]
+    closure_gate: float | None
+    beam_gate: float | None
     tail: Literal["gaussian", "student_t", "huber"]
-    student_t_degrees: NotRequired[float]
-    huber_threshold: NotRequired[float]
-
-@type_check_only
-class OptionsDict(TypedDict):
-    gate: str
-    gate_probability: float
-    inflate_after_rejections: NotRequired[int]
-    covariance_period_ns: int
-    imu_sampling: str
-    estimate_dvl: bool
-    virtual_beam_factor: float
-    nullified_sway_var_m2ps2: float
-    weak_sway_var_m2ps2: float
-    information_port: str
-    water: NotRequired[WaterDict]
-    robust: NotRequired[RobustDict | None]
-    speed_sd_mps: NotRequired[float]
-    speed_time_s: NotRequired[float]
-    depth_lever_p_m: NotRequired[ArrayLike]
-    gps_lever_p_m: NotRequired[ArrayLike]
-    acoustic_position_lever_p_m: NotRequired[ArrayLike]
+    student_t_degrees: float
+    huber_threshold: float
 
 @type_check_only
 class DefaultOptionsDict(TypedDict):
@@ -165,15 +77,19 @@ class DefaultOptionsDict(TypedDict):
     gate_probability: float
     inflate_after_rejections: int
     covariance_period_ns: int
+    imu_sampling: Literal["instantaneous", "averaged"]
     estimate_dvl: bool
     virtual_beam_factor: float
     nullified_sway_var_m2ps2: float
     weak_sway_var_m2ps2: float
     information_port: Literal["axes", "full"]
     water: WaterDict
-    robust: RobustDict
     speed_sd_mps: float
     speed_time_s: float
+    robust: RobustDict
+    depth_lever_p_m: list[float]
+    gps_lever_p_m: list[float]
+    acoustic_position_lever_p_m: list[float]
 
 @type_check_only
 class ScheduleDict(TypedDict):
@@ -351,16 +267,6 @@ class LogDict(TypedDict):
     acoustic_position_sd_m: NotRequired[ArrayLike]
 
 @type_check_only
-class LogStartDict(TypedDict):
-    time_ns: int
-    position_t_m: ArrayLike
-    attitude_t_p: ArrayLike
-    velocity_p_mps: ArrayLike
-    accel_bias_p_mps2: NotRequired[ArrayLike]
-    gyro_bias_p_radps: NotRequired[ArrayLike]
-    covariance: NotRequired[ArrayLike | None]
-
-@type_check_only
 class ReplayDict(TypedDict):
     sample_time_ns: NDArray[np.int64]
     position_t_m: NDArray[np.float64]
@@ -407,7 +313,7 @@ class BeamGeometry:
     def janus(
         tilt_rad: float,
         *,
-        configuration: str = "x",
+        configuration: JanusConfiguration = "x",
         lever_arms_p_m: ArrayLike | None = None,
         mounting_rpy_rad: ArrayLike | None = None,
         sound_speed_scale: float = 1.0,
@@ -447,18 +353,18 @@ class Navigator:
     def __new__(
         cls,
         geometry: BeamGeometry,
-        model: ModelDict,
-        options: OptionsDict,
-        initial: StateDict | dict[str, Any],
+        model: Model,
+        options: Options,
+        initial: InitialState | StateDict,
         *,
-        method: str = "tc",
+        method: Method = "tc",
         covariance: ArrayLike | None = None,
     ) -> Navigator: ...
     def push_imu(
-        self, time_ns: int, omega_p_radps: ArrayLike, force_p_mps2: ArrayLike
+        self, time_ns: int, *, omega_p_radps: ArrayLike, force_p_mps2: ArrayLike
     ) -> list[ReportDict]: ...
     def push_imu_block(
-        self, time_ns: ArrayLike, omega_p_radps: ArrayLike, force_p_mps2: ArrayLike
+        self, time_ns: ArrayLike, *, omega_p_radps: ArrayLike, force_p_mps2: ArrayLike
     ) -> list[ReportDict]: ...
     def push_beams(
         self, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike, *, sd_mps: ArrayLike
@@ -498,9 +404,9 @@ class ClosedLoop:
     def __new__(
         cls,
         geometry: BeamGeometry,
-        simulated: ModelDict,
-        assumed: ModelDict,
-        options: OptionsDict,
+        simulated: Model,
+        assumed: Model,
+        options: Options,
         methods: list[str],
         start: StartDict,
         *,
@@ -531,24 +437,25 @@ def solve_velocity(
 def simulate_sensors(
     geometry: BeamGeometry,
     truth: TruthDict,
-    model: ModelDict,
+    model: Model,
     schedule: ScheduleDict,
     *,
     seed: int,
     trajectory_key: int,
     run: int,
-    imu_sampling: str = "instantaneous",
-    options: OptionsDict | None = None,
+    imu_sampling: Literal["instantaneous", "averaged"] = "instantaneous",
+    options: Options | None = None,
 ) -> dict[str, Any]: ...
 def replay_log(
     geometry: BeamGeometry,
-    model: ModelDict,
-    options: OptionsDict,
+    model: Model,
+    options: Options,
     methods: list[str],
     log: LogDict,
-    start: LogStartDict,
+    start: InitialState | StateDict,
     *,
     sample_time_ns: ArrayLike,
+    covariance: ArrayLike | None = None,
     smooth: bool = False,
     covariances: bool = False,
     threads: int = 1,
@@ -556,9 +463,9 @@ def replay_log(
 def run_batch(
     geometry: BeamGeometry,
     truth: TruthDict,
-    simulated: ModelDict,
-    assumed: ModelDict,
-    options: OptionsDict,
+    simulated: Model,
+    assumed: Model,
+    options: Options,
     schedule: ScheduleDict,
     methods: list[str],
     *,
@@ -568,8 +475,9 @@ def run_batch(
     runs: int,
     threads: int,
 ) -> BatchDict: ...
+def check_settings(place: str, values: dict[str, Any]) -> None: ...
 def error_model(
-    model: ModelDict,
+    model: Model,
     *,
     attitude_t_p: ArrayLike,
     velocity_p_mps: ArrayLike,
@@ -580,10 +488,10 @@ def normal_gravity_mps2(latitude_rad: float, depth_m: float = 0.0) -> float: ...
 def observe(
     geometry: BeamGeometry,
     truth: TruthDict | dict[str, Any],
-    model: ModelDict | dict[str, Any],
+    model: Model,
     aidings: list[AidingDict] | list[dict[str, Any]],
     *,
-    kind: str = "full",
+    kind: Literal["full", "inertial", "paper", "paper_printed"] = "full",
     period_ns: int = ...,
     schedule: AidingScheduleDict | dict[str, Any] | None = None,
     scale: ArrayLike | None = None,
@@ -592,10 +500,10 @@ def observe(
 def covariance_history(
     geometry: BeamGeometry,
     truth: TruthDict | dict[str, Any],
-    model: ModelDict | dict[str, Any],
+    model: Model,
     aiding: AidingDict | dict[str, Any],
     *,
-    kind: str = "full",
+    kind: Literal["full", "inertial", "paper", "paper_printed"] = "full",
     period_ns: int = ...,
     schedule: AidingScheduleDict | dict[str, Any] | None = None,
 ) -> CovarianceDict: ...

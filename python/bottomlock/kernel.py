@@ -5,12 +5,17 @@ Examples:
 
     >>> import numpy as np
     >>> from bottomlock.config.scenario import load_scenario
+    >>> from bottomlock.models import InitialState
     >>> scenario, gravity = load_scenario("straight"), normal_gravity_mps2(0.57)
-    >>> initial = {"time_ns": 0, "position_t_m": [0, 0, 0], "attitude_t_p": [1, 0, 0, 0], "velocity_p_mps": [0, 0, 0]}
+    >>> initial = InitialState(
+    ...     time_ns=0, position_t_m=[0, 0, 0], attitude_t_p=[1, 0, 0, 0], velocity_p_mps=[0, 0, 0]
+    ... )
     >>> janus = BeamGeometry.janus(np.deg2rad(20.0))
     >>> navigator = Navigator(janus, scenario.kernel_model(gravity), scenario.kernel_options(), initial, method="tc")
     >>> for k in range(151):
-    ...     _ = navigator.push_imu(k * 6_666_667, [0.0, 0.0, 0.0], [0.0, 0.0, -gravity])
+    ...     _ = navigator.push_imu(
+    ...         k * 6_666_667, omega_p_radps=[0.0, 0.0, 0.0], force_p_mps2=[0.0, 0.0, -gravity]
+    ...     )
     >>> reports = navigator.push_beams(
     ...     150 * 6_666_667, np.zeros(4), np.array([True, True, False, False]), sd_mps=np.full(4, 0.042)
     ... )
@@ -20,7 +25,7 @@ Examples:
 
 import difflib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,6 +44,7 @@ from bottomlock._kernel import (
     ClosedLoop,
     KernelError,
     Navigator,
+    check_settings,
     covariance_history,
     error_model,
     normal_gravity_mps2,
@@ -67,11 +73,17 @@ __all__ = [
     "STATUS",
     "BeamGeometry",
     "ClosedLoop",
+    "Configuration",
+    "FixMethod",
+    "JanusConfiguration",
     "KernelError",
+    "Method",
     "Navigator",
     "VelocityFixes",
+    "check_settings",
     "covariance_history",
     "error_model",
+    "fix_method",
     "kernel_version",
     "make_geometry",
     "normal_gravity_mps2",
@@ -82,7 +94,22 @@ __all__ = [
     "solve_velocity",
 ]
 
-FIX_METHODS = {
+Method = Literal[
+    "ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "vb_exact", "info", "weak_sway", "sway_current", "consistent"
+]  # fmt: skip
+"""Name of an aiding method, one of `METHODS`."""
+
+FixMethod = Literal[
+    "lc", "vb", "nsv", "plcf", "vhv", "elc", "info", "weak_sway",
+    "least_squares", "virtual_beam", "nullified_sway", "partial_loose", "virtual_heave", "selector", "information",
+]  # fmt: skip
+"""Name of a method that solves single pings, short or long: `FIX_METHODS`."""
+
+JanusConfiguration = Literal["x", "+"]
+Configuration = Literal["x", "+", "angles", "directions"]
+"""How the beams of an instrument are described."""
+
+FIX_METHODS: dict[FixMethod, FixMethod] = {
     "lc": "least_squares",
     "vb": "virtual_beam",
     "nsv": "nullified_sway",
@@ -175,27 +202,26 @@ class VelocityFixes:
         return pl.DataFrame(columns).with_columns(pl.col(floats).fill_nan(None))
 
 
-def method_name(name: str) -> str:
-    """The kernel's name of a method given by its short or long name.
+def fix_method(name: str) -> FixMethod:
+    """The long name of a method of single pings, which is the kernel's, from its short or long name.
 
     Raises:
         KernelError: for a name that is neither.
 
     Examples:
-        >>> method_name("nsv")
+        >>> fix_method("nsv")
         'nullified_sway'
     """
-    if name in FIX_METHODS.values():
-        return name
-    if name in FIX_METHODS:
-        return FIX_METHODS[name]
+    for short, long in FIX_METHODS.items():
+        if name in (short, long):
+            return long
     close = difflib.get_close_matches(name, [*FIX_METHODS, *FIX_METHODS.values()], n=1)
     hint = f", did you mean '{close[0]}'?" if close else ""
     raise KernelError(f"unknown method '{name}'{hint} (known: {', '.join(FIX_METHODS)})")
 
 
 def make_geometry(
-    configuration: str,
+    configuration: Configuration,
     *,
     tilt_rad: float | None = None,
     tilts_rad: ArrayLike | None = None,
@@ -215,14 +241,19 @@ def make_geometry(
         >>> make_geometry("+", tilt_rad=0.35).rank
         3
     """
-    if configuration == "directions" and directions is not None:
+    lacking = KernelError(f"configuration '{configuration}' lacks its tilts, azimuths or directions")
+    if configuration == "directions":
+        if directions is None:
+            raise lacking
         geometry = BeamGeometry(
             directions,
             lever_arms_p_m=lever_arms_p_m,
             mounting_rpy_rad=mounting_rpy_rad,
             sound_speed_scale=sound_speed_scale,
         )
-    elif configuration == "angles" and tilts_rad is not None and azimuths_rad is not None:
+    elif configuration == "angles":
+        if tilts_rad is None or azimuths_rad is None:
+            raise lacking
         geometry = BeamGeometry.from_angles(
             tilts_rad,
             azimuths_rad,
@@ -230,7 +261,9 @@ def make_geometry(
             mounting_rpy_rad=mounting_rpy_rad,
             sound_speed_scale=sound_speed_scale,
         )
-    elif tilt_rad is not None:
+    else:
+        if tilt_rad is None:
+            raise lacking
         geometry = BeamGeometry.janus(
             tilt_rad,
             configuration=configuration,
@@ -238,8 +271,6 @@ def make_geometry(
             mounting_rpy_rad=mounting_rpy_rad,
             sound_speed_scale=sound_speed_scale,
         )
-    else:
-        raise KernelError(f"configuration '{configuration}' lacks its tilts, azimuths or directions")
     if geometry.beams >= 3 and geometry.rank < 3:
         raise KernelError(
             f"the {geometry.beams} beams see only {geometry.rank} directions, expected 3: check azimuths and tilts"
@@ -252,7 +283,7 @@ def solve_velocity(
     velocity_mps: ArrayLike,
     valid: ArrayLike,
     *,
-    method: str,
+    method: FixMethod,
     beam_sd_mps: ArrayLike,
     prior_velocity_p_mps: ArrayLike | None = None,
     prior_cov_m2ps2: ArrayLike | None = None,
@@ -297,7 +328,7 @@ def solve_velocity(
         geometry,
         velocity_mps,
         valid,
-        method=method_name(method),
+        method=fix_method(method),
         beam_sd_mps=beam_sd_mps,
         prior_velocity_p_mps=prior_velocity_p_mps,
         prior_cov_m2ps2=prior_cov_m2ps2,

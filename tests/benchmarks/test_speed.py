@@ -13,6 +13,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from bottomlock import kernel
 from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import load_scenario
+from bottomlock.models import InitialState
 from bottomlock.plant import swim
 from bottomlock.simulation.build import build_simulation
 from tests.analytic import batch_along
@@ -49,11 +50,10 @@ def test_push_one_inertial_reading(benchmark: BenchmarkFixture, flight: dict[str
     """A navigator fed from Python, event by event."""
     truth = flight["truth"]
     state = {key: truth[key][0] for key in ("position_t_m", "attitude_t_p", "velocity_p_mps")}
-    navigator = kernel.Navigator(
-        flight["geometry"], flight["assumed"], flight["options"], {"time_ns": 0, **state}, method="tc"
-    )
+    start = InitialState(time_ns=0, **state)
+    navigator = kernel.Navigator(flight["geometry"], flight["assumed"], flight["options"], start, method="tc")
     rate, force, times = np.array([0.0, 0.0, 0.01]), np.array([0.0, 0.0, -9.79]), count(0, 6_666_667)
-    reports = benchmark(lambda: navigator.push_imu(next(times), rate, force))
+    reports = benchmark(lambda: navigator.push_imu(next(times), omega_p_radps=rate, force_p_mps2=force))
     assert reports == []
 
 

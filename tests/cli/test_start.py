@@ -39,6 +39,17 @@ def test_import_bottomlock_imports_nothing_heavy() -> None:
         _ = package.navigate
 
 
+def test_a_vehicles_computer_needs_numpy_alone() -> None:
+    """The navigator and its settings import neither pydantic nor polars."""
+    names = ("Navigator", "Model", "Options", "InitialState", "BeamGeometry", "solve_velocity")
+    code = (
+        f"import sys, bottomlock; [getattr(bottomlock, name) for name in {names!r}];"
+        f"print(sorted(set(sys.modules) & {HEAVY!r}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "['bottomlock._kernel', 'numpy']"
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_list_and_the_command_say_the_same(name: str) -> None:
     """The help line stands in the list, so that it needs no import, and in the command's docstring."""

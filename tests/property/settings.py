@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from bottomlock._kernel import ModelDict, OptionsDict, ScheduleDict
+    from bottomlock._kernel import ScheduleDict
 
 GRAVITY = 9.8
 LATITUDE_RAD = 0.5725
 EARTH_RATE = 7.292115e-5
 
 
-def table_2() -> ModelDict:
+def table_2() -> Any:  # noqa: ANN401 - a dict, which a test may change
     """Every error at the paper's size."""
     return {
         "environment": {
@@ -49,7 +49,7 @@ def table_2() -> ModelDict:
     }
 
 
-def noise_densities(model: ModelDict) -> tuple[float, ...]:
+def noise_densities(model: dict[str, dict[str, float]]) -> tuple[float, ...]:
     """Densities of white noise and random walks in the order of `tests.oracle.error_model.noise_density`."""
     imu, dvl = model["imu"], model["dvl"]
     return (
@@ -62,7 +62,7 @@ def noise_densities(model: ModelDict) -> tuple[float, ...]:
     )
 
 
-def options(**changed: Any) -> OptionsDict:  # noqa: ANN401 - a value of any option
+def options(**changed: Any) -> Any:  # noqa: ANN401 - a dict, with a value of any option
     """The filter's options, with what a test changes."""
     plain: dict[str, Any] = {
         "gate": "off",
@@ -80,7 +80,7 @@ def options(**changed: Any) -> OptionsDict:  # noqa: ANN401 - a value of any opt
     unknown = set(changed) - set(plain)
     if unknown:
         raise KeyError(f"no such option: {unknown}")
-    return plain | changed  # type: ignore[return-value]
+    return plain | changed
 
 
 def schedule(seconds: int, *, lost: tuple[int, ...] = (), beams: int = 4) -> ScheduleDict:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def state_covariances(draw: st.DrawFn) -> Array:
     return (covariance + covariance.T) / 2
 
 
-def initial(velocity: Array, quaternion: Array) -> dict[str, object]:
+def initial(velocity: Array, quaternion: Array) -> Any:  # noqa: ANN401 - a dict, as a state is
     """An estimate with every part different from zero."""
     return {
         "time_ns": 0,
@@ -120,8 +120,8 @@ def test_beam_update_is_the_textbook_update(
         covariance=P,
     )
     force = np.array([0.1, 0.2, -9.8])
-    navigator.push_imu(0, rate, force)
-    navigator.push_imu(6_666_667, rate, force)
+    navigator.push_imu(0, omega_p_radps=rate, force_p_mps2=force)
+    navigator.push_imu(6_666_667, omega_p_radps=rate, force_p_mps2=force)
     before, P = navigator.state(), navigator.covariance()
     expected = expected_readings(instrument, before, rate)
     y = expected + noise[: instrument.beams]
@@ -150,7 +150,7 @@ def test_ping_at_the_first_sample_uses_its_rate() -> None:
     start = initial(np.array([2.0, 0, 0]), np.array([1.0, 0, 0, 0]))
     navigator = bottomlock.Navigator(instrument.geometry, model, settings.options(), start, method="tc")
     rate = np.array([0.0, 0.0, 0.5])
-    navigator.push_imu(0, rate, np.array([0.0, 0.0, -9.8]))
+    navigator.push_imu(0, omega_p_radps=rate, force_p_mps2=np.array([0.0, 0.0, -9.8]))
     y = expected_readings(instrument, navigator.state(), rate)
     report = navigator.push_beams(0, y, np.ones(4, bool), sd_mps=instrument.sd)[0]
     np.testing.assert_allclose(report["residual"], 0.0, atol=1e-12)
@@ -180,7 +180,9 @@ def test_prediction_is_van_loan_along_the_motion(period_ns: int) -> None:
         covariance=P,
     )
     time_ns = np.round(np.arange(151) * 1e9 / 150).astype(np.int64)
-    navigator.push_imu_block(time_ns, np.tile(rate, (151, 1)), np.tile(force, (151, 1)))
+    navigator.push_imu_block(
+        time_ns, omega_p_radps=np.tile(rate, (151, 1)), force_p_mps2=np.tile(force, (151, 1))
+    )
 
     true_rate = rate - np.asarray(before["gyro_bias_p_radps"])
     true_force = force - np.asarray(before["accel_bias_p_mps2"])
@@ -230,7 +232,9 @@ def test_gyro_noise_reaches_the_beams_through_lever_arms() -> None:
             geometry, model, settings.options(), start, method="tc", covariance=P
         )
         time_ns = np.round(np.arange(3) * 1e9 / 150).astype(np.int64)
-        navigator.push_imu_block(time_ns, np.zeros((3, 3)), np.tile([0, 0, -9.8], (3, 1)))
+        navigator.push_imu_block(
+            time_ns, omega_p_radps=np.zeros((3, 3)), force_p_mps2=np.tile([0, 0, -9.8], (3, 1))
+        )
         before = navigator.covariance()
         H = beams.h_tight(directions, navigator.state()["velocity_p_mps"], levers, 0.004)
         report = navigator.push_beams(int(time_ns[-1]), np.zeros(4), np.ones(4, bool), sd_mps=sd)[0]

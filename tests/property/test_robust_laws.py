@@ -28,7 +28,7 @@ def pushed(robust: dict[str, Any] | None, P: Array, noise: Array, valid: Array, 
     options: Any = settings.options() | ({} if robust is None else {"robust": robust})
     start = initial(np.array([2.0, 0.1, -0.1]), np.array([1.0, 0.0, 0.0, 0.0]))
     nav = bottomlock.Navigator(bottomlock.BeamGeometry(A), model, options, start, method=method, covariance=P)
-    nav.push_imu(0, np.zeros(3), np.array([0.0, 0.0, -settings.GRAVITY]))
+    nav.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=np.array([0.0, 0.0, -settings.GRAVITY]))
     before = nav.state()
     v, bias, scale = np.asarray(before["velocity_p_mps"]), before["dvl_bias_mps"], before["dvl_scale_factor"]
     expected = np.array(

@@ -36,7 +36,9 @@ def push(
 ) -> Any:  # noqa: ANN401
     """Pushes one reading of a stream and returns the reports."""
     if name == "imu":
-        return navigator.push_imu(time_ns, log["omega_p_radps"][row], log["force_p_mps2"][row])
+        return navigator.push_imu(
+            time_ns, omega_p_radps=log["omega_p_radps"][row], force_p_mps2=log["force_p_mps2"][row]
+        )
     if name == "dvl":
         return navigator.push_beams(
             time_ns, log["beam_velocity_mps"][row], log["beam_valid"][row], sd_mps=log["beam_sd_mps"][row]
@@ -66,7 +68,7 @@ def stream(
     sample_time_ns: Times,
 ) -> dict[str, Any]:
     """States and deviations of one method at the sample times, and what became of each ping."""
-    initial = {
+    initial: Any = {
         "time_ns": start["time_ns"],
         "position_t_m": start["position_t_m"],
         "attitude_t_p": start["attitude_t_p"],

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
+from bottomlock.models import ImuModel, Robust
 from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.truth.truth import Truth
@@ -26,10 +27,10 @@ MASKS = ((1, 2, 3, 4), (1, 2), (1, 3), (1,))
 IMUS = ("table_2", "fibre_optic")
 TRAJECTORIES = ("straight", "figure_eight")
 
-FIBRE_OPTIC: dict[str, Any] = {
-    "accel_noise_mps_rts": 1e-4, "gyro_noise_rad_rts": 1e-5, "accel_bias_sd_mps2": 5e-4, "gyro_bias_sd_radps": 2.4e-7,
-    "accel_bias_walk_mps2_rts": 1e-6, "gyro_bias_walk_radps_rts": 1e-9,
-}  # fmt: skip
+FIBRE_OPTIC = ImuModel(
+    accel_noise_mps_rts=1e-4, gyro_noise_rad_rts=1e-5, accel_bias_sd_mps2=5e-4, gyro_bias_sd_radps=2.4e-7,
+    accel_bias_walk_mps2_rts=1e-6, gyro_bias_walk_radps_rts=1e-9,
+)  # fmt: skip
 """White noise, bias and its random walk of a navigation-grade IMU: 20 µg/√Hz, 0.03 deg/√h, 50 µg, 0.05 deg/h."""
 
 
@@ -82,15 +83,13 @@ def disturbed(number: int, methods: list[str], *, robust: bool = True) -> Distur
     rng = np.random.default_rng([SEED, number])
     simulation, truth = _world(trajectory)
     scenario = simulation.scenario
-    model: Any = scenario.kernel_model(simulation.gravity_mps2)
+    model = scenario.kernel_model(simulation.gravity_mps2)
     if imu == "fibre_optic":
-        initial = model["initial"] | {
-            "attitude_sd_rad": [3.5e-4, 3.5e-4, 1.7e-3], "velocity_sd_mps": [0.02] * 3
-        }  # fmt: skip
-        model |= {"imu": FIBRE_OPTIC, "initial": initial}
-    options: Any = scenario.kernel_options() | {"inflate_after_rejections": 5}
+        initial = model.initial.replace(attitude_sd_rad=[3.5e-4, 3.5e-4, 1.7e-3], velocity_sd_mps=[0.02] * 3)
+        model = model.replace(imu=FIBRE_OPTIC, initial=initial)
+    options = scenario.kernel_options().replace(inflate_after_rejections=5)
     if robust:
-        options["robust"] = kernel.DEFAULT_OPTIONS["robust"]
+        options = options.replace(robust=Robust())
     schedule: Any = dict(measurement_schedule(simulation, truth))
     schedule["beam_valid"] = np.ones((len(schedule["dvl_time_ns"]), 4), dtype=bool)
     if has_depth:
@@ -123,7 +122,7 @@ def _start(drawn: Any, true: Any, model: Any, what: str, rng: np.random.Generato
     """The start of the filter: as drawn from what it claims, or worse."""
     if what not in {"start", "tilt"}:
         return drawn
-    sd = {key: np.asarray(value) for key, value in model["initial"].items()}
+    sd = {key: np.asarray(value) for key, value in model.initial.as_dict().items()}
     if what == "start":
         position, attitude, velocity = rng.uniform(-4.0, 4.0, (3, 3))
     else:

@@ -51,15 +51,15 @@ def run_ensemble(
     scenario, truth = simulation.scenario, simulation.truth()
     schedule = bottomlock.measurement_schedule(simulation, truth)
     schedule["sample_time_ns"] = schedule["sample_time_ns"][every_s - 1 :: every_s]
-    options = scenario.kernel_options() | dict(changes)
-    model: Any = scenario.kernel_model(simulation.gravity_mps2)
+    options = scenario.kernel_options().replace(**dict(changes))
+    model = scenario.kernel_model(simulation.gravity_mps2)
     arrays: Any = truth.kernel_arrays()
     batch: Any = bottomlock.run_batch(
         simulation.geometry,
         arrays,
         model,
         model,
-        options,  # type: ignore[arg-type]
+        options,
         schedule,  # type: ignore[arg-type]
         list(methods),
         seed=SEED,

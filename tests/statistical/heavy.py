@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import bottomlock
+from bottomlock.models import Robust
 from tests.analytic import analytic_simulation
 from tests.oracle.rotations import Array, log_rotation, matrix_from_quaternion
 from tests.statistical.ensembles import SEED
@@ -18,8 +19,14 @@ WAYS: dict[str, dict[str, Any]] = {
     "gaussian": {"gate": "off"},
     "matched": {"gate": "off", "scale": np.sqrt(DEGREES / (DEGREES - 2))},
     "gated": {"gate": "joint"},
-    "student": {"gate": "off", "robust": {"tail": "student_t", "student_t_degrees": DEGREES}},
-    "huber": {"gate": "off", "robust": {"tail": "huber", "huber_threshold": 1.5}},
+    "student": {
+        "gate": "off",
+        "robust": Robust(closure_gate=None, beam_gate=None, student_t_degrees=DEGREES),
+    },
+    "huber": {
+        "gate": "off",
+        "robust": Robust(closure_gate=None, beam_gate=None, tail="huber", huber_threshold=1.5),
+    },
 }
 """Filter options by name; `scale` multiplies the noise that the filter assumes."""
 
@@ -30,9 +37,9 @@ def streams(trajectory: str, *, heavy: bool, lost: tuple[int, ...]) -> tuple[Any
     simulation = analytic_simulation(trajectory)
     truth = simulation.truth()
     plan: Any = bottomlock.measurement_schedule(simulation, truth)
-    model: Any = simulation.scenario.kernel_model(simulation.gravity_mps2)
-    scale = model["dvl"]["beam_noise_sd_mps"]
-    silent = model | {"dvl": model["dvl"] | {"beam_noise_sd_mps": 0.0}}
+    model = simulation.scenario.kernel_model(simulation.gravity_mps2)
+    scale = model.dvl.beam_noise_sd_mps
+    silent = model.replace(dvl=model.dvl.replace(beam_noise_sd_mps=0.0))
     arrays: Any = truth.kernel_arrays()
     sample_ns = plan["sample_time_ns"][4::5]
     none: Any = np.empty(0, dtype=np.int64)
@@ -78,13 +85,13 @@ def run_tc(trajectory: str, name: str, *, heavy: bool, lost: tuple[int, ...] = (
     """Squared velocity error (runs, T) and NEES of attitude and velocity (runs, T) of TC run in one of `WAYS`."""
     way = WAYS[name]
     simulation, model, sample_ns, true, runs = streams(trajectory, heavy=heavy, lost=lost)
-    options = simulation.scenario.kernel_options() | {key: way[key] for key in way if key != "scale"}
-    assumed = model["dvl"]["beam_noise_sd_mps"] * way.get("scale", 1.0)
+    options = simulation.scenario.kernel_options().replace(**{key: way[key] for key in way if key != "scale"})
+    assumed = model.dvl.beam_noise_sd_mps * way.get("scale", 1.0)
     square, nees = [], []
     for log, start in runs:
         out: Any = bottomlock.replay_log(
             simulation.geometry,
-            model | {"dvl": model["dvl"] | {"beam_noise_sd_mps": assumed}},
+            model.replace(dvl=model.dvl.replace(beam_noise_sd_mps=assumed)),
             options,
             ["tc"],
             log,

@@ -40,7 +40,7 @@ def run_filter(method: str, weigh: float) -> tuple[float, int, float]:
     simulation = build_simulation(quiet.model_copy(update=off))
     truth, section = simulation.truth(), simulation.scenario.acoustic_position
     transceiver = np.array(section.transceiver_m)
-    options: Any = simulation.scenario.kernel_options() | {"gate": "off"}
+    options = simulation.scenario.kernel_options().replace(gate="off")
     nis, nees = [], []
     for run in range(RUNS):
         readings = Readings(simulation, truth, run=run)
@@ -51,7 +51,9 @@ def run_filter(method: str, weigh: float) -> tuple[float, int, float]:
             upto = int(np.searchsorted(drawn["imu_time_ns"], time_ns, side="right"))
             part = slice(done, upto)
             navigator.push_imu_block(
-                drawn["imu_time_ns"][part], drawn["imu_omega_p_radps"][part], drawn["imu_force_p_mps2"][part]
+                drawn["imu_time_ns"][part],
+                omega_p_radps=drawn["imu_omega_p_radps"][part],
+                force_p_mps2=drawn["imu_force_p_mps2"][part],
             )
             done = upto
             fix = drawn["acoustic_position_t_m"][k]
@@ -61,7 +63,7 @@ def run_filter(method: str, weigh: float) -> tuple[float, int, float]:
             )
             nis.append(report["nis"])
             if method == "tc":
-                sd_mps = np.full(4, readings._model["dvl"]["beam_noise_sd_mps"])
+                sd_mps = np.full(4, readings._model.dvl.beam_noise_sd_mps)
                 navigator.push_beams(
                     int(time_ns), drawn["dvl_velocity_mps"][k], readings.valid[k], sd_mps=sd_mps
                 )

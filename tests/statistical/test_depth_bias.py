@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import bottomlock
+from bottomlock.models import DepthModel
 from bottomlock.statistics.chi_squared import mean_band
 from tests.analytic import analytic_simulation
 from tests.statistical import ensembles
@@ -17,8 +18,8 @@ pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
 RUNS = 60
 METHODS = ("tc", "sway_current")
-BIASED = {"sd_m": 0.02, "bias_sd_m": 0.3, "bias_time_s": 600.0}
-UNBIASED = BIASED | {"bias_sd_m": 0.0}
+BIASED = DepthModel(sd_m=0.02, bias_sd_m=0.3, bias_time_s=600.0)
+UNBIASED = BIASED.replace(bias_sd_m=0.0)
 
 
 @lru_cache(maxsize=2)
@@ -31,9 +32,9 @@ def flown(*, expected: bool) -> dict[str, Any]:
     schedule["depth_time_ns"] = schedule["dvl_time_ns"]
     schedule["depth_offset_m"] = np.zeros(len(schedule["depth_time_ns"]))
     schedule["sample_time_ns"] = schedule["sample_time_ns"][49::50]
-    model: Any = scenario.kernel_model(simulation.gravity_mps2) | {"depth": BIASED}
-    assumed = model | {"depth": BIASED if expected else UNBIASED}
-    options: Any = scenario.kernel_options() | {"gate": "off"}
+    model = scenario.kernel_model(simulation.gravity_mps2).replace(depth=BIASED)
+    assumed = model.replace(depth=BIASED if expected else UNBIASED)
+    options = scenario.kernel_options().replace(gate="off")
     arrays: Any = truth.kernel_arrays()
     return dict(
         bottomlock.run_batch(

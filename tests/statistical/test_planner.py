@@ -20,12 +20,12 @@ RUNS = 120
 def test_predicted_deviations_are_what_errors_scatter(name: str, beams: tuple[int, ...]) -> None:
     """Position, misalignment and velocity at the end: drawn errors lie in the chi-squared band of the prediction."""
     scenario = load_scenario("straight")
-    environment = scenario.kernel_model(9.8125)["environment"]
+    environment = scenario.kernel_model(9.8125).environment
     truth = manoeuvre_truth(
         MANOEUVRES[name],
         rate_hz=150.0,
-        latitude_rad=environment["latitude_rad"],
-        earth_rate_radps=environment["earth_rate_radps"],
+        latitude_rad=environment.latitude_rad,
+        earth_rate_radps=environment.earth_rate_radps,
     )
     model = scenario.kernel_model(truth.gravity_mps2)
     janus = BeamGeometry.janus(np.deg2rad(20.0))
@@ -39,7 +39,7 @@ def test_predicted_deviations_are_what_errors_scatter(name: str, beams: tuple[in
         "gps_time_ns": none,
         "sample_time_ns": predicted.time_ns[-1:],
     }
-    options = scenario.kernel_options() | {"gate": "off"}
+    options = scenario.kernel_options().replace(gate="off")
     batch = run_batch(
         janus, truth.kernel_arrays(), model, model, options, schedule, ["tc"],  # type: ignore[arg-type]
         seed=2015, trajectory_key=1, first_run=0, runs=RUNS, threads=1,

@@ -29,14 +29,15 @@ def run_with_tilt(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
     scenario, truth = simulation.scenario, simulation.truth()
     schedule: Any = bottomlock.measurement_schedule(simulation, truth)
     schedule["sample_time_ns"] = schedule["sample_time_ns"][9::10]
-    assumed: Any = scenario.kernel_model(simulation.gravity_mps2)
-    initial = assumed["initial"]
-    off = initial | {"attitude_sd_rad": [tilt_factor * sd for sd in initial["attitude_sd_rad"]]}
-    options: Any = scenario.kernel_options() | {"inflate_after_rejections": reopen_fixes}
+    assumed = scenario.kernel_model(simulation.gravity_mps2)
+    tilted = assumed.initial.replace(
+        attitude_sd_rad=[tilt_factor * sd for sd in assumed.initial.attitude_sd_rad]
+    )
+    options = scenario.kernel_options().replace(inflate_after_rejections=reopen_fixes)
     arrays: Any = truth.kernel_arrays()
     return dict(
         bottomlock.run_batch(
-            simulation.geometry, arrays, assumed | {"initial": off}, assumed, options, schedule, list(METHODS),
+            simulation.geometry, arrays, assumed.replace(initial=tilted), assumed, options, schedule, list(METHODS),
             seed=ensembles.SEED, trajectory_key=23, first_run=0, runs=RUNS, threads=1,
         )
     )  # fmt: skip

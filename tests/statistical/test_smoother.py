@@ -51,8 +51,8 @@ def run_smoother(trajectory: str, runs: int) -> dict[str, Array]:
     simulation = analytic_simulation(trajectory)
     scenario, truth = simulation.scenario, simulation.truth()
     plan: Any = bottomlock.measurement_schedule(simulation, truth)
-    model: Any = scenario.kernel_model(simulation.gravity_mps2)
-    options: Any = scenario.kernel_options()
+    model = scenario.kernel_model(simulation.gravity_mps2)
+    options = scenario.kernel_options()
     arrays: Any = truth.kernel_arrays()
     plan["gps_time_ns"] = plan["dvl_time_ns"][-1:]
     sample_ns = plan["sample_time_ns"][4::10]

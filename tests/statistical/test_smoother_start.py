@@ -25,8 +25,8 @@ def mean_squares(*, exact: bool) -> dict[str, Array]:
     simulation = analytic_simulation("figure_eight")
     scenario, truth = simulation.scenario, simulation.truth()
     plan: Any = bottomlock.measurement_schedule(simulation, truth)
-    model: Any = scenario.kernel_model(simulation.gravity_mps2)
-    options: Any = scenario.kernel_options()
+    model = scenario.kernel_model(simulation.gravity_mps2)
+    options = scenario.kernel_options()
     arrays: Any = truth.kernel_arrays()
     sample_ns = plan["sample_time_ns"][4::10]
     true = [

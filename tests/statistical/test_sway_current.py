@@ -86,8 +86,8 @@ def run_vehicle(name: str, current_mps: float, runs: int) -> dict[str, Any]:
     truth = simulation.truth()
     schedule: Any = bottomlock.measurement_schedule(simulation, truth)
     schedule["sample_time_ns"] = schedule["sample_time_ns"][4::5]
-    model: Any = packaged.kernel_model(simulation.gravity_mps2)
-    options: Any = packaged.kernel_options()
+    model = packaged.kernel_model(simulation.gravity_mps2)
+    options = packaged.kernel_options()
     arrays: Any = truth.kernel_arrays()
     batch: Any = bottomlock.run_batch(
         simulation.geometry, arrays, model, model, options, schedule, list(METHODS),

@@ -53,7 +53,7 @@ def test_update_is_the_textbook_filter(pitch_deg: float) -> None:
         "velocity_p_mps": np.zeros(3),
     }  # fmt: skip
     navigator = Navigator(JANUS, model(), options(), initial, method="ins", covariance=before)
-    navigator.push_imu(0, np.zeros(3), [0.0, 0.0, -9.8])
+    navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     (report,) = navigator.push_acoustic_position(time_ns=0, position_t_m=fix)
     lever, transceiver = np.array(LEVER), np.array(MODEL["transceiver_t_m"])
     H = oracle.jacobian(rotation, lever)
@@ -71,7 +71,7 @@ def test_update_is_the_textbook_filter(pitch_deg: float) -> None:
 def test_outliers_are_gated_and_good_fixes_are_not() -> None:
     """A fix a hundred sigmas off is rejected and moves nothing; a good one beside it is taken."""
     navigator = Navigator(JANUS, model(), options(gate="joint"), {**START}, method="ins")
-    navigator.push_imu(0, np.zeros(3), [0.0, 0.0, -9.8])
+    navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     state: Any = navigator.state()
     place = START["position_t_m"]
     far = np.asarray(place) + np.array([200.0, 0.0, 0.0])
@@ -80,7 +80,7 @@ def test_outliers_are_gated_and_good_fixes_are_not() -> None:
     assert report["nis"] > report["threshold"]
     after: Any = navigator.state()
     assert all(np.array_equal(state[key], after[key]) for key in after)
-    navigator.push_imu(10_000_000, np.zeros(3), [0.0, 0.0, -9.8])
+    navigator.push_imu(10_000_000, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     (report,) = navigator.push_acoustic_position(time_ns=10_000_000, position_t_m=place, sd_m=[1.0, 1.0, 1.0])
     assert report["verdict"] == "accepted"
     assert np.sqrt(navigator.covariance()[0, 0]) < 1.0
@@ -119,7 +119,9 @@ def stream_of(navigator: Navigator, log: Any, fixes: Any, sd: Any) -> dict[str, 
     for t, rank, k in sorted(queue):
         match names[rank]:
             case "imu":
-                reports = navigator.push_imu(t, log["omega_p_radps"][k], log["force_p_mps2"][k])
+                reports = navigator.push_imu(
+                    t, omega_p_radps=log["omega_p_radps"][k], force_p_mps2=log["force_p_mps2"][k]
+                )
             case "dvl":
                 reports = navigator.push_beams(
                     t, log["beam_velocity_mps"][k], log["beam_valid"][k], sd_mps=log["beam_sd_mps"][k]
@@ -145,7 +147,7 @@ def test_it_does_not_collide_with_gps() -> None:
     """A GPS position and an acoustic fix of one time are both taken; each stream has its own order and count."""
     navigator = Navigator(JANUS, model(), options(), {**START}, method="ins")
     place: Any = START["position_t_m"]
-    navigator.push_imu(0, np.zeros(3), [0.0, 0.0, -9.8])
+    navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     reports = navigator.push_position(0, place, position_sd_m=[2.0, 2.0, 4.0])
     reports += navigator.push_acoustic_position(time_ns=0, position_t_m=place)
     assert [report["sensor"] for report in reports] == ["gps_position", "acoustic_position"]
@@ -166,7 +168,7 @@ def test_it_does_not_collide_with_gps() -> None:
 )
 def test_bad_fixes_are_refused(fix: dict[str, Any], message: str) -> None:
     navigator = Navigator(JANUS, model(), options(), {**START})
-    navigator.push_imu(0, np.zeros(3), [0.0, 0.0, -9.8])
+    navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     before = navigator.state()["position_t_m"]
     with pytest.raises(KernelError, match=message):
         navigator.push_acoustic_position(time_ns=0, **{"position_t_m": np.zeros(3)} | fix)
@@ -180,7 +182,7 @@ def test_bad_fixes_are_refused(fix: dict[str, Any], message: str) -> None:
         ({"sd_m": -1.0}, "acoustic_position.sd_m is -1, expected a finite number >= 0"),
         ({"transceiver_t_m": [0.0, np.nan, 0.0]}, "acoustic_position.transceiver_t_m at 0 ns is not finite"),
         ({"outlier_fraction": 1.5}, "acoustic_position.outlier_fraction is 1.5, expected 0 to 1"),
-        ({"sd_per_range": "far"}, "acoustic_position.sd_per_range is not a number"),
+        ({"sd_per_range": "far"}, "acoustic_position.sd_per_range is .far., expected a number"),
     ],
 )
 def test_bad_models_are_refused(change: dict[str, Any], message: str) -> None:
@@ -191,7 +193,7 @@ def test_bad_models_are_refused(change: dict[str, Any], message: str) -> None:
 def test_without_a_model_a_fix_brings_its_own_deviation() -> None:
     """A model without the section knows no noise; nothing is assumed in its place."""
     navigator = Navigator(JANUS, settings.table_2(), settings.options(), {**START})
-    navigator.push_imu(0, np.zeros(3), [0.0, 0.0, -9.8])
+    navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     place: Any = START["position_t_m"]
     with pytest.raises(KernelError, match="acoustic_position sd_m is 0, expected a finite number > 0"):
         navigator.push_acoustic_position(time_ns=0, position_t_m=place)
@@ -226,9 +228,9 @@ transceiver_m = [10.0, 0.0, 0.0]
         assert (log["acoustic_position_time_ns"] / 1e9).tolist() == [0.5, 1.5, 2.5]
         assert log["acoustic_position_t_m"].tolist() == [[1.0, 0.0, 5.0], [2.0, 0.1, 5.0], [3.0, 0.2, 5.1]]
         assert ("acoustic_position_sd_m" in log) == columns
-        assert prepared.options["acoustic_position_lever_p_m"] == LEVER
-        assert prepared.model["acoustic_position"]["sd_per_range"] == pytest.approx(0.02)
-        assert prepared.model["acoustic_position"]["transceiver_t_m"] == [10.0, 0.0, 0.0]
+        assert prepared.options.acoustic_position_lever_p_m == tuple(LEVER)
+        assert prepared.model.acoustic_position.sd_per_range == pytest.approx(0.02)
+        assert prepared.model.acoustic_position.transceiver_t_m == (10.0, 0.0, 0.0)
         rerun_result = rerun.run_methods(case, prepared, None)
         # The transponder is 0.6 m below the IMU.
         assert rerun_result.result["position_t_m"][0, -1, 2] == pytest.approx(5.0 - 0.6, abs=0.3)

@@ -62,17 +62,21 @@ def test_simulated_outliers_are_gated() -> None:
     )
     assert 12 <= outlier.sum() <= 40
     navigator = Navigator(
-        simulated.geometry, readings._model, scenario.kernel_options(), drawn["initial"], method="tc"  # type: ignore[arg-type]
+        simulated.geometry, readings._model, scenario.kernel_options(), drawn["initial"], method="tc"
     )  # fmt: skip
     navigator.push_imu_block(
-        drawn["imu_time_ns"][:1], drawn["imu_omega_p_radps"][:1], drawn["imu_force_p_mps2"][:1]
+        drawn["imu_time_ns"][:1],
+        omega_p_radps=drawn["imu_omega_p_radps"][:1],
+        force_p_mps2=drawn["imu_force_p_mps2"][:1],
     )
     rejected, done = [], 1
     for k, time_ns in enumerate(drawn["acoustic_position_time_ns"]):
         upto = int(np.searchsorted(drawn["imu_time_ns"], time_ns, side="right"))
         part = slice(done, upto)
         navigator.push_imu_block(
-            drawn["imu_time_ns"][part], drawn["imu_omega_p_radps"][part], drawn["imu_force_p_mps2"][part]
+            drawn["imu_time_ns"][part],
+            omega_p_radps=drawn["imu_omega_p_radps"][part],
+            force_p_mps2=drawn["imu_force_p_mps2"][part],
         )
         done = upto
         (report,) = navigator.push_acoustic_position(
@@ -140,7 +144,7 @@ def test_a_campaigns_run_is_the_streaming_navigator() -> None:
     simulated = simulation(12.0)
     truth, scenario = simulated.truth(), simulated.scenario
     key, plan, arrays, kernel_model, kernel_options = kernel_inputs(simulated)
-    assert kernel_options["acoustic_position_lever_p_m"] == LEVER
+    assert kernel_options.acoustic_position_lever_p_m == tuple(LEVER)
     batch = run_batch(
         simulated.geometry, arrays, kernel_model, kernel_model, kernel_options, plan, ["tc"],
         seed=scenario.campaign.seed, trajectory_key=key, first_run=2, runs=1, threads=1,
@@ -204,9 +208,9 @@ def test_observability_has_it_beside_gps() -> None:
     assert acoustic.rank == gps.rank
     np.testing.assert_allclose(acoustic.rows, gps.rows)
     kernel_model = simulated.scenario.kernel_model(simulated.gravity_mps2)
-    far = kernel_model | {
-        "acoustic_position": kernel_model["acoustic_position"] | {"transceiver_t_m": [1e3, 0.0, 0.0]}
-    }
+    far = kernel_model.replace(
+        acoustic_position=kernel_model.acoustic_position.replace(transceiver_t_m=[1e3, 0.0, 0.0])
+    )
     near_sd, far_sd = (
         deviations(truth, simulated.geometry, sets[0], each, period_s=2.0).sd[-1, 0]
         for each in (kernel_model, far)

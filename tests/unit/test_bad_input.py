@@ -127,14 +127,14 @@ def test_a_geometry_that_cannot_be_is_refused(directions: np.ndarray, name: str)
 
 def navigator() -> bottomlock.Navigator:
     """A navigator that has taken one sample at time 0."""
-    start = {
-        "time_ns": 0,
-        "position_t_m": np.zeros(3),
-        "attitude_t_p": np.array([1.0, 0, 0, 0]),
-        "velocity_p_mps": np.zeros(3),
-    }
+    start = bottomlock.InitialState(
+        time_ns=0,
+        position_t_m=np.zeros(3),
+        attitude_t_p=np.array([1.0, 0, 0, 0]),
+        velocity_p_mps=np.zeros(3),
+    )
     made = bottomlock.Navigator(JANUS, settings.table_2(), settings.options(), start)
-    made.push_imu(0, np.zeros(3), np.array([0, 0, -9.8]))
+    made.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=np.array([0, 0, -9.8]))
     return made
 
 
@@ -144,9 +144,9 @@ def test_time_that_does_not_advance_is_refused(time_ns: int) -> None:
     nav = navigator()
     before = nav.covariance()
     with pytest.raises(bottomlock.KernelError, match=f"{time_ns} ns"):
-        nav.push_imu(time_ns, np.zeros(3), np.array([0, 0, -9.8]))
+        nav.push_imu(time_ns, omega_p_radps=np.zeros(3), force_p_mps2=np.array([0, 0, -9.8]))
     np.testing.assert_array_equal(nav.covariance(), before)
-    nav.push_imu(10_000_000, np.zeros(3), np.array([0, 0, -9.8]))
+    nav.push_imu(10_000_000, omega_p_radps=np.zeros(3), force_p_mps2=np.array([0, 0, -9.8]))
     assert nav.state()["time_ns"] == 10_000_000
 
 
@@ -162,7 +162,7 @@ def test_an_imu_sample_without_a_number_is_refused() -> None:
     """One NaN would spread through every state and never leave."""
     nav = navigator()
     with pytest.raises(bottomlock.KernelError, match=r"imu.*10000000 ns"):
-        nav.push_imu(10_000_000, np.array([0, np.nan, 0]), np.array([0, 0, -9.8]))
+        nav.push_imu(10_000_000, omega_p_radps=np.array([0, np.nan, 0]), force_p_mps2=np.array([0, 0, -9.8]))
     assert np.isfinite(nav.state()["velocity_p_mps"]).all()
 
 

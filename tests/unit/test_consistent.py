@@ -28,7 +28,9 @@ def reports(method: str, beams_mps: list[list[float]]) -> list[dict[str, Any]]:
     gravity = settings.table_2()["environment"]["gravity_mps2"]
     for second, reading in enumerate(beams_mps):
         for step in range(50):
-            navigator.push_imu((50 * second + step) * 20_000_000, [0.0] * 3, [0.0, 0.0, -gravity])
+            navigator.push_imu(
+                (50 * second + step) * 20_000_000, omega_p_radps=[0.0] * 3, force_p_mps2=[0.0, 0.0, -gravity]
+            )
         heard += navigator.push_beams(
             (50 * second + 49) * 20_000_000, reading, [True, True, False, False], sd_mps=[0.042] * 4
         )

@@ -14,6 +14,7 @@ from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import KernelError, run_batch
+from bottomlock.models import DvlOutlierModel
 from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.run_events import Readings
@@ -64,7 +65,7 @@ def test_a_campaigns_run_is_the_streaming_navigator_and_any_partition(tmp_path: 
     truth, settings = simulated.truth(), simulated.scenario
     key = trajectory_key(settings.name)
     model: Any = settings.kernel_model(simulated.gravity_mps2)
-    assert model["dvl_outliers"] == {"outlier_fraction": 0.3, "outlier_factor": 10.0}
+    assert model.dvl_outliers == DvlOutlierModel(outlier_fraction=0.3, outlier_factor=10.0)
     plan, arrays, options = (
         measurement_schedule(simulated, truth, trajectory_key=key), truth.kernel_arrays(), settings.kernel_options()
     )  # fmt: skip
@@ -114,7 +115,8 @@ def test_the_kernel_names_a_bad_model() -> None:
         ({"outlier_fraction": 2.7, "outlier_factor": 12.0}, "dvl_outliers.outlier_fraction"),
         ({"outlier_fraction": 0.027}, "outlier_factor"),
     ):
-        model: Any = simulated.scenario.kernel_model(simulated.gravity_mps2) | {"dvl_outliers": outliers}
+        own = simulated.scenario.kernel_model(simulated.gravity_mps2)
+        model: Any = own.as_dict() | {"dvl_outliers": outliers}
         arrays: Any = truth.kernel_arrays()
         options: Any = simulated.scenario.kernel_options()
         plan: Any = measurement_schedule(simulated, truth, trajectory_key=1)

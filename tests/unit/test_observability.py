@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry, KernelError, Navigator, error_model
+from bottomlock.models import InitialState, Model
 from bottomlock.observability import report, tables
 from bottomlock.observability.analysis import LEAST_GAP, Aiding, Finding, deviations, observe
 from bottomlock.observability.figures import deviation_figure
@@ -34,22 +35,20 @@ JANUS = BeamGeometry.janus(np.deg2rad(20.0))
 ALL = Aiding(beams=(1, 2, 3, 4))
 
 
-def model(truth: Truth, earth_rate_radps: float = 0.0) -> dict[str, Any]:
+def model(truth: Truth, earth_rate_radps: float = 0.0) -> Model:
     found = load_scenario("straight").kernel_model(truth.gravity_mps2)
-    found["environment"] |= {"latitude_rad": truth.latitude_rad, "earth_rate_radps": earth_rate_radps}
-    return found
+    environment = found.environment.replace(
+        latitude_rad=truth.latitude_rad, earth_rate_radps=earth_rate_radps
+    )
+    return found.replace(environment=environment)
 
 
-def without_noise(truth: Truth) -> dict[str, Any]:
+def without_noise(truth: Truth) -> Model:
     """Errors that are constant: what is learned is kept."""
     found = model(truth)
-    for key in found["imu"]:
-        if "noise" in key or "walk" in key:
-            found["imu"][key] = 0.0
-    for key in found["dvl"]:
-        if "walk" in key:
-            found["dvl"][key] = 0.0
-    return found
+    imu = {key: 0.0 for key in found.imu.as_dict() if "noise" in key or "walk" in key}
+    dvl = {key: 0.0 for key in found.dvl.as_dict() if "walk" in key}
+    return found.replace(imu=found.imu.replace(**imu), dvl=found.dvl.replace(**dvl))
 
 
 @pytest.fixture(scope="module")
@@ -190,18 +189,18 @@ def test_deviations_are_the_filters(eight: Truth, beams: tuple[int, ...]) -> Non
     errors = model(eight)
     predicted = deviations(eight, JANUS, aiding, errors)
     options = load_scenario("straight").kernel_options()
-    initial = {
-        "time_ns": 0,
-        "position_t_m": [0, 0, 0],
-        "attitude_t_p": eight.attitude_t_p[0],
-        "velocity_p_mps": eight.velocity_p_mps[0],
-    }
-    navigator = Navigator(JANUS, errors, options, initial, method="tc")  # type: ignore[arg-type]
+    initial = InitialState(
+        time_ns=0,
+        position_t_m=[0, 0, 0],
+        attitude_t_p=eight.attitude_t_p[0],
+        velocity_p_mps=eight.velocity_p_mps[0],
+    )
+    navigator = Navigator(JANUS, errors, options, initial, method="tc")
     valid = np.isin(np.arange(4) + 1, beams)
     readings = JANUS.beam_velocities(eight.velocity_p_mps)
     sd = np.full(4, errors["dvl"]["beam_noise_sd_mps"])
     for k, time_ns in enumerate(eight.time_ns.tolist()):
-        navigator.push_imu(time_ns, eight.omega_p_radps[k], eight.force_p_mps2[k])
+        navigator.push_imu(time_ns, omega_p_radps=eight.omega_p_radps[k], force_p_mps2=eight.force_p_mps2[k])
         if time_ns in predicted.time_ns:
             navigator.push_beams(time_ns, readings[k], valid, sd_mps=sd)
     claimed = np.sqrt(np.diag(navigator.covariance()))

@@ -101,7 +101,9 @@ def test_a_sensor_of_an_interval_adds_information_then(eight: Truth) -> None:
     valid[10:, 2:] = False
     schedule = Schedule.of(eight.time_ns, dvl_time_ns=times, beam_valid=valid)
     model = load_scenario("straight").kernel_model(eight.gravity_mps2)
-    model["environment"] |= {"latitude_rad": eight.latitude_rad, "earth_rate_radps": 0.0}
+    model = model.replace(
+        environment=model.environment.replace(latitude_rad=eight.latitude_rad, earth_rate_radps=0.0)
+    )
     four_throughout = Schedule.of(eight.time_ns, dvl_time_ns=times, beam_valid=np.ones_like(valid))
     gone, stayed = (
         deviations(eight, JANUS, Aiding(beams=(1, 2, 3, 4)), model, schedule=which).sd
@@ -209,7 +211,7 @@ def test_too_many_epochs_are_refused(tmp_path: Path) -> None:
 
 def test_rates_of_a_plan(eight: Truth) -> None:
     """Ten pings a second leave less of a velocity than one."""
-    model: dict[str, Any] = load_scenario("straight").kernel_model(eight.gravity_mps2)
+    model = load_scenario("straight").kernel_model(eight.gravity_mps2)
     slow, fast = (
         manoeuvre_ranking(
             JANUS, Aiding(beams=(1, 2, 3, 4)), model,

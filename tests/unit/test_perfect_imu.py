@@ -15,17 +15,19 @@ from tests.property import settings
 
 def lead(motion: dict[str, Array]) -> bottomlock.Navigator:
     """The INS alone, fed the ideal readings from the true start."""
-    start = {
-        "time_ns": 0,
-        "position_t_m": motion["position_t_m"][0],
-        "attitude_t_p": motion["attitude_t_p"][0],
-        "velocity_p_mps": motion["velocity_p_mps"][0],
-    }
+    start = bottomlock.InitialState(
+        time_ns=0,
+        position_t_m=motion["position_t_m"][0],
+        attitude_t_p=motion["attitude_t_p"][0],
+        velocity_p_mps=motion["velocity_p_mps"][0],
+    )
     options = settings.options(covariance_period_ns=1_000_000_000)
     nav = bottomlock.Navigator(
         bottomlock.BeamGeometry.janus(0.35), settings.table_2(), options, start, method="ins"
     )
-    nav.push_imu_block(motion["time_ns"], motion["omega_p_radps"], motion["force_p_mps2"])
+    nav.push_imu_block(
+        motion["time_ns"], omega_p_radps=motion["omega_p_radps"], force_p_mps2=motion["force_p_mps2"]
+    )
     return nav
 
 

@@ -33,7 +33,7 @@ def push_speeds(
     """A ping a second of a vehicle that the beams see at these speeds; the reports of the beams."""
     reports: list[dict[str, Any]] = []
     for k in range(10 * len(speeds_mps) + 1):
-        nav.push_imu(k * 100_000_000, np.zeros(3), np.array(LEVEL))
+        nav.push_imu(k * 100_000_000, omega_p_radps=np.zeros(3), force_p_mps2=np.array(LEVEL))
         if k and k % 10 == 0:
             y = JANUS.beam_velocities(np.array([[speeds_mps[k // 10 - 1], 0.0, 0.0]]))[0]
             y[3] += beam_4_mps

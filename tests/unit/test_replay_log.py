@@ -15,14 +15,14 @@ from tests.oracle import truth
 from tests.property import settings
 
 if TYPE_CHECKING:
-    from bottomlock._kernel import LogDict, LogStartDict, ReplayDict
+    from bottomlock._kernel import LogDict, ReplayDict
 
 SECONDS = 12
 JANUS = bottomlock.BeamGeometry.janus(np.deg2rad(20), lever_arms_p_m=np.tile([-1.8, 0.0, 0.1], (4, 1)))
 SENSORS = [("dvl", 937), ("depth", 411), ("heading", 1303), ("gps", 3001)]
 
 
-def recording() -> tuple[LogDict, LogStartDict]:
+def recording() -> tuple[LogDict, Any]:
     """Streams of a figure-eight whose measurements never fall on an inertial reading; beams come and go."""
     motion: Any = truth.make(yaw=truth.figure_eight_yaw, seconds=SECONDS, rate_hz=50.0)
     epochs = {
@@ -61,7 +61,7 @@ def recording() -> tuple[LogDict, LogStartDict]:
         "gps_position_t_m": streams["gps_position_t_m"],
     }
     initial = streams["initial"]
-    start: LogStartDict = {
+    start = {
         "time_ns": initial["time_ns"],
         "position_t_m": initial["position_t_m"],
         "attitude_t_p": initial["attitude_t_p"],
@@ -99,7 +99,9 @@ def test_replay_is_the_streaming_navigator(method: str) -> None:
     nis = np.full(len(LOG["dvl_time_ns"]), np.nan)
     for t, stream, k in sorted(queue):
         if stream == 0:
-            reports = nav.push_imu(t, log["omega_p_radps"][k], log["force_p_mps2"][k])
+            reports = nav.push_imu(
+                t, omega_p_radps=log["omega_p_radps"][k], force_p_mps2=log["force_p_mps2"][k]
+            )
         elif stream == 1:
             y, valid, sd = log["beam_velocity_mps"][k], log["beam_valid"][k], log["beam_sd_mps"][k]
             reports = nav.push_beams(t, y, valid, sd_mps=sd)

@@ -88,7 +88,7 @@ def test_increments_are_divided_by_their_interval(tmp_path: Path) -> None:
     np.testing.assert_allclose(streams.inertial.force_p_mps2[:, 2], -9.8)
     np.testing.assert_allclose(streams.inertial.omega_p_radps[:, 2], 0.2)
     case = parse_case(changed(("omega =", units)), place="case", folder=tmp_path)
-    assert kernel_options(case)["imu_sampling"] == "averaged"
+    assert kernel_options(case).imu_sampling == "averaged"
 
 
 def test_gap_of_the_imu_is_refused_unless_declared(tmp_path: Path) -> None:
@@ -175,7 +175,7 @@ aids = "heading"
         prepared = rerun.prepare(case, read_streams(case), 0)
         log = rerun.kernel_log(case, prepared, prepared.streams.beams.valid[prepared.pings])
         np.testing.assert_allclose(log["gps_position_t_m"], [[0, -5, 0], [10, -5, 0], [20, -5, 0]], atol=1e-6)
-        assert prepared.options["gps_lever_p_m"] == [0.0, 0.0, -1.0]
+        assert prepared.options.gps_lever_p_m == (0.0, 0.0, -1.0)
         if aids == "heading":
             np.testing.assert_allclose(log["heading_rad"], np.deg2rad([54.0, 64.0]))
             assert not len(log["attitude_time_ns"])

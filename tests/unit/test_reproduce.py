@@ -80,7 +80,6 @@ def test_a_gate_that_reopens_reaches_the_filter() -> None:
     setting = next(setting for setting in SETTINGS if setting.parameter == RARE)
     scenario = load_scenario("straight")
     fixes = [
-        setting.change(scenario, value).kernel_options()["inflate_after_rejections"]
-        for value in setting.values
+        setting.change(scenario, value).kernel_options().inflate_after_rejections for value in setting.values
     ]
     assert fixes == [0, 5]

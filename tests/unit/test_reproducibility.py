@@ -125,7 +125,11 @@ def test_batch_is_the_streaming_navigator() -> None:
     )
     ping = 0
     for k, time_ns in enumerate(streams["imu_time_ns"]):
-        nav.push_imu(int(time_ns), streams["imu_omega_p_radps"][k], streams["imu_force_p_mps2"][k])
+        nav.push_imu(
+            int(time_ns),
+            omega_p_radps=streams["imu_omega_p_radps"][k],
+            force_p_mps2=streams["imu_force_p_mps2"][k],
+        )
         if ping < SECONDS and streams["dvl_time_ns"][ping] == time_ns:
             y, valid = streams["dvl_velocity_mps"][ping], streams["dvl_valid"][ping]
             nav.push_beams(int(time_ns), y, valid, sd_mps=np.full(4, 0.042))

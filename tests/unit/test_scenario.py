@@ -1,5 +1,6 @@
 """Scenarios: what is accepted, in which units, and how a fault is reported."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -25,15 +26,15 @@ beam_noise_mps = 0.042
 def test_table_2_in_si() -> None:
     """Every number of Table 2 arrives in SI: a slip of a unit cannot hide."""
     model = load_scenario("straight").kernel_model(9.8)
-    assert model["imu"]["accel_noise_mps_rts"] == pytest.approx(0.0012)
-    assert model["imu"]["gyro_noise_rad_rts"] == pytest.approx(np.deg2rad(0.00567), rel=1e-3)
-    assert model["imu"]["accel_bias_sd_mps2"] == pytest.approx(4.903e-3, rel=1e-3)
-    assert model["imu"]["gyro_bias_sd_radps"] == pytest.approx(1.4544e-5, rel=1e-3)
-    assert model["imu"]["gyro_bias_walk_radps_rts"] == pytest.approx(4.887e-7, rel=1e-3)
-    assert model["dvl"]["scale_factor_sd"] == pytest.approx(0.007)
-    assert model["dvl"]["scale_factor_walk_rts"] == pytest.approx(5e-5)
-    assert model["initial"]["attitude_sd_rad"] == pytest.approx([0.00995, 0.00995, 0.0199], rel=1e-2)
-    assert model["depth"]["sd_m"] == pytest.approx(0.0193, rel=1e-2)
+    assert model.imu.accel_noise_mps_rts == pytest.approx(0.0012)
+    assert model.imu.gyro_noise_rad_rts == pytest.approx(np.deg2rad(0.00567), rel=1e-3)
+    assert model.imu.accel_bias_sd_mps2 == pytest.approx(4.903e-3, rel=1e-3)
+    assert model.imu.gyro_bias_sd_radps == pytest.approx(1.4544e-5, rel=1e-3)
+    assert model.imu.gyro_bias_walk_radps_rts == pytest.approx(4.887e-7, rel=1e-3)
+    assert model.dvl.scale_factor_sd == pytest.approx(0.007)
+    assert model.dvl.scale_factor_walk_rts == pytest.approx(5e-5)
+    assert model.initial.attitude_sd_rad == pytest.approx([0.00995, 0.00995, 0.0199], rel=1e-2)
+    assert model.depth.sd_m == pytest.approx(0.0193, rel=1e-2)
 
 
 def test_packaged_scenarios_load() -> None:
@@ -173,3 +174,55 @@ def test_content_hash_follows_the_numbers_only() -> None:
     assert other.content_hash() != scenario.content_hash()
     with pytest.raises(ScenarioError, match="'runs' is 0, expected >= 1"):
         scenario.with_overrides(runs=0)
+
+
+@pytest.mark.parametrize("name", packaged_scenarios())
+def test_what_is_dumped_is_read_again(name: str) -> None:
+    """The same scenario, with the same numbers, also by way of JSON; keys that would mean something are not made up."""
+    scenario = load_scenario(name)
+    for dumped in (scenario.model_dump(), json.loads(json.dumps(scenario.model_dump(mode="json")))):
+        again = type(scenario).model_validate(dumped)
+        assert again == scenario
+        assert again.content_hash() == scenario.content_hash()
+        assert again.kernel_model(9.8) == scenario.kernel_model(9.8)
+        assert again.kernel_options() == scenario.kernel_options()
+    analytic = scenario.with_trajectory(source="analytic", kind="straight")
+    assert type(scenario).model_validate(analytic.model_dump()) == analytic
+
+
+def test_a_path_through_waypoints_keeps_its_end() -> None:
+    """Without a duration it ends at its last waypoint, also when it is read from what was dumped."""
+    own = load_scenario("straight")
+    content = own.model_dump(exclude_unset=True)
+    content["trajectory"] = {"kind": "waypoints"}
+    scenario = type(own).model_validate(content)
+    again = type(own).model_validate(scenario.model_dump())
+    assert "duration_s" not in again.trajectory.model_fields_set
+
+
+def test_one_key_is_replaced_and_checked() -> None:
+    scenario = load_scenario("straight")
+    better = scenario.replace("imu.gyro_bias_deg_per_h", 0.01)
+    assert better.imu.gyro_bias_deg_per_h == 0.01
+    assert better.replace("imu.gyro_bias_deg_per_h", scenario.imu.gyro_bias_deg_per_h) == scenario
+    assert scenario.replace("filter.water.slip_sd_mps", 0.05).filter.water.slip_sd_mps == 0.05
+    for key, value, message in (
+        (
+            "imu.gyro_bias_deg_h",
+            0.01,
+            "unknown key 'imu.gyro_bias_deg_h', did you mean 'gyro_bias_deg_per_h'",
+        ),
+        ("imuu.rate_hz", 100.0, "unknown key 'imuu', did you mean 'imu'"),
+        ("imu.rate_hz.x", 1.0, "unknown key 'imu.rate_hz.x'"),
+        ("imu.rate_hz", -1.0, "'imu.rate_hz' is -1.0, expected > 0"),
+        ("campaign.methods", ["tcc"], "unknown method 'tcc', did you mean 'tc'"),
+    ):
+        with pytest.raises(ScenarioError, match=message):
+            scenario.replace(key, value)
+
+
+def test_a_byte_order_mark_is_no_key(tmp_path: Path) -> None:
+    """Editors on Windows put one before the text."""
+    path = copy_scenario("straight", tmp_path / "straight.toml")
+    path.write_text(path.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert load_scenario(path) == load_scenario("straight")

@@ -32,8 +32,8 @@ def test_fixes_are_those_of_the_batch() -> None:
     truth, scenario = simulation.truth(), simulation.scenario
     key = trajectory_key(scenario.name)
     plan: Any = measurement_schedule(simulation, truth, trajectory_key=key)
-    model: Any = scenario.kernel_model(simulation.gravity_mps2)
-    options: Any = scenario.kernel_options()
+    model = scenario.kernel_model(simulation.gravity_mps2)
+    options = scenario.kernel_options()
     arrays: Any = truth.kernel_arrays()
     batch = kernel.run_batch(
         simulation.geometry, arrays, model, model, options, plan, METHODS,

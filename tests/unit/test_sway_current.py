@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from bottomlock import kernel
+from bottomlock import kernel, models
 from bottomlock.config.scenario import load_scenario
 from bottomlock.config.scenario_sections import Water
 from tests.property import settings
@@ -36,7 +36,7 @@ def swim(
     force = 2 * np.cross(earth, velocity) - np.array([0, 0, settings.GRAVITY])
     reports = []
     for k in range(seconds * 50 + 1):
-        navigator.push_imu(k * 20_000_000, earth, force)
+        navigator.push_imu(k * 20_000_000, omega_p_radps=earth, force_p_mps2=force)
         if k and k % 50 == 0:
             beams = JANUS.beam_velocities([velocity])[0]
             reports.append(navigator.push_beams(k * 20_000_000, beams, valid, sd_mps=np.full(4, 0.042)))
@@ -79,7 +79,7 @@ def test_packaged_prior_is_the_kernels_own() -> None:
     np.testing.assert_array_equal(given.water()["covariance"], own.water()["covariance"])
     for name in ("straight", "figure_eight", "lawn_mower"):
         assert load_scenario(name).filter.water == Water()
-        assert load_scenario(name).kernel_options()["water"] == Water().model_dump()
+        assert load_scenario(name).kernel_options().water == models.Water()
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_a_prior_that_lacks_a_number_is_refused() -> None:
     options: Any = settings.options() | {"water": {"current_sd_mps": 0.3}}
     with pytest.raises(kernel.KernelError, match="current_time_s"):
         kernel.Navigator(JANUS, settings.table_2(), options, INITIAL, method="sway_current")
-    with pytest.raises(kernel.KernelError, match=r"options\.water is not a dict"):
+    with pytest.raises(kernel.KernelError, match=r"options\.water is of type int, expected a dict"):
         kernel.Navigator(JANUS, settings.table_2(), options | {"water": 3}, INITIAL, method="sway_current")
 
 

@@ -15,6 +15,7 @@ import bottomlock
 from bottomlock import tables
 from bottomlock.config.scenario_sections import Filter, Robust
 from bottomlock.kernel import DEFAULT_OPTIONS, FIX_METHODS, METHODS
+from bottomlock.models import Options
 from bottomlock.statistics.rms import combined_rms, rms, rms_column
 from bottomlock.tables.fixes import fixes_schema
 
@@ -49,11 +50,8 @@ def test_fixes_have_their_columns() -> None:
 
 def test_the_defaults_of_a_scenario_are_the_kernels() -> None:
     """Stated in the kernel alone; a rate stands for its period."""
-    dumped = Filter().model_dump()
-    period_ns = 1e9 / dumped.pop("covariance_rate_hz")
-    robust = Robust().kernel_options()["robust"]
-    robust.pop("huber_threshold")  # of the tail that is not the default
-    assert dumped | {"covariance_period_ns": period_ns, "robust": robust} == DEFAULT_OPTIONS
+    assert Options(**Filter().kernel_options(), robust=Robust().kernel_options()) == Options()
+    assert set(Options().as_dict()) == set(DEFAULT_OPTIONS)
 
 
 def test_every_method_of_a_fix_is_a_method_of_navigation() -> None:

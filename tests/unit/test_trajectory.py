@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock import kernel
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError
+from bottomlock.models import Model
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.truth.analytic import analytic_truth
 from bottomlock.truth.truth import Truth
@@ -29,19 +30,19 @@ def test_perfect_imu_returns_the_truth(name: str, sampling: str) -> None:
     simulation = analytic_simulation(name)
     scenario, truth = simulation.scenario, simulation.truth()
     model = scenario.kernel_model(truth.gravity_mps2)
+    sections = {name: values for name, values in model.as_dict().items() if values is not None}
     perfect = {
-        section: values
-        if section == "environment"
-        else {key: np.zeros(3) if np.ndim(value) else 0.0 for key, value in values.items()}
-        for section, values in model.items()
+        section: {key: np.zeros(3) if np.ndim(value) else 0.0 for key, value in values.items()}
+        for section, values in sections.items()
     }
+    perfect["environment"] = sections["environment"]
     perfect["depth"]["bias_time_s"] = 1.0
     result = kernel.run_batch(
         simulation.geometry,
         truth.kernel_arrays(),  # type: ignore[arg-type]
-        perfect,  # type: ignore[arg-type]
-        model,  # type: ignore[arg-type]
-        scenario.kernel_options() | {"imu_sampling": sampling},  # type: ignore[arg-type]
+        Model(**perfect),  # type: ignore[arg-type]
+        model,
+        scenario.kernel_options().replace(imu_sampling=sampling),
         measurement_schedule(simulation, truth),  # type: ignore[arg-type]
         ["ins"],
         seed=1,

@@ -5,7 +5,7 @@ use numpy::{
     PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyList, PyTuple};
 
 use crate::errors::invalid;
 
@@ -38,6 +38,61 @@ fn shape_text(shape: &[Option<usize>]) -> String {
     format!("({}{})", lengths.join(", "), if shape.len() == 1 { "," } else { "" })
 }
 
+/// An array without its mask, and the mask of a numpy.ma array, in which a masked element is true.
+pub struct Masked<'py> {
+    pub data: Bound<'py, PyAny>,
+    pub mask: Option<Bound<'py, PyAny>>,
+}
+
+impl<'py> Masked<'py> {
+    pub fn of(value: &Bound<'py, PyAny>) -> PyResult<Self> {
+        let py = value.py();
+        if value.is_exact_instance_of::<PyUntypedArray>()
+            || value.is_instance_of::<PyList>()
+            || value.is_instance_of::<PyTuple>()
+        {
+            return Ok(Self {
+                data: value.clone(),
+                mask: None,
+            });
+        }
+        let ma = py.import("numpy")?.getattr("ma")?;
+        if !ma.call_method1("isMaskedArray", (value,))?.extract::<bool>()? {
+            return Ok(Self {
+                data: value.clone(),
+                mask: None,
+            });
+        }
+        Ok(Self {
+            data: value.getattr("data")?,
+            mask: Some(ma.call_method1("getmaskarray", (value,))?),
+        })
+    }
+}
+
+/// Rejects an array of which an element is masked, naming it.
+fn refuse_masked(name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+    let Some(mask) = Masked::of(value)?.mask else {
+        return Ok(());
+    };
+    let places: Vec<Vec<usize>> = value
+        .py()
+        .import("numpy")?
+        .call_method1("argwhere", (mask,))?
+        .call_method0("tolist")?
+        .extract()?;
+    match places.first() {
+        None => Ok(()),
+        Some(place) => {
+            let place: Vec<String> = place.iter().map(usize::to_string).collect();
+            Err(invalid(format!(
+                "{name}[{}] is masked, expected a value",
+                place.join(", ")
+            )))
+        }
+    }
+}
+
 /// A contiguous array, checked for type and shape; `None` in a shape stands for any length.
 fn checked<'py, T: Element>(
     name: &str,
@@ -47,6 +102,7 @@ fn checked<'py, T: Element>(
     shape: &[Option<usize>],
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let numpy = value.py().import("numpy")?;
+    refuse_masked(name, value)?;
     let array = numpy.call_method1("asarray", (value,)).map_err(|_| {
         invalid(format!(
             "{name} is not an array of numbers, expected rows of equal length"
@@ -118,6 +174,9 @@ pub fn rows<const N: usize>(name: &str, value: &Bound<'_, PyAny>, count: Option<
 
 /// The numbers of an array that already has the right type and shape; calls to numpy dominate the cost of an event.
 fn ready_made<const N: usize>(value: &Bound<'_, PyAny>) -> Option<[f64; N]> {
+    if !value.is_exact_instance_of::<PyUntypedArray>() {
+        return None;
+    }
     let array = value.cast::<PyArrayDyn<f64>>().ok()?.try_readonly().ok()?;
     let values = array.as_array();
     (values.shape() == [N]).then(|| std::array::from_fn(|k| values[k]))
@@ -130,12 +189,6 @@ pub fn vector<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<
     }
     let array = floats(name, value, &[Some(N)])?;
     Ok(std::array::from_fn(|k| array.values[k]))
-}
-
-/// The item of a dict, with an error that names dict and key.
-pub fn item<'py>(dict: &Bound<'py, PyDict>, owner: &str, key: &str) -> PyResult<Bound<'py, PyAny>> {
-    dict.get_item(key)?
-        .ok_or_else(|| invalid(format!("{owner} lacks the key '{key}'")))
 }
 
 /// A new array of a shape.

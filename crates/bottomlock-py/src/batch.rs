@@ -35,14 +35,14 @@ use crate::truth::Truths;
 pub fn simulate_sensors<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
-    truth: &Bound<'py, PyDict>,
-    model: &Bound<'py, PyDict>,
-    schedule: &Bound<'py, PyDict>,
+    truth: &Bound<'py, PyAny>,
+    model: &Bound<'py, PyAny>,
+    schedule: &Bound<'py, PyAny>,
     seed: u64,
     trajectory_key: u64,
     run: u64,
     imu_sampling: &str,
-    options: Option<&Bound<'py, PyDict>>,
+    options: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let truths = Truths::new(truth)?;
     let truth = truths.of(0)?;
@@ -52,9 +52,9 @@ pub fn simulate_sensors<'py>(
     let options = Options {
         sampling: settings::sampling(imu_sampling)?,
         levers: options
-            .map(|dict| settings::levers(dict, "options"))
+            .map(settings::options)
             .transpose()?
-            .unwrap_or_default(),
+            .map_or_else(Default::default, |options| options.levers),
         ..Options::default()
     };
     let key = RunKey {
@@ -198,11 +198,11 @@ pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> P
 pub fn run_batch<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
-    truth: &Bound<'py, PyDict>,
-    simulated: &Bound<'py, PyDict>,
-    assumed: &Bound<'py, PyDict>,
-    options: &Bound<'py, PyDict>,
-    schedule: &Bound<'py, PyDict>,
+    truth: &Bound<'py, PyAny>,
+    simulated: &Bound<'py, PyAny>,
+    assumed: &Bound<'py, PyAny>,
+    options: &Bound<'py, PyAny>,
+    schedule: &Bound<'py, PyAny>,
     methods: Vec<String>,
     seed: u64,
     trajectory_key: u64,
@@ -253,7 +253,7 @@ pub fn run_batch<'py>(
 #[pyo3(signature = (model, *, attitude_t_p, velocity_p_mps, omega_p_radps, force_p_mps2))]
 pub fn error_model<'py>(
     py: Python<'py>,
-    model: &Bound<'py, PyDict>,
+    model: &Bound<'py, PyAny>,
     attitude_t_p: &Bound<'py, PyAny>,
     velocity_p_mps: &Bound<'py, PyAny>,
     omega_p_radps: &Bound<'py, PyAny>,

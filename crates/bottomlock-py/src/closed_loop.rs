@@ -8,10 +8,11 @@ use bottomlock::state::NavState;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, from_rows, item, rows};
+use crate::arrays::{array, from_rows, rows};
 use crate::batch_arrays::BatchArrays;
 use crate::dvl::BeamGeometry;
 use crate::errors::{invalid, raise};
+use crate::keys::read;
 use crate::settings;
 use crate::truth::Truths;
 
@@ -50,11 +51,11 @@ impl ClosedLoop {
         threads))]
     fn new(
         geometry: &BeamGeometry,
-        simulated: &Bound<'_, PyDict>,
-        assumed: &Bound<'_, PyDict>,
-        options: &Bound<'_, PyDict>,
+        simulated: &Bound<'_, PyAny>,
+        assumed: &Bound<'_, PyAny>,
+        options: &Bound<'_, PyAny>,
         methods: Vec<String>,
-        start: &Bound<'_, PyDict>,
+        start: &Bound<'_, PyAny>,
         vehicle_per_method: bool,
         seed: u64,
         trajectory_key: u64,
@@ -109,7 +110,7 @@ impl ClosedLoop {
     /// `schedule` is that of `run_batch`, with the epochs after the first sample (in the first call: at or after it);
     /// beam_valid, depth_offset_m, yaw_offset_rad and gps_received may have a leading axis of vehicles. Raises
     /// KernelError, which names run and method.
-    fn advance(&mut self, py: Python<'_>, truth: &Bound<'_, PyDict>, schedule: &Bound<'_, PyDict>) -> PyResult<()> {
+    fn advance(&mut self, py: Python<'_>, truth: &Bound<'_, PyAny>, schedule: &Bound<'_, PyAny>) -> PyResult<()> {
         let truths = Truths::of_runs(truth, self.vehicles)?;
         let schedule = crate::schedule::schedule(schedule, self.beams, self.vehicles)?;
         let segments: Vec<TruthSegment<'_>> = (0..self.vehicles)
@@ -163,21 +164,20 @@ impl ClosedLoop {
 }
 
 /// The true states at the start, one per vehicle.
-fn true_starts(start: &Bound<'_, PyDict>) -> PyResult<Vec<NavState>> {
-    let get = |key| item(start, "start", key);
-    let time_ns: i64 = get("time_ns")?
-        .extract()
-        .map_err(|_| invalid("start.time_ns is not an integer, expected nanoseconds: seconds are a likely mistake"))?;
-    let position = rows::<3>("start.position_t_m", &get("position_t_m")?, None)?;
-    let runs = Some(position.len());
-    let attitude = rows::<4>("start.attitude_t_p", &get("attitude_t_p")?, runs)?;
-    let velocity = rows::<3>("start.velocity_p_mps", &get("velocity_p_mps")?, runs)?;
-    let state_of = |k: usize| {
-        let mut state = NavState::at_rest(time_ns);
-        state.position_t_m = Vec3::from_array(position[k]);
-        state.attitude_t_p = Rot::from_quaternion_wxyz(attitude[k]);
-        state.velocity_p_mps = Vec3::from_array(velocity[k]);
-        state
-    };
-    Ok((0..position.len()).map(state_of).collect())
+fn true_starts(start: &Bound<'_, PyAny>) -> PyResult<Vec<NavState>> {
+    read("start", start, |keys| {
+        let time_ns = crate::state::time_ns(keys)?;
+        let position = rows::<3>("start.position_t_m", &keys.item("position_t_m")?, None)?;
+        let runs = Some(position.len());
+        let attitude = rows::<4>("start.attitude_t_p", &keys.item("attitude_t_p")?, runs)?;
+        let velocity = rows::<3>("start.velocity_p_mps", &keys.item("velocity_p_mps")?, runs)?;
+        let state_of = |k: usize| {
+            let mut state = NavState::at_rest(time_ns);
+            state.position_t_m = Vec3::from_array(position[k]);
+            state.attitude_t_p = Rot::from_quaternion_wxyz(attitude[k]);
+            state.velocity_p_mps = Vec3::from_array(velocity[k]);
+            state
+        };
+        Ok((0..position.len()).map(state_of).collect())
+    })
 }

@@ -1,5 +1,7 @@
 //! Beam geometry.
 
+use std::f64::consts::TAU;
+
 use bottomlock::dvl::geometry as core;
 use bottomlock::dvl::geometry::{BeamMotion, Janus};
 use bottomlock::frames::{Rot, Vec3};
@@ -37,10 +39,11 @@ fn finish(
 ) -> PyResult<BeamGeometry> {
     if let Some(angles) = mounting_rpy_rad {
         let [roll, pitch, yaw] = vector("mounting_rpy_rad", angles)?;
-        if !(roll + pitch + yaw).is_finite() {
-            return Err(invalid(
-                "mounting_rpy_rad is not finite, expected three angles in radians",
-            ));
+        let turned = [roll, pitch, yaw].into_iter().find(|angle| !(angle.abs() <= TAU));
+        if let Some(angle) = turned {
+            return Err(invalid(format!(
+                "mounting_rpy_rad has {angle}, expected three angles of -2 pi to 2 pi: is it in degrees?"
+            )));
         }
         geometry = geometry.mounted(Rot::from_euler_rad(roll, pitch, yaw));
     }

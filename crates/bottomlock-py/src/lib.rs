@@ -5,15 +5,19 @@ use pyo3::prelude::*;
 mod arrays;
 mod batch;
 mod batch_arrays;
+mod beam_arrays;
+mod check;
 mod closed_loop;
 mod dvl;
 mod errors;
+mod keys;
 mod navigator;
 mod observability;
 mod replay;
 mod report;
 mod schedule;
 mod settings;
+mod state;
 mod truth;
 mod velocity;
 
@@ -22,6 +26,8 @@ mod velocity;
 mod _kernel {
     #[pymodule_export]
     use super::batch::{error_model, run_batch, simulate_sensors};
+    #[pymodule_export]
+    use super::check::check_settings;
     #[pymodule_export]
     use super::closed_loop::ClosedLoop;
     #[pymodule_export]

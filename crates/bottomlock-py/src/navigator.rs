@@ -13,18 +13,20 @@ use bottomlock::navigator::NavigatorSet;
 use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES, VelocitySample,
 };
-use bottomlock::state::{Covariance, NavState};
-use nalgebra::{Matrix3, Vector4};
+use bottomlock::navigator::first_readings::FirstReadings;
+use nalgebra::Matrix3;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::arrays::{array, booleans, floats, item, rows, times, vector};
+use crate::arrays::{array, floats, rows, times, vector};
 use crate::batch::put_state;
+use crate::beam_arrays::BeamArrays;
 use crate::dvl::BeamGeometry;
 use crate::errors::raise;
 use crate::report::report_dict;
 use crate::settings;
+use crate::state::state;
 
 /// An aided inertial navigator for live use, one sample at a time. Its estimates are those of a campaign, bit for bit.
 ///
@@ -50,29 +52,7 @@ pub struct Navigator {
     inner: NavigatorSet,
     sensors: SensorModels,
     beams: usize,
-}
-
-fn initial_state(dict: &Bound<'_, PyDict>) -> PyResult<NavState> {
-    let get = |key| item(dict, "initial", key);
-    let three = |key: &str| -> PyResult<[f64; 3]> {
-        match dict.get_item(key)? {
-            Some(value) => vector(&format!("initial.{key}"), &value),
-            None => Ok([0.0; 3]),
-        }
-    };
-    let mut state = NavState::at_rest(get("time_ns")?.extract()?);
-    state.position_t_m = Vec3::from_array(vector("initial.position_t_m", &get("position_t_m")?)?);
-    state.attitude_t_p = settings::attitude("initial.attitude_t_p", &get("attitude_t_p")?)?;
-    state.velocity_p_mps = Vec3::from_array(vector("initial.velocity_p_mps", &get("velocity_p_mps")?)?);
-    state.accel_bias_p_mps2 = Vec3::from_array(three("accel_bias_p_mps2")?);
-    state.gyro_bias_p_radps = Vec3::from_array(three("gyro_bias_p_radps")?);
-    if let Some(value) = dict.get_item("dvl_bias_mps")? {
-        state.dvl_bias_mps = Vector4::from(vector::<4>("initial.dvl_bias_mps", &value)?);
-    }
-    if let Some(value) = dict.get_item("dvl_scale_factor")? {
-        state.dvl_scale_factor = value.extract()?;
-    }
-    Ok(state)
+    first: FirstReadings,
 }
 
 #[pymethods]
@@ -81,30 +61,33 @@ impl Navigator {
     #[pyo3(signature = (geometry, model, options, initial, *, method="tc", covariance=None))]
     fn new(
         geometry: &BeamGeometry,
-        model: &Bound<'_, PyDict>,
-        options: &Bound<'_, PyDict>,
-        initial: &Bound<'_, PyDict>,
+        model: &Bound<'_, PyAny>,
+        options: &Bound<'_, PyAny>,
+        initial: &Bound<'_, PyAny>,
         method: &str,
         covariance: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let aiding = Method::named(method).map_err(raise)?.aiding;
         let (model, options) = (settings::model(model)?, settings::options(options)?);
-        let mut inner =
-            NavigatorSet::new(initial_state(initial)?, &geometry.inner, aiding, &model, &options).map_err(raise)?;
-        if let Some(value) = covariance {
-            let values = floats("covariance", value, &[Some(DIM), Some(DIM)])?.values;
-            inner
-                .set_covariance(&Covariance::from_row_slice(&values))
-                .map_err(raise)?;
+        let initial = state("initial", initial)?;
+        let mut inner = NavigatorSet::new(initial, &geometry.inner, aiding, &model, &options).map_err(raise)?;
+        if let Some(covariance) = crate::state::covariance(covariance)? {
+            inner.set_covariance(&covariance).map_err(raise)?;
         }
         Ok(Self {
             inner,
             sensors: model.sensors,
             beams: geometry.inner.beams(),
+            first: FirstReadings::default(),
         })
     }
 
-    #[pyo3(signature = (time_ns, omega_p_radps, force_p_mps2))]
+    /// An inertial reading: angular rate relative to inertial space and specific force in the platform frame, (3,) each, rad/s and
+    /// m/s²; at rest and level force_p_mps2 is (0, 0, -9.8).
+    ///
+    /// Raises KernelError, and takes nothing, for numbers that are not finite or a time that does not come after the last, and
+    /// after the first second for a mean specific force far from gravity: in g, or swapped with the rate.
+    #[pyo3(signature = (time_ns, *, omega_p_radps, force_p_mps2))]
     fn push_imu<'py>(
         &mut self,
         py: Python<'py>,
@@ -121,7 +104,7 @@ impl Navigator {
     }
 
     /// Many inertial readings: time_ns (n,) int64, omega_p_radps (n, 3), force_p_mps2 (n, 3).
-    #[pyo3(signature = (time_ns, omega_p_radps, force_p_mps2))]
+    #[pyo3(signature = (time_ns, *, omega_p_radps, force_p_mps2))]
     fn push_imu_block<'py>(
         &mut self,
         py: Python<'py>,
@@ -146,7 +129,8 @@ impl Navigator {
         self.push(py, &events)
     }
 
-    /// A ping: velocity_mps, valid and sd_mps, each (beams,); entries of invalid beams may be NaN.
+    /// A ping: velocity_mps, valid and sd_mps, each (beams,); entries of invalid beams may be NaN. A beam that is masked (numpy.ma)
+    /// is not valid.
     #[pyo3(signature = (time_ns, velocity_mps, valid, *, sd_mps))]
     fn push_beams<'py>(
         &mut self,
@@ -157,14 +141,21 @@ impl Navigator {
         sd_mps: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyList>> {
         let count = &[Some(self.beams)];
+        let readings = BeamArrays::new(
+            ["velocity_mps", "valid", "sd_mps"],
+            velocity_mps,
+            valid,
+            Some(sd_mps),
+            count,
+        )?;
         let mut ping = BeamSample {
             time_ns,
             velocity_mps: [f64::NAN; MAX_BEAMS],
             sd_mps: [f64::NAN; MAX_BEAMS],
-            valid: settings::mask(&booleans("valid", valid, count)?.values),
+            valid: settings::mask(&readings.valid),
         };
-        ping.velocity_mps[..self.beams].copy_from_slice(&floats("velocity_mps", velocity_mps, count)?.values);
-        ping.sd_mps[..self.beams].copy_from_slice(&floats("sd_mps", sd_mps, count)?.values);
+        ping.velocity_mps[..self.beams].copy_from_slice(&readings.velocity_mps);
+        ping.sd_mps[..self.beams].copy_from_slice(&readings.sd_mps);
         self.push(py, &[Event::Beams(ping)])
     }
 
@@ -347,12 +338,15 @@ impl Navigator {
 
 impl Navigator {
     fn push<'py>(&mut self, py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyList>> {
-        let inner = &mut self.inner;
+        let (inner, first) = (&mut self.inner, &mut self.first);
         let mut reports = Vec::new();
         py.detach(|| {
-            events
-                .iter()
-                .try_for_each(|event| inner.push(event, &mut |report| reports.push(*report)))
+            events.iter().try_for_each(|event| {
+                let next = first.with(event)?;
+                inner.push(event, &mut |report| reports.push(*report))?;
+                *first = next;
+                Ok(())
+            })
         })
         .map_err(raise)?;
         PyList::new(

@@ -13,9 +13,10 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::arrays::{array, booleans, floats, item, times};
+use crate::arrays::{array, booleans, floats, times};
 use crate::dvl::BeamGeometry;
 use crate::errors::{invalid, raise};
+use crate::keys::{Keys, read};
 use crate::settings;
 use crate::truth::Truths;
 
@@ -41,44 +42,37 @@ impl Kind {
 
 /// An aiding set from beams, a flag for each of `SENSORS`, and lever arms; sensors that are not named are not in the
 /// set.
-fn aiding(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Aiding> {
+fn aiding(value: &Bound<'_, PyAny>, beams: usize) -> PyResult<Aiding> {
+    read("aiding", value, |keys| aiding_of(keys, beams))
+}
+
+fn aiding_of(keys: &Keys<'_>, beams: usize) -> PyResult<Aiding> {
     let flag = |sensor: Sensor| -> PyResult<bool> {
         let key = sensor.name();
-        dict.get_item(key)?.map_or(Ok(false), |value| {
-            value
-                .extract()
-                .map_err(|_| invalid(format!("aiding.{key} is not True or False")))
-        })
+        Ok(keys.has(key)? && keys.extract(key, "True or False")?)
     };
     let mut sensors = Vec::new();
     for (_, report) in reports() {
         sensors.extend(flag(report.sensor)?.then_some(report.sensor));
     }
-    let mask = booleans("aiding.beams", &item(dict, "aiding", "beams")?, &[Some(beams)])?;
+    let mask = booleans("aiding.beams", &keys.item("beams")?, &[Some(beams)])?;
     Ok(Aiding {
         beams: settings::mask(&mask.values),
         sensors: sensors.into_iter().collect(),
-        levers: settings::levers(dict, "aiding")?,
+        levers: settings::levers(keys)?,
     })
 }
 
 /// The aiding set at each epoch of a schedule: time_ns (e,), beams (e, n), and a column (e,) for each other sensor.
-fn scheduled_sets(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Vec<(i64, Aiding)>> {
-    let times = times("schedule.time_ns", &item(dict, "schedule", "time_ns")?)?;
+fn scheduled_sets(keys: &Keys<'_>, beams: usize) -> PyResult<Vec<(i64, Aiding)>> {
+    let times = times("schedule.time_ns", &keys.item("time_ns")?)?;
     let count = Some(times.len());
-    let masks = booleans(
-        "schedule.beams",
-        &item(dict, "schedule", "beams")?,
-        &[count, Some(beams)],
-    )?;
+    let masks = booleans("schedule.beams", &keys.item("beams")?, &[count, Some(beams)])?;
     let mut columns = Vec::new();
     for (_, report) in reports() {
         let key = report.sensor.name();
-        if let Some(value) = dict.get_item(key)? {
-            columns.push((
-                report.sensor,
-                booleans(&format!("schedule.{key}"), &value, &[count])?.values,
-            ));
+        if let Some(value) = keys.get(key)? {
+            columns.push((report.sensor, booleans(&keys.path(key), &value, &[count])?.values));
         }
     }
     let at = |(k, &time_ns): (usize, &i64)| {
@@ -94,13 +88,15 @@ fn scheduled_sets(dict: &Bound<'_, PyDict>, beams: usize) -> PyResult<Vec<(i64, 
 }
 
 /// The epochs of a schedule, if one is given; the 2015 model has periodic epochs only.
-fn schedule(given: Option<&Bound<'_, PyDict>>, beams: usize, kind: &Kind) -> PyResult<Option<Vec<(i64, Aiding)>>> {
+fn schedule(given: Option<&Bound<'_, PyAny>>, beams: usize, kind: &Kind) -> PyResult<Option<Vec<(i64, Aiding)>>> {
     if given.is_some() && matches!(kind, Kind::Paper(_)) {
         return Err(invalid(
             "schedule: the 2015 model has periodic epochs only, expected period_ns in its place",
         ));
     }
-    given.map(|dict| scheduled_sets(dict, beams)).transpose()
+    given
+        .map(|value| read("schedule", value, |keys| scheduled_sets(keys, beams)))
+        .transpose()
 }
 
 /// The sensors of the 2015 model, which has a DVL and a depth sensor only.
@@ -151,12 +147,12 @@ fn matrix<'py>(py: Python<'py>, m: &DMatrix<f64>) -> PyResult<Bound<'py, PyArray
 pub fn observe<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
-    truth: &Bound<'py, PyDict>,
-    model: &Bound<'py, PyDict>,
-    aidings: Vec<Bound<'py, PyDict>>,
+    truth: &Bound<'py, PyAny>,
+    model: &Bound<'py, PyAny>,
+    aidings: Vec<Bound<'py, PyAny>>,
     kind: &str,
     period_ns: i64,
-    schedule: Option<&Bound<'py, PyDict>>,
+    schedule: Option<&Bound<'py, PyAny>>,
     scale: Option<&Bound<'py, PyAny>>,
     per_epoch: bool,
 ) -> PyResult<Bound<'py, PyList>> {
@@ -261,12 +257,12 @@ fn result<'py>(
 pub fn covariance_history<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
-    truth: &Bound<'py, PyDict>,
-    model: &Bound<'py, PyDict>,
-    aiding: &Bound<'py, PyDict>,
+    truth: &Bound<'py, PyAny>,
+    model: &Bound<'py, PyAny>,
+    aiding: &Bound<'py, PyAny>,
     kind: &str,
     period_ns: i64,
-    schedule: Option<&Bound<'py, PyDict>>,
+    schedule: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (truths, model, kind) = (Truths::new(truth)?, settings::model(model)?, Kind::parse(kind)?);
     let truth = truths.of(0)?;

@@ -9,16 +9,19 @@ use bottomlock::model::Model;
 use bottomlock::navigator::Method;
 use bottomlock::replay as core;
 use bottomlock::replay::{Log, PingRecord, Replay, STREAM_NAMES, STREAMS, Series, Track};
-use bottomlock::state::{Covariance, NavState};
+use bottomlock::state::NavState;
 use numpy::Element;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, booleans, floats, item, rows, times, vector};
+use crate::arrays::{array, floats, rows, times};
 use crate::batch_arrays::{NO_CHOICE, choice_code};
+use crate::beam_arrays::BeamArrays;
 use crate::dvl::BeamGeometry;
-use crate::errors::{invalid, raise};
+use crate::errors::raise;
+use crate::keys::{Keys, read};
 use crate::settings;
+use crate::state::state;
 
 struct OwnedLog {
     imu: Vec<ImuSample>,
@@ -27,15 +30,18 @@ struct OwnedLog {
 }
 
 impl OwnedLog {
-    fn read(dict: &Bound<'_, PyDict>, beams: usize, model: &Model) -> PyResult<Self> {
-        let of = |key: &str| item(dict, "log", key);
-        let stamps = |key: &str| times(&format!("log.{key}"), &of(key)?);
+    fn read(value: &Bound<'_, PyAny>, beams: usize, model: &Model) -> PyResult<Self> {
+        read("log", value, |keys| Self::of(keys, beams, model))
+    }
+
+    fn of(keys: &Keys<'_>, beams: usize, model: &Model) -> PyResult<Self> {
+        let stamps = |key: &str| times(&keys.path(key), &keys.item(key)?);
         let three = |key: &str, count: usize| -> PyResult<Vec<[f64; 3]>> {
-            let value = of(key)?;
+            let value = keys.item(key)?;
             if count == 0 && value.len()? == 0 {
                 return Ok(Vec::new());
             }
-            rows::<3>(&format!("log.{key}"), &value, Some(count))
+            rows::<3>(&keys.path(key), &value, Some(count))
         };
 
         let imu_ns = stamps("imu_time_ns")?;
@@ -53,39 +59,39 @@ impl OwnedLog {
 
         let mut sensors: [Vec<Measurement>; SENSORS] = Default::default();
         for kind in SensorKind::ALL {
-            sensors[kind as usize] = Self::measurements(dict, kind, model)?;
+            sensors[kind as usize] = Self::measurements(keys, kind, model)?;
         }
         Ok(Self {
             imu,
-            pings: Self::pings(dict, beams, model)?,
+            pings: Self::pings(keys, beams, model)?,
             sensors,
         })
     }
 
     /// The rows of a sensor, under `<stream>_time_ns` and its columns; none where the log names none of them.
-    fn measurements(dict: &Bound<'_, PyDict>, kind: SensorKind, model: &Model) -> PyResult<Vec<Measurement>> {
+    fn measurements(keys: &Keys<'_>, kind: SensorKind, model: &Model) -> PyResult<Vec<Measurement>> {
         let declaration = kind.declaration();
         let times_key = format!("{}_time_ns", declaration.stream);
-        let mut named = !declaration.log.is_empty() && dict.contains(&times_key)?;
+        let mut named = !declaration.log.is_empty() && keys.has(&times_key)?;
         for column in declaration.log {
-            named |= dict.contains(column.key)?;
+            named |= keys.has(column.key)?;
         }
         if !named {
             return Ok(Vec::new());
         }
-        let time_ns = times(&format!("log.{times_key}"), &item(dict, "log", &times_key)?)?;
+        let time_ns = times(&keys.path(&times_key), &keys.item(&times_key)?)?;
         let mut columns = Vec::new();
         for column in declaration.log {
-            if column.optional && !dict.contains(column.key)? {
+            if column.optional && !keys.has(column.key)? {
                 columns.push(None);
                 continue;
             }
-            let value = item(dict, "log", column.key)?;
+            let value = keys.item(column.key)?;
             let shape = &[Some(time_ns.len()), Some(column.width)][..if column.width == 1 { 1 } else { 2 }];
             let values = if time_ns.is_empty() && value.len()? == 0 {
                 Vec::new()
             } else {
-                floats(&format!("log.{}", column.key), &value, shape)?.values
+                floats(&keys.path(column.key), &value, shape)?.values
             };
             columns.push(Some((values, column.width)));
         }
@@ -103,15 +109,23 @@ impl OwnedLog {
         Ok(time_ns.iter().enumerate().filter_map(of_row).collect())
     }
 
-    fn pings(dict: &Bound<'_, PyDict>, beams: usize, model: &Model) -> PyResult<Vec<BeamSample>> {
-        let time_ns = times("log.dvl_time_ns", &item(dict, "log", "dvl_time_ns")?)?;
+    fn pings(keys: &Keys<'_>, beams: usize, model: &Model) -> PyResult<Vec<BeamSample>> {
+        let time_ns = times("log.dvl_time_ns", &keys.item("dvl_time_ns")?)?;
         let shape = &[Some(time_ns.len()), Some(beams)];
-        let velocity = floats("log.beam_velocity_mps", &item(dict, "log", "beam_velocity_mps")?, shape)?.values;
-        let valid = booleans("log.beam_valid", &item(dict, "log", "beam_valid")?, shape)?.values;
-        let sd = match dict.get_item("beam_sd_mps")? {
-            None => vec![model.sensors.dvl.beam_noise_sd_mps; velocity.len()],
-            Some(value) => floats("log.beam_sd_mps", &value, shape)?.values,
-        };
+        let BeamArrays {
+            velocity_mps: velocity,
+            valid,
+            sd_mps: mut sd,
+        } = BeamArrays::new(
+            ["log.beam_velocity_mps", "log.beam_valid", "log.beam_sd_mps"],
+            &keys.item("beam_velocity_mps")?,
+            &keys.item("beam_valid")?,
+            keys.get("beam_sd_mps")?.as_ref(),
+            shape,
+        )?;
+        if !keys.has("beam_sd_mps")? {
+            sd = vec![model.sensors.dvl.beam_noise_sd_mps; velocity.len()];
+        }
         let of_ping = |(k, time_ns): (usize, i64)| {
             let part = k * beams..(k + 1) * beams;
             let mut ping = BeamSample {
@@ -136,33 +150,6 @@ impl OwnedLog {
     }
 }
 
-/// State and, where given, covariance at the start.
-fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
-    let get = |key: &str| item(dict, "start", key);
-    let three = |key: &str| Ok::<_, PyErr>(Vec3::from_array(vector::<3>(&format!("start.{key}"), &get(key)?)?));
-    let time_ns = get("time_ns")?
-        .extract()
-        .map_err(|_| invalid("start.time_ns is not an integer number of nanoseconds"))?;
-    let mut state = NavState::at_rest(time_ns);
-    state.position_t_m = Vec3::from_array(vector("start.position_t_m", &get("position_t_m")?)?);
-    state.attitude_t_p = settings::attitude("start.attitude_t_p", &get("attitude_t_p")?)?;
-    state.velocity_p_mps = three("velocity_p_mps")?;
-    if dict.contains("accel_bias_p_mps2")? {
-        state.accel_bias_p_mps2 = three("accel_bias_p_mps2")?;
-    }
-    if dict.contains("gyro_bias_p_radps")? {
-        state.gyro_bias_p_radps = three("gyro_bias_p_radps")?;
-    }
-    let covariance = match dict.get_item("covariance")? {
-        Some(value) if !value.is_none() => {
-            let values = floats("start.covariance", &value, &[Some(DIM), Some(DIM)])?.values;
-            Some(Covariance::from_row_slice(&values))
-        }
-        _ => None,
-    };
-    Ok((state, covariance))
-}
-
 /// Runs methods side by side along a recorded log. The filters are those of a campaign and of `Navigator`, bit for bit.
 ///
 /// Streams may have different times. The log is merged by time of validity (ties: IMU, DVL, then the others in the order of
@@ -180,9 +167,9 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
 ///         depth_time_ns, depth_m; heading_time_ns, heading_rad; attitude_time_ns, attitude_rpy_rad (., 3);
 ///         gps_time_ns, gps_position_t_m (., 3); further sensors as docs/sensors.md lists them. Each time rises strictly; any but
 ///         the inertial stream and the pings may be left out.
-///     start: time_ns, position_t_m (3,), attitude_t_p (4,) scalar first, velocity_p_mps (3,); optionally accel_bias_p_mps2 and
-///         gyro_bias_p_radps (3,), and covariance (20, 20) in place of the model's.
+///     start: the state at the start (`InitialState`).
 ///     sample_time_ns: (T,) int64, rising; the state at the first inertial reading at or after each is recorded.
+///     covariance: (20, 20) covariance at the start; the model's by default.
 ///     smooth: also smooth every method over the whole log (fixed interval); an error with "consistent", which has no smoother.
 ///     covariances: also return the (20, 20) covariance of each sample.
 ///     threads: 0 for as many as there are cores; the bits do not depend on it.
@@ -206,17 +193,18 @@ fn start(dict: &Bound<'_, PyDict>) -> PyResult<(NavState, Option<Covariance>)> {
 /// Raises:
 ///     KernelError: in one line that names the field, or stream, row and time.
 #[pyfunction]
-#[pyo3(signature = (geometry, model, options, methods, log, start, *, sample_time_ns, smooth=false, covariances=false,
-    threads=1))]
+#[pyo3(signature = (geometry, model, options, methods, log, start, *, sample_time_ns, covariance=None, smooth=false,
+    covariances=false, threads=1))]
 pub fn replay_log<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
-    model: &Bound<'py, PyDict>,
-    options: &Bound<'py, PyDict>,
+    model: &Bound<'py, PyAny>,
+    options: &Bound<'py, PyAny>,
     methods: Vec<String>,
-    log: &Bound<'py, PyDict>,
-    start: &Bound<'py, PyDict>,
+    log: &Bound<'py, PyAny>,
+    start: &Bound<'py, PyAny>,
     sample_time_ns: &Bound<'py, PyAny>,
+    covariance: Option<&Bound<'py, PyAny>>,
     smooth: bool,
     covariances: bool,
     threads: usize,
@@ -224,7 +212,7 @@ pub fn replay_log<'py>(
     let (model, options) = (settings::model(model)?, settings::options(options)?);
     let beams = geometry.inner.beams();
     let log = OwnedLog::read(log, beams, &model)?;
-    let (state, covariance) = self::start(start)?;
+    let (state, covariance) = (state("start", start)?, crate::state::covariance(covariance)?);
     let sample_time_ns = times("sample_time_ns", sample_time_ns)?;
     let methods = methods
         .iter()

@@ -1,14 +1,14 @@
-//! When sensors measure, from a dict: for many runs at once.
+//! When sensors measure, from their keys: for many runs at once.
 
 use bottomlock::aiding::registry::{SENSORS, SensorKind};
 use bottomlock::aiding::sensor::Simulation;
 use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::simulation::schedule::{Schedule, SensorEpochs};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use crate::arrays::{Array, booleans, floats, item, times};
+use crate::arrays::{Array, booleans, floats, times};
 use crate::errors::invalid;
+use crate::keys::{Keys, read};
 use crate::settings::mask;
 
 /// Epochs of all sensors, owned.
@@ -74,34 +74,35 @@ type Convert<T> = fn(&str, &Bound<'_, PyAny>, &[Option<usize>]) -> PyResult<Arra
 
 /// Values at each epoch of a sensor, shared by all runs or one set per run; none without the key.
 fn at_epochs<T>(
-    dict: &Bound<'_, PyDict>,
+    keys: &Keys<'_>,
     key: &str,
     runs: usize,
     epochs: usize,
     convert: Convert<T>,
 ) -> PyResult<Option<PerRun<T>>> {
-    let Some(value) = dict.get_item(key)? else {
+    let Some(value) = keys.get(key)? else {
         return Ok(None);
     };
     let (by_run, shape) = per_run_shape(&value, runs, &[Some(epochs)]);
-    let values = convert(&format!("schedule.{key}"), &value, &shape)?.values;
+    let values = convert(&keys.path(key), &value, &shape)?.values;
     Ok(Some(PerRun { values, epochs, by_run }))
 }
 
 /// The epochs of a sensor that each run receives: `<name>_time_ns`, and where given `<name>_received` and the sensor's offset. A
 /// sensor that is not named never measures.
-fn epochs(dict: &Bound<'_, PyDict>, of: &Simulation, runs: usize) -> PyResult<OwnedEpochs> {
+fn epochs(keys: &Keys<'_>, of: &Simulation, runs: usize) -> PyResult<OwnedEpochs> {
     let (times_key, received_key) = (format!("{}_time_ns", of.name), format!("{}_received", of.name));
     let offset_key = of.offset.unwrap_or_default();
-    let Some(given) = dict.get_item(&times_key)? else {
-        if dict.contains(offset_key)? || dict.contains(&received_key)? {
+    let (has_offset, has_received) = (keys.has(offset_key)?, keys.has(&received_key)?);
+    let Some(given) = keys.get(&times_key)? else {
+        if has_offset || has_received {
             return Err(invalid(format!("schedule lacks the key '{times_key}'")));
         }
         return Ok(OwnedEpochs::default());
     };
-    let time_ns = times(&format!("schedule.{times_key}"), &given)?;
-    let received = at_epochs::<bool>(dict, &received_key, runs, time_ns.len(), booleans)?;
-    let offset = at_epochs::<f64>(dict, offset_key, runs, time_ns.len(), floats)?;
+    let time_ns = times(&keys.path(&times_key), &given)?;
+    let received = at_epochs::<bool>(keys, &received_key, runs, time_ns.len(), booleans)?;
+    let offset = at_epochs::<f64>(keys, offset_key, runs, time_ns.len(), floats)?;
     let is_received = |run: usize, k: usize| received.as_ref().is_none_or(|received| received.of(run)[k]);
     let received_by_run = received.as_ref().is_some_and(|received| received.by_run);
     let offset_by_run = received_by_run || offset.as_ref().is_some_and(|offset| offset.by_run);
@@ -125,17 +126,21 @@ fn kept<T: Copy>(values: &[T], is_kept: impl Fn(usize) -> bool) -> Vec<T> {
 }
 
 /// A schedule for a number of runs.
-pub fn schedule(dict: &Bound<'_, PyDict>, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
-    let epochs_of = |key: &str| times(&format!("schedule.{key}"), &item(dict, "schedule", key)?);
+pub fn schedule(value: &Bound<'_, PyAny>, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
+    read("schedule", value, |keys| schedule_of(keys, beams, runs))
+}
+
+fn schedule_of(keys: &Keys<'_>, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
+    let epochs_of = |key: &str| times(&keys.path(key), &keys.item(key)?);
     let dvl_time_ns = epochs_of("dvl_time_ns")?;
-    let valid = item(dict, "schedule", "beam_valid")?;
+    let valid = keys.item("beam_valid")?;
     let pings = dvl_time_ns.len();
     let (by_run, shape) = per_run_shape(&valid, runs, &[Some(pings), Some(beams)]);
     let flags = booleans("schedule.beam_valid", &valid, &shape)?;
     let mut sensors: [OwnedEpochs; SENSORS] = Default::default();
     for kind in SensorKind::ALL {
         if let Some(simulation) = kind.declaration().simulation {
-            sensors[kind as usize] = epochs(dict, &simulation, runs)?;
+            sensors[kind as usize] = epochs(keys, &simulation, runs)?;
         }
     }
     Ok(OwnedSchedule {

@@ -1,4 +1,4 @@
-//! Models and options from dicts.
+//! Models and options from their keys.
 
 use bottomlock::aiding::InformationPort;
 use bottomlock::aiding::outliers::{Robust, Tail};
@@ -17,30 +17,9 @@ use bottomlock::model::{ImuModel, InitialModel, Model};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{item, vector};
+use crate::arrays::vector;
 use crate::errors::invalid;
-
-fn section<'py>(dict: &Bound<'py, PyDict>, owner: &str, key: &str) -> PyResult<Bound<'py, PyDict>> {
-    item(dict, owner, key)?
-        .cast_into::<PyDict>()
-        .map_err(|_| invalid(format!("{owner}.{key} is not a dict")))
-}
-
-fn number(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<f64> {
-    item(dict, owner, key)?
-        .extract()
-        .map_err(|_| invalid(format!("{owner}.{key} is not a number")))
-}
-
-fn text(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<String> {
-    item(dict, owner, key)?
-        .extract()
-        .map_err(|_| invalid(format!("{owner}.{key} is not a text")))
-}
-
-fn triple(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<[f64; 3]> {
-    vector(&format!("{owner}.{key}"), &item(dict, owner, key)?)
-}
+use crate::keys::{Keys, read};
 
 /// A unit quaternion, scalar first.
 pub fn attitude(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Rot<Tangent, Platform>> {
@@ -53,77 +32,76 @@ pub fn attitude(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Rot<Tangent, P
 }
 
 /// The environment of a model.
-pub fn environment(dict: &Bound<'_, PyDict>) -> PyResult<Environment> {
+pub fn environment(keys: &Keys<'_>) -> PyResult<Environment> {
     Ok(Environment {
-        latitude_rad: number(dict, "environment", "latitude_rad")?,
-        gravity_mps2: number(dict, "environment", "gravity_mps2")?,
-        earth_rate_radps: number(dict, "environment", "earth_rate_radps")?,
+        latitude_rad: keys.number("latitude_rad")?,
+        gravity_mps2: keys.number("gravity_mps2")?,
+        earth_rate_radps: keys.number("earth_rate_radps")?,
     })
 }
 
-/// A section of a model, whose numbers are read by their keys.
-struct SectionDict<'py> {
-    dict: Bound<'py, PyDict>,
-    name: &'static str,
+/// Errors of the inertial sensors.
+pub fn imu(keys: &Keys<'_>) -> PyResult<ImuModel> {
+    Ok(ImuModel {
+        accel_noise_mps_rts: keys.number("accel_noise_mps_rts")?,
+        gyro_noise_rad_rts: keys.number("gyro_noise_rad_rts")?,
+        accel_bias_sd_mps2: keys.number("accel_bias_sd_mps2")?,
+        gyro_bias_sd_radps: keys.number("gyro_bias_sd_radps")?,
+        accel_bias_walk_mps2_rts: keys.number("accel_bias_walk_mps2_rts")?,
+        gyro_bias_walk_radps_rts: keys.number("gyro_bias_walk_radps_rts")?,
+    })
 }
 
-impl Numbers for SectionDict<'_> {
+/// Uncertainty of the initial state.
+pub fn initial(keys: &Keys<'_>) -> PyResult<InitialModel> {
+    Ok(InitialModel {
+        position_sd_m: keys.vector("position_sd_m")?,
+        attitude_sd_rad: keys.vector("attitude_sd_rad")?,
+        velocity_sd_mps: keys.vector("velocity_sd_mps")?,
+    })
+}
+
+impl Numbers for Keys<'_> {
     type Error = PyErr;
     fn number(&self, key: &'static str) -> PyResult<f64> {
-        number(&self.dict, self.name, key)
+        self.number(key)
     }
     fn triple(&self, key: &'static str) -> PyResult<[f64; 3]> {
-        triple(&self.dict, self.name, key)
+        self.vector(key)
     }
 }
 
 /// A model, whose sections are read by their names.
-struct ModelDict<'a, 'py>(&'a Bound<'py, PyDict>);
+struct ModelKeys<'a, 'py>(&'a Keys<'py>);
 
-impl SectionReader for ModelDict<'_, '_> {
+impl SectionReader for ModelKeys<'_, '_> {
     type Error = PyErr;
     fn section<S: Section>(&self) -> PyResult<S> {
-        if S::OPTIONAL && !self.0.contains(S::NAME)? {
+        if S::OPTIONAL && !self.0.has_value(S::NAME)? {
             return Ok(S::default());
         }
-        S::read(&SectionDict {
-            dict: section(self.0, "model", S::NAME)?,
-            name: S::NAME,
-        })
+        read(S::NAME, &self.0.item(S::NAME)?, |keys| S::read(keys))
     }
 }
 
 /// A whole model.
-pub fn model(dict: &Bound<'_, PyDict>) -> PyResult<Model> {
-    let part = |key| section(dict, "model", key);
-    let (imu, initial) = (part("imu")?, part("initial")?);
-    Ok(Model {
-        environment: environment(&part("environment")?)?,
-        imu: ImuModel {
-            accel_noise_mps_rts: number(&imu, "imu", "accel_noise_mps_rts")?,
-            gyro_noise_rad_rts: number(&imu, "imu", "gyro_noise_rad_rts")?,
-            accel_bias_sd_mps2: number(&imu, "imu", "accel_bias_sd_mps2")?,
-            gyro_bias_sd_radps: number(&imu, "imu", "gyro_bias_sd_radps")?,
-            accel_bias_walk_mps2_rts: number(&imu, "imu", "accel_bias_walk_mps2_rts")?,
-            gyro_bias_walk_radps_rts: number(&imu, "imu", "gyro_bias_walk_radps_rts")?,
-        },
-        initial: InitialModel {
-            position_sd_m: triple(&initial, "initial", "position_sd_m")?,
-            attitude_sd_rad: triple(&initial, "initial", "attitude_sd_rad")?,
-            velocity_sd_mps: triple(&initial, "initial", "velocity_sd_mps")?,
-        },
-        sensors: SensorModels::read(&ModelDict(dict))?,
+pub fn model(value: &Bound<'_, PyAny>) -> PyResult<Model> {
+    read("model", value, |keys| {
+        Ok(Model {
+            environment: read("environment", &keys.item("environment")?, environment)?,
+            imu: read("imu", &keys.item("imu")?, imu)?,
+            initial: read("initial", &keys.item("initial")?, initial)?,
+            sensors: SensorModels::read(&ModelKeys(keys))?,
+        })
     })
 }
 
-/// The lever arms of the sensors; zero where a dict names none.
-pub fn levers(dict: &Bound<'_, PyDict>, owner: &str) -> PyResult<Levers> {
+/// The lever arms of the sensors; zero where none is named.
+pub fn levers(keys: &Keys<'_>) -> PyResult<Levers> {
     let mut levers = Levers::default();
     for kind in SensorKind::ALL {
-        if let Some(key) = kind.declaration().lever
-            && dict.contains(key)?
-        {
-            levers = levers.with(kind, Vec3::from_array(triple(dict, owner, key)?));
+        if let Some(key) = kind.declaration().lever {
+            levers = levers.with(kind, Vec3::from_array(keys.vector_or_zero(key)?));
         }
     }
     Ok(levers)
@@ -141,9 +119,14 @@ pub fn sampling(name: &str) -> PyResult<Sampling> {
 }
 
 /// Filter options.
-pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
-    let probability = number(dict, "options", "gate_probability")?;
-    let gate = match text(dict, "options", "gate")?.as_str() {
+pub fn options(value: &Bound<'_, PyAny>) -> PyResult<Options> {
+    read("options", value, options_of)
+}
+
+fn options_of(keys: &Keys<'_>) -> PyResult<Options> {
+    let default = Options::default();
+    let probability = keys.number("gate_probability")?;
+    let gate = match keys.text("gate")?.as_str() {
         "joint" => Gate::Joint { probability },
         "per_row" => Gate::PerRow,
         "off" => Gate::Off,
@@ -153,7 +136,7 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
             )));
         }
     };
-    let information_port = match text(dict, "options", "information_port")?.as_str() {
+    let information_port = match keys.text("information_port")?.as_str() {
         "axes" => InformationPort::Axes,
         "full" => InformationPort::Full,
         other => {
@@ -162,50 +145,73 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
             )));
         }
     };
-    let water = match dict.get_item("water")? {
-        None => WaterPrior::default(),
-        Some(_) => {
-            let water = section(dict, "options", "water")?;
-            let of = |key| number(&water, "options.water", key);
-            WaterPrior {
-                current_sd_mps: of("current_sd_mps")?,
-                current_time_s: of("current_time_s")?,
-                sway_gain_m: of("sway_gain_m")?,
-                sway_gain_sd_m: of("sway_gain_sd_m")?,
-                trim_sd_mps: of("trim_sd_mps")?,
-                trim_time_s: of("trim_time_s")?,
-                slip_sd_mps: of("slip_sd_mps")?,
-                slip_time_s: of("slip_time_s")?,
-                slip_epochs: of("slip_epochs")?,
-            }
-        }
-    };
-    let inflate_after_rejections = match dict.get_item("inflate_after_rejections")? {
-        None => Options::default().inflate_after_rejections,
-        Some(fixes) => fixes
-            .extract()
-            .map_err(|_| invalid("options.inflate_after_rejections is not a whole number, 0 or more"))?,
-    };
     Ok(Options {
         gate,
-        inflate_after_rejections,
-        robust: robust(dict)?,
-        speed_bound: speed_bound(dict)?,
-        water,
-        covariance_period_ns: item(dict, "options", "covariance_period_ns")?
-            .extract()
-            .map_err(|_| invalid("options.covariance_period_ns is not an integer number of nanoseconds"))?,
-        sampling: sampling(&text(dict, "options", "imu_sampling")?)?,
-        estimate_dvl: item(dict, "options", "estimate_dvl")?
-            .extract()
-            .map_err(|_| invalid("options.estimate_dvl is not True or False"))?,
+        inflate_after_rejections: if keys.has("inflate_after_rejections")? {
+            keys.extract("inflate_after_rejections", "a whole number, 0 or more")?
+        } else {
+            default.inflate_after_rejections
+        },
+        robust: match keys.get("robust")? {
+            None => default.robust,
+            Some(value) if value.is_none() => Robust::default(),
+            Some(_) => keys.section("robust", robust)?,
+        },
+        speed_bound: SpeedBound {
+            sd_mps: keys.number_or("speed_sd_mps", default.speed_bound.sd_mps)?,
+            time_s: keys.number_or("speed_time_s", default.speed_bound.time_s)?,
+        },
+        water: if keys.has("water")? {
+            keys.section("water", water)?
+        } else {
+            default.water
+        },
+        covariance_period_ns: keys.extract("covariance_period_ns", "an integer number of nanoseconds")?,
+        sampling: sampling(&keys.text("imu_sampling")?)?,
+        estimate_dvl: keys.extract("estimate_dvl", "True or False")?,
         assumptions: Assumptions {
-            virtual_beam_factor: number(dict, "options", "virtual_beam_factor")?,
-            nullified_sway_var_m2ps2: number(dict, "options", "nullified_sway_var_m2ps2")?,
-            weak_sway_var_m2ps2: number(dict, "options", "weak_sway_var_m2ps2")?,
+            virtual_beam_factor: keys.number("virtual_beam_factor")?,
+            nullified_sway_var_m2ps2: keys.number("nullified_sway_var_m2ps2")?,
+            weak_sway_var_m2ps2: keys.number("weak_sway_var_m2ps2")?,
         },
         information_port,
-        levers: levers(dict, "options")?,
+        levers: levers(keys)?,
+    })
+}
+
+/// The prior of the motion through the water.
+pub fn water(keys: &Keys<'_>) -> PyResult<WaterPrior> {
+    Ok(WaterPrior {
+        current_sd_mps: keys.number("current_sd_mps")?,
+        current_time_s: keys.number("current_time_s")?,
+        sway_gain_m: keys.number("sway_gain_m")?,
+        sway_gain_sd_m: keys.number("sway_gain_sd_m")?,
+        trim_sd_mps: keys.number("trim_sd_mps")?,
+        trim_time_s: keys.number("trim_time_s")?,
+        slip_sd_mps: keys.number("slip_sd_mps")?,
+        slip_time_s: keys.number("slip_time_s")?,
+        slip_epochs: keys.number("slip_epochs")?,
+    })
+}
+
+/// Treatment of outliers among the beams; a gate that is None or not given is none.
+pub fn robust(keys: &Keys<'_>) -> PyResult<Robust> {
+    let degrees = keys.number_or("student_t_degrees", Tail::STUDENT_T_DEGREES)?;
+    let threshold = keys.number_or("huber_threshold", Tail::HUBER_THRESHOLD)?;
+    let tail = match keys.text("tail")?.as_str() {
+        "gaussian" => Tail::Gaussian,
+        "student_t" => Tail::StudentT { degrees },
+        "huber" => Tail::Huber { threshold },
+        other => {
+            return Err(invalid(format!(
+                "options.robust.tail is '{other}', expected 'gaussian', 'student_t' or 'huber'"
+            )));
+        }
+    };
+    Ok(Robust {
+        closure_gate: keys.optional_number("closure_gate")?,
+        beam_gate: keys.optional_number("beam_gate")?,
+        tail,
     })
 }
 
@@ -222,6 +228,11 @@ pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     dict.set_item("gate_probability", probability)?;
     dict.set_item("inflate_after_rejections", options.inflate_after_rejections)?;
     dict.set_item("covariance_period_ns", options.covariance_period_ns)?;
+    let sampling = match options.sampling {
+        Sampling::Instantaneous => "instantaneous",
+        Sampling::Averaged => "averaged",
+    };
+    dict.set_item("imu_sampling", sampling)?;
     dict.set_item("estimate_dvl", options.estimate_dvl)?;
     dict.set_item("virtual_beam_factor", options.assumptions.virtual_beam_factor)?;
     dict.set_item("nullified_sway_var_m2ps2", options.assumptions.nullified_sway_var_m2ps2)?;
@@ -245,19 +256,12 @@ pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     dict.set_item("speed_sd_mps", options.speed_bound.sd_mps)?;
     dict.set_item("speed_time_s", options.speed_bound.time_s)?;
     dict.set_item("robust", robust_dict(py, &options.robust)?)?;
+    for kind in SensorKind::ALL {
+        if let Some(key) = kind.declaration().lever {
+            dict.set_item(key, options.levers.of(kind).to_array())?;
+        }
+    }
     Ok(dict)
-}
-
-/// The bound on the speed; none where the options do not name it.
-fn speed_bound(options: &Bound<'_, PyDict>) -> PyResult<SpeedBound> {
-    let mut bound = SpeedBound::default();
-    if options.contains("speed_sd_mps")? {
-        bound.sd_mps = number(options, "options", "speed_sd_mps")?;
-    }
-    if options.contains("speed_time_s")? {
-        bound.time_s = number(options, "options", "speed_time_s")?;
-    }
-    Ok(bound)
 }
 
 /// The treatment of outliers, under the keys that [`robust`] reads.
@@ -265,54 +269,22 @@ fn robust_dict<'py>(py: Python<'py>, robust: &Robust) -> PyResult<Bound<'py, PyD
     let dict = PyDict::new(py);
     dict.set_item("closure_gate", robust.closure_gate)?;
     dict.set_item("beam_gate", robust.beam_gate)?;
-    match robust.tail {
-        Tail::Gaussian => dict.set_item("tail", "gaussian")?,
-        Tail::StudentT { degrees } => {
-            dict.set_item("tail", "student_t")?;
-            dict.set_item("student_t_degrees", degrees)?;
+    let (mut degrees, mut bound) = (Tail::STUDENT_T_DEGREES, Tail::HUBER_THRESHOLD);
+    let tail = match robust.tail {
+        Tail::Gaussian => "gaussian",
+        Tail::StudentT { degrees: own } => {
+            degrees = own;
+            "student_t"
         }
         Tail::Huber { threshold } => {
-            dict.set_item("tail", "huber")?;
-            dict.set_item("huber_threshold", threshold)?;
+            bound = threshold;
+            "huber"
         }
-    }
+    };
+    dict.set_item("tail", tail)?;
+    dict.set_item("student_t_degrees", degrees)?;
+    dict.set_item("huber_threshold", bound)?;
     Ok(dict)
-}
-
-/// Treatment of outliers among the beams: the recommended one where the options do not name it, none for `None`.
-fn robust(options: &Bound<'_, PyDict>) -> PyResult<Robust> {
-    match options.get_item("robust")? {
-        None => return Ok(Options::default().robust),
-        Some(value) if value.is_none() => return Ok(Robust::default()),
-        Some(_) => {}
-    }
-    let dict = section(options, "options", "robust")?;
-    let gate = |key: &str| -> PyResult<Option<f64>> {
-        match dict.get_item(key)? {
-            Some(value) if !value.is_none() => number(&dict, "options.robust", key).map(Some),
-            _ => Ok(None),
-        }
-    };
-    let of = |key| number(&dict, "options.robust", key);
-    let tail = match text(&dict, "options.robust", "tail")?.as_str() {
-        "gaussian" => Tail::Gaussian,
-        "student_t" => Tail::StudentT {
-            degrees: of("student_t_degrees")?,
-        },
-        "huber" => Tail::Huber {
-            threshold: of("huber_threshold")?,
-        },
-        other => {
-            return Err(invalid(format!(
-                "options.robust.tail is '{other}', expected 'gaussian', 'student_t' or 'huber'"
-            )));
-        }
-    };
-    Ok(Robust {
-        closure_gate: gate("closure_gate")?,
-        beam_gate: gate("beam_gate")?,
-        tail,
-    })
 }
 
 /// A mask from its flags.

@@ -1,10 +1,10 @@
-//! Truths from Python dicts.
+//! Truths from their keys.
 
 use bottomlock::simulation::truth::Truth;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use crate::arrays::{Rows, item, times};
+use crate::arrays::{Rows, times};
+use crate::keys::{Keys, read};
 
 /// The truths of one or more runs over the same times; contiguous arrays are read without a copy.
 pub struct Truths<'py> {
@@ -18,25 +18,29 @@ pub struct Truths<'py> {
 
 impl<'py> Truths<'py> {
     /// One truth, arrays (samples, ·).
-    pub fn new(dict: &Bound<'py, PyDict>) -> PyResult<Self> {
-        let time_ns = times("truth.time_ns", &item(dict, "truth", "time_ns")?)?;
-        let samples = [Some(time_ns.len())];
-        Self::read(dict, time_ns, &samples)
+    pub fn new(value: &Bound<'py, PyAny>) -> PyResult<Self> {
+        read("truth", value, |keys| {
+            let time_ns = times("truth.time_ns", &keys.item("time_ns")?)?;
+            let samples = [Some(time_ns.len())];
+            Self::read(keys, time_ns, &samples)
+        })
     }
 
     /// A truth for each run, arrays (runs, samples, ·).
-    pub fn of_runs(dict: &Bound<'py, PyDict>, runs: usize) -> PyResult<Self> {
-        let time_ns = times("truth.time_ns", &item(dict, "truth", "time_ns")?)?;
-        let leading = [Some(runs), Some(time_ns.len())];
-        Self::read(dict, time_ns, &leading)
+    pub fn of_runs(value: &Bound<'py, PyAny>, runs: usize) -> PyResult<Self> {
+        read("truth", value, |keys| {
+            let time_ns = times("truth.time_ns", &keys.item("time_ns")?)?;
+            let leading = [Some(runs), Some(time_ns.len())];
+            Self::read(keys, time_ns, &leading)
+        })
     }
 
     /// Reads the arrays with the leading axes given.
-    fn read(dict: &Bound<'py, PyDict>, time_ns: Vec<i64>, leading: &[Option<usize>]) -> PyResult<Self> {
-        let three = |key: &str| Rows::<3>::new(&format!("truth.{key}"), &item(dict, "truth", key)?, leading);
+    fn read(keys: &Keys<'py>, time_ns: Vec<i64>, leading: &[Option<usize>]) -> PyResult<Self> {
+        let three = |key: &str| Rows::<3>::new(&keys.path(key), &keys.item(key)?, leading);
         Ok(Self {
             position_t_m: three("position_t_m")?,
-            attitude_t_p: Rows::new("truth.attitude_t_p", &item(dict, "truth", "attitude_t_p")?, leading)?,
+            attitude_t_p: Rows::new("truth.attitude_t_p", &keys.item("attitude_t_p")?, leading)?,
             velocity_p_mps: three("velocity_p_mps")?,
             omega_p_radps: three("omega_p_radps")?,
             force_p_mps2: three("force_p_mps2")?,

@@ -10,7 +10,8 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, booleans, floats, rows};
+use crate::arrays::{array, floats, rows};
+use crate::beam_arrays::BeamArrays;
 use crate::dvl::BeamGeometry;
 use crate::errors::invalid;
 use crate::settings::mask;
@@ -179,12 +180,17 @@ pub fn solve_velocity<'py>(
     weak_sway_var_m2ps2: f64,
 ) -> PyResult<Bound<'py, PyDict>> {
     let beams = geometry.inner.beams();
-    let readings = floats("velocity_mps", velocity_mps, &[None, Some(beams)])?;
-    let count = readings.shape[0];
-    let flags = booleans("valid", valid, &[Some(count), Some(beams)])?.values;
+    let readings = BeamArrays::new(
+        ["velocity_mps", "valid", ""],
+        velocity_mps,
+        valid,
+        None,
+        &[None, Some(beams)],
+    )?;
+    let count = readings.valid.len() / beams;
     let pings = Pings {
-        velocity_mps: readings.values,
-        valid: flags,
+        velocity_mps: readings.velocity_mps,
+        valid: readings.valid,
         sd_mps: floats("beam_sd_mps", beam_sd_mps, &[Some(beams)])?.values,
         method: method_of(method)?,
         priors: priors(prior_velocity_p_mps, prior_cov_m2ps2, count)?,

@@ -166,6 +166,22 @@ pub(crate) fn require_finite(field: &'static str, time_ns: i64, values: &[f64]) 
     }
 }
 
+/// Checks the magnitude of every number.
+///
+/// # Errors
+/// [`NavError::OutOfRange`], which names the field and what was expected.
+pub(crate) fn require_below(
+    field: &'static str,
+    values: &[f64],
+    bound: f64,
+    expected: &'static str,
+) -> Result<(), NavError> {
+    match values.iter().find(|value| !(value.abs() < bound)) {
+        None => Ok(()),
+        Some(&value) => Err(NavError::OutOfRange { field, value, expected }),
+    }
+}
+
 /// Checks that a standard deviation or variance is finite and not negative.
 ///
 /// # Errors

@@ -30,6 +30,26 @@ pub struct ImuModel {
     pub gyro_bias_walk_radps_rts: f64,
 }
 
+impl ImuModel {
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`NavError::OutOfRange`] that names the field.
+    pub fn validate(&self) -> Result<(), NavError> {
+        let non_negative = [
+            ("imu.accel_noise_mps_rts", self.accel_noise_mps_rts),
+            ("imu.gyro_noise_rad_rts", self.gyro_noise_rad_rts),
+            ("imu.accel_bias_sd_mps2", self.accel_bias_sd_mps2),
+            ("imu.gyro_bias_sd_radps", self.gyro_bias_sd_radps),
+            ("imu.accel_bias_walk_mps2_rts", self.accel_bias_walk_mps2_rts),
+            ("imu.gyro_bias_walk_radps_rts", self.gyro_bias_walk_radps_rts),
+        ];
+        non_negative
+            .into_iter()
+            .try_for_each(|(field, value)| require_non_negative(field, value))
+    }
+}
+
 /// Uncertainty of the initial state, 1 sigma per axis.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct InitialModel {
@@ -39,6 +59,23 @@ pub struct InitialModel {
     pub attitude_sd_rad: [f64; 3],
     /// Velocity, platform frame, m/s.
     pub velocity_sd_mps: [f64; 3],
+}
+
+impl InitialModel {
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`NavError::OutOfRange`] that names the field.
+    pub fn validate(&self) -> Result<(), NavError> {
+        let triples = [
+            ("initial.position_sd_m", self.position_sd_m),
+            ("initial.attitude_sd_rad", self.attitude_sd_rad),
+            ("initial.velocity_sd_mps", self.velocity_sd_mps),
+        ];
+        triples
+            .into_iter()
+            .try_for_each(|(field, values)| values.iter().try_for_each(|&value| require_non_negative(field, value)))
+    }
 }
 
 /// Everything assumed of the environment and the sensors.
@@ -108,27 +145,8 @@ impl Model {
     /// [`NavError::OutOfRange`] that names the field.
     pub fn validate(&self) -> Result<(), NavError> {
         self.environment.validate()?;
-        let non_negative = [
-            ("imu.accel_noise_mps_rts", self.imu.accel_noise_mps_rts),
-            ("imu.gyro_noise_rad_rts", self.imu.gyro_noise_rad_rts),
-            ("imu.accel_bias_sd_mps2", self.imu.accel_bias_sd_mps2),
-            ("imu.gyro_bias_sd_radps", self.imu.gyro_bias_sd_radps),
-            ("imu.accel_bias_walk_mps2_rts", self.imu.accel_bias_walk_mps2_rts),
-            ("imu.gyro_bias_walk_radps_rts", self.imu.gyro_bias_walk_radps_rts),
-        ];
-        for (field, value) in non_negative {
-            require_non_negative(field, value)?;
-        }
-        let triples = [
-            ("initial.position_sd_m", self.initial.position_sd_m),
-            ("initial.attitude_sd_rad", self.initial.attitude_sd_rad),
-            ("initial.velocity_sd_mps", self.initial.velocity_sd_mps),
-        ];
-        for (field, values) in triples {
-            values
-                .iter()
-                .try_for_each(|&value| require_non_negative(field, value))?;
-        }
+        self.imu.validate()?;
+        self.initial.validate()?;
         self.sensors.validate()
     }
 

@@ -92,8 +92,7 @@ def _on_truth(built: BuiltScenario, chunk: Chunk, threads: int) -> dict[str, Any
     schedule: Any = measurement_schedule(
         simulation, built.truth, trajectory_key=key, first_run=chunk.first_run, runs=chunk.runs
     )
-    model: Any = scenario.kernel_model(simulation.gravity_mps2)
-    options: Any = scenario.kernel_options()
+    model, options = scenario.kernel_model(simulation.gravity_mps2), scenario.kernel_options()
     truth: Any = built.truth.kernel_arrays()
     result = kernel.run_batch(
         simulation.geometry, truth, model, model, options, schedule, methods,

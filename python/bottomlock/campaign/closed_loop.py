@@ -95,8 +95,7 @@ def _kernel_loop(
 ) -> kernel.ClosedLoop:
     """The filters of all runs and methods at the start."""
     scenario = simulation.scenario
-    model: Any = scenario.kernel_model(simulation.gravity_mps2)
-    options: Any = scenario.kernel_options()
+    model, options = scenario.kernel_model(simulation.gravity_mps2), scenario.kernel_options()
     initial: Any = {
         "time_ns": int(start.time_ns[-1]),
         "position_t_m": start.position_t_m[:, -1],

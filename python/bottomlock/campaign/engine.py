@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from importlib.util import find_spec
 from threading import Lock
-from typing import Protocol
+from typing import Literal, Protocol, get_args
 from urllib.parse import urlsplit
 
 from bottomlock.campaign.build import BuiltScenario
@@ -15,7 +15,8 @@ from bottomlock.campaign.chunk import ChunkResult, run_chunk
 from bottomlock.campaign.partition import Chunk
 from bottomlock.errors import EngineError
 
-ENGINES = ("local", "dask")
+Engine = Literal["local", "dask"]
+ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 ChunkResults = Generator[tuple[Chunk, ChunkResult], None, None]
 

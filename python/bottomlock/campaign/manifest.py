@@ -78,7 +78,7 @@ def describe(
                 "methods": list(one.scenario.campaign.methods),
                 "trajectory_key": str(trajectory_key(one.scenario.name)),
                 "configuration": one.scenario.model_dump(mode="json"),
-                "options": one.scenario.kernel_options(),
+                "options": one.scenario.kernel_options().as_dict(),
             }
             for one, partition in zip(built, partitions, strict=True)
         },

@@ -18,7 +18,7 @@ from bottomlock.campaign.aggregate import Tables, open_aggregate
 from bottomlock.campaign.build import build_scenarios, build_simulations, true_paths
 from bottomlock.campaign.chunk_files import Identity, is_finished, read_chunk, write_chunk
 from bottomlock.campaign.directory import MANIFEST, open_directory, start_directory, write_tables
-from bottomlock.campaign.engine import ChunkSource, check_engine, open_engine
+from bottomlock.campaign.engine import ChunkSource, Engine, check_engine, open_engine
 from bottomlock.campaign.manifest import Clock, describe, identity_of
 from bottomlock.campaign.partition import Chunk, Partition, Shard, all_chunks
 from bottomlock.config.scenario import Scenario
@@ -78,7 +78,7 @@ def run_campaign(
     out: Path,
     *,
     threads: int = 0,
-    engine: str = "local",
+    engine: Engine = "local",
     scheduler: str | None = None,
     force: bool = False,
     recover: bool = False,
@@ -121,7 +121,7 @@ def run_shard(
     shard: Shard,
     *,
     threads: int = 0,
-    engine: str = "local",
+    engine: Engine = "local",
     scheduler: str | None = None,
     force: bool = False,
     recover: bool = False,
@@ -159,7 +159,7 @@ def _simulate(
     out: Path,
     shard: Shard | None,
     threads: int,
-    engine: str,
+    engine: Engine,
     scheduler: str | None,
     *,
     force: bool,

@@ -36,7 +36,7 @@ def result_tables(results: Results) -> list[Table]:
     summary = summary_table(results.ensemble, results.runs)
     for (trajectory,), rows in summary.group_by("trajectory", maintain_order=True):
         settings = results.manifest["scenarios"][trajectory]["configuration"]["trajectory"]
-        closed_loop = settings["feedback"] == "estimate"
+        closed_loop = settings.get("feedback") == "estimate"
         last = ("xtrack m", "cross_track_rms_over_runs_and_time_m", 1)
         last = last if closed_loop else ("NIS", "nis_mean_over_runs_and_fixes", 2)
         table = narrow_table(
@@ -67,7 +67,7 @@ def print_results(results: Results, out: Path) -> None:
         console.print(table)
     manifest = results.manifest
     scenarios = manifest["scenarios"]
-    if any(one["configuration"]["trajectory"]["feedback"] == "estimate" for one in scenarios.values()):
+    if any(one["configuration"]["trajectory"].get("feedback") == "estimate" for one in scenarios.values()):
         console.print(
             "Guidance used the estimate; xtrack is the true cross-track error, RMS over time and runs."
         )

@@ -15,7 +15,7 @@ from bottomlock.cli.parameters import Robust
 from bottomlock.errors import DataError, OutputError
 from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
 from bottomlock.io.formats import converted_first
-from bottomlock.kernel import FIX_METHODS, solve_velocity
+from bottomlock.kernel import FIX_METHODS, FixMethod, fix_method, solve_velocity
 from bottomlock.replay.robust_fix import RobustFixes, solve_robust
 
 
@@ -39,7 +39,7 @@ def fix(
     instrument = read_geometry(geometry)
     with converted_first(log, instrument.columns.time):
         pings = read_beams(log, beams=instrument.geometry.beams, columns=instrument.columns)
-    frame, solved = _solve(instrument, pings, method, robust=robust)
+    frame, solved = _solve(instrument, pings, fix_method(method), robust=robust)
     if (frame["status"] == "prior_required").any() and pings.prior_velocity_p_mps is None:
         raise DataError(
             f"{log}: method '{method}' needs the columns prior_surge_mps, prior_sway_mps, prior_heave_mps and "
@@ -62,7 +62,7 @@ def fix(
 
 
 def _solve(
-    instrument: Instrument, pings: Pings, method: str, *, robust: bool
+    instrument: Instrument, pings: Pings, method: FixMethod, *, robust: bool
 ) -> tuple[pl.DataFrame, RobustFixes | None]:
     """The table of fixes, and what was measured and screened where `robust`."""
     cov = None if pings.prior_sd_mps is None else pings.prior_sd_mps[:, :, None] ** 2 * np.eye(3)

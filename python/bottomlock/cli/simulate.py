@@ -1,5 +1,6 @@
 """The command `bottomlock fly`: truth, telemetry and sensor streams of a scenario."""
 
+import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -7,11 +8,13 @@ import numpy as np
 import polars as pl
 from cyclopts import Parameter
 
-from bottomlock.atomic_write import write_parquet
+from bottomlock.atomic_write import write_parquet, write_text
 from bottomlock.cli.console import console
 from bottomlock.config.scenario import load_scenario
+from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
 from bottomlock.figures.flight import flight_figure, save_figure
+from bottomlock.io.beams import InstrumentFile
 from bottomlock.plant import telemetry
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import schedule_and_footprints
@@ -27,7 +30,10 @@ def fly(
         str | None, Parameter(help="Packaged vehicle or TOML file; the scenario's own by default.")
     ] = None,
     sensors: Annotated[
-        int | None, Parameter(help="Number of a run: write its sensor readings, a table per sensor.")
+        int | None,
+        Parameter(
+            help="Number of a run: write its sensor readings, a table per sensor, and the DVL's geometry."
+        ),
     ] = None,
 ) -> None:
     """Simulate the vehicle: truth, telemetry and a figure per scenario.
@@ -55,6 +61,7 @@ def fly(
         if sensors is not None:
             for sensor, readings in sensor_streams(simulation, flight.truth, run=sensors).items():
                 write_parquet(out / f"{loaded.name}_run{sensors}_{sensor}.parquet", readings)
+            write_text(out / f"{loaded.name}_dvl.toml", geometry_file(loaded.dvl))
         legs = frame.filter("leg") if frame["leg"].any() else frame
         cross_track_rms_m = float(rms(legs["cross_track_m"].to_numpy()))
         speed, sway = (frame[f"{part}_mps"].to_numpy() for part in ("speed", "sway"))
@@ -63,6 +70,23 @@ def fly(
             f"largest sway {np.abs(sway).max():.3f} m/s"
         )
     console.print(f"tables and figures in {out}")
+
+
+def geometry_file(dvl: Dvl) -> str:
+    """The DVL as the geometry file that audit, fix and replay read."""
+    shared = [key for key in InstrumentFile.model_fields if key in Dvl.model_fields]
+    values = {key: getattr(dvl, key) for key in shared}
+    unused = {
+        "x": {"tilts_deg", "azimuths_deg", "directions"},
+        "+": {"tilts_deg", "azimuths_deg", "directions"},
+    }
+    unused |= {"angles": {"tilt_deg", "directions"}, "directions": {"tilt_deg", "tilts_deg", "azimuths_deg"}}
+    lines = [
+        f"{key} = {json.dumps(value)}"
+        for key, value in values.items()
+        if value is not None and key not in unused[dvl.configuration]
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def _beams(simulation: Simulation, truth: Truth) -> pl.DataFrame:

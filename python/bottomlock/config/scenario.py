@@ -10,7 +10,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from bottomlock import units
+from bottomlock import models, units
 from bottomlock.config.scenario_sections import (
     Campaign,
     Dvl,
@@ -37,7 +37,7 @@ class Scenario(Section):
         >>> scenario = load_scenario("straight")
         >>> scenario.dvl.beams_lost
         (3, 4)
-        >>> round(scenario.kernel_model(9.8)["initial"]["attitude_sd_rad"][2], 3)
+        >>> round(scenario.kernel_model(9.8).initial.attitude_sd_rad[2], 3)
         0.02
     """
 
@@ -66,11 +66,10 @@ class Scenario(Section):
                 '[mission] is given, but an analytic truth has no mission: set source = "vehicle"'
             )
         limits = {
-            "min_range_m",
-            "max_range_m",
-            "max_incidence_deg",
-            "range_noise_m",
-        } & self.dvl.model_fields_set
+            key
+            for key in ("min_range_m", "max_range_m", "max_incidence_deg", "range_noise_m")
+            if getattr(self.dvl, key) != Dvl.model_fields[key].default
+        }
         if limits and not self.seabed:
             raise ValueError(f"dvl.{min(limits)} is given, but there is no [seabed] to range to")
         if self.trajectory.pilot not in {"own", *self.campaign.methods}:
@@ -82,14 +81,36 @@ class Scenario(Section):
     def content_hash(self) -> str:
         """SHA-256 of everything that decides the numbers (not the number of runs, the methods or the words)."""
         exclude: dict[str, Any] = {"description": True, "campaign": {"runs", "methods"}}
-        # A sensor that the scenario does not name decides nothing.
-        exclude |= {sensor.name: True for sensor in SENSORS if sensor.name not in self.model_fields_set}
-        # Neither does what is switched off.
+        # What is switched off decides nothing.
+        exclude |= {sensor.name: True for sensor in SENSORS if not getattr(self, sensor.name).enabled}
         exclude |= {} if self.robust.enabled else {"robust": True}
         exclude |= {} if self.filter.speed_sd_mps else {"filter": {"speed_sd_mps", "speed_time_s"}}
         exclude |= {} if self.dvl.outlier_fraction else {"dvl": {"outlier_fraction", "outlier_factor"}}
         content = self.model_dump(mode="json", exclude=exclude)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    def replace(self, key: str, value: Any) -> Self:  # noqa: ANN401 - a value of any key
+        """The scenario with another value of one key, for instance "imu.gyro_bias_deg_per_h"; checked as a file is.
+
+        Raises:
+            ScenarioError: for an unknown key, which names the nearest, or a value that is not valid.
+
+        Examples:
+            >>> load_scenario("straight").replace("imu.gyro_bias_deg_per_h", 0.01).imu.gyro_bias_deg_per_h
+            0.01
+        """
+        content = self.model_dump(exclude_unset=True)
+        *sections, last = key.split(".")
+        section = content
+        for name in sections:
+            section = section.setdefault(name, {})
+            if not isinstance(section, dict):
+                raise ScenarioError(f"scenario {self.name}: unknown key '{key}' ('{name}' is no section)")
+        section[last] = value
+        try:
+            return type(self).model_validate(content)
+        except ValidationError as error:
+            raise ScenarioError(explain(error, f"scenario {self.name}", type(self))) from error
 
     def with_overrides(
         self, *, runs: int | None = None, seed: int | None = None, methods: Iterable[str] | None = None
@@ -128,54 +149,44 @@ class Scenario(Section):
             raise ScenarioError(explain(error, f"scenario {self.name}: trajectory", Trajectory)) from error
         return self.model_copy(update={"trajectory": trajectory} | ({"mission": {}} if moved else {}))
 
-    def kernel_model(self, gravity_mps2: float) -> dict[str, Any]:
+    def kernel_model(self, gravity_mps2: float) -> models.Model:
         """Environment and sensor errors in SI, as the kernel takes them."""
-        imu, dvl, initial = self.imu, self.dvl, self.initial
+        dvl, initial = self.dvl, self.initial
         roll, pitch, yaw = initial.roll_deg, initial.pitch_deg, initial.yaw_deg
-        return {
-            "environment": {
-                "latitude_rad": units.rad_from_deg(self.environment.latitude_deg),
-                "gravity_mps2": gravity_mps2,
-                "earth_rate_radps": EARTH_RATE_RADPS if self.environment.earth_rotation else 0.0,
-            },
-            "imu": {
-                "accel_noise_mps_rts": units.per_rt_s_from_per_rt_h(imu.accel_noise_mps_per_rt_h),
-                "gyro_noise_rad_rts": units.rad_from_deg(
-                    units.per_rt_s_from_per_rt_h(imu.gyro_noise_deg_per_rt_h)
-                ),
-                "accel_bias_sd_mps2": units.mps2_from_mg(imu.accel_bias_mg),
-                "gyro_bias_sd_radps": units.radps_from_deg_per_h(imu.gyro_bias_deg_per_h),
-                "accel_bias_walk_mps2_rts": imu.accel_bias_walk_mps2_per_rt_s,
-                "gyro_bias_walk_radps_rts": units.rad_from_deg(imu.gyro_bias_walk_deg_per_s_per_rt_s),
-            },
-            "dvl": {
-                "beam_noise_sd_mps": dvl.beam_noise_mps,
-                "beam_bias_sd_mps": dvl.beam_bias_mps,
-                "beam_bias_walk_mps_rts": dvl.beam_bias_walk_mps_per_rt_s,
-                "scale_factor_sd": units.fraction_from_percent(dvl.scale_factor_percent),
-                "scale_factor_walk_rts": units.fraction_from_percent(dvl.scale_factor_walk_percent_per_rt_s),
-            },
-            "dvl_outliers": {
-                "outlier_fraction": dvl.outlier_fraction,
-                "outlier_factor": dvl.outlier_factor,
-            },
-            "initial": {
-                "position_sd_m": list(initial.position_m),
-                "attitude_sd_rad": [units.rad_from_deg(angle) for angle in (roll, pitch, yaw)],
-                "velocity_sd_mps": list(initial.velocity_mps),
-            },
-        } | {sensor.name: sensor.model(getattr(self, sensor.name), gravity_mps2) for sensor in SENSORS}
+        sensors: dict[str, Any] = {
+            sensor.name: sensor.model(getattr(self, sensor.name), gravity_mps2) for sensor in SENSORS
+        }
+        return models.Model(
+            environment=models.Environment(
+                latitude_rad=units.rad_from_deg(self.environment.latitude_deg),
+                gravity_mps2=gravity_mps2,
+                earth_rate_radps=EARTH_RATE_RADPS if self.environment.earth_rotation else 0.0,
+            ),
+            imu=self.imu.kernel_model(),
+            dvl=models.DvlModel(
+                beam_noise_sd_mps=dvl.beam_noise_mps,
+                beam_bias_sd_mps=dvl.beam_bias_mps,
+                beam_bias_walk_mps_rts=dvl.beam_bias_walk_mps_per_rt_s,
+                scale_factor_sd=units.fraction_from_percent(dvl.scale_factor_percent),
+                scale_factor_walk_rts=units.fraction_from_percent(dvl.scale_factor_walk_percent_per_rt_s),
+            ),
+            dvl_outliers=models.DvlOutlierModel(
+                outlier_fraction=dvl.outlier_fraction, outlier_factor=dvl.outlier_factor
+            ),
+            initial=models.InitialModel(
+                position_sd_m=initial.position_m,
+                attitude_sd_rad=[units.rad_from_deg(angle) for angle in (roll, pitch, yaw)],
+                velocity_sd_mps=initial.velocity_mps,
+            ),
+            **sensors,
+        )
 
-    def kernel_options(self) -> dict[str, Any]:
+    def kernel_options(self) -> models.Options:
         """Filter options as the kernel takes them."""
-        rate_hz = self.filter.covariance_rate_hz
-        options = self.filter.model_dump(exclude={"covariance_rate_hz"}) | self.robust.kernel_options()
+        options = self.filter.kernel_options() | {"robust": self.robust.kernel_options()}
         for sensor in SENSORS:
             options |= sensor.options(getattr(self, sensor.name))
-        return options | {
-            "covariance_period_ns": units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0,
-            "imu_sampling": self.imu.sampling,
-        }
+        return models.Options(**options, imu_sampling=self.imu.sampling)
 
 
 def packaged_scenarios() -> dict[str, str]:

@@ -5,9 +5,19 @@ import math
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
-from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES
+from bottomlock import models, units
+from bottomlock.config.beam_tilt import BeamTilt, check_tilts
+from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES, Configuration, Method
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -70,6 +80,15 @@ class Trajectory(Section):
             check_methods([self.pilot])
         return self
 
+    @model_serializer(mode="wrap")
+    def _of_its_source(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leaves out the keys that would mean something else if they were given: what is dumped can be read again."""
+        strange = set(_ANALYTIC_KEYS if self.source == "vehicle" else _VEHICLE_KEYS)
+        # A path through waypoints ends at the last of them, unless it has a duration.
+        strange |= {"duration_s"} if self.kind == "waypoints" else set()
+        dumped: dict[str, Any] = handler(self)
+        return {key: value for key, value in dumped.items() if key not in strange - self.model_fields_set}
+
 
 class Environment(Section):
     """Position on the Earth, and the date; longitude and decimal year are used for the magnetic field only."""
@@ -91,6 +110,17 @@ class ImuErrors(Section):
     gyro_noise_deg_per_rt_h: NonNegative
     accel_bias_walk_mps2_per_rt_s: NonNegative = 0.0
     gyro_bias_walk_deg_per_s_per_rt_s: NonNegative = 0.0
+
+    def kernel_model(self) -> models.ImuModel:
+        """The errors in SI."""
+        return models.ImuModel(
+            accel_noise_mps_rts=units.per_rt_s_from_per_rt_h(self.accel_noise_mps_per_rt_h),
+            gyro_noise_rad_rts=units.rad_from_deg(units.per_rt_s_from_per_rt_h(self.gyro_noise_deg_per_rt_h)),
+            accel_bias_sd_mps2=units.mps2_from_mg(self.accel_bias_mg),
+            gyro_bias_sd_radps=units.radps_from_deg_per_h(self.gyro_bias_deg_per_h),
+            accel_bias_walk_mps2_rts=self.accel_bias_walk_mps2_per_rt_s,
+            gyro_bias_walk_radps_rts=units.rad_from_deg(self.gyro_bias_walk_deg_per_s_per_rt_s),
+        )
 
 
 class Imu(ImuErrors):
@@ -134,8 +164,8 @@ class Dvl(Section):
     """
 
     rate_hz: Annotated[float, Field(gt=0, le=100)] = 1.0
-    configuration: Literal["x", "+", "angles", "directions"] = "x"
-    tilt_deg: Annotated[float, Field(gt=0, lt=90)] = 20.0
+    configuration: Configuration = "x"
+    tilt_deg: BeamTilt = 20.0
     tilts_deg: tuple[Annotated[float, Field(gt=-90, lt=90)], ...] | None = None
     azimuths_deg: tuple[Annotated[float, Field(ge=-360, le=360)], ...] | None = None
     directions: tuple[Vector, ...] | None = None
@@ -176,6 +206,8 @@ class Dvl(Section):
             not self.azimuths_deg or not self.tilts_deg or len(self.azimuths_deg) != len(self.tilts_deg)
         ):
             raise ValueError("configuration 'angles' needs azimuths_deg and tilts_deg of the same length")
+        if self.configuration == "angles":
+            check_tilts(self.tilts_deg or ())
         if self.configuration == "directions" and not self.directions:
             raise ValueError("configuration 'directions' needs directions, one unit vector per beam")
         if self.lever_arms_m is not None and len(self.lever_arms_m) != self.beams:
@@ -263,6 +295,12 @@ class Filter(Section):
         """Number of error states: with the DVL's biases and scale factor, or the inertial states only."""
         return STATES if self.estimate_dvl else INERTIAL_STATES
 
+    def kernel_options(self) -> dict[str, Any]:
+        """What the section says of `models.Options`."""
+        rate_hz = self.covariance_rate_hz
+        period_ns = units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0
+        return self.model_dump(exclude={"covariance_rate_hz"}) | {"covariance_period_ns": period_ns}
+
 
 _ROBUST = DEFAULT_OPTIONS["robust"]
 Gate = Annotated[float, Field(gt=0, lt=1)] | Literal["off"]
@@ -279,15 +317,16 @@ class Robust(Section):
     closure_gate: Gate = _ROBUST["closure_gate"] or "off"
     beam_gate: Gate = _ROBUST["beam_gate"] or "off"
     tail: Literal["gaussian", "student_t", "huber"] = _ROBUST["tail"]
-    student_t_degrees: Positive = _ROBUST.get("student_t_degrees", 4.0)
-    huber_threshold: Positive = _ROBUST.get("huber_threshold", 1.345)
+    student_t_degrees: Positive = _ROBUST["student_t_degrees"]
+    huber_threshold: Positive = _ROBUST["huber_threshold"]
 
-    def kernel_options(self) -> dict[str, Any]:
-        """The treatment as the kernel takes it: under `robust`, with None for none."""
+    def kernel_options(self) -> models.Robust | None:
+        """The treatment as the kernel takes it, None for none."""
         if not self.enabled:
-            return {"robust": None}
-        content = self.model_dump(exclude={"enabled"})
-        return {"robust": {key: None if value == "off" else value for key, value in content.items()}}
+            return None
+        content: dict[str, Any] = self.model_dump(exclude={"enabled"})
+        content |= {key: None for key, value in content.items() if value == "off"}
+        return models.Robust(**content)
 
 
 def check_methods(methods: Iterable[str]) -> None:
@@ -309,14 +348,16 @@ def check_methods(methods: Iterable[str]) -> None:
         raise ValueError(f"no method is named, expected one or more of {', '.join(METHODS)}")
 
 
+def known_methods(methods: Any) -> Any:  # noqa: ANN401 - what a file or a call names
+    """The methods, if they are a list of texts that `check_methods` accepts."""
+    if isinstance(methods, list | tuple) and all(isinstance(method, str) for method in methods):
+        check_methods(methods)
+    return methods
+
+
 class Campaign(Section):
     """How many runs of what."""
 
     runs: Annotated[int, Field(ge=1, le=10_000_000)] = 100
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
-    methods: tuple[str, ...] = METHODS
-
-    @model_validator(mode="after")
-    def _known(self) -> Self:
-        check_methods(self.methods)
-        return self
+    methods: Annotated[tuple[Method, ...], BeforeValidator(known_methods)] = METHODS

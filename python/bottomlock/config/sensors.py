@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from bottomlock import units
+from bottomlock import models, units
 from bottomlock.config.scenario_sections import (
     Factor,
     Finite,
@@ -115,7 +115,7 @@ class Sensor:
         table: its table of simulated readings.
         columns: columns of that table, by the kernel's array that holds them.
         model: the kernel's model in SI, of a section and gravity (m/s²).
-        push: gives reading k of the kernel's arrays to a navigator, at a time and with a model.
+        push: gives reading k of the kernel's arrays to a navigator, at a time and with its section of a model.
         options: what the section adds to the filter's options, for instance a lever arm.
     """
 
@@ -124,8 +124,8 @@ class Sensor:
     updates: tuple[str, ...]
     table: str
     columns: Mapping[str, tuple[str, ...]]
-    model: Callable[[Any, float], dict[str, Any]]
-    push: Callable[[Any, int, Mapping[str, Any], int, Mapping[str, Any]], Any]
+    model: Callable[[Any, float], models.Settings]
+    push: Callable[[Any, int, Mapping[str, Any], int, Any], Any]
     options: Callable[[Any], dict[str, Any]] = lambda _: {}
 
 
@@ -135,13 +135,13 @@ DEPTH = Sensor(
     updates=("depth",),
     table="depth",
     columns={"depth_m": ("depth_m",)},
-    model=lambda depth, gravity_mps2: {
-        "sd_m": depth.noise_pa / (depth.water_density_kg_per_m3 * gravity_mps2),
-        "bias_sd_m": depth.bias_m,
-        "bias_time_s": depth.bias_time_s,
-    },
+    model=lambda depth, gravity_mps2: models.DepthModel(
+        sd_m=depth.noise_pa / (depth.water_density_kg_per_m3 * gravity_mps2),
+        bias_sd_m=depth.bias_m,
+        bias_time_s=depth.bias_time_s,
+    ),
     push=lambda navigator, time_ns, drawn, k, model: navigator.push_depth(
-        time_ns, float(drawn["depth_m"][k]), sd_m=model["sd_m"]
+        time_ns, float(drawn["depth_m"][k]), sd_m=model.sd_m
     ),
 )
 MAGNETOMETER = Sensor(
@@ -150,12 +150,12 @@ MAGNETOMETER = Sensor(
     updates=("attitude",),
     table="attitude",
     columns={"magnetometer_attitude_t_p": tuple(f"attitude_{part}" for part in "wxyz")},
-    model=lambda compass, _: {
-        "yaw_sd_rad": units.rad_from_deg(compass.yaw_noise_deg),
-        "roll_pitch_sd_rad": units.rad_from_deg(compass.roll_pitch_noise_deg),
-    },
+    model=lambda compass, _: models.MagnetometerModel(
+        yaw_sd_rad=units.rad_from_deg(compass.yaw_noise_deg),
+        roll_pitch_sd_rad=units.rad_from_deg(compass.roll_pitch_noise_deg),
+    ),
     push=lambda navigator, time_ns, drawn, k, model: navigator.push_attitude(
-        time_ns, drawn["magnetometer_attitude_t_p"][k], **model
+        time_ns, drawn["magnetometer_attitude_t_p"][k], **model.as_dict()
     ),
 )
 HEADING = Sensor(
@@ -164,9 +164,9 @@ HEADING = Sensor(
     updates=("heading",),
     table="heading",
     columns={"heading_rad": ("heading_rad",)},
-    model=lambda gyrocompass, _: {"sd_rad": units.rad_from_deg(gyrocompass.noise_deg)},
+    model=lambda gyrocompass, _: models.HeadingModel(sd_rad=units.rad_from_deg(gyrocompass.noise_deg)),
     push=lambda navigator, time_ns, drawn, k, model: navigator.push_heading(
-        time_ns, float(drawn["heading_rad"][k]), **model
+        time_ns, float(drawn["heading_rad"][k]), sd_rad=model.sd_rad
     ),
 )
 GPS = Sensor(
@@ -178,12 +178,11 @@ GPS = Sensor(
         "gps_position_t_m": tuple(f"position_{axis}_m" for axis in AXES),
         "gps_velocity_t_mps": tuple(f"velocity_{axis}_mps" for axis in AXES),
     },
-    model=lambda gps, _: {
-        "position_sd_m": list(gps.position_noise_m),
-        "velocity_sd_mps": list(gps.velocity_noise_mps),
-    },
+    model=lambda gps, _: models.GpsModel(
+        position_sd_m=gps.position_noise_m, velocity_sd_mps=gps.velocity_noise_mps
+    ),
     push=lambda navigator, time_ns, drawn, k, model: navigator.push_gps(
-        time_ns, drawn["gps_position_t_m"][k], drawn["gps_velocity_t_mps"][k], **model
+        time_ns, drawn["gps_position_t_m"][k], drawn["gps_velocity_t_mps"][k], **model.as_dict()
     ),
 )
 
@@ -196,19 +195,19 @@ ACOUSTIC_POSITION = Sensor(
         "acoustic_position_t_m": tuple(f"position_{axis}_m" for axis in AXES),
         "acoustic_position_sd_m": tuple(f"sd_{axis}_m" for axis in AXES),
     },
-    model=lambda fixes, _: {
-        "sd_m": fixes.noise_m,
-        "sd_per_range": units.fraction_from_percent(fixes.noise_percent_of_range),
-        "transceiver_t_m": list(fixes.transceiver_m),
-        "outlier_fraction": fixes.outlier_fraction,
-        "outlier_factor": fixes.outlier_factor,
-    },
+    model=lambda fixes, _: models.AcousticPositionModel(
+        sd_m=fixes.noise_m,
+        sd_per_range=units.fraction_from_percent(fixes.noise_percent_of_range),
+        transceiver_t_m=fixes.transceiver_m,
+        outlier_fraction=fixes.outlier_fraction,
+        outlier_factor=fixes.outlier_factor,
+    ),
     push=lambda navigator, time_ns, drawn, k, _: navigator.push_acoustic_position(
         time_ns=time_ns,
         position_t_m=drawn["acoustic_position_t_m"][k],
         sd_m=drawn["acoustic_position_sd_m"][k],
     ),
-    options=lambda fixes: {"acoustic_position_lever_p_m": list(fixes.lever_arm_m)},
+    options=lambda fixes: {"acoustic_position_lever_p_m": fixes.lever_arm_m},
 )
 
 SENSORS = (DEPTH, MAGNETOMETER, HEADING, GPS, ACOUSTIC_POSITION)

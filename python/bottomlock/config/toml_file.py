@@ -8,19 +8,19 @@ from bottomlock.errors import ScenarioError
 
 
 def read_text(path: Path) -> str:
-    """The text of a file.
+    """The text of a file, without the byte order mark that editors on Windows put before it.
 
     Raises:
         ScenarioError: naming the file, if it cannot be read as UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise ScenarioError(f"{path}: cannot be read as text ({error})") from error
 
 
 def parse_toml(text: str, *, place: str) -> dict[str, Any]:
-    """The tables of a TOML text; `place` names it in errors.
+    """The tables of a TOML text; `place` names it in errors. Every TOML file of the package is read here.
 
     Raises:
         ScenarioError: for ill-formed TOML, with its line, a number of thousands of digits, and brackets in brackets

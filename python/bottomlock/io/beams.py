@@ -13,11 +13,12 @@ import polars as pl
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from bottomlock.config.beam_tilt import BeamTilt, check_tilts
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.columns import column_numbers, nanoseconds, number_series, read_rows
-from bottomlock.kernel import BeamGeometry, KernelError, make_geometry
+from bottomlock.kernel import BeamGeometry, Configuration, KernelError, make_geometry
 from bottomlock.table_file import read_table_file
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -46,8 +47,8 @@ class InstrumentFile(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     name: str = ""
-    configuration: Literal["x", "+", "angles", "directions"]
-    tilt_deg: Annotated[float, Field(gt=0, lt=90)] | None = None
+    configuration: Configuration
+    tilt_deg: BeamTilt | None = None
     tilts_deg: tuple[Annotated[float, Field(gt=-90, lt=90)], ...] | None = None
     azimuths_deg: tuple[Annotated[float, Field(ge=-360, le=360)], ...] | None = None
     directions: tuple[Vector, ...] | None = None
@@ -70,6 +71,8 @@ class InstrumentFile(BaseModel):
         for key in needed:
             if getattr(self, key) is None:
                 raise ValueError(f"configuration '{self.configuration}' needs {key}")
+        if self.configuration == "angles":
+            check_tilts(self.tilts_deg or ())
         return self
 
 

@@ -31,6 +31,7 @@ from bottomlock import kernel
 from bottomlock.config import sensors
 from bottomlock.errors import DataError
 from bottomlock.kernel import SENSORS
+from bottomlock.models import DvlModel, Environment, ImuModel, InitialModel, Model
 from bottomlock.observability.schedule import Schedule
 from bottomlock.truth.truth import Array, Truth
 from bottomlock.units import ns_from_s
@@ -188,29 +189,29 @@ def describe(
     return words.removeprefix(" + ").strip()
 
 
-def _model(truth: Truth, earth_rate_radps: float) -> dict[str, Any]:
+def _model(truth: Truth, earth_rate_radps: float) -> Model:
     """A model with the truth's environment; deviations do not matter for a rank."""
-    three = [1.0, 1.0, 1.0]
-    return {
-        "environment": {
-            "latitude_rad": truth.latitude_rad,
-            "gravity_mps2": truth.gravity_mps2,
-            "earth_rate_radps": earth_rate_radps,
-        },
-        "imu": dict.fromkeys(
-            (
-                "accel_noise_mps_rts", "gyro_noise_rad_rts", "accel_bias_sd_mps2", "gyro_bias_sd_radps",
-                "accel_bias_walk_mps2_rts", "gyro_bias_walk_radps_rts",
-            ),
-            0.0,
+    three = (1.0, 1.0, 1.0)
+    others: dict[str, Any] = {
+        sensor.name: sensor.model(sensor.section(), truth.gravity_mps2) for sensor in sensors.SENSORS
+    }
+    return Model(
+        environment=Environment(
+            latitude_rad=truth.latitude_rad,
+            gravity_mps2=truth.gravity_mps2,
+            earth_rate_radps=earth_rate_radps,
         ),
-        "dvl": {
-            "beam_noise_sd_mps": 1.0, "beam_bias_sd_mps": 0.0, "beam_bias_walk_mps_rts": 0.0,
-            "scale_factor_sd": 0.0, "scale_factor_walk_rts": 0.0,
-        },
-        "initial": {"position_sd_m": three, "attitude_sd_rad": three, "velocity_sd_mps": three},
-        **{sensor.name: sensor.model(sensor.section(), truth.gravity_mps2) for sensor in sensors.SENSORS},
-    }  # fmt: skip
+        imu=ImuModel(
+            accel_noise_mps_rts=0.0, gyro_noise_rad_rts=0.0, accel_bias_sd_mps2=0.0, gyro_bias_sd_radps=0.0,
+            accel_bias_walk_mps2_rts=0.0, gyro_bias_walk_radps_rts=0.0,
+        ),
+        dvl=DvlModel(
+            beam_noise_sd_mps=1.0, beam_bias_sd_mps=0.0, beam_bias_walk_mps_rts=0.0, scale_factor_sd=0.0,
+            scale_factor_walk_rts=0.0,
+        ),
+        initial=InitialModel(position_sd_m=three, attitude_sd_rad=three, velocity_sd_mps=three),
+        **others,
+    )  # fmt: skip
 
 
 def observe(
@@ -309,7 +310,7 @@ def deviations(
     truth: Truth,
     geometry: kernel.BeamGeometry,
     aiding: Aiding,
-    model: dict[str, Any],
+    model: Model,
     *,
     kind: Kind = "full",
     period_s: float = 1.0,

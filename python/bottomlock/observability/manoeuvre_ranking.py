@@ -6,6 +6,7 @@ from typing import Any
 import polars as pl
 
 from bottomlock.kernel import BeamGeometry
+from bottomlock.models import Model
 from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
 from bottomlock.observability.schedule import Schedule
 from bottomlock.tables.check import check
@@ -17,7 +18,7 @@ from bottomlock.truth.truth import Truth
 def manoeuvre_ranking(
     geometry: BeamGeometry,
     aiding: Aiding,
-    model: Mapping[str, Any],
+    model: Model,
     *,
     manoeuvres: Iterable[Manoeuvre] = tuple(MANOEUVRES.values()),
     kind: Kind = "full",
@@ -53,15 +54,15 @@ def manoeuvre_ranking(
         >>> best(sway)["manoeuvre"].to_list()
         ['figure_eight']
     """
-    environment = model["environment"]
+    environment = model.environment
     frames = []
     for manoeuvre in manoeuvres:
         truth = manoeuvre_truth(
             manoeuvre,
             rate_hz=rate_hz,
-            latitude_rad=environment["latitude_rad"],
-            gravity_mps2=environment["gravity_mps2"],
-            earth_rate_radps=environment["earth_rate_radps"],
+            latitude_rad=environment.latitude_rad,
+            gravity_mps2=environment.gravity_mps2,
+            earth_rate_radps=environment.earth_rate_radps,
         )
         settings: dict[str, Any] = {"kind": kind, "period_s": period_s}
         if rates_hz is not None:
@@ -75,13 +76,13 @@ def _after(
     truth: Truth,
     geometry: BeamGeometry,
     aiding: Aiding,
-    model: Mapping[str, Any],
+    model: Model,
     settings: dict[str, Any],
 ) -> pl.DataFrame:
     """Rows of `MANOEUVRE_RANKING` for one manoeuvre, whose motion is `truth`."""
-    earth_rate_radps = model["environment"]["earth_rate_radps"]
+    earth_rate_radps = model.environment.earth_rate_radps
     (found,) = observe(truth, geometry, [aiding], earth_rate_radps=earth_rate_radps, **settings)
-    history = deviations(truth, geometry, aiding, dict(model), **settings)
+    history = deviations(truth, geometry, aiding, model, **settings)
     count = len(found.states)
     before, after = _initial_sd(model)[:count], history.sd[-1, :count]
     return pl.DataFrame(
@@ -112,15 +113,15 @@ def _word(found: Finding, state: int) -> str:
     return "observable" if found.states[state] in found.observable_states else "unobservable"
 
 
-def _initial_sd(model: Mapping[str, Any]) -> list[float]:
+def _initial_sd(model: Model) -> list[float]:
     """Standard deviations of the 20 states at the start."""
-    initial, imu, dvl = model["initial"], model["imu"], model["dvl"]
+    initial, imu, dvl = model.initial, model.imu, model.dvl
     return [
-        *initial["position_sd_m"],
-        *initial["attitude_sd_rad"],
-        *initial["velocity_sd_mps"],
-        *[imu["accel_bias_sd_mps2"]] * 3,
-        *[imu["gyro_bias_sd_radps"]] * 3,
-        *[dvl["beam_bias_sd_mps"]] * 4,
-        dvl["scale_factor_sd"],
+        *initial.position_sd_m,
+        *initial.attitude_sd_rad,
+        *initial.velocity_sd_mps,
+        *[imu.accel_bias_sd_mps2] * 3,
+        *[imu.gyro_bias_sd_radps] * 3,
+        *[dvl.beam_bias_sd_mps] * 4,
+        dvl.scale_factor_sd,
     ]

@@ -9,6 +9,7 @@ from typing import Any
 import polars as pl
 
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
+from bottomlock.models import Environment, Model
 from bottomlock.observability.analysis import Aiding, Finding, Kind, deviations, observe
 from bottomlock.observability.schedule import Schedule
 from bottomlock.tables.observability import DEVIATIONS, OBSERVABILITY, RANKS
@@ -172,7 +173,7 @@ _ANY_BEAMS = BeamGeometry.janus(math.radians(20.0))
 """The 2015 model measures a velocity; no beam of this geometry is used."""
 
 
-def paper_histories(model: Mapping[str, Any]) -> tuple[pl.DataFrame, pl.DataFrame]:
+def paper_histories(model: Model) -> tuple[pl.DataFrame, pl.DataFrame]:
     """Histories of figures 1-6: the filter's deviations and ranks (`tables.observability`: DEVIATIONS, RANKS).
 
     Args:
@@ -213,17 +214,15 @@ def _labelled(
     return frame.select(pl.col(name).cast(dtype) for name, dtype in table.items())
 
 
-def _paper_errors(model: Mapping[str, Any], truth: Truth) -> dict[str, Any]:
-    imu = model["imu"] | {
-        "accel_bias_sd_mps2": mps2_from_mg(3.0),
-        "gyro_bias_sd_radps": radps_from_deg_per_h(3.0),
-    }
-    environment = {
-        "latitude_rad": truth.latitude_rad,
-        "gravity_mps2": truth.gravity_mps2,
-        "earth_rate_radps": 0.0,
-    }
-    return {**model, "imu": imu, "environment": environment}
+def _paper_errors(model: Model, truth: Truth) -> Model:
+    return model.replace(
+        imu=model.imu.replace(
+            accel_bias_sd_mps2=mps2_from_mg(3.0), gyro_bias_sd_radps=radps_from_deg_per_h(3.0)
+        ),
+        environment=Environment(
+            latitude_rad=truth.latitude_rad, gravity_mps2=truth.gravity_mps2, earth_rate_radps=0.0
+        ),
+    )
 
 
 def masks(beams: int) -> list[tuple[int, ...]]:

@@ -1,6 +1,5 @@
 """The seabed below the vehicle: flat, sloped or gridded; range and incidence of every beam of every ping."""
 
-import tomllib
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.errors import ScenarioError
 from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.matrices import rotation_t_p
@@ -162,7 +162,7 @@ def load_grid(path: Path) -> GridSeabed:
             with np.load(path, allow_pickle=False) as archive:
                 tables = {name: np.asarray(archive[name], dtype=np.float64) for name in names}
         else:
-            content = tomllib.loads(path.read_text(encoding="utf-8"))
+            content = parse_toml(read_text(path), place=str(path))
             tables = {name: np.asarray(content[name], dtype=np.float64) for name in names}
     except KeyError as error:
         raise ScenarioError(f"seabed grid {path}: {error} is missing; expected {', '.join(names)}") from error

@@ -7,9 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import EARTH_RATE_RADPS, solve_velocity
+from bottomlock.models import ImuModel
 from bottomlock.replay.axes import from_angles, to_angles
 from bottomlock.replay.case import FROM_REFERENCE, Case
-from bottomlock.replay.model import ImuModel
 from bottomlock.replay.streams import Floats, Inertial, Streams, Times
 from bottomlock.replay.window_mean import mean_over
 

@@ -16,7 +16,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.kernel import BeamGeometry, VelocityFixes
+from bottomlock.kernel import BeamGeometry, FixMethod, VelocityFixes
 from bottomlock.replay.beam_noise import BeamNoise, claimed_noise, measure_noise
 from bottomlock.replay.random_errors import closure_directions
 from bottomlock.replay.robust_fix import solve_scaled
@@ -179,7 +179,7 @@ class _Scored:
     priors: Priors
     noise: BeamNoise
 
-    def fixes(self, shown: Flags, method: str, y: Floats | None = None) -> VelocityFixes:
+    def fixes(self, shown: Flags, method: FixMethod, y: Floats | None = None) -> VelocityFixes:
         """Fixes of the shown beams (n, B), of other readings if given."""
         return solve_scaled(
             self.geometry,
@@ -192,7 +192,7 @@ class _Scored:
             prior_cov_m2ps2=self.priors.cov_m2ps2 if method in WITH_PRIOR else None,
         )
 
-    def solve(self, shown: Flags, method: str, y: Floats | None = None) -> tuple[Floats, Floats]:
+    def solve(self, shown: Flags, method: FixMethod, y: Floats | None = None) -> tuple[Floats, Floats]:
         """Velocities (n, 3), NaN where unsolved, and their covariances."""
         fixes = self.fixes(shown, method, y)
         if method != "info":
@@ -206,7 +206,7 @@ class _Scored:
             cov
         )
 
-    def response(self, shown: Flags, method: str) -> Floats:
+    def response(self, shown: Flags, method: FixMethod) -> Floats:
         """(n, 3, 3) derivative of a method's velocity by the true velocity, through the beams only.
 
         Every method is linear in the beams, so that three velocities of 1 m/s give the derivative exactly.
@@ -218,7 +218,7 @@ class _Scored:
 
 
 def _scores(
-    pings: _Scored, lost: Sequence[int], method: str, shown: Flags, all_beams: VelocityFixes
+    pings: _Scored, lost: Sequence[int], method: FixMethod, shown: Flags, all_beams: VelocityFixes
 ) -> list[tuple[object, ...]]:
     """Rows of `tables.replay.SCORES` of one method without these beams.
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import replay_log
+from bottomlock.models import InitialModel, InitialState, Model, Options
 from bottomlock.replay import random_errors
 from bottomlock.replay.align import Alignment, align
 from bottomlock.replay.axes import quaternions
@@ -40,8 +41,8 @@ class PreparedRun:
     run: int
     streams: Streams
     alignment: Alignment
-    model: dict[str, Any]
-    options: dict[str, Any]
+    model: Model
+    options: Options
     sample_time_ns: Times
     rows: Times
 
@@ -87,14 +88,14 @@ def prepare(case: Case, streams: Streams, run: int, residuals: Floats | None = N
     streams = _up_to_duration(case, _with_random_errors(case, streams, run, residuals))
     imu, gravity = imu_model(case), gravity_mps2(case, streams)
     alignment = align(case, streams, imu, gravity)
-    initial = {
-        "position_sd_m": alignment.position_sd_m,
-        "attitude_sd_rad": alignment.attitude_sd_rad,
-        "velocity_sd_mps": alignment.velocity_sd_mps,
-    }
+    initial = InitialModel(
+        position_sd_m=alignment.position_sd_m,
+        attitude_sd_rad=alignment.attitude_sd_rad,
+        velocity_sd_mps=alignment.velocity_sd_mps,
+    )
     if case.start.draw:
         errors = random_errors.start_errors(
-            np.concatenate(list(initial.values())), seed=seed, key=key, run=run
+            np.concatenate(list(initial.as_dict().values())), seed=seed, key=key, run=run
         )
         alignment = replace(
             alignment,
@@ -214,16 +215,14 @@ def kernel_log(case: Case, prepared: PreparedRun, valid: Flags) -> Any:  # noqa:
     return log
 
 
-def _kernel_start(alignment: Alignment) -> Any:  # noqa: ANN401 - the kernel's dict
+def _kernel_start(alignment: Alignment) -> InitialState:
     """The initial state as the kernel takes it, with zero biases."""
-    return {
-        "time_ns": alignment.time_ns,
-        "position_t_m": alignment.position_t_m,
-        "attitude_t_p": quaternions(alignment.attitude),
-        "velocity_p_mps": alignment.velocity_p_mps,
-        "accel_bias_p_mps2": np.zeros(3),
-        "gyro_bias_p_radps": np.zeros(3),
-    }
+    return InitialState(
+        time_ns=int(alignment.time_ns),
+        position_t_m=alignment.position_t_m,
+        attitude_t_p=quaternions(alignment.attitude),
+        velocity_p_mps=alignment.velocity_p_mps,
+    )
 
 
 def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, threads: int = 1) -> Rerun:
@@ -255,12 +254,10 @@ def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, th
     log = kernel_log(case, prepared, valid)
 
     def filtered(methods: list[str], *, smooth: bool) -> Any:  # noqa: ANN401 - the kernel's dict
-        model: Any = prepared.model
-        options: Any = prepared.options
         return replay_log(
             prepared.streams.instrument.geometry,
-            model,
-            options,
+            prepared.model,
+            prepared.options,
             methods,
             log,
             start,

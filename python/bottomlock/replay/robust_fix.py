@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
+from bottomlock.kernel import BeamGeometry, FixMethod, VelocityFixes, solve_velocity
 from bottomlock.replay.beam_noise import BeamNoise, measure_noise
 from bottomlock.replay.screen_beams import Screened, screen_beams
 from bottomlock.replay.streams import Flags, Floats, Times
@@ -38,7 +38,7 @@ def solve_robust(
     velocity_mps: Floats,
     valid: Flags,
     *,
-    method: str,
+    method: FixMethod,
     beam_sd_mps: Floats,
     instrument_valid: NDArray[np.bool_] | None = None,
     prior_velocity_p_mps: Floats | None = None,
@@ -78,7 +78,7 @@ def solve_scaled(
     valid: Flags,
     factor: Floats,
     *,
-    method: str,
+    method: FixMethod,
     beam_sd_mps: Floats,
     prior_velocity_p_mps: Floats | None = None,
     prior_cov_m2ps2: Floats | None = None,

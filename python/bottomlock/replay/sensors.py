@@ -8,6 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from bottomlock import units
+from bottomlock.models import (
+    AcousticPositionModel,
+    DepthModel,
+    GpsModel,
+    HeadingModel,
+    MagnetometerModel,
+    Settings,
+)
 from bottomlock.replay.axes import to_angles
 from bottomlock.replay.stream_sections import AcousticPositionStream, AttitudeStream, DepthStream, GpsStream
 from bottomlock.replay.streams import Streams, Times
@@ -28,16 +36,16 @@ class Sensor:
     """
 
     section: str
-    model: Callable[[Any], dict[str, Any]]
+    model: Callable[[Any], dict[str, Settings]]
     log: Callable[[Any, Streams, Within], dict[str, Any]]
     options: Callable[[Any], dict[str, Any]] = lambda _: {}
 
 
-def _depth_model(stream: DepthStream | None) -> dict[str, Any]:
+def _depth_model(stream: DepthStream | None) -> dict[str, Settings]:
     if stream is None:
-        return {"depth": {"sd_m": 1.0, "bias_sd_m": 0.0, "bias_time_s": 1.0}}
+        return {"depth": DepthModel(sd_m=1.0, bias_sd_m=0.0, bias_time_s=1.0)}
     return {
-        "depth": {"sd_m": stream.sd_m, "bias_sd_m": stream.bias_m, "bias_time_s": stream.bias_time_s},
+        "depth": DepthModel(sd_m=stream.sd_m, bias_sd_m=stream.bias_m, bias_time_s=stream.bias_time_s),
     }
 
 
@@ -79,31 +87,31 @@ def _acoustic_position_log(_: AcousticPositionStream, streams: Streams, within: 
     }
 
 
-def _acoustic_position_model(stream: AcousticPositionStream | None) -> dict[str, Any]:
+def _acoustic_position_model(stream: AcousticPositionStream | None) -> dict[str, Settings]:
     if stream is None:
         return {}
-    noise = {
-        "sd_m": stream.sd_m,
-        "sd_per_range": units.fraction_from_percent(stream.sd_percent_of_range),
-        "transceiver_t_m": list(stream.transceiver_m),
-        "outlier_fraction": 0.0,
-        "outlier_factor": 1.0,
-    }
+    noise = AcousticPositionModel(
+        sd_m=stream.sd_m,
+        sd_per_range=units.fraction_from_percent(stream.sd_percent_of_range),
+        transceiver_t_m=stream.transceiver_m,
+        outlier_fraction=0.0,
+        outlier_factor=1.0,
+    )
     return {"acoustic_position": noise}
 
 
-def _attitude_model(stream: AttitudeStream | None) -> dict[str, Any]:
+def _attitude_model(stream: AttitudeStream | None) -> dict[str, Settings]:
     yaw, tilt = (5.0, 1.0) if stream is None else (stream.yaw_sd_deg, stream.roll_pitch_sd_deg)
     yaw_sd_rad = units.rad_from_deg(yaw)
     return {
-        "magnetometer": {"yaw_sd_rad": yaw_sd_rad, "roll_pitch_sd_rad": units.rad_from_deg(tilt)},
-        "heading": {"sd_rad": yaw_sd_rad},
+        "magnetometer": MagnetometerModel(yaw_sd_rad=yaw_sd_rad, roll_pitch_sd_rad=units.rad_from_deg(tilt)),
+        "heading": HeadingModel(sd_rad=yaw_sd_rad),
     }
 
 
-def _gps_model(stream: GpsStream | None) -> dict[str, Any]:
-    position = [2.0, 2.0, 4.0] if stream is None else list(stream.position_sd_m)
-    return {"gps": {"position_sd_m": position, "velocity_sd_mps": [0.1, 0.1, 0.2]}}
+def _gps_model(stream: GpsStream | None) -> dict[str, Settings]:
+    position = (2.0, 2.0, 4.0) if stream is None else stream.position_sd_m
+    return {"gps": GpsModel(position_sd_m=position, velocity_sd_mps=(0.1, 0.1, 0.2))}
 
 
 SENSORS = (
@@ -111,19 +119,19 @@ SENSORS = (
         section="depth",
         model=_depth_model,
         log=_depth_log,
-        options=lambda stream: {"depth_lever_p_m": list(stream.lever_arm_m)},
+        options=lambda stream: {"depth_lever_p_m": stream.lever_arm_m},
     ),
     Sensor(section="attitude", model=_attitude_model, log=_attitude_log),
     Sensor(
         section="gps",
         model=_gps_model,
         log=_gps_log,
-        options=lambda stream: {"gps_lever_p_m": list(stream.lever_arm_m)},
+        options=lambda stream: {"gps_lever_p_m": stream.lever_arm_m},
     ),
     Sensor(
         section="acoustic_position",
         model=_acoustic_position_model,
         log=_acoustic_position_log,
-        options=lambda stream: {"acoustic_position_lever_p_m": list(stream.lever_arm_m)},
+        options=lambda stream: {"acoustic_position_lever_p_m": stream.lever_arm_m},
     ),
 )

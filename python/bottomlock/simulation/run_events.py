@@ -68,21 +68,19 @@ class Readings:
                 f"expected a divisor of imu.rate_hz {scenario.imu.rate_hz:g}"
             )
         self.simulation = simulation
-        model: Any = scenario.kernel_model(simulation.gravity_mps2)
-        self._model = model
-        options: Any = scenario.kernel_options()
-        self._options = options
+        self._model = scenario.kernel_model(simulation.gravity_mps2)
+        self._options = scenario.kernel_options()
         arrays: Any = truth.kernel_arrays()
         self._drawn = kernel.simulate_sensors(
             simulation.geometry,
             arrays,
-            model,
+            self._model,
             plan,
             seed=scenario.campaign.seed,
             trajectory_key=key,
             run=run,
             imu_sampling=scenario.imu.sampling,
-            options=options,
+            options=self._options,
         )
 
     @property
@@ -91,7 +89,7 @@ class Readings:
         times: NDArray[np.int64] = self._drawn["dvl_time_ns"]
         return times
 
-    def fixes(self, method: str, valid: NDArray[np.bool_], watched: Sequence[int]) -> Iterator[Fix]:
+    def fixes(self, method: kernel.Method, valid: NDArray[np.bool_], watched: Sequence[int]) -> Iterator[Fix]:
         """Runs a method with the beams of `valid`, (pings, beams), and yields the fixes of the pings `watched`.
 
         The run ends at the last of these pings. A ping without a fix by the method yields nothing.
@@ -112,8 +110,8 @@ class Readings:
                 block = slice(pushed, upto)
                 navigator.push_imu_block(
                     imu_ns[block],
-                    self._drawn["imu_omega_p_radps"][block],
-                    self._drawn["imu_force_p_mps2"][block],
+                    omega_p_radps=self._drawn["imu_omega_p_radps"][block],
+                    force_p_mps2=self._drawn["imu_force_p_mps2"][block],
                 )
                 pushed = upto
             if sensor != "dvl":
@@ -134,7 +132,7 @@ class Readings:
         return [(time_ns, order[rank], k) for time_ns, rank, k in sorted(events)]
 
     def _ping(self, navigator: kernel.Navigator, k: int, valid: NDArray[np.bool_]) -> list[Any]:
-        sd_mps = np.full(len(valid), self._model["dvl"]["beam_noise_sd_mps"])
+        sd_mps = np.full(len(valid), self._model.dvl.beam_noise_sd_mps)
         reports: list[Any] = navigator.push_beams(
             int(self.ping_time_ns[k]), self._drawn["dvl_velocity_mps"][k], valid, sd_mps=sd_mps
         )
@@ -158,4 +156,4 @@ class Readings:
 
     def _aid(self, navigator: kernel.Navigator, name: str, k: int, time_ns: int) -> None:
         (sensor,) = (sensor for sensor in SENSORS if sensor.name == name)
-        sensor.push(navigator, time_ns, self._drawn, k, self._model[name])
+        sensor.push(navigator, time_ns, self._drawn, k, getattr(self._model, name))

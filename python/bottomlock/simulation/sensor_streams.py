@@ -8,9 +8,12 @@ import polars as pl
 from bottomlock import kernel
 from bottomlock.config.sensors import SENSORS, Sensor
 from bottomlock.plant.beam_loss import noisy_ranges
+from bottomlock.plant.telemetry import euler_rad
 from bottomlock.simulation.build import Simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import schedule_and_footprints
 from bottomlock.truth.truth import Truth
+
+ANGLES = ("roll_rad", "pitch_rad", "yaw_rad")
 
 
 def sensor_streams(simulation: Simulation, truth: Truth, *, run: int = 0) -> dict[str, pl.DataFrame]:
@@ -19,9 +22,9 @@ def sensor_streams(simulation: Simulation, truth: Truth, *, run: int = 0) -> dic
     Returns:
         Tables with time_ns and: `imu`, omega_{x,y,z}_radps and force_{x,y,z}_mps2 in the platform frame; `beams`, for
         every beam beamK_mps, beamK_valid and, over a seabed, beamK_range_m, null where it does not return; `depth`,
-        depth_m; `attitude`, attitude_{w,x,y,z} from platform to tangent; `gps`, position_{north,east,down}_m and
-        velocity_{north,east,down}_mps; and a table of each further sensor of `config.sensors.SENSORS`, with its
-        columns. A sensor that is off has no rows.
+        depth_m; `attitude`, attitude_{w,x,y,z} from platform to tangent, and the same as roll_rad, pitch_rad, yaw_rad;
+        `gps`, position_{north,east,down}_m and velocity_{north,east,down}_mps; and a table of each further sensor of
+        `config.sensors.SENSORS`, with its columns. A sensor that is off has no rows.
 
     Raises:
         DataError: for a truth of less than a second.
@@ -45,8 +48,7 @@ def sensor_streams(simulation: Simulation, truth: Truth, *, run: int = 0) -> dic
     schedule: Any = conditions[0]
     hits = conditions[1]
     arrays: Any = truth.kernel_arrays()
-    model: Any = scenario.kernel_model(simulation.gravity_mps2)
-    options: Any = scenario.kernel_options()
+    model, options = scenario.kernel_model(simulation.gravity_mps2), scenario.kernel_options()
     drawn = kernel.simulate_sensors(
         simulation.geometry,
         arrays,
@@ -77,6 +79,9 @@ def _readings(sensor: Sensor, drawn: dict[str, Any]) -> dict[str, Any]:
     columns = {"time_ns": drawn[f"{sensor.name}_time_ns"]}
     for array, names in sensor.columns.items():
         columns |= dict(zip(names, drawn[array].reshape(-1, len(names)).T, strict=True))
+        if array.endswith("attitude_t_p"):
+            # The same attitude as the audit and a replay read it.
+            columns |= dict(zip(ANGLES, euler_rad(drawn[array]).T, strict=True))
     return columns
 
 

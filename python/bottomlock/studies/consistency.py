@@ -147,8 +147,7 @@ def run_judged(
     plan: Any = measurement_schedule(simulation, truth, trajectory_key=key)
     times_s = judged_times_s((plan["sample_time_ns"][-1] - truth.time_ns[0]) * 1e-9)
     plan["sample_time_ns"] = truth.time_ns[0] + np.array([round(time_s * 1e9) for time_s in times_s])
-    model: Any = scenario.kernel_model(simulation.gravity_mps2)
-    options: Any = scenario.kernel_options()
+    model, options = scenario.kernel_model(simulation.gravity_mps2), scenario.kernel_options()
     arrays: Any = truth.kernel_arrays()
     batch: Any = kernel.run_batch(
         simulation.geometry, arrays, model, model, options, plan, list(methods),

@@ -1,6 +1,5 @@
 """Expected verdicts of a consistency study: a TOML file, and the cells that depart from it."""
 
-import tomllib
 from collections.abc import Collection
 from pathlib import Path
 from typing import Literal
@@ -9,8 +8,9 @@ import polars as pl
 from pydantic import ValidationError
 
 from bottomlock.config.scenario_sections import Section
+from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
-from bottomlock.errors import DataError
+from bottomlock.errors import DataError, ScenarioError
 from bottomlock.statistics.chi_squared import OVERCONFIDENT
 
 
@@ -39,14 +39,12 @@ def read_expectations(path: Path) -> tuple[Expectation, ...]:
     Raises:
         DataError: for a file that is not there, ill-formed TOML, unknown keys or verdicts, and an empty list.
     """
+    if not path.is_file():
+        raise DataError(f"{path}: no such file of expected verdicts")
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise DataError(f"{path}: no such file of expected verdicts") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: cannot be read as text ({error})") from error
-    except (ValueError, RecursionError) as error:
-        raise DataError(f"{path}: not valid TOML: {error}") from error
+        content = parse_toml(read_text(path), place=str(path))
+    except ScenarioError as error:
+        raise DataError(str(error)) from error
     try:
         read = Expectations.model_validate(content)
     except ValidationError as error:

@@ -165,6 +165,17 @@ macro_rules! models {
                 $(self.$field.validate()?;)+
                 Ok(())
             }
+
+            /// Reads the section of a name and checks its numbers; `None` for a name that is none of them.
+            ///
+            /// # Errors
+            /// The reader's error, and within it [`Self::validate`]'s.
+            pub fn check<R: SectionReader>(name: &str, reader: &R) -> Option<Result<Result<(), NavError>, R::Error>> {
+                $(if name == <$model as Section>::NAME {
+                    return Some(reader.section::<$model>().map(|section| section.validate()));
+                })+
+                None
+            }
         }
     };
 }

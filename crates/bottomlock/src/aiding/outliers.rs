@@ -57,6 +57,13 @@ pub enum Tail {
     },
 }
 
+impl Tail {
+    /// ν of the recommended treatment.
+    pub const STUDENT_T_DEGREES: f64 = 4.0;
+    /// Threshold of Huber's that is 95 % efficient with Gaussian noise (Huber, Robust Statistics, 1981).
+    pub const HUBER_THRESHOLD: f64 = 1.345;
+}
+
 /// Treatment of outliers among the beams; [`Robust::default`] is none, [`Robust::recommended`] what instruments need.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Robust {
@@ -78,7 +85,9 @@ impl Robust {
         Self {
             closure_gate: Some(0.9973),
             beam_gate: Some(0.9973),
-            tail: Tail::StudentT { degrees: 4.0 },
+            tail: Tail::StudentT {
+                degrees: Tail::STUDENT_T_DEGREES,
+            },
         }
     }
 

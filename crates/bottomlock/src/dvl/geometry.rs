@@ -1,15 +1,22 @@
 //! Beam directions, lever arms and the beam model (Eqs. 12–16) for 1 to [`MAX_BEAMS`] beams.
 
+use std::f64::consts::{FRAC_PI_2, TAU};
+
 use nalgebra::Vector3;
 
 use super::velocity::Rows;
-use crate::error::{NavError, require_finite, require_positive};
+use crate::error::{NavError, require_below, require_finite, require_positive};
 use crate::frames::{Dvl, Platform, Rot, Vec3};
 use crate::layout::BIASED_BEAMS;
 pub use crate::layout::MAX_BEAMS;
 
 /// What [`NavError::BadBeam`] expects of a beam number.
 pub(crate) const BEAM_EXISTS: &str = "a beam of the geometry";
+
+/// Speed along a beam, m/s, that no DVL measures and no vehicle under water reaches.
+pub const MAX_BEAM_SPEED_MPS: f64 = 50.0;
+/// What is expected of a speed along a beam.
+pub(crate) const SLOW_ENOUGH: &str = "less than 50 m/s: is it in mm/s or cm/s, or a code for a lost beam?";
 
 /// Set of beams, for example those with a valid velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
@@ -112,7 +119,8 @@ impl BeamGeometry {
     /// the angle is a tilt).
     ///
     /// # Errors
-    /// As [`BeamGeometry::from_directions`]; [`NavError::NotFinite`] for an angle that is not finite.
+    /// As [`BeamGeometry::from_directions`]; [`NavError::NotFinite`] for an angle that is not finite;
+    /// [`NavError::OutOfRange`] for a tilt of 90° or more, or an azimuth of more than a turn.
     pub fn from_angles(tilts_rad: &[f64], azimuths_rad: &[f64]) -> Result<Self, NavError> {
         if tilts_rad.len() != azimuths_rad.len() {
             return Err(NavError::WrongCount {
@@ -123,6 +131,8 @@ impl BeamGeometry {
         }
         require_finite("tilts_rad", 0, tilts_rad)?;
         require_finite("azimuths_rad", 0, azimuths_rad)?;
+        require_below("tilt_rad", tilts_rad, FRAC_PI_2, "less than pi/2: is it in degrees?")?;
+        require_below("azimuth_rad", azimuths_rad, TAU, "-2 pi to 2 pi: is it in degrees?")?;
         let directions: Vec<_> = tilts_rad
             .iter()
             .zip(azimuths_rad)
@@ -134,7 +144,7 @@ impl BeamGeometry {
     /// A Janus geometry: four beams of equal tilt, rad (Eqs. 13 and 14).
     ///
     /// # Errors
-    /// [`NavError::NotFinite`] for a tilt that is not finite.
+    /// As [`BeamGeometry::from_angles`].
     pub fn janus(layout: Janus, tilt_rad: f64) -> Result<Self, NavError> {
         let first = match layout {
             Janus::X => std::f64::consts::FRAC_PI_4,
@@ -279,6 +289,9 @@ impl BeamSample {
             if !self.velocity_mps[beam].is_finite() {
                 let expected = "a finite number: flag a lost beam invalid";
                 return Err(bad("velocity", self.velocity_mps[beam], expected));
+            }
+            if self.velocity_mps[beam].abs() > MAX_BEAM_SPEED_MPS {
+                return Err(bad("velocity", self.velocity_mps[beam], SLOW_ENOUGH));
             }
             if !(self.sd_mps[beam].is_finite() && self.sd_mps[beam] > 0.0) {
                 return Err(bad("standard deviation", self.sd_mps[beam], "a finite number > 0"));

@@ -5,6 +5,7 @@
 pub(crate) mod dual_filter;
 pub mod event_loop;
 pub mod events;
+pub mod first_readings;
 pub mod methods;
 pub mod navigator_set;
 pub(crate) mod run_events;

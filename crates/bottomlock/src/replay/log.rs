@@ -5,6 +5,7 @@ use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::error::NavError;
 use crate::mechanisation::ImuSample;
 use crate::navigator::events::{Event, STREAM_NAMES, STREAMS};
+use crate::navigator::first_readings::FirstReadings;
 
 /// A recorded log: each stream rising in time, any of them but the inertial one may be empty.
 #[derive(Debug, Clone, Copy, Default)]
@@ -39,6 +40,7 @@ impl Log<'_> {
     /// # Errors
     /// [`NavError::InRow`] that names stream, row and field.
     pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
+        let mut first = FirstReadings::default();
         for stream in 0..STREAMS {
             let mut previous_ns = None;
             for row in 0..self.len(stream) {
@@ -49,6 +51,7 @@ impl Log<'_> {
                     source: Box::new(source),
                 };
                 event.validate(geometry).map_err(in_row)?;
+                first = first.with(&event).map_err(in_row)?;
                 let time_ns = event.time_ns();
                 if let Some(previous_ns) = previous_ns.filter(|&previous_ns| time_ns <= previous_ns) {
                     return Err(in_row(NavError::TimeNotIncreasing {

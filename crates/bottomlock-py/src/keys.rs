@@ -1,0 +1,173 @@
+//! Settings from Python: each key that is given must be one that is read.
+
+use std::cell::RefCell;
+
+use pyo3::conversion::FromPyObjectOwned;
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict, PyString};
+
+use crate::arrays::vector;
+use crate::errors::invalid;
+
+/// How alike two keys are, by `difflib`'s ratio, for one to be proposed for the other.
+const ALIKE: f64 = 0.6;
+/// Characters of a value beyond which a message names its type alone.
+const LINE: usize = 60;
+
+/// Keys and values of a dict, or of an object of `bottomlock.models`, with the keys that were asked for.
+pub struct Keys<'py> {
+    dict: Bound<'py, PyDict>,
+    owner: String,
+    asked: RefCell<Vec<String>>,
+}
+
+/// Reads a dict or a settings object by its keys. A key that `of` does not ask for is an error, which names the nearest one.
+pub fn read<'py, T>(owner: &str, value: &Bound<'py, PyAny>, of: impl FnOnce(&Keys<'py>) -> PyResult<T>) -> PyResult<T> {
+    let dict = match value.cast::<PyDict>() {
+        Ok(dict) => dict.clone(),
+        Err(_) if value.hasattr("as_dict")? => value.call_method0("as_dict")?.cast_into()?,
+        Err(_) => {
+            return Err(invalid(format!(
+                "{owner} is of type {}, expected a dict or an object of bottomlock.models",
+                value.get_type().name()?
+            )));
+        }
+    };
+    let keys = Keys {
+        dict,
+        owner: owner.into(),
+        asked: RefCell::default(),
+    };
+    let made = of(&keys)?;
+    keys.no_other()?;
+    Ok(made)
+}
+
+impl<'py> Keys<'py> {
+    /// The value of a key, `None` without it.
+    pub fn get(&self, key: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+        self.asked.borrow_mut().push(key.into());
+        self.dict.get_item(key)
+    }
+
+    /// Whether the key is given.
+    pub fn has(&self, key: &str) -> PyResult<bool> {
+        Ok(self.get(key)?.is_some())
+    }
+
+    /// Whether the key is given, and not as None.
+    pub fn has_value(&self, key: &str) -> PyResult<bool> {
+        Ok(self.get(key)?.is_some_and(|value| !value.is_none()))
+    }
+
+    /// The value of a key that must be there.
+    pub fn item(&self, key: &str) -> PyResult<Bound<'py, PyAny>> {
+        if let Some(value) = self.get(key)? {
+            return Ok(value);
+        }
+        let given = nearest(self.dict.py(), key, &self.unasked()?)?;
+        let hint = given.map_or(String::new(), |given| format!(", '{given}' is given in its place"));
+        Err(invalid(format!("{} lacks the key '{key}'{hint}", self.owner)))
+    }
+
+    /// The path of a key, for messages.
+    pub fn path(&self, key: &str) -> String {
+        format!("{}.{key}", self.owner)
+    }
+
+    pub fn number(&self, key: &str) -> PyResult<f64> {
+        let value = self.item(key)?;
+        let number = (!value.is_instance_of::<PyBool>())
+            .then(|| value.extract().ok())
+            .flatten();
+        number.ok_or_else(|| self.not(key, &value, "a number"))
+    }
+
+    /// A number, or a default where the key is not given.
+    pub fn number_or(&self, key: &str, default: f64) -> PyResult<f64> {
+        if self.has(key)? { self.number(key) } else { Ok(default) }
+    }
+
+    /// A number, or none where the key is not given or given as None.
+    pub fn optional_number(&self, key: &str) -> PyResult<Option<f64>> {
+        if self.has_value(key)? {
+            self.number(key).map(Some)
+        } else {
+            Ok(None)
+        }
+    }
+
+    pub fn text(&self, key: &str) -> PyResult<String> {
+        self.extract(key, "a text")
+    }
+
+    /// A value of another type, which the message describes.
+    pub fn extract<T: FromPyObjectOwned<'py>>(&self, key: &str, expected: &str) -> PyResult<T> {
+        let value = self.item(key)?;
+        value.extract().map_err(|_| self.not(key, &value, expected))
+    }
+
+    pub fn vector<const N: usize>(&self, key: &str) -> PyResult<[f64; N]> {
+        vector(&self.path(key), &self.item(key)?)
+    }
+
+    /// A vector, or zeros where the key is not given.
+    pub fn vector_or_zero<const N: usize>(&self, key: &str) -> PyResult<[f64; N]> {
+        if self.has(key)? { self.vector(key) } else { Ok([0.0; N]) }
+    }
+
+    /// A dict or settings object under a key.
+    pub fn section<T>(&self, key: &str, of: impl FnOnce(&Keys<'py>) -> PyResult<T>) -> PyResult<T> {
+        read(&self.path(key), &self.item(key)?, of)
+    }
+
+    fn not(&self, key: &str, value: &Bound<'_, PyAny>, expected: &str) -> PyErr {
+        let of_type = || value.get_type().name().map_or("value".into(), |name| name.to_string());
+        let text = value.repr().map_or_else(|_| of_type(), |text| text.to_string());
+        let given = if text.len() > LINE || text.contains('\n') {
+            format!("of type {}", of_type())
+        } else {
+            text
+        };
+        invalid(format!("{} is {given}, expected {expected}", self.path(key)))
+    }
+
+    /// The keys that are given and were not asked for.
+    fn unasked(&self) -> PyResult<Vec<String>> {
+        let asked = self.asked.borrow();
+        let mut others = Vec::new();
+        for key in self.dict.keys() {
+            let text = match key.cast::<PyString>() {
+                Ok(text) => text.to_string(),
+                Err(_) => key.repr()?.to_string(),
+            };
+            if !asked.contains(&text) {
+                others.push(text);
+            }
+        }
+        Ok(others)
+    }
+
+    fn no_other(&self) -> PyResult<()> {
+        let Some(unknown) = self.unasked()?.into_iter().next() else {
+            return Ok(());
+        };
+        let mut known = self.asked.borrow().clone();
+        known.sort_unstable();
+        known.dedup();
+        known.retain(|key| !key.is_empty());
+        let hint = match nearest(self.dict.py(), &unknown, &known)? {
+            Some(near) => format!("did you mean '{near}'?"),
+            None => format!("known: {}", known.join(", ")),
+        };
+        Err(invalid(format!("{} has no key '{unknown}' ({hint})", self.owner)))
+    }
+}
+
+/// The name nearest to one given, if one is alike.
+fn nearest(py: Python<'_>, name: &str, names: &[String]) -> PyResult<Option<String>> {
+    let near = py
+        .import("difflib")?
+        .call_method1("get_close_matches", (name, names.to_vec(), 1, ALIKE))?;
+    Ok(near.extract::<Vec<String>>()?.into_iter().next())
+}

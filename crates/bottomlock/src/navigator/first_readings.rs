@@ -1,0 +1,195 @@
+//! Units of the first readings of a stream: bounds that no instrument under water exceeds, and the likely mistake.
+//!
+//! A single reading may be anything; a mean over a second may not. A vehicle under water is not in free fall, whatever waves and
+//! tow cables do to it, so the specific force averages to something near gravity.
+
+use crate::error::NavError;
+use crate::navigator::events::Event;
+
+/// Interval over which the specific force is averaged, ns.
+const FORCE_INTERVAL_NS: i64 = 1_000_000_000;
+/// Least mean of |f|, m/s²: a fifth of gravity.
+const LEAST_FORCE_MPS2: f64 = 2.0;
+/// Greatest mean of |f|, m/s²: ten times gravity.
+const GREATEST_FORCE_MPS2: f64 = 100.0;
+/// Mean of |ω|, rad/s, above which it is taken for gravity where the specific force is too small: 290 degrees a second.
+const FORCE_LIKE_RATE_RADPS: f64 = 5.0;
+/// Inertial readings after which their rate is known, and their least mean interval, ns: 20 kHz.
+const READINGS: (u32, i64) = (20, 50_000);
+/// Pings after which their rate is known, and their least mean interval, ns: sound goes 75 cm and back in a millisecond.
+const PINGS: (u32, i64) = (10, 1_000_000);
+
+/// The first readings of a navigator or of a log; plain numbers, so that one that is refused leaves no trace.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FirstReadings {
+    imu: Count,
+    pings: Count,
+    force_mps2: f64,
+    rate_radps: f64,
+    is_force_known: bool,
+}
+
+/// Number of readings of a stream, and the time of the first.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Count {
+    readings: u32,
+    first_ns: i64,
+}
+
+impl Count {
+    fn with(self, time_ns: i64) -> Self {
+        Self {
+            readings: self.readings + 1,
+            first_ns: if self.readings == 0 { time_ns } else { self.first_ns },
+        }
+    }
+
+    /// Checks the mean interval once `needed` readings are there.
+    fn check(&self, field: &'static str, time_ns: i64, (needed, least_ns): (u32, i64)) -> Result<(), NavError> {
+        let mean_ns = time_ns.saturating_sub(self.first_ns) as f64 / f64::from(needed - 1);
+        if self.readings != needed || mean_ns >= least_ns as f64 {
+            return Ok(());
+        }
+        Err(NavError::OutOfRange {
+            field,
+            value: mean_ns,
+            expected: "more, since no instrument is that fast: times are in nanoseconds, not in micro- or milliseconds",
+        })
+    }
+}
+
+impl FirstReadings {
+    /// The readings with one more.
+    ///
+    /// # Errors
+    /// [`NavError::OutOfRange`] for a mean that no instrument under water gives, with the likely mistake.
+    pub fn with(&self, event: &Event) -> Result<Self, NavError> {
+        match event {
+            Event::Imu(sample) if !self.is_force_known || self.imu.readings < READINGS.0 => {
+                let next = Self {
+                    imu: self.imu.with(sample.time_ns),
+                    force_mps2: self.force_mps2 + sample.force_p_mps2.0.norm(),
+                    rate_radps: self.rate_radps + sample.rate_p_radps.0.norm(),
+                    ..*self
+                };
+                next.imu
+                    .check("mean interval of imu times, ns,", sample.time_ns, READINGS)?;
+                if next.is_force_known || sample.time_ns.saturating_sub(next.imu.first_ns) < FORCE_INTERVAL_NS {
+                    return Ok(next);
+                }
+                next.check_force()?;
+                Ok(Self {
+                    is_force_known: true,
+                    ..next
+                })
+            }
+            Event::Beams(ping) if self.pings.readings < PINGS.0 => {
+                let next = Self {
+                    pings: self.pings.with(ping.time_ns),
+                    ..*self
+                };
+                next.pings
+                    .check("mean interval of dvl times, ns,", ping.time_ns, PINGS)?;
+                Ok(next)
+            }
+            _ => Ok(*self),
+        }
+    }
+
+    fn check_force(&self) -> Result<(), NavError> {
+        let count = f64::from(self.imu.readings);
+        let (force, rate) = (self.force_mps2 / count, self.rate_radps / count);
+        let expected = if force > GREATEST_FORCE_MPS2 {
+            "less than 100 m/s², near gravity: is it in mg or cm/s²?"
+        } else if force >= LEAST_FORCE_MPS2 {
+            return Ok(());
+        } else if rate > FORCE_LIKE_RATE_RADPS {
+            "near gravity, 9.8 m/s²: are omega_p_radps and force_p_mps2 swapped?"
+        } else {
+            "near gravity, 9.8 m/s²: is it in g, without gravity, or a velocity increment?"
+        };
+        Err(NavError::OutOfRange {
+            field: "mean |force_p_mps2| of the first second",
+            value: force,
+            expected,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dvl::geometry::{BeamMask, BeamSample, MAX_BEAMS};
+    use crate::frames::Vec3;
+    use crate::mechanisation::ImuSample;
+
+    /// Feeds 200 inertial readings at an interval; the message of the first error.
+    fn fed(interval_ns: i64, rate: f64, force: f64) -> Option<String> {
+        let mut first = FirstReadings::default();
+        (0..200).find_map(|k| {
+            let sample = ImuSample {
+                time_ns: k * interval_ns,
+                rate_p_radps: Vec3::new(0.0, 0.0, rate),
+                force_p_mps2: Vec3::new(0.0, 0.0, -force),
+            };
+            match first.with(&Event::Imu(sample)) {
+                Ok(next) => {
+                    first = next;
+                    None
+                }
+                Err(error) => Some(error.to_string()),
+            }
+        })
+    }
+
+    #[test]
+    fn mistakes_are_named_and_what_may_be_is_taken() {
+        let of = |rate, force| fed(10_000_000, rate, force);
+        assert!(of(0.0, 1.0).unwrap().contains("in g"));
+        assert!(of(9.8, 0.01).unwrap().contains("swapped"));
+        assert!(of(0.0, 980.665).unwrap().contains("mg or cm/s²"));
+        assert!(fed(10, 0.0, 9.8).unwrap().contains("nanoseconds"));
+        assert!(fed(10_000, 0.0, 9.8).unwrap().contains("nanoseconds"));
+        // A fifth of gravity, ten times gravity, a fast spin, and 10 kHz.
+        for taken in [of(0.0, 2.01), of(0.0, 99.0), of(20.0, 9.8), fed(100_000, 0.0, 9.8)] {
+            assert_eq!(taken, None);
+        }
+        // Less than a second says nothing of the force.
+        assert_eq!(fed(4_000_000, 0.0, 0.0), None);
+    }
+
+    #[test]
+    fn pings_in_milliseconds_are_named() {
+        let ping = |time_ns| {
+            Event::Beams(BeamSample {
+                time_ns,
+                velocity_mps: [0.0; MAX_BEAMS],
+                sd_mps: [0.1; MAX_BEAMS],
+                valid: BeamMask::default(),
+            })
+        };
+        let fed = |interval_ns: i64| {
+            let mut first = FirstReadings::default();
+            (0..20).try_for_each(|k| first.with(&ping(k * interval_ns)).map(|next| first = next))
+        };
+        assert!(fed(100).unwrap_err().to_string().contains("nanoseconds"));
+        assert!(fed(200_000).is_err());
+        assert!(fed(10_000_000).is_ok());
+    }
+
+    /// A refused reading is refused again: nothing was kept of it.
+    #[test]
+    fn a_refused_reading_leaves_no_trace() {
+        let sample = |time_ns| {
+            Event::Imu(ImuSample {
+                time_ns,
+                rate_p_radps: Vec3::new(0.0, 0.0, 0.0),
+                force_p_mps2: Vec3::new(0.0, 0.0, -1.0),
+            })
+        };
+        let first = FirstReadings::default().with(&sample(0)).unwrap();
+        let refused = first.with(&sample(1_000_000_000));
+        assert!(refused.is_err());
+        assert_eq!(refused, first.with(&sample(1_000_000_000)));
+    }
+}

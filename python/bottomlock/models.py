@@ -1,0 +1,325 @@
+"""What the kernel assumes: errors of the sensors, options of the filters, and the state at the start.
+
+Each is frozen and keyword-only, in SI. A value is checked when an object is made, by the kernel's own rules; an unknown
+key is an error that names the nearest. Defaults are the kernel's. Vectors are kept as tuples.
+
+Examples:
+    >>> ImuModel(
+    ...     accel_noise_mps_rts=1e-3, gyro_noise_rad_rts=1e-4, accel_bias_sd_mps2=5e-3, gyro_bias_sd_radps=1e-5,
+    ...     accel_bias_walk_mps2_rts=1e-5, gyro_bias_walk_radps_rts=5e-7,
+    ... ).replace(gyro_bias_sd_radps=2e-5).gyro_bias_sd_radps
+    2e-05
+    >>> Options(gate="off", depth_lever_p_m=[0.5, 0.0, 0.0])
+    Options(gate='off', depth_lever_p_m=(0.5, 0.0, 0.0))
+    >>> Options(gaate="off")  # doctest: +IGNORE_EXCEPTION_DETAIL
+    Traceback (most recent call last):
+    KernelError: options has no key 'gaate' (did you mean 'gate'?)
+"""
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields
+from typing import Any, ClassVar, Literal, Self, TypeVar, dataclass_transform, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.kernel import DEFAULT_OPTIONS, EARTH_RATE_RADPS, KernelError, check_settings
+
+Vector = Sequence[float] | NDArray[np.float64]
+"""Numbers of a fixed length; kept as a tuple."""
+
+
+class Settings:
+    """Base of all settings: checked keys and values, `replace`, `as_dict` and a short `repr`."""
+
+    place: ClassVar[str]
+    """The name of the settings in messages, and of the kernel's rules for them."""
+
+    def __new__(cls, **given: Any) -> Self:  # noqa: ANN401 - the fields of the settings have their types
+        """Rejects unknown and missing keys.
+
+        Raises:
+            KernelError: naming the key, and the nearest known one.
+        """
+        known = [field.name for field in fields(cls)]  # type: ignore[arg-type] # every subclass is a dataclass
+        for key in given:
+            if key not in known:
+                close = difflib.get_close_matches(key, known, n=1)
+                hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known)}"
+                raise KernelError(f"{cls.place} has no key '{key}' ({hint})")
+        required = [field.name for field in fields(cls) if field.default is MISSING]  # type: ignore[arg-type]
+        missing = [key for key in required if key not in given]
+        # A copy and an unpickled object are made without keys, and filled afterwards.
+        if given and missing:
+            raise KernelError(f"{cls.place} lacks the key '{missing[0]}'")
+        return super().__new__(cls)
+
+    def __post_init__(self) -> None:
+        """Brings every value to the type of its field, and checks it by the kernel's rules.
+
+        Raises:
+            KernelError: naming the key, the value and what was expected.
+        """
+        for field in fields(self):  # type: ignore[arg-type]
+            object.__setattr__(self, field.name, _as_typed(field.type, getattr(self, field.name)))
+        check_settings(self.place, self.as_dict())
+
+    def replace(self, **changes: Any) -> Self:  # noqa: ANN401 - the fields of the settings have their types
+        """The same settings with other values.
+
+        Raises:
+            KernelError: for an unknown key or a value that is not valid.
+        """
+        own = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+        return type(self)(**own | changes)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Keys and values, settings among them as dicts too: what JSON can hold, and what makes the same object."""
+        own = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+        return {key: value.as_dict() if isinstance(value, Settings) else value for key, value in own.items()}
+
+    def __repr__(self) -> str:
+        """The values that are not the defaults; a line each where settings are among them."""
+        own = [(field, getattr(self, field.name)) for field in fields(self)]  # type: ignore[arg-type]
+        shown = [(field.name, value) for field, value in own if value != field.default]
+        parts = [f"{name}={value!r}" for name, value in shown]
+        if any(isinstance(value, Settings) for _, value in shown):
+            lines = ",\n".join(parts).replace("\n", "\n    ")
+            return f"{type(self).__name__}(\n    {lines},\n)"
+        return f"{type(self).__name__}({', '.join(parts)})"
+
+
+def _as_typed(kind: Any, value: Any) -> Any:  # noqa: ANN401 - values come as users give them
+    """A value in the type of its field; what does not fit stays as it is, for the kernel to reject."""
+    kinds = (kind, *get_args(kind))
+    section = next((one for one in kinds if isinstance(one, type) and issubclass(one, Settings)), None)
+    if section is not None and isinstance(value, Mapping):
+        return section(**value)
+    if isinstance(value, np.ndarray | list):
+        return tuple(np.asarray(value).tolist())
+    if isinstance(value, np.generic):
+        return value.item()
+    if float in kinds and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    return value
+
+
+_T = TypeVar("_T")
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def _settings(cls: type[_T]) -> type[_T]:
+    return dataclass(frozen=True, kw_only=True, repr=False)(cls)
+
+
+@_settings
+class Environment(Settings):
+    """Latitude (rad), gravity (m/s²) and Earth rate (rad/s), 0 for an Earth at rest."""
+
+    place: ClassVar[str] = "environment"
+    latitude_rad: float
+    gravity_mps2: float
+    earth_rate_radps: float = EARTH_RATE_RADPS
+
+
+@_settings
+class ImuModel(Settings):
+    """Errors of the inertial sensors, 1 sigma per axis: noise, biases at the start, and their random walks."""
+
+    place: ClassVar[str] = "imu"
+    accel_noise_mps_rts: float
+    gyro_noise_rad_rts: float
+    accel_bias_sd_mps2: float
+    gyro_bias_sd_radps: float
+    accel_bias_walk_mps2_rts: float
+    gyro_bias_walk_radps_rts: float
+
+
+@_settings
+class DvlModel(Settings):
+    """Errors of the DVL, 1 sigma: noise of a beam, bias and scale factor at the start, and their random walks."""
+
+    place: ClassVar[str] = "dvl"
+    beam_noise_sd_mps: float
+    beam_bias_sd_mps: float
+    beam_bias_walk_mps_rts: float
+    scale_factor_sd: float
+    scale_factor_walk_rts: float
+
+
+@_settings
+class DvlOutlierModel(Settings):
+    """Outliers among simulated beams: their fraction, and their noise over that of a good reading."""
+
+    place: ClassVar[str] = "dvl_outliers"
+    outlier_fraction: float
+    outlier_factor: float
+
+
+@_settings
+class InitialModel(Settings):
+    """Uncertainty of the state at the start, 1 sigma, (3,) each.
+
+    Position and misalignment in the tangent frame, velocity in the platform frame.
+    """
+
+    place: ClassVar[str] = "initial"
+    position_sd_m: Vector
+    attitude_sd_rad: Vector
+    velocity_sd_mps: Vector
+
+
+@_settings
+class DepthModel(Settings):
+    """Errors of the depth sensor, 1 sigma: noise, and a bias (0 for none) with its correlation time."""
+
+    place: ClassVar[str] = "depth"
+    sd_m: float
+    bias_sd_m: float
+    bias_time_s: float
+
+
+@_settings
+class MagnetometerModel(Settings):
+    """Errors of a magnetometer and tilt sensor, 1 sigma."""
+
+    place: ClassVar[str] = "magnetometer"
+    yaw_sd_rad: float
+    roll_pitch_sd_rad: float
+
+
+@_settings
+class HeadingModel(Settings):
+    """Error of a heading sensor, 1 sigma."""
+
+    place: ClassVar[str] = "heading"
+    sd_rad: float
+
+
+@_settings
+class GpsModel(Settings):
+    """Errors of the GPS receiver, 1 sigma per axis of the tangent frame, (3,) each."""
+
+    place: ClassVar[str] = "gps"
+    position_sd_m: Vector
+    velocity_sd_mps: Vector
+
+
+@_settings
+class AcousticPositionModel(Settings):
+    """Errors of acoustic position fixes (USBL, LBL), 1 sigma per axis, and outliers among simulated ones.
+
+    The noise is that at zero range and that per slant range from the transceiver at `transceiver_t_m` (3,).
+    """
+
+    place: ClassVar[str] = "acoustic_position"
+    sd_m: float
+    sd_per_range: float
+    transceiver_t_m: Vector
+    outlier_fraction: float
+    outlier_factor: float
+
+
+@_settings
+class Model(Settings):
+    """Environment, and errors of all sensors, None where there is none: what `Scenario.kernel_model` returns."""
+
+    place: ClassVar[str] = "model"
+    environment: Environment
+    imu: ImuModel
+    initial: InitialModel
+    dvl: DvlModel
+    depth: DepthModel
+    magnetometer: MagnetometerModel
+    gps: GpsModel
+    dvl_outliers: DvlOutlierModel | None = None
+    heading: HeadingModel | None = None
+    acoustic_position: AcousticPositionModel | None = None
+
+
+_WATER = DEFAULT_OPTIONS["water"]
+
+
+@_settings
+class Water(Settings):
+    """Prior of the motion through the water for the method `sway_current` (docs/methods/sway_current.md), 1 sigma."""
+
+    place: ClassVar[str] = "options.water"
+    current_sd_mps: float = _WATER["current_sd_mps"]
+    current_time_s: float = _WATER["current_time_s"]
+    sway_gain_m: float = _WATER["sway_gain_m"]
+    sway_gain_sd_m: float = _WATER["sway_gain_sd_m"]
+    trim_sd_mps: float = _WATER["trim_sd_mps"]
+    trim_time_s: float = _WATER["trim_time_s"]
+    slip_sd_mps: float = _WATER["slip_sd_mps"]
+    slip_time_s: float = _WATER["slip_time_s"]
+    slip_epochs: float = _WATER["slip_epochs"]
+
+
+_ROBUST = DEFAULT_OPTIONS["robust"]
+
+
+@_settings
+class Robust(Settings):
+    """Treatment of outliers among the beams (docs/robust.md).
+
+    A gate is the probability with which a good ping (closure) or a good beam passes, None for no gate; `tail` is the
+    distribution of the noise of the beams that pass.
+    """
+
+    place: ClassVar[str] = "options.robust"
+    closure_gate: float | None = _ROBUST["closure_gate"]
+    beam_gate: float | None = _ROBUST["beam_gate"]
+    tail: Literal["gaussian", "student_t", "huber"] = _ROBUST["tail"]
+    student_t_degrees: float = _ROBUST["student_t_degrees"]
+    huber_threshold: float = _ROBUST["huber_threshold"]
+
+
+_OPTIONS = DEFAULT_OPTIONS
+
+
+@_settings
+class Options(Settings):
+    """Options of the filters (`Scenario.kernel_options` makes them); docs/event_loop.md explains each.
+
+    `robust` None is no treatment of outliers; a lever arm (3,) is the place of a sensor in the platform frame, m.
+    """
+
+    place: ClassVar[str] = "options"
+    gate: Literal["joint", "per_row", "off"] = _OPTIONS["gate"]
+    gate_probability: float = _OPTIONS["gate_probability"]
+    inflate_after_rejections: int = _OPTIONS["inflate_after_rejections"]
+    covariance_period_ns: int = _OPTIONS["covariance_period_ns"]
+    imu_sampling: Literal["instantaneous", "averaged"] = _OPTIONS["imu_sampling"]
+    estimate_dvl: bool = _OPTIONS["estimate_dvl"]
+    virtual_beam_factor: float = _OPTIONS["virtual_beam_factor"]
+    nullified_sway_var_m2ps2: float = _OPTIONS["nullified_sway_var_m2ps2"]
+    weak_sway_var_m2ps2: float = _OPTIONS["weak_sway_var_m2ps2"]
+    information_port: Literal["axes", "full"] = _OPTIONS["information_port"]
+    speed_sd_mps: float = _OPTIONS["speed_sd_mps"]
+    speed_time_s: float = _OPTIONS["speed_time_s"]
+    depth_lever_p_m: Vector = tuple(_OPTIONS["depth_lever_p_m"])
+    gps_lever_p_m: Vector = tuple(_OPTIONS["gps_lever_p_m"])
+    acoustic_position_lever_p_m: Vector = tuple(_OPTIONS["acoustic_position_lever_p_m"])
+    water: Water = Water()
+    robust: Robust | None = Robust()
+
+
+@_settings
+class InitialState(Settings):
+    """State at the start of a navigator or a replay: what `Navigator.state` returns makes one, too.
+
+    Position (3,), tangent frame; attitude (4,), scalar first, platform to tangent; velocity (3,), platform frame;
+    biases of accelerometers and gyros (3,), of four beams (4,), and the DVL's scale factor.
+    """
+
+    place: ClassVar[str] = "initial_state"
+    time_ns: int
+    position_t_m: Vector
+    attitude_t_p: Vector
+    velocity_p_mps: Vector
+    accel_bias_p_mps2: Vector = (0.0, 0.0, 0.0)
+    gyro_bias_p_radps: Vector = (0.0, 0.0, 0.0)
+    dvl_bias_mps: Vector = (0.0, 0.0, 0.0, 0.0)
+    dvl_scale_factor: float = 0.0

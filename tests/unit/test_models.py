@@ -1,0 +1,178 @@
+"""Settings of the kernel: checked keys and values, and nothing that is given vanishes."""
+
+import copy
+import dataclasses
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bottomlock import kernel, models
+from bottomlock.config.scenario import load_scenario
+from bottomlock.kernel import DEFAULT_OPTIONS, BeamGeometry, KernelError
+from tests.property import settings
+
+JANUS = BeamGeometry.janus(np.deg2rad(20.0))
+MODEL = load_scenario("survey").kernel_model(9.8)
+OPTIONS = load_scenario("survey").kernel_options()
+STATE = models.InitialState(
+    time_ns=0, position_t_m=[0, 0, 0], attitude_t_p=[1, 0, 0, 0], velocity_p_mps=[2, 0, 0]
+)
+SECTIONS = [value for value in vars(MODEL).values() if value is not None]
+ALL = [MODEL, *SECTIONS, OPTIONS, OPTIONS.water, models.Robust(), STATE]
+
+
+def name_of(value: models.Settings) -> str:
+    return type(value).__name__
+
+
+@pytest.mark.parametrize("value", ALL, ids=name_of)
+def test_settings_are_values(value: models.Settings) -> None:
+    """Equal after a round trip by dict, pickle and copy; frozen; and shown as the call that makes them."""
+    assert type(value)(**value.as_dict()) == value
+    assert pickle.loads(pickle.dumps(value)) == value == copy.deepcopy(value)
+    assert hash(value) == hash(copy.copy(value))
+    assert eval(repr(value), vars(models)) == value
+    first = next(iter(value.as_dict()))
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(value, first, None)
+
+
+@pytest.mark.parametrize("value", ALL, ids=name_of)
+def test_an_unknown_key_names_the_nearest(value: models.Settings) -> None:
+    """In Python, and in the kernel where a dict with the same keys comes in."""
+    key = next(iter(value.as_dict()))
+    wrong = key[:1] + key
+    with pytest.raises(KernelError, match=f"{value.place} has no key '{wrong}' .did you mean '{key}'"):
+        value.replace(**{wrong: 1.0})
+    with pytest.raises(KernelError, match=f"{value.place} has no key '{wrong}' .did you mean '{key}'"):
+        kernel.check_settings(value.place, value.as_dict() | {wrong: 1.0})
+
+
+def test_values_are_checked_by_the_kernels_rules() -> None:
+    for make, message in (
+        (lambda: MODEL.imu.replace(gyro_bias_sd_radps=-1.0), "imu.gyro_bias_sd_radps is -1"),
+        (
+            lambda: MODEL.imu.replace(gyro_bias_sd_radps="3"),
+            "imu.gyro_bias_sd_radps is '3', expected a number",
+        ),
+        (lambda: MODEL.imu.replace(gyro_bias_sd_radps=True), "imu.gyro_bias_sd_radps is True"),
+        (lambda: MODEL.initial.replace(position_sd_m=[1.0, 2.0]), r"initial.position_sd_m has shape \(2,\)"),
+        (lambda: MODEL.environment.replace(latitude_rad=32.8), "environment.latitude_rad is 32.8.*radians"),
+        (lambda: MODEL.replace(imu=None), "model"),
+        (lambda: OPTIONS.replace(gate="of"), "options.gate is 'of', expected"),
+        (
+            lambda: OPTIONS.replace(inflate_after_rejections=2.5),
+            "inflate_after_rejections is 2.5, expected a whole",
+        ),
+        (lambda: OPTIONS.replace(gps_lever_p_m=[np.nan, 0.0, 0.0]), "gps_lever_p_m.*not finite"),
+        (lambda: OPTIONS.water.replace(slip_sd_mps=0.0), "water.slip_sd_mps is 0"),
+        (lambda: models.Robust(beam_gate=1.5), "robust.beam_gate is 1.5"),
+        (lambda: STATE.replace(attitude_t_p=[2, 0, 0, 0]), "attitude_t_p has norm 2"),
+        (lambda: STATE.replace(time_ns=1.5), "time_ns is 1.5, expected an integer.*seconds"),
+        (lambda: models.GpsModel(position_sd_m=[1, 1, 1]), "gps lacks the key 'velocity_sd_mps'"),  # type: ignore[call-arg]
+    ):
+        with pytest.raises(KernelError, match=message):
+            make()  # type: ignore[no-untyped-call]
+
+
+def test_defaults_are_the_kernels() -> None:
+    """Stated in the kernel alone, and every option of the kernel is an option here."""
+    assert models.Options(**DEFAULT_OPTIONS) == models.Options()  # type: ignore[arg-type]
+    assert set(models.Options().as_dict()) == set(DEFAULT_OPTIONS)
+    assert repr(models.Options()) == "Options()"
+    assert models.Environment(latitude_rad=0.5, gravity_mps2=9.8).earth_rate_radps == kernel.EARTH_RATE_RADPS
+
+
+def test_arrays_become_tuples_and_numbers_plain() -> None:
+    state = STATE.replace(position_t_m=np.arange(3), time_ns=np.int64(5), dvl_scale_factor=np.float32(0.5))
+    assert state.position_t_m == (0, 1, 2)
+    assert type(state.time_ns) is int
+    assert type(state.dvl_scale_factor) is float
+
+
+def test_a_navigators_state_starts_another() -> None:
+    first = kernel.Navigator(JANUS, MODEL, OPTIONS, STATE)
+    again = kernel.Navigator(JANUS, MODEL, OPTIONS, models.InitialState(**first.state()))
+    assert np.array_equal(first.covariance(), again.covariance())
+    assert first.state()["attitude_t_p"].tolist() == again.state()["attitude_t_p"].tolist()
+
+
+TRUTH = {
+    "time_ns": np.arange(0, 3_000_000_000, 20_000_000),
+    "position_t_m": np.zeros((150, 3)),
+    "attitude_t_p": np.tile([1.0, 0, 0, 0], (150, 1)),
+    "velocity_p_mps": np.zeros((150, 3)),
+    "omega_p_radps": np.zeros((150, 3)),
+    "force_p_mps2": np.tile([0.0, 0, -9.8], (150, 1)),
+}
+LOG = {
+    "imu_time_ns": TRUTH["time_ns"],
+    "force_p_mps2": TRUTH["force_p_mps2"],
+    "omega_p_radps": TRUTH["omega_p_radps"],
+    "dvl_time_ns": np.array([1_000_000_000]),
+    "beam_velocity_mps": np.zeros((1, 4)),
+    "beam_valid": np.ones((1, 4), dtype=bool),
+}
+STARTS = {
+    "time_ns": 0,
+    "position_t_m": np.zeros((1, 3)),
+    "attitude_t_p": np.array([[1.0, 0, 0, 0]]),
+    "velocity_p_mps": np.zeros((1, 3)),
+}
+AIDING = {"beams": np.ones(4, dtype=bool)}
+EPOCHS = {"time_ns": np.array([0, 1_000_000_000]), "beams": np.ones((2, 4), dtype=bool)}
+RUN: dict[str, Any] = {"seed": 1, "trajectory_key": 1, "first_run": 0, "threads": 1}
+
+
+def batch(truth: Any, schedule: Any) -> Any:  # noqa: ANN401 - dicts, wrong ones among them
+    return kernel.run_batch(JANUS, truth, MODEL, MODEL, OPTIONS, schedule, ["tc"], runs=1, **RUN)
+
+
+def replayed(log: Any, start: Any) -> Any:  # noqa: ANN401
+    return kernel.replay_log(
+        JANUS, MODEL, OPTIONS, ["tc"], log, start, sample_time_ns=np.array([2_000_000_000])
+    )
+
+
+def observed(aiding: Any, schedule: Any) -> Any:  # noqa: ANN401
+    truth: Any = TRUTH
+    return kernel.observe(JANUS, truth, MODEL, [aiding], schedule=schedule)
+
+
+def closed_loop(start: Any) -> Any:  # noqa: ANN401
+    return kernel.ClosedLoop(JANUS, MODEL, MODEL, OPTIONS, ["tc"], start, vehicle_per_method=False, **RUN)
+
+
+CALLS = {
+    "truth": (lambda given: batch(given, settings.schedule(2)), TRUTH, "omega_p_radps"),
+    "schedule": (lambda given: batch(TRUTH, given), settings.schedule(2), "gps_time_ns"),
+    "log": (lambda given: replayed(given, STATE), LOG, "beam_valid"),
+    "start": (lambda given: replayed(LOG, given), STATE.as_dict(), "velocity_p_mps"),
+    "start of vehicles": (closed_loop, STARTS, "position_t_m"),
+    "aiding": (lambda given: observed(given, None), AIDING, "heading"),
+    "aiding schedule": (lambda given: observed(AIDING, given), EPOCHS, "depth"),
+    "initial": (lambda given: kernel.Navigator(JANUS, MODEL, OPTIONS, given), STATE.as_dict(), "gyro_bias_p_radps"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_no_key_of_a_dict_vanishes(name: str) -> None:
+    """What is not read is refused by name, with the nearest key that would be."""
+    call, given, key = CALLS[name]
+    call(given)
+    wrong = key.replace("_", "", 1) if "_" in key else key[:2] + key[1:]
+    with pytest.raises(KernelError, match=f"has no key '{wrong}' .did you mean '{key}'"):
+        call(given | {wrong: np.zeros(1)})
+
+
+def test_a_key_in_another_s_place_is_named_with_it() -> None:
+    plain: Any = {key: value for key, value in STATE.as_dict().items() if key != "velocity_p_mps"}
+    with pytest.raises(KernelError, match="initial lacks the key 'velocity_p_mps', 'velocity_mps' is given"):
+        kernel.Navigator(JANUS, MODEL, OPTIONS, plain | {"velocity_mps": [0.0, 0.0, 0.0]})
+
+
+def test_what_is_no_mapping_is_refused() -> None:
+    with pytest.raises(KernelError, match="options is of type str, expected a dict"):
+        kernel.Navigator(JANUS, MODEL, "tc", STATE)  # type: ignore[arg-type]
