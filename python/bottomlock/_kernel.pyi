@@ -3,6 +3,7 @@
 SI units, radians, int64 nanoseconds; tangent NED, platform FRD, quaternions scalar first.
 """
 
+from threading import Event
 from typing import Any, Final, Literal, NotRequired, TypedDict, final, type_check_only
 
 import numpy as np
@@ -19,7 +20,6 @@ __all__ = [
     "STATES",
     "BeamGeometry",
     "ClosedLoop",
-    "KernelError",
     "Navigator",
     "__version__",
     "covariance_history",
@@ -40,9 +40,6 @@ METHODS: Final[tuple[str, ...]]
 SENSORS: Final[tuple[str, ...]]
 FIX_STATUS: Final[tuple[str, ...]]
 SELECTOR_METHODS: Final[tuple[str, ...]]
-
-class KernelError(ValueError):
-    """Bad input to the kernel, in one line that names the field, row or time and what was expected."""
 
 @type_check_only
 class EnvironmentDict(TypedDict):
@@ -433,6 +430,11 @@ class BeamGeometry:
         beam_bias_mps: ArrayLike | None = None,
         scale_factor: float = 0.0,
     ) -> NDArray[np.float64]: ...
+    def save(self) -> bytes: ...
+    @classmethod
+    def load(cls, data: bytes) -> BeamGeometry: ...
+    def __copy__(self) -> BeamGeometry: ...
+    def __deepcopy__(self, _memo: dict[int, Any]) -> BeamGeometry: ...
 
 @final
 class Navigator:
@@ -484,6 +486,11 @@ class Navigator:
     def state(self) -> StateDict: ...
     def covariance(self) -> NDArray[np.float64]: ...
     def water(self) -> WaterStateDict | None: ...
+    def save(self) -> bytes: ...
+    @classmethod
+    def load(cls, data: bytes) -> Navigator: ...
+    def __copy__(self) -> Navigator: ...
+    def __deepcopy__(self, _memo: dict[int, Any]) -> Navigator: ...
 
 @final
 class ClosedLoop:
@@ -561,6 +568,7 @@ def run_batch(
     first_run: int,
     runs: int,
     threads: int,
+    stop: Event | None = None,
 ) -> BatchDict: ...
 def error_model(
     model: ModelDict,

@@ -37,7 +37,6 @@ from bottomlock._kernel import (
     STATES,
     BeamGeometry,
     ClosedLoop,
-    KernelError,
     Navigator,
     covariance_history,
     error_model,
@@ -47,6 +46,7 @@ from bottomlock._kernel import (
     run_batch,
     simulate_sensors,
 )
+from bottomlock.errors import KernelError
 
 if TYPE_CHECKING:
     import polars as pl

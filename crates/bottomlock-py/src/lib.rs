@@ -5,9 +5,11 @@ use pyo3::prelude::*;
 mod arrays;
 mod batch;
 mod batch_arrays;
+mod calls;
 mod closed_loop;
 mod dvl;
 mod errors;
+mod memory;
 mod navigator;
 mod observability;
 mod replay;
@@ -26,8 +28,6 @@ mod _kernel {
     use super::closed_loop::ClosedLoop;
     #[pymodule_export]
     use super::dvl::BeamGeometry;
-    #[pymodule_export]
-    use super::errors::KernelError;
     #[pymodule_export]
     use super::navigator::Navigator;
     #[pymodule_export]

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NoReturn
 
 from rich.console import Console
 
+from bottomlock.errors import EXIT_INTERRUPTED
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -14,7 +16,6 @@ EXIT_DEPARTURE = 1
 """The numbers were computed, and differ from the expected verdicts."""
 
 EXIT_USAGE = 2
-EXIT_INTERRUPTED = 130
 
 console = Console(stderr=False)
 errors = Console(stderr=True, soft_wrap=True, highlight=False)

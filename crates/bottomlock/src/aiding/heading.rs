@@ -9,7 +9,7 @@ use crate::layout::ATTITUDE;
 use crate::state::NavState;
 
 /// A yaw reading alone.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct HeadingSample {
     /// Time of validity, ns.
     pub time_ns: i64,
