@@ -15,7 +15,14 @@ if TYPE_CHECKING:
     from bottomlock.campaign.partition import Shard
     from bottomlock.campaign.run import run_campaign, run_shard
     from bottomlock.config.scenario import Scenario, load_scenario, packaged_scenarios
-    from bottomlock.errors import BottomlockError, DataError, EngineError, OutputError, ScenarioError
+    from bottomlock.errors import (
+        BottomlockError,
+        DataError,
+        EngineError,
+        KernelError,
+        OutputError,
+        ScenarioError,
+    )
     from bottomlock.io.beam_table import read_beam_table
     from bottomlock.io.beams import read_beams, read_geometry
     from bottomlock.io.formats import read_recording
@@ -23,7 +30,6 @@ if TYPE_CHECKING:
         FIX_METHODS,
         METHODS,
         BeamGeometry,
-        KernelError,
         Navigator,
         VelocityFixes,
         normal_gravity_mps2,
@@ -122,7 +128,7 @@ _LAZY = {
     "ImuModel": "bottomlock.models",
     "InitialModel": "bottomlock.models",
     "InitialState": "bottomlock.models",
-    "KernelError": "bottomlock.kernel",
+    "KernelError": "bottomlock.errors",
     "METHODS": "bottomlock.kernel",
     "HeadingModel": "bottomlock.models",
     "MagnetometerModel": "bottomlock.models",

@@ -1,6 +1,20 @@
 """`python -m bottomlock` is the command `bottomlock`."""
 
-from bottomlock.cli.app import main
+import sys
+
+from bottomlock.errors import EXIT_INTERRUPTED
+
+
+def main() -> None:
+    """Runs the command; Ctrl-C ends it with one line and exit code 130, also while its modules are imported."""
+    try:
+        from bottomlock.cli.app import main as run  # noqa: PLC0415 - the import takes long enough to be interrupted
+
+        run()
+    except KeyboardInterrupt:
+        sys.stderr.write("bottomlock: interrupted\n")
+        sys.exit(EXIT_INTERRUPTED)
+
 
 if __name__ == "__main__":
     main()

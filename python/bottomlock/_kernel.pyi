@@ -6,6 +6,7 @@ Settings are objects of `bottomlock.models`; dicts with the same keys are taken,
 given must be one that is read: an unknown one is an error that names the nearest.
 """
 
+from threading import Event
 from typing import Any, Final, Literal, NotRequired, TypedDict, final, type_check_only
 
 import numpy as np
@@ -25,7 +26,6 @@ __all__ = [
     "STATES",
     "BeamGeometry",
     "ClosedLoop",
-    "KernelError",
     "Navigator",
     "__version__",
     "check_settings",
@@ -47,9 +47,6 @@ METHODS: Final[tuple[Method, ...]]
 SENSORS: Final[tuple[str, ...]]
 FIX_STATUS: Final[tuple[str, ...]]
 SELECTOR_METHODS: Final[tuple[str, ...]]
-
-class KernelError(ValueError):
-    """Bad input to the kernel, in one line that names the field, row or time and what was expected."""
 
 @type_check_only
 class WaterDict(TypedDict):
@@ -345,6 +342,11 @@ class BeamGeometry:
         beam_bias_mps: ArrayLike | None = None,
         scale_factor: float = 0.0,
     ) -> NDArray[np.float64]: ...
+    def save(self) -> bytes: ...
+    @classmethod
+    def load(cls, data: bytes) -> BeamGeometry: ...
+    def __copy__(self) -> BeamGeometry: ...
+    def __deepcopy__(self, _memo: dict[int, Any]) -> BeamGeometry: ...
 
 @final
 class Navigator:
@@ -396,6 +398,11 @@ class Navigator:
     def state(self) -> StateDict: ...
     def covariance(self) -> NDArray[np.float64]: ...
     def water(self) -> WaterStateDict | None: ...
+    def save(self) -> bytes: ...
+    @classmethod
+    def load(cls, data: bytes) -> Navigator: ...
+    def __copy__(self) -> Navigator: ...
+    def __deepcopy__(self, _memo: dict[int, Any]) -> Navigator: ...
 
 @final
 class ClosedLoop:
@@ -474,6 +481,7 @@ def run_batch(
     first_run: int,
     runs: int,
     threads: int,
+    stop: Event | None = None,
 ) -> BatchDict: ...
 def check_settings(place: str, values: dict[str, Any]) -> None: ...
 def error_model(

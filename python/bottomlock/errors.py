@@ -2,6 +2,9 @@
 
 import warnings
 
+EXIT_INTERRUPTED = 130
+"""Exit code of a command that Ctrl-C has ended."""
+
 
 class BottomlockError(Exception):
     """Base of every error that the package raises on input."""
@@ -11,6 +14,10 @@ class BottomlockError(Exception):
 
 class ScenarioError(BottomlockError):
     """A scenario or geometry that is not valid."""
+
+
+class KernelError(BottomlockError, ValueError):
+    """Bad input to the kernel, in one line that names the field, row or time and what was expected."""
 
 
 class DataError(BottomlockError):

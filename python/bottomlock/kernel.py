@@ -42,7 +42,6 @@ from bottomlock._kernel import (
     STATES,
     BeamGeometry,
     ClosedLoop,
-    KernelError,
     Navigator,
     check_settings,
     covariance_history,
@@ -53,6 +52,7 @@ from bottomlock._kernel import (
     run_batch,
     simulate_sensors,
 )
+from bottomlock.errors import KernelError
 
 if TYPE_CHECKING:
     import polars as pl

@@ -17,8 +17,9 @@ use numpy::Element;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, from_rows, vector};
-use crate::batch_arrays::{BatchArrays, RecordSlices};
+use crate::arrays::{array, from_rows, item, vector};
+use crate::batch_arrays::{BatchArrays, RecordSlices, batch_bytes};
+use crate::calls::{detached, interruptible};
 use crate::dvl::BeamGeometry;
 use crate::errors::raise;
 use crate::settings;
@@ -62,13 +63,11 @@ pub fn simulate_sensors<'py>(
         trajectory: trajectory_key,
         run,
     };
-    let streams = py
-        .detach(|| {
-            truth.validate()?;
-            model.validate()?;
-            sensor_streams::simulate(&truth, &geometry.inner, &model, &model, &schedule.of(0), &options, &key)
-        })
-        .map_err(raise)?;
+    let streams = detached(py, || {
+        truth.validate()?;
+        model.validate()?;
+        sensor_streams::simulate(&truth, &geometry.inner, &model, &model, &schedule.of(0), &options, &key)
+    })?;
 
     let out = PyDict::new(py);
     let initial = PyDict::new(py);
@@ -190,11 +189,12 @@ pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> P
 /// - choice (runs, methods, pings, 3): for methods that select, the codes of `SOURCES` for surge, sway and heave, or
 ///   the codes of `SELECTOR_METHODS` and `SELECTION_REASONS`; 255 elsewhere.
 ///
-/// The GIL is released meanwhile; the arrays of the truth must not be written to. Raises KernelError, which names the
-/// field, or the run and the method.
+/// The GIL is released meanwhile; the arrays of the truth must not be written to. A signal (Ctrl-C) ends the batch within
+/// some tenths of a second, and so does `stop`, a `threading.Event` that another thread sets. Raises KernelError, which names
+/// the field, or the run and the method, also for results that do not fit into memory.
 #[pyfunction]
 #[pyo3(signature = (geometry, truth, simulated, assumed, options, schedule, methods, *, seed, trajectory_key, first_run, runs,
-    threads))]
+    threads, stop=None))]
 pub fn run_batch<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
@@ -209,15 +209,20 @@ pub fn run_batch<'py>(
     first_run: u64,
     runs: usize,
     threads: usize,
+    stop: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let truths = Truths::new(truth)?;
     let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
     let options = settings::options(options)?;
-    let schedule = crate::schedule::schedule(schedule, geometry.inner.beams(), runs)?;
     let methods = methods
         .iter()
         .map(|name| Method::named(name).map_err(raise))
         .collect::<PyResult<Vec<_>>>()?;
+    let samples = item(schedule, "schedule", "sample_time_ns")?.len()?;
+    crate::memory::require(batch_bytes(runs, methods.len(), samples), || {
+        format!("{runs} runs of {} methods with {samples} samples", methods.len())
+    })?;
+    let schedule = crate::schedule::schedule(schedule, geometry.inner.beams(), runs)?;
     let schedules: Vec<Schedule<'_>> = (0..runs).map(|run| schedule.of(run)).collect();
     let batch = Batch {
         truth: truths.of(0)?,
@@ -241,8 +246,9 @@ pub fn run_batch<'py>(
             .zip(&records)
             .for_each(|(slices, record)| slices.store(record));
     };
-    py.detach(|| run_batch_into(&batch, threads, &mut slices, store))
-        .map_err(raise)?;
+    interruptible(py, stop, |stop| {
+        run_batch_into(&batch, threads, stop, &mut slices, store)
+    })?;
     results.into_dict(py)
 }
 

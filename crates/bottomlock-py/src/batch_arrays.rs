@@ -1,12 +1,15 @@
 //! Result arrays of a batch, filled while the runs are computed.
 
+use bottomlock::aiding::registry::SENSORS;
 use bottomlock::filter::report::Choice;
 use bottomlock::simulation::monte_carlo_run::{BiasRecord, MethodRecord};
+use bottomlock::simulation::schedule::Schedule;
 use numpy::PyArrayMethods;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::array;
+use crate::memory::product;
 use crate::velocity::source_code;
 
 /// Code for a method that does not select.
@@ -91,6 +94,18 @@ fn put_column(column: &mut [f64], rows: &[[f64; ERRORS]], k: usize) {
 fn columns(numbers: &mut [f64]) -> [&mut [f64]; ERRORS] {
     let (each, mut rest) = (numbers.len() / ERRORS, numbers);
     std::array::from_fn(|_| rest.split_off_mut(..each).unwrap_or_default())
+}
+
+/// Memory of a batch, bytes: its arrays, its records, and what goes with each run.
+pub fn batch_bytes(runs: usize, methods: usize, samples: usize) -> u128 {
+    const NUMBER: usize = size_of::<f64>();
+    // Of the arrays and of the records: errors, their standard deviations and two NEES a sample.
+    let of_samples = product(&[runs, methods, samples, 2 * (2 * ERRORS + 2), NUMBER]);
+    let of_method = (4 + 2 * BIASES) * NUMBER + size_of::<Vec<[u8; 3]>>() + size_of::<RecordSlices<'_>>();
+    let of_run = size_of::<Vec<RecordSlices<'_>>>() + size_of::<Schedule<'_>>() + 2 * SENSORS * size_of::<Vec<i64>>();
+    of_samples
+        .saturating_add(product(&[runs, methods, of_method]))
+        .saturating_add(product(&[runs, of_run]))
 }
 
 impl BatchArrays {

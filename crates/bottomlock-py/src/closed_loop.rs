@@ -10,6 +10,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{array, from_rows, rows};
 use crate::batch_arrays::BatchArrays;
+use crate::calls::interruptible;
 use crate::dvl::BeamGeometry;
 use crate::errors::{invalid, raise};
 use crate::keys::read;
@@ -33,7 +34,7 @@ use crate::truth::Truths;
 ///     threads: number of threads, 0 for one per core; the results do not depend on it, bit for bit.
 ///
 /// Raises:
-///     KernelError: for a wrong shape or an invalid number, naming the field.
+///     KernelError: for a wrong shape, an invalid number or no method, naming the field.
 #[pyclass(module = "bottomlock._kernel")]
 pub struct ClosedLoop {
     inner: core::ClosedLoop,
@@ -68,6 +69,9 @@ impl ClosedLoop {
             .iter()
             .map(|name| Method::named(name).map_err(raise))
             .collect::<PyResult<Vec<_>>>()?;
+        if methods.is_empty() {
+            return Err(invalid("methods is empty, expected at least one"));
+        }
         let starts = true_starts(start)?;
         let common = ClosedLoopSetup {
             geometry: &geometry.inner,
@@ -82,18 +86,22 @@ impl ClosedLoop {
         } else {
             vec![&methods]
         };
-        if vehicle_methods.is_empty() || starts.len() % vehicle_methods.len() != 0 {
+        if starts.len() % vehicle_methods.len() != 0 {
             let (vehicles, vehicle_methods) = (starts.len(), vehicle_methods.len());
             return Err(invalid(format!(
                 "start has {vehicles} rows, expected a multiple of {vehicle_methods} methods"
             )));
         }
-        let vehicle = |(k, &start): (usize, &NavState)| VehicleStart {
-            run: first_run + (k / vehicle_methods.len()) as u64,
-            start,
-            methods: vehicle_methods[k % vehicle_methods.len()],
+        let vehicle = |(k, &start): (usize, &NavState)| {
+            let run = first_run.checked_add((k / vehicle_methods.len()) as u64);
+            Ok(VehicleStart {
+                run: run
+                    .ok_or_else(|| invalid(format!("first_run is {first_run}, expected room for the runs after it")))?,
+                start,
+                methods: vehicle_methods[k % vehicle_methods.len()],
+            })
         };
-        let departures: Vec<_> = starts.iter().enumerate().map(vehicle).collect();
+        let departures: Vec<_> = starts.iter().enumerate().map(vehicle).collect::<PyResult<_>>()?;
         Ok(Self {
             inner: core::ClosedLoop::new(&common, &departures, threads).map_err(raise)?,
             beams: geometry.inner.beams(),
@@ -109,7 +117,9 @@ impl ClosedLoop {
     ///
     /// `schedule` is that of `run_batch`, with the epochs after the first sample (in the first call: at or after it);
     /// beam_valid, depth_offset_m, yaw_offset_rad and gps_received may have a leading axis of vehicles. Raises
-    /// KernelError, which names run and method.
+    /// KernelError for a truth that does not continue the last one, samples outside it, and other bad input: the loop is then
+    /// as before. After an error during a run, named with its method, and after a signal (Ctrl-C), the loop has failed, and
+    /// every later call says so.
     fn advance(&mut self, py: Python<'_>, truth: &Bound<'_, PyAny>, schedule: &Bound<'_, PyAny>) -> PyResult<()> {
         let truths = Truths::of_runs(truth, self.vehicles)?;
         let schedule = crate::schedule::schedule(schedule, self.beams, self.vehicles)?;
@@ -122,8 +132,9 @@ impl ClosedLoop {
             })
             .collect::<PyResult<_>>()?;
         let inner = &mut self.inner;
-        py.detach(|| inner.advance(&segments, &schedule.sample_time_ns))
-            .map_err(raise)?;
+        interruptible(py, None, |stop| {
+            inner.advance(&segments, &schedule.sample_time_ns, stop)
+        })?;
         self.samples += schedule.sample_time_ns.len();
         Ok(())
     }
@@ -140,6 +151,7 @@ impl ClosedLoop {
                 self.methods_per_vehicle
             )));
         }
+        self.inner.check().map_err(raise)?;
         let states = self.inner.estimates(method);
         let out = PyDict::new(py);
         let threes = |of: fn(&NavState) -> [f64; 3]| from_rows(py, &states.iter().map(of).collect::<Vec<_>>());
@@ -152,6 +164,7 @@ impl ClosedLoop {
 
     /// Results so far, as `run_batch` returns them.
     fn results<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.inner.check().map_err(raise)?;
         let records = self.inner.records();
         let runs = self.vehicles * self.methods_per_vehicle / self.methods;
         let mut results = BatchArrays::new(runs, self.methods, self.samples);

@@ -8,6 +8,7 @@ use bottomlock::frames::{Rot, Vec3};
 use nalgebra::Vector3;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyType};
 
 use crate::arrays::{array, floats, from_rows, rows, vector};
 use crate::errors::{invalid, raise};
@@ -188,6 +189,32 @@ impl BeamGeometry {
             }
         }
         array(py, out, &[velocities.len(), beams])
+    }
+
+    /// The geometry as bytes, with a format number and a digest.
+    fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &self.inner.to_bytes().map_err(raise)?))
+    }
+
+    /// The geometry of the bytes that `save` returned, bit for bit.
+    ///
+    /// Raises KernelError for bytes that are damaged, cut short, no geometry, or saved by another version.
+    #[classmethod]
+    fn load(_cls: &Bound<'_, PyType>, data: &[u8]) -> PyResult<Self> {
+        let inner = core::BeamGeometry::from_bytes(data).map_err(raise)?;
+        Ok(Self { inner })
+    }
+
+    fn __copy__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        Ok((slf.get_type().getattr("load")?, (slf.get().save(slf.py())?,)))
     }
 
     fn __repr__(&self) -> String {

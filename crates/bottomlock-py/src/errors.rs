@@ -1,15 +1,10 @@
 //! The exception for invalid input and numerical failure.
 
 use bottomlock::NavError;
-use pyo3::exceptions::PyValueError;
-use pyo3::{PyErr, create_exception};
+use pyo3::{PyErr, import_exception};
 
-create_exception!(
-    _kernel,
-    KernelError,
-    PyValueError,
-    "Bad input to the kernel, in one line that names the field, row or time and what was expected."
-);
+// The class is written in Python, among the other exceptions of the package; it is imported with the first error.
+import_exception!(bottomlock.errors, KernelError);
 
 /// The Python exception of a kernel error, with the messages of its sources.
 pub fn raise(error: NavError) -> PyErr {

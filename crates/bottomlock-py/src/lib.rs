@@ -6,11 +6,13 @@ mod arrays;
 mod batch;
 mod batch_arrays;
 mod beam_arrays;
+mod calls;
 mod check;
 mod closed_loop;
 mod dvl;
 mod errors;
 mod keys;
+mod memory;
 mod navigator;
 mod observability;
 mod replay;
@@ -32,8 +34,6 @@ mod _kernel {
     use super::closed_loop::ClosedLoop;
     #[pymodule_export]
     use super::dvl::BeamGeometry;
-    #[pymodule_export]
-    use super::errors::KernelError;
     #[pymodule_export]
     use super::navigator::Navigator;
     #[pymodule_export]

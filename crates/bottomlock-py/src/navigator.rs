@@ -1,5 +1,7 @@
 //! The streaming navigator.
 
+use std::sync::Mutex;
+
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::aiding::water;
@@ -9,21 +11,22 @@ use bottomlock::frames::{Rot, Vec3};
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::navigator::Method;
-use bottomlock::navigator::NavigatorSet;
 use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES, VelocitySample,
 };
 use bottomlock::navigator::first_readings::FirstReadings;
+use bottomlock::navigator::{NavigatorSet, Snapshot};
 use nalgebra::Matrix3;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyBytes, PyDict, PyList, PyType};
 
 use crate::arrays::{array, floats, rows, times, vector};
 use crate::batch::put_state;
 use crate::beam_arrays::BeamArrays;
+use crate::calls::detached;
 use crate::dvl::BeamGeometry;
-use crate::errors::raise;
+use crate::errors::{invalid, raise};
 use crate::report::report_dict;
 use crate::settings;
 use crate::state::state;
@@ -47,9 +50,13 @@ use crate::state::state;
 /// Raises:
 ///     KernelError: for numbers that are not finite, wrong shapes, and time that does not increase within a stream or lies
 ///         before the filter's; the sample is then not taken.
-#[pyclass(module = "bottomlock._kernel")]
+///
+/// A navigator may be used by several threads: a lock inside takes their calls one after another, each whole. The order of
+/// samples is then that of the calls, so one thread should push. `save` and `load`, `copy` and `pickle` keep the whole state: the
+/// restored navigator goes on bit for bit.
+#[pyclass(frozen, module = "bottomlock._kernel")]
 pub struct Navigator {
-    inner: NavigatorSet,
+    inner: Mutex<NavigatorSet>,
     sensors: SensorModels,
     beams: usize,
     first: FirstReadings,
@@ -74,12 +81,10 @@ impl Navigator {
         if let Some(covariance) = crate::state::covariance(covariance)? {
             inner.set_covariance(&covariance).map_err(raise)?;
         }
-        Ok(Self {
-            inner,
+        Ok(Self::of(Snapshot {
+            navigators: inner,
             sensors: model.sensors,
-            beams: geometry.inner.beams(),
-            first: FirstReadings::default(),
-        })
+        }))
     }
 
     /// An inertial reading: angular rate relative to inertial space and specific force in the platform frame, (3,) each, rad/s and
@@ -89,7 +94,7 @@ impl Navigator {
     /// after the first second for a mean specific force far from gravity: in g, or swapped with the rate.
     #[pyo3(signature = (time_ns, *, omega_p_radps, force_p_mps2))]
     fn push_imu<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         time_ns: i64,
         omega_p_radps: &Bound<'py, PyAny>,
@@ -106,7 +111,7 @@ impl Navigator {
     /// Many inertial readings: time_ns (n,) int64, omega_p_radps (n, 3), force_p_mps2 (n, 3).
     #[pyo3(signature = (time_ns, *, omega_p_radps, force_p_mps2))]
     fn push_imu_block<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         time_ns: &Bound<'py, PyAny>,
         omega_p_radps: &Bound<'py, PyAny>,
@@ -133,7 +138,7 @@ impl Navigator {
     /// is not valid.
     #[pyo3(signature = (time_ns, velocity_mps, valid, *, sd_mps))]
     fn push_beams<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         time_ns: i64,
         velocity_mps: &Bound<'py, PyAny>,
@@ -162,7 +167,7 @@ impl Navigator {
     /// A velocity solved by the instrument: (3,) in the platform frame, with its (3, 3) covariance.
     #[pyo3(signature = (time_ns, velocity_p_mps, *, cov_m2ps2))]
     fn push_velocity<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         time_ns: i64,
         velocity_p_mps: &Bound<'py, PyAny>,
@@ -179,20 +184,14 @@ impl Navigator {
 
     /// A depth below the tangent plane's origin, m.
     #[pyo3(signature = (time_ns, depth_m, *, sd_m))]
-    fn push_depth<'py>(
-        &mut self,
-        py: Python<'py>,
-        time_ns: i64,
-        depth_m: f64,
-        sd_m: f64,
-    ) -> PyResult<Bound<'py, PyList>> {
+    fn push_depth<'py>(&self, py: Python<'py>, time_ns: i64, depth_m: f64, sd_m: f64) -> PyResult<Bound<'py, PyList>> {
         self.push(py, &[Event::from(DepthSample { time_ns, depth_m, sd_m })])
     }
 
     /// An attitude (4,), scalar first, with the standard deviations of its Euler angles.
     #[pyo3(signature = (time_ns, attitude_t_p, *, roll_pitch_sd_rad, yaw_sd_rad))]
     fn push_attitude<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         time_ns: i64,
         attitude_t_p: &Bound<'py, PyAny>,
@@ -214,7 +213,7 @@ impl Navigator {
     /// A yaw angle alone, rad.
     #[pyo3(signature = (time_ns, yaw_rad, *, sd_rad))]
     fn push_heading<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         time_ns: i64,
         yaw_rad: f64,
@@ -231,7 +230,7 @@ impl Navigator {
     /// A GPS position and velocity in the tangent frame, each (3,), with standard deviations (3,).
     #[pyo3(signature = (time_ns, position_t_m, velocity_t_mps, *, position_sd_m, velocity_sd_mps))]
     fn push_gps<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         time_ns: i64,
         position_t_m: &Bound<'py, PyAny>,
@@ -254,7 +253,7 @@ impl Navigator {
     /// A position alone of the GPS antenna in the tangent frame (3,), with its standard deviations (3,).
     #[pyo3(signature = (time_ns, position_t_m, *, position_sd_m))]
     fn push_position<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         time_ns: i64,
         position_t_m: &Bound<'py, PyAny>,
@@ -273,7 +272,7 @@ impl Navigator {
     /// them, with those of the model at the fix's slant range from the transceiver.
     #[pyo3(signature = (*, time_ns, position_t_m, sd_m=None))]
     fn push_acoustic_position<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         time_ns: i64,
         position_t_m: &Bound<'py, PyAny>,
@@ -285,14 +284,42 @@ impl Navigator {
         self.push(py, &[Event::from(sample)])
     }
 
+    /// The whole navigator as bytes, with a format number and a digest: filters, measurements that wait, counts of late samples.
+    fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let bytes = self.snapshot(py)?.to_bytes().map_err(raise)?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    /// The navigator of the bytes that `save` returned; it goes on as the saved one does, bit for bit.
+    ///
+    /// Raises KernelError for bytes that are damaged, cut short, no navigator, or saved by another version.
+    #[classmethod]
+    fn load(_cls: &Bound<'_, PyType>, data: &[u8]) -> PyResult<Self> {
+        Snapshot::from_bytes(data).map(Self::of).map_err(raise)
+    }
+
+    /// A copy that goes its own way; some microseconds.
+    fn __copy__(&self, py: Python<'_>) -> PyResult<Self> {
+        self.snapshot(py).map(Self::of)
+    }
+
+    fn __deepcopy__(&self, py: Python<'_>, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
+        self.__copy__(py)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        Ok((slf.get_type().getattr("load")?, (slf.get().save(slf.py())?,)))
+    }
+
     /// Number of samples of each stream that arrived too late and were not used.
     ///
     /// A sample is late if its time of validity lies before the last IMU sample, or is not after the previous sample of its own
     /// stream. With a sensor of some latency, hold the IMU samples back by as much; replay a log in order of validity.
     fn late_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
-        let counts = STREAM_NAMES.iter().zip(self.inner.late_events());
-        counts
+        let counts = self.with(py, |inner| *inner.late_events())?;
+        let named = STREAM_NAMES.iter().zip(counts);
+        named
             .into_iter()
             .try_for_each(|(name, count)| out.set_item(name, count))?;
         Ok(out)
@@ -301,13 +328,14 @@ impl Navigator {
     /// The estimate at the time of the last IMU sample.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
-        put_state(py, &out, &self.inner.state())?;
+        put_state(py, &out, &self.with(py, |inner| inner.state())?)?;
         Ok(out)
     }
 
     /// The (20, 20) covariance at that time; the call changes nothing.
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        array(py, self.inner.covariance().as_slice().to_vec(), &[DIM, DIM])
+        let covariance = self.with(py, |inner| inner.covariance())?;
+        array(py, covariance.as_slice().to_vec(), &[DIM, DIM])
     }
 
     /// Estimate of the motion through the water by the method "sway_current" after the last update; None with other methods.
@@ -316,7 +344,7 @@ impl Navigator {
     /// deviations; the number of restarts of the assumptions; and the (6, 6) covariance of current north, current east, gain,
     /// trim, sway slip, heave slip.
     fn water<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(block) = self.inner.water() else {
+        let Some(block) = self.with(py, |inner| inner.water().cloned())? else {
             return Ok(None);
         };
         let (estimate, slip_sd_mps) = (block.estimate(), block.variance().map(f64::sqrt));
@@ -337,17 +365,37 @@ impl Navigator {
 }
 
 impl Navigator {
-    fn push<'py>(&mut self, py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyList>> {
-        let (inner, first) = (&mut self.inner, &mut self.first);
-        let mut reports = Vec::new();
-        py.detach(|| {
-            events.iter().try_for_each(|event| {
-                let next = first.with(event)?;
-                inner.push(event, &mut |report| reports.push(*report))?;
-                *first = next;
-                Ok(())
-            })
+    fn of(snapshot: Snapshot) -> Self {
+        Self {
+            beams: snapshot.navigators.selected().geometry().beams(),
+            inner: Mutex::new(snapshot.navigators),
+            sensors: snapshot.sensors,
+        }
+    }
+
+    /// Calls the navigators, when no other thread does.
+    ///
+    /// The lock is taken and released without the GIL, so that a thread that waits for it keeps no other from running.
+    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut NavigatorSet) -> T + Send) -> PyResult<T> {
+        detached(py, || Ok(self.inner.lock().map(|mut inner| work(&mut inner)).ok()))?.ok_or_else(|| {
+            invalid("this navigator has met an internal error before: start a new one, or load a saved one")
         })
+    }
+
+    fn snapshot(&self, py: Python<'_>) -> PyResult<Snapshot> {
+        Ok(Snapshot {
+            navigators: self.with(py, |inner| inner.clone())?,
+            sensors: self.sensors,
+        })
+    }
+
+    fn push<'py>(&self, py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyList>> {
+        let mut reports = Vec::new();
+        self.with(py, |inner| {
+            events
+                .iter()
+                .try_for_each(|event| inner.push(event, &mut |report| reports.push(*report)))
+        })?
         .map_err(raise)?;
         PyList::new(
             py,

@@ -1,6 +1,7 @@
 //! Observability of a window, and covariance analysis along a truth.
 
 use bottomlock::aiding::registry::{Sensor, reports};
+use bottomlock::layout::DIM;
 use bottomlock::observability::history;
 use bottomlock::observability::history::History;
 use bottomlock::observability::paper;
@@ -8,15 +9,18 @@ use bottomlock::observability::paper::{Sensors, Sign};
 use bottomlock::observability::rank;
 use bottomlock::observability::rank::{Observability, WindowRank};
 use bottomlock::observability::{Aiding, Epochs, System, full};
+use bottomlock::simulation::truth::Truth;
 use nalgebra::DMatrix;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use crate::arrays::{array, booleans, floats, times};
+use crate::calls::interruptible;
 use crate::dvl::BeamGeometry;
-use crate::errors::{invalid, raise};
+use crate::errors::invalid;
 use crate::keys::{Keys, read};
+use crate::memory::product;
 use crate::settings;
 use crate::truth::Truths;
 
@@ -99,6 +103,21 @@ fn schedule(given: Option<&Bound<'_, PyAny>>, beams: usize, kind: &Kind) -> PyRe
         .transpose()
 }
 
+/// Checks that the transition matrices of all epochs fit into memory.
+fn require_memory(truth: &Truth<'_>, sets: usize, epochs: Epochs<'_>) -> PyResult<()> {
+    let count = match epochs {
+        Epochs::Every(period_ns) => match (truth.time_ns.first(), truth.time_ns.last()) {
+            (Some(first), Some(last)) => (last.abs_diff(*first) / period_ns.unsigned_abs().max(1)) as usize,
+            _ => 0,
+        },
+        Epochs::Scheduled(scheduled) => scheduled.len(),
+    };
+    // There are no more epochs than samples; each has a transition matrix, and one from half as many samples.
+    let count = count.min(truth.time_ns.len());
+    let bytes = product(&[sets, count, 2 * DIM * DIM * size_of::<f64>()]);
+    crate::memory::require(bytes, || format!("{sets} aiding sets with {count} epochs"))
+}
+
 /// The sensors of the 2015 model, which has a DVL and a depth sensor only.
 fn paper_sensors(aiding: &Aiding, sign: Sign) -> PyResult<Sensors> {
     let (velocity, depth) = (
@@ -175,31 +194,31 @@ pub fn observe<'py>(
             .collect::<PyResult<Vec<_>>>()?,
         Kind::Filter { .. } => Vec::new(),
     };
-    let analysed = py
-        .detach(|| {
-            let systems = match kind {
-                Kind::Filter { estimate_dvl } => {
-                    full::systems(&truth, &geometry.inner, &model, &sets, estimate_dvl, epochs)?
-                }
-                Kind::Paper(_) => sensors
-                    .iter()
-                    .map(|set| paper::system(&truth, &model, set, period_ns))
-                    .collect::<Result<Vec<_>, _>>()?,
-            };
-            systems
-                .into_iter()
-                .map(|system| {
-                    let whole = rank::observe(&system, system.epochs.len(), scale.as_deref())?;
-                    let parts = if per_epoch {
-                        rank::growing_windows(&system, scale.as_deref())?
-                    } else {
-                        Vec::new()
-                    };
-                    Ok((system, whole, parts))
-                })
-                .collect::<Result<Vec<_>, _>>()
-        })
-        .map_err(raise)?;
+    require_memory(&truth, sets.len(), epochs)?;
+    let analysed = interruptible(py, None, |stop| {
+        let systems = match kind {
+            Kind::Filter { estimate_dvl } => {
+                full::systems(&truth, &geometry.inner, &model, &sets, estimate_dvl, epochs)?
+            }
+            Kind::Paper(_) => sensors
+                .iter()
+                .map(|set| paper::system(&truth, &model, set, period_ns))
+                .collect::<Result<Vec<_>, _>>()?,
+        };
+        systems
+            .into_iter()
+            .map(|system| {
+                stop.check()?;
+                let whole = rank::observe(&system, system.epochs.len(), scale.as_deref())?;
+                let parts = if per_epoch {
+                    rank::growing_windows(&system, scale.as_deref(), stop)?
+                } else {
+                    Vec::new()
+                };
+                Ok((system, whole, parts))
+            })
+            .collect::<Result<Vec<_>, _>>()
+    })?;
     let out = PyList::empty(py);
     for (system, whole, parts) in &analysed {
         out.append(result(py, system, whole, parts)?)?;
@@ -274,12 +293,11 @@ pub fn covariance_history<'py>(
         Kind::Filter { .. } => None,
     };
     let estimate_dvl = matches!(kind, Kind::Filter { estimate_dvl: true });
-    let history: History = py
-        .detach(|| match sensors {
-            Some(sensors) => history::of_paper(&truth, &model, &sensors, period_ns),
-            None => history::of_filter(&truth, &geometry.inner, &model, &set, estimate_dvl, epochs),
-        })
-        .map_err(raise)?;
+    require_memory(&truth, 1, epochs)?;
+    let history: History = interruptible(py, None, |stop| match sensors {
+        Some(sensors) => history::of_paper(&truth, &model, &sensors, period_ns, stop),
+        None => history::of_filter(&truth, &geometry.inner, &model, &set, estimate_dvl, epochs, stop),
+    })?;
     let states = history.covariance.first().map_or(0, DMatrix::nrows);
     let names: Vec<&str> = match sensors {
         Some(_) => paper::NAMES[15 - states..].to_vec(),

@@ -1,6 +1,7 @@
 //! A recorded log through the event loop.
 
 use bottomlock::aiding::registry::{Measurement, SENSORS, SensorKind};
+use bottomlock::aiding::water::WATER;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::frames::Vec3;
 use bottomlock::layout::DIM;
@@ -17,9 +18,11 @@ use pyo3::types::PyDict;
 use crate::arrays::{array, floats, rows, times};
 use crate::batch_arrays::{NO_CHOICE, choice_code};
 use crate::beam_arrays::BeamArrays;
+use crate::calls::interruptible;
 use crate::dvl::BeamGeometry;
 use crate::errors::raise;
 use crate::keys::{Keys, read};
+use crate::memory::product;
 use crate::settings;
 use crate::state::state;
 
@@ -191,7 +194,8 @@ impl OwnedLog {
 ///     - with `covariances`: covariance (M, T, 20, 20), with `smooth` also smoothed_covariance.
 ///
 /// Raises:
-///     KernelError: in one line that names the field, or stream, row and time.
+///     KernelError: in one line that names the field, or stream, row and time, also for results that do not fit into memory. A
+///         signal (Ctrl-C) ends the replay within some tenths of a second.
 #[pyfunction]
 #[pyo3(signature = (geometry, model, options, methods, log, start, *, sample_time_ns, covariance=None, smooth=false,
     covariances=false, threads=1))]
@@ -230,7 +234,11 @@ pub fn replay_log<'py>(
         smooth,
         covariances,
     };
-    let replayed = py.detach(|| core::replay(&request, threads)).map_err(raise)?;
+    let (samples, pings) = (sample_time_ns.len(), request.log.pings.len());
+    crate::memory::require(replay_bytes(&request), || {
+        format!("{} methods with {samples} samples and {pings} pings", methods.len())
+    })?;
+    let replayed = interruptible(py, None, |stop| core::replay_until(&request, threads, stop))?;
 
     let out = PyDict::new(py);
     let reached = replayed.tracks.first().map_or(&[][..], |track| &track.filtered.states);
@@ -256,6 +264,21 @@ pub fn replay_log<'py>(
     }
     out.set_item("unused", unused)?;
     Ok(out)
+}
+
+/// Memory of a replay, bytes: its records, and the arrays made of them.
+fn replay_bytes(request: &Replay<'_>) -> u128 {
+    const NUMBER: usize = size_of::<f64>();
+    // A tape has the covariance and the transition of every sample, of all further states too.
+    let (matrix, tape) = (DIM * DIM * NUMBER, 2 * (DIM + 1 + WATER).pow(2) * NUMBER);
+    let estimate = size_of::<NavState>() + DIM * NUMBER + if request.covariances { matrix } else { 0 };
+    let sample = 2 * estimate * if request.smooth { 2 } else { 1 } + if request.smooth { tape } else { 0 };
+    let (methods, samples) = (request.methods.len(), request.sample_time_ns.len());
+    product(&[methods, samples, sample]).saturating_add(product(&[
+        methods,
+        request.log.pings.len(),
+        2 * size_of::<PingRecord>(),
+    ]))
 }
 
 /// Estimates of methods × samples, each key with a prefix.

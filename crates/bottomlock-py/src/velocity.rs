@@ -12,6 +12,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{array, floats, rows};
 use crate::beam_arrays::BeamArrays;
+use crate::calls::detached;
 use crate::dvl::BeamGeometry;
 use crate::errors::invalid;
 use crate::settings::mask;
@@ -203,7 +204,7 @@ pub fn solve_velocity<'py>(
             weak_sway_var_m2ps2,
         },
     };
-    let columns = py.detach(|| pings.solve(&geometry.inner, count));
+    let columns = detached(py, || Ok(pings.solve(&geometry.inner, count)))?;
     let columns = columns.map_err(|(row, error)| invalid(format!("row {row}: {}", row_message(&error))))?;
     columns.into_dict(py, array(py, pings.valid, &[count, beams])?)
 }

@@ -141,6 +141,32 @@ pub enum NavError {
         /// Methods to smooth in its place.
         instead: &'static str,
     },
+    /// Bytes that are no saved object, or a damaged one.
+    #[error("{what} not restored: {fault}")]
+    NotRestored {
+        /// The object expected.
+        what: &'static str,
+        /// What is wrong with the bytes.
+        fault: String,
+    },
+    /// A truth does not begin where the one before it ended.
+    #[error("truth begins at {time_ns} ns, expected {expected_ns} ns: its first sample is the last of the call before")]
+    NotContinued {
+        /// Time of the first sample, ns.
+        time_ns: i64,
+        /// Time expected, ns.
+        expected_ns: i64,
+    },
+    /// A closed loop that has failed is called again.
+    #[error("this closed loop has failed and cannot go on, start a new one; the failure was: {source}")]
+    AfterFailure {
+        /// The failure.
+        #[source]
+        source: Box<NavError>,
+    },
+    /// The caller asked for an early end ([`crate::Stop`]).
+    #[error("interrupted: the caller asked for an early end")]
+    Interrupted,
     /// An error in one method of one run of a batch.
     #[error("run {run}, method {method}: {source}")]
     InRun {

@@ -40,7 +40,8 @@ pub struct Platform;
 pub struct Dvl;
 
 /// A vector resolved in frame `F`.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(bound = "")]
 pub struct Vec3<F>(pub Vector3<f64>, PhantomData<F>);
 
 impl<F> Clone for Vec3<F> {
@@ -120,7 +121,8 @@ impl<F> Mul<f64> for Vec3<F> {
 }
 
 /// The rotation that maps vectors resolved in `From` to vectors resolved in `To`.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(bound = "")]
 pub struct Rot<To, From>(UnitQuaternion<f64>, PhantomData<(To, From)>);
 
 impl<To, From> Clone for Rot<To, From> {

@@ -38,10 +38,13 @@ pub mod navigator;
 pub mod observability;
 pub mod random;
 pub mod replay;
+mod saved;
 pub mod simd;
 pub mod simulation;
 pub mod smoother;
 pub mod state;
+pub mod stop;
 mod workers;
 
 pub use error::NavError;
+pub use stop::Stop;

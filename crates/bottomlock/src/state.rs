@@ -13,7 +13,7 @@ pub type ErrorVector = SVector<f64, DIM>;
 pub type Covariance = SMatrix<f64, DIM, DIM>;
 
 /// The navigation state.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct NavState {
     /// Time of validity, ns.
     pub time_ns: i64,

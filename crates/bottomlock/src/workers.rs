@@ -2,6 +2,23 @@
 
 use crate::error::NavError;
 
+/// Most threads for each core: more only take turns.
+const MOST_PER_CORE: usize = 16;
+
+/// Checks a number of threads; 0 stands for one per core.
+fn check(threads: usize) -> Result<(), NavError> {
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let most = MOST_PER_CORE * cores;
+    if threads <= most {
+        return Ok(());
+    }
+    Err(NavError::WrongCount {
+        field: "threads",
+        got: threads,
+        expected: format!("0 (one per core) to {most} on this machine of {cores} cores"),
+    })
+}
+
 /// A pool of threads; with one thread, or without the feature `parallel`, work runs on the caller's thread.
 #[derive(Debug)]
 pub(crate) struct Workers {
@@ -14,8 +31,10 @@ impl Workers {
     /// A pool of `threads` threads; 0 stands for one per core.
     ///
     /// # Errors
-    /// [`NavError::OutOfRange`] where the system cannot start so many threads.
+    /// [`NavError::WrongCount`] for more than [`MOST_PER_CORE`] threads for each core; [`NavError::OutOfRange`] where the
+    /// system cannot start so many threads.
     pub(crate) fn new(threads: usize) -> Result<Self, NavError> {
+        check(threads)?;
         if threads == 1 {
             return Ok(Self { pool: None });
         }
@@ -62,7 +81,8 @@ impl Workers {
 
 #[cfg(not(feature = "parallel"))]
 impl Workers {
-    pub(crate) fn new(_threads: usize) -> Result<Self, NavError> {
+    pub(crate) fn new(threads: usize) -> Result<Self, NavError> {
+        check(threads)?;
         Ok(Self {})
     }
 

@@ -5,6 +5,7 @@
 
 mod common;
 
+use bottomlock::Stop;
 use bottomlock::aiding::registry::{SensorKind, SensorModels};
 use bottomlock::dvl::geometry::{BeamMask, BeamSample};
 use bottomlock::filter::options::Options;
@@ -68,11 +69,11 @@ fn segments_give_the_results_of_the_whole_truth() {
                 schedule,
             };
             segments
-                .advance(&vec![segment; whole.runs], &within(&epochs.samples))
+                .advance(&vec![segment; whole.runs], &within(&epochs.samples), &Stop::new())
                 .unwrap();
         }
         assert_eq!(bits(&run_batch(&whole, 1).unwrap()), bits(&segments.records()));
-        let lost = segments.advance(&[], &[]).unwrap_err();
+        let lost = segments.advance(&[], &[], &Stop::new()).unwrap_err();
         assert!(lost.to_string().contains("one per vehicle"), "{lost}");
     }
 }

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,7 @@ def run_chunk(
     threads: int = 1,
     progress: Callable[[float], None] = lambda _: None,
     kernel_lock: AbstractContextManager[Any] | None = None,
+    stop: Event | None = None,
 ) -> ChunkResult:
     """Runs a chunk with every method of its scenario; run again, it gives the same bits.
 
@@ -58,6 +60,7 @@ def run_chunk(
         threads: 0 for as many as there are cores. The numbers do not depend on it.
         progress: called with the fraction done, 0 to 1, during a chunk in closed loop.
         kernel_lock: held during the kernel call, which uses every thread.
+        stop: ends the kernel call early, with KernelError, once another thread has set it.
 
     Raises:
         KernelError: for input that the kernel rejects, naming run and method.
@@ -67,7 +70,7 @@ def run_chunk(
         result = (
             _closed_loop(built, chunk, threads, progress)
             if built.closed_loop
-            else _on_truth(built, chunk, threads)
+            else _on_truth(built, chunk, threads, stop)
         )
         kernel_s = time.perf_counter() - started
     methods = built.scenario.campaign.methods
@@ -84,7 +87,7 @@ def run_chunk(
     return ChunkResult(samples, choices, counts, kernel_s, time.perf_counter() - started)
 
 
-def _on_truth(built: BuiltScenario, chunk: Chunk, threads: int) -> dict[str, Any]:
+def _on_truth(built: BuiltScenario, chunk: Chunk, threads: int, stop: Event | None) -> dict[str, Any]:
     """Runs that share one truth."""
     simulation, scenario = built.simulation, built.scenario
     methods = list(scenario.campaign.methods)
@@ -97,7 +100,7 @@ def _on_truth(built: BuiltScenario, chunk: Chunk, threads: int) -> dict[str, Any
     result = kernel.run_batch(
         simulation.geometry, truth, model, model, options, schedule, methods,
         seed=scenario.campaign.seed, trajectory_key=key, first_run=chunk.first_run, runs=chunk.runs,
-        threads=threads,
+        threads=threads, stop=stop,
     )  # fmt: skip
     offset = built.cross_track_m
     if offset is not None:

@@ -38,11 +38,10 @@ CHUNKS_PER_THREAD = 2
 
 @dataclass(frozen=True)
 class _Answer:
-    """Answer of a worker: its versions, and the tables or the kernel's error message."""
+    """Answer of a worker: its versions and the tables."""
 
     versions: dict[str, str]
-    result: ChunkResult | None = None
-    kernel_error: str | None = None
+    result: ChunkResult
 
 
 def _versions() -> dict[str, str]:
@@ -58,11 +57,7 @@ def _hold(built: BuiltScenario) -> BuiltScenario:
 
 def _work(built: BuiltScenario, chunk: Chunk) -> _Answer:
     """Runs a chunk on a worker, one per thread."""
-    try:
-        return _Answer(_versions(), result=run_chunk(built, chunk, threads=1))
-    except kernel.KernelError as error:
-        # The kernel's exception cannot be pickled: its class is in the compiled module.
-        return _Answer(_versions(), kernel_error=str(error))
+    return _Answer(_versions(), run_chunk(built, chunk, threads=1))
 
 
 class DaskEngine:
@@ -162,9 +157,6 @@ class DaskEngine:
                 f"a worker of {self._address} has {_words(answer.versions)}, expected {_words(_versions())}: "
                 "the bits would differ"
             )
-        if answer.kernel_error is not None:
-            raise kernel.KernelError(answer.kernel_error)
-        assert answer.result is not None
         return answer.result
 
 

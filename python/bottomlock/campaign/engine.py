@@ -6,8 +6,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from importlib.util import find_spec
-from threading import Lock
-from typing import Literal, Protocol, get_args
+from threading import Event, Lock
+from typing import Any, Literal, Protocol, get_args
 from urllib.parse import urlsplit
 
 from bottomlock.campaign.build import BuiltScenario
@@ -45,7 +45,7 @@ class LocalEngine:
 
     def run(self, chunks: Sequence[Chunk], progress: Callable[[Chunk, float], None]) -> ChunkResults:
         """Yields the chunks in order."""
-        pool, lock = ThreadPoolExecutor(max_workers=2), Lock()
+        pool, lock, stop = ThreadPoolExecutor(max_workers=2), Lock(), Event()
         ahead: deque[tuple[Chunk, Future[ChunkResult]]] = deque()
         try:
             for chunk in chunks:
@@ -58,12 +58,13 @@ class LocalEngine:
                         run_chunk(built, chunk, threads=self._threads, progress=partial(progress, chunk)),
                     )
                     continue
-                ahead.append(
-                    (chunk, pool.submit(run_chunk, built, chunk, threads=self._threads, kernel_lock=lock))
-                )
+                settings: dict[str, Any] = {"threads": self._threads, "kernel_lock": lock, "stop": stop}
+                ahead.append((chunk, pool.submit(run_chunk, built, chunk, **settings)))
                 yield from _finished(ahead, 1)
             yield from _finished(ahead, 0)
         finally:
+            # An interruption reaches this thread alone; nothing waits for the results any more.
+            stop.set()
             pool.shutdown(cancel_futures=True)
 
 

@@ -7,7 +7,7 @@ from typing import NoReturn
 import cyclopts
 from cyclopts import App
 
-from bottomlock.cli.console import EXIT_INTERRUPTED, EXIT_USAGE, console, errors, prepare_consoles
+from bottomlock.cli.console import EXIT_USAGE, console, errors, prepare_consoles
 from bottomlock.errors import BottomlockError
 
 COMMANDS = {
@@ -54,13 +54,4 @@ def main() -> None:
     except cyclopts.CycloptsError as error:
         _fail(" ".join(str(error).split()) + "; see `bottomlock --help`")
     except BottomlockError as error:
-        _fail(str(error))
-    except KeyboardInterrupt:
-        sys.exit(EXIT_INTERRUPTED)
-    except Exception as error:
-        # The class of the kernel's errors is imported only where there is an error: it brings numpy.
-        from bottomlock.kernel import KernelError  # noqa: PLC0415
-
-        if not isinstance(error, KernelError):
-            raise
         _fail(str(error))

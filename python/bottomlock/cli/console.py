@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NoReturn, TextIO
 
 from rich.console import Console
 
-from bottomlock.errors import Note
+from bottomlock.errors import EXIT_INTERRUPTED, Note
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -20,7 +20,6 @@ EXIT_NOTHING_VALID = 1
 """A log was converted, and none of its pings has a valid beam."""
 
 EXIT_USAGE = 2
-EXIT_INTERRUPTED = 130
 
 # No markup: a path such as `out[/red]` is printed as it is. What has colours is a `rich.text.Text`.
 console = Console(stderr=False, markup=False, emoji=False)

@@ -43,7 +43,7 @@ impl AcousticPositionModel {
 }
 
 /// An acoustic position fix.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct AcousticPositionSample {
     /// Time of validity, ns.
     pub time_ns: i64,

@@ -23,7 +23,7 @@ model_section! {
 }
 
 /// An attitude reading.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct AttitudeSample {
     /// Time of validity, ns.
     pub time_ns: i64,

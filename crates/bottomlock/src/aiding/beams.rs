@@ -38,7 +38,7 @@ model_section! {
 }
 
 /// Axes that the information form passes to the filter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub enum InformationPort {
     /// The observable principal axes only.
     #[default]

@@ -63,7 +63,7 @@ macro_rules! sensors {
         }
 
         /// A measurement of any sensor beside the beams.
-        #[derive(Debug, Clone, Copy, PartialEq)]
+        #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
         pub enum Measurement {
             $(#[doc = concat!("[`", stringify!($sample), "`].")] $kind($sample)),+
         }
@@ -143,7 +143,7 @@ macro_rules! sensors {
 macro_rules! models {
     ($($field:ident: $model:ty,)+) => {
         /// Assumed errors of the aiding sensors.
-        #[derive(Debug, Clone, Copy, PartialEq, Default)]
+        #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
         pub struct SensorModels {
             $(#[doc = concat!("[`", stringify!($model), "`].")] pub $field: $model,)+
         }
@@ -186,7 +186,7 @@ macro_rules! model_section {
         $($(#[$field_doc:meta])* pub $field:ident: $kind:ty,)+
     }) => {
         $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, Default)]
+        #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
         pub struct $model {
             $($(#[$field_doc])* pub $field: $kind,)+
         }

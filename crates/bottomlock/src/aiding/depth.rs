@@ -26,7 +26,7 @@ model_section! {
 }
 
 /// A depth reading.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct DepthSample {
     /// Time of validity, ns.
     pub time_ns: i64,

@@ -23,7 +23,7 @@ model_section! {
 }
 
 /// A GPS reading.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct GpsSample {
     /// Time of validity, ns.
     pub time_ns: i64,
@@ -36,7 +36,7 @@ pub struct GpsSample {
 }
 
 /// The velocity of a GPS reading.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct GpsVelocity {
     /// Velocity, tangent frame, m/s.
     pub velocity_t_mps: Vec3<Tangent>,

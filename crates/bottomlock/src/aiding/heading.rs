@@ -19,7 +19,7 @@ model_section! {
 }
 
 /// A yaw reading alone.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct HeadingSample {
     /// Time of validity, ns.
     pub time_ns: i64,

@@ -40,7 +40,7 @@ const ITERATIONS: usize = 5000;
 const STANDSTILL: f64 = 1e-9;
 
 /// The distribution of a beam's noise; its standard deviation is the scale.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 pub enum Tail {
     /// A Gaussian: the Kalman update.
     #[default]
@@ -65,7 +65,7 @@ impl Tail {
 }
 
 /// Treatment of outliers among the beams; [`Robust::default`] is none, [`Robust::recommended`] what instruments need.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 pub struct Robust {
     /// Probability that a good ping passes the closure test.
     pub closure_gate: Option<f64>,

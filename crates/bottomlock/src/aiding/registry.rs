@@ -117,7 +117,7 @@ pub fn reports() -> impl Iterator<Item = (SensorKind, Report)> {
 }
 
 /// Lever arm of each sensor, platform frame, m.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 pub struct Levers([Vec3<Platform>; SENSORS]);
 
 impl Levers {

@@ -215,7 +215,7 @@ impl Field for [f64; 3] {
 }
 
 /// A fraction: 0 to 1.
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default, serde::Serialize, serde::Deserialize)]
 pub struct Fraction(pub f64);
 
 impl Field for Fraction {
@@ -235,7 +235,7 @@ impl Field for Fraction {
 }
 
 /// A correlation time, s: more than 0.
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, serde::Serialize, serde::Deserialize)]
 pub struct TimeConstant(pub f64);
 
 impl Default for TimeConstant {

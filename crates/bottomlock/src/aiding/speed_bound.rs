@@ -12,7 +12,7 @@ use crate::state::NavState;
 use nalgebra::Matrix3;
 
 /// The bound; none by default.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct SpeedBound {
     /// σ of each component of the velocity over ground, m/s; 0 for no bound.
     pub sd_mps: f64,

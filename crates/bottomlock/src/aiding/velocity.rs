@@ -12,7 +12,7 @@ use crate::layout::{DVL_SCALE, VELOCITY};
 use crate::state::NavState;
 
 /// A velocity solved by the instrument.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct VelocitySample {
     /// Time of validity, ns.
     pub time_ns: i64,

@@ -41,7 +41,7 @@ pub type WaterVector = SVector<f64, WATER>;
 pub type WaterCovariance = SMatrix<f64, WATER, WATER>;
 
 /// Prior of the motion through the water; 1 sigma.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct WaterPrior {
     /// Current along north and along east, m/s.
     pub current_sd_mps: f64,

@@ -9,6 +9,7 @@ use crate::error::{NavError, require_below, require_finite, require_positive};
 use crate::frames::{Dvl, Platform, Rot, Vec3};
 use crate::layout::BIASED_BEAMS;
 pub use crate::layout::MAX_BEAMS;
+use crate::saved::Kind;
 
 /// What [`NavError::BadBeam`] expects of a beam number.
 pub(crate) const BEAM_EXISTS: &str = "a beam of the geometry";
@@ -19,7 +20,7 @@ pub const MAX_BEAM_SPEED_MPS: f64 = 50.0;
 pub(crate) const SLOW_ENOUGH: &str = "less than 50 m/s: is it in mm/s or cm/s, or a code for a lost beam?";
 
 /// Set of beams, for example those with a valid velocity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, serde::Serialize, serde::Deserialize)]
 pub struct BeamMask(u8);
 
 impl BeamMask {
@@ -81,12 +82,17 @@ pub enum Janus {
 /// // Beam 1 points forward, right and down.
 /// assert!(geometry.direction_p(0).iter().all(|&c| c > 0.0));
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct BeamGeometry {
     directions_p: Vec<Vector3<f64>>,
     lever_arms_p_m: Vec<Vector3<f64>>,
     sound_speed_scale: f64,
 }
+
+const GEOMETRY: Kind = Kind {
+    mark: *b"BLGEO\r\n\x1a",
+    name: "beam geometry",
+};
 
 impl BeamGeometry {
     /// A geometry from unit vectors in the DVL frame.
@@ -192,6 +198,42 @@ impl BeamGeometry {
         Ok(self)
     }
 
+    /// The geometry as bytes.
+    ///
+    /// # Errors
+    /// As `Kind::seal`.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, NavError> {
+        GEOMETRY.seal(self)
+    }
+
+    /// A geometry from bytes.
+    ///
+    /// # Errors
+    /// [`NavError::NotRestored`] for bytes that are damaged, cut short, of another format or no geometry.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, NavError> {
+        let geometry: Self = GEOMETRY.open(bytes)?;
+        geometry.validate()?;
+        Ok(geometry)
+    }
+
+    /// Checks the directions, the lever arms and the scale.
+    ///
+    /// # Errors
+    /// As [`BeamGeometry::from_directions`], [`BeamGeometry::with_lever_arms`] and
+    /// [`BeamGeometry::with_sound_speed_scale`].
+    pub(crate) fn validate(&self) -> Result<(), NavError> {
+        let directions: Vec<_> = self
+            .directions_p
+            .iter()
+            .map(|&direction| Vec3::from(direction))
+            .collect();
+        let levers: Vec<_> = self.lever_arms_p_m.iter().map(|&lever| Vec3::from(lever)).collect();
+        Self::from_directions(&directions)?
+            .with_lever_arms(&levers)?
+            .with_sound_speed_scale(self.sound_speed_scale)
+            .map(|_| ())
+    }
+
     /// Number of beams.
     #[must_use]
     pub fn beams(&self) -> usize {
@@ -257,7 +299,7 @@ pub struct BeamMotion {
 }
 
 /// The beam velocities of one ping.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct BeamSample {
     /// Time of validity, ns.
     pub time_ns: i64,

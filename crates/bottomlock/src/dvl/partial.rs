@@ -23,7 +23,7 @@ use crate::error::{NavError, require_finite};
 pub type BeamNoise = SMatrix<f64, MAX_BEAMS, MAX_BEAMS>;
 
 /// Method that computes a velocity from the valid beams.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum PartialMethod {
     /// Weighted least squares on three or more independent beams (LC).
     LeastSquares,
@@ -46,7 +46,7 @@ pub enum PartialMethod {
 }
 
 /// Parameters of the methods.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Assumptions {
     /// n_f of Eq. 28.
     pub virtual_beam_factor: f64,

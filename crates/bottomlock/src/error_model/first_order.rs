@@ -8,7 +8,7 @@ use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
 use crate::simd::Lane;
 
 /// F T by the trapezoidal rule, for a covariance that keeps up with every step.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, serde::Serialize, serde::Deserialize)]
 pub struct FirstOrderInterval<T> {
     /// ∫F dt; without meaning while the interval is empty.
     pub(super) sum: Coefficients<T>,

@@ -73,7 +73,7 @@ pub trait CovarianceInterval<T: Lane>: Copy {
 /// The interval of one filter.
 // There is one a filter, changed at every step: a box would cost more than the room.
 #[allow(clippy::large_enum_variant)]
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
 pub enum Interval {
     /// Not begun: the state has been corrected, or there was no reading yet.
     #[default]

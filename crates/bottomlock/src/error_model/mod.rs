@@ -29,7 +29,7 @@ use crate::simd::{
 };
 
 /// Power spectral densities of the process noise (Eqs. 6 and 11): squares of the per-root-second figures.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 pub struct ProcessNoise {
     /// Accelerometer white noise, (m/s)²/s.
     pub accel: f64,
@@ -46,7 +46,7 @@ pub struct ProcessNoise {
 }
 
 /// The entries of F (Eq. 4) that change with time, for one filter or several side by side.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, serde::Serialize, serde::Deserialize)]
 pub struct Coefficients<T> {
     /// R v: the block F_rρ is −[R v ×].
     velocity_t: V3<T>,

@@ -16,7 +16,7 @@ use crate::simd::{
 };
 
 /// Motion at the start of an interval.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, serde::Serialize, serde::Deserialize)]
 pub(super) struct Start<T> {
     pub(super) position_t: V3<T>,
     pub(super) velocity_t: V3<T>,
@@ -37,7 +37,7 @@ impl<T: Lane> Start<T> {
 }
 
 /// Its start, and ∫R dt since.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, serde::Serialize, serde::Deserialize)]
 pub struct SecondOrderInterval<T> {
     pub(super) start: Start<T>,
     pub(super) rotation_integral: M3<T>,

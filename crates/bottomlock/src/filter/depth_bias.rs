@@ -13,14 +13,16 @@ use nalgebra::{Matrix3, SMatrix, SVector};
 
 use super::water_block::Update;
 use crate::aiding::depth::DepthModel;
+use crate::aiding::sensor::Section;
 use crate::aiding::water::{WATER, WaterVector};
 use crate::aiding::{CorrelatedNoise, Innovation, MAX_ROWS};
+use crate::error::{NavError, require_finite};
 use crate::error_model::Interval;
 use crate::layout::{ATTITUDE, DIM, POSITION};
 use crate::mechanisation::{EarthTerms, Kinematics};
 
 /// The bias, m, with its covariances.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct DepthBias {
     model: DepthModel,
     estimate_m: f64,
@@ -41,6 +43,17 @@ impl DepthBias {
             cross: SVector::zeros(),
             water: WaterVector::zeros(),
         })
+    }
+
+    /// Checks a bias that was read from bytes.
+    ///
+    /// # Errors
+    /// [`NavError`] that names the number.
+    pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
+        Section::validate(&self.model)?;
+        require_finite("depth bias", time_ns, &[self.estimate_m, self.variance_m2])?;
+        require_finite("depth bias covariance", time_ns, self.cross.as_slice())?;
+        require_finite("depth bias covariance", time_ns, self.water.as_slice())
     }
 
     /// Becomes independent of the water states, which start anew.

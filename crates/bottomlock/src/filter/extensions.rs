@@ -16,13 +16,14 @@ pub(super) const DEPTH_BIAS: usize = DIM;
 pub(super) const FIRST_WATER: usize = DIM + 1;
 
 /// Optional parts of a filter.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
 pub(super) struct Extensions {
     /// The bias of the depth sensor, from the first depth on.
     pub(super) depth_bias: Option<Box<DepthBias>>,
     /// States of the motion through the water.
     pub(super) water: Option<Box<WaterBlock>>,
-    /// Tape for a smoother.
+    /// Tape for a smoother; a saved filter has none.
+    #[serde(skip)]
     pub(super) tape: Option<Box<Tape>>,
 }
 

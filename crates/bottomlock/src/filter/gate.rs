@@ -8,7 +8,7 @@ use crate::aiding::MAX_ROWS;
 use crate::error::NavError;
 
 /// Test of an innovation against its covariance S.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Gate {
     /// Compares the NIS of all rows with a chi-squared quantile.
     Joint {
@@ -22,7 +22,8 @@ pub enum Gate {
 }
 
 /// A gate with its thresholds.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(try_from = "Gate", into = "Gate")]
 pub struct GateTable {
     /// The test.
     pub gate: Gate,
@@ -63,6 +64,19 @@ impl GateTable {
     #[must_use]
     pub fn threshold(&self, degrees: usize) -> f64 {
         self.quantiles[degrees.clamp(1, MAX_ROWS) - 1]
+    }
+}
+
+impl TryFrom<Gate> for GateTable {
+    type Error = NavError;
+    fn try_from(gate: Gate) -> Result<Self, NavError> {
+        Self::new(gate)
+    }
+}
+
+impl From<GateTable> for Gate {
+    fn from(table: GateTable) -> Self {
+        table.gate
     }
 }
 

@@ -45,11 +45,24 @@ const MAX_POSITION_SD_M: f64 = 1e6;
 type Rows = SMatrix<f64, MAX_ROWS, MAX_ROWS>;
 
 /// Counts of consecutive rejections, by sensor.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
 pub(super) struct ConsecutiveRejections(Box<[Count; Sensor::COUNT]>);
 
+impl ConsecutiveRejections {
+    /// Checks counts that were read from bytes.
+    ///
+    /// # Errors
+    /// [`NavError::NotFinite`].
+    pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
+        self.0.iter().try_for_each(|count| {
+            require_finite("rejections", time_ns, &[count.log_factor])?;
+            require_finite("rejections", time_ns, count.correction.as_slice())
+        })
+    }
+}
+
 /// The consecutive rejections of one sensor.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
 struct Count {
     measurements: u32,
     /// Sum of the logarithms of their factors.

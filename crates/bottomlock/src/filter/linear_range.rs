@@ -37,7 +37,7 @@ pub const LINEAR_RANGE_MPS: f64 = 2e-3;
 const DOWN: (usize, usize) = (POSITION + 2, POSITION + 2);
 
 /// What has been measured, and when (or when the filter began), ns.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, serde::Serialize, serde::Deserialize)]
 pub(super) struct Measured {
     pub(super) depth_ns: i64,
     /// All axes of the position.

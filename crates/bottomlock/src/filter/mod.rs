@@ -17,6 +17,7 @@ pub mod options;
 mod predict;
 mod prediction;
 pub mod report;
+mod restored;
 mod streams;
 pub mod tape;
 mod update;
@@ -46,7 +47,7 @@ use crate::model::Model;
 use crate::state::{Covariance, NavState};
 
 /// The filter: state, covariance, and the interval since the covariance was last propagated.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Eskf {
     state: NavState,
     kinematics: Kinematics<f64>,

@@ -11,7 +11,7 @@ use crate::filter::gate::{Gate, GateTable};
 use crate::mechanisation::Sampling;
 
 /// Filter options, in SI units.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Options {
     /// Innovation gate.
     pub gate: Gate,

@@ -15,7 +15,7 @@ pub(super) struct Group<'a, T, I> {
 }
 
 /// What the filters of a group have in common.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Settings {
     pub(super) earth: EarthTerms,
     pub(super) noise: ProcessNoise,

@@ -4,6 +4,7 @@
 use nalgebra::{Cholesky, Const, Matrix3, SMatrix};
 
 use crate::aiding::water::{HEAVE, WATER, WaterCovariance, WaterPrior, WaterRow, WaterVector, inject};
+use crate::error::{NavError, require_finite};
 use crate::error_model::Interval;
 use crate::layout::{ATTITUDE, DIM, POSITION};
 use crate::mechanisation::{EarthTerms, Kinematics};
@@ -12,7 +13,7 @@ use crate::mechanisation::{EarthTerms, Kinematics};
 const MEMORY_EPOCHS: f64 = 200.0;
 
 /// Estimates of the water states with their covariances.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct WaterBlock {
     prior: WaterPrior,
     estimate: WaterVector,
@@ -55,6 +56,26 @@ impl WaterBlock {
             restarts: self.restarts + 1,
             ..Self::new(&self.prior)
         }
+    }
+
+    /// Checks a block that was read from bytes.
+    ///
+    /// # Errors
+    /// [`NavError`] that names the number.
+    pub(crate) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
+        self.prior.validate()?;
+        let vectors = [
+            &self.estimate,
+            &self.variance,
+            &self.epochs,
+            &self.since_s,
+            &self.turning_mps,
+        ];
+        vectors
+            .into_iter()
+            .try_for_each(|vector| require_finite("water states", time_ns, vector.as_slice()))?;
+        require_finite("water covariance", time_ns, self.covariance.as_slice())?;
+        require_finite("water covariance", time_ns, self.cross.as_slice())
     }
 
     /// Number of restarts after the measurements contradicted the assumptions.

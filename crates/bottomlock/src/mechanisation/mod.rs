@@ -12,7 +12,7 @@ use crate::simd::{Lane, M3, V3, add, add_mul, add_scaled, cross, dot, mul, scale
 use crate::state::NavState;
 
 /// One reading of the inertial measurement unit.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ImuSample {
     /// Time of validity, ns.
     pub time_ns: i64,
@@ -56,7 +56,7 @@ impl ImuSample {
 }
 
 /// What a sample means.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub enum Sampling {
     /// The value at the sample's own time; a step uses both of its ends.
     #[default]
@@ -66,7 +66,7 @@ pub enum Sampling {
 }
 
 /// Earth rate and gravity as the step needs them.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct EarthTerms {
     pub(crate) rate_t: [f64; 3],
     pub(crate) gravity_mps2: f64,
@@ -82,7 +82,7 @@ impl From<&Environment> for EarthTerms {
 }
 
 /// Position, attitude and velocity of one filter or of several side by side.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Kinematics<T> {
     /// Position, tangent frame, m.
     pub position_t_m: [T; 3],

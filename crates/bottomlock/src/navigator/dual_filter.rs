@@ -14,7 +14,7 @@ use crate::filter::water_block::WaterBlock;
 use crate::mechanisation::ImuSample;
 
 /// The one or two filters of a navigator.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub(crate) struct DualFilter {
     /// The filter on the measurements alone.
     pub(crate) measurements_only: Eskf,
@@ -58,6 +58,15 @@ impl DualFilter {
     /// All filters.
     pub(crate) fn each_mut(&mut self) -> impl Iterator<Item = &mut Eskf> {
         std::iter::once(&mut self.measurements_only).chain(self.constrained.as_deref_mut())
+    }
+
+    /// Checks filters that were read from bytes.
+    ///
+    /// # Errors
+    /// As [`Eskf::check_restored`].
+    pub(crate) fn check_restored(&self) -> Result<(), NavError> {
+        let mut filters = std::iter::once(&self.measurements_only).chain(self.constrained.as_deref());
+        filters.try_for_each(Eskf::check_restored)
     }
 
     /// Propagates every filter over one IMU interval; as [`Eskf::predict`].

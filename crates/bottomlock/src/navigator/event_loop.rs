@@ -1,5 +1,8 @@
 //! A filter with its beam aiding, pushed one event at a time; many of them side by side are in `run_events.rs`.
 
+#[path = "restored.rs"]
+mod restored;
+
 use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
@@ -22,7 +25,7 @@ use crate::navigator::events::{Event, STREAMS};
 use crate::state::{Covariance, NavState};
 
 /// Aiding by beams of the navigator.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum BeamAiding {
     /// Nothing.
     None,
@@ -37,7 +40,7 @@ pub enum BeamAiding {
 /// A filter with its beam aiding, fed in order of time.
 ///
 /// A measurement between two IMU samples waits for the later one; the step is then split at the measurement's own time.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Navigator {
     filters: DualFilter,
     geometry: BeamGeometry,
@@ -109,6 +112,12 @@ impl Navigator {
     /// Every filter.
     pub(crate) fn filters_mut(&mut self) -> impl Iterator<Item = &mut Eskf> {
         self.filters.each_mut()
+    }
+
+    /// The beams.
+    #[must_use]
+    pub fn geometry(&self) -> &BeamGeometry {
+        &self.geometry
     }
 
     /// The last inertial reading.

@@ -13,7 +13,7 @@ pub use crate::aiding::registry::{STREAM_NAMES, STREAMS};
 pub use crate::aiding::velocity::VelocitySample;
 
 /// Anything that arrives.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Event {
     /// Inertial reading.
     Imu(ImuSample),

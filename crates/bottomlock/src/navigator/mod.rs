@@ -9,9 +9,11 @@ pub mod first_readings;
 pub mod methods;
 pub mod navigator_set;
 pub(crate) mod run_events;
+mod saved;
 pub mod selector;
 
 pub use self::event_loop::{BeamAiding, Navigator};
 pub use self::methods::{METHODS, Method};
 pub use self::navigator_set::{Aiding, NavigatorSet};
+pub use self::saved::Snapshot;
 pub use self::selector::SELECTOR_METHODS;

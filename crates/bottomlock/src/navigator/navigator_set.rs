@@ -35,7 +35,7 @@ impl Aiding {
 }
 
 /// A navigator, or several navigators with a selector.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub enum NavigatorSet {
     /// One filter.
     One(Box<Navigator>),

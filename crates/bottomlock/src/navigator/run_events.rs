@@ -5,6 +5,7 @@
 
 use crate::error::NavError;
 use crate::filter::filter_group::{FilterSpan, predict_together};
+use crate::stop::Stop;
 
 /// Fewer readings than this are pushed one by one.
 const WORTH_GROUPING: usize = 4;
@@ -50,10 +51,15 @@ pub(crate) struct Failure {
 }
 
 /// Runs every feed to its end; all of them have readings at the same times. The bits are those of each run alone.
-pub(crate) fn run_events<F: Feed>(feeds: &mut [&mut F]) -> Vec<Result<(), NavError>> {
+///
+/// A feed ends with [`NavError::Interrupted`] where `stop` asks for it.
+pub(crate) fn run_events<F: Feed>(feeds: &mut [&mut F], stop: &Stop) -> Vec<Result<(), NavError>> {
     let count = feeds.len();
     let mut outcomes = vec![Ok(()); count];
     loop {
+        if let Err(interrupted) = stop.check() {
+            return vec![Err(interrupted); count];
+        }
         let mut going: Vec<(usize, &mut F)> = (feeds.iter_mut().map(|feed| &mut **feed).enumerate())
             .filter(|(k, feed)| outcomes[*k].is_ok() && !feed.is_over())
             .collect();

@@ -35,7 +35,7 @@ const PASS_PROBABILITY: f64 = 0.9973;
 const FLOOR_MPS: f64 = 0.005;
 
 /// The navigators, and the index of the selected one.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Bank {
     pub(super) members: Vec<Navigator>,
     pub(super) selected: usize,

@@ -13,6 +13,7 @@ use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, Inertial};
 use crate::model::Model;
 use crate::simulation::truth::{Truth, true_state};
+use crate::stop::Stop;
 
 /// Longest step of the prediction, ns.
 const STEP_NS: i64 = 100_000_000;
@@ -29,7 +30,8 @@ pub struct History {
 /// Covariances of the 20-state filter along a truth.
 ///
 /// # Errors
-/// As [`full::systems`]; [`NavError::NotPositiveDefinite`] for an innovation covariance that cannot be factorised.
+/// As [`full::systems`]; [`NavError::NotPositiveDefinite`] for an innovation covariance that cannot be factorised;
+/// [`NavError::Interrupted`] where `stop` asks for an early end.
 pub fn of_filter(
     truth: &Truth<'_>,
     geometry: &BeamGeometry,
@@ -37,6 +39,7 @@ pub fn of_filter(
     aiding: &Aiding,
     estimate_dvl: bool,
     epochs: Epochs<'_>,
+    stop: &Stop,
 ) -> Result<History, NavError> {
     let mut systems = full::systems(truth, geometry, model, &[*aiding], true, epochs)?;
     let system = systems.remove(0);
@@ -57,18 +60,20 @@ pub fn of_filter(
         full::platform(truth, a, b, &block, DIM)
     };
     let initial = DMatrix::from_fn(DIM, DIM, |i, j| initial[(i, j)]);
-    run(truth, &system, initial, between, density)
+    run(truth, &system, initial, between, density, stop)
 }
 
 /// Covariances of the 2015 model along a truth.
 ///
 /// # Errors
-/// As [`paper::system`]; [`NavError::NotPositiveDefinite`] for an innovation covariance that cannot be factorised.
+/// As [`paper::system`]; [`NavError::NotPositiveDefinite`] for an innovation covariance that cannot be factorised;
+/// [`NavError::Interrupted`] where `stop` asks for an early end.
 pub fn of_paper(
     truth: &Truth<'_>,
     model: &Model,
     sensors: &paper::Sensors,
     period_ns: i64,
+    stop: &Stop,
 ) -> Result<History, NavError> {
     let system = paper::system(truth, model, sensors, period_ns)?;
     let states = system.states();
@@ -97,6 +102,7 @@ pub fn of_paper(
         cut(square(triples.concat())),
         |a, b| cut(paper::transition(truth, a, b, &model.environment)),
         |_| density.clone(),
+        stop,
     )
 }
 
@@ -107,6 +113,7 @@ fn run(
     initial: DMatrix<f64>,
     between: impl Fn(usize, usize) -> DMatrix<f64>,
     density: impl Fn(usize) -> DMatrix<f64>,
+    stop: &Stop,
 ) -> Result<History, NavError> {
     let mut p = initial;
     let mut out = History {
@@ -115,6 +122,7 @@ fn run(
     };
     let mut k = 0;
     for epoch in &system.epochs {
+        stop.check()?;
         while truth.time_ns[k] < epoch.time_ns {
             let limit = truth.time_ns[k].saturating_add(STEP_NS).min(epoch.time_ns);
             let next = truth

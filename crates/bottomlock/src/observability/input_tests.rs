@@ -8,6 +8,7 @@ use crate::aiding::registry::{Levers, Sensor, SensorKind};
 use crate::error::NavError;
 use crate::frames::Vec3;
 use crate::simulation::truth::Truth;
+use crate::stop::Stop;
 
 /// Invalid input is rejected with its field, and never panics.
 #[test]
@@ -116,7 +117,7 @@ fn a_schedule_selects_sensors_by_epoch() {
         })
         .collect();
     let system = system_of(&late).unwrap();
-    let steps = growing_windows(&system, None).unwrap();
+    let steps = growing_windows(&system, None, &Stop::new()).unwrap();
     assert_eq!(steps.len(), 20);
     assert!(steps[..8].iter().all(|step| step.rank == 0 && step.decided));
     let alone = full::systems(&truth, &geometry, &model, &[beams(4)], true, Epochs::Every(SECOND_NS)).unwrap();

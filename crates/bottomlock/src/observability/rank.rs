@@ -16,6 +16,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::{StateKind, System};
 use crate::error::{NavError, require_positive};
+use crate::stop::Stop;
 
 /// Smallest gap for which a rank is decided.
 pub const MIN_GAP: f64 = 1e3;
@@ -268,8 +269,8 @@ pub struct WindowRank {
 /// Analyses the windows that end at each epoch from the second on; before the first reading the rank is zero.
 ///
 /// # Errors
-/// As [`observe`].
-pub fn growing_windows(system: &System, rescale: Option<&[f64]>) -> Result<Vec<WindowRank>, NavError> {
+/// As [`observe`]; [`NavError::Interrupted`] where `stop` asks for an early end.
+pub fn growing_windows(system: &System, rescale: Option<&[f64]>, stop: &Stop) -> Result<Vec<WindowRank>, NavError> {
     let without_reading = system
         .epochs
         .iter()
@@ -277,6 +278,7 @@ pub fn growing_windows(system: &System, rescale: Option<&[f64]>) -> Result<Vec<W
         .count();
     (2..=system.epochs.len())
         .map(|end| {
+            stop.check()?;
             if end <= without_reading {
                 return Ok(WindowRank {
                     rank: 0,

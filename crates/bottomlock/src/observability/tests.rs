@@ -11,6 +11,7 @@ use crate::dvl::geometry::{BeamGeometry, BeamMask, Janus};
 use crate::frames::{Platform, Rot, Tangent};
 use crate::model::Model;
 use crate::simulation::truth::Truth;
+use crate::stop::Stop;
 
 const GRAVITY: f64 = 9.8125;
 pub(super) const SECOND_NS: i64 = 1_000_000_000;
@@ -229,7 +230,16 @@ fn unobservable_directions_keep_their_deviation() {
     quiet.imu.gyro_noise_rad_rts = 0.0;
     quiet.imu.accel_bias_walk_mps2_rts = 0.0;
     quiet.imu.gyro_bias_walk_radps_rts = 0.0;
-    let history = of_filter(&truth, &geometry, &quiet, &aiding, false, Epochs::Every(SECOND_NS)).unwrap();
+    let history = of_filter(
+        &truth,
+        &geometry,
+        &quiet,
+        &aiding,
+        false,
+        Epochs::Every(SECOND_NS),
+        &Stop::new(),
+    )
+    .unwrap();
     let last = &history.covariance[history.covariance.len() - 1];
     let first = quiet.initial_covariance(false);
     // Yaw is unobservable, so its deviation grows with the gyro bias; heave is observable.
@@ -239,7 +249,7 @@ fn unobservable_directions_keep_their_deviation() {
         velocity: Some(Sign::Consistent),
         depth: false,
     };
-    let paper = of_paper(&truth, &quiet, &sensors, SECOND_NS).unwrap();
+    let paper = of_paper(&truth, &quiet, &sensors, SECOND_NS, &Stop::new()).unwrap();
     // Without process noise the information uᵀP⁻¹u along an unobservable direction is constant.
     let system = paper_dvl(&turn, Sign::Consistent);
     let information = |p: &DMatrix<f64>, u: &DVector<f64>| {

@@ -10,6 +10,7 @@ use crate::navigator::events::Event;
 use crate::navigator::run_events::{Failure, Feed};
 use crate::navigator::{Method, NavigatorSet};
 use crate::smoother::smooth;
+use crate::stop::Stop;
 
 /// Number of the inertial stream.
 const IMU: usize = 0;
@@ -73,14 +74,14 @@ impl MethodReplay {
         }
     }
 
-    fn into_track(mut self, keep_covariances: bool) -> Result<Track, NavError> {
+    fn into_track(mut self, keep_covariances: bool, stop: &Stop) -> Result<Track, NavError> {
         if let Some(source) = self.failure {
             return Err(in_method(&self.method, source));
         }
         if let Some(tape) = self.navigators.filters().and_then(DualFilter::take_tape) {
             self.track.tape_bytes = tape.bytes();
             let mut smoothed = Series::default();
-            for sample in smooth(tape).map_err(|source| in_method(&self.method, source))? {
+            for sample in smooth(tape, stop).map_err(|source| in_method(&self.method, source))? {
                 smoothed.push(sample.state, &sample.covariance, keep_covariances);
             }
             self.track.smoothed = smoothed;
@@ -120,9 +121,9 @@ impl<'a> LogFeed<'a> {
     }
 
     /// Result of each method, or its error.
-    pub(super) fn into_tracks(self) -> Vec<Result<Track, NavError>> {
+    pub(super) fn into_tracks(self, stop: &Stop) -> Vec<Result<Track, NavError>> {
         let keep = self.request.covariances;
-        self.methods.into_iter().map(|one| one.into_track(keep)).collect()
+        self.methods.into_iter().map(|one| one.into_track(keep, stop)).collect()
     }
 
     /// The readings ahead.

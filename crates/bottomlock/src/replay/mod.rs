@@ -20,6 +20,7 @@ use crate::model::Model;
 use crate::navigator::Method;
 use crate::navigator::run_events::run_events;
 use crate::state::{Covariance, NavState};
+use crate::stop::Stop;
 use crate::workers::Workers;
 
 pub use self::log::{Log, Unused};
@@ -106,6 +107,14 @@ pub struct Replayed {
 /// start; [`NavError::OutsideLog`] or [`NavError::TimeNotIncreasing`] for sample times; [`NavError::InMethod`] for an error
 /// of a method, and for a method without a smoother if smoothing is requested.
 pub fn replay(request: &Replay<'_>, threads: usize) -> Result<Replayed, NavError> {
+    replay_until(request, threads, &Stop::new())
+}
+
+/// As [`replay`], until its end or until `stop` asks for an early one.
+///
+/// # Errors
+/// As [`replay`]; [`NavError::Interrupted`] where the end was asked for.
+pub fn replay_until(request: &Replay<'_>, threads: usize, stop: &Stop) -> Result<Replayed, NavError> {
     let (log, start_ns) = (&request.log, request.start.time_ns);
     log.validate(request.geometry)?;
     let last_ns = match log.imu.last() {
@@ -124,8 +133,10 @@ pub fn replay(request: &Replay<'_>, threads: usize) -> Result<Replayed, NavError
     let mut groups = groups(methods.collect::<Result<_, _>>()?, workers.threads());
     let tracks = workers.each(&mut groups, |_, methods| {
         let mut feed = LogFeed::new(request, std::mem::take(methods));
-        run_events(&mut [&mut feed]).into_iter().collect::<Result<(), _>>()?;
-        feed.into_tracks().into_iter().collect::<Result<Vec<_>, _>>()
+        run_events(&mut [&mut feed], stop)
+            .into_iter()
+            .collect::<Result<(), _>>()?;
+        feed.into_tracks(stop).into_iter().collect::<Result<Vec<_>, _>>()
     })?;
     Ok(Replayed {
         tracks: tracks.into_iter().flatten().collect(),

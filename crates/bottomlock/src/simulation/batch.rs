@@ -13,6 +13,7 @@ use crate::simulation::run_group::run_segments;
 use crate::simulation::schedule::Schedule;
 use crate::simulation::sensor_errors::RunKey;
 use crate::simulation::truth::{Truth, true_state};
+use crate::stop::Stop;
 use crate::workers::Workers;
 
 pub use crate::simulation::monte_carlo_run::MethodRecord;
@@ -54,7 +55,9 @@ pub struct Batch<'a> {
 /// [`NavError`] for invalid input; [`NavError::InRun`], which names run and method, for an error during a run.
 pub fn run_batch(batch: &Batch<'_>, threads: usize) -> Result<Vec<Vec<MethodRecord>>, NavError> {
     let mut results = vec![Vec::new(); batch.runs];
-    run_batch_into(batch, threads, &mut results, |place, records| *place = records)?;
+    run_batch_into(batch, threads, &Stop::new(), &mut results, |place, records| {
+        *place = records
+    })?;
     Ok(results)
 }
 
@@ -62,10 +65,12 @@ pub fn run_batch(batch: &Batch<'_>, threads: usize) -> Result<Vec<Vec<MethodReco
 /// run.
 ///
 /// # Errors
-/// As [`run_batch`]; [`NavError::WrongCount`] unless there is one place per run.
+/// As [`run_batch`]; [`NavError::WrongCount`] unless there is one place per run; [`NavError::Interrupted`] where `stop`
+/// asks for an early end.
 pub fn run_batch_into<P: Send>(
     batch: &Batch<'_>,
     threads: usize,
+    stop: &Stop,
     places: &mut [P],
     store: impl Fn(&mut P, Vec<MethodRecord>) + Sync + Send,
 ) -> Result<(), NavError> {
@@ -76,6 +81,7 @@ pub fn run_batch_into<P: Send>(
             expected: format!("{}, one per run", batch.runs),
         });
     }
+    check_runs(batch.first_run, batch.runs)?;
     batch.truth.validate()?;
     batch.simulated.validate()?;
     if batch.schedules.len() != 1 && batch.schedules.len() != batch.runs {
@@ -85,29 +91,14 @@ pub fn run_batch_into<P: Send>(
             expected: format!("1 for all runs or {}, one per run", batch.runs),
         });
     }
-    if let Some(pair) = batch.sample_time_ns.windows(2).find(|pair| pair[1] <= pair[0]) {
-        return Err(NavError::TimeNotIncreasing {
-            stream: "sample",
-            time_ns: pair[1],
-            previous_ns: pair[0],
-        });
-    }
-    let last_ns = batch.truth.time_ns[batch.truth.time_ns.len() - 1];
-    let first_ns = batch.truth.time_ns[0];
-    if let Some(&time_ns) = batch.sample_time_ns.iter().find(|&&t| t < first_ns || t > last_ns) {
-        return Err(NavError::OutsideTruth {
-            stream: "sample",
-            time_ns,
-            first_ns,
-            last_ns,
-        });
-    }
+    check_samples(batch.sample_time_ns, batch.truth.time_ns)?;
     let workers = Workers::new(threads)?;
     let group_size = run_group::size(batch.methods, batch.runs, workers.threads()).get();
     let mut groups: Vec<_> = places.chunks_mut(group_size).collect();
     workers.each(&mut groups, |group, places| {
+        stop.check()?;
         let first = group * group_size;
-        let results = run_together(batch, first..first + places.len());
+        let results = run_together(batch, first..first + places.len(), stop);
         for (place, records) in places.iter_mut().zip(results) {
             store(place, records?);
         }
@@ -116,15 +107,50 @@ pub fn run_batch_into<P: Send>(
     Ok(())
 }
 
+/// Checks that the runs have numbers.
+fn check_runs(first_run: u64, runs: usize) -> Result<(), NavError> {
+    match first_run.checked_add(runs as u64) {
+        Some(_) => Ok(()),
+        None => Err(NavError::WrongCount {
+            field: "runs",
+            got: runs,
+            expected: format!("at most {}, as first_run is {first_run}", u64::MAX - first_run),
+        }),
+    }
+}
+
+/// Checks that the times of the samples rise and lie within the truth.
+pub(crate) fn check_samples(sample_time_ns: &[i64], truth_time_ns: &[i64]) -> Result<(), NavError> {
+    if let Some(pair) = sample_time_ns.windows(2).find(|pair| pair[1] <= pair[0]) {
+        return Err(NavError::TimeNotIncreasing {
+            stream: "sample",
+            time_ns: pair[1],
+            previous_ns: pair[0],
+        });
+    }
+    let (Some(&first_ns), Some(&last_ns)) = (truth_time_ns.first(), truth_time_ns.last()) else {
+        return Ok(());
+    };
+    match sample_time_ns.iter().find(|&&t| t < first_ns || t > last_ns) {
+        None => Ok(()),
+        Some(&time_ns) => Err(NavError::OutsideTruth {
+            stream: "sample",
+            time_ns,
+            first_ns,
+            last_ns,
+        }),
+    }
+}
+
 /// Runs a group of runs together, and returns the records or the error of each.
-fn run_together(batch: &Batch<'_>, indices: Range<usize>) -> Vec<Result<Vec<MethodRecord>, NavError>> {
+fn run_together(batch: &Batch<'_>, indices: Range<usize>, stop: &Stop) -> Vec<Result<Vec<MethodRecord>, NavError>> {
     let mut runs: Vec<_> = indices.clone().map(|index| monte_carlo_run(batch, index)).collect();
     let segments = runs.iter_mut().zip(indices).map(|(run, index)| {
         let schedule = batch.schedules[index.min(batch.schedules.len() - 1)];
         let run = run.as_mut().map_err(|error| error.clone())?;
         RunSegment::new(run, batch.truth, schedule, batch.sample_time_ns)
     });
-    let outcomes = run_segments(segments);
+    let outcomes = run_segments(segments, stop);
     let results = runs.into_iter().zip(outcomes);
     results
         .map(|(run, outcome)| outcome.and_then(|()| run.map(MonteCarloRun::into_records)))

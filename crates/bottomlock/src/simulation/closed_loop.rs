@@ -5,6 +5,7 @@ use crate::error::NavError;
 use crate::filter::options::Options;
 use crate::model::Model;
 use crate::navigator::Method;
+use crate::simulation::batch::check_samples;
 use crate::simulation::monte_carlo_run::{MethodRecord, MonteCarloRun, RunSegment};
 use crate::simulation::run_group;
 use crate::simulation::run_group::run_segments;
@@ -12,6 +13,7 @@ use crate::simulation::schedule::Schedule;
 use crate::simulation::sensor_errors::RunKey;
 use crate::simulation::truth::Truth;
 use crate::state::NavState;
+use crate::stop::Stop;
 use crate::workers::Workers;
 
 /// Start of a vehicle: run number, true state, and methods.
@@ -60,17 +62,29 @@ pub struct ClosedLoop {
     /// Number of runs whose filters are propagated together.
     group_size: usize,
     workers: Workers,
+    /// Time that every vehicle has come to, ns; none without vehicles.
+    reached_ns: Option<i64>,
+    /// The error of a call that left the vehicles at different places.
+    failure: Option<NavError>,
 }
 
 impl ClosedLoop {
     /// One vehicle per start, on `threads` threads (0: one per core).
     ///
     /// # Errors
-    /// [`NavError`] for an invalid model, option, start or number of threads, which names the field.
+    /// [`NavError`] for an invalid model, option, start or number of threads, which names the field, and for a vehicle
+    /// without methods.
     pub fn new(setup: &ClosedLoopSetup<'_>, starts: &[VehicleStart<'_>], threads: usize) -> Result<Self, NavError> {
         setup.simulated.validate()?;
         let begin = |start: &VehicleStart<'_>| {
             start.start.validate()?;
+            if start.methods.is_empty() {
+                return Err(NavError::WrongCount {
+                    field: "methods",
+                    got: 0,
+                    expected: "at least one".into(),
+                });
+            }
             let key = RunKey {
                 seed: setup.seed,
                 trajectory: setup.trajectory_key,
@@ -86,15 +100,49 @@ impl ClosedLoop {
             runs: starts.iter().map(begin).collect::<Result<_, _>>()?,
             group_size: run_group::size(methods, starts.len(), workers.threads()).get(),
             workers,
+            reached_ns: starts.first().map(|first| first.start.time_ns),
+            failure: None,
         })
     }
 
     /// Runs every vehicle along its segment and records errors at `sample_time_ns`.
     ///
     /// # Errors
-    /// [`NavError`] for an invalid truth or schedule; [`NavError::InRun`] for an error during a run;
-    /// [`NavError::WrongCount`] unless there is one segment per vehicle.
-    pub fn advance(&mut self, segments: &[TruthSegment<'_>], sample_time_ns: &[i64]) -> Result<(), NavError> {
+    /// [`NavError`] for an invalid truth or schedule, a truth that does not begin where the last one ended, and samples
+    /// outside the truth, and [`NavError::WrongCount`] unless there is one segment per vehicle: the loop is then as before.
+    /// [`NavError::InRun`] for an error during a run and [`NavError::Interrupted`] where `stop` asks for an early end: the
+    /// loop has then failed, and every later call returns [`NavError::AfterFailure`].
+    pub fn advance(
+        &mut self,
+        segments: &[TruthSegment<'_>],
+        sample_time_ns: &[i64],
+        stop: &Stop,
+    ) -> Result<(), NavError> {
+        self.check()?;
+        self.check_segments(segments, sample_time_ns)?;
+        // Holds until the vehicles have all arrived.
+        self.failure = Some(NavError::Interrupted);
+        let outcome = self.run(segments, sample_time_ns, stop);
+        self.failure = outcome.as_ref().err().cloned();
+        self.reached_ns = segments
+            .first()
+            .and_then(|segment| segment.truth.time_ns.last().copied());
+        outcome
+    }
+
+    /// # Errors
+    /// [`NavError::AfterFailure`] where a call to [`ClosedLoop::advance`] has failed on the way.
+    pub fn check(&self) -> Result<(), NavError> {
+        match &self.failure {
+            None => Ok(()),
+            Some(failure) => Err(NavError::AfterFailure {
+                source: Box::new(failure.clone()),
+            }),
+        }
+    }
+
+    /// Checks the segments before any vehicle takes its own.
+    fn check_segments(&self, segments: &[TruthSegment<'_>], sample_time_ns: &[i64]) -> Result<(), NavError> {
         if segments.len() != self.runs.len() {
             return Err(NavError::WrongCount {
                 field: "segments",
@@ -102,14 +150,25 @@ impl ClosedLoop {
                 expected: format!("{}, one per vehicle", self.runs.len()),
             });
         }
+        for TruthSegment { truth, schedule } in segments {
+            truth.validate()?;
+            schedule.validate()?;
+            let (time_ns, expected_ns) = (truth.time_ns[0], self.reached_ns.unwrap_or(truth.time_ns[0]));
+            if time_ns != expected_ns {
+                return Err(NavError::NotContinued { time_ns, expected_ns });
+            }
+            check_samples(sample_time_ns, truth.time_ns)?;
+        }
+        Ok(())
+    }
+
+    fn run(&mut self, segments: &[TruthSegment<'_>], sample_time_ns: &[i64], stop: &Stop) -> Result<(), NavError> {
         let group_size = self.group_size;
         let mut groups: Vec<_> = self.runs.chunks_mut(group_size).collect();
         let outcomes = self.workers.each(&mut groups, |group, runs| {
             let own = segments[group * group_size..].iter().zip(runs.iter_mut());
-            Ok(run_segments(own.map(|(segment, run)| {
-                segment.truth.validate()?;
-                RunSegment::new(run, segment.truth, segment.schedule, sample_time_ns)
-            })))
+            let begun = own.map(|(segment, run)| RunSegment::new(run, segment.truth, segment.schedule, sample_time_ns));
+            Ok(run_segments(begun, stop))
         })?;
         outcomes.into_iter().flatten().collect()
     }

@@ -277,12 +277,9 @@ impl<'a> RunSegment<'a> {
         while let Some(epoch) = self.epochs.next_if(|epoch_ns| epoch_ns <= time_ns) {
             self.run.measure(&self.truth, &self.schedule, epoch)?;
         }
-        if let Some((_, later)) = self
-            .sample_time_ns
-            .split_first()
-            .filter(|(first, _)| **first <= time_ns)
-        {
-            self.sample_time_ns = later;
+        let due = self.sample_time_ns.partition_point(|&sample_ns| sample_ns <= time_ns);
+        self.sample_time_ns = &self.sample_time_ns[due..];
+        for _ in 0..due {
             let mut state = true_state(&self.truth, k);
             self.run.sensors.errors_into(&mut state);
             self.run.each(|one| one.sample(&state))?;

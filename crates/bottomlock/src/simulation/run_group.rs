@@ -7,10 +7,12 @@ use crate::filter::filter_group::width;
 use crate::navigator::run_events::run_events;
 use crate::navigator::{Aiding, BeamAiding, Method, SELECTOR_METHODS};
 use crate::simulation::monte_carlo_run::RunSegment;
+use crate::stop::Stop;
 
 /// Runs every segment to its end, but for those that could not begin; the bits are those of each run alone.
 pub(crate) fn run_segments<'a>(
     begun: impl IntoIterator<Item = Result<RunSegment<'a>, NavError>>,
+    stop: &Stop,
 ) -> Vec<Result<(), NavError>> {
     let mut segments: Vec<Result<RunSegment<'a>, NavError>> = begun.into_iter().collect();
     let mut outcomes: Vec<_> = segments
@@ -28,7 +30,7 @@ pub(crate) fn run_segments<'a>(
             .into_iter()
             .partition(|(_, segment)| same(segment.ahead_ns(), times));
         let (places, mut feeds): (Vec<usize>, Vec<_>) = together.into_iter().unzip();
-        for (place, outcome) in places.into_iter().zip(run_events(&mut feeds)) {
+        for (place, outcome) in places.into_iter().zip(run_events(&mut feeds, stop)) {
             outcomes[place] = outcome;
         }
         waiting = others;

@@ -29,6 +29,7 @@ use crate::error::{NavError, require_finite};
 use crate::filter::tape::{Step, Tape};
 use crate::layout::DIM;
 use crate::state::{Covariance, ErrorVector, NavState};
+use crate::stop::Stop;
 
 /// A smoothed sample.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,11 +82,12 @@ impl Adjoint {
 ///
 /// # Errors
 /// [`NavError::NotFinite`] if the transition to a sample cannot be inverted, after a gap in the IMU stream over which a
-/// state has decayed to zero.
-pub fn smooth(tape: Tape) -> Result<Vec<Smoothed>, NavError> {
+/// state has decayed to zero; [`NavError::Interrupted`] where `stop` asks for an early end.
+pub fn smooth(tape: Tape, stop: &Stop) -> Result<Vec<Smoothed>, NavError> {
     let mut adjoint: Option<Adjoint> = None;
     let mut samples = Vec::new();
     for step in tape.steps.into_iter().rev() {
+        stop.check()?;
         match step {
             Step::Transition(phi) => {
                 adjoint = adjoint.map(|adjoint| adjoint.resized(phi.nrows()).transposed_by(&phi));

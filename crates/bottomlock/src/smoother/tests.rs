@@ -59,7 +59,7 @@ fn scalar_by_hand() {
     tape.push(Step::Transition(DMatrix::identity(DIM, DIM)));
     tape.push(update(DVector::from_element(1, 1.5), &one(2.0), one(1.0), one(0.75)));
     tape.push(sample(13.0 / 8.0, 3.0 / 8.0));
-    let [first, last] = &smooth(tape).unwrap()[..] else {
+    let [first, last] = &smooth(tape, &Stop::new()).unwrap()[..] else {
         panic!("two samples")
     };
     assert!((first.state.position_t_m.0.x - 7.0 / 8.0).abs() < 1e-15);
@@ -179,7 +179,7 @@ fn dense_batch_with_correlated_noise() {
             tape.push(sample_of_three(&x, &p));
         }
         let (mean, covariance) = history.conditioned();
-        for (k, smoothed) in smooth(tape).unwrap().iter().enumerate() {
+        for (k, smoothed) in smooth(tape, &Stop::new()).unwrap().iter().enumerate() {
             for i in 0..3 {
                 assert!((smoothed.state.position_t_m.0[i] - mean[3 * k + i]).abs() < 1e-11);
                 for j in 0..3 {
