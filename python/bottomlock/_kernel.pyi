@@ -3,6 +3,7 @@
 SI units, radians, int64 nanoseconds; tangent NED, platform FRD, quaternions scalar first.
 """
 
+from collections.abc import Sequence
 from typing import Any, Final, Literal, NotRequired, TypedDict, final, type_check_only
 
 import numpy as np
@@ -26,6 +27,7 @@ __all__ = [
     "error_model",
     "normal_gravity_mps2",
     "observe",
+    "rejected_imu",
     "replay_log",
     "run_batch",
     "simulate_sensors",
@@ -42,7 +44,13 @@ FIX_STATUS: Final[tuple[str, ...]]
 SELECTOR_METHODS: Final[tuple[str, ...]]
 
 class KernelError(ValueError):
-    """Bad input to the kernel, in one line that names the field, row or time and what was expected."""
+    """Bad input to the kernel, in one line that names the field, row or time and what was expected.
+
+    That of a push to a `Navigator` has the number of readings that were taken before it, and their reports.
+    """
+
+    taken: int
+    reports: Sequence[ReportDict]
 
 @type_check_only
 class EnvironmentDict(TypedDict):
@@ -150,6 +158,13 @@ class OptionsDict(TypedDict):
     robust: NotRequired[RobustDict | None]
     speed_sd_mps: NotRequired[float]
     speed_time_s: NotRequired[float]
+    max_imu_rate_radps: NotRequired[float]
+    max_imu_force_mps2: NotRequired[float]
+    imu_stuck_after: NotRequired[int]
+    max_imu_gap_s: NotRequired[float]
+    imu_gap: NotRequired[str]
+    imu_gap_rate_sd_radps: NotRequired[float]
+    imu_gap_accel_sd_mps2: NotRequired[float]
     depth_lever_p_m: NotRequired[ArrayLike]
     gps_lever_p_m: NotRequired[ArrayLike]
     acoustic_position_lever_p_m: NotRequired[ArrayLike]
@@ -169,6 +184,13 @@ class DefaultOptionsDict(TypedDict):
     robust: RobustDict
     speed_sd_mps: float
     speed_time_s: float
+    max_imu_rate_radps: float
+    max_imu_force_mps2: float
+    imu_stuck_after: int
+    max_imu_gap_s: float
+    imu_gap: Literal["refuse", "inflate"]
+    imu_gap_rate_sd_radps: float
+    imu_gap_accel_sd_mps2: float
 
 @type_check_only
 class ScheduleDict(TypedDict):
@@ -239,11 +261,30 @@ class ReportDict(TypedDict):
     nis: float
     threshold: float
     verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information"]
+    reason: str | None
     inflation: float | None
     beyond_linear_range: bool
     rejected_rows: NDArray[np.bool_]
     beam_weight: NDArray[np.float64] | None
     choice: dict[str, Any] | None
+
+@type_check_only
+class ImuFaultsDict(TypedDict):
+    out_of_range: int
+    clipped: int
+    stuck: int
+    inflated_gaps: int
+
+@type_check_only
+class RejectedImuDict(TypedDict):
+    row: NDArray[np.int64]
+    time_ns: NDArray[np.int64]
+    reason: list[str]
+
+@type_check_only
+class InflatedImuDict(TypedDict):
+    time_ns: NDArray[np.int64]
+    gap_s: NDArray[np.float64]
 
 @type_check_only
 class SolutionDict(TypedDict):
@@ -372,7 +413,10 @@ class ReplayDict(TypedDict):
     innovation_sd_mps: NDArray[np.float64]
     beam_weight: NDArray[np.float64]
     choice: NDArray[np.uint8]
-    unused: dict[Literal["before_start", "after_end"], dict[str, int]]
+    unused: dict[Literal["before_start", "after_end", "rejected"], dict[str, int]]
+    imu_faults: ImuFaultsDict
+    rejected_imu: RejectedImuDict
+    inflated_imu: InflatedImuDict
     covariance: NotRequired[NDArray[np.float64]]
     smoothed_position_t_m: NotRequired[NDArray[np.float64]]
     smoothed_attitude_t_p: NotRequired[NDArray[np.float64]]
@@ -481,6 +525,8 @@ class Navigator:
         self, *, time_ns: int, position_t_m: ArrayLike, sd_m: ArrayLike | None = None
     ) -> list[ReportDict]: ...
     def late_events(self) -> dict[str, int]: ...
+    def imu_faults(self) -> ImuFaultsDict: ...
+    def discard_waiting(self) -> int: ...
     def state(self) -> StateDict: ...
     def covariance(self) -> NDArray[np.float64]: ...
     def water(self) -> WaterStateDict | None: ...
@@ -583,6 +629,13 @@ def observe(
     scale: ArrayLike | None = None,
     per_epoch: bool = False,
 ) -> list[ObservabilityDict]: ...
+def rejected_imu(
+    imu: ImuDict,
+    options: OptionsDict,
+    time_ns: ArrayLike,
+    omega_p_radps: ArrayLike,
+    force_p_mps2: ArrayLike,
+) -> RejectedImuDict: ...
 def covariance_history(
     geometry: BeamGeometry,
     truth: TruthDict | dict[str, Any],

@@ -2,6 +2,8 @@
 
 use bottomlock::NavError;
 use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 use pyo3::{PyErr, create_exception};
 
 create_exception!(
@@ -10,6 +12,13 @@ create_exception!(
     PyValueError,
     "Bad input to the kernel, in one line that names the field, row or time and what was expected."
 );
+
+/// What the errors of a push have, for those of other calls: nothing was taken.
+pub fn state_attributes(py: Python<'_>) -> PyResult<()> {
+    let error = py.get_type::<KernelError>();
+    error.setattr("taken", 0)?;
+    error.setattr("reports", PyTuple::empty(py))
+}
 
 /// The Python exception of a kernel error, with the messages of its sources.
 pub fn raise(error: NavError) -> PyErr {

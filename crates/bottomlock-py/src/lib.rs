@@ -8,6 +8,7 @@ mod batch_arrays;
 mod closed_loop;
 mod dvl;
 mod errors;
+mod imu_faults;
 mod navigator;
 mod observability;
 mod replay;
@@ -29,6 +30,8 @@ mod _kernel {
     #[pymodule_export]
     use super::errors::KernelError;
     #[pymodule_export]
+    use super::imu_faults::rejected_imu;
+    #[pymodule_export]
     use super::navigator::Navigator;
     #[pymodule_export]
     use super::observability::{covariance_history, observe};
@@ -44,6 +47,7 @@ mod _kernel {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        super::errors::state_attributes(module.py())?;
         module.add("DEFAULT_OPTIONS", super::settings::default_options(module.py())?)?;
         module.add("STATES", bottomlock::layout::DIM)?;
         module.add("INERTIAL_STATES", bottomlock::layout::DVL_BIAS)?;

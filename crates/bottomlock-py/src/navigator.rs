@@ -8,11 +8,10 @@ use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::ImuSample;
-use bottomlock::navigator::Method;
-use bottomlock::navigator::NavigatorSet;
 use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES, VelocitySample,
 };
+use bottomlock::navigator::{LiveNavigator, Method};
 use bottomlock::state::{Covariance, NavState};
 use nalgebra::{Matrix3, Vector4};
 use numpy::PyArrayDyn;
@@ -23,7 +22,8 @@ use crate::arrays::{array, booleans, floats, item, rows, times, vector};
 use crate::batch::put_state;
 use crate::dvl::BeamGeometry;
 use crate::errors::raise;
-use crate::report::report_dict;
+use crate::imu_faults::fault_counts;
+use crate::report::Pushed;
 use crate::settings;
 
 /// An aided inertial navigator for live use, one sample at a time. Its estimates are those of a campaign, bit for bit.
@@ -40,14 +40,18 @@ use crate::settings;
 ///         sway_current.
 ///     covariance: (20, 20) covariance at the start; the model's by default.
 ///
-/// Every push returns the reports of the measurements that it processed: innovation, its covariance, NIS, verdict.
+/// Every push returns the reports of the measurements that it processed: innovation, its covariance, NIS, verdict. An
+/// inertial reading at or beyond the full scale of the options, or stuck, is rejected: its report has the sensor "imu", the
+/// verdict "rejected" and the reason (docs/imu_faults.md).
 ///
 /// Raises:
-///     KernelError: for numbers that are not finite, wrong shapes, and time that does not increase within a stream or lies
-///         before the filter's; the sample is then not taken.
+///     KernelError: for numbers that are not finite or that no instrument has, wrong shapes, time that does not increase
+///         within a stream or lies before the filter's, and a gap between inertial readings longer than `max_imu_gap_s`. A
+///         push that is refused changes nothing but the count of late events. The error has `taken`, the number of
+///         readings that `push_imu_block` took before it, and `reports`, theirs.
 #[pyclass(module = "bottomlock._kernel")]
 pub struct Navigator {
-    inner: NavigatorSet,
+    inner: LiveNavigator,
     sensors: SensorModels,
     beams: usize,
 }
@@ -90,7 +94,7 @@ impl Navigator {
         let aiding = Method::named(method).map_err(raise)?.aiding;
         let (model, options) = (settings::model(model)?, settings::options(options)?);
         let mut inner =
-            NavigatorSet::new(initial_state(initial)?, &geometry.inner, aiding, &model, &options).map_err(raise)?;
+            LiveNavigator::new(initial_state(initial)?, &geometry.inner, aiding, &model, &options).map_err(raise)?;
         if let Some(value) = covariance {
             let values = floats("covariance", value, &[Some(DIM), Some(DIM)])?.values;
             inner
@@ -121,6 +125,9 @@ impl Navigator {
     }
 
     /// Many inertial readings: time_ns (n,) int64, omega_p_radps (n, 3), force_p_mps2 (n, 3).
+    ///
+    /// An error refuses the reading that it names and those after it; the readings before it are taken, and the error's `taken`
+    /// is their number and `reports` their reports.
     #[pyo3(signature = (time_ns, omega_p_radps, force_p_mps2))]
     fn push_imu_block<'py>(
         &mut self,
@@ -300,23 +307,38 @@ impl Navigator {
     /// stream. With a sensor of some latency, hold the IMU samples back by as much; replay a log in order of validity.
     fn late_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
-        let counts = STREAM_NAMES.iter().zip(self.inner.late_events());
+        let counts = STREAM_NAMES.iter().zip(self.inner.navigators().late_events());
         counts
             .into_iter()
             .try_for_each(|(name, count)| out.set_item(name, count))?;
         Ok(out)
     }
 
+    /// Number of inertial readings that were rejected, by reason (out_of_range, clipped, stuck), and of gaps longer than
+    /// `max_imu_gap_s` that were bridged with inflation (inflated_gaps).
+    fn imu_faults<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        fault_counts(py, self.inner.imu_faults())
+    }
+
+    /// Drops the measurements that wait for the next inertial reading, where they make its push fail; returns their number.
+    fn discard_waiting(&mut self) -> usize {
+        self.inner.discard_waiting()
+    }
+
     /// The estimate at the time of the last IMU sample.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
-        put_state(py, &out, &self.inner.state())?;
+        put_state(py, &out, &self.inner.navigators().state())?;
         Ok(out)
     }
 
     /// The (20, 20) covariance at that time; the call changes nothing.
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        array(py, self.inner.covariance().as_slice().to_vec(), &[DIM, DIM])
+        array(
+            py,
+            self.inner.navigators().covariance().as_slice().to_vec(),
+            &[DIM, DIM],
+        )
     }
 
     /// Estimate of the motion through the water by the method "sway_current" after the last update; None with other methods.
@@ -325,7 +347,7 @@ impl Navigator {
     /// deviations; the number of restarts of the assumptions; and the (6, 6) covariance of current north, current east, gain,
     /// trim, sway slip, heave slip.
     fn water<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(block) = self.inner.water() else {
+        let Some(block) = self.inner.navigators().water() else {
             return Ok(None);
         };
         let (estimate, slip_sd_mps) = (block.estimate(), block.variance().map(f64::sqrt));
@@ -348,19 +370,30 @@ impl Navigator {
 impl Navigator {
     fn push<'py>(&mut self, py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyList>> {
         let inner = &mut self.inner;
-        let mut reports = Vec::new();
-        py.detach(|| {
-            events
-                .iter()
-                .try_for_each(|event| inner.push(event, &mut |report| reports.push(*report)))
-        })
-        .map_err(raise)?;
-        PyList::new(
+        let (mut pushed, mut taken) = (Vec::new(), 0);
+        let outcome = py.detach(|| {
+            events.iter().try_for_each(|event| {
+                let fault = inner.push(event, &mut |report| pushed.push(Pushed::Update(Box::new(*report))))?;
+                pushed.extend(fault.map(|fault| Pushed::Rejected(event.time_ns(), fault)));
+                taken += 1;
+                Ok(())
+            })
+        });
+        let reports = PyList::new(
             py,
-            reports
+            pushed
                 .iter()
-                .map(|report| report_dict(py, report, self.beams))
+                .map(|one| one.dict(py, self.beams))
                 .collect::<PyResult<Vec<_>>>()?,
-        )
+        )?;
+        match outcome {
+            Ok(()) => Ok(reports),
+            Err(error) => {
+                let error = raise(error);
+                error.value(py).setattr("taken", taken)?;
+                error.value(py).setattr("reports", reports)?;
+                Err(error)
+            }
+        }
     }
 }

@@ -18,6 +18,7 @@ use crate::arrays::{array, booleans, floats, item, rows, times, vector};
 use crate::batch_arrays::{NO_CHOICE, choice_code};
 use crate::dvl::BeamGeometry;
 use crate::errors::{invalid, raise};
+use crate::imu_faults::{put_faults, samples};
 use crate::settings;
 
 struct OwnedLog {
@@ -43,13 +44,7 @@ impl OwnedLog {
             three("omega_p_radps", imu_ns.len())?,
             three("force_p_mps2", imu_ns.len())?,
         );
-        let imu = (0..imu_ns.len())
-            .map(|k| ImuSample {
-                time_ns: imu_ns[k],
-                rate_p_radps: Vec3::from_array(rates[k]),
-                force_p_mps2: Vec3::from_array(forces[k]),
-            })
-            .collect();
+        let imu = samples(&imu_ns, &rates, &forces);
 
         let mut sensors: [Vec<Measurement>; SENSORS] = Default::default();
         for kind in SensorKind::ALL {
@@ -261,12 +256,14 @@ pub fn replay_log<'py>(
     for (key, counts) in [
         ("before_start", replayed.unused.before_start),
         ("after_end", replayed.unused.after_end),
+        ("rejected", replayed.unused.rejected),
     ] {
         let by_stream = PyDict::new(py);
         (0..STREAMS).try_for_each(|k| by_stream.set_item(STREAM_NAMES[k], counts[k]))?;
         unused.set_item(key, by_stream)?;
     }
     out.set_item("unused", unused)?;
+    put_faults(&out, &replayed.imu_faults)?;
     Ok(out)
 }
 

@@ -19,6 +19,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{item, vector};
 use crate::errors::invalid;
+use crate::imu_faults;
 
 fn section<'py>(dict: &Bound<'py, PyDict>, owner: &str, key: &str) -> PyResult<Bound<'py, PyDict>> {
     item(dict, owner, key)?
@@ -26,13 +27,13 @@ fn section<'py>(dict: &Bound<'py, PyDict>, owner: &str, key: &str) -> PyResult<B
         .map_err(|_| invalid(format!("{owner}.{key} is not a dict")))
 }
 
-fn number(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<f64> {
+pub fn number(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<f64> {
     item(dict, owner, key)?
         .extract()
         .map_err(|_| invalid(format!("{owner}.{key} is not a number")))
 }
 
-fn text(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<String> {
+pub fn text(dict: &Bound<'_, PyDict>, owner: &str, key: &str) -> PyResult<String> {
     item(dict, owner, key)?
         .extract()
         .map_err(|_| invalid(format!("{owner}.{key} is not a text")))
@@ -93,20 +94,25 @@ impl SectionReader for ModelDict<'_, '_> {
     }
 }
 
+/// The errors of the inertial sensors.
+pub fn imu_model(imu: &Bound<'_, PyDict>) -> PyResult<ImuModel> {
+    Ok(ImuModel {
+        accel_noise_mps_rts: number(imu, "imu", "accel_noise_mps_rts")?,
+        gyro_noise_rad_rts: number(imu, "imu", "gyro_noise_rad_rts")?,
+        accel_bias_sd_mps2: number(imu, "imu", "accel_bias_sd_mps2")?,
+        gyro_bias_sd_radps: number(imu, "imu", "gyro_bias_sd_radps")?,
+        accel_bias_walk_mps2_rts: number(imu, "imu", "accel_bias_walk_mps2_rts")?,
+        gyro_bias_walk_radps_rts: number(imu, "imu", "gyro_bias_walk_radps_rts")?,
+    })
+}
+
 /// A whole model.
 pub fn model(dict: &Bound<'_, PyDict>) -> PyResult<Model> {
     let part = |key| section(dict, "model", key);
     let (imu, initial) = (part("imu")?, part("initial")?);
     Ok(Model {
         environment: environment(&part("environment")?)?,
-        imu: ImuModel {
-            accel_noise_mps_rts: number(&imu, "imu", "accel_noise_mps_rts")?,
-            gyro_noise_rad_rts: number(&imu, "imu", "gyro_noise_rad_rts")?,
-            accel_bias_sd_mps2: number(&imu, "imu", "accel_bias_sd_mps2")?,
-            gyro_bias_sd_radps: number(&imu, "imu", "gyro_bias_sd_radps")?,
-            accel_bias_walk_mps2_rts: number(&imu, "imu", "accel_bias_walk_mps2_rts")?,
-            gyro_bias_walk_radps_rts: number(&imu, "imu", "gyro_bias_walk_radps_rts")?,
-        },
+        imu: imu_model(&imu)?,
         initial: InitialModel {
             position_sd_m: triple(&initial, "initial", "position_sd_m")?,
             attitude_sd_rad: triple(&initial, "initial", "attitude_sd_rad")?,
@@ -191,6 +197,7 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
         inflate_after_rejections,
         robust: robust(dict)?,
         speed_bound: speed_bound(dict)?,
+        imu_limits: imu_faults::limits(dict)?,
         water,
         covariance_period_ns: item(dict, "options", "covariance_period_ns")?
             .extract()
@@ -244,6 +251,7 @@ pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     dict.set_item("water", water)?;
     dict.set_item("speed_sd_mps", options.speed_bound.sd_mps)?;
     dict.set_item("speed_time_s", options.speed_bound.time_s)?;
+    imu_faults::put_limits(&dict, &options.imu_limits)?;
     dict.set_item("robust", robust_dict(py, &options.robust)?)?;
     Ok(dict)
 }

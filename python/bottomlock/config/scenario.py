@@ -87,6 +87,8 @@ class Scenario(Section):
         exclude |= {} if self.robust.enabled else {"robust": True}
         exclude |= {} if self.filter.speed_sd_mps else {"filter": {"speed_sd_mps", "speed_time_s"}}
         exclude |= {} if self.dvl.outlier_fraction else {"dvl": {"outlier_fraction", "outlier_factor"}}
+        # Simulated readings are not checked.
+        exclude |= {"imu": {"limits"}}
         content = self.model_dump(mode="json", exclude=exclude)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
@@ -174,6 +176,7 @@ class Scenario(Section):
         return options | {
             "covariance_period_ns": units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0,
             "imu_sampling": self.imu.sampling,
+            **self.imu.limits.kernel_options(),
         }
 
 

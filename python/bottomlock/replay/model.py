@@ -93,9 +93,11 @@ def kernel_options(case: Case) -> dict[str, Any]:
     options = (
         case.filter.model_dump(exclude={"covariance_rate_hz"})
         | case.robust.kernel_options()
+        | case.imu.limits.kernel_options()
         | {
             "covariance_period_ns": units.ns_from_s(1.0 / rate_hz) if rate_hz > 0.0 else 0,
             "imu_sampling": "averaged" if case.imu.averaged else "instantaneous",
+            "max_imu_gap_s": max(case.imu.limits.max_gap_s, case.imu.bridge_gaps_s),
         }
     )
     for sensor in SENSORS:
