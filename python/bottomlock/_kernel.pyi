@@ -33,6 +33,7 @@ __all__ = [
     "error_model",
     "normal_gravity_mps2",
     "observe",
+    "rejected_imu",
     "replay_log",
     "run_batch",
     "simulate_sensors",
@@ -84,6 +85,13 @@ class DefaultOptionsDict(TypedDict):
     speed_sd_mps: float
     speed_time_s: float
     robust: RobustDict
+    max_imu_rate_radps: float
+    max_imu_force_mps2: float
+    imu_stuck_after: int
+    max_imu_gap_s: float
+    imu_gap: Literal["refuse", "inflate"]
+    imu_gap_rate_sd_radps: float
+    imu_gap_accel_sd_mps2: float
     depth_lever_p_m: list[float]
     gps_lever_p_m: list[float]
     acoustic_position_lever_p_m: list[float]
@@ -158,11 +166,30 @@ class ReportDict(TypedDict):
     nis: float
     threshold: float
     verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information"]
+    reason: str | None
     inflation: float | None
     beyond_linear_range: bool
     rejected_rows: NDArray[np.bool_]
     beam_weight: NDArray[np.float64] | None
     choice: dict[str, Any] | None
+
+@type_check_only
+class ImuFaultsDict(TypedDict):
+    out_of_range: int
+    clipped: int
+    stuck: int
+    inflated_gaps: int
+
+@type_check_only
+class RejectedImuDict(TypedDict):
+    row: NDArray[np.int64]
+    time_ns: NDArray[np.int64]
+    reason: list[str]
+
+@type_check_only
+class InflatedImuDict(TypedDict):
+    time_ns: NDArray[np.int64]
+    gap_s: NDArray[np.float64]
 
 @type_check_only
 class SolutionDict(TypedDict):
@@ -281,7 +308,10 @@ class ReplayDict(TypedDict):
     innovation_sd_mps: NDArray[np.float64]
     beam_weight: NDArray[np.float64]
     choice: NDArray[np.uint8]
-    unused: dict[Literal["before_start", "after_end"], dict[str, int]]
+    unused: dict[Literal["before_start", "after_end", "rejected"], dict[str, int]]
+    imu_faults: ImuFaultsDict
+    rejected_imu: RejectedImuDict
+    inflated_imu: InflatedImuDict
     covariance: NotRequired[NDArray[np.float64]]
     smoothed_position_t_m: NotRequired[NDArray[np.float64]]
     smoothed_attitude_t_p: NotRequired[NDArray[np.float64]]
@@ -395,6 +425,8 @@ class Navigator:
         self, *, time_ns: int, position_t_m: ArrayLike, sd_m: ArrayLike | None = None
     ) -> list[ReportDict]: ...
     def late_events(self) -> dict[str, int]: ...
+    def imu_faults(self) -> ImuFaultsDict: ...
+    def discard_waiting(self) -> int: ...
     def state(self) -> StateDict: ...
     def covariance(self) -> NDArray[np.float64]: ...
     def water(self) -> WaterStateDict | None: ...
@@ -505,6 +537,13 @@ def observe(
     scale: ArrayLike | None = None,
     per_epoch: bool = False,
 ) -> list[ObservabilityDict]: ...
+def rejected_imu(
+    imu: ImuDict,
+    options: OptionsDict,
+    time_ns: ArrayLike,
+    omega_p_radps: ArrayLike,
+    force_p_mps2: ArrayLike,
+) -> RejectedImuDict: ...
 def covariance_history(
     geometry: BeamGeometry,
     truth: TruthDict | dict[str, Any],

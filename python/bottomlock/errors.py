@@ -1,6 +1,8 @@
 """Exceptions of the package: each is one line that names the place, and ends a command with exit code 2; and notes."""
 
 import warnings
+from collections.abc import Sequence
+from typing import Any
 
 EXIT_INTERRUPTED = 130
 """Exit code of a command that Ctrl-C has ended."""
@@ -17,7 +19,15 @@ class ScenarioError(BottomlockError):
 
 
 class KernelError(BottomlockError, ValueError):
-    """Bad input to the kernel, in one line that names the field, row or time and what was expected."""
+    """Bad input to the kernel, in one line that names the field, row or time and what was expected.
+
+    Attributes:
+        taken: of a push to a `Navigator`, the number of readings that were taken before it; else 0.
+        reports: their reports.
+    """
+
+    taken: int = 0
+    reports: Sequence[Any] = ()
 
 
 class DataError(BottomlockError):

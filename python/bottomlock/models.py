@@ -299,6 +299,13 @@ class Options(Settings):
     information_port: Literal["axes", "full"] = _OPTIONS["information_port"]
     speed_sd_mps: float = _OPTIONS["speed_sd_mps"]
     speed_time_s: float = _OPTIONS["speed_time_s"]
+    max_imu_rate_radps: float = _OPTIONS["max_imu_rate_radps"]
+    max_imu_force_mps2: float = _OPTIONS["max_imu_force_mps2"]
+    imu_stuck_after: int = _OPTIONS["imu_stuck_after"]
+    max_imu_gap_s: float = _OPTIONS["max_imu_gap_s"]
+    imu_gap: Literal["refuse", "inflate"] = _OPTIONS["imu_gap"]
+    imu_gap_rate_sd_radps: float = _OPTIONS["imu_gap_rate_sd_radps"]
+    imu_gap_accel_sd_mps2: float = _OPTIONS["imu_gap_accel_sd_mps2"]
     depth_lever_p_m: Vector = tuple(_OPTIONS["depth_lever_p_m"])
     gps_lever_p_m: Vector = tuple(_OPTIONS["gps_lever_p_m"])
     acoustic_position_lever_p_m: Vector = tuple(_OPTIONS["acoustic_position_lever_p_m"])

@@ -16,7 +16,7 @@ from bottomlock.replay.reading import read_streams
 from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.run import ReplayResult, replay_case, write_replay
 from bottomlock.statistics.replay import runs_table
-from bottomlock.tables.replay import SIGMAS
+from bottomlock.tables.replay import IMU_FAULTS, SIGMAS
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.replay import synthetic_dive
 from tests.replay.streaming import stream
@@ -133,7 +133,8 @@ def test_coverage_counts_axes_within_sigma(replayed: ReplayResult) -> None:
         (factor * pl.col(f"sd_velocity_{axis}_mps")).alias(f"err_velocity_{axis}_mps")
         for axis, factor in factors.items()
     )
-    runs = runs_table(samples, replayed.innovations, replayed.pings, replayed.path, 0)
+    faults = replayed.runs.select(list(IMU_FAULTS)).unique(maintain_order=True)
+    runs = runs_table(samples, replayed.innovations, replayed.pings, faults, replayed.path, 0)
     for k, fraction in zip(SIGMAS, (1 / 3, 2 / 3, 1.0), strict=True):
         np.testing.assert_allclose(runs[f"velocity_covered_{k}sigma"], fraction, rtol=1e-12)
     rms = np.sqrt((0.25 + 2.25 + 6.25) / 3)

@@ -11,6 +11,7 @@ mod check;
 mod closed_loop;
 mod dvl;
 mod errors;
+mod imu_faults;
 mod keys;
 mod memory;
 mod navigator;
@@ -34,6 +35,8 @@ mod _kernel {
     use super::closed_loop::ClosedLoop;
     #[pymodule_export]
     use super::dvl::BeamGeometry;
+    #[pymodule_export]
+    use super::imu_faults::rejected_imu;
     #[pymodule_export]
     use super::navigator::Navigator;
     #[pymodule_export]

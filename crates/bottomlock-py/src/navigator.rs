@@ -10,12 +10,10 @@ use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::ImuSample;
-use bottomlock::navigator::Method;
 use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES, VelocitySample,
 };
-use bottomlock::navigator::first_readings::FirstReadings;
-use bottomlock::navigator::{NavigatorSet, Snapshot};
+use bottomlock::navigator::{LiveNavigator, Method, Snapshot};
 use nalgebra::Matrix3;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
@@ -27,7 +25,8 @@ use crate::beam_arrays::BeamArrays;
 use crate::calls::detached;
 use crate::dvl::BeamGeometry;
 use crate::errors::{invalid, raise};
-use crate::report::report_dict;
+use crate::imu_faults::fault_counts;
+use crate::report::Pushed;
 use crate::settings;
 use crate::state::state;
 
@@ -45,21 +44,24 @@ use crate::state::state;
 ///         sway_current.
 ///     covariance: (20, 20) covariance at the start; the model's by default.
 ///
-/// Every push returns the reports of the measurements that it processed: innovation, its covariance, NIS, verdict.
+/// Every push returns the reports of the measurements that it processed: innovation, its covariance, NIS, verdict. An
+/// inertial reading at or beyond the full scale of the options, or stuck, is rejected: its report has the sensor "imu", the
+/// verdict "rejected" and the reason (docs/imu_faults.md).
 ///
 /// Raises:
-///     KernelError: for numbers that are not finite, wrong shapes, and time that does not increase within a stream or lies
-///         before the filter's; the sample is then not taken.
+///     KernelError: for numbers that are not finite or that no instrument has, wrong shapes, time that does not increase
+///         within a stream or lies before the filter's, and a gap between inertial readings longer than `max_imu_gap_s`. A
+///         push that is refused changes nothing but the count of late events. The error has `taken`, the number of
+///         readings that `push_imu_block` took before it, and `reports`, theirs.
 ///
 /// A navigator may be used by several threads: a lock inside takes their calls one after another, each whole. The order of
 /// samples is then that of the calls, so one thread should push. `save` and `load`, `copy` and `pickle` keep the whole state: the
 /// restored navigator goes on bit for bit.
 #[pyclass(frozen, module = "bottomlock._kernel")]
 pub struct Navigator {
-    inner: Mutex<NavigatorSet>,
+    inner: Mutex<LiveNavigator>,
     sensors: SensorModels,
     beams: usize,
-    first: FirstReadings,
 }
 
 #[pymethods]
@@ -77,12 +79,12 @@ impl Navigator {
         let aiding = Method::named(method).map_err(raise)?.aiding;
         let (model, options) = (settings::model(model)?, settings::options(options)?);
         let initial = state("initial", initial)?;
-        let mut inner = NavigatorSet::new(initial, &geometry.inner, aiding, &model, &options).map_err(raise)?;
+        let mut inner = LiveNavigator::new(initial, &geometry.inner, aiding, &model, &options).map_err(raise)?;
         if let Some(covariance) = crate::state::covariance(covariance)? {
             inner.set_covariance(&covariance).map_err(raise)?;
         }
         Ok(Self::of(Snapshot {
-            navigators: inner,
+            live: inner,
             sensors: model.sensors,
         }))
     }
@@ -109,6 +111,9 @@ impl Navigator {
     }
 
     /// Many inertial readings: time_ns (n,) int64, omega_p_radps (n, 3), force_p_mps2 (n, 3).
+    ///
+    /// An error refuses the reading that it names and those after it; the readings before it are taken, and the error's `taken`
+    /// is their number and `reports` their reports.
     #[pyo3(signature = (time_ns, *, omega_p_radps, force_p_mps2))]
     fn push_imu_block<'py>(
         &self,
@@ -317,7 +322,7 @@ impl Navigator {
     /// stream. With a sensor of some latency, hold the IMU samples back by as much; replay a log in order of validity.
     fn late_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
-        let counts = self.with(py, |inner| *inner.late_events())?;
+        let counts = self.with(py, |inner| *inner.navigators().late_events())?;
         let named = STREAM_NAMES.iter().zip(counts);
         named
             .into_iter()
@@ -325,16 +330,27 @@ impl Navigator {
         Ok(out)
     }
 
+    /// Number of inertial readings that were rejected, by reason (out_of_range, clipped, stuck), and of gaps longer than
+    /// `max_imu_gap_s` that were bridged with inflation (inflated_gaps).
+    fn imu_faults<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        fault_counts(py, &self.with(py, |inner| *inner.imu_faults())?)
+    }
+
+    /// Drops the measurements that wait for the next inertial reading, where they make its push fail; returns their number.
+    fn discard_waiting(&self, py: Python<'_>) -> PyResult<usize> {
+        self.with(py, LiveNavigator::discard_waiting)
+    }
+
     /// The estimate at the time of the last IMU sample.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
-        put_state(py, &out, &self.with(py, |inner| inner.state())?)?;
+        put_state(py, &out, &self.with(py, |inner| inner.navigators().state())?)?;
         Ok(out)
     }
 
     /// The (20, 20) covariance at that time; the call changes nothing.
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let covariance = self.with(py, |inner| inner.covariance())?;
+        let covariance = self.with(py, |inner| inner.navigators().covariance())?;
         array(py, covariance.as_slice().to_vec(), &[DIM, DIM])
     }
 
@@ -344,7 +360,7 @@ impl Navigator {
     /// deviations; the number of restarts of the assumptions; and the (6, 6) covariance of current north, current east, gain,
     /// trim, sway slip, heave slip.
     fn water<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(block) = self.with(py, |inner| inner.water().cloned())? else {
+        let Some(block) = self.with(py, |inner| inner.navigators().water().cloned())? else {
             return Ok(None);
         };
         let (estimate, slip_sd_mps) = (block.estimate(), block.variance().map(f64::sqrt));
@@ -367,8 +383,8 @@ impl Navigator {
 impl Navigator {
     fn of(snapshot: Snapshot) -> Self {
         Self {
-            beams: snapshot.navigators.selected().geometry().beams(),
-            inner: Mutex::new(snapshot.navigators),
+            beams: snapshot.live.navigators().selected().geometry().beams(),
+            inner: Mutex::new(snapshot.live),
             sensors: snapshot.sensors,
         }
     }
@@ -376,7 +392,7 @@ impl Navigator {
     /// Calls the navigators, when no other thread does.
     ///
     /// The lock is taken and released without the GIL, so that a thread that waits for it keeps no other from running.
-    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut NavigatorSet) -> T + Send) -> PyResult<T> {
+    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut LiveNavigator) -> T + Send) -> PyResult<T> {
         detached(py, || Ok(self.inner.lock().map(|mut inner| work(&mut inner)).ok()))?.ok_or_else(|| {
             invalid("this navigator has met an internal error before: start a new one, or load a saved one")
         })
@@ -384,25 +400,36 @@ impl Navigator {
 
     fn snapshot(&self, py: Python<'_>) -> PyResult<Snapshot> {
         Ok(Snapshot {
-            navigators: self.with(py, |inner| inner.clone())?,
+            live: self.with(py, |inner| inner.clone())?,
             sensors: self.sensors,
         })
     }
 
     fn push<'py>(&self, py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyList>> {
-        let mut reports = Vec::new();
-        self.with(py, |inner| {
-            events
-                .iter()
-                .try_for_each(|event| inner.push(event, &mut |report| reports.push(*report)))
-        })?
-        .map_err(raise)?;
-        PyList::new(
+        let (mut pushed, mut taken) = (Vec::new(), 0);
+        let outcome = self.with(py, |inner| {
+            events.iter().try_for_each(|event| {
+                let fault = inner.push(event, &mut |report| pushed.push(Pushed::Update(Box::new(*report))))?;
+                pushed.extend(fault.map(|fault| Pushed::Rejected(event.time_ns(), fault)));
+                taken += 1;
+                Ok(())
+            })
+        })?;
+        let reports = PyList::new(
             py,
-            reports
+            pushed
                 .iter()
-                .map(|report| report_dict(py, report, self.beams))
+                .map(|one| one.dict(py, self.beams))
                 .collect::<PyResult<Vec<_>>>()?,
-        )
+        )?;
+        match outcome {
+            Ok(()) => Ok(reports),
+            Err(error) => {
+                let error = raise(error);
+                error.value(py).setattr("taken", taken)?;
+                error.value(py).setattr("reports", reports)?;
+                Err(error)
+            }
+        }
     }
 }

@@ -3,7 +3,6 @@
 use bottomlock::aiding::registry::{Measurement, SENSORS, SensorKind};
 use bottomlock::aiding::water::WATER;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
-use bottomlock::frames::Vec3;
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::model::Model;
@@ -21,6 +20,7 @@ use crate::beam_arrays::BeamArrays;
 use crate::calls::interruptible;
 use crate::dvl::BeamGeometry;
 use crate::errors::raise;
+use crate::imu_faults::{put_faults, samples};
 use crate::keys::{Keys, read};
 use crate::memory::product;
 use crate::settings;
@@ -52,13 +52,7 @@ impl OwnedLog {
             three("omega_p_radps", imu_ns.len())?,
             three("force_p_mps2", imu_ns.len())?,
         );
-        let imu = (0..imu_ns.len())
-            .map(|k| ImuSample {
-                time_ns: imu_ns[k],
-                rate_p_radps: Vec3::from_array(rates[k]),
-                force_p_mps2: Vec3::from_array(forces[k]),
-            })
-            .collect();
+        let imu = samples(&imu_ns, &rates, &forces);
 
         let mut sensors: [Vec<Measurement>; SENSORS] = Default::default();
         for kind in SensorKind::ALL {
@@ -257,12 +251,14 @@ pub fn replay_log<'py>(
     for (key, counts) in [
         ("before_start", replayed.unused.before_start),
         ("after_end", replayed.unused.after_end),
+        ("rejected", replayed.unused.rejected),
     ] {
         let by_stream = PyDict::new(py);
         (0..STREAMS).try_for_each(|k| by_stream.set_item(STREAM_NAMES[k], counts[k]))?;
         unused.set_item(key, by_stream)?;
     }
     out.set_item("unused", unused)?;
+    put_faults(&out, &replayed.imu_faults)?;
     Ok(out)
 }
 

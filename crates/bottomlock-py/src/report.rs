@@ -1,15 +1,33 @@
 //! Update reports as Python dicts.
 
 use bottomlock::filter::report::{Choice, SelectionReason, UpdateReport, Verdict};
+use bottomlock::mechanisation::ImuFault;
 use bottomlock::navigator::SELECTOR_METHODS;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::array;
+use crate::imu_faults::rejected_report;
 use crate::velocity::source_code;
 
+/// What a push gives: an update, or the time of an inertial reading and why it was rejected.
+pub enum Pushed {
+    Update(Box<UpdateReport>),
+    Rejected(i64, ImuFault),
+}
+
+impl Pushed {
+    /// Its dict, for an instrument with `beams` beams.
+    pub fn dict<'py>(&self, py: Python<'py>, beams: usize) -> PyResult<Bound<'py, PyDict>> {
+        match self {
+            Self::Update(report) => report_dict(py, report, beams),
+            Self::Rejected(time_ns, fault) => rejected_report(py, *time_ns, fault),
+        }
+    }
+}
+
 /// The dict of a report, for an instrument with `beams` beams.
-pub fn report_dict<'py>(py: Python<'py>, report: &UpdateReport, beams: usize) -> PyResult<Bound<'py, PyDict>> {
+fn report_dict<'py>(py: Python<'py>, report: &UpdateReport, beams: usize) -> PyResult<Bound<'py, PyDict>> {
     let (verdict, rejected) = match report.verdict {
         Verdict::Accepted => ("accepted", 0),
         Verdict::AcceptedInPart { rejected_rows } => ("accepted_in_part", rejected_rows),
@@ -32,6 +50,7 @@ pub fn report_dict<'py>(py: Python<'py>, report: &UpdateReport, beams: usize) ->
     out.set_item("nis", report.nis)?;
     out.set_item("threshold", report.threshold)?;
     out.set_item("verdict", verdict)?;
+    out.set_item("reason", py.None())?;
     out.set_item("inflation", report.inflation)?;
     out.set_item("beyond_linear_range", report.is_beyond_linear_range)?;
     let flags = (0..rows).map(|k| rejected & (1 << k) != 0).collect();

@@ -19,6 +19,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::vector;
 use crate::errors::invalid;
+use crate::imu_faults;
 use crate::keys::{Keys, read};
 
 /// A unit quaternion, scalar first.
@@ -161,6 +162,7 @@ fn options_of(keys: &Keys<'_>) -> PyResult<Options> {
             sd_mps: keys.number_or("speed_sd_mps", default.speed_bound.sd_mps)?,
             time_s: keys.number_or("speed_time_s", default.speed_bound.time_s)?,
         },
+        imu_limits: imu_faults::limits(keys)?,
         water: if keys.has("water")? {
             keys.section("water", water)?
         } else {
@@ -255,6 +257,7 @@ pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     dict.set_item("water", water)?;
     dict.set_item("speed_sd_mps", options.speed_bound.sd_mps)?;
     dict.set_item("speed_time_s", options.speed_bound.time_s)?;
+    imu_faults::put_limits(&dict, &options.imu_limits)?;
     dict.set_item("robust", robust_dict(py, &options.robust)?)?;
     for kind in SensorKind::ALL {
         if let Some(key) = kind.declaration().lever {

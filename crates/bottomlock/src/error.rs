@@ -61,6 +61,78 @@ pub enum NavError {
         /// Time before it, ns.
         previous_ns: i64,
     },
+    /// Nothing was read by the inertial sensors for longer than the limit.
+    #[error(
+        "imu time {time_ns} ns comes {gap_s:.6} s after the last good reading at {last_ns} ns, expected at most \
+         max_imu_gap_s = {limit_s} s: start again from a fix, or bridge the gap with imu_gap = \"inflate\""
+    )]
+    ImuGap {
+        /// Time of the reading after the gap, ns.
+        time_ns: i64,
+        /// Time of the last good reading, or of the start, ns.
+        last_ns: i64,
+        /// Length of the gap, s.
+        gap_s: f64,
+        /// The limit, s.
+        limit_s: f64,
+    },
+    /// The attitude would be unknown after a gap between inertial readings.
+    #[error(
+        "imu time {time_ns} ns comes {gap_s:.6} s after the last good reading at {last_ns} ns, too long to bridge: with \
+         imu_gap_rate_sd_radps the attitude is unknown by more than 1 rad, expected {longest_s:.6} s or less: start \
+         again from a fix"
+    )]
+    ImuGapTooLong {
+        /// Time of the reading after the gap, ns.
+        time_ns: i64,
+        /// Time of the last good reading, or of the start, ns.
+        last_ns: i64,
+        /// Length of the gap, s.
+        gap_s: f64,
+        /// Longest gap that can be bridged, s.
+        longest_s: f64,
+    },
+    /// A measurement lies too far ahead of the inertial readings to belong to them.
+    #[error(
+        "{stream} time {time_ns} ns lies {ahead_s:.6} s ahead of the navigator at {now_ns} ns, expected at most {limit_s} s: \
+         all streams count nanoseconds from the same origin"
+    )]
+    TooFarAhead {
+        /// Name of the stream.
+        stream: &'static str,
+        /// Time of the measurement, ns.
+        time_ns: i64,
+        /// Time of the navigator, ns.
+        now_ns: i64,
+        /// How far it lies ahead, s.
+        ahead_s: f64,
+        /// The limit, s.
+        limit_s: f64,
+    },
+    /// The variance of a measurement is finite and positive, or would be, but no instrument has it.
+    #[error("the variance of {stream} at {time_ns} ns is {value:e}, expected 1e-30 to 1e30: the unit is SI")]
+    NoVariance {
+        /// Name of the stream.
+        stream: &'static str,
+        /// Time of validity, ns.
+        time_ns: i64,
+        /// Its value, in the square of the measurement's unit.
+        value: f64,
+    },
+    /// A number is finite, but no vehicle or instrument has it.
+    #[error("{field} at {time_ns} ns is {value:e}, expected a number of at most {limit:e}{hint}")]
+    Implausible {
+        /// Name of the quantity.
+        field: &'static str,
+        /// Time of validity, ns.
+        time_ns: i64,
+        /// Its value.
+        value: f64,
+        /// Largest value expected.
+        limit: f64,
+        /// The likely mistake, or what to do.
+        hint: &'static str,
+    },
     /// A beam direction is not a unit vector.
     #[error("direction of beam {beam} has norm {norm}, expected 1 within 1e-6: divide the vector by its norm")]
     NotUnit {

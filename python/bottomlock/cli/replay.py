@@ -191,6 +191,8 @@ def print_results(replayed: ReplayResult) -> None:
         }
         for kind, words in faults.items():
             console.print(f"{name}: {kind} {words}", highlight=False)
+    for fault in manifest["imu_faults"]:
+        console.print(fault, highlight=False)
     summary = summary_table(replayed.runs)
     label = ", semi-synthetic" if manifest["semi_synthetic"] else ""
     for what_if, words in manifest["what_if"]:

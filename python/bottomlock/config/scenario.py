@@ -86,6 +86,8 @@ class Scenario(Section):
         exclude |= {} if self.robust.enabled else {"robust": True}
         exclude |= {} if self.filter.speed_sd_mps else {"filter": {"speed_sd_mps", "speed_time_s"}}
         exclude |= {} if self.dvl.outlier_fraction else {"dvl": {"outlier_fraction", "outlier_factor"}}
+        # Simulated readings are not checked.
+        exclude |= {"imu": {"limits"}}
         content = self.model_dump(mode="json", exclude=exclude)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
@@ -186,7 +188,7 @@ class Scenario(Section):
         options = self.filter.kernel_options() | {"robust": self.robust.kernel_options()}
         for sensor in SENSORS:
             options |= sensor.options(getattr(self, sensor.name))
-        return models.Options(**options, imu_sampling=self.imu.sampling)
+        return models.Options(**options, imu_sampling=self.imu.sampling, **self.imu.limits.kernel_options())
 
 
 def packaged_scenarios() -> dict[str, str]:

@@ -123,11 +123,44 @@ class ImuErrors(Section):
         )
 
 
+class ImuLimits(Section):
+    """What readings of a live navigator or a recorded log are checked against; simulated ones are not.
+
+    A reading at or beyond the full scale of the data sheet is rejected, and so is the last of `stuck_after` equal ones
+    (0: never). An interval without good readings that is longer than `max_gap_s` is refused or, with `gap` = "inflate",
+    bridged; `gap_rate_deg_per_s` and `gap_accel_mps2`, 1 sigma on each axis, are the motion that may happen unseen
+    (docs/imu_faults.md).
+    """
+
+    max_rate_deg_per_s: Annotated[float, Field(gt=0, le=1e6)] = math.degrees(
+        DEFAULT_OPTIONS["max_imu_rate_radps"]
+    )
+    max_force_mps2: Annotated[float, Field(gt=0, le=1e6)] = DEFAULT_OPTIONS["max_imu_force_mps2"]
+    stuck_after: Annotated[int, Field(ge=0, le=1_000_000)] = DEFAULT_OPTIONS["imu_stuck_after"]
+    max_gap_s: Annotated[float, Field(gt=0, le=1e6)] = DEFAULT_OPTIONS["max_imu_gap_s"]
+    gap: Literal["refuse", "inflate"] = DEFAULT_OPTIONS["imu_gap"]
+    gap_rate_deg_per_s: NonNegative = math.degrees(DEFAULT_OPTIONS["imu_gap_rate_sd_radps"])
+    gap_accel_mps2: NonNegative = DEFAULT_OPTIONS["imu_gap_accel_sd_mps2"]
+
+    def kernel_options(self) -> dict[str, Any]:
+        """The limits among the filter's options, as the kernel takes them."""
+        return {
+            "max_imu_rate_radps": units.rad_from_deg(self.max_rate_deg_per_s),
+            "max_imu_force_mps2": self.max_force_mps2,
+            "imu_stuck_after": self.stuck_after,
+            "max_imu_gap_s": self.max_gap_s,
+            "imu_gap": self.gap,
+            "imu_gap_rate_sd_radps": units.rad_from_deg(self.gap_rate_deg_per_s),
+            "imu_gap_accel_sd_mps2": self.gap_accel_mps2,
+        }
+
+
 class Imu(ImuErrors):
-    """Inertial measurement unit: rate and errors."""
+    """Inertial measurement unit: rate, errors, and the limits of its readings outside a simulation."""
 
     rate_hz: Annotated[float, Field(gt=0, le=10_000)] = 150.0
     sampling: Literal["instantaneous", "averaged"] = "instantaneous"
+    limits: ImuLimits = ImuLimits()
 
 
 class Outage(Section):

@@ -15,6 +15,7 @@ from bottomlock.replay.rerun import PreparedRun, Rerun
 from bottomlock.replay.streams import Floats, Streams, Times
 from bottomlock.tables.replay import (
     FORWARD,
+    IMU_FAULTS,
     PATH,
     REPLAY_SAMPLES,
     SMOOTHED,
@@ -150,6 +151,16 @@ def pings_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     schema = pings_schema(velocity.shape[1])
     frame = pl.DataFrame({key: columns[key] for key in schema}, schema=schema)
     return frame.with_columns(pl.col(pl.Float64).fill_nan(None))
+
+
+def imu_faults_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
+    """One row: inertial readings rejected, and gaps between them inflated (`tables.replay.IMU_FAULTS`)."""
+    counts = rerun.result["imu_faults"]
+    columns = _keys(case, what_if, rerun.prepared, 1) | {
+        "imu_rejected": counts["out_of_range"] + counts["clipped"] + counts["stuck"],
+        "imu_gaps_inflated": counts["inflated_gaps"],
+    }
+    return pl.DataFrame({key: columns[key] for key in IMU_FAULTS}, schema=dict(IMU_FAULTS))
 
 
 def path_table(streams: Streams) -> pl.DataFrame | None:

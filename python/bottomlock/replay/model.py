@@ -57,6 +57,8 @@ def kernel_model(case: Case, streams: Streams, imu: ImuModel, initial: InitialMo
 def kernel_options(case: Case) -> Options:
     """Filter options, as the kernel takes them."""
     options = case.filter.kernel_options() | {"robust": case.robust.kernel_options()}
+    options |= case.imu.limits.kernel_options()
+    options["max_imu_gap_s"] = max(case.imu.limits.max_gap_s, case.imu.bridge_gaps_s)
     for sensor in SENSORS:
         stream = getattr(case, sensor.section)
         options |= {} if stream is None else sensor.options(stream)

@@ -129,6 +129,8 @@ def _inertial(imu: ImuStream, clocks: dict[str, ClockReport], notes: list[str]) 
         notes.append(f"imu: axes {', '.join(imu.axes)} map left-handed sensor axes to forward–right–down")
     if timed.report.gaps.count:
         notes.append(f"imu: gaps bridged by linear interpolation: {timed.report.gaps.text}")
+    if timed.report.jumps.count:
+        notes.append(f"imu: clock jumps bridged: {timed.report.jumps.text}")
     mounting = _mounting(imu)
     return Inertial(
         timed.time_ns,
@@ -139,12 +141,12 @@ def _inertial(imu: ImuStream, clocks: dict[str, ClockReport], notes: list[str]) 
 
 def _reject_long_gaps(imu: ImuStream, report: ClockReport) -> None:
     longest = max((fault.longest_s or 0.0) for fault in (report.gaps, report.jumps))
-    if longest > imu.bridge_gaps_s:
+    if longest > imu.bridge_gaps_s and imu.limits.gap == "refuse":
         fault = report.jumps if report.jumps.count else report.gaps
         raise DataError(
             f"{imu.file}: the longest gap of the IMU is {longest:.4g} s (steps over {report.gap_s:.4g} s: "
             f"{fault.text}), expected none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s; set it to bridge "
-            "the gap by linear interpolation"
+            'the gap by linear interpolation, or imu.limits.gap = "inflate" to add the uncertainty of longer ones'
         )
 
 

@@ -9,16 +9,16 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
-from bottomlock.kernel import replay_log
+from bottomlock.kernel import rejected_imu, replay_log
 from bottomlock.models import InitialModel, InitialState, Model, Options
 from bottomlock.replay import random_errors
 from bottomlock.replay.align import Alignment, align
 from bottomlock.replay.axes import quaternions
 from bottomlock.replay.case import Case
 from bottomlock.replay.dvl_sections import WhatIf
-from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kernel_options
+from bottomlock.replay.model import ImuModel, gravity_mps2, imu_model, kernel_model, kernel_options
 from bottomlock.replay.sensors import SENSORS
-from bottomlock.replay.streams import Flags, Floats, Streams, Times
+from bottomlock.replay.streams import Flags, Floats, Inertial, Streams, Times
 from bottomlock.replay.what_if import beams_returned, read_beam_recording
 
 UNSMOOTHED = ("consistent",)
@@ -87,7 +87,7 @@ def prepare(case: Case, streams: Streams, run: int, residuals: Floats | None = N
     key, seed = random_errors.case_key(case.name), case.replay.seed
     streams = _up_to_duration(case, _with_random_errors(case, streams, run, residuals))
     imu, gravity = imu_model(case), gravity_mps2(case, streams)
-    alignment = align(case, streams, imu, gravity)
+    alignment = align(case, _with_good_readings(case, streams, imu), imu, gravity)
     initial = InitialModel(
         position_sd_m=alignment.position_sd_m,
         attitude_sd_rad=alignment.attitude_sd_rad,
@@ -169,6 +169,26 @@ def _up_to_duration(case: Case, streams: Streams) -> Streams:
         inertial.time_ns[rows], inertial.force_p_mps2[rows], inertial.omega_p_radps[rows]
     )
     return replace(streams, inertial=shorter)
+
+
+def _with_good_readings(case: Case, streams: Streams, imu: ImuModel) -> Streams:
+    """The recording without the inertial readings that the limits reject, whose mean would be that of their faults."""
+    inertial = streams.inertial
+    rejected = rejected_imu(
+        imu, kernel_options(case), inertial.time_ns, inertial.omega_p_radps, inertial.force_p_mps2
+    )
+    if not rejected["row"].size:
+        return streams
+    good = np.delete(np.arange(len(inertial.time_ns)), rejected["row"])
+    if not good.size:
+        raise DataError(
+            f"{case.imu.file}: every inertial reading is rejected, the first since {rejected['reason'][0]}: check "
+            "imu.force_unit, imu.omega_unit and imu.limits"
+        )
+    return replace(
+        streams,
+        inertial=Inertial(inertial.time_ns[good], inertial.force_p_mps2[good], inertial.omega_p_radps[good]),
+    )
 
 
 def _sample_times(case: Case, streams: Streams, start_ns: int) -> tuple[Times, Times]:
@@ -271,10 +291,16 @@ def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, th
         if case.replay.smooth
         else ()
     )
+    result = filtered(list(case.replay.methods), smooth=False)
     return Rerun(
-        prepared=prepared,
+        prepared=_as_sampled(prepared, result["sample_time_ns"]),
         valid=valid,
-        result=filtered(list(case.replay.methods), smooth=False),
+        result=result,
         smoothed_methods=smoothed_methods,
         smoothed=filtered(list(smoothed_methods), smooth=True) if smoothed_methods else {},
     )
+
+
+def _as_sampled(prepared: PreparedRun, sample_time_ns: Times) -> PreparedRun:
+    """The run with the times at which the estimates were sampled: those of good inertial readings."""
+    return replace(prepared, sample_time_ns=sample_time_ns, rows=prepared.rows[: len(sample_time_ns)])

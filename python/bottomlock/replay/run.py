@@ -27,6 +27,8 @@ from bottomlock.tables.versions import library_versions
 
 MANIFEST = "manifest.json"
 TABLES = ("runs", "ensemble", "samples", "innovations", "pings")
+PARTS = ("samples", "innovations", "pings")
+"""Tables that are made of a part for each rerun."""
 KIND = "replay"
 _OURS = (
     "figures",
@@ -35,6 +37,8 @@ _OURS = (
     "report.html",
     MANIFEST,
 )
+NAMED = 10
+"""Rejected inertial readings that the manifest and the page name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +81,10 @@ def replay_case(
     started = time.perf_counter()
     streams = read_streams(case) if streams is None else streams
     residuals = rerun.noise_residuals(case)
-    parts: dict[str, list[pl.DataFrame]] = {name: [] for name in ("samples", "innovations", "pings")}
+    parts: dict[str, list[pl.DataFrame]] = {name: [] for name in (*PARTS, "imu_faults")}
     alignments: list[dict[str, str]] = []
     start_ns, done = 0, 0
+    imu_faults: list[str] = []
     for run in range(run_count(case)):
         prepared = rerun.prepare(case, streams, run, residuals)
         alignments.append(prepared.alignment.sources)
@@ -89,23 +94,50 @@ def replay_case(
             parts["samples"].append(compare.samples_table(case, name, result))
             parts["innovations"].append(compare.innovations_table(case, name, result))
             parts["pings"].append(compare.pings_table(case, name, result))
+            parts["imu_faults"].append(compare.imu_faults_table(case, name, result))
+            imu_faults = imu_faults or fault_words(result)
             done += 1
             progress(done)
-    tables = {name: pl.concat(frames) for name, frames in parts.items()}
+    tables = {name: pl.concat(parts[name]) for name in PARTS}
     path = compare.path_table(streams)
     return ReplayResult(
-        runs=runs_table(tables["samples"], tables["innovations"], tables["pings"], path, start_ns),
+        runs=runs_table(*tables.values(), pl.concat(parts["imu_faults"]), path, start_ns),
         ensemble=ensemble_table(tables["samples"], start_ns),
         path=path,
         manifest=manifest_of(
-            case, streams, alignments, threads=threads, wall_s=time.perf_counter() - started
+            case, streams, alignments, imu_faults, threads=threads, wall_s=time.perf_counter() - started
         ),
         **tables,
     )
 
 
+def fault_words(result: rerun.Rerun) -> list[str]:
+    """What the limits of the inertial readings found, a sentence each; of many readings the first are named."""
+    start_ns, kernel_result = result.prepared.alignment.time_ns, result.result
+    rejected, inflated = kernel_result["rejected_imu"], kernel_result["inflated_imu"]
+    words = []
+    if rejected["reason"]:
+        counts = [f"{count} {name.replace('_', ' ')}" for name, count in kernel_result["imu_faults"].items()]
+        words.append(f"imu: {len(rejected['reason'])} readings rejected ({', '.join(counts[:3])})")
+    for time_ns, reason in zip(rejected["time_ns"][:NAMED], rejected["reason"][:NAMED], strict=True):
+        words.append(f"imu: rejected {(time_ns - start_ns) * 1e-9:.3f} s after the start: {reason}")
+    if len(inflated["gap_s"]):
+        words.append(
+            f"imu: {len(inflated['gap_s'])} intervals without good readings bridged, their uncertainty added; the "
+            f"longest {inflated['gap_s'].max():.3f} s, the first up to "
+            f"{(inflated['time_ns'][0] - start_ns) * 1e-9:.3f} s after the start"
+        )
+    return words
+
+
 def manifest_of(
-    case: Case, streams: Streams, alignments: list[dict[str, str]], *, threads: int, wall_s: float
+    case: Case,
+    streams: Streams,
+    alignments: list[dict[str, str]],
+    imu_faults: list[str],
+    *,
+    threads: int,
+    wall_s: float,
 ) -> dict[str, Any]:
     """The manifest: versions, hashes of every file read, settings, clocks, alignment, semi-synthetic parts."""
     return {
@@ -134,6 +166,7 @@ def manifest_of(
         "alignment": alignments[0],
         "clocks": {name: _clock(report) for name, report in streams.clocks.items()},
         "notes": list(streams.notes),
+        "imu_faults": imu_faults,
         "beams": streams.instrument.geometry.beams,
     }
 

@@ -5,7 +5,15 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from bottomlock.config.scenario_sections import Finite, ImuErrors, NonNegative, Positive, Section, Vector
+from bottomlock.config.scenario_sections import (
+    Finite,
+    ImuErrors,
+    ImuLimits,
+    NonNegative,
+    Positive,
+    Section,
+    Vector,
+)
 from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -84,7 +92,8 @@ class ImuStream(MountedStream):
 
     Increments ("m/s", "rad", "deg") are divided by the column `interval` (s), or by 1/`rate_hz` of the clock; the
     result is the mean over the step that ends at the row, and the filter uses it as such. A gap longer than
-    `bridge_gaps_s` is an error; a shorter one is bridged by linear interpolation between its ends, and reported.
+    `bridge_gaps_s` is an error unless `limits.gap` is "inflate"; a shorter one is bridged by linear interpolation
+    between its ends, and reported. `limits` are those of the readings.
     `degrade` adds the errors of a lower-grade IMU, drawn from the case's seed.
     """
 
@@ -95,6 +104,7 @@ class ImuStream(MountedStream):
     interval: str | None = None
     sampling: Literal["instantaneous", "averaged"] | None = None
     bridge_gaps_s: NonNegative = 0.0
+    limits: ImuLimits = ImuLimits()
     errors: ImuErrors
     degrade: ImuErrors | None = None
 

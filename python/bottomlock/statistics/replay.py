@@ -62,10 +62,14 @@ def runs_table(
     samples: pl.DataFrame,
     innovations: pl.DataFrame,
     pings: pl.DataFrame,
+    imu_faults: pl.DataFrame,
     path: pl.DataFrame | None,
     start_ns: int,
 ) -> pl.DataFrame:
-    """A row per what-if case, run, method and pass (`tables.replay.REPLAY_RUNS`); distance from `start_ns` on."""
+    """A row per what-if case, run, method and pass (`tables.replay.REPLAY_RUNS`); distance from `start_ns` on.
+
+    The counts of `imu_faults` (`tables.replay.IMU_FAULTS`) are those of every method.
+    """
     norms = error_norms(samples)
     reached = pl.col("time_ns").is_between(start_ns, pl.lit(samples["time_ns"].max()))
     distance = None if path is None else _distance(path.filter(reached))
@@ -106,6 +110,7 @@ def runs_table(
     joined = table.join(
         gate, on=["case", "what_if", "run", "method"], how="left", maintain_order="left"
     ).join(returning, on=["case", "what_if", "run"], how="left", maintain_order="left")
+    joined = joined.join(imu_faults, on=["case", "what_if", "run"], how="left", maintain_order="left")
     joined = joined.with_columns(pl.lit(distance, dtype=pl.Float64).alias("distance_m"))
     percent = (100.0 * pl.col("position_final_m") / pl.col("distance_m")).alias("position_final_percent")
     return joined.with_columns(percent).select(list(REPLAY_RUNS))

@@ -43,12 +43,22 @@ REPLAY_RUNS: Mapping[str, pl.DataType] = {
     "fixes_accepted": pl.Int64(),
     "fixes_in_part": pl.Int64(),
     "fixes_rejected": pl.Int64(),
+    "imu_rejected": pl.Int64(),
+    "imu_gaps_inflated": pl.Int64(),
 }
 """A row per what-if case, run, method and pass (forward or smoothed): norms of the errors against the reference,
 null without one. `position_final_percent` is in percent of the distance travelled (% DT), `*_normalised_*` the RMS
 over time and axes of error/σ, 1 for a consistent filter, `*_covered_*` the fraction of times and axes whose error is
 within so many claimed σ: 0.683, 0.954 and 0.997 for a consistent filter. NIS and counts are those of the forward
-pass."""
+pass. `imu_rejected` counts the inertial readings that the limits reject, `imu_gaps_inflated` the gaps between readings
+that are bridged with inflation."""
+
+IMU_FAULTS: Mapping[str, pl.DataType] = {
+    **{name: dtype for name, dtype in KEYS.items() if name != "method"},
+    "imu_rejected": pl.Int64(),
+    "imu_gaps_inflated": pl.Int64(),
+}
+"""A row per what-if case and run."""
 
 REPLAY_SAMPLES: Mapping[str, pl.DataType] = {
     **KEYS,

@@ -1,6 +1,7 @@
 //! The error-state extended Kalman filter: prediction, gate, update, feedback (Eqs. 1 and 7).
 
 mod assume;
+mod bridge;
 mod definite;
 mod depth_bias;
 mod extensions;
@@ -14,6 +15,7 @@ mod linear_error;
 pub mod linear_range;
 pub mod nees;
 pub mod options;
+mod plausible;
 mod predict;
 mod prediction;
 pub mod report;
@@ -25,6 +27,7 @@ pub mod water_block;
 
 use nalgebra::{SMatrix, Vector3};
 
+pub(crate) use self::bridge::{BridgeNoise, seconds_between};
 use self::definite::is_positive_definite;
 use self::extensions::Extensions;
 use self::inflation::ConsecutiveRejections;

@@ -8,7 +8,7 @@ use crate::aiding::water::WaterPrior;
 use crate::dvl::partial::Assumptions;
 use crate::error::{NavError, require_non_negative, require_positive};
 use crate::filter::gate::{Gate, GateTable};
-use crate::mechanisation::Sampling;
+use crate::mechanisation::{ImuLimits, Sampling};
 
 /// Filter options, in SI units.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -19,6 +19,8 @@ pub struct Options {
     pub inflate_after_rejections: u32,
     /// Interval of the covariance propagation, ns; 0 for every IMU step.
     pub covariance_period_ns: i64,
+    /// Limits of the inertial readings of a live navigator or a recorded log.
+    pub imu_limits: ImuLimits,
     /// Whether an IMU sample is instantaneous or an average over the interval before it.
     pub sampling: Sampling,
     /// True to estimate the beam biases and the scale factor (20 states), false to freeze them (15 states).
@@ -45,6 +47,7 @@ impl Default for Options {
             gate: Gate::Joint { probability: 0.9973 },
             inflate_after_rejections: 5,
             covariance_period_ns: 100_000_000,
+            imu_limits: ImuLimits::default(),
             sampling: Sampling::Instantaneous,
             estimate_dvl: true,
             assumptions: Assumptions::default(),
@@ -74,6 +77,7 @@ impl Options {
         require_positive("virtual_beam_factor", self.assumptions.virtual_beam_factor)?;
         require_positive("nullified_sway_var_m2ps2", self.assumptions.nullified_sway_var_m2ps2)?;
         require_positive("weak_sway_var_m2ps2", self.assumptions.weak_sway_var_m2ps2)?;
+        self.imu_limits.validate()?;
         self.water.validate()?;
         self.speed_bound.validate()?;
         self.robust.validate()?;

@@ -5,6 +5,11 @@
 //! The step is second order: rotation by the mean rate with the coning term of a linearly varying rate, specific force
 //! and position by the trapezoidal rule in the tangent frame, whose local errors telescope over a run.
 
+mod imu_limits;
+
+pub(crate) use self::imu_limits::LONGEST_GAP_S;
+pub use self::imu_limits::{IMU_FAULTS, ImuFault, ImuLimits, LongGap, Quantity};
+
 use crate::earth::Environment;
 use crate::error::{NavError, require_finite};
 use crate::frames::{Platform, Vec3};

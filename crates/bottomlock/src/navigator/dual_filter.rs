@@ -56,6 +56,11 @@ impl DualFilter {
     }
 
     /// All filters.
+    pub(crate) fn each(&self) -> impl Iterator<Item = &Eskf> {
+        std::iter::once(&self.measurements_only).chain(self.constrained.as_deref())
+    }
+
+    /// All filters.
     pub(crate) fn each_mut(&mut self) -> impl Iterator<Item = &mut Eskf> {
         std::iter::once(&mut self.measurements_only).chain(self.constrained.as_deref_mut())
     }

@@ -24,6 +24,9 @@ use crate::navigator::dual_filter::DualFilter;
 use crate::navigator::events::{Event, STREAMS};
 use crate::state::{Covariance, NavState};
 
+#[path = "admission.rs"]
+mod admission;
+
 /// Aiding by beams of the navigator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum BeamAiding {
@@ -110,6 +113,11 @@ impl Navigator {
     }
 
     /// Every filter.
+    pub(crate) fn each_filter(&self) -> impl Iterator<Item = &Eskf> {
+        self.filters.each()
+    }
+
+    /// Every filter.
     pub(crate) fn filters_mut(&mut self) -> impl Iterator<Item = &mut Eskf> {
         self.filters.each_mut()
     }
@@ -160,18 +168,8 @@ impl Navigator {
     /// [`NavError`] for bad numbers and for time that does not increase within a stream or lies before the filter's time; the
     /// event is then not taken and the navigator is as before, unless the numerics themselves have failed.
     pub fn push(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
-        event.validate(&self.geometry)?;
-        let (time_ns, (stream, index)) = (event.time_ns(), event.stream());
-        let now_ns = self.filters.measurements_only.time_ns();
-        let repeated_ns = self.last_ns[index].filter(|&previous_ns| time_ns <= previous_ns);
-        if let Some(previous_ns) = repeated_ns.or((time_ns < now_ns).then_some(now_ns)) {
-            self.late_events[index] += 1;
-            return Err(NavError::TimeNotIncreasing {
-                stream,
-                time_ns,
-                previous_ns,
-            });
-        }
+        self.admit(event, None)?;
+        let (time_ns, (_, index)) = (event.time_ns(), event.stream());
         match event {
             Event::Imu(sample) => self.advance(sample, report)?,
             _ if self.last_imu.is_some_and(|last| last.time_ns == time_ns) => self.aid(event, report)?,

@@ -3,6 +3,8 @@
 //! A single reading may be anything; a mean over a second may not. A vehicle under water is not in free fall, whatever waves and
 //! tow cables do to it, so the specific force averages to something near gravity.
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::NavError;
 use crate::navigator::events::Event;
 
@@ -20,7 +22,7 @@ const READINGS: (u32, i64) = (20, 50_000);
 const PINGS: (u32, i64) = (10, 1_000_000);
 
 /// The first readings of a navigator or of a log; plain numbers, so that one that is refused leaves no trace.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct FirstReadings {
     imu: Count,
     pings: Count,
@@ -30,7 +32,7 @@ pub struct FirstReadings {
 }
 
 /// Number of readings of a stream, and the time of the first.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 struct Count {
     readings: u32,
     first_ns: i64,

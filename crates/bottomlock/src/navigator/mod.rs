@@ -1,11 +1,14 @@
 //! Navigators: the event loop, the aiding methods, and the selector among filters.
 //!
-//! Campaign, replay and live use push events to the same [`Navigator`].
+//! Campaign, replay and live use push events to the same [`Navigator`]; a live one checks them first ([`LiveNavigator`]).
 
 pub(crate) mod dual_filter;
 pub mod event_loop;
 pub mod events;
 pub mod first_readings;
+pub(crate) mod imu_check;
+pub mod live;
+mod measurable;
 pub mod methods;
 pub mod navigator_set;
 pub(crate) mod run_events;
@@ -13,6 +16,7 @@ mod saved;
 pub mod selector;
 
 pub use self::event_loop::{BeamAiding, Navigator};
+pub use self::live::LiveNavigator;
 pub use self::methods::{METHODS, Method};
 pub use self::navigator_set::{Aiding, NavigatorSet};
 pub use self::saved::Snapshot;

@@ -2,10 +2,10 @@
 
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
-use crate::filter::Eskf;
 use crate::filter::options::Options;
 use crate::filter::report::UpdateReport;
 use crate::filter::water_block::WaterBlock;
+use crate::filter::{BridgeNoise, Eskf};
 use crate::mechanisation::ImuSample;
 use crate::model::Model;
 use crate::navigator::dual_filter::DualFilter;
@@ -79,6 +79,95 @@ impl NavigatorSet {
         }
     }
 
+    /// Pushes an inertial reading after an interval that is bridged, with the noise of that interval; a plain one without.
+    ///
+    /// # Errors
+    /// As [`Navigator::push`].
+    pub(crate) fn push_bridging(
+        &mut self,
+        sample: &ImuSample,
+        bridge: Option<&BridgeNoise>,
+        report: &mut impl FnMut(&UpdateReport),
+    ) -> Result<(), NavError> {
+        let event = Event::Imu(*sample);
+        let Some(bridge) = bridge else {
+            return self.push(&event, report);
+        };
+        // Filters that start meanwhile have the noise of the interval too.
+        let mut model = None;
+        self.filters_mut()
+            .for_each(|filter| model = Some(filter.begin_bridge(bridge)));
+        let outcome = self.push(&event, report);
+        if let Some(model) = model {
+            self.filters_mut().for_each(|filter| filter.end_bridge(model));
+        }
+        outcome
+    }
+
+    /// As [`Navigator::admit`].
+    pub(crate) fn admit(&mut self, event: &Event, seen_ns: Option<i64>) -> Result<(), NavError> {
+        self.first_mut().admit(event, seen_ns)
+    }
+
+    /// As [`Navigator::good_ns`].
+    pub(crate) fn good_ns(&self) -> i64 {
+        self.first().good_ns()
+    }
+
+    /// As [`Navigator::has_waiting_until`].
+    pub(crate) fn has_waiting_until(&self, time_ns: i64) -> bool {
+        self.first().has_waiting_until(time_ns)
+    }
+
+    /// Drops the measurements that wait, and returns how many.
+    pub(crate) fn discard_waiting(&mut self) -> usize {
+        let counts = self.navigators_mut().iter_mut().map(Navigator::discard_waiting);
+        counts.max().unwrap_or(0)
+    }
+
+    /// As [`Navigator::require_measurable`].
+    pub(crate) fn require_measurable(&self, event: &Event) -> Result<(), NavError> {
+        self.first().require_measurable(event)
+    }
+
+    /// As [`Eskf::require_plausible_motion`], of every filter.
+    pub(crate) fn require_plausible_motion(&self) -> Result<(), NavError> {
+        self.filters_each().try_for_each(Eskf::require_plausible_motion)
+    }
+
+    /// As [`Eskf::require_plausible`], of every filter.
+    pub(crate) fn require_plausible(&self) -> Result<(), NavError> {
+        self.filters_each().try_for_each(Eskf::require_plausible)
+    }
+
+    /// As [`Eskf::require_plausible_settings`], of every filter.
+    pub(crate) fn require_plausible_settings(&self) -> Result<(), NavError> {
+        self.filters_each().try_for_each(Eskf::require_plausible_settings)
+    }
+
+    /// The navigator on the measurements alone.
+    fn first(&self) -> &Navigator {
+        match self {
+            Self::One(navigator) => navigator,
+            Self::Consistent(bank) => &bank.members[0],
+        }
+    }
+
+    fn first_mut(&mut self) -> &mut Navigator {
+        match self {
+            Self::One(navigator) => navigator,
+            Self::Consistent(bank) => &mut bank.members[0],
+        }
+    }
+
+    fn filters_each(&self) -> impl Iterator<Item = &Eskf> {
+        let navigators = match self {
+            Self::One(navigator) => std::slice::from_ref(&**navigator),
+            Self::Consistent(bank) => &bank.members,
+        };
+        navigators.iter().flat_map(Navigator::each_filter)
+    }
+
     /// The navigator whose estimate is reported.
     #[must_use]
     pub fn selected(&self) -> &Navigator {
@@ -100,10 +189,7 @@ impl NavigatorSet {
     /// [`crate::navigator::events::STREAM_NAMES`].
     #[must_use]
     pub fn late_events(&self) -> &[u64; STREAMS] {
-        match self {
-            Self::One(navigator) => navigator.late_events(),
-            Self::Consistent(bank) => bank.members[0].late_events(),
-        }
+        self.first().late_events()
     }
 
     fn navigators_mut(&mut self) -> &mut [Navigator] {

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::event_loop::Navigator;
+use super::live::LiveNavigator;
 use super::navigator_set::NavigatorSet;
 use super::selector::SELECTOR_METHODS;
 use crate::aiding::registry::SensorModels;
@@ -14,13 +15,13 @@ const NAVIGATOR: Kind = Kind {
     name: "navigator",
 };
 
-/// A navigator set with the models that its samples are made with.
+/// A navigator with the models that its samples are made with.
 ///
 /// A clone in memory costs some microseconds; the bytes outlive the process.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Snapshot {
-    /// The navigators: filters, measurements that wait, counts of late events.
-    pub navigators: NavigatorSet,
+    /// The navigators: filters, measurements that wait, counts of late events, what was seen of the inertial readings.
+    pub live: LiveNavigator,
     /// Errors of the sensors.
     pub sensors: SensorModels,
 }
@@ -47,7 +48,7 @@ impl Snapshot {
 
     fn check(&self) -> Result<(), NavError> {
         self.sensors.validate()?;
-        match &self.navigators {
+        match self.live.navigators() {
             NavigatorSet::One(navigator) => navigator.check_restored(),
             NavigatorSet::Consistent(bank) => {
                 let members = bank.members.iter().map(Navigator::aiding);

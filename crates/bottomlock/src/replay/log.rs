@@ -101,4 +101,6 @@ pub struct Unused {
     pub before_start: [usize; STREAMS],
     /// Later than the last inertial reading, to which alone a filter can be led.
     pub after_end: [usize; STREAMS],
+    /// Rejected by the checks of the inertial readings.
+    pub rejected: [usize; STREAMS],
 }

@@ -1,9 +1,10 @@
 //! Methods side by side on the events of one log.
 
-use super::{PingRecord, Replay, STREAMS, Series, Track};
+use super::{BridgedInterval, ImuFaults, PingRecord, Replay, STREAM_NAMES, STREAMS, Series, Track};
 use crate::error::NavError;
+use crate::filter::BridgeNoise;
 use crate::filter::filter_group::{FilterSpan, Owner};
-use crate::filter::report::Sensor;
+use crate::filter::report::{Sensor, UpdateReport};
 use crate::mechanisation::ImuSample;
 use crate::navigator::dual_filter::DualFilter;
 use crate::navigator::events::Event;
@@ -34,6 +35,8 @@ impl MethodReplay {
         if let Some(covariance) = request.covariance {
             navigators.set_covariance(covariance).map_err(in_method)?;
         }
+        navigators.require_plausible_settings().map_err(in_method)?;
+        navigators.require_plausible().map_err(in_method)?;
         if request.smooth {
             let instead = "tc, weak_sway, sway_current";
             let filters = navigators.filters().ok_or(NavError::NoSmoother { instead });
@@ -55,15 +58,20 @@ impl MethodReplay {
         self.navigators.filters_mut().count()
     }
 
-    fn push(&mut self, event: &Event, request: &Replay<'_>) -> Result<(), NavError> {
+    fn push(&mut self, event: &Event, bridge: Option<&BridgeNoise>, request: &Replay<'_>) -> Result<(), NavError> {
         let (track, pings, aiding) = (&mut self.track, request.log.pings, self.method.aiding);
-        self.navigators.push(event, &mut |report| {
+        let note = &mut |report: &UpdateReport| {
             if report.sensor == Sensor::Beams
                 && let Ok(index) = pings.binary_search_by_key(&report.time_ns, |ping| ping.time_ns)
             {
                 track.pings[index] = PingRecord::new(report, &pings[index], aiding.rows_are_beams());
             }
-        })
+        };
+        match event {
+            Event::Imu(sample) => self.navigators.push_bridging(sample, bridge, note)?,
+            _ => self.navigators.push(event, note)?,
+        }
+        self.navigators.require_plausible()
     }
 
     fn record(&mut self, keep_covariance: bool) {
@@ -107,16 +115,21 @@ pub(super) struct LogFeed<'a> {
     sample_time_ns: &'a [i64],
     /// The last reading that the filters have taken, and those that they take next.
     readings: &'a [ImuSample],
+    faults: &'a ImuFaults,
+    /// Bridged intervals to come.
+    bridged: &'a [BridgedInterval],
 }
 
 impl<'a> LogFeed<'a> {
-    pub(super) fn new(request: &'a Replay<'a>, methods: Vec<MethodReplay>) -> Self {
+    pub(super) fn new(request: &'a Replay<'a>, faults: &'a ImuFaults, methods: Vec<MethodReplay>) -> Self {
         Self {
             request,
             methods,
             next: request.log.rows_before(request.start.time_ns),
             sample_time_ns: request.sample_time_ns,
             readings: &[],
+            faults,
+            bridged: &faults.bridged,
         }
     }
 
@@ -131,30 +144,47 @@ impl<'a> LogFeed<'a> {
         &self.request.log.imu[self.next[IMU]..]
     }
 
-    fn push(&mut self, event: &Event) {
+    /// Pushes an event of a row to every method; what goes wrong names the row.
+    fn push(&mut self, (stream, row): (usize, usize), event: &Event, bridge: Option<&BridgeNoise>) {
+        let in_row = |source| NavError::InRow {
+            stream: STREAM_NAMES[stream],
+            row,
+            source: Box::new(source),
+        };
         for one in self.methods.iter_mut().filter(|one| one.failure.is_none()) {
-            one.failure = one.push(event, self.request).err();
+            one.failure = one.push(event, bridge, self.request).err().map(in_row);
         }
     }
 
     /// Pushes the measurements before a time, in the order of the streams at the same time.
-    fn push_before(&mut self, time_ns: i64) {
+    fn push_before(&mut self, time_ns: i64) -> Result<(), NavError> {
         while let Some((stream, event)) = self.request.log.earliest(&self.next, IMU + 1)
             && event.time_ns() < time_ns
         {
+            let row = self.next[stream];
+            if let Some(one) = self.methods.iter().find(|one| one.failure.is_none()) {
+                let in_row = |source| NavError::InRow {
+                    stream: STREAM_NAMES[stream],
+                    row,
+                    source: Box::new(source),
+                };
+                one.navigators.require_measurable(&event).map_err(in_row)?;
+            }
             self.next[stream] += 1;
-            self.push(&event);
+            self.push((stream, row), &event, None);
         }
+        Ok(())
     }
 
     /// Processes the measurements at a reading and records the sample.
-    fn after_reading(&mut self, time_ns: i64) {
-        self.push_before(time_ns + 1);
+    fn after_reading(&mut self, time_ns: i64) -> Result<(), NavError> {
+        self.push_before(time_ns.saturating_add(1))?;
         let due = self.sample_time_ns.partition_point(|&sample_ns| sample_ns <= time_ns);
         self.sample_time_ns = &self.sample_time_ns[due..];
         for one in self.methods.iter_mut().filter(|one| one.failure.is_none()) {
             (0..due).for_each(|_| one.record(self.request.covariances));
         }
+        Ok(())
     }
 }
 
@@ -178,6 +208,9 @@ impl Feed for LogFeed<'_> {
                 .is_some_and(|reading| reading.time_ns == event.time_ns());
             clear = before + usize::from(is_at);
         }
+        if let Some(bridged) = self.bridged.first() {
+            clear = clear.min(ahead.partition_point(|reading| reading.time_ns < bridged.time_ns));
+        }
         if let Some(&wanted_ns) = self.sample_time_ns.first() {
             clear = clear.min(ahead.partition_point(|reading| reading.time_ns < wanted_ns) + 1);
         }
@@ -187,11 +220,16 @@ impl Feed for LogFeed<'_> {
     fn step(&mut self) -> Result<(), NavError> {
         let reading = self.ahead()[0];
         // What falls between two readings waits inside the navigator for the later one.
-        self.push_before(reading.time_ns);
-        self.push(&Event::Imu(reading));
+        self.push_before(reading.time_ns)?;
+        let bridge = self
+            .bridged
+            .first()
+            .filter(|bridged| bridged.time_ns == reading.time_ns);
+        self.bridged = &self.bridged[usize::from(bridge.is_some())..];
+        let row = self.faults.row_of(self.next[IMU]);
+        self.push((IMU, row), &Event::Imu(reading), bridge.map(|bridged| &bridged.noise));
         self.next[IMU] += 1;
-        self.after_reading(reading.time_ns);
-        Ok(())
+        self.after_reading(reading.time_ns)
     }
 
     fn draw_readings(&mut self, count: usize) -> Result<(), NavError> {
@@ -221,8 +259,11 @@ impl Feed for LogFeed<'_> {
         if let Some(last) = self.readings.last() {
             self.next[IMU] += self.readings.len() - 1;
             let going = self.methods.iter_mut().filter(|one| one.failure.is_none());
-            going.for_each(|one| one.navigators.has_taken(last));
-            self.after_reading(last.time_ns);
+            for one in going {
+                one.navigators.has_taken(last);
+                one.failure = one.navigators.require_plausible_motion().err();
+            }
+            self.after_reading(last.time_ns)?;
         }
         Ok(())
     }

@@ -5,8 +5,10 @@
 //! host late stands where it was valid. Between two inertial readings the [`crate::navigator::Navigator`] splits the strapdown step at
 //! the measurement's own time, with the readings interpolated (instantaneous sampling) or held (averaged sampling).
 //!
-//! Rows before the start or after the last inertial reading are not used; [`Unused`] counts them.
+//! Rows before the start or after the last good inertial reading are not used; [`Unused`] counts them. Inertial readings are
+//! checked as a live navigator checks them; [`ImuFaults`] has those that are rejected.
 
+mod imu_screen;
 mod log;
 mod log_feed;
 mod ping;
@@ -23,6 +25,8 @@ use crate::state::{Covariance, NavState};
 use crate::stop::Stop;
 use crate::workers::Workers;
 
+use self::imu_screen::ScreenedImu;
+pub use self::imu_screen::{BridgedInterval, ImuFaults, RejectedReading, rejected_readings};
 pub use self::log::{Log, Unused};
 use self::log_feed::{LogFeed, MethodReplay};
 pub use self::ping::{FIX_STATUS, FixStatus, PingRecord};
@@ -96,6 +100,8 @@ pub struct Replayed {
     pub tracks: Vec<Track>,
     /// Rows that moved no filter.
     pub unused: Unused,
+    /// Faults of the inertial readings.
+    pub imu_faults: ImuFaults,
 }
 
 /// Runs every method over the log, on `threads` threads; the bits do not depend on their number.
@@ -117,30 +123,48 @@ pub fn replay(request: &Replay<'_>, threads: usize) -> Result<Replayed, NavError
 pub fn replay_until(request: &Replay<'_>, threads: usize, stop: &Stop) -> Result<Replayed, NavError> {
     let (log, start_ns) = (&request.log, request.start.time_ns);
     log.validate(request.geometry)?;
-    let last_ns = match log.imu.last() {
+    let screened = ScreenedImu::new(log.imu, start_ns, request.model, request.options)?;
+    let last_ns = match screened.imu.last() {
         Some(last) if last.time_ns >= start_ns => last.time_ns,
         _ => {
             return Err(NavError::WrongCount {
-                field: "imu rows at or after the start",
+                field: "good imu rows at or after the start",
                 got: 0,
                 expected: "1 or more".into(),
             });
         }
     };
-    check_samples(request.sample_time_ns, start_ns, last_ns)?;
+    // Samples after the last good reading are not reached.
+    check_samples(
+        request.sample_time_ns,
+        start_ns,
+        log.imu.last().map_or(last_ns, |last| last.time_ns),
+    )?;
+    let good = Replay {
+        log: Log {
+            imu: &screened.imu,
+            ..*log
+        },
+        ..*request
+    };
     let workers = Workers::new(threads)?;
-    let methods = request.methods.iter().map(|method| MethodReplay::new(request, method));
+    let methods = request.methods.iter().map(|method| MethodReplay::new(&good, method));
     let mut groups = groups(methods.collect::<Result<_, _>>()?, workers.threads());
     let tracks = workers.each(&mut groups, |_, methods| {
-        let mut feed = LogFeed::new(request, std::mem::take(methods));
+        let mut feed = LogFeed::new(&good, &screened.faults, std::mem::take(methods));
         run_events(&mut [&mut feed], stop)
             .into_iter()
             .collect::<Result<(), _>>()?;
         feed.into_tracks(stop).into_iter().collect::<Result<Vec<_>, _>>()
     })?;
+    let mut unused = log.unused(start_ns, last_ns);
+    unused.rejected[0] = screened.faults.rejected.len();
+    // A rejected reading is not also one after the end.
+    unused.after_end[0] = 0;
     Ok(Replayed {
         tracks: tracks.into_iter().flatten().collect(),
-        unused: log.unused(start_ns, last_ns),
+        unused,
+        imu_faults: screened.faults,
     })
 }
 

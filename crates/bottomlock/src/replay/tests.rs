@@ -327,9 +327,19 @@ fn bad_rows_are_named() {
     assert!(text(&good, &[5, 5]).contains("sample time 5 ns does not come after 5 ns"));
     let mut empty = steady_turn(3);
     empty.start.time_ns = 9_000 * MS;
-    assert!(text(&empty, &[]).contains("imu rows at or after the start: got 0"));
+    assert!(text(&empty, &[]).contains("good imu rows at or after the start: got 0"));
     let mut mad = steady_turn(3);
-    mad.imu[7].force_p_mps2 = Vec3::new(1e308, 1e308, 1e308);
-    mad.imu[8].force_p_mps2 = Vec3::new(1e308, 1e308, 1e308);
-    assert!(text(&mad, &[]).starts_with("method ins: "));
+    mad.sensors[SensorKind::Depth as usize][2] = DepthSample {
+        sd_m: 1e200,
+        ..mad.depth(2)
+    }
+    .into();
+    assert!(text(&mad, &[]).starts_with("depth row 2: the variance of depth at 1074000371 ns is inf"));
+    let mut gap = steady_turn(3);
+    gap.imu.drain(51..152);
+    let error = text(&gap, &[]);
+    assert!(
+        error.starts_with("imu row 51: imu time 1520000000 ns comes 1.020000 s after"),
+        "{error}"
+    );
 }

@@ -1,0 +1,130 @@
+//! What numbers a filter can have, for navigators that are fed from outside.
+//!
+//! Within these bounds no inertial reading within its full scale can run a filter out of numbers, however long the step, so an
+//! estimate that is within them before a reading is finite after it. The bounds lie far beyond any vehicle: what exceeds them
+//! is no estimate.
+
+use super::Eskf;
+use crate::error::{NavError, require_finite};
+use crate::layout::DIM;
+
+/// Largest coordinate, m: beyond the Moon's orbit.
+const LARGEST_POSITION_M: f64 = 1e10;
+/// Largest component of the velocity, m/s.
+const LARGEST_VELOCITY_MPS: f64 = 1e7;
+/// Largest bias or scale factor, SI.
+const LARGEST_BIAS: f64 = 1e6;
+/// Largest variance or density of noise, SI.
+const LARGEST_VARIANCE: f64 = 1e30;
+/// Largest gravity, m/s², and Earth rate, rad/s.
+const LARGEST_ENVIRONMENT: f64 = 1e3;
+
+const LOST: &str = ": the estimate is lost, start again from a fix";
+
+impl Eskf {
+    /// Checks position and velocity, and the variances where the covariance has just been propagated: what inertial readings
+    /// change.
+    ///
+    /// # Errors
+    /// [`NavError::Implausible`] that names the quantity.
+    #[inline]
+    pub(crate) fn require_plausible_motion(&self) -> Result<(), NavError> {
+        let motion = &self.kinematics;
+        let within = |values: &[f64; 3], limit: f64| values.iter().all(|value| value.abs() <= limit);
+        let variances =
+            self.interval.duration_s() > 0.0 || (0..DIM).all(|k| self.covariance[(k, k)].abs() <= LARGEST_VARIANCE);
+        if variances
+            && within(&motion.position_t_m, LARGEST_POSITION_M)
+            && within(&motion.velocity_t_mps, LARGEST_VELOCITY_MPS)
+        {
+            return Ok(());
+        }
+        self.require_plausible()
+    }
+
+    /// Checks every number that an update changes.
+    ///
+    /// # Errors
+    /// [`NavError::Implausible`] or [`NavError::NotFinite`] that names the quantity.
+    #[cold]
+    pub(crate) fn require_plausible(&self) -> Result<(), NavError> {
+        let state = self.state();
+        state.validate()?;
+        let time_ns = state.time_ns;
+        let velocity_t_mps = self.kinematics.velocity_t_mps;
+        let groups: [(&'static str, &[f64], f64); 7] = [
+            ("state position_t_m", &state.position_t_m.to_array(), LARGEST_POSITION_M),
+            ("state velocity_p_mps", &velocity_t_mps, LARGEST_VELOCITY_MPS),
+            (
+                "state accel_bias_p_mps2",
+                &state.accel_bias_p_mps2.to_array(),
+                LARGEST_BIAS,
+            ),
+            (
+                "state gyro_bias_p_radps",
+                &state.gyro_bias_p_radps.to_array(),
+                LARGEST_BIAS,
+            ),
+            ("state dvl_bias_mps", state.dvl_bias_mps.as_slice(), LARGEST_BIAS),
+            ("state dvl_scale_factor", &[state.dvl_scale_factor], LARGEST_BIAS),
+            ("covariance", self.covariance.as_slice(), LARGEST_VARIANCE),
+        ];
+        for (field, values, limit) in groups {
+            require_finite(field, time_ns, values)?;
+            if let Some(&value) = values.iter().find(|value| value.abs() > limit) {
+                return Err(NavError::Implausible {
+                    field,
+                    time_ns,
+                    value,
+                    limit,
+                    hint: LOST,
+                });
+            }
+        }
+        if let Some(water) = self.water() {
+            require_finite("covariance of the water states", time_ns, water.covariance().as_slice())?;
+            require_finite("water states", time_ns, water.estimate().as_slice())?;
+        }
+        let bias = self
+            .depth_bias_m()
+            .map_or([0.0; 2], |(estimate_m, sd_m)| [estimate_m, sd_m]);
+        require_finite("bias of the depth sensor", time_ns, &bias)
+    }
+
+    /// Checks what does not change: noise and environment.
+    ///
+    /// # Errors
+    /// [`NavError::Implausible`] or [`NavError::NotFinite`] that names the quantity.
+    pub(crate) fn require_plausible_settings(&self) -> Result<(), NavError> {
+        let (noise, earth, time_ns) = (&self.settings.noise, &self.settings.earth, self.state.time_ns);
+        let densities = [
+            noise.accel,
+            noise.gyro,
+            noise.accel_bias,
+            noise.gyro_bias,
+            noise.dvl_bias,
+            noise.dvl_scale,
+        ];
+        let [x, y, z] = earth.rate_t;
+        let groups: [(&'static str, &[f64], f64); 2] = [
+            ("density of the process noise", &densities, LARGEST_VARIANCE),
+            (
+                "gravity or Earth rate",
+                &[earth.gravity_mps2, x, y, z],
+                LARGEST_ENVIRONMENT,
+            ),
+        ];
+        for (field, values, limit) in groups {
+            if let Some(&value) = values.iter().find(|value| !(value.abs() <= limit)) {
+                return Err(NavError::Implausible {
+                    field,
+                    time_ns,
+                    value,
+                    limit,
+                    hint: ": the unit is SI",
+                });
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,86 @@
+//! Ranges and clipping, by hand.
+
+use super::*;
+use crate::frames::Vec3;
+
+fn reading(rate: [f64; 3], force: [f64; 3]) -> ImuSample {
+    ImuSample {
+        time_ns: 0,
+        rate_p_radps: Vec3::from_array(rate),
+        force_p_mps2: Vec3::from_array(force),
+    }
+}
+
+/// By hand, at the default full scales of 10 rad/s and 100 m/s²: a converter of 16 bits ends at 32767/32768 of them.
+#[test]
+fn readings_at_and_beyond_the_full_scale() {
+    let limits = ImuLimits::default();
+    let kind = |rate: [f64; 3], force: [f64; 3]| limits.range_fault(&reading(rate, force)).map(|fault| fault.kind());
+    let level = [0.0, 0.0, -9.8];
+    assert_eq!(kind([0.0; 3], level), None);
+    assert_eq!(kind([9.98, -9.98, 0.0], [0.0, 99.8, -99.8]), None);
+    assert_eq!(kind([0.0; 3], [0.0, 100.0 * 32_767.0 / 32_768.0, 0.0]), Some(1));
+    assert_eq!(kind([0.0, -10.0, 0.0], level), Some(1));
+    assert_eq!(kind([0.0; 3], [1000.0, 0.0, -9.8]), Some(0));
+    assert_eq!(kind([0.0, 0.0, -10.02], level), Some(0));
+}
+
+/// Of several axes the one that is furthest beyond is named.
+#[test]
+fn the_worst_axis_is_named() {
+    let fault = ImuLimits::default()
+        .range_fault(&reading([20.0, 0.0, 0.0], [0.0, -1000.0, 100.0]))
+        .unwrap();
+    assert_eq!(
+        fault.to_string(),
+        "specific force y is -1000 m/s², beyond the full scale of 100 m/s²"
+    );
+    let clipped = ImuLimits::default()
+        .range_fault(&reading([0.0, 0.0, 10.0], [0.0; 3]))
+        .unwrap();
+    assert_eq!(
+        clipped.to_string(),
+        "angular rate z is 10 rad/s, clipped at the full scale of 10 rad/s"
+    );
+}
+
+/// A bad limit is named.
+#[test]
+fn limits_are_checked() {
+    let good = ImuLimits::default();
+    good.validate().unwrap();
+    for (bad, field) in [
+        (
+            ImuLimits {
+                max_rate_radps: 0.0,
+                ..good
+            },
+            "max_imu_rate_radps",
+        ),
+        (
+            ImuLimits {
+                max_force_mps2: f64::INFINITY,
+                ..good
+            },
+            "max_imu_force_mps2",
+        ),
+        (ImuLimits { max_gap_s: 0.0, ..good }, "max_imu_gap_s"),
+        (ImuLimits { stuck_after: 1, ..good }, "imu_stuck_after"),
+        (
+            ImuLimits {
+                gap_rate_sd_radps: f64::NAN,
+                ..good
+            },
+            "imu_gap_rate_sd_radps",
+        ),
+        (
+            ImuLimits {
+                gap_accel_sd_mps2: -1.0,
+                ..good
+            },
+            "imu_gap_accel_sd_mps2",
+        ),
+    ] {
+        assert!(bad.validate().unwrap_err().to_string().starts_with(field), "{field}");
+    }
+}

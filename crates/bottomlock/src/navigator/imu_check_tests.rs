@@ -1,0 +1,109 @@
+//! Gaps, stuck readings and counts, by hand.
+
+use super::*;
+use crate::frames::Vec3;
+use crate::model::Model;
+
+const MS: i64 = 1_000_000;
+
+fn reading(time_ms: i64, force_x: f64) -> ImuSample {
+    ImuSample {
+        time_ns: time_ms * MS,
+        rate_p_radps: Vec3::zeros(),
+        force_p_mps2: Vec3::new(force_x, 0.0, -9.8),
+    }
+}
+
+/// Judges readings one after another from a start at 0; 'g' good, 'b' good after a bridged interval, 'r' rejected, 'e' an
+/// error, which leaves the check as it was.
+fn verdicts(check: &mut ImuCheck, readings: &[ImuSample]) -> String {
+    let mut good_ns = 0;
+    let one = |sample: &ImuSample| {
+        let before = check.clone();
+        let Ok(judged) = check.judge(sample, good_ns) else {
+            assert_eq!(*check, before);
+            return 'e';
+        };
+        check.note(sample, good_ns, &judged);
+        if let Judged::Good(_) = judged {
+            good_ns = sample.time_ns;
+        }
+        match judged {
+            Judged::Good(None) => 'g',
+            Judged::Good(Some(_)) => 'b',
+            Judged::Rejected(_) => 'r',
+        }
+    };
+    readings.iter().map(one).collect()
+}
+
+fn check(change: impl Fn(&mut ImuLimits)) -> ImuCheck {
+    let mut limits = ImuLimits::default();
+    change(&mut limits);
+    ImuCheck::new(&limits, &Model::table_2().imu)
+}
+
+/// The good reading after rejected ones carries the interval; the next one is an ordinary one.
+#[test]
+fn rejected_readings_are_bridged_by_the_next_good_one() {
+    let mut check = check(|_| {});
+    let forces = [0.1, 1000.0, 100.0, 0.2, 0.3];
+    let readings: Vec<_> = (0..).zip(forces).map(|(k, force)| reading(10 * k, force)).collect();
+    assert_eq!(verdicts(&mut check, &readings), "grrbg");
+    assert_eq!(check.counts(), &[1, 1, 0, 0]);
+}
+
+/// A gap of exactly the limit is none; a nanosecond more is refused, and so is a bad reading that late.
+#[test]
+fn gaps_are_refused_beyond_the_limit() {
+    let late = |force_x| ImuSample {
+        time_ns: 1_000 * MS + 1,
+        ..reading(0, force_x)
+    };
+    assert_eq!(
+        verdicts(&mut check(|_| {}), &[reading(0, 0.0), reading(1_000, 0.0)]),
+        "gg"
+    );
+    assert_eq!(
+        verdicts(&mut check(|_| {}), &[reading(0, 0.0), late(0.0), late(1000.0)]),
+        "gee"
+    );
+    // The interval before the first reading is one too.
+    assert_eq!(verdicts(&mut check(|_| {}), &[reading(1_001, 0.0)]), "e");
+}
+
+/// Where it is asked for, a longer gap is inflated and counted, up to a radian of attitude.
+#[test]
+fn gaps_are_inflated_where_asked() {
+    let mut check = check(|limits| limits.long_gap = LongGap::Inflate);
+    let readings = [0, 2_000, 2_010, 13_000, 12_010].map(|time_ms| reading(time_ms, 0.0));
+    assert_eq!(verdicts(&mut check, &readings), "gbgeb");
+    assert_eq!(check.counts(), &[0, 0, 0, 2]);
+}
+
+/// The third of three equal readings is rejected, and what follows until they differ; negative and positive zero are equal.
+#[test]
+fn stuck_readings_are_rejected() {
+    let mut check = check(|limits| limits.stuck_after = 3);
+    let forces = [0.0, -0.0, 0.0, 0.0, 0.5, 0.5, 0.4, 0.4, 0.4];
+    let readings: Vec<_> = (0..).zip(forces).map(|(k, force)| reading(10 * k, force)).collect();
+    assert_eq!(verdicts(&mut check, &readings), "ggrrbgggr");
+    assert_eq!(check.counts(), &[0, 0, 3, 0]);
+}
+
+/// Without noise in the model equal readings are those of a simulation.
+#[test]
+fn readings_without_noise_are_not_stuck() {
+    let limits = ImuLimits {
+        stuck_after: 2,
+        ..ImuLimits::default()
+    };
+    let mut quiet = Model::table_2().imu;
+    quiet.gyro_noise_rad_rts = 0.0;
+    let readings = [0, 10, 20, 30].map(|time_ms| reading(time_ms, 0.0));
+    assert_eq!(verdicts(&mut ImuCheck::new(&limits, &quiet), &readings), "gggg");
+    assert_eq!(
+        verdicts(&mut ImuCheck::new(&limits, &Model::table_2().imu), &readings),
+        "grrr"
+    );
+}

@@ -1,0 +1,63 @@
+//! Measurements that no instrument makes: finite numbers whose squares are none.
+
+use crate::aiding::registry::Levers;
+use crate::dvl::geometry::BeamSample;
+use crate::error::NavError;
+use crate::filter::Eskf;
+use crate::navigator::events::Event;
+
+/// Largest deviation of a measurement from what the filter expects, SI.
+const LARGEST_RESIDUAL: f64 = 1e12;
+/// Variances that a measurement can have, SI.
+const SMALLEST_VARIANCE: f64 = 1e-30;
+const LARGEST_VARIANCE: f64 = 1e30;
+
+const UNIT: &str = ": the unit is SI";
+
+/// Checks that an update with a measurement has numbers, before the measurement is taken or waits.
+///
+/// # Errors
+/// [`NavError::Implausible`] that names the stream.
+pub(crate) fn require_measurable(event: &Event, filter: &Eskf, levers: &Levers) -> Result<(), NavError> {
+    match event {
+        Event::Imu(_) => Ok(()),
+        Event::Beams(ping) => require_measurable_ping(ping),
+        Event::Aiding(measurement) => {
+            let (stream, time_ns) = (event.stream().0, event.time_ns());
+            measurement.reports().try_for_each(|sensor| {
+                let innovation = filter.with_motion(|motion| measurement.innovation(sensor, motion, levers));
+                (0..innovation.rows).try_for_each(|row| {
+                    require_number(stream, time_ns, innovation.residual[row])?;
+                    require_variance(stream, time_ns, innovation.noise[(row, row)])
+                })
+            })
+        }
+    }
+}
+
+fn require_measurable_ping(ping: &BeamSample) -> Result<(), NavError> {
+    ping.valid.iter().try_for_each(|beam| {
+        require_number("dvl", ping.time_ns, ping.velocity_mps[beam])?;
+        require_variance("dvl", ping.time_ns, ping.sd_mps[beam].powi(2))
+    })
+}
+
+fn require_number(field: &'static str, time_ns: i64, value: f64) -> Result<(), NavError> {
+    if value.abs() <= LARGEST_RESIDUAL {
+        return Ok(());
+    }
+    Err(NavError::Implausible {
+        field,
+        time_ns,
+        value,
+        limit: LARGEST_RESIDUAL,
+        hint: UNIT,
+    })
+}
+
+fn require_variance(stream: &'static str, time_ns: i64, value: f64) -> Result<(), NavError> {
+    if (SMALLEST_VARIANCE..=LARGEST_VARIANCE).contains(&value) {
+        return Ok(());
+    }
+    Err(NavError::NoVariance { stream, time_ns, value })
+}
