@@ -238,7 +238,7 @@ class ReportDict(TypedDict):
     degrees: int
     nis: float
     threshold: float
-    verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information"]
+    verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information", "withheld"]
     inflation: float | None
     beyond_linear_range: bool
     rejected_rows: NDArray[np.bool_]

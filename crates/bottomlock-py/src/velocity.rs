@@ -12,7 +12,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{array, booleans, floats, rows};
 use crate::dvl::BeamGeometry;
-use crate::errors::invalid;
+use crate::errors::{invalid, without_time};
 use crate::settings::mask;
 
 /// The method of a name.
@@ -198,7 +198,7 @@ pub fn solve_velocity<'py>(
         },
     };
     let columns = py.detach(|| pings.solve(&geometry.inner, count));
-    let columns = columns.map_err(|(row, error)| invalid(format!("row {row}: {}", row_message(&error))))?;
+    let columns = columns.map_err(|(row, error)| invalid(format!("row {row}: {}", without_time(&error))))?;
     columns.into_dict(py, array(py, pings.valid, &[count, beams])?)
 }
 
@@ -262,9 +262,4 @@ impl Pings {
         }
         Ok(columns)
     }
-}
-
-/// The message of an error without the time, since a ping of a table has none.
-fn row_message(error: &bottomlock::NavError) -> String {
-    error.to_string().replace(" at 0 ns", "")
 }

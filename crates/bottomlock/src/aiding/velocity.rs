@@ -5,7 +5,7 @@ use nalgebra::Matrix3;
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Quantity, Report};
 use crate::aiding::{Innovation, Motion};
-use crate::error::{NavError, require_finite};
+use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::frames::{Platform, Vec3};
 use crate::layout::{DVL_SCALE, VELOCITY};
 use crate::state::NavState;
@@ -35,7 +35,7 @@ impl AidingSensor for VelocitySample {
 
     fn validate(&self) -> Result<(), NavError> {
         require_finite("velocity_p_mps", self.time_ns, &self.velocity_p_mps.to_array())?;
-        require_finite("velocity cov_m2ps2", self.time_ns, self.cov_m2ps2.as_slice())?;
+        require_finite_squares("velocity cov_m2ps2", self.time_ns, self.cov_m2ps2.as_slice())?;
         let definite = self.cov_m2ps2.cholesky().is_some();
         let not = NavError::NotPositiveDefinite {
             matrix: "velocity cov_m2ps2",
