@@ -37,7 +37,7 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
 .PHONY: demo test test-rust test-python test-long test-all lint lint-rust lint-python deny bench golden consistency develop \
-    attack fuzz soak mutants mutants-python lock sbom clean
+    attack fuzz soak mutants mutants-python mutants-rust lock sbom clean
 .DELETE_ON_ERROR:
 
 # The paper's study: campaign, sweep and report.
@@ -66,6 +66,17 @@ test-long: $(VENV)/.tools $(VENV)/.installed
 	BOTTOMLOCK_LONG=1 cargo test --locked --test '*'
 
 test-all: test test-long
+
+# Does a wrong line of the kernel's mathematics fail a unit test? Files and command in .cargo/mutants.toml, survivors in
+# docs/mutants_rust.md. All of it takes days of one core: name what you changed, or a share.
+#
+#   make mutants-rust MUTANTS="--file crates/bottomlock/src/aiding/heading.rs"
+#   make mutants-rust MUTANTS="--shard 1/50"
+#   make mutants-rust MUTANTS="--in-diff change.diff"
+mutants-rust:
+	@cargo mutants --version >/dev/null 2>&1 || \
+	    { echo "make: cargo-mutants not found; cargo install cargo-mutants --locked --version 27.1.0" >&2; exit 2; }
+	cargo mutants --package bottomlock --jobs 1 --output out $(MUTANTS)
 
 lint: lint-rust lint-python deny
 

@@ -84,14 +84,23 @@ def main() -> None:
     model = scenario.kernel_model(simulation.gravity_mps2)
     latitude = model.environment.latitude_rad
     earth = 7.292115e-5 * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
-    truths = {"smooth": smooth.kernel_arrays(), "rough": rough_truth(simulation.gravity_mps2, earth)}
+    rough = rough_truth(simulation.gravity_mps2, earth)
+    truths = {
+        "smooth": (smooth.kernel_arrays(), "instantaneous"),
+        "rough": (rough, "instantaneous"),
+        "rough, averaged samples": (rough, "averaged"),
+    }
     epochs = measurement_schedule(simulation, smooth)
     print("| motion | aiding | covariance | " + " | ".join(BLOCKS) + " |\n|---" * 1 + "|---" * 5 + "|")
-    for motion, truth in truths.items():
+    for motion, (truth, sampling) in truths.items():
         for method in ("ins", "tc"):
 
-            def sd(period_ns: int, method: str = method, truth: dict[str, Any] = truth) -> Vectors:
-                options = scenario.kernel_options().replace(covariance_period_ns=period_ns, gate="off")
+            def sd(
+                period_ns: int, method: str = method, truth: dict[str, Any] = truth, sampling: str = sampling
+            ) -> Vectors:
+                options = scenario.kernel_options().replace(
+                    covariance_period_ns=period_ns, gate="off", imu_sampling=sampling
+                )
                 batch = kernel.run_batch(
                     geometry=simulation.geometry, truth=truth, simulated=quiet(model), assumed=model, options=options,
                     schedule=epochs, methods=[method], seed=1, trajectory_key=2, first_run=0, runs=1, threads=1,

@@ -165,7 +165,7 @@ class ReportDict(TypedDict):
     degrees: int
     nis: float
     threshold: float
-    verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information"]
+    verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information", "withheld"]
     reason: str | None
     inflation: float | None
     beyond_linear_range: bool

@@ -56,11 +56,11 @@ fn predict(criterion: &mut Criterion) {
 
     group.bench_function("structured", |bencher| {
         let (mut p, mut k) = (start, kinematics);
-        let mut interval = Interval::begin(&k, &inertial, &earth, false);
+        let mut interval = Interval::begin(&k, &earth, false);
         bencher.iter(|| {
             let before = k;
             k.step(&inertial, &inertial, DT, &earth);
-            interval.extend(&before, &k, &inertial, DT, &earth);
+            interval.extend(&before, &k, &inertial, &inertial, DT, &earth);
             interval.propagate(&mut p.data.0, &k, &noise, &earth);
             black_box(&p);
         });

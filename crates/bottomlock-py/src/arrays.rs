@@ -7,6 +7,8 @@ use numpy::{
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 
+use bottomlock::error::require_time;
+
 use crate::errors::invalid;
 
 /// A contiguous copy of an array with its shape.
@@ -153,13 +155,38 @@ pub fn floats(name: &str, value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> 
     convert(name, value, "fiu", "float64", shape)
 }
 
-/// A vector of times, integer nanoseconds; floats are rejected, since they lose nanoseconds.
+/// A vector of times, integer nanoseconds; floats are rejected, since they lose nanoseconds, and so are unsigned numbers that
+/// would become negative.
 pub fn times(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<i64>> {
     let empty = value.len().is_ok_and(|count| count == 0);
     if empty {
         return Ok(Vec::new());
     }
-    Ok(convert::<i64>(name, value, "iu", "int64", &[None])?.values)
+    reject_wrapped(name, value)?;
+    let times = convert::<i64>(name, value, "iu", "int64", &[None])?.values;
+    for (row, &time_ns) in times.iter().enumerate() {
+        require_time("this", time_ns).map_err(|_| {
+            invalid(format!(
+                "{name} row {row} is {time_ns} ns, more than 146 years from 0, expected integer nanoseconds: a filler for a \
+                 missing time, or a time scaled twice?"
+            ))
+        })?;
+    }
+    Ok(times)
+}
+
+/// Rejects unsigned times that int64 cannot hold.
+fn reject_wrapped(name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+    let Ok(kind) = value.getattr("dtype").and_then(|dtype| dtype.getattr("kind")) else {
+        return Ok(());
+    };
+    if kind.extract::<char>().is_ok_and(|kind| kind == 'u') && value.call_method0("max")?.extract::<i64>().is_err() {
+        return Err(invalid(format!(
+            "{name} has a time of {}, which int64 cannot hold, expected integer nanoseconds: a negative time stored as uint64?",
+            value.call_method0("max")?
+        )));
+    }
+    Ok(())
 }
 
 /// An array of booleans.

@@ -3,7 +3,7 @@
 use bottomlock::aiding::registry::{Measurement, SensorKind};
 use bottomlock::error_model::{Coefficients, dense_noise};
 use bottomlock::filter::options::Options;
-use bottomlock::frames::{Rot, Vec3};
+use bottomlock::frames::Vec3;
 use bottomlock::mechanisation::{EarthTerms, ImuSample, Inertial};
 use bottomlock::navigator::Method;
 use bottomlock::simulation::batch::{Batch, run_batch_into};
@@ -21,7 +21,7 @@ use crate::arrays::{array, from_rows, vector};
 use crate::batch_arrays::{BatchArrays, RecordSlices, batch_bytes};
 use crate::calls::{detached, interruptible};
 use crate::dvl::BeamGeometry;
-use crate::errors::raise;
+use crate::errors::{raise, raise_timeless};
 use crate::settings;
 use crate::truth::Truths;
 
@@ -268,12 +268,18 @@ pub fn error_model<'py>(
     let model = settings::model(model)?;
     model.validate().map_err(raise)?;
     let mut state = NavState::at_rest(0);
-    state.attitude_t_p = Rot::from_quaternion_wxyz(vector("attitude_t_p", attitude_t_p)?);
+    state.attitude_t_p = settings::attitude("attitude_t_p", attitude_t_p)?;
     state.velocity_p_mps = Vec3::from_array(vector("velocity_p_mps", velocity_p_mps)?);
-    state.validate().map_err(raise)?;
+    state.validate().map_err(raise_timeless)?;
+    let sample = ImuSample {
+        time_ns: 0,
+        rate_p_radps: Vec3::from_array(vector("omega_p_radps", omega_p_radps)?),
+        force_p_mps2: Vec3::from_array(vector("force_p_mps2", force_p_mps2)?),
+    };
+    sample.validate().map_err(raise_timeless)?;
     let inertial = Inertial {
-        rate_p_radps: vector("omega_p_radps", omega_p_radps)?,
-        force_p_mps2: vector("force_p_mps2", force_p_mps2)?,
+        rate_p_radps: sample.rate_p_radps.to_array(),
+        force_p_mps2: sample.force_p_mps2.to_array(),
     };
     let earth = EarthTerms::from(&model.environment);
     let coefficients = Coefficients::at(&state.kinematics(), &inertial, &earth);

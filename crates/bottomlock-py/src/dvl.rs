@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use bottomlock::dvl::geometry as core;
 use bottomlock::dvl::geometry::{BeamMotion, Janus};
+use bottomlock::error::LARGEST;
 use bottomlock::frames::{Rot, Vec3};
 use nalgebra::Vector3;
 use numpy::PyArrayDyn;
@@ -11,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyType};
 
 use crate::arrays::{array, floats, from_rows, rows, vector};
-use crate::errors::{invalid, raise};
+use crate::errors::{invalid, raise, without_time};
 
 /// Directions and lever arms of the beams of a DVL, 1 to 8 beams.
 ///
@@ -176,14 +177,23 @@ impl BeamGeometry {
             Some(value) => floats("beam_bias_mps", value, &[Some(beams)])?.values,
             None => vec![0.0; beams],
         };
+        if let Some(beam) = bias.iter().position(|bias| !(bias.abs() < LARGEST)) {
+            let (number, given) = (beam + 1, bias[beam]);
+            return Err(invalid(format!(
+                "beam_bias_mps of beam {number} is {given}, expected a finite number"
+            )));
+        }
         let mut out = Vec::with_capacity(velocities.len() * beams);
-        for (velocity, rate) in velocities.iter().zip(&rates) {
+        for (row, (velocity, rate)) in velocities.iter().zip(&rates).enumerate() {
             let motion = BeamMotion {
                 velocity_p_mps: Vector3::from(*velocity),
                 omega_tp_p_radps: Vector3::from(*rate),
                 beam_bias_mps: [0.0; 4],
                 scale_factor,
             };
+            motion
+                .validate()
+                .map_err(|error| invalid(format!("row {row}: {}", without_time(&error))))?;
             for (beam, bias) in bias.iter().enumerate() {
                 out.push((self.inner.beam_velocity_mps(beam, &motion) + bias) * self.inner.sound_speed_scale());
             }

@@ -19,6 +19,16 @@ pub fn raise(error: NavError) -> PyErr {
     KernelError::new_err(text)
 }
 
+/// The same of numbers that have no time.
+pub fn raise_timeless(error: NavError) -> PyErr {
+    invalid(without_time(&error))
+}
+
+/// The message of an error without the time 0.
+pub fn without_time(error: &NavError) -> String {
+    error.to_string().replace(" at 0 ns", "")
+}
+
 /// The Python exception for an argument of the wrong shape, type or value.
 pub fn invalid(message: impl Into<String>) -> PyErr {
     KernelError::new_err(message.into())

@@ -7,7 +7,7 @@ use bottomlock::aiding::registry::SensorModels;
 use bottomlock::aiding::water;
 use bottomlock::aiding::water::WATER;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
-use bottomlock::frames::{Rot, Vec3};
+use bottomlock::frames::Vec3;
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::navigator::events::{
@@ -203,7 +203,7 @@ impl Navigator {
         roll_pitch_sd_rad: f64,
         yaw_sd_rad: f64,
     ) -> PyResult<Bound<'py, PyList>> {
-        let attitude_t_p = Rot::from_quaternion_wxyz(vector("attitude_t_p", attitude_t_p)?);
+        let attitude_t_p = settings::attitude("attitude_t_p", attitude_t_p)?;
         self.push(
             py,
             &[Event::from(AttitudeSample {

@@ -33,6 +33,7 @@ fn report_dict<'py>(py: Python<'py>, report: &UpdateReport, beams: usize) -> PyR
         Verdict::AcceptedInPart { rejected_rows } => ("accepted_in_part", rejected_rows),
         Verdict::Rejected => ("rejected", u8::MAX),
         Verdict::NoInformation => ("no_information", 0),
+        Verdict::Withheld => ("withheld", 0),
     };
     let rows = report.rows;
     let covariance = (0..rows * rows)

@@ -9,7 +9,7 @@ use bottomlock::aiding::water::WaterPrior;
 use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::dvl::partial::Assumptions;
 use bottomlock::earth::Environment;
-use bottomlock::filter::gate::Gate;
+use bottomlock::filter::gate::{Gate, GateTable};
 use bottomlock::filter::options::Options;
 use bottomlock::frames::{Platform, Rot, Tangent, Vec3};
 use bottomlock::mechanisation::Sampling;
@@ -18,7 +18,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::vector;
-use crate::errors::invalid;
+use crate::errors::{invalid, raise};
 use crate::imu_faults;
 use crate::keys::{Keys, read};
 
@@ -127,6 +127,7 @@ pub fn options(value: &Bound<'_, PyAny>) -> PyResult<Options> {
 fn options_of(keys: &Keys<'_>) -> PyResult<Options> {
     let default = Options::default();
     let probability = keys.number("gate_probability")?;
+    GateTable::new(Gate::Joint { probability }).map_err(raise)?;
     let gate = match keys.text("gate")?.as_str() {
         "joint" => Gate::Joint { probability },
         "per_row" => Gate::PerRow,
@@ -311,6 +312,6 @@ pub fn normal_gravity_mps2(latitude_rad: f64, depth_m: f64) -> PyResult<f64> {
         earth_rate_radps: 0.0,
     }
     .validate()
-    .map_err(crate::errors::raise)?;
+    .map_err(raise)?;
     Ok(gravity)
 }

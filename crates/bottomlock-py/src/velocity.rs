@@ -14,7 +14,7 @@ use crate::arrays::{array, floats, rows};
 use crate::beam_arrays::BeamArrays;
 use crate::calls::detached;
 use crate::dvl::BeamGeometry;
-use crate::errors::invalid;
+use crate::errors::{invalid, without_time};
 use crate::settings::mask;
 
 /// The method of a name.
@@ -205,7 +205,7 @@ pub fn solve_velocity<'py>(
         },
     };
     let columns = detached(py, || Ok(pings.solve(&geometry.inner, count)))?;
-    let columns = columns.map_err(|(row, error)| invalid(format!("row {row}: {}", row_message(&error))))?;
+    let columns = columns.map_err(|(row, error)| invalid(format!("row {row}: {}", without_time(&error))))?;
     columns.into_dict(py, array(py, pings.valid, &[count, beams])?)
 }
 
@@ -269,9 +269,4 @@ impl Pings {
         }
         Ok(columns)
     }
-}
-
-/// The message of an error without the time, since a ping of a table has none.
-fn row_message(error: &bottomlock::NavError) -> String {
-    error.to_string().replace(" at 0 ns", "")
 }

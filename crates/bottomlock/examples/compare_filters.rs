@@ -322,11 +322,11 @@ fn operations_of_a_step(work: &Work) -> u64 {
     };
     let covariance = work.model.initial_covariance(true);
     let mut p = covariance.data.0.map(|column| column.map(Counted));
-    let mut interval = FirstOrderInterval::begin(&kinematics, &inertial, &earth);
+    let mut interval = FirstOrderInterval::begin(&kinematics, &earth);
     OPERATIONS.set(0);
     let before = kinematics;
     kinematics.step(&inertial, &inertial, 1.0 / 150.0, &earth);
-    interval.extend(&before, &kinematics, &inertial, 1.0 / 150.0, &earth);
+    interval.extend(&before, &kinematics, &inertial, &inertial, 1.0 / 150.0, &earth);
     dispatch!(Level::new(), simd => interval.propagate(simd, &mut p, &kinematics, &noise, &earth));
     // The bias taken off six readings.
     OPERATIONS.get() + 6

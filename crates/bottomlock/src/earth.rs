@@ -12,6 +12,9 @@ pub const EARTH_RATE_RADPS: f64 = 7.292_115e-5;
 /// & Schubert, *Geodynamics*, sect. 5).
 pub const GRAVITY_DEPTH_GRADIENT_PS2: f64 = 2.226e-6;
 
+/// What gravity is less than anywhere on Earth, with room for an experiment.
+const GREATEST_GRAVITY_MPS2: f64 = 20.0;
+
 /// Normal gravity at a geodetic latitude, rad, and a depth below the ellipsoid, m, in m/s².
 ///
 /// # Source
@@ -67,6 +70,13 @@ impl Environment {
     pub fn validate(&self) -> Result<(), NavError> {
         require_finite("environment.earth_rate_radps", 0, &[self.earth_rate_radps])?;
         require_positive("environment.gravity_mps2", self.gravity_mps2)?;
+        if self.gravity_mps2 > GREATEST_GRAVITY_MPS2 {
+            return Err(NavError::OutOfRange {
+                field: "environment.gravity_mps2",
+                value: self.gravity_mps2,
+                expected: "9.7 to 9.9 m/s^2, 20 at most",
+            });
+        }
         if !(self.latitude_rad.abs() <= std::f64::consts::FRAC_PI_2) {
             return Err(NavError::OutOfRange {
                 field: "environment.latitude_rad",

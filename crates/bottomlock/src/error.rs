@@ -15,6 +15,29 @@ pub enum NavError {
         /// Time of validity, ns.
         time_ns: i64,
     },
+    /// A number is beyond anything in navigation.
+    #[error(
+        "{field} at {time_ns} ns is {value}, expected less than {LARGEST:e} in SI units: a filler for a missing value?"
+    )]
+    TooLarge {
+        /// Name of the quantity.
+        field: &'static str,
+        /// Time of validity, ns.
+        time_ns: i64,
+        /// Value given.
+        value: f64,
+    },
+    /// A time is beyond the span in which differences of times are computed.
+    #[error(
+        "{stream} time {time_ns} ns lies more than 146 years from 0, \
+         expected integer nanoseconds: a negative time read as unsigned, or scaled twice?"
+    )]
+    TimeOutOfSpan {
+        /// Name of the stream.
+        stream: &'static str,
+        /// Time given, ns.
+        time_ns: i64,
+    },
     /// A parameter lies outside its range.
     #[error("{field} is {value}, expected {expected}")]
     OutOfRange {
@@ -252,15 +275,37 @@ pub enum NavError {
     },
 }
 
-/// Checks that every number in a slice is finite.
+/// What no quantity of navigation reaches in SI units; squares of it, and their products, are still numbers.
+pub const LARGEST: f64 = 1e12;
+
+/// Half the range of the times, 2⁶² ns: the difference of two such times is an integer too.
+const SPAN_NS: u64 = 1 << 62;
+
+/// Checks that every number in a slice is finite and less than [`LARGEST`].
 ///
 /// # Errors
-/// [`NavError::NotFinite`], which names the field and the time.
+/// [`NavError::NotFinite`] or [`NavError::TooLarge`], which names the field and the time.
 pub(crate) fn require_finite(field: &'static str, time_ns: i64, values: &[f64]) -> Result<(), NavError> {
-    if values.iter().all(|value| value.is_finite()) {
-        Ok(())
-    } else {
-        Err(NavError::NotFinite { field, time_ns })
+    require_below(LARGEST, field, time_ns, values)
+}
+
+/// The same for variances and covariances, which are squares.
+///
+/// # Errors
+/// As [`require_finite`].
+pub(crate) fn require_finite_squares(field: &'static str, time_ns: i64, values: &[f64]) -> Result<(), NavError> {
+    require_below(LARGEST * LARGEST, field, time_ns, values)
+}
+
+fn require_below(limit: f64, field: &'static str, time_ns: i64, values: &[f64]) -> Result<(), NavError> {
+    match values.iter().find(|value| !(value.abs() < limit)) {
+        None => Ok(()),
+        Some(value) if value.is_finite() => Err(NavError::TooLarge {
+            field,
+            time_ns,
+            value: *value,
+        }),
+        Some(_) => Err(NavError::NotFinite { field, time_ns }),
     }
 }
 
@@ -268,7 +313,7 @@ pub(crate) fn require_finite(field: &'static str, time_ns: i64, values: &[f64]) 
 ///
 /// # Errors
 /// [`NavError::OutOfRange`], which names the field and what was expected.
-pub(crate) fn require_below(
+pub(crate) fn require_magnitude(
     field: &'static str,
     values: &[f64],
     bound: f64,
@@ -280,34 +325,101 @@ pub(crate) fn require_below(
     }
 }
 
-/// Checks that a standard deviation or variance is finite and not negative.
+/// Checks that a time is one of which differences can be taken.
+///
+/// # Errors
+/// [`NavError::TimeOutOfSpan`], which names the stream.
+pub fn require_time(stream: &'static str, time_ns: i64) -> Result<(), NavError> {
+    if time_ns.unsigned_abs() < SPAN_NS {
+        Ok(())
+    } else {
+        Err(NavError::TimeOutOfSpan { stream, time_ns })
+    }
+}
+
+/// Checks that a standard deviation or variance is finite, not negative and less than [`LARGEST`].
 ///
 /// # Errors
 /// [`NavError::OutOfRange`], which names the field.
 pub(crate) fn require_non_negative(field: &'static str, value: f64) -> Result<(), NavError> {
-    if value.is_finite() && value >= 0.0 {
-        Ok(())
-    } else {
-        Err(NavError::OutOfRange {
-            field,
-            value,
-            expected: "a finite number >= 0",
-        })
-    }
+    require_in_range(field, value, value >= 0.0, "a finite number >= 0")
 }
 
-/// Checks that a standard deviation or variance is finite and positive.
+/// Checks that a standard deviation or variance is finite, positive and less than [`LARGEST`].
 ///
 /// # Errors
 /// [`NavError::OutOfRange`], which names the field.
 pub(crate) fn require_positive(field: &'static str, value: f64) -> Result<(), NavError> {
-    if value.is_finite() && value > 0.0 {
-        Ok(())
-    } else {
-        Err(NavError::OutOfRange {
-            field,
-            value,
-            expected: "a finite number > 0",
-        })
+    require_in_range(field, value, value > 0.0, "a finite number > 0")
+}
+
+fn require_in_range(field: &'static str, value: f64, is_inside: bool, expected: &'static str) -> Result<(), NavError> {
+    let expected = match value {
+        _ if !is_inside || value.is_infinite() => expected,
+        _ if value < LARGEST => return Ok(()),
+        _ => "less than 1e12 in SI units: a filler for a missing value?",
+    };
+    Err(NavError::OutOfRange { field, value, expected })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text(result: Result<(), NavError>) -> String {
+        result.unwrap_err().to_string()
+    }
+
+    /// NaN, infinity and fillers are told apart; variances may be the squares of what is allowed.
+    #[test]
+    fn numbers_beyond_navigation_are_named() {
+        assert_eq!(require_finite("x", 5, &[1.0, -0.99e12]), Ok(()));
+        for missing in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert!(text(require_finite("x", 5, &[0.0, missing])).starts_with("x at 5 ns is not finite"));
+        }
+        let filler = text(require_finite("x", 5, &[0.0, -1e20]));
+        assert_eq!(
+            filler,
+            "x at 5 ns is -100000000000000000000, expected less than 1e12 in SI units: a filler for a missing value?"
+        );
+        assert_eq!(require_finite_squares("x", 5, &[1e20]), Ok(()));
+        assert!(require_finite_squares("x", 5, &[1e30]).is_err());
+    }
+
+    /// A standard deviation is a number between its least value and 1e12.
+    #[test]
+    fn deviations_are_in_range() {
+        assert_eq!(
+            (require_positive("s", 1e-3), require_non_negative("s", 0.0)),
+            (Ok(()), Ok(()))
+        );
+        for value in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(
+                text(require_positive("s", value)).ends_with("expected a finite number > 0"),
+                "{value}"
+            );
+        }
+        for value in [-1e-300, f64::NAN, f64::NEG_INFINITY] {
+            assert!(
+                text(require_non_negative("s", value)).ends_with("expected a finite number >= 0"),
+                "{value}"
+            );
+        }
+        assert!(text(require_positive("s", 1e36)).contains("a filler"));
+        assert!(text(require_non_negative("s", 1e12)).contains("a filler"));
+    }
+
+    /// Of any two accepted times the difference is an integer of 64 bits.
+    #[test]
+    fn times_have_a_span() {
+        let last = (1_i64 << 62) - 1;
+        assert_eq!(
+            (require_time("imu", last), require_time("imu", -last)),
+            (Ok(()), Ok(()))
+        );
+        assert!(last.checked_sub(-last).is_some());
+        for time_ns in [last + 1, i64::MAX, i64::MIN] {
+            assert!(text(require_time("imu", time_ns)).contains("more than 146 years from 0"));
+        }
     }
 }

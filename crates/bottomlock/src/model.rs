@@ -187,3 +187,61 @@ impl Model {
         p
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::ErrorVector;
+
+    fn primes() -> Model {
+        let mut model = Model::table_2();
+        model.imu = ImuModel {
+            accel_noise_mps_rts: 2.0,
+            gyro_noise_rad_rts: 3.0,
+            accel_bias_sd_mps2: 5.0,
+            gyro_bias_sd_radps: 7.0,
+            accel_bias_walk_mps2_rts: 11.0,
+            gyro_bias_walk_radps_rts: 13.0,
+        };
+        model.initial = InitialModel {
+            position_sd_m: [1.0, 2.0, 3.0],
+            attitude_sd_rad: [4.0, 5.0, 6.0],
+            velocity_sd_mps: [7.0, 8.0, 9.0],
+        };
+        model.sensors.dvl = DvlModel {
+            beam_noise_sd_mps: 17.0,
+            beam_bias_sd_mps: 19.0,
+            beam_bias_walk_mps_rts: 23.0,
+            scale_factor_sd: 29.0,
+            scale_factor_walk_rts: 31.0,
+        };
+        model
+    }
+
+    /// Densities are the squares of the figures per root second.
+    #[test]
+    fn densities_are_squares() {
+        let expected = |dvl_bias, dvl_scale| ProcessNoise {
+            accel: 4.0,
+            gyro: 9.0,
+            accel_bias: 121.0,
+            gyro_bias: 169.0,
+            dvl_bias,
+            dvl_scale,
+        };
+        assert_eq!(primes().process_noise(true), expected(529.0, 961.0));
+        assert_eq!(primes().process_noise(false), expected(0.0, 0.0));
+    }
+
+    /// Variances are the squares of the standard deviations, in the order of the state; frozen states have none.
+    #[test]
+    fn variances_are_squares_in_their_places() {
+        for (estimate_dvl, dvl) in [(true, [361.0, 361.0, 361.0, 361.0, 841.0]), (false, [0.0; 5])] {
+            let mut expected = vec![1.0, 4.0, 9.0, 16.0, 25.0, 36.0, 49.0, 64.0, 81.0];
+            expected.extend([25.0, 25.0, 25.0, 49.0, 49.0, 49.0]);
+            expected.extend(dvl);
+            let expected = Covariance::from_diagonal(&ErrorVector::from_vec(expected));
+            assert_eq!(primes().initial_covariance(estimate_dvl), expected);
+        }
+    }
+}

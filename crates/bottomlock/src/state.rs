@@ -2,7 +2,7 @@
 
 use nalgebra::{SMatrix, SVector, Vector3, Vector4};
 
-use crate::error::{NavError, require_finite};
+use crate::error::{NavError, require_finite, require_time};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
 use crate::layout;
 use crate::layout::DIM;
@@ -55,6 +55,7 @@ impl NavState {
     /// [`NavError::NotFinite`], which names the field.
     pub fn validate(&self) -> Result<(), NavError> {
         let time = self.time_ns;
+        require_time("state", time)?;
         require_finite("state position_t_m", time, &self.position_t_m.to_array())?;
         require_finite("state attitude_t_p", time, &self.attitude_t_p.to_quaternion_wxyz())?;
         require_finite("state velocity_p_mps", time, &self.velocity_p_mps.to_array())?;

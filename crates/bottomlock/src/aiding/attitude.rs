@@ -114,6 +114,10 @@ impl AidingSensor for AttitudeSample {
 }
 
 /// The residual is a rotation: no angle is subtracted, so it is regular at vertical pitch.
+///
+/// Towards the vertical roll and yaw turn about the same axis, and the tilt across the bow would come out as known without
+/// error, roll times cos(pitch). The errors' own products remain there, yaw or pitch times roll or pitch: the cosine of the
+/// noise is therefore never less than the angle by which the reading may be wrong.
 #[must_use]
 pub fn attitude(
     state: &NavState,
@@ -123,12 +127,13 @@ pub fn attitude(
 ) -> Innovation {
     let rho = (*measured_t_p * state.attitude_t_p.inverse()).log();
     let [_, pitch, yaw] = measured_t_p.to_euler_rad();
+    let cosine = pitch.cos().max(roll_pitch_sd_rad.hypot(yaw_sd_rad).min(1.0));
     // Columns: the tangent-frame axes about which roll, pitch and yaw turn.
     let axes = Matrix3::new(
-        yaw.cos() * pitch.cos(),
+        yaw.cos() * cosine,
         -yaw.sin(),
         0.0,
-        yaw.sin() * pitch.cos(),
+        yaw.sin() * cosine,
         yaw.cos(),
         0.0,
         -pitch.sin(),

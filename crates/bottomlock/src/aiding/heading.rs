@@ -3,7 +3,7 @@
 use crate::aiding::declare::model_section;
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation};
-use crate::aiding::{Innovation, Motion};
+use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Vec3};
 use crate::layout::ATTITUDE;
@@ -17,6 +17,8 @@ model_section! {
         pub sd_rad: f64,
     }
 }
+/// Cosine of the pitch below which yaw is not computed: it would be rounding errors of the quaternion.
+const LEAST_COSINE: f64 = 1e-6;
 
 /// A yaw reading alone.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -53,9 +55,8 @@ impl AidingSensor for HeadingSample {
         require_positive("heading sd_rad", self.sd_rad)
     }
 
-    /// No row at vertical pitch.
     fn innovation(&self, _: Sensor, motion: &Motion<'_>, _: &Vec3<Platform>) -> Innovation {
-        heading(motion.state, self.yaw_rad, self.sd_rad).unwrap_or_else(Innovation::empty)
+        heading(motion.state, self.yaw_rad, self.sd_rad)
     }
 
     fn of_truth(motion: &Motion<'_>, _: &Vec3<Platform>, models: &SensorModels) -> Self {
@@ -89,23 +90,24 @@ impl AidingSensor for HeadingSample {
     }
 }
 
-/// Yaw alone; `None` at vertical pitch, where yaw is undefined.
+/// Yaw alone. It has no row on end, where yaw is undefined; near there the filter withholds it, see
+/// [`crate::filter::near_vertical`].
 #[must_use]
-pub fn heading(state: &NavState, yaw_rad: f64, sd_rad: f64) -> Option<Innovation> {
+pub fn heading(state: &NavState, yaw_rad: f64, sd_rad: f64) -> Innovation {
     let [_, pitch, yaw] = state.attitude_t_p.to_euler_rad();
-    if pitch.cos() < 1e-6 {
-        return None;
-    }
-    let difference = yaw_rad - yaw;
     let mut innovation = Innovation {
-        rows: 1,
-        degrees: 1,
+        tangent_rows: TangentRows::Yaw,
         ..Innovation::empty()
     };
+    if pitch.cos() < LEAST_COSINE {
+        return innovation;
+    }
+    (innovation.rows, innovation.degrees) = (1, 1);
+    let difference = yaw_rad - yaw;
     innovation.residual[0] = difference.sin().atan2(difference.cos());
     innovation.jacobian[(0, ATTITUDE)] = yaw.cos() * pitch.tan();
     innovation.jacobian[(0, ATTITUDE + 1)] = yaw.sin() * pitch.tan();
     innovation.jacobian[(0, ATTITUDE + 2)] = 1.0;
     innovation.noise[(0, 0)] = sd_rad.powi(2);
-    Some(innovation)
+    innovation
 }

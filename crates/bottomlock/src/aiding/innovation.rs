@@ -35,7 +35,7 @@ pub struct Innovation {
 /// What rows measure in the tangent frame, where the linear model leaves a product of errors out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TangentRows {
-    /// Nothing: rows in the platform frame, or angles.
+    /// Nothing: rows in the platform frame, or a rotation.
     #[default]
     None,
     /// The velocity, north, east and down.
@@ -44,6 +44,8 @@ pub enum TangentRows {
     Position,
     /// The third axis of the position alone.
     Depth,
+    /// The yaw, whose Jacobian grows without bound towards the vertical; no row on end.
+    Yaw,
 }
 
 /// Noise that contains errors of the state: n = D δx + D_w δw + d b + independent.

@@ -181,6 +181,63 @@ fn student_weight_of_one_beam() {
     assert!((screened.weight[0] - SD * SD / noise).abs() < 1e-12 && screened.weight[0] < 0.1);
 }
 
+/// A vertical beam alone: Huber's noise variance N solves N = σ² max(1, |n̂| / k σ) with n̂ = N z / (p² + N), and below the threshold
+/// the beam keeps its own.
+#[test]
+fn huber_weight_of_one_beam() {
+    let (p, threshold) = (0.1, 1.5);
+    let robust = Robust {
+        tail: Tail::Huber { threshold },
+        ..Robust::default()
+    };
+    let variance = |z: f64| {
+        let mut one = case(p, [0.0; 4]);
+        one.geometry = BeamGeometry::from_directions(&[Vec3::new(0.0, 0.0, 1.0)]).unwrap();
+        one.ping.velocity_mps[0] = z;
+        one.ping.valid = BeamMask::all(1);
+        one.screened(&robust).ping.sd_mps[0].powi(2)
+    };
+    // N (p² + N) = σ N z / k, so N = σ z / k − p².
+    let far = variance(0.9);
+    assert!((far / (SD * 0.9 / threshold - p * p) - 1.0).abs() < 1e-7, "{far}");
+    // The threshold is reached where σ² z / (p² + σ²) = k σ.
+    let edge = threshold * (p * p + SD * SD) / SD;
+    assert!((variance(0.99 * edge) / (SD * SD) - 1.0).abs() < 1e-12);
+    assert!(variance(1.01 * edge) > SD * SD * 1.005);
+}
+
+/// The closure test has as many degrees of freedom as beams are redundant, and begins at the tabulated 99 % quantile.
+#[test]
+fn closure_begins_at_its_quantile() {
+    let robust = Robust {
+        closure_gate: Some(0.99),
+        ..Robust::default()
+    };
+    for (beams, quantile) in [(4, 6.634_897), (5, 9.210_340)] {
+        for (factor, passes) in [(0.999_f64, true), (1.001, false)] {
+            let mut one = case(0.1, [0.0; 4]);
+            let azimuths: Vec<f64> = (0..beams).map(|k| 1.2 * f64::from(k)).collect();
+            one.geometry = BeamGeometry::from_angles(&vec![0.4; azimuths.len()], &azimuths).unwrap();
+            one.ping.valid = BeamMask::all(azimuths.len());
+            // An error of the first beam, of the size that gives the statistic.
+            let expected: Vec<f64> = (0..azimuths.len())
+                .map(|beam| one.geometry.direction_p(beam).dot(&one.state.velocity_p_mps.0))
+                .collect();
+            one.ping.velocity_mps[..azimuths.len()].copy_from_slice(&expected);
+            one.ping.velocity_mps[0] += 1.0;
+            let (unit, degrees) = one.rows().closure(&one.geometry, 0).unwrap();
+            assert_eq!(degrees, azimuths.len() - 3);
+            one.ping.velocity_mps[0] = expected[0] + (factor * quantile / unit).sqrt();
+            let kept = one.screened(&robust).ping.valid.count();
+            assert_eq!(
+                kept == azimuths.len(),
+                passes,
+                "{beams} beams, {factor} of the quantile"
+            );
+        }
+    }
+}
+
 /// As ν grows, and as the threshold of Huber grows, the ping is left as it was.
 #[test]
 fn thin_tails_are_the_kalman_update() {

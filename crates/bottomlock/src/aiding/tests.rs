@@ -184,10 +184,10 @@ fn attitude_jacobians() {
             let residual = |error: &ErrorVector| {
                 let mut moved = center;
                 moved.inject(error);
-                heading(&moved, yaw, 0.1).unwrap().residual[0]
+                heading(&moved, yaw, 0.1).residual[0]
             };
             let slope = (residual(&-error) - residual(&error)) / 2e-8;
-            let expected = heading(&center, yaw, 0.1).unwrap().jacobian[(0, ATTITUDE + j)];
+            let expected = heading(&center, yaw, 0.1).jacobian[(0, ATTITUDE + j)];
             assert!(
                 (slope - expected).abs() < 2e-5 * expected.abs().max(1.0),
                 "pitch {pitch}: {slope} {expected}"
@@ -196,8 +196,32 @@ fn attitude_jacobians() {
     }
 }
 
+/// The least noise of the tilt of an attitude reading: roll times cos(pitch), and towards the vertical, where its direction is
+/// itself uncertain, roll times the reading's own error of 0.05 rad.
+#[test]
+fn the_tilt_of_an_attitude_is_never_without_noise() {
+    for (pitch_deg, least) in [
+        (0.0_f64, 0.03),
+        (60.0, 0.015),
+        (86.0, 0.03 * 86_f64.to_radians().cos()),
+        (88.0, 0.03 * 0.05),
+        (-90.0, 0.03 * 0.05),
+    ] {
+        let center = state(pitch_deg);
+        let noise = attitude(&center, &center.attitude_t_p, 0.03, 0.04).noise;
+        let tilt = noise.fixed_view::<2, 2>(0, 0).into_owned().symmetric_eigenvalues();
+        assert!(
+            (tilt.min().sqrt() / least - 1.0).abs() < 1e-9,
+            "pitch {pitch_deg}: {tilt}"
+        );
+        assert!((tilt.max().sqrt() / 0.03 - 1.0).abs() < 1e-9);
+        let yaw = 0.04_f64.powi(2) + (0.03 * pitch_deg.to_radians().sin()).powi(2);
+        assert!((noise[(2, 2)] / yaw - 1.0).abs() < 1e-9);
+    }
+}
+
 /// Yaw means nothing on end: no row, no error.
 #[test]
 fn heading_on_end_is_no_measurement() {
-    assert!(heading(&state(90.0), 0.3, 0.1).is_none());
+    assert_eq!(heading(&state(90.0), 0.3, 0.1).rows, 0);
 }

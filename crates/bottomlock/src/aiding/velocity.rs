@@ -6,7 +6,7 @@ use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Quantity, Report};
 use crate::aiding::{Innovation, Motion};
 use crate::dvl::geometry::{MAX_BEAM_SPEED_MPS, SLOW_ENOUGH};
-use crate::error::{NavError, require_below, require_finite};
+use crate::error::{NavError, require_finite, require_finite_squares, require_magnitude};
 use crate::frames::{Platform, Vec3};
 use crate::layout::{DVL_SCALE, VELOCITY};
 use crate::state::NavState;
@@ -37,8 +37,8 @@ impl AidingSensor for VelocitySample {
     fn validate(&self) -> Result<(), NavError> {
         require_finite("velocity_p_mps", self.time_ns, &self.velocity_p_mps.to_array())?;
         let speed = [self.velocity_p_mps.0.norm()];
-        require_below("velocity_p_mps", &speed, MAX_BEAM_SPEED_MPS, SLOW_ENOUGH)?;
-        require_finite("velocity cov_m2ps2", self.time_ns, self.cov_m2ps2.as_slice())?;
+        require_magnitude("velocity_p_mps", &speed, MAX_BEAM_SPEED_MPS, SLOW_ENOUGH)?;
+        require_finite_squares("velocity cov_m2ps2", self.time_ns, self.cov_m2ps2.as_slice())?;
         let definite = self.cov_m2ps2.cholesky().is_some();
         let not = NavError::NotPositiveDefinite {
             matrix: "velocity cov_m2ps2",

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 use super::geometry::{BeamGeometry, BeamMask, BeamSample};
 use super::partial::{Assumptions, BeamNoise, Component, FixEstimator, PartialMethod, Reason, fix_estimator};
 use super::velocity::{HEAVE_SLOT, SLOTS, VIRTUAL_SLOT};
-use crate::error::{NavError, require_finite};
+use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::frames::{Platform, Vec3};
 
 /// Prior velocity of an INS with its covariance.
@@ -109,10 +109,12 @@ pub fn solve(
         Component::Unobservable(Reason::PriorRequired) => return Ok(FixOutcome::PriorRequired),
         _ => {}
     }
-    let velocity_p_mps = (estimator.gain * values).into();
+    let velocity = estimator.gain * values;
+    require_finite("solved velocity_p_mps", ping.time_ns, velocity.as_slice())?;
+    require_finite_squares("solved cov_m2ps2", ping.time_ns, estimator.covariance.as_slice())?;
     let complete = (0..3).all(|k| estimator.is_solved(k));
     let fix = VelocityFix {
-        velocity_p_mps,
+        velocity_p_mps: velocity.into(),
         estimator,
         beams: ping.valid,
     };

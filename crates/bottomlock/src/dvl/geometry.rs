@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use nalgebra::Vector3;
 
 use super::velocity::Rows;
-use crate::error::{NavError, require_below, require_finite, require_positive};
+use crate::error::{LARGEST, NavError, require_finite, require_magnitude, require_positive};
 use crate::frames::{Dvl, Platform, Rot, Vec3};
 use crate::layout::BIASED_BEAMS;
 pub use crate::layout::MAX_BEAMS;
@@ -137,8 +137,8 @@ impl BeamGeometry {
         }
         require_finite("tilts_rad", 0, tilts_rad)?;
         require_finite("azimuths_rad", 0, azimuths_rad)?;
-        require_below("tilt_rad", tilts_rad, FRAC_PI_2, "less than pi/2: is it in degrees?")?;
-        require_below("azimuth_rad", azimuths_rad, TAU, "-2 pi to 2 pi: is it in degrees?")?;
+        require_magnitude("tilt_rad", tilts_rad, FRAC_PI_2, "less than pi/2: is it in degrees?")?;
+        require_magnitude("azimuth_rad", azimuths_rad, TAU, "-2 pi to 2 pi: is it in degrees?")?;
         let directions: Vec<_> = tilts_rad
             .iter()
             .zip(azimuths_rad)
@@ -298,6 +298,19 @@ pub struct BeamMotion {
     pub scale_factor: f64,
 }
 
+impl BeamMotion {
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`NavError::NotFinite`] or [`NavError::TooLarge`], which names the field.
+    pub fn validate(&self) -> Result<(), NavError> {
+        require_finite("velocity_p_mps", 0, self.velocity_p_mps.as_slice())?;
+        require_finite("omega_tp_p_radps", 0, self.omega_tp_p_radps.as_slice())?;
+        require_finite("beam_bias_mps", 0, &self.beam_bias_mps)?;
+        require_finite("scale_factor", 0, &[self.scale_factor])
+    }
+}
+
 /// The beam velocities of one ping.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct BeamSample {
@@ -328,14 +341,14 @@ impl BeamSample {
             if beam >= geometry.beams() {
                 return Err(bad("number", (beam + 1) as f64, BEAM_EXISTS));
             }
-            if !self.velocity_mps[beam].is_finite() {
+            if !(self.velocity_mps[beam].abs() < LARGEST) {
                 let expected = "a finite number: flag a lost beam invalid";
                 return Err(bad("velocity", self.velocity_mps[beam], expected));
             }
             if self.velocity_mps[beam].abs() > MAX_BEAM_SPEED_MPS {
                 return Err(bad("velocity", self.velocity_mps[beam], SLOW_ENOUGH));
             }
-            if !(self.sd_mps[beam].is_finite() && self.sd_mps[beam] > 0.0) {
+            if !(self.sd_mps[beam] > 0.0 && self.sd_mps[beam] < LARGEST) {
                 return Err(bad("standard deviation", self.sd_mps[beam], "a finite number > 0"));
             }
         }

@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::geometry::{BeamGeometry, BeamMask, MAX_BEAMS};
 use super::velocity::{Gain, HEAVE_SLOT, LeastSquares, Rows, SWAY_SLOT, VIRTUAL_SLOT, least_squares};
-use crate::error::{NavError, require_finite};
+use crate::error::{NavError, require_finite_squares, require_positive};
 
 /// Covariance of the beam readings, beams by beams, (m/s)².
 pub type BeamNoise = SMatrix<f64, MAX_BEAMS, MAX_BEAMS>;
@@ -54,6 +54,18 @@ pub struct Assumptions {
     pub nullified_sway_var_m2ps2: f64,
     /// Variance of the weak sway row, (m/s)², per epoch.
     pub weak_sway_var_m2ps2: f64,
+}
+
+impl Assumptions {
+    /// Checks every number, whichever method is in use.
+    ///
+    /// # Errors
+    /// [`NavError::OutOfRange`] that names the field.
+    pub fn validate(&self) -> Result<(), NavError> {
+        require_positive("virtual_beam_factor", self.virtual_beam_factor)?;
+        require_positive("nullified_sway_var_m2ps2", self.nullified_sway_var_m2ps2)?;
+        require_positive("weak_sway_var_m2ps2", self.weak_sway_var_m2ps2)
+    }
 }
 
 impl Default for Assumptions {
@@ -192,6 +204,7 @@ pub fn fix_estimator(
     prior_cov: Option<&Matrix3<f64>>,
     assumptions: &Assumptions,
 ) -> Result<FixEstimator, NavError> {
+    assumptions.validate()?;
     let beams = beam_rows(geometry, valid, noise);
     let solution = least_squares(&beams)?;
     estimator_beyond_beams(method, geometry, valid, beams, solution, prior_cov, assumptions)
@@ -222,11 +235,7 @@ fn estimator_beyond_beams(
         }),
         PartialMethod::WeakSway => {
             let mut rows = beams;
-            rows.put(
-                SWAY_SLOT,
-                axis(1),
-                positive("weak_sway_var_m2ps2", assumptions.weak_sway_var_m2ps2)?,
-            );
+            rows.put(SWAY_SLOT, axis(1), assumptions.weak_sway_var_m2ps2);
             Ok(FixEstimator {
                 port: Port::Axes,
                 ..FixEstimator::of_row_space(method, least_squares(&rows)?)
@@ -252,13 +261,9 @@ fn estimator_beyond_beams(
     }
 }
 
-fn positive(field: &'static str, value: f64) -> Result<f64, NavError> {
-    crate::error::require_positive(field, value).map(|()| value)
-}
-
 fn checked_prior(prior_cov: Option<&Matrix3<f64>>) -> Result<Option<&Matrix3<f64>>, NavError> {
     if let Some(cov) = prior_cov {
-        require_finite("prior cov_m2ps2", 0, cov.as_slice())?;
+        require_finite_squares("prior cov_m2ps2", 0, cov.as_slice())?;
         let symmetric = (cov - cov.transpose()).amax() <= 1e-9 * cov.amax();
         if !symmetric || cov.cholesky().is_none() {
             return Err(NavError::NotPositiveDefinite {
@@ -274,11 +279,7 @@ fn checked_prior(prior_cov: Option<&Matrix3<f64>>) -> Result<Option<&Matrix3<f64
 ///
 /// Erratum E2: singular if the beams already determine the sway, as pairs (1,4) and (2,3) of the x-Janus do.
 fn nullified_sway(mut rows: Rows, beams: LeastSquares, assumptions: &Assumptions) -> Result<FixEstimator, NavError> {
-    rows.put(
-        SWAY_SLOT,
-        axis(1),
-        positive("nullified_sway_var_m2ps2", assumptions.nullified_sway_var_m2ps2)?,
-    );
+    rows.put(SWAY_SLOT, axis(1), assumptions.nullified_sway_var_m2ps2);
     let solution = least_squares(&rows)?;
     if solution.rank < 3 {
         let reason = if solution.rank == beams.rank {
@@ -303,7 +304,6 @@ fn virtual_beam(
     prior_cov: &Matrix3<f64>,
     factor: f64,
 ) -> Result<FixEstimator, NavError> {
-    positive("virtual_beam_factor", factor)?;
     let mut virtual_beams = [None; 2];
     let (mut rank, mut null) = (beams.rank, beams.null);
     while rank < 3 {

@@ -12,7 +12,7 @@ use crate::simd::Lane;
 pub struct FirstOrderInterval<T> {
     /// ∫F dt; without meaning while the interval is empty.
     pub(super) sum: Coefficients<T>,
-    /// F at the end.
+    /// F at the end but for the rate: an averaged reading is of its own step alone.
     pub(super) last: Coefficients<T>,
     pub(super) duration_s: f64,
 }
@@ -21,8 +21,8 @@ impl<T: Lane> CovarianceInterval<T> for FirstOrderInterval<T> {
     type Phi = FirstOrder<T>;
 
     #[inline(always)]
-    fn begin(kinematics: &Kinematics<T>, inertial: &Inertial<T>, earth: &EarthTerms) -> Self {
-        let last = Coefficients::at(kinematics, inertial, earth);
+    fn begin(kinematics: &Kinematics<T>, earth: &EarthTerms) -> Self {
+        let last = Coefficients::without_rate(kinematics, earth);
         Self {
             sum: last,
             last,
@@ -35,16 +35,18 @@ impl<T: Lane> CovarianceInterval<T> for FirstOrderInterval<T> {
         &mut self,
         _before: &Kinematics<T>,
         after: &Kinematics<T>,
-        inertial: &Inertial<T>,
+        start: &Inertial<T>,
+        end: &Inertial<T>,
         dt_s: f64,
         earth: &EarthTerms,
     ) {
-        let now = Coefficients::at(after, inertial, earth);
+        let now = Coefficients::without_rate(after, earth);
+        let (first, last) = (self.last.with_rate(start), now.with_rate(end));
         let half = now.velocity_p[0].splat(0.5 * dt_s);
         if self.duration_s > 0.0 {
-            self.sum.add_sum(&self.last, &now, half);
+            self.sum.add_sum(&first, &last, half);
         } else {
-            self.sum = Coefficients::scaled_sum(&self.last, &now, half);
+            self.sum = Coefficients::scaled_sum(&first, &last, half);
         }
         self.last = now;
         self.duration_s += dt_s;

@@ -12,14 +12,15 @@ use crate::simd::{Lane, Simd, Strips, with_vectors};
 pub trait CovarianceInterval<T: Lane>: Copy {
     /// Its transition.
     type Phi: Transition<T>;
-    /// Begins at a state and rate.
-    fn begin(kinematics: &Kinematics<T>, inertial: &Inertial<T>, earth: &EarthTerms) -> Self;
-    /// Adds a step of `dt_s` between two states, which ends with a reading.
+    /// Begins at a state.
+    fn begin(kinematics: &Kinematics<T>, earth: &EarthTerms) -> Self;
+    /// Adds a step of `dt_s` between two states, with the readings that it takes at its ends.
     fn extend(
         &mut self,
         before: &Kinematics<T>,
         after: &Kinematics<T>,
-        inertial: &Inertial<T>,
+        start: &Inertial<T>,
+        end: &Inertial<T>,
         dt_s: f64,
         earth: &EarthTerms,
     );
@@ -85,13 +86,13 @@ pub enum Interval {
 }
 
 impl Interval {
-    /// Begins at a state and rate.
+    /// Begins at a state.
     #[must_use]
-    pub fn begin(kinematics: &Kinematics<f64>, inertial: &Inertial<f64>, earth: &EarthTerms, many_steps: bool) -> Self {
+    pub fn begin(kinematics: &Kinematics<f64>, earth: &EarthTerms, many_steps: bool) -> Self {
         if many_steps {
-            Self::SecondOrder(SecondOrderInterval::begin(kinematics, inertial, earth))
+            Self::SecondOrder(SecondOrderInterval::begin(kinematics, earth))
         } else {
-            Self::FirstOrder(FirstOrderInterval::begin(kinematics, inertial, earth))
+            Self::FirstOrder(FirstOrderInterval::begin(kinematics, earth))
         }
     }
 
@@ -105,19 +106,20 @@ impl Interval {
         }
     }
 
-    /// Adds a step of `dt_s` between two states, which ends with a reading; nothing where it has not begun.
+    /// Adds a step of `dt_s` between two states, with the readings at its ends; nothing where it has not begun.
     pub fn extend(
         &mut self,
         before: &Kinematics<f64>,
         after: &Kinematics<f64>,
-        inertial: &Inertial<f64>,
+        start: &Inertial<f64>,
+        end: &Inertial<f64>,
         dt_s: f64,
         earth: &EarthTerms,
     ) {
         match self {
             Self::Open => {}
-            Self::FirstOrder(interval) => interval.extend(before, after, inertial, dt_s, earth),
-            Self::SecondOrder(interval) => interval.extend(before, after, inertial, dt_s, earth),
+            Self::FirstOrder(interval) => interval.extend(before, after, start, end, dt_s, earth),
+            Self::SecondOrder(interval) => interval.extend(before, after, start, end, dt_s, earth),
         }
     }
 

@@ -64,6 +64,21 @@ impl<T: Lane> Coefficients<T> {
     /// The coefficients at a state and rate.
     #[inline(always)]
     pub fn at(kinematics: &Kinematics<T>, inertial: &Inertial<T>, earth: &EarthTerms) -> Self {
+        Self::without_rate(kinematics, earth).with_rate(inertial)
+    }
+
+    /// The same of coefficients without a rate.
+    #[inline(always)]
+    fn with_rate(self, inertial: &Inertial<T>) -> Self {
+        Self {
+            coriolis_rate_p: add(inertial.rate_p_radps, self.coriolis_rate_p),
+            ..self
+        }
+    }
+
+    /// The coefficients at a state, as if ω_ip were zero.
+    #[inline(always)]
+    fn without_rate(kinematics: &Kinematics<T>, earth: &EarthTerms) -> Self {
         let rotation = kinematics.rotation_t_p;
         let velocity_p = kinematics.velocity_p_mps;
         let like = velocity_p[0];
@@ -79,7 +94,7 @@ impl<T: Lane> Coefficients<T> {
             velocity_t: kinematics.velocity_t_mps,
             rotation,
             velocity_by_misalignment: transposed(&columns),
-            coriolis_rate_p: add(inertial.rate_p_radps, tmul(&rotation, w)),
+            coriolis_rate_p: tmul(&rotation, w),
             velocity_p,
         }
     }

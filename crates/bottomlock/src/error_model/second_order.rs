@@ -48,7 +48,7 @@ impl<T: Lane> CovarianceInterval<T> for SecondOrderInterval<T> {
     type Phi = SecondOrder<T>;
 
     #[inline(always)]
-    fn begin(kinematics: &Kinematics<T>, _inertial: &Inertial<T>, _earth: &EarthTerms) -> Self {
+    fn begin(kinematics: &Kinematics<T>, _earth: &EarthTerms) -> Self {
         Self {
             start: Start::at(kinematics),
             rotation_integral: zero3(kinematics.velocity_p_mps[0]),
@@ -61,7 +61,8 @@ impl<T: Lane> CovarianceInterval<T> for SecondOrderInterval<T> {
         &mut self,
         before: &Kinematics<T>,
         after: &Kinematics<T>,
-        _inertial: &Inertial<T>,
+        _start: &Inertial<T>,
+        _end: &Inertial<T>,
         dt_s: f64,
         _earth: &EarthTerms,
     ) {

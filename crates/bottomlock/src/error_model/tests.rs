@@ -176,13 +176,13 @@ fn wavy(k: usize, t: f64) -> Inertial<f64> {
 fn flown(k: usize, steps: usize, dt_s: f64, many_steps: bool) -> (Interval, Kinematics<f64>, Dense) {
     let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
     let mut kinematics = state(0.3 + 0.1 * k as f64, -0.2, 1.0, [2.0, 0.1 * k as f64, -0.3]).kinematics();
-    let mut interval = Interval::begin(&kinematics, &wavy(k, 0.0), &earth, many_steps);
+    let mut interval = Interval::begin(&kinematics, &earth, many_steps);
     let mut product = Dense::identity();
     for n in 0..steps {
         let (first, last) = (wavy(k, n as f64 * dt_s), wavy(k, (n + 1) as f64 * dt_s));
         let (before, f0) = (kinematics, Coefficients::at(&kinematics, &first, &earth));
         kinematics.step(&first, &last, dt_s, &earth);
-        interval.extend(&before, &kinematics, &last, dt_s, &earth);
+        interval.extend(&before, &kinematics, &first, &last, dt_s, &earth);
         let f1 = Coefficients::at(&kinematics, &last, &earth);
         let f = (dense(f0.dense(&earth)) + dense(f1.dense(&earth))) * (0.5 * dt_s);
         product = (Dense::identity() + f + f * f * 0.5) * product;
@@ -225,6 +225,25 @@ fn a_step_is_the_dense_first_order() {
     assert!((structured - expected).amax() < 1e-14 * expected.amax().max(1.0));
     assert_eq!(structured, structured.transpose());
     assert_eq!(interval.duration_s(), 0.0);
+}
+
+/// With averaged samples the reading jumps from step to step: each step takes its own at both of its ends.
+#[test]
+fn a_step_takes_its_own_reading() {
+    let dt_s = 1.0 / 150.0;
+    let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
+    let mut kinematics = state(0.3, -0.2, 1.0, [2.0, 0.0, -0.3]).kinematics();
+    let mut interval = Interval::begin(&kinematics, &earth, false);
+    let mut expected = Dense::identity();
+    for n in 0..3 {
+        let (before, own) = (kinematics, wavy(0, 0.4 * f64::from(n)));
+        kinematics.step(&own, &own, dt_s, &earth);
+        interval.extend(&before, &kinematics, &own, &own, dt_s, &earth);
+        for end in [before, kinematics] {
+            expected += dense(Coefficients::at(&end, &own, &earth).dense(&earth)) * (0.5 * dt_s);
+        }
+    }
+    assert!((dense_transition(&interval, &kinematics) - expected).amax() < 1e-15);
 }
 
 /// An interval of many steps: its structured product is the dense one, with the noise of each end on its own side.
@@ -288,10 +307,10 @@ fn many_steps_follow_a_shaking_platform() {
     let mut kinematics = state(0.3, -0.2, 1.0, [2.0, 0.0, -0.3]).kinematics();
     for n in 0..15 {
         let at = |n: usize| wavy(0, n as f64 / 150.0);
-        let mut step = Interval::begin(&kinematics, &at(n), &earth, false);
+        let mut step = Interval::begin(&kinematics, &earth, false);
         let before = kinematics;
         kinematics.step(&at(n), &at(n + 1), 1.0 / 150.0, &earth);
-        step.extend(&before, &kinematics, &at(n + 1), 1.0 / 150.0, &earth);
+        step.extend(&before, &kinematics, &at(n), &at(n + 1), 1.0 / 150.0, &earth);
         first_order = dense_transition(&step, &kinematics) * first_order;
     }
     let poor = gap_in_sigmas(&first_order, &exact);
@@ -304,12 +323,12 @@ fn many_steps_hold_near_the_vertical() {
     let earth = EarthTerms::from(&Environment::normal(0.57, 0.0));
     let mut kinematics = state(89.9_f64.to_radians(), 0.4, -1.0, [2.0, 0.3, -0.1]).kinematics();
     let reading = wavy(0, 0.0);
-    let mut interval = Interval::begin(&kinematics, &reading, &earth, true);
+    let mut interval = Interval::begin(&kinematics, &earth, true);
     let mut exact = Dense::identity();
     for _ in 0..1000 {
         let (before, f) = (kinematics, Coefficients::at(&kinematics, &reading, &earth));
         kinematics.step(&reading, &reading, 1e-4, &earth);
-        interval.extend(&before, &kinematics, &reading, 1e-4, &earth);
+        interval.extend(&before, &kinematics, &reading, &reading, 1e-4, &earth);
         let f = (dense(f.dense(&earth)) + dense(Coefficients::at(&kinematics, &reading, &earth).dense(&earth))) * 5e-5;
         exact = (Dense::identity() + f + f * f * 0.5) * exact;
     }

@@ -6,7 +6,7 @@ use super::Eskf;
 use crate::aiding::MAX_ROWS;
 use crate::aiding::water::{WATER, WaterRow};
 use crate::aiding::{CorrelatedNoise, Innovation};
-use crate::error::{NavError, require_finite};
+use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::filter::gate::{Gate, GateTable};
 use crate::filter::report::{Sensor, UpdateReport, Verdict};
 use crate::layout::{DIM, VELOCITY};
@@ -61,7 +61,7 @@ impl Eskf {
         let rejected = match verdict {
             Verdict::Accepted => 0,
             Verdict::AcceptedInPart { rejected_rows } => rejected_rows,
-            Verdict::Rejected | Verdict::NoInformation => u8::MAX,
+            Verdict::Rejected | Verdict::NoInformation | Verdict::Withheld => u8::MAX,
         };
         let own = std::mem::replace(&mut self.gate, GateTable::open());
         let outcome = if rejected == 0 {
@@ -105,7 +105,7 @@ impl Eskf {
             ..CorrelatedNoise::default()
         }));
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
-        require_finite("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
+        require_finite_squares("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
         let report = self.fuse::<1>(&innovation, sensor, Some(&water_cross))?;
         if let Some(water) = &mut self.extensions.water {
             let normalised = learn.then_some(report.nis.min(report.threshold));

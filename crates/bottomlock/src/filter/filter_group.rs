@@ -108,7 +108,7 @@ pub fn width() -> usize {
 fn run<S: Simd, T: Lanes<S>>(simd: S, spans: &mut [&mut FilterSpan<'_>]) {
     for span in spans.iter_mut() {
         if matches!(span.samples, [first, second, ..] if first.time_ns < second.time_ns) {
-            span.filter.begin_interval(span.samples);
+            span.filter.begin_interval();
         }
     }
     match spans[0].filter.interval {

@@ -75,7 +75,7 @@ impl Eskf {
         let mut innovation = innovation.clone();
         let before = self.covariance[DOWN];
         match innovation.tangent_rows {
-            TangentRows::None => {}
+            TangentRows::None | TangentRows::Yaw => {}
             TangentRows::Velocity => {
                 let gained_t = self.rotation() * self.first_correction(&innovation).fixed_rows::<3>(VELOCITY);
                 add_by_misalignment(&mut innovation, &-skew(&gained_t));

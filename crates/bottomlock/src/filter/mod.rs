@@ -13,6 +13,7 @@ mod joseph;
 mod level_turn;
 mod linear_error;
 pub mod linear_range;
+pub mod near_vertical;
 pub mod nees;
 pub mod options;
 mod plausible;
@@ -37,7 +38,7 @@ use self::update::not_positive_definite;
 use crate::aiding::MAX_ROWS;
 use crate::aiding::depth::DepthModel;
 use crate::aiding::{Innovation, Motion, TangentRows};
-use crate::error::{NavError, require_finite};
+use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::error_model::Interval;
 use crate::filter::gate::{Gate, GateTable};
 use crate::filter::options::Options;
@@ -137,7 +138,7 @@ impl Eskf {
     /// [`NavError::NotPositiveDefinite`] unless positive definite apart from frozen states (zero rows);
     /// [`NavError::NotFinite`].
     pub fn set_covariance(&mut self, covariance: &Covariance) -> Result<(), NavError> {
-        require_finite("covariance", self.state.time_ns, covariance.as_slice())?;
+        require_finite_squares("covariance", self.state.time_ns, covariance.as_slice())?;
         let symmetric = (covariance + covariance.transpose()) * 0.5;
         if (symmetric - covariance).amax() > 1e-9 * covariance.amax() {
             return Err(NavError::NotPositiveDefinite {
@@ -212,9 +213,10 @@ impl Eskf {
     pub fn update(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<UpdateReport, NavError> {
         self.propagate_covariance();
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
-        require_finite("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
+        require_finite_squares("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
         match innovation.tangent_rows {
             TangentRows::None => self.fuse_rows(innovation, sensor),
+            TangentRows::Yaw => self.update_with_yaw(innovation, sensor),
             _ => self.update_in_tangent_frame(innovation, sensor),
         }
     }

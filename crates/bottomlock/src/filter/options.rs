@@ -6,7 +6,7 @@ use crate::aiding::registry::Levers;
 use crate::aiding::speed_bound::SpeedBound;
 use crate::aiding::water::WaterPrior;
 use crate::dvl::partial::Assumptions;
-use crate::error::{NavError, require_non_negative, require_positive};
+use crate::error::NavError;
 use crate::filter::gate::{Gate, GateTable};
 use crate::mechanisation::{ImuLimits, Sampling};
 
@@ -66,7 +66,13 @@ impl Options {
     /// # Errors
     /// [`NavError::OutOfRange`] or [`NavError::NotFinite`], which names the field.
     pub fn validate(&self) -> Result<(), NavError> {
-        require_non_negative("covariance_period_ns", self.covariance_period_ns as f64)?;
+        if self.covariance_period_ns < 0 {
+            return Err(NavError::OutOfRange {
+                field: "covariance_period_ns",
+                value: self.covariance_period_ns as f64,
+                expected: "0 (every IMU step) or a positive number of nanoseconds",
+            });
+        }
         if self.inflate_after_rejections == 1 {
             return Err(NavError::OutOfRange {
                 field: "inflate_after_rejections",
@@ -74,9 +80,7 @@ impl Options {
                 expected: "0 (never), or 2 or more: single correct fixes are rejected by chance",
             });
         }
-        require_positive("virtual_beam_factor", self.assumptions.virtual_beam_factor)?;
-        require_positive("nullified_sway_var_m2ps2", self.assumptions.nullified_sway_var_m2ps2)?;
-        require_positive("weak_sway_var_m2ps2", self.assumptions.weak_sway_var_m2ps2)?;
+        self.assumptions.validate()?;
         self.imu_limits.validate()?;
         self.water.validate()?;
         self.speed_bound.validate()?;

@@ -6,7 +6,7 @@ use super::prediction::{Beside, Group, Reached, predict};
 use super::streams::Streams;
 use crate::error::NavError;
 use crate::error_model::{CovarianceInterval, Interval};
-use crate::mechanisation::{EarthTerms, ImuSample, Kinematics, Sampling};
+use crate::mechanisation::{EarthTerms, ImuSample, Kinematics};
 use crate::simd::{WIDEST, with_vectors};
 
 impl Eskf {
@@ -26,7 +26,7 @@ impl Eskf {
         if !matches!(samples, [first, second, ..] if first.time_ns < second.time_ns) {
             return outcome(samples, 0);
         }
-        self.begin_interval(samples);
+        self.begin_interval();
         let settings = self.settings;
         let streams = Streams {
             of: [samples; WIDEST],
@@ -58,16 +58,11 @@ impl Eskf {
     }
 
     /// Begins an interval where none is open.
-    pub(super) fn begin_interval(&mut self, samples: &[ImuSample]) {
+    pub(super) fn begin_interval(&mut self) {
         if matches!(self.interval, Interval::Open) {
-            let first = match self.settings.sampling {
-                Sampling::Instantaneous => &samples[0],
-                Sampling::Averaged => &samples[1],
-            };
-            let inertial = first.corrected(&self.state.gyro_bias_p_radps, &self.state.accel_bias_p_mps2);
             let many_steps = self.settings.covariance_period_s > 0.0;
             let earth = &self.settings.earth;
-            self.interval = with_vectors!(_simd => Interval::begin(&self.kinematics, &inertial, earth, many_steps));
+            self.interval = with_vectors!(_simd => Interval::begin(&self.kinematics, earth, many_steps));
         }
     }
 

@@ -68,7 +68,9 @@ pub(super) fn predict<S: Simd, T: Strips<S>, I: CovarianceInterval<T>>(
         next = streams.step(reached.at + 1, &end, attitude_t_p, sampling, earth);
         let before = *group.kinematics;
         group.kinematics.follow(attitude_t_p, &start, &end, dt_s, earth);
-        group.interval.extend(&before, group.kinematics, &end, dt_s, earth);
+        group
+            .interval
+            .extend(&before, group.kinematics, &start, &end, dt_s, earth);
         let [x, y, z] = group.kinematics.position_t_m;
         if !(x + y + z).all_finite() && !beside.lose(reached.at, dt_s, group) {
             break;

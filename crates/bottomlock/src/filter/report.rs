@@ -22,6 +22,8 @@ pub enum Verdict {
     Rejected,
     /// The measurement has no row.
     NoInformation,
+    /// A yaw near the vertical, where it is no linear function of the attitude error; it was not used.
+    Withheld,
 }
 
 /// Selection of a selector method at one ping.

@@ -159,3 +159,7 @@ pub(super) fn not_positive_definite(negative: Option<usize>, time_ns: i64) -> Na
         time_ns,
     }
 }
+
+#[cfg(test)]
+#[path = "update_tests.rs"]
+mod tests;

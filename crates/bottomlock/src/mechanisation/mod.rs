@@ -37,18 +37,6 @@ impl ImuSample {
         require_finite("imu force_p_mps2", self.time_ns, &self.force_p_mps2.to_array())
     }
 
-    /// The reading less its biases.
-    pub(crate) fn corrected(
-        &self,
-        gyro_bias_p_radps: &Vec3<Platform>,
-        accel_bias_p_mps2: &Vec3<Platform>,
-    ) -> Inertial<f64> {
-        Inertial {
-            rate_p_radps: (self.rate_p_radps - *gyro_bias_p_radps).to_array(),
-            force_p_mps2: (self.force_p_mps2 - *accel_bias_p_mps2).to_array(),
-        }
-    }
-
     /// The sample between two samples, linear in time.
     pub(crate) fn between(start: &Self, end: &Self, time_ns: i64) -> Self {
         let part = (time_ns - start.time_ns) as f64 / (end.time_ns - start.time_ns) as f64;

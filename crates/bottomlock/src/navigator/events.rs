@@ -2,7 +2,7 @@
 
 use crate::aiding::registry::Measurement;
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
-use crate::error::NavError;
+use crate::error::{NavError, require_time};
 use crate::mechanisation::ImuSample;
 
 pub use crate::aiding::attitude::AttitudeSample;
@@ -52,6 +52,7 @@ impl Event {
 
     /// Checks the numbers of the event.
     pub(crate) fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
+        require_time(self.stream().0, self.time_ns())?;
         match self {
             Self::Imu(sample) => sample.validate(),
             Self::Beams(sample) => sample.validate(geometry),

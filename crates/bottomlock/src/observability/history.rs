@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::{Aiding, Epochs, System, full, magnus, paper};
 use crate::dvl::geometry::BeamGeometry;
-use crate::error::NavError;
+use crate::error::{NavError, require_finite_squares};
 use crate::error_model::{Coefficients, dense_noise};
 use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, Inertial};
@@ -136,6 +136,13 @@ fn run(
             k = next;
         }
         p = updated(&p, &epoch.rows, &epoch.noise, epoch.time_ns)?;
+        require_finite_squares("state covariance", epoch.time_ns, p.as_slice())?;
+        if p.diagonal().iter().any(|&variance| variance < 0.0) {
+            return Err(NavError::NotPositiveDefinite {
+                matrix: "state covariance",
+                time_ns: epoch.time_ns,
+            });
+        }
         out.time_ns.push(epoch.time_ns);
         out.covariance.push(p.clone());
     }

@@ -63,7 +63,7 @@ impl PingRecord {
                 Verdict::Accepted => FixStatus::Accepted,
                 Verdict::AcceptedInPart { .. } => FixStatus::AcceptedInPart,
                 Verdict::Rejected => FixStatus::Rejected,
-                Verdict::NoInformation => FixStatus::NoInformation,
+                Verdict::NoInformation | Verdict::Withheld => FixStatus::NoInformation,
             },
             choice: report.choice,
             ..Self::default()

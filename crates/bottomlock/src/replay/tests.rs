@@ -342,4 +342,8 @@ fn bad_rows_are_named() {
         error.starts_with("imu row 51: imu time 1520000000 ns comes 1.020000 s after"),
         "{error}"
     );
+    let mut mad = steady_turn(3);
+    mad.imu[7].force_p_mps2 = Vec3::new(1e308, 1e308, 1e308);
+    let message = text(&mad, &[]);
+    assert!(message.starts_with("imu row 7: imu force_p_mps2 at "), "{message}");
 }

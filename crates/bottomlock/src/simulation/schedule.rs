@@ -2,7 +2,7 @@
 
 use crate::aiding::registry::{SENSORS, SensorKind};
 use crate::dvl::geometry::BeamMask;
-use crate::error::NavError;
+use crate::error::{NavError, require_finite};
 
 /// Times of each sensor, returning beams, and offsets of readings by the environment.
 #[derive(Debug, Clone, Copy, Default)]
@@ -59,11 +59,8 @@ impl<'a> Schedule<'a> {
             if !epochs.offset.is_empty() {
                 same(field, epochs.offset.len(), epochs.time_ns.len(), name)?;
             }
-            if let Some(k) = epochs.offset.iter().position(|value| !value.is_finite()) {
-                return Err(NavError::NotFinite {
-                    field,
-                    time_ns: epochs.time_ns[k],
-                });
+            for (&time_ns, &offset) in epochs.time_ns.iter().zip(epochs.offset) {
+                require_finite(field, time_ns, &[offset])?;
             }
         }
         Ok(())

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::aiding::sensor::TrueMotion;
-use crate::error::{NavError, require_finite};
+use crate::error::{NavError, require_finite, require_time};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
 use crate::state::NavState;
 
@@ -72,6 +72,7 @@ impl<'a> Truth<'a> {
         }
         for k in 0..count {
             let time = self.time_ns[k];
+            require_time("truth", time)?;
             if k > 0 && time <= self.time_ns[k - 1] {
                 let previous_ns = self.time_ns[k - 1];
                 return Err(NavError::TimeNotIncreasing {

@@ -25,7 +25,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::error::{NavError, require_finite};
+use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::filter::tape::{Step, Tape};
 use crate::layout::DIM;
 use crate::state::{Covariance, ErrorVector, NavState};
@@ -141,7 +141,7 @@ fn smoothed(
     let correction = -(covariance * &adjoint.vector);
     let p = covariance - covariance * &adjoint.matrix * covariance;
     require_finite("smoothed state", time_ns, correction.as_slice())?;
-    require_finite("smoothed covariance", time_ns, p.as_slice())?;
+    require_finite_squares("smoothed covariance", time_ns, p.as_slice())?;
     state.inject(&ErrorVector::from_iterator(correction.iter().copied()));
     Ok(Smoothed {
         state,
