@@ -6,6 +6,7 @@ Settings are objects of `bottomlock.models`; dicts with the same keys are taken,
 given must be one that is read: an unknown one is an error that names the nearest.
 """
 
+from collections.abc import Sequence
 from threading import Event
 from typing import Any, Final, Literal, NotRequired, TypedDict, final, type_check_only
 
@@ -446,7 +447,7 @@ class ClosedLoop:
         simulated: Model,
         assumed: Model,
         options: Options,
-        methods: list[str],
+        methods: Sequence[str],
         start: StartDict,
         *,
         vehicle_per_method: bool,
@@ -489,7 +490,7 @@ def replay_log(
     geometry: BeamGeometry,
     model: Model,
     options: Options,
-    methods: list[str],
+    methods: Sequence[str],
     log: LogDict,
     start: InitialState | StateDict,
     *,
@@ -506,7 +507,7 @@ def run_batch(
     assumed: Model,
     options: Options,
     schedule: ScheduleDict,
-    methods: list[str],
+    methods: Sequence[str],
     *,
     seed: int,
     trajectory_key: int,

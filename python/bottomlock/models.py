@@ -238,26 +238,20 @@ class Model(Settings):
     acoustic_position: AcousticPositionModel | None = None
 
 
-_WATER = DEFAULT_OPTIONS["water"]
-
-
 @_settings
 class Water(Settings):
     """Prior of the motion through the water for the method `sway_current` (docs/methods/sway_current.md), 1 sigma."""
 
     place: ClassVar[str] = "options.water"
-    current_sd_mps: float = _WATER["current_sd_mps"]
-    current_time_s: float = _WATER["current_time_s"]
-    sway_gain_m: float = _WATER["sway_gain_m"]
-    sway_gain_sd_m: float = _WATER["sway_gain_sd_m"]
-    trim_sd_mps: float = _WATER["trim_sd_mps"]
-    trim_time_s: float = _WATER["trim_time_s"]
-    slip_sd_mps: float = _WATER["slip_sd_mps"]
-    slip_time_s: float = _WATER["slip_time_s"]
-    slip_epochs: float = _WATER["slip_epochs"]
-
-
-_ROBUST = DEFAULT_OPTIONS["robust"]
+    current_sd_mps: float = DEFAULT_OPTIONS["water"]["current_sd_mps"]
+    current_time_s: float = DEFAULT_OPTIONS["water"]["current_time_s"]
+    sway_gain_m: float = DEFAULT_OPTIONS["water"]["sway_gain_m"]
+    sway_gain_sd_m: float = DEFAULT_OPTIONS["water"]["sway_gain_sd_m"]
+    trim_sd_mps: float = DEFAULT_OPTIONS["water"]["trim_sd_mps"]
+    trim_time_s: float = DEFAULT_OPTIONS["water"]["trim_time_s"]
+    slip_sd_mps: float = DEFAULT_OPTIONS["water"]["slip_sd_mps"]
+    slip_time_s: float = DEFAULT_OPTIONS["water"]["slip_time_s"]
+    slip_epochs: float = DEFAULT_OPTIONS["water"]["slip_epochs"]
 
 
 @_settings
@@ -269,14 +263,11 @@ class Robust(Settings):
     """
 
     place: ClassVar[str] = "options.robust"
-    closure_gate: float | None = _ROBUST["closure_gate"]
-    beam_gate: float | None = _ROBUST["beam_gate"]
-    tail: Literal["gaussian", "student_t", "huber"] = _ROBUST["tail"]
-    student_t_degrees: float = _ROBUST["student_t_degrees"]
-    huber_threshold: float = _ROBUST["huber_threshold"]
-
-
-_OPTIONS = DEFAULT_OPTIONS
+    closure_gate: float | None = DEFAULT_OPTIONS["robust"]["closure_gate"]
+    beam_gate: float | None = DEFAULT_OPTIONS["robust"]["beam_gate"]
+    tail: Literal["gaussian", "student_t", "huber"] = DEFAULT_OPTIONS["robust"]["tail"]
+    student_t_degrees: float = DEFAULT_OPTIONS["robust"]["student_t_degrees"]
+    huber_threshold: float = DEFAULT_OPTIONS["robust"]["huber_threshold"]
 
 
 @_settings
@@ -287,28 +278,28 @@ class Options(Settings):
     """
 
     place: ClassVar[str] = "options"
-    gate: Literal["joint", "per_row", "off"] = _OPTIONS["gate"]
-    gate_probability: float = _OPTIONS["gate_probability"]
-    inflate_after_rejections: int = _OPTIONS["inflate_after_rejections"]
-    covariance_period_ns: int = _OPTIONS["covariance_period_ns"]
-    imu_sampling: Literal["instantaneous", "averaged"] = _OPTIONS["imu_sampling"]
-    estimate_dvl: bool = _OPTIONS["estimate_dvl"]
-    virtual_beam_factor: float = _OPTIONS["virtual_beam_factor"]
-    nullified_sway_var_m2ps2: float = _OPTIONS["nullified_sway_var_m2ps2"]
-    weak_sway_var_m2ps2: float = _OPTIONS["weak_sway_var_m2ps2"]
-    information_port: Literal["axes", "full"] = _OPTIONS["information_port"]
-    speed_sd_mps: float = _OPTIONS["speed_sd_mps"]
-    speed_time_s: float = _OPTIONS["speed_time_s"]
-    max_imu_rate_radps: float = _OPTIONS["max_imu_rate_radps"]
-    max_imu_force_mps2: float = _OPTIONS["max_imu_force_mps2"]
-    imu_stuck_after: int = _OPTIONS["imu_stuck_after"]
-    max_imu_gap_s: float = _OPTIONS["max_imu_gap_s"]
-    imu_gap: Literal["refuse", "inflate"] = _OPTIONS["imu_gap"]
-    imu_gap_rate_sd_radps: float = _OPTIONS["imu_gap_rate_sd_radps"]
-    imu_gap_accel_sd_mps2: float = _OPTIONS["imu_gap_accel_sd_mps2"]
-    depth_lever_p_m: Vector = tuple(_OPTIONS["depth_lever_p_m"])
-    gps_lever_p_m: Vector = tuple(_OPTIONS["gps_lever_p_m"])
-    acoustic_position_lever_p_m: Vector = tuple(_OPTIONS["acoustic_position_lever_p_m"])
+    gate: Literal["joint", "per_row", "off"] = DEFAULT_OPTIONS["gate"]
+    gate_probability: float = DEFAULT_OPTIONS["gate_probability"]
+    inflate_after_rejections: int = DEFAULT_OPTIONS["inflate_after_rejections"]
+    covariance_period_ns: int = DEFAULT_OPTIONS["covariance_period_ns"]
+    imu_sampling: Literal["instantaneous", "averaged"] = DEFAULT_OPTIONS["imu_sampling"]
+    estimate_dvl: bool = DEFAULT_OPTIONS["estimate_dvl"]
+    virtual_beam_factor: float = DEFAULT_OPTIONS["virtual_beam_factor"]
+    nullified_sway_var_m2ps2: float = DEFAULT_OPTIONS["nullified_sway_var_m2ps2"]
+    weak_sway_var_m2ps2: float = DEFAULT_OPTIONS["weak_sway_var_m2ps2"]
+    information_port: Literal["axes", "full"] = DEFAULT_OPTIONS["information_port"]
+    speed_sd_mps: float = DEFAULT_OPTIONS["speed_sd_mps"]
+    speed_time_s: float = DEFAULT_OPTIONS["speed_time_s"]
+    max_imu_rate_radps: float = DEFAULT_OPTIONS["max_imu_rate_radps"]
+    max_imu_force_mps2: float = DEFAULT_OPTIONS["max_imu_force_mps2"]
+    imu_stuck_after: int = DEFAULT_OPTIONS["imu_stuck_after"]
+    max_imu_gap_s: float = DEFAULT_OPTIONS["max_imu_gap_s"]
+    imu_gap: Literal["refuse", "inflate"] = DEFAULT_OPTIONS["imu_gap"]
+    imu_gap_rate_sd_radps: float = DEFAULT_OPTIONS["imu_gap_rate_sd_radps"]
+    imu_gap_accel_sd_mps2: float = DEFAULT_OPTIONS["imu_gap_accel_sd_mps2"]
+    depth_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["depth_lever_p_m"])
+    gps_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["gps_lever_p_m"])
+    acoustic_position_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["acoustic_position_lever_p_m"])
     water: Water = Water()
     robust: Robust | None = Robust()
 

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bottomlock
+from bottomlock.kernel import FixMethod
 from tests.oracle import beams, selector
 from tests.oracle import partial_closed_forms as paper
 from tests.oracle.rotations import Array
@@ -26,7 +27,7 @@ def solve(
     y2: float,
     sd1: float,
     sd2: float,
-    method: str,
+    method: FixMethod,
     **more: Any,  # noqa: ANN401 - keywords of the product
 ) -> bottomlock.VelocityFixes:
     """One ping of beams 1 and 2; a lost beam carries NaN."""

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bottomlock
+from bottomlock.kernel import Method
 from tests.oracle import beams, error_model, kalman
 from tests.oracle.mechanisation import earth_rate_tangent, integrate
 from tests.oracle.rotations import Array, log_rotation, matrix_from_quaternion, quaternion_from_euler
@@ -91,7 +92,7 @@ def expected_readings(instrument: sea.Instrument, state: StateDict, rate: Array)
 )
 @pytest.mark.parametrize("method", ["tc", "info", "vb_exact", "lc"])
 def test_beam_update_is_the_textbook_update(
-    method: str,
+    method: Method,
     instrument: sea.Instrument,
     velocity: Array,
     angles: tuple[float, float, float],

@@ -11,6 +11,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 import bottomlock
+from bottomlock.kernel import Method
 from tests.oracle import beams, heavy_tails
 from tests.oracle.rotations import Array
 from tests.property import settings
@@ -21,7 +22,7 @@ SD = np.array([0.03, 0.04, 0.05, 0.04])
 OFF: dict[str, Any] = {"tail": "gaussian"}
 
 
-def pushed(robust: dict[str, Any] | None, P: Array, noise: Array, valid: Array, method: str = "tc") -> Any:  # noqa: ANN401
+def pushed(robust: dict[str, Any] | None, P: Array, noise: Array, valid: Array, method: Method = "tc") -> Any:  # noqa: ANN401
     """Correction, covariance after and report of one ping, residual and Jacobian of its valid beams."""
     model = settings.table_2()
     model["environment"]["earth_rate_radps"] = 0.0
@@ -86,7 +87,7 @@ def test_huber_minimises_its_cost(
 
 
 @pytest.mark.parametrize("method", ["tc", "lc", "info", "vb_exact", "plcf"])
-def test_off_is_off_bit_for_bit(method: str) -> None:
+def test_off_is_off_bit_for_bit(method: Method) -> None:
     """No options, None and a Gaussian without gates: the same update to the last bit."""
     P = np.diag(
         np.array([2.0] * 3 + [0.01] * 3 + [0.1] * 3 + [5e-3] * 3 + [1e-5] * 3 + [5e-3] * 4 + [7e-3]) ** 2

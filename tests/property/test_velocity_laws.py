@@ -10,6 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import bottomlock
+from bottomlock.kernel import FixMethod
 from tests.oracle import beams as oracle
 from tests.oracle.rotations import Array, matrix_from_euler
 from tests.property import strategies as sea
@@ -68,7 +69,7 @@ def test_least_squares_is_equations_17_and_19(
 @given(instrument=sea.instruments(), velocity=sea.velocities, data=st.data())
 @pytest.mark.parametrize("method", ["partial_loose", "information"])
 def test_perfect_beams_give_the_observed_part_back(
-    method: str, instrument: sea.Instrument, velocity: Array, data: st.DataObject
+    method: FixMethod, instrument: sea.Instrument, velocity: Array, data: st.DataObject
 ) -> None:
     """Whatever is lost, what is reported of a noise-free velocity is that velocity: nothing is made up."""
     valid = data.draw(sea.masks(instrument.beams, 1))
@@ -130,7 +131,12 @@ def inputs(
 )
 @pytest.mark.parametrize("method", METHODS)
 def test_renumbering_beams_changes_nothing(
-    method: str, instrument: sea.Instrument, velocity: Array, cov: Array, noise: Array, data: st.DataObject
+    method: FixMethod,
+    instrument: sea.Instrument,
+    velocity: Array,
+    cov: Array,
+    noise: Array,
+    data: st.DataObject,
 ) -> None:
     """Beam numbers are names.
 
@@ -180,7 +186,7 @@ def candidates_stand_out(directions: Array, valid: Array) -> bool:
 )
 @pytest.mark.parametrize("method", ["least_squares", "virtual_beam", "information"])
 def test_rotating_mounting_and_velocity_together(
-    method: str,
+    method: FixMethod,
     instrument: sea.Instrument,
     velocity: Array,
     cov: Array,

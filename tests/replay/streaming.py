@@ -62,7 +62,7 @@ def stream(
     geometry: BeamGeometry,
     model: Any,  # noqa: ANN401 - the kernel's own dicts
     options: Any,  # noqa: ANN401
-    method: str,
+    method: Any,  # noqa: ANN401 - a name of a case
     log: dict[str, Any],
     start: dict[str, Any],
     sample_time_ns: Times,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bottomlock.kernel import Navigator
+from bottomlock.kernel import Method, Navigator
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics.chi_squared import mean_band
@@ -22,7 +22,7 @@ RUNS, SECONDS = 60, 40.0
 PROBABILITY = 1.0 - 2.5e-4
 
 
-def run_filter(method: str, weigh: float) -> tuple[float, int, float]:
+def run_filter(method: Method, weigh: float) -> tuple[float, int, float]:
     """Mean NIS of the acoustic fixes, their number, and mean NEES of the position at the end, over the runs.
 
     `weigh` multiplies the deviation given to the filter.
@@ -74,7 +74,7 @@ def run_filter(method: str, weigh: float) -> tuple[float, int, float]:
 
 
 @pytest.mark.parametrize("method", ["ins", "tc"])
-def test_innovations_and_errors_are_as_large_as_claimed(method: str) -> None:
+def test_innovations_and_errors_are_as_large_as_claimed(method: Method) -> None:
     nis, count, nees = run_filter(method, 1.0)
     low, high = mean_band(3, count, PROBABILITY)
     assert low < nis < high, (nis, count)

@@ -48,7 +48,7 @@ def test_update_is_the_textbook_filter(pitch_deg: float) -> None:
     position, fix = np.array([10.0, -5.0, 30.0]), np.array([12.0, -6.5, 29.0])
     root = rng.normal(size=(20, 20)) * 0.1
     before = root @ root.T + 0.01 * np.eye(20)
-    initial = {
+    initial: Any = {
         "time_ns": 0, "position_t_m": position, "attitude_t_p": quaternion_from_euler(0.4, np.deg2rad(pitch_deg), -1.1),
         "velocity_p_mps": np.zeros(3),
     }  # fmt: skip
@@ -70,7 +70,7 @@ def test_update_is_the_textbook_filter(pitch_deg: float) -> None:
 
 def test_outliers_are_gated_and_good_fixes_are_not() -> None:
     """A fix a hundred sigmas off is rejected and moves nothing; a good one beside it is taken."""
-    navigator = Navigator(JANUS, model(), options(gate="joint"), {**START}, method="ins")
+    navigator = Navigator(JANUS, model(), options(gate="joint"), START, method="ins")
     navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     state: Any = navigator.state()
     place = START["position_t_m"]
@@ -100,7 +100,7 @@ def test_replay_is_push_bit_for_bit() -> None:
                 JANUS, model(), options(gate="joint"), [method], log, START,
                 sample_time_ns=LOG["imu_time_ns"][-1:],
             )  # fmt: skip
-            navigator = Navigator(JANUS, model(), options(gate="joint"), {**START}, method=method)
+            navigator = Navigator(JANUS, model(), options(gate="joint"), START, method=method)
             pushed = stream_of(navigator, log, fixes, sd if stated else None)
             for key in ("position_t_m", "attitude_t_p", "velocity_p_mps"):
                 assert np.array_equal(out[key][0, 0], navigator.state()[key]), (method, stated)
@@ -145,7 +145,7 @@ def stream_of(navigator: Navigator, log: Any, fixes: Any, sd: Any) -> dict[str, 
 
 def test_it_does_not_collide_with_gps() -> None:
     """A GPS position and an acoustic fix of one time are both taken; each stream has its own order and count."""
-    navigator = Navigator(JANUS, model(), options(), {**START}, method="ins")
+    navigator = Navigator(JANUS, model(), options(), START, method="ins")
     place: Any = START["position_t_m"]
     navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     reports = navigator.push_position(0, place, position_sd_m=[2.0, 2.0, 4.0])
@@ -167,7 +167,7 @@ def test_it_does_not_collide_with_gps() -> None:
     ],
 )
 def test_bad_fixes_are_refused(fix: dict[str, Any], message: str) -> None:
-    navigator = Navigator(JANUS, model(), options(), {**START})
+    navigator = Navigator(JANUS, model(), options(), START)
     navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     before = navigator.state()["position_t_m"]
     with pytest.raises(KernelError, match=message):
@@ -187,12 +187,12 @@ def test_bad_fixes_are_refused(fix: dict[str, Any], message: str) -> None:
 )
 def test_bad_models_are_refused(change: dict[str, Any], message: str) -> None:
     with pytest.raises(KernelError, match=message):
-        Navigator(JANUS, model(**change), options(), {**START})
+        Navigator(JANUS, model(**change), options(), START)
 
 
 def test_without_a_model_a_fix_brings_its_own_deviation() -> None:
     """A model without the section knows no noise; nothing is assumed in its place."""
-    navigator = Navigator(JANUS, settings.table_2(), settings.options(), {**START})
+    navigator = Navigator(JANUS, settings.table_2(), settings.options(), START)
     navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     place: Any = START["position_t_m"]
     with pytest.raises(KernelError, match="acoustic_position sd_m is 0, expected a finite number > 0"):
@@ -229,6 +229,7 @@ transceiver_m = [10.0, 0.0, 0.0]
         assert log["acoustic_position_t_m"].tolist() == [[1.0, 0.0, 5.0], [2.0, 0.1, 5.0], [3.0, 0.2, 5.1]]
         assert ("acoustic_position_sd_m" in log) == columns
         assert prepared.options.acoustic_position_lever_p_m == tuple(LEVER)
+        assert prepared.model.acoustic_position is not None
         assert prepared.model.acoustic_position.sd_per_range == pytest.approx(0.02)
         assert prepared.model.acoustic_position.transceiver_t_m == (10.0, 0.0, 0.0)
         rerun_result = rerun.run_methods(case, prepared, None)

@@ -106,7 +106,7 @@ def test_a_prior_that_is_no_covariance_is_refused(cov: np.ndarray, why: str) -> 
 def test_an_unknown_method_offers_the_known() -> None:
     """A slip of the pen gets its correction."""
     with pytest.raises(bottomlock.KernelError, match="virtual_beam"):
-        bottomlock.solve_velocity(JANUS, Y, ALL, method="virtal_beam", beam_sd_mps=0.042)
+        bottomlock.solve_velocity(JANUS, Y, ALL, method="virtal_beam", beam_sd_mps=0.042)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -10,13 +10,14 @@ import pytest
 from bottomlock import kernel, run_campaign
 from bottomlock.campaign.selector_counts import choice_counts, merged
 from bottomlock.config.scenario import load_scenario
+from bottomlock.kernel import Method
 from bottomlock.tables.campaign import CHOICES
 from bottomlock.tables.check import check
 from tests.analytic import analytic
 from tests.property import settings
 
 
-def reports(method: str, beams_mps: list[list[float]]) -> list[dict[str, Any]]:
+def reports(method: Method, beams_mps: list[list[float]]) -> list[dict[str, Any]]:
     """A vehicle at rest, pings with beams 1 and 2 a second apart."""
     start: Any = {
         "time_ns": 0, "position_t_m": [0.0] * 3, "attitude_t_p": [1.0, 0, 0, 0], "velocity_p_mps": [0.0] * 3,

@@ -79,7 +79,8 @@ def test_values_are_checked_by_the_kernels_rules() -> None:
 
 def test_defaults_are_the_kernels() -> None:
     """Stated in the kernel alone, and every option of the kernel is an option here."""
-    assert models.Options(**DEFAULT_OPTIONS) == models.Options()  # type: ignore[arg-type]
+    given: Any = DEFAULT_OPTIONS
+    assert models.Options(**given) == models.Options()
     assert set(models.Options().as_dict()) == set(DEFAULT_OPTIONS)
     assert repr(models.Options()) == "Options()"
     assert models.Environment(latitude_rad=0.5, gravity_mps2=9.8).earth_rate_radps == kernel.EARTH_RATE_RADPS
@@ -145,7 +146,7 @@ def closed_loop(start: Any) -> Any:  # noqa: ANN401
     return kernel.ClosedLoop(JANUS, MODEL, MODEL, OPTIONS, ["tc"], start, vehicle_per_method=False, **RUN)
 
 
-CALLS = {
+CALLS: dict[str, tuple[Any, Any, str]] = {
     "truth": (lambda given: batch(given, settings.schedule(2)), TRUTH, "omega_p_radps"),
     "schedule": (lambda given: batch(TRUTH, given), settings.schedule(2), "gps_time_ns"),
     "log": (lambda given: replayed(given, STATE), LOG, "beam_valid"),

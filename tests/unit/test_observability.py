@@ -167,7 +167,7 @@ def test_error_model_is_the_filters(eight: Truth) -> None:
     """The oracle's F, against which Φ is judged, is the F that the filter uses."""
     k = 777
     ours = error_model(
-        model(eight),  # type: ignore[arg-type]
+        model(eight),
         attitude_t_p=eight.attitude_t_p[k], velocity_p_mps=eight.velocity_p_mps[k],
         omega_p_radps=eight.omega_p_radps[k], force_p_mps2=eight.force_p_mps2[k],
     )  # fmt: skip
@@ -198,7 +198,7 @@ def test_deviations_are_the_filters(eight: Truth, beams: tuple[int, ...]) -> Non
     navigator = Navigator(JANUS, errors, options, initial, method="tc")
     valid = np.isin(np.arange(4) + 1, beams)
     readings = JANUS.beam_velocities(eight.velocity_p_mps)
-    sd = np.full(4, errors["dvl"]["beam_noise_sd_mps"])
+    sd = np.full(4, errors.dvl.beam_noise_sd_mps)
     for k, time_ns in enumerate(eight.time_ns.tolist()):
         navigator.push_imu(time_ns, omega_p_radps=eight.omega_p_radps[k], force_p_mps2=eight.force_p_mps2[k])
         if time_ns in predicted.time_ns:
@@ -214,14 +214,14 @@ def test_information_grows_along_observable_directions_only(eight: Truth) -> Non
         (found,) = observe(eight, JANUS, [aiding], kind="inertial", earth_rate_radps=0.0)
         history = deviations(eight, JANUS, aiding, errors, kind="inertial")
         # Constant errors: the covariance at the end, carried back to the start, is what learning left of the initial.
-        initial = np.array([*[2.0] * 3, *errors["initial"]["attitude_sd_rad"], *[0.05] * 3])
+        initial = np.array([*[2.0] * 3, *errors.initial.attitude_sd_rad, *[0.05] * 3])
         initial = np.append(
             initial,
-            [*[errors["imu"]["accel_bias_sd_mps2"]] * 3, *[errors["imu"]["gyro_bias_sd_radps"]] * 3],
+            [*[errors.imu.accel_bias_sd_mps2] * 3, *[errors.imu.gyro_bias_sd_radps] * 3],
         )
-        noise_sd = np.full(len(found.rows), errors["dvl"]["beam_noise_sd_mps"])
+        noise_sd = np.full(len(found.rows), errors.dvl.beam_noise_sd_mps)
         if aiding.depth:
-            noise_sd[len(aiding.beams) :: len(aiding.beams) + 1] = errors["depth"]["sd_m"]
+            noise_sd[len(aiding.beams) :: len(aiding.beams) + 1] = errors.depth.sd_m
         white = found.rows / noise_sd[:, None] * initial
         learned = np.linalg.inv(np.eye(15) + white.T @ white)
         for row in found.basis:
@@ -235,7 +235,7 @@ def test_information_grows_along_observable_directions_only(eight: Truth) -> Non
             assert history.sd[-1, k] < 0.25 * initial[k]
         # Yaw is hidden from the DVL: nothing is learned, the gyro's bias adds to it.
         yaw = history.sd[:, 5]
-        assert (yaw >= 0.999 * errors["initial"]["attitude_sd_rad"][2]).all()
+        assert (yaw >= 0.999 * errors.initial.attitude_sd_rad[2]).all()
 
 
 def test_small_gaps_are_undecided_and_show_their_values() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import bottomlock
-from bottomlock.kernel import COMPONENT_STATUS, STATUS
+from bottomlock.kernel import COMPONENT_STATUS, STATUS, FixMethod
 from tests.oracle import beams as oracle
 
 JANUS = bottomlock.BeamGeometry.janus(oracle.TILT_RAD)
@@ -18,7 +18,7 @@ PAIRS = list(combinations((1, 2, 3, 4), 2))
 AXIS_OF_PAIR = {(1, 2): 0, (3, 4): 0, (1, 4): 1, (2, 3): 1, (1, 3): 2, (2, 4): 2}
 
 
-def solve(beams: tuple[int, ...], method: str, **more: Any) -> bottomlock.VelocityFixes:  # noqa: ANN401
+def solve(beams: tuple[int, ...], method: FixMethod, **more: Any) -> bottomlock.VelocityFixes:  # noqa: ANN401
     """One noise-free ping with only `beams` left; lost beams read NaN."""
     valid = np.array([[beam in beams for beam in (1, 2, 3, 4)]])
     y = np.where(valid, oracle.x_janus() @ VELOCITY, np.nan)
@@ -97,7 +97,7 @@ def test_least_squares_refuses_two_beams(pair: tuple[int, int]) -> None:
 
 
 @pytest.mark.parametrize("method", sorted(bottomlock.FIX_METHODS))
-def test_an_empty_mask_is_a_status(method: str) -> None:
+def test_an_empty_mask_is_a_status(method: FixMethod) -> None:
     """No bottom in range is daily life at sea: a row of its own, with the reason, and no error."""
     fix = solve((), method, **prior())
     assert STATUS[fix.status[0]] == "too_few_beams"
@@ -108,7 +108,7 @@ def test_an_empty_mask_is_a_status(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", ["vb", "vhv"])
-def test_a_missing_prior_is_a_status(method: str) -> None:
+def test_a_missing_prior_is_a_status(method: FixMethod) -> None:
     """VB and VHV live on the prior: without one they say so, per component."""
     fix = solve((1, 2), method)
     assert STATUS[fix.status[0]] == "prior_required"
@@ -116,7 +116,7 @@ def test_a_missing_prior_is_a_status(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", sorted(bottomlock.FIX_METHODS))
-def test_three_beams_are_plain_least_squares_for_every_method(method: str) -> None:
+def test_three_beams_are_plain_least_squares_for_every_method(method: FixMethod) -> None:
     """With a full rank there is nothing to make up: all methods give the same velocity and covariance."""
     fix, plain = solve((1, 2, 4), method, **prior()), solve((1, 2, 4), "lc")
     np.testing.assert_allclose(fix.velocity_p_mps, plain.velocity_p_mps, atol=1e-12)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import bottomlock
+from bottomlock.kernel import Method
 from tests.property import settings
 
 JANUS = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
@@ -15,7 +16,7 @@ LEVEL = [0.0, 0.0, -settings.GRAVITY]
 AWAY_MPS = [2.0 * second for second in range(1, 13)]
 
 
-def navigator(fixes: int, method: str = "lc") -> bottomlock.Navigator:
+def navigator(fixes: int, method: Method = "lc") -> bottomlock.Navigator:
     """At rest and level to a centiradian; the covariance is so small that a drift of 2 m/s each second is rejected."""
     initial: Any = {
         "time_ns": 0,

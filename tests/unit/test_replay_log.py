@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 
 import bottomlock
-from bottomlock.kernel import FIX_STATUS
+from bottomlock.kernel import FIX_STATUS, Method
 from tests.oracle import truth
 from tests.property import settings
 
 if TYPE_CHECKING:
-    from bottomlock._kernel import LogDict, ReplayDict
+    from bottomlock._kernel import LogDict, ReplayDict, StateDict
 
 SECONDS = 12
 JANUS = bottomlock.BeamGeometry.janus(np.deg2rad(20), lever_arms_p_m=np.tile([-1.8, 0.0, 0.1], (4, 1)))
 SENSORS = [("dvl", 937), ("depth", 411), ("heading", 1303), ("gps", 3001)]
 
 
-def recording() -> tuple[LogDict, Any]:
+def recording() -> tuple[LogDict, StateDict]:
     """Streams of a figure-eight whose measurements never fall on an inertial reading; beams come and go."""
     motion: Any = truth.make(yaw=truth.figure_eight_yaw, seconds=SECONDS, rate_hz=50.0)
     epochs = {
@@ -87,7 +87,7 @@ def replayed(log: LogDict = LOG, methods: tuple[str, ...] = bottomlock.METHODS, 
 
 
 @pytest.mark.parametrize("method", bottomlock.METHODS)
-def test_replay_is_the_streaming_navigator(method: str) -> None:
+def test_replay_is_the_streaming_navigator(method: Method) -> None:
     """The log pushed sample by sample, in order of validity, ends in the replay's state bit for bit, NIS and all."""
     model = settings.table_2()
     nav = bottomlock.Navigator(JANUS, model, settings.options(gate="joint"), {**START}, method=method)

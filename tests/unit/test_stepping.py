@@ -8,11 +8,12 @@ import pytest
 from bottomlock import kernel
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.kernel import Method
 from bottomlock.simulation.build import build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.run_events import Readings
 
-METHODS = ["lc", "tc", "vb", "elc", "vb_exact", "info", "weak_sway"]
+METHODS: list[Method] = ["lc", "tc", "vb", "elc", "vb_exact", "info", "weak_sway"]
 
 
 def aided() -> Scenario:

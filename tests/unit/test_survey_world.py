@@ -31,7 +31,7 @@ def test_a_survey_is_the_realistic_default(name: str) -> None:
     survey = load_scenario(name)
     assert survey.depth.enabled
     assert survey.magnetometer.enabled
-    assert survey.kernel_options().robust.tail == DEFAULT_OPTIONS["robust"]["tail"]
+    assert survey.robust.tail == DEFAULT_OPTIONS["robust"]["tail"]
     assert survey.robust.closure_gate == DEFAULT_OPTIONS["robust"]["closure_gate"]
     assert survey.robust.beam_gate == DEFAULT_OPTIONS["robust"]["beam_gate"]
     assert survey.filter.inflate_after_rejections == 5

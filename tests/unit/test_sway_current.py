@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from bottomlock import kernel, models
 from bottomlock.config.scenario import load_scenario
 from bottomlock.config.scenario_sections import Water
+from bottomlock.kernel import Method
 from tests.property import settings
 
 JANUS = kernel.BeamGeometry.janus(np.deg2rad(20.0))
@@ -23,7 +24,7 @@ INITIAL: Any = {
 
 
 def swim(
-    method: str,
+    method: Method,
     seconds: int = 20,
     valid: tuple[bool, ...] = (True, True, False, False),
     **water: float,

@@ -11,13 +11,13 @@ from bottomlock import kernel
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import read_geometry
-from bottomlock.kernel import BeamGeometry, KernelError
+from bottomlock.kernel import BeamGeometry, KernelError, Method
 from tests.unit.test_models import JANUS, LOG, MODEL, OPTIONS, STATE
 
 SECOND = 1_000_000_000
 
 
-def navigator(method: str = "tc") -> kernel.Navigator:
+def navigator(method: Method = "tc") -> kernel.Navigator:
     return kernel.Navigator(JANUS, MODEL, OPTIONS, STATE.replace(velocity_p_mps=[0, 0, 0]), method=method)
 
 
@@ -167,5 +167,5 @@ def test_nulls_of_polars_are_not_numbers() -> None:
 
 def test_vectors_of_a_push_have_names() -> None:
     with pytest.raises(TypeError):
-        navigator().push_imu(0, np.zeros(3), [0.0, 0.0, -9.8])  # type: ignore[misc]
+        navigator().push_imu(0, np.zeros(3), [0.0, 0.0, -9.8])  # type: ignore[call-arg]
     assert "rad/s" in str(kernel.Navigator.push_imu.__doc__)

@@ -199,12 +199,16 @@ pub fn water(keys: &Keys<'_>) -> PyResult<WaterPrior> {
 
 /// Treatment of outliers among the beams; a gate that is None or not given is none.
 pub fn robust(keys: &Keys<'_>) -> PyResult<Robust> {
-    let degrees = keys.number_or("student_t_degrees", Tail::STUDENT_T_DEGREES)?;
-    let threshold = keys.number_or("huber_threshold", Tail::HUBER_THRESHOLD)?;
+    // The number of a tail that is not chosen is known, but not read.
+    keys.allow(&["student_t_degrees", "huber_threshold"]);
     let tail = match keys.text("tail")?.as_str() {
         "gaussian" => Tail::Gaussian,
-        "student_t" => Tail::StudentT { degrees },
-        "huber" => Tail::Huber { threshold },
+        "student_t" => Tail::StudentT {
+            degrees: keys.number("student_t_degrees")?,
+        },
+        "huber" => Tail::Huber {
+            threshold: keys.number("huber_threshold")?,
+        },
         other => {
             return Err(invalid(format!(
                 "options.robust.tail is '{other}', expected 'gaussian', 'student_t' or 'huber'"

@@ -25,9 +25,9 @@ from bottomlock.replay.streams import Flags, Floats, Times
 from bottomlock.statistics.rms import rms
 from bottomlock.tables.replay import SCORES
 
-ALONE = ("lc", "nsv", "plcf", "weak_sway")
+ALONE: tuple[FixMethod, ...] = ("lc", "nsv", "plcf", "weak_sway")
 """Methods that need no INS: least squares, sway zero, the components that are determined, the weak sway row."""
-WITH_PRIOR = ("vb", "vhv", "info")
+WITH_PRIOR: tuple[FixMethod, ...] = ("vb", "vhv", "info")
 """Methods that need a prior velocity, here of a random walk; with it the information form is a Kalman update."""
 
 
