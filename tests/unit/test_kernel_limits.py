@@ -46,7 +46,7 @@ def test_numbers_of_runs_end() -> None:
 def test_samples_of_a_replay_without_room_are_refused() -> None:
     """A few readings, and more samples between them than there is room for their covariances."""
     none = np.empty(0, np.int64)
-    log: dict[str, Any] = {
+    log: Any = {
         "imu_time_ns": np.array([0, 10**9]),
         "omega_p_radps": np.zeros((2, 3)),
         "force_p_mps2": np.tile([0.0, 0.0, -9.8], (2, 1)),
@@ -60,7 +60,7 @@ def test_samples_of_a_replay_without_room_are_refused() -> None:
         "attitude_t_p": [1.0, 0.0, 0.0, 0.0],
         "velocity_p_mps": np.zeros(3),
     }
-    settings = {"smooth": True, "covariances": True, "sample_time_ns": np.arange(1_000_000)}
+    settings: Any = {"smooth": True, "covariances": True, "sample_time_ns": np.arange(1_000_000)}
     with pytest.raises(KernelError, match="2000 methods with 1000000 samples and 0 pings need"):
         kernel.replay_log(
             WORK["geometry"], WORK["assumed"], WORK["options"], ["tc"] * 2000, log, start, **settings

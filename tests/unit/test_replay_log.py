@@ -191,8 +191,10 @@ def test_missing_keys_and_bad_starts_are_named() -> None:
         replayed(methods=("tcc",))
 
 
-def test_the_example_of_the_page_runs(root: Path) -> None:
-    """docs/event_loop.md shows the whole call; its own assertions are the test."""
+def test_the_examples_of_the_page_run(root: Path) -> None:
+    """docs/event_loop.md shows whole calls; its own assertions are the test."""
     text = (root / "docs" / "event_loop.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    exec(compile(example, "docs/event_loop.md", "exec"), {})
+    examples = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len(examples) == 2
+    for example in examples:
+        exec(compile(example, "docs/event_loop.md", "exec"), {})

@@ -14,7 +14,7 @@ from bottomlock.kernel import METHODS, SENSORS, BeamGeometry, KernelError, Navig
 from tests.property import settings
 
 JANUS = BeamGeometry.janus(0.35, lever_arms_p_m=[[1.0, 0.1, 0.5]] * 4, sound_speed_scale=1.01)
-STEP_NS = 20_000_000
+STEP_NS = 50_000_000
 SECONDS = 10
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 Push = Callable[[Navigator, int, np.random.Generator], list[Any]]
@@ -120,7 +120,7 @@ def test_a_restored_navigator_goes_on_bit_for_bit(method: str) -> None:
     assert set(PUSH) == {"beams", *SENSORS}
     for number, push in enumerate(PUSH.values()):
         moment = np.random.default_rng([number, len(method)])
-        saved_at = int(moment.integers(60, 150))
+        saved_at = int(moment.integers(25, 60))
         one = navigator(method)
         imu(one, 0, moment)
         for k in range(1, saved_at):

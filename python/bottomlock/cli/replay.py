@@ -12,9 +12,9 @@ from rich.table import Table
 
 from bottomlock.atomic_write import write_parquet
 from bottomlock.cli.beam_noise import print_noise
-from bottomlock.cli.console import EXIT_INTERRUPTED, console, errors, narrow_table
+from bottomlock.cli.console import console, errors, narrow_table
 from bottomlock.cli.parameters import Robust, Threads, check_threads, split
-from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.errors import EXIT_INTERRUPTED, OutputError, ScenarioError
 from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.pages.numbers import number
 from bottomlock.replay.beam_noise import measure_noise
