@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ import pytest
 import bottomlock
 from bottomlock.config.scenario import load_scenario, parse_scenario
 from bottomlock.errors import DataError, ScenarioError
+from bottomlock.replay import rerun
 from bottomlock.replay.case import Case, load_case
+from bottomlock.replay.reading import read_streams
 from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.run import ReplayResult, replay_case, write_replay
 from tests.property import settings
@@ -229,13 +232,18 @@ def test_scenario_keys_reach_the_kernel_and_decide_no_campaign() -> None:
     changed: Any = other.kernel_options()
     assert (changed["max_imu_force_mps2"], changed["imu_gap"]) == (49.0, "inflate")
     assert other.content_hash() == plain.content_hash()
-    with pytest.raises(ScenarioError, match=r"imu.limits.max_force"):
-        parse_scenario('name = "x"\n[imu.limits]\nmax_force = 3.0\n', place="scenario x")
+    packaged = resources.files("bottomlock.config") / "scenarios" / "straight.toml"
+    text = packaged.read_text(encoding="utf-8") + "\n[imu.limits]\nmax_force = 3.0\n"
+    with pytest.raises(ScenarioError, match=r"imu\.limits.*max_force"):
+        parse_scenario(text, place="scenario x")
 
 
-def write_dive(folder: Path, extra: str = "") -> Path:
-    """The synthetic dive with one reading of 1000 m/s² 30 s after the start, for two methods."""
-    path = synthetic_dive.write(folder, extra + '[replay]\nmethods = ["tc", "consistent"]\n')
+QUICK = '[replay]\nmethods = ["tc", "consistent"]\nsmooth = false\nduration_s = 40.0\n'
+
+
+def write_dive(folder: Path) -> Path:
+    """The synthetic dive with one reading of 980 m/s² 30 s after the start, for two methods."""
+    path = synthetic_dive.write(folder, QUICK)
     table = pl.read_csv(folder / "imu.csv")
     bad = pl.int_range(pl.len()) == 1500
     table.with_columns(pl.when(bad).then(1e5).otherwise(pl.col("fa")).alias("fa")).write_csv(
@@ -249,7 +257,7 @@ def dives(tmp_path_factory: pytest.TempPathFactory) -> tuple[Case, ReplayResult,
     """The case with a bad reading, its replay, and that of the dive without it."""
     folder, clean = tmp_path_factory.mktemp("bad"), tmp_path_factory.mktemp("clean")
     case = load_case(write_dive(folder))
-    good = load_case(synthetic_dive.write(clean, '[replay]\nmethods = ["tc", "consistent"]\n'))
+    good = load_case(synthetic_dive.write(clean, QUICK))
     return case, replay_case(case), replay_case(good)
 
 
@@ -262,6 +270,18 @@ def test_a_recorded_dive_survives_a_bad_reading(dives: tuple[Case, ReplayResult,
     assert difference.max() < 0.01  # type: ignore[operator]
     assert bad.manifest["imu_faults"][0] == "imu: 1 readings rejected (1 out of range, 0 clipped, 0 stuck)"
     assert "30.000 s after the start" in bad.manifest["imu_faults"][1]
+
+
+def test_the_alignment_leaves_a_bad_reading_out(tmp_path: Path) -> None:
+    """980 m/s² for one reading in 501 would tilt the levelling by 11°; without it by less than a millidegree."""
+    levels = []
+    for folder, write in (("bad", write_dive), ("clean", lambda place: synthetic_dive.write(place, QUICK))):
+        (tmp_path / folder).mkdir()
+        path = write(tmp_path / folder)
+        synthetic_dive.replace(path, 'level = "reference"', 'level = "levelling"\nat_s = 35.0')
+        case = load_case(path)
+        levels.append(rerun.prepare(case, read_streams(case), 0).alignment.attitude)
+    assert np.rad2deg((levels[0] * levels[1].inv()).magnitude()) < 0.01
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -6,6 +6,7 @@
 //!
 //! What is assumed of the motion while nothing is read is used in `filter/bridge.rs`.
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::ImuSample;
@@ -111,15 +112,22 @@ impl ImuLimits {
         require_non_negative("imu_gap_accel_sd_mps2", self.gap_accel_sd_mps2)
     }
 
+    /// Whether a reading is a number below the full scale on every axis.
+    #[inline]
+    #[must_use]
+    pub fn is_in_range(&self, sample: &ImuSample) -> bool {
+        let within = |value: &Vector3<f64>, limit: f64| value.iter().all(|value| value.abs() < CLIPPED_FROM * limit);
+        within(&sample.rate_p_radps.0, self.max_rate_radps) && within(&sample.force_p_mps2.0, self.max_force_mps2)
+    }
+
     /// What is wrong with a reading by itself.
     #[must_use]
     pub fn range_fault(&self, sample: &ImuSample) -> Option<ImuFault> {
-        let rate = sample.rate_p_radps.to_array();
-        let force = sample.force_p_mps2.to_array();
-        let within = |values: &[f64; 3], limit: f64| values.iter().all(|value| value.abs() < CLIPPED_FROM * limit);
-        if within(&rate, self.max_rate_radps) && within(&force, self.max_force_mps2) {
+        if self.is_in_range(sample) {
             return None;
         }
+        let rate = sample.rate_p_radps.to_array();
+        let force = sample.force_p_mps2.to_array();
         let of = |quantity, values: [f64; 3], limit| (0..3).map(move |axis| (quantity, axis, values[axis], limit));
         let all = of(Quantity::Rate, rate, self.max_rate_radps).chain(of(Quantity::Force, force, self.max_force_mps2));
         let worst = all.max_by(|a, b| (a.2.abs() / a.3).total_cmp(&(b.2.abs() / b.3)));

@@ -17,6 +17,9 @@ use crate::model::ImuModel;
 /// The place of inflated gaps in [`IMU_FAULTS`].
 const INFLATED: usize = 3;
 
+/// Longest step of which no doubt is possible, ns: readings within their full scale change little in it.
+const PLAIN_STEP_NS: i64 = 1_000_000_000;
+
 /// The check, and what it has seen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ImuCheck {
@@ -63,6 +66,25 @@ impl ImuCheck {
     /// How many readings were rejected and gaps inflated, in the order of [`IMU_FAULTS`].
     pub(crate) fn counts(&self) -> &[u64; IMU_FAULTS.len()] {
         &self.counts
+    }
+
+    /// Whether a reading is good without any doubt: of a finite value within range, shortly after a good one. What is not is
+    /// judged.
+    #[inline]
+    pub(crate) fn is_plain(&self, sample: &ImuSample, good_ns: i64) -> bool {
+        let step_ns = sample.time_ns.saturating_sub(good_ns);
+        !self.is_bridging
+            && self.limits.stuck_after == 0
+            && step_ns > 0
+            && step_ns <= PLAIN_STEP_NS
+            && step_ns as f64 * 1e-9 <= self.limits.max_gap_s
+            && self.limits.is_in_range(sample)
+    }
+
+    /// Takes note of a reading that was plain.
+    #[inline]
+    pub(crate) fn note_good(&mut self, sample: &ImuSample) {
+        self.last = Some(*sample);
     }
 
     /// Judges a reading, `good_ns` being the time of the last good one or of the start; changes nothing.

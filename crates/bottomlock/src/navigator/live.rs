@@ -10,7 +10,7 @@ use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
 use crate::filter::options::Options;
 use crate::filter::report::UpdateReport;
-use crate::filter::{BridgeNoise, seconds_between};
+use crate::filter::seconds_between;
 use crate::mechanisation::{IMU_FAULTS, ImuFault, ImuSample};
 use crate::model::Model;
 use crate::navigator::events::Event;
@@ -21,8 +21,6 @@ use crate::state::{Covariance, NavState};
 
 /// How far a measurement may lie ahead of the navigator, s: longer than any latency that inertial readings are held back for.
 const MOST_AHEAD_S: f64 = 3600.0;
-/// Steps longer than this may leave the plausible range, s.
-const LONG_STEP_S: f64 = 1.0;
 
 /// A navigator set with the checks of a live one.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -91,6 +89,16 @@ impl LiveNavigator {
         event: &Event,
         report: &mut impl FnMut(&UpdateReport),
     ) -> Result<Option<ImuFault>, NavError> {
+        if let Event::Imu(sample) = event
+            && self.check.is_plain(sample, self.navigators.good_ns())
+            && !self.navigators.has_waiting_until(sample.time_ns)
+        {
+            // Almost every event. Nothing can fail (`filter/plausible.rs`).
+            self.navigators.require_plausible_motion()?;
+            self.navigators.push(event, report)?;
+            self.check.note_good(sample);
+            return Ok(None);
+        }
         let seen_ns = if matches!(event, Event::Imu(_)) {
             self.check.last_ns()
         } else {
@@ -120,32 +128,15 @@ impl LiveNavigator {
         let fault = match judged {
             Judged::Rejected(fault) => Some(fault),
             Judged::Good(bridge) => {
-                self.predict(sample, good_ns, bridge, report)?;
+                self.attempt(
+                    |navigators, report| navigators.push_bridging(sample, bridge.as_ref(), &mut |done| report(done)),
+                    report,
+                )?;
                 None
             }
         };
         self.check.note(sample, good_ns, &judged);
         Ok(fault)
-    }
-
-    fn predict(
-        &mut self,
-        sample: &ImuSample,
-        good_ns: i64,
-        bridge: Option<BridgeNoise>,
-        report: &mut impl FnMut(&UpdateReport),
-    ) -> Result<(), NavError> {
-        // Otherwise nothing can fail (`filter/plausible.rs`).
-        let may_fail = bridge.is_some()
-            || self.navigators.has_waiting_until(sample.time_ns)
-            || seconds_between(good_ns, sample.time_ns) > LONG_STEP_S;
-        if !may_fail {
-            return self.navigators.push(&Event::Imu(*sample), report);
-        }
-        self.attempt(
-            |navigators, report| navigators.push_bridging(sample, bridge.as_ref(), &mut |done| report(done)),
-            report,
-        )
     }
 
     fn push_measurement(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
