@@ -8,6 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
+from bottomlock.io.converted import check_converted
 
 NS_OF: Mapping[str, int] = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
 """Nanoseconds of a unit of time."""
@@ -39,6 +40,7 @@ def read_rows(path: Path) -> pl.DataFrame:
     Raises:
         DataError: as `read_table`, and for a file without rows.
     """
+    check_converted(path)
     table = read_table(path)
     if not table.height:
         raise DataError(f"{path}: has no rows")
