@@ -20,9 +20,11 @@ from campaign import METHODS, flight
 
 from bottomlock import build_simulation, kernel, load_scenario, run_campaign
 from bottomlock.campaign.aggregate import open_aggregate
-from bottomlock.campaign.build import build_scenarios, true_paths
+from bottomlock.campaign.build import build_scenarios, build_simulations, true_paths
 from bottomlock.campaign.chunk import run_chunk
-from bottomlock.campaign.directory import read_chunk, write_chunk, write_tables
+from bottomlock.campaign.chunk_files import read_chunk, write_chunk
+from bottomlock.campaign.directory import write_tables
+from bottomlock.campaign.manifest import identity_of
 from bottomlock.campaign.partition import Partition
 
 STEPS = 37_500
@@ -63,7 +65,8 @@ def of_kernel(runs: int, rounds: int) -> dict[str, float]:
 def of_python(runs: int, rounds: int, kernel_ms: float) -> dict[str, float]:
     """Parts of a campaign outside the kernel, ms."""
     scenario = load_scenario("straight").with_overrides(runs=runs, methods=METHODS)
-    (built,), partition = build_scenarios([scenario]), Partition.of(scenario)
+    simulations, partition = build_simulations([scenario]), Partition.of(scenario)
+    (built,), identity = build_scenarios(simulations), identity_of(simulations)
     chunks = partition.chunks()
     results = [run_chunk(built, chunk, threads=1) for chunk in chunks]
     with tempfile.TemporaryDirectory() as folder:
@@ -71,12 +74,12 @@ def of_python(runs: int, rounds: int, kernel_ms: float) -> dict[str, float]:
 
         def write() -> None:
             for chunk, result in zip(chunks, results, strict=True):
-                write_chunk(out, chunk, result)
+                write_chunk(out, chunk, result, identity)
 
         def tables() -> None:
             with open_aggregate(out, [partition]) as aggregate:
                 for chunk in chunks:
-                    aggregate.add(chunk, read_chunk(out, chunk, partition))
+                    aggregate.add(chunk, read_chunk(out, chunk, partition, identity))
                 write_tables(out, true_paths([built]), aggregate.tables())
 
         def whole() -> None:

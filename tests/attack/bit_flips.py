@@ -22,13 +22,17 @@ from unittest.mock import patch
 
 import polars as pl
 
+from bottomlock.audit.logs import read_log
 from bottomlock.campaign import partition
 from bottomlock.campaign.merge import merge_shards
 from bottomlock.campaign.partition import Shard
 from bottomlock.campaign.run import Results, run_campaign, run_shard
 from bottomlock.errors import BottomlockError, Note
+from bottomlock.io.beam_table import read_beam_table, write_recording
+from bottomlock.io.formats import read_recording
 from bottomlock.kernel import KernelError
 from bottomlock.plant import fly, load_vehicle, straight
+from bottomlock.records import DIGESTS, OWN_DIGEST
 from bottomlock.replay.report import read_replay
 from bottomlock.replay.run import KIND, TABLES, ReplayResult, write_replay
 from bottomlock.studies import study_folder
@@ -122,6 +126,22 @@ def _replay(folder: Path) -> str:
     return _digest(stated, *frames)
 
 
+def _convert(folder: Path) -> None:
+    log = folder / "log.csv"
+    rows = [f"{10**9 * k},{0.1 * k},1" for k in range(20)]
+    log.write_text("\n".join(["time_ns,beam1_mps,beam1_valid", *rows]), encoding="utf-8")
+    write_recording(read_recording(log), folder / "log.parquet", source=log)
+    log.unlink()
+
+
+def _converted(folder: Path) -> str:
+    """What fix and replay read, and what an audit reads."""
+    log = read_log(folder / "log.parquet")
+    account = {key: value for key, value in log.beside.items() if key not in {DIGESTS, OWN_DIGEST}}
+    stated = pl.DataFrame({"account": [repr(sorted(account.items()))]})
+    return _digest(read_beam_table(folder / "log.parquet").to_frame(), stated, pl.DataFrame(log.velocity_mps))
+
+
 KINDS: Mapping[str, Kind] = {
     "resumed campaign": Kind(_campaign, _resume),
     "shards to merge": Kind(_shards, _merge),
@@ -129,6 +149,7 @@ KINDS: Mapping[str, Kind] = {
     "study": Kind(_study, _study),
     "truth cache": Kind(_truth, _truth),
     "replay": Kind(_write_replay, _replay),
+    "converted log": Kind(_convert, _converted),
 }
 
 

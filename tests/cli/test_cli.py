@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -226,6 +227,59 @@ def test_mistakes_end_with_code_2_and_one_line(arguments: list[str], words: str,
     assert words in message[0]
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a = " + 100_000 * "[", "not valid TOML: brackets are nested too deeply"),
+        ("a = " + 5000 * "9", "not valid TOML: "),
+        ("\x00", "not valid TOML: "),
+        ("[dvl]\n[trajectory]\nspeed_mps = 1e300", "'trajectory.speed_mps' is 1e+300, expected <= 50.0 m/s"),
+    ],
+)
+def test_absurd_settings(tmp_path: Path, text: str, words: str) -> None:
+    """A line for each fault, exit code 2, and nothing is written."""
+    (tmp_path / "s.toml").write_text(text, encoding="utf-8")
+    done = command("run", "s.toml", "--out", "o", cwd=tmp_path)
+    assert done.returncode == 2
+    assert any(line.startswith("bottomlock: s.toml: ") and words in line for line in done.stderr.splitlines())
+    assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
+
+
+@pytest.mark.parametrize("name", ["o[/red]x", "o[bold]", ":smile:", "o\udcff"])
+def test_a_path_is_printed_as_it_is(tmp_path: Path, name: str) -> None:
+    """Brackets are no markup, and a name that is no text does no harm."""
+    done = command(*RUN, "--out", name, cwd=tmp_path)
+    assert done.returncode == 0
+    assert f"tables in {name}" in " ".join(done.stdout.split())
+    done = command(*RUN, "--seed", "7", "--out", name, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"bottomlock: {name}: holds a campaign of another configuration")
+
+
+def test_a_name_that_is_no_text_in_a_terminal(tmp_path: Path) -> None:
+    """The character that a terminal cannot show is printed as its code, after the tables are written."""
+    done = process(*RUN, "--out", "o\udcff", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "Traceback" not in done.stderr
+    assert r"o\udcff" in done.stdout
+
+
+def test_a_file_that_has_changed_is_told_on_one_line(tmp_path: Path) -> None:
+    """The report refuses it; the same run puts it right, says so, and the report is made."""
+    assert command(*RUN, "--out", "o", cwd=tmp_path).returncode == 0
+    for path in (tmp_path / "o" / "runs.parquet", next((tmp_path / "o").glob("chunks/*/samples-*"))):
+        content = bytearray(path.read_bytes())
+        content[len(content) // 2] ^= 16
+        path.write_bytes(content)
+    done = command("report", "o", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("bottomlock: o/runs.parquet: has changed since it was written")
+    done = command(*RUN, "--out", "o", cwd=tmp_path)
+    assert done.returncode == 0
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("bottomlock: note: ")]
+    assert re.search(r"samples-\S+: has changed since it was written .*; the chunk is run again", line)
 
 
 def test_a_method_without_its_prior_says_so(tmp_path: Path) -> None:

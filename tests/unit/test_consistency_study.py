@@ -140,7 +140,9 @@ def test_a_small_matrix_resumes(tmp_path: Path) -> None:
     table = consistency.run_consistency([scenario], masks, tmp_path, command="again", threads=1)
     assert table.height == 2 + 3 + 3
     stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "cells").iterdir()}
-    assert len(stamps) == 2
+    assert sorted(path.name for path in stamps) == [
+        f"straight-beams_{beams}.{ending}" for beams in ("1", "1234") for ending in ("parquet", "record.json")
+    ]
     assert consistency.run_consistency([scenario], masks, tmp_path, threads=1).equals(table)
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "cells").iterdir()} == stamps
     for text in ("15", "21", ",", "1 2"):

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from bottomlock.config.scenario import load_scenario
-from bottomlock.errors import ScenarioError
+from bottomlock.errors import Note, ScenarioError
 from bottomlock.simulation.run_events import Fix
 from bottomlock.studies.recovery import (
     jump_chance,
@@ -107,8 +107,12 @@ def test_recovery_tables_and_resumption(tmp_path: Path) -> None:
     assert table.height == 6 * 1 * 2 * RECOVERY_EPOCHS
     # An outage from 10 s to 70 s: the ping at 70 s is the first of full lock.
     assert table["time_s"].unique().sort().to_list() == [70.0, 71.0, 72.0, 73.0, 74.0]
-    (part,) = (tmp_path / "recovery" / "straight").iterdir()
+    (part,) = (tmp_path / "recovery" / "straight").glob("*.parquet")
     stamp = part.stat().st_mtime_ns
     again, _ = run_recovery([scenario], tmp_path)
     assert part.stat().st_mtime_ns == stamp
+    assert again.equals(table)
+    part.write_bytes(part.read_bytes().replace(b"tc", b"vb"))
+    with pytest.warns(Note, match=rf"{part.name}: has changed since .* the part is run again"):
+        again, _ = run_recovery([scenario], tmp_path)
     assert again.equals(table)

@@ -128,6 +128,11 @@ def test_a_record_that_is_right_of_tables_that_are_not(tmp_path: Path) -> None:
             run_campaign([short()], tmp_path / "o", threads=1)
 
 
+def state_versions(out: Path, versions: dict[str, str]) -> None:
+    """Makes a manifest state other versions."""
+    edit_record(out / MANIFEST, lambda manifest: manifest["versions"].update(versions))
+
+
 def test_other_versions_are_named(tmp_path: Path) -> None:
     """Bits depend on them: the campaign is not continued, and not written over."""
     out = tmp_path / "o"
@@ -140,10 +145,10 @@ def test_other_versions_are_named(tmp_path: Path) -> None:
         ("polars", r"polars 9 \(here"),
         ("kernel_build", r"another build of the kernel 9 \(here"),
     ):
-        edit_record(out / MANIFEST, lambda m, name=name: m["versions"].update({name: "9"}))
+        state_versions(out, {name: "9"})
         with pytest.raises(OutputError, match=rf"holds a campaign made with {words}.* or use --force"):
             run_campaign([short()], out, threads=1)
-        edit_record(out / MANIFEST, lambda m: m["versions"].update(held))
+        state_versions(out, held)
     assert (out / "runs.parquet").read_bytes() == before
     run_campaign([short()], out, threads=1)
 

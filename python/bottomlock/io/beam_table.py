@@ -15,9 +15,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.atomic_write import read_json, write_json, write_parquet
+from bottomlock.atomic_write import read_json, write_parquet
 from bottomlock.errors import DataError
+from bottomlock.io.converted import check_converted
 from bottomlock.io.sentences import show
+from bottomlock.records import write_record
 from bottomlock.table_file import read_parquet
 
 Floats = NDArray[np.float64]
@@ -351,8 +353,7 @@ def write_recording(recording: Recording, to: Path, *, source: Path) -> None:
         OutputError: where the directory cannot be written.
     """
     described = {"source": source.name, "source_sha256": sha256_of(source)} | recording.to_json()
-    write_parquet(to, recording.table.to_frame())
-    write_json(sidecar(to), described)
+    write_record(sidecar(to), described, {to.name: write_parquet(to, recording.table.to_frame())})
 
 
 def read_beam_table(path: str | Path) -> BeamTable:
@@ -362,6 +363,7 @@ def read_beam_table(path: str | Path) -> BeamTable:
         DataError: naming file and column, as `BeamTable.from_frame`; also for a file that cannot be read.
     """
     place = Path(path)
+    check_converted(place)
     frame = read_parquet(place)
     return BeamTable.from_frame(frame, str(place))
 

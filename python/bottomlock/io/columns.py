@@ -8,6 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
+from bottomlock.io.converted import check_converted
 from bottomlock.table_file import read_table_file
 
 NS_OF: Mapping[str, int] = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
@@ -26,6 +27,7 @@ def read_rows(path: Path) -> pl.DataFrame:
     Raises:
         DataError: as `read_table_file`, and for a file without rows.
     """
+    check_converted(path)
     table = read_table_file(path)
     if not table.height:
         raise DataError(f"{path}: has no rows")

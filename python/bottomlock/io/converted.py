@@ -1,0 +1,38 @@
+"""The tables of `bottomlock convert`, held against the account beside them, which is their record."""
+
+import hashlib
+from pathlib import Path
+
+from bottomlock.atomic_write import read_json
+from bottomlock.errors import DataError
+from bottomlock.records import DIGESTS, OWN_DIGEST, read_record
+
+_REMEDY = "convert the log again, or remove the account if the change is meant"
+
+
+def check_converted(path: Path) -> None:
+    """Checks a Parquet file that has an account of `bottomlock convert` beside it; any other file passes.
+
+    Raises:
+        DataError: for a table or an account that has changed since the conversion.
+    """
+    account = path.with_suffix(".json")
+    if path.suffix.lower() != ".parquet" or not account.is_file() or not path.is_file():
+        return
+    try:
+        content = read_json(account)
+        if content is None or not {OWN_DIGEST, DIGESTS} & content.keys():
+            return
+        digests = (read_record(account) or {}).get(DIGESTS, {})
+    except DataError as error:
+        raise DataError(f"{error}; {_REMEDY}") from error
+    try:
+        with path.open("rb") as file:
+            found = hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+    # Both may have been renamed together.
+    if found not in digests.values():
+        raise DataError(
+            f"{path}: has changed since `bottomlock convert` wrote it ({account.name} has another SHA-256); {_REMEDY}"
+        )
