@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account
+from bottomlock.io.progress import EVERY, reporter
 
 BLOCK = 1 << 22
 """Bytes that are searched for headers at a time."""
@@ -57,6 +58,7 @@ class Headers:
             what: a record's name.
         """
         index = np.flatnonzero(self.fits & ~self.empty)
+        report = reporter()
         at = counted = done = 0  # bytes before `counted` are in the account, and headers before `done`
         for k, start, end in zip(
             index.tolist(), self.start[index].tolist(), self.end[index].tolist(), strict=True
@@ -68,6 +70,8 @@ class Headers:
             if start > counted:
                 account.skip(f"bytes that belong to no {what}", counted, f"{start - counted} bytes")
             account.read += 1
+            if report is not None and account.read % EVERY == 0:
+                report(start)
             yield k, start
             at = counted = end
             done = k + 1
