@@ -14,6 +14,8 @@ import pytest
 
 from bottomlock.cli import app
 from bottomlock.io.beam_table import read_account, read_beam_table
+from bottomlock.io.formats import read_recording
+from bottomlock.io.progress import progress_to
 from tests.readers import bags
 from tools import reader_seeds as seeds
 
@@ -201,3 +203,21 @@ def test_faults_of_a_map(tmp_path: Path, text: str, message: str, convert: Run) 
     assert done.returncode == 2
     assert message in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", ["nortek-ascii", "nortek-dvl"])
+def test_a_long_log_shows_a_bar(
+    tmp_path: Path, name: str, convert: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bytes read, rate and time left, on the standard error; none for a short log. Text and binary readers report."""
+    log, to = tmp_path / "log.bin", tmp_path / "beams.parquet"
+    log.write_bytes(seeds.seeds()[name][1] * 3000)
+    assert "left" not in convert(log, "--to", to).stderr
+    told: list[int] = []
+    with progress_to(told.append):
+        read_recording(log)
+    assert told == sorted(told)
+    assert 0 < told[0] < told[-1] < log.stat().st_size
+    monkeypatch.setattr("bottomlock.cli.convert.BAR_FROM_BYTES", 1000)
+    done = convert(log, "--to", to, "--force")
+    assert re.search(r"reading .*(MB|kB).*/s.* left ", done.stderr)

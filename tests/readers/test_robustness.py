@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from bottomlock.errors import DataError
 from bottomlock.io.formats import BYTES, Format
 from bottomlock.io.rows import PLAIN, Options, longest_rising
+from tests.attack.adversaries import ADVERSARIES
 from tools import fuzz_readers, reader_seeds
 
 FORMS = {form.name: form for form in BYTES}
@@ -80,34 +81,6 @@ def test_records_are_counted_whole(name: str, data: st.DataObject) -> None:
         return
     told = found.account.skipped or found.account.flagged or found.account.other != whole.account.other
     assert found.table.rows >= whole.table.rows or told
-
-
-ADVERSARIES = {
-    "pd0": [b"\x7f\x7f" * 500_000, (b"\x7f\x7f\xff\xff\x00\x01\x08\x00\x00\x00" * 100_000)],
-    "nortek-dvl": [b"\xa5" * 1_000_000, reader_seeds.nortek_frame(0x1B, b"")[:8].ljust(10, b"\0") * 100_000],
-    "nortek-ad2cp": [b"\xa5\x0a" * 500_000],
-    "nucleus": [b"\xa5\x0a\xb4\x20" * 250_000],
-    "waterlinked-json": [
-        b"[" * 60_000,
-        b'{"time":' * 8_000,
-        b'{"time":1,"transducers":[' * 40_000,
-        b"{" * 1_000_000,
-    ],
-    "waterlinked-serial": [b"wrz," * 250_000, b"wrz,1\n" * 150_000, (b"wr" * 2_000 + b"\n") * 200],
-    "nortek-ascii": [b"$PNOR," * 160_000, (b"$PNOR," * 600 + b"\n") * 250],
-    "cerulean-dvkfc": [b"$DVKFC," * 140_000, (b"$DVKF" * 800 + b"\n") * 250],
-    "linkquest-csv": [
-        reader_seeds.linkquest_log() + b"," * 1_000_000,
-        reader_seeds.linkquest_log() + b"1,\n" * 300_000,
-    ],
-    "pd6": [
-        b":BI,+" * 200_000,
-        b':BI,"' * 200_000,
-        (b"1.0,x,:" * 500 + b"\n") * 250,
-        b":BI," + b" " * 4000 + b"\n",
-    ],
-    "pd4": [b"\x7d" * 1_000_000, b"\x7d\x00\x2d\x00" * 250_000],
-}
 
 
 @pytest.mark.parametrize("cut", [4, pytest.param(1, marks=pytest.mark.long)], ids=["quarter", "whole"])

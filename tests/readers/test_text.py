@@ -237,3 +237,47 @@ def test_pd4_is_refused_with_advice() -> None:
         DataError, match=r"hold no beam velocities \(2 PD4 or PD5 records\); set the instrument to PD0"
     ):
         pd6.read_binary(seeds.pd4() + b"\x7d" + seeds.pd4(), "log")
+
+
+def test_json_transducer_given_twice() -> None:
+    """Two blocks of one id, one of none: which is which is not known, and the report is rejected."""
+    good, bad = seeds.a50_report(0), seeds.a50_report(1).replace(b'"id":2', b'"id":1')
+    recording = waterlinked_json.read(good + bad, "log")
+    assert recording.table.rows == 1
+    assert recording.account.skipped["transducers are not a list with ids 0 to 3"].first == 2
+
+
+def test_serial_transducer_given_twice() -> None:
+    """The second report of an id is not the first's correction: it closes the ping."""
+    lines = seeds.SERIAL.splitlines(keepends=True)
+    again = seeds.wl_sentence(b"wru,1,0.900,1.25,-62,-104")
+    table = waterlinked_serial.read(b"".join([*lines[:3], again, *lines[3:]]), "log").table
+    assert table.velocity_mps[0, 1] == -0.5
+    assert table.valid.tolist() == [[True, True, False, False]]
+
+
+@pytest.mark.parametrize(("confidence", "valid"), [("24.999999", False), ("25.000000", True), ("26.0", True)])
+def test_dvkfc_least_confidence(confidence: str, valid: bool) -> None:
+    """A range confidence of exactly 25 counts, as the maker says; less does not."""
+    text = seeds.DVKFC.replace(b"3.450820,0.000000", f"{confidence},-0.75".encode()).strip()[1:-3]
+    fields = text.split(b",")
+    fields[15], fields[16], fields[17] = b"3.5", confidence.encode(), b"-0.75"
+    table = cerulean.read(seeds.nmea(b",".join(fields)), "log").table
+    assert table.valid.tolist() == [[False, valid, False]]
+
+
+def test_no_infinity_gets_into_a_table() -> None:
+    """Numbers beyond a float are none; a beam whose velocity is one is not valid."""
+    report = seeds.a50_report(0).replace(b'"distance":2.1', b'"distance":1e999')
+    report = report.replace(b'"vx":0.5', b'"vx":1e999').replace(b'"rssi":-33.0', b'"rssi":-1e999')
+    report = report.replace(b'"altitude":1.8', b'"altitude":1e999').replace(
+        b'"velocity":0.2', b'"velocity":1e999'
+    )
+    table = waterlinked_json.read(report, "log").table
+    assert np.isnan(
+        [table.range_m[0, 1], table.instrument_mps[0, 0], table.quality[0, 3], table.velocity_mps[0, 2]]
+    ).all()
+    assert np.isnan(table.extra["altitude_m"][0])
+    assert table.valid.tolist() == [[True, True, False, True]]
+    for array in (table.velocity_mps, table.range_m, table.quality, table.sd_mps, table.instrument_mps):
+        assert not np.isinf(array).any()

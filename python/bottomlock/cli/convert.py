@@ -1,20 +1,32 @@
 """The command `bottomlock convert`: a recorded file of any known format to the beam table."""
 
+import contextlib
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
+from rich.progress import (
+    BarColumn,
+    DownloadColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+    TransferSpeedColumn,
+)
 from rich.table import Table
 
 from bottomlock.cli.console import EXIT_NOTHING_VALID, console, errors
 from bottomlock.errors import OutputError
 from bottomlock.io.beam_table import Account, BeamTable, Reason, Recording, sidecar, write_recording
 from bottomlock.io.formats import NAMES, read_recording
+from bottomlock.io.progress import progress_to
 from bottomlock.io.rows import Options
 
 SHOWN = 28
+BAR_FROM_BYTES = 50_000_000
 
 
 def convert(
@@ -79,7 +91,8 @@ def convert(
         topic=topic,
         columns=None if columns is None else str(columns),
     )
-    recording = read_recording(file, format=format, options=options)
+    with _bar(file):
+        recording = read_recording(file, format=format, options=options)
     write_recording(recording, to, source=file)
     print_recording(recording)
     console.print(f"wrote {to} and {sidecar(to).name}", soft_wrap=True, highlight=False, markup=False)
@@ -102,6 +115,28 @@ def _check_output(file: Path, to: Path, *, force: bool) -> None:
             raise OutputError(f"{path}: is there already; --force overwrites it")
         if path.exists() and path.resolve() == file.resolve():
             raise OutputError(f"{path}: is the file to be read")
+
+
+@contextlib.contextmanager
+def _bar(file: Path) -> Iterator[None]:
+    """A bar with rate and time left while a long file is read."""
+    size = file.stat().st_size if file.is_file() else 0
+    if size <= BAR_FROM_BYTES:
+        yield
+        return
+    columns = (
+        TextColumn("reading"),
+        BarColumn(),
+        DownloadColumn(),
+        TransferSpeedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=errors) as bar:
+        task = bar.add_task("reading", total=size)
+        with progress_to(lambda reached: bar.update(task, completed=reached)):
+            yield
+        bar.update(task, completed=size)
 
 
 def _nothing_valid(table: BeamTable) -> str:

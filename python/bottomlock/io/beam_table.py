@@ -230,9 +230,9 @@ class Account:
     flagged: dict[str, Reason] = field(default_factory=dict)
     other: dict[str, Reason] = field(default_factory=dict)
 
-    def skip(self, reason: str, position: int, detail: str | bytes = "") -> None:
-        """Counts a lost record; of `detail` in bytes the first record's beginning is shown."""
-        _count(self.skipped, reason, position, detail)
+    def skip(self, reason: str, position: int, detail: str | bytes = "", *, count: int = 1) -> None:
+        """Counts lost records, the first at a position; of `detail` in bytes its beginning is shown."""
+        _count(self.skipped, reason, position, detail, count)
 
     def flag(self, reason: str, position: int, detail: str | bytes = "") -> None:
         """Counts a record that is kept with a change."""
@@ -267,11 +267,11 @@ class Account:
         }
 
 
-def _count(reasons: dict[str, Reason], name: str, position: int, detail: str | bytes) -> None:
+def _count(reasons: dict[str, Reason], name: str, position: int, detail: str | bytes, count: int = 1) -> None:
     if name in reasons:
-        reasons[name].count += 1
+        reasons[name].count += count
     else:
-        reasons[name] = Reason(1, position, show(detail) if isinstance(detail, bytes) else detail)
+        reasons[name] = Reason(count, position, show(detail) if isinstance(detail, bytes) else detail)
 
 
 @dataclass(frozen=True, eq=False)

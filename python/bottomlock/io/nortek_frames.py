@@ -5,16 +5,15 @@ checksum starts from 0xB58C and adds little-endian words; an odd last byte count
 """
 
 import datetime as dt
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account
+from bottomlock.io.binary_records import BLOCK, Headers, Places, bytes_of, words_at
 
-_HEADER = struct.Struct("<4BHH")
-_WORD = struct.Struct("<H")
 _LEAST, _MOST = 10, 64
 _EPOCH = dt.date(1970, 1, 1).toordinal()
 BOTTOM_AD2CP, BOTTOM_DVL, WATER_DVL = 0x17, 0x1B, 0x1D
@@ -55,56 +54,57 @@ class _Sums:
     """Checksums of any piece of the bytes in constant time, from running sums of even and odd bytes."""
 
     def __init__(self, data: bytes) -> None:
-        self._data = data
-        raw = np.frombuffer(data, dtype=np.uint8)
+        self._raw = bytes_of(data)
         # Two alignments: words that begin at an even and at an odd place. Sums modulo 65536, as the checksum is.
-        self._sums = [np.zeros(len(data) + 1, dtype=np.uint16) for _ in range(2)]
+        self._sums = np.zeros((2, len(data) + 1), dtype=np.uint16)
         for low, sums in enumerate(self._sums):
-            weighted = raw.astype(np.uint16)
+            weighted = self._raw.astype(np.uint16)
             weighted[1 - low :: 2] <<= 8
             np.cumsum(weighted, dtype=np.uint16, out=sums[1:])
 
-    def of(self, start: int, size: int) -> int:
-        """Nortek's checksum of `size` bytes from `start`."""
-        sums = self._sums[start % 2]
-        total = 0xB58C + int(sums[start + size]) - int(sums[start])
-        if size % 2:
-            # The last byte was added as a low one.
-            total += 255 * self._data[start + size - 1]
-        return total & 0xFFFF
+    def of(self, start: Places, size: Places) -> NDArray[np.uint16]:
+        """Nortek's checksums of `size` bytes from `start`, for many pieces at once."""
+        at = start + (start & 1) * self._sums.shape[1]
+        sums = self._sums.reshape(-1)
+        total = sums.take(at + size) - sums.take(at) + np.uint16(0xB58C)
+        odd = np.flatnonzero(size & 1)
+        # The last byte of an odd number was added as a low one.
+        total[odd] += 255 * self._raw[(start + size)[odd] - 1].astype(np.uint16)
+        return np.asarray(total, dtype=np.uint16)
+
+
+def _headers(data: bytes, sums: _Sums) -> tuple[Headers, Places]:
+    """The headers of a file whose own checksum fits, with that of their data tested, and the headers' sizes."""
+    raw = bytes_of(data)
+    found = [np.empty(0, dtype=np.int64)]
+    for block in range(0, max(len(raw) - _LEAST + 1, 0), BLOCK):
+        part = raw[block : block + BLOCK + 1]
+        n = min(len(part) - 1, len(raw) - _LEAST + 1 - block)
+        at = block + np.flatnonzero(
+            (part[:n] == 0xA5) & (part[1 : n + 1] >= _LEAST) & (part[1 : n + 1] <= _MOST)
+        )
+        size = raw.take(at + 1).astype(np.int64) - 2
+        within = at + size + 2 <= len(raw)
+        at, size = at[within], size[within]
+        found.append(at[sums.of(at, size) == words_at(raw, at + size).astype(np.uint16)])
+    start = np.concatenate(found)
+    header = raw[start + 1].astype(np.int64)
+    size = words_at(raw, start + 4)
+    end = start + header + size
+    fits = end <= len(raw)
+    fits[fits] = sums.of((start + header)[fits], size[fits]) == words_at(raw, start + 6)[fits].astype(
+        np.uint16
+    )
+    return Headers(start, end, fits, end < start), header
 
 
 def frames(data: bytes, account: Account) -> Iterator[Frame]:
     """Every record of the bytes; what is damaged, cut off or between records goes to the account."""
-    sums = _Sums(data) if data else None
-    at = counted = 0
-    while sums is not None and (at := data.find(b"\xa5", at)) >= 0:
-        if at + _LEAST > len(data):
-            break
-        _, header, kind, family, size, given = _HEADER.unpack_from(data, at)
-        if not _LEAST <= header <= _MOST or at + header > len(data):
-            at += 1
-            continue
-        if sums.of(at, header - 2) != _WORD.unpack_from(data, at + header - 2)[0]:
-            at += 1
-            continue
-        if at > counted:
-            account.skip("bytes that belong to no record", counted, f"{at - counted} bytes")
-        account.read += 1
-        start = at + header
-        if start + size > len(data):
-            account.skip("truncated", at, f"{len(data) - at} of {header + size} bytes")
-        elif sums.of(start, size) != given:
-            account.skip("bad checksum", at, f"{header + size} bytes")
-        else:
-            yield Frame(at, kind, family, data[start : start + size])
-            at = counted = start + size
-            continue
-        # The header was good, its data were not: the next record may begin within them.
-        counted = max(counted, min(start + size, len(data)))
-        at = start
-    if counted < len(data):
-        account.skip("bytes that belong to no record", counted, f"{len(data) - counted} bytes")
+    if not data:
+        return
+    headers, sizes = _headers(data, _Sums(data))
+    for k, at in headers.whole(len(data), account, "record"):
+        yield Frame(at, data[at + 2], data[at + 3], data[at + int(sizes[k]) : int(headers.end[k])])
 
 
 def kinds(head: bytes) -> set[int]:

@@ -15,8 +15,11 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Recording
+from bottomlock.io.binary_records import BLOCK, EMPTY, Headers, Places, bytes_of, words_at
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, lost, raise_if_empty, running_sums
 
 NAME = "pd0"
@@ -26,6 +29,8 @@ _FIXED, _VARIABLE, _BOTTOM, _BOTTOM_FINE = 0x0000, 0x0080, 0x0600, 0x5803
 _BAD = -32768
 # Bad in 0.01 mm/s: the coarse mark scaled, or the type's own least value.
 _BAD_FINE = (-(2**31), _BAD * 100)
+# Header, two offsets, and the parts of both leaders that are read.
+_LEAST = 6 + 2 * 2 + 26 + 24
 _LEADERS = {b"\x00\x00", b"\x01\x00"}
 _EPOCH = dt.date(1970, 1, 1).toordinal()
 _WORD = struct.Struct("<H")
@@ -39,12 +44,37 @@ ADVICE = {
 
 def sniff(head: bytes) -> bool:
     """Whether the beginning of a file looks like this format: a header, perhaps after some text."""
-    at = head.find(b"\x7f\x7f")
-    while at >= 0:
-        if _offsets(head, at) is not None:
-            return True
-        at = head.find(b"\x7f\x7f", at + 1)
-    return False
+    return any(_offsets(head, at) is not None for at in _header_places(head).tolist())
+
+
+def _header_places(data: bytes) -> Places:
+    """Places where an ensemble seems to begin: two sync bytes, a table of offsets, and a leader behind it."""
+    raw = bytes_of(data)
+    found = [np.empty(0, dtype=np.int64)]
+    for block in range(0, max(len(raw) - 7, 0), BLOCK):
+        part = raw[block : block + BLOCK + 7]
+        n = len(part) - 7
+        # The least that a header has, on whole vectors: the first offset is at most 6 + 2 x 255.
+        mark = (part[:n] == 0x7F) & (part[1 : n + 1] == 0x7F) & (part[7:] <= 2) & (part[5 : n + 5] > 0)
+        at = np.flatnonzero(mark) + block
+        first = 6 + 2 * raw[at + 5].astype(np.int64)
+        good = (words_at(raw, at + 6) == first) & (first + 2 <= words_at(raw, at + 2))
+        good &= at + first + 2 <= len(raw)
+        at, first = at[good], first[good]
+        leader = at + first
+        found.append(at[(raw[leader] <= 1) & (raw[leader + 1] == 0)])
+    return np.concatenate(found)
+
+
+def _headers(data: bytes) -> Headers:
+    """The headers of a file, with the 16-bit sum of all bytes of each ensemble tested."""
+    raw, sums = bytes_of(data), running_sums(data)
+    start = _header_places(data)
+    last = start + words_at(raw, start + 2)
+    fits = last + 2 <= len(raw)
+    a, b = start[fits], last[fits]
+    fits[fits] = (sums[b] - sums[a]) == words_at(raw, b).astype(np.uint16)
+    return Headers(start, last + 2, fits, last - start < _LEAST)
 
 
 def _offsets(data: bytes, at: int) -> Sequence[int] | None:
@@ -150,36 +180,16 @@ def _ensemble(data: bytes, at: int, size: int, offsets: Sequence[int]) -> Ensemb
 
 def ensembles(data: bytes, account: Account) -> list[Ensemble]:
     """Every whole ensemble of a file; the account lists the others and the bytes between."""
-    sums = running_sums(data)
+    headers = _headers(data)
     found = []
-    at = counted = 0  # bytes before `counted` are in the account
-    while (at := data.find(b"\x7f\x7f", at)) >= 0:
+    for k, at in headers.whole(len(data), account, "ensemble"):
+        size = int(headers.end[k]) - at - 2
         offsets = _offsets(data, at)
-        if offsets is None:
-            at += 1
-            continue
-        if at > counted:
-            account.skip("bytes that belong to no ensemble", counted, f"{at - counted} bytes")
-        account.read += 1
-        size = _WORD.unpack_from(data, at + 2)[0]
-        end = at + size
-        if end + 2 > len(data):
-            account.skip("truncated", at, f"{len(data) - at} of {size + 2} bytes")
-        elif (int(sums[end]) - int(sums[at])) & 0xFFFF != _WORD.unpack_from(data, end)[0]:
-            account.skip("bad checksum", at, f"{size + 2} bytes")
+        ensemble = None if offsets is None else _ensemble(data, at, size, offsets)
+        if ensemble is None:
+            account.skip(EMPTY, at)
         else:
-            ensemble = _ensemble(data, at, size, offsets)
-            if ensemble is None:
-                account.skip("without fixed or variable leader", at)
-            else:
-                found.append(ensemble)
-            at = counted = end + 2
-            continue
-        # Bytes may be missing from a damaged ensemble: the next may begin before its stated end.
-        counted = max(counted, min(end + 2, len(data)))
-        at += 2
-    if counted < len(data):
-        account.skip("bytes that belong to no ensemble", counted, f"{len(data) - counted} bytes")
+            found.append(ensemble)
     return found
 
 

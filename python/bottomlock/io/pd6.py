@@ -6,11 +6,13 @@ CSV.
 """
 
 import re
-import struct
 from typing import NamedTuple
+
+import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
+from bottomlock.io.binary_records import BLOCK, bytes_of, words_at
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty, running_sums
 from bottomlock.io.sentences import LONGEST_LINE, lines_of, number
 
@@ -109,27 +111,28 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
 
 
-_BINARY_START = re.compile(rb"[\x7d\x7e]")
 _BINARY = {0x7D: "PD4 or PD5", 0x7E: "PD3"}
 
 
 def binary_records(data: bytes) -> dict[str, int]:
     """How many whole PD3, PD4 and PD5 records there are, by kind: their sums fit."""
     counts: dict[str, int] = {}
-    sums = running_sums(data)
-    at = 0
-    while (start := _BINARY_START.search(data, at)) and start.start() + 6 <= len(data):
-        at = start.start()
+    raw, sums = bytes_of(data), running_sums(data)
+    behind = 0
+    for block in range(0, max(len(raw) - 5, 0), BLOCK):
+        part = raw[block : min(block + BLOCK, len(raw) - 5)]
+        at = block + np.flatnonzero((part == 0x7D) | (part == 0x7E))
         # PD3 has a fixed length; PD4 (45) and PD5 (86) state theirs.
-        size = 55 if data[at] == 0x7E else struct.unpack_from("<H", data, at + 2)[0]
-        end = at + size
-        possible = (data[at] == 0x7E or size in {45, 86}) and end + 2 <= len(data)
-        if possible and (int(sums[end]) - int(sums[at])) & 0xFFFF == struct.unpack_from("<H", data, end)[0]:
-            kind = _BINARY[data[at]]
-            counts[kind] = counts.get(kind, 0) + 1
-            at = end + 2
-        else:
-            at += 1
+        short, stated = raw.take(at) == 0x7E, words_at(raw, at + 2)
+        end = at + np.where(short, 55, stated)
+        possible = (short | (stated == 45) | (stated == 86)) & (end + 2 <= len(raw))
+        at, end = at[possible], end[possible]
+        fits = (sums.take(end) - sums.take(at)) == words_at(raw, end).astype(np.uint16)
+        for start, after in zip(at[fits].tolist(), (end[fits] + 2).tolist(), strict=True):
+            if start >= behind:
+                kind = _BINARY[data[start]]
+                counts[kind] = counts.get(kind, 0) + 1
+                behind = after
     return counts
 
 

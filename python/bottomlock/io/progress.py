@@ -1,0 +1,25 @@
+"""How far the reading of a file is: readers tell the byte they have reached, a command shows it."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+EVERY = 2048
+"""Lines or records between two reports."""
+
+_reached: ContextVar[Callable[[int], None] | None] = ContextVar("reached", default=None)
+
+
+@contextmanager
+def progress_to(report: Callable[[int], None]) -> Iterator[None]:
+    """Within it, readers call `report` with the number of bytes that they have read, every `EVERY` lines or records."""
+    token = _reached.set(report)
+    try:
+        yield
+    finally:
+        _reached.reset(token)
+
+
+def reporter() -> Callable[[int], None] | None:
+    """What a reader calls with the bytes it has read; None where nobody listens."""
+    return _reached.get()
