@@ -67,9 +67,9 @@ test-long: $(VENV)/.tools $(VENV)/.installed
 
 test-all: test test-long
 
-lint: lint-rust lint-python deny
+lint: lint-rust lint-python
 
-lint-rust:
+lint-rust: deny
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet

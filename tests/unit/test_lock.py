@@ -1,4 +1,4 @@
-"""requirements-dev.lock: what pyproject.toml asks for, at one version each, with hashes, and from nowhere in particular."""
+"""requirements-dev.lock: what pyproject.toml asks for, one version each, with hashes, from nowhere in particular."""
 
 from __future__ import annotations
 
