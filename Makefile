@@ -22,6 +22,8 @@ tools           := target/tools
 
 bin := $(VENV)/bin
 pip := $(bin)/python -m pip --disable-pip-version-check --quiet
+# The build backend calls the locked maturin by its name.
+on_path := PATH="$(abspath $(bin)):$$PATH"
 # By another name, since a recipe line with $$(MAKE) in it is run even by `make --dry-run`.
 make := $(MAKE) --no-print-directory
 # A file's tests stay in one process, since they share what they fly; tests/conftest.py puts files of slow tests first.
@@ -146,7 +148,7 @@ sbom: $(tools)/python/.ready $(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX)/bin/car
 
 # An editable install for daily work: Python edits take effect at once, Rust edits after another `make develop`.
 develop: $(VENV)/.tools
-	$(pip) install --upgrade --no-build-isolation --editable .
+	$(on_path) $(pip) install --upgrade --no-build-isolation --editable .
 	touch $(VENV)/.installed
 
 clean:
@@ -161,7 +163,7 @@ $(VENV)/pyvenv.cfg:
 
 # A release build of the extension, with the locked crates, installed as users get it.
 $(VENV)/.installed: $(wheel_sources) | $(VENV)/pyvenv.cfg
-	$(pip) install $$(test -x $(bin)/maturin && echo --no-build-isolation) .
+	$(on_path) $(pip) install $$(test -x $(bin)/maturin && echo --no-build-isolation) .
 	touch $@
 
 # What the tests need and what the wheel needs, at the locked versions and with their hashes; the wheel, if it is installed
