@@ -69,15 +69,17 @@ def copied(folder: Path) -> Path:
     return package
 
 
-def fails(folder: Path, tests: tuple[str, ...]) -> bool:
-    """Whether a test fails with the package of a folder.
+def fails(folder: Path, file: str, tests: tuple[str, ...]) -> bool:
+    """Whether a test, or an example in the docstrings of `file`, fails with the package of a folder.
 
     Raises:
         SystemExit: where no test ran.
     """
+    module = ".".join(("bottomlock", *Path(file).with_suffix("").parts))
     environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [
-        sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not long and not slow", *tests,
+        sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not long and not slow",
+        "--doctest-modules", "--pyargs", module, *tests,
     ]  # fmt: skip
     try:
         ended = subprocess.run(  # noqa: S603 - the tests of this checkout
@@ -98,14 +100,14 @@ def survivors(mutants: list[Mutant]) -> list[Mutant]:
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         package = copied(Path(folder))
-        for tests in dict.fromkeys(mutant.tests for mutant in mutants):
-            if fails(Path(folder), tests):
+        for file, tests in dict.fromkeys((mutant.file, mutant.tests) for mutant in mutants):
+            if fails(Path(folder), file, tests):
                 raise SystemExit(f"mutants: {' '.join(tests)} fails without a fault; mend it first")
         for number, mutant in enumerate(mutants, start=1):
             path = package / mutant.file
             source = path.read_text(encoding="utf-8")
             path.write_text(mutant.applied(source), encoding="utf-8")
-            killed = fails(Path(folder), mutant.tests)
+            killed = fails(Path(folder), mutant.file, mutant.tests)
             path.write_text(source, encoding="utf-8")
             survived += [] if killed else [mutant]
             left_s = (time.monotonic() - began) / number * (len(mutants) - number)
