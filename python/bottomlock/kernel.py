@@ -19,6 +19,7 @@ Examples:
 """
 
 import difflib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -295,7 +296,7 @@ def solve_velocity(
     if not isinstance(geometry, BeamGeometry):
         raise TypeError(f"geometry is of type {type(geometry).__name__}, expected a BeamGeometry")
     # Not np.ndim: it raises an error of its own for rows of unequal length.
-    if isinstance(beam_sd_mps, int | float) or getattr(beam_sd_mps, "ndim", 1) == 0:
+    if getattr(beam_sd_mps, "ndim", int(isinstance(beam_sd_mps, Sequence))) == 0:
         beam_sd_mps = np.full(geometry.beams, beam_sd_mps, dtype=np.float64)
     solution = _kernel.solve_velocity(
         geometry,
