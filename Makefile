@@ -22,6 +22,8 @@ tools           := target/tools
 
 bin := $(VENV)/bin
 pip := $(bin)/python -m pip --disable-pip-version-check --quiet
+# The build backend calls the locked maturin by its name.
+on_path := PATH="$(abspath $(bin)):$$PATH"
 # By another name, since a recipe line with $$(MAKE) in it is run even by `make --dry-run`.
 make := $(MAKE) --no-print-directory
 # A file's tests stay in one process, since they share what they fly; tests/conftest.py puts files of slow tests first.
@@ -78,9 +80,9 @@ mutants-rust:
 	    { echo "make: cargo-mutants not found; cargo install cargo-mutants --locked --version 27.1.0" >&2; exit 2; }
 	cargo mutants --package bottomlock --jobs 1 --output out $(MUTANTS)
 
-lint: lint-rust lint-python deny
+lint: lint-rust lint-python
 
-lint-rust:
+lint-rust: deny
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
@@ -157,7 +159,7 @@ sbom: $(tools)/python/.ready $(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX)/bin/car
 
 # An editable install for daily work: Python edits take effect at once, Rust edits after another `make develop`.
 develop: $(VENV)/.tools
-	$(pip) install --upgrade --no-build-isolation --editable .
+	$(on_path) $(pip) install --upgrade --no-build-isolation --editable .
 	touch $(VENV)/.installed
 
 clean:
@@ -172,7 +174,7 @@ $(VENV)/pyvenv.cfg:
 
 # A release build of the extension, with the locked crates, installed as users get it.
 $(VENV)/.installed: $(wheel_sources) | $(VENV)/pyvenv.cfg
-	$(pip) install $$(test -x $(bin)/maturin && echo --no-build-isolation) .
+	$(on_path) $(pip) install $$(test -x $(bin)/maturin && echo --no-build-isolation) .
 	touch $@
 
 # What the tests need and what the wheel needs, at the locked versions and with their hashes; the wheel, if it is installed

@@ -539,8 +539,8 @@ def observe(
     per_epoch: bool = False,
 ) -> list[ObservabilityDict]: ...
 def rejected_imu(
-    imu: ImuDict,
-    options: OptionsDict,
+    imu: models.ImuModel | dict[str, Any],
+    options: models.Options | dict[str, Any],
     time_ns: ArrayLike,
     omega_p_radps: ArrayLike,
     force_p_mps2: ArrayLike,

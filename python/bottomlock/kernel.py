@@ -24,6 +24,7 @@ Examples:
 """
 
 import difflib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -313,6 +314,7 @@ def solve_velocity(
         One row per ping. Lost beams and unobservable components are values, not errors.
 
     Raises:
+        TypeError: for a geometry that is none.
         KernelError: for a wrong shape or type, an unknown method, or a valid beam without a finite velocity; the
             message names row and beam.
 
@@ -324,7 +326,10 @@ def solve_velocity(
         >>> float(fixes.velocity_p_mps[0, 0].round(6)), COMPONENT_STATUS[fixes.component[0, 1]]
         (2.0, 'outside_row_space')
     """
-    if np.ndim(beam_sd_mps) == 0:
+    if not isinstance(geometry, BeamGeometry):
+        raise TypeError(f"geometry is of type {type(geometry).__name__}, expected a BeamGeometry")
+    # Not np.ndim: it raises an error of its own for rows of unequal length.
+    if getattr(beam_sd_mps, "ndim", int(isinstance(beam_sd_mps, Sequence))) == 0:
         beam_sd_mps = np.full(geometry.beams, beam_sd_mps, dtype=np.float64)
     solution = _kernel.solve_velocity(
         geometry,

@@ -103,6 +103,25 @@ def test_a_prior_that_is_no_covariance_is_refused(cov: np.ndarray, why: str) -> 
     assert why
 
 
+@pytest.mark.parametrize("sd", [0.042, np.float32(0.042), np.array(0.042), [0.042] * 4])
+def test_one_sigma_stands_for_all_beams(sd: Any) -> None:  # noqa: ANN401 - any number
+    fixes = bottomlock.solve_velocity(JANUS, Y, ALL, method="lc", beam_sd_mps=sd)
+    plain = bottomlock.solve_velocity(
+        JANUS, Y, ALL, method="lc", beam_sd_mps=np.full(4, np.float64(sd) if np.ndim(sd) == 0 else 0.042)
+    )
+    np.testing.assert_array_equal(fixes.cov_m2ps2, plain.cov_m2ps2)
+
+
+def test_rows_of_unequal_length_and_what_is_no_geometry_are_refused() -> None:
+    """By name, and not by numpy's word or an attribute's."""
+    ragged: Any = [0.04, 0.04, 0.04, [0.04]]
+    with pytest.raises(bottomlock.KernelError, match="beam_sd_mps"):
+        bottomlock.solve_velocity(JANUS, Y, ALL, method="lc", beam_sd_mps=ragged)
+    none: Any = None
+    with pytest.raises(TypeError, match="geometry is of type NoneType"):
+        bottomlock.solve_velocity(none, Y, ALL, method="lc", beam_sd_mps=0.042)
+
+
 def test_an_unknown_method_offers_the_known() -> None:
     """A slip of the pen gets its correction."""
     with pytest.raises(bottomlock.KernelError, match="virtual_beam"):

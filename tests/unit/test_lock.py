@@ -1,0 +1,50 @@
+"""requirements-dev.lock: what pyproject.toml asks for, one version each, with hashes, from nowhere in particular."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+_ENTRY = re.compile(r"^([\w.-]+)==([^ \\;]+)", re.MULTILINE)
+
+
+def name_of(requirement: str) -> str:
+    """The name in a requirement, as registries write it."""
+    return re.split(r"[<>=!~ \[;]", requirement, maxsplit=1)[0].lower().replace("_", "-")
+
+
+@pytest.fixture(scope="module")
+def lock(root: Path) -> str:
+    return (root / "requirements-dev.lock").read_text(encoding="utf-8")
+
+
+def test_the_lock_has_what_is_asked_for(root: Path, lock: str) -> None:
+    """`make lock` after every change of the dependencies."""
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    locked: dict[str, set[str]] = {}
+    for name, version in _ENTRY.findall(lock):
+        locked.setdefault(name, set()).add(version)
+    asked = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
+    assert [one for one in asked if name_of(one) not in locked] == []
+    pinned = [one.split("==") for one in asked if "==" in one]
+    assert len(pinned) > 8
+    assert [name for name, version in pinned if locked[name_of(name)] != {version}] == []
+
+
+def test_every_entry_has_hashes_and_no_place(lock: str) -> None:
+    """A package that was changed at its source, or comes from another one, is not installed."""
+    entries = re.split(
+        r"\n(?=[a-z])", "\n".join(line for line in lock.splitlines() if not line.startswith("#"))
+    )
+    assert len(entries) > 40
+    assert [entry.split()[0] for entry in entries if "--hash=sha256:" not in entry] == []
+    assert "://" not in lock
+
+
+def test_compiled_packages_are_locked_for_every_platform(lock: str) -> None:
+    """The lock is of no one machine: numpy alone has wheels for some thirty platforms and versions of Python."""
+    (numpy, *_) = re.findall(r"^numpy==.*?(?=^\w)", lock, re.MULTILINE | re.DOTALL)
+    assert numpy.count("--hash=sha256:") > 20
