@@ -192,6 +192,25 @@ pub(crate) fn require_finite(field: &'static str, time_ns: i64, values: &[f64]) 
     }
 }
 
+/// Largest number of a filter that is read from bytes: its sixth power is finite, so that no product in an update overflows.
+const LARGEST_RESTORED: f64 = 1e50;
+
+/// Checks the numbers of a filter that is read from bytes: finite, and far from overflow.
+///
+/// # Errors
+/// [`NavError::NotFinite`] or [`NavError::OutOfRange`], which names the field.
+pub(crate) fn require_restorable(field: &'static str, time_ns: i64, values: &[f64]) -> Result<(), NavError> {
+    require_finite(field, time_ns, values)?;
+    match values.iter().find(|value| value.abs() > LARGEST_RESTORED) {
+        None => Ok(()),
+        Some(&value) => Err(NavError::OutOfRange {
+            field,
+            value,
+            expected: "a number of a saved filter, up to 1e50",
+        }),
+    }
+}
+
 /// Checks that a standard deviation or variance is finite and not negative.
 ///
 /// # Errors

@@ -24,7 +24,7 @@ use nalgebra::{SMatrix, Vector3};
 use super::Eskf;
 use crate::aiding::sensor::Quantity;
 use crate::aiding::{Innovation, MAX_ROWS, TangentRows};
-use crate::error::{NavError, require_finite};
+use crate::error::{NavError, require_finite, require_restorable};
 use crate::filter::report::Sensor;
 use crate::layout::{ATTITUDE, DIM, DVL_BIAS, POSITION, VELOCITY};
 
@@ -55,8 +55,8 @@ impl ConsecutiveRejections {
     /// [`NavError::NotFinite`].
     pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
         self.0.iter().try_for_each(|count| {
-            require_finite("rejections", time_ns, &[count.log_factor])?;
-            require_finite("rejections", time_ns, count.correction.as_slice())
+            require_restorable("rejections", time_ns, &[count.log_factor])?;
+            require_restorable("rejections", time_ns, count.correction.as_slice())
         })
     }
 }

@@ -1,7 +1,7 @@
 //! Checks of a filter that was read from bytes.
 
 use super::Eskf;
-use crate::error::{NavError, require_finite, require_non_negative};
+use crate::error::{NavError, require_non_negative, require_restorable};
 use crate::mechanisation::Kinematics;
 
 /// Largest difference of an attitude's quaternion from norm 1, and of what follows from it, relative.
@@ -17,12 +17,12 @@ impl Eskf {
         self.check_motion()?;
         self.check_covariance()?;
         let time_ns = self.state.time_ns;
-        require_finite("last angular rate", time_ns, self.last_rate_p_radps.as_slice())?;
+        require_restorable("last angular rate", time_ns, self.last_rate_p_radps.as_slice())?;
         require_non_negative("last step", self.last_step_s)?;
         require_non_negative("covariance interval", self.interval.duration_s())?;
         require_non_negative("covariance_period_s", self.settings.covariance_period_s)?;
-        require_finite("earth rate", time_ns, &self.settings.earth.rate_t)?;
-        require_finite("gravity", time_ns, &[self.settings.earth.gravity_mps2])?;
+        require_restorable("earth rate", time_ns, &self.settings.earth.rate_t)?;
+        require_restorable("gravity", time_ns, &[self.settings.earth.gravity_mps2])?;
         let noise = &self.settings.noise;
         let densities = [
             ("accelerometer noise", noise.accel),
@@ -47,10 +47,16 @@ impl Eskf {
     }
 
     fn check_motion(&self) -> Result<(), NavError> {
-        self.state.validate()?;
-        let (own, time_ns) = (&self.kinematics, self.state.time_ns);
-        require_finite("position", time_ns, &own.position_t_m)?;
-        require_finite("velocity", time_ns, &own.velocity_p_mps)?;
+        let (state, own, time_ns) = (&self.state, &self.kinematics, self.state.time_ns);
+        state.validate()?;
+        let biases = [state.accel_bias_p_mps2, state.gyro_bias_p_radps];
+        biases
+            .iter()
+            .try_for_each(|bias| require_restorable("inertial bias", time_ns, &bias.to_array()))?;
+        require_restorable("beam bias", time_ns, state.dvl_bias_mps.as_slice())?;
+        require_restorable("scale factor", time_ns, &[state.dvl_scale_factor])?;
+        require_restorable("position", time_ns, &own.position_t_m)?;
+        require_restorable("velocity", time_ns, &own.velocity_p_mps)?;
         let norm = own.attitude_t_p.iter().map(|q| q * q).sum::<f64>().sqrt();
         if !((norm - 1.0).abs() <= ROUNDING) {
             return Err(NavError::OutOfRange {
@@ -77,8 +83,8 @@ impl Eskf {
 
     fn check_covariance(&self) -> Result<(), NavError> {
         let (covariance, time_ns) = (self.covariance(), self.state.time_ns);
-        require_finite("covariance", time_ns, self.covariance.as_slice())?;
-        require_finite("covariance", time_ns, covariance.as_slice())?;
+        require_restorable("covariance", time_ns, self.covariance.as_slice())?;
+        require_restorable("covariance", time_ns, covariance.as_slice())?;
         let is_symmetric = (covariance - covariance.transpose()).amax() <= ROUNDING * covariance.amax();
         // Rounding may leave the variance of a state that is known completely below zero.
         let least = -ROUNDING * covariance.diagonal().amax();

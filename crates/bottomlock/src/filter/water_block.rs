@@ -4,7 +4,7 @@
 use nalgebra::{Cholesky, Const, Matrix3, SMatrix};
 
 use crate::aiding::water::{HEAVE, WATER, WaterCovariance, WaterPrior, WaterRow, WaterVector, inject};
-use crate::error::{NavError, require_finite};
+use crate::error::{NavError, require_restorable};
 use crate::error_model::Interval;
 use crate::layout::{ATTITUDE, DIM, POSITION};
 use crate::mechanisation::{EarthTerms, Kinematics};
@@ -73,9 +73,9 @@ impl WaterBlock {
         ];
         vectors
             .into_iter()
-            .try_for_each(|vector| require_finite("water states", time_ns, vector.as_slice()))?;
-        require_finite("water covariance", time_ns, self.covariance.as_slice())?;
-        require_finite("water covariance", time_ns, self.cross.as_slice())
+            .try_for_each(|vector| require_restorable("water states", time_ns, vector.as_slice()))?;
+        require_restorable("water covariance", time_ns, self.covariance.as_slice())?;
+        require_restorable("water covariance", time_ns, self.cross.as_slice())
     }
 
     /// Number of restarts after the measurements contradicted the assumptions.
