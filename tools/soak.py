@@ -27,7 +27,7 @@ from bottomlock import kernel
 from bottomlock.config.scenario import load_scenario
 from tests.oracle import truth
 
-METHODS = ("tc", "sway_current", "consistent", "elc")
+METHODS: tuple[kernel.Method, ...] = ("tc", "sway_current", "consistent", "elc")
 RATE_HZ = 150
 SECOND_NS = 1_000_000_000
 PERIOD_S = 125
@@ -66,8 +66,8 @@ class Voyage:
         scenario = load_scenario("survey_table2")
         latitude_rad = math.radians(scenario.environment.latitude_deg)
         gravity = kernel.normal_gravity_mps2(latitude_rad)
-        self.model: Any = scenario.kernel_model(gravity)
-        self.options: Any = scenario.kernel_options() | {"imu_sampling": "instantaneous"}
+        self.model = scenario.kernel_model(gravity)
+        self.options = scenario.kernel_options().replace(imu_sampling="instantaneous")
         self.geometry = kernel.BeamGeometry.janus(math.radians(30.0))
         eight = truth.make(
             truth.figure_eight_yaw,
@@ -81,10 +81,10 @@ class Voyage:
         self._imu = np.hstack([eight["omega_p_radps"], eight["force_p_mps2"]])
         self._beams = self.geometry.beam_velocities(eight["velocity_p_mps"][:1])[0]
         self.rng = np.random.default_rng(seed)
-        imu, per_sample = self.model["imu"], math.sqrt(RATE_HZ)
-        sd = [imu["gyro_noise_rad_rts"] * per_sample] * 3 + [imu["accel_noise_mps_rts"] * per_sample] * 3
+        imu, per_sample = self.model.imu, math.sqrt(RATE_HZ)
+        sd = [imu.gyro_noise_rad_rts * per_sample] * 3 + [imu.accel_noise_mps_rts * per_sample] * 3
         self._imu_sd = np.array(sd)
-        bias_sd = [imu["gyro_bias_sd_radps"]] * 3 + [imu["accel_bias_sd_mps2"]] * 3
+        bias_sd = [imu.gyro_bias_sd_radps] * 3 + [imu.accel_bias_sd_mps2] * 3
         self._imu_bias = np.array(bias_sd) * self.rng.standard_normal(6)
 
     def at(self, second: int) -> dict[str, Vectors]:
@@ -177,11 +177,11 @@ def resident_mb() -> float:
 
 
 def soak(
-    hours: float, *, seed: int = 1, methods: tuple[str, ...] = METHODS, tell: bool = False
+    hours: float, *, seed: int = 1, methods: tuple[kernel.Method, ...] = METHODS, tell: bool = False
 ) -> dict[str, Any]:
     """Sails so many hours; the figures and the faults."""
     voyage = Voyage(seed)
-    start: dict[str, Any] = {"time_ns": 0, **voyage.at(0)}
+    start: Any = {"time_ns": 0, **voyage.at(0)}
     navigators = {
         name: kernel.Navigator(voyage.geometry, voyage.model, voyage.options, start, method=name)
         for name in methods
@@ -195,7 +195,8 @@ def soak(
     for second in range(seconds):
         block, pushes = voyage.imu(second), voyage.pushes(second + 1)
         for name, navigator in navigators.items():
-            reports = navigator.push_imu_block(*block)
+            time_ns, rate, force = block
+            reports = navigator.push_imu_block(time_ns, omega_p_radps=rate, force_p_mps2=force)
             for push, values in pushes:
                 reports += getattr(navigator, push)(**values)
             verdicts[name].update(f"{report['sensor']} {report['verdict']}" for report in reports)

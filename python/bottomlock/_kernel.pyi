@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.kernel import JanusConfiguration, Method
-from bottomlock.models import InitialState, Model, Options
+from bottomlock.models import ImuModel, InitialState, Model, Options
 
 __all__ = [
     "DEFAULT_OPTIONS",
@@ -539,8 +539,8 @@ def observe(
     per_epoch: bool = False,
 ) -> list[ObservabilityDict]: ...
 def rejected_imu(
-    imu: models.ImuModel | dict[str, Any],
-    options: models.Options | dict[str, Any],
+    imu: ImuModel,
+    options: Options,
     time_ns: ArrayLike,
     omega_p_radps: ArrayLike,
     force_p_mps2: ArrayLike,

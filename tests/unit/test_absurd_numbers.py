@@ -9,7 +9,8 @@ import pytest
 
 import bottomlock
 from bottomlock import kernel
-from bottomlock._kernel import BeamGeometry, KernelError
+from bottomlock._kernel import BeamGeometry
+from bottomlock.errors import KernelError
 from tests.property import settings
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ GEOMETRY = BeamGeometry.janus(0.35)
 
 def error_model(**changed: Any) -> Any:  # noqa: ANN401 - an argument of any kind
     """F and Q at rest, with what a test changes."""
-    given = {
+    given: dict[str, Any] = {
         "attitude_t_p": [1.0, 0.0, 0.0, 0.0], "velocity_p_mps": np.zeros(3),
         "omega_p_radps": np.zeros(3), "force_p_mps2": np.array([0.0, 0.0, -9.8]),
     }  # fmt: skip
@@ -62,7 +63,7 @@ def test_beam_velocities(given: Callable[[float], dict[str, Any]], value: float)
 
 def solve(**changed: Any) -> Any:  # noqa: ANN401 - an argument of any kind
     """Two pings of beams 1 and 2 by the virtual beam, with what a test changes."""
-    given = {
+    given: dict[str, Any] = {
         "velocity_mps": np.zeros((2, 4)), "valid": np.tile([True, True, False, False], (2, 1)),
         "method": "virtual_beam", "beam_sd_mps": np.full(4, 0.04), "prior_velocity_p_mps": np.zeros((2, 3)),
         "prior_cov_m2ps2": np.tile(np.eye(3), (2, 1, 1)), "omega_tp_p_radps": np.zeros((2, 3)),
@@ -87,7 +88,7 @@ def solve(**changed: Any) -> Any:  # noqa: ANN401 - an argument of any kind
 )
 def test_solve_velocity(field: str, message: str, value: float) -> None:
     """Priors of 1e300 came out as "solved" with NaN; parameters of other methods were not looked at."""
-    given = {
+    given: dict[str, Any] = {
         "velocity_mps": np.full((2, 4), value),
         "beam_sd_mps": np.full(4, value),
         "prior_velocity_p_mps": np.full((2, 3), value),
@@ -116,14 +117,16 @@ def test_times(stamps: np.ndarray[Any, Any], message: str) -> None:
     """Unsigned times wrapped to negative ones; differences of far times wrap too."""
     navigator = still()
     with pytest.raises(KernelError, match=f"time_ns.* {message}"):
-        navigator.push_imu_block(stamps, np.zeros((2, 3)), np.zeros((2, 3)))
+        navigator.push_imu_block(stamps, omega_p_radps=np.zeros((2, 3)), force_p_mps2=np.zeros((2, 3)))
     small = np.array([1, 2], dtype=np.uint64)
-    assert navigator.push_imu_block(small, np.zeros((2, 3)), np.zeros((2, 3))) == []
+    assert (
+        navigator.push_imu_block(small, omega_p_radps=np.zeros((2, 3)), force_p_mps2=np.zeros((2, 3))) == []
+    )
 
 
 def still() -> bottomlock.Navigator:
     """A navigator at rest."""
-    start = {
+    start: Any = {
         "time_ns": 0, "position_t_m": np.zeros(3), "attitude_t_p": [1.0, 0.0, 0.0, 0.0], "velocity_p_mps": np.zeros(3),
     }  # fmt: skip
     return bottomlock.Navigator(GEOMETRY, settings.table_2(), settings.options(), start)
@@ -132,14 +135,14 @@ def still() -> bottomlock.Navigator:
 def test_a_time_of_a_push_has_a_span() -> None:
     """The step of 146 years was taken."""
     with pytest.raises(KernelError, match="imu time 9223372036854775807 ns lies more than 146 years from 0"):
-        still().push_imu(2**63 - 1, np.zeros(3), np.zeros(3))
+        still().push_imu(2**63 - 1, omega_p_radps=np.zeros(3), force_p_mps2=np.zeros(3))
 
 
 @pytest.mark.parametrize("value", ABSURD)
 @pytest.mark.parametrize(
     ("name", "push"),
     [
-        ("imu force", lambda n, x: n.push_imu(10, np.zeros(3), [0.0, 0.0, x])),
+        ("imu force", lambda n, x: n.push_imu(10, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, x])),
         ("velocity_p_mps", lambda n, x: n.push_velocity(10, [x, 0.0, 0.0], cov_m2ps2=np.eye(3))),
         ("velocity cov", lambda n, x: n.push_velocity(10, np.zeros(3), cov_m2ps2=np.diag([x * 1e10] * 3))),
         ("depth_m", lambda n, x: n.push_depth(10, x, sd_m=0.1)),
@@ -161,7 +164,7 @@ def test_the_gate_needs_a_probability_whatever_the_gate() -> None:
     with pytest.raises(KernelError, match="gate_probability is NaN, expected strictly between 0 and 1"):
         bottomlock.Navigator(
             GEOMETRY, settings.table_2(), options,
-            {"time_ns": 0, "position_t_m": np.zeros(3), "attitude_t_p": [1, 0, 0, 0], "velocity_p_mps": np.zeros(3)},
+            {"time_ns": 0, "position_t_m": np.zeros(3), "attitude_t_p": [1, 0, 0, 0], "velocity_p_mps": np.zeros(3)},  # type: ignore[arg-type]
         )  # fmt: skip
 
 

@@ -6,6 +6,8 @@ parts in a thousand.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -93,7 +95,7 @@ def oracle_sd(
 def filter_sd(motion: Shaken, beams: Array | None, period_ns: int) -> Array:
     """σ at the end by the product, fed with averaged samples and perfect pings."""
     geometry = bottomlock.BeamGeometry.janus(0.35)
-    start = {
+    start: Any = {
         "time_ns": 0, "position_t_m": np.zeros(3), "attitude_t_p": motion.quaternion, "velocity_p_mps": motion.velocity,
     }  # fmt: skip
     options = settings.options(covariance_period_ns=period_ns, imu_sampling="averaged")
@@ -103,7 +105,7 @@ def filter_sd(motion: Shaken, beams: Array | None, period_ns: int) -> Array:
     reading = geometry.beam_velocities(motion.velocity[None])[0]
     for first in range(0, len(rate), RATE_HZ):
         block = slice(first, first + RATE_HZ)
-        navigator.push_imu_block(time_ns[block], rate[block], force[block])
+        navigator.push_imu_block(time_ns[block], omega_p_radps=rate[block], force_p_mps2=force[block])
         if beams is not None:
             sd = np.full(4, settings.table_2()["dvl"]["beam_noise_sd_mps"])
             navigator.push_beams(int(time_ns[block][-1]), reading, beams, sd_mps=sd)

@@ -178,3 +178,15 @@ def test_the_error_of_the_kernel_is_one_of_the_package() -> None:
         pytest.raises(KernelError, match="unknown method 'tcc'"),
     ):
         pool.apply(refused)
+
+
+def test_arrays_of_many_dimensions_are_refused() -> None:
+    """Numpy allows 64 of them, the crate that reads its arrays 32."""
+    start: Any = {
+        "time_ns": 0,
+        "position_t_m": np.zeros((1,) * 40),
+        "attitude_t_p": [1.0, 0.0, 0.0, 0.0],
+        "velocity_p_mps": np.zeros(3),
+    }
+    with pytest.raises(KernelError, match=r"initial.position_t_m has shape \(1, .*\), expected \(3,\)"):
+        kernel.Navigator(WORK["geometry"], WORK["assumed"], WORK["options"], start)

@@ -34,7 +34,7 @@ def hang(pitch_deg: float, sensor: str, seed: int) -> tuple[Counter[str], float]
     sd = {key: np.asarray(value) for key, value in model["initial"].items()}
     estimate = exp_rotation(-rng.normal(size=3) * sd["attitude_sd_rad"]) @ rotation
     geometry = bottomlock.BeamGeometry.janus(0.35)
-    start: dict[str, Any] = {
+    start: Any = {
         "time_ns": 0,
         "position_t_m": rng.normal(size=3) * sd["position_sd_m"],
         "attitude_t_p": quaternion_of(estimate),
@@ -48,7 +48,9 @@ def hang(pitch_deg: float, sensor: str, seed: int) -> tuple[Counter[str], float]
     for second in range(1, FIXES + 1):
         now = second * 1_000_000_000
         time_ns = np.linspace(now - 990_000_000, now, 100).astype(np.int64)
-        navigator.push_imu_block(time_ns, np.tile(earth_p, (100, 1)), np.tile(force, (100, 1)))
+        navigator.push_imu_block(
+            time_ns, omega_p_radps=np.tile(earth_p, (100, 1)), force_p_mps2=np.tile(force, (100, 1))
+        )
         reports = push_angles(navigator, sensor, now, pitch_deg, rng)
         beams = geometry.beam_velocities(velocity[None])[0] + 0.042 * rng.normal(size=4)
         reports += navigator.push_beams(now, beams, np.ones(4, bool), sd_mps=np.full(4, 0.042))

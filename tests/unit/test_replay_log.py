@@ -61,7 +61,7 @@ def recording() -> tuple[LogDict, StateDict]:
         "gps_position_t_m": streams["gps_position_t_m"],
     }
     initial = streams["initial"]
-    start = {
+    start: Any = {
         "time_ns": initial["time_ns"],
         "position_t_m": initial["position_t_m"],
         "attitude_t_p": initial["attitude_t_p"],

@@ -53,7 +53,7 @@ PUSH: dict[str, Push] = {
 """A measurement of every sensor."""
 
 
-def navigator(method: str) -> Navigator:
+def navigator(method: Any) -> Navigator:  # noqa: ANN401
     """At rest, with a depth sensor whose bias is estimated."""
     model: Any = settings.table_2()
     model["depth"] = {**model["depth"], "bias_sd_m": 0.3}
@@ -64,7 +64,12 @@ def navigator(method: str) -> Navigator:
         "outlier_fraction": 0.0,
         "outlier_factor": 1.0,
     }
-    start = {"time_ns": 0, "position_t_m": np.zeros(3), "attitude_t_p": LEVEL, "velocity_p_mps": np.zeros(3)}
+    start: Any = {
+        "time_ns": 0,
+        "position_t_m": np.zeros(3),
+        "attitude_t_p": LEVEL,
+        "velocity_p_mps": np.zeros(3),
+    }
     robust = {
         "closure_gate": 0.999,
         "beam_gate": 0.999,

@@ -204,9 +204,14 @@ fn ready_made<const N: usize>(value: &Bound<'_, PyAny>) -> Option<[f64; N]> {
     if !value.is_exact_instance_of::<PyUntypedArray>() {
         return None;
     }
-    let array = value.cast::<PyArrayDyn<f64>>().ok()?.try_readonly().ok()?;
+    let array = value.cast::<PyArrayDyn<f64>>().ok()?;
+    // A view of more than 32 dimensions, which numpy allows, is more than the crate knows.
+    if array.shape() != [N] {
+        return None;
+    }
+    let array = array.try_readonly().ok()?;
     let values = array.as_array();
-    (values.shape() == [N]).then(|| std::array::from_fn(|k| values[k]))
+    Some(std::array::from_fn(|k| values[k]))
 }
 
 /// A vector of fixed length.

@@ -1,5 +1,8 @@
 //! The streaming navigator.
 
+#[path = "navigator_lock.rs"]
+mod lock;
+
 use std::sync::Mutex;
 
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
@@ -22,9 +25,8 @@ use pyo3::types::{PyBytes, PyDict, PyList, PyType};
 use crate::arrays::{array, floats, rows, times, vector};
 use crate::batch::put_state;
 use crate::beam_arrays::BeamArrays;
-use crate::calls::detached;
 use crate::dvl::BeamGeometry;
-use crate::errors::{invalid, raise};
+use crate::errors::raise;
 use crate::imu_faults::fault_counts;
 use crate::report::Pushed;
 use crate::settings;
@@ -381,30 +383,6 @@ impl Navigator {
 }
 
 impl Navigator {
-    fn of(snapshot: Snapshot) -> Self {
-        Self {
-            beams: snapshot.live.navigators().selected().geometry().beams(),
-            inner: Mutex::new(snapshot.live),
-            sensors: snapshot.sensors,
-        }
-    }
-
-    /// Calls the navigators, when no other thread does.
-    ///
-    /// The lock is taken and released without the GIL, so that a thread that waits for it keeps no other from running.
-    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut LiveNavigator) -> T + Send) -> PyResult<T> {
-        detached(py, || Ok(self.inner.lock().map(|mut inner| work(&mut inner)).ok()))?.ok_or_else(|| {
-            invalid("this navigator has met an internal error before: start a new one, or load a saved one")
-        })
-    }
-
-    fn snapshot(&self, py: Python<'_>) -> PyResult<Snapshot> {
-        Ok(Snapshot {
-            live: self.with(py, |inner| inner.clone())?,
-            sensors: self.sensors,
-        })
-    }
-
     fn push<'py>(&self, py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyList>> {
         let (mut pushed, mut taken) = (Vec::new(), 0);
         let outcome = self.with(py, |inner| {

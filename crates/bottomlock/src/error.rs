@@ -133,7 +133,7 @@ pub enum NavError {
         limit_s: f64,
     },
     /// The variance of a measurement is finite and positive, or would be, but no instrument has it.
-    #[error("the variance of {stream} at {time_ns} ns is {value:e}, expected 1e-30 to 1e30: the unit is SI")]
+    #[error("the variance of {stream} at {time_ns} ns is {value:e}, expected 1e-30 to 1e24: the unit is SI")]
     NoVariance {
         /// Name of the stream.
         stream: &'static str,

@@ -10,13 +10,13 @@ from scipy.spatial.transform import Rotation
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import rejected_imu, replay_log
-from bottomlock.models import InitialModel, InitialState, Model, Options
+from bottomlock.models import ImuModel, InitialModel, InitialState, Model, Options
 from bottomlock.replay import random_errors
 from bottomlock.replay.align import Alignment, align
 from bottomlock.replay.axes import quaternions
 from bottomlock.replay.case import Case
 from bottomlock.replay.dvl_sections import WhatIf
-from bottomlock.replay.model import ImuModel, gravity_mps2, imu_model, kernel_model, kernel_options
+from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kernel_options
 from bottomlock.replay.sensors import SENSORS
 from bottomlock.replay.streams import Flags, Floats, Inertial, Streams, Times
 from bottomlock.replay.what_if import beams_returned, read_beam_recording

@@ -16,7 +16,7 @@ use crate::aiding::depth::DepthModel;
 use crate::aiding::sensor::Section;
 use crate::aiding::water::{WATER, WaterVector};
 use crate::aiding::{CorrelatedNoise, Innovation, MAX_ROWS};
-use crate::error::{NavError, require_finite};
+use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::error_model::Interval;
 use crate::layout::{ATTITUDE, DIM, POSITION};
 use crate::mechanisation::{EarthTerms, Kinematics};
@@ -52,8 +52,8 @@ impl DepthBias {
     pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
         Section::validate(&self.model)?;
         require_finite("depth bias", time_ns, &[self.estimate_m, self.variance_m2])?;
-        require_finite("depth bias covariance", time_ns, self.cross.as_slice())?;
-        require_finite("depth bias covariance", time_ns, self.water.as_slice())
+        require_finite_squares("depth bias covariance", time_ns, self.cross.as_slice())?;
+        require_finite_squares("depth bias covariance", time_ns, self.water.as_slice())
     }
 
     /// Becomes independent of the water states, which start anew.

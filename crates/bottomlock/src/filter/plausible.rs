@@ -5,7 +5,7 @@
 //! is no estimate.
 
 use super::Eskf;
-use crate::error::{NavError, require_finite};
+use crate::error::{LARGEST, NavError, require_finite, require_finite_squares};
 use crate::layout::DIM;
 
 /// Largest coordinate, m: beyond the Moon's orbit.
@@ -15,7 +15,7 @@ const LARGEST_VELOCITY_MPS: f64 = 1e7;
 /// Largest bias or scale factor, SI.
 const LARGEST_BIAS: f64 = 1e6;
 /// Largest variance or density of noise, SI.
-const LARGEST_VARIANCE: f64 = 1e30;
+const LARGEST_VARIANCE: f64 = LARGEST * LARGEST;
 /// Largest gravity, m/s², and Earth rate, rad/s.
 const LARGEST_ENVIRONMENT: f64 = 1e3;
 
@@ -52,7 +52,7 @@ impl Eskf {
         state.validate()?;
         let time_ns = state.time_ns;
         let velocity_t_mps = self.kinematics.velocity_t_mps;
-        let groups: [(&'static str, &[f64], f64); 7] = [
+        let groups: [(&'static str, &[f64], f64); 6] = [
             ("state position_t_m", &state.position_t_m.to_array(), LARGEST_POSITION_M),
             ("state velocity_p_mps", &velocity_t_mps, LARGEST_VELOCITY_MPS),
             (
@@ -67,7 +67,6 @@ impl Eskf {
             ),
             ("state dvl_bias_mps", state.dvl_bias_mps.as_slice(), LARGEST_BIAS),
             ("state dvl_scale_factor", &[state.dvl_scale_factor], LARGEST_BIAS),
-            ("covariance", self.covariance.as_slice(), LARGEST_VARIANCE),
         ];
         for (field, values, limit) in groups {
             require_finite(field, time_ns, values)?;
@@ -81,8 +80,9 @@ impl Eskf {
                 });
             }
         }
+        require_finite_squares("covariance", time_ns, self.covariance.as_slice())?;
         if let Some(water) = self.water() {
-            require_finite("covariance of the water states", time_ns, water.covariance().as_slice())?;
+            require_finite_squares("covariance of the water states", time_ns, water.covariance().as_slice())?;
             require_finite("water states", time_ns, water.estimate().as_slice())?;
         }
         let bias = self

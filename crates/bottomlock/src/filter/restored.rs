@@ -1,7 +1,7 @@
 //! Checks of a filter that was read from bytes.
 
 use super::Eskf;
-use crate::error::{NavError, require_finite, require_non_negative};
+use crate::error::{NavError, require_finite, require_finite_squares, require_non_negative};
 use crate::mechanisation::Kinematics;
 
 /// Largest difference of an attitude's quaternion from norm 1, and of what follows from it, relative.
@@ -47,8 +47,14 @@ impl Eskf {
     }
 
     fn check_motion(&self) -> Result<(), NavError> {
-        self.state.validate()?;
-        let (own, time_ns) = (&self.kinematics, self.state.time_ns);
+        let (state, own, time_ns) = (&self.state, &self.kinematics, self.state.time_ns);
+        state.validate()?;
+        let biases = [state.accel_bias_p_mps2, state.gyro_bias_p_radps];
+        biases
+            .iter()
+            .try_for_each(|bias| require_finite("inertial bias", time_ns, &bias.to_array()))?;
+        require_finite("beam bias", time_ns, state.dvl_bias_mps.as_slice())?;
+        require_finite("scale factor", time_ns, &[state.dvl_scale_factor])?;
         require_finite("position", time_ns, &own.position_t_m)?;
         require_finite("velocity", time_ns, &own.velocity_p_mps)?;
         let norm = own.attitude_t_p.iter().map(|q| q * q).sum::<f64>().sqrt();
@@ -77,8 +83,8 @@ impl Eskf {
 
     fn check_covariance(&self) -> Result<(), NavError> {
         let (covariance, time_ns) = (self.covariance(), self.state.time_ns);
-        require_finite("covariance", time_ns, self.covariance.as_slice())?;
-        require_finite("covariance", time_ns, covariance.as_slice())?;
+        require_finite_squares("covariance", time_ns, self.covariance.as_slice())?;
+        require_finite_squares("covariance", time_ns, covariance.as_slice())?;
         let is_symmetric = (covariance - covariance.transpose()).amax() <= ROUNDING * covariance.amax();
         // Rounding may leave the variance of a state that is known completely below zero.
         let least = -ROUNDING * covariance.diagonal().amax();

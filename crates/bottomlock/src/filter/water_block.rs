@@ -4,7 +4,7 @@
 use nalgebra::{Cholesky, Const, Matrix3, SMatrix};
 
 use crate::aiding::water::{HEAVE, WATER, WaterCovariance, WaterPrior, WaterRow, WaterVector, inject};
-use crate::error::{NavError, require_finite};
+use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::error_model::Interval;
 use crate::layout::{ATTITUDE, DIM, POSITION};
 use crate::mechanisation::{EarthTerms, Kinematics};
@@ -74,8 +74,8 @@ impl WaterBlock {
         vectors
             .into_iter()
             .try_for_each(|vector| require_finite("water states", time_ns, vector.as_slice()))?;
-        require_finite("water covariance", time_ns, self.covariance.as_slice())?;
-        require_finite("water covariance", time_ns, self.cross.as_slice())
+        require_finite_squares("water covariance", time_ns, self.covariance.as_slice())?;
+        require_finite_squares("water covariance", time_ns, self.cross.as_slice())
     }
 
     /// Number of restarts after the measurements contradicted the assumptions.

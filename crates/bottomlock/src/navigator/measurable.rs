@@ -2,15 +2,15 @@
 
 use crate::aiding::registry::Levers;
 use crate::dvl::geometry::BeamSample;
-use crate::error::NavError;
+use crate::error::{LARGEST, NavError};
 use crate::filter::Eskf;
 use crate::navigator::events::Event;
 
 /// Largest deviation of a measurement from what the filter expects, SI.
-const LARGEST_RESIDUAL: f64 = 1e12;
+const LARGEST_RESIDUAL: f64 = LARGEST;
 /// Variances that a measurement can have, SI.
 const SMALLEST_VARIANCE: f64 = 1e-30;
-const LARGEST_VARIANCE: f64 = 1e30;
+const LARGEST_VARIANCE: f64 = LARGEST * LARGEST;
 
 const UNIT: &str = ": the unit is SI";
 

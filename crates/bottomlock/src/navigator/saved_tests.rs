@@ -84,7 +84,7 @@ fn the_layout_is_that_of_the_format() {
         .zip(1..)
         .map(|(&byte, k)| u64::from(byte) * k)
         .sum();
-    assert_eq!((crate::saved::FORMAT, bytes.len(), sum), (1, 0, 0));
+    assert_eq!((crate::saved::FORMAT, bytes.len(), sum), (1, 20056, 2_297_204_274));
 }
 
 /// Each fault of the frame has its words.
