@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -190,7 +191,11 @@ def test_pd0_ranges_beyond_655_m() -> None:
     ensemble = bytearray(seeds.pd0_ensemble(1, ranges=(1000, 1010, 1020, 0)))
     body = bytes(ensemble[:-2])
     track = body.index(b"\x00\x06", 6 + 2 * 3 + 59 + 65)
-    types: list[Any] = [body[6 + 2 * 3 : 6 + 2 * 3 + 59], body[6 + 2 * 3 + 59 : track], bytearray(body[track:])]
+    types: list[Any] = [
+        body[6 + 2 * 3 : 6 + 2 * 3 + 59],
+        body[6 + 2 * 3 + 59 : track],
+        bytearray(body[track:]),
+    ]
     types[2][77:81] = bytes([1, 0, 2, 1])
     table = pd0.read(seeds.pd0_wrap([bytes(one) for one in types]), "log").table
     np.testing.assert_allclose(table.range_m[0], [10.0 + 655.36, 10.1, 10.2 + 1310.72, 655.36])
