@@ -96,7 +96,7 @@ class ImuErrors(Section):
 class Imu(ImuErrors):
     """Inertial measurement unit: rate and errors."""
 
-    rate_hz: Annotated[float, Field(gt=0, le=10_000)] = 150.0
+    rate_hz: Annotated[float, Field(ge=1, le=10_000)] = 150.0
     sampling: Literal["instantaneous", "averaged"] = "instantaneous"
 
 
