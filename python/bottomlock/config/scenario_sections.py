@@ -158,7 +158,7 @@ class ImuLimits(Section):
 class Imu(ImuErrors):
     """Inertial measurement unit: rate, errors, and the limits of its readings outside a simulation."""
 
-    rate_hz: Annotated[float, Field(gt=0, le=10_000)] = 150.0
+    rate_hz: Annotated[float, Field(ge=1, le=10_000)] = 150.0
     sampling: Literal["instantaneous", "averaged"] = "instantaneous"
     limits: ImuLimits = ImuLimits()
 

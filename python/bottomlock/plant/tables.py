@@ -28,6 +28,12 @@ Table = TypeVar("Table", bound=BaseModel)
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+Speed = Annotated[float, Field(gt=0.0, le=50.0)]
+Duration = Annotated[float, Field(gt=0.0, le=86_400.0)]
+"""Seconds, a day at most: a mission is integrated step by step."""
+
+Length = Annotated[float, Field(ge=0.1, le=1e6)]
+"""Metres of a part of a path, of which a mission has a number that can be held."""
 
 
 class _Table(BaseModel):
@@ -65,7 +71,7 @@ class StuckFinTable(_Table):
 
 
 class _MissionTable(_Table):
-    speed_mps: Positive = 2.0
+    speed_mps: Speed = 2.0
     guidance: Literal["line_of_sight", "constant_bearing"] = "line_of_sight"
     current: CurrentTable = CurrentTable()
     stuck_fin: StuckFinTable | None = None
@@ -75,7 +81,7 @@ class StraightTable(_MissionTable):
     """Trajectory 1."""
 
     kind: Literal["straight"]
-    duration_s: Positive = 250.0
+    duration_s: Duration = 250.0
     depth_m: NotNegative = 20.0
 
     def build(self) -> Mission:
@@ -87,9 +93,9 @@ class FigureEightTable(_MissionTable):
     """Trajectory 2."""
 
     kind: Literal["figure_eight"]
-    duration_s: Positive = 250.0
+    duration_s: Duration = 250.0
     depth_m: NotNegative = 20.0
-    radius_m: Positive = 40.0
+    radius_m: Length = 40.0
     dive_rate_mps: Finite = 0.1
 
     def build(self) -> Mission:
@@ -107,12 +113,12 @@ class LawnMowerTable(_MissionTable):
     """Trajectory 3."""
 
     kind: Literal["lawn_mower"]
-    duration_s: Positive = 250.0
+    duration_s: Duration = 250.0
     depth_m: NotNegative = 20.0
-    leg_m: Positive = 80.0
-    spacing_m: Positive = 30.0
+    leg_m: Length = 80.0
+    spacing_m: Length = 30.0
     dive_rate_mps: Finite = 0.3
-    dive_duration_s: Positive = 30.0
+    dive_duration_s: Duration = 30.0
 
     def build(self) -> Mission:
         """The mission, without current and faults."""
@@ -133,9 +139,9 @@ class WaypointsTable(_MissionTable):
     kind: Literal["waypoints"]
     name: Annotated[str, Field(min_length=1)]
     waypoints_m: Annotated[list[tuple[Finite, Finite]], Field(min_length=2)]
-    turn_radius_m: Positive = 15.0
+    turn_radius_m: Length = 15.0
     depth_profile: Annotated[list[tuple[Finite, NotNegative]], Field(min_length=1)]
-    duration_s: Positive | None = None
+    duration_s: Duration | None = None
 
     def build(self) -> Mission:
         """The mission, without current and faults."""

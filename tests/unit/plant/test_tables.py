@@ -73,3 +73,13 @@ def test_seabeds(tmp_path: Path) -> None:
     assert isinstance(own, GridSeabed)
     with pytest.raises(ScenarioError, match=r"scenario x: seabed: 'depth_m' is -60, expected > 0\.0 m"):
         seabed_from_table({"kind": "plane", "depth_m": -60}, "x")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("dive_duration_s", 1e300), ("leg_m", 1e-300), ("speed_mps", 1e300), ("duration_s", 1e300)],
+)
+def test_a_mission_that_nothing_can_hold(key: str, value: float) -> None:
+    """A day, and a path of a countable number of parts: beyond that the key is named."""
+    with pytest.raises(ScenarioError, match=key):
+        mission_from_table({"kind": "lawn_mower", key: value}, "lawn_mower")

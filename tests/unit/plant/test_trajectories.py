@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bottomlock.config.scenario import EARTH_RATE_RADPS
-from bottomlock.errors import ScenarioError
+from bottomlock.errors import Note, ScenarioError
 from bottomlock.plant import (
     Current,
     Flight,
@@ -146,7 +146,7 @@ def test_flights_come_back_from_the_cache_bit_for_bit(
         return fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2).truth
 
     first = simulated_truth()
-    (kept,) = (tmp_path / "kept").iterdir()
+    (kept,) = (tmp_path / "kept").glob("*.npz")
     monkeypatch.setattr("bottomlock.plant.truth.swim", lambda *_, **__: pytest.fail("not from the cache"))
     again = simulated_truth()
     assert (again.force_p_mps2 == first.force_p_mps2).all()
@@ -155,7 +155,13 @@ def test_flights_come_back_from_the_cache_bit_for_bit(
     )
     monkeypatch.undo()
     monkeypatch.setenv("BOTTOMLOCK_CACHE", str(tmp_path / "kept"))
-    kept.write_bytes(kept.read_bytes()[:100])
+    whole = kept.read_bytes()
+    for spoilt in (whole[:100], whole[:2000] + b"\x01" + whole[2001:]):
+        kept.write_bytes(spoilt)
+        with pytest.warns(Note, match=r"cached truth: .*npz: has changed since .*; it is computed again"):
+            assert (simulated_truth().force_p_mps2 == first.force_p_mps2).all()
+        assert kept.read_bytes() == whole
+    kept.unlink()
     assert (simulated_truth().force_p_mps2 == first.force_p_mps2).all()
 
 
