@@ -190,9 +190,10 @@ def test_pd0_ranges_beyond_655_m() -> None:
     ensemble = bytearray(seeds.pd0_ensemble(1, ranges=(1000, 1010, 1020, 0)))
     body = bytes(ensemble[:-2])
     track = body.index(b"\x00\x06", 6 + 2 * 3 + 59 + 65)
-    types = [body[6 + 2 * 3 : 6 + 2 * 3 + 59], body[6 + 2 * 3 + 59 : track], bytearray(body[track:])]
-    types[2][77:81] = bytes([1, 0, 2, 1])
-    table = pd0.read(seeds.pd0_wrap([bytes(one) for one in types]), "log").table
+    bottom = bytearray(body[track:])
+    bottom[77:81] = bytes([1, 0, 2, 1])
+    types = [body[6 + 2 * 3 : 6 + 2 * 3 + 59], body[6 + 2 * 3 + 59 : track], bytes(bottom)]
+    table = pd0.read(seeds.pd0_wrap(types), "log").table
     np.testing.assert_allclose(table.range_m[0], [10.0 + 655.36, 10.1, 10.2 + 1310.72, 655.36])
 
 
