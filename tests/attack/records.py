@@ -118,8 +118,11 @@ def read(name: str, data: bytes) -> Recording:
     return _FORMS[name].read(data, "attack", Options(instrument_only=name in _NO_BEAMS))
 
 
-def mixed(recording: Recording, whole: Recording, owners: Owners) -> str | None:
-    """Says which ping holds numbers of two, or holds less than it did without a remark in the account; else None."""
+def mixed(recording: Recording, whole: Recording, owners: Owners, *, checksum: bool = True) -> str | None:
+    """Says which ping holds numbers of two, or holds less than it did without a remark in the account; else None.
+
+    Without a `checksum` a changed validity flag passes for a good one, as any changed digit.
+    """
     table = recording.table
     pings: list[set[int] | None] = [None] * table.rows
     for column, values in _columns(table):
@@ -139,7 +142,7 @@ def mixed(recording: Recording, whole: Recording, owners: Owners) -> str | None:
         if not named:
             continue
         fewer = table.valid[row].sum() < whole.table.valid[min(named)].sum()
-        if fewer and not (account.flagged or account.skipped):
+        if checksum and fewer and not (account.flagged or account.skipped):
             return f"row {row}: beams are missing without a remark"
         if (table.time_ns[row] in whole.table.time_ns) and not any(
             whole.table.time_ns[k] == table.time_ns[row] for k in named
@@ -158,7 +161,9 @@ def attack_bytes(name: str, seed: int, rng: random.Random, outcome: Outcome) -> 
     except BottomlockError as error:
         outcome.refused[name] += 1
         return "an error of several lines" if "\n" in str(error) else None
-    return fault_of(recording, data) or (None if whole is None else mixed(recording, whole, owners))
+    return fault_of(recording, data) or (
+        None if whole is None else mixed(recording, whole, owners, checksum=log.checksum)
+    )
 
 
 @functools.cache

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -191,11 +190,29 @@ def test_pd0_ranges_beyond_655_m() -> None:
     ensemble = bytearray(seeds.pd0_ensemble(1, ranges=(1000, 1010, 1020, 0)))
     body = bytes(ensemble[:-2])
     track = body.index(b"\x00\x06", 6 + 2 * 3 + 59 + 65)
-    types: list[Any] = [
-        body[6 + 2 * 3 : 6 + 2 * 3 + 59],
-        body[6 + 2 * 3 + 59 : track],
-        bytearray(body[track:]),
-    ]
-    types[2][77:81] = bytes([1, 0, 2, 1])
-    table = pd0.read(seeds.pd0_wrap([bytes(one) for one in types]), "log").table
+    bottom = bytearray(body[track:])
+    bottom[77:81] = bytes([1, 0, 2, 1])
+    types = [body[6 + 2 * 3 : 6 + 2 * 3 + 59], body[6 + 2 * 3 + 59 : track], bytes(bottom)]
+    table = pd0.read(seeds.pd0_wrap(types), "log").table
     np.testing.assert_allclose(table.range_m[0], [10.0 + 655.36, 10.1, 10.2 + 1310.72, 655.36])
+
+
+def test_a_record_within_a_record_is_its_data() -> None:
+    """Bytes of a whole record are not searched again: a text that quotes a record is no ping."""
+    inner = seeds.nortek_frame(0x1B, seeds.df21(1))
+    log = seeds.nortek_frame(0xA0, inner, 0x10) + seeds.nortek_frame(0x1B, seeds.df21(2))
+    account = Account(unit="byte")
+    assert [frame.kind for frame in frames(log, account)] == [0xA0, 0x1B]
+    assert (account.read, account.lost) == (2, 0)
+    # Where the outer record is damaged, the inner one is found.
+    damaged = log[:8] + bytes([log[8] ^ 1]) + log[9:]
+    assert [frame.position for frame in frames(damaged, Account(unit="byte"))] == [10, len(inner) + 10]
+
+
+def test_pd0_of_the_other_leaders() -> None:
+    """Some instruments mark their leaders 0001h and 0081h."""
+    body = bytearray(seeds.pd0_ensemble(1)[:-2])
+    first = 6 + 2 * 3
+    body[first], body[first + 59] = 1, 0x81
+    table = pd0.read(bytes(body) + (sum(body) & 0xFFFF).to_bytes(2, "little"), "log").table
+    np.testing.assert_allclose(table.velocity_mps, [[0.1, -0.1, 0.25, -0.25]])

@@ -124,3 +124,22 @@ def test_attack_on_records(count: int) -> None:
     outcome = records.run(20, count)
     assert outcome.faults == []
     assert set(outcome.inputs) == set(records.NAMES)
+
+
+def test_a_missing_number_closes_the_ping() -> None:
+    """The line of `wru` 1 is gone: 2 and 3 may be this ping's or the next one's."""
+    lines = _pings(10.0, 11.0)
+    recording = waterlinked_serial.read(b"".join(lines[:2] + lines[3:]), "log")
+    assert recording.table.valid.tolist() == [[True, False, False, False], [True] * 4]
+    assert recording.account.skipped["transducer report without its velocity report"].first == 3
+    assert recording.account.skipped["transducer report after a lost line"].first == 4
+
+
+def test_lines_gone_before_damaged_pings_are_counted() -> None:
+    """Five lines are gone without a trace, and the reports of four pings after them are damaged in sight."""
+    lines = _pings(10.0, 11.0, 12.0, 13.0, 14.0, 15.0, 16.0)
+    for j in range(2, 6):
+        lines[5 * j] = lines[5 * j].replace(b"wrz,1", b"wrz,2")
+    recording = waterlinked_serial.read(b"".join(lines[:3] + lines[8:]), "log")
+    assert recording.table.instrument_mps[:, 0].tolist() == [10.0, 16.0]
+    assert recording.table.valid.tolist() == [[False] * 4, [True] * 4]
