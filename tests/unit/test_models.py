@@ -74,7 +74,7 @@ def test_values_are_checked_by_the_kernels_rules() -> None:
         (lambda: models.GpsModel(position_sd_m=[1, 1, 1]), "gps lacks the key 'velocity_sd_mps'"),  # type: ignore[call-arg]
     ):
         with pytest.raises(KernelError, match=message):
-            make()  # type: ignore[no-untyped-call]
+            make()
 
 
 def test_defaults_are_the_kernels() -> None:

@@ -16,6 +16,7 @@ from bottomlock.config import sensors as config_sensors
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.sensors import AcousticPosition, Depth, Magnetometer
 from bottomlock.errors import ScenarioError
+from bottomlock.kernel import Method
 from bottomlock.simulation.build import build_simulation
 from bottomlock.statistics import chi_squared
 from bottomlock.statistics.rms import rms
@@ -26,7 +27,7 @@ from bottomlock.tables.studies import SENSOR_LAW
 
 KIND = "sensor_law"
 PARTS = ("cells", "sensor_law.parquet", "sensor_law.md", study_folder.MANIFEST)
-METHODS = ("tc", "info", "sway_current", "consistent")
+METHODS: tuple[Method, ...] = ("tc", "info", "sway_current", "consistent")
 SENSORS: dict[str, dict[str, Any]] = {
     "depth": {"depth": Depth()},
     "attitude": {"magnetometer": Magnetometer()},
