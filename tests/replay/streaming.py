@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import BeamGeometry, Navigator
+from bottomlock.models import Model, Options
 
 Times = NDArray[np.int64]
 STREAMS = ("imu", "dvl", "depth", "attitude", "heading", "gps")
@@ -28,7 +29,7 @@ def events(log: dict[str, Any]) -> Iterator[tuple[int, int, int]]:
 
 def push(
     navigator: Navigator,
-    model: Any,  # noqa: ANN401 - the kernel's own dict
+    model: Model,
     log: dict[str, Any],
     name: str,
     time_ns: int,
@@ -44,24 +45,25 @@ def push(
             time_ns, log["beam_velocity_mps"][row], log["beam_valid"][row], sd_mps=log["beam_sd_mps"][row]
         )
     if name == "depth":
-        return navigator.push_depth(time_ns, float(log["depth_m"][row]), sd_m=model["depth"]["sd_m"])
+        return navigator.push_depth(time_ns, float(log["depth_m"][row]), sd_m=model.depth.sd_m)
     if name == "heading":
-        sd_rad = model["heading"]["sd_rad"]
+        assert model.heading is not None
+        sd_rad = model.heading.sd_rad
         return navigator.push_heading(time_ns, float(log["heading_rad"][row]), sd_rad=sd_rad)
     if name == "attitude":
         roll, pitch, yaw = log["attitude_rpy_rad"][row]
         quaternion = np.roll(Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat(), 1)
-        sds = model["magnetometer"]
+        sds = model.magnetometer
         return navigator.push_attitude(
-            time_ns, quaternion, roll_pitch_sd_rad=sds["roll_pitch_sd_rad"], yaw_sd_rad=sds["yaw_sd_rad"]
+            time_ns, quaternion, roll_pitch_sd_rad=sds.roll_pitch_sd_rad, yaw_sd_rad=sds.yaw_sd_rad
         )
     raise AssertionError("positions without velocity are not streamed here")
 
 
 def stream(
     geometry: BeamGeometry,
-    model: Any,  # noqa: ANN401 - the kernel's own dicts
-    options: Any,  # noqa: ANN401
+    model: Model,
+    options: Options,
     method: Any,  # noqa: ANN401 - a name of a case
     log: dict[str, Any],
     start: dict[str, Any],

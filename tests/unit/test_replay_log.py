@@ -15,14 +15,14 @@ from tests.oracle import truth
 from tests.property import settings
 
 if TYPE_CHECKING:
-    from bottomlock._kernel import LogDict, ReplayDict, StateDict
+    from bottomlock._kernel import LogDict, ReplayDict
 
 SECONDS = 12
 JANUS = bottomlock.BeamGeometry.janus(np.deg2rad(20), lever_arms_p_m=np.tile([-1.8, 0.0, 0.1], (4, 1)))
 SENSORS = [("dvl", 937), ("depth", 411), ("heading", 1303), ("gps", 3001)]
 
 
-def recording() -> tuple[LogDict, StateDict]:
+def recording() -> tuple[LogDict, Any]:
     """Streams of a figure-eight whose measurements never fall on an inertial reading; beams come and go."""
     motion: Any = truth.make(yaw=truth.figure_eight_yaw, seconds=SECONDS, rate_hz=50.0)
     epochs = {
@@ -90,7 +90,7 @@ def replayed(log: LogDict = LOG, methods: tuple[str, ...] = bottomlock.METHODS, 
 def test_replay_is_the_streaming_navigator(method: Method) -> None:
     """The log pushed sample by sample, in order of validity, ends in the replay's state bit for bit, NIS and all."""
     model = settings.table_2()
-    nav = bottomlock.Navigator(JANUS, model, settings.options(gate="joint"), {**START}, method=method)
+    nav = bottomlock.Navigator(JANUS, model, settings.options(gate="joint"), START, method=method)
     queue = [(int(t), 0, k) for k, t in enumerate(LOG["imu_time_ns"])]
     for stream, (name, _) in enumerate(SENSORS, start=1):
         times: Any = LOG[f"{name}_time_ns"]  # type: ignore[literal-required]

@@ -96,6 +96,7 @@ def test_times_in_micro_and_milliseconds_are_named(scale: float) -> None:
         ([0.0, 0.0, -9.8], [0.0, 0.0, 0.01], "swapped"),
         ([0.0, 0.0, 0.01], [0.0, 0.0, -1.0], "in g"),
         ([0.0, 0.0, 0.01], [0.0, 0.0, -980.0], "mg or cm/s²"),
+        ([0.0, 0.0, 0.01], [0.0, 0.0, -96.0], "m/s² taken for g"),
         ([0.0, 0.0, 0.01], [0.1, 0.0, 0.0], "without gravity"),
     ],
 )

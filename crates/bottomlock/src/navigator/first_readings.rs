@@ -12,8 +12,8 @@ use crate::navigator::events::Event;
 const FORCE_INTERVAL_NS: i64 = 1_000_000_000;
 /// Least mean of |f|, m/s²: a fifth of gravity.
 const LEAST_FORCE_MPS2: f64 = 2.0;
-/// Greatest mean of |f|, m/s²: ten times gravity.
-const GREATEST_FORCE_MPS2: f64 = 100.0;
+/// Greatest mean of |f|, m/s²: eight times gravity, less than gravity in m/s² that is taken for g (96).
+const GREATEST_FORCE_MPS2: f64 = 80.0;
 /// Mean of |ω|, rad/s, above which it is taken for gravity where the specific force is too small: 290 degrees a second.
 const FORCE_LIKE_RATE_RADPS: f64 = 5.0;
 /// Inertial readings after which their rate is known, and their least mean interval, ns: 20 kHz.
@@ -102,7 +102,7 @@ impl FirstReadings {
         let count = f64::from(self.imu.readings);
         let (force, rate) = (self.force_mps2 / count, self.rate_radps / count);
         let expected = if force > GREATEST_FORCE_MPS2 {
-            "less than 100 m/s², near gravity: is it in mg or cm/s²?"
+            "less than 80 m/s², near gravity: is it in mg or cm/s², or m/s² taken for g?"
         } else if force >= LEAST_FORCE_MPS2 {
             return Ok(());
         } else if rate > FORCE_LIKE_RATE_RADPS {
@@ -152,8 +152,9 @@ mod tests {
         assert!(of(0.0, 980.665).unwrap().contains("mg or cm/s²"));
         assert!(fed(10, 0.0, 9.8).unwrap().contains("nanoseconds"));
         assert!(fed(10_000, 0.0, 9.8).unwrap().contains("nanoseconds"));
-        // A fifth of gravity, ten times gravity, a fast spin, and 10 kHz.
-        for taken in [of(0.0, 2.01), of(0.0, 99.0), of(20.0, 9.8), fed(100_000, 0.0, 9.8)] {
+        assert!(of(0.0, 9.8 * 9.8).unwrap().contains("taken for g"));
+        // A fifth of gravity, eight times gravity, a fast spin, and 10 kHz.
+        for taken in [of(0.0, 2.01), of(0.0, 79.0), of(20.0, 9.8), fed(100_000, 0.0, 9.8)] {
             assert_eq!(taken, None);
         }
         // Less than a second says nothing of the force.
