@@ -98,7 +98,7 @@ lint-python: $(VENV)/.tools $(VENV)/.installed
 # Licences, duplicates and sources of the crates (deny.toml); advisories where their database can be reached.
 deny: $(tools)/cargo-deny-$(CARGO_DENY)/bin/cargo-deny
 	$< --locked check licenses bans sources
-	@if $< --locked fetch db >/dev/null 2>&1; then $< --locked check --disable-fetch advisories; \
+	@if $< --locked fetch db >/dev/null 2>&1; then $< --locked --offline check advisories; \
 	    else echo "make deny: the advisory database cannot be reached, so advisories are not checked" >&2; fi
 
 bench: $(VENV)/.tools $(VENV)/.installed
@@ -146,12 +146,13 @@ lock: $(tools)/python/.ready
 	$(tools)/python/bin/uv pip compile pyproject.toml --no-config --extra dev --universal --python-version 3.11 \
 	    --generate-hashes --no-annotate --upgrade --quiet --custom-compile-command "make lock" --output-file requirements-dev.lock
 
-# The bill of materials, CycloneDX: what an install brings along, at the locked versions, and the crates in the wheel.
+# The bill of materials, CycloneDX: what an install brings along, at the locked versions, and the crates in the wheel. Its
+# check against the schema takes minutes.
 sbom: $(tools)/python/.ready $(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX)/bin/cargo-cyclonedx
 	mkdir -p out/sbom
 	$(tools)/python/bin/uv pip compile pyproject.toml --no-config --universal --python-version 3.11 --generate-hashes \
 	    --no-annotate --quiet --constraints requirements-dev.lock --output-file out/sbom/requirements.txt
-	$(tools)/python/bin/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible \
+	$(tools)/python/bin/cyclonedx-py requirements --no-validate --pyproject pyproject.toml --output-reproducible \
 	    --output-file out/sbom/python.cdx.json out/sbom/requirements.txt
 	$(lastword $^) cyclonedx --format json --manifest-path crates/bottomlock-py/Cargo.toml --override-filename rust.cdx
 	mv crates/bottomlock-py/rust.cdx.json out/sbom/
