@@ -13,7 +13,7 @@ import pytest
 
 import bottomlock
 from bottomlock import tables
-from bottomlock.config.scenario_sections import Filter, Robust
+from bottomlock.config.scenario_sections import Filter, ImuLimits, Robust
 from bottomlock.kernel import DEFAULT_OPTIONS, FIX_METHODS, METHODS
 from bottomlock.statistics.rms import combined_rms, rms, rms_column
 from bottomlock.tables.fixes import fixes_schema
@@ -53,7 +53,11 @@ def test_the_defaults_of_a_scenario_are_the_kernels() -> None:
     period_ns = 1e9 / dumped.pop("covariance_rate_hz")
     robust = Robust().kernel_options()["robust"]
     robust.pop("huber_threshold")  # of the tail that is not the default
-    assert dumped | {"covariance_period_ns": period_ns, "robust": robust} == DEFAULT_OPTIONS
+    limits = ImuLimits().kernel_options()
+    # Degrees and back cost the last bit.
+    for key in ("max_imu_rate_radps", "imu_gap_rate_sd_radps"):
+        limits[key] = round(limits[key], 14)
+    assert dumped | limits | {"covariance_period_ns": period_ns, "robust": robust} == DEFAULT_OPTIONS
 
 
 def test_every_method_of_a_fix_is_a_method_of_navigation() -> None:
