@@ -46,7 +46,7 @@ def navigator(**changed: Any) -> bottomlock.Navigator:  # noqa: ANN401
 
 def seen(nav: bottomlock.Navigator) -> tuple[Any, ...]:
     """Every number that can be asked of a navigator."""
-    state = nav.state()
+    state: Any = nav.state()
     numbers = [np.ravel(value) for value in state.values()]
     return np.concatenate(numbers).tobytes(), nav.covariance().tobytes(), nav.late_events(), nav.imu_faults()
 

@@ -92,7 +92,14 @@ def replay_case(
     tables = {name: pl.concat(parts[name]) for name in PARTS}
     path = compare.path_table(streams)
     return ReplayResult(
-        runs=runs_table(*tables.values(), pl.concat(parts["imu_faults"]), path, start_ns),
+        runs=runs_table(
+            tables["samples"],
+            tables["innovations"],
+            tables["pings"],
+            pl.concat(parts["imu_faults"]),
+            path,
+            start_ns,
+        ),
         ensemble=ensemble_table(tables["samples"], start_ns),
         path=path,
         manifest=manifest_of(
