@@ -135,7 +135,7 @@ def test_threads_company_and_repeats_change_no_bit() -> None:
     one = replayed()
     for other in (replayed(), replayed(threads=2), replayed(threads=5)):
         for key, values in one.items():
-            np.testing.assert_array_equal(values, other[key], err_msg=key)  # type: ignore[literal-required]
+            np.testing.assert_equal(other[key], values, err_msg=key)  # type: ignore[literal-required]
     alone = replayed(methods=("plcf",))
     np.testing.assert_array_equal(alone["sd"][0], one["sd"][bottomlock.METHODS.index("plcf")])
 

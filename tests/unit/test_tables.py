@@ -13,7 +13,7 @@ import pytest
 
 import bottomlock
 from bottomlock import tables
-from bottomlock.config.scenario_sections import Filter, Robust
+from bottomlock.config.scenario_sections import Filter, ImuLimits, Robust
 from bottomlock.kernel import DEFAULT_OPTIONS, FIX_METHODS, METHODS
 from bottomlock.models import Options
 from bottomlock.statistics.rms import combined_rms, rms, rms_column
@@ -50,7 +50,11 @@ def test_fixes_have_their_columns() -> None:
 
 def test_the_defaults_of_a_scenario_are_the_kernels() -> None:
     """Stated in the kernel alone; a rate stands for its period."""
-    assert Options(**Filter().kernel_options(), robust=Robust().kernel_options()) == Options()
+    limits = ImuLimits().kernel_options()
+    # Degrees and back cost the last bit.
+    for key in ("max_imu_rate_radps", "imu_gap_rate_sd_radps"):
+        limits[key] = round(limits[key], 14)
+    assert Options(**Filter().kernel_options(), **limits, robust=Robust().kernel_options()) == Options()
     assert set(Options().as_dict()) == set(DEFAULT_OPTIONS)
 
 

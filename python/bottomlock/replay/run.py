@@ -125,14 +125,14 @@ def fault_words(result: rerun.Rerun) -> list[str]:
     words = []
     if rejected["reason"]:
         counts = [f"{count} {name.replace('_', ' ')}" for name, count in kernel_result["imu_faults"].items()]
-        words.append(f"imu: {len(rejected['reason'])} readings rejected ({', '.join(counts[:3])})")
+        words.append(f"imu: readings rejected: {len(rejected['reason'])} ({', '.join(counts[:3])})")
     for time_ns, reason in zip(rejected["time_ns"][:NAMED], rejected["reason"][:NAMED], strict=True):
         words.append(f"imu: rejected {(time_ns - start_ns) * 1e-9:.3f} s after the start: {reason}")
     if len(inflated["gap_s"]):
+        first_s = (inflated["time_ns"][0] - start_ns) * 1e-9
         words.append(
-            f"imu: {len(inflated['gap_s'])} intervals without good readings bridged, their uncertainty added; the "
-            f"longest {inflated['gap_s'].max():.3f} s, the first up to "
-            f"{(inflated['time_ns'][0] - start_ns) * 1e-9:.3f} s after the start"
+            f"imu: intervals without good readings bridged and inflated: {len(inflated['gap_s'])}, the longest "
+            f"{inflated['gap_s'].max():.3f} s, the first up to {first_s:.3f} s after the start"
         )
     return words
 
