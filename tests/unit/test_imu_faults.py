@@ -183,7 +183,7 @@ def test_a_faulty_log_is_the_streaming_navigator(
     """Rejected readings and inflated gaps: the replay ends in the bits of a live navigator, and says what it found."""
     log = faulty_log(gap=gap)
     limits = options(imu_gap="inflate", max_imu_gap_s=0.5)
-    nav = bottomlock.Navigator(JANUS, settings.table_2(), limits, {**START}, method=method)
+    nav = bottomlock.Navigator(JANUS, settings.table_2(), limits, START, method=method)
     pings = {int(t): k for k, t in enumerate(log["dvl_time_ns"])}
     imu = {int(t): k for k, t in enumerate(log["imu_time_ns"])}
     for t in sorted({*pings, *imu}):
