@@ -134,8 +134,8 @@ def test_absurd_readings_move_nothing(force: float) -> None:
     """They moved the position by 1e303 m, or left a covariance of NaN."""
     nav = navigator()
     before = nav.state()["position_t_m"]
-    (report,) = nav.push_imu(10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=np.full(3, force))
-    assert report["verdict"] == "rejected"
+    with pytest.raises(bottomlock.KernelError, match="imu force_p_mps2 at 10000000 ns is -?1e30"):
+        nav.push_imu(10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=np.full(3, force))
     np.testing.assert_array_equal(nav.state()["position_t_m"], before)
     nav.push_imu(20 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
     assert np.isfinite(nav.covariance()).all()
@@ -147,10 +147,10 @@ def test_absurd_measurements_change_nothing(time_ns: int, depth_m: float, sd_m: 
     """A standard deviation of 1e300 m waited for the next reading, and the reading was refused for it."""
     nav, spared = navigator(), navigator()
     before = seen(nav)
-    with pytest.raises(bottomlock.KernelError, match="depth at"):
+    with pytest.raises(bottomlock.KernelError, match="depth"):
         nav.push_depth(time_ns, depth_m, sd_m=sd_m)
     with pytest.raises(bottomlock.KernelError, match="ahead of the navigator"):
-        nav.push_depth(2**62, 1.0, sd_m=0.1)
+        nav.push_depth(2**61, 1.0, sd_m=0.1)
     assert seen(nav) == before
     for one in (nav, spared):
         one.push_depth(time_ns, 1.0, sd_m=0.1)
@@ -230,13 +230,13 @@ def test_a_replay_refuses_a_gap_with_row_and_times() -> None:
 def test_scenario_keys_reach_the_kernel_and_decide_no_campaign() -> None:
     """`[imu.limits]` goes into the options of a Navigator; a campaign, whose readings are simulated, keeps its hash."""
     plain = load_scenario("straight")
-    kernel: Any = plain.kernel_options()
-    assert kernel["max_imu_force_mps2"] == 100.0
-    np.testing.assert_allclose(kernel["max_imu_rate_radps"], 10.0, rtol=1e-15)
+    kernel = plain.kernel_options()
+    assert kernel.max_imu_force_mps2 == 100.0
+    np.testing.assert_allclose(kernel.max_imu_rate_radps, 10.0, rtol=1e-15)
     limits = plain.imu.limits.model_copy(update={"max_force_mps2": 49.0, "gap": "inflate"})
     other = plain.model_copy(update={"imu": plain.imu.model_copy(update={"limits": limits})})
-    changed: Any = other.kernel_options()
-    assert (changed["max_imu_force_mps2"], changed["imu_gap"]) == (49.0, "inflate")
+    changed = other.kernel_options()
+    assert (changed.max_imu_force_mps2, changed.imu_gap) == (49.0, "inflate")
     assert other.content_hash() == plain.content_hash()
     packaged = resources.files("bottomlock.config") / "scenarios" / "straight.toml"
     text = packaged.read_text(encoding="utf-8") + "\n[imu.limits]\nmax_force = 3.0\n"

@@ -218,11 +218,11 @@ pub fn run_batch<'py>(
         .iter()
         .map(|name| Method::named(name).map_err(raise))
         .collect::<PyResult<Vec<_>>>()?;
-    let schedule = crate::schedule::schedule(schedule, geometry.inner.beams(), runs)?;
-    let samples = schedule.sample_time_ns.len();
+    let samples = crate::schedule::sample_count(schedule);
     crate::memory::require(batch_bytes(runs, methods.len(), samples), || {
         format!("{runs} runs of {} methods with {samples} samples", methods.len())
     })?;
+    let schedule = crate::schedule::schedule(schedule, geometry.inner.beams(), runs)?;
     let schedules: Vec<Schedule<'_>> = (0..runs).map(|run| schedule.of(run)).collect();
     let batch = Batch {
         truth: truths.of(0)?,
@@ -238,7 +238,7 @@ pub fn run_batch<'py>(
         first_run,
         runs,
     };
-    let mut results = BatchArrays::new(runs, methods.len(), samples);
+    let mut results = BatchArrays::new(runs, methods.len(), schedule.sample_time_ns.len());
     let mut slices = results.slices();
     let store = |slices: &mut Vec<RecordSlices<'_>>, records: Vec<MethodRecord>| {
         slices

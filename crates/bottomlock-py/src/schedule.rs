@@ -125,6 +125,14 @@ fn kept<T: Copy>(values: &[T], is_kept: impl Fn(usize) -> bool) -> Vec<T> {
     places.map(|k| values[k]).collect()
 }
 
+/// Number of samples of a schedule, before it is read; none where it cannot be, which its reading then says.
+pub fn sample_count(value: &Bound<'_, PyAny>) -> usize {
+    value
+        .get_item("sample_time_ns")
+        .and_then(|times| times.len())
+        .unwrap_or(0)
+}
+
 /// A schedule for a number of runs.
 pub fn schedule(value: &Bound<'_, PyAny>, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
     read("schedule", value, |keys| schedule_of(keys, beams, runs))

@@ -17,7 +17,7 @@ pub enum NavError {
     },
     /// A number is beyond anything in navigation.
     #[error(
-        "{field} at {time_ns} ns is {value}, expected less than {LARGEST:e} in SI units: a filler for a missing value?"
+        "{field} at {time_ns} ns is {value:e}, expected less than {LARGEST:e} in SI units: a filler for a missing value?"
     )]
     TooLarge {
         /// Name of the quantity.
