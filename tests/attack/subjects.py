@@ -162,7 +162,7 @@ def replay(rng: Random, trial: Trial) -> None:
     arguments = {
         "geometry": made, "model": model(), "options": options(rng), "methods": methods, "log": log,
         "start": start, "sample_time_ns": np.array([500_000_000, 1_000_000_000]), "smooth": smooth,
-        "covariances": rng.random() < 0.4, "threads": 1,
+        "covariances": rng.random() < 0.4, "threads": 1, "covariance": np.diag(np.full(20, 0.01)),
     }  # fmt: skip
     result = _call(rng, trial, "replay_log", kernel.replay_log, arguments)
     if result is not None:

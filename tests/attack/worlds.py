@@ -125,6 +125,5 @@ def log_and_start(beams: int) -> tuple[dict[str, Any], dict[str, Any]]:
         "velocity_p_mps": initial["velocity_p_mps"],
         "accel_bias_p_mps2": np.zeros(3),
         "gyro_bias_p_radps": np.zeros(3),
-        "covariance": np.diag(np.full(20, 0.01)),
     }
     return log, start

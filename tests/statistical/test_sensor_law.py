@@ -84,7 +84,9 @@ def test_medians_that_rise() -> None:
 def test_what_is_no_variant() -> None:
     """A sensor that is not known, and a current around an analytic truth."""
     packaged = scenario(1)
-    with pytest.raises(ScenarioError, match="unknown sensor 'sonar' \\(known: depth, attitude, acoustic\\)"):
+    with pytest.raises(
+        ScenarioError, match="unknown sensor 'sonar' \\(known: depth, heading, attitude, gps, acoustic\\)"
+    ):
         sensor_law.variant(packaged, (1,), ("sonar",), 0.0)
     analytic = packaged.model_copy(
         update={"trajectory": packaged.trajectory.model_copy(update={"source": "analytic"})}
@@ -126,4 +128,4 @@ def test_the_page_says_what_the_table_says(tmp_path: Path) -> None:
     facts = {"runs": 2, "seed": 1, "false_alarm": 0.01, "made_with": "", "command": ""}
     marked = markdown(changed, sensor_law.summary(changed), facts)
     assert (marked.count(" ▲ |"), marked.count(" rises |")) == (4, 4)
-    assert "of 10 cells with a further sensor the median velocity error rises in 2, and 2 become" in marked
+    assert "of 16 cells with a further sensor the median velocity error rises in 2, and 2 become" in marked

@@ -99,5 +99,5 @@ def test_faults_are_named(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such file"):
         read_beam_table(tmp_path / "none.parquet")
     path.write_bytes(b"not parquet")
-    with pytest.raises(DataError, match="cannot be read"):
+    with pytest.raises(DataError, match="is damaged or not Parquet"):
         read_beam_table(path)

@@ -67,7 +67,7 @@ def test_missing_columns_and_files(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such file"):
         read_beams(tmp_path / "none.csv", beams=2)
     (tmp_path / "bad.parquet").write_bytes(b"not parquet")
-    with pytest.raises(DataError, match="cannot be read"):
+    with pytest.raises(DataError, match="is damaged or not Parquet"):
         read_beams(tmp_path / "bad.parquet", beams=2)
     with pytest.raises(DataError, match="names 1 columns, expected 2"):
         read_beams(log(tmp_path, "1,0.5,0.1,1,1"), beams=2, columns=Columns(velocity=("beam1_mps",)))

@@ -134,7 +134,7 @@ def test_absurd_readings_move_nothing(force: float) -> None:
     """They moved the position by 1e303 m, or left a covariance of NaN."""
     nav = navigator()
     before = nav.state()["position_t_m"]
-    with pytest.raises(bottomlock.KernelError, match="imu force_p_mps2 at 10000000 ns is -?1e30"):
+    with pytest.raises(bottomlock.KernelError, match=r"imu force_p_mps2 at 10000000 ns is -?1e30"):
         nav.push_imu(10 * MS, omega_p_radps=np.zeros(3), force_p_mps2=np.full(3, force))
     np.testing.assert_array_equal(nav.state()["position_t_m"], before)
     nav.push_imu(20 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)

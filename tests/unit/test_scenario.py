@@ -214,7 +214,7 @@ def test_one_key_is_replaced_and_checked() -> None:
         ),
         ("imuu.rate_hz", 100.0, "unknown key 'imuu', did you mean 'imu'"),
         ("imu.rate_hz.x", 1.0, "unknown key 'imu.rate_hz.x'"),
-        ("imu.rate_hz", -1.0, "'imu.rate_hz' is -1.0, expected > 0"),
+        ("imu.rate_hz", -1.0, "'imu.rate_hz' is -1.0, expected >= 1.0"),
         ("campaign.methods", ["tcc"], "unknown method 'tcc', did you mean 'tc'"),
     ):
         with pytest.raises(ScenarioError, match=message):

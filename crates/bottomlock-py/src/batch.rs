@@ -65,7 +65,6 @@ pub fn simulate_sensors<'py>(
     };
     let streams = detached(py, || {
         truth.validate()?;
-        model.validate()?;
         sensor_streams::simulate(&truth, &geometry.inner, &model, &model, &schedule.of(0), &options, &key)
     })?;
 
@@ -266,7 +265,6 @@ pub fn error_model<'py>(
     force_p_mps2: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let model = settings::model(model)?;
-    model.validate().map_err(raise)?;
     let mut state = NavState::at_rest(0);
     state.attitude_t_p = settings::attitude("attitude_t_p", attitude_t_p)?;
     state.velocity_p_mps = Vec3::from_array(vector("velocity_p_mps", velocity_p_mps)?);

@@ -25,8 +25,8 @@ impl SectionReader for OneSection<'_, '_> {
 #[pyfunction]
 pub fn check_settings(place: &str, values: &Bound<'_, PyAny>) -> PyResult<()> {
     let verdict = match place {
-        "model" => settings::model(values)?.validate(),
-        "options" => settings::options(values)?.validate(),
+        "model" => settings::model(values).map(|_| Ok(()))?,
+        "options" => settings::options(values).map(|_| Ok(()))?,
         "initial_state" => state::state(place, values)?.validate(),
         _ => read(place, values, |keys| match place {
             "environment" => Ok(settings::environment(keys)?.validate()),

@@ -85,16 +85,18 @@ impl SectionReader for ModelKeys<'_, '_> {
     }
 }
 
-/// A whole model.
+/// A whole model, checked also where a call has nothing to do with it.
 pub fn model(value: &Bound<'_, PyAny>) -> PyResult<Model> {
-    read("model", value, |keys| {
+    let model = read("model", value, |keys| {
         Ok(Model {
             environment: read("environment", &keys.item("environment")?, environment)?,
             imu: read("imu", &keys.item("imu")?, imu)?,
             initial: read("initial", &keys.item("initial")?, initial)?,
             sensors: SensorModels::read(&ModelKeys(keys))?,
         })
-    })
+    })?;
+    model.validate().map_err(raise)?;
+    Ok(model)
 }
 
 /// The lever arms of the sensors; zero where none is named.
@@ -119,9 +121,11 @@ pub fn sampling(name: &str) -> PyResult<Sampling> {
     }
 }
 
-/// Filter options.
+/// Filter options, checked as [`model`].
 pub fn options(value: &Bound<'_, PyAny>) -> PyResult<Options> {
-    read("options", value, options_of)
+    let options = read("options", value, options_of)?;
+    options.validate().map_err(raise)?;
+    Ok(options)
 }
 
 fn options_of(keys: &Keys<'_>) -> PyResult<Options> {

@@ -39,7 +39,7 @@ pub enum NavError {
         time_ns: i64,
     },
     /// A parameter lies outside its range.
-    #[error("{field} is {value}, expected {expected}")]
+    #[error("{field} is {}, expected {expected}", shown(*value))]
     OutOfRange {
         /// Name of the parameter.
         field: &'static str,
@@ -49,7 +49,7 @@ pub enum NavError {
         expected: &'static str,
     },
     /// A beam flagged valid has a bad velocity or standard deviation, or does not exist.
-    #[error("beam {beam} at {time_ns} ns is flagged valid but its {field} is {value}, expected {expected}")]
+    #[error("beam {beam} at {time_ns} ns is flagged valid but its {field} is {}, expected {expected}", shown(*value))]
     BadBeam {
         /// Beam number, counted from 1.
         beam: usize,
@@ -281,6 +281,15 @@ pub const LARGEST: f64 = 1e12;
 /// Half the range of the times, 2⁶² ns: the difference of two such times is an integer too.
 const SPAN_NS: u64 = 1 << 62;
 
+/// A number in a message, without hundreds of digits.
+fn shown(value: f64) -> String {
+    if value == 0.0 || (1e-9..1e15).contains(&value.abs()) {
+        value.to_string()
+    } else {
+        format!("{value:e}")
+    }
+}
+
 /// Checks that every number in a slice is finite and less than [`LARGEST`].
 ///
 /// # Errors
@@ -380,7 +389,7 @@ mod tests {
         let filler = text(require_finite("x", 5, &[0.0, -1e20]));
         assert_eq!(
             filler,
-            "x at 5 ns is -100000000000000000000, expected less than 1e12 in SI units: a filler for a missing value?"
+            "x at 5 ns is -1e20, expected less than 1e12 in SI units: a filler for a missing value?"
         );
         assert_eq!(require_finite_squares("x", 5, &[1e20]), Ok(()));
         assert!(require_finite_squares("x", 5, &[1e30]).is_err());

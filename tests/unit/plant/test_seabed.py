@@ -98,7 +98,7 @@ def test_a_users_grid_file(tmp_path: Path) -> None:
     ("text", "words"),
     [
         ("north_m = [0.0, 1.0]\n", "'east_m' is missing"),
-        ("north_m = 1 2\n", "cannot be read"),
+        ("north_m = 1 2\n", "not valid TOML"),
         (
             "north_m = [1.0, 0.0]\neast_m = [0.0, 1.0]\ndepth_m = [[1.0, 1.0], [1.0, 1.0]]\n",
             "north_m must hold",

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::NavError;
+use crate::error::{NavError, require_non_negative};
 use crate::navigator::events::Event;
 
 /// Interval over which the specific force is averaged, ns.
@@ -14,6 +14,8 @@ const FORCE_INTERVAL_NS: i64 = 1_000_000_000;
 const LEAST_FORCE_MPS2: f64 = 2.0;
 /// Greatest mean of |f|, m/s²: eight times gravity, less than gravity in m/s² that is taken for g (96).
 const GREATEST_FORCE_MPS2: f64 = 80.0;
+/// Most that one reading counts for, m/s²: a few wild ones say nothing of the units of the others.
+const MOST_COUNTED_MPS2: f64 = 200.0;
 /// Mean of |ω|, rad/s, above which it is taken for gravity where the specific force is too small: 290 degrees a second.
 const FORCE_LIKE_RATE_RADPS: f64 = 5.0;
 /// Inertial readings after which their rate is known, and their least mean interval, ns: 20 kHz.
@@ -61,16 +63,31 @@ impl Count {
 }
 
 impl FirstReadings {
+    /// Checks the numbers of readings that were read from bytes.
+    ///
+    /// # Errors
+    /// [`NavError::OutOfRange`] that names the number.
+    pub(crate) fn check_restored(&self) -> Result<(), NavError> {
+        require_non_negative("first specific forces", self.force_mps2)?;
+        require_non_negative("first angular rates", self.rate_radps)
+    }
+
+    /// Whether the units of the inertial readings are known: further ones are not looked at.
+    #[must_use]
+    pub fn has_units(&self) -> bool {
+        self.is_force_known && self.imu.readings >= READINGS.0
+    }
+
     /// The readings with one more.
     ///
     /// # Errors
     /// [`NavError::OutOfRange`] for a mean that no instrument under water gives, with the likely mistake.
     pub fn with(&self, event: &Event) -> Result<Self, NavError> {
         match event {
-            Event::Imu(sample) if !self.is_force_known || self.imu.readings < READINGS.0 => {
+            Event::Imu(sample) if !self.has_units() => {
                 let next = Self {
                     imu: self.imu.with(sample.time_ns),
-                    force_mps2: self.force_mps2 + sample.force_p_mps2.0.norm(),
+                    force_mps2: self.force_mps2 + sample.force_p_mps2.0.norm().min(MOST_COUNTED_MPS2),
                     rate_radps: self.rate_radps + sample.rate_p_radps.0.norm(),
                     ..*self
                 };
@@ -178,6 +195,22 @@ mod tests {
         assert!(fed(100).unwrap_err().to_string().contains("nanoseconds"));
         assert!(fed(200_000).is_err());
         assert!(fed(10_000_000).is_ok());
+    }
+
+    /// One reading of 1e6 m/s² among fifty of gravity does not make them readings in another unit.
+    #[test]
+    fn a_wild_reading_does_not_change_the_unit() {
+        let mut first = FirstReadings::default();
+        for k in 0..=50 {
+            let force = if k == 20 { 1e6 } else { 9.8 };
+            let sample = ImuSample {
+                time_ns: k * 20_000_000,
+                rate_p_radps: Vec3::new(0.0, 0.0, 0.0),
+                force_p_mps2: Vec3::new(0.0, 0.0, -force),
+            };
+            first = first.with(&Event::Imu(sample)).unwrap();
+        }
+        assert!(first.has_units());
     }
 
     /// A refused reading is refused again: nothing was kept of it.

@@ -58,6 +58,15 @@ impl ImuCheck {
         }
     }
 
+    /// Checks the numbers of a check read from bytes.
+    ///
+    /// # Errors
+    /// [`NavError`] that names the number.
+    pub(crate) fn check_restored(&self) -> Result<(), NavError> {
+        self.limits.validate()?;
+        self.last.map_or(Ok(()), |last| last.validate())
+    }
+
     /// Time of the last reading, good or not, ns.
     pub(crate) fn last_ns(&self) -> Option<i64> {
         self.last.map(|last| last.time_ns)

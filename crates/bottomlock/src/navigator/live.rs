@@ -66,6 +66,17 @@ impl LiveNavigator {
         &self.navigators
     }
 
+    /// Checks that a navigator read from bytes is one that a live one can be: its filters apart, which `restored.rs` checks.
+    ///
+    /// # Errors
+    /// [`NavError`] that names the number.
+    pub(crate) fn check_restored(&self) -> Result<(), NavError> {
+        self.check.check_restored()?;
+        self.first.check_restored()?;
+        self.navigators.require_plausible_settings()?;
+        self.navigators.require_plausible()
+    }
+
     /// How many inertial readings were rejected and gaps inflated, in the order of [`IMU_FAULTS`].
     #[must_use]
     pub fn imu_faults(&self) -> &[u64; IMU_FAULTS.len()] {
@@ -90,6 +101,7 @@ impl LiveNavigator {
         report: &mut impl FnMut(&UpdateReport),
     ) -> Result<Option<ImuFault>, NavError> {
         if let Event::Imu(sample) = event
+            && self.first.has_units()
             && self.check.is_plain(sample, self.navigators.good_ns())
             && !self.navigators.has_waiting_until(sample.time_ns)
         {
@@ -111,10 +123,7 @@ impl LiveNavigator {
             Event::Imu(sample) => self.push_imu(sample, report)?,
             _ => self.push_measurement(event, report).map(|()| None)?,
         };
-        // A rejected reading says nothing of the units of the others.
-        if fault.is_none() {
-            self.first = first;
-        }
+        self.first = first;
         Ok(fault)
     }
 

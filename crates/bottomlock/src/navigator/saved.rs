@@ -48,6 +48,7 @@ impl Snapshot {
 
     fn check(&self) -> Result<(), NavError> {
         self.sensors.validate()?;
+        self.live.check_restored()?;
         match self.live.navigators() {
             NavigatorSet::One(navigator) => navigator.check_restored(),
             NavigatorSet::Consistent(bank) => {
