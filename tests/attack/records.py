@@ -243,6 +243,11 @@ def run(seed: int, count: int) -> Outcome:
     return outcome
 
 
+def attack(seed: int, count: int) -> list[str]:
+    """The faults of `run`, a line each."""
+    return run(seed, count).faults
+
+
 def main() -> int:
     """Runs the attack and prints the counts and faults; exit code 1 where there is one."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])

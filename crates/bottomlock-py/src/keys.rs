@@ -50,11 +50,6 @@ impl<'py> Keys<'py> {
         self.dict.get_item(key)
     }
 
-    /// Keys that may be given without being read.
-    pub fn allow(&self, keys: &[&str]) {
-        self.asked.borrow_mut().extend(keys.iter().map(ToString::to_string));
-    }
-
     /// Whether the key is given.
     pub fn has(&self, key: &str) -> PyResult<bool> {
         Ok(self.get(key)?.is_some())

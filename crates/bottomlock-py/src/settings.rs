@@ -203,8 +203,20 @@ pub fn water(keys: &Keys<'_>) -> PyResult<WaterPrior> {
 
 /// Treatment of outliers among the beams; a gate that is None or not given is none.
 pub fn robust(keys: &Keys<'_>) -> PyResult<Robust> {
-    // The number of a tail that is not chosen is known, but not read.
-    keys.allow(&["student_t_degrees", "huber_threshold"]);
+    // The number of a tail that is not chosen may be given, and is checked too.
+    let degrees = keys.optional_number("student_t_degrees")?;
+    let threshold = keys.optional_number("huber_threshold")?;
+    let given = [
+        degrees.map(|degrees| Tail::StudentT { degrees }),
+        threshold.map(|threshold| Tail::Huber { threshold }),
+    ];
+    for tail in given.into_iter().flatten() {
+        let with_tail = Robust {
+            tail,
+            ..Robust::default()
+        };
+        with_tail.validate().map_err(raise)?;
+    }
     let tail = match keys.text("tail")?.as_str() {
         "gaussian" => Tail::Gaussian,
         "student_t" => Tail::StudentT {
@@ -309,10 +321,18 @@ pub fn mask(flags: &[bool]) -> BeamMask {
         .collect()
 }
 
+/// Deeper than any sea, m; the gradient of gravity holds as far.
+const DEEPEST_M: f64 = 12_000.0;
+
 /// Normal gravity at a latitude and depth, m/s² (Somigliana's formula with WGS 84, plus 2.226e-6 1/s² times depth).
 #[pyfunction]
 #[pyo3(signature = (latitude_rad, depth_m=0.0))]
 pub fn normal_gravity_mps2(latitude_rad: f64, depth_m: f64) -> PyResult<f64> {
+    if !(depth_m.abs() <= DEEPEST_M) {
+        return Err(invalid(format!(
+            "depth_m is {depth_m:e}, expected at most 12 km down or up: is it in mm or cm?"
+        )));
+    }
     let gravity = bottomlock::earth::normal_gravity_mps2(latitude_rad, depth_m);
     Environment {
         latitude_rad,
