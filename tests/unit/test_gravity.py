@@ -26,5 +26,5 @@ def test_depth_term() -> None:
 
 @pytest.mark.parametrize("depth_m", [1e6, -1e6, float("nan")])
 def test_a_depth_below_any_sea_is_refused(depth_m: float) -> None:
-    with pytest.raises(bottomlock.KernelError, match="depth_m is .* in mm or cm"):
+    with pytest.raises(bottomlock.KernelError, match=r"depth_m is .* in mm or cm"):
         bottomlock.normal_gravity_mps2(0.5, depth_m)
