@@ -28,7 +28,6 @@ use crate::beam_arrays::BeamArrays;
 use crate::dvl::BeamGeometry;
 use crate::errors::raise;
 use crate::imu_faults::fault_counts;
-use crate::report::Pushed;
 use crate::settings;
 use crate::state::state;
 
@@ -379,35 +378,5 @@ impl Navigator {
         let covariance = block.covariance().as_slice().to_vec();
         out.set_item("covariance", array(py, covariance, &[WATER, WATER])?)?;
         Ok(Some(out))
-    }
-}
-
-impl Navigator {
-    fn push<'py>(&self, py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyList>> {
-        let (mut pushed, mut taken) = (Vec::new(), 0);
-        let outcome = self.with(py, |inner| {
-            events.iter().try_for_each(|event| {
-                let fault = inner.push(event, &mut |report| pushed.push(Pushed::Update(Box::new(*report))))?;
-                pushed.extend(fault.map(|fault| Pushed::Rejected(event.time_ns(), fault)));
-                taken += 1;
-                Ok(())
-            })
-        })?;
-        let reports = PyList::new(
-            py,
-            pushed
-                .iter()
-                .map(|one| one.dict(py, self.beams))
-                .collect::<PyResult<Vec<_>>>()?,
-        )?;
-        match outcome {
-            Ok(()) => Ok(reports),
-            Err(error) => {
-                let error = raise(error);
-                error.value(py).setattr("taken", taken)?;
-                error.value(py).setattr("reports", reports)?;
-                Err(error)
-            }
-        }
     }
 }

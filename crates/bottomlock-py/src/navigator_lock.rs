@@ -1,13 +1,16 @@
-//! The lock of a navigator, and its whole state.
+//! The lock of a navigator, its whole state, and what is pushed under the lock.
 
 use std::sync::Mutex;
 
+use bottomlock::navigator::events::Event;
 use bottomlock::navigator::{LiveNavigator, Snapshot};
 use pyo3::prelude::*;
+use pyo3::types::PyList;
 
 use super::Navigator;
 use crate::calls::detached;
-use crate::errors::invalid;
+use crate::errors::{invalid, raise};
+use crate::report::Pushed;
 
 impl Navigator {
     pub(super) fn of(snapshot: Snapshot) -> Self {
@@ -36,5 +39,34 @@ impl Navigator {
             live: self.with(py, |inner| inner.clone())?,
             sensors: self.sensors,
         })
+    }
+
+    /// Takes events one after another, and returns what they completed; an error has the reports of those before it.
+    pub(super) fn push<'py>(&self, py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyList>> {
+        let (mut pushed, mut taken) = (Vec::new(), 0);
+        let outcome = self.with(py, |inner| {
+            events.iter().try_for_each(|event| {
+                let fault = inner.push(event, &mut |report| pushed.push(Pushed::Update(Box::new(*report))))?;
+                pushed.extend(fault.map(|fault| Pushed::Rejected(event.time_ns(), fault)));
+                taken += 1;
+                Ok(())
+            })
+        })?;
+        let reports = PyList::new(
+            py,
+            pushed
+                .iter()
+                .map(|one| one.dict(py, self.beams))
+                .collect::<PyResult<Vec<_>>>()?,
+        )?;
+        match outcome {
+            Ok(()) => Ok(reports),
+            Err(error) => {
+                let error = raise(error);
+                error.value(py).setattr("taken", taken)?;
+                error.value(py).setattr("reports", reports)?;
+                Err(error)
+            }
+        }
     }
 }

@@ -214,9 +214,7 @@ impl Work {
         for beam in 0..4 {
             let direction = self.geometry.direction_p(beam);
             let along = direction.dot(&state.velocity_p_mps.0);
-            for k in 0..3 {
-                h[(beam, 6 + k)] = direction[k] * (1.0 + state.dvl_scale_factor);
-            }
+            (0..3).for_each(|k| h[(beam, 6 + k)] = direction[k] * (1.0 + state.dvl_scale_factor));
             h[(beam, 15 + beam)] = 1.0;
             h[(beam, 19)] = along;
             let expected = along * (1.0 + state.dvl_scale_factor) + state.dvl_bias_mps[beam];

@@ -94,7 +94,8 @@ impl WaterPrior {
         require_positive("water.trim_time_s", self.trim_time_s)?;
         require_positive("water.slip_sd_mps", self.slip_sd_mps)?;
         require_positive("water.slip_time_s", self.slip_time_s)?;
-        if !(self.slip_epochs >= 1.0) {
+        require_positive("water.slip_epochs", self.slip_epochs)?;
+        if self.slip_epochs < 1.0 {
             return Err(NavError::OutOfRange {
                 field: "water.slip_epochs",
                 value: self.slip_epochs,
