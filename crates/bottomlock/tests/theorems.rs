@@ -88,7 +88,7 @@ fn geometry() -> impl Strategy<Value = BeamGeometry> {
         .prop_map(|(beams, angles, levers, turn)| {
             let tilts: Vec<f64> = angles.iter().take(beams).map(|a| a.0).collect();
             let azimuths: Vec<f64> = (0..beams)
-                .map(|k| turn + TAU * k as f64 / beams as f64 + angles[k].1)
+                .map(|k| (turn + TAU * k as f64 / beams as f64 + angles[k].1).rem_euclid(TAU))
                 .collect();
             let levers: Vec<_> = (0..beams)
                 .map(|k| Vec3::new(levers[3 * k], levers[3 * k + 1], levers[3 * k + 2]))
