@@ -4,11 +4,12 @@ use std::cell::Cell;
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::aiding::MAX_ROWS;
+/// Most degrees of freedom of which a quantile is kept.
+const KEPT: usize = 8;
 
 thread_local! {
-    /// The last probability asked for with each number of degrees of freedom from 1 to [`MAX_ROWS`], and its quantile.
-    static LAST: Cell<[(f64, f64); MAX_ROWS]> = const { Cell::new([(f64::NAN, f64::INFINITY); MAX_ROWS]) };
+    /// The last probability asked for with each number of degrees of freedom from 1 to [`KEPT`], and its quantile.
+    static LAST: Cell<[(f64, f64); KEPT]> = const { Cell::new([(f64::NAN, f64::INFINITY); KEPT]) };
 }
 
 /// Quantile for a number of degrees of freedom; infinite for none.

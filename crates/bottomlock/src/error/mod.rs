@@ -2,7 +2,6 @@
 //!
 //! Lost beams, rejected measurements and unobservable axes are values, never errors.
 
-#[path = "error_checks.rs"]
 mod checks;
 
 use thiserror::Error;
@@ -300,5 +299,4 @@ fn shown(value: f64) -> String {
 }
 
 #[cfg(test)]
-#[path = "error_tests.rs"]
 mod tests;
