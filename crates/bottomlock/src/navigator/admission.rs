@@ -35,6 +35,11 @@ impl Navigator {
             .map_or_else(|| self.filters.measurements_only.time_ns(), |last| last.time_ns)
     }
 
+    /// Whether a measurement is one that waits for the next inertial reading: it is not of the time of the last one.
+    pub(crate) fn keeps_waiting(&self, event: &Event) -> bool {
+        self.last_imu.is_none_or(|last| last.time_ns != event.time_ns())
+    }
+
     /// Whether a measurement waits for an inertial reading at this time.
     pub(crate) fn has_waiting_until(&self, time_ns: i64) -> bool {
         self.waiting.front().is_some_and(|event| event.time_ns() <= time_ns)

@@ -1,5 +1,7 @@
 //! A filter with its beam aiding, pushed one event at a time; many of them side by side are in `run_events.rs`.
 
+#[path = "admission.rs"]
+mod admission;
 #[path = "restored.rs"]
 mod restored;
 
@@ -23,9 +25,6 @@ use crate::model::Model;
 use crate::navigator::dual_filter::DualFilter;
 use crate::navigator::events::{Event, STREAMS};
 use crate::state::{Covariance, NavState};
-
-#[path = "admission.rs"]
-mod admission;
 
 /// Aiding by beams of the navigator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -172,12 +171,12 @@ impl Navigator {
         let (time_ns, (_, index)) = (event.time_ns(), event.stream());
         match event {
             Event::Imu(sample) => self.advance(sample, report)?,
-            _ if self.last_imu.is_some_and(|last| last.time_ns == time_ns) => self.aid(event, report)?,
-            _ => {
+            _ if self.keeps_waiting(event) => {
                 // Sensors that wait for the same IMU sample need not arrive in order.
                 let place = self.waiting.partition_point(|other| other.time_ns() <= time_ns);
                 self.waiting.insert(place, *event);
             }
+            _ => self.aid(event, report)?,
         }
         self.last_ns[index] = Some(time_ns);
         Ok(())

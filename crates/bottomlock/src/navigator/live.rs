@@ -108,7 +108,7 @@ impl LiveNavigator {
             // Almost every event. Nothing can fail (`filter/plausible.rs`).
             self.navigators.require_plausible_motion()?;
             self.navigators.push(event, report)?;
-            self.check.note_good(sample);
+            self.check.note_fault(sample, None);
             return Ok(None);
         }
         let seen_ns = if matches!(event, Event::Imu(_)) {
@@ -162,6 +162,10 @@ impl LiveNavigator {
             });
         }
         self.navigators.require_measurable(event)?;
+        if self.navigators.keeps_waiting(event) {
+            // No estimate changes.
+            return self.navigators.push(event, report);
+        }
         self.attempt(
             |navigators, report| navigators.push(event, &mut |done| report(done)),
             report,

@@ -114,6 +114,11 @@ impl NavigatorSet {
         self.first().good_ns()
     }
 
+    /// As [`Navigator::keeps_waiting`].
+    pub(crate) fn keeps_waiting(&self, event: &Event) -> bool {
+        self.first().keeps_waiting(event)
+    }
+
     /// As [`Navigator::has_waiting_until`].
     pub(crate) fn has_waiting_until(&self, time_ns: i64) -> bool {
         self.first().has_waiting_until(time_ns)
