@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import os
 from pathlib import Path
 from typing import IO, Protocol
 
@@ -51,7 +52,7 @@ class TcpServer:
         try:
             self._server = await asyncio.start_server(self._serve, self._host, self._port)
         except OSError as error:
-            why = error.strerror or str(error)
+            why = os.strerror(error.errno) if error.errno else str(error)
             raise OutputError(
                 f"{self.where}: cannot listen ({why}); is the port in use? expected a free port, or 0 for any"
             ) from error
@@ -70,7 +71,8 @@ class TcpServer:
         self._clients.discard(writer)
         writer.close()
         with contextlib.suppress(OSError, TimeoutError):
-            await asyncio.wait_for(writer.wait_closed(), PATIENCE_S)
+            async with asyncio.timeout(PATIENCE_S):
+                await writer.wait_closed()
 
     async def ready(self) -> None:
         """Waits for the first client."""
@@ -81,7 +83,9 @@ class TcpServer:
         for writer in list(self._clients):
             writer.write(data)
             try:
-                await asyncio.wait_for(writer.drain(), PATIENCE_S)
+                # Not `wait_for`: up to Python 3.11 it loses a cancellation that comes as it ends.
+                async with asyncio.timeout(PATIENCE_S):
+                    await writer.drain()
             except (OSError, TimeoutError):
                 await self._drop(writer)
 
