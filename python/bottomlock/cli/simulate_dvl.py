@@ -75,7 +75,9 @@ def simulate_dvl(
     ] = True,
     force: Annotated[bool, Parameter(negative="", help="Overwrite files.")] = False,
 ) -> None:
-    """Simulate a DVL that sends a maker's bytes, with IMU and depth sensor beside it.
+    """Simulate a DVL that sends a maker's bytes over TCP, UDP, a terminal or a file.
+
+    IMU and depth sensor send lines beside it, on the same clock.
 
     Parameters
     ----------
