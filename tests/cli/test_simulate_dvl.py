@@ -119,6 +119,7 @@ def test_ctrl_c_ends_a_server_cleanly(tmp_path: Path) -> None:
     ("words", "said"),
     [
         (("strait",), "did you mean 'straight'"),
+        (("none.parquet", "--geometry", "x_janus_20"), "none.parquet: "),
         (("straight", "--format", "nucleos"), "did you mean 'nucleus'"),
         (("straight", "--format", "nucleus"), "holds 3 beams, the geometry has 4"),
         (("straight", "--faults", "drop=1"), "did you mean 'drops'"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,13 @@ import pytest
 from bottomlock import BeamGeometry
 from bottomlock.encoders import framing
 from bottomlock.encoders.ping import Ping
-from bottomlock.encoders.registry import FORMATS, encoder
+from bottomlock.encoders.registry import FORMATS, Format, encoder
 from bottomlock.errors import BottomlockError, DataError, ScenarioError
-from bottomlock.io.formats import BYTES
+from bottomlock.instruments.faults import NONE
+from bottomlock.instruments.from_log import readings_of_log
+from bottomlock.instruments.schedule import records
+from bottomlock.io.formats import BYTES, read_recording
+from bottomlock.io.rows import PLAIN
 from tests.oracle.pd0 import literal_ensembles
 from tools import reader_seeds as seeds
 
@@ -110,6 +115,15 @@ def test_pd0_is_what_the_manual_says() -> None:
     assert tuple(track[77:81]) == (0, 0, 0, 1)
 
 
+def test_equal_pings_are_no_repeat() -> None:
+    """A vehicle at rest without noise measures the same again: the reader must not call it stale."""
+    writer = encoder("waterlinked-json", FOUR)
+    later = ping(time_ns=NS_2026 + 10**8, transmission_ns=NS_2026 + 2 * 10**8, number=2)
+    (reader,) = (found for found in BYTES if found.name == "waterlinked-json")
+    table = reader.read(writer.encode(ping()) + writer.encode(later), "bytes", PLAIN).table
+    assert np.array_equal(table.valid, [[True, True, False, True]] * 2)
+
+
 def test_cerulean_sentence_is_the_documented_example() -> None:
     assert framing.cerulean_sentence(seeds.DVKFC[1:].partition(b"*")[0]) == seeds.DVKFC
 
@@ -179,6 +193,27 @@ def test_pd6_turns_to_the_earth() -> None:
     assert lines[1].startswith(":TS,26010100000000,")
     assert lines[2] == ":BI,    +0, +1500,  -250,-32768,A"
     assert lines[4] == ":BE, +1500,    +0,  -250,A"
+
+
+@pytest.mark.parametrize("one", [one for one in FORMATS if one.beams == 4], ids=lambda one: one.name)
+def test_a_recorded_log_survives_every_format(root: Path, one: Format) -> None:
+    """A river survey of 273 pings, written in the maker's bytes and read back: the recorded beams, lost ones too."""
+    recorded = read_recording(root / "data" / "logs" / "pd0_riverpro" / "RiverPro_test01.PD0").table
+    log = readings_of_log(
+        root / "data" / "logs" / "pd0_riverpro" / "RiverPro_test01.PD0", geometry="teledyne_20"
+    )
+    sent = b"".join(one.data for one in records(log, encoder(one.name, log.geometry), NONE, seed=0))
+    (reader,) = (found for found in BYTES if found.name == one.name)
+    table = reader.read(sent, "bytes", PLAIN).table
+    assert np.array_equal(table.valid, recorded.valid)
+    step = 0.5000001 * one.velocity_step_mps + 1e-6
+    np.testing.assert_allclose(
+        table.velocity_mps[table.valid], recorded.velocity_mps[table.valid], atol=step, rtol=0
+    )
+    known = table.valid & np.isfinite(recorded.range_m)
+    np.testing.assert_allclose(
+        table.range_m[known], recorded.range_m[known], atol=0.5000001 * one.range_step_m + 1e-5
+    )
 
 
 def test_formats_are_those_of_the_readers() -> None:

@@ -218,7 +218,7 @@ def _readings(
         if geometry is not None:
             raise ScenarioError(f"--geometry: {path} is a replay case and names its own geometry")
         return readings_of_case(path, altitude_m=altitude_m), seed or 0
-    if path.suffix and path.suffix.lower() != ".toml" and path.is_file():
+    if path.suffix.lower() not in {"", ".toml"}:
         return readings_of_log(path, geometry=geometry, altitude_m=altitude_m), seed or 0
     scenario = load_scenario(source).with_overrides(seed=seed)
     if geometry is not None:
