@@ -82,7 +82,7 @@ def test_times_of_a_ping_are_an_echo_apart(readings: Readings) -> None:
 
 def test_the_instrument_states_a_velocity_from_three_beams(readings: Readings) -> None:
     """Near the truth with three or four beams, none with two; ranges fit the altitude."""
-    found = pings(readings, latency_ns=0)
+    found = list(pings(readings, latency_ns=0))
     assert readings.truth is not None
     for k, ping in enumerate(found):
         if ping.valid.sum() < 3:
