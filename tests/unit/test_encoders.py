@@ -174,6 +174,7 @@ def test_nucleus_lies_at_the_documented_offsets() -> None:
             covariance_m2ps2=np.eye(3) * 4,
         )
     )[10:]
+    assert struct.unpack_from("<I", sent, 12)[0] == 0b111_111_101_101_101
     assert struct.unpack_from("<3f", sent, 72) == pytest.approx((0.02, 0.0, 0.008))
     assert struct.unpack_from("<6f", sent, 96) == (1.0, 2.0, 3.0, 2.0, 2.0, 2.0)
     assert struct.unpack_from("<I", sent, 4)[0] == NS_2026 // 10**9
