@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 import json
-import os
-import socket
-import threading
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,16 +11,14 @@ import pytest
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.encoders.registry import encoder
-from bottomlock.errors import BottomlockError, OutputError, ScenarioError
+from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.instruments.address import parse_address
 from bottomlock.instruments.faults import KINDS, NONE, FaultDraws, Faults, parse_faults
 from bottomlock.instruments.from_log import readings_of_case, readings_of_log
 from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
-from bottomlock.instruments.play import Channel, play, transport_of
 from bottomlock.instruments.readings import SOUND_SPEED_MPS, Readings, pings
 from bottomlock.instruments.schedule import Record, imu_lines, records
 from bottomlock.instruments.sent_table import sent_table
-from bottomlock.instruments.transports import TcpServer
 from bottomlock.io import waterlinked_json
 from bottomlock.io.rows import Options
 from bottomlock.simulation.build import build_simulation
@@ -117,7 +109,7 @@ def test_each_fault_does_what_it_says(readings: Readings, kind: str) -> None:
     clean = sent_of(readings)
     faulty = sent_of(readings, Faults(**{kind: 0.3}), seed=5)
     assert 5 < sum(bool(one.faults) for one in faulty) < 40
-    step_ns = 0
+    step_ns, ways = 0, set()
     for k, (good, bad) in enumerate(zip(clean, faulty, strict=True)):
         hit = kind in bad.faults
         assert bad.faults <= {kind}
@@ -128,6 +120,7 @@ def test_each_fault_does_what_it_says(readings: Readings, kind: str) -> None:
         if kind == "clock_steps":
             before, step_ns = step_ns, bad.stated.time_ns - good.stated.time_ns
             assert abs(step_ns - before) == (10**9 if hit else 0)
+            ways.add(np.sign(step_ns - before))
         elif not hit or kind == "reconnects":
             assert bad.data == good.data
         elif kind == "drops":
@@ -140,6 +133,21 @@ def test_each_fault_does_what_it_says(readings: Readings, kind: str) -> None:
         else:
             assert json.loads(bad.data)["transducers"] == json.loads(faulty[k - 1].data)["transducers"]
             assert json.loads(bad.data)["time_of_validity"] == json.loads(good.data)["time_of_validity"]
+    assert ways == ({-1, 0, 1} if kind == "clock_steps" else set())
+
+
+def test_a_clock_never_goes_back_beyond_its_start(readings: Readings) -> None:
+    """Steps of 50 s about a start a minute before the run: the clock of the Tracker 650 holds them all."""
+    for one in sent_of(readings, Faults(clock_steps=1.0, clock_step_s=50.0)):
+        assert one.stated is not None
+        assert one.stated.sent_ns > BASE_NS + readings.first_ns - 60 * 10**9
+
+
+def test_a_velocity_that_the_recorded_instrument_called_invalid_stays_so(readings: Readings) -> None:
+    """Four beams, and the instrument refused the ping: what is sent says invalid too."""
+    refused = replace(readings, stated=np.arange(len(readings.time_ns)) != 1)
+    known = [ping.velocity_p_mps is not None for ping in pings(refused, latency_ns=0)]
+    assert known[:3] == [True, False, True]
 
 
 def test_the_reader_knows_stale_records(readings: Readings) -> None:
@@ -247,141 +255,3 @@ def test_addresses() -> None:
     assert parse_address("serial:/dev/ttyUSB0:9600", "--dvl").baud == 9600
     assert parse_address("serial:/dev/serial/by-id/a:b", "--dvl").path == Path("/dev/serial/by-id/a:b")
     assert parse_address("pty", "--dvl").path is None
-
-
-def run(transport: object, sent: list[Record], opened: Callable[[], None], *, wait: bool = True) -> None:
-    """Plays records at full speed."""
-    channel = Channel("dvl", transport, lambda _: iter(sent))  # type: ignore[arg-type]
-    asyncio.run(
-        play([channel], speed=None, opened=opened, offset_ns=lambda: 0, sent=lambda *_: None, wait=wait)
-    )
-
-
-class Client(threading.Thread):
-    """Reads a TCP server to the end of each connection; `connections` holds what each one brought."""
-
-    def __init__(self, port: int, most: int = 100) -> None:
-        super().__init__(daemon=True)
-        self._port, self._most = port, most
-        self.connections: list[bytes] = []
-
-    def run(self) -> None:
-        """Connects again until nobody listens."""
-        for _ in range(self._most):
-            try:
-                with socket.create_connection(("127.0.0.1", self._port), timeout=10) as line:
-                    self.connections.append(b"")
-                    while part := line.recv(65_536):
-                        self.connections[-1] += part
-            except OSError:
-                return
-
-
-def test_tcp_brings_the_same_bytes_to_every_client(readings: Readings) -> None:
-    """Two clients from the start, one of which leaves early and disturbs nobody."""
-    sent = sent_of(readings, Faults(drops=0.1, half_lines=0.1))
-    server = transport_of(parse_address("tcp:0", "--dvl"))
-    clients: list[Client] = []
-
-    def opened() -> None:
-        port = int(server.where.rpartition(":")[2])
-        clients.extend(Client(port, most=1) for _ in range(2))
-        for client in clients:
-            client.start()
-
-    async def both_ready() -> None:
-        while len(server._clients) < 2:  # type: ignore[attr-defined]  # noqa: ASYNC110 - the server tells nobody
-            await asyncio.sleep(0.01)
-
-    server.ready = both_ready  # type: ignore[method-assign]
-    run(server, sent, opened)
-    for client in clients:
-        client.join(10)
-        assert client.connections == [b"".join(one.data for one in sent)]
-
-
-def test_tcp_reconnects_and_loses_nothing_of_a_connection(readings: Readings) -> None:
-    """After a reconnect a client that comes back reads whole records; each connection is a part of the stream."""
-    sent = sent_of(readings, Faults(reconnects=0.1), seed=3)
-    assert sum(one.closes for one in sent) > 2
-    server = TcpServer("127.0.0.1", 0)
-    found: list[Client] = []
-
-    def opened() -> None:
-        found.append(Client(int(server.where.rpartition(":")[2])))
-        found[0].start()
-
-    def slow(_: object) -> Iterator[Record]:
-        # A run of 12 s in about half a second: the client needs time to come back.
-        return iter(sent)
-
-    asyncio.run(
-        play(
-            [Channel("dvl", server, slow)],
-            speed=24.0,
-            opened=opened,
-            offset_ns=lambda: 0,
-            sent=lambda *_: None,
-        )
-    )
-    found[0].join(10)
-    whole = b"".join(one.data for one in sent)
-    parts = found[0].connections
-    assert len(parts) > 2
-    at = 0
-    for part in parts:
-        assert part == b"" or part.endswith(b"\n")
-        at = whole.index(part, at)
-
-
-def test_udp_sends_a_record_a_datagram(readings: Readings) -> None:
-    sent = sent_of(readings, Faults(drops=0.2))
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
-        line.bind(("127.0.0.1", 0))
-        line.settimeout(10)
-        run(
-            transport_of(parse_address(f"udp:127.0.0.1:{line.getsockname()[1]}", "--dvl")), sent, lambda: None
-        )
-        for one in sent:
-            if one.data:
-                assert line.recv(65_536) == one.data
-
-
-def test_pty_brings_the_same_bytes_and_leaves_no_link(tmp_path: Path, readings: Readings) -> None:
-    """Binary records, so that a terminal that changes a byte is seen."""
-    sent = sent_of(readings, name="pd0")
-    whole, link = b"".join(one.data for one in sent), tmp_path / "dvl"
-    got = bytearray()
-
-    def read(device: int) -> None:
-        with contextlib.suppress(OSError):  # the terminal was closed
-            while len(got) < len(whole):
-                got.extend(os.read(device, 4096))
-
-    readers: list[threading.Thread] = []
-
-    def opened() -> None:
-        device = os.open(link, os.O_RDONLY | os.O_NOCTTY)
-        readers.append(threading.Thread(target=read, args=(device,), daemon=True))
-        readers[0].start()
-
-    run(transport_of(parse_address(f"pty:{link}", "--dvl")), sent, opened)
-    readers[0].join(10)
-    assert bytes(got) == whole
-    assert not link.is_symlink()
-
-
-def test_a_terminal_that_nobody_reads_holds_nothing_up(readings: Readings) -> None:
-    """Bytes of a full line are lost, once after a short wait, then at once."""
-    sent = sent_of(readings) * 4
-    run(transport_of(parse_address("pty", "--dvl")), sent, lambda: None)
-
-
-def test_a_port_in_use_is_one_line() -> None:
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        other.listen()
-        port = other.getsockname()[1]
-        with pytest.raises(BottomlockError, match=r"cannot listen .*in use") as caught:
-            run(transport_of(parse_address(f"tcp:{port}", "--dvl")), [], lambda: None)
-    assert "\n" not in str(caught.value)
