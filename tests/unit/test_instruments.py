@@ -159,15 +159,17 @@ def test_the_reader_knows_stale_records(readings: Readings) -> None:
 
 
 def test_faults_come_as_often_as_asked_and_do_not_shift_each_other() -> None:
-    """Of 4000 pings each kind within five sigma of its fraction, and the same ones without the others."""
+    """Of 4000 pings each kind within five sigma of its fraction, independent, and the same ones without the others."""
     together, alone = FaultDraws(EVERY, 7), FaultDraws(Faults(stale=0.1), 7)
-    counts = dict.fromkeys(KINDS, 0)
+    counts, both = dict.fromkeys(KINDS, 0), 0
     for _ in range(4000):
         kinds = together.next()
         assert ("stale" in kinds) == ("stale" in alone.next())
+        both += {"drops", "stale"} <= kinds
         for kind in kinds:
             counts[kind] += 1
     assert all(abs(count - 400) < 5 * np.sqrt(4000 * 0.1 * 0.9) for count in counts.values())
+    assert abs(both - 40) < 5 * np.sqrt(4000 * 0.01 * 0.99)
 
 
 @pytest.mark.parametrize("name", ["waterlinked-json", "waterlinked-serial", "pd0", "pd6", "nortek-dvl"])

@@ -7,6 +7,7 @@ import contextlib
 import os
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -178,3 +179,23 @@ def test_a_port_in_use_is_one_line() -> None:
         with pytest.raises(BottomlockError, match=r"cannot listen .*in use") as caught:
             run(transport_of(parse_address(f"tcp:{port}", "--dvl")), [], lambda: None)
     assert "\n" not in str(caught.value)
+
+
+def test_a_client_that_does_not_read_holds_nobody_up() -> None:
+    """In real time: 40 MB leave at once, and the sleeper is dropped."""
+    sent = [Record(0, b"x" * (1 << 20)) for _ in range(40)]
+    server = TcpServer("127.0.0.1", 0, patient=False)
+
+    async def send() -> float:
+        await server.open()
+        port = int(server.where.rpartition(":")[2])
+        with socket.create_connection(("127.0.0.1", port)):
+            await server.ready()
+            start = time.monotonic()
+            for one in sent:
+                await server.send(one.data)
+            await server.close()
+            return time.monotonic() - start
+
+    assert asyncio.run(send()) < 4.0
+    assert not server._clients

@@ -115,7 +115,10 @@ def simulate_dvl(
         if (depths := readings.depth) is None:
             raise _absent("depth", readings)
         makers["depth"] = lambda offset_ns: depth_lines(depths, offset_ns=offset_ns)
-    parts = [Channel(name, transport_of(addresses[name], force=force), makers[name]) for name in makers]
+    parts = [
+        Channel(name, transport_of(addresses[name], force=force, patient=pace is None), makers[name])
+        for name in makers
+    ]
     tally = _Tally(keep=truth is not None)
     try:
         asyncio.run(_run(parts, tally, pace=pace, shift=shift, wait=wait, format_name=format))

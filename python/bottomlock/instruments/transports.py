@@ -9,7 +9,10 @@ from typing import IO, Protocol
 from bottomlock.errors import OutputError
 
 PATIENCE_S = 5.0
-"""A TCP client that takes nothing for so long is dropped, as an instrument does."""
+"""At full speed, a TCP client that takes nothing for so long is dropped."""
+
+MOST_BEHIND = 1 << 20
+"""In real time, a TCP client that is so many bytes behind is dropped: it must not hold up the others."""
 
 
 class Transport(Protocol):
@@ -38,9 +41,13 @@ class Transport(Protocol):
 
 
 class TcpServer:
-    """A server for any number of clients, which may come and go; what they send is read and ignored."""
+    """A server for any number of clients, which may come and go; what they send is read and ignored.
 
-    def __init__(self, host: str, port: int) -> None:
+    With `patient` it sends as fast as its clients take it; else it keeps its pace, whatever they do.
+    """
+
+    def __init__(self, host: str, port: int, *, patient: bool = True) -> None:
+        self._patient = patient
         self.where = f"tcp:{host}:{port}"
         self._host, self._port = host, port
         self._clients: set[asyncio.StreamWriter] = set()
@@ -79,9 +86,14 @@ class TcpServer:
         await self._arrived.wait()
 
     async def send(self, data: bytes) -> None:
-        """Sends to every client; one that takes nothing is dropped."""
+        """Sends to every client; one that does not read is dropped."""
         for writer in list(self._clients):
             writer.write(data)
+            if not self._patient:
+                if writer.transport.get_write_buffer_size() > MOST_BEHIND:
+                    self._clients.discard(writer)
+                    writer.transport.abort()
+                continue
             try:
                 # Not `wait_for`: up to Python 3.11 it loses a cancellation that comes as it ends.
                 async with asyncio.timeout(PATIENCE_S):
