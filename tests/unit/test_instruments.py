@@ -72,6 +72,18 @@ def test_times_of_a_ping_are_an_echo_apart(readings: Readings) -> None:
         assert ping.transmission_ns - ping.time_ns == pytest.approx(half_ns + 7e6, abs=1)
 
 
+def test_records_keep_their_order(readings: Readings) -> None:
+    """A far ping is on its way for 4 s, and the near ones after it wait: an instrument sends one after the other."""
+    far = readings.range_m.copy()
+    far[3] = 3000.0
+    due = [
+        one.due_ns
+        for one in sent_of(replace(readings, range_m=np.where(np.isfinite(readings.beam_mps), far, np.nan)))
+    ]
+    assert due == sorted(due)
+    assert due[4] == due[3]
+
+
 def test_the_instrument_states_a_velocity_from_three_beams(readings: Readings) -> None:
     """Near the truth with three or four beams, none with two; ranges fit the altitude."""
     found = list(pings(readings, latency_ns=0))
