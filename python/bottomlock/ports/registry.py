@@ -1,0 +1,38 @@
+"""Registry of the ports by name.
+
+A new port is a file with a class and a line in `PORTS` below.
+"""
+
+import difflib
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+from bottomlock.errors import ScenarioError
+from bottomlock.ports.port import Port
+
+PORTS: dict[str, Callable[..., Port]] = {}
+
+
+def port(name: str, **settings: Any) -> Port:  # noqa: ANN401 - the settings of each port have their types there
+    """The port of a name with its settings.
+
+    Raises:
+        ScenarioError: for an unknown name or key, which names the nearest, or a value out of range.
+    """
+    make = PORTS.get(name)
+    if make is None:
+        raise ScenarioError(f"port: unknown name '{name}'{_nearest(name, list(PORTS))}")
+    known = list(inspect.signature(make).parameters)
+    for key in settings:
+        if key not in known:
+            raise ScenarioError(f"port {name}: unknown key '{key}'{_nearest(key, known)}")
+    try:
+        return make(**settings)
+    except TypeError as error:
+        raise ScenarioError(f"port {name}: {error}") from error
+
+
+def _nearest(word: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    return f", did you mean '{close[0]}'?" if close else f" (known: {', '.join(known) or 'none'})"
