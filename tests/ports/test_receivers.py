@@ -22,7 +22,7 @@ from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.over_bound import diagonal_bound
 from bottomlock.ports.registry import port
 from bottomlock.statistics.chi_squared import each_probability, mean_band
-from tests.ports.cases import BEAM_SD, JANUS, MASKS, SECOND, START, TRUTH, navigated
+from tests.ports.cases import BEAM_SD, JANUS, SECOND, START, TRUTH, navigated
 from tests.ports.receivers import (
     ACCEL_NOISE,
     BIAS_SD,
@@ -35,21 +35,15 @@ from tests.ports.receivers import (
     Px4,
     Receiver,
 )
+from tools.port_losses import MASKS, fused
 
 Floats = NDArray[np.float64]
 
 STEPS = 8
 FULL = "ros_twist"
-RECEIVED = MASKS | {"no beam": (0, 0, 0, 0)}
 FALSE_ALARM = 1e-3
 """Of the whole table: two modes, six masks, five ports, NEES and up to three axes."""
-TESTS = 2 * len(RECEIVED) * len(PORTS) * 4
-
-# The inertial solution before a ping, in mode navigation: correlated across the platform's axes, as after an outage
-# with a turn.
-_SHAPE = np.array([[1.0, 0.95, 0.9], [0.95, 1.0, 0.92], [0.9, 0.92, 1.0]])
-_SD = np.array([0.15, 0.25, 0.08])
-INERTIAL = _SHAPE * np.outer(_SD, _SD)
+TESTS = 2 * len(MASKS) * len(PORTS) * 4
 
 
 def directions(mask: tuple[int, ...]) -> Floats:
@@ -63,8 +57,7 @@ class Source:
     def __init__(self, mode: str, mask: tuple[int, ...], rng: np.random.Generator) -> None:
         self.mode, self.mask, self.rng = mode, np.array(mask, dtype=bool), rng
         self.information = directions(mask).T @ directions(mask) / BEAM_SD**2
-        self.covariance: Floats = np.linalg.inv(np.linalg.inv(INERTIAL) + self.information)
-        self.covariance = 0.5 * (self.covariance + self.covariance.T)
+        self.covariance = fused(mask)
 
     def axes(self) -> Floats:
         """Principal axes of what is known, in units of each component's σ: there diag(P) is short the most."""
@@ -146,9 +139,9 @@ def limits(key: str, runs: int) -> tuple[float, float]:
 @pytest.mark.statistical
 @pytest.mark.parametrize("runs", [40, pytest.param(400, marks=pytest.mark.long)])
 @pytest.mark.parametrize("mode", ["velocity", "navigation"])
-@pytest.mark.parametrize("mask", list(RECEIVED))
+@pytest.mark.parametrize("mask", list(MASKS))
 def test_a_receiver_is_consistent_through_every_port(mode: str, mask: str, runs: int) -> None:
-    for name, means in statistics(list(PORTS), mode, RECEIVED[mask], runs, seed=17).items():
+    for name, means in statistics(list(PORTS), mode, MASKS[mask], runs, seed=17).items():
         for key, value in means.items():
             low, high = limits(key, runs)
             assert value < high, (name, key)
@@ -180,7 +173,7 @@ def test_without_the_over_bound_it_is_not(
         return diagonal if bound == "diagonal_bound" else float(diagonal.mean())
 
     monkeypatch.setattr(module, bound, own_diagonal)
-    found = statistics([name], mode, RECEIVED[mask], 60, seed=17)[name]
+    found = statistics([name], mode, MASKS[mask], 60, seed=17)[name]
     assert max(value / limits(key, 60)[1] for key, value in found.items()) > 1.0, found
 
 
