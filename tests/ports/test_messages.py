@@ -308,7 +308,7 @@ def test_mip_by_hand() -> None:
         ("odometri", {}, "port: unknown name 'odometri', did you mean 'odometry'?"),
         ("odometry", {"max_rate": 5}, "port odometry: unknown key 'max_rate', did you mean 'max_rate_hz'?"),
         ("odometry", {"max_rate_hz": 0}, "max_rate_hz is 0, expected > 0"),
-        ("odometry", {"max_rate_hz": "5"}, "max_rate_hz is '5', expected a number"),
+        ("odometry", {"max_rate_hz": "5"}, "max_rate_hz is '5', expected a finite number"),
         ("odometry", {"receiver": "ardupilot"}, "receiver_noise_mps is None with receiver 'ardupilot'"),
         ("odometry", {"receiver": "pixhawk"}, "receiver is 'pixhawk', expected one of px4, ardupilot"),
         ("odometry", {"system_id": 0}, "system_id is 0, expected an integer from 1 to 255"),
@@ -320,9 +320,16 @@ def test_mip_by_hand() -> None:
         ),
         ("microstrain", {"timebase": "arrival"}, "latency_s is None with timebase 'arrival'"),
         ("microstrain", {"frame_id": 0}, "frame_id is 0, expected an integer from 1 to 255"),
-        ("pd0", {"geometry": JANUS}, "port pd0: .*receiver_sd_mps"),
+        ("pd0", {"geometry": JANUS}, "port pd0: 'receiver_sd_mps' is missing"),
+        (
+            "ros_dvl",
+            {"geometry": None},
+            "port ros_dvl: geometry is of type NoneType, expected a BeamGeometry",
+        ),
+        ("ros_dvl", {"geometry": JANUS, "frame_id": ""}, "frame_id is '', expected the name of a frame"),
+        ("microstrain", {"time_offset_s": "0"}, "time_offset_s is '0', expected a finite number"),
         ("ros_twist", {"frame": "enu"}, "frame is 'enu', expected one of flu, frd"),
-        ("ros_twist", {"unseen_sd_mps": float("nan")}, "unseen_sd_mps is nan, expected > 0"),
+        ("ros_twist", {"unseen_sd_mps": float("nan")}, "unseen_sd_mps is nan, expected a finite number"),
     ],
 )
 def test_settings_are_checked(name: str, settings: dict[str, Any], message: str) -> None:
