@@ -1,0 +1,347 @@
+"""What a port is given: one estimate of the velocity, with what is known of it and what is not.
+
+There are two sources. In mode "velocity" the beams of one ping alone give it, and a component that they do not
+determine is absent: NaN, never a large variance. In mode "navigation" a `Navigator` gives it, and every component is
+there, because the inertial solution carries the ones that the beams do not determine.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, Self, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bottomlock.errors import DataError
+from bottomlock.kernel import COMPONENT_STATUS, SOURCES, Navigator, VelocityFixes
+
+Mode = Literal["velocity", "navigation"]
+"""Whether an estimate is made of one ping alone or by a navigator."""
+
+State = Literal["INITIALISING", "OK", "PARTIAL", "COASTING", "UNSAFE"]
+"""State of the process that makes the estimates; in INITIALISING and UNSAFE every port is silent."""
+
+SILENT: tuple[State, ...] = ("INITIALISING", "UNSAFE")
+"""States in which nothing is sent."""
+
+_MEASURED = {"none", "lc", "plcf", "info"}
+_SOLVED = COMPONENT_STATUS.index("solved")
+# Relative to the largest eigenvalue: what rounding leaves of a covariance that is singular.
+_ROUNDING = 1e-9
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Beams:
+    """The ping behind an estimate, for the ports that pass beams on.
+
+    Attributes:
+        transmission_ns: when it was sent, on the clock of the estimate; None if it is not known.
+        velocity_mps: (n,) beam velocities, NaN for lost beams.
+        sd_mps: (n,) their noise, 1 sigma.
+        range_m: (n,) distances along the beams, NaN where there is none.
+        interval_ns: time since the ping before; None for the first.
+    """
+
+    velocity_mps: Floats
+    sd_mps: Floats
+    range_m: Floats
+    transmission_ns: int | None = None
+    interval_ns: int | None = None
+
+    def __post_init__(self) -> None:
+        """Checks shapes and signs.
+
+        Raises:
+            DataError: naming the field.
+        """
+        velocity = _array("velocity_mps", self.velocity_mps, None)
+        object.__setattr__(self, "velocity_mps", velocity)
+        for name in ("sd_mps", "range_m"):
+            values = _array(name, getattr(self, name), velocity.shape)
+            if bool((values <= 0.0).any()):
+                raise DataError(
+                    f"beams: {name} is {values.tolist()}, expected positive numbers, NaN for none"
+                )
+            object.__setattr__(self, name, values)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """(n,) which beams have a velocity."""
+        return np.isfinite(self.velocity_mps)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Estimate:
+    """One estimate of the velocity over ground at the platform's origin, checked and read-only.
+
+    Attributes:
+        time_ns: time of validity, on the host's clock since 1970.
+        mode: "velocity" or "navigation".
+        velocity_p_mps: (3,) platform axes; NaN where the beams do not determine a component (mode velocity only).
+        covariance_m2ps2: (3, 3) of the components that are there; NaN elsewhere.
+        rank: number of axes that the beams of the last ping determine, 0 to 3.
+        observed_velocity_p_mps: (3,) minimum-norm velocity along the axes that the beams determine.
+        information_s2pm2: (3, 3) information of these beams, of rank `rank`.
+        state: see `State`.
+        reset_counter: 0 to 255; one more at every discontinuity that no measurement explains (start, restart).
+        attitude_t_p: (4,) unit quaternion, scalar first, platform to tangent; None in mode velocity, if not known.
+        position_t_m: (3,) tangent frame; None in mode velocity.
+        navigation_covariance: (9, 9) of the errors of position (t), misalignment (t) and velocity (p); None in mode
+            velocity.
+        omega_p_radps: (3,) angular rate of the platform against the tangent frame; None if not known.
+        beams: the last ping; None if there is none.
+    """
+
+    time_ns: int
+    mode: Mode
+    velocity_p_mps: Floats
+    covariance_m2ps2: Floats
+    rank: int
+    observed_velocity_p_mps: Floats = field(default_factory=lambda: np.zeros(3))
+    information_s2pm2: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+    state: State = "OK"
+    reset_counter: int = 0
+    attitude_t_p: Floats | None = None
+    position_t_m: Floats | None = None
+    navigation_covariance: Floats | None = None
+    omega_p_radps: Floats | None = None
+    beams: Beams | None = None
+
+    def __post_init__(self) -> None:
+        """Checks every field and freezes the arrays.
+
+        Raises:
+            DataError: naming the field, its value and what was expected.
+        """
+        for name, shape in _SHAPES.items():
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, _array(name, value, shape))
+        for name, known in (("mode", get_args(Mode)), ("state", get_args(State))):
+            if getattr(self, name) not in known:
+                raise DataError(
+                    f"estimate: {name} is '{getattr(self, name)}', expected one of {', '.join(known)}"
+                )
+        for name, least, most in (
+            ("time_ns", 0, 2**63 - 1),
+            ("rank", 0, 3),
+            ("reset_counter", 0, 255),
+        ):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+                raise DataError(f"estimate: {name} is {value!r}, expected an integer from {least} to {most}")
+        self._check_numbers()
+
+    def _check_numbers(self) -> None:
+        """Checks that components are there as the mode says, and that covariances are covariances."""
+        there = self.components
+        if not np.array_equal(np.isfinite(self.covariance_m2ps2), np.outer(there, there)):
+            raise DataError(
+                "estimate: covariance_m2ps2 must be finite exactly for the components of velocity_p_mps that are"
+            )
+        _check_covariance("covariance_m2ps2", self.covariance_m2ps2[np.ix_(there, there)])
+        _check_covariance("information_s2pm2", self.information_s2pm2)
+        for name in ("observed_velocity_p_mps", "position_t_m", "omega_p_radps", "attitude_t_p"):
+            value = getattr(self, name)
+            if value is not None and not bool(np.isfinite(value).all()):
+                raise DataError(f"estimate: {name} is {value.tolist()}, expected finite numbers")
+        attitude = self.attitude_t_p
+        if attitude is not None and abs(float(np.linalg.norm(attitude)) - 1.0) > 1e-6:
+            raise DataError(f"estimate: attitude_t_p is {attitude.tolist()}, expected a unit quaternion")
+        if self.mode == "navigation":
+            absent = [
+                name
+                for name in ("attitude_t_p", "position_t_m", "navigation_covariance")
+                if getattr(self, name) is None
+            ]
+            if absent:
+                raise DataError(f"estimate: {absent[0]} is missing in mode navigation")
+            if not there.all():
+                raise DataError(
+                    f"estimate: velocity_p_mps is {self.velocity_p_mps.tolist()}, "
+                    "expected three finite components in mode navigation"
+                )
+        if self.navigation_covariance is not None:
+            _check_covariance("navigation_covariance", self.navigation_covariance)
+
+    @property
+    def components(self) -> NDArray[np.bool_]:
+        """(3,) which components of the velocity are there."""
+        return np.isfinite(self.velocity_p_mps)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all three components are there."""
+        return bool(self.components.all())
+
+    def observable_axes(self) -> tuple[Floats, Floats, Floats]:
+        """Principal axes that the beams determine, the best known first.
+
+        Returns:
+            Axes (rank, 3), unit vectors in the platform frame; velocity along each (rank,), m/s; variance (rank,).
+        """
+        eigenvalues, vectors = np.linalg.eigh(self.information_s2pm2)
+        axes = vectors.T[::-1][: self.rank]
+        return axes, axes @ self.observed_velocity_p_mps, 1.0 / eigenvalues[::-1][: self.rank]
+
+    @classmethod
+    def from_fix(
+        cls,
+        time_ns: int,
+        fixes: VelocityFixes,
+        row: int = 0,
+        *,
+        state: State = "OK",
+        reset_counter: int = 0,
+        attitude_t_p: ArrayLike | None = None,
+        omega_p_radps: ArrayLike | None = None,
+        beams: Beams | None = None,
+    ) -> Self:
+        """Mode velocity: a row of what `solve_velocity` gives with the methods "info", "plcf" or "lc".
+
+        Raises:
+            DataError: for a solution that holds assumptions or a prior (vb, nsv, vhv, weak_sway, elc): its unseen
+                components are no measurement.
+        """
+        sources = {SOURCES[code] for code in fixes.source[row]}
+        if not sources <= _MEASURED:
+            assumed = ", ".join(sorted(sources - _MEASURED))
+            raise DataError(
+                f"estimate: the fix is of method '{assumed}', which adds an assumption or a prior; "
+                "expected measurements alone: solve with method 'info'"
+            )
+        solved = fixes.component[row] == _SOLVED
+        seen = np.where(solved, 1.0, np.nan)
+        return cls(
+            time_ns=int(time_ns),
+            mode="velocity",
+            velocity_p_mps=fixes.velocity_p_mps[row] * seen,
+            covariance_m2ps2=_symmetric(fixes.cov_m2ps2[row]) * np.outer(seen, seen),
+            rank=int(fixes.rank[row]),
+            observed_velocity_p_mps=fixes.observed_velocity_p_mps[row],
+            information_s2pm2=_symmetric(fixes.information_s2pm2[row]),
+            state=state,
+            reset_counter=reset_counter,
+            attitude_t_p=None if attitude_t_p is None else np.asarray(attitude_t_p, dtype=np.float64),
+            omega_p_radps=None if omega_p_radps is None else np.asarray(omega_p_radps, dtype=np.float64),
+            beams=beams,
+        )
+
+    @classmethod
+    def from_navigator(
+        cls,
+        navigator: Navigator,
+        *,
+        clock_offset_ns: int = 0,
+        state: State = "OK",
+        reset_counter: int = 0,
+        fixes: VelocityFixes | None = None,
+        omega_p_radps: ArrayLike | None = None,
+        beams: Beams | None = None,
+    ) -> Self:
+        """Mode navigation: state and covariance of a navigator as they are now.
+
+        Args:
+            navigator: whose estimate it is.
+            clock_offset_ns: what to add to the navigator's time for that of the host since 1970.
+            state: see `State`.
+            reset_counter: as the attribute.
+            fixes: one row, what `solve_velocity` gives for the last ping: rank and information of its beams; rank 0
+                without.
+            omega_p_radps: (3,) as the attribute.
+            beams: the last ping.
+        """
+        return cls.from_state(
+            navigator.state(),
+            navigator.covariance(),
+            clock_offset_ns=clock_offset_ns,
+            state=state,
+            reset_counter=reset_counter,
+            fixes=fixes,
+            omega_p_radps=omega_p_radps,
+            beams=beams,
+        )
+
+    @classmethod
+    def from_state(
+        cls,
+        navigation: Mapping[str, Any],
+        covariance: ArrayLike,
+        *,
+        clock_offset_ns: int = 0,
+        state: State = "OK",
+        reset_counter: int = 0,
+        fixes: VelocityFixes | None = None,
+        omega_p_radps: ArrayLike | None = None,
+        beams: Beams | None = None,
+    ) -> Self:
+        """Mode navigation: from what `Navigator.state` and `Navigator.covariance` give, (20, 20)."""
+        joint = _symmetric(np.asarray(covariance, dtype=np.float64)[:9, :9])
+        seen: dict[str, Any] = {"rank": 0}
+        if fixes is not None:
+            seen = {
+                "rank": int(fixes.rank[0]),
+                "observed_velocity_p_mps": fixes.observed_velocity_p_mps[0],
+                "information_s2pm2": _symmetric(fixes.information_s2pm2[0]),
+            }
+        return cls(
+            time_ns=int(navigation["time_ns"]) + clock_offset_ns,
+            mode="navigation",
+            velocity_p_mps=navigation["velocity_p_mps"],
+            covariance_m2ps2=joint[6:, 6:],
+            state=state,
+            reset_counter=reset_counter,
+            attitude_t_p=navigation["attitude_t_p"],
+            position_t_m=navigation["position_t_m"],
+            navigation_covariance=joint,
+            omega_p_radps=None if omega_p_radps is None else np.asarray(omega_p_radps, dtype=np.float64),
+            beams=beams,
+            **seen,
+        )
+
+
+_SHAPES: dict[str, tuple[int, ...]] = {
+    "velocity_p_mps": (3,),
+    "covariance_m2ps2": (3, 3),
+    "observed_velocity_p_mps": (3,),
+    "information_s2pm2": (3, 3),
+    "attitude_t_p": (4,),
+    "position_t_m": (3,),
+    "navigation_covariance": (9, 9),
+    "omega_p_radps": (3,),
+}
+
+
+def _array(name: str, value: ArrayLike, shape: tuple[int, ...] | None) -> Floats:
+    """A read-only copy as float64."""
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"estimate: {name} holds something else than numbers") from error
+    if shape is None and array.ndim != 1:
+        raise DataError(f"estimate: {name} has shape {array.shape}, expected one number a beam")
+    if shape is not None and array.shape != shape:
+        raise DataError(f"estimate: {name} has shape {array.shape}, expected {shape}")
+    array.flags.writeable = False
+    return array
+
+
+def _symmetric(matrix: Floats) -> Floats:
+    return 0.5 * (matrix + matrix.T)
+
+
+def _check_covariance(name: str, matrix: Floats) -> None:
+    """Checks that a matrix is finite, symmetric and without a negative eigenvalue beyond rounding."""
+    if matrix.size == 0:
+        return
+    # The comparison is false for what is not a number, too.
+    if not bool((np.abs(matrix - matrix.T) <= 1e-12 * np.abs(matrix)).all()):
+        raise DataError(f"estimate: {name} must be finite and symmetric")
+    # In units of each state's own σ: position and misalignment differ by orders of magnitude.
+    variance = matrix.diagonal()
+    scale = np.sqrt(np.where(variance > 0.0, variance, 1.0))
+    least = float(np.linalg.eigvalsh(matrix / scale / scale[:, None])[0])
+    if bool((variance < 0.0).any()) or least < -_ROUNDING * len(scale):
+        raise DataError(f"estimate: {name} has a negative eigenvalue, expected a covariance")

@@ -1,0 +1,66 @@
+"""Registry of the ports by name.
+
+A new port is a file with a class and a line in `PORTS` below.
+"""
+
+import difflib
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+from bottomlock.errors import ScenarioError
+from bottomlock.kernel import BeamGeometry
+from bottomlock.ports.mip import MicroStrain
+from bottomlock.ports.odometry import Odometry
+from bottomlock.ports.port import Port
+from bottomlock.ports.restored import Pd0, WaterLinkedJson
+from bottomlock.ports.ros_dvl import RosDvl
+from bottomlock.ports.ros_velocity import RosTwist, RosVelocity
+from bottomlock.ports.sentence import Sentence
+from bottomlock.ports.vision_position_delta import VisionPositionDelta
+from bottomlock.ports.vision_speed_estimate import VisionSpeedEstimate
+
+PORTS: dict[str, Callable[..., Port]] = {
+    one.name: one
+    for one in (
+        VisionPositionDelta,
+        VisionSpeedEstimate,
+        Odometry,
+        MicroStrain,
+        RosVelocity,
+        RosTwist,
+        RosDvl,
+        WaterLinkedJson,
+        Pd0,
+        Sentence,
+    )
+}
+
+
+def port(name: str, **settings: Any) -> Port:  # noqa: ANN401 - the settings of each port have their types there
+    """The port of a name with its settings.
+
+    Raises:
+        ScenarioError: for an unknown name or key, which names the nearest, or a value out of range.
+    """
+    make = PORTS.get(name)
+    if make is None:
+        raise ScenarioError(f"port: unknown name '{name}'{_nearest(name, list(PORTS))}")
+    parameters = inspect.signature(make).parameters
+    for key in settings:
+        if key not in parameters:
+            raise ScenarioError(f"port {name}: unknown key '{key}'{_nearest(key, list(parameters))}")
+    for key, parameter in parameters.items():
+        if parameter.default is parameter.empty and key not in settings:
+            raise ScenarioError(f"port {name}: '{key}' is missing")
+    geometry = settings.get("geometry")
+    if "geometry" in settings and not isinstance(geometry, BeamGeometry):
+        raise ScenarioError(
+            f"port {name}: geometry is of type {type(geometry).__name__}, expected a BeamGeometry"
+        )
+    return make(**settings)
+
+
+def _nearest(word: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    return f", did you mean '{close[0]}'?" if close else f" (known: {', '.join(known) or 'none'})"

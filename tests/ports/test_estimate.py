@@ -1,0 +1,151 @@
+"""An estimate is checked when it is made, and says what it does not know."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bottomlock.config.scenario import load_scenario
+from bottomlock.errors import DataError
+from bottomlock.kernel import (
+    BeamGeometry,
+    FixMethod,
+    Navigator,
+    VelocityFixes,
+    normal_gravity_mps2,
+    solve_velocity,
+)
+from bottomlock.models import InitialState
+from bottomlock.ports.estimate import Beams, Estimate
+
+JANUS = BeamGeometry.janus(np.deg2rad(20.0))
+VELOCITY = np.array([2.0, 0.1, -0.2])
+
+
+def fix(mask: tuple[int, ...]) -> VelocityFixes:
+    beams = JANUS.beam_velocities([VELOCITY])
+    return solve_velocity(JANUS, beams, [np.array(mask, dtype=bool)], method="info", beam_sd_mps=0.02)
+
+
+def navigation(**changes: object) -> Estimate:
+    joint = np.diag([1.0, 1.0, 1.0, 1e-6, 1e-6, 1e-4, 1e-4, 4e-4, 1e-4])
+    settings: dict[str, Any] = {
+        "time_ns": 1_000_000_000,
+        "mode": "navigation",
+        "velocity_p_mps": VELOCITY,
+        "covariance_m2ps2": joint[6:, 6:],
+        "rank": 3,
+        "attitude_t_p": [1.0, 0.0, 0.0, 0.0],
+        "position_t_m": [1.0, 2.0, 3.0],
+        "navigation_covariance": joint,
+    }
+    return Estimate(**(settings | changes))
+
+
+@pytest.mark.parametrize(
+    ("mask", "rank", "components"),
+    [
+        ((1, 1, 1, 1), 3, [True, True, True]),
+        ((1, 1, 1, 0), 3, [True, True, True]),
+        ((1, 0, 1, 0), 2, [False, False, True]),
+        ((1, 1, 0, 0), 2, [True, False, False]),
+        ((1, 0, 0, 1), 2, [False, True, False]),
+        ((1, 0, 0, 0), 1, [False, False, False]),
+        ((0, 0, 0, 0), 0, [False, False, False]),
+    ],
+)
+def test_what_the_beams_determine(mask: tuple[int, ...], rank: int, components: list[bool]) -> None:
+    """Docs of the x-Janus: opposite beams give heave, beams 1 and 2 surge, 1 and 4 sway; the rest is absent."""
+    estimate = Estimate.from_fix(7, fix(mask))
+    assert (estimate.rank, estimate.components.tolist(), estimate.complete) == (rank, components, rank == 3)
+    np.testing.assert_allclose(estimate.velocity_p_mps[components], VELOCITY[components], atol=1e-12)
+    axes, along, variance = estimate.observable_axes()
+    assert axes.shape == (rank, 3)
+    np.testing.assert_allclose(axes @ axes.T, np.eye(rank), atol=1e-12)
+    np.testing.assert_allclose(along, axes @ VELOCITY, atol=1e-12)
+    assert bool((variance > 0.0).all())
+    assert bool((np.diff(variance) >= -1e-15).all())
+
+
+def test_one_beam_is_known_along_itself() -> None:
+    """A single beam of σ 0.02 m/s: one axis, the beam's own, of that variance."""
+    axes, along, variance = Estimate.from_fix(7, fix((1, 0, 0, 0))).observable_axes()
+    beam = JANUS.directions_p[0]
+    assert abs(float(axes[0] @ beam)) == pytest.approx(1.0, abs=1e-12)
+    assert abs(float(along[0])) == pytest.approx(abs(float(beam @ VELOCITY)), abs=1e-12)
+    assert float(variance[0]) == pytest.approx(0.02**2, rel=1e-12)
+
+
+@pytest.mark.parametrize("method", ["nsv", "weak_sway", "elc"])
+def test_assumptions_are_no_measurement(method: FixMethod) -> None:
+    beams = JANUS.beam_velocities([VELOCITY])
+    mask = [np.array([True, True, False, False])]
+    fixes = solve_velocity(
+        JANUS,
+        beams,
+        mask,
+        method=method,
+        beam_sd_mps=0.02,
+        prior_velocity_p_mps=[VELOCITY],
+        prior_cov_m2ps2=[np.eye(3)],
+    )
+    with pytest.raises(DataError, match="solve with method 'info'"):
+        Estimate.from_fix(7, fixes)
+
+
+def test_a_navigator_has_all_components() -> None:
+    scenario, gravity = load_scenario("straight"), normal_gravity_mps2(0.57)
+    initial = InitialState(
+        time_ns=5, position_t_m=[0, 0, 0], attitude_t_p=[1, 0, 0, 0], velocity_p_mps=VELOCITY
+    )
+    navigator = Navigator(
+        JANUS, scenario.kernel_model(gravity), scenario.kernel_options(), initial, method="tc"
+    )
+    estimate = Estimate.from_navigator(
+        navigator, clock_offset_ns=100, fixes=fix((1, 1, 0, 0)), state="PARTIAL"
+    )
+    assert (estimate.time_ns, estimate.rank, estimate.complete, estimate.state) == (105, 2, True, "PARTIAL")
+    np.testing.assert_array_equal(estimate.covariance_m2ps2, navigator.covariance()[6:9, 6:9])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"time_ns": -1}, "time_ns is -1, expected an integer from 0"),
+        ({"time_ns": 1.5}, "time_ns is 1.5, expected an integer"),
+        ({"mode": "ins"}, "mode is 'ins', expected one of velocity, navigation"),
+        ({"state": "ok"}, "state is 'ok', expected one of INITIALISING"),
+        ({"rank": 4}, "rank is 4"),
+        ({"reset_counter": 256}, "reset_counter is 256"),
+        ({"velocity_p_mps": [1.0, 2.0]}, r"velocity_p_mps has shape \(2,\), expected \(3,\)"),
+        ({"velocity_p_mps": ["a", 2.0, 3.0]}, "something else than numbers"),
+        ({"velocity_p_mps": [np.nan, 0.0, 0.0]}, "must be finite exactly for the components"),
+        ({"covariance_m2ps2": np.diag([1.0, 1.0, -1.0])}, "negative eigenvalue"),
+        ({"covariance_m2ps2": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]}, "negative eigenvalue"),
+        ({"covariance_m2ps2": [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]}, "symmetric"),
+        ({"attitude_t_p": [0.0, 0.0, 0.0, 2.0]}, "expected a unit quaternion"),
+        ({"attitude_t_p": None}, "attitude_t_p is missing in mode navigation"),
+        ({"position_t_m": [np.inf, 0.0, 0.0]}, "position_t_m is .* expected finite"),
+    ],
+)
+def test_bad_estimates_are_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(DataError, match=message):
+        navigation(**changes)
+
+
+def test_beams_are_checked() -> None:
+    with pytest.raises(DataError, match="range_m"):
+        Beams(velocity_mps=np.zeros(4), sd_mps=np.full(4, 0.02), range_m=np.zeros(4))
+    with pytest.raises(DataError, match="sd_mps has shape"):
+        Beams(velocity_mps=np.zeros(4), sd_mps=np.full(3, 0.02), range_m=np.full(4, np.nan))
+
+
+def test_an_estimate_does_not_change() -> None:
+    estimate = navigation()
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        estimate.rank = 1  # type: ignore[misc]
+    with pytest.raises(ValueError, match="read-only"):
+        estimate.velocity_p_mps[0] = 0.0
