@@ -1,0 +1,100 @@
+"""The command `bottomlock live`: from the DVL's bytes to those of an autopilot, in one process."""
+
+import asyncio
+import contextlib
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
+from bottomlock.errors import ScenarioError
+from bottomlock.live.config import LiveConfig, load_config
+from bottomlock.live.engine import Engine, Message
+from bottomlock.live.raw_log import RawLog
+from bottomlock.live.replay import replay_log
+from bottomlock.live.runner import Live, started_from
+
+
+def live(
+    config: Path,
+    *,
+    dry_run: Annotated[
+        bool, Parameter(negative="", help="Show what would be sent, and send nothing.")
+    ] = False,
+    replay: Annotated[
+        Path | None,
+        Parameter(help="Play a raw log again, and compare with what was sent; exit code 1 where it differs."),
+    ] = None,
+) -> None:
+    """Navigate live: read DVL, IMU and depth, estimate, and send to the ports.
+
+    Parameters
+    ----------
+    config
+        TOML file; docs/live.md describes it.
+    """
+    settings = load_config(config)
+    if replay is not None:
+        _replay(settings, replay)
+        return
+    if not settings.port and not dry_run:
+        raise ScenarioError(f"{config}: there is no [[port]], so nothing would be sent; --dry-run needs none")
+    engine = Engine(settings)
+    log = None
+    if settings.log is not None and not dry_run:
+        log = RawLog(
+            Path(settings.log.folder),
+            sources=[one.name for one in settings.source],
+            ports=[one.port for one in settings.port],
+            start=started_from(config),
+        )
+        errors.print(f"bottomlock: raw log {log.path}")
+    running = Live(settings, engine, say=_say, log=log, send=_shown(settings, engine) if dry_run else None)
+    _run(running)
+
+
+def _say(words: str) -> None:
+    errors.print(f"bottomlock: {words}", markup=False)
+
+
+def _shown(settings: LiveConfig, engine: Engine) -> Callable[[Message], None]:
+    """Prints a message in place of sending it."""
+
+    def show(message: Message) -> None:
+        section = settings.port[message.port]
+        text = message.data.rstrip(b"\r\n").decode("ascii", "replace")
+        content = text if text.isprintable() else message.data.hex(" ")
+        console.print(
+            f"{engine.state} {section.port} to {section.to}, {len(message.data)} bytes: {content}",
+            soft_wrap=True,
+            highlight=False,
+        )
+
+    return show
+
+
+def _run(running: Live) -> None:
+    async def until_stopped() -> None:
+        loop, task = asyncio.get_running_loop(), asyncio.current_task()
+        assert task is not None
+        for name in (signal.SIGINT, signal.SIGTERM):
+            with contextlib.suppress(NotImplementedError):
+                loop.add_signal_handler(name, task.cancel)
+        with contextlib.suppress(asyncio.CancelledError):
+            await running.run()
+
+    asyncio.run(until_stopped())
+    for one in running.engine.ports:
+        last = f"; last silent because {one.silent_because}" if one.silent_because else ""
+        _say(f"port {one.name}: {one.sent} messages{last}")
+
+
+def _replay(settings: LiveConfig, log: Path) -> None:
+    result = replay_log(settings, log)
+    console.print(result.text(), highlight=False, soft_wrap=True)
+    if result.first_difference:
+        sys.exit(EXIT_DEPARTURE)
