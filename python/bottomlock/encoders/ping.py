@@ -1,0 +1,119 @@
+"""One ping of a DVL, as every encoder takes it."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.errors import DataError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Ping:
+    """One ping: its times, its beams, and the instrument's own velocity where it states one.
+
+    Beams are in the instrument's order, and positive when the vehicle moves along the beam: y = b . v.
+
+    Attributes:
+        time_ns: time of validity, when the ping was reflected by the bottom; ns on the instrument's clock.
+        transmission_ns: when its record is sent, ns on the same clock, not before `time_ns`.
+        trigger_ns: when the ping left the transducer, ns on the same clock; None for `time_ns`.
+        interval_ns: since the ping before; 0 for the first.
+        number: counts the pings of an instrument, from 1.
+        beam_velocity_mps: (n,); NaN where the beam is lost.
+        range_m: (n,) along the beam; NaN where there is none.
+        velocity_p_mps: (3,) forward, right, down; None where the instrument calls its velocity invalid.
+        covariance_m2ps2: (3, 3) of that velocity; None with it.
+        fom_mps: the instrument's figure of merit of that velocity; None for the root of the covariance's largest
+            eigenvalue, as Water Linked's documented example has it.
+        beam_sd_mps: the figure of merit of each beam, 1 sigma, for the formats that state it.
+        altitude_m: distance to the bottom along the instrument's vertical; None where unknown.
+        attitude_rad: (3,) roll, pitch, yaw, for the formats that state them; None writes zeros.
+        sound_speed_mps: as set in the instrument.
+
+    Raises:
+        DataError: for shapes that do not fit, a time out of order, an infinite beam, a negative range, or a velocity
+            without covariance.
+    """
+
+    time_ns: int
+    transmission_ns: int
+    interval_ns: int
+    number: int
+    beam_velocity_mps: Floats
+    range_m: Floats
+    trigger_ns: int | None = None
+    velocity_p_mps: Floats | None = None
+    covariance_m2ps2: Floats | None = None
+    fom_mps: float | None = None
+    beam_sd_mps: float = 0.01
+    altitude_m: float | None = None
+    attitude_rad: Floats | None = None
+    sound_speed_mps: float = 1500.0
+
+    def __post_init__(self) -> None:
+        n = len(self.beam_velocity_mps)
+        place = f"ping {self.number} at {self.time_ns} ns"
+        if np.shape(self.range_m) != (n,):
+            raise DataError(
+                f"{place}: range_m has shape {np.shape(self.range_m)}, expected ({n},), one per beam"
+            )
+        if self.transmission_ns < self.time_ns or self.sent_ns > self.time_ns:
+            raise DataError(
+                f"{place}: trigger_ns {self.sent_ns}, time_ns and transmission_ns {self.transmission_ns} are out of "
+                "order, expected trigger, reflection, transmission"
+            )
+        if self.interval_ns < 0 or self.number < 1:
+            raise DataError(
+                f"{place}: interval_ns is {self.interval_ns}, expected 0 or more, and number from 1 on"
+            )
+        if (
+            np.isinf(self.beam_velocity_mps).any()
+            or (np.asarray(self.range_m) < 0.0).any()
+            or np.isinf(self.range_m).any()
+        ):
+            raise DataError(
+                f"{place}: a beam is infinite or its range negative, expected NaN for a lost beam"
+            )
+        self._check_velocity(place)
+
+    def _check_velocity(self, place: str) -> None:
+        if (self.velocity_p_mps is None) != (self.covariance_m2ps2 is None):
+            raise DataError(
+                f"{place}: a velocity and its covariance come together, got one without the other"
+            )
+        if self.velocity_p_mps is None or self.covariance_m2ps2 is None:
+            return
+        if np.shape(self.velocity_p_mps) != (3,) or np.shape(self.covariance_m2ps2) != (3, 3):
+            raise DataError(f"{place}: expected a velocity (3,) and its covariance (3, 3)")
+        if not (np.isfinite(self.velocity_p_mps).all() and np.isfinite(self.covariance_m2ps2).all()):
+            raise DataError(
+                f"{place}: velocity or covariance is not finite; None stands for an invalid velocity"
+            )
+
+    @property
+    def beams(self) -> int:
+        """Number of beams."""
+        return len(self.beam_velocity_mps)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """(n,) the beams that returned."""
+        return np.isfinite(self.beam_velocity_mps)
+
+    @property
+    def sent_ns(self) -> int:
+        """When the ping left the transducer."""
+        return self.time_ns if self.trigger_ns is None else self.trigger_ns
+
+    @property
+    def figure_mps(self) -> float | None:
+        """Figure of merit of the velocity; None where there is no velocity."""
+        if self.covariance_m2ps2 is None:
+            return None
+        if self.fom_mps is not None:
+            return self.fom_mps
+        return math.sqrt(max(float(np.linalg.eigvalsh(self.covariance_m2ps2)[-1]), 0.0))
