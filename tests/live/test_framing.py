@@ -146,5 +146,5 @@ def test_a_serial_ping_is_there_with_its_fourth_transducer() -> None:
 
 def test_formats_without_beams_are_refused() -> None:
     """By name, with those that are streams of beams."""
-    with pytest.raises(DataError, match="format 'pd6' is no stream of beams, expected one of .*pd0"):
+    with pytest.raises(DataError, match=r"format 'pd6' is no stream of beams, expected one of .*pd0"):
         PingReader("pd6", 4)

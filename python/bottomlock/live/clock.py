@@ -2,7 +2,7 @@
 
 A report that was sent at the instrument's time s arrives at the host's time a after an unknown delay, which is never
 negative. With o the offset of the clocks, a - s = o + delay, so a - s is an upper bound of o, and the least of these
-bounds is the best: the lower envelope. The clocks may drift by `DRIFT` at most, so a bound rises by as much with its age.
+bounds is the best: the lower envelope. The clocks may drift by `DRIFT` at most: so much does a bound rise with its age.
 
 A report far above the envelope was delayed, or the instrument's clock was set back; one far below shows that the clock
 was set forward. A clock set back is known only after some reports in a row; until then their times are unsure, and

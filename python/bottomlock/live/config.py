@@ -109,6 +109,7 @@ class LiveConfig(Section):
         """Where the conditions of the states begin."""
         return Limits(
             silent_periods=self.states.silent_periods,
+            silent_least_ns=units.ns_from_s(self.states.silent_least_s),
             settle_ns=units.ns_from_s(self.states.settle_s),
             velocity_sd_mps=self.states.velocity_sd_mps,
             rejected_pings=self.states.rejected_pings,
@@ -135,7 +136,7 @@ class LiveConfig(Section):
         return tuple(make_port(one.port, **one.settings) for one in self.port)
 
     def checked(self) -> Self:
-        """This configuration, once its geometry, ports and filter settings have been made.
+        """The same configuration, once its geometry, ports and filter settings have been made.
 
         Raises:
             ScenarioError: for what only they can tell.
@@ -193,7 +194,7 @@ def kernel_settings(config: LiveConfig, instrument: Instrument) -> KernelSetting
     options = models.Options(
         **config.filter.kernel_options(),
         robust=config.robust.kernel_options(),
-        **imu.limits.kernel_options(),
+        **imu.limits.kernel_options() | {"imu_gap": "inflate"},
         imu_sampling=imu.sampling,
         depth_lever_p_m=lever,
     )
@@ -249,7 +250,9 @@ def _from_folder(content: dict[str, Any], folder: Path) -> None:
     """Prefixes relative paths with the configuration's folder; a packaged geometry is no path."""
     for section, key in _PATHS:
         table = content.get(section)
-        named = table.get(key) if isinstance(table, dict) else None
+        if not isinstance(table, dict):
+            continue
+        named = table.get(key)
         if isinstance(named, str) and (key != "geometry" or named.endswith(".toml")):
             table[key] = str(folder / named)
     for section, key in (("source", "address"), ("port", "to")):

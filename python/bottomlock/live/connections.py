@@ -132,7 +132,8 @@ class Connection:
         if kind == "stdin" or (kind == "file" and not _is_regular(self.address.path)):
             return await self._pipe()
         if kind == "file":
-            return await self._file()
+            await self._file()
+            return None
         return await self._stream()
 
     def _opened(self, words: str) -> None:

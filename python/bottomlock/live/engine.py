@@ -45,7 +45,7 @@ class SourceState:
         reader: bytes to pings or readings.
         clock: its clock on the host's.
         last_ns: arrival of its last bytes; None before the first.
-        used: readings or pings that were used.
+        used: readings or pings that were taken.
         refused: those that were not, by reason.
         connections: how often it was connected.
     """
@@ -100,8 +100,6 @@ class Engine:
         ]
         self.machine = StateMachine(config.limits)
         self._reset_counter = reset_counter
-        self._ping_used_ns: int | None = None
-        self._imu_used_ns: int | None = None
         self._tick_ns: int | None = None
         self._steps_seen = 0
         self._failed = ""
@@ -177,25 +175,22 @@ class Engine:
         if time_ns is None:
             return []
         try:
-            used = self._estimate(reading, time_ns)
+            self._estimate(reading, time_ns, arrival_ns)
         except BottomlockError as error:
             one.refused[_without_numbers(str(error))] += 1
             return []
-        one.used += used
-        if used and isinstance(reading, Ping):
-            self._ping_used_ns = arrival_ns
-        elif used and isinstance(reading, ImuReading):
-            self._imu_used_ns = arrival_ns
+        one.used += 1
         if isinstance(reading, Ping):
             self._judge(arrival_ns)
         return [] if isinstance(reading, DepthReading) else self._send()
 
-    def _estimate(self, reading: Ping | Reading, time_ns: int) -> bool:
+    def _estimate(self, reading: Ping | Reading, time_ns: int, arrival_ns: int) -> None:
         if isinstance(reading, Ping):
-            return self.estimator.ping(time_ns, reading)
-        if isinstance(reading, ImuReading):
-            return self.estimator.imu(time_ns, reading)
-        return self.estimator.depth(time_ns, reading)
+            self.estimator.ping(time_ns, reading, arrival_ns)
+        elif isinstance(reading, ImuReading):
+            self.estimator.imu(time_ns, reading, arrival_ns)
+        else:
+            self.estimator.depth(time_ns, reading)
 
     def _time_ns(self, one: SourceState, arrival_ns: int, reading: Ping | Reading) -> int | None:
         """Time of validity on the host's clock; None where it is unsure, which is counted."""
@@ -230,10 +225,10 @@ class Engine:
             now_ns=now_ns,
             mode=self.config.mode,
             waiting_for="" if self._failed else estimator.waiting_for,
-            ping_age_ns=None if self._ping_used_ns is None else max(now_ns - self._ping_used_ns, 0),
+            ping_age_ns=_age(now_ns, estimator.ping_used_ns),
             ping_period_ns=self._period_ns(PingReader),
             rank=estimator.rank,
-            imu_age_ns=None if self._imu_used_ns is None else max(now_ns - self._imu_used_ns, 0),
+            imu_age_ns=_age(now_ns, estimator.imu_used_ns),
             imu_period_ns=self._period_ns(LineReader, MavlinkReader),
             velocity_sd_mps=estimator.velocity_sd_mps,
             rejected=estimator.rejected,
@@ -294,8 +289,16 @@ class Engine:
 
 
 def _estimator(config: LiveConfig) -> Estimator:
+    if config.mode == "navigation":
+        from bottomlock.live.navigation import NavigationEstimator  # noqa: PLC0415 - mode velocity starts without it
+
+        return NavigationEstimator(config)
     instrument = config.instrument()
     return VelocityEstimator(instrument, config.velocity.method)
+
+
+def _age(now_ns: int, then_ns: int | None) -> int | None:
+    return None if then_ns is None else max(now_ns - then_ns, 0)
 
 
 def _without_numbers(text: str) -> str:

@@ -17,35 +17,43 @@ class Estimator(Protocol):
     """Readings in, at times of the host's clock; estimates out.
 
     Attributes:
-        waiting_for: what the start still lacks; "" once there is an estimate.
         fault: why the estimate cannot be used at all; "" if it can.
         rank: directions that the beams of the last ping with a used beam determine.
         rejected: pings in a row that the gate has rejected.
-        velocity_sd_mps: largest 1 sigma of a velocity axis; None where the beams alone give the velocity.
         resets: discontinuities that no measurement explains, since the start.
+        ping_used_ns: arrival of what made a beam used the last time; None before the first.
+        imu_used_ns: the same of inertial readings.
         last: what is known of the last ping, for the health page.
     """
 
-    waiting_for: str
     fault: str
     rank: int
     rejected: int
-    velocity_sd_mps: float | None
     resets: int
+    ping_used_ns: int | None
+    imu_used_ns: int | None
     last: "LastPing"
 
-    def ping(self, time_ns: int, ping: Ping) -> bool:
-        """Takes a ping; whether a beam of it was used."""
+    @property
+    def waiting_for(self) -> str:
+        """What the start still lacks; "" once there is an estimate."""
 
-    def imu(self, time_ns: int, reading: ImuReading) -> bool:
-        """Takes an inertial reading; whether it was used."""
-
-    def depth(self, time_ns: int, reading: DepthReading) -> bool:
-        """Takes a depth; whether it was used."""
+    @property
+    def velocity_sd_mps(self) -> float | None:
+        """Largest 1 sigma of a velocity axis, m/s; None where the beams alone give the velocity."""
 
     @property
     def time_ns(self) -> int | None:
         """Time of the estimate; None without one."""
+
+    def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
+        """Takes a ping of a time of validity, and when it came."""
+
+    def imu(self, time_ns: int, reading: ImuReading, arrival_ns: int) -> None:
+        """Takes an inertial reading."""
+
+    def depth(self, time_ns: int, reading: DepthReading) -> None:
+        """Takes a depth."""
 
     def estimate(self, state: State, reset_counter: int) -> Estimate | None:
         """The estimate as it is now; None without one."""
@@ -106,16 +114,16 @@ class VelocityEstimator:
         self._beams: Beams | None = None
         self._before_ns: int | None = None
         self._time_ns: int | None = None
-        self.waiting_for = "a ping that determines the whole velocity"
         self.fault = ""
-        self.rank = 0
-        self.rejected = 0
+        self.waiting_for = "a ping that determines the whole velocity"
         self.velocity_sd_mps: float | None = None
-        self.resets = 0
+        self.rank = self.rejected = self.resets = 0
+        self.ping_used_ns: int | None = None
+        self.imu_used_ns: int | None = None
         self.last = LastPing(instrument.geometry.beams)
 
-    def ping(self, time_ns: int, ping: Ping) -> bool:
-        """Solves a ping; whether it determines anything."""
+    def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
+        """Solves a ping."""
         fixes = solve_ping(self._instrument, ping, self._method)
         rank = int(fixes.rank[0])
         self.last.velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
@@ -129,16 +137,13 @@ class VelocityEstimator:
         if rank == 3:
             self.waiting_for = ""
         if rank:
-            self.rank = rank
-        return rank > 0
+            self.rank, self.ping_used_ns = rank, arrival_ns
 
-    def imu(self, time_ns: int, reading: ImuReading) -> bool:  # noqa: ARG002 - the protocol's
+    def imu(self, time_ns: int, reading: ImuReading, arrival_ns: int) -> None:
         """Not used in this mode."""
-        return False
 
-    def depth(self, time_ns: int, reading: DepthReading) -> bool:  # noqa: ARG002 - the protocol's
+    def depth(self, time_ns: int, reading: DepthReading) -> None:
         """Not used in this mode."""
-        return False
 
     @property
     def time_ns(self) -> int | None:

@@ -22,17 +22,15 @@ _PNORBT = re.compile(
 
 
 class Framer(Protocol):
-    """Cuts a stream into records.
-
-    Attributes:
-        dropped: bytes that belonged to no record.
-        waiting: there are lines of a ping of which more may come.
-    """
-
-    dropped: int
+    """Cuts a stream into records."""
 
     @property
-    def waiting(self) -> bool: ...
+    def dropped(self) -> int:
+        """Bytes that belonged to no record."""
+
+    @property
+    def waiting(self) -> bool:
+        """Whether lines of a ping are held of which more may come."""
 
     def feed(self, data: bytes) -> list[bytes]:
         """The records that `data` completes."""
@@ -265,13 +263,17 @@ class Binary:
         self._buffer, self._searched, self._open = b"", 0, []
 
 
+def _word(data: bytes, at: int) -> int:
+    return int(_WORD.unpack_from(data, at)[0])
+
+
 def _pd0_size(head: bytes) -> int | None:
     """Size of a PD0 ensemble from its header (sync, size, number of types, their offsets), with the checksum."""
     if len(head) < 8:
         return None
-    size, types = _WORD.unpack_from(head, 2)[0], head[5]
+    size, types = _word(head, 2), head[5]
     first = 6 + 2 * types
-    if not types or _WORD.unpack_from(head, 6)[0] != first or first + 2 > size:
+    if not types or _word(head, 6) != first or first + 2 > size:
         return 0
     if len(head) < first + 2:
         return None
@@ -279,12 +281,13 @@ def _pd0_size(head: bytes) -> int | None:
 
 
 def _pd0_fits(record: bytes) -> bool:
-    return sum(record[:-2]) & 0xFFFF == _WORD.unpack(record[-2:])[0]
+    return sum(record[:-2]) & 0xFFFF == _word(record, len(record) - 2)
 
 
 def _nortek_sum(data: bytes) -> int:
     """Nortek's checksum: little-endian words from 0xB58C on, an odd last byte counted as a high one."""
-    total = 0xB58C + sum(struct.unpack_from(f"<{len(data) // 2}H", data))
+    words: tuple[int, ...] = struct.unpack_from(f"<{len(data) // 2}H", data)
+    total = 0xB58C + sum(words)
     return (total + (data[-1] << 8 if len(data) % 2 else 0)) & 0xFFFF
 
 
@@ -293,13 +296,13 @@ def _nortek_size(head: bytes) -> int | None:
     if len(head) < 2 or len(head) < head[1]:
         return None if len(head) < 2 or 10 <= head[1] <= 64 else 0
     size = head[1]
-    if not 10 <= size <= 64 or _nortek_sum(head[: size - 2]) != _WORD.unpack_from(head, size - 2)[0]:
+    if not 10 <= size <= 64 or _nortek_sum(head[: size - 2]) != _word(head, size - 2):
         return 0
-    return size + int(_WORD.unpack_from(head, 4)[0])
+    return size + _word(head, 4)
 
 
 def _nortek_fits(record: bytes) -> bool:
-    return _nortek_sum(record[record[1] :]) == _WORD.unpack_from(record, 6)[0]
+    return _nortek_sum(record[record[1] :]) == _word(record, 6)
 
 
 def pd0() -> Framer:

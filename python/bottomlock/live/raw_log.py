@@ -5,6 +5,7 @@ kill or a loss of power, is read up to there. Topics: `in/<source>`, `connected/
 """
 
 import contextlib
+import struct
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,7 +21,10 @@ START = "start"
 
 @dataclass(frozen=True)
 class Entry:
-    """An entry of a raw log: bytes of a source, a connection of it, or bytes to a port; `place` in the configuration."""
+    """An entry of a raw log: bytes of a source, a connection of it, or bytes to a port.
+
+    `place` is that of source or port in the configuration.
+    """
 
     kind: Kind
     place: int
@@ -156,13 +160,23 @@ def _records(path: Path, file: IO[bytes]) -> Iterator[tuple[str, Any]]:
     from mcap.exceptions import EndOfFile, McapError  # noqa: PLC0415 - an extra
     from mcap.stream_reader import StreamReader  # noqa: PLC0415
 
+    class Whole:
+        """The file; a read past its end raises, since the library takes half a message for one."""
+
+        @staticmethod
+        def read(size: int) -> bytes:
+            data = file.read(size)
+            if len(data) < size:
+                raise EndOfFile
+            return data
+
     with file:
         try:
-            for record in StreamReader(file).records:
+            for record in StreamReader(Whole()).records:
                 yield type(record).__name__, record
         except EndOfFile:
             return
-        except (McapError, ValueError, OSError) as error:
+        except (McapError, ValueError, OSError, struct.error) as error:
             raise DataError(f"{path}: is no raw log, or damaged ({error})") from error
 
 

@@ -37,12 +37,19 @@ class DvlSection(Section):
 class ImuSection(Imu):
     """Inertial sensors: rate, errors and limits as in a scenario, and their mounting.
 
-    The mounting angles rotate the sensor's axes to those of the platform (forward, starboard, down).
+    The mounting angles rotate the sensor's axes to those of the platform (forward, starboard, down). A gap of the
+    readings is always bridged with its uncertainty (docs/imu_faults.md): what is too uncertain is not sent.
     """
 
     mounting_roll_deg: Angle = 0.0
     mounting_pitch_deg: Angle = 0.0
     mounting_yaw_deg: Angle = 0.0
+
+    @model_validator(mode="after")
+    def _bridges_gaps(self) -> Self:
+        if "gap" in self.limits.model_fields_set and self.limits.gap == "refuse":
+            raise ValueError('limits.gap is "refuse", expected "inflate": live use bridges every gap')
+        return self
 
 
 class DepthSection(Section):
@@ -86,16 +93,21 @@ class StartSection(Section):
 
 
 class NavigationSection(Section):
-    """Mode navigation: the aiding method, and how late a measurement may be."""
+    """Mode navigation: the aiding method, and how long inertial readings are held for measurements that come later.
+
+    A ping is of the time when it was reflected, and arrives some hundredths to tenths of a second after it. Readings
+    are held for `hold_s`, so that it is still taken in order; the estimate is older by as much.
+    """
 
     method: Method = "tc"
-    horizon_s: Annotated[float, Field(gt=0, le=10)] = 2.0
+    hold_s: Annotated[float, Field(ge=0, le=10)] = 0.3
 
 
 class StatesSection(Section):
     """Where the conditions of the states begin (docs/live.md)."""
 
     silent_periods: Annotated[float, Field(ge=1, le=1000)] = 3.0
+    silent_least_s: NonNegative = 0.1
     settle_s: NonNegative = 1.0
     velocity_sd_mps: Positive = 0.5
     rejected_pings: Annotated[int, Field(ge=1, le=10_000)] = 10

@@ -18,12 +18,14 @@ class Limits:
 
     Attributes:
         silent_periods: periods of a source without data from which on it is silent.
+        silent_least_ns: the least of such times: hosts pause, too.
         settle_ns: how long a better condition must hold.
         velocity_sd_mps: largest 1 sigma of a velocity axis that is safe to use (mode navigation).
         rejected_pings: pings in a row that the gate rejects, from which on the estimate contradicts the beams.
     """
 
     silent_periods: float
+    silent_least_ns: int
     settle_ns: int
     velocity_sd_mps: float
     rejected_pings: int
@@ -37,10 +39,10 @@ class Facts:
         now_ns: host's clock.
         mode: "velocity" or "navigation".
         waiting_for: what the start still lacks; "" once the estimate exists.
-        ping_age_ns: since the arrival of the last ping of which a beam was used.
+        ping_age_ns: since a beam was last used.
         ping_period_ns: expected time between pings.
         rank: directions that the beams of that ping determine.
-        imu_age_ns: since the arrival of the last inertial reading that was used (mode navigation).
+        imu_age_ns: since an inertial reading was last used (mode navigation).
         imu_period_ns: expected time between readings.
         velocity_sd_mps: largest 1 sigma of a velocity axis; None in mode velocity.
         rejected: pings in a row that the gate has rejected.
@@ -88,7 +90,7 @@ def judge(facts: Facts, limits: Limits) -> tuple[State, str]:
 
 
 def _silent(age_ns: int | None, period_ns: int, limits: Limits) -> bool:
-    return age_ns is None or age_ns > limits.silent_periods * period_ns
+    return age_ns is None or age_ns > max(limits.silent_periods * period_ns, limits.silent_least_ns)
 
 
 def _for(age_ns: int | None) -> str:
