@@ -1,13 +1,15 @@
 """The configuration of `bottomlock live`: read from TOML, checked as a whole, and turned into what the kernel takes."""
 
+import inspect
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, model_validator
+from pydantic import ValidationError, model_validator
 
 from bottomlock import models, units
 from bottomlock.config.scenario_sections import Filter, Robust, Section
@@ -37,6 +39,7 @@ from bottomlock.live.sections import (
 from bottomlock.live.states import Limits
 from bottomlock.ports.estimate import Mode
 from bottomlock.ports.port import Port
+from bottomlock.ports.registry import PORTS
 from bottomlock.ports.registry import port as make_port
 
 
@@ -46,7 +49,7 @@ class LiveConfig(Section):
     name: Name
     mode: Mode
     dvl: DvlSection
-    source: tuple[SourceSection, ...] = Field(min_length=1)
+    source: tuple[SourceSection, ...] = ()
     port: tuple[PortSection, ...] = ()
     velocity: VelocitySection = VelocitySection()
     imu: ImuSection | None = None
@@ -133,7 +136,25 @@ class LiveConfig(Section):
         Raises:
             ScenarioError: for an unknown name or setting.
         """
-        return tuple(make_port(one.port, **one.settings) for one in self.port)
+        return tuple(self._port(one) for one in self.port)
+
+    def _port(self, section: PortSection) -> Port:
+        """A port with its settings; the geometry and the rate are known here."""
+        make = PORTS.get(section.port)
+        known = [] if make is None else list(inspect.signature(make).parameters)
+        settings = dict(section.settings)
+        for key in ("geometry", "max_rate_hz"):
+            if key in settings:
+                raise ScenarioError(
+                    f"port {section.port}: settings.{key} is not a setting here, the configuration has it already"
+                )
+        if "geometry" in known:
+            settings["geometry"] = self.instrument().geometry
+        if "max_rate_hz" in known:
+            settings["max_rate_hz"] = section.rate_hz if self.mode == "navigation" else None
+            if settings["max_rate_hz"] is None and make is not None and _needs_rate(make):
+                del settings["max_rate_hz"]
+        return make_port(section.port, **settings)
 
     def checked(self) -> Self:
         """The same configuration, once its geometry, ports and filter settings have been made.
@@ -146,6 +167,11 @@ class LiveConfig(Section):
         if self.mode == "navigation":
             kernel_settings(self, instrument)
         return self
+
+
+def _needs_rate(make: Callable[..., Port]) -> bool:
+    """Whether a port has a greatest rate of its own, which it applies in mode navigation alone."""
+    return inspect.signature(make).parameters["max_rate_hz"].default is not None
 
 
 @dataclass(frozen=True)

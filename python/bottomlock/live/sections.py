@@ -1,6 +1,6 @@
 """Sections of a live configuration, in human units, each checked as it is read."""
 
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -13,14 +13,16 @@ from bottomlock.live.address import SinkAddress, SourceAddress
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]{1,40}$")]
 Angle = Annotated[float, Field(ge=-360, le=360)]
 
-DvlFormat = Literal[
+DVL_FORMATS = (
     "waterlinked-json", "waterlinked-serial", "pd0", "nortek-dvl", "nortek-ad2cp", "nucleus", "nortek-ascii",
     "cerulean-dvkfc",
-]  # fmt: skip
+)  # fmt: skip
 """Streams with beams, as `live.pings.FRAMERS` has them."""
 
-SensorFormat = Literal["imu-csv", "depth-csv", "mavlink"]
-DVL_FORMATS: tuple[str, ...] = get_args(DvlFormat)
+SourceFormat = Literal[
+    "waterlinked-json", "waterlinked-serial", "pd0", "nortek-dvl", "nortek-ad2cp", "nucleus", "nortek-ascii",
+    "cerulean-dvkfc", "imu-csv", "depth-csv", "mavlink",
+]  # fmt: skip
 
 
 class DvlSection(Section):
@@ -124,7 +126,7 @@ class SourceSection(Section):
 
     name: Name
     address: SourceAddress
-    format: DvlFormat | SensorFormat
+    format: SourceFormat
     rate_hz: Annotated[float, Field(gt=0, le=10_000)]
     clock: Literal["instrument", "host", "arrival"] = "instrument"
     latency_s: Annotated[float, Field(ge=-10, le=10)] = 0.0

@@ -9,8 +9,8 @@ because D - P then has a non-negative diagonal that outweighs each row (Horn & J
 the smallest determinant, hence the least loss of information, has u_i^2 D_i = 1: |P| scaled to unit row sums
 (Sinkhorn), which a few iterations find. If there is an axis along which all correlations add (P_12 P_13 P_23 >= 0), no
 diagonal bound has a smaller determinant: D - P is then singular along u, and Z = u u' with Z_ii = 1 / D_i meets the
-optimality conditions. If there is none, a multiple of P's own diagonal, the largest eigenvalue of its correlation
-matrix, can be smaller; the smaller of the two is used.
+optimality conditions. If there is none and n = 3, a multiple of P's own diagonal, the largest eigenvalue of its
+correlation matrix, can be smaller; the smaller of the two is used.
 
 Both hold for whatever u the iteration ends with. The bound is enlarged by `GUARD`, a thousand times the rounding of
 its own computation, so that it holds for the numbers as they are, however ill-conditioned P is.
@@ -28,7 +28,7 @@ _ITERATIONS = 12
 
 
 def diagonal_bound(covariance: Floats) -> Floats:
-    """Diagonal (n,) of a D with D - P >= 0, for a covariance P (n, n), n up to 3, without NaN.
+    """Diagonal (n,) of a D with D - P >= 0, for a covariance P (n, n) without NaN.
 
     >>> diagonal_bound(np.array([[1.0, 0.09], [0.09, 0.01]])).round(6).tolist()
     [1.9, 0.019]
@@ -43,7 +43,7 @@ def diagonal_bound(covariance: Floats) -> Floats:
             bound[keep] = diagonal_bound(covariance[np.ix_(keep, keep)])
         return bound
     best = _dominance(np.abs(covariance))
-    if size > 2 and covariance[0, 1] * covariance[0, 2] * covariance[1, 2] < 0.0:
+    if size == 3 and covariance[0, 1] * covariance[0, 2] * covariance[1, 2] < 0.0:
         sd = np.sqrt(variance)
         largest = float(np.linalg.eigvalsh(covariance / np.outer(sd, sd))[-1])
         if largest**size < float(np.prod(best / variance)):

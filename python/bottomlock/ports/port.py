@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.ports.estimate import SILENT, Estimate
+from bottomlock.ports.estimate import Estimate
 
 Floats = NDArray[np.float64]
 
@@ -59,13 +59,6 @@ class Port(Protocol):
     def loss(self, estimate: Estimate) -> Loss:
         """What the message cannot say of the estimate."""
         ...
-
-
-def silent(estimate: Estimate) -> str | None:
-    """Why no port at all sends an estimate."""
-    if estimate.state in SILENT:
-        return f"state is {estimate.state}"
-    return None
 
 
 def loss_of(estimate: Estimate, sent_m2ps2: Floats | None, reason: str | None = None) -> Loss:

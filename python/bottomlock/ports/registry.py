@@ -9,9 +9,31 @@ from collections.abc import Callable
 from typing import Any
 
 from bottomlock.errors import ScenarioError
+from bottomlock.ports.mip import MicroStrain
+from bottomlock.ports.odometry import Odometry
 from bottomlock.ports.port import Port
+from bottomlock.ports.restored import Pd0, WaterLinkedJson
+from bottomlock.ports.ros_dvl import RosDvl
+from bottomlock.ports.ros_velocity import RosTwist, RosVelocity
+from bottomlock.ports.sentence import Sentence
+from bottomlock.ports.vision_position_delta import VisionPositionDelta
+from bottomlock.ports.vision_speed_estimate import VisionSpeedEstimate
 
-PORTS: dict[str, Callable[..., Port]] = {}
+PORTS: dict[str, Callable[..., Port]] = {
+    one.name: one
+    for one in (
+        VisionPositionDelta,
+        VisionSpeedEstimate,
+        Odometry,
+        MicroStrain,
+        RosVelocity,
+        RosTwist,
+        RosDvl,
+        WaterLinkedJson,
+        Pd0,
+        Sentence,
+    )
+}
 
 
 def port(name: str, **settings: Any) -> Port:  # noqa: ANN401 - the settings of each port have their types there

@@ -1,0 +1,123 @@
+"""What the ports share: order of the estimates, the rate, and the sequence of checks before a message."""
+
+import math
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.errors import DataError, ScenarioError
+from bottomlock.ports.estimate import SILENT, Estimate
+from bottomlock.ports.port import Loss, loss_of
+from bottomlock.units import ns_from_s
+
+Floats = NDArray[np.float64]
+
+
+class PortBase:
+    """A port that sends at most `max_rate_hz` messages a second; None for one an estimate."""
+
+    name: ClassVar[str]
+    whole: ClassVar[bool] = False
+    """Whether the message holds every observable axis, also those off the platform's."""
+
+    def __init__(self, *, max_rate_hz: float | None) -> None:
+        rate = None if max_rate_hz is None else self._positive("max_rate_hz", max_rate_hz)
+        self._period_ns = 0 if rate is None else ns_from_s(1.0 / rate)
+        self._last_ns: int | None = None
+        self._sent_ns: int | None = None
+
+    def sends(self, estimate: Estimate) -> str | None:
+        """As `Port.sends`."""
+        return self._refusal(estimate) or self._waits(estimate)
+
+    def encode(self, estimate: Estimate) -> bytes | None:
+        """As `Port.encode`."""
+        if self._last_ns is not None and estimate.time_ns <= self._last_ns:
+            raise DataError(
+                f"port {self.name}: time_ns is {estimate.time_ns}, expected later than the estimate before, "
+                f"{self._last_ns}"
+            )
+        self._last_ns = estimate.time_ns
+        reason = self.sends(estimate)
+        data = None if reason else self._message(estimate)
+        self._observe(estimate, sent=data is not None)
+        if data is not None:
+            self._sent_ns = estimate.time_ns
+        return data
+
+    def loss(self, estimate: Estimate) -> Loss:
+        """As `Port.loss`."""
+        reason = self._refusal(estimate)
+        loss = loss_of(estimate, None if reason else self._used(estimate), reason)
+        return replace(loss, axes_lost=0) if self.whole and reason is None else loss
+
+    def _refusal(self, estimate: Estimate) -> str | None:
+        """Why the estimate cannot be sent, whatever was sent before."""
+        if estimate.state in SILENT:
+            return f"state is {estimate.state}"
+        return self._refuses(estimate)
+
+    def _waits(self, estimate: Estimate) -> str | None:
+        """Why it is not sent now, because of what was sent before."""
+        if self._sent_ns is not None and estimate.time_ns - self._sent_ns < self._period_ns:
+            since_s = (estimate.time_ns - self._sent_ns) / 1e9
+            return f"last message {since_s:.3f} s ago, at most one in {self._period_ns / 1e9:.3f} s"
+        return None
+
+    def _refuses(self, estimate: Estimate) -> str | None:
+        """Why this port's message cannot hold the estimate."""
+        raise NotImplementedError
+
+    def _message(self, estimate: Estimate) -> bytes:
+        """The bytes of an estimate that is not refused."""
+        raise NotImplementedError
+
+    def _used(self, estimate: Estimate) -> Floats:
+        """(3, 3) covariance that the receiver uses, platform axes; NaN for components that are not sent."""
+        raise NotImplementedError
+
+    def _observe(self, estimate: Estimate, *, sent: bool) -> None:
+        """Takes notice of an estimate once it has been encoded or not."""
+
+    def _positive(self, key: str, value: object) -> float:
+        """A setting that is a positive number.
+
+        Raises:
+            ScenarioError: naming port, key and value.
+        """
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ScenarioError(f"port {self.name}: {key} is {value!r}, expected a number")
+        if not (math.isfinite(value) and value > 0.0):
+            raise ScenarioError(f"port {self.name}: {key} is {value}, expected > 0")
+        return float(value)
+
+    def _whole(self, key: str, value: object, least: int, most: int) -> int:
+        """A setting that is an integer in a range.
+
+        Raises:
+            ScenarioError: naming port, key and value.
+        """
+        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+            raise ScenarioError(
+                f"port {self.name}: {key} is {value!r}, expected an integer from {least} to {most}"
+            )
+        return value
+
+    def _one_of(self, key: str, value: str, known: tuple[str, ...]) -> str:
+        """A setting that is one of several words.
+
+        Raises:
+            ScenarioError: naming port, key and value.
+        """
+        if value not in known:
+            raise ScenarioError(f"port {self.name}: {key} is {value!r}, expected one of {', '.join(known)}")
+        return value
+
+
+def incomplete(estimate: Estimate) -> str | None:
+    """Why a receiver that needs three components gets nothing: below rank 3, and no inertial estimate fills it."""
+    if estimate.complete:
+        return None
+    return f"the beams determine {estimate.rank} of 3 axes, and no inertial estimate fills the rest"

@@ -1,0 +1,123 @@
+"""MicroStrain MIP 0x13,0x2A: velocity in body axes with σ and validity of each axis.
+
+An axis whose flag is off is ignored, so of a partial velocity everything is sent that lies along platform axes, and
+nothing else. The diagonal of σ is the over-bound of the axes that are sent.
+
+A packet is 0x75 0x65, the descriptor set, the length of its payload, the fields, and Fletcher's checksum of all that
+comes before; numbers are big-endian. Source: MicroStrain's MIP SDK, commands_aiding.h, and the manuals' "MIP packet".
+"""
+
+import math
+import struct
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.errors import ScenarioError
+from bottomlock.ports.base import PortBase
+from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.over_bound import diagonal_bound, single_at_least
+from bottomlock.units import ns_from_s
+
+Floats = NDArray[np.float64]
+
+_SYNC, _AIDING, _VELOCITY = b"\x75\x65", 0x13, 0x2A
+_TIMEBASE = {"internal": 1, "external": 2, "arrival": 3}
+# timebase, reserved, nanoseconds, frame, velocity, uncertainty, flags
+_FIELD = struct.Struct(">BBQB3f3fH")
+# A component is in the row space of the beams if this much of its unit vector is.
+_IN_ROW_SPACE = 1.0 - 1e-9
+
+
+class MicroStrain(PortBase):
+    """VelBodyFrame of the CV7 and GQ7.
+
+    Args:
+        frame_id: of the aiding frame that is configured in the receiver for our platform axes (1 to 255).
+        timebase: "external": our time since 1970 plus `time_offset_s`, for a receiver synchronised to that clock;
+            "arrival": `latency_s` before its arrival.
+        time_offset_s: see `timebase`.
+        latency_s: see `timebase`; needed with "arrival" and only there.
+        unseen: in mode navigation, "omit" axes that the beams of the last ping do not determine, or send the
+            "estimate" of them too, with its own σ.
+        max_rate_hz: most messages a second; None for every estimate.
+    """
+
+    name = "microstrain"
+
+    def __init__(
+        self,
+        *,
+        frame_id: int = 1,
+        timebase: str = "external",
+        time_offset_s: float = 0.0,
+        latency_s: float | None = None,
+        unseen: str = "omit",
+        max_rate_hz: float | None = None,
+    ) -> None:
+        super().__init__(max_rate_hz=max_rate_hz)
+        self._frame = self._whole("frame_id", frame_id, 1, 255)
+        self._timebase = self._one_of("timebase", timebase, ("external", "arrival"))
+        if (self._timebase == "arrival") != (latency_s is not None):
+            raise ScenarioError(
+                f"port {self.name}: latency_s is {latency_s!r} with timebase '{timebase}', "
+                "expected seconds with 'arrival' and nothing with 'external'"
+            )
+        self._latency_ns = 0 if latency_s is None else ns_from_s(self._positive("latency_s", latency_s))
+        if not math.isfinite(time_offset_s):
+            raise ScenarioError(
+                f"port {self.name}: time_offset_s is {time_offset_s}, expected a finite number"
+            )
+        self._offset_ns = ns_from_s(time_offset_s)
+        self._estimated = self._one_of("unseen", unseen, ("omit", "estimate")) == "estimate"
+
+    def _axes(self, estimate: Estimate) -> NDArray[np.bool_]:
+        """(3,) the platform axes that are sent."""
+        if estimate.mode == "velocity" or self._estimated:
+            return estimate.components
+        axes, _, _ = estimate.observable_axes()
+        return np.asarray((axes**2).sum(axis=0) > _IN_ROW_SPACE)
+
+    def _refuses(self, estimate: Estimate) -> str | None:
+        if self._axes(estimate).any():
+            return None
+        return f"the beams determine {estimate.rank} of 3 axes, and none along a platform axis"
+
+    def _variances(self, estimate: Estimate) -> Floats:
+        """(3,) over-bound of the axes that are sent; NaN for the others."""
+        there = self._axes(estimate)
+        variances = np.full(3, np.nan)
+        variances[there] = diagonal_bound(estimate.covariance_m2ps2[np.ix_(there, there)])
+        return variances
+
+    def _message(self, estimate: Estimate) -> bytes:
+        variances = self._variances(estimate).tolist()
+        there = [math.isfinite(variance) for variance in variances]
+        velocity = [v if ok else 0.0 for v, ok in zip(estimate.velocity_p_mps.tolist(), there, strict=True)]
+        sd = [single_at_least(math.sqrt(v)) if ok else 0.0 for v, ok in zip(variances, there, strict=True)]
+        time_ns = self._latency_ns if self._timebase == "arrival" else estimate.time_ns + self._offset_ns
+        flags = sum(1 << axis for axis, ok in enumerate(there) if ok)
+        field = _FIELD.pack(_TIMEBASE[self._timebase], 1, time_ns, self._frame, *velocity, *sd, flags)
+        length = len(field) + 2
+        packet = _SYNC + bytes([_AIDING, length, length, _VELOCITY]) + field
+        return packet + fletcher(packet)
+
+    def _used(self, estimate: Estimate) -> Floats:
+        variances = self._variances(estimate)
+        there = np.isfinite(variances)
+        sent = np.where(np.outer(there, there), 0.0, np.nan)
+        sent[np.diag_indices(3)] = variances
+        return sent
+
+
+def fletcher(packet: bytes) -> bytes:
+    """Fletcher's checksum of two bytes.
+
+    >>> fletcher(bytes.fromhex("7565010202 01")).hex()
+    'e0c6'
+    """
+    first = second = 0
+    for byte in packet:
+        first = (first + byte) & 0xFF
+        second = (second + first) & 0xFF
+    return bytes([first, second])

@@ -1,0 +1,130 @@
+"""ODOMETRY: PX4's external vision, and ArduPilot's external navigation."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.errors import ScenarioError
+from bottomlock.ports.base import incomplete
+from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.mavlink import VISUAL_INERTIAL_ODOMETRY, MavlinkPort
+from bottomlock.ports.over_bound import diagonal_bound, scalar_bound, single_at_least
+
+Floats = NDArray[np.float64]
+
+_LOCAL_NED, _BODY_FRD, _LOCAL_FRD = 1, 12, 20
+_ESTIMATOR_VIO = 3
+# Upper triangle of a 6 x 6 matrix, row by row: where its diagonal stands.
+_DIAGONAL = (0, 6, 11, 15, 18, 20)
+
+
+class Odometry(MavlinkPort):
+    """ODOMETRY (331): velocity in body axes with three variances, for PX4, or one σ, for ArduPilot.
+
+    PX4 uses the three variances and needs three finite axes; after 1 s of rejections it resets its velocity to the one
+    that is sent. An axis that the beams do not determine therefore carries our inertial estimate with its own, large
+    variance, and below rank 3 nothing is sent without one. ArduPilot ignores the covariance, turns the velocity by the
+    quaternion of the message and takes the pose too.
+
+    Args:
+        receiver: "px4" or "ardupilot", which decide the local frame (NED or FRD) and what is needed.
+        receiver_noise_mps: σ that ArduPilot uses (VISO_VEL_M_NSE): an estimate with a larger σ is not sent. Not with
+            "px4".
+        pose: whether PX4 gets position and attitude, with over-bounded variances; else they are NaN, which PX4 does
+            not use. ArduPilot always gets them.
+        max_rate_hz: see `MavlinkPort`.
+        variance_factor: see `MavlinkPort`.
+        system_id: see `MavlinkPort`.
+        component_id: see `MavlinkPort`.
+    """
+
+    name = "odometry"
+
+    def __init__(
+        self,
+        *,
+        receiver: str = "px4",
+        receiver_noise_mps: float | None = None,
+        pose: bool = False,
+        max_rate_hz: float = 5.0,
+        variance_factor: float = 1.0,
+        system_id: int = 1,
+        component_id: int = VISUAL_INERTIAL_ODOMETRY,
+    ) -> None:
+        super().__init__(
+            max_rate_hz=max_rate_hz,
+            variance_factor=variance_factor,
+            system_id=system_id,
+            component_id=component_id,
+        )
+        self._ardupilot = self._one_of("receiver", receiver, ("px4", "ardupilot")) == "ardupilot"
+        if self._ardupilot != (receiver_noise_mps is not None):
+            raise ScenarioError(
+                f"port {self.name}: receiver_noise_mps is {receiver_noise_mps!r} with receiver '{receiver}', expected "
+                "VISO_VEL_M_NSE with 'ardupilot' and nothing with 'px4'"
+            )
+        self._noise = (
+            None if receiver_noise_mps is None else self._positive("receiver_noise_mps", receiver_noise_mps)
+        )
+        self._pose = pose or self._ardupilot
+
+    def _refuses(self, estimate: Estimate) -> str | None:
+        reason = incomplete(estimate)
+        if reason:
+            return reason
+        if self._pose and estimate.mode != "navigation":
+            return "mode velocity has no pose, which this receiver takes"
+        sd = math.sqrt(scalar_bound(self._covariance(estimate)))
+        if self._noise is not None and sd > self._noise:
+            return f"σ is {sd:.3f} m/s, above receiver_noise_mps, {self._noise}, which the receiver would use"
+        return None
+
+    def _message(self, estimate: Estimate) -> bytes:
+        velocity = _single(diagonal_bound(self._covariance(estimate)))
+        position, attitude, pose = [math.nan] * 3, [math.nan] * 4, [math.nan] * 6
+        if self._pose:
+            assert estimate.position_t_m is not None
+            assert estimate.attitude_t_p is not None
+            assert estimate.navigation_covariance is not None
+            position, attitude = estimate.position_t_m.tolist(), estimate.attitude_t_p.tolist()
+            pose = _single(diagonal_bound(estimate.navigation_covariance[:6, :6] * self._factor))
+        rates = [math.nan] * 3 if estimate.omega_p_radps is None else estimate.omega_p_radps.tolist()
+        message = self._dialect.MAVLink_odometry_message(
+            time_usec=estimate.time_ns // 1000,
+            frame_id=_LOCAL_FRD if self._ardupilot else _LOCAL_NED,
+            child_frame_id=_BODY_FRD,
+            **dict(zip(("x", "y", "z"), position, strict=True)),
+            q=attitude,
+            **dict(zip(("vx", "vy", "vz"), estimate.velocity_p_mps.tolist(), strict=True)),
+            **dict(zip(("rollspeed", "pitchspeed", "yawspeed"), rates, strict=True)),
+            pose_covariance=_triangle(pose),
+            # The rates are those of the gyros; no receiver uses a variance of them.
+            velocity_covariance=_triangle([*velocity, *[math.nan] * 3]),
+            reset_counter=estimate.reset_counter,
+            estimator_type=_ESTIMATOR_VIO,
+            quality=quality(estimate),
+        )
+        return self._pack(message)
+
+    def _used(self, estimate: Estimate) -> Floats:
+        if self._noise is not None:
+            return np.eye(3) * self._noise**2
+        return np.diag(_single(diagonal_bound(self._covariance(estimate))))
+
+
+def quality(estimate: Estimate) -> int:
+    """Quality of ODOMETRY by how much the beams determine: 100 for three axes, 67, 34, and 1 for none."""
+    return 1 + 33 * estimate.rank
+
+
+def _single(values: Floats) -> list[float]:
+    return [single_at_least(value) for value in values.tolist()]
+
+
+def _triangle(diagonal: list[float]) -> list[float]:
+    """Upper triangle (21,) of a diagonal 6 x 6 matrix; NaN first for an unknown one, as the definition asks."""
+    triangle = [0.0] * 21
+    for place, value in zip(_DIAGONAL, diagonal, strict=True):
+        triangle[place] = value
+    return triangle

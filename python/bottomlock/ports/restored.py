@@ -1,0 +1,142 @@
+"""Water Linked JSON and Teledyne PD0 with the velocity that the instrument calls invalid: for a receiver of either.
+
+The bytes are those of `bottomlock.encoders`. Both ports need a complete velocity: three axes by the beams, or an
+inertial estimate of the rest.
+"""
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.encoders.ping import Ping
+from bottomlock.encoders.registry import encoder
+from bottomlock.kernel import BeamGeometry
+from bottomlock.ports.base import PortBase, incomplete
+from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.over_bound import scalar_bound
+from bottomlock.ports.ros_dvl import altitude_m
+
+Floats = NDArray[np.float64]
+
+
+class _Restored(PortBase):
+    """Base: the ping of an estimate."""
+
+    format: ClassVar[str]
+
+    def __init__(
+        self, *, geometry: BeamGeometry, limit: tuple[str, float], max_rate_hz: float | None
+    ) -> None:
+        super().__init__(max_rate_hz=max_rate_hz)
+        self._geometry = geometry
+        self._directions = np.asarray(geometry.directions_p)
+        self._encoder = encoder(self.format, geometry)
+        self._limit_key, self._limit = limit[0], self._positive(*limit)
+        self._number = 0
+
+    def _refuses(self, estimate: Estimate) -> str | None:
+        reason = incomplete(estimate)
+        if reason:
+            return reason
+        if estimate.beams is not None and len(estimate.beams.velocity_mps) != self._geometry.beams:
+            return (
+                f"the ping has {len(estimate.beams.velocity_mps)} beams, the geometry {self._geometry.beams}"
+            )
+        sd = math.sqrt(scalar_bound(estimate.covariance_m2ps2))
+        if sd > self._limit:
+            return f"σ is {sd:.3f} m/s, above {self._limit_key}, {self._limit}"
+        return None
+
+    def _beam_velocities(self, estimate: Estimate) -> Floats:
+        raise NotImplementedError
+
+    def _message(self, estimate: Estimate) -> bytes:
+        beams, time_ns = estimate.beams, estimate.time_ns
+        self._number += 1
+        ranges = np.full(self._geometry.beams, np.nan) if beams is None else beams.range_m
+        altitude = math.nan if beams is None else altitude_m(beams, self._directions)
+        sent_ns = (
+            beams.transmission_ns if beams is not None and beams.transmission_ns is not None else time_ns
+        )
+        interval_ns = beams.interval_ns if beams is not None else None
+        if interval_ns is None:
+            interval_ns = 0 if self._sent_ns is None else time_ns - self._sent_ns
+        ping = Ping(
+            time_ns=time_ns,
+            transmission_ns=max(sent_ns, time_ns),
+            interval_ns=interval_ns,
+            number=self._number,
+            beam_velocity_mps=self._beam_velocities(estimate),
+            range_m=ranges,
+            velocity_p_mps=estimate.velocity_p_mps,
+            covariance_m2ps2=estimate.covariance_m2ps2,
+            fom_mps=math.sqrt(scalar_bound(estimate.covariance_m2ps2)),
+            altitude_m=None if math.isnan(altitude) else altitude,
+        )
+        return self._encoder.encode(ping)
+
+
+class WaterLinkedJson(_Restored):
+    """Water Linked's report with `velocity_valid` true, our velocity, its covariance and its figure of merit.
+
+    The beams are those of the ping: a lost one stays lost. The covariance is whole; a receiver that takes only the
+    figure of merit gets the root of its largest eigenvalue. BlueOS' extension takes 0.4 m/s for anything above, so that
+    is the limit of what is sent. Times are those of the host.
+
+    Args:
+        geometry: the four beams, in the instrument's order.
+        max_fom_mps: an estimate with a larger σ is not sent.
+        max_rate_hz: most messages a second; None for every estimate.
+    """
+
+    name = "waterlinked_json"
+    format = "waterlinked-json"
+
+    def __init__(
+        self, *, geometry: BeamGeometry, max_fom_mps: float = 0.4, max_rate_hz: float | None = None
+    ) -> None:
+        super().__init__(geometry=geometry, limit=("max_fom_mps", max_fom_mps), max_rate_hz=max_rate_hz)
+
+    def _beam_velocities(self, estimate: Estimate) -> Floats:
+        lost = np.full(self._geometry.beams, np.nan)
+        return lost if estimate.beams is None else estimate.beams.velocity_mps
+
+    def _used(self, estimate: Estimate) -> Floats:
+        return estimate.covariance_m2ps2
+
+
+class Pd0(_Restored):
+    """Teledyne's PD0 in beam coordinates, with four beams whichever returned.
+
+    PD0 has no covariance: the receiver uses a σ of its own, and an estimate with a larger σ is not sent. With all
+    beams the ping is passed on. With a beam lost, all four are those of our velocity, so that the receiver's solution
+    is that velocity; a beam without an echo keeps a range of 0, "none". PD0 cannot mark such a beam.
+
+    Args:
+        geometry: the four beams, in Teledyne's order.
+        receiver_sd_mps: σ per axis that the receiver is set to.
+        max_rate_hz: most messages a second; None for every estimate.
+    """
+
+    name = "pd0"
+    format = "pd0"
+
+    def __init__(
+        self, *, geometry: BeamGeometry, receiver_sd_mps: float, max_rate_hz: float | None = None
+    ) -> None:
+        super().__init__(
+            geometry=geometry, limit=("receiver_sd_mps", receiver_sd_mps), max_rate_hz=max_rate_hz
+        )
+
+    def _beam_velocities(self, estimate: Estimate) -> Floats:
+        if estimate.beams is not None and bool(estimate.beams.valid.all()):
+            return estimate.beams.velocity_mps
+        rates = None if estimate.omega_p_radps is None else [estimate.omega_p_radps]
+        found: Floats = self._geometry.beam_velocities([estimate.velocity_p_mps], omega_tp_p_radps=rates)
+        return np.asarray(found[0])
+
+    def _used(self, estimate: Estimate) -> Floats:
+        del estimate
+        return np.eye(3) * self._limit**2

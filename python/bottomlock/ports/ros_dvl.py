@@ -1,0 +1,101 @@
+"""ROS 2: `marine_acoustic_msgs/Dvl` as CDR, with the beams as they are and the velocity as far as it is known.
+
+By the message's definition z points where the instrument looks, so the axes are forward-right-down, ours. A lost beam
+has a velocity that is not a number and a variance of -1; so has a component that the beams do not determine. The beams
+are the instrument's measurements also in mode navigation, where the velocity is the navigator's.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.errors import ScenarioError
+from bottomlock.kernel import BeamGeometry
+from bottomlock.ports.base import PortBase
+from bottomlock.ports.cdr import CdrWriter
+from bottomlock.ports.estimate import Beams, Estimate
+from bottomlock.ports.rotation import matrix
+
+Floats = NDArray[np.float64]
+
+_BOTTOM, _BEAMS, _UNKNOWN = 1, 4, -1.0
+
+
+class RosDvl(PortBase):
+    """`marine_acoustic_msgs/Dvl`.
+
+    Args:
+        geometry: the beams; the message holds four.
+        frame_id: name of the axes, forward-right-down.
+        sound_speed_mps: as set in the instrument.
+        max_rate_hz: most messages a second; None for every estimate.
+    """
+
+    name = "ros_dvl"
+    whole = True
+
+    def __init__(
+        self,
+        *,
+        geometry: BeamGeometry,
+        frame_id: str = "base_link_frd",
+        sound_speed_mps: float = 1500.0,
+        max_rate_hz: float | None = None,
+    ) -> None:
+        super().__init__(max_rate_hz=max_rate_hz)
+        if geometry.beams != _BEAMS:
+            raise ScenarioError(
+                f"port {self.name}: the geometry has {geometry.beams} beams, the message {_BEAMS}"
+            )
+        self._directions = np.asarray(geometry.directions_p)
+        self._frame_id = frame_id
+        self._sound = self._positive("sound_speed_mps", sound_speed_mps)
+
+    def _refuses(self, estimate: Estimate) -> str | None:
+        if estimate.beams is None:
+            return "there is no ping"
+        if len(estimate.beams.velocity_mps) != _BEAMS:
+            return f"the ping has {len(estimate.beams.velocity_mps)} beams, the message {_BEAMS}"
+        return None
+
+    def _message(self, estimate: Estimate) -> bytes:
+        beams = estimate.beams
+        assert beams is not None
+        north_east = self._over_ground(estimate)
+        writer = CdrWriter()
+        writer.header(estimate.time_ns, self._frame_id)
+        writer.uint8(_BOTTOM, 0)
+        writer.float64(*estimate.velocity_p_mps.tolist())
+        there = estimate.components
+        covariance = np.where(np.outer(there, there), estimate.covariance_m2ps2, 0.0)
+        covariance[~there, ~there] = _UNKNOWN
+        writer.float64(*covariance.ravel().tolist())
+        writer.float64(altitude_m(beams, self._directions), *north_east)
+        writer.uint8(int(beams.valid.sum()))
+        writer.float32(self._sound)
+        writer.uint8(int(np.isfinite(beams.range_m).any()), int(beams.valid.any()))
+        writer.float64(*self._directions.ravel().tolist())
+        writer.float64(*beams.range_m.tolist())
+        writer.float32(*[_UNKNOWN] * _BEAMS)
+        writer.float32(*[math.nan] * _BEAMS)
+        writer.float32(*beams.velocity_mps.tolist())
+        writer.float32(*np.where(beams.valid, beams.sd_mps**2, _UNKNOWN).tolist())
+        return bytes(writer)
+
+    @staticmethod
+    def _over_ground(estimate: Estimate) -> tuple[float, float]:
+        """Course (rad, from north) and speed over ground; NaN where they are not known."""
+        if not estimate.complete or estimate.attitude_t_p is None:
+            return math.nan, math.nan
+        velocity = matrix(estimate.attitude_t_p) @ estimate.velocity_p_mps
+        return math.atan2(velocity[1], velocity[0]) % math.tau, math.hypot(velocity[0], velocity[1])
+
+    def _used(self, estimate: Estimate) -> Floats:
+        return estimate.covariance_m2ps2
+
+
+def altitude_m(beams: Beams, directions_p: Floats) -> float:
+    """Mean distance to the bottom along the platform's z axis; NaN without a range."""
+    vertical = beams.range_m * directions_p[:, 2]
+    return float(np.nanmean(vertical)) if bool(np.isfinite(vertical).any()) else math.nan

@@ -1,0 +1,48 @@
+"""The few rotations that messages need; quaternions are scalar first, platform to tangent."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+FLU_FROM_FRD = np.array([1.0, -1.0, -1.0])
+"""Forward-right-down to forward-left-up: the same forward axis, the other two reversed."""
+
+
+def matrix(attitude: Floats) -> Floats:
+    """Rotation matrix (3, 3) of a unit quaternion.
+
+    >>> (matrix(np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])) @ [1.0, 0.0, 0.0]).round(12).tolist()
+    [0.0, 1.0, 0.0]
+    """
+    w, x, y, z = attitude.tolist()
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+
+
+def skew(vector: Floats) -> Floats:
+    """[a x] (3, 3): [a x] b = a x b."""
+    x, y, z = vector.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def rotation_vector(first: Floats, then: Floats) -> Floats:
+    """(3,) turn from one attitude to the next, in platform axes, rad: Log(q1^-1 q2).
+
+    >>> yaw = np.array([np.cos(0.05), 0.0, 0.0, np.sin(0.05)])
+    >>> rotation_vector(np.array([1.0, 0.0, 0.0, 0.0]), yaw).round(12).tolist()
+    [0.0, 0.0, 0.1]
+    """
+    w1, v1 = float(first[0]), -first[1:]
+    w2, v2 = float(then[0]), then[1:]
+    scalar = w1 * w2 - float(v1 @ v2)
+    vector: Floats = w1 * v2 + w2 * v1 + np.cross(v1, v2)
+    if scalar < 0.0:
+        scalar, vector = -scalar, -vector
+    sine = float(np.linalg.norm(vector))
+    return vector * (2.0 if sine < 1e-12 else 2.0 * float(np.arctan2(sine, scalar)) / sine)

@@ -1,0 +1,147 @@
+"""VISION_POSITION_DELTA: ArduPilot's body-frame odometry."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.errors import ScenarioError
+from bottomlock.ports.base import incomplete
+from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.mavlink import VISUAL_INERTIAL_ODOMETRY, MavlinkPort
+from bottomlock.ports.over_bound import scalar_bound
+from bottomlock.ports.rotation import rotation_vector
+from bottomlock.units import ns_from_s
+
+Floats = NDArray[np.float64]
+
+# Above the rounding of the confidence and of the autopilot's arithmetic, both in 32-bit floats.
+_GUARD = 1e-6
+
+
+class VisionPositionDelta(MavlinkPort):
+    """VISION_POSITION_DELTA (11011), body axes: ArduPilot's body-frame odometry, as the makers of DVLs feed it.
+
+    The autopilot divides the position delta by the interval, and takes one σ for all axes from the confidence,
+    σ = min + (max - min) (1 - confidence / 100). It fuses a confidence of 0 with σ = max, so an estimate with a larger
+    σ is not sent at all. The stamp is not used; it is the end of the interval.
+
+    In mode velocity the delta is the velocity of the ping times the interval since the ping before. In mode navigation
+    it is the integral of the estimates given since the last message, and σ the largest among them: errors within the
+    interval are alike, and the σ of a mean is at most the largest of its parts.
+
+    Args:
+        min_noise_mps: EK3_VIS_VERR_MIN of the autopilot.
+        max_noise_mps: EK3_VIS_VERR_MAX of the autopilot.
+        max_interval_s: a longer gap between estimates starts a new interval without a message.
+        max_rate_hz: see `MavlinkPort`.
+        variance_factor: see `MavlinkPort`.
+        system_id: see `MavlinkPort`.
+        component_id: see `MavlinkPort`.
+    """
+
+    name = "vision_position_delta"
+
+    def __init__(
+        self,
+        *,
+        min_noise_mps: float = 0.1,
+        max_noise_mps: float = 0.9,
+        max_interval_s: float = 1.0,
+        max_rate_hz: float = 5.0,
+        variance_factor: float = 1.0,
+        system_id: int = 1,
+        component_id: int = VISUAL_INERTIAL_ODOMETRY,
+    ) -> None:
+        super().__init__(
+            max_rate_hz=max_rate_hz,
+            variance_factor=variance_factor,
+            system_id=system_id,
+            component_id=component_id,
+        )
+        self._min = self._positive("min_noise_mps", min_noise_mps)
+        self._max = self._positive("max_noise_mps", max_noise_mps)
+        if self._max <= self._min:
+            raise ScenarioError(
+                f"port {self.name}: max_noise_mps is {max_noise_mps}, expected > min_noise_mps, {min_noise_mps}"
+            )
+        self._gap_ns = ns_from_s(self._positive("max_interval_s", max_interval_s))
+        self._start: Estimate | None = None
+        self._previous: Estimate | None = None
+        self._delta_m = np.zeros(3)
+        self._largest_m2ps2 = 0.0
+
+    def confidence(self, sd_mps: float) -> float:
+        """Confidence for which the autopilot takes no smaller σ than this; negative if there is none."""
+        if sd_mps <= self._min * (1.0 - _GUARD):
+            return 100.0
+        return 100.0 * (1.0 - (sd_mps - self._min + self._max * _GUARD) / (self._max - self._min))
+
+    def _refuses(self, estimate: Estimate) -> str | None:
+        reason = incomplete(estimate)
+        if reason:
+            return reason
+        sd = math.sqrt(self._scalar(estimate))
+        if self.confidence(sd) < 0.0:
+            return f"σ is {sd:.3f} m/s, above max_noise_mps, {self._max}: the autopilot would use that smaller one"
+        return None
+
+    def _waits(self, estimate: Estimate) -> str | None:
+        if not self._goes_on(estimate):
+            return "no interval yet: the first estimate, or the first after a gap or a reset"
+        return super()._waits(estimate)
+
+    def _goes_on(self, estimate: Estimate) -> bool:
+        """Whether an interval from the estimate before to this one is part of a message."""
+        before = self._previous
+        return (
+            before is not None
+            and estimate.time_ns - before.time_ns <= self._gap_ns
+            and estimate.reset_counter == before.reset_counter
+            and estimate.mode == before.mode
+        )
+
+    def _interval(self, estimate: Estimate) -> tuple[Floats, float]:
+        """Position delta and largest variance of the interval that ends with this estimate."""
+        before = self._previous
+        assert before is not None
+        step_s = (estimate.time_ns - before.time_ns) / 1e9
+        if estimate.mode == "velocity":
+            return estimate.velocity_p_mps * step_s, self._scalar(estimate)
+        mean = 0.5 * (before.velocity_p_mps + estimate.velocity_p_mps)
+        return self._delta_m + mean * step_s, max(self._largest_m2ps2, self._scalar(estimate))
+
+    def _message(self, estimate: Estimate) -> bytes:
+        delta, variance = self._interval(estimate)
+        start = self._previous if estimate.mode == "velocity" else self._start
+        assert start is not None
+        turn = np.zeros(3)
+        if start.attitude_t_p is not None and estimate.attitude_t_p is not None:
+            turn = rotation_vector(start.attitude_t_p, estimate.attitude_t_p)
+        message = self._dialect.MAVLink_vision_position_delta_message(
+            estimate.time_ns // 1000,
+            estimate.time_ns // 1000 - start.time_ns // 1000,
+            turn.tolist(),
+            delta.tolist(),
+            self.confidence(math.sqrt(variance)),
+        )
+        return self._pack(message)
+
+    def _observe(self, estimate: Estimate, *, sent: bool) -> None:
+        if not estimate.complete or self._refusal(estimate) is not None:
+            self._start = self._previous = None
+            return
+        if sent or not self._goes_on(estimate):
+            self._start, self._delta_m = estimate, np.zeros(3)
+            self._largest_m2ps2 = self._scalar(estimate)
+        else:
+            self._delta_m, self._largest_m2ps2 = self._interval(estimate)
+        self._previous = estimate
+
+    def _scalar(self, estimate: Estimate) -> float:
+        return scalar_bound(self._covariance(estimate))
+
+    def _used(self, estimate: Estimate) -> Floats:
+        confidence = float(np.float32(self.confidence(math.sqrt(self._scalar(estimate)))))
+        sd = self._min + (self._max - self._min) * (1.0 - 0.01 * confidence)
+        return np.eye(3) * sd**2

@@ -1,0 +1,84 @@
+"""VISION_SPEED_ESTIMATE: ArduPilot's external navigation."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.mavlink import VISUAL_INERTIAL_ODOMETRY, MavlinkPort
+from bottomlock.ports.over_bound import scalar_bound, single_at_least
+from bottomlock.ports.rotation import matrix, skew
+
+Floats = NDArray[np.float64]
+
+
+class VisionSpeedEstimate(MavlinkPort):
+    """VISION_SPEED_ESTIMATE (103), north-east-down: ArduPilot's external navigation.
+
+    Firmware since March 2026 makes one σ of the covariance, older firmware uses its own. The message holds σ² I with
+    σ² the largest eigenvalue, so that the largest entry, the mean of the diagonal and its sum are no less than that.
+    Mode navigation only: the rotation needs an attitude, and its error is part of the covariance.
+
+    Args:
+        receiver_noise_mps: σ that the receiver uses whatever is sent (VISO_VEL_M_NSE of firmware that ignores the
+            covariance): an estimate with a larger σ is not sent. None for firmware that uses the covariance.
+        max_rate_hz: see `MavlinkPort`.
+        variance_factor: see `MavlinkPort`.
+        system_id: see `MavlinkPort`.
+        component_id: see `MavlinkPort`.
+    """
+
+    name = "vision_speed_estimate"
+
+    def __init__(
+        self,
+        *,
+        receiver_noise_mps: float | None = None,
+        max_rate_hz: float = 5.0,
+        variance_factor: float = 1.0,
+        system_id: int = 1,
+        component_id: int = VISUAL_INERTIAL_ODOMETRY,
+    ) -> None:
+        super().__init__(
+            max_rate_hz=max_rate_hz,
+            variance_factor=variance_factor,
+            system_id=system_id,
+            component_id=component_id,
+        )
+        self._noise = (
+            None if receiver_noise_mps is None else self._positive("receiver_noise_mps", receiver_noise_mps)
+        )
+
+    def _tangent(self, estimate: Estimate) -> tuple[Floats, float]:
+        """Velocity (3,) in tangent axes, and the bound of its covariance.
+
+        δv_t = R δv_p - [v_t x] ρ, since R_true = Exp([ρ x]) R (docs/conventions.md).
+        """
+        assert estimate.attitude_t_p is not None
+        assert estimate.navigation_covariance is not None
+        turn = matrix(estimate.attitude_t_p)
+        velocity = turn @ estimate.velocity_p_mps
+        jacobian = np.hstack((-skew(velocity), turn))
+        covariance = jacobian @ estimate.navigation_covariance[3:, 3:] @ jacobian.T * self._factor
+        return velocity, single_at_least(scalar_bound(0.5 * (covariance + covariance.T)))
+
+    def _refuses(self, estimate: Estimate) -> str | None:
+        if estimate.mode != "navigation":
+            return "mode velocity has no attitude with a covariance, which north-east-down needs"
+        sd = math.sqrt(self._tangent(estimate)[1])
+        if self._noise is not None and sd > self._noise:
+            return f"σ is {sd:.3f} m/s, above receiver_noise_mps, {self._noise}, which the receiver would use"
+        return None
+
+    def _message(self, estimate: Estimate) -> bytes:
+        velocity, variance = self._tangent(estimate)
+        covariance = (np.eye(3) * variance).ravel().tolist()
+        message = self._dialect.MAVLink_vision_speed_estimate_message(
+            estimate.time_ns // 1000, *velocity.tolist(), covariance, estimate.reset_counter
+        )
+        return self._pack(message)
+
+    def _used(self, estimate: Estimate) -> Floats:
+        variance = self._noise**2 if self._noise is not None else self._tangent(estimate)[1]
+        return np.eye(3) * variance
