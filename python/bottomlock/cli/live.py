@@ -14,9 +14,8 @@ from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
 from bottomlock.errors import ScenarioError
 from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.engine import Engine, Message
-from bottomlock.live.raw_log import RawLog
 from bottomlock.live.replay import replay_log
-from bottomlock.live.runner import Live, started_from
+from bottomlock.live.runner import Live, begin, host_clock
 
 
 def live(
@@ -43,18 +42,10 @@ def live(
         return
     if not settings.port and not dry_run:
         raise ScenarioError(f"{config}: there is no [[port]], so nothing would be sent; --dry-run needs none")
-    engine = Engine(settings)
-    log = None
-    if settings.log is not None and not dry_run:
-        log = RawLog(
-            Path(settings.log.folder),
-            sources=[one.name for one in settings.source],
-            ports=[one.port for one in settings.port],
-            start=started_from(config),
-        )
-        errors.print(f"bottomlock: raw log {log.path}")
-    running = Live(settings, engine, say=_say, log=log, send=_shown(settings, engine) if dry_run else None)
-    _run(running)
+    clock = host_clock()
+    engine, log = begin(settings, config.read_bytes(), say=_say, clock=clock, logged=not dry_run)
+    send = _shown(settings, engine) if dry_run else None
+    _run(Live(settings, engine, say=_say, log=log, send=send, clock=clock))
 
 
 def _say(words: str) -> None:

@@ -4,6 +4,7 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
+from bottomlock.live.checkpoint import resume
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.raw_log import read_raw_log
@@ -40,7 +41,8 @@ def replay_log(config: LiveConfig, path: Path) -> Replayed:
         DataError: for a file that is no raw log, or one of another configuration's sources.
     """
     log = read_raw_log(path)
-    engine = Engine(config)
+    saved = log.start.get("checkpoint")
+    engine = Engine(config) if saved is None else resume(config, saved)
     messages: list[Message] = []
     open_: deque[Message] = deque()
     sent = entries = 0

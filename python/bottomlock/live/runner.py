@@ -7,8 +7,11 @@ import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from bottomlock.atomic_write import write_bytes
 from bottomlock.errors import BottomlockError
 from bottomlock.live.address import parse_address
+from bottomlock.live.checkpoint import begin as begin_engine
+from bottomlock.live.checkpoint import pack
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.connections import Connection, cancel
 from bottomlock.live.engine import TICK_NS, Engine, Message
@@ -125,6 +128,11 @@ class Live:
         """Runs until every source has ended, which only files and pipes do, or until it is cancelled."""
         others = [asyncio.create_task(sink.run()) for sink in self.sinks]
         others.append(asyncio.create_task(self._ticks()))
+        if self.config.log is not None:
+            others.append(asyncio.create_task(self._flushes(self.config.log.flush_s)))
+        if self.config.checkpoint is not None:
+            section = self.config.checkpoint
+            others.append(asyncio.create_task(self._checkpoints(Path(section.file), section.every_s)))
         sources = [asyncio.create_task(one.run()) for one in self.connections]
         try:
             await asyncio.gather(*sources)
@@ -135,20 +143,51 @@ class Live:
                 self.log.close()
 
     async def _ticks(self) -> None:
-        """What depends on time alone, and the flushing of the log."""
-        flush_s = self.config.log.flush_s if self.config.log is not None else 0.0
-        flushed = 0.0
+        """What depends on time alone."""
         while True:
             await asyncio.sleep(TICK_NS * 1e-9)
             self.engine.advance(self.clock())
             self._told()
-            now = time.monotonic()
-            if self.log is not None and now - flushed >= flush_s:
-                flushed = now
+
+    async def _flushes(self, period_s: float) -> None:
+        """Hands the raw log to the system now and then."""
+        while True:
+            await asyncio.sleep(max(period_s, TICK_NS * 1e-9))
+            if self.log is not None:
                 with contextlib.suppress(BottomlockError):
                     self.log.flush()
 
+    async def _checkpoints(self, file: Path, period_s: float) -> None:
+        """Saves the navigator; the disk is waited for in a thread, so that no ping waits."""
+        while True:
+            await asyncio.sleep(period_s)
+            content = pack(self.engine, self.clock())
+            if content is None:
+                continue
+            try:
+                await asyncio.to_thread(write_bytes, file, content)
+            except BottomlockError as error:
+                self._say(f"no checkpoint: {error}")
 
-def started_from(config_file: Path) -> dict[str, bytes]:
-    """What a raw log keeps of the start: the text of the configuration."""
-    return {"config.toml": config_file.read_bytes()}
+
+def begin(
+    config: LiveConfig, text: bytes, *, say: Say, clock: Callable[[], int], logged: bool
+) -> tuple[Engine, RawLog | None]:
+    """The engine, from a checkpoint where there is a young one, and its raw log.
+
+    Raises:
+        OutputError: where no raw log can be written.
+    """
+    engine, checkpoint, words = begin_engine(config, clock())
+    if words:
+        say(words)
+    if config.log is None or not logged:
+        return engine, None
+    log = RawLog(
+        Path(config.log.folder),
+        sources=[one.name for one in config.source],
+        ports=[one.port for one in config.port],
+        start={"config.toml": text} | ({} if checkpoint is None else {"checkpoint": checkpoint}),
+    )
+    say(f"raw log {log.path}")
+    return engine, log
