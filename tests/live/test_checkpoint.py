@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,7 @@ def with_file(path: Path) -> LiveConfig:
 
 
 def test_goes_on_within_two_seconds(tmp_path: Path) -> None:
-    """A kill at 4 s and a start at 5 s: estimates again within 1 s, without an alignment, consistent, one reset more."""
+    """A kill at 4 s and a start at 5 s: estimates again within 1 s, not aligned anew, one reset more."""
     file = tmp_path / "checkpoint"
     file.write_bytes(until(4.0)[1])
     engine, used, words = begin(with_file(file), START_NS + 5 * S)
@@ -68,7 +69,9 @@ def test_goes_on_within_two_seconds(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_old_or_damaged_ones_are_not_used(tmp_path: Path, change, age_s: float, words: str) -> None:  # noqa: ANN001
+def test_old_or_damaged_ones_are_not_used(
+    tmp_path: Path, change: Callable[[bytes], bytes], age_s: float, words: str
+) -> None:
     """A fresh alignment, and the reason."""
     engine, content = until(3.0)
     file = tmp_path / "checkpoint"

@@ -14,6 +14,7 @@ from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
 from bottomlock.errors import ScenarioError
 from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.engine import Engine, Message
+from bottomlock.live.health import HealthServer, status
 from bottomlock.live.replay import replay_log
 from bottomlock.live.runner import Live, begin, host_clock
 
@@ -75,13 +76,35 @@ def _run(running: Live) -> None:
         for name in (signal.SIGINT, signal.SIGTERM):
             with contextlib.suppress(NotImplementedError):
                 loop.add_signal_handler(name, task.cancel)
+        page = asyncio.create_task(_page(running))
         with contextlib.suppress(asyncio.CancelledError):
             await running.run()
+        page.cancel()
 
     asyncio.run(until_stopped())
     for one in running.engine.ports:
         last = f"; last silent because {one.silent_because}" if one.silent_because else ""
         _say(f"port {one.name}: {one.sent} messages{last}")
+
+
+async def _page(running: Live) -> None:
+    """Serves the health page; navigation goes on where that is not possible."""
+    section = running.config.health
+    if section is None:
+        return
+    server = HealthServer(lambda: status(running), section.host, section.port)
+    serving = asyncio.create_task(server.run())
+    opened = asyncio.create_task(server.opened.wait())
+    try:
+        await asyncio.wait({serving, opened}, return_when=asyncio.FIRST_COMPLETED)
+        if server.opened.is_set():
+            _say(f"health page {server.url}")
+        await serving
+    except OSError as error:
+        _say(f"no health page on {section.host}:{section.port}: {error.strerror or error}")
+    finally:
+        for task in (serving, opened):
+            task.cancel()
 
 
 def _replay(settings: LiveConfig, log: Path) -> None:
