@@ -14,7 +14,8 @@ from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2, solve_velocity
 from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.ports import registry
-from bottomlock.ports.estimate import SILENT, Estimate
+from bottomlock.ports.base import PortBase
+from bottomlock.ports.estimate import Estimate
 
 START_NS = 1_790_000_000_000_000_000
 LATITUDE_DEG = 32.8
@@ -22,29 +23,25 @@ VELOCITY = np.array([1.0, 0.1, 0.05])
 BEAM_SD = 0.01
 
 
-class Probe:
+class Probe(PortBase):
     """A port that writes an estimate as a line of text."""
 
     name = "probe"
 
-    def sends(self, estimate: Estimate) -> str | None:
-        """Why nothing is sent."""
-        return f"state is {estimate.state}" if estimate.state in SILENT else None
+    def __init__(self, *, max_rate_hz: float | None = None) -> None:
+        super().__init__(max_rate_hz=max_rate_hz)
 
-    def encode(self, estimate: Estimate) -> bytes | None:
-        """Time, state, rank, resets, velocity and its 1 sigma."""
-        if self.sends(estimate):
-            return None
+    def _refuses(self, estimate: Estimate) -> str | None:
+        return "no component" if not estimate.rank and estimate.mode == "velocity" else None
+
+    def _message(self, estimate: Estimate) -> bytes:
         sd = np.sqrt(np.diag(estimate.covariance_m2ps2))
         numbers = " ".join(f"{value!r}" for value in (*estimate.velocity_p_mps.tolist(), *sd.tolist()))
         text = f"{estimate.time_ns} {estimate.state} {estimate.rank} {estimate.reset_counter} {numbers}\n"
         return text.encode()
 
-    def loss(self, estimate: Estimate) -> None:
-        """Not asked."""
 
-
-registry.PORTS.setdefault("probe", Probe)  # type: ignore[arg-type]
+registry.PORTS.setdefault("probe", Probe)
 
 
 @dataclass(frozen=True)

@@ -11,17 +11,23 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
-from bottomlock.errors import ScenarioError
+from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import HealthServer, status
 from bottomlock.live.replay import replay_log
 from bottomlock.live.runner import Live, begin, host_clock
+from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
 
 
 def live(
     config: Path,
     *,
+    init: Annotated[
+        str | None,
+        Parameter(help=f"Write a commented CONFIG for an instrument: {', '.join(INSTRUMENTS)}."),
+    ] = None,
+    autopilot: Annotated[str, Parameter(help=f"Receiver of --init: {', '.join(AUTOPILOTS)}.")] = "text",
     dry_run: Annotated[
         bool, Parameter(negative="", help="Show what would be sent, and send nothing.")
     ] = False,
@@ -35,8 +41,11 @@ def live(
     Parameters
     ----------
     config
-        TOML file; docs/live.md describes it.
+        TOML file; docs/live.md describes it. With --init, the file to write.
     """
+    if init is not None:
+        _init(config, init, autopilot)
+        return
     settings = load_config(config)
     if replay is not None:
         _replay(settings, replay)
@@ -47,6 +56,19 @@ def live(
     engine, log = begin(settings, config.read_bytes(), say=_say, clock=clock, logged=not dry_run)
     send = _shown(settings, engine) if dry_run else None
     _run(Live(settings, engine, say=_say, log=log, send=send, clock=clock))
+
+
+def _init(config: Path, instrument: str, autopilot: str) -> None:
+    """Writes a configuration; an existing file stays as it is."""
+    text = template(instrument, autopilot)
+    try:
+        with config.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError as error:
+        raise OutputError(f"{config}: exists already, nothing was overwritten") from error
+    except OSError as error:
+        raise OutputError(f"{config}: cannot be written ({error.strerror or error})") from error
+    console.print(f"wrote {config}; edit it, then: bottomlock live --dry-run {config}", soft_wrap=True)
 
 
 def _say(words: str) -> None:

@@ -2,7 +2,6 @@
 
 import inspect
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -146,14 +145,12 @@ class LiveConfig(Section):
         for key in ("geometry", "max_rate_hz"):
             if key in settings:
                 raise ScenarioError(
-                    f"port {section.port}: settings.{key} is not a setting here, the configuration has it already"
+                    f"port {section.port}: settings.{key} cannot be set here: set dvl.geometry and rate_hz of the port"
                 )
         if "geometry" in known:
             settings["geometry"] = self.instrument().geometry
-        if "max_rate_hz" in known:
-            settings["max_rate_hz"] = section.rate_hz if self.mode == "navigation" else None
-            if settings["max_rate_hz"] is None and make is not None and _needs_rate(make):
-                del settings["max_rate_hz"]
+        if section.rate_hz is not None:
+            settings["max_rate_hz"] = section.rate_hz
         return make_port(section.port, **settings)
 
     def checked(self) -> Self:
@@ -167,11 +164,6 @@ class LiveConfig(Section):
         if self.mode == "navigation":
             kernel_settings(self, instrument)
         return self
-
-
-def _needs_rate(make: Callable[..., Port]) -> bool:
-    """Whether a port has a greatest rate of its own, which it applies in mode navigation alone."""
-    return inspect.signature(make).parameters["max_rate_hz"].default is not None
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from bottomlock.live.clock import ClockMap
 from bottomlock.live.config import LiveConfig, kernel_settings
 from bottomlock.live.estimator import Estimator, VelocityEstimator
 from bottomlock.live.pings import Ping, PingReader
-from bottomlock.live.readings import DepthReading, ImuReading, LineReader, MavlinkReader, Reading
+from bottomlock.live.readings import ImuReading, LineReader, MavlinkReader, Reading
 from bottomlock.live.sections import DVL_FORMATS, SourceSection
 from bottomlock.live.states import Facts, StateMachine
-from bottomlock.ports.estimate import SILENT, State
+from bottomlock.ports.estimate import SILENT, Estimate, State
 from bottomlock.ports.port import Port
 
 TICK_NS = 50_000_000
@@ -66,10 +66,7 @@ class PortState:
 
     port: Port
     name: str
-    period_ns: int
     sent: int = 0
-    sent_bytes: int = 0
-    last_time_ns: int | None = None
     silent_because: str = "nothing to send yet"
 
 
@@ -95,12 +92,13 @@ class Engine:
         self.estimator = (make_estimator or _estimator)(config)
         self.sources = [self._source(section) for section in config.source]
         self.ports = [
-            PortState(port, section.port, units.ns_from_s(1.0 / section.rate_hz))
-            for section, port in zip(config.port, config.ports(), strict=True)
+            PortState(port, section.port) for section, port in zip(config.port, config.ports(), strict=True)
         ]
         self.machine = StateMachine(config.limits)
         self._reset_counter = reset_counter
         self._tick_ns: int | None = None
+        self._offered_ns: int | None = None
+        self._estimate_ns = units.ns_from_s(1.0 / config.navigation.estimate_hz)
         self._steps_seen = 0
         self._failed = ""
         self.now_ns = 0
@@ -181,8 +179,10 @@ class Engine:
             return []
         one.used += 1
         if isinstance(reading, Ping):
+            # What a ping has changed is sent at once.
             self._judge(arrival_ns)
-        return [] if isinstance(reading, DepthReading) else self._send()
+            return self._send(least_ns=1)
+        return self._send(least_ns=self._estimate_ns) if isinstance(reading, ImuReading) else []
 
     def _estimate(self, reading: Ping | Reading, time_ns: int, arrival_ns: int) -> None:
         if isinstance(reading, Ping):
@@ -247,45 +247,39 @@ class Engine:
         ]
         return units.ns_from_s(1.0 / min(rates)) if rates else 0
 
-    def _send(self) -> list[Message]:
-        """The estimate to every port that is due; nothing at all where the state forbids it."""
+    def _send(self, *, least_ns: int) -> list[Message]:
+        """The estimate to every port, if it is `least_ns` later than the last; nothing where the state forbids it."""
         time_ns = self.estimator.time_ns
-        if time_ns is None:
+        if time_ns is None or not self.ports:
             return []
-        due = [place for place, one in enumerate(self.ports) if self._due(one, time_ns)]
-        if not due:
+        if self._offered_ns is not None and time_ns - self._offered_ns < least_ns:
             return []
         if self.state in SILENT:
-            for place in due:
-                self.ports[place].silent_because = f"state is {self.state}: {self.machine.why}"
+            for one in self.ports:
+                one.silent_because = f"state is {self.state}: {self.machine.why}"
             return []
         estimate = self.estimator.estimate(self.state, self.reset_counter)
         if estimate is None:
             return []
+        self._offered_ns = time_ns
         messages = []
-        for place in due:
-            one = self.ports[place]
-            one.last_time_ns = time_ns
-            try:
-                data = one.port.encode(estimate)
-                if data is None:
-                    one.silent_because = one.port.sends(estimate) or ""
-                    continue
-            except BottomlockError as error:
-                one.silent_because = str(error)
-                continue
-            one.silent_because = ""
-            one.sent += 1
-            one.sent_bytes += len(data)
-            messages.append(Message(place, data))
+        for place, one in enumerate(self.ports):
+            data = self._encoded(one, estimate)
+            if data is not None:
+                one.sent += 1
+                messages.append(Message(place, data))
         return messages
 
-    def _due(self, one: PortState, time_ns: int) -> bool:
-        if one.last_time_ns is None:
-            return True
-        # In mode velocity every ping is an estimate of its own.
-        least = one.period_ns if self.config.mode == "navigation" else 1
-        return time_ns - one.last_time_ns >= least
+    @staticmethod
+    def _encoded(one: PortState, estimate: Estimate) -> bytes | None:
+        """The message of a port; None, and the reason, where it sends nothing."""
+        try:
+            one.silent_because = one.port.sends(estimate) or ""
+            data = one.port.encode(estimate)
+        except BottomlockError as error:
+            one.silent_because = str(error)
+            return None
+        return data
 
 
 def _estimator(config: LiveConfig) -> Estimator:

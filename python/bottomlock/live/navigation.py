@@ -98,6 +98,12 @@ class NavigationEstimator:
 
     def _use(self, time_ns: int, omega: Floats, force: Floats) -> None:
         if self._navigator is None:
+            options = self._settings.options
+            if (
+                np.abs(force).max() >= options.max_imu_force_mps2
+                or np.abs(omega).max() >= options.max_imu_rate_radps
+            ):
+                raise KernelError("a reading of the alignment is beyond the full scale")
             self._alignment.imu(time_ns, force)
             self.imu_used_ns = self._now_ns
             if self._alignment.waiting_for:

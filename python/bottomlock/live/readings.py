@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bottomlock.errors import DataError
-from bottomlock.io.sentences import number, whole
+from bottomlock.io.sentences import hexadecimal, number, whole, xor_of
 from bottomlock.live.framing import Lines
 from bottomlock.live.sections import DepthSection
 
@@ -55,7 +55,9 @@ _LINES: dict[str, tuple[int, str, Callable[[int, list[float]], Reading]]] = {
 
 @dataclass
 class LineReader:
-    """Readings from lines: a time in ns, and numbers in SI.
+    """Readings from lines: a time in ns, and numbers in SI; with `*` and the exclusive or of what stands before it.
+
+    The checksum is optional. A line that lost some of its last digits is a reading without it, and none with it.
 
     Attributes:
         records: lines so far.
@@ -81,11 +83,15 @@ class LineReader:
 
     def _reading(self, line: bytes) -> Reading | None:
         self.records += 1
-        first, *rest = line.split(b",")
+        text, star, digits = line.partition(b"*")
+        if star and xor_of(text) != hexadecimal(digits):
+            self.skipped["bad checksum"] += 1
+            return None
+        first, *rest = text.split(b",")
         if len(rest) != self._count:
             self.skipped[f"not the columns {self._columns}"] += 1
             return None
-        time_ns, values = whole(first), [number(text) for text in rest]
+        time_ns, values = whole(first), [number(part) for part in rest]
         numbers = [value for value in values if value is not None and math.isfinite(value)]
         if time_ns is None or len(numbers) < self._count or not _EARLIEST_NS < time_ns < _LATEST_NS:
             self.skipped["not a time in ns and finite numbers"] += 1

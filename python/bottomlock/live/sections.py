@@ -98,11 +98,13 @@ class NavigationSection(Section):
     """Mode navigation: the aiding method, and how long inertial readings are held for measurements that come later.
 
     A ping is of the time when it was reflected, and arrives some hundredths to tenths of a second after it. Readings
-    are held for `hold_s`, so that it is still taken in order; the estimate is older by as much.
+    are held for `hold_s`, so that it is still taken in order; the estimate is older by as much. The ports are given
+    an estimate `estimate_hz` times a second, and one after each ping.
     """
 
     method: Method = "tc"
     hold_s: Annotated[float, Field(ge=0, le=10)] = 0.3
+    estimate_hz: Annotated[float, Field(gt=0, le=1000)] = 20.0
 
 
 class StatesSection(Section):
@@ -145,11 +147,11 @@ class SourceSection(Section):
 
 
 class PortSection(Section):
-    """A target: the kind of port, where it goes, its greatest rate in mode navigation, and the port's own settings."""
+    """A target: the kind of port, where it goes, its greatest rate (by default the port's own), its other settings."""
 
     port: str
     to: SinkAddress
-    rate_hz: Annotated[float, Field(gt=0, le=1000)] = 5.0
+    rate_hz: Annotated[float, Field(gt=0, le=1000)] | None = None
     settings: dict[str, Any] = Field(default_factory=dict)
 
 
