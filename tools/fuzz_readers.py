@@ -21,6 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from bottomlock.encoders import framing
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Recording
 from bottomlock.io.formats import BYTES, Format
@@ -94,8 +95,8 @@ def _right_nortek(data: bytes) -> bytes:
         header, size = work[at + 1], struct.unpack_from("<H", work, at + 4)[0]
         start = at + header
         if 10 <= header <= 64 and start + size <= len(work):
-            struct.pack_into("<H", work, at + 6, reader_seeds.nortek_sum(bytes(work[start : start + size])))
-            struct.pack_into("<H", work, start - 2, reader_seeds.nortek_sum(bytes(work[at : start - 2])))
+            struct.pack_into("<H", work, at + 6, framing.nortek_sum(bytes(work[start : start + size])))
+            struct.pack_into("<H", work, start - 2, framing.nortek_sum(bytes(work[at : start - 2])))
             at = start + size - 1
         at += 1
     return bytes(work)
@@ -104,7 +105,7 @@ def _right_nortek(data: bytes) -> bytes:
 def _right_crc(data: bytes) -> bytes:
     return re.sub(
         rb"(wr[a-z][^*\r\n]{0,300})\*..",
-        lambda m: m[1] + b"*%02x" % reader_seeds.crc8(m[1]),
+        lambda m: m[1] + b"*%02x" % framing.crc8(m[1]),
         data,
         flags=re.DOTALL,
     )

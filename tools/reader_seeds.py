@@ -1,11 +1,14 @@
 """Small records of every format, made here: what tests of the readers and the fuzzer start from.
 
-The writers below are the formats' documents turned round, and share no code with the readers.
+The writers below are the formats' documents turned round. They and the framing of the encoders share no code with the
+readers.
 """
 
 import json
 import struct
 from collections.abc import Sequence
+
+from bottomlock.encoders.framing import nortek_frame, pd0_wrap, waterlinked_sentence
 
 SERIAL = (
     b"wrz,0.120,-0.400,2.000,y,1.30,1.855,1e-07;0;1.4;0;1.2;0;0.2;0;1e+09,7,14,123.00,1*50\r\n"
@@ -23,21 +26,6 @@ DVKFC = (
 """The maker's documented example."""
 PNORBT0 = b"$PNORBT0,1,040721,131335.3341,23.961,-48.122,-32.76800,10.00000,0.00,0x00000000*48\r\n"
 """A recorded example, of a beam without bottom."""
-
-
-def crc8(text: bytes, polynomial: int = 0x07) -> int:
-    """CRC-8 bit by bit."""
-    value = 0
-    for byte in text:
-        value ^= byte
-        for _ in range(8):
-            value = (value << 1 ^ polynomial) & 0xFF if value & 0x80 else value << 1
-    return value
-
-
-def wl_sentence(text: bytes) -> bytes:
-    """A Water Linked sentence with its checksum."""
-    return text + b"*%02x\r\n" % crc8(text)
 
 
 def nmea(text: bytes) -> bytes:
@@ -129,33 +117,6 @@ def pd0_ensemble(
     if fine is not None:
         types.append(struct.pack("<H4i", 0x5803, *fine) + bytes(52))
     return pd0_wrap(types)
-
-
-def pd0_wrap(types: Sequence[bytes]) -> bytes:
-    """Data types with header, offsets and checksum."""
-    at, offsets = 6 + 2 * len(types), []
-    for one in types:
-        offsets.append(at)
-        at += len(one)
-    head = struct.pack("<BBHBB", 0x7F, 0x7F, at, 0, len(types)) + struct.pack(f"<{len(types)}H", *offsets)
-    body = head + b"".join(types)
-    return body + struct.pack("<H", sum(body) & 0xFFFF)
-
-
-def nortek_sum(data: bytes) -> int:
-    """Nortek's checksum, word by word."""
-    total = 0xB58C
-    for k in range(0, len(data) - 1, 2):
-        total += data[k] | data[k + 1] << 8
-    if len(data) % 2:
-        total += data[-1] << 8
-    return total & 0xFFFF
-
-
-def nortek_frame(kind: int, data: bytes, family: int = 0x16) -> bytes:
-    """A record with header and checksums."""
-    head = struct.pack("<4BHH", 0xA5, 10, kind, family, len(data), nortek_sum(data))
-    return head + struct.pack("<H", nortek_sum(head)) + data
 
 
 def df21(
@@ -250,7 +211,7 @@ def seeds() -> dict[str, list[bytes]]:
         "waterlinked-serial": [
             SERIAL,
             SERIAL + SERIAL_OLD,
-            wl_sentence(b"wrp,49056.809,0.41,0.15,1.23,0.4,1,2,3,0") + SERIAL,
+            waterlinked_sentence(b"wrp,49056.809,0.41,0.15,1.23,0.4,1,2,3,0") + SERIAL,
         ],
         "nortek-ascii": [
             PNORBT0,

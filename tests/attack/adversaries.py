@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 
+from bottomlock.encoders import framing
 from tools import reader_seeds as seeds
 
 
@@ -14,13 +15,13 @@ def _pd0_headers(size: int) -> bytes:
 
 def _tiny_ensembles() -> bytes:
     """Whole ensembles with a good checksum, and nothing in them."""
-    return seeds.pd0_wrap([b"\x00\x00"]) * 80_000
+    return framing.pd0_wrap([b"\x00\x00"]) * 80_000
 
 
 def _nortek_headers(size: int) -> bytes:
     """Records whose headers are good, and whose data of `size` bytes are other records' headers: the sum is wrong."""
     head = struct.pack("<4BHH", 0xA5, 10, 0x1B, 0x16, size, 1)
-    return (head + struct.pack("<H", seeds.nortek_sum(head))) * 100_000
+    return (head + struct.pack("<H", framing.nortek_sum(head))) * 100_000
 
 
 ADVERSARIES: dict[str, list[bytes]] = {
@@ -36,7 +37,7 @@ ADVERSARIES: dict[str, list[bytes]] = {
         _nortek_headers(0),
         _nortek_headers(10),
         _nortek_headers(3000),
-        seeds.nortek_frame(0x1B, b"")[:8].ljust(10, b"\0") * 100_000,
+        framing.nortek_frame(0x1B, b"")[:8].ljust(10, b"\0") * 100_000,
     ],
     "nortek-ad2cp": [b"\xa5\x0a" * 500_000],
     "nucleus": [b"\xa5\x0a\xb4\x20" * 250_000],

@@ -65,7 +65,7 @@ def repeated(entries: list[Entry], draw: random.Random) -> list[Entry]:
 
 def halved(entries: list[Entry], draw: random.Random) -> list[Entry]:
     """Records whose end, with the line's end, is missing."""
-    return [(a, s, d[: draw.randrange(len(d))] if draw.random() < 0.02 else d) for a, s, d in entries]
+    return [(a, s, d[: draw.randrange(len(d) + 1)] if draw.random() < 0.02 else d) for a, s, d in entries]
 
 
 def garbage(entries: list[Entry], draw: random.Random) -> list[Entry]:

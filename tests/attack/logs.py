@@ -8,6 +8,7 @@ import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from bottomlock.encoders import framing
 from tools import reader_seeds as seeds
 
 PINGS = 8
@@ -73,7 +74,7 @@ def waterlinked_serial(numbers: Numbers) -> Log:
         )
         for k, (v, r) in enumerate(zip(numbers.velocities(4), numbers.ranges(4), strict=True)):
             lines.append(f"wru,{k},{v:.4f},{r:.4f},-40,-95")
-    return Log(tuple(seeds.wl_sentence(line.encode()) for line in lines), last=5)
+    return Log(tuple(framing.waterlinked_sentence(line.encode()) for line in lines), last=5)
 
 
 def waterlinked_json(numbers: Numbers) -> Log:
@@ -137,7 +138,7 @@ def pd0(numbers: Numbers) -> Log:
 def nortek_dvl(numbers: Numbers) -> Log:
     """DF21 records."""
     records = [
-        seeds.nortek_frame(0x1B, seeds.df21(j, velocity=numbers.velocities(4), axes=numbers.velocities(4)))
+        framing.nortek_frame(0x1B, seeds.df21(j, velocity=numbers.velocities(4), axes=numbers.velocities(4)))
         for j in range(PINGS)
     ]
     return Log(tuple(records), length_at=4)
@@ -146,7 +147,9 @@ def nortek_dvl(numbers: Numbers) -> Log:
 def nortek_ad2cp(numbers: Numbers) -> Log:
     """DF20 records."""
     records = [
-        seeds.nortek_frame(0x17, seeds.df20(j, velocity=[numbers.whole(100, 30_000) for _ in range(4)]), 0x10)
+        framing.nortek_frame(
+            0x17, seeds.df20(j, velocity=[numbers.whole(100, 30_000) for _ in range(4)]), 0x10
+        )
         for j in range(PINGS)
     ]
     return Log(tuple(records), length_at=4)
@@ -155,7 +158,8 @@ def nortek_ad2cp(numbers: Numbers) -> Log:
 def nucleus(numbers: Numbers) -> Log:
     """Bottom-track records of three beams."""
     records = [
-        seeds.nortek_frame(0xB4, seeds.nucleus(j, velocity=numbers.velocities(3)), 0x20) for j in range(PINGS)
+        framing.nortek_frame(0xB4, seeds.nucleus(j, velocity=numbers.velocities(3)), 0x20)
+        for j in range(PINGS)
     ]
     return Log(tuple(records), length_at=4)
 

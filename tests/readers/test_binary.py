@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from bottomlock.encoders import framing
 from bottomlock.errors import DataError
 from bottomlock.io import nortek_ad2cp, nortek_dvl, nucleus, pd0
 from bottomlock.io.beam_table import Account
@@ -101,7 +102,7 @@ def test_pd0_without_bottom_track() -> None:
 
 def test_df21() -> None:
     """Beams, axes and their figures of merit; distances are vertical; a lost beam by its status bit."""
-    data = seeds.nortek_frame(0x1B, seeds.df21()) + seeds.nortek_frame(
+    data = framing.nortek_frame(0x1B, seeds.df21()) + framing.nortek_frame(
         0x1B, seeds.df21(1, status=0xFFFFF & ~0b10_0010)
     )
     recording = nortek_dvl.read(data, "log")
@@ -116,7 +117,7 @@ def test_df21() -> None:
     assert math.isnan(table.range_m[1, 1])
     np.testing.assert_allclose(table.instrument_mps[0], [1.0, -0.5, 0.25], rtol=1e-6)
     np.testing.assert_allclose(table.extra["beam1_delay_s"], 0.013, rtol=1e-6)
-    invalid = seeds.nortek_frame(0x1B, seeds.df21(velocity=(0.1, -32.768, 0.3, 0.4), status=0))
+    invalid = framing.nortek_frame(0x1B, seeds.df21(velocity=(0.1, -32.768, 0.3, 0.4), status=0))
     table = nortek_dvl.read(invalid, "log").table
     assert not table.valid.any()
     assert math.isnan(table.velocity_mps[0, 1])
@@ -125,10 +126,10 @@ def test_df21() -> None:
 
 def test_df21_beside_other_records() -> None:
     """Water track is counted, not mixed in; a damaged record and one of another layout too."""
-    broken = bytearray(seeds.nortek_frame(0x1B, seeds.df21(2)))
+    broken = bytearray(framing.nortek_frame(0x1B, seeds.df21(2)))
     broken[60] ^= 4
-    data = seeds.nortek_frame(0x1D, seeds.df21()) + bytes(broken) + b"\xa5\x0a"
-    data += seeds.nortek_frame(0x1B, bytes(20)) + seeds.nortek_frame(0x1B, seeds.df21(3))
+    data = framing.nortek_frame(0x1D, seeds.df21()) + bytes(broken) + b"\xa5\x0a"
+    data += framing.nortek_frame(0x1B, bytes(20)) + framing.nortek_frame(0x1B, seeds.df21(3))
     account = nortek_dvl.read(data, "log").account
     assert account.other["water track"].count == 1
     assert {name: r.count for name, r in account.skipped.items()} == {
@@ -141,7 +142,7 @@ def test_df21_beside_other_records() -> None:
 def test_a_sign_that_goes_against_the_instrument_is_told() -> None:
     """Beams whose mean goes against z, with z to the bottom: the note names the option that turns them."""
     falling = [
-        seeds.nortek_frame(0x1B, seeds.df21(k, velocity=[-0.1 * k] * 4, axes=(0, 0, 0.1 * k, 0.1 * k)))
+        framing.nortek_frame(0x1B, seeds.df21(k, velocity=[-0.1 * k] * 4, axes=(0, 0, 0.1 * k, 0.1 * k)))
         for k in range(25)
     ]
     notes = nortek_dvl.read(b"".join(falling), "log").notes
@@ -152,18 +153,18 @@ def test_a_sign_that_goes_against_the_instrument_is_told() -> None:
 
 def test_df20() -> None:
     """A profiler's bottom track: scaled integers; a ping without bottom is four lost beams."""
-    data = seeds.nortek_frame(0x17, seeds.df20(), 0x10)
+    data = framing.nortek_frame(0x17, seeds.df20(), 0x10)
     table = nortek_ad2cp.read(data, "log").table
     np.testing.assert_allclose(table.velocity_mps, [[0.1, -0.1, 0.05, -0.05]])
     np.testing.assert_allclose(table.range_m, [[2.0, 2.1, 2.2, 2.3]])
-    lost = nortek_ad2cp.read(seeds.nortek_frame(0x17, seeds.df20(valid=False), 0x10), "log").table
+    lost = nortek_ad2cp.read(framing.nortek_frame(0x17, seeds.df20(valid=False), 0x10), "log").table
     assert not lost.valid.any()
     assert np.isnan(lost.velocity_mps).all()
 
 
 def test_nucleus() -> None:
     """Three beams: two of three valid is partial already."""
-    data = seeds.nortek_frame(0xB4, seeds.nucleus(), 0x20) + seeds.nortek_frame(
+    data = framing.nortek_frame(0xB4, seeds.nucleus(), 0x20) + framing.nortek_frame(
         0xB4, seeds.nucleus(1, status=0x7FFD), 0x20
     )
     recording = nucleus.read(data, "log")
@@ -181,7 +182,7 @@ def test_nucleus() -> None:
 def test_checksums_in_constant_time(size: int, before: bytes) -> None:
     """Even and odd lengths at even and odd places give the sum that words one by one give."""
     data = bytes(range(7, 7 + size))
-    found = list(frames(before + seeds.nortek_frame(0x55, data), Account(unit="byte")))
+    found = list(frames(before + framing.nortek_frame(0x55, data), Account(unit="byte")))
     assert [frame.data for frame in found] == [data]
 
 
@@ -193,14 +194,14 @@ def test_pd0_ranges_beyond_655_m() -> None:
     bottom = bytearray(body[track:])
     bottom[77:81] = bytes([1, 0, 2, 1])
     types = [body[6 + 2 * 3 : 6 + 2 * 3 + 59], body[6 + 2 * 3 + 59 : track], bytes(bottom)]
-    table = pd0.read(seeds.pd0_wrap(types), "log").table
+    table = pd0.read(framing.pd0_wrap(types), "log").table
     np.testing.assert_allclose(table.range_m[0], [10.0 + 655.36, 10.1, 10.2 + 1310.72, 655.36])
 
 
 def test_a_record_within_a_record_is_its_data() -> None:
     """Bytes of a whole record are not searched again: a text that quotes a record is no ping."""
-    inner = seeds.nortek_frame(0x1B, seeds.df21(1))
-    log = seeds.nortek_frame(0xA0, inner, 0x10) + seeds.nortek_frame(0x1B, seeds.df21(2))
+    inner = framing.nortek_frame(0x1B, seeds.df21(1))
+    log = framing.nortek_frame(0xA0, inner, 0x10) + framing.nortek_frame(0x1B, seeds.df21(2))
     account = Account(unit="byte")
     assert [frame.kind for frame in frames(log, account)] == [0xA0, 0x1B]
     assert (account.read, account.lost) == (2, 0)

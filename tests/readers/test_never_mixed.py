@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bottomlock.encoders import framing
 from bottomlock.io import waterlinked_json, waterlinked_serial
 from bottomlock.io.formats import BYTES
 from bottomlock.io.rows import Options
@@ -56,7 +57,7 @@ def _pings(*velocities: float) -> list[bytes]:
         at = 1_000_000 + 125_000 * j
         lines.append(f"wrz,{v},0,0,y,2.0,0.002,0;0;0;0;0;0;0;0;0,{at},{at},125.0,0")
         lines += [f"wru,{k},{v},2.0,-40,-95" for k in range(4)]
-    return [seeds.wl_sentence(line.encode()) for line in lines]
+    return [framing.waterlinked_sentence(line.encode()) for line in lines]
 
 
 def test_a_transducer_of_the_next_ping_does_not_fill_this_one() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bottomlock.encoders import framing
 from bottomlock.errors import DataError
 from bottomlock.io import cerulean, linkquest, nortek_ascii, pd6, waterlinked_json, waterlinked_serial
 from bottomlock.io.rows import Options
@@ -108,7 +109,7 @@ def test_serial_documented_examples() -> None:
 def test_serial_lost_beams_and_bad_checksums() -> None:
     """Distance -1 is a lost beam; a changed character a bad checksum, which can be let through."""
     lost = seeds.SERIAL.replace(
-        b"wru,2,2.200,1.40,-56,-98*18\r\n", seeds.wl_sentence(b"wru,2,0.000,-1.00,-56,-98")
+        b"wru,2,2.200,1.40,-56,-98*18\r\n", framing.waterlinked_sentence(b"wru,2,0.000,-1.00,-56,-98")
     )
     assert waterlinked_serial.read(lost, "log").table.valid.tolist() == [[True, True, False, True]]
     bad = seeds.SERIAL.replace(b"2.200", b"2.300")
@@ -250,7 +251,7 @@ def test_json_transducer_given_twice() -> None:
 def test_serial_transducer_given_twice() -> None:
     """The second report of an id is not the first's correction: it closes the ping."""
     lines = seeds.SERIAL.splitlines(keepends=True)
-    again = seeds.wl_sentence(b"wru,1,0.900,1.25,-62,-104")
+    again = framing.waterlinked_sentence(b"wru,1,0.900,1.25,-62,-104")
     table = waterlinked_serial.read(b"".join([*lines[:3], again, *lines[3:]]), "log").table
     assert table.velocity_mps[0, 1] == -0.5
     assert table.valid.tolist() == [[True, True, False, False]]

@@ -14,6 +14,10 @@ COMMANDS = {
     "run": ("campaign", "Run a Monte Carlo campaign and print a table of RMS errors."),
     "merge": ("campaign", "Join the shards of a campaign and print its table."),
     "fly": ("simulate", "Simulate the vehicle: truth, telemetry and a figure per scenario."),
+    "simulate-dvl": (
+        "simulate_dvl",
+        "Simulate a DVL that sends a maker's bytes over TCP, UDP, a terminal or a file.",
+    ),
     "schema": ("schema", "Print the JSON schema of a scenario, a replay case or a DVL geometry."),
     "scenarios": ("scenarios", "List the packaged scenarios, or copy one."),
     "fix": ("fix", "Solve recorded pings for velocity fixes with covariance."),

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import gc
 import signal
 import sys
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
+from bottomlock.cli.live_view import show
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.engine import Engine, Message
@@ -98,11 +100,18 @@ def _run(running: Live) -> None:
         for name in (signal.SIGINT, signal.SIGTERM):
             with contextlib.suppress(NotImplementedError):
                 loop.add_signal_handler(name, task.cancel)
-        page = asyncio.create_task(_page(running))
+        others = [asyncio.create_task(_page(running))]
+        if sys.stderr.isatty() and running.sinks:
+            others.append(asyncio.create_task(show(lambda: status(running), errors)))
         with contextlib.suppress(asyncio.CancelledError):
             await running.run()
-        page.cancel()
+        for task in others:
+            task.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
 
+    # What the start has made stays: the collector need not look at it while a ping waits.
+    gc.collect()
+    gc.freeze()
     asyncio.run(until_stopped())
     for one in running.engine.ports:
         last = f"; last silent because {one.silent_because}" if one.silent_because else ""

@@ -3,6 +3,8 @@
 import datetime as dt
 import math
 
+import numpy as np
+
 from bottomlock.encoders.ping import Ping
 from bottomlock.errors import DataError
 
@@ -27,7 +29,8 @@ def whole(value: float, step: float, least: int, most: int, ping: Ping, what: st
     Raises:
         DataError: where it does not fit.
     """
-    steps = round(value / step) if math.isfinite(value) else None
+    scaled = value / step
+    steps = round(scaled) if math.isfinite(scaled) else None
     if steps is None or not least <= steps <= most:
         raise DataError(
             f"ping {ping.number} at {ping.time_ns} ns: {what} is {value:g}, the record holds {least * step:g} to "
@@ -51,7 +54,7 @@ def decimal(value: float, digits: int, ping: Ping, what: str) -> str:
 
 
 def single(value: float, ping: Ping, what: str) -> float:
-    """A number that a 32-bit float holds.
+    """A number as a 32-bit float holds it.
 
     Raises:
         DataError: where it is not finite or too large for one.
@@ -60,7 +63,7 @@ def single(value: float, ping: Ping, what: str) -> float:
         raise DataError(
             f"ping {ping.number} at {ping.time_ns} ns: {what} is {value:g}, expected a finite number below 3.4e38"
         )
-    return value
+    return float(np.float32(value))
 
 
 def steps_of(time_ns: int, step_ns: int, least: int, most: int, ping: Ping) -> int:

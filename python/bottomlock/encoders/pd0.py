@@ -11,6 +11,7 @@ import math
 import struct
 
 from bottomlock.encoders.fields import calendar, steps_of, whole
+from bottomlock.encoders.framing import pd0_wrap
 from bottomlock.encoders.instrument import Instrument
 from bottomlock.encoders.ping import Ping
 from bottomlock.io.columns import LATEST_NS
@@ -20,17 +21,6 @@ BAD = -32768
 _CORRELATION, _LOST_CORRELATION = 200, 20
 _CONFIGURED_DEG = {15: 0, 20: 1, 30: 2}
 _OTHER_ANGLE = 3
-
-
-def wrap(types: list[bytes]) -> bytes:
-    """Data types with header, offsets and checksum."""
-    at, offsets = 6 + 2 * len(types), []
-    for one in types:
-        offsets.append(at)
-        at += len(one)
-    head = struct.pack("<BBHBB", 0x7F, 0x7F, at, 0, len(types)) + struct.pack(f"<{len(types)}H", *offsets)
-    body = head + b"".join(types)
-    return body + struct.pack("<H", sum(body) & 0xFFFF)
 
 
 def _fixed(instrument: Instrument) -> bytes:
@@ -91,4 +81,4 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
     Raises:
         DataError: for a number that its field does not hold.
     """
-    return wrap([_fixed(instrument), _variable(ping), _bottom(ping)])
+    return pd0_wrap([_fixed(instrument), _variable(ping), _bottom(ping)])

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from bottomlock.encoders import pd0, waterlinked_json
+from bottomlock.encoders import cerulean, nortek_dvl, nucleus, pd0, pd6, waterlinked_json, waterlinked_serial
 from bottomlock.encoders.instrument import Instrument
 from bottomlock.encoders.ping import Ping
 from bottomlock.errors import DataError, ScenarioError
@@ -24,31 +24,52 @@ class Format:
     Attributes:
         name: as the reader's.
         title: of the instrument.
-        beams: that a record holds.
+        beams: that a record holds; None where it holds none, and any number will do.
         encode: bytes of a ping.
         time_of: which of a ping's times the record's clock states.
         time_step_ns: step of that clock.
         velocity_step_mps: step of a beam's velocity; 0 for a float.
         range_step_m: step of a beam's range; 0 for a float.
         relative: largest relative error of a float in the record.
-        carries_beams: the record holds beam velocities.
     """
 
     name: str
     title: str
-    beams: int
+    beams: int | None
     encode: Callable[[Ping, Instrument], bytes]
     time_of: Literal["validity", "trigger"]
     time_step_ns: int
     velocity_step_mps: float = 0.0
     range_step_m: float = 0.0
     relative: float = 0.0
-    carries_beams: bool = True
 
 
+_SINGLE = 2.0**-23
 FORMATS = (
     Format(waterlinked_json.NAME, "Water Linked TCP", 4, waterlinked_json.encode, "validity", 1000),
+    Format(
+        waterlinked_serial.NAME,
+        "Water Linked serial",
+        4,
+        waterlinked_serial.encode,
+        "validity",
+        1000,
+        1e-3,
+        0.01,
+    ),
     Format(pd0.NAME, "Teledyne PD0, beams", 4, pd0.encode, "trigger", 10_000_000, 1e-3, 0.01),
+    Format(pd6.NAME, "Teledyne PD6, without beams", None, pd6.encode, "trigger", 10_000_000, 1e-3),
+    Format(
+        nortek_dvl.NAME,
+        "Nortek DVL500, DVL1000, DF21",
+        4,
+        nortek_dvl.encode,
+        "trigger",
+        100_000,
+        relative=_SINGLE,
+    ),
+    Format(nucleus.NAME, "Nortek Nucleus1000", 3, nucleus.encode, "trigger", 1000, relative=_SINGLE),
+    Format(cerulean.NAME, "Cerulean Tracker 650", 3, cerulean.encode, "trigger", 1000, 1e-6, 1e-6),
 )
 NAMES = tuple(one.name for one in FORMATS)
 
@@ -66,7 +87,7 @@ class Encoder:
         Raises:
             DataError: for another number of beams, and a number that the record does not hold.
         """
-        if ping.beams != self.format.beams:
+        if self.format.beams not in {None, ping.beams}:
             raise DataError(
                 f"ping {ping.number} at {ping.time_ns} ns has {ping.beams} beams, {self.format.name} holds "
                 f"{self.format.beams}"
@@ -100,7 +121,7 @@ def encoder(name: str, geometry: BeamGeometry, *, start_ns: int = 0) -> Encoder:
         ScenarioError: for an unknown format, and one that holds another number of beams.
     """
     found = format_named(name)
-    if geometry.beams != found.beams:
+    if found.beams not in {None, geometry.beams}:
         raise ScenarioError(
             f"format {name} holds {found.beams} beams, the geometry has {geometry.beams}; use another format, or a "
             f"geometry of {found.beams} beams"

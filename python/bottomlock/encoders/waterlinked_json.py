@@ -17,7 +17,7 @@ from bottomlock.io.columns import LATEST_NS
 
 NAME = "waterlinked-json"
 FORMAT = "json_v3.3"
-_RSSI_DBM, _NSD_DBM = -40.0, -95.0
+_RSSI_DBM, NSD_DBM = -40.0, -95.0
 
 
 def rssi_dbm(ping: Ping) -> float:
@@ -38,7 +38,7 @@ def _transducer(ping: Ping, k: int) -> dict[str, Any]:
         "velocity": _number(velocity, ping, f"velocity of beam {k + 1}") if valid else 0,
         "distance": _number(distance, ping, f"range of beam {k + 1}") if math.isfinite(distance) else -1,
         "rssi": rssi_dbm(ping),
-        "nsd": _NSD_DBM,
+        "nsd": NSD_DBM,
         "beam_valid": valid,
     }
 

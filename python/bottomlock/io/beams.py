@@ -120,23 +120,33 @@ def _text_of(source: str | Path) -> tuple[str, str]:
     raise ScenarioError(f"geometry '{source}' is neither a file nor packaged (packaged: {', '.join(names)})")
 
 
+def read_instrument_file(source: str | Path) -> InstrumentFile:
+    """The settings of a DVL from a TOML file or a packaged name.
+
+    Raises:
+        ScenarioError: for a file that cannot be read, ill-formed TOML, an unknown or missing key, or a value out of
+            range.
+    """
+    text, place = _text_of(source)
+    content = parse_toml(text, place=place)
+    try:
+        return InstrumentFile.model_validate(content)
+    except ValidationError as error:
+        raise ScenarioError(explain(error, place, InstrumentFile)) from error
+
+
 def read_geometry(source: str | Path) -> Instrument:
     """Reads a DVL from a TOML file or a packaged name.
 
     Raises:
-        ScenarioError: for a file that cannot be read, ill-formed TOML, an unknown or missing key, a value out of
-            range, or directions that are not unit vectors.
+        ScenarioError: as `read_instrument_file`, and for directions that are not unit vectors.
 
     Examples:
         >>> read_geometry("linkquest_caves").geometry.beams
         4
     """
-    text, place = _text_of(source)
-    content = parse_toml(text, place=place)
-    try:
-        settings = InstrumentFile.model_validate(content)
-    except ValidationError as error:
-        raise ScenarioError(explain(error, place, InstrumentFile)) from error
+    settings = read_instrument_file(source)
+    place = str(source) if Path(source).is_file() else f"geometry {source}"
     mounting = np.deg2rad(
         [settings.mounting_roll_deg, settings.mounting_pitch_deg, settings.mounting_yaw_deg]
     )

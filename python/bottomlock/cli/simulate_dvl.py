@@ -1,0 +1,241 @@
+"""The command `bottomlock simulate-dvl`: a simulated instrument that sends a maker's bytes."""
+
+import asyncio
+import contextlib
+import datetime as dt
+import math
+import signal
+import time
+import tomllib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from bottomlock.atomic_write import write_parquet
+from bottomlock.cli.console import console
+from bottomlock.config.scenario import load_scenario
+from bottomlock.encoders.registry import FORMATS, NAMES, encoder, format_named
+from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.instruments.address import EXPECTED, parse_address
+from bottomlock.instruments.faults import parse_faults
+from bottomlock.instruments.from_log import readings_of_case, readings_of_log
+from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
+from bottomlock.instruments.play import Channel, play, transport_of
+from bottomlock.instruments.readings import Readings
+from bottomlock.instruments.schedule import POWERED_S, Record, depth_lines, imu_lines, records
+from bottomlock.instruments.sent_table import sent_table
+
+DEFAULT_START = "2026-01-01T00:00:00"
+
+
+def simulate_dvl(
+    source: str,
+    *,
+    format: Annotated[  # noqa: A002 - the option's name
+        str, Parameter(help=f"Maker's format: {', '.join(NAMES)}.")
+    ] = FORMATS[0].name,
+    dvl: Annotated[str, Parameter(help=f"Where the DVL sends: {EXPECTED}.")] = "tcp:16171",
+    imu: Annotated[
+        str | None, Parameter(help="Where the IMU sends lines time_ns,wx,wy,wz,fx,fy,fz; off by default.")
+    ] = None,
+    depth: Annotated[
+        str | None, Parameter(help="Where the depth sensor sends lines time_ns,depth; off by default.")
+    ] = None,
+    speed: Annotated[str, Parameter(help="Seconds of the run per second, or max.")] = "1",
+    run: Annotated[int, Parameter(help="Number of the scenario's run: its drawn sensor errors.")] = 0,
+    seed: Annotated[
+        int | None, Parameter(help="Seed of sensor errors and faults; the scenario's own by default.")
+    ] = None,
+    duration_s: Annotated[float | None, Parameter(help="End after so many seconds of the run.")] = None,
+    faults: Annotated[
+        str | None,
+        Parameter(
+            help="Fractions of the pings: drops=0.05,duplicates=0.02,stale=0.02,half_lines=0.01,clock_steps=0.001,"
+            "reconnects=0.001; clock_step_s=1."
+        ),
+    ] = None,
+    truth: Annotated[
+        Path | None, Parameter(help="Parquet file for what was sent, with truth and faults.")
+    ] = None,
+    geometry: Annotated[
+        str | None, Parameter(help="Packaged geometry or TOML file; the scenario's or log's own by default.")
+    ] = None,
+    clock: Annotated[
+        str,
+        Parameter(
+            help="Time of the first reading on the instruments' clock: a date (UTC), now, or run for the run's own."
+        ),
+    ] = DEFAULT_START,
+    latency_ms: Annotated[float, Parameter(help="Time from the last echo to the sending.")] = 10.0,
+    altitude_m: Annotated[float, Parameter(help="Over the bottom, where the source has no ranges.")] = 20.0,
+    wait: Annotated[
+        bool, Parameter(help="Start when every TCP server has a client; --no-wait starts at once.")
+    ] = True,
+    force: Annotated[bool, Parameter(negative="", help="Overwrite files.")] = False,
+) -> None:
+    """Simulate a DVL that sends a maker's bytes, with IMU and depth sensor beside it.
+
+    Parameters
+    ----------
+    source
+        Packaged scenario or TOML file; a replay case; a beam table (.parquet) or a raw DVL log.
+    """
+    settings = parse_faults(faults)
+    pace = _pace(speed)
+    _check(run=run, latency_ms=latency_ms, altitude_m=altitude_m, duration_s=duration_s)
+    format_named(format)
+    channels = {"dvl": dvl, "imu": imu, "depth": depth}
+    addresses = {
+        name: parse_address(text, f"--{name}") for name, text in channels.items() if text is not None
+    }
+    _check_truth(truth, force=force)
+    readings, own_seed = _readings(source, geometry, run=run, seed=seed, altitude_m=altitude_m)
+    if duration_s is not None:
+        readings = readings.first_seconds(duration_s)
+    shift = _shift(clock, readings)
+    latency_ns = round(latency_ms * 1e6)
+
+    def dvl_records(offset_ns: int) -> Iterator[Record]:
+        powered_ns = readings.first_ns + offset_ns - round(POWERED_S * 1e9)
+        writer = encoder(format, readings.geometry, start_ns=powered_ns)
+        return records(readings, writer, settings, seed=own_seed, latency_ns=latency_ns, offset_ns=offset_ns)
+
+    encoder(format, readings.geometry)
+    makers: dict[str, Callable[[int], Iterator[Record]]] = {"dvl": dvl_records}
+    if imu is not None:
+        if (inertial := readings.imu) is None:
+            raise _absent("imu", readings)
+        makers["imu"] = lambda offset_ns: imu_lines(inertial, offset_ns=offset_ns)
+    if depth is not None:
+        if (depths := readings.depth) is None:
+            raise _absent("depth", readings)
+        makers["depth"] = lambda offset_ns: depth_lines(depths, offset_ns=offset_ns)
+    parts = [Channel(name, transport_of(addresses[name], force=force), makers[name]) for name in makers]
+    pings: list[Record] = []
+    try:
+        asyncio.run(_run(parts, pings, pace=pace, shift=shift, wait=wait, format_name=format))
+    finally:
+        if truth is not None and pings:
+            write_parquet(truth, sent_table(readings, pings))
+        _summary(pings)
+
+
+async def _run(
+    parts: list[Channel],
+    pings: list[Record],
+    *,
+    pace: float | None,
+    shift: Callable[[], int],
+    wait: bool,
+    format_name: str,
+) -> None:
+    def opened() -> None:
+        for part in parts:
+            what = format_name if part.name == "dvl" else "lines"
+            console.print(f"{part.name}: {what} on {part.transport.where}", highlight=False, soft_wrap=True)
+        console.file.flush()
+
+    def sent(part: Channel, record: Record) -> None:
+        if part.name == "dvl":
+            pings.append(record)
+
+    task = asyncio.current_task()
+    loop = asyncio.get_running_loop()
+    if task is not None:
+        # Not every system has it; there, the process ends as it would.
+        with contextlib.suppress(NotImplementedError):
+            loop.add_signal_handler(signal.SIGTERM, task.cancel)
+    try:
+        await play(parts, speed=pace, opened=opened, offset_ns=shift, sent=sent, wait=wait)
+    except asyncio.CancelledError:
+        raise KeyboardInterrupt from None
+
+
+def _summary(pings: list[Record]) -> None:
+    if not pings:
+        return
+    faulty = sum(bool(one.faults) for one in pings)
+    size = sum(len(one.data) for one in pings)
+    console.print(f"{len(pings)} pings, {faulty} with faults, {size} bytes of the DVL", highlight=False)
+
+
+def _pace(text: str) -> float | None:
+    """Seconds of the run per second; None for as fast as possible."""
+    if text == "max":
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise ScenarioError(f"--speed is '{text}', expected a number above 0, or max")
+    return value
+
+
+def _check(*, run: int, latency_ms: float, altitude_m: float, duration_s: float | None) -> None:
+    if run < 0:
+        raise ScenarioError(f"--run is {run}, expected a run number, 0 or more")
+    if not 0.0 <= latency_ms <= 10_000.0:
+        raise ScenarioError(f"--latency-ms is {latency_ms:g}, expected 0 to 10000 ms")
+    if not 0.0 < altitude_m <= 10_000.0:
+        raise ScenarioError(f"--altitude-m is {altitude_m:g}, expected above 0, to 10000 m")
+    if duration_s is not None and not 0.0 < duration_s < math.inf:
+        raise ScenarioError(f"--duration-s is {duration_s:g}, expected seconds above 0")
+
+
+def _check_truth(truth: Path | None, *, force: bool) -> None:
+    if truth is None:
+        return
+    if truth.suffix.lower() != ".parquet":
+        raise OutputError(f"{truth}: expected a name that ends in .parquet")
+    if truth.exists() and not force:
+        raise OutputError(f"{truth}: is there already; --force overwrites it")
+
+
+def _absent(option: str, readings: Readings) -> ScenarioError:
+    return ScenarioError(f"--{option}: {readings.name} has no readings of this sensor")
+
+
+def _is_case(path: Path) -> bool:
+    """Whether a TOML file is a replay case: its IMU is a file."""
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(content.get("imu"), dict) and "file" in content["imu"]
+
+
+def _readings(
+    source: str, geometry: str | None, *, run: int, seed: int | None, altitude_m: float
+) -> tuple[Readings, int]:
+    """The readings of any source, and the seed of the faults."""
+    path = Path(source)
+    if path.suffix.lower() == ".toml" and _is_case(path):
+        if geometry is not None:
+            raise ScenarioError(f"--geometry: {path} is a replay case and names its own geometry")
+        return readings_of_case(path, altitude_m=altitude_m), seed or 0
+    if path.suffix and path.suffix.lower() != ".toml" and path.is_file():
+        return readings_of_log(path, geometry=geometry, altitude_m=altitude_m), seed or 0
+    scenario = load_scenario(source).with_overrides(seed=seed)
+    if geometry is not None:
+        scenario = with_geometry(scenario, geometry)
+    return readings_of_scenario(scenario, run=run, altitude_m=altitude_m), scenario.campaign.seed
+
+
+def _shift(clock: str, readings: Readings) -> Callable[[], int]:
+    """What is added to the times of the run, found when the sending starts."""
+    if clock == "run":
+        return lambda: 0
+    if clock == "now":
+        return lambda: time.time_ns() - readings.first_ns
+    try:
+        when = dt.datetime.fromisoformat(clock)
+    except ValueError as error:
+        raise ScenarioError(
+            f"--clock is '{clock}', expected a date as {DEFAULT_START}, or now, or run"
+        ) from error
+    utc = when if when.tzinfo is not None else when.replace(tzinfo=dt.UTC)
+    offset_ns = (utc - dt.datetime(1970, 1, 1, tzinfo=dt.UTC)) // dt.timedelta(microseconds=1) * 1000
+    return lambda: offset_ns - readings.first_ns

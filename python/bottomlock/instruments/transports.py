@@ -1,0 +1,172 @@
+"""Senders of bytes on asyncio: a TCP server, UDP, a file; terminals are in `terminals.py`."""
+
+import asyncio
+import contextlib
+from pathlib import Path
+from typing import IO, Protocol
+
+from bottomlock.errors import OutputError
+
+PATIENCE_S = 5.0
+"""A TCP client that takes nothing for so long is dropped, as an instrument does."""
+
+
+class Transport(Protocol):
+    """Where bytes go. `where` names the place as the user can open it, once it is open."""
+
+    where: str
+
+    async def open(self) -> None:
+        """Makes it ready to send.
+
+        Raises:
+            OutputError: where that is not possible, in one line.
+        """
+
+    async def ready(self) -> None:
+        """Returns once somebody reads, where that can be known; else at once."""
+
+    async def send(self, data: bytes) -> None:
+        """Sends bytes to everybody who reads; where nobody does, they are lost."""
+
+    async def reconnect(self) -> None:
+        """Ends the connections; new ones are taken."""
+
+    async def close(self) -> None:
+        """Sends what is left and ends."""
+
+
+class TcpServer:
+    """A server for any number of clients, which may come and go; what they send is read and ignored."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self.where = f"tcp:{host}:{port}"
+        self._host, self._port = host, port
+        self._clients: set[asyncio.StreamWriter] = set()
+        self._arrived = asyncio.Event()
+        self._server: asyncio.Server | None = None
+
+    async def open(self) -> None:
+        """Listens; port 0 becomes the one that the system gives."""
+        try:
+            self._server = await asyncio.start_server(self._serve, self._host, self._port)
+        except OSError as error:
+            why = error.strerror or str(error)
+            raise OutputError(
+                f"{self.where}: cannot listen ({why}); is the port in use? expected a free port, or 0 for any"
+            ) from error
+        self._port = self._server.sockets[0].getsockname()[1]
+        self.where = f"tcp:{self._host}:{self._port}"
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._clients.add(writer)
+        self._arrived.set()
+        with contextlib.suppress(OSError):
+            while await reader.read(4096):
+                pass
+        await self._drop(writer)
+
+    async def _drop(self, writer: asyncio.StreamWriter) -> None:
+        self._clients.discard(writer)
+        writer.close()
+        with contextlib.suppress(OSError, TimeoutError):
+            await asyncio.wait_for(writer.wait_closed(), PATIENCE_S)
+
+    async def ready(self) -> None:
+        """Waits for the first client."""
+        await self._arrived.wait()
+
+    async def send(self, data: bytes) -> None:
+        """Sends to every client; one that takes nothing is dropped."""
+        for writer in list(self._clients):
+            writer.write(data)
+            try:
+                await asyncio.wait_for(writer.drain(), PATIENCE_S)
+            except (OSError, TimeoutError):
+                await self._drop(writer)
+
+    async def reconnect(self) -> None:
+        """Closes every connection, after what was sent has left."""
+        for writer in list(self._clients):
+            await self._drop(writer)
+
+    async def close(self) -> None:
+        """Closes the server and every connection."""
+        if self._server is not None:
+            self._server.close()
+        await self.reconnect()
+
+
+class Udp:
+    """Datagrams to one address, a record each."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self.where = f"udp:{host}:{port}"
+        self._remote = (host, port)
+        self._transport: asyncio.DatagramTransport | None = None
+
+    async def open(self) -> None:
+        """Resolves the host."""
+        loop = asyncio.get_running_loop()
+        try:
+            self._transport, _ = await loop.create_datagram_endpoint(
+                asyncio.DatagramProtocol, remote_addr=self._remote
+            )
+        except OSError as error:
+            raise OutputError(f"{self.where}: cannot be reached ({error.strerror or error})") from error
+
+    async def ready(self) -> None:
+        """Nobody announces that they read datagrams."""
+
+    async def send(self, data: bytes) -> None:
+        """Sends a datagram; one that nobody takes is lost."""
+        if self._transport is not None and data:
+            self._transport.sendto(data)
+
+    async def reconnect(self) -> None:
+        """There is no connection."""
+
+    async def close(self) -> None:
+        """Closes the socket."""
+        if self._transport is not None:
+            self._transport.close()
+        # The loop sends what is queued at its next turn.
+        await asyncio.sleep(0)
+
+
+class File:
+    """A file; it is never overwritten without `force`."""
+
+    def __init__(self, path: Path, *, force: bool = False) -> None:
+        self.where = f"file:{path}"
+        self._path, self._force = path, force
+        self._stream: IO[bytes] | None = None
+
+    async def open(self) -> None:
+        """Makes the file."""
+        try:
+            self._stream = self._path.open("wb" if self._force else "xb")
+        except FileExistsError as error:
+            raise OutputError(f"{self._path}: is there already; --force overwrites it") from error
+        except OSError as error:
+            raise OutputError(f"{self._path}: cannot be written ({error.strerror or error})") from error
+
+    async def ready(self) -> None:
+        """A file is always ready."""
+
+    async def send(self, data: bytes) -> None:
+        """Appends."""
+        if self._stream is None:
+            return
+        try:
+            self._stream.write(data)
+        except OSError as error:
+            raise OutputError(f"{self._path}: cannot be written ({error.strerror or error})") from error
+
+    async def reconnect(self) -> None:
+        """There is no connection."""
+
+    async def close(self) -> None:
+        """Closes the file."""
+        if self._stream is not None:
+            self._stream.close()
