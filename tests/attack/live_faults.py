@@ -107,7 +107,7 @@ def spiked(entries: list[Entry], draw: random.Random) -> list[Entry]:
     """Inertial readings beyond the full scale, that are no number, or that stand still in time."""
     found = []
     for arrival_ns, source, data in entries:
-        fields = data.rstrip().split(b",")
+        fields = data.partition(b"*")[0].split(b",")
         if source == 1 and len(fields) == 7 and draw.random() < 0.01:
             fields[draw.randrange(1, 7)] = draw.choice([b"1e4", b"nan", b"-5000", b"", b"1e400"])
             found.append((arrival_ns, source, b",".join(fields) + b"\n"))

@@ -11,6 +11,7 @@ import numpy as np
 from bottomlock.encoders.ping import Ping
 from bottomlock.encoders.registry import encoder
 from bottomlock.io.beams import read_geometry
+from bottomlock.io.sentences import xor_of
 from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2, solve_velocity
 from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.ports import registry
@@ -206,4 +207,5 @@ class World:
             f = force + 5e-3 * random.standard_normal(3)
             numbers = ",".join(f"{value:.9g}" for value in (*w, *f))
             own_ns = time_ns - START_NS
-            yield time_ns + int(random.exponential(3e5)), 1, f"{own_ns},{numbers}\n".encode()
+            text = f"{own_ns},{numbers}".encode()
+            yield time_ns + int(random.exponential(3e5)), 1, text + b"*%02X\n" % xor_of(text)
