@@ -9,23 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega
 
-from bottomlock.kernel import BeamGeometry, solve_velocity
+from bottomlock.kernel import solve_velocity
 from bottomlock.ports.estimate import Beams, Estimate, State
+from tools import port_losses
 
 Floats = NDArray[np.float64]
 
-JANUS = BeamGeometry.janus(np.deg2rad(20.0))
-BEAM_SD = 0.02
-TRUTH = np.array([1.8, -0.3, 0.15])
+JANUS, BEAM_SD, TRUTH = port_losses.JANUS, port_losses.BEAM_SD_MPS, port_losses.VELOCITY_P_MPS
 SECOND = 1_000_000_000
 START = 1_800_000_000 * SECOND
-MASKS = {
-    "4 beams": (1, 1, 1, 1),
-    "3 beams": (1, 1, 1, 0),
-    "2 opposite": (1, 0, 1, 0),
-    "2 neighbours": (1, 1, 0, 0),
-    "1 beam": (1, 0, 0, 0),
-}
+MASKS = {name: mask for name, mask in port_losses.MASKS.items() if any(mask)}
 # Correlated as a navigator's is after an outage: a long axis across the platform's.
 JOINT_FACTOR = (
     np.random.default_rng(24).normal(0.0, 1.0, (9, 9))

@@ -336,12 +336,12 @@ def _check_covariance(name: str, matrix: Floats) -> None:
     """Checks that a matrix is finite, symmetric and without a negative eigenvalue beyond rounding."""
     if matrix.size == 0:
         return
-    if not bool(np.isfinite(matrix).all()) or not np.allclose(matrix, matrix.T, rtol=1e-12, atol=0.0):
+    # The comparison is false for what is not a number, too.
+    if not bool((np.abs(matrix - matrix.T) <= 1e-12 * np.abs(matrix)).all()):
         raise DataError(f"estimate: {name} must be finite and symmetric")
     # In units of each state's own σ: position and misalignment differ by orders of magnitude.
-    sd = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    scale = np.outer(np.where(sd > 0.0, sd, 1.0), np.where(sd > 0.0, sd, 1.0))
-    if bool((np.diag(matrix) < 0.0).any()) or float(np.linalg.eigvalsh(matrix / scale)[0]) < -_ROUNDING * len(
-        sd
-    ):
+    variance = matrix.diagonal()
+    scale = np.sqrt(np.where(variance > 0.0, variance, 1.0))
+    least = float(np.linalg.eigvalsh(matrix / scale / scale[:, None])[0])
+    if bool((variance < 0.0).any()) or least < -_ROUNDING * len(scale):
         raise DataError(f"estimate: {name} has a negative eigenvalue, expected a covariance")

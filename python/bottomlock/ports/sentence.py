@@ -67,8 +67,8 @@ def _text(value: float) -> str:
 def sentence(*fields: str) -> bytes:
     r"""A sentence with its checksum, the exclusive or of what stands between $ and *.
 
-    >>> sentence("GPGLL", "5300.97914", "N")
-    b'$GPGLL,5300.97914,N*41\r\n'
+    >>> sentence("GPGLL", "5300.97914", "N", "00259.98174", "E", "125926", "A")
+    b'$GPGLL,5300.97914,N,00259.98174,E,125926,A*28\r\n'
     """
     body = ",".join(fields).encode("ascii")
     checksum = 0

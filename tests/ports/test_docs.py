@@ -1,0 +1,38 @@
+"""docs/ports.md says what the ports do: its example runs, its table of losses is the tool's, every port has its row."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bottomlock.ports.registry import PORTS
+from tools import port_losses
+
+
+@pytest.fixture(scope="module")
+def page(root: Path) -> str:
+    return (root / "docs" / "ports.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("mode", ["velocity", "navigation"])
+def test_the_losses_are_those_of_the_tool(page: str, mode: str) -> None:
+    """`python tools/port_losses.py` prints them; a port that loses more or less changes the page."""
+    assert "\n".join([f"Mode {mode}:", "", *port_losses.table(mode)]) in page
+
+
+def test_every_port_has_its_row(page: str) -> None:
+    section = page.split("\n## The ports\n", 1)[1].split("\n### ", 1)[0]
+    assert re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE) == list(PORTS)
+
+
+def test_the_example_runs(page: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """It prints the reason that its comment states."""
+    (example,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(compile(example, "docs/ports.md", "exec"), names)
+    assert len(names["packet"]) == 45
+    (said,) = re.findall(r"print\(.*\)\s+# (.*)", example)
+    assert capsys.readouterr().out.strip() == said
