@@ -78,10 +78,15 @@ _OWN_IMU = (
 AUTOPILOTS = {
     "ardusub": Autopilot(
         "ArduSub (ArduPilot EKF3), body-frame odometry",
-        ('port = "vision_position_delta"', 'to = "udpout:127.0.0.1:14550"', "rate_hz = 5"),
+        (
+            'port = "vision_position_delta"',
+            'to = "udpout:127.0.0.1:14550"',
+            "rate_hz = 10",
+            "settings.variance_factor = 2.0",
+        ),
         "navigation",
         (
-            "set VISO_TYPE = 1, EK3_SRC1_VELXY = 6, EK3_SRC1_VELZ = 6",
+            "set VISO_TYPE = 1, EK3_SRC1_VELXY = 6, EK3_SRC1_VELZ = 6, VISO_DELAY_MS (docs/ports.md)",
             'without an IMU set mode = "velocity" and remove the sections that it names:',
             "ArduPilot then gets a velocity only while the beams determine all of it",
         ),
@@ -91,7 +96,7 @@ AUTOPILOTS = {
         "PX4 EKF2, external vision velocity",
         ('port = "odometry"', 'to = "udpout:127.0.0.1:14540"', "rate_hz = 5", 'settings.receiver = "px4"'),
         "navigation",
-        ("set EKF2_EV_CTRL to 4 (3D velocity) and EKF2_EV_NOISE_MD to 0 (variances of the message)",),
+        ("set EKF2_EV_CTRL = 4 (velocity only), EKF2_EV_DELAY and EKF2_EV_POS_* (docs/ports.md)",),
         _MAVLINK_IMU,
     ),
     "microstrain": Autopilot(
