@@ -38,7 +38,7 @@ def live(
         Parameter(help="Play a raw log again, and compare with what was sent; exit code 1 where it differs."),
     ] = None,
 ) -> None:
-    """Navigate live: read DVL, IMU and depth, estimate, and send to the ports.
+    """Navigate live: from DVL, IMU and depth to the ports of an autopilot.
 
     Parameters
     ----------
