@@ -143,3 +143,19 @@ def test_garbage_is_counted_and_nothing_else_changes() -> None:
         found += engine.arrive(source, arrival_ns, b"\n" + data)
     assert found == clean
     assert sum(engine.sources[0].reader.skipped.values()) == 3 * 40
+
+
+def test_stamps_on_the_hosts_clock() -> None:
+    """Taken as they are; one far ahead is refused, and the readings after it are not old."""
+    settings = config("navigation", format="pd0")
+    host = settings.source[1].model_copy(update={"clock": "host"})
+    engine = Engine(settings.model_copy(update={"source": (settings.source[0], host)}))
+    for k, (arrival_ns, source, data) in enumerate(World(3.0, form="pd0").arrivals(imu=True)):
+        if source == 1:
+            own, _, rest = data.partition(b"*")[0].partition(b",")
+            ahead = 3600 * 1_000_000_000 if k == 100 else 0
+            engine.arrive(1, arrival_ns, b"%d," % (START_NS + int(own) + ahead) + rest + b"\n")
+        else:
+            engine.arrive(source, arrival_ns, data)
+    assert engine.state == "OK"
+    assert dict(engine.sources[1].refused) == {"its time is not that of the host": 1}

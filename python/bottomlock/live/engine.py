@@ -28,6 +28,10 @@ REPEATS = 64
 """Stamps that a DVL's are compared with to find repeats."""
 
 
+OLDEST_NS = 10_000_000_000
+"""Age from which on a stamp on the host's clock is none: the longest horizon of a navigator."""
+
+
 @dataclass(frozen=True)
 class Message:
     """Bytes for a port, by its place in the configuration."""
@@ -202,8 +206,10 @@ class Engine:
         if one.section.clock == "arrival":
             return arrival_ns - latency_ns
         if one.section.clock == "host":
-            if abs(reading.time_ns - arrival_ns) > 3_600_000_000_000:
-                one.refused["its time is more than an hour from the host's"] += 1
+            # One stamp far ahead would make every later reading an old one.
+            ahead_ns = reading.time_ns - arrival_ns
+            if not -OLDEST_NS < ahead_ns <= units.ns_from_s(one.section.step_s):
+                one.refused["its time is not that of the host"] += 1
                 return None
             return reading.time_ns - latency_ns
         sent_ns = reading.transmission_ns if isinstance(reading, Ping) else reading.time_ns
