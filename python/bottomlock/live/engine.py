@@ -280,8 +280,8 @@ class Engine:
     def _encoded(one: PortState, estimate: Estimate) -> bytes | None:
         """The message of a port; None, and the reason, where it sends nothing."""
         try:
-            one.silent_because = one.port.sends(estimate) or ""
             data = one.port.encode(estimate)
+            one.silent_because = "" if data is not None else one.port.sends(estimate) or ""
         except BottomlockError as error:
             one.silent_because = str(error)
             return None
