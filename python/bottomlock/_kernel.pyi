@@ -166,7 +166,8 @@ class ReportDict(TypedDict):
     degrees: int
     nis: float
     threshold: float
-    verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information", "withheld"]
+    verdict: Literal["accepted", "accepted_in_part", "rejected", "no_information", "withheld", "withdrawn"]
+    revised: bool
     reason: str | None
     inflation: float | None
     beyond_linear_range: bool
@@ -392,6 +393,7 @@ class Navigator:
         *,
         method: Method = "tc",
         covariance: ArrayLike | None = None,
+        horizon_ns: int | None = None,
     ) -> Navigator: ...
     def push_imu(
         self, time_ns: int, *, omega_p_radps: ArrayLike, force_p_mps2: ArrayLike

@@ -1,1 +1,1 @@
-//! Benchmarks alone: see `benches/kernel.rs`.
+//! Benchmarks alone: see `benches/kernel.rs` and `benches/late.rs`.

@@ -34,7 +34,9 @@ use crate::state::state;
 /// An aided inertial navigator for live use, one sample at a time. Its estimates are those of a campaign, bit for bit.
 ///
 /// A measurement between two IMU samples is processed with the later one; the strapdown step is split at the measurement's own
-/// time. A measurement that arrives later than that raises an error and is counted in `late_events`.
+/// time. Whatever arrives late, up to `horizon_ns`, is put in its place, and everything after it is processed again: any order
+/// of arrival ends in the bits of the log in order of time (docs/late_data.md). What is later raises an error and is counted
+/// in `late_events`.
 ///
 /// Args:
 ///     geometry: the beams.
@@ -44,8 +46,11 @@ use crate::state::state;
 ///     method: aiding method: ins, lc, tc, vb, nsv, plcf, vhv, elc, vb_exact, info, weak_sway or
 ///         sway_current.
 ///     covariance: (20, 20) covariance at the start; the model's by default.
+///     horizon_ns: how late a sample may be, behind the last good inertial reading: 0 (none) to 10 s; 2 s by default.
 ///
-/// Every push returns the reports of the measurements that it processed: innovation, its covariance, NIS, verdict. An
+/// Every push returns the reports of the measurements that it processed: innovation, its covariance, NIS, verdict; and, with
+/// `revised` true, those reported before that a late sample has changed. The verdict "withdrawn" is of a report that no longer
+/// holds, with nothing in its place. An
 /// inertial reading at or beyond the full scale of the options, or stuck, is rejected: its report has the sensor "imu", the
 /// verdict "rejected" and the reason (docs/imu_faults.md).
 ///
@@ -68,7 +73,8 @@ pub struct Navigator {
 #[pymethods]
 impl Navigator {
     #[new]
-    #[pyo3(signature = (geometry, model, options, initial, *, method="tc", covariance=None))]
+    #[pyo3(signature = (geometry, model, options, initial, *, method="tc", covariance=None, horizon_ns=None))]
+    #[allow(clippy::too_many_arguments)]
     fn new(
         geometry: &BeamGeometry,
         model: &Bound<'_, PyAny>,
@@ -76,11 +82,14 @@ impl Navigator {
         initial: &Bound<'_, PyAny>,
         method: &str,
         covariance: Option<&Bound<'_, PyAny>>,
+        horizon_ns: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let horizon_ns = lock::horizon(horizon_ns)?;
         let aiding = Method::named(method).map_err(raise)?.aiding;
         let (model, options) = (settings::model(model)?, settings::options(options)?);
         let initial = state("initial", initial)?;
-        let mut inner = LiveNavigator::new(initial, &geometry.inner, aiding, &model, &options).map_err(raise)?;
+        let mut inner =
+            LiveNavigator::new(initial, &geometry.inner, aiding, &model, &options, horizon_ns).map_err(raise)?;
         if let Some(covariance) = crate::state::covariance(covariance)? {
             inner.set_covariance(&covariance).map_err(raise)?;
         }
@@ -290,7 +299,8 @@ impl Navigator {
         self.push(py, &[Event::from(sample)])
     }
 
-    /// The whole navigator as bytes, with a format number and a digest: filters, measurements that wait, counts of late samples.
+    /// The whole navigator as bytes, with a format number and a digest: filters, counts of late samples, and the samples within
+    /// the horizon, 57 bytes for each inertial reading.
     fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let bytes = self.snapshot(py)?.to_bytes().map_err(raise)?;
         Ok(PyBytes::new(py, &bytes))
@@ -319,11 +329,11 @@ impl Navigator {
 
     /// Number of samples of each stream that arrived too late and were not used.
     ///
-    /// A sample is late if its time of validity lies before the last IMU sample, or is not after the previous sample of its own
-    /// stream. With a sensor of some latency, hold the IMU samples back by as much; replay a log in order of validity.
+    /// A sample is too late if its time of validity lies before the start, or behind the last good IMU sample by more than
+    /// `horizon_ns`. Of two samples of one stream at one time one is used, always the same one; the other is counted here too.
     fn late_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
-        let counts = self.with(py, |inner| *inner.navigators().late_events())?;
+        let counts = self.with(py, |inner| *inner.late_events())?;
         let named = STREAM_NAMES.iter().zip(counts);
         named
             .into_iter()

@@ -10,7 +10,25 @@ use pyo3::types::PyList;
 use super::Navigator;
 use crate::calls::detached;
 use crate::errors::{invalid, raise};
-use crate::report::Pushed;
+use crate::report::notice_dict;
+
+/// Horizon without a statement, ns: longer than the latency of a DVL or of a serial line.
+const HORIZON_NS: i64 = 2_000_000_000;
+
+/// The horizon of an argument, ns; the default for `None`.
+pub(super) fn horizon(value: Option<&Bound<'_, PyAny>>) -> PyResult<i64> {
+    let Some(value) = value else {
+        return Ok(HORIZON_NS);
+    };
+    value.extract().map_err(|_| {
+        let given = value
+            .repr()
+            .map_or_else(|_| "something else".into(), |text| text.to_string());
+        invalid(format!(
+            "horizon_ns is {given}, expected a whole number of nanoseconds, 0 to 10000000000 (ten seconds)"
+        ))
+    })
+}
 
 impl Navigator {
     pub(super) fn of(snapshot: Snapshot) -> Self {
@@ -46,8 +64,7 @@ impl Navigator {
         let (mut pushed, mut taken) = (Vec::new(), 0);
         let outcome = self.with(py, |inner| {
             events.iter().try_for_each(|event| {
-                let fault = inner.push(event, &mut |report| pushed.push(Pushed::Update(Box::new(*report))))?;
-                pushed.extend(fault.map(|fault| Pushed::Rejected(event.time_ns(), fault)));
+                inner.push(event, &mut |notice| pushed.push(notice.clone()))?;
                 taken += 1;
                 Ok(())
             })
@@ -56,7 +73,7 @@ impl Navigator {
             py,
             pushed
                 .iter()
-                .map(|one| one.dict(py, self.beams))
+                .map(|notice| notice_dict(py, notice, self.beams))
                 .collect::<PyResult<Vec<_>>>()?,
         )?;
         match outcome {

@@ -1,8 +1,7 @@
 //! Update reports as Python dicts.
 
 use bottomlock::filter::report::{Choice, SelectionReason, UpdateReport, Verdict};
-use bottomlock::mechanisation::ImuFault;
-use bottomlock::navigator::SELECTOR_METHODS;
+use bottomlock::navigator::{Finding, Notice, SELECTOR_METHODS, Standing};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -10,20 +9,17 @@ use crate::arrays::array;
 use crate::imu_faults::rejected_report;
 use crate::velocity::source_code;
 
-/// What a push gives: an update, or the time of an inertial reading and why it was rejected.
-pub enum Pushed {
-    Update(Box<UpdateReport>),
-    Rejected(i64, ImuFault),
-}
-
-impl Pushed {
-    /// Its dict, for an instrument with `beams` beams.
-    pub fn dict<'py>(&self, py: Python<'py>, beams: usize) -> PyResult<Bound<'py, PyDict>> {
-        match self {
-            Self::Update(report) => report_dict(py, report, beams),
-            Self::Rejected(time_ns, fault) => rejected_report(py, *time_ns, fault),
-        }
+/// The dict of what a push tells, for an instrument with `beams` beams.
+pub fn notice_dict<'py>(py: Python<'py>, notice: &Notice, beams: usize) -> PyResult<Bound<'py, PyDict>> {
+    let out = match &notice.finding {
+        Finding::Update(report) => report_dict(py, report, beams)?,
+        Finding::Rejected { time_ns, fault } => rejected_report(py, *time_ns, fault)?,
+    };
+    out.set_item("revised", notice.standing != Standing::New)?;
+    if notice.standing == Standing::Withdrawn {
+        out.set_item("verdict", "withdrawn")?;
     }
+    Ok(out)
 }
 
 /// The dict of a report, for an instrument with `beams` beams.

@@ -132,6 +132,23 @@ pub enum NavError {
         /// The limit, s.
         limit_s: f64,
     },
+    /// A reading lies further behind than the horizon, so that it cannot be put in its place.
+    #[error(
+        "{stream} time {time_ns} ns lies {behind_s:.6} s behind the navigator at {now_ns} ns, expected at most {reach_s} s, \
+         horizon_ns: allow for the latency by a longer horizon (up to 10 s), and count all times on one clock"
+    )]
+    TooLate {
+        /// Name of the stream.
+        stream: &'static str,
+        /// Time of validity, ns.
+        time_ns: i64,
+        /// Time of the navigator, ns.
+        now_ns: i64,
+        /// How far it lies behind, s.
+        behind_s: f64,
+        /// How far it may, s.
+        reach_s: f64,
+    },
     /// The variance of a measurement is finite and positive, or would be, but no instrument has it.
     #[error("the variance of {stream} at {time_ns} ns is {value:e}, expected 1e-30 to 1e24: the unit is SI")]
     NoVariance {

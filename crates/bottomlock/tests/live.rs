@@ -9,13 +9,12 @@ use bottomlock::NavError;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::filter::gate::Gate;
 use bottomlock::filter::options::Options;
-use bottomlock::filter::report::UpdateReport;
 use bottomlock::frames::Vec3;
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::{ImuFault, ImuSample, LongGap};
 use bottomlock::model::Model;
 use bottomlock::navigator::events::{DepthSample, Event, GpsSample, HeadingSample, VelocitySample};
-use bottomlock::navigator::{LiveNavigator, METHODS, Method};
+use bottomlock::navigator::{Finding, LiveNavigator, METHODS, Method, Notice};
 use bottomlock::state::NavState;
 use nalgebra::Matrix3;
 use proptest::prelude::*;
@@ -25,8 +24,13 @@ use common::janus;
 const MS: i64 = 1_000_000;
 
 fn live(method: &str, options: &Options) -> LiveNavigator {
+    live_within(0, method, options)
+}
+
+fn live_within(horizon_ns: i64, method: &str, options: &Options) -> LiveNavigator {
     let aiding = Method::named(method).unwrap().aiding;
-    LiveNavigator::new(NavState::at_rest(0), &janus(), aiding, &Model::table_2(), options).unwrap()
+    let (start, model) = (NavState::at_rest(0), Model::table_2());
+    LiveNavigator::new(start, &janus(), aiding, &model, options, horizon_ns).unwrap()
 }
 
 fn imu(time_ns: i64, force_x: f64) -> Event {
@@ -47,7 +51,15 @@ fn seen(navigator: &LiveNavigator) -> String {
 }
 
 fn quiet(navigator: &mut LiveNavigator, event: &Event) -> Result<Option<ImuFault>, NavError> {
-    navigator.push(event, &mut |_: &UpdateReport| {})
+    let mut fault = None;
+    navigator.push(event, &mut |notice: &Notice| {
+        if let Finding::Rejected { time_ns, fault: why } = &notice.finding
+            && *time_ns == event.time_ns()
+        {
+            fault = Some(*why);
+        }
+    })?;
+    Ok(fault)
 }
 
 /// The navigator ends in the very bits of one that was given the good readings and told of the gap; the bad reading is a
@@ -128,10 +140,10 @@ fn absurd_readings_move_nothing() {
     }
     // A rejected reading has had its time.
     assert!(matches!(
-        quiet(&mut navigator, &imu(4 * MS, 0.0)),
+        quiet(&mut navigator, &imu(4 * MS, 100.0)),
         Err(NavError::TimeNotIncreasing { .. })
     ));
-    assert_eq!(navigator.navigators().late_events()[0], 1);
+    assert_eq!(navigator.late_events()[0], 1);
     quiet(&mut navigator, &imu(5 * MS, 0.0)).unwrap();
     assert!(
         navigator
@@ -231,7 +243,7 @@ fn absurd_models_are_refused() {
         let (mut model, mut state) = (Model::table_2(), NavState::at_rest(0));
         change(&mut model, &mut state);
         let aiding = Method::named("tc").unwrap().aiding;
-        LiveNavigator::new(state, &janus(), aiding, &model, &Options::default())
+        LiveNavigator::new(state, &janus(), aiding, &model, &Options::default(), 0)
     };
     assert!(start(|_, _| {}).is_ok());
     assert!(start(|model, _| model.imu.accel_noise_mps_rts = 1e200).is_err());
@@ -292,19 +304,19 @@ proptest! {
     #[test]
     fn a_refused_push_changes_nothing(
         events in prop::collection::vec(event(), 1..40), index in 0_usize..METHODS.len(), every_step in any::<bool>(),
-        inflate in any::<bool>(), gate in any::<bool>(),
+        inflate in any::<bool>(), gate in any::<bool>(), horizon_ns in prop_oneof![Just(0), Just(500 * MS), Just(10_000 * MS)],
     ) {
         let mut options = Options { covariance_period_ns: if every_step { 0 } else { 100_000_000 }, ..Options::default() };
         if inflate { options.imu_limits.long_gap = LongGap::Inflate; }
         if !gate { options.gate = Gate::Off; }
-        let mut navigator = live(METHODS[index].name, &options);
+        let mut navigator = live_within(horizon_ns, METHODS[index].name, &options);
         let mut spared = navigator.clone();
         for event in &events {
-            let before = (seen(&navigator), *navigator.navigators().late_events());
+            let before = (seen(&navigator), *navigator.late_events());
             match quiet(&mut navigator, event) {
                 Ok(fault) => prop_assert_eq!(quiet(&mut spared, event), Ok(fault)),
-                Err(NavError::TimeNotIncreasing { .. }) => {
-                    let late: u64 = navigator.navigators().late_events().iter().sum();
+                Err(NavError::TimeNotIncreasing { .. } | NavError::TooLate { .. }) => {
+                    let late: u64 = navigator.late_events().iter().sum();
                     prop_assert_eq!(late, before.1.iter().sum::<u64>() + 1);
                 }
                 Err(_) => prop_assert_eq!(&seen(&navigator), &before.0),

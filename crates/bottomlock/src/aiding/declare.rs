@@ -20,7 +20,7 @@ macro_rules! sensors {
         const DECLARATIONS: [Declaration; SENSORS] = [$(Declaration::of::<$sample>()),+];
 
         /// Report name of an update.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Sensor {
             /// Beams of the DVL.
             Beams,

@@ -1,4 +1,4 @@
-//! What a navigator checks of an event before it takes it, and what waits in it.
+//! What a navigator checks of an event before it takes it.
 
 use super::Navigator;
 use crate::error::NavError;
@@ -6,20 +6,16 @@ use crate::navigator::events::Event;
 use crate::navigator::measurable::require_measurable;
 
 impl Navigator {
-    /// Checks the numbers of an event and that its time comes after the filter's and the last one of its stream, that at
-    /// `seen_ns` included; counts it where it is late.
+    /// Checks the numbers of an event and that its time comes after the filter's and the last one of its stream.
     ///
     /// # Errors
     /// As [`Navigator::push`].
-    pub(crate) fn admit(&mut self, event: &Event, seen_ns: Option<i64>) -> Result<(), NavError> {
+    pub(super) fn admit(&self, event: &Event) -> Result<(), NavError> {
         event.validate(&self.geometry)?;
         let (time_ns, (stream, index)) = (event.time_ns(), event.stream());
         let now_ns = self.filters.measurements_only.time_ns();
-        let repeated_ns = self.last_ns[index]
-            .max(seen_ns)
-            .filter(|&previous_ns| time_ns <= previous_ns);
+        let repeated_ns = self.last_ns[index].filter(|&previous_ns| time_ns <= previous_ns);
         if let Some(previous_ns) = repeated_ns.or((time_ns < now_ns).then_some(now_ns)) {
-            self.late_events[index] += 1;
             return Err(NavError::TimeNotIncreasing {
                 stream,
                 time_ns,
@@ -33,18 +29,6 @@ impl Navigator {
     pub(crate) fn good_ns(&self) -> i64 {
         self.last_imu
             .map_or_else(|| self.filters.measurements_only.time_ns(), |last| last.time_ns)
-    }
-
-    /// Whether a measurement waits for an inertial reading at this time.
-    pub(crate) fn has_waiting_until(&self, time_ns: i64) -> bool {
-        self.waiting.front().is_some_and(|event| event.time_ns() <= time_ns)
-    }
-
-    /// Drops the measurements that wait, and returns how many.
-    pub(crate) fn discard_waiting(&mut self) -> usize {
-        let count = self.waiting.len();
-        self.waiting.clear();
-        count
     }
 
     /// As [`require_measurable`], for the filter on the measurements alone.

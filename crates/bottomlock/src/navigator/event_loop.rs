@@ -54,7 +54,6 @@ pub struct Navigator {
     last_ns: [Option<i64>; STREAMS],
     /// Time of the last ping that the filters have taken; `last_ns` also has those that wait.
     last_ping_ns: Option<i64>,
-    late_events: [u64; STREAMS],
 }
 
 impl Navigator {
@@ -80,7 +79,6 @@ impl Navigator {
             waiting: VecDeque::new(),
             last_ns: [None; STREAMS],
             last_ping_ns: None,
-            late_events: [0; STREAMS],
         })
     }
 
@@ -168,7 +166,7 @@ impl Navigator {
     /// [`NavError`] for bad numbers and for time that does not increase within a stream or lies before the filter's time; the
     /// event is then not taken and the navigator is as before, unless the numerics themselves have failed.
     pub fn push(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
-        self.admit(event, None)?;
+        self.admit(event)?;
         let (time_ns, (_, index)) = (event.time_ns(), event.stream());
         match event {
             Event::Imu(sample) => self.advance(sample, report)?,
@@ -181,12 +179,6 @@ impl Navigator {
         }
         self.last_ns[index] = Some(time_ns);
         Ok(())
-    }
-
-    /// How many events of each stream came too late and were rejected, in the order of [`crate::navigator::events::STREAM_NAMES`].
-    #[must_use]
-    pub fn late_events(&self) -> &[u64; STREAMS] {
-        &self.late_events
     }
 
     fn advance(&mut self, sample: &ImuSample, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {

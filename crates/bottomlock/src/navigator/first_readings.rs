@@ -33,24 +33,39 @@ pub struct FirstReadings {
     is_force_known: bool,
 }
 
-/// Number of readings of a stream, and the time of the first.
+/// Number of readings of a stream, in whatever order, and the times of the earliest and the latest.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 struct Count {
     readings: u32,
     first_ns: i64,
+    last_ns: i64,
 }
 
 impl Count {
     fn with(self, time_ns: i64) -> Self {
         Self {
             readings: self.readings + 1,
-            first_ns: if self.readings == 0 { time_ns } else { self.first_ns },
+            first_ns: if self.readings == 0 {
+                time_ns
+            } else {
+                self.first_ns.min(time_ns)
+            },
+            last_ns: if self.readings == 0 {
+                time_ns
+            } else {
+                self.last_ns.max(time_ns)
+            },
         }
     }
 
+    /// From the earliest to the latest, ns.
+    fn span_ns(&self) -> i64 {
+        self.last_ns.saturating_sub(self.first_ns)
+    }
+
     /// Checks the mean interval once `needed` readings are there.
-    fn check(&self, field: &'static str, time_ns: i64, (needed, least_ns): (u32, i64)) -> Result<(), NavError> {
-        let mean_ns = time_ns.saturating_sub(self.first_ns) as f64 / f64::from(needed - 1);
+    fn check(&self, field: &'static str, (needed, least_ns): (u32, i64)) -> Result<(), NavError> {
+        let mean_ns = self.span_ns() as f64 / f64::from(needed - 1);
         if self.readings != needed || mean_ns >= least_ns as f64 {
             return Ok(());
         }
@@ -91,9 +106,8 @@ impl FirstReadings {
                     rate_radps: self.rate_radps + sample.rate_p_radps.0.norm(),
                     ..*self
                 };
-                next.imu
-                    .check("mean interval of imu times, ns,", sample.time_ns, READINGS)?;
-                if next.is_force_known || sample.time_ns.saturating_sub(next.imu.first_ns) < FORCE_INTERVAL_NS {
+                next.imu.check("mean interval of imu times, ns,", READINGS)?;
+                if next.is_force_known || next.imu.span_ns() < FORCE_INTERVAL_NS {
                     return Ok(next);
                 }
                 next.check_force()?;
@@ -107,8 +121,7 @@ impl FirstReadings {
                     pings: self.pings.with(ping.time_ns),
                     ..*self
                 };
-                next.pings
-                    .check("mean interval of dvl times, ns,", ping.time_ns, PINGS)?;
+                next.pings.check("mean interval of dvl times, ns,", PINGS)?;
                 Ok(next)
             }
             _ => Ok(*self),

@@ -1,188 +1,218 @@
-//! A navigator that is fed from outside, one event at a time.
+//! A navigator that is fed from outside, one event at a time, in any order within its horizon.
 //!
 //! It checks what campaigns need not check, since their readings are simulated: the ranges of the inertial readings and the
 //! gaps between them, numbers that no instrument has, and that the estimate stays one. A push that is refused changes
 //! nothing: neither the estimate and its covariance, nor the measurements that wait, nor any count but that of late events.
+//!
+//! Whatever the order of arrival, it ends in the bits of the log in order of the times of validity (`history.rs`, `late.rs`).
 
-use serde::{Deserialize, Serialize};
-
+use super::checked::Checked;
+use super::history::{History, LONGEST_HORIZON_NS, MOST_WAITING};
+use super::late::Replayed;
+use super::notice::Notice;
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
 use crate::filter::options::Options;
-use crate::filter::report::UpdateReport;
 use crate::filter::seconds_between;
-use crate::mechanisation::{IMU_FAULTS, ImuFault, ImuSample};
+use crate::mechanisation::IMU_FAULTS;
 use crate::model::Model;
-use crate::navigator::events::Event;
+use crate::navigator::events::{Event, STREAMS};
 use crate::navigator::first_readings::FirstReadings;
-use crate::navigator::imu_check::{ImuCheck, Judged};
 use crate::navigator::{Aiding, NavigatorSet};
 use crate::state::{Covariance, NavState};
 
 /// How far a measurement may lie ahead of the navigator, s: longer than any latency that inertial readings are held back for.
 const MOST_AHEAD_S: f64 = 3600.0;
 
-/// A navigator set with the checks of a live one.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+/// A navigator set with the checks of a live one, and what it needs to put late events in their places.
+#[derive(Debug, Clone)]
 pub struct LiveNavigator {
-    navigators: NavigatorSet,
-    check: ImuCheck,
-    first: FirstReadings,
+    pub(super) now: Checked,
+    pub(super) history: History,
+    /// In the order of arrival: units do not depend on what comes late.
+    pub(super) first: FirstReadings,
+    pub(super) late_events: [u64; STREAMS],
 }
 
 impl LiveNavigator {
-    /// A live navigator at an initial state.
+    /// A live navigator at an initial state, with the horizon within which late events are put in their places, ns; 0 for
+    /// events that do not come late.
     ///
     /// # Errors
-    /// As [`NavigatorSet::new`]; [`NavError::Implausible`] for a state, noise or environment that is none.
+    /// As [`NavigatorSet::new`]; [`NavError::Implausible`] for a state, noise or environment that is none;
+    /// [`NavError::OutOfRange`] for a horizon that is negative or longer than 10 s.
     pub fn new(
         initial: NavState,
         geometry: &BeamGeometry,
         aiding: Aiding,
         model: &Model,
         options: &Options,
+        horizon_ns: i64,
     ) -> Result<Self, NavError> {
+        require_horizon(horizon_ns)?;
         let navigators = NavigatorSet::new(initial, geometry, aiding, model, options)?;
         navigators.require_plausible_settings()?;
         navigators.require_plausible()?;
+        let now = Checked::new(navigators, model, options);
         Ok(Self {
-            navigators,
-            check: ImuCheck::new(&options.imu_limits, &model.imu),
+            history: History::new(now.clone(), horizon_ns),
+            now,
             first: FirstReadings::default(),
+            late_events: [0; STREAMS],
         })
     }
 
-    /// Replaces the covariance of every filter.
+    /// Replaces the covariance of every filter. Events before the estimate's time are then too late, whatever the horizon.
     ///
     /// # Errors
     /// As [`NavigatorSet::set_covariance`]; [`NavError::Implausible`]. The covariance is then as before.
     pub fn set_covariance(&mut self, covariance: &Covariance) -> Result<(), NavError> {
-        self.attempt(|navigators, _| navigators.set_covariance(covariance), &mut |_| {})
+        let mut changed = self.now.clone();
+        changed.navigators.set_covariance(covariance)?;
+        changed.navigators.require_plausible()?;
+        self.history.begin_again(&changed);
+        self.now = changed;
+        Ok(())
     }
 
     /// The navigators, for their estimates.
     #[must_use]
     pub fn navigators(&self) -> &NavigatorSet {
-        &self.navigators
+        &self.now.navigators
     }
 
-    /// Checks that a navigator read from bytes is one that a live one can be: its filters apart, which `restored.rs` checks.
-    ///
-    /// # Errors
-    /// [`NavError`] that names the number.
-    pub(crate) fn check_restored(&self) -> Result<(), NavError> {
-        self.check.check_restored()?;
-        self.first.check_restored()?;
-        self.navigators.require_plausible_settings()?;
-        self.navigators.require_plausible()
+    /// How late an event may be, ns.
+    #[must_use]
+    pub fn horizon_ns(&self) -> i64 {
+        self.history.horizon_ns
+    }
+
+    /// How many events of each stream came too late, or second at their time, and were not used, in the order of
+    /// [`STREAM_NAMES`](crate::navigator::events::STREAM_NAMES).
+    #[must_use]
+    pub fn late_events(&self) -> &[u64; STREAMS] {
+        &self.late_events
     }
 
     /// How many inertial readings were rejected and gaps inflated, in the order of [`IMU_FAULTS`].
     #[must_use]
     pub fn imu_faults(&self) -> &[u64; IMU_FAULTS.len()] {
-        self.check.counts()
+        self.now.check.counts()
     }
 
     /// Drops the measurements that wait for the next inertial reading, and returns how many.
     pub fn discard_waiting(&mut self) -> usize {
-        self.navigators.discard_waiting()
+        self.history.discard_waiting(&self.now)
     }
 
-    /// Takes an event; `report` is called with every measurement that it completes. Returns why an inertial reading was
-    /// rejected.
+    /// Takes an event; `tell` is called with every update that it completes or changes, and with every inertial reading whose
+    /// rejection it brings or changes.
     ///
     /// # Errors
-    /// [`NavError`] for bad numbers, for time that does not increase within a stream, lies before the filter's time or far
-    /// ahead of it, for a gap between inertial readings, and where the numerics fail. Nothing is changed then, apart from the
-    /// count of late events, and nothing is reported.
-    pub fn push(
-        &mut self,
-        event: &Event,
-        report: &mut impl FnMut(&UpdateReport),
-    ) -> Result<Option<ImuFault>, NavError> {
+    /// [`NavError`] for bad numbers, for a time beyond the horizon, far ahead, or taken in its stream, for a gap between
+    /// inertial readings, and where the numerics fail. Nothing is changed then, apart from the count of late events, and
+    /// nothing is told.
+    pub fn push(&mut self, event: &Event, tell: &mut impl FnMut(&Notice)) -> Result<(), NavError> {
         if let Event::Imu(sample) = event
             && self.first.has_units()
-            && self.check.is_plain(sample, self.navigators.good_ns())
-            && !self.navigators.has_waiting_until(sample.time_ns)
+            && self.now.is_plain(sample)
+            && !self.history.has_waiting_until(sample.time_ns, self.now.now_ns())
         {
-            // Almost every event. Nothing can fail (`filter/plausible.rs`).
-            self.navigators.require_plausible_motion()?;
-            self.navigators.push(event, report)?;
-            self.check.note_good(sample);
-            return Ok(None);
+            // Almost every event.
+            self.now.navigators.require_plausible_motion()?;
+            self.history.keep_if_due(&self.now);
+            self.now.take_plain(sample)?;
+            self.history.note(sample);
+            return Ok(());
         }
-        let seen_ns = if matches!(event, Event::Imu(_)) {
-            self.check.last_ns()
-        } else {
-            None
-        };
-        self.navigators.admit(event, seen_ns)?;
-        self.navigators.require_plausible_motion()?;
+        event.validate(self.navigators().selected().geometry())?;
+        let stream = event.stream().1;
+        if let Err(late) = self.history.admit(event, &self.now) {
+            self.late_events[stream] += 1;
+            return Err(late);
+        }
+        self.now.navigators.require_plausible_motion()?;
         let first = self.first.with(event)?;
-        let fault = match event {
-            Event::Imu(sample) => self.push_imu(sample, report)?,
-            _ => self.push_measurement(event, report).map(|()| None)?,
-        };
-        self.first = first;
-        Ok(fault)
-    }
-
-    fn push_imu(
-        &mut self,
-        sample: &ImuSample,
-        report: &mut impl FnMut(&UpdateReport),
-    ) -> Result<Option<ImuFault>, NavError> {
-        let good_ns = self.navigators.good_ns();
-        let judged = self.check.judge(sample, good_ns)?;
-        let fault = match judged {
-            Judged::Rejected(fault) => Some(fault),
-            Judged::Good(bridge) => {
-                self.attempt(
-                    |navigators, report| navigators.push_bridging(sample, bridge.as_ref(), &mut |done| report(done)),
-                    report,
-                )?;
-                None
+        if self.waits(event) {
+            self.require_room(event)?;
+            self.now.navigators.require_measurable(event)?;
+            let (_, replaced) = self.history.insert(event);
+            self.late_events[stream] += u64::from(replaced.is_some());
+        } else {
+            let (place, replaced) = self.history.insert(event);
+            match self.replay(event, place, replaced.is_some()) {
+                Ok(replayed) => {
+                    self.now = self.history.settle(replayed, tell);
+                    self.late_events[stream] += u64::from(replaced.is_some());
+                }
+                Err(error) => {
+                    self.history.take_back(place, replaced);
+                    return Err(error);
+                }
             }
-        };
-        self.check.note(sample, good_ns, &judged);
-        Ok(fault)
+        }
+        self.first = first;
+        Ok(())
     }
 
-    fn push_measurement(&mut self, event: &Event, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
-        let (now_ns, time_ns) = (self.navigators.good_ns(), event.time_ns());
+    /// Whether an event is a measurement after the last good inertial reading.
+    fn waits(&self, event: &Event) -> bool {
+        !matches!(event, Event::Imu(_)) && Some(event.time_ns()) > self.now.good_ns()
+    }
+
+    /// Replays from now on where an event is the newest that counts, and else from the checkpoint before it.
+    fn replay(&self, event: &Event, place: usize, has_replaced: bool) -> Result<Replayed, NavError> {
+        let (history, now) = (&self.history, &self.now);
+        let good_ns = now.good_ns();
+        let is_newest = match event {
+            Event::Imu(_) => now.is_before(event),
+            _ => Some(event.time_ns()) == good_ns && history.first_after(good_ns) == place + 1,
+        };
+        if is_newest && !has_replaced {
+            let first = place.min(history.first_after(good_ns));
+            return history.replay(now, history.checkpoints.len() - 1, first);
+        }
+        let number = history.checkpoint_before(event);
+        let checkpoint = &history.checkpoints[number];
+        history.replay(checkpoint, number, history.first_after(checkpoint.good_ns()))
+    }
+
+    /// Checks that a measurement may wait.
+    fn require_room(&self, event: &Event) -> Result<(), NavError> {
+        let (stream, time_ns, now_ns) = (event.stream().0, event.time_ns(), self.now.now_ns());
         let ahead_s = seconds_between(now_ns, time_ns);
         if ahead_s > MOST_AHEAD_S {
-            let (stream, limit_s) = (event.stream().0, MOST_AHEAD_S);
             return Err(NavError::TooFarAhead {
                 stream,
                 time_ns,
                 now_ns,
                 ahead_s,
-                limit_s,
+                limit_s: MOST_AHEAD_S,
             });
         }
-        self.navigators.require_measurable(event)?;
-        self.attempt(
-            |navigators, report| navigators.push(event, &mut |done| report(done)),
-            report,
-        )
-    }
-
-    /// Does something with the navigators; where it fails, or leaves no estimate, they are as before, and nothing is
-    /// reported.
-    fn attempt(
-        &mut self,
-        change: impl FnOnce(&mut NavigatorSet, &mut dyn FnMut(&UpdateReport)) -> Result<(), NavError>,
-        report: &mut impl FnMut(&UpdateReport),
-    ) -> Result<(), NavError> {
-        let before = self.navigators.clone();
-        let mut reports = Vec::new();
-        let outcome = change(&mut self.navigators, &mut |done| reports.push(*done))
-            .and_then(|()| self.navigators.require_plausible());
-        match outcome {
-            Ok(()) => reports.iter().for_each(report),
-            Err(_) => self.navigators = before,
+        let waiting = self.history.waiting(&self.now);
+        if waiting >= MOST_WAITING {
+            return Err(NavError::OutOfRange {
+                field: "number of measurements that wait",
+                value: waiting as f64,
+                expected: "less: push the inertial readings that they wait for, or call discard_waiting()",
+            });
         }
-        outcome
+        Ok(())
     }
+}
+
+/// Checks a horizon.
+///
+/// # Errors
+/// [`NavError::OutOfRange`].
+pub(super) fn require_horizon(horizon_ns: i64) -> Result<(), NavError> {
+    if (0..=LONGEST_HORIZON_NS).contains(&horizon_ns) {
+        return Ok(());
+    }
+    Err(NavError::OutOfRange {
+        field: "horizon_ns",
+        value: horizon_ns as f64,
+        expected: "0 to 10000000000 ns, ten seconds",
+    })
 }

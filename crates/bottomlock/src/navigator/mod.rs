@@ -2,15 +2,19 @@
 //!
 //! Campaign, replay and live use push events to the same [`Navigator`]; a live one checks them first ([`LiveNavigator`]).
 
+mod checked;
 pub(crate) mod dual_filter;
 pub mod event_loop;
 pub mod events;
 pub mod first_readings;
+mod history;
 pub(crate) mod imu_check;
+mod late;
 pub mod live;
 mod measurable;
 pub mod methods;
 pub mod navigator_set;
+pub mod notice;
 pub(crate) mod run_events;
 mod saved;
 pub mod selector;
@@ -19,5 +23,6 @@ pub use self::event_loop::{BeamAiding, Navigator};
 pub use self::live::LiveNavigator;
 pub use self::methods::{METHODS, Method};
 pub use self::navigator_set::{Aiding, NavigatorSet};
+pub use self::notice::{Finding, Notice, Standing};
 pub use self::saved::Snapshot;
 pub use self::selector::SELECTOR_METHODS;

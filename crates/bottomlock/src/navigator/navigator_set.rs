@@ -10,7 +10,7 @@ use crate::mechanisation::ImuSample;
 use crate::model::Model;
 use crate::navigator::dual_filter::DualFilter;
 use crate::navigator::event_loop::{BeamAiding, Navigator};
-use crate::navigator::events::{Event, STREAMS};
+use crate::navigator::events::Event;
 use crate::navigator::selector::Bank;
 use crate::state::{Covariance, NavState};
 
@@ -104,25 +104,9 @@ impl NavigatorSet {
         outcome
     }
 
-    /// As [`Navigator::admit`].
-    pub(crate) fn admit(&mut self, event: &Event, seen_ns: Option<i64>) -> Result<(), NavError> {
-        self.first_mut().admit(event, seen_ns)
-    }
-
-    /// As [`Navigator::good_ns`].
+    /// Time of the last inertial reading, or of the start.
     pub(crate) fn good_ns(&self) -> i64 {
         self.first().good_ns()
-    }
-
-    /// As [`Navigator::has_waiting_until`].
-    pub(crate) fn has_waiting_until(&self, time_ns: i64) -> bool {
-        self.first().has_waiting_until(time_ns)
-    }
-
-    /// Drops the measurements that wait, and returns how many.
-    pub(crate) fn discard_waiting(&mut self) -> usize {
-        let counts = self.navigators_mut().iter_mut().map(Navigator::discard_waiting);
-        counts.max().unwrap_or(0)
     }
 
     /// As [`Navigator::require_measurable`].
@@ -153,13 +137,6 @@ impl NavigatorSet {
         }
     }
 
-    fn first_mut(&mut self) -> &mut Navigator {
-        match self {
-            Self::One(navigator) => navigator,
-            Self::Consistent(bank) => &mut bank.members[0],
-        }
-    }
-
     fn filters_each(&self) -> impl Iterator<Item = &Eskf> {
         let navigators = match self {
             Self::One(navigator) => std::slice::from_ref(&**navigator),
@@ -183,13 +160,6 @@ impl NavigatorSet {
             Self::One(navigator) => Some(navigator.filters()),
             Self::Consistent(_) => None,
         }
-    }
-
-    /// Number of events of each stream that were rejected because they came too late, in the order of
-    /// [`crate::navigator::events::STREAM_NAMES`].
-    #[must_use]
-    pub fn late_events(&self) -> &[u64; STREAMS] {
-        self.first().late_events()
     }
 
     fn navigators_mut(&mut self) -> &mut [Navigator] {

@@ -2,8 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::checked::Checked;
 use super::event_loop::Navigator;
-use super::live::LiveNavigator;
+use super::events::{Event, STREAMS};
+use super::first_readings::FirstReadings;
+use super::history::{History, order};
+use super::live::{LiveNavigator, require_horizon};
 use super::navigator_set::NavigatorSet;
 use super::selector::SELECTOR_METHODS;
 use crate::aiding::registry::SensorModels;
@@ -18,12 +22,23 @@ const NAVIGATOR: Kind = Kind {
 /// A navigator with the models that its samples are made with.
 ///
 /// A clone in memory costs some microseconds; the bytes outlive the process.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
 pub struct Snapshot {
-    /// The navigators: filters, measurements that wait, counts of late events, what was seen of the inertial readings.
+    /// The navigators: filters, counts of late events, and what they have taken within the horizon.
     pub live: LiveNavigator,
     /// Errors of the sensors.
     pub sensors: SensorModels,
+}
+
+/// What is saved: the oldest checkpoint and the events after it, from which all the rest is made again.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    oldest: Checked,
+    events: Vec<Event>,
+    horizon_ns: i64,
+    first: FirstReadings,
+    late_events: [u64; STREAMS],
+    sensors: SensorModels,
 }
 
 impl Snapshot {
@@ -32,7 +47,15 @@ impl Snapshot {
     /// # Errors
     /// As `Kind::seal`.
     pub fn to_bytes(&self) -> Result<Vec<u8>, NavError> {
-        NAVIGATOR.seal(self)
+        let (live, history) = (&self.live, &self.live.history);
+        NAVIGATOR.seal(&Saved {
+            oldest: Checked::clone(&history.checkpoints[0]),
+            events: history.events.iter().copied().collect(),
+            horizon_ns: history.horizon_ns,
+            first: live.first,
+            late_events: live.late_events,
+            sensors: self.sensors,
+        })
     }
 
     /// A snapshot from bytes.
@@ -41,27 +64,52 @@ impl Snapshot {
     /// [`NavError::NotRestored`] for bytes that are damaged, cut short, of another format or no navigator, and the error of
     /// a number that no navigator has.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, NavError> {
-        let snapshot: Self = NAVIGATOR.open(bytes)?;
-        snapshot.check()?;
-        Ok(snapshot)
+        let saved: Saved = NAVIGATOR.open(bytes)?;
+        saved.check()?;
+        let mut history = History::new(saved.oldest, saved.horizon_ns);
+        history.events = saved.events.into();
+        let replayed = history.replay(&history.checkpoints[0], 0, 0)?;
+        Ok(Self {
+            live: LiveNavigator {
+                now: history.settle(replayed, &mut |_| {}),
+                history,
+                first: saved.first,
+                late_events: saved.late_events,
+            },
+            sensors: saved.sensors,
+        })
     }
+}
 
+impl Saved {
     fn check(&self) -> Result<(), NavError> {
         self.sensors.validate()?;
-        self.live.check_restored()?;
-        match self.live.navigators() {
-            NavigatorSet::One(navigator) => navigator.check_restored(),
+        self.first.check_restored()?;
+        require_horizon(self.horizon_ns)?;
+        self.oldest.check_restored()?;
+        match &self.oldest.navigators {
+            NavigatorSet::One(navigator) => navigator.check_restored()?,
             NavigatorSet::Consistent(bank) => {
                 let members = bank.members.iter().map(Navigator::aiding);
                 if !members.eq(SELECTOR_METHODS.map(|(_, aiding)| aiding)) || bank.selected >= bank.members.len() {
-                    return Err(NavError::NotRestored {
-                        what: NAVIGATOR.name,
-                        fault: "its filters are not those of the selector".into(),
-                    });
+                    return Err(refusal("its filters are not those of the selector"));
                 }
-                bank.members.iter().try_for_each(Navigator::check_restored)
+                bank.members.iter().try_for_each(Navigator::check_restored)?;
             }
         }
+        let geometry = self.oldest.navigators.selected().geometry();
+        self.events.iter().try_for_each(|event| event.validate(geometry))?;
+        if !self.events.is_sorted_by(|one, next| order(one, next).is_lt()) {
+            return Err(refusal("its events are not in the order of their times"));
+        }
+        Ok(())
+    }
+}
+
+fn refusal(fault: &str) -> NavError {
+    NavError::NotRestored {
+        what: NAVIGATOR.name,
+        fault: fault.into(),
     }
 }
 

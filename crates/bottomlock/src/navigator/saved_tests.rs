@@ -30,7 +30,7 @@ fn waiting(method: usize) -> Snapshot {
     let geometry = BeamGeometry::from_directions(&beams).unwrap();
     let initial = NavState::at_rest(0);
     let (aiding, options) = (METHODS[method].aiding, Options::default());
-    let mut live = LiveNavigator::new(initial, &geometry, aiding, &model, &options).unwrap();
+    let mut live = LiveNavigator::new(initial, &geometry, aiding, &model, &options, 2_000_000_000).unwrap();
     let ping = BeamSample {
         time_ns: 7,
         velocity_mps: [0.25; MAX_BEAMS],
@@ -97,7 +97,7 @@ fn faults_of_the_frame_are_named() {
     assert!(words(&bytes[..bytes.len() - 1]).contains("damaged or were cut short"));
     let mut other = bytes.clone();
     other[8] = 77;
-    assert!(words(&other).contains("format 77, expected 1"), "{}", words(&other));
+    assert!(words(&other).contains("format 77, expected 2"), "{}", words(&other));
     let longer = NAVIGATOR.frame(&[&bytes[CONTENT_AT..], &[0]].concat());
     assert!(words(&longer).contains("another layout"));
     let janus = BeamGeometry::janus(Janus::X, 0.5).unwrap().to_bytes().unwrap();

@@ -3,6 +3,8 @@
 // Each test file uses a part of it.
 #![allow(dead_code)]
 
+pub(crate) mod arrivals;
+
 use bottomlock::aiding::registry::SensorKind;
 use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, Janus};
 use bottomlock::error::NavError;

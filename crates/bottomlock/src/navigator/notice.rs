@@ -1,0 +1,65 @@
+//! What a push tells of measurements and inertial readings, and whether it corrects what was told before.
+
+use crate::filter::report::{Sensor, UpdateReport};
+use crate::mechanisation::ImuFault;
+
+/// What became of a measurement or of an inertial reading.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Finding {
+    /// An update with a measurement, or with an assumption on the motion.
+    Update(Box<UpdateReport>),
+    /// An inertial reading that was rejected.
+    Rejected {
+        /// Its time, ns.
+        time_ns: i64,
+        /// Why.
+        fault: ImuFault,
+    },
+}
+
+/// How a finding stands to what was told before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Standing {
+    /// Nothing was told of it.
+    New,
+    /// It takes the place of what was told, which a late reading has changed.
+    Revised,
+    /// It was told and no longer holds; nothing takes its place.
+    Withdrawn,
+}
+
+/// A finding and how it stands to what was told before.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Notice {
+    /// The finding; of a withdrawn one, as it was told.
+    pub finding: Finding,
+    /// How it stands.
+    pub standing: Standing,
+}
+
+/// Time of validity, and what it is of: at one time there is at most one finding of each sensor.
+pub(super) type FindingKey = (i64, Option<Sensor>);
+
+impl Finding {
+    pub(super) fn key(&self) -> FindingKey {
+        match self {
+            Self::Update(report) => (report.time_ns, Some(report.sensor)),
+            Self::Rejected { time_ns, .. } => (*time_ns, None),
+        }
+    }
+
+    /// Whether both say the same; weights of lost beams, which are NaN, are the same.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Update(one), Self::Update(two)) => {
+                let bits = |report: &UpdateReport| report.beam_weight.map(|weight| weight.map(f64::to_bits));
+                let unweighted = |report: &UpdateReport| UpdateReport {
+                    beam_weight: None,
+                    ..*report
+                };
+                bits(one) == bits(two) && unweighted(one) == unweighted(two)
+            }
+            _ => self == other,
+        }
+    }
+}

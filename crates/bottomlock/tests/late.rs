@@ -1,0 +1,504 @@
+//! Late data: any order of arrival within the horizon ends in the bits of the log in order of validity.
+
+// Helpers outside `#[test]` functions panic on failure too.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use bottomlock::NavError;
+use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
+use bottomlock::filter::gate::Gate;
+use bottomlock::filter::options::Options;
+use bottomlock::filter::report::{Sensor, Verdict};
+use bottomlock::frames::Vec3;
+use bottomlock::mechanisation::{ImuSample, LongGap};
+use bottomlock::model::Model;
+use bottomlock::navigator::events::{DepthSample, Event, GpsSample, GpsVelocity, STREAMS};
+use bottomlock::navigator::{Finding, LiveNavigator, METHODS, Method, Notice, Snapshot, Standing};
+use bottomlock::replay::{Log, Replay, replay};
+use bottomlock::state::NavState;
+use proptest::prelude::*;
+
+use common::arrivals::{self, Case, MS};
+use common::janus;
+
+/// How many random arrivals: ten thousand with `BOTTOMLOCK_LONG`, as `make test-long` sets it.
+fn cases() -> u32 {
+    if std::env::var_os("BOTTOMLOCK_LONG").is_some() {
+        10_000
+    } else {
+        500
+    }
+}
+
+fn live(case: &Case, horizon_ns: i64) -> LiveNavigator {
+    let (start, aiding) = (NavState::at_rest(0), case.method.aiding);
+    LiveNavigator::new(start, &janus(), aiding, &case.model, &case.options, horizon_ns).unwrap()
+}
+
+/// What stands of all that a navigator has told.
+#[derive(Clone, Default)]
+struct Told(BTreeMap<(i64, &'static str), Finding>);
+
+impl Told {
+    fn note(&mut self, notice: &Notice) {
+        let key = match &notice.finding {
+            Finding::Update(report) => (report.time_ns, report.sensor.name()),
+            Finding::Rejected { time_ns, .. } => (*time_ns, "imu"),
+        };
+        let before = match notice.standing {
+            Standing::New | Standing::Revised => self.0.insert(key, notice.finding.clone()),
+            Standing::Withdrawn => self.0.remove(&key),
+        };
+        assert_eq!(before.is_some(), notice.standing != Standing::New, "{key:?}");
+    }
+
+    /// As text, which prints every bit that counts; NaN equals NaN.
+    fn text(&self) -> String {
+        format!("{:?}", self.0)
+    }
+}
+
+/// All that is to be the same after the same events.
+fn outcome(navigator: &LiveNavigator) -> String {
+    format!("{:?} {:?}", navigator.navigators(), navigator.imu_faults())
+}
+
+fn pushed(navigator: &mut LiveNavigator, events: &[Event], told: &mut Told) -> Result<(), NavError> {
+    let mut tell = |notice: &Notice| told.note(notice);
+    events.iter().try_for_each(|event| navigator.push(event, &mut tell))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(cases()))]
+
+    /// The law, against two oracles: the log pushed in order, with no horizon, and the replay of the log.
+    #[test]
+    fn any_arrival_ends_in_the_bits_of_the_ordered_log(
+        seed in any::<u64>(), index in 0..METHODS.len(), horizon_ms in prop_oneof![Just(300_i64), Just(900), Just(2_000), Just(10_000)],
+    ) {
+        let case = Case::new(seed, &METHODS[index]);
+        let (mut ordered, mut told) = (live(&case, 0), Told::default());
+        pushed(&mut ordered, &case.log, &mut told).unwrap();
+
+        let (mut shuffled, mut told_late) = (live(&case, horizon_ms * MS), Told::default());
+        let arrival = case.arrival(seed, horizon_ms * MS);
+        let (before, after) = arrival.split_at(arrival.len() / 2);
+        pushed(&mut shuffled, before, &mut told_late).unwrap();
+        // Saved and restored half-way, as one that goes on; the other goes on by itself.
+        let sensors = case.model.sensors;
+        let bytes = Snapshot { live: shuffled.clone(), sensors }.to_bytes().unwrap();
+        let mut restored = Snapshot::from_bytes(&bytes).unwrap().live;
+        prop_assert_eq!(outcome(&restored), outcome(&shuffled));
+        let mut told_restored = told_late.clone();
+        pushed(&mut shuffled, after, &mut told_late).unwrap();
+        pushed(&mut restored, after, &mut told_restored).unwrap();
+
+        prop_assert_eq!(outcome(&shuffled), outcome(&ordered));
+        prop_assert_eq!(told_late.text(), told.text());
+        prop_assert_eq!(shuffled.late_events(), &[0; STREAMS]);
+        prop_assert_eq!(outcome(&restored), outcome(&ordered));
+        prop_assert_eq!(told_restored.text(), told.text());
+
+        let last_ns = ordered.navigators().state().time_ns;
+        let out = replay(&Replay {
+            log: Log { imu: &case.imu, pings: &case.pings, sensors: case.sensors.each_ref().map(Vec::as_slice) },
+            geometry: &janus(),
+            model: &case.model,
+            options: &case.options,
+            start: NavState::at_rest(0),
+            covariance: None,
+            methods: &[*case.method],
+            sample_time_ns: &[last_ns],
+            smooth: false,
+            covariances: true,
+        }, 1).unwrap();
+        let filtered = &out.tracks[0].filtered;
+        prop_assert_eq!(&filtered.states[0], &shuffled.navigators().state());
+        prop_assert_eq!(&filtered.covariances[0], &shuffled.navigators().covariance());
+        prop_assert_eq!(&out.imu_faults.counts, shuffled.imu_faults());
+    }
+}
+
+fn imu(time_ns: i64, force_x: f64) -> Event {
+    Event::Imu(ImuSample {
+        time_ns,
+        rate_p_radps: Vec3::new(0.0, 0.0, 0.01),
+        force_p_mps2: Vec3::new(force_x, 0.0, -9.8),
+    })
+}
+
+fn depth(time_ns: i64, depth_m: f64) -> Event {
+    Event::from(DepthSample {
+        time_ns,
+        depth_m,
+        sd_m: 1.0,
+    })
+}
+
+/// A navigator that has taken a reading every 10 ms for a while.
+fn under_way(method: &str, options: &Options, horizon_ns: i64, seconds: i64) -> LiveNavigator {
+    let (start, aiding, model) = (
+        NavState::at_rest(0),
+        Method::named(method).unwrap().aiding,
+        Model::table_2(),
+    );
+    let mut navigator = LiveNavigator::new(start, &janus(), aiding, &model, options, horizon_ns).unwrap();
+    for k in 0..=100 * seconds {
+        navigator.push(&imu(k * 10 * MS, 0.0), &mut |_| {}).unwrap();
+    }
+    navigator
+}
+
+fn notices(navigator: &mut LiveNavigator, event: &Event) -> Vec<Notice> {
+    let mut all = Vec::new();
+    navigator.push(event, &mut |notice| all.push(notice.clone())).unwrap();
+    all
+}
+
+/// One nanosecond decides; what is refused is counted and changes nothing, and the words say by how much it is late.
+#[test]
+fn beyond_the_horizon_is_refused_and_counted() {
+    let mut navigator = under_way("tc", &Options::default(), 500 * MS, 3);
+    let before = outcome(&navigator);
+    let error = navigator
+        .push(&depth(2_500 * MS - 1, 0.5), &mut |_| {})
+        .unwrap_err()
+        .to_string();
+    assert_eq!(
+        error,
+        "depth time 2499999999 ns lies 0.500000 s behind the navigator at 3000000000 ns, expected at most 0.5 s, horizon_ns: \
+         allow for the latency by a longer horizon (up to 10 s), and count all times on one clock"
+    );
+    assert_eq!(navigator.late_events()[3], 1);
+    assert_eq!(before, outcome(&navigator));
+    assert_eq!(notices(&mut navigator, &depth(2_500 * MS, 0.5)).len(), 1);
+    assert_eq!(navigator.late_events()[3], 1);
+    let mut none = under_way("tc", &Options::default(), 0, 1);
+    assert!(matches!(
+        none.push(&depth(1_000 * MS - 1, 0.5), &mut |_| {}),
+        Err(NavError::TooLate { .. })
+    ));
+    assert!(none.push(&depth(1_000 * MS, 0.5), &mut |_| {}).is_ok());
+}
+
+/// Within the horizon, but before the start: nothing was known then.
+#[test]
+fn before_the_start_is_refused() {
+    let mut navigator = under_way("tc", &Options::default(), 10_000 * MS, 1);
+    assert!(matches!(
+        navigator.push(&depth(-1, 0.0), &mut |_| {}),
+        Err(NavError::TimeNotIncreasing { previous_ns: 0, .. })
+    ));
+    assert!(navigator.push(&depth(0, 0.0), &mut |_| {}).is_ok());
+}
+
+/// A horizon is at most ten seconds, and not negative.
+#[test]
+fn a_horizon_has_bounds() {
+    let model = Model::table_2();
+    for (horizon_ns, is_good) in [(0, true), (10_000 * MS, true), (-1, false), (10_000 * MS + 1, false)] {
+        let aiding = METHODS[2].aiding;
+        let made = LiveNavigator::new(
+            NavState::at_rest(0),
+            &janus(),
+            aiding,
+            &model,
+            &Options::default(),
+            horizon_ns,
+        );
+        assert_eq!(made.is_ok(), is_good, "{horizon_ns}");
+    }
+}
+
+/// A late depth changes the reports after it, which come marked; one that changes no number comes not at all.
+#[test]
+fn reports_that_changed_come_again() {
+    let mut navigator = under_way("ins", &Options::default(), 2_000 * MS, 2);
+    let told = notices(&mut navigator, &depth(1_900 * MS, 1.0));
+    assert!(matches!(
+        &told[..],
+        [Notice {
+            standing: Standing::New,
+            ..
+        }]
+    ));
+    let told = notices(&mut navigator, &depth(1_400 * MS, 2.0));
+    let seen: Vec<_> = told.iter().map(|notice| (notice.standing, times(notice))).collect();
+    assert_eq!(seen, [(Standing::New, 1_400 * MS), (Standing::Revised, 1_900 * MS)]);
+    // Later than every other: nothing else changes.
+    assert_eq!(notices(&mut navigator, &depth(1_950 * MS, 2.0)).len(), 1);
+}
+
+fn times(notice: &Notice) -> i64 {
+    match &notice.finding {
+        Finding::Update(report) => report.time_ns,
+        Finding::Rejected { time_ns, .. } => *time_ns,
+    }
+}
+
+/// Three equal readings are stuck; a different one that comes late between them makes them good again.
+#[test]
+fn a_late_reading_takes_back_a_rejection() {
+    let mut options = Options::default();
+    options.imu_limits.stuck_after = 3;
+    let mut navigator = under_way("ins", &options, 2_000 * MS, 0);
+    let mut told = Vec::new();
+    for k in [1, 2, 4] {
+        told.extend(notices(&mut navigator, &imu(k * 10 * MS, 0.0)));
+    }
+    assert_eq!(
+        (told.len(), navigator.imu_faults()[2]),
+        (2, 2),
+        "the third and fourth of 0, 10, 20, 40 ms"
+    );
+    let told = notices(&mut navigator, &imu(30 * MS, 0.5));
+    assert!(matches!(
+        &told[..],
+        [Notice {
+            standing: Standing::Withdrawn,
+            finding: Finding::Rejected {
+                time_ns: 40_000_000,
+                ..
+            }
+        }]
+    ));
+    assert_eq!(navigator.imu_faults()[2], 1);
+    assert_eq!(navigator.navigators().state().time_ns, 40 * MS);
+}
+
+/// Of two readings of a stream at one time the same one counts, whichever came first; the other is counted as late.
+#[test]
+fn of_two_at_one_time_contents_decide() {
+    let fix = |x, with_velocity: bool| {
+        let mut sample = GpsSample {
+            time_ns: 1_000 * MS,
+            position_t_m: Vec3::new(x, 0.0, 0.0),
+            position_sd_m: [1.0; 3],
+            velocity: None,
+        };
+        if with_velocity {
+            sample.velocity = Some(GpsVelocity {
+                velocity_t_mps: Vec3::new(0.0, 0.0, 0.0),
+                sd_mps: [0.1; 3],
+            });
+        }
+        Event::from(sample)
+    };
+    let pairs = [
+        (depth(1_000 * MS, 0.25), depth(1_000 * MS, 0.5)),
+        (fix(0.5, true), fix(0.25, false)),
+        (imu(1_000 * MS, 0.25), imu(1_000 * MS, 0.5)),
+    ];
+    for (one, other) in pairs {
+        // At the last reading, behind it, and ahead of it.
+        for seconds in [1, 2, 0] {
+            let ended = [[one, other], [other, one]].map(|order| {
+                let mut navigator = under_way("tc", &Options::default(), 2_000 * MS, 0);
+                let mut told = Told::default();
+                let stamps = 1..=100 * seconds;
+                for k in stamps.filter(|k| *k != 100 || !matches!(one, Event::Imu(_))) {
+                    navigator.push(&imu(k * 10 * MS, 0.0), &mut |_| {}).unwrap();
+                }
+                let refused = order.map(|event| navigator.push(&event, &mut |notice| told.note(notice)).is_err());
+                assert!(!refused[0]);
+                if seconds == 0 && !matches!(one, Event::Imu(_)) {
+                    for k in 1..=120 {
+                        navigator
+                            .push(&imu(k * 10 * MS, 0.0), &mut |notice| told.note(notice))
+                            .unwrap();
+                    }
+                }
+                assert_eq!(navigator.late_events().iter().sum::<u64>(), 1);
+                (outcome(&navigator), told.text(), refused[1])
+            });
+            assert_eq!(ended[0].0, ended[1].0);
+            assert_eq!(ended[0].1, ended[1].1);
+            assert_ne!(ended[0].2, ended[1].2, "one of the two orders refuses its second");
+        }
+    }
+    // The very same twice.
+    let mut navigator = under_way("tc", &Options::default(), 2_000 * MS, 1);
+    navigator.push(&depth(500 * MS, 0.25), &mut |_| {}).unwrap();
+    assert!(matches!(
+        navigator.push(&depth(500 * MS, 0.25), &mut |_| {}),
+        Err(NavError::TimeNotIncreasing {
+            time_ns: 500_000_000,
+            previous_ns: 500_000_000,
+            ..
+        })
+    ));
+}
+
+/// A late push whose replay fails, at once or at a later event, changes nothing, and the same goes on.
+#[test]
+fn a_late_push_that_fails_changes_nothing() {
+    let options = Options {
+        gate: Gate::Off,
+        ..Options::default()
+    };
+    for method in ["tc", "sway_current", "consistent"] {
+        let mut navigator = under_way(method, &options, 2_000 * MS, 1);
+        navigator.push(&depth(900 * MS, 0.5), &mut |_| {}).unwrap();
+        let before = format!("{navigator:?}");
+        for bad in [depth(500 * MS, 1e11), depth(500 * MS, 1e300), imu(505 * MS, 1e300)] {
+            let mut told = 0;
+            assert!(navigator.push(&bad, &mut |_| told += 1).is_err(), "{bad:?}");
+            assert!(format!("{navigator:?}") == before && told == 0, "{bad:?}");
+        }
+        assert_eq!(notices(&mut navigator, &depth(500 * MS, 0.5)).len(), 2);
+    }
+}
+
+/// A rejection of the gate is told late as well, and turns into acceptance where an earlier fix allows it.
+#[test]
+fn a_verdict_may_change() {
+    let mut navigator = under_way(
+        "ins",
+        &Options {
+            inflate_after_rejections: 0,
+            ..Options::default()
+        },
+        2_000 * MS,
+        2,
+    );
+    let verdict = |notice: &Notice| match &notice.finding {
+        Finding::Update(report) if report.sensor == Sensor::Depth => report.verdict,
+        _ => panic!("no depth"),
+    };
+    notices(&mut navigator, &depth(500 * MS, 0.0));
+    let told = notices(&mut navigator, &depth(1_900 * MS, 60.0));
+    assert_eq!(verdict(&told[0]), Verdict::Rejected);
+    let told = notices(
+        &mut navigator,
+        &Event::from(GpsSample {
+            time_ns: 1_000 * MS,
+            position_t_m: Vec3::new(0.0, 0.0, 30.0),
+            position_sd_m: [60.0; 3],
+            velocity: None,
+        }),
+    );
+    assert!(told.len() <= 2);
+}
+
+/// What waits is dropped on request, behind a rejected reading too, and what was fed is not.
+#[test]
+fn what_waits_can_be_dropped() {
+    let mut navigator = under_way("tc", &Options::default(), 2_000 * MS, 1);
+    for event in [
+        depth(995 * MS, 0.5),
+        depth(1_005 * MS, 0.5),
+        imu(1_010 * MS, 1e6),
+        depth(1_015 * MS, 0.5),
+    ] {
+        navigator.push(&event, &mut |_| {}).unwrap();
+    }
+    assert_eq!(navigator.discard_waiting(), 2);
+    assert_eq!(navigator.discard_waiting(), 0);
+    let told = notices(&mut navigator, &imu(1_020 * MS, 0.0));
+    assert!(told.is_empty(), "{told:?}");
+    assert_eq!(notices(&mut navigator, &depth(990 * MS, 0.5)).len(), 2);
+}
+
+/// A new covariance is not gone back behind.
+#[test]
+fn a_new_covariance_begins_anew() {
+    let mut navigator = under_way("tc", &Options::default(), 2_000 * MS, 1);
+    navigator.push(&depth(1_005 * MS, 0.5), &mut |_| {}).unwrap();
+    let covariance = navigator.navigators().covariance() * 2.0;
+    navigator.set_covariance(&covariance).unwrap();
+    assert!(matches!(
+        navigator.push(&depth(1_000 * MS, 0.5), &mut |_| {}),
+        Err(NavError::TooLate { .. })
+    ));
+    assert_eq!(notices(&mut navigator, &imu(1_010 * MS, 0.0)).len(), 1);
+    assert_eq!(notices(&mut navigator, &depth(1_001 * MS, 0.5)).len(), 2);
+}
+
+/// At absurd rates the horizon shrinks, and a reading that never becomes good fills no memory; measurements that wait are
+/// refused when they are too many.
+#[test]
+fn memory_has_bounds() {
+    let mut options = Options::default();
+    options.imu_limits.long_gap = LongGap::Inflate;
+    let mut navigator = under_way("ins", &options, 10_000 * MS, 1);
+    // 20 kHz for five seconds.
+    for k in 1..=100_000 {
+        navigator.push(&imu(1_000 * MS + k * 50_000, 0.0), &mut |_| {}).unwrap();
+    }
+    let full = size(&navigator);
+    assert!(matches!(
+        navigator.push(&depth(2_000 * MS, 0.5), &mut |_| {}),
+        Err(NavError::TooLate { .. })
+    ));
+    assert!(navigator.push(&depth(5_000 * MS, 0.5), &mut |_| {}).is_ok());
+    for k in 1..=100_000 {
+        navigator.push(&imu(6_000 * MS + k * 50_000, 1e6), &mut |_| {}).unwrap();
+    }
+    assert!(size(&navigator) <= full + 10_000, "{} after {full}", size(&navigator));
+    let refused = (1..=20_000).find_map(|k| navigator.push(&depth(11_000 * MS + k, 0.5), &mut |_| {}).err());
+    let words = refused.unwrap().to_string();
+    assert!(
+        words.contains("measurements that wait is 16384") && words.contains("discard_waiting()"),
+        "{words}"
+    );
+}
+
+/// Length of the saved bytes.
+fn size(navigator: &LiveNavigator) -> usize {
+    let snapshot = Snapshot {
+        live: navigator.clone(),
+        sensors: Model::table_2().sensors,
+    };
+    snapshot.to_bytes().unwrap().len()
+}
+
+/// Readings out of order are taken up to the longest gap; beyond it the reading ahead is refused as a gap, unless gaps are
+/// inflated, and then the late ones take the inflation back.
+#[test]
+fn readings_out_of_order_take_back_a_gap() {
+    let mut options = Options::default();
+    options.imu_limits.long_gap = LongGap::Inflate;
+    let mut refusing = under_way("tc", &Options::default(), 5_000 * MS, 1);
+    let mut inflating = under_way("tc", &options, 5_000 * MS, 1);
+    let mut ordered = under_way("tc", &options, 0, 1);
+    assert!(matches!(
+        refusing.push(&imu(2_500 * MS, 0.0), &mut |_| {}),
+        Err(NavError::ImuGap { .. })
+    ));
+    inflating.push(&imu(2_500 * MS, 0.0), &mut |_| {}).unwrap();
+    assert_eq!(inflating.imu_faults()[3], 1);
+    for k in (101..250).rev() {
+        inflating.push(&imu(k * 10 * MS, 0.0), &mut |_| {}).unwrap();
+    }
+    for k in 101..=250 {
+        ordered.push(&imu(k * 10 * MS, 0.0), &mut |_| {}).unwrap();
+    }
+    assert_eq!(outcome(&inflating), outcome(&ordered));
+    assert_eq!(inflating.imu_faults(), &[0; 4]);
+}
+
+/// A ping whose beams are all lost, and one with NaN where a beam is lost, are the same told twice.
+#[test]
+fn lost_beams_are_no_change() {
+    let ping = |time_ns, beams: std::ops::Range<usize>| {
+        Event::Beams(BeamSample {
+            time_ns,
+            velocity_mps: [f64::NAN; MAX_BEAMS].map(|x: f64| if beams.is_empty() { x } else { 0.0 }),
+            sd_mps: [0.042; MAX_BEAMS],
+            valid: beams.clone().collect(),
+        })
+    };
+    let mut navigator = under_way("tc", &Options::default(), 2_000 * MS, 1);
+    notices(&mut navigator, &ping(400 * MS, 0..3));
+    // A ping without beams changes nothing, so it alone is told.
+    let told = notices(&mut navigator, &ping(300 * MS, 0..0));
+    assert!(told.iter().all(|notice| times(notice) == 300 * MS), "{told:?}");
+}
+
+#[test]
+fn cases_have_what_they_are_for() {
+    arrivals::check_cases();
+}
