@@ -149,7 +149,7 @@ def run_case(number: int) -> Outcome:
     for fault in faults:
         entries = fault(entries, draw)
     names = ", ".join(fault.__name__ for fault in faults)
-    engine = Engine(config("navigation", format=form, extra="[navigation]\nhold_s = 0.2\n"))
+    engine = Engine(config("navigation", format=form, extra="[navigation]\nhorizon_s = 0.5\n"))
     sent: list[Sent] = []
     seen: set[str] = set()
     now = START_NS

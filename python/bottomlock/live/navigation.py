@@ -1,6 +1,5 @@
 """The estimator of mode navigation: a `Navigator` fed with what arrives."""
 
-from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -27,9 +26,9 @@ Floats = NDArray[np.float64]
 class NavigationEstimator:
     """Mode navigation. See `live.estimator.Estimator`.
 
-    Inertial readings are held for `navigation.hold_s`, so that a ping that arrives after the readings of its time of
-    validity is still taken in order. A reading that the navigator refuses (not one that it rejects, which is a value)
-    ends it: a fresh alignment follows, and `resets` counts it.
+    A ping that arrives after the readings of its time of validity is put in its place, up to `navigation.horizon_s`. A
+    reading that the navigator refuses (not one that it rejects, which is a value) ends it: a fresh alignment follows,
+    and `resets` counts it.
     """
 
     def __init__(self, config: LiveConfig) -> None:
@@ -37,8 +36,7 @@ class NavigationEstimator:
         self._settings = kernel_settings(config, self._instrument)
         assert config.start is not None  # validated in LiveConfig
         self._start, self._method, self._depth = config.start, config.navigation.method, config.depth
-        self._hold_ns = units.ns_from_s(config.navigation.hold_s)
-        self._held: deque[tuple[int, Floats, Floats]] = deque()
+        self._horizon_ns = units.ns_from_s(config.navigation.horizon_s)
         self._navigator: Navigator | None = None
         self._alignment = Alignment(self._start)
         self._time_ns: int | None = None
@@ -48,6 +46,7 @@ class NavigationEstimator:
         self._beams: Beams | None = None
         self._before_ns: int | None = None
         self._now_ns = 0
+        self._last_imu_ns: int | None = None
         self.fault = ""
         self.rank = 0
         self.rejected = 0
@@ -81,42 +80,18 @@ class NavigationEstimator:
         return float(np.sqrt(np.diag(self._navigator.covariance())[6:9].max()))
 
     def imu(self, time_ns: int, reading: ImuReading, arrival_ns: int) -> None:
-        """Takes an inertial reading, and uses those that have been held long enough.
+        """Takes an inertial reading.
 
         Raises:
             KernelError: for one that is not later than those before.
         """
-        if self._held and time_ns <= self._held[-1][0]:
+        if self._last_imu_ns is not None and time_ns <= self._last_imu_ns:
             raise KernelError("its time does not rise")
-        self._now_ns = arrival_ns
+        self._last_imu_ns, self._now_ns = time_ns, arrival_ns
         axes = self._settings.imu_axes
-        self._held.append(
-            (time_ns, axes @ np.array(reading.omega_radps), axes @ np.array(reading.force_mps2))
-        )
-        while self._held and self._held[0][0] <= time_ns - self._hold_ns:
-            self._use(*self._held.popleft())
-
-    def _use(self, time_ns: int, omega: Floats, force: Floats) -> None:
-        if self._navigator is None:
-            options = self._settings.options
-            if (
-                np.abs(force).max() >= options.max_imu_force_mps2
-                or np.abs(omega).max() >= options.max_imu_rate_radps
-            ):
-                raise KernelError("a reading of the alignment is beyond the full scale")
-            self._alignment.imu(time_ns, force)
-            self.imu_used_ns = self._now_ns
-            if self._alignment.waiting_for:
-                return
-            self._begin(
-                Navigator(
-                    self._instrument.geometry,
-                    self._settings.model,
-                    self._settings.options,
-                    self._alignment.state(),
-                    method=self._method,
-                )
-            )
+        omega, force = axes @ np.array(reading.omega_radps), axes @ np.array(reading.force_mps2)
+        if self._navigator is None and not self._aligned(time_ns, omega, force):
+            return
         assert self._navigator is not None
         if self._time_ns is not None and time_ns < self._time_ns:
             raise KernelError("it is older than the estimate")
@@ -128,8 +103,29 @@ class NavigationEstimator:
         self._time_ns, self._omega = time_ns, omega
         # A rejected reading is a value: it moves nothing, and does not count as one that was used.
         if not any(one["sensor"] == "imu" and one["verdict"] == "rejected" for one in reports):
-            self.imu_used_ns = self._now_ns
+            self.imu_used_ns = arrival_ns
         self._take(reports)
+
+    def _aligned(self, time_ns: int, omega: Floats, force: Floats) -> bool:
+        """Takes a reading for the alignment; whether that is complete, and the navigator has begun."""
+        options = self._settings.options
+        if np.abs(force).max() >= options.max_imu_force_mps2 or np.abs(omega).max() >= options.max_imu_rate_radps:
+            raise KernelError("a reading of the alignment is beyond the full scale")
+        self._alignment.imu(time_ns, force)
+        self.imu_used_ns = self._now_ns
+        if self._alignment.waiting_for:
+            return False
+        self._begin(
+            Navigator(
+                self._instrument.geometry,
+                self._settings.model,
+                self._settings.options,
+                self._alignment.state(),
+                method=self._method,
+                horizon_ns=self._horizon_ns,
+            )
+        )
+        return True
 
     def _begin(self, navigator: Navigator) -> None:
         self._navigator = navigator
@@ -141,7 +137,6 @@ class NavigationEstimator:
         """Gives the navigator up: a fresh alignment follows."""
         self._navigator, self._time_ns = None, None
         self._alignment = Alignment(self._start)
-        self._held.clear()
         self._pings.clear()
         self._fixes, self.rank, self.rejected = None, 0, 0
         self.resets += 1
@@ -155,7 +150,7 @@ class NavigationEstimator:
         """Takes a ping.
 
         Raises:
-            KernelError: for one that is older than the readings that have been used.
+            KernelError: for one that is older than the horizon.
         """
         self._now_ns = arrival_ns
         fixes = solve_ping(self._instrument, ping, "info")
@@ -211,7 +206,7 @@ class NavigationEstimator:
         """Takes a depth.
 
         Raises:
-            KernelError: for one that is older than the readings that have been used.
+            KernelError: for one that is older than the horizon.
         """
         if self._navigator is not None and self._depth is not None:
             self._take(self._navigator.push_depth(time_ns, reading.depth_m, sd_m=self._depth.sd_m))

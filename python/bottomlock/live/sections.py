@@ -95,15 +95,15 @@ class StartSection(Section):
 
 
 class NavigationSection(Section):
-    """Mode navigation: the aiding method, and how long inertial readings are held for measurements that come later.
+    """Mode navigation: the aiding method, and how late a measurement may be.
 
-    A ping is of the time when it was reflected, and arrives some hundredths to tenths of a second after it. Readings
-    are held for `hold_s`, so that it is still taken in order; the estimate is older by as much. The ports are given
-    an estimate `estimate_hz` times a second, and one after each ping.
+    A ping is of the time when it was reflected, and arrives some hundredths to tenths of a second after it. Up to
+    `horizon_s` it is put in its place (docs/late_data.md). The ports are given an estimate `estimate_hz` times a
+    second, and one after each ping.
     """
 
     method: Method = "tc"
-    hold_s: Annotated[float, Field(ge=0, le=10)] = 0.3
+    horizon_s: Annotated[float, Field(gt=0, le=10)] = 2.0
     estimate_hz: Annotated[float, Field(gt=0, le=1000)] = 20.0
 
 

@@ -140,7 +140,7 @@ heading_sd_deg = 5.0
 
 [navigation]
 method = "tc"             # docs/methods/ describes them
-hold_s = 0.3              # longest time from a ping's reflection to its arrival
+horizon_s = 2.0           # longest time from a ping's reflection to its arrival
 
 [checkpoint]
 file = "navigator.checkpoint"
