@@ -31,6 +31,7 @@ COMMANDS = {
     "audit": ("audit", "Audit a DVL log: beam directions, order, signs, defects, mounting."),
     "observe": ("observe", "Analyse which states can be estimated, and which manoeuvre helps."),
     "convert": ("convert", "Convert a recorded DVL log to a beam table."),
+    "live": ("live", "Navigate live: from DVL, IMU and depth to the ports of an autopilot."),
 }
 """Module of `bottomlock.cli` and help line of each command."""
 

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import EARTH_RATE_RADPS, solve_velocity
+from bottomlock.levelling import level_from_force
 from bottomlock.models import ImuModel
 from bottomlock.replay.axes import from_angles, to_angles
 from bottomlock.replay.case import FROM_REFERENCE, Case
@@ -172,19 +173,6 @@ def _level(inputs: _AlignmentInputs) -> tuple[float, float, float, str]:
     roll, pitch = level_from_force(force.value)
     sd = float(np.hypot(inputs.imu.accel_bias_sd_mps2, force.sd.max())) / inputs.gravity_mps2
     return roll, pitch, sd, f"levelled by the accelerometers over {start.window_s:g} s"
-
-
-def level_from_force(force_p_mps2: Floats) -> tuple[float, float]:
-    """Roll and pitch, rad, of a platform at rest from its specific force (3,), which points up.
-
-    >>> level_from_force(np.array([0.0, 0.0, -9.81]))
-    (0.0, 0.0)
-    >>> [round(angle, 6) for angle in level_from_force(from_angles(0.1, 0.2, 1.0).inv().apply([0.0, 0.0, -9.81]))]
-    [0.1, 0.2]
-    """
-    x, y, z = (float(part) for part in force_p_mps2)
-    # Adding 0.0 makes a negative zero positive.
-    return float(np.arctan2(-y, -z)) + 0.0, float(np.arctan2(x, np.hypot(y, z))) + 0.0
 
 
 def _heading(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[float, float, str]:

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from bottomlock.config.dvl_errors import DvlErrors
 from bottomlock.config.scenario_sections import AltitudeLoss, Dropout, NonNegative, Outage, Positive, Section
 from bottomlock.replay.stream_sections import Clock, ColumnTriple, MountedStream
 
@@ -41,15 +42,6 @@ class BeamNoise(Section):
                 "kind = \"closure\" needs 'of' (a recording of beams), and no other kind takes it"
             )
         return self
-
-
-class DvlErrors(Section):
-    """Errors of the DVL that the filter assumes beside the beams' white noise, 1 sigma."""
-
-    beam_bias_mps: NonNegative = 0.005
-    beam_bias_walk_mps_per_rt_s: NonNegative = 5e-5
-    scale_factor_percent: NonNegative = 0.7
-    scale_factor_walk_percent_per_rt_s: NonNegative = 5e-3
 
 
 class DvlStream(MountedStream):

@@ -4,9 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from bottomlock import units
 from bottomlock.kernel import normal_gravity_mps2
-from bottomlock.models import DvlModel, Environment, ImuModel, InitialModel, Model, Options
+from bottomlock.models import Environment, ImuModel, InitialModel, Model, Options
 from bottomlock.replay.case import Case
 from bottomlock.replay.sensors import SENSORS
 from bottomlock.replay.streams import Streams
@@ -35,20 +34,13 @@ def gravity_mps2(case: Case, streams: Streams) -> float:
 
 def kernel_model(case: Case, streams: Streams, imu: ImuModel, initial: InitialModel, gravity: float) -> Model:
     """Environment, sensor errors and initial standard deviations, as the kernel takes them."""
-    dvl = case.dvl.errors
     sensors: dict[str, Any] = {}
     for sensor in SENSORS:
         sensors |= sensor.model(getattr(case, sensor.section))
     return Model(
         environment=Environment(latitude_rad=streams.latitude_rad, gravity_mps2=gravity),
         imu=imu,
-        dvl=DvlModel(
-            beam_noise_sd_mps=float(streams.instrument.beam_sd_mps.mean()),
-            beam_bias_sd_mps=dvl.beam_bias_mps,
-            beam_bias_walk_mps_rts=dvl.beam_bias_walk_mps_per_rt_s,
-            scale_factor_sd=units.fraction_from_percent(dvl.scale_factor_percent),
-            scale_factor_walk_rts=units.fraction_from_percent(dvl.scale_factor_walk_percent_per_rt_s),
-        ),
+        dvl=case.dvl.errors.kernel_model(float(streams.instrument.beam_sd_mps.mean())),
         initial=initial,
         **sensors,
     )

@@ -1,0 +1,145 @@
+"""The command `bottomlock live`: from the DVL's bytes to those of an autopilot, in one process."""
+
+import asyncio
+import contextlib
+import gc
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
+from bottomlock.cli.live_view import show
+from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.live.config import LiveConfig, load_config
+from bottomlock.live.engine import Engine, Message
+from bottomlock.live.health import HealthServer, status
+from bottomlock.live.replay import replay_log
+from bottomlock.live.runner import Live, begin, host_clock
+from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
+
+
+def live(
+    config: Path,
+    *,
+    init: Annotated[
+        str | None,
+        Parameter(help=f"Write a commented CONFIG for an instrument: {', '.join(INSTRUMENTS)}."),
+    ] = None,
+    autopilot: Annotated[str, Parameter(help=f"Receiver of --init: {', '.join(AUTOPILOTS)}.")] = "text",
+    dry_run: Annotated[
+        bool, Parameter(negative="", help="Show what would be sent, and send nothing.")
+    ] = False,
+    replay: Annotated[
+        Path | None,
+        Parameter(help="Play a raw log again, and compare with what was sent; exit code 1 where it differs."),
+    ] = None,
+) -> None:
+    """Navigate live: from DVL, IMU and depth to the ports of an autopilot.
+
+    Parameters
+    ----------
+    config
+        TOML file; docs/live.md describes it. With --init, the file to write.
+    """
+    if init is not None:
+        _init(config, init, autopilot)
+        return
+    settings = load_config(config)
+    if replay is not None:
+        _replay(settings, replay)
+        return
+    if not settings.port and not dry_run:
+        raise ScenarioError(f"{config}: there is no [[port]], so nothing would be sent; --dry-run needs none")
+    clock = host_clock()
+    engine, log = begin(settings, config.read_bytes(), say=_say, clock=clock, logged=not dry_run)
+    send = _shown(settings, engine) if dry_run else None
+    _run(Live(settings, engine, say=_say, log=log, send=send, clock=clock))
+
+
+def _init(config: Path, instrument: str, autopilot: str) -> None:
+    """Writes a configuration; an existing file stays as it is."""
+    text = template(instrument, autopilot)
+    try:
+        with config.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError as error:
+        raise OutputError(f"{config}: exists already, nothing was overwritten") from error
+    except OSError as error:
+        raise OutputError(f"{config}: cannot be written ({error.strerror or error})") from error
+    console.print(f"wrote {config}; edit it, then: bottomlock live --dry-run {config}", soft_wrap=True)
+
+
+def _say(words: str) -> None:
+    errors.print(f"bottomlock: {words}", markup=False)
+
+
+def _shown(settings: LiveConfig, engine: Engine) -> Callable[[Message], None]:
+    """Prints a message in place of sending it."""
+
+    def show(message: Message) -> None:
+        section = settings.port[message.port]
+        text = message.data.rstrip(b"\r\n").decode("ascii", "replace")
+        content = text if text.isprintable() else message.data.hex(" ")
+        console.print(
+            f"{engine.state} {section.port} to {section.to}, {len(message.data)} bytes: {content}",
+            soft_wrap=True,
+            highlight=False,
+        )
+
+    return show
+
+
+def _run(running: Live) -> None:
+    async def until_stopped() -> None:
+        loop, task = asyncio.get_running_loop(), asyncio.current_task()
+        assert task is not None
+        for name in (signal.SIGINT, signal.SIGTERM):
+            with contextlib.suppress(NotImplementedError):
+                loop.add_signal_handler(name, task.cancel)
+        others = [asyncio.create_task(_page(running))]
+        if sys.stderr.isatty() and running.sinks:
+            others.append(asyncio.create_task(show(lambda: status(running), errors)))
+        with contextlib.suppress(asyncio.CancelledError):
+            await running.run()
+        for task in others:
+            task.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
+
+    # What the start has made stays: the collector need not look at it while a ping waits.
+    gc.collect()
+    gc.freeze()
+    asyncio.run(until_stopped())
+    for one in running.engine.ports:
+        last = f"; last silent because {one.silent_because}" if one.silent_because else ""
+        _say(f"port {one.name}: {one.sent} messages{last}")
+
+
+async def _page(running: Live) -> None:
+    """Serves the health page; navigation goes on where that is not possible."""
+    section = running.config.health
+    if section is None:
+        return
+    server = HealthServer(lambda: status(running), section.host, section.port)
+    serving = asyncio.create_task(server.run())
+    opened = asyncio.create_task(server.opened.wait())
+    try:
+        await asyncio.wait({serving, opened}, return_when=asyncio.FIRST_COMPLETED)
+        if server.opened.is_set():
+            _say(f"health page {server.url}")
+        await serving
+    except OSError as error:
+        _say(f"no health page on {section.host}:{section.port}: {error.strerror or error}")
+    finally:
+        for task in (serving, opened):
+            task.cancel()
+
+
+def _replay(settings: LiveConfig, log: Path) -> None:
+    result = replay_log(settings, log)
+    console.print(result.text(), highlight=False, soft_wrap=True)
+    if result.first_difference:
+        sys.exit(EXIT_DEPARTURE)

@@ -1,0 +1,306 @@
+"""The engine: bytes and their times of arrival in, bytes for the ports out.
+
+It has no clock of its own, so a raw log played again gives the very bytes that were sent. Work that depends on time
+alone (silence, lines that wait) is done at multiples of `TICK_NS` of the arrival clock, whoever asks first.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from bottomlock import units
+from bottomlock.errors import BottomlockError
+from bottomlock.io.rows import Options
+from bottomlock.live.clock import ClockMap
+from bottomlock.live.config import LiveConfig, kernel_settings
+from bottomlock.live.estimator import Estimator, VelocityEstimator
+from bottomlock.live.pings import Ping, PingReader
+from bottomlock.live.readings import ImuReading, LineReader, MavlinkReader, Reading
+from bottomlock.live.sections import DVL_FORMATS, SourceSection
+from bottomlock.live.states import Facts, StateMachine
+from bottomlock.ports.estimate import SILENT, Estimate, State
+from bottomlock.ports.port import Port
+
+TICK_NS = 50_000_000
+WAIT_NS = 150_000_000
+"""How long the lines of an incomplete ping are held for the rest of it."""
+REPEATS = 64
+"""Stamps that a DVL's are compared with to find repeats."""
+
+
+OLDEST_NS = 10_000_000_000
+"""Age from which on a stamp on the host's clock is none: the longest horizon of a navigator."""
+
+
+@dataclass(frozen=True)
+class Message:
+    """Bytes for a port, by its place in the configuration."""
+
+    port: int
+    data: bytes
+
+
+@dataclass
+class SourceState:
+    """A source as the engine sees it.
+
+    Attributes:
+        section: its settings.
+        reader: bytes to pings or readings.
+        clock: its clock on the host's.
+        last_ns: arrival of its last bytes; None before the first.
+        used: readings or pings that were taken.
+        refused: those that were not, by reason.
+        connections: how often it was connected.
+    """
+
+    section: SourceSection
+    reader: PingReader | LineReader | MavlinkReader
+    clock: ClockMap
+    last_ns: int | None = None
+    used: int = 0
+    refused: Counter[str] = field(default_factory=Counter)
+    connections: int = 0
+    stamps: list[int] = field(default_factory=list)
+
+
+@dataclass
+class PortState:
+    """A port as the engine sees it: messages sent, and why the last estimate was not."""
+
+    port: Port
+    name: str
+    sent: int = 0
+    silent_because: str = "nothing to send yet"
+
+
+class Engine:
+    """Live navigation as a function of bytes and times of arrival.
+
+    Args:
+        config: the configuration.
+        make_estimator: makes the estimator; by default that of the mode.
+        reset_counter: of the estimates, at the start.
+    """
+
+    def __init__(
+        self,
+        config: LiveConfig,
+        *,
+        make_estimator: Callable[[LiveConfig], Estimator] | None = None,
+        reset_counter: int = 0,
+    ) -> None:
+        self.config = config
+        instrument = config.instrument()
+        self.beams = instrument.geometry.beams
+        self.estimator = (make_estimator or _estimator)(config)
+        self.sources = [self._source(section) for section in config.source]
+        self.ports = [
+            PortState(port, section.port) for section, port in zip(config.port, config.ports(), strict=True)
+        ]
+        self.machine = StateMachine(config.limits)
+        self._reset_counter = reset_counter
+        self._tick_ns: int | None = None
+        self._offered_ns: int | None = None
+        self._estimate_ns = units.ns_from_s(1.0 / config.navigation.estimate_hz)
+        self._steps_seen = 0
+        self._failed = ""
+        self.now_ns = 0
+
+    def _source(self, section: SourceSection) -> SourceState:
+        reader: PingReader | LineReader | MavlinkReader
+        if section.format in DVL_FORMATS:
+            options = Options(negate_beams=section.negate_beams, keep_stale=section.keep_stale)
+            reader = PingReader(section.format, self.beams, options)
+        elif section.format == "mavlink":
+            gravity = kernel_settings(self.config, self.config.instrument()).gravity_mps2
+            reader = MavlinkReader(self.config.depth, gravity)
+        else:
+            reader = LineReader(section.format)
+        return SourceState(section, reader, ClockMap(units.ns_from_s(section.step_s)))
+
+    @property
+    def state(self) -> State:
+        """The state now."""
+        return self.machine.state
+
+    @property
+    def reset_counter(self) -> int:
+        """Discontinuities that no measurement explains, modulo 256."""
+        return (self._reset_counter + self.estimator.resets) % 256
+
+    def fail(self, why: str) -> None:
+        """Nothing is sent any more: the engine has failed."""
+        self._failed = why
+        self._judge(self.now_ns)
+
+    def connected(self, source: int, now_ns: int) -> list[Message]:
+        """A source was connected (anew): a record that had begun is forgotten."""
+        messages = self.advance(now_ns)
+        one = self.sources[source]
+        one.connections += 1
+        if one.connections > 1:
+            one.reader.framer.reset()
+        return messages
+
+    def arrive(self, source: int, arrival_ns: int, data: bytes) -> list[Message]:
+        """Takes bytes of a source, by its place in the configuration; arrivals never fall."""
+        messages = self.advance(arrival_ns)
+        one = self.sources[source]
+        one.last_ns = arrival_ns
+        for reading in one.reader.feed(data):
+            messages += self._take(one, arrival_ns, reading)
+        return messages
+
+    def advance(self, now_ns: int) -> list[Message]:
+        """Does what depends on time alone, up to `now_ns`."""
+        messages: list[Message] = []
+        first = now_ns // TICK_NS if self._tick_ns is None else self._tick_ns // TICK_NS + 1
+        # After a long pause of the process the last tick says what a thousand would.
+        for tick in range(max(first, now_ns // TICK_NS - 1000), now_ns // TICK_NS + 1):
+            self._tick_ns = tick * TICK_NS
+            messages += self._tick(self._tick_ns)
+        self.now_ns = now_ns
+        return messages
+
+    def _tick(self, now_ns: int) -> list[Message]:
+        messages: list[Message] = []
+        for one in self.sources:
+            if one.reader.framer.waiting and one.last_ns is not None and now_ns - one.last_ns >= WAIT_NS:
+                for reading in one.reader.flush():
+                    messages += self._take(one, one.last_ns, reading)
+        self._judge(now_ns)
+        return messages
+
+    def _take(self, one: SourceState, arrival_ns: int, reading: Ping | Reading) -> list[Message]:
+        time_ns = self._time_ns(one, arrival_ns, reading)
+        if time_ns is None:
+            return []
+        try:
+            self._estimate(reading, time_ns, arrival_ns)
+        except BottomlockError as error:
+            one.refused[_without_numbers(str(error))] += 1
+            return []
+        one.used += 1
+        if isinstance(reading, Ping):
+            # What a ping has changed is sent at once.
+            self._judge(arrival_ns)
+            return self._send(least_ns=1)
+        return self._send(least_ns=self._estimate_ns) if isinstance(reading, ImuReading) else []
+
+    def _estimate(self, reading: Ping | Reading, time_ns: int, arrival_ns: int) -> None:
+        if isinstance(reading, Ping):
+            self.estimator.ping(time_ns, reading, arrival_ns)
+        elif isinstance(reading, ImuReading):
+            self.estimator.imu(time_ns, reading, arrival_ns)
+        else:
+            self.estimator.depth(time_ns, reading)
+
+    def _time_ns(self, one: SourceState, arrival_ns: int, reading: Ping | Reading) -> int | None:
+        """Time of validity on the host's clock; None where it is unsure, which is counted."""
+        latency_ns = units.ns_from_s(one.section.latency_s)
+        is_ping = isinstance(reading, Ping)
+        if is_ping and reading.time_ns in one.stamps:
+            one.refused["its time repeats"] += 1
+            return None
+        if one.section.clock == "arrival":
+            return arrival_ns - latency_ns
+        if one.section.clock == "host":
+            # One stamp far ahead would make every later reading an old one.
+            ahead_ns = reading.time_ns - arrival_ns
+            if not -OLDEST_NS < ahead_ns <= units.ns_from_s(one.section.step_s):
+                one.refused["its time is not that of the host"] += 1
+                return None
+            return reading.time_ns - latency_ns
+        sent_ns = reading.transmission_ns if isinstance(reading, Ping) else reading.time_ns
+        verdict = one.clock.observe(sent_ns, arrival_ns)
+        if verdict == "late":
+            one.refused["late, or its clock was set: time of validity unsure"] += 1
+            return None
+        if verdict == "stepped":
+            one.stamps.clear()
+        if is_ping:
+            one.stamps.append(reading.time_ns)
+            del one.stamps[:-REPEATS]
+        return one.clock.host_ns(reading.time_ns) - latency_ns
+
+    def _judge(self, now_ns: int) -> None:
+        steps = sum(one.clock.steps for one in self.sources)
+        estimator = self.estimator
+        facts = Facts(
+            now_ns=now_ns,
+            mode=self.config.mode,
+            waiting_for="" if self._failed else estimator.waiting_for,
+            ping_age_ns=_age(now_ns, estimator.ping_used_ns),
+            ping_period_ns=self._period_ns(PingReader),
+            rank=estimator.rank,
+            imu_age_ns=_age(now_ns, estimator.imu_used_ns),
+            imu_period_ns=self._period_ns(LineReader, MavlinkReader),
+            velocity_sd_mps=estimator.velocity_sd_mps,
+            rejected=estimator.rejected,
+            stepped=steps > self._steps_seen,
+            fault=self._failed or estimator.fault,
+        )
+        self._steps_seen = steps
+        self.machine.update(facts)
+
+    def _period_ns(self, *readers: type) -> int:
+        """Longest expected period among the sources of a kind; depth does not count."""
+        rates = [
+            one.section.rate_hz
+            for one in self.sources
+            if isinstance(one.reader, readers) and one.section.format != "depth-csv"
+        ]
+        return units.ns_from_s(1.0 / min(rates)) if rates else 0
+
+    def _send(self, *, least_ns: int) -> list[Message]:
+        """The estimate to every port, if it is `least_ns` later than the last; nothing where the state forbids it."""
+        time_ns = self.estimator.time_ns
+        if time_ns is None or not self.ports:
+            return []
+        if self._offered_ns is not None and time_ns - self._offered_ns < least_ns:
+            return []
+        if self.state in SILENT:
+            for one in self.ports:
+                one.silent_because = f"state is {self.state}: {self.machine.why}"
+            return []
+        estimate = self.estimator.estimate(self.state, self.reset_counter)
+        if estimate is None:
+            return []
+        self._offered_ns = time_ns
+        messages = []
+        for place, one in enumerate(self.ports):
+            data = self._encoded(one, estimate)
+            if data is not None:
+                one.sent += 1
+                messages.append(Message(place, data))
+        return messages
+
+    @staticmethod
+    def _encoded(one: PortState, estimate: Estimate) -> bytes | None:
+        """The message of a port; None, and the reason, where it sends nothing."""
+        try:
+            data = one.port.encode(estimate)
+            one.silent_because = "" if data is not None else one.port.sends(estimate) or ""
+        except BottomlockError as error:
+            one.silent_because = str(error)
+            return None
+        return data
+
+
+def _estimator(config: LiveConfig) -> Estimator:
+    if config.mode == "navigation":
+        from bottomlock.live.navigation import NavigationEstimator  # noqa: PLC0415 - mode velocity starts without it
+
+        return NavigationEstimator(config)
+    instrument = config.instrument()
+    return VelocityEstimator(instrument, config.velocity.method)
+
+
+def _age(now_ns: int, then_ns: int | None) -> int | None:
+    return None if then_ns is None else max(now_ns - then_ns, 0)
+
+
+def _without_numbers(text: str) -> str:
+    """An error without what differs from case to case, so that equal ones are counted together."""
+    return "".join("n" if c.isdigit() else c for c in text)[:100]

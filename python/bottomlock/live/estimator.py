@@ -1,0 +1,159 @@
+"""What the engine asks of an estimator, and the estimator of mode velocity: each ping solved by itself."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.io.beams import Instrument
+from bottomlock.kernel import VelocityFixes, solve_velocity
+from bottomlock.live.pings import Ping
+from bottomlock.live.readings import DepthReading, ImuReading
+from bottomlock.live.sections import VelocityMethod
+from bottomlock.ports.estimate import Beams, Estimate, State
+
+
+class Estimator(Protocol):
+    """Readings in, at times of the host's clock; estimates out.
+
+    Attributes:
+        fault: why the estimate cannot be used at all; "" if it can.
+        rank: directions that the beams of the last ping with a used beam determine.
+        rejected: pings in a row that the gate has rejected.
+        resets: discontinuities that no measurement explains, since the start.
+        ping_used_ns: arrival of what made a beam used the last time; None before the first.
+        imu_used_ns: the same of inertial readings.
+        last: what is known of the last ping, for the health page.
+    """
+
+    fault: str
+    rank: int
+    rejected: int
+    resets: int
+    ping_used_ns: int | None
+    imu_used_ns: int | None
+    last: "LastPing"
+
+    @property
+    def waiting_for(self) -> str:
+        """What the start still lacks; "" once there is an estimate."""
+
+    @property
+    def velocity_sd_mps(self) -> float | None:
+        """Largest 1 sigma of a velocity axis, m/s; None where the beams alone give the velocity."""
+
+    @property
+    def time_ns(self) -> int | None:
+        """Time of the estimate; None without one."""
+
+    def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
+        """Takes a ping of a time of validity, and when it came."""
+
+    def imu(self, time_ns: int, reading: ImuReading, arrival_ns: int) -> None:
+        """Takes an inertial reading."""
+
+    def depth(self, time_ns: int, reading: DepthReading) -> None:
+        """Takes a depth."""
+
+    def estimate(self, state: State, reset_counter: int) -> Estimate | None:
+        """The estimate as it is now; None without one."""
+
+
+class LastPing:
+    """The last ping: beams, what was used of them, and how well they fitted.
+
+    Attributes:
+        velocity_mps: (n,) of valid beams, NaN elsewhere.
+        used: (n,) beams that were used.
+        nis: normalised innovation squared over its degrees of freedom; None without one.
+        verdict: of the gate, or of the solution, in a word.
+        why: why something was rejected; "" if nothing was.
+    """
+
+    def __init__(self, beams: int) -> None:
+        self.velocity_mps = np.full(beams, np.nan)
+        self.used = np.zeros(beams, dtype=bool)
+        self.nis: float | None = None
+        self.verdict = ""
+        self.why = ""
+
+
+def solve_ping(instrument: Instrument, ping: Ping, method: VelocityMethod) -> VelocityFixes:
+    """The velocity of one ping along the directions that its valid beams determine."""
+    return solve_velocity(
+        instrument.geometry,
+        ping.velocity_mps[np.newaxis],
+        ping.valid[np.newaxis],
+        method=method,
+        beam_sd_mps=instrument.beam_sd_mps,
+    )
+
+
+def beams_of(instrument: Instrument, ping: Ping, *, offset_ns: int, before_ns: int | None) -> Beams:
+    """The ping for ports that pass beams on; `offset_ns` brings the instrument's clock to the host's."""
+    return Beams(
+        velocity_mps=np.where(ping.valid, ping.velocity_mps, np.nan),
+        sd_mps=instrument.beam_sd_mps,
+        range_m=positive(ping.range_m),
+        transmission_ns=ping.transmission_ns + offset_ns,
+        interval_ns=None if before_ns is None else ping.time_ns - before_ns,
+    )
+
+
+def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values above zero, NaN elsewhere."""
+    return np.where(values > 0.0, values, np.nan)
+
+
+class VelocityEstimator:
+    """Mode velocity: what the beams of the last ping determine, and nothing else. See `Estimator`."""
+
+    def __init__(self, instrument: Instrument, method: VelocityMethod) -> None:
+        self._instrument, self._method = instrument, method
+        self._fixes: VelocityFixes | None = None
+        self._beams: Beams | None = None
+        self._before_ns: int | None = None
+        self._time_ns: int | None = None
+        self.fault = ""
+        self.waiting_for = "a ping that determines the whole velocity"
+        self.velocity_sd_mps: float | None = None
+        self.rank = self.rejected = self.resets = 0
+        self.ping_used_ns: int | None = None
+        self.imu_used_ns: int | None = None
+        self.last = LastPing(instrument.geometry.beams)
+
+    def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
+        """Solves a ping."""
+        fixes = solve_ping(self._instrument, ping, self._method)
+        rank = int(fixes.rank[0])
+        self.last.velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
+        self.last.used = fixes.beams_used[0]
+        self.last.verdict = f"determines {rank} of 3 directions"
+        self._fixes = fixes
+        self._beams = beams_of(
+            self._instrument, ping, offset_ns=time_ns - ping.time_ns, before_ns=self._before_ns
+        )
+        self._before_ns, self._time_ns = ping.time_ns, time_ns
+        if rank == 3:
+            self.waiting_for = ""
+        if rank:
+            self.rank, self.ping_used_ns = rank, arrival_ns
+
+    def imu(self, time_ns: int, reading: ImuReading, arrival_ns: int) -> None:
+        """Not used in this mode."""
+
+    def depth(self, time_ns: int, reading: DepthReading) -> None:
+        """Not used in this mode."""
+
+    @property
+    def time_ns(self) -> int | None:
+        """Time of the last ping."""
+        return self._time_ns
+
+    def estimate(self, state: State, reset_counter: int) -> Estimate | None:
+        """What the last ping determines; None if that is nothing."""
+        if self._fixes is None or self._time_ns is None or not int(self._fixes.rank[0]):
+            return None
+        return Estimate.from_fix(
+            self._time_ns, self._fixes, state=state, reset_counter=reset_counter, beams=self._beams
+        )

@@ -1,0 +1,204 @@
+"""Pings of a live DVL: records cut from the byte stream, and each read by the reader of its format.
+
+A ping is what `bottomlock convert` makes of the same bytes, with three differences that follow from not knowing the
+future: a ping whose time does not rise is handed on (the engine counts it), a Water Linked serial report is taken as
+soon as its fourth transducer is in, and a sum of intervals begins with the first report after the start.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.errors import DataError
+from bottomlock.io.beam_table import BeamTable
+from bottomlock.io.formats import BYTES
+from bottomlock.io.nortek_frames import BOTTOM_AD2CP, BOTTOM_DVL, BOTTOM_NUCLEUS
+from bottomlock.io.rows import Options
+from bottomlock.live.framing import LONGEST_JSON, Framer, Lines, NortekLines, WaterLinkedLines, nortek, pd0
+
+FRAMERS: dict[str, Callable[[int], Framer]] = {
+    "waterlinked-json": lambda _: Lines(LONGEST_JSON),
+    "waterlinked-serial": WaterLinkedLines,
+    "pd0": lambda _: pd0(),
+    "nortek-dvl": lambda _: nortek(),
+    "nortek-ad2cp": lambda _: nortek(),
+    "nucleus": lambda _: nortek(),
+    "nortek-ascii": NortekLines,
+    "cerulean-dvkfc": lambda _: Lines(),
+}
+"""Formats with beams that come as a stream, and the framer of each for a number of beams."""
+
+_KINDS = {"nortek-dvl": BOTTOM_DVL, "nortek-ad2cp": BOTTOM_AD2CP, "nucleus": BOTTOM_NUCLEUS}
+_REPEATS = "waterlinked-json"
+"""The format whose reports may repeat the beams of the report before."""
+
+_TRANSMISSION = {
+    "waterlinked-json": re.compile(rb'"time_of_transmission"\s{0,4}:\s{0,4}([0-9]{1,18})'),
+    "waterlinked-serial": re.compile(
+        rb"wrz(?:,[^,*\n]{0,200}){9},([0-9]{1,18}),[^,*\n]{1,32},[^,*\n]{1,8}\*"
+    ),
+}
+"""Where a report says when it was sent, µs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ping:
+    """A ping of a live DVL.
+
+    Attributes:
+        time_ns: instrument's clock: time of validity where the format has it, else of the record.
+        transmission_ns: instrument's clock when the report was sent; `time_ns` where the format does not say.
+        velocity_mps: (n,) along the beams, towards the bottom positive; NaN where there is none.
+        valid: (n,).
+        sd_mps: (n,) the instrument's figure of merit of each beam, 1 sigma; NaN where there is none.
+        range_m: (n,) along the beam; NaN where there is none.
+        instrument_mps: (3,) the instrument's own velocity; NaN where there is none.
+        instrument_valid: whether the instrument calls it valid; None without a flag.
+        stale: the beams repeat those of the report before; none is valid.
+    """
+
+    time_ns: int
+    transmission_ns: int
+    velocity_mps: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+    sd_mps: NDArray[np.float64]
+    range_m: NDArray[np.float64]
+    instrument_mps: NDArray[np.float64]
+    instrument_valid: bool | None
+    stale: bool = False
+
+
+@dataclass
+class PingReader:
+    """The pings of a byte stream in one format.
+
+    Args:
+        format: a key of `FRAMERS`.
+        beams: number of beams of the geometry.
+        options: of the reader.
+
+    Attributes:
+        records: whole records so far.
+        skipped: records without a ping, by what was wrong.
+    """
+
+    format: str
+    beams: int
+    options: Options = field(default_factory=Options)
+    records: int = 0
+    skipped: Counter[str] = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        """Chooses framer and reader.
+
+        Raises:
+            DataError: for a format that is no stream of beams.
+        """
+        if self.format not in FRAMERS:
+            raise DataError(
+                f"format '{self.format}' is no stream of beams, expected one of {', '.join(FRAMERS)}"
+            )
+        self.framer = FRAMERS[self.format](self.beams)
+        self._read = next(one.read for one in BYTES if one.name == self.format)
+        # A report whose transducers are all missing is a ping with all beams lost, not a log without beams.
+        serial = self.format == "waterlinked-serial"
+        self._settings = replace(self.options, instrument_only=True) if serial else self.options
+        self._kind = _KINDS.get(self.format)
+        self._before: tuple[bytes, ...] | None = None
+        self._absolute: bool | None = None
+        self._sum_ns = 0
+
+    def feed(self, data: bytes) -> list[Ping]:
+        """The pings that `data` completes."""
+        return [ping for record in self.framer.feed(data) for ping in self._pings(record)]
+
+    def flush(self) -> list[Ping]:
+        """The ping whose lines are held, where no more of them have come for a while."""
+        return [ping for record in self.framer.flush() for ping in self._pings(record)]
+
+    def _pings(self, record: bytes) -> list[Ping]:
+        self.records += 1
+        if self._kind is not None and record[2] != self._kind:
+            self.skipped["another kind of record"] += 1
+            return []
+        try:
+            recording = self._read(record, "record", self._settings)
+        except DataError as error:
+            self.skipped[_reason(error)] += 1
+            return []
+        table = recording.table
+        if table.beams > self.beams:
+            self.skipped[f"{table.beams} beams, the geometry has {self.beams}"] += 1
+            return []
+        absolute = recording.time_of == "validity" or self.format not in _SUMS
+        if self._absolute is None:
+            self._absolute = absolute
+        if absolute != self._absolute:
+            self.skipped[
+                "no time of validity" if self._absolute else "a time of validity among intervals"
+            ] += 1
+            return []
+        found = []
+        sum_ns = self._sum_ns
+        for row in range(table.rows):
+            time_ns = int(table.time_ns[row])
+            if not absolute:
+                # The reader's sum begins with this record's first interval.
+                time_ns = self._sum_ns = sum_ns + time_ns
+            found.append(self._ping(table, row, time_ns, record, only=table.rows == 1))
+        return found
+
+    def _ping(self, table: BeamTable, row: int, time_ns: int, record: bytes, *, only: bool) -> Ping:
+        valid = _padded(table.valid[row], self.beams, fill=False)
+        stale = False
+        if self.format == _REPEATS:
+            block = tuple(
+                column[row].tobytes()
+                for column in (table.velocity_mps, table.range_m, table.quality, *_noise(table))
+            )
+            stale = block == self._before and bool(valid.any())
+            self._before = block
+            if stale and not self.options.keep_stale:
+                valid = np.zeros_like(valid)
+        pattern = _TRANSMISSION.get(self.format)
+        sent = pattern.search(record) if pattern is not None and only else None
+        flag = int(table.instrument_valid[row])
+        return Ping(
+            time_ns=time_ns,
+            transmission_ns=int(sent.group(1)) * 1000 if sent and self._absolute else time_ns,
+            velocity_mps=_padded(table.velocity_mps[row], self.beams, fill=np.nan),
+            valid=valid,
+            sd_mps=_padded(table.sd_mps[row], self.beams, fill=np.nan),
+            range_m=_padded(table.range_m[row], self.beams, fill=np.nan),
+            instrument_mps=table.instrument_mps[row],
+            instrument_valid=None if flag < 0 else bool(flag),
+            stale=stale,
+        )
+
+
+_SUMS = ("waterlinked-json", "waterlinked-serial")
+"""Formats whose older versions carry intervals in place of times."""
+
+
+def _noise(table: BeamTable) -> list[NDArray[np.float64]]:
+    return [table.extra[name] for name in table.extra if name.endswith("_noise_dbm")]
+
+
+def _padded(values: NDArray, beams: int, *, fill: float | bool) -> NDArray:  # type: ignore[type-arg]
+    """A row with as many beams as the geometry: what a record does not have is lost."""
+    if len(values) == beams:
+        return values
+    return np.concatenate([values, np.full(beams - len(values), fill, dtype=values.dtype)])
+
+
+def _reason(error: DataError) -> str:
+    """Why a record gave no ping, without what differs from record to record."""
+    text = str(error).removeprefix("record: ")
+    skipped = re.search(r"skipped: [0-9]+ (.*?) \(first", text)
+    if skipped:
+        return skipped.group(1)
+    return re.sub(r"[0-9]+", "n", text)[:80]

@@ -1,0 +1,197 @@
+"""The raw log: every byte with its time of arrival, and every byte that was sent, as MCAP without chunks.
+
+Without chunks a record is in the file as soon as it is written, so a log that ends in the middle of a record, after a
+kill or a loss of power, is read up to there. Topics: `in/<source>`, `connected/<source>`, `out/<place>/<port>`.
+"""
+
+import contextlib
+import struct
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, Literal
+
+from bottomlock.errors import DataError, OutputError
+
+Kind = Literal["in", "connected", "out"]
+START = "start"
+"""Name of the attachment that holds what the engine started from."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An entry of a raw log: bytes of a source, a connection of it, or bytes to a port.
+
+    `place` is that of source or port in the configuration.
+    """
+
+    kind: Kind
+    place: int
+    time_ns: int
+    data: bytes
+
+
+def _mcap() -> Any:  # noqa: ANN401 - an extra
+    try:
+        import mcap.writer  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise DataError("raw logs need mcap: pip install 'bottomlock[live]'") from error
+    return mcap
+
+
+class RawLog:
+    """A raw log that is being written.
+
+    Args:
+        folder: where; the file is named after the time.
+        sources: names of the sources.
+        ports: names of the ports.
+        start: what the engine started from: the text of the configuration and, after a restart, its checkpoint.
+
+    Raises:
+        DataError: where mcap is not installed.
+        OutputError: where the file cannot be written.
+    """
+
+    def __init__(
+        self, folder: Path, *, sources: Sequence[str], ports: Sequence[str], start: dict[str, bytes]
+    ) -> None:
+        mcap = _mcap()
+        name = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self.path, self._file = _new_file(folder, name)
+        except OSError as error:
+            raise OutputError(f"{folder}: no raw log can be written ({error.strerror or error})") from error
+        self._writer = mcap.writer.Writer(
+            self._file,
+            use_chunking=False,
+            index_types=mcap.writer.IndexType.NONE,
+            compression=mcap.writer.CompressionType.NONE,
+            enable_crcs=False,
+        )
+        self._writer.start(profile="", library="bottomlock")
+        for key, content in start.items():
+            self._writer.add_attachment(0, 0, f"{START}/{key}", "application/octet-stream", content)
+        self._channels: dict[tuple[Kind, int], int] = {}
+        topics: list[tuple[Kind, int, str]] = [
+            *(("in", place, f"in/{name}") for place, name in enumerate(sources)),
+            *(("connected", place, f"connected/{name}") for place, name in enumerate(sources)),
+            *(("out", place, f"out/{place}/{name}") for place, name in enumerate(ports)),
+        ]
+        for kind, place, topic in topics:
+            self._channels[kind, place] = self._writer.register_channel(
+                topic, "application/octet-stream", 0, {"kind": kind, "place": str(place)}
+            )
+        self.bytes = 0
+        self.flush()
+
+    def write(self, kind: Kind, place: int, time_ns: int, data: bytes) -> None:
+        """Writes an entry; times never fall.
+
+        Raises:
+            OutputError: where the disk is full or gone.
+        """
+        try:
+            self._writer.add_message(self._channels[kind, place], time_ns, data, time_ns)
+        except OSError as error:
+            raise OutputError(f"{self.path}: cannot be written ({error.strerror or error})") from error
+        self.bytes += len(data)
+
+    def flush(self) -> None:
+        """Hands everything to the system: it survives the end of the process.
+
+        Raises:
+            OutputError: where the disk is full or gone.
+        """
+        try:
+            self._file.flush()
+        except OSError as error:
+            raise OutputError(f"{self.path}: cannot be written ({error.strerror or error})") from error
+
+    def close(self) -> None:
+        """Ends the file."""
+        with contextlib.suppress(OSError):
+            self._writer.finish()
+            self._file.close()
+
+
+def _new_file(folder: Path, name: str) -> tuple[Path, IO[bytes]]:
+    """A file of this name or, where there is one, with a number behind it."""
+    for number in range(1000):
+        path = folder / (f"{name}.mcap" if not number else f"{name}_{number}.mcap")
+        with contextlib.suppress(FileExistsError):
+            return path, path.open("xb")
+    raise OSError(f"{folder} has a thousand files named {name}")
+
+
+@dataclass(frozen=True)
+class ReadLog:
+    """A raw log that is read: what the engine started from, and its entries in the order in which they were written."""
+
+    start: dict[str, bytes]
+    entries: Iterator[Entry]
+
+
+def read_raw_log(path: Path) -> ReadLog:
+    """Reads a raw log; one that was cut off is read up to there.
+
+    Raises:
+        DataError: for a file that cannot be read or is no raw log of ours.
+    """
+    _mcap()
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+    start: dict[str, bytes] = {}
+    records = _records(path, file)
+    for kind, record in records:
+        if kind == "Attachment":
+            start[record.name.removeprefix(f"{START}/")] = record.data
+        elif kind == "Channel":
+            return ReadLog(start, _entries(path, record, records))
+    raise DataError(f"{path}: has no channels, expected a raw log of `bottomlock live`")
+
+
+def _records(path: Path, file: IO[bytes]) -> Iterator[tuple[str, Any]]:
+    """The records of a file up to its end, or to where it was cut off."""
+    from mcap.exceptions import EndOfFile, McapError  # noqa: PLC0415 - an extra
+    from mcap.stream_reader import StreamReader  # noqa: PLC0415
+
+    class Whole:
+        """The file; a read past its end raises, since the library takes half a message for one."""
+
+        @staticmethod
+        def read(size: int) -> bytes:
+            data = file.read(size)
+            if len(data) < size:
+                raise EndOfFile
+            return data
+
+    with file:
+        try:
+            for record in StreamReader(Whole()).records:
+                yield type(record).__name__, record
+        except EndOfFile:
+            return
+        except (McapError, ValueError, OSError, struct.error) as error:
+            raise DataError(f"{path}: is no raw log, or damaged ({error})") from error
+
+
+def _entries(path: Path, first: Any, records: Iterator[tuple[str, Any]]) -> Iterator[Entry]:  # noqa: ANN401
+    channels: dict[int, tuple[Kind, int]] = {}
+
+    def add(channel: Any) -> None:  # noqa: ANN401 - untyped library
+        kind, place = channel.metadata.get("kind"), channel.metadata.get("place", "")
+        if kind not in {"in", "connected", "out"} or not place.isdigit():
+            raise DataError(f"{path}: channel '{channel.topic}' is none of a raw log of `bottomlock live`")
+        channels[channel.id] = kind, int(place)
+
+    add(first)
+    for kind, record in records:
+        if kind == "Channel":
+            add(record)
+        elif kind == "Message":
+            yield Entry(*channels[record.channel_id], record.log_time, record.data)

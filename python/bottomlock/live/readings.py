@@ -1,0 +1,190 @@
+"""Inertial and depth readings of a live stream: lines of numbers, or MAVLink messages."""
+
+import math
+import os
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from bottomlock.errors import DataError
+from bottomlock.io.sentences import hexadecimal, number, whole, xor_of
+from bottomlock.live.framing import Lines
+from bottomlock.live.sections import DepthSection
+
+Triple = tuple[float, float, float]
+
+_EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
+PASCAL_PER_HECTOPASCAL = 100.0
+
+
+@dataclass(frozen=True)
+class ImuReading:
+    """Angular rate (rad/s) and specific force (m/s²) in the sensor's axes, at a time of its clock."""
+
+    time_ns: int
+    omega_radps: Triple
+    force_mps2: Triple
+
+
+@dataclass(frozen=True)
+class DepthReading:
+    """Depth, m, at a time of the sensor's clock."""
+
+    time_ns: int
+    depth_m: float
+
+
+Reading = ImuReading | DepthReading
+
+
+def _imu(time_ns: int, values: list[float]) -> Reading:
+    wx, wy, wz, fx, fy, fz = values
+    return ImuReading(time_ns, (wx, wy, wz), (fx, fy, fz))
+
+
+def _depth(time_ns: int, values: list[float]) -> Reading:
+    return DepthReading(time_ns, values[0])
+
+
+_LINES: dict[str, tuple[int, str, Callable[[int, list[float]], Reading]]] = {
+    "imu-csv": (6, "time_ns,wx,wy,wz,fx,fy,fz", _imu),
+    "depth-csv": (1, "time_ns,depth_m", _depth),
+}
+
+
+@dataclass
+class LineReader:
+    """Readings from lines: a time in ns, and numbers in SI; with `*` and the exclusive or of what stands before it.
+
+    The checksum is optional. A line that lost some of its last digits is a reading without it, and none with it.
+
+    Attributes:
+        records: lines so far.
+        skipped: lines without a reading, by what was wrong.
+    """
+
+    format: str
+    records: int = 0
+    skipped: Counter[str] = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        """Chooses the columns of the format."""
+        self._count, self._columns, self._make = _LINES[self.format]
+        self.framer = Lines()
+
+    def feed(self, data: bytes) -> list[Reading]:
+        """The readings that `data` completes."""
+        return [reading for line in self.framer.feed(data) if (reading := self._reading(line)) is not None]
+
+    def flush(self) -> list[Reading]:
+        """Nothing: half a line is no reading."""
+        return []
+
+    def _reading(self, line: bytes) -> Reading | None:
+        self.records += 1
+        text, star, digits = line.partition(b"*")
+        if star and xor_of(text) != hexadecimal(digits):
+            self.skipped["bad checksum"] += 1
+            return None
+        first, *rest = text.split(b",")
+        if len(rest) != self._count:
+            self.skipped[f"not the columns {self._columns}"] += 1
+            return None
+        time_ns, values = whole(first), [number(part) for part in rest]
+        numbers = [value for value in values if value is not None and math.isfinite(value)]
+        if time_ns is None or len(numbers) < self._count or not _EARLIEST_NS < time_ns < _LATEST_NS:
+            self.skipped["not a time in ns and finite numbers"] += 1
+            return None
+        return self._make(time_ns, numbers)
+
+
+class _MavlinkFramer:
+    """What a reader of MAVLink shows of its framing: pymavlink does it."""
+
+    waiting = False
+
+    def __init__(self, reader: "MavlinkReader") -> None:
+        self._reader = reader
+
+    @property
+    def dropped(self) -> int:
+        """Bytes that belonged to no message."""
+        return self._reader.bad_bytes
+
+    def reset(self) -> None:
+        """Forgets a message that has begun."""
+        self._reader.restart()
+
+
+@dataclass
+class MavlinkReader:
+    """Readings from MAVLink: HIGHRES_IMU (forward, starboard, down), and the depth section's pressure message.
+
+    Attributes:
+        records: messages so far, of any kind.
+        skipped: messages that cannot be used, by what was wrong.
+        bad_bytes: bytes that belonged to no message.
+    """
+
+    depth: DepthSection | None
+    gravity_mps2: float
+    records: int = 0
+    skipped: Counter[str] = field(default_factory=Counter)
+    bad_bytes: int = 0
+
+    def __post_init__(self) -> None:
+        """Makes the parser.
+
+        Raises:
+            DataError: where pymavlink is not installed.
+        """
+        # pymavlink reads the variable when it is imported.
+        os.environ.setdefault("MAVLINK20", "1")
+        try:
+            from pymavlink.dialects.v20 import ardupilotmega  # noqa: PLC0415 - an extra
+        except ImportError as error:
+            raise DataError("format 'mavlink' needs pymavlink: pip install 'bottomlock[mavlink]'") from error
+        self._dialect = ardupilotmega
+        self.framer = _MavlinkFramer(self)
+        self.restart()
+
+    def restart(self) -> None:
+        """A parser without a message that has begun."""
+        self._parser: Any = self._dialect.MAVLink(None)
+        self._parser.robust_parsing = True
+
+    def feed(self, data: bytes) -> list[Reading]:
+        """The readings that `data` completes."""
+        found = []
+        for message in self._parser.parse_buffer(data) or []:
+            kind = message.get_type()
+            if kind == "BAD_DATA":
+                self.bad_bytes += len(message.data)
+                continue
+            self.records += 1
+            reading = self._reading(kind, message)
+            if reading is not None:
+                found.append(reading)
+        return found
+
+    def flush(self) -> list[Reading]:
+        """Nothing: half a message is no reading."""
+        return []
+
+    def _reading(self, kind: str, message: Any) -> Reading | None:  # noqa: ANN401 - untyped library
+        if kind == "HIGHRES_IMU":
+            omega = (message.xgyro, message.ygyro, message.zgyro)
+            force = (message.xacc, message.yacc, message.zacc)
+            if all(map(math.isfinite, (*omega, *force))):
+                return ImuReading(message.time_usec * 1000, omega, force)
+            self.skipped["HIGHRES_IMU without finite numbers"] += 1
+        elif self.depth is not None and kind == self.depth.message:
+            pressure = message.press_abs * PASCAL_PER_HECTOPASCAL - self.depth.surface_pressure_pa
+            if math.isfinite(pressure):
+                density = self.depth.water_density_kg_per_m3
+                return DepthReading(
+                    message.time_boot_ms * 1_000_000, pressure / (density * self.gravity_mps2)
+                )
+            self.skipped[f"{kind} without a finite pressure"] += 1
+        return None

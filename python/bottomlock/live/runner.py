@@ -1,0 +1,193 @@
+"""One process: connections, engine, sinks, raw log. The only place of live use that reads a clock."""
+
+import asyncio
+import contextlib
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from bottomlock.atomic_write import write_bytes
+from bottomlock.errors import BottomlockError
+from bottomlock.live.address import parse_address
+from bottomlock.live.checkpoint import begin as begin_engine
+from bottomlock.live.checkpoint import pack
+from bottomlock.live.config import LiveConfig
+from bottomlock.live.connections import Connection, cancel
+from bottomlock.live.engine import TICK_NS, Engine, Message
+from bottomlock.live.raw_log import RawLog
+from bottomlock.live.sinks import Sink, open_sink
+
+SILENT_CONNECTION_PERIODS = 10.0
+
+Say = Callable[[str], None]
+
+
+def host_clock() -> Callable[[], int]:
+    """A clock in ns since 1970 that never goes back, also when the host's is set."""
+    offset_ns = time.time_ns() - time.monotonic_ns()
+    return lambda: time.monotonic_ns() + offset_ns
+
+
+class Live:
+    """A running `bottomlock live`.
+
+    Args:
+        config: the configuration.
+        engine: made of it.
+        say: is given what a user should know, a line each.
+        log: the raw log; None for none.
+        send: is given the messages in place of the sinks (a dry run).
+        clock: host's clock, ns since 1970, never falling.
+    """
+
+    def __init__(
+        self,
+        config: LiveConfig,
+        engine: Engine,
+        *,
+        say: Say,
+        log: RawLog | None = None,
+        send: Callable[[Message], None] | None = None,
+        clock: Callable[[], int] | None = None,
+    ) -> None:
+        self.config, self.engine, self.log = config, engine, log
+        self.clock = clock or host_clock()
+        self.faults = 0
+        self._say, self._send = say, send
+        self.connections = [self._connection(place) for place in range(len(config.source))]
+        self.sinks: list[Sink] = [] if send is not None else list(self._sinks())
+        self._listeners: list[Callable[[], None]] = []
+        self._state = engine.state
+
+    def _connection(self, place: int) -> Connection:
+        section = self.config.source[place]
+        return Connection(
+            parse_address(section.address),
+            on_data=lambda data: self.arrive(place, data),
+            on_connected=lambda: self.connected(place),
+            on_state=lambda words: self._say(f"source {section.name}: {words}"),
+            silence_s=SILENT_CONNECTION_PERIODS / section.rate_hz,
+        )
+
+    def _sinks(self) -> Iterator[Sink]:
+        for section in self.config.port:
+            words = f"port {section.port}: "
+            yield open_sink(parse_address(section.to), lambda state, words=words: self._say(words + state))  # type: ignore[misc]
+
+    def arrive(self, place: int, data: bytes) -> None:
+        """Bytes of a source: through the engine to the sinks, then to the raw log."""
+        now_ns = self.clock()
+        self._deliver("in", place, now_ns, data, lambda: self.engine.arrive(place, now_ns, data))
+
+    def connected(self, place: int) -> None:
+        """A source was connected."""
+        now_ns = self.clock()
+        self._deliver("connected", place, now_ns, b"", lambda: self.engine.connected(place, now_ns))
+
+    def _deliver(
+        self, kind: str, place: int, now_ns: int, data: bytes, work: Callable[[], list[Message]]
+    ) -> None:
+        messages: list[Message] = []
+        try:
+            messages = work()
+            for message in messages:
+                self._write(message)
+        except Exception:  # noqa: BLE001 - a fault of ours must not end the process, and must be seen
+            self.faults += 1
+            self.engine.fail(f"internal error: {traceback.format_exc(limit=-1).splitlines()[-1]}")
+            self._say(f"internal error, nothing is sent any more:\n{traceback.format_exc()}")
+        finally:
+            if self.log is not None:
+                self._logged(kind, place, now_ns, data, messages)
+        self._told()
+
+    def _logged(self, kind: str, place: int, now_ns: int, data: bytes, messages: list[Message]) -> None:
+        assert self.log is not None
+        try:
+            self.log.write("in" if kind == "in" else "connected", place, now_ns, data)
+            for message in messages:
+                self.log.write("out", message.port, now_ns, message.data)
+        except BottomlockError as error:
+            # Navigation goes on without a log; the page and the terminal say so.
+            self._say(f"raw log ended: {error}")
+            self.log = None
+
+    def _write(self, message: Message) -> None:
+        if self._send is not None:
+            self._send(message)
+        else:
+            self.sinks[message.port].write(message.data)
+
+    def _told(self) -> None:
+        if self.engine.state != self._state:
+            self._state = self.engine.state
+            self._say(f"state {self._state}: {self.engine.machine.why}")
+
+    async def run(self) -> None:
+        """Runs until every source has ended, which only files and pipes do, or until it is cancelled."""
+        others = [asyncio.create_task(sink.run()) for sink in self.sinks]
+        others.append(asyncio.create_task(self._ticks()))
+        if self.config.log is not None:
+            others.append(asyncio.create_task(self._flushes(self.config.log.flush_s)))
+        if self.config.checkpoint is not None:
+            section = self.config.checkpoint
+            others.append(asyncio.create_task(self._checkpoints(Path(section.file), section.every_s)))
+        sources = [asyncio.create_task(one.run()) for one in self.connections]
+        try:
+            await asyncio.gather(*sources)
+        finally:
+            for task in [*sources, *others]:
+                await cancel(task)
+            if self.log is not None:
+                self.log.close()
+
+    async def _ticks(self) -> None:
+        """What depends on time alone."""
+        while True:
+            await asyncio.sleep(TICK_NS * 1e-9)
+            self.engine.advance(self.clock())
+            self._told()
+
+    async def _flushes(self, period_s: float) -> None:
+        """Hands the raw log to the system now and then."""
+        while True:
+            await asyncio.sleep(max(period_s, TICK_NS * 1e-9))
+            if self.log is not None:
+                with contextlib.suppress(BottomlockError):
+                    self.log.flush()
+
+    async def _checkpoints(self, file: Path, period_s: float) -> None:
+        """Saves the navigator; the disk is waited for in a thread, so that no ping waits."""
+        while True:
+            await asyncio.sleep(period_s)
+            content = pack(self.engine, self.clock())
+            if content is None:
+                continue
+            try:
+                await asyncio.to_thread(write_bytes, file, content)
+            except BottomlockError as error:
+                self._say(f"no checkpoint: {error}")
+
+
+def begin(
+    config: LiveConfig, text: bytes, *, say: Say, clock: Callable[[], int], logged: bool
+) -> tuple[Engine, RawLog | None]:
+    """The engine, from a checkpoint where there is a young one, and its raw log.
+
+    Raises:
+        OutputError: where no raw log can be written.
+    """
+    engine, checkpoint, words = begin_engine(config, clock())
+    if words:
+        say(words)
+    if config.log is None or not logged:
+        return engine, None
+    log = RawLog(
+        Path(config.log.folder),
+        sources=[one.name for one in config.source],
+        ports=[one.port for one in config.port],
+        start={"config.toml": text} | ({} if checkpoint is None else {"checkpoint": checkpoint}),
+    )
+    say(f"raw log {log.path}")
+    return engine, log

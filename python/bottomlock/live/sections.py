@@ -1,0 +1,187 @@
+"""Sections of a live configuration, in human units, each checked as it is read."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from bottomlock.config.dvl_errors import DvlErrors
+from bottomlock.config.scenario_sections import Imu, NonNegative, Positive, Section, Vector
+from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
+from bottomlock.kernel import Method
+from bottomlock.live.address import SinkAddress, SourceAddress
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]{1,40}$")]
+Angle = Annotated[float, Field(ge=-360, le=360)]
+
+DVL_FORMATS = (
+    "waterlinked-json", "waterlinked-serial", "pd0", "nortek-dvl", "nortek-ad2cp", "nucleus", "nortek-ascii",
+    "cerulean-dvkfc",
+)  # fmt: skip
+"""Streams with beams, as `live.pings.FRAMERS` has them."""
+
+SourceFormat = Literal[
+    "waterlinked-json", "waterlinked-serial", "pd0", "nortek-dvl", "nortek-ad2cp", "nucleus", "nortek-ascii",
+    "cerulean-dvkfc", "imu-csv", "depth-csv", "mavlink",
+]  # fmt: skip
+
+
+class DvlSection(Section):
+    """The DVL: its geometry (packaged name or TOML file), the noise of its beams and the other errors, 1 sigma.
+
+    `beam_noise_mps` replaces that of the geometry.
+    """
+
+    geometry: str
+    beam_noise_mps: Positive | None = None
+    errors: DvlErrors = DvlErrors()
+
+
+class ImuSection(Imu):
+    """Inertial sensors: rate, errors and limits as in a scenario, and their mounting.
+
+    The mounting angles rotate the sensor's axes to those of the platform (forward, starboard, down). A gap of the
+    readings is always bridged with its uncertainty (docs/imu_faults.md): what is too uncertain is not sent.
+    """
+
+    mounting_roll_deg: Angle = 0.0
+    mounting_pitch_deg: Angle = 0.0
+    mounting_yaw_deg: Angle = 0.0
+
+    @model_validator(mode="after")
+    def _bridges_gaps(self) -> Self:
+        if "gap" in self.limits.model_fields_set and self.limits.gap == "refuse":
+            raise ValueError('limits.gap is "refuse", expected "inflate": live use bridges every gap')
+        return self
+
+
+class DepthSection(Section):
+    """Depth sensor: noise and bias (1 sigma), lever arm; density and surface pressure turn a pressure into a depth.
+
+    `message` is the MAVLink message of the water's pressure: on ArduSub it is SCALED_PRESSURE2.
+    """
+
+    sd_m: Positive = 0.05
+    bias_m: NonNegative = DEPTH_BIAS_M
+    bias_time_s: Positive = DEPTH_BIAS_TIME_S
+    lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    water_density_kg_per_m3: Positive = 1025.0
+    surface_pressure_pa: Positive = 101_325.0
+    message: Literal["SCALED_PRESSURE", "SCALED_PRESSURE2", "SCALED_PRESSURE3"] = "SCALED_PRESSURE"
+
+
+class OriginSection(Section):
+    """Where the vehicle is: latitude, for gravity and the Earth's rate."""
+
+    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
+    gravity: Literal["normal"] | Positive = "normal"
+
+
+class StartSection(Section):
+    """Initial alignment: level by the accelerometers over `window_s`, heading given, velocity by the beams or given.
+
+    `heading_deg` is that of the platform when the program starts. `level_sd_deg` is 1 sigma of roll and pitch; the
+    vehicle's own acceleration during the window belongs to it.
+    """
+
+    window_s: Positive = 5.0
+    level_sd_deg: Positive = 1.0
+    heading_deg: Angle
+    heading_sd_deg: Positive
+    position_m: Vector = (0.0, 0.0, 0.0)
+    position_sd_m: tuple[NonNegative, NonNegative, NonNegative] = (1.0, 1.0, 1.0)
+    velocity: Literal["beams", "given"] = "beams"
+    velocity_mps: Vector = (0.0, 0.0, 0.0)
+    velocity_sd_mps: tuple[Positive, Positive, Positive] = (0.1, 0.1, 0.1)
+
+
+class NavigationSection(Section):
+    """Mode navigation: the aiding method, and how late a measurement may be.
+
+    A ping is of the time when it was reflected, and arrives some hundredths to tenths of a second after it. Up to
+    `horizon_s` it is put in its place (docs/late_data.md). The ports are given an estimate `estimate_hz` times a
+    second, and one after each ping.
+    """
+
+    method: Method = "tc"
+    horizon_s: Annotated[float, Field(gt=0, le=10)] = 2.0
+    estimate_hz: Annotated[float, Field(gt=0, le=1000)] = 20.0
+
+
+class StatesSection(Section):
+    """Where the conditions of the states begin (docs/live.md)."""
+
+    silent_periods: Annotated[float, Field(ge=1, le=1000)] = 3.0
+    silent_least_s: NonNegative = 0.1
+    settle_s: NonNegative = 1.0
+    velocity_sd_mps: Positive = 0.5
+    rejected_pings: Annotated[int, Field(ge=1, le=10_000)] = 10
+
+
+class SourceSection(Section):
+    """A stream of bytes: where it comes from, its format, and its clock.
+
+    `rate_hz` is the least rate that is expected of it: it is silent after `states.silent_periods` of that. `clock`:
+    "instrument" maps its own stamps to the host's clock; "host" takes them as they are; "arrival" takes the time of
+    arrival. `latency_s` is subtracted from the times. A stamp that is further than `step_s` from where the clock
+    should be is not used.
+    """
+
+    name: Name
+    address: SourceAddress
+    format: SourceFormat
+    rate_hz: Annotated[float, Field(gt=0, le=10_000)]
+    clock: Literal["instrument", "host", "arrival"] = "instrument"
+    latency_s: Annotated[float, Field(ge=-10, le=10)] = 0.0
+    step_s: Annotated[float, Field(gt=0, le=60)] = 0.1
+    negate_beams: bool = False
+    keep_stale: bool = False
+
+    @model_validator(mode="after")
+    def _flags_of_a_dvl(self) -> Self:
+        for key in ("negate_beams", "keep_stale"):
+            if key in self.model_fields_set and self.format not in DVL_FORMATS:
+                raise ValueError(
+                    f"'{key}' belongs to a DVL, and source '{self.name}' has format '{self.format}'"
+                )
+        return self
+
+
+class PortSection(Section):
+    """A target: the kind of port, where it goes, its greatest rate (by default the port's own), its other settings."""
+
+    port: str
+    to: SinkAddress
+    rate_hz: Annotated[float, Field(gt=0, le=1000)] | None = None
+    settings: dict[str, Any] = Field(default_factory=dict)
+
+
+class LogSection(Section):
+    """The raw log: every byte with its time of arrival, as MCAP, a new file at each start."""
+
+    folder: str
+    flush_s: Annotated[float, Field(ge=0, le=60)] = 0.5
+
+
+class CheckpointSection(Section):
+    """The navigator saved to a file every `every_s`; a start continues from it if it is not older than `max_age_s`."""
+
+    file: str
+    every_s: Annotated[float, Field(ge=0.1, le=60)] = 1.0
+    max_age_s: Annotated[float, Field(gt=0, le=60)] = 5.0
+
+
+class HealthSection(Section):
+    """The health page: address and TCP port."""
+
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65_535)] = 8770
+
+
+VelocityMethod = Literal["info", "plcf", "lc"]
+"""Methods that hold no assumption: what the beams do not see is absent."""
+
+
+class VelocitySection(Section):
+    """Mode velocity: how a ping is solved."""
+
+    method: VelocityMethod = "info"

@@ -1,0 +1,178 @@
+"""Where the bytes of the ports go: sockets, serial lines, files. A target that is absent is tried again, and shown.
+
+Estimates are of the moment: what cannot be written at once is dropped and counted, never queued for later.
+"""
+
+import asyncio
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any
+
+from bottomlock.errors import OutputError
+from bottomlock.live.address import Address
+from bottomlock.live.connections import Connection
+
+MOST_WAITING_BYTES = 65_536
+
+
+class Sink:
+    """A target of bytes. `state` says in words what it does; `dropped` counts the messages that were not written."""
+
+    state = "not opened yet"
+    dropped = 0
+
+    def write(self, data: bytes) -> None:
+        """Writes bytes at once, or drops them."""
+        raise NotImplementedError
+
+    async def run(self) -> None:
+        """Keeps the target open until it is cancelled."""
+        raise NotImplementedError
+
+
+class _Udp(Sink):
+    def __init__(self, address: Address) -> None:
+        self._address = address
+        self._transport: asyncio.DatagramTransport | None = None
+
+    def write(self, data: bytes) -> None:
+        if self._transport is None:
+            self.dropped += 1
+        else:
+            self._transport.sendto(data)
+
+    async def run(self) -> None:
+        wait_s = 0.2
+        while self._transport is None:
+            try:
+                # A receiver that is not there yet must not end the sending: asyncio hands such errors to the protocol.
+                self._transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+                    asyncio.DatagramProtocol, remote_addr=(self._address.host, self._address.port)
+                )
+            except OSError as error:
+                wait_s = min(2.0 * wait_s, 5.0)
+                self.state = f"cannot be opened: {error.strerror or error}; next attempt in {wait_s:g} s"
+                await asyncio.sleep(wait_s)
+        self.state = "sending"
+        try:
+            await asyncio.Event().wait()
+        finally:
+            self._transport.close()
+
+
+class _Stream(Sink):
+    """A TCP connection or a serial line, kept open as a source is; what comes back is not read."""
+
+    def __init__(self, address: Address, on_state: Callable[[str], None]) -> None:
+        self._transport: Any = None
+        self._connection = Connection(
+            address,
+            on_data=lambda _: None,
+            on_connected=lambda: None,
+            on_state=on_state,
+            silence_s=float("inf"),
+            on_transport=self._use,
+        )
+
+    def _use(self, transport: Any) -> None:  # noqa: ANN401 - asyncio's or the serial library's
+        self._transport = transport
+
+    @property
+    def state(self) -> str:  # type: ignore[override]
+        """What the connection does."""
+        return self._connection.state
+
+    def write(self, data: bytes) -> None:
+        if self._transport is None or self._transport.get_write_buffer_size() > MOST_WAITING_BYTES:
+            self.dropped += 1
+        else:
+            self._transport.write(data)
+
+    async def run(self) -> None:
+        await self._connection.run()
+
+
+class _Server(Sink):
+    """A TCP server: every client gets every message."""
+
+    def __init__(self, address: Address) -> None:
+        self._address = address
+        self._clients: set[asyncio.StreamWriter] = set()
+
+    def write(self, data: bytes) -> None:
+        for client in self._clients:
+            if client.transport.get_write_buffer_size() > MOST_WAITING_BYTES:
+                self.dropped += 1
+            else:
+                client.write(data)
+        if not self._clients:
+            self.dropped += 1
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._clients.add(writer)
+        self.state = f"{len(self._clients)} clients"
+        try:
+            while await reader.read(4096):
+                pass
+        except OSError:
+            pass
+        finally:
+            self._clients.discard(writer)
+            self.state = f"{len(self._clients)} clients"
+            writer.close()
+
+    async def run(self) -> None:
+        wait_s = 0.2
+        while True:
+            try:
+                server = await asyncio.start_server(self._serve, self._address.host, self._address.port)
+            except OSError as error:
+                wait_s = min(2.0 * wait_s, 5.0)
+                self.state = f"cannot be opened: {error.strerror or error}; next attempt in {wait_s:g} s"
+                await asyncio.sleep(wait_s)
+                continue
+            self.state = "0 clients"
+            async with server:
+                await server.serve_forever()
+
+
+class _File(Sink):
+    """A file to which messages are appended, or stdout."""
+
+    def __init__(self, address: Address) -> None:
+        self._file: IO[bytes]
+        if address.kind == "stdout":
+            self._file = sys.stdout.buffer
+        else:
+            try:
+                self._file = Path(address.path).open("ab")  # noqa: SIM115 - open while the program runs
+            except OSError as error:
+                raise OutputError(f"{address.path}: cannot be written ({error.strerror or error})") from error
+        self.state = "writing"
+
+    def write(self, data: bytes) -> None:
+        try:
+            self._file.write(data)
+            self._file.flush()
+        except OSError as error:
+            self.dropped += 1
+            self.state = f"cannot be written: {error.strerror or error}"
+
+    async def run(self) -> None:
+        await asyncio.Event().wait()
+
+
+def open_sink(address: Address, on_state: Callable[[str], None]) -> Sink:
+    """The sink of an address.
+
+    Raises:
+        OutputError: for a file that cannot be opened.
+    """
+    if address.kind == "udpout":
+        return _Udp(address)
+    if address.kind == "tcpin":
+        return _Server(address)
+    if address.kind in {"file", "stdout"}:
+        return _File(address)
+    return _Stream(address, on_state)

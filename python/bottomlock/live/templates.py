@@ -1,0 +1,204 @@
+"""Commented configurations for a named instrument and autopilot: what `bottomlock live --init` writes."""
+
+import difflib
+from dataclasses import dataclass
+from typing import Literal, TypeVar
+
+from bottomlock.errors import ScenarioError
+
+Mode = Literal["velocity", "navigation"]
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """A DVL as it comes: title, format, address, geometry (a name or a file to make), least rate."""
+
+    title: str
+    format: str
+    address: str
+    geometry: str
+    rate_hz: float
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Autopilot:
+    """A receiver: title, lines of its port, and the mode that it needs."""
+
+    title: str
+    port: tuple[str, ...]
+    mode: Mode
+    notes: tuple[str, ...] = ()
+    imu: tuple[str, ...] = ()
+
+
+_OWN_GEOMETRY = "geometry.toml holds tilts and azimuths of your instrument: docs/formats.md shows one"
+INSTRUMENTS = {
+    "a50": Instrument(
+        "Water Linked A50 or A125, TCP", "waterlinked-json", "tcp:192.168.194.95:16171", "waterlinked_a50", 2.0,
+        ("the report has a time of validity from json_v3 on (firmware 2.1); update older firmware",),
+    ),
+    "a50-serial": Instrument(
+        "Water Linked, serial line", "waterlinked-serial", "serial:/dev/ttyUSB0:115200", "waterlinked_a50", 2.0,
+        ("the instrument must send wrz and wru (protocol version 2.1 or later)",),
+    ),
+    "pathfinder": Instrument(
+        "Teledyne Pathfinder, Workhorse or Wayfinder in PD0", "pd0", "serial:/dev/ttyUSB0:115200", "teledyne_30", 2.0,
+        ("set beam coordinates (EX00000) and PD0: other coordinates and PD6 hold no beams",),
+    ),
+    "dvl1000": Instrument(
+        "Nortek DVL500 or DVL1000, DF21 over TCP", "nortek-dvl", "tcp:192.168.1.10:9002", "nortek_dvl1000", 2.0,
+        ("the sign of the beams is not confirmed on a recording: run `bottomlock audit` on a log first",),
+    ),
+    "nucleus": Instrument(
+        "Nortek Nucleus1000, TCP", "nucleus", "tcp:192.168.2.201:9000", "geometry.toml", 2.0,
+        (_OWN_GEOMETRY, "three beams: one lost beam already leaves a partial velocity"),
+    ),
+    "tracker650": Instrument(
+        "Cerulean Tracker 650, UDP", "cerulean-dvkfc", "udpin:0.0.0.0:27000", "geometry.toml", 2.0,
+        (_OWN_GEOMETRY, "three cones: one lost cone already leaves a partial velocity"),
+    ),
+}  # fmt: skip
+
+_MAVLINK_IMU = (
+    "[[source]]",
+    'name = "autopilot"',
+    'address = "udpin:0.0.0.0:14660"   # a second telemetry stream with HIGHRES_IMU at 50 Hz or more',
+    'format = "mavlink"',
+    "rate_hz = 50",
+)
+_OWN_IMU = (
+    "[[source]]",
+    'name = "imu"',
+    'address = "udpin:127.0.0.1:15000"   # lines time_ns,wx,wy,wz,fx,fy,fz in rad/s and m/s^2',
+    'format = "imu-csv"',
+    "rate_hz = 100",
+)
+AUTOPILOTS = {
+    "ardusub": Autopilot(
+        "ArduSub (ArduPilot EKF3), body-frame odometry",
+        (
+            'port = "vision_position_delta"',
+            'to = "udpout:127.0.0.1:14550"',
+            "rate_hz = 10",
+            "settings.variance_factor = 2.0",
+        ),
+        "navigation",
+        (
+            "set VISO_TYPE = 1, EK3_SRC1_VELXY = 6, EK3_SRC1_VELZ = 6, VISO_DELAY_MS (docs/ports.md)",
+            'without an IMU set mode = "velocity" and remove the sections that it names:',
+            "ArduPilot then gets a velocity only while the beams determine all of it",
+        ),
+        _MAVLINK_IMU,
+    ),
+    "px4": Autopilot(
+        "PX4 EKF2, external vision velocity",
+        ('port = "odometry"', 'to = "udpout:127.0.0.1:14540"', "rate_hz = 5", 'settings.receiver = "px4"'),
+        "navigation",
+        ("set EKF2_EV_CTRL = 4 (velocity only), EKF2_EV_DELAY and EKF2_EV_POS_* (docs/ports.md)",),
+        _MAVLINK_IMU,
+    ),
+    "microstrain": Autopilot(
+        "MicroStrain CV7 or GQ7, MIP 0x13,0x2A",
+        ('port = "microstrain"', 'to = "serial:/dev/ttyACM0:115200"'),
+        "velocity",
+        ("takes each axis by itself: the only port that gets all of a partial velocity without an IMU",),
+    ),
+    "ros2": Autopilot(
+        "ROS 2, geometry_msgs/VelocityWithCovarianceStamped as CDR",
+        ('port = "ros_velocity"', 'to = "udpout:127.0.0.1:14600"'),
+        "velocity",
+        ("the datagrams are CDR: a small node of yours, or a bridge, publishes them",),
+    ),
+    "text": Autopilot(
+        "a line of text an estimate",
+        ('port = "sentence"', 'to = "stdout"'),
+        "velocity",
+    ),
+}
+
+_NAVIGATION = """
+# What the inertial filter needs (docs/live.md). The errors are those of the IMU's data sheet, 1 sigma.
+[origin]
+latitude_deg = 0.0   # where you are
+
+[imu]
+rate_hz = 50
+accel_bias_mg = 5.0
+gyro_bias_deg_per_h = 50.0
+accel_noise_mps_per_rt_h = 0.1
+gyro_noise_deg_per_rt_h = 0.3
+mounting_roll_deg = 0.0   # from the IMU's axes to forward, starboard, down
+mounting_pitch_deg = 0.0
+mounting_yaw_deg = 0.0
+
+[start]
+window_s = 5.0            # keep the vehicle calm so long
+heading_deg = 0.0         # of the vehicle at the start
+heading_sd_deg = 5.0
+
+[navigation]
+method = "tc"             # docs/methods/ describes them
+horizon_s = 2.0           # longest time from a ping's reflection to its arrival
+
+[checkpoint]
+file = "navigator.checkpoint"
+"""
+
+_HEAD = """# bottomlock live: {instrument} to {autopilot}.
+# Try it first with: bottomlock live --dry-run THIS_FILE
+name = "vehicle"
+mode = "{mode}"   # "velocity": the beams alone; "navigation": with an IMU, which bridges lost beams
+
+[dvl]
+geometry = "{geometry}"   # packaged, or a TOML file with your mounting and lever arms
+# beam_noise_mps = 0.01   # 1 sigma of a beam, in place of the geometry's
+
+[[source]]
+name = "dvl"
+address = "{address}"
+format = "{form}"
+rate_hz = {rate:g}   # the least rate to expect: silent after three periods
+"""
+
+_TAIL = """
+[states]
+velocity_sd_mps = 0.5   # nothing is sent beyond this 1 sigma
+settle_s = 1.0          # a better state must hold so long
+
+# Every byte with its time of arrival: `bottomlock live --replay LOG THIS_FILE` gives the same bits again.
+[log]
+folder = "logs"
+
+[health]
+host = "127.0.0.1"   # "0.0.0.0" shows the page to the whole network
+port = 8770
+"""
+
+
+def template(instrument: str, autopilot: str) -> str:
+    """The configuration for an instrument and an autopilot.
+
+    Raises:
+        ScenarioError: for an unknown name, with the nearest.
+    """
+    dvl, receiver = _named("instrument", instrument, INSTRUMENTS), _named("autopilot", autopilot, AUTOPILOTS)
+    text = _HEAD.format(
+        instrument=dvl.title, autopilot=receiver.title, mode=receiver.mode, geometry=dvl.geometry,
+        address=dvl.address, form=dvl.format, rate=dvl.rate_hz,
+    )  # fmt: skip
+    text += "".join(f"# {note}\n" for note in dvl.notes)
+    if receiver.mode == "navigation":
+        text += "\n" + "\n".join(receiver.imu or _OWN_IMU) + "\n" + _NAVIGATION
+    text += "\n[[port]]\n" + "\n".join(receiver.port) + "\n"
+    text += "".join(f"# {note}\n" for note in receiver.notes)
+    return text + _TAIL
+
+
+def _named(what: str, name: str, known: dict[str, _T]) -> _T:
+    if name in known:
+        return known[name]
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+    hint = f", did you mean '{close[0]}'?" if close else ""
+    raise ScenarioError(f"unknown {what} '{name}'{hint} (known: {', '.join(known)})")

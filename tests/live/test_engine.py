@@ -1,0 +1,161 @@
+"""The engine: bytes and times of arrival in, messages out; states through the loss and return of beams."""
+
+from __future__ import annotations
+
+import random
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from bottomlock.live.engine import Engine, Message
+from bottomlock.ports.estimate import SILENT, State
+from tests.live.world import START_NS, VELOCITY, Sent, World, config
+
+Flown = list[tuple[int, Message, State]]
+
+
+def fly(engine: Engine, world: World, *, imu: bool = False) -> Flown:
+    """Arrival, message and state of everything that a run sends."""
+    found: Flown = []
+    for arrival_ns, source, data in world.arrivals(imu=imu):
+        found += [(arrival_ns, message, engine.state) for message in engine.arrive(source, arrival_ns, data)]
+    return found
+
+
+def states(sent: Flown) -> list[State]:
+    """The states of the messages, without repeats."""
+    names = [state for _, _, state in sent]
+    return names[:1] + [b for a, b in pairwise(names) if a != b]
+
+
+def one_to_three_beams(t: float) -> tuple[int, ...]:
+    """Two beams lost from 3 s to 5 s, all from 5 s to 6.5 s."""
+    return (1, 2) if 3.0 <= t < 5.0 else (0, 1, 2, 3) if 5.0 <= t < 6.5 else ()
+
+
+@pytest.mark.parametrize("form", ["waterlinked-json", "pd0"])
+def test_velocity_with_what_beams_are_left(form: str) -> None:
+    """Every ping with a beam is an estimate; what two beams do not determine is absent, not uncertain."""
+    world = World(9.0, one_to_three_beams, form=form)
+    engine = Engine(config(format=form))
+    sent = fly(engine, world)
+    assert states(sent) == ["OK", "PARTIAL", "OK"]
+    lines = [Sent.parse(message.data) for _, message, _ in sent]
+    partial = [line for line in lines if line.rank == 2]
+    assert len(partial) == 20
+    for line in partial:
+        assert np.isfinite(line.velocity).sum() in {0, 1}
+        np.testing.assert_array_equal(np.isfinite(line.sd), np.isfinite(line.velocity))
+    whole = [line for line in lines if line.rank == 3]
+    errors = np.array([(line.velocity - VELOCITY) / line.sd for line in whole])
+    assert np.sqrt((errors**2).mean()) < 1.4
+
+
+def test_nothing_is_sent_without_beams() -> None:
+    """In mode velocity there is nothing to coast on: the state is UNSAFE and says why."""
+    engine = Engine(config())
+    sent = fly(engine, World(6.4, one_to_three_beams))
+    assert engine.state == "UNSAFE"
+    assert "no usable beam for" in engine.machine.why
+    assert max(arrival for arrival, _, _ in sent) < START_NS + 5_100_000_000
+
+
+def test_time_of_validity_on_the_hosts_clock() -> None:
+    """The instrument's clock is 1000 s off and drifts by 40 ppm: estimates bear the host's time, to 2 ms."""
+    world = World(60.0, offset_ns=lambda t: round(1e12 + 4e-5 * 1e9 * t))
+    sent = fly(Engine(config()), world)
+    valid = START_NS + np.round((np.arange(600) + 0.5) / 10.0 * 1e9)
+    times = np.array([Sent.parse(message.data).time_ns for _, message, _ in sent])
+    # The transmission is taken as the arrival: 40 ms after validity, and the least delay of the line.
+    assert len(times) == 600
+    assert np.abs(times - valid)[20:].max() < 2e6
+    assert np.abs(times - valid).max() < 5e6
+
+
+def test_a_clock_that_is_set_back_sends_nothing_with_a_wrong_time() -> None:
+    """Pings after it are unsure until the step is known; then they go on."""
+    world = World(12.0, offset_ns=lambda t: 0 if t < 5.0 else -700_000_000)
+    engine = Engine(config())
+    sent = fly(engine, world)
+    valid = {START_NS + round((k + 0.5) / 10.0 * 1e9) for k in range(120)}
+    for _, message, _ in sent:
+        assert min(abs(Sent.parse(message.data).time_ns - one) for one in valid) < 6e6
+    assert engine.sources[0].clock.steps == 1
+    assert engine.sources[0].clock.last_step_ns == pytest.approx(-7e8, abs=6e6)
+    assert engine.state == "OK"
+
+
+def test_the_engine_is_a_function_of_what_arrives() -> None:
+    """Asked for the time in between or not, the messages are the same bits."""
+    world = World(8.0, one_to_three_beams)
+    once = [(a, m) for a, m, _ in fly(Engine(config("navigation")), world, imu=True)]
+    engine, draw, again, now = Engine(config("navigation")), random.Random(3), [], 0
+    for arrival_ns, source, data in world.arrivals(imu=True):
+        if now and draw.random() < 0.3:
+            again += [(arrival_ns, m) for m in engine.advance(draw.randint(now, arrival_ns))]
+        again += [(arrival_ns, m) for m in engine.arrive(source, arrival_ns, data)]
+        now = arrival_ns
+    assert once == again
+    assert once
+
+
+def test_navigation_coasts_and_comes_back_without_a_jump() -> None:
+    """OK, PARTIAL, COASTING, OK; the velocity stays within its sigma, also where beams return."""
+    engine = Engine(config("navigation"))
+    sent = fly(engine, World(10.0, one_to_three_beams), imu=True)
+    assert states(sent) == ["OK", "PARTIAL", "COASTING", "OK"]
+    lines = [Sent.parse(message.data) for _, message, _ in sent]
+    times = np.array([line.time_ns for line in lines])
+    assert (np.diff(times) >= 1e8 - 1).all()
+    errors = np.array([(line.velocity - VELOCITY) / line.sd for line in lines])
+    assert np.abs(errors).max() < 5.0
+    for before, after in pairwise(lines):
+        jump = np.abs(after.velocity - before.velocity)
+        assert (jump < 3.0 * np.hypot(before.sd, after.sd)).all()
+
+
+def test_silent_inertial_readings_are_unsafe() -> None:
+    """Nothing is sent from then on; after they are back it goes on, once the beams have made it certain."""
+    engine = Engine(config("navigation"))
+    sent: Flown = []
+    gap = (START_NS + 4_000_000_000, START_NS + 5_000_000_000)
+    for arrival_ns, source, data in World(9.0).arrivals(imu=True):
+        if source == 1 and gap[0] < arrival_ns < gap[1]:
+            engine.advance(arrival_ns)
+            continue
+        for message in engine.arrive(source, arrival_ns, data):
+            assert engine.state not in SILENT
+            sent.append((arrival_ns, message, engine.state))
+    arrivals = np.array([arrival for arrival, _, _ in sent])
+    assert not ((arrivals > gap[0] + 150_000_000) & (arrivals < gap[1])).any()
+    assert states(sent)[-1] == "OK"
+    assert engine.reset_counter == 0
+
+
+def test_garbage_is_counted_and_nothing_else_changes() -> None:
+    """Lines that are no report between the reports: the messages are the same."""
+    world = World(4.0)
+    clean = [message for _, message, _ in fly(Engine(config()), world)]
+    engine, found = Engine(config()), []
+    for arrival_ns, source, data in world.arrivals():
+        engine.arrive(source, arrival_ns, b'{"type":"nonsense"}\n\xff\xfe\n{"vx":')
+        found += engine.arrive(source, arrival_ns, b"\n" + data)
+    assert found == clean
+    assert sum(engine.sources[0].reader.skipped.values()) == 3 * 40
+
+
+def test_stamps_on_the_hosts_clock() -> None:
+    """Taken as they are; one far ahead is refused, and the readings after it are not old."""
+    settings = config("navigation", format="pd0")
+    host = settings.source[1].model_copy(update={"clock": "host"})
+    engine = Engine(settings.model_copy(update={"source": (settings.source[0], host)}))
+    for k, (arrival_ns, source, data) in enumerate(World(3.0, form="pd0").arrivals(imu=True)):
+        if source == 1:
+            own, _, rest = data.partition(b"*")[0].partition(b",")
+            ahead = 3600 * 1_000_000_000 if k == 100 else 0
+            engine.arrive(1, arrival_ns, b"%d," % (START_NS + int(own) + ahead) + rest + b"\n")
+        else:
+            engine.arrive(source, arrival_ns, data)
+    assert engine.state == "OK"
+    assert dict(engine.sources[1].refused) == {"its time is not that of the host": 1}

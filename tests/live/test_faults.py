@@ -1,0 +1,25 @@
+"""A share of the cases of `tests.attack.live_faults`; `python -m tests.attack.live_faults` runs a thousand."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.attack.live_faults import FAULTS, run_case
+
+SHARE = range(24)
+
+
+def test_a_share_of_the_cases() -> None:
+    """Nothing wrong in any, and together they see every state."""
+    outcomes = [run_case(number) for number in SHARE]
+    assert [outcome.wrong for outcome in outcomes if outcome.wrong] == []
+    assert frozenset().union(*(outcome.states for outcome in outcomes)) == {
+        "INITIALISING", "OK", "PARTIAL", "COASTING", "UNSAFE",
+    }  # fmt: skip
+    assert len(FAULTS) == 8
+
+
+@pytest.mark.long
+def test_more_of_the_cases() -> None:
+    """Two hundred."""
+    assert [outcome.wrong for outcome in map(run_case, range(24, 224)) if outcome.wrong] == []

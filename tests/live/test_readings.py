@@ -1,0 +1,65 @@
+"""Inertial and depth readings from lines and from MAVLink: what is not one is counted."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from bottomlock.io.sentences import xor_of
+from bottomlock.live.readings import DepthReading, ImuReading, LineReader, MavlinkReader
+from bottomlock.live.sections import DepthSection
+
+IMU = b"1000,0.1,-0.2,0.3,0.01,0.02,-9.81"
+
+
+def test_lines() -> None:
+    """Seven numbers, in any pieces."""
+    reader = LineReader("imu-csv")
+    assert reader.feed(IMU[:9]) == []
+    (found,) = reader.feed(IMU[9:] + b"\r\n2000,")
+    assert found == ImuReading(1000, (0.1, -0.2, 0.3), (0.01, 0.02, -9.81))
+    assert LineReader("depth-csv").feed(b"5,12.5\n") == [DepthReading(5, 12.5)]
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        (IMU[:-6], "not the columns time_ns,wx,wy,wz,fx,fy,fz"),
+        (IMU + b",1", "not the columns time_ns,wx,wy,wz,fx,fy,fz"),
+        (IMU.replace(b"0.1", b"nan"), "not a time in ns and finite numbers"),
+        (IMU.replace(b"0.1", b"1e999"), "not a time in ns and finite numbers"),
+        (IMU.replace(b"1000", b"10.5"), "not a time in ns and finite numbers"),
+        (IMU.replace(b"1000", b"9" * 19), "not a time in ns and finite numbers"),
+        (IMU[:-1] + b"*%02x" % xor_of(IMU), "bad checksum"),
+    ],
+)
+def test_lines_that_are_none(line: bytes, reason: str) -> None:
+    """Counted by reason; the next line is read."""
+    reader = LineReader("imu-csv")
+    assert len(reader.feed(line + b"\n" + IMU + b"*%02X\n" % xor_of(IMU))) == 1
+    assert dict(reader.skipped) == {reason: 1}
+
+
+def test_mavlink() -> None:
+    """HIGHRES_IMU in SI as it stands, the chosen pressure as a depth, other messages passed over, in any pieces."""
+    os.environ.setdefault("MAVLINK20", "1")
+    dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+    link = dialect.MAVLink(None)
+    messages = [
+        dialect.MAVLink_highres_imu_message(5_000, 0.5, 0.25, -9.75, 0.125, 0.0, -0.5, *[0.0] * 7, 0xFFFF),
+        dialect.MAVLink_scaled_pressure2_message(6, 1013.25 + 1005.525, 0.0, 0),
+        dialect.MAVLink_scaled_pressure_message(6, 900.0, 0.0, 0),
+        dialect.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3),
+    ]
+    stream = b"\x00\x01" + b"".join(message.pack(link) for message in messages)
+    for step in (1, 7, len(stream)):
+        reader = MavlinkReader(DepthSection(message="SCALED_PRESSURE2"), 9.81)
+        found = [r for at in range(0, len(stream), step) for r in reader.feed(stream[at : at + step])]
+        imu, depth = found
+        assert imu == ImuReading(5_000_000, (0.125, 0.0, -0.5), (0.5, 0.25, -9.75))
+        assert isinstance(depth, DepthReading)
+        assert depth.time_ns == 6_000_000
+        assert depth.depth_m == pytest.approx(100_552.5 / (1025.0 * 9.81), rel=1e-6)
+        assert reader.records == 4
+        assert reader.framer.dropped > 0

@@ -1,0 +1,108 @@
+"""The states: one table of conditions, worse at once, better after the settling time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bottomlock.live.states import ORDER, Facts, Limits, StateMachine, judge
+from bottomlock.ports.estimate import SILENT, State
+
+S = 1_000_000_000
+LIMITS = Limits(
+    silent_periods=3.0, silent_least_ns=S // 10, settle_ns=S, velocity_sd_mps=0.5, rejected_pings=5
+)
+GOOD = Facts(
+    now_ns=100 * S,
+    mode="navigation",
+    waiting_for="",
+    ping_age_ns=S // 10,
+    ping_period_ns=S // 5,
+    rank=3,
+    imu_age_ns=S // 100,
+    imu_period_ns=S // 100,
+    velocity_sd_mps=0.01,
+    rejected=0,
+    stepped=False,
+)
+
+
+@pytest.mark.parametrize(
+    ("change", "navigation", "velocity", "why"),
+    [
+        ({}, "OK", "OK", "beams determine the whole velocity"),
+        ({"rank": 2}, "PARTIAL", "PARTIAL", "beams determine 2 of 3 directions"),
+        ({"ping_age_ns": int(0.61 * S)}, "COASTING", "UNSAFE", "no usable beam for 0.6 s"),
+        ({"ping_age_ns": int(0.59 * S)}, "OK", "OK", "beams determine the whole velocity"),
+        ({"ping_age_ns": None}, "COASTING", "UNSAFE", "no usable beam"),
+        ({"stepped": True}, "COASTING", "UNSAFE", "the clock of a source was set"),
+        ({"rejected": 5}, "UNSAFE", "UNSAFE", "5 pings in a row contradict the estimate"),
+        ({"rejected": 4}, "OK", "OK", "beams determine the whole velocity"),
+        ({"velocity_sd_mps": 0.6}, "UNSAFE", "UNSAFE", "velocity is uncertain by 0.6 m/s, limit 0.5 m/s"),
+        ({"velocity_sd_mps": float("nan")}, "UNSAFE", "UNSAFE", "velocity is uncertain by nan m/s"),
+        ({"imu_age_ns": int(0.11 * S)}, "UNSAFE", "OK", "no inertial readings for 0.1 s"),
+        ({"imu_age_ns": None}, "UNSAFE", "OK", "no inertial readings"),
+        ({"fault": "broken"}, "UNSAFE", "UNSAFE", "broken"),
+        ({"waiting_for": "the alignment"}, "INITIALISING", "INITIALISING", "waiting for the alignment"),
+    ],
+)
+def test_conditions(change: dict[str, object], navigation: str, velocity: str, why: str) -> None:
+    """Each condition of docs/live.md, at its limit."""
+    for mode, expected in (("navigation", navigation), ("velocity", velocity)):
+        state, words = judge(replace(GOOD, mode=mode, **change), LIMITS)  # type: ignore[arg-type]
+        assert state == expected
+        if expected == navigation:
+            assert words.startswith(why)
+
+
+def test_worse_at_once_better_after_settling() -> None:
+    """A second without a worse condition; every relapse begins it anew."""
+    machine = StateMachine(LIMITS)
+    lost = replace(GOOD, rank=1)
+    asked = [
+        (0, GOOD),
+        (0.1, lost),
+        (0.2, GOOD),
+        (0.9, GOOD),
+        (1.0, lost),
+        (1.9, GOOD),
+        (1.99, GOOD),
+        (2.0, GOOD),
+    ]
+    found = [machine.update(replace(facts, now_ns=round(t * S))) for t, facts in asked]
+    assert found == ["OK", "PARTIAL", "PARTIAL", "PARTIAL", "PARTIAL", "PARTIAL", "PARTIAL", "OK"]
+    assert machine.since_ns == 2 * S
+
+
+facts = st.builds(
+    replace,
+    st.just(GOOD),
+    rank=st.integers(0, 3),
+    ping_age_ns=st.none() | st.integers(0, 2 * S),
+    imu_age_ns=st.none() | st.integers(0, 2 * S),
+    velocity_sd_mps=st.floats(0, 2),
+    rejected=st.integers(0, 8),
+    stepped=st.booleans(),
+    waiting_for=st.sampled_from(["", "", "", "x"]),
+)
+
+
+@given(steps=st.lists(st.tuples(st.integers(0, S), facts), min_size=1, max_size=30))
+def test_the_state_is_the_worst_of_the_last_second(steps: list[tuple[int, Facts]]) -> None:
+    """Never better than what is asked now, and exactly the worst that was asked within the settling time."""
+    machine, now = StateMachine(LIMITS), 0
+    asked: list[tuple[int, State]] = []
+    for step, one in steps:
+        now += step
+        state = machine.update(replace(one, now_ns=now))
+        wanted = judge(one, LIMITS)[0]
+        if wanted == "INITIALISING":
+            asked = []
+            assert state == "INITIALISING"
+            continue
+        asked = [(at, one_state) for at, one_state in asked if now - at < S] + [(now, wanted)]
+        assert state == max((one_state for _, one_state in asked), key=ORDER.index)
+        assert (state in SILENT) == (state == "UNSAFE")

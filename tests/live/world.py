@@ -1,0 +1,211 @@
+"""A vehicle for the tests of live use: the bytes of its DVL, IMU and depth sensor, with their times of arrival."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bottomlock.encoders.ping import Ping
+from bottomlock.encoders.registry import encoder
+from bottomlock.io.beams import read_geometry
+from bottomlock.io.sentences import xor_of
+from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2, solve_velocity
+from bottomlock.live.config import LiveConfig, parse_config
+from bottomlock.ports import registry
+from bottomlock.ports.base import PortBase
+from bottomlock.ports.estimate import Estimate
+
+START_NS = 1_790_000_000_000_000_000
+LATITUDE_DEG = 32.8
+VELOCITY = np.array([1.0, 0.1, 0.05])
+BEAM_SD = 0.01
+
+
+class Probe(PortBase):
+    """A port that writes an estimate as a line of text."""
+
+    name = "probe"
+
+    def __init__(self, *, max_rate_hz: float | None = None) -> None:
+        super().__init__(max_rate_hz=max_rate_hz)
+
+    def _refuses(self, estimate: Estimate) -> str | None:
+        return "no component" if not estimate.rank and estimate.mode == "velocity" else None
+
+    def _message(self, estimate: Estimate) -> bytes:
+        sd = np.sqrt(np.diag(estimate.covariance_m2ps2))
+        numbers = " ".join(f"{value!r}" for value in (*estimate.velocity_p_mps.tolist(), *sd.tolist()))
+        text = f"{estimate.time_ns} {estimate.state} {estimate.rank} {estimate.reset_counter} {numbers}\n"
+        return text.encode()
+
+
+registry.PORTS.setdefault("probe", Probe)
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A line of the probe."""
+
+    time_ns: int
+    state: str
+    rank: int
+    resets: int
+    velocity: np.ndarray
+    sd: np.ndarray
+
+    @classmethod
+    def parse(cls, data: bytes) -> Sent:
+        """From its bytes."""
+        time, state, rank, resets, *numbers = data.decode().split()
+        values = np.array([float(text) for text in numbers])
+        return cls(int(time), state, int(rank), int(resets), values[:3], values[3:])
+
+
+VELOCITY_TOML = """
+name = "test"
+mode = "velocity"
+dvl.geometry = "waterlinked_a50"
+dvl.beam_noise_mps = 0.01
+[[source]]
+name = "dvl"
+address = "{dvl}"
+format = "{format}"
+rate_hz = 10
+[[port]]
+port = "probe"
+to = "{to}"
+"""
+
+NAVIGATION_TOML = """
+name = "test"
+mode = "navigation"
+dvl.geometry = "waterlinked_a50"
+dvl.beam_noise_mps = 0.01
+origin.latitude_deg = 32.8
+[imu]
+rate_hz = 100
+accel_bias_mg = 1.0
+gyro_bias_deg_per_h = 10.0
+accel_noise_mps_per_rt_h = 0.05
+gyro_noise_deg_per_rt_h = 0.1
+[start]
+window_s = 1.0
+heading_deg = 30.0
+heading_sd_deg = 2.0
+[states]
+settle_s = 0.5
+[[source]]
+name = "dvl"
+address = "{dvl}"
+format = "{format}"
+rate_hz = 10
+[[source]]
+name = "imu"
+address = "{imu}"
+format = "imu-csv"
+rate_hz = 100
+[[port]]
+port = "probe"
+to = "{to}"
+rate_hz = 10
+"""
+
+
+def config(mode: str = "velocity", *, extra: str = "", **addresses: str) -> LiveConfig:
+    """A configuration of the tests."""
+    places = {
+        "dvl": "tcp:127.0.0.1:9",
+        "imu": "udpin:127.0.0.1:9",
+        "to": "udpout:127.0.0.1:9",
+        "format": "waterlinked-json",
+    }
+    text = (VELOCITY_TOML if mode == "velocity" else NAVIGATION_TOML).format(**(places | addresses))
+    return parse_config(text + extra, place="test")
+
+
+Lost = Callable[[float], tuple[int, ...]]
+
+
+@dataclass
+class World:
+    """A straight run at constant velocity, seen by its instruments.
+
+    Attributes:
+        seconds: duration.
+        lost: beams that do not return, from 0, at a time in s.
+        form: format of the DVL.
+        offset_ns: the DVL's clock minus the host's, at a time in s.
+        seed: of every noise.
+    """
+
+    seconds: float
+    lost: Lost = lambda _: ()
+    form: str = "waterlinked-json"
+    offset_ns: Callable[[float], int] = lambda _: -1_000_000_000_000
+    seed: int = 1
+    dvl_hz: float = 10.0
+    imu_hz: float = 100.0
+    pings: dict[int, np.ndarray] = field(default_factory=dict)
+
+    def arrivals(self, *, imu: bool = False) -> Iterator[tuple[int, int, bytes]]:
+        """Time of arrival, source (0 DVL, 1 IMU) and bytes, in order."""
+        entries = [*self.dvl(), *(self.imu() if imu else ())]
+        return iter(sorted(entries, key=lambda entry: entry[:2]))
+
+    def dvl(self) -> Iterator[tuple[int, int, bytes]]:
+        """Reports of the DVL, 40 ms after the time of validity and up to 5 ms of delay."""
+        random = np.random.default_rng([self.seed, 1])
+        geometry = read_geometry("waterlinked_a50").geometry
+        encode = encoder(self.form, geometry).encode
+        before = 0
+        for k in range(round(self.seconds * self.dvl_hz)):
+            t = (k + 0.5) / self.dvl_hz
+            valid_ns = START_NS + round(t * 1e9)
+            beams = geometry.beam_velocities(VELOCITY[np.newaxis])[0] + BEAM_SD * random.standard_normal(4)
+            lost = list(self.lost(t))
+            beams[lost] = np.nan
+            ranges = np.full(4, 12.0)
+            ranges[lost] = np.nan
+            offset = self.offset_ns(t)
+            own = (valid_ns + offset) // 1000 * 1000
+            whole = not lost
+            solved = (
+                solve_velocity(geometry, beams[np.newaxis], [[True] * 4], method="lc", beam_sd_mps=BEAM_SD)
+                if whole
+                else None
+            )
+            ping = Ping(
+                time_ns=own,
+                transmission_ns=own + 40_000_000,
+                interval_ns=own - before if k and own > before else 0,
+                number=k + 1,
+                beam_velocity_mps=beams,
+                range_m=ranges,
+                velocity_p_mps=None if solved is None else solved.velocity_p_mps[0],
+                covariance_m2ps2=None if solved is None else solved.cov_m2ps2[0],
+                altitude_m=11.0,
+            )
+            before = own
+            yield valid_ns + 40_000_000 + int(random.exponential(1e6)), 0, encode(ping)
+
+    def imu(self) -> Iterator[tuple[int, int, bytes]]:
+        """Inertial readings of the same run, level on heading 30 degrees."""
+        random = np.random.default_rng([self.seed, 2])
+        latitude, heading = math.radians(LATITUDE_DEG), math.radians(30.0)
+        c, s = math.cos(heading), math.sin(heading)
+        to_body = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        earth = EARTH_RATE_RADPS * np.array([math.cos(latitude), 0.0, -math.sin(latitude)])
+        gravity = np.array([0.0, 0.0, normal_gravity_mps2(latitude)])
+        force = to_body @ (2.0 * np.cross(earth, to_body.T @ VELOCITY) - gravity)
+        omega = to_body @ earth
+        for k in range(round(self.seconds * self.imu_hz)):
+            time_ns = START_NS + round(k * 1e9 / self.imu_hz)
+            w = omega + 1e-4 * random.standard_normal(3)
+            f = force + 5e-3 * random.standard_normal(3)
+            numbers = ",".join(f"{value:.9g}" for value in (*w, *f))
+            own_ns = time_ns - START_NS
+            text = f"{own_ns},{numbers}".encode()
+            yield time_ns + int(random.exponential(3e5)), 1, text + b"*%02X\n" % xor_of(text)
