@@ -145,23 +145,18 @@ class ImuLimits(Section):
     def kernel_options(self) -> dict[str, Any]:
         """The limits among the filter's options, as the kernel takes them."""
         return {
-            "max_imu_rate_radps": _radps(self.max_rate_deg_per_s, DEFAULT_OPTIONS["max_imu_rate_radps"]),
+            "max_imu_rate_radps": units.rad_or_default(
+                self.max_rate_deg_per_s, DEFAULT_OPTIONS["max_imu_rate_radps"]
+            ),
             "max_imu_force_mps2": self.max_force_mps2,
             "imu_stuck_after": self.stuck_after,
             "max_imu_gap_s": self.max_gap_s,
             "imu_gap": self.gap,
-            "imu_gap_rate_sd_radps": _radps(
+            "imu_gap_rate_sd_radps": units.rad_or_default(
                 self.gap_rate_deg_per_s, DEFAULT_OPTIONS["imu_gap_rate_sd_radps"]
             ),
             "imu_gap_accel_sd_mps2": self.gap_accel_mps2,
         }
-
-
-def _radps(rate_deg_per_s: float, default_radps: float) -> float:
-    """A rate in rad/s; the kernel's default as it is, since degrees and back may cost the last bit."""
-    if rate_deg_per_s == math.degrees(default_radps):
-        return default_radps
-    return units.rad_from_deg(rate_deg_per_s)
 
 
 class Imu(ImuErrors):
