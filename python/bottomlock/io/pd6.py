@@ -12,7 +12,7 @@ import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.binary_records import BLOCK, bytes_of, words_at
+from bottomlock.io.binary_records import BLOCK, blocks, bytes_of, words_at
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty, running_sums
 from bottomlock.io.sentences import LONGEST_LINE, lines_of, number
 
@@ -119,7 +119,7 @@ def binary_records(data: bytes) -> dict[str, int]:
     counts: dict[str, int] = {}
     raw, sums = bytes_of(data), running_sums(data)
     behind = 0
-    for block in range(0, max(len(raw) - 5, 0), BLOCK):
+    for block in blocks(max(len(raw) - 5, 0)):
         part = raw[block : min(block + BLOCK, len(raw) - 5)]
         at = block + np.flatnonzero((part == 0x7D) | (part == 0x7E))
         # PD3 has a fixed length; PD4 (45) and PD5 (86) state theirs.
