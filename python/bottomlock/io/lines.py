@@ -164,19 +164,24 @@ def fields_between(
 
 def numbers(raw: Bytes, start: Integers, end: Integers) -> tuple[Floats, Flags]:
     """The decimal numbers of many fields, in the shape of `start`, and which are numbers, as `sentences.number`."""
-    text = _joined(raw, start.ravel(), end.ravel())
+    values, good = numbers_of(joined(raw, start.ravel(), end.ravel()))
+    return values.reshape(start.shape), good.reshape(start.shape)
+
+
+def numbers_of(text: bytes) -> tuple[Floats, Flags]:
+    """The same of text with a number a line, the last with its line end too."""
     if not text:
-        return np.empty(start.shape), np.ones(start.shape, dtype=bool)
+        return np.empty(0), np.empty(0, dtype=bool)
     cells = text[:-1].translate(_NO_WORDS).decode("latin-1").split("\n")
     if _SPACE.search(text):
         cells = [cell.strip(" \t\r\x0b\x0c") for cell in cells]
     found = pl.Series(cells, dtype=pl.String).cast(pl.Float64(), strict=False)
     # Null becomes NaN, and no number is one.
-    values = np.array(found.to_numpy()).reshape(start.shape)
+    values = np.array(found.to_numpy())
     return values, ~np.isnan(values)
 
 
-def _joined(raw: Bytes, start: Integers, end: Integers) -> bytes:
+def joined(raw: Bytes, start: Integers, end: Integers) -> bytes:
     """The bytes of many pieces, a line each."""
     stop = np.cumsum(end - start + 1)
     if not len(stop):
