@@ -125,6 +125,13 @@ def _crc8_powers(polynomial: int) -> Bytes:
     return np.array(rows[:-1], dtype=np.uint8)
 
 
+@functools.cache
+def _turns(period: int) -> NDArray[np.int32]:
+    """Where in `_crc8_powers` the row begins that undoes the multiplication, at each place of two batches."""
+    turn = (-np.arange(period) % period * 256).astype(np.int32)
+    return np.tile(turn, 2 * BATCH // period + 1)
+
+
 def running_crc8(raw: Bytes, polynomial: int) -> Callable[[Integers, Integers], Bytes]:
     """CRC-8 that starts from 0, of any pieces: a function of their starts and ends (n,).
 
@@ -133,9 +140,10 @@ def running_crc8(raw: Bytes, polynomial: int) -> Callable[[Integers, Integers], 
     """
     powers = _crc8_powers(polynomial)
     period = len(powers)
-    turn = (-np.arange(period) % period * 256).astype(np.int32)
     sums = np.zeros(len(raw) + 1, dtype=np.uint8)
-    turned = powers.reshape(-1).take(np.resize(turn, len(raw)) + raw)
+    turns = _turns(period)
+    turns = turns[: len(raw)] if len(raw) <= len(turns) else np.resize(turns, len(raw))
+    turned = powers.reshape(-1).take(turns + raw)
     np.bitwise_xor.accumulate(turned, out=sums[1:])
     return lambda start, end: powers[end % period, sums[end] ^ sums[start]]
 
@@ -158,8 +166,10 @@ def fields_between(
     first, last = np.searchsorted(separators, start), np.searchsorted(separators, end)
     fields = last - first + 1
     fits = fields == count
-    within = separators[first[fits, None] + np.arange(count - 1)]
-    return fields, np.hstack([start[fits, None] - 1, within, end[fits, None]])
+    bounds = np.empty((np.count_nonzero(fits), count + 1), dtype=np.int64)
+    bounds[:, 0], bounds[:, -1] = start[fits] - 1, end[fits]
+    bounds[:, 1:-1] = separators[first[fits, None] + np.arange(count - 1)]
+    return fields, bounds
 
 
 def numbers(raw: Bytes, start: Integers, end: Integers) -> tuple[Floats, Flags]:

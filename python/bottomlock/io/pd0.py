@@ -215,7 +215,9 @@ def _bottom(data: bytes, types: _Types, use: Places) -> tuple[Flags, Floats, Flo
     velocity[has] = np.where(coarse["velocity"] == _BAD, NAN, coarse["velocity"] * 1e-3)
     correlation[has] = coarse["correlation"]
     fine = fields_at(data, fine_at[has_fine] + 2, _FINE)["velocity"]
-    bad = np.isin(fine, _BAD_FINE) | (has[has_fine, None] & np.isnan(velocity[has_fine]))
+    bad = (
+        (fine == _BAD_FINE[0]) | (fine == _BAD_FINE[1]) | (has[has_fine, None] & np.isnan(velocity[has_fine]))
+    )
     velocity[has_fine] = np.where(bad, NAN, fine * 1e-5)
     return has | has_fine, velocity, range_m, correlation, has_fine
 

@@ -97,9 +97,10 @@ def make_table(
     def floats(values: ArrayLike | None, width: int) -> Floats:
         if values is None:
             return np.full((len(keep), width), np.nan)
-        array = np.asarray(values, dtype=np.float64).reshape(n, width)[keep]
+        array = np.array(np.asarray(values, dtype=np.float64).reshape(n, width)[keep])
         # An infinity is no measurement either: the table holds finite numbers or NaN.
-        return np.where(np.isfinite(array), array, np.nan)
+        array[~np.isfinite(array)] = np.nan
+        return array
 
     times, arrival = _whole(time_ns), None if arrival_ns is None else _whole(arrival_ns)
     late = np.abs(times) >= LATEST_NS

@@ -168,6 +168,7 @@ _LAYOUTS = {
     ord("u"): (TRANSDUCER, 6, [2, 3, 4, 5], 1),
 }
 """By letter: kind, fields, those that are numbers, the one that is a flag or the transducer's number."""
+_OTHER = ~np.isin(np.arange(256), list(_LAYOUTS))
 
 
 def _read(
@@ -180,8 +181,12 @@ def _read(
     parts: list[tuple[int, Integers, Integers, Integers, Integers, list[int], int]] = []
     for mark, (sort, count, columns, flagged) in _LAYOUTS.items():
         mine = np.flatnonzero(letter == mark)
+        if not len(mine):
+            continue
         fields, bounds = fields_between(commas, found.start[mine], found.star[mine], count)
         parts.append((sort, mine, mine[fields == count], bounds[:, :-1] + 1, bounds[:, 1:], columns, flagged))
+    if not parts:
+        return kind, flag, values, validity
     begins = np.concatenate([begin[:, columns].ravel() for _, _, _, begin, _, columns, _ in parts])
     ends = np.concatenate([end[:, columns].ravel() for _, _, _, _, end, columns, _ in parts])
     every, known = numbers(raw, begins, ends)
@@ -212,8 +217,10 @@ def _read(
 
 def _pass_by(letter: Integers, position: Integers, account: Account, *, trust: bool) -> Flags:
     """Counts sentences of other kinds; (n,) those that are no events."""
-    other = (letter > 0) & ~np.isin(letter, list(_LAYOUTS))
+    other = (letter > 0) & _OTHER[letter]
     quiet = other.copy()
+    if not other.any():
+        return quiet
     for one in np.flatnonzero(np.bincount(letter[other])).tolist():
         name = b"wr" + bytes([one])
         account.pass_by_where(_KINDS.get(name, name.decode("ascii")), letter == one, position)
@@ -251,7 +258,9 @@ def _batch(lines: Lines, account: Account, *, trust: bool) -> Events:
     follows = np.append(False, found.line[1:] == found.line[:-1]) if len(begin) else heard
     before = np.where(follows, np.roll(after, 1), begin)
     framed = (before < found.start) | (found.star + 3 < end)
-    frame = lines.offset + np.column_stack([before, found.start, found.star + 3, end])
+    frame = np.empty((len(before), 4), dtype=np.int64)
+    for k, place in enumerate((before, found.start, found.star + 3, end)):
+        frame[:, k] = lines.offset + place
 
     unread = np.concatenate([found.start[~accepted], lines.end[rest], dropped.end])
     count = int(np.count_nonzero(heard))
@@ -289,6 +298,8 @@ def read_events(data: bytes, account: Account, *, trust: bool) -> Events:
         trust: keep sentences whose CRC does not fit, flagged.
     """
     parts = [_NOTHING, *(_batch(lines, account, trust=trust) for lines in batches(data))]
+    if len(parts) == 2:
+        return parts[1]
     joined = {
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in ("position", "kind", "flag", "numbers", "framed", "frame")
