@@ -9,6 +9,7 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Flags, Floats, Integers, Recording
@@ -68,7 +69,7 @@ def _logged(lines: Lines, colon: Integers) -> tuple[Flags, Integers, Integers, I
     """
     raw, start, end = lines.raw, lines.start, lines.end
     commas = np.append(lines.places(b","), [len(raw)] * 2)
-    quotes, others = (np.concatenate(([0], np.cumsum(mark))) for mark in (raw == ord('"'), ~_DIGIT[raw]))
+    quotes, others = (_counted(mark) for mark in (raw == ord('"'), ~_DIGIT[raw]))
     at = np.searchsorted(commas, start)
     time_end, comma = commas[at], commas[at + 1]
     opened = (comma == colon - 2) & (raw[np.maximum(colon - 1, 0)] == ord('"'))
@@ -87,6 +88,13 @@ def _logged(lines: Lines, colon: Integers) -> tuple[Flags, Integers, Integers, I
     stop = np.where(short, last, end)
     stop = stop - ((stop - 1 > colon) & (raw[stop - 1] == ord('"')))
     return logged, time_end, np.where(logged, colon, _text_start(raw, start)), np.where(logged, stop, end)
+
+
+def _counted(marks: Flags) -> NDArray[np.int32]:
+    """(n + 1,) how many marks there are before each place."""
+    counts = np.zeros(len(marks) + 1, dtype=np.int32)
+    np.cumsum(marks, dtype=np.int32, out=counts[1:])
+    return counts
 
 
 def _text_start(raw: Bytes, start: Integers) -> Integers:
