@@ -10,9 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
+from bottomlock.kernel import Navigator, normal_gravity_mps2, solve_velocity
+from bottomlock.models import InitialState
+from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.registry import PORTS, port
-from tests.ports.cases import JANUS, MASKS, SECOND, START, TRUTH, from_beams, mavlink, mip, navigated
+from tests.ports.cases import JANUS, MASKS, SECOND, START, TRUTH, from_beams, mavlink, mip, navigated, ping
 
 GEOMETRY = {"ros_dvl", "waterlinked_json", "pd0"}
 ALL = sorted(PORTS)
@@ -308,7 +312,7 @@ def test_mip_by_hand() -> None:
         ("odometri", {}, "port: unknown name 'odometri', did you mean 'odometry'?"),
         ("odometry", {"max_rate": 5}, "port odometry: unknown key 'max_rate', did you mean 'max_rate_hz'?"),
         ("odometry", {"max_rate_hz": 0}, "max_rate_hz is 0, expected > 0"),
-        ("odometry", {"max_rate_hz": "5"}, "max_rate_hz is '5', expected a number"),
+        ("odometry", {"max_rate_hz": "5"}, "max_rate_hz is '5', expected a finite number"),
         ("odometry", {"receiver": "ardupilot"}, "receiver_noise_mps is None with receiver 'ardupilot'"),
         ("odometry", {"receiver": "pixhawk"}, "receiver is 'pixhawk', expected one of px4, ardupilot"),
         ("odometry", {"system_id": 0}, "system_id is 0, expected an integer from 1 to 255"),
@@ -320,11 +324,54 @@ def test_mip_by_hand() -> None:
         ),
         ("microstrain", {"timebase": "arrival"}, "latency_s is None with timebase 'arrival'"),
         ("microstrain", {"frame_id": 0}, "frame_id is 0, expected an integer from 1 to 255"),
-        ("pd0", {"geometry": JANUS}, "port pd0: .*receiver_sd_mps"),
+        ("pd0", {"geometry": JANUS}, "port pd0: 'receiver_sd_mps' is missing"),
+        (
+            "ros_dvl",
+            {"geometry": None},
+            "port ros_dvl: geometry is of type NoneType, expected a BeamGeometry",
+        ),
+        ("ros_dvl", {"geometry": JANUS, "frame_id": ""}, "frame_id is '', expected the name of a frame"),
+        ("microstrain", {"time_offset_s": "0"}, "time_offset_s is '0', expected a finite number"),
         ("ros_twist", {"frame": "enu"}, "frame is 'enu', expected one of flu, frd"),
-        ("ros_twist", {"unseen_sd_mps": float("nan")}, "unseen_sd_mps is nan, expected > 0"),
+        ("ros_twist", {"unseen_sd_mps": float("nan")}, "unseen_sd_mps is nan, expected a finite number"),
     ],
 )
 def test_settings_are_checked(name: str, settings: dict[str, Any], message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
         port(name, **settings)
+
+
+def test_every_port_takes_what_a_navigator_gives() -> None:
+    """20 s with all beams, 20 s with two, 60 s with none: covariances of a real filter, at every stage of an outage."""
+    scenario, gravity = load_scenario("straight"), normal_gravity_mps2(0.57)
+    still = InitialState(
+        time_ns=START, position_t_m=[0, 0, 0], attitude_t_p=[1, 0, 0, 0], velocity_p_mps=[0, 0, 0]
+    )
+    model, options = scenario.kernel_model(gravity), scenario.kernel_options()
+    navigator = Navigator(JANUS, model, options, still, method="tc")
+    ports = {name: made(name) for name in ALL}
+    sent = dict.fromkeys(ALL, 0)
+    masks = [FULL] * 20 + [SIDE] * 20 + [(0, 0, 0, 0)] * 60
+    for second, mask in enumerate(masks):
+        stamps = START + second * SECOND + np.arange(0, SECOND, SECOND // 50)
+        omega = np.zeros((50, 3))
+        navigator.push_imu_block(
+            stamps, omega_p_radps=omega, force_p_mps2=omega + np.array([0.0, 0.0, -gravity])
+        )
+        seen = np.array(mask, dtype=bool)
+        if seen.any():
+            navigator.push_beams(int(stamps[-1]), np.zeros(4), seen, sd_mps=np.full(4, 0.02))
+        fixes = solve_velocity(JANUS, np.zeros((1, 4)), [seen], method="info", beam_sd_mps=0.02)
+        estimate = Estimate.from_navigator(
+            navigator, fixes=fixes, beams=ping(mask), omega_p_radps=np.zeros(3)
+        )
+        assert estimate.rank == (3, 2, 0)[(second >= 20) + (second >= 40)]
+        for name, one in ports.items():
+            data = one.encode(estimate)
+            sent[name] += data is not None
+            if name == "odometry":
+                variances = [mavlink(data).velocity_covariance[k] for k in (0, 6, 11)]
+                assert np.linalg.eigvalsh(np.diag(variances) - estimate.covariance_m2ps2)[0] >= 0.0
+    assert sent["odometry"] == 100
+    assert sent["microstrain"] == 40
+    assert sent["vision_position_delta"] == 99

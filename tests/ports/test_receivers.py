@@ -137,7 +137,7 @@ def limits(key: str, runs: int) -> tuple[float, float]:
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("runs", [40, pytest.param(400, marks=pytest.mark.long)])
+@pytest.mark.parametrize("runs", [40, pytest.param(200, marks=pytest.mark.long)])
 @pytest.mark.parametrize("mode", ["velocity", "navigation"])
 @pytest.mark.parametrize("mask", list(MASKS))
 def test_a_receiver_is_consistent_through_every_port(mode: str, mask: str, runs: int) -> None:

@@ -87,11 +87,30 @@ class PortBase:
         Raises:
             ScenarioError: naming port, key and value.
         """
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ScenarioError(f"port {self.name}: {key} is {value!r}, expected a number")
-        if not (math.isfinite(value) and value > 0.0):
+        number = self._finite(key, value)
+        if number <= 0.0:
             raise ScenarioError(f"port {self.name}: {key} is {value}, expected > 0")
+        return number
+
+    def _finite(self, key: str, value: object) -> float:
+        """A setting that is a number.
+
+        Raises:
+            ScenarioError: naming port, key and value.
+        """
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ScenarioError(f"port {self.name}: {key} is {value!r}, expected a finite number")
         return float(value)
+
+    def _word(self, key: str, value: object) -> str:
+        """A setting that is the name of a frame.
+
+        Raises:
+            ScenarioError: naming port, key and value.
+        """
+        if not isinstance(value, str) or not value or "\x00" in value:
+            raise ScenarioError(f"port {self.name}: {key} is {value!r}, expected the name of a frame")
+        return value
 
     def _whole(self, key: str, value: object, least: int, most: int) -> int:
         """A setting that is an integer in a range.

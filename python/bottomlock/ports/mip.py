@@ -64,11 +64,7 @@ class MicroStrain(PortBase):
                 "expected seconds with 'arrival' and nothing with 'external'"
             )
         self._latency_ns = 0 if latency_s is None else ns_from_s(self._positive("latency_s", latency_s))
-        if not math.isfinite(time_offset_s):
-            raise ScenarioError(
-                f"port {self.name}: time_offset_s is {time_offset_s}, expected a finite number"
-            )
-        self._offset_ns = ns_from_s(time_offset_s)
+        self._offset_ns = ns_from_s(self._finite("time_offset_s", time_offset_s))
         self._estimated = self._one_of("unseen", unseen, ("omit", "estimate")) == "estimate"
 
     def _axes(self, estimate: Estimate) -> NDArray[np.bool_]:

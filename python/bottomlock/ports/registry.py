@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from bottomlock.errors import ScenarioError
+from bottomlock.kernel import BeamGeometry
 from bottomlock.ports.mip import MicroStrain
 from bottomlock.ports.odometry import Odometry
 from bottomlock.ports.port import Port
@@ -45,14 +46,19 @@ def port(name: str, **settings: Any) -> Port:  # noqa: ANN401 - the settings of 
     make = PORTS.get(name)
     if make is None:
         raise ScenarioError(f"port: unknown name '{name}'{_nearest(name, list(PORTS))}")
-    known = list(inspect.signature(make).parameters)
+    parameters = inspect.signature(make).parameters
     for key in settings:
-        if key not in known:
-            raise ScenarioError(f"port {name}: unknown key '{key}'{_nearest(key, known)}")
-    try:
-        return make(**settings)
-    except TypeError as error:
-        raise ScenarioError(f"port {name}: {error}") from error
+        if key not in parameters:
+            raise ScenarioError(f"port {name}: unknown key '{key}'{_nearest(key, list(parameters))}")
+    for key, parameter in parameters.items():
+        if parameter.default is parameter.empty and key not in settings:
+            raise ScenarioError(f"port {name}: '{key}' is missing")
+    geometry = settings.get("geometry")
+    if "geometry" in settings and not isinstance(geometry, BeamGeometry):
+        raise ScenarioError(
+            f"port {name}: geometry is of type {type(geometry).__name__}, expected a BeamGeometry"
+        )
+    return make(**settings)
 
 
 def _nearest(word: str, known: list[str]) -> str:

@@ -49,7 +49,7 @@ class RosDvl(PortBase):
                 f"port {self.name}: the geometry has {geometry.beams} beams, the message {_BEAMS}"
             )
         self._directions = np.asarray(geometry.directions_p)
-        self._frame_id = frame_id
+        self._frame_id = self._word("frame_id", frame_id)
         self._sound = self._positive("sound_speed_mps", sound_speed_mps)
 
     def _refuses(self, estimate: Estimate) -> str | None:

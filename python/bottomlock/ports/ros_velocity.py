@@ -14,7 +14,6 @@ Source: ros2/common_interfaces, geometry_msgs; REP 103.
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.errors import ScenarioError
 from bottomlock.ports.base import PortBase
 from bottomlock.ports.cdr import CdrWriter
 from bottomlock.ports.estimate import Estimate
@@ -54,11 +53,6 @@ class RosTwist(PortBase):
         self._frame_id = self._word("frame_id", frame_id)
         self._unseen = None if unseen_sd_mps is None else self._positive("unseen_sd_mps", unseen_sd_mps)
         self._angular = self._positive("angular_sd_radps", angular_sd_radps)
-
-    def _word(self, key: str, value: object) -> str:
-        if not isinstance(value, str) or not value or "\x00" in value:
-            raise ScenarioError(f"port {self.name}: {key} is {value!r}, expected the name of a frame")
-        return value
 
     def _refuses(self, estimate: Estimate) -> str | None:
         if estimate.time_ns // 1_000_000_000 > _LATEST_S:

@@ -47,7 +47,7 @@ class VisionPositionDelta(MavlinkPort):
         *,
         min_noise_mps: float = 0.1,
         max_noise_mps: float = 0.9,
-        max_interval_s: float = 1.0,
+        max_interval_s: float = 2.0,
         max_rate_hz: float = 5.0,
         variance_factor: float = 1.0,
         system_id: int = 1,
