@@ -4,7 +4,6 @@ It has no clock of its own, so a raw log played again gives the very bytes that 
 alone (silence, lines that wait) is done at multiples of `TICK_NS` of the arrival clock, whoever asks first.
 """
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -16,6 +15,7 @@ from bottomlock.live.config import LiveConfig, kernel_settings
 from bottomlock.live.estimator import Estimator, VelocityEstimator
 from bottomlock.live.pings import Ping, PingReader
 from bottomlock.live.readings import ImuReading, LineReader, MavlinkReader, Reading
+from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import DVL_FORMATS, SourceSection
 from bottomlock.live.states import Facts, StateMachine
 from bottomlock.ports.estimate import SILENT, Estimate, State
@@ -59,7 +59,7 @@ class SourceState:
     clock: ClockMap
     last_ns: int | None = None
     used: int = 0
-    refused: Counter[str] = field(default_factory=Counter)
+    refused: Reasons = field(default_factory=Reasons)
     connections: int = 0
     stamps: list[int] = field(default_factory=list)
 
@@ -179,7 +179,7 @@ class Engine:
         try:
             self._estimate(reading, time_ns, arrival_ns)
         except BottomlockError as error:
-            one.refused[_without_numbers(str(error))] += 1
+            one.refused.add(_without_numbers(str(error)))
             return []
         one.used += 1
         if isinstance(reading, Ping):
@@ -201,7 +201,7 @@ class Engine:
         latency_ns = units.ns_from_s(one.section.latency_s)
         is_ping = isinstance(reading, Ping)
         if is_ping and reading.time_ns in one.stamps:
-            one.refused["its time repeats"] += 1
+            one.refused.add("its time repeats")
             return None
         if one.section.clock == "arrival":
             return arrival_ns - latency_ns
@@ -209,13 +209,13 @@ class Engine:
             # One stamp far ahead would make every later reading an old one.
             ahead_ns = reading.time_ns - arrival_ns
             if not -OLDEST_NS < ahead_ns <= units.ns_from_s(one.section.step_s):
-                one.refused["its time is not that of the host"] += 1
+                one.refused.add("its time is not that of the host")
                 return None
             return reading.time_ns - latency_ns
         sent_ns = reading.transmission_ns if isinstance(reading, Ping) else reading.time_ns
         verdict = one.clock.observe(sent_ns, arrival_ns)
         if verdict == "late":
-            one.refused["late, or its clock was set: time of validity unsure"] += 1
+            one.refused.add("late, or its clock was set: time of validity unsure")
             return None
         if verdict == "stepped":
             one.stamps.clear()

@@ -109,7 +109,10 @@ class NavigationEstimator:
     def _aligned(self, time_ns: int, omega: Floats, force: Floats) -> bool:
         """Takes a reading for the alignment; whether that is complete, and the navigator has begun."""
         options = self._settings.options
-        if np.abs(force).max() >= options.max_imu_force_mps2 or np.abs(omega).max() >= options.max_imu_rate_radps:
+        if (
+            np.abs(force).max() >= options.max_imu_force_mps2
+            or np.abs(omega).max() >= options.max_imu_rate_radps
+        ):
             raise KernelError("a reading of the alignment is beyond the full scale")
         self._alignment.imu(time_ns, force)
         self.imu_used_ns = self._now_ns

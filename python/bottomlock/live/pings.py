@@ -6,7 +6,6 @@ soon as its fourth transducer is in, and a sum of intervals begins with the firs
 """
 
 import re
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -19,6 +18,7 @@ from bottomlock.io.formats import BYTES
 from bottomlock.io.nortek_frames import BOTTOM_AD2CP, BOTTOM_DVL, BOTTOM_NUCLEUS
 from bottomlock.io.rows import Options
 from bottomlock.live.framing import LONGEST_JSON, Framer, Lines, NortekLines, WaterLinkedLines, nortek, pd0
+from bottomlock.live.reasons import Reasons
 
 FRAMERS: dict[str, Callable[[int], Framer]] = {
     "waterlinked-json": lambda _: Lines(LONGEST_JSON),
@@ -90,7 +90,7 @@ class PingReader:
     beams: int
     options: Options = field(default_factory=Options)
     records: int = 0
-    skipped: Counter[str] = field(default_factory=Counter)
+    skipped: Reasons = field(default_factory=Reasons)
 
     def __post_init__(self) -> None:
         """Chooses framer and reader.
@@ -123,24 +123,24 @@ class PingReader:
     def _pings(self, record: bytes) -> list[Ping]:
         self.records += 1
         if self._kind is not None and record[2] != self._kind:
-            self.skipped["another kind of record"] += 1
+            self.skipped.add("another kind of record")
             return []
         try:
             recording = self._read(record, "record", self._settings)
         except DataError as error:
-            self.skipped[_reason(error)] += 1
+            self.skipped.add(_reason(error))
             return []
         table = recording.table
         if table.beams > self.beams:
-            self.skipped[f"{table.beams} beams, the geometry has {self.beams}"] += 1
+            self.skipped.add(f"{table.beams} beams, the geometry has {self.beams}")
             return []
         absolute = recording.time_of == "validity" or self.format not in _SUMS
         if self._absolute is None:
             self._absolute = absolute
         if absolute != self._absolute:
-            self.skipped[
+            self.skipped.add(
                 "no time of validity" if self._absolute else "a time of validity among intervals"
-            ] += 1
+            )
             return []
         found = []
         sum_ns = self._sum_ns

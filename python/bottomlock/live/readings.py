@@ -2,7 +2,6 @@
 
 import math
 import os
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from bottomlock.errors import DataError
 from bottomlock.io.sentences import hexadecimal, number, whole, xor_of
 from bottomlock.live.framing import Lines
+from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import DepthSection
 
 Triple = tuple[float, float, float]
@@ -66,7 +66,7 @@ class LineReader:
 
     format: str
     records: int = 0
-    skipped: Counter[str] = field(default_factory=Counter)
+    skipped: Reasons = field(default_factory=Reasons)
 
     def __post_init__(self) -> None:
         """Chooses the columns of the format."""
@@ -85,16 +85,16 @@ class LineReader:
         self.records += 1
         text, star, digits = line.partition(b"*")
         if star and xor_of(text) != hexadecimal(digits):
-            self.skipped["bad checksum"] += 1
+            self.skipped.add("bad checksum")
             return None
         first, *rest = text.split(b",")
         if len(rest) != self._count:
-            self.skipped[f"not the columns {self._columns}"] += 1
+            self.skipped.add(f"not the columns {self._columns}")
             return None
         time_ns, values = whole(first), [number(part) for part in rest]
         numbers = [value for value in values if value is not None and math.isfinite(value)]
         if time_ns is None or len(numbers) < self._count or not _EARLIEST_NS < time_ns < _LATEST_NS:
-            self.skipped["not a time in ns and finite numbers"] += 1
+            self.skipped.add("not a time in ns and finite numbers")
             return None
         return self._make(time_ns, numbers)
 
@@ -130,7 +130,7 @@ class MavlinkReader:
     depth: DepthSection | None
     gravity_mps2: float
     records: int = 0
-    skipped: Counter[str] = field(default_factory=Counter)
+    skipped: Reasons = field(default_factory=Reasons)
     bad_bytes: int = 0
 
     def __post_init__(self) -> None:
@@ -178,7 +178,7 @@ class MavlinkReader:
             force = (message.xacc, message.yacc, message.zacc)
             if all(map(math.isfinite, (*omega, *force))):
                 return ImuReading(message.time_usec * 1000, omega, force)
-            self.skipped["HIGHRES_IMU without finite numbers"] += 1
+            self.skipped.add("HIGHRES_IMU without finite numbers")
         elif self.depth is not None and kind == self.depth.message:
             pressure = message.press_abs * PASCAL_PER_HECTOPASCAL - self.depth.surface_pressure_pa
             if math.isfinite(pressure):
@@ -186,5 +186,5 @@ class MavlinkReader:
                 return DepthReading(
                     message.time_boot_ms * 1_000_000, pressure / (density * self.gravity_mps2)
                 )
-            self.skipped[f"{kind} without a finite pressure"] += 1
+            self.skipped.add(f"{kind} without a finite pressure")
         return None
