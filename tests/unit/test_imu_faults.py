@@ -133,7 +133,7 @@ def test_a_block_says_what_it_took() -> None:
     nav.push_beams(15 * MS, np.zeros(4), np.ones(4, bool), sd_mps=np.full(4, 0.042))
     time_ns = np.array([10, 20, 30, 30, 40]) * MS
     force = np.tile(LEVEL, (5, 1))
-    force[2, 0] = 1000.0
+    force[2:4, 0] = 1000.0
     with pytest.raises(bottomlock.KernelError, match="imu time 30000000 ns") as caught:
         nav.push_imu_block(time_ns, omega_p_radps=np.zeros((5, 3)), force_p_mps2=force)
     assert caught.value.taken == 3

@@ -20,7 +20,7 @@ fn cases() -> u32 {
     if std::env::var_os("BOTTOMLOCK_LONG").is_some() {
         10_000
     } else {
-        500
+        130
     }
 }
 

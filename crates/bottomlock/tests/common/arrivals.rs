@@ -133,7 +133,8 @@ fn readings(random: &mut ChaCha8Rng) -> Vec<ImuSample> {
             force_p_mps2: Vec3::new(x, y, z - 9.8),
         };
         match random.random_range(0..40) {
-            0 => sample.force_p_mps2 = Vec3::new(1000.0, 0.0, 0.0),
+            // Not of the force: its mean tells the unit, and the first to arrive may be two.
+            0 => sample.rate_p_radps = Vec3::new(20.0, 0.0, 0.0),
             1..=4 => {
                 if let Some(last) = imu.last() {
                     sample = ImuSample {
