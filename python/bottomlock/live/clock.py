@@ -9,6 +9,7 @@ was set forward. A clock set back is known only after some reports in a row; unt
 they are not used.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -54,7 +55,8 @@ class ClockMap:
         if self._offset_ns is None:
             self._set(bound, arrival_ns)
             return "good"
-        envelope = self._offset_ns + round(DRIFT * (arrival_ns - self._at_ns))
+        # Rounded up: bounds that are rounded down would add up to a time that is early.
+        envelope = self._offset_ns + math.ceil(DRIFT * (arrival_ns - self._at_ns))
         if bound - envelope > self.step_ns:
             return self._far_above(bound, arrival_ns, envelope)
         self._above.clear()
