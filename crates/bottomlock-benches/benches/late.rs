@@ -1,4 +1,4 @@
-//! What the horizon of a live navigator costs, call by call: medians and 99th percentiles, which no mean shows.
+//! What the horizon of a live navigator at rest costs, call by call: medians and 99th percentiles, which no mean shows.
 //!
 //! `cargo bench -p bottomlock-benches --bench late`. Every row is measured in turn with the others, a second of data each, so
 //! that the load of the machine falls on all; compare by ratio.
@@ -76,8 +76,8 @@ fn janus() -> BeamGeometry {
 fn reading(time_ns: i64) -> Event {
     Event::Imu(ImuSample {
         time_ns,
-        rate_p_radps: Vec3::new(0.001, 0.002, 0.05),
-        force_p_mps2: Vec3::new(0.01, 0.1, -9.79),
+        rate_p_radps: Vec3::new(0.0, 0.0, 0.0),
+        force_p_mps2: Vec3::new(0.0, 0.0, -Model::table_2().environment.gravity_mps2),
     })
 }
 
