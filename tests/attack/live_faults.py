@@ -20,7 +20,7 @@ import numpy as np
 
 from bottomlock.live.engine import Engine
 from bottomlock.ports.estimate import SILENT
-from tests.live.world import START_NS, Sent, World, config
+from tests.live.world import START_NS, Sent, World, config, probe_registered
 
 S = 1_000_000_000
 Entry = tuple[int, int, bytes]
@@ -206,4 +206,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with probe_registered():
+        main()

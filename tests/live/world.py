@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -42,7 +43,14 @@ class Probe(PortBase):
         return text.encode()
 
 
-registry.PORTS.setdefault("probe", Probe)
+@contextmanager
+def probe_registered() -> Iterator[None]:
+    """The probe as a port by name, for as long as this lasts."""
+    registry.PORTS["probe"] = Probe
+    try:
+        yield
+    finally:
+        del registry.PORTS["probe"]
 
 
 @dataclass(frozen=True)
