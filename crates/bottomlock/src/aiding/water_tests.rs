@@ -114,7 +114,7 @@ fn the_yaw_is_not_learned() {
 #[test]
 fn priors_are_checked() {
     type Change = fn(&mut WaterPrior);
-    let changes: [(&str, Change); 9] = [
+    let changes: [(&str, Change); 14] = [
         ("water.current_sd_mps", |prior| prior.current_sd_mps = -0.1),
         ("water.current_time_s", |prior| prior.current_time_s = 0.0),
         ("water.sway_gain_m", |prior| prior.sway_gain_m = f64::NAN),
@@ -124,6 +124,12 @@ fn priors_are_checked() {
         ("water.slip_sd_mps", |prior| prior.slip_sd_mps = 0.0),
         ("water.slip_time_s", |prior| prior.slip_time_s = f64::NAN),
         ("water.slip_epochs", |prior| prior.slip_epochs = 0.5),
+        // As if in mm/s or mm; squares of such numbers swamp the covariance.
+        ("water.current_sd_mps", |prior| prior.current_sd_mps = 300.0),
+        ("water.trim_sd_mps", |prior| prior.trim_sd_mps = 3e9),
+        ("water.slip_sd_mps", |prior| prior.slip_sd_mps = 50.0),
+        ("water.sway_gain_m", |prior| prior.sway_gain_m = -600.0),
+        ("water.sway_gain_sd_m", |prior| prior.sway_gain_sd_m = 300.0),
     ];
     assert_eq!(WaterPrior::default().validate(), Ok(()));
     for (field, change) in changes {
