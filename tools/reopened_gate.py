@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 import bottomlock
+from bottomlock.kernel import Method
 from bottomlock.simulation.build import trajectory_key
 
 RUNS, SEED = 100, 2017
-METHODS = ("lc", "sway_current")
+METHODS: tuple[Method, ...] = ("lc", "sway_current")
 
 
 def run_with_tilt(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
@@ -28,7 +29,7 @@ def run_with_tilt(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
     schedule: Any = bottomlock.measurement_schedule(simulation, truth)
     return dict(
         bottomlock.run_batch(
-            simulation.geometry, arrays, assumed.replace(initial=tilted), assumed, options, schedule, list(METHODS),
+            simulation.geometry, arrays, assumed.replace(initial=tilted), assumed, options, schedule, METHODS,
             seed=SEED, trajectory_key=trajectory_key("straight"), first_run=0, runs=RUNS, threads=0,
         )
     )  # fmt: skip

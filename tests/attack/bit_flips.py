@@ -30,7 +30,6 @@ from bottomlock.campaign.run import Results, run_campaign, run_shard
 from bottomlock.errors import BottomlockError, Note
 from bottomlock.io.beam_table import read_beam_table, write_recording
 from bottomlock.io.formats import read_recording
-from bottomlock.kernel import KernelError
 from bottomlock.plant import fly, load_vehicle, straight
 from bottomlock.records import DIGESTS, OWN_DIGEST
 from bottomlock.replay.report import read_replay
@@ -193,7 +192,7 @@ def _of_copy(
             path.write_bytes(content)
         with _limited():
             return kind.read(copy), None
-    except (BottomlockError, KernelError) as error:
+    except BottomlockError as error:
         words = str(error)
         return None, f"an error of several lines: {words}" if "\n" in words else None
     except BaseException as error:

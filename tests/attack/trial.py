@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from bottomlock.errors import BottomlockError
-from bottomlock.kernel import KernelError
 from tests.attack.values import Arguments
 
-ALLOWED = (KernelError, BottomlockError, TypeError, OverflowError, MemoryError)
+ALLOWED = (BottomlockError, TypeError, OverflowError, MemoryError)
 """Errors of the kernel, of the parsing of arguments, and numpy's for an array that does not fit into memory."""
 
 
@@ -49,7 +48,7 @@ class Trial:
         try:
             result = function(**arguments.values)
         except ALLOWED as error:
-            if isinstance(error, BottomlockError | KernelError):
+            if isinstance(error, BottomlockError):
                 self._judge_words(name, str(error))
             if self._tell is not None:
                 self._tell(f"  {type(error).__name__}: {error}")

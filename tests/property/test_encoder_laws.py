@@ -125,11 +125,11 @@ def test_pd6_reads_back_without_beams(data: st.DataObject) -> None:
     sent = data.draw(pings(4, fastest=15.0))
     encode = instrument(one).encode
     found = pd6.velocities(b"".join(encode(ping) for ping in sent), Account(unit="line"))
-    assert [v.valid for v in found] == [ping.velocity_p_mps is not None for ping in sent]
-    for v, ping in zip(found, sent, strict=True):
+    assert found.valid.tolist() == [ping.velocity_p_mps is not None for ping in sent]
+    for velocity, ping in zip(found.velocity_mps, sent, strict=True):
         if ping.velocity_p_mps is not None:
             x, y, z = ping.velocity_p_mps
-            near(np.array(v.velocity_mps), np.array([y, x, -z]), 1e-3, 0.0)
+            near(velocity, np.array([y, x, -z]), 1e-3, 0.0)
     with pytest.raises(DataError, match="PD6 holds no beam velocities"):
         read(one, b"".join(encode(ping) for ping in sent))
 

@@ -11,6 +11,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 import bottomlock
+from bottomlock.kernel import Method
 from tests.oracle import beams, error_model, smoothing
 from tests.oracle.rotations import Array, log_rotation, matrix_from_quaternion, quaternion_from_euler
 from tests.property import settings
@@ -65,7 +66,7 @@ def make_log(rng: np.random.Generator, steps: int, every: int) -> tuple[LogDict,
     return log, start
 
 
-def replayed(log: LogDict, start: Any, methods: list[str], **more: Any) -> ReplayDict:  # noqa: ANN401
+def replayed(log: LogDict, start: Any, methods: list[Method], **more: Any) -> ReplayDict:  # noqa: ANN401
     """Filter and smoother of every sample, gate off."""
     return bottomlock.replay_log(
         bottomlock.BeamGeometry(A),
@@ -181,7 +182,7 @@ def test_smoother_is_the_conditioned_history() -> None:
 @hypothesis_settings(max_examples=25, deadline=None)
 @pytest.mark.parametrize("method", ["tc", "lc", "vb_exact", "plcf", "sway_current"])
 @pytest.mark.parametrize("period_ns", [0, 100_000_000])
-def test_laws_of_the_smoother(method: str, period_ns: int, seed: int, every: int, shift_ns: int) -> None:
+def test_laws_of_the_smoother(method: Method, period_ns: int, seed: int, every: int, shift_ns: int) -> None:
     """P smoothed ≤ P filtered (Loewner), neither is negative, both agree at the end; measurements at any time."""
     log, start = make_log(np.random.default_rng(seed), steps=40, every=every)
     log["dvl_time_ns"] = log["dvl_time_ns"] - shift_ns

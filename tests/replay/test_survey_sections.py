@@ -16,6 +16,7 @@ import polars as pl
 import pytest
 
 import bottomlock
+from bottomlock.kernel import Method
 from tests.oracle.rotations import Array, matrix_from_quaternion, quaternion_from_euler
 
 pytestmark = [pytest.mark.recordings, pytest.mark.slow]
@@ -27,7 +28,7 @@ REFERENCE_TO_DVL_P_M = np.array([-1.8, -0.03, 0.1])
 STARBOARD = np.array([1.0, -1.0, 1.0])
 MOUNTING_RPY_RAD = np.deg2rad([-0.1, 0.07, 0.15])
 DEGREE = np.pi / 180
-METHODS = ["ins", "lc", "tc", "info", "vb_exact"]
+METHODS: list[Method] = ["ins", "lc", "tc", "info", "vb_exact"]
 
 
 def model(latitude_rad: float) -> Any:  # noqa: ANN401 - the kernel's dict

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
+from bottomlock.kernel import Method
 from bottomlock.models import ImuModel, Robust
 from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.measurement_schedule import measurement_schedule
@@ -77,7 +78,7 @@ def cases() -> list[tuple[str, tuple[int, ...], str, str, bool]]:
     return list(product(DISTURBANCES, MASKS, IMUS, TRAJECTORIES, (False, True)))
 
 
-def disturbed(number: int, methods: list[str], *, robust: bool = True) -> Disturbed:
+def disturbed(number: int, methods: list[Method], *, robust: bool = True) -> Disturbed:
     """Case `number` of the seeded cases: those of `cases` in turn, each time with other draws."""
     what, mask, imu, trajectory, has_depth = cases()[number % len(cases())]
     rng = np.random.default_rng([SEED, number])

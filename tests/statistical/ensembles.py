@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 import bottomlock
+from bottomlock.kernel import Method
 from tests.analytic import analytic_simulation
 from tests.oracle.rotations import Array
 
@@ -19,7 +20,7 @@ RUNS = 200
 class Ensemble:
     """Runs of one scenario: methods in order, (runs, methods, T) NEES and the batch itself."""
 
-    methods: tuple[str, ...]
+    methods: tuple[Method, ...]
     batch: dict[str, Any]
 
     def nees(self, method: str) -> Array:
@@ -41,7 +42,7 @@ class Ensemble:
 @lru_cache(maxsize=8)
 def run_ensemble(
     name: str,
-    methods: tuple[str, ...],
+    methods: tuple[Method, ...],
     runs: int = RUNS,
     every_s: int = 5,
     changes: tuple[tuple[str, Any], ...] = (),
@@ -61,7 +62,7 @@ def run_ensemble(
         model,
         options,
         schedule,  # type: ignore[arg-type]
-        list(methods),
+        methods,
         seed=SEED,
         trajectory_key=17,
         first_run=0,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import bottomlock
+from bottomlock.kernel import Method
 from bottomlock.models import DepthModel
 from bottomlock.statistics.chi_squared import mean_band
 from tests.analytic import analytic_simulation
@@ -17,7 +18,7 @@ from tests.statistical import ensembles
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
 RUNS = 60
-METHODS = ("tc", "sway_current")
+METHODS: tuple[Method, ...] = ("tc", "sway_current")
 BIASED = DepthModel(sd_m=0.02, bias_sd_m=0.3, bias_time_s=600.0)
 UNBIASED = BIASED.replace(bias_sd_m=0.0)
 
@@ -38,7 +39,7 @@ def flown(*, expected: bool) -> dict[str, Any]:
     arrays: Any = truth.kernel_arrays()
     return dict(
         bottomlock.run_batch(
-            simulation.geometry, arrays, model, assumed, options, schedule, list(METHODS),
+            simulation.geometry, arrays, model, assumed, options, schedule, METHODS,
             seed=ensembles.SEED, trajectory_key=31, first_run=0, runs=RUNS, threads=1,
         )
     )  # fmt: skip

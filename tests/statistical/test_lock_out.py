@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bottomlock.kernel import Method
 from tests.statistical.disturbances import cases, disturbed
 
-TRUSTED = ["tc", "info", "vb_exact", "weak_sway", "sway_current", "consistent"]
+TRUSTED: list[Method] = ["tc", "info", "vb_exact", "weak_sway", "sway_current", "consistent"]
 FIXES = 10
 
 
-def lock_outs(numbers: range, methods: list[str]) -> list[str]:
+def lock_outs(numbers: range, methods: list[Method]) -> list[str]:
     """The cases in which a method rejects more than ten good pings in a row, or ends off along its beams.
 
     Beams have a noise of 42 mm/s and a bias of 5 mm/s: an RMS of 0.15 m/s over the last thirty pings is far outside.

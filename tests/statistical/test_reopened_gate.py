@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 
 import bottomlock
+from bottomlock.kernel import Method
 from tests.analytic import analytic_simulation
 from tests.oracle.rotations import Array
 from tests.statistical import ensembles
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-METHODS = ("lc", "tc", "sway_current")
+METHODS: tuple[Method, ...] = ("lc", "tc", "sway_current")
 RUNS = 100
 
 
@@ -37,7 +38,7 @@ def run_with_tilt(tilt_factor: float, reopen_fixes: int) -> dict[str, Any]:
     arrays: Any = truth.kernel_arrays()
     return dict(
         bottomlock.run_batch(
-            simulation.geometry, arrays, assumed.replace(initial=tilted), assumed, options, schedule, list(METHODS),
+            simulation.geometry, arrays, assumed.replace(initial=tilted), assumed, options, schedule, METHODS,
             seed=ensembles.SEED, trajectory_key=23, first_run=0, runs=RUNS, threads=1,
         )
     )  # fmt: skip

@@ -21,6 +21,7 @@ import pytest
 
 import bottomlock
 from bottomlock.config.scenario_sections import Water
+from bottomlock.kernel import Method
 from tests.oracle import chi_squared
 from tests.oracle.rotations import Array
 from tests.property import settings
@@ -28,7 +29,7 @@ from tests.statistical import ensembles, worlds
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-METHODS = ("lc", "tc", "nsv", "elc", "sway_current")
+METHODS: tuple[Method, ...] = ("lc", "tc", "nsv", "elc", "sway_current")
 PATHS = {
     "straight": worlds.straight,
     "figure_eight": worlds.figure_eight,
@@ -90,7 +91,7 @@ def run_vehicle(name: str, current_mps: float, runs: int) -> dict[str, Any]:
     options = packaged.kernel_options()
     arrays: Any = truth.kernel_arrays()
     batch: Any = bottomlock.run_batch(
-        simulation.geometry, arrays, model, model, options, schedule, list(METHODS),
+        simulation.geometry, arrays, model, model, options, schedule, METHODS,
         seed=ensembles.SEED, trajectory_key=17, first_run=0, runs=runs, threads=1,
     )  # fmt: skip
     return dict(batch)

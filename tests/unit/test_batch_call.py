@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bottomlock import kernel
+from bottomlock.kernel import Method
 from tests.analytic import batch_along
 
 MOST_BEYOND_MB = 10.0
@@ -71,7 +72,7 @@ def test_the_truth_is_left_as_it_was() -> None:
 def test_many_runs_need_little_memory_beyond_what_they_yield() -> None:
     """512 runs: the filters of those in flight, and no second copy of the yield."""
     work = batch_along(60.0)
-    methods = ["ins", "lc", "tc", "elc"]
+    methods: list[Method] = ["ins", "lc", "tc", "elc"]
     kernel.run_batch(**work, methods=methods, runs=4, threads=2)
     before = resident_mb("VmRSS")
     Path("/proc/self/clear_refs").write_text("5")

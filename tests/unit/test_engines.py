@@ -193,20 +193,28 @@ def test_a_long_truth_goes_out_without_a_warning(tmp_path: Path, threads: Any) -
 
 
 @needs_dask
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        ({"numpy": "1.26.0"}, r"numpy 1\.26\.0"),
+        ({"kernel_build": "f" * 64}, "another build of the kernel ffffffffffff"),
+    ],
+)
 def test_workers_of_another_version_are_refused(
     tmp_path: Path,
     threads: Any,  # noqa: ANN401
     monkeypatch: pytest.MonkeyPatch,
+    other: dict[str, str],
+    words: str,
 ) -> None:
     """Their bits would differ, and nobody would know."""
     from bottomlock.campaign import dask_engine
+    from bottomlock.tables.versions import bit_versions
 
-    ours = dask_engine._versions()
-    answers = iter([ours | {"numpy": "1.26.0"}])
-    monkeypatch.setattr(dask_engine, "_versions", lambda: next(answers, ours))
-    with pytest.raises(
-        EngineError, match=r"a worker of .* has .*numpy 1\.26\.0.*, expected .*bits would differ"
-    ):
+    ours = bit_versions()
+    answers = iter([ours | other])
+    monkeypatch.setattr(dask_engine, "bit_versions", lambda: next(answers, ours))
+    with pytest.raises(EngineError, match=rf"a worker of .* has {words} \(here .*\): the bits would differ$"):
         run_campaign([short(2)], tmp_path, engine="dask", scheduler=threads.scheduler_address)
     assert not list(tmp_path.glob("chunks/*/*"))
 

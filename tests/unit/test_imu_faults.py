@@ -77,6 +77,21 @@ def test_full_scales_and_stuck_readings_are_options() -> None:
     assert nav.imu_faults() == {"out_of_range": 1, "clipped": 1, "stuck": 2, "inflated_gaps": 0}
 
 
+def test_readings_that_stick_after_a_good_while_are_rejected() -> None:
+    """Two seconds of noise are taken as without the check; then the third equal reading is rejected."""
+    times, noise = np.arange(1, 201) * 10 * MS, np.random.default_rng(1).normal(0.0, 1e-3, (200, 3))
+    readings = {"omega_p_radps": noise, "force_p_mps2": LEVEL + noise}
+    plain, checked = navigator(), navigator(imu_stuck_after=3)
+    assert plain.push_imu_block(times, **readings) == checked.push_imu_block(times, **readings) == []
+    assert seen(plain) == seen(checked)
+    reports = [
+        checked.push_imu(2000 * MS + k * 10 * MS, omega_p_radps=noise[-1], force_p_mps2=LEVEL + noise[-1])
+        for k in range(1, 4)
+    ]
+    assert [len(report) for report in reports] == [0, 1, 1]
+    assert checked.imu_faults()["stuck"] == 2
+
+
 @pytest.mark.parametrize(
     ("key", "value", "words"),
     [
@@ -118,7 +133,7 @@ def test_a_block_says_what_it_took() -> None:
     nav.push_beams(15 * MS, np.zeros(4), np.ones(4, bool), sd_mps=np.full(4, 0.042))
     time_ns = np.array([10, 20, 30, 30, 40]) * MS
     force = np.tile(LEVEL, (5, 1))
-    force[2, 0] = 1000.0
+    force[2:4, 0] = 1000.0
     with pytest.raises(bottomlock.KernelError, match="imu time 30000000 ns") as caught:
         nav.push_imu_block(time_ns, omega_p_radps=np.zeros((5, 3)), force_p_mps2=force)
     assert caught.value.taken == 3

@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 import bottomlock
 from bottomlock import errors, kernel
-from bottomlock.kernel import ClosedLoop, KernelError
+from bottomlock.kernel import ClosedLoop, KernelError, Method
 from tests.analytic import batch_along
 
 WORK = batch_along(4.0)
@@ -19,7 +20,7 @@ TRUTH = WORK["truth"]
 
 @pytest.mark.parametrize("runs", [2**33, 2**40, 2**62, 2**64 - 1])
 @pytest.mark.parametrize("methods", [["tc"], ["ins", "lc", "tc"]])
-def test_runs_without_room_are_refused(runs: int, methods: list[str]) -> None:
+def test_runs_without_room_are_refused(runs: int, methods: list[Method]) -> None:
     """Nothing is allocated, and the message has every count."""
     words = rf"{runs} runs of {len(methods)} methods with \d+ samples need .*B \(\d+ bytes\) of memory"
     with pytest.raises(KernelError, match=words):
@@ -91,7 +92,7 @@ def test_samples_closer_than_readings_are_all_recorded() -> None:
     assert (result["sd"] > 0).all()
 
 
-def loop(methods: list[str], *, vehicles: int = 1, **change: Any) -> ClosedLoop:  # noqa: ANN401 - any argument
+def loop(methods: list[Method], *, vehicles: int = 1, **change: Any) -> ClosedLoop:  # noqa: ANN401 - any argument
     """Vehicles at the start of the truth."""
     start: Any = {"time_ns": int(TRUTH["time_ns"][0])} | {
         key: TRUTH[key][[0] * vehicles] for key in ("position_t_m", "attitude_t_p", "velocity_p_mps")
@@ -108,9 +109,13 @@ def loop(methods: list[str], *, vehicles: int = 1, **change: Any) -> ClosedLoop:
     )
 
 
-def part(first: int, last: int, samples: list[int]) -> tuple[Any, Any]:
+def part(first: int, last: int, samples: list[int], *, vehicles: int = 1) -> tuple[Any, Any]:
     """Truth and schedule from sample to sample, without a measurement."""
-    truth = {key: value[None, first:last] for key, value in TRUTH.items() if key != "time_ns"}
+    truth = {
+        key: value[None, first:last].repeat(vehicles, axis=0)
+        for key, value in TRUTH.items()
+        if key != "time_ns"
+    }
     none = np.empty(0, np.int64)
     schedule = {
         "dvl_time_ns": none,
@@ -157,9 +162,33 @@ def test_a_closed_loop_that_has_failed_says_so() -> None:
         assert str(first.value) in str(later.value)
 
 
+def test_threads_take_turns_with_a_closed_loop() -> None:
+    """Two threads that call at once get results or the kernel's errors, and one of them goes on."""
+    one = loop(["tc", "consistent"], vehicles=50)
+    segments = [
+        part(first, first + 5, [int(TRUTH["time_ns"][first + 2])], vehicles=50) for first in range(0, 60, 4)
+    ]
+    refusals = []
+
+    def call() -> None:
+        for segment in segments:
+            try:
+                one.advance(*segment)
+                one.estimate()
+            except KernelError as error:
+                refusals.append(str(error))
+
+    with ThreadPoolExecutor(2) as threads:
+        for ended in [threads.submit(call) for _ in range(2)]:
+            ended.result()
+    assert len(refusals) == len(segments)
+    assert all("truth begins at" in words for words in refusals)
+    assert one.results()["error"].shape == (50, 2, len(segments), 9)
+
+
 def refused() -> None:
     """Something that the kernel refuses, for another process."""
-    kernel.run_batch(**WORK, methods=["tcc"], runs=1, threads=1)
+    kernel.run_batch(**WORK, methods=["tcc"], runs=1, threads=1)  # type: ignore[list-item]
 
 
 def test_the_error_of_the_kernel_is_one_of_the_package() -> None:

@@ -80,12 +80,14 @@ def test_any_arrival_ends_in_the_replay(method: Method) -> None:
         options = settings.options(gate="joint")
         return Navigator(JANUS, settings.table_2(), options, START, method=method, horizon_ns=horizon_ns)
 
-    ordered, told = fresh(0), {}
+    told: dict[Any, Any] = {}
+    ordered = fresh(0)
     for event in arrivals(0.0, 1):
         stand(told, push(ordered, *event))
-    out = replayed(methods=(method,), sample_time_ns=LOG["imu_time_ns"][-1:])  # type: ignore[index]
+    out = replayed(methods=(method,), sample_time_ns=LOG["imu_time_ns"][-1:])
     for number, latency_s in enumerate((0.3, 0.9)):
-        late, told_late = fresh(SECOND), {}
+        told_late: dict[Any, Any] = {}
+        late = fresh(SECOND)
         for k, event in enumerate(arrivals(latency_s, seed=number)):
             stand(told_late, push(late, *event))
             if k % 150 == 100:
@@ -134,7 +136,7 @@ def test_what_a_late_fix_changes_comes_again() -> None:
 
 def test_a_rejection_is_withdrawn() -> None:
     """The third equal reading is stuck, until a different one comes between them; the report says which."""
-    options = {**settings.options(gate="joint"), "imu_stuck_after": 3}
+    options: Any = {**settings.options(gate="joint"), "imu_stuck_after": 3}
     to = Navigator(JANUS, settings.table_2(), options, AT_REST)
     still = {"omega_p_radps": np.zeros(3), "force_p_mps2": LEVEL}
     assert to.push_imu(0, **still) + to.push_imu(10 * MS, **still) == []
@@ -154,7 +156,9 @@ def test_beyond_the_horizon_is_refused_and_counted() -> None:
     """The message has how late, how late it may be, and the two likely reasons; the estimate is as before."""
     to = under_way(horizon_ns=500 * MS)
     before = to.covariance()
-    words = r"depth time 2400000000 ns lies 0\.600000 s behind .* at 3000000000 ns, expected at most 0\.5 s, hor"
+    words = (
+        r"depth time 2400000000 ns lies 0\.600000 s behind .* at 3000000000 ns, expected at most 0\.5 s, hor"
+    )
     with pytest.raises(KernelError, match=words) as refused:
         to.push_depth(2400 * MS, 0.0, sd_m=0.1)
     assert (refused.value.taken, refused.value.reports) == (0, [])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,12 +74,12 @@ def recording() -> tuple[LogDict, Any]:
 LOG, START = recording()
 
 
-def replayed(log: LogDict = LOG, methods: tuple[str, ...] = bottomlock.METHODS, **more: Any) -> ReplayDict:  # noqa: ANN401
+def replayed(log: LogDict = LOG, methods: Sequence[Method] = bottomlock.METHODS, **more: Any) -> ReplayDict:  # noqa: ANN401
     return bottomlock.replay_log(
         JANUS,
         settings.table_2(),
         settings.options(gate="joint"),
-        list(methods),
+        methods,
         log,
         more.pop("start", START),
         sample_time_ns=more.pop("sample_time_ns", np.arange(1, SECONDS + 1) * 1_000_000_000),
@@ -188,7 +189,7 @@ def test_missing_keys_and_bad_starts_are_named() -> None:
     with pytest.raises(bottomlock.KernelError, match="outside the replay"):
         replayed(sample_time_ns=[99_000_000_000])
     with pytest.raises(bottomlock.KernelError, match="unknown method 'tcc'"):
-        replayed(methods=("tcc",))
+        replayed(methods=("tcc",))  # type: ignore[arg-type]
 
 
 def test_the_examples_of_the_page_run(root: Path) -> None:

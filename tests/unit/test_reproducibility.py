@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import bottomlock
+from bottomlock.kernel import Method
 from tests.oracle import truth
 from tests.property import settings
 
@@ -25,7 +26,7 @@ def batch(
     *,
     threads: int = 1,
     seed: int = 7,
-    methods: list[str] | None = None,
+    methods: list[Method] | None = None,
     **more: Any,  # noqa: ANN401
 ) -> BatchDict:
     """A short batch of every method with beams 3 and 4 lost."""
@@ -36,7 +37,7 @@ def batch(
         settings.table_2(),
         settings.options(gate="joint"),
         more.get("schedule", settings.schedule(SECONDS, lost=(3, 4))),
-        methods or list(bottomlock.METHODS),
+        methods or bottomlock.METHODS,
         seed=seed,
         trajectory_key=11,
         first_run=first_run,
@@ -70,7 +71,7 @@ def test_chunks_change_no_bit(sizes: tuple[int, ...]) -> None:
 
 
 @pytest.mark.parametrize("method", bottomlock.METHODS)
-def test_an_method_does_not_feel_the_others(method: str) -> None:
+def test_a_method_does_not_feel_the_others(method: Method) -> None:
     """Methods share the streams and nothing else: alone or in company (and in other lanes) the same bits."""
     everyone, alone = batch(2, 2), batch(2, 2, methods=[method])
     index = bottomlock.METHODS.index(method)

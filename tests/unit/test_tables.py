@@ -51,9 +51,6 @@ def test_fixes_have_their_columns() -> None:
 def test_the_defaults_of_a_scenario_are_the_kernels() -> None:
     """Stated in the kernel alone; a rate stands for its period."""
     limits = ImuLimits().kernel_options()
-    # Degrees and back cost the last bit.
-    for key in ("max_imu_rate_radps", "imu_gap_rate_sd_radps"):
-        limits[key] = round(limits[key], 14)
     assert Options(**Filter().kernel_options(), **limits, robust=Robust().kernel_options()) == Options()
     assert set(Options().as_dict()) == set(DEFAULT_OPTIONS)
 

@@ -5,7 +5,7 @@ use numpy::{
     PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PyTuple};
+use pyo3::types::{PyDict, PyList, PyTuple};
 
 use bottomlock::error::require_time;
 
@@ -231,4 +231,18 @@ pub fn array<'py, T: Element>(py: Python<'py>, values: Vec<T>, shape: &[usize]) 
 /// A new array of rows.
 pub fn from_rows<'py, const N: usize>(py: Python<'py>, rows: &[[f64; N]]) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     array(py, rows.iter().flatten().copied().collect(), &[rows.len(), N])
+}
+
+/// Numbers by name.
+pub fn by_name<'py, T: IntoPyObject<'py> + Copy>(
+    py: Python<'py>,
+    names: &[&str],
+    numbers: &[T],
+) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    names
+        .iter()
+        .zip(numbers)
+        .try_for_each(|(name, &number)| out.set_item(name, number))?;
+    Ok(out)
 }

@@ -5,7 +5,6 @@ use bottomlock::error_model::{Coefficients, dense_noise};
 use bottomlock::filter::options::Options;
 use bottomlock::frames::Vec3;
 use bottomlock::mechanisation::{EarthTerms, ImuSample, Inertial};
-use bottomlock::navigator::Method;
 use bottomlock::simulation::batch::{Batch, run_batch_into};
 use bottomlock::simulation::monte_carlo_run::MethodRecord;
 use bottomlock::simulation::schedule::Schedule;
@@ -21,8 +20,9 @@ use crate::arrays::{array, from_rows, vector};
 use crate::batch_arrays::{BatchArrays, RecordSlices, batch_bytes};
 use crate::calls::{detached, interruptible};
 use crate::dvl::BeamGeometry;
-use crate::errors::{raise, raise_timeless};
+use crate::errors::raise_timeless;
 use crate::settings;
+use crate::state::put_state;
 use crate::truth::Truths;
 
 /// Draws every sensor stream of one run as arrays, with the true errors behind them.
@@ -70,7 +70,7 @@ pub fn simulate_sensors<'py>(
 
     let out = PyDict::new(py);
     let initial = PyDict::new(py);
-    put_state(py, &initial, &streams.initial)?;
+    put_state(&initial, &streams.initial)?;
     out.set_item("initial", initial)?;
     put_inertial(&out, &streams)?;
     put_pings(&out, &streams, beams)?;
@@ -157,22 +157,6 @@ fn put_readings(out: &Bound<'_, PyDict>, kind: SensorKind, readings: &[Measureme
     Ok(())
 }
 
-/// Puts the fields of a state into a dict, SI units.
-pub fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &NavState) -> PyResult<()> {
-    let three = |value: [f64; 3]| array(py, value.to_vec(), &[3]);
-    out.set_item("time_ns", state.time_ns)?;
-    out.set_item("position_t_m", three(state.position_t_m.to_array())?)?;
-    out.set_item(
-        "attitude_t_p",
-        array(py, state.attitude_t_p.to_quaternion_wxyz().to_vec(), &[4])?,
-    )?;
-    out.set_item("velocity_p_mps", three(state.velocity_p_mps.to_array())?)?;
-    out.set_item("accel_bias_p_mps2", three(state.accel_bias_p_mps2.to_array())?)?;
-    out.set_item("gyro_bias_p_radps", three(state.gyro_bias_p_radps.to_array())?)?;
-    out.set_item("dvl_bias_mps", array(py, state.dvl_bias_mps.as_slice().to_vec(), &[4])?)?;
-    out.set_item("dvl_scale_factor", state.dvl_scale_factor)
-}
-
 /// Runs a batch: all methods of a run see the same sensor errors.
 ///
 /// The results do not depend on the number of threads, bit for bit.
@@ -213,10 +197,7 @@ pub fn run_batch<'py>(
     let truths = Truths::new(truth)?;
     let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
     let options = settings::options(options)?;
-    let methods = methods
-        .iter()
-        .map(|name| Method::named(name).map_err(raise))
-        .collect::<PyResult<Vec<_>>>()?;
+    let methods = settings::methods(&methods)?;
     let samples = crate::schedule::sample_count(schedule);
     crate::memory::require(batch_bytes(runs, methods.len(), samples), || {
         format!("{runs} runs of {} methods with {samples} samples", methods.len())

@@ -10,12 +10,14 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{array, from_rows, rows};
 use crate::batch_arrays::BatchArrays;
-use crate::calls::interruptible;
 use crate::dvl::BeamGeometry;
 use crate::errors::{invalid, raise};
 use crate::keys::read;
 use crate::settings;
+use crate::shared::Shared;
 use crate::truth::Truths;
+
+const BROKEN: &str = "this closed loop has met an internal error before: start a new one";
 
 /// Closed-loop simulation: the caller steers each vehicle on its estimate and passes the truth that results.
 ///
@@ -35,14 +37,15 @@ use crate::truth::Truths;
 ///
 /// Raises:
 ///     KernelError: for a wrong shape, an invalid number or no method, naming the field.
-#[pyclass(module = "bottomlock._kernel")]
+///
+/// A loop may be used by several threads: a lock inside takes their calls one after another, each whole.
+#[pyclass(frozen, module = "bottomlock._kernel")]
 pub struct ClosedLoop {
-    inner: core::ClosedLoop,
+    inner: Shared<core::ClosedLoop>,
     beams: usize,
     vehicles: usize,
     methods: usize,
     methods_per_vehicle: usize,
-    samples: usize,
 }
 
 #[pymethods]
@@ -65,10 +68,7 @@ impl ClosedLoop {
     ) -> PyResult<Self> {
         let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
         let options = settings::options(options)?;
-        let methods = methods
-            .iter()
-            .map(|name| Method::named(name).map_err(raise))
-            .collect::<PyResult<Vec<_>>>()?;
+        let methods = settings::methods(&methods)?;
         if methods.is_empty() {
             return Err(invalid("methods is empty, expected at least one"));
         }
@@ -103,12 +103,14 @@ impl ClosedLoop {
         };
         let departures: Vec<_> = starts.iter().enumerate().map(vehicle).collect::<PyResult<_>>()?;
         Ok(Self {
-            inner: core::ClosedLoop::new(&common, &departures, threads).map_err(raise)?,
+            inner: Shared::new(
+                core::ClosedLoop::new(&common, &departures, threads).map_err(raise)?,
+                BROKEN,
+            ),
             beams: geometry.inner.beams(),
             vehicles: starts.len(),
             methods: methods.len(),
             methods_per_vehicle: vehicle_methods[0].len(),
-            samples: 0,
         })
     }
 
@@ -120,7 +122,7 @@ impl ClosedLoop {
     /// KernelError for a truth that does not continue the last one, samples outside it, and other bad input: the loop is then
     /// as before. After an error during a run, named with its method, and after a signal (Ctrl-C), the loop has failed, and
     /// every later call says so.
-    fn advance(&mut self, py: Python<'_>, truth: &Bound<'_, PyAny>, schedule: &Bound<'_, PyAny>) -> PyResult<()> {
+    fn advance(&self, py: Python<'_>, truth: &Bound<'_, PyAny>, schedule: &Bound<'_, PyAny>) -> PyResult<()> {
         let truths = Truths::of_runs(truth, self.vehicles)?;
         let schedule = crate::schedule::schedule(schedule, self.beams, self.vehicles)?;
         let segments: Vec<TruthSegment<'_>> = (0..self.vehicles)
@@ -131,12 +133,9 @@ impl ClosedLoop {
                 })
             })
             .collect::<PyResult<_>>()?;
-        let inner = &mut self.inner;
-        interruptible(py, None, |stop| {
+        self.inner.with_long(py, |inner, stop| {
             inner.advance(&segments, &schedule.sample_time_ns, stop)
-        })?;
-        self.samples += schedule.sample_time_ns.len();
-        Ok(())
+        })
     }
 
     /// Estimate of a method (by its index on a vehicle): position_t_m (n, 3), attitude_t_p (n, 4) and velocity_p_mps
@@ -151,8 +150,10 @@ impl ClosedLoop {
                 self.methods_per_vehicle
             )));
         }
-        self.inner.check().map_err(raise)?;
-        let states = self.inner.estimates(method);
+        let states = self.inner.with(py, |inner| {
+            inner.check()?;
+            Ok(inner.estimates(method))
+        })?;
         let out = PyDict::new(py);
         let threes = |of: fn(&NavState) -> [f64; 3]| from_rows(py, &states.iter().map(of).collect::<Vec<_>>());
         out.set_item("position_t_m", threes(|state| state.position_t_m.to_array())?)?;
@@ -164,10 +165,13 @@ impl ClosedLoop {
 
     /// Results so far, as `run_batch` returns them.
     fn results<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        self.inner.check().map_err(raise)?;
-        let records = self.inner.records();
+        let records = self.inner.with(py, |inner| {
+            inner.check()?;
+            Ok(inner.records())
+        })?;
         let runs = self.vehicles * self.methods_per_vehicle / self.methods;
-        let mut results = BatchArrays::new(runs, self.methods, self.samples);
+        let samples = records.iter().flatten().next().map_or(0, |record| record.nees.len());
+        let mut results = BatchArrays::new(runs, self.methods, samples);
         let slices = results.slices();
         for (mut slices, record) in slices.into_iter().flatten().zip(records.iter().flatten()) {
             slices.store(record);

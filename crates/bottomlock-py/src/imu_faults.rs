@@ -7,7 +7,7 @@ use bottomlock::replay::{ImuFaults, RejectedReading};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, rows, times};
+use crate::arrays::{array, by_name, rows, times};
 use crate::errors::{invalid, raise};
 use crate::keys::{Keys, read};
 use crate::settings;
@@ -57,16 +57,6 @@ pub fn put_limits(dict: &Bound<'_, PyDict>, limits: &ImuLimits) -> PyResult<()> 
     dict.set_item("imu_gap_accel_sd_mps2", limits.gap_accel_sd_mps2)
 }
 
-/// The counts of faults of the inertial readings, by name.
-pub fn fault_counts<'py>(py: Python<'py>, counts: &[u64; IMU_FAULTS.len()]) -> PyResult<Bound<'py, PyDict>> {
-    let out = PyDict::new(py);
-    let pairs = IMU_FAULTS.iter().zip(counts);
-    pairs
-        .into_iter()
-        .try_for_each(|(name, count)| out.set_item(name, count))?;
-    Ok(out)
-}
-
 /// The dict of an inertial reading that was rejected, with the keys of a report; it has no rows.
 pub fn rejected_report<'py>(py: Python<'py>, time_ns: i64, fault: &ImuFault) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
@@ -88,14 +78,14 @@ pub fn rejected_report<'py>(py: Python<'py>, time_ns: i64, fault: &ImuFault) -> 
 }
 
 /// Readings from their columns.
-pub fn samples(time_ns: &[i64], rates: &[[f64; 3]], forces: &[[f64; 3]]) -> Vec<ImuSample> {
+pub fn samples(time_ns: &[i64], rates: &[[f64; 3]], forces: &[[f64; 3]]) -> impl Iterator<Item = ImuSample> {
     let readings = time_ns.iter().zip(rates.iter().zip(forces));
     let sample = |(&time_ns, (&rate, &force)): (&i64, (&[f64; 3], &[f64; 3]))| ImuSample {
         time_ns,
         rate_p_radps: Vec3::from_array(rate),
         force_p_mps2: Vec3::from_array(force),
     };
-    readings.map(sample).collect()
+    readings.map(sample)
 }
 
 /// Rows of inertial readings, time_ns (n,), omega_p_radps (n, 3), force_p_mps2 (n, 3), that the limits of the options
@@ -114,14 +104,14 @@ pub fn rejected_imu<'py>(
     let stamps = times("time_ns", time_ns)?;
     let rates = rows::<3>("omega_p_radps", omega_p_radps, Some(stamps.len()))?;
     let forces = rows::<3>("force_p_mps2", force_p_mps2, Some(stamps.len()))?;
-    let readings = samples(&stamps, &rates, &forces);
+    let readings: Vec<_> = samples(&stamps, &rates, &forces).collect();
     rejected_dict(py, &core::rejected_readings(&readings, &model, &limits))
 }
 
 /// Faults of the inertial readings: their counts, every reading that was rejected, every interval that was inflated.
 pub fn put_faults(out: &Bound<'_, PyDict>, faults: &ImuFaults) -> PyResult<()> {
     let py = out.py();
-    out.set_item("imu_faults", fault_counts(py, &faults.counts)?)?;
+    out.set_item("imu_faults", by_name(py, &IMU_FAULTS, &faults.counts)?)?;
     out.set_item("rejected_imu", rejected_dict(py, &faults.rejected)?)?;
     let (bridged, count) = (&faults.bridged, faults.bridged.len());
     let intervals = PyDict::new(py);

@@ -155,7 +155,6 @@ impl<'py> Keys<'py> {
         let mut known = self.asked.borrow().clone();
         known.sort_unstable();
         known.dedup();
-        known.retain(|key| !key.is_empty());
         let hint = match nearest(self.dict.py(), &unknown, &known)? {
             Some(near) => format!("did you mean '{near}'?"),
             None => format!("known: {}", known.join(", ")),

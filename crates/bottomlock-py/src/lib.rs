@@ -20,6 +20,7 @@ mod replay;
 mod report;
 mod schedule;
 mod settings;
+mod shared;
 mod state;
 mod truth;
 mod velocity;

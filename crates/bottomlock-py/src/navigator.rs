@@ -3,8 +3,6 @@
 #[path = "navigator_lock.rs"]
 mod lock;
 
-use std::sync::Mutex;
-
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::aiding::water;
@@ -12,7 +10,7 @@ use bottomlock::aiding::water::WATER;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::frames::Vec3;
 use bottomlock::layout::DIM;
-use bottomlock::mechanisation::ImuSample;
+use bottomlock::mechanisation::{IMU_FAULTS, ImuSample};
 use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES, VelocitySample,
 };
@@ -22,14 +20,14 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyType};
 
-use crate::arrays::{array, floats, rows, times, vector};
-use crate::batch::put_state;
+use crate::arrays::{array, by_name, floats, rows, times, vector};
 use crate::beam_arrays::BeamArrays;
 use crate::dvl::BeamGeometry;
 use crate::errors::raise;
-use crate::imu_faults::fault_counts;
+use crate::imu_faults::samples;
 use crate::settings;
-use crate::state::state;
+use crate::shared::Shared;
+use crate::state::{put_state, state};
 
 /// An aided inertial navigator for live use, one sample at a time. Its estimates are those of a campaign, bit for bit.
 ///
@@ -65,7 +63,7 @@ use crate::state::state;
 /// restored navigator goes on bit for bit.
 #[pyclass(frozen, module = "bottomlock._kernel")]
 pub struct Navigator {
-    inner: Mutex<LiveNavigator>,
+    inner: Shared<LiveNavigator>,
     sensors: SensorModels,
     beams: usize,
 }
@@ -117,7 +115,7 @@ impl Navigator {
             rate_p_radps: Vec3::from_array(vector("omega_p_radps", omega_p_radps)?),
             force_p_mps2: Vec3::from_array(vector("force_p_mps2", force_p_mps2)?),
         };
-        self.push(py, &[Event::Imu(sample)])
+        self.push(py, [Event::Imu(sample)])
     }
 
     /// Many inertial readings: time_ns (n,) int64, omega_p_radps (n, 3), force_p_mps2 (n, 3).
@@ -135,18 +133,7 @@ impl Navigator {
         let stamps = times("time_ns", time_ns)?;
         let rates = rows::<3>("omega_p_radps", omega_p_radps, Some(stamps.len()))?;
         let forces = rows::<3>("force_p_mps2", force_p_mps2, Some(stamps.len()))?;
-        let events: Vec<Event> = stamps
-            .into_iter()
-            .zip(rates.into_iter().zip(forces))
-            .map(|(time_ns, (rate, force))| {
-                Event::Imu(ImuSample {
-                    time_ns,
-                    rate_p_radps: Vec3::from_array(rate),
-                    force_p_mps2: Vec3::from_array(force),
-                })
-            })
-            .collect();
-        self.push(py, &events)
+        self.push(py, samples(&stamps, &rates, &forces).map(Event::Imu))
     }
 
     /// A ping: velocity_mps, valid and sd_mps, each (beams,); entries of invalid beams may be NaN. A beam that is masked (numpy.ma)
@@ -176,7 +163,7 @@ impl Navigator {
         };
         ping.velocity_mps[..self.beams].copy_from_slice(&readings.velocity_mps);
         ping.sd_mps[..self.beams].copy_from_slice(&readings.sd_mps);
-        self.push(py, &[Event::Beams(ping)])
+        self.push(py, [Event::Beams(ping)])
     }
 
     /// A velocity solved by the instrument: (3,) in the platform frame, with its (3, 3) covariance.
@@ -194,13 +181,13 @@ impl Navigator {
             velocity_p_mps: Vec3::from_array(vector("velocity_p_mps", velocity_p_mps)?),
             cov_m2ps2: Matrix3::from_row_slice(&cov),
         };
-        self.push(py, &[Event::from(sample)])
+        self.push(py, [Event::from(sample)])
     }
 
     /// A depth below the tangent plane's origin, m.
     #[pyo3(signature = (time_ns, depth_m, *, sd_m))]
     fn push_depth<'py>(&self, py: Python<'py>, time_ns: i64, depth_m: f64, sd_m: f64) -> PyResult<Bound<'py, PyList>> {
-        self.push(py, &[Event::from(DepthSample { time_ns, depth_m, sd_m })])
+        self.push(py, [Event::from(DepthSample { time_ns, depth_m, sd_m })])
     }
 
     /// An attitude (4,), scalar first, with the standard deviations of its Euler angles.
@@ -216,7 +203,7 @@ impl Navigator {
         let attitude_t_p = settings::attitude("attitude_t_p", attitude_t_p)?;
         self.push(
             py,
-            &[Event::from(AttitudeSample {
+            [Event::from(AttitudeSample {
                 time_ns,
                 attitude_t_p,
                 roll_pitch_sd_rad,
@@ -239,7 +226,7 @@ impl Navigator {
             yaw_rad,
             sd_rad,
         };
-        self.push(py, &[Event::from(sample)])
+        self.push(py, [Event::from(sample)])
     }
 
     /// A GPS position and velocity in the tangent frame, each (3,), with standard deviations (3,).
@@ -262,7 +249,7 @@ impl Navigator {
                 sd_mps: vector("velocity_sd_mps", velocity_sd_mps)?,
             }),
         };
-        self.push(py, &[Event::from(sample)])
+        self.push(py, [Event::from(sample)])
     }
 
     /// A position alone of the GPS antenna in the tangent frame (3,), with its standard deviations (3,).
@@ -280,7 +267,7 @@ impl Navigator {
             position_sd_m: vector("position_sd_m", position_sd_m)?,
             velocity: None,
         };
-        self.push(py, &[Event::from(sample)])
+        self.push(py, [Event::from(sample)])
     }
 
     /// An acoustic position fix (USBL, LBL) of the transponder in the tangent frame (3,), with its standard deviations (3,); without
@@ -296,7 +283,7 @@ impl Navigator {
         let position_t_m = Vec3::from_array(vector("position_t_m", position_t_m)?);
         let sd_m = sd_m.map(|sd_m| vector("sd_m", sd_m)).transpose()?;
         let sample = AcousticPositionSample::new(time_ns, position_t_m, sd_m, &self.sensors.acoustic_position);
-        self.push(py, &[Event::from(sample)])
+        self.push(py, [Event::from(sample)])
     }
 
     /// The whole navigator as bytes, with a format number and a digest: filters, counts of late samples, and the samples within
@@ -332,19 +319,14 @@ impl Navigator {
     /// A sample is too late if its time of validity lies before the start, or behind the last good IMU sample by more than
     /// `horizon_ns`. Of two samples of one stream at one time one is used, always the same one; the other is counted here too.
     fn late_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let out = PyDict::new(py);
         let counts = self.with(py, |inner| *inner.late_events())?;
-        let named = STREAM_NAMES.iter().zip(counts);
-        named
-            .into_iter()
-            .try_for_each(|(name, count)| out.set_item(name, count))?;
-        Ok(out)
+        by_name(py, &STREAM_NAMES, &counts)
     }
 
     /// Number of inertial readings that were rejected, by reason (out_of_range, clipped, stuck), and of gaps longer than
     /// `max_imu_gap_s` that were bridged with inflation (inflated_gaps).
     fn imu_faults<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        fault_counts(py, &self.with(py, |inner| *inner.imu_faults())?)
+        by_name(py, &IMU_FAULTS, &self.with(py, |inner| *inner.imu_faults())?)
     }
 
     /// Drops the measurements that wait for the next inertial reading, where they make its push fail; returns their number.
@@ -355,7 +337,7 @@ impl Navigator {
     /// The estimate at the time of the last IMU sample.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
-        put_state(py, &out, &self.with(py, |inner| inner.navigators().state())?)?;
+        put_state(&out, &self.with(py, |inner| inner.navigators().state())?)?;
         Ok(out)
     }
 

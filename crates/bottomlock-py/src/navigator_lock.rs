@@ -1,6 +1,4 @@
-//! The lock of a navigator, its whole state, and what is pushed under the lock.
-
-use std::sync::Mutex;
+//! The whole state of a navigator, and what is pushed into it.
 
 use bottomlock::navigator::events::Event;
 use bottomlock::navigator::{LiveNavigator, Snapshot};
@@ -8,9 +6,11 @@ use pyo3::prelude::*;
 use pyo3::types::PyList;
 
 use super::Navigator;
-use crate::calls::detached;
 use crate::errors::{invalid, raise};
 use crate::report::notice_dict;
+use crate::shared::Shared;
+
+const BROKEN: &str = "this navigator has met an internal error before: start a new one, or load a saved one";
 
 /// Horizon without a statement, ns: longer than the latency of a DVL or of a serial line.
 const HORIZON_NS: i64 = 2_000_000_000;
@@ -34,22 +34,18 @@ impl Navigator {
     pub(super) fn of(snapshot: Snapshot) -> Self {
         Self {
             beams: snapshot.live.navigators().selected().geometry().beams(),
-            inner: Mutex::new(snapshot.live),
+            inner: Shared::new(snapshot.live, BROKEN),
             sensors: snapshot.sensors,
         }
     }
 
     /// Calls the navigators, when no other thread does.
-    ///
-    /// The lock is taken and released without the GIL, so that a thread that waits for it keeps no other from running.
     pub(super) fn with<T: Send>(
         &self,
         py: Python<'_>,
         work: impl FnOnce(&mut LiveNavigator) -> T + Send,
     ) -> PyResult<T> {
-        detached(py, || Ok(self.inner.lock().map(|mut inner| work(&mut inner)).ok()))?.ok_or_else(|| {
-            invalid("this navigator has met an internal error before: start a new one, or load a saved one")
-        })
+        self.inner.with(py, |inner| Ok(work(inner)))
     }
 
     pub(super) fn snapshot(&self, py: Python<'_>) -> PyResult<Snapshot> {
@@ -60,11 +56,15 @@ impl Navigator {
     }
 
     /// Takes events one after another, and returns what they completed; an error has the reports of those before it.
-    pub(super) fn push<'py>(&self, py: Python<'py>, events: &[Event]) -> PyResult<Bound<'py, PyList>> {
+    pub(super) fn push<'py>(
+        &self,
+        py: Python<'py>,
+        events: impl IntoIterator<Item = Event> + Send,
+    ) -> PyResult<Bound<'py, PyList>> {
         let (mut pushed, mut taken) = (Vec::new(), 0);
         let outcome = self.with(py, |inner| {
-            events.iter().try_for_each(|event| {
-                inner.push(event, &mut |notice| pushed.push(notice.clone()))?;
+            events.into_iter().try_for_each(|event| {
+                inner.push(&event, &mut |notice| pushed.push(notice.clone()))?;
                 taken += 1;
                 Ok(())
             })

@@ -6,20 +6,18 @@ use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::layout::DIM;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::model::Model;
-use bottomlock::navigator::Method;
 use bottomlock::replay as core;
-use bottomlock::replay::{Log, PingRecord, Replay, STREAM_NAMES, STREAMS, Series, Track};
+use bottomlock::replay::{Log, PingRecord, Replay, STREAM_NAMES, Series, Track};
 use bottomlock::state::NavState;
 use numpy::Element;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, floats, rows, times};
+use crate::arrays::{array, by_name, floats, rows, times};
 use crate::batch_arrays::{NO_CHOICE, choice_code};
 use crate::beam_arrays::BeamArrays;
 use crate::calls::interruptible;
 use crate::dvl::BeamGeometry;
-use crate::errors::raise;
 use crate::imu_faults::{put_faults, samples};
 use crate::keys::{Keys, read};
 use crate::memory::product;
@@ -52,7 +50,7 @@ impl OwnedLog {
             three("omega_p_radps", imu_ns.len())?,
             three("force_p_mps2", imu_ns.len())?,
         );
-        let imu = samples(&imu_ns, &rates, &forces);
+        let imu = samples(&imu_ns, &rates, &forces).collect();
 
         let mut sensors: [Vec<Measurement>; SENSORS] = Default::default();
         for kind in SensorKind::ALL {
@@ -212,10 +210,7 @@ pub fn replay_log<'py>(
     let log = OwnedLog::read(log, beams, &model)?;
     let (state, covariance) = (state("start", start)?, crate::state::covariance(covariance)?);
     let sample_time_ns = times("sample_time_ns", sample_time_ns)?;
-    let methods = methods
-        .iter()
-        .map(|name| Method::named(name).map_err(raise))
-        .collect::<PyResult<Vec<_>>>()?;
+    let methods = settings::methods(&methods)?;
     let request = Replay {
         log: log.log(),
         geometry: &geometry.inner,
@@ -253,9 +248,7 @@ pub fn replay_log<'py>(
         ("after_end", replayed.unused.after_end),
         ("rejected", replayed.unused.rejected),
     ] {
-        let by_stream = PyDict::new(py);
-        (0..STREAMS).try_for_each(|k| by_stream.set_item(STREAM_NAMES[k], counts[k]))?;
-        unused.set_item(key, by_stream)?;
+        unused.set_item(key, by_name(py, &STREAM_NAMES, &counts)?)?;
     }
     out.set_item("unused", unused)?;
     put_faults(&out, &replayed.imu_faults)?;

@@ -92,17 +92,20 @@ fn at_epochs<T>(
 /// sensor that is not named never measures.
 fn epochs(keys: &Keys<'_>, of: &Simulation, runs: usize) -> PyResult<OwnedEpochs> {
     let (times_key, received_key) = (format!("{}_time_ns", of.name), format!("{}_received", of.name));
-    let offset_key = of.offset.unwrap_or_default();
-    let (has_offset, has_received) = (keys.has(offset_key)?, keys.has(&received_key)?);
+    let mut is_wanted = keys.has(&received_key)?;
+    if let Some(key) = of.offset {
+        is_wanted |= keys.has(key)?;
+    }
     let Some(given) = keys.get(&times_key)? else {
-        if has_offset || has_received {
+        if is_wanted {
             return Err(invalid(format!("schedule lacks the key '{times_key}'")));
         }
         return Ok(OwnedEpochs::default());
     };
     let time_ns = times(&keys.path(&times_key), &given)?;
     let received = at_epochs::<bool>(keys, &received_key, runs, time_ns.len(), booleans)?;
-    let offset = at_epochs::<f64>(keys, offset_key, runs, time_ns.len(), floats)?;
+    let offset_of = |key| at_epochs::<f64>(keys, key, runs, time_ns.len(), floats);
+    let offset = of.offset.map_or(Ok(None), offset_of)?;
     let is_received = |run: usize, k: usize| received.as_ref().is_none_or(|received| received.of(run)[k]);
     let received_by_run = received.as_ref().is_some_and(|received| received.by_run);
     let offset_by_run = received_by_run || offset.as_ref().is_some_and(|offset| offset.by_run);

@@ -14,6 +14,7 @@ use bottomlock::filter::options::Options;
 use bottomlock::frames::{Platform, Rot, Tangent, Vec3};
 use bottomlock::mechanisation::Sampling;
 use bottomlock::model::{ImuModel, InitialModel, Model};
+use bottomlock::navigator::Method;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -21,6 +22,11 @@ use crate::arrays::vector;
 use crate::errors::{invalid, raise};
 use crate::imu_faults;
 use crate::keys::{Keys, read};
+
+/// Aiding methods of their short names.
+pub fn methods(names: &[String]) -> PyResult<Vec<Method>> {
+    names.iter().map(|name| Method::named(name).map_err(raise)).collect()
+}
 
 /// A unit quaternion, scalar first.
 pub fn attitude(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Rot<Tangent, Platform>> {

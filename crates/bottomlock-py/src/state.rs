@@ -5,8 +5,9 @@ use bottomlock::layout::DIM;
 use bottomlock::state::{Covariance, NavState};
 use nalgebra::Vector4;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
-use crate::arrays::floats;
+use crate::arrays::{array, floats};
 use crate::keys::{Keys, read};
 use crate::settings;
 
@@ -31,6 +32,23 @@ pub fn state(owner: &str, value: &Bound<'_, PyAny>) -> PyResult<NavState> {
         state.dvl_scale_factor = keys.number_or("dvl_scale_factor", 0.0)?;
         Ok(state)
     })
+}
+
+/// Puts the fields of a state into a dict, SI units.
+pub fn put_state(out: &Bound<'_, PyDict>, state: &NavState) -> PyResult<()> {
+    let py = out.py();
+    let three = |value: [f64; 3]| array(py, value.to_vec(), &[3]);
+    out.set_item("time_ns", state.time_ns)?;
+    out.set_item("position_t_m", three(state.position_t_m.to_array())?)?;
+    out.set_item(
+        "attitude_t_p",
+        array(py, state.attitude_t_p.to_quaternion_wxyz().to_vec(), &[4])?,
+    )?;
+    out.set_item("velocity_p_mps", three(state.velocity_p_mps.to_array())?)?;
+    out.set_item("accel_bias_p_mps2", three(state.accel_bias_p_mps2.to_array())?)?;
+    out.set_item("gyro_bias_p_radps", three(state.gyro_bias_p_radps.to_array())?)?;
+    out.set_item("dvl_bias_mps", array(py, state.dvl_bias_mps.as_slice().to_vec(), &[4])?)?;
+    out.set_item("dvl_scale_factor", state.dvl_scale_factor)
 }
 
 /// A (20, 20) covariance, where one is given.

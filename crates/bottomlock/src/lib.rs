@@ -25,6 +25,7 @@
 //! The code holds the corrected equations. `docs/equations.md` lists the errata of the papers.
 
 pub mod aiding;
+mod chi_squared;
 pub mod dvl;
 pub mod earth;
 pub mod error;

@@ -1,126 +1,24 @@
-//! Late data: any order of arrival within the horizon ends in the bits of the log in order of validity.
+//! Late data: what a push tells, what is refused, and what stays as it was.
 
 // Helpers outside `#[test]` functions panic on failure too.
 #![allow(clippy::unwrap_used)]
 
 mod common;
 
-use std::collections::BTreeMap;
-
 use bottomlock::NavError;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::filter::gate::Gate;
 use bottomlock::filter::options::Options;
-use bottomlock::filter::report::{Sensor, Verdict};
+use bottomlock::filter::report::Verdict;
 use bottomlock::frames::Vec3;
 use bottomlock::mechanisation::{ImuSample, LongGap};
 use bottomlock::model::Model;
-use bottomlock::navigator::events::{DepthSample, Event, GpsSample, GpsVelocity, STREAMS};
+use bottomlock::navigator::events::{DepthSample, Event, GpsSample, GpsVelocity};
 use bottomlock::navigator::{Finding, LiveNavigator, METHODS, Method, Notice, Snapshot, Standing};
-use bottomlock::replay::{Log, Replay, replay};
 use bottomlock::state::NavState;
-use proptest::prelude::*;
 
-use common::arrivals::{self, Case, MS};
+use common::arrivals::{MS, Told, outcome};
 use common::janus;
-
-/// How many random arrivals: ten thousand with `BOTTOMLOCK_LONG`, as `make test-long` sets it.
-fn cases() -> u32 {
-    if std::env::var_os("BOTTOMLOCK_LONG").is_some() {
-        10_000
-    } else {
-        500
-    }
-}
-
-fn live(case: &Case, horizon_ns: i64) -> LiveNavigator {
-    let (start, aiding) = (NavState::at_rest(0), case.method.aiding);
-    LiveNavigator::new(start, &janus(), aiding, &case.model, &case.options, horizon_ns).unwrap()
-}
-
-/// What stands of all that a navigator has told.
-#[derive(Clone, Default)]
-struct Told(BTreeMap<(i64, &'static str), Finding>);
-
-impl Told {
-    fn note(&mut self, notice: &Notice) {
-        let key = match &notice.finding {
-            Finding::Update(report) => (report.time_ns, report.sensor.name()),
-            Finding::Rejected { time_ns, .. } => (*time_ns, "imu"),
-        };
-        let before = match notice.standing {
-            Standing::New | Standing::Revised => self.0.insert(key, notice.finding.clone()),
-            Standing::Withdrawn => self.0.remove(&key),
-        };
-        assert_eq!(before.is_some(), notice.standing != Standing::New, "{key:?}");
-    }
-
-    /// As text, which prints every bit that counts; NaN equals NaN.
-    fn text(&self) -> String {
-        format!("{:?}", self.0)
-    }
-}
-
-/// All that is to be the same after the same events.
-fn outcome(navigator: &LiveNavigator) -> String {
-    format!("{:?} {:?}", navigator.navigators(), navigator.imu_faults())
-}
-
-fn pushed(navigator: &mut LiveNavigator, events: &[Event], told: &mut Told) -> Result<(), NavError> {
-    let mut tell = |notice: &Notice| told.note(notice);
-    events.iter().try_for_each(|event| navigator.push(event, &mut tell))
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(cases()))]
-
-    /// The law, against two oracles: the log pushed in order, with no horizon, and the replay of the log.
-    #[test]
-    fn any_arrival_ends_in_the_bits_of_the_ordered_log(
-        seed in any::<u64>(), index in 0..METHODS.len(), horizon_ms in prop_oneof![Just(300_i64), Just(900), Just(2_000), Just(10_000)],
-    ) {
-        let case = Case::new(seed, &METHODS[index]);
-        let (mut ordered, mut told) = (live(&case, 0), Told::default());
-        pushed(&mut ordered, &case.log, &mut told).unwrap();
-
-        let (mut shuffled, mut told_late) = (live(&case, horizon_ms * MS), Told::default());
-        let arrival = case.arrival(seed, horizon_ms * MS);
-        let (before, after) = arrival.split_at(arrival.len() / 2);
-        pushed(&mut shuffled, before, &mut told_late).unwrap();
-        // Saved and restored half-way, as one that goes on; the other goes on by itself.
-        let sensors = case.model.sensors;
-        let bytes = Snapshot { live: shuffled.clone(), sensors }.to_bytes().unwrap();
-        let mut restored = Snapshot::from_bytes(&bytes).unwrap().live;
-        prop_assert_eq!(outcome(&restored), outcome(&shuffled));
-        let mut told_restored = told_late.clone();
-        pushed(&mut shuffled, after, &mut told_late).unwrap();
-        pushed(&mut restored, after, &mut told_restored).unwrap();
-
-        prop_assert_eq!(outcome(&shuffled), outcome(&ordered));
-        prop_assert_eq!(told_late.text(), told.text());
-        prop_assert_eq!(shuffled.late_events(), &[0; STREAMS]);
-        prop_assert_eq!(outcome(&restored), outcome(&ordered));
-        prop_assert_eq!(told_restored.text(), told.text());
-
-        let last_ns = ordered.navigators().state().time_ns;
-        let out = replay(&Replay {
-            log: Log { imu: &case.imu, pings: &case.pings, sensors: case.sensors.each_ref().map(Vec::as_slice) },
-            geometry: &janus(),
-            model: &case.model,
-            options: &case.options,
-            start: NavState::at_rest(0),
-            covariance: None,
-            methods: &[*case.method],
-            sample_time_ns: &[last_ns],
-            smooth: false,
-            covariances: true,
-        }, 1).unwrap();
-        let filtered = &out.tracks[0].filtered;
-        prop_assert_eq!(&filtered.states[0], &shuffled.navigators().state());
-        prop_assert_eq!(&filtered.covariances[0], &shuffled.navigators().covariance());
-        prop_assert_eq!(&out.imu_faults.counts, shuffled.imu_faults());
-    }
-}
 
 fn imu(time_ns: i64, force_x: f64) -> Event {
     Event::Imu(ImuSample {
@@ -352,35 +250,23 @@ fn a_late_push_that_fails_changes_nothing() {
     }
 }
 
-/// A rejection of the gate is told late as well, and turns into acceptance where an earlier fix allows it.
+/// A depth that the gate rejects is accepted in the end, as late ones before it lead the estimate there.
 #[test]
 fn a_verdict_may_change() {
-    let mut navigator = under_way(
-        "ins",
-        &Options {
-            inflate_after_rejections: 0,
-            ..Options::default()
-        },
-        2_000 * MS,
-        2,
-    );
+    let mut navigator = under_way("ins", &Options::default(), 2_000 * MS, 2);
     let verdict = |notice: &Notice| match &notice.finding {
-        Finding::Update(report) if report.sensor == Sensor::Depth => report.verdict,
-        _ => panic!("no depth"),
+        Finding::Update(report) if times(notice) == 1_900 * MS => Some((notice.standing, report.verdict)),
+        _ => None,
     };
     notices(&mut navigator, &depth(500 * MS, 0.0));
-    let told = notices(&mut navigator, &depth(1_900 * MS, 60.0));
-    assert_eq!(verdict(&told[0]), Verdict::Rejected);
-    let told = notices(
-        &mut navigator,
-        &Event::from(GpsSample {
-            time_ns: 1_000 * MS,
-            position_t_m: Vec3::new(0.0, 0.0, 30.0),
-            position_sd_m: [60.0; 3],
-            velocity: None,
-        }),
-    );
-    assert!(told.len() <= 2);
+    let told = notices(&mut navigator, &depth(1_900 * MS, 6.0));
+    assert_eq!(verdict(&told[0]), Some((Standing::New, Verdict::Rejected)));
+    let mut last = None;
+    for (k, depth_m) in [(10, 3.5), (12, 4.0), (14, 4.5)] {
+        let told = notices(&mut navigator, &depth(k * 100 * MS, depth_m));
+        last = told.iter().find_map(verdict).or(last);
+    }
+    assert_eq!(last, Some((Standing::Revised, Verdict::Accepted)));
 }
 
 /// What waits is dropped on request, behind a rejected reading too, and what was fed is not.
@@ -496,9 +382,4 @@ fn lost_beams_are_no_change() {
     // A ping without beams changes nothing, so it alone is told.
     let told = notices(&mut navigator, &ping(300 * MS, 0..0));
     assert!(told.iter().all(|notice| times(notice) == 300 * MS), "{told:?}");
-}
-
-#[test]
-fn cases_have_what_they_are_for() {
-    arrivals::check_cases();
 }

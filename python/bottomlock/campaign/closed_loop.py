@@ -17,7 +17,7 @@ _ARRAYS = ("position_t_m", "attitude_t_p", "velocity_p_mps", "omega_p_radps", "f
 
 def run_closed_loop(
     simulation: Simulation,
-    methods: Sequence[str],
+    methods: Sequence[kernel.Method],
     *,
     pilot: str,
     trajectory_key: int,
@@ -64,7 +64,7 @@ def run_closed_loop(
     )
     start = group.start()
     loop = _kernel_loop(simulation, methods, start, vehicle_per_method=own, threads=threads, **draws)
-    navigation = _Navigation(loop, schedule, start, pilot=0 if own else list(methods).index(pilot))
+    navigation = _Navigation(loop, schedule, start, pilot=0 if own else methods.index(pilot))
     offsets = []
     for block in fly_on_estimate(group, navigation.estimate):
         offsets.append(cross_track_m(simulation.mission, group.segment, block.position_t_m[:, -1]))
@@ -89,7 +89,7 @@ def _vehicles(simulation: Simulation, vehicle: Vehicle, mission: Mission, count:
 
 def _kernel_loop(
     simulation: Simulation,
-    methods: Sequence[str],
+    methods: Sequence[kernel.Method],
     start: TruthBlock,
     **settings: Any,  # noqa: ANN401
 ) -> kernel.ClosedLoop:
@@ -107,7 +107,7 @@ def _kernel_loop(
         model,
         model,
         options,
-        list(methods),
+        methods,
         initial,
         seed=scenario.campaign.seed,
         **settings,

@@ -8,7 +8,7 @@ When a worker dies, the scheduler gives its chunks to another one.
 import logging
 import signal
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -17,13 +17,12 @@ import dask
 from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Worker, WorkerPlugin, wait
 
-from bottomlock import kernel
 from bottomlock.campaign.build import BuiltScenario
 from bottomlock.campaign.chunk import ChunkResult, run_chunk
 from bottomlock.campaign.engine import ChunkResults
 from bottomlock.campaign.partition import Chunk
 from bottomlock.errors import BottomlockError, EngineError
-from bottomlock.tables.versions import library_versions
+from bottomlock.tables.versions import bit_versions, versions_in_words
 
 CONNECT_S = 10.0
 """How long a scheduler may take to answer, s."""
@@ -44,12 +43,6 @@ class _Answer:
     result: ChunkResult
 
 
-def _versions() -> dict[str, str]:
-    """Versions that must agree for the bits to agree."""
-    ours = library_versions()
-    return {"bottomlock": kernel.kernel_version(), "numpy": ours["numpy"], "polars": ours["polars"]}
-
-
 def _hold(built: BuiltScenario) -> BuiltScenario:
     """Keeps a scenario on the workers: a result that the scheduler can make again when its worker dies."""
     return built
@@ -57,7 +50,7 @@ def _hold(built: BuiltScenario) -> BuiltScenario:
 
 def _work(built: BuiltScenario, chunk: Chunk) -> _Answer:
     """Runs a chunk on a worker, one per thread."""
-    return _Answer(_versions(), run_chunk(built, chunk, threads=1))
+    return _Answer(bit_versions(), run_chunk(built, chunk, threads=1))
 
 
 class DaskEngine:
@@ -152,11 +145,9 @@ class DaskEngine:
                 f"{chunk.scenario}, chunk {chunk.file_ending}: {self._address} failed "
                 f"({type(error).__name__}: {words})"
             ) from error
-        if answer.versions != _versions():
-            raise EngineError(
-                f"a worker of {self._address} has {_words(answer.versions)}, expected {_words(_versions())}: "
-                "the bits would differ"
-            )
+        other = versions_in_words(answer.versions, bit_versions())
+        if other:
+            raise EngineError(f"a worker of {self._address} has {other}: the bits would differ")
         return answer.result
 
 
@@ -165,10 +156,6 @@ class _IgnoreInterrupt(WorkerPlugin):  # type: ignore[misc] # distributed is unt
 
     def setup(self, worker: Worker) -> None:  # noqa: ARG002 - as distributed calls it
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _words(versions: Mapping[str, str]) -> str:
-    return ", ".join(f"{name} {version}" for name, version in versions.items())
 
 
 @contextmanager

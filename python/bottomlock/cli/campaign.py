@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from bottomlock.campaign.engine import ENGINES, check_engine
+from bottomlock.campaign.engine import ENGINES
 from bottomlock.campaign.merge import merge_shards
 from bottomlock.campaign.partition import Shard
 from bottomlock.campaign.run import run_campaign, run_shard
@@ -52,7 +52,6 @@ def run(
         Packaged scenarios (see `bottomlock scenarios`) or TOML files, one or more.
     """
     loaded = load_scenarios(scenario, runs=runs, seed=seed, methods=methods, threads=threads)
-    check_engine(engine, threads=threads, scheduler=scheduler)
     part = None if shard is None else Shard.parse(shard)
     settings: Any = {
         "threads": threads, "engine": engine, "scheduler": scheduler, "force": force, "recover": recover,

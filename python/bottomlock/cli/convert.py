@@ -95,13 +95,12 @@ def convert(
         recording = read_recording(file, format=format, options=options)
     write_recording(recording, to, source=file)
     print_recording(recording)
-    console.print(f"wrote {to} and {sidecar(to).name}", soft_wrap=True, highlight=False, markup=False)
+    console.print(f"wrote {to} and {sidecar(to).name}", soft_wrap=True, highlight=False)
     missing = _nothing_valid(recording.table)
     if missing:
         errors.print(
             f"bottomlock: {file}: none of its {recording.table.rows} pings has a valid {missing}: the table gives no "
-            "velocity; was the instrument in the water, with the bottom in its range?",
-            markup=False,
+            "velocity; was the instrument in the water, with the bottom in its range?"
         )
         sys.exit(EXIT_NOTHING_VALID)
 

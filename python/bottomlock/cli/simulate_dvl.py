@@ -8,6 +8,7 @@ import signal
 import time
 import tomllib
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -75,7 +76,9 @@ def simulate_dvl(
     ] = True,
     force: Annotated[bool, Parameter(negative="", help="Overwrite files.")] = False,
 ) -> None:
-    """Simulate a DVL that sends a maker's bytes, with IMU and depth sensor beside it.
+    """Simulate a DVL that sends a maker's bytes over TCP, UDP, a terminal or a file.
+
+    IMU and depth sensor send lines beside it, on the same clock.
 
     Parameters
     ----------
@@ -112,19 +115,45 @@ def simulate_dvl(
         if (depths := readings.depth) is None:
             raise _absent("depth", readings)
         makers["depth"] = lambda offset_ns: depth_lines(depths, offset_ns=offset_ns)
-    parts = [Channel(name, transport_of(addresses[name], force=force), makers[name]) for name in makers]
-    pings: list[Record] = []
+    parts = [
+        Channel(name, transport_of(addresses[name], force=force, patient=pace is None), makers[name])
+        for name in makers
+    ]
+    tally = _Tally(keep=truth is not None)
     try:
-        asyncio.run(_run(parts, pings, pace=pace, shift=shift, wait=wait, format_name=format))
+        asyncio.run(_run(parts, tally, pace=pace, shift=shift, wait=wait, format_name=format))
     finally:
-        if truth is not None and pings:
-            write_parquet(truth, sent_table(readings, pings))
-        _summary(pings)
+        if truth is not None and tally.records:
+            write_parquet(truth, sent_table(readings, tally.records))
+        if tally.pings:
+            console.print(tally.text, highlight=False)
+
+
+@dataclass
+class _Tally:
+    """Counts of what the DVL sent; the records themselves only where they are wanted."""
+
+    keep: bool
+    pings: int = 0
+    faulty: int = 0
+    size: int = 0
+    records: list[Record] = field(default_factory=list)
+
+    def add(self, record: Record) -> None:
+        self.pings += 1
+        self.faulty += bool(record.faults)
+        self.size += len(record.data)
+        if self.keep:
+            self.records.append(record)
+
+    @property
+    def text(self) -> str:
+        return f"{self.pings} pings, {self.faulty} with faults, {self.size} bytes of the DVL"
 
 
 async def _run(
     parts: list[Channel],
-    pings: list[Record],
+    tally: _Tally,
     *,
     pace: float | None,
     shift: Callable[[], int],
@@ -139,7 +168,7 @@ async def _run(
 
     def sent(part: Channel, record: Record) -> None:
         if part.name == "dvl":
-            pings.append(record)
+            tally.add(record)
 
     task = asyncio.current_task()
     loop = asyncio.get_running_loop()
@@ -151,14 +180,6 @@ async def _run(
         await play(parts, speed=pace, opened=opened, offset_ns=shift, sent=sent, wait=wait)
     except asyncio.CancelledError:
         raise KeyboardInterrupt from None
-
-
-def _summary(pings: list[Record]) -> None:
-    if not pings:
-        return
-    faulty = sum(bool(one.faults) for one in pings)
-    size = sum(len(one.data) for one in pings)
-    console.print(f"{len(pings)} pings, {faulty} with faults, {size} bytes of the DVL", highlight=False)
 
 
 def _pace(text: str) -> float | None:
@@ -216,7 +237,7 @@ def _readings(
         if geometry is not None:
             raise ScenarioError(f"--geometry: {path} is a replay case and names its own geometry")
         return readings_of_case(path, altitude_m=altitude_m), seed or 0
-    if path.suffix and path.suffix.lower() != ".toml" and path.is_file():
+    if path.suffix.lower() not in {"", ".toml"}:
         return readings_of_log(path, geometry=geometry, altitude_m=altitude_m), seed or 0
     scenario = load_scenario(source).with_overrides(seed=seed)
     if geometry is not None:

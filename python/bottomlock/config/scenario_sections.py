@@ -145,12 +145,16 @@ class ImuLimits(Section):
     def kernel_options(self) -> dict[str, Any]:
         """The limits among the filter's options, as the kernel takes them."""
         return {
-            "max_imu_rate_radps": units.rad_from_deg(self.max_rate_deg_per_s),
+            "max_imu_rate_radps": units.rad_or_default(
+                self.max_rate_deg_per_s, DEFAULT_OPTIONS["max_imu_rate_radps"]
+            ),
             "max_imu_force_mps2": self.max_force_mps2,
             "imu_stuck_after": self.stuck_after,
             "max_imu_gap_s": self.max_gap_s,
             "imu_gap": self.gap,
-            "imu_gap_rate_sd_radps": units.rad_from_deg(self.gap_rate_deg_per_s),
+            "imu_gap_rate_sd_radps": units.rad_or_default(
+                self.gap_rate_deg_per_s, DEFAULT_OPTIONS["imu_gap_rate_sd_radps"]
+            ),
             "imu_gap_accel_sd_mps2": self.gap_accel_mps2,
         }
 

@@ -20,7 +20,7 @@ def read_text(path: Path) -> str:
 
 
 def parse_toml(text: str, *, place: str) -> dict[str, Any]:
-    """The tables of a TOML text; `place` names it in errors. Every TOML file of the package is read here.
+    """The tables of a TOML text; `place` names it in errors. Every TOML file of a user is read here.
 
     Raises:
         ScenarioError: for ill-formed TOML, with its line, a number of thousands of digits, and brackets in brackets

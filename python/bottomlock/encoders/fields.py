@@ -76,7 +76,7 @@ def steps_of(time_ns: int, step_ns: int, least: int, most: int, ping: Ping) -> i
     if not least <= steps <= most:
         raise DataError(
             f"ping {ping.number}: its time, {time_ns} ns, lies outside the record's clock, "
-            f"{least * step_ns} to {most * step_ns} ns; --clock sets another time"
+            f"{least * step_ns} to {most * step_ns} ns"
         )
     return steps
 

@@ -12,10 +12,16 @@ from bottomlock.instruments.terminals import Pty, Serial
 from bottomlock.instruments.transports import File, TcpServer, Transport, Udp
 
 
-def transport_of(address: Address, *, force: bool = False) -> Transport:
-    """The transport of an address; it is opened in the event loop."""
+def transport_of(address: Address, *, force: bool = False, patient: bool = True) -> Transport:
+    """The transport of an address; it is opened in the event loop.
+
+    Args:
+        address: where to send.
+        force: overwrite a file.
+        patient: a TCP server waits for slow clients, as at full speed it should; else it keeps its pace.
+    """
     if address.kind == "tcp":
-        return TcpServer(address.host, address.port)
+        return TcpServer(address.host, address.port, patient=patient)
     if address.kind == "udp":
         return Udp(address.host, address.port)
     if address.kind == "pty":

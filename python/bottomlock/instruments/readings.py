@@ -1,5 +1,6 @@
 """What the instruments of a vehicle measure in a run, on one clock, and the velocity that a DVL states itself."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -110,7 +111,7 @@ def ranges_or_flat(
     return np.where(np.isfinite(beam_mps), known, np.nan)
 
 
-def pings(readings: Readings, *, latency_ns: int, offset_ns: int = 0) -> list[Ping]:
+def pings(readings: Readings, *, latency_ns: int, offset_ns: int = 0) -> Iterator[Ping]:
     """The pings, with the velocity that the instrument states where it has three beams that see all axes.
 
     Args:
@@ -118,7 +119,7 @@ def pings(readings: Readings, *, latency_ns: int, offset_ns: int = 0) -> list[Pi
         latency_ns: the instrument's own time from the last echo to the sending of the record.
         offset_ns: added to every time: the clock of the instruments.
 
-    Returns:
+    Yields:
         A ping each. It left the transducer half the longest echo before its time of validity, the reflection at the
         bottom, and is sent half of it and the latency after: the echo's delay is 2R/c.
     """
@@ -130,29 +131,25 @@ def pings(readings: Readings, *, latency_ns: int, offset_ns: int = 0) -> list[Pi
         np.isfinite(fixes.velocity_p_mps).all(axis=1) & (valid.sum(axis=1) >= LEAST_BEAMS) & readings.stated
     )
     down = np.asarray(readings.geometry.directions_p)[:, 2]
-    found = []
     before_ns = None
     for k, time in enumerate(readings.time_ns.tolist()):
         ranges = readings.range_m[k]
         there = np.isfinite(ranges)
         half_ns = round(float(ranges[there].max()) / SOUND_SPEED_MPS * 1e9) if there.any() else 0
         truth = readings.truth
-        found.append(
-            Ping(
-                time_ns=time + offset_ns,
-                trigger_ns=time + offset_ns - half_ns,
-                transmission_ns=time + offset_ns + half_ns + latency_ns,
-                interval_ns=0 if before_ns is None else time - before_ns,
-                number=k + 1,
-                beam_velocity_mps=readings.beam_mps[k],
-                range_m=ranges,
-                velocity_p_mps=fixes.velocity_p_mps[k] if known[k] else None,
-                covariance_m2ps2=fixes.cov_m2ps2[k] if known[k] else None,
-                beam_sd_mps=float(readings.beam_sd_mps.mean()),
-                altitude_m=float((ranges * down)[there].mean()) if there.any() else None,
-                attitude_rad=None if truth is None else truth.rpy_rad[k],
-                sound_speed_mps=SOUND_SPEED_MPS,
-            )
+        yield Ping(
+            time_ns=time + offset_ns,
+            trigger_ns=time + offset_ns - half_ns,
+            transmission_ns=time + offset_ns + half_ns + latency_ns,
+            interval_ns=0 if before_ns is None else time - before_ns,
+            number=k + 1,
+            beam_velocity_mps=readings.beam_mps[k],
+            range_m=ranges,
+            velocity_p_mps=fixes.velocity_p_mps[k] if known[k] else None,
+            covariance_m2ps2=fixes.cov_m2ps2[k] if known[k] else None,
+            beam_sd_mps=float(readings.beam_sd_mps.mean()),
+            altitude_m=float((ranges * down)[there].mean()) if there.any() else None,
+            attitude_rad=None if truth is None else truth.rpy_rad[k],
+            sound_speed_mps=SOUND_SPEED_MPS,
         )
         before_ns = time
-    return found

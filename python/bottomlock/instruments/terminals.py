@@ -10,6 +10,9 @@ from bottomlock.errors import OutputError
 PATIENCE_S = 0.5
 """After so long without a reader the bytes of a full line are lost, as on a cable that nobody holds."""
 
+SETTLED_S = 0.2
+"""A pseudo terminal on which nothing waits for so long has passed on everything."""
+
 
 class _Line:
     """Bytes to a file descriptor that does not block."""
@@ -41,7 +44,8 @@ class _Line:
         free = asyncio.Event()
         loop.add_writer(self._line, free.set)
         try:
-            await asyncio.wait_for(free.wait(), PATIENCE_S)
+            async with asyncio.timeout(PATIENCE_S):
+                await free.wait()
         except TimeoutError:
             return False
         finally:
@@ -113,8 +117,9 @@ class Pty(_Line):
             count: int = struct.unpack("i", fcntl.ioctl(self._device, termios.FIONREAD, bytes(4)))[0]
             return count
 
+        # What was written reaches the reader's side a little later: nothing must be waiting for a while.
         left, idle_s = waiting(), 0.0
-        while left and idle_s < PATIENCE_S:
+        while idle_s < (PATIENCE_S if left else SETTLED_S):
             await asyncio.sleep(0.02)
             now = waiting()
             idle_s = idle_s + 0.02 if now == left else 0.0

@@ -2,13 +2,17 @@
 
 import asyncio
 import contextlib
+import os
 from pathlib import Path
 from typing import IO, Protocol
 
 from bottomlock.errors import OutputError
 
 PATIENCE_S = 5.0
-"""A TCP client that takes nothing for so long is dropped, as an instrument does."""
+"""At full speed, a TCP client that takes nothing for so long is dropped."""
+
+MOST_BEHIND = 1 << 20
+"""In real time, a TCP client that is so many bytes behind is dropped: it must not hold up the others."""
 
 
 class Transport(Protocol):
@@ -37,9 +41,13 @@ class Transport(Protocol):
 
 
 class TcpServer:
-    """A server for any number of clients, which may come and go; what they send is read and ignored."""
+    """A server for any number of clients, which may come and go; what they send is read and ignored.
 
-    def __init__(self, host: str, port: int) -> None:
+    With `patient` it sends as fast as its clients take it; else it keeps its pace, whatever they do.
+    """
+
+    def __init__(self, host: str, port: int, *, patient: bool = True) -> None:
+        self._patient = patient
         self.where = f"tcp:{host}:{port}"
         self._host, self._port = host, port
         self._clients: set[asyncio.StreamWriter] = set()
@@ -51,7 +59,7 @@ class TcpServer:
         try:
             self._server = await asyncio.start_server(self._serve, self._host, self._port)
         except OSError as error:
-            why = error.strerror or str(error)
+            why = os.strerror(error.errno) if error.errno else str(error)
             raise OutputError(
                 f"{self.where}: cannot listen ({why}); is the port in use? expected a free port, or 0 for any"
             ) from error
@@ -70,18 +78,26 @@ class TcpServer:
         self._clients.discard(writer)
         writer.close()
         with contextlib.suppress(OSError, TimeoutError):
-            await asyncio.wait_for(writer.wait_closed(), PATIENCE_S)
+            async with asyncio.timeout(PATIENCE_S):
+                await writer.wait_closed()
 
     async def ready(self) -> None:
         """Waits for the first client."""
         await self._arrived.wait()
 
     async def send(self, data: bytes) -> None:
-        """Sends to every client; one that takes nothing is dropped."""
+        """Sends to every client; one that does not read is dropped."""
         for writer in list(self._clients):
             writer.write(data)
+            if not self._patient:
+                if writer.transport.get_write_buffer_size() > MOST_BEHIND:
+                    self._clients.discard(writer)
+                    writer.transport.abort()
+                continue
             try:
-                await asyncio.wait_for(writer.drain(), PATIENCE_S)
+                # Not `wait_for`: up to Python 3.11 it loses a cancellation that comes as it ends.
+                async with asyncio.timeout(PATIENCE_S):
+                    await writer.drain()
             except (OSError, TimeoutError):
                 await self._drop(writer)
 

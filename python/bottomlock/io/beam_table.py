@@ -17,14 +17,17 @@ from numpy.typing import NDArray
 
 from bottomlock.atomic_write import read_json, write_parquet
 from bottomlock.errors import DataError
+from bottomlock.io.account import Account, Flags, Integers, Reason
 from bottomlock.io.converted import check_converted
-from bottomlock.io.sentences import show
 from bottomlock.records import write_record
 from bottomlock.table_file import read_parquet
 
+__all__ = [
+    "EXTRA", "EXTRA_PER_BEAM", "MOST_BEAMS", "NO_TIME_NS", "Account", "BeamTable", "Flags", "Floats", "Integers",
+    "Reason", "Recording", "read_account", "read_beam_table", "sha256_of", "sidecar", "write_recording",
+]  # fmt: skip
+
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 MOST_BEAMS = 8
 """Most beams of an instrument, the kernel's limit."""
@@ -199,79 +202,6 @@ class _Columns:
 
 def _extra_names(beams: int) -> list[str]:
     return [*EXTRA, *(f"beam{k + 1}_{what}" for what in EXTRA_PER_BEAM for k in range(beams))]
-
-
-@dataclass
-class Reason:
-    """Count of records with one outcome, and the position of the first."""
-
-    count: int
-    first: int
-    detail: str = ""
-
-
-@dataclass
-class Account:
-    """Outcome of every record of a file.
-
-    Attributes:
-        unit: what positions count: "byte" (offset from 0) or "line" (from 1).
-        read: records found, good or bad.
-        kept: rows of the table.
-        skipped: records that gave no row, by reason.
-        flagged: rows that are kept, but with beams marked invalid by the reader or with something missing, by reason.
-        other: well-formed records of kinds that carry no pings (replies, attitude, positions), by kind.
-    """
-
-    unit: str
-    read: int = 0
-    kept: int = 0
-    skipped: dict[str, Reason] = field(default_factory=dict)
-    flagged: dict[str, Reason] = field(default_factory=dict)
-    other: dict[str, Reason] = field(default_factory=dict)
-
-    def skip(self, reason: str, position: int, detail: str | bytes = "", *, count: int = 1) -> None:
-        """Counts lost records, the first at a position; of `detail` in bytes its beginning is shown."""
-        _count(self.skipped, reason, position, detail, count)
-
-    def flag(self, reason: str, position: int, detail: str | bytes = "") -> None:
-        """Counts a record that is kept with a change."""
-        _count(self.flagged, reason, position, detail)
-
-    def pass_by(self, kind: str, position: int) -> None:
-        """Counts a well-formed record without a ping."""
-        _count(self.other, kind, position, "")
-
-    @property
-    def lost(self) -> int:
-        """Number of skipped records."""
-        return sum(reason.count for reason in self.skipped.values())
-
-    def to_json(self) -> dict[str, Any]:
-        """Content of the JSON file beside the table."""
-
-        def fates(reasons: Mapping[str, Reason]) -> dict[str, dict[str, Any]]:
-            return {
-                name: {"count": reason.count, f"first_{self.unit}": reason.first}
-                | ({"first": reason.detail} if reason.detail else {})
-                for name, reason in reasons.items()
-            }
-
-        return {
-            "position": self.unit,
-            "records_read": self.read,
-            "rows_kept": self.kept,
-            "skipped": fates(self.skipped),
-            "flagged": fates(self.flagged),
-            "other": fates(self.other),
-        }
-
-
-def _count(reasons: dict[str, Reason], name: str, position: int, detail: str | bytes, count: int = 1) -> None:
-    if name in reasons:
-        reasons[name].count += count
-    else:
-        reasons[name] = Reason(count, position, show(detail) if isinstance(detail, bytes) else detail)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,24 +1,35 @@
-"""Binary records behind false starts: headers are found and tested for the whole file at once, not byte by byte.
+"""Binary records behind false starts: headers are found, tested and read for the whole file at once.
 
-A run of sync bytes, or headers that overlap, cost a vector operation a byte; only whole records are looked at singly.
+A run of sync bytes, or headers that overlap, cost some vector operations a byte, and no record is looked at singly.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account
-from bottomlock.io.progress import EVERY, reporter
+from bottomlock.io.progress import reporter
 
-BLOCK = 1 << 22
-"""Bytes that are searched for headers at a time."""
+BLOCK = 1 << 17
+"""Bytes that are searched for headers at a time: what is found in them fits into a processor's cache."""
 
 EMPTY = "without fixed or variable leader"
 """Reason for a whole ensemble without what a ping needs."""
 
 Places = NDArray[np.int64]
+
+
+def blocks(length: int) -> Iterator[int]:
+    """Where each block of a file begins; tells how far the search is."""
+    report = reporter()
+    for block in range(0, length, BLOCK):
+        if block and report is not None:
+            report(block)
+        yield block
 
 
 def bytes_of(data: bytes) -> NDArray[np.uint8]:
@@ -29,6 +40,14 @@ def bytes_of(data: bytes) -> NDArray[np.uint8]:
 def words_at(raw: NDArray[np.uint8], at: Places) -> Places:
     """Little-endian 16-bit words at some places."""
     return raw.take(at).astype(np.int64) | raw.take(at + 1).astype(np.int64) << 8
+
+
+def fields_at(data: bytes, at: Places, layout: np.dtype[Any]) -> NDArray[Any]:
+    """(n,) structured: the fields of a layout at some places, all of it within the data."""
+    if not len(at):
+        return np.empty(0, dtype=layout)
+    everywhere = np.ndarray((len(data) - layout.itemsize + 1,), dtype=layout, buffer=data, strides=(1,))
+    return np.asarray(everywhere[at])
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +66,8 @@ class Headers:
     fits: NDArray[np.bool_]
     empty: NDArray[np.bool_]
 
-    def whole(self, length: int, account: Account, what: str) -> Iterator[tuple[int, int]]:
-        """Index and start of every record that is whole; what is damaged, empty, cut off or between them is counted.
+    def whole(self, length: int, account: Account, what: str) -> Places:
+        """Indices of every record that is whole; what is damaged, empty, cut off or between them is counted.
 
         A damaged record does not hide the next: bytes may be missing from it, so that the next begins within it.
 
@@ -57,46 +76,60 @@ class Headers:
             account: for the counts; whole records are counted as read.
             what: a record's name.
         """
-        index = np.flatnonzero(self.fits & ~self.empty)
-        report = reporter()
-        at = counted = done = 0  # bytes before `counted` are in the account, and headers before `done`
-        for k, start, end in zip(
-            index.tolist(), self.start[index].tolist(), self.end[index].tolist(), strict=True
-        ):
-            if start < at:
-                continue
-            if done < k:
-                counted = self._damaged(slice(done, k), at, counted, length, account, what)
-            if start > counted:
-                account.skip(f"bytes that belong to no {what}", counted, f"{start - counted} bytes")
-            account.read += 1
-            if report is not None and account.read % EVERY == 0:
-                report(start)
-            yield k, start
-            at = counted = end
-            done = k + 1
-        counted = self._damaged(slice(done, len(self.start)), at, counted, length, account, what)
-        if counted < length:
-            account.skip(f"bytes that belong to no {what}", counted, f"{length - counted} bytes")
+        chosen = _one_after_another(self.start, self.end, np.flatnonzero(self.fits & ~self.empty))
+        whole = np.zeros(len(self.start), dtype=bool)
+        whole[chosen] = True
+        after = np.cumsum(whole)  # how many are whole, up to each
+        ends = np.concatenate(([0], self.end[chosen]))
+        # Of the others those count that do not begin within a whole record.
+        counts = whole | (self.start >= ends[after])
+        seen, segment = np.flatnonzero(counts), after[counts]
+        self._lost_bytes(seen, segment, ends, length, account, what)
+        account.read += len(seen)
+        cut = self.end > length
+        for reason, those in (("truncated", cut), ("bad checksum", ~cut & ~self.fits), (EMPTY, self.fits)):
+            account.skip_where(
+                reason, those & counts & ~whole, self.start, partial(self._size, length=length, reason=reason)
+            )
+        return chosen
 
-    def _damaged(self, part: slice, at: int, counted: int, length: int, account: Account, what: str) -> int:
-        """Counts the headers of a part from `at` on, and the bytes between; the place up to which bytes are counted."""
-        chosen = self.start[part] >= at
-        start, end, fits = self.start[part][chosen], self.end[part][chosen], self.fits[part][chosen]
-        if not len(start):
-            return counted
-        reach = np.maximum.accumulate(np.concatenate(([counted], np.minimum(end, length))))
-        between = np.flatnonzero(start > reach[:-1])
-        if len(between):
-            first = int(between[0])
-            missing = f"{int(start[first] - reach[first])} bytes"
-            account.skip(f"bytes that belong to no {what}", int(reach[first]), missing, count=len(between))
-        account.read += len(start)
-        cut = end > length
-        for reason, those in (("truncated", cut), ("bad checksum", ~cut & ~fits), (EMPTY, fits)):
-            found = np.flatnonzero(those)
-            if len(found):
-                begin, size = int(start[found[0]]), int(end[found[0]] - start[found[0]])
-                detail = f"{length - begin} of {size} bytes" if reason == "truncated" else f"{size} bytes"
-                account.skip(reason, begin, detail, count=len(found))
-        return int(reach[-1])
+    def _size(self, k: int, *, length: int, reason: str) -> str:
+        size = int(self.end[k] - self.start[k])
+        return f"{length - int(self.start[k])} of {size} bytes" if reason == "truncated" else f"{size} bytes"
+
+    def _lost_bytes(
+        self, seen: Places, segment: Places, ends: Places, length: int, account: Account, what: str
+    ) -> None:
+        """Counts the runs of bytes before, between and after the records, whole and damaged.
+
+        Args:
+            seen: (n,) indices of the records, rising.
+            segment: (n,) how many of them are whole, up to each.
+            ends: where each segment begins: 0, and the end of every whole record.
+            length: of the file, bytes.
+            account: for the count.
+            what: a record's name.
+        """
+        # The byte up to which all is counted, after each record: a damaged one reaches no further than the next whole.
+        reach = np.maximum(ends[segment], np.minimum(self.end[seen], length))
+        reach = np.maximum.accumulate(reach + segment * (length + 1)) - segment * (length + 1)
+        before, start = np.concatenate(([0], reach)), np.append(self.start[seen], length)
+        account.skip_where(
+            f"bytes that belong to no {what}",
+            start > before,
+            before,
+            lambda k: f"{start[k] - before[k]} bytes",
+        )
+
+
+def _one_after_another(start: Places, end: Places, index: Places) -> Places:
+    """Of whole records those that do not begin within the one before, as a reader would meet them."""
+    begins, stops = start[index], end[index]
+    if (begins[1:] >= stops[:-1]).all():
+        return index
+    chosen, at = [], 0
+    for k, begin, stop in zip(index.tolist(), begins.tolist(), stops.tolist(), strict=True):
+        if begin >= at:
+            chosen.append(k)
+            at = stop
+    return np.array(chosen, dtype=np.int64)

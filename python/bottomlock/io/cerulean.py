@@ -8,8 +8,9 @@ manufacturer the NMEA exclusive or. Either is accepted.
 import re
 
 from bottomlock.io.beam_table import Account, Recording
+from bottomlock.io.lines import lines_with
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
-from bottomlock.io.sentences import LONGEST_LINE, crc8_31, hexadecimal, lines_of, number, whole, xor_of
+from bottomlock.io.sentences import LONGEST_LINE, crc8_31, hexadecimal, number, whole, xor_of
 
 NAME = "cerulean-dvkfc"
 _BEAMS = 3
@@ -49,7 +50,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     """
     account = Account(unit="line")
     rows = Rows(_BEAMS, account)
-    for position, line in lines_of(data):
+    for position, line in lines_with(data, b"$", account, "not a sentence", LONGEST_LINE):
         account.read += 1
         if len(line) > LONGEST_LINE:
             account.skip("line too long", position, line)
@@ -74,7 +75,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
                 continue
             _add(rows, position, *found)
         if at == 0:
-            account.skip("truncated" if b"$" in line else "not a sentence", position, line)
+            account.skip("truncated", position, line)
         elif line[at:].strip():
             account.read += 1
             account.skip("truncated", position, line[at:])

@@ -5,10 +5,15 @@ s = sin 22°, c = cos 22°, likewise b1 with vy, b2 with -vx, b3 with -vy. Here 
 velocity becomes (x, -y, -z), forward-right-down if x is forward and the recorded frame is right-handed.
 """
 
+from dataclasses import dataclass
+
+import numpy as np
+
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
-from bottomlock.io.sentences import lines_of, number, whole
+from bottomlock.io.beam_table import Account, BeamTable, Floats, Integers, Recording
+from bottomlock.io.lines import Lines, batches, fields_between, numbers
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
+from bottomlock.io.sentences import whole
 
 NAME = "linkquest-csv"
 _BEAMS = 4
@@ -24,7 +29,7 @@ _NEEDED = (
     "altitude",
     "soundSpeed",
 )
-_FLAGS = {b"0": False, b"1": True}
+_GOOD, _NUMBERS = _NEEDED[1 : 1 + _BEAMS], [n for n in _NEEDED[1 + _BEAMS :] if n != "velocityInstFlag"]
 
 
 def sniff(head: bytes) -> bool:
@@ -51,19 +56,18 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         DataError: where the header lacks a column, or no line can be read.
     """
     account = Account(unit="line")
-    lines = lines_of(data)
-    _, header = next(lines, (0, b""))
-    at = _columns(header, place)
-    width = header.count(b",") + 1
-    rows = Rows(_BEAMS, account)
-    for position, line in lines:
-        account.read += 1
-        fields = line.split(b",")
-        if len(fields) == width:
-            _add(rows, position, line, fields, at)
-        else:
-            account.skip("truncated" if len(fields) < width else "merged line", position, line)
-    table = rows.finish(negate=options.negate_beams)
+    at: dict[str, int] | None = None
+    parts = []
+    for lines in batches(data):
+        if at is None and len(lines.start):
+            header = lines.text[lines.start[0] : lines.end[0]]
+            at, lines = _columns(header, place), lines.where(np.arange(len(lines.start)) > 0)  # noqa: PLW2901
+            width = header.count(b",") + 1
+        if at is not None:
+            parts.append(_rows(lines, at, width, account))
+    if at is None:
+        at = _columns(b"", place)
+    table = _table(parts, account, options)
     raise_if_empty(account, place, "ping of a LinkQuest NavQuest")
     return Recording(
         format=NAME,
@@ -84,27 +88,68 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
 
 
-def _add(rows: Rows, position: int, line: bytes, fields: list[bytes], at: dict[str, int]) -> None:
-    """Adds a line to the table, its signs turned to ours."""
-    valid = [_FLAGS.get(fields[at[f"dataGood{k}"]]) for k in range(_BEAMS)]
-    instrument_valid = _FLAGS.get(fields[at["velocityInstFlag"]])
-    time_ns = whole(fields[at["header.stamp"]])
-    found = [number(fields[at[name]]) for name in _NEEDED if name != "header.stamp" and "Good" not in name]
-    if time_ns is None or instrument_valid is None or None in valid or None in found:
-        rows.account.skip("a field that is no number", position, line)
-        return
-    values = [NAN if v is None else v for v in found]
-    altitude, sound = values[12], values[13]
-    vx, vy, vz = values[8:11]
-    arrival = at.get("%time")
-    rows.add(
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Lines of numbers, (n,) each, `flags` (n, 5) of the beams and the instrument, `values` (n, 13)."""
+
+    position: Integers
+    time_ns: list[int | None]
+    arrival_ns: list[int | None]
+    flags: Integers
+    values: Floats
+
+
+def _rows(lines: Lines, at: dict[str, int], width: int, account: Account) -> _Rows:
+    """The lines of a batch."""
+    raw, commas = lines.raw, lines.places(b",")
+    fields, bounds = fields_between(commas, lines.start, lines.end, width)
+    whole_line = lines.piece(lines.start, lines.end)
+    fits = fields == width
+    account.read += len(fits)
+    account.skip_where("truncated", fields < width, lines.number, whole_line)
+    account.skip_where("merged line", fields > width, lines.number, whole_line)
+    good = lines.where(fits)
+    begin, end = bounds[:, :-1] + 1, bounds[:, 1:]
+
+    def texts(name: str) -> list[int | None]:
+        column = at[name]
+        pairs = zip(begin[:, column].tolist(), end[:, column].tolist(), strict=True)
+        return [whole(lines.text[b:e]) for b, e in pairs]
+
+    chosen = [at[name] for name in _NUMBERS]
+    values, known = numbers(raw, begin[:, chosen], end[:, chosen])
+    marked = [at[name] for name in (*_GOOD, "velocityInstFlag")]
+    flags = raw.take(begin[:, marked], mode="clip").astype(np.int64) - ord("0")
+    sound = (end[:, marked] - begin[:, marked] == 1) & (flags >= 0) & (flags <= 1)
+    time_ns = texts("header.stamp")
+    use = known.all(axis=1) & sound.all(axis=1) & np.array([t is not None for t in time_ns], dtype=bool)
+    account.skip_where("a field that is no number", ~use, good.number, good.piece(good.start, good.end))
+    arrival = texts("%time") if "%time" in at else [None] * len(use)
+    index = np.flatnonzero(use).tolist()
+    return _Rows(
+        good.number[use], [time_ns[k] for k in index], [arrival[k] for k in index], flags[use], values[use]
+    )
+
+
+def _table(parts: list[_Rows], account: Account, options: Options) -> BeamTable:
+    """The table, its signs turned to ours."""
+    nothing = _Rows(np.zeros(0, dtype=np.int64), [], [], np.zeros((0, 5), dtype=np.int64), np.zeros((0, 13)))
+    position, flags, values = (
+        np.concatenate([getattr(part, name) for part in (nothing, *parts)])
+        for name in ("position", "flags", "values")
+    )
+    ranges, velocity, instrument, altitude = values[:, :4], values[:, 4:8], values[:, 8:11], values[:, 11]
+    return make_table(
+        account,
+        _BEAMS,
         position,
-        time_ns,
-        [-v for v in values[4:8]],
-        [bool(flag) for flag in valid],
-        range_m=[a if a > 0.0 else NAN for a in values[:4]],
-        instrument=(vx, -vy, -vz),
-        verdict=int(instrument_valid),
-        arrival_ns=None if arrival is None else whole(fields[arrival]),
-        extra={"altitude_m": altitude if altitude > 0.0 else NAN, "sound_speed_mps": sound},
+        [t for part in parts for t in part.time_ns],
+        -velocity,
+        flags[:, :_BEAMS] == 1,
+        range_m=np.where(ranges > 0.0, ranges, NAN),
+        instrument=instrument * np.array([1.0, -1.0, -1.0]),
+        verdict=flags[:, _BEAMS],
+        arrival_ns=[t for part in parts for t in part.arrival_ns],
+        extra={"altitude_m": np.where(altitude > 0.0, altitude, NAN), "sound_speed_mps": values[:, 12]},
+        negate=options.negate_beams,
     )

@@ -4,21 +4,31 @@ Velocities are integers scaled by a power of ten that the record states; a ping 
 65535 and a negative distance, and its velocity is a filler.
 """
 
-import math
-import struct
+import numpy as np
+from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, Recording
+from bottomlock.io.beam_table import Account, BeamTable, Recording
+from bottomlock.io.binary_records import fields_at
 from bottomlock.io.nortek_dvl import UNSURE
-from bottomlock.io.nortek_frames import BOTTOM_AD2CP, Frame, frames, kinds, name_of, struct_tm_ns
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
+from bottomlock.io.nortek_frames import BOTTOM_AD2CP, Frames, frames, kinds, struct_tm_ns
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "nortek-ad2cp"
 _BEAMS = 4
-# version, offset, configuration, serial, clock, 100 us, sound, temperature, pressure, heading, pitch, roll, beams
-_HEAD = struct.Struct("<BBHI6sHHhIHhhH")
-_SCALE_AT, _LEAST = 60, 78
-_VELOCITY, _DISTANCE, _FOM = 1 << 5, 1 << 8, 1 << 9
+_HEAD = np.dtype(
+    [
+        ("version", "u1"), ("offset", "u1"), ("configuration", "<u2"), ("serial", "<u4"), ("clock", "u1", 6),
+        ("hundred_us", "<u2"), ("sound", "<u2"), ("temperature", "<i2"), ("pressure", "<u4"), ("heading", "<u2"),
+        ("pitch", "<i2"), ("roll", "<i2"), ("beams", "<u2"), ("middle", "V28"), ("scale", "i1"), ("end", "V17"),
+    ]
+)  # fmt: skip
+_NUMBERS = np.dtype([("velocity", "<i4", 4), ("distance", "<i4", 4), ("fom", "<u2", 4)])
+_LEAST = _HEAD.itemsize
+# Flags of the configuration: velocity, distance and figure of merit are there.
+_PARTS = 1 << 5 | 1 << 8 | 1 << 9
+# Powers of ten by the negated exponent that a record states.
+_SCALES = np.array([10.0**-k for k in range(10)])
 _NO_FOM = 0xFFFF
 _COORDINATES = ("ENU", "XYZ", "BEAM", "unknown")
 _BEAM = 2
@@ -36,22 +46,21 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         DataError: where there is none, or none in beam coordinates.
     """
     account = Account(unit="byte")
-    rows = Rows(_BEAMS, account)
-    other = 0
-    for frame in frames(data, account):
-        if frame.kind != BOTTOM_AD2CP:
-            account.pass_by(name_of(frame.kind), frame.position)
-        elif (kind := _coordinates(frame)) != _BEAM:
-            other += 1
-            account.skip(f"bottom track in {_COORDINATES[kind]} coordinates", frame.position)
-        else:
-            _add(rows, frame)
-    if other and not rows.time_ns:
+    found = frames(data, account)
+    bottom = found.kind == BOTTOM_AD2CP
+    found.where(~bottom).pass_by(account)
+    pings = found.where(bottom)
+    coordinates = _coordinates(data, pings)
+    for kind, name in enumerate(_COORDINATES):
+        if kind != _BEAM:
+            account.skip_where(f"bottom track in {name} coordinates", coordinates == kind, pings.position)
+    in_beams = coordinates == _BEAM
+    table = _table(data, pings.where(in_beams), account, options)
+    if not account.kept and not in_beams.all():
         raise DataError(
-            f"{place}: {other} bottom-track records hold no beam velocities; set CY=BEAM for bottom track (SETBT) "
-            "and record again"
+            f"{place}: {np.count_nonzero(~in_beams)} bottom-track records hold no beam velocities; set CY=BEAM for "
+            "bottom track (SETBT) and record again"
         )
-    table = rows.finish(negate=options.negate_beams)
     raise_if_empty(account, place, "bottom-track record (DF20)")
     return Recording(
         format=NAME,
@@ -65,48 +74,47 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
 
 
-def _coordinates(frame: Frame) -> int:
-    """Coordinate code of a bottom-track record; 3 where it is too short to say."""
-    return _HEAD.unpack_from(frame.data)[-1] >> 10 & 3 if len(frame.data) >= _LEAST else 3
+def _coordinates(data: bytes, pings: Frames) -> NDArray[np.uint16]:
+    """(n,) coordinate codes of bottom-track records; 3 where one is too short to say."""
+    long = pings.size >= _LEAST
+    codes = np.full(len(long), 3, dtype=np.uint16)
+    codes[long] = fields_at(data, pings.start[long], _HEAD)["beams"] >> 10 & 3
+    return codes
 
 
-def _add(rows: Rows, frame: Frame) -> None:
-    """A record to the table."""
-    data = frame.data
-    _, offset, config, _, clock, hundred_us, sound, _, _, heading, pitch, roll, beams = _HEAD.unpack_from(
-        data
+def _table(data: bytes, pings: Frames, account: Account, options: Options) -> BeamTable:
+    """The table of the records in beam coordinates."""
+    head = fields_at(data, pings.start, _HEAD)
+    beams, offset, scale = head["beams"] >> 12, head["offset"], head["scale"]
+    whole = (beams == _BEAMS) & (head["configuration"] & _PARTS == _PARTS)
+    whole &= (offset >= _LEAST) & (offset + _NUMBERS.itemsize <= pings.size) & (scale >= -9) & (scale <= 0)
+    account.skip_where(
+        "bottom track of another layout",
+        ~whole,
+        pings.position,
+        lambda k: f"{beams[k]} beams, offset {offset[k]}",
     )
-    scale = struct.unpack_from("<b", data, _SCALE_AT)[0]
-    count = beams >> 12
-    parts = [bool(config & bit) for bit in (_VELOCITY, _DISTANCE, _FOM)]
-    size = count * (4 * parts[0] + 4 * parts[1] + 2 * parts[2])
-    if (
-        count != _BEAMS
-        or not all(parts)
-        or offset < _LEAST
-        or offset + size > len(data)
-        or not -9 <= scale <= 0
-    ):
-        rows.account.skip("bottom track of another layout", frame.position, f"{count} beams, offset {offset}")
-        return
-    time_ns = struct_tm_ns(clock, hundred_us)
-    if time_ns is None:
-        rows.account.skip("clock out of range", frame.position)
-        return
-    numbers = struct.unpack_from("<4i4i4H", data, offset)
-    velocity, distance, fom = numbers[:4], numbers[4:8], numbers[8:]
-    good = [d > 0 and f != _NO_FOM for d, f in zip(distance, fom, strict=True)]
-    rows.add(
-        frame.position,
+    time_ns, on_clock = struct_tm_ns(head["clock"], head["hundred_us"])
+    account.skip_where("clock out of range", whole & ~on_clock, pings.position)
+    use = whole & on_clock
+    head, pings, time_ns = head[use], pings.where(use), time_ns[use]
+    numbers = fields_at(data, pings.start + head["offset"], _NUMBERS)
+    distance, fom = numbers["distance"], numbers["fom"]
+    good = (distance > 0) & (fom != _NO_FOM)
+    return make_table(
+        account,
+        _BEAMS,
+        pings.position,
         time_ns,
-        [v * 10.0**scale if ok else NAN for v, ok in zip(velocity, good, strict=True)],
+        np.where(good, numbers["velocity"] * _SCALES[-head["scale"].astype(np.int64)][:, None], NAN),
         good,
-        range_m=[d * 1e-3 if d > 0 else NAN for d in distance],
-        quality=[float(f) if f != _NO_FOM else NAN for f in fom],
+        range_m=np.where(distance > 0, distance * 1e-3, NAN),
+        quality=np.where(fom != _NO_FOM, fom, NAN),
         extra={
-            "heading_rad": math.radians(heading * 0.01),
-            "pitch_rad": math.radians(pitch * 0.01),
-            "roll_rad": math.radians(roll * 0.01),
-            "sound_speed_mps": sound * 0.1,
+            "heading_rad": np.radians(head["heading"] * 0.01),
+            "pitch_rad": np.radians(head["pitch"] * 0.01),
+            "roll_rad": np.radians(head["roll"] * 0.01),
+            "sound_speed_mps": head["sound"] * 0.1,
         },
+        negate=options.negate_beams,
     )

@@ -9,8 +9,9 @@ import math
 import re
 
 from bottomlock.io.beam_table import Account, Recording
+from bottomlock.io.lines import lines_with
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
-from bottomlock.io.sentences import LONGEST_LINE, hexadecimal, lines_of, number, whole, xor_of
+from bottomlock.io.sentences import LONGEST_LINE, hexadecimal, number, whole, xor_of
 
 NAME = "nortek-ascii"
 MOST_BEAMS = 4
@@ -75,7 +76,7 @@ def _beam(fields: list[bytes]) -> tuple[int, Beam] | None:
 def _lines(data: bytes, account: Account, *, trust: bool) -> list[tuple[int, int, Beam]]:
     """Position, time and beam of every good line."""
     found = []
-    for position, line in lines_of(data):
+    for position, line in lines_with(data, b"$", account, "not a sentence", LONGEST_LINE):
         at = 0
         account.read += 1
         if len(line) > LONGEST_LINE:
@@ -100,7 +101,7 @@ def _lines(data: bytes, account: Account, *, trust: bool) -> list[tuple[int, int
             else:
                 found.append((position, *beam))
         if at == 0:
-            account.skip("truncated" if b"$" in line else "not a sentence", position, line)
+            account.skip("truncated", position, line)
         elif line[at:].strip():
             account.read += 1
             account.skip("truncated", position, line[at:])

@@ -5,19 +5,25 @@ are vertical. Layout as in the manufacturer's published structure; DF22 is assum
 """
 
 import math
-import struct
 
 import numpy as np
 
 from bottomlock.io.beam_table import Account, BeamTable, Recording
+from bottomlock.io.binary_records import fields_at
 from bottomlock.io.nortek_ascii import NO_FOM_MPS, NO_VELOCITY_MPS, TILT_RAD
-from bottomlock.io.nortek_frames import BOTTOM_DVL, Frame, frames, kinds, name_of, struct_tm_ns
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
+from bottomlock.io.nortek_frames import BOTTOM_DVL, Frames, frames, kinds, struct_tm_ns
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "nortek-dvl"
 _BEAMS = 4
-_DATA = struct.Struct("<BBI6sHHII3f24f20f")
-_SIZE = _DATA.size
+_DATA = np.dtype(
+    [
+        ("version", "u1"), ("offset", "u1"), ("serial", "<u4"), ("clock", "u1", 6), ("hundred_us", "<u2"),
+        ("beams", "<u2"), ("error", "<u4"), ("status", "<u4"), ("sound", "<f4"), ("temperature", "<f4"),
+        ("pressure", "<f4"), ("velocity", "<f4", 4), ("distance", "<f4", 4), ("fom", "<f4", 4), ("delay", "<f4", 4),
+        ("delay_2", "<f4", 4), ("period", "<f4", 4), ("axes", "<f4", 4), ("axes_fom", "<f4", 4), ("rest", "<f4", 12),
+    ]
+)  # fmt: skip
 UNSURE = "sign not confirmed on a recording: positive towards the bottom is assumed; --negate-beams turns it"
 
 
@@ -33,15 +39,15 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         DataError: where there is none.
     """
     account = Account(unit="byte")
-    rows = Rows(_BEAMS, account)
-    for frame in frames(data, account):
-        if frame.kind != BOTTOM_DVL:
-            account.pass_by(name_of(frame.kind), frame.position)
-        elif len(frame.data) < _SIZE:
-            account.skip("bottom track of another layout", frame.position, f"{len(frame.data)} bytes")
-        else:
-            _add(rows, frame)
-    table = rows.finish(negate=options.negate_beams)
+    found = frames(data, account)
+    bottom = found.kind == BOTTOM_DVL
+    found.where(~bottom).pass_by(account)
+    pings = found.where(bottom)
+    short = pings.size < _DATA.itemsize
+    account.skip_where(
+        "bottom track of another layout", short, pings.position, lambda k: f"{pings.size[k]} bytes"
+    )
+    table = _table(data, pings.where(~short), account, options)
     raise_if_empty(account, place, "bottom-track record (DF21, DF22)")
     return Recording(
         format=NAME,
@@ -63,39 +69,43 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
 
 
-def _add(rows: Rows, frame: Frame) -> None:
-    """A record to the table."""
-    _, _, _, clock, hundred_us, beams, error, status, sound, _, _, *numbers = _DATA.unpack_from(frame.data)
-    time_ns = struct_tm_ns(clock, hundred_us)
-    if time_ns is None:
-        rows.account.skip("clock out of range", frame.position)
-        return
-    if error:
-        rows.account.flag("instrument reports an error", frame.position, f"code {error:#x}")
-    if beams not in {0, _BEAMS}:
-        rows.account.flag("record states another number of beams", frame.position, f"{beams} beams")
-    velocity, distance, fom, delay = (numbers[4 * k : 4 * k + 4] for k in range(4))
-    axes, axes_fom = numbers[24:28], numbers[28:32]
-    good = [bool(status >> k & 1) for k in range(20)]
-    ups = [axes[k] for k in (2, 3) if good[12 + k]]
-    known = good[12] and good[13] and bool(ups)
-    rows.add(
-        frame.position,
+@np.errstate(invalid="ignore")
+def _table(data: bytes, pings: Frames, account: Account, options: Options) -> BeamTable:
+    """The table of the records."""
+    every = fields_at(data, pings.start, _DATA)
+    time_ns, on_clock = struct_tm_ns(every["clock"], every["hundred_us"])
+    account.skip_where("clock out of range", ~on_clock, pings.position)
+    at, time_ns, f = pings.position[on_clock], time_ns[on_clock], every[on_clock]
+    error, beams = f["error"], f["beams"]
+    account.flag_where("instrument reports an error", error > 0, at, lambda k: f"code {error[k]:#x}")
+    other = (beams != 0) & (beams != _BEAMS)
+    account.flag_where("record states another number of beams", other, at, lambda k: f"{beams[k]} beams")
+    good = (f["status"][:, None] >> np.arange(20) & 1).astype(bool)
+    velocity, distance, fom, axes = (
+        f[name].astype(np.float64) for name in ("velocity", "distance", "fom", "axes")
+    )
+    measured = velocity > NO_VELOCITY_MPS + 1e-3
+    first, second = (good[:, k : k + 1] for k in (14, 15))
+    mean = 0.5 * (axes[:, 2:3] + axes[:, 3:])
+    vertical = np.where(first & second, mean, np.where(first, axes[:, 2:3], axes[:, 3:]))
+    known = good[:, 12] & good[:, 13] & (first | second)[:, 0]
+    return make_table(
+        account,
+        _BEAMS,
+        at,
         time_ns,
-        [v if v > NO_VELOCITY_MPS + 1e-3 else NAN for v in velocity],
-        [ok and v > NO_VELOCITY_MPS + 1e-3 for v, ok in zip(velocity, good[:4], strict=True)],
-        range_m=[
-            d / math.cos(TILT_RAD) if ok and d > 0.0 else NAN
-            for d, ok in zip(distance, good[4:8], strict=True)
-        ],
-        sd=[f if ok and f < NO_FOM_MPS else NAN for f, ok in zip(fom, good[8:12], strict=True)],
-        instrument=(*axes[:2], sum(ups) / len(ups)) if known else (NAN, NAN, NAN),
-        verdict=int(known),
+        np.where(measured, velocity, NAN),
+        good[:, :4] & measured,
+        range_m=np.where(good[:, 4:8] & (distance > 0.0), distance / math.cos(TILT_RAD), NAN),
+        sd=np.where(good[:, 8:12] & (fom < NO_FOM_MPS), fom, NAN),
+        instrument=np.where(known[:, None], np.hstack([axes[:, :2], vertical]), NAN),
+        verdict=known,
         extra={
-            "instrument_sd_mps": max(axes_fom[:3]) if all(good[16:19]) else NAN,
-            "sound_speed_mps": sound,
-            **{f"beam{k + 1}_delay_s": d for k, d in enumerate(delay)},
+            "instrument_sd_mps": np.where(good[:, 16:19].all(axis=1), f["axes_fom"][:, :3].max(axis=1), NAN),
+            "sound_speed_mps": f["sound"],
+            **{f"beam{k + 1}_delay_s": f["delay"][:, k] for k in range(_BEAMS)},
         },
+        negate=options.negate_beams,
     )
 
 

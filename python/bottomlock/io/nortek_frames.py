@@ -4,18 +4,16 @@ Header: sync A5, its own size, id, family, size of the data (u16), checksum of t
 checksum starts from 0xB58C and adds little-endian words; an odd last byte counts as the high one.
 """
 
-import datetime as dt
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.io.beam_table import Account
-from bottomlock.io.binary_records import BLOCK, Headers, Places, bytes_of, words_at
+from bottomlock.io.beam_table import Account, Flags, Integers
+from bottomlock.io.binary_records import BLOCK, Headers, Places, blocks, bytes_of, words_at
+from bottomlock.io.civil_time import minute_ns
 
 _LEAST, _MOST = 10, 64
-_EPOCH = dt.date(1970, 1, 1).toordinal()
 BOTTOM_AD2CP, BOTTOM_DVL, WATER_DVL = 0x17, 0x1B, 0x1D
 BOTTOM_NUCLEUS, WATER_NUCLEUS = 0xB4, 0xBE
 NAMES = {
@@ -40,14 +38,30 @@ NAMES = {
 }
 
 
-@dataclass(frozen=True)
-class Frame:
-    """A record whose checksums fit: where it begins, what it is, its data."""
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Records whose checksums fit, each (n,): where they begin, what they are, where their data begin, their size."""
 
-    position: int
-    kind: int
-    family: int
-    data: bytes
+    position: Places
+    kind: NDArray[np.uint8]
+    family: NDArray[np.uint8]
+    start: Places
+    size: Places
+
+    def where(self, chosen: Flags) -> "Frames":
+        """The chosen ones."""
+        return Frames(
+            self.position[chosen],
+            self.kind[chosen],
+            self.family[chosen],
+            self.start[chosen],
+            self.size[chosen],
+        )
+
+    def pass_by(self, account: Account) -> None:
+        """Counts all of them by their names."""
+        for kind in np.flatnonzero(np.bincount(self.kind)).tolist():
+            account.pass_by_where(name_of(kind), self.kind == kind, self.position)
 
 
 class _Sums:
@@ -77,7 +91,7 @@ def _headers(data: bytes, sums: _Sums) -> tuple[Headers, Places]:
     """The headers of a file whose own checksum fits, with that of their data tested, and the headers' sizes."""
     raw = bytes_of(data)
     found = [np.empty(0, dtype=np.int64)]
-    for block in range(0, max(len(raw) - _LEAST + 1, 0), BLOCK):
+    for block in blocks(max(len(raw) - _LEAST + 1, 0)):
         part = raw[block : block + BLOCK + 1]
         n = min(len(part) - 1, len(raw) - _LEAST + 1 - block)
         at = block + np.flatnonzero(
@@ -98,18 +112,18 @@ def _headers(data: bytes, sums: _Sums) -> tuple[Headers, Places]:
     return Headers(start, end, fits, end < start), header
 
 
-def frames(data: bytes, account: Account) -> Iterator[Frame]:
+def frames(data: bytes, account: Account) -> Frames:
     """Every record of the bytes; what is damaged, cut off or between records goes to the account."""
-    if not data:
-        return
     headers, sizes = _headers(data, _Sums(data))
-    for k, at in headers.whole(len(data), account, "record"):
-        yield Frame(at, data[at + 2], data[at + 3], data[at + int(sizes[k]) : int(headers.end[k])])
+    chosen = headers.whole(len(data), account, "record")
+    raw, at = bytes_of(data), headers.start[chosen]
+    start = at + sizes[chosen]
+    return Frames(at, raw[at + 2], raw[at + 3], start, headers.end[chosen] - start)
 
 
 def kinds(head: bytes) -> set[int]:
     """Ids of the whole records at the beginning of a file."""
-    return {frame.kind for frame in frames(head, Account(unit="byte"))}
+    return set(frames(head, Account(unit="byte")).kind.tolist())
 
 
 def name_of(kind: int) -> str:
@@ -117,13 +131,14 @@ def name_of(kind: int) -> str:
     return NAMES.get(kind, f"record 0x{kind:02x}")
 
 
-def struct_tm_ns(fields: bytes, hundred_us: int) -> int | None:
-    """Year since 1900, month from 0, day, hour, minute, second as bytes, and 100 µs, as ns since 1970."""
-    year, month, day, hour, minute, second = fields
-    if hour > 23 or minute > 59 or second > 60 or hundred_us > 9999:
-        return None
-    try:
-        days = dt.date(1900 + year, month + 1, day).toordinal() - _EPOCH
-    except ValueError:
-        return None
-    return (days * 86_400 + hour * 3600 + minute * 60 + second) * 1_000_000_000 + hundred_us * 100_000
+def struct_tm_ns(fields: NDArray[np.uint8], hundred_us: Integers) -> tuple[Integers, Flags]:
+    """Times since 1970, ns, and which of them a clock can show.
+
+    Args:
+        fields: (n, 6) year since 1900, month from 0, day, hour, minute, second.
+        hundred_us: (n,) 100 µs.
+    """
+    year, month, day, hour, minute, second = fields.T.astype(np.int64)
+    begin, good = minute_ns(year + 1900, month + 1, day, hour, minute)
+    part = hundred_us.astype(np.int64)
+    return begin + second * 1_000_000_000 + part * 100_000, good & (second <= 60) & (part <= 9999)

@@ -4,19 +4,29 @@ The status word holds validity flags of velocity, distance and figure of merit f
 the manufacturer's driver.
 """
 
-import struct
+from typing import Any
 
-from bottomlock.io.beam_table import Account, Recording
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.io.beam_table import Account, BeamTable, Integers, Recording
+from bottomlock.io.binary_records import fields_at
 from bottomlock.io.nortek_dvl import UNSURE, vertical_note
-from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, Frame, frames, kinds, name_of
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
+from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, frames, kinds
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "nucleus"
 _BEAMS = 3
 _FAMILY = 0x20
 _NUCLEUS_RECORDS = {0x82, 0x87, 0xAA, 0xB4, 0xBE, 0xD2, 0xDC}
-# version, offset, flags, -, seconds, microseconds, status, serial, -, sound, temperature, pressure, then 23 numbers
-_DATA = struct.Struct("<4B3I2I3f23f")
+_DATA = np.dtype(
+    [
+        ("version", "u1"), ("offset", "u1"), ("flags", "u1"), ("reserved", "u1"), ("seconds", "<u4"), ("micros", "<u4"),
+        ("status", "<u4"), ("serial", "<u4"), ("reserved_2", "<u4"), ("sound", "<f4"), ("temperature", "<f4"),
+        ("pressure", "<f4"), ("velocity", "<f4", 3), ("distance", "<f4", 3), ("fom", "<f4", 3), ("delay", "<f4", 3),
+        ("period", "<f4", 3), ("axes", "<f4", 3), ("axes_fom", "<f4", 3), ("rest", "<f4", 2),
+    ]
+)  # fmt: skip
 
 
 def sniff(head: bytes) -> bool:
@@ -31,17 +41,18 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         DataError: where there is none.
     """
     account = Account(unit="byte")
-    rows = Rows(_BEAMS, account)
-    posix = 0
-    for frame in frames(data, account):
-        if frame.kind != BOTTOM_NUCLEUS or frame.family != _FAMILY:
-            account.pass_by(name_of(frame.kind), frame.position)
-        elif len(frame.data) < _DATA.size:
-            account.skip("bottom track of another layout", frame.position, f"{len(frame.data)} bytes")
-        else:
-            posix += frame.data[2] & 1
-            _add(rows, frame)
-    table = rows.finish(negate=options.negate_beams)
+    found = frames(data, account)
+    bottom = (found.kind == BOTTOM_NUCLEUS) & (found.family == _FAMILY)
+    found.where(~bottom).pass_by(account)
+    pings = found.where(bottom)
+    short = pings.size < _DATA.itemsize
+    account.skip_where(
+        "bottom track of another layout", short, pings.position, lambda k: f"{pings.size[k]} bytes"
+    )
+    pings = pings.where(~short)
+    fields = fields_at(data, pings.start, _DATA)
+    posix = bool((fields["flags"] & 1).any())
+    table = _table(fields, pings.position, account, options)
     raise_if_empty(account, place, "bottom-track record of a Nucleus")
     return Recording(
         format=NAME,
@@ -59,29 +70,28 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
 
 
-def _add(rows: Rows, frame: Frame) -> None:
-    """A record to the table."""
-    fields = _DATA.unpack_from(frame.data)
-    seconds, micros, status = fields[4:7]
-    sound, numbers = fields[9], fields[12:]
-    velocity, distance, fom, delay = (numbers[3 * k : 3 * k + 3] for k in range(4))
-    good = [bool(status >> k & 1) for k in range(15)]
-    known = all(good[9:12])
-    if micros > 999_999:
-        rows.account.skip("clock out of range", frame.position)
-        return
-    rows.add(
-        frame.position,
-        (seconds * 1_000_000 + micros) * 1000,
-        velocity,
-        good[:3],
-        range_m=[d if ok else NAN for d, ok in zip(distance, good[3:6], strict=True)],
-        sd=[f if ok else NAN for f, ok in zip(fom, good[6:9], strict=True)],
-        instrument=numbers[15:18],
-        verdict=int(known),
+def _table(fields: NDArray[Any], position: Integers, account: Account, options: Options) -> BeamTable:
+    """The table of the records."""
+    on_clock = fields["micros"] <= 999_999
+    account.skip_where("clock out of range", ~on_clock, position)
+    f = fields[on_clock]
+    good = (f["status"][:, None] >> np.arange(15) & 1).astype(bool)
+    known = good[:, 9:12].all(axis=1)
+    return make_table(
+        account,
+        _BEAMS,
+        position[on_clock],
+        (f["seconds"].astype(np.int64) * 1_000_000 + f["micros"]) * 1000,
+        f["velocity"],
+        good[:, :3],
+        range_m=np.where(good[:, 3:6], f["distance"], NAN),
+        sd=np.where(good[:, 6:9], f["fom"], NAN),
+        instrument=f["axes"],
+        verdict=known,
         extra={
-            "instrument_sd_mps": max(numbers[18:21]) if all(good[12:15]) else NAN,
-            "sound_speed_mps": sound,
-            **{f"beam{k + 1}_delay_s": d for k, d in enumerate(delay)},
+            "instrument_sd_mps": np.where(good[:, 12:15].all(axis=1), f["axes_fom"].max(axis=1), NAN),
+            "sound_speed_mps": f["sound"],
+            **{f"beam{k + 1}_delay_s": f["delay"][:, k] for k in range(_BEAMS)},
         },
+        negate=options.negate_beams,
     )

@@ -9,18 +9,17 @@ Source: Teledyne RD Instruments, Workhorse and Pathfinder guides, "PD0 output da
 GPS (docs/formats.md).
 """
 
-import datetime as dt
-import math
-import struct
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, partial
+from typing import Self
 
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, BeamTable, Recording
-from bottomlock.io.binary_records import BLOCK, EMPTY, Headers, Places, bytes_of, words_at
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, lost, raise_if_empty, running_sums
+from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
+from bottomlock.io.binary_records import BLOCK, EMPTY, Headers, Places, blocks, bytes_of, fields_at, words_at
+from bottomlock.io.civil_time import minute_ns
+from bottomlock.io.rows import NAN, PLAIN, Options, lost, make_table, raise_if_empty, running_sums
 
 NAME = "pd0"
 _BEAMS = 4
@@ -31,10 +30,24 @@ _BAD = -32768
 _BAD_FINE = (-(2**31), _BAD * 100)
 # Header, two offsets, and the parts of both leaders that are read.
 _LEAST = 6 + 2 * 2 + 26 + 24
-_LEADERS = {b"\x00\x00", b"\x01\x00"}
-_EPOCH = dt.date(1970, 1, 1).toordinal()
-_WORD = struct.Struct("<H")
-_BOTTOM_STRUCT = struct.Struct("<4H4h4B")
+_SYSTEM = np.dtype([("config", "<u2")])
+_CLOCK = np.dtype(
+    [
+        ("short", "u1"),
+        ("month", "u1"),
+        ("day", "u1"),
+        ("hour", "u1"),
+        ("minute", "u1"),
+        ("second", "u1"),
+        ("hundredth", "u1"),
+    ]
+)
+_CENTURY_CLOCK = np.dtype([("century", "u1"), *_CLOCK.descr])
+_ATTITUDE = np.dtype(
+    [("sound", "<u2"), ("depth", "<u2"), ("heading", "<u2"), ("pitch", "<i2"), ("roll", "<i2")]
+)
+_COARSE = np.dtype([("range", "<u2", 4), ("velocity", "<i2", 4), ("correlation", "u1", 4)])
+_HIGH, _FINE = np.dtype([("high", "u1", 4)]), np.dtype([("velocity", "<i4", 4)])
 ADVICE = {
     "instrument": "instrument coordinates (EX01xxx)",
     "ship": "ship coordinates (EX10xxx)",
@@ -44,14 +57,15 @@ ADVICE = {
 
 def sniff(head: bytes) -> bool:
     """Whether the beginning of a file looks like this format: a header, perhaps after some text."""
-    return any(_offsets(head, at) is not None for at in _header_places(head).tolist())
+    start = _header_places(head)
+    return bool(_Types(head, start, words_at(bytes_of(head), start + 2)).sound.any())
 
 
 def _header_places(data: bytes) -> Places:
     """Places where an ensemble seems to begin: two sync bytes, a table of offsets, and a leader behind it."""
     raw = bytes_of(data)
     found = [np.empty(0, dtype=np.int64)]
-    for block in range(0, max(len(raw) - 7, 0), BLOCK):
+    for block in blocks(max(len(raw) - 7, 0)):
         part = raw[block : block + BLOCK + 7]
         n = len(part) - 7
         # The least that a header has, on whole vectors: the first offset is at most 6 + 2 x 255.
@@ -77,120 +91,174 @@ def _headers(data: bytes) -> Headers:
     return Headers(start, last + 2, fits, last - start < _LEAST)
 
 
-def _offsets(data: bytes, at: int) -> Sequence[int] | None:
-    """Offsets of the data types of an ensemble that begins here, or None where no header stands."""
-    if at + 8 > len(data):
-        return None
-    size, types = _WORD.unpack_from(data, at + 2)[0], data[at + 5]
-    first = 6 + 2 * types
-    if not types or first + 2 > size or at + first + 2 > len(data):
-        return None
-    offsets: tuple[int, ...] = struct.unpack_from(f"<{types}H", data, at + 6)
-    if offsets[0] != first or max(offsets) + 2 > size or data[at + first : at + first + 2] not in _LEADERS:
-        return None
-    return offsets
+class _Types:
+    """Where the data types of ensembles stand.
+
+    Attributes:
+        sound: (n,) the table of offsets stays within the ensemble.
+    """
+
+    def __init__(self, data: bytes, start: Places, size: Places) -> None:
+        """Reads the tables of offsets.
+
+        Args:
+            data: the file.
+            start: (n,) where the ensembles begin, with a header of `_header_places`.
+            size: (n,) bytes of each, without its checksum; it may reach beyond the data.
+        """
+        raw = bytes_of(data)
+        count = raw[start + 5].astype(np.int64)
+        self._ensembles = len(start)
+        # One entry for each type of each ensemble.
+        owner = np.repeat(np.arange(len(start)), count)
+        last = np.cumsum(count) - 1
+        number = np.arange(len(owner)) - np.repeat(last + 1 - count, count)
+        offset = words_at(raw, start[owner] + 6 + 2 * number)
+        end = np.append(offset[1:], 0)
+        end[last] = size
+        self.sound = np.ones(len(start), dtype=bool)
+        self.sound[owner[offset + 2 > size[owner]]] = False
+        readable = self.sound[owner] & (end - offset >= 2)
+        self._owner, self._at = owner[readable], start[owner[readable]] + offset[readable]
+        self._length = (end - offset)[readable]
+        self._raw = raw
+
+    @cached_property
+    def _id(self) -> Places:
+        return words_at(self._raw, self._at)
+
+    def of(self, *ids: int) -> tuple[Places, Places]:
+        """Place and length (n,) of a type by the first of its ids that an ensemble has; length 0 where it has none."""
+        at, length = np.zeros((2, self._ensembles), dtype=np.int64)
+        for each in reversed(ids):
+            # The last of several stands.
+            found = self._id == each
+            at[self._owner[found]], length[self._owner[found]] = self._at[found], self._length[found]
+        return at, length
 
 
-@dataclass(frozen=True)
-class Ensemble:
-    """The fields of an ensemble that a beam table needs; None and NaN where missing."""
+@dataclass(frozen=True, eq=False)
+class Ensembles:
+    """The fields of n ensembles that a beam table needs; NaN where missing.
 
-    position: int
-    time_ns: int | None
-    frame: int
-    velocity_mps: tuple[float, ...] | None
-    range_m: tuple[float, ...]
-    correlation: tuple[float, ...]
-    heading_rad: float
-    pitch_rad: float
-    roll_rad: float
-    sound_speed_mps: float
-    config: int
-    angle_deg: int
-    fine: bool
+    Attributes:
+        position: (n,) where they begin.
+        time_ns: (n,).
+        on_clock: (n,) the time is one that a clock can show.
+        frame: (n,) index in `FRAMES`.
+        bottom: (n,) there is a bottom track.
+        velocity_mps: (n, 4), as `range_m` and `correlation`.
+        range_m: (n, 4).
+        correlation: (n, 4).
+        heading_rad: (n,), as `pitch_rad` and `roll_rad`.
+        pitch_rad: (n,).
+        roll_rad: (n,).
+        sound_speed_mps: (n,).
+        config: (n,) the system's configuration word.
+        angle_deg: (n,) of the beams, 0 where it is not stated.
+        fine: (n,) velocities in 0.01 mm/s are there.
+    """
 
+    position: Places
+    time_ns: Integers
+    on_clock: Flags
+    frame: Integers
+    bottom: Flags
+    velocity_mps: Floats
+    range_m: Floats
+    correlation: Floats
+    heading_rad: Floats
+    pitch_rad: Floats
+    roll_rad: Floats
+    sound_speed_mps: Floats
+    config: Integers
+    angle_deg: Integers
+    fine: Flags
 
-def _time_ns(leader: bytes) -> int | None:
-    """Clock of a variable leader, ns since 1970; the one with a century where it is set."""
-    year, month, day, hour, minute, second, hundredth = leader[4:11]
-    year += 2000 if year < 80 else 1900
-    if len(leader) >= 65 and leader[57] in {19, 20}:
-        century, short, month, day, hour, minute, second, hundredth = leader[57:65]
-        year = century * 100 + short
-    if hour > 23 or minute > 59 or second > 60 or hundredth > 99:
-        return None
-    try:
-        days = dt.date(year, month, day).toordinal() - _EPOCH
-    except ValueError:
-        return None
-    return (days * 86_400 + hour * 3600 + minute * 60 + second) * 1_000_000_000 + hundredth * 10_000_000
-
-
-def _bottom(types: dict[int, bytes]) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]] | None:
-    """Velocities (m/s), ranges (m) and correlations of the bottom track; NaN what is marked bad."""
-    none = (NAN,) * _BEAMS
-    coarse, fine = types.get(_BOTTOM, b""), types.get(_BOTTOM_FINE, b"")
-    velocity, ranges, correlation = none, none, none
-    if len(coarse) >= 44:
-        numbers = _BOTTOM_STRUCT.unpack_from(coarse, 16)
-        # The ranges' third bytes came with longer ranges than 655 m; older firmware ends before them.
-        high = coarse[77:81] if len(coarse) >= 81 else bytes(_BEAMS)
-        cm = [low + (h << 16) for low, h in zip(numbers[:4], high, strict=True)]
-        ranges = tuple(c * 0.01 if c else NAN for c in cm)
-        velocity = tuple(NAN if v == _BAD else v * 1e-3 for v in numbers[4:8])
-        correlation = tuple(float(c) for c in numbers[8:12])
-    elif len(fine) < 18:
-        return None
-    if len(fine) >= 18:
-        exact = tuple(NAN if v in _BAD_FINE else v * 1e-5 for v in struct.unpack_from("<4i", fine, 2))
-        bad = [len(coarse) >= 44 and math.isnan(v) for v in velocity]
-        velocity = tuple(NAN if b else v for v, b in zip(exact, bad, strict=True))
-    return velocity, ranges, correlation
+    def where(self, chosen: Flags) -> Self:
+        """The chosen ones."""
+        return replace(self, **{each.name: getattr(self, each.name)[chosen] for each in fields(self)})
 
 
-def _ensemble(data: bytes, at: int, size: int, offsets: Sequence[int]) -> Ensemble | None:
-    """The ensemble's fields, or None without leaders."""
-    types: dict[int, bytes] = {}
-    for start, end in zip(offsets, [*offsets[1:], size], strict=True):
-        if end - start >= 2:
-            types[_WORD.unpack_from(data, at + start)[0]] = data[at + start : at + end]
-    fixed = types.get(_FIXED, types.get(0x0001, b""))
-    leader = types.get(_VARIABLE, types.get(0x0081, b""))
-    if len(fixed) < 26 or len(leader) < 24:
-        return None
-    sound, _, heading, pitch, roll = struct.unpack_from("<HHHhh", leader, 14)
-    found = _bottom(types)
-    velocity, ranges, correlation = found or (None, (), ())
-    return Ensemble(
-        position=at,
-        time_ns=_time_ns(leader),
-        frame=fixed[25] >> 3 & 3,
-        velocity_mps=velocity,
-        range_m=ranges,
-        correlation=correlation,
-        heading_rad=math.radians(heading * 0.01),
-        pitch_rad=math.radians(pitch * 0.01),
-        roll_rad=math.radians(roll * 0.01),
-        sound_speed_mps=float(sound) if sound else NAN,
-        config=_WORD.unpack_from(fixed, 4)[0],
-        angle_deg=fixed[58] if len(fixed) > 58 else 0,
-        fine=len(types.get(_BOTTOM_FINE, b"")) >= 18,
+def _times(data: bytes, leader: Places, length: Places) -> tuple[Integers, Flags]:
+    """Clocks of variable leaders, ns since 1970, and which are sound; the one with a century where it is set."""
+    clock = fields_at(data, leader + 4, _CLOCK)
+    year = clock["short"].astype(np.int64)
+    year += np.where(year < 80, 2000, 1900)
+    long = np.flatnonzero(length >= 65)
+    other = fields_at(data, leader[long] + 57, _CENTURY_CLOCK)
+    set_ = (other["century"] == 19) | (other["century"] == 20)
+    long, other = long[set_], other[set_]
+    clock[long] = other[list(_CLOCK.names or ())].astype(_CLOCK)
+    year[long] = other["century"].astype(np.int64) * 100 + other["short"]
+    month, day, hour, minute, second, hundredth = (
+        clock[name].astype(np.int64) for name in (_CLOCK.names or ())[1:]
     )
+    begin, good = minute_ns(year, month, day, hour, minute)
+    good &= (second <= 60) & (hundredth <= 99)
+    return begin + second * 1_000_000_000 + hundredth * 10_000_000, good
 
 
-def ensembles(data: bytes, account: Account) -> list[Ensemble]:
+def _bottom(data: bytes, types: _Types, use: Places) -> tuple[Flags, Floats, Floats, Floats, Flags]:
+    """Of some ensembles: has bottom track, velocities (m/s), ranges (m), correlations, has the fine velocities."""
+    velocity, range_m, correlation = np.full((3, len(use), _BEAMS), np.nan)
+    (at, length), (fine_at, fine_length) = (
+        (p[use], n[use]) for p, n in (types.of(_BOTTOM), types.of(_BOTTOM_FINE))
+    )
+    has, has_fine = length >= 44, fine_length >= 18
+    coarse = fields_at(data, at[has] + 16, _COARSE)
+    # The ranges' third bytes came with longer ranges than 655 m; older firmware ends before them.
+    cm = coarse["range"].astype(np.int64)
+    long = length[has] >= 81
+    cm[long] += fields_at(data, at[has][long] + 77, _HIGH)["high"].astype(np.int64) << 16
+    range_m[has] = np.where(cm > 0, cm * 0.01, NAN)
+    velocity[has] = np.where(coarse["velocity"] == _BAD, NAN, coarse["velocity"] * 1e-3)
+    correlation[has] = coarse["correlation"]
+    fine = fields_at(data, fine_at[has_fine] + 2, _FINE)["velocity"]
+    bad = (
+        (fine == _BAD_FINE[0]) | (fine == _BAD_FINE[1]) | (has[has_fine, None] & np.isnan(velocity[has_fine]))
+    )
+    velocity[has_fine] = np.where(bad, NAN, fine * 1e-5)
+    return has | has_fine, velocity, range_m, correlation, has_fine
+
+
+def ensembles(data: bytes, account: Account) -> Ensembles:
     """Every whole ensemble of a file; the account lists the others and the bytes between."""
-    headers = _headers(data)
-    found = []
-    for k, at in headers.whole(len(data), account, "ensemble"):
-        size = int(headers.end[k]) - at - 2
-        offsets = _offsets(data, at)
-        ensemble = None if offsets is None else _ensemble(data, at, size, offsets)
-        if ensemble is None:
-            account.skip(EMPTY, at)
-        else:
-            found.append(ensemble)
-    return found
+    raw, headers = bytes_of(data), _headers(data)
+    chosen = headers.whole(len(data), account, "ensemble")
+    start = headers.start[chosen]
+    types = _Types(data, start, headers.end[chosen] - start - 2)
+    (fixed, fixed_length), (leader, leader_length) = (
+        types.of(_FIXED, _FIXED + 1),
+        types.of(_VARIABLE, _VARIABLE + 1),
+    )
+    whole = types.sound & (fixed_length >= 26) & (leader_length >= 24)
+    account.skip_where(EMPTY, ~whole, start)
+    use = np.flatnonzero(whole)
+    fixed, leader = fixed[use], leader[use]
+    time_ns, on_clock = _times(data, leader, leader_length[use])
+    state = fields_at(data, leader + 14, _ATTITUDE)
+    bottom, velocity, range_m, correlation, fine = _bottom(data, types, use)
+    angle = np.zeros(len(use), dtype=np.int64)
+    long = fixed_length[use] > 58
+    angle[long] = raw[fixed[long] + 58]
+    return Ensembles(
+        position=start[use],
+        time_ns=time_ns,
+        on_clock=on_clock,
+        frame=raw[fixed + 25].astype(np.int64) >> 3 & 3,
+        bottom=bottom,
+        velocity_mps=velocity,
+        range_m=range_m,
+        correlation=correlation,
+        heading_rad=np.radians(state["heading"] * 0.01),
+        pitch_rad=np.radians(state["pitch"] * 0.01),
+        roll_rad=np.radians(state["roll"] * 0.01),
+        sound_speed_mps=np.where(state["sound"] > 0, state["sound"], NAN),
+        config=fields_at(data, fixed + 4, _SYSTEM)["config"].astype(np.int64),
+        angle_deg=angle,
+        fine=fine,
+    )
 
 
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
@@ -204,81 +272,70 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     """
     account = Account(unit="byte")
     found = ensembles(data, account)
-    pings = [e for e in found if e.velocity_mps is not None]
-    for e in found:
-        if e.velocity_mps is None:
-            account.pass_by("ensemble without bottom track", e.position)
-    counts = [sum(e.frame == k for e in pings) for k in range(len(FRAMES))]
-    if found and not pings:
+    count = len(found.position)
+    without = ~found.bottom
+    account.pass_by_where("ensemble without bottom track", without, found.position)
+    pings = found.where(found.bottom)
+    counts = np.bincount(pings.frame, minlength=len(FRAMES)).tolist()
+    if count and not any(counts):
         raise DataError(
-            f"{place}: none of {len(found)} ensembles has bottom track (data type 0600h), expected it in some; "
+            f"{place}: none of {count} ensembles has bottom track (data type 0600h), expected it in some; "
             f"switch it on (BP1) and record it (PD0){lost(account)}"
         )
-    if pings and not counts[0] and not options.instrument_only:
-        frame = FRAMES[max(range(len(FRAMES)), key=counts.__getitem__)]
+    most = counts.index(max(counts))
+    if any(counts) and not counts[0] and not options.instrument_only:
         raise DataError(
-            f"{place}: {len(pings)} pings in {ADVICE[frame]} hold no beam velocities; set the instrument to beam "
-            "coordinates (EX00000) and record again, or convert its own velocity with --instrument-only"
+            f"{place}: {sum(counts)} pings in {ADVICE[FRAMES[most]]} hold no beam velocities; set the instrument to "
+            "beam coordinates (EX00000) and record again, or convert its own velocity with --instrument-only"
         )
-    use = 0 if counts[0] and not options.instrument_only else max(range(4), key=counts.__getitem__)
-    rows = Rows(_BEAMS if use == 0 else 0, account)
-    for e in pings:
-        if e.time_ns is None:
-            account.skip("clock out of range", e.position)
-        elif e.frame != use:
-            account.skip(f"{FRAMES[e.frame]} coordinates among {FRAMES[use]} coordinates", e.position)
-        else:
-            _add(rows, e, e.time_ns)
-    table = rows.finish(negate=options.negate_beams)
+    use = 0 if counts[0] and not options.instrument_only else most
+    account.skip_where("clock out of range", ~pings.on_clock, pings.position)
+    for frame, name in enumerate(FRAMES):
+        if frame != use:
+            others = pings.on_clock & (pings.frame == frame)
+            account.skip_where(f"{name} coordinates among {FRAMES[use]} coordinates", others, pings.position)
+    table = _table(pings.where(pings.on_clock & (pings.frame == use)), use, account, options)
     raise_if_empty(account, place, "ensemble with bottom track")
     return _recording(table, account, pings, use)
 
 
-def _add(rows: Rows, e: Ensemble, time_ns: int) -> None:
-    """A ping to the table, in beams or in axes."""
-    velocity = e.velocity_mps or ()
-    extra = {
-        "heading_rad": e.heading_rad,
-        "pitch_rad": e.pitch_rad,
-        "roll_rad": e.roll_rad,
-        "sound_speed_mps": e.sound_speed_mps,
+def _table(e: Ensembles, frame: int, account: Account, options: Options) -> BeamTable:
+    """The table of pings in one frame, of beams or of axes."""
+    attitude = {
+        name: getattr(e, name) for name in ("heading_rad", "pitch_rad", "roll_rad", "sound_speed_mps")
     }
-    if e.frame == 0:
-        valid = [math.isfinite(v) for v in velocity]
-        rows.add(
-            e.position,
-            time_ns,
-            velocity,
-            valid,
-            range_m=e.range_m or None,
-            quality=e.correlation or None,
-            extra=extra,
+    common = partial(make_table, account, position=e.position, time_ns=e.time_ns, negate=options.negate_beams)
+    velocity = e.velocity_mps
+    if frame == 0:
+        return common(
+            beams=_BEAMS,
+            velocity=velocity,
+            valid=np.isfinite(velocity),
+            range_m=e.range_m,
+            quality=e.correlation,
+            extra=attitude,
         )
-        return
-    # The bottom's velocity in the instrument's axes is the vehicle's with the opposite sign.
-    instrument = _VEHICLE[e.frame](*(-v for v in velocity[:3]))
-    known = all(math.isfinite(v) for v in instrument)
-    extra["error_velocity_mps"] = velocity[3]
-    rows.add(e.position, time_ns, (), (), instrument=instrument, verdict=int(known), extra=extra)
+    # Starboard, forward, up or east, north, up; the bottom's velocity is the vehicle's with the opposite sign.
+    instrument = velocity[:, [1, 0, 2]] * np.array([-1.0, -1.0, 1.0])
+    none = np.empty((len(velocity), 0))
+    return common(
+        beams=0,
+        velocity=none,
+        valid=none,
+        instrument=instrument,
+        verdict=np.isfinite(instrument).all(axis=1),
+        extra=attitude | {"error_velocity_mps": velocity[:, 3]},
+    )
 
 
-def _from_ship(starboard: float, forward: float, up: float) -> tuple[float, float, float]:
-    return forward, starboard, -up
-
-
-def _from_earth(east: float, north: float, up: float) -> tuple[float, float, float]:
-    return north, east, -up
-
-
-_VEHICLE = {1: _from_ship, 2: _from_ship, 3: _from_earth}
 _TABLE_FRAMES = ("none", "frd", "frd", "ned")
 
 
-def _recording(table: BeamTable, account: Account, pings: Sequence[Ensemble], frame: int) -> Recording:
-    first = pings[0]
-    angle = {0: 15, 1: 20, 2: 30}.get(first.config >> 8 & 3)
-    angle = first.angle_deg if angle is None and 0 < first.angle_deg < 60 else angle
-    up = bool(first.config & 0x80)
+def _recording(table: BeamTable, account: Account, pings: Ensembles, frame: int) -> Recording:
+    config, own_angle = int(pings.config[0]), int(pings.angle_deg[0])
+    angle = {0: 15, 1: 20, 2: 30}.get(config >> 8 & 3)
+    angle = own_angle if angle is None and 0 < own_angle < 60 else angle
+    up = bool(config & 0x80)
     notes = ["time is the ensemble's own clock, to a hundredth of a second"]
     if up:
         notes.append("the instrument is configured to look up, but the packaged geometry looks down")
@@ -302,7 +359,7 @@ def _recording(table: BeamTable, account: Account, pings: Sequence[Ensemble], fr
             f"{FRAMES[frame]} axes (starboard or east, forward or north, up) of the bottom to those of the vehicle"
         ],
         geometry=f"teledyne_{angle}" if frame == 0 and angle in {20, 30} and not up else "",
-        resolution_mps=1e-5 if first.fine else 1e-3,
+        resolution_mps=1e-5 if pings.fine[0] else 1e-3,
         notes=notes,
         facts={"coordinates": FRAMES[frame], "beam_angle_deg": angle, "looks_up": up},
     )

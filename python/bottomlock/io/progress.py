@@ -4,15 +4,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-EVERY = 2048
-"""Lines or records between two reports."""
-
 _reached: ContextVar[Callable[[int], None] | None] = ContextVar("reached", default=None)
 
 
 @contextmanager
 def progress_to(report: Callable[[int], None]) -> Iterator[None]:
-    """Within it, readers call `report` with the number of bytes that they have read, every `EVERY` lines or records."""
+    """Within it, readers call `report` with the number of bytes that they have searched, block by block."""
     token = _reached.set(report)
     try:
         yield

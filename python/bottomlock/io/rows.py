@@ -1,21 +1,21 @@
-"""Collects the pings of a reader in a beam table.
+"""The beam table of the pings that a reader found.
 
-A reader adds each record with its position; this module ensures what holds for every table: rising times, a finite
-velocity where a beam is valid, and an account of every record that does not fit.
+A reader gathers its pings in arrays, with the position of each; this module ensures what holds for every table: rising
+times, a finite velocity where a beam is valid, and an account of every record that does not fit.
 """
 
 import math
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import NO_TIME_NS, Account, BeamTable, Floats
+from bottomlock.io.account import in_file_order
+from bottomlock.io.beam_table import NO_TIME_NS, Account, BeamTable, Flags, Floats, Integers
 from bottomlock.io.columns import LATEST_NS
 
 NAN = math.nan
@@ -46,25 +46,128 @@ class Options:
 
 PLAIN = Options()
 
+Times = Integers | Sequence[int | None]
+"""Nanoseconds; a sequence may hold integers of any size, and None where there is no time."""
+
+
+# Instruments also send the not-a-numbers that signal.
+@np.errstate(invalid="ignore")
+def make_table(
+    account: Account,
+    beams: int,
+    position: ArrayLike,
+    time_ns: Times,
+    velocity: ArrayLike,
+    valid: ArrayLike,
+    *,
+    range_m: ArrayLike | None = None,
+    quality: ArrayLike | None = None,
+    sd: ArrayLike | None = None,
+    instrument: ArrayLike | None = None,
+    verdict: ArrayLike = -1,
+    arrival_ns: Times | None = None,
+    stale: ArrayLike = False,
+    extra: Mapping[str, ArrayLike] | None = None,
+    negate: bool = False,
+) -> BeamTable:
+    """The table of n pings, without those whose times are out of range or break the rising order (as few as possible).
+
+    A valid beam without a finite velocity becomes invalid and is flagged; an infinity becomes NaN.
+
+    Args:
+        account: takes the number of rows and what is left out or changed.
+        beams: number of beams.
+        position: (n,) of each ping in the file.
+        time_ns: (n,).
+        velocity: (n, beams), m/s, as `valid`, `range_m`, `quality` and `sd`.
+        valid: (n, beams).
+        range_m: None where the records hold none, as the following.
+        quality: as `BeamTable.quality`.
+        sd: m/s.
+        instrument: (n, 3), m/s.
+        verdict: (n,) or one for all, as `BeamTable.instrument_valid`.
+        arrival_ns: (n,), None or `NO_TIME_NS` where a ping has none.
+        stale: (n,) or one for all.
+        extra: columns of (n,) by name.
+        negate: turns the sign of the beam velocities.
+    """
+    where = np.asarray(position, dtype=np.int64)
+    n = len(where)
+
+    def floats(values: ArrayLike | None, width: int) -> Floats:
+        if values is None:
+            return np.full((len(keep), width), np.nan)
+        array = np.array(np.asarray(values, dtype=np.float64).reshape(n, width)[keep])
+        # An infinity is no measurement either: the table holds finite numbers or NaN.
+        array[~np.isfinite(array)] = np.nan
+        return array
+
+    times, arrival = _whole(time_ns), None if arrival_ns is None else _whole(arrival_ns)
+    late = np.abs(times) >= LATEST_NS
+    account.skip_where("time out of range", late, where, lambda k: f"{time_ns[k]} ns")
+    if arrival is not None and arrival_ns is not None:
+        given, found = arrival != NO_TIME_NS, arrival_ns
+        late_arrival = given & ~late & ((arrival <= -LATEST_NS) | (arrival >= LATEST_NS))
+        account.flag_where("arrival time out of range", late_arrival, where, lambda k: f"{found[k]} ns")
+        arrival[late_arrival] = NO_TIME_NS
+    finite = np.isfinite(np.asarray(velocity, dtype=np.float64).reshape(n, beams))
+    good = np.asarray(valid, dtype=bool).reshape(n, beams)
+    wrong = (good & ~finite).any(axis=1) & ~late
+    account.flag_where("valid beam without a finite velocity", wrong, where)
+    keep = _rising(times, ~late, where, account)
+    account.kept = len(keep)
+    if not len(keep):
+        return _empty(beams)
+    kept_arrival = None if arrival is None else arrival[keep]
+    speed = floats(velocity, beams)
+    return BeamTable(
+        time_ns=times[keep],
+        velocity_mps=-speed if negate else speed,
+        valid=(good & finite)[keep],
+        range_m=floats(range_m, beams),
+        quality=floats(quality, beams),
+        sd_mps=floats(sd, beams),
+        instrument_mps=floats(instrument, 3),
+        instrument_valid=np.broadcast_to(np.asarray(verdict, dtype=np.int8), (n,))[keep],
+        arrival_ns=None if kept_arrival is None or (kept_arrival == NO_TIME_NS).all() else kept_arrival,
+        stale=np.broadcast_to(np.asarray(stale, dtype=bool), (n,))[keep],
+        extra={name: floats(column, 1)[:, 0] for name, column in (extra or {}).items()},
+    )
+
+
+def _whole(times: Times) -> Integers:
+    """Times as an own array, `NO_TIME_NS` for None; those beyond 64 bits become `LATEST_NS`."""
+    if isinstance(times, np.ndarray):
+        return times.astype(np.int64)
+    return np.array(
+        [NO_TIME_NS if t is None else max(-LATEST_NS, min(t, LATEST_NS)) for t in times], dtype=np.int64
+    )
+
+
+def _rising(times: Integers, usable: Flags, position: Integers, account: Account) -> Integers:
+    """Indices of the longest strictly rising run of the usable times; the others are counted."""
+    chosen = np.flatnonzero(usable)
+    times, position = times[chosen], position[chosen]
+    if (times[1:] > times[:-1]).all():
+        return chosen
+    keep = np.array(longest_rising(times.tolist()), dtype=np.int64)
+    left = np.ones(len(times), dtype=bool)
+    left[keep] = False
+    repeats = left & np.isin(times, times[keep])
+    for reason, those in (("time repeats", repeats), ("time out of order", left & ~repeats)):
+        account.skip_where(reason, those, position, lambda k: f"{times[k]} ns")
+    return chosen[keep]
+
 
 @dataclass
 class Rows:
-    """Rows of a table under construction: `add` appends a ping, `finish` returns the table."""
+    """Pings of records that are read one by one: `add` takes a ping, `finish` makes the table."""
 
     beams: int
     account: Account
     time_ns: list[int] = field(default_factory=list)
-    position: list[int] = field(default_factory=list)
-    velocity: list[Sequence[float]] = field(default_factory=list)
-    valid: list[Sequence[bool]] = field(default_factory=list)
-    range_m: list[Sequence[float]] = field(default_factory=list)
-    quality: list[Sequence[float]] = field(default_factory=list)
-    sd: list[Sequence[float]] = field(default_factory=list)
-    instrument: list[Sequence[float]] = field(default_factory=list)
-    verdict: list[int] = field(default_factory=list)
-    arrival_ns: list[int | None] = field(default_factory=list)
-    stale: list[bool] = field(default_factory=list)
-    extra: dict[str, list[float]] = field(default_factory=dict)
+    _pings: list[tuple[Any, ...]] = field(default_factory=list)
+    _extra: dict[str, list[float]] = field(default_factory=dict)
 
     def add(
         self,
@@ -80,85 +183,40 @@ class Rows:
         verdict: int = -1,
         arrival_ns: int | None = None,
         stale: bool = False,
-        extra: dict[str, float] | None = None,
+        extra: Mapping[str, float] | None = None,
     ) -> None:
-        """Appends a ping; a valid beam without a finite velocity becomes invalid and is flagged in the account."""
-        if not -LATEST_NS < time_ns < LATEST_NS:
-            self.account.skip("time out of range", position, f"{time_ns} ns")
-            return
-        if arrival_ns is not None and not -LATEST_NS < arrival_ns < LATEST_NS:
-            self.account.flag("arrival time out of range", position, f"{arrival_ns} ns")
-            arrival_ns = None
-        if any(good and not math.isfinite(v) for v, good in zip(velocity, valid, strict=True)):
-            self.account.flag("valid beam without a finite velocity", position)
-            valid = [good and math.isfinite(v) for v, good in zip(velocity, valid, strict=True)]
+        """Takes a ping; every ping has the same columns in `extra`."""
         none = (NAN,) * self.beams
-        self.position.append(position)
         self.time_ns.append(time_ns)
-        self.velocity.append(velocity)
-        self.valid.append(valid)
-        self.range_m.append(none if range_m is None else range_m)
-        self.quality.append(none if quality is None else quality)
-        self.sd.append(none if sd is None else sd)
-        self.instrument.append(instrument)
-        self.verdict.append(verdict)
-        self.arrival_ns.append(arrival_ns)
-        self.stale.append(stale)
+        per_beam = (velocity, valid, range_m or none, quality or none, sd or none)
+        self._pings.append((position, *per_beam, instrument, verdict, arrival_ns, stale))
         for name, value in (extra or {}).items():
-            column = self.extra.setdefault(name, [])
-            column.extend([NAN] * (len(self.time_ns) - 1 - len(column)))
-            column.append(value)
+            self._extra.setdefault(name, []).append(value)
 
     def finish(self, *, negate: bool = False) -> BeamTable:
-        """The table, without the rows that break the rising order of times (as few as possible)."""
-        keep = self._rising()
-        self.account.kept = len(keep)
-        if not keep:
+        """The table, as `make_table`."""
+        if not self._pings:
             return _empty(self.beams)
-        n = len(self.time_ns)
-
-        def pick(values: Sequence[Any]) -> Sequence[Any]:
-            return values if len(keep) == n else [values[k] for k in keep]
-
-        def floats(values: Sequence[Sequence[float]], width: int) -> Floats:
-            array = np.array(pick(values), dtype=np.float64).reshape(len(keep), width)
-            # An infinity is no measurement either: the table holds finite numbers or NaN.
-            return np.where(np.isfinite(array), array, np.nan)
-
-        arrival = pick(self.arrival_ns)
-        velocity = floats(self.velocity, self.beams)
-        return BeamTable(
-            time_ns=np.array(pick(self.time_ns), dtype=np.int64),
-            velocity_mps=-velocity if negate else velocity,
-            valid=np.array(pick(self.valid), dtype=bool).reshape(len(keep), self.beams),
-            range_m=floats(self.range_m, self.beams),
-            quality=floats(self.quality, self.beams),
-            sd_mps=floats(self.sd, self.beams),
-            instrument_mps=floats(self.instrument, 3),
-            instrument_valid=np.array(pick(self.verdict), dtype=np.int8),
-            arrival_ns=None
-            if all(t is None for t in arrival)
-            else np.array([NO_TIME_NS if t is None else t for t in arrival], dtype=np.int64),
-            stale=np.array(pick(self.stale), dtype=bool),
-            extra={
-                name: floats([(v,) for v in (*column, *([NAN] * (n - len(column))))], 1)[:, 0]
-                for name, column in self.extra.items()
-            },
+        position, velocity, valid, range_m, quality, sd, instrument, verdict, arrival_ns, stale = zip(
+            *self._pings, strict=True
         )
-
-    def _rising(self) -> Sequence[int]:
-        """Indices of the longest strictly rising run of times; the others are counted."""
-        times = self.time_ns
-        if all(a < b for a, b in pairwise(times)):
-            return range(len(times))
-        keep = longest_rising(times)
-        kept = set(keep)
-        standing = {times[k] for k in keep}
-        for k, time in enumerate(times):
-            if k not in kept:
-                reason = "time repeats" if time in standing else "time out of order"
-                self.account.skip(reason, self.position[k], f"{time} ns")
-        return keep
+        return make_table(
+            self.account,
+            self.beams,
+            position,
+            self.time_ns,
+            velocity,
+            valid,
+            range_m=range_m,
+            quality=quality,
+            sd=sd,
+            instrument=instrument,
+            verdict=verdict,
+            arrival_ns=arrival_ns,
+            stale=stale,
+            extra=self._extra,
+            negate=negate,
+        )
 
 
 def _empty(beams: int) -> BeamTable:
@@ -222,7 +280,7 @@ def lost(account: Account) -> str:
     """
     parts = [
         f"{reason.count} {name} (first at {account.unit} {reason.first})"
-        for name, reason in account.skipped.items()
+        for name, reason in in_file_order(account.skipped)
     ]
     return f"; skipped: {', '.join(parts)}" if parts else ""
 
@@ -235,6 +293,6 @@ def raise_if_empty(account: Account, place: str, what: str) -> None:
     """
     if account.kept:
         return
-    others = ", ".join(f"{reason.count} {name}" for name, reason in account.other.items())
+    others = ", ".join(f"{reason.count} {name}" for name, reason in in_file_order(account.other))
     found = f"; there are {others}" if others else ""
     raise DataError(f"{place}: no {what} could be read{found}{lost(account)}")

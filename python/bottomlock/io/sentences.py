@@ -1,24 +1,7 @@
-"""Lines of text records and their checksums."""
-
-import io
-from collections.abc import Iterator
-
-from bottomlock.io.progress import EVERY, reporter
+"""Text records: numbers, checksums, and how they are shown."""
 
 LONGEST_LINE = 4096
 """Longest line that is searched for a sentence; no instrument's sentence is longer."""
-
-
-def lines_of(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Lines that are not empty, with their number from 1, without line ends, blanks and NULs around them."""
-    # Line by line: a split of the whole would hold a long log twice.
-    stream, report = io.BytesIO(data), reporter()
-    for number, line in enumerate(stream, 1):
-        if report is not None and number % EVERY == 0:
-            report(stream.tell())
-        text = line.strip(b"\r\n \t\x00")
-        if text:
-            yield number, text
 
 
 def show(line: bytes) -> str:

@@ -9,8 +9,8 @@ import math
 from typing import Any
 
 from bottomlock.io.beam_table import Account, Recording
+from bottomlock.io.lines import lines_with
 from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
-from bottomlock.io.sentences import lines_of
 
 NAME = "waterlinked-json"
 _BEAMS = 4
@@ -182,7 +182,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     formats: dict[str, int] = {}
     before: list[tuple[Any, ...]] | None = None
     last: dict[str, Any] | None = None
-    for position, line in lines_of(data):
+    for position, line in lines_with(data, b"{", account, "truncated", _LONGEST):
         for report in _objects(line, position, account):
             if not _is_velocity(report, position, account):
                 continue

@@ -5,27 +5,28 @@ between them was damaged or lost. The deprecated `wrx` is a velocity too; `wrt` 
 and `wrt` have no beam velocities.
 """
 
-import math
 import re
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass
+from itertools import accumulate
+
+import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
-from bottomlock.io.sentences import LONGEST_LINE, crc8_07, hexadecimal, lines_of, number, whole
+from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
+from bottomlock.io.waterlinked_sentences import (
+    LOST,
+    TRANSDUCER,
+    VELOCITY,
+    VELOCITY_ALONE,
+    Events,
+    read_events,
+)
 
 NAME = "waterlinked-serial"
 _BEAMS = 4
 _MISSING = 1.5
 """Intervals between two reports from which on one is missing between them."""
-_DIGITS = re.compile(rb"[0-9]+")
-_SENTENCE = re.compile(rb"wr[a-z!?](?:,[^*,]{0,200}){0,16}\*[0-9a-fA-F]{2}")
-_KINDS = {
-    b"wrt": "wrt (distances alone, deprecated)",
-    b"wrp": "wrp (dead reckoning)",
-    b"wrs": "wrs (two meanings by version)",
-}
 ADVICE = (
     "the log has velocities but no beams (wru): update the instrument's firmware to 2.1 or later, "
     "or record its TCP port 16171"
@@ -37,183 +38,97 @@ def sniff(head: bytes) -> bool:
     return re.search(rb"(^|[\s\x00,])wr[zuxtp],-?\d", head) is not None
 
 
-@dataclass
-class _Ping:
-    """A velocity report and the transducers that follow it; `lines` are those up to the next velocity report."""
+@dataclass(frozen=True, eq=False)
+class _Pings:
+    """Velocity reports with the transducers that follow them; `lines` are those up to the next velocity report.
 
-    position: int
-    velocity: tuple[float, float, float]
-    verdict: int
-    altitude: float
-    fom: float
-    interval_ms: float
-    validity_us: int | None
-    frame: tuple[bytes, bytes]
-    lines: int = 1
-    beams: dict[int, tuple[float, float, float, float]] = field(default_factory=dict)
+    Attributes:
+        position: (n,) line of each report.
+        velocity: (n, 6) x, y, z, altitude, figure of merit, interval (ms).
+        verdict: (n,) 1 and 0 as the instrument flags its velocity.
+        validity_us: (n,) time of validity, None where there is none.
+        lines: (n,).
+        joined: (n, 4) the transducer's report is there.
+        beams: (n, 4, 4) by transducer: velocity, distance, rssi, nsd.
+    """
 
-
-@dataclass(frozen=True)
-class _Sentence:
-    """A good sentence, and what a logger wrote around it on its line."""
-
-    fields: list[bytes]
-    frame: tuple[bytes, bytes]
-
-
-def _sentences(line: bytes, position: int, account: Account, *, trust: bool) -> list[_Sentence | None]:
-    """The good sentences of a line in their order, None where something cannot be read; that is counted."""
-    if len(line) > LONGEST_LINE:
-        account.read += 1
-        account.skip("line too long", position, line)
-        return [None]
-    found: list[_Sentence | None] = []
-    at = end = 0
-    while match := _SENTENCE.search(line, at):
-        text, _, digits = match.group().rpartition(b"*")
-        good = crc8_07(text) == hexadecimal(digits)
-        inner = text.find(b"wr", 1)
-        account.read += 1
-        if not good and inner > 0:
-            # A sentence that was cut off, then a whole one: look again from the second.
-            account.skip("merged line", position, line)
-            found.append(None)
-            at = end = match.start() + inner
-            continue
-        before, at = line[end : match.start()], match.end()
-        end = at
-        if good or trust:
-            found.append(_Sentence(text.split(b","), (_shape(before), _shape(line[at:]))))
-            if not good:
-                account.flag("bad checksum, kept on request", position, text)
-        else:
-            account.skip("bad checksum", position, match.group())
-            found.append(None)
-    if at == 0:
-        account.read += 1
-        account.skip("truncated" if b"wr" in line else "not a sentence", position, line)
-        found.append(None)
-    elif line[at:].strip():
-        account.read += 1
-        account.skip("truncated", position, line[at:])
-    return found
+    position: Integers
+    velocity: Floats
+    verdict: Integers
+    validity_us: list[int | None]
+    lines: Integers
+    joined: Flags
+    beams: Floats
 
 
-def _shape(around: bytes) -> bytes:
-    """What stands beside a sentence, without its digits: a logger's time stamp changes, its form does not."""
-    return _DIGITS.sub(b"0", around.strip())
-
-
-def _velocity(sentence: _Sentence, position: int) -> _Ping | None:
-    """A `wrz` or `wrx` as a ping without beams yet; None where a field is not what it should be."""
-    fields = sentence.fields
-    if fields[0] == b"wrz" and len(fields) == 12:
-        x, y, z, valid, altitude, fom, _, validity, _, interval, _ = fields[1:]
-        validity_us = whole(validity)
-    elif fields[0] == b"wrx" and len(fields) == 9:
-        interval, x, y, z, fom, altitude, valid, _ = fields[1:]
-        validity_us = None
-    else:
-        return None
-    numbers = [number(text) for text in (x, y, z, altitude, fom, interval)]
-    if any(value is None for value in numbers) or valid not in {b"y", b"n"}:
-        return None
-    vx, vy, vz, altitude_m, fom_mps, interval_ms = (NAN if v is None else v for v in numbers)
-    verdict = int(valid == b"y")
-    return _Ping(
-        position, (vx, vy, vz), verdict, altitude_m, fom_mps, interval_ms, validity_us, sentence.frame
-    )
-
-
-def _transducer(fields: list[bytes]) -> tuple[int, tuple[float, float, float, float]] | None:
-    """Id and velocity, distance, rssi, nsd of a `wru`."""
-    if len(fields) != 6 or fields[1] not in {b"0", b"1", b"2", b"3"}:
-        return None
-    values = [number(text) for text in fields[2:]]
-    velocity, distance, rssi, nsd = (NAN if v is None else v for v in values)
-    return (int(fields[1]), (velocity, distance, rssi, nsd)) if None not in values else None
-
-
-@dataclass
-class _Joining:
+def _join(events: Events, data: bytes, account: Account) -> _Pings:
     """Joins transducer reports to the velocity report before them.
 
     The reports carry no number of their ping. The instrument sends a `wrz` and then `wru` 0, 1, 2, 3, so whatever
     departs from that closes the ping: a line that cannot be read may have been the next `wrz`, and a missing number
     shows a lost line.
     """
-
-    account: Account
-    pings: list[_Ping] = field(default_factory=list)
-    open: bool = False
-
-    def velocity(self, sentence: _Sentence, position: int) -> None:
-        """A `wrz` opens a ping; a `wrx` is one without transducers."""
-        ping = _velocity(sentence, position)
-        self.open = ping is not None and sentence.fields[0] == b"wrz"
-        if ping is None:
-            self.account.skip("velocity report with wrong fields", position, b",".join(sentence.fields))
-        else:
-            self.pings.append(ping)
-
-    def transducer(self, sentence: _Sentence, position: int) -> None:
-        """A `wru`: joined where it is the next of the open ping; else it closes the ping and is skipped."""
-        transducer = _transducer(sentence.fields)
-        if transducer is None:
-            self.account.skip("transducer report with wrong fields", position, b",".join(sentence.fields))
-        elif not self.pings:
-            self.account.skip("transducer report before any velocity", position)
-        elif not self.open:
-            self.account.skip("transducer report after a lost line", position)
-        elif transducer[0] != len(self.pings[-1].beams) or sentence.frame != self.pings[-1].frame:
-            self.account.skip("transducer report without its velocity report", position)
-        else:
-            self.pings[-1].beams[transducer[0]] = transducer[1]
-            self.pings[-1].lines += 1
-            self.account.pass_by("wru (joined to its wrz)", position)
-            return
-        self.lost()
-
-    def lost(self) -> None:
-        """A line that is not, or not as it was sent."""
-        self.open = False
-        if self.pings:
-            self.pings[-1].lines += 1
-
-
-def _pings(data: bytes, account: Account, *, trust: bool) -> list[_Ping]:
-    joining = _Joining(account)
-    for position, line in lines_of(data):
-        for sentence in _sentences(line, position, account, trust=trust):
-            kind = b"" if sentence is None else sentence.fields[0]
-            if sentence is None:
-                joining.lost()
-            elif kind in {b"wrz", b"wrx"}:
-                joining.velocity(sentence, position)
-            elif kind == b"wru":
-                joining.transducer(sentence, position)
-            else:
-                account.pass_by(_KINDS.get(kind, kind.decode("ascii", "replace")), position)
-                # A kept sentence with a wrong checksum may have been a velocity report.
-                if trust and kind not in _KINDS:
-                    joining.lost()
-    return joining.pings
+    kind = events.kind
+    opens = (kind == VELOCITY) | (kind == VELOCITY_ALONE)
+    report = np.flatnonzero(opens)
+    ping = np.cumsum(opens) - 1
+    # The report before each event; without any, the event itself.
+    before = np.where(ping >= 0, report[ping] if len(report) else 0, np.arange(len(kind)))
+    transducer = kind == TRANSDUCER
+    inside = transducer & (ping >= 0) & (kind[before] == VELOCITY)
+    fits = inside & (events.flag == np.arange(len(kind)) - before - 1)
+    fits &= _unbroken(fits | opens, events.lost, before)
+    for k in np.flatnonzero(fits & (events.framed | events.framed[before])).tolist():
+        fits[k] = events.same_frame(data, k, int(before[k]))
+    open_ = inside & _unbroken(fits | opens, events.lost, before)
+    fits &= open_
+    for reason, those in (
+        ("transducer report before any velocity", ping < 0),
+        ("transducer report after a lost line", (ping >= 0) & ~open_),
+        ("transducer report without its velocity report", open_ & ~fits),
+    ):
+        account.skip_where(reason, transducer & those, events.position)
+    account.pass_by_where("wru (joined to its wrz)", fits, events.position)
+    # The lines of each ping that are there: those that count, and those that cannot be read.
+    there = (transducer | (kind == LOST)) + events.lost[1:]
+    lines = 1 + np.bincount(ping[ping >= 0], there[ping >= 0], minlength=len(report)).astype(np.int64)
+    joined = np.zeros((len(report), _BEAMS), dtype=bool)
+    beams = np.full((len(report), _BEAMS, 4), np.nan)
+    joined[ping[fits], events.flag[fits]] = True
+    beams[ping[fits], events.flag[fits]] = events.numbers[fits, :4]
+    return _Pings(
+        position=events.position[report],
+        velocity=events.numbers[report],
+        verdict=events.flag[report],
+        validity_us=events.validity_us,
+        lines=lines,
+        joined=joined,
+        beams=beams,
+    )
 
 
-def _clear_unsure(pings: list[_Ping], account: Account) -> None:
+def _unbroken(good: Flags, lost: Integers, before: Integers) -> Flags:
+    """(n,) every event from the report before it up to, but not with, this one is good, and none between is lost."""
+    bad, gaps = np.cumsum(~good), np.cumsum(lost[:-1] > 0)
+    return np.asarray((bad - ~good == bad[before]) & (gaps == gaps[before]), dtype=bool)
+
+
+def _clear_unsure(pings: _Pings, account: Account) -> None:
     """Takes the transducers from pings after which lines are missing without a trace.
 
     Of two reports in the log the second states its interval to the report before it. Where their times of validity lie
     further apart, a report is missing between them. If its lines are there, damaged, it closed the ping. If they are
     not, the transducers may be those of the missing report.
     """
-    for ping, after in pairwise(pings):
-        if ping.validity_us is None or after.validity_us is None or not after.interval_ms > 0.0:
-            continue
-        intervals = (after.validity_us - ping.validity_us) / (1000.0 * after.interval_ms)
-        if ping.beams and intervals > _MISSING and ping.lines < (_BEAMS + 1) * max(2, round(intervals)):
-            account.flag("lines missing after this report: its transducers may be another's", ping.position)
-            ping.beams.clear()
+    validity = np.array([NAN if t is None else float(t) for t in pings.validity_us])
+    interval = pings.velocity[1:, 5]
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        intervals = np.diff(validity) / (1000.0 * interval)
+    missing = (interval > 0.0) & pings.joined[:-1].any(axis=1) & (intervals > _MISSING)
+    missing &= pings.lines[:-1] < (_BEAMS + 1) * np.maximum(2.0, np.rint(intervals))
+    reason = "lines missing after this report: its transducers may be another's"
+    account.flag_where(reason, missing, pings.position[:-1])
+    pings.joined[:-1][missing] = False
 
 
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
@@ -224,24 +139,13 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
             requested.
     """
     account = Account(unit="line")
-    pings = _pings(data, account, trust=options.ignore_checksum)
+    pings = _join(read_events(data, account, trust=options.ignore_checksum), data, account)
     _clear_unsure(pings, account)
-    with_beams = any(ping.beams for ping in pings)
-    if pings and not with_beams and not options.instrument_only:
+    with_beams = bool(pings.joined.any())
+    if len(pings.position) and not with_beams and not options.instrument_only:
         raise DataError(f"{place}: {ADVICE}; --instrument-only converts the velocities as they are")
-    absolute = bool(pings) and all(ping.validity_us is not None for ping in pings)
-    rows = Rows(_BEAMS if with_beams else 0, account)
-    sum_ns = 0
-    for ping in pings:
-        if not math.isfinite(ping.interval_ms) or abs(ping.interval_ms) > 1e9:
-            account.skip("no interval since the last report", ping.position)
-            continue
-        sum_ns += round(ping.interval_ms * 1e6)
-        time_ns = (ping.validity_us or 0) * 1000 if absolute else sum_ns
-        if with_beams and len(ping.beams) < _BEAMS:
-            account.flag("transducer report missing", ping.position)
-        _add(rows, ping, time_ns)
-    table = rows.finish(negate=options.negate_beams)
+    absolute = bool(pings.validity_us) and None not in pings.validity_us
+    table = _table(pings, account, options, beams=_BEAMS if with_beams else 0, absolute=absolute)
     raise_if_empty(account, place, "velocity report")
     return Recording(
         format=NAME,
@@ -260,22 +164,37 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
 
 
-def _add(rows: Rows, ping: _Ping, time_ns: int) -> None:
-    """A ping to the table; a beam is lost where its distance is negative."""
-    lost = (NAN, NAN, NAN, NAN)
-    beams = [ping.beams.get(k, lost) for k in range(rows.beams)]
-    rows.add(
-        ping.position,
-        time_ns,
-        [b[0] for b in beams],
-        [b[1] >= 0.0 for b in beams],
-        range_m=[b[1] if b[1] >= 0.0 else NAN for b in beams],
-        quality=[b[2] for b in beams],
-        instrument=ping.velocity,
-        verdict=ping.verdict,
+def _table(pings: _Pings, account: Account, options: Options, *, beams: int, absolute: bool) -> BeamTable:
+    """The table; a beam is lost where its distance is negative."""
+    interval = pings.velocity[:, 5]
+    usable = np.isfinite(interval) & (np.abs(interval) <= 1e9)
+    account.skip_where("no interval since the last report", ~usable, pings.position)
+    if beams:
+        missing = usable & ~pings.joined.all(axis=1)
+        account.flag_where("transducer report missing", missing, pings.position)
+    if absolute:
+        times = [(t or 0) * 1000 for t, good in zip(pings.validity_us, usable.tolist(), strict=True) if good]
+    else:
+        # Whole numbers of Python: a sum of absurd intervals goes beyond 64 bits.
+        times = list(accumulate(np.rint(interval[usable] * 1e6).astype(np.int64).tolist()))
+    found = np.where(pings.joined[..., None], pings.beams, NAN)[usable][:, :beams]
+    velocity, distance, rssi, noise = np.moveaxis(found, 2, 0)
+    altitude, fom = pings.velocity[usable, 3], pings.velocity[usable, 4]
+    return make_table(
+        account,
+        beams,
+        pings.position[usable],
+        times,
+        velocity,
+        distance >= 0.0,
+        range_m=np.where(distance >= 0.0, distance, NAN),
+        quality=rssi,
+        instrument=pings.velocity[usable, :3],
+        verdict=pings.verdict[usable],
         extra={
-            "altitude_m": ping.altitude if ping.altitude >= 0.0 else NAN,
-            "instrument_sd_mps": ping.fom,
-            **{f"beam{k + 1}_noise_dbm": b[3] for k, b in enumerate(beams)},
+            "altitude_m": np.where(altitude >= 0.0, altitude, NAN),
+            "instrument_sd_mps": fom,
+            **{f"beam{k + 1}_noise_dbm": noise[:, k] for k in range(beams)},
         },
+        negate=options.negate_beams,
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from bottomlock.config.scenario_sections import (
     Filter,
@@ -16,12 +16,12 @@ from bottomlock.config.scenario_sections import (
     Robust,
     Section,
     Vector,
-    check_methods,
+    known_methods,
 )
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
-from bottomlock.kernel import METHODS
+from bottomlock.kernel import METHODS, Method
 from bottomlock.replay.dvl_sections import DvlStream, WhatIf
 from bottomlock.replay.stream_sections import (
     AcousticPositionStream,
@@ -103,17 +103,12 @@ class Start(Section):
 class Settings(Section):
     """Methods, seed, number of runs (draws of the random errors), and the output interval without a reference."""
 
-    methods: tuple[str, ...] = METHODS
+    methods: Annotated[tuple[Method, ...], BeforeValidator(known_methods)] = METHODS
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
     runs: Annotated[int, Field(ge=1, le=10_000)] = 1
     smooth: bool = True
     sample_s: Positive = 1.0
     duration_s: Positive | None = None
-
-    @model_validator(mode="after")
-    def _known(self) -> Self:
-        check_methods(self.methods)
-        return self
 
 
 class Case(Section):

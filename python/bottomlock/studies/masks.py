@@ -100,7 +100,7 @@ def run_masks(
     Args:
         scenarios: trajectories of different names; their own rules of beam loss are replaced, and their vehicles are
             steered on the truth.
-        out: directory, claimed by the caller (`study_folder.claim`).
+        out: directory, claimed by the caller (`study_folder.claimed`).
         wanted: names of cases; all for None.
         threads: 0 for as many as there are cores.
         recover: go on where a campaign's manifest is damaged, as for `run_campaign`.

@@ -69,7 +69,7 @@ def run_recovery(
 
     Args:
         scenarios: trajectories with runs, seed and methods ("ins" is left out, since it has no fixes).
-        out: directory, claimed by the caller (`study_folder.claim`).
+        out: directory, claimed by the caller (`study_folder.claimed`).
         progress: called with the trajectory and the number of its runs that are done.
 
     Returns:

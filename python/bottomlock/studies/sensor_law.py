@@ -104,7 +104,7 @@ def run_sensor_law(
     Args:
         scenarios: trajectories, of different names; their runs and seed count, the methods are `METHODS`.
         masks: sets of returning beams, as `cases.masks` gives them.
-        out: directory, claimed by the caller (`study_folder.claim`).
+        out: directory, claimed by the caller (`study_folder.claimed`).
         command: the command that reproduces the study, for the page.
         threads: 0 for as many as there are cores. The numbers do not depend on it.
         progress: called after each cell with its name, the number of finished cells and of all cells.

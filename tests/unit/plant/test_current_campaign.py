@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bottomlock import _kernel
+from bottomlock.kernel import Method
 from bottomlock.plant import Current, Flight, Mission, Vehicle, figure_eight, fly, lawn_mower, straight
 from tests.unit.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
 
@@ -69,7 +70,7 @@ def _across(vehicle: Vehicle, mission: Mission) -> Flight:
     return fly(vehicle, drifting, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, use_cache=False)
 
 
-def _batch(flight: Flight, mission: Mission, methods: list[str]) -> dict[str, Any]:
+def _batch(flight: Flight, mission: Mission, methods: list[Method]) -> dict[str, Any]:
     """A batch of methods on beams 1 and 2."""
     pings = np.arange(1, round(mission.duration_s) + 1, dtype=np.int64) * 1_000_000_000
     schedule: Any = {
@@ -98,7 +99,7 @@ def _batch(flight: Flight, mission: Mission, methods: list[str]) -> dict[str, An
     )
 
 
-def _velocity_rms_mps(flight: Flight, mission: Mission, methods: list[str]) -> dict[str, float]:
+def _velocity_rms_mps(flight: Flight, mission: Mission, methods: list[Method]) -> dict[str, float]:
     """Velocity error norm of each method, rms over the runs and the last 150 s."""
     error = np.asarray(_batch(flight, mission, methods)["error"])[:, :, 100:, 6:9]
     return {

@@ -17,6 +17,7 @@ model_section! {
         pub sd_rad: f64,
     }
 }
+
 /// Cosine of the pitch below which yaw is not computed: it would be rounding errors of the quaternion.
 const LEAST_COSINE: f64 = 1e-6;
 

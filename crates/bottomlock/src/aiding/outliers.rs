@@ -27,9 +27,9 @@
 //!   J. Guidance, Control, and Dynamics 30 (2007)).
 
 use nalgebra::{DMatrix, DVector};
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::aiding::{BeamTerms, tightly_coupled};
+use crate::chi_squared::quantile;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, MAX_BEAMS};
 use crate::error::{NavError, require_positive};
 use crate::state::Covariance;
@@ -245,7 +245,7 @@ pub fn screen(
         weight: [f64::NAN; MAX_BEAMS],
     };
     ping.valid.iter().for_each(|beam| out.weight[beam] = 1.0);
-    loop {
+    let rows = loop {
         let rows = Rows::new(covariance, terms, &out.ping);
         if rows.beams.is_empty() {
             return Ok(out);
@@ -263,14 +263,13 @@ pub fn screen(
             .beam_gate
             .is_some_and(|probability| doubts[worst] > quantile(1, probability));
         if !(opens || fails) {
-            break;
+            break rows;
         }
         let beam = rows.beams[worst];
         out.weight[beam] = 0.0;
         out.ping.valid = (out.ping.valid.iter().filter(|&other| other != beam)).collect::<BeamMask>();
-    }
+    };
     if robust.tail != Tail::Gaussian {
-        let rows = Rows::new(covariance, terms, &out.ping);
         let own = DVector::from_fn(rows.beams.len(), |i, _| {
             (ping.sd_mps[rows.beams[i]] / geometry.sound_speed_scale()).powi(2)
         });
@@ -281,11 +280,6 @@ pub fn screen(
         }
     }
     Ok(out)
-}
-
-/// Chi-squared quantile.
-fn quantile(degrees: usize, probability: f64) -> f64 {
-    ChiSquared::new(degrees as f64).map_or(f64::INFINITY, |distribution| distribution.inverse_cdf(probability))
 }
 
 #[cfg(test)]

@@ -1,5 +1,8 @@
 //! One step of the covariance: P⁺ = Φ (P + Q₀ T/2) Φᵀ + Q₁ T/2 (Groves 2013, Eq. 3.46).
 //!
+//! What Φ and Q are stands in `first_order.rs`, `second_order.rs` and `noise.rs`; when the step is due, in
+//! `filter/prediction.rs`.
+//!
 //! With several filters, one column is taken at a time, a filter in each lane. With one filter, as many neighbouring columns
 //! are taken at a time as fill a vector (`Strip`). The formula is the same.
 //!
@@ -8,20 +11,148 @@
 
 use std::ops::Range;
 
+use super::ProcessNoise;
 use super::noise::HalfNoise;
-use super::transition::{Parts, Transition};
-use crate::layout::{ATTITUDE, DIM, DYNAMIC, POSITION, VELOCITY};
-use crate::simd::{Lane, Simd, Strip, Strips, V3};
+use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
+use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
+use crate::simd::{Lane, Lift, M3, Simd, Strip, Strips, V3};
 
 /// A symmetric covariance of one filter (as nalgebra stores it) or of several side by side.
 pub type Matrix<T> = [[T; DIM]; DIM];
+
+/// What the steps of an interval add up to, and the transition and noise that follow from it.
+pub trait CovarianceInterval<T: Lane>: Copy {
+    /// Its transition.
+    type Phi: Transition<T>;
+    /// Begins at a state.
+    fn begin(kinematics: &Kinematics<T>, earth: &EarthTerms) -> Self;
+    /// Adds a step of `dt_s` between two states, with the readings that it takes at its ends.
+    fn extend(
+        &mut self,
+        before: &Kinematics<T>,
+        after: &Kinematics<T>,
+        start: &Inertial<T>,
+        end: &Inertial<T>,
+        dt_s: f64,
+        earth: &EarthTerms,
+    );
+    /// Length so far, s.
+    fn duration_s(&self) -> f64;
+    /// Φ over the interval, which has come to `end`.
+    fn transition(&self, end: &Kinematics<T>, earth: &EarthTerms) -> Self::Phi;
+    /// The noise of its first half.
+    fn first_noise(&self, noise: &ProcessNoise) -> HalfNoise<T>;
+    /// The noise of its second half.
+    fn second_noise(&self, end: &Kinematics<T>, noise: &ProcessNoise) -> HalfNoise<T>;
+    /// Begins anew at `end`.
+    fn empty(&mut self, end: &Kinematics<T>);
+
+    /// True where the covariance is due after a step of `dt_s`.
+    ///
+    /// Half a step of slack: rounding of the sample times must not lengthen the interval by a step.
+    #[inline(always)]
+    fn is_due(&self, dt_s: f64, period_s: f64) -> bool {
+        self.duration_s() + 0.5 * dt_s >= period_s
+    }
+
+    /// P⁺ = Φ (P + Q₀ T/2) Φᵀ + Q₁ T/2, and the interval is empty again.
+    #[inline(always)]
+    fn propagate<S: Simd>(
+        &mut self,
+        simd: S,
+        p: &mut Matrix<T>,
+        end: &Kinematics<T>,
+        noise: &ProcessNoise,
+        earth: &EarthTerms,
+    ) where
+        T: Strips<S>,
+    {
+        let (first, second) = (self.first_noise(noise), self.second_noise(end, noise));
+        propagate(simd, p, &self.transition(end, earth), &first, &second);
+        self.empty(end);
+    }
+
+    /// Multiplies columns of 20 by Φ.
+    #[inline(always)]
+    fn carry<const N: usize>(&self, columns: &mut [[T; DIM]; N], end: &Kinematics<T>, earth: &EarthTerms) {
+        let phi = self.transition(end, earth);
+        for column in columns {
+            let image = phi.apply(column);
+            column[..DYNAMIC].copy_from_slice(&image);
+        }
+    }
+}
+
+/// A transition matrix whose last eleven rows are the identity, by blocks of rows of Φ x.
+///
+/// Blocks are asked for one at a time, so that the coefficients of one stay in registers over many vectors.
+pub trait Transition<T: Lane> {
+    /// The rows of position.
+    fn position<W: Lift<T>>(&self, x: &Parts<W>) -> V3<W>;
+    /// The rows of misalignment.
+    fn attitude<W: Lift<T>>(&self, x: &Parts<W>) -> V3<W>;
+    /// The rows of velocity.
+    fn velocity<W: Lift<T>>(&self, x: &Parts<W>) -> V3<W>;
+
+    /// All dynamic rows.
+    #[inline(always)]
+    fn apply<const N: usize>(&self, x: &[T; N]) -> [T; DYNAMIC] {
+        let x = Parts::from_fn(
+            #[inline(always)]
+            |l| x[l],
+        );
+        let (r, rho, v) = (self.position(&x), self.attitude(&x), self.velocity(&x));
+        [r[0], r[1], r[2], rho[0], rho[1], rho[2], v[0], v[1], v[2]]
+    }
+}
+
+/// The part of a vector in error-state order that a transition reads.
+#[derive(Debug, Clone, Copy)]
+pub struct Parts<T> {
+    /// Position.
+    pub r: V3<T>,
+    /// Misalignment.
+    pub rho: V3<T>,
+    /// Velocity.
+    pub v: V3<T>,
+    /// Accelerometer bias.
+    pub ba: V3<T>,
+    /// Gyro bias.
+    pub bg: V3<T>,
+}
+
+impl<T: Lane> Parts<T> {
+    /// Of the vector with these elements.
+    #[inline(always)]
+    fn from_fn(element: impl Fn(usize) -> T) -> Self {
+        Self {
+            r: [element(POSITION), element(POSITION + 1), element(POSITION + 2)],
+            rho: [element(ATTITUDE), element(ATTITUDE + 1), element(ATTITUDE + 2)],
+            v: [element(VELOCITY), element(VELOCITY + 1), element(VELOCITY + 2)],
+            ba: [element(ACCEL_BIAS), element(ACCEL_BIAS + 1), element(ACCEL_BIAS + 2)],
+            bg: [element(GYRO_BIAS), element(GYRO_BIAS + 1), element(GYRO_BIAS + 2)],
+        }
+    }
+}
+
+/// Three factors for strips like those of `x`.
+#[inline(always)]
+pub(super) fn lift<T: Copy, W: Lift<T>>(x: &Parts<W>, a: V3<T>) -> V3<W> {
+    [x.r[0].lift(a[0]), x.r[0].lift(a[1]), x.r[0].lift(a[2])]
+}
+
+/// A matrix of them.
+#[inline(always)]
+pub(super) fn lift3<T: Copy, W: Lift<T>>(x: &Parts<W>, m: &M3<T>) -> M3<W> {
+    [lift(x, m[0]), lift(x, m[1]), lift(x, m[2])]
+}
 
 /// P⁺ = Φ (P + Q₀ T/2) Φᵀ + Q₁ T/2, exactly symmetric once [`complete`] has mirrored the dynamic rows.
 ///
 /// (Φ P) Φᵀ is taken on and above the diagonal alone. The products go by blocks of three rows, whose coefficients stay in registers
 /// over all columns.
 #[inline(always)]
-pub(super) fn propagate<S: Simd, T: Strips<S>>(
+fn propagate<S: Simd, T: Strips<S>>(
     simd: S,
     p: &mut Matrix<T>,
     phi: &impl Transition<T>,

@@ -1,11 +1,10 @@
 //! The transition to first order: Φ = I + F T with the mean of F at the ends of each step (as the paper has it).
 
-use super::interval::CovarianceInterval;
+use super::covariance::{CovarianceInterval, Parts, Transition, lift, lift3};
 use super::noise::HalfNoise;
-use super::transition::FirstOrder;
 use super::{Coefficients, ProcessNoise};
 use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
-use crate::simd::Lane;
+use crate::simd::{Lane, Lift, V3, add_mul, add_scaled, scale, splat3, sub_cross, sub_mul};
 
 /// F T by the trapezoidal rule, for a covariance that keeps up with every step.
 #[derive(Debug, Clone, Copy, serde::Serialize, serde::Deserialize)]
@@ -79,5 +78,46 @@ impl<T: Lane> CovarianceInterval<T> for FirstOrderInterval<T> {
     #[inline(always)]
     fn empty(&mut self, _end: &Kinematics<T>) {
         self.duration_s = 0.0;
+    }
+}
+
+/// Φ = I + F T, F with its skew and identity blocks.
+#[derive(Debug, Clone, Copy)]
+pub struct FirstOrder<T> {
+    sum: Coefficients<T>,
+    earth: V3<T>,
+    minus_duration: T,
+}
+
+impl<T: Lane> FirstOrder<T> {
+    #[inline(always)]
+    fn new(sum: Coefficients<T>, duration_s: f64, earth: &EarthTerms) -> Self {
+        let like = sum.velocity_p[0];
+        Self {
+            sum,
+            earth: splat3(like, scale(earth.rate_t, duration_s)),
+            minus_duration: like.splat(-duration_s),
+        }
+    }
+}
+
+impl<T: Lane> Transition<T> for FirstOrder<T> {
+    #[inline(always)]
+    fn position<W: Lift<T>>(&self, x: &Parts<W>) -> V3<W> {
+        let (velocity_t, rotation) = (lift(x, self.sum.velocity_t), lift3(x, &self.sum.rotation));
+        add_mul(sub_cross(x.r, velocity_t, x.rho), &rotation, x.v)
+    }
+    #[inline(always)]
+    fn attitude<W: Lift<T>>(&self, x: &Parts<W>) -> V3<W> {
+        let (earth, rotation) = (lift(x, self.earth), lift3(x, &self.sum.rotation));
+        sub_mul(sub_cross(x.rho, earth, x.rho), &rotation, x.bg)
+    }
+    #[inline(always)]
+    fn velocity<W: Lift<T>>(&self, x: &Parts<W>) -> V3<W> {
+        let coriolis_rate_p = lift(x, self.sum.coriolis_rate_p);
+        let by_misalignment = lift3(x, &self.sum.velocity_by_misalignment);
+        let minus_duration = x.v[0].lift(self.minus_duration);
+        let v = add_scaled(sub_cross(x.v, coriolis_rate_p, x.v), x.ba, minus_duration);
+        sub_cross(add_mul(v, &by_misalignment, x.rho), lift(x, self.sum.velocity_p), x.bg)
     }
 }

@@ -1,75 +1,10 @@
-//! The interval since the covariance was last brought up to date.
+//! The interval of one filter since its covariance was last brought up to date.
 
-use super::covariance::{self, Matrix, complete};
-use super::noise::HalfNoise;
-use super::transition::Transition;
+use super::covariance::{CovarianceInterval, Matrix, complete};
 use super::{FirstOrderInterval, ProcessNoise, SecondOrderInterval};
-use crate::layout::{DIM, DYNAMIC};
+use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
-use crate::simd::{Lane, Simd, Strips, with_vectors};
-
-/// What the steps of an interval add up to, and the transition and noise that follow from it.
-pub trait CovarianceInterval<T: Lane>: Copy {
-    /// Its transition.
-    type Phi: Transition<T>;
-    /// Begins at a state.
-    fn begin(kinematics: &Kinematics<T>, earth: &EarthTerms) -> Self;
-    /// Adds a step of `dt_s` between two states, with the readings that it takes at its ends.
-    fn extend(
-        &mut self,
-        before: &Kinematics<T>,
-        after: &Kinematics<T>,
-        start: &Inertial<T>,
-        end: &Inertial<T>,
-        dt_s: f64,
-        earth: &EarthTerms,
-    );
-    /// Length so far, s.
-    fn duration_s(&self) -> f64;
-    /// Φ over the interval, which has come to `end`.
-    fn transition(&self, end: &Kinematics<T>, earth: &EarthTerms) -> Self::Phi;
-    /// The noise of its first half.
-    fn first_noise(&self, noise: &ProcessNoise) -> HalfNoise<T>;
-    /// The noise of its second half.
-    fn second_noise(&self, end: &Kinematics<T>, noise: &ProcessNoise) -> HalfNoise<T>;
-    /// Begins anew at `end`.
-    fn empty(&mut self, end: &Kinematics<T>);
-
-    /// True where the covariance is due after a step of `dt_s`.
-    ///
-    /// Half a step of slack: rounding of the sample times must not lengthen the interval by a step.
-    #[inline(always)]
-    fn is_due(&self, dt_s: f64, period_s: f64) -> bool {
-        self.duration_s() + 0.5 * dt_s >= period_s
-    }
-
-    /// P⁺ = Φ (P + Q₀ T/2) Φᵀ + Q₁ T/2, and the interval is empty again; see `covariance::propagate`.
-    #[inline(always)]
-    fn propagate<S: Simd>(
-        &mut self,
-        simd: S,
-        p: &mut Matrix<T>,
-        end: &Kinematics<T>,
-        noise: &ProcessNoise,
-        earth: &EarthTerms,
-    ) where
-        T: Strips<S>,
-    {
-        let (first, second) = (self.first_noise(noise), self.second_noise(end, noise));
-        covariance::propagate(simd, p, &self.transition(end, earth), &first, &second);
-        self.empty(end);
-    }
-
-    /// Multiplies columns of 20 by Φ.
-    #[inline(always)]
-    fn carry<const N: usize>(&self, columns: &mut [[T; DIM]; N], end: &Kinematics<T>, earth: &EarthTerms) {
-        let phi = self.transition(end, earth);
-        for column in columns {
-            let image = phi.apply(column);
-            column[..DYNAMIC].copy_from_slice(&image);
-        }
-    }
-}
+use crate::simd::with_vectors;
 
 /// The interval of one filter.
 // There is one a filter, changed at every step: a box would cost more than the room.

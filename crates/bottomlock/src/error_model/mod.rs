@@ -11,16 +11,14 @@ mod interval;
 mod noise;
 mod second_order;
 mod side_by_side;
-mod transition;
 
-pub use covariance::Matrix;
 pub(crate) use covariance::complete;
-pub use first_order::FirstOrderInterval;
-pub use interval::{CovarianceInterval, Interval};
+pub use covariance::{CovarianceInterval, Matrix, Parts, Transition};
+pub use first_order::{FirstOrder, FirstOrderInterval};
+pub use interval::Interval;
 pub use noise::HalfNoise;
-pub use second_order::SecondOrderInterval;
+pub use second_order::{SecondOrder, SecondOrderInterval};
 pub(crate) use side_by_side::SideBySide;
-pub use transition::{FirstOrder, Parts, SecondOrder, Transition};
 
 use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, GYRO_BIAS, POSITION, VELOCITY};
 use crate::mechanisation::{EarthTerms, Inertial, Kinematics};

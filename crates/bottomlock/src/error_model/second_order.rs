@@ -6,13 +6,12 @@
 //! carried over into the platform frame with R and v at both ends.
 
 use super::ProcessNoise;
-use super::interval::CovarianceInterval;
+use super::covariance::{CovarianceInterval, Parts, Transition, lift3};
 use super::noise::HalfNoise;
-use super::transition::SecondOrder;
 use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
 use crate::simd::{
-    Lane, M3, V3, add, add_scaled, cross, mat_axpy, mat_mul, mat_mul_add, mat_scale, negative, scale, skew, splat3,
-    sub, transposed, zero3,
+    Lane, Lift, M3, V3, add, add_mul, add_scaled, cross, mat_axpy, mat_mul, mat_mul_add, mat_scale, negative, scale,
+    skew, splat3, sub, transposed, zero3,
 };
 
 /// Motion at the start of an interval.
@@ -160,4 +159,36 @@ fn noise_of<T: Lane>(rotation: &M3<T>, velocity_p: V3<T>, noise: &ProcessNoise, 
         like.splat(0.5 * duration_s),
         like.splat(1.0),
     )
+}
+
+/// Φ with all its blocks filled; those of Φ − I are kept.
+#[derive(Debug, Clone, Copy)]
+pub struct SecondOrder<T> {
+    r_rho: M3<T>,
+    r_v: M3<T>,
+    r_ba: M3<T>,
+    rho_rho: M3<T>,
+    rho_bg: M3<T>,
+    v_rho: M3<T>,
+    v_v: M3<T>,
+    v_ba: M3<T>,
+    v_bg: M3<T>,
+}
+
+impl<T: Lane> Transition<T> for SecondOrder<T> {
+    #[inline(always)]
+    fn position<W: Lift<T>>(&self, x: &Parts<W>) -> V3<W> {
+        let r = add_mul(add_mul(x.r, &lift3(x, &self.r_rho), x.rho), &lift3(x, &self.r_v), x.v);
+        add_mul(r, &lift3(x, &self.r_ba), x.ba)
+    }
+    #[inline(always)]
+    fn attitude<W: Lift<T>>(&self, x: &Parts<W>) -> V3<W> {
+        let rho = add_mul(x.rho, &lift3(x, &self.rho_rho), x.rho);
+        add_mul(rho, &lift3(x, &self.rho_bg), x.bg)
+    }
+    #[inline(always)]
+    fn velocity<W: Lift<T>>(&self, x: &Parts<W>) -> V3<W> {
+        let v = add_mul(add_mul(x.v, &lift3(x, &self.v_rho), x.rho), &lift3(x, &self.v_v), x.v);
+        add_mul(add_mul(v, &lift3(x, &self.v_ba), x.ba), &lift3(x, &self.v_bg), x.bg)
+    }
 }

@@ -1,10 +1,7 @@
 //! The innovation gate and its thresholds.
 
-use std::cell::Cell;
-
-use statrs::distribution::{ChiSquared, ContinuousCDF};
-
 use crate::aiding::MAX_ROWS;
+use crate::chi_squared::quantile;
 use crate::error::NavError;
 
 /// Test of an innovation against its covariance S.
@@ -46,7 +43,7 @@ impl GateTable {
                     expected: "strictly between 0 and 1: a probability, not a percentage",
                 });
             }
-            quantiles = chi_squared_quantiles(probability);
+            quantiles = std::array::from_fn(|k| quantile(k + 1, probability));
         }
         Ok(Self { gate, quantiles })
     }
@@ -78,25 +75,6 @@ impl From<GateTable> for Gate {
     fn from(table: GateTable) -> Self {
         table.gate
     }
-}
-
-thread_local! {
-    /// The last probability and its quantiles: every filter of a campaign has the same ones.
-    static QUANTILES: Cell<(f64, [f64; MAX_ROWS])> = const { Cell::new((f64::NAN, [f64::INFINITY; MAX_ROWS])) };
-}
-
-/// Chi-squared quantiles for 1 to [`MAX_ROWS`] degrees of freedom.
-fn chi_squared_quantiles(probability: f64) -> [f64; MAX_ROWS] {
-    let (known, mut quantiles) = QUANTILES.get();
-    if known != probability {
-        for (index, quantile) in quantiles.iter_mut().enumerate() {
-            if let Ok(distribution) = ChiSquared::new((index + 1) as f64) {
-                *quantile = distribution.inverse_cdf(probability);
-            }
-        }
-        QUANTILES.set((probability, quantiles));
-    }
-    quantiles
 }
 
 #[cfg(test)]

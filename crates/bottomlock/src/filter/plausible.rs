@@ -5,7 +5,7 @@
 //! is no estimate.
 
 use super::Eskf;
-use crate::error::{LARGEST, NavError, require_finite, require_finite_squares};
+use crate::error::{LARGEST, NavError, UNIT, require_finite, require_finite_squares, require_plausible};
 use crate::layout::DIM;
 
 /// Largest coordinate, m: beyond the Moon's orbit.
@@ -19,6 +19,7 @@ const LARGEST_VARIANCE: f64 = LARGEST * LARGEST;
 /// Largest gravity, m/s², and Earth rate, rad/s.
 const LARGEST_ENVIRONMENT: f64 = 1e3;
 
+/// What to do where an estimate is none.
 const LOST: &str = ": the estimate is lost, start again from a fix";
 
 impl Eskf {
@@ -70,15 +71,7 @@ impl Eskf {
         ];
         for (field, values, limit) in groups {
             require_finite(field, time_ns, values)?;
-            if let Some(&value) = values.iter().find(|value| value.abs() > limit) {
-                return Err(NavError::Implausible {
-                    field,
-                    time_ns,
-                    value,
-                    limit,
-                    hint: LOST,
-                });
-            }
+            require_plausible(field, time_ns, values, limit, LOST)?;
         }
         require_finite_squares("covariance", time_ns, self.covariance.as_slice())?;
         if let Some(water) = self.water() {
@@ -114,17 +107,8 @@ impl Eskf {
                 LARGEST_ENVIRONMENT,
             ),
         ];
-        for (field, values, limit) in groups {
-            if let Some(&value) = values.iter().find(|value| !(value.abs() <= limit)) {
-                return Err(NavError::Implausible {
-                    field,
-                    time_ns,
-                    value,
-                    limit,
-                    hint: ": the unit is SI",
-                });
-            }
-        }
-        Ok(())
+        groups
+            .into_iter()
+            .try_for_each(|(field, values, limit)| require_plausible(field, time_ns, values, limit, UNIT))
     }
 }

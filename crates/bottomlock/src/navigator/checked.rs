@@ -66,7 +66,7 @@ impl Checked {
     #[inline]
     pub(super) fn take_plain(&mut self, sample: &ImuSample) -> Result<(), NavError> {
         self.navigators.push(&Event::Imu(*sample), &mut |_| {})?;
-        self.check.note_good(sample);
+        self.check.note_fault(sample, None);
         Ok(())
     }
 

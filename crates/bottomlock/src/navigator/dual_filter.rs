@@ -70,8 +70,7 @@ impl DualFilter {
     /// # Errors
     /// As [`Eskf::check_restored`].
     pub(crate) fn check_restored(&self) -> Result<(), NavError> {
-        let mut filters = std::iter::once(&self.measurements_only).chain(self.constrained.as_deref());
-        filters.try_for_each(Eskf::check_restored)
+        self.each().try_for_each(Eskf::check_restored)
     }
 
     /// Propagates every filter over one IMU interval; as [`Eskf::predict`].

@@ -1,5 +1,7 @@
 //! A filter with its beam aiding, pushed one event at a time; many of them side by side are in `run_events.rs`.
 
+#[path = "admission.rs"]
+mod admission;
 #[path = "restored.rs"]
 mod restored;
 
@@ -23,9 +25,6 @@ use crate::model::Model;
 use crate::navigator::dual_filter::DualFilter;
 use crate::navigator::events::{Event, STREAMS};
 use crate::state::{Covariance, NavState};
-
-#[path = "admission.rs"]
-mod admission;
 
 /// Aiding by beams of the navigator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]

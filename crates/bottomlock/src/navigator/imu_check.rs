@@ -77,23 +77,17 @@ impl ImuCheck {
         &self.counts
     }
 
-    /// Whether a reading is good without any doubt: of a finite value within range, shortly after a good one. What is not is
-    /// judged.
+    /// Whether a reading is good without any doubt: of a finite value within range, not stuck, shortly after a good one. What is
+    /// not is judged.
     #[inline]
     pub(crate) fn is_plain(&self, sample: &ImuSample, good_ns: i64) -> bool {
         let step_ns = sample.time_ns.saturating_sub(good_ns);
         !self.is_bridging
-            && self.limits.stuck_after == 0
             && step_ns > 0
             && step_ns <= PLAIN_STEP_NS
             && step_ns as f64 * 1e-9 <= self.limits.max_gap_s
             && self.limits.is_in_range(sample)
-    }
-
-    /// Takes note of a reading that was plain.
-    #[inline]
-    pub(crate) fn note_good(&mut self, sample: &ImuSample) {
-        self.last = Some(*sample);
+            && self.stuck(sample).is_none()
     }
 
     /// Judges a reading, `good_ns` being the time of the last good one or of the start; changes nothing.
@@ -136,6 +130,7 @@ impl ImuCheck {
     }
 
     /// Takes note of a reading and of what is wrong with it.
+    #[inline]
     pub(crate) fn note_fault(&mut self, sample: &ImuSample, fault: Option<&ImuFault>) {
         if self.limits.stuck_after > 0 {
             self.equal = self.equal_with(sample);
@@ -151,6 +146,7 @@ impl ImuCheck {
         seconds_between(good_ns, sample.time_ns) > self.limits.max_gap_s
     }
 
+    #[inline]
     fn stuck(&self, sample: &ImuSample) -> Option<ImuFault> {
         let readings = match self.limits.stuck_after {
             0 => return None,

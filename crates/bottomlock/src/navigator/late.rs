@@ -119,4 +119,13 @@ impl History {
         self.forget(&now);
         now
     }
+
+    /// Tells findings of which nothing was told before.
+    pub(super) fn tell_new(&mut self, found: Vec<Finding>, tell: &mut impl FnMut(&Notice)) {
+        for finding in found {
+            self.findings.insert(finding.key(), finding.clone());
+            let standing = Standing::New;
+            tell(&Notice { finding, standing });
+        }
+    }
 }

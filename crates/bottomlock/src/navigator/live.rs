@@ -8,6 +8,7 @@
 
 use super::checked::Checked;
 use super::history::{History, LONGEST_HORIZON_NS, MOST_WAITING};
+use super::imu_check::Judged;
 use super::late::Replayed;
 use super::notice::Notice;
 use crate::dvl::geometry::BeamGeometry;
@@ -138,6 +139,16 @@ impl LiveNavigator {
             self.now.navigators.require_measurable(event)?;
             let (_, replaced) = self.history.insert(event);
             self.late_events[stream] += u64::from(replaced.is_some());
+        } else if let Event::Imu(sample) = event
+            && self.now.is_before(event)
+            && let judged @ Judged::Rejected(_) = self.now.judge(sample)?
+        {
+            // Nothing moves, so nothing is tried on a copy.
+            let mut found = Vec::new();
+            self.now.take(sample, &judged, std::iter::empty(), &mut found)?;
+            self.history.insert(event);
+            self.history.tell_new(found, tell);
+            self.history.forget(&self.now);
         } else {
             let (place, replaced) = self.history.insert(event);
             match self.replay(event, place, replaced.is_some()) {

@@ -2,7 +2,7 @@
 
 use crate::aiding::registry::Levers;
 use crate::dvl::geometry::BeamSample;
-use crate::error::{LARGEST, NavError};
+use crate::error::{LARGEST, NavError, UNIT, require_plausible};
 use crate::filter::Eskf;
 use crate::navigator::events::Event;
 
@@ -11,8 +11,6 @@ const LARGEST_RESIDUAL: f64 = LARGEST;
 /// Variances that a measurement can have, SI.
 const SMALLEST_VARIANCE: f64 = 1e-30;
 const LARGEST_VARIANCE: f64 = LARGEST * LARGEST;
-
-const UNIT: &str = ": the unit is SI";
 
 /// Checks that an update with a measurement has numbers, before the measurement is taken or waits.
 ///
@@ -27,7 +25,8 @@ pub(crate) fn require_measurable(event: &Event, filter: &Eskf, levers: &Levers) 
             measurement.reports().try_for_each(|sensor| {
                 let innovation = filter.with_motion(|motion| measurement.innovation(sensor, motion, levers));
                 (0..innovation.rows).try_for_each(|row| {
-                    require_number(stream, time_ns, innovation.residual[row])?;
+                    let residual = [innovation.residual[row]];
+                    require_plausible(stream, time_ns, &residual, LARGEST_RESIDUAL, UNIT)?;
                     require_variance(stream, time_ns, innovation.noise[(row, row)])
                 })
             })
@@ -35,24 +34,10 @@ pub(crate) fn require_measurable(event: &Event, filter: &Eskf, levers: &Levers) 
     }
 }
 
+/// The velocities of a ping are checked with its beams ([`BeamSample::validate`]).
 fn require_measurable_ping(ping: &BeamSample) -> Result<(), NavError> {
-    ping.valid.iter().try_for_each(|beam| {
-        require_number("dvl", ping.time_ns, ping.velocity_mps[beam])?;
-        require_variance("dvl", ping.time_ns, ping.sd_mps[beam].powi(2))
-    })
-}
-
-fn require_number(field: &'static str, time_ns: i64, value: f64) -> Result<(), NavError> {
-    if value.abs() <= LARGEST_RESIDUAL {
-        return Ok(());
-    }
-    Err(NavError::Implausible {
-        field,
-        time_ns,
-        value,
-        limit: LARGEST_RESIDUAL,
-        hint: UNIT,
-    })
+    let mut variances = ping.valid.iter().map(|beam| ping.sd_mps[beam].powi(2));
+    variances.try_for_each(|variance| require_variance("dvl", ping.time_ns, variance))
 }
 
 fn require_variance(stream: &'static str, time_ns: i64, value: f64) -> Result<(), NavError> {

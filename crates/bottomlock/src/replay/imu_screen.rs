@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use super::log::{IMU, in_row};
 use crate::error::NavError;
 use crate::filter::options::Options;
 use crate::filter::{BridgeNoise, seconds_between};
@@ -60,12 +61,7 @@ impl<'a> ScreenedImu<'a> {
         let first = imu.partition_point(|sample| sample.time_ns < start_ns);
         for (row, sample) in imu.iter().enumerate().skip(first) {
             let time_ns = sample.time_ns;
-            let in_row = |source| NavError::InRow {
-                stream: "imu",
-                row,
-                source: Box::new(source),
-            };
-            let judged = check.judge(sample, good_ns).map_err(in_row)?;
+            let judged = check.judge(sample, good_ns).map_err(in_row(IMU, row))?;
             check.note(sample, good_ns, &judged);
             if let Judged::Rejected(fault) = judged {
                 good.get_or_insert_with(|| imu[..row].to_vec());

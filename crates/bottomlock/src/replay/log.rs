@@ -7,6 +7,9 @@ use crate::mechanisation::ImuSample;
 use crate::navigator::events::{Event, STREAM_NAMES, STREAMS};
 use crate::navigator::first_readings::FirstReadings;
 
+/// Number of the inertial stream.
+pub(super) const IMU: usize = 0;
+
 /// A recorded log: each stream rising in time, any of them but the inertial one may be empty.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Log<'a> {
@@ -16,6 +19,15 @@ pub struct Log<'a> {
     pub pings: &'a [BeamSample],
     /// Measurements of the other sensors, by their places in the registry.
     pub sensors: [&'a [Measurement]; SENSORS],
+}
+
+/// Names the row of an error, and its stream by its place in [`STREAM_NAMES`].
+pub(super) fn in_row(stream: usize, row: usize) -> impl Fn(NavError) -> NavError {
+    move |source| NavError::InRow {
+        stream: STREAM_NAMES[stream],
+        row,
+        source: Box::new(source),
+    }
 }
 
 impl Log<'_> {
@@ -45,13 +57,9 @@ impl Log<'_> {
             let mut previous_ns = None;
             for row in 0..self.len(stream) {
                 let Some(event) = self.get(stream, row) else { break };
-                let in_row = |source| NavError::InRow {
-                    stream: STREAM_NAMES[stream],
-                    row,
-                    source: Box::new(source),
-                };
-                event.validate(geometry).map_err(in_row)?;
-                first = first.with(&event).map_err(in_row)?;
+                let in_row = in_row(stream, row);
+                event.validate(geometry).map_err(&in_row)?;
+                first = first.with(&event).map_err(&in_row)?;
                 let time_ns = event.time_ns();
                 if let Some(previous_ns) = previous_ns.filter(|&previous_ns| time_ns <= previous_ns) {
                     return Err(in_row(NavError::TimeNotIncreasing {

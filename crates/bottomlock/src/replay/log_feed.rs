@@ -1,6 +1,7 @@
 //! Methods side by side on the events of one log.
 
-use super::{BridgedInterval, ImuFaults, PingRecord, Replay, STREAM_NAMES, STREAMS, Series, Track};
+use super::log::{IMU, in_row};
+use super::{BridgedInterval, ImuFaults, PingRecord, Replay, STREAMS, Series, Track};
 use crate::error::NavError;
 use crate::filter::BridgeNoise;
 use crate::filter::filter_group::{FilterSpan, Owner};
@@ -12,9 +13,6 @@ use crate::navigator::run_events::{Failure, Feed};
 use crate::navigator::{Method, NavigatorSet};
 use crate::smoother::smooth;
 use crate::stop::Stop;
-
-/// Number of the inertial stream.
-const IMU: usize = 0;
 
 /// A method on a log.
 #[derive(Debug)]
@@ -146,13 +144,9 @@ impl<'a> LogFeed<'a> {
 
     /// Pushes an event of a row to every method; what goes wrong names the row.
     fn push(&mut self, (stream, row): (usize, usize), event: &Event, bridge: Option<&BridgeNoise>) {
-        let in_row = |source| NavError::InRow {
-            stream: STREAM_NAMES[stream],
-            row,
-            source: Box::new(source),
-        };
+        let in_row = in_row(stream, row);
         for one in self.methods.iter_mut().filter(|one| one.failure.is_none()) {
-            one.failure = one.push(event, bridge, self.request).err().map(in_row);
+            one.failure = one.push(event, bridge, self.request).err().map(&in_row);
         }
     }
 
@@ -163,12 +157,7 @@ impl<'a> LogFeed<'a> {
         {
             let row = self.next[stream];
             if let Some(one) = self.methods.iter().find(|one| one.failure.is_none()) {
-                let in_row = |source| NavError::InRow {
-                    stream: STREAM_NAMES[stream],
-                    row,
-                    source: Box::new(source),
-                };
-                one.navigators.require_measurable(&event).map_err(in_row)?;
+                one.navigators.require_measurable(&event).map_err(in_row(stream, row))?;
             }
             self.next[stream] += 1;
             self.push((stream, row), &event, None);

@@ -14,7 +14,7 @@ mod log_feed;
 mod ping;
 
 use crate::dvl::geometry::BeamGeometry;
-use crate::error::NavError;
+use crate::error::{NavError, require_rising};
 use crate::filter::filter_group::width;
 use crate::filter::options::Options;
 use crate::layout::DIM;
@@ -27,6 +27,7 @@ use crate::workers::Workers;
 
 use self::imu_screen::ScreenedImu;
 pub use self::imu_screen::{BridgedInterval, ImuFaults, RejectedReading, rejected_readings};
+use self::log::IMU;
 pub use self::log::{Log, Unused};
 use self::log_feed::{LogFeed, MethodReplay};
 pub use self::ping::{FIX_STATUS, FixStatus, PingRecord};
@@ -158,9 +159,9 @@ pub fn replay_until(request: &Replay<'_>, threads: usize, stop: &Stop) -> Result
         feed.into_tracks(stop).into_iter().collect::<Result<Vec<_>, _>>()
     })?;
     let mut unused = log.unused(start_ns, last_ns);
-    unused.rejected[0] = screened.faults.rejected.len();
+    unused.rejected[IMU] = screened.faults.rejected.len();
     // A rejected reading is not also one after the end.
-    unused.after_end[0] = 0;
+    unused.after_end[IMU] = 0;
     Ok(Replayed {
         tracks: tracks.into_iter().flatten().collect(),
         unused,
@@ -185,13 +186,7 @@ fn groups(mut methods: Vec<MethodReplay>, threads: usize) -> Vec<Vec<MethodRepla
 }
 
 fn check_samples(sample_time_ns: &[i64], first_ns: i64, last_ns: i64) -> Result<(), NavError> {
-    if let Some(pair) = sample_time_ns.windows(2).find(|pair| pair[1] <= pair[0]) {
-        return Err(NavError::TimeNotIncreasing {
-            stream: "sample",
-            time_ns: pair[1],
-            previous_ns: pair[0],
-        });
-    }
+    require_rising("sample", sample_time_ns)?;
     match sample_time_ns.iter().find(|&&t| t < first_ns || t > last_ns) {
         None => Ok(()),
         Some(&time_ns) => Err(NavError::OutsideLog {

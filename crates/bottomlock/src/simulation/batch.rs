@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::dvl::geometry::BeamGeometry;
-use crate::error::NavError;
+use crate::error::{NavError, require_rising};
 use crate::filter::options::Options;
 use crate::model::Model;
 use crate::navigator::Method;
@@ -121,13 +121,7 @@ fn check_runs(first_run: u64, runs: usize) -> Result<(), NavError> {
 
 /// Checks that the times of the samples rise and lie within the truth.
 pub(crate) fn check_samples(sample_time_ns: &[i64], truth_time_ns: &[i64]) -> Result<(), NavError> {
-    if let Some(pair) = sample_time_ns.windows(2).find(|pair| pair[1] <= pair[0]) {
-        return Err(NavError::TimeNotIncreasing {
-            stream: "sample",
-            time_ns: pair[1],
-            previous_ns: pair[0],
-        });
-    }
+    require_rising("sample", sample_time_ns)?;
     let (Some(&first_ns), Some(&last_ns)) = (truth_time_ns.first(), truth_time_ns.last()) else {
         return Ok(());
     };

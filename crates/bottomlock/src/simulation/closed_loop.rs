@@ -130,6 +130,8 @@ impl ClosedLoop {
         outcome
     }
 
+    /// Checks that the loop can go on.
+    ///
     /// # Errors
     /// [`NavError::AfterFailure`] where a call to [`ClosedLoop::advance`] has failed on the way.
     pub fn check(&self) -> Result<(), NavError> {

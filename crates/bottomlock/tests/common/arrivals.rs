@@ -1,4 +1,6 @@
-//! Random logs with every sensor and fault, and random orders in which they arrive.
+//! Random logs with every sensor and fault, random orders in which they arrive, and what a navigator tells of them.
+
+use std::collections::BTreeMap;
 
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
 use bottomlock::aiding::outliers::{Robust, Tail};
@@ -9,10 +11,10 @@ use bottomlock::filter::options::Options;
 use bottomlock::frames::{Rot, Vec3};
 use bottomlock::mechanisation::{ImuSample, LongGap, Sampling};
 use bottomlock::model::Model;
-use bottomlock::navigator::Method;
 use bottomlock::navigator::events::{
     AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, VelocitySample,
 };
+use bottomlock::navigator::{Finding, LiveNavigator, Method, Notice, Standing};
 use nalgebra::Matrix3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -131,7 +133,8 @@ fn readings(random: &mut ChaCha8Rng) -> Vec<ImuSample> {
             force_p_mps2: Vec3::new(x, y, z - 9.8),
         };
         match random.random_range(0..40) {
-            0 => sample.force_p_mps2 = Vec3::new(1000.0, 0.0, 0.0),
+            // Not of the force: its mean tells the unit, and the first to arrive may be two.
+            0 => sample.rate_p_radps = Vec3::new(20.0, 0.0, 0.0),
             1..=4 => {
                 if let Some(last) = imu.last() {
                     sample = ImuSample {
@@ -269,4 +272,32 @@ pub(crate) fn check_cases() {
         let arrival = case.arrival(seed, 900 * MS);
         assert!(arrival.len() == case.log.len() && arrival != case.log);
     }
+}
+
+/// What stands of all that a navigator has told.
+#[derive(Clone, Default)]
+pub(crate) struct Told(BTreeMap<(i64, &'static str), Finding>);
+
+impl Told {
+    pub(crate) fn note(&mut self, notice: &Notice) {
+        let key = match &notice.finding {
+            Finding::Update(report) => (report.time_ns, report.sensor.name()),
+            Finding::Rejected { time_ns, .. } => (*time_ns, "imu"),
+        };
+        let before = match notice.standing {
+            Standing::New | Standing::Revised => self.0.insert(key, notice.finding.clone()),
+            Standing::Withdrawn => self.0.remove(&key),
+        };
+        assert_eq!(before.is_some(), notice.standing != Standing::New, "{key:?}");
+    }
+
+    /// As text, which prints every bit that counts; NaN equals NaN.
+    pub(crate) fn text(&self) -> String {
+        format!("{:?}", self.0)
+    }
+}
+
+/// All that is to be the same after the same events.
+pub(crate) fn outcome(navigator: &LiveNavigator) -> String {
+    format!("{:?} {:?}", navigator.navigators(), navigator.imu_faults())
 }

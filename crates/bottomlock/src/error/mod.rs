@@ -2,7 +2,15 @@
 //!
 //! Lost beams, rejected measurements and unobservable axes are values, never errors.
 
+mod checks;
+
 use thiserror::Error;
+
+pub use self::checks::require_time;
+pub(crate) use self::checks::{
+    UNIT, require_finite, require_finite_squares, require_magnitude, require_non_negative, require_plausible,
+    require_positive, require_rising,
+};
 
 /// An error of the kernel, for bad input or for a numerical failure.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -307,87 +315,5 @@ fn shown(value: f64) -> String {
     }
 }
 
-/// Checks that every number in a slice is finite and less than [`LARGEST`].
-///
-/// # Errors
-/// [`NavError::NotFinite`] or [`NavError::TooLarge`], which names the field and the time.
-pub(crate) fn require_finite(field: &'static str, time_ns: i64, values: &[f64]) -> Result<(), NavError> {
-    require_below(LARGEST, field, time_ns, values)
-}
-
-/// The same for variances and covariances, which are squares.
-///
-/// # Errors
-/// As [`require_finite`].
-pub(crate) fn require_finite_squares(field: &'static str, time_ns: i64, values: &[f64]) -> Result<(), NavError> {
-    require_below(LARGEST * LARGEST, field, time_ns, values)
-}
-
-fn require_below(limit: f64, field: &'static str, time_ns: i64, values: &[f64]) -> Result<(), NavError> {
-    match values.iter().find(|value| !(value.abs() < limit)) {
-        None => Ok(()),
-        Some(value) if value.is_finite() => Err(NavError::TooLarge {
-            field,
-            time_ns,
-            value: *value,
-        }),
-        Some(_) => Err(NavError::NotFinite { field, time_ns }),
-    }
-}
-
-/// Checks the magnitude of every number.
-///
-/// # Errors
-/// [`NavError::OutOfRange`], which names the field and what was expected.
-pub(crate) fn require_magnitude(
-    field: &'static str,
-    values: &[f64],
-    bound: f64,
-    expected: &'static str,
-) -> Result<(), NavError> {
-    match values.iter().find(|value| !(value.abs() < bound)) {
-        None => Ok(()),
-        Some(&value) => Err(NavError::OutOfRange { field, value, expected }),
-    }
-}
-
-/// Checks that a time is one of which differences can be taken.
-///
-/// # Errors
-/// [`NavError::TimeOutOfSpan`], which names the stream.
-pub fn require_time(stream: &'static str, time_ns: i64) -> Result<(), NavError> {
-    if time_ns.unsigned_abs() < SPAN_NS {
-        Ok(())
-    } else {
-        Err(NavError::TimeOutOfSpan { stream, time_ns })
-    }
-}
-
-/// Checks that a standard deviation or variance is finite, not negative and less than [`LARGEST`].
-///
-/// # Errors
-/// [`NavError::OutOfRange`], which names the field.
-pub(crate) fn require_non_negative(field: &'static str, value: f64) -> Result<(), NavError> {
-    require_in_range(field, value, value >= 0.0, "a finite number >= 0")
-}
-
-/// Checks that a standard deviation or variance is finite, positive and less than [`LARGEST`].
-///
-/// # Errors
-/// [`NavError::OutOfRange`], which names the field.
-pub(crate) fn require_positive(field: &'static str, value: f64) -> Result<(), NavError> {
-    require_in_range(field, value, value > 0.0, "a finite number > 0")
-}
-
-fn require_in_range(field: &'static str, value: f64, is_inside: bool, expected: &'static str) -> Result<(), NavError> {
-    let expected = match value {
-        _ if !is_inside || value.is_infinite() => expected,
-        _ if value < LARGEST => return Ok(()),
-        _ => "less than 1e12 in SI units: a filler for a missing value?",
-    };
-    Err(NavError::OutOfRange { field, value, expected })
-}
-
 #[cfg(test)]
-#[path = "error_tests.rs"]
 mod tests;

@@ -1,0 +1,91 @@
+//! The law of late data: any order of arrival within the horizon ends in the bits of the log in order of validity.
+
+// Helpers outside `#[test]` functions panic on failure too.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use bottomlock::NavError;
+use bottomlock::navigator::events::{Event, STREAMS};
+use bottomlock::navigator::{LiveNavigator, METHODS, Notice, Snapshot};
+use bottomlock::replay::{Log, Replay, replay};
+use bottomlock::state::NavState;
+use proptest::prelude::*;
+
+use common::arrivals::{self, Case, MS, Told, outcome};
+use common::janus;
+
+/// How many random arrivals: ten thousand with `BOTTOMLOCK_LONG`, as `make test-long` sets it.
+fn cases() -> u32 {
+    if std::env::var_os("BOTTOMLOCK_LONG").is_some() {
+        10_000
+    } else {
+        130
+    }
+}
+
+fn live(case: &Case, horizon_ns: i64) -> LiveNavigator {
+    let (start, aiding) = (NavState::at_rest(0), case.method.aiding);
+    LiveNavigator::new(start, &janus(), aiding, &case.model, &case.options, horizon_ns).unwrap()
+}
+
+fn pushed(navigator: &mut LiveNavigator, events: &[Event], told: &mut Told) -> Result<(), NavError> {
+    let mut tell = |notice: &Notice| told.note(notice);
+    events.iter().try_for_each(|event| navigator.push(event, &mut tell))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(cases()))]
+
+    /// The law, against two oracles: the log pushed in order, with no horizon, and the replay of the log.
+    #[test]
+    fn any_arrival_ends_in_the_bits_of_the_ordered_log(
+        seed in any::<u64>(), index in 0..METHODS.len(), horizon_ms in prop_oneof![Just(300_i64), Just(900), Just(2_000), Just(10_000)],
+    ) {
+        let case = Case::new(seed, &METHODS[index]);
+        let (mut ordered, mut told) = (live(&case, 0), Told::default());
+        pushed(&mut ordered, &case.log, &mut told).unwrap();
+
+        let (mut shuffled, mut told_late) = (live(&case, horizon_ms * MS), Told::default());
+        let arrival = case.arrival(seed, horizon_ms * MS);
+        let (before, after) = arrival.split_at(arrival.len() / 2);
+        pushed(&mut shuffled, before, &mut told_late).unwrap();
+        // Saved and restored half-way, as one that goes on; the other goes on by itself.
+        let sensors = case.model.sensors;
+        let bytes = Snapshot { live: shuffled.clone(), sensors }.to_bytes().unwrap();
+        let mut restored = Snapshot::from_bytes(&bytes).unwrap().live;
+        prop_assert_eq!(outcome(&restored), outcome(&shuffled));
+        let mut told_restored = told_late.clone();
+        pushed(&mut shuffled, after, &mut told_late).unwrap();
+        pushed(&mut restored, after, &mut told_restored).unwrap();
+
+        prop_assert_eq!(outcome(&shuffled), outcome(&ordered));
+        prop_assert_eq!(told_late.text(), told.text());
+        prop_assert_eq!(shuffled.late_events(), &[0; STREAMS]);
+        prop_assert_eq!(outcome(&restored), outcome(&ordered));
+        prop_assert_eq!(told_restored.text(), told.text());
+
+        let last_ns = ordered.navigators().state().time_ns;
+        let out = replay(&Replay {
+            log: Log { imu: &case.imu, pings: &case.pings, sensors: case.sensors.each_ref().map(Vec::as_slice) },
+            geometry: &janus(),
+            model: &case.model,
+            options: &case.options,
+            start: NavState::at_rest(0),
+            covariance: None,
+            methods: &[*case.method],
+            sample_time_ns: &[last_ns],
+            smooth: false,
+            covariances: true,
+        }, 1).unwrap();
+        let filtered = &out.tracks[0].filtered;
+        prop_assert_eq!(&filtered.states[0], &shuffled.navigators().state());
+        prop_assert_eq!(&filtered.covariances[0], &shuffled.navigators().covariance());
+        prop_assert_eq!(&out.imu_faults.counts, shuffled.imu_faults());
+    }
+}
+
+#[test]
+fn cases_have_what_they_are_for() {
+    arrivals::check_cases();
+}

@@ -1,0 +1,37 @@
+"""Readers are linear: twice the bytes cost about twice the time, and not more."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+
+import pytest
+
+from bottomlock.errors import DataError
+from bottomlock.io.formats import BYTES
+from bottomlock.io.rows import Options
+from tests.attack import logs
+from tests.attack.adversaries import ADVERSARIES
+
+FORMS = {form.name: form for form in BYTES}
+SIZE = 400_000
+
+
+def cost(name: str, data: bytes) -> float:
+    """Least processor time of three readings, s."""
+    took = []
+    for _ in range(3):
+        start = time.process_time()
+        with contextlib.suppress(DataError):
+            FORMS[name].read(data, "log", Options(instrument_only=name == "pd6"))
+        took.append(time.process_time() - start)
+    return min(took)
+
+
+@pytest.mark.parametrize("name", sorted(FORMS))
+def test_time_of_a_reader_is_linear(name: str) -> None:
+    """Below 3 for twice the size, for a good log and for each hostile one; a quadratic reader has 4."""
+    for data in (logs.joined(logs.build(name, 0).records), *ADVERSARIES[name]):
+        one = (data * (SIZE // len(data) + 1))[:SIZE]
+        # Once more if the machine was busy with something else; a quadratic reader fails every time.
+        assert any(cost(name, one + one) < 3.0 * cost(name, one) + 0.005 for _ in range(3))

@@ -1,0 +1,154 @@
+"""The command `bottomlock simulate-dvl`: files, sockets and terminals, faults and their record, mistakes of users."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from bottomlock.io.formats import read_recording
+from tests.cli.calls import command as bottomlock
+
+RUN = ("simulate-dvl", "straight", "--duration-s", "20")
+FAULTS = "drops=0.1,duplicates=0.1,stale=0.1,half_lines=0.1,clock_steps=0.1,reconnects=0.1"
+
+
+def test_a_file_has_the_same_bytes_each_time_and_its_record(tmp_path: Path) -> None:
+    """At any speed; the record of what was sent has a row a ping, with its faults."""
+    for name, speed in (("one", "max"), ("two", "40")):
+        start = time.monotonic()
+        done = bottomlock(
+            *RUN, "--dvl", f"file:{tmp_path / name}", "--faults", FAULTS, "--speed", speed, "--seed", "9",
+            "--truth", tmp_path / f"{name}.parquet",
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        assert f"dvl: waterlinked-json on file:{tmp_path / name}" in done.stdout
+        assert "20 pings, " in done.stdout
+    # 19 s from the first ping to the last, at 40 times the pace.
+    assert time.monotonic() - start > 19 / 40
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
+    said = pl.read_parquet(tmp_path / "one.parquet")
+    assert said.equals(pl.read_parquet(tmp_path / "two.parquet"))
+    assert said.height == 20
+    assert said["bytes"].sum() == (tmp_path / "one").stat().st_size
+    assert {"drops", "stale"} <= set("+".join(said["faults"]).split("+"))
+    assert said["beam1_valid"].all()
+    assert not said["beam3_valid"].any()
+
+
+def test_a_whole_vehicle_on_one_clock(tmp_path: Path) -> None:
+    """DVL, IMU and depth of a run: the times of all begin together, at the time that was asked."""
+    done = bottomlock(
+        "simulate-dvl", "survey", "--duration-s", "3", "--speed", "max", "--clock", "2026-02-03T04:05:06",
+        "--dvl", f"file:{tmp_path / 'dvl'}", "--imu", f"file:{tmp_path / 'imu'}",
+        "--depth", f"file:{tmp_path / 'depth'}",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    base_s = 1_770_091_506
+    imu = [line.split(",") for line in (tmp_path / "imu").read_text().splitlines()]
+    depth = [line.split(",") for line in (tmp_path / "depth").read_text().splitlines()]
+    pings = read_recording(tmp_path / "dvl").table
+    assert {len(line) for line in imu} == {7}
+    assert {len(line) for line in depth} == {2}
+    # Around -g: forward, right, down.
+    assert float(imu[0][6]) == pytest.approx(-9.8, abs=0.3)
+    for time_ns in (int(imu[0][0]), int(depth[0][0]), int(pings.time_ns[0])):
+        assert 0 <= time_ns - base_s * 10**9 <= 10**9
+
+
+def test_a_terminal_named_by_a_link(tmp_path: Path) -> None:
+    """A reader opens the link as it would a serial device."""
+    link, got = tmp_path / "dvl", bytearray()
+
+    def read() -> None:
+        while not link.exists():
+            time.sleep(0.01)
+        device = os.open(link, os.O_RDONLY | os.O_NOCTTY)
+        with contextlib.suppress(OSError):  # the terminal was closed
+            while got.count(b"\n") < 20:
+                got.extend(os.read(device, 4096))
+
+    reader = threading.Thread(target=read, daemon=True)
+    reader.start()
+    done = bottomlock(*RUN, "--speed", "100", "--dvl", f"pty:{link}")
+    reader.join(10)
+    assert done.returncode == 0, done.stderr
+    assert [json.loads(line)["type"] for line in got.splitlines()] == ["velocity"] * 20
+
+
+def test_ctrl_c_ends_a_server_cleanly(tmp_path: Path) -> None:
+    """In real time over TCP: a client reads, Ctrl-C ends with exit code 130 and the record of what was sent."""
+    truth = tmp_path / "sent.parquet"
+    words = [
+        sys.executable,
+        "-m",
+        "bottomlock",
+        "simulate-dvl",
+        "survey",
+        "--dvl",
+        "tcp:0",
+        "--truth",
+        str(truth),
+    ]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        assert server.stderr is not None
+        port = int(server.stdout.readline().rpartition(":")[2])
+        with socket.create_connection(("127.0.0.1", port), timeout=30) as line, line.makefile("rb") as stream:
+            first = json.loads(stream.readline())
+            server.send_signal(signal.SIGINT)
+            rest = stream.read()
+        assert server.wait(30) == 130
+        assert server.stderr.read() == ""
+    assert first["format"].startswith("json_v3")
+    assert rest == b"" or rest.endswith(b"\n")
+    assert pl.read_parquet(truth).height >= 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("strait",), "did you mean 'straight'"),
+        (("none.parquet", "--geometry", "x_janus_20"), "none.parquet: "),
+        (("straight", "--format", "nucleos"), "did you mean 'nucleus'"),
+        (("straight", "--format", "nucleus"), "holds 3 beams, the geometry has 4"),
+        (("straight", "--faults", "drop=1"), "did you mean 'drops'"),
+        (("straight", "--speed", "fast"), "--speed is 'fast', expected a number above 0, or max"),
+        (("straight", "--dvl", "ftp:x"), "--dvl is 'ftp:x', did you mean 'tcp'?"),
+        (("straight", "--dvl", "serial:/dev/none"), "cannot be opened as a serial device"),
+        (("straight", "--dvl", "file:/nowhere/x"), "cannot be written"),
+        (("straight", "--depth", "tcp:0"), "straight has no readings of this sensor"),
+        (("straight", "--truth", "x.csv"), "ends in .parquet"),
+        (("straight", "--clock", "noon"), "--clock is 'noon', expected a date"),
+        (("straight", "--run", "-1"), "--run is -1"),
+        (("straight", "--latency-ms", "-1"), "--latency-ms is -1"),
+        (("straight", "--duration-s", "0.1"), "no ping in the first 0.1 s"),
+        (("straight", "--geometry", "a51"), "neither a file nor packaged"),
+    ],
+)
+def test_mistakes_are_one_line(words: tuple[str, ...], said: str) -> None:
+    done = bottomlock("simulate-dvl", *words)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("bottomlock: ")
+    assert said in line
+
+
+def test_files_are_not_overwritten(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.write_text("mine")
+    done = bottomlock(*RUN, "--dvl", f"file:{log}", "--speed", "max")
+    assert (done.returncode, log.read_text()) == (2, "mine")
+    assert "is there already; --force overwrites it" in done.stderr
+    assert bottomlock(*RUN, "--dvl", f"file:{log}", "--speed", "max", "--force").returncode == 0
+    assert log.read_bytes().startswith(b'{"time":')

@@ -1,0 +1,201 @@
+"""What a simulated instrument sends through sockets and terminals arrives, byte for byte."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from bottomlock.config.scenario import load_scenario
+from bottomlock.encoders.registry import encoder
+from bottomlock.errors import BottomlockError
+from bottomlock.instruments.address import parse_address
+from bottomlock.instruments.faults import NONE, Faults
+from bottomlock.instruments.from_scenario import readings_of_scenario
+from bottomlock.instruments.play import Channel, play, transport_of
+from bottomlock.instruments.readings import Readings
+from bottomlock.instruments.schedule import Record, records
+from bottomlock.instruments.transports import TcpServer
+
+BASE_NS = 1_767_225_600_000_000_000
+
+
+@pytest.fixture(scope="module")
+def readings() -> Readings:
+    """Five pings a second for 12 s."""
+    scenario = load_scenario("straight").with_trajectory(duration_s=12.0)
+    return readings_of_scenario(
+        scenario.model_copy(update={"dvl": scenario.dvl.model_copy(update={"rate_hz": 5.0})})
+    )
+
+
+def sent_of(
+    readings: Readings, faults: Faults = NONE, *, seed: int = 1, name: str = "waterlinked-json"
+) -> list[Record]:
+    """The records of a run."""
+    return list(records(readings, encoder(name, readings.geometry), faults, seed=seed, offset_ns=BASE_NS))
+
+
+def run(transport: object, sent: list[Record], opened: Callable[[], None], *, wait: bool = True) -> None:
+    """Plays records at full speed."""
+    channel = Channel("dvl", transport, lambda _: iter(sent))  # type: ignore[arg-type]
+    asyncio.run(
+        play([channel], speed=None, opened=opened, offset_ns=lambda: 0, sent=lambda *_: None, wait=wait)
+    )
+
+
+class Client(threading.Thread):
+    """Reads a TCP server to the end of each connection; `connections` holds what each one brought."""
+
+    def __init__(self, port: int, most: int = 100) -> None:
+        super().__init__(daemon=True)
+        self._port, self._most = port, most
+        self.connections: list[bytes] = []
+
+    def run(self) -> None:
+        """Connects again until nobody listens."""
+        for _ in range(self._most):
+            try:
+                with socket.create_connection(("127.0.0.1", self._port), timeout=10) as line:
+                    self.connections.append(b"")
+                    while part := line.recv(65_536):
+                        self.connections[-1] += part
+            except OSError:
+                return
+
+
+def test_tcp_brings_the_same_bytes_to_every_client(readings: Readings) -> None:
+    """Two clients from the start, one of which leaves early and disturbs nobody."""
+    sent = sent_of(readings, Faults(drops=0.1, half_lines=0.1))
+    server = transport_of(parse_address("tcp:0", "--dvl"))
+    clients: list[Client] = []
+
+    def opened() -> None:
+        port = int(server.where.rpartition(":")[2])
+        clients.extend(Client(port, most=1) for _ in range(2))
+        for client in clients:
+            client.start()
+
+    async def both_ready() -> None:
+        while len(server._clients) < 2:  # type: ignore[attr-defined]  # noqa: ASYNC110 - the server tells nobody
+            await asyncio.sleep(0.01)
+
+    server.ready = both_ready  # type: ignore[method-assign]
+    run(server, sent, opened)
+    for client in clients:
+        client.join(10)
+        assert client.connections == [b"".join(one.data for one in sent)]
+
+
+def test_tcp_reconnects_and_loses_nothing_of_a_connection(readings: Readings) -> None:
+    """After a reconnect a client that comes back reads whole records; each connection is a part of the stream."""
+    sent = sent_of(readings, Faults(reconnects=0.1), seed=3)
+    assert sum(one.closes for one in sent) > 2
+    server = TcpServer("127.0.0.1", 0)
+    found: list[Client] = []
+
+    def opened() -> None:
+        found.append(Client(int(server.where.rpartition(":")[2])))
+        found[0].start()
+
+    def slow(_: object) -> Iterator[Record]:
+        # A run of 12 s in about half a second: the client needs time to come back.
+        return iter(sent)
+
+    asyncio.run(
+        play(
+            [Channel("dvl", server, slow)],
+            speed=24.0,
+            opened=opened,
+            offset_ns=lambda: 0,
+            sent=lambda *_: None,
+        )
+    )
+    found[0].join(10)
+    whole = b"".join(one.data for one in sent)
+    parts = found[0].connections
+    assert len(parts) > 2
+    at = 0
+    for part in parts:
+        assert part == b"" or part.endswith(b"\n")
+        at = whole.index(part, at)
+
+
+def test_udp_sends_a_record_a_datagram(readings: Readings) -> None:
+    sent = sent_of(readings, Faults(drops=0.2))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
+        line.bind(("127.0.0.1", 0))
+        line.settimeout(10)
+        run(
+            transport_of(parse_address(f"udp:127.0.0.1:{line.getsockname()[1]}", "--dvl")), sent, lambda: None
+        )
+        for one in sent:
+            if one.data:
+                assert line.recv(65_536) == one.data
+
+
+def test_pty_brings_the_same_bytes_and_leaves_no_link(tmp_path: Path, readings: Readings) -> None:
+    """Binary records, so that a terminal that changes a byte is seen."""
+    sent = sent_of(readings, name="pd0")
+    whole, link = b"".join(one.data for one in sent), tmp_path / "dvl"
+    got = bytearray()
+
+    def read(device: int) -> None:
+        with contextlib.suppress(OSError):  # the terminal was closed
+            while len(got) < len(whole):
+                got.extend(os.read(device, 4096))
+
+    readers: list[threading.Thread] = []
+
+    def opened() -> None:
+        device = os.open(link, os.O_RDONLY | os.O_NOCTTY)
+        readers.append(threading.Thread(target=read, args=(device,), daemon=True))
+        readers[0].start()
+
+    run(transport_of(parse_address(f"pty:{link}", "--dvl")), sent, opened)
+    readers[0].join(10)
+    assert bytes(got) == whole
+    assert not link.is_symlink()
+
+
+def test_a_terminal_that_nobody_reads_holds_nothing_up(readings: Readings) -> None:
+    """Bytes of a full line are lost, once after a short wait, then at once."""
+    sent = sent_of(readings) * 4
+    run(transport_of(parse_address("pty", "--dvl")), sent, lambda: None)
+
+
+def test_a_port_in_use_is_one_line() -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        with pytest.raises(BottomlockError, match=r"cannot listen .*in use") as caught:
+            run(transport_of(parse_address(f"tcp:{port}", "--dvl")), [], lambda: None)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_client_that_does_not_read_holds_nobody_up() -> None:
+    """In real time: 40 MB leave at once, and the sleeper is dropped."""
+    sent = [Record(0, b"x" * (1 << 20)) for _ in range(40)]
+    server = TcpServer("127.0.0.1", 0, patient=False)
+
+    async def send() -> float:
+        await server.open()
+        port = int(server.where.rpartition(":")[2])
+        with socket.create_connection(("127.0.0.1", port)):
+            await server.ready()
+            start = time.monotonic()
+            for one in sent:
+                await server.send(one.data)
+            await server.close()
+            return time.monotonic() - start
+
+    assert asyncio.run(send()) < 4.0
+    assert not server._clients
