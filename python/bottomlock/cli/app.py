@@ -32,6 +32,7 @@ COMMANDS = {
     "observe": ("observe", "Analyse which states can be estimated, and which manoeuvre helps."),
     "convert": ("convert", "Convert a recorded DVL log to a beam table."),
     "live": ("live", "Navigate live: from DVL, IMU and depth to the ports of an autopilot."),
+    "live-demo": ("live_demo", "Show live navigation without hardware: instruments, live, MAVLink listener."),
 }
 """Module of `bottomlock.cli` and help line of each command."""
 

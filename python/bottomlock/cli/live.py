@@ -18,7 +18,7 @@ from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import HealthServer, status
 from bottomlock.live.replay import replay_log
-from bottomlock.live.runner import Live, begin, host_clock
+from bottomlock.live.runner import Live, Say, begin, host_clock
 from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
 
 
@@ -100,7 +100,7 @@ def _run(running: Live) -> None:
         for name in (signal.SIGINT, signal.SIGTERM):
             with contextlib.suppress(NotImplementedError):
                 loop.add_signal_handler(name, task.cancel)
-        others = [asyncio.create_task(_page(running))]
+        others = [asyncio.create_task(serve_page(running, _say))]
         if sys.stderr.isatty() and running.sinks:
             others.append(asyncio.create_task(show(lambda: status(running), errors)))
         with contextlib.suppress(asyncio.CancelledError):
@@ -118,8 +118,8 @@ def _run(running: Live) -> None:
         _say(f"port {one.name}: {one.sent} messages{last}")
 
 
-async def _page(running: Live) -> None:
-    """Serves the health page; navigation goes on where that is not possible."""
+async def serve_page(running: Live, say: Say) -> None:
+    """Serves the health page, and says where; navigation goes on where that is not possible."""
     section = running.config.health
     if section is None:
         return
@@ -129,10 +129,10 @@ async def _page(running: Live) -> None:
     try:
         await asyncio.wait({serving, opened}, return_when=asyncio.FIRST_COMPLETED)
         if server.opened.is_set():
-            _say(f"health page {server.url}")
+            say(f"health page {server.url}")
         await serving
     except OSError as error:
-        _say(f"no health page on {section.host}:{section.port}: {error.strerror or error}")
+        say(f"no health page on {section.host}:{section.port}: {error.strerror or error}")
     finally:
         for task in (serving, opened):
             task.cancel()

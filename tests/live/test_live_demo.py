@@ -1,0 +1,73 @@
+"""`bottomlock live-demo` as a user runs it: a process of its own, its lines, Ctrl-C, mistakes."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from tests.cli.calls import command, process
+
+pytest.importorskip("pymavlink", reason="needs pymavlink (extra mavlink)")
+
+
+def test_beams_go_and_come_back_and_the_listener_goes_on_hearing() -> None:
+    """Every state in its order at the listener; every message that is sent is received."""
+    done = process("live-demo", "--seconds", "20", "--speed", "5")
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert re.search(r"^health page http://127\.0\.0\.1:\d+/$", done.stdout, re.MULTILINE)
+    assert "states: OK → PARTIAL → COASTING → OK\n" in done.stdout
+    received, sent = re.search(r"(\d+) ODOMETRY messages received of (\d+) sent", done.stdout).groups()  # type: ignore[union-attr]
+    assert received == sent
+    # Five a second from 3 s on.
+    assert 70 <= int(received) <= 90
+    lines = re.findall(
+        r"^ +[\d.]+ s  (\S+) +beams (.{7})  (.*) m/s  \d+ messages$", done.stdout, re.MULTILINE
+    )
+    assert ("COASTING", "- - - -") in [(state, beams) for state, beams, _ in lines]
+    for name in ("OK", "PARTIAL", "COASTING"):
+        error, sd = re.search(rf"{name}: velocity error ([\d.]+) .* 1σ sent ([\d.]+)", done.stdout).groups()  # type: ignore[union-attr]
+        assert float(error) < 3.0 * float(sd)
+
+
+def test_ctrl_c_ends_it_with_the_summary() -> None:
+    """No traceback, exit code 0."""
+    running = subprocess.Popen(
+        [sys.executable, "-m", "bottomlock", "live-demo", "--speed", "10"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert running.stdout is not None
+    while "health page" not in running.stdout.readline():
+        pass
+    running.send_signal(signal.SIGINT)
+    out, errors = running.communicate(timeout=20)
+    assert running.returncode == 0
+    assert errors == ""
+    assert "ODOMETRY messages received" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--seconds", "3"), "--seconds is 3, expected 15 to 600 s"),
+        (("--speed", "nan"), "--speed is nan, expected above 0, to 20"),
+        (("--page-port", "70000"), "--page-port is 70000, expected 0 to 65535"),
+    ],
+)
+def test_mistakes(words: tuple[str, ...], said: str) -> None:
+    """One line that names the option."""
+    done = command("live-demo", *words)
+    assert (done.returncode, done.stderr) == (2, f"bottomlock: {said}\n")
+
+
+def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before anything is simulated."""
+    monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
+    done = command("live-demo")
+    assert done.returncode == 2
+    assert done.stderr.endswith("pip install 'bottomlock[mavlink]'\n")
+    assert done.stderr.count("\n") == 1
