@@ -89,7 +89,7 @@ def test_shards_merge_to_the_table_of_one_run(tmp_path: Path) -> None:
         assert one.read_bytes() == two.read_bytes(), name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_dask_engine_on_this_machine(tmp_path: Path) -> None:
     """Processes of their own, no word of theirs on the screen, and the same bytes."""
     pytest.importorskip("distributed", reason="not installed: pip install 'bottomlock[dask]'")
@@ -105,7 +105,7 @@ def test_the_dask_engine_on_this_machine(tmp_path: Path) -> None:
         assert one.read_bytes() == two.read_bytes(), name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ctrl_c_on_a_cluster_of_this_machine(tmp_path: Path) -> None:
     """The terminal sends it to all processes: one line about it, and finished chunks are kept."""
     pytest.importorskip("distributed", reason="not installed: pip install 'bottomlock[dask]'")

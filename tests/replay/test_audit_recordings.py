@@ -116,7 +116,7 @@ def akit(recordings: Path, section: str, *, velocity: bool) -> Mounting:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_akit_mounting(recordings: Path) -> None:
     """Against hand-made values: lever arm (−1.8, −0.03, 0.1) m, turn (0.1, −0.07, −0.15)°, scale +0.2 %, clock lags.
 
@@ -138,6 +138,7 @@ def test_akit_mounting(recordings: Path) -> None:
     assert np.median(scales) == pytest.approx(0.002, abs=0.002)
 
 
+@pytest.mark.long
 def test_akit_from_the_imu_alone(recordings: Path) -> None:
     """Without the reference's velocity the lever arm is that from the accelerometers, which sit beside the DVL."""
     with_it, without = (akit(recordings, "10", velocity=flag) for flag in (True, False))
@@ -146,7 +147,7 @@ def test_akit_from_the_imu_alone(recordings: Path) -> None:
     assert np.abs(without.rpy_rad - with_it.rpy_rad).max() < np.deg2rad(0.4)
 
 
-@pytest.mark.parametrize("run", ["night1", "night2"])
+@pytest.mark.parametrize("run", [pytest.param("night1", marks=pytest.mark.long), "night2"])
 def test_robosub_says_what_it_cannot_see(recordings: Path, run: str) -> None:
     """Too slow for a mounting; rolls show the velocity 45° off the platform's y in both runs, named a suspicion."""
     folder = need(recordings / "robosub_eecs568")

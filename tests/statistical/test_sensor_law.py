@@ -41,7 +41,12 @@ def cell(mask: tuple[int, ...], runs: int, current_mps: float = 0.0) -> pl.DataF
 @RUNS
 @pytest.mark.parametrize(
     ("mask", "limit_mps"),
-    [((1,), 0.15), ((1, 3), 0.15), pytest.param((2, 4), 0.15, marks=pytest.mark.long), ((1, 2), 0.07)],
+    [
+        ((1,), 0.15),
+        pytest.param((1, 3), 0.15, marks=pytest.mark.long),
+        pytest.param((2, 4), 0.15, marks=pytest.mark.long),
+        pytest.param((1, 2), 0.07, marks=pytest.mark.long),
+    ],
 )
 def test_depth_keeps_the_velocity(mask: tuple[int, ...], limit_mps: float, runs: int) -> None:
     """With depth on, RMS velocity error at the end of the straight leg; no run above 1 m/s, NEES in its band."""
