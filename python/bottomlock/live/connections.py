@@ -191,8 +191,11 @@ class Connection:
 
         server = await asyncio.get_running_loop().create_server(client, self.address.host, self.address.port)
         self._say("listening")
-        async with server:
-            await server.serve_forever()
+        try:
+            await asyncio.Event().wait()
+        finally:
+            # Not waited for: a client that stays would hold up the end from Python 3.12 on.
+            server.close()
         return "closed"
 
     async def _pipe(self) -> str | None:

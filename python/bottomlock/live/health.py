@@ -164,8 +164,11 @@ class HealthServer:
         host = f"[{self._host}]" if ":" in self._host else self._host
         self.url = f"http://{host}:{server.sockets[0].getsockname()[1]}/"
         self.opened.set()
-        async with server:
-            await server.serve_forever()
+        try:
+            await asyncio.Event().wait()
+        finally:
+            # Not waited for: a client that stays would hold up the end from Python 3.12 on.
+            server.close()
 
     async def _client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._clients += 1
@@ -179,6 +182,8 @@ class HealthServer:
             await writer.drain()
         except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
             pass  # a client that went away, or never asked anything
+        except asyncio.CancelledError:
+            pass  # the program ends
         finally:
             self._clients -= 1
             with contextlib.suppress(OSError):

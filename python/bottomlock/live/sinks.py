@@ -133,8 +133,11 @@ class _Server(Sink):
                 await asyncio.sleep(wait_s)
                 continue
             self.state = "0 clients"
-            async with server:
-                await server.serve_forever()
+            try:
+                await asyncio.Event().wait()
+            finally:
+                # Not waited for: a client that stays would hold up the end from Python 3.12 on.
+                server.close()
 
 
 class _File(Sink):
