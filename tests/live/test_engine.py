@@ -115,6 +115,18 @@ def test_navigation_coasts_and_comes_back_without_a_jump() -> None:
         assert (jump < 3.0 * np.hypot(before.sd, after.sd)).all()
 
 
+def test_a_ping_is_not_sent_again_while_coasting() -> None:
+    """The ports that pass beams on get none."""
+    engine = Engine(config(mode="navigation"))
+    fly(engine, World(6.4, one_to_three_beams), imu=True)
+    assert engine.state == "COASTING"
+    (before, coasting) = (engine.estimator.estimate(state, 0) for state in ("PARTIAL", "COASTING"))
+    assert before is not None
+    assert coasting is not None
+    assert before.beams is not None
+    assert coasting.beams is None
+
+
 def test_silent_inertial_readings_are_unsafe() -> None:
     """Nothing is sent from then on; after they are back it goes on, once the beams have made it certain."""
     engine = Engine(config("navigation"))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import signal
+import socket
 import subprocess
 import sys
 
@@ -34,17 +36,25 @@ def test_beams_go_and_come_back_and_the_listener_goes_on_hearing() -> None:
         assert float(error) < 3.0 * float(sd)
 
 
-def test_ctrl_c_ends_it_with_the_summary() -> None:
-    """No traceback, exit code 0."""
+@pytest.mark.parametrize("watched", [False, True])
+def test_ctrl_c_ends_it_with_the_summary(watched: bool) -> None:
+    """No traceback, exit code 0, at once, also while a browser has the page open."""
     running = subprocess.Popen(
         [sys.executable, "-m", "bottomlock", "live-demo", "--speed", "10"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert running.stdout is not None
-    while "health page" not in running.stdout.readline():
+    while "health page" not in (line := running.stdout.readline()):
         pass
-    running.send_signal(signal.SIGINT)
-    out, errors = running.communicate(timeout=20)
+    with contextlib.ExitStack() as stack:
+        if watched:
+            port = int(line.rstrip("/\n").rpartition(":")[2])
+            page = stack.enter_context(socket.create_connection(("127.0.0.1", port), timeout=10))
+            page.sendall(b"GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+            while b"data:" not in page.recv(65_536):
+                pass
+        running.send_signal(signal.SIGINT)
+        out, errors = running.communicate(timeout=20)
     assert running.returncode == 0
     assert errors == ""
     assert "ODOMETRY messages received" in out

@@ -218,11 +218,13 @@ class NavigationEstimator:
         """The navigator's estimate as it is now; None before the alignment."""
         if self._navigator is None:
             return None
+        # Without usable beams the last ping is the past: a port that passes beams on must not send it again.
+        has_beams = state in {"OK", "PARTIAL"}
         return Estimate.from_navigator(
             self._navigator,
             state=state,
             reset_counter=reset_counter,
-            fixes=self._fixes if state in {"OK", "PARTIAL"} else None,
+            fixes=self._fixes if has_beams else None,
             omega_p_radps=self._omega,
-            beams=self._beams,
+            beams=self._beams if has_beams else None,
         )

@@ -115,7 +115,8 @@ class _Server(Sink):
         try:
             while await reader.read(4096):
                 pass
-        except OSError:
+        except (OSError, asyncio.CancelledError):
+            # Cancelled with the loop: nothing goes on after it.
             pass
         finally:
             self._clients.discard(writer)
@@ -138,6 +139,8 @@ class _Server(Sink):
             finally:
                 # Not waited for: a client that stays would hold up the end from Python 3.12 on.
                 server.close()
+                for client in self._clients:
+                    client.close()
 
 
 class _File(Sink):
@@ -163,7 +166,11 @@ class _File(Sink):
             self.state = f"cannot be written: {error.strerror or error}"
 
     async def run(self) -> None:
-        await asyncio.Event().wait()
+        try:
+            await asyncio.Event().wait()
+        finally:
+            if self._file is not sys.stdout.buffer:
+                self._file.close()
 
 
 def open_sink(address: Address, on_state: Callable[[str], None]) -> Sink:

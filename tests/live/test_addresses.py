@@ -1,0 +1,200 @@
+"""Every kind of source gives the bytes that came, every kind of target the bytes that were written."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import subprocess
+import sys
+import tty
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from bottomlock.live.address import parse_address
+from bottomlock.live.connections import Connection, cancel
+from bottomlock.live.sinks import Sink, open_sink
+from tests.live.world import World
+
+DATA = b"".join(data for _, _, data in World(1.0).arrivals())
+LIMIT_S = 10.0
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, str]]:
+    """A serial line without hardware: the instrument's end, and the device at ours."""
+    pytest.importorskip("serial_asyncio_fast", reason="needs pyserial-asyncio-fast (extra live)")
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    yield ours, os.ttyname(theirs)
+    for one in (ours, theirs):
+        os.close(one)
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    """Waits for a condition."""
+    async with asyncio.timeout(LIMIT_S):
+        while not condition():  # noqa: ASYNC110 - what is waited for has no event
+            await asyncio.sleep(0.005)
+
+
+async def taken(address: str, write: Callable[[], None] | None = None) -> bytes:
+    """What a source gives of `DATA`, which `write` puts there once it is open."""
+    found, opened = bytearray(), asyncio.Event()
+    connection = Connection(
+        parse_address(address),
+        on_data=found.extend,
+        on_connected=opened.set,
+        on_state=lambda _: None,
+        silence_s=60.0,
+    )
+    task = asyncio.create_task(connection.run())
+    async with asyncio.timeout(LIMIT_S):
+        await opened.wait()
+    if write is not None:
+        write()
+    await until(lambda: len(found) >= len(DATA))
+    await cancel(task)
+    return bytes(found)
+
+
+def test_a_serial_line_as_source(terminal: tuple[int, str]) -> None:
+    """Raw bytes, none of which a terminal changes."""
+    end, device = terminal
+    assert asyncio.run(taken(f"serial:{device}:115200", lambda: put(end))) == DATA
+
+
+def put(end: int) -> None:
+    """Writes `DATA`, less than a terminal holds."""
+    assert os.write(end, DATA) == len(DATA)
+
+
+def test_a_fifo_as_source(tmp_path: Path) -> None:
+    """It is opened before there is a writer."""
+    fifo = tmp_path / "fifo"
+    os.mkfifo(fifo)
+
+    def write() -> None:
+        end = os.open(fifo, os.O_WRONLY | os.O_NONBLOCK)
+        put(end)
+        os.close(end)
+
+    assert asyncio.run(taken(f"file:{fifo}", write)) == DATA
+
+
+def test_a_file_as_source(tmp_path: Path) -> None:
+    """From its beginning to its end."""
+    (tmp_path / "log").write_bytes(DATA)
+    assert asyncio.run(taken(f"file:{tmp_path / 'log'}")) == DATA
+
+
+def test_stdin_and_stdout(tmp_path: Path) -> None:
+    """A process in a pipe: reports in, sentences out, exit code 0 where its input ends."""
+    path = tmp_path / "live.toml"
+    path.write_text("""
+        name = "pipe"
+        mode = "velocity"
+        dvl = { geometry = "waterlinked_a50", beam_noise_mps = 0.01 }
+        source = [{ name = "dvl", address = "stdin", format = "waterlinked-json", rate_hz = 10, clock = "arrival" }]
+        port = [{ port = "sentence", to = "stdout", rate_hz = 10 }]
+    """)
+    done = subprocess.run(
+        [sys.executable, "-m", "bottomlock", "live", path],
+        input=DATA, capture_output=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert len(lines) >= 1
+    assert all(line.startswith(b"$PBLK") for line in lines)
+
+
+async def written(
+    address: str, collect: Callable[[bytearray], contextlib.AbstractContextManager[None]]
+) -> bytes:
+    """What arrives at a target where `DATA` is written to it."""
+    found = bytearray()
+    sink: Sink = open_sink(parse_address(address), lambda _: None)
+    task = asyncio.create_task(sink.run())
+    with collect(found):
+        await until(lambda: sink.state in {"connected", "writing"})
+        sink.write(DATA)
+        await until(lambda: len(found) >= len(DATA))
+    await cancel(task)
+    assert sink.dropped == 0
+    return bytes(found)
+
+
+def test_a_serial_line_as_target(terminal: tuple[int, str]) -> None:
+    """What was written comes out at the other end."""
+    end, device = terminal
+
+    @contextlib.contextmanager
+    def collect(found: bytearray) -> Iterator[None]:
+        loop = asyncio.get_running_loop()
+        loop.add_reader(end, lambda: found.extend(os.read(end, 65_536)))
+        yield
+        loop.remove_reader(end)
+
+    assert asyncio.run(written(f"serial:{device}:115200", collect)) == DATA
+
+
+def test_a_file_as_target(tmp_path: Path) -> None:
+    """Bytes are appended, and there at once."""
+    path = tmp_path / "out"
+    path.write_bytes(b"before\n")
+
+    async def run() -> bytes:
+        sink = open_sink(parse_address(f"file:{path}"), lambda _: None)
+        task = asyncio.create_task(sink.run())
+        await asyncio.sleep(0)
+        sink.write(DATA)
+        found = path.read_bytes()
+        await cancel(task)
+        return found
+
+    assert asyncio.run(run()) == b"before\n" + DATA
+
+
+@pytest.mark.parametrize("listens", [True, False])
+def test_a_tcp_target(listens: bool) -> None:
+    """As a client, and as a server with two clients."""
+
+    async def run() -> list[bytes]:
+        found: list[bytearray] = []
+
+        async def read(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            mine = bytearray()
+            found.append(mine)
+            with contextlib.suppress(OSError):
+                while data := await reader.read(65_536):
+                    mine.extend(data)
+            writer.close()
+
+        server = await asyncio.start_server(read, "127.0.0.1", 0)
+        port = server.sockets[0].getsockname()[1]
+        if listens:
+            server.close()
+            await server.wait_closed()
+        kind = "tcpin" if listens else "tcp"
+        sink = open_sink(parse_address(f"{kind}:127.0.0.1:{port}"), lambda _: None)
+        task = asyncio.create_task(sink.run())
+        readers: list[asyncio.Task[None]] = []
+        if listens:
+            await until(lambda: sink.state == "0 clients")
+            clients = [await asyncio.open_connection("127.0.0.1", port) for _ in range(2)]
+            readers = [asyncio.create_task(read(*client)) for client in clients]
+            await until(lambda: sink.state == "2 clients")
+        else:
+            await until(lambda: sink.state == "connected")
+        sink.write(DATA)
+        await until(lambda: bool(found) and all(len(one) >= len(DATA) for one in found))
+        await cancel(task)
+        server.close()
+        async with asyncio.timeout(LIMIT_S):
+            await asyncio.gather(*readers)
+        await asyncio.sleep(0.05)
+        return [bytes(one) for one in found]
+
+    assert asyncio.run(run()) == [DATA] * (2 if listens else 1)
