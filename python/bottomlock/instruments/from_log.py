@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.instruments.readings import Depths, Inertial, Readings, ranges_or_flat
+from bottomlock.instruments.readings import Readings, ranges_or_flat
 from bottomlock.io.beam_table import BeamTable, read_beam_table
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.formats import read_recording
@@ -66,7 +66,6 @@ def readings_of_case(path: Path, *, altitude_m: float = 20.0) -> Readings:
     streams = read_streams(case)
     beams, geometry = streams.beams, streams.instrument.geometry
     beam_mps = np.where(beams.valid, beams.velocity_mps, np.nan)
-    inertial, depths = streams.inertial, streams.depths
     return Readings(
         name=case.name,
         geometry=geometry,
@@ -75,6 +74,6 @@ def readings_of_case(path: Path, *, altitude_m: float = 20.0) -> Readings:
         beam_mps=beam_mps,
         range_m=ranges_or_flat(None, beam_mps, geometry, altitude_m),
         stated=np.ones(len(beams.time_ns), dtype=bool),
-        imu=Inertial(inertial.time_ns, inertial.omega_p_radps, inertial.force_p_mps2),
-        depth=None if depths is None else Depths(depths.time_ns, depths.depth_m),
+        imu=streams.inertial,
+        depth=streams.depths,
     )

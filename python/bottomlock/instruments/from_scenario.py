@@ -7,9 +7,10 @@ from bottomlock.config.scenario import Scenario
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
-from bottomlock.instruments.readings import Depths, Floats, Inertial, Readings, TrueStates, ranges_or_flat
+from bottomlock.instruments.readings import Floats, Readings, TrueStates, ranges_or_flat
 from bottomlock.io.beams import read_instrument_file
 from bottomlock.plant.telemetry import euler_rad
+from bottomlock.replay.streams import Depths, Inertial
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.truth.truth import Truth
@@ -70,8 +71,8 @@ def readings_of_scenario(scenario: Scenario, *, run: int = 0, altitude_m: float 
         stated=np.ones(len(time_ns), dtype=bool),
         imu=Inertial(
             imu["time_ns"].to_numpy(),
-            imu.select(f"omega_{axis}_radps" for axis in "xyz").to_numpy(),
-            imu.select(f"force_{axis}_mps2" for axis in "xyz").to_numpy(),
+            force_p_mps2=imu.select(f"force_{axis}_mps2" for axis in "xyz").to_numpy(),
+            omega_p_radps=imu.select(f"omega_{axis}_radps" for axis in "xyz").to_numpy(),
         ),
         depth=Depths(depth["time_ns"].to_numpy(), depth["depth_m"].to_numpy()) if depth.height else None,
         truth=_states(truth, time_ns),

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from bottomlock.encoders.ping import Ping
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry, solve_velocity
+from bottomlock.replay.streams import Depths, Inertial
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -16,23 +17,6 @@ Times = NDArray[np.int64]
 SOUND_SPEED_MPS = 1500.0
 LEAST_BEAMS = 3
 """A DVL states its own velocity from three beams on."""
-
-
-@dataclass(frozen=True, eq=False)
-class Inertial:
-    """IMU readings: times (n,), angular rate (n, 3) in rad/s and specific force (n, 3) in m/s², platform frame."""
-
-    time_ns: Times
-    omega_p_radps: Floats
-    force_p_mps2: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class Depths:
-    """Depth readings: times (n,) and metres below the surface (n,)."""
-
-    time_ns: Times
-    depth_m: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +75,7 @@ class Readings:
         imu, depth, truth = self.imu, self.depth, self.truth
         if imu is not None:
             n = int(np.searchsorted(imu.time_ns, last_ns, side="right"))
-            imu = Inertial(imu.time_ns[:n], imu.omega_p_radps[:n], imu.force_p_mps2[:n])
+            imu = Inertial(imu.time_ns[:n], imu.force_p_mps2[:n], imu.omega_p_radps[:n])
         if depth is not None:
             n = int(np.searchsorted(depth.time_ns, last_ns, side="right"))
             depth = Depths(depth.time_ns[:n], depth.depth_m[:n])

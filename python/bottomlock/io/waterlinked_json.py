@@ -28,7 +28,8 @@ _DECODER = json.JSONDecoder(object_pairs_hook=_object)
 # A report that begins within a line, after one that was cut off.
 _RESTARTS = ('{"time"', '{"ts"', '{"type"')
 _MOST_RESTARTS = 8
-_LONGEST = 65_536
+LONGEST_JSON = 65_536
+"""Longest line that is read as a report, bytes."""
 
 
 def sniff(head: bytes) -> bool:
@@ -48,7 +49,7 @@ def _float(value: object) -> float:
 
 def _objects(line: bytes, position: int, account: Account) -> list[dict[str, Any]]:
     """The JSON objects of a line: one, or more where line ends were lost."""
-    if len(line) > _LONGEST:
+    if len(line) > LONGEST_JSON:
         account.read += 1
         account.skip("line too long", position, line)
         return []
@@ -182,7 +183,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     formats: dict[str, int] = {}
     before: list[tuple[Any, ...]] | None = None
     last: dict[str, Any] | None = None
-    for position, line in lines_with(data, b"{", account, "truncated", _LONGEST):
+    for position, line in lines_with(data, b"{", account, "truncated", LONGEST_JSON):
         for report in _objects(line, position, account):
             if not _is_velocity(report, position, account):
                 continue

@@ -41,7 +41,7 @@ class _Stream(asyncio.Protocol):
         if self._clients is not None:
             self._clients.discard(self)
         if not self.closed.done():
-            self.closed.set_result(_words(exc) if exc else "closed by the other side")
+            self.closed.set_result(words_of(exc) if exc else "closed by the other side")
 
 
 class _Datagrams(asyncio.DatagramProtocol):
@@ -54,7 +54,8 @@ class _Datagrams(asyncio.DatagramProtocol):
         self._on_data(data)
 
 
-def _words(error: BaseException) -> str:
+def words_of(error: BaseException) -> str:
+    """An error in one line."""
     text = getattr(error, "strerror", None) or str(error) or type(error).__name__
     return text.splitlines()[0]
 
@@ -115,7 +116,7 @@ class Connection:
             try:
                 why = await self._once()
             except OSError as error:
-                why = f"cannot be opened: {_words(error)}"
+                why = f"cannot be opened: {words_of(error)}"
             if why is None:
                 return
             wait_s = FIRST_WAIT_S if self._heard > heard else min(wait_s * 2.0, LONGEST_WAIT_S)

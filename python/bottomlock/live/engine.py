@@ -28,7 +28,6 @@ WAIT_NS = 150_000_000
 REPEATS = 64
 """Stamps that a DVL's are compared with to find repeats."""
 
-
 OLDEST_NS = 10_000_000_000
 """Age from which on a stamp on the host's clock is none: the longest horizon of a navigator."""
 
@@ -104,6 +103,8 @@ class Engine:
         self._tick_ns: int | None = None
         self._offered_ns: int | None = None
         self._estimate_ns = units.ns_from_s(1.0 / config.navigation.estimate_hz)
+        self._ping_period_ns = self._period_ns(PingReader)
+        self._imu_period_ns = self._period_ns(LineReader, MavlinkReader)
         self._steps_seen = 0
         self._failed = ""
         self.now_ns = 0
@@ -233,10 +234,10 @@ class Engine:
             mode=self.config.mode,
             waiting_for="" if self._failed else estimator.waiting_for,
             ping_age_ns=_age(now_ns, estimator.ping_used_ns),
-            ping_period_ns=self._period_ns(PingReader),
+            ping_period_ns=self._ping_period_ns,
             rank=estimator.rank,
             imu_age_ns=_age(now_ns, estimator.imu_used_ns),
-            imu_period_ns=self._period_ns(LineReader, MavlinkReader),
+            imu_period_ns=self._imu_period_ns,
             velocity_sd_mps=estimator.velocity_sd_mps,
             rejected=estimator.rejected,
             stepped=steps > self._steps_seen,
@@ -282,7 +283,7 @@ class Engine:
         """The message of a port; None, and the reason, where it sends nothing."""
         try:
             data = one.port.encode(estimate)
-            one.silent_because = "" if data is not None else one.port.sends(estimate) or ""
+            one.silent_because = one.port.reason or ""
         except BottomlockError as error:
             one.silent_because = str(error)
             return None

@@ -12,9 +12,6 @@ from typing import Protocol
 
 from bottomlock.io.sentences import LONGEST_LINE, hexadecimal, xor_of
 
-LONGEST_JSON = 65_536
-"""Longest line of JSON, as the reader of files has it."""
-
 _WORD = struct.Struct("<H")
 _PNORBT = re.compile(
     rb"\$(PNORBT[01],(?:BEAM=)?([0-9]{1,2}),([^,*$]{0,24},[^,*$]{0,24}),[^*$]{0,400})\*([0-9A-Fa-f]{2})"

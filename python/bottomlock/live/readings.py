@@ -1,16 +1,15 @@
 """Inertial and depth readings of a live stream: lines of numbers, or MAVLink messages."""
 
 import math
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from bottomlock.errors import DataError
 from bottomlock.io.sentences import hexadecimal, number, whole, xor_of
 from bottomlock.live.framing import Lines
 from bottomlock.live.reasons import Reasons
 from bottomlock.live.sections import DepthSection
+from bottomlock.ports.mavlink import dialect
 
 Triple = tuple[float, float, float]
 
@@ -137,15 +136,9 @@ class MavlinkReader:
         """Makes the parser.
 
         Raises:
-            DataError: where pymavlink is not installed.
+            ScenarioError: where pymavlink is not installed.
         """
-        # pymavlink reads the variable when it is imported.
-        os.environ.setdefault("MAVLINK20", "1")
-        try:
-            from pymavlink.dialects.v20 import ardupilotmega  # noqa: PLC0415 - an extra
-        except ImportError as error:
-            raise DataError("format 'mavlink' needs pymavlink: pip install 'bottomlock[mavlink]'") from error
-        self._dialect = ardupilotmega
+        self._dialect = dialect()
         self.framer = _MavlinkFramer(self)
         self.restart()
 

@@ -15,7 +15,7 @@ from bottomlock.live.checkpoint import pack
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.connections import Connection, cancel
 from bottomlock.live.engine import TICK_NS, Engine, Message
-from bottomlock.live.raw_log import RawLog
+from bottomlock.live.raw_log import Kind, RawLog
 from bottomlock.live.sinks import Sink, open_sink
 
 SILENT_CONNECTION_PERIODS = 10.0
@@ -86,7 +86,7 @@ class Live:
         self._deliver("connected", place, now_ns, b"", lambda: self.engine.connected(place, now_ns))
 
     def _deliver(
-        self, kind: str, place: int, now_ns: int, data: bytes, work: Callable[[], list[Message]]
+        self, kind: Kind, place: int, now_ns: int, data: bytes, work: Callable[[], list[Message]]
     ) -> None:
         messages: list[Message] = []
         try:
@@ -102,10 +102,10 @@ class Live:
                 self._logged(kind, place, now_ns, data, messages)
         self._told()
 
-    def _logged(self, kind: str, place: int, now_ns: int, data: bytes, messages: list[Message]) -> None:
+    def _logged(self, kind: Kind, place: int, now_ns: int, data: bytes, messages: list[Message]) -> None:
         assert self.log is not None
         try:
-            self.log.write("in" if kind == "in" else "connected", place, now_ns, data)
+            self.log.write(kind, place, now_ns, data)
             for message in messages:
                 self.log.write("out", message.port, now_ns, message.data)
         except BottomlockError as error:

@@ -5,15 +5,17 @@ Estimates are of the moment: what cannot be written at once is dropped and count
 
 import asyncio
 import sys
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TypeVar
 
 from bottomlock.errors import OutputError
 from bottomlock.live.address import Address
-from bottomlock.live.connections import Connection
+from bottomlock.live.connections import FIRST_WAIT_S, LONGEST_WAIT_S, Connection, words_of
 
 MOST_WAITING_BYTES = 65_536
+
+T = TypeVar("T")
 
 
 class Sink:
@@ -30,6 +32,17 @@ class Sink:
         """Keeps the target open until it is cancelled."""
         raise NotImplementedError
 
+    async def _opened(self, attempt: Callable[[], Awaitable[T]]) -> T:
+        """What an attempt to open the target gives, once one succeeds."""
+        wait_s = FIRST_WAIT_S
+        while True:
+            try:
+                return await attempt()
+            except OSError as error:
+                wait_s = min(2.0 * wait_s, LONGEST_WAIT_S)
+                self.state = f"cannot be opened: {words_of(error)}; next attempt in {wait_s:g} s"
+                await asyncio.sleep(wait_s)
+
 
 class _Udp(Sink):
     def __init__(self, address: Address) -> None:
@@ -43,22 +56,19 @@ class _Udp(Sink):
             self._transport.sendto(data)
 
     async def run(self) -> None:
-        wait_s = 0.2
-        while self._transport is None:
-            try:
-                # A receiver that is not there yet must not end the sending: asyncio hands such errors to the protocol.
-                self._transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-                    asyncio.DatagramProtocol, remote_addr=(self._address.host, self._address.port)
-                )
-            except OSError as error:
-                wait_s = min(2.0 * wait_s, 5.0)
-                self.state = f"cannot be opened: {error.strerror or error}; next attempt in {wait_s:g} s"
-                await asyncio.sleep(wait_s)
+        remote = self._address.host, self._address.port
+        # A receiver that is not there yet must not end the sending: asyncio hands such errors to the protocol.
+        transport, _ = await self._opened(
+            lambda: asyncio.get_running_loop().create_datagram_endpoint(
+                asyncio.DatagramProtocol, remote_addr=remote
+            )
+        )
+        self._transport = transport
         self.state = "sending"
         try:
             await asyncio.Event().wait()
         finally:
-            self._transport.close()
+            transport.close()
 
 
 class _Stream(Sink):
@@ -124,23 +134,17 @@ class _Server(Sink):
             writer.close()
 
     async def run(self) -> None:
-        wait_s = 0.2
-        while True:
-            try:
-                server = await asyncio.start_server(self._serve, self._address.host, self._address.port)
-            except OSError as error:
-                wait_s = min(2.0 * wait_s, 5.0)
-                self.state = f"cannot be opened: {error.strerror or error}; next attempt in {wait_s:g} s"
-                await asyncio.sleep(wait_s)
-                continue
-            self.state = "0 clients"
-            try:
-                await asyncio.Event().wait()
-            finally:
-                # Not waited for: a client that stays would hold up the end from Python 3.12 on.
-                server.close()
-                for client in self._clients:
-                    client.close()
+        server = await self._opened(
+            lambda: asyncio.start_server(self._serve, self._address.host, self._address.port)
+        )
+        self.state = "0 clients"
+        try:
+            await asyncio.Event().wait()
+        finally:
+            # Not waited for: a client that stays would hold up the end from Python 3.12 on.
+            server.close()
+            for client in self._clients:
+                client.close()
 
 
 class _File(Sink):

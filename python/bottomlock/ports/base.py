@@ -27,6 +27,7 @@ class PortBase:
         self._period_ns = 0 if rate is None else ns_from_s(1.0 / rate)
         self._last_ns: int | None = None
         self._sent_ns: int | None = None
+        self.reason: str | None = None
 
     def sends(self, estimate: Estimate) -> str | None:
         """As `Port.sends`."""
@@ -40,8 +41,8 @@ class PortBase:
                 f"{self._last_ns}"
             )
         self._last_ns = estimate.time_ns
-        reason = self.sends(estimate)
-        data = None if reason else self._message(estimate)
+        self.reason = self.sends(estimate)
+        data = None if self.reason else self._message(estimate)
         self._observe(estimate, sent=data is not None)
         if data is not None:
             self._sent_ns = estimate.time_ns

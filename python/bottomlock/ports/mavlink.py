@@ -32,7 +32,7 @@ def dialect() -> Any:  # noqa: ANN401 - the library is not typed
         from pymavlink.dialects.v20 import ardupilotmega  # noqa: PLC0415 - an extra
     except ImportError as error:
         raise ScenarioError(
-            "MAVLink ports need the library pymavlink: python -m pip install 'bottomlock[mavlink]'"
+            "MAVLink needs the library pymavlink: python -m pip install 'bottomlock[mavlink]'"
         ) from error
     return ardupilotmega
 
@@ -70,6 +70,12 @@ class MavlinkPort(PortBase):
         """(3, 3) of the velocity, with the factor of mode navigation."""
         factor = self._factor if estimate.mode == "navigation" else 1.0
         return estimate.covariance_m2ps2 * factor
+
+    def _above(self, sd_mps: float, noise_mps: float | None) -> str | None:
+        """Why a receiver with a σ of its own, `noise_mps`, gets no estimate; None for one without, or where it may."""
+        if noise_mps is None or sd_mps <= noise_mps:
+            return None
+        return f"σ is {sd_mps:.3f} m/s, above receiver_noise_mps, {noise_mps}, which the receiver would use"
 
     def _pack(self, message: Any) -> bytes:  # noqa: ANN401 - the library is not typed
         data = bytes(message.pack(self._link))

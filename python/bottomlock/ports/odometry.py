@@ -76,9 +76,7 @@ class Odometry(MavlinkPort):
         if self._pose and estimate.mode != "navigation":
             return "mode velocity has no pose, which this receiver takes"
         sd = math.sqrt(scalar_bound(self._covariance(estimate)))
-        if self._noise is not None and sd > self._noise:
-            return f"σ is {sd:.3f} m/s, above receiver_noise_mps, {self._noise}, which the receiver would use"
-        return None
+        return self._above(sd, self._noise)
 
     def _message(self, estimate: Estimate) -> bytes:
         velocity = _single(diagonal_bound(self._covariance(estimate)))

@@ -42,12 +42,17 @@ class Port(Protocol):
         """The name in the registry."""
         ...
 
+    @property
+    def reason(self) -> str | None:
+        """Why `encode` gave nothing the last time; None if it gave bytes."""
+        ...
+
     def sends(self, estimate: Estimate) -> str | None:
         """Why nothing would be sent for this estimate now, in one line; None if `encode` would give bytes."""
         ...
 
     def encode(self, estimate: Estimate) -> bytes | None:
-        """The bytes of the message; None if nothing is sent, for the reason that `sends` gives.
+        """The bytes of the message; None if nothing is sent, for the reason that `reason` then has.
 
         Estimates are given in order of time, each once.
 

@@ -67,9 +67,7 @@ class VisionSpeedEstimate(MavlinkPort):
         if estimate.mode != "navigation":
             return "mode velocity has no attitude with a covariance, which north-east-down needs"
         sd = math.sqrt(self._tangent(estimate)[1])
-        if self._noise is not None and sd > self._noise:
-            return f"σ is {sd:.3f} m/s, above receiver_noise_mps, {self._noise}, which the receiver would use"
-        return None
+        return self._above(sd, self._noise)
 
     def _message(self, estimate: Estimate) -> bytes:
         velocity, variance = self._tangent(estimate)
