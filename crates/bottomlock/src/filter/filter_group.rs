@@ -157,6 +157,7 @@ fn run_lanes<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, spans: &mut [&m
         covariance: &mut covariance,
     };
     let mut lanes = InLanes {
+        are_extended: spans.iter().any(|span| !span.filter.extensions.is_empty()),
         spans,
         earth: &settings.earth,
         lost: Vec::new(),
@@ -170,6 +171,8 @@ fn run_lanes<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, spans: &mut [&m
 /// Beside the prediction in lanes: the filters that the lanes belong to.
 struct InLanes<'a, 'b, 'c, S> {
     spans: &'a mut [&'b mut FilterSpan<'c>],
+    /// Whether some filter has states beyond the 20.
+    are_extended: bool,
     earth: &'a EarthTerms,
     /// Filters as they were when their numbers ran out, by their lanes.
     lost: Vec<(usize, Eskf)>,
@@ -179,6 +182,9 @@ struct InLanes<'a, 'b, 'c, S> {
 impl<S: Simd, T: Lanes<S>, I: SideBySide<S, T>> Beside<T, I> for InLanes<'_, '_, '_, S> {
     #[inline(always)]
     fn propagate(&mut self, interval: &I, end: &Kinematics<T>) {
+        if !self.are_extended {
+            return;
+        }
         for (k, span) in self.spans.iter_mut().enumerate() {
             if !span.filter.extensions.is_empty() {
                 let end = Kinematics::from_array(scatter(&end.to_array(), k));
