@@ -157,7 +157,7 @@ def nucleus(step: int = 0, *, status: int = 0x7FFF, velocity: Sequence[float] = 
     head = struct.pack(
         "<4B3I2I3f", 2, 36, 1, 0, 1_690_000_000 + step, 250_000, status, 4711, 0, 1500.0, 12.0, 1.5
     )
-    numbers = [*velocity, 5.0, 5.1, 5.2, 0.01, 0.02, 0.03, 0.004, 0.005, 0.006, 0.02, 0.02, 0.02]
+    numbers = [*velocity, 5.0, 5.1, 5.2, 0.01, 0.02, 0.03, 0.004, 0.005, 0.006, 0.02, 0.021, 0.022]
     return head + struct.pack("<23f", *numbers, 1.0, -0.5, 0.25, 0.011, 0.012, 0.013, 0.005, 0.02)
 
 

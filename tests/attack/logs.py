@@ -36,7 +36,10 @@ class Log:
 
 
 class Numbers:
-    """Numbers of which no two are alike, as decimal text or integers."""
+    """Numbers of which no two are alike, as decimal text or integers.
+
+    The sum of their digits is a multiple of ten: one changed digit makes none of them another.
+    """
 
     def __init__(self, rng: random.Random) -> None:
         self._rng = rng
@@ -44,7 +47,7 @@ class Numbers:
 
     def whole(self, least: int, most: int) -> int:
         """An integer that was not drawn before."""
-        while (found := self._rng.randint(least, most)) in self._taken:
+        while (found := self._rng.randint(least, most)) in self._taken or sum(map(int, str(found))) % 10:
             pass
         self._taken.add(found)
         return found

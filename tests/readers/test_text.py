@@ -220,6 +220,30 @@ def test_linkquest_arrival_out_of_range() -> None:
     assert recording.table.to_frame()["arrival_ns"].is_null().to_list() == [False, True, False]
 
 
+def test_two_linkquest_lines_in_one_are_no_ping() -> None:
+    """A line that lost its end and the next its beginning: as many fields as a whole one, and a time as a range."""
+    lines = seeds.linkquest_log(3).splitlines()
+    first, second = lines[1].split(b","), lines[2].split(b",")
+    glued = b",".join([*first[:7], first[7] + second[0], *second[1:3], *second[10:]])
+    assert glued.count(b",") == lines[1].count(b",")
+    recording = linkquest.read(b"\n".join([lines[0], glued, lines[3]]), "log")
+    assert recording.account.skipped["range beyond 20 km"].first == 2
+    assert recording.table.rows == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "rows"), [(b"DVL", 2), (b"dvl_1000", 2), (b"17624219VL", 1), (b"1762421.5(DVL", 1)]
+)
+def test_a_pd6_line_with_two_times_is_no_ping(name: bytes, rows: int) -> None:
+    """Where a time stands in the place of the instrument's name, the line is the rest of another."""
+    lines = seeds.PD6_LOGGED.splitlines()
+    other = lines[1].replace(b"1762421966.54,DVL", b"1762421967.54," + name)
+    options = Options(instrument_only=True)
+    recording = pd6.read(b"\n".join([*lines, other]), "log", options)
+    assert recording.table.rows == rows
+    assert ("merged line" in recording.account.skipped) == (rows == 1)
+
+
 def test_pd6_is_refused_with_advice() -> None:
     """No beams in PD6: the message counts what is there and says what to change."""
     with pytest.raises(

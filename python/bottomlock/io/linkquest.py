@@ -17,6 +17,7 @@ from bottomlock.io.sentences import whole
 
 NAME = "linkquest-csv"
 _BEAMS = 4
+_MOST_RANGE_M = 20_000.0
 _NEEDED = (
     "header.stamp",
     *(f"dataGood{k}" for k in range(_BEAMS)),
@@ -124,6 +125,10 @@ def _rows(lines: Lines, at: dict[str, int], width: int, account: Account) -> _Ro
     time_ns = texts("header.stamp")
     use = known.all(axis=1) & sound.all(axis=1) & np.array([t is not None for t in time_ns], dtype=bool)
     account.skip_where("a field that is no number", ~use, good.number, good.piece(good.start, good.end))
+    # Two lines that lost an end and a beginning may look like one: there is no checksum, and a time is no range.
+    far = use & (values[:, :_BEAMS] > _MOST_RANGE_M).any(axis=1)
+    account.skip_where("range beyond 20 km", far, good.number, good.piece(good.start, good.end))
+    use &= ~far
     arrival = texts("%time") if "%time" in at else [None] * len(use)
     index = np.flatnonzero(use).tolist()
     return _Rows(

@@ -33,6 +33,8 @@ _EVERY_VELOCITY = re.compile(
     ),
     re.MULTILINE,
 )
+_MOST_DIGITS = 4
+"""Digits in a logger's name of the instrument."""
 _DIGIT = np.isin(np.arange(256), list(b"0123456789"))
 _SPACE = np.isin(np.arange(256), list(b" \t\r\n\x0b\x0c"))
 _NONE_MPS = (88.888, -32.768)
@@ -69,12 +71,14 @@ def _logged(lines: Lines, colon: Integers) -> tuple[Flags, Integers, Integers, I
     """
     raw, start, end = lines.raw, lines.start, lines.end
     commas = np.append(lines.places(b","), [len(raw)] * 2)
-    quotes, others = (_counted(mark) for mark in (raw == ord('"'), ~_DIGIT[raw]))
+    quotes, others, digits_before = (_counted(mark) for mark in (raw == ord('"'), ~_DIGIT[raw], _DIGIT[raw]))
     at = np.searchsorted(commas, start)
     time_end, comma = commas[at], commas[at + 1]
     opened = (comma == colon - 2) & (raw[np.maximum(colon - 1, 0)] == ord('"'))
     logged = ((comma == colon - 1) | opened) & (comma - time_end <= 65) & (end - start <= LONGEST_LINE)
     logged &= quotes[time_end] == quotes[comma]
+    # A field with many digits holds the time of another line, whose beginning is lost.
+    logged &= digits_before[np.minimum(comma, len(raw))] - digits_before[time_end] <= _MOST_DIGITS
     # The time: digits, perhaps a point and more digits.
     points = np.append(lines.places(b"."), len(raw))
     point = np.minimum(points[np.searchsorted(points, start)], time_end)
