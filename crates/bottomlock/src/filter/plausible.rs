@@ -36,8 +36,8 @@ impl Eskf {
         self.require_plausible()
     }
 
-    /// Whether position, velocity and variances are so far within their bounds that readings of less than a second between
-    /// which nobody looks leave them at the end, if at all: no force within its full scale (1e6 m/s²) leads out and back.
+    /// Whether position, velocity and variances are so far within their bounds that two seconds of readings, between which
+    /// nobody looks, cannot lead out of them and back: not even a force of the largest full scale, 1e6 m/s², does.
     pub(crate) fn is_far_from_bounds(&self) -> bool {
         self.is_within(0.1)
     }

@@ -258,3 +258,7 @@ pub(super) fn order(one: &Event, other: &Event) -> Ordering {
 fn bytes(event: &Event) -> Vec<u8> {
     postcard::to_stdvec(event).unwrap_or_default()
 }
+
+#[cfg(test)]
+#[path = "history_tests.rs"]
+mod tests;
