@@ -3,8 +3,9 @@
     python benches/late_data.py [--pushes 2000] [--rate 150]
 
 One filter (`tc`) and the selector (`consistent`), a ping of four beams at 5 Hz. A late ping is up to 2 s old; its push
-goes back, fuses it and replays what follows. Times are those of whole calls in one run; the ratios count, and the load
-of the machine is printed with them.
+goes back, fuses it and replays the inertial readings that follow. A late depth comes after each ping, which is in order:
+its push replays ten pings as well. Times are those of whole calls in one run; the ratios count, and the load of the
+machine is printed with them.
 """
 
 from __future__ import annotations
@@ -31,8 +32,11 @@ def start(method: Any, horizon_ns: int) -> Navigator:  # noqa: ANN401 - a method
     return Navigator(BeamGeometry.janus(0.35), model, options, initial, method=method, horizon_ns=horizon_ns)
 
 
-def flown(method: str, late_ns: int, pushes: int, rate: int) -> dict[str, np.ndarray]:
-    """Times of the calls, µs: inertial readings, and pings that are late or at the last reading."""
+def flown(method: str, late_ns: int, pushes: int, rate: int, *, depths: bool = False) -> dict[str, np.ndarray]:
+    """Times of the calls, µs: inertial readings, and pings that are late or at the last reading.
+
+    With `depths`, pings are at the last reading, and the times under "ping" are those of depths that are late.
+    """
     to = start(method, 2 * SECOND if late_ns >= 0 else 0)
     step_ns, late_ns = SECOND // rate, max(late_ns, 0)
     still = {"omega_p_radps": np.zeros(3), "force_p_mps2": np.array([0.0, 0.0, -normal_gravity_mps2(0.57)])}
@@ -48,7 +52,10 @@ def flown(method: str, late_ns: int, pushes: int, rate: int) -> dict[str, np.nda
         if k % every == 0 and k * step_ns >= late_ns:
             velocity = ping[0] + 0.04 * draw.normal(size=4)
             begin = time.perf_counter_ns()
-            to.push_beams(k * step_ns - late_ns, velocity, ping[1], sd_mps=noise)
+            to.push_beams(k * step_ns - (0 if depths else late_ns), velocity, ping[1], sd_mps=noise)
+            if depths:
+                begin = time.perf_counter_ns()
+                to.push_depth(k * step_ns - late_ns, 0.1 * draw.normal(), sd_m=0.1)
             times["ping"].append(time.perf_counter_ns() - begin)
     return {name: np.array(values[len(values) // 10 :]) * 1e-3 for name, values in times.items()}
 
@@ -67,13 +74,14 @@ def main() -> None:
             ("in order", 0),
             ("0.3 s late", 3 * SECOND // 10),
             ("2 s late", 2 * SECOND),
+            ("depth, 2 s late", 2 * SECOND),
         ):
-            found = flown(method, late_ns, asked.pushes, asked.rate)
+            found = flown(method, late_ns, asked.pushes, asked.rate, depths=name.startswith("depth"))
             row = [f"{np.percentile(found[what], q):8.1f}" for what in ("imu", "ping") for q in (50, 99)]
             base = base or np.median(found["ping"])
             ratio = np.median(found["ping"]) / base
             print(
-                f"{method:10} {name:10}  imu p50, p99 {row[0]}{row[1]} µs   ping{row[2]}{row[3]} µs   x{ratio:.1f}"
+                f"{method:10} {name:15}  imu p50, p99 {row[0]}{row[1]} µs   ping{row[2]}{row[3]} µs   x{ratio:.1f}"
             )
 
 

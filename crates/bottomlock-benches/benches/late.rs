@@ -14,7 +14,7 @@ use bottomlock::filter::options::Options;
 use bottomlock::frames::Vec3;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::model::Model;
-use bottomlock::navigator::events::Event;
+use bottomlock::navigator::events::{DepthSample, Event};
 use bottomlock::navigator::{LiveNavigator, Method, NavigatorSet};
 use bottomlock::state::NavState;
 
@@ -24,11 +24,12 @@ const RATE: i64 = 150;
 const PINGS: i64 = 5;
 const SECONDS: i64 = 300;
 
-/// A navigator, how late its pings are, and the times of its calls, ns.
+/// A navigator, how late its pings are (or its depths, with pings in order), and the times of its calls, ns.
 struct Flight {
     name: &'static str,
     navigator: LiveNavigator,
     late_ns: i64,
+    has_depths: bool,
     readings: Vec<u64>,
     pings: Vec<u64>,
 }
@@ -41,8 +42,16 @@ impl Flight {
             name,
             navigator: LiveNavigator::new(start, &geometry, aiding, &model, &options, horizon_ns).unwrap(),
             late_ns,
+            has_depths: false,
             readings: Vec::new(),
             pings: Vec::new(),
+        }
+    }
+
+    fn with_depths(self) -> Self {
+        Self {
+            has_depths: true,
+            ..self
         }
     }
 
@@ -62,7 +71,13 @@ impl Flight {
             let took = self.push(&reading(time_ns));
             self.readings.push(took);
             if k % (RATE / PINGS) == 0 && time_ns >= self.late_ns {
-                let took = self.push(&ping(time_ns - self.late_ns));
+                let late = if self.has_depths {
+                    self.push(&ping(time_ns));
+                    depth(time_ns - self.late_ns)
+                } else {
+                    ping(time_ns - self.late_ns)
+                };
+                let took = self.push(&late);
                 self.pings.push(took);
             }
         }
@@ -90,6 +105,14 @@ fn ping(time_ns: i64) -> Event {
     })
 }
 
+fn depth(time_ns: i64) -> Event {
+    Event::from(DepthSample {
+        time_ns,
+        depth_m: 0.01,
+        sd_m: 0.1,
+    })
+}
+
 /// Median and 99th percentile without the first tenth, µs.
 fn percentiles(times: &[u64]) -> (f64, f64) {
     let mut times = times[times.len() / 10..].to_vec();
@@ -110,6 +133,7 @@ fn main() {
             Flight::new("horizon 2 s, in order", method, 2 * SECOND, 0),
             Flight::new("horizon 2 s, 0.3 s late", method, 2 * SECOND, 3 * SECOND / 10),
             Flight::new("horizon 2 s, 2 s late", method, 2 * SECOND, 2 * SECOND),
+            Flight::new("its depths 2 s late", method, 2 * SECOND, 2 * SECOND).with_depths(),
         ];
         for second in 0..SECONDS {
             for k in second * RATE..(second + 1) * RATE {

@@ -57,13 +57,16 @@ proptest! {
         prop_assert_eq!(outcome(&restored), outcome(&shuffled));
         let mut told_restored = told_late.clone();
         pushed(&mut shuffled, after, &mut told_late).unwrap();
-        pushed(&mut restored, after, &mut told_restored).unwrap();
 
         prop_assert_eq!(outcome(&shuffled), outcome(&ordered));
         prop_assert_eq!(told_late.text(), told.text());
         prop_assert_eq!(shuffled.late_events(), &[0; STREAMS]);
-        prop_assert_eq!(outcome(&restored), outcome(&ordered));
-        prop_assert_eq!(told_restored.text(), told.text());
+        // Of many, a quarter: that one goes on costs as much as the law itself.
+        if cases() < 1_000 || seed % 4 == 0 {
+            pushed(&mut restored, after, &mut told_restored).unwrap();
+            prop_assert_eq!(outcome(&restored), outcome(&ordered));
+            prop_assert_eq!(told_restored.text(), told.text());
+        }
 
         let last_ns = ordered.navigators().state().time_ns;
         let out = replay(&Replay {

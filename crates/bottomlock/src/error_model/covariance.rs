@@ -13,7 +13,7 @@ use std::ops::Range;
 
 use super::ProcessNoise;
 use super::noise::HalfNoise;
-use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
+use crate::layout::{ACCEL_BIAS, ATTITUDE, DIM, DVL_BIAS, DYNAMIC, GYRO_BIAS, POSITION, VELOCITY};
 use crate::mechanisation::{EarthTerms, Inertial, Kinematics};
 use crate::simd::{Lane, Lift, M3, Simd, Strip, Strips, V3};
 
@@ -229,8 +229,19 @@ fn strips<S: Simd, T: Lane, W: Strip<S, T>>(from: usize) -> impl Iterator<Item =
 /// Mirrors what the rows of the dynamic states have of the others.
 #[inline(always)]
 pub(crate) fn complete<T: Lane>(p: &mut Matrix<T>) {
+    mirror(p, DYNAMIC..DIM);
+}
+
+/// The same of the inertial biases alone: all that a transition reads, and all that it leaves right for one filter.
+#[inline(always)]
+pub(crate) fn complete_biases<T: Lane>(p: &mut Matrix<T>) {
+    mirror(p, DYNAMIC..DVL_BIAS);
+}
+
+#[inline(always)]
+fn mirror<T: Lane>(p: &mut Matrix<T>, states: Range<usize>) {
     for i in 0..DYNAMIC {
-        for k in DYNAMIC..DIM {
+        for k in states.clone() {
             p[k][i] = p[i][k];
         }
     }

@@ -12,7 +12,7 @@ mod noise;
 mod second_order;
 mod side_by_side;
 
-pub(crate) use covariance::complete;
+pub(crate) use covariance::complete_biases;
 pub use covariance::{CovarianceInterval, Matrix, Parts, Transition};
 pub use first_order::{FirstOrder, FirstOrderInterval};
 pub use interval::Interval;

@@ -3,6 +3,7 @@
 use nalgebra::{SMatrix, Vector3};
 use proptest::prelude::*;
 
+use super::covariance::complete;
 use super::*;
 use crate::earth::Environment;
 use crate::frames::{Rot, Vec3};

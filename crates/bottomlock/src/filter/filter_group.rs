@@ -10,7 +10,7 @@ use super::predict::ran_out_of_numbers;
 use super::prediction::{Beside, Group, Reached, predict};
 use super::streams::Streams;
 use crate::error::NavError;
-use crate::error_model::{FirstOrderInterval, Interval, Matrix, SecondOrderInterval, SideBySide, complete};
+use crate::error_model::{FirstOrderInterval, Interval, Matrix, SecondOrderInterval, SideBySide, complete_biases};
 use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, ImuSample, Kinematics};
 use crate::simd::{Lanes, Simd, WIDEST, gather, scatter, scatter_rows, three, widest_lanes, with_lanes};
@@ -164,7 +164,7 @@ fn run_lanes<S: Simd, T: Lanes<S>, I: SideBySide<S, T>>(simd: S, spans: &mut [&m
         lanes: PhantomData,
     };
     let reached = predict(simd, &mut group, &streams, &settings, &mut lanes);
-    complete(group.covariance);
+    complete_biases(group.covariance);
     lanes.finish(reached, &group);
 }
 

@@ -41,8 +41,10 @@ fn stream(k: usize) -> Vec<ImuSample> {
     (0..SAMPLES).map(sample).collect()
 }
 
+/// The covariance also as it is stored, rows of an earlier time included.
 fn bits(filter: &Eskf) -> Vec<u64> {
     let mut numbers = filter.covariance().as_slice().to_vec();
+    numbers.extend(filter.covariance.iter());
     numbers.extend(filter.kinematics.to_array());
     if let Some(water) = filter.water() {
         numbers.extend(water.estimate().iter().chain(water.covariance()));

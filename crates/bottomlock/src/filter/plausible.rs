@@ -30,17 +30,28 @@ impl Eskf {
     /// [`NavError::Implausible`] that names the quantity.
     #[inline]
     pub(crate) fn require_plausible_motion(&self) -> Result<(), NavError> {
-        let motion = &self.kinematics;
-        let within = |values: &[f64; 3], limit: f64| values.iter().all(|value| value.abs() <= limit);
-        let variances =
-            self.interval.duration_s() > 0.0 || (0..DIM).all(|k| self.covariance[(k, k)].abs() <= LARGEST_VARIANCE);
-        if variances
-            && within(&motion.position_t_m, LARGEST_POSITION_M)
-            && within(&motion.velocity_t_mps, LARGEST_VELOCITY_MPS)
-        {
+        if self.is_within(1.0) {
             return Ok(());
         }
         self.require_plausible()
+    }
+
+    /// Whether position, velocity and variances are so far within their bounds that two seconds of readings, between which
+    /// nobody looks, cannot lead out of them and back: not even a force of the largest full scale, 1e6 m/s², does.
+    pub(crate) fn is_far_from_bounds(&self) -> bool {
+        self.is_within(0.1)
+    }
+
+    /// Whether position, velocity and, where it has just been propagated, the diagonal of the covariance are within a part
+    /// of their bounds.
+    #[inline]
+    fn is_within(&self, part: f64) -> bool {
+        let motion = &self.kinematics;
+        let within = |values: &[f64; 3], limit: f64| values.iter().all(|value| value.abs() <= part * limit);
+        let limit = part * LARGEST_VARIANCE;
+        (self.interval.duration_s() > 0.0 || (0..DIM).all(|k| self.covariance[(k, k)].abs() <= limit))
+            && within(&motion.position_t_m, LARGEST_POSITION_M)
+            && within(&motion.velocity_t_mps, LARGEST_VELOCITY_MPS)
     }
 
     /// Checks every number that an update changes.

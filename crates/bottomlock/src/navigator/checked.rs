@@ -70,6 +70,47 @@ impl Checked {
         Ok(())
     }
 
+    /// Takes a plain reading, and those after it as long as they are plain too and no measurement comes between: until one is
+    /// at `until_ns` or later, which is the last. All are predicted at once, with the bits of one by one; `run` is room for
+    /// them. Returns how many come after the first.
+    ///
+    /// Readings go one by one before the first, and near the bounds of an estimate, which are looked at before each.
+    ///
+    /// # Errors
+    /// As [`Checked::take_plain`]. It is then spoilt.
+    pub(super) fn take_plain_run<'a>(
+        &mut self,
+        first: &ImuSample,
+        after: impl Iterator<Item = &'a Event>,
+        until_ns: i64,
+        run: &mut Vec<ImuSample>,
+    ) -> Result<usize, NavError> {
+        let Some(last) = self
+            .navigators
+            .selected()
+            .last_imu()
+            .filter(|_| self.navigators.is_far_from_bounds())
+        else {
+            return self.take_plain(first).map(|()| 0);
+        };
+        run.clear();
+        run.extend([last, *first]);
+        self.check.note_fault(first, None);
+        let mut last_ns = first.time_ns;
+        for event in after {
+            match event {
+                Event::Imu(sample) if last_ns < until_ns && self.check.is_plain(sample, last_ns) => {
+                    self.check.note_fault(sample, None);
+                    last_ns = sample.time_ns;
+                    run.push(*sample);
+                }
+                _ => break,
+            }
+        }
+        self.navigators.push_readings(run)?;
+        Ok(run.len() - 2)
+    }
+
     /// Judges the reading that comes next.
     ///
     /// # Errors

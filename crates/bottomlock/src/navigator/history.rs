@@ -20,7 +20,7 @@ use crate::navigator::events::Event;
 pub(super) const LONGEST_HORIZON_NS: i64 = 10_000_000_000;
 
 /// Time from one checkpoint to the next, ns.
-const CHECKPOINT_NS: i64 = 100_000_000;
+const CHECKPOINT_NS: i64 = 200_000_000;
 
 /// Most events that are kept: ten seconds of 3 kHz. Beyond it the horizon is shorter than was asked for.
 const MOST_EVENTS: usize = 1 << 15;
@@ -258,3 +258,7 @@ pub(super) fn order(one: &Event, other: &Event) -> Ordering {
 fn bytes(event: &Event) -> Vec<u8> {
     postcard::to_stdvec(event).unwrap_or_default()
 }
+
+#[cfg(test)]
+#[path = "history_tests.rs"]
+mod tests;

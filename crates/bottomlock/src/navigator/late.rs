@@ -34,13 +34,15 @@ impl History {
         let from_ns = (from.good_ns(), from.seen_ns());
         let (mut now, mut checkpoints, mut found) = (from.clone(), Vec::new(), Vec::new());
         let mut due_ns = due_after(&self.checkpoints[after]);
-        // Place of the first measurement that waits for a good reading.
-        let mut unfed = first;
-        for (place, event) in (first..).zip(self.events.range(first..)) {
+        // The next event, and the first measurement that waits for a good reading.
+        let (mut next, mut unfed) = (first, first);
+        let mut run = Vec::new();
+        while let Some(event) = self.events.get(next) {
+            next += 1;
             let Event::Imu(sample) = event else {
                 if Some(event.time_ns()) == now.good_ns() {
                     now.aid(event, &mut found)?;
-                    unfed = place + 1;
+                    unfed = next;
                 }
                 continue;
             };
@@ -48,7 +50,7 @@ impl History {
                 continue;
             }
             now.navigators.require_plausible_motion()?;
-            let is_plain = unfed == place && now.is_plain(sample);
+            let is_plain = unfed + 1 == next && now.is_plain(sample);
             let judged = if is_plain {
                 Judged::Good(None)
             } else {
@@ -60,14 +62,14 @@ impl History {
                 due_ns = due_after(&now);
             }
             if is_plain {
-                now.take_plain(sample)?;
+                next += now.take_plain_run(sample, self.events.range(next..), due_ns, &mut run)?;
             } else {
-                let waiting = self.events.range(unfed..place);
+                let waiting = self.events.range(unfed..next - 1);
                 let measurements = waiting.filter(|event| !matches!(event, Event::Imu(_)));
                 now.take(sample, &judged, measurements, &mut found)?;
             }
             if is_good {
-                unfed = place + 1;
+                unfed = next;
             }
         }
         Ok(Replayed {
@@ -101,17 +103,15 @@ impl History {
                 Some(told) if told.is_same(&finding) => None,
                 Some(_) => Some(Standing::Revised),
             };
-            self.findings.insert(finding.key(), finding.clone());
-            if let Some(standing) = standing {
-                tell(&Notice { finding, standing });
-            }
+            let finding = match standing {
+                Some(standing) => told_as(standing, finding, tell),
+                None => finding,
+            };
+            self.findings.insert(finding.key(), finding);
         }
         for (key, finding) in before {
             if is_replayed(&finding) {
-                tell(&Notice {
-                    finding,
-                    standing: Standing::Withdrawn,
-                });
+                told_as(Standing::Withdrawn, finding, tell);
             } else {
                 self.findings.insert(key, finding);
             }
@@ -123,9 +123,15 @@ impl History {
     /// Tells findings of which nothing was told before.
     pub(super) fn tell_new(&mut self, found: Vec<Finding>, tell: &mut impl FnMut(&Notice)) {
         for finding in found {
-            self.findings.insert(finding.key(), finding.clone());
-            let standing = Standing::New;
-            tell(&Notice { finding, standing });
+            let finding = told_as(Standing::New, finding, tell);
+            self.findings.insert(finding.key(), finding);
         }
     }
+}
+
+/// Tells a finding, and gives it back.
+fn told_as(standing: Standing, finding: Finding, tell: &mut impl FnMut(&Notice)) -> Finding {
+    let notice = Notice { finding, standing };
+    tell(&notice);
+    notice.finding
 }

@@ -2,6 +2,7 @@
 
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::NavError;
+use crate::filter::filter_group::{FilterSpan, predict_together};
 use crate::filter::options::Options;
 use crate::filter::report::UpdateReport;
 use crate::filter::water_block::WaterBlock;
@@ -79,6 +80,25 @@ impl NavigatorSet {
         }
     }
 
+    /// Pushes good readings after the first, which was pushed before, where nothing was or is measured since: the bits of
+    /// [`NavigatorSet::push`] one by one.
+    ///
+    /// # Errors
+    /// As [`Eskf::predict_along`](crate::filter::Eskf::predict_along); the readings are then taken by some filters.
+    pub(crate) fn push_readings(&mut self, readings: &[ImuSample]) -> Result<(), NavError> {
+        let mut spans: Vec<_> = (self.filters_mut())
+            .map(|filter| FilterSpan::new(filter, readings))
+            .collect();
+        predict_together(&mut spans);
+        if let Some((_, error)) = spans.into_iter().find_map(|span| span.failure) {
+            return Err(error);
+        }
+        if let Some(last) = readings.last() {
+            self.has_taken(last);
+        }
+        Ok(())
+    }
+
     /// Pushes an inertial reading after an interval that is bridged, with the noise of that interval; a plain one without.
     ///
     /// # Errors
@@ -117,6 +137,11 @@ impl NavigatorSet {
     /// As [`Eskf::require_plausible_motion`], of every filter.
     pub(crate) fn require_plausible_motion(&self) -> Result<(), NavError> {
         self.filters_each().try_for_each(Eskf::require_plausible_motion)
+    }
+
+    /// As [`Eskf::is_far_from_bounds`], of every filter.
+    pub(crate) fn is_far_from_bounds(&self) -> bool {
+        self.filters_each().all(Eskf::is_far_from_bounds)
     }
 
     /// As [`Eskf::require_plausible`], of every filter.
