@@ -59,9 +59,9 @@ class Account:
         """Counts a record that is kept with a change."""
         _count(self.flagged, reason, position, detail, 1)
 
-    def pass_by(self, kind: str, position: int) -> None:
-        """Counts a well-formed record without a ping."""
-        _count(self.other, kind, position, "", 1)
+    def pass_by(self, kind: str, position: int, *, count: int = 1) -> None:
+        """Counts well-formed records without a ping, the first at a position."""
+        _count(self.other, kind, position, "", count)
 
     def skip_where(
         self, reason: str, chosen: Flags, position: Integers, detail: Detail = lambda _: ""

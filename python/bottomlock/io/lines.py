@@ -5,6 +5,7 @@ sentences, fields) is held as arrays of places where each begins and ends.
 """
 
 import functools
+import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -15,15 +16,21 @@ from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account, Flags, Floats, Integers
 from bottomlock.io.progress import reporter
+from bottomlock.io.sentences import number, whole
 
 BATCH = 1 << 18
 """Bytes of a batch, more where its last line goes on."""
 
 Bytes = NDArray[np.uint8]
 
+_FEW = 600
+"""Bytes of numbers up to which reading them one by one is faster than a column of them."""
+_MOST_DIGITS = 18
+
 _BLANK = np.isin(np.arange(256), list(b"\r\n \t\x00"))
 _HEX = np.full(256, -1, dtype=np.int16)
 _HEX[list(b"0123456789abcdef")] = _HEX[list(b"0123456789ABCDEF")] = range(16)
+_ODD_SPACE = np.isin(np.arange(256), list(b"\x0b\x0c"))
 _SPACE = re.compile(rb"[ \t\r\x0b\x0c]")
 # Words that Python and polars take for numbers, and digits with underscores, are none here.
 _NO_WORDS = bytes.maketrans(b"nN_", b"!!!")
@@ -67,6 +74,14 @@ class Lines:
         """Every place of a byte, rising."""
         return np.flatnonzero(self.raw == byte[0])
 
+    def solid_from(self, place: Integers) -> Flags:
+        """(n,) lines that have more than white space from a place on, which is within the line or its end."""
+        solid = place < self.end
+        # Of characters at the end of a line these two alone are white space.
+        for k in np.flatnonzero(solid & _ODD_SPACE[self.raw[self.end - 1]]).tolist():
+            solid[k] = bool(self.text[place[k] : self.end[k]].strip())
+        return solid
+
 
 def batches(data: bytes) -> Iterator[Lines]:
     """The lines of a file, some hundred kilobytes at a time."""
@@ -95,10 +110,10 @@ def lines_with(
         account.read += int(np.count_nonzero(~has))
         account.skip_where(reason, ~has, lines.number, lines.piece(lines.start, lines.end))
         chosen = lines.where(has)
-        for number, start, end in zip(
+        for position, start, end in zip(
             chosen.number.tolist(), chosen.start.tolist(), chosen.end.tolist(), strict=True
         ):
-            yield number, lines.text[start:end]
+            yield position, lines.text[start:end]
 
 
 def _stripped(raw: Bytes, start: Integers, end: Integers) -> tuple[Integers, Integers]:
@@ -195,9 +210,12 @@ def numbers(raw: Bytes, start: Integers, end: Integers) -> tuple[Floats, Flags]:
 
 
 def numbers_of(text: bytes) -> tuple[Floats, Flags]:
-    """The same of text with a number a line, the last with its line end too."""
+    """The same of text with a number a line, the last with its line end too; a few are read one by one."""
     if not text:
         return np.empty(0), np.empty(0, dtype=bool)
+    if len(text) < _FEW:
+        few = [number(cell) for cell in text[:-1].split(b"\n")]
+        return np.array([math.nan if v is None else v for v in few]), np.array([v is not None for v in few])
     cells = text[:-1].translate(_NO_WORDS).decode("latin-1").split("\n")
     if _SPACE.search(text):
         cells = [cell.strip(" \t\r\x0b\x0c") for cell in cells]
@@ -205,6 +223,19 @@ def numbers_of(text: bytes) -> tuple[Floats, Flags]:
     # Null becomes NaN, and no number is one.
     values = np.array(found.to_numpy())
     return values, ~np.isnan(values)
+
+
+def wholes(lines: Lines, start: Integers, end: Integers) -> list[int | None]:
+    """(n,) whole numbers of fields, as `sentences.whole`."""
+    sizes = end - start
+    if sizes.sum() < _FEW:
+        return [whole(lines.text[a:b]) for a, b in zip(start.tolist(), end.tolist(), strict=True)]
+    cells = joined(lines.raw, start, end)[:-1].decode("latin-1").split("\n")
+    found = pl.Series(cells, dtype=pl.String).cast(pl.Int64(), strict=False).to_list()
+    # Blanks, more than 64 bits, and what is too long.
+    for k in np.flatnonzero((sizes > _MOST_DIGITS) | np.array([v is None for v in found])).tolist():
+        found[k] = whole(lines.text[start[k] : end[k]])
+    return found
 
 
 def joined(raw: Bytes, start: Integers, end: Integers) -> bytes:
