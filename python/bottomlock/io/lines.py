@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.io.beam_table import Account, Flags, Floats, Integers
+from bottomlock.io.beam_table import Flags, Floats, Integers
 from bottomlock.io.progress import reporter
 from bottomlock.io.sentences import number, whole
 
@@ -70,6 +70,10 @@ class Lines:
         """The bytes between two places, by index: the detail of an account."""
         return lambda k: self.text[start[k] : end[k]]
 
+    def texts(self) -> list[bytes]:
+        """The lines."""
+        return [self.text[a:b] for a, b in zip(self.start.tolist(), self.end.tolist(), strict=True)]
+
     def places(self, byte: bytes) -> Integers:
         """Every place of a byte, rising."""
         return np.flatnonzero(self.raw == byte[0])
@@ -98,22 +102,6 @@ def batches(data: bytes) -> Iterator[Lines]:
         some = np.flatnonzero(end > start)
         yield Lines(text, raw, at, before + 1 + some, start[some], end[some])
         at, before = stop, before + len(breaks)
-
-
-def lines_with(
-    data: bytes, mark: bytes, account: Account, reason: str, longest: int
-) -> Iterator[tuple[int, bytes]]:
-    """Number and bytes of the lines that hold a byte or are too long; the others are counted as skipped."""
-    for lines in batches(data):
-        has = lines.end - lines.start > longest
-        has[lines.of(lines.places(mark))] = True
-        account.read += int(np.count_nonzero(~has))
-        account.skip_where(reason, ~has, lines.number, lines.piece(lines.start, lines.end))
-        chosen = lines.where(has)
-        for position, start, end in zip(
-            chosen.number.tolist(), chosen.start.tolist(), chosen.end.tolist(), strict=True
-        ):
-            yield position, lines.text[start:end]
 
 
 def _stripped(raw: Bytes, start: Integers, end: Integers) -> tuple[Integers, Integers]:
