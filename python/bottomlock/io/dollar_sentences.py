@@ -23,6 +23,8 @@ from bottomlock.io.lines import (
 from bottomlock.io.sentences import LONGEST_LINE
 
 _AFTER = np.isin(np.arange(256), list(b",*"))
+_LETTER = np.isin(np.arange(256), range(ord("A"), ord("Z") + 1))
+_DIGIT = np.isin(np.arange(256), range(ord("0"), ord("9") + 1))
 Check = Callable[[Bytes, Integers, Integers, Integers], Flags]
 """Whether checksums fit: of a batch's bytes, where texts begin and end, and the sums that are given."""
 
@@ -45,19 +47,16 @@ class Names:
 
     def read(self, raw: Bytes, start: Integers, length: Integers) -> tuple[Integers, Flags]:
         """(n,) a number for each name, the same for the same name, and which are names."""
-        good, used = np.ones(len(start), dtype=bool), len(self.prefix)
-        letters, digits, code = (np.zeros(len(start), dtype=np.int64) for _ in range(3))
-        for k, byte in enumerate(self.prefix):
-            good &= raw.take(start + k, mode="clip") == byte
-        for k in range(used, used + self.letters[1] + self.digits):
-            word = np.where(length > k, raw.take(start + k, mode="clip"), 0).astype(np.int64)
-            upper, digit = (word >= ord("A")) & (word <= ord("Z")), (word >= ord("0")) & (word <= ord("9"))
-            good &= digit | (word == 0) | (upper & (digits == 0))
-            letters += upper
-            digits += digit
-            code = code << 8 | word
+        used = len(self.prefix)
+        good = is_text(raw, start, start + used, self.prefix)
+        most = self.letters[1] + self.digits
+        place = np.arange(used, used + most)
+        word = np.where(place < length[:, None], raw.take(start[:, None] + place, mode="clip"), 0)
+        upper, digit = _LETTER[word], _DIGIT[word]
+        letters, digits = upper.sum(axis=1), digit.sum(axis=1)
+        good &= ~(digit[:, :-1] & upper[:, 1:]).any(axis=1)
         good &= (letters >= self.letters[0]) & (letters <= self.letters[1]) & (digits <= self.digits)
-        return code, good & (length == used + letters + digits)
+        return word @ (1 << 8 * np.arange(most)), good & (length == used + letters + digits)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,8 +26,11 @@ Bytes = NDArray[np.uint8]
 _FEW = 600
 """Bytes of numbers up to which reading them one by one is faster than a column of them."""
 _MOST_DIGITS = 18
+_FEW_LINES = 2048
+"""Bytes below which lines are cut one by one."""
 
-_BLANK = np.isin(np.arange(256), list(b"\r\n \t\x00"))
+_BLANKS = b"\r\n \t\x00"
+_BLANK = np.isin(np.arange(256), list(_BLANKS))
 _HEX = np.full(256, -1, dtype=np.int16)
 _HEX[list(b"0123456789abcdef")] = _HEX[list(b"0123456789ABCDEF")] = range(16)
 _ODD_SPACE = np.isin(np.arange(256), list(b"\x0b\x0c"))
@@ -97,11 +100,26 @@ def batches(data: bytes) -> Iterator[Lines]:
         stop = data.find(b"\n", at + BATCH) + 1 or len(data)
         text = data[at:stop]
         raw = np.frombuffer(text, dtype=np.uint8)
+        if len(text) < _FEW_LINES:
+            yield Lines(text, raw, at, *_few_lines(text, before))
+            return
         breaks = np.flatnonzero(raw == ord("\n"))
         start, end = _stripped(raw, np.concatenate(([0], breaks + 1)), np.append(breaks, len(raw)))
         some = np.flatnonzero(end > start)
         yield Lines(text, raw, at, before + 1 + some, start[some], end[some])
         at, before = stop, before + len(breaks)
+
+
+def _few_lines(text: bytes, before: int) -> tuple[Integers, Integers, Integers]:
+    """Number, start and end of the lines of the last batch of a file, cut one by one: a record that is read alone."""
+    found, at = [], 0
+    for position, line in enumerate(text.split(b"\n"), before + 1):
+        if solid := line.strip(_BLANKS):
+            start = at + line.index(solid[0])
+            found.append((position, start, start + len(solid)))
+        at += len(line) + 1
+    columns = np.array(found, dtype=np.int64).reshape(-1, 3).T
+    return columns[0], columns[1], columns[2]
 
 
 def _stripped(raw: Bytes, start: Integers, end: Integers) -> tuple[Integers, Integers]:
@@ -121,8 +139,8 @@ def hexadecimal_at(raw: Bytes, at: Integers) -> Integers:
     """(n,) numbers of two hexadecimal digits at some places; -1 where there are none, or the bytes end."""
     within = at + 2 <= len(raw)
     safe = np.where(within, at, 0)
-    high, low = (_HEX[raw.take(safe + k, mode="clip")].astype(np.int64) for k in (0, 1))
-    return np.where(within & (high >= 0) & (low >= 0), high * 16 + low, -1)
+    high, low = (_HEX[raw.take(safe + k, mode="clip")] for k in (0, 1))
+    return np.where(within & (high >= 0) & (low >= 0), high * 16 + low, -1).astype(np.int64)
 
 
 def running_xor(raw: Bytes) -> Callable[[Integers, Integers], Bytes]:
@@ -240,7 +258,6 @@ def joined(raw: Bytes, start: Integers, end: Integers) -> bytes:
 
 def is_text(raw: Bytes, start: Integers, end: Integers, word: bytes) -> Flags:
     """(n,) which pieces are exactly a word."""
-    same = np.asarray(end - start == len(word))
-    for k, byte in enumerate(word):
-        same &= raw.take(start + k, mode="clip") == byte
-    return same
+    at = start[:, None] + np.arange(len(word))
+    same = (raw.take(at, mode="clip") == np.frombuffer(word, dtype=np.uint8)).all(axis=1)
+    return np.asarray(same & (end - start == len(word)))
