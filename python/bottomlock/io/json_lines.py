@@ -113,7 +113,7 @@ def _keys(value: Object) -> int:
 
 
 def parse(text: bytes) -> Line:
-    """The objects of a line."""
+    """The objects of a line without blanks around it."""
     try:
         value = from_json(text, allow_inf_nan=False)
     except ValueError:
