@@ -55,13 +55,13 @@ class Account:
         """Counts lost records, the first at a position; of `detail` in bytes its beginning is shown."""
         _count(self.skipped, reason, position, detail, count)
 
-    def flag(self, reason: str, position: int, detail: str | bytes = "") -> None:
-        """Counts a record that is kept with a change."""
-        _count(self.flagged, reason, position, detail, 1)
+    def flag(self, reason: str, position: int, detail: str | bytes = "", *, count: int = 1) -> None:
+        """Counts records that are kept with a change, the first at a position."""
+        _count(self.flagged, reason, position, detail, count)
 
-    def pass_by(self, kind: str, position: int) -> None:
-        """Counts a well-formed record without a ping."""
-        _count(self.other, kind, position, "", 1)
+    def pass_by(self, kind: str, position: int, *, count: int = 1) -> None:
+        """Counts well-formed records without a ping, the first at a position."""
+        _count(self.other, kind, position, "", count)
 
     def skip_where(
         self, reason: str, chosen: Flags, position: Integers, detail: Detail = lambda _: ""

@@ -5,19 +5,22 @@ fixed mark and a checksum whose rule is not published: the published example fit
 manufacturer the NMEA exclusive or. Either is accepted.
 """
 
-import re
+import numpy as np
 
-from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.lines import lines_with
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
-from bottomlock.io.sentences import LONGEST_LINE, crc8_31, hexadecimal, number, whole, xor_of
+from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
+from bottomlock.io.dollar_sentences import Names, Remarks, Sentences, sentences
+from bottomlock.io.lines import Bytes, running_crc8, running_xor
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "cerulean-dvkfc"
 _BEAMS = 3
 _LEAST_RANGE_CONFIDENCE = 25.0
-_SENTENCE = re.compile(rb"\$(DV[A-Z]{2,4}(?:,[^*$]{0,600})?)\*([0-9A-Fa-f]{2})")
-_FIELDS = 27
-_VERSION, _END = b"24577", b"0x0055AAFF"
+_NAMES = Names(b"DV", letters=(2, 4), digits=0, longest=600)
+_FIELDS = 26
+_MARKS = {0: b"24577", 4: b"[A]", 11: b"[B]", 18: b"[C]", 25: b"0x0055AAFF"}
+"""Version, the cones and the end, by field."""
+_COUNT, _TIME = 1, 3
+_CONES = [field for first in (5, 12, 19) for field in range(first, first + 6)]
 
 
 def sniff(head: bytes) -> bool:
@@ -25,21 +28,25 @@ def sniff(head: bytes) -> bool:
     return b"$DVKFC," in head
 
 
-def _read_fields(fields: list[bytes]) -> tuple[int, list[float]] | None:
-    """Time (ns since start) and the eighteen numbers of the cones; None where the sentence is not as published."""
-    marks = (fields[5], fields[12], fields[19]) if len(fields) == _FIELDS else ()
-    if (
-        marks != (b"[A]", b"[B]", b"[C]")
-        or fields[1] != _VERSION
-        or fields[26] != _END
-        or whole(fields[2]) is None
-    ):
-        return None
-    time_s = number(fields[4])
-    numbers = [number(text) for start in (6, 13, 20) for text in fields[start : start + 6]]
-    if time_s is None or not 0.0 <= time_s < 1e9 or None in numbers:
-        return None
-    return round(time_s * 1e9), [NAN if v is None else v for v in numbers]
+def _fits(raw: Bytes, start: Integers, star: Integers, given: Integers) -> Flags:
+    """Either of the two sums."""
+    sums = (running_xor(raw)(start, star), running_crc8(raw, 0x131)(start, star))
+    return np.asarray((sums[0] == given) | (sums[1] == given))
+
+
+def _pings(found: Sentences, remarks: Remarks) -> tuple[Integers, Integers, Floats]:
+    """Position, time (ns since start) and the numbers of the cones (n, 18); what is not as published is counted."""
+    good, fields = found.fields(_FIELDS)
+    use = np.ones(len(fields.begin), dtype=bool)
+    for column, word in _MARKS.items():
+        use &= fields.is_text(column, word)
+    use &= np.array([count is not None for count in fields.wholes(_COUNT)], dtype=bool)
+    values, known = fields.numbers([_TIME, *_CONES])
+    with np.errstate(invalid="ignore"):
+        use &= known.all(axis=1) & (values[:, 0] >= 0.0) & (values[:, 0] < 1e9)
+    good[good] = use
+    remarks.skip("sentence with wrong fields or version", ~good, found.position, found.start, found.text)
+    return found.position[good], np.rint(values[use, 0] * 1e9).astype(np.int64), values[use, 1:]
 
 
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
@@ -49,37 +56,11 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         DataError: where there is none.
     """
     account = Account(unit="line")
-    rows = Rows(_BEAMS, account)
-    for position, line in lines_with(data, b"$", account, "not a sentence", LONGEST_LINE):
-        account.read += 1
-        if len(line) > LONGEST_LINE:
-            account.skip("line too long", position, line)
-            continue
-        at = 0
-        while match := _SENTENCE.search(line, at):
-            account.read += at > 0
-            at = match.end()
-            text, given = match.group(1), hexadecimal(match.group(2))
-            if given not in {xor_of(text), crc8_31(text)}:
-                if not options.ignore_checksum:
-                    account.skip("bad checksum", position, match.group())
-                    continue
-                account.flag("bad checksum, kept on request", position, match.group())
-            fields = text.split(b",")
-            if fields[0] != b"DVKFC":
-                account.pass_by("$" + fields[0].decode("ascii"), position)
-                continue
-            found = _read_fields(fields)
-            if found is None:
-                account.skip("sentence with wrong fields or version", position, text)
-                continue
-            _add(rows, position, *found)
-        if at == 0:
-            account.skip("truncated", position, line)
-        elif line[at:].strip():
-            account.read += 1
-            account.skip("truncated", position, line[at:])
-    table = rows.finish(negate=options.negate_beams)
+    parts = []
+    for found, remarks in sentences(data, _NAMES, (b"DVKFC",), _fits, account, trust=options.ignore_checksum):
+        parts.append(_pings(found, remarks))
+        remarks.tell()
+    table = _table(parts, account, negate=options.negate_beams)
     raise_if_empty(account, place, "$DVKFC sentence")
     return Recording(
         format=NAME,
@@ -96,15 +77,21 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
 
 
-def _add(rows: Rows, position: int, time_ns: int, numbers: list[float]) -> None:
+def _table(parts: list[tuple[Integers, Integers, Floats]], account: Account, *, negate: bool) -> BeamTable:
     """Per cone: gain, cycles, range, range confidence, velocity, velocity confidence."""
-    cones = [numbers[6 * k : 6 * k + 6] for k in range(_BEAMS)]
-    rows.add(
+    nothing = np.empty(0, dtype=np.int64)
+    position, time_ns = (np.concatenate([nothing, *(part[k] for part in parts)]) for k in (0, 1))
+    cones = np.concatenate([np.empty((0, len(_CONES))), *(part[2] for part in parts)])
+    _, _, distance, sure, velocity, quality = np.moveaxis(cones.reshape(-1, _BEAMS, 6), 2, 0)
+    return make_table(
+        account,
+        _BEAMS,
         position,
         time_ns,
-        [cone[4] for cone in cones],
-        [cone[3] >= _LEAST_RANGE_CONFIDENCE for cone in cones],
-        range_m=[cone[2] if cone[2] > 0.0 else NAN for cone in cones],
-        quality=[cone[5] for cone in cones],
-        extra={f"beam{k + 1}_range_confidence": cone[3] for k, cone in enumerate(cones)},
+        velocity,
+        sure >= _LEAST_RANGE_CONFIDENCE,
+        range_m=np.where(distance > 0.0, distance, NAN),
+        quality=quality,
+        extra={f"beam{k + 1}_range_confidence": sure[:, k] for k in range(_BEAMS)},
+        negate=negate,
     )

@@ -5,6 +5,7 @@ sentences, fields) is held as arrays of places where each begins and ends.
 """
 
 import functools
+import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -13,17 +14,26 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.io.beam_table import Account, Flags, Floats, Integers
+from bottomlock.io.beam_table import Flags, Floats, Integers
 from bottomlock.io.progress import reporter
+from bottomlock.io.sentences import number, whole
 
 BATCH = 1 << 18
 """Bytes of a batch, more where its last line goes on."""
 
 Bytes = NDArray[np.uint8]
 
-_BLANK = np.isin(np.arange(256), list(b"\r\n \t\x00"))
+_FEW = 600
+"""Bytes of numbers up to which reading them one by one is faster than a column of them."""
+_MOST_DIGITS = 18
+_FEW_LINES = 2048
+"""Bytes below which lines are cut one by one."""
+
+_BLANKS = b"\r\n \t\x00"
+_BLANK = np.isin(np.arange(256), list(_BLANKS))
 _HEX = np.full(256, -1, dtype=np.int16)
 _HEX[list(b"0123456789abcdef")] = _HEX[list(b"0123456789ABCDEF")] = range(16)
+_ODD_SPACE = np.isin(np.arange(256), list(b"\x0b\x0c"))
 _SPACE = re.compile(rb"[ \t\r\x0b\x0c]")
 # Words that Python and polars take for numbers, and digits with underscores, are none here.
 _NO_WORDS = bytes.maketrans(b"nN_", b"!!!")
@@ -63,9 +73,21 @@ class Lines:
         """The bytes between two places, by index: the detail of an account."""
         return lambda k: self.text[start[k] : end[k]]
 
+    def texts(self) -> list[bytes]:
+        """The lines."""
+        return [self.text[a:b] for a, b in zip(self.start.tolist(), self.end.tolist(), strict=True)]
+
     def places(self, byte: bytes) -> Integers:
         """Every place of a byte, rising."""
         return np.flatnonzero(self.raw == byte[0])
+
+    def solid_from(self, place: Integers) -> Flags:
+        """(n,) lines that have more than white space from a place on, which is within the line or its end."""
+        solid = place < self.end
+        # Of characters at the end of a line these two alone are white space.
+        for k in np.flatnonzero(solid & _ODD_SPACE[self.raw[self.end - 1]]).tolist():
+            solid[k] = bool(self.text[place[k] : self.end[k]].strip())
+        return solid
 
 
 def batches(data: bytes) -> Iterator[Lines]:
@@ -78,6 +100,9 @@ def batches(data: bytes) -> Iterator[Lines]:
         stop = data.find(b"\n", at + BATCH) + 1 or len(data)
         text = data[at:stop]
         raw = np.frombuffer(text, dtype=np.uint8)
+        if len(text) < _FEW_LINES:
+            yield Lines(text, raw, at, *_few_lines(text, before))
+            return
         breaks = np.flatnonzero(raw == ord("\n"))
         start, end = _stripped(raw, np.concatenate(([0], breaks + 1)), np.append(breaks, len(raw)))
         some = np.flatnonzero(end > start)
@@ -85,20 +110,16 @@ def batches(data: bytes) -> Iterator[Lines]:
         at, before = stop, before + len(breaks)
 
 
-def lines_with(
-    data: bytes, mark: bytes, account: Account, reason: str, longest: int
-) -> Iterator[tuple[int, bytes]]:
-    """Number and bytes of the lines that hold a byte or are too long; the others are counted as skipped."""
-    for lines in batches(data):
-        has = lines.end - lines.start > longest
-        has[lines.of(lines.places(mark))] = True
-        account.read += int(np.count_nonzero(~has))
-        account.skip_where(reason, ~has, lines.number, lines.piece(lines.start, lines.end))
-        chosen = lines.where(has)
-        for number, start, end in zip(
-            chosen.number.tolist(), chosen.start.tolist(), chosen.end.tolist(), strict=True
-        ):
-            yield number, lines.text[start:end]
+def _few_lines(text: bytes, before: int) -> tuple[Integers, Integers, Integers]:
+    """Number, start and end of the lines of the last batch of a file, cut one by one: a record that is read alone."""
+    found, at = [], 0
+    for position, line in enumerate(text.split(b"\n"), before + 1):
+        if solid := line.strip(_BLANKS):
+            start = at + line.index(solid[0])
+            found.append((position, start, start + len(solid)))
+        at += len(line) + 1
+    columns = np.array(found, dtype=np.int64).reshape(-1, 3).T
+    return columns[0], columns[1], columns[2]
 
 
 def _stripped(raw: Bytes, start: Integers, end: Integers) -> tuple[Integers, Integers]:
@@ -118,8 +139,8 @@ def hexadecimal_at(raw: Bytes, at: Integers) -> Integers:
     """(n,) numbers of two hexadecimal digits at some places; -1 where there are none, or the bytes end."""
     within = at + 2 <= len(raw)
     safe = np.where(within, at, 0)
-    high, low = (_HEX[raw.take(safe + k, mode="clip")].astype(np.int64) for k in (0, 1))
-    return np.where(within & (high >= 0) & (low >= 0), high * 16 + low, -1)
+    high, low = (_HEX[raw.take(safe + k, mode="clip")] for k in (0, 1))
+    return np.where(within & (high >= 0) & (low >= 0), high * 16 + low, -1).astype(np.int64)
 
 
 def running_xor(raw: Bytes) -> Callable[[Integers, Integers], Bytes]:
@@ -195,9 +216,12 @@ def numbers(raw: Bytes, start: Integers, end: Integers) -> tuple[Floats, Flags]:
 
 
 def numbers_of(text: bytes) -> tuple[Floats, Flags]:
-    """The same of text with a number a line, the last with its line end too."""
+    """The same of text with a number a line, the last with its line end too; a few are read one by one."""
     if not text:
         return np.empty(0), np.empty(0, dtype=bool)
+    if len(text) < _FEW:
+        few = [number(cell) for cell in text[:-1].split(b"\n")]
+        return np.array([math.nan if v is None else v for v in few]), np.array([v is not None for v in few])
     cells = text[:-1].translate(_NO_WORDS).decode("latin-1").split("\n")
     if _SPACE.search(text):
         cells = [cell.strip(" \t\r\x0b\x0c") for cell in cells]
@@ -205,6 +229,19 @@ def numbers_of(text: bytes) -> tuple[Floats, Flags]:
     # Null becomes NaN, and no number is one.
     values = np.array(found.to_numpy())
     return values, ~np.isnan(values)
+
+
+def wholes(lines: Lines, start: Integers, end: Integers) -> list[int | None]:
+    """(n,) whole numbers of fields, as `sentences.whole`."""
+    sizes = end - start
+    if sizes.sum() < _FEW:
+        return [whole(lines.text[a:b]) for a, b in zip(start.tolist(), end.tolist(), strict=True)]
+    cells = joined(lines.raw, start, end)[:-1].decode("latin-1").split("\n")
+    found = pl.Series(cells, dtype=pl.String).cast(pl.Int64(), strict=False).to_list()
+    # Blanks, more than 64 bits, and what is too long.
+    for k in np.flatnonzero((sizes > _MOST_DIGITS) | np.array([v is None for v in found])).tolist():
+        found[k] = whole(lines.text[start[k] : end[k]])
+    return found
 
 
 def joined(raw: Bytes, start: Integers, end: Integers) -> bytes:
@@ -221,7 +258,6 @@ def joined(raw: Bytes, start: Integers, end: Integers) -> bytes:
 
 def is_text(raw: Bytes, start: Integers, end: Integers, word: bytes) -> Flags:
     """(n,) which pieces are exactly a word."""
-    same = np.asarray(end - start == len(word))
-    for k, byte in enumerate(word):
-        same &= raw.take(start + k, mode="clip") == byte
-    return same
+    at = start[:, None] + np.arange(len(word))
+    same = (raw.take(at, mode="clip") == np.frombuffer(word, dtype=np.uint8)).all(axis=1)
+    return np.asarray(same & (end - start == len(word)))

@@ -4,25 +4,37 @@ BV is the beam's velocity (-32.768 invalid), FOM its figure of merit (10 invalid
 invalid), DT1 the milliseconds from the trigger to the echo's centre.
 """
 
-import datetime as dt
 import math
-import re
+from dataclasses import dataclass
 
-from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.lines import lines_with
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
-from bottomlock.io.sentences import LONGEST_LINE, hexadecimal, number, whole, xor_of
+import numpy as np
+
+from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
+from bottomlock.io.civil_time import minute_ns
+from bottomlock.io.dollar_sentences import Fields, Names, Remarks, Sentences, sentences
+from bottomlock.io.lines import Bytes, running_xor
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "nortek-ascii"
 MOST_BEAMS = 4
 NO_VELOCITY_MPS, NO_FOM_MPS = -32.768, 10.0
 TILT_RAD = math.radians(25.0)
 """Tilt of Nortek's DVL500 and DVL1000, to turn a vertical distance into one along the beam."""
-_SENTENCE = re.compile(rb"\$(PNOR[A-Z]{0,3}[0-9]{0,2}(?:,[^*$]{0,400})?)\*([0-9A-Fa-f]{2})")
+_NAMES = Names(b"PNOR", letters=(0, 3), digits=2, longest=400)
+_WANTED = (b"PNORBT0", b"PNORBT1")
 _TAGS = (b"BEAM", b"DATE", b"TIME", b"DT1", b"DT2", b"BV", b"FOM", b"DIST", b"STAT")
-_EPOCH = dt.date(1970, 1, 1).toordinal()
+_BEAM, _DATE, _TIME, _DT1, _BV, _FOM, _DIST = 0, 1, 2, 3, 5, 6, 7
+_LOST = np.array([NO_VELOCITY_MPS, NO_FOM_MPS, 0.0, NAN])
 
-Beam = tuple[int, float, float, float, float]
+
+@dataclass(frozen=True, eq=False)
+class _Beams:
+    """Beam lines, (n,) each; `numbers` (n, 4) holds velocity, figure of merit, vertical distance, DT1 (ms)."""
+
+    position: Integers
+    time_ns: Integers
+    beam: Integers
+    numbers: Floats
 
 
 def sniff(head: bytes) -> bool:
@@ -30,82 +42,85 @@ def sniff(head: bytes) -> bool:
     return b"$PNORBT" in head
 
 
-def _untag(fields: list[bytes]) -> list[bytes] | None:
-    """Values in the order of DF351, from the tagged form; None where a tag is missing or out of place."""
-    values = []
-    for tag, text in zip(_TAGS, fields, strict=True):
-        name, equals, value = text.partition(b"=")
-        if not equals or name != tag:
-            return None
-        values.append(value)
-    return values
+def _untag(fields: Fields) -> tuple[Fields, Flags]:
+    """Values in the order of DF351, also from the tagged form, and which lines have each tag in its place."""
+    raw, begin = fields.lines.raw, fields.begin.copy()
+    equals = np.append(fields.lines.places(b"="), len(raw))
+    tagged = equals[np.searchsorted(equals, begin[:, 0])] < fields.end[:, 0]
+    good = np.ones(len(tagged), dtype=bool)
+    for column, tag in enumerate(_TAGS):
+        value = begin[:, column] + len(tag) + 1
+        has = value <= fields.end[:, column]
+        for k, byte in enumerate(tag + b"="):
+            has &= raw.take(begin[:, column] + k, mode="clip") == byte
+        good &= has | ~tagged
+        begin[:, column] = np.where(tagged & has, value, begin[:, column])
+    return Fields(fields.lines, begin, fields.end), good
 
 
-def _time_ns(date: bytes, time: bytes) -> int | None:
-    """MMDDYY and hhmmss.ssss as nanoseconds since 1970."""
-    day, seconds = whole(date), time[4:]
-    second, clock = number(seconds), whole(time[:4])
-    if day is None or second is None or clock is None or len(date) != 6 or not time[:4].isdigit():
-        return None
-    month, rest = divmod(day, 10_000)
-    hour, minute = divmod(clock, 100)
-    if hour > 23 or minute > 59 or not 0.0 <= second < 61.0:
-        return None
-    try:
-        ordinal = dt.date(2000 + rest % 100, month, rest // 100).toordinal() - _EPOCH
-    except ValueError:
-        return None
-    return (ordinal * 86_400 + hour * 3600 + minute * 60) * 1_000_000_000 + round(second * 1e9)
+def _times(fields: Fields) -> tuple[Integers, Flags]:
+    """MMDDYY and hhmmss.ssss as nanoseconds since 1970 (n,), and which are times."""
+    raw, time, end = fields.lines.raw, fields.begin[:, _TIME], fields.end[:, _TIME]
+    digits = [raw.take(time + k, mode="clip").astype(np.int64) - ord("0") for k in range(4)]
+    good = (end - time > 4) & (fields.end[:, _DATE] - fields.begin[:, _DATE] == 6)
+    for digit in digits:
+        good &= (digit >= 0) & (digit <= 9)
+    rest = Fields(fields.lines, np.minimum(time + 4, end)[:, None], end[:, None])
+    seconds, known = rest.numbers([0])
+    second = seconds[:, 0]
+    with np.errstate(invalid="ignore"):
+        good &= known[:, 0] & (second >= 0.0) & (second < 61.0)
+    date = np.array(
+        [-1 if v is None or not g else v for v, g in zip(fields.wholes(_DATE), good, strict=True)]
+    )
+    month, day, year = date // 10_000, date // 100 % 100, 2000 + date % 100
+    hour, minute = 10 * digits[0] + digits[1], 10 * digits[2] + digits[3]
+    begin, sound = minute_ns(year, month, day, hour, minute)
+    good &= sound & (date >= 0)
+    return begin + np.rint(np.where(good, second, 0.0) * 1e9).astype(np.int64), good
 
 
-def _beam(fields: list[bytes]) -> tuple[int, Beam] | None:
-    """Time of a line, and its beam number, velocity, figure of merit, distance, DT1 (s)."""
-    if len(fields) != 9:
-        return None
-    values = _untag(fields) if b"=" in fields[0] else fields
-    if values is None:
-        return None
-    time_ns, beam = _time_ns(values[1], values[2]), whole(values[0])
-    numbers = [number(values[k]) for k in (5, 6, 7, 3)]
-    if time_ns is None or beam is None or not 1 <= beam <= MOST_BEAMS or None in numbers:
-        return None
-    velocity, fom, distance, dt1_ms = (NAN if v is None else v for v in numbers)
-    return time_ns, (beam, velocity, fom, distance, dt1_ms * 1e-3)
+def _beams(found: Sentences, remarks: Remarks) -> _Beams:
+    """The beam lines among sentences; those with wrong fields are counted."""
+    good, fields = found.fields(len(_TAGS))
+    fields, use = _untag(fields)
+    time_ns, timed = _times(fields)
+    beam = np.array(
+        [v if v is not None and 1 <= v <= MOST_BEAMS else 0 for v in fields.wholes(_BEAM)], dtype=np.int64
+    )
+    values, known = fields.numbers([_BV, _FOM, _DIST, _DT1])
+    use &= timed & (beam > 0) & known.all(axis=1)
+    good[good] = use
+    remarks.skip("beam line with wrong fields", ~good, found.position, found.start, found.text)
+    return _Beams(found.position[good], time_ns[use], beam[use], values[use])
 
 
-def _lines(data: bytes, account: Account, *, trust: bool) -> list[tuple[int, int, Beam]]:
-    """Position, time and beam of every good line."""
-    found = []
-    for position, line in lines_with(data, b"$", account, "not a sentence", LONGEST_LINE):
-        at = 0
-        account.read += 1
-        if len(line) > LONGEST_LINE:
-            account.skip("line too long", position, line)
-            continue
-        while match := _SENTENCE.search(line, at):
-            account.read += at > 0
-            at = match.end()
-            text = match.group(1)
-            if xor_of(text) != hexadecimal(match.group(2)):
-                if not trust:
-                    account.skip("bad checksum", position, match.group())
-                    continue
-                account.flag("bad checksum, kept on request", position, match.group())
-            name, *fields = text.split(b",")
-            if name not in {b"PNORBT0", b"PNORBT1"}:
-                account.pass_by("$" + name.decode("ascii"), position)
-                continue
-            beam = _beam(fields)
-            if beam is None:
-                account.skip("beam line with wrong fields", position, text)
-            else:
-                found.append((position, *beam))
-        if at == 0:
-            account.skip("truncated", position, line)
-        elif line[at:].strip():
-            account.read += 1
-            account.skip("truncated", position, line[at:])
-    return found
+def _read_beams(data: bytes, account: Account, *, trust: bool) -> _Beams:
+    """Every good beam line of a file."""
+    nothing = np.empty(0, dtype=np.int64)
+    parts = [_Beams(nothing, nothing, nothing, np.empty((0, 4)))]
+    for found, remarks in sentences(data, _NAMES, _WANTED, _fits, account, trust=trust):
+        parts.append(_beams(found, remarks))
+        remarks.tell()
+    columns = ("position", "time_ns", "beam", "numbers")
+    return _Beams(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
+
+
+def _fits(raw: Bytes, start: Integers, star: Integers, given: Integers) -> Flags:
+    """The exclusive or of NMEA 0183."""
+    return np.asarray(running_xor(raw)(start, star) == given)
+
+
+def _pings(lines: _Beams) -> Integers:
+    """(n,) the ping of each beam line: a new one begins with another time, or with a beam that is there already."""
+    found, last, there, ping = [], None, 0, -1
+    for time, beam in zip(lines.time_ns.tolist(), lines.beam.tolist(), strict=True):
+        mark = 1 << beam
+        if time != last or there & mark:
+            ping, last, there = ping + 1, time, 0
+        there |= mark
+        found.append(ping)
+    return np.array(found, dtype=np.int64)
 
 
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
@@ -115,21 +130,9 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         DataError: where there is no good beam line.
     """
     account = Account(unit="line")
-    found = _lines(data, account, trust=options.ignore_checksum)
-    beams = max((beam[0] for _, _, beam in found), default=0)
-    rows = Rows(beams, account)
-    ping: dict[int, Beam] = {}
-    first = time = 0
-    for position, time_ns, beam in found:
-        if ping and (time_ns != time or beam[0] in ping):
-            _add(rows, first, time, ping)
-            ping = {}
-        if not ping:
-            first, time = position, time_ns
-        ping[beam[0]] = beam
-    if ping:
-        _add(rows, first, time, ping)
-    table = rows.finish(negate=options.negate_beams)
+    lines = _read_beams(data, account, trust=options.ignore_checksum)
+    beams = int(lines.beam.max(initial=0))
+    table = _table(lines, beams, account, negate=options.negate_beams)
     raise_if_empty(account, place, "beam line $PNORBT0 or $PNORBT1")
     return Recording(
         format=NAME,
@@ -149,19 +152,25 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
 
 
-def _add(rows: Rows, position: int, time_ns: int, ping: dict[int, Beam]) -> None:
-    """A ping to the table; what the manual says of invalid values becomes none."""
-    if len(ping) < rows.beams:
-        rows.account.flag("beam line missing", position)
-    lost = (0, NO_VELOCITY_MPS, NO_FOM_MPS, 0.0, NAN)
-    beams = [ping.get(k + 1, lost) for k in range(rows.beams)]
-    known = [v > NO_VELOCITY_MPS + 1e-3 for _, v, _, _, _ in beams]
-    rows.add(
-        position,
-        time_ns,
-        [v if good else NAN for (_, v, _, _, _), good in zip(beams, known, strict=True)],
-        [good and fom < NO_FOM_MPS for (_, _, fom, _, _), good in zip(beams, known, strict=True)],
-        range_m=[d / math.cos(TILT_RAD) if d > 0.0 else NAN for _, _, _, d, _ in beams],
-        sd=[fom if fom < NO_FOM_MPS else NAN for _, _, fom, _, _ in beams],
-        extra={f"beam{k + 1}_delay_s": b[4] for k, b in enumerate(beams)},
+def _table(lines: _Beams, beams: int, account: Account, *, negate: bool) -> BeamTable:
+    """The table; what the manual says of invalid values becomes none."""
+    ping = _pings(lines)
+    first = np.flatnonzero(np.diff(ping, prepend=-1))
+    values = np.tile(_LOST, (len(first), beams, 1))
+    values[ping, lines.beam - 1] = lines.numbers
+    there = np.bincount(ping, minlength=len(first))
+    account.flag_where("beam line missing", there < beams, lines.position[first])
+    velocity, fom, distance, dt1_ms = np.moveaxis(values, 2, 0)
+    known = velocity > NO_VELOCITY_MPS + 1e-3
+    return make_table(
+        account,
+        beams,
+        lines.position[first],
+        lines.time_ns[first],
+        np.where(known, velocity, NAN),
+        known & (fom < NO_FOM_MPS),
+        range_m=np.where(distance > 0.0, distance / math.cos(TILT_RAD), NAN),
+        sd=np.where(fom < NO_FOM_MPS, fom, NAN),
+        extra={f"beam{k + 1}_delay_s": dt1_ms[:, k] * 1e-3 for k in range(beams)},
+        negate=negate,
     )

@@ -97,10 +97,16 @@ def make_table(
     def floats(values: ArrayLike | None, width: int) -> Floats:
         if values is None:
             return np.full((len(keep), width), np.nan)
-        array = np.array(np.asarray(values, dtype=np.float64).reshape(n, width)[keep])
+        array = np.array(values, dtype=np.float64).reshape(n, width)
+        if len(keep) < n:
+            array = array[keep]
         # An infinity is no measurement either: the table holds finite numbers or NaN.
         array[~np.isfinite(array)] = np.nan
         return array
+
+    def flags(values: ArrayLike, dtype: type[np.bool_ | np.int8]) -> NDArray[Any]:
+        array = np.asarray(values, dtype=dtype)
+        return (array if array.ndim else np.full(n, array))[keep]
 
     times, arrival = _whole(time_ns), None if arrival_ns is None else _whole(arrival_ns)
     late = np.abs(times) >= LATEST_NS
@@ -128,9 +134,9 @@ def make_table(
         quality=floats(quality, beams),
         sd_mps=floats(sd, beams),
         instrument_mps=floats(instrument, 3),
-        instrument_valid=np.broadcast_to(np.asarray(verdict, dtype=np.int8), (n,))[keep],
+        instrument_valid=flags(verdict, np.int8),
         arrival_ns=None if kept_arrival is None or (kept_arrival == NO_TIME_NS).all() else kept_arrival,
-        stale=np.broadcast_to(np.asarray(stale, dtype=bool), (n,))[keep],
+        stale=flags(stale, np.bool_),
         extra={name: floats(column, 1)[:, 0] for name, column in (extra or {}).items()},
     )
 

@@ -4,32 +4,18 @@ Beams are the transducers with id 0 to 3; velocity in x, y, z is FRD. A transduc
 vehicle moves along its beam: on a recorded A50 it fits b . v with tilt 22.5° and azimuths +135, -135, -45, +45°.
 """
 
-import json
+import contextlib
 import math
 from typing import Any
 
-from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.lines import lines_with
-from bottomlock.io.rows import NAN, PLAIN, Options, Rows, raise_if_empty
+import numpy as np
+
+from bottomlock.io.beam_table import Account, BeamTable, Floats, Recording
+from bottomlock.io.json_lines import objects
+from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "waterlinked-json"
 _BEAMS = 4
-
-
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object; one that names a key twice is two, with what stood between them lost."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        raise ValueError("a key is given twice")
-    return found
-
-
-_DECODER = json.JSONDecoder(object_pairs_hook=_object)
-# A report that begins within a line, after one that was cut off.
-_RESTARTS = ('{"time"', '{"ts"', '{"type"')
-_MOST_RESTARTS = 8
-LONGEST_JSON = 65_536
-"""Longest line that is read as a report, bytes."""
 
 
 def sniff(head: bytes) -> bool:
@@ -45,39 +31,6 @@ def _float(value: object) -> float:
         return float(value)
     except OverflowError:
         return NAN
-
-
-def _objects(line: bytes, position: int, account: Account) -> list[dict[str, Any]]:
-    """The JSON objects of a line: one, or more where line ends were lost."""
-    if len(line) > LONGEST_JSON:
-        account.read += 1
-        account.skip("line too long", position, line)
-        return []
-    text = line.decode("utf-8", "replace")
-    found: list[dict[str, Any]] = []
-    at, restarts, damaged = 0, 0, False
-    while 0 <= at < len(text):
-        try:
-            value, end = _DECODER.raw_decode(text, at)
-        except (ValueError, RecursionError):
-            damaged = True
-            later = [p for p in (text.find(start, at + 1) for start in _RESTARTS) if p >= 0]
-            restarts += 1
-            at = min(later) if later and restarts <= _MOST_RESTARTS else -1
-            continue
-        if isinstance(value, dict):
-            found.append(value)
-        else:
-            damaged = True
-        at = end
-        while at < len(text) and text[at] in " \t\r":
-            at += 1
-    account.read += len(found) + damaged
-    if damaged:
-        account.skip("merged line" if found else "truncated", position, line)
-    elif len(found) > 1:
-        account.flag("merged line, all of it read", position)
-    return found
 
 
 def _transducers(report: dict[str, Any]) -> list[dict[str, Any] | None] | None:
@@ -154,22 +107,18 @@ class _Clock:
         return notes
 
 
-def _is_velocity(report: dict[str, Any], position: int, account: Account) -> bool:
-    kind = report.get("type", "velocity" if {"vx", "transducers"} & report.keys() else None)
+def _other(report: dict[str, Any]) -> str | None:
+    """The kind of an object that is no velocity over ground, None for one that is."""
+    kind = report.get("type")
+    if kind is None and "type" not in report and ("vx" in report or "transducers" in report):
+        kind = "velocity"
     if report.get("tracking_mode", "bottom") != "bottom" or kind == "velocity_water":
-        account.pass_by("velocity through the water", position)
-        return False
-    if kind != "velocity":
-        name = (
-            kind
-            if isinstance(kind, str) and kind
-            else "reply"
-            if "response_to" in report
-            else "unknown object"
-        )
-        account.pass_by(name[:40], position)
-        return False
-    return True
+        return "velocity through the water"
+    if kind == "velocity":
+        return None
+    if isinstance(kind, str) and kind:
+        return kind[:40]
+    return "reply" if "response_to" in report else "unknown object"
 
 
 def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
@@ -179,33 +128,17 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         DataError: where there is no velocity report with transducers.
     """
     account = Account(unit="line")
-    rows, clock = Rows(_BEAMS, account), _Clock(distinct=options.clock == "distinct")
-    formats: dict[str, int] = {}
-    before: list[tuple[Any, ...]] | None = None
+    reports, clock = (
+        _Reports(account, keep_stale=options.keep_stale),
+        _Clock(distinct=options.clock == "distinct"),
+    )
     last: dict[str, Any] | None = None
-    for position, line in lines_with(data, b"{", account, "truncated", LONGEST_JSON):
-        for report in _objects(line, position, account):
-            if not _is_velocity(report, position, account):
-                continue
-            time_ns = clock.time_ns(report, position, account, repeat=report == last)
-            last = report
-            if time_ns is None:
-                continue
-            beams = _transducers(report)
-            if beams is None:
-                account.skip("transducers are not a list with ids 0 to 3", position)
-                continue
-            block = [
-                tuple(map(repr, (b.get("velocity"), b.get("distance"), b.get("rssi"), b.get("nsd"))))
-                if b
-                else ()
-                for b in beams
-            ]
-            version = str(report.get("format", "none"))[:20]
-            formats[version] = formats.get(version, 0) + 1
-            _add(rows, position, time_ns, report, beams, stale=block == before, keep_stale=options.keep_stale)
-            before = block
-    table = rows.finish(negate=options.negate_beams)
+    for position, report in objects(data, _other, account):
+        time_ns = clock.time_ns(report, position, account, repeat=report == last)
+        last = report
+        if time_ns is not None:
+            reports.add(position, time_ns, report)
+    table = reports.table(negate=options.negate_beams)
     raise_if_empty(account, place, "velocity report with transducers")
     absolute = bool(clock.absolute)
     return Recording(
@@ -218,48 +151,95 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
         quality="signal strength rssi as recorded (dBm from json_v2 on)",
         geometry="waterlinked_a50",
         notes=clock.notes(account),
-        facts={"formats": dict(sorted(formats.items()))},
+        facts={"formats": dict(sorted(reports.formats.items()))},
     )
 
 
-def _add(
-    rows: Rows,
-    position: int,
-    time_ns: int,
-    report: dict[str, Any],
-    beams: list[dict[str, Any] | None],
-    *,
-    stale: bool,
-    keep_stale: bool,
-) -> None:
-    """A report to the table; beams that repeat the report before hold no new measurement."""
-    valid = [b is not None and b.get("beam_valid") is True for b in beams]
-    if None in beams:
-        rows.account.flag("transducer missing", position)
-    if any(b is not None and not isinstance(b.get("beam_valid"), bool) for b in beams):
-        rows.account.flag("transducer without beam_valid", position)
-    # All beams lost reads alike from ping to ping without being a repeat.
-    stale = stale and any(valid)
-    if stale:
-        rows.account.flag("stale repeat", position)
-        if not keep_stale:
-            valid = [False] * _BEAMS
-    distance = [_float(b.get("distance")) if b else NAN for b in beams]
-    altitude, fom = _float(report.get("altitude")), _float(report.get("fom"))
-    verdict = report.get("velocity_valid")
-    rows.add(
-        position,
-        time_ns,
-        [_float(b.get("velocity")) if b else NAN for b in beams],
-        valid,
-        range_m=[d if d >= 0.0 else NAN for d in distance],
-        quality=[_float(b.get("rssi")) if b else NAN for b in beams],
-        instrument=[_float(report.get(axis)) for axis in ("vx", "vy", "vz")],
-        verdict=int(verdict) if isinstance(verdict, bool) else -1,
-        stale=stale,
-        extra={
-            "altitude_m": altitude if altitude >= 0.0 else NAN,
-            "instrument_sd_mps": fom,
-            **{f"beam{k + 1}_noise_dbm": _float(b.get("nsd")) if b else NAN for k, b in enumerate(beams)},
-        },
-    )
+class _Reports:
+    """Velocity reports, their numbers as they stand until `table`.
+
+    Attributes:
+        formats: how many reports there are of each version.
+    """
+
+    def __init__(self, account: Account, *, keep_stale: bool) -> None:
+        self.formats: dict[str, int] = {}
+        self._account, self._keep_stale = account, keep_stale
+        self._position: list[int] = []
+        self._time_ns: list[int] = []
+        self._numbers: list[object] = []
+        self._valid: list[list[bool]] = []
+        self._verdict: list[int] = []
+        self._stale: list[bool] = []
+        self._before: list[tuple[Any, ...]] | None = None
+
+    def add(self, position: int, time_ns: int, report: dict[str, Any]) -> None:
+        """Takes a report; beams that repeat the report before hold no new measurement."""
+        beams = _transducers(report)
+        if beams is None:
+            self._account.skip("transducers are not a list with ids 0 to 3", position)
+            return
+        version = str(report.get("format", "none"))[:20]
+        self.formats[version] = self.formats.get(version, 0) + 1
+        said = [None if b is None else b.get("beam_valid") for b in beams]
+        valid = [one is True for one in said]
+        if None in beams:
+            self._account.flag("transducer missing", position)
+        if any(b is not None and not isinstance(one, bool) for b, one in zip(beams, said, strict=True)):
+            self._account.flag("transducer without beam_valid", position)
+        block = [tuple(map(b.get, _OF_BEAM)) if b else () for b in beams]
+        # All beams lost reads alike from ping to ping without being a repeat; nor is 1 the same record as 1.0.
+        stale = any(valid) and block == self._before and repr(block) == repr(self._before)
+        self._before = block
+        if stale:
+            self._account.flag("stale repeat", position)
+            if not self._keep_stale:
+                valid = [False] * _BEAMS
+        verdict = report.get("velocity_valid")
+        self._position.append(position)
+        self._time_ns.append(time_ns)
+        for numbers in block:
+            self._numbers += numbers or _NONE
+        self._numbers += map(report.get, _OF_REPORT)
+        self._valid.append(valid)
+        self._verdict.append(int(verdict) if isinstance(verdict, bool) else -1)
+        self._stale.append(stale)
+
+    def table(self, *, negate: bool) -> BeamTable:
+        """The table."""
+        values = _floats(self._numbers).reshape(-1, _BEAMS * len(_OF_BEAM) + len(_OF_REPORT))
+        velocity, distance, rssi, noise = (values[:, k : 4 * _BEAMS : 4] for k in range(len(_OF_BEAM)))
+        altitude, fom = values[:, -2], values[:, -1]
+        return make_table(
+            self._account,
+            _BEAMS,
+            self._position,
+            self._time_ns,
+            velocity,
+            self._valid,
+            range_m=np.where(distance >= 0.0, distance, NAN),
+            quality=rssi,
+            instrument=values[:, -5:-2],
+            verdict=self._verdict,
+            stale=self._stale,
+            extra={
+                "altitude_m": np.where(altitude >= 0.0, altitude, NAN),
+                "instrument_sd_mps": fom,
+                **{f"beam{k + 1}_noise_dbm": noise[:, k] for k in range(_BEAMS)},
+            },
+            negate=negate,
+        )
+
+
+_OF_BEAM = ("velocity", "distance", "rssi", "nsd")
+_OF_REPORT = ("vx", "vy", "vz", "altitude", "fom")
+_NONE = (None,) * len(_OF_BEAM)
+_NUMBERS = {int, float, type(None)}
+
+
+def _floats(values: list[object]) -> Floats:
+    """JSON values as `_float`."""
+    if set(map(type, values)) <= _NUMBERS:
+        with contextlib.suppress(OverflowError):
+            return np.array(values, dtype=np.float64)
+    return np.array([_float(value) for value in values])

@@ -16,7 +16,6 @@ LOST, VELOCITY, VELOCITY_ALONE, REFUSED, TRANSDUCER = range(5)
 _MOST_FIELDS, _LONGEST_FIELD = 16, 200
 _LETTER = np.isin(np.arange(256), list(b"abcdefghijklmnopqrstuvwxyz!?"))
 _AFTER = np.isin(np.arange(256), list(b",*"))
-_ODD_SPACE = np.isin(np.arange(256), list(b"\x0b\x0c"))
 _KINDS = {
     b"wrt": "wrt (distances alone, deprecated)",
     b"wrp": "wrp (dead reckoning)",
@@ -128,10 +127,7 @@ def _leftover(lines: Lines, found: _Sentences, after: Integers, of: Integers, ac
     none[found.line] = False
     behind = lines.end.copy()
     behind[found.line] = after  # the last of a line stands
-    tail = behind < lines.end
-    # Of characters at the end of a line these two alone are white space.
-    for k in np.flatnonzero(tail & _ODD_SPACE[lines.raw[lines.end - 1]]).tolist():
-        tail[k] = bool(lines.text[behind[k] : lines.end[k]].strip())
+    tail = lines.solid_from(behind)
     begun = np.zeros(len(none), dtype=bool)
     begun[of] = True
     whole = lines.piece(lines.start, lines.end)

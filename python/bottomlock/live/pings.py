@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable
 from bottomlock.io.formats import BYTES
+from bottomlock.io.json_lines import LONGEST_JSON
 from bottomlock.io.nortek_frames import BOTTOM_AD2CP, BOTTOM_DVL, BOTTOM_NUCLEUS
 from bottomlock.io.rows import Options
-from bottomlock.io.waterlinked_json import LONGEST_JSON
 from bottomlock.live.framing import Framer, Lines, NortekLines, WaterLinkedLines, nortek, pd0
 from bottomlock.live.reasons import Reasons
 
