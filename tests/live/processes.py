@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import select
 import socket
@@ -16,11 +17,16 @@ from typing import Self
 from tests.live.world import NAVIGATION_TOML, START_NS, World
 
 
+_NEXT = itertools.count(os.getpid() * 37)
+
+
 def free_port(kind: socket.SocketKind) -> int:
-    """A port that nobody uses."""
-    with socket.socket(socket.AF_INET, kind) as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
+    """A port that nobody uses, and that the system gives to nobody who asks for any: it is free still when it is used."""
+    while True:
+        port = 12_000 + next(_NEXT) % 18_000
+        with socket.socket(socket.AF_INET, kind) as one, contextlib.suppress(OSError):
+            one.bind(("127.0.0.1", port))
+            return port
 
 
 class Instruments:
