@@ -14,7 +14,6 @@ import argparse
 import asyncio
 import heapq
 import json
-import random
 import socket
 import tempfile
 import time
@@ -77,13 +76,11 @@ class _Heard(asyncio.DatagramProtocol):
 
 def _damaged(arrivals: Iterator[tuple[int, int, bytes]], seed: int) -> Iterator[tuple[int, int, bytes]]:
     """The arrivals with some faults of the line."""
-    draw = random.Random(seed)
+    draw = np.random.default_rng(seed)
     for arrival_ns, source, data in arrivals:
-        if draw.random() >= DAMAGED:
-            yield arrival_ns, source, data
-            continue
-        other = draw.choice([data[: len(data) // 2], data + data, data + b"\x00rubbish\n"])
-        yield arrival_ns, source, other
+        forms = (data[: len(data) // 2], data + data, data + b"\x00rubbish\n")
+        whole = draw.random() >= DAMAGED
+        yield arrival_ns, source, data if whole else forms[draw.integers(3)]
 
 
 @dataclass
@@ -103,7 +100,7 @@ class _Soak:
     def _say(self, words: str) -> None:
         if words.startswith("health page "):
             self.page = words.removeprefix("health page ")
-        self.words[words.split(":")[0][:40]] += 1
+        self.words[words.partition(":")[0].partition("/")[0]] += 1
 
     async def run(self) -> None:
         """Runs it."""
@@ -124,8 +121,10 @@ class _Soak:
         self.faults += [f"a task ended: {task!r}" for task in tasks if task.done()]
         for task in reversed(tasks):
             await cancel(task)
-        for one in (imu, hearing, *clients):
-            one.close()
+        imu.close()
+        hearing.close()
+        for client in clients:
+            client.close()
         server.close()
         await asyncio.sleep(1.0)
         if live.faults:

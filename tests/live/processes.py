@@ -16,12 +16,11 @@ from typing import Self
 
 from tests.live.world import NAVIGATION_TOML, START_NS, World
 
-
 _NEXT = itertools.count(os.getpid() * 37)
 
 
 def free_port(kind: socket.SocketKind) -> int:
-    """A port that nobody uses, and that the system gives to nobody who asks for any: it is free still when it is used."""
+    """A port that nobody uses. It lies below those that the system gives to who asks for any, so it stays free."""
     while True:
         port = 12_000 + next(_NEXT) % 18_000
         with socket.socket(socket.AF_INET, kind) as one, contextlib.suppress(OSError):

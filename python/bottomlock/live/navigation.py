@@ -201,7 +201,8 @@ class NavigationEstimator:
             used[np.flatnonzero(used)[rows]] = False
         weight = report["beam_weight"]
         if weight is not None:
-            used &= ~(np.nan_to_num(np.asarray(weight), nan=1.0) <= 0.0)
+            # A weight that is not a number is none: the beam was used.
+            used &= ~(np.asarray(weight) <= 0.0)
         self.last.used = used
         self.rank, self._fixes, self.ping_used_ns = int(fixes.rank[0]), fixes, self._now_ns
 
