@@ -177,4 +177,6 @@ def test_the_cheap_check_of_a_covariance_is_that_of_its_eigenvalues(size: int) -
                 estimate_module._check_covariance("P", matrix)
     estimate_module._check_covariance("P", np.zeros((size, size)))
     with pytest.raises(DataError, match="negative eigenvalue"):
-        estimate_module._check_covariance("P", np.full((size, size), 1e-190) - (1e-190 - 1e-200) * np.eye(size))
+        estimate_module._check_covariance(
+            "P", np.full((size, size), 1e-190) - (1e-190 - 1e-200) * np.eye(size)
+        )

@@ -365,7 +365,7 @@ def _has_factor(matrix: Floats) -> bool:
             return False
         a *= enlarged
         second, across = d * enlarged - b / a * b, e - b / a * c
-        return second > 0.0 and f * enlarged - c / a * c - across / second * across > 0.0
+        return bool(second > 0.0 and f * enlarged - c / a * c - across / second * across > 0.0)
     if matrix.tobytes() != matrix.T.tobytes():
         return False
     shifted = matrix.copy()
