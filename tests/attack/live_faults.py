@@ -18,6 +18,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from bottomlock.io.sentences import xor_of
 from bottomlock.live.engine import Engine
 from bottomlock.ports.estimate import SILENT
 from tests.live.world import START_NS, Sent, World, config, probe_registered
@@ -112,7 +113,8 @@ def spiked(entries: list[Entry], draw: random.Random) -> list[Entry]:
         fields = data.partition(b"*")[0].split(b",")
         if source == 1 and len(fields) == 7 and draw.random() < 0.01:
             fields[draw.randrange(1, 7)] = draw.choice([b"1e4", b"nan", b"-5000", b"", b"1e400"])
-            found.append((arrival_ns, source, b",".join(fields) + b"\n"))
+            line = b",".join(fields)
+            found.append((arrival_ns, source, line + b"*%02X\n" % xor_of(line)))
         else:
             found.append((arrival_ns, source, data))
     return found

@@ -1,4 +1,4 @@
-"""Where an instrument sends its bytes: it listens on TCP as instruments do, sends datagrams, or writes to a line or file."""
+"""Where an instrument sends its bytes: it listens on TCP, sends datagrams, or writes to a line or a file."""
 
 from bottomlock.address import Address, Kind, forms
 from bottomlock.address import parse_address as parse

@@ -61,7 +61,8 @@ class TcpServer:
         except OSError as error:
             why = os.strerror(error.errno) if error.errno else str(error)
             raise OutputError(
-                f"tcpin:{self._host}:{self._port}: cannot listen ({why}); is the port in use? expected a free port, or 0 for any"
+                f"tcpin:{self._host}:{self._port}: cannot listen ({why}); is the port in use? expected a free port, "
+                "or 0 for any"
             ) from error
         self._port = self._server.sockets[0].getsockname()[1]
         self.where = f"tcp:{self._host}:{self._port}"

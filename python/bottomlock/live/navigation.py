@@ -204,6 +204,8 @@ class NavigationEstimator:
             # A weight that is not a number is none: the beam was used.
             used &= ~(np.asarray(weight) <= 0.0)
         self.last.used = used
+        if not self.last.why and bool((ping.valid & ~used).any()):
+            self.last.why = "a beam that does not fit has no weight"
         self.rank, self._fixes, self.ping_used_ns = int(fixes.rank[0]), fixes, self._now_ns
 
     def depth(self, time_ns: int, reading: DepthReading) -> None:
