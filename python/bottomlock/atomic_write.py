@@ -3,6 +3,8 @@
 Every file is written under a temporary name, forced to the disk (fsync), renamed, and the renaming forced to the disk.
 """
 
+from __future__ import annotations
+
 import contextlib
 import hashlib
 import io
@@ -12,9 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import polars as pl
-
 from bottomlock.errors import DataError, OutputError
+from bottomlock.later import pl
 
 
 def write_bytes(path: Path, content: bytes | memoryview) -> str:

@@ -4,16 +4,17 @@ A record is written after the files that it states. A file without its record is
 its own, so a bit that flips in it is found as well.
 """
 
+from __future__ import annotations
+
 import hashlib
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import polars as pl
-
 from bottomlock.atomic_write import json_text, read_json, write_json, write_parquet
 from bottomlock.errors import DataError
+from bottomlock.later import pl
 
 DIGESTS = "digests"
 """Entry of a record: the SHA-256 of every file that it states, by the file's name."""

@@ -1,14 +1,15 @@
 """Reads tables from files of a user, Parquet or CSV: what a damaged file does to the library ends here, in one line."""
 
+from __future__ import annotations
+
 import contextlib
 import os
 import stat
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-import polars as pl
-
 from bottomlock.errors import DataError
+from bottomlock.later import pl
 from bottomlock.parquet_check import check_parquet
 
 _PARQUET = {".parquet", ".pq"}

@@ -18,6 +18,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from bottomlock.io.sentences import xor_of
 from bottomlock.live.engine import Engine
 from bottomlock.ports.estimate import SILENT
 from tests.live.world import START_NS, Sent, World, config, probe_registered
@@ -27,6 +28,8 @@ Entry = tuple[int, int, bytes]
 """Arrival, source (0 DVL, 1 IMU, -1 and -2 their new connections), bytes."""
 
 SECONDS = 9.0
+SETTINGS = "[navigation]\nhorizon_s = 0.5\n"
+"""What the configuration of every case has besides that of the tests."""
 LOSSES: tuple[Callable[[float], tuple[int, ...]], ...] = (
     lambda _: (),
     lambda t: (1, 2) if 3.0 <= t < 5.0 else (0, 1, 2, 3) if 5.0 <= t < 6.5 else (),
@@ -110,7 +113,8 @@ def spiked(entries: list[Entry], draw: random.Random) -> list[Entry]:
         fields = data.partition(b"*")[0].split(b",")
         if source == 1 and len(fields) == 7 and draw.random() < 0.01:
             fields[draw.randrange(1, 7)] = draw.choice([b"1e4", b"nan", b"-5000", b"", b"1e400"])
-            found.append((arrival_ns, source, b",".join(fields) + b"\n"))
+            line = b",".join(fields)
+            found.append((arrival_ns, source, line + b"*%02X\n" % xor_of(line)))
         else:
             found.append((arrival_ns, source, data))
     return found
@@ -140,20 +144,35 @@ class Outcome:
     wrong: str
 
 
-def run_case(number: int) -> Outcome:
-    """One case."""
+@dataclass(frozen=True)
+class Case:
+    """A case: format of the DVL, its faults by name, and what arrives."""
+
+    form: str
+    names: str
+    entries: tuple[Entry, ...]
+
+
+def case_of(number: int) -> Case:
+    """The case of a number."""
     draw = random.Random(number)
     form = draw.choice(["waterlinked-json", "pd0"])
     entries = list(recorded(form, draw.randrange(len(LOSSES)), draw.choice(STEPS)))
     faults = draw.sample(FAULTS, draw.randrange(1, 4))
     for fault in faults:
         entries = fault(entries, draw)
-    names = ", ".join(fault.__name__ for fault in faults)
-    engine = Engine(config("navigation", format=form, extra="[navigation]\nhorizon_s = 0.5\n"))
+    return Case(form, ", ".join(fault.__name__ for fault in faults), tuple(entries))
+
+
+def run_case(number: int) -> Outcome:
+    """One case, given to the engine without sockets."""
+    case = case_of(number)
+    names = case.names
+    engine = Engine(config("navigation", format=case.form, extra=SETTINGS))
     sent: list[Sent] = []
     seen: set[str] = set()
     now = START_NS
-    for arrival_ns, source, data in entries:
+    for arrival_ns, source, data in case.entries:
         now = max(now, arrival_ns)
         try:
             if source < 0:
@@ -167,10 +186,10 @@ def run_case(number: int) -> Outcome:
         if messages and engine.state in SILENT:
             return Outcome(len(sent), frozenset(seen), f"{names}: sent in state {engine.state}")
         sent += [Sent.parse(message.data) for message in messages]
-    return Outcome(len(sent), frozenset(seen), _wrong(sent, names))
+    return Outcome(len(sent), frozenset(seen), wrong_in(sent, names))
 
 
-def _wrong(sent: Sequence[Sent], names: str) -> str:
+def wrong_in(sent: Sequence[Sent], names: str) -> str:
     """The first message that is not finite, out of order, or jumps by more than 3 sigma without a reset."""
     for before, after in pairwise(sent):
         if not (np.isfinite(after.velocity).all() and (after.sd > 0.0).all()):

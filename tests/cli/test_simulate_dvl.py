@@ -96,7 +96,7 @@ def test_ctrl_c_ends_a_server_cleanly(tmp_path: Path) -> None:
         "simulate-dvl",
         "survey",
         "--dvl",
-        "tcp:0",
+        "tcpin:0",
         "--truth",
         str(truth),
     ]
@@ -124,10 +124,17 @@ def test_ctrl_c_ends_a_server_cleanly(tmp_path: Path) -> None:
         (("straight", "--format", "nucleus"), "holds 3 beams, the geometry has 4"),
         (("straight", "--faults", "drop=1"), "did you mean 'drops'"),
         (("straight", "--speed", "fast"), "--speed is 'fast', expected a number above 0, or max"),
-        (("straight", "--dvl", "ftp:x"), "--dvl is 'ftp:x', did you mean 'tcp'?"),
+        (
+            ("straight", "--dvl", "ftp:x"),
+            "--dvl: 'ftp:x' cannot be where an instrument sends, did you mean tcpin:",
+        ),
+        (
+            ("straight", "--dvl", "tcp:16171"),
+            "tcp:HOST:PORT (connects); did you mean tcpin:HOST:PORT (listens)?",
+        ),
         (("straight", "--dvl", "serial:/dev/none"), "cannot be opened as a serial device"),
         (("straight", "--dvl", "file:/nowhere/x"), "cannot be written"),
-        (("straight", "--depth", "tcp:0"), "straight has no readings of this sensor"),
+        (("straight", "--depth", "tcpin:0"), "straight has no readings of this sensor"),
         (("straight", "--truth", "x.csv"), "ends in .parquet"),
         (("straight", "--clock", "noon"), "--clock is 'noon', expected a date"),
         (("straight", "--run", "-1"), "--run is -1"),

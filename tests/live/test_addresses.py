@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from bottomlock.live.address import parse_address
+from bottomlock.live.address import sink_address, source_address
 from bottomlock.live.connections import Connection, cancel
 from bottomlock.live.sinks import Sink, open_sink
 from tests.live.world import World
@@ -44,7 +44,7 @@ async def taken(address: str, write: Callable[[], None] | None = None) -> bytes:
     """What a source gives of `DATA`, which `write` puts there once it is open."""
     found, opened = bytearray(), asyncio.Event()
     connection = Connection(
-        parse_address(address),
+        source_address(address),
         on_data=found.extend,
         on_connected=opened.set,
         on_state=lambda _: None,
@@ -115,7 +115,7 @@ async def written(
 ) -> bytes:
     """What arrives at a target where `DATA` is written to it."""
     found = bytearray()
-    sink: Sink = open_sink(parse_address(address), lambda _: None)
+    sink: Sink = open_sink(sink_address(address), lambda _: None)
     task = asyncio.create_task(sink.run())
     with collect(found):
         await until(lambda: sink.state in {"connected", "writing"})
@@ -146,7 +146,7 @@ def test_a_file_as_target(tmp_path: Path) -> None:
     path.write_bytes(b"before\n")
 
     async def run() -> bytes:
-        sink = open_sink(parse_address(f"file:{path}"), lambda _: None)
+        sink = open_sink(sink_address(f"file:{path}"), lambda _: None)
         task = asyncio.create_task(sink.run())
         await asyncio.sleep(0)
         sink.write(DATA)
@@ -178,7 +178,7 @@ def test_a_tcp_target(listens: bool) -> None:
             server.close()
             await server.wait_closed()
         kind = "tcpin" if listens else "tcp"
-        sink = open_sink(parse_address(f"{kind}:127.0.0.1:{port}"), lambda _: None)
+        sink = open_sink(sink_address(f"{kind}:127.0.0.1:{port}"), lambda _: None)
         task = asyncio.create_task(sink.run())
         readers: list[asyncio.Task[None]] = []
         if listens:

@@ -41,6 +41,31 @@ def test_lines_that_are_none(line: bytes, reason: str) -> None:
     assert dict(reader.skipped) == {reason: 1}
 
 
+def test_once_a_line_has_a_checksum_every_line_must() -> None:
+    """A line that was cut before its checksum, or joined from two, is no reading; nor is a first one if so set."""
+    whole = IMU + b"*%02X\n" % xor_of(IMU)
+    joined = IMU[:11] + b"5" + IMU[IMU.index(b",0.3") :] + b"\n"
+    assert len(LineReader("imu-csv").feed(joined)) == 1
+    for reader, begins in (
+        (LineReader("imu-csv"), whole),
+        (LineReader("imu-csv", checksum=True), IMU + b"\n"),
+    ):
+        reader.feed(begins)
+        assert reader.feed(joined + IMU[:-2] + b"\n") == []
+        assert reader.skipped["no checksum"] == 2 + (begins != whole)
+        assert len(reader.feed(whole)) == 1
+
+
+def test_a_stream_that_begins_within_a_line() -> None:
+    """What is before the first end of a line is dropped: it would be a reading at another time."""
+    reader = LineReader("imu-csv", within=True)
+    assert reader.feed(IMU[2:] + b"\n" + IMU) == []
+    assert reader.feed(b"\n") == [ImuReading(1000, (0.1, -0.2, 0.3), (0.01, 0.02, -9.81))]
+    reader.framer.reset()
+    assert reader.feed(IMU[1:] + b"\n") == []
+    assert reader.framer.dropped == len(IMU) - 2 + len(IMU) - 1
+
+
 def test_mavlink() -> None:
     """HIGHRES_IMU in SI as it stands, the chosen pressure as a depth, other messages passed over, in any pieces."""
     os.environ.setdefault("MAVLINK20", "1")

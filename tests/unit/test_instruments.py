@@ -256,16 +256,17 @@ def test_bad_faults_are_one_line(text: str, words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["tpc:1", "tcp:", "tcp:70000", "udp:host:0", "file:", "serial:", "", "tcp:a:b"]
+    "text",
+    ["tpc:1", "tcpin:", "tcpin:70000", "udpout:host:0", "file:", "serial:", "", "tcpin:a:b", "tcpin:1:2:3"],
 )
 def test_bad_addresses_are_one_line(text: str) -> None:
-    with pytest.raises(OutputError, match=f"^--dvl is '{text}'") as caught:
+    with pytest.raises(OutputError, match=f"^--dvl: .{text}. ") as caught:
         parse_address(text, "--dvl")
     assert "\n" not in str(caught.value)
 
 
 def test_addresses() -> None:
-    assert parse_address("tcp:[::1]:5", "--dvl").host == "::1"
+    assert parse_address("tcpin:[::1]:5", "--dvl").host == "::1"
     assert parse_address("serial:/dev/ttyUSB0:9600", "--dvl").baud == 9600
-    assert parse_address("serial:/dev/serial/by-id/a:b", "--dvl").path == Path("/dev/serial/by-id/a:b")
-    assert parse_address("pty", "--dvl").path is None
+    assert parse_address("serial:/dev/serial/by-id/a:b", "--dvl").path == "/dev/serial/by-id/a:b"
+    assert parse_address("pty", "--dvl").path == ""

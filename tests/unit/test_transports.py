@@ -74,7 +74,7 @@ class Client(threading.Thread):
 def test_tcp_brings_the_same_bytes_to_every_client(readings: Readings) -> None:
     """Two clients from the start, one of which leaves early and disturbs nobody."""
     sent = sent_of(readings, Faults(drops=0.1, half_lines=0.1))
-    server = transport_of(parse_address("tcp:0", "--dvl"))
+    server = transport_of(parse_address("tcpin:0", "--dvl"))
     clients: list[Client] = []
 
     def opened() -> None:
@@ -134,7 +134,9 @@ def test_udp_sends_a_record_a_datagram(readings: Readings) -> None:
         line.bind(("127.0.0.1", 0))
         line.settimeout(10)
         run(
-            transport_of(parse_address(f"udp:127.0.0.1:{line.getsockname()[1]}", "--dvl")), sent, lambda: None
+            transport_of(parse_address(f"udpout:127.0.0.1:{line.getsockname()[1]}", "--dvl")),
+            sent,
+            lambda: None,
         )
         for one in sent:
             if one.data:
@@ -177,7 +179,7 @@ def test_a_port_in_use_is_one_line() -> None:
         other.listen()
         port = other.getsockname()[1]
         with pytest.raises(BottomlockError, match=r"cannot listen .*in use") as caught:
-            run(transport_of(parse_address(f"tcp:{port}", "--dvl")), [], lambda: None)
+            run(transport_of(parse_address(f"tcpin:{port}", "--dvl")), [], lambda: None)
     assert "\n" not in str(caught.value)
 
 

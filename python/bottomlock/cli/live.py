@@ -12,7 +12,6 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from bottomlock.cli.console import EXIT_DEPARTURE, console, errors
-from bottomlock.cli.live_view import show
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.engine import Engine, Message
@@ -102,6 +101,8 @@ def _run(running: Live) -> None:
                 loop.add_signal_handler(name, task.cancel)
         others = [asyncio.create_task(serve_page(running, _say))]
         if sys.stderr.isatty() and running.sinks:
+            from bottomlock.cli.live_view import show  # noqa: PLC0415 - a restart without a terminal is sooner there
+
             others.append(asyncio.create_task(show(lambda: status(running), errors)))
         with contextlib.suppress(asyncio.CancelledError):
             await running.run()
@@ -110,7 +111,6 @@ def _run(running: Live) -> None:
         await asyncio.gather(*others, return_exceptions=True)
 
     # What the start has made stays: the collector need not look at it while a ping waits.
-    gc.collect()
     gc.freeze()
     asyncio.run(until_stopped())
     for one in running.engine.ports:

@@ -199,7 +199,7 @@ class _Demo:
             "depth": lambda offset_ns: depth_lines(depths, offset_ns=offset_ns),
         }
         for name, maker in makers.items():
-            transport = transport_of(parse_address("tcp:0", name), patient=False)
+            transport = transport_of(parse_address("tcpin:0", name), patient=False)
             yield Channel(name, transport, maker)
 
     async def _play(self, channels: list[Channel], opened: asyncio.Event, clock: Clock) -> None:

@@ -37,7 +37,7 @@ def simulate_dvl(
     format: Annotated[  # noqa: A002 - the option's name
         str, Parameter(help=f"Maker's format: {', '.join(NAMES)}.")
     ] = FORMATS[0].name,
-    dvl: Annotated[str, Parameter(help=f"Where the DVL sends: {EXPECTED}.")] = "tcp:16171",
+    dvl: Annotated[str, Parameter(help=f"Where the DVL sends: {EXPECTED}.")] = "tcpin:16171",
     imu: Annotated[
         str | None, Parameter(help="Where the IMU sends lines time_ns,wx,wy,wz,fx,fy,fz; off by default.")
     ] = None,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from bottomlock.instruments.address import Address
+from bottomlock.address import Address
 from bottomlock.instruments.schedule import Record
 from bottomlock.instruments.terminals import Pty, Serial
 from bottomlock.instruments.transports import File, TcpServer, Transport, Udp
@@ -20,13 +20,13 @@ def transport_of(address: Address, *, force: bool = False, patient: bool = True)
         force: overwrite a file.
         patient: a TCP server waits for slow clients, as at full speed it should; else it keeps its pace.
     """
-    if address.kind == "tcp":
+    if address.kind == "tcpin":
         return TcpServer(address.host, address.port, patient=patient)
-    if address.kind == "udp":
+    if address.kind == "udpout":
         return Udp(address.host, address.port)
     if address.kind == "pty":
-        return Pty(address.path)
-    path = address.path or Path()
+        return Pty(Path(address.path) if address.path else None)
+    path = Path(address.path)
     return Serial(path, address.baud) if address.kind == "serial" else File(path, force=force)
 
 

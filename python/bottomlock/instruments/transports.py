@@ -61,7 +61,8 @@ class TcpServer:
         except OSError as error:
             why = os.strerror(error.errno) if error.errno else str(error)
             raise OutputError(
-                f"{self.where}: cannot listen ({why}); is the port in use? expected a free port, or 0 for any"
+                f"tcpin:{self._host}:{self._port}: cannot listen ({why}); is the port in use? expected a free port, "
+                "or 0 for any"
             ) from error
         self._port = self._server.sockets[0].getsockname()[1]
         self.where = f"tcp:{self._host}:{self._port}"
@@ -117,7 +118,7 @@ class Udp:
     """Datagrams to one address, a record each."""
 
     def __init__(self, host: str, port: int) -> None:
-        self.where = f"udp:{host}:{port}"
+        self.where = f"udpin:{host}:{port}"
         self._remote = (host, port)
         self._transport: asyncio.DatagramTransport | None = None
 

@@ -5,6 +5,8 @@ Parquet, the account to JSON beside it. Signs follow the beam model: beam k read
 the instrument over ground and b_k the unit vector from the instrument along the beam.
 """
 
+from __future__ import annotations
+
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,13 +14,13 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.atomic_write import read_json, write_parquet
 from bottomlock.errors import DataError
 from bottomlock.io.account import Account, Flags, Integers, Reason
 from bottomlock.io.converted import check_converted
+from bottomlock.later import pl
 from bottomlock.records import write_record
 from bottomlock.table_file import read_parquet
 

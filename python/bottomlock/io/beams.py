@@ -1,5 +1,7 @@
 """Readers of pings (CSV or Parquet) and of instrument files (TOML) to validated arrays."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -9,7 +11,6 @@ from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
-import polars as pl
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -19,6 +20,7 @@ from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.columns import column_numbers, nanoseconds, number_series, read_rows
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError, make_geometry
+from bottomlock.later import pl
 from bottomlock.table_file import read_table_file
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]

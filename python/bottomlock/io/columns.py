@@ -1,14 +1,16 @@
 """Columns of CSV and Parquet files as numbers; errors name missing columns and cells, empty cells are NaN."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.converted import check_converted
+from bottomlock.later import pl
 from bottomlock.table_file import read_table_file
 
 NS_OF: Mapping[str, int] = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}

@@ -4,6 +4,8 @@ A file is taken in batches of whole lines. Within a batch places are indices of 
 sentences, fields) is held as arrays of places where each begins and ends.
 """
 
+from __future__ import annotations
+
 import functools
 import math
 import re
@@ -11,12 +13,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Flags, Floats, Integers
 from bottomlock.io.progress import reporter
 from bottomlock.io.sentences import number, whole
+from bottomlock.later import pl
 
 BATCH = 1 << 18
 """Bytes of a batch, more where its last line goes on."""
@@ -63,7 +65,7 @@ class Lines:
         """(m,) index of the line in which a place lies, for places within lines."""
         return np.searchsorted(self.start, at, side="right") - 1
 
-    def where(self, chosen: Flags) -> "Lines":
+    def where(self, chosen: Flags) -> Lines:
         """The chosen lines."""
         return Lines(
             self.text, self.raw, self.offset, self.number[chosen], self.start[chosen], self.end[chosen]

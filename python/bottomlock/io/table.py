@@ -3,10 +3,11 @@
 The map is a TOML file, or the `[columns]` of a geometry file. A velocity is taken as positive towards the bottom.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np
-import polars as pl
 from pydantic import ValidationError
 
 from bottomlock.config.toml_file import parse_toml, read_text
@@ -16,6 +17,7 @@ from bottomlock.io.beam_table import MOST_BEAMS, Account, Flags, Floats, Integer
 from bottomlock.io.beams import Columns, read_flags, read_times
 from bottomlock.io.columns import column_numbers
 from bottomlock.io.rows import PLAIN, Options, Rows, raise_if_empty
+from bottomlock.later import pl
 from bottomlock.table_file import check_regular, read_table_file
 
 NAME = "table"

@@ -1,6 +1,5 @@
 """Initial alignment of a live start: level by the accelerometers, heading given, velocity by the beams or given."""
 
-import math
 from collections import deque
 
 import numpy as np
@@ -10,6 +9,7 @@ from bottomlock import units
 from bottomlock.levelling import level_from_force
 from bottomlock.live.sections import StartSection
 from bottomlock.models import InitialState
+from bottomlock.ports.rotation import quaternion
 
 PING_AGE_NS = 1_000_000_000
 """Greatest age of the ping that gives the initial velocity."""
@@ -63,21 +63,6 @@ class Alignment:
         return InitialState(
             time_ns=self._readings[-1][0],
             position_t_m=start.position_m,
-            attitude_t_p=_quaternion(roll, pitch, units.rad_from_deg(start.heading_deg)),
+            attitude_t_p=quaternion(roll, pitch, units.rad_from_deg(start.heading_deg)),
             velocity_p_mps=start.velocity_mps if measured is None else tuple(measured.tolist()),
         )
-
-
-def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Unit quaternion, scalar first, platform to tangent, of Euler angles z-y-x.
-
-    >>> _quaternion(0.0, 0.0, math.pi / 2)
-    (0.7071067811865476, 0.0, 0.0, 0.7071067811865475)
-    """
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in (roll, pitch, yaw))
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )

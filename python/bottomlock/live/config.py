@@ -40,6 +40,7 @@ from bottomlock.ports.estimate import Mode
 from bottomlock.ports.port import Port
 from bottomlock.ports.registry import PORTS
 from bottomlock.ports.registry import port as make_port
+from bottomlock.ports.rotation import matrix, quaternion
 
 
 class LiveConfig(Section):
@@ -219,14 +220,7 @@ def kernel_settings(config: LiveConfig, instrument: Instrument) -> KernelSetting
     mounting = [
         math.radians(a) for a in (imu.mounting_roll_deg, imu.mounting_pitch_deg, imu.mounting_yaw_deg)
     ]
-    return KernelSettings(model, options, _rotation(*mounting), gravity)
-
-
-def _rotation(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
-    """(3, 3) from the axes of a sensor to those of the platform, Euler angles z-y-x."""
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - mode velocity starts without it
-
-    return np.asarray(Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix())
+    return KernelSettings(model, options, matrix(np.array(quaternion(*mounting))), gravity)
 
 
 def load_config(path: str | Path) -> LiveConfig:

@@ -9,8 +9,8 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+from bottomlock.address import Address
 from bottomlock.errors import DataError
-from bottomlock.live.address import Address
 
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.2, 5.0
 SHORTEST_SILENCE_S = 5.0

@@ -118,7 +118,8 @@ class Engine:
             gravity = kernel_settings(self.config, self.config.instrument()).gravity_mps2
             reader = MavlinkReader(self.config.depth, gravity)
         else:
-            reader = LineReader(section.format)
+            within = section.address.startswith("serial:")
+            reader = LineReader(section.format, checksum=section.checksum, within=within)
         return SourceState(section, reader, ClockMap(units.ns_from_s(section.step_s)))
 
     @property
@@ -283,7 +284,7 @@ class Engine:
         """The message of a port; None, and the reason, where it sends nothing."""
         try:
             data = one.port.encode(estimate)
-            one.silent_because = one.port.reason or ""
+            one.silent_because = "" if one.port.waits else one.port.reason or ""
         except BottomlockError as error:
             one.silent_because = str(error)
             return None
@@ -305,4 +306,4 @@ def _age(now_ns: int, then_ns: int | None) -> int | None:
 
 def _without_numbers(text: str) -> str:
     """An error without what differs from case to case, so that equal ones are counted together."""
-    return re.sub(r"\d+", "n", text)[:100]
+    return re.sub(r"\d+", "…", text)[:100]

@@ -40,13 +40,17 @@ class Framer(Protocol):
 
 
 class Lines:
-    """Text lines without their ends; a line that is longer than `longest` is dropped."""
+    """Text lines without their ends; a line that is longer than `longest` is dropped.
 
-    def __init__(self, longest: int = LONGEST_LINE) -> None:
+    With `within` the stream may begin in the middle of a line, as that of a serial device does: what comes before the
+    first end of a line is dropped, at the start and after a reset.
+    """
+
+    def __init__(self, longest: int = LONGEST_LINE, *, within: bool = False) -> None:
         self.dropped = 0
-        self._longest = longest
+        self._longest, self._within = longest, within
         self._part = bytearray()
-        self._too_long = False
+        self._dropping = within
 
     @property
     def waiting(self) -> bool:
@@ -60,7 +64,7 @@ class Lines:
         for end in ends:
             line = self._take(end)
             self._part.clear()
-            self._too_long = False
+            self._dropping = False
             if line:
                 found.append(line)
         self._take(rest)
@@ -68,14 +72,14 @@ class Lines:
 
     def _take(self, piece: bytes) -> bytes:
         """Adds a piece to the line that has begun, which is dropped once it is too long."""
-        if self._too_long:
+        if self._dropping:
             self.dropped += len(piece)
             return b""
         self._part += piece
         if len(self._part) > self._longest:
             self.dropped += len(self._part)
             self._part.clear()
-            self._too_long = True
+            self._dropping = True
         return bytes(self._part).strip(b"\r\n \t\x00")
 
     def flush(self) -> list[bytes]:
@@ -86,7 +90,7 @@ class Lines:
         """Drops a line that has begun."""
         self.dropped += len(self._part)
         self._part.clear()
-        self._too_long = False
+        self._dropping = self._within
 
 
 class _Groups:

@@ -201,8 +201,11 @@ class NavigationEstimator:
             used[np.flatnonzero(used)[rows]] = False
         weight = report["beam_weight"]
         if weight is not None:
-            used &= ~(np.nan_to_num(np.asarray(weight), nan=1.0) <= 0.0)
+            # A weight that is not a number is none: the beam was used.
+            used &= ~(np.asarray(weight) <= 0.0)
         self.last.used = used
+        if not self.last.why and bool((ping.valid & ~used).any()):
+            self.last.why = "a beam that does not fit has no weight"
         self.rank, self._fixes, self.ping_used_ns = int(fixes.rank[0]), fixes, self._now_ns
 
     def depth(self, time_ns: int, reading: DepthReading) -> None:

@@ -202,4 +202,4 @@ def _reason(error: DataError) -> str:
     skipped = re.search(r"skipped: [0-9]+ (.*?) \(first", text)
     if skipped:
         return skipped.group(1)
-    return re.sub(r"[0-9]+", "n", text)[:80]
+    return re.sub(r"[0-9]+", "…", text)[:80]

@@ -56,7 +56,14 @@ _LINES: dict[str, tuple[int, str, Callable[[int, list[float]], Reading]]] = {
 class LineReader:
     """Readings from lines: a time in ns, and numbers in SI; with `*` and the exclusive or of what stands before it.
 
-    The checksum is optional. A line that lost some of its last digits is a reading without it, and none with it.
+    The checksum is optional until the first line that has one: from then on every line must, since one that lost its
+    end would be a reading of other numbers. The beginning of one line and the end of another can have the right
+    number of columns, too; only a checksum tells them.
+
+    Args:
+        format: "imu-csv" or "depth-csv".
+        checksum: whether every line must have one, the first too.
+        within: whether the stream may begin in the middle of a line.
 
     Attributes:
         records: lines so far.
@@ -64,13 +71,15 @@ class LineReader:
     """
 
     format: str
+    checksum: bool = False
+    within: bool = False
     records: int = 0
     skipped: Reasons = field(default_factory=Reasons)
 
     def __post_init__(self) -> None:
         """Chooses the columns of the format."""
         self._count, self._columns, self._make = _LINES[self.format]
-        self.framer = Lines()
+        self.framer = Lines(within=self.within)
 
     def feed(self, data: bytes) -> list[Reading]:
         """The readings that `data` completes."""
@@ -86,6 +95,10 @@ class LineReader:
         if star and xor_of(text) != hexadecimal(digits):
             self.skipped.add("bad checksum")
             return None
+        if self.checksum and not star:
+            self.skipped.add("no checksum")
+            return None
+        self.checksum = bool(star)
         first, *rest = text.split(b",")
         if len(rest) != self._count:
             self.skipped.add(f"not the columns {self._columns}")

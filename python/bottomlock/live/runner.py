@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bottomlock.atomic_write import write_bytes
 from bottomlock.errors import BottomlockError
-from bottomlock.live.address import parse_address
+from bottomlock.live.address import sink_address, source_address
 from bottomlock.live.checkpoint import begin as begin_engine
 from bottomlock.live.checkpoint import pack
 from bottomlock.live.config import LiveConfig
@@ -63,7 +63,7 @@ class Live:
     def _connection(self, place: int) -> Connection:
         section = self.config.source[place]
         return Connection(
-            parse_address(section.address),
+            source_address(section.address),
             on_data=lambda data: self.arrive(place, data),
             on_connected=lambda: self.connected(place),
             on_state=lambda words: self._say(f"source {section.name}: {words}"),
@@ -73,7 +73,7 @@ class Live:
     def _sinks(self) -> Iterator[Sink]:
         for section in self.config.port:
             words = f"port {section.port}: "
-            yield open_sink(parse_address(section.to), lambda state, words=words: self._say(words + state))  # type: ignore[misc]
+            yield open_sink(sink_address(section.to), lambda state, words=words: self._say(words + state))  # type: ignore[misc]
 
     def arrive(self, place: int, data: bytes) -> None:
         """Bytes of a source: through the engine to the sinks, then to the raw log."""

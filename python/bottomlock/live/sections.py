@@ -123,7 +123,8 @@ class SourceSection(Section):
     `rate_hz` is the least rate that is expected of it: it is silent after `states.silent_periods` of that. `clock`:
     "instrument" maps its own stamps to the host's clock; "host" takes them as they are; "arrival" takes the time of
     arrival. `latency_s` is subtracted from the times. A stamp that is further than `step_s` from where the clock
-    should be is not used.
+    should be is not used. `checksum` demands one of every line of numbers; without it they are demanded from the first
+    line that has one.
     """
 
     name: Name
@@ -135,9 +136,15 @@ class SourceSection(Section):
     step_s: Annotated[float, Field(gt=0, le=60)] = 0.1
     negate_beams: bool = False
     keep_stale: bool = False
+    checksum: bool = False
 
     @model_validator(mode="after")
-    def _flags_of_a_dvl(self) -> Self:
+    def _flags_of_a_format(self) -> Self:
+        if "checksum" in self.model_fields_set and not self.format.endswith("-csv"):
+            raise ValueError(
+                f"'checksum' belongs to lines of numbers (imu-csv, depth-csv), and source '{self.name}' has format "
+                f"'{self.format}', whose records have their own"
+            )
         for key in ("negate_beams", "keep_stale"):
             if key in self.model_fields_set and self.format not in DVL_FORMATS:
                 raise ValueError(

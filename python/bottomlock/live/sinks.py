@@ -9,8 +9,8 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
+from bottomlock.address import Address
 from bottomlock.errors import OutputError
-from bottomlock.live.address import Address
 from bottomlock.live.connections import FIRST_WAIT_S, LONGEST_WAIT_S, Connection, words_of
 
 MOST_WAITING_BYTES = 65_536

@@ -71,9 +71,10 @@ _MAVLINK_IMU = (
 _OWN_IMU = (
     "[[source]]",
     'name = "imu"',
-    'address = "udpin:127.0.0.1:15000"   # lines time_ns,wx,wy,wz,fx,fy,fz in rad/s and m/s^2',
+    'address = "serial:/dev/ttyUSB1:921600"   # lines time_ns,wx,wy,wz,fx,fy,fz*HH in rad/s and m/s^2',
     'format = "imu-csv"',
     "rate_hz = 100",
+    "checksum = true   # every line must have its *HH: half a line can be another one (docs/live.md)",
 )
 AUTOPILOTS = {
     "ardusub": Autopilot(
@@ -190,7 +191,9 @@ def template(instrument: str, autopilot: str) -> str:
     )  # fmt: skip
     text += "".join(f"# {note}\n" for note in dvl.notes)
     if receiver.mode == "navigation":
-        text += "\n" + "\n".join(receiver.imu or _OWN_IMU) + "\n" + _NAVIGATION
+        text += "\n" + "\n".join(receiver.imu) + "\n"
+        text += "# An IMU of your own, in place of the one above, is better:\n"
+        text += "".join(f"# {line}\n" for line in _OWN_IMU) + _NAVIGATION
     text += "\n[[port]]\n" + "\n".join(receiver.port) + "\n"
     text += "".join(f"# {note}\n" for note in receiver.notes)
     return text + _TAIL

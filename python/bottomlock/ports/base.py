@@ -28,6 +28,7 @@ class PortBase:
         self._last_ns: int | None = None
         self._sent_ns: int | None = None
         self.reason: str | None = None
+        self.waits = False
 
     def sends(self, estimate: Estimate) -> str | None:
         """As `Port.sends`."""
@@ -41,7 +42,9 @@ class PortBase:
                 f"{self._last_ns}"
             )
         self._last_ns = estimate.time_ns
-        self.reason = self.sends(estimate)
+        refusal = self._refusal(estimate)
+        self.reason = refusal or self._waits(estimate)
+        self.waits = refusal is None and self.reason is not None
         data = None if self.reason else self._message(estimate)
         self._observe(estimate, sent=data is not None)
         if data is not None:

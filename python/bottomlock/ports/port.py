@@ -47,6 +47,11 @@ class Port(Protocol):
         """Why `encode` gave nothing the last time; None if it gave bytes."""
         ...
 
+    @property
+    def waits(self) -> bool:
+        """Whether `encode` gave nothing only because a message was sent just before: the port is not silent."""
+        ...
+
     def sends(self, estimate: Estimate) -> str | None:
         """Why nothing would be sent for this estimate now, in one line; None if `encode` would give bytes."""
         ...

@@ -1,5 +1,7 @@
 """The few rotations that messages need; quaternions are scalar first, platform to tangent."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,6 +9,21 @@ Floats = NDArray[np.float64]
 
 FLU_FROM_FRD = np.array([1.0, -1.0, -1.0])
 """Forward-right-down to forward-left-up: the same forward axis, the other two reversed."""
+
+
+def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Unit quaternion of Euler angles z-y-x, rad.
+
+    >>> quaternion(0.0, 0.0, math.pi / 2)
+    (0.7071067811865476, 0.0, 0.0, 0.7071067811865475)
+    """
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in (roll, pitch, yaw))
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
 
 
 def matrix(attitude: Floats) -> Floats:
