@@ -220,6 +220,17 @@ def test_linkquest_arrival_out_of_range() -> None:
     assert recording.table.to_frame()["arrival_ns"].is_null().to_list() == [False, True, False]
 
 
+def test_a_transducer_without_a_field_that_the_others_have_is_damage() -> None:
+    """Bytes lost between the numbers of two fields: whole JSON, with a range for a velocity."""
+    report = seeds.a50_report(1)
+    start = report.index(b'"velocity":') + len(b'"velocity":')
+    stop = report.index(b'"distance":') + len(b'"distance":')
+    log = seeds.a50_report(0) + report[:start] + report[stop:] + seeds.a50_report(2)
+    recording = waterlinked_json.read(log, "log")
+    assert recording.account.skipped["transducers with different fields"].first == 2
+    assert recording.table.rows == 2
+
+
 def test_two_linkquest_lines_in_one_are_no_ping() -> None:
     """A line that lost its end and the next its beginning: as many fields as a whole one, and a time as a range."""
     lines = seeds.linkquest_log(3).splitlines()
