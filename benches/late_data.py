@@ -3,7 +3,7 @@
     python benches/late_data.py [--pushes 2000] [--rate 150]
 
 One filter (`tc`) and the selector (`consistent`), a ping of four beams at 5 Hz. A late ping is up to 2 s old; its push
-goes back, fuses it and replays the inertial readings that follow. A late depth comes after each ping, which is in order:
+goes back, fuses it and replays the inertial readings that follow. A late depth comes after each ping that is in order:
 its push replays ten pings as well. Times are those of whole calls in one run; the ratios count, and the load of the
 machine is printed with them.
 """
