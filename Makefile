@@ -11,6 +11,7 @@ RUNS    ?= 50
 OUT     ?= out/demo
 SECONDS ?= 60
 HOURS   ?= 24
+LIVE_HOURS ?= 1
 
 # Tools beside the tests', pinned as these are. The Rust ones are compiled once, unoptimised, into `tools`.
 CARGO_DENY      := 0.20.2
@@ -131,9 +132,10 @@ fuzz: $(VENV)/.tools $(VENV)/.installed
 	$(pip) install atheris==$(ATHERIS)
 	$(bin)/python tools/fuzz_guided.py --seconds $(SECONDS) --each
 
-# HOURS of simulated time at 150 Hz, several methods, every sensor.
+# HOURS of simulated time at 150 Hz, several methods, every sensor; LIVE_HOURS of `bottomlock live` through sockets.
 soak: $(VENV)/.tools $(VENV)/.installed
 	$(bin)/python tools/soak.py --hours $(HOURS) --out out/soak.json
+	$(bin)/python tools/live_soak.py --hours $(LIVE_HOURS) --out out/live_soak.json
 
 mutants: mutants-rust mutants-python
 

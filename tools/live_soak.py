@@ -15,6 +15,7 @@ import asyncio
 import heapq
 import json
 import socket
+import sys
 import tempfile
 import time
 from collections import Counter
@@ -24,6 +25,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bottomlock.cli.live import serve_page
 from bottomlock.errors import DataError
@@ -206,11 +209,12 @@ def live_soak(hours: float, *, seed: int = 1, real_time: bool = False) -> dict[s
     soak.faults += [
         f"{heard.states[state]} messages in state {state}" for state in SILENT if heard.states[state]
     ]
+    tenths = [round(one, 2) for one in memory[:: max(len(memory) // 10, 1)]]
     return {
         "hours": hours, "seed": seed, "seconds": round(time.monotonic() - began, 1), "messages": heard.messages,
         "states": dict(heard.states), "worst_sigma": round(heard.worst_sigma, 2), "log_mb": round(logged_mb, 1),
         "said": dict(soak.words),
-        "memory_mb": {"first": memory[0], "last": memory[-1], "grown": grown_mb} if memory else {},
+        "memory_mb": {"grown": round(grown_mb, 2), "each_tenth": tenths},
         "faults": soak.faults,
     }  # fmt: skip
 

@@ -8,7 +8,7 @@ import difflib
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["tcp", "tcpin", "udpin", "udpout", "serial", "pty", "file", "stdin", "stdout"]
+Kind = Literal["tcp", "tcpin", "udpin", "udpout", "serial", "pty", "file", "stdin", "stdout", "zenoh"]
 FORMS: dict[Kind, str] = {
     "tcp": "tcp:HOST:PORT (connects)",
     "tcpin": "tcpin:HOST:PORT (listens)",
@@ -19,6 +19,7 @@ FORMS: dict[Kind, str] = {
     "file": "file:PATH",
     "stdin": "stdin",
     "stdout": "stdout",
+    "zenoh": "zenoh:KEY or zenoh:KEY@tcp/HOST:PORT",
 }
 BAUD = 115_200
 """Where none is given: Water Linked's, and the common one of the others."""
@@ -40,9 +41,10 @@ class Address:
 
     Attributes:
         kind: one of `FORMS`.
-        host: of a network address: where to connect or send to, or where to listen.
+        host: of a network address: where to connect or send to, or where to listen. Of a zenoh key, the endpoint to
+            connect to, "tcp/HOST:PORT", or "" for whoever is found.
         port: 0 lets the system choose one for `tcpin`.
-        path: of a file, a serial device, or the link to a pty; "" for a pty without a link.
+        path: of a file, a serial device, or the link to a pty, "" for a pty without a link; the key of zenoh.
         baud: of a serial device; 0 elsewhere.
     """
 
@@ -91,6 +93,12 @@ def parse_address(text: str, kinds: tuple[Kind, ...], *, what: str, any_port: bo
         if not rest and kind != "pty":
             raise ValueError(malformed)
         return _path(kind, rest)
+    if kind == "zenoh":
+        key, at, endpoint = rest.partition("@")
+        # As zenoh has it: parts between slashes, none of them empty, and no wildcards in what is sent.
+        if not all(key.split("/")) or set(key) & set("*$?#") or bool(at) != bool(endpoint):
+            raise ValueError(malformed)
+        return Address(kind, host=endpoint, path=key)
     host, _, number = rest.rpartition(":")
     if not number.isdigit() or (":" in host.strip("[]") and not host.startswith("[")):
         raise ValueError(malformed)

@@ -50,7 +50,7 @@ def probe_registered() -> Iterator[None]:
     try:
         yield
     finally:
-        del registry.PORTS["probe"]
+        registry.PORTS.pop("probe", None)
 
 
 @dataclass(frozen=True)

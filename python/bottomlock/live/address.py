@@ -7,7 +7,7 @@ from pydantic import AfterValidator
 from bottomlock.address import Address, Kind, parse_address
 
 SOURCES: tuple[Kind, ...] = ("tcp", "tcpin", "udpin", "serial", "file", "stdin")
-SINKS: tuple[Kind, ...] = ("tcp", "tcpin", "udpout", "serial", "file", "stdout")
+SINKS: tuple[Kind, ...] = ("tcp", "tcpin", "udpout", "serial", "file", "stdout", "zenoh")
 
 
 def source_address(text: str) -> Address:

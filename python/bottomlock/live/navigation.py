@@ -172,11 +172,15 @@ class NavigationEstimator:
         self._pings[time_ns] = ping, fixes
         while len(self._pings) > _PENDING:
             del self._pings[next(iter(self._pings))]
-        self._take(
-            self._navigator.push_beams(
+        try:
+            reports = self._navigator.push_beams(
                 time_ns, ping.velocity_mps, ping.valid, sd_mps=self._instrument.beam_sd_mps
             )
-        )
+        except KernelError:
+            # No report will come of it.
+            del self._pings[time_ns]
+            raise
+        self._take(reports)
 
     def _take(self, reports: Sequence[Any]) -> None:
         for report in reports:

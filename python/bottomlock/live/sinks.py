@@ -32,7 +32,7 @@ class Sink:
         """Keeps the target open until it is cancelled."""
         raise NotImplementedError
 
-    async def _opened(self, attempt: Callable[[], Awaitable[T]]) -> T:
+    async def opened(self, attempt: Callable[[], Awaitable[T]]) -> T:
         """What an attempt to open the target gives, once one succeeds."""
         wait_s = FIRST_WAIT_S
         while True:
@@ -58,7 +58,7 @@ class _Udp(Sink):
     async def run(self) -> None:
         remote = self._address.host, self._address.port
         # A receiver that is not there yet must not end the sending: asyncio hands such errors to the protocol.
-        transport, _ = await self._opened(
+        transport, _ = await self.opened(
             lambda: asyncio.get_running_loop().create_datagram_endpoint(
                 asyncio.DatagramProtocol, remote_addr=remote
             )
@@ -134,7 +134,7 @@ class _Server(Sink):
             writer.close()
 
     async def run(self) -> None:
-        server = await self._opened(
+        server = await self.opened(
             lambda: asyncio.start_server(self._serve, self._address.host, self._address.port)
         )
         self.state = "0 clients"
@@ -182,6 +182,7 @@ def open_sink(address: Address, on_state: Callable[[str], None]) -> Sink:
 
     Raises:
         OutputError: for a file that cannot be opened.
+        DataError: for a library that is not installed.
     """
     if address.kind == "udpout":
         return _Udp(address)
@@ -189,4 +190,8 @@ def open_sink(address: Address, on_state: Callable[[str], None]) -> Sink:
         return _Server(address)
     if address.kind in {"file", "stdout"}:
         return _File(address)
+    if address.kind == "zenoh":
+        from bottomlock.live.zenoh_sink import ZenohSink  # noqa: PLC0415 - it needs what this module has
+
+        return ZenohSink(address)
     return _Stream(address, on_state)

@@ -1,0 +1,114 @@
+"""Messages over zenoh on loopback; skipped where eclipse-zenoh is not installed."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import socket
+import sys
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from bottomlock.errors import DataError
+from bottomlock.live.address import sink_address
+from bottomlock.live.connections import cancel
+from bottomlock.live.engine import Engine
+from bottomlock.live.runner import Live
+from bottomlock.live.sinks import open_sink
+from tests.live.processes import free_port
+from tests.live.world import World, config
+
+
+@contextlib.contextmanager
+def listening(port: int, key: str) -> Iterator[list[tuple[bytes, str]]]:
+    """What a peer at this port hears under a key: payload and encoding."""
+    zenoh = pytest.importorskip("zenoh", reason="needs eclipse-zenoh (extra zenoh)")
+    settings = zenoh.Config()
+    settings.insert_json5("listen/endpoints", json.dumps([f"tcp/127.0.0.1:{port}"]))
+    settings.insert_json5("scouting/multicast/enabled", "false")
+    heard: list[tuple[bytes, str]] = []
+
+    def take(sample: Any) -> None:  # noqa: ANN401 - untyped library
+        heard.append((sample.payload.to_bytes(), str(sample.encoding)))
+
+    session = zenoh.open(settings)
+    try:
+        session.declare_subscriber(key, take)
+        yield heard
+    finally:
+        session.close()
+
+
+async def until(heard: list[tuple[bytes, str]], number: int) -> None:
+    """Waits for so many samples."""
+    async with asyncio.timeout(20.0):
+        while len(heard) < number:  # noqa: ASYNC110 - what is waited for has no event
+            await asyncio.sleep(0.01)
+
+
+def test_ros_messages_over_zenoh() -> None:
+    """A ROS port of mode velocity: the very CDR that the port made, under its key."""
+    pytest.importorskip("zenoh", reason="needs eclipse-zenoh (extra zenoh)")
+    port = free_port(socket.SOCK_STREAM)
+    settings = config(to=f"zenoh:rt/dvl/velocity@tcp/127.0.0.1:{port}")
+    settings = settings.model_copy(
+        update={"port": (settings.port[0].model_copy(update={"port": "ros_velocity"}),)}
+    )
+    sent: list[bytes] = []
+
+    async def run() -> None:
+        live = Live(settings, Engine(settings), say=lambda _: None, clock=time.monotonic_ns)
+        sink = live.sinks[0]
+        task = asyncio.create_task(sink.run())
+        with listening(port, "rt/dvl/*") as heard:
+            async with asyncio.timeout(20.0):
+                while sink.state != "publishing":  # noqa: ASYNC110
+                    await asyncio.sleep(0.01)
+            # The publisher's first samples may come before the subscription is known to it.
+            await asyncio.sleep(0.5)
+            for arrival_ns, place, data in World(1.0).arrivals():
+                for message in live.engine.arrive(place, arrival_ns, data):
+                    sent.append(message.data)
+                    sink.write(message.data)
+            await until(heard, len(sent))
+            assert heard == [(data, "application/cdr") for data in sent]
+        await cancel(task)
+
+    asyncio.run(run())
+    assert len(sent) == 10
+
+
+def test_an_absent_router_is_tried_again() -> None:
+    """The state says so, in one line; messages meanwhile are counted as dropped."""
+    pytest.importorskip("zenoh", reason="needs eclipse-zenoh (extra zenoh)")
+
+    async def run() -> str:
+        sink = open_sink(sink_address("zenoh:a/b@tcp/127.0.0.1:1"), lambda _: None)
+        task = asyncio.create_task(sink.run())
+        async with asyncio.timeout(20.0):
+            while "next attempt" not in sink.state:  # noqa: ASYNC110
+                await asyncio.sleep(0.01)
+        sink.write(b"x")
+        await cancel(task)
+        assert sink.dropped == 1
+        return sink.state
+
+    assert asyncio.run(run()).startswith("cannot be opened: Unable to connect to any of ")
+
+
+def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As for the other extras."""
+    monkeypatch.setitem(sys.modules, "zenoh", None)
+    with pytest.raises(DataError, match=r"pip install 'bottomlock\[zenoh\]'$"):
+        open_sink(sink_address("zenoh:a/b"), lambda _: None)
+
+
+@pytest.mark.parametrize("text", ["zenoh:", "zenoh:/a", "zenoh:a//b", "zenoh:a/*", "zenoh:a@"])
+def test_keys_that_are_none(text: str) -> None:
+    """One line with what was expected."""
+    with pytest.raises(ValueError, match=r"expected zenoh:KEY or zenoh:KEY@tcp/HOST:PORT$"):
+        sink_address(text)
