@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from bottomlock.io import json_lines, lines, sentences
@@ -27,6 +27,7 @@ def _cut(fields: list[bytes]) -> tuple[lines.Lines, np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("copies", [1, MANY])
 @given(FIELDS)
+@example([b"0" * 23 + b"7", b"9" * 20, b"-" + b"9" * 19, b" 12 ", b"+5", b"1_0", b"1.0"])
 def test_numbers_are_read_alike_alone_and_in_columns(copies: int, fields: list[bytes]) -> None:
     """Decimal and whole numbers, blanks, signs, words and digits beyond 64 bits."""
     batch, start, end = _cut(fields * copies)

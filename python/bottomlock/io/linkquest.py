@@ -11,9 +11,8 @@ import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Floats, Integers, Recording
-from bottomlock.io.lines import Lines, batches, fields_between, numbers
+from bottomlock.io.lines import Lines, batches, fields_between, numbers, wholes
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
-from bottomlock.io.sentences import whole
 
 NAME = "linkquest-csv"
 _BEAMS = 4
@@ -113,9 +112,7 @@ def _rows(lines: Lines, at: dict[str, int], width: int, account: Account) -> _Ro
     begin, end = bounds[:, :-1] + 1, bounds[:, 1:]
 
     def texts(name: str) -> list[int | None]:
-        column = at[name]
-        pairs = zip(begin[:, column].tolist(), end[:, column].tolist(), strict=True)
-        return [whole(lines.text[b:e]) for b, e in pairs]
+        return wholes(lines, begin[:, at[name]], end[:, at[name]])
 
     chosen = [at[name] for name in _NUMBERS]
     values, known = numbers(raw, begin[:, chosen], end[:, chosen])

@@ -12,7 +12,7 @@ import numpy as np
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording
 from bottomlock.io.civil_time import minute_ns
 from bottomlock.io.dollar_sentences import Fields, Names, Remarks, Sentences, sentences
-from bottomlock.io.lines import Bytes, running_xor
+from bottomlock.io.lines import Bytes, is_text, running_xor
 from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
 
 NAME = "nortek-ascii"
@@ -48,11 +48,11 @@ def _untag(fields: Fields) -> tuple[Fields, Flags]:
     equals = np.append(fields.lines.places(b"="), len(raw))
     tagged = equals[np.searchsorted(equals, begin[:, 0])] < fields.end[:, 0]
     good = np.ones(len(tagged), dtype=bool)
+    if not tagged.any():
+        return fields, good
     for column, tag in enumerate(_TAGS):
         value = begin[:, column] + len(tag) + 1
-        has = value <= fields.end[:, column]
-        for k, byte in enumerate(tag + b"="):
-            has &= raw.take(begin[:, column] + k, mode="clip") == byte
+        has = (value <= fields.end[:, column]) & is_text(raw, begin[:, column], value, tag + b"=")
         good &= has | ~tagged
         begin[:, column] = np.where(tagged & has, value, begin[:, column])
     return Fields(fields.lines, begin, fields.end), good

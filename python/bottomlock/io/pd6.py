@@ -7,6 +7,7 @@ CSV.
 
 import re
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,16 +167,16 @@ def _velocities(
     lines: Lines, chosen: Integers, found: list[tuple[bytes, ...]], time_end: Integers
 ) -> Velocities:
     """Numbers of the sentences, and the host's times where a logger wrote them."""
-    text = b"".join(part + b"\n" for group in found for part in group[:3]).replace(b" ", b"")
-    value, known = numbers_of(text)
+    text = b"\n".join(chain.from_iterable(group[:3] for group in found)).replace(b" ", b"")
+    value, known = numbers_of(text + b"\n" if found else b"")
     velocity = np.where(known, value * 1e-3, NAN).reshape(len(found), 3)
     velocity[np.isin(velocity, _NONE_MPS)] = NAN
     start, stop = lines.start[chosen], time_end[chosen]
     timed = stop >= 0
     host, _ = numbers(lines.raw, start[timed], stop[timed])
     times: list[int | None] = [None] * len(chosen)
-    for k, second in zip(np.flatnonzero(timed).tolist(), host.tolist(), strict=True):
-        times[k] = round(second * 1e9)
+    for k, ns in zip(np.flatnonzero(timed).tolist(), np.rint(host * 1e9).tolist(), strict=True):
+        times[k] = int(ns)
     return Velocities(
         lines.number[chosen], times, velocity, np.array([g[4] == b"A" for g in found], dtype=bool)
     )

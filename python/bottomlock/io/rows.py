@@ -145,9 +145,12 @@ def _whole(times: Times) -> Integers:
     """Times as an own array, `NO_TIME_NS` for None; those beyond 64 bits become `LATEST_NS`."""
     if isinstance(times, np.ndarray):
         return times.astype(np.int64)
-    return np.array(
-        [NO_TIME_NS if t is None else max(-LATEST_NS, min(t, LATEST_NS)) for t in times], dtype=np.int64
-    )
+    try:
+        return np.clip(np.array(times, dtype=np.int64), -LATEST_NS, LATEST_NS)
+    except (TypeError, OverflowError):  # a time that is absent, or beyond 64 bits
+        return np.array(
+            [NO_TIME_NS if t is None else max(-LATEST_NS, min(t, LATEST_NS)) for t in times], dtype=np.int64
+        )
 
 
 def _rising(times: Integers, usable: Flags, position: Integers, account: Account) -> Integers:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bottomlock.io.beam_table import Account, Flags, Floats, Integers
-from bottomlock.io.lines import Lines, batches, fields_between, hexadecimal_at, numbers, running_crc8
-from bottomlock.io.sentences import LONGEST_LINE, whole
+from bottomlock.io.lines import Lines, batches, fields_between, hexadecimal_at, numbers, running_crc8, wholes
+from bottomlock.io.sentences import LONGEST_LINE
 
 LOST, VELOCITY, VELOCITY_ALONE, REFUSED, TRANSDUCER = range(5)
 """Kinds of events: one that is as good as lost, a `wrz`, a `wrx`, either with wrong fields, a `wru`."""
@@ -206,8 +206,8 @@ def _read(
         kind[bad] = LOST if sort == TRANSDUCER else REFUSED
         kind[good] = sort
         if sort == VELOCITY:
-            for k, b, e in zip(of.tolist(), begin[:, 8].tolist(), end[:, 8].tolist(), strict=True):
-                validity[k] = whole(lines.text[b:e])
+            for k, time_us in zip(of.tolist(), wholes(lines, begin[:, 8], end[:, 8]), strict=True):
+                validity[k] = time_us
     return kind, flag, values, validity
 
 
