@@ -3,9 +3,9 @@
     python benches/late_data.py [--pushes 2000] [--rate 150]
 
 One filter (`tc`) and the selector (`consistent`), a ping of four beams at 5 Hz. A late ping is up to 2 s old; its push
-goes back, fuses it and replays the inertial readings that follow. A late depth comes after each ping that is in order:
-its push replays ten pings as well. Times are those of whole calls in one run; the ratios count, and the load of the
-machine is printed with them.
+goes back, fuses it and replays the inertial readings that follow. A late depth comes after each ping, which is in
+order: its push replays ten pings as well. Times are those of whole calls in one run; the ratios count, and the load
+of the machine is printed with them.
 """
 
 from __future__ import annotations
@@ -32,7 +32,9 @@ def start(method: Any, horizon_ns: int) -> Navigator:  # noqa: ANN401 - a method
     return Navigator(BeamGeometry.janus(0.35), model, options, initial, method=method, horizon_ns=horizon_ns)
 
 
-def flown(method: str, late_ns: int, pushes: int, rate: int, *, depths: bool = False) -> dict[str, np.ndarray]:
+def flown(
+    method: str, late_ns: int, pushes: int, rate: int, *, depths: bool = False
+) -> dict[str, np.ndarray]:
     """Times of the calls, µs: inertial readings, and pings that are late or at the last reading.
 
     With `depths`, pings are at the last reading, and the times under "ping" are those of depths that are late.
