@@ -1,6 +1,7 @@
 """The commands `bottomlock replay` and `bottomlock score`: recorded dives with all their beams and with fewer."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +20,7 @@ from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.pages.numbers import number
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import load_case
+from bottomlock.replay.init.make import make_case
 from bottomlock.replay.leave_out import VelocityWalk, over_sets
 from bottomlock.replay.leave_out import leave_out as leave_beams_out
 from bottomlock.replay.report import make_replay_report
@@ -35,9 +37,17 @@ SCORED = (
 
 
 def replay(
-    case: Path,
-    *,
-    out: Annotated[Path, Parameter(help="Directory for tables and report: new, or of the same case.")],
+    *files: Path,
+    out: Annotated[
+        Path | None,
+        Parameter(
+            help="Directory for tables and report: new, or of the same case. With --init the case to write."
+        ),
+    ] = None,
+    init: Annotated[
+        bool,
+        Parameter(negative="", help="Write a commented case from logs, tables and bags; every FILE is one."),
+    ] = False,
     methods: Annotated[
         str | None, Parameter(help="Aiding methods, separated by commas; the case's own by default.")
     ] = None,
@@ -56,9 +66,24 @@ def replay(
 
     Parameters
     ----------
-    case
-        TOML file that names the tables, their columns, units and clocks, the start, and the what-if cases.
+    files
+        The case: a TOML file that names the tables, their columns, units and clocks, the start, and the what-if cases.
+        With --init: the log of a DVL, and tables or bags with IMU, depth, attitude, positions.
     """
+    if init:
+        _init(files, Path("case.toml") if out is None else out, force=force)
+        return
+    if len(files) != 1:
+        raise ScenarioError(
+            f"{len(files)} files are named, expected one, the case; bottomlock replay --init FILE... writes one from logs"
+        )
+    if out is None:
+        raise OutputError("--out is missing, expected a directory for tables and report")
+    case = files[0]
+    if case.suffix.lower() != ".toml":
+        raise ScenarioError(
+            f"{case}: is no case (TOML); bottomlock replay --init {case} ... writes one from logs"
+        )
     check_threads(threads)
     loaded = load_case(case).with_overrides(methods=split(methods), runs=runs, seed=seed)
     reruns = run_count(loaded) * (1 + len(loaded.what_if))
@@ -83,6 +108,22 @@ def replay(
         sys.exit(EXIT_INTERRUPTED)
     print_results(replayed)
     console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {page}")
+
+
+def _init(files: Sequence[Path], out: Path, *, force: bool) -> None:
+    """Writes a first case and says what it is made of."""
+    if out.suffix.lower() != ".toml":
+        raise OutputError(f"{out}: expected a name that ends in .toml, the case to write")
+    made = make_case(files, out, force=force)
+    for line in made.words:
+        console.print(line, highlight=False, soft_wrap=True)
+    beside = f", and beside it {', '.join(path.name for path in made.written)}" if made.written else ""
+    console.print(
+        f"wrote {out}{beside}: {made.guesses} guesses with their reasons, {made.questions} questions (# ?) to answer",
+        highlight=False,
+        soft_wrap=True,
+    )
+    console.print(f"now: bottomlock replay {out} --out {out.stem}_replay", highlight=False, soft_wrap=True)
 
 
 def score(
