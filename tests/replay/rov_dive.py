@@ -80,7 +80,8 @@ def rov_dive(
     turns = (C[:-1].inv() * C[1:]).as_rotvec() / dt
     turns = np.vstack([turns[:1], 0.5 * (turns[1:] + turns[:-1]), turns[-1:]])
     omega = turns + C.inv().apply(np.tile(EARTH, (len(t), 1)))
-    position = np.vstack([np.zeros(3), np.cumsum(0.5 * (v_n[1:] + v_n[:-1]) * dt, axis=0)]) + [0.0, 0.0, 3.0]
+    moved = np.cumsum(0.5 * (v_n[1:] + v_n[:-1]) * dt, axis=0)
+    position = np.vstack([np.zeros(3), moved]) + np.array([0.0, 0.0, 3.0])
     k = slice(0, None, fine)
     n = len(t[k])
     imu_force = force[k] + 0.01 * rng.normal(size=(n, 3)) + 9.8e-3 * rng.normal(size=3)

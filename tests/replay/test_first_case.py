@@ -26,8 +26,8 @@ def dive() -> RovDive:
 
 
 def imu_columns(
-    dive: RovDive, force: float = 1.0, omega: float = 1.0, axes: Any = ("x", "y", "z")
-) -> list[Any]:  # noqa: ANN401
+    dive: RovDive, force: float = 1.0, omega: float = 1.0, axes: tuple[str, ...] = ("x", "y", "z")
+) -> list[Any]:
     """Readings in other units and axes: `axes` names the platform axis that each sensor axis points along."""
     chosen = [("xyz".index(a[-1]), -1.0 if a.startswith("-") else 1.0) for a in axes]
     return [s * dive.force[:, k] / force for k, s in chosen] + [
@@ -64,8 +64,16 @@ NAMES = {
     ],
 )  # fmt: skip
 def test_units_and_axes_are_found_back(
-    dive: RovDive, tmp_path: Path, names: str, force: float, omega: float, axes: Any, unit_f: str, unit_w: str, found: Any  # noqa: ANN401
-) -> None:  # fmt: skip
+    dive: RovDive,
+    tmp_path: Path,
+    names: str,
+    force: float,
+    omega: float,
+    axes: tuple[str, ...],
+    unit_f: str,
+    unit_w: str,
+    found: tuple[str, ...],
+) -> None:
     columns = {"t": dive.imu_s + EPOCH_S} | dict(
         zip(NAMES[names], imu_columns(dive, force, omega, axes), strict=True)
     )
@@ -157,7 +165,8 @@ def test_a_pressure(dive: RovDive, tmp_path: Path, name: str, scale: float, unit
         write_csv(tmp_path / "depth.csv", {"t": dive.imu_s[k], name: pressure}),
     )  # fmt: skip
     assert case.depth is not None
-    assert (case.depth.unit, case.depth.offset_m) == (unit, pytest.approx(-10.08, abs=0.01))
+    assert case.depth.unit == unit
+    assert case.depth.offset_m == pytest.approx(-10.08, abs=0.01)
     assert case.start.position_m[2] == pytest.approx(3.0, abs=0.3)
 
 

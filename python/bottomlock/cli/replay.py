@@ -1,7 +1,7 @@
 """The commands `bottomlock replay` and `bottomlock score`: recorded dives with all their beams and with fewer."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +10,7 @@ import polars as pl
 from cyclopts import Parameter
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from bottomlock.atomic_write import write_parquet
 from bottomlock.cli.beam_noise import print_noise
@@ -75,7 +76,8 @@ def replay(
         return
     if len(files) != 1:
         raise ScenarioError(
-            f"{len(files)} files are named, expected one, the case; bottomlock replay --init FILE... writes one from logs"
+            f"{len(files)} files are named, expected one, the case; bottomlock replay --init FILE... writes one "
+            "from logs"
         )
     if out is None:
         raise OutputError("--out is missing, expected a directory for tables and report")
@@ -221,9 +223,29 @@ def _coverage(row: dict[str, Any]) -> str:
     return "-" if None in parts else "/".join(f"{100.0 * part:.0f}" for part in parts)
 
 
+_COLOURS = {"fault": "red", "warning": "yellow", "note": "dim"}
+
+
+def print_findings(findings: Sequence[Mapping[str, Any]]) -> None:
+    """Prints the verdict and the likely causes, each with its numbers and what to change."""
+    for rank, finding in enumerate(findings):
+        parts: list[Any] = [
+            f"{rank}. " if rank else "",
+            (finding["severity"], _COLOURS[finding["severity"]]),
+            " ",
+        ]
+        parts.append((finding["text"], "bold"))
+        parts += [f"\n   {finding['evidence']}"] if finding["evidence"] else []
+        parts += [f"\n   → {finding['advice']}"] if finding["advice"] else []
+        console.print(Text.assemble(*parts), highlight=False)
+
+
 def print_results(replayed: ReplayResult) -> None:
     """Prints faults of the clocks, a table per what-if case, and what is not as it was measured."""
     manifest = replayed.manifest
+    print_findings(manifest["findings"])
+    for line in manifest["answers"]:
+        console.print(line, highlight=False)
     for name, clock in manifest["clocks"].items():
         faults = {
             key: clock[key]

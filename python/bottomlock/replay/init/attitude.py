@@ -83,8 +83,7 @@ def _increments(attitude: Rotation) -> Floats:
 def _correlation(
     rate: Floats, at: Floats, turned: Floats, seconds: Floats, lag_s: float
 ) -> tuple[float, float, float]:
-    """Correlation of all axes of the attitude's rate with the gyros', the slope of the one over the other, and the
-    smallest correlation of an axis."""
+    """Correlation of the attitude's rate with the gyros', slope of the one over the other, smallest of one axis."""
     when = at + lag_s
     inside = (when[:-1] >= seconds[0]) & (when[1:] <= seconds[-1])
     if inside.sum() < 8:

@@ -16,8 +16,9 @@ TIME = "time_ns"
 _SPEEDS = {"m/s": 1.0, "mps": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 _VALID = ("valid", "good", "ok", "datagood", "flag", "lock", "status")
 _RANGE = ("range", "distance", "altitude", "dist", "height")
-_OTHER = ("sd", "std", "fom", "quality", "rssi", "nsd", "corr", "correlation", "amp", "amplitude", "noise", "confidence",
-          "snr", "delay", "id", "water", "var", "covar", "pg", "percent", "time", "arrival", "echo")  # fmt: skip
+_OTHER = ("sd", "std", "fom", "quality", "rssi", "nsd", "corr", "correlation", "amp", "amplitude", "noise",
+          "confidence", "snr", "delay", "id", "water", "var", "covar", "pg", "percent",
+          "time", "arrival", "echo")  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -146,7 +146,10 @@ def _file(directions: Floats) -> str:
     rows = ", ".join(
         "[" + ", ".join(f"{x:.6f}" for x in row / np.linalg.norm(row)) + "]" for row in directions
     )
-    return f'configuration = "directions"\ndirections = [{rows}]\nbeam_noise_mps = 0.01  # m/s, 1 sigma: a starting value\n'
+    return (
+        f'configuration = "directions"\ndirections = [{rows}]\nbeam_noise_mps = 0.01  # m/s, 1 sigma: a '
+        "starting value\n"
+    )
 
 
 def dvl_of_velocity(found: Found) -> DvlPart:
@@ -173,7 +176,8 @@ def dvl_of_velocity(found: Found) -> DvlPart:
     good &= np.concatenate([[True], np.diff(times) > 0])
     return DvlPart(
         None, found, times[good], values[good] * SPEED_SI[unit], int(times[0]), int(times[-1]), geometry="x_janus_20",
-        geometry_why="beams are projected from the velocity: give your instrument's tilt", geometry_known=False, unit=unit,
+        geometry_why="beams are projected from the velocity: give your instrument's "
+        "tilt", geometry_known=False, unit=unit,
         unit_why=why,
     )  # fmt: skip
 
@@ -207,12 +211,16 @@ def set_clock(dvl: DvlPart, imu: ImuPart) -> Searched | None:
     if found is not None and found.clear:
         dvl.offset_s = starts_s + found.offset_s
         dvl.offset_why = (
-            f"the DVL's velocity follows the IMU's best there, {found.gain:.1f} times better than at other offsets (next best "
+            f"the DVL's velocity follows the IMU's best there, {found.gain:.1f} times better than at other "
+            "offsets (next best "
             f"{found.second:.1f})"
         )
     else:
         dvl.offset_s, dvl.offset_known = starts_s, False
-        dvl.offset_why = "the clocks have nothing in common, and the motion does not tell the offset: both files are taken to begin together"
+        dvl.offset_why = (
+            "the clocks have nothing in common, and the motion does not tell the offset: both "
+            "files are taken to begin together"
+        )
     return found
 
 
@@ -247,7 +255,10 @@ def set_axes(dvl: DvlPart, imu: ImuPart, *, imu_confirmed: bool) -> ImuPart:
         and (len(order) < 2 or costs[order[1]] - costs[best] > CLEAR)
     ):
         Q = choices[best]
-        odds = f"the DVL's velocity follows the IMU with these axes (cost {costs[best]:.0f}, as named {costs['as named']:.0f})"
+        odds = (
+            f"the DVL's velocity follows the IMU with these axes (cost {costs[best]:.0f}, as named "
+            f"{costs['as named']:.0f})"
+        )
         imu = imu.with_axes(Q @ imu.axes, f"{imu.axes_why}; {odds}", known=True)
     elif best == "as named" and len(order) > 1 and costs[order[1]] - costs[best] > CLEAR:
         odds = f"the DVL's velocity follows the IMU (cost {costs[best]:.0f}, next best axes {costs[order[1]]:.0f})"

@@ -1,4 +1,4 @@
-"""Streams in a table: which columns are an IMU, an attitude, a depth, a position, a velocity, and when their rows are."""
+"""Streams in a table: which columns are IMU, attitude, depth, position or velocity, and when their rows are."""
 
 import re
 from dataclasses import dataclass, field
@@ -142,8 +142,9 @@ def _imu(groups: dict[str, tuple[str, ...] | None], single: dict[str, str]) -> _
     if omega is None and {"rollrate", "pitchrate", "yawrate"} <= single.keys():
         omega = (single["rollrate"], single["pitchrate"], single["yawrate"])
     extra = {}
-    if groups[names.VELOCITY_INCREMENT] and groups[names.ANGLE_INCREMENT]:
-        force, omega = groups[names.VELOCITY_INCREMENT], groups[names.ANGLE_INCREMENT]
+    moved, turned = groups[names.VELOCITY_INCREMENT], groups[names.ANGLE_INCREMENT]
+    if moved and turned:
+        force, omega = moved, turned
         extra = {"increments": force[0]} | ({"interval": single["interval"]} if "interval" in single else {})
     if force is None or omega is None:
         return []
@@ -153,7 +154,7 @@ def _imu(groups: dict[str, tuple[str, ...] | None], single: dict[str, str]) -> _
 
 def _others(table: AnyTable, groups: dict[str, tuple[str, ...] | None], single: dict[str, str]) -> _Streams:
     found: _Streams = []
-    angles = {part: single[part] for part in ("roll", "pitch", "yaw") if part in single}
+    angles: dict[str, str] = {part: single[part] for part in ("roll", "pitch", "yaw") if part in single}
     quaternion = groups["quaternion"]
     if len(angles) == 3:
         found.append(("attitude", angles, {}))
@@ -172,8 +173,8 @@ def _others(table: AnyTable, groups: dict[str, tuple[str, ...] | None], single: 
         )
     elif {"north", "east"} <= single.keys():
         place = {"north": single["north"], "east": single["east"]}
-        down = {"down": single[key] for key in ("down", "depth") if key in single}
-        found.append(("local", place, dict(list(down.items())[:1]) | beside | body))
+        down = single.get("down", single.get("depth"))
+        found.append(("local", place, ({} if down is None else {"down": down}) | beside | body))
     elif body:
         valid = {"valid": single["valid"]} if "valid" in single else {}
         found.append(("velocity", body, valid))

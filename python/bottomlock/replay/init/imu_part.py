@@ -123,7 +123,8 @@ def guess_imu(found: Found, duration_s: float | None) -> ImuPart:
     if of_force is None:
         size = float(np.median(np.linalg.norm(force, axis=1)))
         raise DataError(
-            f"{place}: |f| of {found.columns['force0']} ... has a median of {size:.3g}, expected gravity in it, 9.8 m/s², "
+            f"{place}: |f| of {found.columns['force0']} ... has a median of {size:.3g}, expected gravity in it, "
+            "9.8 m/s², "
             "1 g or 1000 mg; is gravity removed? log the raw accelerations"
         )
     force = force * FORCE_SI[of_force.value] * of_force.factor
@@ -131,11 +132,15 @@ def guess_imu(found: Found, duration_s: float | None) -> ImuPart:
     omega = omega * OMEGA_SI[of_omega.value]
     axis, sign, angle = down_axis(force)
     mean = float(np.mean(force[:, axis]))
-    why = f"the mean specific force on {'xyz'[axis]} is {mean:+.2f} m/s², so {'-' if sign < 0 else ''}{'xyz'[axis]} points down"
+    why = (
+        f"the mean specific force on {'xyz'[axis]} is {mean:+.2f} m/s², so "
+        f"{'-' if sign < 0 else ''}{'xyz'[axis]} points down"
+    )
     notes = []
     if angle > TILTED_RAD:
         notes.append(
-            f"gravity is {np.rad2deg(angle):.0f} deg off that axis: is the IMU mounted at an angle? mounting_roll_deg and "
+            f"gravity is {np.rad2deg(angle):.0f} deg off that axis: is the IMU mounted at an angle? "
+            "mounting_roll_deg and "
             "mounting_pitch_deg turn it"
         )
     axes = axes_with_down(axis, sign)
@@ -144,11 +149,13 @@ def guess_imu(found: Found, duration_s: float | None) -> ImuPart:
     if handed and steady[-1.0] < steady[1.0]:
         axes = np.diag([1.0, -1.0, 1.0]) @ axes + 0.0
         why += (
-            f"; gravity stays in place to {steady[-1.0]:.3g} m/s in 20 s with left-handed axes, to {steady[1.0]:.3g} with "
+            f"; gravity stays in place to {steady[-1.0]:.3g} m/s in 20 s with left-handed axes, to "
+            f"{steady[1.0]:.3g} with "
             "right-handed ones"
         )
     return ImuPart(
-        found=found, time_ns=time_ns, rows=rows, force_s_mps2=force, omega_s_radps=omega, force=of_force, omega=of_omega,
+        found=found, time_ns=time_ns, rows=rows, force_s_mps2=force, omega_s_radps=omega, force=of_force,
+        omega=of_omega,
         increments=increments, axes=axes, axes_why=why, axes_known=axis == 2 and sign > 0.0, handed=handed,
         rate_hz=1.0 / step_s, even_hz=even_hz, unordered=int((whole & ~rises).sum()), notes=tuple(notes),
     )  # fmt: skip

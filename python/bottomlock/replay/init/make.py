@@ -21,7 +21,6 @@ from bottomlock.replay.init.other_parts import (
 from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.sources import Sources, read_sources
 
-
 CONFIRMED = 0.5
 """Correlation of the rates on every axis from which an attitude confirms the axes of the IMU."""
 
@@ -72,7 +71,8 @@ def choose(sources: Sources) -> Parts:
     imus = sources.of("imu")
     if not imus:
         raise DataError(
-            f"no file holds specific force and angular rate ({_held(sources)}); a replay needs both: name the table of the IMU, "
+            f"no file holds specific force and angular rate ({_held(sources)}); a replay needs both: name the "
+            "table of the IMU, "
             "with columns such as ax, ay, az, wx, wy, wz"
         )
     velocities = [one for one in sources.of("velocity") if one.times.time_ns is not None]
@@ -86,7 +86,8 @@ def choose(sources: Sources) -> Parts:
         dvl = dvl_of_recording(sources.recording)
     elif sources.recording is not None:
         raise DataError(
-            f"{sources.log}: holds velocities without beams; convert it with --instrument-only and write the case by hand"
+            f"{sources.log}: holds velocities without beams; convert it with --instrument-only and write the "
+            "case by hand"
         )
     else:
         dvl = dvl_of_velocity(velocities[0])

@@ -44,13 +44,15 @@ _WHOLE = {
     "rollrate": "rollrate p rollspeed", "pitchrate": "pitchrate q pitchspeed", "yawrate": "yawrate r yawspeed",
 }  # fmt: skip
 _OF_WHOLE = {name: quantity for quantity, names in _WHOLE.items() for name in names.split()}
-_TIME = set(
-    "time t timestamp stamp timestamps sec seconds secs s times tsec utc datetime epoch clock timeutc unixtime "
-    "headerstamp rostime hosttime timens timeus timems timesec ts elapsed elapsedtime gpstime tow systime localtime "
-    "timeofvalidity date recordtime logtime timesinceboot timebootms".split()
-)
-_TIME_UNITS = {"ns": "ns", "nsec": "ns", "nanoseconds": "ns", "us": "us", "usec": "us", "µs": "us", "microseconds": "us",
-               "ms": "ms", "msec": "ms", "milliseconds": "ms", "s": "s", "sec": "s", "secs": "s", "seconds": "s"}  # fmt: skip
+_TIME = {
+    "time", "t", "timestamp", "stamp", "timestamps", "sec", "seconds", "secs", "s", "times", "tsec", "utc",
+    "datetime", "epoch", "clock", "timeutc", "unixtime", "headerstamp", "rostime", "hosttime", "timens",
+    "timeus", "timems", "timesec", "ts", "elapsed", "elapsedtime", "gpstime", "tow", "systime", "localtime",
+    "timeofvalidity", "date", "recordtime", "logtime", "timesinceboot", "timebootms",
+}  # fmt: skip
+_TIME_UNITS = {"ns": "ns", "nsec": "ns", "nanoseconds": "ns", "us": "us", "usec": "us", "µs": "us",
+               "microseconds": "us", "ms": "ms", "msec": "ms", "milliseconds": "ms", "s": "s", "sec": "s",
+               "secs": "s", "seconds": "s"}  # fmt: skip
 _PREFIXES = (
     "field", "header", "imu", "ins", "ahrs", "sensor", "msg", "value", "vehicle", "auv", "rov", "raw", "body", "nav",
     "data", "meas", "measured", "ref", "reference", "gt", "truth", "true", "est", "message", "filter", "mti", "vn100",
@@ -62,7 +64,7 @@ _QUATERNION = re.compile(r"^(?:q|quat|quaternion|orientation|attitude|att|rot|ro
 
 @dataclass(frozen=True)
 class Named:
-    """What a column's name says: quantity, component (0 to 2, of a quaternion 0 to 3 with w first), unit as written."""
+    """What a column's name says: quantity, component (of a quaternion 0 is w), unit as written."""
 
     quantity: str
     component: int = 0
@@ -120,9 +122,9 @@ def seconds_and_nanoseconds(names: list[str]) -> tuple[str, str] | None:
     for whole, part in (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec")):
         for key, name in by.items():
             other = key[: -len(whole)] + part
-            if key.endswith("stamp" + whole) or key == whole:
-                if other in by and by[other] != name:
-                    return name, by[other]
+            stamp = key.endswith("stamp" + whole) or key == whole
+            if stamp and other in by and by[other] != name:
+                return name, by[other]
     return None
 
 

@@ -43,7 +43,8 @@ def clock_offset(time_ns: Integers, imu: ImuPart, dvl: DvlPart) -> Offset:
                 shift * 1e-9, f"the files overlap when its clock is moved by {hours:g} h, a time zone"
             )
     return Offset(
-        (ours[0] - theirs[0]) * 1e-9, "its clock has nothing in common with the IMU's: both are taken to begin together",
+        (ours[0] - theirs[0]) * 1e-9, "its clock has nothing in common with the IMU's: both are taken to begin "
+        "together",
         known=False,
     )  # fmt: skip
 
@@ -71,12 +72,14 @@ class AttitudePart:
             return Guess("ned_frd", "too few rows overlap the gyros", known=False)
         if not self.match.clear:
             return Guess(
-                "ned_frd", f"the gyros do not decide (correlation {self.match.correlation:.2f} and {self.match.other:.2f})",
+                "ned_frd", f"the gyros do not decide (correlation {self.match.correlation:.2f} and "
+                f"{self.match.other:.2f})",
                 known=False,
             )  # fmt: skip
         return Guess(
             self.match.frame,
-            f"its rates follow the gyros with a correlation of {self.match.correlation:.2f}, {self.match.other:.2f} in the other "
+            f"its rates follow the gyros with a correlation of {self.match.correlation:.2f}, "
+            f"{self.match.other:.2f} in the other "
             "frames",
         )
 
@@ -162,7 +165,7 @@ def guess_depth(found: Found, imu: ImuPart, dvl: DvlPart) -> DepthPart | None:
 
 
 def is_reference(found: Found, sources: int) -> bool:
-    """Whether a position is what errors are measured against, by the names of file and columns, or by what is beside it."""
+    """Whether a position is what errors are measured against, by the name of its file or by what is beside it."""
     name = found.table.path.stem.lower()
     if any(word in name for word in ("gps", "gnss", "navsat", "ublox")):
         return False

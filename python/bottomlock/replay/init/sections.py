@@ -23,7 +23,7 @@ HEAD = (
 
 def case_text(parts: Parts, sources: Sources, files: Files) -> str:
     """The text of a case; tables that a replay cannot read as they are, are written beside it."""
-    imu = _imu(parts.imu, parts.dvl, files)
+    imu = _imu(parts.imu, files)
     dvl = _dvl(parts.dvl, sources, files)
     others = [
         *_depth(parts, files), *_attitude(parts, files), *_position(parts, files, parts.gps, "gps"),
@@ -61,7 +61,7 @@ def _clock(clock: dict[str, Any], offset_s: float = 0.0) -> dict[str, Any]:
     return clock | ({"offset_s": round(float(offset_s), 6)} if offset_s else {})
 
 
-def _imu(imu: ImuPart, dvl: DvlPart, files: Files) -> Section:
+def _imu(imu: ImuPart, files: Files) -> Section:
     section, found = Section("imu"), imu.found
     columns = None
     if imu.force.factor != 1.0 or not _whole_rows(imu):

@@ -94,6 +94,11 @@ class Match:
         return np.asarray(self.sd[PARTS[name]])
 
     @property
+    def rotation(self) -> Rotation:
+        """From the velocity's axes as stated, after `axes`, to the platform's."""
+        return Rotation.from_rotvec(self.part("rotation"))
+
+    @property
     def gravity(self) -> float:
         """Median size of the slopes, m/s²; NaN without a segment with pings."""
         used = self.gravity_mps2 > 0.0
@@ -121,7 +126,8 @@ class _At:
     omega: Floats
 
 
-def _at(segments: Segments, time_ns: Integers) -> _At:
+def at_pings(segments: Segments, time_ns: Integers) -> _At:
+    """The integrals at the pings that lie in a segment with enough of them; `time_ns` on the IMU's clock."""
     s, m = segments.time_ns.shape
     flat = segments.time_ns.ravel()
     index = np.clip(np.searchsorted(flat, time_ns, side="right") - 1, 0, s * m - 1)
@@ -147,7 +153,7 @@ def _at(segments: Segments, time_ns: Integers) -> _At:
     )  # fmt: skip
 
 
-def _lines(values: Floats, at: _At, segments: int) -> tuple[Floats, Floats]:
+def lines(values: Floats, at: _At, segments: int) -> tuple[Floats, Floats]:
     """Residuals of columns (p, 3, c) from a line in every segment, and the slopes (s, 3, c)."""
     flat = values.reshape(len(values), -1)
 
@@ -225,7 +231,7 @@ def fit(
             used = p[5:8].copy()
             segments = integrate(recorded.imu_time_ns, recorded.force_p_mps2, recorded.omega_p_radps - used)
             assert segments is not None  # the same readings as before
-        at = _at(segments, recorded.time_ns + round(float(p[4]) * 1e9))
+        at = at_pings(segments, recorded.time_ns + round(float(p[4]) * 1e9))
         if at.kept.sum() < 4 * LEAST_PINGS:
             return result
         stated = Rotation.from_rotvec(p[:3]).apply(recorded.velocity_p_mps[at.kept] @ M.T)
@@ -233,7 +239,7 @@ def fit(
         X = _columns(at, stated, felt, float(p[3]))
         value = np.einsum("pij,pj->pi", at.C, stated) - felt / (1.0 + p[3])
         value += X[:, :, 5:8] @ (p[5:8] - used)
-        left, slope = _lines(np.concatenate([value[:, :, None], X], axis=2), at, segments.count)
+        left, slope = lines(np.concatenate([value[:, :, None], X], axis=2), at, segments.count)
         r, A = left[:, :, 0], left[:, :, 1:]
         scale = sigma_mps or max(1.4826 * float(np.median(np.abs(r))), 1e-4)
         sigma = scale

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.replay.motion.fit import LEAST_PINGS, Match, Recorded, _at, _lines, fit
+from bottomlock.replay.motion.fit import LEAST_PINGS, Match, Recorded, at_pings, fit, lines
 from bottomlock.replay.motion.segments import Segments, integrate
 
 Floats = NDArray[np.float64]
@@ -58,19 +58,20 @@ class Searched:
 
 def _residual(segments: Segments, recorded: Recorded, offset_ns: int) -> float:
     """RMS residual, m/s, with any matrix between the axes, gyro and accelerometer biases; NaN with too few pings."""
-    at = _at(segments, recorded.time_ns + offset_ns)
+    at = at_pings(segments, recorded.time_ns + offset_ns)
     if at.kept.sum() < 6 * LEAST_PINGS:
         return float("nan")
     v = recorded.velocity_p_mps[at.kept]
     columns = (at.C[:, :, :, None] * v[:, None, None, :]).reshape(len(v), 3, 9)
     stacked = np.concatenate([at.S[:, :, None], columns, at.J, at.K], axis=2)
-    left, _ = _lines(stacked, at, segments.count)
+    left, _ = lines(stacked, at, segments.count)
     flat = left.reshape(-1, stacked.shape[2])
     A, y = flat[:, 1:], flat[:, 0]
     normal = A.T @ A
     normal += np.diag(1e-9 * np.diag(normal) + 1e-12)
     answer = np.linalg.solve(normal, A.T @ y)
-    return float(np.sqrt(max(y @ y - answer @ (A.T @ y), 0.0) / max(len(y) - 16, 1)))
+    left_over = float(y @ y - answer @ (A.T @ y))
+    return float(np.sqrt(max(left_over, 0.0) / max(1.0, len(y) - 16.0)))
 
 
 def search_offset(recorded: Recorded, from_s: float, to_s: float) -> Searched | None:
@@ -87,7 +88,7 @@ def search_offset(recorded: Recorded, from_s: float, to_s: float) -> Searched | 
     lags = np.arange(from_s, to_s + 0.5 * step_s, step_s)
     cost = np.array([_residual(segments, recorded, round(float(lag) * 1e9)) for lag in lags])
     known = np.isfinite(cost)
-    if known.sum() < 5:
+    if int(known.sum()) < 5:
         return None
     best = int(np.nanargmin(cost))
     usual = float(np.nanmedian(cost))
