@@ -191,3 +191,20 @@ def test_what_cannot_be_used_is_said_in_one_line(dive: RovDive, tmp_path: Path) 
         make_case([log, tmp_path / "imu.csv"], tmp_path / "case.toml")
     for line in (tmp_path / "case.toml").read_text(encoding="utf-8").splitlines():
         assert len(line) < 140
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize("section", ["01", "06"])
+def test_recorded_files_without_times_or_right_handed_axes(
+    recordings: Path, tmp_path: Path, section: str
+) -> None:
+    """A fibre-optic IMU with y to port and no column of times, a DVL and a reference on clocks of their own."""
+    folder = recordings / "akit_snapir"
+    if not folder.is_dir():
+        pytest.skip(f"no recording {folder}")
+    names = (f"imu_{section}.parquet", f"dvl_{section}.csv", f"gt_{section}.csv")
+    case = made(tmp_path, *(folder / name for name in names))
+    assert case.imu.axes == ("x", "-y", "z")
+    row = tc_row(case)
+    assert row["fixes_rejected"] < 10
+    assert row["position_final_percent"] < 2.0
