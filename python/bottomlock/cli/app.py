@@ -31,6 +31,7 @@ COMMANDS = {
     "audit": ("audit", "Audit a DVL log: beam directions, order, signs, defects, mounting."),
     "observe": ("observe", "Analyse which states can be estimated, and which manoeuvre helps."),
     "convert": ("convert", "Convert a recorded DVL log to a beam table."),
+    "geometries": ("geometries", "List the packaged DVL geometries, with a picture of the beams."),
     "live": ("live", "Navigate live: from DVL, IMU and depth to the ports of an autopilot."),
     "live-demo": ("live_demo", "Show live navigation without hardware: instruments, live, MAVLink listener."),
 }

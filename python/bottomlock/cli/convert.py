@@ -24,6 +24,7 @@ from bottomlock.io.beam_table import Account, BeamTable, Reason, Recording, side
 from bottomlock.io.formats import NAMES, read_recording
 from bottomlock.io.progress import progress_to
 from bottomlock.io.rows import Options
+from bottomlock.replay.init.column_map import write_map
 
 SHOWN = 28
 BAR_FROM_BYTES = 50_000_000
@@ -35,9 +36,13 @@ def convert(
     to: Annotated[
         Path,
         Parameter(
-            help="Parquet file for the beam table; an account of the conversion goes beside it as JSON."
+            help="Parquet file for the beam table; an account of the conversion goes beside it as JSON. With --init "
+            "the column map to write."
         ),
     ],
+    init: Annotated[
+        bool, Parameter(negative="", help="Write a commented column map (TOML) of a CSV or Parquet table.")
+    ] = False,
     format: Annotated[  # noqa: A002 - the option's name
         str | None,
         Parameter(help=f"Format of the file, by default found from its content: {', '.join(NAMES)}."),
@@ -81,6 +86,12 @@ def convert(
     file
         The log: a file, or the folder of a ROS 2 bag.
     """
+    if init:
+        write_map(file, to, force=force)
+        console.print(
+            f"wrote {to}; now: bottomlock convert {file} --to beams.parquet --columns {to}", soft_wrap=True
+        )
+        return
     _check_output(file, to, force=force)
     options = Options(
         instrument_only=instrument_only,

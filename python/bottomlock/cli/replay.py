@@ -1,6 +1,7 @@
 """The commands `bottomlock replay` and `bottomlock score`: recorded dives with all their beams and with fewer."""
 
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,6 +10,7 @@ import polars as pl
 from cyclopts import Parameter
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from bottomlock.atomic_write import write_parquet
 from bottomlock.cli.beam_noise import print_noise
@@ -19,6 +21,7 @@ from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.pages.numbers import number
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import load_case
+from bottomlock.replay.init.make import make_case
 from bottomlock.replay.leave_out import VelocityWalk, over_sets
 from bottomlock.replay.leave_out import leave_out as leave_beams_out
 from bottomlock.replay.report import make_replay_report
@@ -35,9 +38,17 @@ SCORED = (
 
 
 def replay(
-    case: Path,
-    *,
-    out: Annotated[Path, Parameter(help="Directory for tables and report: new, or of the same case.")],
+    *files: Path,
+    out: Annotated[
+        Path | None,
+        Parameter(
+            help="Directory for tables and report: new, or of the same case. With --init the case to write."
+        ),
+    ] = None,
+    init: Annotated[
+        bool,
+        Parameter(negative="", help="Write a commented case from logs, tables and bags; every FILE is one."),
+    ] = False,
     methods: Annotated[
         str | None, Parameter(help="Aiding methods, separated by commas; the case's own by default.")
     ] = None,
@@ -56,9 +67,25 @@ def replay(
 
     Parameters
     ----------
-    case
-        TOML file that names the tables, their columns, units and clocks, the start, and the what-if cases.
+    files
+        The case: a TOML file that names the tables, their columns, units and clocks, the start, and the what-if cases.
+        With --init: the log of a DVL, and tables or bags with IMU, depth, attitude, positions.
     """
+    if init:
+        _init(files, Path("case.toml") if out is None else out, force=force)
+        return
+    if len(files) != 1:
+        raise ScenarioError(
+            f"{len(files)} files are named, expected one, the case; bottomlock replay --init FILE... writes one "
+            "from logs"
+        )
+    if out is None:
+        raise OutputError("--out is missing, expected a directory for tables and report")
+    case = files[0]
+    if case.suffix.lower() != ".toml":
+        raise ScenarioError(
+            f"{case}: is no case (TOML); bottomlock replay --init {case} ... writes one from logs"
+        )
     check_threads(threads)
     loaded = load_case(case).with_overrides(methods=split(methods), runs=runs, seed=seed)
     reruns = run_count(loaded) * (1 + len(loaded.what_if))
@@ -83,6 +110,22 @@ def replay(
         sys.exit(EXIT_INTERRUPTED)
     print_results(replayed)
     console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {page}")
+
+
+def _init(files: Sequence[Path], out: Path, *, force: bool) -> None:
+    """Writes a first case and says what it is made of."""
+    if out.suffix.lower() != ".toml":
+        raise OutputError(f"{out}: expected a name that ends in .toml, the case to write")
+    made = make_case(files, out, force=force)
+    for line in made.words:
+        console.print(line, highlight=False, soft_wrap=True)
+    beside = f", and beside it {', '.join(path.name for path in made.written)}" if made.written else ""
+    console.print(
+        f"wrote {out}{beside}: {made.guesses} guesses with their reasons, {made.questions} questions (# ?) to answer",
+        highlight=False,
+        soft_wrap=True,
+    )
+    console.print(f"now: bottomlock replay {out} --out {out.stem}_replay", highlight=False, soft_wrap=True)
 
 
 def score(
@@ -180,9 +223,29 @@ def _coverage(row: dict[str, Any]) -> str:
     return "-" if None in parts else "/".join(f"{100.0 * part:.0f}" for part in parts)
 
 
+_COLOURS = {"fault": "red", "warning": "yellow", "note": "dim"}
+
+
+def print_findings(findings: Sequence[Mapping[str, Any]]) -> None:
+    """Prints the verdict and the likely causes, each with its numbers and what to change."""
+    for rank, finding in enumerate(findings):
+        parts: list[Any] = [
+            f"{rank}. " if rank else "",
+            (finding["severity"], _COLOURS[finding["severity"]]),
+            " ",
+        ]
+        parts.append((finding["text"], "bold"))
+        parts += [f"\n   {finding['evidence']}"] if finding["evidence"] else []
+        parts += [f"\n   → {finding['advice']}"] if finding["advice"] else []
+        console.print(Text.assemble(*parts), highlight=False)
+
+
 def print_results(replayed: ReplayResult) -> None:
     """Prints faults of the clocks, a table per what-if case, and what is not as it was measured."""
     manifest = replayed.manifest
+    print_findings(manifest["findings"])
+    for line in manifest["answers"]:
+        console.print(line, highlight=False)
     for name, clock in manifest["clocks"].items():
         faults = {
             key: clock[key]

@@ -107,6 +107,16 @@ def detect(path: Path) -> str:
     )
 
 
+def format_of(path: Path) -> str | None:
+    """Name of a file's format as its content shows it; None for a file in none of them.
+
+    Raises:
+        DataError: for a path that is no file or folder, or cannot be read.
+    """
+    _check_there(path)
+    return _recognise(path, b"" if path.is_dir() else _head(path))
+
+
 def _check_there(path: Path) -> None:
     """Checks that a path is a file or a folder: a pipe or a device may never end."""
     if not path.is_dir():

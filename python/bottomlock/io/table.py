@@ -55,7 +55,15 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
         ScenarioError: for a bad column map.
     """
     columns = Columns() if options.columns is None else read_map(Path(options.columns))
-    frame = read_table_file(path)
+    return read_frame(read_table_file(path), columns, place, options)
+
+
+def read_frame(frame: pl.DataFrame, columns: Columns, place: str, options: Options = PLAIN) -> Recording:
+    """The pings of a table that has been read.
+
+    Raises:
+        DataError: as `read_path`.
+    """
     if not frame.height:
         raise DataError(f"{place}: has no rows")
     velocity_names, valid_names = _beam_columns(frame, columns, place, options)

@@ -45,7 +45,7 @@ OMEGA_SI = {
 ANGLE_SI = {"rad": 1.0, "deg": np.pi / 180.0}
 SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 LENGTH_SI = {"m": 1.0, "cm": 1e-2}
-PRESSURE_SI = {"Pa": 1.0, "kPa": 1e3, "bar": 1e5, "dbar": 1e4}
+PRESSURE_SI = {"Pa": 1.0, "kPa": 1e3, "mbar": 1e2, "bar": 1e5, "dbar": 1e4}
 
 
 def read_streams(case: Case) -> Streams:

@@ -18,6 +18,8 @@ from bottomlock.records import read_record, write_record
 from bottomlock.replay import compare, rerun
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
+from bottomlock.replay.findings.answers import answers
+from bottomlock.replay.findings.diagnose import diagnose, findings_json
 from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.streams import Streams
@@ -100,6 +102,9 @@ def replay_case(
             progress(done)
     tables = {name: pl.concat(parts[name]) for name in PARTS}
     path = compare.path_table(streams)
+    first = _first(tables)
+    prepared = rerun.prepare(case, streams, 0, residuals)
+    findings = diagnose(case, prepared, first["samples"], first["innovations"])
     return ReplayResult(
         runs=runs_table(
             tables["samples"],
@@ -113,9 +118,16 @@ def replay_case(
         path=path,
         manifest=manifest_of(
             case, streams, alignments, imu_faults, threads=threads, wall_s=time.perf_counter() - started
-        ),
+        )
+        | {"findings": findings_json(findings), "answers": answers(prepared, first["samples"])},
         **tables,
     )
+
+
+def _first(tables: dict[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """The tables of the recording as it is, in its first run."""
+    first = (pl.col("what_if") == RECORDED) & (pl.col("run") == 0)
+    return {name: table.filter(first) for name, table in tables.items()}
 
 
 def fault_words(result: rerun.Rerun) -> list[str]:

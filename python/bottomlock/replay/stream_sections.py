@@ -142,7 +142,7 @@ class DepthStream(Stream):
     """
 
     column: str
-    unit: Literal["m", "cm", "Pa", "kPa", "bar", "dbar"] = "m"
+    unit: Literal["m", "cm", "Pa", "kPa", "mbar", "bar", "dbar"] = "m"
     up: bool = False
     offset_m: Finite = 0.0
     water_density_kg_per_m3: Positive = 1025.0

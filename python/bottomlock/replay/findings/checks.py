@@ -1,0 +1,244 @@
+"""Checks of single parts of a case: closure of the beams, the start, the depth, the recorded heading."""
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bottomlock.replay.align import Alignment
+from bottomlock.replay.case import Case
+from bottomlock.replay.findings.finding import Finding
+from bottomlock.replay.motion.fit import Match, Recorded
+from bottomlock.replay.motion.vertical import vertical_velocity
+from bottomlock.replay.streams import Streams
+
+Floats = NDArray[np.float64]
+SIGMAS = 5.0
+CLOSES_BETTER = 2.5
+"""Exchanged beams are a finding from this ratio of the closures."""
+LEAST_PINGS = 30
+NEAR_S = 3.0
+
+
+def robust_sd(values: Floats) -> float:
+    """1.4826 times the median size."""
+    return 1.4826 * float(np.median(np.abs(values))) if values.size else float("nan")
+
+
+def closure_sd(directions_p: Floats, velocity_mps: Floats) -> float:
+    """Robust sigma of the readings along the combinations that no velocity contributes to, m/s; NaN without any."""
+    null = np.linalg.svd(directions_p.T)[2][3:]
+    return robust_sd(velocity_mps @ null.T) if len(null) else float("nan")
+
+
+def closure_finding(streams: Streams) -> Finding | None:
+    """Beams in the wrong order or with the wrong directions, by their closure."""
+    B = np.asarray(streams.instrument.geometry.directions_p)
+    beams = streams.beams
+    full = beams.valid.all(axis=1)
+    if len(B) < 4 or len(B) > 5 or full.sum() < LEAST_PINGS or beams.velocity_d_mps is not None:
+        return None
+    y = beams.velocity_mps[full]
+    stated = closure_sd(B, y)
+    orders = list(itertools.permutations(range(len(B))))
+    sizes = np.array([closure_sd(B[list(order)], y) for order in orders])
+    best = float(sizes.min())
+    claimed = float(streams.instrument.beam_sd_mps.mean())
+    if stated < CLOSES_BETTER * max(best, 0.5 * claimed):
+        return None
+    near = [order for order, size in zip(orders, sizes, strict=True) if size < 1.15 * best]
+    near.sort(key=lambda order: sum(k != j for k, j in enumerate(order)))
+    moved = [[str(k + 1) for k, j in enumerate(order) if k != j] for order in near]
+    names = ", or ".join(" and ".join(one) for one in moved if len(one) == len(moved[0]))
+    return Finding(
+        "beam_order", "fault", float(full.sum()) * (stated / best) ** 2,
+        f"The beams do not close as the geometry states, and close {stated / best:.1f} times better with beams "
+        f"{names} exchanged.",
+        f"Robust closure {1e3 * stated:.0f} mm/s as stated, {1e3 * best:.1f} mm/s after the change, claimed noise "
+        f"{1e3 * claimed:.1f} mm/s; {int(full.sum())} pings of all beams. Closure alone leaves {len(near)} orders.",
+        "Correct the geometry of the DVL or the order of the columns; `bottomlock audit` tells more.", "dvl.geometry",
+    )  # fmt: skip
+
+
+def level_finding(alignment: Alignment, match: Match) -> Finding | None:
+    """Roll and pitch at the start against gravity in the first seconds of the navigation."""
+    late_s = (match.begins_ns - alignment.time_ns) * 1e-9
+    near = np.flatnonzero((np.abs(late_s) < NEAR_S) & (match.gravity_mps2 > 0.0))
+    if not near.size:
+        return None
+    down = match.level_p[near[0]]
+    stated = alignment.attitude.inv().apply([0.0, 0.0, 1.0])
+    off = np.cross(stated, down)
+    roll = np.rad2deg(np.arctan2(down[1], down[2]))
+    pitch = np.rad2deg(-np.arcsin(np.clip(down[0], -1.0, 1.0)))
+    size = float(np.arcsin(np.clip(np.linalg.norm(off), 0.0, 1.0)))
+    if float(stated @ down) < 0.0:
+        size = np.pi - size
+    sd = float(np.hypot(alignment.attitude_sd_rad[0], np.deg2rad(0.25)))
+    if size < SIGMAS * sd:
+        return None
+    return Finding(
+        "start_level", "fault", (size / sd) ** 2,
+        f"The start has the wrong level: {np.rad2deg(size):.1f} deg off gravity, {size / sd:.0f} times the 1 "
+        "sigma that it claims.",
+        f"From DVL and IMU over the first {20:.0f} s: roll {roll:+.2f}, pitch {pitch:+.2f} deg; start: "
+        f"{alignment.sources.get('level', '')}.",
+        "Use another source, start.level, a calm window (start.at_s, start.window_s), or correct start.roll_deg and "
+        "start.pitch_deg.", "start.level",
+    )  # fmt: skip
+
+
+def velocity_finding(alignment: Alignment, time_ns: NDArray[np.int64], velocity_p: Floats) -> Finding | None:
+    """Velocity at the start against the next ping."""
+    near = np.flatnonzero(np.abs(time_ns - alignment.time_ns) < NEAR_S * 1e9)
+    if not near.size:
+        return None
+    row = near[np.argmin(np.abs(time_ns[near] - alignment.time_ns))]
+    seconds = abs(float(time_ns[row] - alignment.time_ns)) * 1e-9
+    sd = np.hypot(alignment.velocity_sd_mps, 0.05 + 0.3 * seconds)
+    off = velocity_p[row] - alignment.velocity_p_mps
+    ratio = np.abs(off) / sd
+    if ratio.max() < SIGMAS:
+        return None
+    k = int(np.argmax(ratio))
+    words = ", ".join(f"{v:+.2f}" for v in velocity_p[row])
+    return Finding(
+        "start_velocity", "fault", float((ratio**2).sum()),
+        f"The start has the wrong velocity: {off[k]:+.2f} m/s off in {('surge', 'sway', 'heave')[k]}, "
+        f"{ratio[k]:.0f} times the "
+        "1 sigma that it claims.",
+        f"The beams give {words} m/s, {seconds:.2f} s from the start.",
+        'Set start.velocity = "beams", or correct start.velocity_mps.', "start.velocity",
+    )  # fmt: skip
+
+
+def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match) -> Finding | None:
+    """Depth against the vertical velocity of the DVL, whose vertical is gravity as integrated."""
+    if case.depth is None or streams.depths is None:
+        return None
+    found = vertical_velocity(recorded, match)
+    if found is None:
+        return None
+    time_ns, segment, down_mps = found
+    depths = streams.depths
+    inside = (time_ns >= depths.time_ns[0]) & (time_ns <= depths.time_ns[-1])
+    time_ns, segment, down_mps = time_ns[inside], segment[inside], down_mps[inside]
+    if len(time_ns) < LEAST_PINGS:
+        return None
+    depth = np.interp(time_ns * 1e-9, depths.time_ns * 1e-9, depths.depth_m)
+    xs, ys = [], []
+    for one in np.unique(segment):
+        rows = segment == one
+        if rows.sum() < 4:
+            continue
+        steps = np.diff(time_ns[rows]) * 1e-9
+        sunk = np.concatenate([[0.0], np.cumsum(0.5 * (down_mps[rows][1:] + down_mps[rows][:-1]) * steps)])
+        xs.append(sunk - sunk.mean())
+        ys.append(depth[rows] - depth[rows].mean())
+    if not xs:
+        return None
+    x, y = np.concatenate(xs), np.concatenate(ys)
+    energy = float((x * x).sum())
+    slope = float((x * y).sum()) / max(energy, 1e-12)
+    # Segments, not pings, are independent.
+    sd = float(np.sqrt(sum(float(((b - slope * a) @ a) ** 2) for a, b in zip(xs, ys, strict=True)))) / max(
+        energy, 1e-12
+    )
+    sd = float(np.hypot(sd, 0.03))
+    if abs(slope - 1.0) < max(SIGMAS * sd, 0.25):
+        return None
+    wrong_way = slope < 0.0
+    return Finding(
+        "depth_sign" if wrong_way else "depth_scale", "fault", ((slope - 1.0) / sd) ** 2,
+        "The depth has the wrong sign: it rises when the vehicle sinks." if wrong_way else
+        f"The depth changes {slope:.3g} times as much as the DVL says.",
+        f"Depth over the distance sunk by DVL and IMU in segments of 20 s: slope {slope:+.2f} ± {sd:.2g}, expected +1.",
+        f"Set depth.up = {str(not case.depth.up).lower()}." if wrong_way else "Check depth.unit and "
+        "depth.water_density_kg_per_m3.",
+        "depth.up" if wrong_way else "depth.unit",
+    )  # fmt: skip
+
+
+def heading_finding(case: Case, alignment: Alignment, streams: Streams) -> Finding | None:
+    """Heading at the start against the recorded attitude or the reference, where neither gave it."""
+    for name, section, recorded in (
+        ("reference", case.reference, None if streams.reference is None else streams.reference.attitude),
+        ("attitude", case.attitude, None if streams.attitudes is None else streams.attitudes.attitude),
+    ):
+        if section is None or recorded is None or case.start.heading == name:
+            continue
+        stream = streams.reference if name == "reference" else streams.attitudes
+        assert stream is not None  # it has attitudes
+        row = int(np.argmin(np.abs(stream.time_ns - alignment.time_ns)))
+        if abs(int(stream.time_ns[row]) - alignment.time_ns) > 2e9:
+            continue
+        yaw = float((recorded[row] * alignment.attitude.inv()).as_rotvec()[2])
+        other = (
+            np.deg2rad(case.attitude.yaw_sd_deg)
+            if name == "attitude" and case.attitude is not None
+            else np.deg2rad(1.0)
+        )
+        sd = float(np.hypot(alignment.attitude_sd_rad[2], other))
+        if abs(yaw) < SIGMAS * sd:
+            continue
+        return Finding(
+            "start_heading", "fault", (yaw / sd) ** 2,
+            f"The heading at the start is {np.rad2deg(yaw):+.1f} deg off that of [{name}], {abs(yaw) / sd:.0f} "
+            "times the claimed "
+            "1 sigma.",
+            f"Start: {alignment.sources.get('heading', '')}.",
+            f'Set start.heading = "{name}", or start.heading_deg: the whole track turns with it.', "start.heading",
+        )  # fmt: skip
+    return None
+
+
+def track_finding(
+    case: Case, time_ns: NDArray[np.int64], estimate_t_m: Floats, streams: Streams
+) -> Finding | None:
+    """The track against positions that did not aid it: turned as a whole, the heading was wrong."""
+    reference = streams.reference
+    gps = streams.positions.get("gps") if case.gps is not None and not case.gps.aids else None
+    if reference is not None and reference.position_t_m is not None:
+        times, place, name = reference.time_ns, reference.position_t_m, "reference"
+    elif gps is not None:
+        times, place, name = gps.time_ns, gps.position_t_m, "gps"
+    else:
+        return None
+    inside = (times >= time_ns[0]) & (times <= time_ns[-1])
+    if inside.sum() < 10:
+        return None
+    seconds = (times[inside] - time_ns[0]) * 1e-9
+    own = np.stack(
+        [np.interp(seconds, (time_ns - time_ns[0]) * 1e-9, estimate_t_m[:, k]) for k in range(2)], axis=1
+    )
+    own, other = own - own.mean(axis=0), place[inside, :2] - place[inside, :2].mean(axis=0)
+    extent = float(np.sqrt((other**2).sum(axis=1).mean()))
+    if extent < 5.0:
+        return None
+    turned = complex((own[:, 0] - 1j * own[:, 1]) @ (other[:, 0] + 1j * other[:, 1]))
+    angle = float(np.angle(turned))
+    spin = Rotation.from_euler("Z", angle).as_matrix()[:2, :2]
+    before = float(np.sqrt(((own - other) ** 2).sum(axis=1).mean()))
+    after = float(np.sqrt(((own @ spin.T - other) ** 2).sum(axis=1).mean()))
+    sd = max(float(np.deg2rad(0.3)), after / extent)
+    if abs(angle) < max(SIGMAS * sd, np.deg2rad(2.0)) or after > 0.5 * before:
+        return None
+    aided = case.attitude is not None and case.attitude.aids != "nothing"
+    key = "attitude.yaw_offset_deg" if aided else "start.heading"
+    cause = (
+        "the recorded heading aids it: a magnetic one lacks the declination"
+        if aided
+        else "its heading at the start was wrong"
+    )
+    remedy = (
+        f"Set attitude.yaw_offset_deg = {np.rad2deg(angle) + case.attitude.yaw_offset_deg:.1f}"
+        if aided and case.attitude is not None
+        else "Use another source of start.heading"
+    )
+    return Finding(
+        "magnetic_heading" if aided else "start_heading", "fault", (angle / sd) ** 2,
+        f"The track is turned by {-np.rad2deg(angle):+.1f} deg against the positions of [{name}]; {cause}.",
+        f"RMS distance {before:.1f} m as navigated, {after:.1f} m after turning it back.",
+        f"{remedy}; is it true north?", key,
+    )  # fmt: skip

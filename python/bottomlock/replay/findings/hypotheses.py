@@ -1,0 +1,176 @@
+"""Which single mistake explains that a velocity does not follow the inertial readings."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bottomlock.replay.motion.fit import Match, Recorded, fit
+from bottomlock.replay.motion.search import LOOSE
+
+Floats = NDArray[np.float64]
+
+LEAST_DROP = 36.0
+"""Least fall of the cost that a cause must explain: chi-squared of three parameters by chance is below 26 (1e-5)."""
+LEAST_PART = 0.02
+"""And this part of the whole cost: a model that is a little wrong everywhere gains a little from any parameter."""
+ENOUGH = 0.88
+"""Causes that explain this part of what the best one does are as good: the simplest of them stands."""
+SIGMAS = 5.0
+MATERIAL = {"rotation": np.deg2rad(1.5), "scale": 0.012, "clock": 0.03, "gyro_bias": 0.0, "lever": 0.25}
+BIAS_FACTOR = 4.0
+"""A gyro bias is a finding beyond this many claimed standard deviations."""
+SIMPLER = ("units", "axes", "clock", "scale", "gyro_bias", "rotation", "lever")
+"""Order in which causes that explain alike are preferred."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """A cause: its name, the fit with it, the fall of the cost, and the factor of the gyros with it."""
+
+    name: str
+    match: Match
+    drop: float
+    gyros: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A velocity against inertial readings.
+
+    Attributes:
+        stated: the fit with everything near what is stated.
+        free: the best fit with everything free.
+        causes: that explain the difference, the likeliest first.
+    """
+
+    stated: Match
+    free: Match
+    causes: list[Cause]
+
+
+def tight_priors(gyro_bias_radps: float, accel_bias_mps2: float) -> dict[str, float]:
+    """1 sigma of every parameter as a case states it: what a careful installation leaves."""
+    return {
+        "rotation": float(np.deg2rad(0.5)), "scale": 0.005, "clock": 0.008, "gyro_bias": max(gyro_bias_radps, 1e-7),
+        "accel_bias": max(accel_bias_mps2, 1e-4), "lever": 0.1,
+    }  # fmt: skip
+
+
+def _axes() -> dict[str, tuple[Floats, float]]:
+    """Ways in which axes are mistaken: matrix from the velocity's axes, and the sign of the gyros."""
+    quarter = [
+        np.asarray(Rotation.from_euler("Z", 90 * k, degrees=True).as_matrix()).round(9) + 0.0
+        for k in range(4)
+    ]
+    found = {f"turned by {90 * k} deg about the vertical": (quarter[k], 1.0) for k in (1, 2, 3)}
+    found["reversed"] = (-np.eye(3), 1.0)
+    found["upside down (roll 180 deg)"] = (np.diag([1.0, -1.0, -1.0]), 1.0)
+    found["upside down (pitch 180 deg)"] = (np.diag([-1.0, 1.0, -1.0]), 1.0)
+    found["y reversed"] = (np.diag([1.0, -1.0, 1.0]), 1.0)
+    found["x reversed"] = (np.diag([-1.0, 1.0, 1.0]), 1.0)
+    found["z reversed"] = (np.diag([1.0, 1.0, -1.0]), 1.0)
+    mirror = np.diag([1.0, -1.0, 1.0])
+    for k in range(4):
+        found[f"left-handed {k}"] = (quarter[k] @ mirror, -1.0)
+        found[f"left-handed, upside down {k}"] = (quarter[k] @ np.diag([1.0, 1.0, -1.0]), -1.0)
+    return found
+
+
+UNITS = {"deg/s taken for rad/s": np.pi / 180.0, "rad/s taken for deg/s": 180.0 / np.pi}
+
+
+def compare(recorded: Recorded, tight: dict[str, float], sigma_mps: float) -> Comparison | None:
+    """Fits what is stated, what is best, and every single mistake.
+
+    Args:
+        recorded: readings and velocities as the case states them.
+        tight: 1 sigma of what is stated.
+        sigma_mps: claimed noise of a velocity, per axis.
+    """
+    loose = LOOSE | {"clock": 1.0}
+    free = fit(recorded, loose)
+    near = fit(recorded, tight)
+    if free is None or near is None:
+        return None
+    # Only a comparison that fails gets the search over axes and units, which takes a second or two.
+    sigma = max(min(free.sigma_mps, near.sigma_mps), sigma_mps)
+    suspects = _discrete(recorded, tight, sigma) if _fails(near, free, sigma_mps) else []
+    sigma = max(
+        min([free.sigma_mps, near.sigma_mps, *(one.match.sigma_mps for one in suspects)]), 0.7 * sigma_mps
+    )
+    stated = fit(recorded, tight, sigma_mps=sigma)
+    free = fit(recorded, loose, sigma_mps=sigma)
+    if stated is None or free is None:
+        return None
+    causes = [
+        *_continuous(recorded, tight, stated, sigma),
+        *_repeat(recorded, tight, stated, suspects, sigma),
+    ]
+    kept = [one for one in causes if one.drop > max(LEAST_DROP, LEAST_PART * stated.cost)]
+    best = max((one.drop for one in kept), default=0.0)
+    alike = [one for one in kept if one.drop >= ENOUGH * best]
+    alike.sort(key=lambda one: (SIMPLER.index(one.name.split(":")[0]), -one.drop))
+    rest = sorted((one for one in kept if one not in alike), key=lambda one: -one.drop)
+    return Comparison(stated, free, alike[:1] + _others(alike[1:] + rest, best))
+
+
+def _others(causes: list[Cause], best: float) -> list[Cause]:
+    """Further causes that explain much by themselves, one of each kind."""
+    found: dict[str, Cause] = {}
+    for one in causes:
+        if one.drop > 0.5 * best:
+            found.setdefault(one.name.split(":")[0], one)
+    return list(found.values())[:2]
+
+
+def _fails(near: Match, free: Match, sigma_mps: float) -> bool:
+    return near.sigma_mps > 1.15 * free.sigma_mps or near.sigma_mps > 2.0 * sigma_mps or not free.plausible
+
+
+def _continuous(recorded: Recorded, tight: dict[str, float], stated: Match, sigma: float) -> list[Cause]:
+    found = []
+    for name in ("rotation", "scale", "clock", "gyro_bias", "lever"):
+        one = fit(recorded, tight | {name: LOOSE[name]}, sigma_mps=sigma)
+        if one is None:
+            continue
+        values, sd = one.part(name), one.part_sd(name)
+        size = float(np.abs(values).max())
+        least = BIAS_FACTOR * tight["gyro_bias"] if name == "gyro_bias" else MATERIAL[name]
+        if size > least and bool((np.abs(values) > SIGMAS * sd).any()):
+            found.append(Cause(name, one, stated.cost - one.cost))
+    return found
+
+
+def _discrete(recorded: Recorded, tight: dict[str, float], sigma: float) -> list[Cause]:
+    """The best of the mistaken axes and units, with a little freedom beside them."""
+    some = tight | {"rotation": 0.05, "clock": 0.05}
+    found = []
+    for words, (axes, sign) in _axes().items():
+        one = fit(recorded.with_gyros(sign), some, axes=axes, sigma_mps=sigma)
+        if one is not None:
+            found.append(Cause(f"axes:{words}", one, 0.0, sign))
+    for words, factor in UNITS.items():
+        one = fit(recorded.with_gyros(factor), some, sigma_mps=sigma)
+        if one is not None:
+            found.append(Cause(f"units:{words}", one, 0.0, factor))
+    found.sort(key=lambda one: one.match.cost)
+    again = []
+    for cause in found[:3]:
+        match = fit(recorded.with_gyros(cause.gyros), some, axes=cause.match.axes)
+        if match is not None:
+            again.append(Cause(cause.name, match, 0.0, cause.gyros))
+    return again
+
+
+def _repeat(
+    recorded: Recorded, tight: dict[str, float], stated: Match, causes: list[Cause], sigma: float
+) -> list[Cause]:
+    found = []
+    some = tight | {"rotation": 0.05, "clock": 0.05}
+    for one in causes:
+        match = fit(recorded.with_gyros(one.gyros), some, axes=one.match.axes, sigma_mps=sigma)
+        if match is not None and match.cost < 0.6 * stated.cost:
+            found.append(Cause(one.name, match, stated.cost - match.cost, one.gyros))
+    return found

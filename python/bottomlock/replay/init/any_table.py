@@ -1,0 +1,197 @@
+"""Text tables as loggers write them: separators, comment lines, rows of units, missing headers, decimal commas."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+
+from bottomlock.errors import DataError
+from bottomlock.table_file import check_regular, read_parquet
+
+SEPARATORS = (",", ";", "\t", "|", " ")
+_HEAD = 65_536
+_SUFFIXES = {".parquet", ".pq"}
+
+
+@dataclass(frozen=True, eq=False)
+class AnyTable:
+    """A table as read.
+
+    Attributes:
+        path: the file.
+        frame: its columns; text of a text file, without spaces around the cells.
+        plain: whether the file can be read as it is, by its own column names.
+        units: unit of a column as a row below the header states it, by the column's name.
+        words: how it was read, for an error or a comment.
+    """
+
+    path: Path
+    frame: pl.DataFrame
+    plain: bool
+    units: dict[str, str]
+    words: str = ""
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, "nan" or empty.
+
+    >>> [is_number(cell) for cell in ("1e-3", "nan", "", "2024-05-01", "x")]
+    [True, True, True, False, False]
+    """
+    try:
+        float(cell.strip().strip('"') or "nan")
+    except ValueError:
+        return False
+    return True
+
+
+def read_any_table(path: Path) -> AnyTable:
+    """Reads Parquet, or text with any of the usual separators.
+
+    Raises:
+        DataError: for what is not a table of two columns and two rows or more.
+    """
+    if path.suffix.lower() in _SUFFIXES:
+        return AnyTable(path, read_parquet(path), plain=True, units={}, words="Parquet")
+    check_regular(path)
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if b"\0" in raw[:_HEAD]:
+        raise DataError(f"{path}: holds binary data of no known format")
+    try:
+        text, latin = raw.decode("utf-8-sig"), False
+    except UnicodeDecodeError:
+        text, latin = raw.decode("latin-1"), True
+    return _read_text(path, text, plain=not latin)
+
+
+def _read_text(path: Path, text: str, *, plain: bool) -> AnyTable:
+    lines = text.splitlines()
+    rows = [k for k, line in enumerate(lines[:400]) if line.strip()]
+    data = [k for k in rows if not lines[k].lstrip().startswith(("#", "%", "//"))]
+    separator = _separator([lines[k] for k in data[:60]])
+    if separator is None or len(data) < 2:
+        raise DataError(
+            f"{path}: is in no format that `bottomlock convert` knows and is no table: expected two or more columns, "
+            "separated by commas, semicolons, tabs or spaces"
+        )
+    width = len(_cells(lines[data[-1]], separator))
+    first = next((k for k in data if len(_cells(lines[k], separator)) == width), data[0])
+    header, first_row = _header(lines, rows, first, separator, width)
+    units: dict[str, str] = {}
+    body_cells = _cells(lines[first_row], separator)
+    next_rows = [k for k in data if k > first_row]
+    if (
+        next_rows
+        and not any(map(_numeric, [c for c in body_cells if c]))
+        and _mostly_numbers(_cells(lines[next_rows[0]], separator))
+    ):
+        units = {name: cell.strip("[]() ") for name, cell in zip(header, body_cells, strict=False)}
+        first_row = next_rows[0]
+    comments = [lines[k] for k in rows if k > first_row and lines[k].lstrip().startswith(("#", "%", "//"))]
+    frame = _frame(path, lines[first_row:], header, separator)
+    simple = (
+        plain and separator == "," and first_row == 1 and not comments and not units
+        and _cells(lines[0], separator) == list(header) and not _decimal_comma(frame, separator)
+    )  # fmt: skip
+    frame = _points(frame, separator)
+    names = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
+    words = (
+        "" if simple else f"columns are separated by {names[separator]}, data begin at line {first_row + 1}"
+    )
+    return AnyTable(path, frame, simple, units, words)
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    parts = line.split() if separator == " " else line.split(separator)
+    return [part.strip().strip('"').strip() for part in parts]
+
+
+def _separator(lines: list[str]) -> str | None:
+    """The separator that cuts the last lines, which are data, into the same number of cells, two or more.
+
+    One that cuts the first line, the header, as often comes before one that does not: a decimal comma cuts data alone.
+    """
+    if not lines:
+        return None
+    tail = lines[-max(2, len(lines) // 2) :]
+    fitting = []
+    for separator in SEPARATORS:
+        counts = {len(_cells(line, separator)) for line in tail}
+        if (
+            len(counts) == 1
+            and max(counts) > 1
+            and any(_numeric(c) and c for c in _cells(tail[-1], separator))
+        ):
+            fitting.append(separator)
+    agreeing = [one for one in fitting if len(_cells(lines[0], one)) == len(_cells(tail[-1], one))]
+    return next(iter([*agreeing, *fitting]), None)
+
+
+def _numeric(cell: str) -> bool:
+    """Whether a cell is a number, with a decimal point or comma."""
+    return is_number(cell) or is_number(cell.replace(",", ".", 1))
+
+
+def _mostly_numbers(cells: list[str]) -> bool:
+    return sum(map(_numeric, cells)) > len(cells) // 2
+
+
+def _header(
+    lines: list[str], rows: list[int], first: int, separator: str, width: int
+) -> tuple[list[str], int]:
+    """Names of the columns, and the line where what is below them begins."""
+    cells = _cells(lines[first], separator)
+    if not _mostly_numbers(cells) and not any(re.match(r"\d{4}-\d\d-\d\d", cell) for cell in cells):
+        return _unique(cells), next((k for k in rows if k > first), first)
+    above = [k for k in rows if k < first]
+    if above:
+        bare = lines[above[-1]].lstrip().lstrip("#%/").strip()
+        named = _cells(bare, separator)
+        if len(named) != width and separator == ",":
+            named = bare.split()
+        if len(named) == width and not _mostly_numbers(named):
+            return _unique(named), first
+    return [f"column_{k + 1}" for k in range(width)], first
+
+
+def _unique(names: list[str]) -> list[str]:
+    found: list[str] = []
+    for k, name in enumerate(names):
+        base = name or f"column_{k + 1}"
+        found.append(base if base not in found else f"{base}_{k + 1}")
+    return found
+
+
+def _frame(path: Path, lines: list[str], header: list[str], separator: str) -> pl.DataFrame:
+    kept = [line for line in lines if line.strip() and not line.lstrip().startswith(("#", "%", "//"))]
+    if separator == " ":
+        kept, separator = [",".join(line.split()) for line in kept], ","
+    body = "\n".join(kept) + "\n"
+    try:
+        frame = pl.read_csv(
+            body.encode(),
+            separator=separator,
+            has_header=False,
+            infer_schema=False,
+            truncate_ragged_lines=True,
+        )
+    except (Exception, pl.exceptions.PanicException) as error:
+        raise DataError(f"{path}: cannot be read as a table ({str(error).splitlines()[0][:200]})") from error
+    if frame.width < len(header):
+        raise DataError(f"{path}: has {frame.width} columns, and its header names {len(header)}")
+    frame = frame.select(frame.columns[: len(header)])
+    frame.columns = header
+    return frame.select(pl.all().str.strip_chars().str.strip_chars('"'))
+
+
+def _decimal_comma(frame: pl.DataFrame, separator: str) -> bool:
+    first = [cell or "" for cell in frame.row(0)]
+    return separator != "," and any(re.fullmatch(r"[-+]?\d+,\d+([eE][-+]?\d+)?", cell) for cell in first)
+
+
+def _points(frame: pl.DataFrame, separator: str) -> pl.DataFrame:
+    return frame.select(pl.all().str.replace(",", ".")) if _decimal_comma(frame, separator) else frame

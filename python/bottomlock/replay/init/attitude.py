@@ -1,0 +1,102 @@
+"""What a recorded attitude is: unit, frames and clock, by comparing its own rate with the gyros."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bottomlock.replay.axes import from_angles, platform_attitude
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+LAGS_S = 3.0
+LAG_STEP_S = 0.05
+
+
+@dataclass(frozen=True)
+class AttitudeMatch:
+    """How an attitude compares with gyros.
+
+    Attributes:
+        frame: "ned_frd" or "enu_flu".
+        correlation: of the rates, at the best clock offset.
+        other: correlation of the other frame.
+        slope: of the attitude's rate over the gyros': 1, or a wrong unit.
+        offset_s: to add to the attitude's times.
+        least: smallest correlation of a single axis that turns enough to tell.
+    """
+
+    frame: str
+    correlation: float
+    other: float
+    slope: float
+    offset_s: float
+    least: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether the rates decide."""
+        return self.correlation > 0.4 and self.correlation > self.other + 0.1
+
+
+def match_attitude(
+    time_ns: Integers, rpy_rad: Floats, imu_time_ns: Integers, omega_p_radps: Floats
+) -> AttitudeMatch | None:
+    """Compares an attitude with gyros, in both frames and at every clock offset of a few seconds.
+
+    Args:
+        time_ns, rpy_rad: (n,), (n, 3).
+        imu_time_ns, omega_p_radps: (m,), (m, 3), platform axes.
+    """
+    keep = np.isfinite(rpy_rad).all(axis=1) & np.concatenate([[True], np.diff(time_ns) > 0])
+    time_ns, rpy_rad = time_ns[keep], rpy_rad[keep]
+    every = max(1, round(0.1e9 / max(float(np.median(np.diff(time_ns))), 1.0))) if len(time_ns) > 20 else 1
+    time_ns, rpy_rad = time_ns[::every], rpy_rad[::every]
+    if len(time_ns) < 10 or len(imu_time_ns) < 10:
+        return None
+    steps_s = np.diff(imu_time_ns) * 1e-9
+    turned = np.vstack(
+        [np.zeros(3), np.cumsum(0.5 * (omega_p_radps[1:] + omega_p_radps[:-1]) * steps_s[:, None], axis=0)]
+    )
+    seconds = (imu_time_ns - imu_time_ns[0]) * 1e-9
+    at = (time_ns - imu_time_ns[0]) * 1e-9
+    lags = np.arange(-LAGS_S, LAGS_S + 0.5 * LAG_STEP_S, LAG_STEP_S)
+    by_frame = {}
+    for frame in ("ned_frd", "enu_flu"):
+        attitude = platform_attitude(from_angles(*rpy_rad.T), frame, np.zeros(3), 0.0)
+        rate = _increments(attitude) / (np.diff(time_ns) * 1e-9)[:, None]
+        by_frame[frame] = max(
+            ((*_correlation(rate, at, turned, seconds, float(lag)), float(lag)) for lag in lags),
+            key=lambda one: one[0],
+        )
+    frame = max(by_frame, key=lambda one: by_frame[one][0])
+    other = next(one for one in by_frame if one != frame)
+    correlation, slope, least, lag = by_frame[frame]
+    return AttitudeMatch(frame, correlation, by_frame[other][0], slope, lag, least)
+
+
+def _increments(attitude: Rotation) -> Floats:
+    return np.asarray((attitude[:-1].inv() * attitude[1:]).as_rotvec())
+
+
+def _correlation(
+    rate: Floats, at: Floats, turned: Floats, seconds: Floats, lag_s: float
+) -> tuple[float, float, float]:
+    """Correlation of the attitude's rate with the gyros', slope of the one over the other, smallest of one axis."""
+    when = at + lag_s
+    inside = (when[:-1] >= seconds[0]) & (when[1:] <= seconds[-1])
+    if inside.sum() < 8:
+        return -1.0, np.nan, -1.0
+    gyro = np.stack([np.diff(np.interp(when, seconds, turned[:, k])) for k in range(3)], axis=1)
+    gyro = gyro / np.diff(at)[:, None]
+    a, b = rate[inside], gyro[inside]
+    # A quick jump is a wrap or a reset of the filter, not a turn.
+    calm = np.linalg.norm(a, axis=1) < 8.0 * max(float(np.percentile(np.linalg.norm(a, axis=1), 90)), 1e-9)
+    a, b = (x[calm] - x[calm].mean(axis=0) for x in (a, b))
+    scale = float((b * b).sum())
+    total = np.sqrt(float((a * a).sum()) * scale)
+    if not total > 0.0:
+        return -1.0, np.nan, -1.0
+    each = (a * b).sum(axis=0) / np.maximum(np.sqrt((a * a).sum(axis=0) * (b * b).sum(axis=0)), 1e-12)
+    return float((a * b).sum()) / total, float((a * b).sum()) / scale, float(each.min())

@@ -1,0 +1,117 @@
+"""The columns of beams in a plain table, by their names: a column map for `bottomlock convert`."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+
+from bottomlock.io.beam_table import MOST_BEAMS
+from bottomlock.io.beams import Columns
+from bottomlock.replay.init.any_table import AnyTable
+from bottomlock.replay.init.found import Floats, numbers, table_times
+from bottomlock.replay.init.names import split_unit
+
+TIME = "time_ns"
+_SPEEDS = {"m/s": 1.0, "mps": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
+_VALID = ("valid", "good", "ok", "datagood", "flag", "lock", "status")
+_RANGE = ("range", "distance", "altitude", "dist", "height")
+_OTHER = ("sd", "std", "fom", "quality", "rssi", "nsd", "corr", "correlation", "amp", "amplitude", "noise",
+          "confidence", "snr", "delay", "id", "water", "var", "covar", "pg", "percent",
+          "time", "arrival", "echo")  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class BeamColumns:
+    """A map of the columns of beams, the table that it maps, and why."""
+
+    columns: Columns
+    frame: pl.DataFrame
+    why: str
+    scale_why: str = ""
+
+
+def _role(name: str) -> tuple[str, int] | None:
+    """Role ("velocity", "valid", "range") and number of a beam's column, as it is written; None for another.
+
+    >>> [_role(n) for n in ("beam1_mps", "b0", "field.bottomVelocityBeam2", "dataGood3", "beam_2_valid", "depth")]
+    [('velocity', 1), ('velocity', 0), ('velocity', 2), ('valid', 3), ('valid', 2), None]
+    """
+    bare = split_unit(name)[0]
+    words = [w for w in re.split(r"[^a-z0-9]+", re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", bare).lower()) if w]
+    whole = "".join(words)
+    digits = re.findall(r"\d+", whole)
+    if len(digits) != 1:
+        return None
+    letters = re.sub(r"\d", "", whole)
+    of_beam = any(part in letters for part in ("beam", "transducer", "datagood")) or letters in {
+        "b", "vb", "velb", "bv", "bvel", "btvel", "ok", "radial", "vr",
+    }  # fmt: skip
+    if not of_beam:
+        return None
+    rest = letters.replace("beam", "").replace("transducers", "").replace("transducer", "")
+    if any(word in rest for word in _VALID):
+        return "valid", int(digits[0])
+    if any(word in rest for word in _RANGE):
+        return "range", int(digits[0])
+    if any(word in rest for word in _OTHER):
+        return None
+    return "velocity", int(digits[0])
+
+
+def beam_columns(table: AnyTable) -> BeamColumns | None:
+    """The columns of three or more beams; None for a table without.
+
+    A table without flags gets them: a beam is lost where its cell is empty, or reads exactly 0 in part of the rows.
+    """
+    found: dict[str, dict[int, str]] = {"velocity": {}, "valid": {}, "range": {}}
+    for name in table.frame.columns:
+        role = _role(name)
+        if role is not None and np.isfinite(numbers(table.frame[name])).any():
+            found[role[0]].setdefault(role[1], name)
+    order = sorted(found["velocity"])
+    if not 3 <= len(order) <= MOST_BEAMS or order != list(range(order[0], order[0] + len(order))):
+        return None
+    velocity = [found["velocity"][k] for k in order]
+    values = np.stack([numbers(table.frame[name]) for name in velocity], axis=1)
+    scale, why = _scale(velocity, values, table)
+    stamped, times = table.frame, table_times(table, "dvl").time_ns
+    if times is None:
+        return None
+    stamped = stamped.with_columns(pl.Series(TIME, times))
+    valid = [found["valid"].get(k) for k in order]
+    notes = [f"beams are the columns {', '.join(velocity)}"]
+    if all(valid):
+        names = [str(name) for name in valid]
+        flags = np.stack([numbers(stamped[name]) for name in names], axis=1) == 1.0
+        flags &= np.isfinite(values)
+        notes.append(f"their flags {', '.join(names)}")
+    else:
+        names = [f"beam{k + 1}_valid" for k in range(len(order))]
+        zero = values == 0.0
+        lost = zero & (zero.mean(axis=0) > 0.002)
+        flags = np.isfinite(values) & ~lost
+        notes.append(
+            "no column says which beams are valid: lost where empty" + (" or exactly 0" if lost.any() else "")
+        )
+    stamped = stamped.with_columns(
+        [pl.Series(name, flags[:, k]) for k, name in enumerate(names)]
+        + [pl.Series(name, values[:, k]).fill_nan(None) for k, name in enumerate(velocity)]
+    )
+    stamped = stamped.filter(np.concatenate([[True], np.diff(times) > 0]))
+    ranges = [found["range"].get(k) for k in order]
+    columns = Columns(
+        time=TIME, velocity=tuple(velocity), valid=tuple(names), velocity_scale=scale,
+        range=tuple(str(name) for name in ranges) if all(ranges) else None,
+    )  # fmt: skip
+    return BeamColumns(columns, stamped, "; ".join(notes), why)
+
+
+def _scale(velocity: list[str], values: Floats, table: AnyTable) -> tuple[float, str]:
+    unit = split_unit(velocity[0])[1] or table.units.get(velocity[0], "")
+    if unit in _SPEEDS:
+        return _SPEEDS[unit], f"the column's name says {unit}"
+    largest = float(np.nanpercentile(np.abs(values), 95))
+    if largest > 50.0:
+        return 1e-3, f"95 % are below {largest:.4g}: mm/s, as no vehicle moves that many m/s"
+    return 1.0, f"95 % are below {largest:.3g}"

@@ -1,0 +1,62 @@
+"""A commented column map of a plain table: what `bottomlock convert --init` writes."""
+
+from pathlib import Path
+
+from bottomlock.atomic_write import write_text
+from bottomlock.errors import DataError, OutputError
+from bottomlock.replay.init.any_table import read_any_table
+from bottomlock.replay.init.beam_columns import beam_columns
+from bottomlock.replay.init.dvl_part import dvl_of_velocity
+from bottomlock.replay.init.found import find_streams, table_times
+from bottomlock.replay.init.text import Section
+
+
+def write_map(file: Path, to: Path, *, force: bool = False) -> None:
+    """Writes the column map of a table of beams, or of a DVL's velocity.
+
+    Raises:
+        DataError: for a file that is no such table, or has to be written again first.
+        OutputError: for a name that does not end in .toml, or a file that exists.
+    """
+    if to.suffix.lower() != ".toml":
+        raise OutputError(f"{to}: expected a name that ends in .toml, the column map to write")
+    if to.exists() and not force:
+        raise OutputError(f"{to}: exists already, nothing was overwritten; --force overwrites it")
+    table = read_any_table(file)
+    times = table_times(table, "dvl")
+    if not table.plain or not times.column:
+        how = table.words or times.why
+        raise DataError(
+            f"{file}: a column map needs commas, a header and a column of numbers as times, but {how}; "
+            "bottomlock replay --init reads it as it is"
+        )
+    section = Section(
+        "", [f"Column map of {file.name}: bottomlock convert {file.name} --to OUT --columns {to.name}"]
+    )
+    section.put("time", times.column)
+    section.put("time_unit", times.unit, times.why)
+    beams = beam_columns(table)
+    if beams is not None:
+        assert beams.columns.velocity is not None  # it has beams
+        assert beams.columns.valid is not None
+        section.put("velocity", list(beams.columns.velocity), beams.why)
+        if all(name in table.frame.columns for name in beams.columns.valid):
+            section.put("valid", list(beams.columns.valid))
+        else:
+            section.ask("which columns say that a beam is valid? convert needs them: valid = [...]")
+        section.put("velocity_scale", beams.columns.velocity_scale, beams.scale_why)
+        if beams.columns.range is not None:
+            section.put("range", list(beams.columns.range))
+    else:
+        velocity = next((one for one in find_streams(table) if one.kind == "velocity"), None)
+        if velocity is None:
+            raise DataError(
+                f"{file}: none of its columns is known as a beam or a velocity ({', '.join(table.frame.columns[:14])})"
+            )
+        unit = dvl_of_velocity(velocity)
+        section.say("no beams were found: convert needs --instrument-only")
+        section.put("instrument", [velocity.columns[f"v{k}"] for k in range(3)])
+        section.put("velocity_scale", {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001}[unit.unit], unit.unit_why)
+        if "valid" in velocity.extra:
+            section.put("instrument_valid", velocity.extra["valid"])
+    write_text(to, section.text())

@@ -1,0 +1,105 @@
+"""The tables of a first case: the user's own where a replay can read them, else written again beside the case."""
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from bottomlock.atomic_write import write_parquet, write_text
+from bottomlock.errors import OutputError
+from bottomlock.io.beam_table import Recording, sidecar, write_recording
+from bottomlock.replay.init.found import Found
+
+Integers = NDArray[np.int64]
+
+
+@dataclass(eq=False)
+class Files:
+    """Where a case and its tables go.
+
+    Attributes:
+        case: the case.
+        force: whether files are overwritten.
+        written: what was written beside it.
+    """
+
+    case: Path
+    force: bool = False
+    written: list[Path] = field(default_factory=list)
+
+    def relative(self, path: Path) -> str:
+        """A path as the case names it."""
+        return Path(os.path.relpath(path, self.case.parent)).as_posix()
+
+    def beside(self, name: str, suffix: str = ".parquet") -> Path:
+        """A new file beside the case.
+
+        Raises:
+            OutputError: where it exists already.
+        """
+        path = self.case.parent / f"{self.case.stem}_{name}{suffix}"
+        self.check(path)
+        return path
+
+    def check(self, path: Path) -> None:
+        """Checks that a file may be written.
+
+        Raises:
+            OutputError: where it exists already.
+        """
+        if path.exists() and not self.force:
+            raise OutputError(f"{path}: exists already, nothing was overwritten; --force overwrites it")
+
+    def recording(self, recording: Recording, source: Path) -> str:
+        """Writes a beam table and its account."""
+        path = self.beside("beams")
+        self.check(sidecar(path))
+        write_recording(recording, path, source=source)
+        self.written.append(path)
+        return self.relative(path)
+
+    def geometry(self, text: str) -> str:
+        """Writes a geometry file."""
+        path = self.beside("dvl", ".toml")
+        write_text(path, text)
+        self.written.append(path)
+        return self.relative(path)
+
+    def table(
+        self, found: Found, name: str, columns: dict[str, Any] | None = None
+    ) -> tuple[str, dict[str, Any], dict[str, str]]:
+        """File, clock and column names of a stream; `columns` (role to values) forces it to be written again."""
+        times = found.times
+        roles = {**found.columns, **found.extra}
+        clock: dict[str, Any] = {"column": times.column, "unit": times.unit}
+        if times.time_ns is None:
+            clock = {}
+        if found.table.plain and columns is None and (times.column or times.time_ns is None):
+            clock |= _unordered(times.time_ns)
+            return self.relative(found.table.path), clock, roles
+        content: dict[str, Any] = {} if times.time_ns is None else {"time_ns": times.time_ns}
+        if columns is None:
+            own = {role: column for role, column in roles.items() if role != "increments"}
+            values = {role: found.values(role)[:, 0] for role in own}
+            content |= {column: values[role] for role, column in own.items()}
+            names = roles
+        else:
+            content |= columns
+            names = {role: role for role in columns}
+        path = self.beside(name)
+        write_parquet(path, pl.DataFrame(content).with_columns(pl.col(pl.Float64).fill_nan(None)))
+        self.written.append(path)
+        if times.time_ns is not None:
+            clock = {"column": "time_ns", "unit": "ns"} | _unordered(times.time_ns)
+        return self.relative(path), clock, names
+
+
+def _unordered(time_ns: Integers | None) -> dict[str, str]:
+    """The clock's key for rows that repeat a time or go back."""
+    if time_ns is None or (np.diff(time_ns) > 0).all():
+        return {}
+    return {"unordered": "drop"}

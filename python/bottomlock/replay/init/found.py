@@ -1,0 +1,266 @@
+"""Streams in a table: which columns are IMU, attitude, depth, position or velocity, and when their rows are."""
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from bottomlock.replay.init import names
+from bottomlock.replay.init.any_table import AnyTable
+from bottomlock.replay.init.names import named, seconds_and_nanoseconds, split_unit, time_unit
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
+EPOCHS = (("s", 5e8, 5e9), ("ms", 5e11, 5e12), ("us", 5e14, 5e15), ("ns", 5e17, 5e18))
+"""Unix times from 1985 to 2128 in each unit."""
+RATES_HZ = {"imu": (8.0, 4000.0), "dvl": (0.05, 40.0)}
+ANY_RATE_HZ = (0.02, 1000.0)
+
+
+@dataclass(eq=False)
+class Times:
+    """Times of a table's rows.
+
+    Attributes:
+        time_ns: (n,), as the file has them, or None without any.
+        column, unit: as a case's clock names them; column "" where the table is written again.
+        why: how the unit was found.
+        epoch: whether they are Unix times.
+    """
+
+    time_ns: Integers | None
+    column: str = ""
+    unit: str = "ns"
+    why: str = ""
+    epoch: bool = False
+
+
+@dataclass(eq=False)
+class Found:
+    """A stream in a table.
+
+    Attributes:
+        kind: "imu", "attitude", "depth", "pressure", "geodetic", "local", "velocity", "field".
+        table: where it is.
+        columns: role to column name.
+        units: role to unit as the name states it, "" where it does not.
+        times: of the rows.
+        extra: further columns by role, for instance velocities beside a position.
+    """
+
+    kind: str
+    table: AnyTable
+    columns: dict[str, str]
+    units: dict[str, str]
+    times: Times
+    extra: dict[str, str] = field(default_factory=dict)
+
+    def values(self, *roles: str) -> Floats:
+        """(n, roles) the columns as numbers, NaN where a cell is none."""
+        chosen = {**self.columns, **self.extra}
+        return np.stack([numbers(self.table.frame[chosen[role]]) for role in roles], axis=1)
+
+
+def numbers(series: pl.Series) -> Floats:
+    """A column as floats, NaN where a cell is no number."""
+    lower = (
+        series.str.to_lowercase().replace({"true": "1", "false": "0"})
+        if series.dtype == pl.String
+        else series
+    )
+    return np.asarray(lower.cast(pl.Float64, strict=False).fill_null(np.nan).to_numpy(), dtype=np.float64)
+
+
+def find_streams(table: AnyTable) -> list[Found]:
+    """Every stream of a table, by the names of its columns."""
+    triples: dict[tuple[str, str], dict[int, str]] = {}
+    single: dict[str, str] = {}
+    units: dict[str, str] = {}
+    for name in table.frame.columns:
+        what = named(name, table.units.get(name, ""))
+        if what is None or not np.isfinite(numbers(table.frame[name])).any():
+            continue
+        units[name] = what.unit
+        bare = split_unit(name)[0]
+        stem = (
+            re.sub(r"[xyzabcw0-9]", "", bare.lower()) + "|" + re.sub(r"\D", "", re.sub(r"\d\D*$", "", bare))
+        )
+        if what.quantity in _GROUPS:
+            triples.setdefault((what.quantity, stem), {}).setdefault(what.component, name)
+        else:
+            single.setdefault(what.quantity, name)
+    groups = {quantity: _best_triple(table, triples, quantity) for quantity in _GROUPS}
+    found: list[tuple[str, dict[str, str], dict[str, str]]] = []
+    found += _imu(groups, single)
+    found += _others(table, groups, single)
+    kinds = [kind for kind, _, _ in found]
+    times = table_times(table, "imu" if "imu" in kinds else "dvl" if kinds == ["velocity"] else "")
+    streams = []
+    for kind, columns, extra in found:
+        of = {role: units.get(name, "") for role, name in {**columns, **extra}.items()}
+        streams.append(Found(kind, table, columns, of, times, extra))
+    return streams
+
+
+_GROUPS = (
+    names.FORCE, names.OMEGA, names.FIELD, names.VELOCITY_INCREMENT, names.ANGLE_INCREMENT, names.VELOCITY,
+    names.POSITION, "quaternion",
+)  # fmt: skip
+
+
+def _best_triple(
+    table: AnyTable, triples: dict[tuple[str, str], dict[int, str]], quantity: str
+) -> tuple[str, ...] | None:
+    """The columns of a quantity: the first group with all components; of forces the one that holds gravity."""
+    wanted = 4 if quantity == "quaternion" else 3
+    whole: list[tuple[str, ...]] = []
+    for (what, _), columns in triples.items():
+        if what != quantity or len(columns) < wanted:
+            continue
+        first = 1 if 0 not in columns else 0
+        if all(first + k in columns for k in range(wanted)):
+            whole.append(tuple(columns[first + k] for k in range(wanted)))
+    if quantity == names.FORCE and len(whole) > 1:
+        # Gravity removed is no specific force: the group with the steadiest size has it.
+        def unsteady(columns: tuple[str, ...]) -> float:
+            size = np.linalg.norm(np.stack([numbers(table.frame[name]) for name in columns]), axis=0)
+            return float(np.nanstd(size) / max(np.nanmedian(size), 1e-9))
+
+        whole.sort(key=unsteady)
+    return whole[0] if whole else None
+
+
+_Streams = list[tuple[str, dict[str, str], dict[str, str]]]
+
+
+def _imu(groups: dict[str, tuple[str, ...] | None], single: dict[str, str]) -> _Streams:
+    force, omega = groups[names.FORCE], groups[names.OMEGA]
+    if omega is None and {"rollrate", "pitchrate", "yawrate"} <= single.keys():
+        omega = (single["rollrate"], single["pitchrate"], single["yawrate"])
+    extra = {}
+    moved, turned = groups[names.VELOCITY_INCREMENT], groups[names.ANGLE_INCREMENT]
+    if moved and turned:
+        force, omega = moved, turned
+        extra = {"increments": force[0]} | ({"interval": single["interval"]} if "interval" in single else {})
+    if force is None or omega is None:
+        return []
+    columns = {f"force{k}": force[k] for k in range(3)} | {f"omega{k}": omega[k] for k in range(3)}
+    return [("imu", columns, extra)]
+
+
+def _others(table: AnyTable, groups: dict[str, tuple[str, ...] | None], single: dict[str, str]) -> _Streams:
+    found: _Streams = []
+    angles: dict[str, str] = {part: single[part] for part in ("roll", "pitch", "yaw") if part in single}
+    quaternion = groups["quaternion"]
+    if len(angles) == 3:
+        found.append(("attitude", angles, {}))
+    elif quaternion:
+        found.append(("attitude", {f"q{k}": quaternion[k] for k in range(4)}, {}))
+    ned = [single.get(f"velocity_{axis}") for axis in ("north", "east", "down")]
+    beside = {f"ned{k}": name for k, name in enumerate(ned) if name} if all(ned) else {}
+    velocity = groups[names.VELOCITY]
+    if velocity is None and {"surge", "sway", "heave"} <= single.keys():
+        velocity = (single["surge"], single["sway"], single["heave"])
+    body = {f"v{k}": velocity[k] for k in range(3)} if velocity else {}
+    if {"latitude", "longitude"} <= single.keys():
+        place = {"latitude": single["latitude"], "longitude": single["longitude"]}
+        found.append(
+            ("geodetic", place, beside | ({"height": single["height"]} if "height" in single else {}) | body)
+        )
+    elif {"north", "east"} <= single.keys():
+        place = {"north": single["north"], "east": single["east"]}
+        down = single.get("down", single.get("depth"))
+        found.append(("local", place, ({} if down is None else {"down": down}) | beside | body))
+    elif body:
+        valid = {"valid": single["valid"]} if "valid" in single else {}
+        found.append(("velocity", body, valid))
+    depth = single.get("depth")
+    if (
+        depth is not None
+        and (depth.lower() != "data" or "depth" in table.path.stem.lower())
+        and not any(kind == "local" for kind, _, _ in found)
+    ):
+        found.append(("depth", {"depth": depth}, {}))
+    elif "pressure" in single and depth is None:
+        found.append(("pressure", {"pressure": single["pressure"]}, {}))
+    field_ = groups[names.FIELD]
+    if field_:
+        found.append(("field", {f"m{k}": field_[k] for k in range(3)}, {}))
+    return found
+
+
+def table_times(table: AnyTable, kind: str) -> Times:
+    """Times of a table's rows: the best column by name, its unit by name, epoch or rate."""
+    frame = table.frame
+    pair = seconds_and_nanoseconds(frame.columns)
+    if pair is not None:
+        whole, part = (numbers(frame[name]) for name in pair)
+        time_ns = np.nan_to_num(whole).astype(np.int64) * 1_000_000_000 + np.nan_to_num(part).astype(np.int64)
+        return Times(time_ns, why=f"{pair[0]} and {pair[1]} together", epoch=bool(whole[0] > 5e8))
+    candidates = [
+        (name, unit)
+        for name in frame.columns
+        if (unit := time_unit(name, table.units.get(name, ""))) is not None
+    ]
+    # A measurement's own stamp before the time of the logger (%time), and one with a unit before one without.
+    candidates.sort(key=lambda one: ("stamp" not in one[0].lower(), one[1] == "", one[0].startswith("%")))
+    for name, unit in candidates:
+        series = frame[name]
+        if series.dtype == pl.Datetime:
+            time_ns = np.asarray(series.dt.cast_time_unit("ns").cast(pl.Int64).to_numpy(), dtype=np.int64)
+            return Times(time_ns, why=f"dates of {name}", epoch=True)
+        written = _iso(series)
+        if written is not None:
+            return Times(written, why=f"dates of {name}", epoch=True)
+        value = numbers(series)
+        if np.isfinite(value).mean() > 0.9 and np.nanmax(value) > np.nanmin(value):
+            return _numeric_times(series, value, name, unit, kind)
+    first = frame.columns[0]
+    value = numbers(frame[first])
+    if named(first) is None and np.isfinite(value).all() and len(value) > 3 and (np.diff(value) > 0.0).all():
+        return _numeric_times(frame[first], value, first, "", kind)
+    return Times(None, why="no column of times")
+
+
+def _iso(series: pl.Series) -> Integers | None:
+    """ISO dates as Unix times, ns; None for anything else."""
+    if series.dtype != pl.String:
+        return None
+    text = series.str.replace(r"Z$", "").str.replace(" ", "T").str.replace(r"([+-]00:?00)$", "")
+    if not re.match(r"\d{4}-\d\d-\d\dT\d", str(text[0] or "")):
+        return None
+    parsed = text.str.to_datetime(time_unit="ns", strict=False)
+    if parsed.null_count() > 0.05 * len(parsed):
+        return None
+    return np.asarray(parsed.cast(pl.Int64).fill_null(0).to_numpy(), dtype=np.int64)
+
+
+def _numeric_times(series: pl.Series, value: Floats, name: str, unit: str, kind: str) -> Times:
+    low, high = RATES_HZ.get(kind, ANY_RATE_HZ)
+    middle = float(np.nanmedian(value))
+    steps = np.diff(value[np.isfinite(value)])
+    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else np.nan
+    epoch = next((u for u, least, most in EPOCHS if least < middle < most), None)
+    if epoch is not None and (not unit or unit == epoch):
+        why = f"a median of {middle:.4g} is a Unix time in {epoch}"
+        return Times(_to_ns(series, value, epoch), name, epoch, why, epoch=True)
+    fitting = [u for u in ("s", "ms", "us", "ns") if low <= NS["s"] / (step * NS[u]) <= high]
+    chosen = unit if unit in fitting else (fitting[0] if fitting else (unit or "s"))
+    why = f"a median step of {step:.4g} {chosen} is {1e9 / (step * NS[chosen]):.4g} Hz"
+    if unit and unit != chosen:
+        why += f" (its name says {unit}, which would be {1e9 / (step * NS[unit]):.3g} Hz)"
+    return Times(_to_ns(series, value, chosen), name, chosen, why)
+
+
+def _to_ns(series: pl.Series, value: Floats, unit: str) -> Integers:
+    if unit == "ns":
+        whole = series.cast(pl.Int64, strict=False)
+        if whole.null_count() == 0:
+            return np.asarray(whole.to_numpy(), dtype=np.int64)
+    known = np.where(np.isfinite(value), value, np.nan)
+    filled = np.asarray(pl.Series(known).fill_nan(None).forward_fill().backward_fill().to_numpy())
+    return np.asarray(np.round(filled * NS[unit]), dtype=np.int64)

@@ -1,0 +1,168 @@
+"""The IMU of a first case: units, axes, clock, noise, each guessed from its readings."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.errors import DataError
+from bottomlock.replay.init.found import Found
+from bottomlock.replay.init.guess import (
+    Guess,
+    axes_with_down,
+    axis_names,
+    down_axis,
+    force_unit,
+    gravity_unsteady,
+    omega_unit,
+    white_noise,
+)
+from bottomlock.units import STANDARD_GRAVITY_MPS2
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+OMEGA_SI = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "deg/h": np.pi / 648_000.0}
+FORCE_SI = {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2}
+HANDED = 1.4
+"""Ratio of the unsteadiness of gravity from which it tells left-handed axes from right-handed ones."""
+TILTED_RAD = np.deg2rad(25.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ImuPart:
+    """An IMU as guessed.
+
+    Attributes:
+        found: its columns.
+        time_ns: (n,) rising, of the rows used.
+        rows: (n,) rows of the table.
+        force_s_mps2, omega_s_radps: (n, 3) in the sensor's own axes.
+        force, omega: units.
+        increments: whether they are increments, over `interval_s` where no column says.
+        handed: whether gravity tells right-handed axes from left-handed ones.
+        axes: (3, 3) from sensor to platform axes, and why.
+        rate_hz: of the readings.
+        even_hz: rate of a clock whose stamps are not used as times; None for the stamps.
+        notes: remarks for the case.
+    """
+
+    found: Found
+    time_ns: Integers
+    rows: Integers
+    force_s_mps2: Floats
+    omega_s_radps: Floats
+    force: Guess
+    omega: Guess
+    increments: bool
+    axes: Floats
+    axes_why: str
+    axes_known: bool
+    rate_hz: float
+    even_hz: float | None = None
+    unordered: int = 0
+    handed: bool = False
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def force_p_mps2(self) -> Floats:
+        """(n, 3) in platform axes."""
+        return np.asarray(self.force_s_mps2 @ self.axes.T)
+
+    @property
+    def omega_p_radps(self) -> Floats:
+        """(n, 3) in platform axes."""
+        return np.asarray(self.omega_s_radps @ self.axes.T)
+
+    def with_axes(self, axes: Floats, why: str, *, known: bool) -> "ImuPart":
+        """The same with other axes."""
+        return replace(self, axes=axes, axes_why=why, axes_known=known)
+
+    @property
+    def axis_names(self) -> tuple[str, str, str]:
+        """The case's `axes`."""
+        return axis_names(self.axes)
+
+
+def guess_imu(found: Found, duration_s: float | None) -> ImuPart:
+    """Units and axes of an IMU.
+
+    Args:
+        found: its columns.
+        duration_s: of the other streams, for a table without times.
+
+    Raises:
+        DataError: for readings without gravity, and a table without times where nothing gives its rate.
+    """
+    place = str(found.table.path)
+    values = found.values(*(f"{kind}{k}" for kind in ("force", "omega") for k in range(3)))
+    whole = np.isfinite(values).all(axis=1)
+    even_hz = None
+    if found.times.time_ns is None:
+        if duration_s is None:
+            raise DataError(f"{place}: has no column of times, and no other stream gives the IMU's rate")
+        even_hz = float(f"{len(values) / duration_s:.3g}")
+        time_ns = np.round(np.arange(len(values)) * 1e9 / even_hz).astype(np.int64)
+    else:
+        time_ns = found.times.time_ns
+    before = np.maximum.accumulate(time_ns)
+    rises = np.concatenate([[True], time_ns[1:] > before[:-1]])
+    rows = np.flatnonzero(whole & rises)
+    if len(rows) < 50:
+        raise DataError(
+            f"{place}: has {len(rows)} rows with six numbers and a rising time, expected 50 or more"
+        )
+    time_ns, force, omega = time_ns[rows], values[rows, :3], values[rows, 3:]
+    step_s = float(np.median(np.diff(time_ns))) * 1e-9
+    increments = "increments" in found.extra
+    if increments:
+        interval = (
+            found.values("interval")[rows] if "interval" in found.extra else np.full((len(rows), 1), step_s)
+        )
+        force, omega = force / interval, omega / interval
+    of_force = force_unit(force)
+    if of_force is None:
+        size = float(np.median(np.linalg.norm(force, axis=1)))
+        raise DataError(
+            f"{place}: |f| of {found.columns['force0']} ... has a median of {size:.3g}, expected gravity in it, "
+            "9.8 m/s², "
+            "1 g or 1000 mg; is gravity removed? log the raw accelerations"
+        )
+    force = force * FORCE_SI[of_force.value] * of_force.factor
+    of_omega = omega_unit(time_ns, force, omega, found.units.get("omega0", "") if not increments else "rad/s")
+    omega = omega * OMEGA_SI[of_omega.value]
+    axis, sign, angle = down_axis(force)
+    mean = float(np.mean(force[:, axis]))
+    why = (
+        f"the mean specific force on {'xyz'[axis]} is {mean:+.2f} m/s², so "
+        f"{'-' if sign < 0 else ''}{'xyz'[axis]} points down"
+    )
+    notes = []
+    if angle > TILTED_RAD:
+        notes.append(
+            f"gravity is {np.rad2deg(angle):.0f} deg off that axis: is the IMU mounted at an angle? "
+            "mounting_roll_deg and "
+            "mounting_pitch_deg turn it"
+        )
+    axes = axes_with_down(axis, sign)
+    steady = {s: gravity_unsteady(time_ns, force @ axes.T, s * omega @ axes.T) for s in (1.0, -1.0)}
+    handed = bool(max(steady.values()) > HANDED * min(steady.values()))
+    if handed and steady[-1.0] < steady[1.0]:
+        axes = np.diag([1.0, -1.0, 1.0]) @ axes + 0.0
+        why += (
+            f"; gravity stays in place to {steady[-1.0]:.3g} m/s in 20 s with left-handed axes, to "
+            f"{steady[1.0]:.3g} with "
+            "right-handed ones"
+        )
+    return ImuPart(
+        found=found, time_ns=time_ns, rows=rows, force_s_mps2=force, omega_s_radps=omega, force=of_force,
+        omega=of_omega,
+        increments=increments, axes=axes, axes_why=why, axes_known=axis == 2 and sign > 0.0, handed=handed,
+        rate_hz=1.0 / step_s, even_hz=even_hz, unordered=int((whole & ~rises).sum()), notes=tuple(notes),
+    )  # fmt: skip
+
+
+def noise_of(imu: ImuPart) -> tuple[float, float]:
+    """Noise of accelerometers and gyros in the case's units, m/s/√h and deg/√h, from reading to reading."""
+    force = white_noise(imu.time_ns, imu.force_s_mps2)
+    omega = white_noise(imu.time_ns, imu.omega_s_radps)
+    return force * 60.0, float(np.rad2deg(omega)) * 60.0

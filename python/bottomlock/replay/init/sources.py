@@ -1,0 +1,118 @@
+"""What the given files hold: the log of a DVL, and every other stream in tables and bags."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from bottomlock.errors import DataError
+from bottomlock.io import ros, table
+from bottomlock.io.beam_table import Recording
+from bottomlock.io.formats import format_of, read_recording
+from bottomlock.io.rows import Options
+from bottomlock.replay.init.any_table import AnyTable, read_any_table
+from bottomlock.replay.init.bag import bag_tables
+from bottomlock.replay.init.beam_columns import beam_columns
+from bottomlock.replay.init.found import Found, find_streams
+
+_SHOWN = 14
+
+
+@dataclass(eq=False)
+class Sources:
+    """Streams of the given files.
+
+    Attributes:
+        recording: of the DVL, with its path; None where the DVL is a velocity in a table.
+        log: path of the DVL's log.
+        streams: of all tables.
+        words: a line for each file: what it holds.
+    """
+
+    recording: Recording | None = None
+    log: Path | None = None
+    streams: list[Found] = field(default_factory=list)
+    words: list[str] = field(default_factory=list)
+
+    def of(self, *kinds: str) -> list[Found]:
+        """The streams of some kinds, in the order of the files."""
+        return [one for one in self.streams if one.kind in kinds]
+
+
+def read_sources(files: Sequence[Path]) -> Sources:
+    """Reads every file, and finds its streams.
+
+    Raises:
+        DataError: for no file, one that cannot be read, and one without anything that a case could use.
+    """
+    if not files:
+        raise DataError("no file is named: bottomlock replay --init FILE... looks at logs and tables")
+    found = Sources()
+    for path in files:
+        name = format_of(path)
+        if name == ros.NAME:
+            _bag(found, path)
+        elif name is not None and name != table.NAME:
+            _log(found, path, name)
+        else:
+            _table(found, path, read_any_table(path))
+    return found
+
+
+def _take(found: Sources, path: Path, recording: Recording) -> None:
+    if found.recording is not None:
+        raise DataError(f"{path}: is the second log of a DVL, after {found.log}; name one of them")
+    found.recording, found.log = recording, path
+    beams = recording.table.beams
+    what = f"{recording.table.rows} pings of {beams} beams" if beams else f"{recording.table.rows} velocities"
+    found.words.append(f"{path.name}: {what} ({recording.format})")
+
+
+def _log(found: Sources, path: Path, name: str) -> None:
+    try:
+        recording = read_recording(path, format=name)
+    except DataError as first:
+        try:
+            recording = read_recording(path, format=name, options=Options(instrument_only=True))
+        except DataError:
+            raise first from None
+    _take(found, path, recording)
+
+
+def _bag(found: Sources, path: Path) -> None:
+    tables = bag_tables(path)
+    try:
+        _take(found, path, read_recording(path, format=ros.NAME))
+    except DataError as error:
+        if not tables:
+            raise
+        found.words.append(str(error))
+    for one in tables:
+        _table(found, path, one)
+
+
+def _table(found: Sources, path: Path, one: AnyTable) -> None:
+    columns = beam_columns(one)
+    if columns is not None:
+        recording = table.read_frame(columns.frame, columns.columns, str(path))
+        _take(found, path, replace(recording, notes=[*recording.notes, columns.why]))
+    streams = [
+        stream for stream in find_streams(one) if not (columns is not None and stream.kind == "velocity")
+    ]
+    if not streams and columns is None:
+        shown = ", ".join(one.frame.columns[:_SHOWN]) + (", ..." if one.frame.width > _SHOWN else "")
+        raise DataError(
+            f"{path}: none of its columns has a known name ({shown}); name them as ax, ay, az, wx, wy, wz (IMU), roll, "
+            "pitch, yaw, depth, latitude, longitude, vx, vy, vz or beam1_mps ..., with time"
+        )
+    if streams:
+        rows = one.frame.height
+        rate = ""
+        if streams[0].times.time_ns is not None and rows > 2:
+            step_s = float(np.median(np.diff(streams[0].times.time_ns))) * 1e-9
+            rate = f", {1.0 / step_s:.4g} Hz" if step_s > 0.0 else ""
+        kinds = ", ".join(stream.kind for stream in streams)
+        where = f" {one.words}" if one.words.startswith("topic") else ""
+        found.words.append(f"{path.name}{where}: {kinds} ({rows} rows{rate})")
+    found.streams += streams

@@ -1,0 +1,210 @@
+"""`replay --init`: units, axes, clocks and columns of a synthetic dive are found back, and the case runs at once."""
+
+from __future__ import annotations
+
+import datetime as dt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock.errors import DataError, OutputError
+from bottomlock.replay.case import Case, load_case
+from bottomlock.replay.init.make import make_case
+from bottomlock.replay.run import replay_case
+from tests.replay.rov_dive import RovDive, rov_dive, write_a50, write_csv
+
+EPOCH_S = 1.7e9
+G = 9.80665
+
+
+@pytest.fixture(scope="module")
+def dive() -> RovDive:
+    return rov_dive(3, seconds=120.0)
+
+
+def imu_columns(
+    dive: RovDive, force: float = 1.0, omega: float = 1.0, axes: tuple[str, ...] = ("x", "y", "z")
+) -> list[Any]:
+    """Readings in other units and axes: `axes` names the platform axis that each sensor axis points along."""
+    chosen = [("xyz".index(a[-1]), -1.0 if a.startswith("-") else 1.0) for a in axes]
+    return [s * dive.force[:, k] / force for k, s in chosen] + [
+        s * dive.omega[:, k] / omega for k, s in chosen
+    ]
+
+
+def made(folder: Path, *files: Path) -> Case:
+    make_case(files, folder / "case.toml")
+    return load_case(folder / "case.toml")
+
+
+def tc_row(case: Case) -> dict[str, Any]:
+    runs = replay_case(case.with_overrides(methods=["tc"])).runs
+    return runs.filter(pl.col("pass") == "forward").row(0, named=True)
+
+
+NAMES = {
+    "spaced": ["Acc X [g]", "Acc Y [g]", "Acc Z [g]", "GyrX", "GyrY", "GyrZ"],
+    "ros": [f"field.{q}.{a}" for q in ("linear_acceleration", "angular_velocity") for a in "xyz"],
+    "short": ["ax", "ay", "az", "wx", "wy", "wz"],
+    "words": ["accel_x", "accel_y", "accel_z", "gyro_x (deg/s)", "gyro_y (deg/s)", "gyro_z (deg/s)"],
+}
+
+
+@pytest.mark.parametrize(
+    ("names", "force", "omega", "axes", "unit_f", "unit_w", "found"),
+    [
+        ("spaced", G, np.pi / 180, ("x", "-y", "-z"), "g", "deg/s", ("x", "-y", "-z")),
+        ("ros", 1.0, 1.0, ("x", "y", "z"), "m/s2", "rad/s", ("x", "y", "z")),
+        ("short", G * 1e-3, 1.0, ("y", "x", "z"), "mg", "rad/s", ("y", "x", "z")),
+        ("words", 1.0, np.pi / 180, ("z", "-y", "x"), "m/s2", "deg/s", ("z", "-y", "x")),
+        ("short", 1.0, np.pi / 180, ("-x", "-y", "z"), "m/s2", "deg/s", ("-x", "-y", "z")),
+    ],
+)  # fmt: skip
+def test_units_and_axes_are_found_back(
+    dive: RovDive,
+    tmp_path: Path,
+    names: str,
+    force: float,
+    omega: float,
+    axes: tuple[str, ...],
+    unit_f: str,
+    unit_w: str,
+    found: tuple[str, ...],
+) -> None:
+    columns = {"t": dive.imu_s + EPOCH_S} | dict(
+        zip(NAMES[names], imu_columns(dive, force, omega, axes), strict=True)
+    )
+    case = made(
+        tmp_path,
+        write_a50(dive, tmp_path / "dvl.json", start_s=EPOCH_S),
+        write_csv(tmp_path / "imu.csv", columns),
+    )
+    assert (case.imu.force_unit, case.imu.omega_unit, case.imu.axes) == (unit_f, unit_w, found)
+    row = tc_row(case)
+    assert row["nis_mean_over_fixes"] / row["nis_degrees_mean_over_fixes"] < 3.0
+    assert row["fixes_rejected"] == 0
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "unit", "start_s"),
+    [
+        ("timestamp", 1e9, "ns", EPOCH_S),
+        ("TimeUS", 1e6, "us", 100.0),
+        ("t", 1e3, "ms", 0.0),
+        ("time", 1.0, "s", EPOCH_S),
+    ],
+)
+def test_clocks_are_found_back(
+    dive: RovDive, tmp_path: Path, column: str, factor: float, unit: str, start_s: float
+) -> None:
+    """The DVL counts from its own zero, 40 s after the IMU: the motion tells the offset."""
+    seconds = np.round((dive.imu_s + start_s) * factor, 3)
+    time = seconds.astype(np.int64) if factor > 1.0 else seconds
+    columns = {column: time} | dict(zip(NAMES["short"], imu_columns(dive), strict=True))
+    log = write_a50(dive, tmp_path / "dvl.json", start_s=7040.0)
+    case = made(tmp_path, log, write_csv(tmp_path / "imu.csv", columns))
+    assert case.imu.clock.unit == unit
+    assert case.dvl.clock.offset_s == pytest.approx(start_s - 7040.0, abs=0.05)
+
+
+def test_a_european_spreadsheet(dive: RovDive, tmp_path: Path) -> None:
+    """Semicolons, decimal commas, ISO dates and a row of units."""
+    rows = ["Zeit;".replace("Zeit", "time") + "ax;ay;az;gx;gy;gz", "UTC;m/s2;m/s2;m/s2;deg/s;deg/s;deg/s"]
+    numbers = np.column_stack([dive.force, np.rad2deg(dive.omega)])
+    for second, row in zip(dive.imu_s, numbers, strict=True):
+        when = dt.datetime.fromtimestamp(EPOCH_S + second, dt.UTC).strftime("%Y-%m-%d %H:%M:%S.%fZ")
+        rows.append(";".join([when, *(f"{x:.6f}".replace(".", ",") for x in row)]))
+    (tmp_path / "imu.csv").write_text("\n".join(rows), encoding="utf-8")
+    case = made(tmp_path, write_a50(dive, tmp_path / "dvl.json", start_s=EPOCH_S), tmp_path / "imu.csv")
+    assert case.imu.file.name == "case_imu.parquet"
+    assert case.imu.omega_unit == "deg/s"
+    assert tc_row(case)["fixes_rejected"] == 0
+
+
+@pytest.mark.parametrize("quaternion", [False, True])
+def test_an_attitude_in_other_frames_on_another_clock(
+    dive: RovDive, tmp_path: Path, quaternion: bool
+) -> None:
+    """East-north-up angles in degrees or as a quaternion, 0.4 s late."""
+    from scipy.spatial.transform import Rotation
+
+    k = slice(0, None, 5)
+    roll, pitch, yaw = dive.rpy[k].T
+    enu = Rotation.from_euler("ZYX", np.stack([np.pi / 2 - yaw, -pitch, roll], axis=1))
+    columns: dict[str, Any] = {"t": dive.imu_s[k] + EPOCH_S + 0.4}
+    if quaternion:
+        columns |= {f"orientation.{a}": enu.as_quat()[:, j] for j, a in enumerate("xyzw")}
+    else:
+        columns |= dict(zip(("yaw", "pitch", "roll"), np.rad2deg(enu.as_euler("ZYX")).T, strict=True))
+    imu = {"t": dive.imu_s + EPOCH_S} | dict(zip(NAMES["short"], imu_columns(dive), strict=True))
+    case = made(
+        tmp_path, write_a50(dive, tmp_path / "dvl.json", start_s=EPOCH_S), write_csv(tmp_path / "imu.csv", imu),
+        write_csv(tmp_path / "ahrs.csv", columns),
+    )  # fmt: skip
+    assert case.attitude is not None
+    assert case.attitude.frame == "enu_flu"
+    assert case.attitude.unit == ("rad" if quaternion else "deg")
+    assert case.attitude.clock.offset_s == pytest.approx(-0.4, abs=0.06)
+    assert case.start.heading == "attitude"
+    assert tc_row(case)["fixes_rejected"] < 10
+
+
+@pytest.mark.parametrize(
+    ("name", "scale", "unit"),
+    [("pressure", 1e2, "Pa"), ("pressure_mbar", 1.0, "mbar"), ("press", 0.1, "kPa")],
+)
+def test_a_pressure(dive: RovDive, tmp_path: Path, name: str, scale: float, unit: str) -> None:
+    k = slice(0, None, 10)
+    pressure = (1013.25 + dive.position[k, 2] * 1025 * G / 100) * scale
+    imu = {"t": dive.imu_s} | dict(zip(NAMES["short"], imu_columns(dive), strict=True))
+    case = made(
+        tmp_path, write_a50(dive, tmp_path / "dvl.json"), write_csv(tmp_path / "imu.csv", imu),
+        write_csv(tmp_path / "depth.csv", {"t": dive.imu_s[k], name: pressure}),
+    )  # fmt: skip
+    assert case.depth is not None
+    assert case.depth.unit == unit
+    assert case.depth.offset_m == pytest.approx(-10.08, abs=0.01)
+    assert case.start.position_m[2] == pytest.approx(3.0, abs=0.3)
+
+
+def test_what_cannot_be_used_is_said_in_one_line(dive: RovDive, tmp_path: Path) -> None:
+    log = write_a50(dive, tmp_path / "dvl.json")
+    imu = {"t": dive.imu_s} | dict(zip(NAMES["short"], imu_columns(dive), strict=True))
+    with pytest.raises(DataError, match="no file holds specific force and angular rate"):
+        make_case([log], tmp_path / "case.toml")
+    with pytest.raises(DataError, match="no file holds a DVL"):
+        make_case([write_csv(tmp_path / "imu.csv", imu)], tmp_path / "case.toml")
+    free = imu | {name: imu[name] * 0.01 for name in ("ax", "ay", "az")}
+    with pytest.raises(DataError, match="is gravity removed"):
+        make_case([log, write_csv(tmp_path / "free.csv", free)], tmp_path / "case.toml")
+    with pytest.raises(DataError, match="none of its columns has a known name"):
+        make_case(
+            [log, write_csv(tmp_path / "x.csv", {"foo": dive.imu_s, "bar": dive.imu_s})],
+            tmp_path / "case.toml",
+        )
+    assert not (tmp_path / "case.toml").exists()
+    make_case([log, tmp_path / "imu.csv"], tmp_path / "case.toml")
+    with pytest.raises(OutputError, match="exists already"):
+        make_case([log, tmp_path / "imu.csv"], tmp_path / "case.toml")
+    for line in (tmp_path / "case.toml").read_text(encoding="utf-8").splitlines():
+        assert len(line) < 140
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize("section", ["01", "06"])
+def test_recorded_files_without_times_or_right_handed_axes(
+    recordings: Path, tmp_path: Path, section: str
+) -> None:
+    """A fibre-optic IMU with y to port and no column of times, a DVL and a reference on clocks of their own."""
+    folder = recordings / "akit_snapir"
+    if not folder.is_dir():
+        pytest.skip(f"no recording {folder}")
+    names = (f"imu_{section}.parquet", f"dvl_{section}.csv", f"gt_{section}.csv")
+    case = made(tmp_path, *(folder / name for name in names))
+    assert case.imu.axes == ("x", "-y", "z")
+    row = tc_row(case)
+    assert row["fixes_rejected"] < 10
+    assert row["position_final_percent"] < 2.0

@@ -1,0 +1,35 @@
+"""A mistake put into a case: the first cause that the replay names is that mistake, and a right case has none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bottomlock.replay.case import load_case
+from bottomlock.replay.run import replay_case
+from tests.replay.mistaken_case import MISTAKES, mistaken, write_case
+from tests.replay.rov_dive import rov_dive
+
+SEEDS = (11, pytest.param(12, marks=pytest.mark.long), pytest.param(13, marks=pytest.mark.long))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", list(MISTAKES))
+def test_the_first_cause_is_the_mistake(name: str, seed: int, tmp_path: Path) -> None:
+    findings = replay_case(mistaken(rov_dive(seed), tmp_path, name)).manifest["findings"]
+    assert findings[0]["kind"] == "verdict"
+    assert findings[0]["severity"] in {"fault", "warning"}
+    assert len(findings) > 1
+    _, kind, key = MISTAKES[name]
+    assert findings[1]["kind"] == kind
+    assert key in findings[1]["key"]
+    assert findings[1]["text"] in findings[0]["advice"]
+
+
+@pytest.mark.parametrize("seed", [21, 22, pytest.param(23, marks=pytest.mark.long)])
+def test_a_right_case_has_no_cause(seed: int, tmp_path: Path) -> None:
+    replayed = replay_case(load_case(write_case(rov_dive(seed), tmp_path)))
+    assert [one["kind"] for one in replayed.manifest["findings"]] == ["verdict"]
+    assert replayed.manifest["findings"][0]["severity"] == "note"
+    assert any("Closure" in line for line in replayed.manifest["answers"])
