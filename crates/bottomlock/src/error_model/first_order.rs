@@ -1,4 +1,6 @@
 //! The transition to first order: Φ = I + F T with the mean of F at the ends of each step (as the paper has it).
+//!
+//! All is inlined always: with `inline` alone `compare_filters` takes 5.7 times as long at `one`, and 12 times at `methods 8`.
 
 use super::covariance::{CovarianceInterval, Parts, Transition, lift, lift3};
 use super::noise::HalfNoise;

@@ -4,6 +4,8 @@
 //! (a dense 20×20 product costs eleven times the arithmetic). Everything is written over [`Lane`].
 //!
 //! Sources: Tal et al. 2017, Eqs. (3)–(6), (9)–(11); F₃₂ and F₃₃ after Miller, Farrell et al. 2010, as erratum E8 states.
+//!
+//! All is inlined always: with `inline` alone `compare_filters` takes 1.8 times as long at `methods 8`.
 
 mod covariance;
 mod first_order;

@@ -1,4 +1,6 @@
 //! The process noise of half an interval (Eqs. 5, 6, 10 and 11).
+//!
+//! All is inlined always: with `inline` alone `compare_filters` takes 1.7 times as long at `methods 8`.
 
 use super::ProcessNoise;
 use super::covariance::Matrix;

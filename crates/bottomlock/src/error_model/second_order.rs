@@ -4,6 +4,8 @@
 //! turns: δṙ = δv_t, ρ̇ = −[ω×]ρ − R δb_g, δv̇_t = −[f_t×]ρ − R δb_a − 2[ω×]δv_t. Its integrals are what the strapdown step
 //! knows already: ∫f_t from the gain in velocity, ∫∫f_t from the way made good, and ∫R. Φ is of second order there, and is then
 //! carried over into the platform frame with R and v at both ends.
+//!
+//! All is inlined always: with `inline` alone `compare_filters` takes 5.1 times as long at `methods_10hz 8`.
 
 use super::ProcessNoise;
 use super::covariance::{CovarianceInterval, Parts, Transition, lift3};

@@ -16,7 +16,7 @@ pub(crate) trait SideBySide<S: Simd, T: Lanes<S>>: CovarianceInterval<T> {
 }
 
 impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for FirstOrderInterval<T> {
-    #[inline(always)]
+    #[inline]
     fn gathered(simd: S, of: &[Interval; WIDEST]) -> Option<Self> {
         let (mut sum, mut last) = ([[0.0; COEFFICIENTS]; WIDEST], [[0.0; COEFFICIENTS]; WIDEST]);
         for k in 0..WIDEST {
@@ -30,7 +30,7 @@ impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for FirstOrderInterval<T> {
         })
     }
 
-    #[inline(always)]
+    #[inline]
     fn lane(&self, k: usize) -> Interval {
         Interval::FirstOrder(FirstOrderInterval {
             sum: Coefficients::from_array(scatter(&self.sum.to_array(), k)),
@@ -41,7 +41,7 @@ impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for FirstOrderInterval<T> {
 }
 
 impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for SecondOrderInterval<T> {
-    #[inline(always)]
+    #[inline]
     fn gathered(simd: S, of: &[Interval; WIDEST]) -> Option<Self> {
         let (mut start, mut integral) = ([[0.0; 18]; WIDEST], [[0.0; 9]; WIDEST]);
         for k in 0..WIDEST {
@@ -58,7 +58,7 @@ impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for SecondOrderInterval<T> {
         })
     }
 
-    #[inline(always)]
+    #[inline]
     fn lane(&self, k: usize) -> Interval {
         Interval::SecondOrder(SecondOrderInterval {
             start: Start::from_array(scatter(&self.start.to_array(), k)),
@@ -68,19 +68,19 @@ impl<S: Simd, T: Lanes<S>> SideBySide<S, T> for SecondOrderInterval<T> {
     }
 }
 
-#[inline(always)]
+#[inline]
 fn matrix<T: Copy, const N: usize>(x: &[T; N], from: usize) -> M3<T> {
     [three(x, from), three(x, from + 3), three(x, from + 6)]
 }
 
-#[inline(always)]
+#[inline]
 fn flat<T: Copy>(m: &M3<T>) -> [T; 9] {
     let [x, y, z] = m;
     [x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]]
 }
 
 impl<T: Lane> Start<T> {
-    #[inline(always)]
+    #[inline]
     fn to_array(self) -> [T; 18] {
         let (r, u, v, m) = (self.position_t, self.velocity_t, self.velocity_p, self.rotation);
         [
@@ -89,7 +89,7 @@ impl<T: Lane> Start<T> {
         ]
     }
 
-    #[inline(always)]
+    #[inline]
     fn from_array(x: [T; 18]) -> Self {
         Self {
             position_t: three(&x, 0),
@@ -101,7 +101,7 @@ impl<T: Lane> Start<T> {
 }
 
 impl<T: Lane> Coefficients<T> {
-    #[inline(always)]
+    #[inline]
     pub(super) fn to_array(self) -> [T; COEFFICIENTS] {
         let (a, r, f, w, v) = (
             self.velocity_t,
@@ -116,7 +116,7 @@ impl<T: Lane> Coefficients<T> {
         ]
     }
 
-    #[inline(always)]
+    #[inline]
     pub(super) fn from_array(x: [T; COEFFICIENTS]) -> Self {
         Self {
             velocity_t: three(&x, 0),

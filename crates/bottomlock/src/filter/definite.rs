@@ -4,6 +4,9 @@
 //! errors by the same positive number. Whether the factorisation succeeds depends on the smallest eigenvalue of the
 //! *scaled* matrix, whichever matrix is factorised (Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd ed.,
 //! theorem 10.7, after Demmel).
+//!
+//! All is inlined always: with `inline` alone `compare_filters` takes 1.2 times as long at `methods 8`, and 1.6 times at
+//! `methods_10hz 8`.
 
 use crate::layout::DIM;
 use crate::simd::{Simd, VECTORS, WIDTH, f64x4, four, load_part, plus, with_vectors};

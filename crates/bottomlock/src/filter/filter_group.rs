@@ -2,6 +2,8 @@
 //!
 //! The methods of a run, and the runs of a batch, are predicted together. Each lane has the bits of a filter alone, whoever its
 //! neighbours are.
+//!
+//! All is inlined always: with `inline` alone `compare_filters` takes 19 times as long at `methods 8`.
 
 use std::marker::PhantomData;
 

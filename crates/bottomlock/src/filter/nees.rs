@@ -14,7 +14,7 @@ pub fn nees(covariance: &Covariance, error: &ErrorVector, from: usize, to: usize
 
 /// As [`nees`], with the operations of nalgebra's Cholesky factorisation in the same order over columns of fixed
 /// length.
-#[inline(always)]
+#[inline]
 fn normalised_square<S: Simd>(
     _simd: S,
     covariance: &Covariance,

@@ -4,6 +4,8 @@
 //!
 //! The step is second order: rotation by the mean rate with the coning term of a linearly varying rate, specific force
 //! and position by the trapezoidal rule in the tangent frame, whose local errors telescope over a run.
+//!
+//! All is inlined always: with `inline` alone `compare_filters` takes 1.8 times as long at `methods 8`, and 2.8 times at `methods_10hz 8`.
 
 mod imu_limits;
 
