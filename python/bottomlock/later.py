@@ -24,9 +24,7 @@ class _Later:
         self._name = name
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the module has
-        value = getattr(importlib.import_module(self._name), name)
-        setattr(self, name, value)
-        return value
+        return getattr(importlib.import_module(self._name), name)
 
 
 if not TYPE_CHECKING:

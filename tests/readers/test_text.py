@@ -231,6 +231,17 @@ def test_a_transducer_without_a_field_that_the_others_have_is_damage() -> None:
     assert recording.table.rows == 2
 
 
+def test_a_velocity_without_one_of_its_axes_is_damage() -> None:
+    """The same among the numbers of the report: its velocity along x is that along y."""
+    report = seeds.a50_report(1)
+    start = report.index(b'"vx":') + len(b'"vx":')
+    stop = report.index(b'"vy":') + len(b'"vy":')
+    log = seeds.a50_report(0) + report[:start] + report[stop:] + seeds.a50_report(2)
+    recording = waterlinked_json.read(log, "log")
+    assert recording.account.skipped["velocity without one of its fields"].first == 2
+    assert recording.table.rows == 2
+
+
 def test_two_linkquest_lines_in_one_are_no_ping() -> None:
     """A line that lost its end and the next its beginning: as many fields as a whole one, and a time as a range."""
     lines = seeds.linkquest_log(3).splitlines()

@@ -183,6 +183,9 @@ class _Reports:
             # Bytes lost from one number to another leave whole JSON without a field.
             self._account.skip("transducers with different fields", position)
             return
+        if 0 < len(report.keys() & _OF_REPORT) < len(_OF_REPORT):
+            self._account.skip("velocity without one of its fields", position)
+            return
         version = str(report.get("format", "none"))[:20]
         self.formats[version] = self.formats.get(version, 0) + 1
         said = [None if b is None else b.get("beam_valid") for b in beams]
