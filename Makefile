@@ -73,7 +73,7 @@ test-all: test test-long
 # Does a wrong line of the kernel's mathematics fail a unit test? Files and command in .cargo/mutants.toml, survivors in
 # docs/mutants_rust.md. All of it takes days of one core: name what you changed, or a share.
 #
-#   make mutants-rust MUTANTS="--file crates/bottomlock/src/aiding/heading.rs"
+#   make mutants-rust MUTANTS="--re aiding/heading.rs"
 #   make mutants-rust MUTANTS="--shard 1/50"
 #   make mutants-rust MUTANTS="--in-diff change.diff"
 mutants-rust:
