@@ -72,14 +72,14 @@ def _logged(lines: Lines, colon: Integers) -> tuple[Flags, Integers, Integers, I
     """
     raw, start, end = lines.raw, lines.start, lines.end
     commas = np.append(lines.places(b","), [len(raw)] * 2)
-    quotes, others, digits_before = (_counted(mark) for mark in (raw == ord('"'), ~_DIGIT[raw], _DIGIT[raw]))
+    quoted, others = lines.places(b'"'), _counted(~_DIGIT[raw])
     at = np.searchsorted(commas, start)
     time_end, comma = commas[at], commas[at + 1]
     opened = (comma == colon - 2) & (raw[np.maximum(colon - 1, 0)] == ord('"'))
     logged = ((comma == colon - 1) | opened) & (comma - time_end <= 65) & (end - start <= LONGEST_LINE)
-    logged &= quotes[time_end] == quotes[comma]
+    logged &= np.searchsorted(quoted, time_end) == np.searchsorted(quoted, comma)
     # A field with many digits holds the time of another line, whose beginning is lost.
-    logged &= digits_before[np.minimum(comma, len(raw))] - digits_before[time_end] <= _MOST_DIGITS
+    logged &= comma - time_end - (others[comma] - others[time_end]) <= _MOST_DIGITS
     # The time: digits, perhaps a point and more digits.
     points = np.append(lines.places(b"."), len(raw))
     point = np.minimum(points[np.searchsorted(points, start)], time_end)
@@ -89,7 +89,7 @@ def _logged(lines: Lines, colon: Integers) -> tuple[Flags, Integers, Integers, I
     # The sentence ends as early as it can: before a short last field, and before the quote that closes it.
     last = commas[np.searchsorted(commas, end) - 1]
     short = (last > colon) & (last < end) & (end - last <= 33)
-    short &= quotes[np.where(short, last, end)] == quotes[end]
+    short &= np.searchsorted(quoted, np.where(short, last, end)) == np.searchsorted(quoted, end)
     stop = np.where(short, last, end)
     stop = stop - ((stop - 1 > colon) & (raw[stop - 1] == ord('"')))
     return logged, time_end, np.where(logged, colon, _text_start(raw, start)), np.where(logged, stop, end)
