@@ -1,5 +1,7 @@
 """`python -m bottomlock` is the command `bottomlock`."""
 
+import contextlib
+import os
 import sys
 
 from bottomlock.errors import EXIT_INTERRUPTED
@@ -13,7 +15,11 @@ def main() -> None:
         run()
     except KeyboardInterrupt:
         sys.stderr.write("bottomlock: interrupted\n")
-        sys.exit(EXIT_INTERRUPTED)
+        with contextlib.suppress(OSError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        # After an interrupt within `exec`, by which dataclasses are made, Python ends by the signal, whatever the code.
+        os._exit(EXIT_INTERRUPTED)
 
 
 if __name__ == "__main__":

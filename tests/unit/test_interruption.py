@@ -129,3 +129,18 @@ def test_a_command_that_starts_ends_without_a_traceback(after_s: float, tmp_path
     stderr = log.read_text()
     assert "Traceback" not in stderr
     assert "interrupted" in stderr.splitlines()[-1]
+
+
+def test_an_interrupt_while_a_dataclass_is_made_ends_with_the_code_too(tmp_path: Path) -> None:
+    """Python remembers an interrupt that passed through `exec`, and would end `python -m` by the signal."""
+    program = """
+import bottomlock.cli.app as app
+from bottomlock.__main__ import main
+app.main = lambda: exec("raise KeyboardInterrupt")
+main()
+"""
+    (tmp_path / "interrupted.py").write_text(program, encoding="utf-8")
+    command = subprocess.run(
+        [sys.executable, "-m", "interrupted"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (command.returncode, command.stderr) == (130, "bottomlock: interrupted\n")
