@@ -10,6 +10,7 @@ from bottomlock.replay.align import Alignment
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.motion.fit import Match, Recorded
+from bottomlock.replay.motion.segments import LENGTH_S
 from bottomlock.replay.motion.vertical import vertical_velocity
 from bottomlock.replay.streams import Streams
 
@@ -82,7 +83,7 @@ def level_finding(alignment: Alignment, match: Match) -> Finding | None:
         "start_level", "fault", (size / sd) ** 2,
         f"The start has the wrong level: {np.rad2deg(size):.1f} deg off gravity, {size / sd:.0f} times the 1 "
         "sigma that it claims.",
-        f"From DVL and IMU over the first {20:.0f} s: roll {roll:+.2f}, pitch {pitch:+.2f} deg; start: "
+        f"From DVL and IMU over the first {LENGTH_S:.0f} s: roll {roll:+.2f}, pitch {pitch:+.2f} deg; start: "
         f"{alignment.sources.get('level', '')}.",
         "Use another source, start.level, a calm window (start.at_s, start.window_s), or correct start.roll_deg and "
         "start.pitch_deg.", "start.level",
@@ -153,7 +154,8 @@ def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match
         "depth_sign" if wrong_way else "depth_scale", "fault", ((slope - 1.0) / sd) ** 2,
         "The depth has the wrong sign: it rises when the vehicle sinks." if wrong_way else
         f"The depth changes {slope:.3g} times as much as the DVL says.",
-        f"Depth over the distance sunk by DVL and IMU in segments of 20 s: slope {slope:+.2f} ± {sd:.2g}, expected +1.",
+        f"Depth over the distance sunk by DVL and IMU in segments of {LENGTH_S:.0f} s: slope {slope:+.2f} ± {sd:.2g}, "
+        "expected +1.",
         f"Set depth.up = {str(not case.depth.up).lower()}." if wrong_way else "Check depth.unit and "
         "depth.water_density_kg_per_m3.",
         "depth.up" if wrong_way else "depth.unit",
