@@ -42,7 +42,7 @@ NAVIGATION = NAVIGATION_TOML.format(**PLACES)
         (NAVIGATION, 'name = "imu"', 'name = "dvl"', "two sources are named 'dvl', expected unique names"),
         (NAVIGATION, 'format = "imu-csv"', 'format = "depth-csv"', "needs a source of inertial readings"),
         (NAVIGATION, "window_s = 1.0", "window_s = -1", "'start.window_s' is -1, expected > 0.0 s"),
-        (NAVIGATION, "heading_sd_deg = 2.0\n", "", "'start.heading_sd_deg' is missing, expected in deg"),
+        (NAVIGATION, "heading_sd_deg = 2.0\n", "", "'start.heading_sd_deg' is missing, expected number in deg, > 0"),
         (NAVIGATION, "[start]", '[imu.limits]\ngap = "refuse"\n[start]', "live use bridges every gap"),
         (NAVIGATION, "[start]", '[navigation]\nmethod = "tcc"\n[start]', "'navigation.method' is 'tcc', expected"),
         (VELOCITY, "[[port]]", "[[port]]\nsettings.geometry = 1", "settings.geometry cannot be set here"),
