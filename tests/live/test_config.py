@@ -36,7 +36,7 @@ NAVIGATION = NAVIGATION_TOML.format(**PLACES)
         (VELOCITY, "waterlinked_a50", "a50", "geometry 'a50' is neither a file nor packaged"),
         (VELOCITY, '"probe"', '"prob"', "port: unknown name 'prob', did you mean 'probe'?"),
         (VELOCITY, 'mode = "velocity"', 'mode = "speed"', "'mode' is 'speed', expected 'velocity' or 'navigation'"),
-        (VELOCITY, 'mode = "velocity"', 'mode = "navigation"', 'needs the sections [imu], [origin], [start], which are missing'),
+        (VELOCITY, 'mode = "velocity"', 'mode = "navigation"', "needs the sections [imu], [origin], [start]"),
         (NAVIGATION, 'mode = "navigation"', 'mode = "velocity"', 'section [imu] belongs to mode = "navigation"'),
         (NAVIGATION, 'format = "imu-csv"', 'format = "pd0"', "2 sources are a DVL (dvl, imu), expected one"),
         (NAVIGATION, 'name = "imu"', 'name = "dvl"', "two sources are named 'dvl', expected unique names"),

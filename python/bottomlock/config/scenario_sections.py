@@ -193,8 +193,8 @@ class AltitudeLoss(Section):
 class Dvl(Section):
     """Doppler velocity log: geometry, rate, errors (1 sigma), limits over the seabed, and which beams are lost.
 
-    The defaults of bias and scale factor are those of the paper's Table 2, as in a replay. A fraction of the readings of
-    each beam are outliers, with `outlier_factor` times the noise; the filter does not model them.
+    The defaults of bias and scale factor are those of the paper's Table 2, as in a replay. A fraction of the readings
+    of each beam are outliers, with `outlier_factor` times the noise; the filter does not model them.
 
     Every rule of loss must let a beam through: lost throughout, outages, dropouts, altitude loss, the validity of a
     recorded log (`replay_validity`, repeated end to end), and range and incidence where there is a seabed.
