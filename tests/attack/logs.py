@@ -53,9 +53,14 @@ class Numbers:
         return found
 
     def decimal(self, least: float, most: float, digits: int = 4) -> float:
-        """A number of so many decimals whose digits were not drawn before."""
+        """A number of so many decimals, the last of them not zero, whose digits were not drawn before.
+
+        With digits cut from its end or its middle it has fewer decimals, and is none of the others.
+        """
         scale = 10.0**digits
-        return self.whole(round(least * scale), round(most * scale)) / scale
+        while not (found := self.whole(round(least * scale), round(most * scale))) % 10:
+            pass
+        return found / scale
 
     def velocities(self, count: int) -> list[float]:
         """Velocities, m/s."""
