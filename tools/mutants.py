@@ -97,12 +97,14 @@ def fails(folder: Path, file: str, tests: tuple[str, ...]) -> bool:
 def survivors(mutants: list[Mutant]) -> list[Mutant]:
     """Runs the tests of each mutant, and first, once, those of the package as it is."""
     survived = []
-    began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         package = copied(Path(folder))
-        for file, tests in dict.fromkeys((mutant.file, mutant.tests) for mutant in mutants):
+        pairs = dict.fromkeys((mutant.file, mutant.tests) for mutant in mutants)
+        for number, (file, tests) in enumerate(pairs, start=1):
             if fails(Path(folder), file, tests):
                 raise SystemExit(f"mutants: {' '.join(tests)} fails without a fault; mend it first")
+            print(f"without a fault {number}/{len(pairs)} {file}", flush=True)
+        began = time.monotonic()
         for number, mutant in enumerate(mutants, start=1):
             path = package / mutant.file
             source = path.read_text(encoding="utf-8")
