@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.replay.findings.checks import closure_sd, robust_sd
+from bottomlock.replay.motion.closure import closure_sd, robust_sd
 from bottomlock.replay.rerun import PreparedRun
 
 Floats = NDArray[np.float64]

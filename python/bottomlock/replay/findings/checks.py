@@ -1,7 +1,5 @@
 """Checks of single parts of a case: closure of the beams, the start, the depth, the recorded heading."""
 
-import itertools
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -9,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.finding import Finding
+from bottomlock.replay.motion.closure import LEAST_PINGS, better_order
 from bottomlock.replay.motion.fit import Match, Recorded
 from bottomlock.replay.motion.segments import LENGTH_S
 from bottomlock.replay.motion.vertical import vertical_velocity
@@ -16,48 +15,23 @@ from bottomlock.replay.streams import Streams
 
 Floats = NDArray[np.float64]
 SIGMAS = 5.0
-CLOSES_BETTER = 2.5
-"""Exchanged beams are a finding from this ratio of the closures."""
-LEAST_PINGS = 30
 NEAR_S = 3.0
 
 
-def robust_sd(values: Floats) -> float:
-    """1.4826 times the median size."""
-    return 1.4826 * float(np.median(np.abs(values))) if values.size else float("nan")
-
-
-def closure_sd(directions_p: Floats, velocity_mps: Floats) -> float:
-    """Robust sigma of the readings along the combinations that no velocity contributes to, m/s; NaN without any."""
-    null = np.linalg.svd(directions_p.T)[2][3:]
-    return robust_sd(velocity_mps @ null.T) if len(null) else float("nan")
-
-
-def closure_finding(streams: Streams) -> Finding | None:
+def order_finding(streams: Streams) -> Finding | None:
     """Beams in the wrong order or with the wrong directions, by their closure."""
-    B = np.asarray(streams.instrument.geometry.directions_p)
-    beams = streams.beams
-    full = beams.valid.all(axis=1)
-    if len(B) < 4 or len(B) > 5 or full.sum() < LEAST_PINGS or beams.velocity_d_mps is not None:
-        return None
-    y = beams.velocity_mps[full]
-    stated = closure_sd(B, y)
-    orders = list(itertools.permutations(range(len(B))))
-    sizes = np.array([closure_sd(B[list(order)], y) for order in orders])
-    best = float(sizes.min())
+    beams, B = streams.beams, np.asarray(streams.instrument.geometry.directions_p)
     claimed = float(streams.instrument.beam_sd_mps.mean())
-    if stated < CLOSES_BETTER * max(best, 0.5 * claimed):
+    found = better_order(B, beams.velocity_mps, beams.valid, claimed)
+    if found is None or beams.velocity_d_mps is not None:
         return None
-    near = [order for order, size in zip(orders, sizes, strict=True) if size < 1.15 * best]
-    near.sort(key=lambda order: sum(k != j for k, j in enumerate(order)))
-    moved = [[str(k + 1) for k, j in enumerate(order) if k != j] for order in near]
-    names = ", or ".join(" and ".join(one) for one in moved if len(one) == len(moved[0]))
     return Finding(
-        "beam_order", "fault", float(full.sum()) * (stated / best) ** 2,
-        f"The beams do not close as the geometry states, and close {stated / best:.1f} times better with beams "
-        f"{names} exchanged.",
-        f"Robust closure {1e3 * stated:.0f} mm/s as stated, {1e3 * best:.1f} mm/s after the change, claimed noise "
-        f"{1e3 * claimed:.1f} mm/s; {int(full.sum())} pings of all beams. Closure alone leaves {len(near)} orders.",
+        "beam_order", "fault", float(found.pings) * found.ratio**2,
+        f"The beams do not close as the geometry states, and close {found.ratio:.1f} times better with beams "
+        f"{found.words} exchanged.",
+        f"Robust closure {1e3 * found.stated_mps:.0f} mm/s as stated, {1e3 * found.best_mps:.1f} mm/s after the "
+        f"change, claimed noise {1e3 * claimed:.1f} mm/s; {found.pings} pings of all beams. Closure alone leaves "
+        f"{len(found.moved)} orders.",
         "Correct the geometry of the DVL or the order of the columns; `bottomlock audit` tells more.", "dvl.geometry",
     )  # fmt: skip
 

@@ -14,6 +14,7 @@ from bottomlock.replay.findings.finding import Finding, ranked
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import motion_findings
 from bottomlock.replay.findings.verdict import ABSORBED, verdict_finding
+from bottomlock.replay.motion.closure import LEAST_PINGS
 from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.velocity import ping_velocity
 from bottomlock.replay.rerun import PreparedRun
@@ -44,14 +45,13 @@ def _causes(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> list[Fi
     streams, alignment = prepared.streams, prepared.alignment
     geometry = streams.instrument.geometry
     B = np.asarray(geometry.directions_p)
-    order = checks.closure_finding(streams)
-    found = [order or beam_noise_finding(case, streams)]
+    found = [checks.order_finding(streams) or beam_noise_finding(case, streams)]
     time_ns, velocity = ping_velocity(
         B, streams.beams.time_ns, np.nan_to_num(streams.beams.velocity_mps), streams.beams.valid
     )
     inside = time_ns >= alignment.time_ns
     time_ns, velocity = time_ns[inside], velocity[inside] / geometry.sound_speed_scale
-    if len(time_ns) > checks.LEAST_PINGS:
+    if len(time_ns) > LEAST_PINGS:
         found += _against_imu(case, prepared, time_ns, velocity)
     found += [
         checks.velocity_finding(alignment, time_ns, velocity),

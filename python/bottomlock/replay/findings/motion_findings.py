@@ -56,6 +56,7 @@ def _clock(case: Case, cause: Cause, _: str, __: float) -> _Words:
 
 def _scale(_: Case, cause: Cause, __: str, tilt_rad: float) -> _Words:
     value, sd = float(cause.match.part("scale")[0]), float(cause.match.part_sd("scale")[0])
+    way = "larger" if value > 0.0 else "smaller"
     if abs(value) > SOUND_SPEED:
         sine = np.sin(tilt_rad) / (1.0 + value)
         tilt = (
@@ -65,8 +66,8 @@ def _scale(_: Case, cause: Cause, __: str, tilt_rad: float) -> _Words:
         )
         return (
             (
-                f"The geometry is not this instrument's: its velocities have to be {100 * value:+.1f} ± "
-                f"{100 * sd:.2g} % larger{tilt}."
+                f"The geometry is not this instrument's: its velocities have to be {100 * abs(value):.1f} ± "
+                f"{100 * sd:.2g} % {way}{tilt}."
             ),
             (
                 f"State the tilt of this DVL in dvl.geometry (now {np.rad2deg(tilt_rad):.1f} deg); `bottomlock "
@@ -76,7 +77,7 @@ def _scale(_: Case, cause: Cause, __: str, tilt_rad: float) -> _Words:
             "dvl.geometry",
         )
     return (
-        f"The scale of the DVL is off: its velocities have to be {100 * value:+.2f} ± {100 * sd:.2g} % larger.",
+        f"The scale of the DVL is off: its velocities have to be {100 * abs(value):.2f} ± {100 * sd:.2g} % {way}.",
         "Set sound_speed_scale in the geometry file, or for a velocity dvl.velocity_scale; is the salinity right?",
         "dvl.geometry: sound_speed_scale",
     )

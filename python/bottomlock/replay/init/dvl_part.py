@@ -13,6 +13,7 @@ from bottomlock.kernel import BeamGeometry, make_geometry
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.replay.motion.closure import better_order
 from bottomlock.replay.motion.fit import Match, Recorded, fit
 from bottomlock.replay.motion.search import LOOSE, Searched, search_offset
 from bottomlock.replay.motion.velocity import ping_velocity
@@ -92,17 +93,24 @@ def dvl_of_recording(recording: Recording) -> DvlPart:
     time_ns, velocity = ping_velocity(
         np.asarray(geometry.directions_p), table.time_ns, table.velocity_mps, table.valid
     )
-    return DvlPart(
+    order = better_order(
+        np.asarray(geometry.directions_p), table.velocity_mps, table.valid, float(np.mean(claimed))
+    )
+    part = DvlPart(
         recording, None, time_ns, velocity, int(table.time_ns[0]), int(table.time_ns[-1]), geometry=name,
         geometry_text=text, geometry_why=why, geometry_known=known,
-        noise=_noise(geometry, claimed, table),
+        noise=_noise(geometry, claimed, table) if order is None else None,
     )  # fmt: skip
+    if order is not None:
+        part.questions.append(
+            f"is the order of the beams that of the geometry? They close {order.ratio:.1f} times better with beams "
+            f"{order.words} exchanged"
+        )
+    return part
 
 
 def _noise(geometry: BeamGeometry, claimed: Floats, table: BeamTable) -> tuple[float, str] | None:
     """Noise of a beam and why, where the closure exceeds what the geometry claims."""
-    if table.beams != geometry.beams:
-        return None
     group = measure_noise(geometry, table.velocity_mps, table.valid, claimed).groups[-1]
     if group.fallback or group.factor < NOISY:
         return None
