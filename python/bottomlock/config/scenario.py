@@ -61,10 +61,11 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _parts_agree(self) -> Self:
-        if self.mission and self.trajectory.source == "analytic":
-            raise ValueError(
-                '[mission] is given, but an analytic truth has no mission: set source = "vehicle"'
+        if self.mission and self.trajectory.source != "vehicle":
+            motion = (
+                "an analytic truth" if self.trajectory.source == "analytic" else "a trajectory from a file"
             )
+            raise ValueError(f'[mission] is given, but {motion} has no mission: set source = "vehicle"')
         limits = {
             key
             for key in ("min_range_m", "max_range_m", "max_incidence_deg", "range_noise_m")
@@ -232,7 +233,7 @@ def load_scenario(source: str | Path) -> Scenario:
     return parse_scenario(read_text(path), place=str(path), folder=path.parent)
 
 
-_FILES = (("seabed", "path"), ("dvl", "replay_validity"), ("trajectory", "vehicle"))
+_FILES = (("seabed", "path"), ("dvl", "replay_validity"), ("trajectory", "vehicle"), ("trajectory", "file"))
 """Keys that may name a file; a relative one is meant from the scenario's own folder."""
 
 
