@@ -11,6 +11,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, ValidationError, model_validator
 
 from bottomlock import models, units
+from bottomlock.config.own_methods import own_methods_from
 from bottomlock.config.scenario_sections import (
     Campaign,
     Dvl,
@@ -81,7 +82,7 @@ class Scenario(Section):
 
     def content_hash(self) -> str:
         """SHA-256 of everything that decides the numbers (not the number of runs, the methods or the words)."""
-        exclude: dict[str, Any] = {"description": True, "campaign": {"runs", "methods"}}
+        exclude: dict[str, Any] = {"description": True, "campaign": {"runs", "methods", "own_methods"}}
         # What is switched off decides nothing.
         exclude |= {sensor.name: True for sensor in SENSORS if not getattr(self, sensor.name).enabled}
         exclude |= {} if self.robust.enabled else {"robust": True}
@@ -244,6 +245,7 @@ def parse_scenario(text: str, *, place: str, folder: Path | None = None) -> Scen
         ScenarioError: as `load_scenario`.
     """
     content = parse_toml(text, place=place)
+    own_methods_from(content.get("campaign"), folder)
     if "dvl" not in content:
         raise ScenarioError(f"{place}: there is no [dvl] section; a scenario needs one to aid the INS with")
     for section, key in _FILES:

@@ -17,8 +17,10 @@ from pydantic import (
 
 from bottomlock import models, units
 from bottomlock.config.beam_tilt import BeamTilt, check_tilts
+from bottomlock.config.own_methods import OwnMethods
 from bottomlock.config.path_keys import PathKeys, check_source, others_keys
-from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES, Configuration, Method
+from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES, Configuration
+from bottomlock.own_method import is_registered, known_names
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -359,10 +361,12 @@ def check_methods(methods: Iterable[str]) -> None:
     """
     seen: set[str] = set()
     for method in methods:
-        if method not in METHODS:
-            close = difflib.get_close_matches(method, METHODS, n=1)
+        if method not in METHODS and not is_registered(method):
+            close = difflib.get_close_matches(method, known_names(), n=1)
             hint = f", did you mean '{close[0]}'?" if close else ""
-            raise ValueError(f"unknown method '{method}'{hint} (known: {', '.join(METHODS)})")
+            raise ValueError(
+                f"unknown method '{method}'{hint} (known: {', '.join(known_names())}; your own: MODULE:CLASS)"
+            )
         if method in seen:
             raise ValueError(f"method '{method}' is named twice")
         seen.add(method)
@@ -377,9 +381,9 @@ def known_methods(methods: Any) -> Any:  # noqa: ANN401 - what a file or a call 
     return methods
 
 
-class Campaign(Section):
-    """How many runs of what."""
+class Campaign(OwnMethods, Section):
+    """How many runs of what; `own_methods` says where methods of one's own are (docs/own_method.md)."""
 
     runs: Annotated[int, Field(ge=1, le=10_000_000)] = 100
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
-    methods: Annotated[tuple[Method, ...], BeforeValidator(known_methods)] = METHODS
+    methods: Annotated[tuple[str, ...], BeforeValidator(known_methods)] = METHODS

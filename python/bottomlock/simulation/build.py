@@ -12,6 +12,7 @@ from bottomlock import kernel, units
 from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beams import read_validity
+from bottomlock.own_method import source_of
 from bottomlock.plant import Flight, Mission, Vehicle, fly, load_vehicle
 from bottomlock.plant.seabed import GridSeabed, Seabed
 from bottomlock.plant.surroundings import MagneticField, world_magnetic_model
@@ -79,6 +80,9 @@ class Simulation:
                 digest.update(np.ascontiguousarray(axis, dtype=np.float64).tobytes())
         for part in self.recorded or ():
             digest.update(np.ascontiguousarray(part).tobytes())
+        # Not its name but its text is what a method of one's own does.
+        if self.scenario.campaign.own_methods:
+            digest.update(source_of(self.scenario.campaign.own_methods))
         for numbers in () if self.path is None else self.path.numbers():
             digest.update(np.ascontiguousarray(numbers).tobytes())
         return digest.hexdigest()
