@@ -87,9 +87,7 @@ def print_costs() -> None:
     """Prints what the methods of one's own cost in this process."""
     for name, cost in own_method.costs().items():
         each_us = 1e6 * cost.seconds / cost.pings
-        console.print(
-            f"{name}: {cost.pings} pings in Python, {each_us:.0f} µs of a core each"
-        )
+        console.print(f"{name}: {cost.pings} pings in Python, {each_us:.0f} µs of a core each")
 
 
 @contextmanager
