@@ -6,7 +6,7 @@ Settings are objects of `bottomlock.models`; dicts with the same keys are taken,
 given must be one that is read: an unknown one is an error that names the nearest.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from threading import Event
 from typing import Any, Final, Literal, NotRequired, TypedDict, final, type_check_only
 
@@ -34,6 +34,7 @@ __all__ = [
     "error_model",
     "normal_gravity_mps2",
     "observe",
+    "register_method",
     "rejected_imu",
     "replay_log",
     "run_batch",
@@ -391,7 +392,7 @@ class Navigator:
         options: Options,
         initial: InitialState | StateDict,
         *,
-        method: Method = "tc",
+        method: str = "tc",
         covariance: ArrayLike | None = None,
         horizon_ns: int | None = None,
     ) -> Navigator: ...
@@ -449,7 +450,7 @@ class ClosedLoop:
         simulated: Model,
         assumed: Model,
         options: Options,
-        methods: Sequence[Method],
+        methods: Sequence[str],
         start: StartDict,
         *,
         vehicle_per_method: bool,
@@ -492,7 +493,7 @@ def replay_log(
     geometry: BeamGeometry,
     model: Model,
     options: Options,
-    methods: Sequence[Method],
+    methods: Sequence[str],
     log: LogDict,
     start: InitialState | StateDict,
     *,
@@ -509,7 +510,7 @@ def run_batch(
     assumed: Model,
     options: Options,
     schedule: ScheduleDict,
-    methods: Sequence[Method],
+    methods: Sequence[str],
     *,
     seed: int,
     trajectory_key: int,
@@ -527,6 +528,9 @@ def error_model(
     omega_p_radps: ArrayLike,
     force_p_mps2: ArrayLike,
 ) -> dict[str, NDArray[np.float64]]: ...
+def register_method(
+    name: str, label: str, call: Callable[[dict[str, Any]], tuple[ArrayLike, ...] | None]
+) -> None: ...
 def normal_gravity_mps2(latitude_rad: float, depth_m: float = 0.0) -> float: ...
 def observe(
     geometry: BeamGeometry,

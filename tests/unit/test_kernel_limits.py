@@ -188,7 +188,7 @@ def test_threads_take_turns_with_a_closed_loop() -> None:
 
 def refused() -> None:
     """Something that the kernel refuses, for another process."""
-    kernel.run_batch(**WORK, methods=["tcc"], runs=1, threads=1)  # type: ignore[list-item]
+    kernel.run_batch(**WORK, methods=["tcc"], runs=1, threads=1)
 
 
 def test_the_error_of_the_kernel_is_one_of_the_package() -> None:

@@ -16,6 +16,7 @@ mod keys;
 mod memory;
 mod navigator;
 mod observability;
+mod own_method;
 mod replay;
 mod report;
 mod schedule;
@@ -42,6 +43,8 @@ mod _kernel {
     use super::navigator::Navigator;
     #[pymodule_export]
     use super::observability::{covariance_history, observe};
+    #[pymodule_export]
+    use super::own_method::register_method;
     #[pymodule_export]
     use super::replay::replay_log;
     #[pymodule_export]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock import kernel
+from bottomlock import kernel, own_method
 from bottomlock.campaign.build import BuiltScenario
 from bottomlock.campaign.closed_loop import run_closed_loop
 from bottomlock.campaign.partition import Chunk
@@ -65,6 +65,9 @@ def run_chunk(
     Raises:
         KernelError: for input that the kernel rejects, naming run and method.
     """
+    for place in built.scenario.campaign.own_methods:
+        # In a worker process nothing has read the scenario's text.
+        own_method.load(place)
     with kernel_lock or nullcontext():
         started = time.perf_counter()
         result = (

@@ -17,7 +17,7 @@ _ARRAYS = ("position_t_m", "attitude_t_p", "velocity_p_mps", "omega_p_radps", "f
 
 def run_closed_loop(
     simulation: Simulation,
-    methods: Sequence[kernel.Method],
+    methods: Sequence[str],
     *,
     pilot: str,
     trajectory_key: int,
@@ -89,7 +89,7 @@ def _vehicles(simulation: Simulation, vehicle: Vehicle, mission: Mission, count:
 
 def _kernel_loop(
     simulation: Simulation,
-    methods: Sequence[kernel.Method],
+    methods: Sequence[str],
     start: TruthBlock,
     **settings: Any,  # noqa: ANN401
 ) -> kernel.ClosedLoop:

@@ -13,7 +13,7 @@ from bottomlock.errors import BottomlockError
 COMMANDS = {
     "run": ("campaign", "Run a Monte Carlo campaign and print a table of RMS errors."),
     "merge": ("campaign", "Join the shards of a campaign and print its table."),
-    "fly": ("simulate", "Simulate the vehicle: truth, telemetry and a figure per scenario."),
+    "fly": ("simulate", "Simulate the vehicle, or fly a trajectory from a file: truth, telemetry, figure."),
     "simulate-dvl": (
         "simulate_dvl",
         "Simulate a DVL that sends a maker's bytes over TCP, UDP, a terminal or a file.",

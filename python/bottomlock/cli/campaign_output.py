@@ -17,6 +17,7 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
+from bottomlock import own_method
 from bottomlock.campaign.run import CampaignProgress, Results
 from bottomlock.cli.console import console, errors, narrow_table
 from bottomlock.pages.numbers import plain
@@ -78,7 +79,15 @@ def print_results(results: Results, out: Path) -> None:
         f"n_f {options['virtual_beam_factor']:g}, ε {options['nullified_sway_var_m2ps2']:g} m²/s², "
         f"gate {options['gate']}."
     )
+    print_costs()
     console.print(f"{manifest['wall_time_s']:.1f} s; tables in {out}")
+
+
+def print_costs() -> None:
+    """Prints what the methods of one's own cost in this process."""
+    for name, cost in own_method.costs().items():
+        each_us = 1e6 * cost.seconds / cost.pings
+        console.print(f"{name}: {cost.pings} pings in Python, {each_us:.0f} µs of a core each")
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.simulation.own_path import resolved
 from bottomlock.studies.world import in_world
 
 CampaignOut = Annotated[
@@ -86,7 +87,8 @@ def load_scenarios(
         raise ScenarioError("no scenario is named; `bottomlock scenarios` lists the packaged ones")
     check_threads(threads)
     loaded = [
-        load_scenario(name).with_overrides(runs=runs, seed=seed, methods=split(methods)) for name in names
+        resolved(load_scenario(name).with_overrides(runs=runs, seed=seed, methods=split(methods)))
+        for name in names
     ]
     if world is not None:
         surroundings = load_scenario(world)

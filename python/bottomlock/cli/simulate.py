@@ -17,6 +17,7 @@ from bottomlock.figures.flight import flight_figure, save_figure
 from bottomlock.io.beams import InstrumentFile
 from bottomlock.plant import telemetry
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
+from bottomlock.simulation.closure import closure
 from bottomlock.simulation.measurement_schedule import schedule_and_footprints
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.statistics.rms import rms
@@ -25,7 +26,10 @@ from bottomlock.truth.truth import Truth
 
 def fly(
     *scenario: str,
-    out: Annotated[Path, Parameter(help="Directory for tables and figures.")],
+    out: Annotated[Path | None, Parameter(help="Directory for tables and figures.")] = None,
+    dry_run: Annotated[
+        bool, Parameter(negative="", help="Only print what the motion is like; nothing is written.")
+    ] = False,
     vehicle: Annotated[
         str | None, Parameter(help="Packaged vehicle or TOML file; the scenario's own by default.")
     ] = None,
@@ -36,7 +40,7 @@ def fly(
         ),
     ] = None,
 ) -> None:
-    """Simulate the vehicle: truth, telemetry and a figure per scenario.
+    """Simulate the vehicle, or fly a trajectory from a file: truth, telemetry, figure.
 
     Parameters
     ----------
@@ -47,29 +51,62 @@ def fly(
         raise ScenarioError("no scenario is named; `bottomlock scenarios` lists the packaged ones")
     if sensors is not None and sensors < 0:
         raise ScenarioError(f"--sensors is {sensors}, expected a run number, 0 or more")
+    if out is None and not dry_run:
+        raise ScenarioError("no directory is named, expected --out DIR, or --dry-run")
     for name in scenario:
         loaded = load_scenario(name)
-        change = {"source": "vehicle"} | ({} if vehicle is None else {"vehicle": vehicle})
-        loaded = loaded.with_trajectory(**change)
-        simulation = build_simulation(loaded)
-        flight = simulation.flight()
-        frame, beams = telemetry(flight), _beams(simulation, flight.truth)
-        write_parquet(out / f"{loaded.name}_truth.parquet", pl.DataFrame(_wide(flight.truth)))
-        write_parquet(out / f"{loaded.name}_telemetry.parquet", frame)
-        write_parquet(out / f"{loaded.name}_beams.parquet", beams)
-        save_figure(flight_figure(frame, beams), out / f"{loaded.name}.png")
-        if sensors is not None:
-            for sensor, readings in sensor_streams(simulation, flight.truth, run=sensors).items():
-                write_parquet(out / f"{loaded.name}_run{sensors}_{sensor}.parquet", readings)
-            write_text(out / f"{loaded.name}_dvl.toml", geometry_file(loaded.dvl))
-        legs = frame.filter("leg") if frame["leg"].any() else frame
-        cross_track_rms_m = float(rms(legs["cross_track_m"].to_numpy()))
-        speed, sway = (frame[f"{part}_mps"].to_numpy() for part in ("speed", "sway"))
-        console.print(
-            f"{loaded.name}: {speed.mean():.3f} m/s, cross-track {cross_track_rms_m:.2f} m RMS, "
-            f"largest sway {np.abs(sway).max():.3f} m/s"
-        )
-    console.print(f"tables and figures in {out}")
+        if loaded.trajectory.source == "file":
+            if vehicle is not None:
+                raise ScenarioError(f"--vehicle is given, but the trajectory of {loaded.name} is a file")
+            _along_path(build_simulation(loaded), None if dry_run else out, sensors)
+        else:
+            change = {"source": "vehicle"} | ({} if vehicle is None else {"vehicle": vehicle})
+            _of_vehicle(build_simulation(loaded.with_trajectory(**change)), None if dry_run else out, sensors)
+    if not dry_run:
+        console.print(f"tables and figures in {out}")
+
+
+def _of_vehicle(simulation: Simulation, out: Path | None, sensors: int | None) -> None:
+    name, flight = simulation.scenario.name, simulation.flight()
+    frame = telemetry(flight)
+    if out is not None:
+        beams = _beams(simulation, flight.truth)
+        _write(simulation, flight.truth, beams, out, sensors)
+        write_parquet(out / f"{name}_telemetry.parquet", frame)
+        save_figure(flight_figure(frame, beams), out / f"{name}.png")
+    legs = frame.filter("leg") if frame["leg"].any() else frame
+    cross_track_rms_m = float(rms(legs["cross_track_m"].to_numpy()))
+    speed, sway = (frame[f"{part}_mps"].to_numpy() for part in ("speed", "sway"))
+    console.print(
+        f"{name}: {speed.mean():.3f} m/s, cross-track {cross_track_rms_m:.2f} m RMS, "
+        f"largest sway {np.abs(sway).max():.3f} m/s"
+    )
+
+
+def _along_path(simulation: Simulation, out: Path | None, sensors: int | None) -> None:
+    truth, summary = simulation.along_path()
+    if out is not None:
+        _write(simulation, truth, _beams(simulation, truth), out, sensors)
+    position_m, attitude_rad = closure(simulation, truth)
+    console.print(f"{simulation.scenario.name}:")
+    for line in summary.lines():
+        console.print(f"  {line}", soft_wrap=True)
+    console.print(
+        f"  strapdown of perfect samples at {simulation.scenario.imu.rate_hz:g} Hz returns within "
+        f"{1000.0 * position_m:.2g} mm and {attitude_rad:.1g} rad",
+        soft_wrap=True,
+    )
+
+
+def _write(simulation: Simulation, truth: Truth, beams: pl.DataFrame, out: Path, sensors: int | None) -> None:
+    """Truth and beams, and with `sensors` the readings of that run and the DVL's geometry."""
+    name = simulation.scenario.name
+    write_parquet(out / f"{name}_truth.parquet", pl.DataFrame(_wide(truth)))
+    write_parquet(out / f"{name}_beams.parquet", beams)
+    if sensors is not None:
+        for sensor, readings in sensor_streams(simulation, truth, run=sensors).items():
+            write_parquet(out / f"{name}_run{sensors}_{sensor}.parquet", readings)
+        write_text(out / f"{name}_dvl.toml", geometry_file(simulation.scenario.dvl))
 
 
 def geometry_file(dvl: Dvl) -> str:

@@ -12,6 +12,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from bottomlock import models, units
 from bottomlock.config.mission_sections import faults_of
+from bottomlock.config.own_methods import own_methods_from
 from bottomlock.config.scenario_sections import (
     Campaign,
     Dvl,
@@ -63,10 +64,11 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _parts_agree(self) -> Self:
-        if self.mission and self.trajectory.source == "analytic":
-            raise ValueError(
-                '[mission] is given, but an analytic truth has no mission: set source = "vehicle"'
+        if self.mission and self.trajectory.source != "vehicle":
+            motion = (
+                "an analytic truth" if self.trajectory.source == "analytic" else "a trajectory from a file"
             )
+            raise ValueError(f'[mission] is given, but {motion} has no mission: set source = "vehicle"')
         limits = {
             key
             for key in ("min_range_m", "max_range_m", "max_incidence_deg", "range_noise_m")
@@ -82,7 +84,7 @@ class Scenario(Section):
 
     def content_hash(self) -> str:
         """SHA-256 of everything that decides the numbers (not the number of runs, the methods or the words)."""
-        exclude: dict[str, Any] = {"description": True, "campaign": {"runs", "methods"}}
+        exclude: dict[str, Any] = {"description": True, "campaign": {"runs", "methods", "own_methods"}}
         # What is switched off decides nothing.
         exclude |= {sensor.name: True for sensor in SENSORS if not getattr(self, sensor.name).enabled}
         exclude |= {} if self.robust.enabled else {"robust": True}
@@ -231,7 +233,7 @@ def load_scenario(source: str | Path) -> Scenario:
     return parse_scenario(read_text(path), place=str(path), folder=path.parent)
 
 
-_FILES = (("seabed", "path"), ("dvl", "replay_validity"), ("trajectory", "vehicle"))
+_FILES = (("seabed", "path"), ("dvl", "replay_validity"), ("trajectory", "vehicle"), ("trajectory", "file"))
 """Keys that may name a file; a relative one is meant from the scenario's own folder."""
 
 
@@ -242,6 +244,7 @@ def parse_scenario(text: str, *, place: str, folder: Path | None = None) -> Scen
         ScenarioError: as `load_scenario`.
     """
     content = parse_toml(text, place=place)
+    own_methods_from(content.get("campaign"), folder)
     if "dvl" not in content:
         raise ScenarioError(f"{place}: there is no [dvl] section; a scenario needs one to aid the INS with")
     return _checked(Scenario, _with_files(content, folder), place)

@@ -17,7 +17,10 @@ from pydantic import (
 
 from bottomlock import models, units
 from bottomlock.config.beam_tilt import BeamTilt, check_tilts
-from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES, Configuration, Method
+from bottomlock.config.own_methods import OwnMethods
+from bottomlock.config.path_keys import PathKeys, check_source, others_keys
+from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES, Configuration
+from bottomlock.own_method import is_registered, known_names
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -34,21 +37,15 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
 
 
-_ANALYTIC_KEYS = (
-    "heading_deg", "yaw_rate_deg_per_s", "dive_angle_deg", "dive_s", "leg_s", "turn_s", "sway_gain_m",
-)  # fmt: skip
-_VEHICLE_KEYS = ("vehicle", "feedback", "pilot")
-
-
-class Trajectory(Section):
-    """The true motion: of a simulated vehicle, or analytic.
+class Trajectory(PathKeys, Section):
+    """The true motion: of a simulated vehicle, analytic, or along a path of one's own from a file.
 
     `feedback` is the state that guidance and control of the vehicle use: the truth or the estimate. `pilot` is the
     method whose estimate it is, or "own": each method has its own vehicle.
     """
 
-    kind: Literal["straight", "constant_turn", "figure_eight", "lawn_mower", "waypoints"]
-    source: Literal["vehicle", "analytic"] = "vehicle"
+    kind: Literal["straight", "constant_turn", "figure_eight", "lawn_mower", "waypoints", "file"]
+    source: Literal["vehicle", "analytic", "file"] = "vehicle"
     vehicle: str = "tauv"
     feedback: Literal["truth", "estimate"] = "truth"
     pilot: str = "own"
@@ -64,18 +61,7 @@ class Trajectory(Section):
 
     @model_validator(mode="after")
     def _of_one_source(self) -> Self:
-        strange = _ANALYTIC_KEYS if self.source == "vehicle" else _VEHICLE_KEYS
-        for key in strange:
-            if key in self.model_fields_set:
-                other = "analytic" if self.source == "vehicle" else "vehicle"
-                raise ValueError(
-                    f'\'{key}\' belongs to source = "{other}", and the source is "{self.source}"'
-                    + ("; [mission] sets the vehicle's path" if self.source == "vehicle" else "")
-                )
-        if self.source == "vehicle" and self.kind == "constant_turn":
-            raise ValueError("kind 'constant_turn' exists with source = \"analytic\" alone")
-        if self.source == "analytic" and self.kind == "waypoints":
-            raise ValueError("kind 'waypoints' exists with source = \"vehicle\" alone")
+        check_source(self.source, self.kind, self.model_fields_set)
         if self.pilot != "own":
             check_methods([self.pilot])
         return self
@@ -83,9 +69,10 @@ class Trajectory(Section):
     @model_serializer(mode="wrap")
     def _of_its_source(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leaves out the keys that would mean something else if they were given: what is dumped can be read again."""
-        strange = set(_ANALYTIC_KEYS if self.source == "vehicle" else _VEHICLE_KEYS)
-        # A path through waypoints ends at the last of them, unless it has a duration.
-        strange |= {"duration_s"} if self.kind == "waypoints" else set()
+        strange = others_keys(self.source)
+        # A path through waypoints ends at the last of them, unless it has a duration; so does one from a file.
+        strange |= {"duration_s"} if self.kind in {"waypoints", "file"} else set()
+        strange |= {"speed_mps"} if self.kind == "file" else set()
         dumped: dict[str, Any] = handler(self)
         return {key: value for key, value in dumped.items() if key not in strange - self.model_fields_set}
 
@@ -374,10 +361,12 @@ def check_methods(methods: Iterable[str]) -> None:
     """
     seen: set[str] = set()
     for method in methods:
-        if method not in METHODS:
-            close = difflib.get_close_matches(method, METHODS, n=1)
+        if method not in METHODS and not is_registered(method):
+            close = difflib.get_close_matches(method, known_names(), n=1)
             hint = f", did you mean '{close[0]}'?" if close else ""
-            raise ValueError(f"unknown method '{method}'{hint} (known: {', '.join(METHODS)})")
+            raise ValueError(
+                f"unknown method '{method}'{hint} (known: {', '.join(known_names())}; your own: MODULE:CLASS)"
+            )
         if method in seen:
             raise ValueError(f"method '{method}' is named twice")
         seen.add(method)
@@ -392,9 +381,9 @@ def known_methods(methods: Any) -> Any:  # noqa: ANN401 - what a file or a call 
     return methods
 
 
-class Campaign(Section):
-    """How many runs of what."""
+class Campaign(OwnMethods, Section):
+    """How many runs of what; `own_methods` says where methods of one's own are (docs/own_method.md)."""
 
     runs: Annotated[int, Field(ge=1, le=10_000_000)] = 100
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
-    methods: Annotated[tuple[Method, ...], BeforeValidator(known_methods)] = METHODS
+    methods: Annotated[tuple[str, ...], BeforeValidator(known_methods)] = METHODS

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
+from bottomlock.config.own_methods import OwnMethods, own_methods_from
 from bottomlock.config.scenario_sections import (
     Filter,
     Finite,
@@ -21,7 +22,7 @@ from bottomlock.config.scenario_sections import (
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
-from bottomlock.kernel import METHODS, Method
+from bottomlock.kernel import METHODS
 from bottomlock.replay.dvl_sections import DvlStream, WhatIf
 from bottomlock.replay.stream_sections import (
     AcousticPositionStream,
@@ -109,10 +110,10 @@ class Start(Section):
         return self
 
 
-class Settings(Section):
+class Settings(OwnMethods, Section):
     """Methods, seed, number of runs (draws of the random errors), and the output interval without a reference."""
 
-    methods: Annotated[tuple[Method, ...], BeforeValidator(known_methods)] = METHODS
+    methods: Annotated[tuple[str, ...], BeforeValidator(known_methods)] = METHODS
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 2017
     runs: Annotated[int, Field(ge=1, le=10_000)] = 1
     smooth: bool = True
@@ -253,6 +254,7 @@ def parse_case(text: str, *, place: str, folder: Path | None = None) -> Case:
         ScenarioError: as `load_case`.
     """
     content = parse_toml(text, place=place)
+    own_methods_from(content.get("replay"), folder)
     if folder is not None:
         _from_folder(content, folder)
     try:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
-from bottomlock.kernel import Method, rejected_imu, replay_log
+from bottomlock.kernel import rejected_imu, replay_log
 from bottomlock.models import ImuModel, InitialModel, InitialState, Model, Options
 from bottomlock.replay import random_errors
 from bottomlock.replay.align import Alignment, align
@@ -68,7 +68,7 @@ class Rerun:
     prepared: PreparedRun
     valid: Flags
     result: Mapping[str, Any]
-    smoothed_methods: tuple[Method, ...]
+    smoothed_methods: tuple[str, ...]
     smoothed: Mapping[str, Any]
 
 
@@ -273,7 +273,7 @@ def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, th
     start = _kernel_start(prepared.alignment)
     log = kernel_log(case, prepared, valid)
 
-    def filtered(methods: Sequence[Method], *, smooth: bool) -> Any:  # noqa: ANN401 - the kernel's dict
+    def filtered(methods: Sequence[str], *, smooth: bool) -> Any:  # noqa: ANN401 - the kernel's dict
         return replay_log(
             prepared.streams.instrument.geometry,
             prepared.model,

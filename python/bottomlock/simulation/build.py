@@ -12,13 +12,18 @@ from bottomlock import kernel, units
 from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beams import read_validity
+from bottomlock.own_method import source_of
 from bottomlock.plant import Flight, Mission, Vehicle, fly, load_vehicle
 from bottomlock.plant.seabed import GridSeabed, Seabed
 from bottomlock.plant.surroundings import MagneticField, world_magnetic_model
 from bottomlock.plant.swim import check_mission
 from bottomlock.plant.tables import mission_from_table, seabed_from_table
 from bottomlock.plant.trim import check_stability
+from bottomlock.simulation.own_path import own_path, with_path
 from bottomlock.truth.analytic import analytic_truth
+from bottomlock.truth.path import Path as OwnPath
+from bottomlock.truth.path import path_truth
+from bottomlock.truth.path_summary import PathSummary
 from bottomlock.truth.truth import Truth
 
 
@@ -30,11 +35,12 @@ class Simulation:
         scenario: the settings.
         gravity_mps2: local gravity.
         geometry: the beams.
-        vehicle: the vehicle; None for an analytic truth.
-        mission: the mission that the vehicle swims; None for an analytic truth.
+        vehicle: the vehicle; None for an analytic truth, and for a path from a file.
+        mission: the mission that the vehicle swims; None without a vehicle.
         seabed: the seabed, or None.
         recorded: times, ns, (n,) and beam validity (n, beams) of a recorded log, or None.
         field: the magnetic field; None without a magnetometer.
+        path: the path from a file, or None.
     """
 
     scenario: Scenario
@@ -45,6 +51,7 @@ class Simulation:
     seabed: Seabed | None
     recorded: tuple[NDArray[np.int64], NDArray[np.bool_]] | None
     field: MagneticField | None
+    path: OwnPath | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """All but the beams, whose class belongs to the kernel; files are held by their content."""
@@ -73,16 +80,22 @@ class Simulation:
                 digest.update(np.ascontiguousarray(axis, dtype=np.float64).tobytes())
         for part in self.recorded or ():
             digest.update(np.ascontiguousarray(part).tobytes())
+        # Not its name but its text is what a method of one's own does.
+        if self.scenario.campaign.own_methods:
+            digest.update(source_of(self.scenario.campaign.own_methods))
+        for numbers in () if self.path is None else self.path.numbers():
+            digest.update(np.ascontiguousarray(numbers).tobytes())
         return digest.hexdigest()
 
     def flight(self) -> Flight:
         """The vehicle's mission with guidance on the truth; read from the cache where it was simulated before.
 
         Raises:
-            ScenarioError: for an analytic truth.
+            ScenarioError: for a truth without a vehicle.
         """
         if self.vehicle is None or self.mission is None:
-            raise ScenarioError(f"scenario {self.scenario.name}: its truth is analytic and has no vehicle")
+            motion = "its truth is analytic" if self.path is None else "its trajectory is a file"
+            raise ScenarioError(f"scenario {self.scenario.name}: {motion} and has no vehicle")
         return fly(
             self.vehicle,
             self.mission,
@@ -93,10 +106,33 @@ class Simulation:
         )
 
     def truth(self) -> Truth:
-        """The true motion: analytic, or the vehicle's mission with guidance on the truth."""
+        """The true motion: analytic, along a path, or the vehicle's mission with guidance on the truth."""
+        if self.path is not None:
+            return self.along_path()[0]
         if self.vehicle is None:
             return analytic_truth(self.scenario, self.gravity_mps2)
         return self.flight().truth
+
+    def along_path(self) -> tuple[Truth, PathSummary]:
+        """The truth along the path from a file, and what the path is like.
+
+        Raises:
+            ScenarioError: for a motion that is not plausible, and a scenario without such a path.
+        """
+        name = self.scenario.name
+        if self.path is None:
+            raise ScenarioError(f"scenario {name}: its trajectory is not from a file")
+        try:
+            return path_truth(
+                self.path,
+                rate_hz=self.scenario.imu.rate_hz,
+                latitude_rad=self.latitude_rad,
+                gravity_mps2=self.gravity_mps2,
+                earth_rate_radps=self.earth_rate_radps,
+                duration_s=self.scenario.trajectory.duration_s,
+            )
+        except DataError as error:
+            raise ScenarioError(f"scenario {name}: trajectory.file: {error}") from error
 
 
 def build_simulation(scenario: Scenario) -> Simulation:
@@ -104,13 +140,15 @@ def build_simulation(scenario: Scenario) -> Simulation:
 
     Raises:
         ScenarioError: for beams in a plane, a vehicle file with a fault or without a stable trim, a mission beyond the
-            vehicle's range, a seabed or a recorded log that cannot be read.
+            vehicle's range, a seabed, a recorded log or a trajectory that cannot be read.
 
     Examples:
         >>> from bottomlock.config.scenario import load_scenario
         >>> build_simulation(load_scenario("straight")).geometry.beams
         4
     """
+    path = own_path(scenario) if scenario.trajectory.source == "file" else None
+    scenario = scenario if path is None else with_path(scenario, path)
     gravity_mps2 = gravity_of(scenario)
     vehicle = mission = None
     if scenario.trajectory.source == "vehicle":
@@ -127,6 +165,7 @@ def build_simulation(scenario: Scenario) -> Simulation:
         seabed=seabed_from_table(scenario.seabed, scenario.name) if scenario.seabed else None,
         recorded=_recorded(scenario),
         field=_field(scenario),
+        path=path,
     )
 
 

@@ -89,7 +89,7 @@ class Readings:
         times: NDArray[np.int64] = self._drawn["dvl_time_ns"]
         return times
 
-    def fixes(self, method: kernel.Method, valid: NDArray[np.bool_], watched: Sequence[int]) -> Iterator[Fix]:
+    def fixes(self, method: str, valid: NDArray[np.bool_], watched: Sequence[int]) -> Iterator[Fix]:
         """Runs a method with the beams of `valid`, (pings, beams), and yields the fixes of the pings `watched`.
 
         The run ends at the last of these pings. A ping without a fix by the method yields nothing.

@@ -139,7 +139,7 @@ def judged_times_s(duration_s: float) -> list[float]:
 
 
 def run_judged(
-    simulation: Simulation, methods: Sequence[kernel.Method], *, threads: int = 0
+    simulation: Simulation, methods: Sequence[str], *, threads: int = 0
 ) -> tuple[list[float], dict[str, Any]]:
     """The times (s) at which NEES is judged, and the kernel's batch of the scenario's runs sampled at these times."""
     scenario, truth = simulation.scenario, simulation.truth()
@@ -183,7 +183,7 @@ def run_cell(case: cases.Case, *, whole: bool, threads: int = 0) -> pl.DataFrame
     return pl.DataFrame(rows, schema=dict(CONSISTENCY_CELL), orient="row")
 
 
-def _rows_fused(simulation: Simulation, methods: Sequence[kernel.Method]) -> dict[str, float]:
+def _rows_fused(simulation: Simulation, methods: Sequence[str]) -> dict[str, float]:
     """Rows that each method fuses per fix under the scenario's mask, from its first run; 0 without fixes."""
     readings = Readings(simulation, simulation.truth(), run=0)
     pings = range(len(readings.ping_time_ns))

@@ -18,6 +18,7 @@ from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import kernel_version
 from bottomlock.simulation.build import Simulation, build_simulation
+from bottomlock.simulation.own_path import resolved
 from bottomlock.simulation.run_events import Fix, Readings
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import cases, study_folder
@@ -42,6 +43,7 @@ def two_beam_outages(scenario: Scenario) -> list[cases.Case]:
     Raises:
         ScenarioError: if the trajectory is too short for it, or the instrument has fewer than three beams.
     """
+    scenario = resolved(scenario)
     duration_s = scenario.trajectory.duration_s
     after_s = RECOVERY_EPOCHS / scenario.dvl.rate_hz
     if duration_s < OUTAGE_S + 2.0 * after_s:

@@ -68,8 +68,10 @@ def variant(
     unknown = [name for name in sensors if name not in SENSORS]
     if unknown:
         raise ScenarioError(f"unknown sensor '{unknown[0]}' (known: {', '.join(SENSORS)})")
-    if current_mps and scenario.trajectory.source == "analytic":
-        raise ScenarioError(f"scenario {scenario.name}: an analytic truth has no current")
+    if current_mps and scenario.trajectory.source != "vehicle":
+        raise ScenarioError(
+            f'scenario {scenario.name}: a current needs a vehicle, trajectory.source = "vehicle"'
+        )
     off = {
         section: getattr(scenario, section).model_copy(update={"enabled": False})
         for section in (sensor.name for sensor in config_sensors.SENSORS)

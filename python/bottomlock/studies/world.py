@@ -18,7 +18,7 @@ def in_world(scenario: Scenario, world: Scenario) -> Scenario:
     The name stays, and with it the random streams: run k has the same random numbers in every world.
 
     Raises:
-        ScenarioError: for an analytic trajectory, which has no current.
+        ScenarioError: for a trajectory without a vehicle, which has no current.
 
     Examples:
         >>> from bottomlock.config.scenario import load_scenario
@@ -26,9 +26,14 @@ def in_world(scenario: Scenario, world: Scenario) -> Scenario:
         >>> moved.name, moved.trajectory.kind, moved.depth.enabled, moved.mission["current"]["speed_mps"]
         ('straight', 'straight', True, 0.3)
     """
-    if scenario.trajectory.source == "analytic":
+    if scenario.trajectory.source != "vehicle":
+        kind = (
+            "an analytic trajectory"
+            if scenario.trajectory.source == "analytic"
+            else "a trajectory from a file"
+        )
         raise ScenarioError(
-            f"scenario {scenario.name}: an analytic trajectory has no current, expected trajectory.source "
+            f"scenario {scenario.name}: {kind} has no current, expected trajectory.source "
             f'"vehicle" to fly it in the world of {world.name}'
         )
     mission: dict[str, Any] = {key: value for key, value in scenario.mission.items() if key != "current"}

@@ -167,8 +167,8 @@ def analytic_motion(settings: Trajectory) -> Motion:
     return motion
 
 
-def _rotation(state: Attitudes) -> Rotation:
-    """As `Rotation.from_euler("ZYX", …)`, which takes six times as long."""
+def rotation_t_p(state: Attitudes) -> Rotation:
+    """Platform to tangent; as `Rotation.from_euler("ZYX", …)`, which takes six times as long."""
     (sr, cr), (sp, cp), (sy, cy) = (
         (np.sin(0.5 * angle), np.cos(0.5 * angle))
         for angle in (state.roll_rad, state.pitch_rad, state.yaw_rad)
@@ -178,6 +178,20 @@ def _rotation(state: Attitudes) -> Rotation:
     return Rotation.from_quat(np.stack([x, y, z, w], axis=-1))
 
 
+def rate_tp(roll_rad: Array, pitch_rad: Array, roll_rate: Array, pitch_rate: Array, yaw_rate: Array) -> Array:
+    """(n, 3) angular rate of the platform against the tangent frame, platform frame, rad/s."""
+    sin_roll, cos_roll = np.sin(roll_rad), np.cos(roll_rad)
+    sin_pitch, cos_pitch = np.sin(pitch_rad), np.cos(pitch_rad)
+    return np.stack(
+        [
+            roll_rate - yaw_rate * sin_pitch,
+            pitch_rate * cos_roll + yaw_rate * sin_roll * cos_pitch,
+            -pitch_rate * sin_roll + yaw_rate * cos_roll * cos_pitch,
+        ],
+        axis=-1,
+    )
+
+
 def ideal_inertial_readings(
     state: Attitudes, *, latitude_rad: float, gravity_mps2: float, earth_rate_radps: float
 ) -> tuple[Array, Array]:
@@ -185,19 +199,10 @@ def ideal_inertial_readings(
 
     omega_ip = omega_tp + R' omega_ie;  f = dv/dt + (omega_ip + R' omega_ie) x v - R' g.
     """
-    to_platform = _rotation(state).inv()
+    to_platform = rotation_t_p(state).inv()
     earth_t = earth_rate_radps * np.array([math.cos(latitude_rad), 0.0, -math.sin(latitude_rad)])
     earth_p = to_platform.apply(earth_t)
-    sin_roll, cos_roll = np.sin(state.roll_rad), np.cos(state.roll_rad)
-    sin_pitch, cos_pitch = np.sin(state.pitch_rad), np.cos(state.pitch_rad)
-    omega_tp = np.stack(
-        [
-            state.roll_rate - state.yaw_rate * sin_pitch,
-            state.pitch_rate * cos_roll + state.yaw_rate * sin_roll * cos_pitch,
-            -state.pitch_rate * sin_roll + state.yaw_rate * cos_roll * cos_pitch,
-        ],
-        axis=-1,
-    )
+    omega_tp = rate_tp(state.roll_rad, state.pitch_rad, state.roll_rate, state.pitch_rate, state.yaw_rate)
     omega_ip = omega_tp + earth_p
     gravity_p = to_platform.apply(np.array([0.0, 0.0, gravity_mps2]))
     force = state.acceleration_p_mps2 + np.cross(omega_ip + earth_p, state.velocity_p_mps) - gravity_p
@@ -265,13 +270,13 @@ def sample_motion(
     moved = np.zeros((len(steps), 3))
     for node, weight in zip(nodes.tolist(), weights.tolist(), strict=True):
         inner = motion(time_s[:-1] + 0.5 * steps * (1.0 + node))
-        moved += 0.5 * weight * steps[:, None] * _rotation(inner).apply(inner.velocity_p_mps)
+        moved += 0.5 * weight * steps[:, None] * rotation_t_p(inner).apply(inner.velocity_p_mps)
     position = np.vstack([np.zeros(3), np.cumsum(moved, axis=0)])
     position[:, 2] += depth_m
     return Truth(
         time_ns=time_ns,
         position_t_m=position,
-        attitude_t_p=np.ascontiguousarray(_rotation(state).as_quat()[:, [3, 0, 1, 2]]),
+        attitude_t_p=np.ascontiguousarray(rotation_t_p(state).as_quat()[:, [3, 0, 1, 2]]),
         velocity_p_mps=np.ascontiguousarray(state.velocity_p_mps),
         omega_p_radps=np.ascontiguousarray(omega),
         force_p_mps2=np.ascontiguousarray(force),

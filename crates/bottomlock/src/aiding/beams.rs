@@ -50,8 +50,10 @@ pub enum InformationPort {
 /// Residual, Jacobian and noise of every valid beam, indexed by beam.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BeamTerms {
-    pub(super) residual: SVector<f64, MAX_ROWS>,
-    pub(super) jacobian: RowJacobian,
+    /// Reading minus expected reading, m/s.
+    pub residual: SVector<f64, MAX_ROWS>,
+    /// By the error states, one row per beam.
+    pub jacobian: RowJacobian,
     /// Eq. 20: sensor noise and the gyro noise that all beams share through their lever arms.
     pub noise: BeamNoise,
 }

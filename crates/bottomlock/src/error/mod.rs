@@ -284,6 +284,16 @@ pub enum NavError {
         #[source]
         source: Box<NavError>,
     },
+    /// A method from outside the kernel failed, or what it returned is no measurement.
+    #[error("{method} at {time_ns} ns: {fault}")]
+    OwnMethod {
+        /// Its name.
+        method: &'static str,
+        /// Time of the ping, ns.
+        time_ns: i64,
+        /// What went wrong.
+        fault: String,
+    },
     /// The caller asked for an early end ([`crate::Stop`]).
     #[error("interrupted: the caller asked for an early end")]
     Interrupted,

@@ -2,6 +2,8 @@
 
 #[path = "admission.rs"]
 mod admission;
+#[path = "own_aiding.rs"]
+mod own_aiding;
 #[path = "restored.rs"]
 mod restored;
 
@@ -24,6 +26,7 @@ use crate::mechanisation::{ImuSample, Sampling};
 use crate::model::Model;
 use crate::navigator::dual_filter::DualFilter;
 use crate::navigator::events::{Event, STREAMS};
+use crate::navigator::own_method::OwnMethod;
 use crate::state::{Covariance, NavState};
 
 /// Aiding by beams of the navigator.
@@ -37,6 +40,8 @@ pub enum BeamAiding {
     Loose(PartialMethod),
     /// A row per valid beam, then sway and heave through the water with the current as states.
     SwayCurrent,
+    /// What a method from outside the kernel makes of the beams.
+    Own(OwnMethod),
 }
 
 /// A filter with its beam aiding, fed in order of time.
@@ -301,6 +306,7 @@ impl Navigator {
             BeamAiding::Loose(method) if method != PartialMethod::VirtualBeamExact => {
                 self.loose_innovation(method, ping)?.0
             }
+            BeamAiding::Own(own) => self.own_innovation(own, ping)?,
             _ => tight_innovation(&self.filters.measurements_only, &self.geometry, ping),
         };
         self.filters.note_rejected(&innovation, Sensor::Beams)
@@ -353,6 +359,7 @@ impl Navigator {
                 let innovation_of = |filter: &Eskf| tight_innovation(filter, geometry, ping);
                 return self.filters.update(Sensor::Beams, innovation_of).map(Some);
             }
+            BeamAiding::Own(own) => return self.aid_by_own(own, ping).map(Some),
             BeamAiding::Loose(method) => method,
         };
         let (innovation, fix) = self.loose_innovation(method, ping)?;

@@ -4,6 +4,7 @@ use crate::dvl::partial::PartialMethod;
 use crate::error::NavError;
 use crate::navigator::event_loop::BeamAiding;
 use crate::navigator::navigator_set::Aiding;
+use crate::navigator::own_method::{OwnMethod, registered};
 
 /// An aiding method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,7 +87,7 @@ pub const METHODS: [Method; 13] = [
 ];
 
 impl Method {
-    /// Finds a method by its short name.
+    /// Finds a method by its short name, also one that was [registered](crate::navigator::own_method::register).
     ///
     /// # Errors
     /// [`NavError::UnknownName`], which lists the known names.
@@ -95,6 +96,7 @@ impl Method {
             .iter()
             .find(|method| method.name == name)
             .copied()
+            .or_else(|| registered(name).map(OwnMethod::as_method))
             .ok_or_else(|| NavError::UnknownName {
                 what: "method",
                 name: name.into(),

@@ -15,6 +15,7 @@ mod measurable;
 pub mod methods;
 pub mod navigator_set;
 pub mod notice;
+pub mod own_method;
 pub(crate) mod run_events;
 mod saved;
 pub mod selector;

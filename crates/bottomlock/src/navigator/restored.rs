@@ -27,6 +27,9 @@ impl Navigator {
         if (self.aiding == BeamAiding::SwayCurrent) != self.water().is_some() {
             return refusal("its filters are not those of its method");
         }
+        if matches!(self.aiding, BeamAiding::Own(own) if !own.is_registered()) {
+            return refusal("its method is not a built-in one and not registered here: register it first");
+        }
         if !self.waiting.is_empty() {
             return refusal("measurements wait in its filters");
         }

@@ -1,0 +1,81 @@
+"""Keys of `[trajectory]` for a path of one's own, and which keys belong to which source."""
+
+from collections.abc import Set as AbstractSet
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+_KEYS = {
+    "analytic": (
+        "heading_deg", "yaw_rate_deg_per_s", "dive_angle_deg", "dive_s", "leg_s", "turn_s", "sway_gain_m",
+    ),
+    "vehicle": ("vehicle", "feedback", "pilot"),
+    "file": ("file", "columns", "smooth_s", "turn_radius_m", "max_gap_s", "limits"),
+}  # fmt: skip
+
+_Above = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class PathLimits(BaseModel):
+    """What is plausible of a path; a file beyond it is refused with the row."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    speed_mps: _Above = 15.0
+    least_speed_mps: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.05
+    accel_mps2: _Above = 5.0
+    jerk_mps3: _Above = 20.0
+    turn_deg_per_s: _Above = 60.0
+
+
+class PathKeys(BaseModel):
+    """A path of one's own (docs/own_trajectory.md).
+
+    `file` is CSV, Parquet, KML or GeoJSON; `columns` gives the file's names of columns; `smooth_s` fits noisy rows on
+    knots so far apart; `turn_radius_m` makes the rows waypoints.
+    """
+
+    file: str | None = None
+    columns: dict[str, str] = Field(default_factory=dict)
+    smooth_s: _Above | None = None
+    turn_radius_m: _Above | None = None
+    max_gap_s: _Above | None = None
+    limits: PathLimits = PathLimits()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _file_is_its_source(cls, data: Any) -> Any:  # noqa: ANN401 - whatever a file holds
+        """A file alone says that it is the source."""
+        if isinstance(data, dict) and data.get("file") is not None:
+            return {"source": "file", "kind": "file"} | data
+        return data
+
+
+def others_keys(source: str) -> set[str]:
+    """Keys that belong to another source than this one."""
+    return {key for name, keys in _KEYS.items() if name != source for key in keys}
+
+
+def check_source(source: str, kind: str, given: AbstractSet[str]) -> None:
+    """Checks that every key that is given belongs to the source.
+
+    Raises:
+        ValueError: naming the key.
+    """
+    for name, keys in _KEYS.items():
+        for key in keys if name != source else ():
+            if key in given:
+                raise ValueError(
+                    f'\'{key}\' belongs to source = "{name}", and the source is "{source}"'
+                    + ("; [mission] sets the vehicle's path" if source == "vehicle" else "")
+                )
+    if source == "vehicle" and kind == "constant_turn":
+        raise ValueError("kind 'constant_turn' exists with source = \"analytic\" alone")
+    if source == "analytic" and kind == "waypoints":
+        raise ValueError("kind 'waypoints' exists with source = \"vehicle\" alone")
+    if (source == "file") != (kind == "file"):
+        raise ValueError(
+            "kind 'file' and source 'file' exist together: give the key file, and neither of the two"
+        )
+    if source == "file" and "file" not in given:
+        raise ValueError('source = "file" needs the key file')

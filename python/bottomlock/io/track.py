@@ -1,0 +1,300 @@
+"""A user's own trajectory as rows: times, positions, attitude, from CSV, Parquet, KML or GeoJSON.
+
+Columns carry their unit in the name. Time: `time_ns`, `time_us`, `time_ms`, `time_s`, or `time` as ISO 8601. Position:
+`north_m` and `east_m`, or `latitude_deg` and `longitude_deg` (or `_rad`); `depth_m` or `down_m`, positive down.
+Attitude, each optional: `roll_deg`, `pitch_deg`, `yaw_deg` or `heading_deg` (or `_rad`), or the quaternion
+`attitude_t_p_w` to `_z`, platform to tangent. The truth that `bottomlock fly` writes can be read again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bottomlock.errors import DataError
+from bottomlock.io.columns import NS_OF, column_numbers, read_rows
+from bottomlock.io.track_points import Points, read_geojson, read_kml
+from bottomlock.later import pl
+
+Floats = NDArray[np.float64]
+
+SUFFIXES = (".csv", ".parquet", ".pq", ".kml", ".geojson", ".json")
+COLUMNS = (
+    "time_ns", "time_us", "time_ms", "time_s", "time",
+    "north_m", "east_m", "latitude_deg", "longitude_deg", "latitude_rad", "longitude_rad",
+    "position_t_m_x", "position_t_m_y", "position_t_m_z", "depth_m", "down_m",
+    "roll_deg", "roll_rad", "pitch_deg", "pitch_rad", "yaw_deg", "yaw_rad", "heading_deg", "heading_rad",
+    "attitude_t_p_w", "attitude_t_p_x", "attitude_t_p_y", "attitude_t_p_z",
+)  # fmt: skip
+"""The names that a column may have, or be given by a map."""
+
+FARTHEST_M = 100_000.0
+"""From the first row: farther out, north and east of one place are no coordinates of a flat frame any more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """The rows of a trajectory file.
+
+    Attributes:
+        place: the file, for messages.
+        time_s: (n,) seconds since the first row; None for a track without times.
+        position_t_m: (n, 3) north, east, down.
+        has_depth: whether the file has depths; without them the third column is zero.
+        latitude_rad: of the first row, the origin of north and east; None for a file in metres.
+        longitude_rad: likewise.
+        angles_rad: by "roll", "pitch" and "yaw" those that the file has, (n,) each.
+        columns: what was read, by the name of each quantity.
+    """
+
+    place: str
+    time_s: Floats | None
+    position_t_m: Floats
+    has_depth: bool
+    latitude_rad: float | None
+    longitude_rad: float | None
+    angles_rad: Mapping[str, Floats]
+    columns: tuple[str, ...]
+
+
+def read_track(path: Path, columns: Mapping[str, str] | None = None) -> Track:
+    """A trajectory file.
+
+    Args:
+        path: CSV, Parquet, KML or GeoJSON.
+        columns: for a table with other names: by one of `COLUMNS`, the name that the file has.
+
+    Raises:
+        DataError: for what cannot be read, a position that is missing, an empty cell, and angles out of range; each
+            with the row and the likely mistake.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        hint = "; unpack the .kml that is inside" if suffix == ".kmz" else ""
+        raise DataError(
+            f"{path}: '{path.suffix}' is no trajectory, expected one of {', '.join(SUFFIXES)}{hint}"
+        )
+    if suffix == ".kml":
+        return _of_points(read_kml(path), str(path))
+    if suffix in {".geojson", ".json"}:
+        return _of_points(read_geojson(path), str(path))
+    return _of_table(_named(read_rows(path), columns or {}, str(path)), str(path))
+
+
+def _named(table: pl.DataFrame, columns: Mapping[str, str], place: str) -> pl.DataFrame:
+    """The table with its columns under the names of `COLUMNS`."""
+    for name, theirs in columns.items():
+        if name not in COLUMNS:
+            raise DataError(
+                f"{place}: trajectory.columns has no key '{name}', expected one of {', '.join(COLUMNS)}"
+            )
+        if theirs not in table.columns:
+            raise DataError(f"{place}: column '{theirs}' is missing (there are {_shown(table)})")
+    free = table.drop([name for name in columns if name in table.columns and name not in columns.values()])
+    return free.rename({theirs: name for name, theirs in columns.items()})
+
+
+def _shown(table: pl.DataFrame) -> str:
+    return ", ".join(table.columns[:12]) + (", ..." if len(table.columns) > 12 else "")
+
+
+def _of_table(table: pl.DataFrame, place: str) -> Track:
+    position, origin, used = _position(table, place)
+    depth = next((name for name in ("depth_m", "down_m", "position_t_m_z") if name in table.columns), None)
+    if depth is not None:
+        position[:, 2] = _full(table, depth, place)
+        used.append(depth)
+    time_s, clock = _time_s(table, place)
+    angles, named = _angles(table, place)
+    return Track(
+        place=place, time_s=time_s, position_t_m=position, has_depth=depth is not None,
+        latitude_rad=origin[0], longitude_rad=origin[1], angles_rad=angles, columns=(*clock, *used, *named),
+    )  # fmt: skip
+
+
+def _full(table: pl.DataFrame, name: str, place: str) -> Floats:
+    """A column with a finite number in every row."""
+    values = column_numbers(table, name, place)
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise DataError(
+            f"{place}: row {bad[0]}, column '{name}' is empty or no finite number, expected one in every row; "
+            "leave out rows without a position"
+        )
+    return values
+
+
+def _position(table: pl.DataFrame, place: str) -> tuple[Floats, tuple[float | None, float | None], list[str]]:
+    """(n, 3) north, east and zero; the origin; the columns that were read."""
+    for north, east in (("north_m", "east_m"), ("position_t_m_x", "position_t_m_y")):
+        if north in table.columns and east in table.columns:
+            flat = np.zeros((table.height, 3))
+            flat[:, 0], flat[:, 1] = _full(table, north, place), _full(table, east, place)
+            return flat, (None, None), [north, east]
+    for unit, scale in (("deg", np.pi / 180.0), ("rad", 1.0)):
+        names = [f"latitude_{unit}", f"longitude_{unit}"]
+        if set(names) <= set(table.columns):
+            latitude, longitude = (scale * _full(table, name, place) for name in names)
+            _check_geodetic(latitude, longitude, unit, place)
+            return _flat(latitude, longitude, place), (float(latitude[0]), float(longitude[0])), names
+    raise DataError(
+        f"{place}: no position, expected columns north_m and east_m, or latitude_deg and longitude_deg (there are "
+        f'{_shown(table)}); other names are given by the key columns, as in columns = {{ north_m = "x" }}'
+    )
+
+
+def _check_geodetic(latitude: Floats, longitude: Floats, unit: str, place: str, word: str = "row") -> None:
+    """Rejects what is no latitude or longitude, and where north and east are not defined.
+
+    Raises:
+        DataError: naming the row.
+    """
+    for name, values, bound in (
+        ("latitude", latitude, np.deg2rad(89.0)),
+        ("longitude", longitude, np.deg2rad(360.0)),
+    ):
+        bad = np.flatnonzero(np.abs(values) > bound)
+        if bad.size:
+            shown = values[bad[0]] if unit == "rad" else np.rad2deg(values[bad[0]])
+            likely = (
+                f"if these are degrees, call the column {name}_deg" if unit == "rad"
+                else "are latitude and longitude exchanged, or is it a projected coordinate in metres?"
+            )  # fmt: skip
+            raise DataError(
+                f"{place}: {word} {bad[0]}: {name} {shown:g} {unit}, expected at most {np.rad2deg(bound):g} deg; "
+                f"{likely}"
+            )
+
+
+def _flat(latitude: Floats, longitude: Floats, place: str, word: str = "row") -> Floats:
+    """(n, 3) north, east, zero: arcs of the WGS 84 ellipsoid at the first row. Depth stays depth, and level is level.
+
+    Raises:
+        DataError: for a row beyond `FARTHEST_M`.
+    """
+    a, e2 = 6_378_137.0, 6.694_379_990_14e-3
+    w = 1.0 - e2 * np.sin(latitude[0]) ** 2
+    turned = np.mod(longitude - longitude[0] + np.pi, 2.0 * np.pi) - np.pi
+    north = a * (1.0 - e2) / w**1.5 * (latitude - latitude[0])
+    east = a / np.sqrt(w) * np.cos(latitude[0]) * turned
+    far = np.flatnonzero(np.hypot(north, east) > FARTHEST_M)
+    if far.size:
+        distance_km = np.hypot(north, east)[far[0]] / 1000.0
+        raise DataError(
+            f"{place}: {word} {far[0]} is {distance_km:.0f} km from the first one, expected at most "
+            f"{FARTHEST_M / 1000:g} km; is a row at latitude 0, longitude 0 a position that was missing?"
+        )
+    return np.stack([north, east, np.zeros_like(north)], axis=1)
+
+
+def _time_s(table: pl.DataFrame, place: str) -> tuple[Floats | None, list[str]]:
+    """(n,) seconds since the first row, None without a column of times; and the column."""
+    for unit, scale in NS_OF.items():
+        name = f"time_{unit}"
+        if name not in table.columns:
+            continue
+        if unit == "ns" and table[name].dtype.is_integer():
+            stamps = table[name].to_numpy()
+            return np.asarray((stamps - stamps[0]) * 1e-9, np.float64), [name]
+        values = _full(table, name, place)
+        return (values - values[0]) * (scale * 1e-9), [name]
+    if "time" not in table.columns:
+        return None, []
+    return iso_seconds(table["time"].cast(pl.String).to_list(), place, "row"), ["time"]
+
+
+def iso_seconds(texts: list[str | None], place: str, word: str) -> Floats:
+    """(n,) seconds since the first of ISO 8601 times; without a zone they are UTC.
+
+    Raises:
+        DataError: naming the row.
+
+    >>> iso_seconds(["2026-05-01T10:00:00Z", "2026-05-01 10:00:01.5"], "here", "row").tolist()
+    [0.0, 1.5]
+    """
+    series = pl.Series(texts, dtype=pl.String).str.strip_chars().str.replace(" ", "T")
+    zoned = series.str.contains(r"(Z|[+-]\d\d:?\d\d)$")
+    parsed = pl.select(
+        pl.when(zoned)
+        .then(series)
+        .otherwise(series + "Z")
+        .str.to_datetime("%+", time_unit="ns", strict=False)
+    ).to_series()
+    bad = parsed.is_null().arg_true()
+    if len(bad):
+        raise DataError(
+            f"{place}: {word} {bad[0]}: time '{texts[int(bad[0])]}' is no ISO 8601 time such as 2026-05-01T10:00:00Z; "
+            "call a column of numbers time_s, time_ms, time_us or time_ns"
+        )
+    stamps = parsed.dt.timestamp("ns").to_numpy()
+    return np.asarray((stamps - stamps[0]) * 1e-9, np.float64)
+
+
+def _angles(table: pl.DataFrame, place: str) -> tuple[dict[str, Floats], list[str]]:
+    """Roll, pitch and yaw, rad, those that the table has; and the columns."""
+    quaternion = [f"attitude_t_p_{axis}" for axis in "wxyz"]
+    if set(quaternion) <= set(table.columns):
+        values = np.stack([_full(table, name, place) for name in quaternion], axis=1)
+        bad = np.flatnonzero(np.abs(np.linalg.norm(values, axis=1) - 1.0) > 1e-3)
+        if bad.size:
+            raise DataError(
+                f"{place}: row {bad[0]}: attitude_t_p has norm {np.linalg.norm(values[bad[0]]):.4g}, expected 1"
+            )
+        yaw, pitch, roll = Rotation.from_quat(values[:, [1, 2, 3, 0]]).as_euler("ZYX").T
+        return {"roll": roll, "pitch": pitch, "yaw": yaw}, ["attitude_t_p"]
+    found: dict[str, Floats] = {}
+    used = []
+    for angle, names in (("roll", ["roll"]), ("pitch", ["pitch"]), ("yaw", ["yaw", "heading"])):
+        known = [f"{name}_{unit}" for name in names for unit in ("deg", "rad")]
+        there = [name for name in known if name in table.columns]
+        if len(there) > 1:
+            raise DataError(f"{place}: {angle} is there twice, as {' and '.join(there)}; keep one")
+        if there:
+            values = _full(table, there[0], place)
+            found[angle] = values if there[0].endswith("_rad") else np.deg2rad(values)
+            used.append(there[0])
+    _check_tilts(found, used, place)
+    return found, used
+
+
+def _check_tilts(found: Mapping[str, Floats], used: list[str], place: str) -> None:
+    """Rejects roll beyond a half turn and pitch beyond a quarter.
+
+    Raises:
+        DataError: naming the row.
+    """
+    for angle, bound in (("roll", np.pi), ("pitch", 0.5 * np.pi)):
+        bad = np.flatnonzero(np.abs(found.get(angle, np.zeros(0))) > bound)
+        if bad.size:
+            name = next(name for name in used if name.startswith(angle))
+            value = found[angle][bad[0]]
+            raise DataError(
+                f"{place}: row {bad[0]}: {name} is {value if name.endswith('_rad') else np.rad2deg(value):g}, expected "
+                f"at most {np.rad2deg(bound):g} deg"
+                + (f"; if these are degrees, call the column {angle}_deg" if name.endswith("_rad") else "")
+            )
+
+
+def _of_points(points: Points, place: str) -> Track:
+    """A track of a KML or GeoJSON file; heights are above the sea, so a depth is a negative height."""
+    latitude, longitude = np.deg2rad(points.latitude_deg), np.deg2rad(points.longitude_deg)
+    _check_geodetic(latitude, longitude, "deg", place, "point")
+    position = _flat(latitude, longitude, place, "point")
+    has_depth = points.height_m is not None
+    if points.height_m is not None:
+        position[:, 2] = -points.height_m
+    time_s = None if points.times is None else iso_seconds(list(points.times), place, "point")
+    return Track(
+        place=place, time_s=time_s, position_t_m=position, has_depth=has_depth,
+        latitude_rad=float(latitude[0]), longitude_rad=float(longitude[0]), angles_rad={},
+        columns=tuple(
+            name for name, there in (
+                ("time", time_s is not None), ("longitude", True), ("latitude", True), ("height", has_depth),
+            ) if there
+        ),
+    )  # fmt: skip

@@ -1,0 +1,239 @@
+"""Methods of one's own: copies of built-in ones are these, in campaigns and replays, and what is no method is named."""
+
+import re
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+import bottomlock
+from bottomlock import kernel, own_method
+from bottomlock.campaign.run import run_campaign
+from bottomlock.config.own_methods import own_methods_from
+from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
+from bottomlock.errors import KernelError, ScenarioError
+from bottomlock.own_method import Beams, Fix, Prior, Rows
+from bottomlock.replay.case import Settings
+from bottomlock.simulation.build import build_simulation
+from tests.analytic import batch_along
+
+
+class TightCopy:
+    """The rows of tc."""
+
+    name = "tight_copy"
+
+    def ping(self, beams: Beams, prior: Prior) -> Rows:  # noqa: ARG002
+        """As they come."""
+        return beams.rows
+
+
+class Returns:
+    """Returns what it was made with."""
+
+    def __init__(self, name: str, outcome: object) -> None:
+        self.name = name
+        self.outcome = outcome
+
+    def ping(self, beams: Beams, prior: Prior) -> Any:  # noqa: ANN401, ARG002
+        """Whatever it is."""
+        if isinstance(self.outcome, Exception):
+            raise self.outcome
+        return self.outcome
+
+
+EXAMPLE = "examples/own_method/partial_loose.py"
+
+
+def short(duration_s: float, **change: Any) -> Scenario:  # noqa: ANN401 - whatever `with_overrides` takes
+    """The straight scenario, for a while."""
+    return load_scenario("straight").with_trajectory(duration_s=duration_s).with_overrides(**change)
+
+
+def test_copies_are_what_they_copy(root: Path) -> None:
+    """PLCF in Python to 1e-9, TC bit for bit, for every mask of two and more beams."""
+    names = [own_method.load(f"{root / EXAMPLE}:PartialLoose"), own_method.register(TightCopy), "plcf", "tc"]
+    batch = batch_along(30.0)
+    for lost in ((), (0,), (2, 3), (0, 2), (0, 3), (1, 2, 3), (0, 1, 2, 3)):
+        valid = np.ones_like(batch["schedule"]["beam_valid"])
+        valid[..., list(lost)] = False
+        schedule = batch["schedule"] | {"beam_valid": valid}
+        found = kernel.run_batch(**(batch | {"schedule": schedule}), methods=names, runs=3, threads=2)
+        for key in ("error", "sd", "nees", "nis_mean"):
+            one, other = found[key][:, 0], found[key][:, 2]
+            np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+            assert np.array_equal(found[key][:, 1], found[key][:, 3], equal_nan=True)
+        assert np.array_equal(found["fixes_accepted"][:, 0], found["fixes_accepted"][:, 2])
+
+
+def test_a_campaign_takes_it_under_its_name(root: Path, tmp_path: Path) -> None:
+    """Paired with the rest; the configuration that is written down can be read again."""
+    scenario = short(5.0, runs=2, methods=["tc", f"{root / EXAMPLE}:PartialLoose"])
+    assert scenario.campaign.methods == ("tc", "my_partial_loose")
+    assert Scenario.model_validate(scenario.model_dump()) == scenario
+    results = run_campaign([scenario], tmp_path / "out", threads=1)
+    assert results.runs["method"].unique().sort().to_list() == ["my_partial_loose", "tc"]
+    alone = run_campaign([short(5.0, runs=2, methods=["tc"])], tmp_path / "alone", threads=1)
+    paired = results.runs.filter(pl.col("method") == "tc")
+    assert paired.equals(alone.runs)
+    assert own_method.costs()["my_partial_loose"].pings >= 8
+
+
+def test_the_fingerprint_follows_the_text(tmp_path: Path) -> None:
+    """A changed class is another campaign."""
+    file = tmp_path / "mine.py"
+    prints = []
+    for word in ("one", "two"):
+        file.write_text(f"{CLASSES['good']}  # {word}\n")
+        prints.append(build_simulation(short(5.0, methods=[f"{file}:Mine"])).fingerprint())
+    assert prints[0] != prints[1]
+    assert build_simulation(short(5.0)).fingerprint() not in prints
+
+
+def test_it_navigates_live_and_in_a_log() -> None:
+    """`Navigator` and `replay_log` end in the bits of tc."""
+    name = own_method.register(TightCopy)
+    scenario, gravity = load_scenario("straight"), bottomlock.normal_gravity_mps2(0.57)
+    imu_ns, ping_ns = np.arange(501) * 10_000_000, np.arange(130, 5_000, 993) * 1_000_000
+    none = np.empty(0, dtype=np.int64)
+    log: Any = {
+        "imu_time_ns": imu_ns, "force_p_mps2": np.tile([0, 0, -gravity], (501, 1)), "omega_p_radps": np.zeros((501, 3)),
+        "dvl_time_ns": ping_ns, "beam_velocity_mps": np.full((len(ping_ns), 4), 0.01),
+        "beam_valid": np.tile([True, True, False, False], (len(ping_ns), 1)),
+        "depth_time_ns": none, "depth_m": [], "heading_time_ns": none, "heading_rad": [],
+        "attitude_time_ns": none, "attitude_rpy_rad": np.empty((0, 3)),
+        "gps_time_ns": none, "gps_position_t_m": np.empty((0, 3)),
+    }  # fmt: skip
+    start = bottomlock.InitialState(
+        time_ns=0, position_t_m=[0, 0, 0], attitude_t_p=[1, 0, 0, 0], velocity_p_mps=[0, 0, 0]
+    )
+    janus = bottomlock.BeamGeometry.janus(0.35)
+    model, options = scenario.kernel_model(gravity), scenario.kernel_options()
+    out = bottomlock.replay_log(
+        janus,
+        model,
+        options,
+        ["tc", name],
+        log,
+        start,
+        sample_time_ns=[4_000_000_000],
+        smooth=True,
+        threads=2,
+    )
+    assert np.array_equal(out["velocity_p_mps"][0], out["velocity_p_mps"][1])
+    assert np.array_equal(out["smoothed_sd"][0], out["smoothed_sd"][1])
+    states = []
+    for method in ("tc", name):
+        navigator = bottomlock.Navigator(janus, model, options, start, method=method)
+        for k, time_ns in enumerate(imu_ns[:201]):
+            navigator.push_imu(int(time_ns), omega_p_radps=[0, 0, 0], force_p_mps2=log["force_p_mps2"][k])
+        navigator.push_beams(2_000_000_000, np.full(4, 0.01), log["beam_valid"][0], sd_mps=np.full(4, 0.042))
+        states.append(bottomlock.Navigator.load(navigator.save()).state()["velocity_p_mps"])
+    assert np.array_equal(states[0], states[1])
+
+
+def test_a_fix_is_taken_with_its_covariance() -> None:
+    """A velocity of 2 m/s north that is stated to a millimetre a second is the estimate afterwards."""
+    exact = Returns("exact_fix", Fix([2.0, 0.0, 0.0], np.eye(3) * 1e-6))
+    name = own_method.register(exact)
+    found = kernel.run_batch(**batch_along(3.0), methods=["ins", name], runs=2, threads=1)
+    assert np.abs(found["error"][:, 1, -1, 6:9]).max() < 0.02
+    assert np.abs(found["sd"][:, 1, -1, 6:9]).max() < 0.02 < found["sd"][:, 0, -1, 6:9].max()
+
+
+SKEWED = np.array([[1.0, 0.5], [0.0, 1.0]])
+FAULTS: list[tuple[str, Any, str]] = [
+    ("nan", Fix([np.nan, 0.0, 0.0], np.eye(3)), "velocity_p_mps at .* is not finite"),
+    ("shape", Fix([0.0, 0.0], np.eye(3)), r"velocity_p_mps has shape \(2,\), expected \(3,\)"),
+    ("negative", Fix([0.0, 0.0, 0.0], -np.eye(3)), "cov_m2ps2 at .* is not positive definite"),
+    ("wide", Rows([0.0], np.zeros((1, 19)), [[1.0]]), r"jacobian has shape \(1, 19\), expected \(1, 20\)"),
+    ("lopsided", Rows([0.0, 0.0], np.zeros((2, 20)), SKEWED), "noise at .* is not positive definite"),
+    ("many", Rows(np.zeros(9), np.zeros((9, 20)), np.eye(9)), "rows: got 9, expected at most 8"),
+    ("words", Fix(["a", "b", "c"], np.eye(3)), "velocity_p_mps has dtype"),
+    ("array", np.zeros(3), "ping returned ndarray, expected Fix, Rows or None"),
+    ("raises", ValueError("no fix\ntoday"), r"ValueError: no fix today \(test_own_method.py, line \d+\)"),
+]
+
+
+@pytest.mark.parametrize(("name", "outcome", "message"), FAULTS, ids=[one[0] for one in FAULTS])
+def test_a_faulty_ping_is_named(name: str, outcome: object, message: str) -> None:
+    """One line with run, method, time and class."""
+    own_method.register(Returns(f"faulty_{name}", outcome))
+    with pytest.raises(KernelError, match=message) as caught:
+        kernel.run_batch(**batch_along(3.0), methods=[f"faulty_{name}"], runs=1, threads=1)
+    text = str(caught.value)
+    assert text.startswith(f"run 0, method faulty_{name}: faulty_{name} at 1000000000 ns: Returns: ")
+    assert "\n" not in text
+
+
+CLASSES = {
+    "good": "class Mine:\n    name = 'mine_too'\n    def ping(self, beams, prior): return None",
+    "unnamed": "class Mine:\n    def ping(self, beams, prior): return None",
+    "taken": "class Mine:\n    name = 'tc'\n    def ping(self, beams, prior): return None",
+    "odd": "class Mine:\n    name = 'My method'\n    def ping(self, beams, prior): return None",
+    "mute": "class Mine:\n    name = 'mute'",
+    "narrow": "class Mine:\n    name = 'narrow'\n    def ping(self, beams): return None",
+    "needy": "class Mine:\n    name = 'needy'\n    def __init__(self, gain): pass\n    def ping(self, b, p): pass",
+    "function": "def Mine(): pass",
+    "broken": "import no_such_module_at_all",
+    "syntax": "class Mine(:",
+}
+REFUSED = {
+    "unnamed": "Mine has no name",
+    "taken": "'tc', expected .* no built-in method",
+    "odd": "'My method', expected",
+    "mute": "Mine has no method ping",
+    "narrow": r"Mine has no method ping\(self, beams, prior\)",
+    "needy": "cannot be made without arguments",
+    "function": "has no class Mine",
+    "broken": "cannot be imported .ModuleNotFoundError",
+    "syntax": "cannot be imported .SyntaxError",
+}
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_what_is_no_method_is_refused_before_anything_runs(tmp_path: Path, kind: str) -> None:
+    """In one line of the scenario, as any other wrong value."""
+    (tmp_path / "mine.py").write_text(CLASSES[kind])
+    with pytest.raises(ScenarioError, match=REFUSED[kind]) as caught:
+        short(5.0, methods=[f"{tmp_path / 'mine.py'}:Mine"])
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        ("no_such_module:Mine", "no_such_module cannot be imported"),
+        ("nowhere.py:Mine", "FileNotFoundError"),
+        ("mine:", "expected MODULE:CLASS or FILE.py:CLASS"),
+        ("never_heard_of", "unknown method 'never_heard_of'"),
+    ],
+)
+def test_places_without_a_class(place: str, message: str) -> None:
+    """Also in one line."""
+    with pytest.raises(ScenarioError, match=message):
+        short(5.0, methods=[place])
+
+
+def test_files_are_meant_from_the_scenario_and_from_the_case(root: Path, tmp_path: Path) -> None:
+    """A scenario and a case name a class in a file beside them."""
+    (tmp_path / "mine.py").write_text(CLASSES["good"])
+    text = (root / "examples" / "own_method" / "scenario.toml").read_text(encoding="utf-8")
+    text = text.replace("partial_loose.py:PartialLoose", "mine.py:Mine")
+    scenario = parse_scenario(text, place="s.toml", folder=tmp_path)
+    assert scenario.campaign.methods == ("tc", "plcf", "mine_too")
+    section: dict[str, Any] = {"methods": ["mine.py:Mine", "tc"]}
+    own_methods_from(section, tmp_path)
+    assert Settings.model_validate(section).methods == ("mine_too", "tc")
+
+
+def test_the_page_shows_the_example(root: Path) -> None:
+    """The class of the page is that of the file, less its docstrings."""
+    page = (root / "docs" / "own_method.md").read_text(encoding="utf-8")
+    (shown,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    file = (root / EXAMPLE).read_text(encoding="utf-8")
+    code = re.sub(r'^ *""".*?"""\n\n?', "", file, flags=re.DOTALL | re.MULTILINE)
+    assert textwrap.dedent(shown).split() == code.split()
