@@ -214,7 +214,7 @@ pub fn water(keys: &Keys<'_>) -> PyResult<WaterPrior> {
 }
 
 /// The prior of the DVL's mounting and clock.
-fn calibration(keys: &Keys<'_>) -> PyResult<CalibrationPrior> {
+pub fn calibration(keys: &Keys<'_>) -> PyResult<CalibrationPrior> {
     Ok(CalibrationPrior {
         mounting_sd_rad: keys.vector("mounting_sd_rad")?,
         clock_sd_s: keys.number("clock_sd_s")?,

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
+from bottomlock.config.calibration import CalibrationSection
 from bottomlock.config.scenario_sections import (
     Filter,
     Finite,
@@ -128,6 +129,7 @@ class Case(Section):
     start: Start
     filter: Filter = Filter()
     robust: Robust = Robust()
+    calibration: CalibrationSection = CalibrationSection()
     replay: Settings = Settings()
     what_if: tuple[WhatIf, ...] = ()
 

@@ -131,6 +131,11 @@ impl Eskf {
                 .view_mut((DEPTH_BIAS, 0), (1, M))
                 .copy_from(&gain.transpose());
         }
+        if let Some(gain) = &further.calibration {
+            whole_gain
+                .view_mut((FIRST_CALIBRATION, 0), (CALIBRATION, M))
+                .copy_from(&gain.transpose());
+        }
         if let Some(gain) = &further.water {
             whole_gain.view_mut((first_water, 0), (WATER, M)).copy_from(gain);
         }
