@@ -1,16 +1,16 @@
 """Mounting and clock of a DVL as states: what is seen on which manoeuvre, and whether the claims hold.
 
-    python tools/calibration_study.py            writes the table into docs/calibration.md
-    python tools/calibration_study.py --check    compares instead
+    python -m tools.calibration_study            writes the table into docs/calibration.md
+    python -m tools.calibration_study --check    compares instead
 
-Every run draws the errors of the sensors, the start, the mounting and the clock from what the filter assumes of them. The
-readings of the beams are those of the true motion at the true time through the true mounting, made by the caller's own
-function (`tests/oracle/calibrated_beams.py`), not by the kernel.
+Every run draws the errors of the sensors, the start, the mounting and the clock from what the filter assumes of them.
+The readings of the beams are those of the true motion at the true time through the true mounting, made by the caller's
+own function (`tests/oracle/calibrated_beams.py`), not by the kernel.
 """
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,11 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
 from bottomlock.config.scenario import load_scenario
-from bottomlock.models import Calibration
+from bottomlock.models import Calibration, Model
 from bottomlock.truth.analytic import Attitudes, Motion, sample_motion
 from bottomlock.truth.truth import Truth, sample_times_ns
+from tools.recorded_tables import number
+from tools.score_recorded import marked, replaced, same_numbers
 
 Floats = NDArray[np.float64]
 
@@ -90,7 +92,7 @@ class Ensemble:
         sd: (n, 4) claimed at the end: mounting (rad), clock (s).
         error: (n, 4) true minus estimate.
         nees: (n,) of the four at the end.
-        with_states, without: (n,) NEES of velocity and attitude (6), mean over the times of a run, with and without them.
+        with_states, without: (n,) NEES of velocity and attitude (6), mean over the times of a run.
         smoothed: (n,) the same, smoothed, with the states.
     """
 
@@ -102,7 +104,9 @@ class Ensemble:
     smoothed: Floats
 
 
-def ensemble(name: str, readings: Callable[..., Floats], *, runs: int = RUNS, method: str = "tc") -> Ensemble:
+def ensemble(
+    name: str, readings: Callable[..., Floats], *, runs: int = RUNS, method: kernel.Method = "tc"
+) -> Ensemble:
     """Flies a manoeuvre `runs` times; `readings` makes the beams as `tests.oracle.calibrated_beams.readings` does."""
     world, scenario = WORLDS[name], load_scenario("survey")
     geometry = kernel.BeamGeometry.janus(np.deg2rad(30.0), lever_arms_p_m=[LEVER_M] * 4)
@@ -138,8 +142,13 @@ def _truth(motion: Motion, time_ns: NDArray[np.int64]) -> Truth:
 
 
 def _drawn(
-    world: World, geometry: Any, model: Any, truth: Truth, readings: Callable[..., Floats], run: int
-) -> tuple[dict[str, Any], Any, Floats]:
+    world: World,
+    geometry: kernel.BeamGeometry,
+    model: Model,
+    truth: Truth,
+    readings: Callable[..., Floats],
+    run: int,
+) -> tuple[Any, Any, Floats]:
     """A run's log and start, and its true mounting (rad) and clock (s)."""
     random = np.random.default_rng([SEED, KEY, run])
     true = random.normal(size=4) * [*[np.deg2rad(MOUNTING_SD_DEG)] * 3, CLOCK_SD_S]
@@ -150,13 +159,18 @@ def _drawn(
         "dvl_time_ns": pings_ns, "beam_valid": np.ones((len(pings_ns), 4), dtype=np.bool_),
         "sample_time_ns": pings_ns[:1],
     }  # fmt: skip
+    arrays: Any = truth.kernel_arrays()
     drawn: Any = kernel.simulate_sensors(
-        geometry, truth.kernel_arrays(), model, plan, seed=SEED, trajectory_key=KEY, run=run
+        geometry, arrays, model, plan, seed=SEED, trajectory_key=KEY, run=run
     )
     true_ns = pings_ns + round(true[3] * 1e9)
     scale = drawn["dvl_scale_factor"]
     beams = readings(
-        geometry.directions_p, LEVER_M, *_velocities(world.motion, true_ns), mounting_rad=true[:3], scale=scale
+        geometry.directions_p,
+        LEVER_M,
+        *_velocities(world.motion, true_ns),
+        mounting_rad=true[:3],
+        scale=scale,
     )
     noise = model.dvl.beam_noise_sd_mps * random.normal(size=beams.shape)
     log = {
@@ -185,7 +199,7 @@ def _velocities(motion: Motion, time_ns: NDArray[np.int64]) -> tuple[Floats, Flo
     return np.asarray(state.velocity_p_mps), omega
 
 
-def _nees(truth: Truth, result: Any, samples_ns: NDArray[np.int64], prefix: str) -> float:
+def _nees(truth: Truth, result: Mapping[str, Any], samples_ns: NDArray[np.int64], prefix: str) -> float:
     """NEES of misalignment and velocity, mean over the samples."""
     at = np.searchsorted(truth.time_ns, samples_ns)
 
@@ -210,31 +224,27 @@ def table(readings: Callable[..., Floats], runs: int = RUNS) -> str:
     for name, world in WORLDS.items():
         found = ensemble(name, readings, runs=runs)
         sd = np.sqrt(np.mean(found.sd**2, axis=0)) * [*[180.0 / np.pi] * 3, 1e3]
-        numbers = [f"{value:.2g}" for value in sd] + [f"{found.nees.mean():.2f}"]
+        numbers = [number(value, 2) for value in sd] + [f"{found.nees.mean():.2f}"]
         numbers += [f"{one.mean():.3g}" for one in (found.with_states, found.smoothed, found.without)]
         lines.append(f"| {world.words} | {' | '.join(numbers)} |")
         print(lines[-1], flush=True)
     return "\n".join(lines)
 
 
-def main() -> int:
+def main() -> None:
     """Writes the table into the page, or compares it."""
-    sys.path.insert(0, str(Path(__file__).parents[1]))
     from tests.oracle.calibrated_beams import readings  # noqa: PLC0415 - the folder is beside this one
 
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true")
     check = parser.parse_args().check
     text = PAGE.read_text(encoding="utf-8")
-    before, rest = text.split("<!-- table study -->\n", 1)
-    after = rest.split("<!-- end -->", 1)[1]
-    new = f"{before}<!-- table study -->\n\n{table(readings)}\n\n<!-- end -->{after}"
+    now = f"\n{table(readings)}\n"
     if check:
-        print("as it stands" if new == text else "the table has changed")
-        return int(new != text)
-    PAGE.write_text(new, encoding="utf-8")
-    return 0
+        there = marked(text, "study").group(2).strip()
+        sys.exit(0 if same_numbers(there, now.strip()) else "the table has changed")
+    PAGE.write_text(replaced(text, {"study": now}), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -18,9 +18,10 @@ from bottomlock.cli.console import console, errors, narrow_table
 from bottomlock.cli.parameters import Robust, Threads, check_threads, split
 from bottomlock.errors import EXIT_INTERRUPTED, OutputError, ScenarioError
 from bottomlock.io.beams import read_beams, read_geometry
+from bottomlock.io.calibrated_file import require_new
 from bottomlock.pages.numbers import number
 from bottomlock.replay.beam_noise import measure_noise
-from bottomlock.replay.calibration import calibration_words, require_new
+from bottomlock.replay.calibration import calibration_words
 from bottomlock.replay.calibration import write_calibration as write
 from bottomlock.replay.case import load_case
 from bottomlock.replay.init.make import make_case

@@ -3,9 +3,12 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from bottomlock.errors import OutputError
 
 ANGLES = ("roll", "pitch", "yaw")
 _TABLE = re.compile(r"^\s*\[")
@@ -31,6 +34,18 @@ class Calibrated:
     scale_sd: float | None
     clock_offset_s: float | None
     clock_sd_s: float | None
+
+
+def require_new(path: Path, *, force: bool) -> None:
+    """Refuses a name that is none of a TOML file, or that of a file which is there already.
+
+    Raises:
+        OutputError: naming it.
+    """
+    if path.suffix.lower() != ".toml":
+        raise OutputError(f"{path}: expected a name that ends in .toml")
+    if path.exists() and not force:
+        raise OutputError(f"{path}: is there already; choose another name, or use --force to replace it")
 
 
 def mounting_lines(rpy_rad: NDArray[np.float64]) -> list[str]:

@@ -9,9 +9,9 @@ import polars as pl
 from scipy.spatial.transform import Rotation
 
 from bottomlock.atomic_write import write_text
-from bottomlock.errors import DataError, OutputError
+from bottomlock.errors import DataError
 from bottomlock.io.beams import Instrument, geometry_text
-from bottomlock.io.calibrated_file import Calibrated, calibrated_text
+from bottomlock.io.calibrated_file import Calibrated, calibrated_text, require_new
 from bottomlock.kernel import STATES
 from bottomlock.replay.axes import from_angles
 from bottomlock.replay.case import Case
@@ -22,6 +22,8 @@ from bottomlock.tables.replay import CALIBRATION, RECORDED
 PARAMETERS = ("mounting_forward", "mounting_right", "mounting_down", "clock_offset", "scale")
 UNITS = ("deg", "deg", "deg", "s", "%")
 _TO_UNITS = np.array([180.0 / np.pi] * 3 + [1.0, 100.0])
+CONTRADICTION = 4.0
+"""An estimate of more standard deviations of its prior than this is none that the prior allows."""
 WRITES = ("tc", "info", "vb_exact", "weak_sway", "lc")
 """Methods whose estimate is written, the first that was run; none of them assumes anything of the motion but the last
 two of a velocity that the beams leave open."""
@@ -58,13 +60,21 @@ def calibration_words(table: pl.DataFrame, methods: Sequence[str]) -> list[str]:
         )
         parts = [
             f"{row['parameter'].replace('_', ' ')} {row['value']:+.3g} ± {row['sd']:.2g} {row['unit']} "
-            f"(before: ± {row['prior_sd']:.2g})"
+            f"(before: ± {row['prior_sd']:.2g}{_contradiction(row)})"
             for row in rows.iter_rows(named=True)
             if row["prior_sd"] > 0.0
         ]
+        if rows.height and (rows["sd"] == rows["prior_sd"]).all():
+            parts = ["nothing learnt"]
         if parts:
             lines.append(f"calibration by {method}: {'; '.join(parts)}")
     return lines
+
+
+def _contradiction(row: dict[str, Any]) -> str:
+    """Words for an estimate that what was known beforehand excludes: one of the two is wrong."""
+    beyond = abs(row["value"]) / row["prior_sd"]
+    return "" if beyond <= CONTRADICTION else f", of which it is {beyond:.1f}: prior or log is wrong"
 
 
 def found(instrument: Instrument, table: pl.DataFrame, case: Case) -> Calibrated:
@@ -106,15 +116,3 @@ def write_calibration(
     """
     require_new(path, force=force)
     write_text(path, calibrated_text(geometry_text(case.dvl.geometry), found(instrument, table, case)))
-
-
-def require_new(path: Path, *, force: bool) -> None:
-    """Refuses a name that is none of a TOML file, or that of a file which is there already.
-
-    Raises:
-        OutputError: naming it.
-    """
-    if path.suffix.lower() != ".toml":
-        raise OutputError(f"{path}: expected a name that ends in .toml")
-    if path.exists() and not force:
-        raise OutputError(f"{path}: is there already; choose another name, or use --force to replace it")

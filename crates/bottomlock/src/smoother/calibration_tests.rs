@@ -7,6 +7,7 @@ use nalgebra::DMatrix;
 use super::*;
 use crate::aiding::calibration::{CALIBRATION, CalibrationPrior, CalibrationVector};
 use crate::filter::options::Options;
+use crate::frames::Rot;
 use crate::navigator::events::Event;
 use crate::navigator::{Method, NavigatorSet};
 use crate::replay::replay;
@@ -62,16 +63,11 @@ fn smoothed_at_first_sample(tape: Tape) -> (CalibrationVector, DMatrix<f64>) {
 #[test]
 fn a_constant_is_the_same_at_every_time() {
     let recording = steady_turn(12);
+    let mistaken = (recording.geometry.clone()).mounted(Rot::from_euler_rad(1e-3, -2e-3, 3e-3));
     for name in ["tc", "lc", "info", "vb_exact", "sway_current"] {
         let method = Method::named(name).unwrap();
-        let mut set = NavigatorSet::new(
-            recording.start,
-            &recording.geometry,
-            method.aiding,
-            &recording.model,
-            &options(),
-        )
-        .unwrap();
+        let mut set =
+            NavigatorSet::new(recording.start, &mistaken, method.aiding, &recording.model, &options()).unwrap();
         set.filters().unwrap().begin_tape();
         let mut events: Vec<Event> = (recording.imu.iter().copied().map(Event::Imu))
             .chain(recording.pings.iter().copied().map(Event::Beams))
@@ -96,7 +92,7 @@ fn a_constant_is_the_same_at_every_time() {
             let sd = before[(k, k)].sqrt();
             // Rotations compose to second order.
             let gap = (smoothed.numbers()[k] - last.numbers()[k]).abs();
-            assert!(gap < 1e-3 * sd, "{name}, {k}: {gap} of {sd}");
+            assert!(gap < 5e-3 * sd, "{name}, {k}: {gap} of {sd}");
             for j in 0..CALIBRATION {
                 let size = sd * before[(j, j)].sqrt();
                 let gap = (p[(k, j)] - covariance[(k, j)]).abs();
@@ -104,7 +100,8 @@ fn a_constant_is_the_same_at_every_time() {
             }
         }
         assert!((last.numbers() - start).amax() > 1e-6, "{name}");
-        assert!(covariance[(2, 2)] < 0.9 * before[(2, 2)], "{name}");
+        let left: f64 = (0..CALIBRATION).map(|k| covariance[(k, k)] / before[(k, k)]).sum();
+        assert!(left < 3.99, "{name}: {left} of 4");
     }
 }
 
