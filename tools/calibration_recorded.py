@@ -147,7 +147,7 @@ def recorded_table(data: Path) -> str:
     words = (
         f"{DRAWS * len(SECTIONS)} runs a row, medians; {code('tc')}, every beam; beforehand ± 1° and ± 0.2 s."
     )
-    return f"\n{words}\n\n{table(head, made, left=2)}"
+    return f"{words}\n\n{table(head, made, left=2)}"
 
 
 def main() -> None:

@@ -218,12 +218,12 @@ def table(readings: Callable[..., Floats], runs: int = RUNS) -> str:
     lines = [
         f"{runs} runs, seed {SEED}; 95 % band of the NEES of the four: {low:.2f} to {high:.2f}.",
         "",
-        "| Manoeuvre | σ forward, ° | right | down | clock, ms | NEES of 4 | of 6, with | smoothed | without |",
+        "| Manoeuvre | σ forward, ° | right | down | clock, s | NEES of 4 | of 6, with | smoothed | without |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for name, world in WORLDS.items():
         found = ensemble(name, readings, runs=runs)
-        sd = np.sqrt(np.mean(found.sd**2, axis=0)) * [*[180.0 / np.pi] * 3, 1e3]
+        sd = np.sqrt(np.mean(found.sd**2, axis=0)) * [*[180.0 / np.pi] * 3, 1.0]
         numbers = [number(value, 2) for value in sd] + [f"{found.nees.mean():.2f}"]
         numbers += [f"{one.mean():.3g}" for one in (found.with_states, found.smoothed, found.without)]
         lines.append(f"| {world.words} | {' | '.join(numbers)} |")
@@ -239,7 +239,7 @@ def main() -> None:
     parser.add_argument("--check", action="store_true")
     check = parser.parse_args().check
     text = PAGE.read_text(encoding="utf-8")
-    now = f"\n{table(readings)}\n"
+    now = f"{table(readings)}\n"
     if check:
         there = marked(text, "study").group(2).strip()
         sys.exit(0 if same_numbers(there, now.strip()) else "the table has changed")
