@@ -3,19 +3,19 @@
 Usage: python benches/live_latency.py [--seconds 60] [--mode navigation|velocity]
 
 The engine is given what arrives at 15 Hz from the DVL (Water Linked JSON) and, in mode navigation, at 200 Hz from the
-IMU, in the order of arrival and as fast as it takes them; each call is timed alone. The load of the machine is stated:
-percentiles beyond the median are those of a machine that does nothing else.
+IMU, in the order of arrival and as fast as it takes them; each call is timed alone, the garbage collector between them
+too. The load of the machine is stated: percentiles beyond the median are those of a machine that does nothing else.
 """
 
 import argparse
-import gc
 import os
 import time
 
 import numpy as np
 
 from bottomlock.live.config import parse_config
-from bottomlock.live.engine import Engine
+from bottomlock.live.engine import TICK_NS, Engine
+from bottomlock.live.garbage import collected_between_readings
 from tests.live.world import NAVIGATION_TOML, VELOCITY_TOML, World
 
 LIMIT_99_MS, LIMIT_999_MS = 1.0, 5.0
@@ -29,13 +29,17 @@ def durations(mode: str, port: str, seconds: float) -> dict[str, np.ndarray]:
     text = text.replace('port = "probe"', f'port = "{port}"').replace("\nrate_hz = 10\n", "\nrate_hz = 20\n")
     engine = Engine(parse_config(text, place="benchmark"))
     arrivals = list(World(seconds, dvl_hz=15.0, imu_hz=200.0).arrivals(imu=mode == "navigation"))
-    found: dict[str, list[float]] = {"dvl": [], "imu": []}
-    gc.collect()
-    gc.freeze()
-    for arrival_ns, source, data in arrivals:
-        start = time.perf_counter_ns()
-        engine.arrive(source, arrival_ns, data)
-        found["imu" if source else "dvl"].append((time.perf_counter_ns() - start) * 1e-6)
+    found: dict[str, list[float]] = {"dvl": [], "imu": [], "collector": []}
+    tick = 0
+    with collected_between_readings() as collect:
+        for arrival_ns, source, data in arrivals:
+            start = time.perf_counter_ns()
+            engine.arrive(source, arrival_ns, data)
+            found["imu" if source else "dvl"].append((time.perf_counter_ns() - start) * 1e-6)
+            if arrival_ns // TICK_NS > tick:
+                tick, start = arrival_ns // TICK_NS, time.perf_counter_ns()
+                collect()
+                found["collector"].append((time.perf_counter_ns() - start) * 1e-6)
     return {name: np.array(values[len(values) // 10 :]) for name, values in found.items() if values}
 
 

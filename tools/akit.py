@@ -93,6 +93,7 @@ level = "reference"
 heading = "reference"
 position = "reference"
 velocity = "reference"
+position_sd_m = [0.0, 0.0, 0.0]
 {start}
 {robust}
 [replay]

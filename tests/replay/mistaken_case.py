@@ -184,11 +184,10 @@ MISTAKES: dict[str, tuple[Mistake, str, str]] = {
     "beams 1 and 2 exchanged": (table("beams", **EXCHANGED), "beam_order", "dvl.geometry"),
     "deg/s taken for rad/s": (edited("case.toml", ('"rad/s"', '"deg/s"')), "gyro_unit", "imu.omega_unit"),
     "start level 8 deg": (added("roll_deg", 8.0), "start_level", "start.level"),
-    "start velocity": (edited("case.toml", ('"beams"\nvelocity_mps = [0.0, 0.0, 0.0]', ('"given"\nvelocity_mps = '
-    '[2.0, 0.0, 0.0]'))),
-                       "start_velocity", "start.velocity"),
+    "start velocity": (STARTS_FAST, "start_velocity", "start.velocity"),
     "start heading 60 deg": (added("heading_deg", 60.0), "start_heading", "start.heading"),
     "depth positive up": (edited("case.toml", ("up = false", "up = true")), "depth_sign", "depth.up"),
+    "quarter of the noise": (edited("case.toml", ("= 0.008", "= 0.002")), "beam_noise", "dvl.beam_noise_mps"),
     "magnetic heading": (magnetic, "magnetic_heading", "yaw_offset_deg"),
 }  # fmt: skip
 """Name: the mistake, kind of the first cause, part of its key."""

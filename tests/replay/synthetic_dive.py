@@ -76,6 +76,7 @@ level = "reference"
 heading = "reference"
 position = "reference"
 velocity = "reference"
+position_sd_m = [0.0, 0.0, 0.0]
 level_sd_deg = 0.01
 heading_sd_deg = 0.01
 velocity_sd_mps = [0.01, 0.01, 0.01]

@@ -33,3 +33,14 @@ def test_a_right_case_has_no_cause(seed: int, tmp_path: Path) -> None:
     assert [one["kind"] for one in replayed.manifest["findings"]] == ["verdict"]
     assert replayed.manifest["findings"][0]["severity"] == "note"
     assert any("Closure" in line for line in replayed.manifest["answers"])
+
+
+def test_a_dive_at_a_constant_depth_says_nothing_of_the_depth_sensor(tmp_path: Path) -> None:
+    """Noisy beams and a vehicle that hardly sinks: the distance sunk is noise, and no slope of the depth over it."""
+    dive = rov_dive(31, lively=0.1, beam_sd=0.03)
+    path = write_case(dive, tmp_path)
+    path.write_text(
+        path.read_text().replace("beam_noise_mps = 0.008", "beam_noise_mps = 0.03"), encoding="utf-8"
+    )
+    kinds = {one["kind"] for one in replay_case(load_case(path)).manifest["findings"]}
+    assert not kinds & {"depth_scale", "depth_sign"}

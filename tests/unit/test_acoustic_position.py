@@ -218,7 +218,7 @@ lever_arm_m = [0.8, -0.3, 0.6]
 sd_percent_of_range = 2.0
 transceiver_m = [10.0, 0.0, 0.0]
 """
-    start = CASE.replace("level_sd_deg = 1.0", "level_sd_deg = 1.0\nposition_sd_m = [10.0, 10.0, 10.0]")
+    start = CASE.replace("position_sd_m = [0.0, 0.0, 0.0]", "position_sd_m = [10.0, 10.0, 10.0]")
     for columns in (False, True):
         text = start + section + ('sd = ["sn", "se", "sd"]\n' if columns else "")
         case = parse_case(text, place="case", folder=tmp_path)

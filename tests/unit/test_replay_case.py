@@ -26,6 +26,7 @@ file = "beams.parquet"
 geometry = "x_janus_20"
 [start]
 heading = "gyrocompass"
+position_sd_m = [1.0, 1.0, 1.0]
 """
 
 
@@ -58,6 +59,8 @@ heading = "gyrocompass"
             '[[what_if]]\nname = "a"\noutages = [{ beams = [1], from_s = 9.0, to_s = 3.0 }]\n[start]',
             "expected it to end later",
         ),
+        ("position_sd_m = [1.0, 1.0, 1.0]", "", "needs 'position_sd_m', 1 sigma of north, east, down"),
+        ('heading = "gyrocompass"', 'heading = "given"', "needs 'heading_deg'; heading = .* needs 'heading_sd_deg'"),
         ("[start]", '[replay]\nmethods = ["tc", "tcc"]\n[start]', "unknown method 'tcc', did you mean 'tc'"),
         ("[start]", '[gps]\nfile = "g.csv"\nclock = { column = "t" }\n[start]', "no position"),
     ],

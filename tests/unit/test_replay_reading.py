@@ -46,7 +46,9 @@ file = "beams.parquet"
 geometry = "x_janus_20"
 [start]
 heading = "given"
+heading_deg = 0.0
 heading_sd_deg = 1.0
+position_sd_m = [0.0, 0.0, 0.0]
 level = "given"
 level_sd_deg = 1.0
 [replay]

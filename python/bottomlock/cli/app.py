@@ -18,7 +18,11 @@ COMMANDS = {
         "simulate_dvl",
         "Simulate a DVL that sends a maker's bytes over TCP, UDP, a terminal or a file.",
     ),
-    "schema": ("schema", "Print the JSON schema of a scenario, a replay case or a DVL geometry."),
+    "schema": (
+        "schema",
+        "Print the JSON schema of a scenario, case, geometry, vehicle, column map or live file.",
+    ),
+    "keys": ("keys", "Print every key of a scenario, case, geometry, vehicle, column map or live file."),
     "scenarios": ("scenarios", "List the packaged scenarios, or copy one."),
     "fix": ("fix", "Solve recorded pings for velocity fixes with covariance."),
     "reproduce": ("report", "Reproduce the 2017 paper: run its study, test its claims, write the report."),

@@ -6,11 +6,12 @@ import json
 from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from bottomlock import models, units
+from bottomlock.config.mission_sections import faults_of
 from bottomlock.config.scenario_sections import (
     Campaign,
     Dvl,
@@ -27,6 +28,7 @@ from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import OutputError, ScenarioError
 
+Model = TypeVar("Model", bound=BaseModel)
 EARTH_RATE_RADPS = 7.292115e-5
 
 
@@ -109,10 +111,7 @@ class Scenario(Section):
             if not isinstance(section, dict):
                 raise ScenarioError(f"scenario {self.name}: unknown key '{key}' ('{name}' is no section)")
         section[last] = value
-        try:
-            return type(self).model_validate(content)
-        except ValidationError as error:
-            raise ScenarioError(explain(error, f"scenario {self.name}", type(self))) from error
+        return _checked(type(self), content, f"scenario {self.name}")
 
     def with_overrides(
         self, *, runs: int | None = None, seed: int | None = None, methods: Iterable[str] | None = None
@@ -245,14 +244,32 @@ def parse_scenario(text: str, *, place: str, folder: Path | None = None) -> Scen
     content = parse_toml(text, place=place)
     if "dvl" not in content:
         raise ScenarioError(f"{place}: there is no [dvl] section; a scenario needs one to aid the INS with")
+    return _checked(Scenario, _with_files(content, folder), place)
+
+
+def _with_files(content: dict[str, Any], folder: Path | None) -> dict[str, Any]:
+    """The tables with the files that they name looked for from a folder."""
     for section, key in _FILES:
         named = content.get(section, {}).get(key) if isinstance(content.get(section), dict) else None
         if folder is not None and isinstance(named, str) and Path(named).suffix:
             content[section][key] = str(folder / named)
+    return content
+
+
+def _checked(model: type[Model], content: dict[str, Any], place: str) -> Model:
+    """The scenario of the tables.
+
+    Raises:
+        ScenarioError: naming everything that is wrong, in `[mission]` and `[seabed]` too.
+    """
+    faults = faults_of(content, place)
     try:
-        return Scenario.model_validate(content)
+        scenario = model.model_validate(content)
     except ValidationError as error:
-        raise ScenarioError(explain(error, place, Scenario)) from error
+        raise ScenarioError("\n".join([explain(error, place, model), *faults])) from error
+    if faults:
+        raise ScenarioError("\n".join(faults))
+    return scenario
 
 
 def copy_scenario(name: str, destination: Path) -> Path:

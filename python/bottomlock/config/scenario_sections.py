@@ -193,8 +193,8 @@ class AltitudeLoss(Section):
 class Dvl(Section):
     """Doppler velocity log: geometry, rate, errors (1 sigma), limits over the seabed, and which beams are lost.
 
-    A fraction of the readings of each beam are outliers, with `outlier_factor` times the noise; the filter does not
-    model them.
+    The defaults of bias and scale factor are those of the paper's Table 2, as in a replay. A fraction of the readings
+    of each beam are outliers, with `outlier_factor` times the noise; the filter does not model them.
 
     Every rule of loss must let a beam through: lost throughout, outages, dropouts, altitude loss, the validity of a
     recorded log (`replay_validity`, repeated end to end), and range and incidence where there is a seabed.
@@ -212,10 +212,10 @@ class Dvl(Section):
     mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
     sound_speed_scale: Positive = 1.0
     beam_noise_mps: Positive
-    beam_bias_mps: NonNegative = 0.0
-    beam_bias_walk_mps_per_rt_s: NonNegative = 0.0
-    scale_factor_percent: NonNegative = 0.0
-    scale_factor_walk_percent_per_rt_s: NonNegative = 0.0
+    beam_bias_mps: NonNegative = 0.005
+    beam_bias_walk_mps_per_rt_s: NonNegative = 5e-5
+    scale_factor_percent: NonNegative = 0.7
+    scale_factor_walk_percent_per_rt_s: NonNegative = 5e-3
     outlier_fraction: Fraction = 0.0
     outlier_factor: Factor = 10.0
     min_range_m: NonNegative = 0.0

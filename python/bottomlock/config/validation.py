@@ -1,16 +1,12 @@
 """Error messages for settings files: place, key, value found, value expected, unit."""
 
 import difflib
-from typing import get_args
 
 from pydantic import BaseModel, ValidationError
 
-_UNITS = (
-    ("_deg_per_s_per_rt_s", "deg/s/√s"), ("_percent_per_rt_s", "%/√s"), ("_mps2_per_rt_s", "m/s²/√s"),
-    ("_mps_per_rt_s", "m/s/√s"), ("_mps_per_rt_h", "m/s/√h"), ("_deg_per_rt_h", "deg/√h"), ("_deg_per_h", "deg/h"),
-    ("_deg_per_s", "deg/s"), ("_kg_per_m3", "kg/m³"), ("_m2ps2", "m²/s²"), ("_percent", "%"), ("_mps", "m/s"),
-    ("_deg", "deg"), ("_mg", "mg"), ("_hz", "Hz"), ("_pa", "Pa"), ("_s", "s"), ("_m", "m"),
-)  # fmt: skip
+from bottomlock.config.key_reference import key_of, model_at, section_models, section_paths
+from bottomlock.config.unit_of_key import unit_of
+
 _BOUNDS = {
     "greater_than": ("gt", ">"),
     "greater_than_equal": ("ge", ">="),
@@ -19,21 +15,37 @@ _BOUNDS = {
 }
 
 
-def _unit_of(key: str) -> str:
-    return next((f" {unit}" for ending, unit in _UNITS if key.endswith(ending)), "")
+def _missing(key: str, model: type[BaseModel], path: tuple[int | str, ...]) -> str:
+    """What a missing key is: type, unit, range, meaning; of a section its own required keys."""
+    section = model_at(model, path[:-1])
+    field = section.model_fields.get(str(path[-1]))
+    if field is None:
+        return f"'{key}' is missing"
+    inner = section_models(field.annotation)
+    if inner:
+        needed = [name for name, one in inner[0].model_fields.items() if one.is_required()]
+        return f"'{key}' is missing, expected a section [{key}] with {', '.join(needed) or 'any of its keys'}"
+    try:
+        found = key_of(section, str(path[-1]), field)
+    except LookupError:
+        return f"'{key}' is missing"
+    unit = f" in {found.unit}" if found.unit not in {"", "1"} else ""
+    span = "" if found.range in {"", "any", "finite", "each any", "each finite"} else f", {found.range}"
+    kind = "one of" if found.type == "choice" else found.type
+    return f"'{key}' is missing, expected {kind}{unit}{span}: {found.meaning}".replace("one of,", "one of")
 
 
-def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
-    for part in path:
-        field = model.model_fields.get(str(part))
-        kinds = () if field is None else (field.annotation, *get_args(field.annotation))
-        section = next(
-            (kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None
-        )
-        if section is None:
-            break
-        model = section
-    return list(model.model_fields)
+def _unknown(key: str, model: type[BaseModel], path: tuple[int | str, ...]) -> str:
+    """The nearest key of the section, or the section that has the very key."""
+    name, known = str(path[-1]), list(model_at(model, path[:-1]).model_fields)
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+    elsewhere = [place for place, one in section_paths(model) if place and name in one.model_fields]
+    if close and (not elsewhere or difflib.SequenceMatcher(None, name, close[0]).ratio() > 0.8):
+        return f"unknown key '{key}', did you mean '{close[0]}'?"
+    if elsewhere:
+        places = " or ".join(f"[{place}]" for place in elsewhere[:3])
+        return f"unknown key '{key}', '{name}' is a key of {places}"
+    return f"unknown key '{key}' (known: {', '.join(known)})"
 
 
 def explain(error: ValidationError, place: str, model: type[BaseModel]) -> str:
@@ -43,14 +55,11 @@ def explain(error: ValidationError, place: str, model: type[BaseModel]) -> str:
         location = tuple(part for part in fault["loc"] if part not in {"normal", "constrained-float"})
         key = ".".join(str(part) for part in location if not str(part).startswith(("literal", "function")))
         value, kind, context = fault.get("input"), fault["type"], fault.get("ctx", {})
-        unit = _unit_of(key)
+        unit = f" {unit_of(key)}" if unit_of(key) else ""
         if kind == "extra_forbidden":
-            known = _known_keys(model, location[:-1])
-            close = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.4)
-            hint = f", did you mean '{close[0]}'?" if close else f" (known: {', '.join(known)})"
-            lines.append(f"{place}: unknown key '{key}'{hint}")
+            lines.append(f"{place}: {_unknown(key, model, location)}")
         elif kind == "missing":
-            lines.append(f"{place}: '{key}' is missing{', expected in' + unit if unit else ''}")
+            lines.append(f"{place}: {_missing(key, model, location)}")
         elif kind in _BOUNDS:
             name, sign = _BOUNDS[kind]
             lines.append(f"{place}: '{key}' is {value}, expected {sign} {context[name]}{unit}")

@@ -65,8 +65,8 @@ def objects(
     """
     for lines in batches(data):
         long = lines.end - lines.start > LONGEST_JSON
-        has = np.zeros(len(long), dtype=bool)
-        has[lines.of(lines.places(b"{"))] = True
+        edges = zip(lines.start.tolist(), lines.end.tolist(), strict=True)
+        has = np.array([lines.text.find(b"{", *edge) >= 0 for edge in edges], dtype=bool)
         none, whole = ~(has | long), lines.piece(lines.start, lines.end)
         account.read += int(np.count_nonzero(none)) + int(np.count_nonzero(long))
         account.skip_where("truncated", none, lines.number, whole)

@@ -93,21 +93,6 @@ def make_table(
     """
     where = np.asarray(position, dtype=np.int64)
     n = len(where)
-
-    def floats(values: ArrayLike | None, width: int) -> Floats:
-        if values is None:
-            return np.full((len(keep), width), np.nan)
-        array = np.array(values, dtype=np.float64).reshape(n, width)
-        if len(keep) < n:
-            array = array[keep]
-        # An infinity is no measurement either: the table holds finite numbers or NaN.
-        array[~np.isfinite(array)] = np.nan
-        return array
-
-    def flags(values: ArrayLike, dtype: type[np.bool_ | np.int8]) -> NDArray[Any]:
-        array = np.asarray(values, dtype=dtype)
-        return (array if array.ndim else np.full(n, array))[keep]
-
     times, arrival = _whole(time_ns), None if arrival_ns is None else _whole(arrival_ns)
     late = np.abs(times) >= LATEST_NS
     account.skip_where("time out of range", late, where, lambda k: f"{time_ns[k]} ns")
@@ -116,29 +101,57 @@ def make_table(
         late_arrival = given & ~late & ((arrival <= -LATEST_NS) | (arrival >= LATEST_NS))
         account.flag_where("arrival time out of range", late_arrival, where, lambda k: f"{found[k]} ns")
         arrival[late_arrival] = NO_TIME_NS
-    finite = np.isfinite(np.asarray(velocity, dtype=np.float64).reshape(n, beams))
-    good = np.asarray(valid, dtype=bool).reshape(n, beams)
+    per_beam, per_ping = (velocity, range_m, quality, sd), tuple((extra or {}).values())
+    numbers = [(values, beams) for values in per_beam] + [(instrument, 3)] + [(one, 1) for one in per_ping]
+    columns, finite = _finite_columns(n, numbers)
+    speed, good = columns[0], np.asarray(valid, dtype=bool).reshape(n, beams)
+    usable = good & finite
     wrong = (good & ~finite).any(axis=1) & ~late
     account.flag_where("valid beam without a finite velocity", wrong, where)
     keep = _rising(times, ~late, where, account)
     account.kept = len(keep)
     if not len(keep):
         return _empty(beams)
-    kept_arrival = None if arrival is None else arrival[keep]
-    speed = floats(velocity, beams)
+    if len(keep) < n:
+        times, usable, columns = times[keep], usable[keep], [column[keep] for column in columns]
+        arrival = None if arrival is None else arrival[keep]
+        speed = columns[0]
     return BeamTable(
-        time_ns=times[keep],
+        time_ns=times,
         velocity_mps=-speed if negate else speed,
-        valid=(good & finite)[keep],
-        range_m=floats(range_m, beams),
-        quality=floats(quality, beams),
-        sd_mps=floats(sd, beams),
-        instrument_mps=floats(instrument, 3),
-        instrument_valid=flags(verdict, np.int8),
-        arrival_ns=None if kept_arrival is None or (kept_arrival == NO_TIME_NS).all() else kept_arrival,
-        stale=flags(stale, np.bool_),
-        extra={name: floats(column, 1)[:, 0] for name, column in (extra or {}).items()},
+        valid=usable,
+        range_m=columns[1],
+        quality=columns[2],
+        sd_mps=columns[3],
+        instrument_mps=columns[4],
+        instrument_valid=_flags(np.asarray(verdict, dtype=np.int8), keep),
+        arrival_ns=None if arrival is None or (arrival == NO_TIME_NS).all() else arrival,
+        stale=_flags(np.asarray(stale, dtype=bool), keep),
+        extra={name: column[:, 0] for name, column in zip(extra or {}, columns[5:], strict=True)},
     )
+
+
+def _finite_columns(n: int, given: list[tuple[ArrayLike | None, int]]) -> tuple[list[Floats], Flags]:
+    """Own columns (n, width) with NaN for what is not finite or not given, and where the first one is finite.
+
+    An infinity is no measurement either: the table holds finite numbers or NaN. All columns lie in one block of memory.
+    """
+    block = np.full(n * sum(width for _, width in given), np.nan)
+    columns, at = [], 0
+    for values, width in given:
+        column = block[at : at + n * width].reshape(n, width)
+        if values is not None:
+            column[...] = np.asarray(values, dtype=np.float64).reshape(n, width)
+        columns.append(column)
+        at += n * width
+    finite = np.isfinite(block)
+    block[~finite] = np.nan
+    return columns, finite[: columns[0].size].reshape(columns[0].shape)
+
+
+def _flags(values: NDArray[Any], keep: Integers) -> NDArray[Any]:
+    """The flags of the rows that are kept, from one a row or one for all."""
+    return values[keep] if values.ndim else np.full(len(keep), values)
 
 
 def _whole(times: Times) -> Integers:
@@ -146,7 +159,7 @@ def _whole(times: Times) -> Integers:
     if isinstance(times, np.ndarray):
         return times.astype(np.int64)
     try:
-        return np.clip(np.array(times, dtype=np.int64), -LATEST_NS, LATEST_NS)
+        return np.maximum(np.minimum(np.array(times, dtype=np.int64), LATEST_NS), -LATEST_NS)
     except (TypeError, OverflowError):  # a time that is absent, or beyond 64 bits
         return np.array(
             [NO_TIME_NS if t is None else max(-LATEST_NS, min(t, LATEST_NS)) for t in times], dtype=np.int64
@@ -157,7 +170,7 @@ def _rising(times: Integers, usable: Flags, position: Integers, account: Account
     """Indices of the longest strictly rising run of the usable times; the others are counted."""
     chosen = np.flatnonzero(usable)
     times, position = times[chosen], position[chosen]
-    if (times[1:] > times[:-1]).all():
+    if len(times) < 2 or (times[1:] > times[:-1]).all():
         return chosen
     keep = np.array(longest_rising(times.tolist()), dtype=np.int64)
     left = np.ones(len(times), dtype=bool)

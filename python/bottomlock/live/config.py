@@ -85,9 +85,13 @@ class LiveConfig(Section):
         return self
 
     def _can_navigate(self) -> None:
-        for key in ("imu", "origin", "start"):
-            if getattr(self, key) is None:
-                raise ValueError(f'mode = "navigation" needs the section [{key}], which is missing')
+        missing = [f"[{key}]" for key in ("imu", "origin", "start") if getattr(self, key) is None]
+        if missing:
+            words = "section" if len(missing) == 1 else "sections"
+            verb = "is" if len(missing) == 1 else "are"
+            raise ValueError(
+                f'mode = "navigation" needs the {words} {", ".join(missing)}, which {verb} missing'
+            )
         if not any(source.format in {"imu-csv", "mavlink"} for source in self.source):
             raise ValueError(
                 'mode = "navigation" needs a source of inertial readings, with format "imu-csv" or "mavlink"'

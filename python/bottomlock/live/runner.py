@@ -15,6 +15,7 @@ from bottomlock.live.checkpoint import pack
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.connections import Connection, cancel
 from bottomlock.live.engine import TICK_NS, Engine, Message
+from bottomlock.live.garbage import collected_between_readings
 from bottomlock.live.raw_log import Kind, RawLog
 from bottomlock.live.sinks import Sink, open_sink
 
@@ -126,8 +127,12 @@ class Live:
 
     async def run(self) -> None:
         """Runs until every source has ended, which only files and pipes do, or until it is cancelled."""
+        with collected_between_readings() as collect:
+            await self._run(collect)
+
+    async def _run(self, collect: Callable[[], None]) -> None:
         others = [asyncio.create_task(sink.run()) for sink in self.sinks]
-        others.append(asyncio.create_task(self._ticks()))
+        others.append(asyncio.create_task(self._ticks(collect)))
         if self.config.log is not None:
             others.append(asyncio.create_task(self._flushes(self.config.log.flush_s)))
         if self.config.checkpoint is not None:
@@ -142,12 +147,13 @@ class Live:
             if self.log is not None:
                 self.log.close()
 
-    async def _ticks(self) -> None:
-        """What depends on time alone."""
+    async def _ticks(self, collect: Callable[[], None]) -> None:
+        """What depends on time alone, and the garbage."""
         while True:
             await asyncio.sleep(TICK_NS * 1e-9)
             self.engine.advance(self.clock())
             self._told()
+            collect()
 
     async def _flushes(self, period_s: float) -> None:
         """Hands the raw log to the system now and then."""

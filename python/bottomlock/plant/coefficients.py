@@ -5,7 +5,7 @@ the unit against the dimension that the model needs, and convert the value to a 
 """
 
 import math
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator
@@ -42,47 +42,74 @@ UNITS: dict[str, dict[str, float]] = {
 }
 
 
-def _checked(
-    dimension: str, *, minimum: float | None, exclusive: bool, maximum: float | None
-) -> Callable[[Any], float]:
-    units = UNITS[dimension]
+@dataclass(frozen=True)
+class Check:
+    """The check of a coefficient: its dimension, and its bounds in SI."""
 
-    def convert(entry: object) -> float:
-        if not isinstance(entry, dict):
-            raise ValueError("expected a table { value, unit, source }")  # noqa: TRY004 - pydantic reports ValueError
-        unknown = sorted(set(entry) - {"value", "unit", "source"})
-        if unknown:
-            raise ValueError(f"unknown key '{unknown[0]}'; expected value, unit, source")
-        for key in ("value", "unit", "source"):
-            if key not in entry:
-                raise ValueError(f"'{key}' is missing")
-        value, unit, source = entry["value"], entry["unit"], entry["source"]
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ValueError(f"value {value!r} is not a finite number")
-        if unit not in units:
-            raise ValueError(f"unit '{unit}' is not a unit of {dimension}; expected {' or '.join(units)}")
-        if not isinstance(source, str) or not source.strip():
-            raise ValueError("'source' is empty, expected the origin of the value")
-        si = float(value) * units[unit]
-        if minimum is not None and (si < minimum or (exclusive and si == minimum)):
-            raise ValueError(f"{value:g} {unit} must be {'above' if exclusive else 'at least'} {minimum:g}")
-        if maximum is not None and si > maximum:
-            raise ValueError(f"{value:g} {unit} is above the limit of {maximum:g} (SI)")
+    dimension: str
+    minimum: float | None = None
+    exclusive: bool = False
+    maximum: float | None = None
+
+    @property
+    def units(self) -> dict[str, float]:
+        """The units that are read, and their factors to SI."""
+        return UNITS[self.dimension]
+
+    @property
+    def range(self) -> str:
+        """The bounds in words, in the first unit."""
+        low = "" if self.minimum is None else f"{'>' if self.exclusive else '≥'} {self.minimum:g}"
+        high = "" if self.maximum is None else f"≤ {self.maximum:g}"
+        return ", ".join(filter(None, (low, high))) or "finite"
+
+    def __call__(self, entry: Any) -> float:  # noqa: ANN401 - whatever the file holds
+        """The value in SI.
+
+        Raises:
+            ValueError: for an entry that is no table of value, unit and source, or is out of bounds.
+        """
+        value, unit = _value_and_unit(entry, self)
+        si = value * self.units[unit]
+        low, high = self.minimum, self.maximum
+        if low is not None and (si < low or (self.exclusive and si == low)):
+            raise ValueError(f"{value:g} {unit} must be {'above' if self.exclusive else 'at least'} {low:g}")
+        if high is not None and si > high:
+            raise ValueError(f"{value:g} {unit} is above the limit of {high:g} (SI)")
         return si
 
-    return convert
+
+def _value_and_unit(entry: object, check: Check) -> tuple[float, str]:
+    if not isinstance(entry, dict):
+        raise ValueError("expected a table { value, unit, source }")  # noqa: TRY004 - pydantic reports ValueError
+    unknown = sorted(set(entry) - {"value", "unit", "source"})
+    if unknown:
+        raise ValueError(f"unknown key '{unknown[0]}'; expected value, unit, source")
+    for key in ("value", "unit", "source"):
+        if key not in entry:
+            raise ValueError(f"'{key}' is missing")
+    value, unit, source = entry["value"], entry["unit"], entry["source"]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError(f"value {value!r} is not a finite number")
+    if unit not in check.units:
+        raise ValueError(
+            f"unit '{unit}' is not a unit of {check.dimension}; expected {' or '.join(check.units)}"
+        )
+    if not isinstance(source, str) or not source.strip():
+        raise ValueError("'source' is empty, expected the origin of the value")
+    return float(value), unit
 
 
 def _any(dimension: str) -> BeforeValidator:
-    return BeforeValidator(_checked(dimension, minimum=None, exclusive=False, maximum=None))
+    return BeforeValidator(Check(dimension))
 
 
 def _positive(dimension: str, maximum: float | None = None) -> BeforeValidator:
-    return BeforeValidator(_checked(dimension, minimum=0.0, exclusive=True, maximum=maximum))
+    return BeforeValidator(Check(dimension, 0.0, exclusive=True, maximum=maximum))
 
 
 def _not_negative(dimension: str, maximum: float | None = None) -> BeforeValidator:
-    return BeforeValidator(_checked(dimension, minimum=0.0, exclusive=False, maximum=maximum))
+    return BeforeValidator(Check(dimension, 0.0, maximum=maximum))
 
 
 Number = Annotated[float, _any("number")]

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from bottomlock.config.toml_file import parse_toml, read_text
+from bottomlock.config.validation import explain
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import coefficients as coef
 
@@ -238,15 +239,7 @@ def parse_vehicle(tables: dict[str, Any], label: str) -> Vehicle:
     try:
         return Vehicle.model_validate(tables)
     except ValidationError as error:
-        faults = "; ".join(_fault(item["loc"], item["msg"]) for item in error.errors())
-        raise ScenarioError(f"vehicle {label}: {faults}") from error
-
-
-def _fault(location: tuple[int | str, ...], message: str) -> str:
-    path = ".".join(str(part) for part in location)
-    text = message.removeprefix("Value error, ")
-    text = "this coefficient is missing" if text == "Field required" else text
-    return f"{path}: {text}" if path else text
+        raise ScenarioError(explain(error, f"vehicle {label}", Vehicle)) from error
 
 
 def _read(name_or_path: str | Path) -> tuple[str, str]:

@@ -22,6 +22,7 @@ Examples:
     ... geometry = "x_janus_20"
     ... [start]
     ... heading = "gyrocompass"
+    ... position_sd_m = [1.0, 1.0, 1.0]
     ... ''',
     ...     place="example",
     ... )

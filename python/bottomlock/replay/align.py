@@ -279,7 +279,7 @@ def _gyrocompass(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[f
 
 def _position(inputs: _AlignmentInputs, attitude: Rotation) -> tuple[Floats, Floats, str]:
     start = inputs.case.start
-    given_sd = np.array(start.position_sd_m)
+    given_sd = np.zeros(3) if start.position_sd_m is None else np.array(start.position_sd_m)
     if start.position == FROM_REFERENCE:
         reference = inputs.streams.reference
         assert reference is not None  # validated in Case
@@ -290,7 +290,7 @@ def _position(inputs: _AlignmentInputs, attitude: Rotation) -> tuple[Floats, Flo
         assert positions is not None  # validated in Case
         assert stream is not None
         row = _latest(positions.time_ns, inputs, "gps", 5.0)
-        sd = given_sd if given_sd.any() else np.array(stream.position_sd_m)
+        sd = np.array(stream.position_sd_m) if start.position_sd_m is None else given_sd
         return positions.position_t_m[row] - attitude.apply(np.array(stream.lever_arm_m)), sd, "from GPS"
     return np.array(start.position_m), given_sd, "given"
 

@@ -76,7 +76,7 @@ class Start(Section):
     heading_sd_deg: Positive | None = None
     position: Literal["given", "reference", "gps"] = "given"
     position_m: Vector = (0.0, 0.0, 0.0)
-    position_sd_m: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 0.0)
+    position_sd_m: tuple[NonNegative, NonNegative, NonNegative] | None = None
     velocity: Literal["given", "reference", "beams"] = "given"
     velocity_mps: Vector = (0.0, 0.0, 0.0)
     velocity_sd_mps: tuple[Positive, Positive, Positive] = (0.05, 0.05, 0.05)
@@ -89,16 +89,25 @@ class Start(Section):
 
     @model_validator(mode="after")
     def _sds_of_what_is_given(self) -> Self:
-        if self.heading in {"given", FROM_REFERENCE} and self.heading_sd_deg is None:
-            self._require_sd("heading", self.heading)
-        if self.level in {"given", FROM_REFERENCE} and self.level_sd_deg is None:
-            self._require_sd("level", self.level)
+        faults = []
+        if self.heading == "given" and "heading_deg" not in self.model_fields_set:
+            faults.append("heading = \"given\" needs 'heading_deg'")
+        for part, source, sd in (
+            ("heading", self.heading, self.heading_sd_deg),
+            ("level", self.level, self.level_sd_deg),
+        ):
+            if source in {"given", FROM_REFERENCE} and sd is None:
+                faults.append(
+                    f"{part} = \"{source}\" needs '{part}_sd_deg', its 1 sigma: the alignment cannot compute it"
+                )
+        if self.position in {"given", FROM_REFERENCE} and self.position_sd_m is None:
+            faults.append(
+                f"position = \"{self.position}\" needs 'position_sd_m', 1 sigma of north, east, down in m; "
+                "[0, 0, 0] says that positions count from the start, the depth too"
+            )
+        if faults:
+            raise ValueError("; ".join(faults))
         return self
-
-    def _require_sd(self, part: str, source: str) -> None:
-        raise ValueError(
-            f"{part} = \"{source}\" needs '{part}_sd_deg', its 1 sigma: the alignment cannot compute it"
-        )
 
 
 class Settings(Section):

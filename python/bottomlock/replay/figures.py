@@ -185,7 +185,8 @@ def innovation_figure(innovations: pl.DataFrame, start_ns: int, *, method: str, 
                 )
         limit = 1.15 * max(*spans, 1e-3)
         panels[-1].set_ylim(-limit, limit)
-        panels[-1].set_xlim(float(time_s[0]), float(time_s[-1]))
+        if len(time_s) > 1:
+            panels[-1].set_xlim(float(time_s[0]), float(time_s[-1]))
         panels[-1].set_xlabel("time from the start, s")
         figure.text(0.008, 0.5, "innovation, m/s", rotation=90, va="center", fontsize=9.5)
         _left_title(figure, title)

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 
+from bottomlock.config.mission_sections import CurrentTable
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.sensors import SENSORS
-from bottomlock.plant.tables import CurrentTable
 
 
 def settings(scenarios: Sequence[Scenario]) -> list[str]:

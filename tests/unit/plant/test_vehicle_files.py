@@ -128,7 +128,7 @@ def test_bad_coefficients_are_named(
 
 def test_a_missing_coefficient_is_named(tables: dict[str, Any]) -> None:
     del tables["fins"]["lift_slope"]
-    with pytest.raises(ScenarioError, match=r"vehicle bad: fins\.lift_slope: this coefficient is missing"):
+    with pytest.raises(ScenarioError, match=r"vehicle bad: 'fins\.lift_slope' is missing"):
         parse_vehicle(tables, "bad")
 
 

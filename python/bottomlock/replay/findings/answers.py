@@ -8,6 +8,8 @@ from bottomlock.replay.findings.checks import closure_sd, robust_sd
 from bottomlock.replay.rerun import PreparedRun
 
 Floats = NDArray[np.float64]
+LEAST_APART_M = 0.01
+"""Smaller distances between methods are not told."""
 
 
 def answers(prepared: PreparedRun, samples: pl.DataFrame) -> list[str]:
@@ -59,6 +61,8 @@ def _methods(samples: pl.DataFrame) -> list[str]:
     names = end["method"].to_list()
     apart = np.linalg.norm(place[:, None] - place[None], axis=2)
     i, j = np.unravel_index(int(np.argmax(apart)), apart.shape)
+    if apart[i, j] < LEAST_APART_M:
+        return [f"At the end all {len(names)} methods are within {100 * LEAST_APART_M:.0f} cm horizontally."]
     return [
         f"At the end the methods are up to {apart[i, j]:.2f} m apart ({names[i]} and {names[j]}), horizontally."
     ]

@@ -10,6 +10,7 @@ from bottomlock.replay.align import Alignment
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.motion.fit import Match, Recorded
+from bottomlock.replay.motion.segments import LENGTH_S
 from bottomlock.replay.motion.vertical import vertical_velocity
 from bottomlock.replay.streams import Streams
 
@@ -82,7 +83,7 @@ def level_finding(alignment: Alignment, match: Match) -> Finding | None:
         "start_level", "fault", (size / sd) ** 2,
         f"The start has the wrong level: {np.rad2deg(size):.1f} deg off gravity, {size / sd:.0f} times the 1 "
         "sigma that it claims.",
-        f"From DVL and IMU over the first {20:.0f} s: roll {roll:+.2f}, pitch {pitch:+.2f} deg; start: "
+        f"From DVL and IMU over the first {LENGTH_S:.0f} s: roll {roll:+.2f}, pitch {pitch:+.2f} deg; start: "
         f"{alignment.sources.get('level', '')}.",
         "Use another source, start.level, a calm window (start.at_s, start.window_s), or correct start.roll_deg and "
         "start.pitch_deg.", "start.level",
@@ -127,25 +128,39 @@ def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match
     if len(time_ns) < LEAST_PINGS:
         return None
     depth = np.interp(time_ns * 1e-9, depths.time_ns * 1e-9, depths.depth_m)
-    xs, ys = [], []
+    speed = np.interp(
+        time_ns * 1e-9, recorded.time_ns * 1e-9, np.linalg.norm(recorded.velocity_p_mps[:, :2], axis=1)
+    )
+    xs, ys, zs = [], [], []
     for one in np.unique(segment):
         rows = segment == one
         if rows.sum() < 4:
             continue
         steps = np.diff(time_ns[rows]) * 1e-9
-        sunk = np.concatenate([[0.0], np.cumsum(0.5 * (down_mps[rows][1:] + down_mps[rows][:-1]) * steps)])
-        xs.append(sunk - sunk.mean())
+        sunk, gone = (_summed(rate[rows], steps) for rate in (down_mps, speed))
+        xs.append(sunk)
         ys.append(depth[rows] - depth[rows].mean())
+        zs.append(gone)
     if not xs:
         return None
-    x, y = np.concatenate(xs), np.concatenate(ys)
-    energy = float((x * x).sum())
-    slope = float((x * y).sum()) / max(energy, 1e-12)
-    # Segments, not pings, are independent.
-    sd = float(np.sqrt(sum(float(((b - slope * a) @ a) ** 2) for a, b in zip(xs, ys, strict=True)))) / max(
-        energy, 1e-12
-    )
-    sd = float(np.hypot(sd, 0.03))
+    # A mounting that is a little wrong makes a part of the distance gone one of the distance sunk.
+    tilt = float(match.part_sd("rotation")[:2].max())
+    leak = tilt * abs(sum(float(y @ z) for y, z in zip(ys, zs, strict=True)))
+    # Noise of a regressor makes a slope too small: of depth over distance and of distance over depth, one is too small
+    # and the inverse of the other too large. The truth lies between them.
+    low, low_sd = _slope(xs, ys, leak)
+    inverse, inverse_sd = _slope(ys, xs, leak)
+    if low * inverse <= 0.0:
+        return None
+    high, high_sd = 1.0 / inverse, inverse_sd / inverse**2
+    if low < 0.0:
+        slope, sd = (high, high_sd) if abs(high) < abs(low) else (low, low_sd)
+    elif low > 1.0:
+        slope, sd = low, low_sd
+    elif high < 1.0:
+        slope, sd = high, high_sd
+    else:
+        return None
     if abs(slope - 1.0) < max(SIGMAS * sd, 0.25):
         return None
     wrong_way = slope < 0.0
@@ -153,11 +168,29 @@ def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match
         "depth_sign" if wrong_way else "depth_scale", "fault", ((slope - 1.0) / sd) ** 2,
         "The depth has the wrong sign: it rises when the vehicle sinks." if wrong_way else
         f"The depth changes {slope:.3g} times as much as the DVL says.",
-        f"Depth over the distance sunk by DVL and IMU in segments of 20 s: slope {slope:+.2f} ± {sd:.2g}, expected +1.",
+        f"Depth over the distance sunk by DVL and IMU in segments of {LENGTH_S:.0f} s: slope {slope:+.2f} ± {sd:.2g}, "
+        "expected +1.",
         f"Set depth.up = {str(not case.depth.up).lower()}." if wrong_way else "Check depth.unit and "
         "depth.water_density_kg_per_m3.",
         "depth.up" if wrong_way else "depth.unit",
     )  # fmt: skip
+
+
+def _summed(rate: Floats, steps: Floats) -> Floats:
+    """Integral of a rate over steps, less its mean."""
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * steps)])
+    return np.asarray(total - total.mean())
+
+
+def _slope(xs: list[Floats], ys: list[Floats], leak: float) -> tuple[float, float]:
+    """Slope of y over x by least squares, and its sigma: segments, not the values within them, are independent.
+
+    `leak` is the sigma of the sum of products from an error that all segments share.
+    """
+    energy = max(sum(float(x @ x) for x in xs), 1e-12)
+    slope = sum(float(x @ y) for x, y in zip(xs, ys, strict=True)) / energy
+    left = sum(float((y - slope * x) @ x) ** 2 for x, y in zip(xs, ys, strict=True))
+    return slope, float(np.sqrt(left / energy**2 + (leak / energy) ** 2 + 0.03**2))
 
 
 def heading_finding(case: Case, alignment: Alignment, streams: Streams) -> Finding | None:

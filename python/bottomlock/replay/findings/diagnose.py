@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
+from bottomlock.replay.findings.beam_noise_finding import beam_noise_finding
 from bottomlock.replay.findings.finding import Finding, ranked
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import motion_findings
@@ -18,8 +19,6 @@ from bottomlock.replay.motion.velocity import ping_velocity
 from bottomlock.replay.rerun import PreparedRun
 
 Floats = NDArray[np.float64]
-ENOUGH_BEAMS = 3
-"""Valid beams of a ping that every method makes a fix of."""
 
 
 def diagnose(
@@ -34,8 +33,8 @@ def diagnose(
         innovations: the same, `tables.replay.innovations_schema`.
     """
     causes = _causes(case, prepared, samples)
-    shown = pl.Series(prepared.streams.beams.valid[prepared.pings].sum(axis=1) >= ENOUGH_BEAMS)
-    verdict, state = verdict_finding(innovations, case.replay.methods, causes[0] if causes else None, shown)
+    beams = pl.Series(prepared.streams.beams.valid[prepared.pings].sum(axis=1))
+    verdict, state = verdict_finding(innovations, case.replay.methods, causes[0] if causes else None, beams)
     if state == ABSORBED:
         causes = [replace(one, severity="warning") for one in causes]
     return [verdict, *causes]
@@ -45,7 +44,8 @@ def _causes(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> list[Fi
     streams, alignment = prepared.streams, prepared.alignment
     geometry = streams.instrument.geometry
     B = np.asarray(geometry.directions_p)
-    found: list[Finding | None] = [checks.closure_finding(streams)]
+    order = checks.closure_finding(streams)
+    found = [order or beam_noise_finding(case, streams)]
     time_ns, velocity = ping_velocity(
         B, streams.beams.time_ns, np.nan_to_num(streams.beams.velocity_mps), streams.beams.valid
     )
@@ -82,7 +82,8 @@ def _against_imu(
     down = np.abs(B @ _mean_down(prepared))
     tilt = float(np.mean(np.arccos(np.clip(down, -1.0, 1.0))))
     found: list[Finding | None] = [*motion_findings(case, comparison, tilt)]
-    best = comparison.causes[0].match if comparison.causes else comparison.free
+    # Not the free fit: at a constant speed it may lean on a mounting that nothing shows.
+    best = comparison.causes[0].match if comparison.causes else comparison.stated
     gyros = comparison.causes[0].gyros if comparison.causes else 1.0
     if gyros == 1.0 and abs(best.gravity - 9.81) < 0.5:
         found.append(checks.level_finding(alignment, best))

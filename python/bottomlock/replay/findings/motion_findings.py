@@ -49,7 +49,7 @@ def _clock(case: Case, cause: Cause, _: str, __: float) -> _Words:
     total = case.dvl.clock.offset_s + value
     return (
         f"The clock of the DVL is {abs(value):.3f} ± {sd:.2g} s {late} against the IMU's.",
-        f"Set dvl.clock.offset_s = {total:.3f} (now {case.dvl.clock.offset_s:g}).",
+        f"Set dvl.clock.offset_s = {total:.3f} (now {case.dvl.clock.offset_s:.3f}).",
         "dvl.clock.offset_s",
     )
 

@@ -16,7 +16,7 @@ PREFERRED = ("tc", "lc")
 
 
 def verdict_finding(
-    innovations: pl.DataFrame, methods: Sequence[str], cause: Finding | None, shown: pl.Series
+    innovations: pl.DataFrame, methods: Sequence[str], cause: Finding | None, beams: pl.Series
 ) -> tuple[Finding, str]:
     """The first finding, and "consistent", "overconfident" or "wrong".
 
@@ -24,14 +24,16 @@ def verdict_finding(
         innovations: of the recording as it is.
         methods: of the case.
         cause: the likeliest cause, or None.
-        shown: (n,) whether enough beams of a ping are valid for a velocity, in the order of the innovations.
+        beams: (n,) valid beams of each ping, in the order of the innovations.
     """
     used = [m for m in (*PREFERRED, *methods) if m in methods]
     for method in dict.fromkeys(used):
         pings = innovations.filter(pl.col("method") == method)
         rows = pings.filter(pl.col("nis").is_not_null())
         if rows.height:
-            return _of(rows, method, cause, unused=int((shown & (pl.Series(pings["nis"].is_null()))).sum()))
+            # What the method can use is shown by the pings that it did use.
+            enough = beams >= beams.filter(pings["nis"].is_not_null()).min()
+            return _of(rows, method, cause, unused=int((enough & pings["nis"].is_null()).sum()))
     text = "No method had a single fix: no ping lies within the navigation, or no beam of them is valid."
     return (
         Finding(

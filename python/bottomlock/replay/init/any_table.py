@@ -11,6 +11,7 @@ from bottomlock.table_file import check_regular, read_parquet
 
 SEPARATORS = (",", ";", "\t", "|", " ")
 _HEAD = 65_536
+_DATE = re.compile(r"\d{4}[-/.]\d\d|\d\d?\.\d\d?\.\d{4}|\d\d?:\d\d:\d\d")
 _SUFFIXES = {".parquet", ".pq"}
 
 
@@ -145,7 +146,9 @@ def _header(
 ) -> tuple[list[str], int]:
     """Names of the columns, and the line where what is below them begins."""
     cells = _cells(lines[first], separator)
-    if not _mostly_numbers(cells) and not any(re.match(r"\d{4}-\d\d-\d\d", cell) for cell in cells):
+    if not _mostly_numbers(cells) and not any(
+        re.match(r"\d{4}[-/.]\d\d|\d\d?\.\d\d?\.\d{4}|\d\d?:\d\d:\d\d", cell) for cell in cells
+    ):
         return _unique(cells), next((k for k in rows if k > first), first)
     above = [k for k in rows if k < first]
     if above:

@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Recording
+from bottomlock.io.beam_table import BeamTable, Recording
 from bottomlock.io.beams import read_geometry
+from bottomlock.kernel import BeamGeometry, make_geometry
+from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.motion.fit import Match, Recorded, fit
@@ -19,6 +21,11 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 LEAST_FOR_DIRECTIONS = 60
+STARTING_NOISE_MPS = 0.01
+NOISY = 1.25
+"""Measured over claimed noise from which that of the recording is used."""
+ENOUGH_PINGS = 20
+"""Pings with a whole velocity from which clock and axes are compared with the IMU's."""
 CLEAR = 40.0
 """Difference of two costs from which axes are told apart: a likelihood ratio beyond any doubt."""
 
@@ -35,6 +42,7 @@ class DvlPart:
         geometry: packaged name, or "" where a file is written.
         geometry_text: of that file.
         geometry_why, geometry_known: its reason.
+        noise: of a beam, m/s, and why; None where it is what the geometry claims.
         unit, unit_why: of a velocity.
         offset_s: to the IMU's clock.
     """
@@ -49,6 +57,7 @@ class DvlPart:
     geometry_text: str = ""
     geometry_why: str = ""
     geometry_known: bool = True
+    noise: tuple[float, str] | None = None
     unit: str = "m/s"
     unit_why: str = ""
     offset_s: float = 0.0
@@ -75,19 +84,31 @@ def dvl_of_recording(recording: Recording) -> DvlPart:
     table = recording.table
     name, text, why, known = _geometry(recording)
     if text:
-        from bottomlock.kernel import make_geometry  # noqa: PLC0415
-
-        directions = np.array(_directions_of(text))
-        directions_p = np.asarray(
-            make_geometry("directions", directions=[tuple(row) for row in directions]).directions_p
-        )
+        geometry = make_geometry("directions", directions=[tuple(row) for row in _directions_of(text)])
+        claimed = np.full(geometry.beams, STARTING_NOISE_MPS)
     else:
-        directions_p = np.asarray(read_geometry(name).geometry.directions_p)
-    time_ns, velocity = ping_velocity(directions_p, table.time_ns, table.velocity_mps, table.valid)
+        instrument = read_geometry(name)
+        geometry, claimed = instrument.geometry, instrument.beam_sd_mps
+    time_ns, velocity = ping_velocity(
+        np.asarray(geometry.directions_p), table.time_ns, table.velocity_mps, table.valid
+    )
     return DvlPart(
         recording, None, time_ns, velocity, int(table.time_ns[0]), int(table.time_ns[-1]), geometry=name,
         geometry_text=text, geometry_why=why, geometry_known=known,
+        noise=_noise(geometry, claimed, table),
     )  # fmt: skip
+
+
+def _noise(geometry: BeamGeometry, claimed: Floats, table: BeamTable) -> tuple[float, str] | None:
+    """Noise of a beam and why, where the closure exceeds what the geometry claims."""
+    if table.beams != geometry.beams:
+        return None
+    group = measure_noise(geometry, table.velocity_mps, table.valid, claimed).groups[-1]
+    if group.fallback or group.factor < NOISY:
+        return None
+    claim_mps = float(np.mean(claimed))
+    why = f"closure of {group.pings} pings; the geometry claims {claim_mps:.2g}"
+    return float(f"{group.factor * claim_mps:.2g}"), why
 
 
 def _directions_of(text: str) -> list[list[float]]:
@@ -147,8 +168,8 @@ def _file(directions: Floats) -> str:
         "[" + ", ".join(f"{x:.6f}" for x in row / np.linalg.norm(row)) + "]" for row in directions
     )
     return (
-        f'configuration = "directions"\ndirections = [{rows}]\nbeam_noise_mps = 0.01  # m/s, 1 sigma: a '
-        "starting value\n"
+        f'configuration = "directions"\ndirections = [{rows}]\n'
+        f"beam_noise_mps = {STARTING_NOISE_MPS}  # m/s, 1 sigma: a starting value\n"
     )
 
 
@@ -200,14 +221,11 @@ def set_clock(dvl: DvlPart, imu: ImuPart) -> Searched | None:
             )
             return None
     least_s = min(60.0, 0.5 * min(imu_s, dvl_s))
-    origin = Recorded(
-        imu.time_ns,
-        imu.force_p_mps2,
-        imu.omega_p_radps,
-        dvl.time_ns + round(starts_s * 1e9),
-        dvl.velocity_p_mps,
-    )
-    found = search_offset(origin, least_s - dvl_s, imu_s - least_s)
+    found = None
+    if len(dvl.time_ns) > ENOUGH_PINGS:
+        begun_ns = dvl.time_ns + round(starts_s * 1e9)
+        origin = Recorded(imu.time_ns, imu.force_p_mps2, imu.omega_p_radps, begun_ns, dvl.velocity_p_mps)
+        found = search_offset(origin, least_s - dvl_s, imu_s - least_s)
     if found is not None and found.clear:
         dvl.offset_s = starts_s + found.offset_s
         dvl.offset_why = (

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bottomlock.replay.init import names
 from bottomlock.replay.init.any_table import AnyTable
+from bottomlock.replay.init.dates import written_times
 from bottomlock.replay.init.names import named, seconds_and_nanoseconds, split_unit, time_unit
 
 Floats = NDArray[np.float64]
@@ -194,7 +195,7 @@ def _others(table: AnyTable, groups: dict[str, tuple[str, ...] | None], single: 
 
 
 def table_times(table: AnyTable, kind: str) -> Times:
-    """Times of a table's rows: the best column by name, its unit by name, epoch or rate."""
+    """Times of a table's rows: the best column by name, its unit by name, epoch or rate; else a column of dates."""
     frame = table.frame
     pair = seconds_and_nanoseconds(frame.columns)
     if pair is not None:
@@ -213,30 +214,20 @@ def table_times(table: AnyTable, kind: str) -> Times:
         if series.dtype == pl.Datetime:
             time_ns = np.asarray(series.dt.cast_time_unit("ns").cast(pl.Int64).to_numpy(), dtype=np.int64)
             return Times(time_ns, why=f"dates of {name}", epoch=True)
-        written = _iso(series)
-        if written is not None:
-            return Times(written, why=f"dates of {name}", epoch=True)
+        written = written_times(frame.select(name))
+        if written is not None and written[2]:
+            return Times(written[0], why=written[1], epoch=True)
         value = numbers(series)
         if np.isfinite(value).mean() > 0.9 and np.nanmax(value) > np.nanmin(value):
             return _numeric_times(series, value, name, unit, kind)
+    written = written_times(frame)
+    if written is not None:
+        return Times(written[0], why=written[1], epoch=written[2])
     first = frame.columns[0]
     value = numbers(frame[first])
     if named(first) is None and np.isfinite(value).all() and len(value) > 3 and (np.diff(value) > 0.0).all():
         return _numeric_times(frame[first], value, first, "", kind)
     return Times(None, why="no column of times")
-
-
-def _iso(series: pl.Series) -> Integers | None:
-    """ISO dates as Unix times, ns; None for anything else."""
-    if series.dtype != pl.String:
-        return None
-    text = series.str.replace(r"Z$", "").str.replace(" ", "T").str.replace(r"([+-]00:?00)$", "")
-    if not re.match(r"\d{4}-\d\d-\d\dT\d", str(text[0] or "")):
-        return None
-    parsed = text.str.to_datetime(time_unit="ns", strict=False)
-    if parsed.null_count() > 0.05 * len(parsed):
-        return None
-    return np.asarray(parsed.cast(pl.Int64).fill_null(0).to_numpy(), dtype=np.int64)
 
 
 def _numeric_times(series: pl.Series, value: Floats, name: str, unit: str, kind: str) -> Times:

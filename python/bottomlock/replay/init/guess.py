@@ -66,9 +66,7 @@ def omega_unit(time_ns: Integers, force_mps2: Floats, omega: Floats, hint: str) 
     if unit is not None and not (unit == "rad/s" and p99 > FAST_RADPS):
         return Guess(unit, f"the column's name says so; 99 % of |ω| are below {p99:.3g}")
     if p99 > 3600.0:
-        return Guess(
-            "deg/h", f"99 % of |ω| are below {p99:.4g}: only degrees per hour leave the vehicle afloat"
-        )
+        return Guess("deg/h", f"99 % of |ω| are below {p99:.4g}: only degrees per hour are plausible")
     if p99 > FAST_RADPS:
         return Guess(
             "deg/s", f"99 % of |ω| are below {p99:.3g}: no vehicle turns that many radians per second"

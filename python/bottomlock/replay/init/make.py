@@ -10,7 +10,14 @@ from bottomlock.atomic_write import write_text
 from bottomlock.errors import DataError
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.init import sections
-from bottomlock.replay.init.dvl_part import DvlPart, dvl_of_recording, dvl_of_velocity, set_axes, set_clock
+from bottomlock.replay.init.dvl_part import (
+    ENOUGH_PINGS,
+    DvlPart,
+    dvl_of_recording,
+    dvl_of_velocity,
+    set_axes,
+    set_clock,
+)
 from bottomlock.replay.init.files import Files
 from bottomlock.replay.init.imu_part import guess_imu
 from bottomlock.replay.init.other_parts import (
@@ -92,8 +99,7 @@ def choose(sources: Sources) -> Parts:
     else:
         dvl = dvl_of_velocity(velocities[0])
     imu = guess_imu(found_imu, _duration_s(sources, dvl))
-    if len(dvl.time_ns) > 20:
-        set_clock(dvl, imu)
+    set_clock(dvl, imu)
     places = [one for one in sources.of("geodetic", "local") if one.times.time_ns is not None]
     reference = next((one for one in places if is_reference(one, len(places))), None)
     gps = next((one for one in places if one is not reference), None)
@@ -104,7 +110,7 @@ def choose(sources: Sources) -> Parts:
     sensed = [one for one in sources.of("depth", "pressure") if one.times.time_ns is not None]
     sensed.sort(key=lambda one: (one.kind != "depth", "depth" not in one.table.path.stem.lower()))
     depth = guess_depth(sensed[0], imu, dvl) if sensed else None
-    if len(dvl.time_ns) > 20:
+    if len(dvl.time_ns) > ENOUGH_PINGS:
         confirmed = attitude is not None and attitude.match is not None and attitude.match.least > CONFIRMED
         imu = set_axes(dvl, imu, imu_confirmed=confirmed)
         attitude = guess_attitude(own[0], imu, dvl) if own else None

@@ -187,6 +187,8 @@ def _dvl(dvl: DvlPart, sources: Sources, files: Files) -> Section:
             section.put("valid", names["valid"])
     name = files.geometry(dvl.geometry_text) if dvl.geometry_text else dvl.geometry
     section.put("geometry", name, dvl.geometry_why, known=dvl.geometry_known)
+    if dvl.noise is not None:
+        section.put("beam_noise_mps", *dvl.noise)
     for question in [*dvl.questions, *_departures(dvl)]:
         section.ask(question)
     return section

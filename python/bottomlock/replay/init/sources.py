@@ -15,6 +15,7 @@ from bottomlock.replay.init.any_table import AnyTable, read_any_table
 from bottomlock.replay.init.bag import bag_tables
 from bottomlock.replay.init.beam_columns import beam_columns
 from bottomlock.replay.init.found import Found, find_streams
+from bottomlock.replay.init.unnamed import named_by_content
 
 _SHOWN = 14
 
@@ -56,7 +57,7 @@ def read_sources(files: Sequence[Path]) -> Sources:
         elif name is not None and name != table.NAME:
             _log(found, path, name)
         else:
-            _table(found, path, read_any_table(path))
+            _table(found, path, named_by_content(read_any_table(path)))
     return found
 
 
@@ -114,5 +115,7 @@ def _table(found: Sources, path: Path, one: AnyTable) -> None:
             rate = f", {1.0 / step_s:.4g} Hz" if step_s > 0.0 else ""
         kinds = ", ".join(stream.kind for stream in streams)
         where = f" {one.words}" if one.words.startswith("topic") else ""
+        if one.words.startswith("no names"):
+            rate += f"; {one.words}"
         found.words.append(f"{path.name}{where}: {kinds} ({rows} rows{rate})")
     found.streams += streams

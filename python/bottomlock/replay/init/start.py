@@ -7,6 +7,8 @@ from bottomlock.replay.init.text import Section
 
 WINDOW_S = 10.0
 SHORT_WINDOW_S = 2.0
+UNDER_WAY_MPS = [2.0, 0.5, 0.5]
+"""1 sigma of a velocity of which nothing is known."""
 
 
 def put_start(section: Section, parts: Parts) -> None:
@@ -49,8 +51,11 @@ def put_start(section: Section, parts: Parts) -> None:
     if has_ping:
         section.put("velocity", "beams")
     else:
-        section.put("velocity_mps", [0.0, 0.0, 0.0], "no ping at the start: is it at rest?", known=False)
-    section.put("velocity_sd_mps", [0.1, 0.1, 0.1])
+        why = (
+            "no ping there gives a whole velocity: is it at rest? The sigma below covers a vehicle under way"
+        )
+        section.put("velocity_mps", [0.0, 0.0, 0.0], why, known=False)
+    section.put("velocity_sd_mps", [0.1, 0.1, 0.1] if has_ping else UNDER_WAY_MPS)
     _position(section, parts, at_s)
 
 

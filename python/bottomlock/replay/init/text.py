@@ -39,6 +39,8 @@ def toml_value(value: object) -> str:
 
     >>> toml_value(True), toml_value("m/s2"), toml_value({"unit": "s", "offset_s": 0.5}), toml_value((1.0, 2.0))
     ('true', '"m/s2"', '{ unit = "s", offset_s = 0.5 }', '[1.0, 2.0]')
+    >>> toml_value(-1699999987.8), toml_value(1e-7)
+    ('-1699999987.8', '1e-07')
     """
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -47,7 +49,9 @@ def toml_value(value: object) -> str:
     if isinstance(value, list | tuple):
         return "[" + ", ".join(toml_value(one) for one in value) + "]"
     if isinstance(value, float):
-        short = f"{value:.9g}"
+        # Nine digits, and a microsecond of an offset between clocks of different centuries.
+        digits = max(9, len(str(int(abs(value)))) + 6) if abs(value) < 1e12 else 17
+        short = f"{value:.{digits}g}"
         return short if any(mark in short for mark in ".e") else f"{short}.0"
     return json.dumps(value, ensure_ascii=False)
 

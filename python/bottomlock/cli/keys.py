@@ -1,0 +1,124 @@
+"""The command `bottomlock keys`: every key of the files that a user writes."""
+
+import dataclasses
+import difflib
+import json
+import sys
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+from pydantic import BaseModel
+
+from bottomlock.cli.console import console
+from bottomlock.config.key_reference import Key, KeySection, sections_of
+from bottomlock.config.mission_sections import MISSIONS, SEABEDS
+from bottomlock.config.scenario import Scenario
+from bottomlock.errors import ScenarioError
+from bottomlock.io.beams import Columns, InstrumentFile
+from bottomlock.live.config import LiveConfig
+from bottomlock.plant.vehicle import Vehicle
+from bottomlock.replay.case import Case
+
+Kind = Literal["scenario", "case", "geometry", "vehicle", "columns", "live"]
+MODELS: dict[Kind, type[BaseModel]] = {
+    "scenario": Scenario, "case": Case, "geometry": InstrumentFile, "vehicle": Vehicle, "columns": Columns,
+    "live": LiveConfig,
+}  # fmt: skip
+OPEN_SECTIONS: dict[str, dict[str, type[BaseModel]]] = {"mission": {**MISSIONS}, "seabed": {**SEABEDS}}
+"""Sections of a scenario whose keys depend on their `kind`."""
+
+
+def keys(
+    kind: Annotated[
+        Kind, Parameter(help="Which file: scenario, case, geometry, vehicle, columns (column map) or live.")
+    ],
+    word: Annotated[str, Parameter(help="Only sections and keys whose name contains it.")] = "",
+    /,
+    *,
+    as_json: Annotated[bool, Parameter(name="--json", negative="", help="Print JSON.")] = False,
+) -> None:
+    """Print the keys of a file: type, unit, default, permitted range, meaning and an example.
+
+    The same is in docs/keys.md.
+    """
+    found = matching(reference(kind), word)
+    if not found:
+        names = {part for one in reference(kind) for part in (one.path, *(key.name for key in one.keys))}
+        close = difflib.get_close_matches(word, sorted(names), n=1)
+        hint = f", did you mean '{close[0]}'?" if close else ""
+        raise ScenarioError(f"no section or key of a {kind} file contains '{word}'{hint}")
+    if as_json:
+        sys.stdout.write(json.dumps([_content(one) for one in found], indent=2, ensure_ascii=False) + "\n")
+        return
+    for one in found:
+        console.print(_words(one), highlight=False, markup=False, soft_wrap=True)
+
+
+def reference(kind: Kind) -> list[KeySection]:
+    """The sections of a kind of file, a scenario's `[mission]` and `[seabed]` by their kinds."""
+    found = []
+    for section in sections_of(MODELS[kind]):
+        is_open = kind == "scenario" and not section.path
+        kept = tuple(key for key in section.keys if not (is_open and key.name in OPEN_SECTIONS))
+        found.append(dataclasses.replace(section, keys=kept))
+        if section.path == "trajectory" or (section.path == "environment" and kind == "scenario"):
+            found += _of_kinds("mission" if section.path == "trajectory" else "seabed")
+    return found
+
+
+def _of_kinds(path: str) -> list[KeySection]:
+    """The sections of each kind of a mission or seabed, those inside them once."""
+    found: list[KeySection] = []
+    for kind, model in OPEN_SECTIONS[path].items():
+        for one in sections_of(model, path=path):
+            if one.path == path:
+                found.append(dataclasses.replace(one, left_out=f'for kind = "{kind}"', keys=_inherited(one)))
+            elif not any(one.path == other.path for other in found):
+                found.append(one)
+    return found
+
+
+def _inherited(section: KeySection) -> tuple[Key, ...]:
+    """The keys of a mission with the defaults that a scenario gives them, and of a seabed as they are."""
+    if section.path != "mission":
+        return section.keys
+    defaults = dict.fromkeys(("kind", "speed_mps", "duration_s"), "that of [trajectory]")
+    defaults["name"] = "that of the scenario"
+    return tuple(
+        dataclasses.replace(key, default=defaults.get(key.name, key.default)) for key in section.keys
+    )
+
+
+def matching(sections: list[KeySection], word: str) -> list[KeySection]:
+    """The sections whose path contains a word, whole, and the matching keys of the others."""
+    found = []
+    for one in sections:
+        kept = one.keys if word in one.path else tuple(key for key in one.keys if word in key.name)
+        if kept:
+            found.append(dataclasses.replace(one, keys=kept))
+    return found
+
+
+def _content(section: KeySection) -> dict[str, object]:
+    return {
+        "section": section.path,
+        "repeated": section.repeated,
+        "meaning": section.meaning,
+        "left_out": section.left_out,
+        "keys": [dataclasses.asdict(key) for key in section.keys],
+    }
+
+
+def _words(section: KeySection) -> str:
+    lines = [f"{section.title} {section.left_out}".rstrip(), f"  {section.meaning}"]
+    for key in section.keys:
+        lines += [f"  {key.name}: {summary(key)}", f"      {key.meaning}", f"      {key.example}"]
+    return "\n".join(lines) + "\n"
+
+
+def summary(key: Key) -> str:
+    """Type, unit, range and default of a key in one line."""
+    unit = f" ({key.unit})" if key.unit and key.unit != "1" else ""
+    span = f", {key.range}" if key.range not in {"", "any", "finite"} else ""
+    default = key.default if key.default == "required" else f"default {key.default}"
+    return f"{key.type}{unit}{span}; {default}"

@@ -1,0 +1,177 @@
+"""The sections `[mission]` and `[seabed]` of a scenario, whose keys depend on their `kind`."""
+
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from bottomlock.config.validation import explain
+from bottomlock.errors import ScenarioError
+
+Table = TypeVar("Table", bound=BaseModel)
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Speed = Annotated[float, Field(gt=0.0, le=50.0)]
+Duration = Annotated[float, Field(gt=0.0, le=86_400.0)]
+"""Seconds, a day at most: a mission is integrated step by step."""
+
+Length = Annotated[float, Field(ge=0.1, le=1e6)]
+"""Metres of a part of a path, of which a mission has a number that can be held."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class CurrentTable(_Table):
+    """The current: mean speed and direction, shear with depth, and a Gauss-Markov variation."""
+
+    speed_mps: NotNegative = 0.0
+    towards_deg: Finite = 0.0
+    shear_north_mps_per_m: Finite = 0.0
+    shear_east_mps_per_m: Finite = 0.0
+    wander_sd_mps: NotNegative = 0.0
+    wander_time_s: Positive = 120.0
+    seed: int = 0
+
+
+class StuckFinTable(_Table):
+    """A fin that is stuck at an angle."""
+
+    fin: Annotated[int, Field(ge=1, le=4)]
+    angle_deg: Finite
+
+
+class _MissionTable(_Table):
+    speed_mps: Speed = 2.0
+    guidance: Literal["line_of_sight", "constant_bearing"] = "line_of_sight"
+    current: CurrentTable = CurrentTable()
+    stuck_fin: StuckFinTable | None = None
+
+
+class StraightTable(_MissionTable):
+    """Trajectory 1: north at constant depth."""
+
+    kind: Literal["straight"]
+    duration_s: Duration = 250.0
+    depth_m: NotNegative = 20.0
+
+
+class FigureEightTable(_MissionTable):
+    """Trajectory 2: circles to the right and to the left in turn, with a dive."""
+
+    kind: Literal["figure_eight"]
+    duration_s: Duration = 250.0
+    depth_m: NotNegative = 20.0
+    radius_m: Length = 40.0
+    dive_rate_mps: Finite = 0.1
+
+
+class LawnMowerTable(_MissionTable):
+    """Trajectory 3: a dive, then legs at constant depth joined by half turns."""
+
+    kind: Literal["lawn_mower"]
+    duration_s: Duration = 250.0
+    depth_m: NotNegative = 20.0
+    leg_m: Length = 80.0
+    spacing_m: Length = 30.0
+    dive_rate_mps: Finite = 0.3
+    dive_duration_s: Duration = 30.0
+
+
+class WaypointsTable(_MissionTable):
+    """A user's trajectory: waypoints (north, east in m), rounded corners, depth at times."""
+
+    kind: Literal["waypoints"]
+    name: Annotated[str, Field(min_length=1)]
+    waypoints_m: Annotated[list[tuple[Finite, Finite]], Field(min_length=2)]
+    turn_radius_m: Length = 15.0
+    depth_profile: Annotated[list[tuple[Finite, NotNegative]], Field(min_length=1)]
+    duration_s: Duration | None = None
+
+
+AnyMission: TypeAlias = StraightTable | FigureEightTable | LawnMowerTable | WaypointsTable
+MISSIONS: dict[str, type[AnyMission]] = {
+    "straight": StraightTable,
+    "figure_eight": FigureEightTable,
+    "lawn_mower": LawnMowerTable,
+    "waypoints": WaypointsTable,
+}
+
+
+class FlatSeabedTable(_Table):
+    """A plane: depth below the origin and slopes, positive where it deepens."""
+
+    kind: Literal["plane"]
+    depth_m: Positive
+    slope_north_deg: Finite = 0.0
+    slope_east_deg: Finite = 0.0
+
+
+class RollingSeabedTable(_Table):
+    """A synthetic grid of crossed undulations."""
+
+    kind: Literal["rolling"]
+    depth_m: Positive
+    relief_m: NotNegative
+    wavelength_m: Positive
+    half_width_m: Positive = 600.0
+
+
+class GridSeabedTable(_Table):
+    """A user's grid file (.toml or .npz)."""
+
+    kind: Literal["grid"]
+    path: Path
+
+
+AnySeabed: TypeAlias = FlatSeabedTable | RollingSeabedTable | GridSeabedTable
+SEABEDS: dict[str, type[AnySeabed]] = {
+    "plane": FlatSeabedTable,
+    "rolling": RollingSeabedTable,
+    "grid": GridSeabedTable,
+}
+
+
+def checked_table(kinds: dict[str, type[Table]], table: dict[str, Any], place: str) -> Table:
+    """The table as the model of its kind.
+
+    Raises:
+        ScenarioError: a line for each wrong key.
+    """
+    kind = table.get("kind")
+    if kind not in kinds:
+        close = difflib.get_close_matches(str(kind), kinds, n=1)
+        hint = f", did you mean '{close[0]}'?" if close else f" (known: {', '.join(kinds)})"
+        raise ScenarioError(f"{place}: 'kind' is {kind!r}{hint}")
+    try:
+        return kinds[kind].model_validate(table)
+    except ValidationError as error:
+        raise ScenarioError(explain(error, place, kinds[kind])) from error
+
+
+def faults_of(content: Mapping[str, Any], place: str) -> list[str]:
+    """What is wrong with `[mission]` and `[seabed]` of a scenario's tables, a line each; empty for nothing."""
+    trajectory, mission, seabed = (content.get(key, {}) for key in ("trajectory", "mission", "seabed"))
+    if not all(isinstance(table, dict) for table in (trajectory, mission, seabed)):
+        return []
+    faults: list[str] = []
+    known = trajectory.get("kind") in MISSIONS or "kind" in mission
+    if mission and known and trajectory.get("source", "vehicle") == "vehicle":
+        kind = mission.get("kind", trajectory.get("kind"))
+        # [trajectory] gives kind and name; its speed and duration are checked there.
+        given = {"kind": kind} | ({"name": "name"} if kind == "waypoints" else {})
+        faults += _lines(MISSIONS, given | mission, f"{place}: mission")
+    return faults + (_lines(SEABEDS, seabed, f"{place}: seabed") if seabed else [])
+
+
+def _lines(kinds: dict[str, type[Table]], table: dict[str, Any], place: str) -> list[str]:
+    try:
+        checked_table(kinds, table, place)
+    except ScenarioError as error:
+        return str(error).splitlines()
+    return []

@@ -1,0 +1,33 @@
+"""A value as TOML writes it."""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+
+def toml_value(value: Any) -> str:  # noqa: ANN401 - a value of any key
+    """The value as TOML writes it, numbers to six digits.
+
+    >>> toml_value({"column": "t", "sd_m": (0.5, 1e-7), "on": True})
+    '{ column = "t", sd_m = [0.5, 1e-07], on = true }'
+    """
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return _number(value)
+    if isinstance(value, str | Path):
+        return json.dumps(str(value), ensure_ascii=False)
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {toml_value(one)}" for key, one in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_value(one) for one in value) + "]"
+    return str(value)
+
+
+def _number(value: float) -> str:
+    if math.isinf(value) or math.isnan(value):
+        return str(value)
+    short = f"{value:.6g}"
+    return short if any(mark in short for mark in ".e") else f"{short}.0"

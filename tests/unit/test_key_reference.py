@@ -1,0 +1,110 @@
+"""The key reference: every key of every model has what a user needs, its examples hold, and the page is current."""
+
+import importlib.util
+import json
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, get_args
+
+import pytest
+from pydantic import BaseModel, TypeAdapter
+
+from bottomlock.cli.keys import MODELS, OPEN_SECTIONS, Kind, keys, matching, reference
+from bottomlock.config.key_reference import describe, key_of, section_models
+from bottomlock.config.meaning import meanings_of
+from bottomlock.config.scenario_sections import Dvl
+from bottomlock.errors import ScenarioError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def models() -> Iterator[type[BaseModel]]:
+    """Every model that a key of a file belongs to."""
+    waiting = [*MODELS.values(), *(model for kinds in OPEN_SECTIONS.values() for model in kinds.values())]
+    seen: set[type[BaseModel]] = set()
+    while waiting:
+        model = waiting.pop()
+        if model not in seen:
+            seen.add(model)
+            yield model
+            waiting += [
+                one for field in model.model_fields.values() for one in section_models(field.annotation)
+            ]
+
+
+def test_every_key_is_described_and_its_example_is_valid() -> None:
+    """A key without meaning or range, a number without unit, and an example that the model rejects all fail."""
+    count = 0
+    for model in models():
+        for name, field in model.model_fields.items():
+            if section_models(field.annotation):
+                continue
+            key, place = key_of(model, name, field), f"{model.__name__}.{name}"
+            assert key.meaning, place
+            assert key.range or key.type in {"true or false", "table"}, place
+            assert key.unit or "number" not in key.type, place
+            value = tomllib.loads(key.example)[name]
+            declared: Any = (
+                Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+            )
+            TypeAdapter(declared).validate_python(value)
+            count += 1
+    assert count > 400
+
+
+def test_no_meaning_is_of_a_key_that_does_not_exist() -> None:
+    """A key that was renamed leaves no entry behind."""
+    known = {(one.__module__, one.__name__): one for model in models() for one in model.__mro__}
+    folder = ROOT / "python" / "bottomlock" / "config" / "meanings"
+    modules = [f"bottomlock.{file.name.removesuffix('.toml')}" for file in folder.iterdir()]
+    assert modules
+    for module in modules:
+        for name, entries in meanings_of(module).items():
+            model = known[module, name]
+            assert issubclass(model, BaseModel)
+            assert set(entries) <= set(model.model_fields), f"{module}.{name}"
+
+
+def test_the_committed_page_is_current() -> None:
+    """docs/keys.md is what tools/key_reference.py writes."""
+    spec = importlib.util.spec_from_file_location("key_page", ROOT / "tools" / "key_reference.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert (ROOT / "docs" / "keys.md").read_text(encoding="utf-8") == module.page()
+
+
+@pytest.mark.parametrize("kind", get_args(Kind))
+def test_every_kind_prints(kind: Kind, capsys: pytest.CaptureFixture[str]) -> None:
+    """As words and as JSON, which has every key of the words."""
+    keys(kind)
+    words = capsys.readouterr().out
+    keys(kind, as_json=True)
+    content = json.loads(capsys.readouterr().out)
+    for section in content:
+        for key in section["keys"]:
+            assert f"  {key['name']}: " in words
+            assert key["example"] in words
+
+
+def test_words_narrow_the_list_and_unknown_ones_name_the_nearest() -> None:
+    """A section's name gives the section, a key's name the key in every section."""
+    assert {one.path for one in matching(reference("scenario"), "imu.limits")} == {"imu.limits"}
+    tilts = matching(reference("scenario"), "tilt_deg")
+    assert [(one.path, [key.name for key in one.keys]) for one in tilts] == [("dvl", ["tilt_deg"])]
+    with pytest.raises(ScenarioError, match="did you mean 'tilt_deg'"):
+        keys("scenario", "tilt_dge")
+
+
+def test_ranges_are_those_of_the_validators() -> None:
+    """Bounds, choices, lists and optional keys in words, by hand."""
+    described = {
+        name: describe(field.annotation, tuple(field.metadata)) for name, field in Dvl.model_fields.items()
+    }
+    assert described["rate_hz"] == ("number", "> 0, ≤ 100")
+    assert described["tilts_deg"] == ("list of numbers", "each > -90, < 90")
+    assert described["directions"] == ("list of lists of 3 numbers", "each finite")
+    assert described["max_range_m"] == ("number", "> 0")
+    assert described["beam_noise_mps"] == ("number", "> 0")
