@@ -13,20 +13,23 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import Navigator
 from bottomlock.models import Calibration, InitialState
-from bottomlock.replay.calibration import calibration_words, write_calibration
+from bottomlock.replay.calibration import calibration_words, found, write_calibration
 from bottomlock.replay.case import Case, load_case, parse_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.report import make_replay_report
 from bottomlock.replay.rerun import prepare
-from bottomlock.replay.run import ReplayResult, replay_case, write_replay
+from bottomlock.replay.run import ReplayResult, replay_case
 from tests.analytic import analytic_simulation
+from tests.oracle.rotations import exp_rotation, matrix_from_euler
 
 CASE = Path(__file__).parents[2] / "data" / "logs" / "robosub" / "case.toml"
 OWN = "\n[calibration]\nmounting_sd_deg = 2.0\nclock_sd_s = 0.1\n"
 
 
+SHORT = "smooth = false\nduration_s = 20.0\n"
+
+
 def case_of(extra: str = "") -> Case:
-    text = CASE.read_text(encoding="utf-8").split("[[what_if]]")[0] + extra
+    text = CASE.read_text(encoding="utf-8").split("[[what_if]]")[0] + SHORT + extra
     case = parse_case(text, place="case", folder=CASE.parent)
     return case.with_overrides(methods=["tc", "lc"])
 
@@ -59,13 +62,6 @@ def test_without_a_prior_there_is_nothing(replayed: ReplayResult) -> None:
         )
 
 
-def test_the_page_shows_it(replayed: ReplayResult, tmp_path: Path) -> None:
-    write_replay(replayed, tmp_path)
-    page = make_replay_report(tmp_path).read_text(encoding="utf-8")
-    assert 'id="calibration"' in page
-    assert "mounting down" in page
-
-
 def test_written_and_taken_as_the_prior(replayed: ReplayResult, tmp_path: Path) -> None:
     """The next replay starts where this one ended: mounting and clock as found, with their deviations."""
     case, path = case_of(OWN), tmp_path / "dvl.toml"
@@ -90,6 +86,28 @@ def test_written_and_taken_as_the_prior(replayed: ReplayResult, tmp_path: Path) 
     assert 0.5 * np.linalg.norm(value[:3]) < angle <= np.linalg.norm(value[:3]) + 1e-3
 
 
+def test_a_mounting_is_turned_in_the_platform_axes(tmp_path: Path) -> None:
+    """What is found comes after the stated mounting: R = Exp(ψ) R_stated; scale and clock add up with the stated."""
+    (tmp_path / "dvl.toml").write_text(
+        'configuration = "x"\ntilt_deg = 30.0\nmounting_yaw_deg = 90.0\nbeam_noise_mps = 0.01\n'
+        "[calibration]\nclock_offset_s = 0.5\nscale_percent = 1.0\n"
+    )
+    case = case_of(OWN)
+    table = pl.DataFrame(
+        {
+            "what_if": "recorded", "run": 0, "method": "tc", "value": [2.0, 0.0, 0.0, 0.1, 1.0],
+            "sd": [0.1, 0.2, 0.3, 0.01, 0.2], "prior_sd": [1.0, 1.0, 1.0, 0.1, 0.7],
+        }
+    )  # fmt: skip
+    result = found(read_geometry(tmp_path / "dvl.toml"), table, case)
+    assert result.mounting_rpy_rad is not None
+    turned = matrix_from_euler(*result.mounting_rpy_rad)
+    expected = exp_rotation(np.deg2rad([2.0, 0.0, 0.0])) @ matrix_from_euler(0.0, 0.0, np.pi / 2)
+    np.testing.assert_allclose(turned, expected, atol=1e-12)
+    assert result.scale == pytest.approx(1.01**2 - 1)
+    assert result.clock_offset_s == pytest.approx(0.6)
+
+
 @pytest.mark.parametrize(
     ("lines", "words"),
     [
@@ -107,7 +125,7 @@ def test_bad_keys_are_named(lines: str, words: str) -> None:
 
 def test_the_command_writes_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     case = tmp_path / "case.toml"
-    text = CASE.read_text(encoding="utf-8").split("[[what_if]]")[0] + OWN
+    text = CASE.read_text(encoding="utf-8").split("[[what_if]]")[0] + SHORT + OWN
     case.write_text(
         text.replace('file = "', f'file = "{CASE.parent}/').replace('"dvl.toml"', f'"{CASE.parent}/dvl.toml"')
     )
@@ -116,6 +134,9 @@ def test_the_command_writes_once(tmp_path: Path, capsys: pytest.CaptureFixture[s
     app([*call, str(tmp_path / "found.toml")], result_action="return_value")
     assert "calibration by tc" in capsys.readouterr().out
     assert read_geometry(tmp_path / "found.toml").stated.clock_sd_s > 0.0
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert 'id="calibration"' in page
+    assert "mounting down" in page
 
 
 def test_navigator_has_them() -> None:
