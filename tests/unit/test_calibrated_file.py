@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bottomlock.audit.geometry_file import known
+from bottomlock.audit.mounting import Mounting
 from bottomlock.config.calibration import CalibrationSection, StatedCalibration
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.io.beams import read_geometry
@@ -50,6 +52,22 @@ def test_written_and_read_back(tmp_path: Path) -> None:
     assert (read.stated.clock_offset_s, read.stated.clock_sd_s) == (0.25, 0.02)
     assert read.geometry.sound_speed_scale == pytest.approx(1.004)
     assert read.columns.time == "t"
+
+
+def test_an_audit_is_a_prior(tmp_path: Path) -> None:
+    """What the audit sees is written as the prior of a replay; what it does not see is not written."""
+    mounting = Mounting(
+        source="velocity and attitude", rpy_rad=np.zeros(3), misalignment_sd_rad=np.deg2rad([0.1, 0.2, 0.3]),
+        lever_arm_p_m=np.zeros(3), lever_arm_sd_m=np.ones(3), clock_offset_s=0.35, clock_offset_sd_s=0.01,
+        scale=0.01, scale_sd=0.1, mirrored=False, residual_mps=np.zeros(3), explained=0.9, instants=500,
+        rate_rms_radps=np.ones(3), imu=None,
+    )  # fmt: skip
+    (tmp_path / "dvl.toml").write_text(calibrated_text(FILE, known(mounting, "log")), encoding="utf-8")
+    stated = read_geometry(tmp_path / "dvl.toml").stated
+    assert (stated.clock_offset_s, stated.clock_sd_s) == (0.35, 0.01)
+    assert stated.mounting_sd_deg == (0.1, 0.2, 0.3)
+    assert (stated.scale_percent, stated.scale_sd_percent) == (0.0, None)
+    assert known(None, "log").clock_sd_s is None
 
 
 def test_what_is_not_known_is_not_written() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bottomlock.audit.matrix import azimuth, tilt
-from bottomlock.audit.mounting import LIMITS
+from bottomlock.audit.mounting import LIMITS, Mounting
 from bottomlock.audit.robust import Array, sigma
 from bottomlock.audit.run import Audit
 from bottomlock.errors import DataError
@@ -77,7 +77,7 @@ def geometry_text(audit: Audit) -> str:
         lines += ["", "[columns]"]
         for key, value in log.columns.model_dump(exclude_defaults=True).items():
             lines.append(f"{key} = {json.dumps(list(value) if isinstance(value, tuple) else value)}")
-    lines += calibration_lines(_calibrated(audit))
+    lines += calibration_lines(known(audit.mounting, log.place))
     return "\n".join(lines) + "\n"
 
 
@@ -112,15 +112,15 @@ def _noise(audit: Audit) -> float:
     return noise
 
 
-def _calibrated(audit: Audit) -> Calibrated:
+def known(mounting: Mounting | None, place: str) -> Calibrated:
     """What is known of mounting, scale and clock, which a replay takes as its prior; nothing of what is not seen."""
-    m = audit.mounting
+    m = mounting
     if m is None or not m.follows or m.mirrored:
         return Calibrated("", None, None, None, None, None, None)
     has_mounting = bool((m.misalignment_sd_rad < LIMITS["misalignment_rad"]).all())
     has_scale, has_clock = m.scale_sd < LIMITS["scale"], m.clock_offset_sd_s < LIMITS["clock_offset_s"]
     return Calibrated(
-        source=f"audit of {audit.log.place}, from {m.source}",
+        source=f"audit of {place}, from {m.source}",
         mounting_rpy_rad=None,
         mounting_sd_rad=m.misalignment_sd_rad if has_mounting else None,
         scale=m.scale if has_scale else None,
