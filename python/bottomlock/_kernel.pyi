@@ -84,6 +84,7 @@ class DefaultOptionsDict(TypedDict):
     weak_sway_var_m2ps2: float
     information_port: Literal["axes", "full"]
     water: WaterDict
+    calibration: CalibrationDict
     speed_sd_mps: float
     speed_time_s: float
     robust: RobustDict
@@ -145,6 +146,17 @@ class StateDict(TypedDict):
     gyro_bias_p_radps: NDArray[np.float64]
     dvl_bias_mps: NDArray[np.float64]
     dvl_scale_factor: float
+
+@type_check_only
+class CalibrationDict(TypedDict):
+    mounting_sd_rad: list[float]
+    clock_sd_s: float
+
+@type_check_only
+class CalibrationStateDict(TypedDict):
+    mounting_rad: NDArray[np.float64]
+    clock_s: float
+    covariance: NDArray[np.float64]
 
 @type_check_only
 class WaterStateDict(TypedDict):
@@ -325,6 +337,9 @@ class ReplayDict(TypedDict):
     smoothed_dvl_scale: NotRequired[NDArray[np.float64]]
     smoothed_sd: NotRequired[NDArray[np.float64]]
     smoothed_covariance: NotRequired[NDArray[np.float64]]
+    calibration: NotRequired[NDArray[np.float64]]
+    calibration_sd: NotRequired[NDArray[np.float64]]
+    calibration_covariance: NotRequired[NDArray[np.float64]]
     smoother_bytes: NotRequired[NDArray[np.int64]]
 
 @final
@@ -434,6 +449,7 @@ class Navigator:
     def state(self) -> StateDict: ...
     def covariance(self) -> NDArray[np.float64]: ...
     def water(self) -> WaterStateDict | None: ...
+    def calibration(self) -> CalibrationStateDict | None: ...
     def save(self) -> bytes: ...
     @classmethod
     def load(cls, data: bytes) -> Navigator: ...

@@ -255,6 +255,18 @@ class Water(Settings):
 
 
 @_settings
+class Calibration(Settings):
+    """Prior of the DVL's mounting and clock as states of the filter, 1 sigma; zero is certain, all zero is off.
+
+    `mounting_sd_rad` (3,) is about the platform's forward, right and down axes (docs/calibration.md).
+    """
+
+    place: ClassVar[str] = "options.calibration"
+    mounting_sd_rad: Vector = tuple(DEFAULT_OPTIONS["calibration"]["mounting_sd_rad"])
+    clock_sd_s: float = DEFAULT_OPTIONS["calibration"]["clock_sd_s"]
+
+
+@_settings
 class Robust(Settings):
     """Treatment of outliers among the beams (docs/robust.md).
 
@@ -301,6 +313,7 @@ class Options(Settings):
     gps_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["gps_lever_p_m"])
     acoustic_position_lever_p_m: Vector = tuple(DEFAULT_OPTIONS["acoustic_position_lever_p_m"])
     water: Water = Water()
+    calibration: Calibration = Calibration()
     robust: Robust | None = Robust()
 
 

@@ -90,7 +90,7 @@ def test_increments_are_divided_by_their_interval(tmp_path: Path) -> None:
     np.testing.assert_allclose(streams.inertial.force_p_mps2[:, 2], -9.8)
     np.testing.assert_allclose(streams.inertial.omega_p_radps[:, 2], 0.2)
     case = parse_case(changed(("omega =", units)), place="case", folder=tmp_path)
-    assert kernel_options(case).imu_sampling == "averaged"
+    assert kernel_options(case, streams.instrument).imu_sampling == "averaged"
 
 
 def test_gap_of_the_imu_is_refused_unless_declared(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@
 mod lock;
 
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
+use bottomlock::aiding::calibration::{CALIBRATION, CLOCK};
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::aiding::water;
 use bottomlock::aiding::water::WATER;
@@ -369,6 +370,26 @@ impl Navigator {
         out.set_item("restarts", block.restarts())?;
         let covariance = block.covariance().as_slice().to_vec();
         out.set_item("covariance", array(py, covariance, &[WATER, WATER])?)?;
+        Ok(Some(out))
+    }
+
+    /// Estimate of the DVL's mounting and clock after the last update; None where `options.calibration` is off.
+    ///
+    /// mounting_rad (3,), the rotation from the stated mounting about forward, right and down; clock_s, the time to add to the
+    /// stamps; the (4, 4) covariance of both.
+    fn calibration<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let estimated = self.with(py, |inner| inner.navigators().selected().filter().calibration())?;
+        let Some((estimate, covariance)) = estimated else {
+            return Ok(None);
+        };
+        let (numbers, out) = (estimate.numbers(), PyDict::new(py));
+        out.set_item(
+            "mounting_rad",
+            array(py, numbers.as_slice()[..CLOCK].to_vec(), &[CLOCK])?,
+        )?;
+        out.set_item("clock_s", numbers[CLOCK])?;
+        let covariance = covariance.as_slice().to_vec();
+        out.set_item("covariance", array(py, covariance, &[CALIBRATION, CALIBRATION])?)?;
         Ok(Some(out))
     }
 }

@@ -1,5 +1,6 @@
 //! A recorded log through the event loop.
 
+use bottomlock::aiding::calibration::CALIBRATION;
 use bottomlock::aiding::registry::{Measurement, SENSORS, SensorKind};
 use bottomlock::aiding::water::WATER;
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
@@ -183,6 +184,9 @@ impl OwnedLog {
 ///     - unused, the number of rows of each stream before the start and after the end;
 ///     - with `smooth`: the estimates and sd again with the prefix smoothed_, and smoother_bytes (M,), the memory of each method's
 ///       backward pass;
+///     - where `options.calibration` is on: calibration and calibration_sd (M, T, 4), the rotation of the DVL from its stated
+///       mounting about forward, right and down (rad) and the time to add to its stamps (s), with `covariances` also
+///       calibration_covariance (M, T, 4, 4); they are constants, so the last sample has what a smoother would give;
 ///     - with `covariances`: covariance (M, T, 20, 20), with `smooth` also smoothed_covariance.
 ///
 /// Raises:
@@ -241,6 +245,7 @@ pub fn replay_log<'py>(
         let bytes: Vec<i64> = replayed.tracks.iter().map(|track| track.tape_bytes as i64).collect();
         out.set_item("smoother_bytes", array(py, bytes, &[methods.len()])?)?;
     }
+    put_calibrations(&out, &replayed.tracks, covariances)?;
     put_pings(&out, &replayed.tracks, log.pings.len(), beams)?;
     let unused = PyDict::new(py);
     for (key, counts) in [
@@ -259,7 +264,7 @@ pub fn replay_log<'py>(
 fn replay_bytes(request: &Replay<'_>) -> u128 {
     const NUMBER: usize = size_of::<f64>();
     // A tape has the covariance and the transition of every sample, of all further states too.
-    let (matrix, tape) = (DIM * DIM * NUMBER, 2 * (DIM + 1 + WATER).pow(2) * NUMBER);
+    let (matrix, tape) = (DIM * DIM * NUMBER, 2 * (DIM + 1 + CALIBRATION + WATER).pow(2) * NUMBER);
     let estimate = size_of::<NavState>() + DIM * NUMBER + if request.covariances { matrix } else { 0 };
     let sample = 2 * estimate * if request.smooth { 2 } else { 1 } + if request.smooth { tape } else { 0 };
     let (methods, samples) = (request.methods.len(), request.sample_time_ns.len());
@@ -322,6 +327,28 @@ fn put_series(
             .iter()
             .flat_map(|track| of(track).covariances.iter().flat_map(|p| p.iter().copied()));
         put("covariance", &[DIM, DIM], entries.collect())?;
+    }
+    Ok(())
+}
+
+/// Mounting and clock of the DVL at each sample, methods × samples × 4, where they are estimated.
+fn put_calibrations(out: &Bound<'_, PyDict>, tracks: &[Track], covariances: bool) -> PyResult<()> {
+    let samples = tracks.first().map_or(0, |track| track.calibrations.len());
+    if samples == 0 {
+        return Ok(());
+    }
+    let shape = [tracks.len(), samples, CALIBRATION, CALIBRATION];
+    let each = || tracks.iter().flat_map(|track| &track.calibrations);
+    let numbers: Vec<f64> = each().flat_map(|(numbers, _)| numbers.iter().copied()).collect();
+    let sd = each().flat_map(|(_, covariance)| (0..CALIBRATION).map(|k| covariance[(k, k)].max(0.0).sqrt()));
+    out.set_item("calibration", array(out.py(), numbers, &shape[..3])?)?;
+    out.set_item(
+        "calibration_sd",
+        array(out.py(), sd.collect::<Vec<f64>>(), &shape[..3])?,
+    )?;
+    if covariances {
+        let entries: Vec<f64> = each().flat_map(|(_, covariance)| covariance.iter().copied()).collect();
+        out.set_item("calibration_covariance", array(out.py(), entries, &shape)?)?;
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! Models and options from their keys.
 
 use bottomlock::aiding::InformationPort;
+use bottomlock::aiding::calibration::CalibrationPrior;
 use bottomlock::aiding::outliers::{Robust, Tail};
 use bottomlock::aiding::registry::{Levers, SectionReader, SensorKind, SensorModels};
 use bottomlock::aiding::sensor::{Numbers, Section};
@@ -179,6 +180,11 @@ fn options_of(keys: &Keys<'_>) -> PyResult<Options> {
         } else {
             default.water
         },
+        calibration: if keys.has("calibration")? {
+            keys.section("calibration", calibration)?
+        } else {
+            default.calibration
+        },
         covariance_period_ns: keys.extract("covariance_period_ns", "an integer number of nanoseconds")?,
         sampling: sampling(&keys.text("imu_sampling")?)?,
         estimate_dvl: keys.extract("estimate_dvl", "True or False")?,
@@ -204,6 +210,14 @@ pub fn water(keys: &Keys<'_>) -> PyResult<WaterPrior> {
         slip_sd_mps: keys.number("slip_sd_mps")?,
         slip_time_s: keys.number("slip_time_s")?,
         slip_epochs: keys.number("slip_epochs")?,
+    })
+}
+
+/// The prior of the DVL's mounting and clock.
+pub fn calibration(keys: &Keys<'_>) -> PyResult<CalibrationPrior> {
+    Ok(CalibrationPrior {
+        mounting_sd_rad: keys.vector("mounting_sd_rad")?,
+        clock_sd_s: keys.number("clock_sd_s")?,
     })
 }
 
@@ -282,6 +296,10 @@ pub fn default_options(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     water.set_item("slip_time_s", options.water.slip_time_s)?;
     water.set_item("slip_epochs", options.water.slip_epochs)?;
     dict.set_item("water", water)?;
+    let calibration = PyDict::new(py);
+    calibration.set_item("mounting_sd_rad", options.calibration.mounting_sd_rad)?;
+    calibration.set_item("clock_sd_s", options.calibration.clock_sd_s)?;
+    dict.set_item("calibration", calibration)?;
     dict.set_item("speed_sd_mps", options.speed_bound.sd_mps)?;
     dict.set_item("speed_time_s", options.speed_bound.time_s)?;
     imu_faults::put_limits(&dict, &options.imu_limits)?;

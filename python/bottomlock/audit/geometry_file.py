@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from bottomlock.audit.matrix import azimuth, tilt
-from bottomlock.audit.mounting import LIMITS
+from bottomlock.audit.mounting import LIMITS, Mounting
 from bottomlock.audit.robust import Array, sigma
 from bottomlock.audit.run import Audit
 from bottomlock.errors import DataError
+from bottomlock.io.calibrated_file import Calibrated, calibration_lines
 
 SURE = 5.0
 LEAST_PINGS = 30
@@ -76,6 +77,7 @@ def geometry_text(audit: Audit) -> str:
         lines += ["", "[columns]"]
         for key, value in log.columns.model_dump(exclude_defaults=True).items():
             lines.append(f"{key} = {json.dumps(list(value) if isinstance(value, tuple) else value)}")
+    lines += calibration_lines(known(audit.mounting, log.place))
     return "\n".join(lines) + "\n"
 
 
@@ -108,6 +110,24 @@ def _noise(audit: Audit) -> float:
             f"{LEAST_NOISE_MPS:g}; are the beams computed from a velocity?"
         )
     return noise
+
+
+def known(mounting: Mounting | None, place: str) -> Calibrated:
+    """What is known of mounting, scale and clock, which a replay takes as its prior; nothing of what is not seen."""
+    m = mounting
+    if m is None or not m.follows or m.mirrored:
+        return Calibrated("", None, None, None, None, None, None)
+    has_mounting = bool((m.misalignment_sd_rad < LIMITS["misalignment_rad"]).all())
+    has_scale, has_clock = m.scale_sd < LIMITS["scale"], m.clock_offset_sd_s < LIMITS["clock_offset_s"]
+    return Calibrated(
+        source=f"audit of {place}, from {m.source}",
+        mounting_rpy_rad=None,
+        mounting_sd_rad=m.misalignment_sd_rad if has_mounting else None,
+        scale=m.scale if has_scale else None,
+        scale_sd=m.scale_sd if has_scale else None,
+        clock_offset_s=m.clock_offset_s if has_clock else None,
+        clock_sd_s=m.clock_offset_sd_s if has_clock else None,
+    )
 
 
 def _mounting_lines(audit: Audit) -> list[str]:

@@ -15,7 +15,7 @@ from bottomlock.audit.logs import read_depths, read_inertial, read_reference
 from bottomlock.audit.page import beams_table, write_audit
 from bottomlock.audit.run import Audit, audit_file
 from bottomlock.cli.console import console
-from bottomlock.errors import OutputError
+from bottomlock.io.calibrated_file import require_new
 from bottomlock.io.formats import converted_first
 
 _COLOURS = {"fault": "red", "warning": "yellow", "note": "dim"}
@@ -41,8 +41,14 @@ def audit(
     ] = None,
     depth: Annotated[Path | None, Parameter(help="CSV or Parquet: time_ns, depth_m.")] = None,
     write: Annotated[
-        Path | None, Parameter(help="TOML file to which the estimated geometry is written.")
+        Path | None,
+        Parameter(
+            help="TOML file to which the estimated geometry is written, with mounting, scale and clock."
+        ),
     ] = None,
+    force: Annotated[
+        bool, Parameter(negative="", help="Replace the file of --write where it is there already.")
+    ] = False,
 ) -> None:
     """Audit a DVL log: beam directions, order, signs, defects, mounting.
 
@@ -53,8 +59,8 @@ def audit(
     log
         A beam table (`bottomlock convert` writes one), or a CSV or Parquet file whose columns the geometry maps.
     """
-    if write is not None and write.suffix.lower() != ".toml":
-        raise OutputError(f"{write}: expected a name that ends in .toml")
+    if write is not None:
+        require_new(write, force=force)
     reference = None if attitude is None else read_reference(attitude)
     inertial = None if imu is None else read_inertial(imu)
     depths = None if depth is None else read_depths(depth)

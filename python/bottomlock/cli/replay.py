@@ -18,8 +18,11 @@ from bottomlock.cli.console import console, errors, narrow_table
 from bottomlock.cli.parameters import Robust, Threads, check_threads, split
 from bottomlock.errors import EXIT_INTERRUPTED, OutputError, ScenarioError
 from bottomlock.io.beams import read_beams, read_geometry
+from bottomlock.io.calibrated_file import require_new
 from bottomlock.pages.numbers import number
 from bottomlock.replay.beam_noise import measure_noise
+from bottomlock.replay.calibration import calibration_words
+from bottomlock.replay.calibration import write_calibration as write
 from bottomlock.replay.case import load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.leave_out import VelocityWalk, over_sets
@@ -62,6 +65,12 @@ def replay(
     force: Annotated[
         bool, Parameter(negative="", help="Start over in a directory that holds another replay.")
     ] = False,
+    write_calibration: Annotated[
+        Path | None,
+        Parameter(
+            help="TOML file for a copy of the DVL's file with the estimated calibration and its 1 sigma."
+        ),
+    ] = None,
 ) -> None:
     """Navigate a recorded dive again, also with fewer beams.
 
@@ -87,6 +96,8 @@ def replay(
             f"{case}: is no case (TOML); bottomlock replay --init {case} ... writes one from logs"
         )
     check_threads(threads)
+    if write_calibration is not None:
+        require_new(write_calibration, force=force)
     loaded = load_case(case).with_overrides(methods=split(methods), runs=runs, seed=seed)
     reruns = run_count(loaded) * (1 + len(loaded.what_if))
     columns = (
@@ -109,6 +120,10 @@ def replay(
         errors.print(f"interrupted; nothing was written to {out}")
         sys.exit(EXIT_INTERRUPTED)
     print_results(replayed)
+    if write_calibration is not None:
+        instrument = read_geometry(loaded.dvl.geometry)
+        write(write_calibration, instrument, replayed.calibration, loaded, force=force)
+        console.print(f"wrote {write_calibration}", highlight=False)
     console.print(f"{replayed.manifest['wall_time_s']:.1f} s; tables in {out}, wrote {page}")
 
 
@@ -244,6 +259,8 @@ def print_results(replayed: ReplayResult) -> None:
     """Prints faults of the clocks, a table per what-if case, and what is not as it was measured."""
     manifest = replayed.manifest
     print_findings(manifest["findings"])
+    for line in calibration_words(replayed.calibration, manifest["methods"]):
+        console.print(line, highlight=False, soft_wrap=True)
     for line in manifest["answers"]:
         console.print(line, highlight=False)
     for name, clock in manifest["clocks"].items():

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from bottomlock import units
 from bottomlock.config.beam_tilt import BeamTilt, check_tilts
+from bottomlock.config.calibration import StatedCalibration
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
@@ -61,6 +63,7 @@ class InstrumentFile(BaseModel):
     sound_speed_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
     beam_noise_mps: tuple[Annotated[float, Field(gt=0)], ...] | Annotated[float, Field(gt=0)]
     columns: Columns = Columns()
+    calibration: StatedCalibration | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -80,12 +83,21 @@ class InstrumentFile(BaseModel):
 
 @dataclass(frozen=True, eq=False)
 class Instrument:
-    """Geometry, beam noise and column map of a DVL; the mounting (roll, pitch, yaw) is already in the geometry."""
+    """Geometry, beam noise and column map of a DVL; the mounting (roll, pitch, yaw) is already in the geometry.
+
+    `calibration` is what its file says of it, whose scale is in the geometry too; None where it says nothing.
+    """
 
     geometry: BeamGeometry
     beam_sd_mps: NDArray[np.float64]
     columns: Columns
     mounting_rpy_rad: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros(3))
+    calibration: StatedCalibration | None = None
+
+    @property
+    def stated(self) -> StatedCalibration:
+        """What the file says of the calibration, or that there is nothing."""
+        return StatedCalibration() if self.calibration is None else self.calibration
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +134,15 @@ def _text_of(source: str | Path) -> tuple[str, str]:
     raise ScenarioError(f"geometry '{source}' is neither a file nor packaged (packaged: {', '.join(names)})")
 
 
+def geometry_text(source: str | Path) -> str:
+    """The text of a DVL's TOML file, by its path or packaged name.
+
+    Raises:
+        ScenarioError: for a file that cannot be read, or an unknown name.
+    """
+    return _text_of(source)[0]
+
+
 def read_instrument_file(source: str | Path) -> InstrumentFile:
     """The settings of a DVL from a TOML file or a packaged name.
 
@@ -152,6 +173,8 @@ def read_geometry(source: str | Path) -> Instrument:
     mounting = np.deg2rad(
         [settings.mounting_roll_deg, settings.mounting_pitch_deg, settings.mounting_yaw_deg]
     )
+    calibration = settings.calibration
+    scale = 1.0 if calibration is None else 1.0 + units.fraction_from_percent(calibration.scale_percent)
     try:
         geometry = make_geometry(
             settings.configuration,
@@ -161,7 +184,7 @@ def read_geometry(source: str | Path) -> Instrument:
             directions=settings.directions,
             lever_arms_p_m=settings.lever_arms_m,
             mounting_rpy_rad=mounting,
-            sound_speed_scale=settings.sound_speed_scale,
+            sound_speed_scale=settings.sound_speed_scale * scale,
         )
     except KernelError as error:
         raise ScenarioError(f"{place}: {error}") from error
@@ -171,7 +194,13 @@ def read_geometry(source: str | Path) -> Instrument:
         raise ScenarioError(
             f"{place}: 'beam_noise_mps' has {len(sd)} entries, expected {geometry.beams}, one per beam"
         )
-    return Instrument(geometry=geometry, beam_sd_mps=sd, columns=settings.columns, mounting_rpy_rad=mounting)
+    return Instrument(
+        geometry=geometry,
+        beam_sd_mps=sd,
+        columns=settings.columns,
+        mounting_rpy_rad=mounting,
+        calibration=calibration,
+    )
 
 
 def times_as_they_stand(table: pl.DataFrame, columns: Columns, place: str) -> NDArray[np.int64]:

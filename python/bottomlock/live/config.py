@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -132,7 +132,7 @@ class LiveConfig(Section):
         if self.dvl.beam_noise_mps is None:
             return instrument
         noise = np.full(instrument.geometry.beams, self.dvl.beam_noise_mps)
-        return Instrument(instrument.geometry, noise, instrument.columns, instrument.mounting_rpy_rad)
+        return replace(instrument, beam_sd_mps=noise)
 
     def ports(self) -> tuple[Port, ...]:
         """The ports, in the order of the file.

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
+from bottomlock.config.calibration import CalibrationSection
 from bottomlock.config.own_methods import OwnMethods, own_methods_from
 from bottomlock.config.scenario_sections import (
     Filter,
@@ -138,6 +139,7 @@ class Case(Section):
     start: Start
     filter: Filter = Filter()
     robust: Robust = Robust()
+    calibration: CalibrationSection = CalibrationSection()
     replay: Settings = Settings()
     what_if: tuple[WhatIf, ...] = ()
 

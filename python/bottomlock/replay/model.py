@@ -4,8 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from bottomlock.config.calibration import scale_sd
+from bottomlock.io.beams import Instrument
 from bottomlock.kernel import normal_gravity_mps2
-from bottomlock.models import Environment, ImuModel, InitialModel, Model, Options
+from bottomlock.models import DvlModel, Environment, ImuModel, InitialModel, Model, Options
 from bottomlock.replay.case import Case
 from bottomlock.replay.sensors import SENSORS
 from bottomlock.replay.streams import Streams
@@ -40,18 +42,28 @@ def kernel_model(case: Case, streams: Streams, imu: ImuModel, initial: InitialMo
     return Model(
         environment=Environment(latitude_rad=streams.latitude_rad, gravity_mps2=gravity),
         imu=imu,
-        dvl=case.dvl.errors.kernel_model(float(streams.instrument.beam_sd_mps.mean())),
+        dvl=_dvl_model(case, streams.instrument),
         initial=initial,
         **sensors,
     )
 
 
-def kernel_options(case: Case) -> Options:
-    """Filter options, as the kernel takes them."""
+def _dvl_model(case: Case, instrument: Instrument) -> DvlModel:
+    """Errors of the DVL; the prior of its scale is that of its file where the case gives none."""
+    errors = case.dvl.errors
+    own = errors.kernel_model(float(instrument.beam_sd_mps.mean()))
+    given = "scale_factor_percent" in errors.model_fields_set
+    sd = scale_sd(instrument.calibration, given=given, otherwise=own.scale_factor_sd)
+    return own.replace(scale_factor_sd=sd)
+
+
+def kernel_options(case: Case, instrument: Instrument) -> Options:
+    """Filter options, as the kernel takes them; the DVL's file has a part in the prior of its calibration."""
     options = case.filter.kernel_options() | {"robust": case.robust.kernel_options()}
     options |= case.imu.limits.kernel_options()
     options["max_imu_gap_s"] = max(case.imu.limits.max_gap_s, case.imu.bridge_gaps_s)
     for sensor in SENSORS:
         stream = getattr(case, sensor.section)
         options |= {} if stream is None else sensor.options(stream)
+    options["calibration"] = case.calibration.prior(instrument.calibration)
     return Options(**options, imu_sampling="averaged" if case.imu.averaged else "instantaneous")

@@ -152,6 +152,9 @@ def _reject_long_gaps(imu: ImuStream, report: ClockReport) -> None:
 
 def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], notes: list[str]) -> Beams:
     dvl, geometry = case.dvl, instrument.geometry
+    late_ns = round(instrument.stated.clock_offset_s * 1e9)
+    if late_ns:
+        notes.append(f"dvl: {late_ns * 1e-9:+.4g} s added to the stamps, the clock offset of {dvl.geometry}")
     if dvl.source == "beams":
         columns = instrument.columns
         pings = read_beams(dvl.file, beams=geometry.beams, columns=columns)
@@ -162,7 +165,7 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
         sd = np.broadcast_to(instrument.beam_sd_mps, velocity.shape)
         if dvl.beam_noise_from == "recording":
             sd = _recorded_noise(dvl.file, kept, valid)
-        return Beams(timed.time_ns[:: dvl.every], velocity, valid, np.ascontiguousarray(sd))
+        return Beams(timed.time_ns[:: dvl.every] + late_ns, velocity, valid, np.ascontiguousarray(sd))
     assert dvl.velocity is not None  # validated in DvlStream
     values, timed, table = read_stream(dvl, dvl.velocity)
     clocks["dvl"] = timed.report
@@ -178,7 +181,7 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
     )
     valid = np.repeat(pinged[:, None], geometry.beams, axis=1)
     sd = np.broadcast_to(instrument.beam_sd_mps, projected.shape)
-    return Beams(timed.time_ns, projected, valid, np.ascontiguousarray(sd), velocity_d)
+    return Beams(timed.time_ns + late_ns, projected, valid, np.ascontiguousarray(sd), velocity_d)
 
 
 def _recorded_noise(file: Path, rows: Times, valid: Flags) -> Floats:

@@ -36,6 +36,7 @@ class ReplayTables:
     innovations: pl.DataFrame
     pings: pl.DataFrame
     path: pl.DataFrame | None
+    calibration: pl.DataFrame | None
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,7 @@ def read_replay(folder: Path) -> ReplayTables:
         )
 
     path = table("reference") if "reference.parquet" in manifest[DIGESTS] else None
+    calibration = table("calibration") if "calibration.parquet" in manifest[DIGESTS] else None
     return ReplayTables(
         manifest=manifest,
         runs=table("runs"),
@@ -74,6 +76,7 @@ def read_replay(folder: Path) -> ReplayTables:
         innovations=table("innovations"),
         pings=table("pings"),
         path=path,
+        calibration=calibration,
     )
 
 
@@ -184,6 +187,9 @@ def _content(tables: ReplayTables) -> dict[str, Any]:
         "best": {
             what_if: _best(summary.filter(pl.col("what_if") == what_if)) for what_if, _ in manifest["what_if"]
         },
+        "calibration": []
+        if tables.calibration is None
+        else list(tables.calibration.filter(pl.col("prior_sd") > 0.0).iter_rows(named=True)),
         "method_words": METHOD_WORDS,
         "dump": json.dumps(manifest, indent=2, sort_keys=True, ensure_ascii=False),
     }

@@ -109,7 +109,7 @@ def prepare(case: Case, streams: Streams, run: int, residuals: Floats | None = N
         streams=streams,
         alignment=alignment,
         model=kernel_model(case, streams, imu, initial, gravity),
-        options=kernel_options(case),
+        options=kernel_options(case, streams.instrument),
         sample_time_ns=samples,
         rows=rows,
     )
@@ -175,7 +175,11 @@ def _with_good_readings(case: Case, streams: Streams, imu: ImuModel) -> Streams:
     """The recording without the inertial readings that the limits reject, whose mean would be that of their faults."""
     inertial = streams.inertial
     rejected = rejected_imu(
-        imu, kernel_options(case), inertial.time_ns, inertial.omega_p_radps, inertial.force_p_mps2
+        imu,
+        kernel_options(case, streams.instrument),
+        inertial.time_ns,
+        inertial.omega_p_radps,
+        inertial.force_p_mps2,
     )
     if not rejected["row"].size:
         return streams

@@ -4,7 +4,7 @@ import hashlib
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from bottomlock.errors import DataError, OutputError
 from bottomlock.output_folder import is_occupied, locked, remove_parts
 from bottomlock.records import read_record, write_record
 from bottomlock.replay import compare, rerun
+from bottomlock.replay.calibration import calibration_table
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
 from bottomlock.replay.findings.answers import answers
@@ -31,11 +32,14 @@ MANIFEST = "manifest.json"
 TABLES = ("runs", "ensemble", "samples", "innovations", "pings")
 PARTS = ("samples", "innovations", "pings")
 """Tables that are made of a part for each rerun."""
+CALIBRATION = "calibration"
+"""Made of such parts too, and written where the filter has the states."""
 KIND = "replay"
 _OURS = (
     "figures",
     *(f"{table}.parquet" for table in TABLES),
     "reference.parquet",
+    f"{CALIBRATION}.parquet",
     "report.html",
     MANIFEST,
 )
@@ -54,6 +58,7 @@ class ReplayResult:
     pings: pl.DataFrame
     path: pl.DataFrame | None
     manifest: dict[str, Any]
+    calibration: pl.DataFrame = field(default_factory=pl.DataFrame)
 
 
 def run_count(case: Case) -> int:
@@ -83,7 +88,7 @@ def replay_case(
     started = time.perf_counter()
     streams = read_streams(case) if streams is None else streams
     residuals = rerun.noise_residuals(case)
-    parts: dict[str, list[pl.DataFrame]] = {name: [] for name in (*PARTS, "imu_faults")}
+    parts: dict[str, list[pl.DataFrame]] = {name: [] for name in (*PARTS, CALIBRATION, "imu_faults")}
     alignments: list[dict[str, str]] = []
     start_ns, done = 0, 0
     imu_faults: list[str] = []
@@ -96,6 +101,7 @@ def replay_case(
             parts["samples"].append(compare.samples_table(case, name, result))
             parts["innovations"].append(compare.innovations_table(case, name, result))
             parts["pings"].append(compare.pings_table(case, name, result))
+            parts[CALIBRATION].append(calibration_table(case, name, result))
             parts["imu_faults"].append(compare.imu_faults_table(case, name, result))
             imu_faults = imu_faults or fault_words(result)
             done += 1
@@ -116,6 +122,7 @@ def replay_case(
         ),
         ensemble=ensemble_table(tables["samples"], start_ns),
         path=path,
+        calibration=pl.concat(parts[CALIBRATION]),
         manifest=manifest_of(
             case, streams, alignments, imu_faults, threads=threads, wall_s=time.perf_counter() - started
         )
@@ -168,7 +175,7 @@ def manifest_of(
         "case": case.name,
         "description": case.description,
         "configuration": case.model_dump(mode="json"),
-        "options": kernel_options(case).as_dict(),
+        "options": kernel_options(case, streams.instrument).as_dict(),
         "files": {name: {"name": path.name, "sha256": _sha256(path)} for name, path in case.files().items()},
         "threads": threads,
         "wall_time_s": round(wall_s, 3),
@@ -255,6 +262,8 @@ def write_replay(replayed: ReplayResult, out: Path) -> None:
     tables = {name: getattr(replayed, name) for name in TABLES}
     if replayed.path is not None:
         tables["reference"] = replayed.path
+    if replayed.calibration.height:
+        tables[CALIBRATION] = replayed.calibration
     digests = {
         f"{name}.parquet": write_parquet(out / f"{name}.parquet", table) for name, table in tables.items()
     }

@@ -53,6 +53,18 @@ within so many claimed σ: 0.683, 0.954 and 0.997 for a consistent filter. NIS a
 pass. `imu_rejected` counts the inertial readings that the limits reject, `imu_gaps_inflated` the gaps between readings
 that are bridged with inflation."""
 
+CALIBRATION: Mapping[str, pl.DataType] = {
+    **KEYS,
+    "parameter": pl.String(),
+    "unit": pl.String(),
+    "value": pl.Float64(),
+    "sd": pl.Float64(),
+    "prior_sd": pl.Float64(),
+}
+"""A row per what-if case, run, method and parameter of the DVL, from the whole log: rotation from the stated mounting
+about the platform's forward, right and down axes (deg), time to add to the stamps (s), scale (%). A parameter that the
+motion does not show keeps `prior_sd`."""
+
 IMU_FAULTS: Mapping[str, pl.DataType] = {
     **{name: dtype for name, dtype in KEYS.items() if name != "method"},
     "imu_rejected": pl.Int64(),

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
+use crate::aiding::calibration::CalibrationRows;
 use crate::aiding::declare::model_section;
 use crate::aiding::sensor::Fraction;
 use crate::aiding::{CorrelatedNoise, Innovation, MAX_ROWS, Motion, RowJacobian};
@@ -56,6 +57,8 @@ pub struct BeamTerms {
     pub jacobian: RowJacobian,
     /// Eq. 20: sensor noise and the gyro noise that all beams share through their lever arms.
     pub noise: BeamNoise,
+    /// Jacobian by mounting and clock, where they are unknown; what these add to the noise is left to the filter.
+    pub by_calibration: Option<Box<CalibrationRows>>,
 }
 
 /// Expected readings, Jacobian and noise of the beams (Eqs. 15, 20, 22; erratum E7).
@@ -74,6 +77,7 @@ pub fn beam_terms(motion: &Motion<'_>, geometry: &BeamGeometry, ping: &BeamSampl
         residual: SVector::zeros(),
         jacobian: RowJacobian::zeros(),
         noise: BeamNoise::zeros(),
+        by_calibration: None,
     };
     let mut lever_rows = [Vector3::zeros(); MAX_ROWS];
     for beam in ping.valid.iter() {
@@ -107,7 +111,13 @@ pub fn beam_terms(motion: &Motion<'_>, geometry: &BeamGeometry, ping: &BeamSampl
 pub fn tightly_coupled(terms: &BeamTerms, ping: &BeamSample) -> Innovation {
     let count = ping.valid.count();
     if ping.valid != BeamMask::all(count) {
-        return Innovation::picked((&terms.residual, &terms.jacobian, &terms.noise), ping.valid.iter());
+        let mut picked = Innovation::picked((&terms.residual, &terms.jacobian, &terms.noise), ping.valid.iter());
+        picked.by_calibration = terms.by_calibration.as_ref().map(|rows| {
+            let mut in_order = Box::new(CalibrationRows::zeros());
+            (ping.valid.iter().enumerate()).for_each(|(to, beam)| in_order.set_row(to, &rows.row(beam)));
+            in_order
+        });
+        return picked;
     }
     // Where no beam is missing before another, rows stand in their places already.
     Innovation {
@@ -116,6 +126,7 @@ pub fn tightly_coupled(terms: &BeamTerms, ping: &BeamSample) -> Innovation {
         residual: terms.residual,
         jacobian: terms.jacobian,
         noise: terms.noise,
+        by_calibration: terms.by_calibration.clone(),
         ..Innovation::empty()
     }
 }
@@ -140,15 +151,34 @@ pub fn loosely_coupled(
 ) -> Innovation {
     let (residual, jacobian) = slot_rows(state, geometry, terms, plan);
     let (z, h) = (plan.gain * residual, plan.gain * jacobian);
-    match plan.port {
-        Port::Components => {
-            let mut innovation = component_rows(&z, &h, plan);
-            if let Some(p_xv) = exact_cross {
-                correlate_with_prior(&mut innovation, geometry, plan, p_xv);
-            }
-            innovation
-        }
+    let mut innovation = match plan.port {
+        Port::Components => component_rows(&z, &h, plan),
         Port::Axes => axis_rows(&z, &h, plan, port),
+    };
+    if let Some(p_xv) = exact_cross.filter(|_| plan.port == Port::Components) {
+        correlate_with_prior(&mut innovation, geometry, plan, p_xv);
+    }
+    if let Some(beams) = &terms.by_calibration {
+        let unscale = 1.0 / (1.0 + state.dvl_scale_factor);
+        let of_fix = plan.gain.fixed_columns::<MAX_ROWS>(0) * **beams * unscale;
+        let mut rows = Box::new(CalibrationRows::zeros());
+        (axes_of(plan).iter().enumerate()).for_each(|(row, axis)| rows.set_row(row, &(axis.transpose() * of_fix)));
+        innovation.by_calibration = Some(rows);
+    }
+    innovation
+}
+
+/// The axis of each row of a fix that is observed, in order.
+fn axes_of(plan: &FixEstimator) -> Vec<Vector3<f64>> {
+    match plan.port {
+        Port::Components => (0..3)
+            .filter(|&k| plan.is_solved(k))
+            .map(|k| Vector3::ith(k, 1.0))
+            .collect(),
+        Port::Axes => {
+            let (axes, _) = plan.solution.principal_axes();
+            (0..plan.solution.rank).map(|k| axes.column(k).into()).collect()
+        }
     }
 }
 

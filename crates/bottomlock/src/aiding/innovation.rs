@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::RowJacobian;
 use crate::aiding::MAX_ROWS;
+use crate::aiding::calibration::CalibrationRows;
 use crate::aiding::water::WATER;
 use crate::layout::DIM;
 
@@ -24,6 +25,8 @@ pub struct Innovation {
     pub cross: Option<Box<SMatrix<f64, DIM, MAX_ROWS>>>,
     /// Cause of the correlation, for the smoother.
     pub correlated_noise: Option<Box<CorrelatedNoise>>,
+    /// Jacobian by mounting and clock of the DVL, whose errors the filter has yet to add to the noise.
+    pub by_calibration: Option<Box<CalibrationRows>>,
     /// What the rows measure in the tangent frame.
     pub tangent_rows: TangentRows,
     /// True where the rows correct the position alone.
@@ -48,7 +51,7 @@ pub enum TangentRows {
     Yaw,
 }
 
-/// Noise that contains errors of the state: n = D δx + D_w δw + d b + independent.
+/// Noise that contains errors of the state: n = D δx + D_w δw + d b + D_c δc + independent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CorrelatedNoise {
     /// D.
@@ -57,6 +60,8 @@ pub struct CorrelatedNoise {
     pub by_water: SMatrix<f64, MAX_ROWS, WATER>,
     /// d, by the bias of the depth sensor.
     pub by_depth_bias: SVector<f64, MAX_ROWS>,
+    /// D_c, by mounting and clock of the DVL.
+    pub by_calibration: CalibrationRows,
 }
 
 impl Default for CorrelatedNoise {
@@ -66,6 +71,7 @@ impl Default for CorrelatedNoise {
             by_state: RowJacobian::zeros(),
             by_water: SMatrix::zeros(),
             by_depth_bias: SVector::zeros(),
+            by_calibration: CalibrationRows::zeros(),
         }
     }
 }
@@ -77,6 +83,7 @@ impl CorrelatedNoise {
             by_state: axes * self.by_state.fixed_rows::<3>(0),
             by_water: axes * self.by_water.fixed_rows::<3>(0),
             by_depth_bias: axes * self.by_depth_bias.fixed_rows::<3>(0),
+            by_calibration: axes * self.by_calibration.fixed_rows::<3>(0),
         })
     }
 }
@@ -91,6 +98,7 @@ impl Innovation {
             noise: SMatrix::zeros(),
             cross: None,
             correlated_noise: None,
+            by_calibration: None,
             tangent_rows: TangentRows::None,
             corrects_position_alone: false,
             path_by_misalignment: None,
@@ -143,15 +151,22 @@ impl Innovation {
             Box::new(kept_cross)
         });
         out.path_by_misalignment.clone_from(&self.path_by_misalignment);
-        out.correlated_noise = self.correlated_noise.as_ref().map(|noise| {
+        let selection = || {
             let mut selection = SMatrix::<f64, MAX_ROWS, MAX_ROWS>::zeros();
             kept.clone()
                 .enumerate()
                 .for_each(|(to, from)| selection[(to, from)] = 1.0);
+            selection
+        };
+        let by_calibration = self.by_calibration.as_deref();
+        out.by_calibration = by_calibration.map(|rows| Box::new(selection() * rows));
+        out.correlated_noise = self.correlated_noise.as_ref().map(|noise| {
+            let selection = selection();
             Box::new(CorrelatedNoise {
                 by_state: selection * noise.by_state,
                 by_water: selection * noise.by_water,
                 by_depth_bias: selection * noise.by_depth_bias,
+                by_calibration: selection * noise.by_calibration,
             })
         });
         out

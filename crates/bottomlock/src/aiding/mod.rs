@@ -6,6 +6,7 @@
 pub mod acoustic_position;
 pub mod attitude;
 pub mod beams;
+pub mod calibration;
 mod declare;
 pub mod depth;
 pub mod gps;

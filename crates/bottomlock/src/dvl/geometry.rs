@@ -169,6 +169,15 @@ impl BeamGeometry {
         self
     }
 
+    /// Rotates the beam directions once more, within the platform frame; the lever arms stay.
+    #[must_use]
+    pub(crate) fn turned(mut self, by: Rot<Platform, Platform>) -> Self {
+        for direction in &mut self.directions_p {
+            *direction = (by * Vec3::<Platform>::from(*direction)).0;
+        }
+        self
+    }
+
     /// Sets the lever arm of each transducer, platform frame, m.
     ///
     /// # Errors

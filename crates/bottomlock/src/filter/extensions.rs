@@ -2,9 +2,11 @@
 
 use nalgebra::{DMatrix, Matrix3};
 
+use super::calibration::CalibrationBlock;
 use super::depth_bias::DepthBias;
 use super::tape::{Step, Tape, transition};
 use super::water_block::WaterBlock;
+use crate::aiding::calibration::CALIBRATION;
 use crate::aiding::water::{WATER, WaterVector};
 use crate::error_model::Interval;
 use crate::layout::{ATTITUDE, DIM, POSITION};
@@ -12,14 +14,16 @@ use crate::mechanisation::{EarthTerms, Kinematics};
 
 /// Index of the depth sensor's bias among all states of a tape; there is always one.
 pub(super) const DEPTH_BIAS: usize = DIM;
-/// First index of the water states among all states of a tape that has them.
-pub(super) const FIRST_WATER: usize = DIM + 1;
+/// First index of mounting and clock of the DVL among all states of a tape that has them; then come the water states.
+pub(super) const FIRST_CALIBRATION: usize = DIM + 1;
 
 /// Optional parts of a filter.
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
 pub(super) struct Extensions {
     /// The bias of the depth sensor, from the first depth on.
     pub(super) depth_bias: Option<Box<DepthBias>>,
+    /// Mounting and clock of the DVL, from the start on.
+    pub(super) calibration: Option<Box<CalibrationBlock>>,
     /// States of the motion through the water.
     pub(super) water: Option<Box<WaterBlock>>,
     /// Tape for a smoother; a saved filter has none.
@@ -28,9 +32,14 @@ pub(super) struct Extensions {
 }
 
 impl Extensions {
+    /// First index of the water states among all states of a tape that has them.
+    pub(super) fn first_water(&self) -> usize {
+        FIRST_CALIBRATION + if self.calibration.is_some() { CALIBRATION } else { 0 }
+    }
+
     /// Number of states of a tape.
     pub(super) fn states(&self) -> usize {
-        FIRST_WATER + if self.water.is_some() { WATER } else { 0 }
+        self.first_water() + if self.water.is_some() { WATER } else { 0 }
     }
 
     /// Follows a move of the error state, δr ← δr + B ρ.
@@ -38,6 +47,9 @@ impl Extensions {
         let states = self.states();
         if let Some(bias) = &mut self.depth_bias {
             bias.move_to_corrected_path(by_misalignment);
+        }
+        if let Some(calibration) = &mut self.calibration {
+            calibration.move_to_corrected_path(by_misalignment);
         }
         if let Some(water) = &mut self.water {
             water.move_to_corrected_path(by_misalignment);
@@ -52,7 +64,7 @@ impl Extensions {
     }
 
     pub(super) fn is_empty(&self) -> bool {
-        self.depth_bias.is_none() && self.water.is_none() && self.tape.is_none()
+        self.depth_bias.is_none() && self.calibration.is_none() && self.water.is_none() && self.tape.is_none()
     }
 
     /// Records and propagates an interval of the error state that ends at `end`.
@@ -63,9 +75,15 @@ impl Extensions {
                 tape.push(Step::Transition(whole));
             }
         }
+        let water = self.water.as_deref();
+        let water_decay = || water.map_or_else(WaterVector::zeros, |water| water.decay(interval.duration_s()));
+        if let Some(calibration) = &mut self.calibration {
+            let bias = self.depth_bias.as_deref();
+            let bias_decay = bias.map_or(0.0, |bias| bias.decay(interval.duration_s()));
+            calibration.propagate(interval, end, earth, bias_decay, &water_decay());
+        }
         if let Some(bias) = &mut self.depth_bias {
-            let water = self.water.as_deref();
-            let decay = water.map_or_else(WaterVector::zeros, |water| water.decay(interval.duration_s()));
+            let decay = water_decay();
             bias.propagate(interval, end, earth, &decay);
         }
         if let Some(water) = &mut self.water {

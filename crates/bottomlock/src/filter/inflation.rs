@@ -125,6 +125,9 @@ impl Eskf {
         if innovation.tangent_rows == TangentRows::Depth {
             self.add_depth_bias(&mut innovation);
         }
+        if let Some(whole) = self.with_calibration_noise(&innovation) {
+            innovation = *whole;
+        }
         let innovation = &innovation;
         let by_inertial = self.innovation_covariance(innovation, &states(0..DVL_BIAS));
         let mut whole = self.innovation_covariance(innovation, &states(0..DIM)) + innovation.noise;

@@ -2,6 +2,8 @@
 
 mod assume;
 mod bridge;
+mod calibrated;
+mod calibration;
 mod definite;
 mod depth_bias;
 mod extensions;
@@ -13,6 +15,7 @@ mod joseph;
 mod level_turn;
 mod linear_error;
 pub mod linear_range;
+mod mean_change;
 pub mod near_vertical;
 pub mod nees;
 pub mod options;
@@ -29,6 +32,7 @@ pub mod water_block;
 use nalgebra::{SMatrix, Vector3};
 
 pub(crate) use self::bridge::{BridgeNoise, seconds_between};
+use self::calibration::CalibrationBlock;
 use self::definite::is_positive_definite;
 use self::extensions::Extensions;
 use self::inflation::ConsecutiveRejections;
@@ -82,8 +86,10 @@ impl Eskf {
         model.validate()?;
         options.validate()?;
         state.validate()?;
+        let kinematics = state.kinematics();
+        let calibration = CalibrationBlock::new(&options.calibration, &kinematics);
         Ok(Self {
-            kinematics: state.kinematics(),
+            kinematics,
             state,
             covariance: model.initial_covariance(options.estimate_dvl),
             interval: Interval::default(),
@@ -104,7 +110,10 @@ impl Eskf {
             inflate_after_rejections: options.inflate_after_rejections,
             consecutive_rejections: ConsecutiveRejections::default(),
             depth: model.sensors.depth,
-            extensions: Extensions::default(),
+            extensions: Extensions {
+                calibration: calibration.map(Box::new),
+                ..Extensions::default()
+            },
         })
     }
 
@@ -114,6 +123,9 @@ impl Eskf {
         self.extensions.water = water.map(Box::new);
         if let Some(bias) = &mut self.extensions.depth_bias {
             bias.start_water();
+        }
+        if let Some(calibration) = &mut self.extensions.calibration {
+            calibration.start_water();
         }
         self
     }
@@ -149,6 +161,9 @@ impl Eskf {
         require_positive_definite(&symmetric, self.state.time_ns)?;
         self.covariance = symmetric;
         self.extensions.depth_bias = None;
+        if let Some(calibration) = self.extensions.calibration.as_deref() {
+            self.extensions.calibration = calibration.restarted(&self.kinematics).map(Box::new);
+        }
         self.interval = Interval::default();
         Ok(())
     }
@@ -212,6 +227,9 @@ impl Eskf {
     /// covariance that cannot be factorised.
     pub fn update(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<UpdateReport, NavError> {
         self.propagate_covariance();
+        if let Some(whole) = self.with_calibration_noise(innovation) {
+            return self.update(&whole, sensor);
+        }
         require_finite("innovation", self.state.time_ns, innovation.residual.as_slice())?;
         require_finite_squares("innovation noise", self.state.time_ns, innovation.noise.as_slice())?;
         match innovation.tangent_rows {
@@ -249,6 +267,9 @@ impl Eskf {
         sensor: Sensor,
     ) -> Result<UpdateReport, NavError> {
         self.propagate_covariance();
+        if let Some(whole) = self.with_calibration_noise(innovation) {
+            return self.update_correlated(&whole, rank, sensor);
+        }
         let h = innovation.jacobian.fixed_rows::<3>(0).into_owned();
         let cross = innovation
             .cross

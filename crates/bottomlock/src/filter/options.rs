@@ -1,6 +1,7 @@
 //! Filter options, in SI units.
 
 use crate::aiding::InformationPort;
+use crate::aiding::calibration::CalibrationPrior;
 use crate::aiding::outliers::Robust;
 use crate::aiding::registry::Levers;
 use crate::aiding::speed_bound::SpeedBound;
@@ -31,6 +32,8 @@ pub struct Options {
     pub information_port: InformationPort,
     /// Prior of the motion through the water.
     pub water: WaterPrior,
+    /// Prior of the DVL's mounting and clock, as states beside the others; off where all of it is zero.
+    pub calibration: CalibrationPrior,
     /// Bound on the speed, where the beams leave a direction unobserved beyond the linear range.
     pub speed_bound: SpeedBound,
     /// Detection of outliers among the beams.
@@ -53,6 +56,7 @@ impl Default for Options {
             assumptions: Assumptions::default(),
             information_port: InformationPort::Axes,
             water: WaterPrior::default(),
+            calibration: CalibrationPrior::default(),
             speed_bound: SpeedBound::default(),
             robust: Robust::recommended(),
             levers: Levers::default(),
@@ -83,6 +87,7 @@ impl Options {
         self.assumptions.validate()?;
         self.imu_limits.validate()?;
         self.water.validate()?;
+        self.calibration.validate()?;
         self.speed_bound.validate()?;
         self.robust.validate()?;
         self.levers.validate()?;

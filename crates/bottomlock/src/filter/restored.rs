@@ -40,6 +40,9 @@ impl Eskf {
         if let Some(bias) = &self.extensions.depth_bias {
             bias.check_restored(time_ns)?;
         }
+        if let Some(calibration) = &self.extensions.calibration {
+            calibration.check_restored(time_ns)?;
+        }
         self.extensions
             .water
             .as_ref()

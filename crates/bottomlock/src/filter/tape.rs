@@ -3,17 +3,18 @@
 use nalgebra::{Cholesky, Const, DMatrix, DVector, SMatrix};
 
 use super::Eskf;
-use super::extensions::{DEPTH_BIAS, Extensions, FIRST_WATER};
+use super::extensions::{DEPTH_BIAS, Extensions, FIRST_CALIBRATION};
 use super::update::FurtherGains;
 use crate::aiding::Innovation;
+use crate::aiding::calibration::CALIBRATION;
 use crate::aiding::water::WATER;
 use crate::error_model::Interval;
 use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, Kinematics};
 use crate::state::{Covariance, NavState};
 
-/// One entry of a tape; matrices are over the 20 error states, the bias of the depth sensor, and the six states
-/// of the motion through the water where they exist.
+/// One entry of a tape; matrices are over the 20 error states, the bias of the depth sensor, and, where
+/// they exist, mounting and clock of the DVL (four) and the motion through the water (six).
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Step {
     /// Φ since the previous entry.
@@ -105,7 +106,7 @@ impl Eskf {
         gain: &SMatrix<f64, DIM, M>,
         further: &FurtherGains<M>,
     ) {
-        let states = self.extensions.states();
+        let (states, first_water) = (self.extensions.states(), self.extensions.first_water());
         let mut h = DMatrix::zeros(M, states);
         let mut whole_gain = DMatrix::zeros(states, M);
         h.view_mut((0, 0), (M, DIM))
@@ -116,8 +117,12 @@ impl Eskf {
             own += correlated_noise.by_state.fixed_rows::<M>(0);
             h.view_mut((0, DEPTH_BIAS), (M, 1))
                 .copy_from(&correlated_noise.by_depth_bias.fixed_rows::<M>(0));
-            if states > FIRST_WATER {
-                h.view_mut((0, FIRST_WATER), (M, WATER))
+            if self.extensions.calibration.is_some() {
+                h.view_mut((0, FIRST_CALIBRATION), (M, CALIBRATION))
+                    .copy_from(&correlated_noise.by_calibration.fixed_rows::<M>(0));
+            }
+            if states > first_water {
+                h.view_mut((0, first_water), (M, WATER))
                     .copy_from(&correlated_noise.by_water.fixed_rows::<M>(0));
             }
         }
@@ -126,8 +131,13 @@ impl Eskf {
                 .view_mut((DEPTH_BIAS, 0), (1, M))
                 .copy_from(&gain.transpose());
         }
+        if let Some(gain) = &further.calibration {
+            whole_gain
+                .view_mut((FIRST_CALIBRATION, 0), (CALIBRATION, M))
+                .copy_from(&gain.transpose());
+        }
         if let Some(gain) = &further.water {
-            whole_gain.view_mut((FIRST_WATER, 0), (WATER, M)).copy_from(gain);
+            whole_gain.view_mut((first_water, 0), (WATER, M)).copy_from(gain);
         }
         // What corrects the position alone is no information on any other state.
         let informs = if innovation.corrects_position_alone { 0.0 } else { 1.0 };
@@ -147,12 +157,13 @@ impl Eskf {
         let mut extensions = Extensions {
             tape: None,
             depth_bias: self.extensions.depth_bias.clone(),
+            calibration: self.extensions.calibration.clone(),
             water: self.extensions.water.clone(),
         };
         if self.interval.duration_s() > 0.0 {
             extensions.propagate(&self.interval, &self.kinematics, &self.settings.earth);
         }
-        let states = extensions.states();
+        let (states, first_water) = (extensions.states(), extensions.first_water());
         let mut joint = DMatrix::zeros(states, states);
         joint.view_mut((0, 0), (DIM, DIM)).copy_from(&self.covariance());
         if let Some(bias) = &extensions.depth_bias {
@@ -161,15 +172,35 @@ impl Eskf {
             if extensions.water.is_some() {
                 let with_water = bias.cross_with_water().transpose();
                 joint
-                    .view_mut((DEPTH_BIAS, FIRST_WATER), (1, WATER))
+                    .view_mut((DEPTH_BIAS, first_water), (1, WATER))
+                    .copy_from(&with_water);
+            }
+        }
+        if let Some(calibration) = &extensions.calibration {
+            joint
+                .view_mut((0, FIRST_CALIBRATION), (DIM, CALIBRATION))
+                .copy_from(calibration.cross());
+            joint
+                .view_mut((FIRST_CALIBRATION, FIRST_CALIBRATION), (CALIBRATION, CALIBRATION))
+                .copy_from(calibration.covariance());
+            if extensions.depth_bias.is_some() {
+                let with_bias = calibration.cross_with_depth_bias().transpose();
+                joint
+                    .view_mut((DEPTH_BIAS, FIRST_CALIBRATION), (1, CALIBRATION))
+                    .copy_from(&with_bias);
+            }
+            if extensions.water.is_some() {
+                let with_water = calibration.cross_with_water().transpose();
+                joint
+                    .view_mut((FIRST_CALIBRATION, first_water), (CALIBRATION, WATER))
                     .copy_from(&with_water);
             }
         }
         if let Some(water) = &extensions.water {
             joint
-                .view_mut((FIRST_WATER, FIRST_WATER), (WATER, WATER))
+                .view_mut((first_water, first_water), (WATER, WATER))
                 .copy_from(water.covariance());
-            joint.view_mut((0, FIRST_WATER), (DIM, WATER)).copy_from(water.cross());
+            joint.view_mut((0, first_water), (DIM, WATER)).copy_from(water.cross());
         }
         joint.fill_lower_triangle_with_upper_triangle();
         joint
@@ -193,7 +224,8 @@ pub(super) fn transition(
     }
     if let Some(water) = &extensions.water {
         let decay = water.decay(interval.duration_s());
-        (0..WATER).for_each(|k| whole[(FIRST_WATER + k, FIRST_WATER + k)] = decay[k]);
+        let first = extensions.first_water();
+        (0..WATER).for_each(|k| whole[(first + k, first + k)] = decay[k]);
     }
     whole
 }

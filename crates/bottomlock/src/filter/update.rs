@@ -4,6 +4,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::Eskf;
 use super::joseph::PredictedInnovation;
+use crate::aiding::calibration::CALIBRATION;
 use crate::aiding::sensor::Quantity;
 use crate::aiding::water::WATER;
 use crate::aiding::{Innovation, TangentRows};
@@ -123,12 +124,23 @@ impl Eskf {
             water_cross += bias.water_cross::<M>(innovation);
             bias_cross = Some(bias.innovation_cross::<M>(innovation));
         }
+        let mut calibration_cross = None;
+        if let Some(calibration) = &self.extensions.calibration {
+            let (by_water, by_bias) = calibration.noise_cross::<M>(innovation);
+            water_cross += by_water;
+            bias_cross = bias_cross.map(|cross| cross + by_bias);
+            calibration_cross = Some(calibration.innovation_cross::<M>(innovation));
+        }
         let mut gains = FurtherGains::default();
         if let Some(water) = &mut self.extensions.water {
             gains.water = Some(water.update(&update, &water_cross));
         }
         if let (Some(bias), Some(x)) = (&mut self.extensions.depth_bias, bias_cross) {
             gains.depth_bias = Some(bias.update(&update, &x, gains.water.as_ref()));
+        }
+        if let (Some(calibration), Some(x)) = (&mut self.extensions.calibration, calibration_cross) {
+            let gain = calibration.update(&update, &x, gains.water.as_ref(), gains.depth_bias.as_ref());
+            gains.calibration = Some(gain);
         }
         if self.extensions.tape.is_some() {
             self.record_update(innovation, &z, &factor, gain, &gains);
@@ -142,6 +154,9 @@ impl Eskf {
         self.state = state;
         self.kinematics = state.kinematics();
         self.interval = Interval::Open;
+        if let Some(calibration) = &mut self.extensions.calibration {
+            calibration.begin_interval(&self.kinematics);
+        }
     }
 }
 
@@ -150,6 +165,8 @@ impl Eskf {
 pub(super) struct FurtherGains<const M: usize> {
     pub(super) depth_bias: Option<SVector<f64, M>>,
     pub(super) water: Option<SMatrix<f64, WATER, M>>,
+    /// Transposed.
+    pub(super) calibration: Option<SMatrix<f64, M, CALIBRATION>>,
 }
 
 /// The error for an indefinite covariance, which names the block of a negative variance if there is one.

@@ -252,6 +252,7 @@ impl Navigator {
         ping: &BeamSample,
         report: &mut impl FnMut(&UpdateReport),
     ) -> Result<BeamMask, NavError> {
+        self.filters.each_mut().for_each(Eskf::prepare_for_ping);
         let (mut left, mut weight) = self.screen(ping)?;
         let mut inflation = None;
         if left.valid != ping.valid {
@@ -320,7 +321,8 @@ impl Navigator {
         }
         let (geometry, filter) = (&self.geometry, &mut self.filters.measurements_only);
         let covariance = filter.propagated_covariance();
-        let terms = filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
+        let mut terms = filter.beam_terms(geometry, ping);
+        filter.add_calibration_to(&mut terms);
         let screened = outliers::screen(&self.options.robust, geometry, &covariance, &terms, ping)?;
         Ok((screened.ping, Some(screened.weight)))
     }
@@ -331,8 +333,9 @@ impl Navigator {
         method: PartialMethod,
         ping: &BeamSample,
     ) -> Result<(Innovation, FixEstimator), NavError> {
-        let (geometry, filter) = (&self.geometry, &mut self.filters.measurements_only);
-        let terms = filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
+        let filter = &mut self.filters.measurements_only;
+        let terms = filter.beam_terms(&self.geometry, ping);
+        let geometry = &filter.calibrated_geometry(&self.geometry);
         let p_xv = filter.velocity_covariance();
         let prior_cov: Matrix3<f64> = p_xv.fixed_rows::<3>(VELOCITY).into_owned();
         let state = filter.state();
@@ -381,8 +384,7 @@ impl Navigator {
 
 /// A row for each valid beam, for one filter.
 fn tight_innovation(filter: &Eskf, geometry: &BeamGeometry, ping: &BeamSample) -> Innovation {
-    let terms = filter.with_motion(|motion| aiding::beam_terms(motion, geometry, ping));
-    aiding::tightly_coupled(&terms, ping)
+    aiding::tightly_coupled(&filter.beam_terms(geometry, ping), ping)
 }
 
 /// Returns true for a virtual beam whose correlation with the filter is kept.

@@ -13,6 +13,7 @@ mod log;
 mod log_feed;
 mod ping;
 
+use crate::aiding::calibration::{CalibrationCovariance, CalibrationVector};
 use crate::dvl::geometry::BeamGeometry;
 use crate::error::{NavError, require_rising};
 use crate::filter::filter_group::width;
@@ -90,6 +91,9 @@ pub struct Track {
     pub smoothed: Series,
     /// A record for each ping of the log.
     pub pings: Vec<PingRecord>,
+    /// Estimates of the DVL's mounting and clock at each sample, as numbers, with their covariance; empty where they are
+    /// taken as stated. They are constants, so those of the last sample are the smoothed ones of every sample.
+    pub calibrations: Vec<(CalibrationVector, CalibrationCovariance)>,
     /// Bytes that the smoother's tape took.
     pub tape_bytes: usize,
 }

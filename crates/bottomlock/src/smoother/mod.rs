@@ -132,14 +132,11 @@ fn smoothed(
             covariance: error_state_block(covariance),
         });
     };
-    let (states, time_ns) = (pending.nrows(), state.time_ns);
-    let inverse = pending.try_inverse().ok_or(NavError::NotFinite {
+    let time_ns = state.time_ns;
+    let (correction, p) = corrected(covariance, adjoint, pending).ok_or(NavError::NotFinite {
         field: "smoother transition",
         time_ns,
     })?;
-    let adjoint = adjoint.clone().resized(states).transposed_by(&inverse);
-    let correction = -(covariance * &adjoint.vector);
-    let p = covariance - covariance * &adjoint.matrix * covariance;
     require_finite("smoothed state", time_ns, correction.as_slice())?;
     require_finite_squares("smoothed covariance", time_ns, p.as_slice())?;
     state.inject(&ErrorVector::from_iterator(correction.iter().copied()));
@@ -149,5 +146,20 @@ fn smoothed(
     })
 }
 
+/// −P λ and P − P Λ P of all states; `None` where the transition cannot be inverted.
+fn corrected(
+    covariance: &DMatrix<f64>,
+    adjoint: &Adjoint,
+    pending: DMatrix<f64>,
+) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let states = pending.nrows();
+    let adjoint = adjoint.clone().resized(states).transposed_by(&pending.try_inverse()?);
+    let p = covariance - covariance * &adjoint.matrix * covariance;
+    Some((-(covariance * &adjoint.vector), p))
+}
+
+#[cfg(test)]
+#[path = "calibration_tests.rs"]
+mod calibration_tests;
 #[cfg(test)]
 mod tests;

@@ -1,0 +1,77 @@
+//! A filter's beams with mounting and clock as it estimates them.
+
+use std::borrow::Cow;
+
+use nalgebra::SMatrix;
+
+use super::Eskf;
+use crate::aiding::calibration::{Calibration, CalibrationCovariance, calibrated_beam_terms};
+use crate::aiding::{self, BeamTerms, Innovation};
+use crate::dvl::geometry::{BeamGeometry, BeamSample};
+use crate::error_model::Coefficients;
+use crate::layout::{DIM, VELOCITY};
+use crate::mechanisation::Inertial;
+
+impl Eskf {
+    /// Estimated mounting and clock of the DVL with the covariance of their errors; `None` where they are taken as stated.
+    #[must_use]
+    pub fn calibration(&self) -> Option<(Calibration, CalibrationCovariance)> {
+        let block = self.extensions.calibration.as_deref()?;
+        Some((*block.estimate(), *block.covariance()))
+    }
+
+    /// Brings the mean acceleration up to date before a ping, where the clock is unknown.
+    pub(crate) fn prepare_for_ping(&mut self) {
+        if self.extensions.calibration.is_some() {
+            self.propagate_covariance();
+        }
+    }
+
+    /// [`aiding::beam_terms`] at the estimated mounting and clock.
+    pub(crate) fn beam_terms(&self, geometry: &BeamGeometry, ping: &BeamSample) -> BeamTerms {
+        self.with_motion(|motion| match self.extensions.calibration.as_deref() {
+            None => aiding::beam_terms(motion, geometry, ping),
+            Some(block) => {
+                let change = block.motion_change(self.velocity_by_state());
+                calibrated_beam_terms(motion, &change, geometry, block.estimate(), ping)
+            }
+        })
+    }
+
+    /// A geometry at the estimated mounting.
+    pub(crate) fn calibrated_geometry<'a>(&self, geometry: &'a BeamGeometry) -> Cow<'a, BeamGeometry> {
+        match self.extensions.calibration.as_deref() {
+            None => Cow::Borrowed(geometry),
+            Some(block) => Cow::Owned(geometry.clone().turned(block.estimate().mounting)),
+        }
+    }
+
+    /// An innovation with what mounting and clock add to its noise; `None` for one that they have no part in.
+    pub(super) fn with_calibration_noise(&self, innovation: &Innovation) -> Option<Box<Innovation>> {
+        let rows = innovation.by_calibration.as_deref()?;
+        let mut whole = Box::new(innovation.clone());
+        whole.by_calibration = None;
+        if let Some(block) = self.extensions.calibration.as_deref() {
+            block.add_to(&mut whole, rows);
+        }
+        Some(whole)
+    }
+
+    /// Adds what mounting and clock add to S to the noise of a ping's beams, with the covariance as it stands.
+    pub(crate) fn add_calibration_to(&self, terms: &mut BeamTerms) {
+        if let (Some(block), Some(rows)) = (self.extensions.calibration.as_deref(), &terms.by_calibration) {
+            terms.noise += block.added_to_innovation(&terms.jacobian, rows);
+        }
+    }
+
+    /// The rows of F for the velocity, at the state as it stands.
+    fn velocity_by_state(&self) -> SMatrix<f64, 3, DIM> {
+        let inertial = Inertial {
+            rate_p_radps: (self.last_rate_p_radps - self.state.gyro_bias_p_radps.0).into(),
+            force_p_mps2: [0.0; 3],
+        };
+        let earth = &self.settings.earth;
+        let f = Coefficients::at(&self.kinematics, &inertial, earth).dense(earth);
+        SMatrix::from_fn(|i, j| f[VELOCITY + i][j])
+    }
+}

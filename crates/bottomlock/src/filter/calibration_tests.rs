@@ -1,0 +1,203 @@
+//! Mounting and clock against a Kalman filter on all 31 states.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::*;
+use crate::aiding::calibration::CLOCK;
+use crate::aiding::depth::{DepthModel, depth};
+use crate::aiding::sensor::TimeConstant;
+use crate::aiding::tightly_coupled;
+use crate::aiding::water::sway_row;
+use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
+use crate::filter::Eskf;
+use crate::filter::gate::Gate;
+use crate::filter::level_turn::{advance, assert_close};
+use crate::filter::options::Options;
+use crate::filter::report::Sensor;
+use crate::filter::water_block::WaterBlock;
+use crate::frames::Vec3;
+use crate::model::Model;
+use crate::state::NavState;
+
+const BIAS: usize = DIM;
+const OWN: usize = DIM + 1;
+const WATER_AT: usize = OWN + CALIBRATION;
+const ALL: usize = WATER_AT + WATER;
+const PRIOR: CalibrationPrior = CalibrationPrior {
+    mounting_sd_rad: [0.02, 0.03, 0.05],
+    clock_sd_s: 0.1,
+};
+
+fn filter() -> Eskf {
+    let mut model = Model::table_2();
+    model.sensors.depth = DepthModel {
+        sd_m: 0.02,
+        bias_sd_m: 0.3,
+        bias_time_s: TimeConstant(100.0),
+    };
+    // Within the linear range.
+    model.initial.attitude_sd_rad = [1e-3; 3];
+    let options = Options {
+        gate: Gate::Off,
+        covariance_period_ns: 0,
+        calibration: PRIOR,
+        ..Options::default()
+    };
+    let mut state = NavState::at_rest(0);
+    state.velocity_p_mps = Vec3::new(2.0, 0.1, -0.05);
+    Eskf::new(state, &model, &options)
+        .unwrap()
+        .with_water(Some(WaterBlock::new(&options.water)))
+}
+
+fn block(filter: &Eskf) -> CalibrationBlock {
+    filter.extensions.calibration.as_deref().unwrap().clone()
+}
+
+/// The joint covariance of the error state, the bias of the depth sensor, mounting and clock, and the water states.
+fn joint(filter: &Eskf) -> DMatrix<f64> {
+    let (p, own, water) = (filter.covariance(), block(filter), filter.water().unwrap());
+    let bias = filter.extensions.depth_bias.as_deref();
+    let upper = |i: usize, j: usize| match (i, j) {
+        (i, j) if j < DIM => p[(i, j)],
+        (i, BIAS) if i < DIM => bias.map_or(0.0, |bias| bias.cross()[i]),
+        (_, BIAS) => bias.map_or(0.09, super::super::depth_bias::DepthBias::variance_m2),
+        (i, j) if i < DIM && j < WATER_AT => own.cross[(i, j - OWN)],
+        (BIAS, j) if j < WATER_AT => own.depth_bias[j - OWN],
+        (i, j) if j < WATER_AT => own.covariance[(i - OWN, j - OWN)],
+        (i, j) if i < DIM => water.cross()[(i, j - WATER_AT)],
+        (BIAS, j) => bias.map_or(0.0, |bias| bias.cross_with_water()[j - WATER_AT]),
+        (i, j) if i < WATER_AT => own.water[(j - WATER_AT, i - OWN)],
+        (i, j) => water.covariance()[(i - WATER_AT, j - WATER_AT)],
+    };
+    DMatrix::from_fn(ALL, ALL, |i, j| upper(i.min(j), i.max(j)))
+}
+
+fn ping(valid: BeamMask) -> BeamSample {
+    BeamSample {
+        time_ns: 0,
+        velocity_mps: [0.6, -0.3, -0.4, 0.5, 0.0, 0.0, 0.0, 0.0],
+        sd_mps: [0.01; 8],
+        valid,
+    }
+}
+
+fn geometry() -> BeamGeometry {
+    BeamGeometry::janus(Janus::X, 0.5)
+        .unwrap()
+        .with_lever_arms(&[Vec3::new(1.0, 0.2, 0.3); 4])
+        .unwrap()
+}
+
+/// P − P Hᵀ (H P Hᵀ + R)⁻¹ H P of all states, and the estimated error.
+fn updated(p: &DMatrix<f64>, h: &DMatrix<f64>, r: &DMatrix<f64>, z: &DVector<f64>) -> (DMatrix<f64>, DVector<f64>) {
+    let gain = p * h.transpose() * (h * p * h.transpose() + r).try_inverse().unwrap();
+    (p - &gain * h * p, gain * z)
+}
+
+/// Pings of four, two and one beam, depths and assumptions by turns: covariance and estimates of all states are the textbook's.
+#[test]
+fn updates_are_the_textbook_updates_of_all_states() {
+    let mut filter = filter();
+    let masks = [
+        BeamMask::all(4),
+        [0, 2].into_iter().collect(),
+        [3].into_iter().collect(),
+    ];
+    for valid in masks {
+        advance(&mut filter, 60);
+        filter.prepare_for_ping();
+        let terms = filter.beam_terms(&geometry(), &ping(valid));
+        let innovation = tightly_coupled(&terms, &ping(valid));
+        let m = innovation.rows;
+        let rows = innovation.by_calibration.as_deref().unwrap();
+        let h = DMatrix::from_fn(m, ALL, |i, j| match j {
+            j if j < DIM => innovation.jacobian[(i, j)],
+            j if (OWN..WATER_AT).contains(&j) => rows[(i, j - OWN)],
+            _ => 0.0,
+        });
+        let r = innovation.noise.view((0, 0), (m, m)).into_owned();
+        let z = innovation.residual.rows(0, m).into_owned();
+        let (p, before) = (joint(&filter), block(&filter).estimate.numbers());
+        let (expected, error) = updated(&p, &h, &r, &z);
+        filter.update(&innovation, Sensor::Beams).unwrap();
+        assert_close(&joint(&filter), &expected, 1e-9, "ping");
+        let after = block(&filter).estimate.numbers();
+        for k in 0..CALIBRATION {
+            // Rotations compose to second order.
+            assert!((after[k] - before[k] - error[OWN + k]).abs() < 5e-4, "{k}");
+        }
+
+        advance(&mut filter, 30);
+        let innovation = depth(&filter.state(), 0.3, 0.02, &Vec3::from_array([0.4, 0.1, -0.2]));
+        let h = DMatrix::from_fn(1, ALL, |_, j| match j {
+            j if j < DIM => innovation.jacobian[(0, j)],
+            j => f64::from(u8::from(j == BIAS)),
+        });
+        let p = joint(&filter);
+        let (expected, _) = updated(&p, &h, &DMatrix::from_element(1, 1, 4e-4), &DVector::zeros(1));
+        filter.update(&innovation, Sensor::Depth).unwrap();
+        assert_close(&joint(&filter), &expected, 1e-9, "depth");
+
+        advance(&mut filter, 20);
+        let water = *filter.water().unwrap().estimate();
+        let assumed = filter.with_motion(|motion| sway_row(motion, &water));
+        let mut begun = filter.clone();
+        begun.extensions.water.as_deref_mut().unwrap().begin_epoch(&assumed);
+        let h = DMatrix::from_fn(1, ALL, |_, j| match j {
+            j if j < DIM => assumed.by_state[j],
+            j if j >= WATER_AT => assumed.by_water[j - WATER_AT],
+            _ => 0.0,
+        });
+        let r = DMatrix::from_element(1, 1, assumed.variance);
+        let (expected, _) = updated(&joint(&begun), &h, &r, &DVector::zeros(1));
+        filter.assume(&assumed, Sensor::Sway, false).unwrap();
+        assert_close(&joint(&filter), &expected, 1e-9, "assumption");
+    }
+    assert!(block(&filter).covariance[(CLOCK, CLOCK)] < PRIOR.clock_sd_s.powi(2));
+}
+
+/// An unknown without prior deviation stays what it is, to the last bit.
+#[test]
+fn what_is_certain_stays() {
+    let mut options = Options {
+        gate: Gate::Off,
+        ..Options::default()
+    };
+    options.calibration.mounting_sd_rad = [0.0, 0.0, 0.05];
+    let mut state = NavState::at_rest(0);
+    state.velocity_p_mps = Vec3::new(2.0, 0.1, -0.05);
+    let mut filter = Eskf::new(state, &Model::table_2(), &options).unwrap();
+    advance(&mut filter, 50);
+    filter.prepare_for_ping();
+    let sample = ping(BeamMask::all(4));
+    let innovation = tightly_coupled(&filter.beam_terms(&geometry(), &sample), &sample);
+    filter.update(&innovation, Sensor::Beams).unwrap();
+    let (estimate, covariance) = filter.calibration().unwrap();
+    let numbers = estimate.numbers();
+    assert!(numbers[2] != 0.0 && covariance[(2, 2)] < 0.0025);
+    assert_eq!((numbers[0], numbers[1], numbers[CLOCK]), (0.0, 0.0, 0.0));
+    assert_eq!(
+        (covariance[(0, 0)], covariance[(1, 1)], covariance[(CLOCK, CLOCK)]),
+        (0.0, 0.0, 0.0)
+    );
+}
+
+/// Off, there is nothing; a covariance set from outside begins anew.
+#[test]
+fn begins_at_the_prior() {
+    let without = Eskf::new(NavState::at_rest(0), &Model::table_2(), &Options::default()).unwrap();
+    assert!(without.calibration().is_none() && without.extensions.is_empty());
+    let mut filter = filter();
+    advance(&mut filter, 50);
+    filter.prepare_for_ping();
+    let sample = ping(BeamMask::all(4));
+    let innovation = tightly_coupled(&filter.beam_terms(&geometry(), &sample), &sample);
+    filter.update(&innovation, Sensor::Beams).unwrap();
+    assert!(block(&filter).cross.amax() > 0.0);
+    let covariance = filter.covariance();
+    filter.set_covariance(&covariance).unwrap();
+    let (estimate, covariance) = filter.calibration().unwrap();
+    assert_eq!(estimate, Calibration::default());
+    assert_eq!(covariance, CalibrationCovariance::from_diagonal(&PRIOR.variance()));
+}

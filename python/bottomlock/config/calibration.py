@@ -1,0 +1,70 @@
+"""What is known beforehand of a DVL's mounting and clock: in a case, and in the DVL's own file."""
+
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from bottomlock import units
+from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, Section
+from bottomlock.models import Calibration
+
+SmallAngle = Annotated[float, Field(ge=0, le=30, allow_inf_nan=False)]
+"""1 sigma of a mounting angle, degrees: the filter is linear in it."""
+ShortTime = Annotated[float, Field(ge=0, lt=2, allow_inf_nan=False)]
+"""1 sigma of a clock, seconds: the filter is linear in it."""
+Angles = SmallAngle | tuple[SmallAngle, SmallAngle, SmallAngle]
+
+
+class StatedCalibration(Section):
+    """How well a DVL's file knows it, 1 sigma; the mounting itself is `mounting_roll_deg` and the others there.
+
+    `mounting_sd_deg` is about the platform's forward, right and down axes. The DVL reads `scale_percent` too much.
+    `clock_offset_s` is to be added to its stamps.
+    """
+
+    mounting_sd_deg: tuple[SmallAngle, SmallAngle, SmallAngle] = (0.0, 0.0, 0.0)
+    scale_percent: Annotated[float, Field(gt=-50, lt=50, allow_inf_nan=False)] = 0.0
+    scale_sd_percent: Positive | None = None
+    clock_offset_s: Finite = 0.0
+    clock_sd_s: ShortTime = 0.0
+
+
+class CalibrationSection(Section):
+    """Mounting and clock of the DVL as states of a case's filter, 1 sigma beforehand.
+
+    What is not given is that of the DVL's file, and 0 (certain) without. `mounting_sd_deg` is one value or three, about
+    the platform's forward, right and down axes. The scale has its prior in `dvl.errors.scale_factor_percent`.
+    """
+
+    enabled: bool = True
+    mounting_sd_deg: Angles | None = None
+    clock_sd_s: NonNegative | None = None
+
+    @model_validator(mode="after")
+    def _short(self) -> Self:
+        if self.clock_sd_s is not None and self.clock_sd_s >= 2.0:
+            raise ValueError(
+                f"clock_sd_s is {self.clock_sd_s:g}, expected less than 2 s: is it in milliseconds?"
+            )
+        if not self.enabled and (self.mounting_sd_deg is not None or self.clock_sd_s is not None):
+            raise ValueError("enabled = false, but a prior is given; expected one of them")
+        return self
+
+    def prior(self, stated: StatedCalibration | None) -> Calibration:
+        """The prior as the kernel takes it; `stated` is what the DVL's file says."""
+        if not self.enabled:
+            return Calibration()
+        stated = StatedCalibration() if stated is None else stated
+        angles = stated.mounting_sd_deg if self.mounting_sd_deg is None else self.mounting_sd_deg
+        clock_s = stated.clock_sd_s if self.clock_sd_s is None else self.clock_sd_s
+        return Calibration(
+            mounting_sd_rad=tuple(np.deg2rad(np.broadcast_to(angles, 3)).tolist()), clock_sd_s=clock_s
+        )
+
+
+def scale_sd(stated: StatedCalibration | None, *, given: bool, otherwise: float) -> float:
+    """1 sigma of the scale factor: the case's where it is given there, else the DVL's file's, else the default."""
+    if given or stated is None or stated.scale_sd_percent is None:
+        return otherwise
+    return units.fraction_from_percent(stated.scale_sd_percent)
