@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from bottomlock.audit.findings import Finding
 from bottomlock.audit.logs import Depths, Reference
-from bottomlock.audit.robust import Array, fit_linear
+from bottomlock.audit.robust import Array, fit_linear, sigmas_for
 from bottomlock.statistics.rms import rms
 
 WINDOW_S = 5.0
@@ -24,6 +24,7 @@ class DepthRate:
     rms_mps: float
     windows: int
     levelled: bool
+    blocks: int
 
 
 def depth_rate(
@@ -63,6 +64,7 @@ def depth_rate(
         rms_mps=float(rms(fit.residuals) / WINDOW_S),
         windows=len(moved),
         levelled=reference is not None,
+        blocks=fit.blocks,
     )
 
 
@@ -77,7 +79,7 @@ def depth_findings(rate: DepthRate | None) -> list[Finding]:
         f"Slope {rate.slope:+.2f} ± {rate.slope_sd:.2g}, correlation {rate.correlation:+.2f} over {rate.windows} "
         f"windows of {WINDOW_S:g} s.{caveat}"
     )
-    if abs(rate.correlation) < 0.3 or abs(rate.slope) < 5.0 * rate.slope_sd:
+    if abs(rate.correlation) < 0.3 or abs(rate.slope) < sigmas_for(rate.blocks) * rate.slope_sd:
         return [
             Finding(
                 "depth_not_observable", "note", rate.slope, "", 0.0,
@@ -94,7 +96,7 @@ def depth_findings(rate: DepthRate | None) -> list[Finding]:
                 "Rotate the velocity to forward, right, down before using it.",
             )
         ]  # fmt: skip
-    if rate.levelled and abs(rate.slope - 1.0) > max(0.03, 5.0 * rate.slope_sd):
+    if rate.levelled and abs(rate.slope - 1.0) > max(0.03, sigmas_for(rate.blocks) * rate.slope_sd):
         return [
             Finding(
                 "vertical_scale", "warning", 100.0 * (rate.slope - 1.0), "%", min(abs(rate.slope - 1.0), 1.0),

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bottomlock.audit.matrix import azimuth, tilt
+from bottomlock.audit.matrix import LEAST_PINGS, azimuth, tilt
 from bottomlock.audit.mounting import LIMITS
 from bottomlock.audit.robust import Array, sigma
 from bottomlock.audit.run import Audit
 from bottomlock.errors import DataError
 
 SURE = 5.0
-LEAST_PINGS = 30
-"""Pings from which on the robust standard deviation is known within a fifth."""
 LEAST_NOISE_MPS = 1e-5
 """A hundredth of the mm/s that most instruments write: no echo is measured so well."""
 

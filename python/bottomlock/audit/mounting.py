@@ -52,6 +52,7 @@ class Mounting:
         residual_mps: (3,) robust sigma per axis.
         explained: fraction of the robust variance of the velocity (or of its changes) that the fit explains, 0 to 1.
         instants: number of pings or windows.
+        blocks: number of independent blocks behind the standard deviations.
         rate_rms_radps: (3,) RMS angular rate of the platform.
         imu: alignment of the IMU with the attitude, or None.
     """
@@ -69,6 +70,7 @@ class Mounting:
     residual_mps: Array
     explained: float
     instants: int
+    blocks: int
     rate_rms_radps: Array
     imu: ImuAlignment | None = None
 
@@ -159,11 +161,19 @@ def _against_velocity(
 
     scale = np.array([0.01] * 3 + [0.1] * 3 + [0.05, 0.01])
     prior = np.array([1.0] * 3 + [5.0] * 3 + [2.0, 0.3])
-    fit = fit_nonlinear(residuals, np.zeros(8), scale=scale, prior_sd=prior)
+    steps = _steps(scale, motion)
+    fit = fit_nonlinear(residuals, np.zeros(8), scale=scale, prior_sd=prior, steps=steps)
     rate = motion.omega_tp_p_radps(time_s + first_offset)
     return _mounting(
         "velocity and attitude beside the log", fit, start, first_offset, rate, velocity, aligned
     )
+
+
+def _steps(scale: Array, motion: Motion) -> Array:
+    """Steps of the derivatives; that of the clock offset (the seventh) over two samples of the reference."""
+    steps = 1e-4 * scale
+    steps[6] = np.clip(2.0 * float(np.median(np.diff(motion.time_s))), 0.2, 1.0)
+    return steps
 
 
 def _mounting(
@@ -195,6 +205,7 @@ def _mounting(
         residual_mps=residual,
         explained=float(np.clip(1.0 - np.sum(residual**2) / max(float(np.sum(spread**2)), 1e-12), 0.0, 1.0)),
         instants=len(signal),
+        blocks=fit.blocks,
         rate_rms_radps=rms(rate, axis=0),
         imu=aligned,
     )
@@ -281,7 +292,8 @@ def _against_imu(
 
     scale = np.array([0.01] * 3 + [0.1] * 3 + [0.05, 0.01] + [0.01] * 5)
     prior = np.array([1.0] * 3 + [5.0] * 3 + [2.0, 0.3] + [0.3] * 3 + [0.1] * 2)
-    fit = fit_nonlinear(residuals, np.zeros(13), scale=scale, prior_sd=prior)
+    steps = _steps(scale, motion)
+    fit = fit_nonlinear(residuals, np.zeros(13), scale=scale, prior_sd=prior, steps=steps)
     omega = motion.omega_tp_p_radps(time_s + first_offset)
     change_mps = velocity[last] - velocity[first]
     return _mounting("IMU and attitude beside the log", fit, start, first_offset, omega, change_mps, aligned)
