@@ -161,8 +161,9 @@ def _with_closures(found: BeamAssessment, readings: Array) -> BeamAssessment:
             explaining = suspects(slope, weights[:, 0], rows)
             dependence = slope_findings(slope, explaining, rows, velocity)
     biases = bias_findings(matrix, closures) if matrix is not None and against else []
+    doubtful = any(one.kind == "order_or_bias" for one in found.findings)
     findings = found.findings + dependence + biases
     for closure in closures:
         # The median of a closure that depends on the velocity is no bias, and a named bias is named once.
-        findings += closure_findings(closure, unbiased=bool(dependence or biases))
+        findings += closure_findings(closure, unbiased=bool(dependence or biases) or doubtful)
     return replace(found, closures=closures, slope=slope, suspects=explaining, findings=findings)

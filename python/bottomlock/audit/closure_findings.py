@@ -15,7 +15,7 @@ from bottomlock.audit.findings import (
     beam_words,
 )
 from bottomlock.audit.nearest_janus import nearest_janus
-from bottomlock.audit.order_odds import BETTER, Hypothesis
+from bottomlock.audit.order_odds import BETTER, Odds
 from bottomlock.audit.robust import Array, sigmas_for
 
 HEAVY_FRACTION = 0.01
@@ -88,9 +88,7 @@ def combination_findings(readings: Array, row: NDArray[np.int64]) -> tuple[list[
     return [note, *closure_findings(closure, unbiased=found.departs)], [closure]
 
 
-def order_findings(
-    orders: list[Order], odds: list[Hypothesis], rows: Array
-) -> tuple[list[Finding], Array, bool]:
+def order_findings(orders: list[Order], odds: Odds | None, rows: Array) -> tuple[list[Finding], Array, bool]:
     """The simplest order in which the beams close far better than in the stated one, if any.
 
     A closure that is not zero may also be a bias in the stated order: where the log does not exclude it, both are named
@@ -106,25 +104,24 @@ def order_findings(
     named = "; or ".join(_order_words(one) for one in simple[:6])
     moved = {k for one in simple for k in range(len(rows)) if one.beam[k] != k or one.sign[k] < 0}
     chosen = simple[0]
+    reordered = np.array(chosen.sign)[:, None] * rows[list(chosen.beam)]
     flips = any(s < 0 for s in chosen.sign)
-    as_stated = [one for one in odds if abs(one.order.closure_mps - plain.closure_mps) < 1e-12]
-    stays = float(np.logaddexp.reduce([one.log_share for one in as_stated])) if as_stated else -np.inf
     ratio = plain.closure_mps / max(best.closure_mps, 1e-12)
     evidence = (
         f"Robust closure of a unit combination {1e3 * plain.closure_mps:.1f} mm/s as stated, "
         f"{1e3 * best.closure_mps:.1f} mm/s after the change."
     )
-    if stays > np.log(SIGNIFICANCE):
-        bias = max((one for one in as_stated if one.biased), key=lambda one: one.log_share)
+    stays = -np.inf if odds is None else odds.log_stated
+    if odds is not None and stays > np.log(SIGNIFICANCE):
         doubt = Finding(
-            "order_or_bias", "warning", ratio, "times", 1.0,
+            "order_or_bias", "fault", ratio, "times", 1.0,
             f"Either the order is not the stated one ({named}: probability {-np.expm1(stays):.2g}), or the closure has "
-            f"a bias of {1e3 * bias.bias_mps * _unit(rows):+.1f} mm/s (probability {np.exp(stays):.2g}).",
+            f"a bias of {1e3 * odds.bias_mps:+.1f} mm/s (probability {np.exp(stays):.2g}).",
             f"{evidence} The vehicle's velocity varies too little to decide.",
             "Record the vehicle on two courses, or the instrument's own velocity.",
             tuple(sorted(k + 1 for k in moved)),
         )  # fmt: skip
-        return [doubt], rows, True
+        return [doubt], reordered if stays < np.log(0.5) else rows, True
     finding = Finding(
         "sign_flipped" if flips and fewest == 1 else "swapped_beams", "fault", ratio, "times", 1.0,
         f"The beams do not close as stated, and close {ratio:.1f} times better with {named}.",
@@ -134,12 +131,7 @@ def order_findings(
         else "Use the geometry file that this audit writes.",
         tuple(sorted(k + 1 for k in moved)),
     )  # fmt: skip
-    return [finding], np.array(chosen.sign)[:, None] * rows[list(chosen.beam)], len(simple) > 1
-
-
-def _unit(rows: Array) -> float:
-    """Length of the closure's weights, whose largest is 1."""
-    return float(np.linalg.norm(null_space(rows)[:, 0]))
+    return [finding], reordered, len(simple) > 1
 
 
 def _odds_words(log_share: float) -> str:

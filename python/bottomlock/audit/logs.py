@@ -83,6 +83,8 @@ class BeamLog:
 
 def numbers(table: pl.DataFrame, name: str, place: str) -> NDArray[np.float64]:
     """A column as floats, NaN where it is empty; true and false are 1 and 0."""
+    if name in table.columns and table[name].dtype == pl.Null:
+        return np.full(table.height, np.nan)
     return column_numbers(table, name, place, words=True)
 
 

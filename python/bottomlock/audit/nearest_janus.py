@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from bottomlock.audit.closure import Slope, closure_slope, suspects
 from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_RAD, MATERIAL_SCALE, SIGNIFICANCE
-from bottomlock.audit.order_odds import log_likelihood
+from bottomlock.audit.order_odds import advantage, log_likelihoods
 from bottomlock.audit.robust import Array, resolution
 
 PAIRINGS = ((1, 1, -1, -1), (1, -1, 1, -1), (1, -1, -1, 1))
@@ -19,7 +20,7 @@ TILT_RAD = np.deg2rad(25.0)
 
 @dataclass(frozen=True, eq=False)
 class NearestJanus:
-    """A pairing: weights (4,) of its closure, its probability of the three, and how its closure follows the velocity.
+    """A pairing: weights (4,) of its closure, its probability against the next, how its closure follows the velocity.
 
     `departs` is True where that is significant, and more than a beam that is not reported.
     """
@@ -40,14 +41,13 @@ def nearest_janus(readings_mps: Array, row: NDArray[np.int64]) -> NearestJanus |
     if readings_mps.shape[1] != 4:
         return None
     floor = max(resolution(column) for column in readings_mps.T) / np.sqrt(12.0)
-    scores = []
+    fits = []
     for signs in PAIRINGS:
         values = 0.5 * readings_mps @ np.array(signs, dtype=np.float64)
-        fits = [log_likelihood(values, biased=flag, floor=floor)[0] for flag in (False, True)]
-        scores.append(max(fits[0], fits[1] - 0.5 * np.log(len(values))))
-    shares = np.exp(np.array(scores) - np.logaddexp.reduce(scores))
-    best = int(np.argmax(shares))
-    if shares[best] < LEAST_SHARE:
+        fits.append(log_likelihoods(values, biased=True, floor=floor)[0])
+    best, second = np.argsort([-fit.sum() for fit in fits])[:2]
+    share = float(norm.cdf(advantage(fits[best], fits[second])))
+    if share < LEAST_SHARE:
         return None
     weights = np.array(PAIRINGS[best], dtype=np.float64)
     rows = _rows(weights)
@@ -57,9 +57,10 @@ def nearest_janus(readings_mps: Array, row: NDArray[np.int64]) -> NearestJanus |
     if slope is not None:
         effect = float(np.sqrt(slope.slope @ np.cov(velocity, rowvar=False) @ slope.slope))
         blamed = suspects(slope, weights, rows)
-        small = any(one.angle_rad < MATERIAL_RAD or abs(one.scale) < MATERIAL_SCALE for one in blamed[:1])
-        departs = slope.p_value < SIGNIFICANCE and effect > MATERIAL_MPS and not small
-    return NearestJanus(weights, float(shares[best]), slope, effect, departs)
+        turned = blamed[0].share_turned >= blamed[0].share_scaled
+        matters = blamed[0].angle_rad > MATERIAL_RAD if turned else abs(blamed[0].scale) > MATERIAL_SCALE
+        departs = slope.p_value < SIGNIFICANCE and effect > MATERIAL_MPS and matters
+    return NearestJanus(weights, share, slope, effect, departs)
 
 
 def _rows(weights: Array) -> Array:

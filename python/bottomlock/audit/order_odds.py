@@ -4,17 +4,23 @@ A combination of readings that no velocity moves holds noise alone. Of noise tha
 a ping's readings over all velocities depends on the order only through the density of that order's closure (unit
 weights), so the densities of two closures are the likelihoods of their orders. The noise is taken as of Student's t
 with a correlation from ping to ping, its numbers fitted to each closure, so that neither heavy tails nor a slow wander
-decide; one number more is the bias. Two hypotheses are compared by BIC (Schwarz 1978).
+decide; one number more is the bias.
+
+The two closures hold different noise, so that their log likelihoods differ by chance, by about the root of the number
+of pings, even where the vehicle keeps one velocity and nothing can be told. The difference is therefore divided by its
+own standard deviation over pings, and is then a standard normal variable where both describe the log equally well
+(Vuong 1989, with BIC's allowance for the bias).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import gammaln
+from scipy.stats import norm
 
 from bottomlock.audit.beam_order import Order
 from bottomlock.audit.closure import null_space
-from bottomlock.audit.robust import Array, resolution, sigma
+from bottomlock.audit.robust import Array, correlation_pings, resolution, sigma
 
 BETTER = 0.5
 """An order is considered whose closure is smaller than this of the stated one's."""
@@ -24,63 +30,53 @@ _TAILS = (2.5, 4.0, 8.0, 200.0)
 
 
 @dataclass(frozen=True)
-class Hypothesis:
-    """An order with or without a bias: the bias of its unit combination, m/s, and its share of the probability.
+class Odds:
+    """The stated order with a bias (m/s, of the closure with weights up to 1) against the order that closes best.
 
-    `log_share` is the logarithm of `share`, which may be too small for a number.
+    `log_stated` is the logarithm of the probability that the stated order describes the log better; it may be too small
+    for a number.
     """
 
-    order: Order
-    biased: bool
     bias_mps: float
-    log_share: float
-
-    @property
-    def share(self) -> float:
-        """Probability among the hypotheses, equal before the log."""
-        return float(np.exp(self.log_share))
+    log_stated: float
 
 
-def order_odds(readings_mps: Array, stated: Array, orders: list[Order]) -> list[Hypothesis]:
-    """The orders, each with and without a bias, the most probable first.
+def order_odds(readings_mps: Array, stated: Array, orders: list[Order]) -> Odds | None:
+    """The odds; None where no order closes far better than the stated one, or where there is no single closure.
 
     Args:
         readings_mps: (n, beams) of full pings.
         stated: (beams, 3).
-        orders: from `orders_by_closure`; the first, simplest, of those with the same closure stands for all.
-            Orders that do not close far better than the stated one are not considered.
+        orders: from `orders_by_closure`, the best first.
     """
-    plain = next(one for one in orders if one.steps == 0)
-    if min(one.closure_mps for one in orders) > BETTER * plain.closure_mps:
-        return []
+    plain, best = next(one for one in orders if one.steps == 0), orders[0]
+    if best.closure_mps > BETTER * plain.closure_mps:
+        return None
+    weights = [null_space(np.array(one.sign)[:, None] * stated[list(one.beam)]) for one in (plain, best)]
+    if any(one.shape[1] != 1 for one in weights):
+        return None
+    length = float(np.linalg.norm(weights[0]))
+    values = [readings_mps @ (one[:, 0] / np.linalg.norm(one[:, 0])) for one in weights]
     floor = max(resolution(column) for column in readings_mps.T) / np.sqrt(12.0)
-    made: list[tuple[Order, bool, float, float]] = []
-    seen: list[float] = []
-    for order in orders:
-        if any(abs(order.closure_mps - other) < 1e-12 for other in seen):
-            continue
-        seen.append(order.closure_mps)
-        weights = null_space(np.array(order.sign)[:, None] * stated[list(order.beam)])
-        if weights.shape[1] != 1:
-            return []
-        if order.steps and order.closure_mps > BETTER * plain.closure_mps:
-            continue
-        values = readings_mps @ (weights[:, 0] / np.linalg.norm(weights[:, 0]))
-        for biased in (False, True):
-            fit, bias = log_likelihood(values, biased=biased, floor=floor)
-            made.append((order, biased, bias, fit - 0.5 * (3 + biased) * np.log(len(values))))
-    scores = np.array([one[3] for one in made])
-    logs = scores - np.logaddexp.reduce(scores)
-    told = [Hypothesis(o, b, bias, float(s)) for (o, b, bias, _), s in zip(made, logs, strict=True)]
-    return sorted(told, key=lambda one: -one.log_share)
+    stays, bias = log_likelihoods(values[0], biased=True, floor=floor)
+    moves, _ = log_likelihoods(values[1], biased=False, floor=floor)
+    return Odds(bias * length, float(norm.logsf(advantage(moves, stays, fewer=1))))
 
 
-def log_likelihood(values: Array, *, biased: bool, floor: float) -> tuple[float, float]:
-    """Largest log likelihood of AR(1) noise of Student's t, and the bias, m/s; by expectation-maximisation."""
+def advantage(one: Array, other: Array, *, fewer: int = 0) -> float:
+    """By how many standard deviations log likelihoods (n,) exceed others that have `fewer` numbers more."""
+    gain = one - other
+    worth = max(len(gain) / correlation_pings(gain), 2.0)
+    total = float(gain.mean()) + 0.5 * fewer * np.log(len(gain)) / len(gain)
+    return float(total * np.sqrt(worth) / max(float(gain.std()), 1e-12))
+
+
+def log_likelihoods(values: Array, *, biased: bool, floor: float) -> tuple[Array, float]:
+    """Log likelihoods (n − 1,) of AR(1) noise of Student's t, and the bias, m/s; by expectation-maximisation."""
     now, before = values[1:], values[:-1]
     columns = [before, np.ones_like(before)] if biased else [before]
     X = np.stack(columns, axis=1)
-    best, bias = -np.inf, 0.0
+    best, bias = np.full(len(now), -np.inf), 0.0
     for tail in _TAILS:
         weights, scale = np.ones(len(now)), max(sigma(values), floor, 1e-9)
         for _ in range(40):
@@ -96,9 +92,10 @@ def log_likelihood(values: Array, *, biased: bool, floor: float) -> tuple[float,
             weights = update
             if done:
                 break
-        found = len(now) * (
+        found = (
             gammaln(0.5 * (tail + 1.0)) - gammaln(0.5 * tail) - 0.5 * np.log(tail * np.pi) - np.log(scale)
-        ) - 0.5 * (tail + 1.0) * float(np.sum(np.log1p((off / scale) ** 2 / tail)))
-        if found > best:
-            best, bias = float(found), float(p[1] / (1.0 - p[0])) if biased else 0.0
+            - 0.5 * (tail + 1.0) * np.log1p((off / scale) ** 2 / tail)
+        )  # fmt: skip
+        if found.sum() > best.sum():
+            best, bias = np.asarray(found), float(p[1] / (1.0 - p[0])) if biased else 0.0
     return best, bias

@@ -78,7 +78,8 @@ def correlation_pings(values: Array) -> float:
             continue
         summed = 1.0 + 2.0 * np.cumsum(acf[1:] / acf[0])
         stop = np.flatnonzero(lags >= 5.0 * summed)
-        longest = max(longest, float(summed[stop[0] if stop.size else -1]))
+        # The largest sum up to there: beyond the correlation a sum wanders, and too short a time claims too much.
+        longest = max(longest, float(summed[: stop[0] + 1 if stop.size else None].max()))
     return longest
 
 
