@@ -20,11 +20,11 @@ from bottomlock.audit.robust import (
     LEAST_BLOCKS,
     Array,
     blocks_of,
-    correlation_pings,
     fit_linear,
     resolution,
     sigma,
 )
+from bottomlock.statistics.correlation import correlation_rows
 
 GAUSSIAN_BEYOND_3 = float(2.0 * norm.sf(3.0))
 
@@ -80,7 +80,7 @@ def closure_of(weights: Array, readings_mps: Array) -> Closure:
     spread, middle = sigma(values), float(np.median(values))
     # The median of rounded values may be one step off, and three sigmas with it.
     coarse = 2.0 * max(resolution(column) for column in readings_mps.T)
-    lasting = correlation_pings(np.sign(values - middle))
+    lasting = correlation_rows(np.sign(values - middle))
     member = blocks_of(len(values), max(lasting, 2.0))
     count = int(member[-1]) + 1
     blocks = np.split(values, np.searchsorted(member, np.arange(1, count)))

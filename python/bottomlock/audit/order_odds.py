@@ -20,7 +20,8 @@ from scipy.stats import norm
 
 from bottomlock.audit.beam_order import Order
 from bottomlock.audit.closure import null_space
-from bottomlock.audit.robust import Array, correlation_pings, resolution, sigma
+from bottomlock.audit.robust import Array, resolution, sigma
+from bottomlock.statistics.correlation import correlation_rows
 
 BETTER = 0.5
 """An order is considered whose closure is smaller than this of the stated one's."""
@@ -66,7 +67,7 @@ def order_odds(readings_mps: Array, stated: Array, orders: list[Order]) -> Odds 
 def advantage(one: Array, other: Array, *, fewer: int = 0) -> float:
     """By how many standard deviations log likelihoods (n,) exceed others that have `fewer` numbers more."""
     gain = one - other
-    worth = max(len(gain) / correlation_pings(gain), 2.0)
+    worth = max(len(gain) / correlation_rows(gain), 2.0)
     total = float(gain.mean()) + 0.5 * fewer * np.log(len(gain)) / len(gain)
     return float(total * np.sqrt(worth) / max(float(gain.std()), 1e-12))
 

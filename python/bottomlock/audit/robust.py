@@ -9,6 +9,7 @@ from scipy.optimize import least_squares
 from scipy.stats import median_abs_deviation, t
 
 from bottomlock.audit.findings import SIGNIFICANCE
+from bottomlock.statistics.correlation import correlation_rows
 
 Array = NDArray[np.float64]
 
@@ -54,33 +55,6 @@ def sigmas_for(blocks: int) -> float:
     (4.92, inf)
     """
     return float(t.isf(SIGNIFICANCE / 2.0, blocks - 1)) if blocks >= LEAST_BLOCKS else np.inf
-
-
-def correlation_pings(values: Array) -> float:
-    """Integrated autocorrelation time of values (n,) or (n, k), in rows, the longest of the columns; 1 if independent.
-
-    The mean of n values has the variance of n / this independent ones. Summed up to five times itself (Sokal 1997).
-
-    >>> white = np.random.default_rng(1).normal(size=4000)
-    >>> round(correlation_pings(white)), 8 < correlation_pings(np.repeat(white, 10)) < 12
-    (1, True)
-    """
-    columns = values.reshape(len(values), -1)
-    count, longest = len(columns), 1.0
-    if count < 8:
-        return longest
-    reach = count // 4
-    lags = np.arange(1, reach)
-    for column in columns.T:
-        spectrum = np.fft.rfft(column - column.mean(), 2 * count)
-        acf = np.fft.irfft(np.abs(spectrum) ** 2)[:reach]
-        if acf[0] <= 0.0:
-            continue
-        summed = 1.0 + 2.0 * np.cumsum(acf[1:] / acf[0])
-        stop = np.flatnonzero(lags >= 5.0 * summed)
-        # The largest sum up to there: beyond the correlation a sum wanders, and too short a time claims too much.
-        longest = max(longest, float(summed[: stop[0] + 1 if stop.size else None].max()))
-    return longest
 
 
 def blocks_of(rows: int, correlated: float = 1.0) -> NDArray[np.int64]:
@@ -144,7 +118,7 @@ def fit_linear(X: Array, Y: Array, Z: Array | None = None) -> LinearFit:
     weighted = Z * weights[:, None]
     Yk = Y.reshape(len(Y), -1)
     scores = weighted[:, :, None] * (Yk - X @ parameters.reshape(X.shape[1], -1))[:, None, :]
-    member = blocks_of(len(X), correlation_pings(scores))
+    member = blocks_of(len(X), correlation_rows(scores))
     count = int(member[-1]) + 1
     starts = np.searchsorted(member, np.arange(count))
     left = np.add.reduceat(weighted[:, :, None] * X[:, None, :], starts)
@@ -218,7 +192,7 @@ def fit_nonlinear(
         parameters = parameters - change
     final = residuals_of(parameters)
     scores = np.einsum("nki,nk->ni", W * J, final)
-    member = blocks_of(len(final), correlation_pings(scores))
+    member = blocks_of(len(final), correlation_rows(scores))
     sums = np.add.reduceat(scores, np.searchsorted(member, np.arange(member[-1] + 1)))
     # As many sums are zero as there are parameters. The prior adds its own information, so that an unobservable
     # parameter keeps the prior's spread.

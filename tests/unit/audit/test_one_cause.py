@@ -11,8 +11,9 @@ import pytest
 
 from bottomlock import BeamGeometry
 from bottomlock.audit.logs import BeamLog
-from bottomlock.audit.robust import BLOCKS, LEAST_BLOCKS, blocks_of, correlation_pings, sigmas_for
+from bottomlock.audit.robust import BLOCKS, LEAST_BLOCKS, blocks_of, sigmas_for
 from bottomlock.audit.run import audit_file, audit_log
+from bottomlock.statistics.correlation import correlation_rows
 from tests.unit.audit.synthetic import Array, channels, janus, kinds, make_log, motion
 
 STATED = BeamGeometry.janus(np.deg2rad(22.0))
@@ -142,7 +143,7 @@ def test_a_table_of_empty_beams_is_audited(tmp_path: Path) -> None:
 def test_few_blocks_claim_nothing() -> None:
     """Blocks hold four correlation times; from fewer than eight of them nothing is significant."""
     noise = np.repeat(np.random.default_rng(2).normal(size=400), 20)
-    lasting = correlation_pings(noise)
+    lasting = correlation_rows(noise)
     assert lasting == pytest.approx(20.0, rel=0.4)
     blocks = int(blocks_of(len(noise), lasting)[-1]) + 1
     assert blocks == BLOCKS
