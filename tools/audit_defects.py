@@ -102,7 +102,9 @@ def swap_opposite(world: World, _: Audit) -> Planted:
 
 def flip_sign(world: World, _: Audit) -> Planted:
     """Channel 3 has the opposite sign."""
-    return Planted(_channels(world, [0, 1, 2, 3], (1.0, 1.0, -1.0, 1.0)), ("sign_flipped",), (3,))
+    return Planted(
+        _channels(world, [0, 1, 2, 3], (1.0, 1.0, -1.0, 1.0)), ("sign_flipped", "order_or_bias"), (3,)
+    )
 
 
 def _deviation(clean: Audit, kind: str, where: str, beam: int) -> float:

@@ -85,7 +85,8 @@ def closure_of(weights: Array, readings_mps: Array) -> Closure:
     count = int(member[-1]) + 1
     blocks = np.split(values, np.searchsorted(member, np.arange(1, count)))
     # Medians of consecutive blocks: noise that is correlated over several pings widens their spread as it should.
-    spread_of_blocks = float(np.std([np.median(block) for block in blocks], ddof=1)) if count > 1 else np.inf
+    claimed = count >= LEAST_BLOCKS
+    spread_of_blocks = float(np.std([np.median(block) for block in blocks], ddof=1)) if claimed else np.inf
     middle_sd = 1.2533 * spread_of_blocks / np.sqrt(count)
     beyond = np.abs(values - middle) > 3.0 * max(spread, 1e-12) + coarse
     return Closure(

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.audit.robust import Array, fit_linear, sigma
+from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, sigma
 from bottomlock.statistics.rms import rms
 
 LEAST_PINGS = 40
@@ -80,8 +80,11 @@ class Matrix:
 
     @property
     def observable(self) -> NDArray[np.bool_]:
-        """(beams,) True where the direction is observable: a small deviation, and a motion well above the residuals."""
-        moves = self.residual_mps < LEAST_MOTION * self.excitation_mps
+        """(beams,) True where the direction is observable: a small deviation, and a motion well above the residuals.
+
+        From too few independent blocks there is no deviation, and nothing is observable.
+        """
+        moves = self.residual_mps < LEAST_MOTION * self.excitation_mps and self.blocks >= LEAST_BLOCKS
         return np.asarray((self.direction_sd_rad < OBSERVABLE_RAD) & (self.scale > 0.1) & moves)
 
     @property

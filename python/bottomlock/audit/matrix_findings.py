@@ -7,7 +7,7 @@ from bottomlock.audit.closure import Closure
 from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_RAD, MATERIAL_SCALE, Finding, beam_words
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, tilt
-from bottomlock.audit.robust import Array, sigmas_for
+from bottomlock.audit.robust import LEAST_BLOCKS, Array, sigmas_for
 
 NOT_UNIQUE = (
     "No single beam, common tilt, scale or rotation explains the matrix. It is the one of an instrument that solves "
@@ -31,6 +31,15 @@ def unobservable_findings(log: BeamLog, matrix: Matrix | None, pings: int) -> li
         ]  # fmt: skip
     spread = log.instrument_mps[log.solved].std(axis=0)
     sd = np.rad2deg(matrix.direction_sd_rad)
+    if matrix.blocks < LEAST_BLOCKS:
+        return [
+            Finding(
+                "directions_not_observable", "note", float(pings), "pings", 0.0,
+                f"Beam directions are not observable in this log: the {pings} pings with all beams and the "
+                "instrument's velocity are too few, or too correlated, for a standard deviation.",
+                f"They are worth {matrix.blocks} independent blocks, needed are {LEAST_BLOCKS}.", "Record longer.",
+            )
+        ]  # fmt: skip
     return [
         Finding(
             "directions_not_observable", "note", float(sd.max()), "deg", 0.0,

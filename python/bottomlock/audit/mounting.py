@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.audit.logs import Inertial, Reference
 from bottomlock.audit.motion import ImuAlignment, Motion, align_imu, integral
-from bottomlock.audit.robust import Array, NonlinearFit, fit_nonlinear, sigma
+from bottomlock.audit.robust import LEAST_BLOCKS, Array, NonlinearFit, fit_nonlinear, sigma
 from bottomlock.statistics.rms import rms
 
 Rows = NDArray[np.int64]
@@ -170,9 +170,12 @@ def _against_velocity(
 
 
 def _steps(scale: Array, motion: Motion) -> Array:
-    """Steps of the derivatives; that of the clock offset (the seventh) over two samples of the reference."""
+    """Steps of the derivatives; that of the clock offset (the seventh) is half a second at least, or a sample.
+
+    A velocity of 2 mm/s noise then has a derivative of 3 mm/s² noise: less than the acceleration of a slow vehicle.
+    """
     steps = 1e-4 * scale
-    steps[6] = np.clip(2.0 * float(np.median(np.diff(motion.time_s))), 0.2, 1.0)
+    steps[6] = np.clip(float(np.median(np.diff(motion.time_s))), 0.5, 1.0)
     return steps
 
 
@@ -185,7 +188,7 @@ def _mounting(
     signal: Array,
     aligned: ImuAlignment | None,
 ) -> Mounting:
-    sd = np.sqrt(np.diag(fit.cov))
+    sd = np.sqrt(np.diag(fit.cov)) if fit.blocks >= LEAST_BLOCKS else np.full(len(fit.cov), np.inf)
     residual = np.array([sigma(column) for column in fit.residuals.T])
     spread = np.array([sigma(column) for column in signal.T])
     mirrored = bool(np.linalg.det(start) < 0.0)

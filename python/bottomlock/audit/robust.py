@@ -21,8 +21,9 @@ BLOCKS = 50
 """Resamples of a bootstrap, and the largest number of blocks of consecutive pings that it draws."""
 POLISHED = 8
 """Steps of Gauss and Newton after a nonlinear fit at most."""
-PER_BLOCK = 4
-"""Correlation times in a block: the variance of the mean of AR(1) noise is then 12 % too small at most."""
+PER_BLOCK = 2
+"""Correlation times in a block. The variance of the mean of AR(1) noise is then a fraction 1 / (2 × 2) too small at
+most, which the thresholds allow for."""
 LEAST_BLOCKS = 8
 """Fewer blocks give no standard deviation: with 8 its own relative deviation is 1 / sqrt(2 x 7), a quarter."""
 
@@ -49,12 +50,15 @@ def resolution(values: Array) -> float:
 def sigmas_for(blocks: int) -> float:
     """Standard deviations beyond which a value is significant whose deviation is of this many blocks; else infinite.
 
-    Quantile of Student's t: a deviation from few blocks is itself uncertain.
+    Quantile of Student's t, as a deviation from few blocks is itself uncertain, and larger by what correlation takes
+    from the variance of blocks of `PER_BLOCK` times.
 
     >>> round(sigmas_for(50), 2), sigmas_for(5)
-    (4.92, inf)
+    (5.68, inf)
     """
-    return float(t.isf(SIGNIFICANCE / 2.0, blocks - 1)) if blocks >= LEAST_BLOCKS else np.inf
+    if blocks < LEAST_BLOCKS:
+        return np.inf
+    return float(t.isf(SIGNIFICANCE / 2.0, blocks - 1) / np.sqrt(1.0 - 0.5 / PER_BLOCK))
 
 
 def blocks_of(rows: int, correlated: float = 1.0) -> NDArray[np.int64]:
@@ -63,7 +67,7 @@ def blocks_of(rows: int, correlated: float = 1.0) -> NDArray[np.int64]:
     A block has two rows and `PER_BLOCK` correlation times at least.
 
     >>> blocks_of(6).tolist(), int(blocks_of(400, 10.0)[-1])
-    ([0, 0, 1, 1, 2, 2], 9)
+    ([0, 0, 1, 1, 2, 2], 19)
     """
     least = max(2, int(np.ceil(PER_BLOCK * correlated)) if correlated > 1.5 else 2)
     count = max(1, min(BLOCKS, rows // least))
