@@ -83,7 +83,9 @@ def _assign(found: Array, stated: Array, rotation: Rotation) -> Match:
 
 @dataclass(frozen=True)
 class Order:
-    """A beam order: channel k reads sign[k] × beam[k]; `closure_mps` is the robust sigma of its closure.
+    """A beam order: channel k reads sign[k] × beam[k]; `closure_mps` is the robust size of its closure, about zero.
+
+    About zero, not about the median: a steady course gives a wrong order a constant closure.
 
     `steps` counts swaps and sign flips; the simplest explanation has the fewest.
     """
@@ -119,7 +121,7 @@ def orders_by_closure(readings_mps: Array, stated: Array) -> list[Order]:
         weights = null_space(np.array(sign)[:, None] * stated[list(beam)])
         if weights.size:
             values = readings_mps @ (weights / np.linalg.norm(weights, axis=0))
-            spread = float(rms([sigma(column) for column in values.T]))
+            spread = float(rms([sigma(np.concatenate([column, -column])) for column in values.T]))
             found.append(Order(beam, sign, count, spread))
     return sorted(found, key=lambda one: (round(one.closure_mps, 9), one.steps))
 

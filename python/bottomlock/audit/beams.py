@@ -22,16 +22,21 @@ from bottomlock.audit.closure_findings import (
     order_findings,
     slope_findings,
 )
+from bottomlock.audit.explanation_findings import explanation_findings, sure
+from bottomlock.audit.explanations import Explanation, explain
 from bottomlock.audit.findings import SIGNIFICANCE, Finding
 from bottomlock.audit.logs import BeamLog
-from bottomlock.audit.matrix import LEAST_PINGS, Matrix, find_matrix
+from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, find_matrix
 from bottomlock.audit.matrix_findings import (
     bias_findings,
     match_findings,
+    parallel_beams,
     scale_findings,
     self_findings,
+    tilt_findings,
     unobservable_findings,
 )
+from bottomlock.audit.order_odds import order_odds
 from bottomlock.audit.robust import Array
 
 
@@ -50,6 +55,7 @@ class BeamAssessment:
         orders: beam orders ranked by closure, the best first; empty where they were not tried.
         ambiguous: another order explains the closure as simply as that of `rows`.
         findings: unranked.
+        explained: causes of a matrix that is not the stated one, the most probable first; empty where not tried.
     """
 
     full: NDArray[np.bool_]
@@ -62,6 +68,7 @@ class BeamAssessment:
     orders: list[Order] = field(default_factory=list)
     ambiguous: bool = False
     findings: list[Finding] = field(default_factory=list)
+    explained: list[Explanation] = field(default_factory=list)
 
 
 def assess_beams(
@@ -81,11 +88,12 @@ def assess_beams(
         return found
     readings = log.velocity_mps[full]
     if found.rows is None:
-        notes, closures = combination_findings(readings)
+        notes, closures = combination_findings(readings, np.flatnonzero(found.full))
         return replace(found, closures=closures, findings=found.findings + notes)
     if log.beams >= 4:
         orders = orders_by_closure(readings, found.rows)
-        notes, rows, ambiguous = order_findings(orders, found.rows)
+        odds = order_odds(readings, found.rows, orders)
+        notes, rows, ambiguous = order_findings(orders, odds, found.rows)
         found = replace(found, orders=orders, rows=rows, ambiguous=ambiguous, findings=found.findings + notes)
     return _with_closures(found, readings)
 
@@ -104,33 +112,58 @@ def _against_velocity(
         return BeamAssessment(full, matrix, rows=rows, findings=findings)
     matched = None if stated is None else match(matrix.directions, stated)
     if matched is not None and stated is not None:
-        findings = match_findings(matrix, matched, stated, copies)
+        findings = match_findings(matrix, matched, copies)
     else:
         findings = self_findings(matrix, copies)
-    return BeamAssessment(full, matrix, matched, matrix.rows, findings=findings + scale_findings(matrix))
+    parallel = parallel_beams(findings, copies)
+    causes, rows, explained = _causes(matrix, matched, stated, parallel)
+    return BeamAssessment(full, matrix, matched, rows, findings=findings + causes, explained=explained)
+
+
+def _causes(
+    matrix: Matrix, matched: Match | None, stated: Array | None, parallel: set[int]
+) -> tuple[list[Finding], Array, list[Explanation]]:
+    """What explains the matrix, in place of an accusation of every beam; the beams as they then are (beams, 3)."""
+    base = None
+    if matched is not None and stated is not None:
+        base = matched.rotation.apply(matched.sign[:, None] * stated[matched.beam])
+    explained: list[Explanation] = []
+    if not parallel and (base is not None or len(matrix.rows) == 4):
+        explained = explain(matrix, base)
+        best = explained[0]
+        told = explanation_findings(explained, matrix, stated=base is not None)
+        if best.fits and sure(best, matrix) and told:
+            return told, best.rows, explained
+    findings = scale_findings(matrix, 1.0 if base is None else np.linalg.norm(base, axis=1))
+    if matched is not None and stated is not None:
+        findings = tilt_findings(matrix, matched, stated, parallel) + findings
+    return findings, matrix.rows, explained
 
 
 def _with_closures(found: BeamAssessment, readings: Array) -> BeamAssessment:
     """Closure statistics, the slope of the first closure on the velocity, and biases, with their findings."""
     rows, matrix = found.rows, found.matrix
     assert rows is not None
-    of_matrix = matrix is not None and rows is matrix.rows
+    exact = matrix is not None and matrix.regression == READINGS_TO_VELOCITY
+    against = matrix is not None and bool(matrix.observable.all())
     weights = null_space(rows)
     closures = [closure_of(column, readings) for column in weights.T]
     slope: Slope | None = None
     explaining: list[Suspect] = []
     dependence: list[Finding] = []
-    if closures:
+    # Rows from a regression on the velocity leave no part of the closure that follows it.
+    if closures and not (matrix is not None and rows is matrix.rows and not exact):
         velocity = readings @ np.linalg.pinv(rows).T
         slope = closure_slope(closures[0].values_mps, velocity, np.flatnonzero(found.full))
-        if slope is not None and matrix is not None and of_matrix:
-            slope = replace(slope, cov=slope.cov + null_space_cov(rows, matrix.resampled, weights[:, 0]))
+        if slope is not None and matrix is not None and rows is matrix.rows:
+            slope = slope.with_rows_uncertain(null_space_cov(rows, matrix.resampled, weights[:, 0]))
         if slope is not None and slope.p_value < SIGNIFICANCE:
             explaining = suspects(slope, weights[:, 0], rows)
             dependence = slope_findings(slope, explaining, rows, velocity)
-    biases = bias_findings(matrix, closures) if matrix is not None and of_matrix else []
+    biases = bias_findings(matrix, closures) if matrix is not None and against else []
+    doubtful = any(one.kind == "order_or_bias" for one in found.findings)
     findings = found.findings + dependence + biases
     for closure in closures:
         # The median of a closure that depends on the velocity is no bias, and a named bias is named once.
-        findings += closure_findings(closure, unbiased=bool(dependence or biases))
+        findings += closure_findings(closure, unbiased=bool(dependence or biases) or doubtful)
     return replace(found, closures=closures, slope=slope, suspects=explaining, findings=findings)

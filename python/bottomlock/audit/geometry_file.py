@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bottomlock.audit.matrix import azimuth, tilt
+from bottomlock.audit.matrix import LEAST_PINGS, azimuth, tilt
 from bottomlock.audit.mounting import LIMITS, Mounting
 from bottomlock.audit.robust import Array, sigma
 from bottomlock.audit.run import Audit
@@ -14,8 +14,6 @@ from bottomlock.errors import DataError
 from bottomlock.io.calibrated_file import Calibrated, calibration_lines
 
 SURE = 5.0
-LEAST_PINGS = 30
-"""Pings from which on the robust standard deviation is known within a fifth."""
 LEAST_NOISE_MPS = 1e-5
 """A hundredth of the mm/s that most instruments write: no echo is measured so well."""
 

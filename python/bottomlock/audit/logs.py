@@ -83,6 +83,8 @@ class BeamLog:
 
 def numbers(table: pl.DataFrame, name: str, place: str) -> NDArray[np.float64]:
     """A column as floats, NaN where it is empty; true and false are 1 and 0."""
+    if name in table.columns and table[name].dtype == pl.Null:
+        return np.full(table.height, np.nan)
     return column_numbers(table, name, place, words=True)
 
 
@@ -125,6 +127,12 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
     names = list(chosen.velocity or [n for n in _columns_of(table, "mps") if _filled(table, n)])
     flags = list(chosen.valid or [name.replace("_mps", "_valid") for name in names])
     time_ns = times_as_they_stand(table, chosen, place)
+    own = [f"instrument_{axis}_mps" for axis in AXES]
+    has_own = all(_filled(table, name) for name in own)
+    if not names and not has_own and not _filled(table, "error_velocity_mps"):
+        # Empty columns of a log without lock, which is audited as such.
+        names = _columns_of(table, "mps")
+        flags = [name.replace("_mps", "_valid") for name in names]
     empty = np.zeros((table.height, 0))
     velocity = np.stack([numbers(table, n, place) for n in names], axis=1) if names else empty
     valid = np.stack([_flags(table, n, place) for n in flags], axis=1) if names else empty.astype(bool)
@@ -135,8 +143,6 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
             f"{place}: row {row}, column '{names[beam]}' is not finite, but beam {beam + 1} is flagged valid; expected "
             "a finite velocity or a cleared flag"
         )
-    own = [f"instrument_{axis}_mps" for axis in AXES]
-    has_own = all(_filled(table, name) for name in own)
     instrument = np.stack([numbers(table, n, place) for n in own], axis=1) if has_own else None
     verdict = None
     if has_own and _filled(table, "instrument_valid"):

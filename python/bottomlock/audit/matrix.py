@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.audit.robust import Array, fit_linear, sigma
+from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, sigma
 from bottomlock.statistics.rms import rms
 
 LEAST_PINGS = 40
@@ -43,6 +43,7 @@ class Matrix:
         excitation_mps: robust sigma of the velocity along the axis in which it varies least.
         regression: which regression was used.
         pings: number of pings used.
+        blocks: number of independent blocks behind the standard deviations.
     """
 
     rows: Array
@@ -53,6 +54,7 @@ class Matrix:
     excitation_mps: float
     regression: str
     pings: int
+    blocks: int
 
     @property
     def scale(self) -> Array:
@@ -78,8 +80,11 @@ class Matrix:
 
     @property
     def observable(self) -> NDArray[np.bool_]:
-        """(beams,) True where the direction is observable: a small deviation, and a motion well above the residuals."""
-        moves = self.residual_mps < LEAST_MOTION * self.excitation_mps
+        """(beams,) True where the direction is observable: a small deviation, and a motion well above the residuals.
+
+        From too few independent blocks there is no deviation, and nothing is observable.
+        """
+        moves = self.residual_mps < LEAST_MOTION * self.excitation_mps and self.blocks >= LEAST_BLOCKS
         return np.asarray((self.direction_sd_rad < OBSERVABLE_RAD) & (self.scale > 0.1) & moves)
 
     @property
@@ -146,14 +151,14 @@ def find_matrix(readings_mps: Array, velocity_mps: Array) -> Matrix | None:
         copies = _inverse(to_velocity.resampled)
         offset = -np.einsum("...bi,...i->...b", rows, to_velocity.parameters[-1])
         offsets = -np.einsum("rbi,ri->rb", copies, to_velocity.resampled[:, -1])
-        regression, residual = READINGS_TO_VELOCITY, backward
+        regression, residual, blocks = READINGS_TO_VELOCITY, backward, to_velocity.blocks
     else:
         rows, copies = to_readings.parameters[:3].T, np.swapaxes(to_readings.resampled[:, :3], 1, 2)
         offset, offsets = to_readings.parameters[3], to_readings.resampled[:, 3]
-        regression, residual = VELOCITY_TO_READINGS, forward
+        regression, residual, blocks = VELOCITY_TO_READINGS, forward, to_readings.blocks
     axes = np.linalg.svd(velocity_mps - np.median(velocity_mps, axis=0), full_matrices=False)[2]
     moved = min(sigma(column) for column in (velocity_mps @ axes.T).T)
-    return Matrix(rows, copies, offset, np.std(offsets, axis=0), residual, moved, regression, count)
+    return Matrix(rows, copies, offset, np.std(offsets, axis=0), residual, moved, regression, count, blocks)
 
 
 def _inverse(parameters: Array) -> Array:

@@ -4,10 +4,16 @@ import numpy as np
 
 from bottomlock.audit.beam_order import NEAR_RAD, Match
 from bottomlock.audit.closure import Closure
-from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_RAD, MATERIAL_SCALE, SIGMAS, Finding, beam_words
+from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_RAD, MATERIAL_SCALE, Finding, beam_words
 from bottomlock.audit.logs import BeamLog
-from bottomlock.audit.matrix import LEAST_PINGS, Matrix, tilt
-from bottomlock.audit.robust import Array
+from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, tilt
+from bottomlock.audit.robust import LEAST_BLOCKS, Array, sigmas_for
+
+NOT_UNIQUE = (
+    "No single beam, common tilt, scale or rotation explains the matrix. It is the one of an instrument that solves "
+    "these readings by least squares; with four beams a matrix with another multiple of the closure in each column "
+    "fits as well."
+)
 
 
 def unobservable_findings(log: BeamLog, matrix: Matrix | None, pings: int) -> list[Finding]:
@@ -25,6 +31,15 @@ def unobservable_findings(log: BeamLog, matrix: Matrix | None, pings: int) -> li
         ]  # fmt: skip
     spread = log.instrument_mps[log.solved].std(axis=0)
     sd = np.rad2deg(matrix.direction_sd_rad)
+    if matrix.blocks < LEAST_BLOCKS:
+        return [
+            Finding(
+                "directions_not_observable", "note", float(pings), "pings", 0.0,
+                f"Beam directions are not observable in this log: the {pings} pings with all beams and the "
+                "instrument's velocity are too few, or too correlated, for a standard deviation.",
+                f"They are worth {matrix.blocks} independent blocks, needed are {LEAST_BLOCKS}.", "Record longer.",
+            )
+        ]  # fmt: skip
     return [
         Finding(
             "directions_not_observable", "note", float(sd.max()), "deg", 0.0,
@@ -40,10 +55,8 @@ def _degrees(values: Array, digits: int = 2) -> str:
     return ", ".join(f"{np.rad2deg(value):.{digits}f}" for value in values)
 
 
-def match_findings(
-    matrix: Matrix, matched: Match, stated: Array, copies: list[tuple[int, ...]]
-) -> list[Finding]:
-    """Differences from the stated geometry: common rotation, beams swapped, reversed, parallel or with wrong tilt."""
+def match_findings(matrix: Matrix, matched: Match, copies: list[tuple[int, ...]]) -> list[Finding]:
+    """Differences from the stated geometry: common rotation, beams swapped, reversed or parallel."""
     found = []
     place = (
         f"Tilts {_degrees(matrix.tilt_rad)} deg, azimuths {_degrees(matrix.azimuth_rad, 1)} deg "
@@ -89,32 +102,27 @@ def match_findings(
                 words, place, "Use the geometry file that this audit writes.", tuple(k + 1 for k in flipped),
             )
         )  # fmt: skip
-    return found + _tilt_findings(matrix, matched, stated, parallel, place)
+    return found
 
 
-def _tilt_findings(
-    matrix: Matrix, matched: Match, stated: Array, parallel: set[int], place: str
-) -> list[Finding]:
-    """Beams off their stated direction; one finding if all of them are off by the same tilt."""
+def parallel_beams(findings: list[Finding], copies: list[tuple[int, ...]]) -> set[int]:
+    """Beams (from 0) of channels that are read twice."""
+    same = [one.beams for one in findings if one.kind == "identical_beams"]
+    return {beam - 1 for pair in [*same, *copies] for beam in pair}
+
+
+def tilt_findings(matrix: Matrix, matched: Match, stated: Array, parallel: set[int]) -> list[Finding]:
+    """Beams off their stated direction, where no single cause explains the matrix."""
+    place = (
+        f"Tilts {_degrees(matrix.tilt_rad)} deg, azimuths {_degrees(matrix.azimuth_rad, 1)} deg "
+        f"from {matrix.pings} pings. {NOT_UNIQUE}"
+    )
     expected = matched.rotation.apply(matched.sign[:, None] * stated[matched.beam])
-    sure = matched.off_rad > np.maximum(MATERIAL_RAD, SIGMAS * matrix.direction_sd_rad)
+    sure = matched.off_rad > np.maximum(MATERIAL_RAD, sigmas_for(matrix.blocks) * matrix.direction_sd_rad)
     off = [int(k) for k in np.flatnonzero(sure) if int(k) not in parallel]
     # The tilt from the nearer end of the z axis, so that a reversed beam has the tilt of the others.
     lean, meant = (np.minimum(tilt(v), np.pi - tilt(v)) for v in (matrix.directions, expected))
     change = lean - meant
-    alike = float(np.ptp(change)) < 0.5 * MATERIAL_RAD
-    if len(off) == len(sure) and alike and bool((matched.off_rad < 1.2 * np.abs(change)).all()):
-        size = float(np.rad2deg(np.mean(change)))
-        return [
-            Finding(
-                "wrong_tilt", "fault", size, "deg", abs(float(np.sin(np.mean(change)))),
-                f"Every beam has a tilt of {np.rad2deg(lean.mean()):.2f} deg, stated are "
-                f"{np.rad2deg(meant.mean()):.2f} deg.",
-                f"± {np.rad2deg(matrix.direction_sd_rad.max()):.2g} deg. {place}",
-                "This is the matrix that the instrument uses; correct the stated tilt.",
-                tuple(k + 1 for k in off),
-            )
-        ]  # fmt: skip
     return [
         Finding(
             "mistilted_beam", "fault", float(np.rad2deg(matched.off_rad[k])), "deg",
@@ -152,7 +160,6 @@ def _same_way(matrix: Matrix, copies: list[tuple[int, ...]]) -> list[Finding]:
 def self_findings(matrix: Matrix, copies: list[tuple[int, ...]]) -> list[Finding]:
     """Beams that differ from the others, where no geometry is stated."""
     found = _same_way(matrix, copies)
-    parallel = {beam for one in found for beam in one.beams} | {beam for pair in copies for beam in pair}
     up = matrix.directions[:, 2] < 0.0
     if up.all() or (up.any() and up.sum() < len(up) / 2):
         reversed_ = [int(beam) for beam in np.flatnonzero(up)]
@@ -169,29 +176,13 @@ def self_findings(matrix: Matrix, copies: list[tuple[int, ...]]) -> list[Finding
                 tuple(beam + 1 for beam in reversed_),
             )
         )  # fmt: skip
-    lean = np.where(up, np.pi - matrix.tilt_rad, matrix.tilt_rad)
-    for k in range(len(lean)):
-        others = np.delete(lean, k)
-        off = float(lean[k] - np.median(others))
-        alike = float(np.max(np.abs(others - np.median(others))))
-        if k + 1 not in parallel and abs(off) > max(
-            2.0 * MATERIAL_RAD, SIGMAS * matrix.direction_sd_rad[k], 3.0 * alike
-        ):
-            found.append(
-                Finding(
-                    "mistilted_beam", "warning", float(np.rad2deg(abs(off))), "deg", abs(float(np.sin(off))),
-                    f"Beam {k + 1} has a tilt of {np.rad2deg(lean[k]):.2f} deg, the others {_degrees(others)}.",
-                    f"± {np.rad2deg(matrix.tilt_sd_rad[k]):.2g} deg from {matrix.pings} pings.",
-                    "Compare with the manufacturer's drawing; this is the matrix that the instrument uses.", (k + 1,),
-                )
-            )  # fmt: skip
     return found
 
 
-def scale_findings(matrix: Matrix) -> list[Finding]:
-    """Beams whose scale differs from the instrument's velocity."""
-    off = matrix.scale - 1.0
-    sure = np.abs(off) > np.maximum(MATERIAL_SCALE, SIGMAS * matrix.scale_sd)
+def scale_findings(matrix: Matrix, expected: Array | float = 1.0) -> list[Finding]:
+    """Beams whose scale differs from the expected one (beams,) against the instrument's velocity."""
+    off = matrix.scale / expected - 1.0
+    sure = np.abs(off) > np.maximum(MATERIAL_SCALE, sigmas_for(matrix.blocks) * matrix.scale_sd)
     if not sure.any():
         return []
     k = [int(beam) for beam in np.flatnonzero(sure)]
@@ -215,10 +206,13 @@ def bias_findings(matrix: Matrix, closures: list[Closure]) -> list[Finding]:
     The regression observes the biases that act like a velocity, the closure the rest. A bias that the instrument has
     included in its velocity is observed by the closure alone.
     """
-    if not (np.abs(matrix.bias_mps) > np.maximum(MATERIAL_MPS, SIGMAS * matrix.bias_sd_mps)).any():
+    if not (
+        np.abs(matrix.bias_mps) > np.maximum(MATERIAL_MPS, sigmas_for(matrix.blocks) * matrix.bias_sd_mps)
+    ).any():
         return []
     bias, variance = matrix.bias_mps.copy(), matrix.bias_sd_mps**2
-    for one in closures:
+    # A regression of the readings holds the whole bias; one of the velocity lacks the part in the closure.
+    for one in closures if matrix.regression == READINGS_TO_VELOCITY else []:
         share = one.weights / float(one.weights @ one.weights)
         bias += share * one.median_mps
         variance = variance + (share * one.median_sd_mps) ** 2
@@ -231,5 +225,5 @@ def bias_findings(matrix: Matrix, closures: list[Closure]) -> list[Finding]:
             f"± {1e3 * sd[k]:.1g} mm/s. The part that the instrument has included in its velocity is not observable.",
             "Subtract it, or let the filter estimate beam biases.", (int(k) + 1,),
         )
-        for k in np.flatnonzero(np.abs(bias) > np.maximum(MATERIAL_MPS, SIGMAS * sd))
+        for k in np.flatnonzero(np.abs(bias) > np.maximum(MATERIAL_MPS, sigmas_for(matrix.blocks) * sd))
     ]  # fmt: skip

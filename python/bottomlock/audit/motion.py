@@ -133,6 +133,7 @@ class ImuAlignment:
     matrix: Array
     rate_rms_radps: float
     residual_radps: float
+    blocks: int
 
 
 def align_imu(reference: Reference, imu: Inertial) -> ImuAlignment | None:
@@ -179,5 +180,5 @@ def align_imu(reference: Reference, imu: Inertial) -> ImuAlignment | None:
     )
     return ImuAlignment(
         float(fit.parameters[0]), float(np.sqrt(fit.cov[0, 0])), matrix,
-        float(rms(wanted - wanted.mean(axis=0))), fit.residual_sigma,
+        float(rms(wanted - wanted.mean(axis=0))), fit.residual_sigma, fit.blocks,
     )  # fmt: skip

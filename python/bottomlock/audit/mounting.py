@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.audit.logs import Inertial, Reference
 from bottomlock.audit.motion import ImuAlignment, Motion, align_imu, integral
-from bottomlock.audit.robust import Array, NonlinearFit, fit_nonlinear, sigma
+from bottomlock.audit.robust import LEAST_BLOCKS, Array, NonlinearFit, fit_nonlinear, sigma
 from bottomlock.statistics.rms import rms
 
 Rows = NDArray[np.int64]
@@ -52,6 +52,7 @@ class Mounting:
         residual_mps: (3,) robust sigma per axis.
         explained: fraction of the robust variance of the velocity (or of its changes) that the fit explains, 0 to 1.
         instants: number of pings or windows.
+        blocks: number of independent blocks behind the standard deviations.
         rate_rms_radps: (3,) RMS angular rate of the platform.
         imu: alignment of the IMU with the attitude, or None.
     """
@@ -69,6 +70,7 @@ class Mounting:
     residual_mps: Array
     explained: float
     instants: int
+    blocks: int
     rate_rms_radps: Array
     imu: ImuAlignment | None = None
 
@@ -159,11 +161,22 @@ def _against_velocity(
 
     scale = np.array([0.01] * 3 + [0.1] * 3 + [0.05, 0.01])
     prior = np.array([1.0] * 3 + [5.0] * 3 + [2.0, 0.3])
-    fit = fit_nonlinear(residuals, np.zeros(8), scale=scale, prior_sd=prior)
+    steps = _steps(scale, motion)
+    fit = fit_nonlinear(residuals, np.zeros(8), scale=scale, prior_sd=prior, steps=steps)
     rate = motion.omega_tp_p_radps(time_s + first_offset)
     return _mounting(
         "velocity and attitude beside the log", fit, start, first_offset, rate, velocity, aligned
     )
+
+
+def _steps(scale: Array, motion: Motion) -> Array:
+    """Steps of the derivatives; that of the clock offset (the seventh) is half a second at least, or a sample.
+
+    A velocity of 2 mm/s noise then has a derivative of 3 mm/s² noise: less than the acceleration of a slow vehicle.
+    """
+    steps = 1e-4 * scale
+    steps[6] = np.clip(float(np.median(np.diff(motion.time_s))), 0.5, 1.0)
+    return steps
 
 
 def _mounting(
@@ -175,7 +188,7 @@ def _mounting(
     signal: Array,
     aligned: ImuAlignment | None,
 ) -> Mounting:
-    sd = np.sqrt(np.diag(fit.cov))
+    sd = np.sqrt(np.diag(fit.cov)) if fit.blocks >= LEAST_BLOCKS else np.full(len(fit.cov), np.inf)
     residual = np.array([sigma(column) for column in fit.residuals.T])
     spread = np.array([sigma(column) for column in signal.T])
     mirrored = bool(np.linalg.det(start) < 0.0)
@@ -195,6 +208,7 @@ def _mounting(
         residual_mps=residual,
         explained=float(np.clip(1.0 - np.sum(residual**2) / max(float(np.sum(spread**2)), 1e-12), 0.0, 1.0)),
         instants=len(signal),
+        blocks=fit.blocks,
         rate_rms_radps=rms(rate, axis=0),
         imu=aligned,
     )
@@ -281,7 +295,8 @@ def _against_imu(
 
     scale = np.array([0.01] * 3 + [0.1] * 3 + [0.05, 0.01] + [0.01] * 5)
     prior = np.array([1.0] * 3 + [5.0] * 3 + [2.0, 0.3] + [0.3] * 3 + [0.1] * 2)
-    fit = fit_nonlinear(residuals, np.zeros(13), scale=scale, prior_sd=prior)
+    steps = _steps(scale, motion)
+    fit = fit_nonlinear(residuals, np.zeros(13), scale=scale, prior_sd=prior, steps=steps)
     omega = motion.omega_tp_p_radps(time_s + first_offset)
     change_mps = velocity[last] - velocity[first]
     return _mounting("IMU and attitude beside the log", fit, start, first_offset, omega, change_mps, aligned)

@@ -1,20 +1,23 @@
 """Findings from the mounting: what is observable, what is not and why, and the recommended settings."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from bottomlock.audit.findings import SIGMAS, Finding
+from bottomlock.audit.findings import Finding
 from bottomlock.audit.motion import ImuAlignment
+from bottomlock.audit.mounted import Mounted
 from bottomlock.audit.mounting import LIMITS, Mounting
+from bottomlock.audit.robust import sigmas_for
 
 AXES = ("x", "y", "z")
 ANGLES = ("roll", "pitch", "yaw")
 
 
-def mounting_findings(mounting: Mounting | None) -> list[Finding]:
-    """Significant misalignment, lever arm, clock offset and scale, and parameters that are not observable."""
+def mounting_findings(mounting: Mounting | None, stated: Mounted | None = None) -> list[Finding]:
+    """Misalignment and lever arm other than stated, clock offset and scale, and parameters that are not observable."""
     if mounting is None:
         return []
-    m = mounting
+    m, stated = mounting, stated or Mounted()
     basis = (
         f"From {m.source}, {m.instants} instants; residual "
         f"{', '.join(f'{1e3 * value:.0f}' for value in m.residual_mps)} mm/s; "
@@ -38,11 +41,11 @@ def mounting_findings(mounting: Mounting | None) -> list[Finding]:
                 "Reverse y before using the velocity.",
             )
         )  # fmt: skip
-    found += _misalignment(m, basis)
-    found += _lever_arm(m, basis)
+    found += _misalignment(m, stated, basis)
+    found += _lever_arm(m, stated, basis)
     if m.clock_offset_sd_s > LIMITS["clock_offset_s"]:
         found.append(_not_observable("The clock offset", f"± {m.clock_offset_sd_s:.2g} s", "speed changes"))
-    elif abs(m.clock_offset_s) > max(0.02, SIGMAS * m.clock_offset_sd_s):
+    elif abs(m.clock_offset_s) > max(0.02, sigmas_for(m.blocks) * m.clock_offset_sd_s):
         found.append(
             Finding(
                 "clock_offset", "fault", m.clock_offset_s, "s", min(abs(m.clock_offset_s), 1.0),
@@ -54,7 +57,7 @@ def mounting_findings(mounting: Mounting | None) -> list[Finding]:
         )  # fmt: skip
     if m.scale_sd > LIMITS["scale"]:
         found.append(_not_observable("The scale", f"± {100.0 * m.scale_sd:.2g} %", "speed"))
-    elif abs(m.scale) > max(0.002, SIGMAS * m.scale_sd):
+    elif abs(m.scale) > max(0.002, sigmas_for(m.blocks) * m.scale_sd):
         found.append(
             Finding(
                 "velocity_scale", "warning", 100.0 * m.scale, "%", abs(m.scale),
@@ -72,7 +75,7 @@ def _not_observable(what: str, sd: str, lacks: str) -> Finding:
     )  # fmt: skip
 
 
-def _misalignment(m: Mounting, basis: str) -> list[Finding]:
+def _misalignment(m: Mounting, stated: Mounted, basis: str) -> list[Finding]:
     sd = m.misalignment_sd_rad
     listed = ", ".join(
         f"{name} {np.rad2deg(value):+.2f} ± {np.rad2deg(spread):.2g}"
@@ -84,16 +87,22 @@ def _misalignment(m: Mounting, basis: str) -> list[Finding]:
             "deg", "speed across that axis")
         for k in blind
     ]  # fmt: skip
+    # About the platform's x, y, z, as the standard deviations are.
+    off = (Rotation.from_euler("ZYX", m.rpy_rad[::-1]) * stated.rotation.inv()).as_rotvec()
     sure = [
-        k for k in range(3) if k not in blind and abs(m.rpy_rad[k]) > max(np.deg2rad(0.05), SIGMAS * sd[k])
+        k
+        for k in range(3)
+        if k not in blind and abs(off[k]) > max(np.deg2rad(0.05), sigmas_for(m.blocks) * sd[k])
     ]
     if sure:
-        size = float(np.rad2deg(np.linalg.norm(m.rpy_rad[sure])))
+        size = float(np.rad2deg(np.linalg.norm(off[sure])))
+        told = ", ".join(f"{np.rad2deg(value):.2f}" for value in stated.rpy_rad)
+        against = f"the stated mounting ({told} deg)" if stated.rpy_rad.any() else "the platform"
         found.append(
             Finding(
                 "misalignment", "fault" if size > 1.0 else "warning", size, "deg",
                 float(np.sin(np.deg2rad(min(size, 90.0)))),
-                f"The DVL is misaligned with the platform: {listed} deg ({', '.join(ANGLES[k] for k in sure)} "
+                f"The DVL is misaligned with {against}: {listed} deg ({', '.join(ANGLES[k] for k in sure)} "
                 "significant).",
                 basis, "Set these mounting angles for the DVL.",
             )
@@ -101,7 +110,7 @@ def _misalignment(m: Mounting, basis: str) -> list[Finding]:
     return found
 
 
-def _lever_arm(m: Mounting, basis: str) -> list[Finding]:
+def _lever_arm(m: Mounting, stated: Mounted, basis: str) -> list[Finding]:
     sd = m.lever_arm_sd_m
     listed = ", ".join(
         f"{axis} {value:+.2f} ± {spread:.2g}" if spread <= LIMITS["lever_arm_m"] else f"{axis} not observable"
@@ -114,13 +123,16 @@ def _lever_arm(m: Mounting, basis: str) -> list[Finding]:
         return [
             _not_observable("The lever arm", f"± {sd.min():.2g} m (rates {rates} deg/s RMS)", "rotations")
         ]
-    if not any(abs(m.lever_arm_p_m[k]) > max(0.02, SIGMAS * sd[k]) for k in seen):
+    off = m.lever_arm_p_m - stated.lever_arm_p_m
+    if not any(abs(off[k]) > max(0.02, sigmas_for(m.blocks) * sd[k]) for k in seen):
         return []
-    size = float(np.linalg.norm(m.lever_arm_p_m[seen]))
+    size = float(np.linalg.norm(off[seen]))
+    told = ", ".join(f"{value:.2f}" for value in stated.lever_arm_p_m)
+    against = f", stated is ({told}) m" if stated.lever_arm_p_m.any() else ""
     return [
         Finding(
             "lever_arm", "warning", size, "m", min(float(size * np.linalg.norm(m.rate_rms_radps)), 1.0),
-            f"The lever arm of the DVL from {point} is {listed} m.", f"Rates {rates} deg/s RMS. {basis}",
+            f"The lever arm of the DVL from {point} is {listed} m{against}.", f"Rates {rates} deg/s RMS. {basis}",
             "Set this lever arm for the DVL.",
         )
     ]  # fmt: skip
@@ -143,7 +155,7 @@ def _imu_findings(imu: ImuAlignment | None) -> list[Finding]:
                 "Reverse it for accelerometer and gyro.",
             )
         )  # fmt: skip
-    if abs(imu.offset_s) > max(0.01, SIGMAS * imu.offset_sd_s) and imu.offset_sd_s < 0.05:
+    if abs(imu.offset_s) > max(0.01, sigmas_for(imu.blocks) * imu.offset_sd_s) and imu.offset_sd_s < 0.05:
         found.append(
             Finding(
                 "imu_clock_offset", "fault", imu.offset_s, "s", min(abs(imu.offset_s), 1.0),

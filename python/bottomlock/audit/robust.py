@@ -6,7 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.stats import median_abs_deviation
+from scipy.stats import median_abs_deviation, t
+
+from bottomlock.audit.findings import SIGNIFICANCE
+from bottomlock.statistics.correlation import correlation_rows
 
 Array = NDArray[np.float64]
 
@@ -15,7 +18,14 @@ HUBER = 1.345
 
 RESAMPLES = 300
 BLOCKS = 50
-"""Resamples of a bootstrap, and the number of blocks of consecutive pings that it draws."""
+"""Resamples of a bootstrap, and the largest number of blocks of consecutive pings that it draws."""
+POLISHED = 8
+"""Steps of Gauss and Newton after a nonlinear fit at most."""
+PER_BLOCK = 2
+"""Correlation times in a block. The variance of the mean of AR(1) noise is then a fraction 1 / (2 × 2) too small at
+most, which the thresholds allow for."""
+LEAST_BLOCKS = 8
+"""Fewer blocks give no standard deviation: with 8 its own relative deviation is 1 / sqrt(2 x 7), a quarter."""
 
 
 def sigma(values: Array) -> float:
@@ -37,13 +47,30 @@ def resolution(values: Array) -> float:
     return float(np.round(steps.min(), 9)) if steps.size else 0.0
 
 
-def blocks_of(rows: int) -> NDArray[np.int64]:
-    """(rows,) block number of each row: `BLOCKS` blocks of consecutive rows, fewer where a block would be one row.
+def sigmas_for(blocks: int) -> float:
+    """Standard deviations beyond which a value is significant whose deviation is of this many blocks; else infinite.
 
-    >>> blocks_of(6).tolist()
-    [0, 0, 1, 1, 2, 2]
+    Quantile of Student's t, as a deviation from few blocks is itself uncertain, and larger by what correlation takes
+    from the variance of blocks of `PER_BLOCK` times.
+
+    >>> round(sigmas_for(50), 2), sigmas_for(5)
+    (5.68, inf)
     """
-    count = max(1, min(BLOCKS, rows // 2))
+    if blocks < LEAST_BLOCKS:
+        return np.inf
+    return float(t.isf(SIGNIFICANCE / 2.0, blocks - 1) / np.sqrt(1.0 - 0.5 / PER_BLOCK))
+
+
+def blocks_of(rows: int, correlated: float = 1.0) -> NDArray[np.int64]:
+    """(rows,) block number of each row: `BLOCKS` blocks of consecutive rows, fewer where they would be too short.
+
+    A block has two rows and `PER_BLOCK` correlation times at least.
+
+    >>> blocks_of(6).tolist(), int(blocks_of(400, 10.0)[-1])
+    ([0, 0, 1, 1, 2, 2], 19)
+    """
+    least = max(2, int(np.ceil(PER_BLOCK * correlated)) if correlated > 1.5 else 2)
+    count = max(1, min(BLOCKS, rows // least))
     return np.asarray(np.arange(rows) * count // max(rows, 1), dtype=np.int64)
 
 
@@ -56,12 +83,14 @@ class LinearFit:
         resampled: (RESAMPLES, p) or (RESAMPLES, p, k) fits of resampled blocks.
         residuals: (n,) or (n, k).
         weights: (n,) Huber weights.
+        blocks: number of blocks that were resampled.
     """
 
     parameters: Array
     resampled: Array
     residuals: Array
     weights: Array
+    blocks: int
 
 
 def huber_weights(residuals: Array) -> Array:
@@ -90,18 +119,19 @@ def fit_linear(X: Array, Y: Array, Z: Array | None = None) -> LinearFit:
         weights = update
         if done:
             break
-    member = blocks_of(len(X))
+    weighted = Z * weights[:, None]
+    Yk = Y.reshape(len(Y), -1)
+    scores = weighted[:, :, None] * (Yk - X @ parameters.reshape(X.shape[1], -1))[:, None, :]
+    member = blocks_of(len(X), correlation_rows(scores))
     count = int(member[-1]) + 1
     starts = np.searchsorted(member, np.arange(count))
-    weighted = Z * weights[:, None]
     left = np.add.reduceat(weighted[:, :, None] * X[:, None, :], starts)
-    Yk = Y.reshape(len(Y), -1)
     right = np.add.reduceat(weighted[:, :, None] * Yk[:, None, :], starts)
     # A fixed seed: the same log gives the same audit.
     draws = np.random.default_rng(20_240_229).multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES)
     copies = _solve(np.einsum("rb,bij->rij", draws, left), np.einsum("rb,bij->rij", draws, right))
     resampled = copies if Y.ndim == 2 else copies[:, :, 0]
-    return LinearFit(parameters, resampled, Y - X @ parameters, weights)
+    return LinearFit(parameters, resampled, Y - X @ parameters, weights, count)
 
 
 def _solve(A: Array, b: Array) -> Array:
@@ -111,16 +141,22 @@ def _solve(A: Array, b: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class NonlinearFit:
-    """Robust nonlinear fit: parameters (p,), covariance (p, p), residuals (n, k), and their robust sigma."""
+    """Robust nonlinear fit: parameters (p,), covariance (p, p), residuals (n, k), their robust sigma, and blocks."""
 
     parameters: Array
     cov: Array
     residuals: Array
     residual_sigma: float
+    blocks: int
 
 
 def fit_nonlinear(
-    residuals_of: Callable[[Array], Array], start: Array, *, scale: Array, prior_sd: Array
+    residuals_of: Callable[[Array], Array],
+    start: Array,
+    *,
+    scale: Array,
+    prior_sd: Array,
+    steps: Array | None = None,
 ) -> NonlinearFit:
     """Huber fit of residuals (n, k) over consecutive instants, with the sandwich covariance over blocks.
 
@@ -129,6 +165,9 @@ def fit_nonlinear(
         start: (p,).
         scale: (p,) typical size of each parameter's change.
         prior_sd: (p,) prior spread about zero, so wide that it matters only for unobservable parameters.
+        steps: (p,) of the differences that make the derivatives, by default a ten-thousandth of `scale`. A clock offset
+            needs one that is longer than the noise of the recording is correlated: a shorter one takes the derivative
+            of that noise for motion.
 
     Source: scipy's trust-region least squares with Huber's loss; covariance A⁻¹ B A⁻¹ with the scores of a block
     summed before they are squared (White 1980; Liang and Zeger 1986).
@@ -145,25 +184,33 @@ def fit_nonlinear(
 
         solved = least_squares(whitened, parameters, x_scale=scale, loss="huber", f_scale=HUBER, method="trf")
         parameters = np.asarray(solved.x)
+    steps = 1e-4 * scale if steps is None else steps
+    for _ in range(POLISHED):
+        final = residuals_of(parameters)
+        J = _jacobian(residuals_of, parameters, steps)
+        W = (huber_weights(final) / spread**2)[:, None, None]
+        A = np.einsum("nki,nkj->ij", W * J, J) + np.diag(1.0 / prior_sd**2)
+        change = np.linalg.solve(A, np.einsum("nki,nk->i", W * J, final) + parameters / prior_sd**2)
+        if np.all(np.abs(change) < 1e-4 * np.sqrt(np.diag(np.linalg.inv(A)))):
+            break
+        parameters = parameters - change
     final = residuals_of(parameters)
-    J = _jacobian(residuals_of, parameters, scale)
-    weights = huber_weights(final)
-    W = (weights / spread**2)[:, None, None]
-    A = np.einsum("nki,nkj->ij", W * J, J) + np.diag(1.0 / prior_sd**2)
     scores = np.einsum("nki,nk->ni", W * J, final)
-    member = blocks_of(len(final))
+    member = blocks_of(len(final), correlation_rows(scores))
     sums = np.add.reduceat(scores, np.searchsorted(member, np.arange(member[-1] + 1)))
-    # The prior adds its own information, so that an unobservable parameter keeps the prior's spread.
-    B = sums.T @ sums + np.diag(1.0 / prior_sd**2)
+    # As many sums are zero as there are parameters. The prior adds its own information, so that an unobservable
+    # parameter keeps the prior's spread.
+    spare = len(sums) / max(len(sums) - len(parameters), 1)
+    B = spare * sums.T @ sums + np.diag(1.0 / prior_sd**2)
     inverse = np.linalg.inv(A)
-    return NonlinearFit(parameters, inverse @ B @ inverse.T, final, spread)
+    return NonlinearFit(parameters, inverse @ B @ inverse.T, final, spread, int(member[-1]) + 1)
 
 
-def _jacobian(function: Callable[[Array], Array], at: Array, scale: Array) -> Array:
+def _jacobian(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
     """(n, k, p) central differences."""
     columns = []
-    for index, size in enumerate(scale):
+    for index, size in enumerate(steps):
         step = np.zeros_like(at)
-        step[index] = 1e-4 * size
-        columns.append((function(at + step) - function(at - step)) / (2e-4 * size))
+        step[index] = size
+        columns.append((function(at + step) - function(at - step)) / (2.0 * size))
     return np.stack(columns, axis=-1)

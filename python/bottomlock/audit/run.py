@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.audit import defects
 from bottomlock.audit.beams import BeamAssessment, assess_beams
@@ -14,8 +14,10 @@ from bottomlock.audit.closure import Closure, closure_of
 from bottomlock.audit.closure_findings import closure_findings
 from bottomlock.audit.depth import DepthRate, depth_findings, depth_rate
 from bottomlock.audit.findings import Finding, ranked
+from bottomlock.audit.lock import lock_findings
 from bottomlock.audit.logs import BeamLog, Depths, Inertial, Reference, read_log
 from bottomlock.audit.matrix import LEAST_PINGS
+from bottomlock.audit.mounted import Mounted
 from bottomlock.audit.mounting import Mounting, find_mounting
 from bottomlock.audit.mounting_findings import mounting_findings
 from bottomlock.audit.signature import find_signature, signature_findings
@@ -54,6 +56,7 @@ def audit_log(
     *,
     stated: BeamGeometry | None = None,
     geometry_name: str | None = None,
+    mounting_rpy_rad: ArrayLike = (0.0, 0.0, 0.0),
     reference: Reference | None = None,
     imu: Inertial | None = None,
     depths: Depths | None = None,
@@ -62,7 +65,8 @@ def audit_log(
 
     Args:
         log: from `bottomlock.audit.logs.read_log`.
-        stated: geometry to compare with, in the frame of the instrument's velocity.
+        stated: geometry to compare with, in the platform frame.
+        mounting_rpy_rad: roll, pitch, yaw from DVL axes to platform axes that `stated` contains.
         geometry_name: its name in the report.
         reference, imu, depths: other recordings of the same time.
 
@@ -84,10 +88,18 @@ def audit_log(
             f"{log.place}: has {log.beams} beams, but the geometry has {stated.beams}; state the geometry of this "
             "instrument"
         )
-    directions = None if stated is None or not log.beams else np.asarray(stated.directions_p)
+    mounted = Mounted() if stated is None else Mounted.of(stated, mounting_rpy_rad)
+    directions = None
+    if stated is not None and log.beams:
+        directions, mounted = mounted.directions(stated, log)
     same = defects.unchanged(log)
     if log.stale is not None:
         same = same | log.stale
+    unlocked = lock_findings(log)
+    if unlocked:
+        assessment = BeamAssessment(full=np.zeros(log.pings, dtype=bool))
+        told = [*unlocked, *defects.time_findings(log), *converter_findings(log)]
+        return Audit(log, same, assessment, None, None, ranked(told), geometry_name, directions)
     copies, zeros = defects.copy_findings(log), defects.zero_findings(log)
     findings = [
         *defects.time_findings(log),
@@ -104,7 +116,7 @@ def audit_log(
         whole &= (log.velocity_mps[:, reading_zero] != 0.0).all(axis=1)
         assessment = assess_beams(log, whole, directions, [one.beams for one in copies])
     findings += assessment.findings + converter_findings(log) + _error_velocity_findings(log, assessment)
-    depth, mounting, others = _against_reference(log, assessment, whole, reference, imu, depths)
+    depth, mounting, others = _against_reference(log, assessment, whole, mounted, reference, imu, depths)
     return Audit(log, same, assessment, depth, mounting, ranked(findings + others), geometry_name, directions)
 
 
@@ -122,6 +134,7 @@ def _against_reference(
     log: BeamLog,
     assessment: BeamAssessment,
     whole: NDArray[np.bool_],
+    mounted: Mounted,
     reference: Reference | None,
     imu: Inertial | None,
     depths: Depths | None,
@@ -137,7 +150,7 @@ def _against_reference(
         findings += depth_findings(depth)
     if reference is not None:
         mounting = find_mounting(log.time_ns[rows], velocity[rows], reference, imu)
-        findings += mounting_findings(mounting)
+        findings += mounting_findings(mounting, mounted)
         if mounting is None or not mounting.follows:
             findings += signature_findings(find_signature(log.time_ns[rows], velocity[rows], reference, imu))
     return depth, mounting, findings
@@ -206,6 +219,7 @@ def audit_file(
         log,
         stated=None if instrument is None else instrument.geometry,
         geometry_name=None if geometry is None else str(geometry),
+        mounting_rpy_rad=np.zeros(3) if instrument is None else instrument.mounting_rpy_rad,
         reference=reference, imu=imu, depths=depths,
     )  # fmt: skip
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from bottomlock.audit.findings import SIGMAS, Finding
+from bottomlock.audit.findings import Finding
 from bottomlock.audit.logs import Inertial, Reference
 from bottomlock.audit.motion import Motion
-from bottomlock.audit.robust import Array, fit_linear
+from bottomlock.audit.robust import Array, fit_linear, sigmas_for
 
 SLOW_S = 4.0
 """Slower motion is removed: it is the vehicle's manoeuvring."""
@@ -27,6 +27,7 @@ class Signature:
     response_m: Array
     sd_m: Array
     resampled_m: Array
+    blocks: int
 
     @property
     def singular_m(self) -> Array:
@@ -50,7 +51,7 @@ def find_signature(
 
     fit = fit_linear(quick(motion.omega_tp_p_radps(time_s[inside])), quick(velocity_mps[inside]))
     copies = np.swapaxes(fit.resampled, 1, 2)
-    return Signature(fit.parameters.T, np.std(copies, axis=0), copies)
+    return Signature(fit.parameters.T, np.std(copies, axis=0), copies, fit.blocks)
 
 
 def signature_findings(signature: Signature | None) -> list[Finding]:
@@ -61,7 +62,7 @@ def signature_findings(signature: Signature | None) -> list[Finding]:
     significant = []
     for column, name, axis, expected in ((0, "rolls", "y", 90.0), (1, "pitches", "x", 0.0)):
         length = float(np.hypot(*K[:2, column]))
-        if length > SIGMAS * float(np.hypot(*sd[:2, column])):
+        if length > sigmas_for(signature.blocks) * float(np.hypot(*sd[:2, column])):
             azimuth = np.rad2deg(np.arctan2(K[1, column], K[0, column]))
             copies = np.rad2deg(
                 np.arctan2(signature.resampled_m[:, 1, column], signature.resampled_m[:, 0, column])
@@ -86,7 +87,8 @@ def signature_findings(signature: Signature | None) -> list[Finding]:
     )
     return [
         Finding(
-            "rate_signature", "warning" if abs(worst[4]) > SIGMAS * worst[3] and abs(worst[4]) > 10.0 else "note",
+            "rate_signature",
+            "warning" if abs(worst[4]) > max(10.0, sigmas_for(signature.blocks) * worst[3]) else "note",
             worst[4], "deg", 0.0,
             f"The velocity depends on the angular rates: {parts}.",
             f"Singular values {', '.join(f'{value:.2f}' for value in values)} m; a lever arm has two equal and one "

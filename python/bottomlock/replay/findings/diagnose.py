@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.beam_noise_finding import beam_noise_finding
+from bottomlock.replay.findings.claims import claims_findings
 from bottomlock.replay.findings.finding import Finding, ranked
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import motion_findings
@@ -25,7 +26,7 @@ Floats = NDArray[np.float64]
 def diagnose(
     case: Case, prepared: PreparedRun, samples: pl.DataFrame, innovations: pl.DataFrame
 ) -> list[Finding]:
-    """Findings of the recording as it is, the verdict first.
+    """Findings of the recording as it is: the verdict, the likely causes, and claims that a reference contradicts.
 
     Args:
         case: the case.
@@ -38,7 +39,7 @@ def diagnose(
     verdict, state = verdict_finding(innovations, case.replay.methods, causes[0] if causes else None, beams)
     if state == ABSORBED:
         causes = [replace(one, severity="warning") for one in causes]
-    return [verdict, *causes]
+    return [verdict, *causes, *claims_findings(samples, case.replay.methods)]
 
 
 def _causes(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> list[Finding]:

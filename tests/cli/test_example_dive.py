@@ -1,0 +1,86 @@
+"""The simulated dive that ships: its files are what the script makes, and its case and that of `--init` run."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bottomlock.config.scenario import Scenario
+from tests.cli.calls import command
+from tools.example_dive import FOLDER, made, scenario
+
+pytestmark = pytest.mark.usefixtures("undrawn")
+STEP = 1.1e-2
+"""The coarsest step of a file: ranges of PD0 (1 cm), angles of the compass (0.01 deg)."""
+METHODS = ("lc", "tc", "info", "weak_sway", "sway_current", "consistent")
+
+
+def shortened(duration_s: float) -> Scenario:
+    """The same flight with an earlier end."""
+    flown = scenario()
+    return flown.with_trajectory(duration_s=duration_s)
+
+
+def test_files_are_those_of_the_digests() -> None:
+    lines = (FOLDER / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
+    assert len(lines) == 7
+    for line in lines:
+        digest, name = line.split("  ")
+        assert hashlib.sha256((FOLDER / name).read_bytes()).hexdigest() == digest, name
+
+
+def test_the_script_makes_the_start_of_the_files(tmp_path: Path) -> None:
+    """Twenty seconds of it, to a step of each file: a number between two steps may round either way."""
+    for name in made(tmp_path, shortened(20.0)):
+        ours, theirs = tmp_path / name, FOLDER / name
+        if name == "dvl.pd0":
+            sent = np.frombuffer(ours.read_bytes(), dtype=np.uint8)
+            kept_bytes = np.frombuffer(theirs.read_bytes(), dtype=np.uint8)[: sent.size]
+            assert np.mean(sent != kept_bytes) < 0.005
+            continue
+        read = pl.read_parquet if name.endswith(".parquet") else pl.read_csv
+        table = read(ours)
+        for column in table.columns:
+            kept, found = read(theirs)[column].head(table.height), table[column]
+            if found.dtype.is_float():
+                np.testing.assert_allclose(found.to_numpy(), kept.to_numpy(), rtol=0, atol=STEP)
+            else:
+                assert found.to_list() == kept.to_list(), (name, column)
+
+
+def test_the_case_runs_and_has_all_its_columns(tmp_path: Path) -> None:
+    done = command("replay", FOLDER / "case.toml", "--out", tmp_path / "r")
+    assert done.returncode == 0, done.stderr
+    said = " ".join(done.stdout.split())
+    assert "fault" not in said
+    assert "warning" not in said
+    runs = pl.read_parquet(tmp_path / "r" / "runs.parquet")
+    for column in ("position_final_m", "position_final_percent", "velocity_rms_over_time_mps"):
+        assert runs[column].null_count() == 0, column
+    kept = runs.filter(pl.col("method").is_in(METHODS), pl.col("what_if") == "recorded")
+    # Half a metre of acoustic positions of 1 m; a centimetre a second of beams of 2 cm/s.
+    assert kept["position_final_m"].max() < 1.5  # type: ignore[operator]
+    assert kept["velocity_rms_over_time_mps"].max() < 0.03  # type: ignore[operator]
+
+
+def test_a_first_case_from_its_files_runs(tmp_path: Path) -> None:
+    files = [FOLDER / name for name in ("dvl.pd0", "imu.parquet", "depth.csv", "compass.csv", "usbl.csv")]
+    done = command("replay", "--init", *files, "--out", tmp_path / "case.toml")
+    assert done.returncode == 0, done.stderr
+    done = command("replay", tmp_path / "case.toml", "--out", tmp_path / "r", "--methods", "tc")
+    assert done.returncode == 0, done.stderr
+    said = " ".join(done.stdout.split())
+    assert "fault" not in said
+
+
+def test_an_audit_of_its_files_has_no_fault(tmp_path: Path) -> None:
+    done = command(
+        "audit", FOLDER / "beams.parquet", "--geometry", "teledyne_30", "--imu", FOLDER / "imu.parquet",
+        "--depth", FOLDER / "depth.csv", "--out", tmp_path / "a",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "fault" not in done.stdout

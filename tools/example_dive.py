@@ -1,0 +1,111 @@
+"""The simulated dive that ships in data/logs/survey_dive: every sensor, the DVL as PD0, and the truth.
+
+    python tools/example_dive.py
+
+writes the sensors' files and SHA256SUMS anew. The scenario `survey` is flown for three minutes with an IMU of 50 Hz, a
+Workhorse of 30° and acoustic positions; the readings are those of its run 0.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bottomlock.atomic_write import write_bytes, write_parquet, write_text
+from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.encoders.registry import encoder
+from bottomlock.instruments.faults import Faults
+from bottomlock.instruments.from_scenario import readings_of_scenario, with_geometry
+from bottomlock.instruments.schedule import POWERED_S, records
+from bottomlock.io import pd0
+from bottomlock.io.beam_table import write_recording
+from bottomlock.plant.telemetry import euler_rad
+from bottomlock.simulation.build import build_simulation
+from bottomlock.simulation.sensor_streams import sensor_streams
+
+FOLDER = Path(__file__).resolve().parent.parent / "data" / "logs" / "survey_dive"
+GEOMETRY = "teledyne_30"
+START_NS = 1_767_225_600_000_000_000
+"""2026-01-01, UTC: the instruments' clock at the start of the run."""
+DURATION_S = 180.0
+OMEGA_STEP_RADPS, FORCE_STEP_MPS2 = 2.0**-20, 2.0**-14
+"""Steps of the inertial readings: a tenth of the noise of a sample (1.0e-5 rad/s, 5.9e-4 m/s²)."""
+
+
+def scenario() -> Scenario:
+    """The survey, shorter, with acoustic positions and a slower IMU."""
+    content = load_scenario("survey").model_dump(exclude_unset=True)
+    content["name"] = "survey_dive"
+    content["trajectory"]["duration_s"] = DURATION_S
+    content["imu"]["rate_hz"] = 50.0
+    content["acoustic_position"] = {"rate_hz": 0.1, "noise_m": 1.0, "noise_percent_of_range": 0.0}
+    return with_geometry(Scenario.model_validate(content), GEOMETRY)
+
+
+def _counted(name: str, step: float) -> pl.Expr:
+    """A column in whole steps, single precision."""
+    return ((pl.col(name) / step).round() * step).cast(pl.Float32)
+
+
+def made(folder: Path, flown: Scenario) -> list[str]:
+    """Writes the sensors' files of a scenario into a folder; their names."""
+    simulation = build_simulation(flown)
+    truth = simulation.truth()
+    streams = sensor_streams(simulation, truth)
+    readings = readings_of_scenario(flown)
+    offset = START_NS - readings.first_ns
+    powered_ns = START_NS - round(POWERED_S * 1e9)
+    writer = encoder("pd0", readings.geometry, start_ns=powered_ns)
+    sent = b"".join(one.data for one in records(readings, writer, Faults(), seed=0, offset_ns=offset))
+    write_bytes(folder / "dvl.pd0", sent)
+    with tempfile.TemporaryDirectory() as scratch:
+        table = Path(scratch) / "beams.parquet"
+        write_recording(pd0.read(sent, "dvl.pd0"), table, source=folder / "dvl.pd0")
+        write_parquet(folder / "beams.parquet", pl.read_parquet(table))
+    at = (pl.col("time_ns") + offset).alias("time_ns")
+    counts = [_counted(f"omega_{axis}_radps", OMEGA_STEP_RADPS) for axis in "xyz"]
+    counts += [_counted(f"force_{axis}_mps2", FORCE_STEP_MPS2) for axis in "xyz"]
+    write_parquet(folder / "imu.parquet", streams["imu"].select(at, *counts))
+    depth = streams["depth"].select(at, pl.col("depth_m").round(3))
+    write_text(folder / "depth.csv", depth.write_csv())
+    angles = [
+        pl.col(f"{name}_rad").degrees().round(2).alias(f"{title}_deg")
+        for name, title in (("roll", "roll"), ("pitch", "pitch"), ("yaw", "heading"))
+    ]
+    write_text(folder / "compass.csv", streams["attitude"].select(at, *angles).write_csv())
+    north, east, down = (pl.col(f"position_{axis}_m").round(2) for axis in ("north", "east", "down"))
+    fixes = streams["acoustic_position"].select(
+        at, north.alias("north_m"), east.alias("east_m"), down.alias("down_m")
+    )
+    write_text(folder / "usbl.csv", fixes.write_csv())
+    every = np.flatnonzero(truth.time_ns % 1_000_000_000 == truth.time_ns[0] % 1_000_000_000)
+    columns = {"time_ns": truth.time_ns[every] + offset}
+    columns |= dict(zip(("north_m", "east_m", "down_m"), truth.position_t_m[every].T.round(4), strict=True))
+    body = truth.velocity_p_mps[every].T.round(5)
+    columns |= dict(zip(("surge_mps", "sway_mps", "heave_mps"), body, strict=True))
+    turned = euler_rad(truth.attitude_t_p[every]).T.round(6)
+    columns |= dict(zip(("roll_rad", "pitch_rad", "yaw_rad"), turned, strict=True))
+    write_text(folder / "truth.csv", pl.DataFrame(columns).write_csv())
+    return ["beams.parquet", "compass.csv", "depth.csv", "dvl.pd0", "imu.parquet", "truth.csv", "usbl.csv"]
+
+
+def main() -> None:
+    """Writes the folder."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=FOLDER)
+    folder = parser.parse_args().out
+    names = made(folder, scenario())
+    lines = [f"{hashlib.sha256((folder / name).read_bytes()).hexdigest()}  {name}\n" for name in names]
+    write_text(folder / "SHA256SUMS", "".join(lines))
+
+
+if __name__ == "__main__":
+    main()
