@@ -30,7 +30,7 @@ from tools.recorded_tables import code, number, table
 from tools.score_recorded import PAGE, marked, recordings, replaced, same_numbers
 
 DRAWS = 5
-PRIOR = CalibrationSection(mounting_sd_deg=1.0, clock_sd_s=0.2)
+PRIOR = CalibrationSection(mounting_sd_deg=(1.0, 1.0, 1.0), clock_sd_s=0.2)
 """Of an installation by eye and a host's stamps; fixed before the first run."""
 
 

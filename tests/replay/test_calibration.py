@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 from bottomlock.cli.app import app
-from bottomlock.errors import DataError, ScenarioError
+from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import Navigator
 from bottomlock.models import Calibration, InitialState
@@ -56,7 +56,7 @@ def test_without_a_prior_there_is_nothing(replayed: ReplayResult) -> None:
     assert not off.calibration.height
     assert off.manifest["options"]["calibration"] == {"mounting_sd_rad": (0.0, 0.0, 0.0), "clock_sd_s": 0.0}
     assert replayed.manifest["options"]["calibration"]["clock_sd_s"] == 0.1
-    with pytest.raises(DataError, match="no calibration to write"):
+    with pytest.raises(ScenarioError, match="no calibration to write"):
         write_calibration(
             Path("never.toml"), read_geometry(case_of().dvl.geometry), off.calibration, case_of(), force=False
         )

@@ -84,7 +84,7 @@ def test_the_case_has_the_last_word() -> None:
         "clock_sd_s": 0.0,
     }
     np.testing.assert_allclose(CalibrationSection().prior(stated).mounting_sd_rad, np.deg2rad([1, 2, 3]))
-    own = CalibrationSection(mounting_sd_deg=0.5).prior(stated)
+    own = CalibrationSection(mounting_sd_deg=(0.5, 0.5, 0.5)).prior(stated)
     np.testing.assert_allclose(own.mounting_sd_rad, np.deg2rad([0.5] * 3))
     assert own.clock_sd_s == 0.1
     assert CalibrationSection(enabled=False).prior(stated).clock_sd_s == 0.0

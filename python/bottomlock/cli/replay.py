@@ -21,7 +21,7 @@ from bottomlock.io.beams import read_beams, read_geometry
 from bottomlock.io.calibrated_file import require_new
 from bottomlock.pages.numbers import number
 from bottomlock.replay.beam_noise import measure_noise
-from bottomlock.replay.calibration import calibration_words
+from bottomlock.replay.calibration import calibration_words, writing_method
 from bottomlock.replay.calibration import write_calibration as write
 from bottomlock.replay.case import load_case
 from bottomlock.replay.init.make import make_case
@@ -99,6 +99,8 @@ def replay(
     if write_calibration is not None:
         require_new(write_calibration, force=force)
     loaded = load_case(case).with_overrides(methods=split(methods), runs=runs, seed=seed)
+    if write_calibration is not None:
+        writing_method(loaded, read_geometry(loaded.dvl.geometry))
     reruns = run_count(loaded) * (1 + len(loaded.what_if))
     columns = (
         TextColumn("replaying"),

@@ -3,7 +3,7 @@
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.scenario_sections import Finite, NonNegative, Positive, Section
@@ -13,7 +13,24 @@ SmallAngle = Annotated[float, Field(ge=0, le=30, allow_inf_nan=False)]
 """1 sigma of a mounting angle, degrees: the filter is linear in it."""
 ShortTime = Annotated[float, Field(ge=0, lt=2, allow_inf_nan=False)]
 """1 sigma of a clock, seconds: the filter is linear in it."""
-Angles = SmallAngle | tuple[SmallAngle, SmallAngle, SmallAngle]
+
+
+def _three(angles: object) -> object:
+    """One value for each axis where one is given for all.
+
+    Raises:
+        ValueError: for anything else than one or three numbers from 0 to 30.
+    """
+    each = angles if isinstance(angles, list | tuple) else (angles,) * 3
+    numbers = [one for one in each if isinstance(one, int | float) and not isinstance(one, bool)]
+    if len(each) != 3 or len(numbers) != 3 or not all(0.0 <= one <= 30.0 for one in numbers):
+        raise ValueError(
+            f"is {angles!r}, expected one number or three (forward, right, down), 0 to 30 degrees"
+        )
+    return tuple(each)
+
+
+Angles = Annotated[tuple[SmallAngle, SmallAngle, SmallAngle], BeforeValidator(_three)]
 
 
 class StatedCalibration(Section):
@@ -58,9 +75,7 @@ class CalibrationSection(Section):
         stated = StatedCalibration() if stated is None else stated
         angles = stated.mounting_sd_deg if self.mounting_sd_deg is None else self.mounting_sd_deg
         clock_s = stated.clock_sd_s if self.clock_sd_s is None else self.clock_sd_s
-        return Calibration(
-            mounting_sd_rad=tuple(np.deg2rad(np.broadcast_to(angles, 3)).tolist()), clock_sd_s=clock_s
-        )
+        return Calibration(mounting_sd_rad=tuple(np.deg2rad(angles).tolist()), clock_sd_s=clock_s)
 
 
 def scale_sd(stated: StatedCalibration | None, *, given: bool, otherwise: float) -> float:

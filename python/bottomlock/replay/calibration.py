@@ -9,10 +9,11 @@ import polars as pl
 from scipy.spatial.transform import Rotation
 
 from bottomlock.atomic_write import write_text
-from bottomlock.errors import DataError
+from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import Instrument, geometry_text
 from bottomlock.io.calibrated_file import Calibrated, calibrated_text, require_new
 from bottomlock.kernel import STATES
+from bottomlock.models import Calibration
 from bottomlock.replay.axes import from_angles
 from bottomlock.replay.case import Case
 from bottomlock.replay.rerun import Rerun
@@ -77,19 +78,29 @@ def _contradiction(row: dict[str, Any]) -> str:
     return "" if beyond <= CONTRADICTION else f", of which it is {beyond:.1f}: prior or log is wrong"
 
 
+def writing_method(case: Case, instrument: Instrument) -> str:
+    """The method whose estimates are written.
+
+    Raises:
+        ScenarioError: for a case that estimates none.
+    """
+    method = next((name for name in WRITES if name in case.replay.methods), None)
+    if method is None or case.calibration.prior(instrument.calibration) == Calibration():
+        raise ScenarioError(
+            f"case {case.name}: no calibration to write: expected a section [calibration] with mounting_sd_deg or "
+            f"clock_sd_s, and one of the methods {', '.join(WRITES)}"
+        )
+    return method
+
+
 def found(instrument: Instrument, table: pl.DataFrame, case: Case) -> Calibrated:
     """The estimates of the recording as it is together with what the DVL's file says.
 
     Raises:
-        DataError: where the replay estimated none.
+        ScenarioError: as `writing_method`.
     """
-    method = next((name for name in WRITES if name in case.replay.methods), None)
+    method = writing_method(case, instrument)
     rows = table.filter((pl.col("what_if") == RECORDED) & (pl.col("run") == 0) & (pl.col("method") == method))
-    if not rows.height:
-        raise DataError(
-            f"case {case.name}: no calibration to write: expected a section [calibration] with mounting_sd_deg or "
-            f"clock_sd_s, and one of the methods {', '.join(WRITES)}"
-        )
     value, sd, prior = (rows[name].to_numpy() / _TO_UNITS for name in ("value", "sd", "prior_sd"))
     stated = instrument.stated
     mounting = Rotation.from_rotvec(value[:3]) * from_angles(*instrument.mounting_rpy_rad)
@@ -112,7 +123,7 @@ def write_calibration(
 
     Raises:
         OutputError: for a file that is there already without `force`, or that cannot be written.
-        DataError: where the replay estimated none.
+        ScenarioError: as `writing_method`.
     """
     require_new(path, force=force)
     write_text(path, calibrated_text(geometry_text(case.dvl.geometry), found(instrument, table, case)))
