@@ -24,7 +24,7 @@ Examples:
 """
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -56,6 +56,7 @@ from bottomlock._kernel import (
     simulate_sensors,
 )
 from bottomlock.errors import KernelError
+from bottomlock.kernel_words import geometry_line, geometry_table, navigator_line, navigator_table
 
 if TYPE_CHECKING:
     import polars as pl
@@ -347,3 +348,14 @@ def solve_velocity(
         weak_sway_var_m2ps2=weak_sway_var_m2ps2,
     )
     return VelocityFixes(**solution)
+
+
+_SHOWN: tuple[tuple[type, str, Callable[[Any], str]], ...] = (
+    (Navigator, "__repr__", lambda one: navigator_line(one.state(), one.covariance())),
+    (Navigator, "_repr_html_", lambda one: navigator_table(one.state(), one.covariance())),
+    (BeamGeometry, "__repr__", lambda one: geometry_line(one.directions_p)),
+    (BeamGeometry, "_repr_html_", lambda one: geometry_table(one.directions_p, one.lever_arms_p_m)),
+)
+"""What a terminal and a notebook show of the compiled classes: words are no part of the kernel."""
+for _class, _name, _words in _SHOWN:
+    setattr(_class, _name, _words)

@@ -21,6 +21,7 @@ from bottomlock.campaign.directory import MANIFEST, open_directory, start_direct
 from bottomlock.campaign.engine import ChunkSource, Engine, check_engine, open_engine
 from bottomlock.campaign.manifest import Clock, describe, identity_of
 from bottomlock.campaign.partition import Chunk, Partition, Shard, all_chunks
+from bottomlock.campaign.shown_results import ShownResults
 from bottomlock.config.scenario import Scenario
 from bottomlock.records import write_record
 
@@ -44,8 +45,8 @@ class CampaignProgress:
     found: bool = False
 
 
-@dataclass(frozen=True)
-class Results:
+@dataclass(frozen=True, repr=False)
+class Results(ShownResults):
     """The tables of a finished campaign (`tables.campaign.RUNS`, `ENSEMBLE`, `CONSISTENCY`), and its manifest."""
 
     runs: pl.DataFrame

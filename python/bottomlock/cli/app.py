@@ -12,6 +12,7 @@ from bottomlock.errors import BottomlockError
 
 COMMANDS = {
     "run": ("campaign", "Run a Monte Carlo campaign and print a table of RMS errors."),
+    "compare": ("compare", "Lay campaigns or variants side by side: table, differences, page."),
     "merge": ("campaign", "Join the shards of a campaign and print its table."),
     "fly": ("simulate", "Simulate the vehicle, or fly a trajectory from a file: truth, telemetry, figure."),
     "simulate-dvl": (

@@ -1,5 +1,6 @@
 """The commands `bottomlock run` and `bottomlock merge`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +11,7 @@ from bottomlock.campaign.merge import merge_shards
 from bottomlock.campaign.partition import Shard
 from bottomlock.campaign.run import run_campaign, run_shard
 from bottomlock.cli.campaign_output import print_results, progress_bar
+from bottomlock.cli.compare import print_comparison
 from bottomlock.cli.console import console, interrupted
 from bottomlock.cli.parameters import (
     CampaignOut,
@@ -21,6 +23,10 @@ from bottomlock.cli.parameters import (
     Threads,
     load_scenarios,
 )
+from bottomlock.config.scenario import Scenario
+from bottomlock.errors import ScenarioError
+from bottomlock.report.compare import compare
+from bottomlock.studies.variants import make_variants, parse_set, run_variants, variant_runs
 
 
 def run(
@@ -30,6 +36,15 @@ def run(
     seed: Seed = None,
     threads: Threads = 0,
     methods: Methods = None,
+    set_: Annotated[
+        tuple[str, ...],
+        Parameter(
+            name="--set",
+            negative="",
+            help="KEY=VALUE,VALUE...: a variant for each value, such as imu.gyro_bias_deg_per_h=0.01,3,50; more than "
+            "one --set gives every combination.",
+        ),
+    ] = (),
     force: ForceCampaign = False,
     recover: Recover = False,
     shard: Annotated[
@@ -56,6 +71,9 @@ def run(
     settings: Any = {
         "threads": threads, "engine": engine, "scheduler": scheduler, "force": force, "recover": recover,
     }  # fmt: skip
+    if set_:
+        _run_variants(loaded, set_, out, part, settings)
+        return
     try:
         with progress_bar() as progress:
             if part is None:
@@ -70,6 +88,31 @@ def run(
         console.print(
             f"shard {part} in {out}, {manifest['wall_time_s']:.1f} s; `bottomlock merge` joins all {part.n}"
         )
+
+
+def _run_variants(
+    scenarios: Sequence[Scenario],
+    sets: Sequence[str],
+    out: Path,
+    part: Shard | None,
+    settings: dict[str, Any],
+) -> None:
+    """Runs the variants and lays them side by side."""
+    if part is not None:
+        raise ScenarioError("--shard and --set are both given, expected one of them")
+    parsed = [parse_set(text) for text in sets]
+    for key, _ in parsed:
+        if [other for other, _ in parsed].count(key) > 1:
+            raise ScenarioError(f"--set {key} is given twice, expected its values in one")
+    variants = make_variants(scenarios, dict(parsed))
+    try:
+        with progress_bar(variant_runs(variants)) as progress:
+            run_variants(variants, out, progress=progress, **settings)
+    except KeyboardInterrupt:
+        interrupted(out)
+    if len(variants) > 1:
+        print_comparison(compare([out], out))
+    console.print(f"{len(variants)} {'variant' if len(variants) == 1 else 'variants'} in {out}")
 
 
 def merge(out: Path, *shards: Path, force: ForceCampaign = False, recover: Recover = False) -> None:

@@ -2,7 +2,8 @@
 
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TextIO
 
@@ -11,6 +12,7 @@ from rich.console import Console
 from bottomlock.errors import EXIT_INTERRUPTED, Note
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
     from rich.table import Table
 
 EXIT_DEPARTURE = 1
@@ -54,6 +56,16 @@ def interrupted(out: Path, *, kept: str = "chunks") -> NoReturn:
     """Says how to resume, and ends the command."""
     errors.print(f"interrupted; finished {kept} are kept in {out}: the same command resumes")
     sys.exit(EXIT_INTERRUPTED)
+
+
+@contextmanager
+def late_bar(bar: "Progress") -> Iterator["Progress"]:
+    """A bar that is started by the first report: what is refused before it leaves none on the screen."""
+    try:
+        yield bar
+    finally:
+        if bar.live.is_started:
+            bar.stop()
 
 
 def narrow_table(title: str, left: Sequence[str], right: Sequence[str]) -> "Table":

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from bottomlock.atomic_write import write_parquet
 from bottomlock.cli.beam_noise import print_noise
-from bottomlock.cli.console import console, errors, narrow_table
+from bottomlock.cli.console import console, errors, late_bar, narrow_table
 from bottomlock.cli.parameters import Robust, Threads, check_threads, split
 from bottomlock.errors import EXIT_INTERRUPTED, OutputError, ScenarioError
 from bottomlock.io.beams import read_beams, read_geometry
@@ -111,11 +111,14 @@ def replay(
     )
     try:
         with open_folder(out, loaded.content_hash(), force=force):
-            with Progress(*columns, console=errors) as bar:
+            with late_bar(Progress(*columns, console=errors)) as bar:
                 task = bar.add_task("", total=reruns)
-                replayed = replay_case(
-                    loaded, threads=threads, progress=lambda done: bar.update(task, completed=done)
-                )
+
+                def report(done: int) -> None:
+                    bar.start()
+                    bar.update(task, completed=done)
+
+                replayed = replay_case(loaded, threads=threads, progress=report)
                 write_replay(replayed, out)
             page = make_replay_report(out)
     except KeyboardInterrupt:

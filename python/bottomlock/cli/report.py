@@ -43,7 +43,7 @@ def reproduce(
 def report(directory: Path) -> None:
     """Write report.html and figures from the tables of a campaign or a replay.
 
-    For a campaign the report tests the paper's claims, too.
+    Where a campaign flew the paper's scenarios with its settings, the report tests the paper's claims, too.
 
     Parameters
     ----------
@@ -57,9 +57,11 @@ def report(directory: Path) -> None:
 
 
 def print_report(made: Report) -> None:
-    """Prints the count of each verdict and where the page is."""
-    verdicts = made.claims["verdict"].value_counts().sort("verdict")
-    console.print(
-        "the paper's claims: " + ", ".join(f"{count} {word}" for word, count in verdicts.iter_rows())
-    )
-    console.print(f"wrote {made.page}, {len(made.figures)} figures and tables/claims.parquet")
+    """Prints where the page is, and the count of each verdict where the paper's claims were tested."""
+    if made.claims.height:
+        verdicts = made.claims["verdict"].value_counts().sort("verdict")
+        console.print(
+            "the paper's claims: " + ", ".join(f"{count} {word}" for word, count in verdicts.iter_rows())
+        )
+    tables = " and tables/claims.parquet" if made.claims.height else ""
+    console.print(f"wrote {made.page}, {len(made.figures)} figures{tables}")

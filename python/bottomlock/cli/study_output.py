@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from bottomlock.cli.console import errors, interrupted
+from bottomlock.cli.console import errors, interrupted, late_bar
 
 
 @contextmanager
@@ -19,9 +19,14 @@ def study_bar(out: Path) -> Iterator[Callable[[str, float], None]]:
         TimeRemainingColumn(),
     )
     try:
-        with Progress(*columns, console=errors) as bar:
+        with late_bar(Progress(*columns, console=errors)) as bar:
             task = bar.add_task("", total=1.0)
-            yield lambda words, fraction: bar.update(task, description=words, completed=fraction)
+
+            def report(words: str, fraction: float) -> None:
+                bar.start()
+                bar.update(task, description=words, completed=fraction)
+
+            yield report
     except KeyboardInterrupt:
         interrupted(out, kept="parts")
 

@@ -24,6 +24,7 @@ from bottomlock.config.scenario_sections import (
     Section,
     Trajectory,
 )
+from bottomlock.config.scenario_words import line_of, table_of
 from bottomlock.config.sensors import SENSORS, AcousticPosition, Depth, Gps, Heading, Magnetometer
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
@@ -38,6 +39,8 @@ class Scenario(Section):
 
     Examples:
         >>> scenario = load_scenario("straight")
+        >>> scenario
+        <Scenario straight: straight at 2 m/s for 250 s, 4 beams without 3, 4, 100 runs of 13 methods>
         >>> scenario.dvl.beams_lost
         (3, 4)
         >>> round(scenario.kernel_model(9.8).initial.attitude_sd_rad[2], 3)
@@ -94,6 +97,16 @@ class Scenario(Section):
         exclude |= {"imu": {"limits"}}
         content = self.model_dump(mode="json", exclude=exclude)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    def __repr__(self) -> str:
+        """Name, path, beams, sensors and runs in a line."""
+        return line_of(self)
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """What the file states, for notebooks."""
+        return table_of(self)
 
     def replace(self, key: str, value: Any) -> Self:  # noqa: ANN401 - a value of any key
         """The scenario with another value of one key, for instance "imu.gyro_bias_deg_per_h"; checked as a file is.

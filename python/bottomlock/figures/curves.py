@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 LOG_SPREAD = 12.0
 """Ratio of the largest to the smallest value above which the axis is logarithmic."""
 
+PLACE = (0.115, 0.12, 0.645, 0.785)
+"""Of the axes in their figure: the names of the methods stand to the right of them."""
+
 _COLUMNS = {
     "velocity": (
         "velocity_rms_over_runs_mps",
@@ -39,9 +42,24 @@ def rms_figure(
     quantity: str,
     printed: Sequence[tuple[str, float, float]] = (),
 ) -> Figure:
+    """As `draw_rms`, in a figure of its own."""
+    with mpl.rc_context(STYLE):
+        figure, axes = _axes()
+        draw_rms(axes, ensemble, trajectory, quantity, printed)
+    return figure
+
+
+def draw_rms(
+    axes: Axes,
+    ensemble: pl.DataFrame,
+    trajectory: str,
+    quantity: str,
+    printed: Sequence[tuple[str, float, float]] = (),
+) -> None:
     """RMS over runs of all methods against time, 95 % bootstrap intervals shaded.
 
     Args:
+        axes: to draw on.
         ensemble: `tables.campaign.ENSEMBLE`.
         trajectory: one of its trajectories.
         quantity: "velocity" or "attitude".
@@ -52,7 +70,7 @@ def rms_figure(
     middle, low, high = (_by_method(rows, column) for column in columns)
     time_s = rows.filter(pl.col("method") == rows["method"][0])["time_s"].to_numpy()
     with mpl.rc_context(STYLE):
-        figure, axes = _axes(_AXIS[quantity], time_s)
+        _label(axes, _AXIS[quantity], time_s)
         lines = []
         _scale(axes, np.array([*low.values(), *high.values()]), [value for _, _, value in printed])
         # Overlapping bands must stay transparent.
@@ -74,17 +92,24 @@ def rms_figure(
                 color=stroke(method).colour, clip_on=False, zorder=4,
             )  # fmt: skip
         label_ends(axes, lines)
-    return figure
 
 
 def nees_figure(ensemble: pl.DataFrame, consistency: pl.DataFrame, trajectory: str) -> Figure:
+    """As `draw_nees`, in a figure of its own."""
+    with mpl.rc_context(STYLE):
+        figure, axes = _axes()
+        draw_nees(axes, ensemble, consistency, trajectory)
+    return figure
+
+
+def draw_nees(axes: Axes, ensemble: pl.DataFrame, consistency: pl.DataFrame, trajectory: str) -> None:
     """Mean NEES of the whole state against time, with the 95 % chi-squared band of a consistent filter."""
     rows = ensemble.filter(pl.col("trajectory") == trajectory)
     band = consistency.filter((pl.col("trajectory") == trajectory) & (pl.col("quantity") == "nees"))
     nees = _by_method(rows, "nees_mean_over_runs")
     time_s = rows.filter(pl.col("method") == rows["method"][0])["time_s"].to_numpy()
     with mpl.rc_context(STYLE):
-        figure, axes = _axes("mean NEES of the whole state", time_s)
+        _label(axes, "mean NEES of the whole state", time_s)
         axes.axhspan(band["band_lo"][0], band["band_hi"][0], color=FAINT, alpha=0.35, linewidth=0.0)
         lines = [
             Line(methods, time_s, nees[methods[0]])
@@ -97,7 +122,6 @@ def nees_figure(ensemble: pl.DataFrame, consistency: pl.DataFrame, trajectory: s
             transform=axes.transAxes, fontsize=8.5, color=INK, va="bottom",
         )  # fmt: skip
         label_ends(axes, lines)
-    return figure
 
 
 def _by_method(rows: pl.DataFrame, column: str) -> dict[str, Array]:
@@ -107,13 +131,15 @@ def _by_method(rows: pl.DataFrame, column: str) -> dict[str, Array]:
     }
 
 
-def _axes(label: str, time_s: Array) -> tuple[Figure, Axes]:
+def _axes() -> tuple[Figure, Axes]:
     figure = new_figure()
-    axes = figure.add_axes((0.115, 0.12, 0.645, 0.785))
+    return figure, figure.add_axes(PLACE)
+
+
+def _label(axes: Axes, label: str, time_s: Array) -> None:
     axes.set_xlim(0.0, float(time_s[-1]))
     axes.set_xlabel("time, s")
     axes.set_title(label, loc="left", pad=16.0 if "NEES" in label else 6.0)
-    return figure, axes
 
 
 def _draw(axes: Axes, lines: list[Line]) -> None:

@@ -102,18 +102,34 @@ def _quantity(claim: Claim) -> str:
             return "bias_fraction_left"
 
 
+def flown(campaign: CampaignTables, paper: Paper) -> list[str]:
+    """The trajectories of a campaign that are the paper's, with its settings; the claims are about these alone."""
+    return [
+        name
+        for name in campaign.trajectories
+        if name in paper.trajectories and not _departure(campaign, name, paper)
+    ]
+
+
+def _departure(campaign: CampaignTables, name: str, paper: Paper) -> str:
+    """The first setting that is not the paper's, in words; "" for none."""
+    expected = {"trajectory.kind": paper.trajectories[name].kind, **paper.setup}
+    for path, printed in expected.items():
+        ours: Any = campaign.configuration(name)
+        for key in path.split("."):
+            ours = ours.get(key) if isinstance(ours, dict) else None
+        if ours != printed:
+            return f"{path} is {ours} here and {printed} in the paper"
+    return ""
+
+
 def _comparable(name: str, trajectories: Mapping[str, TrajectoryErrors], paper: Paper) -> None:
     """The campaign has this trajectory, with enough runs and the paper's settings."""
     if name not in trajectories:
         raise NotTestableError(f"the campaign has no trajectory {name}")
-    configuration = trajectories[name].campaign.configuration(name)
-    expected = {"trajectory.kind": paper.trajectories[name].kind, **paper.setup}
-    for path, printed in expected.items():
-        ours: Any = configuration
-        for key in path.split("."):
-            ours = ours.get(key) if isinstance(ours, dict) else None
-        if ours != printed:
-            raise NotTestableError(f"{path} is {ours} here and {printed} in the paper")
+    departure = _departure(trajectories[name].campaign, name, paper)
+    if departure:
+        raise NotTestableError(departure)
     runs = trajectories[name].runs
     if runs < LEAST_RUNS:
         raise NotTestableError(f"{runs} runs give no useful interval; {LEAST_RUNS} or more do")

@@ -249,6 +249,24 @@ def _kernel_start(alignment: Alignment) -> InitialState:
     )
 
 
+def returned(case: Case, prepared: PreparedRun, what_if: WhatIf) -> Flags:
+    """(E, B) which beams a what-if case lets through.
+
+    Raises:
+        DataError: for a what-if case that names a beam or recording that does not exist.
+    """
+    beams = prepared.streams.beams
+    return beams_returned(
+        what_if,
+        beams.time_ns[prepared.pings],
+        beams.valid.shape[1],
+        start_ns=prepared.alignment.time_ns,
+        name=case.name,
+        seed=case.replay.seed,
+        run=prepared.run,
+    )
+
+
 def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, threads: int = 1) -> Rerun:
     """Runs every method of a case along one prepared recording, without the beams that a what-if case loses.
 
@@ -265,15 +283,7 @@ def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, th
     beams = prepared.streams.beams
     valid = beams.valid[prepared.pings]
     if what_if is not None:
-        valid = valid & beams_returned(
-            what_if,
-            beams.time_ns[prepared.pings],
-            valid.shape[1],
-            start_ns=prepared.alignment.time_ns,
-            name=case.name,
-            seed=case.replay.seed,
-            run=prepared.run,
-        )
+        valid = valid & returned(case, prepared, what_if)
     start = _kernel_start(prepared.alignment)
     log = kernel_log(case, prepared, valid)
 

@@ -16,6 +16,7 @@ from bottomlock.errors import DataError, OutputError
 from bottomlock.output_folder import is_occupied, locked, remove_parts
 from bottomlock.records import read_record, write_record
 from bottomlock.replay import compare, rerun
+from bottomlock.replay.beforehand import check_files, check_what_ifs
 from bottomlock.replay.calibration import calibration_table
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
@@ -78,7 +79,8 @@ def replay_case(
     Args:
         case: the case.
         threads: number of threads, 0 for one per core; the results do not depend on it.
-        progress: called after each rerun with the number of reruns done.
+        progress: called before the first rerun, once all that can be checked has been, and after each, with the
+            number of reruns done.
         streams: the recording of the case, if it has been read already.
 
     Raises:
@@ -86,8 +88,12 @@ def replay_case(
         KernelError: naming field, row and time.
     """
     started = time.perf_counter()
-    streams = read_streams(case) if streams is None else streams
+    if streams is None:
+        check_files(case)
+        streams = read_streams(case)
     residuals = rerun.noise_residuals(case)
+    check_what_ifs(case, streams, residuals)
+    progress(0)
     parts: dict[str, list[pl.DataFrame]] = {name: [] for name in (*PARTS, CALIBRATION, "imu_faults")}
     alignments: list[dict[str, str]] = []
     start_ns, done = 0, 0

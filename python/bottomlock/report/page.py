@@ -20,7 +20,7 @@ from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render
 from bottomlock.paper.claims import Claim, ImprovementClaim, Paper, ValueClaim, load_paper
 from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
-from bottomlock.paper.verdicts import claims_table
+from bottomlock.paper.verdicts import claims_table, flown
 from bottomlock.report.advice import REFERENCES, advise, choose, swept_current, untested_in_current, warnings
 from bottomlock.statistics.campaign import runs_mostly_rejected, summary_table
 from bottomlock.statistics.run_errors import RunErrors, read_run_errors, velocity_calibration
@@ -48,9 +48,10 @@ class Report:
 
 
 def make_report(folder: Path) -> Report:
-    """Writes `report.html`, `figures/` and `tables/claims.parquet` from the tables of a finished campaign.
+    """Writes `report.html` and `figures/` from the tables of a finished campaign.
 
-    The same tables give the same bytes.
+    Where the paper's scenarios were flown with its settings, its claims on them are tested, and `tables/claims.parquet`
+    holds the verdicts. The same tables give the same bytes.
 
     Raises:
         DataError: for a directory that holds no finished campaign of this version, or a damaged one.
@@ -59,8 +60,13 @@ def make_report(folder: Path) -> Report:
     campaign = read_campaign_tables(folder)
     errors = {name: read_run_errors(campaign, name) for name in campaign.trajectories}
     paper = load_paper()
-    claims = claims_table(campaign, errors, paper)
-    write_parquet(folder / "tables" / "claims.parquet", claims)
+    theirs = flown(campaign, paper)
+    claims = claims_table(campaign, errors, paper).filter(pl.col("trajectory").is_in(theirs))
+    if theirs:
+        write_parquet(folder / "tables" / "claims.parquet", claims)
+    else:
+        # Of a campaign that was here before.
+        (folder / "tables" / "claims.parquet").unlink(missing_ok=True)
     paths, inline = [], []
     for drawing in drawings(campaign, errors, paper):
         svg = svg_text(drawing.figure)
@@ -89,7 +95,8 @@ def drawings(campaign: CampaignTables, errors: Mapping[str, RunErrors], paper: P
     if campaign.paths is not None:
         known = [name for name in campaign.trajectories if name in set(campaign.paths["trajectory"])]
         if known:
-            words = "The trajectories: plan view and depth (the paper's Figure 8)."
+            words = "The trajectories: plan view and depth"
+            words += " (the paper's Figure 8)." if flown(campaign, paper) else "."
             found.append(Drawing("trajectories", words, paths_figure(campaign.paths, known), wide=True))
     for name in campaign.trajectories:
         found += [
@@ -105,11 +112,11 @@ def drawings(campaign: CampaignTables, errors: Mapping[str, RunErrors], paper: P
 
 
 def _rms_drawing(campaign: CampaignTables, name: str, paper: Paper, quantity: str, words: str) -> Drawing:
-    printed = _printed(paper, name, quantity) if _as_in_paper(campaign, name, paper) else []
+    in_paper = name in flown(campaign, paper)
+    printed = _printed(paper, name, quantity) if in_paper else []
     caption = f"RMS over runs of the {words}; shaded: 95 % interval; every method on the same runs"
-    numbers = paper.trajectories.get(name)
-    if numbers is not None:
-        caption += f" (the paper's Figure {getattr(numbers, f'{quantity}_figure')})"
+    if in_paper:
+        caption += f" (the paper's Figure {getattr(paper.trajectories[name], f'{quantity}_figure')})"
     if printed:
         caption += "; diamonds: printed in the paper"
     figure = rms_figure(campaign.ensemble, name, quantity, printed)
@@ -138,11 +145,6 @@ def _consistency_drawings(campaign: CampaignTables, name: str, errors: RunErrors
             name,
         ),
     ]
-
-
-def _as_in_paper(campaign: CampaignTables, name: str, paper: Paper) -> bool:
-    known = paper.trajectories.get(name)
-    return known is not None and campaign.configuration(name)["trajectory"]["kind"] == known.kind
 
 
 def _printed(paper: Paper, trajectory: str, quantity: str) -> list[tuple[str, float, float]]:

@@ -1,0 +1,130 @@
+"""Campaigns side by side as one page, with a table and a figure for each quantity."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+from markupsafe import Markup
+
+from bottomlock.atomic_write import write_bytes, write_parquet, write_text
+from bottomlock.errors import DataError
+from bottomlock.figures.compare import compare_figure
+from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
+from bottomlock.pages.render import render
+from bottomlock.statistics.compare import QUANTITIES, comparison_table, differing_settings, why_unpaired
+from bottomlock.tables.results import CampaignTables, read_campaign_tables
+from bottomlock.tables.variants import campaign_folders
+
+NAME = "compare"
+"""Of the written files: `compare.html`, `.parquet` and `.csv`."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The table, why pairs are none, and the written page."""
+
+    table: pl.DataFrame
+    reference: str
+    unpaired: dict[str, dict[str, str]]
+    page: Path
+
+
+def compare(folders: list[Path], out: Path, *, against: str | None = None) -> Comparison:
+    """Lays campaigns, or the variants in a folder, side by side; writes table, page and figures to `out`.
+
+    Args:
+        folders: directories of campaigns or of variants.
+        out: directory for `compare.html`, `compare.parquet`, `compare.csv` and `figures/`.
+        against: label of the campaign that differences are taken to; the first by default.
+
+    Raises:
+        DataError: for fewer than two campaigns, one that is not finished, an unknown label, and campaigns without a
+            common trajectory.
+        OutputError: where the directory cannot be written.
+    """
+    found = campaign_folders(folders)
+    if len(found) < 2:
+        raise DataError(
+            f"{len(found)} campaign is named, expected two or more, or a folder of variants (bottomlock run --set)"
+        )
+    reference = next(iter(found)) if against is None else against
+    if reference not in found:
+        raise DataError(f"--against is '{reference}', expected one of {', '.join(found)}")
+    campaigns = {label: read_campaign_tables(folder) for label, folder in found.items()}
+    shared = [name for name in campaigns[reference].trajectories if _in_others(campaigns, reference, name)]
+    if not shared:
+        raise DataError(
+            f"no other campaign has a trajectory of {reference} "
+            f"({', '.join(campaigns[reference].trajectories)}); scenarios of one name are compared"
+        )
+    table = comparison_table(campaigns, reference)
+    unpaired = _unpaired(campaigns, reference)
+    write_parquet(out / f"{NAME}.parquet", table)
+    write_text(out / f"{NAME}.csv", table.write_csv(float_precision=10))
+    content = {
+        "campaigns": campaigns,
+        "numbers": {label: number for number, label in enumerate(campaigns, start=1)},
+        "reference": reference,
+        "settings": differing_settings(campaigns),
+        "unpaired": unpaired,
+        "parts": [_part(table, campaigns, name, out) for name in _trajectories(campaigns)],
+    }
+    page = out / f"{NAME}.html"
+    write_text(page, render("compare.html.j2", content))
+    return Comparison(table, reference, unpaired, page)
+
+
+def _in_others(campaigns: Mapping[str, CampaignTables], reference: str, name: str) -> bool:
+    return any(name in one.trajectories for label, one in campaigns.items() if label != reference)
+
+
+def _trajectories(campaigns: Mapping[str, CampaignTables]) -> list[str]:
+    return list(dict.fromkeys(name for campaign in campaigns.values() for name in campaign.trajectories))
+
+
+def _unpaired(campaigns: Mapping[str, CampaignTables], reference: str) -> dict[str, dict[str, str]]:
+    """Why a campaign is not paired with the reference, by trajectory and label."""
+    found: dict[str, dict[str, str]] = {}
+    for name in _trajectories(campaigns):
+        for label, campaign in campaigns.items():
+            why = "" if label == reference else why_unpaired(campaigns[reference], campaign, name)
+            if why and name in campaign.trajectories:
+                found.setdefault(name, {})[label] = why
+    return found
+
+
+def _part(
+    table: pl.DataFrame, campaigns: Mapping[str, CampaignTables], trajectory: str, out: Path
+) -> dict[str, Any]:
+    """A trajectory's part of the page; writes its figures."""
+    rows = table.filter(pl.col("trajectory") == trajectory)
+    quantities = []
+    for number, quantity in enumerate(QUANTITIES):
+        figure = compare_figure(table, trajectory, quantity)
+        svg, name = svg_text(figure), f"{NAME}_{trajectory}_{re.sub('[^a-z]+', '_', quantity.lower())}"
+        write_text(out / "figures" / f"{name}.svg", svg)
+        write_bytes(out / "figures" / f"{name}.png", png_bytes(figure))
+        title = f"{quantity[0].upper()}{quantity[1:]} on {trajectory.replace('_', ' ')}"
+        caption = f"{title}, 95 % intervals; numbers as above."
+        if quantity == "NEES":
+            degrees = {one.manifest.get("nees_degrees", {}).get(trajectory) for one in campaigns.values()}
+            words = " or ".join(str(one) for one in sorted(degrees - {None}))
+            caption += f" A consistent filter has {words}." if words else ""
+        here = rows.filter(pl.col("quantity") == quantity)
+        quantities.append(
+            {
+                "name": quantity,
+                "unit": here["unit"][0],
+                "svg": Markup(inline_svg(svg, f"f{number}_{trajectory}", caption)),  # noqa: S704 - our own, escaped there
+                "caption": caption,
+                "cells": {
+                    method: {row["campaign"]: row for row in part.iter_rows(named=True)}
+                    for (method,), part in here.group_by("method", maintain_order=True)
+                },
+            }
+        )
+    labels = rows["campaign"].unique(maintain_order=True).to_list()
+    return {"trajectory": trajectory, "labels": labels, "quantities": quantities}

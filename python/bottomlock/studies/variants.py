@@ -1,0 +1,206 @@
+"""Variants of scenarios: the product of the values of some keys, each a campaign in a folder of its own.
+
+A variant keeps the names and the seed of its scenarios, and with them every random number that its settings do not
+change: run k of one variant is paired with run k of another.
+"""
+
+import itertools
+import re
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from bottomlock.atomic_write import make_folder
+from bottomlock.campaign.engine import Engine
+from bottomlock.campaign.run import CampaignProgress, Results, campaign_directory, run_campaign
+from bottomlock.config.scenario import Scenario
+from bottomlock.config.toml_value import toml_value
+from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.output_folder import is_occupied, locked
+from bottomlock.records import read_record, write_record
+from bottomlock.tables.variants import KIND, VARIANTS
+
+MOST_VARIANTS = 200
+"""More of them are taken for a mistake."""
+
+_OF_THE_BASE = ("name", "description")
+"""Keys that are no settings: the name decides the random numbers."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One variant: its folder, the values that make it, and its scenarios."""
+
+    folder: str
+    values: dict[str, Any]
+    scenarios: tuple[Scenario, ...]
+
+
+def parse_set(text: str) -> tuple[str, list[Any]]:
+    """Key and values of `KEY=VALUE,VALUE,...`; a value is one of TOML, or a bare word.
+
+    Raises:
+        ScenarioError: for a text without key or value.
+
+    Examples:
+        >>> parse_set("imu.gyro_bias_deg_per_h=0.01,3")
+        ('imu.gyro_bias_deg_per_h', [0.01, 3])
+        >>> parse_set("dvl.beams_lost=[3,4],[]")
+        ('dvl.beams_lost', [[3, 4], []])
+        >>> parse_set("filter.gate=joint,off")
+        ('filter.gate', ['joint', 'off'])
+    """
+    key, separator, values = text.partition("=")
+    parts = [part.strip() for part in _split(values)]
+    if not separator or not key.strip() or not all(parts):
+        raise ScenarioError(
+            f"--set {text}: expected a key and its values, such as --set imu.gyro_bias_deg_per_h=0.01,3,50"
+        )
+    return key.strip(), [_value(part) for part in parts]
+
+
+def _split(values: str) -> list[str]:
+    """The text at the commas that are in no brackets and in no quotes."""
+    parts, depth, quote = [""], 0, ""
+    for letter in values:
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in "\"'":
+            quote = letter
+        else:
+            depth += (letter in "[{") - (letter in "]}")
+        if letter == "," and not depth and not quote:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return parts
+
+
+def _value(text: str) -> Any:  # noqa: ANN401 - a value of any key
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except ValueError:
+        return text
+
+
+def make_variants(scenarios: Sequence[Scenario], sets: Mapping[str, Sequence[Any]]) -> list[Variant]:
+    """Every combination of the values, in the order in which they are given.
+
+    Raises:
+        ScenarioError: for a key that no scenario has, which names the nearest, a value that it rejects, a value that
+            is given twice, and more than `MOST_VARIANTS`.
+    """
+    for key, values in sets.items():
+        if key in _OF_THE_BASE:
+            raise ScenarioError(f"--set {key}: it is no setting; copy the scenario to rename it")
+        words = [toml_value(value) for value in values]
+        twice = next((word for word in words if words.count(word) > 1), None)
+        if twice is not None:
+            raise ScenarioError(f"--set {key}: the value {twice} is given twice")
+    combinations = [dict(zip(sets, values, strict=True)) for values in itertools.product(*sets.values())]
+    if len(combinations) > MOST_VARIANTS:
+        raise ScenarioError(f"{len(combinations)} variants are asked for, expected {MOST_VARIANTS} at most")
+    variants = [Variant(_folder(one), one, _varied(scenarios, one)) for one in combinations]
+    names = [variant.folder for variant in variants]
+    if len(set(names)) != len(names):
+        raise ScenarioError(f"two variants would have one folder, {max(names, key=names.count)}")
+    return variants
+
+
+def _varied(scenarios: Sequence[Scenario], values: Mapping[str, Any]) -> tuple[Scenario, ...]:
+    varied = list(scenarios)
+    for key, value in values.items():
+        varied = [scenario.replace(key, value) for scenario in varied]
+    return tuple(varied)
+
+
+def _folder(values: Mapping[str, Any]) -> str:
+    """The folder of a variant: the last part of each key, all of it where two keys share that, and its value.
+
+    >>> _folder({"imu.gyro_bias_deg_per_h": 0.01, "dvl.beams_lost": [3, 4]})
+    'gyro_bias_deg_per_h=0.01,beams_lost=3_4'
+    """
+    ends = [key.rsplit(".", 1)[-1] for key in values]
+    parts = []
+    for key, value in values.items():
+        end = key.rsplit(".", 1)[-1]
+        word = (
+            value
+            if isinstance(value, str)
+            else toml_value(value)
+            if not isinstance(value, float)
+            else f"{value:.10g}"
+        )
+        plain = re.sub(r"[^A-Za-z0-9.+\-]+", "_", word).strip("_") or "none"
+        parts.append(f"{key if ends.count(end) > 1 else end}={plain}")
+    return ",".join(parts)
+
+
+def variant_runs(variants: Sequence[Variant]) -> int:
+    """Runs of all variants together."""
+    return sum(scenario.campaign.runs for variant in variants for scenario in variant.scenarios)
+
+
+def run_variants(
+    variants: Sequence[Variant],
+    out: Path,
+    *,
+    threads: int = 0,
+    engine: Engine = "local",
+    scheduler: str | None = None,
+    force: bool = False,
+    recover: bool = False,
+    progress: Callable[[CampaignProgress], None] = lambda _: None,
+) -> list[Results]:
+    """Runs or resumes each variant in its folder under `out`; `variants.json` there names them.
+
+    Every scenario is built and every folder is held before the first run, so that nothing is refused later. A folder
+    of variants may be added to by other values.
+
+    Raises:
+        OutputError: for a directory that holds something else.
+        As `run_campaign`.
+    """
+    known = _known(out)
+    with ExitStack() as held:
+        held.enter_context(locked(out))
+        for variant in variants:
+            held.enter_context(
+                campaign_directory(variant.scenarios, out / variant.folder, force=force, recover=recover)
+            )
+        make_folder(out)
+        known |= {variant.folder: variant.values for variant in variants}
+        write_record(out / VARIANTS, {"kind": KIND, "variants": known}, {})
+        return [
+            run_campaign(
+                variant.scenarios,
+                out / variant.folder,
+                threads=threads,
+                engine=engine,
+                scheduler=scheduler,
+                force=force,
+                recover=recover,
+                progress=_numbered(progress, f"{number}/{len(variants)}"),
+            )
+            for number, variant in enumerate(variants, start=1)
+        ]
+
+
+def _numbered(
+    progress: Callable[[CampaignProgress], None], number: str
+) -> Callable[[CampaignProgress], None]:
+    """The progress of a variant under its number."""
+    return lambda state: progress(replace(state, trajectory=f"{number} {state.trajectory}"))
+
+
+def _known(out: Path) -> dict[str, Any]:
+    """The variants that a directory holds."""
+    if not is_occupied(out):
+        return {}
+    record = read_record(out / VARIANTS) if out.is_dir() else None
+    if record is None or record.get("kind") != KIND:
+        raise OutputError(f"{out}: is not empty and holds no variants; choose another directory")
+    return dict(record["variants"])

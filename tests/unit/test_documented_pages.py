@@ -1,0 +1,29 @@
+"""The Python of the pages runs as it stands."""
+
+import re
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("page", "printed"),
+    [
+        (
+            "notebooks.md",
+            ["<Scenario straight: straight at 2 m/s for 20 s, ", "<Results: 4 runs of straight; ins, tc"],
+        ),
+        ("compare.md", ["30.0 0.01"]),
+    ],
+)
+def test_the_page_runs(root: Path, page: str, printed: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """And prints what its comments say."""
+    plt.switch_backend("agg")
+    text = (root / "docs" / page).read_text(encoding="utf-8")
+    for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+        exec(compile(code, page, "exec"), {"__name__": page})
+    plt.close("all")
+    shown = capsys.readouterr().out
+    for words in printed:
+        assert words in shown
