@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bottomlock.audit.closure import Slope, null_space, suspects
+from bottomlock.audit.robust import resolution
 from bottomlock.audit.run import Audit, audit_log
 from bottomlock.kernel import make_geometry
 from tools.audit_worlds import Array, World
@@ -229,6 +230,12 @@ def tilt_stated(world: World, _: Audit) -> Planted:
     return Planted(replace(world, geometry=stated), ("wrong_tilt",), (1, 2, 3, 4), 2.0, _shown(world), "deg")
 
 
+def _rounded(world: World, y: Array) -> Array:
+    """Readings in the steps of the log: unrounded ones never repeat by chance, as those of an instrument do."""
+    step = resolution(world.log.velocity_mps.ravel())
+    return np.asarray(np.round(y / step) * step)
+
+
 def clock(world: World, clean: Audit) -> Planted:
     """The DVL's clock is 0.3 s behind."""
     made = world.with_log(replace(world.log, time_ns=world.log.time_ns - 300_000_000))
@@ -245,7 +252,7 @@ def yaw(world: World, clean: Audit) -> Planted:
     # What beams in the turned instrument read of the same motion.
     moved = np.where(world.log.solved[:, None], turn.apply(np.nan_to_num(own)) - own, 0.0)
     y = world.log.velocity_mps + np.where(world.log.valid, moved @ rows_of(world).T, 0.0)
-    made = world.with_log(replace(world.log, velocity_mps=y, instrument_mps=own + moved))
+    made = world.with_log(replace(world.log, velocity_mps=_rounded(world, y), instrument_mps=own + moved))
     sd = np.inf if clean.mounting is None else float(np.rad2deg(clean.mounting.misalignment_sd_rad[2]))
     return Planted(made, ("misalignment",), (), 5.0, sd, "deg")
 
@@ -262,7 +269,7 @@ def lever_arm(world: World, clean: Audit) -> Planted:
     at = [np.interp(world.log.time_ns, reference.time_ns[1:-1], column) for column in rate.T]
     moved = np.where(world.log.solved[:, None], np.cross(np.stack(at, axis=1), [-1.5, 0.0, 0.0]), 0.0)
     y = world.log.velocity_mps + np.where(world.log.valid, moved @ rows_of(world).T, 0.0)
-    made = world.with_log(replace(world.log, velocity_mps=y, instrument_mps=own + moved))
+    made = world.with_log(replace(world.log, velocity_mps=_rounded(world, y), instrument_mps=own + moved))
     sd = np.inf if clean.mounting is None else float(clean.mounting.lever_arm_sd_m[0])
     return Planted(made, ("lever_arm",), (), 1.5, sd, "m")
 
