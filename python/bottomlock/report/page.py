@@ -91,13 +91,10 @@ def make_report(folder: Path) -> Report:
 
 def drawings(campaign: CampaignTables, errors: Mapping[str, RunErrors], paper: Paper) -> list[Drawing]:
     """Every figure of a campaign: the trajectories where their truth is there, then those of each of them."""
-    found = []
-    if campaign.paths is not None:
-        known = [name for name in campaign.trajectories if name in set(campaign.paths["trajectory"])]
-        if known:
-            words = "The trajectories: plan view and depth"
-            words += " (the paper's Figure 8)." if flown(campaign, paper) else "."
-            found.append(Drawing("trajectories", words, paths_figure(campaign.paths, known), wide=True))
+    found, paths = [], _paths_drawings(campaign, paper)
+    # Of several trajectories their overview comes first; of one, after its errors.
+    single = len(campaign.trajectories) == 1
+    found += [] if single else paths
     for name in campaign.trajectories:
         found += [
             _rms_drawing(campaign, name, paper, "velocity", "velocity error, m/s"),
@@ -108,7 +105,19 @@ def drawings(campaign: CampaignTables, errors: Mapping[str, RunErrors], paper: P
         if chosen is not None:
             words = "What the selectors choose: share of the runs at each ping."
             found.append(Drawing(f"choices_{name}", words, chosen, name))
-    return found
+    return found + (paths if single else [])
+
+
+def _paths_drawings(campaign: CampaignTables, paper: Paper) -> list[Drawing]:
+    """The trajectories, where their truth is there."""
+    known = set() if campaign.paths is None else set(campaign.paths["trajectory"])
+    names = [name for name in campaign.trajectories if name in known]
+    if campaign.paths is None or not names:
+        return []
+    words = "The trajectories: plan view and depth"
+    words += " (the paper's Figure 8)." if flown(campaign, paper) else "."
+    single = campaign.trajectories[0] if len(campaign.trajectories) == 1 else None
+    return [Drawing("trajectories", words, paths_figure(campaign.paths, names), single, wide=single is None)]
 
 
 def _rms_drawing(campaign: CampaignTables, name: str, paper: Paper, quantity: str, words: str) -> Drawing:

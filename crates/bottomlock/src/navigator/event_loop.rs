@@ -64,7 +64,7 @@ impl Navigator {
     /// A navigator at an initial state.
     ///
     /// # Errors
-    /// As [`Eskf::new`].
+    /// As [`Eskf::new`]; [`NavError::OutOfRange`] for a calibration with a method from outside the kernel.
     pub fn new(
         initial: NavState,
         geometry: BeamGeometry,
@@ -72,6 +72,7 @@ impl Navigator {
         model: &Model,
         options: &Options,
     ) -> Result<Self, NavError> {
+        own_aiding::check(aiding, options)?;
         let filter = Eskf::new(initial, model, options)?;
         let water = (aiding == BeamAiding::SwayCurrent).then(|| WaterBlock::new(&options.water));
         Ok(Self {

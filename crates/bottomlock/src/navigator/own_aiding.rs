@@ -1,12 +1,25 @@
 //! The step of the event loop for a method from outside the kernel.
 
-use super::Navigator;
+use super::{BeamAiding, Navigator};
 use crate::aiding;
 use crate::aiding::Innovation;
 use crate::dvl::geometry::BeamSample;
 use crate::error::NavError;
+use crate::filter::options::Options;
 use crate::filter::report::{Sensor, UpdateReport};
 use crate::navigator::own_method::{OwnMethod, PingBeams, PingPrior};
+
+/// Checks that a method from outside the kernel, which sees the beams as stated, is not asked to estimate their mounting.
+pub(super) fn check(aiding: BeamAiding, options: &Options) -> Result<(), NavError> {
+    if matches!(aiding, BeamAiding::Own(_)) && !options.calibration.is_off() {
+        return Err(NavError::OutOfRange {
+            field: "calibration",
+            value: options.calibration.variance().max().sqrt(),
+            expected: "0 (none) with a method of one's own, which sees the beams as stated",
+        });
+    }
+    Ok(())
+}
 
 impl Navigator {
     /// What the method makes of a ping.

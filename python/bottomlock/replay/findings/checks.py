@@ -120,21 +120,10 @@ def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match
     # A mounting that is a little wrong makes a part of the distance gone one of the distance sunk.
     tilt = float(match.part_sd("rotation")[:2].max())
     leak = tilt * abs(sum(float(y @ z) for y, z in zip(ys, zs, strict=True)))
-    # Noise of a regressor makes a slope too small: of depth over distance and of distance over depth, one is too small
-    # and the inverse of the other too large. The truth lies between them.
-    low, low_sd = _slope(xs, ys, leak)
-    inverse, inverse_sd = _slope(ys, xs, leak)
-    if low * inverse <= 0.0:
+    found = _nearest_slope(_slope(xs, ys, leak), _slope(ys, xs, leak))
+    if found is None:
         return None
-    high, high_sd = 1.0 / inverse, inverse_sd / inverse**2
-    if low < 0.0:
-        slope, sd = (high, high_sd) if abs(high) < abs(low) else (low, low_sd)
-    elif low > 1.0:
-        slope, sd = low, low_sd
-    elif high < 1.0:
-        slope, sd = high, high_sd
-    else:
-        return None
+    slope, sd = found
     if abs(slope - 1.0) < max(SIGMAS * sd, 0.25):
         return None
     wrong_way = slope < 0.0
@@ -148,6 +137,25 @@ def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match
         "depth.water_density_kg_per_m3.",
         "depth.up" if wrong_way else "depth.unit",
     )  # fmt: skip
+
+
+def _nearest_slope(forward: tuple[float, float], inverse: tuple[float, float]) -> tuple[float, float] | None:
+    """The slope nearest to 1 that two regressions leave, of y over x and of x over y, with its sigma; None if 1 is one.
+
+    Noise of a regressor makes a slope too small: the first is too small, the inverse of the second too large, and the
+    truth lies between them.
+    """
+    (low, low_sd), (back, back_sd) = forward, inverse
+    if low * back <= 0.0:
+        return None
+    high, high_sd = 1.0 / back, back_sd / back**2
+    if low < 0.0:
+        if low > -SIGMAS * low_sd or back > -SIGMAS * back_sd:
+            return None
+        return (high, high_sd) if abs(high) < abs(low) else (low, low_sd)
+    if low > 1.0:
+        return low, low_sd
+    return (high, high_sd) if high < 1.0 else None
 
 
 def _summed(rate: Floats, steps: Floats) -> Floats:
