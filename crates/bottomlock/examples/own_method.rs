@@ -9,7 +9,7 @@ use bottomlock::navigator::own_method::{BeamMethod, Measured, MeasuredRows, Ping
 use nalgebra::{SMatrix, SVector};
 
 /// The mean of the valid beams as one row: less than tight coupling takes, and never more than it knows.
-pub struct MeanBeam;
+pub(crate) struct MeanBeam;
 
 impl BeamMethod for MeanBeam {
     fn ping(&self, beams: &PingBeams<'_>, _: &PingPrior<'_>) -> Result<Measured, String> {
@@ -40,7 +40,7 @@ impl BeamMethod for MeanBeam {
 ///
 /// # Errors
 /// As [`register`].
-pub fn mean_beam() -> Result<Method, NavError> {
+pub(crate) fn mean_beam() -> Result<Method, NavError> {
     register("mean_beam", Box::new(MeanBeam))
 }
 

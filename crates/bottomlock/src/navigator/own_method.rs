@@ -59,6 +59,8 @@ pub struct PingPrior<'a> {
 }
 
 /// What a method makes of a ping.
+// One is made and taken at each ping; on the heap it would cost more.
+#[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone, PartialEq)]
 pub enum Measured {
     /// Nothing: the filter goes on without the ping.
