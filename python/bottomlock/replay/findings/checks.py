@@ -120,10 +120,10 @@ def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match
     # A mounting that is a little wrong makes a part of the distance gone one of the distance sunk.
     tilt = float(match.part_sd("rotation")[:2].max())
     leak = tilt * abs(sum(float(y @ z) for y, z in zip(ys, zs, strict=True)))
-    found = _nearest_slope(_slope(xs, ys, leak), _slope(ys, xs, leak))
-    if found is None:
+    nearest = _nearest_slope(_slope(xs, ys, leak), _slope(ys, xs, leak))
+    if nearest is None:
         return None
-    slope, sd = found
+    slope, sd = nearest
     if abs(slope - 1.0) < max(SIGMAS * sd, 0.25):
         return None
     wrong_way = slope < 0.0
