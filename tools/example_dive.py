@@ -102,7 +102,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=FOLDER)
     folder = parser.parse_args().out
-    names = made(folder, scenario())
+    # The case and the licence are written by hand, and stand in the list where they are.
+    by_hand = [name for name in ("LICENSE", "case.toml") if (folder / name).exists()]
+    names = sorted([*by_hand, *made(folder, scenario())])
     lines = [f"{hashlib.sha256((folder / name).read_bytes()).hexdigest()}  {name}\n" for name in names]
     write_text(folder / "SHA256SUMS", "".join(lines))
 

@@ -93,6 +93,6 @@ def test_schema_of_a_file(kind: str, model: type[Scenario]) -> None:
 
 
 def test_an_unknown_schema_is_refused() -> None:
-    done = command("schema", "vehicle")
+    done = command("schema", "ship")
     assert done.returncode == 2
     assert '"scenario", "case", "geometry"' in done.stderr

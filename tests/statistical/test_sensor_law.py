@@ -96,7 +96,7 @@ def test_what_is_no_variant() -> None:
     analytic = packaged.model_copy(
         update={"trajectory": packaged.trajectory.model_copy(update={"source": "analytic"})}
     )
-    with pytest.raises(ScenarioError, match="no current"):
+    with pytest.raises(ScenarioError, match="a current needs a vehicle"):
         sensor_law.variant(analytic, (1,), (), 0.3)
 
 

@@ -54,7 +54,7 @@ def sigmas_for(blocks: int) -> float:
     from the variance of blocks of `PER_BLOCK` times.
 
     >>> round(sigmas_for(50), 2), sigmas_for(5)
-    (5.68, inf)
+    (5.69, inf)
     """
     if blocks < LEAST_BLOCKS:
         return np.inf

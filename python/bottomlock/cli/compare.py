@@ -29,7 +29,7 @@ def compare(
         str | None, Parameter(help="The campaign that differences are taken to; the first by default.")
     ] = None,
 ) -> None:
-    """Lay campaigns, or the variants of `bottomlock run --set`, side by side.
+    """Lay campaigns or variants side by side: table, differences, page.
 
     Writes compare.html, compare.parquet, compare.csv and figures. Differences are paired where the seeds and the
     trajectories are the same.

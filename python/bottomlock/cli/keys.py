@@ -37,7 +37,7 @@ def keys(
     *,
     as_json: Annotated[bool, Parameter(name="--json", negative="", help="Print JSON.")] = False,
 ) -> None:
-    """Print the keys of a file: type, unit, default, permitted range, meaning and an example.
+    """Print every key of a scenario, case, geometry, vehicle, column map or live file.
 
     The same is in docs/keys.md.
     """

@@ -18,7 +18,7 @@ def schema(
     ],
     /,
 ) -> None:
-    """Print the JSON schema of a file that a user writes.
+    """Print the JSON schema of a scenario, case, geometry, vehicle, column map or live file.
 
     Editors complete and check a TOML file by it, and show what each key means.
     """
