@@ -15,6 +15,7 @@ from bottomlock.campaign.run import run_campaign
 from bottomlock.config.own_methods import own_methods_from
 from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
 from bottomlock.errors import KernelError, ScenarioError
+from bottomlock.models import Calibration
 from bottomlock.own_method import Beams, Fix, Prior, Rows
 from bottomlock.replay.case import Settings
 from bottomlock.simulation.build import build_simulation
@@ -133,6 +134,21 @@ def test_it_navigates_live_and_in_a_log() -> None:
         navigator.push_beams(2_000_000_000, np.full(4, 0.01), log["beam_valid"][0], sd_mps=np.full(4, 0.042))
         states.append(bottomlock.Navigator.load(navigator.save()).state()["velocity_p_mps"])
     assert np.array_equal(states[0], states[1])
+
+
+def test_a_calibration_beside_it_is_refused() -> None:
+    """The method sees the beams as stated: an estimated mounting would be left out without a word."""
+    name = own_method.register(TightCopy)
+    model = load_scenario("straight").kernel_model(9.8)
+    options = bottomlock.Options(calibration=Calibration(clock_sd_s=0.1))
+    start = bottomlock.InitialState(
+        time_ns=0, position_t_m=[0, 0, 0], attitude_t_p=[1, 0, 0, 0], velocity_p_mps=[0, 0, 0]
+    )
+    with pytest.raises(
+        KernelError, match=r"calibration is 0\.1, expected 0 \(none\) with a method of one's own"
+    ):
+        bottomlock.Navigator(bottomlock.BeamGeometry.janus(0.35), model, options, start, method=name)
+    bottomlock.Navigator(bottomlock.BeamGeometry.janus(0.35), model, options, start, method="tc")
 
 
 def test_a_fix_is_taken_with_its_covariance() -> None:
