@@ -92,3 +92,9 @@ def test_schema_names_the_column() -> None:
         check(pl.DataFrame({"run": ["1"]}), {"run": pl.Int64()}, place="x")
     with pytest.raises(DataError, match="column 'b' is unknown"):
         check(pl.DataFrame({"run": [1], "b": [1]}), {"run": pl.Int64()}, place="x")
+
+
+def test_runs_mostly_rejected_are_those_beyond_half() -> None:
+    """Exactly half of the fixes, and a run without any, do not count."""
+    runs = pl.DataFrame({"fixes_rejected": [3, 2, 0, 5], "fixes_accepted": [2, 2, 0, 6]})
+    assert campaign.runs_mostly_rejected(runs) == 1
