@@ -8,10 +8,10 @@ from typing import Any
 
 
 def toml_value(value: Any) -> str:  # noqa: ANN401 - a value of any key
-    """The value as TOML writes it, numbers to six digits.
+    """The value as TOML writes it, numbers to nine digits, large ones to a millionth of their unit.
 
-    >>> toml_value({"column": "t", "sd_m": (0.5, 1e-7), "on": True})
-    '{ column = "t", sd_m = [0.5, 1e-07], on = true }'
+    >>> toml_value({"column": "t", "sd_m": (0.5, 1e-7), "on": True}), toml_value(-1699999987.8)
+    ('{ column = "t", sd_m = [0.5, 1e-07], on = true }', '-1699999987.8')
     """
     if isinstance(value, bool):
         return str(value).lower()
@@ -29,5 +29,7 @@ def toml_value(value: Any) -> str:  # noqa: ANN401 - a value of any key
 def _number(value: float) -> str:
     if math.isinf(value) or math.isnan(value):
         return str(value)
-    short = f"{value:.6g}"
+    # An offset between clocks of different centuries keeps its microseconds.
+    digits = max(9, len(str(int(abs(value)))) + 6) if abs(value) < 1e12 else 17
+    short = f"{value:.{digits}g}"
     return short if any(mark in short for mark in ".e") else f"{short}.0"

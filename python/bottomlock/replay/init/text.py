@@ -1,8 +1,9 @@
 """The text of a case: keys with their values, and beside each what it was guessed from or what is not known."""
 
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+
+from bottomlock.config.toml_value import toml_value
 
 WIDTH = 118
 
@@ -32,28 +33,6 @@ class Section:
         head = [line for words in self.remarks for line in wrapped(words)]
         title = [f"[{self.name}]"] if self.name else []
         return "\n".join([*head, *title, *self.lines]) + "\n"
-
-
-def toml_value(value: object) -> str:
-    """A value as TOML.
-
-    >>> toml_value(True), toml_value("m/s2"), toml_value({"unit": "s", "offset_s": 0.5}), toml_value((1.0, 2.0))
-    ('true', '"m/s2"', '{ unit = "s", offset_s = 0.5 }', '[1.0, 2.0]')
-    >>> toml_value(-1699999987.8), toml_value(1e-7)
-    ('-1699999987.8', '1e-07')
-    """
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {toml_value(one)}" for key, one in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(toml_value(one) for one in value) + "]"
-    if isinstance(value, float):
-        # Nine digits, and a microsecond of an offset between clocks of different centuries.
-        digits = max(9, len(str(int(abs(value)))) + 6) if abs(value) < 1e12 else 17
-        short = f"{value:.{digits}g}"
-        return short if any(mark in short for mark in ".e") else f"{short}.0"
-    return json.dumps(value, ensure_ascii=False)
 
 
 def noted(line: str, why: str, *, known: bool = True) -> str:
