@@ -38,14 +38,7 @@ fn smoothed_at_first_sample(tape: Tape) -> (CalibrationVector, DMatrix<f64>) {
                 weight,
                 h,
                 gain,
-            } => {
-                let states = h.ncols();
-                let later = adjoint.unwrap_or_else(|| Adjoint::zeros(states)).resized(states);
-                let mut before = later.transposed_by(&(DMatrix::identity(states, states) - gain * &h));
-                before.vector -= h.transpose() * weighted_innovation;
-                before.matrix += h.transpose() * weight * &h;
-                adjoint = Some(before);
-            }
+            } => adjoint = Some(Adjoint::before_update(adjoint, &weighted_innovation, &weight, &h, &gain)),
             Step::Sample {
                 pending, covariance, ..
             } => {

@@ -74,6 +74,22 @@ impl Adjoint {
             matrix: (&matrix + matrix.transpose()) * 0.5,
         }
     }
+
+    /// (I − K H)ᵀλ − HᵀS⁻¹z and (I − K H)ᵀΛ(I − K H) + HᵀS⁻¹H, from S⁻¹z, S⁻¹, H and K of an update; `None` is zero.
+    fn before_update(
+        later: Option<Self>,
+        weighted_innovation: &DVector<f64>,
+        weight: &DMatrix<f64>,
+        h: &DMatrix<f64>,
+        gain: &DMatrix<f64>,
+    ) -> Self {
+        let states = h.ncols();
+        let later = later.unwrap_or_else(|| Self::zeros(states)).resized(states);
+        let mut before = later.transposed_by(&(DMatrix::identity(states, states) - gain * h));
+        before.vector -= h.transpose() * weighted_innovation;
+        before.matrix += h.transpose() * weight * h;
+        before
+    }
 }
 
 /// Smooths a tape; samples are returned in order of time.
@@ -97,14 +113,7 @@ pub fn smooth(tape: Tape, stop: &Stop) -> Result<Vec<Smoothed>, NavError> {
                 weight,
                 h,
                 gain,
-            } => {
-                let states = h.ncols();
-                let later = adjoint.unwrap_or_else(|| Adjoint::zeros(states)).resized(states);
-                let mut before = later.transposed_by(&(DMatrix::identity(states, states) - gain * &h));
-                before.vector -= h.transpose() * weighted_innovation;
-                before.matrix += h.transpose() * weight * &h;
-                adjoint = Some(before);
-            }
+            } => adjoint = Some(Adjoint::before_update(adjoint, &weighted_innovation, &weight, &h, &gain)),
             Step::Sample {
                 pending,
                 state,
