@@ -1,6 +1,6 @@
 """How far the sigmas of a slower covariance are from a second-order reference at every step; the table of the docs.
 
-    python benches/covariance_rate.py
+    python -m benches.covariance_rate
 
 Perfect sensors, so that only the propagation differs; the filter assumes Table 2. The reference propagates at every IMU
 step with the second-order transition (a covariance period of 1 ns).

@@ -1,6 +1,6 @@
 """Time from the bytes of a DVL report to the bytes at the ports, on one core, and that of an inertial reading.
 
-Usage: python benches/live_latency.py [--seconds 60] [--mode navigation|velocity]
+Usage: python -m benches.live_latency [--seconds 60] [--mode navigation|velocity]
 
 The engine is given what arrives at 15 Hz from the DVL (Water Linked JSON) and, in mode navigation, at 200 Hz from the
 IMU, in the order of arrival and as fast as it takes them; each call is timed alone, the garbage collector between them

@@ -1,6 +1,6 @@
 """Time from the `kill -9` of `bottomlock live` to the first message of its successor, state OK, from the checkpoint.
 
-Usage: python benches/live_restart.py [--kills 10] [--busy 0]
+Usage: python -m benches.live_restart [--kills 10] [--busy 0]
 
 A supervisor waits for the process and starts it again at once, as systemd or a container does with no delay. DVL
 (10 Hz) and IMU (100 Hz) go on meanwhile, over loopback. `--busy N` runs N processes beside it that compute without end.
