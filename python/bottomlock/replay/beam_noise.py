@@ -20,6 +20,7 @@ from scipy.stats import norm, t
 from bottomlock.kernel import BeamGeometry
 from bottomlock.replay.random_errors import closure_directions
 from bottomlock.replay.streams import Flags, Floats
+from bottomlock.statistics.robust import sd_about_zero
 
 FEWEST_PINGS = 100
 """Fewest pings with every beam that measure the noise; the standard error of the scale is then 10 % or less."""
@@ -132,7 +133,7 @@ def fit_student_t(u: Floats) -> tuple[float, float]:
         scale, degrees = split(p)
         return float(-np.mean(t.logpdf(u, degrees, scale=scale)))
 
-    start = np.array([np.log(max(1.4826 * float(np.median(np.abs(u))), NO_NOISE)), np.log(4.0)])
+    start = np.array([np.log(max(float(sd_about_zero(u)), NO_NOISE)), np.log(4.0)])
     return split(minimize(cost, start, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-9}).x)
 
 

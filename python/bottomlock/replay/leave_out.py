@@ -23,6 +23,7 @@ from bottomlock.replay.robust_fix import solve_scaled
 from bottomlock.replay.screen_beams import screen_beams
 from bottomlock.replay.streams import Flags, Floats, Times
 from bottomlock.statistics.rms import rms
+from bottomlock.statistics.robust import sd_about_zero
 from bottomlock.tables.replay import SCORES
 
 ALONE: tuple[FixMethod, ...] = ("lc", "nsv", "plcf", "weak_sway")
@@ -165,7 +166,7 @@ def reference_pings(
     if closure_gate is None or not every.any():
         return np.asarray(every)
     closure = np.where(every[:, None], velocity_mps, 0.0) @ closure_directions(geometry).T
-    sigma = 1.4826 * np.median(np.abs(closure[every]), axis=0)
+    sigma = sd_about_zero(closure[every], axis=0)
     return np.asarray(every & (np.abs(closure) <= closure_gate * sigma).all(axis=1))
 
 
@@ -266,7 +267,7 @@ def _numbers(error: Floats, error_sd: Floats, halfwidths: Floats) -> tuple[objec
         float(np.percentile(size, 95.0)),
         float(np.median(sd)),
         float(rms(ratio)) if has_ratio else None,
-        float(1.4826 * np.median(ratio)) if has_ratio else None,
+        float(sd_about_zero(ratio)) if has_ratio else None,
         *(None if part is None else float(part) for part in covered),
     )
 

@@ -18,6 +18,7 @@ from scipy.stats import chi2
 from bottomlock.kernel import STATUS, BeamGeometry, solve_velocity
 from bottomlock.replay.beam_noise import BeamNoise
 from bottomlock.replay.streams import Flags, Floats, Times
+from bottomlock.statistics.robust import sd_about_zero
 from bottomlock.tables.fixes import OUTLIER_TESTS
 
 GATE = 0.9973
@@ -143,8 +144,8 @@ def _from_pings_around(
         near.append(np.where(usable[:, None], fixes.velocity_p_mps[there], np.nan))
     some = np.isfinite(near).any(axis=(0, 2))
     expected[some] = np.nanmedian(np.array(near)[:, some], axis=0)
-    change = np.abs(fixes.velocity_p_mps[passed] - expected[passed])
+    change = fixes.velocity_p_mps[passed] - expected[passed]
     change = change[np.isfinite(change).all(axis=1)]
     if len(change) < FEWEST_PASSED:
         return np.full_like(expected, np.nan), np.eye(3)
-    return expected, np.diag((1.4826 * np.median(change, axis=0)) ** 2 + 1e-12)
+    return expected, np.diag(sd_about_zero(change, axis=0) ** 2 + 1e-12)

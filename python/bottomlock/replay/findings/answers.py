@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.replay.motion.closure import closure_sd, robust_sd
+from bottomlock.replay.motion.closure import closure_sd
 from bottomlock.replay.rerun import PreparedRun
 
 Floats = NDArray[np.float64]
@@ -44,7 +44,7 @@ def _beams(prepared: PreparedRun) -> list[str]:
         if np.linalg.matrix_rank(B[left], tol=0.05) < 3:
             continue
         off = y[:, left] @ np.linalg.pinv(B[left]).T - every
-        parts.append(f"{k + 1}: {1e3 * robust_sd(np.linalg.norm(off[:, :2], axis=1)) / 1.4826:.1f}")
+        parts.append(f"{k + 1}: {1e3 * float(np.median(np.linalg.norm(off[:, :2], axis=1))):.1f}")
     if parts:
         lines.append(
             f"Without beam k the horizontal velocity differs by a median of (k: mm/s) {', '.join(parts)}."

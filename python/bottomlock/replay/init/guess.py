@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.replay.motion.segments import integrate
+from bottomlock.statistics.robust import sd_about_median
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 Floats = NDArray[np.float64]
@@ -187,7 +188,7 @@ def white_noise(time_ns: Integers, values: Floats) -> float:
     """Noise of readings, unit/√Hz·√s, from their second differences; the motion's vibration is in it."""
     step_s = float(np.median(np.diff(time_ns))) * 1e-9
     second = values[2:] - 2.0 * values[1:-1] + values[:-2]
-    sd = 1.4826 * np.median(np.abs(second - np.median(second, axis=0)), axis=0) / np.sqrt(6.0)
+    sd = sd_about_median(second, axis=0) / np.sqrt(6.0)
     return float(np.max(sd) * np.sqrt(step_s))
 
 

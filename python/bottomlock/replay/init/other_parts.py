@@ -11,6 +11,7 @@ from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import BAR, Guess, angle_unit, pressure_unit
 from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.statistics.robust import sd_about_zero
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -158,7 +159,7 @@ def guess_depth(found: Found, imu: ImuPart, dvl: DvlPart) -> DepthPart | None:
             metres = -metres
     good = metres[np.isfinite(metres)]
     second = good[2:] - 2.0 * good[1:-1] + good[:-2]
-    sd = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(6.0) if len(second) else 0.0
+    sd = float(sd_about_zero(second)) / np.sqrt(6.0) if len(second) else 0.0
     return DepthPart(
         found, unit, up, shift, max(0.02, round(2.0 * sd, 3)), clock_offset(times, imu, dvl), metres
     )

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bottomlock.statistics.robust import sd_about_zero
+
 Floats = NDArray[np.float64]
 
 CLOSES_BETTER = 2.5
@@ -15,15 +17,10 @@ ALIKE = 1.15
 LEAST_PINGS = 30
 
 
-def robust_sd(values: Floats) -> float:
-    """1.4826 times the median size."""
-    return 1.4826 * float(np.median(np.abs(values))) if values.size else float("nan")
-
-
 def closure_sd(directions_p: Floats, velocity_mps: Floats) -> float:
     """Robust sigma of the readings along the combinations that no velocity contributes to, m/s; NaN without any."""
     null = np.linalg.svd(directions_p.T)[2][3:]
-    return robust_sd(velocity_mps @ null.T) if len(null) else float("nan")
+    return float(sd_about_zero(velocity_mps @ null.T)) if len(null) else float("nan")
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.replay.motion.segments import Segments, integrate
+from bottomlock.statistics.robust import sd_about_zero
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -241,7 +242,7 @@ def fit(
         value += X[:, :, 5:8] @ (p[5:8] - used)
         left, slope = lines(np.concatenate([value[:, :, None], X], axis=2), at, segments.count)
         r, A = left[:, :, 0], left[:, :, 1:]
-        scale = sigma_mps or max(1.4826 * float(np.median(np.abs(r))), 1e-4)
+        scale = sigma_mps or max(float(sd_about_zero(r)), 1e-4)
         sigma = scale
         size = np.sqrt((r**2).sum(axis=1)) / (scale * np.sqrt(3.0))
         weight = np.where(size > HUBER, HUBER / np.maximum(size, 1e-12), 1.0)
