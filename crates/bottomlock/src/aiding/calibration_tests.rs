@@ -3,7 +3,9 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::*;
+use crate::aiding::InformationPort;
 use crate::dvl::geometry::{BeamMask, Janus};
+use crate::dvl::partial::{Assumptions, BeamNoise, PartialMethod, fix_estimator};
 use crate::earth::Environment;
 use crate::error_model::Coefficients;
 use crate::frames::Tangent;
@@ -191,6 +193,40 @@ fn rows_follow_the_beams() {
             .by_calibration
             .is_none()
     );
+}
+
+/// The rows of a fix are those of its beams through its gain, also with a scale factor: −∂residual/∂x̂ by mounting and clock.
+#[test]
+fn a_fix_carries_its_beams() {
+    let center = state(0.3);
+    let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
+    let noise = BeamNoise::identity() * 1e-4;
+    let step = 1e-5;
+    for (valid, rows) in [(BeamMask::all(4), 3), ([0, 1].into_iter().collect(), 2)] {
+        let method = PartialMethod::Information;
+        let plan = fix_estimator(method, &geometry, valid, &noise, None, &Assumptions::default()).unwrap();
+        let fix = |estimate: &Calibration| {
+            let terms = terms_at(&center, estimate);
+            crate::aiding::loosely_coupled(&center, &geometry, &terms, &plan, InformationPort::Axes, None)
+        };
+        let reference = fix(&Calibration::default());
+        assert_eq!(reference.rows, rows);
+        let carried = reference.by_calibration.unwrap();
+        for j in 0..CALIBRATION {
+            let at = |size: f64| {
+                let mut moved = Calibration::default();
+                let mut error = CalibrationVector::zeros();
+                error[j] = size;
+                moved.inject(&error);
+                fix(&moved).residual
+            };
+            let slope = (at(-step) - at(step)) / (2.0 * step);
+            for row in 0..rows {
+                let gap = (slope[row] - carried[(row, j)]).abs();
+                assert!(gap < 1e-7, "unknown {j} of row {row}: {gap}");
+            }
+        }
+    }
 }
 
 /// Bad numbers are named.

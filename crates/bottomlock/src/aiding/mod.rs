@@ -64,3 +64,5 @@ impl Motion<'_> {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod validate_tests;

@@ -38,7 +38,15 @@ fn smoothed_at_first_sample(tape: Tape) -> (CalibrationVector, DMatrix<f64>) {
                 weight,
                 h,
                 gain,
-            } => adjoint = Some(Adjoint::before_update(adjoint, &weighted_innovation, &weight, &h, &gain)),
+            } => {
+                adjoint = Some(Adjoint::before_update(
+                    adjoint,
+                    &weighted_innovation,
+                    &weight,
+                    &h,
+                    &gain,
+                ))
+            }
             Step::Sample {
                 pending, covariance, ..
             } => {

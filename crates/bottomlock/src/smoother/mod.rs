@@ -113,7 +113,15 @@ pub fn smooth(tape: Tape, stop: &Stop) -> Result<Vec<Smoothed>, NavError> {
                 weight,
                 h,
                 gain,
-            } => adjoint = Some(Adjoint::before_update(adjoint, &weighted_innovation, &weight, &h, &gain)),
+            } => {
+                adjoint = Some(Adjoint::before_update(
+                    adjoint,
+                    &weighted_innovation,
+                    &weight,
+                    &h,
+                    &gain,
+                ))
+            }
             Step::Sample {
                 pending,
                 state,

@@ -1,0 +1,105 @@
+//! Every reading's numbers are checked before a filter sees them: what is measured is finite, every sigma positive.
+
+use nalgebra::Matrix3;
+
+use super::attitude::AttitudeSample;
+use super::depth::DepthSample;
+use super::gps::{GpsSample, GpsVelocity};
+use super::heading::HeadingSample;
+use super::sensor::AidingSensor;
+use super::velocity::VelocitySample;
+use crate::frames::{Rot, Vec3};
+
+/// Fails unless the reading is accepted, and refused with each of the changes in a message that holds its words.
+fn check<S: AidingSensor + Clone>(good: &S, bad: &[(&str, &dyn Fn(&mut S))]) {
+    assert_eq!(good.validate(), Ok(()));
+    for (words, change) in bad {
+        let mut reading = good.clone();
+        change(&mut reading);
+        let text = reading.validate().expect_err(words).to_string();
+        assert!(text.contains(words), "{text} has no {words}");
+    }
+}
+
+#[test]
+fn scalars() {
+    let depth = DepthSample {
+        time_ns: 7,
+        depth_m: 20.0,
+        sd_m: 0.1,
+    };
+    check(
+        &depth,
+        &[("depth_m", &|r| r.depth_m = f64::NAN), ("sd_m", &|r| r.sd_m = 0.0)],
+    );
+    let heading = HeadingSample {
+        time_ns: 7,
+        yaw_rad: 1.0,
+        sd_rad: 0.02,
+    };
+    check(
+        &heading,
+        &[
+            ("yaw_rad", &|r| r.yaw_rad = f64::INFINITY),
+            ("sd_rad", &|r| r.sd_rad = -0.1),
+        ],
+    );
+}
+
+#[test]
+fn attitudes() {
+    let attitude = AttitudeSample {
+        time_ns: 7,
+        attitude_t_p: Rot::from_euler_rad(0.1, 0.2, 0.3),
+        roll_pitch_sd_rad: 0.01,
+        yaw_sd_rad: 0.02,
+    };
+    check(
+        &attitude,
+        &[
+            ("attitude_t_p", &|r| {
+                r.attitude_t_p = Rot::from_euler_rad(f64::NAN, 0.0, 0.0)
+            }),
+            ("roll_pitch_sd_rad", &|r| r.roll_pitch_sd_rad = 0.0),
+            ("yaw_sd_rad", &|r| r.yaw_sd_rad = f64::NAN),
+        ],
+    );
+}
+
+#[test]
+fn vectors() {
+    let gps = GpsSample {
+        time_ns: 7,
+        position_t_m: Vec3::new(1.0, 2.0, 3.0),
+        position_sd_m: [1.0; 3],
+        velocity: Some(GpsVelocity {
+            velocity_t_mps: Vec3::new(1.0, 0.0, 0.0),
+            sd_mps: [0.1; 3],
+        }),
+    };
+    check(
+        &gps,
+        &[
+            ("position_t_m", &|r| r.position_t_m = Vec3::new(1.0, f64::NAN, 3.0)),
+            ("gps sd", &|r| r.position_sd_m[2] = 0.0),
+            ("velocity_t_mps", &|r| {
+                r.velocity.as_mut().unwrap().velocity_t_mps = Vec3::new(f64::NAN, 0.0, 0.0)
+            }),
+            ("gps sd", &|r| r.velocity.as_mut().unwrap().sd_mps[1] = -1.0),
+        ],
+    );
+    let velocity = VelocitySample {
+        time_ns: 7,
+        velocity_p_mps: Vec3::new(2.0, 0.0, 0.0),
+        cov_m2ps2: Matrix3::identity(),
+    };
+    check(
+        &velocity,
+        &[
+            ("velocity_p_mps", &|r| r.velocity_p_mps = Vec3::new(f64::NAN, 0.0, 0.0)),
+            ("velocity_p_mps", &|r| r.velocity_p_mps = Vec3::new(1e4, 0.0, 0.0)),
+            ("cov_m2ps2", &|r| r.cov_m2ps2[(0, 1)] = f64::NAN),
+            ("cov_m2ps2", &|r| r.cov_m2ps2[(1, 1)] = 0.0),
+        ],
+    );
+}
