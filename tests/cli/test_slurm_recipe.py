@@ -29,7 +29,10 @@ def test_shards_of_an_array_join_to_the_bits_of_one_machine(tmp_path: Path) -> N
     batch("merge.sbatch", str(tmp_path / "parts"))
     whole = tmp_path / "whole"
     subprocess.run(
-        [COMMAND, "run", "straight", "--out", str(whole), *SETTINGS], check=True, capture_output=True, timeout=120
+        [COMMAND, "run", "straight", "--out", str(whole), *SETTINGS],
+        check=True,
+        capture_output=True,
+        timeout=120,
     )
     tables = sorted(path.name for path in whole.glob("*.parquet"))
     assert "runs.parquet" in tables
