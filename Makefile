@@ -1,4 +1,5 @@
-# The same verbs by hand, in hooks and in CI: demo, test, test-long, test-all, lint, bench, golden, consistency, develop, clean.
+# The same verbs by hand, in hooks and in CI: demo, test, test-long, test-all, lint, docs, bench, golden, consistency, develop,
+# clean. Of the site also: docs-links, notebooks, figures.
 # What takes long and looks for faults: attack, fuzz, soak, mutants. What a release needs: lock, sbom.
 #
 #   make demo RUNS=500      a larger campaign
@@ -39,7 +40,7 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*') \
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
-.PHONY: demo test test-rust test-python test-long test-all lint lint-rust lint-python deny bench golden consistency develop \
+.PHONY: demo docs docs-links notebooks figures spelling test test-rust test-python test-long test-all lint lint-rust lint-python deny bench golden consistency develop \
     attack fuzz soak mutants mutants-python mutants-rust lock sbom clean
 .DELETE_ON_ERROR:
 
@@ -106,6 +107,23 @@ bench: $(VENV)/.tools $(VENV)/.installed
 	cargo bench --locked --package bottomlock-benches
 	$(bin)/python -m pytest --benchmark-enable --benchmark-only tests
 
+# The documentation site with its executed gallery, and rustdoc beside it; a warning is an error. Open out/site/index.html.
+docs: $(VENV)/.docs $(VENV)/.installed
+	RUSTDOCFLAGS="-D warnings" cargo doc --package bottomlock --no-deps --locked --quiet
+	$(bin)/python tools/build_site.py
+
+# Every link of the site: a broken one within it fails `make docs` already; those outside are tried, and told.
+docs-links: $(VENV)/.docs $(VENV)/.installed
+	$(bin)/python tools/build_site.py --builder linkcheck --out out/links
+
+# The examples as notebooks, in out/notebooks.
+notebooks: $(VENV)/.docs
+	$(bin)/python tools/build_site.py --notebooks out/notebooks
+
+# The figures of README and methods' pages, flown again.
+figures: $(VENV)/.installed
+	$(bin)/python tools/site_figures.py
+
 # Rewrites the golden files; every number that moves goes into the CHANGELOG under "Numbers".
 golden: $(VENV)/.installed
 	$(bin)/python tools/update_golden.py
@@ -143,10 +161,13 @@ mutants: mutants-rust mutants-python
 mutants-python: $(VENV)/.tools $(VENV)/.installed
 	$(bin)/python tools/mutants.py
 
-# Writes the locked versions and hashes of all that the tests install, for every platform and Python that is supported.
+# Writes the locked versions and hashes of all that the tests and the site install, for every platform and Python that is supported.
 lock: $(tools)/python/.ready
 	$(tools)/python/bin/uv pip compile pyproject.toml --no-config --extra dev --universal --python-version 3.11 \
 	    --generate-hashes --no-annotate --upgrade --quiet --custom-compile-command "make lock" --output-file requirements-dev.lock
+	$(tools)/python/bin/uv pip compile pyproject.toml --no-config --extra docs --universal --python-version 3.11 \
+	    --constraints requirements-dev.lock --generate-hashes --no-annotate --upgrade --quiet \
+	    --custom-compile-command "make lock" --output-file requirements-docs.lock
 
 # The bill of materials, CycloneDX: what an install brings along, at the locked versions, and the crates in the wheel. Its
 # check against the schema takes minutes.
@@ -184,6 +205,11 @@ $(VENV)/.installed: $(wheel_sources) | $(VENV)/pyvenv.cfg
 # after it, finds all it asks for.
 $(VENV)/.tools: requirements-dev.lock | $(VENV)/pyvenv.cfg
 	$(pip) install --require-hashes --requirement requirements-dev.lock
+	touch $@
+
+# What the site needs beside them.
+$(VENV)/.docs: requirements-docs.lock | $(VENV)/pyvenv.cfg
+	$(pip) install --require-hashes --requirement requirements-docs.lock
 	touch $@
 
 $(tools)/python/.ready: Makefile

@@ -1,12 +1,12 @@
-"""Carry the published studies into the package, the README and docs/masks.md.
+"""Carry the published studies into the package, the README, docs/methods/index.md and docs/masks.md.
 
     python tools/publish_studies.py                      # after docs/consistency*.md was written again
-    python tools/publish_studies.py --check              # exit code 1 where package or README differ from the pages
+    python tools/publish_studies.py --check              # exit code 1 where one of them differs from the pages
     python tools/publish_studies.py --masks out/masks/masks.md      # after `bottomlock masks` with all cases
 
 The pages of consistency are what `bottomlock consistency` wrote, one for each world. Their verdicts go to the package,
-where the advice of a campaign's report reads them, and to the table of methods and the recommendation in README.md. Of
-a masks study the tables go to docs/masks.md; the conclusions there are written by hand.
+where the advice of a campaign's report reads them, and to the table in docs/methods/index.md and the recommendation in
+README.md. Of a masks study the tables go to docs/masks.md; the conclusions there are written by hand.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ WORLDS = {"paper": "docs/consistency.md", "survey": "docs/consistency_survey.md"
 """The page of each world. The first must be there."""
 
 HEADS = {"paper": "In the paper's world", "survey": "In the survey world"}
-TABLE, ADVICE = "methods of the README", "never overconfident"
-"""Names of the written parts of the README."""
+TABLE, ADVICE = "table of methods", "never overconfident"
+"""Names of the written parts of docs/methods/index.md and README.md."""
 
 MASKS = {
     "velocity under every mask": "Velocity under every mask",
@@ -94,13 +94,13 @@ def read_pages(root: Path) -> pl.DataFrame:
     return pl.concat(parts)
 
 
-def with_studies(readme: str, published: pl.DataFrame) -> str:
-    """The README with its generated parts written again.
+def with_table(page: str, published: pl.DataFrame) -> str:
+    """docs/methods/index.md with the last columns of its table written again.
 
     Raises:
         PageError: where the marks of a part are missing, or a method of the table is in no study.
     """
-    rows = [line for line in _part(readme, TABLE)[1].splitlines() if line.startswith("| `")]
+    rows = [line for line in _part(page, TABLE)[1].splitlines() if line.startswith("| `")]
     worlds = published["world"].unique(maintain_order=True).to_list()
     written = [_row(["Method", "What it does with the beams", *(HEADS[world] for world in worlds)])]
     written.append("|" + "---|" * (2 + len(worlds)))
@@ -108,9 +108,18 @@ def with_studies(readme: str, published: pl.DataFrame) -> str:
         name, words = (part.strip() for part in row.strip("|").split("|")[:2])
         method = name.strip("`")
         if method not in set(published["method"]):
-            raise PageError(f"README.md: method '{method}' is in no published consistency study")
+            raise PageError(f"docs/methods/index.md: method '{method}' is in no published consistency study")
         written.append(_row([name, words, *(_words(published, method, world) for world in worlds)]))
-    return _replaced(_replaced(readme, TABLE, written), ADVICE, [advice(published)])
+    return _replaced(page, TABLE, written)
+
+
+def with_advice(readme: str, published: pl.DataFrame) -> str:
+    """README.md with the methods that may be recommended.
+
+    Raises:
+        PageError: where the marks of the part are missing.
+    """
+    return _replaced(readme, ADVICE, [advice(published)])
 
 
 def advice(published: pl.DataFrame) -> str:
@@ -178,10 +187,11 @@ def main(arguments: list[str]) -> int:
 
 def _publish_consistency(*, check: bool) -> int:
     published = read_pages(ROOT)
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    readme, methods = ROOT / "README.md", ROOT / "docs" / "methods" / "index.md"
     wanted = {
         ROOT / "python" / "bottomlock" / "report" / FILE: published.write_csv(),
-        ROOT / "README.md": with_studies(readme, published),
+        readme: with_advice(readme.read_text(encoding="utf-8"), published),
+        methods: with_table(methods.read_text(encoding="utf-8"), published),
     }
     differ = [
         path

@@ -24,9 +24,9 @@ def toml(path: Path) -> dict[str, Any]:
     return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
-def fenced(readme: str, heading: str, language: str = "") -> list[str]:
-    """Fenced blocks of one language under a heading of the README."""
-    section = readme.split(f"\n## {heading}\n", 1)[1].split("\n## ", 1)[0]
+def fenced(page: str, heading: str, language: str = "") -> list[str]:
+    """Fenced blocks of one language under a heading of a page."""
+    section = page.split(f"\n## {heading}\n", 1)[1].split("\n## ", 1)[0]
     return [body for tag, body in re.findall(r"```(\w*)\n(.*?)```", section, re.DOTALL) if tag == language]
 
 
@@ -43,20 +43,36 @@ def test_the_first_command_of_the_readme(root: Path, readme: str, heading: str, 
     assert re.search(rf"^{target}:", (root / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
 
 
-def test_readme_example_runs(readme: str) -> None:
-    """The example under "Velocity from recorded beams" solves the surge of beams 1 and 2 and nothing else."""
-    (example,) = fenced(readme, "Velocity from recorded beams", "python")
+def test_a_new_user_reads_one_screen(readme: str) -> None:
+    """At most 700 words; of folders outside the checkout nothing; one figure, in both colour schemes."""
+    words = re.sub(r"<!--.*?-->|\]\([^)]*\)|<[^>]+>", " ", readme, flags=re.DOTALL).split()
+    assert len(words) <= 700
+    assert "../" not in readme
+    first = readme.split("\n## ", 1)[0]
+    assert re.search(r'<source media="\(prefers-color-scheme: dark\)" srcset="([^"]+)">', first)
+    for figure in re.findall(r'(?:srcset|src)="([^"]+)"', first):
+        assert (Path(__file__).resolve().parents[2] / figure).is_file()
+
+
+def test_the_example_of_the_velocity_page_runs(root: Path) -> None:
+    """It solves the surge of beams 1 and 2 and nothing else."""
+    page = (root / "docs" / "howto" / "velocity.md").read_text(encoding="utf-8")
+    (example,) = fenced(f"{page}\n", "In Python", "python")
     names: dict[str, Any] = {}
-    exec(compile(example, "README.md", "exec"), names)
+    exec(compile(example, "velocity.md", "exec"), names)
     velocity = np.asarray(names["fixes"].velocity_p_mps)
     assert velocity[0, 0] == pytest.approx(2.0, abs=1e-12)
     assert np.isnan(velocity[0, 1:]).all()
 
 
-def test_readme_names_every_method(readme: str) -> None:
+def test_every_method_has_its_row_and_its_page(root: Path) -> None:
     from bottomlock.kernel import METHODS
 
-    assert re.findall(r"^\| `(\w+)` \|", readme, re.MULTILINE) == list(METHODS)
+    folder = root / "docs" / "methods"
+    index = (folder / "index.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `(\w+)` \|", index, re.MULTILINE) == list(METHODS)
+    for method in METHODS:
+        assert f"../figures/method_{method}.svg" in (folder / f"{method}.md").read_text(encoding="utf-8")
 
 
 def test_versions_agree(root: Path) -> None:

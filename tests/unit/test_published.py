@@ -75,12 +75,14 @@ def test_a_page_of_something_else_is_refused() -> None:
         publish.read_page("# Masks", "paper", "page.md")
 
 
-def test_package_and_readme_say_what_the_pages_say(root: Path) -> None:
-    """`python tools/publish_studies.py` writes both; nobody edits them by hand."""
+def test_package_readme_and_methods_say_what_the_pages_say(root: Path) -> None:
+    """`python tools/publish_studies.py` writes all three; nobody edits them by hand."""
     published = publish.read_pages(root)
     assert load_published().equals(published)
     readme = (root / "README.md").read_text(encoding="utf-8")
-    assert publish.with_studies(readme, published) == readme
+    assert publish.with_advice(readme, published) == readme
+    methods = (root / "docs" / "methods" / "index.md").read_text(encoding="utf-8")
+    assert publish.with_table(methods, published) == methods
 
 
 def test_the_readme_recommends_what_is_never_overconfident(root: Path) -> None:
@@ -97,16 +99,17 @@ def test_two_worlds_are_two_columns() -> None:
     both = pl.concat([survey.with_columns(pl.lit("paper").alias("world")), survey])
     first, last = publish._marks(publish.TABLE)
     start, end = publish._marks(publish.ADVICE)
-    readme = f"a\n{start}{end}\nb\n{first}\n| `tc` | one row | old |\n| `sway_current` | x |\n{last}\nc\n"
-    written = publish.with_studies(readme, both)
+    page = f"b\n{first}\n| `tc` | one row | old |\n| `sway_current` | x |\n{last}\nc\n"
+    written = publish.with_table(page, both)
     (row,) = [line for line in written.splitlines() if line.startswith("| `tc`")]
     words = "overconfident in 2 of 4 (velocity and attitude: 0)"
     assert row == f"| `tc` | one row | {words} | {words} |"
-    assert "(docs/consistency_survey.md): `sway_current`." in written
-    assert publish.with_studies(written, both) == written
+    assert publish.with_table(written, both) == written
+    readme = f"a\n{start}{end}\nb\n"
+    assert "(docs/consistency_survey.md): `sway_current`." in publish.with_advice(readme, both)
     there = (pl.col("method") == "sway_current") & (pl.col("world") == "survey")
     worse = pl.when(there).then(pl.lit("overconfident")).otherwise("nis").alias("nis")
-    assert "): no method." in publish.with_studies(readme, both.with_columns(worse))
+    assert "): no method." in publish.with_advice(readme, both.with_columns(worse))
 
 
 def test_the_tables_of_a_masks_study_go_between_their_marks(root: Path) -> None:

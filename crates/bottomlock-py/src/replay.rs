@@ -182,12 +182,12 @@ impl OwnedLog {
 ///       it was lost;
 ///     - choice (M, E, 3) as in run_batch;
 ///     - unused, the number of rows of each stream before the start and after the end;
-///     - with `smooth`: the estimates and sd again with the prefix smoothed_, and smoother_bytes (M,), the memory of each method's
+///     - with `smooth`: the estimates and sd again with the prefix `smoothed_`, and `smoother_bytes` (M,), the memory of each method's
 ///       backward pass;
 ///     - where `options.calibration` is on: calibration and calibration_sd (M, T, 4), the rotation of the DVL from its stated
 ///       mounting about forward, right and down (rad) and the time to add to its stamps (s), with `covariances` also
 ///       calibration_covariance (M, T, 4, 4); they are constants, so the last sample has what a smoother would give;
-///     - with `covariances`: covariance (M, T, 20, 20), with `smooth` also smoothed_covariance.
+///     - with `covariances`: `covariance` (M, T, 20, 20), with `smooth` also `smoothed_covariance`.
 ///
 /// Raises:
 ///     KernelError: in one line that names the field, or stream, row and time, also for results that do not fit into memory. A

@@ -1,0 +1,184 @@
+"""Build the documentation site from the pages of docs/, the scripts of examples/ and notebooks made from them.
+
+    python tools/build_site.py                       # out/site
+    python tools/build_site.py --builder linkcheck   # every link; those outside are tried
+    python tools/build_site.py --notebooks out/notebooks    # the examples as notebooks, nothing else
+
+Warnings are errors. What docs/ links to in the rest of the checkout becomes a link to the repository, and the script of
+each example and its notebook can be downloaded from its page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from pathlib import Path
+from types import ModuleType
+
+import jupytext
+import polars as pl
+
+ROOT = Path(__file__).resolve().parent.parent
+REPOSITORY = "https://github.com/bottomlock/bottomlock/blob/main/"
+STAGED = ROOT / "out" / "site-source"
+
+_LINK = re.compile(r"(\]\()([^)#\s]+)(#[^)\s]*)?(\))")
+_CODE = re.compile(r"(```.*?```|`[^`\n]*`)", re.DOTALL)
+
+
+def outward(page: Path, text: str, root: Path = ROOT) -> str:
+    """A page of docs/ with its links out of docs/ as links to the repository; code stays as it is.
+
+    >>> outward(ROOT / "docs" / "masks.md", "[us](../CONTRIBUTING.md#style) [x](keys.md) `[c](../Makefile)`")
+    '[us](https://github.com/bottomlock/bottomlock/blob/main/CONTRIBUTING.md#style) [x](keys.md) `[c](../Makefile)`'
+    """
+
+    def one(match: re.Match[str]) -> str:
+        opening, path, anchor, closing = match[1], match[2], match[3] or "", match[4]
+        if re.match(r"[a-z]+:", path):
+            return match[0]
+        target = Path(os.path.normpath(page.parent / path))
+        if target.is_relative_to(root / "docs") or not target.exists():
+            return match[0]
+        if target.parent == root / "examples" and target.suffix == ".py":
+            gallery = os.path.relpath(root / "docs" / "gallery" / target.name, page.parent)
+            return f"{opening}{gallery}{closing}"
+        return f"{opening}{REPOSITORY}{target.relative_to(root).as_posix()}{anchor}{closing}"
+
+    parts = _CODE.split(text)
+    return "".join(part if index % 2 else _LINK.sub(one, part) for index, part in enumerate(parts))
+
+
+def examples(root: Path = ROOT) -> list[Path]:
+    """The scripts of examples/ that are pages, by name."""
+    return sorted((root / "examples").glob("*.py"))
+
+
+def write(path: Path, data: bytes) -> Path:
+    """Writes a file if its bytes are others, so that Sphinx reads again what has changed alone."""
+    if not path.is_file() or path.read_bytes() != data:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    return path
+
+
+def with_downloads(script: Path, text: str) -> str:
+    """An example with a last paragraph that names its two forms."""
+    name = script.stem
+    links = (
+        f"The page was run when this site was built. Download it as {{download}}`script <_downloads/{name}.py>` or as\n"
+        f"# {{download}}`notebook <_downloads/{name}.ipynb>`."
+    )
+    pages = re.sub(r"\]\(\.\./docs/", "](../", text)
+    return f"{pages.rstrip()}\n\n# %% [markdown]\n# ---\n# {links}\n"
+
+
+def notebooks(folder: Path) -> Iterator[Path]:
+    """The examples as notebooks without outputs."""
+    for script in examples():
+        book = jupytext.read(script, fmt="py:percent")
+        yield write(folder / f"{script.stem}.ipynb", jupytext.writes(book, fmt="ipynb").encode())
+
+
+def tables(root: Path = ROOT) -> str:
+    """The columns, types and meanings of every table: a section a file of the package's `tables`."""
+    parts: list[str] = []
+    for path in sorted((root / "python" / "bottomlock" / "tables").glob("*.py")):
+        module = importlib.import_module(f"bottomlock.tables.{path.stem}")
+        body = ast.parse(path.read_text(encoding="utf-8")).body
+        found = [part for one, after in pairwise(body) for part in _table(module, one, after)]
+        if found:
+            title = (module.__doc__ or path.stem).splitlines()[0].rstrip(".")
+            parts += [f"## {title}", *found]
+    return "\n\n".join(parts) + "\n"
+
+
+def _table(module: ModuleType, one: ast.stmt, after: ast.stmt) -> Iterator[str]:
+    """A mapping of columns to types with the string below it; nothing for any other statement."""
+    match one, after:
+        case (
+            ast.AnnAssign(target=ast.Name(id=name)),
+            ast.Expr(value=ast.Constant(value=str(words))),
+        ) if not name.startswith("_"):
+            columns = getattr(module, name)
+            if isinstance(columns, Mapping) and all(
+                isinstance(kind, pl.DataType) for kind in columns.values()
+            ):
+                rows = [f"| `{column}` | {kind} |" for column, kind in columns.items()]
+                yield "\n".join(
+                    [f"### {name}", "", " ".join(words.split()), "", "| Column | Type |", "|---|---|", *rows]
+                )
+
+
+def staged(folder: Path) -> set[Path]:
+    """What Sphinx reads, laid out in a folder."""
+    made: set[Path] = set()
+    for path in sorted((ROOT / "docs").rglob("*")):
+        if path.is_dir() or "__pycache__" in path.parts:
+            continue
+        data = path.read_bytes()
+        if path.suffix == ".md":
+            text = outward(path, data.decode())
+            data = (
+                text + "\n" + tables() if path == ROOT / "docs" / "reference" / "tables.md" else text
+            ).encode()
+        made.add(write(folder / path.relative_to(ROOT / "docs"), data))
+    gallery = folder / "gallery"
+    for script in examples():
+        text = script.read_text(encoding="utf-8")
+        made.add(write(gallery / script.name, with_downloads(script, text).encode()))
+        made.add(write(gallery / "_downloads" / script.name, text.encode()))
+    made.update(notebooks(gallery / "_downloads"))
+    rustdoc = ROOT / "target" / "doc"
+    if (rustdoc / "bottomlock" / "index.html").is_file():
+        shutil.copytree(rustdoc, folder / "_extra" / "rust", dirs_exist_ok=True)
+    (folder / "_extra").mkdir(exist_ok=True)
+    return made
+
+
+def clear(folder: Path, made: set[Path]) -> None:
+    """Removes what an earlier build left there and this one did not make."""
+    for path in folder.rglob("*"):
+        kept = {"_extra", "jupyter_execute"} & set(path.relative_to(folder).parts)
+        if path.is_file() and path not in made and not kept:
+            path.unlink()
+
+
+def main() -> int:
+    """The command."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "site")
+    parser.add_argument("--builder", default="html")
+    parser.add_argument("--notebooks", type=Path)
+    asked = parser.parse_args()
+    if asked.notebooks is not None:
+        for path in notebooks(asked.notebooks):
+            print(path)
+        return 0
+    clear(STAGED, staged(STAGED))
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "-b",
+        asked.builder,
+        "--fail-on-warning",
+        "--keep-going",
+        "--quiet",
+    ]
+    command += ["-j", "2", "-d", str(ROOT / "out" / "site-cache"), str(STAGED), str(asked.out)]
+    return subprocess.run(command, check=False).returncode  # noqa: S603 - our own arguments
+
+
+if __name__ == "__main__":
+    sys.exit(main())
