@@ -65,12 +65,17 @@ def test_the_advice_follows_the_tables(tmp_path: Path) -> None:
     assert first.best == ("nsv",)
     _overconfident(folder, "lawn_mower", "nsv")
     parts = advice()
-    assert [part.best for part in parts] == [("nsv",), ("nsv",), ("tc",)]
-    assert parts[2].overconfident == ("nsv",)
+    assert [part.best for part in parts] == [("tc",)] * 3
+    assert [part.overconfident for part in parts] == [(), (), ("nsv",)]
+    assert parts[0].consistent_here_only == {"nsv": "overconfident on lawn mower"}
+    for part in parts:
+        for other in parts:
+            warned = {*other.consistent_here_only, *other.overconfident, *other.mostly_rejected}
+            assert not warned.intersection(part.recommended)
     second = choose(parts)
     assert second is not None
-    assert (second.best, second.worst_trajectory) == (("tc",), "straight")
-    assert second.worst_ratio == pytest.approx(4.0)
+    assert second.best == second.recommended[:1] == ("tc",)
+    assert second.worst_ratio == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import polars as pl
 import pytest
@@ -18,8 +19,9 @@ from hypothesis import strategies as st
 
 from bottomlock.errors import DataError, OutputError
 from bottomlock.figures import palette
-from bottomlock.figures.labels import spread
+from bottomlock.figures.labels import Line, draw_lines, spread
 from bottomlock.kernel import METHODS as KERNEL_METHODS
+from bottomlock.pages.featured import MOST, featured
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.numbers import number
 from bottomlock.records import write_recorded_table
@@ -84,10 +86,10 @@ class _Page(HTMLParser):
 
 
 def test_writes_page_figures_and_claims(made: Path) -> None:
-    """Figure 8, and five figures for each trajectory, each as PNG and SVG."""
-    kinds = ("velocity", "attitude", "nees", "calibration", "normalised")
+    """Figure 8, six figures for each trajectory, and the sweep, each as PNG and SVG."""
+    kinds = ("velocity", "attitude", "nees", "calibration", "normalised", "methods")
     names = {f"{kind}_{name}" for kind in kinds for name in ("straight", "figure_eight", "lawn_mower")}
-    names.add("trajectories")
+    names |= {"trajectories", "sweep_1_straight"}
     assert {path.name for path in (made / "figures").iterdir()} == {
         f"{name}.{suffix}" for name in names for suffix in ("svg", "png")
     }
@@ -100,7 +102,7 @@ def test_the_page_stands_alone(made: Path) -> None:
     text = (made / "report.html").read_text(encoding="utf-8")
     page.feed(text)
     assert "script" not in page.tags
-    assert page.tags.count("svg") == 16
+    assert len(re.findall('<svg role="img"', text)) == 20
     assert len(page.ids) == len(set(page.ids))
     assert {link for link in page.links if not link.startswith("#")} == set()
     assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
@@ -145,7 +147,7 @@ def test_without_truth_and_sweep(tmp_path: Path) -> None:
     text = report.page.read_text(encoding="utf-8")
     assert "no truth.parquet" in text
     assert 'id="sweep"' not in text
-    assert len(report.figures) == 10
+    assert len(report.figures) == 12
 
 
 def test_errors_are_read_back_run_by_run(tmp_path: Path) -> None:
@@ -297,11 +299,55 @@ def _lab(linear: Array) -> Array:
 
 
 @pytest.mark.parametrize("eye", EYES)
-def test_colours_stay_apart_for_every_eye(eye: str) -> None:
-    """Any two methods differ by 14 and more, for those who see no red or no green as well."""
+def test_methods_stay_apart_for_every_eye(eye: str) -> None:
+    """Those that the first figures show together by 18 and more, any two by 14, also without red or green cones."""
     seen = {method: _lab(EYES[eye] @ _linear(look.colour)) for method, look in palette.STROKES.items()}
+    together = {
+        pair
+        for best in ("tc", "sway_current", "consistent")
+        for pair in itertools.combinations(featured(list(KERNEL_METHODS), [best]), 2)
+    }
+    assert len(together) > 10
     for one, other in itertools.combinations(seen, 2):
-        assert np.linalg.norm(seen[one] - seen[other]) >= 14.0, (one, other)
+        least = 18.0 if (one, other) in together or (other, one) in together else 14.0
+        assert np.linalg.norm(seen[one] - seen[other]) >= least, (one, other)
+
+
+def test_no_two_methods_share_a_dash_or_a_marker() -> None:
+    """Colour is never the only difference: on a grey printer every method is still told apart."""
+    looks = [*palette.STROKES.values(), palette.stroke("a method of one's own")]
+    assert len({str(look.dash) for look in looks}) == len(looks)
+    assert len({look.marker for look in looks}) == len(looks)
+    swatches = {palette.swatch_svg(method) for method in palette.STROKES}
+    bare = {re.sub("#[0-9a-f]{6}", "", swatch) for swatch in swatches}
+    assert len(bare) == len(palette.STROKES)
+
+
+def test_curves_wear_the_look_of_their_method() -> None:
+    """Dash and marker of the table reach the figure, with few marks, and not at one place for all."""
+    time_s = np.arange(250.0)
+    with mpl.rc_context(palette.STYLE):
+        axes = palette.new_figure().add_subplot()
+        draw_lines(axes, [Line((method,), time_s, time_s) for method in palette.STROKES])
+    starts = set()
+    for line, (_, look) in zip(axes.lines, palette.STROKES.items(), strict=True):
+        assert line.get_marker() == look.marker
+        assert (line.get_linestyle() == "-") == (look.dash == "-")
+        places = line.get_markevery()
+        assert isinstance(places, tuple)
+        start, step = places
+        assert 4 <= 250 // step <= 6
+        starts.add(start)
+    assert len(starts) == len(palette.STROKES)
+
+
+@pytest.mark.parametrize("recommended", [[], ["consistent"], ["vhv", "tc"]])
+def test_the_first_figures_show_five_methods(recommended: list[str]) -> None:
+    """The recommended one and one's own are among them; a smaller campaign is shown whole."""
+    shown = featured([*KERNEL_METHODS, "mine"], recommended)
+    assert len(shown) == MOST == 5
+    assert {"mine", *recommended[:1]} <= set(shown)
+    assert featured(["ins", "plcf"], recommended) == ["ins", "plcf"]
 
 
 @pytest.mark.parametrize("method", sorted(palette.STROKES))

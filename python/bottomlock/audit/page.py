@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import jinja2
 import numpy as np
 import polars as pl
 from markupsafe import Markup
@@ -14,6 +13,7 @@ from bottomlock.audit import figures
 from bottomlock.audit.findings import findings_table
 from bottomlock.audit.run import Audit, numbers_of
 from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
+from bottomlock.pages.render import render
 
 CAPTIONS = {
     "closure": "Closure of the full pings, and a Gaussian of its robust sigma.",
@@ -97,16 +97,15 @@ def write_audit(audit: Audit, out: Path, *, html: bool = True) -> list[Path]:
         written += [out / f"{name}.png", out / f"{name}.svg"]
         inline.append((name, Markup(inline_svg(svg, f"audit_{name}", CAPTIONS[name])), CAPTIONS[name]))  # noqa: S704
     if html:
-        environment = jinja2.Environment(
-            loader=jinja2.PackageLoader("bottomlock.pages"),
-            autoescape=True,
-            trim_blocks=True,
-            lstrip_blocks=True,
-        )
-        page = environment.get_template("audit.html.j2").render(
-            audit=audit, figures=inline, beams=beams_table(audit).to_dicts(), numbers=content,
-            dump=json.dumps(content, indent=2, sort_keys=True), deg=lambda value: float(np.rad2deg(value)),
-        )  # fmt: skip
+        content = {
+            "audit": audit,
+            "figures": inline,
+            "beams": beams_table(audit).to_dicts(),
+            "numbers": content,
+            "dump": json.dumps(content, indent=2, sort_keys=True),
+            "deg": lambda value: float(np.rad2deg(value)),
+        }
+        page = render("audit.html.j2", content)
         write_text(out / "audit.html", page)
         written.append(out / "audit.html")
     return written

@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from bottomlock.figures.curves import plain_number
-from bottomlock.figures.labels import Line, coincident, label_ends
+from bottomlock.figures.labels import Line, coincident, draw_lines, label_ends
 from bottomlock.figures.palette import FAINT, INK, STYLE, draw_order, new_figure, stroke
 from bottomlock.tables.campaign import COMPONENTS
 
@@ -36,16 +36,16 @@ def calibration_figure(curves: Mapping[str, tuple[Array, Array]]) -> Figure:
         figure = new_figure()
         axes = figure.add_axes((0.115, 0.125, 0.645, 0.785))
         _diagonal(axes, np.concatenate(list(paths.values())))
-        axes.set_title("velocity error, m/s RMS (shaded: above the claimed σ)", loc="left")
+        axes.set_title("velocity error, m/s RMS (shaded: overconfident)", loc="left")
         axes.set_xlabel("claimed σ of velocity, m/s RMS")
-        lines = []
-        for group in coincident(paths):
-            for method in group:
-                look = stroke(method)
-                axes.plot(*curves[method], color=look.colour, linestyle=look.dash, linewidth=1.2, alpha=0.75)
-            sd, error = curves[group[0]]
-            axes.plot(sd[-1], error[-1], "o", color=stroke(group[0]).colour, markersize=5.0, zorder=4)
-            lines.append(Line(group, sd, error))
+        lines = [Line(group, *curves[group[0]]) for group in coincident(paths)]
+        draw_lines(axes, lines, width=1.2, alpha=0.8)
+        for line in lines:
+            # Where it ends: a ring around the last mark.
+            axes.plot(
+                line.x[-1], line.y[-1], "o", color=stroke(line.methods[0]).colour, markersize=9.0,
+                markerfacecolor="none", zorder=4,
+            )  # fmt: skip
         label_ends(axes, lines)
     return figure
 

@@ -10,8 +10,17 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from bottomlock.figures.labels import Line, coincident, label_ends
-from bottomlock.figures.palette import FAINT, INK, STYLE, draw_order, new_figure, stroke
+from bottomlock.figures.labels import Line, coincident, draw_lines, label_ends
+from bottomlock.figures.palette import (
+    FAINT,
+    INK,
+    SMALL_HEIGHT_IN,
+    SMALL_WIDTH_IN,
+    STYLE,
+    draw_order,
+    new_figure,
+    stroke,
+)
 
 Array = NDArray[np.float64]
 
@@ -20,6 +29,9 @@ LOG_SPREAD = 12.0
 
 PLACE = (0.115, 0.12, 0.645, 0.785)
 """Of the axes in their figure: the names of the methods stand to the right of them."""
+
+SMALL_PLACE = (0.135, 0.145, 0.595, 0.755)
+"""Of the axes in a small figure."""
 
 _COLUMNS = {
     "velocity": (
@@ -41,11 +53,15 @@ def rms_figure(
     trajectory: str,
     quantity: str,
     printed: Sequence[tuple[str, float, float]] = (),
+    *,
+    methods: Sequence[str] | None = None,
+    banded: Sequence[str] | None = None,
+    small: bool = False,
 ) -> Figure:
     """As `draw_rms`, in a figure of its own."""
     with mpl.rc_context(STYLE):
-        figure, axes = _axes()
-        draw_rms(axes, ensemble, trajectory, quantity, printed)
+        figure, axes = _axes(small=small)
+        draw_rms(axes, ensemble, trajectory, quantity, printed, methods=methods, banded=banded)
     return figure
 
 
@@ -55,8 +71,11 @@ def draw_rms(
     trajectory: str,
     quantity: str,
     printed: Sequence[tuple[str, float, float]] = (),
+    *,
+    methods: Sequence[str] | None = None,
+    banded: Sequence[str] | None = None,
 ) -> None:
-    """RMS over runs of all methods against time, 95 % bootstrap intervals shaded.
+    """RMS over runs of methods against time, 95 % bootstrap intervals shaded.
 
     Args:
         axes: to draw on.
@@ -64,47 +83,66 @@ def draw_rms(
         trajectory: one of its trajectories.
         quantity: "velocity" or "attitude".
         printed: method, time in s and value of what a paper prints; drawn as hollow diamonds.
+        methods: which to draw; all by default.
+        banded: methods whose interval is shaded; all that are drawn by default.
     """
     columns = _COLUMNS[quantity]
-    rows = ensemble.filter(pl.col("trajectory") == trajectory)
+    rows = _rows(ensemble, trajectory, methods)
     middle, low, high = (_by_method(rows, column) for column in columns)
     time_s = rows.filter(pl.col("method") == rows["method"][0])["time_s"].to_numpy()
+    shaded = set(middle) if banded is None else set(banded)
+    printed = [one for one in printed if one[0] in middle]
     with mpl.rc_context(STYLE):
         _label(axes, _AXIS[quantity], time_s)
         lines = []
-        _scale(axes, np.array([*low.values(), *high.values()]), [value for _, _, value in printed])
+        bounds = [values[name] for values in (low, high) for name in middle if name in shaded]
+        scale_errors(axes, np.array([*middle.values(), *bounds]), [value for _, _, value in printed])
         # Overlapping bands must stay transparent.
-        alpha = 0.14 if axes.get_yscale() == "log" else 0.06
-        for methods in coincident({method: middle[method] for method in draw_order(list(middle))}):
-            axes.fill_between(
-                time_s,
-                low[methods[0]],
-                high[methods[0]],
-                color=stroke(methods[0]).colour,
-                alpha=alpha,
-                linewidth=0.0,
-            )
-            lines.append(Line(methods, time_s, middle[methods[0]]))
-        _draw(axes, lines)
+        alpha = 0.14 if axes.get_yscale() == "log" or len(shaded) < 3 else 0.06
+        for group in coincident({method: middle[method] for method in draw_order(list(middle))}):
+            if shaded.intersection(group):
+                axes.fill_between(
+                    time_s,
+                    low[group[0]],
+                    high[group[0]],
+                    color=stroke(group[0]).colour,
+                    alpha=alpha,
+                    linewidth=0.0,
+                )
+            lines.append(Line(group, time_s, middle[group[0]]))
+        draw_lines(axes, lines)
         for method, at_s, value in printed:
             axes.plot(
-                at_s, value, marker="D", markersize=5.5, markerfacecolor="none", markeredgewidth=1.3,
+                at_s, value, marker="D", markersize=7.0, markerfacecolor="none", markeredgewidth=1.5,
                 color=stroke(method).colour, clip_on=False, zorder=4,
             )  # fmt: skip
         label_ends(axes, lines)
 
 
-def nees_figure(ensemble: pl.DataFrame, consistency: pl.DataFrame, trajectory: str) -> Figure:
+def nees_figure(
+    ensemble: pl.DataFrame,
+    consistency: pl.DataFrame,
+    trajectory: str,
+    *,
+    methods: Sequence[str] | None = None,
+) -> Figure:
     """As `draw_nees`, in a figure of its own."""
     with mpl.rc_context(STYLE):
         figure, axes = _axes()
-        draw_nees(axes, ensemble, consistency, trajectory)
+        draw_nees(axes, ensemble, consistency, trajectory, methods=methods)
     return figure
 
 
-def draw_nees(axes: Axes, ensemble: pl.DataFrame, consistency: pl.DataFrame, trajectory: str) -> None:
+def draw_nees(
+    axes: Axes,
+    ensemble: pl.DataFrame,
+    consistency: pl.DataFrame,
+    trajectory: str,
+    *,
+    methods: Sequence[str] | None = None,
+) -> None:
     """Mean NEES of the whole state against time, with the 95 % chi-squared band of a consistent filter."""
-    rows = ensemble.filter(pl.col("trajectory") == trajectory)
+    rows = _rows(ensemble, trajectory, methods)
     band = consistency.filter((pl.col("trajectory") == trajectory) & (pl.col("quantity") == "nees"))
     nees = _by_method(rows, "nees_mean_over_runs")
     time_s = rows.filter(pl.col("method") == rows["method"][0])["time_s"].to_numpy()
@@ -112,16 +150,23 @@ def draw_nees(axes: Axes, ensemble: pl.DataFrame, consistency: pl.DataFrame, tra
         _label(axes, "mean NEES of the whole state", time_s)
         axes.axhspan(band["band_lo"][0], band["band_hi"][0], color=FAINT, alpha=0.35, linewidth=0.0)
         lines = [
-            Line(methods, time_s, nees[methods[0]])
-            for methods in coincident({method: nees[method] for method in draw_order(list(nees))})
+            Line(group, time_s, nees[group[0]])
+            for group in coincident({method: nees[method] for method in draw_order(list(nees))})
         ]
-        _draw(axes, lines)
-        _scale(axes, np.array(list(nees.values())), [float(band["band_lo"][0]), float(band["band_hi"][0])])
+        draw_lines(axes, lines)
+        scale_errors(
+            axes, np.array(list(nees.values())), [float(band["band_lo"][0]), float(band["band_hi"][0])]
+        )
         axes.text(
             0.0, 1.02, f"grey: consistent filter, 95 % ({band['degrees'][0]} states, {band['runs'][0]} runs)",
             transform=axes.transAxes, fontsize=8.5, color=INK, va="bottom",
         )  # fmt: skip
         label_ends(axes, lines)
+
+
+def _rows(ensemble: pl.DataFrame, trajectory: str, methods: Sequence[str] | None) -> pl.DataFrame:
+    rows = ensemble.filter(pl.col("trajectory") == trajectory)
+    return rows if methods is None else rows.filter(pl.col("method").is_in(list(methods)))
 
 
 def _by_method(rows: pl.DataFrame, column: str) -> dict[str, Array]:
@@ -131,9 +176,9 @@ def _by_method(rows: pl.DataFrame, column: str) -> dict[str, Array]:
     }
 
 
-def _axes() -> tuple[Figure, Axes]:
-    figure = new_figure()
-    return figure, figure.add_axes(PLACE)
+def _axes(*, small: bool = False) -> tuple[Figure, Axes]:
+    figure = new_figure(SMALL_HEIGHT_IN, SMALL_WIDTH_IN) if small else new_figure()
+    return figure, figure.add_axes(SMALL_PLACE if small else PLACE)
 
 
 def _label(axes: Axes, label: str, time_s: Array) -> None:
@@ -142,15 +187,7 @@ def _label(axes: Axes, label: str, time_s: Array) -> None:
     axes.set_title(label, loc="left", pad=16.0 if "NEES" in label else 6.0)
 
 
-def _draw(axes: Axes, lines: list[Line]) -> None:
-    """All methods of a line; the dashed ones on top."""
-    for line in lines:
-        for method in line.methods:
-            look = stroke(method)
-            axes.plot(line.x, line.y, color=look.colour, linestyle=look.dash, linewidth=1.5)
-
-
-def _scale(axes: Axes, curves: Array, marks: Sequence[float]) -> None:
+def scale_errors(axes: Axes, curves: Array, marks: Sequence[float]) -> None:
     """Limits with a margin; a logarithmic axis where the spread exceeds `LOG_SPREAD`."""
     values = np.append(curves.ravel(), marks)
     finite = values[np.isfinite(values) & (values > 0.0)]

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bottomlock.figures.palette import stroke
+from bottomlock.figures.palette import marks, stroke
 
 
 @dataclass(frozen=True)
@@ -89,6 +89,17 @@ def label_ends(axes: Axes, lines: Sequence[Line], *, size: float = 9.0) -> None:
             1.052, place, name, transform=axes.transAxes, color=colour, fontsize=size,
             va="center", ha="left", linespacing=1.1, clip_on=False,
         )  # fmt: skip
+
+
+def draw_lines(axes: Axes, lines: Sequence[Line], *, width: float = 1.5, alpha: float = 1.0) -> None:
+    """Every method of every line with its colour, dash and marker; the dashed ones on top, marks side by side."""
+    count = sum(len(line.methods) for line in lines)
+    number = 0
+    for line in lines:
+        for method in line.methods:
+            look = marks(method, len(line.x), number / count)
+            axes.plot(line.x, line.y, linewidth=width, alpha=alpha, **look)
+            number += 1
 
 
 def wrapped(methods: Sequence[str], width: int = 14) -> str:

@@ -1,4 +1,4 @@
-"""One style for every figure: colour and dash of each method, and ink that a page can recolour."""
+"""One style for every figure: the look of each method, and ink that a page can recolour."""
 
 import io
 import re
@@ -8,37 +8,47 @@ from typing import Any
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from matplotlib.markers import MarkerStyle
+from matplotlib.path import Path
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """Colour and dash of a method in every figure."""
+    """Colour, dash and marker of a method in every figure; the marker is one of matplotlib's."""
 
     colour: str
-    dash: Any = "-"
+    dash: Any
+    marker: str
 
 
-_DOTS, _DASHES, _DASH_DOT, _LONG = (0, (1, 1.4)), (0, (4, 1.6)), (0, (4, 1.4, 1, 1.4)), (0, (8, 2))
+def _dashes(*lengths: float) -> tuple[int, tuple[float, ...]]:
+    """Lengths of strokes and gaps in widths of the line."""
+    return 0, lengths
+
 
 STROKES = {
-    "ins": Stroke("#999194"),
-    "lc": Stroke("#696c70", _LONG),
-    "tc": Stroke("#5394ec"),
-    "vb": Stroke("#fa632e"),
-    "nsv": Stroke("#129e64"),
-    "plcf": Stroke("#b24397"),
-    "vhv": Stroke("#a05200", _DASH_DOT),
-    "elc": Stroke("#75a131", _DASHES),
-    "vb_exact": Stroke("#4f65c6", _DASHES),
-    "info": Stroke("#4191bc", _DOTS),
-    "weak_sway": Stroke("#8952ff"),
-    "sway_current": Stroke("#f64f60"),
-    "consistent": Stroke("#7d6331", _DASHES),
+    "ins": Stroke("#849992", _dashes(1, 1.4), "|"),
+    "lc": Stroke("#626177", _dashes(9, 2), "s"),
+    "tc": Stroke("#8b77f9", "-", "o"),
+    "vb": Stroke("#c31b48", _dashes(5, 1.4, 1, 1.4), "v"),
+    "nsv": Stroke("#007b58", _dashes(4, 1.6), "^"),
+    "plcf": Stroke("#b980b9", _dashes(2.2, 1.3), "<"),
+    "vhv": Stroke("#5b7a1e", _dashes(5, 1.4, 1, 1.4, 1, 1.4), ">"),
+    "elc": Stroke("#bd8a0d", _dashes(5, 3), "D"),
+    "vb_exact": Stroke("#6435ff", _dashes(3, 3), "+"),
+    "info": Stroke("#6861a9", _dashes(1, 2.6), "x"),
+    "weak_sway": Stroke("#425ec6", _dashes(9, 1.6, 2.5, 1.6), "P"),
+    "sway_current": Stroke("#bf894f", _dashes(12, 1.6), "*"),
+    "consistent": Stroke("#cf1c00", _dashes(7, 1.6, 3, 1.6, 3, 1.6), "X"),
 }
-"""By method. Colours are of middle lightness, so that they are legible on white and on black, and distinct for
-colour-blind readers (the tests state how far); methods that coincide (tc, vb_exact, info; nsv, elc) differ in dash."""
+"""By method: the one table of looks. Colours are of middle lightness, so that they are legible on white and on black;
+the tests state how far two methods are apart for every eye. Dash and marker are each method's own, so that colour is
+never the only difference."""
 
 _OTHERS = ("#5c7a99", "#a8683a", "#8a7f1e", "#a35bb0", "#3e8a5a")
+_OTHER_MARKERS = ("p", "h", "8", "d", "H")
+_OTHER_DASH = _dashes(6, 1.4, 1, 1.4, 1, 1.4, 1, 1.4)
+"""Looks of methods of one's own: a colour and a marker by the name, and a dash that no built-in method has."""
 
 INK, FAINT, PAPER = "#1b1f24", "#8b949e", "#ffffff"
 """Text and axes; grid and secondary marks; background. A page replaces the first two by its own colours."""
@@ -77,16 +87,69 @@ STYLE: Any = {
 WIDTH_IN, HEIGHT_IN = 5.6, 4.1
 """Small enough that the text is legible on a telephone."""
 
+SMALL_WIDTH_IN, SMALL_HEIGHT_IN = 4.2, 3.5
+"""Of figures that stand three beside one another."""
+
 
 def stroke(method: str) -> Stroke:
-    """Colour and dash of a method; a method without an entry in `STROKES` gets one derived from its name.
+    """The look of a method; a method without an entry in `STROKES` gets one derived from its name.
 
     >>> stroke("tc").colour, stroke("something_new") == stroke("something_new")
-    ('#5394ec', True)
+    ('#8b77f9', True)
     """
     if method in STROKES:
         return STROKES[method]
-    return Stroke(_OTHERS[zlib.crc32(method.encode()) % len(_OTHERS)], (0, (6, 1.4, 1, 1.4, 1, 1.4)))
+    number = zlib.crc32(method.encode())
+    return Stroke(
+        _OTHERS[number % len(_OTHERS)], _OTHER_DASH, _OTHER_MARKERS[number // 7 % len(_OTHER_MARKERS)]
+    )
+
+
+def marks(method: str, points: int, place: float = 0.0, count: int = 5) -> Any:  # noqa: ANN401 - keywords of `plot`
+    """Keywords of `plot` for a curve of some points with a few marks of its method.
+
+    Args:
+        method: its name.
+        points: length of the curve.
+        place: 0 to 1: the part of the distance between two marks by which they are shifted, so that the marks of
+            curves that lie on one another stand side by side.
+        count: number of marks.
+    """
+    step = max(1, points // count)
+    look = stroke(method)
+    return {
+        "color": look.colour,
+        "linestyle": look.dash,
+        "marker": look.marker,
+        "markersize": 6.5 if look.marker == "*" else 5.0,
+        "markeredgewidth": 1.3 if look.marker in "|+x" else 0.0,
+        "markevery": (min(points - 1, round((0.15 + 0.85 * place) * step)), step),
+    }
+
+
+def swatch_svg(method: str) -> str:
+    """The look of a method as a small SVG that stands beside its name in a text."""
+    look = stroke(method)
+    width, middle, scale = 1.6, (13.0, 6.0), 8.0 if look.marker == "*" else 6.4
+    dash = "" if look.dash == "-" else " ".join(f"{width * length:g}" for length in look.dash[1])
+    mark = MarkerStyle(look.marker)
+    outline = mark.get_path().transformed(mark.get_transform())
+    parts = []
+    for (x, y), code in outline.iter_segments(curves=False, simplify=False):
+        if code == Path.CLOSEPOLY:
+            parts.append("Z")
+        else:
+            parts.append(
+                f"{'M' if code == Path.MOVETO else 'L'}{middle[0] + scale * x:.1f} {middle[1] - scale * y:.1f}"
+            )
+    filled = mark.is_filled() and look.marker not in "|+x"
+    inside = look.colour if filled else "none"
+    return (
+        '<svg class="swatch" viewBox="0 0 26 12" width="26" height="12" aria-hidden="true" focusable="false">'
+        f'<path d="M0 6H26" stroke="{look.colour}" stroke-width="{width}" stroke-dasharray="{dash}" fill="none"/>'
+        f'<path d="{"".join(parts)}" stroke="{look.colour}" stroke-width="{0 if filled else 1.6}" '
+        f'fill="{inside}"/></svg>'
+    )
 
 
 def draw_order(methods: list[str]) -> list[str]:
@@ -138,5 +201,5 @@ def inline_svg(svg: str, name: str, words: str) -> str:
 
 
 def _shorter(path: str) -> str:
-    """Path data with two decimals of a point, invisible on paper and screen."""
-    return re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}", path)
+    """Path data with one decimal of a point, invisible on paper and screen."""
+    return re.sub(r"-?\d+\.\d{2,}", lambda number: f"{float(number[0]):.1f}", path)

@@ -3,16 +3,18 @@
 from typing import Any
 
 import jinja2
+from markupsafe import Markup
 
-from bottomlock.figures.palette import stroke
+from bottomlock.figures.palette import swatch_svg
+from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.numbers import number
 
 
 def render(template: str, content: dict[str, Any]) -> str:
     """A packaged template with its content, as text.
 
-    The templates use the filters `number` (three significant digits), `colour` (of a method) and `title` (a name with
-    underscores as a title).
+    The templates use the filters `number` (three significant digits), `swatch` (the look of a method),
+    `words` (a line on it) and `title` (a name with underscores as a title).
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("bottomlock.pages", "templates"),
@@ -23,6 +25,7 @@ def render(template: str, content: dict[str, Any]) -> str:
         keep_trailing_newline=True,
     )
     environment.filters["number"] = number
-    environment.filters["colour"] = lambda method: stroke(method).colour
+    environment.filters["swatch"] = lambda method: Markup(swatch_svg(method))  # noqa: S704 - numbers and colours
+    environment.filters["words"] = lambda method: METHOD_WORDS.get(method, "a method of one's own")
     environment.filters["title"] = lambda name: str(name).replace("_", " ").capitalize()
     return environment.get_template(template).render(content)

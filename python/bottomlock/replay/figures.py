@@ -12,13 +12,23 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from bottomlock.figures.curves import plain_number
-from bottomlock.figures.labels import Line, coincident, label_ends
-from bottomlock.figures.palette import FAINT, INK, STROKES, STYLE, WIDTH_IN, draw_order, new_figure, stroke
+from bottomlock.figures.labels import Line, coincident, draw_lines, label_ends
+from bottomlock.figures.palette import (
+    FAINT,
+    INK,
+    STROKES,
+    STYLE,
+    WIDTH_IN,
+    draw_order,
+    marks,
+    new_figure,
+    stroke,
+)
 from bottomlock.tables.replay import FORWARD, SMOOTHED
 
 Floats = NDArray[np.float64]
 _BEAMS = tuple(
-    STROKES[method].colour for method in ("tc", "vb", "nsv", "plcf", "vhv", "elc", "weak_sway", "consistent")
+    STROKES[method].colour for method in ("tc", "consistent", "nsv", "elc", "ins", "weak_sway", "vhv", "plcf")
 )
 _QUANTITIES = (
     ("position", "m", "position, m"),
@@ -52,20 +62,15 @@ def map_figure(
             span = path.filter(pl.col("time_ns").is_between(first["time_ns"].min(), first["time_ns"].max()))
             axes.plot(span["east_m"], span["north_m"], color=FAINT, linewidth=4.0, alpha=0.45, zorder=1)
         ends = {}
-        for method in draw_order(list(methods)):
+        for number, method in enumerate(draw_order(list(methods))):
             for name, width, alpha in ((FORWARD, 1.3, 0.95), (SMOOTHED, 1.0, 0.55)):
                 rows = first.filter((pl.col("method") == method) & (pl.col("pass") == name))
                 if not rows.height:
                     continue
-                dash = stroke(method).dash if name == FORWARD else (0, (1.5, 1.2))
-                axes.plot(
-                    rows["east_m"],
-                    rows["north_m"],
-                    color=stroke(method).colour,
-                    linewidth=width,
-                    alpha=alpha,
-                    linestyle=dash,
-                )
+                look = marks(method, rows.height, number / len(methods))
+                if name != FORWARD:
+                    look = {"color": look["color"], "linestyle": (0, (1.5, 1.2))}
+                axes.plot(rows["east_m"], rows["north_m"], linewidth=width, alpha=alpha, **look)
                 if name == FORWARD:
                     ends[method] = (rows["east_m"].to_numpy(), rows["north_m"].to_numpy())
         axes.set_aspect("equal", adjustable="datalim")
@@ -142,8 +147,8 @@ def _one_error(axes: Axes, rows: pl.DataFrame, methods: Sequence[str], name: str
     for group in coincident(rms, tolerance=1e-2):
         look = stroke(group[0])
         axes.plot(time_s, sd[group[0]], color=look.colour, linewidth=0.9, linestyle=(0, (1, 1.6)))
-        axes.plot(time_s, rms[group[0]], color=look.colour, linewidth=1.3, linestyle=look.dash)
         lines.append(Line(group, time_s, rms[group[0]]))
+    draw_lines(axes, lines, width=1.3)
     label_ends(axes, lines)
 
 
@@ -228,7 +233,7 @@ def nis_figure(
         axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.set_title(
-            f"NIS over its degrees of freedom, mean of {window} pings (band: 95 % of a consistent filter)",
+            f"NIS over its degrees, mean of {window} pings (band: consistent, 95 %)",
             loc="left",
             fontsize=9.5,
         )
@@ -241,10 +246,8 @@ def nis_figure(
             if alike is not None:
                 drawn[drawn.index(alike)] = Line((*alike.methods, method), alike.x, alike.y)
                 continue
-            axes.plot(
-                times[method], line, color=stroke(method).colour, linestyle=stroke(method).dash, linewidth=1.2
-            )
             drawn.append(Line((method,), times[method], line))
+        draw_lines(axes, drawn, width=1.2)
         label_ends(axes, drawn)
     return figure
 

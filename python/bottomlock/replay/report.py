@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from bottomlock.atomic_write import write_bytes, write_text
 from bottomlock.errors import DataError
 from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
-from bottomlock.pages.method_words import METHOD_WORDS
+from bottomlock.pages.featured import featured
 from bottomlock.pages.render import render
 from bottomlock.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.replay.figures import error_figure, innovation_figure, map_figure, nis_figure, validity_figure
@@ -47,6 +47,7 @@ class Drawing:
     caption: str
     figure: Figure
     what_if: str | None = None
+    folded: bool = False
 
 
 def read_replay(folder: Path) -> ReplayTables:
@@ -108,6 +109,7 @@ def make_replay_report(folder: Path) -> Path:
                 "name": drawing.name,
                 "caption": drawing.caption,
                 "what_if": drawing.what_if,
+                "folded": drawing.folded,
                 "svg": Markup(inline_svg(svg, drawing.name, drawing.caption)),  # noqa: S704 - our own, escaped there
             }
         )
@@ -119,8 +121,7 @@ def make_replay_report(folder: Path) -> Path:
 def drawings(tables: ReplayTables) -> list[Drawing]:
     """Every figure of a replay: valid beams, and for each what-if case map, errors, innovations and NIS."""
     manifest = tables.manifest
-    label = "semi-synthetic" if manifest["semi_synthetic"] else ""
-    tail = f" ({label})" if label else ""
+    tail = " (semi-synthetic)" if manifest["semi_synthetic"] else ""
     start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
     found = [
         Drawing(
@@ -130,34 +131,57 @@ def drawings(tables: ReplayTables) -> list[Drawing]:
         )
     ]
     for what_if, _ in manifest["what_if"]:
-        samples = tables.samples.filter(pl.col("what_if") == what_if)
+        best = _best(summary_table(tables.runs).filter(pl.col("what_if") == what_if))
+        shown = featured(manifest["methods"], [best["method"]] if best else [])
+        found += _of_methods(tables, what_if, shown, tail)
         innovations = tables.innovations.filter(pl.col("what_if") == what_if)
-        title = f"{manifest['case'].replace('_', ' ')}, {what_if.replace('_', ' ')}{tail}"
-        near, far = _near_and_far(samples, manifest["methods"])
-        caption = f"Plan view{tail}"
-        caption += "; broad grey: the reference" if tables.path is not None else ""
-        caption += "; dotted: smoothed" if (samples["pass"] == SMOOTHED).any() else ""
-        caption += f"; off the map: {', '.join(far)}" if far else ""
-        drawn = map_figure(samples, tables.path, methods=near, title=title)
-        found.append(Drawing(f"map_{what_if}", caption + ".", drawn, what_if))
-        ensemble = tables.ensemble.filter(pl.col("what_if") == what_if)
-        for name in (FORWARD, SMOOTHED):
-            if manifest["has_reference"] and (ensemble["pass"] == name).any():
-                drawn = error_figure(
-                    ensemble, methods=manifest["methods"], title=f"{title}, {name}", which=name
-                )
-                caption = f"Errors against the reference, {name}{tail}; dotted: the filter's own standard deviation."
-                found.append(Drawing(f"errors_{name}_{what_if}", caption, drawn, what_if))
         method = next((method for method in BEAM_ROWS if method in manifest["methods"]), None)
         if method is not None:
-            drawn = innovation_figure(innovations, start_ns, method=method, title=f"{title}, method {method}")
+            title = f"{_title(tables, what_if)}{tail}, method {method}"
+            drawn = innovation_figure(innovations, start_ns, method=method, title=title)
             caption = (
                 f"Innovations of each beam, method {method}{tail}; shaded: their ±2 sigma; hollow: rejected."
             )
             found.append(Drawing(f"innovations_{what_if}", caption, drawn, what_if))
-        drawn = nis_figure(innovations, start_ns, methods=manifest["methods"], title=title)
-        caption = f"NIS over its degrees of freedom{tail}: above the band the filter is overconfident."
-        found.append(Drawing(f"nis_{what_if}", caption, drawn, what_if))
+        if len(shown) < len(manifest["methods"]):
+            found += _of_methods(tables, what_if, manifest["methods"], tail, folded=True)
+    return found
+
+
+def _title(tables: ReplayTables, what_if: str) -> str:
+    return f"{tables.manifest['case'].replace('_', ' ')}, {what_if.replace('_', ' ')}"
+
+
+def _of_methods(
+    tables: ReplayTables, what_if: str, methods: list[str], tail: str, *, folded: bool = False
+) -> list[Drawing]:
+    """Map, errors of each pass and NIS of some methods in one what-if case."""
+    manifest, found = tables.manifest, []
+    start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
+    samples, innovations, ensemble = (
+        table.filter(pl.col("what_if") == what_if)
+        for table in (tables.samples, tables.innovations, tables.ensemble)
+    )
+    title, end = f"{_title(tables, what_if)}{tail}", "_all_methods" if folded else ""
+
+    def add(name: str, caption: str, figure: Figure) -> None:
+        found.append(Drawing(f"{name}_{what_if}{end}", caption, figure, what_if, folded))
+
+    near, far = _near_and_far(samples, methods)
+    caption = f"Plan view{tail}"
+    caption += "; broad grey: the reference" if tables.path is not None else ""
+    caption += "; dotted: smoothed" if (samples["pass"] == SMOOTHED).any() else ""
+    caption += f"; off the map: {', '.join(far)}" if far else ""
+    add("map", caption + ".", map_figure(samples, tables.path, methods=near, title=title))
+    for name in (FORWARD, SMOOTHED):
+        if manifest["has_reference"] and (ensemble["pass"] == name).any():
+            drawn = error_figure(ensemble, methods=methods, title=f"{title}, {name}", which=name)
+            caption = (
+                f"Errors against the reference, {name}{tail}; dotted: the filter's own standard deviation."
+            )
+            add(f"errors_{name}", caption, drawn)
+    caption = f"NIS over its degrees of freedom{tail}: above the band the filter is overconfident."
+    add("nis", caption, nis_figure(innovations, start_ns, methods=methods, title=title))
     return found
 
 
@@ -177,6 +201,9 @@ def _near_and_far(samples: pl.DataFrame, methods: list[str]) -> tuple[list[str],
 def _content(tables: ReplayTables) -> dict[str, Any]:
     manifest = tables.manifest
     summary = summary_table(tables.runs)
+    best = {
+        what_if: _best(summary.filter(pl.col("what_if") == what_if)) for what_if, _ in manifest["what_if"]
+    }
     return {
         "manifest": manifest,
         "recorded": RECORDED,
@@ -184,13 +211,14 @@ def _content(tables: ReplayTables) -> dict[str, Any]:
             what_if: list(summary.filter(pl.col("what_if") == what_if).iter_rows(named=True))
             for what_if, _ in manifest["what_if"]
         },
-        "best": {
-            what_if: _best(summary.filter(pl.col("what_if") == what_if)) for what_if, _ in manifest["what_if"]
+        "featured": {
+            what_if: featured(manifest["methods"], [row["method"]] if row else [])
+            for what_if, row in best.items()
         },
+        "best": best,
         "calibration": []
         if tables.calibration is None
         else list(tables.calibration.filter(pl.col("prior_sd") > 0.0).iter_rows(named=True)),
-        "method_words": METHOD_WORDS,
         "dump": json.dumps(manifest, indent=2, sort_keys=True, ensure_ascii=False),
     }
 

@@ -36,7 +36,8 @@ class Advice:
         attitude_rms_deg: the same of the misalignment.
         consistent: methods that are not overconfident in velocity and attitude and whose gate rejects most fixes in
             no run; without references, the smallest error first.
-        recommended: those of them that are overconfident in no cell of the published studies with the same beams.
+        recommended: those of them that are consistent on every other trajectory of the campaign, too, and overconfident
+            in no cell of the published studies with the same beams.
         consistent_here_only: the others of them, and why they are not recommended.
         beams: the returning beams of those cells; None for all cells, where the beams change or no study has them.
         overconfident: without references, the smallest error first.
@@ -97,14 +98,26 @@ def advise(
         published: `tables.studies.PUBLISHED`; the packaged one by default.
     """
     published = load_published() if published is None else published
-    return [_advise_on(campaign, name, errors[name], published) for name in campaign.trajectories]
+    verdicts = {name: _judge(campaign, name, errors[name]) for name in campaign.trajectories}
+    return [_advise_on(campaign, name, verdicts, published) for name in campaign.trajectories]
 
 
-def _advise_on(campaign: CampaignTables, name: str, errors: RunErrors, published: pl.DataFrame) -> Advice:
-    verdicts = campaign.consistency.filter(
+@dataclass(frozen=True)
+class _Verdicts:
+    """One trajectory of the campaign by itself; methods without references, the smallest error first."""
+
+    velocity_rms_mps: Mapping[str, float]
+    attitude_rms_deg: Mapping[str, float]
+    consistent: tuple[str, ...]
+    overconfident: tuple[str, ...]
+    mostly_rejected: Mapping[str, int]
+
+
+def _judge(campaign: CampaignTables, name: str, errors: RunErrors) -> _Verdicts:
+    table = campaign.consistency.filter(
         (pl.col("trajectory") == name) & (pl.col("quantity") == "nees_velocity_attitude")
     )
-    verdict = dict(zip(verdicts["method"], verdicts["verdict"], strict=True))
+    verdict = dict(zip(table["method"], table["verdict"], strict=True))
     velocity, attitude = (
         {method: errors.final_rms(quantity, method) for method in campaign.methods(name)}
         for quantity in ("velocity", "attitude")
@@ -117,23 +130,48 @@ def _advise_on(campaign: CampaignTables, name: str, errors: RunErrors, published
             rejected[method] = count
     overconfident = tuple(method for method in methods if verdict[method] == OVERCONFIDENT)
     consistent = tuple(m for m in methods if m not in overconfident and m not in rejected)
+    return _Verdicts(velocity, attitude, consistent, overconfident, rejected)
+
+
+def _advise_on(
+    campaign: CampaignTables, name: str, verdicts: Mapping[str, _Verdicts], published: pl.DataFrame
+) -> Advice:
+    own = verdicts[name]
     beams = returning_beams(campaign.configuration(name))
     if beams not in set(published["beams"]):
         beams = None
     moves = _current_mps(campaign, name) > 0.0 or not set(IN_CURRENT).isdisjoint(published["world"])
-    known = standings(published, consistent, beams)
-    doubts = {method: _doubt(method, known.get(method), beams, water_moves=moves) for method in consistent}
+    known = standings(published, own.consistent, beams)
+    doubts = {
+        method: _failed(method, verdicts) or _doubt(method, known.get(method), beams, water_moves=moves)
+        for method in own.consistent
+    }
     return Advice(
         trajectory=name,
-        velocity_rms_mps=velocity,
-        attitude_rms_deg=attitude,
-        consistent=consistent,
-        recommended=tuple(method for method in consistent if not doubts[method]),
+        velocity_rms_mps=own.velocity_rms_mps,
+        attitude_rms_deg=own.attitude_rms_deg,
+        consistent=own.consistent,
+        recommended=tuple(method for method in own.consistent if not doubts[method]),
         consistent_here_only={method: words for method, words in doubts.items() if words},
         beams=beams,
-        overconfident=overconfident,
-        mostly_rejected=rejected,
+        overconfident=own.overconfident,
+        mostly_rejected=own.mostly_rejected,
     )
+
+
+def _failed(method: str, verdicts: Mapping[str, _Verdicts]) -> str:
+    """Where in the campaign a method is overconfident or rejects most fixes; empty where nowhere.
+
+    The filter does not know which trajectory it is on: what fails on one is recommended on none.
+    """
+    parts = []
+    for words, methods in (
+        ("overconfident", {name: one.overconfident for name, one in verdicts.items()}),
+        ("most fixes rejected", {name: tuple(one.mostly_rejected) for name, one in verdicts.items()}),
+    ):
+        where = [name.replace("_", " ") for name, found in methods.items() if method in found]
+        parts += [f"{words} on {', '.join(where)}"] if where else []
+    return "; ".join(parts)
 
 
 def _doubt(method: str, known: Standing | None, beams: str | None, *, water_moves: bool) -> str:
@@ -177,15 +215,6 @@ def swept_current(sweep: pl.DataFrame | None, trajectory: str) -> dict[str, tupl
         for speed, row in zip(speeds, rows.iter_rows(named=True), strict=True)
         if speed == strongest > 0.0
     }
-
-
-def warnings(advice: list[Advice]) -> dict[str, list[str]]:
-    """For each method that is best somewhere: the trajectories on which it is not consistent, where there are any."""
-    found: dict[str, list[str]] = {}
-    for method in dict.fromkeys(method for part in advice for method in part.best):
-        if bad := [part.trajectory for part in advice if method not in part.consistent]:
-            found[method] = bad
-    return found
 
 
 def choose(advice: list[Advice]) -> Choice | None:

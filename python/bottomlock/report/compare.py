@@ -127,4 +127,5 @@ def _part(
             }
         )
     labels = rows["campaign"].unique(maintain_order=True).to_list()
-    return {"trajectory": trajectory, "labels": labels, "quantities": quantities}
+    methods = rows["method"].unique(maintain_order=True).to_list()
+    return {"trajectory": trajectory, "labels": labels, "methods": methods, "quantities": quantities}

@@ -1,41 +1,27 @@
 """A finished campaign as one page, with its figures and the verdicts on the paper's claims."""
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from bottomlock.atomic_write import write_bytes, write_parquet, write_text
-from bottomlock.figures.consistency import calibration_figure, normalised_figure
-from bottomlock.figures.curves import nees_figure, rms_figure
 from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
-from bottomlock.figures.paths import paths_figure
-from bottomlock.figures.selector import choices_figure
+from bottomlock.pages.featured import featured
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render
 from bottomlock.paper.claims import Claim, ImprovementClaim, Paper, ValueClaim, load_paper
 from bottomlock.paper.notes import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
 from bottomlock.paper.verdicts import claims_table, flown
-from bottomlock.report.advice import REFERENCES, advise, choose, swept_current, untested_in_current, warnings
+from bottomlock.report.advice import REFERENCES, advise, choose, swept_current, untested_in_current
+from bottomlock.report.drawings import drawings
+from bottomlock.report.swept import virtual_beams
 from bottomlock.statistics.campaign import runs_mostly_rejected, summary_table
-from bottomlock.statistics.run_errors import RunErrors, read_run_errors, velocity_calibration
+from bottomlock.statistics.run_errors import read_run_errors
 from bottomlock.tables.results import CampaignTables, read_campaign_tables
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A figure of the page: name of its file, caption, figure; `trajectory` is None where it shows all of them."""
-
-    name: str
-    caption: str
-    figure: Figure
-    trajectory: str | None = None
-    wide: bool = False
 
 
 @dataclass(frozen=True)
@@ -67,8 +53,13 @@ def make_report(folder: Path) -> Report:
     else:
         # Of a campaign that was here before.
         (folder / "tables" / "claims.parquet").unlink(missing_ok=True)
+    advice = advise(campaign, errors)
+    choice = choose(advice)
+    recommended = (
+        [] if choice is None else sorted(choice.recommended, key=lambda method: method not in choice.best)
+    )
     paths, inline = [], []
-    for drawing in drawings(campaign, errors, paper):
+    for drawing in drawings(campaign, errors, paper, recommended):
         svg = svg_text(drawing.figure)
         write_text(folder / "figures" / f"{drawing.name}.svg", svg)
         write_bytes(folder / "figures" / f"{drawing.name}.png", png_bytes(drawing.figure))
@@ -77,106 +68,27 @@ def make_report(folder: Path) -> Report:
             {
                 "name": drawing.name,
                 "caption": drawing.caption,
+                "place": drawing.place,
                 "trajectory": drawing.trajectory,
-                "wide": drawing.wide,
+                "parameter": drawing.parameter,
                 "svg": Markup(inline_svg(svg, drawing.name, drawing.caption)),  # noqa: S704 - our own, escaped there
             }
         )
     page = folder / "report.html"
-    write_text(
-        page, render("report.html.j2", _content(campaign, errors, paper, claims) | {"figures": inline})
-    )
+    shown = {name: featured(campaign.methods(name), recommended) for name in campaign.trajectories}
+    content = _content(campaign, paper, claims)
+    content |= {"advice": advice, "choice": choice, "featured": shown, "figures": inline}
+    write_text(page, render("report.html.j2", content))
     return Report(page, paths, claims)
 
 
-def drawings(campaign: CampaignTables, errors: Mapping[str, RunErrors], paper: Paper) -> list[Drawing]:
-    """Every figure of a campaign: the trajectories where their truth is there, then those of each of them."""
-    found, paths = [], _paths_drawings(campaign, paper)
-    # Of several trajectories their overview comes first; of one, after its errors.
-    single = len(campaign.trajectories) == 1
-    found += [] if single else paths
-    for name in campaign.trajectories:
-        found += [
-            _rms_drawing(campaign, name, paper, "velocity", "velocity error, m/s"),
-            _rms_drawing(campaign, name, paper, "attitude", "misalignment, degrees"),
-            *_consistency_drawings(campaign, name, errors[name]),
-        ]
-        chosen = None if campaign.choices is None else choices_figure(campaign.choices, name)
-        if chosen is not None:
-            words = "What the selectors choose: share of the runs at each ping."
-            found.append(Drawing(f"choices_{name}", words, chosen, name))
-    return found + (paths if single else [])
-
-
-def _paths_drawings(campaign: CampaignTables, paper: Paper) -> list[Drawing]:
-    """The trajectories, where their truth is there."""
-    known = set() if campaign.paths is None else set(campaign.paths["trajectory"])
-    names = [name for name in campaign.trajectories if name in known]
-    if campaign.paths is None or not names:
-        return []
-    words = "The trajectories: plan view and depth"
-    words += " (the paper's Figure 8)." if flown(campaign, paper) else "."
-    single = campaign.trajectories[0] if len(campaign.trajectories) == 1 else None
-    return [Drawing("trajectories", words, paths_figure(campaign.paths, names), single, wide=single is None)]
-
-
-def _rms_drawing(campaign: CampaignTables, name: str, paper: Paper, quantity: str, words: str) -> Drawing:
-    in_paper = name in flown(campaign, paper)
-    printed = _printed(paper, name, quantity) if in_paper else []
-    caption = f"RMS over runs of the {words}; shaded: 95 % interval; every method on the same runs"
-    if in_paper:
-        caption += f" (the paper's Figure {getattr(paper.trajectories[name], f'{quantity}_figure')})"
-    if printed:
-        caption += "; diamonds: printed in the paper"
-    figure = rms_figure(campaign.ensemble, name, quantity, printed)
-    return Drawing(f"{quantity}_{name}", f"{caption}.", figure, name)
-
-
-def _consistency_drawings(campaign: CampaignTables, name: str, errors: RunErrors) -> list[Drawing]:
-    methods = campaign.methods(name)
-    return [
-        Drawing(
-            f"nees_{name}",
-            "Mean NEES of the whole state; above the grey band a method is overconfident.",
-            nees_figure(campaign.ensemble, campaign.consistency, name),
-            name,
-        ),
-        Drawing(
-            f"calibration_{name}",
-            "Velocity error against its claimed σ, a point per second; the dot is the end.",
-            calibration_figure({method: velocity_calibration(errors, method) for method in methods}),
-            name,
-        ),
-        Drawing(
-            f"normalised_{name}",
-            "Error over claimed standard deviation, RMS over runs and times, for the nine components.",
-            normalised_figure({method: errors.normalised_rms[method] for method in methods}),
-            name,
-        ),
-    ]
-
-
-def _printed(paper: Paper, trajectory: str, quantity: str) -> list[tuple[str, float, float]]:
-    return [
-        (claim.method, claim.time_s, claim.printed)
-        for claim in paper.claim
-        if isinstance(claim, ValueClaim) and claim.trajectory == trajectory and claim.quantity == quantity
-    ]
-
-
-def _content(
-    campaign: CampaignTables, errors: Mapping[str, RunErrors], paper: Paper, claims: pl.DataFrame
-) -> dict[str, Any]:
-    """Everything that the template needs besides the figures."""
-    advice = advise(campaign, errors)
+def _content(campaign: CampaignTables, paper: Paper, claims: pl.DataFrame) -> dict[str, Any]:
+    """Everything that the template needs besides the advice and the figures."""
     return {
         "campaign": campaign,
         "all_methods": [method for name in campaign.trajectories for method in campaign.methods(name)],
         "method_words": METHOD_WORDS,
         "references": REFERENCES,
-        "advice": advice,
-        "choice": choose(advice),
-        "warnings": warnings(advice),
         "untested": untested_in_current(campaign),
         "in_current": {name: swept_current(campaign.sweep, name) for name in campaign.trajectories},
         "final": {name: _final_rows(campaign, name) for name in campaign.trajectories},
@@ -188,6 +100,7 @@ def _content(
             for word in (REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE)
         },
         "sweep": None if campaign.sweep is None else list(campaign.sweep.iter_rows(named=True)),
+        "virtual_beams": virtual_beams(campaign.sweep, campaign.trajectories),
         "settings": _settings(campaign),
         "manifest": json.dumps(campaign.manifest, indent=2, sort_keys=True, ensure_ascii=False),
     }

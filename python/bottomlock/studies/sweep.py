@@ -10,7 +10,7 @@ import polars as pl
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import Scenario
 from bottomlock.statistics.campaign import summary_table
-from bottomlock.tables.studies import CURRENT, SWEEP
+from bottomlock.tables.studies import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def _cross_current(scenario: Scenario, speed_mps: float) -> Scenario:
 
 
 SETTINGS = (
-    Setting("n_f of VB", (1.0, 3.0, 6.0, 10.0, 30.0), ("vb",), _filter("virtual_beam_factor")),
+    Setting(VIRTUAL_BEAM_FACTOR, (1.0, 3.0, 6.0, 10.0, 30.0), ("vb",), _filter("virtual_beam_factor")),
     Setting(
         "ε of NSV, m²/s²",
         (1e-6, 1e-4, 1e-3, 1e-2, 1.0),

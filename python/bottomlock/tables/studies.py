@@ -17,6 +17,9 @@ SWEEP: Mapping[str, pl.DataType] = {
 """A row per value of a swept setting, trajectory and method: norms of the error vectors at the last second, RMS over
 runs; mean NEES of the whole state; fraction of the fixes that the gate rejects, null without fixes."""
 
+VIRTUAL_BEAM_FACTOR = "n_f of VB"
+"""The swept factor of `vb` that the paper does not print, in `parameter`."""
+
 CURRENT = "current to the east, m/s"
 """The swept setting in `parameter` that no method without a current as a state holds."""
 

@@ -1,0 +1,188 @@
+"""The figures of a campaign's page: which, where on the page, with what caption."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import polars as pl
+from matplotlib.figure import Figure
+
+from bottomlock.figures.consistency import calibration_figure, normalised_figure
+from bottomlock.figures.curves import nees_figure, rms_figure
+from bottomlock.figures.multiples import velocity_multiples
+from bottomlock.figures.paths import paths_figure
+from bottomlock.figures.selector import choices_figure
+from bottomlock.figures.sweep import sweep_figure
+from bottomlock.pages.featured import featured
+from bottomlock.paper.claims import Paper, ValueClaim
+from bottomlock.paper.verdicts import flown
+from bottomlock.report.swept import sweep_groups, virtual_beams
+from bottomlock.statistics.run_errors import RunErrors, velocity_calibration
+from bottomlock.tables.results import CampaignTables
+from bottomlock.tables.studies import VIRTUAL_BEAM_FACTOR
+
+Place = Literal["first", "overview", "trajectory", "calibration", "every method", "sweep"]
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure of the page.
+
+    Attributes:
+        name: of its file.
+        caption: below it, and for screen readers.
+        figure: itself.
+        place: part of the page.
+        trajectory: whose it is; None where it shows all of them.
+        parameter: swept setting, of a figure of the sweep.
+    """
+
+    name: str
+    caption: str
+    figure: Figure
+    place: Place
+    trajectory: str | None = None
+    parameter: str | None = None
+
+
+def drawings(
+    campaign: CampaignTables, errors: Mapping[str, RunErrors], paper: Paper, recommended: list[str]
+) -> list[Drawing]:
+    """Every figure of a campaign, in the order of the page.
+
+    Args:
+        campaign: its tables.
+        errors: the errors run by run of each trajectory.
+        paper: its claims.
+        recommended: methods to use, the best first.
+    """
+    names = campaign.trajectories
+    shown = {name: featured(campaign.methods(name), recommended) for name in names}
+    found = [
+        _rms(campaign, name, paper, "velocity", shown[name], banded=None, place="first") for name in names
+    ]
+    found += _paths(campaign, paper)
+    for name in names:
+        # Yaw bounds the attitude of every method alike: more than two bands would be one grey.
+        banded = [method for method in ("ins", *recommended[:1]) if method in shown[name]] or shown[name][:2]
+        found.append(_rms(campaign, name, paper, "attitude", shown[name], banded=banded, place="trajectory"))
+        found += _consistency(campaign, name, errors[name], shown[name])
+        chosen = None if campaign.choices is None else choices_figure(campaign.choices, name)
+        if chosen is not None:
+            words = "What the selectors choose: share of the runs at each ping."
+            found.append(Drawing(f"choices_{name}", words, chosen, "every method", name))
+    return found + _sweep(campaign, recommended)
+
+
+def _paths(campaign: CampaignTables, paper: Paper) -> list[Drawing]:
+    """The trajectories, where their truth is there."""
+    known = set() if campaign.paths is None else set(campaign.paths["trajectory"])
+    names = [name for name in campaign.trajectories if name in known]
+    if campaign.paths is None or not names:
+        return []
+    words = "The trajectories: plan view and depth"
+    words += " (the paper's Figure 8)." if flown(campaign, paper) else "."
+    return [Drawing("trajectories", words, paths_figure(campaign.paths, names), "overview")]
+
+
+def _rms(
+    campaign: CampaignTables,
+    name: str,
+    paper: Paper,
+    quantity: Literal["velocity", "attitude"],
+    methods: list[str],
+    *,
+    banded: list[str] | None,
+    place: Place,
+) -> Drawing:
+    in_paper = name in flown(campaign, paper)
+    printed = [one for one in _printed(paper, name, quantity) if one[0] in methods] if in_paper else []
+    title = name.replace("_", " ").capitalize()
+    words = "velocity error" if quantity == "velocity" else "misalignment"
+    caption = f"{title}: {words}, RMS over runs; shaded: 95 % interval"
+    caption += "" if banded is None else f" of {' and '.join(banded)}"
+    if in_paper:
+        caption += f" (the paper's Figure {getattr(paper.trajectories[name], f'{quantity}_figure')})"
+    if printed:
+        caption += "; hollow diamonds: printed in the paper"
+    figure = rms_figure(
+        campaign.ensemble, name, quantity, printed, methods=methods, banded=banded, small=place == "first"
+    )
+    return Drawing(f"{quantity}_{name}", f"{caption}.", figure, place, name)
+
+
+def _consistency(campaign: CampaignTables, name: str, errors: RunErrors, shown: list[str]) -> list[Drawing]:
+    return [
+        Drawing(
+            f"nees_{name}",
+            "Mean NEES of the whole state; above the grey band a method is overconfident.",
+            nees_figure(campaign.ensemble, campaign.consistency, name, methods=shown),
+            "trajectory",
+            name,
+        ),
+        Drawing(
+            f"calibration_{name}",
+            "Velocity error against its claimed σ, a point per second; the ring is the end.",
+            calibration_figure({method: velocity_calibration(errors, method) for method in shown}),
+            "calibration",
+            name,
+        ),
+        Drawing(
+            f"methods_{name}",
+            "Velocity error of every method, RMS over runs; shaded: 95 % interval; grey: the other methods.",
+            velocity_multiples(campaign.ensemble, name),
+            "every method",
+            name,
+        ),
+        Drawing(
+            f"normalised_{name}",
+            "Error over claimed standard deviation, RMS over runs and times, for the nine components.",
+            normalised_figure({method: errors.normalised_rms[method] for method in campaign.methods(name)}),
+            "every method",
+            name,
+        ),
+    ]
+
+
+def _sweep(campaign: CampaignTables, recommended: list[str]) -> list[Drawing]:
+    """A figure for each swept setting and trajectory; that of n_f has the error of `tc` across."""
+    found: list[Drawing] = []
+    if campaign.sweep is None:
+        return found
+    tc = {
+        one.trajectory: one.tc["velocity_rms_over_runs_mps"]
+        for one in virtual_beams(campaign.sweep, campaign.trajectories)
+        if one.tc is not None
+    }
+    numbers = {
+        name: k for k, name in enumerate(campaign.sweep["parameter"].unique(maintain_order=True), start=1)
+    }
+    for parameter, trajectory, rows in sweep_groups(campaign.sweep):
+        if trajectory not in campaign.trajectories or not _drawable(rows):
+            continue
+        level = ("tc", tc[trajectory]) if parameter == VIRTUAL_BEAM_FACTOR and trajectory in tc else None
+        caption = (
+            f"{trajectory.replace('_', ' ').capitalize()}: velocity error at the end against {parameter}."
+        )
+        methods = rows["method"].unique(maintain_order=True).to_list()
+        shown = featured(methods, recommended)
+        if len(shown) < len(methods):
+            caption += f" In the rows only: {', '.join(one for one in methods if one not in shown)}."
+        figure = sweep_figure(rows.filter(pl.col("method").is_in(shown)), level=level)
+        name = f"sweep_{numbers[parameter]}_{trajectory}"
+        found.append(Drawing(name, caption, figure, "sweep", trajectory, parameter))
+    return found
+
+
+def _drawable(rows: pl.DataFrame) -> bool:
+    """Whether some error is a number that a logarithmic axis can have."""
+    error_mps = rows["velocity_rms_over_runs_mps"]
+    return bool(((error_mps > 0.0) & error_mps.is_finite()).any())
+
+
+def _printed(paper: Paper, trajectory: str, quantity: str) -> list[tuple[str, float, float]]:
+    return [
+        (claim.method, claim.time_s, claim.printed)
+        for claim in paper.claim
+        if isinstance(claim, ValueClaim) and claim.trajectory == trajectory and claim.quantity == quantity
+    ]

@@ -1,0 +1,183 @@
+"""A headless Chromium by its debugging pipe: pages at given widths, in light and dark and on paper.
+
+For tests, which skip where there is no Chromium; by hand, pictures to look at:
+
+    python -m tests.browser out/report.html /tmp/shots
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+
+WIDTHS = (390, 1100, 1280, 1600)
+"""CSS pixels: a telephone, a small and a usual notebook, a desk."""
+
+CUT_OFF = """(() => {
+  document.querySelectorAll('details').forEach(one => { one.open = true; });
+  const width = document.documentElement.clientWidth;
+  const found = [];
+  if (document.documentElement.scrollWidth > width) found.push(`page ${document.documentElement.scrollWidth}`);
+  for (const one of document.querySelectorAll('body *')) {
+    if (one.closest('svg') && one.tagName !== 'svg' || one.closest('.visually-hidden, .skip')) continue;
+    const box = one.getBoundingClientRect();
+    const name = `${one.tagName}#${one.id}.${one.getAttribute('class')} ${(one.textContent || '').slice(0, 40)}`;
+    if (box.width && (box.right > width + 0.5 || box.left < -0.5)) found.push(`${name}: ${box.left} to ${box.right}`);
+    if (one.clientWidth <= 1) continue;
+    const hides = getComputedStyle(one).overflowX !== 'visible' && one.tagName !== 'PRE' && one.tagName !== 'svg';
+    if (hides && one.scrollWidth > one.clientWidth + 1) found.push(`${name}: ${one.scrollWidth} in ${one.clientWidth}`);
+  }
+  return found.slice(0, 12);
+})()"""
+"""What of the page, unfolded, does not fit the window, and what a box hides until it is scrolled."""
+
+
+def chromium() -> str | None:
+    """The program, None where there is none."""
+    return next((found for name in NAMES if (found := shutil.which(name))), None)
+
+
+class Browser:
+    """One tab."""
+
+    def __init__(self) -> None:
+        program = chromium()
+        if program is None:
+            raise FileNotFoundError("no Chromium on the path")
+        self._profile = tempfile.TemporaryDirectory(prefix="bottomlock-chromium-", ignore_cleanup_errors=True)
+        theirs_in, self._to = os.pipe()
+        self._from, theirs_out = os.pipe()
+        command = (
+            f'exec "$0" --headless --no-sandbox --disable-gpu --disable-dev-shm-usage --hide-scrollbars '
+            f'--no-first-run --remote-debugging-pipe --user-data-dir="$1" about:blank 3<&{theirs_in} 4>&{theirs_out}'
+        )
+        self._process = subprocess.Popen(
+            ["bash", "-c", command, program, self._profile.name],
+            pass_fds=(theirs_in, theirs_out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        os.close(theirs_in)
+        os.close(theirs_out)
+        self._unread, self._sent, self._session = b"", 0, ""
+        self._events: list[str] = []
+        target = self._call("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self._call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self._call("Page.enable")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self._session = ""
+            self._call("Browser.close")
+        except (OSError, EOFError):
+            self._process.kill()
+        self._process.wait(timeout=20)
+        os.close(self._to)
+        os.close(self._from)
+        self._profile.cleanup()
+
+    def open(self, page: Path) -> None:
+        """Loads a file, and waits until it is there."""
+        self._events.clear()
+        self._call("Page.navigate", url=page.resolve(strict=True).as_uri())
+        while "Page.loadEventFired" not in self._events:
+            self._events.append(str(self._receive().get("method")))
+
+    def size(self, width: int, height: int = 900) -> None:
+        """The window, in CSS pixels."""
+        settings = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
+        self._call("Emulation.setDeviceMetricsOverride", **settings)
+
+    def media(self, *, dark: bool = False, paper: bool = False) -> None:
+        """The reader's colours, and screen or paper."""
+        features = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+        self._call("Emulation.setEmulatedMedia", media="print" if paper else "screen", features=features)
+
+    def value(self, script: str) -> Any:  # noqa: ANN401 - any JSON value
+        """What an expression of JavaScript is on the page."""
+        done = self._call("Runtime.evaluate", expression=script, returnByValue=True)
+        if "exceptionDetails" in done:
+            raise ValueError(done["exceptionDetails"])
+        return done["result"].get("value")
+
+    def press(self, key: str) -> None:
+        """Presses and releases a key that writes nothing, such as Tab or Enter."""
+        code = {"Tab": 9, "Enter": 13}[key]
+        for kind in ("keyDown", "keyUp"):
+            text = {"text": "\r"} if key == "Enter" and kind == "keyDown" else {}
+            self._call(
+                "Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code, **text
+            )
+
+    def accessible(self) -> list[dict[str, Any]]:
+        """The nodes that a screen reader is given."""
+        nodes: list[dict[str, Any]] = self._call("Accessibility.getFullAXTree")["nodes"]
+        return nodes
+
+    def pictures(self, folder: Path, name: str, *, screen: int = 1600, most: int = 12) -> None:
+        """Writes PNGs of the page from its top, a screen each, at most so many."""
+        width, height = self.value("innerWidth"), self.value("document.documentElement.scrollHeight")
+        for number, top in enumerate(range(0, height, screen)[:most], start=1):
+            clip = {"x": 0, "y": top, "width": width, "height": min(screen, height - top), "scale": 1}
+            shot = self._call("Page.captureScreenshot", captureBeyondViewport=True, clip=clip)
+            (folder / f"{name}_{number}.png").write_bytes(base64.b64decode(shot["data"]))
+
+    def pdf(self, path: Path) -> None:
+        """Writes the page as it is printed."""
+        path.write_bytes(base64.b64decode(self._call("Page.printToPDF", printBackground=False)["data"]))
+
+    def _call(self, method: str, **parameters: Any) -> dict[str, Any]:  # noqa: ANN401 - any JSON value
+        self._sent += 1
+        message: dict[str, Any] = {"id": self._sent, "method": method, "params": parameters}
+        if self._session:
+            message["sessionId"] = self._session
+        os.write(self._to, json.dumps(message).encode() + b"\0")
+        while True:
+            answer = self._receive()
+            if answer.get("id") == self._sent:
+                if "error" in answer:
+                    raise ValueError(f"{method}: {answer['error']}")
+                result: dict[str, Any] = answer["result"]
+                return result
+            self._events.append(str(answer.get("method")))
+
+    def _receive(self) -> dict[str, Any]:
+        while b"\0" not in self._unread:
+            part = os.read(self._from, 1 << 20)
+            if not part:
+                raise EOFError("Chromium ended")
+            self._unread += part
+        message, self._unread = self._unread.split(b"\0", 1)
+        answer: dict[str, Any] = json.loads(message)
+        return answer
+
+
+def main(page: Path, folder: Path) -> None:
+    """Writes pictures at every width, light and dark, and the page on paper; prints what does not fit."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with Browser() as browser:
+        for width in WIDTHS:
+            browser.open(page)
+            browser.size(width)
+            for dark in (False, True):
+                browser.media(dark=dark)
+                browser.pictures(folder, f"{page.stem}_{width}_{'dark' if dark else 'light'}")
+            sys.stdout.write(f"{width}: {browser.value(CUT_OFF) or 'everything fits'}\n")
+        browser.pdf(folder / f"{page.stem}.pdf")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
