@@ -2,7 +2,8 @@
 
 Every value of a mission is a whole number of steps of its column (`STEPS`), to which it was rounded when it was made.
 The digest is the SHA-256 of the columns' names and of these whole numbers, as little-endian int64.
-Another machine's arithmetic may differ in the last bits; a value then changes only if it lies that near the middle between two steps.
+Another machine's arithmetic may differ in the last bits; a value then changes only if it lies that near the middle
+between two steps.
 """
 
 import hashlib
