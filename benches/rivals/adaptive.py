@@ -28,18 +28,20 @@ class WindowedNoise:
     """Q̂ = K Ĉ Kᵀ over the last updates; None until the window is full."""
 
     def __init__(self, window: int) -> None:
+        self.window = window
         self.corrections: deque[Floats] = deque(maxlen=window)
+        self.mean: Floats | None = None
 
     def take(self, correction: Floats) -> None:
         """Another correction K ν (n,)."""
-        self.corrections.append(np.outer(correction, correction))
+        self.corrections.append(correction)
+        if len(self.corrections) == self.window:
+            corrections = np.array(self.corrections)
+            self.mean = corrections.T @ corrections / self.window
 
     def estimate(self) -> Floats | None:
         """The mean of their products (n, n), of one interval between updates."""
-        if len(self.corrections) < (self.corrections.maxlen or 0):
-            return None
-        out: Floats = np.mean(self.corrections, axis=0)
-        return out
+        return self.mean
 
 
 class AdaptiveFilter(ErrorStateFilter):

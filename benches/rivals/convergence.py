@@ -44,6 +44,7 @@ Floats = NDArray[np.float64]
 LIMIT_RAD = np.deg2rad(2.0)
 FIX_SD_M, FIX_INTERVAL_S = 1.0, 5.0
 OURS = ("tc", "consistent")
+COLUMNS = ("case", "run", "filter", "converged_s", "final_deg", "final_nees")
 FILTERS = (*OURS, "additive EKF", "invariant EKF", "unscented")
 
 
@@ -66,8 +67,7 @@ class Case:
 
 CASES = (
     Case(30.0, 0.0), Case(60.0, 0.0), Case(90.0, 0.0),
-    Case(0.0, 10.0), Case(0.0, 10.0, fixes=False),
-    Case(30.0, 10.0), Case(60.0, 10.0), Case(90.0, 10.0),
+    Case(0.0, 10.0, fixes=False), Case(30.0, 10.0), Case(90.0, 10.0),
 )  # fmt: skip
 
 
@@ -140,7 +140,7 @@ def rival_track(rival: ErrorStateFilter, mission: Mission, positions: Positions 
     """Of a filter of this folder."""
     answers = []
     with np.errstate(all="ignore"):
-        for stop in stops(mission, positions):
+        for stop in stops(mission, positions, rival.period_ns):
             try:
                 rival.predict(stop.stretch)
                 for kind, value in stop.readings:
@@ -263,28 +263,26 @@ def main() -> None:
     """Runs the study, writes a row for each run and prints the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--runs", type=int, default=20)
-    parser.add_argument("--duration-s", type=float, default=200.0)
+    parser.add_argument("--duration-s", type=float, default=150.0)
     parser.add_argument("--out", type=Path, default=Path("convergence.csv"))
     args = parser.parse_args()
     rows: list[dict[str, Any]] = []
-    for case, run, name, one in tracks(args.runs, args.duration_s):
-        final = float(np.rad2deg(np.linalg.norm(one.error_rad[-1])))
-        rows.append(
-            {
-                "case": case.name,
-                "run": run,
-                "filter": name,
-                "converged_s": one.converged_s(),
-                "final_deg": final if np.isfinite(final) else float("inf"),
-                "final_nees": one.final_nees(),
-            }
-        )
-        if name == FILTERS[-1] and case == CASES[-1]:
-            print(f"run {run + 1} of {args.runs}", file=sys.stderr)
     with args.out.open("w", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(rows[0]))
+        writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
-        writer.writerows(rows)
+        for case, run, name, one in tracks(args.runs, args.duration_s):
+            final = float(np.rad2deg(np.linalg.norm(one.error_rad[-1])))
+            values = (
+                case.name,
+                run,
+                name,
+                one.converged_s(),
+                final if np.isfinite(final) else float("inf"),
+                one.final_nees(),
+            )
+            rows.append(dict(zip(COLUMNS, values, strict=True)))
+            writer.writerow(rows[-1])
+            file.flush()
     print(table(rows))
 
 

@@ -23,7 +23,7 @@ from benches.rivals.state import (
     velocity_rows,
 )
 from benches.rivals.strapdown import Earth, Increment, advance
-from benches.rivals.timeline import Positions, Stretch, stops
+from benches.rivals.timeline import PERIOD_NS, Positions, Stretch, stops
 from bottomlock.bench.mission import Estimates, Mission
 
 Floats = NDArray[np.float64]
@@ -31,6 +31,9 @@ Floats = NDArray[np.float64]
 
 class ErrorStateFilter:
     """State, covariance in the chart's errors, and the operations on them."""
+
+    period_ns = PERIOD_NS
+    """The longest stretch that is predicted at once."""
 
     def __init__(
         self,
@@ -114,6 +117,10 @@ class ErrorStateFilter:
         """Moves the state by the gain times the innovation (n,)."""
         self.state = self.chart.retract(self.state, correction)
 
+    def current(self) -> tuple[Floats, Floats] | None:
+        """The water's velocity, north and east (2,), and its covariance (2, 2); None where it is not estimated."""
+        return None
+
     def additive_covariance(self) -> Floats:
         """Covariance (n, n) of the additive errors."""
         to_additive = self.chart.additive(self.state)
@@ -128,7 +135,8 @@ def run(rival: ErrorStateFilter, mission: Mission, positions: Positions | None =
     velocity, position = np.full((rows, 3), np.nan), np.full((rows, 3), np.nan)
     velocity_cov, position_cov = np.full((rows, 3, 3), np.nan), np.full((rows, 3, 3), np.nan)
     attitude = np.full((rows, 4), np.nan)
-    for stop in stops(mission, positions):
+    current, current_cov = np.full((rows, 2), np.nan), np.full((rows, 2, 2), np.nan)
+    for stop in stops(mission, positions, rival.period_ns):
         try:
             rival.predict(stop.stretch)
             for kind, value in stop.readings:
@@ -145,6 +153,9 @@ def run(rival: ErrorStateFilter, mission: Mission, positions: Positions | None =
         velocity_cov[row] = rows_of_velocity @ covariance @ rows_of_velocity.T
         position_cov[row] = covariance[POSITION, POSITION]
         attitude[row] = rotations.quaternion(state.motion.rotation)
+        water = rival.current()
+        if water is not None:
+            current[row], current_cov[row] = water
     return Estimates(
         time_ns=mission.grid_ns,
         velocity_p_mps=velocity,
@@ -152,6 +163,8 @@ def run(rival: ErrorStateFilter, mission: Mission, positions: Positions | None =
         position_t_m=position,
         position_cov=position_cov,
         attitude_t_p=attitude,
+        current_t_mps=None if rival.current() is None else current,
+        current_cov=None if rival.current() is None else current_cov,
         wall_s=time.perf_counter() - began,
     )
 

@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 PERIOD_NS = 100_000_000
-"""A stretch is no longer than this: covariances are propagated at 10 Hz or more."""
+"""A stretch is no longer than this, so that covariances are propagated at 10 Hz or more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +53,8 @@ ORDER = ("ping", "depth", "heading", "position")
 """Of readings at one time, as in the kernel."""
 
 
-def stops(mission: Mission, positions: Positions | None = None) -> Iterator[Stop]:
-    """Every stop after the start, in order of time.
+def stops(mission: Mission, positions: Positions | None = None, period_ns: int = PERIOD_NS) -> Iterator[Stop]:
+    """Every stop after the start, in order of time, none later than the period after the one before.
 
     A lost beam is NaN in the value of a ping. Where a stop is not at the time of a sample, the last sample that was
     received is held, so that nothing comes from the future.
@@ -70,7 +70,7 @@ def stops(mission: Mission, positions: Positions | None = None) -> Iterator[Stop
         )
     readings = _readings(mission, positions)
     grid = {int(time_ns): row for row, time_ns in enumerate(mission.grid_ns)}
-    regular = range(start_ns, last_ns + PERIOD_NS, PERIOD_NS)
+    regular = range(start_ns, last_ns + period_ns, period_ns)
     times = sorted(t for t in {*regular, *readings, *grid} if start_ns <= t <= last_ns)
     before = start_ns
     for time_ns in times:

@@ -65,7 +65,12 @@ def moments(points: SigmaPoints, values: Floats, cross: Floats | None = None) ->
 
 
 class UnscentedFilter(ErrorStateFilter):
-    """The filter's loop and sensors with sigma points in place of Jacobians."""
+    """The filter's loop and sensors with sigma points in place of Jacobians.
+
+    Sigma points need no short steps: they are flown from measurement to measurement, a second at most.
+    """
+
+    period_ns = 1_000_000_000
 
     def __init__(self, mission: Mission, chart: Chart | None = None) -> None:
         super().__init__(mission, chart or RightInvariant())
