@@ -1,0 +1,105 @@
+"""From scores of methods on missions to the leaderboard: means, intervals over missions, paired differences, ranks."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from bottomlock.bench.load import load_mission
+from bottomlock.bench.mission_list import MissionSpec
+from bottomlock.bench.submission import check_submission, estimates_of
+from bottomlock.bench.tasks import RANKED, TASKS, scores_of
+from bottomlock.errors import DataError
+from bottomlock.statistics.compare import difference_of, estimate_of
+from bottomlock.table_file import read_parquet
+from bottomlock.tables.bench import LEADERBOARD, SCORES
+
+OVERALL = "overall"
+
+
+def score_submissions(
+    frames: Mapping[str, pl.DataFrame],
+    data: Path,
+    specs: Sequence[MissionSpec],
+    progress: Callable[[str, float], None] = lambda _words, _fraction: None,
+) -> pl.DataFrame:
+    """The scores of submissions, by method, on the missions that they answer (`tables.bench.SCORES`).
+
+    Raises:
+        DataError: for a mission that is not there or has no truth.
+    """
+    parts = [pl.DataFrame(schema=dict(SCORES))]
+    for k, spec in enumerate(specs):
+        progress(spec.name, k / len(specs))
+        mission = None
+        for method, frame in frames.items():
+            rows = frame.filter(pl.col("mission") == spec.name).sort("time_ns")
+            if rows.height:
+                mission = mission or load_mission(data / spec.split / spec.name)
+                parts.append(scores_of(mission, estimates_of(rows), method))
+    progress("", 1.0)
+    return pl.concat(parts)
+
+
+def read_submissions(paths: Sequence[Path]) -> dict[str, pl.DataFrame]:
+    """Submissions by method, which is the name of the file.
+
+    Raises:
+        DataError: for a submission that breaks the rules, and two of one name.
+    """
+    frames: dict[str, pl.DataFrame] = {}
+    for path in paths:
+        if path.stem in frames:
+            raise DataError(
+                f"{path}: another submission is called '{path.stem}', expected a name for each method"
+            )
+        frames[path.stem] = check_submission(read_parquet(path), str(path))
+    return frames
+
+
+def leaderboard(scores: pl.DataFrame, reference: str | None = None) -> pl.DataFrame:
+    """The leaderboard (`tables.bench.LEADERBOARD`), best method first in each task and score.
+
+    A row's value is the mean over missions, each mission alike, with a bootstrap interval over missions; the task
+    "overall" is the mean over the tasks of the ranking score. The reference of the paired differences is the method
+    that leads overall, unless it is named.
+    """
+    scores = pl.concat([scores, _overall(scores)])
+    means = _means(scores, OVERALL, RANKED)
+    leader = reference or (means[0][0] if means else None)
+    rows = []
+    for task, score in scores.select("task", "score").unique(maintain_order=True).iter_rows():
+        part = scores.filter((pl.col("task") == task) & (pl.col("score") == score))
+        base = dict(part.filter(pl.col("method") == leader).select("mission", "value").iter_rows())
+        for method, _ in _means(scores, task, score):
+            own = part.filter(pl.col("method") == method).sort("mission")
+            values = own["value"].to_numpy()
+            common = [mission in base for mission in own["mission"]]
+            difference: tuple[float | None, float | None, float | None] = (None, None, None)
+            if method != leader and any(common):
+                theirs = np.array([base[mission] for mission in own["mission"] if mission in base])
+                difference = difference_of(values[np.array(common)], theirs, is_rms=False, paired=True)
+            rows.append(
+                (task, score, method, len(values), *estimate_of(values, is_rms=False), *difference, leader)
+            )
+    return pl.DataFrame(rows, schema=dict(LEADERBOARD), orient="row")
+
+
+def _overall(scores: pl.DataFrame) -> pl.DataFrame:
+    """Mean over the tasks of the ranking score, a row per method and mission, over the tasks that it has."""
+    return (
+        scores.filter((pl.col("score") == RANKED) & pl.col("task").is_in(TASKS))
+        .group_by("method", "mission", maintain_order=True)
+        .agg(pl.col("value").mean(), pl.col("rows").sum())
+        .with_columns(task=pl.lit(OVERALL), score=pl.lit(RANKED))
+        .select(list(SCORES))
+    )
+
+
+def _means(scores: pl.DataFrame, task: str, score: str) -> list[tuple[str, float]]:
+    """Methods and their means over missions, best first; of equal ones the name decides."""
+    part = scores.filter((pl.col("task") == task) & (pl.col("score") == score))
+    means = part.group_by("method").agg(pl.col("value").mean())
+    order = means.sort(pl.col("value") * (-1.0 if "availability" in score else 1.0), "method")
+    return [(str(method), float(value)) for method, value in order.iter_rows()]

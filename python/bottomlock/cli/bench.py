@@ -1,0 +1,220 @@
+"""The command `bottomlock bench`: missions made, methods run, submissions checked and scored, the leaderboard."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import polars as pl
+from cyclopts import App, Parameter
+
+from bottomlock.atomic_write import write_parquet, write_text
+from bottomlock.bench.digests import published
+from bottomlock.bench.leaderboard import OVERALL, leaderboard, read_submissions, score_submissions
+from bottomlock.bench.make import RECORD, make_missions
+from bottomlock.bench.methods import estimator
+from bottomlock.bench.mission_list import MissionSpec, mission_list, missions_of
+from bottomlock.bench.run import Shard, run_missions, write_submissions
+from bottomlock.bench.seeds import PUBLIC_SEED, read_seed
+from bottomlock.bench.submission import check_submission, write_tum
+from bottomlock.bench.tasks import RANKED, TASKS
+from bottomlock.cli.console import console, narrow_table
+from bottomlock.cli.parameters import split as words
+from bottomlock.cli.study_output import study_bar
+from bottomlock.errors import DataError
+from bottomlock.kernel import METHODS
+from bottomlock.pages.numbers import plain
+from bottomlock.table_file import read_parquet
+from bottomlock.tables.bench import BLOCKS
+
+bench = App(name="bench", help="PartialDVL-Bench: make missions, run methods, check and score submissions.")
+
+Splits = Annotated[
+    str | None, Parameter(help="train, validation or test, separated by commas; all that can be by default.")
+]
+Data = Annotated[Path, Parameter(help="Directory of the missions that `bottomlock bench make` has written.")]
+Missions = Annotated[str | None, Parameter(help="Names of missions, separated by commas; all by default.")]
+
+
+@bench.command(name="list")
+def list_missions() -> None:
+    """List the missions and their splits."""
+    table = narrow_table("PartialDVL-Bench v1", ["split", "mission"], [])
+    for spec in mission_list():
+        table.add_row(spec.split, spec.name)
+    console.print(table)
+
+
+@bench.command
+def make(
+    *,
+    out: Annotated[Path, Parameter(help="Directory for the missions.")],
+    split: Splits = None,
+    missions: Missions = None,
+    seed_file: Annotated[
+        Path | None, Parameter(help="File with the seed of the test split, which is not in the package.")
+    ] = None,
+    write_digests: Annotated[
+        Path | None,
+        Parameter(help="Write the digests to this file instead of comparing them with the published ones."),
+    ] = None,
+) -> None:
+    """Make missions: readings, case file, truth; and compare their digests with the published ones."""
+    named = words(split)
+    splits = (
+        tuple(named) if named else (("train", "validation", "test") if seed_file else ("train", "validation"))
+    )
+    names = words(missions)
+    specs = missions_of(splits, None if names is None else tuple(names))
+    if seed_file is None and any(spec.split == "test" for spec in specs):
+        raise DataError(
+            "the test split is made from a seed that is not in the package: give it with --seed-file"
+        )
+    sealed = None if seed_file is None else read_seed(seed_file)
+
+    def seed_of(spec: MissionSpec) -> int:
+        return PUBLIC_SEED if sealed is None or spec.split != "test" else sealed
+
+    with study_bar(out) as report:
+        digests = make_missions(
+            specs, seed_of, out, lambda name, done: report(name[:22], done / max(1, len(specs)))
+        )
+    console.print(f"{len(digests)} missions in {out}")
+    if write_digests is not None:
+        write_text(write_digests, digests_text(digests))
+        return
+    _compare(digests)
+
+
+def digests_text(digests: dict[str, dict[str, str]]) -> str:
+    """The file of digests, TOML."""
+    head = (
+        "# Written by `bottomlock bench make --write-digests`; bench/digests.py says what a digest is of.\n"
+    )
+    parts = [
+        f'\n[{name}]\ndata = "{one["data"]}"\ntruth = "{one["truth"]}"\n' for name, one in digests.items()
+    ]
+    return head + "".join(parts)
+
+
+def _compare(digests: dict[str, dict[str, str]]) -> None:
+    """Prints whether the digests are the published ones.
+
+    Raises:
+        DataError: naming the missions that differ.
+    """
+    known = published()
+    other = [name for name, one in digests.items() if one != known.get(name)]
+    if not other:
+        console.print("all digests are the published ones")
+        return
+    raise DataError(
+        f"{len(other)} of {len(digests)} missions have other digests than those published, the first is {other[0]}: "
+        "made with another seed or version, or, where it is a single one, on a machine whose last bits differ"
+    )
+
+
+@bench.command
+def run(
+    *,
+    data: Data,
+    out: Annotated[Path, Parameter(help="Directory for the estimates: new, or of the same run to resume.")],
+    methods: Annotated[
+        str | None, Parameter(help="Our methods, separated by commas; all by default.")
+    ] = None,
+    rival: Annotated[
+        tuple[str, ...], Parameter(help="NAME=MODULE:FUNCTION of another estimator; may be given again.")
+    ] = (),
+    split: Splits = None,
+    missions: Missions = None,
+    shard: Annotated[
+        str | None, Parameter(help="k/n: run every n-th mission from the k-th on, into the same directory.")
+    ] = None,
+) -> None:
+    """Run methods and rivals on missions; finished missions are kept, and submissions written."""
+    specs = _present(data, words(split), words(missions))
+    named = words(methods)
+    ours = list(METHODS) if named is None and not rival else (named or [])
+    estimators = dict(estimator(name) for name in (*ours, *rival))
+    began = time.perf_counter()
+    with study_bar(out) as report:
+        ran = run_missions(
+            specs, data, estimators, out, shard=None if shard is None else Shard.parse(shard),
+            progress=lambda name, fraction: report(name[:22], fraction),
+        )  # fmt: skip
+        written = write_submissions(specs, list(estimators), out)
+    console.print(
+        f"{ran} of {len(specs) * len(estimators)} run in {time.perf_counter() - began:.1f} s, {len(written)} "
+        f"submissions in {out}"
+    )
+
+
+@bench.command
+def check(
+    submission: Path,
+    /,
+    *,
+    tum: Annotated[
+        Path | None, Parameter(help="Also write a TUM file per mission into this directory.")
+    ] = None,
+) -> None:
+    """Check a submission against its rules; the first fault is named with row and column."""
+    frame = check_submission(read_parquet(submission), str(submission))
+    missions = frame["mission"].n_unique()
+    answered = {block: frame[values[0]].count() for block, (values, _) in BLOCKS.items()}
+    console.print(f"{submission}: {frame.height} rows of {missions} missions keep the rules")
+    console.print(
+        "answered: " + ", ".join(f"{block} {count / frame.height:.1%}" for block, count in answered.items())
+    )
+    if tum is not None:
+        console.print(f"{len(write_tum(frame, tum))} TUM files in {tum}")
+
+
+@bench.command
+def score(
+    *submissions: Path,
+    data: Data,
+    out: Annotated[Path | None, Parameter(help="Write the scores to this Parquet file.")] = None,
+    split: Splits = None,
+    reference: Annotated[
+        str | None, Parameter(help="Method to which differences are taken; the first by default.")
+    ] = None,
+) -> None:
+    """Score submissions on missions whose truth is there, and print the ranking.
+
+    Parameters
+    ----------
+    submissions
+        Files of `bottomlock bench run`, or of one's own estimator; the name of a file is the name of the method.
+    """
+    if not submissions:
+        raise DataError("no submission is named, expected one or more Parquet files")
+    specs = _present(data, words(split), None)
+    frames = read_submissions(submissions)
+    with study_bar(data) as report:
+        scores = score_submissions(frames, data, specs, lambda name, fraction: report(name[:22], fraction))
+    if out is not None:
+        write_parquet(out, scores)
+    table = leaderboard(scores, reference)
+    for task in (OVERALL, *TASKS):
+        shown = narrow_table(f"{task}: {RANKED}", ["method"], ["mean", "95 %", "to the reference", "95 %"])
+        for row in table.filter((pl.col("task") == task) & (pl.col("score") == RANKED)).iter_rows(named=True):
+            shown.add_row(
+                row["method"], plain(row["value"]), f"{plain(row['lo'])} .. {plain(row['hi'])}",
+                plain(row["difference"]), f"{plain(row['difference_lo'])} .. {plain(row['difference_hi'])}",
+            )  # fmt: skip
+        console.print(shown)
+
+
+def _present(data: Path, split: list[str] | None, names: list[str] | None) -> tuple[MissionSpec, ...]:
+    """The missions of these splits and names that are in a folder of missions.
+
+    Raises:
+        DataError: where there is none.
+    """
+    wanted = missions_of(None if split is None else tuple(split), None if names is None else tuple(names))
+    there = tuple(spec for spec in wanted if (data / spec.split / spec.name / RECORD).is_file())
+    if not there:
+        raise DataError(
+            f"{data}: holds none of these missions; make them with `bottomlock bench make --out {data}`"
+        )
+    return there
