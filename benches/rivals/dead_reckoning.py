@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benches.rivals import rotations
-from benches.rivals.held_velocity import WINDOW, VelocityMemory
+from benches.rivals.held_velocity import WINDOW, memory_at_start
 from benches.rivals.sensors import Sensors
 from benches.rivals.state import at_start
 from benches.rivals.strapdown import Earth, Motion, advance
@@ -34,7 +34,7 @@ class DeadReckoner:
         self.velocity_p_mps = np.array(mission.start.velocity_p_mps, dtype=np.float64)
         self.velocity_cov = np.diag(np.square(initial.velocity_sd_mps))
         self.walked_cov = np.diag(np.square(initial.position_sd_m))
-        self.memory = VelocityMemory(window, float(initial.velocity_sd_mps[0]) ** 2)
+        self.memory = memory_at_start(mission, window)
         self.omega_p_radps, self.time_s = np.zeros(3), 0.0
 
     def advance(self, stretch: Stretch) -> None:

@@ -53,12 +53,20 @@ class VelocityMemory:
         return mean, self.cov_m2ps2 + np.diag(self.walk_m2ps3 * age_s)
 
 
+def memory_at_start(mission: Mission, window: int) -> VelocityMemory:
+    """Of the velocity that the mission begins with."""
+    sd = np.array(mission.model.initial.velocity_sd_mps)
+    memory = VelocityMemory(window, float(sd[0]) ** 2)
+    memory.take(0.0, np.array(mission.start.velocity_p_mps, dtype=np.float64), np.diag(sd**2))
+    return memory
+
+
 class HeldVelocityFilter(ErrorStateFilter):
     """The loosely coupled EKF that takes the memory's velocity where the beams determine none."""
 
     def __init__(self, mission: Mission, window: int) -> None:
         super().__init__(mission, solved_velocity=True)
-        self.memory = VelocityMemory(window, float(mission.model.initial.velocity_sd_mps[0]) ** 2)
+        self.memory = memory_at_start(mission, window)
         self.time_s = 0.0
 
     def predict(self, stretch: Stretch) -> None:

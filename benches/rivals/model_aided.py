@@ -51,9 +51,13 @@ class ModelAidedFilter(ErrorStateFilter):
         wrong = perturbed(vehicle, COEFFICIENT_SD, zlib.crc32(mission.name.encode()))
         self.controls, self.model = controls, KineticModel(wrong, gravity, mission.start.velocity_p_mps)
         self.time_s = self.since_s = 0.0
-        speed = float(np.clip(np.linalg.norm(mission.start.velocity_p_mps), *_speeds(vehicle)))
-        held = trim(wrong, speed, gravity)
-        self.shaft_rps, self.model.modes_rad = held.shaft_rps, np.array(held.modes_rad)
+        # Speed through the water goes with the shaft's, so a trim at cruise tells that at the speed of the start.
+        cruise = vehicle.limits.cruise_speed
+        held = trim(vehicle, cruise, gravity)
+        speed = float(
+            np.clip(mission.start.velocity_p_mps[0], vehicle.limits.min_speed, vehicle.limits.max_speed)
+        )
+        self.shaft_rps, self.model.modes_rad = held.shaft_rps * speed / cruise, np.array(held.modes_rad)
         self.model_sd = MODEL_SD_MPS.copy()
         if controls is None:
             self.model_sd[0] = float(np.hypot(self.model_sd[0], UNKNOWN_SHAFT_SD_MPS))
@@ -148,7 +152,3 @@ def estimate(mission: Mission) -> Estimates:
 def estimate_with_controls(mission: Mission, vehicle: Vehicle, controls: Controls | None) -> Estimates:
     """As in the paper: with the fins and the shaft that the vehicle's controller knows."""
     return run(ModelAidedFilter(mission, vehicle, controls), mission)
-
-
-def _speeds(vehicle: Vehicle) -> tuple[float, float]:
-    return vehicle.limits.min_speed, vehicle.limits.max_speed
