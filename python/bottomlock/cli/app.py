@@ -34,6 +34,7 @@ COMMANDS = {
     "replay": ("replay", "Navigate a recorded dive again, also with fewer beams."),
     "score": ("replay", "Leave beams out of recorded pings and measure the error of each method."),
     "audit": ("audit", "Audit a DVL log: beam directions, order, signs, defects, mounting."),
+    "bench": ("bench", "PartialDVL-Bench: make missions, run methods, check and score submissions."),
     "observe": ("observe", "Analyse which states can be estimated, and which manoeuvre helps."),
     "convert": ("convert", "Convert a recorded DVL log to a beam table."),
     "geometries": ("geometries", "List the packaged DVL geometries, with a picture of the beams."),

@@ -1,0 +1,76 @@
+"""The case file of a mission: what an honest engineer states of its sensors, whatever the noise really is."""
+
+from typing import Any
+
+from bottomlock.bench.mission_list import MissionSpec, levels
+from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S, Depth
+from bottomlock.config.toml_value import toml_value
+from bottomlock.simulation.build import Simulation
+
+_CLOCK = {"column": "time_ns", "unit": "ns"}
+_DVL_ERRORS = (
+    "beam_bias_mps", "beam_bias_walk_mps_per_rt_s", "scale_factor_percent", "scale_factor_walk_percent_per_rt_s",
+)  # fmt: skip
+_INSTRUMENT = ("configuration", "tilt_deg", "tilts_deg", "azimuths_deg", "beam_noise_mps")
+
+
+def case_text(
+    spec: MissionSpec, simulation: Simulation, start: dict[str, list[float]], *, reference: bool
+) -> str:
+    """The case file, TOML; with `reference` the truth beside it is what a replay compares with."""
+    scenario, gravity = simulation.scenario, simulation.gravity_mps2
+    depth = Depth()
+    initial = scenario.initial
+    roll, pitch, yaw = start["angles_deg"]
+    imu = levels()["imu"][spec.imu]["imu"]
+    tables: list[tuple[str, dict[str, Any]]] = [
+        ("origin", {"latitude_deg": scenario.environment.latitude_deg, "gravity": gravity}),
+        ("imu", {
+            "file": "imu.parquet", "clock": _CLOCK, "sampling": "averaged",
+            "force": [f"force_{axis}_mps2" for axis in "xyz"], "omega": [f"omega_{axis}_radps" for axis in "xyz"],
+        }),
+        ("imu.errors", imu),
+        ("dvl", {"file": "beams.parquet", "geometry": "dvl.toml"}),
+        ("dvl.errors", {key: getattr(scenario.dvl, key) for key in _DVL_ERRORS}),
+        ("depth", {
+            "file": "depth.parquet", "clock": _CLOCK, "column": "depth_m",
+            "sd_m": depth.noise_pa / (depth.water_density_kg_per_m3 * gravity),
+            "bias_m": DEPTH_BIAS_M, "bias_time_s": DEPTH_BIAS_TIME_S,
+        }),
+        # A heading sensor alone: roll and pitch are not measured and not used.
+        ("attitude", {
+            "file": "heading.parquet", "clock": _CLOCK, "roll": "roll_rad", "pitch": "pitch_rad", "yaw": "yaw_rad",
+            "aids": "heading", "yaw_sd_deg": scenario.heading.noise_deg,
+        }),
+        ("start", {
+            "at_s": 0.0, "level": "given", "roll_deg": roll, "pitch_deg": pitch, "level_sd_deg": initial.roll_deg,
+            "heading": "given", "heading_deg": yaw, "heading_sd_deg": initial.yaw_deg,
+            "position": "given", "position_m": start["position_m"], "position_sd_m": list(initial.position_m),
+            "velocity": "given", "velocity_mps": start["velocity_mps"], "velocity_sd_mps": list(initial.velocity_mps),
+        }),
+        ("replay", {"smooth": False}),
+    ]  # fmt: skip
+    if reference:
+        tables.append(("reference", {
+            "file": "truth.parquet", "clock": _CLOCK,
+            "north": "position_north_m", "east": "position_east_m", "down": "position_down_m",
+            "velocity_body": ["surge_mps", "sway_mps", "heave_mps"],
+            "roll": "roll_rad", "pitch": "pitch_rad", "yaw": "yaw_rad", "note": "the simulated truth",
+        }))  # fmt: skip
+    head = f'# A mission of PartialDVL-Bench v1.\nname = "{case_name(spec)}"\n'
+    return head + "".join(f"\n[{name}]\n{_lines(table)}" for name, table in tables)
+
+
+def case_name(spec: MissionSpec) -> str:
+    """The mission's name; the random numbers of a replay are keyed by it."""
+    return spec.name
+
+
+def instrument_text(spec: MissionSpec) -> str:
+    """The DVL's file, TOML."""
+    own = levels()["dvl"][spec.dvl]
+    return f'name = "{spec.dvl}"\n' + _lines({key: own[key] for key in _INSTRUMENT if key in own})
+
+
+def _lines(table: dict[str, Any]) -> str:
+    return "".join(f"{key} = {toml_value(value)}\n" for key, value in table.items())

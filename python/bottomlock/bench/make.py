@@ -1,0 +1,189 @@
+"""Makes the missions: readings, a case file that `bottomlock replay` reads as well, the truth, and their digests."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from scipy.spatial.transform import Rotation
+
+from bottomlock.atomic_write import write_parquet, write_text
+from bottomlock.bench.beam_errors import with_errors
+from bottomlock.bench.case_text import case_text, instrument_text
+from bottomlock.bench.digests import digest, rounded
+from bottomlock.bench.mission_list import MissionSpec
+from bottomlock.bench.seeds import stream
+from bottomlock.bench.worlds import simulation_of
+from bottomlock.config.scenario import Scenario
+from bottomlock.errors import OutputError
+from bottomlock.plant.telemetry import euler_rad
+from bottomlock.records import read_record, write_record
+from bottomlock.simulation.build import Simulation
+from bottomlock.simulation.sensor_streams import sensor_streams
+from bottomlock.truth.truth import Truth
+
+TRUTH, RECORD, CASE, INSTRUMENT = "truth.parquet", "mission.record.json", "case.toml", "dvl.toml"
+SEALED = "sealed"
+"""Folder of the truths of the test split, beside `train`, `validation` and `test`."""
+
+AXES = ("north", "east", "down")
+
+
+@dataclass(frozen=True, eq=False)
+class MadeMission:
+    """A mission as it is written: tables of its readings by name, its case and instrument files, and its truth."""
+
+    spec: MissionSpec
+    tables: dict[str, pl.DataFrame]
+    case: str
+    instrument: str
+    truth: pl.DataFrame
+
+    def digests(self) -> dict[str, str]:
+        """Digests of what an estimator receives and of the truth."""
+        return {
+            "data": digest(self.tables, self.case.split("\n[reference]")[0] + self.instrument),
+            "truth": digest({"truth": self.truth}),
+        }
+
+
+def make_mission(spec: MissionSpec, seed: int) -> MadeMission:
+    """Simulates a mission; the same seed gives the same mission.
+
+    Raises:
+        ScenarioError: where the seed draws a current against which the vehicle cannot swim.
+    """
+    simulation = simulation_of(spec, seed)
+    truth = simulation.truth()
+    streams = sensor_streams(simulation, truth)
+    axes = [
+        f"{what}_{axis}_{unit}" for what, unit in (("omega", "radps"), ("force", "mps2")) for axis in "xyz"
+    ]
+    heading = streams["heading"].select("time_ns", pl.col("heading_rad").alias("yaw_rad"))
+    tables = {
+        # Steps of 2⁻²² rad/s and 2⁻¹⁶ m/s² are exact in single precision up to 4 rad/s and 256 m/s².
+        "imu": rounded(streams["imu"]).with_columns(pl.col(axes).cast(pl.Float32)),
+        "beams": rounded(_beams(spec, seed, simulation, streams["beams"])),
+        "depth": rounded(streams["depth"]),
+        "heading": rounded(heading.with_columns(roll_rad=pl.lit(0.0), pitch_rad=pl.lit(0.0))),
+    }
+    start = _start(spec, seed, simulation.scenario, truth)
+    return MadeMission(
+        spec=spec,
+        tables=tables,
+        case=case_text(spec, simulation, start, reference=spec.split != "test"),
+        instrument=instrument_text(spec),
+        truth=rounded(truth_table(simulation, truth)),
+    )
+
+
+def truth_table(simulation: Simulation, truth: Truth) -> pl.DataFrame:
+    """The truth at every whole second: position, velocity, attitude, and the current at the vehicle's depth."""
+    rows = np.flatnonzero((truth.time_ns - truth.time_ns[0]) % 1_000_000_000 == 0)
+    columns: dict[str, object] = {"time_ns": truth.time_ns[rows]}
+    columns |= dict(zip((f"position_{axis}_m" for axis in AXES), truth.position_t_m[rows].T, strict=True))
+    names = ("surge_mps", "sway_mps", "heave_mps")
+    columns |= dict(zip(names, truth.velocity_p_mps[rows].T, strict=True))
+    columns |= dict(zip((f"attitude_{part}" for part in "wxyz"), truth.attitude_t_p[rows].T, strict=True))
+    columns |= dict(
+        zip(("roll_rad", "pitch_rad", "yaw_rad"), euler_rad(truth.attitude_t_p[rows]).T, strict=True)
+    )
+    assert simulation.mission is not None  # every mission has a vehicle
+    water = simulation.mission.current.columns(np.asarray(truth.time_ns * 1e-9, dtype=np.float64))[rows]
+    current = water[:, 0:2] + water[:, 4:6] * truth.position_t_m[rows, 2:3]
+    columns |= {"current_north_mps": current[:, 0], "current_east_mps": current[:, 1]}
+    return pl.DataFrame(columns)
+
+
+def _beams(spec: MissionSpec, seed: int, simulation: Simulation, beams: pl.DataFrame) -> pl.DataFrame:
+    count = simulation.geometry.beams
+    velocity = beams.select(f"beam{k + 1}_mps" for k in range(count)).fill_null(np.nan).to_numpy()
+    valid = beams.select(f"beam{k + 1}_valid" for k in range(count)).to_numpy()
+    time_ns, directions = beams["time_ns"].to_numpy(), np.asarray(simulation.geometry.directions_p)
+    velocity, valid = with_errors(spec, seed, time_ns, velocity, valid, directions)
+    columns: dict[str, object] = {"time_ns": time_ns}
+    for k in range(count):
+        columns |= {f"beam{k + 1}_mps": velocity[:, k], f"beam{k + 1}_valid": valid[:, k]}
+    return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
+
+
+def _start(spec: MissionSpec, seed: int, scenario: Scenario, truth: Truth) -> dict[str, list[float]]:
+    """The state that an estimator begins with: the true one with errors of the claimed σ; angles in degrees."""
+    initial, draw = scenario.initial, stream(seed, spec.name, "start")
+    turned = draw.standard_normal(3) * np.deg2rad([initial.roll_deg, initial.pitch_deg, initial.yaw_deg])
+    attitude = Rotation.from_rotvec(turned) * Rotation.from_quat(truth.attitude_t_p[0], scalar_first=True)
+    yaw, pitch, roll = attitude.as_euler("ZYX", degrees=True)
+    return {
+        "position_m": (truth.position_t_m[0] + draw.standard_normal(3) * initial.position_m)
+        .round(3)
+        .tolist(),
+        "velocity_mps": (truth.velocity_p_mps[0] + draw.standard_normal(3) * initial.velocity_mps)
+        .round(5)
+        .tolist(),
+        "angles_deg": [round(float(angle), 5) for angle in (roll, pitch, yaw)],
+    }
+
+
+def write_mission(made: MadeMission, out: Path) -> None:
+    """Writes a mission's folder; the truth of a test mission goes to the folder `sealed`.
+
+    Raises:
+        OutputError: where the folder cannot be written.
+    """
+    folder = out / made.spec.split / made.spec.name
+    files = {
+        f"{name}.parquet": write_parquet(folder / f"{name}.parquet", table)
+        for name, table in made.tables.items()
+    }
+    files[INSTRUMENT] = write_text(folder / INSTRUMENT, made.instrument)
+    files[CASE] = write_text(folder / CASE, made.case)
+    place = truth_folder(out, made.spec)
+    truth = write_parquet(place / TRUTH, made.truth)
+    if place == folder:
+        files[TRUTH] = truth
+    content = {"kind": "bench mission", "split": made.spec.split} | made.digests()
+    write_record(folder / RECORD, content, files)
+
+
+def truth_folder(out: Path, spec: MissionSpec) -> Path:
+    """Where the truth of a mission stands below a folder of missions."""
+    return out / (SEALED if spec.split == "test" else spec.split) / spec.name
+
+
+def make_missions(
+    specs: Sequence[MissionSpec],
+    seed_of: Callable[[MissionSpec], int],
+    out: Path,
+    progress: Callable[[str, int], None] = lambda _name, _done: None,
+) -> dict[str, dict[str, str]]:
+    """Makes and writes missions; one that is there with the same seed's digests is made again all the same.
+
+    Returns:
+        The digests of each mission by name.
+
+    Raises:
+        OutputError: for a folder that holds something else, or cannot be written.
+        ScenarioError: as `make_mission`.
+    """
+    for split in {spec.split for spec in specs}:
+        folder = out / split
+        strange = [one for one in folder.iterdir() if not (one / RECORD).exists()] if folder.is_dir() else []
+        if strange and any(one.is_file() for one in strange):
+            raise OutputError(
+                f"{folder}: holds '{strange[0].name}', expected missions alone; choose another folder"
+            )
+    digests = {}
+    for done, spec in enumerate(specs):
+        progress(spec.name, done)
+        made = make_mission(spec, seed_of(spec))
+        write_mission(made, out)
+        digests[spec.name] = made.digests()
+    progress("", len(specs))
+    return digests
+
+
+def recorded_digests(folder: Path) -> dict[str, str] | None:
+    """The digests that a mission's record states; None where there is no record."""
+    record = read_record(folder / RECORD)
+    return None if record is None else {key: record[key] for key in ("data", "truth")}
