@@ -327,6 +327,11 @@ def test_observe_tells_masks_directions_and_manoeuvres(
     every_mask = pl.read_parquet(tmp_path / "o" / "manoeuvres.parquet")
     assert every_mask.height == 15 * len(manoeuvres) * 3 * 2
     assert (tmp_path / "o" / "figures" / "straight.png").is_file()
+    page = (tmp_path / "o" / "observability.html").read_text(encoding="utf-8")
+    assert page.count('<img src="data:image/png;base64,') == 2
+    assert page.count('<th scope="row">beams 1') == sum(
+        name.startswith("beams 1") for name in found["aiding"]
+    )
 
 
 @pytest.mark.parametrize("is_drawn", [False, pytest.param(True, marks=pytest.mark.long)])

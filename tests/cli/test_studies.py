@@ -1,6 +1,7 @@
 """The commands `masks` and `consistency` as a new user runs them, with mistakes."""
 
 import json
+import re
 from pathlib import Path
 
 import polars as pl
@@ -56,6 +57,11 @@ def test_consistency_exit_codes(tmp_path: Path, scenario: Path) -> None:
         .startswith("# Consistency of the methods")
     )
     assert pl.read_parquet(tmp_path / "o" / "consistency.parquet").height == 2 + 3 + 3
+    page = (tmp_path / "o" / "consistency.html").read_text(encoding="utf-8")
+    counts = re.search(r"</svg>weak_sway</span></th><td[^>]*>(\d)</td><td[^>]*>(\d)</td>", page)
+    assert counts is not None
+    assert counts[1] == "2"
+    assert page.count("<h2") == 7
     for verdict, code in (("not overconfident", 0), ("overconfident", 1)):
         text = f'[[expect]]\nmethods = ["weak_sway"]\nbeams = ["1,2"]\nverdict = "{verdict}"\n'
         (tmp_path / "expected.toml").write_text(text, encoding="utf-8")

@@ -9,6 +9,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from bottomlock.pages.sheet import Part, Picture, sheet
 from bottomlock.records import write_recorded_table
 from bottomlock.report.compare import compare
 from bottomlock.report.page import make_report
@@ -41,10 +42,22 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_recorded_table(top / "a" / "sweep.parquet", sweep, {"configuration_hash": "0" * 64})
     make_report(top / "a")
     compare([top / "a", top / "b"], top / "both")
+    part = Part(
+        "cells",
+        "Cells",
+        ["A line of text."],
+        [Picture(top / "a" / "figures" / "velocity_straight.png", "Velocity error.")],
+        "A table with more columns than a telephone has room for.",
+        ["Method", *(f"beams {k}" for k in range(15))],
+        [["tc", *("12.3 ▲" for _ in range(15))]],
+        methods=True,
+        folded=True,
+    )
+    (top / "sheet.html").write_text(sheet("A study", ["of one"], [part], made_with="hands"), encoding="utf-8")
     return top
 
 
-@pytest.mark.parametrize("page", ["a/report.html", "both/compare.html"])
+@pytest.mark.parametrize("page", ["a/report.html", "both/compare.html", "sheet.html"])
 @pytest.mark.parametrize("width", WIDTHS)
 def test_nothing_is_cut_off(browser: Browser, folder: Path, page: str, width: int) -> None:
     """With everything unfolded no element is wider than the window, and none hides a part until it is scrolled."""

@@ -2,12 +2,16 @@
 
 import importlib.metadata
 import sys
+import time
+import traceback
 from typing import NoReturn
 
 import cyclopts
 from cyclopts import App
 
+from bottomlock.cli.common import peak_memory_mb, split_common
 from bottomlock.cli.console import EXIT_USAGE, console, errors, prepare_consoles
+from bottomlock.cli.examples import EXAMPLES, NAME
 from bottomlock.errors import BottomlockError
 
 COMMANDS = {
@@ -39,6 +43,7 @@ COMMANDS = {
     "convert": ("convert", "Convert a recorded DVL log to a beam table."),
     "geometries": ("geometries", "List the packaged DVL geometries, with a picture of the beams."),
     "live": ("live", "Navigate live: from DVL, IMU and depth to the ports of an autopilot."),
+    "completion": ("completion", "Print the completion of the command for a shell."),
     "live-demo": ("live_demo", "Show live navigation without hardware: instruments, live, MAVLink listener."),
 }
 """Module of `bottomlock.cli` and help line of each command."""
@@ -46,11 +51,23 @@ COMMANDS = {
 app = App(
     name="bottomlock",
     help="Aided inertial navigation with whatever Doppler velocity log beams are left.",
+    help_epilogue=(
+        "With every command: -q, --quiet prints errors alone; -v, --verbose ends with times, and after an "
+        "error with its traceback; --no-progress draws no bar. NO_COLOR is honoured. Exit codes: 0 done, 1 done but "
+        "not as expected, 2 wrong usage or data, 130 interrupted (docs/command_line.md)."
+    ),
     version=lambda: importlib.metadata.version("bottomlock"),
+    version_flags=["--version", "-V"],
     console=console,
 )
 for _name, (_module, _help) in COMMANDS.items():
-    app.command(f"bottomlock.cli.{_module}:{_name.replace('-', '_')}", name=_name, help=_help)
+    app.command(
+        f"bottomlock.cli.{_module}:{_name.replace('-', '_')}",
+        name=_name,
+        help=_help,
+        # Two spaces at the end of a line keep its break.
+        help_epilogue="Examples:  \n" + "  \n".join(f"{NAME} {one}" for one in EXAMPLES[_name]),
+    )
 
 
 def _fail(message: str) -> NoReturn:
@@ -61,10 +78,19 @@ def _fail(message: str) -> NoReturn:
 
 def main() -> None:
     """Runs the command; faults of usage and of data end with exit code 2 and one line that names the place."""
-    prepare_consoles()
+    tokens, common = split_common(sys.argv[1:])
+    prepare_consoles(common)
+    started = time.perf_counter()
     try:
-        app(exit_on_error=False, print_error=False)
+        app(tokens, exit_on_error=False, print_error=False)
     except cyclopts.CycloptsError as error:
         _fail(" ".join(str(error).split()) + "; see `bottomlock --help`")
     except BottomlockError as error:
+        if common.verbose:
+            errors.print(traceback.format_exc().rstrip())
         _fail(str(error))
+    finally:
+        if common.verbose:
+            errors.print(
+                f"bottomlock: {time.perf_counter() - started:.2f} s, {peak_memory_mb():.0f} MB at most"
+            )

@@ -24,7 +24,9 @@ _COLOURS = {"fault": "red", "warning": "yellow", "note": "dim"}
 def audit(
     log: Path,
     *,
-    out: Annotated[Path, Parameter(help="Directory for audit.json, tables, figures and audit.html.")],
+    out: Annotated[
+        Path, Parameter(alias="-o", help="Directory for audit.json, tables, figures and audit.html.")
+    ],
     geometry: Annotated[
         str | None,
         Parameter(help="Geometry to compare with: a packaged one or a TOML file, whose column map is used."),

@@ -10,12 +10,14 @@ from bottomlock.campaign.engine import ENGINES
 from bottomlock.campaign.merge import merge_shards
 from bottomlock.campaign.partition import Shard
 from bottomlock.campaign.run import run_campaign, run_shard
-from bottomlock.cli.campaign_output import print_results, progress_bar
+from bottomlock.campaign.until import QUANTITIES, Until, run_until
+from bottomlock.cli.campaign_output import print_results, progress_bar, say_cost
 from bottomlock.cli.compare import print_comparison
 from bottomlock.cli.console import console, interrupted
 from bottomlock.cli.parameters import (
     CampaignOut,
     ForceCampaign,
+    Json,
     Methods,
     Recover,
     Runs,
@@ -47,6 +49,15 @@ def run(
     ] = (),
     force: ForceCampaign = False,
     recover: Recover = False,
+    until: Annotated[
+        str | None,
+        Parameter(
+            help="METHOD.QUANTITY<PERCENT%, such as 'tc.velocity_rms<2%': stop at the end of the chunk after which "
+            "half of the 95 % interval is narrower than that, on every trajectory; --runs is the most. Quantities: "
+            f"{', '.join(QUANTITIES)}."
+        ),
+    ] = None,
+    json: Json = False,
     shard: Annotated[
         str | None,
         Parameter(help="k/n: run every n-th chunk from the k-th on; `bottomlock merge` joins the shards."),
@@ -71,19 +82,27 @@ def run(
     settings: Any = {
         "threads": threads, "engine": engine, "scheduler": scheduler, "force": force, "recover": recover,
     }  # fmt: skip
+    condition = None if until is None else Until.parse(until)
+    say_cost(loaded, threads=threads, parts=1 if part is None else part.n)
+    if condition is not None and (set_ or part is not None):
+        raise ScenarioError(
+            f"--until and {'--set' if set_ else '--shard'} are both given, expected one of them"
+        )
     if set_:
         _run_variants(loaded, set_, out, part, settings)
         return
     try:
         with progress_bar() as progress:
-            if part is None:
+            if condition is not None:
+                results = run_until(loaded, out, condition, progress=progress, **settings)
+            elif part is None:
                 results = run_campaign(loaded, out, progress=progress, **settings)
             else:
                 manifest = run_shard(loaded, out, part, progress=progress, **settings)
     except KeyboardInterrupt:
         interrupted(out)
     if part is None:
-        print_results(results, out)
+        print_results(results, out, as_json=json)
     else:
         console.print(
             f"shard {part} in {out}, {manifest['wall_time_s']:.1f} s; `bottomlock merge` joins all {part.n}"
@@ -115,7 +134,9 @@ def _run_variants(
     console.print(f"{len(variants)} {'variant' if len(variants) == 1 else 'variants'} in {out}")
 
 
-def merge(out: Path, *shards: Path, force: ForceCampaign = False, recover: Recover = False) -> None:
+def merge(
+    out: Path, *shards: Path, json: Json = False, force: ForceCampaign = False, recover: Recover = False
+) -> None:
     """Join the shards of a campaign and print its table.
 
     The tables equal those of the campaign run in one go, bit for bit.
@@ -127,4 +148,4 @@ def merge(out: Path, *shards: Path, force: ForceCampaign = False, recover: Recov
     shards
         Directories of all shards, in any order.
     """
-    print_results(merge_shards(out, shards, force=force, recover=recover), out)
+    print_results(merge_shards(out, shards, force=force, recover=recover), out, as_json=json)

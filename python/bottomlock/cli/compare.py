@@ -23,7 +23,8 @@ COLUMNS = 7
 def compare(
     *directory: Path,
     out: Annotated[
-        Path | None, Parameter(help="Directory for page, table and figures; that of the variants by default.")
+        Path | None,
+        Parameter(alias="-o", help="Directory for page, table and figures; that of the variants by default."),
     ] = None,
     against: Annotated[
         str | None, Parameter(help="The campaign that differences are taken to; the first by default.")

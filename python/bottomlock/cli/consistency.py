@@ -34,7 +34,7 @@ Expectations = tuple[Expectation, ...]
 def consistency(
     *scenario: str,
     out: StudyOut,
-    runs: Annotated[int, Parameter(help="Number of runs of each cell.")] = 100,
+    runs: Annotated[int, Parameter(alias="-n", help="Number of runs of each cell.")] = 100,
     seed: Seed = None,
     threads: Threads = 0,
     methods: Methods = None,

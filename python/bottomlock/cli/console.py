@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from rich.progress import Progress
     from rich.table import Table
 
+    from bottomlock.cli.common import Common
+
 EXIT_DEPARTURE = 1
 """The numbers were computed, and differ from the expected verdicts."""
 
@@ -28,8 +30,25 @@ console = Console(stderr=False, markup=False, emoji=False)
 errors = Console(stderr=True, soft_wrap=True, highlight=False, markup=False, emoji=False)
 
 
-def prepare_consoles() -> None:
-    """Prints notes as one line each, and characters that the terminal does not know as their codes."""
+_state = {"no bars": False}
+
+
+def bars_are_off() -> bool:
+    """Whether progress bars are left out, by --no-progress or --quiet."""
+    return _state["no bars"]
+
+
+def prepare_consoles(common: "Common | None" = None) -> None:
+    """Prints notes as one line each, and characters that the terminal does not know as their codes.
+
+    Args:
+        common: options of every command; those of a command without any by default.
+    """
+    if common is not None:
+        _state["no bars"] = common.quiet or common.no_progress
+        console.quiet = common.quiet
+        if common.quiet:
+            warnings.simplefilter("ignore", Note)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
@@ -49,7 +68,8 @@ def prepare_consoles() -> None:
             others(message, category, filename, lineno, file, line)
 
     warnings.showwarning = show
-    warnings.simplefilter("always", Note)
+    if not console.quiet:
+        warnings.simplefilter("always", Note)
 
 
 def interrupted(out: Path, *, kept: str = "chunks") -> NoReturn:
@@ -61,6 +81,7 @@ def interrupted(out: Path, *, kept: str = "chunks") -> NoReturn:
 @contextmanager
 def late_bar(bar: "Progress") -> Iterator["Progress"]:
     """A bar that is started by the first report: what is refused before it leaves none on the screen."""
+    bar.disable = bars_are_off()
     try:
         yield bar
     finally:

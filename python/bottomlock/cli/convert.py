@@ -18,7 +18,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from bottomlock.cli.console import EXIT_NOTHING_VALID, console, errors
+from bottomlock.cli.console import EXIT_NOTHING_VALID, bars_are_off, console, errors
 from bottomlock.errors import OutputError
 from bottomlock.io.beam_table import Account, BeamTable, Reason, Recording, sidecar, write_recording
 from bottomlock.io.formats import NAMES, read_recording
@@ -142,7 +142,7 @@ def _bar(file: Path) -> Iterator[None]:
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=errors) as bar:
+    with Progress(*columns, console=errors, disable=bars_are_off()) as bar:
         task = bar.add_task("reading", total=size)
         with progress_to(lambda reached: bar.update(task, completed=reached)):
             yield

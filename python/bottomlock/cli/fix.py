@@ -24,7 +24,7 @@ def fix(
     *,
     geometry: Annotated[str, Parameter(help="Packaged geometry or TOML file of the DVL.")],
     method: Annotated[str, Parameter(help=f"Method: {', '.join(FIX_METHODS)}.")],
-    out: Annotated[Path, Parameter(help="Parquet file for the fixes.")],
+    out: Annotated[Path, Parameter(alias="-o", help="Parquet file for the fixes.")],
     robust: Robust = True,
 ) -> None:
     """Solve recorded pings for velocity fixes with covariance.

@@ -14,7 +14,7 @@ from bottomlock.observability.report import observe_paper, observe_scenario
 def observe(
     case: str | None = None,
     *,
-    out: Annotated[Path, Parameter(help="Directory for tables and figures.")],
+    out: Annotated[Path, Parameter(alias="-o", help="Directory for tables and figures.")],
     paper: Annotated[
         bool,
         Parameter(negative="", help="Analyse the six cases of Klein & Diamant 2015 in place of a scenario."),

@@ -8,18 +8,32 @@ from cyclopts import Parameter
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.simulation.own_path import resolved
 from bottomlock.studies.world import in_world
 
 CampaignOut = Annotated[
-    Path, Parameter(help="Directory for the results: new, or of the same campaign to resume.")
+    Path, Parameter(alias="-o", help="Directory for the results: new, or of the same campaign to resume.")
 ]
-StudyOut = Annotated[Path, Parameter(help="Directory for the results: new, or of the same study to resume.")]
-Runs = Annotated[int | None, Parameter(help="Number of runs; the scenario's own by default.")]
-Seed = Annotated[int | None, Parameter(help="Seed of the random numbers; the scenario's own by default.")]
-Threads = Annotated[int, Parameter(help="Number of threads; 0 for one per core.")]
+StudyOut = Annotated[
+    Path, Parameter(alias="-o", help="Directory for the results: new, or of the same study to resume.")
+]
+Runs = Annotated[int | None, Parameter(alias="-n", help="Number of runs; the scenario's own by default.")]
+Seed = Annotated[
+    int | None,
+    Parameter(alias="-s", help="Seed of the random numbers; the scenario's own by default."),
+]
+Threads = Annotated[int, Parameter(alias="-j", help="Number of threads; 0 for one per core.")]
 Methods = Annotated[
-    str | None, Parameter(help="Aiding methods, separated by commas; the scenario's own by default.")
+    str | None,
+    Parameter(
+        alias="-m",
+        help="Aiding methods, separated by commas; the scenario's own by default. There are "
+        f"{', '.join(METHOD_WORDS)}, and FILE.py:CLASS.",
+    ),
+]
+Json = Annotated[
+    bool, Parameter(negative="", help="Print JSON for a program in place of tables for a reader.")
 ]
 World = Annotated[
     str | None,

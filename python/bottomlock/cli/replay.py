@@ -45,7 +45,8 @@ def replay(
     out: Annotated[
         Path | None,
         Parameter(
-            help="Directory for tables and report: new, or of the same case. With --init the case to write."
+            alias="-o",
+            help="Directory for tables and report: new, or of the same case. With --init the case to write.",
         ),
     ] = None,
     init: Annotated[
@@ -153,7 +154,9 @@ def score(
     *,
     geometry: Annotated[str, Parameter(help="Packaged geometry or TOML file of the DVL.")],
     leave_out: Annotated[int, Parameter(help="Number of beams left out at a time.")] = 1,
-    out: Annotated[Path | None, Parameter(help="Parquet file for the errors, per set of beams.")] = None,
+    out: Annotated[
+        Path | None, Parameter(alias="-o", help="Parquet file for the errors, per set of beams.")
+    ] = None,
     walk_mps_per_rt_s: Annotated[
         float, Parameter(help="Random walk of the velocity, m/s/√s, for methods that need a prior.")
     ] = 0.1,

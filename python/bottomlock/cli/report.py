@@ -16,7 +16,7 @@ from bottomlock.studies import reproduce as whole_study
 def reproduce(
     *,
     out: StudyOut,
-    runs: Annotated[int, Parameter(help="Number of runs of each trajectory.")] = whole_study.RUNS,
+    runs: Annotated[int, Parameter(alias="-n", help="Number of runs of each trajectory.")] = whole_study.RUNS,
     seed: Seed = None,
     threads: Threads = 0,
     force: ForceStudy = False,

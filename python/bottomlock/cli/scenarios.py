@@ -6,7 +6,9 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
+from bottomlock.atomic_write import json_text
 from bottomlock.cli.console import console
+from bottomlock.cli.parameters import Json
 from bottomlock.config.scenario import copy_scenario, packaged_scenarios
 
 
@@ -16,10 +18,14 @@ def scenarios(
     to: Annotated[
         Path | None, Parameter(help="File to write; NAME.toml in this directory by default.")
     ] = None,
+    json: Json = False,
 ) -> None:
     """List the packaged scenarios, or copy one."""
     if copy is not None:
         console.print(f"wrote {copy_scenario(copy, to or Path(f'{copy}.toml'))}")
+        return
+    if json:
+        console.file.write(json_text(packaged_scenarios()))
         return
     table = Table()
     table.add_column("scenario")

@@ -26,7 +26,7 @@ from bottomlock.truth.truth import Truth
 
 def fly(
     *scenario: str,
-    out: Annotated[Path | None, Parameter(help="Directory for tables and figures.")] = None,
+    out: Annotated[Path | None, Parameter(alias="-o", help="Directory for tables and figures.")] = None,
     dry_run: Annotated[
         bool, Parameter(negative="", help="Only print what the motion is like; nothing is written.")
     ] = False,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.atomic_write import write_parquet
+from bottomlock.atomic_write import write_parquet, write_text
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import OutputError, ScenarioError
@@ -16,6 +16,7 @@ from bottomlock.observability.analysis import Aiding, Deviations, Finding, Kind,
 from bottomlock.observability.figures import deviation_figure, figure_names
 from bottomlock.observability.manoeuvre_ranking import manoeuvre_ranking
 from bottomlock.observability.mask_figure import mask_figure
+from bottomlock.observability.page import page
 from bottomlock.observability.schedule import Schedule, Times
 from bottomlock.observability.tables import (
     MODELS,
@@ -84,7 +85,8 @@ def observe_scenario(source: str | Path, out: Path) -> Observed:
 
     Writes observability.parquet (the truth, every mask; a further row where beams come and go), manoeuvres.parquet
     (every mask by six manoeuvres by three sets of further sensors, on an Earth at rest and a turning one),
-    deviations.parquet, ranks.parquet, manoeuvre_ranking.parquet and two figures. The measurement times are those of the
+    deviations.parquet, ranks.parquet, manoeuvre_ranking.parquet, two figures and
+    observability.html. The measurement times are those of the
     campaign's first run (`scenario_schedule`); the truth is the vehicle's controlled on the truth. Manoeuvres are
     ranked with all the beams that ever return, and without GPS if anything else aids.
 
@@ -126,7 +128,7 @@ def observe_scenario(source: str | Path, out: Path) -> Observed:
     title = f"{scenario.name.replace('_', ' ')}, aided by {own_name}"
     save_figure(deviation_figure(sds, ranks, scenario.name, title=title), _made(paths[0]))
     save_figure(mask_figure(every_mask, title="masks by manoeuvres, 20 states"), paths[1])
-    return Observed(table, own_name, ranking, paths)
+    return _with_page(Observed(table, own_name, ranking, paths), out)
 
 
 def _check_schedule(scenario: Scenario, own: Aiding, every: Schedule) -> None:
@@ -206,7 +208,12 @@ def observe_paper(out: Path) -> Observed:
             deviation_figure(sds, ranks, case.name, title=title, unobservable=unobservable), _made(path)
         )
         paths.append(path)
-    return Observed(table, None, None, tuple(paths))
+    return _with_page(Observed(table, None, None, tuple(paths)), out)
+
+
+def _with_page(made: Observed, out: Path) -> Observed:
+    write_text(out / "observability.html", page(made.table, made.manoeuvres, made.figures))
+    return made
 
 
 _ROOM = 9

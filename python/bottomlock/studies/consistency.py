@@ -22,11 +22,12 @@ from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.simulation.run_events import Readings
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import cases, study_folder, world_words
+from bottomlock.studies.consistency_page import page
 from bottomlock.studies.consistency_table import markdown
 from bottomlock.tables.studies import CONSISTENCY_CELL, CONSISTENCY_STUDY
 
 KIND = "consistency"
-PARTS = ("cells", "consistency.parquet", "consistency.md", study_folder.MANIFEST)
+PARTS = ("cells", "consistency.parquet", "consistency.md", "consistency.html", study_folder.MANIFEST)
 FALSE_ALARM = 0.01
 TIMES = 5
 BLIND = ("ins", "lc")
@@ -75,7 +76,7 @@ def run_consistency(
     threads: int = 0,
     progress: Callable[[str, int, int], None] = lambda _cell, _done, _total: None,
 ) -> pl.DataFrame:
-    """Runs the matrix and writes `consistency.parquet` and `consistency.md`; finished cells in `out` are kept.
+    """Runs the matrix and writes `consistency.parquet`, `.md` and `.html`; finished cells in `out` are kept.
 
     Args:
         scenarios: trajectories of different names, with runs, seed and methods.
@@ -125,6 +126,7 @@ def run_consistency(
     }
     write_parquet(out / "consistency.parquet", table)
     write_text(out / "consistency.md", markdown(table, facts))
+    write_text(out / "consistency.html", page(table, facts))
     return table
 
 

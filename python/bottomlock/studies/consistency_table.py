@@ -160,11 +160,12 @@ def _matrices(table: pl.DataFrame) -> Iterator[str]:
             yield _row(["---", *("---:" for _ in methods)])
             for (beams,), group in rows.group_by("beams", maintain_order=True):
                 found = {row["method"]: row for row in group.iter_rows(named=True)}
-                yield _row([str(beams), *(_cell(found.get(method), quantity) for method in methods)])
+                yield _row([str(beams), *(matrix_cell(found.get(method), quantity) for method in methods)])
             yield ""
 
 
-def _cell(row: Mapping[str, Any] | None, quantity: str) -> str:
+def matrix_cell(row: Mapping[str, Any] | None, quantity: str) -> str:
+    """The value that decides, with the mark of its verdict; empty where there is no row."""
     if row is None:
         return ""
     value = decisive(row) / (row["degrees"] if quantity == "nis" else 1.0)

@@ -1,0 +1,35 @@
+"""Examples for the `--help` of each command; a test parses every one."""
+
+NAME = "bottomlock"
+
+EXAMPLES = {
+    "run": (
+        "run straight -o out/first",
+        "run straight lawn_mower -o out/pair -n 500 -m tc,nsv,consistent",
+        "run straight -o out/narrow -n 5000 --until 'tc.velocity_rms<2%'",
+        "run straight -o out/gyros --set imu.gyro_bias_deg_per_h=0.01,3,50",
+    ),
+    "compare": ("compare out/a out/b -o out/both", "compare out/gyros"),
+    "merge": ("merge out/whole out/part1 out/part2",),
+    "fly": ("fly straight -o out/path",),
+    "simulate-dvl": ("simulate-dvl survey --dvl tcpin:127.0.0.1:16171",),
+    "schema": ("schema scenario",),
+    "keys": ("keys scenario gyro", "keys case --json"),
+    "scenarios": ("scenarios", "scenarios --copy straight --to mine.toml"),
+    "fix": ("fix beams.parquet --geometry waterlinked_a50 --method lc -o fixes.parquet",),
+    "reproduce": ("reproduce -o out/paper -n 50",),
+    "report": ("report out/first",),
+    "masks": ("masks straight -o out/masks -n 50",),
+    "consistency": ("consistency straight -o out/consistency -n 100 -m tc,nsv",),
+    "sensor-law": ("sensor-law -o out/law",),
+    "replay": ("replay case.toml -o out/dive",),
+    "score": ("score beams.parquet --geometry waterlinked_a50",),
+    "audit": ("audit beams.parquet -o out/audit --geometry waterlinked_a50",),
+    "observe": ("observe straight -o out/states", "observe --paper -o out/paper_states"),
+    "convert": ("convert dive.pd0 --to beams.parquet",),
+    "geometries": ("geometries",),
+    "live": ("live live.toml",),
+    "completion": ("completion bash",),
+    "live-demo": ("live-demo",),
+}
+"""By command, without the program's name."""

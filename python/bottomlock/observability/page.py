@@ -1,0 +1,67 @@
+"""Observability as a page: the figures, the ranks and what is unobservable, and what a manoeuvre leaves."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import polars as pl
+
+from bottomlock.kernel import kernel_version
+from bottomlock.pages.numbers import number
+from bottomlock.pages.sheet import Part, Picture, sheet
+
+
+def page(table: pl.DataFrame, manoeuvres: pl.DataFrame | None, figures: Sequence[Path]) -> str:
+    """The page of `observe`.
+
+    Args:
+        table: `tables.observability.OBSERVABILITY`.
+        manoeuvres: `tables.observability.MANOEUVRE_RANKING`, or None.
+        figures: PNGs that are written.
+    """
+    shown = [path for path in figures if path.suffix == ".png" and path.is_file() and path.stat().st_size]
+    pictures = [Picture(path, path.stem.replace("_", " ").capitalize()) for path in shown]
+    rows = [
+        [
+            row["aiding"] or row["mask"],
+            f"{row['case']}, {row['motion']}",
+            row["model"],
+            f"{'undecided' if row['rank'] is None else row['rank']} of {row['states']}",
+            "; ".join(row["unobservable"] or []) or "nothing",
+        ]
+        for row in table.iter_rows(named=True)
+    ]
+    parts = [
+        Part(
+            "figures",
+            "Figures",
+            [
+                "A state whose line falls is estimated; one whose line stays where it began is not seen by what aids."
+            ],
+            pictures,
+        ),
+        Part(
+            "ranks",
+            "Which states can be estimated",
+            caption="Rank of the window: the number of independent combinations of the states that the measurements "
+            "determine; and the directions that they leave free, SI units.",
+            columns=["Aiding", "Case and motion", "Model", "Rank", "Unobservable"],
+            rows=rows,
+        ),
+    ]
+    if manoeuvres is not None:
+        left = [
+            [row["manoeuvre"], row["state"], row["verdict"], f"{number(100.0 * row['fraction_left'])} %"]
+            for row in manoeuvres.iter_rows(named=True)
+        ]
+        parts.append(
+            Part(
+                "manoeuvres",
+                "Which manoeuvre helps",
+                caption=f"Standard deviation left by a manoeuvre of about a minute with {manoeuvres['aiding'][0]}, in "
+                "percent of the initial one.",
+                columns=["Manoeuvre", "State", "Observable", "Left"],
+                rows=left,
+                folded=True,
+            )
+        )
+    return sheet("Observability", [], parts, made_with=f"bottomlock {kernel_version()}")
