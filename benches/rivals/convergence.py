@@ -217,7 +217,7 @@ def track(mission: Mission, answers: list[tuple[Floats, Floats]]) -> Track:
     for row, (rotation, covariance) in enumerate(answers):
         if np.isfinite(rotation).all():
             error[row], cov[row] = rotations.log(true[row] @ rotation.T), covariance
-    time_s = np.asarray(1e-9 * (mission.grid_ns - mission.start.time_ns), dtype=np.float64)
+    time_s = np.asarray((mission.grid_ns - mission.start.time_ns) / 1e9, dtype=np.float64)
     return Track(time_s, error, cov)
 
 
