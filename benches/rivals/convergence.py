@@ -17,7 +17,7 @@ import argparse
 import csv
 import dataclasses
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from benches.rivals import rotations
 from benches.rivals.development import mission_along, wrong_start
 from benches.rivals.error_state import ErrorStateFilter
+from benches.rivals.iterated import IteratedFilter
 from benches.rivals.state import MISALIGNMENT, Additive, RightInvariant
 from benches.rivals.timeline import Positions, stops
 from benches.rivals.unscented import UnscentedFilter
@@ -45,7 +46,13 @@ LIMIT_RAD = np.deg2rad(2.0)
 FIX_SD_M, FIX_INTERVAL_S = 1.0, 5.0
 OURS = ("tc", "consistent")
 COLUMNS = ("case", "run", "filter", "converged_s", "final_deg", "final_nees")
-FILTERS = (*OURS, "additive EKF", "invariant EKF", "unscented")
+RIVALS: dict[str, Callable[[Mission], ErrorStateFilter]] = {
+    "additive EKF": lambda mission: ErrorStateFilter(mission, Additive()),
+    "invariant EKF": lambda mission: ErrorStateFilter(mission, RightInvariant()),
+    "iterated invariant EKF": lambda mission: IteratedFilter(mission, RightInvariant()),
+    "unscented": lambda mission: UnscentedFilter(mission, RightInvariant()),
+}
+FILTERS = (*OURS, *RIVALS)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -210,11 +217,11 @@ def track(mission: Mission, answers: list[tuple[Floats, Floats]]) -> Track:
     for row, (rotation, covariance) in enumerate(answers):
         if np.isfinite(rotation).all():
             error[row], cov[row] = rotations.log(true[row] @ rotation.T), covariance
-    time_s = np.asarray(1e-9 * (mission.grid_ns - mission.start.time_ns), dtype=np.float64)
+    time_s = np.asarray((mission.grid_ns - mission.start.time_ns) / 1e9, dtype=np.float64)
     return Track(time_s, error, cov)
 
 
-def tracks(runs: int, duration_s: float) -> Iterator[tuple[Case, int, str, Track]]:
+def tracks(runs: int, duration_s: float, filters: Sequence[str]) -> Iterator[tuple[Case, int, str, Track]]:
     """Every case, run and filter."""
     simulation = build_simulation(world(duration_s))
     truth = simulation.truth()
@@ -226,14 +233,12 @@ def tracks(runs: int, duration_s: float) -> Iterator[tuple[Case, int, str, Track
         for index, case in enumerate(CASES):
             begun = wrong(mission, truth, case, np.random.default_rng([run, index]))
             given = positions if case.fixes else None
-            for method in OURS:
-                yield case, run, method, our_track(method, begun, given)
-            for name, rival in (
-                ("additive EKF", ErrorStateFilter(begun, Additive())),
-                ("invariant EKF", ErrorStateFilter(begun, RightInvariant())),
-                ("unscented", UnscentedFilter(begun, RightInvariant())),
-            ):
-                yield case, run, name, rival_track(rival, begun, given)
+            for name in filters:
+                made = RIVALS.get(name)
+                found = (
+                    our_track(name, begun, given) if made is None else rival_track(made(begun), begun, given)
+                )
+                yield case, run, name, found
 
 
 def table(rows: list[dict[str, Any]]) -> str:
@@ -245,6 +250,8 @@ def table(rows: list[dict[str, Any]]) -> str:
     for case in CASES:
         for name in FILTERS:
             of = [row for row in rows if row["case"] == case.name and row["filter"] == name]
+            if not of:
+                continue
             times = np.array([row["converged_s"] for row in of])
             inside = times[np.isfinite(times)]
             quartiles = "–"
@@ -264,13 +271,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--duration-s", type=float, default=150.0)
+    parser.add_argument("--filters", nargs="+", choices=FILTERS, default=FILTERS)
     parser.add_argument("--out", type=Path, default=Path("convergence.csv"))
     args = parser.parse_args()
     rows: list[dict[str, Any]] = []
     with args.out.open("w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
-        for case, run, name, one in tracks(args.runs, args.duration_s):
+        for case, run, name, one in tracks(args.runs, args.duration_s, args.filters):
             final = float(np.rad2deg(np.linalg.norm(one.error_rad[-1])))
             values = (
                 case.name,
