@@ -153,11 +153,12 @@ def _segments(mission: Mission, epochs: NDArray[np.int64]) -> Segment:
     last = np.bincount(segment)[:, None] - 1
     empty = np.arange(length) > last
     omega[empty] = np.take_along_axis(omega, last[..., None], axis=1).repeat(length, axis=1)[empty]
+    readings = np.nan_to_num(mission.pings.velocity_mps) / mission.geometry.sound_speed_scale
     return Segment(
         jnp.array(dt),
         jnp.array(omega),
         jnp.array(force),
-        jnp.array(_at(epochs, mission.pings.time_ns, np.nan_to_num(mission.pings.velocity_mps), 0.0)),
+        jnp.array(_at(epochs, mission.pings.time_ns, readings, 0.0)),
         jnp.array(_at(epochs, mission.pings.time_ns, mission.pings.valid, False)),  # noqa: FBT003
         jnp.array(_at(epochs, mission.depth.time_ns, mission.depth.value, np.nan)),
         jnp.array(_at(epochs, mission.heading.time_ns, mission.heading.value, np.nan)),
@@ -186,7 +187,7 @@ def _world(mission: Mission) -> World:
         noise=jnp.array([*noise, imu.gyro_bias_walk_radps_rts, *walks]) ** 2,
         directions=jnp.array(geometry.directions_p),
         levers=jnp.array(geometry.lever_arms_p_m),
-        beam_sd=jnp.array(dvl.beam_noise_sd_mps),
+        beam_sd=jnp.array(dvl.beam_noise_sd_mps / geometry.sound_speed_scale),
         gates=jnp.array(chi2.ppf(options.gate_probability, rows) if joint else np.full(len(rows), np.inf)),
         heading_sd=jnp.array(model.heading.sd_rad if model.heading else 1.0),
         depth_sd=jnp.array(np.hypot(model.depth.sd_m, model.depth.bias_sd_m)),

@@ -1,5 +1,6 @@
 """The batched filter in JAX against the kernel. JAX is not among the locked requirements."""
 
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from bottomlock.config.scenario import load_scenario
+from bottomlock.kernel import make_geometry
 
 pytest.importorskip("jax", reason="JAX is installed for the rivals alone")
 jax_ekf: Any = import_module("benches.rivals.jax_ekf")
@@ -16,10 +18,13 @@ SECONDS = 12.0
 
 
 def batch_of_runs(runs: int) -> list[Any]:
-    """Turning and climbing, beams 1 and 2, lever arms of the beams and heading beside them."""
+    """Turning and climbing, beams 1 and 2 and a heading, and a DVL apart from the IMU with another speed of sound."""
     scenario = load_scenario("figure_eight").with_trajectory(duration_s=SECONDS)
     scenario = scenario.replace("filter.gate_probability", 0.9).replace("heading.enabled", True)
-    return [missions.scenario_mission(scenario, run) for run in range(runs)]
+    geometry = make_geometry(
+        "x", tilt_rad=0.35, lever_arms_p_m=[[2.0, -1.0, 0.5]] * 4, sound_speed_scale=1.01
+    )
+    return [replace(missions.scenario_mission(scenario, run), geometry=geometry) for run in range(runs)]
 
 
 @pytest.mark.long
