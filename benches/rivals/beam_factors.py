@@ -31,7 +31,7 @@ def beam_factor(
     size: int,
     noise: Any,  # noqa: ANN401 - gtsam has no types
 ) -> Any:  # noqa: ANN401
-    """y = b · [(1 + SF) v + ω_tp × l] + bias, with ω_tp = ω_ip − b_g − Rᵀ ω_ie, of keys N, B and D.
+    """A reading y = b · [(1 + SF) v + ω_tp × l] + bias, with ω_tp = ω_ip − b_g − Rᵀ ω_ie, of keys N, B and D.
 
     The scale factor is row −2 of the instrument errors; `bias_row` is the beam's own, None where it has none. Without a
     lever arm the inertial bias is no variable of the factor.
@@ -124,5 +124,3 @@ def walk_factor(before: int, after: int, decay: Floats, sd: Floats) -> Any:  # n
 
 def _sigma(sd: float) -> Any:  # noqa: ANN401 - gtsam has no types
     return gtsam.noiseModel.Diagonal.Sigmas(np.array([sd]))
-
-

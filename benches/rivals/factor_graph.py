@@ -25,12 +25,12 @@ from bottomlock.models import Model
 
 Floats = NDArray[np.float64]
 
-LAG_S = 20.0
+LAG_S = 10.0
 LEAST_WALK_SD = 1e-6
-"""Instead of the walk of an error that does not change, whose information would be infinite; m/s, 1 or m, a keyframe."""
+"""Of the position by preintegration, m²/s: readings are means, with little error of integration."""
 LEAST_SD = 1e-6
 INTEGRATION_VAR = 1e-12
-"""Of the position by preintegration, m²/s: the readings are means, so that there is next to no error of integration."""
+"""Of the position by preintegration, m²/s: readings are means, with next to no error of integration."""
 
 
 @dataclass(frozen=True)
@@ -122,13 +122,12 @@ class _Graph:
         self.preintegration = self._preintegration()
         self.at = int(np.searchsorted(mission.imu.time_ns, self.time_ns, side="right"))
         self.last_omega_p = mission.imu.omega_p_radps[max(self.at - 1, 0)]
-        parameters = gtsam.ISAM2Params()
-        parameters.relinearizeSkip = 1
-        parameters.setRelinearizeThreshold(1e-3)
-        parameters.findUnusedFactorSlots = True
-        # Information from 1e-6 to 1e12 stands in one graph.
-        parameters.setFactorization("QR")
-        self.smoother = gtsam.IncrementalFixedLagSmoother(lag_s, parameters)
+        parameters = gtsam.LevenbergMarquardtParams()
+        # Information from 1e-2 to 1e12 stands in one graph.
+        parameters.setLinearSolverType("MULTIFRONTAL_QR")
+        # Not the incremental smoother: where beams leave a direction of the velocity unobserved, it finds information
+        # where there is none, and diverges (README_graph.md).
+        self.smoother = gtsam.BatchFixedLagSmoother(lag_s, parameters)
         self.state, self.bias, self.instrument = self._start()
 
     def _preintegration(self) -> Any:  # noqa: ANN401 - gtsam has no types
@@ -220,8 +219,9 @@ class _Graph:
         """The factors of all readings at a time."""
         mission, model, factors = self.mission, self.mission.model, []
         for k in _rows(mission.pings.time_ns, time_ns):
-            for beam in np.flatnonzero(mission.pings.valid[k]):
-                factors.append(self._beam(int(beam), float(mission.pings.velocity_mps[k, beam]), j))
+            readings = mission.pings.velocity_mps[k]
+            valid = np.flatnonzero(mission.pings.valid[k])
+            factors.extend(self._beam(int(beam), float(readings[beam]), j) for beam in valid)
         for k in _rows(mission.depth.time_ns, time_ns):
             lever = np.asarray(mission.options.depth_lever_p_m)
             size = len(self.instrument)
@@ -287,7 +287,7 @@ class _Graph:
 
 
 def _beam_noise(robust: Any, sd: float) -> Any:  # noqa: ANN401 - gtsam has no types
-    """Student's t of ν degrees as the loss that gtsam calls Cauchy: its weight is ν/(ν + x²), that of t (ν + 1) times it."""
+    """Student's t of ν degrees as gtsam's Cauchy: their weights (ν + 1)/(ν + x²) over σ² are the same."""
     if robust is None or robust.tail == "gaussian":
         return _sigmas(np.array([sd]))
     estimators = gtsam.noiseModel.mEstimator

@@ -2,9 +2,9 @@
 
     python -m benches.rivals.graph_against_tc [--runs 20] [--lag 20] [--table benches/rivals/graph_against_tc.md]
 
-Both take the same missions: readings, start, claimed errors. A figure of a run is the RMS over its whole seconds; a ratio
-is that of the RMS over all runs, TC over graph, with a 95 % interval by drawing runs again. NEES is of the velocity, of
-three degrees.
+Both take the same missions: readings, start, claimed errors. A figure of a run is the RMS over its whole seconds; a
+ratio is that of the RMS over all runs, TC over graph, with a 95 % interval by drawing runs again. NEES is of the
+velocity, of three degrees.
 """
 
 import argparse
@@ -141,9 +141,10 @@ def page(rows: Sequence[str], runs: int, lag_s: float) -> str:
         [
             "# Tight coupling against the factor graph",
             "",
-            f"Made by `python -m benches.rivals.graph_against_tc --runs {runs} --lag {lag_s:g}`; {runs} runs a row, the window of",
-            f"the graph {lag_s:g} s. RMS of the velocity error (norm) over 250 s in m/s; ratio TC over graph with a 95 % interval",
-            "(paired bootstrap over runs); mean NEES of the velocity, 3 for a consistent filter; seconds a mission.",
+            f"Made by `python -m benches.rivals.graph_against_tc --runs {runs} --lag {lag_s:g}`: {runs} runs a row,",
+            f"the window of the graph {lag_s:g} s. RMS of the velocity error (norm) over 250 s in m/s; ratio TC over",
+            "graph with a 95 % interval (paired bootstrap over runs); mean NEES of the velocity, 3 for a consistent",
+            "filter; seconds a mission.",
             "",
             "| World | RMS TC | RMS graph | Ratio | Within 2 %? | NEES TC | NEES graph | s TC | s graph |",
             "|---|---|---|---|---|---|---|---|---|",

@@ -1,8 +1,9 @@
 """The error-state Kalman filter of 20 states in JAX, over many runs at a time: tight coupling by `vmap` and `scan`.
 
-The same equations as the kernel's `tc` with the covariance propagated at every inertial step and without its treatment
-of outliers (docs/equations.md): F of Eq. 4 averaged over a step, Φ = I + F T, half of the noise before it and half after,
-a row per beam (Eqs 15, 20 and 22), Joseph's form. Beside the beams a heading and a depth, whose bias is taken for noise.
+The same equations as the kernel's `tc` with the covariance propagated at every inertial step and without its
+treatment of outliers (docs/equations.md): F of Eq. 4 averaged over a step, Φ = I + F T, half of the noise before it and
+half after, a row per beam (Eqs 15, 20 and 22), Joseph's form. Beside the beams a heading and a depth, whose bias is
+taken for noise.
 
 Float64 is switched on for the process by importing this module.
 """
@@ -86,8 +87,7 @@ def estimate(mission: Mission) -> Estimates:
     states = jax.block_until_ready(run(batch))
     wall_s = time.perf_counter() - began
     at = {
-        name: np.asarray(value)[0][batch.on_grid]
-        for name, value in zip(State._fields, states, strict=True)
+        name: np.asarray(value)[0][batch.on_grid] for name, value in zip(State._fields, states, strict=True)
     }
     return Estimates(
         time_ns=mission.grid_ns,
@@ -153,11 +153,12 @@ def _segments(mission: Mission, epochs: NDArray[np.int64]) -> Segment:
     last = np.bincount(segment)[:, None] - 1
     empty = np.arange(length) > last
     omega[empty] = np.take_along_axis(omega, last[..., None], axis=1).repeat(length, axis=1)[empty]
+    readings = np.nan_to_num(mission.pings.velocity_mps) / mission.geometry.sound_speed_scale
     return Segment(
         jnp.array(dt),
         jnp.array(omega),
         jnp.array(force),
-        jnp.array(_at(epochs, mission.pings.time_ns, np.nan_to_num(mission.pings.velocity_mps), 0.0)),
+        jnp.array(_at(epochs, mission.pings.time_ns, readings, 0.0)),
         jnp.array(_at(epochs, mission.pings.time_ns, mission.pings.valid, False)),  # noqa: FBT003
         jnp.array(_at(epochs, mission.depth.time_ns, mission.depth.value, np.nan)),
         jnp.array(_at(epochs, mission.heading.time_ns, mission.heading.value, np.nan)),
@@ -186,7 +187,7 @@ def _world(mission: Mission) -> World:
         noise=jnp.array([*noise, imu.gyro_bias_walk_radps_rts, *walks]) ** 2,
         directions=jnp.array(geometry.directions_p),
         levers=jnp.array(geometry.lever_arms_p_m),
-        beam_sd=jnp.array(dvl.beam_noise_sd_mps),
+        beam_sd=jnp.array(dvl.beam_noise_sd_mps / geometry.sound_speed_scale),
         gates=jnp.array(chi2.ppf(options.gate_probability, rows) if joint else np.full(len(rows), np.inf)),
         heading_sd=jnp.array(model.heading.sd_rad if model.heading else 1.0),
         depth_sd=jnp.array(np.hypot(model.depth.sd_m, model.depth.bias_sd_m)),
@@ -247,9 +248,13 @@ def _step(world: World, state: State, reading: tuple[Array, Array, Array]) -> tu
     new_velocity_t = velocity_t + gain_t - coriolis
     position = state.position + 0.5 * dt * (velocity_t + new_velocity_t)
     velocity = after.T @ new_velocity_t
-    rows = 0.5 * dt * (
-        _dynamics(world, before, state.velocity, velocity_t, omega)
-        + _dynamics(world, after, velocity, new_velocity_t, omega)
+    rows = (
+        0.5
+        * dt
+        * (
+            _dynamics(world, before, state.velocity, velocity_t, omega)
+            + _dynamics(world, after, velocity, new_velocity_t, omega)
+        )
     )
     noise = 0.5 * dt * _noise(world, 0.5 * (before + after), 0.5 * (state.velocity + velocity))
     covariance = _propagated(state.covariance + noise, rows) + noise
@@ -334,9 +339,7 @@ def _beam_rows(world: World, state: State, omega: Array, last_dt: Array, segment
     return segment.beams - expected, rows, noise
 
 
-def _update(
-    state: State, residual: Array, rows: Array, noise: Array, valid: Array, gates: Array
-) -> State:
+def _update(state: State, residual: Array, rows: Array, noise: Array, valid: Array, gates: Array) -> State:
     """Joseph's form with the rows that are valid; all are left out where the NIS is beyond the gate."""
     pairs = valid[:, None] & valid[None]
     residual, rows = jnp.where(valid, residual, 0.0), jnp.where(valid[:, None], rows, 0.0)

@@ -1,4 +1,5 @@
 """The factor graph against the kernel and against differences. gtsam is not among the locked requirements."""
+# ruff: noqa: ANN401 - what is imported only where it is installed has no types here
 
 from dataclasses import replace
 from importlib import import_module
@@ -57,9 +58,7 @@ def test_without_aiding_it_is_the_strapdown_solution() -> None:
     np.testing.assert_allclose(found.velocity_p_mps, expected.velocity_p_mps, rtol=0.0, atol=1e-4)
     np.testing.assert_allclose(found.position_t_m, expected.position_t_m, rtol=0.0, atol=3e-3)
     still = mission.model.environment.replace(earth_rate_radps=0.0)
-    without_earth = factor_graph.estimate(
-        replace(mission, model=mission.model.replace(environment=still))
-    )
+    without_earth = factor_graph.estimate(replace(mission, model=mission.model.replace(environment=still)))
     assert np.abs(without_earth.velocity_p_mps - expected.velocity_p_mps).max() > 1e-3
 
 
