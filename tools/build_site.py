@@ -23,7 +23,6 @@ from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 
-import jupytext
 import polars as pl
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -83,6 +82,8 @@ def with_downloads(script: Path, text: str) -> str:
 
 def notebooks(folder: Path) -> Iterator[Path]:
     """The examples as notebooks without outputs."""
+    import jupytext  # noqa: PLC0415 - of the extra `docs`; the rest of this module is tested without it
+
     for script in examples():
         book = jupytext.read(script, fmt="py:percent")
         yield write(folder / f"{script.stem}.ipynb", jupytext.writes(book, fmt="ipynb").encode())
