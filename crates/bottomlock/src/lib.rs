@@ -7,7 +7,7 @@
 //! ```
 //! use bottomlock::NavError;
 //! use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
-//! use bottomlock::filter::Options;
+//! use bottomlock::filter::options::Options;
 //! use bottomlock::frames::Vec3;
 //! use bottomlock::layout::{MAX_BEAMS, VELOCITY};
 //! use bottomlock::mechanisation::ImuSample;
