@@ -108,9 +108,13 @@ bench: $(VENV)/.tools $(VENV)/.installed
 	$(bin)/python -m pytest --benchmark-enable --benchmark-only tests
 
 # The documentation site with its executed gallery, and rustdoc beside it; a warning is an error. Open out/site/index.html.
-docs: $(VENV)/.docs $(VENV)/.installed
+docs: spelling $(VENV)/.docs $(VENV)/.installed
 	RUSTDOCFLAGS="-D warnings" cargo doc --package bottomlock --no-deps --locked --quiet
 	$(bin)/python tools/build_site.py
+
+# Words that nobody spells so; NEES and NED are none of them.
+spelling: $(VENV)/.docs
+	$(bin)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs examples crates python tools
 
 # Every link of the site: a broken one within it fails `make docs` already; those outside are tried, and told.
 docs-links: $(VENV)/.docs $(VENV)/.installed

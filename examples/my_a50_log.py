@@ -18,33 +18,19 @@ import polars as pl
 folder = Path(mkdtemp(prefix="a50_"))
 
 
-def bottomlock(*arguments: str) -> None:
-    """The command in the folder of this page."""
-    done = subprocess.run(
-        [sys.executable, "-m", "bottomlock", *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    print("$ bottomlock", *arguments)
+def bottomlock(command: str) -> None:
+    """Runs a command in the folder of this page."""
+    program = [sys.executable, "-m", "bottomlock", *command.split()]
+    done = subprocess.run(program, cwd=folder, capture_output=True, text=True, check=True)
+    print("$ bottomlock", command)
     print(done.stdout, end="\n\n")
 
 
 bottomlock(
-    *[
-        "simulate-dvl",
-        "survey",
-        "--geometry",
-        "waterlinked_a50",
-        "--dvl",
-        "file:a50.json",
-        "--truth",
-        "truth.parquet",
-    ],
-    *["--speed", "max", "--duration-s", "180"],
+    "simulate-dvl survey --geometry waterlinked_a50 --dvl file:a50.json "
+    "--truth truth.parquet --speed max --duration-s 180"
 )
-print((folder / "a50.json").read_text().splitlines()[5][:110], "...")
+print((folder / "a50.json").read_text().splitlines()[5][:80], "...")
 
 # %% [markdown]
 # ## Convert
@@ -52,7 +38,7 @@ print((folder / "a50.json").read_text().splitlines()[5][:110], "...")
 # The format is recognised from the content. The account says what was kept, what was left out and why.
 
 # %%
-bottomlock("convert", "a50.json", "--to", "pings.parquet")
+bottomlock("convert a50.json --to pings.parquet")
 
 # %% [markdown]
 # ## Velocity with covariance, and with two beams
@@ -69,9 +55,7 @@ lost = pings.with_columns(
     pl.when(away).then(False).otherwise(pl.col(f"beam{k}_valid")).alias(f"beam{k}_valid") for k in (3, 4)
 )
 lost.write_parquet(folder / "lost.parquet")
-bottomlock(
-    *["fix", "lost.parquet", "--geometry", "waterlinked_a50", "--method", "plcf", "--out", "fixes.parquet"]
-)
+bottomlock("fix lost.parquet --geometry waterlinked_a50 --method plcf --out fixes.parquet")
 
 # %%
 fixes = pl.read_parquet(folder / "fixes.parquet")

@@ -29,10 +29,19 @@ janus = bottomlock.BeamGeometry.janus(np.deg2rad(30.0))
 table = manoeuvre_ranking(janus, Aiding(beams=(1, 2)), model)
 observable = (
     table.group_by("manoeuvre", maintain_order=True)
-    .agg(observable=(pl.col("verdict") == "observable").sum())
+    .agg(
+        observable=(pl.col("verdict") == "observable").sum(),
+        unobservable=(pl.col("verdict") == "unobservable").sum(),
+        undecided=(~pl.col("verdict").is_in(["observable", "unobservable"])).sum(),
+    )
     .sort("observable", descending=True)
 )
 observable
+
+# %% [markdown]
+# A state counts as observable if it can be told from all others by itself. At rest, on a straight course and in a
+# steady turn the motion is the same all the time, and no window is long enough. What is observable is not yet known
+# well: the next figure shows how well.
 
 # %%
 wanted = table["state"].unique(maintain_order=True).to_list()[3:15]

@@ -18,7 +18,7 @@ print(np.round(janus.directions_p, 3))
 # %% [markdown]
 # Each row is a beam, its columns are forward, right and down. With the rows B of the beams that return and the noise
 # σ of a beam, the information about the velocity is Λ = BᵀB/σ². An inertial system without aid has a velocity with
-# some uncertainty of its own, here 0.5 m/s in every direction. The sum of both informations is what is known after
+# some uncertainty of its own, here 0.5 m/s in every direction. The sum of both is what is known after
 # the ping.
 
 # %%

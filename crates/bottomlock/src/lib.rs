@@ -1,5 +1,61 @@
 //! Aided inertial navigation with partial Doppler velocity log (DVL) measurements.
 //!
+//! # A navigator
+//! Inertial readings and pings of two beams are pushed with their times; the estimate comes with its covariance. Each
+//! measurement used gives a report: innovation, NIS, accepted or rejected.
+//!
+//! ```
+//! use bottomlock::NavError;
+//! use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
+//! use bottomlock::filter::options::Options;
+//! use bottomlock::frames::Vec3;
+//! use bottomlock::layout::{MAX_BEAMS, VELOCITY};
+//! use bottomlock::mechanisation::ImuSample;
+//! use bottomlock::model::Model;
+//! use bottomlock::navigator::events::Event;
+//! use bottomlock::navigator::{Method, NavigatorSet};
+//! use bottomlock::state::NavState;
+//!
+//! # fn main() -> Result<(), NavError> {
+//! let geometry = BeamGeometry::janus(Janus::X, 20_f64.to_radians())?;
+//! let (model, method) = (Model::table_2(), Method::named("sway_current")?);
+//! let start = NavState { velocity_p_mps: Vec3::new(2.0, 0.0, 0.0), ..NavState::at_rest(0) };
+//! let mut navigator = NavigatorSet::new(start, &geometry, method.aiding, &model, &Options::default())?;
+//!
+//! let mut ping = BeamSample {
+//!     time_ns: 0,
+//!     velocity_mps: [f64::NAN; MAX_BEAMS], // of lost beams nothing is read
+//!     sd_mps: [0.042; MAX_BEAMS],
+//!     valid: BeamMask::all(2),
+//! };
+//! for beam in ping.valid.iter() {
+//!     ping.velocity_mps[beam] = geometry.direction_p(beam).x * 2.0; // 2 m/s ahead
+//! }
+//! let mut accepted = 0;
+//! for step in 0..=1000 {
+//!     let time_ns = step * 10_000_000; // 100 Hz
+//!     let level = ImuSample {
+//!         time_ns,
+//!         rate_p_radps: Vec3::zeros(),
+//!         force_p_mps2: Vec3::new(0.0, 0.0, -model.environment.gravity_mps2),
+//!     };
+//!     navigator.push(&Event::Imu(level), &mut |_| {})?;
+//!     if step > 0 && step % 100 == 0 {
+//!         ping.time_ns = time_ns;
+//!         navigator.push(&Event::Beams(ping), &mut |report| accepted += usize::from(report.was_used()))?;
+//!     }
+//! }
+//! let surge_sd_mps = navigator.covariance()[(VELOCITY, VELOCITY)].sqrt();
+//! assert!((navigator.state().velocity_p_mps.to_array()[0] - 2.0).abs() < 0.05);
+//! assert!(surge_sd_mps < 0.05);
+//! assert_eq!(accepted, 10);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! On a vehicle [`navigator::LiveNavigator`] adds what a live stream needs: samples that come late or twice, faulty
+//! inertial readings, and units that cannot be.
+//!
 //! # Frames, units, signs
 //! The tangent frame (`_t`) is north–east–down and fixed to the Earth. The platform frame (`_p`) is forward–right–down
 //! and fixed to the vehicle. `attitude_t_p` maps platform vectors to the tangent frame. Units are SI, angles are
