@@ -92,13 +92,20 @@ def _task(table: pl.DataFrame, task: str) -> dict[str, Any]:
     key = task.split(maxsplit=1)[0].lower()
     caption = f"{task}: {RANKED}, mean over missions with its 95 % interval; less is better."
     svg = svg_text(leaderboard_figure(rows, f"{RANKED} (less is better)"))
-    others = {
+    values = {
         score: dict(
             table.filter((pl.col("task") == task) & (pl.col("score") == score))
             .select("method", "value")
             .iter_rows()
         )
         for score in COLUMNS.get(task, ())
+    }
+    available = next((one for score, one in values.items() if "availability" in score), {})
+    silent = {method for method, share in available.items() if share == 0.0}
+    # Its scores are those of the climatology, of which only the ranking one counts.
+    others = {
+        score: {method: value for method, value in one.items() if method not in silent}
+        for score, one in values.items()
     }
     missions = int(rows["missions"].max() or 1)  # type: ignore[arg-type] # an Int64 column
     return {
@@ -107,6 +114,7 @@ def _task(table: pl.DataFrame, task: str) -> dict[str, Any]:
         "words": WORDS[task],
         "rows": list(rows.iter_rows(named=True)),
         "others": others,
+        "silent": silent,
         "reference": rows["reference"][0],
         "missions": missions,
         "svg": Markup(inline_svg(svg, key, caption)),  # noqa: S704 - our own, escaped there

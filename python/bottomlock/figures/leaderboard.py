@@ -22,6 +22,8 @@ def leaderboard_figure(rows: pl.DataFrame, label: str) -> Figure:
     value, low, high = (rows[name].to_numpy() for name in ("value", "lo", "hi"))
     half = value[: max(2, (len(value) + 1) // 2)]
     span = max(float(half.max() - half.min()), float((high - low)[: len(half)].max()))
+    # Entries that all score alike, such as those without an answer, still need a width.
+    span = span or 1.0
     edge = float(value.min()) + SHOWN * span
     with mpl.rc_context(STYLE):
         figure = new_figure(height_in=0.9 + 0.25 * len(methods))
