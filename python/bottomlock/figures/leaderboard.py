@@ -32,7 +32,7 @@ def leaderboard_figure(rows: pl.DataFrame, label: str) -> Figure:
             colour = stroke(method).colour
             if value[place] > edge:
                 axes.annotate(
-                    f"{value[place]:.3g} →", (1.0, place), xycoords=("axes fraction", "data"), ha="right", va="center",
+                    _words(value[place]), (1.0, place), xycoords=("axes fraction", "data"), ha="right", va="center",
                     fontsize=8.5, color=INK,
                 )  # fmt: skip
                 continue
@@ -45,3 +45,7 @@ def leaderboard_figure(rows: pl.DataFrame, label: str) -> Figure:
         axes.grid(visible=False, axis="y")
         figure.tight_layout()
     return figure
+
+
+def _words(value: float) -> str:
+    return f"{value:.{0 if value >= 100.0 else 2}f} →"
