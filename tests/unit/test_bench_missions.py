@@ -1,6 +1,7 @@
 """Missions of the benchmark: the list covers its factors, data come from the seed alone, and a replay reads them."""
 
 import shutil
+from dataclasses import replace
 from itertools import combinations, product
 from pathlib import Path
 
@@ -12,8 +13,16 @@ from scipy.spatial.transform import Rotation
 from bottomlock.bench.beam_errors import noise, recorded_pattern, shoals
 from bottomlock.bench.digests import digest, published, rounded, step_of
 from bottomlock.bench.load import load_mission, truth_path
-from bottomlock.bench.make import RECORD, make_mission
-from bottomlock.bench.mission_list import FACTORS, SPLITS, levels, mission_list, missions_of, recorded
+from bottomlock.bench.make import RECORD, MadeMission, make_mission, make_missions
+from bottomlock.bench.mission_list import (
+    FACTORS,
+    SPLITS,
+    MissionSpec,
+    levels,
+    mission_list,
+    missions_of,
+    recorded,
+)
 from bottomlock.bench.seeds import PUBLIC_SEED, read_seed
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
@@ -153,6 +162,29 @@ def test_a_changed_mission_is_refused(tmp_path: Path) -> None:
     (folder / RECORD).unlink()
     with pytest.raises(DataError, match="holds no mission"):
         load_mission(folder)
+
+
+def test_what_is_there_whole_is_kept_and_what_has_changed_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[str] = []
+
+    def counted(spec: MissionSpec, seed: int) -> MadeMission:
+        calls.append(spec.name)
+        return make_mission(spec, seed)
+
+    monkeypatch.setattr("bottomlock.bench.make.make_mission", counted)
+    specs = [replace(spec, duration_s=20.0) for spec in (short_specs()[0], short_specs()[-1])]
+    names = [spec.name for spec in specs]
+    first = make_missions(specs, lambda _: 5, tmp_path)
+    assert make_missions(specs, lambda _: 5, tmp_path) == first
+    assert calls == names
+    (tmp_path / "sealed" / names[1] / "truth.parquet").unlink()
+    (tmp_path / "train" / names[0] / "beams.parquet").write_bytes(b"cut")
+    assert make_missions(specs, lambda _: 5, tmp_path) == first
+    assert calls == [*names, *names]
+    assert make_missions(specs, lambda _: 6, tmp_path) != first
+    assert len(calls) == 6
 
 
 @pytest.mark.parametrize("kind", ["gaussian", "student_t3", "recorded"])

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from bottomlock.atomic_write import write_parquet, write_text
 from bottomlock.bench.beam_tasks import PINGS_TASK, VELOCITY_TASK
 from bottomlock.bench.leaderboard import OVERALL, leaderboard
-from bottomlock.bench.mission_list import FACTORS, mission_list
+from bottomlock.bench.mission_list import FACTORS, SPLITS, levels, mission_list
 from bottomlock.bench.tasks import CURRENT, NAVIGATION, RANKED, RECOVERY
 from bottomlock.figures.leaderboard import leaderboard_figure
 from bottomlock.figures.palette import inline_svg, svg_text
@@ -22,6 +22,9 @@ NAME = "leaderboard"
 """Of the written files: `leaderboard.html`, `.parquet` and `.csv`."""
 
 BAND = 0.95
+TIE = 1e-9
+"""Nats a component, below which two methods have answered the same."""
+
 TOP = 6
 """Methods in the table by factor."""
 
@@ -92,7 +95,7 @@ def _task(table: pl.DataFrame, task: str) -> dict[str, Any]:
     key = task.split(maxsplit=1)[0].lower()
     caption = f"{task}: {RANKED}, mean over missions with its 95 % interval; less is better."
     svg = svg_text(leaderboard_figure(rows, f"{RANKED} (less is better)"))
-    others = {
+    values = {
         score: dict(
             table.filter((pl.col("task") == task) & (pl.col("score") == score))
             .select("method", "value")
@@ -100,13 +103,22 @@ def _task(table: pl.DataFrame, task: str) -> dict[str, Any]:
         )
         for score in COLUMNS.get(task, ())
     }
+    available = next((one for score, one in values.items() if "availability" in score), {})
+    silent = {method for method, share in available.items() if share == 0.0}
+    # Its scores are those of the climatology, of which only the ranking one counts.
+    others = {
+        score: {method: value for method, value in one.items() if method not in silent}
+        for score, one in values.items()
+    }
     missions = int(rows["missions"].max() or 1)  # type: ignore[arg-type] # an Int64 column
     return {
         "key": key,
         "name": task,
         "words": WORDS[task],
         "rows": list(rows.iter_rows(named=True)),
+        "nats": nats,
         "others": others,
+        "silent": silent,
         "reference": rows["reference"][0],
         "missions": missions,
         "svg": Markup(inline_svg(svg, key, caption)),  # noqa: S704 - our own, escaped there
@@ -121,6 +133,15 @@ def _task(table: pl.DataFrame, task: str) -> dict[str, Any]:
     }
 
 
+def nats(value: float) -> str:
+    """A score in nats: two decimals, none from a hundred on, as a third says nothing of missions like these.
+
+    >>> nats(-0.3264), nats(2664.7)
+    ('−0.33', '2665')
+    """
+    return f"{value:.{0 if abs(value) >= 100.0 else 2}f}".replace("-", "−")
+
+
 def _factors(scores: pl.DataFrame, table: pl.DataFrame) -> dict[str, Any]:
     """Ranking score of T2 by the level of each factor, for the methods that lead it."""
     lead = table.filter((pl.col("task") == NAVIGATION) & (pl.col("score") == RANKED))["method"].to_list()[
@@ -130,22 +151,22 @@ def _factors(scores: pl.DataFrame, table: pl.DataFrame) -> dict[str, Any]:
         (pl.col("task") == NAVIGATION) & (pl.col("score") == RANKED) & pl.col("method").is_in(lead)
     )
     specs = {spec.name: spec for spec in mission_list()}
-    rows: dict[str, dict[str, dict[str, float]]] = {}
-    counts: dict[str, int] = {}
-    for factor in FACTORS:
+    rows: dict[str, dict[str, tuple[int, dict[str, float]]]] = {}
+    for factor in ("split", *FACTORS):
         level_of = {name: str(getattr(spec, factor)) for name, spec in specs.items()}
-        levels = part.with_columns(level=pl.col("mission").replace_strict(level_of))
-        for (level,), group in levels.group_by("level", maintain_order=True):
-            means = group.group_by("method").agg(pl.col("value").mean())
-            rows.setdefault(factor, {})[str(level)] = dict(means.iter_rows())
-            counts[str(level)] = group["mission"].n_unique()
-    return {"methods": lead, "rows": rows, "counts": counts}
+        known = part.with_columns(level=pl.col("mission").replace_strict(level_of))
+        for level in SPLITS if factor == "split" else levels()[factor]:
+            group = known.filter(pl.col("level") == level)
+            if group.height:
+                means = group.group_by("method").agg(pl.col("value").mean())
+                rows.setdefault(factor, {})[level] = (group["mission"].n_unique(), dict(means.iter_rows()))
+    return {"methods": lead, "rows": rows, "nats": nats}
 
 
 def _led(scores: pl.DataFrame) -> dict[str, list[tuple[str, int]]]:
-    """By task, on how many missions each method has the best ranking score."""
+    """By task, on how many missions each method has the best ranking score, or one within `TIE` of it."""
     part = scores.filter(pl.col("score") == RANKED)
-    best = part.sort("value", "method").group_by("task", "mission", maintain_order=True).first()
+    best = part.filter(pl.col("value") <= pl.col("value").min().over("task", "mission") + TIE)
     counted = (
         best.group_by("task", "method").len().sort(["task", "len", "method"], descending=[False, True, False])
     )

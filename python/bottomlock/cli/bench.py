@@ -43,10 +43,8 @@ Missions = Annotated[str | None, Parameter(help="Names of missions, separated by
 @bench.command(name="list")
 def list_missions() -> None:
     """List the missions and their splits."""
-    table = narrow_table("PartialDVL-Bench v1", ["split", "mission"], [])
     for spec in mission_list():
-        table.add_row(spec.split, spec.name)
-    console.print(table)
+        console.print(f"{spec.split:<11}{spec.name}", soft_wrap=True, highlight=False)
 
 
 @bench.command

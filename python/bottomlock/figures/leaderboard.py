@@ -22,6 +22,8 @@ def leaderboard_figure(rows: pl.DataFrame, label: str) -> Figure:
     value, low, high = (rows[name].to_numpy() for name in ("value", "lo", "hi"))
     half = value[: max(2, (len(value) + 1) // 2)]
     span = max(float(half.max() - half.min()), float((high - low)[: len(half)].max()))
+    # Entries that all score alike, such as those without an answer, still need a width.
+    span = span or 1.0
     edge = float(value.min()) + SHOWN * span
     with mpl.rc_context(STYLE):
         figure = new_figure(height_in=0.9 + 0.25 * len(methods))
@@ -30,7 +32,7 @@ def leaderboard_figure(rows: pl.DataFrame, label: str) -> Figure:
             colour = stroke(method).colour
             if value[place] > edge:
                 axes.annotate(
-                    f"{value[place]:.3g} →", (1.0, place), xycoords=("axes fraction", "data"), ha="right", va="center",
+                    _words(value[place]), (1.0, place), xycoords=("axes fraction", "data"), ha="right", va="center",
                     fontsize=8.5, color=INK,
                 )  # fmt: skip
                 continue
@@ -43,3 +45,7 @@ def leaderboard_figure(rows: pl.DataFrame, label: str) -> Figure:
         axes.grid(visible=False, axis="y")
         figure.tight_layout()
     return figure
+
+
+def _words(value: float) -> str:
+    return f"{value:.{0 if value >= 100.0 else 2}f} →"
