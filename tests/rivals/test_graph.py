@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from bottomlock.config.scenario import Scenario, load_scenario
 
@@ -60,6 +61,29 @@ def test_without_aiding_it_is_the_strapdown_solution() -> None:
     still = mission.model.environment.replace(earth_rate_radps=0.0)
     without_earth = factor_graph.estimate(replace(mission, model=mission.model.replace(environment=still)))
     assert np.abs(without_earth.velocity_p_mps - expected.velocity_p_mps).max() > 1e-3
+
+
+def test_the_covariance_of_the_start_by_axes() -> None:
+    """Position by north, east and down, velocity by surge, sway and heave, at 1 rad of yaw, as the kernel has them."""
+    mission = missions.scenario_mission(short(3.0, 1, 2, 3, 4))
+    yaw, base = Rotation.from_rotvec([0.0, 0.0, 1.0]), mission.start.attitude_t_p
+    attitude = (yaw * Rotation.from_quat(base, scalar_first=True)).as_quat(scalar_first=True)
+    initial = mission.model.initial.replace(
+        position_sd_m=[1.0, 2.0, 3.0], velocity_sd_mps=[0.01, 0.02, 0.03], attitude_sd_rad=[0.01, 0.02, 0.03]
+    )
+    mission = replace(
+        mission,
+        model=mission.model.replace(initial=initial),
+        start=replace(mission.start, attitude_t_p=attitude),
+    )
+    expected = missions.tightly_coupled(mission, "ins", covariance_period_ns=0)
+    found = factor_graph.estimate(mission)
+    for ours, theirs in (
+        (found.velocity_cov, expected.velocity_cov),
+        (found.position_cov, expected.position_cov),
+    ):
+        scale = np.abs(theirs).max(axis=(1, 2), keepdims=True)
+        assert np.abs((ours - theirs) / scale).max() < 1e-3
 
 
 def factor(name: str) -> tuple[Any, list[int]]:

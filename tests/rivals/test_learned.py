@@ -156,12 +156,16 @@ def test_the_committed_weights_beat_the_baseline(validation: list[Any]) -> None:
 
 
 def test_the_loose_filter_adds_a_position() -> None:
-    """Velocities without error aid the filter: it follows them, and the position follows the truth."""
-    mission = flown()
-    aided = learned_beams.loosely_coupled(
-        mission, mission.truth.velocity_p_mps, np.tile(np.eye(3) * 1e-4, (30, 1, 1))
-    )
-    assert train.rms(mission.truth.velocity_p_mps - aided.velocity_p_mps) < 0.02
+    """Velocities without error aid the filter, beside depth and heading: the position follows the truth."""
+    scenario = load_scenario("survey_table2").with_trajectory(duration_s=30.0)
+    mission = missions.scenario_mission(scenario.replace("heading.enabled", True))
+    truth, covariance = mission.truth, np.tile(np.eye(3) * 1e-4, (30, 1, 1))
+    aided = learned_beams.loosely_coupled(mission, truth.velocity_p_mps, covariance)
+    assert train.rms(truth.velocity_p_mps - aided.velocity_p_mps) < 0.02
     moved = (aided.position_t_m - mission.start.position_t_m)[:, :2]
-    true = (mission.truth.position_t_m - mission.truth.position_t_m[0])[:, :2]
+    true = (truth.position_t_m - truth.position_t_m[0])[:, :2]
     assert np.linalg.norm(moved[-1] - true[-1]) < 4.0
+    assert np.sqrt(aided.position_cov[-1, 2, 2]) < 0.5
+    turned = replace(mission, heading=replace(mission.heading, value=mission.heading.value + 0.02))
+    other = learned_beams.loosely_coupled(turned, truth.velocity_p_mps, covariance)
+    assert np.abs(other.attitude_t_p[-1] - aided.attitude_t_p[-1]).max() > 1e-3
