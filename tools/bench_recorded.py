@@ -2,8 +2,9 @@
 
     python tools/bench_recorded.py
 
-writes `python/bottomlock/bench/recorded.toml` anew from data/logs/pd0_riverpro (closure residuals of the pings with
-four beams, over their half-width of 68.3 %) and data/logs/pd0_glider (beams of every ensemble that met the bottom).
+writes `recorded.toml`, `riverpro.csv` and `riverpro_license.md` in python/bottomlock/bench anew, from
+data/logs/pd0_riverpro (the pings with four beams, and their closure residuals over the half-width of 68.3 %) and
+data/logs/pd0_glider (beams of every ensemble that met the bottom).
 """
 
 from __future__ import annotations
@@ -33,6 +34,20 @@ def noise() -> list[float]:
     beams = pd0.read(path.read_bytes(), path.name).table
     residuals = closure_residuals(read_geometry("teledyne_20").geometry, beams.velocity_mps, beams.valid)
     return [float(value) for value in np.round(residuals / np.quantile(np.abs(residuals), 0.683), 4)]
+
+
+def pings() -> str:
+    """The pings of the RiverPro with four beams, CSV, with the source and where the licence is."""
+    path = ROOT / "data" / "logs" / "pd0_riverpro" / "RiverPro_test01.PD0"
+    beams = pd0.read(path.read_bytes(), path.name).table
+    lines = [
+        "# Pings with four beams of RiverPro_test01.PD0 (MHKiT-Python, BSD-3: riverpro_license.md); m/s",
+        "time_ns,beam1_mps,beam2_mps,beam3_mps,beam4_mps",
+    ]
+    for time_ns, reading, valid in zip(beams.time_ns, beams.velocity_mps, beams.valid, strict=True):
+        if valid.all():
+            lines.append(",".join([str(time_ns - beams.time_ns[0]), *(f"{value:.3f}" for value in reading)]))
+    return "\n".join(lines) + "\n"
 
 
 def pattern() -> tuple[list[float], list[str]]:
@@ -81,6 +96,9 @@ def main() -> None:
         "",
     ]
     write_text(OUT, "\n".join(lines))
+    write_text(OUT.with_name("riverpro.csv"), pings())
+    licence = ROOT / "data" / "logs" / "pd0_riverpro" / "LICENSE.md"
+    write_text(OUT.with_name("riverpro_license.md"), licence.read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":

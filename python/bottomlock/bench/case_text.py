@@ -57,13 +57,8 @@ def case_text(
             "velocity_body": ["surge_mps", "sway_mps", "heave_mps"],
             "roll": "roll_rad", "pitch": "pitch_rad", "yaw": "yaw_rad", "note": "the simulated truth",
         }))  # fmt: skip
-    head = f'# A mission of PartialDVL-Bench v1.\nname = "{case_name(spec)}"\n'
+    head = f'# A mission of PartialDVL-Bench v1.\nname = "{spec.name}"\n'
     return head + "".join(f"\n[{name}]\n{_lines(table)}" for name, table in tables)
-
-
-def case_name(spec: MissionSpec) -> str:
-    """The mission's name; the random numbers of a replay are keyed by it."""
-    return spec.name
 
 
 def instrument_text(spec: MissionSpec) -> str:

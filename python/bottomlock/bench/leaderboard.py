@@ -63,7 +63,7 @@ def leaderboard(scores: pl.DataFrame, reference: str | None = None) -> pl.DataFr
 
     A row's value is the mean over missions, each mission alike, with a bootstrap interval over missions; the task
     "overall" is the mean over the tasks of the ranking score. The reference of the paired differences is the method
-    that leads overall, unless it is named.
+    that leads overall, or in a task that it does not answer the one that leads there, unless one is named.
     """
     scores = pl.concat([scores, _overall(scores)])
     means = _means(scores, OVERALL, RANKED)
@@ -71,17 +71,27 @@ def leaderboard(scores: pl.DataFrame, reference: str | None = None) -> pl.DataFr
     rows = []
     for task, score in scores.select("task", "score").unique(maintain_order=True).iter_rows():
         part = scores.filter((pl.col("task") == task) & (pl.col("score") == score))
-        base = dict(part.filter(pl.col("method") == leader).select("mission", "value").iter_rows())
-        for method, _ in _means(scores, task, score):
+        ranked = _means(scores, task, score)
+        own_leader = leader if leader in part["method"] else _means(scores, task, RANKED)[0][0]
+        base = dict(part.filter(pl.col("method") == own_leader).select("mission", "value").iter_rows())
+        for method, _ in ranked:
             own = part.filter(pl.col("method") == method).sort("mission")
             values = own["value"].to_numpy()
             common = [mission in base for mission in own["mission"]]
             difference: tuple[float | None, float | None, float | None] = (None, None, None)
-            if method != leader and any(common):
+            if method != own_leader and any(common):
                 theirs = np.array([base[mission] for mission in own["mission"] if mission in base])
                 difference = difference_of(values[np.array(common)], theirs, is_rms=False, paired=True)
             rows.append(
-                (task, score, method, len(values), *estimate_of(values, is_rms=False), *difference, leader)
+                (
+                    task,
+                    score,
+                    method,
+                    len(values),
+                    *estimate_of(values, is_rms=False),
+                    *difference,
+                    own_leader,
+                )
             )
     return pl.DataFrame(rows, schema=dict(LEADERBOARD), orient="row")
 

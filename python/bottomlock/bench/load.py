@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock.bench.digests import digest
-from bottomlock.bench.make import CASE, INSTRUMENT, RECORD, SEALED, TRUTH
+from bottomlock.bench.make import CASE, RECORD, SEALED, TRUTH
 from bottomlock.bench.mission import Inertial, Mission, Pings, Scalars, Start, Truth
 from bottomlock.errors import DataError
 from bottomlock.records import read_record, read_recorded
@@ -111,6 +111,3 @@ def _heading(prepared: PreparedRun) -> Scalars:
     attitudes = prepared.streams.attitudes
     assert attitudes is not None  # every case has the section
     return Scalars(attitudes.time_ns, to_angles(attitudes.attitude)[:, 2])
-
-
-__all__ = ["INSTRUMENT", "load_mission", "truth_of", "truth_path"]

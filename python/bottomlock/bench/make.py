@@ -1,7 +1,9 @@
 """Makes the missions: readings, a case file that `bottomlock replay` reads as well, the truth, and their digests."""
 
+import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +18,13 @@ from bottomlock.bench.mission_list import MissionSpec
 from bottomlock.bench.seeds import stream
 from bottomlock.bench.worlds import simulation_of
 from bottomlock.config.scenario import Scenario
-from bottomlock.errors import OutputError
+from bottomlock.errors import DataError, OutputError
+from bottomlock.kernel import kernel_version
 from bottomlock.plant.telemetry import euler_rad
-from bottomlock.records import read_record, write_record
+from bottomlock.records import read_record, read_recorded, write_record
 from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
+from bottomlock.table_file import read_parquet
 from bottomlock.truth.truth import Truth
 
 TRUTH, RECORD, CASE, INSTRUMENT = "truth.parquet", "mission.record.json", "case.toml", "dvl.toml"
@@ -125,8 +129,10 @@ def _start(spec: MissionSpec, seed: int, scenario: Scenario, truth: Truth) -> di
     }
 
 
-def write_mission(made: MadeMission, out: Path) -> None:
+def write_mission(made: MadeMission, out: Path, key: str = "") -> None:
     """Writes a mission's folder; the truth of a test mission goes to the folder `sealed`.
+
+    `key`, of `key_of`, says from what it was made.
 
     Raises:
         OutputError: where the folder cannot be written.
@@ -142,7 +148,7 @@ def write_mission(made: MadeMission, out: Path) -> None:
     truth = write_parquet(place / TRUTH, made.truth)
     if place == folder:
         files[TRUTH] = truth
-    content = {"kind": "bench mission", "split": made.spec.split} | made.digests()
+    content = {"kind": "bench mission", "split": made.spec.split, "key": key} | made.digests()
     write_record(folder / RECORD, content, files)
 
 
@@ -157,7 +163,7 @@ def make_missions(
     out: Path,
     progress: Callable[[str, int], None] = lambda _name, _done: None,
 ) -> dict[str, dict[str, str]]:
-    """Makes and writes missions; one that is there with the same seed's digests is made again all the same.
+    """Makes and writes missions; one that is there whole, from the same seed and version, is kept.
 
     Returns:
         The digests of each mission by name.
@@ -176,14 +182,40 @@ def make_missions(
     digests = {}
     for done, spec in enumerate(specs):
         progress(spec.name, done)
-        made = make_mission(spec, seed_of(spec))
-        write_mission(made, out)
-        digests[spec.name] = made.digests()
+        key = key_of(spec, seed_of(spec))
+        kept = _kept(spec, out, key)
+        if kept is None:
+            made = make_mission(spec, seed_of(spec))
+            write_mission(made, out, key)
+            kept = made.digests()
+        digests[spec.name] = kept
     progress("", len(specs))
     return digests
 
 
-def recorded_digests(folder: Path) -> dict[str, str] | None:
-    """The digests that a mission's record states; None where there is no record."""
-    record = read_record(folder / RECORD)
-    return None if record is None else {key: record[key] for key in ("data", "truth")}
+def key_of(spec: MissionSpec, seed: int) -> str:
+    """What a mission is made from: its seed, the kernel, and the files of this room and of the simulated vehicle.
+
+    A digest of all, from which a sealed seed cannot be found.
+    """
+    total = hashlib.sha256(f"{seed}\0{spec.name}\0{kernel_version()}".encode())
+    for room in ("bottomlock.bench", "bottomlock.plant", "bottomlock.simulation"):
+        for entry in sorted(resources.files(room).iterdir(), key=lambda one: one.name):
+            if entry.name.endswith((".py", ".toml")) and entry.name != "digests.toml":
+                total.update(entry.read_bytes())
+    return total.hexdigest()
+
+
+def _kept(spec: MissionSpec, out: Path, key: str) -> dict[str, str] | None:
+    """The digests of a mission that is there whole, from the same key; None where it has to be made."""
+    folder = out / spec.split / spec.name
+    try:
+        record = read_record(folder / RECORD)
+        if record is None or record.get("key") != key:
+            return None
+        for name in record["digests"]:
+            read_recorded(folder / name, record, remedy="it is made again")
+        truth = digest({"truth": read_parquet(truth_folder(out, spec) / TRUTH)})
+    except DataError:
+        return None
+    return {name: record[name] for name in ("data", "truth")} if truth == record["truth"] else None

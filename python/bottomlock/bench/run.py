@@ -106,11 +106,11 @@ def part_path(out: Path, method: str, spec: MissionSpec) -> Path:
 
 
 def key_of(name: str, call: Estimator, data_digest: str) -> str:
-    """What estimates depend on: the mission's data and the kernel's version, or the source of another's module."""
+    """What estimates depend on: the mission's data, the kernel's version, and of a rival all sources in its folder."""
     source = kernel_version()
     if name not in METHODS:
-        module = inspect.getmodule(call)
-        source = name if module is None else inspect.getsource(module)
+        folder = Path(inspect.getfile(call)).parent
+        source += "".join(path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.py")))
     return hashlib.sha256(f"{name}\0{data_digest}\0{source}".encode()).hexdigest()
 
 

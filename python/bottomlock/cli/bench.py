@@ -8,11 +8,15 @@ import polars as pl
 from cyclopts import App, Parameter
 
 from bottomlock.atomic_write import write_parquet, write_text
+from bottomlock.bench.beam_submission import BEAMS, PINGS, our_beam_tables, score_beam_submissions
+from bottomlock.bench.beam_tasks import PINGS_TASK, VELOCITY_TASK
 from bottomlock.bench.digests import published
 from bottomlock.bench.leaderboard import OVERALL, leaderboard, read_submissions, score_submissions
+from bottomlock.bench.load import load_mission
 from bottomlock.bench.make import RECORD, make_missions
 from bottomlock.bench.methods import estimator
 from bottomlock.bench.mission_list import MissionSpec, mission_list, missions_of
+from bottomlock.bench.page import write_page
 from bottomlock.bench.run import Shard, run_missions, write_submissions
 from bottomlock.bench.seeds import PUBLIC_SEED, read_seed
 from bottomlock.bench.submission import check_submission, write_tum
@@ -24,7 +28,8 @@ from bottomlock.errors import DataError
 from bottomlock.kernel import METHODS
 from bottomlock.pages.numbers import plain
 from bottomlock.table_file import read_parquet
-from bottomlock.tables.bench import BLOCKS
+from bottomlock.tables.bench import BLOCKS, SCORES
+from bottomlock.tables.check import check as tables_check
 
 bench = App(name="bench", help="PartialDVL-Bench: make missions, run methods, check and score submissions.")
 
@@ -38,10 +43,8 @@ Missions = Annotated[str | None, Parameter(help="Names of missions, separated by
 @bench.command(name="list")
 def list_missions() -> None:
     """List the missions and their splits."""
-    table = narrow_table("PartialDVL-Bench v1", ["split", "mission"], [])
     for spec in mission_list():
-        table.add_row(spec.split, spec.name)
-    console.print(table)
+        console.print(f"{spec.split:<11}{spec.name}", soft_wrap=True, highlight=False)
 
 
 @bench.command
@@ -149,6 +152,21 @@ def run(
 
 
 @bench.command
+def beams(
+    *,
+    data: Data,
+    out: Annotated[Path, Parameter(help="Directory for the submissions.")],
+    split: Splits = None,
+) -> None:
+    """Write our submissions of T1 (velocity from the beams of a ping) and T5 (real pings with beams left out)."""
+    specs = _present(data, words(split), None)
+    missions = [load_mission(data / spec.split / spec.name, truth=False) for spec in specs]
+    for name, table in our_beam_tables(missions).items():
+        write_parquet(out / f"{name}.parquet", table)
+        console.print(f"{out / name}.parquet: {table.height} rows")
+
+
+@bench.command
 def check(
     submission: Path,
     /,
@@ -189,13 +207,16 @@ def score(
     if not submissions:
         raise DataError("no submission is named, expected one or more Parquet files")
     specs = _present(data, words(split), None)
-    frames = read_submissions(submissions)
+    of_beams = [path for path in submissions if path.suffixes[:-1] in ([f".{BEAMS}"], [f".{PINGS}"])]
+    frames = read_submissions([path for path in submissions if path not in of_beams])
+    tables = [read_parquet(path) for path in of_beams]
     with study_bar(data) as report:
         scores = score_submissions(frames, data, specs, lambda name, fraction: report(name[:22], fraction))
+        scores = pl.concat([score_beam_submissions(of_beams, tables, data, specs), scores])
     if out is not None:
         write_parquet(out, scores)
     table = leaderboard(scores, reference)
-    for task in (OVERALL, *TASKS):
+    for task in (OVERALL, *(one for one in (VELOCITY_TASK, *TASKS, PINGS_TASK) if one in table["task"])):
         shown = narrow_table(f"{task}: {RANKED}", ["method"], ["mean", "95 %", "to the reference", "95 %"])
         for row in table.filter((pl.col("task") == task) & (pl.col("score") == RANKED)).iter_rows(named=True):
             shown.add_row(
@@ -218,3 +239,24 @@ def _present(data: Path, split: list[str] | None, names: list[str] | None) -> tu
             f"{data}: holds none of these missions; make them with `bottomlock bench make --out {data}`"
         )
     return there
+
+
+@bench.command
+def page(
+    scores: Path,
+    /,
+    *,
+    out: Annotated[Path, Parameter(help="Directory for leaderboard.html, .parquet and .csv.")],
+    reference: Annotated[
+        str | None, Parameter(help="Method to which differences are taken; the one that leads by default.")
+    ] = None,
+) -> None:
+    """Write the leaderboard as one self-contained page, from the scores alone.
+
+    Parameters
+    ----------
+    scores
+        The file that `bottomlock bench score --out` has written.
+    """
+    table = tables_check(read_parquet(scores), SCORES, place=str(scores))
+    console.print(f"{write_page(table, out, reference=reference)}")

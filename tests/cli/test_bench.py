@@ -1,0 +1,142 @@
+"""`bottomlock bench`: make, run with a rival, check, score and page on two missions; resumed and refused."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from bottomlock.bench import mission_list as lists
+from bottomlock.bench.methods import estimate
+from bottomlock.bench.mission import Estimates, Mission
+from bottomlock.tables.bench import LEADERBOARD, SUBMISSION
+from bottomlock.tables.check import check
+from tests.cli.calls import command
+
+RIVAL = "rival=tests.cli.test_bench:rival"
+
+
+def rival(mission: Mission) -> Estimates:
+    """A rival that is `tc` under another name, and sees no truth."""
+    assert mission.truth is None
+    return estimate(mission, "tc")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def two_missions() -> Iterator[None]:
+    """The list has two missions of the validation split and one of the test split."""
+    whole = lists._content()
+    short = [row for row in whole["missions"] if row[-1] == 250.0]
+    kept = [row for row in short if row[0] == "validation"][:2] + [row for row in short if row[0] == "test"][
+        :1
+    ]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lists, "_content", lambda: whole | {"missions": kept})
+        lists.mission_list.cache_clear()
+        yield
+    lists.mission_list.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The two missions of the validation split, whose digests are the published ones."""
+    out = tmp_path_factory.mktemp("data")
+    done = command("bench", "make", "--out", out, "--split", "validation")
+    assert done.returncode == 0, done.stderr
+    assert "all digests are the published ones" in done.stdout
+    return out
+
+
+@pytest.fixture(scope="module")
+def submissions(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Submissions of two methods of ours and a rival, in two shards."""
+    out = tmp_path_factory.mktemp("run")
+    for shard, ran, written in (("1/2", 3, 0), ("2/2", 3, 3)):
+        done = command(
+            "bench",
+            "run",
+            "--data",
+            data,
+            "--out",
+            out,
+            "--methods",
+            "tc,ins",
+            "--rival",
+            RIVAL,
+            "--shard",
+            shard,
+        )
+        assert done.returncode == 0, done.stderr
+        assert f"{ran} of 6 run" in done.stdout
+        assert f"{written} submissions" in done.stdout
+    return out
+
+
+def test_a_second_run_keeps_what_is_there_and_a_damaged_part_is_run_again(
+    data: Path, submissions: Path
+) -> None:
+    words = ("bench", "run", "--data", data, "--out", submissions, "--methods", "tc,ins", "--rival", RIVAL)
+    assert "0 of 6 run" in command(*words).stdout
+    before = (submissions / "tc.parquet").read_bytes()
+    next((submissions / "missions" / "tc").glob("*.record.json")).unlink()
+    assert "1 of 6 run" in command(*words).stdout
+    same = [name for name in SUBMISSION if name != "wall_s"]
+    again = pl.read_parquet(submissions / "tc.parquet").select(same)
+    assert again.equals(pl.read_parquet(before).select(same))
+
+
+def test_check_score_and_page(data: Path, submissions: Path, tmp_path: Path) -> None:
+    checked = command("bench", "check", submissions / "tc.parquet", "--tum", tmp_path / "tum")
+    assert checked.returncode == 0, checked.stderr
+    assert "500 rows of 2 missions keep the rules" in " ".join(checked.stdout.split())
+    assert len(list((tmp_path / "tum").iterdir())) == 2
+    assert command("bench", "beams", "--data", data, "--out", submissions).returncode == 0
+    files = sorted(submissions.glob("*.parquet"))
+    scored = command("bench", "score", *files, "--data", data, "--out", tmp_path / "scores.parquet")
+    assert scored.returncode == 0, scored.stderr
+    for task in ("overall", "T1", "T2", "T3", "T4", "T5"):
+        assert task in scored.stdout
+    made = command("bench", "page", tmp_path / "scores.parquet", "--out", tmp_path / "page")
+    assert made.returncode == 0, made.stderr
+    table = check(
+        pl.read_parquet(tmp_path / "page" / "leaderboard.parquet"), LEADERBOARD, place="leaderboard"
+    )
+    ours, theirs = (
+        table.filter((pl.col("method") == name) & (pl.col("score") == "nats a component"))["value"].to_list()
+        for name in ("tc", "rival")
+    )
+    assert ours == theirs
+    page = (tmp_path / "page" / "leaderboard.html").read_text()
+    assert "http" not in page.replace("http://www.w3.org", "")
+    assert page.count("<svg") == page.count("</svg>") == 6
+
+
+def test_a_bad_submission_is_refused_with_row_and_column(submissions: Path, tmp_path: Path) -> None:
+    frame = pl.read_parquet(submissions / "tc.parquet")
+    bad = tmp_path / "bad.parquet"
+    frame.with_columns(cov_surge_surge_m2ps2=-pl.col("cov_surge_surge_m2ps2")).write_parquet(bad)
+    done = command("bench", "check", bad)
+    assert done.returncode == 2
+    assert "row 1, column 'cov_surge_surge_m2ps2'" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_the_test_split_needs_the_sealed_seed_and_its_truth_stands_apart(tmp_path: Path) -> None:
+    out = tmp_path / "data"
+    refused = command("bench", "make", "--out", out, "--split", "test")
+    assert refused.returncode == 2
+    assert "--seed-file" in refused.stderr
+    seed = tmp_path / "seed.txt"
+    seed.write_text("77")
+    other = command("bench", "make", "--out", out, "--split", "test", "--seed-file", seed)
+    assert other.returncode == 2
+    assert "1 of 1 missions have other digests than those published" in other.stderr
+    assert [path.name for path in (out / "test").rglob("truth*")] == []
+    assert [path.name for path in (out / "sealed").rglob("*.parquet")] == ["truth.parquet"]
+
+
+def test_list_and_absent_missions(tmp_path: Path) -> None:
+    assert "validation" in command("bench", "list").stdout
+    absent = command("bench", "run", "--data", tmp_path, "--out", tmp_path / "run")
+    assert absent.returncode == 2
+    assert "holds none of these missions" in absent.stderr
