@@ -350,3 +350,15 @@ def test_the_start_claims_its_velocity_in_platform_axes(mission: Mission) -> Non
     rows, covariance = velocity_rows(at_start(mission, layout)), covariance_at_start(mission, layout)
     expected = np.diag(np.square(mission.model.initial.velocity_sd_mps))
     np.testing.assert_allclose(rows @ covariance @ rows.T, expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("kind", [ErrorStateFilter, UnscentedFilter])
+def test_a_heading_goes_the_short_way_round(kind: type[ErrorStateFilter], mission: Mission) -> None:
+    """179° by the start, -179° by the compass: the update is between, across south."""
+    start = dataclasses.replace(
+        mission.start, attitude_t_p=rotations.quaternion(rotations.exp(np.deg2rad([0.0, 0.0, 179.0])))
+    )
+    model = mission.model.replace(heading=HeadingModel(sd_rad=mission.model.initial.attitude_sd_rad[2]))
+    rival = kind(dataclasses.replace(mission, start=start, model=model))
+    rival.measure("heading", np.deg2rad([-179.0]), None)
+    assert abs(np.rad2deg(rotations.yaw_rad(rival.state.motion.rotation))) == pytest.approx(180.0, abs=0.02)
