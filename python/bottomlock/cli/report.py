@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from bottomlock.cli.campaign_output import progress_bar
+from bottomlock.cli.campaign_output import progress_bar, say_cost
 from bottomlock.cli.console import console, interrupted
 from bottomlock.cli.parameters import ForceStudy, Recover, Seed, StudyOut, Threads, check_threads
 from bottomlock.replay.report import is_replay, make_replay_report
@@ -24,6 +24,7 @@ def reproduce(
 ) -> None:
     """Reproduce the 2017 paper: run its study, test its claims, write the report."""
     check_threads(threads)
+    say_cost(whole_study.study_scenarios(runs, seed), threads=threads)
     try:
         with progress_bar(whole_study.study_runs(runs)) as progress:
             made = whole_study.reproduce(

@@ -62,6 +62,9 @@ def rms_figure(
     with mpl.rc_context(STYLE):
         figure, axes = _axes(small=small)
         draw_rms(axes, ensemble, trajectory, quantity, printed, methods=methods, banded=banded)
+        if small:
+            # It stands beside those of other trajectories.
+            axes.set_title(f"{trajectory.replace('_', ' ')}: {_AXIS[quantity]}", loc="left", pad=6.0)
     return figure
 
 

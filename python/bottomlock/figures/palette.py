@@ -27,19 +27,19 @@ def _dashes(*lengths: float) -> tuple[int, tuple[float, ...]]:
 
 
 STROKES = {
-    "ins": Stroke("#849992", _dashes(1, 1.4), "|"),
-    "lc": Stroke("#626177", _dashes(9, 2), "s"),
-    "tc": Stroke("#8b77f9", "-", "o"),
-    "vb": Stroke("#c31b48", _dashes(5, 1.4, 1, 1.4), "v"),
-    "nsv": Stroke("#007b58", _dashes(4, 1.6), "^"),
-    "plcf": Stroke("#b980b9", _dashes(2.2, 1.3), "<"),
-    "vhv": Stroke("#5b7a1e", _dashes(5, 1.4, 1, 1.4, 1, 1.4), ">"),
-    "elc": Stroke("#bd8a0d", _dashes(5, 3), "D"),
-    "vb_exact": Stroke("#6435ff", _dashes(3, 3), "+"),
-    "info": Stroke("#6861a9", _dashes(1, 2.6), "x"),
-    "weak_sway": Stroke("#425ec6", _dashes(9, 1.6, 2.5, 1.6), "P"),
-    "sway_current": Stroke("#bf894f", _dashes(12, 1.6), "*"),
-    "consistent": Stroke("#cf1c00", _dashes(7, 1.6, 3, 1.6, 3, 1.6), "X"),
+    "ins": Stroke("#616080", _dashes(1, 1.4), "|"),
+    "lc": Stroke("#7e9a93", _dashes(9, 2), "s"),
+    "tc": Stroke("#9233d2", "-", "o"),
+    "vb": Stroke("#836258", _dashes(5, 1.4, 1, 1.4), "v"),
+    "nsv": Stroke("#6da163", _dashes(4, 1.6), "^"),
+    "plcf": Stroke("#164fff", _dashes(2.2, 1.3), "<"),
+    "vhv": Stroke("#327cff", _dashes(5, 1.4, 1, 1.4, 1, 1.4), ">"),
+    "elc": Stroke("#e12209", _dashes(5, 3), "D"),
+    "vb_exact": Stroke("#f218b2", _dashes(3, 3), "+"),
+    "info": Stroke("#498fe5", _dashes(1, 2.6), "x"),
+    "weak_sway": Stroke("#0b93c5", _dashes(9, 1.6, 2.5, 1.6), "P"),
+    "sway_current": Stroke("#b93021", _dashes(12, 1.6), "*"),
+    "consistent": Stroke("#f56803", _dashes(7, 1.6, 3, 1.6, 3, 1.6), "X"),
 }
 """By method: the one table of looks. Colours are of middle lightness, so that they are legible on white and on black;
 the tests state how far two methods are apart for every eye. Dash and marker are each method's own, so that colour is
@@ -95,7 +95,7 @@ def stroke(method: str) -> Stroke:
     """The look of a method; a method without an entry in `STROKES` gets one derived from its name.
 
     >>> stroke("tc").colour, stroke("something_new") == stroke("something_new")
-    ('#8b77f9', True)
+    ('#9233d2', True)
     """
     if method in STROKES:
         return STROKES[method]

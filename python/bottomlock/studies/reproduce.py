@@ -52,7 +52,7 @@ def reproduce(
     Raises:
         As `run_campaign` and `make_report`.
     """
-    scenarios = _scenarios(runs, seed, methods)
+    scenarios = study_scenarios(runs, seed, methods)
     settings: Any = {"threads": threads, "force": force, "recover": recover, "progress": progress}
     # Held from the first campaign to the report.
     with campaign_directory(scenarios, out, force=force, recover=recover):
@@ -64,7 +64,10 @@ def reproduce(
         return make_report(out)
 
 
-def _scenarios(runs: int, seed: int | None, methods: Sequence[str] | None) -> list[Scenario]:
+def study_scenarios(
+    runs: int, seed: int | None = None, methods: Sequence[str] | None = None
+) -> list[Scenario]:
+    """The three trajectories of the study, with the scenarios' own seed and methods by default."""
     return [
         load_scenario(name).with_overrides(runs=runs, seed=seed, methods=methods)
         for name in PAPER_TRAJECTORIES
@@ -73,5 +76,5 @@ def _scenarios(runs: int, seed: int | None, methods: Sequence[str] | None) -> li
 
 def study_runs(runs: int) -> int:
     """Total of the progress of a study, with the methods of the scenarios."""
-    again = sum(len(changed) for changed in variants(_scenarios(runs, None, None)).values())
+    again = sum(len(changed) for changed in variants(study_scenarios(runs, None, None)).values())
     return again * runs + len(PAPER_TRAJECTORIES) * (runs + sweep_cells() * sweep_runs(runs))
