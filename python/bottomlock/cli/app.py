@@ -11,7 +11,7 @@ from cyclopts import App
 
 from bottomlock.cli.common import peak_memory_mb, split_common
 from bottomlock.cli.console import EXIT_USAGE, console, errors, prepare_consoles
-from bottomlock.cli.examples import EXAMPLES, NAME
+from bottomlock.cli.examples import epilogue
 from bottomlock.errors import BottomlockError
 
 COMMANDS = {
@@ -47,6 +47,7 @@ COMMANDS = {
     "live-demo": ("live_demo", "Show live navigation without hardware: instruments, live, MAVLink listener."),
 }
 """Module of `bottomlock.cli` and help line of each command."""
+GROUPS = frozenset({"bench"})
 
 app = App(
     name="bottomlock",
@@ -65,8 +66,8 @@ for _name, (_module, _help) in COMMANDS.items():
         f"bottomlock.cli.{_module}:{_name.replace('-', '_')}",
         name=_name,
         help=_help,
-        # Two spaces at the end of a line keep its break.
-        help_epilogue="Examples:  \n" + "  \n".join(f"{NAME} {one}" for one in EXAMPLES[_name]),
+        # A command with commands of its own brings its examples along.
+        **({} if _name in GROUPS else {"help_epilogue": epilogue(_name)}),
     )
 
 

@@ -22,6 +22,7 @@ from bottomlock.bench.seeds import PUBLIC_SEED, read_seed
 from bottomlock.bench.submission import check_submission, write_tum
 from bottomlock.bench.tasks import RANKED, TASKS
 from bottomlock.cli.console import console, narrow_table
+from bottomlock.cli.examples import epilogue
 from bottomlock.cli.parameters import split as words
 from bottomlock.cli.study_output import study_bar
 from bottomlock.errors import DataError
@@ -31,7 +32,11 @@ from bottomlock.table_file import read_parquet
 from bottomlock.tables.bench import BLOCKS, SCORES
 from bottomlock.tables.check import check as tables_check
 
-bench = App(name="bench", help="PartialDVL-Bench: make missions, run methods, check and score submissions.")
+bench = App(
+    name="bench",
+    help="PartialDVL-Bench: make missions, run methods, check and score submissions.",
+    help_epilogue=epilogue("bench"),
+)
 
 Splits = Annotated[
     str | None, Parameter(help="train, validation or test, separated by commas; all that can be by default.")
@@ -50,7 +55,7 @@ def list_missions() -> None:
 @bench.command
 def make(
     *,
-    out: Annotated[Path, Parameter(help="Directory for the missions.")],
+    out: Annotated[Path, Parameter(alias="-o", help="Directory for the missions.")],
     split: Splits = None,
     missions: Missions = None,
     seed_file: Annotated[
@@ -120,9 +125,14 @@ def _compare(digests: dict[str, dict[str, str]]) -> None:
 def run(
     *,
     data: Data,
-    out: Annotated[Path, Parameter(help="Directory for the estimates: new, or of the same run to resume.")],
+    out: Annotated[
+        Path, Parameter(alias="-o", help="Directory for the estimates: new, or of the same run to resume.")
+    ],
     methods: Annotated[
-        str | None, Parameter(help="Our methods, separated by commas; all by default.")
+        str | None,
+        Parameter(
+            alias="-m", help=f"Our methods, separated by commas; all by default: {', '.join(METHODS)}."
+        ),
     ] = None,
     rival: Annotated[
         tuple[str, ...], Parameter(help="NAME=MODULE:FUNCTION of another estimator; may be given again.")
@@ -155,7 +165,7 @@ def run(
 def beams(
     *,
     data: Data,
-    out: Annotated[Path, Parameter(help="Directory for the submissions.")],
+    out: Annotated[Path, Parameter(alias="-o", help="Directory for the submissions.")],
     split: Splits = None,
 ) -> None:
     """Write our submissions of T1 (velocity from the beams of a ping) and T5 (real pings with beams left out)."""
@@ -191,7 +201,7 @@ def check(
 def score(
     *submissions: Path,
     data: Data,
-    out: Annotated[Path | None, Parameter(help="Write the scores to this Parquet file.")] = None,
+    out: Annotated[Path | None, Parameter(alias="-o", help="Write the scores to this Parquet file.")] = None,
     split: Splits = None,
     reference: Annotated[
         str | None, Parameter(help="Method to which differences are taken; the first by default.")
@@ -246,7 +256,7 @@ def page(
     scores: Path,
     /,
     *,
-    out: Annotated[Path, Parameter(help="Directory for leaderboard.html, .parquet and .csv.")],
+    out: Annotated[Path, Parameter(alias="-o", help="Directory for leaderboard.html, .parquet and .csv.")],
     reference: Annotated[
         str | None, Parameter(help="Method to which differences are taken; the one that leads by default.")
     ] = None,

@@ -25,6 +25,11 @@ EXAMPLES = {
     "replay": ("replay case.toml -o out/dive",),
     "score": ("score beams.parquet --geometry waterlinked_a50",),
     "audit": ("audit beams.parquet -o out/audit --geometry waterlinked_a50",),
+    "bench": (
+        "bench make -o missions",
+        "bench run --data missions -o estimates -m tc,consistent",
+        "bench score estimates/tc.parquet --data missions -o scores.parquet",
+    ),
     "observe": ("observe straight -o out/states", "observe --paper -o out/paper_states"),
     "convert": ("convert dive.pd0 --to beams.parquet",),
     "geometries": ("geometries",),
@@ -33,3 +38,9 @@ EXAMPLES = {
     "live-demo": ("live-demo",),
 }
 """By command, without the program's name."""
+
+
+def epilogue(command: str) -> str:
+    """The last lines of a command's help."""
+    # Two spaces at the end of a line keep its break.
+    return "Examples:  \n" + "  \n".join(f"{NAME} {one}" for one in EXAMPLES[command])
