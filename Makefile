@@ -82,7 +82,7 @@ mutants-rust:
 	    { echo "make: cargo-mutants not found; cargo install cargo-mutants --locked --version 27.1.0" >&2; exit 2; }
 	cargo mutants --package bottomlock --jobs 1 --output out $(MUTANTS)
 
-lint: lint-rust lint-python
+lint: lint-rust lint-python spelling
 
 lint-rust: deny
 	cargo fmt --all --check
@@ -108,13 +108,13 @@ bench: $(VENV)/.tools $(VENV)/.installed
 	$(bin)/python -m pytest --benchmark-enable --benchmark-only tests
 
 # The documentation site with its executed gallery, and rustdoc beside it; a warning is an error. Open out/site/index.html.
-docs: spelling $(VENV)/.docs $(VENV)/.installed
+docs: $(VENV)/.docs $(VENV)/.installed
 	RUSTDOCFLAGS="-D warnings" cargo doc --package bottomlock --no-deps --locked --quiet
 	$(bin)/python tools/build_site.py
 
 # Words that nobody spells so; NEES and NED are none of them.
-spelling: $(VENV)/.docs
-	$(bin)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs examples crates python tools
+spelling: $(VENV)/.tools
+	$(bin)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs examples crates python tools benches
 
 # Every link of the site: a broken one within it fails `make docs` already; those outside are tried, and told.
 docs-links: $(VENV)/.docs $(VENV)/.installed
