@@ -82,14 +82,14 @@ mutants-rust:
 	    { echo "make: cargo-mutants not found; cargo install cargo-mutants --locked --version 27.1.0" >&2; exit 2; }
 	cargo mutants --package bottomlock --jobs 1 --output out $(MUTANTS)
 
-lint: lint-rust lint-python spelling
+lint: lint-rust lint-python
 
 lint-rust: deny
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
 
-lint-python: $(VENV)/.tools $(VENV)/.installed
+lint-python: $(VENV)/.tools $(VENV)/.installed spelling
 	$(bin)/ruff check .
 	$(bin)/ruff format --check .
 	$(bin)/mypy
