@@ -7,45 +7,25 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from subprocess import CompletedProcess
 
 import polars as pl
 import pytest
 
-from bottomlock.cli import app
 from bottomlock.io.beam_table import read_account, read_beam_table
 from bottomlock.io.formats import read_recording
 from bottomlock.io.progress import progress_to
+from tests.cli import calls
 from tests.readers import bags
 from tools import reader_seeds as seeds
 
-
-class Done(NamedTuple):
-    """How a command ended."""
-
-    returncode: int
-    stdout: str
-    stderr: str
-
-
-Run = Callable[..., Done]
-APP = app.app
+Run = Callable[..., CompletedProcess[str]]
 
 
 @pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+def command() -> Run:
     """Runs `bottomlock` with arguments, in this process."""
-
-    def run(*arguments: str | Path) -> Done:
-        monkeypatch.setattr(app, "app", functools.partial(APP, [str(one) for one in arguments]))
-        code = 0
-        try:
-            app.main()
-        except SystemExit as ended:
-            code = int(ended.code or 0)
-        return Done(code, *capsys.readouterr())
-
-    return run
+    return calls.command
 
 
 @pytest.fixture
