@@ -1,12 +1,14 @@
-"""The table of docs/bench.md, from the leaderboard that `bottomlock bench page` has written.
+"""The tables of docs/bench.md, from the leaderboards that `bottomlock bench page` has written.
 
-    python tools/publish_bench.py page/leaderboard.parquet
+    python tools/publish_bench.py page/leaderboard.parquet               # our methods on all missions
+    python tools/publish_bench.py page/leaderboard.parquet --rivals      # all entries on the test split
 
-replaces what stands between the two marks of the page.
+replaces what stands between the two marks of the table.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -19,7 +21,8 @@ from bottomlock.bench.leaderboard import OVERALL
 from bottomlock.bench.tasks import CURRENT, NAVIGATION, RANKED, RECOVERY
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "bench.md"
-FIRST, LAST = "<!-- our methods: tools/publish_bench.py -->\n", "<!-- end -->\n"
+OURS, RIVALS = "<!-- our methods: tools/publish_bench.py -->\n", "<!-- rivals: tools/publish_bench.py -->\n"
+LAST = "<!-- end -->\n"
 OTHERS = ("velocity NEES a component", "drift, % DT", "sway RMS, m/s")
 
 
@@ -35,30 +38,43 @@ def table(board: pl.DataFrame) -> str:
         "|---|---|---|---|---|---|---|",
     ]
 
-    def one(method: str, task: str, score: str) -> dict[str, float]:
+    def one(method: str, task: str, score: str) -> dict[str, float] | None:
         rows = board.filter(
             (pl.col("method") == method) & (pl.col("task") == task) & (pl.col("score") == score)
         )
-        return rows.row(0, named=True)
+        return rows.row(0, named=True) if rows.height else None
+
+    def shown(method: str, task: str, score: str) -> str:
+        row = one(method, task, score)
+        return "–" if row is None else _number(row["value"])
 
     for method in board.filter(pl.col("task") == OVERALL)["method"]:
         cells = [f"`{method}`"]
         for task in (NAVIGATION, RECOVERY, CURRENT):
             row = one(method, task, RANKED)
-            silent = task == CURRENT and one(method, CURRENT, "current availability")["value"] == 0.0
+            answered = task != CURRENT or shown(method, CURRENT, "current availability") != "0.00"
+            if row is None or not answered:
+                cells.append("no answer")
+                continue
             value, low, high = (_number(row[name]) for name in ("value", "lo", "hi"))
-            cells.append("no answer" if silent else f"{value} ({low} … {high})")
-        cells += [_number(one(method, NAVIGATION, score)["value"]) for score in OTHERS]
+            cells.append(f"{value} ({low} … {high})")
+        cells += [shown(method, NAVIGATION, score) for score in OTHERS]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 
 def main() -> None:
     """Rewrites the page."""
-    text = PAGE.read_text(encoding="utf-8")
-    before, rest = text.split(FIRST)
-    _, after = rest.split(LAST)
-    write_text(PAGE, before + FIRST + table(pl.read_parquet(sys.argv[1])) + LAST + after)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("leaderboard", type=Path)
+    parser.add_argument("--rivals", action="store_true", help="the table with the rivals")
+    words = parser.parse_args()
+    first = RIVALS if words.rivals else OURS
+    before, rest = PAGE.read_text(encoding="utf-8").split(first)
+    _, after = rest.split(LAST, maxsplit=1)
+    write_text(PAGE, before + first + table(pl.read_parquet(words.leaderboard)) + LAST + after)
 
 
 if __name__ == "__main__":
