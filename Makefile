@@ -1,6 +1,6 @@
 # The same verbs by hand, in hooks and in CI: demo, test, test-long, test-all, lint, docs, bench, golden, consistency, develop,
 # clean. Of the site also: docs-links, notebooks, figures.
-# What takes long and looks for faults: attack, fuzz, soak, mutants. What a release needs: lock, sbom.
+# What takes long and looks for faults: attack, fuzz, soak, mutants. What a release needs: lock, sbom, wheel.
 #
 #   make demo RUNS=500      a larger campaign
 #   make test VENV=/tmp/v   another environment
@@ -20,6 +20,7 @@ CARGO_CYCLONEDX := 0.5.9
 ATHERIS         := 3.0.0
 UV              := 0.13.9
 CYCLONEDX_BOM   := 7.5.0
+ZIGLANG         := 0.17.1
 tools           := target/tools
 
 bin := $(VENV)/bin
@@ -41,7 +42,7 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
 .PHONY: demo docs docs-links notebooks figures spelling test test-rust test-python test-long test-all lint lint-rust lint-python deny bench golden consistency develop \
-    attack fuzz soak mutants mutants-python mutants-rust lock sbom clean
+    attack fuzz soak mutants mutants-python mutants-rust lock sbom wheel clean
 .DELETE_ON_ERROR:
 
 # The paper's study: campaign, sweep and report.
@@ -185,6 +186,11 @@ sbom: $(tools)/python/.ready $(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX)/bin/car
 	mv crates/bottomlock-py/rust.cdx.json out/sbom/
 	find crates -name rust.cdx.json -delete
 
+# The wheel for Linux since 2014 (x86-64) and the source distribution, in out/dist; zig links against the old C library.
+wheel: $(tools)/zig/.ready
+	PATH="$(abspath $(tools)/zig/bin):$$PATH" maturin build --release --locked --zig --compatibility manylinux2014 --out out/dist
+	PATH="$(abspath $(tools)/zig/bin):$$PATH" maturin sdist --out out/dist
+
 # An editable install for daily work: Python edits take effect at once, Rust edits after another `make develop`.
 develop: $(VENV)/.tools
 	$(on_path) $(pip) install --upgrade --no-build-isolation --editable .
@@ -219,6 +225,11 @@ $(VENV)/.docs: requirements-docs.lock | $(VENV)/pyvenv.cfg
 $(tools)/python/.ready: Makefile
 	$(PYTHON) -m venv $(tools)/python
 	$(tools)/python/bin/python -m pip --disable-pip-version-check --quiet install uv==$(UV) cyclonedx-bom==$(CYCLONEDX_BOM)
+	touch $@
+
+$(tools)/zig/.ready: Makefile
+	$(PYTHON) -m venv $(tools)/zig
+	$(tools)/zig/bin/python -m pip --disable-pip-version-check --quiet install ziglang==$(ZIGLANG) maturin==1.16.0
 	touch $@
 
 # A version has a folder of its own, so that a new one is installed.
