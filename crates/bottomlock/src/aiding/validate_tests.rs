@@ -10,11 +10,14 @@ use super::sensor::AidingSensor;
 use super::velocity::VelocitySample;
 use crate::frames::{Rot, Vec3};
 
+/// Words of a refusal, and the change of a good reading that is refused.
+type Fault<'a, S> = (&'a str, &'a dyn Fn(&mut S));
+
 /// Fails unless the reading is accepted, and refused with each of the changes in a message that holds its words.
-fn check<S: AidingSensor + Clone>(good: &S, bad: &[(&str, &dyn Fn(&mut S))]) {
+fn check<S: AidingSensor>(good: &S, bad: &[Fault<'_, S>]) {
     assert_eq!(good.validate(), Ok(()));
     for (words, change) in bad {
-        let mut reading = good.clone();
+        let mut reading = *good;
         change(&mut reading);
         let text = reading.validate().expect_err(words).to_string();
         assert!(text.contains(words), "{text} has no {words}");
