@@ -31,7 +31,11 @@ def radps_from_deg_per_h(rate_deg_per_h: float) -> float:
 
 
 def mps2_from_mg(acceleration_mg: float) -> float:
-    """Milli-g to m/s² (standard gravity)."""
+    """Milli-g to m/s² (standard gravity).
+
+    >>> mps2_from_mg(1000.0)
+    9.80665
+    """
     return acceleration_mg * 1e-3 * STANDARD_GRAVITY_MPS2
 
 
@@ -50,5 +54,9 @@ def fraction_from_percent(part_percent: float) -> float:
 
 
 def ns_from_s(time_s: float) -> int:
-    """Seconds to integer nanoseconds, rounded."""
+    """Seconds to integer nanoseconds, rounded.
+
+    >>> ns_from_s(1.9e-9), ns_from_s(-1.9e-9)
+    (2, -2)
+    """
     return round(time_s * 1e9)

@@ -1,17 +1,19 @@
 """The statistics of many runs in little memory: blocks change no bit, and hold no more than they may."""
 
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.campaign import error_blocks, partition
+from bottomlock.campaign import aggregate, error_blocks, partition
+from bottomlock.campaign.chunk import ChunkResult
 from bottomlock.campaign.error_blocks import open_blocks
-from bottomlock.campaign.partition import Partition
+from bottomlock.campaign.partition import Chunk, Partition
 from bottomlock.campaign.run import run_campaign
-from bottomlock.errors import OutputError
+from bottomlock.errors import DataError, OutputError
 from bottomlock.statistics import rms
 from bottomlock.statistics.campaign import NORMS
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
@@ -66,6 +68,22 @@ def test_tables_do_not_depend_on_blocks(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(error_blocks, "VALUES_HELD", 2 * 5 * len(NORMS))
     run_campaign([short()], tmp_path / "two", threads=1)
     same_bits(tmp_path / "one", tmp_path / "two")
+
+
+def test_a_chunk_with_other_sample_times_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is not joined to the others, whose rows stand for other times."""
+    monkeypatch.setattr(partition, "CHUNK_STEPS", STEPS_OF_TWO_RUNS)
+    add = aggregate.Aggregate.add
+
+    def later(self: aggregate.Aggregate, chunk: Chunk, result: ChunkResult) -> None:
+        moved = result.samples.with_columns(pl.col("time_ns") + (1 if chunk.first_run == 2 else 0))
+        add(self, chunk, replace(result, samples=moved))
+
+    monkeypatch.setattr(aggregate.Aggregate, "add", later)
+    with pytest.raises(
+        DataError, match=r"chunk 00000002-00000003\S* of straight has other sample times than the others"
+    ):
+        run_campaign([short()], tmp_path / "one", threads=1)
 
 
 def test_the_bootstrap_draws_the_same_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:

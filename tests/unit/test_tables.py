@@ -14,9 +14,11 @@ import pytest
 import bottomlock
 from bottomlock import tables
 from bottomlock.config.scenario_sections import Filter, ImuLimits, Robust
+from bottomlock.errors import DataError
 from bottomlock.kernel import DEFAULT_OPTIONS, FIX_METHODS, METHODS
 from bottomlock.models import Options
 from bottomlock.statistics.rms import combined_rms, rms, rms_column
+from bottomlock.tables.check import check
 from bottomlock.tables.fixes import fixes_schema
 
 
@@ -72,3 +74,15 @@ def test_both_definitions_of_rms_agree(shape: tuple[int, ...]) -> None:
     assert float(combined_rms(groups)) == pytest.approx(by_hand, rel=1e-14)
     weights = np.full(len(groups), 1.0 / len(groups))
     assert float(combined_rms(groups, weights)) == pytest.approx(by_hand, rel=1e-14)
+
+
+def test_what_is_read_back_has_the_columns_and_types_of_its_table() -> None:
+    columns = {"run": pl.Int64(), "error_m": pl.Float64()}
+    whole = pl.DataFrame({"error_m": [0.5], "run": [1]})
+    assert check(whole, columns, place="t").columns == ["run", "error_m"]
+    with pytest.raises(DataError, match=r"^t: column 'run' is missing, expected run, error_m$"):
+        check(whole.drop("run"), columns, place="t")
+    with pytest.raises(DataError, match=r"^t: column 'error_m' is String, expected Float64$"):
+        check(whole.cast({"error_m": pl.String}), columns, place="t")
+    with pytest.raises(DataError, match=r"^t: column 'errror' is unknown, expected run, error_m$"):
+        check(whole.with_columns(errror=1.0), columns, place="t")
