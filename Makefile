@@ -73,7 +73,8 @@ test-long: $(VENV)/.tools $(VENV)/.installed
 test-all: test test-long
 
 # Does a wrong line of the kernel's mathematics fail a unit test? Files and command in .cargo/mutants.toml, survivors in
-# docs/mutants_rust.md. All of it takes days of one core: name what you changed, or a share.
+# docs/mutants_rust.md. All of it takes a day of one core, incremental builds after the first one: name what you changed, or
+# a share.
 #
 #   make mutants-rust MUTANTS="--re aiding/heading.rs"
 #   make mutants-rust MUTANTS="--shard 1/50"
@@ -81,7 +82,7 @@ test-all: test test-long
 mutants-rust:
 	@cargo mutants --version >/dev/null 2>&1 || \
 	    { echo "make: cargo-mutants not found; cargo install cargo-mutants --locked --version 27.1.0" >&2; exit 2; }
-	cargo mutants --package bottomlock --jobs 1 --output out $(MUTANTS)
+	CARGO_INCREMENTAL=1 CARGO_PROFILE_TEST_DEBUG=false cargo mutants --package bottomlock --jobs 1 --output out $(MUTANTS)
 
 lint: lint-rust lint-python
 
