@@ -49,3 +49,38 @@ impl SpeedBound {
         innovation
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frames::Vec3;
+
+    /// σ = 3 m/s over τ = 60 s: 20 s after the last one it counts with 9 · 60/20 m²/s², 90 s after it with 9.
+    #[test]
+    fn by_hand() {
+        let bound = SpeedBound {
+            sd_mps: 3.0,
+            time_s: 60.0,
+        };
+        let mut state = NavState::at_rest(0);
+        state.velocity_p_mps = Vec3::new(2.0, -0.5, 0.1);
+        for (since_s, variance) in [(20.0, 27.0), (90.0, 9.0)] {
+            let innovation = bound.innovation(&state, since_s);
+            assert_eq!((innovation.rows, innovation.degrees), (3, 3));
+            for k in 0..3 {
+                assert_eq!(innovation.residual[k], -state.velocity_p_mps.0[k]);
+                assert_eq!(innovation.jacobian[(k, VELOCITY + k)], 1.0);
+                assert!((innovation.noise[(k, k)] - variance).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_are_checked() {
+        assert_eq!(SpeedBound::default().validate(), Ok(()));
+        for (sd_mps, time_s, field) in [(-1.0, 60.0, "speed_sd_mps"), (1.0, 0.0, "speed_time_s")] {
+            let text = SpeedBound { sd_mps, time_s }.validate().unwrap_err().to_string();
+            assert!(text.contains(field), "{text}");
+        }
+    }
+}
