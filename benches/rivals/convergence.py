@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from benches.rivals import rotations
 from benches.rivals.development import mission_along, wrong_start
-from benches.rivals.error_state import ErrorStateFilter
+from benches.rivals.error_state import ErrorStateFilter, grid_rows
 from benches.rivals.iterated import IteratedFilter
 from benches.rivals.state import MISALIGNMENT, Additive, RightInvariant
 from benches.rivals.timeline import Positions, stops
@@ -145,19 +145,12 @@ def wrong(mission: Mission, truth: Truth, case: Case, generator: np.random.Gener
 
 def rival_track(rival: ErrorStateFilter, mission: Mission, positions: Positions | None) -> Track:
     """Of a filter of this folder."""
-    answers = []
     with np.errstate(all="ignore"):
-        for stop in stops(mission, positions, rival.period_ns):
-            try:
-                rival.predict(stop.stretch)
-                for kind, value in stop.readings:
-                    rival.measure(kind, value, positions)
-            except np.linalg.LinAlgError:
-                break
-            if stop.grid_row is not None:
-                covariance = rival.additive_covariance()[MISALIGNMENT, MISALIGNMENT]
-                answers.append((rival.state.motion.rotation, covariance))
-    return track(mission, answers)
+        found = [
+            (rival.state.motion.rotation, rival.additive_covariance()[MISALIGNMENT, MISALIGNMENT])
+            for _ in grid_rows(rival, mission, positions)
+        ]
+    return track(mission, found)
 
 
 def our_track(method: str, mission: Mission, positions: Positions | None) -> Track:

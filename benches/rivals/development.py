@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benches.rivals import rotations
-from bottomlock.bench.mission import Inertial, Mission, Pings, Scalars, Start, Truth
+from bottomlock.bench.mission import Mission, Pings, Scalars, Start, Truth
 from bottomlock.config.scenario import Scenario
 from bottomlock.models import InitialModel
+from bottomlock.replay.streams import Inertial
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.truth import truth as truths
@@ -52,9 +53,9 @@ def mission_along(simulation: Simulation, truth: truths.Truth, *, run: int = 0) 
         options=options,
         start=drawn_start(truth, model.initial, np.random.default_rng([scenario.campaign.seed, run])),
         imu=Inertial(
-            imu["time_ns"].to_numpy(),
-            imu.select(f"omega_{axis}_radps" for axis in "xyz").to_numpy(),
-            imu.select(f"force_{axis}_mps2" for axis in "xyz").to_numpy(),
+            time_ns=imu["time_ns"].to_numpy(),
+            omega_p_radps=imu.select(f"omega_{axis}_radps" for axis in "xyz").to_numpy(),
+            force_p_mps2=imu.select(f"force_{axis}_mps2" for axis in "xyz").to_numpy(),
         ),
         pings=Pings(
             beams["time_ns"].to_numpy(),

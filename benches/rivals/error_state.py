@@ -5,6 +5,7 @@ overrides.
 """
 
 import time
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,6 +129,19 @@ class ErrorStateFilter:
         return out
 
 
+def grid_rows(rival: ErrorStateFilter, mission: Mission, positions: Positions | None = None) -> Iterator[int]:
+    """Flies the rival along the mission: its state stands at the row of the grid that is given, until it breaks."""
+    for stop in stops(mission, positions, rival.period_ns):
+        try:
+            rival.predict(stop.stretch)
+            for kind, value in stop.readings:
+                rival.measure(kind, value, positions)
+        except np.linalg.LinAlgError:
+            return
+        if stop.grid_row is not None:
+            yield stop.grid_row
+
+
 def run(rival: ErrorStateFilter, mission: Mission, positions: Positions | None = None) -> Estimates:
     """The rival along the mission; a filter that stops being finite answers NaN from there on."""
     began = time.perf_counter()
@@ -136,16 +150,8 @@ def run(rival: ErrorStateFilter, mission: Mission, positions: Positions | None =
     velocity_cov, position_cov = np.full((rows, 3, 3), np.nan), np.full((rows, 3, 3), np.nan)
     attitude = np.full((rows, 4), np.nan)
     current, current_cov = np.full((rows, 2), np.nan), np.full((rows, 2, 2), np.nan)
-    for stop in stops(mission, positions, rival.period_ns):
-        try:
-            rival.predict(stop.stretch)
-            for kind, value in stop.readings:
-                rival.measure(kind, value, positions)
-        except np.linalg.LinAlgError:
-            break
-        if stop.grid_row is None:
-            continue
-        covariance, state, row = rival.additive_covariance(), rival.state, stop.grid_row
+    for row in grid_rows(rival, mission, positions):
+        covariance, state = rival.additive_covariance(), rival.state
         if not np.isfinite(covariance).all():
             break
         rows_of_velocity = velocity_rows(state)

@@ -1,12 +1,11 @@
 """Missing beams regressed from the beams that return and from past pings, in the manner of MissBeamNet.
 
-Yona & Klein, IEEE J. Oceanic Eng. 49 (2024) (arXiv 2301.11597) regress the missing beams by an LSTM over past pings
-and the present ones, and solve the velocity by least squares. Ours gives each beam a variance too, so that the velocity
-has a covariance, and learns the difference to the moving average. README_graph.md says what else differs.
+Yona & Klein, Neural Computing and Applications 36 (2024) 4947 (arXiv 2301.11597) regress the missing beams by an LSTM
+over past pings and the present ones, and solve the velocity by least squares. Ours gives each
+beam a variance too, so that the velocity has a covariance, and learns the difference to the moving average. README_graph.md says what else differs.
 """
 
 import time
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from torch import Tensor, nn
 
 from benches.rivals.learned_data import BEAMS, Samples, baseline, samples_of
 from benches.rivals.learned_network import LEAST_LOG_SD, gaussian_loss, load, static_inputs, tensor
-from benches.rivals.loose_ins import loosely_coupled
+from benches.rivals.loose_ins import aided_by
 from bottomlock.bench.mission import Estimates, Mission
 
 Floats = NDArray[np.float64]
@@ -100,11 +99,7 @@ def estimate_alone(mission: Mission) -> Estimates:
 
 def estimate(mission: Mission) -> Estimates:
     """The velocity as the aiding of a loosely coupled INS, which adds position and attitude."""
-    alone = estimate_alone(mission)
-    aided = loosely_coupled(mission, alone.velocity_p_mps, alone.velocity_cov)
-    assert alone.wall_s is not None
-    assert aided.wall_s is not None
-    return replace(aided, wall_s=aided.wall_s + alone.wall_s)
+    return aided_by(mission, estimate_alone(mission))
 
 
 @lru_cache(maxsize=1)

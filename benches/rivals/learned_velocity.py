@@ -1,12 +1,11 @@
 """The velocity regressed from beams and inertial readings, in the manner of BeamsNet.
 
-Cohen & Klein, Ocean Eng. 258 (2022) 111827 (arXiv 2206.13603): convolutions over the inertial readings between two
-pings, joined by the beams, give the velocity (BeamsNetV1); past pings are its second version. Ours takes both, any
-mask, and gives a full covariance; it learns the difference to least squares. README_graph.md says what else differs.
+Cohen & Klein, Engineering Applications of Artificial Intelligence 114 (2022) 105216 (arXiv 2206.13603): convolutions
+over the inertial readings between two pings, joined by the beams, give the velocity (BeamsNetV1); past
+pings are its second version. Ours takes both, any mask, and gives a full covariance; it learns the difference to least squares. README_graph.md says what else differs.
 """
 
 import time
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from torch import Tensor, nn
 
 from benches.rivals.learned_data import BEAMS, PINGS, Samples, baseline, samples_of
 from benches.rivals.learned_network import LEAST_LOG_SD, gaussian_loss, load, static_inputs, tensor
-from benches.rivals.loose_ins import loosely_coupled
+from benches.rivals.loose_ins import aided_by
 from bottomlock.bench.mission import Estimates, Mission
 
 Floats = NDArray[np.float64]
@@ -88,11 +87,7 @@ def estimate_alone(mission: Mission) -> Estimates:
 
 def estimate(mission: Mission) -> Estimates:
     """The velocity as the aiding of a loosely coupled INS, which adds position and attitude."""
-    alone = estimate_alone(mission)
-    aided = loosely_coupled(mission, alone.velocity_p_mps, alone.velocity_cov)
-    assert alone.wall_s is not None
-    assert aided.wall_s is not None
-    return replace(aided, wall_s=aided.wall_s + alone.wall_s)
+    return aided_by(mission, estimate_alone(mission))
 
 
 @lru_cache(maxsize=1)

@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bottomlock.bench.methods import initial_state
 from bottomlock.bench.mission import Estimates, Mission
 from bottomlock.kernel import Navigator
-from bottomlock.models import InitialState
 
 Floats = NDArray[np.float64]
 
@@ -25,12 +26,7 @@ def loosely_coupled(mission: Mission, velocity_p_mps: Floats, velocity_cov: Floa
     """
     began = time.perf_counter()
     start, imu = mission.start, mission.imu
-    initial = InitialState(
-        time_ns=start.time_ns,
-        position_t_m=start.position_t_m,
-        attitude_t_p=start.attitude_t_p,
-        velocity_p_mps=start.velocity_p_mps,
-    )
+    initial = initial_state(mission)
     options = mission.options.replace(imu_sampling="averaged")
     navigator = Navigator(mission.geometry, mission.model, options, initial, method="ins")
     states, covariances = [], []
@@ -77,3 +73,11 @@ def _push_scalars(navigator: Navigator, mission: Mission, after_ns: int, up_to_n
 
 def _between(times: NDArray[np.int64], after_ns: int, up_to_ns: int) -> Iterator[int]:
     return iter(range(*np.searchsorted(times, [after_ns + 1, up_to_ns + 1])))
+
+
+def aided_by(mission: Mission, alone: Estimates) -> Estimates:
+    """The estimates of a filter that takes the velocities of another estimator; the time is that of both."""
+    aided = loosely_coupled(mission, alone.velocity_p_mps, alone.velocity_cov)
+    assert alone.wall_s is not None
+    assert aided.wall_s is not None
+    return replace(aided, wall_s=aided.wall_s + alone.wall_s)

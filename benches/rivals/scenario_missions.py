@@ -1,16 +1,17 @@
 """A run of a scenario as a mission of the benchmark: for tests and comparisons, no part of the benchmark's own data."""
 
 import zlib
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock.bench.mission import Estimates, Inertial, Mission, Pings, Scalars, Start, Truth
+from bottomlock.bench.methods import estimate
+from bottomlock.bench.mission import Estimates, Mission, Pings, Scalars, Start, Truth
 from bottomlock.config.scenario import Scenario
-from bottomlock.kernel import replay_log
-from bottomlock.models import InitialState
+from bottomlock.replay.streams import Inertial
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 
@@ -46,9 +47,9 @@ def scenario_mission(scenario: Scenario, run: int = 0, *, simulation: Simulation
         options=options,
         start=_start(scenario, model.initial.as_dict(), truth, run),
         imu=Inertial(
-            time_ns,
-            imu.select("omega_x_radps", "omega_y_radps", "omega_z_radps").to_numpy(),
-            imu.select("force_x_mps2", "force_y_mps2", "force_z_mps2").to_numpy(),
+            time_ns=time_ns,
+            omega_p_radps=imu.select("omega_x_radps", "omega_y_radps", "omega_z_radps").to_numpy(),
+            force_p_mps2=imu.select("force_x_mps2", "force_y_mps2", "force_z_mps2").to_numpy(),
         ),
         pings=Pings(beams["time_ns"].to_numpy(), velocity, np.isfinite(velocity)),
         depth=_scalars(streams["depth"], "depth_m"),
@@ -61,44 +62,7 @@ def scenario_mission(scenario: Scenario, run: int = 0, *, simulation: Simulation
 def tightly_coupled(mission: Mission, method: str = "tc", **changes: Any) -> Estimates:  # noqa: ANN401 - `Options` checks
     """The kernel's answer to a mission, with other options where they are given."""
     options = mission.options.replace(imu_sampling="averaged", **changes)
-    log: Any = {
-        "imu_time_ns": mission.imu.time_ns,
-        "omega_p_radps": mission.imu.omega_p_radps,
-        "force_p_mps2": mission.imu.force_p_mps2,
-        "dvl_time_ns": mission.pings.time_ns,
-        "beam_velocity_mps": mission.pings.velocity_mps,
-        "beam_valid": mission.pings.valid,
-    }
-    if mission.depth.time_ns.size:
-        log |= {"depth_time_ns": mission.depth.time_ns, "depth_m": mission.depth.value}
-    if mission.heading.time_ns.size:
-        log |= {"heading_time_ns": mission.heading.time_ns, "heading_rad": mission.heading.value}
-    start = mission.start
-    initial = InitialState(
-        time_ns=start.time_ns,
-        position_t_m=start.position_t_m,
-        attitude_t_p=start.attitude_t_p,
-        velocity_p_mps=start.velocity_p_mps,
-    )
-    found = replay_log(
-        mission.geometry,
-        mission.model,
-        options,
-        [method],
-        log,
-        initial,
-        sample_time_ns=mission.grid_ns,
-        covariances=True,
-    )
-    covariance = found["covariance"][0]
-    return Estimates(
-        time_ns=mission.grid_ns,
-        velocity_p_mps=found["velocity_p_mps"][0],
-        velocity_cov=covariance[:, 6:9, 6:9],
-        position_t_m=found["position_t_m"][0],
-        position_cov=covariance[:, :3, :3],
-        attitude_t_p=found["attitude_t_p"][0],
-    )
+    return estimate(replace(mission, options=options), method)
 
 
 def _start(scenario: Scenario, sd: dict[str, Any], truth: Any, run: int) -> Start:  # noqa: ANN401 - either truth

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.bench.mission import Inertial, Mission
+from bottomlock.bench.mission import Mission
 from bottomlock.errors import DataError
+from bottomlock.replay.streams import Inertial
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]

@@ -21,12 +21,13 @@ from benches.rivals.model_aided import (
     estimate_with_controls,
 )
 from benches.rivals.state import Additive, State
-from bottomlock.bench.mission import Inertial, Mission, Pings, Scalars, Start
+from bottomlock.bench.mission import Mission, Pings, Scalars, Start
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError
 from bottomlock.models import Options
 from bottomlock.plant import load_vehicle
 from bottomlock.plant.trim import trim
+from bottomlock.replay.streams import Inertial
 from bottomlock.simulation.build import build_simulation
 
 Floats = NDArray[np.float64]
@@ -56,7 +57,7 @@ def exact(drawn: Mission) -> Mission:
         model=drawn.model.replace(environment=environment),
         options=drawn.options.replace(gate="off"),
         start=Start(0, np.zeros(3), np.array([2.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])),
-        imu=Inertial(imu_ns, np.zeros((len(imu_ns), 3)), force),
+        imu=Inertial(imu_ns, force, np.zeros((len(imu_ns), 3))),
         pings=Pings(ping_ns, beams, valid),
         depth=none,
         heading=none,

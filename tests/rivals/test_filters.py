@@ -29,9 +29,10 @@ from benches.rivals.state import (
 from benches.rivals.strapdown import Earth, Motion, advance
 from benches.rivals.timeline import Stretch, between, stops
 from benches.rivals.unscented import SigmaPoints, UnscentedFilter, moments
-from bottomlock.bench.mission import Inertial, Mission
+from bottomlock.bench.mission import Mission
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.models import HeadingModel
+from bottomlock.replay.streams import Inertial
 
 Floats = NDArray[np.float64]
 
@@ -112,7 +113,7 @@ def test_strapdown_keeps_a_vehicle_on_its_circle() -> None:
 
 
 def test_a_reading_between_samples_uses_nothing_from_the_future() -> None:
-    imu = Inertial(np.array([0, 10, 20, 30]), np.arange(4.0)[:, None] * np.ones(3), np.zeros((4, 3)))
+    imu = Inertial(np.array([0, 10, 20, 30]), np.zeros((4, 3)), np.arange(4.0)[:, None] * np.ones(3))
     stretch = between(imu, 0, 25)
     np.testing.assert_allclose(stretch.step_s * 1e9, [10, 10, 5])
     np.testing.assert_allclose(stretch.omega_p_radps[:, 0], [1.0, 2.0, 2.0])

@@ -22,6 +22,7 @@ from bottomlock.config.scenario import load_scenario
 torch: Any = pytest.importorskip("torch", reason="torch is installed for the rivals alone")
 data: Any = import_module("benches.rivals.learned_data")
 network: Any = import_module("benches.rivals.learned_network")
+loose_ins: Any = import_module("benches.rivals.loose_ins")
 learned_beams: Any = import_module("benches.rivals.learned_beams")
 learned_velocity: Any = import_module("benches.rivals.learned_velocity")
 train: Any = import_module("benches.rivals.learned_train")
@@ -160,12 +161,12 @@ def test_the_loose_filter_adds_a_position() -> None:
     scenario = load_scenario("survey_table2").with_trajectory(duration_s=30.0)
     mission = missions.scenario_mission(scenario.replace("heading.enabled", True))
     truth, covariance = mission.truth, np.tile(np.eye(3) * 1e-4, (30, 1, 1))
-    aided = learned_beams.loosely_coupled(mission, truth.velocity_p_mps, covariance)
+    aided = loose_ins.loosely_coupled(mission, truth.velocity_p_mps, covariance)
     assert train.rms(truth.velocity_p_mps - aided.velocity_p_mps) < 0.02
     moved = (aided.position_t_m - mission.start.position_t_m)[:, :2]
     true = (truth.position_t_m - truth.position_t_m[0])[:, :2]
     assert np.linalg.norm(moved[-1] - true[-1]) < 4.0
     assert np.sqrt(aided.position_cov[-1, 2, 2]) < 0.5
     turned = replace(mission, heading=replace(mission.heading, value=mission.heading.value + 0.02))
-    other = learned_beams.loosely_coupled(turned, truth.velocity_p_mps, covariance)
+    other = loose_ins.loosely_coupled(turned, truth.velocity_p_mps, covariance)
     assert np.abs(other.attitude_t_p[-1] - aided.attitude_t_p[-1]).max() > 1e-3

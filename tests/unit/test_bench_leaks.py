@@ -10,7 +10,7 @@ import pytest
 from bottomlock.bench.leaks import leaks, without_closure
 from bottomlock.bench.load import load_mission
 from bottomlock.bench.make import make_missions
-from bottomlock.bench.mission import Inertial, Mission
+from bottomlock.bench.mission import Mission
 from bottomlock.bench.mission_list import mission_list
 from tests.unit.bench_missions import missions
 
@@ -43,7 +43,7 @@ def test_a_planted_minute_is_found_at_another_time_of_day() -> None:
     moved = _with(
         source,
         start=replace(source.start, time_ns=target.start.time_ns + hour_ns),
-        imu=Inertial(imu.time_ns + hour_ns, imu.omega_p_radps, imu.force_p_mps2),
+        imu=replace(imu, time_ns=imu.time_ns + hour_ns),
     )
     what = {leak.what for leak in leaks([moved], [target])}
     assert {"a window of the inertial readings", "an inertial reading"} <= what

@@ -7,7 +7,7 @@ import polars as pl
 
 from bottomlock.bench.digests import digest
 from bottomlock.bench.make import CASE, RECORD, SEALED, TRUTH
-from bottomlock.bench.mission import Inertial, Mission, Pings, Scalars, Start, Truth
+from bottomlock.bench.mission import Mission, Pings, Scalars, Start, Truth
 from bottomlock.errors import DataError
 from bottomlock.records import read_record, read_recorded
 from bottomlock.replay.axes import quaternions, to_angles
@@ -50,11 +50,7 @@ def load_mission(folder: str | Path, *, truth: bool = True) -> Mission:
             velocity_p_mps=prepared.alignment.velocity_p_mps,
             attitude_t_p=quaternions(prepared.alignment.attitude),
         ),
-        imu=Inertial(
-            prepared.streams.inertial.time_ns,
-            prepared.streams.inertial.omega_p_radps,
-            prepared.streams.inertial.force_p_mps2,
-        ),
+        imu=prepared.streams.inertial,
         pings=Pings(
             prepared.streams.beams.time_ns, prepared.streams.beams.velocity_mps, prepared.streams.beams.valid
         ),

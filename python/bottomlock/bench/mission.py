@@ -7,19 +7,11 @@ from numpy.typing import NDArray
 
 from bottomlock.kernel import BeamGeometry
 from bottomlock.models import Model, Options
+from bottomlock.replay.streams import Inertial
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
 Flags = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Inertial:
-    """Means over the interval before each time (n,): inertial rate and specific force in platform axes, (n, 3)."""
-
-    time_ns: Times
-    omega_p_radps: Floats
-    force_p_mps2: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +61,8 @@ class Mission:
     """All that an estimator may know of a mission, and the truth where it is not sealed.
 
     `model` and `options` hold the claimed errors of every sensor and the lever arms; `grid_ns` (n,) are the times at
-    which an estimate is asked, the first of them after the start.
+    which an estimate is asked, the first of them after the start. Inertial readings are means over the interval before
+    each time.
     """
 
     name: str
