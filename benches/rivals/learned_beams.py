@@ -1,8 +1,9 @@
 """Missing beams regressed from the beams that return and from past pings, in the manner of MissBeamNet.
 
 Yona & Klein, Neural Computing and Applications 36 (2024) 4947 (arXiv 2301.11597) regress the missing beams by an LSTM
-over past pings and the present ones, and solve the velocity by least squares. Ours gives each
-beam a variance too, so that the velocity has a covariance, and learns the difference to the moving average. README_graph.md says what else differs.
+over past pings and the present ones, and solve the velocity by least squares. Ours gives each beam a variance too, so
+that the velocity has a covariance, and learns the difference to the moving average. README_graph.md says what else
+differs.
 """
 
 import time

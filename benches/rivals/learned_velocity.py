@@ -1,8 +1,9 @@
 """The velocity regressed from beams and inertial readings, in the manner of BeamsNet.
 
 Cohen & Klein, Engineering Applications of Artificial Intelligence 114 (2022) 105216 (arXiv 2206.13603): convolutions
-over the inertial readings between two pings, joined by the beams, give the velocity (BeamsNetV1); past
-pings are its second version. Ours takes both, any mask, and gives a full covariance; it learns the difference to least squares. README_graph.md says what else differs.
+over the inertial readings between two pings, joined by the beams, give the velocity (BeamsNetV1); past pings are its
+second version. Ours takes both, any mask, and gives a full covariance; it learns the difference to least squares.
+README_graph.md says what else differs.
 """
 
 import time
