@@ -278,3 +278,7 @@ fn correlate_with_prior(
         ..CorrelatedNoise::default()
     }));
 }
+
+#[cfg(test)]
+#[path = "beams_tests.rs"]
+mod tests;

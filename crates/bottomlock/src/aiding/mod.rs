@@ -63,6 +63,8 @@ impl Motion<'_> {
 }
 
 #[cfg(test)]
+mod readings_tests;
+#[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod validate_tests;

@@ -259,6 +259,14 @@ fn thin_tails_are_the_kalman_update() {
 /// Options that make no sense are named.
 #[test]
 fn bad_options_are_named() {
+    for probability in [0.0, 1.0, f64::NAN] {
+        let gates = Robust {
+            beam_gate: Some(probability),
+            ..Robust::default()
+        };
+        assert!(gates.validate().is_err(), "{probability}");
+    }
+    assert!(Robust::default().is_off() && !Robust::recommended().is_off());
     let text = |robust: Robust| robust.validate().unwrap_err().to_string();
     assert!(
         text(Robust {

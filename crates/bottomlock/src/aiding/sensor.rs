@@ -263,3 +263,50 @@ impl Field for Vec3<Tangent> {
         require_finite(name, 0, &self.to_array())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Keys;
+
+    impl Numbers for Keys {
+        type Error = ();
+        fn number(&self, key: &'static str) -> Result<f64, ()> {
+            if key == "number" { Ok(0.5) } else { Err(()) }
+        }
+        fn triple(&self, key: &'static str) -> Result<[f64; 3], ()> {
+            if key == "triple" { Ok([1.0, 2.0, 3.0]) } else { Err(()) }
+        }
+    }
+
+    /// A field is what its key says, and a missing key is the reader's error.
+    #[test]
+    fn fields_are_read_by_their_keys() {
+        assert_eq!(f64::read(&Keys, "number"), Ok(0.5));
+        assert_eq!(Fraction::read(&Keys, "number"), Ok(Fraction(0.5)));
+        assert_eq!(TimeConstant::read(&Keys, "number"), Ok(TimeConstant(0.5)));
+        assert_eq!(<[f64; 3]>::read(&Keys, "triple"), Ok([1.0, 2.0, 3.0]));
+        assert_eq!(Vec3::<Tangent>::read(&Keys, "triple"), Ok(Vec3::new(1.0, 2.0, 3.0)));
+        assert_eq!(f64::read(&Keys, "none"), Err(()));
+        assert_eq!(Vec3::<Tangent>::read(&Keys, "none"), Err(()));
+    }
+
+    /// What a field may be: the ends of its range and the numbers just beyond.
+    #[test]
+    fn fields_have_their_ranges() {
+        assert_eq!(
+            [0.0, 3.0, -1e-9, f64::NAN].map(|value| value.check("field").is_ok()),
+            [true, true, false, false]
+        );
+        assert!([0.0, 1.0, 2.0].check("field").is_ok() && [0.0, -1.0, 2.0].check("field").is_err());
+        let fractions = [0.0, 1.0, -1e-9, 1.1].map(|value| Fraction(value).check("field").is_ok());
+        assert_eq!(fractions, [true, true, false, false]);
+        let times = [1e-9, 0.0, -1.0, f64::INFINITY].map(|value| TimeConstant(value).check("field").is_ok());
+        assert_eq!(times, [true, false, false, false]);
+        let places = [-7.0, f64::NAN].map(|value| Vec3::<Tangent>::new(0.0, 0.0, value).check("field").is_ok());
+        assert_eq!(places, [true, false]);
+        let text = Fraction(1.5).check("fraction").unwrap_err().to_string();
+        assert_eq!(text, "fraction is 1.5, expected 0 to 1");
+    }
+}

@@ -139,3 +139,41 @@ fn priors_are_checked() {
         assert!(message.contains(field), "{message}");
     }
 }
+
+/// A state with a correlation time falls to 1/e in it; k is a constant of the vehicle.
+#[test]
+fn decay_by_hand() {
+    let prior = WaterPrior {
+        current_time_s: 100.0,
+        trim_time_s: 50.0,
+        slip_time_s: 25.0,
+        ..WaterPrior::default()
+    };
+    let expected = [-1.0, -1.0, 0.0, -2.0, -4.0, -4.0].map(f64::exp);
+    assert!((prior.decay(100.0) - WaterVector::from(expected)).amax() < 1e-15);
+}
+
+/// A yaw corrected by a quarter turn turns a current of (3, 1) to (−1, 3), and the errors add to it.
+#[test]
+fn the_current_turns_with_the_yaw() {
+    let mut water = WaterVector::from([3.0, 1.0, 0.5, 0.1, 0.2, 0.3]);
+    let error = WaterVector::from([0.25, 0.5, 0.125, 0.0, 0.0, -0.3]);
+    inject(&mut water, std::f64::consts::FRAC_PI_2, &error);
+    let expected = WaterVector::from([-0.75, 3.5, 0.625, 0.1, 0.2, 0.0]);
+    assert!((water - expected).amax() < 1e-15, "{water}");
+}
+
+/// k times the rate of the turn, whose noise is k² of the gyro's; nothing is left out of the rates but the Earth's.
+#[test]
+fn turning_by_hand() {
+    let state = NavState::at_rest(0);
+    let motion = Motion {
+        earth_rate_t_radps: Vector3::zeros(),
+        ..motion(&state, [0.2, -0.4, 0.8])
+    };
+    let water = WaterVector::from([0.0, 0.0, 0.5, 0.0, 0.0, 0.0]);
+    let (sway, heave) = (sway_row(&motion, &water), heave_row(&motion, &water));
+    assert!((sway.turning_mps - 0.4).abs() < 1e-15 && (heave.turning_mps + 0.2).abs() < 1e-15);
+    assert!((sway.variance - 0.25e-6).abs() < 1e-20 && heave.variance == 0.0);
+    assert_eq!(sway.by_water[GAIN], 0.8);
+}

@@ -244,52 +244,5 @@ fn whitening(mut noise: SlotNoise, count: usize) -> Option<SlotNoise> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn rows(directions: &[[f64; 3]], variance: f64) -> Rows {
-        let mut rows = Rows::empty();
-        for (slot, &direction) in directions.iter().enumerate() {
-            rows.put(slot, Vector3::from(direction), variance);
-        }
-        rows
-    }
-
-    /// By hand: two rows along x are averaged, one row along y stands alone, z is unobserved.
-    #[test]
-    fn parallel_rows_are_averaged() {
-        let solution = least_squares(&rows(&[[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], 0.04)).unwrap();
-        assert_eq!(solution.rank, 2);
-        assert!((solution.covariance[(0, 0)] - 0.02).abs() < 1e-16);
-        assert!((solution.covariance[(1, 1)] - 0.04).abs() < 1e-16);
-        assert!(solution.covariance[(2, 2)].abs() < 1e-16);
-        assert!(
-            solution.observes(&Vector3::x()) && solution.observes(&Vector3::y()) && !solution.observes(&Vector3::z())
-        );
-        assert!((solution.gain[(0, 0)] - 0.5).abs() < 1e-15);
-    }
-
-    /// Principal axes diagonalise the observed part of the covariance.
-    #[test]
-    fn principal_axes_diagonalise() {
-        let s = 0.5_f64.sqrt();
-        let solution = least_squares(&rows(&[[1.0, 0.0, 0.0], [s, s, 0.0]], 0.04)).unwrap();
-        let (axes, variances) = solution.principal_axes();
-        let rebuilt = axes * Matrix3::from_diagonal(&variances) * axes.transpose();
-        assert!((rebuilt - solution.covariance).amax() < 1e-15);
-        assert!(axes.column(2).norm() < 1e-15);
-    }
-
-    /// Without rows the rank is zero, which is no error.
-    #[test]
-    fn no_rows_have_rank_zero() {
-        let solution = least_squares(&Rows::empty()).unwrap();
-        assert_eq!((solution.rank, solution.gain), (0, Gain::zeros()));
-    }
-
-    /// A zero variance is rejected.
-    #[test]
-    fn zero_variance_is_an_error() {
-        assert!(least_squares(&rows(&[[1.0, 0.0, 0.0]], 0.0)).is_err());
-    }
-}
+#[path = "velocity_tests.rs"]
+mod tests;

@@ -114,3 +114,7 @@ impl Eskf {
         Ok(report)
     }
 }
+
+#[cfg(test)]
+#[path = "assume_tests.rs"]
+mod tests;

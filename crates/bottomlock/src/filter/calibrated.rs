@@ -65,7 +65,7 @@ impl Eskf {
     }
 
     /// The rows of F for the velocity, at the state as it stands.
-    fn velocity_by_state(&self) -> SMatrix<f64, 3, DIM> {
+    pub(super) fn velocity_by_state(&self) -> SMatrix<f64, 3, DIM> {
         let inertial = Inertial {
             rate_p_radps: (self.last_rate_p_radps - self.state.gyro_bias_p_radps.0).into(),
             force_p_mps2: [0.0; 3],

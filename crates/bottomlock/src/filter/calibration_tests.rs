@@ -1,6 +1,6 @@
 //! Mounting and clock against a Kalman filter on all 31 states.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::*;
 use crate::aiding::calibration::CLOCK;
@@ -15,7 +15,8 @@ use crate::filter::level_turn::{advance, assert_close};
 use crate::filter::options::Options;
 use crate::filter::report::Sensor;
 use crate::filter::water_block::WaterBlock;
-use crate::frames::Vec3;
+use crate::frames::{Vec3, skew};
+use crate::layout::{GYRO_BIAS, VELOCITY};
 use crate::model::Model;
 use crate::state::NavState;
 
@@ -200,4 +201,173 @@ fn begins_at_the_prior() {
     let (estimate, covariance) = filter.calibration().unwrap();
     assert_eq!(estimate, Calibration::default());
     assert_eq!(covariance, CalibrationCovariance::from_diagonal(&PRIOR.variance()));
+}
+
+/// A filter whose every state beside the others is correlated with mounting and clock.
+fn correlated() -> Eskf {
+    let mut filter = filter();
+    for _ in 0..2 {
+        advance(&mut filter, 30);
+        filter.prepare_for_ping();
+        let sample = ping(BeamMask::all(4));
+        let innovation = tightly_coupled(&filter.beam_terms(&geometry(), &sample), &sample);
+        filter.update(&innovation, Sensor::Beams).unwrap();
+        let innovation = depth(&filter.state(), 0.3, 0.02, &Vec3::from_array([0.4, 0.1, -0.2]));
+        filter.update(&innovation, Sensor::Depth).unwrap();
+        let water = *filter.water().unwrap().estimate();
+        let assumed = filter.with_motion(|motion| sway_row(motion, &water));
+        filter.assume(&assumed, Sensor::Sway, false).unwrap();
+    }
+    filter
+}
+
+/// What mounting and clock add to S is (H J Hᵀ of error state, mounting and clock) less that of the error state alone; to noise with
+/// causes among the states, the same without H.
+#[test]
+fn added_noise_is_that_of_the_joint_covariance() {
+    let mut filter = correlated();
+    filter.prepare_for_ping();
+    let block = block(&filter);
+    assert!(block.cross.amax() > 1e-6);
+    let mut terms = filter.beam_terms(&geometry(), &ping(BeamMask::all(4)));
+    let rows = terms.by_calibration.clone().unwrap();
+    let p = filter.covariance();
+    let sized = |m: usize, from: &dyn Fn(usize, usize) -> f64| DMatrix::from_fn(MAX_ROWS, m, |i, j| from(i, j));
+    let (h, c) = (
+        sized(DIM, &|i, j| terms.jacobian[(i, j)]),
+        sized(CALIBRATION, &|i, j| rows[(i, j)]),
+    );
+    let whole = DMatrix::from_fn(DIM + CALIBRATION, DIM + CALIBRATION, |i, j| match (i < DIM, j < DIM) {
+        (true, true) => p[(i, j)],
+        (true, false) => block.cross[(i, j - DIM)],
+        (false, true) => block.cross[(j, i - DIM)],
+        (false, false) => block.covariance[(i - DIM, j - DIM)],
+    });
+    let both = DMatrix::from_fn(MAX_ROWS, DIM + CALIBRATION, |i, j| {
+        if j < DIM { h[(i, j)] } else { c[(i, j - DIM)] }
+    });
+    let own = DMatrix::from_fn(DIM, DIM, |i, j| p[(i, j)]);
+    let added = &both * &whole * both.transpose() - &h * own * h.transpose();
+    let before = terms.noise;
+    filter.add_calibration_to(&mut terms);
+    for i in 0..MAX_ROWS {
+        for j in 0..MAX_ROWS {
+            let got = terms.noise[(i, j)] - before[(i, j)];
+            assert!(
+                (got - added[(i, j)]).abs() < 1e-12,
+                "({i}, {j}): {got} of {}",
+                added[(i, j)]
+            );
+        }
+    }
+
+    // n = D δx + C δc + independent: C δc adds D X Cᵀ, its transpose and C P_c Cᵀ to R, and X Cᵀ to E[δx nᵀ].
+    let mut innovation = tightly_coupled(&terms, &ping(BeamMask::all(4)));
+    innovation.by_calibration = None;
+    let mut noise = CorrelatedNoise::default();
+    noise
+        .by_state
+        .set_column(VELOCITY, &nalgebra::SVector::from_fn(|i, _| 0.3 + i as f64));
+    innovation.correlated_noise = Some(Box::new(noise.clone()));
+    let before = innovation.noise;
+    block.add_to(&mut innovation, &rows);
+    let x = block.cross * rows.transpose();
+    let half = noise.by_state * x;
+    let expected = rows.as_ref() * block.covariance * rows.transpose() + half + half.transpose();
+    assert!(half.amax() > 1e-6 && (innovation.noise - before - expected).amax() < 1e-12);
+    assert_eq!(**innovation.cross.as_ref().unwrap(), x);
+    assert_eq!(innovation.correlated_noise.unwrap().by_calibration, *rows);
+}
+
+/// New water states are independent; a move of the path takes the correlation of the position along.
+#[test]
+fn others_that_start_anew_or_move() {
+    let filter = correlated();
+    assert!(block(&filter).water.amax() > 0.0);
+    let anew = filter
+        .clone()
+        .with_water(Some(WaterBlock::new(&Options::default().water)));
+    assert_eq!(block(&anew).water.amax(), 0.0);
+
+    let mut moved = block(&filter);
+    let before = moved.clone();
+    let by = Matrix3::new(0.0, 2.0, 0.0, 0.0, 0.0, 3.0, 5.0, 0.0, 0.0);
+    moved.move_to_corrected_path(&by);
+    for column in 0..CALIBRATION {
+        for axis in 0..3 {
+            let along: f64 = (0..3)
+                .map(|k| by[(axis, k)] * before.cross[(ATTITUDE + k, column)])
+                .sum();
+            let expected = before.cross[(POSITION + axis, column)] + along;
+            assert!((moved.cross[(POSITION + axis, column)] - expected).abs() < 1e-15);
+        }
+    }
+    assert_eq!(
+        moved.cross.rows(ATTITUDE, DIM - ATTITUDE),
+        before.cross.rows(ATTITUDE, DIM - ATTITUDE)
+    );
+}
+
+/// A correction of the velocity is no acceleration.
+#[test]
+fn corrections_are_no_acceleration() {
+    let mut filter = filter();
+    advance(&mut filter, 50);
+    filter.prepare_for_ping();
+    let before = block(&filter).change.acceleration_p_mps2;
+    let mut innovation = Innovation {
+        rows: 1,
+        degrees: 1,
+        ..Innovation::empty()
+    };
+    innovation.residual[0] = 1.0;
+    innovation.jacobian[(0, VELOCITY)] = 1.0;
+    innovation.noise[(0, 0)] = 1e-6;
+    filter.update(&innovation, Sensor::Velocity).unwrap();
+    assert!(filter.state().velocity_p_mps.0.x > 2.9);
+    advance(&mut filter, 10);
+    filter.prepare_for_ping();
+    let after = block(&filter).change.acceleration_p_mps2;
+    // 1 m/s within a step of 10 ms would be 4 m/s² a time constant later.
+    assert!((after - before).x.abs() < 0.1, "{before} {after}");
+}
+
+/// The velocity's change by the states: −[ω×] by itself, with the bias off the rate, and −[v×] by the gyro's bias.
+#[test]
+fn change_of_the_velocity_by_the_states() {
+    let mut filter = filter();
+    advance(&mut filter, 1);
+    filter.state.gyro_bias_p_radps = Vec3::new(0.002, -0.003, 0.004);
+    let f = filter.velocity_by_state();
+    let earth = filter.kinematics.rotation_t_p;
+    let turn: [f64; 3] = std::array::from_fn(|k| {
+        let of_earth: f64 = (0..3).map(|i| earth[i][k] * filter.settings.earth.rate_t[i]).sum();
+        [-0.002, 0.013, 0.096][k] + of_earth
+    });
+    let velocity = Vector3::from(filter.kinematics.velocity_p_mps);
+    for (start, expected) in [(VELOCITY, -skew(&Vector3::from(turn))), (GYRO_BIAS, -skew(&velocity))] {
+        let block: Matrix3<f64> = f.fixed_view::<3, 3>(0, start).into();
+        assert!((block - expected).amax() < 1e-12, "{start}: {block} {expected}");
+    }
+}
+
+/// Numbers from bytes are finite, or named.
+#[test]
+fn restored_numbers_are_checked() {
+    let good = block(&correlated());
+    assert_eq!(good.check_restored(3), Ok(()));
+    let faults: [fn(&mut CalibrationBlock); 7] = [
+        |block| block.prior.clock_sd_s = -1.0,
+        |block| block.covariance[(1, 1)] = f64::NAN,
+        |block| block.cross[(3, 2)] = f64::INFINITY,
+        |block| block.depth_bias[0] = f64::NAN,
+        |block| block.water[(1, 1)] = f64::NAN,
+        |block| block.change.acceleration_p_mps2.y = f64::NAN,
+        |block| block.change.angular_acceleration_p_radps2.z = f64::NAN,
+    ];
+    for (number, change) in faults.into_iter().enumerate() {
+        let mut bad = good.clone();
+        change(&mut bad);
+        assert!(bad.check_restored(3).is_err(), "{number}");
+    }
 }

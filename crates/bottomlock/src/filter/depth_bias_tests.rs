@@ -1,6 +1,6 @@
 //! The bias of the depth sensor against a Kalman filter on all 27 states.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3};
 
 use super::*;
 use crate::aiding::depth::depth;
@@ -169,5 +169,67 @@ fn the_bias_decays() {
     assert!((after.variance_m2 / expected - 1.0).abs() < 1e-12);
     for k in crate::layout::ACCEL_BIAS..DIM {
         assert!((after.cross[k] - before.cross[k] * left).abs() < 1e-15);
+    }
+}
+
+/// Its correlation with the water states decays with both, and is none of water states that start anew.
+#[test]
+fn its_correlation_with_the_water_decays_with_both() {
+    let mut filter = filter();
+    filter.update(&read(&filter, 0.1), Sensor::Depth).unwrap();
+    let own = WaterVector::from([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) * 1e-3;
+    filter.extensions.depth_bias.as_deref_mut().unwrap().water = own;
+    advance(&mut filter, 100);
+    let prior = Options::default().water;
+    let expected = own.component_mul(&prior.decay(1.0)) * (-1.0_f64 / 100.0).exp();
+    assert!((bias(&filter).water - expected).amax() < 1e-12);
+    let anew = filter.with_water(Some(WaterBlock::new(&prior)));
+    assert_eq!(bias(&anew).water, WaterVector::zeros());
+}
+
+/// At rest with a depth of 2.3 m where 0 is expected: a bias of 0.3 m beside a position of 2 m takes 0.3²/(2² + 0.3² + 0.02²) of it.
+#[test]
+fn estimate_by_hand() {
+    let mut filter = filter();
+    let innovation = depth(&filter.state(), 2.3, BIAS.sd_m, &Vec3::zeros());
+    filter.update(&innovation, Sensor::Depth).unwrap();
+    let (estimate_m, sd_m) = filter.depth_bias_m().unwrap();
+    assert!((estimate_m - 2.3 * 0.09 / (4.0 + 0.09 + 4e-4)).abs() < 1e-12);
+    assert!((sd_m.powi(2) - 0.09 * (4.0 + 4e-4) / (4.0 + 0.09 + 4e-4)).abs() < 1e-12);
+}
+
+/// A move of the path takes the correlation of the position along.
+#[test]
+fn moves_with_the_path() {
+    let mut filter = filter();
+    filter.update(&read(&filter, 0.1), Sensor::Depth).unwrap();
+    let before = bias(&filter);
+    let by = Matrix3::new(0.0, 2.0, 0.0, 0.0, 0.0, 3.0, 5.0, 0.0, 0.0);
+    filter.extensions.move_to_corrected_path(&by);
+    let (rho, after) = (before.cross.fixed_rows::<3>(ATTITUDE), bias(&filter));
+    let expected = before.cross.fixed_rows::<3>(POSITION) + by * rho;
+    assert!(rho.amax() > 0.0 && (after.cross.fixed_rows::<3>(POSITION) - expected).amax() < 1e-15);
+    assert_eq!(
+        after.cross.rows(ATTITUDE, DIM - ATTITUDE),
+        before.cross.rows(ATTITUDE, DIM - ATTITUDE)
+    );
+}
+
+/// Numbers from bytes are finite, or named.
+#[test]
+fn restored_numbers_are_checked() {
+    let good = DepthBias::new(&BIAS).unwrap();
+    assert_eq!(good.check_restored(3), Ok(()));
+    let faults: [fn(&mut DepthBias); 5] = [
+        |bias| bias.model.sd_m = -1.0,
+        |bias| bias.estimate_m = f64::NAN,
+        |bias| bias.variance_m2 = f64::INFINITY,
+        |bias| bias.cross[4] = f64::NAN,
+        |bias| bias.water[2] = f64::NAN,
+    ];
+    for (number, change) in faults.into_iter().enumerate() {
+        let mut bad = good.clone();
+        change(&mut bad);
+        assert!(bad.check_restored(3).is_err(), "{number}");
     }
 }

@@ -158,3 +158,142 @@ fn only_what_a_covariance_explains_counts() {
     assert!(inflates([1.2 + 0.32, -1.2, -1.2, 1.2]), "surge and a doubtful beam");
     assert!(!inflates([1.2 + 0.33, -1.2, -1.2, 1.2]), "surge and an outlier");
 }
+
+/// Errors agree where their difference is at most half their root sum of squares: 1 and 2 do (1 of 1.25), 1 and 2.3 do not (1.69 of
+/// 1.57).
+#[test]
+fn errors_that_agree() {
+    let along = |length: f64| Vector3::new(0.6, 0.0, 0.8) * length;
+    assert!(agree(&along(1.0), &along(2.0)) && agree(&along(2.0), &along(1.0)));
+    assert!(!agree(&along(1.0), &along(2.3)) && !agree(&along(1.0), &along(-1.0)));
+}
+
+/// A rejection that disagrees with the one before begins the count anew.
+#[test]
+fn rejections_that_disagree_begin_anew() {
+    let mut count = Count::default();
+    let outcome =
+        |count: &mut Count, sign: f64, time_ns| count.rejection(4.0, Vector3::x() * sign, 2, time_ns).is_some();
+    assert!(!outcome(&mut count, 1.0, 7));
+    assert!(!outcome(&mut count, -1.0, 8));
+    assert_eq!((count.measurements, count.since_ns), (1, 8));
+    assert!(outcome(&mut count, -1.0, 9));
+}
+
+/// Where inflation is off nothing is counted.
+#[test]
+fn off_is_never() {
+    let options = Options {
+        inflate_after_rejections: 0,
+        ..Options::default()
+    };
+    let mut off = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
+    let innovation = depth(&off.state(), 10.0, 0.5, &Vec3::zeros());
+    for _ in 0..3 {
+        assert_eq!(off.note_rejected(&innovation, Sensor::Depth), Ok(None));
+    }
+    assert_eq!(
+        (off.rejections_allowed(), filter(&Model::table_2()).rejections_allowed()),
+        (0, 2)
+    );
+}
+
+/// A depth 10 m off beside a position of 2 m is explained by a bias of 3 m, 100/(4 + 9 + 0.25) = 7.5 of 9, and not without. Once a depth
+/// has been taken, bias and position are correlated, and the depth is known to centimetres.
+#[test]
+fn the_bias_of_a_depth_counts() {
+    let with = |bias_sd_m: f64, has_depth: bool, depth_m: f64| {
+        let mut model = Model::table_2();
+        model.sensors.depth.bias_sd_m = bias_sd_m;
+        model.initial.attitude_sd_rad = [1e-3; 3];
+        let mut filter = filter(&model);
+        let reading = |filter: &Eskf, depth_m: f64| depth(&filter.state(), depth_m, 0.5, &Vec3::zeros());
+        if has_depth {
+            filter.update(&reading(&filter, 0.0), Sensor::Depth).unwrap();
+        }
+        let innovation = reading(&filter, depth_m);
+        filter.note_rejected(&innovation, Sensor::Depth).unwrap();
+        filter.note_rejected(&innovation, Sensor::Depth).unwrap().is_some()
+    };
+    assert!(!with(3.0, false, 10.0) && with(0.0, false, 10.0));
+    assert!(with(3.0, true, 5.0) && !with(3.0, true, 1.0));
+}
+
+/// A position of σ 500 km that is off by 5,000 km grows to the bound of 1,000 km alone, a factor of four; at the bound it does not grow.
+#[test]
+fn a_position_grows_to_its_bound() {
+    for (sd_m, expected) in [(5e5, Some(4.0)), (1e6, None)] {
+        for has_velocity in [false, true] {
+            let mut model = Model::table_2();
+            model.initial.position_sd_m = [sd_m; 3];
+            let mut filter = filter(&model);
+            if has_velocity {
+                filter.measured.velocity_ns = Some(0);
+            }
+            let place = Vec3::new(10.0 * sd_m, 0.0, 0.0);
+            let far = crate::aiding::position::position(&filter.state(), &place, &[1.0; 3], &Vec3::zeros());
+            assert_eq!(filter.note_rejected(&far, Sensor::AcousticPosition), Ok(None));
+            let factor = filter.note_rejected(&far, Sensor::AcousticPosition).unwrap();
+            assert_eq!(factor.is_some(), expected.is_some());
+            if let (Some(factor), Some(expected)) = (factor, expected) {
+                assert!((factor / expected - 1.0_f64).abs() < 1e-9, "{factor}");
+            }
+            let largest = filter.covariance()[(POSITION, POSITION)];
+            assert!((largest / 1e12 - 1.0).abs() < 1e-9, "{largest}");
+        }
+    }
+}
+
+/// The states of a block whose columns have half the largest entry.
+#[test]
+fn states_that_rows_measure() {
+    let mut innovation = Innovation {
+        rows: 1,
+        degrees: 1,
+        ..Innovation::empty()
+    };
+    for (entries, expected) in [
+        ([0.6, 0.2, -1.0], [true, false, true]),
+        ([0.0, 0.0, 1.0], [false, false, true]),
+    ] {
+        for (k, entry) in entries.into_iter().enumerate() {
+            innovation.jacobian[(0, ATTITUDE + k)] = entry;
+        }
+        let measured = observed(&innovation, ATTITUDE);
+        let indices: Vec<_> = (0..DIM).filter(|&k| measured[k]).collect();
+        let expected: Vec<_> = (0..3).filter(|&k| expected[k]).map(|k| ATTITUDE + k).collect();
+        assert_eq!(indices, expected);
+    }
+}
+
+/// A velocity inflates itself by the whole factor, and the biases of the inertial sensors by the indirect one.
+#[test]
+fn a_velocity_alone_is_measured() {
+    let mut filter = filter(&Model::table_2());
+    let off = Vec3::new(3.0, 4.0, 0.0);
+    let innovation = velocity(&filter.state(), &off, &(nalgebra::Matrix3::identity() * 0.0025));
+    let before = filter.covariance();
+    filter.note_rejected(&innovation, Sensor::Velocity).unwrap();
+    filter.note_rejected(&innovation, Sensor::Velocity).unwrap().unwrap();
+    let after = filter.covariance();
+    for k in (0..VELOCITY).chain(VELOCITY + 3..DVL_BIAS) {
+        assert!((after[(k, k)] / before[(k, k)] - 25.0).abs() < 1e-9, "{k}");
+    }
+    assert_eq!(after[(DVL_BIAS, DVL_BIAS)], before[(DVL_BIAS, DVL_BIAS)]);
+}
+
+/// Counts from bytes are finite.
+#[test]
+fn restored_counts_are_checked() {
+    let good = ConsecutiveRejections::default();
+    assert_eq!(good.check_restored(3), Ok(()));
+    let faults: [fn(&mut Count); 2] = [
+        |count| count.log_factor = f64::NAN,
+        |count| count.correction.y = f64::INFINITY,
+    ];
+    for change in faults {
+        let mut bad = good.clone();
+        change(&mut bad.0[Sensor::COUNT - 1]);
+        assert!(bad.check_restored(3).is_err());
+    }
+}

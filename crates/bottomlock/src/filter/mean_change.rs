@@ -121,6 +121,27 @@ mod tests {
         assert!((change.angular_acceleration_p_radps2.z / alpha - 1.0).abs() < 0.3);
     }
 
+    /// Nothing is kept without a clock, nor over no time; the first interval says all there is, but no angular acceleration.
+    #[test]
+    fn nothing_of_nothing() {
+        let mut off = MeanChange::new(0.0, &moving(1.0, 0.0));
+        let before = off.clone();
+        off.extend(0.01, &moving(2.0, 0.1));
+        assert_eq!(off, before);
+        let mut change = MeanChange::new(10.0, &moving(1.0, 0.0));
+        let before = change.clone();
+        change.extend(0.0, &moving(2.0, 0.1));
+        assert_eq!(change, before);
+        change.extend(0.5, &moving(2.0, 0.1));
+        assert!((change.acceleration_p_mps2.x - 2.0).abs() < 1e-12);
+        assert_eq!(change.angular_acceleration_p_radps2, Vector3::zeros());
+        change.extend(0.5, &moving(6.0, 0.1));
+        assert!(
+            (change.acceleration_p_mps2.x - 5.0).abs() < 1e-12,
+            "the mean of 2 and 8"
+        );
+    }
+
     /// Half of a step of the acceleration is seen after 0.69 time constants.
     #[test]
     fn the_time_constant() {

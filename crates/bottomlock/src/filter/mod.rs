@@ -314,13 +314,4 @@ fn require_positive_definite(covariance: &Covariance, time_ns: i64) -> Result<()
 }
 
 #[cfg(test)]
-mod tests {
-    use super::Eskf;
-
-    /// A campaign holds hundreds of filters side by side, so each must fit in the second-level cache with its
-    /// neighbours.
-    #[test]
-    fn a_filter_takes_five_kilobytes() {
-        assert!(size_of::<Eskf>() <= 5000, "{} bytes", size_of::<Eskf>());
-    }
-}
+mod tests;

@@ -65,3 +65,38 @@ fn normalised_square<S: Simd>(
     }
     Some(scaled.dot(&solved))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// 3² over 4 and 1 over 0.25; a frozen state and states outside the range do not count, and a negative variance has none.
+    #[test]
+    fn by_hand() {
+        let mut covariance = Covariance::identity();
+        (covariance[(2, 2)], covariance[(3, 3)], covariance[(4, 4)]) = (4.0, 0.25, 0.0);
+        let mut error = ErrorVector::repeat(100.0);
+        (error[2], error[3]) = (3.0, 1.0);
+        assert_eq!(nees(&covariance, &error, 2, 5), Some(2.25 + 4.0));
+        assert_eq!(nees(&covariance, &error, 4, 5), Some(0.0));
+        (covariance[(2, 3)], covariance[(3, 2)]) = (1.5, 1.5);
+        assert_eq!(nees(&covariance, &error, 2, 5), None);
+    }
+
+    proptest! {
+        /// Against a dense inverse of the states of the range.
+        #[test]
+        fn dense(numbers in prop::collection::vec(-1.0_f64..1.0, DIM * DIM), errors in prop::collection::vec(-3.0_f64..3.0, DIM),
+                 from in 0..DIM, length in 1..=DIM) {
+            let to = (from + length).min(DIM);
+            let root = Covariance::from_iterator(numbers);
+            let covariance = root * root.transpose() + Covariance::identity() * 0.1;
+            let error = ErrorVector::from_iterator(errors);
+            let block = covariance.view((from, from), (to - from, to - from)).into_owned();
+            let x = error.rows(from, to - from).into_owned();
+            let expected = x.dot(&(block.try_inverse().unwrap() * &x));
+            prop_assert!((nees(&covariance, &error, from, to).unwrap() / expected - 1.0).abs() < 1e-9);
+        }
+    }
+}

@@ -94,3 +94,47 @@ impl Options {
         GateTable::new(self.gate).map(|_| ())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::aiding::registry::SensorKind;
+    use crate::frames::Vec3;
+
+    /// Every part is checked, and its fault named.
+    #[test]
+    fn every_part_is_checked() {
+        assert_eq!(Options::default().validate(), Ok(()));
+        let faults: [(&str, fn(&mut Options)); 9] = [
+            ("covariance_period_ns", |options| options.covariance_period_ns = -1),
+            ("inflate_after_rejections", |options| {
+                options.inflate_after_rejections = 1
+            }),
+            ("virtual_beam_factor", |options| {
+                options.assumptions.virtual_beam_factor = 0.0
+            }),
+            ("water.slip_epochs", |options| options.water.slip_epochs = 0.5),
+            ("clock_sd_s", |options| options.calibration.clock_sd_s = -1.0),
+            ("speed_sd_mps", |options| options.speed_bound.sd_mps = -1.0),
+            ("robust.beam_gate", |options| options.robust.beam_gate = Some(2.0)),
+            ("depth_lever_p_m", |options| {
+                options.levers = options.levers.with(SensorKind::Depth, Vec3::new(f64::NAN, 0.0, 0.0));
+            }),
+            ("gate", |options| options.gate = Gate::Joint { probability: 1.0 }),
+        ];
+        for (words, change) in faults {
+            let mut options = Options::default();
+            change(&mut options);
+            let text = options.validate().expect_err(words).to_string();
+            assert!(text.contains(words), "{text} has no {words}");
+        }
+        for good in [0, 2, 3] {
+            let options = Options {
+                covariance_period_ns: 0,
+                inflate_after_rejections: good,
+                ..Options::default()
+            };
+            assert_eq!(options.validate(), Ok(()));
+        }
+    }
+}

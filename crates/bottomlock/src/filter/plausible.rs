@@ -123,3 +123,7 @@ impl Eskf {
             .try_for_each(|(field, values, limit)| require_plausible(field, time_ns, values, limit, UNIT))
     }
 }
+
+#[cfg(test)]
+#[path = "plausible_tests.rs"]
+mod tests;

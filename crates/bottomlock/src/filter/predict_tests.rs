@@ -135,3 +135,34 @@ fn a_tape_sees_every_step() {
         assert_eq!(tape, apart.take_tape());
     });
 }
+
+/// With a period an interval holds many steps, to second order; without, one step of the first order.
+#[test]
+fn the_period_decides_the_order() {
+    use crate::error_model::Interval;
+    for (period_ns, many) in [(0, false), (20_000_000, true)] {
+        let mut filter = filter(period_ns, Sampling::Instantaneous, false);
+        filter.begin_interval();
+        assert_eq!(matches!(filter.interval, Interval::SecondOrder(_)), many);
+        assert_eq!(matches!(filter.interval, Interval::FirstOrder(_)), !many);
+    }
+}
+
+/// Within an interval the states beside the others are brought up to date with the covariance.
+#[test]
+fn others_are_brought_up_to_date() {
+    let mut filter = filter(100_000_000, Sampling::Instantaneous, true);
+    let samples = samples(4);
+    filter.predict_along(&samples).unwrap();
+    let before = *filter.water().unwrap().covariance();
+    let last = samples[3].time_ns as f64 * 1e-9;
+    filter.propagate_covariance();
+    let (after, prior) = (*filter.water().unwrap().covariance(), WaterPrior::default());
+    let (left, variance) = (prior.decay(last), prior.variance());
+    for k in 0..variance.len() {
+        let expected = before[(k, k)] * left[k] * left[k] + (1.0 - left[k] * left[k]) * variance[k];
+        assert!((after[(k, k)] - expected).abs() < 1e-15);
+    }
+    filter.propagate_covariance();
+    assert_eq!(*filter.water().unwrap().covariance(), after, "no time has passed");
+}

@@ -147,3 +147,55 @@ fn slip_variance_follows_informative_innovations() {
     assert!(block.variance()[row.slip] > start);
     assert_eq!(block.restarted().variance()[row.slip], start);
 }
+
+/// Numbers from bytes are finite, or named.
+#[test]
+fn restored_numbers_are_checked() {
+    let good = WaterBlock::new(&WaterPrior::default());
+    assert_eq!(good.check_restored(3), Ok(()));
+    let faults: [fn(&mut WaterBlock); 8] = [
+        |block| block.prior.slip_time_s = 0.0,
+        |block| block.estimate[0] = f64::NAN,
+        |block| block.variance[5] = f64::NAN,
+        |block| block.epochs[4] = f64::INFINITY,
+        |block| block.since_s[4] = f64::NAN,
+        |block| block.turning_mps[4] = f64::NAN,
+        |block| block.covariance[(2, 1)] = f64::NAN,
+        |block| block.cross[(3, 1)] = f64::NAN,
+    ];
+    for (number, change) in faults.into_iter().enumerate() {
+        let mut bad = good.clone();
+        change(&mut bad);
+        assert!(bad.check_restored(3).is_err(), "{number}");
+    }
+}
+
+/// A block that starts again has its prior, nothing of what was learned, and counts.
+#[test]
+fn a_restart_forgets() {
+    let mut learned = WaterBlock::new(&WaterPrior::default());
+    learned.variance[5] *= 2.0;
+    learned.estimate[0] = 0.3;
+    let (anew, fresh) = (learned.restarted(), WaterBlock::new(&WaterPrior::default()));
+    assert_eq!(
+        (anew.restarts(), fresh.restarts(), anew.restarted().restarts()),
+        (1, 0, 2)
+    );
+    assert_eq!((anew.estimate(), anew.variance()), (fresh.estimate(), fresh.variance()));
+}
+
+/// A move of the path takes the correlation of the position along.
+#[test]
+fn moves_with_the_path() {
+    let mut block = WaterBlock::new(&WaterPrior::default());
+    block.cross = SMatrix::from_fn(|i, j| (i as f64 + 2.0 * j as f64 + 1.0) * 1e-3);
+    let before = block.cross;
+    let by = Matrix3::new(0.0, 2.0, 0.0, 0.0, 0.0, 3.0, 5.0, 0.0, 0.0);
+    block.move_to_corrected_path(&by);
+    let expected = before.fixed_rows::<3>(POSITION) + by * before.fixed_rows::<3>(ATTITUDE);
+    assert!((block.cross.fixed_rows::<3>(POSITION) - expected).amax() < 1e-15);
+    assert_eq!(
+        block.cross.rows(ATTITUDE, DIM - ATTITUDE),
+        before.rows(ATTITUDE, DIM - ATTITUDE)
+    );
+}

@@ -36,7 +36,11 @@ fn steady_turn_closes_the_circle() {
         rate_p_radps: [0.0, 0.0, rate],
         force_p_mps2: [0.0, speed * rate, -9.8],
     };
-    for _ in 0..steps {
+    for step in 0..steps {
+        if step == steps / 2 {
+            // Across the circle, 2 u/r to starboard.
+            assert!((kinematics.position_t_m[1] - 2.0 * speed / rate).abs() < 2.1e-6);
+        }
         kinematics.step(&inertial, &inertial, dt, &still_earth());
     }
     assert!(
@@ -134,4 +138,61 @@ fn coning_of_a_linear_rate() {
         most.max((coarse.attitude_t_p[i] - fine.attitude_t_p[i]).abs())
     });
     assert!(gap < 1e-6, "{gap}");
+}
+
+/// Fixed to the Earth the gyros read its rate and the accelerometers minus gravity: nothing moves, whatever the attitude.
+#[test]
+fn what_is_fixed_to_the_earth_stays() {
+    let earth = EarthTerms {
+        rate_t: [3e-3, 1e-3, -2e-3],
+        gravity_mps2: 9.8,
+    };
+    for attitude_t_p in [[1.0, 0.0, 0.0, 0.0], [0.5, -0.5, 0.5, 0.5], [0.8, 0.0, 0.0, 0.6]] {
+        let start = Kinematics::new([0.0; 3], attitude_t_p, [0.0; 3]);
+        let inertial = Inertial {
+            rate_p_radps: tmul(&start.rotation_t_p, earth.rate_t),
+            force_p_mps2: tmul(&start.rotation_t_p, [0.0, 0.0, -9.8]),
+        };
+        let mut kinematics = start;
+        for _ in 0..1000 {
+            kinematics.step(&inertial, &inertial, 0.01, &earth);
+        }
+        let moved = kinematics.to_array().into_iter().zip(start.to_array());
+        assert!(moved.map(|(now, then)| (now - then).abs()).fold(0.0, f64::max) < 1e-9);
+    }
+}
+
+/// Without force but gravity's, 10 m/s to the north over an Earth that turns by w about the vertical: −2ω × v is −20 w to the east.
+#[test]
+fn coriolis_by_hand() {
+    let (turn, dt) = (1e-3, 0.01);
+    let earth = EarthTerms {
+        rate_t: [0.0, 0.0, turn],
+        gravity_mps2: 9.8,
+    };
+    let mut kinematics = Kinematics::new([0.0; 3], [1.0, 0.0, 0.0, 0.0], [10.0, 0.0, 0.0]);
+    let inertial = Inertial {
+        rate_p_radps: [0.0, 0.0, turn],
+        force_p_mps2: [0.0, 0.0, -9.8],
+    };
+    kinematics.step(&inertial, &inertial, dt, &earth);
+    let east = -20.0 * turn * dt;
+    assert!((kinematics.velocity_t_mps[1] - east).abs() < 1e-3 * east.abs());
+    assert!((kinematics.velocity_t_mps[0] - 10.0).abs() < 1e-8 && kinematics.velocity_t_mps[2].abs() < 1e-12);
+    assert!((kinematics.position_t_m[1] - 0.5 * east * dt).abs() < 1e-3 * (east * dt).abs());
+}
+
+/// A quarter of the way between two samples.
+#[test]
+fn a_sample_between_two() {
+    let sample = |time_ns, rate: [f64; 3], force: [f64; 3]| ImuSample {
+        time_ns,
+        rate_p_radps: Vec3::from_array(rate),
+        force_p_mps2: Vec3::from_array(force),
+    };
+    let start = sample(1000, [0.0, 4.0, -8.0], [8.0, 0.0, 4.0]);
+    let end = sample(5000, [4.0, 0.0, 0.0], [0.0, 4.0, 8.0]);
+    let expected = sample(2000, [1.0, 3.0, -6.0], [6.0, 1.0, 5.0]);
+    assert_eq!(ImuSample::between(&start, &end, 2000), expected);
+    assert_eq!(ImuSample::between(&start, &end, 5000), end);
 }
