@@ -330,3 +330,24 @@ proptest! {
         prop_assert!((plain / unit - 1.0).abs() < 1e-6);
     }
 }
+
+/// A sound speed that is wrong by a factor scales readings and their noise: the same beams go, with the same weights.
+#[test]
+fn the_sound_speed_scales_all() {
+    let factor = 1.25;
+    let plain = case(0.05, [0.0, 0.1, 1.5, -0.05]);
+    let mut scaled = case(0.05, [0.0, 0.1, 1.5, -0.05]);
+    scaled.geometry = scaled.geometry.with_sound_speed_scale(factor).unwrap();
+    for beam in 0..4 {
+        scaled.ping.velocity_mps[beam] *= factor;
+        scaled.ping.sd_mps[beam] *= factor;
+    }
+    let robust = Robust::recommended();
+    let (plain, scaled) = (plain.screened(&robust), scaled.screened(&robust));
+    assert_eq!(plain.ping.valid, scaled.ping.valid);
+    assert_eq!(plain.ping.valid.count(), 3);
+    for beam in plain.ping.valid.iter() {
+        assert!((scaled.weight[beam] / plain.weight[beam] - 1.0).abs() < 1e-9);
+        assert!((scaled.ping.sd_mps[beam] / plain.ping.sd_mps[beam] - factor).abs() < 1e-9);
+    }
+}

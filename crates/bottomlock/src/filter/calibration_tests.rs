@@ -229,6 +229,7 @@ fn added_noise_is_that_of_the_joint_covariance() {
     filter.prepare_for_ping();
     let block = block(&filter);
     assert!(block.cross.amax() > 1e-6);
+    assert!(block.depth_bias.amax() > 0.0 && *block.cross_with_depth_bias() == block.depth_bias);
     let mut terms = filter.beam_terms(&geometry(), &ping(BeamMask::all(4)));
     let rows = terms.by_calibration.clone().unwrap();
     let p = filter.covariance();
@@ -370,4 +371,18 @@ fn restored_numbers_are_checked() {
         change(&mut bad);
         assert!(bad.check_restored(3).is_err(), "{number}");
     }
+}
+
+/// Before a ping the mean acceleration is that up to it, though the covariance is not due.
+#[test]
+fn a_ping_finds_the_acceleration_up_to_date() {
+    let options = Options {
+        calibration: PRIOR,
+        ..Options::default()
+    };
+    let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
+    advance(&mut filter, 5);
+    assert_eq!(block(&filter).change.acceleration_p_mps2, Vector3::zeros());
+    filter.prepare_for_ping();
+    assert!((block(&filter).change.acceleration_p_mps2.y - 0.2).abs() < 0.01);
 }

@@ -118,3 +118,75 @@ fn times_that_differ_between_part_the_filters() {
         assert_eq!(bits(&together[k]), bits(filter), "filter {k}");
     }
 }
+
+/// Predicts the filters side by side and each by itself, and compares failures and bits.
+fn check(filters: &[Eskf], streams: &[Vec<ImuSample>], failing: Option<(usize, usize)>) {
+    on_every_level(|| {
+        let (mut together, mut alone) = (filters.to_vec(), filters.to_vec());
+        let pairs = together.iter_mut().zip(streams);
+        let mut spans: Vec<_> = pairs
+            .map(|(filter, samples)| FilterSpan::new(filter, samples))
+            .collect();
+        predict_together(&mut spans);
+        let failures: Vec<_> = spans.iter().map(|span| span.failure.clone()).collect();
+        for (k, filter) in alone.iter_mut().enumerate() {
+            let failure = filter.predict_along(&streams[k]).err();
+            let expected = failing.filter(|&(of, _)| of == k).map(|(_, at)| at);
+            assert_eq!(failure.as_ref().map(|(at, _)| *at), expected, "filter {k}");
+            assert_eq!(failures[k], failure, "filter {k}");
+            assert_eq!(bits(&together[k]), bits(filter), "filter {k}");
+        }
+    });
+}
+
+/// Filters of another noise, another period, another number of samples or another end keep to themselves.
+#[test]
+fn filters_that_differ_do_not_share() {
+    let streams: Vec<_> = (0..FILTERS).map(stream).collect();
+    let mut noisy = filters(100_000_000);
+    noisy[1].settings.noise.gyro *= 9.0;
+    noisy[2].settings.covariance_period_s = 0.05;
+    check(&noisy, &streams, None);
+
+    let mut shorter = streams.clone();
+    shorter[1].pop();
+    shorter[2][SAMPLES - 1].time_ns += 500;
+    shorter[3][0].time_ns -= 500;
+    check(&filters(100_000_000), &shorter, None);
+
+    let mut begun = filters(100_000_000);
+    begun[1].predict_along(&streams[1][..4]).unwrap();
+    let mut later = streams.clone();
+    later
+        .iter_mut()
+        .flatten()
+        .for_each(|sample| sample.time_ns += 1_000_000_000);
+    check(&begun, &later, None);
+}
+
+/// A filter that runs out of numbers stops where it does alone, and its neighbours go on; if all do, so do all.
+#[test]
+fn a_filter_that_is_lost_stops_alone() {
+    let mut streams: Vec<_> = (0..FILTERS).map(stream).collect();
+    for axis in 0..3 {
+        streams[1][20].force_p_mps2.0[axis] = f64::MAX;
+        streams[1][21].force_p_mps2.0[axis] = f64::MAX;
+    }
+    let mut alone = filters(100_000_000);
+    let at = alone[1].predict_along(&streams[1]).unwrap_err().0;
+    assert!((20..SAMPLES - 1).contains(&at), "{at}");
+    check(&filters(100_000_000), &streams, Some((1, at)));
+    check(&filters(0), &streams, Some((1, at)));
+    let all = vec![streams[1].clone(); FILTERS];
+    let mut together = filters(100_000_000);
+    let pairs = together.iter_mut().zip(&all);
+    let mut spans: Vec<_> = pairs
+        .map(|(filter, samples)| FilterSpan::new(filter, samples))
+        .collect();
+    predict_together(&mut spans);
+    assert!(
+        spans
+            .iter()
+            .all(|span| span.failure.as_ref().is_some_and(|(failed, _)| *failed == at))
+    );
+}

@@ -164,7 +164,7 @@ fn only_what_a_covariance_explains_counts() {
 #[test]
 fn errors_that_agree() {
     let along = |length: f64| Vector3::new(0.6, 0.0, 0.8) * length;
-    assert!(agree(&along(1.0), &along(2.0)) && agree(&along(2.0), &along(1.0)));
+    assert!(agree(&along(1.0), &along(2.0)) && agree(&along(0.2), &along(0.1)));
     assert!(!agree(&along(1.0), &along(2.3)) && !agree(&along(1.0), &along(-1.0)));
 }
 
@@ -253,7 +253,7 @@ fn states_that_rows_measure() {
         ..Innovation::empty()
     };
     for (entries, expected) in [
-        ([0.6, 0.2, -1.0], [true, false, true]),
+        ([1.8, 0.6, -3.0], [true, false, true]),
         ([0.0, 0.0, 1.0], [false, false, true]),
     ] {
         for (k, entry) in entries.into_iter().enumerate() {

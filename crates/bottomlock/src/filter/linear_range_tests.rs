@@ -271,3 +271,19 @@ fn path_by_misalignment_by_hand() {
     expected.set_row(2, &-skew(&way_t).row(2));
     assert!((filter.path_by_misalignment(&correction) - expected).amax() < 1e-12);
 }
+
+/// What is learned depends on how long ago, not on when: an epoch of a thousand seconds changes no bit of the covariance.
+#[test]
+fn the_epoch_does_not_matter() {
+    let of = |epoch_ns: i64| {
+        let mut filter = filter(0.01, 20.0);
+        filter.state.time_ns = epoch_ns;
+        filter.measured = Measured::nothing_at(epoch_ns);
+        coast(&mut filter, 20);
+        let innovation = depth(&filter.state(), filter.state().position_t_m.0.z, 0.5, &Vec3::zeros());
+        assert!(filter.is_beyond_linear_range());
+        filter.update(&innovation, Sensor::Depth).unwrap();
+        filter.covariance()
+    };
+    assert_eq!(of(0), of(1_000_000_000_000));
+}

@@ -84,6 +84,25 @@ fn settings_within_their_bounds() {
     }
 }
 
+/// Rounding is relative: to the speed, and to the largest variance.
+#[test]
+fn restored_filters_are_rounded() {
+    let rounded: [Change; 3] = [
+        |filter| {
+            filter.kinematics =
+                crate::mechanisation::Kinematics::new([0.0; 3], [1.0, 0.0, 0.0, 0.0], [100.0, 0.0, 0.0]);
+            filter.kinematics.velocity_t_mps[1] += 5e-5;
+        },
+        |filter| filter.covariance[(12, 15)] += 2e-6,
+        |filter| filter.covariance[(19, 19)] = -2e-6,
+    ];
+    for (number, change) in rounded.into_iter().enumerate() {
+        let mut filter = filter();
+        change(&mut filter);
+        assert_eq!(filter.check_restored(), Ok(()), "{number}");
+    }
+}
+
 /// Every number of a filter that was read from bytes is looked at.
 #[test]
 fn restored_filters_are_checked() {

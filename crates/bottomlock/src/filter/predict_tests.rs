@@ -153,12 +153,18 @@ fn the_period_decides_the_order() {
 fn others_are_brought_up_to_date() {
     let mut filter = filter(100_000_000, Sampling::Instantaneous, true);
     let samples = samples(4);
+    let water = *filter.water().unwrap().estimate();
+    let assumed = filter.with_motion(|motion| crate::aiding::water::sway_row(motion, &water));
+    filter
+        .assume(&assumed, crate::filter::report::Sensor::Sway, false)
+        .unwrap();
     filter.predict_along(&samples).unwrap();
     let before = *filter.water().unwrap().covariance();
     let last = samples[3].time_ns as f64 * 1e-9;
     filter.propagate_covariance();
     let (after, prior) = (*filter.water().unwrap().covariance(), WaterPrior::default());
     let (left, variance) = (prior.decay(last), prior.variance());
+    assert!(before[(5, 5)] != variance[5] || before[(0, 0)] != variance[0]);
     for k in 0..variance.len() {
         let expected = before[(k, k)] * left[k] * left[k] + (1.0 - left[k] * left[k]) * variance[k];
         assert!((after[(k, k)] - expected).abs() < 1e-15);

@@ -229,3 +229,35 @@ pub(super) fn transition(
     }
     whole
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Consecutive transitions are one, the later to the left; of other states they stand beside each other.
+    #[test]
+    fn transitions_are_multiplied() {
+        let transition = |numbers: &[f64]| Step::Transition(DMatrix::from_row_slice(2, 2, numbers));
+        let mut tape = Tape::default();
+        tape.push(transition(&[1.0, 2.0, 0.0, 1.0]));
+        tape.push(transition(&[1.0, 0.0, 3.0, 1.0]));
+        assert_eq!(tape.steps, vec![transition(&[1.0, 2.0, 3.0, 7.0])]);
+        tape.push(Step::Transition(DMatrix::identity(3, 3)));
+        assert_eq!(tape.steps.len(), 2);
+        assert_eq!(tape.bytes(), (4 + 9) * 8);
+        let sized = |rows, columns| DMatrix::zeros(rows, columns);
+        tape.push(Step::Update {
+            weighted_innovation: DVector::zeros(2),
+            weight: sized(2, 2),
+            h: sized(2, 20),
+            gain: sized(20, 2),
+        });
+        assert_eq!(tape.bytes(), (13 + 2 + 4 + 40 + 40) * 8);
+        tape.push(Step::Sample {
+            pending: sized(3, 3),
+            state: Box::new(NavState::at_rest(0)),
+            covariance: sized(4, 4),
+        });
+        assert_eq!(tape.bytes(), (99 + 9 + 16) * 8 + size_of::<NavState>());
+    }
+}

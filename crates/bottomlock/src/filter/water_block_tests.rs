@@ -199,3 +199,33 @@ fn moves_with_the_path() {
         before.rows(ATTITUDE, DIM - ATTITUDE)
     );
 }
+
+/// Estimates decay with their correlation times.
+#[test]
+fn estimates_decay() {
+    let mut filter = filter();
+    let water = WaterVector::from([0.3, -0.2, 0.5, 0.02, 0.01, -0.03]);
+    filter.extensions.water.as_deref_mut().unwrap().estimate = water;
+    advance(&mut filter, 101);
+    filter.propagated_covariance();
+    let expected = water.component_mul(&options().water.decay(1.01));
+    assert!((filter.water().unwrap().estimate() - expected).amax() < 1e-12);
+}
+
+/// By hand: a slip that makes half of S, whose square is a quarter of what was expected, moves its variance by
+/// 1 + 0.5 (0.25 − 1)/(n + 0.25); a slip that is all of S counts as one epoch.
+#[test]
+fn an_epoch_by_hand() {
+    let row = row(&filter());
+    for (share, normalised) in [(0.5, 0.25), (1.0, 4.0)] {
+        let mut block = WaterBlock::new(&options().water);
+        let (start, epochs) = (block.variance[row.slip], block.epochs[row.slip]);
+        block.since_s[row.slip] = 2.0;
+        let q = (1.0 - (-2.0 * 2.0 / options().water.slip_time_s).exp()) * start;
+        block.end_epoch(&row, q / share, Some(normalised));
+        let counted = (epochs + share * share).min(options().water.slip_epochs.max(MEMORY_EPOCHS));
+        let expected = start * (1.0 + share * (normalised - 1.0) / counted);
+        assert!((block.variance[row.slip] / expected - 1.0).abs() < 1e-12);
+        assert!((block.epochs[row.slip] - counted).abs() < 1e-12 && block.since_s[row.slip] == 0.0);
+    }
+}
