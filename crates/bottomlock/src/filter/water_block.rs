@@ -1,13 +1,14 @@
 //! The water states of [`crate::aiding::water`] as a block of the filter: estimate, covariance, and covariance with the
 //! error state.
 
-use nalgebra::{Cholesky, Const, Matrix3, SMatrix};
+use nalgebra::{Cholesky, Const, Matrix2, Matrix3, SMatrix, Vector2};
 
-use crate::aiding::water::{HEAVE, WATER, WaterCovariance, WaterPrior, WaterRow, WaterVector, inject};
+use crate::aiding::water::{CURRENT, HEAVE, WATER, WaterCovariance, WaterPrior, WaterRow, WaterVector, inject};
 use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::error_model::Interval;
 use crate::layout::{ATTITUDE, DIM, POSITION};
 use crate::mechanisation::{EarthTerms, Kinematics};
+use crate::state::Covariance;
 
 /// Memory of an estimated slip variance, epochs.
 const MEMORY_EPOCHS: f64 = 200.0;
@@ -100,6 +101,18 @@ impl WaterBlock {
     #[must_use]
     pub fn covariance(&self) -> &WaterCovariance {
         &self.covariance
+    }
+
+    /// Covariance of the current, north and east of true north, (m/s)²; `covariance` is that of the error state.
+    ///
+    /// c − ĉ = ρ_D e_D × ĉ + δc, to first order.
+    pub(crate) fn current_covariance(&self, covariance: &Covariance) -> Matrix2<f64> {
+        let by_yaw = Vector2::new(-self.estimate[CURRENT + 1], self.estimate[CURRENT]);
+        let yaw_cross = by_yaw * self.cross.fixed_view::<1, 2>(ATTITUDE + 2, CURRENT);
+        self.covariance.fixed_view::<2, 2>(CURRENT, CURRENT)
+            + by_yaw * covariance[(ATTITUDE + 2, ATTITUDE + 2)] * by_yaw.transpose()
+            + yaw_cross
+            + yaw_cross.transpose()
     }
 
     /// Propagates the block over an interval of the error state that ends at `end`.
