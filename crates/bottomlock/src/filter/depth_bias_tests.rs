@@ -138,7 +138,7 @@ fn a_position_alone_leaves_the_bias() {
     let known = bias(&filter);
     assert!((known.variance_m2 - BIAS.bias_sd_m.powi(2)).abs() < 1e-15 && known.estimate_m == 0.0);
     // The position has followed the reading, and its error is now minus that of the bias.
-    assert!((known.cross[POSITION + 2] / BIAS.bias_sd_m.powi(2) + 1.0).abs() < 0.05);
+    assert!((known.cross[crate::layout::POSITION + 2] / BIAS.bias_sd_m.powi(2) + 1.0).abs() < 0.05);
 }
 
 /// Without a depth, or for a sensor without bias, there is no bias; a covariance set from outside begins anew.

@@ -4,6 +4,7 @@ mod assume;
 mod bridge;
 mod calibrated;
 mod calibration;
+mod corrected_path;
 mod definite;
 mod depth_bias;
 mod extensions;

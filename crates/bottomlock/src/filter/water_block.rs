@@ -1,12 +1,13 @@
 //! The water states of [`crate::aiding::water`] as a block of the filter: estimate, covariance, and covariance with the
 //! error state.
 
-use nalgebra::{Cholesky, Const, Matrix2, Matrix3, SMatrix, Vector2};
+use nalgebra::{Cholesky, Const, Matrix2, SMatrix, Vector2};
 
+use crate::aiding::CorrectedPath;
 use crate::aiding::water::{CURRENT, HEAVE, WATER, WaterCovariance, WaterPrior, WaterRow, WaterVector, inject};
 use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::error_model::Interval;
-use crate::layout::{ATTITUDE, DIM, POSITION};
+use crate::layout::{ATTITUDE, DIM};
 use crate::mechanisation::{EarthTerms, Kinematics};
 use crate::state::Covariance;
 
@@ -194,11 +195,9 @@ impl WaterBlock {
         gain
     }
 
-    /// Follows a move of the error state, δr ← δr + B ρ.
-    pub(crate) fn move_to_corrected_path(&mut self, by_misalignment: &Matrix3<f64>) {
-        let moved = by_misalignment * self.cross.fixed_rows::<3>(ATTITUDE);
-        let mut position = self.cross.fixed_rows_mut::<3>(POSITION);
-        position += moved;
+    /// Follows a move of the error state, δr ← A δr + B ρ.
+    pub(crate) fn move_to_corrected_path(&mut self, path: &CorrectedPath) {
+        path.move_rows(&mut self.cross);
     }
 
     /// Factor by which each state decays over `duration_s`.
