@@ -13,7 +13,7 @@ use crate::filter::options::Options;
 use crate::filter::report::Sensor;
 use crate::filter::water_block::WaterBlock;
 use crate::frames::Vec3;
-use crate::layout::VELOCITY;
+use crate::layout::{POSITION, VELOCITY};
 use crate::model::Model;
 use crate::state::NavState;
 
@@ -138,7 +138,7 @@ fn a_position_alone_leaves_the_bias() {
     let known = bias(&filter);
     assert!((known.variance_m2 - BIAS.bias_sd_m.powi(2)).abs() < 1e-15 && known.estimate_m == 0.0);
     // The position has followed the reading, and its error is now minus that of the bias.
-    assert!((known.cross[crate::layout::POSITION + 2] / BIAS.bias_sd_m.powi(2) + 1.0).abs() < 0.05);
+    assert!((known.cross[POSITION + 2] / BIAS.bias_sd_m.powi(2) + 1.0).abs() < 0.05);
 }
 
 /// Without a depth, or for a sensor without bias, there is no bias; a covariance set from outside begins anew.
