@@ -161,6 +161,7 @@ class CalibrationStateDict(TypedDict):
 @type_check_only
 class WaterStateDict(TypedDict):
     current_t_mps: NDArray[np.float64]
+    current_covariance: NDArray[np.float64]
     sway_gain_m: float
     trim_heave_mps: float
     sway_slip_mps: float

@@ -103,6 +103,24 @@ def test_overconfidence_loses_although_the_errors_are_the_same() -> None:
     )
 
 
+def test_the_selector_answers_with_the_current_of_the_filter_it_selects() -> None:
+    """`consistent` has the current of `sway_current` wherever it selects that, and is scored so."""
+    mission = _four_beams()
+    ours, theirs = estimate(mission, "consistent"), estimate(mission, "sway_current")
+    assert ours.current_t_mps is not None
+    assert ours.current_cov is not None
+    assert theirs.current_t_mps is not None
+    assert theirs.current_cov is not None
+    answered = np.isfinite(ours.current_t_mps).all(axis=1)
+    assert answered.mean() > 0.9
+    np.testing.assert_array_equal(ours.current_t_mps[answered], theirs.current_t_mps[answered])
+    np.testing.assert_array_equal(ours.current_cov[answered], theirs.current_cov[answered])
+    assert np.isnan(ours.current_cov[~answered]).all()
+    scores = scores_of(mission, ours, "consistent")
+    assert _value(scores, CURRENT, "current availability") == pytest.approx(answered.mean())
+    assert estimate(mission, "weak_sway").current_t_mps is None
+
+
 def _scores(values: dict[str, list[float]]) -> pl.DataFrame:
     rows = [
         (method, f"m{k}", task, RANKED, value, 10)

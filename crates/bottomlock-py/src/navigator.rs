@@ -348,19 +348,27 @@ impl Navigator {
         array(py, covariance.as_slice().to_vec(), &[DIM, DIM])
     }
 
-    /// Estimate of the motion through the water by the method "sway_current" after the last update; None with other methods.
+    /// Estimate of the motion through the water after the last update, by "sway_current", and by "consistent" where that is the
+    /// filter it has selected; None elsewhere.
     ///
-    /// current_t_mps (2,), along north and east of the estimated heading; sway gain and trim; slips with their estimated standard
-    /// deviations; the number of restarts of the assumptions; and the (6, 6) covariance of current north, current east, gain,
-    /// trim, sway slip, heave slip.
+    /// current_t_mps (2,), north and east, with its covariance current_covariance (2, 2), in which the heading's error is; sway
+    /// gain and trim; slips with their estimated standard deviations; the number of restarts of the assumptions; and the (6, 6)
+    /// covariance of current, gain, trim, sway slip and heave slip, in which the current is along the estimated heading.
     fn water<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(block) = self.with(py, |inner| inner.navigators().water().cloned())? else {
+        let estimated = self.with(py, |inner| {
+            let navigators = inner.navigators();
+            let covariance = navigators.selected().filter().current_covariance();
+            navigators.water().cloned().zip(covariance)
+        })?;
+        let Some((block, current_covariance)) = estimated else {
             return Ok(None);
         };
         let (estimate, slip_sd_mps) = (block.estimate(), block.variance().map(f64::sqrt));
         let out = PyDict::new(py);
         let current = vec![estimate[water::CURRENT], estimate[water::CURRENT + 1]];
         out.set_item("current_t_mps", array::<f64>(py, current, &[2])?)?;
+        let current_covariance = current_covariance.as_slice().to_vec();
+        out.set_item("current_covariance", array(py, current_covariance, &[2, 2])?)?;
         out.set_item("sway_gain_m", estimate[water::GAIN])?;
         out.set_item("trim_heave_mps", estimate[water::TRIM])?;
         out.set_item("sway_slip_mps", estimate[water::SWAY])?;

@@ -3,6 +3,7 @@
 import importlib
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,8 @@ Estimator = Callable[[Mission], Estimates]
 
 POSITION, VELOCITY = slice(0, 3), slice(6, 9)
 """Error states of position and velocity in the kernel's covariance."""
-CURRENT = slice(0, 2)
-"""Of the current in the covariance of the motion through the water."""
-
-WITH_CURRENT = ("sway_current",)
-"""Methods with the current as states."""
+WITH_CURRENT = ("sway_current", "consistent")
+"""Methods with the current as states, of which `consistent` has it while the filter that it selects does."""
 
 
 def estimate(mission: Mission, method: str) -> Estimates:
@@ -75,13 +73,16 @@ def initial_state(mission: Mission) -> InitialState:
 
 
 def currents(mission: Mission, method: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The current (n, 2) and its covariance (n, 2, 2) at the times of the grid, from a navigator that is fed."""
+    """The current (n, 2) and its covariance (n, 2, 2) at the times of the grid, from a navigator that is fed.
+
+    NaN where the filter whose answer the method gives has no current.
+    """
     navigator = Navigator(
         mission.geometry, mission.model, mission.options, initial_state(mission), method=method
     )
     assert mission.model.heading is not None  # every mission has a heading sensor
     sd_mps = np.full(mission.geometry.beams, mission.model.dvl.beam_noise_sd_mps)
-    value, cov = np.empty((len(mission.grid_ns), 2)), np.empty((len(mission.grid_ns), 2, 2))
+    value, cov = np.full((len(mission.grid_ns), 2), np.nan), np.full((len(mission.grid_ns), 2, 2), np.nan)
     done = 0
     pings, depth, heading = mission.pings, mission.depth, mission.heading
     rows = {"pings": 0, "depth": 0, "heading": 0}
@@ -106,8 +107,8 @@ def currents(mission: Mission, method: str) -> tuple[NDArray[np.float64], NDArra
                 int(heading.time_ns[row]), float(heading.value[row]), sd_rad=mission.model.heading.sd_rad
             )
         water = navigator.water()
-        assert water is not None  # the method has the states
-        value[k], cov[k] = water["current_t_mps"], water["covariance"][CURRENT, CURRENT]
+        if water is not None:
+            value[k], cov[k] = water["current_t_mps"], water["current_covariance"]
     return value, cov
 
 
@@ -128,7 +129,7 @@ def estimator(name: str) -> tuple[str, Estimator]:
         'tc'
     """
     if name in METHODS:
-        return name, lambda mission: estimate(mission, name)
+        return name, partial(estimate, method=name)
     label, _, place = name.rpartition("=")
     module, _, function = place.partition(":")
     if not function:

@@ -2,8 +2,11 @@
 
 import hashlib
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import groupby
 from pathlib import Path
 
 import polars as pl
@@ -12,11 +15,14 @@ from bottomlock.atomic_write import write_parquet
 from bottomlock.bench.load import load_mission
 from bottomlock.bench.make import RECORD
 from bottomlock.bench.methods import Estimator
+from bottomlock.bench.mission import Mission
 from bottomlock.bench.mission_list import MissionSpec
 from bottomlock.bench.submission import check_submission, join, table_of
-from bottomlock.errors import DataError, ScenarioError
-from bottomlock.kernel import METHODS, kernel_version
+from bottomlock.campaign.engine import check_engine
+from bottomlock.errors import DataError, EngineError, ScenarioError
+from bottomlock.kernel import METHODS
 from bottomlock.records import read_record, read_recorded_table, record_of, write_recorded_table
+from bottomlock.tables.versions import bit_versions
 
 PARTS = "missions"
 
@@ -50,6 +56,18 @@ class Shard:
         return index % self.n == self.k - 1
 
 
+@dataclass(frozen=True)
+class Part:
+    """One method on one mission, and what its estimates depend on."""
+
+    spec: MissionSpec
+    method: str
+    key: str
+
+
+Tables = Iterator[tuple[Part, pl.DataFrame]]
+
+
 def run_missions(
     specs: Sequence[MissionSpec],
     data: Path,
@@ -57,6 +75,9 @@ def run_missions(
     out: Path,
     *,
     shard: Shard | None = None,
+    engine: str = "local",
+    scheduler: str | None = None,
+    threads: int = 0,
     progress: Callable[[str, float], None] = lambda _words, _fraction: None,
 ) -> int:
     """Runs every estimator on every mission of a shard; what is there from the same data and version is kept.
@@ -64,9 +85,13 @@ def run_missions(
     Args:
         specs: the missions.
         data: folder of `bottomlock bench make`.
-        estimators: by the name of the method.
+        estimators: by the name of the method; on a cluster they travel by the name of their module.
         out: folder of the results.
         shard: which missions; all by default.
+        engine: "local", one after another in this process, or "dask", see `campaign.engine.open_engine`. The estimates
+            do not depend on it, their wall times do.
+        scheduler: dask: address of a scheduler.
+        threads: dask: worker processes on this machine; 0 for as many as there are cores.
         progress: called with the mission's name and the fraction done.
 
     Returns:
@@ -74,30 +99,93 @@ def run_missions(
 
     Raises:
         DataError: for a mission that is not there or has changed, or estimates that break the rules of a submission.
+        EngineError: for engines, schedulers and threads that do not go together, and a cluster that breaks down.
     """
+    check_engine(engine, threads=threads, scheduler=scheduler)
+    if engine == "local" and threads:
+        raise EngineError(
+            "threads are given with engine 'local', which runs one mission at a time on one thread, so that its times "
+            "can be compared; --engine dask has as many workers, --shard as many processes"
+        )
     shard = shard or Shard()
-    mine = [spec for k, spec in enumerate(specs) if shard.holds(k)]
-    ran = 0
-    for k, spec in enumerate(mine):
-        progress(spec.name, k / len(mine))
-        folder = data / spec.split / spec.name
-        record = read_record(folder / RECORD)
-        if record is None:
-            raise DataError(f"{folder}: holds no mission; make it with `bottomlock bench make --out {data}`")
-        keys = {name: key_of(name, call, record["data"]) for name, call in estimators.items()}
-        due = [name for name in estimators if not _is_done(part_path(out, name, spec), keys[name])]
-        if not due:
-            continue
-        mission = load_mission(folder, truth=False)
-        for name in due:
-            table = table_of(spec.name, estimators[name](mission))
-            check_submission(table, f"{name} on {spec.name}", [spec])
+    due = [
+        part
+        for k, spec in enumerate(specs)
+        if shard.holds(k)
+        for part in _parts_of(spec, data, estimators)
+        if not _is_done(part_path(out, part.method, spec), part.key)
+    ]
+    with _engine(engine, scheduler, threads) if due else nullcontext(_here) as run:
+        for k, (part, table) in enumerate(run(due, data, estimators)):
+            check_submission(table, f"{part.method} on {part.spec.name}", [part.spec])
             write_recorded_table(
-                part_path(out, name, spec), table, {"kind": "bench estimates", "key": keys[name]}
+                part_path(out, part.method, part.spec), table, {"kind": "bench estimates", "key": part.key}
             )
-            ran += 1
+            progress(part.spec.name, (k + 1) / len(due))
     progress("", 1.0)
-    return ran
+    return len(due)
+
+
+def _parts_of(spec: MissionSpec, data: Path, estimators: Mapping[str, Estimator]) -> Iterator[Part]:
+    """Every method on a mission.
+
+    Raises:
+        DataError: where the mission is not there.
+    """
+    record = read_record(folder_of(spec, data) / RECORD)
+    if record is None:
+        raise DataError(
+            f"{folder_of(spec, data)}: holds no mission; make it with `bottomlock bench make --out {data}`"
+        )
+    for name, call in estimators.items():
+        yield Part(spec, name, key_of(name, call, record["data"]))
+
+
+def folder_of(spec: MissionSpec, data: Path) -> Path:
+    """The folder of a mission."""
+    return data / spec.split / spec.name
+
+
+def fly(mission: Mission, call: Estimator) -> pl.DataFrame:
+    """The estimates of a mission as rows of a submission."""
+    return table_of(mission.name, call(mission))
+
+
+def _here(parts: Sequence[Part], data: Path, estimators: Mapping[str, Estimator]) -> Tables:
+    """One part after another."""
+    for spec, of_mission in groupby(parts, key=lambda part: part.spec):
+        mission = load_mission(folder_of(spec, data), truth=False)
+        for part in of_mission:
+            yield part, fly(mission, estimators[part.method])
+
+
+@contextmanager
+def _engine(
+    engine: str, scheduler: str | None, threads: int
+) -> Iterator[Callable[[Sequence[Part], Path, Mapping[str, Estimator]], Tables]]:
+    """What runs the parts."""
+    if engine == "local":
+        yield _here
+        return
+    from bottomlock.campaign.dask_engine import open_workers  # noqa: PLC0415 - an extra, imported only on request
+
+    with open_workers(scheduler, workers=threads) as workers:
+
+        def run(parts: Sequence[Part], data: Path, estimators: Mapping[str, Estimator]) -> Tables:
+            """A mission goes out once, and stays with the workers while a method has yet to fly it."""
+
+            @lru_cache(maxsize=1)
+            def held(spec: MissionSpec) -> object:
+                return workers.hold(load_mission(folder_of(spec, data), truth=False))
+
+            yield from workers.run(
+                parts,
+                fly,
+                lambda part: (held(part.spec), estimators[part.method]),
+                lambda part: f"{part.method} on {part.spec.name}",
+            )
+
+        yield run
 
 
 def part_path(out: Path, method: str, spec: MissionSpec) -> Path:
@@ -106,8 +194,8 @@ def part_path(out: Path, method: str, spec: MissionSpec) -> Path:
 
 
 def key_of(name: str, call: Estimator, data_digest: str) -> str:
-    """What estimates depend on: the mission's data, the kernel's version, and of a rival all sources in its folder."""
-    source = kernel_version()
+    """What estimates depend on: the mission's data, versions and build, and of a rival all sources in its folder."""
+    source = "".join(f"{library} {version}\0" for library, version in bit_versions().items())
     if name not in METHODS:
         folder = Path(inspect.getfile(call)).parent
         source += "".join(path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.py")))

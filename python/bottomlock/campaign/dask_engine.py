@@ -1,4 +1,4 @@
-"""The engine that sends chunks to a Dask cluster. Imported only on request.
+"""The workers of a Dask cluster, and the engine that sends chunks to them. Imported only on request.
 
 Built scenarios go to the workers once, with the content of every file that they name; chunks name their runs. The
 tables come back to the client, which alone writes. Workers need neither a shared file system nor the scenario's files.
@@ -8,10 +8,10 @@ When a worker dies, the scheduler gives its chunks to another one.
 import logging
 import signal
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import dask
 from dask.system import CPU_COUNT
@@ -28,84 +28,102 @@ CONNECT_S = 10.0
 """How long a scheduler may take to answer, s."""
 
 PATIENCE_S = 60.0
-"""How long a campaign waits without any worker, s."""
+"""How long a client waits without any worker, s."""
 
 POLL_S = 2.0
 CHUNKS_PER_THREAD = 2
-"""Chunks in progress per worker thread: one runs, one waits. They bound the memory of the cluster."""
+"""Parts in progress per worker thread: one runs, one waits. They bound the memory of the cluster."""
+
+
+P = TypeVar("P")
+R = TypeVar("R")
+V = TypeVar("V")
 
 
 @dataclass(frozen=True)
-class _Answer:
-    """Answer of a worker: its versions and the tables."""
+class _Answer(Generic[R]):
+    """Answer of a worker: its versions and the result."""
 
     versions: dict[str, str]
-    result: ChunkResult
+    result: R
 
 
-def _hold(built: BuiltScenario) -> BuiltScenario:
-    """Keeps a scenario on the workers: a result that the scheduler can make again when its worker dies."""
-    return built
+def _hold(value: V) -> V:
+    """Keeps a value on the workers: a result that the scheduler can make again when its worker dies."""
+    return value
 
 
-def _work(built: BuiltScenario, chunk: Chunk) -> _Answer:
-    """Runs a chunk on a worker, one per thread."""
-    return _Answer(bit_versions(), run_chunk(built, chunk, threads=1))
+def _answer(call: Callable[..., R], *given: object) -> _Answer[R]:
+    """Calls on a worker, one per thread."""
+    return _Answer(bit_versions(), call(*given))
 
 
-class DaskEngine:
-    """Chunks to the workers of a scheduler."""
+def _work(built: BuiltScenario, chunk: Chunk) -> ChunkResult:
+    """Runs a chunk on a worker."""
+    return run_chunk(built, chunk, threads=1)
 
-    def __init__(self, client: Client, address: str, scenarios: Sequence[BuiltScenario]) -> None:
+
+class Workers:
+    """The workers of a scheduler, to which parts of a piece of work go."""
+
+    def __init__(self, client: Client, address: str) -> None:
         """`address` is for messages."""
         self._client = client
         self._address = address
-        self._scenarios = {built.scenario.name: built for built in scenarios}
         self._last_seen_s = time.monotonic()
 
-    def run(self, chunks: Sequence[Chunk], progress: Callable[[Chunk, float], None]) -> ChunkResults:  # noqa: ARG002
-        """Yields the chunks in the order in which they are finished.
+    def hold(self, value: object) -> Any:  # noqa: ANN401 - distributed is untyped
+        """A future of a value that stands for it in calls; the workers fetch it from one another."""
+        # A truth of ten minutes is more than Dask expects in a task, and goes out once.
+        with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 GiB"}):
+            return self._client.submit(_hold, value, pure=False)
+
+    def run(
+        self,
+        parts: Sequence[P],
+        call: Callable[..., R],
+        given: Callable[[P], tuple[object, ...]],
+        words: Callable[[P], str],
+    ) -> Generator[tuple[P, R], None, None]:
+        """Yields each part with what `call` of its arguments returns, in the order in which they are finished.
+
+        Args:
+            parts: they start in this order.
+            call: what the workers call; it is found by its name there.
+            given: the arguments of a part, or what `hold` has returned for them; called when the part is sent.
+            words: what a part is called in errors.
 
         Raises:
-            KernelError: for input that the kernel rejects.
+            BottomlockError: as raised by the call.
             EngineError: when the scheduler is lost, no worker is left, or a worker has other versions.
         """
-        held = self._send({chunk.scenario for chunk in chunks})
-        waiting = list(reversed(chunks))
-        running: dict[Any, Chunk] = {}
+        waiting = list(reversed(parts))
+        running: dict[Any, P] = {}
         self._last_seen_s = time.monotonic()
         try:
             while waiting or running:
                 while waiting and len(running) < self._room():
-                    # The remaining number as priority: chunks start in order.
-                    priority, chunk = len(waiting), waiting.pop()
-                    future = self._client.submit(
-                        _work, held[chunk.scenario], chunk, pure=False, priority=priority
-                    )
-                    running[future] = chunk
+                    # The remaining number as priority: parts start in order.
+                    priority, part = len(waiting), waiting.pop()
+                    future = self._client.submit(_answer, call, *given(part), pure=False, priority=priority)
+                    running[future] = part
                 for future in self._done(list(running)):
-                    result = self._result(future, running[future])
-                    if result is not None:
+                    answer: _Answer[R] | None = self._result(future, words(running[future]))
+                    if answer is not None:
                         # Forgetting the future frees the worker's memory.
-                        yield running.pop(future), result
+                        yield running.pop(future), answer.result
         finally:
             if running and self._client.status == "running":
                 self._client.cancel(list(running), force=True)
 
-    def _send(self, names: Iterable[str]) -> dict[str, Any]:
-        """A future of every scenario; the workers fetch it from one another."""
-        # A truth of ten minutes is more than Dask expects in a task, and goes out once.
-        with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 GiB"}):
-            return {name: self._client.submit(_hold, self._scenarios[name], pure=False) for name in names}
-
     def _room(self) -> int:
-        """Largest number of chunks in progress; the number of workers may change."""
+        """Largest number of parts in progress; the number of workers may change."""
         return CHUNKS_PER_THREAD * max(1, sum(self._threads().values()))
 
     def _threads(self) -> dict[str, int]:
         if self._client.status != "running":
             raise EngineError(
-                f"the scheduler {self._address} is lost; finished chunks are kept: the same command resumes"
+                f"the scheduler {self._address} is lost; finished parts are kept: the same command resumes"
             )
         threads: dict[str, int] = self._client.nthreads()
         return threads
@@ -127,28 +145,51 @@ class DaskEngine:
         elif now - self._last_seen_s > PATIENCE_S:
             raise EngineError(
                 f"{self._address} has had no worker for {PATIENCE_S:.0f} s; "
-                "finished chunks are kept: the same command resumes"
+                "finished parts are kept: the same command resumes"
             )
 
-    def _result(self, future: Any, chunk: Chunk) -> ChunkResult | None:  # noqa: ANN401 - distributed is untyped
-        """The tables; None when the worker died before they could be fetched, and the chunk is run again."""
+    def _result(self, future: Any, words: str) -> Any:  # noqa: ANN401 - distributed is untyped
+        """The answer; None when the worker died before it could be fetched, and the part is run again."""
         try:
-            answer: _Answer = future.result(timeout=PATIENCE_S)
+            answer = future.result(timeout=PATIENCE_S)
         except TimeoutError:
             self._check_workers()
             return None
         except BottomlockError:
             raise
         except Exception as error:
-            words = (str(error) or "no reason given").splitlines()[0]
+            reason = (str(error) or "no reason given").splitlines()[0]
             raise EngineError(
-                f"{chunk.scenario}, chunk {chunk.file_ending}: {self._address} failed "
-                f"({type(error).__name__}: {words})"
+                f"{words}: {self._address} failed ({type(error).__name__}: {reason})"
             ) from error
         other = versions_in_words(answer.versions, bit_versions())
         if other:
             raise EngineError(f"a worker of {self._address} has {other}: the bits would differ")
-        return answer.result
+        return answer
+
+
+class DaskEngine:
+    """Chunks to the workers of a scheduler."""
+
+    def __init__(self, workers: Workers, scenarios: Sequence[BuiltScenario]) -> None:
+        """`scenarios` are those of the chunks."""
+        self._workers = workers
+        self._scenarios = {built.scenario.name: built for built in scenarios}
+
+    def run(self, chunks: Sequence[Chunk], progress: Callable[[Chunk, float], None]) -> ChunkResults:  # noqa: ARG002
+        """Yields the chunks in the order in which they are finished.
+
+        Raises:
+            KernelError: for input that the kernel rejects.
+            EngineError: when the scheduler is lost, no worker is left, or a worker has other versions.
+        """
+        held = {name: self._workers.hold(self._scenarios[name]) for name in {one.scenario for one in chunks}}
+        yield from self._workers.run(
+            chunks,
+            _work,
+            lambda chunk: (held[chunk.scenario], chunk),
+            lambda chunk: f"{chunk.scenario}, chunk {chunk.file_ending}",
+        )
 
 
 class _IgnoreInterrupt(WorkerPlugin):  # type: ignore[misc] # distributed is untyped
@@ -162,6 +203,13 @@ class _IgnoreInterrupt(WorkerPlugin):  # type: ignore[misc] # distributed is unt
 def open_cluster(
     scheduler: str | None, scenarios: Sequence[BuiltScenario], *, workers: int
 ) -> Iterator[DaskEngine]:
+    """An engine on the workers of `open_workers`."""
+    with open_workers(scheduler, workers=workers) as opened:
+        yield DaskEngine(opened, scenarios)
+
+
+@contextmanager
+def open_workers(scheduler: str | None, *, workers: int) -> Iterator[Workers]:
     """The workers of a scheduler, or, without one, as many processes on this machine (0: as there are cores).
 
     Raises:
@@ -182,7 +230,7 @@ def open_cluster(
             Client(cluster, set_as_default=False) as client,
         ):
             client.register_plugin(_IgnoreInterrupt())
-            yield DaskEngine(client, "the local cluster", scenarios)
+            yield Workers(client, "the local cluster")
         return
     try:
         client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
@@ -193,4 +241,4 @@ def open_cluster(
             client.wait_for_workers(1, timeout=PATIENCE_S)
         except TimeoutError as error:
             raise EngineError(f"scheduler {scheduler}: no worker in {PATIENCE_S:.0f} s") from error
-        yield DaskEngine(client, f"scheduler {scheduler}", scenarios)
+        yield Workers(client, f"scheduler {scheduler}")

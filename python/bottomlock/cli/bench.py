@@ -21,8 +21,10 @@ from bottomlock.bench.run import Shard, run_missions, write_submissions
 from bottomlock.bench.seeds import PUBLIC_SEED, read_seed
 from bottomlock.bench.submission import check_submission, write_tum
 from bottomlock.bench.tasks import RANKED, TASKS
+from bottomlock.campaign.engine import ENGINES
 from bottomlock.cli.console import console, narrow_table
 from bottomlock.cli.examples import epilogue
+from bottomlock.cli.parameters import check_threads
 from bottomlock.cli.parameters import split as words
 from bottomlock.cli.study_output import study_bar
 from bottomlock.errors import DataError
@@ -142,9 +144,21 @@ def run(
     shard: Annotated[
         str | None, Parameter(help="k/n: run every n-th mission from the k-th on, into the same directory.")
     ] = None,
+    engine: Annotated[
+        str, Parameter(help=f"{' or '.join(ENGINES)}: this process, or the workers of a Dask cluster.")
+    ] = "local",
+    scheduler: Annotated[
+        str | None,
+        Parameter(help="Dask scheduler, tcp://host:port; by default worker processes on this machine."),
+    ] = None,
+    threads: Annotated[
+        int,
+        Parameter(alias="-j", help="Worker processes of --engine dask on this machine; 0 for one per core."),
+    ] = 0,
 ) -> None:
     """Run methods and rivals on missions; finished missions are kept, and submissions written."""
     specs = _present(data, words(split), words(missions))
+    check_threads(threads)
     named = words(methods)
     ours = list(METHODS) if named is None and not rival else (named or [])
     estimators = dict(estimator(name) for name in (*ours, *rival))
@@ -152,6 +166,7 @@ def run(
     with study_bar(out) as report:
         ran = run_missions(
             specs, data, estimators, out, shard=None if shard is None else Shard.parse(shard),
+            engine=engine, scheduler=scheduler, threads=threads,
             progress=lambda name, fraction: report(name[:22], fraction),
         )  # fmt: skip
         written = write_submissions(specs, list(estimators), out)

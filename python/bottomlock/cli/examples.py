@@ -28,6 +28,7 @@ EXAMPLES = {
     "bench": (
         "bench make -o missions",
         "bench run --data missions -o estimates -m tc,consistent",
+        "bench run --data missions -o estimates --engine dask --threads 4",
         "bench score estimates/tc.parquet --data missions -o scores.parquet",
     ),
     "observe": ("observe straight -o out/states", "observe --paper -o out/paper_states"),

@@ -31,8 +31,19 @@ pub struct Innovation {
     pub tangent_rows: TangentRows,
     /// True where the rows correct the position alone.
     pub corrects_position_alone: bool,
-    /// Where given, an update moves the error state by it: δr ← δr + B ρ.
-    pub path_by_misalignment: Option<Box<Matrix3<f64>>>,
+    /// Where given, an update moves the error state to it.
+    pub corrected_path: Option<Box<CorrectedPath>>,
+}
+
+/// The path that a position corrects, by the error state of the linear model: δr ← A δr + B ρ + c.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CorrectedPath {
+    /// A; `None` for the identity.
+    pub by_position: Option<Matrix3<f64>>,
+    /// B, m.
+    pub by_misalignment: Matrix3<f64>,
+    /// c, which the residual is without.
+    pub offset_t_m: Vector3<f64>,
 }
 
 /// What rows measure in the tangent frame, where the linear model leaves a product of errors out.
@@ -101,7 +112,7 @@ impl Innovation {
             by_calibration: None,
             tangent_rows: TangentRows::None,
             corrects_position_alone: false,
-            path_by_misalignment: None,
+            corrected_path: None,
         }
     }
 
@@ -150,7 +161,7 @@ impl Innovation {
             }
             Box::new(kept_cross)
         });
-        out.path_by_misalignment.clone_from(&self.path_by_misalignment);
+        out.corrected_path.clone_from(&self.corrected_path);
         let selection = || {
             let mut selection = SMatrix::<f64, MAX_ROWS, MAX_ROWS>::zeros();
             kept.clone()

@@ -27,7 +27,7 @@ use crate::layout::DIM;
 use crate::state::NavState;
 
 pub use self::beams::{BeamTerms, InformationPort, beam_terms, loosely_coupled, tightly_coupled};
-pub use self::innovation::{CorrelatedNoise, Innovation, TangentRows};
+pub use self::innovation::{CorrectedPath, CorrelatedNoise, Innovation, TangentRows};
 
 /// Largest number of rows of one measurement.
 pub const MAX_ROWS: usize = 8;

@@ -4,7 +4,7 @@
 //! correlated with the error state, n = D_c δc + white noise, so that the arithmetic of the 20 states is that of any update;
 //! the gain of c itself follows from E[δc zᵀ], as for the other states beside the 20.
 
-use nalgebra::{Matrix3, SMatrix, SVector};
+use nalgebra::{SMatrix, SVector};
 
 use super::mean_change::MeanChange;
 use super::water_block::Update;
@@ -13,10 +13,10 @@ use crate::aiding::calibration::{
     CALIBRATION, Calibration, CalibrationCovariance, CalibrationPrior, CalibrationRows, CalibrationVector, MotionChange,
 };
 use crate::aiding::water::{WATER, WaterVector};
-use crate::aiding::{CorrelatedNoise, MAX_ROWS};
+use crate::aiding::{CorrectedPath, CorrelatedNoise, MAX_ROWS};
 use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::error_model::Interval;
-use crate::layout::{ATTITUDE, DIM, POSITION};
+use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, Kinematics};
 
 /// Estimates of mounting and clock with their covariances.
@@ -183,11 +183,9 @@ impl CalibrationBlock {
         gain
     }
 
-    /// Follows a move of the error state, δr ← δr + B ρ.
-    pub(super) fn move_to_corrected_path(&mut self, by_misalignment: &Matrix3<f64>) {
-        let moved = by_misalignment * self.cross.fixed_rows::<3>(ATTITUDE);
-        let mut position = self.cross.fixed_rows_mut::<3>(POSITION);
-        position += moved;
+    /// Follows a move of the error state, δr ← A δr + B ρ.
+    pub(super) fn move_to_corrected_path(&mut self, path: &CorrectedPath) {
+        path.move_rows(&mut self.cross);
     }
 
     /// The estimates.

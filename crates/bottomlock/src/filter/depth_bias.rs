@@ -9,16 +9,16 @@
 //! z = d − (p + R l)_z − b̂ = H δx + δb + n
 //! ```
 
-use nalgebra::{Matrix3, SMatrix, SVector};
+use nalgebra::{SMatrix, SVector};
 
 use super::water_block::Update;
 use crate::aiding::depth::DepthModel;
 use crate::aiding::sensor::Section;
 use crate::aiding::water::{WATER, WaterVector};
-use crate::aiding::{CorrelatedNoise, Innovation, MAX_ROWS};
+use crate::aiding::{CorrectedPath, CorrelatedNoise, Innovation, MAX_ROWS};
 use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::error_model::Interval;
-use crate::layout::{ATTITUDE, DIM, POSITION};
+use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, Kinematics};
 
 /// The bias, m, with its covariances.
@@ -140,11 +140,9 @@ impl DepthBias {
         gain
     }
 
-    /// Follows a move of the error state, δr ← δr + B ρ.
-    pub(super) fn move_to_corrected_path(&mut self, by_misalignment: &Matrix3<f64>) {
-        let moved = by_misalignment * self.cross.fixed_rows::<3>(ATTITUDE);
-        let mut position = self.cross.fixed_rows_mut::<3>(POSITION);
-        position += moved;
+    /// Follows a move of the error state, δr ← A δr + B ρ.
+    pub(super) fn move_to_corrected_path(&mut self, path: &CorrectedPath) {
+        path.move_rows(&mut self.cross);
     }
 
     /// E[δx δb].

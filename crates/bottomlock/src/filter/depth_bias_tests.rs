@@ -13,7 +13,7 @@ use crate::filter::options::Options;
 use crate::filter::report::Sensor;
 use crate::filter::water_block::WaterBlock;
 use crate::frames::Vec3;
-use crate::layout::VELOCITY;
+use crate::layout::{POSITION, VELOCITY};
 use crate::model::Model;
 use crate::state::NavState;
 

@@ -1,11 +1,12 @@
 //! Optional parts of a filter: further states and the tape for a smoother.
 
-use nalgebra::{DMatrix, Matrix3};
+use nalgebra::DMatrix;
 
 use super::calibration::CalibrationBlock;
 use super::depth_bias::DepthBias;
 use super::tape::{Step, Tape, transition};
 use super::water_block::WaterBlock;
+use crate::aiding::CorrectedPath;
 use crate::aiding::calibration::CALIBRATION;
 use crate::aiding::water::{WATER, WaterVector};
 use crate::error_model::Interval;
@@ -42,23 +43,28 @@ impl Extensions {
         self.first_water() + if self.water.is_some() { WATER } else { 0 }
     }
 
-    /// Follows a move of the error state, δr ← δr + B ρ.
-    pub(super) fn move_to_corrected_path(&mut self, by_misalignment: &Matrix3<f64>) {
+    /// Follows a move of the error state, δr ← A δr + B ρ.
+    pub(super) fn move_to_corrected_path(&mut self, path: &CorrectedPath) {
         let states = self.states();
         if let Some(bias) = &mut self.depth_bias {
-            bias.move_to_corrected_path(by_misalignment);
+            bias.move_to_corrected_path(path);
         }
         if let Some(calibration) = &mut self.calibration {
-            calibration.move_to_corrected_path(by_misalignment);
+            calibration.move_to_corrected_path(path);
         }
         if let Some(water) = &mut self.water {
-            water.move_to_corrected_path(by_misalignment);
+            water.move_to_corrected_path(path);
         }
         if let Some(tape) = &mut self.tape {
             let mut move_of_states = DMatrix::identity(states, states);
             move_of_states
                 .fixed_view_mut::<3, 3>(POSITION, ATTITUDE)
-                .copy_from(by_misalignment);
+                .copy_from(&path.by_misalignment);
+            if let Some(by_position) = &path.by_position {
+                move_of_states
+                    .fixed_view_mut::<3, 3>(POSITION, POSITION)
+                    .copy_from(by_position);
+            }
             tape.push(Step::Transition(move_of_states));
         }
     }

@@ -13,15 +13,14 @@
 //!
 //! - Velocity, three axes: the Jacobian is that at the velocity after the update.
 //! - Position, three axes: ∫b dt = ρ × ∫R̂ δv dt, and the integral is what the update observes as correction of the
-//!   position. The error state is moved to the corrected path.
+//!   position. The error state is moved to the corrected path ([`super::corrected_path`]).
 //! - Depth: nothing observes that integral. Beyond the linear range the measurement corrects the position alone
 //!   (Schmidt's filter), whose variance has grown by `E[b_z²] Δt²` since the last depth.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
 use super::Eskf;
 use super::depth_bias::DepthBias;
-use super::joseph::PredictedInnovation;
 use crate::aiding::{Innovation, TangentRows};
 use crate::error::NavError;
 use crate::filter::report::{Sensor, UpdateReport};
@@ -80,11 +79,7 @@ impl Eskf {
                 let gained_t = self.rotation() * self.first_correction(&innovation).fixed_rows::<3>(VELOCITY);
                 add_by_misalignment(&mut innovation, &-skew(&gained_t));
             }
-            TangentRows::Position => {
-                let by_misalignment = self.path_by_misalignment(&self.first_correction(&innovation));
-                add_by_misalignment(&mut innovation, &by_misalignment);
-                innovation.path_by_misalignment = Some(Box::new(by_misalignment));
-            }
+            TangentRows::Position => self.linearise_at_corrected_path(&mut innovation),
             TangentRows::Depth => {
                 self.add_depth_bias(&mut innovation);
                 let product_m2ps2 = self.vertical_product_variance();
@@ -115,37 +110,10 @@ impl Eskf {
         }
     }
 
-    /// Moves an error state to the path that a position has corrected: δr ← δr + B ρ.
-    pub(super) fn move_to_corrected_path(&mut self, by_misalignment: &Matrix3<f64>, error: &mut ErrorVector) {
-        let columns = by_misalignment * self.covariance.fixed_rows::<3>(ATTITUDE);
-        let mut position = self.covariance.fixed_rows_mut::<3>(POSITION);
-        position += columns;
-        let rows = self.covariance.fixed_columns::<3>(ATTITUDE) * by_misalignment.transpose();
-        let mut position = self.covariance.fixed_columns_mut::<3>(POSITION);
-        position += rows;
-        self.covariance.fill_lower_triangle_with_upper_triangle();
-        let moved = error.fixed_rows::<3>(POSITION) + by_misalignment * error.fixed_rows::<3>(ATTITUDE);
-        error.fixed_rows_mut::<3>(POSITION).copy_from(&moved);
-        self.extensions.move_to_corrected_path(by_misalignment);
-    }
-
-    /// B = −[δr̂×]; a depth since the last position has moved its own axis already, so that only the way since then counts.
-    fn path_by_misalignment(&self, correction: &ErrorVector) -> Matrix3<f64> {
-        let mut block = -skew(&correction.fixed_rows::<3>(POSITION).into_owned());
-        if self.measured.depth_ns > self.measured.position_ns {
-            let since_s = (self.state.time_ns - self.measured.depth_ns) as f64 * 1e-9;
-            let gained_t: Vector3<f64> = self.rotation() * correction.fixed_rows::<3>(VELOCITY) * since_s;
-            block.set_row(2, &-skew(&gained_t).row(2));
-        }
-        block
-    }
-
     /// The error that an innovation of three rows explains by itself.
     fn first_correction(&self, innovation: &Innovation) -> ErrorVector {
-        PredictedInnovation::<3>::of(&self.covariance, innovation).map_or_else(ErrorVector::zeros, |predicted| {
-            let z = innovation.residual.fixed_rows::<3>(0).into_owned();
-            predicted.cross_covariance * predicted.cholesky().solve(&z)
-        })
+        self.explained_by(innovation)
+            .map_or_else(ErrorVector::zeros, |explained| explained.error)
     }
 
     fn note_position(&mut self, measured: TangentRows) {
@@ -157,7 +125,7 @@ impl Eskf {
         }
     }
 
-    fn rotation(&self) -> Matrix3<f64> {
+    pub(super) fn rotation(&self) -> Matrix3<f64> {
         Matrix3::from(self.kinematics.rotation_t_p).transpose()
     }
 

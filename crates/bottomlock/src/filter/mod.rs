@@ -4,6 +4,7 @@ mod assume;
 mod bridge;
 mod calibrated;
 mod calibration;
+mod corrected_path;
 mod definite;
 mod depth_bias;
 mod extensions;
@@ -29,7 +30,7 @@ pub mod tape;
 mod update;
 pub mod water_block;
 
-use nalgebra::{SMatrix, Vector3};
+use nalgebra::{Matrix2, SMatrix, Vector3};
 
 pub(crate) use self::bridge::{BridgeNoise, seconds_between};
 use self::calibration::CalibrationBlock;
@@ -142,6 +143,13 @@ impl Eskf {
     #[must_use]
     pub fn water(&self) -> Option<&WaterBlock> {
         self.extensions.water.as_deref()
+    }
+
+    /// Covariance of the current, north and east of true north, (m/s)²: with the error of the heading along which the
+    /// estimate is expressed; at the time of [`Eskf::water`].
+    #[must_use]
+    pub fn current_covariance(&self) -> Option<Matrix2<f64>> {
+        self.water().map(|water| water.current_covariance(&self.covariance))
     }
 
     /// Replaces the covariance (20×20, symmetric, SI units, in the order of [`crate::layout`]).

@@ -56,8 +56,8 @@ impl Eskf {
         if innovation.tangent_rows == TangentRows::None && sensor.quantity() == Some(Quantity::Velocity) {
             self.measured.velocity_ns = Some(self.state.time_ns);
         }
-        if let Some(by_misalignment) = &innovation.path_by_misalignment {
-            self.move_to_corrected_path(by_misalignment, &mut correction.error);
+        if let Some(path) = &innovation.corrected_path {
+            self.move_to_corrected_path(path, &mut correction.error);
         }
         self.feed_back(&correction.error);
         Ok(report)

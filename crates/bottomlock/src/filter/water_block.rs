@@ -1,13 +1,15 @@
 //! The water states of [`crate::aiding::water`] as a block of the filter: estimate, covariance, and covariance with the
 //! error state.
 
-use nalgebra::{Cholesky, Const, Matrix3, SMatrix};
+use nalgebra::{Cholesky, Const, Matrix2, SMatrix, Vector2};
 
-use crate::aiding::water::{HEAVE, WATER, WaterCovariance, WaterPrior, WaterRow, WaterVector, inject};
+use crate::aiding::CorrectedPath;
+use crate::aiding::water::{CURRENT, HEAVE, WATER, WaterCovariance, WaterPrior, WaterRow, WaterVector, inject};
 use crate::error::{NavError, require_finite, require_finite_squares};
 use crate::error_model::Interval;
-use crate::layout::{ATTITUDE, DIM, POSITION};
+use crate::layout::{ATTITUDE, DIM};
 use crate::mechanisation::{EarthTerms, Kinematics};
+use crate::state::Covariance;
 
 /// Memory of an estimated slip variance, epochs.
 const MEMORY_EPOCHS: f64 = 200.0;
@@ -102,6 +104,18 @@ impl WaterBlock {
         &self.covariance
     }
 
+    /// Covariance of the current, north and east of true north, (m/s)²; `covariance` is that of the error state.
+    ///
+    /// c − ĉ = ρ_D e_D × ĉ + δc, to first order.
+    pub(crate) fn current_covariance(&self, covariance: &Covariance) -> Matrix2<f64> {
+        let by_yaw = Vector2::new(-self.estimate[CURRENT + 1], self.estimate[CURRENT]);
+        let yaw_cross = by_yaw * self.cross.fixed_view::<1, 2>(ATTITUDE + 2, CURRENT);
+        self.covariance.fixed_view::<2, 2>(CURRENT, CURRENT)
+            + by_yaw * covariance[(ATTITUDE + 2, ATTITUDE + 2)] * by_yaw.transpose()
+            + yaw_cross
+            + yaw_cross.transpose()
+    }
+
     /// Propagates the block over an interval of the error state that ends at `end`.
     pub(crate) fn propagate(&mut self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms) {
         interval.carry(&mut self.cross.data.0, end, earth);
@@ -181,11 +195,9 @@ impl WaterBlock {
         gain
     }
 
-    /// Follows a move of the error state, δr ← δr + B ρ.
-    pub(crate) fn move_to_corrected_path(&mut self, by_misalignment: &Matrix3<f64>) {
-        let moved = by_misalignment * self.cross.fixed_rows::<3>(ATTITUDE);
-        let mut position = self.cross.fixed_rows_mut::<3>(POSITION);
-        position += moved;
+    /// Follows a move of the error state, δr ← A δr + B ρ.
+    pub(crate) fn move_to_corrected_path(&mut self, path: &CorrectedPath) {
+        path.move_rows(&mut self.cross);
     }
 
     /// Factor by which each state decays over `duration_s`.

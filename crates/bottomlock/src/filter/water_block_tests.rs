@@ -93,6 +93,39 @@ fn updates_are_the_textbook_updates_of_all_states() {
     }
 }
 
+/// The covariance of the current about true north against that of the numerical differences of [`inject`], by the
+/// misalignment about the vertical and the states of the current; with all three correlated after beams and assumptions.
+#[test]
+fn covariance_of_the_current_has_the_error_of_the_heading() {
+    let mut filter = filter();
+    for _ in 0..3 {
+        advance(&mut filter, 100);
+        let assumed = row(&filter);
+        filter.assume(&assumed, Sensor::Sway, false).unwrap();
+    }
+    let block = filter.extensions.water.as_mut().unwrap();
+    (block.estimate[CURRENT], block.estimate[CURRENT + 1]) = (0.2, -0.5);
+    block.cross[(ATTITUDE + 2, CURRENT + 1)] += 1e-4;
+    let (p, estimate) = (joint(&filter), *filter.water().unwrap().estimate());
+    let states = [ATTITUDE + 2, DIM + CURRENT, DIM + CURRENT + 1];
+    let by_state = DMatrix::from_fn(2, 3, |i, j| {
+        let moved = |step: f64| {
+            let (mut water, mut error) = (estimate, WaterVector::zeros());
+            if j > 0 {
+                error[CURRENT + j - 1] = step;
+            }
+            inject(&mut water, if j == 0 { step } else { 0.0 }, &error);
+            water[CURRENT + i]
+        };
+        (moved(1e-6) - moved(-1e-6)) / 2e-6
+    });
+    let part = DMatrix::from_fn(3, 3, |i, j| p[(states[i], states[j])]);
+    let expected = &by_state * part * by_state.transpose();
+    let found = filter.current_covariance().unwrap();
+    assert!((DMatrix::from_fn(2, 2, |i, j| found[(i, j)]) - expected).amax() < 1e-10);
+    assert_eq!(filter.with_water(None).current_covariance(), None);
+}
+
 fn check(got: &DMatrix<f64>, expected: &DMatrix<f64>, round: usize) {
     assert_close(got, expected, 1e-10, &format!("round {round}"));
     let sizes = DVector::from_fn(ALL, |i, _| got[(i, i)].sqrt());

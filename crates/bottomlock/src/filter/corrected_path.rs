@@ -1,0 +1,177 @@
+//! A position fix at the corrected path, once or, where the yaw still moves, up to four times.
+//!
+//! Since the position was last known the estimate has gone the way p̂ and the error besides it the way s = ∫R̂ δv dt. With a
+//! misalignment that is nearly constant the true end is Exp(ρ) (p̂ + s), and the linear model has δr = ρ × p̂ + s. Hence
+//!
+//! ```text
+//! r − r̂ = Exp(ρ) (p̂ + δr − ρ × p̂) − p̂.
+//! ```
+//!
+//! The first time this is taken as δr + B ρ with B = −[δr̂×] (docs/linear_range.md), which is enough for small angles. Where the
+//! correction of the yaw moves by it, it is linearised again at the estimate that it gives, A δr + B ρ + c: Gauss and Newton's
+//! method (Bell & Cathey 1993). A fix that does not move the yaw has the bits of the first time.
+
+use nalgebra::{Matrix3, Rotation3, RowVector3, SMatrix, Vector3};
+
+use super::Eskf;
+use super::joseph::PredictedInnovation;
+use crate::aiding::{CorrectedPath, Innovation};
+use crate::frames::skew;
+use crate::layout::{ATTITUDE, DIM, POSITION, VELOCITY};
+use crate::state::ErrorVector;
+
+/// Linearisations of a fix, at most.
+const LINEARISATIONS: usize = 4;
+/// Change of the correction of the yaw from one to the next, in standard deviations after the update, that asks for another.
+const YAW_MOVES: f64 = 0.1;
+/// Correction of the yaw, in standard deviations before the update, beyond which a fix is judged as it is: an outlier must not
+/// find a yaw that explains it.
+const PLAUSIBLE: f64 = 3.0;
+
+const YAW: (usize, usize) = (ATTITUDE + 2, ATTITUDE + 2);
+
+/// What an innovation says of the error by itself.
+pub(super) struct Explained {
+    pub(super) error: ErrorVector,
+    /// Variance of the yaw after it, rad².
+    yaw_variance: f64,
+}
+
+impl Eskf {
+    /// Takes a position at the path that it corrects itself.
+    pub(super) fn linearise_at_corrected_path(&self, innovation: &mut Innovation) {
+        let at_estimate = innovation.clone();
+        let Some(mut before) = self.explained_by(innovation) else {
+            return;
+        };
+        let first = CorrectedPath {
+            by_position: None,
+            by_misalignment: self.path_by_misalignment(&before.error),
+            offset_t_m: Vector3::zeros(),
+        };
+        *innovation = along(&at_estimate, first);
+        for _ in 1..LINEARISATIONS {
+            let Some(after) = self.explained_by(innovation) else {
+                return;
+            };
+            let (from_rad, to_rad) = (before.error[YAW.0], after.error[YAW.0]);
+            let moves = (to_rad - from_rad).abs() > YAW_MOVES * after.yaw_variance.sqrt();
+            let is_plausible = to_rad.abs() <= PLAUSIBLE * self.covariance[YAW].sqrt();
+            if !(moves && is_plausible) {
+                return;
+            }
+            *innovation = along(&at_estimate, self.path_at(&after.error));
+            before = after;
+        }
+    }
+
+    /// Moves an error state to the path that a position has corrected: δr ← A δr + B ρ + c.
+    pub(super) fn move_to_corrected_path(&mut self, path: &CorrectedPath, error: &mut ErrorVector) {
+        path.move_rows(&mut self.covariance);
+        self.covariance.transpose_mut();
+        path.move_rows(&mut self.covariance);
+        self.covariance.transpose_mut();
+        self.covariance.fill_lower_triangle_with_upper_triangle();
+        path.move_rows(error);
+        let mut position = error.fixed_rows_mut::<3>(POSITION);
+        position += path.offset_t_m;
+        self.extensions.move_to_corrected_path(path);
+    }
+
+    /// B = −[δr̂×]; a depth since the last position has moved its own axis already, so that only the way since then counts.
+    fn path_by_misalignment(&self, correction: &ErrorVector) -> Matrix3<f64> {
+        let mut block = -skew(&correction.fixed_rows::<3>(POSITION).into_owned());
+        if self.measured.depth_ns > self.measured.position_ns {
+            let since_s = (self.state.time_ns - self.measured.depth_ns) as f64 * 1e-9;
+            let gained_t: Vector3<f64> = self.rotation() * correction.fixed_rows::<3>(VELOCITY) * since_s;
+            block.set_row(2, &-skew(&gained_t).row(2));
+        }
+        block
+    }
+
+    /// r − r̂, linearised at an estimate of the error; the axis of a depth as in [`Eskf::path_by_misalignment`].
+    fn path_at(&self, error: &ErrorVector) -> CorrectedPath {
+        let linear_t = error.fixed_rows::<3>(POSITION).into_owned();
+        let rho = error.fixed_rows::<3>(ATTITUDE).into_owned();
+        let way_t = self.way_by_yaw();
+        let besides_t = linear_t - rho.cross(&way_t);
+        let turn = Rotation3::from_scaled_axis(rho);
+        let end_t = turn * (way_t + besides_t);
+        let mut by_position = *turn.matrix();
+        let mut by_misalignment = turn * skew(&way_t) - skew(&end_t) * left_jacobian(&rho);
+        let mut offset_t_m = end_t - way_t - by_position * linear_t - by_misalignment * rho;
+        if self.measured.depth_ns > self.measured.position_ns {
+            by_position.set_row(2, &RowVector3::new(0.0, 0.0, 1.0));
+            by_misalignment.set_row(2, &self.path_by_misalignment(error).row(2));
+            offset_t_m.z = 0.0;
+        }
+        CorrectedPath {
+            by_position: Some(by_position),
+            by_misalignment,
+            offset_t_m,
+        }
+    }
+
+    /// The level part of p̂, m, by which the covariance has the yaw move the position: E[δr | ρ_D] = ρ_D e_D × p̂.
+    fn way_by_yaw(&self) -> Vector3<f64> {
+        let by_yaw = self.covariance.fixed_view::<3, 1>(POSITION, YAW.0) / self.covariance[YAW];
+        Vector3::new(by_yaw[1], -by_yaw[0], 0.0)
+    }
+
+    /// What an innovation of three rows says of the error; `None` if S is not positive definite.
+    pub(super) fn explained_by(&self, innovation: &Innovation) -> Option<Explained> {
+        let predicted = PredictedInnovation::<3>::of(&self.covariance, innovation)?;
+        let factor = predicted.cholesky();
+        let yaw = predicted.cross_covariance.row(YAW.0).transpose();
+        Some(Explained {
+            error: predicted.cross_covariance * factor.solve(&innovation.residual.fixed_rows::<3>(0).into_owned()),
+            yaw_variance: (self.covariance[YAW] - yaw.dot(&factor.solve(&yaw))).max(0.0),
+        })
+    }
+}
+
+impl CorrectedPath {
+    /// Moves the rows of a matrix whose rows are those of the error state.
+    pub(crate) fn move_rows<const N: usize>(&self, rows: &mut SMatrix<f64, DIM, N>) {
+        let turned = self.by_misalignment * rows.fixed_rows::<3>(ATTITUDE);
+        let mut position = rows.fixed_rows_mut::<3>(POSITION);
+        if let Some(by_position) = &self.by_position {
+            let kept = by_position * &position;
+            position.copy_from(&kept);
+        }
+        position += turned;
+    }
+}
+
+/// A position's innovation along a path: z − c = A δr + (H_ρ + B) ρ + n.
+fn along(at_estimate: &Innovation, path: CorrectedPath) -> Innovation {
+    let mut innovation = at_estimate.clone();
+    if let Some(by_position) = &path.by_position {
+        innovation
+            .jacobian
+            .fixed_view_mut::<3, 3>(0, POSITION)
+            .copy_from(by_position);
+    }
+    let mut by_misalignment = innovation.jacobian.fixed_view_mut::<3, 3>(0, ATTITUDE);
+    by_misalignment += path.by_misalignment;
+    let mut residual = innovation.residual.fixed_rows_mut::<3>(0);
+    residual -= path.offset_t_m;
+    innovation.corrected_path = Some(Box::new(path));
+    innovation
+}
+
+/// J of Exp(ρ + δρ) = Exp(J δρ) Exp(ρ), to first order.
+fn left_jacobian(rho: &Vector3<f64>) -> Matrix3<f64> {
+    let (angle, cross) = (rho.norm(), skew(rho));
+    if angle < 1e-4 {
+        return Matrix3::identity() + cross * 0.5;
+    }
+    let square = angle * angle;
+    Matrix3::identity()
+        + cross * ((1.0 - angle.cos()) / square)
+        + cross * cross * ((angle - angle.sin()) / (square * angle))
+}
+
+#[cfg(test)]
+#[path = "corrected_path_tests.rs"]
+mod tests;

@@ -1,0 +1,160 @@
+//! A fix at a start whose yaw is wrong by a right angle, the path by differences of the exact one, and what is not repeated.
+
+use nalgebra::SMatrix;
+
+use super::*;
+use crate::aiding::depth::depth;
+use crate::aiding::position::position;
+use crate::filter::gate::Gate;
+use crate::filter::options::Options;
+use crate::filter::report::Sensor;
+use crate::frames::{Rot, Tangent, Vec3};
+use crate::mechanisation::ImuSample;
+use crate::model::Model;
+use crate::state::{Covariance, NavState};
+
+const WAY_M: f64 = 20.0;
+
+/// After 10 s to the estimated north at 2 m/s, with a yaw uncertain by `yaw_sd_rad` all the while.
+fn filter(yaw_sd_rad: f64) -> Eskf {
+    let mut state = NavState::at_rest(0);
+    state.velocity_p_mps = Vec3::new(WAY_M / 10.0, 0.0, 0.0);
+    let mut model = Model::table_2();
+    model.environment.earth_rate_radps = 0.0;
+    let options = Options {
+        gate: Gate::Off,
+        ..Options::default()
+    };
+    let mut filter = Eskf::new(state, &model, &options).unwrap();
+    let mut covariance = Covariance::identity() * 1e-14;
+    for i in 0..3 {
+        covariance[(POSITION + i, POSITION + i)] = 0.01;
+        covariance[(ATTITUDE + i, ATTITUDE + i)] = 1e-8;
+        covariance[(VELOCITY + i, VELOCITY + i)] = 1e-6;
+    }
+    covariance[YAW] = yaw_sd_rad * yaw_sd_rad;
+    filter.set_covariance(&covariance).unwrap();
+    let sample = |k: i64| ImuSample {
+        time_ns: k * 100_000_000,
+        rate_p_radps: Vec3::new(0.0, 0.0, 0.0),
+        force_p_mps2: Vec3::new(0.0, 0.0, -filter.settings.earth.gravity_mps2),
+    };
+    let samples: Vec<_> = (0..=100).map(sample).collect();
+    samples
+        .windows(2)
+        .for_each(|pair| filter.predict(&pair[0], &pair[1]).unwrap());
+    filter
+}
+
+/// The fix at the end of a way that was turned by `yaw_rad`.
+fn fix(filter: &mut Eskf, yaw_rad: f64) -> Innovation {
+    let end_t = Vec3::new(WAY_M * yaw_rad.cos(), WAY_M * yaw_rad.sin(), 0.0);
+    filter.propagate_covariance();
+    position(&filter.state(), &end_t, &[0.1; 3], &Vec3::zeros())
+}
+
+/// One fix tells a yaw of 60° or 90° from the way to it as far as its noise allows, with the position at the fix; the first
+/// linearisation alone, tan instead of the angle at 60° with tenths of the way left, is off by many times its claim.
+#[test]
+fn a_large_yaw_is_found_by_one_fix() {
+    for angle_rad in [60_f64, -60.0, 90.0, -90.0].map(f64::to_radians) {
+        let mut filter = filter(angle_rad.abs());
+        let innovation = fix(&mut filter, angle_rad);
+        let first = filter.explained_by(&innovation).unwrap().error;
+        let once = along(
+            &innovation,
+            CorrectedPath {
+                by_position: None,
+                by_misalignment: filter.path_by_misalignment(&first),
+                offset_t_m: Vector3::zeros(),
+            },
+        );
+        let once = filter.explained_by(&once).unwrap();
+        assert!((once.error[YAW.0] - angle_rad).abs() > 5.0 * once.yaw_variance.sqrt());
+
+        assert!(filter.update(&innovation, Sensor::GpsPosition).unwrap().was_used());
+        let (state, sd_rad) = (filter.state(), filter.covariance()[YAW].sqrt());
+        let left_rad = state.attitude_t_p.to_euler_rad()[2] - angle_rad;
+        assert!(left_rad.abs() < sd_rad, "{angle_rad}: {left_rad} {sd_rad}");
+        assert!(sd_rad < 0.02);
+        let fix_t = Vector3::new(WAY_M * angle_rad.cos(), WAY_M * angle_rad.sin(), 0.0);
+        assert!((state.position_t_m.0 - fix_t).norm() < 0.1);
+    }
+}
+
+/// A fix that does not move the yaw from the first linearisation to the next has its bits, and so has an outlier, which only
+/// a yaw beyond what is plausible would explain.
+#[test]
+fn what_does_not_move_the_yaw_and_what_is_no_yaw_is_linearised_once() {
+    for (sd_deg, angle_deg) in [(1.0_f64, 1.0_f64), (20.0, 90.0)] {
+        let mut filter = filter(sd_deg.to_radians());
+        let innovation = fix(&mut filter, angle_deg.to_radians());
+        let first = filter.explained_by(&innovation).unwrap().error;
+        let by_misalignment = filter.path_by_misalignment(&first);
+        let offset_t_m = Vector3::zeros();
+        let mut found = innovation.clone();
+        filter.linearise_at_corrected_path(&mut found);
+        let once = along(
+            &innovation,
+            CorrectedPath {
+                by_position: None,
+                by_misalignment,
+                offset_t_m,
+            },
+        );
+        assert_eq!(found, once, "{sd_deg}");
+    }
+}
+
+/// A and B by central differences of the exact path, Exp(ρ) (p̂ + δr − ρ × p̂) − p̂; c closes it.
+#[test]
+fn the_path_is_the_tangent_of_the_exact_one() {
+    let mut filter = filter(0.5);
+    fix(&mut filter, 0.0);
+    let (linear_t, rho) = (Vector3::new(3.0, 12.0, -1.0), Vector3::new(0.1, -0.2, 0.9));
+    let mut error = ErrorVector::zeros();
+    error.fixed_rows_mut::<3>(POSITION).copy_from(&linear_t);
+    error.fixed_rows_mut::<3>(ATTITUDE).copy_from(&rho);
+    let way_t = filter.way_by_yaw();
+    assert!((way_t - Vector3::new(WAY_M, 0.0, 0.0)).norm() < 0.01, "{way_t}");
+    let exact = |linear_t: &Vector3<f64>, rho: &Vector3<f64>| {
+        Rot::<Tangent, Tangent>::exp(*rho).matrix() * (way_t + linear_t - rho.cross(&way_t)) - way_t
+    };
+    let path = filter.path_at(&error);
+    let by_position = path.by_position.unwrap();
+    for axis in 0..3 {
+        let step = Vector3::ith(axis, 1e-5);
+        let by_rho = (exact(&linear_t, &(rho + step)) - exact(&linear_t, &(rho - step))) / 2e-5;
+        assert!((path.by_misalignment.column(axis) - by_rho).norm() < 1e-6);
+        let by_linear = (exact(&(linear_t + step), &rho) - exact(&(linear_t - step), &rho)) / 2e-5;
+        assert!((by_position.column(axis) - by_linear).norm() < 1e-6);
+    }
+    let linearised_t = by_position * linear_t + path.by_misalignment * rho + path.offset_t_m;
+    assert!((linearised_t - exact(&linear_t, &rho)).norm() < 1e-9);
+
+    // The axis of a depth since the last fix has its own way alone.
+    let state = filter.state();
+    let at_depth = depth(&state, state.position_t_m.0.z, 0.02, &Vec3::zeros());
+    assert!(filter.update(&at_depth, Sensor::Depth).unwrap().was_used());
+    let path = filter.path_at(&error);
+    assert_eq!(path.by_misalignment.row(2), filter.path_by_misalignment(&error).row(2));
+    assert_eq!(path.by_position.unwrap().row(2), RowVector3::new(0.0, 0.0, 1.0));
+    assert_eq!(path.offset_t_m.z, 0.0);
+}
+
+/// With a yaw that is certain, and so without any way by it, an update is finite and turns nothing.
+#[test]
+fn a_certain_yaw_stays() {
+    let mut filter = filter(0.5);
+    for k in 0..crate::layout::DIM {
+        (filter.covariance[(k, YAW.0)], filter.covariance[(YAW.0, k)]) = (0.0, 0.0);
+    }
+    let innovation = fix(&mut filter, 1.5);
+    filter.covariance[YAW] = 0.0;
+    let mut found = innovation.clone();
+    filter.linearise_at_corrected_path(&mut found);
+    assert!(found.residual.iter().all(|x| x.is_finite()));
+    let rows: SMatrix<f64, 3, 3> = found.jacobian.fixed_view::<3, 3>(0, ATTITUDE).into();
+    assert!(rows.iter().all(|x| x.is_finite()));
+    assert_eq!(found.residual, innovation.residual);
+}
