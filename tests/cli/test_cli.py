@@ -314,6 +314,7 @@ def test_observe_tells_masks_directions_and_manoeuvres(
     # tests/oracle judges the masks by all manoeuvres.
     some = partial(manoeuvre_table, manoeuvres=[MANOEUVRES[name] for name in manoeuvres])
     monkeypatch.setattr(report, "manoeuvre_table", some)
+    monkeypatch.setenv("COLUMNS", "80")
     assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
     path = tmp_path / "straight.toml"
     text = path.read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 40.0")

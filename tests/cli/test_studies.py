@@ -22,8 +22,9 @@ def scenario(tmp_path: Path) -> Path:
     return path
 
 
-def test_masks_prints_and_writes(tmp_path: Path, scenario: Path) -> None:
+def test_masks_prints_and_writes(tmp_path: Path, scenario: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Tables of 80 columns, files on disk, and the same command again finds everything done."""
+    monkeypatch.setenv("COLUMNS", "80")
     done = command("masks", str(scenario), "--out", "o", *SHORT, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "straight, beams 1,4: RMS over runs at the end" in done.stdout
