@@ -34,6 +34,7 @@ def test_masks_prints_and_writes(tmp_path: Path, scenario: Path, monkeypatch: py
     out = tmp_path / "o"
     assert pl.read_parquet(out / "masks.parquet").height == 17 * 2
     text = (out / "masks.md").read_text(encoding="utf-8")
+    assert "masks_straight" in (out / "masks.html").read_text(encoding="utf-8")
     assert text.startswith("# Masks and recovery\n\n1. **Three beams or more**")
     assert f"- Command: `bottomlock masks {scenario} --out DIR --runs 2" in text
     assert text.count("| 1,2 |") == 1
