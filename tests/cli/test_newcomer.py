@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from bottomlock.audit.logs import read_log
-from bottomlock.cli.console import narrow_table
+from bottomlock.cli.console import console, narrow_table, prepare_consoles
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beams import Columns, read_beams
 from bottomlock.io.table import read_map
@@ -103,6 +104,18 @@ def test_a_file_is_not_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:
     assert line in process("geometries").stdout.splitlines()
     monkeypatch.setenv("COLUMNS", "60")
     assert line not in process("geometries").stdout.splitlines()
+
+
+def test_a_wide_table_goes_into_a_file_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wider than a terminal, two blanks apart, and no cell cut."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+    table = narrow_table("t", ["method"], [f"column {k}" for k in range(14)])
+    table.add_row("sway_current", *["0.0997"] * 14)
+    with redirect_stdout(StringIO()) as out:
+        prepare_consoles()
+        console.print(table)
+    assert "    0.0997    0.0997" in out.getvalue()
+    assert "…" not in out.getvalue()
 
 
 def test_ten_columns_fit_a_terminal_of_eighty() -> None:
