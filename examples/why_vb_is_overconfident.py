@@ -22,16 +22,16 @@ import bottomlock
 # The claimed variance shrinks all the same.
 
 # %%
-true_variance, claimed, honest = [1.0], [1.0], [1.0]
+true_variance, claimed, kept = [1.0], [1.0], [1.0]
 for _ in range(60):
     true_variance.append(true_variance[-1] + 0.1**2)
     predicted = claimed[-1] + 0.1**2
     claimed.append(predicted * 1.0 / (predicted + 1.0))
-    honest.append(honest[-1] + 0.1**2)
+    kept.append(kept[-1] + 0.1**2)
 figure, axes = plt.subplots(figsize=(7.2, 3.0))
 axes.plot(np.sqrt(true_variance), label="true σ of the error")
 axes.plot(np.sqrt(claimed), "--", label="claimed, own estimate as a measurement")
-axes.plot(np.sqrt(honest), ":", color="black", linewidth=2.5, label="claimed, with the correlation kept")
+axes.plot(np.sqrt(kept), ":", color="black", linewidth=2.5, label="claimed, with the correlation kept")
 axes.set(xlabel="time, s", ylabel="m/s", ylim=(0, None))
 axes.legend()
 plt.show()

@@ -221,6 +221,11 @@ def fix_method(name: str) -> FixMethod:
     for short, long in FIX_METHODS.items():
         if name in (short, long):
             return long
+    if name in METHODS:
+        raise KernelError(
+            f"method '{name}' needs a filter that runs from ping to ping (bottomlock replay, Navigator); of single "
+            f"pings there are {', '.join(FIX_METHODS)}"
+        )
     close = difflib.get_close_matches(name, [*FIX_METHODS, *FIX_METHODS.values()], n=1)
     hint = f", did you mean '{close[0]}'?" if close else ""
     raise KernelError(f"unknown method '{name}'{hint} (known: {', '.join(FIX_METHODS)})")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
@@ -34,4 +35,6 @@ def command(*arguments: str | Path, cwd: Path | None = None) -> CompletedProcess
 def process(*arguments: str | Path, cwd: Path | None = None) -> CompletedProcess[str]:
     """Runs `python -m bottomlock` as a user does: a fresh interpreter, its exit code and its streams."""
     words = [sys.executable, "-m", "bottomlock", *(str(one) for one in arguments)]
-    return subprocess.run(words, capture_output=True, text=True, check=False, cwd=cwd, timeout=300)
+    # Not what the process itself would hand on: the readline of pytest's debugger has put COLUMNS there.
+    env = dict(os.environ)
+    return subprocess.run(words, capture_output=True, text=True, check=False, cwd=cwd, env=env, timeout=300)

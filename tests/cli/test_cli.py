@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from bottomlock.observability import report
 from bottomlock.observability.tables import manoeuvre_table
 from bottomlock.truth.manoeuvres import MANOEUVRES
 from tests.cli.calls import command, process
+from tests.undrawn import figures_undrawn
 
 RUN = ["run", "straight", "--runs", "2", "--methods", "lc,tc", "--threads", "1"]
 
@@ -314,6 +316,7 @@ def test_observe_tells_masks_directions_and_manoeuvres(
     # tests/oracle judges the masks by all manoeuvres.
     some = partial(manoeuvre_table, manoeuvres=[MANOEUVRES[name] for name in manoeuvres])
     monkeypatch.setattr(report, "manoeuvre_table", some)
+    monkeypatch.setenv("COLUMNS", "80")
     assert command("scenarios", "--copy", "straight", cwd=tmp_path).returncode == 0
     path = tmp_path / "straight.toml"
     text = path.read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 40.0")
@@ -329,18 +332,18 @@ def test_observe_tells_masks_directions_and_manoeuvres(
     assert every_mask.height == 15 * len(manoeuvres) * 3 * 2
     assert (tmp_path / "o" / "figures" / "straight.png").is_file()
     page = (tmp_path / "o" / "observability.html").read_text(encoding="utf-8")
-    assert page.count('<img src="data:image/png;base64,') == 2
+    assert page.count('<figure class="wide"><svg role="img"') == 2
+    assert "data:image/png" not in page
     assert page.count('<th scope="row">beams 1') == sum(
         name.startswith("beams 1") for name in found["aiding"]
     )
 
 
 @pytest.mark.parametrize("is_drawn", [False, pytest.param(True, marks=pytest.mark.long)])
-def test_observe_the_papers_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, is_drawn: bool) -> None:
+def test_observe_the_papers_cases(tmp_path: Path, *, is_drawn: bool) -> None:
     """Fifteen windows, six figures, one table; tests/unit/test_observability.py draws two."""
-    if not is_drawn:
-        monkeypatch.setattr(report, "save_figure", lambda _, path: path.touch())
-    done = command("observe", "--paper", "--out", str(tmp_path / "o"))
+    with nullcontext() if is_drawn else figures_undrawn():
+        done = command("observe", "--paper", "--out", str(tmp_path / "o"))
     assert done.returncode == 0, done.stderr
     assert "DVL, turn at 10 m/s" in done.stdout
     assert pl.read_parquet(tmp_path / "o" / "observability.parquet").height == 15

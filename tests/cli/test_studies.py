@@ -22,8 +22,9 @@ def scenario(tmp_path: Path) -> Path:
     return path
 
 
-def test_masks_prints_and_writes(tmp_path: Path, scenario: Path) -> None:
+def test_masks_prints_and_writes(tmp_path: Path, scenario: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Tables of 80 columns, files on disk, and the same command again finds everything done."""
+    monkeypatch.setenv("COLUMNS", "80")
     done = command("masks", str(scenario), "--out", "o", *SHORT, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "straight, beams 1,4: RMS over runs at the end" in done.stdout
@@ -33,6 +34,7 @@ def test_masks_prints_and_writes(tmp_path: Path, scenario: Path) -> None:
     out = tmp_path / "o"
     assert pl.read_parquet(out / "masks.parquet").height == 17 * 2
     text = (out / "masks.md").read_text(encoding="utf-8")
+    assert "masks_straight" in (out / "masks.html").read_text(encoding="utf-8")
     assert text.startswith("# Masks and recovery\n\n1. **Three beams or more**")
     assert f"- Command: `bottomlock masks {scenario} --out DIR --runs 2" in text
     assert text.count("| 1,2 |") == 1

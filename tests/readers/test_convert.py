@@ -98,7 +98,7 @@ def test_refusals_are_one_line(
 def test_places_that_are_wrong(tmp_path: Path, convert: Run) -> None:
     """A missing file, a folder that is no bag, a name that is not Parquet's."""
     assert "none.bin: no such file" in convert(tmp_path / "none.bin", "--to", tmp_path / "b.parquet").stderr
-    assert "not recognised from the content" in convert(tmp_path, "--to", tmp_path / "b.parquet").stderr
+    assert "is a folder without the metadata.yaml" in convert(tmp_path, "--to", tmp_path / "b.parquet").stderr
     folder = convert(tmp_path, "--to", tmp_path / "b.parquet", "--format", "pd0")
     assert "is a folder, expected a file" in folder.stderr
     assert "expected a name that ends in .parquet" in convert(tmp_path, "--to", tmp_path / "b.csv").stderr

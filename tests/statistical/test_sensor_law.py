@@ -120,6 +120,7 @@ def test_the_page_says_what_the_table_says(tmp_path: Path) -> None:
     out = tmp_path / "law"
     out.mkdir()
     table = sensor_law.run_sensor_law([scenario(2)], [(1, 2)], out, command="bottomlock sensor-law straight")
+    assert (out / "sensor_law.html").is_file()
     page = (out / "sensor_law.md").read_text(encoding="utf-8")
     assert "Command: `bottomlock sensor-law straight`" in page
     assert page.count("\n| 1,2 | ") == 4

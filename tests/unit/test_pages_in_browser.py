@@ -9,6 +9,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from bottomlock.figures.palette import new_figure
 from bottomlock.pages.sheet import Part, Picture, sheet
 from bottomlock.records import write_recorded_table
 from bottomlock.report.compare import compare
@@ -46,7 +47,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "cells",
         "Cells",
         ["A line of text."],
-        [Picture(top / "a" / "figures" / "velocity_straight.png", "Velocity error.")],
+        [
+            Picture.of(new_figure(), name, "Nothing.", kind=kind)
+            for name, kind in (("one", "wide"), ("two", ""))
+        ],
         "A table with more columns than a telephone has room for.",
         ["Method", *(f"beams {k}" for k in range(15))],
         [["tc", *("12.3 ▲" for _ in range(15))]],

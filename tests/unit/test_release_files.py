@@ -1,5 +1,6 @@
 """Files of a release agree with one another: version, dependencies, licence."""
 
+import json
 import re
 import tomllib
 from pathlib import Path
@@ -27,6 +28,19 @@ def test_one_version(file: str) -> None:
     text = (ROOT / file).read_text(encoding="utf-8")
     stated = re.findall(r'^\s*version: "?(\d+\.\d+\.\d+)"?$', text, flags=re.MULTILINE)
     assert stated == [version()]
+
+
+def test_one_date() -> None:
+    """The version's section in the CHANGELOG is the newest one, and dated as the citations are."""
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    sections = re.findall(r"^## \[(.+?)\](?: - (\d{4}-\d\d-\d\d))?$", changes, flags=re.MULTILINE)
+    assert sections[0] == ("Unreleased", "")
+    newest, date = sections[1]
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    archive = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
+    assert newest == archive["version"] == version()
+    assert re.findall(r"^date-released: (.*)$", citation, flags=re.MULTILINE) == [date]
+    assert archive["publication_date"] == date != ""
 
 
 def test_the_conda_recipe_has_the_dependencies_of_the_wheel() -> None:

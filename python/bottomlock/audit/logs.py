@@ -11,7 +11,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.beams import Columns, times_as_they_stand
+from bottomlock.io.beams import Columns, beam_flags, times_as_they_stand
 from bottomlock.io.columns import column_numbers, read_rows
 
 AXES = ("x", "y", "z")
@@ -125,7 +125,9 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
     mapped = columns is not None and columns.velocity is not None and columns.velocity[0] in table.columns
     chosen = columns if mapped and columns is not None else Columns()
     names = list(chosen.velocity or [n for n in _columns_of(table, "mps") if _filled(table, n)])
-    flags = list(chosen.valid or [name.replace("_mps", "_valid") for name in names])
+    flags = list(chosen.valid or (f"beam{k + 1}_valid" for k in range(len(names))))
+    if not mapped:
+        flags = [name.replace("_mps", "_valid") for name in names]
     time_ns = times_as_they_stand(table, chosen, place)
     own = [f"instrument_{axis}_mps" for axis in AXES]
     has_own = all(_filled(table, name) for name in own)
@@ -135,7 +137,10 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
         flags = [name.replace("_mps", "_valid") for name in names]
     empty = np.zeros((table.height, 0))
     velocity = np.stack([numbers(table, n, place) for n in names], axis=1) if names else empty
-    valid = np.stack([_flags(table, n, place) for n in flags], axis=1) if names else empty.astype(bool)
+    if mapped and chosen.valid is None:
+        valid = beam_flags(table, flags, velocity, chosen, place)
+    else:
+        valid = np.stack([_flags(table, n, place) for n in flags], axis=1) if names else empty.astype(bool)
     wrong = np.argwhere(valid & ~np.isfinite(velocity))
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])

@@ -12,7 +12,8 @@ from bottomlock.atomic_write import write_bytes, write_json, write_parquet, writ
 from bottomlock.audit import figures
 from bottomlock.audit.findings import findings_table
 from bottomlock.audit.run import Audit, numbers_of
-from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
+from bottomlock.figures.inline_svg import inline_svg
+from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.pages.render import render
 
 CAPTIONS = {

@@ -1,4 +1,4 @@
-"""The case file of a mission: what an honest engineer states of its sensors, whatever the noise really is."""
+"""The case file of a mission: what a careful engineer states of its sensors, whatever the noise is."""
 
 from typing import Any
 

@@ -12,8 +12,9 @@ from bottomlock.bench.beam_tasks import PINGS_TASK, VELOCITY_TASK
 from bottomlock.bench.leaderboard import OVERALL, leaderboard
 from bottomlock.bench.mission_list import FACTORS, SPLITS, levels, mission_list
 from bottomlock.bench.tasks import CURRENT, NAVIGATION, RANKED, RECOVERY
+from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.leaderboard import leaderboard_figure
-from bottomlock.figures.palette import inline_svg, svg_text
+from bottomlock.figures.palette import svg_text
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render
 from bottomlock.statistics.chi_squared import mean_band
@@ -93,7 +94,9 @@ def _task(table: pl.DataFrame, task: str) -> dict[str, Any]:
     """A task's part of the page: its ranking with a figure, and the other scores of each method."""
     rows = table.filter((pl.col("task") == task) & (pl.col("score") == RANKED))
     key = task.split(maxsplit=1)[0].lower()
-    caption = f"{task}: {RANKED}, mean over missions with its 95 % interval; less is better."
+    caption = (
+        f"{task[:1].upper()}{task[1:]}: {RANKED}, mean over missions with its 95 % interval; less is better."
+    )
     svg = svg_text(leaderboard_figure(rows, f"{RANKED} (less is better)"))
     values = {
         score: dict(

@@ -10,7 +10,7 @@ import cyclopts
 from cyclopts import App
 
 from bottomlock.cli.common import peak_memory_mb, split_common
-from bottomlock.cli.console import EXIT_USAGE, console, errors, prepare_consoles
+from bottomlock.cli.console import EXIT_USAGE, errors, help_console, prepare_consoles
 from bottomlock.cli.examples import epilogue
 from bottomlock.errors import BottomlockError
 
@@ -59,7 +59,7 @@ app = App(
     ),
     version=lambda: importlib.metadata.version("bottomlock"),
     version_flags=["--version", "-V"],
-    console=console,
+    console=help_console,
 )
 for _name, (_module, _help) in COMMANDS.items():
     app.command(
@@ -85,7 +85,9 @@ def main() -> None:
     try:
         app(tokens, exit_on_error=False, print_error=False)
     except cyclopts.CycloptsError as error:
-        _fail(" ".join(str(error).split()) + "; see `bottomlock --help`")
+        words = " ".join(str(error).split())
+        words = words if words.endswith("...") else words.removesuffix(".")
+        _fail(f"{words}; see `{' '.join(['bottomlock', *(error.command_chain or ())])} --help`")
     except BottomlockError as error:
         if common.verbose:
             errors.print(traceback.format_exc().rstrip())

@@ -1,5 +1,6 @@
-"""The two consoles of the command, its exit codes, and the tables and messages that commands share."""
+"""The consoles of the command, its exit codes, and the tables and messages that commands share."""
 
+import os
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -27,8 +28,11 @@ EXIT_USAGE = 2
 
 # No markup: a path such as `out[/red]` is printed as it is. What has colours is a `rich.text.Text`.
 console = Console(stderr=False, markup=False, emoji=False)
+help_console = Console(stderr=False, markup=False, emoji=False)
 errors = Console(stderr=True, soft_wrap=True, highlight=False, markup=False, emoji=False)
 
+FILE_COLUMNS = 1000
+"""Width of what is printed into a file or a pipe: no line is broken and no cell of a table is cut."""
 
 _state = {"no bars": False}
 
@@ -41,6 +45,8 @@ def bars_are_off() -> bool:
 def prepare_consoles(common: "Common | None" = None) -> None:
     """Prints notes as one line each, and characters that the terminal does not know as their codes.
 
+    What goes into a file or a pipe is not wrapped, unless COLUMNS says how wide it may be.
+
     Args:
         common: options of every command; those of a command without any by default.
     """
@@ -49,6 +55,10 @@ def prepare_consoles(common: "Common | None" = None) -> None:
         console.quiet = common.quiet
         if common.quiet:
             warnings.simplefilter("ignore", Note)
+    if not console.is_terminal:
+        asked = os.environ.get("COLUMNS", "")
+        console.soft_wrap = not asked.isdigit()
+        console.width = int(asked) if asked.isdigit() else FILE_COLUMNS
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
@@ -92,9 +102,10 @@ def late_bar(bar: "Progress") -> Iterator["Progress"]:
 def narrow_table(title: str, left: Sequence[str], right: Sequence[str]) -> "Table":
     """A table that fits 80 columns, with left- and right-justified columns."""
     from rich import box  # noqa: PLC0415 - `--help` draws no table
-    from rich.table import Table  # noqa: PLC0415
 
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    from bottomlock.cli.fitted_table import FittedTable  # noqa: PLC0415
+
+    table = FittedTable(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for name in left:
         table.add_column(name, no_wrap=True)
     for name in right:

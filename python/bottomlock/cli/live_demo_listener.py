@@ -1,4 +1,4 @@
-"""What the listener of `bottomlock live-demo` hears: ODOMETRY messages of MAVLink, as an autopilot would take them."""
+"""What the listener of `bottomlock live-demo` receives: ODOMETRY messages of MAVLink, as for an autopilot."""
 
 import asyncio
 import math

@@ -29,10 +29,11 @@ from bottomlock.errors import ScenarioError
 from bottomlock.pages.numbers import plain
 from bottomlock.statistics import chi_squared
 from bottomlock.studies import masks as mask_study
-from bottomlock.studies import recovery, study_folder
+from bottomlock.studies import recovery, study_folder, world_words
 from bottomlock.studies.cases import VARYING, Case
-from bottomlock.studies.masks_opening import opening
+from bottomlock.studies.masks_opening import opening, what_was_run
 from bottomlock.studies.masks_page import markdown, verdict_at_edge, worst_of_pairs
+from bottomlock.studies.study_sheets import masks_sheet
 
 _SHORT = {chi_squared.CONSISTENT: "ok", chi_squared.OVERCONFIDENT: "over", chi_squared.CONSERVATIVE: "cons"}
 
@@ -75,12 +76,14 @@ def masks(
     with study_folder.claimed(out, kind, configuration, parts=parts, force=force, recover=recover):
         table, summary = _run(loaded, out, wanted=wanted, outages=outages, threads=threads, recover=recover)
         write_text(out / "masks.md", opening(table, summary, loaded, command) + markdown(table, summary))
+        run = [line.replace("`", "") for line in what_was_run(loaded, command)]
+        write_text(out / "masks.html", masks_sheet(table, summary, run, world_words.limits(loaded)))
         study_folder.write_manifest(
             out, kind, configuration, status="complete",
             runs={one.name: one.campaign.runs for one in loaded}, seed={one.name: one.campaign.seed for one in loaded},
         )  # fmt: skip
     _print(table, summary, chosen)
-    console.print(f"tables in {out}")
+    console.print(f"tables, masks.md and masks.html in {out}")
 
 
 def _outages_fit(scenarios: Sequence[Scenario]) -> bool:

@@ -71,3 +71,4 @@ def sensor_law(
         "worse: cells whose median velocity error rises beyond chance; left: cells whose NEES of velocity and attitude "
         "becomes overconfident; over: cells where it is; median and greatest velocity error at the end, m/s"
     )
+    console.print(f"sensor_law.md and sensor_law.html in {out}")

@@ -179,27 +179,6 @@ def svg_text(figure: Figure) -> str:
     return re.sub(r'(?<= d=")[^"]+', lambda match: _shorter(match[0]), text)
 
 
-def inline_svg(svg: str, name: str, words: str) -> str:
-    """The SVG for a page: ids made unique, ink replaced by the colours of the page, background removed.
-
-    Args:
-        svg: from `svg_text`.
-        name: letters, digits and underscores, different for each figure of a page.
-        words: what the figure shows, for screen readers.
-    """
-    body = svg[svg.index("<svg") :]
-    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
-    body = re.sub(r' width="[^"]*pt" height="[^"]*pt"', "", body, count=1) if "pt" in body[:400] else body
-    body = re.sub(r'\bid="', f'id="{name}-', body)
-    body = re.sub(r'href="#', f'href="#{name}-', body)
-    body = re.sub(r"url\(#", f"url(#{name}-", body)
-    body = (
-        body.replace(f"fill: {PAPER}", "fill: none").replace(INK, "var(--ink)").replace(FAINT, "var(--faint)")
-    )
-    quoted = words.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
-    return body.replace("<svg", f'<svg role="img" aria-label="{quoted}"', 1)
-
-
 def _shorter(path: str) -> str:
     """Path data with one decimal of a point, invisible on paper and screen."""
     return re.sub(r"-?\d+\.\d{2,}", lambda number: f"{float(number[0]):.1f}", path)

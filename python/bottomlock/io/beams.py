@@ -37,6 +37,7 @@ class Columns(BaseModel):
     time_unit: Literal["ns", "us", "ms", "s"] = "ns"
     velocity: tuple[str, ...] | None = None
     valid: tuple[str, ...] | None = None
+    lost_when_empty: bool = False
     velocity_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
     # Columns that `bottomlock convert` keeps beside the beams; of these a fix uses `instrument_valid`.
     range: tuple[str, ...] | None = None
@@ -44,6 +45,14 @@ class Columns(BaseModel):
     sd: tuple[str, ...] | None = None
     instrument: tuple[str, ...] | None = None
     instrument_valid: str | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if self.lost_when_empty and self.valid is not None:
+            raise ValueError(
+                "'valid' names columns of flags, so lost_when_empty cannot be true: state one of them"
+            )
+        return self
 
 
 class InstrumentFile(BaseModel):
@@ -209,6 +218,12 @@ def times_as_they_stand(table: pl.DataFrame, columns: Columns, place: str) -> ND
     Raises:
         DataError: naming row and column, for a time that is missing or no number.
     """
+    if columns.time not in table.columns and columns.time == Columns().time:
+        known = ", ".join(table.columns[:12])
+        raise DataError(
+            f"{place}: column '{columns.time}' is missing (there are {known}); `bottomlock convert {place} --init --to "
+            "MAP.toml` writes a map of other names, with which `bottomlock convert` makes the table to be read here"
+        )
     if columns.time_unit == "ns":
         series = number_series(table, columns.time, place, pl.Int64())
     else:
@@ -259,6 +274,25 @@ def read_flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray
     return np.stack(flags, axis=1)
 
 
+def beam_flags(
+    table: pl.DataFrame, names: Sequence[str], velocity: NDArray[np.float64], columns: Columns, place: str
+) -> NDArray[np.bool_]:
+    """Which beams are valid (n, beams): by their columns, or where the velocity is a number if the map says so.
+
+    Raises:
+        DataError: as `read_flags`; for a table without flags, with both ways out.
+    """
+    if columns.lost_when_empty:
+        return np.isfinite(velocity)
+    if columns.valid is None and not any(name in table.columns for name in names):
+        known = ", ".join(table.columns[:12])
+        raise DataError(
+            f"{place}: no column says which beams are valid, expected {', '.join(names)} (there are {known}); name "
+            "yours in the column map, valid = [...], or state lost_when_empty = true if a lost beam's cell is empty"
+        )
+    return read_flags(table, names, place)
+
+
 def read_validity(path: Path, *, beams: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Times (n,), ns, and validity (n, beams) of a log with the columns `time_ns` and `beam1_valid` ....
 
@@ -299,7 +333,7 @@ def read_beams(path: str | Path, *, beams: int, columns: Columns | None = None) 
         [column_numbers(table, n, place) for n in velocity_names],
         axis=1,
     )
-    valid = read_flags(table, valid_names, place)
+    valid = beam_flags(table, valid_names, velocity, columns, place)
     wrong = np.argwhere(valid & ~np.isfinite(velocity))
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])

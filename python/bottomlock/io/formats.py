@@ -99,7 +99,12 @@ def detect(path: Path) -> str:
         columns = show(head.split(b"\n", 1)[0])
         raise DataError(
             f"{path}: its first line, '{columns}', names no documented columns (time_ns, beam1_mps, beam1_valid ...); "
-            "map yours with --columns MAP.toml, or name the format with --format"
+            f"`bottomlock convert {path} --init --to MAP.toml` writes a map of yours for --columns MAP.toml; or name "
+            "the format with --format"
+        )
+    if path.is_dir():
+        raise DataError(
+            f"{path}: is a folder without the metadata.yaml of a ROS 2 bag, expected a file of the log"
         )
     raise DataError(
         f"{path}: format not recognised from the content, expected one of {', '.join(NAMES)}; name it with --format, "

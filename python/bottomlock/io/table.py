@@ -14,7 +14,7 @@ from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import explain
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beam_table import MOST_BEAMS, Account, Flags, Floats, Integers, Recording
-from bottomlock.io.beams import Columns, read_flags, read_times
+from bottomlock.io.beams import Columns, beam_flags, read_flags, read_times
 from bottomlock.io.columns import column_numbers
 from bottomlock.io.rows import PLAIN, Options, Rows, raise_if_empty
 from bottomlock.later import pl
@@ -70,7 +70,8 @@ def read_frame(frame: pl.DataFrame, columns: Columns, place: str, options: Optio
     beams = len(velocity_names)
     time_ns = read_times(frame, columns, place)
     velocity = _floats(frame, velocity_names, beams, place) * columns.velocity_scale
-    valid = read_flags(frame, valid_names, place) if beams else np.empty((frame.height, 0), dtype=bool)
+    none = np.empty((frame.height, 0), dtype=bool)
+    valid = beam_flags(frame, valid_names, velocity, columns, place) if beams else none
     wrong = np.argwhere(valid & ~np.isfinite(velocity))
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])
@@ -90,8 +91,18 @@ def read_frame(frame: pl.DataFrame, columns: Columns, place: str, options: Optio
         clock=f"column '{columns.time}' in {columns.time_unit}",
         time_of="record",
         quality="as recorded" if columns.quality else "",
-        notes=[] if beams else ["no beam velocities: the table holds the instrument's velocity alone"],
+        notes=_notes(beams, columns),
     )
+
+
+def _notes(beams: int, columns: Columns) -> list[str]:
+    if not beams:
+        return ["no beam velocities: the table holds the instrument's velocity alone"]
+    if columns.lost_when_empty:
+        return [
+            "no column says which beams are valid: a beam counts as lost where its cell is empty, nowhere else"
+        ]
+    return []
 
 
 def _beam_columns(

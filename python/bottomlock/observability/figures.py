@@ -13,13 +13,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from bottomlock.figures.labels import spread
-from bottomlock.figures.palette import STYLE
+from bottomlock.figures.palette import FAINT, INK, STYLE
 from bottomlock.tables.check import check
 from bottomlock.tables.observability import DEVIATIONS, RANKS
 from bottomlock.truth.truth import Array
 from bottomlock.units import mps2_from_mg, radps_from_deg_per_h
 
-_BLUE, _ORANGE, _GREEN, _INK, _GREY = "#0072b2", "#d55e00", "#009e73", "#333333", "#888888"
+_BLUE, _ORANGE, _GREEN = "#0072b2", "#d55e00", "#009e73"
 _COLOURS = (_BLUE, _ORANGE, _GREEN)
 # A line for each window; what is constant from the start is solid.
 _DASHES = ("-", (0, (4, 1.6)))
@@ -100,11 +100,11 @@ def deviation_figure(
         for axes in figure.axes[-2:]:
             if axes.axison:
                 axes.set_xlabel("time, s")
-        figure.text(0.065, 1.0 - 0.24 / figure.get_figheight(), title, fontsize=11.0, color=_INK, va="center")
+        figure.text(0.065, 1.0 - 0.24 / figure.get_figheight(), title, fontsize=11.0, color=INK, va="center")
         if len(windows) > 1:
             words = f"solid: manoeuvre from the start ({windows[0]}); dashed: {windows[1]}"
             figure.text(
-                0.065, 1.0 - 0.46 / figure.get_figheight(), words, fontsize=8.5, color=_INK, va="center"
+                0.065, 1.0 - 0.46 / figure.get_figheight(), words, fontsize=8.5, color=INK, va="center"
             )
     return figure
 
@@ -206,9 +206,9 @@ def _draw_rank(axes: Axes, ranks: pl.DataFrame, windows: Sequence[str]) -> None:
             time_s, value + shift, where="post", color=colour, linestyle=lines[-1].dash, linewidth=1.5,
         )  # fmt: skip
     if len(printed):
-        axes.axhline(float(printed[0]), color=_GREY, linewidth=0.8)
+        axes.axhline(float(printed[0]), color=FAINT, linewidth=0.8)
         end = lines[0].time_s
-        lines.append(_Line("rank in print", _GREY, "-", end, np.full(len(end), float(printed[0]))))
+        lines.append(_Line("rank in print", FAINT, "-", end, np.full(len(end), float(printed[0]))))
     top = max(float(np.nanmax(line.value)) for line in lines)
     axes.set_ylim(0.0, top + 1.0)
     axes.set_xlim(0.0, float(lines[0].time_s[-1]))
@@ -221,7 +221,7 @@ def _draw_words(axes: Axes, unobservable: Sequence[str]) -> None:
     axes.set_axis_off()
     axes.set_title("unobservable", loc="left", fontsize=9.0, pad=4.0)
     for k, line in enumerate(unobservable):
-        axes.text(0.0, 0.95 - 0.105 * k, line, transform=axes.transAxes, fontsize=8.0, color=_INK, va="top")
+        axes.text(0.0, 0.95 - 0.105 * k, line, transform=axes.transAxes, fontsize=8.0, color=INK, va="top")
 
 
 def figure_names(cases: Sequence[str]) -> Mapping[str, str]:

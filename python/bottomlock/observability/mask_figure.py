@@ -6,15 +6,17 @@ import matplotlib as mpl
 import numpy as np
 import polars as pl
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colors import LinearSegmentedColormap, to_rgba
 from matplotlib.figure import Figure
 
-from bottomlock.figures.palette import STYLE
+from bottomlock.figures.palette import INK, STYLE
 from bottomlock.tables.check import check
 from bottomlock.tables.observability import OBSERVABILITY
 
-_SHADES = LinearSegmentedColormap.from_list("shades", ["#ffffff", "#8dbbdc", "#0072b2"])
-_INK, _UNDECIDED = "#333333", "#f3ddc9"
+_UNDECIDED = to_rgba("#d55e00", 0.3)
+# Shades let the page through, so that numbers in its ink are legible in either of its colour schemes.
+_LEAST, _MOST = to_rgba("#0072b2", 0.0), to_rgba("#0072b2", 0.6)
+_SHADES = LinearSegmentedColormap.from_list("shades", [_LEAST, _MOST]).with_extremes(bad=_UNDECIDED)
 
 
 def mask_figure(table: pl.DataFrame, *, title: str) -> Figure:
@@ -48,9 +50,9 @@ def mask_figure(table: pl.DataFrame, *, title: str) -> Figure:
                 axes.set_yticks(range(len(masks)), masks if j == 0 else [""] * len(masks))
                 words = [motion.replace("_", " ") for motion in motions] if i == len(earths) - 1 else []
                 axes.set_xticks(range(len(motions)), words or [""] * len(motions), rotation=40, ha="right")
-        figure.text(0.02, 1.0 - 0.24 / height, title, fontsize=11.0, color=_INK, va="center")
+        figure.text(0.02, 1.0 - 0.24 / height, title, fontsize=11.0, color=INK, va="center")
         below = "number of observable states; rows are the valid beams, ? is undecided"
-        figure.text(0.02, 1.0 - 0.46 / height, below, fontsize=8.5, color=_INK, va="center")
+        figure.text(0.02, 1.0 - 0.46 / height, below, fontsize=8.5, color=INK, va="center")
     return figure
 
 
@@ -60,14 +62,12 @@ def _panel(axes: Axes, rows: pl.DataFrame, masks: Sequence[str], motions: Sequen
     for row in rows.iter_rows(named=True):
         if row["rank"] is not None:
             ranks[masks.index(row["mask"]), motions.index(row["motion"])] = row["rank"]
-    axes.set_facecolor(_UNDECIDED)
-    axes.imshow(ranks, cmap=_SHADES, vmin=0, vmax=states, aspect="auto")
+    edges = [np.arange(count + 1) - 0.5 for count in (len(motions), len(masks))]
+    axes.pcolormesh(*edges, np.ma.masked_invalid(ranks), cmap=_SHADES, vmin=0, vmax=states)
+    axes.invert_yaxis()
     for (i, j), rank in np.ndenumerate(ranks):
-        known = np.isfinite(rank)
-        axes.text(
-            j, i, f"{rank:.0f}" if known else "?", ha="center", va="center", fontsize=8.0,
-            color="white" if known and rank > 0.68 * states else _INK,
-        )  # fmt: skip
+        words = f"{rank:.0f}" if np.isfinite(rank) else "?"
+        axes.text(j, i, words, ha="center", va="center", fontsize=8.0, color=INK)
     axes.tick_params(length=0, labelsize=8.0)
     axes.grid(visible=False)
     for edge in axes.spines.values():

@@ -1,7 +1,6 @@
 """Observability as a page: the figures, the ranks and what is unobservable, and what a manoeuvre leaves."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import polars as pl
 
@@ -10,16 +9,14 @@ from bottomlock.pages.numbers import number
 from bottomlock.pages.sheet import Part, Picture, sheet
 
 
-def page(table: pl.DataFrame, manoeuvres: pl.DataFrame | None, figures: Sequence[Path]) -> str:
+def page(table: pl.DataFrame, manoeuvres: pl.DataFrame | None, pictures: Sequence[Picture]) -> str:
     """The page of `observe`.
 
     Args:
         table: `tables.observability.OBSERVABILITY`.
         manoeuvres: `tables.observability.MANOEUVRE_RANKING`, or None.
-        figures: PNGs that are written.
+        pictures: of the deviations of a case, and of masks by manoeuvres.
     """
-    shown = [path for path in figures if path.suffix == ".png" and path.is_file() and path.stat().st_size]
-    pictures = [Picture(path, path.stem.replace("_", " ").capitalize()) for path in shown]
     rows = [
         [
             row["aiding"] or row["mask"],

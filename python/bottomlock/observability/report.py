@@ -1,11 +1,13 @@
 """Observability of a scenario, or of the 2015 paper's cases: tables and figures in a directory."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
+from matplotlib.figure import Figure
 
 from bottomlock.atomic_write import write_parquet, write_text
 from bottomlock.config.scenario import Scenario, load_scenario
@@ -27,6 +29,7 @@ from bottomlock.observability.tables import (
     paper_table,
     table_row,
 )
+from bottomlock.pages.sheet import Picture
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.tables.observability import DEVIATIONS, OBSERVABILITY, RANKS
@@ -126,9 +129,18 @@ def observe_scenario(source: str | Path, out: Path) -> Observed:
     _write(out, tables | {"manoeuvres": every_mask})
     paths = tuple(out / "figures" / f"{name}.png" for name in (scenario.name, "masks_by_manoeuvres"))
     title = f"{scenario.name.replace('_', ' ')}, aided by {own_name}"
-    save_figure(deviation_figure(sds, ranks, scenario.name, title=title), _made(paths[0]))
-    save_figure(mask_figure(every_mask, title="masks by manoeuvres, 20 states"), paths[1])
-    return _with_page(Observed(table, own_name, ranking, paths), out)
+    words = (
+        "Standard deviation of every state, and rank of the window, against time.",
+        "Observable states by valid beams and manoeuvre, with further sensors to the right; Earth at rest and turning.",
+    )
+    drawn = (
+        deviation_figure(sds, ranks, scenario.name, title=title),
+        mask_figure(every_mask, title="masks by manoeuvres, 20 states"),
+    )
+    pictures = [
+        _saved(figure, path, caption) for figure, path, caption in zip(drawn, paths, words, strict=True)
+    ]
+    return _with_page(Observed(table, own_name, ranking, paths), pictures, out)
 
 
 def _check_schedule(scenario: Scenario, own: Aiding, every: Schedule) -> None:
@@ -199,20 +211,25 @@ def observe_paper(out: Path) -> Observed:
     sds, ranks = paper_histories(model)
     _write(out, {"observability": table, "deviations": sds, "ranks": ranks})
     names = figure_names([case.name for case in PAPER_CASES])
-    paths = []
+    paths, pictures = [], []
     for case in PAPER_CASES:
         path = out / "figures" / f"{names[case.name]}.png"
         title = f"{case.name} (Klein & Diamant 2015, figure {case.figure})"
         unobservable = _unobservable_directions(table.filter(case=case.name, model=case.model("paper")))
-        save_figure(
-            deviation_figure(sds, ranks, case.name, title=title, unobservable=unobservable), _made(path)
-        )
+        figure = deviation_figure(sds, ranks, case.name, title=title, unobservable=unobservable)
+        pictures.append(_saved(figure, path, f"{case.name}: standard deviations and rank against time."))
         paths.append(path)
-    return _with_page(Observed(table, None, None, tuple(paths)), out)
+    return _with_page(Observed(table, None, None, tuple(paths)), pictures, out)
 
 
-def _with_page(made: Observed, out: Path) -> Observed:
-    write_text(out / "observability.html", page(made.table, made.manoeuvres, made.figures))
+def _saved(figure: Figure, path: Path, caption: str) -> Picture:
+    """A figure written as PNG, and as it stands on the page."""
+    save_figure(figure, _made(path))
+    return Picture.of(figure, path.stem, caption)
+
+
+def _with_page(made: Observed, pictures: Sequence[Picture], out: Path) -> Observed:
+    write_text(out / "observability.html", page(made.table, made.manoeuvres, pictures))
     return made
 
 

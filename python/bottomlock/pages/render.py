@@ -8,6 +8,7 @@ from markupsafe import Markup
 from bottomlock.figures.palette import swatch_svg
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.numbers import number
+from bottomlock.pages.shared_svg import share_svg
 
 
 def render(template: str, content: dict[str, Any]) -> str:
@@ -28,4 +29,4 @@ def render(template: str, content: dict[str, Any]) -> str:
     environment.filters["swatch"] = lambda method: Markup(swatch_svg(method))  # noqa: S704 - numbers and colours
     environment.filters["words"] = lambda method: METHOD_WORDS.get(method, "a method of one's own")
     environment.filters["title"] = lambda name: str(name).replace("_", " ").capitalize()
-    return environment.get_template(template).render(content)
+    return share_svg(environment.get_template(template).render(content))

@@ -1,10 +1,14 @@
 """A page of tables and pictures, in the look of all pages, for studies without a page of their own kind."""
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from typing import Self
 
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from bottomlock.figures.inline_svg import inline_svg
+from bottomlock.figures.palette import svg_text
 from bottomlock.pages.render import render
 
 VERDICTS = ("consistent", "overconfident", "conservative")
@@ -12,15 +16,22 @@ VERDICTS = ("consistent", "overconfident", "conservative")
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG, and what it shows."""
+    """A figure in the colours of the page, and what it shows.
 
-    path: Path
+    Attributes:
+        svg: within the page.
+        caption: below it, and for screen readers.
+        kind: class of the stylesheet: "wide", or "" for half of a wide page.
+    """
+
+    svg: Markup
     caption: str
+    kind: str = "wide"
 
-    @property
-    def address(self) -> str:
-        """The picture itself as an address, so that the page stands alone."""
-        return "data:image/png;base64," + base64.b64encode(self.path.read_bytes()).decode()
+    @classmethod
+    def of(cls, figure: Figure, name: str, caption: str, *, kind: str = "wide") -> Self:
+        """A figure under a name of letters, digits and underscores that no other figure of the page has."""
+        return cls(Markup(inline_svg(svg_text(figure), name, caption)), caption, kind)  # noqa: S704 - our own
 
 
 @dataclass(frozen=True)
@@ -31,7 +42,7 @@ class Part:
         id: of the heading, for links.
         heading: words.
         lines: paragraphs.
-        pictures: PNGs.
+        pictures: figures.
         caption: of the table.
         columns: names of its columns.
         rows: as wide as `columns`; the first cell names the row.

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from bottomlock.atomic_write import write_bytes, write_text
 from bottomlock.errors import DataError
-from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
+from bottomlock.figures.inline_svg import inline_svg
+from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.pages.featured import featured
 from bottomlock.pages.render import render
 from bottomlock.records import DIGESTS, read_record, read_recorded_table

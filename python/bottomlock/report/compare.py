@@ -12,7 +12,8 @@ from markupsafe import Markup
 from bottomlock.atomic_write import write_bytes, write_parquet, write_text
 from bottomlock.errors import DataError
 from bottomlock.figures.compare import compare_figure
-from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
+from bottomlock.figures.inline_svg import inline_svg
+from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.pages.render import render
 from bottomlock.statistics.compare import QUANTITIES, comparison_table, differing_settings, why_unpaired
 from bottomlock.tables.results import CampaignTables, read_campaign_tables

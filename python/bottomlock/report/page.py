@@ -9,7 +9,8 @@ import polars as pl
 from markupsafe import Markup
 
 from bottomlock.atomic_write import write_bytes, write_parquet, write_text
-from bottomlock.figures.palette import inline_svg, png_bytes, svg_text
+from bottomlock.figures.inline_svg import inline_svg
+from bottomlock.figures.palette import png_bytes, svg_text
 from bottomlock.pages.featured import featured
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.render import render

@@ -27,6 +27,7 @@ PARTS = (
     "recovery.parquet",
     "recovery_summary.parquet",
     "masks.md",
+    "masks.html",
     study_folder.MANIFEST,
 )
 

@@ -26,18 +26,22 @@ def opening(
 ) -> str:
     """Title, answer and settings in Markdown, from the tables that `masks_page.markdown` shows."""
     lines = [f"{place}. {line}" for place, line in enumerate(answer(table, summary), start=1)]
-    settings = [f"- {line}" for line in world_words.settings(scenarios)]
     limits = [f"- {line}" for line in world_words.limits(scenarios)]
-    runs, seeds = (study_folder.campaign_values(scenarios, key) for key in ("runs", "seed"))
-    run = [
-        f"- Trajectories: {', '.join(one.name for one in scenarios)}.",
-        *settings,
-        f"- {runs} runs of each case, seed {seeds}.",
-        f"- Made with {study_folder.made_with()}.",
-        f"- Command: `{command}`",
-    ]
+    run = [f"- {line}" for line in what_was_run(scenarios, command)]
     parts = [["# Masks and recovery"], lines, ["## What was run"], run, ["Limits:"], limits]
     return "\n\n".join("\n".join(part) for part in parts) + "\n\n"
+
+
+def what_was_run(scenarios: Sequence[Scenario], command: str) -> list[str]:
+    """Trajectories, settings, runs and command, a line each."""
+    runs, seeds = (study_folder.campaign_values(scenarios, key) for key in ("runs", "seed"))
+    return [
+        f"Trajectories: {', '.join(one.name for one in scenarios)}.",
+        *world_words.settings(scenarios),
+        f"{runs} runs of each case, seed {seeds}.",
+        f"Made with {study_folder.made_with()}.",
+        f"Command: `{command}`",
+    ]
 
 
 def answer(table: pl.DataFrame, summary: pl.DataFrame | None) -> list[str]:

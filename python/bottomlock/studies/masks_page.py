@@ -28,7 +28,7 @@ DEGREES = 6
 def markdown(table: pl.DataFrame, summary: pl.DataFrame | None) -> str:
     """The tables of a masks study, `tables.studies.MASKS` and `RECOVERY_SUMMARY` (None without outages)."""
     runs = "" if summary is None else f"{summary['runs'].to_numpy().max()} runs each; "
-    lines = ["## Velocity under every mask", "", *_legend(table), "", *_masks(table), *_few_runs(table)]
+    lines = ["## Velocity under every mask", "", *legend(table), "", *_masks(table), *_few_runs(table)]
     if summary is not None:
         lines += [
             "## When the beams come back",
@@ -92,11 +92,12 @@ def _masks(table: pl.DataFrame) -> Iterator[str]:
         yield _row(["---", *("---:" for _ in methods)])
         for (case, beams), group in rows.group_by("case", "beams", maintain_order=True):
             found = {row["method"]: row for row in group.iter_rows(named=True)}
-            yield _row([_case(str(case), str(beams)), *(_cell(found.get(method)) for method in methods)])
+            yield _row([case_name(str(case), str(beams)), *(cell(found.get(method)) for method in methods)])
         yield ""
 
 
-def _legend(table: pl.DataFrame) -> list[str]:
+def legend(table: pl.DataFrame) -> list[str]:
+    """How the values and the marks of `cell` are read, in Markdown."""
     narrow, wide = (f"{100.0 * probability:g} %" for probability in EDGE_PROBABILITIES)
     runs = ", ".join(str(count) for count in table["runs"].unique().sort())
     return [
@@ -114,16 +115,18 @@ def _legend(table: pl.DataFrame) -> list[str]:
     ]
 
 
-def _cell(row: Mapping[str, Any] | None) -> str:
+def cell(row: Mapping[str, Any] | None) -> str:
+    """The velocity error with its marks, and below it the interval where that is wide; "" without a row."""
     if row is None:
         return ""
     verdict, at_edge = verdict_at_edge(row)
     few = " †" if span(row) > GREATEST_SPAN else ""
     value = plain(row["velocity_rms_over_runs_mps"]) + _MARKS[verdict] + ("?" if at_edge else "") + few
-    return f"{value}<br>{_interval(row)}" if span(row) > SHOWN_SPAN else value
+    return f"{value}<br>{interval(row)}" if span(row) > SHOWN_SPAN else value
 
 
-def _interval(row: Mapping[str, Any]) -> str:
+def interval(row: Mapping[str, Any]) -> str:
+    """The 95 % interval of the velocity RMS, m/s."""
     low, high = (plain(row[f"velocity_rms_over_runs_{end}_mps"]) for end in ("lo", "hi"))
     return f"{low}–{high}"
 
@@ -145,10 +148,10 @@ def _few_runs(table: pl.DataFrame) -> Iterator[str]:
         yield _row(
             [
                 row["trajectory"],
-                _case(row["case"], row["beams"]),
+                case_name(row["case"], row["beams"]),
                 f"`{row['method']}`",
                 plain(row["velocity_rms_over_runs_mps"]),
-                _interval(row),
+                interval(row),
                 plain(row["velocity_median_mps"]),
                 f"{100.0 * row['velocity_greatest_share']:.0f} %",
             ]
@@ -156,7 +159,8 @@ def _few_runs(table: pl.DataFrame) -> Iterator[str]:
     yield ""
 
 
-def _case(case: str, beams: str) -> str:
+def case_name(case: str, beams: str) -> str:
+    """The beams that return, or the name of a case in which they vary."""
     return beams if case.startswith("beams_") else case
 
 
@@ -167,18 +171,22 @@ def _recovery(summary: pl.DataFrame) -> Iterator[str]:
         yield _row([str(trajectory), *heads])
         yield _row(["---", *("---:" for _ in heads)])
         for row in rows.iter_rows(named=True):
-            back = row["back_at_epoch"]
-            yield _row(
-                [
-                    f"`{row['method']}`",
-                    f"{row['step_sigmas_max']:.2f}",
-                    str(row["jumps"]),
-                    plain(row["nis_1"]),
-                    plain(row["nis_5"]),
-                    str(row["degrees"]),
-                    "never" if back is None else str(back),
-                    f"{100.0 * row['rejected_fraction']:.1f}",
-                    f"{row['pairs_recovered']} of {row['pairs']}",
-                ]
-            )
+            method, *cells = recovery_cells(row)
+            yield _row([f"`{method}`", *cells])
         yield ""
+
+
+def recovery_cells(row: Mapping[str, Any]) -> list[str]:
+    """The method, and its cells, of a row of `worst_of_pairs`."""
+    back = row["back_at_epoch"]
+    return [
+        row["method"],
+        f"{row['step_sigmas_max']:.2f}",
+        str(row["jumps"]),
+        plain(row["nis_1"]),
+        plain(row["nis_5"]),
+        str(row["degrees"]),
+        "never" if back is None else str(back),
+        f"{100.0 * row['rejected_fraction']:.1f}",
+        f"{row['pairs_recovered']} of {row['pairs']}",
+    ]

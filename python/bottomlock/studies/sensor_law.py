@@ -23,10 +23,11 @@ from bottomlock.statistics.rms import rms
 from bottomlock.studies import cases, study_folder
 from bottomlock.studies.consistency import FALSE_ALARM, run_judged
 from bottomlock.studies.sensor_law_page import markdown
+from bottomlock.studies.study_sheets import sensor_law_sheet
 from bottomlock.tables.studies import SENSOR_LAW
 
 KIND = "sensor_law"
-PARTS = ("cells", "sensor_law.parquet", "sensor_law.md", study_folder.MANIFEST)
+PARTS = ("cells", "sensor_law.parquet", "sensor_law.md", "sensor_law.html", study_folder.MANIFEST)
 METHODS: tuple[Method, ...] = ("tc", "info", "sway_current", "consistent")
 SENSORS: dict[str, dict[str, Any]] = {
     "depth": {"depth": Depth()},
@@ -101,7 +102,7 @@ def run_sensor_law(
     threads: int = 0,
     progress: Callable[[str, int, int], None] = lambda _cell, _done, _total: None,
 ) -> pl.DataFrame:
-    """Runs every cell and writes `sensor_law.parquet` and `sensor_law.md` to `out`; finished cells there are kept.
+    """Runs every cell and writes `sensor_law` as Parquet, Markdown and HTML to `out`; finished cells there are kept.
 
     Args:
         scenarios: trajectories, of different names; their runs and seed count, the methods are `METHODS`.
@@ -144,6 +145,7 @@ def run_sensor_law(
         "command": command,
     }
     write_text(out / "sensor_law.md", markdown(table, summary(table), facts))
+    write_text(out / "sensor_law.html", sensor_law_sheet(table, summary(table), facts))
     return table
 
 

@@ -22,7 +22,7 @@ def markdown(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[str, Any
     """
     parts = [
         ["# A further sensor never makes it worse"],
-        [f"{place}. {line}" for place, line in enumerate(_answer(summary), start=1)],
+        [f"{place}. {line}" for place, line in enumerate(answer(summary), start=1)],
         ["## Every method and set of sensors"],
         list(_summary_rows(summary)),
         [
@@ -32,19 +32,25 @@ def markdown(table: pl.DataFrame, summary: pl.DataFrame, facts: Mapping[str, Any
         ],
         *_cells(table),
         ["## How it is judged"],
-        [
-            f"- {facts['runs']} runs of each cell, seed {facts['seed']}; every cell has the same runs without sensors.",
-            "- *Rises*: the lower end of the 99.9 % bootstrap interval of the difference of the medians is above zero.",
-            f"- NEES at five times; false-alarm rate {facts['false_alarm']:.0%} for all cells together.",
-            "- ▲ overconfident in velocity and attitude, △ in the whole state alone.",
-            f"- Made with {facts['made_with']}.",
-            f"- Command: `{facts['command']}`",
-        ],
+        judged(facts),
     ]
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
 
 
-def _answer(summary: pl.DataFrame) -> Iterator[str]:
+def judged(facts: Mapping[str, Any]) -> list[str]:
+    """How cells are judged and what was run, as a list in Markdown."""
+    return [
+        f"- {facts['runs']} runs of each cell, seed {facts['seed']}; every cell has the same runs without sensors.",
+        "- *Rises*: the lower end of the 99.9 % bootstrap interval of the difference of the medians is above zero.",
+        f"- NEES at five times; false-alarm rate {facts['false_alarm']:.0%} for all cells together.",
+        "- ▲ overconfident in velocity and attitude, △ in the whole state alone.",
+        f"- Made with {facts['made_with']}.",
+        f"- Command: `{facts['command']}`",
+    ]
+
+
+def answer(summary: pl.DataFrame) -> Iterator[str]:
+    """The conclusions, a line of Markdown for each method."""
     sensors = summary.filter(pl.col("sensors") != "none")
     for method in summary["method"].unique(maintain_order=True):
         own = sensors.filter(pl.col("method") == method)
@@ -74,18 +80,23 @@ def _cells(table: pl.DataFrame) -> Iterator[list[str]]:
             continue
         yield [f"## `{method}`: velocity RMS at the end, m/s"]
         for (trajectory, current), group in own.group_by("trajectory", "current_mps", maintain_order=True):
-            water = "still water" if current == 0.0 else f"{current:g} m/s across"
             lines = [
-                f"| {trajectory}, {water} | {' | '.join(sensors)} |",
+                f"| {trajectory}, {water(float(str(current)))} | {' | '.join(sensors)} |",
                 f"|---|{'---:|' * len(sensors)}",
             ]
             for (beams,), row in group.group_by("beams", maintain_order=True):
-                cells = {one["sensors"]: _cell(one) for one in row.iter_rows(named=True)}
+                cells = {one["sensors"]: cell(one) for one in row.iter_rows(named=True)}
                 lines.append(f"| {beams} | {' | '.join(cells[name] for name in sensors)} |")
             yield lines
 
 
-def _cell(row: Mapping[str, Any]) -> str:
+def water(current_mps: float) -> str:
+    """The current in words."""
+    return "still water" if current_mps == 0.0 else f"{current_mps:g} m/s across"
+
+
+def cell(row: Mapping[str, Any]) -> str:
+    """The velocity error with its marks."""
     if row["verdict_velocity_attitude"] == OVERCONFIDENT:
         mark = " ▲"
     elif row["verdict_whole_state"] == OVERCONFIDENT:

@@ -43,7 +43,9 @@ def write_map(file: Path, to: Path, *, force: bool = False) -> None:
         if all(name in table.frame.columns for name in beams.columns.valid):
             section.put("valid", list(beams.columns.valid))
         else:
-            section.ask("which columns say that a beam is valid? convert needs them: valid = [...]")
+            section.put("lost_when_empty", True, "no column of flags: lost where empty; else valid = [...]")  # noqa: FBT003
+            if any((table.frame[name] == 0).any() for name in beams.columns.velocity):
+                section.ask("a beam reads exactly 0: if that marks a lost one, leave these cells empty")
         section.put("velocity_scale", beams.columns.velocity_scale, beams.scale_why)
         if beams.columns.range is not None:
             section.put("range", list(beams.columns.range))

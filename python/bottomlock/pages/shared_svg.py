@@ -1,0 +1,39 @@
+"""What the figures of a page have in common stands in it once: outlines of letters, and styles."""
+
+import re
+
+_PICTURE = re.compile(r'<svg role="img".*?</svg>', re.DOTALL)
+_GLYPH = re.compile(r'<path id="[\w-]+?-(DejaVu[\w.-]+)"(.*?)/>')
+_GLYPH_USE = re.compile(r'href="#[\w-]+?-(DejaVu[\w.-]+)"')
+_STYLE = re.compile(r' style="([^"]*)"')
+_OWN_SHEET = re.compile(r"<style[^>]*>.*?</style>", re.DOTALL)
+
+
+def share_svg(page: str) -> str:
+    """A page whose figures refer to one set of letters and to classes in place of styles.
+
+    A page without figures stays as it is.
+    """
+    pictures = _PICTURE.findall(page)
+    if not pictures:
+        return page
+    outlines: dict[str, str] = {}
+    for picture in pictures:
+        outlines |= dict(_GLYPH.findall(picture))
+    letters = {glyph: f"g{k}" for k, glyph in enumerate(outlines)}
+    words = dict.fromkeys(style for picture in pictures for style in _STYLE.findall(picture))
+    styles = {style: f"s{k}" for k, style in enumerate(words)}
+    sheets = dict.fromkeys(sheet for picture in pictures for sheet in _OWN_SHEET.findall(picture))
+
+    def shared(found: re.Match[str]) -> str:
+        text = _OWN_SHEET.sub("", _GLYPH.sub("", found[0]))
+        text = _GLYPH_USE.sub(lambda use: f'href="#{letters[use[1]]}"', text)
+        text = _STYLE.sub(lambda style: f' class="{styles[style[1]]}"', text)
+        return text.replace("<defs></defs>", "")
+
+    defined = "".join(f'<path id="{letters[glyph]}"{outlines[glyph]}/>' for glyph in outlines)
+    rules = "\n".join(f".{name} {{ {style} }}" for style, name in styles.items())
+    common = f'<svg class="shared" aria-hidden="true" width="0" height="0"><defs>{defined}</defs></svg>'
+    page = _PICTURE.sub(shared, page)
+    page = page.replace("</head>", f"{''.join(sheets)}\n<style>\n{rules}\n</style>\n</head>", 1)
+    return page.replace("</header>", f"</header>\n{common}", 1)

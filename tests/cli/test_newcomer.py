@@ -1,0 +1,129 @@
+"""The mistakes of a first hour: a table of one's own, a method of the wrong kind, a terminal that is too narrow."""
+
+from __future__ import annotations
+
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+
+import polars as pl
+import pytest
+from rich.console import Console
+
+from bottomlock.audit.logs import read_log
+from bottomlock.cli.console import console, narrow_table, prepare_consoles
+from bottomlock.errors import DataError, ScenarioError
+from bottomlock.io.beams import Columns, read_beams
+from bottomlock.io.table import read_map
+from bottomlock.kernel import KernelError, fix_method
+from tests.cli.calls import command, process
+
+OWN = """Time (s),B1,B2,B3,B4,quality
+0.0,510,-490,500,-500,80
+0.2,520,-480,510,-510,80
+0.4,500,-500,490,-490,80
+0.6,,-500,490,-490,80
+"""
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Path:
+    """Beams in mm/s without flags, under names of one's own."""
+    path = tmp_path / "own.csv"
+    path.write_text(OWN, encoding="utf-8")
+    return path
+
+
+def test_the_first_message_leads_to_a_table(own: Path, tmp_path: Path) -> None:
+    """What convert says of an unknown header is followed to the letter; units and lost beams are right."""
+    beams = tmp_path / "beams.parquet"
+    refused = command("convert", own, "--to", beams)
+    assert f"`bottomlock convert {own} --init --to MAP.toml`" in refused.stderr
+    assert command("convert", own, "--init", "--to", tmp_path / "map.toml").returncode == 0
+    done = command("convert", own, "--columns", tmp_path / "map.toml", "--to", beams)
+    assert done.returncode == 0, done.stderr
+    assert "a beam counts as lost where its cell is empty" in done.stdout
+    table = pl.read_parquet(beams)
+    assert table["beam1_valid"].to_list() == [True, True, True, False]
+    assert table["beam2_mps"].to_list() == [-0.49, -0.48, -0.5, -0.5]
+
+
+def test_no_flags_and_no_word_of_it(own: Path, tmp_path: Path) -> None:
+    """Without flags, and without the map's word that an empty cell is a lost beam, nothing is assumed."""
+    names = ("B1", "B2", "B3", "B4")
+    columns = Columns(time="Time (s)", time_unit="s", velocity=names, velocity_scale=1e-3)
+    for read in (lambda: read_beams(own, beams=4, columns=columns), lambda: read_log(own, columns)):
+        with pytest.raises(DataError, match=r"no column says which beams are valid.*lost_when_empty = true"):
+            read()
+    stated = columns.model_copy(update={"lost_when_empty": True})
+    for valid in (read_beams(own, beams=4, columns=stated).valid, read_log(own, stated).valid):
+        assert valid.sum(axis=1).tolist() == [4, 4, 4, 3]
+    both = tmp_path / "both.toml"
+    both.write_text("lost_when_empty = true\nvalid = ['a', 'b']", encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"state one of them"):
+        read_map(both)
+
+
+@pytest.mark.parametrize("words", [("fix", "--method", "info"), ("audit",)])
+def test_a_table_that_was_not_converted(own: Path, tmp_path: Path, words: tuple[str, ...]) -> None:
+    refused = command(*words, own, "--geometry", "x_janus_20", "--out", tmp_path / "x.parquet")
+    assert refused.returncode == 2
+    assert f"`bottomlock convert {own} --init --to MAP.toml`" in refused.stderr
+
+
+def test_the_recommended_method_is_none_of_single_pings() -> None:
+    """It is said why, and which there are."""
+    with pytest.raises(KernelError, match=r"needs a filter that runs from ping to ping.* lc, vb, nsv"):
+        fix_method("sway_current")
+
+
+def test_a_folder_in_place_of_a_log(tmp_path: Path) -> None:
+    refused = command("convert", tmp_path, "--to", tmp_path / "x.parquet")
+    assert "is a folder without the metadata.yaml of a ROS 2 bag" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "help_of"),
+    [
+        (("fix", "a.csv"), "bottomlock fix --help"),
+        (("bench", "make", "--foo"), "bottomlock bench make --help"),
+        (("bench", "foo"), "bottomlock bench --help"),
+        (("foo",), "bottomlock --help"),
+    ],
+)
+def test_wrong_usage_names_the_help_that_helps(words: tuple[str, ...], help_of: str) -> None:
+    refused = command(*words)
+    assert refused.returncode == 2
+    assert refused.stderr.rstrip().endswith(f"; see `{help_of}`")
+
+
+def test_a_file_is_not_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A long line goes into a pipe as it is; COLUMNS asks for another width."""
+    line = "  tilts 22.0, 22.0, 22.0, 22.0 deg; azimuths 0, 90, 180, -90 deg to starboard; noise 20 mm/s"
+    monkeypatch.delenv("COLUMNS", raising=False)
+    assert line in process("geometries").stdout.splitlines()
+    monkeypatch.setenv("COLUMNS", "60")
+    assert line not in process("geometries").stdout.splitlines()
+
+
+def test_a_wide_table_goes_into_a_file_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wider than a terminal, two blanks apart, and no cell cut."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+    table = narrow_table("t", ["method"], [f"column {k}" for k in range(14)])
+    table.add_row("sway_current", *["0.0997"] * 14)
+    with redirect_stdout(StringIO()) as out:
+        prepare_consoles()
+        console.print(table)
+    assert "    0.0997    0.0997" in out.getvalue()
+    assert "…" not in out.getvalue()
+
+
+def test_ten_columns_fit_a_terminal_of_eighty() -> None:
+    """The table of a replay: 84 columns wide by itself."""
+    table = narrow_table("t", ["method"], ["0.00686", "att deg", *"abcdefg"])
+    table.add_row("sway_current", "smoothed", "0.0997", *["1234.5"] * 7)
+    for width, expected in ((100, "1234.5  1234.5"), (80, "1234.5 1234.5")):
+        out = StringIO()
+        Console(file=out, width=width).print(table)
+        assert expected in out.getvalue()
+        assert "…" not in out.getvalue()
