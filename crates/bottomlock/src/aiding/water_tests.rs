@@ -113,6 +113,11 @@ fn the_yaw_is_not_learned() {
 /// Every number is checked, by name.
 #[test]
 fn priors_are_checked() {
+    let one_epoch = WaterPrior {
+        slip_epochs: 1.0,
+        ..WaterPrior::default()
+    };
+    assert_eq!(one_epoch.validate(), Ok(()));
     type Change = fn(&mut WaterPrior);
     let changes: [(&str, Change); 14] = [
         ("water.current_sd_mps", |prior| prior.current_sd_mps = -0.1),

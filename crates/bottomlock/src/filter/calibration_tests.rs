@@ -16,7 +16,7 @@ use crate::filter::options::Options;
 use crate::filter::report::Sensor;
 use crate::filter::water_block::WaterBlock;
 use crate::frames::{Vec3, skew};
-use crate::layout::{GYRO_BIAS, VELOCITY};
+use crate::layout::{ATTITUDE, GYRO_BIAS, POSITION, VELOCITY};
 use crate::model::Model;
 use crate::state::NavState;
 
@@ -293,13 +293,19 @@ fn others_that_start_anew_or_move() {
     let mut moved = block(&filter);
     let before = moved.clone();
     let by = Matrix3::new(0.0, 2.0, 0.0, 0.0, 0.0, 3.0, 5.0, 0.0, 0.0);
-    moved.move_to_corrected_path(&by);
+    let turned = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.5, 0.0, 0.0, 2.0);
+    moved.move_to_corrected_path(&crate::aiding::CorrectedPath {
+        by_position: Some(turned),
+        by_misalignment: by,
+        offset_t_m: Vector3::new(7.0, 8.0, 9.0),
+    });
     for column in 0..CALIBRATION {
         for axis in 0..3 {
-            let along: f64 = (0..3)
-                .map(|k| by[(axis, k)] * before.cross[(ATTITUDE + k, column)])
-                .sum();
-            let expected = before.cross[(POSITION + axis, column)] + along;
+            let moved_by = |k: usize| {
+                turned[(axis, k)] * before.cross[(POSITION + k, column)]
+                    + by[(axis, k)] * before.cross[(ATTITUDE + k, column)]
+            };
+            let expected: f64 = (0..3).map(moved_by).sum();
             assert!((moved.cross[(POSITION + axis, column)] - expected).abs() < 1e-15);
         }
     }

@@ -158,3 +158,53 @@ fn a_certain_yaw_stays() {
     assert!(rows.iter().all(|x| x.is_finite()));
     assert_eq!(found.residual, innovation.residual);
 }
+
+/// δr ← A δr + B ρ + c: P becomes M P Mᵀ with A and B in the rows of the position, and an error follows.
+#[test]
+fn a_move_is_a_change_of_coordinates() {
+    let mut filter = filter(0.1);
+    let root = Covariance::from_fn(|i, j| ((i * 7 + j * 3) as f64).sin());
+    let p = root * root.transpose() + Covariance::identity();
+    let p = (p + p.transpose()) * 0.5;
+    filter.set_covariance(&p).unwrap();
+    let by = Matrix3::new(0.0, 2.0, -1.0, 0.5, 0.0, 3.0, 5.0, 0.25, 0.0);
+    let mut m = Covariance::identity();
+    let turned = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.5, 0.0, 0.0, 2.0);
+    m.fixed_view_mut::<3, 3>(POSITION, POSITION).copy_from(&turned);
+    m.fixed_view_mut::<3, 3>(POSITION, ATTITUDE).copy_from(&by);
+    let before = ErrorVector::from_fn(|k, _| k as f64 + 1.0);
+    let mut error = before;
+    let offset_t_m = Vector3::new(7.0, 8.0, 9.0);
+    let path = CorrectedPath {
+        by_position: Some(turned),
+        by_misalignment: by,
+        offset_t_m,
+    };
+    filter.move_to_corrected_path(&path, &mut error);
+    assert!((filter.covariance - m * p * m.transpose()).amax() < 1e-10);
+    let mut expected = m * before;
+    let mut position = expected.fixed_rows_mut::<3>(POSITION);
+    position += offset_t_m;
+    assert!((error - expected).amax() < 1e-12);
+}
+
+/// B is −[δr̂×]; after a depth its third row is that of the way since, and time is counted from the depth whatever the epoch.
+#[test]
+fn path_by_misalignment_by_hand() {
+    let mut filter = filter(0.1);
+    filter.state.time_ns = 100_000_000_000;
+    let mut correction = ErrorVector::zeros();
+    correction
+        .fixed_rows_mut::<3>(POSITION)
+        .copy_from(&Vector3::new(1.0, 2.0, 3.0));
+    let gained_p = Vector3::new(0.5, -1.0, 0.25);
+    correction.fixed_rows_mut::<3>(VELOCITY).copy_from(&gained_p);
+    (filter.measured.position_ns, filter.measured.depth_ns) = (97_000_000_000, 97_000_000_000);
+    let plain = -skew(&Vector3::new(1.0, 2.0, 3.0));
+    assert_eq!(filter.path_by_misalignment(&correction), plain);
+    filter.measured.depth_ns = 98_000_000_000;
+    let way_t = filter.state().attitude_t_p.matrix() * gained_p * 2.0;
+    let mut expected = plain;
+    expected.set_row(2, &-skew(&way_t).row(2));
+    assert!((filter.path_by_misalignment(&correction) - expected).amax() < 1e-12);
+}

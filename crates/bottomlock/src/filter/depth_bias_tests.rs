@@ -1,6 +1,6 @@
 //! The bias of the depth sensor against a Kalman filter on all 27 states.
 
-use nalgebra::{DMatrix, DVector, Matrix3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::*;
 use crate::aiding::depth::depth;
@@ -13,7 +13,7 @@ use crate::filter::options::Options;
 use crate::filter::report::Sensor;
 use crate::filter::water_block::WaterBlock;
 use crate::frames::Vec3;
-use crate::layout::{POSITION, VELOCITY};
+use crate::layout::{ATTITUDE, POSITION, VELOCITY};
 use crate::model::Model;
 use crate::state::NavState;
 
@@ -205,9 +205,14 @@ fn moves_with_the_path() {
     filter.update(&read(&filter, 0.1), Sensor::Depth).unwrap();
     let before = bias(&filter);
     let by = Matrix3::new(0.0, 2.0, 0.0, 0.0, 0.0, 3.0, 5.0, 0.0, 0.0);
-    filter.extensions.move_to_corrected_path(&by);
+    let turned = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.5, 0.0, 0.0, 2.0);
+    filter.extensions.move_to_corrected_path(&crate::aiding::CorrectedPath {
+        by_position: Some(turned),
+        by_misalignment: by,
+        offset_t_m: Vector3::new(7.0, 8.0, 9.0),
+    });
     let (rho, after) = (before.cross.fixed_rows::<3>(ATTITUDE), bias(&filter));
-    let expected = before.cross.fixed_rows::<3>(POSITION) + by * rho;
+    let expected = turned * before.cross.fixed_rows::<3>(POSITION) + by * rho;
     assert!(rho.amax() > 0.0 && (after.cross.fixed_rows::<3>(POSITION) - expected).amax() < 1e-15);
     assert_eq!(
         after.cross.rows(ATTITUDE, DIM - ATTITUDE),

@@ -190,3 +190,12 @@ fn a_filter_that_is_lost_stops_alone() {
             .all(|span| span.failure.as_ref().is_some_and(|(failed, _)| *failed == at))
     );
 }
+
+/// States beside the others follow also where every filter has them.
+#[test]
+fn all_filters_have_further_states() {
+    let streams: Vec<_> = (0..FILTERS).map(stream).collect();
+    let with_water = |filter: Eskf| filter.with_water(Some(WaterBlock::new(&WaterPrior::default())));
+    let all: Vec<_> = filters(100_000_000).into_iter().map(with_water).collect();
+    check(&all, &streams, None);
+}

@@ -233,45 +233,6 @@ fn jacobian_of_a_velocity_fix_at_the_corrected_velocity() {
     }
 }
 
-/// δr ← δr + B ρ: P becomes M P Mᵀ with B in the place of the position by the misalignment, and an error follows.
-#[test]
-fn a_move_is_a_change_of_coordinates() {
-    let mut filter = filter(0.01, 1.0);
-    let root = Covariance::from_fn(|i, j| ((i * 7 + j * 3) as f64).sin());
-    let p = root * root.transpose() + Covariance::identity();
-    let p = (p + p.transpose()) * 0.5;
-    filter.set_covariance(&p).unwrap();
-    let by = Matrix3::new(0.0, 2.0, -1.0, 0.5, 0.0, 3.0, 5.0, 0.25, 0.0);
-    let mut m = Covariance::identity();
-    m.fixed_view_mut::<3, 3>(POSITION, ATTITUDE).copy_from(&by);
-    let before = ErrorVector::from_fn(|k, _| k as f64 + 1.0);
-    let mut error = before;
-    filter.move_to_corrected_path(&by, &mut error);
-    assert!((filter.covariance - m * p * m.transpose()).amax() < 1e-10);
-    assert!((error - m * before).amax() < 1e-12);
-}
-
-/// B is −[δr̂×]; after a depth its third row is that of the way since, and time is counted from the depth whatever the epoch.
-#[test]
-fn path_by_misalignment_by_hand() {
-    let mut filter = filter(0.01, 1.0);
-    filter.state.time_ns = 100_000_000_000;
-    let mut correction = ErrorVector::zeros();
-    correction
-        .fixed_rows_mut::<3>(POSITION)
-        .copy_from(&Vector3::new(1.0, 2.0, 3.0));
-    let gained_p = Vector3::new(0.5, -1.0, 0.25);
-    correction.fixed_rows_mut::<3>(VELOCITY).copy_from(&gained_p);
-    (filter.measured.position_ns, filter.measured.depth_ns) = (97_000_000_000, 97_000_000_000);
-    let plain = -skew(&Vector3::new(1.0, 2.0, 3.0));
-    assert_eq!(filter.path_by_misalignment(&correction), plain);
-    filter.measured.depth_ns = 98_000_000_000;
-    let way_t = filter.state().attitude_t_p.matrix() * gained_p * 2.0;
-    let mut expected = plain;
-    expected.set_row(2, &-skew(&way_t).row(2));
-    assert!((filter.path_by_misalignment(&correction) - expected).amax() < 1e-12);
-}
-
 /// What is learned depends on how long ago, not on when: an epoch of a thousand seconds changes no bit of the covariance.
 #[test]
 fn the_epoch_does_not_matter() {

@@ -1,6 +1,6 @@
 //! The water block against a Kalman filter on all 26 states, and the estimation of slip variances.
 
-use nalgebra::{DMatrix, DVector, SVector};
+use nalgebra::{DMatrix, DVector, Matrix3, SVector, Vector3};
 
 use super::*;
 use crate::aiding::Innovation;
@@ -11,6 +11,7 @@ use crate::filter::level_turn::{advance, assert_close};
 use crate::filter::options::Options;
 use crate::filter::report::Sensor;
 use crate::frames::Vec3;
+use crate::layout::POSITION;
 use crate::model::Model;
 use crate::state::NavState;
 
@@ -224,8 +225,13 @@ fn moves_with_the_path() {
     block.cross = SMatrix::from_fn(|i, j| (i as f64 + 2.0 * j as f64 + 1.0) * 1e-3);
     let before = block.cross;
     let by = Matrix3::new(0.0, 2.0, 0.0, 0.0, 0.0, 3.0, 5.0, 0.0, 0.0);
-    block.move_to_corrected_path(&by);
-    let expected = before.fixed_rows::<3>(POSITION) + by * before.fixed_rows::<3>(ATTITUDE);
+    let turned = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.5, 0.0, 0.0, 2.0);
+    block.move_to_corrected_path(&crate::aiding::CorrectedPath {
+        by_position: Some(turned),
+        by_misalignment: by,
+        offset_t_m: Vector3::new(7.0, 8.0, 9.0),
+    });
+    let expected = turned * before.fixed_rows::<3>(POSITION) + by * before.fixed_rows::<3>(ATTITUDE);
     assert!((block.cross.fixed_rows::<3>(POSITION) - expected).amax() < 1e-15);
     assert_eq!(
         block.cross.rows(ATTITUDE, DIM - ATTITUDE),
