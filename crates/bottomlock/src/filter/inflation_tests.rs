@@ -35,8 +35,16 @@ fn depth_inflates_itself_alone() {
     let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
     let before = filter.covariance();
     let innovation = depth(&filter.state(), 10.0, 0.5, &Vec3::from_array([0.0; 3]));
-    assert_eq!(filter.note_rejected(&innovation, Sensor::Depth).unwrap(), None);
-    let factor = filter.note_rejected(&innovation, Sensor::Depth).unwrap().unwrap();
+    assert_eq!(
+        filter
+            .note_rejected(&innovation, Sensor::Depth, BelievedError::Any)
+            .unwrap(),
+        None
+    );
+    let factor = filter
+        .note_rejected(&innovation, Sensor::Depth, BelievedError::Any)
+        .unwrap()
+        .unwrap();
     assert!((factor - 24.9375).abs() < 2e-3, "{factor}");
     let mut expected = before;
     expected[(POSITION + 2, POSITION + 2)] *= factor;
@@ -60,11 +68,19 @@ fn position_inflates_all_states_where_no_velocity_aids() {
             &Vec3::from_array([0.0; 3]),
         );
         let before = filter.covariance();
-        assert_eq!(filter.note_rejected(&far, Sensor::AcousticPosition).unwrap(), None);
+        assert_eq!(
+            filter
+                .note_rejected(&far, Sensor::AcousticPosition, BelievedError::Any)
+                .unwrap(),
+            None
+        );
         if has_velocity {
             filter.measured.velocity_ns = Some(0);
         }
-        let factor = filter.note_rejected(&far, Sensor::AcousticPosition).unwrap().unwrap();
+        let factor = filter
+            .note_rejected(&far, Sensor::AcousticPosition, BelievedError::Any)
+            .unwrap()
+            .unwrap();
         let after = filter.covariance();
         assert!(factor > 100.0 && after[(0, 0)] == before[(0, 0)] * factor);
         let kept = after[(ATTITUDE, ATTITUDE)] == before[(ATTITUDE, ATTITUDE)];
@@ -84,12 +100,16 @@ fn only_rejections_of_sensors_count() {
     for depth_m in [10.0, 0.1, 10.0] {
         let innovation = at(&filter, depth_m);
         assert_eq!(
-            filter.note_rejected(&innovation, Sensor::Depth).unwrap(),
+            filter
+                .note_rejected(&innovation, Sensor::Depth, BelievedError::Any)
+                .unwrap(),
             None,
             "{depth_m}"
         );
         assert_eq!(
-            filter.note_rejected(&innovation, Sensor::Sway).unwrap(),
+            filter
+                .note_rejected(&innovation, Sensor::Sway, BelievedError::Any)
+                .unwrap(),
             None,
             "{depth_m}"
         );
@@ -118,8 +138,16 @@ fn what_is_not_measured_is_inflated_to_a_bound() {
         let off = Vec3::new(3.0, 4.0, 0.0);
         let innovation = velocity(&filter.state(), &off, &(nalgebra::Matrix3::identity() * 0.0025));
         let before = filter.covariance();
-        assert_eq!(filter.note_rejected(&innovation, Sensor::Velocity).unwrap(), None);
-        let factor = filter.note_rejected(&innovation, Sensor::Velocity).unwrap().unwrap();
+        assert_eq!(
+            filter
+                .note_rejected(&innovation, Sensor::Velocity, BelievedError::Any)
+                .unwrap(),
+            None
+        );
+        let factor = filter
+            .note_rejected(&innovation, Sensor::Velocity, BelievedError::Any)
+            .unwrap()
+            .unwrap();
         let after = filter.covariance();
         let ratio = |k: usize| after[(k, k)] / before[(k, k)];
         assert!((factor / 3321.0 - 1.0).abs() < 1e-3, "{factor}");
@@ -131,6 +159,23 @@ fn what_is_not_measured_is_inflated_to_a_bound() {
         let factor = with(attitude_sd_rad, position_sd_m);
         assert!((factor / expected - 1.0).abs() < 1e-12, "{factor} {expected}");
     }
+}
+
+/// By hand: a velocity with σ 0.05 m/s on both sides, of five sigma S = 0.0025 (1 + 25), whose 99.73 % reach to
+/// √(0.065 · 14.156) = 0.959 m/s. What is further off does not count unless any error is believed.
+#[test]
+fn beyond_what_is_believed_nothing_counts() {
+    let inflates = |off_mps: f64, believed: BelievedError| {
+        let mut filter = filter(&Model::table_2());
+        let off = Vec3::new(0.6 * off_mps, 0.8 * off_mps, 0.0);
+        let innovation = velocity(&filter.state(), &off, &(nalgebra::Matrix3::identity() * 0.0025));
+        let factors: [Option<f64>; 6] =
+            std::array::from_fn(|_| filter.note_rejected(&innovation, Sensor::Beams, believed).unwrap());
+        factors.iter().any(Option::is_some)
+    };
+    assert!(inflates(0.955, BelievedError::FiveSigma));
+    assert!(!inflates(0.965, BelievedError::FiveSigma));
+    assert!(inflates(0.965, BelievedError::Any) && inflates(5.0, BelievedError::Any));
 }
 
 /// Beams that contradict each other are explained by no covariance and never count; beams that agree do, and so do those
@@ -149,8 +194,11 @@ fn only_what_a_covariance_explains_counts() {
         };
         ping.velocity_mps[..4].copy_from_slice(&error);
         let innovation = filter.with_motion(|motion| tightly_coupled(&beam_terms(motion, &geometry, &ping), &ping));
-        let factors: [Option<f64>; 6] =
-            std::array::from_fn(|_| filter.note_rejected(&innovation, Sensor::Beams).unwrap());
+        let factors: [Option<f64>; 6] = std::array::from_fn(|_| {
+            filter
+                .note_rejected(&innovation, Sensor::Beams, BelievedError::Any)
+                .unwrap()
+        });
         factors.iter().any(Option::is_some)
     };
     assert!(inflates([1.2, -1.2, -1.2, 1.2]), "surge alone");
