@@ -51,6 +51,11 @@ impl BeamMask {
     pub fn and(self, other: Self) -> Self {
         Self(self.0 & other.0)
     }
+    /// The beams in either mask.
+    #[must_use]
+    pub fn or(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
 }
 
 impl FromIterator<usize> for BeamMask {

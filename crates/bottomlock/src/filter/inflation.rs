@@ -13,9 +13,10 @@
 //! - a position, where no velocity was accepted since the first rejection: the same with the position;
 //! - a position else, a depth, an angle: the states in its rows alone, so that a wrong sensor cannot spoil the others.
 //!
-//! Two kinds of rejections do not count. Beams that contradict each other are rejected whatever the covariance.
+//! Three kinds of rejections do not count. Beams that contradict each other are rejected whatever the covariance.
 //! Measurements that do not agree from one to the next are noise: an error of the filter changes little
-//! between two of them. Neither do rejected assumptions count.
+//! between two of them. And where beams that fit any velocity, since none is redundant, show an error beyond five sigma
+//! of a velocity that they have confirmed before, it is their own. Neither do rejected assumptions count.
 
 use std::ops::Range;
 
@@ -34,8 +35,8 @@ const UNINFORMATIVE_FACTOR: f64 = 1e6;
 /// Halvings of the logarithm of a factor: four digits.
 const BISECTIONS: usize = 20;
 
-/// Largest factor on the variances of states that the sensor does not measure itself: five sigma.
-const MAX_INDIRECT_FACTOR: f64 = 25.0;
+/// Factor on variances for an error of five sigma: the largest on states that the sensor does not measure itself.
+const FIVE_SIGMA_FACTOR: f64 = 25.0;
 
 /// Largest attitude sigma after inflation, rad.
 const MAX_ATTITUDE_SD_RAD: f64 = 1.0;
@@ -43,6 +44,25 @@ const MAX_ATTITUDE_SD_RAD: f64 = 1.0;
 const MAX_POSITION_SD_M: f64 = 1e6;
 
 type Rows = SMatrix<f64, MAX_ROWS, MAX_ROWS>;
+
+/// The errors of the inertial states of which a rejected measurement may be evidence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum AdmissibleError {
+    /// Of any size.
+    Any,
+    /// Of up to five of the claimed sigma.
+    FiveSigma,
+}
+
+impl AdmissibleError {
+    /// On the inertial covariance.
+    const fn factor(self) -> f64 {
+        match self {
+            Self::Any => UNINFORMATIVE_FACTOR,
+            Self::FiveSigma => FIVE_SIGMA_FACTOR,
+        }
+    }
+}
 
 /// Counts of consecutive rejections, by sensor.
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
@@ -111,11 +131,16 @@ impl Eskf {
     }
 
     /// Counts the rejection of a measurement with this innovation, and inflates the covariance once the limit of
-    /// consecutive rejections is reached; returns the factor.
+    /// consecutive rejections is reached; returns the factor. A rejection that no `admissible` error explains does not count.
     ///
     /// # Errors
     /// [`NavError::NotFinite`] for an innovation that is not finite.
-    pub(crate) fn note_rejected(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<Option<f64>, NavError> {
+    pub(crate) fn note_rejected(
+        &mut self,
+        innovation: &Innovation,
+        sensor: Sensor,
+        admissible: AdmissibleError,
+    ) -> Result<Option<f64>, NavError> {
         let Some(quantity) = sensor.quantity().filter(|_| self.inflate_after_rejections > 0) else {
             return Ok(None);
         };
@@ -139,8 +164,8 @@ impl Eskf {
             self.note_accepted(sensor);
             return Ok(None);
         }
-        let uninformative = whole + by_inertial * UNINFORMATIVE_FACTOR;
-        if norm_squared(innovation, &uninformative) > self.plausible.threshold(innovation.degrees) {
+        let widest = whole + by_inertial * (admissible.factor() - 1.0);
+        if norm_squared(innovation, &widest) > self.plausible.threshold(innovation.degrees) {
             return Ok(None);
         }
         let block = match quantity {
@@ -155,7 +180,7 @@ impl Eskf {
         let mean = self.consecutive_rejections.0[sensor as usize].rejection(factor, correction, limit, time_ns);
         let Some(factor) = mean else { return Ok(None) };
         let indirect = factor
-            .min(MAX_INDIRECT_FACTOR)
+            .min(FIVE_SIGMA_FACTOR)
             .min(self.largest_factor(&inflated))
             .max(1.0);
         let direct = (factor / indirect)

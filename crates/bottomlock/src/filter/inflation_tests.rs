@@ -35,8 +35,16 @@ fn depth_inflates_itself_alone() {
     let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
     let before = filter.covariance();
     let innovation = depth(&filter.state(), 10.0, 0.5, &Vec3::from_array([0.0; 3]));
-    assert_eq!(filter.note_rejected(&innovation, Sensor::Depth).unwrap(), None);
-    let factor = filter.note_rejected(&innovation, Sensor::Depth).unwrap().unwrap();
+    assert_eq!(
+        filter
+            .note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any)
+            .unwrap(),
+        None
+    );
+    let factor = filter
+        .note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any)
+        .unwrap()
+        .unwrap();
     assert!((factor - 24.9375).abs() < 2e-3, "{factor}");
     let mut expected = before;
     expected[(POSITION + 2, POSITION + 2)] *= factor;
@@ -60,11 +68,19 @@ fn position_inflates_all_states_where_no_velocity_aids() {
             &Vec3::from_array([0.0; 3]),
         );
         let before = filter.covariance();
-        assert_eq!(filter.note_rejected(&far, Sensor::AcousticPosition).unwrap(), None);
+        assert_eq!(
+            filter
+                .note_rejected(&far, Sensor::AcousticPosition, AdmissibleError::Any)
+                .unwrap(),
+            None
+        );
         if has_velocity {
             filter.measured.velocity_ns = Some(0);
         }
-        let factor = filter.note_rejected(&far, Sensor::AcousticPosition).unwrap().unwrap();
+        let factor = filter
+            .note_rejected(&far, Sensor::AcousticPosition, AdmissibleError::Any)
+            .unwrap()
+            .unwrap();
         let after = filter.covariance();
         assert!(factor > 100.0 && after[(0, 0)] == before[(0, 0)] * factor);
         let kept = after[(ATTITUDE, ATTITUDE)] == before[(ATTITUDE, ATTITUDE)];
@@ -84,12 +100,16 @@ fn only_rejections_of_sensors_count() {
     for depth_m in [10.0, 0.1, 10.0] {
         let innovation = at(&filter, depth_m);
         assert_eq!(
-            filter.note_rejected(&innovation, Sensor::Depth).unwrap(),
+            filter
+                .note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any)
+                .unwrap(),
             None,
             "{depth_m}"
         );
         assert_eq!(
-            filter.note_rejected(&innovation, Sensor::Sway).unwrap(),
+            filter
+                .note_rejected(&innovation, Sensor::Sway, AdmissibleError::Any)
+                .unwrap(),
             None,
             "{depth_m}"
         );
@@ -118,8 +138,16 @@ fn what_is_not_measured_is_inflated_to_a_bound() {
         let off = Vec3::new(3.0, 4.0, 0.0);
         let innovation = velocity(&filter.state(), &off, &(nalgebra::Matrix3::identity() * 0.0025));
         let before = filter.covariance();
-        assert_eq!(filter.note_rejected(&innovation, Sensor::Velocity).unwrap(), None);
-        let factor = filter.note_rejected(&innovation, Sensor::Velocity).unwrap().unwrap();
+        assert_eq!(
+            filter
+                .note_rejected(&innovation, Sensor::Velocity, AdmissibleError::Any)
+                .unwrap(),
+            None
+        );
+        let factor = filter
+            .note_rejected(&innovation, Sensor::Velocity, AdmissibleError::Any)
+            .unwrap()
+            .unwrap();
         let after = filter.covariance();
         let ratio = |k: usize| after[(k, k)] / before[(k, k)];
         assert!((factor / 3321.0 - 1.0).abs() < 1e-3, "{factor}");
@@ -131,6 +159,23 @@ fn what_is_not_measured_is_inflated_to_a_bound() {
         let factor = with(attitude_sd_rad, position_sd_m);
         assert!((factor / expected - 1.0).abs() < 1e-12, "{factor} {expected}");
     }
+}
+
+/// By hand: a velocity with σ 0.05 m/s on both sides, of five sigma S = 0.0025 (1 + 25), whose 99.73 % reach to
+/// √(0.065 · 14.156) = 0.959 m/s. What is further off does not count unless any error is admissible.
+#[test]
+fn beyond_what_is_admissible_nothing_counts() {
+    let inflates = |off_mps: f64, admissible: AdmissibleError| {
+        let mut filter = filter(&Model::table_2());
+        let off = Vec3::new(0.6 * off_mps, 0.8 * off_mps, 0.0);
+        let innovation = velocity(&filter.state(), &off, &(nalgebra::Matrix3::identity() * 0.0025));
+        let factors: [Option<f64>; 6] =
+            std::array::from_fn(|_| filter.note_rejected(&innovation, Sensor::Beams, admissible).unwrap());
+        factors.iter().any(Option::is_some)
+    };
+    assert!(inflates(0.955, AdmissibleError::FiveSigma));
+    assert!(!inflates(0.965, AdmissibleError::FiveSigma));
+    assert!(inflates(0.965, AdmissibleError::Any) && inflates(5.0, AdmissibleError::Any));
 }
 
 /// Beams that contradict each other are explained by no covariance and never count; beams that agree do, and so do those
@@ -149,8 +194,11 @@ fn only_what_a_covariance_explains_counts() {
         };
         ping.velocity_mps[..4].copy_from_slice(&error);
         let innovation = filter.with_motion(|motion| tightly_coupled(&beam_terms(motion, &geometry, &ping), &ping));
-        let factors: [Option<f64>; 6] =
-            std::array::from_fn(|_| filter.note_rejected(&innovation, Sensor::Beams).unwrap());
+        let factors: [Option<f64>; 6] = std::array::from_fn(|_| {
+            filter
+                .note_rejected(&innovation, Sensor::Beams, AdmissibleError::Any)
+                .unwrap()
+        });
         factors.iter().any(Option::is_some)
     };
     assert!(inflates([1.2, -1.2, -1.2, 1.2]), "surge alone");
@@ -190,7 +238,10 @@ fn off_is_never() {
     let mut off = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
     let innovation = depth(&off.state(), 10.0, 0.5, &Vec3::zeros());
     for _ in 0..3 {
-        assert_eq!(off.note_rejected(&innovation, Sensor::Depth), Ok(None));
+        assert_eq!(
+            off.note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any),
+            Ok(None)
+        );
     }
     assert_eq!(
         (off.rejections_allowed(), filter(&Model::table_2()).rejections_allowed()),
@@ -212,8 +263,13 @@ fn the_bias_of_a_depth_counts() {
             filter.update(&reading(&filter, 0.0), Sensor::Depth).unwrap();
         }
         let innovation = reading(&filter, depth_m);
-        filter.note_rejected(&innovation, Sensor::Depth).unwrap();
-        filter.note_rejected(&innovation, Sensor::Depth).unwrap().is_some()
+        filter
+            .note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any)
+            .unwrap();
+        filter
+            .note_rejected(&innovation, Sensor::Depth, AdmissibleError::Any)
+            .unwrap()
+            .is_some()
     };
     assert!(!with(3.0, false, 10.0) && with(0.0, false, 10.0));
     assert!(with(3.0, true, 5.0) && !with(3.0, true, 1.0));
@@ -232,8 +288,13 @@ fn a_position_grows_to_its_bound() {
             }
             let place = Vec3::new(10.0 * sd_m, 0.0, 0.0);
             let far = crate::aiding::position::position(&filter.state(), &place, &[1.0; 3], &Vec3::zeros());
-            assert_eq!(filter.note_rejected(&far, Sensor::AcousticPosition), Ok(None));
-            let factor = filter.note_rejected(&far, Sensor::AcousticPosition).unwrap();
+            assert_eq!(
+                filter.note_rejected(&far, Sensor::AcousticPosition, AdmissibleError::Any),
+                Ok(None)
+            );
+            let factor = filter
+                .note_rejected(&far, Sensor::AcousticPosition, AdmissibleError::Any)
+                .unwrap();
             assert_eq!(factor.is_some(), expected.is_some());
             if let (Some(factor), Some(expected)) = (factor, expected) {
                 assert!((factor / expected - 1.0_f64).abs() < 1e-9, "{factor}");
@@ -273,8 +334,13 @@ fn a_velocity_alone_is_measured() {
     let off = Vec3::new(3.0, 4.0, 0.0);
     let innovation = velocity(&filter.state(), &off, &(nalgebra::Matrix3::identity() * 0.0025));
     let before = filter.covariance();
-    filter.note_rejected(&innovation, Sensor::Velocity).unwrap();
-    filter.note_rejected(&innovation, Sensor::Velocity).unwrap().unwrap();
+    filter
+        .note_rejected(&innovation, Sensor::Velocity, AdmissibleError::Any)
+        .unwrap();
+    filter
+        .note_rejected(&innovation, Sensor::Velocity, AdmissibleError::Any)
+        .unwrap()
+        .unwrap();
     let after = filter.covariance();
     for k in (0..VELOCITY).chain(VELOCITY + 3..DVL_BIAS) {
         assert!((after[(k, k)] / before[(k, k)] - 25.0).abs() < 1e-9, "{k}");

@@ -10,7 +10,7 @@ mod depth_bias;
 mod extensions;
 pub mod filter_group;
 pub mod gate;
-mod inflation;
+pub(crate) mod inflation;
 mod joseph;
 #[cfg(test)]
 mod level_turn;

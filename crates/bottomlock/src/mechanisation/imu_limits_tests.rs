@@ -21,6 +21,7 @@ fn readings_at_and_beyond_the_full_scale() {
     assert_eq!(kind([9.98, -9.98, 0.0], [0.0, 99.8, -99.8]), None);
     assert_eq!(kind([0.0; 3], [0.0, 100.0 * 32_767.0 / 32_768.0, 0.0]), Some(1));
     assert_eq!(kind([0.0, -10.0, 0.0], level), Some(1));
+    assert!(!limits.is_in_range(&reading([0.0; 3], [0.0, CLIPPED_FROM * limits.max_force_mps2, 0.0])));
     assert_eq!(kind([0.0; 3], [1000.0, 0.0, -9.8]), Some(0));
     assert_eq!(kind([0.0, 0.0, -10.02], level), Some(0));
 }

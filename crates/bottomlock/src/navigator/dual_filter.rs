@@ -8,6 +8,7 @@ use crate::aiding::Innovation;
 use crate::aiding::water::{heave_row, sway_row};
 use crate::error::NavError;
 use crate::filter::Eskf;
+use crate::filter::inflation::AdmissibleError;
 use crate::filter::report::{Sensor, UpdateReport, Verdict};
 use crate::filter::tape::Tape;
 use crate::filter::water_block::WaterBlock;
@@ -161,7 +162,7 @@ impl DualFilter {
             return Ok(report);
         }
         let rejected = innovation_of(&self.measurements_only);
-        let inflation = self.note_rejected(&rejected, sensor)?;
+        let inflation = self.note_rejected(&rejected, sensor, AdmissibleError::Any)?;
         if inflation.is_none() {
             return Ok(report);
         }
@@ -172,8 +173,13 @@ impl DualFilter {
     /// Counts a rejection by the filter on the measurements alone; as [`Eskf::note_rejected`].
     ///
     /// After an inflation the constrained filter starts again: its covariance was too small as well.
-    pub(crate) fn note_rejected(&mut self, innovation: &Innovation, sensor: Sensor) -> Result<Option<f64>, NavError> {
-        let factor = self.measurements_only.note_rejected(innovation, sensor)?;
+    pub(crate) fn note_rejected(
+        &mut self,
+        innovation: &Innovation,
+        sensor: Sensor,
+        admissible: AdmissibleError,
+    ) -> Result<Option<f64>, NavError> {
+        let factor = self.measurements_only.note_rejected(innovation, sensor, admissible)?;
         if factor.is_some() {
             self.restart_constrained();
         }

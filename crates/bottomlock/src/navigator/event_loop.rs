@@ -4,6 +4,8 @@
 mod admission;
 #[path = "own_aiding.rs"]
 mod own_aiding;
+#[path = "ping_aiding.rs"]
+mod ping_aiding;
 #[path = "restored.rs"]
 mod restored;
 
@@ -12,14 +14,13 @@ use std::collections::VecDeque;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::aiding;
-use crate::aiding::outliers;
 use crate::aiding::{InformationPort, Innovation};
-use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, MAX_BEAMS};
+use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample};
 use crate::dvl::partial::{FixEstimator, PartialMethod, fix_estimator};
 use crate::error::NavError;
 use crate::filter::Eskf;
 use crate::filter::options::Options;
-use crate::filter::report::{Choice, Sensor, UpdateReport, Verdict};
+use crate::filter::report::{Choice, Sensor, UpdateReport};
 use crate::filter::water_block::WaterBlock;
 use crate::layout::VELOCITY;
 use crate::mechanisation::{ImuSample, Sampling};
@@ -58,6 +59,8 @@ pub struct Navigator {
     last_ns: [Option<i64>; STREAMS],
     /// Time of the last ping that the filters have taken; `last_ns` also has those that wait.
     last_ping_ns: Option<i64>,
+    /// Beams that were accepted at least once.
+    confirmed: BeamMask,
 }
 
 impl Navigator {
@@ -84,6 +87,7 @@ impl Navigator {
             waiting: VecDeque::new(),
             last_ns: [None; STREAMS],
             last_ping_ns: None,
+            confirmed: BeamMask::NONE,
         })
     }
 
@@ -246,43 +250,6 @@ impl Navigator {
         Ok(())
     }
 
-    /// Screens a ping and aids with what is left, once more where its rejection inflates the covariance; returns the
-    /// beams that are left.
-    fn aid_with_ping(
-        &mut self,
-        ping: &BeamSample,
-        report: &mut impl FnMut(&UpdateReport),
-    ) -> Result<BeamMask, NavError> {
-        self.filters.each_mut().for_each(Eskf::prepare_for_ping);
-        let (mut left, mut weight) = self.screen(ping)?;
-        let mut inflation = None;
-        if left.valid != ping.valid {
-            inflation = self.filters.note_rejected(
-                &tight_innovation(&self.filters.measurements_only, &self.geometry, ping),
-                Sensor::Beams,
-            )?;
-            if inflation.is_some() {
-                (left, weight) = self.screen(ping)?;
-            }
-        }
-        let mut outcome = self.aid_with_beams(&left)?;
-        if left.valid == ping.valid && inflation.is_none() {
-            inflation = self.note_verdict(&left, outcome.as_ref())?;
-            if inflation.is_some() {
-                outcome = self.aid_with_beams(&left)?;
-            }
-        }
-        if let Some(mut outcome) = outcome {
-            outcome.inflation = inflation;
-            outcome.beam_weight = weight;
-            if left.valid.count() == 0 && ping.valid.count() > 0 {
-                outcome.verdict = Verdict::Rejected;
-            }
-            report(&outcome);
-        }
-        Ok(left.valid)
-    }
-
     /// Bounds the speed of the filter on the measurements alone beyond the linear range, where the options say so.
     fn bound_speed(&mut self, time_ns: i64, report: &mut impl FnMut(&UpdateReport)) -> Result<(), NavError> {
         let (bound, filter) = (&self.options.speed_bound, &mut self.filters.measurements_only);
@@ -295,37 +262,6 @@ impl Navigator {
         let innovation = bound.innovation(&filter.state(), (time_ns - last_ns) as f64 * 1e-9);
         report(&filter.update(&innovation, Sensor::Speed)?);
         Ok(())
-    }
-
-    /// Counts the gate's verdict on a whole ping; returns the factor of an inflation.
-    fn note_verdict(&mut self, ping: &BeamSample, outcome: Option<&UpdateReport>) -> Result<Option<f64>, NavError> {
-        if outcome.is_none_or(|outcome| outcome.verdict != Verdict::Rejected) {
-            self.filters.measurements_only.note_accepted(Sensor::Beams);
-            return Ok(None);
-        }
-        let innovation = match self.aiding {
-            // Noise that is correlated with the state has no part in it.
-            BeamAiding::Loose(method) if method != PartialMethod::VirtualBeamExact => {
-                self.loose_innovation(method, ping)?.0
-            }
-            BeamAiding::Own(own) => self.own_innovation(own, ping)?,
-            _ => tight_innovation(&self.filters.measurements_only, &self.geometry, ping),
-        };
-        self.filters.note_rejected(&innovation, Sensor::Beams)
-    }
-
-    /// The ping after outlier rejection with the innovation covariance of the filter without assumptions, and the weight
-    /// of each beam; the ping itself and no weight where it is off.
-    fn screen(&mut self, ping: &BeamSample) -> Result<(BeamSample, Option<[f64; MAX_BEAMS]>), NavError> {
-        if self.options.robust.is_off() || self.aiding == BeamAiding::None {
-            return Ok((*ping, None));
-        }
-        let (geometry, filter) = (&self.geometry, &mut self.filters.measurements_only);
-        let covariance = filter.propagated_covariance();
-        let mut terms = filter.beam_terms(geometry, ping);
-        filter.add_calibration_to(&mut terms);
-        let screened = outliers::screen(&self.options.robust, geometry, &covariance, &terms, ping)?;
-        Ok((screened.ping, Some(screened.weight)))
     }
 
     /// The innovation of a velocity solved from the beams, and how it is solved.

@@ -1,0 +1,110 @@
+//! Aiding by a ping: outliers screened, the rest given to the method, rejections counted.
+
+use super::{BeamAiding, Navigator, tight_innovation};
+use crate::aiding::outliers;
+use crate::dvl::geometry::{BeamMask, BeamSample, MAX_BEAMS};
+use crate::dvl::partial::PartialMethod;
+use crate::error::NavError;
+use crate::filter::Eskf;
+use crate::filter::inflation::AdmissibleError;
+use crate::filter::report::{Sensor, UpdateReport, Verdict};
+
+impl Navigator {
+    /// Screens a ping and aids with what is left, once more where its rejection inflates the covariance; returns the
+    /// beams that are left.
+    pub(super) fn aid_with_ping(
+        &mut self,
+        ping: &BeamSample,
+        report: &mut impl FnMut(&UpdateReport),
+    ) -> Result<BeamMask, NavError> {
+        self.filters.each_mut().for_each(Eskf::prepare_for_ping);
+        let (mut left, mut weight) = self.screen(ping)?;
+        let admissible = self.admissible_error(ping.valid, left.valid);
+        let mut inflation = None;
+        if left.valid != ping.valid {
+            inflation = self.filters.note_rejected(
+                &tight_innovation(&self.filters.measurements_only, &self.geometry, ping),
+                Sensor::Beams,
+                admissible,
+            )?;
+            if inflation.is_some() {
+                (left, weight) = self.screen(ping)?;
+            }
+        }
+        let mut outcome = self.aid_with_beams(&left)?;
+        if left.valid == ping.valid && inflation.is_none() {
+            inflation = self.note_verdict(&left, outcome.as_ref(), admissible)?;
+            if inflation.is_some() {
+                outcome = self.aid_with_beams(&left)?;
+            }
+        }
+        if outcome.as_ref().is_some_and(UpdateReport::was_used) {
+            self.confirmed = self.confirmed.or(left.valid);
+        }
+        if let Some(mut outcome) = outcome {
+            outcome.inflation = inflation;
+            outcome.beam_weight = weight;
+            if left.valid.count() == 0 && ping.valid.count() > 0 {
+                outcome.verdict = Verdict::Rejected;
+            }
+            report(&outcome);
+        }
+        Ok(left.valid)
+    }
+
+    /// The error of the filter that the rejected beams of a ping may show; `left` are those that screening leaves.
+    ///
+    /// Beams without redundancy fit some velocity whatever they read, and the wrong ones of a burst of fish agree from ping to
+    /// ping as the right ones of a wrong filter do. What tells the two apart, once each of the beams has been accepted, is
+    /// size; but where redundant beams agree with each other and none with the filter, the filter is wrong by any size.
+    fn admissible_error(&self, ping: BeamMask, left: BeamMask) -> AdmissibleError {
+        let is_confirmed = ping.and(self.confirmed) == ping;
+        let is_redundant = ping.count() > self.geometry.rank_of(ping);
+        let is_whole = left == BeamMask::NONE || left == ping;
+        if is_confirmed && !(is_redundant && is_whole) {
+            AdmissibleError::FiveSigma
+        } else {
+            AdmissibleError::Any
+        }
+    }
+
+    /// Counts the gate's verdict on a whole ping; returns the factor of an inflation.
+    fn note_verdict(
+        &mut self,
+        ping: &BeamSample,
+        outcome: Option<&UpdateReport>,
+        admissible: AdmissibleError,
+    ) -> Result<Option<f64>, NavError> {
+        if outcome.is_none_or(|outcome| outcome.verdict != Verdict::Rejected) {
+            self.filters.measurements_only.note_accepted(Sensor::Beams);
+            return Ok(None);
+        }
+        let innovation = match self.aiding {
+            // Noise that is correlated with the state has no part in it.
+            BeamAiding::Loose(method) if method != PartialMethod::VirtualBeamExact => {
+                self.loose_innovation(method, ping)?.0
+            }
+            BeamAiding::Own(own) => self.own_innovation(own, ping)?,
+            _ => tight_innovation(&self.filters.measurements_only, &self.geometry, ping),
+        };
+        self.filters.note_rejected(&innovation, Sensor::Beams, admissible)
+    }
+
+    /// The ping after outlier rejection with the innovation covariance of the filter without assumptions, and the weight
+    /// of each beam; the ping itself and no weight where it is off.
+    fn screen(&mut self, ping: &BeamSample) -> Result<(BeamSample, Option<[f64; MAX_BEAMS]>), NavError> {
+        if self.options.robust.is_off() || self.aiding == BeamAiding::None {
+            return Ok((*ping, None));
+        }
+        let (geometry, filter) = (&self.geometry, &mut self.filters.measurements_only);
+        let covariance = filter.propagated_covariance();
+        let mut terms = filter.beam_terms(geometry, ping);
+        filter.add_calibration_to(&mut terms);
+        let screened = outliers::screen(&self.options.robust, geometry, &covariance, &terms, ping)?;
+        Ok((screened.ping, Some(screened.weight)))
+    }
+}
+
+#[cfg(test)]
+#[path = "ping_aiding_tests.rs"]
+mod tests;

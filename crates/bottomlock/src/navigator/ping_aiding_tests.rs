@@ -1,0 +1,89 @@
+//! Which rejected beams may show an error of the filter.
+
+use super::*;
+use crate::dvl::geometry::{BeamGeometry, Janus};
+use crate::filter::options::Options;
+use crate::frames::Vec3;
+use crate::mechanisation::ImuSample;
+use crate::model::Model;
+use crate::navigator::events::Event;
+use crate::state::NavState;
+
+fn at_rest() -> Navigator {
+    let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
+    let (start, model, options) = (NavState::at_rest(0), Model::table_2(), Options::default());
+    Navigator::new(start, geometry, BeamAiding::Tight, &model, &options).unwrap()
+}
+
+fn beams<const N: usize>(indices: [usize; N]) -> BeamMask {
+    indices.into_iter().collect()
+}
+
+/// Beams that have been accepted may show five sigma; any error where one of them has not, and where four of a
+/// Janus, of which one is redundant, all disagree with the filter. What screening leaves agrees with it.
+#[test]
+fn beams_that_have_been_accepted_count_to_five_sigma() {
+    let mut navigator = at_rest();
+    let mut admissible = |confirmed: BeamMask, ping: BeamMask, left: BeamMask| {
+        navigator.confirmed = confirmed;
+        navigator.admissible_error(ping, left)
+    };
+    let (any, five_sigma) = (AdmissibleError::Any, AdmissibleError::FiveSigma);
+    let (none, pair, three, four) = (BeamMask::NONE, beams([0, 1]), beams([0, 1, 2]), BeamMask::all(4));
+    for ping in [pair, three, four] {
+        for left in [none, beams([0]), ping] {
+            assert_eq!(admissible(none, ping, left), any, "never accepted");
+            assert_eq!(admissible(beams([0, 2, 3]), ping, left), any, "beam 2 never accepted");
+        }
+    }
+    for ping in [pair, three] {
+        for left in [none, beams([0]), ping] {
+            assert_eq!(admissible(four, ping, left), five_sigma, "no beam is redundant");
+        }
+    }
+    assert_eq!(
+        admissible(four, four, pair),
+        five_sigma,
+        "two beams agree with the filter"
+    );
+    assert_eq!(
+        admissible(four, four, none),
+        any,
+        "each beam alone contradicts the filter"
+    );
+    assert_eq!(
+        admissible(four, four, four),
+        any,
+        "the beams together contradict the filter"
+    );
+}
+
+/// At rest, a ping a second: the beams of accepted pings are confirmed, and one that is rejected is not.
+#[test]
+fn accepted_beams_are_confirmed() {
+    let mut navigator = at_rest();
+    let sample = |time_ns: i64| {
+        Event::Imu(ImuSample {
+            time_ns,
+            rate_p_radps: Vec3::from_array([0.0; 3]),
+            force_p_mps2: Vec3::from_array([0.0, 0.0, -Model::table_2().environment.gravity_mps2]),
+        })
+    };
+    navigator.push(&sample(0), &mut |_: &UpdateReport| ()).unwrap();
+    let mut confirmed = Vec::new();
+    for (second, beam_4_mps) in [(1, 3.0), (2, 0.0)] {
+        let mut ping = BeamSample {
+            time_ns: second * 1_000_000_000,
+            velocity_mps: [0.0; MAX_BEAMS],
+            sd_mps: [0.04; MAX_BEAMS],
+            valid: BeamMask::all(4),
+        };
+        ping.velocity_mps[3] = beam_4_mps;
+        navigator.push(&Event::Beams(ping), &mut |_: &UpdateReport| ()).unwrap();
+        navigator
+            .push(&sample(second * 1_000_000_000), &mut |_: &UpdateReport| ())
+            .unwrap();
+        confirmed.push(navigator.confirmed);
+    }
+    assert_eq!(confirmed, [beams([0, 1, 2]), BeamMask::all(4)]);
+}
