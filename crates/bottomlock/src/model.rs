@@ -222,7 +222,8 @@ mod tests {
     #[test]
     fn every_part_is_checked() {
         assert_eq!(primes().validate(), Ok(()));
-        let faults: [(&str, fn(&mut Model)); 5] = [
+        type Fault = (&'static str, fn(&mut Model));
+        let faults: [Fault; 5] = [
             ("imu.gyro_noise_rad_rts is -1", |model| {
                 model.imu.gyro_noise_rad_rts = -1.0
             }),

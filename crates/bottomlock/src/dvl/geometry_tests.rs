@@ -107,7 +107,8 @@ fn motions_are_finite() {
         scale_factor: 0.0,
     };
     assert_eq!(good.validate(), Ok(()));
-    let faults: [(&str, fn(&mut BeamMotion)); 4] = [
+    type Fault = (&'static str, fn(&mut BeamMotion));
+    let faults: [Fault; 4] = [
         ("velocity_p_mps", |motion| motion.velocity_p_mps.y = f64::NAN),
         ("omega_tp_p_radps", |motion| motion.omega_tp_p_radps.z = f64::INFINITY),
         ("beam_bias_mps", |motion| motion.beam_bias_mps[3] = f64::NAN),
@@ -132,7 +133,8 @@ fn faults_of_a_ping() {
         valid: [1, 2, 3].into_iter().collect(),
     };
     assert_eq!(good.validate(&geometry), Ok(()));
-    let faults: [(usize, &str, f64, &str, fn(&mut BeamSample)); 6] = [
+    type Fault = (usize, &'static str, f64, &'static str, fn(&mut BeamSample));
+    let faults: [Fault; 6] = [
         (5, "number", 5.0, BEAM_EXISTS, |ping| {
             ping.valid = [1, 4].into_iter().collect()
         }),

@@ -303,7 +303,8 @@ fn priors_and_assumptions_are_checked() {
     let mut skewed = small;
     skewed[(0, 1)] = 1e-11;
     assert!(with(&small, &good).is_ok() && with(&skewed, &good).is_err());
-    let faults: [(&str, fn(&mut Assumptions)); 3] = [
+    type Fault = (&'static str, fn(&mut Assumptions));
+    let faults: [Fault; 3] = [
         ("virtual_beam_factor", |of| of.virtual_beam_factor = 0.0),
         ("nullified_sway_var_m2ps2", |of| of.nullified_sway_var_m2ps2 = -1.0),
         ("weak_sway_var_m2ps2", |of| of.weak_sway_var_m2ps2 = f64::NAN),

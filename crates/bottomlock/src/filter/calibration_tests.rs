@@ -233,7 +233,7 @@ fn added_noise_is_that_of_the_joint_covariance() {
     let mut terms = filter.beam_terms(&geometry(), &ping(BeamMask::all(4)));
     let rows = terms.by_calibration.clone().unwrap();
     let p = filter.covariance();
-    let sized = |m: usize, from: &dyn Fn(usize, usize) -> f64| DMatrix::from_fn(MAX_ROWS, m, |i, j| from(i, j));
+    let sized = |m: usize, from: &dyn Fn(usize, usize) -> f64| DMatrix::from_fn(MAX_ROWS, m, from);
     let (h, c) = (
         sized(DIM, &|i, j| terms.jacobian[(i, j)]),
         sized(CALIBRATION, &|i, j| rows[(i, j)]),

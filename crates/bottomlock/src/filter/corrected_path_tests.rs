@@ -208,3 +208,22 @@ fn path_by_misalignment_by_hand() {
     expected.set_row(2, &-skew(&way_t).row(2));
     assert!((filter.path_by_misalignment(&correction) - expected).amax() < 1e-12);
 }
+
+/// A yaw that moves the position by ρ e_D × p̂: 4 m to the north and 3 m to the east it moves by −3 and 4 times ρ.
+#[test]
+fn the_way_by_hand() {
+    let mut filter = filter(0.5);
+    filter.covariance[(POSITION, YAW.0)] = -3.0 * filter.covariance[YAW];
+    filter.covariance[(POSITION + 1, YAW.0)] = 4.0 * filter.covariance[YAW];
+    assert!((filter.way_by_yaw() - Vector3::new(4.0, 3.0, 0.0)).norm() < 1e-12);
+}
+
+/// The first terms of the series where the closed form has no digits left: I + [ρ×]/2.
+#[test]
+fn the_left_jacobian_of_a_small_turn() {
+    for size in [1e-12, 1e-8, 0.99e-4, 1.01e-4] {
+        let rho = Vector3::new(0.6, 0.0, -0.8) * size;
+        let turned = (left_jacobian(&rho) - Matrix3::identity()) / size;
+        assert!((turned - skew(&rho) * (0.5 / size)).amax() < 1e-4, "{size}");
+    }
+}

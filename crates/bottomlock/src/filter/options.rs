@@ -105,7 +105,8 @@ mod tests {
     #[test]
     fn every_part_is_checked() {
         assert_eq!(Options::default().validate(), Ok(()));
-        let faults: [(&str, fn(&mut Options)); 9] = [
+        type Fault = (&'static str, fn(&mut Options));
+        let faults: [Fault; 9] = [
             ("covariance_period_ns", |options| options.covariance_period_ns = -1),
             ("inflate_after_rejections", |options| {
                 options.inflate_after_rejections = 1

@@ -44,7 +44,7 @@ struct SingularFix {
 }
 
 fn singular_fix(p: &Covariance) -> SingularFix {
-    let h = SMatrix::<f64, 3, DIM>::from_fn(|m, k| value(m, k));
+    let h = SMatrix::<f64, 3, DIM>::from_fn(value);
     let c = SMatrix::<f64, DIM, 3>::from_fn(|k, m| 0.05 * value(k + 3, m));
     let axes = nalgebra::Rotation3::from_euler_angles(0.3, -0.7, 1.9).into_inner();
     let of = |values: [f64; 3]| axes * Matrix3::from_diagonal(&values.into()) * axes.transpose();
