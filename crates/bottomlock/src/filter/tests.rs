@@ -174,6 +174,10 @@ fn a_covariance_is_symmetric_and_positive() {
     let frozen = Model::table_2().initial_covariance(false);
     filter.set_covariance(&frozen).unwrap();
     assert_eq!(filter.covariance(), frozen);
+    // They are not what is named where others are at fault.
+    let mut beyond = frozen;
+    (beyond[(0, 1)], beyond[(1, 0)]) = (5.0, 5.0);
+    assert_eq!(matrix_of(filter.set_covariance(&beyond)), "state covariance");
 }
 
 /// ω_ip is the last rate less the estimated bias; one reading of the gyro has the variance N²/Δt, and none before the first step.
