@@ -46,16 +46,18 @@ def category_figure(
         axes.set_title(title, loc="left")
         scale_errors(axes, np.array([*curves.values(), *bounds]), [])
         order = draw_order(list(curves))
-        lines = [
-            Line(group, place, curves[group[0]])
-            for group in coincident({method: curves[method] for method in order}, 2e-3)
-        ]
+        groups = coincident({method: curves[method] for method in order}, 2e-3)
+        methods = [method for group in groups for method in group]
+        beside = {
+            method: 0.7 * ((number + 0.5) / len(methods) - 0.5) for number, method in enumerate(methods)
+        }
+        # A line to a label begins at the last of the points.
+        lines = [Line(group, place + beside[group[-1]], curves[group[0]]) for group in groups]
         axes.grid(visible=False, axis="x")
         for border in place[1:] - 0.5:
             axes.axvline(border, color=FAINT, alpha=0.25, linewidth=0.6)
-        methods = [method for line in lines for method in line.methods]
-        for number, method in enumerate(methods):
-            at = place + 0.7 * ((number + 0.5) / len(methods) - 0.5)
+        for method in methods:
+            at = place + beside[method]
             look = marks(method, len(place)) | {"linestyle": "", "markevery": None}
             axes.plot(at, curves[method], **look)
             if intervals is not None and method in intervals:
