@@ -6,4 +6,6 @@ pub mod partial;
 pub mod velocity;
 
 #[cfg(test)]
+mod fix_tests;
+#[cfg(test)]
 mod partial_tests;

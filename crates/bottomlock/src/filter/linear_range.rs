@@ -13,7 +13,7 @@
 //!
 //! - Velocity, three axes: the Jacobian is that at the velocity after the update.
 //! - Position, three axes: ∫b dt = ρ × ∫R̂ δv dt, and the integral is what the update observes as correction of the
-//!   position. The error state is moved to the corrected path ([`super::corrected_path`]).
+//!   position. The error state is moved to the corrected path (`filter/corrected_path.rs`).
 //! - Depth: nothing observes that integral. Beyond the linear range the measurement corrects the position alone
 //!   (Schmidt's filter), whose variance has grown by `E[b_z²] Δt²` since the last depth.
 
