@@ -1,6 +1,5 @@
 """`bottomlock bench run` on a cluster: the estimates of this process, resumed, and what is refused."""
 
-import logging
 from collections.abc import Iterator
 from functools import partial
 from importlib.util import find_spec
@@ -15,6 +14,7 @@ from bottomlock.bench.mission import Estimates, Mission
 from bottomlock.bench.run import part_path, run_missions
 from bottomlock.errors import EngineError
 from tests.unit.bench_missions import made, short_specs
+from tests.unit.clusters import two_processes
 
 needs_dask = pytest.mark.skipif(
     find_spec("distributed") is None,
@@ -37,14 +37,7 @@ def no_estimate(mission: Mission) -> Estimates:
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[str]:
     """The address of a scheduler with two worker processes."""
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        dashboard_address="127.0.0.1:0",
-        memory_limit=0,
-        silence_logs=logging.CRITICAL,
-    ) as both:
+    with two_processes() as both:
         yield both.scheduler_address
 
 

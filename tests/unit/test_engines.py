@@ -24,6 +24,7 @@ from bottomlock.errors import EngineError
 from bottomlock.kernel import KernelError
 from bottomlock.simulation.build import build_simulation
 from tests.analytic import analytic
+from tests.unit.clusters import two_processes
 from tests.unit.small_campaign import STEPS_OF_TWO_RUNS, same_bits, short
 
 needs_dask = pytest.mark.skipif(
@@ -58,14 +59,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def processes() -> Iterator[Any]:
     """A cluster of two processes on this machine."""
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        dashboard_address="127.0.0.1:0",
-        memory_limit=0,
-        silence_logs=logging.CRITICAL,
-    ) as cluster:
+    with two_processes() as cluster:
         yield cluster
 
 

@@ -21,8 +21,8 @@ from bottomlock.bench.run import Shard, run_missions, write_submissions
 from bottomlock.bench.seeds import PUBLIC_SEED, read_seed
 from bottomlock.bench.submission import check_submission, write_tum
 from bottomlock.bench.tasks import RANKED, TASKS
-from bottomlock.campaign.engine import ENGINES
 from bottomlock.cli.console import console, narrow_table
+from bottomlock.cli.engine_parameters import EngineName, Scheduler
 from bottomlock.cli.examples import epilogue
 from bottomlock.cli.parameters import check_threads
 from bottomlock.cli.parameters import split as words
@@ -144,13 +144,8 @@ def run(
     shard: Annotated[
         str | None, Parameter(help="k/n: run every n-th mission from the k-th on, into the same directory.")
     ] = None,
-    engine: Annotated[
-        str, Parameter(help=f"{' or '.join(ENGINES)}: this process, or the workers of a Dask cluster.")
-    ] = "local",
-    scheduler: Annotated[
-        str | None,
-        Parameter(help="Dask scheduler, tcp://host:port; by default worker processes on this machine."),
-    ] = None,
+    engine: EngineName = "local",
+    scheduler: Scheduler = None,
     threads: Annotated[
         int,
         Parameter(alias="-j", help="Worker processes of --engine dask on this machine; 0 for one per core."),

@@ -6,7 +6,6 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from bottomlock.campaign.engine import ENGINES
 from bottomlock.campaign.merge import merge_shards
 from bottomlock.campaign.partition import Shard
 from bottomlock.campaign.run import run_campaign, run_shard
@@ -14,6 +13,7 @@ from bottomlock.campaign.until import QUANTITIES, Until, run_until
 from bottomlock.cli.campaign_output import print_results, progress_bar, say_cost
 from bottomlock.cli.compare import print_comparison
 from bottomlock.cli.console import console, interrupted
+from bottomlock.cli.engine_parameters import EngineName, Scheduler
 from bottomlock.cli.parameters import (
     CampaignOut,
     ForceCampaign,
@@ -62,13 +62,8 @@ def run(
         str | None,
         Parameter(help="k/n: run every n-th chunk from the k-th on; `bottomlock merge` joins the shards."),
     ] = None,
-    engine: Annotated[
-        str, Parameter(help=f"{' or '.join(ENGINES)}: this process, or the workers of a Dask cluster.")
-    ] = "local",
-    scheduler: Annotated[
-        str | None,
-        Parameter(help="Dask scheduler, tcp://host:port; by default worker processes on this machine."),
-    ] = None,
+    engine: EngineName = "local",
+    scheduler: Scheduler = None,
 ) -> None:
     """Run a Monte Carlo campaign and print a table of RMS errors.
 

@@ -72,6 +72,16 @@ fn truth() -> TrueMotion {
     }
 }
 
+/// A platform that does not turn.
+fn still(state: &NavState) -> Motion<'_> {
+    Motion {
+        state,
+        rate_ip_p_radps: Vector3::zeros(),
+        earth_rate_t_radps: Vector3::zeros(),
+        gyro_variance: 0.0,
+    }
+}
+
 /// A simulated reading with the given offset, and the first draws of its streams.
 fn simulated<S: AidingSensor>(offset: f64) -> (S, Vec<Normals>) {
     let streams = S::SIMULATION.unwrap().random;
@@ -104,12 +114,7 @@ fn of_truth<S: AidingSensor>() -> S {
     state.position_t_m = truth.position_t_m.into();
     state.attitude_t_p = truth.attitude_t_p;
     state.velocity_p_mps = truth.velocity_p_mps.into();
-    let motion = Motion {
-        state: &state,
-        rate_ip_p_radps: Vector3::zeros(),
-        earth_rate_t_radps: Vector3::zeros(),
-        gyro_variance: 0.0,
-    };
+    let motion = still(&state);
     let reading = S::of_truth(&motion, &lever(), &claimed());
     assert_eq!(reading.time_ns(), NOW_NS);
     reading
@@ -193,12 +198,7 @@ fn gps_fixes() {
     assert!(read.velocity.is_none() && read.numbers()[3..].iter().all(|number| number.is_nan()));
     assert!(read.gives(Sensor::GpsPosition) && !read.gives(Sensor::GpsVelocity) && reading.gives(Sensor::GpsVelocity));
     let state = NavState::at_rest(NOW_NS);
-    let motion = Motion {
-        state: &state,
-        rate_ip_p_radps: Vector3::zeros(),
-        earth_rate_t_radps: Vector3::zeros(),
-        gyro_variance: 0.0,
-    };
+    let motion = still(&state);
     let row = |report| {
         reading
             .innovation(report, &motion, &Vec3::zeros())
@@ -252,12 +252,7 @@ fn velocities() {
     let mut models = claimed();
     models.dvl.beam_noise_sd_mps = 0.5;
     let state = NavState::at_rest(NOW_NS);
-    let motion = Motion {
-        state: &state,
-        rate_ip_p_radps: Vector3::zeros(),
-        earth_rate_t_radps: Vector3::zeros(),
-        gyro_variance: 0.0,
-    };
+    let motion = still(&state);
     let read = VelocitySample::of_truth(&motion, &lever(), &models);
     assert_eq!((read.time_ns(), read.cov_m2ps2), (NOW_NS, Matrix3::identity() * 0.25));
     assert_eq!(read.velocity_p_mps, state.velocity_p_mps);

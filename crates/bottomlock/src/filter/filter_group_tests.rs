@@ -104,19 +104,7 @@ fn times_that_differ_between_part_the_filters() {
     let mut streams: Vec<_> = (0..FILTERS).map(stream).collect();
     streams[1][20].time_ns += 1000;
     streams[2][25].time_ns = streams[2][24].time_ns;
-    let (mut together, mut alone) = (filters(0), filters(0));
-    let pairs = together.iter_mut().zip(&streams);
-    let mut spans: Vec<_> = pairs
-        .map(|(filter, samples)| FilterSpan::new(filter, samples))
-        .collect();
-    predict_together(&mut spans);
-    let failures: Vec<_> = spans.iter().map(|span| span.failure.clone()).collect();
-    for (k, filter) in alone.iter_mut().enumerate() {
-        let failure = filter.predict_along(&streams[k]).err();
-        assert_eq!(failure.as_ref().map(|(at, _)| *at), (k == 2).then_some(25));
-        assert_eq!(failures[k], failure, "filter {k}");
-        assert_eq!(bits(&together[k]), bits(filter), "filter {k}");
-    }
+    check(&filters(0), &streams, Some((2, 25)));
 }
 
 /// Predicts the filters side by side and each by itself, and compares failures and bits.
