@@ -141,6 +141,28 @@ def test_coverage_counts_axes_within_sigma(replayed: ReplayResult) -> None:
     np.testing.assert_allclose(runs["velocity_normalised_rms_over_time"], rms, rtol=1e-12)
 
 
+def test_without_a_height_positions_are_compared_on_the_level(case: Case) -> None:
+    """No height is invented: the error down is empty, and norm, error/σ and coverage are those of north and east."""
+    assert case.reference is not None
+    without = case.model_copy(
+        update={"reference": case.reference.model_copy(update={"height": None}), "what_if": ()}
+    )
+    level = replay_case(without.with_overrides(methods=["tc"]))
+    assert level.samples["err_position_down_m"].null_count() == level.samples.height
+    own = synthetic_dive.rows_of(level.samples, **{"pass": "forward"})
+    last = own.row(-1, named=True)
+    row = synthetic_dive.rows_of(level.runs, **{"pass": "forward"}).row(0, named=True)
+    errors = np.array([last["err_position_north_m"], last["err_position_east_m"]])
+    assert row["position_final_m"] == pytest.approx(np.linalg.norm(errors), rel=1e-12)
+    normalised = own.slice(1).select(
+        (pl.col(f"err_position_{axis}_m") / pl.col(f"sd_position_{axis}_m")) ** 2
+        for axis in ("north", "east")
+    )
+    expected = np.sqrt(normalised.to_numpy().mean())
+    assert row["position_normalised_rms_over_time"] == pytest.approx(expected, rel=1e-12)
+    assert row["position_covered_3sigma"] is not None
+
+
 def test_outage_takes_the_beams_away_and_gives_them_back(replayed: ReplayResult) -> None:
     pings = synthetic_dive.rows_of(replayed.pings, what_if="outage")
     since_s = pings["time_ns"].to_numpy() * 1e-9

@@ -92,6 +92,8 @@ def _errors(states: Mapping[str, Floats], prepared: PreparedRun) -> dict[str, Fl
 def errors_of(states: Mapping[str, Floats], prepared: PreparedRun) -> tuple[Floats, Floats, Floats]:
     """Errors of position (tangent frame), velocity (platform) and attitude (ρ, tangent), (T, 3) each, m, m/s, rad.
 
+    Without a height of the reference the error down is NaN.
+
     The estimates are at the times of inertial readings, the reference up to one reading earlier. The estimate is
     propagated back over that interval with its own velocity and the gyro's rate.
     """
@@ -110,6 +112,8 @@ def errors_of(states: Mapping[str, Floats], prepared: PreparedRun) -> tuple[Floa
     if reference.position_t_m is not None:
         position_then = states["position_t_m"] - attitude.apply(states["velocity_p_mps"]) * back_s
         position = reference.position_t_m[rows] - position_then
+        if not reference.has_down:
+            position[:, 2] = np.nan
     if reference.velocity_p_mps is not None:
         velocity = reference.velocity_p_mps[rows] - states["velocity_p_mps"]
     if reference.attitude is not None:

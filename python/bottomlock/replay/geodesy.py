@@ -1,14 +1,19 @@
-"""Geodetic coordinates (WGS 84) to the tangent frame and back, by pymap3d."""
+"""Geodetic coordinates (WGS 84) to the tangent frame and back."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bottomlock.errors import DataError
-
 Floats = NDArray[np.float64]
+
+SEMI_MAJOR_AXIS_M = 6_378_137.0
+FLATTENING = 1.0 / 298.257223563
+"""Defining constants of WGS 84 (NIMA TR8350.2, 3rd edition, Table 3.1)."""
+SEMI_MINOR_AXIS_M = SEMI_MAJOR_AXIS_M * (1.0 - FLATTENING)
+ECCENTRICITY_SQUARED = FLATTENING * (2.0 - FLATTENING)
+PASSES = 4
+"""Iterations of the latitude: the first leaves less than 1e-9 rad near the surface, each further one far less."""
 
 
 @dataclass(frozen=True)
@@ -20,23 +25,41 @@ class Place:
     height_m: float
 
 
-def _pymap3d() -> Any:  # noqa: ANN401 - an extra, imported when positions are geodetic
-    try:
-        import pymap3d  # noqa: PLC0415
-    except ImportError as error:
-        raise DataError(
-            "latitude and longitude need the package pymap3d: python -m pip install 'bottomlock[geodesy]'"
-        ) from error
-    return pymap3d
+def _earth_fixed(latitude_rad: Floats, longitude_rad: Floats, height_m: Floats) -> Floats:
+    """(..., 3) Earth-centred, Earth-fixed positions, m (Groves 2013, Eq. 2.112)."""
+    sin, cos = np.sin(latitude_rad), np.cos(latitude_rad)
+    transverse_radius = SEMI_MAJOR_AXIS_M / np.sqrt(1.0 - ECCENTRICITY_SQUARED * sin**2)
+    return np.stack(
+        [
+            (transverse_radius + height_m) * cos * np.cos(longitude_rad),
+            (transverse_radius + height_m) * cos * np.sin(longitude_rad),
+            ((1.0 - ECCENTRICITY_SQUARED) * transverse_radius + height_m) * sin,
+        ],
+        axis=-1,
+    )
+
+
+def _tangent_from_earth(at: Place) -> Floats:
+    """(3, 3) rotation from Earth-fixed axes to north, east, down at a place (Groves 2013, Eq. 2.150)."""
+    sin, cos = np.sin(at.latitude_rad), np.cos(at.latitude_rad)
+    east_sin, east_cos = np.sin(at.longitude_rad), np.cos(at.longitude_rad)
+    return np.array(
+        [
+            [-sin * east_cos, -sin * east_sin, cos],
+            [-east_sin, east_cos, 0.0],
+            [-cos * east_cos, -cos * east_sin, -sin],
+        ]
+    )
+
+
+def _origin(at: Place) -> Floats:
+    return _earth_fixed(np.asarray(at.latitude_rad), np.asarray(at.longitude_rad), np.asarray(at.height_m))
 
 
 def tangent_from_geodetic(
     latitude_rad: ArrayLike, longitude_rad: ArrayLike, height_m: ArrayLike, at: Place
 ) -> Floats:
     """(n, 3) north, east, down, m, in the tangent frame with its origin at `at`.
-
-    Raises:
-        DataError: where pymap3d is not installed.
 
     Examples:
         A minute of latitude is a nautical mile, and the Earth curves away below the tangent plane:
@@ -48,20 +71,26 @@ def tangent_from_geodetic(
     latitude, longitude, height = np.broadcast_arrays(
         *(np.asarray(part, dtype=np.float64) for part in (latitude_rad, longitude_rad, height_m))
     )
-    parts = _pymap3d().geodetic2ned(
-        latitude, longitude, height, at.latitude_rad, at.longitude_rad, at.height_m, deg=False
-    )
-    return np.stack([np.asarray(part, dtype=np.float64) for part in parts], axis=-1)
+    return np.asarray((_earth_fixed(latitude, longitude, height) - _origin(at)) @ _tangent_from_earth(at).T)
 
 
 def geodetic_from_tangent(position_t_m: ArrayLike, at: Place) -> tuple[Floats, Floats, Floats]:
     """Latitude (rad), longitude (rad) and height (m) of (n, 3) positions in the tangent frame with its origin at `at`.
 
-    Raises:
-        DataError: where pymap3d is not installed.
+    The latitude is iterated by its reduced latitude (Bowring 1976).
     """
-    north, east, down = np.moveaxis(np.asarray(position_t_m, dtype=np.float64), -1, 0)
-    latitude, longitude, height = _pymap3d().ned2geodetic(
-        north, east, down, at.latitude_rad, at.longitude_rad, at.height_m, deg=False
-    )
-    return np.asarray(latitude), np.asarray(longitude), np.asarray(height)
+    position = _origin(at) + np.asarray(position_t_m, dtype=np.float64) @ _tangent_from_earth(at)
+    x, y, z = np.moveaxis(position, -1, 0)
+    distance = np.hypot(x, y)
+    second = ECCENTRICITY_SQUARED / (1.0 - ECCENTRICITY_SQUARED)
+    reduced = np.arctan2(SEMI_MAJOR_AXIS_M * z, SEMI_MINOR_AXIS_M * distance)
+    for _ in range(PASSES):
+        latitude = np.arctan2(
+            z + second * SEMI_MINOR_AXIS_M * np.sin(reduced) ** 3,
+            distance - ECCENTRICITY_SQUARED * SEMI_MAJOR_AXIS_M * np.cos(reduced) ** 3,
+        )
+        reduced = np.arctan2(SEMI_MINOR_AXIS_M * np.sin(latitude), SEMI_MAJOR_AXIS_M * np.cos(latitude))
+    sin, cos = np.sin(latitude), np.cos(latitude)
+    # The projection on the normal has no singularity at the pole, unlike the distance over the cosine.
+    height = distance * cos + z * sin - SEMI_MAJOR_AXIS_M * np.sqrt(1.0 - ECCENTRICITY_SQUARED * sin**2)
+    return np.asarray(latitude), np.asarray(np.arctan2(y, x)), np.asarray(height)

@@ -309,4 +309,6 @@ def _reference(
         # The next gyro reading; the Earth's rate times a lever arm of metres is below 1 mm/s.
         nearest = np.clip(np.searchsorted(inertial.time_ns, time_ns), 0, len(inertial.time_ns) - 1)
         velocity = None if velocity is None else velocity - np.cross(inertial.omega_p_radps[nearest], lever)
-    return ReferenceStates(time_ns, position, velocity, attitude)
+    return ReferenceStates(
+        time_ns, position, velocity, attitude, has_down="down" in table or "height" in table
+    )

@@ -73,12 +73,16 @@ class Positions:
 
 @dataclass(frozen=True, eq=False)
 class ReferenceStates:
-    """Reference states of the IMU: times (n,), position, velocity and attitude, each None where it is absent."""
+    """Reference states of the IMU: times (n,), position, velocity and attitude, each None where it is absent.
+
+    Without `has_down` the reference measures no height: its positions are on the level of the origin.
+    """
 
     time_ns: Times
     position_t_m: Floats | None
     velocity_p_mps: Floats | None
     attitude: Rotation | None
+    has_down: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,29 +10,39 @@ _KEYS = ["case", "what_if", "run", "method", "pass"]
 _NAMED = (("position", "m"), ("velocity", "mps"), ("attitude", "deg"))
 
 
-def _norm(kind: str, what: str) -> pl.Expr:
+_ENDS = {
+    "position": ("north_m", "east_m", "down_m"),
+    "misalignment": ("north_rad", "east_rad", "down_rad"),
+    "velocity": ("surge_mps", "sway_mps", "heave_mps"),
+}
+
+
+def _norm(kind: str, what: str, ends: tuple[str, ...]) -> pl.Expr:
     # A row with a missing component has no norm.
-    return sum((pl.col(name) ** 2 for name in _components(kind, what)), pl.lit(0.0)).sqrt()
+    return sum((pl.col(f"{kind}_{what}_{end}") ** 2 for end in ends), pl.lit(0.0)).sqrt()
 
 
-def _components(kind: str, what: str) -> list[str]:
-    ends = {
-        "position": ("north_m", "east_m", "down_m"),
-        "misalignment": ("north_rad", "east_rad", "down_rad"),
-        "velocity": ("surge_mps", "sway_mps", "heave_mps"),
-    }[what]
-    return [f"{kind}_{what}_{end}" for end in ends]
+def _compared(samples: pl.DataFrame, what: str) -> tuple[str, ...]:
+    """Axes that are compared: without down where the reference has positions and no height."""
+    ends = _ENDS[what]
+    level = ends[:2]
+    if what == "position" and samples["err_position_down_m"].count() == 0:
+        return level if samples["err_position_north_m"].count() else ends
+    return ends
 
 
-def _fraction_within(what: str, sigmas: int) -> pl.Expr:
+def _fraction_within(what: str, sigmas: int, ends: tuple[str, ...]) -> pl.Expr:
     """Fraction of the axes whose error is at most so many claimed σ."""
-    pairs = zip(_components("err", what), _components("sd", what), strict=True)
+    pairs = [(f"err_{what}_{end}", f"sd_{what}_{end}") for end in ends]
     within = [(pl.col(e).abs() <= sigmas * pl.col(s)).cast(pl.Float64) for e, s in pairs]
     return sum(within, pl.lit(0.0)) / len(within)
 
 
 def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
-    """Norms of the errors and of the claimed σ; over the axes, mean square of error/σ and fraction within 1, 2, 3 σ."""
+    """Norms of the errors and of the claimed σ; over the axes, mean square of error/σ and fraction within 1, 2, 3 σ.
+
+    Positions are compared on the level alone where the reference has no height.
+    """
     columns = []
     for what, unit, scale in (
         ("position", "m", 1.0),
@@ -40,20 +50,18 @@ def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
         ("misalignment", "deg", DEGREES_PER_RADIAN),
     ):
         name = "attitude" if what == "misalignment" else what
+        ends = _compared(samples, what)
         columns += [
-            (_norm("err", what) * scale).alias(f"{name}_{unit}"),
-            (_norm("sd", what) * scale).alias(f"{name}_sd_{unit}"),
+            (_norm("err", what, ends) * scale).alias(f"{name}_{unit}"),
+            (_norm("sd", what, ends) * scale).alias(f"{name}_sd_{unit}"),
             (
                 sum(
-                    (
-                        (pl.col(e) / pl.col(s)) ** 2
-                        for e, s in zip(_components("err", what), _components("sd", what), strict=True)
-                    ),
+                    ((pl.col(f"err_{what}_{end}") / pl.col(f"sd_{what}_{end}")) ** 2 for end in ends),
                     pl.lit(0.0),
                 )
-                / 3.0
+                / len(ends)
             ).alias(f"{name}_normalised_square"),
-            *(_fraction_within(what, k).alias(f"{name}_within_{k}sigma") for k in SIGMAS),
+            *(_fraction_within(what, k, ends).alias(f"{name}_within_{k}sigma") for k in SIGMAS),
         ]
     return samples.select(*_KEYS, "time_ns", *columns)
 
