@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from bottomlock.campaign.merge import merge_shards
     from bottomlock.campaign.partition import Shard
     from bottomlock.campaign.run import run_campaign, run_shard
+    from bottomlock.config.instrument_grades import imu_grade
     from bottomlock.config.scenario import Scenario, load_scenario, packaged_scenarios
     from bottomlock.errors import (
         BottomlockError,
@@ -94,6 +95,7 @@ __all__ = [
     "Water",
     "analytic_truth",
     "build_simulation",
+    "imu_grade",
     "load_scenario",
     "measurement_schedule",
     "merge_shards",
@@ -146,6 +148,7 @@ _LAZY = {
     "Water": "bottomlock.models",
     "analytic_truth": "bottomlock.truth.analytic",
     "build_simulation": "bottomlock.simulation.build",
+    "imu_grade": "bottomlock.config.instrument_grades",
     "load_scenario": "bottomlock.config.scenario",
     "measurement_schedule": "bottomlock.simulation.measurement_schedule",
     "merge_shards": "bottomlock.campaign.merge",

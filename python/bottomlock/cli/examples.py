@@ -34,6 +34,7 @@ EXAMPLES = {
     "observe": ("observe straight -o out/states", "observe --paper -o out/paper_states"),
     "convert": ("convert dive.pd0 --to beams.parquet",),
     "geometries": ("geometries",),
+    "grades": ("grades",),
     "live": ("live live.toml",),
     "completion": ("completion bash",),
     "live-demo": ("live-demo",),

@@ -10,6 +10,7 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    ModelWrapValidatorHandler,
     SerializerFunctionWrapHandler,
     model_serializer,
     model_validator,
@@ -17,6 +18,7 @@ from pydantic import (
 
 from bottomlock import models, units
 from bottomlock.config.beam_tilt import BeamTilt, check_tilts
+from bottomlock.config.instrument_grades import filled_from_grade, imu_model
 from bottomlock.config.own_methods import OwnMethods
 from bottomlock.config.path_keys import PathKeys, check_source, others_keys
 from bottomlock.kernel import DEFAULT_OPTIONS, INERTIAL_STATES, METHODS, STATES, Configuration
@@ -89,8 +91,9 @@ class Environment(Section):
 
 
 class ImuErrors(Section):
-    """Errors of inertial sensors, 1 sigma."""
+    """Errors of inertial sensors, 1 sigma; those of a packaged grade where `grade` names one and a key is left out."""
 
+    grade: str | None = None
     accel_bias_mg: NonNegative
     gyro_bias_deg_per_h: NonNegative
     accel_noise_mps_per_rt_h: NonNegative
@@ -98,16 +101,14 @@ class ImuErrors(Section):
     accel_bias_walk_mps2_per_rt_s: NonNegative = 0.0
     gyro_bias_walk_deg_per_s_per_rt_s: NonNegative = 0.0
 
+    @model_validator(mode="wrap")
+    @classmethod
+    def _of_grade(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:  # noqa: ANN401
+        return filled_from_grade("imu", content, handler)
+
     def kernel_model(self) -> models.ImuModel:
         """The errors in SI."""
-        return models.ImuModel(
-            accel_noise_mps_rts=units.per_rt_s_from_per_rt_h(self.accel_noise_mps_per_rt_h),
-            gyro_noise_rad_rts=units.rad_from_deg(units.per_rt_s_from_per_rt_h(self.gyro_noise_deg_per_rt_h)),
-            accel_bias_sd_mps2=units.mps2_from_mg(self.accel_bias_mg),
-            gyro_bias_sd_radps=units.radps_from_deg_per_h(self.gyro_bias_deg_per_h),
-            accel_bias_walk_mps2_rts=self.accel_bias_walk_mps2_per_rt_s,
-            gyro_bias_walk_radps_rts=units.rad_from_deg(self.gyro_bias_walk_deg_per_s_per_rt_s),
-        )
+        return imu_model(self.model_dump())
 
 
 class ImuLimits(Section):

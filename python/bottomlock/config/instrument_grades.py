@@ -1,0 +1,125 @@
+"""Named grades of instruments, packaged with their sources: errors of IMUs and of attitude references."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Any, Literal, TypeVar
+
+from pydantic import BaseModel, ModelWrapValidatorHandler
+
+from bottomlock import models
+from bottomlock.config.toml_file import parse_toml
+from bottomlock.errors import ScenarioError
+from bottomlock.units import mps2_from_mg, per_rt_s_from_per_rt_h, rad_from_deg, radps_from_deg_per_h
+
+M = TypeVar("M", bound=BaseModel)
+Kind = Literal["imu", "attitude"]
+KINDS: dict[Kind, str] = {"imu": "IMUs", "attitude": "attitude and heading references"}
+FULL_SCALES = ("max_rate_deg_per_s", "max_force_mps2")
+_WORDS = ("title", "source", "derived")
+
+
+@dataclass(frozen=True)
+class Grade:
+    """A grade of an instrument.
+
+    Attributes:
+        name, title: as files name it, and what it is.
+        keys: keys of a case or scenario with their values, in the units of their names; 1 sigma.
+        full_scales: of an IMU, as `[imu.limits]` takes them; empty for an attitude reference.
+        source: data sheet or paper.
+        derived: what the source does not state, and how it was found.
+    """
+
+    name: str
+    title: str
+    keys: Mapping[str, float]
+    full_scales: Mapping[str, float]
+    source: str
+    derived: str
+
+
+@cache
+def grades(kind: Kind) -> dict[str, Grade]:
+    """The packaged grades of a kind of instrument, the coarsest first.
+
+    >>> list(grades("imu"))
+    ['phone', 'autopilot', 'mti', 'tactical', 'fibre_optic', 'ring_laser']
+    """
+    file = resources.files("bottomlock.config") / "grades" / f"{kind}.toml"
+    found = {}
+    for name, entry in parse_toml(file.read_text(encoding="utf-8"), place=file.name).items():
+        numbers = {key: float(value) for key, value in entry.items() if key not in _WORDS}
+        scales = {key: numbers.pop(key) for key in FULL_SCALES if key in numbers}
+        found[name] = Grade(name, entry["title"], numbers, scales, entry["source"], entry["derived"])
+    return found
+
+
+def grade_of(kind: Kind, name: str) -> Grade:
+    """A packaged grade.
+
+    Raises:
+        ScenarioError: for an unknown name.
+    """
+    known = grades(kind)
+    if name not in known:
+        raise ScenarioError(
+            f"grade is '{name}', expected one of {', '.join(known)}; bottomlock grades lists them"
+        )
+    return known[name]
+
+
+def imu_grade(name: str) -> models.ImuModel:
+    """Errors of an IMU of a packaged grade, SI units, 1 sigma per axis.
+
+    Raises:
+        ScenarioError: for an unknown name.
+
+    Examples:
+        >>> round(imu_grade("mti").accel_bias_sd_mps2, 4)
+        0.0196
+    """
+    return imu_model(grade_of("imu", name).keys)
+
+
+def imu_model(keys: Mapping[str, float]) -> models.ImuModel:
+    """Errors of an IMU in SI units, from the keys of a case or scenario."""
+    return models.ImuModel(
+        accel_noise_mps_rts=per_rt_s_from_per_rt_h(keys["accel_noise_mps_per_rt_h"]),
+        gyro_noise_rad_rts=rad_from_deg(per_rt_s_from_per_rt_h(keys["gyro_noise_deg_per_rt_h"])),
+        accel_bias_sd_mps2=mps2_from_mg(keys["accel_bias_mg"]),
+        gyro_bias_sd_radps=radps_from_deg_per_h(keys["gyro_bias_deg_per_h"]),
+        accel_bias_walk_mps2_rts=keys["accel_bias_walk_mps2_per_rt_s"],
+        gyro_bias_walk_radps_rts=rad_from_deg(keys["gyro_bias_walk_deg_per_s_per_rt_s"]),
+    )
+
+
+def filled_from_grade(kind: Kind, content: Any, handler: ModelWrapValidatorHandler[M]) -> M:  # noqa: ANN401
+    """Validates a section whose key `grade` gives the keys that are left out; only what was written counts as set.
+
+    Raises:
+        ValueError: for an unknown grade.
+    """
+    if not isinstance(content, dict) or content.get("grade") is None:
+        return handler(content)
+    try:
+        own = grade_of(kind, str(content["grade"])).keys
+    except ScenarioError as error:
+        raise ValueError(str(error)) from None
+    filled = handler({**own, **content})
+    # A key of the grade is written nowhere, so that another grade can take its place (`Scenario.replace`).
+    object.__setattr__(filled, "__pydantic_fields_set__", set(content) & set(type(filled).model_fields))
+    return filled
+
+
+def listing(kind: Kind) -> Iterator[str]:
+    """Lines that describe every grade of a kind."""
+    for one in grades(kind).values():
+        yield f"{one.name}: {one.title}"
+        values = [f"{key} = {value:g}" for key, value in {**one.keys, **one.full_scales}.items()]
+        for first in range(0, len(values), 2):
+            yield "    " + "; ".join(values[first : first + 2])
+        yield f"  source: {one.source}"
+        yield f"  derived: {one.derived}"
+        yield ""

@@ -1,0 +1,70 @@
+"""Packaged grades of instruments: units, order, sources, and single keys that override them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bottomlock
+from bottomlock.config.instrument_grades import FULL_SCALES, Kind, grade_of, grades
+from bottomlock.config.scenario import load_scenario
+from bottomlock.config.scenario_sections import ImuErrors
+from bottomlock.errors import ScenarioError
+
+
+def test_a_grade_in_si_is_that_of_its_data_sheet() -> None:
+    """Xsens MTi-G, converted here by hand: 3600 deg/h is 1 deg/s, 3 deg/sqrt(h) is 0.05 deg/sqrt(s), 2 mg."""
+    model = bottomlock.imu_grade("mti")
+    assert model.gyro_bias_sd_radps == pytest.approx(np.pi / 180.0)
+    assert model.gyro_noise_rad_rts == pytest.approx(0.05 * np.pi / 180.0)
+    assert model.accel_bias_sd_mps2 == pytest.approx(0.0196133)
+    assert model.accel_noise_mps_rts == pytest.approx(0.002)
+    # 10 deg/h and 15 ug within an hour.
+    assert model.gyro_bias_walk_radps_rts == pytest.approx(
+        np.deg2rad(10.0 / 3600.0) * np.sqrt(2 / 3600), rel=0.01
+    )
+    assert model.accel_bias_walk_mps2_rts == pytest.approx(15e-6 * 9.80665 * np.sqrt(2 / 3600), rel=0.01)
+
+
+@pytest.mark.parametrize("kind", ["imu", "attitude"])
+def test_every_grade_has_the_same_keys_and_a_source(kind: Kind) -> None:
+    found = grades(kind)
+    first = next(iter(found.values()))
+    for one in found.values():
+        assert one.keys.keys() == first.keys.keys(), one.name
+        assert min(one.keys.values()) > 0.0, one.name
+        assert len(one.source) > 20, one.name
+        assert tuple(one.full_scales) == (FULL_SCALES if kind == "imu" else ()), one.name
+
+
+def test_biases_fall_from_grade_to_grade() -> None:
+    """The list begins with the coarsest; industrial MEMS is better than an early AHRS."""
+    biases = [one.keys["gyro_bias_deg_per_h"] for one in grades("imu").values() if one.name != "autopilot"]
+    assert biases == sorted(biases, reverse=True)
+
+
+def test_single_keys_override_the_grade() -> None:
+    errors = ImuErrors.model_validate({"grade": "tactical", "gyro_bias_deg_per_h": 2400.0})
+    own = grade_of("imu", "tactical").keys
+    assert errors.gyro_bias_deg_per_h == 2400.0
+    assert errors.accel_bias_mg == own["accel_bias_mg"]
+    assert errors.kernel_model().gyro_bias_sd_radps == pytest.approx(np.deg2rad(2400.0 / 3600.0))
+
+
+def test_a_scenario_changes_its_grade() -> None:
+    """Keys that the grade gave go with it; keys that the scenario states stay."""
+    scenario = load_scenario("straight")
+    content = scenario.model_dump(exclude_unset=True)
+    content["imu"] = {"grade": "phone", "accel_bias_mg": 7.0}
+    other = type(scenario).model_validate(content).replace("imu.grade", "ring_laser")
+    assert other.imu.gyro_bias_deg_per_h == 0.01
+    assert other.imu.accel_bias_mg == 7.0
+
+
+def test_an_unknown_grade_names_those_known() -> None:
+    with pytest.raises(
+        ScenarioError, match=r"'mtx', expected one of phone, autopilot, mti.*bottomlock grades"
+    ):
+        load_scenario("straight").replace("imu.grade", "mtx")
+    with pytest.raises(ScenarioError, match="expected one of"):
+        bottomlock.imu_grade("MTi")
