@@ -25,6 +25,7 @@ from bottomlock.pages.featured import MOST, featured
 from bottomlock.pages.method_words import METHOD_WORDS
 from bottomlock.pages.numbers import number
 from bottomlock.records import write_recorded_table
+from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 from bottomlock.report.page import make_report
 from bottomlock.statistics.rms import Array
 from bottomlock.statistics.run_errors import read_run_errors
@@ -362,7 +363,7 @@ def test_every_method_has_its_colour_and_its_words() -> None:
     """No two the same; a method that the kernel gains has to get both."""
     looks = [look.colour for look in palette.STROKES.values()]
     assert len(set(looks)) == len(looks)
-    assert set(KERNEL_METHODS) == set(palette.STROKES) == set(METHOD_WORDS)
+    assert {*KERNEL_METHODS, DEAD_RECKONING} == set(palette.STROKES) == set(METHOD_WORDS)
 
 
 @pytest.mark.parametrize(

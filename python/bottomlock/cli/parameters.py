@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.pages.method_words import METHOD_WORDS
+from bottomlock.kernel import METHODS
 from bottomlock.simulation.own_path import resolved
 from bottomlock.studies.world import in_world
 
@@ -29,7 +29,7 @@ Methods = Annotated[
     Parameter(
         alias="-m",
         help="Aiding methods, separated by commas; the scenario's own by default. There are "
-        f"{', '.join(METHOD_WORDS)}, and FILE.py:CLASS.",
+        f"{', '.join(METHODS)}, and FILE.py:CLASS.",
     ),
 ]
 Json = Annotated[

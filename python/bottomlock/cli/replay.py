@@ -302,7 +302,7 @@ def print_results(replayed: ReplayResult) -> None:
             table.add_row(
                 row["method"], row["pass"], *shown,
                 number(row["nis_mean_over_fixes"]), number(row["nis_degrees_mean_over_fixes"]),
-                str(row["fixes"]), "-" if not row["fixes"] else f"{100.0 * part:.1f}",
+                "–" if row["fixes"] is None else str(row["fixes"]), "-" if not row["fixes"] else f"{100.0 * part:.1f}",
             )  # fmt: skip
         console.print(table)
     if manifest["semi_synthetic"]:

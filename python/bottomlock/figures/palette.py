@@ -40,10 +40,14 @@ STROKES = {
     "weak_sway": Stroke("#0b93c5", _dashes(9, 1.6, 2.5, 1.6), "P"),
     "sway_current": Stroke("#b93021", _dashes(12, 1.6), "*"),
     "consistent": Stroke("#f56803", _dashes(7, 1.6, 3, 1.6, 3, 1.6), "X"),
+    "dead_reckoning": Stroke("#989544", _dashes(2, 1, 6, 1), "1"),
 }
 """By method: the one table of looks. Colours are of middle lightness, so that they are legible on white and on black;
 the tests state how far two methods are apart for every eye. Dash and marker are each method's own, so that colour is
 never the only difference."""
+
+UNFILLED = "|+x1"
+"""Markers that are strokes alone."""
 
 _OTHERS = ("#5c7a99", "#a8683a", "#8a7f1e", "#a35bb0", "#3e8a5a")
 _OTHER_MARKERS = ("p", "h", "8", "d", "H")
@@ -122,7 +126,7 @@ def marks(method: str, points: int, place: float = 0.0, count: int = 5) -> Any: 
         "linestyle": look.dash,
         "marker": look.marker,
         "markersize": 6.5 if look.marker == "*" else 5.0,
-        "markeredgewidth": 1.3 if look.marker in "|+x" else 0.0,
+        "markeredgewidth": 1.3 if look.marker in UNFILLED else 0.0,
         "markevery": (min(points - 1, round((0.15 + 0.85 * place) * step)), step),
     }
 
@@ -142,7 +146,7 @@ def swatch_svg(method: str) -> str:
             parts.append(
                 f"{'M' if code == Path.MOVETO else 'L'}{middle[0] + scale * x:.1f} {middle[1] - scale * y:.1f}"
             )
-    filled = mark.is_filled() and look.marker not in "|+x"
+    filled = mark.is_filled() and look.marker not in UNFILLED
     inside = look.colour if filled else "none"
     return (
         '<svg class="swatch" viewBox="0 0 26 12" width="26" height="12" aria-hidden="true" focusable="false">'

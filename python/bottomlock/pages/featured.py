@@ -8,6 +8,7 @@ MOST = 5
 """Methods in a figure that stands open; the others are one click away, a panel each."""
 
 ORDER = (
+    "dead_reckoning",
     "lc",
     "tc",
     "nsv",
@@ -21,8 +22,8 @@ ORDER = (
     "elc",
     "info",
 )
-"""Who comes first after the methods of one's own and the recommended one: the reference with every beam, the method
-without assumptions, the usual assumption, what happens without beams."""
+"""Who comes first after the methods of one's own and the recommended one: dead reckoning, which a filter has to beat,
+the reference with every beam, the method without assumptions, the usual assumption, what happens without beams."""
 
 
 def featured(methods: Sequence[str], recommended: Sequence[str]) -> list[str]:
@@ -34,6 +35,8 @@ def featured(methods: Sequence[str], recommended: Sequence[str]) -> list[str]:
 
     >>> featured(["ins", "lc", "tc", "vb", "nsv", "plcf", "consistent"], ["consistent"])
     ['ins', 'lc', 'tc', 'nsv', 'consistent']
+    >>> featured(["ins", "lc", "tc", "vb", "nsv", "dead_reckoning"], ["tc"])
+    ['ins', 'lc', 'tc', 'nsv', 'dead_reckoning']
     >>> featured(["ins", "lc", "tc", "nsv", "mine"], ["tc"])
     ['ins', 'lc', 'tc', 'nsv', 'mine']
     """

@@ -14,5 +14,6 @@ METHOD_WORDS = {
     "weak_sway": "assumes that sway is zero, with a large variance",
     "sway_current": "tc, then sway and heave through the water, with the current as states",
     "consistent": "the most informative of tc, weak_sway and sway_current that the beams do not contradict",
+    "dead_reckoning": "no filter: the DVL's velocity, or the last one, turned by the recorded attitude and summed up",
 }
 """By method; a method that is not a key is shown without words."""

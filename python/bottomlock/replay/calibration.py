@@ -34,7 +34,7 @@ def calibration_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     """A row per method and parameter, from the whole log (`tables.replay.CALIBRATION`); empty without the states."""
     result, prepared = rerun.result, rerun.prepared
     parts = []
-    for index, method in enumerate(case.replay.methods if "calibration" in result else ()):
+    for index, method in enumerate(case.replay.filters if "calibration" in result else ()):
         value = np.append(result["calibration"][index, -1], result["dvl_scale"][index, -1])
         # The scale factor is the last of the error states.
         sd = np.append(result["calibration_sd"][index, -1], result["sd"][index, -1, STATES - 1])

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.kernel import FIX_STATUS
 from bottomlock.replay.axes import from_quaternions, to_angles
 from bottomlock.replay.case import Case
+from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 from bottomlock.replay.geodesy import geodetic_from_tangent
 from bottomlock.replay.rerun import PreparedRun, Rerun
 from bottomlock.replay.streams import Floats, Streams, Times
@@ -27,10 +28,12 @@ _NED, _AXES, _ANGLES = ("north", "east", "down"), ("surge", "sway", "heave"), ("
 
 
 def filter_passes(case: Case, rerun: Rerun) -> Iterator[tuple[str, str, dict[str, Floats]]]:
-    """Pass, method and states of every forward and every smoothed pass, with the same names in both."""
+    """Pass, method and states of every forward and every smoothed pass, with the same names; dead reckoning too."""
     names = ("position_t_m", "attitude_t_p", "velocity_p_mps", "sd")
-    for index, method in enumerate(case.replay.methods):
+    for index, method in enumerate(case.replay.filters):
         yield FORWARD, method, {name: np.asarray(rerun.result[name][index]) for name in names}
+    if rerun.reckoned is not None:
+        yield FORWARD, DEAD_RECKONING, dict(rerun.reckoned)
     for index, method in enumerate(rerun.smoothed_methods):
         yield (
             SMOOTHED,
@@ -128,7 +131,7 @@ def innovations_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     beams = rerun.valid.shape[1]
     schema = innovations_schema(beams)
     parts = []
-    for index, method in enumerate(case.replay.methods):
+    for index, method in enumerate(case.replay.filters):
         columns = _keys(case, what_if, prepared, len(times)) | {
             "method": method,
             "time_ns": times,

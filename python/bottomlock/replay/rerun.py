@@ -63,6 +63,7 @@ class Rerun:
         result: the kernel's dict of the forward pass of every method.
         smoothed_methods: methods with a smoothed pass.
         smoothed: the kernel's dict with their smoothed states.
+        reckoned: states of dead reckoning, None where it was not possible (`reckon.reckon`).
     """
 
     prepared: PreparedRun
@@ -70,6 +71,7 @@ class Rerun:
     result: Mapping[str, Any]
     smoothed_methods: tuple[str, ...]
     smoothed: Mapping[str, Any]
+    reckoned: Mapping[str, Floats] | None = None
 
 
 def prepare(case: Case, streams: Streams, run: int, residuals: Floats | None = None) -> PreparedRun:
@@ -301,11 +303,11 @@ def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, th
         )
 
     smoothed_methods = (
-        tuple(method for method in case.replay.methods if method not in UNSMOOTHED)
+        tuple(method for method in case.replay.filters if method not in UNSMOOTHED)
         if case.replay.smooth
         else ()
     )
-    result = filtered(case.replay.methods, smooth=False)
+    result = filtered(case.replay.filters, smooth=False)
     return Rerun(
         prepared=_as_sampled(prepared, result["sample_time_ns"]),
         valid=valid,

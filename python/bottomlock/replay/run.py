@@ -4,7 +4,7 @@ import hashlib
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +20,12 @@ from bottomlock.replay.beforehand import check_files, check_what_ifs
 from bottomlock.replay.calibration import calibration_table
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
+from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 from bottomlock.replay.findings.answers import answers
 from bottomlock.replay.findings.diagnose import diagnose, findings_json
 from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams
+from bottomlock.replay.reckon import reckon, recorded_change
 from bottomlock.replay.streams import Streams
 from bottomlock.statistics.replay import ensemble_table, runs_table
 from bottomlock.tables.replay import RECORDED
@@ -101,9 +103,11 @@ def replay_case(
     for run in range(run_count(case)):
         prepared = rerun.prepare(case, streams, run, residuals)
         alignments.append(prepared.alignment.sources)
+        change = recorded_change(prepared)
         start_ns = prepared.alignment.time_ns
         for name, what_if in [(RECORDED, None), *((what_if.name, what_if) for what_if in case.what_if)]:
             result = rerun.run_methods(case, prepared, what_if, threads=threads)
+            result = replace(result, reckoned=reckon(case, result.prepared, result.valid, change))
             parts["samples"].append(compare.samples_table(case, name, result))
             parts["innovations"].append(compare.innovations_table(case, name, result))
             parts["pings"].append(compare.pings_table(case, name, result))
@@ -132,9 +136,16 @@ def replay_case(
         manifest=manifest_of(
             case, streams, alignments, imu_faults, threads=threads, wall_s=time.perf_counter() - started
         )
+        | {"methods": _methods(case, first["samples"])}
         | {"findings": findings_json(findings), "answers": answers(prepared, first["samples"])},
         **tables,
     )
+
+
+def _methods(case: Case, samples: pl.DataFrame) -> list[str]:
+    """Methods in the tables: those of the case, and dead reckoning where it was possible."""
+    reckoned = (samples["method"] == DEAD_RECKONING).any()
+    return [*case.replay.filters, *([DEAD_RECKONING] if reckoned else [])]
 
 
 def _first(tables: dict[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
@@ -186,7 +197,6 @@ def manifest_of(
         "threads": threads,
         "wall_time_s": round(wall_s, 3),
         "runs": run_count(case),
-        "methods": list(case.replay.methods),
         "what_if": [
             [RECORDED, "beams as recorded"],
             *([what_if.name, what_if.text()] for what_if in case.what_if),

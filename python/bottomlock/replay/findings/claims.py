@@ -47,7 +47,10 @@ def claims_findings(samples: pl.DataFrame, methods: Sequence[str]) -> list[Findi
         ratios = [
             (rows[f"err_{what}_{end}"] / rows[f"sd_{what}_{end}"]).drop_nulls().to_numpy() for end in ends
         ]
-        ratios = [one[np.isfinite(one)] for one in ratios]
+        # A reference without a height has no error of down.
+        ratios = [one[np.isfinite(one)] for one in ratios if len(one)]
+        if not ratios:
+            continue
         if min(len(one) for one in ratios) < FEWEST:
             continue
         squares = np.array([float(np.mean(one**2)) for one in ratios])

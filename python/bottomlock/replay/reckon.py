@@ -1,0 +1,108 @@
+"""Dead reckoning along a case: whole velocities of its pings, its attitude stream, and the errors that both claim."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from bottomlock.kernel import STATUS
+from bottomlock.replay.axes import quaternions
+from bottomlock.replay.beam_noise import measure_noise
+from bottomlock.replay.case import Case
+from bottomlock.replay.dead_reckoning import Begin, DepthAid, Velocities, dead_reckon
+from bottomlock.replay.dead_reckoning_sd import (
+    AttitudeErrors,
+    StructureFunction,
+    VelocityErrors,
+    structure_function,
+)
+from bottomlock.replay.rerun import PreparedRun
+from bottomlock.replay.robust_fix import solve_scaled
+from bottomlock.replay.screen_beams import screen_beams
+from bottomlock.replay.stream_sections import AttitudeStream
+from bottomlock.replay.streams import Flags, Floats
+
+
+def whole_velocities(prepared: PreparedRun, valid: Flags) -> Velocities:
+    """Velocities by weighted least squares of the pings whose valid beams determine them, without outliers.
+
+    The noise is that of the closure of the pings as recorded, or the claimed one where nothing measures it.
+
+    Args:
+        prepared: the run.
+        valid: (E, B) which beams returned.
+    """
+    instrument, beams, pings = prepared.streams.instrument, prepared.streams.beams, prepared.pings
+    times, values, sd = beams.time_ns[pings], beams.velocity_mps[pings], instrument.beam_sd_mps
+    values = np.where(beams.valid[pings], values, 0.0)
+    noise = measure_noise(instrument.geometry, values, beams.valid[pings], sd)
+    screened = screen_beams(instrument.geometry, times, values, valid, sd, noise)
+    fixes = solve_scaled(
+        instrument.geometry, values, screened.valid, screened.factor, method="lc", beam_sd_mps=sd
+    )
+    whole = fixes.status == STATUS.index("fix")
+    return Velocities(times[whole], fixes.velocity_p_mps[whole], fixes.cov_m2ps2[whole])
+
+
+def recorded_change(prepared: PreparedRun) -> StructureFunction | None:
+    """How the vehicle's velocity changes with time, from all pings as recorded; None for too few whole ones."""
+    whole = whole_velocities(prepared, prepared.streams.beams.valid[prepared.pings])
+    if not len(whole.time_ns):
+        return None
+    noise_var = np.median(np.diagonal(whole.cov_m2ps2, axis1=1, axis2=2), axis=0)
+    return structure_function(whole.time_ns, whole.velocity_p_mps, noise_var)
+
+
+def reckon(
+    case: Case, prepared: PreparedRun, valid: Flags, change: StructureFunction | None
+) -> Mapping[str, Floats] | None:
+    """States of dead reckoning under the names of the kernel's; None without an attitude or a measured `change`.
+
+    Args:
+        case: the case.
+        prepared: the run.
+        valid: (E, B) which beams returned.
+        change: of `recorded_change`.
+    """
+    attitudes, alignment = prepared.streams.attitudes, prepared.alignment
+    if case.attitude is None or attitudes is None or len(attitudes.time_ns) < 2 or change is None:
+        return None
+    dvl, instrument = prepared.model.dvl, prepared.streams.instrument
+    B = np.asarray(instrument.geometry.directions_p)
+    depths, depth = prepared.streams.depths, case.depth
+    reckoned = dead_reckon(
+        whole_velocities(prepared, valid),
+        attitudes,
+        Begin(
+            alignment.time_ns,
+            np.asarray(alignment.position_t_m),
+            np.asarray(alignment.velocity_p_mps),
+            np.asarray(alignment.position_sd_m),
+            np.asarray(alignment.velocity_sd_mps),
+        ),
+        prepared.sample_time_ns,
+        velocity_errors=VelocityErrors(
+            dvl.scale_factor_sd, np.asarray(dvl.beam_bias_sd_mps**2 * np.linalg.inv(B.T @ B)), change
+        ),
+        attitude_errors=attitude_errors(case.attitude),
+        lever_p_m=np.asarray(instrument.geometry.lever_arms_p_m).mean(axis=0),
+        depth=None
+        if depth is None or depths is None
+        else DepthAid(depths, float(np.hypot(depth.sd_m, depth.bias_m)), np.array(depth.lever_arm_m)),
+    )
+    attitude_sd = np.broadcast_to(reckoned.attitude_sd_rad, reckoned.position_t_m.shape)
+    sd = [
+        np.sqrt(np.diagonal(P, axis1=1, axis2=2))
+        for P in (reckoned.position_cov_m2, reckoned.velocity_cov_m2ps2)
+    ]
+    return {
+        "position_t_m": reckoned.position_t_m,
+        "attitude_t_p": quaternions(reckoned.attitude),
+        "velocity_p_mps": reckoned.velocity_p_mps,
+        "sd": np.concatenate([sd[0], attitude_sd, sd[1]], axis=1),
+    }
+
+
+def attitude_errors(stream: AttitudeStream) -> AttitudeErrors:
+    """What a case claims of its attitude: errors of an attitude reference last, so its 1 sigma is that of an offset."""
+    level, yaw = np.deg2rad([stream.roll_pitch_sd_deg, stream.yaw_sd_deg])
+    return AttitudeErrors(offset_sd_rad=(level, level, yaw))
