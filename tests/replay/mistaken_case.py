@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+from scipy.spatial.transform import Rotation
 
 from bottomlock.replay.case import Case, load_case
-from tests.replay.rov_dive import RovDive
+from tests.replay.rov_dive import RovDive, rov_dive
 
 CASE = """
 name = "dive"
@@ -164,6 +165,38 @@ def magnetic(folder: Path) -> None:
     added("heading_deg", -15.0)(folder)
 
 
+def attitude_turned(folder: Path) -> None:
+    """The attitude sensor is mounted a quarter turn to the right, and nothing says so."""
+    path = folder / "attitude.parquet"
+    frame = pl.read_parquet(path)
+    sensor = Rotation.from_euler("ZYX", frame.select("yaw", "pitch", "roll").to_numpy())
+    turned = (sensor * Rotation.from_euler("Z", np.pi / 2.0)).as_euler("ZYX")
+    columns = {name: turned[:, k] for k, name in enumerate(("yaw", "pitch", "roll"))}
+    frame.with_columns(**{name: pl.Series(values) for name, values in columns.items()}).write_parquet(path)
+
+
+def other_positions(folder: Path) -> None:
+    """The positions of another dive, from the same start."""
+    path = folder / "reference.parquet"
+    frame, other = pl.read_parquet(path), rov_dive(77)
+    place = other.at(frame["t"].to_numpy(), other.position)
+    columns = {name: pl.Series(place[:, k]) for k, name in enumerate(("north", "east", "down"))}
+    frame.with_columns(**columns).write_parquet(path)
+
+
+def both(*mistakes: Mistake) -> Mistake:
+    """Several changes one after another."""
+
+    def edit(folder: Path) -> None:
+        for one in mistakes:
+            one(folder)
+
+    return edit
+
+
+RANGE = edited("case.toml", ("[imu.errors]", "[imu.limits]\nmax_rate_deg_per_s = 2e5\n[imu.errors]"))
+"""The gyros pass the check of their range, which would reject such a log."""
+DEGREES = {f"w{axis}": pl.col(f"w{axis}") * float(np.rad2deg(1.0)) for axis in "xyz"}
 BEAM = {k: pl.col(f"beam{k}_mps") for k in range(1, 5)}
 EXCHANGED = {f"beam{k}_{q}": pl.col(f"beam{3 - k}_{q}") for k in (1, 2) for q in ("mps", "valid")}
 STARTS_FAST = edited(
@@ -188,6 +221,10 @@ MISTAKES: dict[str, tuple[Mistake, str, str]] = {
     "start heading 60 deg": (added("heading_deg", 60.0), "start_heading", "start.heading"),
     "depth positive up": (edited("case.toml", ("up = false", "up = true")), "depth_sign", "depth.up"),
     "quarter of the noise": (edited("case.toml", ("= 0.008", "= 0.002")), "beam_noise", "dvl.beam_noise_mps"),
+    "rad/s taken for deg/s": (both(table("imu", **DEGREES), RANGE), "gyro_unit", "imu.omega_unit"),
+    "AHRS turned by 90 deg": (attitude_turned, "attitude_mounting", "attitude.mounting_yaw_deg"),
+    "compass 90 deg off": (table("attitude", yaw=pl.col("yaw") + np.pi / 2.0), "attitude_heading", "yaw_offset_deg"),
+    "positions of another dive": (other_positions, "other_dive", "reference.file"),
     "magnetic heading": (magnetic, "magnetic_heading", "yaw_offset_deg"),
 }  # fmt: skip
 """Name: the mistake, kind of the first cause, part of its key."""

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from bottomlock.errors import DataError
 from bottomlock.replay.case import load_case
 from bottomlock.replay.run import replay_case
-from tests.replay.mistaken_case import MISTAKES, mistaken, write_case
+from tests.replay.mistaken_case import DEGREES, MISTAKES, mistaken, table, write_case
 from tests.replay.rov_dive import rov_dive
 
 SEEDS = (11, pytest.param(12, marks=pytest.mark.long), pytest.param(13, marks=pytest.mark.long))
@@ -17,7 +18,8 @@ SEEDS = (11, pytest.param(12, marks=pytest.mark.long), pytest.param(13, marks=py
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", list(MISTAKES))
 def test_the_first_cause_is_the_mistake(name: str, seed: int, tmp_path: Path) -> None:
-    findings = replay_case(mistaken(rov_dive(seed), tmp_path, name)).manifest["findings"]
+    manifest = replay_case(mistaken(rov_dive(seed), tmp_path, name)).manifest
+    findings = manifest["findings"]
     assert findings[0]["kind"] == "verdict"
     assert findings[0]["severity"] in {"fault", "warning"}
     assert len(findings) > 1
@@ -25,6 +27,17 @@ def test_the_first_cause_is_the_mistake(name: str, seed: int, tmp_path: Path) ->
     assert findings[1]["kind"] == kind
     assert key in findings[1]["key"]
     assert findings[1]["text"] in findings[0]["advice"]
+    assert manifest["answer"]["verdict"] == "no"
+    assert manifest["answer"]["sentence"] == findings[1]["text"]
+    assert manifest["answer"]["change"] == findings[1]["advice"]
+
+
+def test_gyros_beyond_their_range_name_the_unit(tmp_path: Path) -> None:
+    """Readings in deg/s taken for rad/s are beyond any gyro: the error of the log says which key is wrong."""
+    path = write_case(rov_dive(11), tmp_path)
+    table("imu", **DEGREES)(tmp_path)
+    with pytest.raises(DataError, match=r'Set imu.omega_unit = "deg/s" \(now "rad/s"\)'):
+        replay_case(load_case(path))
 
 
 @pytest.mark.parametrize("seed", [21, 22, pytest.param(23, marks=pytest.mark.long)])
@@ -33,6 +46,10 @@ def test_a_right_case_has_no_cause(seed: int, tmp_path: Path) -> None:
     assert [one["kind"] for one in replayed.manifest["findings"]] == ["verdict"]
     assert replayed.manifest["findings"][0]["severity"] == "note"
     assert any("Closure" in line for line in replayed.manifest["answers"])
+    answer = replayed.manifest["answer"]
+    assert (answer["verdict"], answer["method"]) == ("yes", "tc")
+    assert "NIS" in answer["numbers"][0]
+    assert "dead reckoning" in answer["numbers"][1]
 
 
 def test_a_dive_at_a_constant_depth_says_nothing_of_the_depth_sensor(tmp_path: Path) -> None:

@@ -249,6 +249,21 @@ def _coverage(row: dict[str, Any]) -> str:
 _COLOURS = {"fault": "red", "warning": "yellow", "note": "dim"}
 
 
+_VERDICTS = {"yes": "green", "partly": "yellow", "no": "red"}
+
+
+def print_answer(answer: Mapping[str, Any]) -> None:
+    """Prints whether the replay can be trusted, the numbers that decide it, and what to change."""
+    first = (f"{answer['verdict']}: ", f"bold {_VERDICTS[answer['verdict']]}")
+    parts: list[Any] = ["Can I trust this? ", first, (answer["sentence"], "bold")]
+    parts += [f"\n   {line}" for line in answer["numbers"]]
+    parts.append(
+        f"\n   Change: {answer['change']} Track to take: {answer['method'] or 'none, until it is changed'}."
+    )
+    parts += [f"\n   {answer['vehicle']}"] if answer["vehicle"] else []
+    console.print(Text.assemble(*parts), highlight=False)
+
+
 def print_findings(findings: Sequence[Mapping[str, Any]]) -> None:
     """Prints the verdict and the likely causes, each with its numbers and what to change."""
     for rank, finding in enumerate(findings):
@@ -258,7 +273,8 @@ def print_findings(findings: Sequence[Mapping[str, Any]]) -> None:
             " ",
         ]
         parts.append((finding["text"], "bold"))
-        parts += [f"\n   {finding['evidence']}"] if finding["evidence"] else []
+        # The numbers of the verdict stand in the answer.
+        parts += [f"\n   {finding['evidence']}"] if rank and finding["evidence"] else []
         parts += [f"\n   → {finding['advice']}"] if finding["advice"] else []
         console.print(Text.assemble(*parts), highlight=False)
 
@@ -266,6 +282,7 @@ def print_findings(findings: Sequence[Mapping[str, Any]]) -> None:
 def print_results(replayed: ReplayResult) -> None:
     """Prints faults of the clocks, a table per what-if case, and what is not as it was measured."""
     manifest = replayed.manifest
+    print_answer(manifest["answer"])
     print_findings(manifest["findings"])
     for line in calibration_words(replayed.calibration, manifest["methods"]):
         console.print(line, highlight=False, soft_wrap=True)

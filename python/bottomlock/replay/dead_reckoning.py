@@ -11,6 +11,7 @@ so the lever arm needs no angular rate. Where a depth sensor is there, it gives 
 Source: Brokloff, "Matrix Algorithm for Doppler Sonar Navigation", OCEANS 1994.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,7 @@ from bottomlock.replay.dead_reckoning_sd import (
 )
 from bottomlock.replay.streams import Attitudes, Depths, Flags, Floats, Times
 
+AttitudeAt = Callable[[Times], Rotation]
 METHOD = "dead_reckoning"
 """Its name among the methods."""
 
@@ -103,7 +105,7 @@ def dead_reckon(
     turned = attitudes.time_ns[(attitudes.time_ns > begin.time_ns) & (attitudes.time_ns < last_ns)]
     pinged = (velocities.time_ns >= begin.time_ns) & (velocities.time_ns <= last_ns)
     grid_ns = np.unique(np.concatenate([[begin.time_ns], turned, velocities.time_ns[pinged], sample_ns]))
-    attitude_at = _interpolated(attitudes)
+    attitude_at = attitude_between(attitudes)
     started = attitude_at(np.array([begin.time_ns]))
     values, cov, since_ns = _held(velocities, begin, attitude_at, lever, pinged)
 
@@ -135,20 +137,19 @@ def dead_reckon(
     )
 
 
-class _interpolated:  # noqa: N801 - a function that holds its knots
-    """Attitude at any times, on the shortest way between two readings; the first and the last hold beyond them."""
+def attitude_between(attitudes: Attitudes) -> AttitudeAt:
+    """Attitude at any times (n,), on the shortest way between two readings; the first and the last hold beyond them."""
+    first_ns, last_ns = int(attitudes.time_ns[0]), int(attitudes.time_ns[-1])
+    slerp = Slerp((attitudes.time_ns - first_ns) * 1e-9, attitudes.attitude)
 
-    def __init__(self, attitudes: Attitudes) -> None:
-        self.first_ns, self.last_ns = int(attitudes.time_ns[0]), int(attitudes.time_ns[-1])
-        self.slerp = Slerp((attitudes.time_ns - self.first_ns) * 1e-9, attitudes.attitude)
+    def at(time_ns: Times) -> Rotation:
+        return slerp((np.clip(time_ns, first_ns, last_ns) - first_ns) * 1e-9)
 
-    def __call__(self, time_ns: Times) -> Rotation:
-        within = np.clip(time_ns, self.first_ns, self.last_ns) - self.first_ns
-        return self.slerp(within * 1e-9)
+    return at
 
 
 def _held(
-    velocities: Velocities, begin: Begin, attitude_at: _interpolated, lever: Floats, pinged: Flags
+    velocities: Velocities, begin: Begin, attitude_at: AttitudeAt, lever: Floats, pinged: Flags
 ) -> tuple[Floats, Floats, Times]:
     """Velocities of the DVL's place, their covariances, and since when each is held; the start's is the first."""
     ends = attitude_at(np.array([begin.time_ns, begin.time_ns + RATE_NS]))
@@ -167,7 +168,7 @@ RATE_NS = 200_000_000
 """Time over which the angular rate is taken from the attitude, where a lever arm needs it."""
 
 
-def _rate(attitude_at: _interpolated, attitudes: Attitudes, time_ns: Times) -> Floats:
+def _rate(attitude_at: AttitudeAt, attitudes: Attitudes, time_ns: Times) -> Floats:
     """(T, 3) angular rate against the tangent frame, platform axes, rad/s, from the attitude around each time."""
     half_ns = max(RATE_NS // 2, int(np.median(np.diff(attitudes.time_ns))))
     before, after = attitude_at(time_ns - half_ns), attitude_at(time_ns + half_ns)

@@ -13,6 +13,7 @@ import polars as pl
 from bottomlock import kernel
 from bottomlock.atomic_write import write_parquet
 from bottomlock.errors import DataError, OutputError
+from bottomlock.kernel import KernelError
 from bottomlock.output_folder import is_occupied, locked, remove_parts
 from bottomlock.records import read_record, write_record
 from bottomlock.replay import compare, rerun
@@ -21,7 +22,9 @@ from bottomlock.replay.calibration import calibration_table
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
 from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
+from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.findings.answers import answers
+from bottomlock.replay.findings.attitude_checks import attitude_findings
 from bottomlock.replay.findings.diagnose import diagnose, findings_json
 from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams
@@ -106,7 +109,7 @@ def replay_case(
         change = recorded_change(prepared)
         start_ns = prepared.alignment.time_ns
         for name, what_if in [(RECORDED, None), *((what_if.name, what_if) for what_if in case.what_if)]:
-            result = rerun.run_methods(case, prepared, what_if, threads=threads)
+            result = _flown(case, prepared, what_if, threads)
             result = replace(result, reckoned=reckon(case, result.prepared, result.valid, change))
             parts["samples"].append(compare.samples_table(case, name, result))
             parts["innovations"].append(compare.innovations_table(case, name, result))
@@ -120,7 +123,7 @@ def replay_case(
     path = compare.path_table(streams)
     first = _first(tables)
     prepared = rerun.prepare(case, streams, 0, residuals)
-    findings = diagnose(case, prepared, first["samples"], first["innovations"])
+    diagnosis = diagnose(case, prepared, first["samples"], first["innovations"])
     return ReplayResult(
         runs=runs_table(
             tables["samples"],
@@ -137,9 +140,29 @@ def replay_case(
             case, streams, alignments, imu_faults, threads=threads, wall_s=time.perf_counter() - started
         )
         | {"methods": _methods(case, first["samples"])}
-        | {"findings": findings_json(findings), "answers": answers(prepared, first["samples"])},
+        | {
+            "answer": diagnosis.answer.to_json(),
+            "findings": findings_json(diagnosis.findings),
+            "answers": answers(prepared, first["samples"]),
+        },
         **tables,
     )
+
+
+def _flown(case: Case, prepared: rerun.PreparedRun, what_if: WhatIf | None, threads: int) -> rerun.Rerun:
+    """Every method, and where the filters refuse the log, the cause that shows without them.
+
+    Raises:
+        DataError: for a log that they refuse because of a mistake in the case.
+        KernelError: for any other that they refuse.
+    """
+    try:
+        return rerun.run_methods(case, prepared, what_if, threads=threads)
+    except KernelError as error:
+        causes = attitude_findings(case, prepared)
+        if not causes:
+            raise
+        raise DataError(f"{error}. {causes[0].text} {causes[0].evidence} {causes[0].advice}") from error
 
 
 def _methods(case: Case, samples: pl.DataFrame) -> list[str]:

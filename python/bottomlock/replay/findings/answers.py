@@ -22,6 +22,11 @@ def answers(prepared: PreparedRun, samples: pl.DataFrame) -> list[str]:
     return [*_beams(prepared), *_methods(samples)]
 
 
+def closure_words(prepared: PreparedRun) -> str:
+    """What beams left out of pings with all of them show; "" without redundant beams."""
+    return next(iter(_beams(prepared)), "")
+
+
 def _beams(prepared: PreparedRun) -> list[str]:
     beams, instrument = prepared.streams.beams, prepared.streams.instrument
     B = np.asarray(instrument.geometry.directions_p)

@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.case import Case
@@ -206,54 +205,3 @@ def heading_finding(case: Case, alignment: Alignment, streams: Streams) -> Findi
             f'Set start.heading = "{name}", or start.heading_deg: the whole track turns with it.', "start.heading",
         )  # fmt: skip
     return None
-
-
-def track_finding(
-    case: Case, time_ns: NDArray[np.int64], estimate_t_m: Floats, streams: Streams
-) -> Finding | None:
-    """The track against positions that did not aid it: turned as a whole, the heading was wrong."""
-    reference = streams.reference
-    gps = streams.positions.get("gps") if case.gps is not None and not case.gps.aids else None
-    if reference is not None and reference.position_t_m is not None:
-        times, place, name = reference.time_ns, reference.position_t_m, "reference"
-    elif gps is not None:
-        times, place, name = gps.time_ns, gps.position_t_m, "gps"
-    else:
-        return None
-    inside = (times >= time_ns[0]) & (times <= time_ns[-1])
-    if inside.sum() < 10:
-        return None
-    seconds = (times[inside] - time_ns[0]) * 1e-9
-    own = np.stack(
-        [np.interp(seconds, (time_ns - time_ns[0]) * 1e-9, estimate_t_m[:, k]) for k in range(2)], axis=1
-    )
-    own, other = own - own.mean(axis=0), place[inside, :2] - place[inside, :2].mean(axis=0)
-    extent = float(np.sqrt((other**2).sum(axis=1).mean()))
-    if extent < 5.0:
-        return None
-    turned = complex((own[:, 0] - 1j * own[:, 1]) @ (other[:, 0] + 1j * other[:, 1]))
-    angle = float(np.angle(turned))
-    spin = Rotation.from_euler("Z", angle).as_matrix()[:2, :2]
-    before = float(np.sqrt(((own - other) ** 2).sum(axis=1).mean()))
-    after = float(np.sqrt(((own @ spin.T - other) ** 2).sum(axis=1).mean()))
-    sd = max(float(np.deg2rad(0.3)), after / extent)
-    if abs(angle) < max(SIGMAS * sd, np.deg2rad(2.0)) or after > 0.5 * before:
-        return None
-    aided = case.attitude is not None and case.attitude.aids != "nothing"
-    key = "attitude.yaw_offset_deg" if aided else "start.heading"
-    cause = (
-        "the recorded heading aids it: a magnetic one lacks the declination"
-        if aided
-        else "its heading at the start was wrong"
-    )
-    remedy = (
-        f"Set attitude.yaw_offset_deg = {np.rad2deg(angle) + case.attitude.yaw_offset_deg:.1f}"
-        if aided and case.attitude is not None
-        else "Use another source of start.heading"
-    )
-    return Finding(
-        "magnetic_heading" if aided else "start_heading", "fault", (angle / sd) ** 2,
-        f"The track is turned by {-np.rad2deg(angle):+.1f} deg against the positions of [{name}]; {cause}.",
-        f"RMS distance {before:.1f} m as navigated, {after:.1f} m after turning it back.",
-        f"{remedy}; is it true north?", key,
-    )  # fmt: skip

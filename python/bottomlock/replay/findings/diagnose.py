@@ -1,6 +1,6 @@
-"""The findings of a replay: the verdict, then the likely causes with their numbers and the key to change."""
+"""The findings of a replay, the verdict first, then the likely causes; and the answer that they amount to."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -8,13 +8,21 @@ import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.replay.case import Case
+from bottomlock.replay.dead_reckoning import METHOD as DEAD_RECKONING
 from bottomlock.replay.findings import checks
+from bottomlock.replay.findings.against_reckoning import Agreement, agreements
+from bottomlock.replay.findings.answers import closure_words
+from bottomlock.replay.findings.attitude_checks import attitude_findings
 from bottomlock.replay.findings.beam_noise_finding import beam_noise_finding
 from bottomlock.replay.findings.claims import claims_findings
+from bottomlock.replay.findings.expected_nis import least_ratio
 from bottomlock.replay.findings.finding import Finding, ranked
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import motion_findings
-from bottomlock.replay.findings.verdict import ABSORBED, verdict_finding
+from bottomlock.replay.findings.sway import measured_sway
+from bottomlock.replay.findings.track_checks import Fit, fits, track_finding
+from bottomlock.replay.findings.trust import Answer, Evidence, answer_of, reference_words
+from bottomlock.replay.findings.verdict import ABSORBED, WRONG, innovations_of, no_fix, verdict_finding
 from bottomlock.replay.motion.closure import LEAST_PINGS
 from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.velocity import ping_velocity
@@ -23,10 +31,18 @@ from bottomlock.replay.rerun import PreparedRun
 Floats = NDArray[np.float64]
 
 
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Findings in order, and the answer to whether the replay can be trusted."""
+
+    findings: list[Finding]
+    answer: Answer
+
+
 def diagnose(
     case: Case, prepared: PreparedRun, samples: pl.DataFrame, innovations: pl.DataFrame
-) -> list[Finding]:
-    """Findings of the recording as it is: the verdict, the likely causes, and claims that a reference contradicts.
+) -> Diagnosis:
+    """Of the recording as it is: the verdict, the likely causes, claims that a reference contradicts, and the answer.
 
     Args:
         case: the case.
@@ -34,12 +50,51 @@ def diagnose(
         samples: `tables.replay.REPLAY_SAMPLES` of the recording, first run.
         innovations: the same, `tables.replay.innovations_schema`.
     """
+    methods = case.replay.filters
     causes = _causes(case, prepared, samples)
+    likeliest = causes[0] if causes else None
     beams = pl.Series(prepared.streams.beams.valid[prepared.pings].sum(axis=1))
-    verdict, state = verdict_finding(innovations, case.replay.methods, causes[0] if causes else None, beams)
+    projected = prepared.streams.beams.velocity_d_mps is not None
+    # Beams projected from a velocity have its noise three times over, and no closure.
+    least = 0.0 if projected else least_ratio(prepared.options.robust)
+    seen = innovations_of(innovations, methods, beams, least)
+    agreed = agreements(samples, methods)
+    if seen is None:
+        verdict, state = no_fix(), WRONG
+    else:
+        own = next((one for one in agreed if one.method == seen.method), None)
+        agreed = ([] if own is None else [own]) + [one for one in agreed if one is not own]
+        verdict, state = verdict_finding(seen, likeliest, own)
+    further = [*_astray(agreed), *claims_findings(samples, methods)]
+    heading = samples.filter((pl.col("pass") == "forward") & (pl.col("method") == methods[0]))
+    evidence = Evidence(
+        verdict=verdict, state=state, causes=causes, further=further, seen=seen, closure=closure_words(prepared),
+        agreements=agreed, reckoned=bool((samples["method"] == DEAD_RECKONING).any()),
+        reference="" if seen is None else reference_words(samples, seen.method),
+        sway=measured_sway(
+            case, prepared, heading["time_ns"].to_numpy(), np.deg2rad(heading["yaw_deg"].to_numpy())
+        ),
+        methods=methods,
+    )  # fmt: skip
     if state == ABSORBED:
         causes = [replace(one, severity="warning") for one in causes]
-    return [verdict, *causes, *claims_findings(samples, case.replay.methods)]
+    return Diagnosis([verdict, *causes, *further], answer_of(evidence))
+
+
+def _astray(agreed: list[Agreement]) -> list[Finding]:
+    """Methods beside the one of the verdict that leave dead reckoning, where that one does not."""
+    astray = [one for one in agreed[1:] if one.leaves or one.lost]
+    if not astray or agreed[0].leaves or agreed[0].lost:
+        return []
+    worst = max(astray, key=lambda one: one.sigmas)
+    return [
+        Finding(
+            "astray", "warning", worst.sigmas**2,
+            f"{', '.join(one.method for one in astray)}: further from dead reckoning than both claim, and "
+            f"{agreed[0].method} is not.",
+            worst.words(), f"Take {agreed[0].method}: what the others assume does not hold on this dive.",
+        )
+    ]  # fmt: skip
 
 
 def _causes(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> list[Finding]:
@@ -54,12 +109,32 @@ def _causes(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> list[Fi
     time_ns, velocity = time_ns[inside], velocity[inside] / geometry.sound_speed_scale
     if len(time_ns) > LEAST_PINGS:
         found += _against_imu(case, prepared, time_ns, velocity)
+    against = attitude_findings(case, prepared)
+    moved = {one.kind for one in found if one is not None}
+    # One unit has one finding; and axes that are wrong turn the attitude against the IMU too.
+    found += [
+        one for one in against if one.kind not in moved and (one.kind == "gyro_unit" or "axes" not in moved)
+    ]
     found += [
         checks.velocity_finding(alignment, time_ns, velocity),
         checks.heading_finding(case, alignment, streams),
     ]
-    found.append(_track(case, prepared, samples))
-    return ranked([one for one in found if one is not None])
+    causes = ranked([one for one in found if one is not None])
+    return _with_track(causes, _track(case, prepared, samples))
+
+
+def _with_track(causes: list[Finding], track: Finding | None) -> list[Finding]:
+    """The causes with what the track shows, each mistake once."""
+    # A start that contradicts an attitude which is wrong is the mistake of the attitude.
+    others = [one for one in causes if one.kind != "start_heading"]
+    if any(one.kind == "attitude_mounting" for one in causes):
+        return others
+    if track is None:
+        return causes
+    if track.kind in {"attitude_heading", "other_dive"}:
+        # Both are told only where nothing else makes dead reckoning wrong.
+        return causes if any(one.severity == "fault" for one in others) else ranked([*others, track])
+    return ranked([*causes, track])
 
 
 def _against_imu(
@@ -109,13 +184,21 @@ def _at_imu(prepared: PreparedRun, time_ns: NDArray[np.int64], velocity: Floats)
 
 
 def _track(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> Finding | None:
-    forward = samples.filter(pl.col("pass") == "forward")
-    methods = [m for m in ("tc", "lc", *case.replay.methods) if m in case.replay.methods and m != "ins"]
+    methods = [m for m in ("tc", "lc", *case.replay.filters) if m in case.replay.filters and m != "ins"]
     if not methods:
         return None
-    rows = forward.filter(pl.col("method") == methods[0])
+    own, reckoned = (_fits(case, prepared, samples, method) for method in (methods[0], DEAD_RECKONING))
+    return track_finding(case, own, reckoned)
+
+
+def _fits(case: Case, prepared: PreparedRun, samples: pl.DataFrame, method: str) -> list[Fit]:
+    rows = samples.filter((pl.col("pass") == "forward") & (pl.col("method") == method))
+    if rows.height < 2:
+        return []
     place = rows.select("north_m", "east_m", "down_m").to_numpy()
-    return checks.track_finding(case, rows["time_ns"].to_numpy(), place, prepared.streams)
+    sd = rows.select("sd_position_north_m", "sd_position_east_m").to_numpy()
+    claimed_m = float(np.sqrt((sd**2).sum(axis=1).mean()))
+    return fits(case, prepared.streams, rows["time_ns"].to_numpy(), place, claimed_m)
 
 
 def findings_json(findings: list[Finding]) -> list[dict[str, Any]]:

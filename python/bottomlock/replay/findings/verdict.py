@@ -1,13 +1,15 @@
-"""The verdict on a replay: fixes rejected, and NIS against what a consistent filter has."""
+"""The verdict on a replay: fixes rejected, NIS against what a consistent filter has, and dead reckoning."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import polars as pl
 
+from bottomlock.replay.findings.against_reckoning import Agreement, metres
 from bottomlock.replay.findings.finding import Finding, Severity
 from bottomlock.statistics.chi_squared import CONSISTENT, OVERCONFIDENT, mean_band
 
-ABSORBED = "absorbed"
+ABSORBED, WRONG = "absorbed", "wrong"
 PROBABILITY = 0.9999
 WRONG_REJECTED, MANY_REJECTED = 0.15, 0.04
 WRONG_RATIO, HIGH_RATIO = 2.5, 1.5
@@ -15,16 +17,50 @@ WRONG_RATIO, HIGH_RATIO = 2.5, 1.5
 PREFERRED = ("tc", "lc")
 
 
-def verdict_finding(
-    innovations: pl.DataFrame, methods: Sequence[str], cause: Finding | None, beams: pl.Series
-) -> tuple[Finding, str]:
-    """The first finding, and "consistent", "overconfident" or "wrong".
+@dataclass(frozen=True)
+class Innovations:
+    """Innovations of the method that stands for all.
+
+    Attributes:
+        method: its name.
+        pings: with beams enough for it.
+        rejected: part of them.
+        nis, degrees: mean NIS and what Gaussian noise leads to.
+        low, high: band of the mean of a consistent filter.
+    """
+
+    method: str
+    pings: int
+    rejected: float
+    nis: float
+    degrees: float
+    low: float
+    high: float
+
+    @property
+    def ratio(self) -> float:
+        """NIS over its degrees."""
+        return self.nis / self.degrees
+
+    def words(self) -> str:
+        """The numbers in one sentence."""
+        band = f"{self.low:.3g} to {self.high:.3g}" if self.low > 0.0 else f"at most {self.high:.3g}"
+        return (
+            f"Method {self.method}: {100.0 * self.rejected:.3g} % of {self.pings} pings with beams rejected; NIS "
+            f"{self.nis:.3g}, {band} for a consistent filter."
+        )
+
+
+def innovations_of(
+    innovations: pl.DataFrame, methods: Sequence[str], beams: pl.Series, least_ratio: float
+) -> Innovations | None:
+    """The innovations of the first of `PREFERRED` and `methods` that has any; None if none has.
 
     Args:
         innovations: of the recording as it is.
         methods: of the case.
-        cause: the likeliest cause, or None.
         beams: (n,) valid beams of each ping, in the order of the innovations.
+        least_ratio: of `expected_nis.least_ratio`; 0 where the noise of the beams is not that of a DVL.
     """
     used = [m for m in (*PREFERRED, *methods) if m in methods]
     for method in dict.fromkeys(used):
@@ -33,47 +69,51 @@ def verdict_finding(
         if rows.height:
             # What the method can use is shown by the pings that it did use.
             enough = beams >= beams.filter(pings["nis"].is_not_null()).min()
-            return _of(rows, method, cause, unused=int((enough & pings["nis"].is_null()).sum()))
-    text = "No method had a single fix: no ping lies within the navigation, or no beam of them is valid."
-    return (
-        Finding(
-            "no_fix",
-            "fault",
-            float("inf"),
-            text,
-            "",
-            "Check dvl.clock, and which pings have beams.",
-            "dvl.clock",
-        ),
-        "wrong",
-    )
+            return _of(rows, method, int((enough & pings["nis"].is_null()).sum()), least_ratio)
+    return None
 
 
-def _of(rows: pl.DataFrame, method: str, cause: Finding | None, unused: int) -> tuple[Finding, str]:
+def _of(rows: pl.DataFrame, method: str, unused: int, least_ratio: float) -> Innovations:
     count = rows.height + unused
     # A ping whose beams were all left out as outliers never becomes a fix: it counts as rejected.
     lost = int((rows["status"] == "rejected").sum()) + unused
-    rejected = lost / count
     degrees = float(rows["degrees"].mean() or 1.0)  # type: ignore[arg-type]
-    nis = float(rows["nis"].mean() or 0.0)  # type: ignore[arg-type]
     low, high = mean_band(degrees, rows.height, PROBABILITY)
-    ratio = nis / degrees
-    numbers = (
-        f"Method {method}: {100.0 * rejected:.3g} % of {count} pings with beams rejected; NIS {nis:.3g}, "
-        f"expected {degrees:.3g} "
-        f"({low:.3g} to {high:.3g} for a consistent filter)."
-    )
+    nis = float(rows["nis"].mean() or 0.0)  # type: ignore[arg-type]
+    return Innovations(method, count, lost / count, nis, degrees, least_ratio * low, high)
+
+
+def no_fix() -> Finding:
+    """The finding where no method has a fix."""
+    text = "No method had a single fix: no ping lies within the navigation, or no beam of them is valid."
+    advice = "Check dvl.clock, and which pings have beams."
+    return Finding("no_fix", "fault", float("inf"), text, "", advice, "dvl.clock")
+
+
+def verdict_finding(
+    seen: Innovations, cause: Finding | None, agreement: Agreement | None
+) -> tuple[Finding, str]:
+    """The first finding, and "consistent", "overconfident", "absorbed" or "wrong".
+
+    Args:
+        seen: of the method that stands for all.
+        cause: the likeliest cause, or None.
+        agreement: of that method with dead reckoning; None without dead reckoning.
+    """
     state, severity, text, advice = CONSISTENT, "note", "Nothing is wrong with the filter's innovations.", ""
-    if rejected > WRONG_REJECTED or ratio > WRONG_RATIO:
-        state, severity, text = "wrong", "fault", "Something is wrong: the beams do not fit the navigation."
-        if cause is not None:
-            advice = f"The likeliest cause: {cause.text} {cause.advice}"
-        else:
-            advice = (
-                "No single cause stands out: check start, mounting, axes and clock; are IMU and DVL of the same dive? "
-                "`bottomlock audit` tests the log."
-            )
-    elif rejected > MANY_REJECTED or ratio > HIGH_RATIO:
+    likeliest = "" if cause is None else f"The likeliest cause: {cause.text} {cause.advice}"
+    if agreement is not None and (agreement.leaves or agreement.lost):
+        state, severity, text = WRONG, "fault", departure(agreement)
+        advice = likeliest or (
+            "No single cause stands out: check units, start, mounting, axes and clock. Until then take dead_reckoning."
+        )
+    elif seen.rejected > WRONG_REJECTED or seen.ratio > WRONG_RATIO:
+        state, severity, text = WRONG, "fault", "Something is wrong: the beams do not fit the navigation."
+        advice = likeliest or (
+            "No single cause stands out: check start, mounting, axes and clock; are IMU and DVL of the same dive? "
+            "`bottomlock audit` tests the log."
+        )
+    elif seen.rejected > MANY_REJECTED or seen.ratio > HIGH_RATIO:
         state, severity = OVERCONFIDENT, "warning"
         text = "The filter claims more than the beams confirm."
         advice = (
@@ -84,9 +124,23 @@ def _of(rows: pl.DataFrame, method: str, cause: Finding | None, unused: int) -> 
         state, severity = ABSORBED, "warning"
         text = "The innovations look consistent, but the filter has absorbed an error."
         advice = f"The likeliest: {cause.text} {cause.advice}"
-    elif nis > high:
+    elif seen.nis > seen.high:
         text = "NIS is a little high: the claimed noise of the beams or the IMU is a little small."
-    elif nis < low:
+    elif seen.nis < seen.low:
         text = "NIS is low: the claimed noise is larger than the real one."
     level: Severity = "fault" if severity == "fault" else "warning" if severity == "warning" else "note"
-    return Finding("verdict", level, float(count) * max(ratio, rejected), text, numbers, advice), state
+    score = float(seen.pings) * max(seen.ratio, seen.rejected)
+    return Finding("verdict", level, score, text, seen.words(), advice), state
+
+
+def departure(agreement: Agreement) -> str:
+    """That a method leaves dead reckoning, in one sentence."""
+    if agreement.lost:
+        return (
+            f"{agreement.method} is up to {metres(agreement.apart_m)} from dead reckoning, and claims a larger 1 sigma "
+            f"itself: {metres(agreement.sd_m)} at the end, dead reckoning {metres(agreement.reckoned_sd_m)}."
+        )
+    return (
+        f"{agreement.method} leaves dead reckoning by up to {metres(agreement.apart_m)}: {agreement.sigmas:.1f} times "
+        "what both claim."
+    )

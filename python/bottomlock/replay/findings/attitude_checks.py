@@ -1,0 +1,146 @@
+"""The recorded attitude against the gyros and the accelerometers: unit of the gyros, mounting of the instrument.
+
+Over each second the attitude turns by Cᵀ(t) C(t + 1 s), and the gyros by the integral of their readings. Both are
+vectors in platform axes and so is gravity, which both show over some seconds. One rotation from the attitude's axes to
+the IMU's fits all of them (Kabsch 1976); the ratio of the turns is the unit.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from bottomlock.replay.case import Case
+from bottomlock.replay.dead_reckoning import attitude_between
+from bottomlock.replay.findings.finding import Finding
+from bottomlock.replay.rerun import PreparedRun
+from bottomlock.replay.streams import Floats, Inertial, Times
+
+STEP_S, LEVEL_S = 1.0, 10.0
+"""Intervals over which turns and the direction of gravity are compared."""
+FEWEST = 60
+CORRELATED = 0.6
+"""Correlation of the turns from which both are of one vehicle."""
+TURNED_RAD = np.deg2rad(25.0)
+"""A smaller rotation may be a slow error of the attitude."""
+BETTER = 0.5
+"""Part of the misfit that may be left after a rotation that is a finding."""
+UNITS = {np.pi / 180.0: ("deg/s", "rad/s"), 180.0 / np.pi: ("rad/s", "deg/s")}
+"""Ratio of gyros to attitude: the unit that is stated, and the right one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """Turns of gyros and attitude, rad/s, (n, 3) each, less their means; directions of down of both, (m, 3)."""
+
+    gyros: Floats
+    attitude: Floats
+    down_imu: Floats
+    down_attitude: Floats
+
+
+def attitude_findings(case: Case, prepared: PreparedRun) -> list[Finding]:
+    """Unit of the gyros and mounting of the attitude sensor, where both instruments contradict what is stated."""
+    turns = compared(prepared)
+    if case.attitude is None or turns is None:
+        return []
+    rotation = aligned(turns)
+    seen = rotation.apply(turns.attitude)
+    size = float(np.sum(turns.gyros**2) * np.sum(seen**2)) ** 0.5
+    correlation = float(np.sum(turns.gyros * seen)) / max(size, 1e-12)
+    if correlation < CORRELATED:
+        return []
+    slope = float(np.sum(turns.gyros * seen) / np.sum(seen**2))
+    found = [_unit(case, slope, correlation, turns), _mounting(turns, rotation, slope)]
+    return [one for one in found if one is not None]
+
+
+def _unit(case: Case, slope: float, correlation: float, turns: Turns) -> Finding | None:
+    factor = min(UNITS, key=lambda one: abs(np.log(abs(slope) / one)))
+    stated, right = UNITS[factor]
+    if abs(np.log(abs(slope) / factor)) > np.log(2.0) or case.imu.omega_unit != stated:
+        return None
+    left = float(np.sum((turns.gyros / factor - turns.attitude) ** 2))
+    misfit = float(np.sum((turns.gyros - turns.attitude) ** 2))
+    return Finding(
+        "gyro_unit", "fault", min(turns.gyros.size * misfit / max(left, 1e-12), 1e9),
+        f"The unit of the angular rate is wrong: {right} taken for {stated}.",
+        f"Slope of the gyros over the turns of the recorded attitude: {slope:.3g} as stated, {slope / factor:.3g} with "
+        f"{right}, expected 1; correlation {correlation:.2f} over {len(turns.gyros)} intervals of {STEP_S:g} s.",
+        f'Set imu.omega_unit = "{right}" (now "{stated}").', "imu.omega_unit",
+    )  # fmt: skip
+
+
+def _mounting(turns: Turns, rotation: Rotation, slope: float) -> Finding | None:
+    if rotation.magnitude() < TURNED_RAD:
+        return None
+    parts = ((turns.gyros / slope, turns.attitude), (turns.down_imu, turns.down_attitude))
+    before, after = (
+        sum(float(np.sum((a - r.apply(b)) ** 2) / max(np.sum(a**2), 1e-12)) for a, b in parts)
+        for r in (Rotation.identity(), rotation)
+    )
+    if after > BETTER * before:
+        return None
+    yaw, pitch, roll = rotation.as_euler("ZYX", degrees=True)
+    return Finding(
+        "attitude_mounting", "fault", min(turns.gyros.size * before / max(after, 1e-12), 1e9),
+        f"The attitude sensor is mounted {np.rad2deg(rotation.magnitude()):.0f} deg off what is stated.",
+        f"Its turns and its level fit gyros and accelerometers after roll {roll:+.0f}, pitch {pitch:+.0f}, yaw "
+        f"{yaw:+.0f} deg: {100.0 * after / before:.0f} % of the misfit is left, over {len(turns.gyros)} intervals of "
+        f"{STEP_S:g} s.",
+        f"Turn attitude.mounting_roll_deg, mounting_pitch_deg and mounting_yaw_deg by {roll:+.0f}, {pitch:+.0f}, "
+        f"{yaw:+.0f}; or the IMU is turned, imu.axes.", "attitude.mounting_yaw_deg",
+    )  # fmt: skip
+
+
+def aligned(turns: Turns) -> Rotation:
+    """The rotation from the attitude's platform axes to the IMU's, by turns and level with the same weight."""
+    k = float(np.sqrt(np.sum(turns.gyros**2) / max(float(np.sum(turns.attitude**2)), 1e-12)))
+    share = [1.0 / max(float(np.sum(turns.gyros**2)), 1e-12), 1.0 / len(turns.down_imu)]
+    weights = np.repeat(share, [len(turns.gyros), len(turns.down_imu)])
+    found, _ = Rotation.align_vectors(
+        np.concatenate([turns.gyros, turns.down_imu]),
+        np.concatenate([k * turns.attitude, turns.down_attitude]),
+        weights=weights,
+    )
+    return found
+
+
+def compared(prepared: PreparedRun) -> Turns | None:
+    """Turns and level of both instruments where both have readings; None where that is too short."""
+    attitudes, inertial = prepared.streams.attitudes, prepared.streams.inertial
+    if attitudes is None or len(attitudes.time_ns) < 2:
+        return None
+    begin = max(int(attitudes.time_ns[0]), int(inertial.time_ns[0]), prepared.alignment.time_ns)
+    end = min(int(attitudes.time_ns[-1]), int(inertial.time_ns[-1]))
+    step_s = max(STEP_S, 2e-9 * float(np.median(np.diff(attitudes.time_ns))))
+    edges = np.arange(begin, end, round(step_s * 1e9), dtype=np.int64)
+    far = np.arange(begin, end, round(LEVEL_S * 1e9), dtype=np.int64)
+    if len(edges) <= FEWEST or len(far) < 3:
+        return None
+    attitude_at = attitude_between(attitudes)
+    C = attitude_at(edges)
+    turned = (C[:-1].inv() * C[1:]).as_rotvec() / step_s
+    gyros = _means(inertial, inertial.omega_p_radps, edges)
+    force = _means(inertial, inertial.force_p_mps2, far)
+    fine = attitude_at(edges).inv().apply([0.0, 0.0, 1.0])
+    block = np.minimum(np.searchsorted(far, edges, side="right") - 1, len(far) - 2)
+    summed = [np.bincount(block, fine[:, k], minlength=len(far) - 1) for k in range(3)]
+    down = np.stack(summed, axis=1).astype(np.float64)
+    return Turns(
+        gyros - gyros.mean(axis=0), turned - turned.mean(axis=0), -_unit_rows(force), _unit_rows(down)
+    )
+
+
+def _means(inertial: Inertial, values: Floats, edges: Times) -> Floats:
+    """(n − 1, 3) means of readings between edges (n,)."""
+    seconds = (inertial.time_ns - edges[0]) * 1e-9
+    steps = np.diff(seconds)[:, None] * 0.5 * (values[1:] + values[:-1])
+    total = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    at = (edges - edges[0]) * 1e-9
+    summed = np.stack([np.interp(at, seconds, total[:, k]) for k in range(3)], axis=1)
+    return np.asarray(np.diff(summed, axis=0) / np.diff(at)[:, None])
+
+
+def _unit_rows(values: Floats) -> Floats:
+    return np.asarray(values / np.maximum(np.linalg.norm(values, axis=1), 1e-9)[:, None], dtype=np.float64)

@@ -1,0 +1,159 @@
+"""Tracks against positions that did not aid them: turned as a whole, or of another dive."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from bottomlock.replay.case import Case
+from bottomlock.replay.findings.finding import Finding
+from bottomlock.replay.streams import Floats, Streams, Times
+
+SIGMAS = 5.0
+LEAST_EXTENT_M = 5.0
+FEWEST = 10
+UNLIKE, BEYOND, WANDER_M = 0.15, 5.0, 3.0
+"""Part of the extent, multiple of the claimed error, and error of good positions that lasts, m: no turn and shift of a
+track leaves more than all three on its own dive."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A track against positions.
+
+    `angle_rad` is the rotation of the track that fits best; RMS distances before and after it, and after it without
+    what is white; RMS extents of positions and track, and the RMS σ that the track claims, in m.
+    """
+
+    name: str
+    angle_rad: float
+    before_m: float
+    after_m: float
+    lasting_m: float
+    extent_m: float
+    own_extent_m: float
+    claimed_m: float
+
+    @property
+    def sd_rad(self) -> float:
+        """1 sigma of the rotation."""
+        return max(float(np.deg2rad(0.3)), self.after_m / self.extent_m)
+
+    @property
+    def turned(self) -> bool:
+        """Whether the track is turned as a whole and fits after it."""
+        least = max(SIGMAS * self.sd_rad, float(np.deg2rad(2.0)))
+        return abs(self.angle_rad) > least and self.after_m < 0.5 * self.before_m
+
+    @property
+    def unlike(self) -> bool:
+        """Whether no turn and no shift makes one of the other."""
+        least = max(UNLIKE * max(self.extent_m, self.own_extent_m), BEYOND * self.claimed_m)
+        return self.lasting_m > max(least, WANDER_M)
+
+
+def fits(case: Case, streams: Streams, time_ns: Times, track_t_m: Floats, claimed_m: float) -> list[Fit]:
+    """A track (T, 3) with the RMS σ that it claims against the reference and GPS, where there are positions of them."""
+    found = []
+    reference, gps = streams.reference, streams.positions.get("gps")
+    if reference is not None and reference.position_t_m is not None:
+        found.append(
+            fit("reference", time_ns, track_t_m, reference.time_ns, reference.position_t_m, claimed_m)
+        )
+    if gps is not None and case.gps is not None:
+        found.append(fit("gps", time_ns, track_t_m, gps.time_ns, gps.position_t_m, claimed_m))
+    return [one for one in found if one is not None]
+
+
+def fit(
+    name: str, time_ns: Times, track_t_m: Floats, times: Times, place_t_m: Floats, claimed_m: float
+) -> Fit | None:
+    """The track turned and shifted onto positions, horizontally; None for too few of them or too short a way."""
+    inside = (times >= time_ns[0]) & (times <= time_ns[-1])
+    if inside.sum() < FEWEST:
+        return None
+    seconds = (times[inside] - time_ns[0]) * 1e-9
+    own = np.stack(
+        [np.interp(seconds, (time_ns - time_ns[0]) * 1e-9, track_t_m[:, k]) for k in range(2)], axis=1
+    )
+    own, other = own - own.mean(axis=0), place_t_m[inside, :2] - place_t_m[inside, :2].mean(axis=0)
+    own_extent, extent = (float(np.sqrt((one**2).sum(axis=1).mean())) for one in (own, other))
+    if extent < LEAST_EXTENT_M:
+        return None
+    turned = complex((own[:, 0] - 1j * own[:, 1]) @ (other[:, 0] + 1j * other[:, 1]))
+    angle = float(np.angle(turned))
+    spin = Rotation.from_euler("Z", angle).as_matrix()[:2, :2]
+    before = float(np.sqrt(((own - other) ** 2).sum(axis=1).mean()))
+    left = own @ spin.T - other
+    after = float(np.sqrt((left**2).sum(axis=1).mean()))
+    white = 0.5 * float((np.diff(left, axis=0) ** 2).sum(axis=1).mean())
+    return Fit(
+        name, angle, before, after, float(np.sqrt(max(after**2 - white, 0.0))), extent, own_extent, claimed_m
+    )
+
+
+def track_finding(case: Case, track: list[Fit], reckoned: list[Fit]) -> Finding | None:
+    """What is turned, or not of this dive, by a method's track and that of dead reckoning against the same positions.
+
+    Args:
+        case: the case.
+        track: of the method.
+        reckoned: of dead reckoning; empty without one.
+    """
+    for k, one in enumerate(track):
+        beside = reckoned[k] if k < len(reckoned) else None
+        if (beside or one).unlike:
+            return _other_dive(one, beside)
+        if beside is not None and beside.turned and not one.turned:
+            return _attitude_turned(case, beside)
+        if one.turned and (one.name == "reference" or case.gps is None or not case.gps.aids):
+            return _track_turned(case, one)
+    return None
+
+
+def _other_dive(one: Fit, beside: Fit | None) -> Finding:
+    best = beside or one
+    what = "dead-reckoned track" if beside is not None else "track"
+    return Finding(
+        "other_dive", "fault", best.after_m / max(best.extent_m, 1e-9),
+        f"The positions of [{one.name}] are not of this dive: no turn and no shift makes one of the other.",
+        f"RMS distance to the {what} {best.before_m:.3g} m as it is, {best.after_m:.3g} m after the turn and shift "
+        f"that fit best; the positions extend over {best.extent_m:.3g} m RMS, the track over {best.own_extent_m:.3g}.",
+        f"Check {one.name}.file and {one.name}.clock: are both of the same dive and on the same clock?",
+        f"{one.name}.file",
+    )  # fmt: skip
+
+
+def _attitude_turned(case: Case, fit: Fit) -> Finding:
+    degrees = float(np.rad2deg(fit.angle_rad))
+    offset = 0.0 if case.attitude is None else case.attitude.yaw_offset_deg
+    return Finding(
+        "attitude_heading", "fault", (fit.angle_rad / fit.sd_rad) ** 2,
+        f"The heading of [attitude] is {-degrees:+.1f} deg off: dead reckoning with it is turned against the positions "
+        f"of [{fit.name}].",
+        f"RMS distance {fit.before_m:.1f} m as reckoned, {fit.after_m:.1f} m after turning it back.",
+        f"Set attitude.yaw_offset_deg = {degrees + offset:.1f}, or attitude.mounting_yaw_deg if the instrument is "
+        "turned.",
+        "attitude.yaw_offset_deg",
+    )  # fmt: skip
+
+
+def _track_turned(case: Case, fit: Fit) -> Finding:
+    degrees = float(np.rad2deg(fit.angle_rad))
+    aided = case.attitude is not None and case.attitude.aids != "nothing"
+    cause = (
+        "the recorded heading aids it: a magnetic one lacks the declination"
+        if aided
+        else "its heading at the start was wrong"
+    )
+    remedy = (
+        f"Set attitude.yaw_offset_deg = {degrees + case.attitude.yaw_offset_deg:.1f}"
+        if aided and case.attitude is not None
+        else "Use another source of start.heading"
+    )
+    return Finding(
+        "magnetic_heading" if aided else "start_heading", "fault", (fit.angle_rad / fit.sd_rad) ** 2,
+        f"The track is turned by {-degrees:+.1f} deg against the positions of [{fit.name}]; {cause}.",
+        f"RMS distance {fit.before_m:.1f} m as navigated, {fit.after_m:.1f} m after turning it back.",
+        f"{remedy}; is it true north?", "attitude.yaw_offset_deg" if aided else "start.heading",
+    )  # fmt: skip

@@ -1,0 +1,154 @@
+"""Can this be trusted? One answer from the findings: yes, partly or no, with the numbers that decide it."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import polars as pl
+
+from bottomlock.replay.dead_reckoning import METHOD
+from bottomlock.replay.findings.against_reckoning import TRUSTED, Agreement
+from bottomlock.replay.findings.finding import Finding
+from bottomlock.replay.findings.sway import Sway
+from bottomlock.replay.findings.verdict import ABSORBED, WRONG, Innovations
+from bottomlock.tables.replay import FORWARD
+
+OF_FILTERS_ALONE = {
+    "gyro_unit", "gyro_offset", "start_level", "start_velocity", "start_heading", "depth_sign", "depth_scale",
+    "beam_noise", "other_dive",
+}  # fmt: skip
+"""Causes that dead reckoning does not have: no gyro, no start of the attitude, no weighting of beams."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Whether a replay can be trusted.
+
+    Attributes:
+        verdict: "yes", "partly" or "no".
+        sentence: why, in one sentence; a cause comes first.
+        numbers: what decides it: innovations with beams left out, then dead reckoning and the reference.
+        change: what to change.
+        method: whose track to take; "" where none of them is right until the change is made.
+        vehicle: which method fits the sway of this vehicle; "" where it was not measured.
+    """
+
+    verdict: Literal["yes", "partly", "no"]
+    sentence: str
+    numbers: tuple[str, ...]
+    change: str
+    method: str
+    vehicle: str
+
+    def to_json(self) -> dict[str, Any]:
+        """The answer in the types of JSON."""
+        return asdict(self) | {"numbers": list(self.numbers)}
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What an answer is made of.
+
+    Attributes:
+        verdict: the first finding, and its state.
+        causes: the likely causes, the likeliest first.
+        further: findings after them.
+        seen: innovations; None without a fix.
+        closure: what beams left out show, in a sentence; "" without redundant beams.
+        agreements: of the trusted methods with dead reckoning.
+        reckoned: whether there is dead reckoning.
+        reference: error of the method against the reference over its σ, in a sentence; "" without positions.
+        sway: as measured.
+        methods: filters of the case.
+    """
+
+    verdict: Finding
+    state: str
+    causes: Sequence[Finding]
+    further: Sequence[Finding]
+    seen: Innovations | None
+    closure: str
+    agreements: Sequence[Agreement]
+    reckoned: bool
+    reference: str
+    sway: Sway | None
+    methods: Sequence[str]
+
+
+def answer_of(evidence: Evidence) -> Answer:
+    """The answer that the evidence leads to."""
+    cause = next(iter(evidence.causes), None)
+    faulty = cause is not None and cause.severity == "fault"
+    vehicle = "" if evidence.sway is None else evidence.sway.words()
+    numbers = tuple(one for one in (_innovations(evidence), _agreement(evidence)) if one)
+    if evidence.state == WRONG or faulty or _refuted(evidence):
+        first = cause or evidence.verdict
+        reckons = evidence.reckoned and (cause is None or cause.kind in OF_FILTERS_ALONE)
+        return Answer("no", first.text, numbers, first.advice, METHOD if reckons else "", vehicle)
+    method = recommended(evidence)
+    doubts = [one for one in (*evidence.causes, *evidence.further) if one.severity != "note"]
+    if evidence.verdict.severity != "note" and evidence.state != ABSORBED:
+        doubts = [evidence.verdict, *doubts]
+    if doubts:
+        return Answer("partly", doubts[0].text, numbers, doubts[0].advice, method, vehicle)
+    if not evidence.reckoned and not evidence.reference:
+        return Answer(
+            "partly", "The beams fit the navigation, and nothing else confirms it.", numbers,
+            "Give an [attitude] for dead reckoning, or positions as [reference].", method, vehicle,
+        )  # fmt: skip
+    agree = [
+        name
+        for name, there in (
+            ("dead reckoning", evidence.reckoned),
+            ("the reference", bool(evidence.reference)),
+        )
+        if there
+    ]
+    return Answer(
+        "yes", f"The beams fit the navigation, and {' and '.join(agree)} {'agree' if len(agree) > 1 else 'agrees'}.",
+        numbers, "Nothing.", method, vehicle,
+    )  # fmt: skip
+
+
+def _refuted(evidence: Evidence) -> bool:
+    """Whether the reference contradicts the method's claim, and dead reckoning less."""
+    worse = bool(evidence.agreements) and evidence.agreements[0].worse
+    return worse and any(one.kind == "claims" for one in evidence.further)
+
+
+def recommended(evidence: Evidence) -> str:
+    """The filter that fits the vehicle, of those that stay with dead reckoning."""
+    astray = {one.method for one in evidence.agreements if one.leaves or one.lost}
+    sways = evidence.sway is not None and not evidence.sway.fits
+    order = ("tc", *TRUSTED) if sways or evidence.sway is None else ("sway_current", *TRUSTED)
+    usable = [one for one in (*order, *evidence.methods) if one in evidence.methods and one not in astray]
+    return usable[0] if usable else METHOD if evidence.reckoned else ""
+
+
+def _innovations(evidence: Evidence) -> str:
+    parts = [] if evidence.seen is None else [evidence.seen.words()]
+    return " ".join([*parts, *([evidence.closure] if evidence.closure else [])])
+
+
+def _agreement(evidence: Evidence) -> str:
+    parts = [one.words() for one in evidence.agreements[:1]]
+    return " ".join([*parts, *([evidence.reference] if evidence.reference else [])])
+
+
+def reference_words(samples: pl.DataFrame, method: str) -> str:
+    """Error of a method's position against the reference over its σ; "" without positions.
+
+    Args:
+        samples: `tables.replay.REPLAY_SAMPLES` of the recording, first run.
+        method: whose.
+    """
+    rows = samples.filter((pl.col("pass") == FORWARD) & (pl.col("method") == method)).slice(1)
+    axes = ("north", "east")
+    known = rows.filter(pl.all_horizontal(pl.col(f"err_position_{axis}_m").is_not_null() for axis in axes))
+    if known.is_empty():
+        return ""
+    squares = [((pl.col(f"err_position_{a}_m") / pl.col(f"sd_position_{a}_m")) ** 2).mean() for a in axes]
+    ratio = float(known.select((sum(squares[1:], squares[0]) / len(axes)).sqrt()).item())
+    last = known.row(-1, named=True)
+    end = (last["err_position_north_m"] ** 2 + last["err_position_east_m"] ** 2) ** 0.5
+    return f"Reference: {method} is {end:.3g} m off at the end, error over claimed σ {ratio:.2g} RMS, horizontally."

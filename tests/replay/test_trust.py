@@ -1,0 +1,159 @@
+"""Can I trust this: agreement with dead reckoning at a stated false alarm, NIS under weights, sway, answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import polars as pl
+import pytest
+from scipy.stats import norm
+
+from bottomlock.models import Robust
+from bottomlock.replay.case import load_case
+from bottomlock.replay.dead_reckoning import METHOD
+from bottomlock.replay.findings.against_reckoning import FALSE_ALARM, LIMIT, TIMES, Agreement, agreements
+from bottomlock.replay.findings.expected_nis import least_ratio, weight
+from bottomlock.replay.findings.finding import Finding
+from bottomlock.replay.findings.sway import _own
+from bottomlock.replay.findings.trust import Evidence, answer_of
+from bottomlock.replay.findings.verdict import WRONG, Innovations, verdict_finding
+from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.statistics.chi_squared import CONSISTENT
+from tests.replay.mistaken_case import write_case
+from tests.replay.rov_dive import rov_dive
+
+SEEN = Innovations("tc", 500, 0.0, 3.0, 3.5, 2.0, 4.0)
+NEAR = Agreement("tc", 0.5, 0.4, 0.6, 1.0, 1.0, None, None)
+FAR = Agreement("tc", 912.0, 38.0, 90.0, 20.0, 5.0, None, None)
+
+
+UNKNOWN = {f"err_position_{axis}_m": pl.Float64() for axis in ("north", "east")}
+
+
+def tracks(seed: int, off: float, sd: float = 2.0) -> pl.DataFrame:
+    """Two tracks whose errors are first-order walks of the claimed σ, and `off` σ of both apart at the end."""
+    rng, rows = np.random.default_rng(seed), 300
+    parts = []
+    for number, method in enumerate(("tc", METHOD)):
+        error = sd * rng.normal(size=2) * np.ones((rows, 2))
+        shift = number * off * np.sqrt(2.0) * sd * np.linspace(0.0, 1.0, rows)[:, None]
+        place = error + shift
+        columns: dict[str, object] = {"pass": ["forward"] * rows, "method": [method] * rows}
+        for k, axis in enumerate(("north", "east")):
+            columns[f"{axis}_m"] = place[:, k]
+            columns[f"sd_position_{axis}_m"] = np.full(rows, sd)
+            columns[f"err_position_{axis}_m"] = [None] * rows
+        parts.append(pl.DataFrame(columns, schema_overrides=UNKNOWN))
+    return pl.concat(parts)
+
+
+def test_right_claims_are_no_departure() -> None:
+    """500 pairs of tracks with errors of the claimed size: at a false alarm of 1e-4 each, one in 20 repeats has any."""
+    assert not any(agreements(tracks(seed, 0.0), ["tc"])[0].leaves for seed in range(500))
+    assert 2.0 * norm.sf(LIMIT) * TIMES * 2 == pytest.approx(FALSE_ALARM)
+
+
+def test_a_departure_beyond_both_claims_is_one() -> None:
+    assert all(agreements(tracks(seed, 12.0), ["tc"])[0].leaves for seed in range(20))
+
+
+def test_a_method_that_claims_nothing_is_lost() -> None:
+    one = Agreement("tc", 700.0, 1.1, 100.0, 1e6, 7.0, None, None)
+    assert one.lost
+    assert not one.leaves
+    assert "claims a larger 1 sigma itself: 1,000,000 m" in verdict_finding(SEEN, None, one)[0].text
+    assert not Agreement("tc", 3.0, 1.1, 2.0, 1e6, 7.0, None, None).lost
+
+
+def test_the_reference_judges_both() -> None:
+    """Worse by a quarter is worse only where the difference is beyond the method's own σ."""
+    assert Agreement("tc", 9.0, 1.0, 1.0, 1.0, 1.0, 9.0, 3.0).worse
+    assert not Agreement("tc", 9.0, 1.0, 1.0, 9.0, 1.0, 9.0, 3.0).worse
+    assert not Agreement("tc", 9.0, 1.0, 1.0, 1.0, 1.0, 3.6, 3.0).worse
+
+
+@pytest.mark.parametrize("robust", [Robust(), Robust(student_t_degrees=2.0), Robust(tail="huber")])
+def test_nis_of_noise_as_claimed_under_weights(robust: Robust) -> None:
+    """The integral against draws; and Gaussian updates have one."""
+    z = np.random.default_rng(1).normal(size=200_000)
+    drawn = float(np.mean([zz * zz * weight(robust, zz) for zz in z[:50_000]]))
+    assert least_ratio(robust) == pytest.approx(drawn, rel=0.02)
+    assert least_ratio(Robust(tail="gaussian")) == least_ratio(None) == 1.0
+
+
+@pytest.fixture(scope="module")
+def replayed(tmp_path_factory: pytest.TempPathFactory) -> ReplayResult:
+    return replay_case(load_case(write_case(rov_dive(21), tmp_path_factory.mktemp("dive"))))
+
+
+def test_a_right_dive_with_student_t_is_in_the_band(replayed: ReplayResult) -> None:
+    """Its NIS is below the band of Gaussian noise, and not low."""
+    rows = replayed.innovations.filter((pl.col("method") == "tc") & pl.col("nis").is_not_null())
+    ratio = rows["nis"].to_numpy().mean() / rows["degrees"].to_numpy().mean()
+    assert least_ratio(Robust()) * 0.9 < ratio < 0.9
+    assert replayed.manifest["findings"][0]["text"] == "Nothing is wrong with the filter's innovations."
+
+
+def evidence(**changes: object) -> Evidence:
+    verdict, state = verdict_finding(SEEN, None, NEAR)
+    whole: dict[str, object] = {
+        "verdict": verdict, "state": state, "causes": (), "further": (), "seen": SEEN, "closure": "",
+        "agreements": (NEAR,), "reckoned": True, "reference": "", "sway": None, "methods": ("tc", "sway_current"),
+    }  # fmt: skip
+    return Evidence(**(whole | changes))  # type: ignore[arg-type]
+
+
+UNIT = Finding("gyro_unit", "fault", 1.0, "The unit is wrong.", "", "Set it.", "imu.omega_unit")
+TILT = Finding("beam_order", "fault", 1.0, "The order is wrong.", "", "Change it.", "dvl.geometry")
+NOISY = Finding("beam_noise", "warning", 1.0, "The beams are noisy.", "", "Claim more.", "dvl.beam_noise_mps")
+
+
+def test_yes_names_what_agrees() -> None:
+    answer = answer_of(evidence())
+    assert (answer.verdict, answer.method) == ("yes", "tc")
+    assert "dead reckoning agrees" in answer.sentence
+    assert len(answer.numbers) == 2
+
+
+@pytest.mark.parametrize(("cause", "method"), [(UNIT, METHOD), (TILT, "")])
+def test_no_begins_with_the_cause(cause: Finding, method: str) -> None:
+    """Dead reckoning is the answer where the cause is not one of its own."""
+    verdict, state = verdict_finding(SEEN, cause, FAR)
+    answer = answer_of(evidence(verdict=verdict, state=state, causes=(cause,), agreements=(FAR,)))
+    assert (answer.verdict, answer.sentence, answer.change, answer.method) == (
+        "no", cause.text, cause.advice, method
+    )  # fmt: skip
+    assert "38.0 times what both claim" in answer.numbers[1]
+
+
+def test_a_departure_without_a_cause_is_the_first_finding() -> None:
+    verdict, state = verdict_finding(SEEN, None, FAR)
+    assert (state, verdict.severity) == (WRONG, "fault")
+    assert verdict.text == "tc leaves dead reckoning by up to 912 m: 38.0 times what both claim."
+    answer = answer_of(evidence(verdict=verdict, state=state, agreements=(FAR,)))
+    assert (answer.verdict, answer.sentence, answer.method) == ("no", verdict.text, METHOD)
+
+
+def test_partly_for_a_doubt_and_where_nothing_confirms() -> None:
+    assert answer_of(evidence(causes=(NOISY,))).verdict == "partly"
+    alone = answer_of(evidence(agreements=(), reckoned=False))
+    assert (alone.verdict, "nothing else confirms" in alone.sentence) == ("partly", True)
+    assert answer_of(evidence(agreements=(), reckoned=False, reference="Reference: ...")).verdict == "yes"
+
+
+def test_low_nis_is_no_doubt() -> None:
+    verdict, state = verdict_finding(Innovations("tc", 500, 0.0, 1.0, 3.5, 2.0, 4.0), None, NEAR)
+    assert (verdict.text[:10], state) == ("NIS is low", CONSISTENT)
+    assert answer_of(evidence(verdict=verdict, state=state)).verdict == "yes"
+
+
+@pytest.mark.parametrize(("sd", "time_s"), [(0.2, 20.0), (0.05, 5.0)])
+def test_the_sway_is_measured_through_the_noise(sd: float, time_s: float) -> None:
+    rng, step = np.random.default_rng(8), 0.5
+    fade = np.exp(-step / time_s)
+    slip = np.zeros(20_000)
+    for k in range(1, len(slip)):
+        slip[k] = fade * slip[k - 1] + sd * np.sqrt(1.0 - fade**2) * rng.normal()
+    var, found_s = _own(slip + 0.1 * rng.normal(size=len(slip)), step)
+    assert np.sqrt(var) == pytest.approx(sd, rel=0.2)
+    assert found_s == pytest.approx(time_s, rel=0.4)
+    assert _own(0.1 * rng.normal(size=5000), step) == (0.0, 0.0)
