@@ -305,6 +305,21 @@ class LogDict(TypedDict):
     acoustic_position_time_ns: NotRequired[NDArray[np.int64]]
     acoustic_position_t_m: NotRequired[ArrayLike]
     acoustic_position_sd_m: NotRequired[ArrayLike]
+    dvl_withheld: NotRequired[NDArray[np.bool_]]
+    velocity_withheld: NotRequired[NDArray[np.bool_]]
+    depth_withheld: NotRequired[NDArray[np.bool_]]
+    attitude_withheld: NotRequired[NDArray[np.bool_]]
+    heading_withheld: NotRequired[NDArray[np.bool_]]
+    gps_withheld: NotRequired[NDArray[np.bool_]]
+    acoustic_position_withheld: NotRequired[NDArray[np.bool_]]
+
+@type_check_only
+class InnovationsDict(TypedDict):
+    time_ns: NDArray[np.int64]
+    withheld: NDArray[np.bool_]
+    rows: NDArray[np.uint8]
+    residual: NDArray[np.float64]
+    covariance: NDArray[np.float64]
 
 @type_check_only
 class ReplayDict(TypedDict):
@@ -328,6 +343,7 @@ class ReplayDict(TypedDict):
     imu_faults: ImuFaultsDict
     rejected_imu: RejectedImuDict
     inflated_imu: InflatedImuDict
+    innovations: NotRequired[list[dict[str, InnovationsDict]]]
     covariance: NotRequired[NDArray[np.float64]]
     smoothed_position_t_m: NotRequired[NDArray[np.float64]]
     smoothed_attitude_t_p: NotRequired[NDArray[np.float64]]
@@ -518,6 +534,7 @@ def replay_log(
     covariance: ArrayLike | None = None,
     smooth: bool = False,
     covariances: bool = False,
+    innovations: bool = False,
     threads: int = 1,
 ) -> ReplayDict: ...
 def run_batch(

@@ -18,6 +18,7 @@ mod navigator;
 mod observability;
 mod own_method;
 mod replay;
+mod replay_records;
 mod report;
 mod schedule;
 mod settings;

@@ -8,20 +8,19 @@ use bottomlock::layout::DIM;
 use bottomlock::mechanisation::ImuSample;
 use bottomlock::model::Model;
 use bottomlock::replay as core;
-use bottomlock::replay::{Log, PingRecord, Replay, STREAM_NAMES, Series, Track};
+use bottomlock::replay::{Log, PingRecord, Replay, STREAM_NAMES, STREAMS, Series, Track};
 use bottomlock::state::NavState;
-use numpy::Element;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{array, by_name, floats, rows, times};
-use crate::batch_arrays::{NO_CHOICE, choice_code};
+use crate::arrays::{array, booleans, by_name, floats, rows, times};
 use crate::beam_arrays::BeamArrays;
 use crate::calls::interruptible;
 use crate::dvl::BeamGeometry;
 use crate::imu_faults::{put_faults, samples};
 use crate::keys::{Keys, read};
 use crate::memory::product;
+use crate::replay_records::{put_innovations, put_pings};
 use crate::settings;
 use crate::state::state;
 
@@ -29,6 +28,7 @@ struct OwnedLog {
     imu: Vec<ImuSample>,
     pings: Vec<BeamSample>,
     sensors: [Vec<Measurement>; SENSORS],
+    withheld: [Vec<bool>; STREAMS],
 }
 
 impl OwnedLog {
@@ -57,11 +57,19 @@ impl OwnedLog {
         for kind in SensorKind::ALL {
             sensors[kind as usize] = Self::measurements(keys, kind, model)?;
         }
-        Ok(Self {
+        let mut log = Self {
             imu,
             pings: Self::pings(keys, beams, model)?,
             sensors,
-        })
+            withheld: Default::default(),
+        };
+        for (name, withheld) in STREAM_NAMES.iter().zip(&mut log.withheld).skip(1) {
+            let key = format!("{name}_withheld");
+            if let Some(flags) = keys.get(&key)? {
+                *withheld = booleans(&keys.path(&key), &flags, &[None])?.values;
+            }
+        }
+        Ok(log)
     }
 
     /// The rows of a sensor, under `<stream>_time_ns` and its columns; none where the log names none of them.
@@ -162,12 +170,14 @@ impl OwnedLog {
 ///         dvl_time_ns (E,) with beam_velocity_mps and beam_valid (E, B) and optionally beam_sd_mps (E, B);
 ///         depth_time_ns, depth_m; heading_time_ns, heading_rad; attitude_time_ns, attitude_rpy_rad (., 3);
 ///         gps_time_ns, gps_position_t_m (., 3); further sensors as docs/sensors.md lists them. Each time rises strictly; any but
-///         the inertial stream and the pings may be left out.
+///         the inertial stream and the pings may be left out. Rows whose flag in `<stream>_withheld` (n,) is true are predicted, and
+///         their innovations recorded, but not used.
 ///     start: the state at the start (`InitialState`).
 ///     sample_time_ns: (T,) int64, rising; the state at the first inertial reading at or after each is recorded.
 ///     covariance: (20, 20) covariance at the start; the model's by default.
 ///     smooth: also smooth every method over the whole log (fixed interval); an error with "consistent", which has no smoother.
 ///     covariances: also return the (20, 20) covariance of each sample.
+///     innovations: also return the innovations of all measurements.
 ///     threads: 0 for as many as there are cores; the bits do not depend on it.
 ///
 /// Returns:
@@ -187,14 +197,17 @@ impl OwnedLog {
 ///     - where `options.calibration` is on: calibration and calibration_sd (M, T, 4), the rotation of the DVL from its stated
 ///       mounting about forward, right and down (rad) and the time to add to its stamps (s), with `covariances` also
 ///       calibration_covariance (M, T, 4, 4); they are constants, so the last sample has what a smoother would give;
-///     - with `covariances`: `covariance` (M, T, 20, 20), with `smooth` also `smoothed_covariance`.
+///     - with `covariances`: `covariance` (M, T, 20, 20), with `smooth` also `smoothed_covariance`;
+///     - with `innovations`, or of the withheld rows alone: a list of a dict for each method, which has for each sensor the
+///       innovations before any gate: time_ns and withheld (n,), rows (n,), residual (n, k) and covariance (n, k, k), NaN beyond
+///       the rows.
 ///
 /// Raises:
 ///     KernelError: in one line that names the field, or stream, row and time, also for results that do not fit into memory. A
 ///         signal (Ctrl-C) ends the replay within some tenths of a second.
 #[pyfunction]
 #[pyo3(signature = (geometry, model, options, methods, log, start, *, sample_time_ns, covariance=None, smooth=false,
-    covariances=false, threads=1))]
+    covariances=false, innovations=false, threads=1))]
 pub fn replay_log<'py>(
     py: Python<'py>,
     geometry: &BeamGeometry,
@@ -207,6 +220,7 @@ pub fn replay_log<'py>(
     covariance: Option<&Bound<'py, PyAny>>,
     smooth: bool,
     covariances: bool,
+    innovations: bool,
     threads: usize,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (model, options) = (settings::model(model)?, settings::options(options)?);
@@ -226,6 +240,8 @@ pub fn replay_log<'py>(
         sample_time_ns: &sample_time_ns,
         smooth,
         covariances,
+        innovations,
+        withheld: log.withheld.each_ref().map(Vec::as_slice),
     };
     let (samples, pings) = (sample_time_ns.len(), request.log.pings.len());
     crate::memory::require(replay_bytes(&request), || {
@@ -247,6 +263,9 @@ pub fn replay_log<'py>(
     }
     put_calibrations(&out, &replayed.tracks, covariances)?;
     put_pings(&out, &replayed.tracks, log.pings.len(), beams)?;
+    if innovations || log.withheld.iter().any(|flags| !flags.is_empty()) {
+        put_innovations(&out, &replayed.tracks)?;
+    }
     let unused = PyDict::new(py);
     for (key, counts) in [
         ("before_start", replayed.unused.before_start),
@@ -351,36 +370,4 @@ fn put_calibrations(out: &Bound<'_, PyDict>, tracks: &[Track], covariances: bool
         out.set_item("calibration_covariance", array(out.py(), entries, &shape)?)?;
     }
     Ok(())
-}
-
-/// Fix status, NIS, innovations and weights of each ping, methods × pings.
-fn put_pings<'py>(out: &Bound<'py, PyDict>, tracks: &[Track], pings: usize, beams: usize) -> PyResult<()> {
-    fn put<'py, T: Element>(
-        out: &Bound<'py, PyDict>,
-        key: &str,
-        tracks: &[Track],
-        shape: &[usize],
-        of: impl Fn(&PingRecord) -> Vec<T>,
-    ) -> PyResult<()> {
-        let values = tracks
-            .iter()
-            .flat_map(|track| track.pings.iter().flat_map(&of))
-            .collect();
-        out.set_item(key, array(out.py(), values, shape)?)
-    }
-    let (flat, wide) = ([tracks.len(), pings], [tracks.len(), pings, beams]);
-    put(out, "nis", tracks, &flat, |ping| vec![ping.nis])?;
-    put(out, "nis_dof", tracks, &flat, |ping| vec![ping.degrees as u8])?;
-    put(out, "fix_status", tracks, &flat, |ping| vec![ping.status as u8])?;
-    put(out, "innovation_mps", tracks, &wide, |ping| {
-        ping.innovation_mps[..beams].to_vec()
-    })?;
-    put(out, "innovation_sd_mps", tracks, &wide, |ping| {
-        ping.innovation_sd_mps[..beams].to_vec()
-    })?;
-    put(out, "beam_weight", tracks, &wide, |ping| {
-        ping.beam_weight[..beams].to_vec()
-    })?;
-    let choice = |ping: &PingRecord| ping.choice.as_ref().map_or([NO_CHOICE; 3], choice_code).to_vec();
-    put(out, "choice", tracks, &[tracks.len(), pings, 3], choice)
 }

@@ -80,6 +80,8 @@ proptest! {
             sample_time_ns: &[last_ns],
             smooth: false,
             covariances: true,
+            innovations: false,
+            withheld: Default::default(),
         }, 1).unwrap();
         let filtered = &out.tracks[0].filtered;
         prop_assert_eq!(&filtered.states[0], &shuffled.navigators().state());

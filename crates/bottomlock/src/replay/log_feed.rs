@@ -1,5 +1,6 @@
 //! Methods side by side on the events of one log.
 
+use super::innovations::{InnovationRecord, Withheld};
 use super::log::{IMU, in_row};
 use super::{BridgedInterval, ImuFaults, PingRecord, Replay, STREAMS, Series, Track};
 use crate::error::NavError;
@@ -20,6 +21,7 @@ pub(super) struct MethodReplay {
     method: Method,
     navigators: NavigatorSet,
     track: Track,
+    withheld: Withheld,
     /// The error that ended it; other methods continue.
     failure: Option<NavError>,
 }
@@ -47,6 +49,7 @@ impl MethodReplay {
                 pings: vec![PingRecord::default(); request.log.pings.len()],
                 ..Track::default()
             },
+            withheld: Withheld::default(),
             failure: None,
         })
     }
@@ -58,7 +61,13 @@ impl MethodReplay {
 
     fn push(&mut self, event: &Event, bridge: Option<&BridgeNoise>, request: &Replay<'_>) -> Result<(), NavError> {
         let (track, pings, aiding) = (&mut self.track, request.log.pings, self.method.aiding);
+        if let Event::Imu(sample) = event {
+            self.withheld.advance(sample, bridge, &mut track.innovations)?;
+        }
         let note = &mut |report: &UpdateReport| {
+            if request.innovations {
+                track.innovations.extend(InnovationRecord::of(report, false));
+            }
             if report.sensor == Sensor::Beams
                 && let Ok(index) = pings.binary_search_by_key(&report.time_ns, |ping| ping.time_ns)
             {
@@ -70,6 +79,12 @@ impl MethodReplay {
             _ => self.navigators.push(event, note)?,
         }
         self.navigators.require_plausible()
+    }
+
+    /// Predicts a measurement that is not used.
+    fn predict(&mut self, event: &Event) -> Result<(), NavError> {
+        self.withheld
+            .predict(&self.navigators, event, &mut self.track.innovations)
     }
 
     fn record(&mut self, keep_covariance: bool) {
@@ -148,8 +163,14 @@ impl<'a> LogFeed<'a> {
     /// Pushes an event of a row to every method; what goes wrong names the row.
     fn push(&mut self, (stream, row): (usize, usize), event: &Event, bridge: Option<&BridgeNoise>) {
         let in_row = in_row(stream, row);
+        let is_withheld = self.request.withheld[stream].get(row).is_some_and(|&flag| flag);
         for one in self.methods.iter_mut().filter(|one| one.failure.is_none()) {
-            one.failure = one.push(event, bridge, self.request).err().map(&in_row);
+            let outcome = if is_withheld {
+                one.predict(event)
+            } else {
+                one.push(event, bridge, self.request)
+            };
+            one.failure = outcome.err().map(&in_row);
         }
     }
 

@@ -9,6 +9,7 @@
 //! checked as a live navigator checks them; [`ImuFaults`] has those that are rejected.
 
 mod imu_screen;
+mod innovations;
 mod log;
 mod log_feed;
 mod ping;
@@ -28,6 +29,7 @@ use crate::workers::Workers;
 
 use self::imu_screen::ScreenedImu;
 pub use self::imu_screen::{BridgedInterval, ImuFaults, RejectedReading, rejected_readings};
+pub use self::innovations::InnovationRecord;
 use self::log::IMU;
 pub use self::log::{Log, Unused};
 use self::log_feed::{LogFeed, MethodReplay};
@@ -57,6 +59,10 @@ pub struct Replay<'a> {
     pub smooth: bool,
     /// Whether covariances are kept beside the standard deviations.
     pub covariances: bool,
+    /// Whether the innovations of all measurements are recorded.
+    pub innovations: bool,
+    /// Rows of each stream that are predicted and not used; empty for none. The innovations of these are recorded.
+    pub withheld: [&'a [bool]; STREAMS],
 }
 
 /// Estimates at the samples.
@@ -91,6 +97,8 @@ pub struct Track {
     pub smoothed: Series,
     /// A record for each ping of the log.
     pub pings: Vec<PingRecord>,
+    /// Innovations of all measurements, in order, if they were requested, and of those that are withheld.
+    pub innovations: Vec<InnovationRecord>,
     /// Estimates of the DVL's mounting and clock at each sample, as numbers, with their covariance; empty where they are
     /// taken as stated. They are constants, so those of the last sample are the smoothed ones of every sample.
     pub calibrations: Vec<(CalibrationVector, CalibrationCovariance)>,
@@ -115,7 +123,7 @@ pub struct Replayed {
 ///
 /// # Errors
 /// [`NavError::InRow`] for a row that is not valid; [`NavError::WrongCount`] for a log without an inertial reading after the
-/// start; [`NavError::OutsideLog`] or [`NavError::TimeNotIncreasing`] for sample times; [`NavError::InMethod`] for an error
+/// start, and for flags that are not one a row; [`NavError::OutsideLog`] or [`NavError::TimeNotIncreasing`] for sample times; [`NavError::InMethod`] for an error
 /// of a method, and for a method without a smoother if smoothing is requested.
 pub fn replay(request: &Replay<'_>, threads: usize) -> Result<Replayed, NavError> {
     replay_until(request, threads, &Stop::new())
@@ -128,6 +136,7 @@ pub fn replay(request: &Replay<'_>, threads: usize) -> Result<Replayed, NavError
 pub fn replay_until(request: &Replay<'_>, threads: usize, stop: &Stop) -> Result<Replayed, NavError> {
     let (log, start_ns) = (&request.log, request.start.time_ns);
     log.validate(request.geometry)?;
+    innovations::require_flags(log, request)?;
     let screened = ScreenedImu::new(log.imu, start_ns, request.model, request.options)?;
     let last_ns = match screened.imu.last() {
         Some(last) if last.time_ns >= start_ns => last.time_ns,

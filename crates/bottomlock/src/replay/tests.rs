@@ -136,6 +136,8 @@ impl Recording {
             sample_time_ns,
             smooth: false,
             covariances: true,
+            innovations: false,
+            withheld: Default::default(),
         }
     }
 }

@@ -1,0 +1,65 @@
+"""Numbers in a user's TOML text are replaced key by key; comments and everything else stay."""
+
+from __future__ import annotations
+
+import tomllib
+
+import pytest
+
+from bottomlock.config.toml_edit import edited
+from bottomlock.errors import ScenarioError
+
+TEXT = """# my dive
+name = "dive"
+
+[imu]
+file = "imu.csv"  # of the logger
+other.gyro_bias = 2.0
+
+[imu.errors]  # see the data sheet
+noise = 0.5   # guessed: "scatter" = 3
+walk = 1e-3
+
+[[what_if]]
+name = "noise"
+noise = 7.0
+# the end
+"""
+
+
+def test_values_are_replaced_and_comments_stay() -> None:
+    """A key of the same name in another table is not touched, and an own comment follows the remark."""
+    text = edited(TEXT, {"imu.errors.noise": 0.75}, {"imu.errors.noise": "tuned: ± 0.1"}, place="case")
+    assert text == TEXT.replace(
+        'noise = 0.5   # guessed: "scatter" = 3', 'noise = 0.75  # tuned: ± 0.1 | guessed: "scatter" = 3'
+    )
+    again = edited(text, {"imu.errors.noise": 0.8}, {"imu.errors.noise": "tuned: ± 0.2"}, place="case")
+    assert 'noise = 0.8  # tuned: ± 0.2 | guessed: "scatter" = 3\n' in again
+
+
+def test_new_keys_go_to_their_tables() -> None:
+    """After the last key of a table that is there, and into a new table at the end where there is none."""
+    text = edited(
+        TEXT,
+        {"imu.errors.bias": 1.5, "dvl.errors.scale": 0.7},
+        {"imu.errors.bias": "r", "dvl.errors.scale": "r"},
+        place="case",
+    )
+    assert "walk = 1e-3\nbias = 1.5  # r\n\n[[what_if]]" in text
+    assert text.endswith("# the end\n\n[dvl.errors]\nscale = 0.7  # r\n")
+    assert tomllib.loads(text)["what_if"] == [{"name": "noise", "noise": 7.0}]
+
+
+def test_a_key_with_dots_is_found() -> None:
+    """other.gyro_bias in [imu] is imu.other.gyro_bias."""
+    text = edited(TEXT, {"imu.other.gyro_bias": 3.0}, {"imu.other.gyro_bias": "r"}, place="case")
+    assert text == TEXT.replace("other.gyro_bias = 2.0", "other.gyro_bias = 3.0  # r")
+
+
+@pytest.mark.parametrize("text", ["[imu]\nerrors = { noise = 0.5 }\n", '[imu.errors]\n"noise" = 0.5\n'])
+def test_what_cannot_be_edited_is_an_error(text: str) -> None:
+    """Braces and quoted keys are named with the values to write by hand; nothing is lost silently."""
+    with pytest.raises(
+        ScenarioError, match=r"case: the new values could not be written .*imu.errors.noise = 0.75"
+    ):
+        edited(text, {"imu.errors.noise": 0.75}, {"imu.errors.noise": "r"}, place="case")
