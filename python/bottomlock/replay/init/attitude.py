@@ -1,6 +1,6 @@
 """What a recorded attitude is: unit, frames and clock, by comparing its own rate with the gyros."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 LAGS_S = 3.0
 LAG_STEP_S = 0.05
+LEVEL = 0.5
+"""Correlation of roll and pitch rates from which they tell how an attitude sensor stands."""
+OFF_QUARTER_DEG = 20.0
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,8 @@ class AttitudeMatch:
         slope: of the attitude's rate over the gyros': 1, or a wrong unit.
         offset_s: to add to the attitude's times.
         least: smallest correlation of a single axis that turns enough to tell.
+        quarters: of a turn, from the attitude sensor's forward to starboard, by which its axes stand on the platform.
+        level: correlation of roll and pitch rates at that turn.
     """
 
     frame: str
@@ -33,6 +38,8 @@ class AttitudeMatch:
     slope: float
     offset_s: float
     least: float
+    quarters: int = 0
+    level: float = 0.0
 
     @property
     def clear(self) -> bool:
@@ -67,36 +74,47 @@ def match_attitude(
         attitude = platform_attitude(from_angles(*rpy_rad.T), frame, np.zeros(3), 0.0)
         rate = _increments(attitude) / (np.diff(time_ns) * 1e-9)[:, None]
         by_frame[frame] = max(
-            ((*_correlation(rate, at, turned, seconds, float(lag)), float(lag)) for lag in lags),
-            key=lambda one: one[0],
+            (_compare(rate, at, turned, seconds, float(lag)) for lag in lags), key=lambda one: one.correlation
         )
-    frame = max(by_frame, key=lambda one: by_frame[one][0])
-    other = next(one for one in by_frame if one != frame)
-    correlation, slope, least, lag = by_frame[frame]
-    return AttitudeMatch(frame, correlation, by_frame[other][0], slope, lag, least)
+    frame = max(by_frame, key=lambda one: by_frame[one].correlation)
+    other = by_frame["enu_flu" if frame == "ned_frd" else "ned_frd"]
+    return replace(by_frame[frame], frame=frame, other=other.correlation)
 
 
 def _increments(attitude: Rotation) -> Floats:
     return np.asarray((attitude[:-1].inv() * attitude[1:]).as_rotvec())
 
 
-def _correlation(
-    rate: Floats, at: Floats, turned: Floats, seconds: Floats, lag_s: float
-) -> tuple[float, float, float]:
-    """Correlation of the attitude's rate with the gyros', slope of the one over the other, smallest of one axis."""
+def _compare(rate: Floats, at: Floats, turned: Floats, seconds: Floats, lag_s: float) -> AttitudeMatch:
+    """The attitude's rate against the gyros' at a clock offset, at the quarter turn that fits roll and pitch best."""
+    none = AttitudeMatch("", -1.0, -1.0, np.nan, lag_s, -1.0)
     when = at + lag_s
     inside = (when[:-1] >= seconds[0]) & (when[1:] <= seconds[-1])
     if inside.sum() < 8:
-        return -1.0, np.nan, -1.0
+        return none
     gyro = np.stack([np.diff(np.interp(when, seconds, turned[:, k])) for k in range(3)], axis=1)
     gyro = gyro / np.diff(at)[:, None]
     a, b = rate[inside], gyro[inside]
     # A quick jump is a wrap or a reset of the filter, not a turn.
     calm = np.linalg.norm(a, axis=1) < 8.0 * max(float(np.percentile(np.linalg.norm(a, axis=1), 90)), 1e-9)
     a, b = (x[calm] - x[calm].mean(axis=0) for x in (a, b))
+    along = float((a[:, :2] * b[:, :2]).sum())
+    across = float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
+    level = np.hypot(along, across) / max(
+        float(np.sqrt((a[:, :2] ** 2).sum() * (b[:, :2] ** 2).sum())), 1e-12
+    )
+    angle = np.rad2deg(np.arctan2(across, along))
+    quarters = round(angle / 90.0)
+    if level < LEVEL or abs(angle - 90.0 * quarters) > OFF_QUARTER_DEG:
+        quarters = 0
+    if quarters:
+        a = np.asarray(Rotation.from_euler("Z", 90.0 * quarters, degrees=True).apply(a))
     scale = float((b * b).sum())
     total = np.sqrt(float((a * a).sum()) * scale)
     if not total > 0.0:
-        return -1.0, np.nan, -1.0
+        return none
     each = (a * b).sum(axis=0) / np.maximum(np.sqrt((a * a).sum(axis=0) * (b * b).sum(axis=0)), 1e-12)
-    return float((a * b).sum()) / total, float((a * b).sum()) / scale, float(each.min())
+    return AttitudeMatch(
+        "", float((a * b).sum()) / total, -1.0, float((a * b).sum()) / scale, lag_s, float(each.min()),
+        quarters % 4 if quarters % 4 != 3 else -1, float(level),
+    )  # fmt: skip

@@ -16,6 +16,7 @@ TIME = "time_ns"
 _SPEEDS = {"m/s": 1.0, "mps": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 _VALID = ("valid", "good", "ok", "datagood", "flag", "lock", "status")
 _RANGE = ("range", "distance", "altitude", "dist", "height")
+_RANGES = ("range", "distance", "altitude", "dist", "rng", "bottomrange", "btrange", "btmrange")
 _OTHER = ("sd", "std", "fom", "quality", "rssi", "nsd", "corr", "correlation", "amp", "amplitude", "noise",
           "confidence", "snr", "delay", "id", "water", "var", "covar", "pg", "percent",
           "time", "arrival", "echo")  # fmt: skip
@@ -57,6 +58,24 @@ def _role(name: str) -> tuple[str, int] | None:
     if any(word in rest for word in _OTHER):
         return None
     return "velocity", int(digits[0])
+
+
+def range_columns(table: AnyTable) -> list[str]:
+    """Columns of the ranges of numbered beams, in their order.
+
+    >>> frame = pl.DataFrame({"range_2": [2.0, 2.1], "range_1": [1.0, 1.1], "vx": [0.0, 0.0]})
+    >>> from pathlib import Path
+    >>> range_columns(AnyTable(Path("dvl.csv"), frame, plain=True, units={}))
+    ['range_1', 'range_2']
+    """
+    found: dict[int, str] = {}
+    for name in table.frame.columns:
+        bare = split_unit(name)[0].lower()
+        numbered = re.fullmatch(r"[^\d]*?(\d)[^\d]*", bare)
+        words = re.sub(r"[^a-z]", "", bare).replace("beam", "").replace("transducer", "").removesuffix("s")
+        if numbered and words in _RANGES and np.isfinite(numbers(table.frame[name])).any():
+            found.setdefault(int(numbered[1]), name)
+    return [found[k] for k in sorted(found)]
 
 
 def beam_columns(table: AnyTable) -> BeamColumns | None:

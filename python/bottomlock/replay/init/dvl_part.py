@@ -11,11 +11,13 @@ from bottomlock.io.beam_table import BeamTable, Recording
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import BeamGeometry, make_geometry
 from bottomlock.replay.beam_noise import measure_noise
+from bottomlock.replay.init.beam_columns import range_columns
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.motion.closure import better_order
-from bottomlock.replay.motion.fit import Match, Recorded, fit
-from bottomlock.replay.motion.search import LOOSE, Searched, search_offset
+from bottomlock.replay.motion.fit import Match, Recorded
+from bottomlock.replay.motion.ping_noise import PingNoise, beam_noise, tilt_of_noise
+from bottomlock.replay.motion.search import Searched, search_offset
 from bottomlock.replay.motion.velocity import ping_velocity
 
 Floats = NDArray[np.float64]
@@ -23,12 +25,12 @@ Integers = NDArray[np.int64]
 SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 LEAST_FOR_DIRECTIONS = 60
 STARTING_NOISE_MPS = 0.01
+THREE_BEAMS = "sontek_argonaut"
+THREE_BEAMS_WHY = "three beams; nothing says their tilt and which looks forward: see `bottomlock geometries`"
 NOISY = 1.25
 """Measured over claimed noise from which that of the recording is used."""
 ENOUGH_PINGS = 20
 """Pings with a whole velocity from which clock and axes are compared with the IMU's."""
-CLEAR = 40.0
-"""Difference of two costs from which axes are told apart: a likelihood ratio beyond any doubt."""
 
 
 @dataclass(eq=False)
@@ -46,6 +48,10 @@ class DvlPart:
         noise: of a beam, m/s, and why; None where it is what the geometry claims.
         unit, unit_why: of a velocity.
         offset_s: to the IMU's clock.
+        claimed: geometry, and noise of each beam that it claims.
+        mounting_yaw_deg, mounting_why: of the instrument on the vehicle; the velocity is turned by it already.
+        match: of its velocity with the IMU's readings.
+        questions: for the case.
     """
 
     recording: Recording | None
@@ -64,16 +70,17 @@ class DvlPart:
     offset_s: float = 0.0
     offset_why: str = ""
     offset_known: bool = True
+    claimed: tuple[BeamGeometry, Floats] | None = None
+    mounting_yaw_deg: float = 0.0
+    mounting_why: str = ""
     match: Match | None = None
     questions: list[str] = field(default_factory=list)
 
-    def recorded(self, imu: ImuPart, axes: Floats | None = None) -> Recorded:
-        """Inertial readings, with axes other than the IMU's own guess, and the velocity on their clock."""
-        P = imu.axes if axes is None else axes
-        return Recorded(
-            imu.time_ns, imu.force_s_mps2 @ P.T, imu.omega_s_radps @ P.T,
-            self.time_ns + round(self.offset_s * 1e9), self.velocity_p_mps,
-        )  # fmt: skip
+    def turned(self, yaw_rad: float) -> None:
+        """Takes over a mounting of the instrument."""
+        C = Rotation.from_euler("Z", yaw_rad).as_matrix()
+        self.velocity_p_mps = np.asarray(self.velocity_p_mps @ C.T)
+        self.mounting_yaw_deg = round(float(np.rad2deg(yaw_rad)), 1)
 
 
 def dvl_of_recording(recording: Recording) -> DvlPart:
@@ -84,12 +91,7 @@ def dvl_of_recording(recording: Recording) -> DvlPart:
     """
     table = recording.table
     name, text, why, known = _geometry(recording)
-    if text:
-        geometry = make_geometry("directions", directions=[tuple(row) for row in _directions_of(text)])
-        claimed = np.full(geometry.beams, STARTING_NOISE_MPS)
-    else:
-        instrument = read_geometry(name)
-        geometry, claimed = instrument.geometry, instrument.beam_sd_mps
+    geometry, claimed = _claimed(name, text)
     time_ns, velocity = ping_velocity(
         np.asarray(geometry.directions_p), table.time_ns, table.velocity_mps, table.valid
     )
@@ -98,7 +100,7 @@ def dvl_of_recording(recording: Recording) -> DvlPart:
     )
     part = DvlPart(
         recording, None, time_ns, velocity, int(table.time_ns[0]), int(table.time_ns[-1]), geometry=name,
-        geometry_text=text, geometry_why=why, geometry_known=known,
+        geometry_text=text, geometry_why=why, geometry_known=known, claimed=(geometry, claimed),
         noise=_noise(geometry, claimed, table) if order is None else None,
     )  # fmt: skip
     if order is not None:
@@ -107,6 +109,31 @@ def dvl_of_recording(recording: Recording) -> DvlPart:
             f"{order.words} exchanged"
         )
     return part
+
+
+def _claimed(name: str, text: str) -> tuple[BeamGeometry, Floats]:
+    """Geometry and claimed noise (B,) of a packaged name, or of the text of a file."""
+    if text:
+        geometry = make_geometry("directions", directions=[tuple(row) for row in _directions_of(text)])
+        return geometry, np.full(geometry.beams, STARTING_NOISE_MPS)
+    instrument = read_geometry(name)
+    return instrument.geometry, np.asarray(instrument.beam_sd_mps)
+
+
+def set_noise(dvl: DvlPart, pings: PingNoise | None) -> None:
+    """Takes over the noise that consecutive pings show, where it exceeds the geometry's claim and the closure."""
+    if pings is None or dvl.claimed is None:
+        return
+    geometry, claimed = dvl.claimed
+    found = beam_noise(np.asarray(geometry.directions_p), pings.velocity_sd_mps)
+    stated = float(np.mean(claimed)) if dvl.noise is None else dvl.noise[0]
+    level, vertical = float(np.sqrt(np.mean(pings.velocity_sd_mps[:2] ** 2))), float(pings.velocity_sd_mps[2])
+    words = f"consecutive pings scatter by {level:.2g} m/s level and {vertical:.2g} m/s vertical beyond the motion"
+    if found > NOISY * stated:
+        dvl.noise = float(f"{found:.2g}"), f"{words}; the geometry claims {float(np.mean(claimed)):.2g}"
+    if not dvl.geometry_known and vertical > 0.0 and found > NOISY * float(np.mean(claimed)):
+        tilt = float(np.rad2deg(tilt_of_noise(pings.velocity_sd_mps)))
+        dvl.geometry_why += f"; the noise of the velocity is that of beams tilted by {tilt:.0f} deg"
 
 
 def _noise(geometry: BeamGeometry, claimed: Floats, table: BeamTable) -> tuple[float, str] | None:
@@ -143,6 +170,8 @@ def _geometry(recording: Recording) -> tuple[str, str, str, bool]:
         return "", _file(stated), "beam_unit_vec of the messages", True
     if beams == 4:
         return "x_janus_20", "", "nothing says which instrument this is: see `bottomlock geometries`", False
+    if beams == 3:
+        return THREE_BEAMS, "", THREE_BEAMS_WHY, False
     azimuth = 2.0 * np.pi * np.arange(beams) / beams
     tilt = np.deg2rad(22.5)
     cone = np.stack(
@@ -203,11 +232,13 @@ def dvl_of_velocity(found: Found) -> DvlPart:
     if "valid" in found.extra:
         good &= found.values("valid")[:, 0] == 1.0
     good &= np.concatenate([[True], np.diff(times) > 0])
+    ranges = range_columns(found.table)
+    name, because = "x_janus_20", "beams are projected from the velocity: give your instrument's tilt"
+    if len(ranges) == 3:
+        name, because = THREE_BEAMS, f"the ranges {', '.join(ranges)} are those of {THREE_BEAMS_WHY}"
     return DvlPart(
-        None, found, times[good], values[good] * SPEED_SI[unit], int(times[0]), int(times[-1]), geometry="x_janus_20",
-        geometry_why="beams are projected from the velocity: give your instrument's "
-        "tilt", geometry_known=False, unit=unit,
-        unit_why=why,
+        None, found, times[good], values[good] * SPEED_SI[unit], int(times[0]), int(times[-1]), geometry=name,
+        geometry_why=because, geometry_known=False, unit=unit, unit_why=why, claimed=_claimed(name, ""),
     )  # fmt: skip
 
 
@@ -248,63 +279,3 @@ def set_clock(dvl: DvlPart, imu: ImuPart) -> Searched | None:
             "files are taken to begin together"
         )
     return found
-
-
-def _yaw(quarters: float) -> Floats:
-    return np.asarray(Rotation.from_euler("Z", 90.0 * quarters, degrees=True).as_matrix()).round(12) + 0.0
-
-
-def set_axes(dvl: DvlPart, imu: ImuPart, *, imu_confirmed: bool) -> ImuPart:
-    """Axes of IMU and DVL about the vertical, and the IMU's handedness, by which choice lets the velocity follow."""
-    mirror = np.diag([1.0, -1.0, 1.0])
-    choices = {"as named": np.eye(3)}
-    if not imu_confirmed:
-        choices |= {f"turned by {90 * k} deg": _yaw(k) for k in (1, 2, 3)}
-        if not imu.handed:
-            choices |= {f"mirrored {k}": _yaw(k) @ mirror for k in range(4)}
-    prior = LOOSE | {"rotation": 0.2}
-    fits = {name: fit(dvl.recorded(imu, Q @ imu.axes), prior) for name, Q in choices.items()}
-    known = {name: one for name, one in fits.items() if one is not None}
-    if not known:
-        dvl.questions.append("too few pings overlap the IMU's readings: clock and axes could not be compared")
-        return imu
-    sigma = min(one.sigma_mps for one in known.values())
-    costs = {}
-    for name in known:
-        one = fit(dvl.recorded(imu, choices[name] @ imu.axes), prior, sigma_mps=sigma)
-        costs[name] = np.inf if one is None else one.cost
-    order = sorted(costs, key=lambda name: costs[name])
-    best = order[0]
-    if (
-        best != "as named"
-        and costs["as named"] - costs[best] > CLEAR
-        and (len(order) < 2 or costs[order[1]] - costs[best] > CLEAR)
-    ):
-        Q = choices[best]
-        odds = (
-            f"the DVL's velocity follows the IMU with these axes (cost {costs[best]:.0f}, as named "
-            f"{costs['as named']:.0f})"
-        )
-        imu = imu.with_axes(Q @ imu.axes, f"{imu.axes_why}; {odds}", known=True)
-    elif best == "as named" and len(order) > 1 and costs[order[1]] - costs[best] > CLEAR:
-        odds = f"the DVL's velocity follows the IMU (cost {costs[best]:.0f}, next best axes {costs[order[1]]:.0f})"
-        imu = imu.with_axes(imu.axes, f"{imu.axes_why}; {odds}", known=True)
-    dvl.match = fit(dvl.recorded(imu), LOOSE)
-    _refine_clock(dvl)
-    return imu
-
-
-def _refine_clock(dvl: DvlPart) -> None:
-    """Takes over a clock offset that the motion shows beyond doubt."""
-    match = dvl.match
-    if match is None or not match.plausible:
-        if match is not None:
-            dvl.questions.append(
-                "the velocity does not follow the IMU: are both of the same dive, and which axes have they?"
-            )
-        return
-    clock, sd = float(match.part("clock")[0]), float(match.part_sd("clock")[0])
-    if abs(clock) > max(6.0 * sd, 0.03):
-        dvl.offset_s += clock
-        words = f"the DVL's velocity follows the IMU best when moved by {clock:+.3f} ± {sd:.2g} s"
-        dvl.offset_why = f"{dvl.offset_why}; {words}" if dvl.offset_why else words

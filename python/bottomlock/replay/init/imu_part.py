@@ -15,7 +15,6 @@ from bottomlock.replay.init.guess import (
     force_unit,
     gravity_unsteady,
     omega_unit,
-    white_noise,
 )
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
@@ -83,12 +82,13 @@ class ImuPart:
         return axis_names(self.axes)
 
 
-def guess_imu(found: Found, duration_s: float | None) -> ImuPart:
+def guess_imu(found: Found, duration_s: float | None, omega_is: Guess | None = None) -> ImuPart:
     """Units and axes of an IMU.
 
     Args:
         found: its columns.
         duration_s: of the other streams, for a table without times.
+        omega_is: unit of the angular rate where it is known from elsewhere.
 
     Raises:
         DataError: for readings without gravity, and a table without times where nothing gives its rate.
@@ -128,7 +128,9 @@ def guess_imu(found: Found, duration_s: float | None) -> ImuPart:
             "1 g or 1000 mg; is gravity removed? log the raw accelerations"
         )
     force = force * FORCE_SI[of_force.value] * of_force.factor
-    of_omega = omega_unit(time_ns, force, omega, found.units.get("omega0", "") if not increments else "rad/s")
+    of_omega = omega_is or omega_unit(
+        time_ns, force, omega, found.units.get("omega0", "") if not increments else "rad/s"
+    )
     omega = omega * OMEGA_SI[of_omega.value]
     axis, sign, angle = down_axis(force)
     mean = float(np.mean(force[:, axis]))
@@ -159,10 +161,3 @@ def guess_imu(found: Found, duration_s: float | None) -> ImuPart:
         increments=increments, axes=axes, axes_why=why, axes_known=axis == 2 and sign > 0.0, handed=handed,
         rate_hz=1.0 / step_s, even_hz=even_hz, unordered=int((whole & ~rises).sum()), notes=tuple(notes),
     )  # fmt: skip
-
-
-def noise_of(imu: ImuPart) -> tuple[float, float]:
-    """Noise of accelerometers and gyros in the case's units, m/s/√h and deg/√h, from reading to reading."""
-    force = white_noise(imu.time_ns, imu.force_s_mps2)
-    omega = white_noise(imu.time_ns, imu.omega_s_radps)
-    return force * 60.0, float(np.rad2deg(omega)) * 60.0

@@ -10,23 +10,23 @@ from bottomlock.atomic_write import write_text
 from bottomlock.errors import DataError
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.init import sections
+from bottomlock.replay.init.axes_part import set_axes, track_yaw
 from bottomlock.replay.init.dvl_part import (
     ENOUGH_PINGS,
     DvlPart,
     dvl_of_recording,
     dvl_of_velocity,
-    set_axes,
     set_clock,
+    set_noise,
 )
 from bottomlock.replay.init.files import Files
 from bottomlock.replay.init.imu_part import guess_imu
-from bottomlock.replay.init.other_parts import (
-    guess_attitude,
-    guess_depth,
-    is_reference,
-)
+from bottomlock.replay.init.moved import recorded, turns, unit_by_attitude
+from bottomlock.replay.init.other_parts import guess_attitude, guess_depth
 from bottomlock.replay.init.parts import Parts
+from bottomlock.replay.init.positions import choose_positions, guess_positions
 from bottomlock.replay.init.sources import Sources, read_sources
+from bottomlock.replay.motion.ping_noise import ping_noise
 
 CONFIRMED = 0.5
 """Correlation of the rates on every axis from which an attitude confirms the axes of the IMU."""
@@ -98,32 +98,57 @@ def choose(sources: Sources) -> Parts:
         )
     else:
         dvl = dvl_of_velocity(velocities[0])
-    imu = guess_imu(found_imu, _duration_s(sources, dvl))
+    duration_s = _duration_s(sources, dvl)
+    imu = guess_imu(found_imu, duration_s)
     set_clock(dvl, imu)
     places = [one for one in sources.of("geodetic", "local") if one.times.time_ns is not None]
-    reference = next((one for one in places if is_reference(one, len(places))), None)
-    gps = next((one for one in places if one is not reference), None)
-    attitudes = sources.of("attitude")
-    own = [one for one in attitudes if reference is None or one.table is not reference.table] or attitudes
-    own = [one for one in own if one.times.time_ns is not None]
+    reference, gps = choose_positions(places)
+    own = [one for one in sources.of("attitude") if one.times.time_ns is not None]
+    own.sort(key=lambda one: reference is not None and one.table is reference.table)
     attitude = guess_attitude(own[0], imu, dvl) if own else None
+    unit = unit_by_attitude(imu, attitude)
+    if unit is not None:
+        imu = guess_imu(found_imu, duration_s, unit)
+        attitude = guess_attitude(own[0], imu, dvl)
     sensed = [one for one in sources.of("depth", "pressure") if one.times.time_ns is not None]
     sensed.sort(key=lambda one: (one.kind != "depth", "depth" not in one.table.path.stem.lower()))
     depth = guess_depth(sensed[0], imu, dvl) if sensed else None
+    parts = Parts(imu, dvl, attitude, depth, None, None, [])
+    if gps is not None:
+        parts.gps = guess_positions(gps, imu, dvl, attitude)
+    if reference is not None:
+        parts.reference = guess_positions(reference, imu, dvl, attitude)
     if len(dvl.time_ns) > ENOUGH_PINGS:
-        confirmed = attitude is not None and attitude.match is not None and attitude.match.least > CONFIRMED
-        imu = set_axes(dvl, imu, imu_confirmed=confirmed)
-        attitude = guess_attitude(own[0], imu, dvl) if own else None
+        _compare(parts)
     else:
         dvl.questions.append(
             f"only {len(dvl.time_ns)} pings give a whole velocity: clock and axes could not be compared"
         )
     used = {
         id(one)
-        for one in (found_imu, attitude and attitude.found, depth and depth.found, gps, reference, dvl.found)
-    }
-    unused = [one for one in sources.streams if id(one) not in used]
-    return Parts(imu, dvl, attitude, depth, gps, reference, unused)
+        for one in (
+            found_imu, attitude and attitude.found, depth and depth.found, parts.gps and parts.gps.found,
+            parts.reference and parts.reference.found, dvl.found,
+        )
+    }  # fmt: skip
+    parts.unused = [one for one in sources.streams if id(one) not in used]
+    return parts
+
+
+def _compare(parts: Parts) -> None:
+    """Axes, clock and noise by comparing IMU, DVL and attitude with one another."""
+    dvl, attitude = parts.dvl, parts.attitude
+    interval_s = float(np.median(np.diff(dvl.time_ns))) * 1e-9
+    confirmed = attitude is not None and attitude.match is not None and attitude.match.least > CONFIRMED
+    turned = turns(parts.imu, attitude, interval_s) if confirmed else None
+    track = None if parts.attitude_of_reference else track_yaw(dvl, attitude, parts.reference)
+    parts.imu = set_axes(dvl, parts.imu, turned, track)
+    if attitude is not None:
+        attitude = parts.attitude = guess_attitude(attitude.found, parts.imu, dvl)
+    known = turns(parts.imu, attitude, interval_s)
+    parts.gyros = known.gyros
+    parts.pings = ping_noise(recorded(parts.imu, dvl, known.omega_p_radps))
+    set_noise(dvl, parts.pings)
 
 
 def _held(sources: Sources) -> str:

@@ -1,4 +1,4 @@
-"""Attitude, depth, position and reference of a first case."""
+"""Attitude and depth of a first case."""
 
 from dataclasses import dataclass, field
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bottomlock.replay.axes import from_angles, platform_attitude
 from bottomlock.replay.init.attitude import AttitudeMatch, match_attitude
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
@@ -67,6 +68,21 @@ class AttitudePart:
     questions: list[str] = field(default_factory=list)
 
     @property
+    def quarters(self) -> int:
+        """Quarter turns from the sensor's axes to the platform's."""
+        return self.match.quarters if self.match is not None and self.match.clear else 0
+
+    def platform(self) -> tuple[Integers, Rotation]:
+        """Rising times on the IMU's clock, and attitudes of the platform."""
+        times = self.found.times.time_ns
+        assert times is not None  # guessed from them
+        before = np.concatenate([[np.iinfo(np.int64).min], np.maximum.accumulate(times)[:-1]])
+        good = np.isfinite(self.rpy_rad).all(axis=1) & (times > before)
+        mounting = np.array([0.0, 0.0, 0.5 * np.pi * self.quarters])
+        attitude = platform_attitude(from_angles(*self.rpy_rad[good].T), self.frame.value, mounting, 0.0)
+        return times[good] + round(self.offset.seconds * 1e9), attitude
+
+    @property
     def frame(self) -> Guess:
         """Frames of the angles."""
         if self.match is None:
@@ -110,6 +126,7 @@ def guess_attitude(found: Found, imu: ImuPart, dvl: DvlPart) -> AttitudePart | N
             part.unit = Guess(
                 "deg", f"in radians its rates would be {1.0 / max(slope, 1e-9):.0f} times those of the gyros"
             )
+            part.rpy_rad = np.deg2rad(rpy)
         if abs(match.offset_s) > OFFSET_S and found.times is not imu.found.times:
             moved = offset.seconds + match.offset_s
             part.offset = Offset(
@@ -163,13 +180,3 @@ def guess_depth(found: Found, imu: ImuPart, dvl: DvlPart) -> DepthPart | None:
     return DepthPart(
         found, unit, up, shift, max(0.02, round(2.0 * sd, 3)), clock_offset(times, imu, dvl), metres
     )
-
-
-def is_reference(found: Found, sources: int) -> bool:
-    """Whether a position is what errors are measured against, by the name of its file or by what is beside it."""
-    name = found.table.path.stem.lower()
-    if any(word in name for word in ("gps", "gnss", "navsat", "ublox")):
-        return False
-    words = ("ref", "gt", "truth", "ground", "slam", "telemetry", "ekf", "mocap", "qualisys", "vicon", "usbl")
-    beside = any(role.startswith(("ned", "v")) for role in found.extra)
-    return any(word in name for word in words) or beside or sources > 1

@@ -6,16 +6,37 @@ from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.other_parts import AttitudePart, DepthPart
+from bottomlock.replay.init.positions import PositionPart
+from bottomlock.replay.motion.gyros import GyroMatch
+from bottomlock.replay.motion.ping_noise import PingNoise
 
 
 @dataclass(eq=False)
 class Parts:
-    """The streams that a case uses."""
+    """The streams that a case uses, and what they say of one another.
+
+    Attributes:
+        imu, dvl, attitude, depth, gps, reference: as guessed, None where absent.
+        unused: streams of the files that the case does not name.
+        gyros: the gyros against the attitude; None without one.
+        pings: the velocity against the accelerometers; None with too few pings.
+    """
 
     imu: ImuPart
     dvl: DvlPart
     attitude: AttitudePart | None
     depth: DepthPart | None
-    gps: Found | None
-    reference: Found | None
+    gps: PositionPart | None
+    reference: PositionPart | None
     unused: list[Found]
+    gyros: GyroMatch | None = None
+    pings: PingNoise | None = None
+
+    @property
+    def attitude_of_reference(self) -> bool:
+        """Whether the attitude is that of the reference, which must not aid what it judges."""
+        return (
+            self.attitude is not None
+            and self.reference is not None
+            and self.attitude.found.table is self.reference.found.table
+        )

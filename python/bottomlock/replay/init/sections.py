@@ -4,13 +4,15 @@ from typing import Any
 
 import numpy as np
 
+from bottomlock.io.beams import geometry_text
+from bottomlock.replay.init.attitude_noise import put_attitude_noise
 from bottomlock.replay.init.dvl_part import DvlPart
+from bottomlock.replay.init.errors_section import put_errors
 from bottomlock.replay.init.files import Files
-from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.guess import angle_unit, round_up
-from bottomlock.replay.init.imu_part import ImuPart, noise_of
-from bottomlock.replay.init.other_parts import clock_offset
+from bottomlock.replay.init.guess import round_up
+from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.parts import Parts
+from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.init.sources import Sources
 from bottomlock.replay.init.start import put_start
 from bottomlock.replay.init.text import Section, joined
@@ -26,8 +28,7 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
     imu = _imu(parts.imu, files)
     dvl = _dvl(parts.dvl, sources, files)
     others = [
-        *_depth(parts, files), *_attitude(parts, files), *_position(parts, files, parts.gps, "gps"),
-        *_position(parts, files, parts.reference, "reference"),
+        *_depth(parts, files), *_attitude(parts, files), *_gps(parts, files), *_reference(parts, files),
     ]  # fmt: skip
     head = Section("", [HEAD[0].format(case=files.case.name), HEAD[1]])
     for words in sources.words:
@@ -40,13 +41,24 @@ def case_text(parts: Parts, sources: Sources, files: Files) -> str:
     replay.say("every method side by side: leave the line above out")
     start = Section("start")
     put_start(start, parts)
-    return joined([head, _origin(parts), imu, *_errors(parts.imu, parts.dvl), dvl, *others, start, replay])
+    return joined(
+        [
+            head,
+            _origin(parts),
+            imu,
+            put_errors(parts.imu, parts.dvl, parts.gyros, parts.pings),
+            dvl,
+            *others,
+            start,
+            replay,
+        ]
+    )
 
 
 def _origin(parts: Parts) -> Section:
     section = Section("origin")
     geodetic = next(
-        (one for one in (parts.reference, parts.gps) if one is not None and one.kind == "geodetic"), None
+        (one for one in (parts.reference, parts.gps) if one is not None and one.unit is not None), None
     )
     if geodetic is not None:
         section.say("the first position of the reference or GPS is the origin")
@@ -128,36 +140,6 @@ def _whole_rows(imu: ImuPart) -> bool:
     return len(imu.rows) + imu.unordered == imu.found.table.frame.height
 
 
-def _errors(imu: ImuPart, dvl: DvlPart) -> list[Section]:
-    section = Section("imu.errors")
-    accel, gyro = noise_of(imu)
-    match = dvl.match
-    bias_deg_per_h, bias_why, known = 100.0, "nothing measures it: see the data sheet", False
-    accel_mg = 5.0
-    if match is not None and match.plausible:
-        found = float(np.rad2deg(np.abs(match.part("gyro_bias")[:2]).max()) * 3600.0)
-        sd = float(np.rad2deg(match.part_sd("gyro_bias")[:2].max()) * 3600.0)
-        bias_deg_per_h, known = round_up(max(2.0 * found, 2.0 * sd, 1.0)), True
-        bias_why = f"against the DVL's velocity the level gyros are {found:.3g} deg/h off"
-        excess = abs(match.gravity - 9.80665) / 9.80665 * 1e3
-        accel_mg = round_up(min(max(excess, 1.0), 50.0))
-    section.say("1 sigma; the data sheet of the IMU knows better")
-    section.put(
-        "accel_bias_mg",
-        accel_mg,
-        "gravity as integrated differs from 9.807 m/s² by less" if known else "see the data sheet",
-        known=known,
-    )
-    section.put("gyro_bias_deg_per_h", bias_deg_per_h, bias_why, known=known)
-    section.put(
-        "accel_noise_mps_per_rt_h",
-        float(f"{max(accel, 1e-3):.2g}"),
-        "scatter from reading to reading, vibration included",
-    )
-    section.put("gyro_noise_deg_per_rt_h", float(f"{max(gyro, 1e-4):.2g}"), "the same")
-    return [section]
-
-
 def _dvl(dvl: DvlPart, sources: Sources, files: Files) -> Section:
     section = Section("dvl")
     if dvl.recording is not None:
@@ -185,13 +167,28 @@ def _dvl(dvl: DvlPart, sources: Sources, files: Files) -> Section:
         section.put("velocity_unit", dvl.unit, dvl.unit_why)
         if "valid" in names:
             section.put("valid", names["valid"])
-    name = files.geometry(dvl.geometry_text) if dvl.geometry_text else dvl.geometry
-    section.put("geometry", name, dvl.geometry_why, known=dvl.geometry_known)
+    section.put("geometry", _geometry(dvl, files), dvl.geometry_why, known=dvl.geometry_known)
+    if dvl.mounting_why:
+        section.say(f"mounting_yaw_deg is {dvl.mounting_yaw_deg:g}: {dvl.mounting_why}")
+    if dvl.mounting_yaw_deg:
+        section.ask(
+            "is the DVL mounted so? Where positions told it, they judge the heading no longer by themselves"
+        )
     if dvl.noise is not None:
         section.put("beam_noise_mps", *dvl.noise)
     for question in [*dvl.questions, *_departures(dvl)]:
         section.ask(question)
     return section
+
+
+def _geometry(dvl: DvlPart, files: Files) -> str:
+    """A packaged name, or a file beside the case where directions or mounting are the log's own."""
+    if not dvl.geometry_text and not dvl.mounting_yaw_deg:
+        return dvl.geometry
+    text = dvl.geometry_text or geometry_text(dvl.geometry)
+    if dvl.mounting_yaw_deg:
+        text = f"mounting_yaw_deg = {dvl.mounting_yaw_deg}\n{text}"
+    return files.geometry(text)
 
 
 def _departures(dvl: DvlPart) -> list[str]:
@@ -257,63 +254,82 @@ def _attitude(parts: Parts, files: Files) -> list[Section]:
     section.put("unit", attitude.unit.value, attitude.unit.why, known=attitude.unit.known)
     frame = attitude.frame
     section.put("frame", frame.value, frame.why, known=frame.known)
+    if attitude.quarters:
+        section.put(
+            "mounting_yaw_deg",
+            90.0 * attitude.quarters,
+            "the gyros roll and pitch with it when it is turned so",
+        )
+    if parts.attitude_of_reference:
+        section.put("aids", "nothing", "it is the reference's own, which judges the estimate")
+        return [section]
+    if not (frame.known and offset.known):
+        section.put(
+            "aids", "nothing", 'its frames or its clock are not known: "attitude" uses it', known=False
+        )
+        return [section]
     section.put(
-        "aids", "nothing", 'is it independent of these gyros? Then "heading" or "attitude" helps', known=False
-    )
-    section.ask(
-        "is the yaw magnetic? Then yaw_offset_deg is the declination; yaw_sd_deg is 5, roll_pitch_sd_deg 1 by default"
+        "aids", "attitude", 'is it a reference of its own? "heading" uses its yaw alone, "nothing" the gyros alone',
+        known=False,
+    )  # fmt: skip
+    section.ask("is the yaw magnetic? Then yaw_offset_deg is the declination")
+    put_attitude_noise(section, parts)
+    return [section]
+
+
+def _gps(parts: Parts, files: Files) -> list[Section]:
+    if parts.gps is None:
+        return []
+    section, _ = _position(parts.gps, files, "gps")
+    section.put(
+        "aids",
+        value=False,
+        why="does the vehicle see satellites in this dive? true uses it in the filter",
+        known=False,
     )
     return [section]
 
 
-def _position(parts: Parts, files: Files, found: Found | None, name: str) -> list[Section]:
+def _reference(parts: Parts, files: Files) -> list[Section]:
+    found = parts.reference
     if found is None:
         return []
-    section = Section(name)
-    columns = _rewritten(found)
-    file, clock, names = files.table(found, name, columns)
-    section.put("file", file)
-    assert found.times.time_ns is not None  # chosen so
-    offset = clock_offset(found.times.time_ns, parts.imu, parts.dvl)
-    if parts.attitude is not None and parts.attitude.found.table is found.table:
-        offset = parts.attitude.offset
-    section.put("clock", _clock(clock, offset.seconds), offset.why or found.times.why, known=offset.known)
-    for part in ("latitude", "longitude", "height", "north", "east", "down"):
-        if part in names:
-            section.put(part, names[part])
-    if found.kind == "geodetic":
-        unit = angle_unit(found.values("latitude", "longitude"), found.units.get("latitude", ""))
-        degrees = columns is not None or unit.value == "deg"
-        section.put("angle_unit", "deg" if degrees else "rad", unit.why, known=unit.known or degrees)
-    if name == "gps":
-        section.put(
-            "aids",
-            value=False,
-            why="does the vehicle see satellites in this dive? true uses it in the filter",
-            known=False,
-        )
-        return [section]
-    own = parts.attitude if parts.attitude is not None and parts.attitude.found.table is found.table else None
-    if own is not None and "roll" in own.found.columns and columns is None and own.frame.value == "ned_frd":
+    section, names = _position(found, files, "reference")
+    own = parts.attitude if parts.attitude_of_reference else None
+    if (
+        own is not None
+        and "roll" in own.found.columns
+        and found.columns is None
+        and own.frame.value == "ned_frd"
+    ):
         for part in ("roll", "pitch", "yaw"):
             section.put(part, own.found.columns[part])
         section.put("attitude_unit", own.unit.value, own.unit.why)
         if all(f"ned{k}" in names for k in range(3)):
             section.put("velocity_ned", [names[f"ned{k}"] for k in range(3)])
-    if all(f"v{k}" in names for k in range(3)) and columns is None:
+    if all(f"v{k}" in names for k in range(3)) and found.columns is None:
         section.put("velocity_body", [names[f"v{k}"] for k in range(3)])
-    section.ask("is it independent of these sensors? Errors below are measured against it")
+    section.say(found.words)
+    section.ask(
+        "is it independent of these sensors? Errors below are measured against it; as [gps] it would aid"
+    )
     return [section]
 
 
-def _rewritten(found: Found) -> dict[str, Any] | None:
-    """Positions in degrees where they are integers of 1e-7 deg, or rows without a fix are zero; None to leave them."""
-    if found.kind != "geodetic":
-        return None
-    place = found.values("latitude", "longitude")
-    none = (place == 0.0).all(axis=1)
-    factor = 1e-7 if float(np.nanmax(np.abs(place))) > 1000.0 else 1.0
-    if factor == 1.0 and not none.any():
-        return None
-    place = np.where(none[:, None], np.nan, factor * place)
-    return {"latitude": place[:, 0], "longitude": place[:, 1]}
+def _position(found: PositionPart, files: Files, name: str) -> tuple[Section, dict[str, str]]:
+    """Columns of positions, and their names by role."""
+    section = Section(name)
+    file, clock, names = files.table(found.found, name, found.columns)
+    section.put("file", file)
+    section.put(
+        "clock",
+        _clock(clock, found.offset.seconds),
+        found.offset.why or found.found.times.why,
+        known=found.offset.known,
+    )
+    for part in ("latitude", "longitude", "height", "north", "east", "down"):
+        if part in names:
+            section.put(part, names[part])
+    if found.unit is not None:
+        section.put("angle_unit", found.unit.value, found.unit.why, known=found.unit.known)
+    return section, names

@@ -61,9 +61,10 @@ def put_start(section: Section, parts: Parts) -> None:
 
 def _position(section: Section, parts: Parts, at_s: float) -> None:
     reference = parts.reference
-    if reference is not None and reference.times.time_ns is not None:
+    if reference is not None:
         section.put("position", "reference")
-        section.put("position_sd_m", [1.0, 1.0, 1.0], "how good is the reference?", known=False)
+        sd = reference.sd_m
+        section.put("position_sd_m", [sd, sd, sd], "how good is the reference?", known=False)
         return
     down = 0.0
     if parts.depth is not None:

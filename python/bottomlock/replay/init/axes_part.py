@@ -1,0 +1,171 @@
+"""Axes of IMU, attitude sensor and DVL against one another: quarter turns, handedness, mounting yaw of the DVL."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bottomlock.replay.init.dvl_part import DvlPart
+from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.replay.init.moved import Turns, recorded
+from bottomlock.replay.init.other_parts import AttitudePart
+from bottomlock.replay.init.positions import PositionPart
+from bottomlock.replay.motion.fit import fit
+from bottomlock.replay.motion.gyros import attitude_at
+from bottomlock.replay.motion.mounting_yaw import MountingYaw, yaw_by_accelerations, yaw_by_positions
+from bottomlock.replay.motion.search import LOOSE
+
+Floats = NDArray[np.float64]
+
+CLEAR = 40.0
+"""Difference of two costs from which axes are told apart: a likelihood ratio beyond any doubt."""
+QUARTER_SD_RAD = np.deg2rad(20.0)
+"""1 sigma of a yaw from which it does not tell quarter turns apart."""
+STIFF = {"rotation": 0.2, "gyro_bias": 1e-3, "scale": 1e-3}
+"""1 sigma of a fit with poor accelerometers, whose noise would be taken for a scale: rad, rad/s, 1."""
+SIGMAS = 5.0
+OFF_QUARTER_RAD = np.deg2rad(10.0)
+LEAST_YAW_RAD = np.deg2rad(5.0)
+"""A smaller mounting yaw is stated and not applied: the heading may be off as much."""
+TRACKED = 0.8
+"""Agreement of a track with positions from which it tells a direction."""
+
+
+def _yaw(quarters: float) -> Floats:
+    return np.asarray(Rotation.from_euler("Z", 90.0 * quarters, degrees=True).as_matrix()).round(12) + 0.0
+
+
+def set_axes(dvl: DvlPart, imu: ImuPart, turned: Turns | None, track: MountingYaw | None) -> ImuPart:
+    """Axes about the vertical, by which the velocity follows the inertial readings, and what a fit of both finds.
+
+    Args:
+        dvl, imu: as guessed.
+        turned: rates of turn by an attitude that confirms the axes of the gyros; None without one.
+        track: yaw of the velocity by recorded positions; None without them.
+    """
+    if turned is None:
+        imu = _of_all_choices(dvl, imu)
+        dvl.match = fit(recorded(imu, dvl), LOOSE)
+    else:
+        before = imu.axes
+        imu = _of_yaws(dvl, imu, yaw_by_accelerations(recorded(imu, dvl, turned.omega_p_radps)), track)
+        omega = turned.omega_p_radps @ before @ imu.axes.T
+        dvl.match = fit(recorded(imu, dvl, omega), LOOSE | (STIFF if turned.of_attitude else {}))
+    if dvl.match is None:
+        dvl.questions.append("too few pings overlap the IMU's readings: clock and axes could not be compared")
+    _refine_clock(dvl)
+    return imu
+
+
+def _of_yaws(dvl: DvlPart, imu: ImuPart, felt: MountingYaw | None, track: MountingYaw | None) -> ImuPart:
+    """The IMU turned to a DVL's vehicle axes, or the DVL mounted at a yaw, as accelerations and track show.
+
+    A velocity in columns is usually in the vehicle's axes, so a quarter turn is that of the IMU; beams are those of an
+    instrument, whose file has a mounting. Any other angle is the DVL's.
+    """
+    felt = felt if felt is not None and felt.sd_rad < QUARTER_SD_RAD else None
+    track = (
+        track if track is not None and track.agreement > TRACKED and track.sd_rad < QUARTER_SD_RAD else None
+    )
+    words = []
+    if felt is not None:
+        words.append(
+            f"by its accelerations the DVL's velocity is turned by {felt.words} against IMU and attitude"
+        )
+    if track is not None:
+        words.append(
+            f"by its track against the recorded positions by {track.words}, an error of the heading included"
+        )
+    dvl.mounting_why = "; ".join(words)
+    if felt is not None and track is not None:
+        apart = abs(float(np.angle(np.exp(1j * (track.yaw_rad - felt.yaw_rad)))))
+        if apart > 3.0 * np.hypot(felt.sd_rad, track.sd_rad):
+            dvl.questions.append(
+                f"is the heading right? Both disagree: yaw_offset_deg of [attitude] may be {np.rad2deg(apart):.0f} off"
+            )
+            track = None
+    best = track or felt
+    if best is None:
+        return imu
+    quarters = round(best.yaw_rad / (0.5 * np.pi))
+    off = abs(best.yaw_rad - 0.5 * np.pi * quarters)
+    of_quarter = off < max(2.0 * best.sd_rad, OFF_QUARTER_RAD)
+    if of_quarter and quarters and dvl.recording is None:
+        dvl.mounting_why += f", so IMU and attitude are turned by {-90 * quarters:+d} deg to it"
+        return imu.with_axes(_yaw(-quarters) @ imu.axes, f"{imu.axes_why}; see [dvl]", known=True)
+    if best is track:
+        if abs(best.yaw_rad) > max(SIGMAS * best.sd_rad, LEAST_YAW_RAD):
+            dvl.turned(best.yaw_rad)
+    elif of_quarter and quarters:
+        dvl.turned(0.5 * np.pi * quarters)
+    elif not of_quarter:
+        dvl.questions.append(
+            f"how is the DVL mounted? mounting_yaw_deg of its file may be {np.rad2deg(best.yaw_rad):.0f}"
+        )
+    return imu.with_axes(imu.axes, imu.axes_why, known=imu.axes_known or of_quarter)
+
+
+def _of_all_choices(dvl: DvlPart, imu: ImuPart) -> ImuPart:
+    """Axes about the vertical and handedness of an IMU without attitude, by which choice lets the velocity follow."""
+    mirror = np.diag([1.0, -1.0, 1.0])
+    choices = {"as named": np.eye(3)} | {f"turned by {90 * k} deg": _yaw(k) for k in (1, 2, 3)}
+    if not imu.handed:
+        choices |= {f"mirrored {k}": _yaw(k) @ mirror for k in range(4)}
+    prior = LOOSE | {"rotation": 0.2}
+    fits = {name: fit(recorded(imu, dvl, axes=Q @ imu.axes), prior) for name, Q in choices.items()}
+    known = {name: one for name, one in fits.items() if one is not None}
+    if not known:
+        return imu
+    sigma = min(one.sigma_mps for one in known.values())
+    costs = {}
+    for name in known:
+        one = fit(recorded(imu, dvl, axes=choices[name] @ imu.axes), prior, sigma_mps=sigma)
+        costs[name] = np.inf if one is None else one.cost
+    order = sorted(costs, key=lambda name: costs[name])
+    best = order[0]
+    if (
+        best != "as named"
+        and costs["as named"] - costs[best] > CLEAR
+        and (len(order) < 2 or costs[order[1]] - costs[best] > CLEAR)
+    ):
+        Q = choices[best]
+        odds = (
+            f"the DVL's velocity follows the IMU with these axes (cost {costs[best]:.0f}, as named "
+            f"{costs['as named']:.0f})"
+        )
+        imu = imu.with_axes(Q @ imu.axes, f"{imu.axes_why}; {odds}", known=True)
+    elif best == "as named" and len(order) > 1 and costs[order[1]] - costs[best] > CLEAR:
+        odds = f"the DVL's velocity follows the IMU (cost {costs[best]:.0f}, next best axes {costs[order[1]]:.0f})"
+        imu = imu.with_axes(imu.axes, f"{imu.axes_why}; {odds}", known=True)
+    return imu
+
+
+def track_yaw(
+    dvl: DvlPart, attitude: AttitudePart | None, positions: PositionPart | None
+) -> MountingYaw | None:
+    """Yaw of the velocity by its track against recorded positions; None where these or the attitude do not tell."""
+    if attitude is None or positions is None or not attitude.frame.known or len(dvl.time_ns) < 2:
+        return None
+    times = dvl.time_ns + round(dvl.offset_s * 1e9)
+    own = attitude_at(*attitude.platform(), times)
+    if own is None:
+        return None
+    known = own[1]
+    return yaw_by_positions(
+        times[known], dvl.velocity_p_mps[known], own[0][known], positions.time_ns, positions.north_east_m
+    )
+
+
+def _refine_clock(dvl: DvlPart) -> None:
+    """Takes over a clock offset that the motion shows beyond doubt."""
+    match = dvl.match
+    if match is None or not match.plausible:
+        if match is not None:
+            dvl.questions.append(
+                "the velocity does not follow the IMU: are both of the same dive, and which axes have they?"
+            )
+        return
+    clock, sd = float(match.part("clock")[0]), float(match.part_sd("clock")[0])
+    if abs(clock) > max(6.0 * sd, 0.03):
+        dvl.offset_s += clock
+        words = f"the DVL's velocity follows the IMU best when moved by {clock:+.3f} ± {sd:.2g} s"
+        dvl.offset_why = f"{dvl.offset_why}; {words}" if dvl.offset_why else words

@@ -1,0 +1,128 @@
+"""The errors of the IMU in a first case: a packaged grade that covers the log, and what the log says beyond it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bottomlock.config.instrument_grades import Grade, grades
+from bottomlock.replay.init.dvl_part import DvlPart
+from bottomlock.replay.init.guess import round_up, white_noise
+from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.replay.init.text import Section
+from bottomlock.replay.motion.gyros import GyroMatch
+from bottomlock.replay.motion.ping_noise import PingNoise
+
+PER_HOUR = 3600.0
+PER_RT_HOUR = 60.0
+LEAST_BIAS_DEG_PER_H = 1.0
+LEAST_BIAS_MG, MOST_BIAS_MG = 1.0, 50.0
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a log says of a key: its value, and how it was found."""
+
+    value: float
+    why: str
+
+
+def put_errors(imu: ImuPart, dvl: DvlPart, gyros: GyroMatch | None, pings: PingNoise | None) -> Section:
+    """The section `[imu.errors]`.
+
+    Args:
+        imu, dvl: as guessed.
+        gyros: against an attitude; None without one.
+        pings: the velocity against the accelerometers; None with too few pings.
+    """
+    section = Section("imu.errors")
+    found = _evidence(dvl, gyros, pings)
+    floor = {
+        "gyro_noise_deg_per_rt_h": float(np.rad2deg(white_noise(imu.time_ns, imu.omega_s_radps)))
+        * PER_RT_HOUR,
+        "accel_noise_mps_per_rt_h": white_noise(imu.time_ns, imu.force_s_mps2) * PER_RT_HOUR,
+    }
+    covers = {key: min(value, found[key].value) if key in found else value for key, value in floor.items()}
+    bias = found.get("gyro_bias_deg_per_h")
+    if bias is not None:
+        covers["gyro_bias_deg_per_h"] = bias.value
+    grade = nearest_grade(covers)
+    words = ", ".join(f"{_NAMES[key]} {value:.2g} {_UNITS[key]}" for key, value in covers.items())
+    section.say(
+        "1 sigma; the data sheet of the IMU knows better. Keys below the grade are what the log says beyond it"
+    )
+    section.put("grade", grade.name, f"the best that covers {words}: {grade.title}", known=bias is not None)
+    for key, one in found.items():
+        stays = key not in _ALWAYS and one.value <= grade.keys[key]
+        if not stays:
+            section.put(key, float(f"{one.value:.2g}"), one.why)
+        else:
+            section.say(f"{key}: the log says {one.value:.2g}, within the grade ({one.why})")
+    for key, value in floor.items():
+        if key not in found and value > grade.keys[key]:
+            section.put(key, float(f"{value:.2g}"), "scatter from reading to reading, vibration included")
+    return section
+
+
+_NAMES = {
+    "gyro_noise_deg_per_rt_h": "gyro noise", "accel_noise_mps_per_rt_h": "accelerometer noise",
+    "gyro_bias_deg_per_h": "gyro bias",
+}  # fmt: skip
+_UNITS = {
+    "gyro_noise_deg_per_rt_h": "deg/√h",
+    "accel_noise_mps_per_rt_h": "m/s/√h",
+    "gyro_bias_deg_per_h": "deg/h",
+}
+_ALWAYS = {"gyro_bias_deg_per_h", "accel_bias_mg"}
+"""Keys that are measured: the log's value replaces the grade's also where it is smaller."""
+
+
+def nearest_grade(covers: dict[str, float]) -> Grade:
+    """The best packaged grade whose errors are at least these; else the one that covers the bias, or the coarsest."""
+    known = list(grades("imu").values())
+    by_bias = sorted(known, key=lambda one: one.keys["gyro_bias_deg_per_h"])
+    for wanted in (covers, {k: v for k, v in covers.items() if k == "gyro_bias_deg_per_h"}):
+        for grade in by_bias:
+            if wanted and all(grade.keys[key] >= value for key, value in wanted.items()):
+                return grade
+    return by_bias[-1]
+
+
+def _evidence(dvl: DvlPart, gyros: GyroMatch | None, pings: PingNoise | None) -> dict[str, _Found]:
+    """What the log says, by key of the case."""
+    found: dict[str, _Found] = {}
+    match = dvl.match if dvl.match is not None and dvl.match.plausible else None
+    if match is not None:
+        excess = abs(match.gravity - 9.80665) / 9.80665 * 1e3
+        value = round_up(min(max(excess, LEAST_BIAS_MG), MOST_BIAS_MG))
+        found["accel_bias_mg"] = _Found(value, f"gravity as integrated is {match.gravity:.3f} m/s²")
+    if gyros is not None:
+        offsets = np.rad2deg(gyros.offset_radps) * PER_HOUR
+        sd = float(np.rad2deg(gyros.offset_sd_radps).max()) * PER_HOUR
+        value = max(float(np.abs(offsets).max()), 2.0 * sd, LEAST_BIAS_DEG_PER_H)
+        axes = ", ".join(f"{x:.3g}" for x in offsets)
+        found["gyro_bias_deg_per_h"] = _Found(
+            float(f"{1.05 * value:.2g}"),
+            f"the gyros are {axes} deg/h (± {sd:.2g}) off the recorded attitude's turns",
+        )
+        found["gyro_noise_deg_per_rt_h"] = _Found(
+            float(np.rad2deg(gyros.noise_rad_rts)) * PER_RT_HOUR,
+            f"over {gyros.lag_s:.2g} s the integrated gyros part from the attitude so, scale and low rate included",
+        )
+        wander = float(np.rad2deg(gyros.wander_radps_rts))
+        if wander > 0.0:
+            found["gyro_bias_walk_deg_per_s_per_rt_s"] = _Found(
+                wander, "their offset from the attitude wanders so much between the segments of the dive"
+            )
+    elif match is not None:
+        off = float(np.rad2deg(np.abs(match.part("gyro_bias")[:2]).max()) * PER_HOUR)
+        sd = float(np.rad2deg(match.part_sd("gyro_bias")[:2].max()) * PER_HOUR)
+        found["gyro_bias_deg_per_h"] = _Found(
+            round_up(max(2.0 * off, 2.0 * sd, LEAST_BIAS_DEG_PER_H)),
+            f"against the DVL's velocity the level gyros are {off:.3g} deg/h off",
+        )
+    if pings is not None and pings.force_mps_rts > 0.0:
+        found["accel_noise_mps_per_rt_h"] = _Found(
+            pings.force_mps_rts * PER_RT_HOUR,
+            f"over one to eight pings ({pings.differences} of them) the integrated force parts so from their velocity",
+        )
+    return found

@@ -1,0 +1,169 @@
+"""Recorded positions of a first case: GPS, USBL, LBL or a reference, in metres, with their resolution and scatter."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.replay.geodesy import Place, tangent_from_geodetic
+from bottomlock.replay.init.dvl_part import DvlPart
+from bottomlock.replay.init.found import Found
+from bottomlock.replay.init.guess import Guess, angle_unit
+from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.replay.init.other_parts import AttitudePart, Offset, clock_offset
+from bottomlock.statistics.robust import sd_about_median
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+LEAST_SD_M = 1.0
+"""Positions of satellites wander by as much over minutes, which their scatter does not show."""
+THROUGHOUT = 0.9
+"""Part of the pings with a position near in time from which positions are there throughout."""
+SATELLITES = ("gps", "gnss", "navsat", "ublox")
+
+
+@dataclass(eq=False)
+class PositionPart:
+    """Positions as guessed.
+
+    Attributes:
+        found: columns.
+        columns: values to be written again, by role; None where the table can be read as it is.
+        unit: of latitude and longitude; None for metres.
+        offset: of its clock to the IMU's.
+        time_ns, north_east_m: (k,), (k, 2) rows with a position, on the IMU's clock.
+        resolution_m, scatter_m: smallest step, and robust sigma of third differences.
+        throughout: part of the pings that have a position within two of its steps.
+        longest_gap_s: between two positions.
+        latitude_rad, longitude_rad: of the first; NaN for metres.
+    """
+
+    found: Found
+    columns: dict[str, Any] | None
+    unit: Guess | None
+    offset: Offset
+    time_ns: Integers
+    north_east_m: Floats
+    resolution_m: float
+    scatter_m: float
+    throughout: float
+    longest_gap_s: float
+    latitude_rad: float = float("nan")
+    longitude_rad: float = float("nan")
+
+    @property
+    def sd_m(self) -> float:
+        """1 sigma of a position, m."""
+        return float(f"{max(LEAST_SD_M, self.resolution_m, self.scatter_m):.2g}")
+
+    @property
+    def words(self) -> str:
+        """Resolution, scatter and gaps."""
+        gaps = f"longest gap {self.longest_gap_s:.3g} s"
+        there = (
+            "throughout"
+            if self.throughout > THROUGHOUT
+            else f"near {100.0 * self.throughout:.0f} % of the pings"
+        )
+        return f"resolution {self.resolution_m:.2g} m, scatter {self.scatter_m:.2g} m, {there}, {gaps}"
+
+
+def guess_positions(
+    found: Found, imu: ImuPart, dvl: DvlPart, attitude: AttitudePart | None
+) -> PositionPart | None:
+    """Unit, clock and noise of positions; None with fewer than four."""
+    times = found.times.time_ns
+    assert times is not None  # chosen so
+    offset = clock_offset(times, imu, dvl)
+    if attitude is not None and attitude.found.table is found.table:
+        offset = attitude.offset
+    columns = _rewritten(found)
+    unit, first = None, (np.nan, np.nan)
+    if found.kind == "geodetic":
+        unit = angle_unit(found.values("latitude", "longitude"), found.units.get("latitude", ""))
+        if columns is not None:
+            unit = Guess("deg", unit.why)
+        place = (
+            found.values("latitude", "longitude")
+            if columns is None
+            else np.stack(list(columns.values()), axis=1)
+        )
+        place = np.deg2rad(place) if unit.value == "deg" else place
+    else:
+        place = found.values("north", "east")
+    good = np.isfinite(place).all(axis=1) & np.concatenate([[True], np.diff(times) > 0])
+    if good.sum() < 4:
+        return None
+    place, own = place[good], times[good] + round(offset.seconds * 1e9)
+    if found.kind == "geodetic":
+        first = float(place[0, 0]), float(place[0, 1])
+        place = tangent_from_geodetic(place[:, 0], place[:, 1], np.zeros(len(place)), Place(*first, 0.0))[
+            :, :2
+        ]
+    third = place[3:] - 3.0 * place[2:-1] + 3.0 * place[1:-2] - place[:-3]
+    scatter = float(np.max(sd_about_median(third, axis=0))) / np.sqrt(20.0) if len(third) > 8 else 0.0
+    steps = np.abs(np.diff(place, axis=0))
+    least = [float(x[x > 1e-3].min()) for x in steps.T if (x > 1e-3).any()]
+    gaps_s = np.diff(own) * 1e-9
+    pings = dvl.time_ns + round(dvl.offset_s * 1e9)
+    nearest = np.clip(np.searchsorted(own, pings), 1, len(own) - 1)
+    apart = np.minimum(np.abs(own[nearest] - pings), np.abs(own[nearest - 1] - pings))
+    near = float((apart < 2e9 * float(np.median(gaps_s))).mean()) if len(pings) else 0.0
+    return PositionPart(
+        found,
+        columns,
+        unit,
+        offset,
+        own,
+        place,
+        max(least, default=0.0),
+        scatter,
+        near,
+        float(gaps_s.max()),
+        *first,
+    )
+
+
+def is_reference(found: Found, sources: int) -> bool:
+    """Whether a position is what errors are measured against, by the name of its file or by what is beside it."""
+    name = found.table.path.stem.lower()
+    if any(word in name for word in SATELLITES):
+        return False
+    words = (
+        "ref",
+        "gt",
+        "truth",
+        "ground",
+        "slam",
+        "telemetry",
+        "ekf",
+        "mocap",
+        "qualisys",
+        "vicon",
+        "usbl",
+        "lbl",
+    )
+    beside = any(role.startswith(("ned", "v")) for role in found.extra)
+    return any(word in name for word in words) or beside or sources > 1
+
+
+def choose_positions(places: list[Found]) -> tuple[Found | None, Found | None]:
+    """The reference and the GPS among recorded positions: positions that do not aid are the reference."""
+    reference = next((one for one in places if is_reference(one, len(places))), None)
+    gps = next((one for one in places if one is not reference), None)
+    return (gps, None) if reference is None else (reference, gps)
+
+
+def _rewritten(found: Found) -> dict[str, Any] | None:
+    """Positions in degrees where they are integers of 1e-7 deg, or rows without a fix are zero; None to leave them."""
+    if found.kind != "geodetic":
+        return None
+    place = found.values("latitude", "longitude")
+    none = (place == 0.0).all(axis=1)
+    factor = 1e-7 if float(np.nanmax(np.abs(place))) > 1000.0 else 1.0
+    if factor == 1.0 and not none.any():
+        return None
+    place = np.where(none[:, None], np.nan, factor * place)
+    return {"latitude": place[:, 0], "longitude": place[:, 1]}

@@ -1,0 +1,123 @@
+"""Noise of a velocity and of accelerometers, from how far both part over one to several pings.
+
+In the axes of the platform at the beginning of a segment, y = C v − ∫ C f dt is a line in time (`segments`). Second
+differences of y over L pings remove the line, whatever its slope, and leave
+
+    6 σ² + 2 N² T,   T = L times the interval between pings,
+
+with σ the noise of the velocity and N that of the integrated specific force, the errors of the rotation and of low
+rates included. Both follow from the variance at several L. Accelerations of the vehicle are in both and cancel.
+
+Third differences of C v alone leave 20 σ² and what the vehicle's acceleration changes by. σ is the smaller of the two:
+one is too large where the accelerometers are poor, the other where the vehicle is quick for its pings.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from bottomlock.replay.motion.fit import Recorded, at_pings
+from bottomlock.replay.motion.segments import integrate
+from bottomlock.statistics.robust import sd_about_median
+
+Floats = NDArray[np.float64]
+
+LAGS = (1, 2, 3, 4, 6, 8)
+LEAST_DIFFERENCES = 40
+RESOLVED = 1.5
+"""Sigmas from which a random walk is told from the noise of the velocity."""
+CLEAR = 0.5
+"""Part that the accelerometers may have in the variance over one ping: beyond it the velocity's own is not clear."""
+EVEN = 0.25
+"""Pings whose intervals differ by more than this part of one are not differenced."""
+
+
+@dataclass(frozen=True, eq=False)
+class PingNoise:
+    """Noise of a velocity and of the specific force beside it.
+
+    Attributes:
+        velocity_sd_mps: (3,) of a ping, platform axes.
+        force_mps_rts: random walk of the integrated specific force, RMS over the axes, m/s/√s; 0 where the noise of the
+            velocity hides it.
+        differences: number of second differences of one ping that it was found from.
+        interval_s: between pings.
+    """
+
+    velocity_sd_mps: Floats
+    force_mps_rts: float
+    differences: int
+    interval_s: float
+
+
+def ping_noise(recorded: Recorded) -> PingNoise | None:
+    """Noise of a recording's velocity and specific force; None with too few even pings."""
+    segments = integrate(recorded.imu_time_ns, recorded.force_p_mps2, recorded.omega_p_radps)
+    if segments is None or len(recorded.time_ns) < 3:
+        return None
+    at = at_pings(segments, recorded.time_ns)
+    if at.kept.sum() < LEAST_DIFFERENCES:
+        return None
+    turned = np.einsum("pij,pj->pi", at.C, recorded.velocity_p_mps[at.kept])
+    y = turned - at.S
+    interval_s = float(np.median(np.diff(recorded.time_ns))) * 1e-9
+    rows, target, counted = [], [], 0
+    for lag in LAGS:
+        if len(y) <= 2 * lag:
+            break
+        first, middle, last = slice(0, -2 * lag), slice(lag, -lag), slice(2 * lag, None)
+        even = at.segment[first] == at.segment[last]
+        for one, other in ((first, middle), (middle, last)):
+            even &= np.abs(at.time_s[other] - at.time_s[one] - lag * interval_s) < EVEN * interval_s
+        if even.sum() < LEAST_DIFFERENCES:
+            continue
+        bend = (y[last] - 2.0 * y[middle] + y[first])[even]
+        body = np.einsum("pji,pj->pi", at.C[middle][even], bend)
+        counted = max(counted, int(even.sum()))
+        # A robust variance of n differences over a lag is known to about this part of itself (found by simulation).
+        spread = sd_about_median(body, axis=0) ** 2
+        weight = 1.0 / (np.sqrt(lag / even.sum()) * max(float(spread.mean()), 1e-12))
+        rows.append(weight * np.array([6.0, 2.0 * lag * interval_s]))
+        target.append(weight * spread)
+    if len(rows) < 2:
+        return None
+    third = turned[3:] - 3.0 * turned[2:-1] + 3.0 * turned[1:-2] - turned[:-3]
+    even = (at.segment[3:] == at.segment[:-3]) & (
+        np.abs(at.time_s[3:] - at.time_s[:-3] - 3.0 * interval_s) < EVEN * interval_s
+    )
+    alone = np.full(3, np.inf)
+    if even.sum() >= LEAST_DIFFERENCES:
+        body = np.einsum("pji,pj->pi", at.C[1:-2][even], third[even])
+        alone = sd_about_median(body, axis=0) / np.sqrt(20.0)
+    parts = np.stack([nnls(np.array(rows), np.array(target)[:, axis])[0] for axis in range(3)])
+    steep_sd = float(np.sqrt(np.linalg.inv(np.array(rows).T @ np.array(rows))[1, 1] / 3.0))
+    steep = float(parts[:, 1].mean())
+    clear = 2.0 * parts[:, 1] * interval_s < CLEAR * 6.0 * parts[:, 0]
+    beside = np.where(clear | ~np.isfinite(alone), np.sqrt(parts[:, 0]), np.inf)
+    sd = np.minimum(beside, alone)
+    return PingNoise(sd, float(np.sqrt(steep)) if steep > RESOLVED * steep_sd else 0.0, counted, interval_s)
+
+
+def tilt_of_noise(velocity_sd_mps: Floats) -> float:
+    """Tilt of equally noisy beams around the vertical whose least squares has this noise, rad.
+
+    Of three or four beams on a cone of tilt θ the level noise is √2 / tan θ times the vertical.
+
+    >>> round(float(np.rad2deg(tilt_of_noise(np.array([0.124, 0.124, 0.0409])))))
+    25
+    """
+    level = float(np.sqrt(np.mean(velocity_sd_mps[:2] ** 2)))
+    return float(np.arctan2(np.sqrt(2.0) * float(velocity_sd_mps[2]), level))
+
+
+def beam_noise(directions: Floats, velocity_sd_mps: Floats) -> float:
+    """Noise of a beam, m/s, with which least squares of all beams has this noise on average over the axes.
+
+    Args:
+        directions: (B, 3) of the beams, platform axes.
+        velocity_sd_mps: (3,).
+    """
+    gain = np.diag(np.linalg.inv(directions.T @ directions))
+    return float(np.sqrt(np.mean(velocity_sd_mps**2 / gain)))
