@@ -1,6 +1,6 @@
 //! Earth rate, normal gravity, and the environment of a mission.
 
-use crate::error::{NavError, require_finite, require_positive};
+use crate::error::{NavError, require_finite, require_non_negative};
 use crate::frames::{Tangent, Vec3};
 
 /// Rotation rate of the Earth (WGS 84), rad/s.
@@ -36,7 +36,7 @@ pub fn normal_gravity_mps2(latitude_rad: f64, depth_m: f64) -> f64 {
 pub struct Environment {
     /// Geodetic latitude, rad.
     pub latitude_rad: f64,
-    /// Gravity along tangent z (down), m/s²; constant over a mission.
+    /// Gravity along tangent z (down), m/s²; constant over a mission. 0 for specific forces without gravity (docs/no_imu.md).
     pub gravity_mps2: f64,
     /// Earth rate, rad/s; zero for a non-rotating Earth.
     pub earth_rate_radps: f64,
@@ -69,7 +69,7 @@ impl Environment {
     /// [`NavError::OutOfRange`] or [`NavError::NotFinite`], which names the field.
     pub fn validate(&self) -> Result<(), NavError> {
         require_finite("environment.earth_rate_radps", 0, &[self.earth_rate_radps])?;
-        require_positive("environment.gravity_mps2", self.gravity_mps2)?;
+        require_non_negative("environment.gravity_mps2", self.gravity_mps2)?;
         if self.gravity_mps2 > GREATEST_GRAVITY_MPS2 {
             return Err(NavError::OutOfRange {
                 field: "environment.gravity_mps2",

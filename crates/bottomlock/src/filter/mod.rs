@@ -186,6 +186,12 @@ impl Eskf {
         state
     }
 
+    /// Gravity, m/s²; 0 for readings without it.
+    #[must_use]
+    pub fn gravity_mps2(&self) -> f64 {
+        self.settings.earth.gravity_mps2
+    }
+
     /// The time of the state, ns.
     #[must_use]
     pub fn time_ns(&self) -> i64 {

@@ -14,6 +14,8 @@ const FORCE_INTERVAL_NS: i64 = 1_000_000_000;
 const LEAST_FORCE_MPS2: f64 = 2.0;
 /// Greatest mean of |f|, m/s²: eight times gravity, less than gravity in m/s² that is taken for g (96).
 const GREATEST_FORCE_MPS2: f64 = 80.0;
+/// Greatest mean of |f| without gravity, m/s²: half of gravity, and a turn of 1 rad/s at 5 m/s.
+const GREATEST_WEIGHTLESS_MPS2: f64 = 5.0;
 /// Most that one reading counts for, m/s²: a few wild ones say nothing of the units of the others.
 const MOST_COUNTED_MPS2: f64 = 200.0;
 /// Mean of |ω|, rad/s, above which it is taken for gravity where the specific force is too small: 290 degrees a second.
@@ -93,11 +95,12 @@ impl FirstReadings {
         self.is_force_known && self.imu.readings >= READINGS.0
     }
 
-    /// The readings with one more.
+    /// The readings with one more, for a filter whose gravity is `gravity_mps2` (m/s²). Without gravity the specific force is
+    /// the vehicle's own acceleration.
     ///
     /// # Errors
     /// [`NavError::OutOfRange`] for a mean that no instrument under water gives, with the likely mistake.
-    pub fn with(&self, event: &Event) -> Result<Self, NavError> {
+    pub fn with(&self, event: &Event, gravity_mps2: f64) -> Result<Self, NavError> {
         match event {
             Event::Imu(sample) if !self.has_units() => {
                 let next = Self {
@@ -110,7 +113,7 @@ impl FirstReadings {
                 if next.is_force_known || next.imu.span_ns() < FORCE_INTERVAL_NS {
                     return Ok(next);
                 }
-                next.check_force()?;
+                next.check_force(gravity_mps2)?;
                 Ok(Self {
                     is_force_known: true,
                     ..next
@@ -128,10 +131,15 @@ impl FirstReadings {
         }
     }
 
-    fn check_force(&self) -> Result<(), NavError> {
+    fn check_force(&self, gravity_mps2: f64) -> Result<(), NavError> {
         let count = f64::from(self.imu.readings);
         let (force, rate) = (self.force_mps2 / count, self.rate_radps / count);
-        let expected = if force > GREATEST_FORCE_MPS2 {
+        let expected = if gravity_mps2 == 0.0 {
+            if force < GREATEST_WEIGHTLESS_MPS2 {
+                return Ok(());
+            }
+            "less than 5 m/s²: environment.gravity_mps2 is 0, so the specific force is without gravity"
+        } else if force > GREATEST_FORCE_MPS2 {
             "less than 80 m/s², near gravity: is it in mg or cm/s², or m/s² taken for g?"
         } else if force >= LEAST_FORCE_MPS2 {
             return Ok(());
@@ -164,7 +172,7 @@ mod tests {
                 rate_p_radps: Vec3::new(0.0, 0.0, rate),
                 force_p_mps2: Vec3::new(0.0, 0.0, -force),
             };
-            match first.with(&Event::Imu(sample)) {
+            match first.with(&Event::Imu(sample), 9.8) {
                 Ok(next) => {
                     first = next;
                     None
@@ -203,7 +211,7 @@ mod tests {
         };
         let fed = |interval_ns: i64| {
             let mut first = FirstReadings::default();
-            (0..20).try_for_each(|k| first.with(&ping(k * interval_ns)).map(|next| first = next))
+            (0..20).try_for_each(|k| first.with(&ping(k * interval_ns), 9.8).map(|next| first = next))
         };
         assert!(fed(100).unwrap_err().to_string().contains("nanoseconds"));
         assert!(fed(200_000).is_err());
@@ -221,7 +229,7 @@ mod tests {
                 rate_p_radps: Vec3::new(0.0, 0.0, 0.0),
                 force_p_mps2: Vec3::new(0.0, 0.0, -force),
             };
-            first = first.with(&Event::Imu(sample)).unwrap();
+            first = first.with(&Event::Imu(sample), 9.8).unwrap();
         }
         assert!(first.has_units());
     }
@@ -236,9 +244,29 @@ mod tests {
                 force_p_mps2: Vec3::new(0.0, 0.0, -1.0),
             })
         };
-        let first = FirstReadings::default().with(&sample(0)).unwrap();
-        let refused = first.with(&sample(1_000_000_000));
+        let first = FirstReadings::default().with(&sample(0), 9.8).unwrap();
+        let refused = first.with(&sample(1_000_000_000), 9.8);
         assert!(refused.is_err());
-        assert_eq!(refused, first.with(&sample(1_000_000_000)));
+        assert_eq!(refused, first.with(&sample(1_000_000_000), 9.8));
+    }
+
+    /// A filter without gravity takes the vehicle's own acceleration, and refuses readings that hold gravity.
+    #[test]
+    fn without_gravity_the_force_is_small() {
+        let of = |force: f64| -> Result<(), NavError> {
+            let mut first = FirstReadings::default();
+            (0..200_i64).try_for_each(|k| {
+                let sample = ImuSample {
+                    time_ns: k * 10_000_000,
+                    rate_p_radps: Vec3::new(0.0, 0.0, 0.0),
+                    force_p_mps2: Vec3::new(0.0, 0.0, -force),
+                };
+                first.with(&Event::Imu(sample), 0.0).map(|next| first = next)
+            })
+        };
+        assert_eq!(of(0.0), Ok(()));
+        assert_eq!(of(4.99), Ok(()));
+        assert!(of(5.01).is_err());
+        assert!(of(9.8).unwrap_err().to_string().contains("without gravity"));
     }
 }

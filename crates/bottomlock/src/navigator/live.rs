@@ -133,7 +133,9 @@ impl LiveNavigator {
             return Err(late);
         }
         self.now.navigators.require_plausible_motion()?;
-        let first = self.first.with(event)?;
+        let first = self
+            .first
+            .with(event, self.navigators().selected().filter().gravity_mps2())?;
         if self.waits(event) {
             self.require_room(event)?;
             self.now.navigators.require_measurable(event)?;

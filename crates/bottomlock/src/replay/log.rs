@@ -47,11 +47,11 @@ impl Log<'_> {
         }
     }
 
-    /// Checks every number, and that time rises within each stream.
+    /// Checks every number, and that time rises within each stream; `gravity_mps2` is that of the filter, m/s².
     ///
     /// # Errors
     /// [`NavError::InRow`] that names stream, row and field.
-    pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
+    pub fn validate(&self, geometry: &BeamGeometry, gravity_mps2: f64) -> Result<(), NavError> {
         let mut first = FirstReadings::default();
         for stream in 0..STREAMS {
             let mut previous_ns = None;
@@ -59,7 +59,7 @@ impl Log<'_> {
                 let Some(event) = self.get(stream, row) else { break };
                 let in_row = in_row(stream, row);
                 event.validate(geometry).map_err(&in_row)?;
-                first = first.with(&event).map_err(&in_row)?;
+                first = first.with(&event, gravity_mps2).map_err(&in_row)?;
                 let time_ns = event.time_ns();
                 if let Some(previous_ns) = previous_ns.filter(|&previous_ns| time_ns <= previous_ns) {
                     return Err(in_row(NavError::TimeNotIncreasing {

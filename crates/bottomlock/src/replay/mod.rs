@@ -135,7 +135,7 @@ pub fn replay(request: &Replay<'_>, threads: usize) -> Result<Replayed, NavError
 /// As [`replay`]; [`NavError::Interrupted`] where the end was asked for.
 pub fn replay_until(request: &Replay<'_>, threads: usize, stop: &Stop) -> Result<Replayed, NavError> {
     let (log, start_ns) = (&request.log, request.start.time_ns);
-    log.validate(request.geometry)?;
+    log.validate(request.geometry, request.model.environment.gravity_mps2)?;
     innovations::require_flags(log, request)?;
     let screened = ScreenedImu::new(log.imu, start_ns, request.model, request.options)?;
     let last_ns = match screened.imu.last() {
