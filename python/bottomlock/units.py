@@ -48,6 +48,15 @@ def per_rt_s_from_per_rt_h(density: float) -> float:
     return density / math.sqrt(_SECONDS_PER_HOUR)
 
 
+def per_rt_h_from_per_rt_s(density: float) -> float:
+    """A random walk per root second to one per root hour.
+
+    >>> per_rt_h_from_per_rt_s(0.0012)
+    0.072
+    """
+    return density * math.sqrt(_SECONDS_PER_HOUR)
+
+
 def fraction_from_percent(part_percent: float) -> float:
     """Percent to a plain fraction."""
     return part_percent * 1e-2

@@ -82,7 +82,7 @@ def test_units_and_axes_are_found_back(
         write_a50(dive, tmp_path / "dvl.json", start_s=EPOCH_S),
         write_csv(tmp_path / "imu.csv", columns),
     )
-    assert (case.imu.force_unit, case.imu.omega_unit, case.imu.axes) == (unit_f, unit_w, found)
+    assert (case.readings.force_unit, case.readings.omega_unit, case.readings.axes) == (unit_f, unit_w, found)
     row = tc_row(case)
     assert row["nis_mean_over_fixes"] / row["nis_degrees_mean_over_fixes"] < 3.0
     assert row["fixes_rejected"] == 0
@@ -106,7 +106,7 @@ def test_clocks_are_found_back(
     columns = {column: time} | dict(zip(NAMES["short"], imu_columns(dive), strict=True))
     log = write_a50(dive, tmp_path / "dvl.json", start_s=7040.0)
     case = made(tmp_path, log, write_csv(tmp_path / "imu.csv", columns))
-    assert case.imu.clock.unit == unit
+    assert case.readings.clock.unit == unit
     assert case.dvl.clock.offset_s == pytest.approx(start_s - 7040.0, abs=0.05)
 
 
@@ -119,8 +119,8 @@ def test_a_european_spreadsheet(dive: RovDive, tmp_path: Path) -> None:
         rows.append(";".join([when, *(f"{x:.6f}".replace(".", ",") for x in row)]))
     (tmp_path / "imu.csv").write_text("\n".join(rows), encoding="utf-8")
     case = made(tmp_path, write_a50(dive, tmp_path / "dvl.json", start_s=EPOCH_S), tmp_path / "imu.csv")
-    assert case.imu.file.name == "case_imu.parquet"
-    assert case.imu.omega_unit == "deg/s"
+    assert case.readings.file.name == "case_imu.parquet"
+    assert case.readings.omega_unit == "deg/s"
     assert tc_row(case)["fixes_rejected"] == 0
 
 
@@ -204,7 +204,7 @@ def test_recorded_files_without_times_or_right_handed_axes(
         pytest.skip(f"no recording {folder}")
     names = (f"imu_{section}.parquet", f"dvl_{section}.csv", f"gt_{section}.csv")
     case = made(tmp_path, *(folder / name for name in names))
-    assert case.imu.axes == ("x", "-y", "z")
+    assert case.readings.axes == ("x", "-y", "z")
     row = tc_row(case)
     assert row["fixes_rejected"] < 10
     assert row["position_final_percent"] < 2.0

@@ -71,7 +71,7 @@ def test_an_imu_without_names_is_known_by_gravity(dive: RovDive, tmp_path: Path)
     make_case([log, imu, without_header(write_csv(tmp_path / "depth.csv", depth))], tmp_path / "case.toml")
     assert "have the size of gravity" in (tmp_path / "case.toml").read_text().replace("\n#  ", "")
     case = load_case(tmp_path / "case.toml")
-    assert case.imu.force == ("force_x", "force_y", "force_z")
+    assert case.readings.force == ("force_x", "force_y", "force_z")
     assert case.depth is not None
     assert replay_case(case.with_overrides(methods=["tc"])).manifest["findings"][0]["severity"] == "note"
 

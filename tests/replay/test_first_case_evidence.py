@@ -165,7 +165,7 @@ def test_mounting_yaw_by_accelerations_and_by_the_track(dive: RovDive, yaw_deg: 
 def test_a_cheap_log_gives_a_sane_case_untouched(dive: RovDive, tmp_path: Path) -> None:
     """rad/s by the slope, the AHRS aids, three beams with their noise, GPS as the reference, and the end is near it."""
     case, text = made(tmp_path, tables(tmp_path, dive))
-    assert case.imu.omega_unit == "rad/s"
+    assert case.readings.omega_unit == "rad/s"
     assert "times as far as the recorded attitude" in text
     assert case.attitude is not None
     assert case.attitude.aids == "attitude"
@@ -176,7 +176,7 @@ def test_a_cheap_log_gives_a_sane_case_untouched(dive: RovDive, tmp_path: Path) 
     geometry = read_geometry(case.dvl.geometry).geometry
     assert geometry.beams == 3
     assert case.dvl.beam_noise_mps == pytest.approx(0.06, rel=0.1)
-    errors = case.imu.errors
+    errors = case.readings.errors
     assert errors.grade == "mti"
     assert errors.gyro_bias_deg_per_h == pytest.approx(2400.0, rel=0.1)
     assert errors.gyro_noise_deg_per_rt_h == pytest.approx(np.rad2deg(0.002) * 60.0, rel=0.33)
@@ -196,7 +196,7 @@ def test_imu_and_ahrs_turned_by_a_quarter_are_turned_back(
     """An instrument mounted by quarters on the vehicle whose axes the DVL's velocity has."""
     case, _ = made(tmp_path, tables(tmp_path, dive, quarter=quarter))
     expected = {1: ("-y", "x", "z"), 2: ("-x", "-y", "z"), -1: ("y", "-x", "z")}[quarter]
-    assert case.imu.axes == expected
+    assert case.readings.axes == expected
     assert case.attitude is not None
     assert np.cos(np.deg2rad(case.attitude.mounting_yaw_deg - 90.0 * quarter)) == pytest.approx(1.0)
     row = replay_case(case.with_overrides(methods=["tc"])).runs.row(0, named=True)
@@ -205,7 +205,7 @@ def test_imu_and_ahrs_turned_by_a_quarter_are_turned_back(
 
 def test_a_dvl_at_an_angle_gets_its_mounting(dive: RovDive, tmp_path: Path) -> None:
     case, text = made(tmp_path, tables(tmp_path, dive, yaw_deg=33.0))
-    assert case.imu.axes == ("x", "y", "z")
+    assert case.readings.axes == ("x", "y", "z")
     mounting = read_instrument_file(case.dvl.geometry).mounting_yaw_deg
     assert mounting == pytest.approx(33.0, abs=2.0)
     assert "by its track against the recorded positions" in text
@@ -249,8 +249,8 @@ def test_a_recorded_dive_untouched_ends_near_dgps(
         pytest.skip(f"no recording {recordings / 'stpere_ictineu'}")
     recorded_dives().stpere(recordings, tmp_path)
     case, _ = made(tmp_path, {name: tmp_path / f"{name}.csv" for name in names})
-    assert case.imu.omega_unit == "rad/s"
-    assert case.imu.errors.gyro_bias_deg_per_h == pytest.approx(2450.0, rel=0.1)
+    assert case.readings.omega_unit == "rad/s"
+    assert case.readings.errors.gyro_bias_deg_per_h == pytest.approx(2450.0, rel=0.1)
     assert case.dvl.beam_noise_mps == pytest.approx(0.065, rel=0.1)
     rows = replay_case(case.with_overrides(methods=["tc", "dead_reckoning"])).runs.filter(
         pl.col("pass") == "forward"

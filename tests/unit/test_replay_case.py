@@ -76,7 +76,7 @@ def test_files_are_looked_for_from_the_case(tmp_path: Path) -> None:
     path = tmp_path / "case.toml"
     path.write_text(LEAST.replace('"x_janus_20"', '"own.toml"'), encoding="utf-8")
     case = load_case(path)
-    assert case.imu.file == tmp_path / "imu.csv"
+    assert case.readings.file == tmp_path / "imu.csv"
     assert case.dvl.geometry == str(tmp_path / "own.toml")
 
 

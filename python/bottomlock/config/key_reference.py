@@ -148,11 +148,16 @@ def section_paths(model: type[BaseModel], path: str = "") -> Iterator[tuple[str,
 
 
 def model_at(model: type[BaseModel], path: Sequence[int | str]) -> type[BaseModel]:
-    """The model of the section at a path; numbers of a list's entries are passed over."""
+    """The model of the section at a path; numbers of a list's entries are passed over.
+
+    Where a section may be one of several models, the name of its class may follow it; without it the first is meant.
+    """
+    choice: dict[str, type[BaseModel]] = {}
     for part in path:
         field = model.model_fields.get(str(part))
         inner = [] if field is None else section_models(field.annotation)
-        model = inner[0] if inner else model
+        model = inner[0] if inner else choice.get(str(part), model)
+        choice = {one.__name__: one for one in inner}
     return model
 
 

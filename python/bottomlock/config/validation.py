@@ -53,7 +53,9 @@ def explain(error: ValidationError, place: str, model: type[BaseModel]) -> str:
     lines = []
     for fault in error.errors():
         location = tuple(part for part in fault["loc"] if part not in {"normal", "constrained-float"})
-        key = ".".join(str(part) for part in location if not str(part).startswith(("literal", "function")))
+        # Of a section that may be one of several models, the model is part of the place, but not of the key.
+        shown = [str(part) for part in location if not str(part)[:1].isupper()]
+        key = ".".join(part for part in shown if not part.startswith(("literal", "function")))
         value, kind, context = fault.get("input"), fault["type"], fault.get("ctx", {})
         unit = f" {unit_of(key)}" if unit_of(key) else ""
         if kind == "extra_forbidden":

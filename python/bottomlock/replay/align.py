@@ -11,6 +11,8 @@ from bottomlock.levelling import level_from_force
 from bottomlock.models import ImuModel
 from bottomlock.replay.axes import from_angles, to_angles
 from bottomlock.replay.case import FROM_REFERENCE, Case
+from bottomlock.replay.dead_reckoning import attitude_between
+from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Floats, Inertial, Streams, Times
 from bottomlock.replay.window_mean import mean_over
 
@@ -125,8 +127,8 @@ def start_time(case: Case, streams: Streams) -> tuple[int, int | None]:
             )
     if earliest >= times[-1]:
         raise DataError(
-            f"{case.imu.file}: ends {(times[-1] - times[0]) * 1e-9:.3f} s after its first reading, before the start at "
-            f"{(earliest - times[0]) * 1e-9:.3f} s"
+            f"{case.motion_file}: ends {(times[-1] - times[0]) * 1e-9:.3f} s after its first reading, before the "
+            f"start at {(earliest - times[0]) * 1e-9:.3f} s"
         )
     if not start.from_reference:
         return int(times[np.searchsorted(times, earliest)]), None
@@ -205,6 +207,10 @@ def _reference_angles(inputs: _AlignmentInputs) -> Floats:
 def _recorded_angles(inputs: _AlignmentInputs) -> tuple[Floats, str]:
     recorded = inputs.streams.attitudes
     assert recorded is not None  # validated in Case
+    if isinstance(inputs.case.imu, ImuFromAttitude):
+        # The readings turn from the attitude of this very time.
+        now = attitude_between(recorded)(np.array([inputs.start_ns]))
+        return to_angles(now)[0], "from the recorded attitude"
     row = _latest(recorded.time_ns, inputs, "attitude", 1.0)
     age = (inputs.start_ns - int(recorded.time_ns[row])) * 1e-9
     return to_angles(recorded.attitude[row]), f"from the recorded attitude {age:.3f} s before"

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError, model_validator
 
 from bottomlock.config.calibration import CalibrationSection
 from bottomlock.config.own_methods import OwnMethods, own_methods_from
@@ -31,10 +31,12 @@ from bottomlock.replay.stream_sections import (
     AttitudeStream,
     DepthStream,
     GpsStream,
+    ImuFromAttitude,
     ImuStream,
     MagnetometerStream,
     ReferenceStream,
     Stream,
+    kind_of_imu,
 )
 
 Angles = tuple[Finite, Finite, Finite]
@@ -147,7 +149,11 @@ class Case(Section):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
     description: str = ""
     origin: Origin = Origin()
-    imu: ImuStream
+    imu: Annotated[
+        Annotated[ImuStream, Tag(ImuStream.__name__)]
+        | Annotated[ImuFromAttitude, Tag(ImuFromAttitude.__name__)],
+        Discriminator(kind_of_imu),
+    ]
     dvl: DvlStream
     depth: DepthStream | None = None
     attitude: AttitudeStream | None = None
@@ -173,6 +179,8 @@ class Case(Section):
             if source in streams and streams[source] is None:
                 section = "gps" if source == "gps_course" else source
                 raise ValueError(f'start.{key} = "{source}" needs the section [{section}], which is missing')
+        if isinstance(self.imu, ImuFromAttitude):
+            self._needs_no_readings()
         if self.reference is not None:
             self._reference_has(self.reference)
         if DEAD_RECKONING in self.replay.methods and self.attitude is None:
@@ -182,6 +190,22 @@ class Case(Section):
             if names.count(name) > 1:
                 raise ValueError(f"what_if '{name}' is defined twice, expected unique names")
         return self
+
+    def _needs_no_readings(self) -> None:
+        if self.attitude is None:
+            raise ValueError('imu.source = "attitude" needs the section [attitude], which is missing')
+        if self.attitude.aids != "nothing":
+            raise ValueError(
+                f'attitude.aids is "{self.attitude.aids}", expected "nothing" with imu.source = "attitude": the same '
+                "angles would count twice"
+            )
+        for key in ("level", "heading"):
+            source = getattr(self.start, key)
+            if source in {"levelling", "gyrocompass"}:
+                raise ValueError(
+                    f'start.{key} = "{source}" needs inertial readings, and imu.source is "attitude": set '
+                    f'start.{key} = "attitude"'
+                )
 
     def _reference_has(self, reference: ReferenceStream) -> None:
         has = {
@@ -212,6 +236,20 @@ class Case(Section):
             raise ScenarioError(explain(error, f"case {self.name}: replay", Settings)) from error
 
     @property
+    def readings(self) -> ImuStream:
+        """The section [imu] of a case that has inertial readings."""
+        assert isinstance(self.imu, ImuStream)
+        return self.imu
+
+    @property
+    def motion_file(self) -> Path:
+        """The table of the inertial readings, or of the attitudes that they are made from."""
+        if isinstance(self.imu, ImuStream):
+            return self.imu.file
+        assert self.attitude is not None  # validated
+        return self.attitude.file
+
+    @property
     def semi_synthetic(self) -> tuple[str, ...]:
         """What was added to or derived from the measurements, a phrase each; empty for a recording as it is."""
         notes = []
@@ -221,7 +259,7 @@ class Case(Section):
                 notes.append(f"white beam noise of {self.dvl.noise.sd_mps:g} m/s added")
             elif self.dvl.noise.kind == "closure":
                 notes.append("beam noise added, drawn from the closure residuals of another recording")
-        if self.imu.degrade is not None:
+        if isinstance(self.imu, ImuStream) and self.imu.degrade is not None:
             notes.append("errors of a lower-grade IMU added")
         if self.start.draw:
             notes.append("initial errors drawn")
@@ -232,7 +270,7 @@ class Case(Section):
         """Whether any number depends on the seed."""
         return bool(
             self.start.draw
-            or self.imu.degrade
+            or (isinstance(self.imu, ImuStream) and self.imu.degrade)
             or self.dvl.noise.kind != "none"
             or any(what_if.random for what_if in self.what_if)
         )

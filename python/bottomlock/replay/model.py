@@ -4,17 +4,27 @@ from typing import Any
 
 import numpy as np
 
+from bottomlock import units
+from bottomlock.attitude_motion import WEIGHTLESS_MPS2
 from bottomlock.config.calibration import scale_sd
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.models import DvlModel, Environment, ImuModel, InitialModel, Model, Options
 from bottomlock.replay.case import Case
 from bottomlock.replay.sensors import SENSORS
+from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Streams
 
 
-def imu_model(case: Case) -> ImuModel:
-    """IMU errors that the filter assumes; with `degrade`, the root sum of squares of both sets of errors."""
+def imu_model(case: Case, streams: Streams | None = None) -> ImuModel:
+    """IMU errors that the filter assumes; with `degrade`, the root sum of squares of both sets of errors.
+
+    Args:
+        case: the case.
+        streams: its recording, for a vehicle without inertial readings: they hold its motion.
+    """
+    if isinstance(case.imu, ImuFromAttitude):
+        return _motion_model(case.imu, case, streams)
     own = case.imu.errors.kernel_model()
     if case.imu.degrade is None:
         return own
@@ -22,8 +32,23 @@ def imu_model(case: Case) -> ImuModel:
     return ImuModel(**{name: float(np.hypot(value, added[name])) for name, value in own.as_dict().items()})
 
 
+def _motion_model(imu: ImuFromAttitude, case: Case, streams: Streams | None) -> ImuModel:
+    """Noise of a motion made from attitudes: of the vehicle's accelerations, and of the reference's changing error."""
+    assert case.attitude is not None  # validated in Case
+    motion = None if streams is None else streams.vehicle_motion
+    accel = 0.0 if motion is None else motion.accel_noise_mps_per_rt_s
+    # The error of the reference changes by its own size in an hour.
+    gyro = units.rad_from_deg(units.per_rt_s_from_per_rt_h(case.attitude.yaw_sd_deg))
+    return imu.errors.kernel_model(accel, gyro)
+
+
 def gravity_mps2(case: Case, streams: Streams) -> float:
-    """Gravity: the case's own, or normal gravity at the latitude and mean depth of the recording."""
+    """Gravity: the case's own, or normal gravity at the latitude and mean depth of the recording.
+
+    It is 0 for a vehicle without inertial readings, whose specific forces are made without it (docs/no_imu.md).
+    """
+    if isinstance(case.imu, ImuFromAttitude):
+        return WEIGHTLESS_MPS2
     if case.origin.gravity != "normal":
         return float(case.origin.gravity)
     depth = 0.0

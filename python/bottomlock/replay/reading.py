@@ -9,6 +9,7 @@ from bottomlock.errors import DataError
 from bottomlock.io.beam_table import read_beam_table
 from bottomlock.io.beams import Instrument, read_beams, read_geometry
 from bottomlock.io.columns import column_numbers
+from bottomlock.replay.attitude_inertial import inertial_of, with_vehicle_motion
 from bottomlock.replay.axes import from_angles, handedness, permute_axes, platform_attitude, to_platform_axes
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
@@ -17,6 +18,7 @@ from bottomlock.replay.read_tables import read_stream
 from bottomlock.replay.stream_sections import (
     AttitudeStream,
     DepthStream,
+    ImuFromAttitude,
     ImuStream,
     MagnetometerStream,
     MountedStream,
@@ -58,7 +60,7 @@ def read_streams(case: Case) -> Streams:
     """
     clocks: dict[str, ClockReport] = {}
     notes: list[str] = []
-    inertial = _inertial(case.imu, clocks, notes)
+    inertial = None if isinstance(case.imu, ImuFromAttitude) else _inertial(case.imu, clocks, notes)
     instrument = read_geometry(case.dvl.geometry)
     if case.dvl.beam_noise_mps is not None:
         sd = np.full(instrument.geometry.beams, case.dvl.beam_noise_mps)
@@ -70,9 +72,6 @@ def read_streams(case: Case) -> Streams:
         if isinstance(stream := getattr(case, key), PositionStream)
     }
     origin = _origin(case, placed)
-    reference = None
-    if case.reference is not None:
-        reference = _reference(case.reference, placed["reference"], origin, inertial)
     positions = {
         key: Positions(time_ns, _tangent(getattr(case, key), table, origin), _triple(table, "sd"))
         for key, (time_ns, table) in placed.items()
@@ -85,12 +84,20 @@ def read_streams(case: Case) -> Streams:
             "origin.latitude_deg is missing, expected it in a case without geodetic positions: gravity and the Earth's "
             "rate depend on it"
         )
-    return Streams(
+    attitudes = None if case.attitude is None else _attitudes(case.attitude, clocks)
+    if isinstance(case.imu, ImuFromAttitude):
+        assert attitudes is not None  # validated in Case
+        inertial = inertial_of(case.imu, attitudes, clocks["attitude"], float(latitude), notes)
+    assert inertial is not None  # read above, or made of the attitude
+    reference = None
+    if case.reference is not None:
+        reference = _reference(case.reference, placed["reference"], origin, inertial)
+    streams = Streams(
         inertial=inertial,
         beams=beams,
         instrument=instrument,
         depths=None if case.depth is None else _depths(case.depth, clocks),
-        attitudes=None if case.attitude is None else _attitudes(case.attitude, clocks),
+        attitudes=attitudes,
         magnetic_fields=None if case.magnetometer is None else _fields(case.magnetometer, clocks),
         positions=positions,
         reference=reference,
@@ -99,6 +106,7 @@ def read_streams(case: Case) -> Streams:
         clocks=clocks,
         notes=tuple(notes),
     )
+    return with_vehicle_motion(case, streams)
 
 
 def _mounting(stream: MountedStream | AttitudeStream) -> Floats:

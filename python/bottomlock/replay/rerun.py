@@ -13,11 +13,13 @@ from bottomlock.kernel import rejected_imu, replay_log
 from bottomlock.models import ImuModel, InitialModel, InitialState, Model, Options
 from bottomlock.replay import random_errors
 from bottomlock.replay.align import Alignment, align
+from bottomlock.replay.attitude_inertial import with_persistence
 from bottomlock.replay.axes import quaternions
 from bottomlock.replay.case import Case
 from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kernel_options
 from bottomlock.replay.sensors import SENSORS
+from bottomlock.replay.stream_sections import ImuStream
 from bottomlock.replay.streams import Flags, Floats, Inertial, Streams, Times
 from bottomlock.replay.what_if import beams_returned, read_beam_recording
 
@@ -88,7 +90,7 @@ def prepare(case: Case, streams: Streams, run: int, residuals: Floats | None = N
     """
     key, seed = random_errors.case_key(case.name), case.replay.seed
     streams = _up_to_duration(case, _with_random_errors(case, streams, run, residuals))
-    imu, gravity = imu_model(case), gravity_mps2(case, streams)
+    imu, gravity = imu_model(case, streams), gravity_mps2(case, streams)
     alignment = align(case, _with_good_readings(case, streams, imu), imu, gravity)
     initial = InitialModel(
         position_sd_m=alignment.position_sd_m,
@@ -151,7 +153,7 @@ def _with_random_errors(case: Case, streams: Streams, run: int, residuals: Float
         streams = replace(
             streams, beams=replace(streams.beams, velocity_mps=streams.beams.velocity_mps + added)
         )
-    if case.imu.degrade is not None:
+    if isinstance(case.imu, ImuStream) and case.imu.degrade is not None:
         streams = replace(
             streams, inertial=random_errors.degraded_imu(streams.inertial, case.imu.degrade, **keys)
         )
@@ -188,8 +190,8 @@ def _with_good_readings(case: Case, streams: Streams, imu: ImuModel) -> Streams:
     good = np.delete(np.arange(len(inertial.time_ns)), rejected["row"])
     if not good.size:
         raise DataError(
-            f"{case.imu.file}: every inertial reading is rejected, the first since {rejected['reason'][0]}: check "
-            "imu.force_unit, imu.omega_unit and imu.limits"
+            f"{case.motion_file}: every inertial reading is rejected, the first since {rejected['reason'][0]}: check "
+            "its units and imu.limits"
         )
     return replace(
         streams,
@@ -219,7 +221,10 @@ def _sample_times(case: Case, streams: Streams, start_ns: int) -> tuple[Times, T
 def kernel_log(case: Case, prepared: PreparedRun, valid: Flags) -> Any:  # noqa: ANN401 - the kernel's dict
     """The log from the start of the navigation on, as the kernel takes it; `valid` (E, B) masks the beams."""
     streams, start_ns = prepared.streams, prepared.alignment.time_ns
-    inertial, beams = streams.inertial, streams.beams
+    beams = streams.beams
+    known = beams.valid.copy()
+    known[prepared.pings] = valid
+    inertial = with_persistence(case, streams, known)
     imu = slice(int(np.searchsorted(inertial.time_ns, start_ns)), None)
     last_ns = inertial.time_ns[-1]
 

@@ -86,6 +86,34 @@ class ReferenceStates:
 
 
 @dataclass(frozen=True, eq=False)
+class VehicleMotion:
+    """The velocity along the platform's axes as a mean, a first-order fluctuation and white noise; (3,) each.
+
+    Attributes:
+        fluctuation_sd_mps: of the fluctuation, 1 sigma, m/s.
+        fluctuation_time_s: its correlation time, s.
+        white_sd_mps: of one ping, 1 sigma, m/s: noise of the DVL, and what changes from ping to ping.
+        mean_mps: mean over the recording, m/s.
+        pings: number of complete pings.
+    """
+
+    fluctuation_sd_mps: Floats
+    fluctuation_time_s: Floats
+    white_sd_mps: Floats
+    mean_mps: Floats
+    pings: int
+
+    @property
+    def accel_noise_mps_per_rt_s(self) -> float:
+        """White noise of the accelerations, m/s/√s, the greater of the horizontal axes' (RMS) and the vertical one's.
+
+        A first-order process of sigma σ and time τ departs from its value like a random walk of the density √(2σ²/τ).
+        """
+        square = 2.0 * self.fluctuation_sd_mps**2 / self.fluctuation_time_s
+        return float(np.sqrt(max(square[:2].mean(), square[2])))
+
+
+@dataclass(frozen=True, eq=False)
 class Streams:
     """All streams of a case.
 
@@ -97,6 +125,7 @@ class Streams:
         positions: the streams of positions beside the reference, by their sections.
         origin: of the tangent frame, or None where it is not known.
         latitude_rad: for gravity and the Earth's rate.
+        vehicle_motion: how the velocity changes, measured where there are no inertial readings; else None.
         clocks: statistics and faults of each stream's times.
         notes: what was changed or assumed while reading, a sentence each.
     """
@@ -111,5 +140,6 @@ class Streams:
     reference: ReferenceStates | None
     origin: Place | None
     latitude_rad: float
+    vehicle_motion: VehicleMotion | None = None
     clocks: dict[str, ClockReport] = field(default_factory=dict)
     notes: tuple[str, ...] = ()

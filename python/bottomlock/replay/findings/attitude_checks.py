@@ -14,6 +14,7 @@ from bottomlock.replay.case import Case
 from bottomlock.replay.dead_reckoning import attitude_between
 from bottomlock.replay.findings.finding import Finding
 from bottomlock.replay.rerun import PreparedRun
+from bottomlock.replay.stream_sections import ImuStream
 from bottomlock.replay.streams import Floats, Inertial, Times
 
 STEP_S, LEVEL_S = 1.0, 10.0
@@ -41,6 +42,9 @@ class Turns:
 
 def attitude_findings(case: Case, prepared: PreparedRun) -> list[Finding]:
     """Unit of the gyros and mounting of the attitude sensor, where both instruments contradict what is stated."""
+    if not isinstance(case.imu, ImuStream):
+        # The turns are those of the attitude itself.
+        return []
     turns = compared(prepared)
     if case.attitude is None or turns is None:
         return []
@@ -58,7 +62,7 @@ def attitude_findings(case: Case, prepared: PreparedRun) -> list[Finding]:
 def _unit(case: Case, slope: float, correlation: float, turns: Turns) -> Finding | None:
     factor = min(UNITS, key=lambda one: abs(np.log(abs(slope) / one)))
     stated, right = UNITS[factor]
-    if abs(np.log(abs(slope) / factor)) > np.log(2.0) or case.imu.omega_unit != stated:
+    if abs(np.log(abs(slope) / factor)) > np.log(2.0) or case.readings.omega_unit != stated:
         return None
     left = float(np.sum((turns.gyros / factor - turns.attitude) ** 2))
     misfit = float(np.sum((turns.gyros - turns.attitude) ** 2))

@@ -27,6 +27,7 @@ from bottomlock.replay.motion.closure import LEAST_PINGS
 from bottomlock.replay.motion.fit import Recorded
 from bottomlock.replay.motion.velocity import ping_velocity
 from bottomlock.replay.rerun import PreparedRun
+from bottomlock.replay.stream_sections import ImuStream
 
 Floats = NDArray[np.float64]
 
@@ -107,7 +108,8 @@ def _causes(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> list[Fi
     )
     inside = time_ns >= alignment.time_ns
     time_ns, velocity = time_ns[inside], velocity[inside] / geometry.sound_speed_scale
-    if len(time_ns) > LEAST_PINGS:
+    # Readings that are made from the attitude and the DVL itself say nothing about the DVL.
+    if len(time_ns) > LEAST_PINGS and isinstance(case.imu, ImuStream):
         found += _against_imu(case, prepared, time_ns, velocity)
     against = attitude_findings(case, prepared)
     moved = {one.kind for one in found if one is not None}

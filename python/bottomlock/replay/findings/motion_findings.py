@@ -87,7 +87,7 @@ def _gyro_bias(case: Case, cause: Cause, _: str, __: float) -> _Words:
     value = np.rad2deg(cause.match.part("gyro_bias")) * 3600.0
     sd = np.rad2deg(cause.match.part_sd("gyro_bias")) * 3600.0
     k = int(np.argmax(np.abs(value) / sd))
-    claimed = case.imu.errors.gyro_bias_deg_per_h
+    claimed = case.readings.errors.gyro_bias_deg_per_h
     words = ", ".join(f"{v:+.4g} ± {s:.2g}" for v, s in zip(value, sd, strict=True))
     return (
         (
@@ -138,11 +138,11 @@ def _axes(case: Case, cause: Cause, what: str, _: float) -> _Words:
         return "The sign of the beams is reversed.", remedy, key
     if cause.gyros < 0.0:
         # f' = Q f with Q the axes of the IMU as they should be: Mᵀ takes what is stated to what is.
-        right = axis_names(M.T @ _matrix(case.imu.axes))
+        right = axis_names(M.T @ _matrix(case.readings.axes))
         return (
             (
-                f"Two axes of the IMU are exchanged or one is reversed: as stated ({', '.join(case.imu.axes)}) they "
-                "have the other "
+                f"Two axes of the IMU are exchanged or one is reversed: as stated ({', '.join(case.readings.axes)}) "
+                "they have the other "
                 "handedness than the readings."
             ),
             f"Set imu.axes = {list(right)}, or name the columns of force and omega in another order.".replace(
@@ -151,7 +151,7 @@ def _axes(case: Case, cause: Cause, what: str, _: float) -> _Words:
             "imu.axes",
         )
     if M[2, 2] > 0.0 and np.linalg.det(M) > 0.0:
-        right = axis_names(M.T @ _matrix(case.imu.axes))
+        right = axis_names(M.T @ _matrix(case.readings.axes))
         yaw = np.rad2deg(np.arctan2(M[1, 0], M[0, 0]))
         return (
             f"The axes of DVL and IMU are {what} of each other.",
@@ -181,6 +181,6 @@ def _units(case: Case, _: Cause, what: str, __: float) -> _Words:
     right = what.split(" ", maxsplit=1)[0]
     return (
         f"The unit of the angular rate is wrong: {what}.",
-        f'Set imu.omega_unit = "{right}" (now "{case.imu.omega_unit}").',
+        f'Set imu.omega_unit = "{right}" (now "{case.readings.omega_unit}").',
         "imu.omega_unit",
     )

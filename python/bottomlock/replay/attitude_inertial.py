@@ -1,0 +1,93 @@
+"""The inertial readings of a case without any: its attitudes at short steps, and a velocity that persists."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from bottomlock import units
+from bottomlock.attitude_motion import divided, held, inertial_readings
+from bottomlock.errors import DataError
+from bottomlock.replay.case import Case
+from bottomlock.replay.clock import ClockReport
+from bottomlock.replay.dead_reckoning import attitude_between
+from bottomlock.replay.motion.velocity import ping_velocity
+from bottomlock.replay.stream_sections import ImuFromAttitude
+from bottomlock.replay.streams import Attitudes, Beams, Flags, Floats, Inertial, Streams, Times
+from bottomlock.replay.vehicle_motion import vehicle_motion
+
+
+def inertial_of(
+    imu: ImuFromAttitude, attitudes: Attitudes, report: ClockReport, latitude_rad: float, notes: list[str]
+) -> Inertial:
+    """Readings at short steps between the recorded attitudes; their force is that of a vehicle at rest, 0.
+
+    Raises:
+        DataError: for a single attitude, and for a gap that is not declared.
+    """
+    if len(attitudes.time_ns) < 2:
+        raise DataError('[attitude] has a single row, expected two or more with imu.source = "attitude"')
+    longest_s = max((fault.longest_s or 0.0) for fault in (report.gaps, report.jumps))
+    refused = longest_s > imu.bridge_gaps_s and imu.limits.gap == "refuse"
+    if refused:
+        raise DataError(
+            f"[attitude]: the longest gap is {longest_s:.4g} s (steps over {report.gap_s:.4g} s: {report.gaps.text}), "
+            f"expected none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s: set it to bridge the gap by a "
+            "turn at a constant rate"
+        )
+    whole_s = max(imu.bridge_gaps_s, report.gap_s)
+    time_ns, attitude = divided(attitudes.time_ns, attitudes.attitude, longest_interval_s=whole_s)
+    at_rest = np.zeros((len(time_ns), 3))
+    omega, force = inertial_readings(time_ns, attitude, at_rest, latitude_rad=latitude_rad)
+    notes.append(
+        f"imu: readings made from {len(attitudes.time_ns)} attitudes, at {len(time_ns)} times; between pings the "
+        "velocity along the vehicle's axes persists"
+    )
+    if report.gaps.count:
+        notes.append(f"imu: gaps of the attitude bridged by a turn at a constant rate: {report.gaps.text}")
+    return Inertial(time_ns, force, omega)
+
+
+def complete_pings(streams: Streams, beams: Beams) -> tuple[Times, Floats]:
+    """Times (p,) and velocities (p, 3) of the IMU, platform frame, of the pings whose beams determine all of it."""
+    geometry, inertial = streams.instrument.geometry, streams.inertial
+    time_ns, velocity = ping_velocity(
+        np.asarray(geometry.directions_p), beams.time_ns, np.nan_to_num(beams.velocity_mps), beams.valid
+    )
+    velocity = velocity / geometry.sound_speed_scale
+    lever = np.asarray(geometry.lever_arms_p_m).mean(axis=0)
+    at = np.clip(np.searchsorted(inertial.time_ns, time_ns), 0, len(inertial.time_ns) - 1)
+    return time_ns, velocity - np.cross(inertial.omega_p_radps[at], lever)
+
+
+def with_persistence(case: Case, streams: Streams, valid: Flags) -> Inertial:
+    """The readings with the force under which the velocity of the last complete ping persists.
+
+    Readings of an IMU are returned as they are.
+
+    Args:
+        case: the case.
+        streams: its recording.
+        valid: (n, B) the beams that the filter may know of.
+    """
+    inertial = streams.inertial
+    if not isinstance(case.imu, ImuFromAttitude):
+        return inertial
+    assert streams.attitudes is not None  # validated in Case
+    velocity = held(inertial.time_ns, *complete_pings(streams, replace(streams.beams, valid=valid)))
+    attitude = attitude_between(streams.attitudes)(inertial.time_ns)
+    omega, force = inertial_readings(inertial.time_ns, attitude, velocity, latitude_rad=streams.latitude_rad)
+    return Inertial(inertial.time_ns, force, omega)
+
+
+def with_vehicle_motion(case: Case, streams: Streams) -> Streams:
+    """The streams with the vehicle's motion as its pings show it, where that is the noise of the filter.
+
+    Raises:
+        DataError: for too few complete pings.
+    """
+    if not isinstance(case.imu, ImuFromAttitude) or case.imu.errors.accel_noise_mps_per_rt_h is not None:
+        return streams
+    motion = vehicle_motion(*complete_pings(streams, streams.beams))
+    per_rt_h = units.per_rt_h_from_per_rt_s(motion.accel_noise_mps_per_rt_s)
+    note = f"imu: accelerations of the vehicle of {per_rt_h:.3g} m/s/sqrt(h), measured on {motion.pings} complete pings"
+    return replace(streams, vehicle_motion=motion, notes=(*streams.notes, note))

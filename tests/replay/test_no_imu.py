@@ -1,0 +1,201 @@
+"""Dives of vehicles without inertial readings: attitude, DVL and depth alone, simulated and recorded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from scipy.spatial.transform import Rotation
+
+from bottomlock.errors import DataError
+from bottomlock.replay import rerun
+from bottomlock.replay.attitude_inertial import complete_pings, with_persistence
+from bottomlock.replay.case import Case, load_case
+from bottomlock.replay.reading import read_streams
+from bottomlock.replay.run import ReplayResult, replay_case
+from bottomlock.tables.replay import RECORDED
+from tests.replay.rov_dive import RovDive, rov_dive, write_csv
+
+CASE = """
+name = "no_imu"
+[origin]
+latitude_deg = 45.0
+[imu]
+source = "attitude"
+[dvl]
+file = "beams.csv"
+geometry = "waterlinked_a50"
+clock = { column = "time_ns", unit = "ns" }
+[dvl.errors]
+beam_bias_mps = 0.0
+scale_factor_percent = 0.0
+[depth]
+file = "depth.csv"
+clock = { column = "time" }
+column = "depth"
+sd_m = 0.02
+[attitude]
+file = "ahrs.csv"
+clock = { column = "time" }
+roll = "roll"
+pitch = "pitch"
+yaw = "yaw"
+roll_pitch_sd_deg = 0.3
+yaw_sd_deg = 0.5
+[reference]
+file = "truth.csv"
+clock = { column = "time" }
+north = "north"
+east = "east"
+down = "down"
+velocity_body = ["u", "v", "w"]
+roll = "roll"
+pitch = "pitch"
+yaw = "yaw"
+[start]
+at_s = 1.0
+level = "attitude"
+heading = "attitude"
+velocity = "beams"
+position = "reference"
+position_sd_m = [0.05, 0.05, 0.05]
+[replay]
+methods = ["lc", "tc", "weak_sway", "sway_current", "consistent"]
+smooth = false
+"""
+WHAT_IFS = """
+[[what_if]]
+name = "lost_4"
+beams_lost = [4]
+[[what_if]]
+name = "lost_34"
+outages = [{ beams = [3, 4], from_s = 60.0, to_s = 120.0 }]
+[[what_if]]
+name = "outage"
+outages = [{ beams = [1, 2, 3, 4], from_s = 60.0, to_s = 120.0 }]
+"""
+
+
+def write(dive: RovDive, folder: Path, extra: str = "", attitude_hz: float = 10.0) -> Path:
+    """The tables of a dive without those of the IMU; its attitude has an offset of 0.3 deg in yaw."""
+    every = round((len(dive.imu_s) - 1) / dive.imu_s[-1] / attitude_hz)
+    t, rpy = dive.imu_s[::every], dive.rpy[::every]
+    write_csv(
+        folder / "ahrs.csv",
+        {"time": t, "roll": rpy[:, 0], "pitch": rpy[:, 1], "yaw": rpy[:, 2] + np.deg2rad(0.3)},
+    )
+    write_csv(folder / "depth.csv", {"time": t, "depth": dive.position[::every, 2]})
+    columns = dict(zip(("north", "east", "down"), dive.position[::every].T, strict=True))
+    columns |= dict(zip(("u", "v", "w"), dive.velocity[::every].T, strict=True))
+    columns |= dict(zip(("roll", "pitch", "yaw"), rpy.T, strict=True))
+    write_csv(folder / "truth.csv", {"time": t} | columns)
+    beams = {f"beam{k + 1}_mps": column for k, column in enumerate(dive.beams.T)}
+    flags = {
+        f"beam{k + 1}_valid": np.isfinite(column).astype(np.int64) for k, column in enumerate(dive.beams.T)
+    }
+    pl.DataFrame({"time_ns": np.round(dive.ping_s * 1e9).astype(np.int64)} | beams | flags).fill_nan(
+        None
+    ).write_csv(folder / "beams.csv")
+    path = folder / "case.toml"
+    path.write_text(CASE + extra, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
+    return load_case(write(rov_dive(5), tmp_path_factory.mktemp("rov"), WHAT_IFS))
+
+
+@pytest.fixture(scope="module")
+def replayed(case: Case) -> ReplayResult:
+    return replay_case(case)
+
+
+def row(replayed: ReplayResult, what_if: str, method: str) -> dict[str, float]:
+    return replayed.runs.filter((pl.col("what_if") == what_if) & (pl.col("method") == method)).row(
+        0, named=True
+    )
+
+
+@pytest.mark.parametrize("method", ["lc", "tc", "weak_sway"])
+def test_all_beams(replayed: ReplayResult, method: str) -> None:
+    """110 m at half a metre per second: within 1 % of the way, and honest about it."""
+    found = row(replayed, RECORDED, method)
+    assert found["position_rms_over_time_m"] < 0.01 * found["distance_m"]
+    assert 0.2 < found["position_normalised_rms_over_time"] < 1.5
+    assert found["fixes_rejected"] == 0
+
+
+def test_partial_beams_are_used(replayed: ReplayResult) -> None:
+    """A minute of two beams is better than one of none, with every method; three are as good as four."""
+    for method in ("tc", "weak_sway", "sway_current", "consistent"):
+        whole, three, two, none = (
+            row(replayed, name, method)["position_final_m"]
+            for name in (RECORDED, "lost_4", "lost_34", "outage")
+        )
+        assert three < whole + 0.5
+        assert two < none
+    assert row(replayed, "outage", "tc")["position_normalised_rms_over_time"] < 1.5
+
+
+def test_no_finding_compares_the_dvl_with_itself(replayed: ReplayResult) -> None:
+    kinds = {one["kind"] for one in replayed.manifest["findings"]}
+    assert not kinds & {"gyro_offset", "gyro_unit", "mounting", "axes", "clock", "lever_arm", "scale"}
+
+
+def test_the_page_says_what_was_made(replayed: ReplayResult) -> None:
+    notes = " ".join(replayed.manifest["notes"])
+    assert "readings made from 2400 attitudes" in notes
+    assert "accelerations of the vehicle of" in notes
+
+
+def test_hidden_beams_are_not_held(case: Case) -> None:
+    """The force of a what-if case is that of the pings it leaves: the last of them is held through the outage."""
+    streams = read_streams(case)
+    prepared = rerun.prepare(case, streams, 0)
+    valid = prepared.streams.beams.valid.copy()
+    hidden = streams.beams.time_ns > 60_000_000_000
+    valid[hidden] = False
+    readings = with_persistence(case, streams, valid)
+    times, velocity = complete_pings(streams, replace(streams.beams, valid=valid))
+    assert times[-1] <= 60_000_000_000
+    late = readings.time_ns > 61_000_000_000
+    # f = ω × v, so no force lies along the velocity that is held.
+    assert np.abs(readings.force_p_mps2[late] @ velocity[-1]).max() < 1e-6
+    assert np.abs(readings.force_p_mps2[late]).max() > 0.01
+
+
+def test_the_readings_turn_with_the_attitude(case: Case) -> None:
+    """Rates integrate to the recorded attitudes; they are as many as the attitudes, which come at 10 Hz."""
+    streams = read_streams(case)
+    assert streams.attitudes is not None
+    inertial, attitude = streams.inertial, streams.attitudes.attitude
+    np.testing.assert_array_equal(inertial.time_ns, streams.attitudes.time_ns)
+    step = Rotation.from_rotvec(inertial.omega_p_radps[1:] * (np.diff(inertial.time_ns) * 1e-9)[:, None])
+    apart = (attitude[1:].inv() * attitude[:-1] * step).magnitude()
+    # The Earth's rate in 0.1 s.
+    np.testing.assert_allclose(apart, 7.292115e-6, rtol=0.01)
+
+
+def test_gaps_have_to_be_declared(tmp_path: Path) -> None:
+    path = write(rov_dive(5, seconds=60.0), tmp_path)
+    table = pl.read_csv(tmp_path / "ahrs.csv")
+    table.filter(~pl.col("time").is_between(30.0, 33.0)).write_csv(tmp_path / "ahrs.csv")
+    with pytest.raises(DataError, match=r"\[attitude\]: the longest gap is 3.* set it to bridge the gap"):
+        read_streams(load_case(path))
+    path.write_text(
+        CASE.replace('source = "attitude"', 'source = "attitude"\nbridge_gaps_s = 4.0'), encoding="utf-8"
+    )
+    streams = read_streams(load_case(path))
+    assert np.diff(streams.inertial.time_ns).max() <= 100_000_001
+    assert any("gaps of the attitude bridged" in note for note in streams.notes)
+
+
+def test_a_slow_attitude_is_divided(tmp_path: Path) -> None:
+    """One attitude in two seconds: the filter steps at a tenth of a second, and the way is still that of the truth."""
+    path = write(rov_dive(5, seconds=120.0, lively=0.3), tmp_path, attitude_hz=0.5)
+    found = row(replay_case(load_case(path)), RECORDED, "tc")
+    assert found["position_rms_over_time_m"] < 0.03 * found["distance_m"]

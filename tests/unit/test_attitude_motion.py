@@ -1,0 +1,140 @@
+"""Inertial readings made from attitudes: with them the kernel flies the attitudes, and a velocity that persists."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import bottomlock
+from bottomlock.attitude_motion import WEIGHTLESS_MPS2, divided, held, inertial_readings
+from bottomlock.config.scenario import load_scenario
+
+LATITUDE = 0.7
+EARTH_T = 7.292115e-5 * np.array([np.cos(LATITUDE), 0.0, -np.sin(LATITUDE)])
+
+
+def attitudes(seed: int, count: int, step_rad: float) -> Rotation:
+    """Attitudes far apart from one another."""
+    rng = np.random.default_rng(seed)
+    return Rotation.concatenate(
+        [Rotation.from_rotvec(part) for part in np.cumsum(rng.normal(0.0, step_rad, (count, 3)), axis=0)]
+    )
+
+
+def navigator(attitude: Rotation, velocity: np.ndarray) -> bottomlock.Navigator:
+    scenario = load_scenario("straight")
+    model = scenario.kernel_model(9.8)
+    environment = bottomlock.Environment(latitude_rad=LATITUDE, gravity_mps2=WEIGHTLESS_MPS2)
+    return bottomlock.Navigator(
+        bottomlock.BeamGeometry.janus(0.5),
+        model.replace(environment=environment),
+        scenario.kernel_options().replace(imu_sampling="averaged"),
+        bottomlock.InitialState(
+            time_ns=0,
+            position_t_m=(0.0, 0.0, 0.0),
+            attitude_t_p=np.roll(attitude.as_quat(), 1),
+            velocity_p_mps=velocity,
+        ),
+    )
+
+
+@pytest.mark.parametrize("step_ns", [500_000_000, 4_500_000_000])
+def test_the_strapdown_gives_attitudes_velocity_and_way(step_ns: int) -> None:
+    """After turns of tens of degrees: attitude to rounding, velocity along the vehicle's axes, way by quadrature."""
+    rough, velocity = attitudes(1, 30, 0.3), np.array([0.8, -0.2, 0.1])
+    time_ns, attitude = divided(np.arange(30) * step_ns, rough)
+    omega, force = inertial_readings(
+        time_ns, attitude, np.tile(velocity, (len(time_ns), 1)), latitude_rad=LATITUDE
+    )
+    flown = navigator(attitude[0], velocity)
+    flown.push_imu_block(time_ns, omega_p_radps=omega, force_p_mps2=force)
+    state = flown.state()
+    error = Rotation.from_quat(np.roll(state["attitude_t_p"], -1)) * attitude[-1].inv()
+    assert error.magnitude() < 1e-12
+    np.testing.assert_allclose(state["velocity_p_mps"], velocity, atol=2e-6)
+    # A turn at a constant rate between the rough attitudes, in 200 chords each.
+    way = np.zeros(3)
+    for before, after in pairwise(rough):
+        turn = (before.inv() * after).as_rotvec()
+        middles = (np.arange(200) + 0.5) / 200
+        way += (
+            (before * Rotation.from_rotvec(middles[:, None] * turn)).apply(velocity).mean(axis=0)
+            * step_ns
+            * 1e-9
+        )
+    assert np.linalg.norm(state["position_t_m"] - way) < 2e-3 * np.linalg.norm(way)
+
+
+def test_the_tangent_frame_would_not_keep_it() -> None:
+    """Without the force the same velocity stays along north, east and down, and is another along the vehicle's axes."""
+    velocity = np.array([0.8, -0.2, 0.1])
+    time_ns, attitude = divided(np.arange(30) * 700_000_000, attitudes(1, 30, 0.3))
+    omega, force = inertial_readings(time_ns, attitude, np.zeros((len(time_ns), 3)), latitude_rad=LATITUDE)
+    np.testing.assert_array_equal(force, 0.0)
+    flown = navigator(attitude[0], velocity)
+    flown.push_imu_block(time_ns, omega_p_radps=omega, force_p_mps2=force)
+    kept = attitude[-1].inv().apply(attitude[0].apply(velocity))
+    np.testing.assert_allclose(flown.state()["velocity_p_mps"], kept, atol=1e-2)
+    assert np.linalg.norm(kept - velocity) > 0.5
+
+
+def test_at_rest_the_rate_is_the_earths() -> None:
+    attitude = Rotation.from_euler("ZYX", np.tile([1.0, 0.2, -0.3], (3, 1)))
+    omega, force = inertial_readings(
+        np.arange(3) * 1_000_000_000, attitude, np.tile([1.0, 0.0, 0.0], (3, 1)), latitude_rad=LATITUDE
+    )
+    earth_p = attitude[0].inv().apply(EARTH_T)
+    np.testing.assert_allclose(omega, np.tile(earth_p, (3, 1)), atol=1e-9)
+    np.testing.assert_allclose(force, np.tile(np.cross(2.0 * earth_p, [1.0, 0.0, 0.0]), (3, 1)), atol=1e-9)
+
+
+def test_a_turn_by_hand() -> None:
+    """A quarter turn to starboard in ten seconds at 2 m/s: 0.157 rad/s, and 0.314 m/s² towards starboard."""
+    yaw = np.linspace(0.0, np.pi / 2, 101)
+    attitude = Rotation.from_euler("Z", yaw[:, None])
+    omega, force = inertial_readings(
+        np.arange(101) * 100_000_000, attitude, np.tile([2.0, 0.0, 0.0], (101, 1)), latitude_rad=LATITUDE
+    )
+    np.testing.assert_allclose(omega[:, 2], np.pi / 20, atol=1e-4)
+    np.testing.assert_allclose(force, np.tile([0.0, np.pi / 10, 0.0], (101, 1)), atol=5e-4)
+
+
+def test_half_a_turn_in_a_step_is_a_number() -> None:
+    """An attitude that jumps makes readings beyond every full scale, which the kernel rejects, and no error."""
+    attitude = Rotation.from_euler("Z", [[0.0], [np.pi], [np.pi]])
+    omega, force = inertial_readings(
+        np.arange(3) * 100_000_000, attitude, np.ones((3, 3)), latitude_rad=LATITUDE
+    )
+    assert np.isfinite(omega).all()
+    assert np.isfinite(force).all()
+
+
+def test_intervals_are_divided_evenly() -> None:
+    start_ns = 1_618_087_343_372_070_000
+    time_ns = start_ns + np.array([0, 250_000_000, 300_000_000, 9_300_000_000])
+    attitude = Rotation.from_euler("Z", [[0.0], [0.5], [0.5], [2.0]])
+    times, at = divided(time_ns, attitude, longest_step_s=0.1, longest_interval_s=5.0)
+    assert ((times - start_ns) / 1e6).round(3).tolist() == [0, 83.333, 166.667, 250, 300, 9300]
+    np.testing.assert_allclose(at.as_euler("ZYX")[:, 0], [0, 0.5 / 3, 1.0 / 3, 0.5, 0.5, 2.0], atol=1e-8)
+    whole, same = divided(time_ns[:2], attitude[:2], longest_step_s=1.0)
+    assert whole.tolist() == time_ns[:2].tolist()
+    assert same.as_quat().tolist() == attitude[:2].as_quat().tolist()
+
+
+def test_a_velocity_is_held_from_its_ping_on() -> None:
+    """A step that begins before a ping has the velocity of the one before; before the first there is none."""
+    velocity = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    time_ns = np.array([0, 10, 20, 30, 40, 50])
+    assert held(time_ns, np.array([10, 35]), velocity)[:, 0].tolist() == [0, 0, 1, 1, 1, 2]
+
+
+def test_a_filter_without_gravity_refuses_gravity() -> None:
+    flown = navigator(Rotation.identity(), np.zeros(3))
+    time_ns = np.arange(1, 200) * 10_000_000
+    with pytest.raises(bottomlock.KernelError, match="without gravity"):
+        flown.push_imu_block(
+            time_ns, omega_p_radps=np.zeros((199, 3)), force_p_mps2=np.tile([0.0, 0.0, -9.8], (199, 1))
+        )
