@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     __version__: str
 
+    from bottomlock.attitude_motion import MotionFromAttitude
     from bottomlock.campaign.merge import merge_shards
     from bottomlock.campaign.partition import Shard
     from bottomlock.campaign.run import run_campaign, run_shard
@@ -82,6 +83,7 @@ __all__ = [
     "KernelError",
     "MagnetometerModel",
     "Model",
+    "MotionFromAttitude",
     "Navigator",
     "Options",
     "OutputError",
@@ -135,6 +137,7 @@ _LAZY = {
     "HeadingModel": "bottomlock.models",
     "MagnetometerModel": "bottomlock.models",
     "Model": "bottomlock.models",
+    "MotionFromAttitude": "bottomlock.attitude_motion",
     "Navigator": "bottomlock.kernel",
     "Options": "bottomlock.models",
     "OutputError": "bottomlock.errors",

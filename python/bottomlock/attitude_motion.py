@@ -3,10 +3,10 @@
 Used by a replay and live alike. The derivation is in docs/no_imu.md.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from bottomlock.kernel import EARTH_RATE_RADPS
@@ -16,8 +16,6 @@ Times = NDArray[np.int64]
 
 LONGEST_STEP_S = 0.1
 """Intervals between attitudes are divided into equal steps of at most this: the covariance is propagated as often."""
-WEIGHTLESS_MPS2 = 0.0
-"""Gravity of a filter with these readings, which have none."""
 
 
 class Readings(NamedTuple):
@@ -97,3 +95,45 @@ def held(time_ns: Times, pinged_ns: Times, velocity_p_mps: Floats) -> Floats:
     begun = np.concatenate([time_ns[:1], time_ns[:-1]])
     row = np.searchsorted(pinged_ns, begun, side="right")
     return np.concatenate([np.zeros((1, 3)), velocity_p_mps])[row]
+
+
+class MotionFromAttitude:
+    """Attitudes of a vehicle as they come, turned into inertial readings for a `Navigator`.
+
+    The navigator's model has `environment.gravity_mps2 = 0`, its options `imu_sampling = "averaged"`, and its initial
+    attitude is that of the first call.
+
+    Args:
+        latitude_rad: for the Earth's rate.
+        longest_interval_s: a longer interval between attitudes, s, stays one step: for the navigator it is a gap.
+    """
+
+    def __init__(self, latitude_rad: float, *, longest_interval_s: float = 1.0) -> None:
+        self._latitude_rad, self._longest_interval_s = latitude_rad, longest_interval_s
+        self._velocity: Floats = np.zeros(3)
+        self._last: tuple[int, Rotation] | None = None
+
+    def hold(self, velocity_p_mps: ArrayLike) -> None:
+        """The velocity (3,) of a complete ping, platform axes, m/s: it persists from the next attitude on."""
+        self._velocity = np.asarray(velocity_p_mps, dtype=np.float64)
+
+    def block(self, time_ns: int, attitude_t_p: ArrayLike) -> dict[str, Any]:
+        """The readings since the attitude before, for `Navigator.push_imu_block(**block)`; none at the first.
+
+        Args:
+            time_ns: later than the one before.
+            attitude_t_p: (4,) quaternion, scalar first, platform to tangent.
+        """
+        now = Rotation.from_quat(np.roll(np.asarray(attitude_t_p, dtype=np.float64), -1))
+        last, self._last = self._last, (time_ns, now)
+        if last is None:
+            none = np.zeros((0, 3))
+            return {"time_ns": np.zeros(0, dtype=np.int64), "omega_p_radps": none, "force_p_mps2": none}
+        times, attitude = divided(
+            np.array([last[0], time_ns]),
+            Rotation.concatenate([last[1], now]),
+            longest_interval_s=self._longest_interval_s,
+        )
+        velocity = np.tile(self._velocity, (len(times), 1))
+        readings = inertial_readings(times, attitude, velocity, latitude_rad=self._latitude_rad)
+        return {"time_ns": times[1:]} | {key: values[1:] for key, values in readings._asdict().items()}

@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import bottomlock
-from bottomlock.attitude_motion import WEIGHTLESS_MPS2, divided, held, inertial_readings
+from bottomlock.attitude_motion import MotionFromAttitude, divided, held, inertial_readings
+from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
 from bottomlock.config.scenario import load_scenario
 
 LATITUDE = 0.7
@@ -138,3 +139,33 @@ def test_a_filter_without_gravity_refuses_gravity() -> None:
         flown.push_imu_block(
             time_ns, omega_p_radps=np.zeros((199, 3)), force_p_mps2=np.tile([0.0, 0.0, -9.8], (199, 1))
         )
+
+
+def test_attitudes_as_they_come() -> None:
+    """The readings of a navigator that is fed one attitude at a time are those of the whole log."""
+    rough, velocity = attitudes(2, 12, 0.1), np.array([0.6, 0.1, -0.1])
+    time_ns = 1_618_087_343_372_070_000 + np.arange(12) * 450_000_000
+    motion = MotionFromAttitude(LATITUDE)
+    motion.hold(velocity)
+    blocks = [motion.block(int(t), np.roll(r.as_quat(), 1)) for t, r in zip(time_ns, rough, strict=True)]
+    assert [len(block["time_ns"]) for block in blocks] == [0] + [5] * 11
+    times, attitude = divided(time_ns, rough)
+    omega, force = inertial_readings(
+        times, attitude, np.tile(velocity, (len(times), 1)), latitude_rad=LATITUDE
+    )
+    np.testing.assert_array_equal(np.concatenate([block["time_ns"] for block in blocks]), times[1:])
+    np.testing.assert_allclose(
+        np.concatenate([block["omega_p_radps"] for block in blocks]), omega[1:], atol=1e-8
+    )
+    np.testing.assert_allclose(
+        np.concatenate([block["force_p_mps2"] for block in blocks]), force[1:], atol=1e-8
+    )
+
+
+def test_a_long_interval_is_a_gap() -> None:
+    """It stays one step, which the navigator refuses or bridges with its uncertainty."""
+    motion = MotionFromAttitude(LATITUDE, longest_interval_s=2.0)
+    north = np.array([1.0, 0.0, 0.0, 0.0])
+    motion.block(0, north)
+    assert len(motion.block(2_000_000_000, north)["time_ns"]) == 20
+    assert motion.block(4_100_000_000, north)["time_ns"].tolist() == [4_100_000_000]

@@ -51,7 +51,10 @@ class Alignment:
         return ""
 
     def _velocity_now(self) -> Floats | None:
-        if self._velocity is None or abs(self._readings[-1][0] - self._velocity[0]) > PING_AGE_NS:
+        return self._velocity_at(self._readings[-1][0])
+
+    def _velocity_at(self, time_ns: int) -> Floats | None:
+        if self._velocity is None or abs(time_ns - self._velocity[0]) > PING_AGE_NS:
             return None
         return self._velocity[1]
 
@@ -63,6 +66,39 @@ class Alignment:
         return InitialState(
             time_ns=self._readings[-1][0],
             position_t_m=start.position_m,
-            attitude_t_p=quaternion(roll, pitch, units.rad_from_deg(start.heading_deg)),
+            attitude_t_p=quaternion(roll, pitch, units.rad_from_deg(start.heading_deg or 0.0)),
+            velocity_p_mps=start.velocity_mps if measured is None else tuple(measured.tolist()),
+        )
+
+
+class AttitudeAlignment(Alignment):
+    """The same where an attitude takes the place of inertial readings: it is the initial attitude."""
+
+    def __init__(self, start: StartSection) -> None:
+        super().__init__(start)
+        self._latest: tuple[int, Floats] | None = None
+
+    def attitude(self, time_ns: int, attitude_t_p: Floats) -> None:
+        """Takes an attitude (4,), quaternion, scalar first."""
+        self._latest = time_ns, attitude_t_p
+
+    @property
+    def waiting_for(self) -> str:
+        """What is still missing, in words; "" where nothing is."""
+        if self._latest is None:
+            return "an attitude"
+        if self._start.velocity == "beams" and self._velocity_at(self._latest[0]) is None:
+            return "a ping that determines the whole velocity"
+        return ""
+
+    def state(self) -> InitialState:
+        """The state at the last attitude, once `waiting_for` is empty."""
+        assert self._latest is not None
+        start, (time_ns, attitude) = self._start, self._latest
+        measured = self._velocity_at(time_ns) if start.velocity == "beams" else None
+        return InitialState(
+            time_ns=time_ns,
+            position_t_m=start.position_m,
+            attitude_t_p=tuple(attitude.tolist()),
             velocity_p_mps=start.velocity_mps if measured is None else tuple(measured.tolist()),
         )

@@ -4,13 +4,14 @@ import inspect
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError, model_validator
+from pydantic import Discriminator, Tag, ValidationError, model_validator
 
 from bottomlock import models, units
+from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
 from bottomlock.config.scenario_sections import Filter, Robust, Section
 from bottomlock.config.sensors import SENSORS
 from bottomlock.config.toml_file import parse_toml, read_text
@@ -24,6 +25,7 @@ from bottomlock.live.sections import (
     DepthSection,
     DvlSection,
     HealthSection,
+    ImuFromAttitude,
     ImuSection,
     LogSection,
     Name,
@@ -34,6 +36,7 @@ from bottomlock.live.sections import (
     StartSection,
     StatesSection,
     VelocitySection,
+    kind_of_imu,
 )
 from bottomlock.live.states import Limits
 from bottomlock.ports.estimate import Mode
@@ -52,7 +55,14 @@ class LiveConfig(Section):
     source: tuple[SourceSection, ...] = ()
     port: tuple[PortSection, ...] = ()
     velocity: VelocitySection = VelocitySection()
-    imu: ImuSection | None = None
+    imu: (
+        Annotated[
+            Annotated[ImuSection, Tag(ImuSection.__name__)]
+            | Annotated[ImuFromAttitude, Tag(ImuFromAttitude.__name__)],
+            Discriminator(kind_of_imu),
+        ]
+        | None
+    ) = None
     depth: DepthSection | None = None
     origin: OriginSection | None = None
     start: StartSection | None = None
@@ -92,9 +102,25 @@ class LiveConfig(Section):
             raise ValueError(
                 f'mode = "navigation" needs the {words} {", ".join(missing)}, which {verb} missing'
             )
-        if not any(source.format in {"imu-csv", "mavlink"} for source in self.source):
+        by_attitude = isinstance(self.imu, ImuFromAttitude)
+        lines, what = ("attitude-csv", "attitudes") if by_attitude else ("imu-csv", "inertial readings")
+        formats = [source.format for source in self.source]
+        if not {lines, "mavlink"}.intersection(formats):
             raise ValueError(
-                'mode = "navigation" needs a source of inertial readings, with format "imu-csv" or "mavlink"'
+                f'mode = "navigation" needs a source of {what}, with format "{lines}" or "mavlink"'
+            )
+        if "attitude-csv" in formats and not by_attitude:
+            raise ValueError("a source has format 'attitude-csv', which needs imu.source = \"attitude\"")
+        if "imu-csv" in formats and by_attitude:
+            raise ValueError(
+                "a source has format 'imu-csv', and imu.source is \"attitude\": expected one of them"
+            )
+        assert self.start is not None  # seen above
+        if by_attitude != (self.start.heading_deg is None):
+            raise ValueError(
+                "'start.heading_deg' is given, but imu.source = \"attitude\" gives the heading"
+                if by_attitude
+                else "'start.heading_deg' is missing, expected number in deg: heading of the platform at the start"
             )
         if any(source.format == "depth-csv" for source in self.source) and self.depth is None:
             raise ValueError("a source has format 'depth-csv', which needs the section [depth]")
@@ -173,7 +199,10 @@ class LiveConfig(Section):
 
 @dataclass(frozen=True)
 class KernelSettings:
-    """What a navigator is made of: model, options, and the rotation (3, 3) from the IMU's axes to the platform's."""
+    """What a navigator is made of: model, options, and the rotation (3, 3) from the IMU's axes to the platform's.
+
+    `gravity_mps2` is that of the place, also where the readings are without it.
+    """
 
     model: models.Model
     options: models.Options
@@ -204,8 +233,13 @@ def kernel_settings(config: LiveConfig, instrument: Instrument) -> KernelSetting
         )
     tilt, heading = (units.rad_from_deg(sd) for sd in (start.level_sd_deg, start.heading_sd_deg))
     model = models.Model(
-        environment=models.Environment(latitude_rad=latitude, gravity_mps2=gravity),
-        imu=imu.kernel_model(),
+        environment=models.Environment(
+            latitude_rad=latitude,
+            gravity_mps2=WEIGHTLESS_MPS2 if isinstance(imu, ImuFromAttitude) else gravity,
+        ),
+        imu=imu.kernel_model(0.0, units.rad_from_deg(units.per_rt_s_from_per_rt_h(start.heading_sd_deg)))
+        if isinstance(imu, ImuFromAttitude)
+        else imu.kernel_model(),
         dvl=config.dvl.errors.kernel_model(float(instrument.beam_sd_mps.mean())),
         initial=models.InitialModel(
             position_sd_m=start.position_sd_m,
@@ -218,7 +252,7 @@ def kernel_settings(config: LiveConfig, instrument: Instrument) -> KernelSetting
         **config.filter.kernel_options(),
         robust=config.robust.kernel_options(),
         **imu.limits.kernel_options() | {"imu_gap": "inflate"},
-        imu_sampling=imu.sampling,
+        imu_sampling="averaged" if isinstance(imu, ImuFromAttitude) else imu.sampling,
         depth_lever_p_m=lever,
     )
     mounting = [

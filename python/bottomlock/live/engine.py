@@ -15,9 +15,9 @@ from bottomlock.live.clock import ClockMap
 from bottomlock.live.config import LiveConfig, kernel_settings
 from bottomlock.live.estimator import Estimator, VelocityEstimator
 from bottomlock.live.pings import Ping, PingReader
-from bottomlock.live.readings import ImuReading, LineReader, MavlinkReader, Reading
+from bottomlock.live.readings import AttitudeReading, ImuReading, LineReader, MavlinkReader, Reading
 from bottomlock.live.reasons import Reasons
-from bottomlock.live.sections import DVL_FORMATS, SourceSection
+from bottomlock.live.sections import DVL_FORMATS, ImuFromAttitude, SourceSection
 from bottomlock.live.states import Facts, StateMachine
 from bottomlock.ports.estimate import SILENT, Estimate, State
 from bottomlock.ports.port import Port
@@ -116,7 +116,9 @@ class Engine:
             reader = PingReader(section.format, self.beams, options)
         elif section.format == "mavlink":
             gravity = kernel_settings(self.config, self.config.instrument()).gravity_mps2
-            reader = MavlinkReader(self.config.depth, gravity)
+            imu = self.config.imu
+            attitude = imu.message if isinstance(imu, ImuFromAttitude) else None
+            reader = MavlinkReader(self.config.depth, gravity, attitude)
         else:
             within = section.address.startswith("serial:")
             reader = LineReader(section.format, checksum=section.checksum, within=within)
@@ -189,13 +191,16 @@ class Engine:
             # What a ping has changed is sent at once.
             self._judge(arrival_ns)
             return self._send(least_ns=1)
-        return self._send(least_ns=self._estimate_ns) if isinstance(reading, ImuReading) else []
+        moves = isinstance(reading, ImuReading | AttitudeReading)
+        return self._send(least_ns=self._estimate_ns) if moves else []
 
     def _estimate(self, reading: Ping | Reading, time_ns: int, arrival_ns: int) -> None:
         if isinstance(reading, Ping):
             self.estimator.ping(time_ns, reading, arrival_ns)
         elif isinstance(reading, ImuReading):
             self.estimator.imu(time_ns, reading, arrival_ns)
+        elif isinstance(reading, AttitudeReading):
+            self.estimator.attitude(time_ns, reading, arrival_ns)
         else:
             self.estimator.depth(time_ns, reading)
 

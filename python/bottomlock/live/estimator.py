@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import VelocityFixes, solve_velocity
 from bottomlock.live.pings import Ping
-from bottomlock.live.readings import DepthReading, ImuReading
+from bottomlock.live.readings import AttitudeReading, DepthReading, ImuReading
 from bottomlock.live.sections import VelocityMethod
 from bottomlock.ports.estimate import Beams, Estimate, State
 
@@ -22,7 +22,7 @@ class Estimator(Protocol):
         rejected: pings in a row that the gate has rejected.
         resets: discontinuities that no measurement explains, since the start.
         ping_used_ns: arrival of what made a beam used the last time; None before the first.
-        imu_used_ns: the same of inertial readings.
+        imu_used_ns: the same of inertial readings, or of attitudes in their place.
         last: what is known of the last ping, for the health page.
     """
 
@@ -51,6 +51,9 @@ class Estimator(Protocol):
 
     def imu(self, time_ns: int, reading: ImuReading, arrival_ns: int) -> None:
         """Takes an inertial reading."""
+
+    def attitude(self, time_ns: int, reading: AttitudeReading, arrival_ns: int) -> None:
+        """Takes an attitude in place of an inertial reading."""
 
     def depth(self, time_ns: int, reading: DepthReading) -> None:
         """Takes a depth."""
@@ -140,6 +143,9 @@ class VelocityEstimator:
             self.rank, self.ping_used_ns = rank, arrival_ns
 
     def imu(self, time_ns: int, reading: ImuReading, arrival_ns: int) -> None:
+        """Not used in this mode."""
+
+    def attitude(self, time_ns: int, reading: AttitudeReading, arrival_ns: int) -> None:
         """Not used in this mode."""
 
     def depth(self, time_ns: int, reading: DepthReading) -> None:

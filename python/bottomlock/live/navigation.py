@@ -1,19 +1,24 @@
 """The estimator of mode navigation: a `Navigator` fed with what arrives."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock import units
+from bottomlock.attitude_motion import MotionFromAttitude
 from bottomlock.kernel import KernelError, Navigator, VelocityFixes
-from bottomlock.live.alignment import Alignment
+from bottomlock.live.alignment import Alignment, AttitudeAlignment
 from bottomlock.live.config import LiveConfig, kernel_settings
 from bottomlock.live.estimator import LastPing, beams_of, solve_ping
 from bottomlock.live.pings import Ping
-from bottomlock.live.readings import DepthReading, ImuReading
+from bottomlock.live.readings import AttitudeReading, DepthReading, ImuReading
+from bottomlock.live.sections import ImuFromAttitude
 from bottomlock.ports.estimate import Beams, Estimate, State
+from bottomlock.ports.rotation import product, quaternion
 
 _ACCEPTED = ("accepted", "accepted_in_part")
 _BEAM_SENSORS = ("beams", "velocity")
@@ -21,6 +26,42 @@ _BEAM_SENSORS = ("beams", "velocity")
 _PENDING = 256
 
 Floats = NDArray[np.float64]
+
+
+@dataclass
+class _Turning:
+    """Attitudes in place of inertial readings: the sensor's axes and its declination, and the motion so far."""
+
+    to_sensor: Floats
+    declination: Floats
+    new: Callable[[], MotionFromAttitude]
+
+    def __post_init__(self) -> None:
+        self.motion = self.new()
+
+    @classmethod
+    def of(cls, config: LiveConfig) -> "_Turning | None":
+        """Of a configuration; None with inertial readings."""
+        imu, origin = config.imu, config.origin
+        if not isinstance(imu, ImuFromAttitude):
+            return None
+        assert origin is not None  # validated in LiveConfig
+        turned = (imu.mounting_roll_deg, imu.mounting_pitch_deg, imu.mounting_yaw_deg)
+        # A slow attitude is no gap.
+        period_s = 1.0 / min(
+            one.rate_hz for one in config.source if one.format in {"attitude-csv", "mavlink"}
+        )
+        longest_s = max(imu.limits.max_gap_s, config.states.silent_periods * period_s)
+        latitude = units.rad_from_deg(origin.latitude_deg)
+        return cls(
+            to_sensor=np.array(quaternion(*map(units.rad_from_deg, turned))) * [1.0, -1.0, -1.0, -1.0],
+            declination=np.array(quaternion(0.0, 0.0, units.rad_from_deg(imu.yaw_offset_deg))),
+            new=partial(MotionFromAttitude, latitude, longest_interval_s=longest_s),
+        )
+
+    def of_platform(self, reading: AttitudeReading) -> Floats:
+        """(4,) attitude of the platform."""
+        return product(self.declination, product(np.array(reading.attitude_t_s), self.to_sensor))
 
 
 class NavigationEstimator:
@@ -38,7 +79,8 @@ class NavigationEstimator:
         self._start, self._method, self._depth = config.start, config.navigation.method, config.depth
         self._horizon_ns = units.ns_from_s(config.navigation.horizon_s)
         self._navigator: Navigator | None = None
-        self._alignment = Alignment(self._start)
+        self._turning = _Turning.of(config)
+        self._alignment = self._new_alignment()
         self._time_ns: int | None = None
         self._omega: Floats | None = None
         self._pings: dict[int, tuple[Ping, VelocityFixes]] = {}
@@ -106,6 +148,46 @@ class NavigationEstimator:
             self.imu_used_ns = arrival_ns
         self._take(reports)
 
+    def attitude(self, time_ns: int, reading: AttitudeReading, arrival_ns: int) -> None:
+        """Takes an attitude in place of an inertial reading.
+
+        Raises:
+            KernelError: for one that is not later than those before.
+        """
+        turning = self._turning
+        if turning is None:
+            return
+        if self._last_imu_ns is not None and time_ns <= self._last_imu_ns:
+            raise KernelError("its time does not rise")
+        if self._time_ns is not None and time_ns <= self._time_ns:
+            raise KernelError("it is older than the estimate")
+        self._last_imu_ns, self._now_ns = time_ns, arrival_ns
+        attitude = turning.of_platform(reading)
+        if self._navigator is None:
+            self._turned(turning, time_ns, attitude)
+            return
+        block = turning.motion.block(time_ns, attitude)
+        try:
+            reports = self._navigator.push_imu_block(**block)
+        except KernelError:
+            self.restart()
+            raise
+        self._time_ns, self._omega = time_ns, block["omega_p_radps"][-1]
+        if not any(one["sensor"] == "imu" and one["verdict"] == "rejected" for one in reports):
+            self.imu_used_ns = arrival_ns
+        self._take(reports)
+
+    def _turned(self, turning: "_Turning", time_ns: int, attitude: Floats) -> None:
+        """Takes an attitude for the alignment; the navigator begins once that is complete."""
+        assert isinstance(self._alignment, AttitudeAlignment)
+        self._alignment.attitude(time_ns, attitude)
+        self.imu_used_ns = self._now_ns
+        if not self._alignment.waiting_for:
+            turning.motion = turning.new()
+            turning.motion.hold(self._alignment.state().velocity_p_mps)
+            turning.motion.block(time_ns, attitude)
+            self._start_navigator()
+
     def _aligned(self, time_ns: int, omega: Floats, force: Floats) -> bool:
         """Takes a reading for the alignment; whether that is complete, and the navigator has begun."""
         options = self._settings.options
@@ -118,6 +200,13 @@ class NavigationEstimator:
         self.imu_used_ns = self._now_ns
         if self._alignment.waiting_for:
             return False
+        self._start_navigator()
+        return True
+
+    def _new_alignment(self) -> Alignment:
+        return (Alignment if self._turning is None else AttitudeAlignment)(self._start)
+
+    def _start_navigator(self) -> None:
         self._begin(
             Navigator(
                 self._instrument.geometry,
@@ -128,7 +217,6 @@ class NavigationEstimator:
                 horizon_ns=self._horizon_ns,
             )
         )
-        return True
 
     def _begin(self, navigator: Navigator) -> None:
         self._navigator = navigator
@@ -139,7 +227,7 @@ class NavigationEstimator:
     def restart(self) -> None:
         """Gives the navigator up: a fresh alignment follows."""
         self._navigator, self._time_ns = None, None
-        self._alignment = Alignment(self._start)
+        self._alignment = self._new_alignment()
         self._pings.clear()
         self._fixes, self.rank, self.rejected = None, 0, 0
         self.resets += 1
@@ -147,6 +235,10 @@ class NavigationEstimator:
     def continue_from(self, navigator: Navigator) -> None:
         """Goes on with a navigator of a checkpoint; the readings since then are a gap, which it bridges."""
         self._begin(navigator)
+        if self._turning is not None:
+            state = navigator.state()
+            self._turning.motion.hold(state["velocity_p_mps"])
+            self._turning.motion.block(int(state["time_ns"]), state["attitude_t_p"])
         self.resets += 1
 
     def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
@@ -162,6 +254,8 @@ class NavigationEstimator:
         self.last.nis, self.last.verdict, self.last.why = None, "no valid beam", ""
         if int(fixes.rank[0]) == 3:
             self._alignment.velocity(time_ns, fixes.velocity_p_mps[0])
+            if self._turning is not None:
+                self._turning.motion.hold(fixes.velocity_p_mps[0])
         self._beams = beams_of(
             self._instrument, ping, offset_ns=time_ns - ping.time_ns, before_ns=self._before_ns
         )

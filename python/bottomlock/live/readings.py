@@ -1,4 +1,4 @@
-"""Inertial and depth readings of a live stream: lines of numbers, or MAVLink messages."""
+"""Inertial, attitude and depth readings of a live stream: lines of numbers, or MAVLink messages."""
 
 import math
 from collections.abc import Callable
@@ -8,13 +8,17 @@ from typing import Any
 from bottomlock.io.sentences import hexadecimal, number, whole, xor_of
 from bottomlock.live.framing import Lines
 from bottomlock.live.reasons import Reasons
-from bottomlock.live.sections import DepthSection
+from bottomlock.live.sections import AttitudeMessage, DepthSection
 from bottomlock.ports.mavlink import dialect
+from bottomlock.ports.rotation import quaternion
 
 Triple = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
 
 _EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
 PASCAL_PER_HECTOPASCAL = 100.0
+_ROUNDING = 1e-3
+"""By how much the norm of a quaternion of single precision may be off."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,14 @@ class ImuReading:
 
 
 @dataclass(frozen=True)
+class AttitudeReading:
+    """Attitude of the sensor, quaternion, scalar first, to north-east-down, at a time of its clock."""
+
+    time_ns: int
+    attitude_t_s: Quaternion
+
+
+@dataclass(frozen=True)
 class DepthReading:
     """Depth, m, at a time of the sensor's clock."""
 
@@ -34,12 +46,17 @@ class DepthReading:
     depth_m: float
 
 
-Reading = ImuReading | DepthReading
+Reading = ImuReading | AttitudeReading | DepthReading
 
 
 def _imu(time_ns: int, values: list[float]) -> Reading:
     wx, wy, wz, fx, fy, fz = values
     return ImuReading(time_ns, (wx, wy, wz), (fx, fy, fz))
+
+
+def _attitude(time_ns: int, values: list[float]) -> Reading:
+    roll, pitch, yaw = values
+    return AttitudeReading(time_ns, quaternion(roll, pitch, yaw))
 
 
 def _depth(time_ns: int, values: list[float]) -> Reading:
@@ -48,6 +65,7 @@ def _depth(time_ns: int, values: list[float]) -> Reading:
 
 _LINES: dict[str, tuple[int, str, Callable[[int, list[float]], Reading]]] = {
     "imu-csv": (6, "time_ns,wx,wy,wz,fx,fy,fz", _imu),
+    "attitude-csv": (3, "time_ns,roll,pitch,yaw", _attitude),
     "depth-csv": (1, "time_ns,depth_m", _depth),
 }
 
@@ -61,7 +79,7 @@ class LineReader:
     number of columns, too; only a checksum tells them.
 
     Args:
-        format: "imu-csv" or "depth-csv".
+        format: "imu-csv", "attitude-csv" or "depth-csv".
         checksum: whether every line must have one, the first too.
         within: whether the stream may begin in the middle of a line.
 
@@ -133,6 +151,8 @@ class _MavlinkFramer:
 class MavlinkReader:
     """Readings from MAVLink: HIGHRES_IMU (forward, starboard, down), and the depth section's pressure message.
 
+    With the name of an attitude's message, that message in place of HIGHRES_IMU.
+
     Attributes:
         records: messages so far, of any kind.
         skipped: messages that cannot be used, by what was wrong.
@@ -141,6 +161,7 @@ class MavlinkReader:
 
     depth: DepthSection | None
     gravity_mps2: float
+    attitude: AttitudeMessage | None = None
     records: int = 0
     skipped: Reasons = field(default_factory=Reasons)
     bad_bytes: int = 0
@@ -179,7 +200,9 @@ class MavlinkReader:
         return []
 
     def _reading(self, kind: str, message: Any) -> Reading | None:  # noqa: ANN401 - untyped library
-        if kind == "HIGHRES_IMU":
+        if self.attitude is not None and kind == self.attitude:
+            return self._turned(kind, message)
+        if kind == "HIGHRES_IMU" and self.attitude is None:
             omega = (message.xgyro, message.ygyro, message.zgyro)
             force = (message.xacc, message.yacc, message.zacc)
             if all(map(math.isfinite, (*omega, *force))):
@@ -193,4 +216,18 @@ class MavlinkReader:
                     message.time_boot_ms * 1_000_000, pressure / (density * self.gravity_mps2)
                 )
             self.skipped.add(f"{kind} without a finite pressure")
+        return None
+
+    def _turned(self, kind: str, message: Any) -> Reading | None:  # noqa: ANN401 - untyped library
+        """ATTITUDE in Euler angles, ATTITUDE_QUATERNION scalar first, both of forward-starboard-down to NED."""
+        if kind == "ATTITUDE":
+            parts: Quaternion = quaternion(message.roll, message.pitch, message.yaw)
+        else:
+            parts = (message.q1, message.q2, message.q3, message.q4)
+        norm = math.hypot(*parts)
+        # Also not for numbers that are none.
+        if abs(norm - 1.0) < _ROUNDING:
+            w, x, y, z = (part / norm for part in parts)
+            return AttitudeReading(message.time_boot_ms * 1_000_000, (w, x, y, z))
+        self.skipped.add(f"{kind} without a unit quaternion")
         return None

@@ -5,7 +5,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from bottomlock.config.dvl_errors import DvlErrors
-from bottomlock.config.scenario_sections import Imu, NonNegative, Positive, Section, Vector
+from bottomlock.config.motion_errors import MotionErrors
+from bottomlock.config.scenario_sections import Imu, ImuLimits, NonNegative, Positive, Section, Vector
 from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
 from bottomlock.kernel import Method
 from bottomlock.live.address import SinkAddress, SourceAddress
@@ -21,7 +22,7 @@ DVL_FORMATS = (
 
 SourceFormat = Literal[
     "waterlinked-json", "waterlinked-serial", "pd0", "nortek-dvl", "nortek-ad2cp", "nucleus", "nortek-ascii",
-    "cerulean-dvkfc", "imu-csv", "depth-csv", "mavlink",
+    "cerulean-dvkfc", "imu-csv", "attitude-csv", "depth-csv", "mavlink",
 ]  # fmt: skip
 
 
@@ -54,6 +55,42 @@ class ImuSection(Imu):
         return self
 
 
+AttitudeMessage = Literal["ATTITUDE", "ATTITUDE_QUATERNION"]
+"""MAVLink messages of an attitude."""
+
+
+class ImuFromAttitude(MotionErrors):
+    """With source = "attitude" there are no inertial readings: an attitude turns the vehicle, its velocity persists.
+
+    The noise of the vehicle's accelerations is what a replay of its log says. `message` is the MAVLink message of a
+    source `mavlink`. The mounting angles rotate the sensor's axes to those of the platform; `yaw_offset_deg` (a
+    declination) is added to the yaw (docs/no_imu.md).
+    """
+
+    source: Literal["attitude"]
+    message: AttitudeMessage = "ATTITUDE"
+    mounting_roll_deg: Angle = 0.0
+    mounting_pitch_deg: Angle = 0.0
+    mounting_yaw_deg: Angle = 0.0
+    yaw_offset_deg: Angle = 0.0
+    limits: ImuLimits = ImuLimits()
+
+    @model_validator(mode="after")
+    def _states_accelerations(self) -> Self:
+        if self.accel_noise_mps_per_rt_h is None:
+            raise ValueError(
+                "'accel_noise_mps_per_rt_h' is missing, expected number in m/s/√h, > 0: white noise of the vehicle's "
+                "own accelerations, which `bottomlock replay` measures on a log"
+            )
+        return self
+
+
+def kind_of_imu(section: Any) -> str:  # noqa: ANN401 - what a file holds, or a section
+    """Name of the class of a section [imu]."""
+    source = section.get("source") if isinstance(section, dict) else getattr(section, "source", None)
+    return (ImuSection if source is None else ImuFromAttitude).__name__
+
+
 class DepthSection(Section):
     """Depth sensor: noise and bias (1 sigma), lever arm; density and surface pressure turn a pressure into a depth.
 
@@ -80,12 +117,13 @@ class StartSection(Section):
     """Initial alignment: level by the accelerometers over `window_s`, heading given, velocity by the beams or given.
 
     `heading_deg` is that of the platform when the program starts. `level_sd_deg` is 1 sigma of roll and pitch; the
-    vehicle's own acceleration during the window belongs to it.
+    vehicle's own acceleration during the window belongs to it. Where an attitude takes the place of inertial readings,
+    it gives roll, pitch and heading, there is no window, and `level_sd_deg` and `heading_sd_deg` are its 1 sigma.
     """
 
     window_s: Positive = 5.0
     level_sd_deg: Positive = 1.0
-    heading_deg: Angle
+    heading_deg: Angle | None = None
     heading_sd_deg: Positive
     position_m: Vector = (0.0, 0.0, 0.0)
     position_sd_m: tuple[NonNegative, NonNegative, NonNegative] = (1.0, 1.0, 1.0)
@@ -142,7 +180,8 @@ class SourceSection(Section):
     def _flags_of_a_format(self) -> Self:
         if "checksum" in self.model_fields_set and not self.format.endswith("-csv"):
             raise ValueError(
-                f"'checksum' belongs to lines of numbers (imu-csv, depth-csv), and source '{self.name}' has format "
+                "'checksum' belongs to lines of numbers (imu-csv, attitude-csv, depth-csv), and source "
+                f"'{self.name}' has format "
                 f"'{self.format}', whose records have their own"
             )
         for key in ("negate_beams", "keep_stale"):

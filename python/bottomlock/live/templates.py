@@ -124,6 +124,7 @@ _NAVIGATION = """
 [origin]
 latitude_deg = 0.0   # where you are
 
+# Without inertial readings an attitude takes their place: source = "attitude" (docs/no_imu.md).
 [imu]
 rate_hz = 50
 accel_bias_mg = 5.0

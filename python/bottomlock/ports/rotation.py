@@ -26,6 +26,17 @@ def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, flo
     )
 
 
+def product(first: Floats, then: Floats) -> Floats:
+    """Quaternion of the rotation `then` followed by `first`, scalar first.
+
+    >>> half = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
+    >>> product(half, half).round(12).tolist()
+    [0.0, 0.0, 0.0, 1.0]
+    """
+    w1, v1, w2, v2 = first[0], first[1:], then[0], then[1:]
+    return np.concatenate([[w1 * w2 - v1 @ v2], w1 * v2 + w2 * v1 + np.cross(v1, v2)])
+
+
 def matrix(attitude: Floats) -> Floats:
     """Rotation matrix (3, 3) of a unit quaternion.
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from bottomlock import units
-from bottomlock.attitude_motion import WEIGHTLESS_MPS2
 from bottomlock.config.calibration import scale_sd
+from bottomlock.config.motion_errors import WEIGHTLESS_MPS2
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.models import DvlModel, Environment, ImuModel, InitialModel, Model, Options

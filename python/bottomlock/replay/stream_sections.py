@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from bottomlock import units
+from bottomlock.config.motion_errors import MotionErrors
 from bottomlock.config.scenario_sections import (
     Finite,
     ImuErrors,
@@ -16,7 +16,6 @@ from bottomlock.config.scenario_sections import (
     Vector,
 )
 from bottomlock.config.sensors import DEPTH_BIAS_M, DEPTH_BIAS_TIME_S
-from bottomlock.models import ImuModel
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Axes = tuple[Axis, Axis, Axis]
@@ -135,30 +134,6 @@ class ImuStream(MountedStream):
                 f"'every' is {self.every}, expected 1: the strapdown needs every inertial reading"
             )
         return self
-
-
-class MotionErrors(Section):
-    """White noise of a motion made from attitudes, 1 sigma; what is left out is found from the case and its log.
-
-    `accel_noise_mps_per_rt_h` is that of the vehicle's own accelerations: none are measured. It is found by the changes
-    of complete pings up to 60 s apart. `gyro_noise_deg_per_rt_h` is that of the reference's error as it changes: by
-    `attitude.yaw_sd_deg` an hour.
-    """
-
-    accel_noise_mps_per_rt_h: Positive | None = None
-    gyro_noise_deg_per_rt_h: NonNegative | None = None
-
-    def kernel_model(self, accel_noise_mps_rts: float, gyro_noise_rad_rts: float) -> ImuModel:
-        """The errors in SI; what the section leaves out is given, in m/s/√s and rad/√s. There are no biases."""
-        accel, gyro = self.accel_noise_mps_per_rt_h, self.gyro_noise_deg_per_rt_h
-        if accel is not None:
-            accel_noise_mps_rts = units.per_rt_s_from_per_rt_h(accel)
-        if gyro is not None:
-            gyro_noise_rad_rts = units.rad_from_deg(units.per_rt_s_from_per_rt_h(gyro))
-        return ImuModel(
-            accel_noise_mps_rts=accel_noise_mps_rts, gyro_noise_rad_rts=gyro_noise_rad_rts, accel_bias_sd_mps2=0.0,
-            gyro_bias_sd_radps=0.0, accel_bias_walk_mps2_rts=0.0, gyro_bias_walk_radps_rts=0.0,
-        )  # fmt: skip
 
 
 class ImuFromAttitude(Section):

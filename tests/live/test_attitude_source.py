@@ -1,0 +1,247 @@
+"""Live navigation without inertial readings: an attitude as lines or MAVLink, a DVL, and nothing else."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from bottomlock.errors import ScenarioError
+from bottomlock.kernel import Navigator
+from bottomlock.live.config import LiveConfig, parse_config
+from bottomlock.live.engine import Engine
+from bottomlock.live.navigation import NavigationEstimator
+from bottomlock.live.readings import AttitudeReading, LineReader, MavlinkReader
+from bottomlock.ports.rotation import quaternion
+from tests.live.world import NAVIGATION_TOML, START_NS, VELOCITY, Sent, World
+
+PLACES = {
+    "dvl": "tcp:127.0.0.1:9", "imu": "udpin:127.0.0.1:9", "to": "udpout:127.0.0.1:9", "format": "waterlinked-json",
+}  # fmt: skip
+IMU = NAVIGATION_TOML[NAVIGATION_TOML.index("[imu]") : NAVIGATION_TOML.index("[start]")]
+TEXT = (
+    NAVIGATION_TOML.replace(IMU, '[imu]\nsource = "attitude"\naccel_noise_mps_per_rt_h = 1.0\n')
+    .replace("heading_deg = 30.0\n", "")
+    .replace('"imu-csv"\nrate_hz = 100', '"attitude-csv"\nrate_hz = 10')
+    .format(**PLACES)
+)
+TURN = math.radians(10.0)
+"""Rate of the turn, rad/s."""
+
+
+def made(text: str = TEXT) -> LiveConfig:
+    return parse_config(text, place="test")
+
+
+def angles(t: float) -> tuple[float, float, float]:
+    """A turn to starboard with a steady roll and pitch."""
+    return math.radians(3.0), math.radians(-5.0), math.radians(30.0) + TURN * t
+
+
+def lines(seconds: float, hz: float = 10.0) -> Iterator[tuple[int, int, bytes]]:
+    for k in range(round(seconds * hz)):
+        own_ns = round(k * 1e9 / hz)
+        numbers = ",".join(f"{value:.9g}" for value in angles(k / hz))
+        yield START_NS + own_ns + 300_000, 1, f"{own_ns},{numbers}\n".encode()
+
+
+def messages(seconds: float, kind: str, hz: float = 10.0) -> Iterator[tuple[int, int, bytes]]:
+    """The same as pymavlink packs it, between messages of an autopilot's own inertial readings."""
+    os.environ.setdefault("MAVLINK20", "1")
+    dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+    link = dialect.MAVLink(None)
+    for k in range(round(seconds * hz)):
+        own_ms = round(k * 1e3 / hz)
+        turned = angles(k / hz)
+        attitude = {
+            "ATTITUDE": lambda t=own_ms, a=turned: dialect.MAVLink_attitude_message(t, *a, 0.0, 0.0, TURN),
+            "ATTITUDE_QUATERNION": lambda t=own_ms, a=turned: dialect.MAVLink_attitude_quaternion_message(
+                t, *quaternion(*a), 0.0, 0.0, TURN
+            ),
+        }[kind]()
+        other = dialect.MAVLink_highres_imu_message(own_ms * 1000, *[0.0] * 13, 0xFFFF)
+        data = bytes(attitude.pack(link)) + bytes(other.pack(link))
+        yield START_NS + own_ms * 1_000_000 + 300_000, 1, data
+
+
+def fly(
+    config: LiveConfig, world: World, attitudes: Iterator[tuple[int, int, bytes]]
+) -> tuple[Engine, list[Sent]]:
+    engine, sent = Engine(config), []
+    for arrival_ns, source, data in sorted([*world.dvl(), *attitudes], key=lambda entry: entry[:2]):
+        sent += [Sent.parse(message.data) for message in engine.arrive(source, arrival_ns, data)]
+    return engine, sent
+
+
+def one_to_three_beams(t: float) -> tuple[int, ...]:
+    return (1, 2) if 3.0 <= t < 5.0 else (0, 1, 2, 3) if 5.0 <= t < 6.5 else ()
+
+
+def test_a_turning_vehicle_coasts() -> None:
+    """OK, PARTIAL, COASTING, OK; the velocity along the vehicle's axes stays while the vehicle turns by 15 degrees."""
+    engine, sent = fly(made(), World(10.0, one_to_three_beams), lines(10.0))
+    states = [line.state for line in sent]
+    assert states[:1] + [b for a, b in pairwise(states) if a != b] == ["OK", "PARTIAL", "COASTING", "OK"]
+    errors = np.array([(line.velocity - VELOCITY) / line.sd for line in sent])
+    assert np.abs(errors).max() < 5.0
+    coasting = np.array([line.velocity for line in sent if line.state == "COASTING"])
+    # The tangent frame would turn it by more than 0.2 m/s.
+    assert np.abs(coasting - VELOCITY).max() < 0.05
+    assert engine.estimator.resets == 0
+
+
+def test_heading_and_way_are_the_attitudes() -> None:
+    """After 10 s the filter's attitude is the last one, and the way is the arc."""
+    engine, _ = fly(made(), World(10.0), lines(10.0))
+    estimator = engine.estimator
+    assert isinstance(estimator, NavigationEstimator)
+    assert estimator.navigator is not None
+    state = estimator.navigator.state()
+    last = np.array(quaternion(*angles(9.9)))
+    assert abs(abs(float(np.dot(state["attitude_t_p"], last))) - 1.0) < 1e-6
+    assert 7.0 < np.linalg.norm(state["position_t_m"]) < 10.0
+
+
+@pytest.mark.parametrize("kind", ["ATTITUDE", "ATTITUDE_QUATERNION"])
+def test_mavlink_gives_what_lines_give(kind: str) -> None:
+    """To the rounding of single precision; the autopilot's HIGHRES_IMU is passed over."""
+    by_lines = fly(made(), World(6.0), lines(6.0))[1]
+    text = TEXT.replace('"attitude-csv"', '"mavlink"').replace(
+        "accel_noise", f'message = "{kind}"\naccel_noise', 1
+    )
+    engine, by_messages = fly(made(text), World(6.0), messages(6.0, kind))
+    assert len(by_lines) == len(by_messages) > 30
+    for one, other in zip(by_lines, by_messages, strict=True):
+        np.testing.assert_allclose(one.velocity, other.velocity, atol=1e-5)
+    assert engine.sources[1].used == 60
+
+
+def test_quaternions_of_mavlink() -> None:
+    """Scalar first; one that is no rotation is counted, and ATTITUDE in radians is the same rotation."""
+    os.environ.setdefault("MAVLINK20", "1")
+    dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+    link = dialect.MAVLink(None)
+    half = math.sqrt(0.5)
+    reader = MavlinkReader(None, 9.81, "ATTITUDE_QUATERNION")
+    data = b"".join(
+        bytes(dialect.MAVLink_attitude_quaternion_message(7, *q, 0.0, 0.0, 0.0).pack(link))
+        for q in ((half, 0.0, 0.0, half), (0.0, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 1.0))
+    )
+    (found,) = reader.feed(data)
+    assert isinstance(found, AttitudeReading)
+    assert found.time_ns == 7_000_000
+    np.testing.assert_allclose(found.attitude_t_s, (half, 0.0, 0.0, half), atol=1e-7)
+    assert dict(reader.skipped) == {"ATTITUDE_QUATERNION without a unit quaternion": 2}
+    assert MavlinkReader(None, 9.81).feed(data) == []
+    euler = MavlinkReader(None, 9.81, "ATTITUDE")
+    (same,) = euler.feed(
+        bytes(dialect.MAVLink_attitude_message(7, 0.0, 0.0, math.pi / 2, 0.0, 0.0, 0.0).pack(link))
+    )
+    assert isinstance(same, AttitudeReading)
+    np.testing.assert_allclose(same.attitude_t_s, found.attitude_t_s, atol=1e-7)
+
+
+def test_lines_of_attitudes() -> None:
+    (found,) = LineReader("attitude-csv").feed(b"5,0.0,0.0,1.5707963267948966\n")
+    assert isinstance(found, AttitudeReading)
+    np.testing.assert_allclose(found.attitude_t_s, (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))
+    reader = LineReader("attitude-csv")
+    assert reader.feed(b"5,0.0,0.0\n") == []
+    assert dict(reader.skipped) == {"not the columns time_ns,roll,pitch,yaw": 1}
+
+
+def test_mounting_and_declination() -> None:
+    """A sensor turned by 90 degrees, a declination of 5: the platform looks 85 degrees to port of what it reads."""
+    text = TEXT.replace("accel_noise", "mounting_yaw_deg = 90.0\nyaw_offset_deg = 5.0\naccel_noise", 1)
+    engine, _ = fly(made(text), World(3.0), lines(3.0))
+    estimator = engine.estimator
+    assert isinstance(estimator, NavigationEstimator)
+    assert estimator.navigator is not None
+    w, x, y, z = estimator.navigator.state()["attitude_t_p"]
+    yaw = math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+    assert yaw == pytest.approx(30.0 + math.degrees(TURN * 2.9) - 85.0, abs=0.5)
+
+
+def test_a_gap_of_the_attitude_is_unsafe_and_goes_on() -> None:
+    """Three seconds without an attitude: nothing is sent, and the next one is a gap with its uncertainty."""
+    kept = [entry for entry in lines(10.0) if not 4.0 < (entry[0] - START_NS) * 1e-9 < 7.0]
+    engine, sent = fly(made(), World(10.0), iter(kept))
+    times = np.array([line.time_ns - START_NS for line in sent]) * 1e-9
+    assert not ((times > 4.5) & (times < 6.9)).any()
+    assert sent[-1].state == "OK"
+    assert np.abs(sent[-1].velocity - VELOCITY).max() < 0.05
+    assert engine.estimator.resets == 0
+
+
+def test_a_checkpoint_goes_on_from_its_attitude() -> None:
+    """The two seconds between are a turn from the estimate's attitude to the first one that comes."""
+    world = World(5.0)
+    before, _ = fly(made(), world, lines(5.0))
+    assert isinstance(before.estimator, NavigationEstimator)
+    assert before.estimator.navigator is not None
+    saved = before.estimator.navigator.save()
+    engine = Engine(made())
+    assert isinstance(engine.estimator, NavigationEstimator)
+    engine.estimator.continue_from(Navigator.load(saved))
+    sent = []
+    later = sorted([*World(9.0).dvl(), *lines(9.0)], key=lambda entry: entry[:2])
+    for arrival_ns, source, data in later:
+        if arrival_ns - START_NS > 7_000_000_000:
+            sent += [Sent.parse(message.data) for message in engine.arrive(source, arrival_ns, data)]
+    assert sent[-1].state == "OK"
+    assert engine.estimator.navigator is not None
+    attitude = engine.estimator.navigator.state()["attitude_t_p"]
+    assert abs(float(np.dot(attitude, quaternion(*angles(8.9))))) == pytest.approx(1.0, abs=1e-6)
+    assert np.abs(sent[-1].velocity - VELOCITY).max() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "accel_noise_mps_per_rt_h = 1.0\n",
+            "",
+            "'accel_noise_mps_per_rt_h' is missing, expected number in m/s/√h",
+        ),
+        (
+            "accel_noise_mps_per_rt_h = 1.0",
+            "accel_noise_mps_per_rt_h = -1",
+            "'imu.accel_noise_mps_per_rt_h' is -1",
+        ),
+        (
+            "heading_sd_deg",
+            "heading_deg = 3.0\nheading_sd_deg",
+            "'start.heading_deg' is given, but imu.source",
+        ),
+        (
+            'format = "attitude-csv"',
+            'format = "depth-csv"',
+            'needs a source of attitudes, with format "attitude-csv"',
+        ),
+        ('source = "attitude"', 'source = "attitudes"', "'imu.source' is 'attitudes', expected 'attitude'"),
+        ("accel_noise", 'message = "AHRS2"\naccel_noise', "'imu.message' is 'AHRS2', expected 'ATTITUDE' or"),
+        (
+            "[[port]]",
+            '[[source]]\nname = "b"\naddress = "stdin"\nformat = "imu-csv"\nrate_hz = 10\n[[port]]',
+            "a source has format 'imu-csv', and imu.source is \"attitude\"",
+        ),
+    ],
+)
+def test_mistakes(old: str, new: str, message: str) -> None:
+    assert old in TEXT
+    with pytest.raises(ScenarioError) as error:
+        made(TEXT.replace(old, new, 1))
+    assert message in str(error.value)
+
+
+def test_an_imu_needs_a_heading_and_no_attitude() -> None:
+    text = NAVIGATION_TOML.format(**PLACES)
+    with pytest.raises(ScenarioError, match=r"'start\.heading_deg' is missing, expected number in deg"):
+        made(text.replace("heading_deg = 30.0\n", ""))
+    extra = '[[source]]\nname = "b"\naddress = "stdin"\nformat = "attitude-csv"\nrate_hz = 10\n'
+    with pytest.raises(ScenarioError, match=r"'attitude-csv', which needs imu\.source"):
+        made(text + extra)
